@@ -1,0 +1,1 @@
+"""From a video of whiskers to contacts, forces and base moments."""

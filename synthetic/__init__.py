@@ -1,0 +1,1 @@
+"""Rendered whisker videos with known truth."""

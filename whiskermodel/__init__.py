@@ -1,0 +1,1 @@
+"""Whisker mechanics: statics, modes, response. Needs only numpy and scipy."""
