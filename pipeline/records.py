@@ -1,0 +1,216 @@
+"""The few types that travel through the pipeline, and every table column declared once."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import pandas as pd
+
+
+@dataclass(frozen=True)
+class Column:
+    """One table column: its name, pandas dtype, unit ("" where none) and meaning."""
+
+    name: str
+    dtype: str
+    unit: str
+    meaning: str
+
+
+def _with_errors(columns):
+    """Put a standard-error column behind every column whose meaning starts with 'measured'."""
+    for column in columns:
+        yield column
+        if column.meaning.startswith("measured"):
+            yield Column(
+                f"{column.name}_se", "float64", column.unit, f"standard error of {column.name}"
+            )
+
+
+CENTRELINE_COLUMNS = (
+    Column("frame", "int32", "", "frame number, from 0"),
+    Column("whisker", "string", "", "name of the whisker"),
+    Column("x_px", "list<float32>", "px", "x of the centreline's points, follicle side → tip"),
+    Column("y_px", "list<float32>", "px", "y of the centreline's points, follicle side → tip"),
+)
+
+FRAME_COLUMNS = tuple(
+    _with_errors(
+        (
+            Column("frame", "int32", "", "frame number, from 0"),
+            Column("time_s", "float64", "s", "frame / frames_per_second"),
+            Column("whisker", "string", "", "name of the whisker"),
+            Column("tracked", "bool", "", "the whisker was found in this frame"),
+            Column("follicle_x_px", "float64", "px", "x of the extrapolated follicle"),
+            Column("follicle_y_px", "float64", "px", "y of the extrapolated follicle"),
+            Column(
+                "base_angle_deg",
+                "float64",
+                "deg",
+                "whisker's angle at the follicle, counter-clockwise on the screen from +x",
+            ),
+            Column(
+                "curvature_per_m", "float64", "1/m", "measured curvature at curvature_at_mm"
+            ),
+            Column("rest_curvature_per_m", "float64", "1/m", "measured curvature when untouched"),
+            Column("curvature_change_per_m", "float64", "1/m", "measured curvature − rest"),
+            Column(
+                "pole_distance_mm",
+                "float64",
+                "mm",
+                "whisker surface to pole surface, least over the whisker; negative: overlap",
+            ),
+            Column("in_contact", "bool", "", "the frame belongs to a contact"),
+            Column("contact_arc_length_mm", "float64", "mm", "follicle to contact, in contact"),
+            Column("contact_force_uN", "float64", "µN", "measured contact force, magnitude"),
+            Column(
+                "axial_force_uN",
+                "float64",
+                "µN",
+                "measured force along the base tangent; negative pushes into the face",
+            ),
+            Column("lateral_force_uN", "float64", "µN", "measured force along the base normal"),
+            Column(
+                "base_moment_nN_m",
+                "float64",
+                "nN m",
+                "measured bending moment at the follicle, signed as the curvature change",
+            ),
+        )
+    )
+)
+
+CONTACT_COLUMNS = (
+    Column("video", "string", "", "stem of the video (its results folder)"),
+    Column("whisker", "string", "", "name of the whisker"),
+    Column("contact", "int64", "", "number of the contact in this video and whisker, from 1"),
+    Column("onset_frame", "int64", "", "first frame of touch"),
+    Column("offset_frame", "int64", "", "first frame after the touch (half-open)"),
+    Column("onset_s", "float64", "s", "time of the onset frame"),
+    Column("duration_ms", "float64", "ms", "offset − onset"),
+    Column("peak_force_uN", "float64", "µN", "largest contact force"),
+    Column("mean_force_uN", "float64", "µN", "mean contact force"),
+    Column("impulse_uN_ms", "float64", "µN ms", "integral of the contact force"),
+    Column("peak_base_moment_nN_m", "float64", "nN m", "base moment of largest magnitude"),
+    Column("peak_axial_force_uN", "float64", "µN", "axial force of largest magnitude"),
+    Column("contact_arc_length_mm", "float64", "mm", "follicle to contact at peak force"),
+    Column("pulse_peak_uN", "float64", "µN", "half-Gaussian fit: peak force"),
+    Column("pulse_duration_ms", "float64", "ms", "half-Gaussian fit: duration 2 t_d"),
+    Column("pulse_centre_s", "float64", "s", "half-Gaussian fit: time of the peak"),
+    Column("pulse_r2", "float64", "", "half-Gaussian fit: coefficient of determination"),
+    Column("steady_peak_nN_m", "float64", "nN m", "dynamic model: steady base moment's peak"),
+    Column("vibration_max_nN_m", "float64", "nN m", "dynamic model: largest vibrational moment"),
+    Column("vibration_min_nN_m", "float64", "nN m", "dynamic model: least vibrational moment"),
+    Column(
+        "vibration_ratio", "float64", "", "largest |vibrational| over peak |steady| base moment"
+    ),
+    Column("slip", "bool", "", "ended by slipping past the pole"),
+    Column("curated", "bool", "", "added or moved by a person"),
+    Column("flags", "string", "", "what to be careful about, separated by ';'"),
+)
+
+
+def empty_table(columns) -> pd.DataFrame:
+    """Return a table of no rows with the declared columns and dtypes."""
+    dtypes = {c.name: "object" if c.dtype.startswith("list") else c.dtype for c in columns}
+    return pd.DataFrame({name: pd.Series(dtype=dtype) for name, dtype in dtypes.items()})
+
+
+def as_table(table: pd.DataFrame, columns) -> pd.DataFrame:
+    """Return `table` with exactly the declared columns, in order and of their dtypes.
+
+    A declared column that is missing is filled with missing values (False for bool, "" for
+    string); an undeclared one raises a ValueError that names it.
+    """
+    extra = set(table.columns) - {c.name for c in columns}
+    if extra:
+        raise ValueError(f"columns not declared in records.py: {sorted(extra)}")
+    fill = {"bool": False, "string": "", "float64": np.nan}
+    out = {}
+    for c in columns:
+        values = table[c.name] if c.name in table else fill.get(c.dtype, 0)
+        out[c.name] = pd.Series(values, index=table.index)
+        if not c.dtype.startswith("list"):
+            out[c.name] = out[c.name].astype(c.dtype)
+    return pd.DataFrame(out)
+
+
+@dataclass(frozen=True)
+class Recording:
+    """What the camera saw: frame rate [1/s], scale [px/mm], the side of the image with the face."""
+
+    frames_per_second: float
+    pixels_per_mm: float
+    face: str
+
+    @property
+    def pixels_per_m(self) -> float:
+        """Scale in pixels per metre."""
+        return 1e3 * self.pixels_per_mm
+
+
+@dataclass(frozen=True)
+class PoleTrack:
+    """The pole's centre in every frame, NaN while it is not in view, and its radius [px].
+
+    `x_px`, `y_px` are float64 (frames,).
+    """
+
+    x_px: np.ndarray
+    y_px: np.ndarray
+    radius_px: float
+
+
+@dataclass(frozen=True)
+class StaticScene:
+    """What does not move in a video.
+
+    Attributes
+    ----------
+    background : float32 (height, width), the image without whiskers
+    noise_gain, noise_floor : pixel variance = noise_floor + noise_gain × intensity [grey²]
+    face_mask : bool (height, width), the face with its fur; whiskers come out of it
+    obstacle_mask : bool (height, width), pole, rod, apparatus: dark, static, no whisker
+    pole : PoleTrack or None
+    face_side : "left", "right", "top" or "bottom"
+    """
+
+    background: np.ndarray
+    noise_gain: float
+    noise_floor: float
+    face_mask: np.ndarray
+    obstacle_mask: np.ndarray
+    pole: PoleTrack | None
+    face_side: str
+
+
+@dataclass
+class Centrelines:
+    """Ragged centrelines of a whole video: row i is one whisker in one frame.
+
+    Attributes
+    ----------
+    frame, whisker : int32 (rows,); `whisker` indexes `names`
+    offsets : int64 (rows + 1,); row i owns points offsets[i]:offsets[i+1]
+    x_px, y_px : float32 (points,), follicle side → tip, spacing about 1 px
+    se_px : float32 (points,), standard error of the position across the whisker
+    confidence : float32 (rows,), 0–1
+    """
+
+    names: tuple[str, ...]
+    frame: np.ndarray
+    whisker: np.ndarray
+    offsets: np.ndarray
+    x_px: np.ndarray
+    y_px: np.ndarray
+    se_px: np.ndarray
+    confidence: np.ndarray
+    n_frames: int = 0
+    notes: list[str] = field(default_factory=list)
+
+    def __len__(self):
+        return len(self.frame)
+
+    def row(self, i: int) -> np.ndarray:
+        """Points of row `i`, float32 (points, 2)."""
+        part = slice(self.offsets[i], self.offsets[i + 1])
+        return np.column_stack([self.x_px[part], self.y_px[part]])
