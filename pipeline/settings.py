@@ -2,8 +2,6 @@
 
 import difflib
 import math
-import os
-import tempfile
 import tomllib
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
@@ -424,13 +422,6 @@ def _toml_value(value) -> str:
 
 def write_session(path, settings: Settings, notes: dict[str, str] | None = None) -> None:
     """Write a commented session.toml, whole or not at all; `notes` as in `session_text`."""
-    path = Path(path)
-    handle, temporary = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
-            file.write(session_text(settings, notes))
-        os.chmod(temporary, 0o644)
-        os.replace(temporary, path)
-    except BaseException:
-        os.unlink(temporary)
-        raise
+    from pipeline.tables import write_text
+
+    write_text(path, session_text(settings, notes))

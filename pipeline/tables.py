@@ -1,0 +1,274 @@
+"""Tables on disk: parquet and CSV, each whole or not at all, and the dictionary of columns."""
+
+import contextlib
+import json
+import os
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from pipeline.records import (
+    CENTRELINE_COLUMNS,
+    CONTACT_COLUMNS,
+    FRAME_COLUMNS,
+    Centrelines,
+    Column,
+    as_table,
+)
+
+VIDEO_COLUMNS = (
+    Column("video", "string", "", "name of the video's results folder"),
+    Column("path", "string", "", "the input"),
+    Column("status", "string", "", "done, warning (done, but read the message) or failed"),
+    Column("frames", "int64", "", "frames read"),
+    Column("frames_per_s", "float64", "1/s", "speed of processing"),
+    Column("message", "string", "", "what failed, or what to be careful about"),
+)
+
+ROWS_PER_GROUP = 8192
+
+
+@contextlib.contextmanager
+def whole_file(path):
+    """Yield a temporary path beside `path` that replaces it when the block ends well.
+
+    Readers see the old file or the new one, never a part; if the block fails, the temporary
+    file goes and `path` stays as it was.
+    """
+    path = Path(path)
+    handle, name = tempfile.mkstemp(prefix=".", suffix=f".part{path.suffix}", dir=path.parent)
+    os.close(handle)
+    temporary = Path(name)
+    try:
+        yield temporary
+        temporary.chmod(0o666 & ~_umask())
+        os.replace(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def _umask() -> int:
+    """The process's file-mode mask, which can only be read by setting it."""
+    mask = os.umask(0o022)
+    os.umask(mask)
+    return mask
+
+
+def write_text(path, text: str) -> None:
+    """Write a text file, whole or not at all."""
+    with whole_file(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+
+
+def write_json(path, value) -> None:
+    """Write a JSON file, whole or not at all."""
+    write_text(path, json.dumps(value, indent=2, ensure_ascii=False) + "\n")
+
+
+def read_json(path, default=None):
+    """Read a JSON file; `default` where there is none, or it holds no JSON."""
+    try:
+        return json.loads(Path(path).read_text(encoding="utf-8"))
+    except (FileNotFoundError, NotADirectoryError, ValueError):
+        return default
+
+
+# --- CSV ---------------------------------------------------------------------------------
+
+
+def _digits(column: Column) -> str:
+    """Number format of a float column: microseconds for times, six digits for the rest."""
+    return "{:.6f}" if column.unit == "s" else "{:.6g}"
+
+
+def _csv_text(values: pd.Series, column: Column):
+    """Values of one column as they stand in a CSV."""
+    if column.dtype == "bool":
+        return values.map({True: "true", False: "false"})
+    if column.dtype == "float64":
+        form = _digits(column).format
+        return [form(v) if np.isfinite(v) else ("" if np.isnan(v) else str(v)) for v in values]
+    return values
+
+
+def write_csv(path, table: pd.DataFrame, columns) -> None:
+    """Write `table` with exactly the declared `columns`: true/false, nothing for missing."""
+    table = as_table(table, columns)
+    text = {c.name: _csv_text(table[c.name], c) for c in columns}
+    with whole_file(path) as temporary:
+        pd.DataFrame(text).to_csv(temporary, index=False, lineterminator="\n")
+
+
+def read_csv(path, columns) -> pd.DataFrame:
+    """Read a CSV of the declared `columns`, as `write_csv` left it.
+
+    Raises
+    ------
+    ValueError
+        Where a declared column is missing; it names file and column.
+    """
+    table = pd.read_csv(path, dtype="str", keep_default_na=False, encoding="utf-8-sig")
+    missing = [c.name for c in columns if c.name not in table]
+    if missing:
+        raise ValueError(f"{path}: expected column {missing[0]}, found {list(table.columns)}")
+    out = {c.name: _parsed(table[c.name], c) for c in columns}
+    return as_table(pd.DataFrame(out), columns)
+
+
+def _parsed(text: pd.Series, column: Column):
+    """Text of one CSV column as values of its declared dtype."""
+    if column.dtype == "bool":
+        return text.str.lower().map({"true": True, "1": True}).fillna(False)
+    if column.dtype == "float64":
+        return pd.to_numeric(text.where(text != "", "nan"))
+    return pd.to_numeric(text) if column.dtype.startswith("int") else text
+
+
+# --- parquet -----------------------------------------------------------------------------
+
+
+def _arrow_schema(columns):
+    """Arrow schema of declared columns; unit and meaning travel as field metadata."""
+    import pyarrow as pa
+
+    types = {
+        "int32": pa.int32(),
+        "int64": pa.int64(),
+        "float64": pa.float64(),
+        "bool": pa.bool_(),
+        "string": pa.string(),
+        "list<float32>": pa.list_(pa.float32()),
+    }
+    return pa.schema(
+        [
+            pa.field(c.name, types[c.dtype], metadata={"unit": c.unit, "meaning": c.meaning})
+            for c in columns
+        ]
+    )
+
+
+@contextlib.contextmanager
+def _parquet_writer(path, columns):
+    """Yield a parquet writer of the declared columns whose file appears when the block ends."""
+    import pyarrow.parquet as pq
+
+    with (
+        whole_file(path) as temporary,
+        pq.ParquetWriter(temporary, _arrow_schema(columns), compression="zstd") as writer,
+    ):
+        yield writer
+
+
+def write_frames(path, frames: pd.DataFrame) -> None:
+    """Write frames.parquet: a row per whisker and frame."""
+    import pyarrow as pa
+
+    frames = as_table(frames, FRAME_COLUMNS)
+    with _parquet_writer(path, FRAME_COLUMNS) as writer:
+        for start in range(0, len(frames), ROWS_PER_GROUP):
+            part = frames.iloc[start : start + ROWS_PER_GROUP]
+            writer.write_table(
+                pa.Table.from_pandas(part, schema=writer.schema, preserve_index=False)
+            )
+
+
+def read_frames(path, columns=None) -> pd.DataFrame:
+    """Read frames.parquet, all declared columns or those named in `columns`."""
+    import pyarrow.parquet as pq
+
+    return pq.read_table(path, columns=columns).to_pandas()
+
+
+def write_centrelines(path, centrelines: Centrelines) -> None:
+    """Write centrelines.parquet: a row per whisker and frame, points as lists."""
+    with _parquet_writer(path, CENTRELINE_COLUMNS) as writer:
+        for start in range(0, len(centrelines), ROWS_PER_GROUP):
+            stop = min(start + ROWS_PER_GROUP, len(centrelines))
+            writer.write_table(_centreline_rows(centrelines, start, stop, writer.schema))
+
+
+def _centreline_rows(centrelines, start, stop, schema):
+    """Rows start:stop as an arrow table; the points are not copied."""
+    import pyarrow as pa
+
+    offsets = centrelines.offsets[start : stop + 1]
+    points = slice(offsets[0], offsets[-1])
+    offsets = pa.array((offsets - offsets[0]).astype(np.int32))
+    names = np.asarray(centrelines.names, dtype=object)
+    columns = [
+        pa.array(np.asarray(centrelines.frame[start:stop], dtype=np.int32)),
+        pa.array(names[centrelines.whisker[start:stop]], type=pa.string()),
+        pa.ListArray.from_arrays(offsets, pa.array(centrelines.x_px[points], pa.float32())),
+        pa.ListArray.from_arrays(offsets, pa.array(centrelines.y_px[points], pa.float32())),
+    ]
+    return pa.Table.from_arrays(columns, schema=schema)
+
+
+def read_centrelines(path) -> Centrelines:
+    """Read centrelines.parquet; standard error and confidence, which it lacks, are NaN."""
+    import pyarrow.parquet as pq
+
+    table = pq.read_table(path).combine_chunks()
+    names = tuple(dict.fromkeys(table["whisker"].to_pylist()))
+    frame = table["frame"].to_numpy().astype(np.int32)
+    whisker = np.array([names.index(n) for n in table["whisker"].to_pylist()], dtype=np.int32)
+    x, y = (_flat(table[name]) for name in ("x_px", "y_px"))
+    lengths = _list_lengths(table["x_px"])
+    return Centrelines(
+        names=names,
+        frame=frame,
+        whisker=whisker,
+        offsets=np.concatenate([[0], np.cumsum(lengths)]).astype(np.int64),
+        x_px=x,
+        y_px=y,
+        se_px=np.full(len(x), np.nan, np.float32),
+        confidence=np.full(len(frame), np.nan, np.float32),
+        n_frames=int(frame.max()) + 1 if len(frame) else 0,
+    )
+
+
+def _flat(column) -> np.ndarray:
+    """All points of a list column, one after the other."""
+    import pyarrow.compute as pc
+
+    return np.asarray(pc.list_flatten(column)).astype(np.float32)
+
+
+def _list_lengths(column) -> np.ndarray:
+    import pyarrow.compute as pc
+
+    return np.asarray(pc.list_value_length(column)).astype(np.int64)
+
+
+# --- the dictionary of columns -----------------------------------------------------------
+
+FILES = {
+    "centrelines.parquet": ("A row per whisker and frame.", CENTRELINE_COLUMNS),
+    "frames.parquet": ("A row per whisker and frame.", FRAME_COLUMNS),
+    "contacts.csv": ("A row per contact.", CONTACT_COLUMNS),
+    "videos.csv": ("A row per input video.", VIDEO_COLUMNS),
+}
+
+
+def data_dictionary() -> str:
+    """Every table and column with type, unit and meaning, as markdown (docs/tables.md)."""
+    lines = [
+        "# Tables",
+        "",
+        "Written from the declarations in the code by `python -m pipeline.tables`; do not edit.",
+        "Missing values are NaN (parquet) or empty (CSV).",
+    ]
+    for name, (what, columns) in FILES.items():
+        lines += ["", f"## {name}", "", what, "", "| column | type | unit | meaning |"]
+        lines.append("|---|---|---|---|")
+        lines += [
+            f"| `{c.name}` | {c.dtype} | {c.unit} | {c.meaning.replace('|', chr(92) + '|')} |"
+            for c in columns
+        ]
+    return "\n".join(lines) + "\n"
+
+
+if __name__ == "__main__":
+    print(data_dictionary(), end="")
