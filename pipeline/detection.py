@@ -1,0 +1,214 @@
+"""All whiskers in one frame, with no knowledge of the frames before."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from pipeline import following, profiles, ridges
+from pipeline.records import StaticScene
+
+FAINTEST = 0.012  # absorbance below which nothing is called seen
+START_SIGMA_PX = 1.1
+
+
+@dataclass(frozen=True)
+class TracingOptions:
+    """Lengths in pixels, derived from the recording's scale by `options_for`.
+
+    `longest_px` holds one visible length per expected whisker (inf where unknown).
+    """
+
+    spacing_px: float
+    shortest_px: float
+    base_gap_px: float
+    bridge_px: int
+    longest_px: float = np.inf
+
+
+@dataclass
+class ImageModel:
+    """The static scene as the tracer uses it: arrays of float32 (height, width)."""
+
+    background: np.ndarray
+    weight: np.ndarray
+    outside: np.ndarray
+    noise: np.ndarray
+    free: np.ndarray
+
+    @classmethod
+    def from_scene(cls, scene: StaticScene, margin_px: float = 1.5) -> "ImageModel":
+        """Pixels of face and obstacles get no weight; `outside` is signed, from the fur's edge."""
+        background = np.ascontiguousarray(scene.background, np.float32)
+        variance = np.maximum(scene.noise_floor + scene.noise_gain * background, 0.25)
+        blocked = scene.face_mask | scene.obstacle_mask
+        outside = signed_distance(scene.face_mask)
+        usable = ~blocked & (background > 12) & (outside > -margin_px)
+        weight = np.where(usable, 1 / variance, 0).astype(np.float32)
+        noise = (np.sqrt(variance) / np.maximum(background, 12)).astype(np.float32)
+        kernel = np.ones((9, 9), np.uint8)
+        free = cv2.erode(usable.astype(np.uint8), kernel).astype(bool)
+        return cls(background, weight, outside, noise, free)
+
+
+def signed_distance(mask) -> np.ndarray:
+    """Distance [px] from the edge of a mask, float32, positive outside and smooth at the edge."""
+    inside = mask.astype(np.uint8)
+    if not inside.any():
+        return np.full(mask.shape, 1e3, np.float32)
+    far = cv2.distanceTransform(1 - inside, cv2.DIST_L2, 5)
+    near = cv2.distanceTransform(inside, cv2.DIST_L2, 5)
+    distance = np.where(inside > 0, 0.5 - near, far - 0.5).astype(np.float32)
+    return cv2.GaussianBlur(distance, (0, 0), 1.5)
+
+
+class Workspace:
+    """Scratch arrays for lines of up to `limit` nodes, allocated once."""
+
+    def __init__(self, limit: int):
+        self.limit = limit
+        self.sums = np.zeros((limit, profiles.N_SUMS))
+        self.work = np.zeros((12, limit))
+        self.cap = np.zeros(limit)
+        self.band = np.zeros((limit, 4))
+        self.rhs = np.zeros(limit)
+
+
+@dataclass
+class Line:
+    """A traced whisker in one frame; arrays have `limit` places, of which `n` are in use.
+
+    `information` and `score` are those of the offset at the final nodes (profiles.py).
+    """
+
+    x: np.ndarray
+    y: np.ndarray
+    amplitude: np.ndarray
+    sigma: np.ndarray
+    information: np.ndarray
+    score: np.ndarray
+    n: int = 0
+    quality: float = 0.0
+
+    @classmethod
+    def empty(cls, limit: int) -> "Line":
+        """Return a line with no nodes and room for `limit`."""
+        arrays = [np.zeros(limit) for _ in range(6)]
+        arrays[3][:] = START_SIGMA_PX
+        return cls(*arrays)
+
+    def copy(self) -> "Line":
+        """Return an independent copy."""
+        arrays = (self.x, self.y, self.amplitude, self.sigma, self.information, self.score)
+        return Line(*(a.copy() for a in arrays), self.n, self.quality)
+
+    @property
+    def points(self) -> np.ndarray:
+        """Nodes in use, (n, 2)."""
+        return np.column_stack([self.x[: self.n], self.y[: self.n]])
+
+
+def absorbance_image(image, model: ImageModel, gain: float) -> np.ndarray:
+    """1 − I/(gain B), zero where the scene blocks the view, float32."""
+    expected = gain * model.background
+    absorbance = 1 - image / np.maximum(expected, 1)
+    absorbance[model.weight <= 0] = 0
+    return np.clip(absorbance, -0.3, 1.0).astype(np.float32)
+
+
+def detect(image, model: ImageModel, gain, options: TracingOptions, workspace) -> list[Line]:
+    """Find all whiskers in one frame, best first.
+
+    A whisker comes out of the face and is visible over at least `options.shortest_px`.
+    """
+    index, points = ridges.ridge_points(absorbance_image(image, model, gain), model.noise)
+    curves = ridges.join(ridges.link(index, points, shortest=10))
+    lines = []
+    for curve in curves:
+        rooted = root(curve, model, options)
+        if rooted is None:
+            continue
+        line = settle(image, model, gain, rooted, options, workspace)
+        if line.n >= options.shortest_px and line.quality > 0.3:
+            lines.append(line)
+    lines.sort(key=lambda line: -contrast_length(line))
+    return without_doubles(lines)
+
+
+def contrast_length(line: Line) -> float:
+    """Absorbance summed along the line: long dark whiskers come first [px]."""
+    return float(line.amplitude[: line.n].sum())
+
+
+def root(curve, model: ImageModel, options: TracingOptions):
+    """Turn a curve so that it begins at the face; None where it does not come out of it."""
+    length = np.hypot(*np.diff(curve, axis=0).T).sum()
+    if length < 0.6 * options.shortest_px:
+        return None
+    height, width = model.outside.shape
+    ends = np.clip(np.rint(curve[[0, -1]]).astype(int), 0, [width - 1, height - 1])
+    distance = model.outside[ends[:, 1], ends[:, 0]]
+    if distance[1] < distance[0]:
+        curve, distance = curve[::-1], distance[::-1]
+    return curve if distance[0] < options.base_gap_px else None
+
+
+def settle(image, model: ImageModel, gain, curve, options: TracingOptions, workspace) -> Line:
+    """Refine a rough curve into a line: centre, width, base and visible end."""
+    line = Line.empty(workspace.limit)
+    n = min(len(curve), workspace.limit)
+    line.x[:n], line.y[:n] = curve[:n].T
+    n = following.resample(line.x, line.y, n, workspace.work[8:10])
+    line.amplitude[:] = 0.5
+    line.n = n
+    for _ in range(4):
+        refine(image, model, gain, line, options, workspace)
+        if line.n < 12:
+            break
+        fit_width(line, workspace)
+    return line
+
+
+def fit_width(line: Line, workspace) -> None:
+    """Update the half-width σ along the line, linear in arc length, from its last measurement."""
+    n, sums, work = line.n, workspace.sums, workspace.work
+    halves = [(0, n // 2), (n // 2, n)]
+    changes = [profiles.width_correction(sums, n, work[2], work[3], a, b) for a, b in halves]
+    centres = [(a + b) / 2 for a, b in halves]
+    sigmas = [
+        np.clip(line.sigma[int(c)] * np.exp(np.clip(d, -0.3, 0.3)), 0.6, 2.5)
+        for c, d in zip(centres, changes, strict=True)
+    ]
+    slope = (sigmas[1] - sigmas[0]) / max(centres[1] - centres[0], 1)
+    slope = min(slope, 0.0)  # a whisker does not widen towards its tip
+    i = np.arange(workspace.limit)
+    line.sigma[:] = np.clip(sigmas[0] + slope * (i - centres[0]), 0.6, 2.5)
+
+
+def refine(image, model: ImageModel, gain, line: Line, options: TracingOptions, workspace):
+    """Gauss–Newton from the line's present nodes; base and tip found anew. In place."""
+    w = workspace
+    line.n, line.quality = following.refine(
+        image, model.background, model.weight, model.outside, gain,
+        line.x, line.y, line.n, line.amplitude, line.sigma, line.information, line.score,
+        options.spacing_px, options.bridge_px, options.longest_px,
+        w.sums, w.work, w.cap, w.band, w.rhs,
+    )  # fmt: skip
+
+
+def without_doubles(lines: list[Line]) -> list[Line]:
+    """Drop every line that runs along a better one (within 3 px) for half of its length."""
+    kept: list[Line] = []
+    for line in lines:
+        if not any(shared_fraction(line, other) > 0.5 for other in kept):
+            kept.append(line)
+    return kept
+
+
+def shared_fraction(line: Line, other: Line, near_px: float = 3.0) -> float:
+    """Fraction of `line`'s nodes within `near_px` of `other`."""
+    a, b = line.points[::3], other.points[::2]
+    if not len(a) or not len(b):
+        return 0.0
+    distance = np.hypot(*(a[:, None, :] - b[None, :, :]).transpose(2, 0, 1)).min(axis=1)
+    return float((distance < near_px).mean())

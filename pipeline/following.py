@@ -1,0 +1,399 @@
+"""Follow one whisker from a predicted line to its exact centreline in the next frame.
+
+Two steps. *Capture*: the best smooth path through a strip of cross-sections around the
+prediction, found for the whole whisker at once by dynamic programming over the likelihood gain
+of "a line of the known absorbance here". *Refinement*: Gauss–Newton on the raw pixels
+(profiles.py) for a spline offset, twice.
+"""
+
+import numpy as np
+from numba import njit
+
+from pipeline import profiles, splines
+
+STATION = 2  # nodes between two cross-sections of the capture step
+
+
+@njit(cache=True)
+def resample(x, y, n, spare):
+    """Space the nodes of a polyline evenly, 1 px of arc length apart, in place; return count."""
+    spare[0, 0] = x[0]
+    spare[1, 0] = y[0]
+    count = 1
+    limit = spare.shape[1]
+    carried = 0.0
+    for i in range(n - 1):
+        dx = x[i + 1] - x[i]
+        dy = y[i + 1] - y[i]
+        step = np.sqrt(dx * dx + dy * dy)
+        position = 1.0 - carried
+        while position <= step and count < limit:
+            spare[0, count] = x[i] + dx * position / step
+            spare[1, count] = y[i] + dy * position / step
+            count += 1
+            position += 1.0
+        carried = step - (position - 1.0)
+    for i in range(count):
+        x[i] = spare[0, i]
+        y[i] = spare[1, i]
+    return count
+
+
+@njit(cache=True)
+def bilinear(image, x, y):
+    """Value of a 2-D array at (x, y); the nearest edge value outside."""
+    height, width = image.shape
+    x = min(max(x, 0.0), width - 1.001)
+    y = min(max(y, 0.0), height - 1.001)
+    column = int(x)
+    row = int(y)
+    fx = x - column
+    fy = y - row
+    return (
+        image[row, column] * (1 - fx) * (1 - fy)
+        + image[row, column + 1] * fx * (1 - fy)
+        + image[row + 1, column] * (1 - fx) * fy
+        + image[row + 1, column + 1] * fx * fy
+    )
+
+
+@njit(cache=True)
+def normals(x, y, n, nx, ny):
+    """Unit normals, the tangent turned counter-clockwise on the screen: (ty, −tx)."""
+    for i in range(n):
+        a = max(i - 1, 0)
+        b = min(i + 1, n - 1)
+        tx = x[b] - x[a]
+        ty = y[b] - y[a]
+        norm = max(np.sqrt(tx * tx + ty * ty), 1e-9)
+        nx[i] = ty / norm
+        ny[i] = -tx / norm
+
+
+@njit(cache=True)
+def strip_gains(
+    image, background, weight, gain, x, y, nx, ny, n, amplitude, sigma, half, out
+):
+    """Likelihood gain of a line at every station and integer offset −half … half.
+
+    out : float64 (stations, 2 half + 1). Returns the number of stations and the gain that a
+    perfect line would bring in all.
+    """
+    reach = 3
+    size = 2 * (half + reach) + 1
+    value = np.empty(size)
+    power = np.empty(size)
+    stations = (n - 1) // STATION + 1
+    expected = 0.0
+    height, width = image.shape
+    kernel = np.empty(2 * reach + 1)
+    for station in range(stations):
+        i = station * STATION
+        a = max(amplitude[i], 0.02)
+        s = np.sqrt(sigma[i] * sigma[i] + 0.1)  # interpolation blurs a little
+        mean = 0.0
+        for k in range(-reach, reach + 1):
+            kernel[k + reach] = np.exp(-0.5 * (k / s) ** 2)
+            mean += kernel[k + reach]
+        mean /= 2 * reach + 1
+        for k in range(size):
+            u = k - half - reach
+            px = x[i] + u * nx[i]
+            py = y[i] + u * ny[i]
+            value[k] = 0.0
+            power[k] = 0.0
+            if px < 0 or py < 0 or px > width - 1 or py > height - 1:
+                continue
+            column = int(px + 0.5)
+            row = int(py + 0.5)
+            w = weight[row, column]
+            if w <= 0.0:
+                continue
+            v = gain * background[row, column]
+            y_value = gain * bilinear(background, px, py) - bilinear(image, px, py)
+            limit = 1.3 * a * v
+            y_value = min(y_value, limit)
+            value[k] = w * v * y_value
+            power[k] = w * v * v
+        for j in range(2 * half + 1):
+            centre = j + reach
+            total = 0.0
+            for k in range(-reach, reach + 1):
+                g = kernel[k + reach] - mean  # blind to a constant error of the background
+                total += a * g * value[centre + k] - 0.5 * a * a * g * g * power[centre + k]
+            out[station, j] = total
+        best = 0.0
+        for k in range(-reach, reach + 1):
+            g = kernel[k + reach] - mean
+            best += 0.5 * a * a * g * g * power[half + reach + k]
+        expected += best
+    return stations, expected
+
+
+@njit(cache=True)
+def best_path(gains, stations, half, slope_cost, offset_cost, path):
+    """Offsets, one per station, of the path of largest gain; returns the gain.
+
+    A step of one pixel between neighbouring stations costs `slope_cost`, an offset u costs
+    offset_cost u².
+    """
+    size = 2 * half + 1
+    score = np.empty((stations, size))
+    origin = np.empty((stations, size), np.int8)
+    for j in range(size):
+        score[0, j] = gains[0, j] - offset_cost * (j - half) ** 2
+        origin[0, j] = 0
+    for i in range(1, stations):
+        for j in range(size):
+            best = score[i - 1, j]
+            step = 0
+            if j > 0 and score[i - 1, j - 1] - slope_cost > best:
+                best = score[i - 1, j - 1] - slope_cost
+                step = -1
+            if j < size - 1 and score[i - 1, j + 1] - slope_cost > best:
+                best = score[i - 1, j + 1] - slope_cost
+                step = 1
+            score[i, j] = best + gains[i, j] - offset_cost * (j - half) ** 2
+            origin[i, j] = step
+    j = int(np.argmax(score[stations - 1]))
+    total = 0.0
+    for i in range(stations - 1, -1, -1):
+        path[i] = j - half
+        total += gains[i, j]
+        j += origin[i, j]
+    return total
+
+
+@njit(cache=True)
+def capture(image, background, weight, gain, x, y, n, amplitude, sigma, half, work):
+    """Move the nodes onto the best path of the strip; return gain found / gain expected."""
+    nx = work[0]
+    ny = work[1]
+    normals(x, y, n, nx, ny)
+    gains = np.empty(((n - 1) // STATION + 1, 2 * half + 1))
+    stations, expected = strip_gains(
+        image, background, weight, gain, x, y, nx, ny, n, amplitude, sigma, half, gains
+    )
+    path = np.empty(stations)
+    found = best_path(gains, stations, half, 3.0, 0.002, path)
+    # The path is in whole pixels: smooth it over ±4 stations before it moves the nodes.
+    smooth = np.empty(stations)
+    for i in range(stations):
+        reach = min(4, i, stations - 1 - i)
+        total = 0.0
+        for k in range(-reach, reach + 1):
+            total += path[i + k]
+        smooth[i] = total / (2 * reach + 1)
+    for i in range(n):
+        f = i / STATION
+        j = min(int(f), stations - 1)
+        k = min(j + 1, stations - 1)
+        u = smooth[j] + (smooth[k] - smooth[j]) * (f - j)
+        x[i] += u * nx[i]
+        y[i] += u * ny[i]
+    return found / max(expected, 1e-9)
+
+
+@njit(cache=True)
+def extend(x, y, n, backward, amount, fit):
+    """Lengthen a line by `amount` nodes at its tip, or at its base where `backward`.
+
+    The last `fit` nodes give direction and curvature; half the curvature is carried on, as a
+    whisker that is pressed straightens beyond. Returns the new number of nodes.
+    """
+    fit = min(fit, n - 1)
+    if fit < 4:
+        return n
+    if backward:
+        a, m, b, sign = fit, fit // 2, 0, -1.0
+    else:
+        a, m, b, sign = n - 1 - fit, n - 1 - fit // 2, n - 1, 1.0
+    d1x = x[m] - x[a]
+    d1y = y[m] - y[a]
+    d2x = x[b] - x[m]
+    d2y = y[b] - y[m]
+    first = np.arctan2(d1y, d1x)
+    turn = np.arctan2(d1x * d2y - d1y * d2x, d1x * d2x + d1y * d2y)
+    rate = turn / (0.5 * fit)
+    angle = first + turn + rate * 0.25 * fit
+    rate *= 0.5
+    limit = len(x)
+    if n + amount > limit:
+        amount = limit - n
+    if backward:
+        for i in range(n - 1, -1, -1):
+            x[i + amount] = x[i]
+            y[i + amount] = y[i]
+        for k in range(1, amount + 1):
+            angle += rate
+            x[amount - k] = x[amount - k + 1] + np.cos(angle)
+            y[amount - k] = y[amount - k + 1] + np.sin(angle)
+    else:
+        for k in range(amount):
+            angle += rate
+            x[n + k] = x[n + k - 1] + np.cos(angle)
+            y[n + k] = y[n + k - 1] + np.sin(angle)
+    return n + amount
+
+
+@njit(cache=True)
+def drop_first(x, y, n, count):
+    """Remove the first `count` nodes; return the new number."""
+    for i in range(n - count):
+        x[i] = x[i + count]
+        y[i] = y[i + count]
+    return n - count
+
+
+@njit(cache=True)
+def start_at_face(x, y, n, outside):
+    """Cut or lengthen the line so that it begins where it leaves the face; return count.
+
+    outside : float32 (height, width), signed distance from the fur's edge, > 0 outside [px].
+    The first node is put on the edge itself.
+    """
+    distance = bilinear(outside, x[0], y[0])
+    if distance > 0:
+        before = n
+        n = extend(x, y, n, True, min(int(1.5 * distance) + 6, 60), 40)
+        if n == before:
+            return n
+    cut = 0
+    # the last crossing from inside to outside on the proximal part
+    for i in range(min(n - 8, n // 2 + 40)):
+        inside = bilinear(outside, x[i], y[i])
+        if inside <= 0:
+            cut = i + 1
+        elif inside > 40:
+            break
+    if cut == 0:
+        return n
+    a = bilinear(outside, x[cut - 1], y[cut - 1])
+    b = bilinear(outside, x[cut], y[cut])
+    f = a / (a - b) if a < b else 0.0
+    fx = x[cut - 1] + f * (x[cut] - x[cut - 1])
+    fy = y[cut - 1] + f * (y[cut] - y[cut - 1])
+    n = drop_first(x, y, n, cut - 1)
+    x[0] = fx
+    y[0] = fy
+    return n
+
+
+@njit(cache=True)
+def visible_end(amplitude, amplitude_se, sums, n, threshold, bridge, first):
+    """Index one past the last node that is still seen, from `first` on.
+
+    A node is seen where its windowed absorbance is `threshold` standard errors above zero;
+    unseen stretches up to `bridge` nodes are crossed where pixels are missing (pole, border),
+    shorter ones where they are not.
+    """
+    end = first
+    gap = 0
+    blind = 0
+    for i in range(first, n):
+        if sums[i, profiles.COUNT] == 0 and amplitude_se[i] > 1.0:
+            blind += 1
+            gap = 0
+            if blind > bridge:
+                break
+            continue
+        if amplitude[i] > threshold * amplitude_se[i] and amplitude[i] > 0.012:
+            end = i + 1
+            gap = 0
+            blind = 0
+        else:
+            gap += 1
+            if gap > 12:
+                break
+    return end
+
+
+@njit(cache=True)
+def refine_once(
+    image, background, weight, gain, x, y, n, cap, sigma, spacing, stiffness, sums, work, band, rhs
+):
+    """One Gauss–Newton step: measure, fit the spline offset, move, smooth, resample.
+
+    work : float64 (12, nodes). Rows on return: 2 absorbance, 3 background error, 4 standard
+    error of the absorbance, 5 information, 6 score (both before the move). Returns the count.
+    """
+    amplitude = work[2]
+    baseline = work[3]
+    amplitude_se = work[4]
+    information = work[5]
+    score = work[6]
+    profiles.accumulate(image, background, weight, gain, x, y, n, cap, sigma, 3.0, sums)
+    profiles.window_amplitudes(sums, n, 7, amplitude, baseline, amplitude_se)
+    for i in range(n):
+        amplitude[i] = min(amplitude[i], cap[i])
+    profiles.offset_information(sums, n, amplitude, baseline, information, score)
+    k = splines.normal_equations(information, score, n, spacing, band, rhs)
+    splines.add_second_difference_penalty(band, k, stiffness)
+    for i in range(k):
+        band[i, 0] += 1e-3
+    splines.factorise(band, k)
+    splines.solve_factorised(band, rhs, k)
+    offset = work[7]
+    splines.evaluate(rhs, n, spacing, offset)
+    nx = work[0]
+    ny = work[1]
+    normals(x, y, n, nx, ny)
+    for i in range(n):
+        u = min(max(offset[i], -3.0), 3.0)
+        work[8, i] = x[i] + u * nx[i]
+        work[9, i] = y[i] + u * ny[i]
+    splines.smooth(work[8], n, spacing, band, rhs, x)
+    splines.smooth(work[9], n, spacing, band, rhs, y)
+    return resample(x, y, n, work[8:10])
+
+
+@njit(cache=True)
+def set_cap(amplitude, n, cap):
+    """Largest believable absorbance: 1.5 times the line's own, at least 0.15, at most 1."""
+    for i in range(n):
+        cap[i] = min(max(1.5 * amplitude[i] + 0.05, 0.15), 1.0)
+
+
+@njit(cache=True)
+def refine(
+    image, background, weight, outside, gain,
+    x, y, n, amplitude, sigma, information, score,
+    spacing, bridge, longest,
+    sums, work, cap, band, rhs,
+):  # fmt: skip
+    """Two Gauss–Newton steps on the nodes, then base, visible end and final measurement.
+
+    x, y, amplitude, information, score are changed in place; returns the number of nodes and
+    the quality: the part of the line's expected contrast that was found.
+    """
+    n = start_at_face(x, y, n, outside)
+    n = extend(x, y, n, False, bridge + 12, 40)
+    if n < 12:
+        return 0, 0.0
+    set_cap(amplitude, n, cap)
+    for _ in range(2):
+        n = refine_once(
+            image, background, weight, gain, x, y, n, cap, sigma, spacing, 25.0,
+            sums, work, band, rhs,
+        )  # fmt: skip
+        n = start_at_face(x, y, n, outside)
+    limit = int(min(longest, n))
+    n = max(min(n, limit), 2)
+    profiles.accumulate(image, background, weight, gain, x, y, n, cap, sigma, 3.0, sums)
+    profiles.window_amplitudes(sums, n, 7, work[2], work[3], work[4])
+    end = visible_end(work[2], work[4], sums, n, 4.0, bridge, 0)
+    if end < 12:
+        return 0, 0.0
+    for i in range(end):
+        work[2, i] = min(work[2, i], cap[i])
+    profiles.offset_information(sums, end, work[2], work[3], information, score)
+    found = 0.0
+    expected = 1e-9
+    for i in range(end):
+        a = max(amplitude[i], 0.02)
+        expected += a * a * sums[i, profiles.GG]
+        found += a * max(work[2, i], 0.0) * sums[i, profiles.GG]
+        amplitude[i] = 0.7 * amplitude[i] + 0.3 * max(work[2, i], 0.0)
+    for i in range(end, len(amplitude)):
+        amplitude[i] = amplitude[end - 1]
+    return end, min(found / expected, 1.0)

@@ -1,0 +1,193 @@
+"""The measurement model: how a thin dark line should look across a reference line.
+
+A pixel at signed distance u from the whisker's centre reads
+
+    I = g B (1 − a G(u − δ) − b) + noise,      G(u) = exp(−u²/2σ²)
+
+with the background B, the frame's gain g, the line's absorbance a and blurred half-width σ, its
+offset δ from the reference line and a local error b of the background. Weights are 1/variance of
+a pixel, from the noise measured in the video. Pixels are used as they are, one row or column of
+them per node of the reference line, so that no interpolation biases the centre.
+"""
+
+import numpy as np
+from numba import njit
+
+# Columns of the `sums` array: Σ over the pixels of one node.
+GG, G1, G11, GY, OY, DD, DY, DG, D1, SS, SY, SG, YY, COUNT = range(14)
+N_SUMS = 14
+
+
+@njit(cache=True)
+def accumulate(image, background, weight, gain, x, y, n, cap, sigma, reach, sums):
+    """Fill `sums` (n, N_SUMS) with the normal equations of every node's cross-section.
+
+    image : uint8 (height, width); background, weight : float32 (height, width)
+    x, y : nodes of the reference line, about 1 px apart [px]
+    cap : largest believable absorbance at each node; darker pixels are cut to it
+    sigma : half-width of the line at each node [px]; reach : half-width of the section / sigma
+    """
+    height, width = image.shape
+    last_column = -1
+    last_row = -1
+    for i in range(n):
+        for q in range(N_SUMS):
+            sums[i, q] = 0.0
+        a = max(i - 1, 0)
+        b = min(i + 1, n - 1)
+        tx = x[b] - x[a]
+        ty = y[b] - y[a]
+        norm = np.sqrt(tx * tx + ty * ty)
+        if norm < 1e-9:
+            continue
+        tx /= norm
+        ty /= norm
+        half = reach * sigma[i] + 1.0
+        inverse = 1.0 / sigma[i]
+        columns = abs(tx) >= abs(ty)
+        if columns:
+            fixed = int(np.floor(x[i] + 0.5))
+            if fixed == last_column or fixed < 0 or fixed >= width:
+                continue
+            last_column = fixed
+            last_row = -1
+            centre = y[i] + (fixed - x[i]) * ty / tx
+            scale = -tx  # the normal turns counter-clockwise on the screen: (ty, −tx)
+            limit = height
+        else:
+            fixed = int(np.floor(y[i] + 0.5))
+            if fixed == last_row or fixed < 0 or fixed >= height:
+                continue
+            last_row = fixed
+            last_column = -1
+            centre = x[i] + (fixed - y[i]) * tx / ty
+            scale = ty
+            limit = width
+        span = half / abs(scale)
+        first = max(int(np.ceil(centre - span)), 0)
+        last = min(int(np.floor(centre + span)), limit - 1)
+        for moving in range(first, last + 1):
+            row = moving if columns else fixed
+            column = fixed if columns else moving
+            w = weight[row, column]
+            if w <= 0.0:
+                continue
+            v = gain * background[row, column]
+            value = v - image[row, column]
+            largest = cap[i] * v
+            if value > largest:
+                value = largest
+            u = (moving - centre) * scale * inverse
+            g = np.exp(-0.5 * u * u)
+            d = u * g * inverse
+            s = u * u * g
+            wv = w * v
+            wvv = wv * v
+            sums[i, GG] += wvv * g * g
+            sums[i, G1] += wvv * g
+            sums[i, G11] += wvv
+            sums[i, GY] += wv * g * value
+            sums[i, OY] += wv * value
+            sums[i, DD] += wvv * d * d
+            sums[i, DY] += wv * d * value
+            sums[i, DG] += wvv * d * g
+            sums[i, D1] += wvv * d
+            sums[i, SS] += wvv * s * s
+            sums[i, SY] += wv * s * value
+            sums[i, SG] += wvv * s * g
+            sums[i, YY] += w * value * value
+            sums[i, COUNT] += 1.0
+
+
+@njit(cache=True)
+def window_amplitudes(sums, n, half, amplitude, baseline, amplitude_se):
+    """Solve absorbance and background error in a running window of ±`half` nodes.
+
+    The background error is held near zero by a weak prior (SD 0.03), so that a window with
+    little in it does not trade one for the other.
+    """
+    prior = 1.0 / 0.03**2
+    gg = g1 = one = gy = oy = 0.0
+    for i in range(-half, n):
+        add = i + half
+        if add < n:
+            gg += sums[add, GG]
+            g1 += sums[add, G1]
+            one += sums[add, G11]
+            gy += sums[add, GY]
+            oy += sums[add, OY]
+        drop = i - half - 1
+        if drop >= 0:
+            gg -= sums[drop, GG]
+            g1 -= sums[drop, G1]
+            one -= sums[drop, G11]
+            gy -= sums[drop, GY]
+            oy -= sums[drop, OY]
+        if i < 0:
+            continue
+        m = one + prior
+        det = gg * m - g1 * g1
+        if gg < 1e-6 or det < 1e-9 * gg * m:
+            amplitude[i] = 0.0
+            baseline[i] = 0.0
+            amplitude_se[i] = 1e3
+        else:
+            amplitude[i] = (gy * m - g1 * oy) / det
+            baseline[i] = (oy * gg - gy * g1) / det
+            amplitude_se[i] = np.sqrt(m / det)
+
+
+@njit(cache=True)
+def offset_information(sums, n, amplitude, baseline, information, score):
+    """Fisher information [1/px²] and score [1/px] of every node's offset δ."""
+    for i in range(n):
+        a = max(amplitude[i], 0.0)
+        information[i] = a * a * sums[i, DD]
+        score[i] = a * (sums[i, DY] - a * sums[i, DG] - baseline[i] * sums[i, D1])
+
+
+@njit(cache=True)
+def width_correction(sums, n, amplitude, baseline, first, last):
+    """Least-squares relative change of σ over the nodes first … last − 1."""
+    top = 0.0
+    bottom = 1e-12
+    for i in range(first, last):
+        a = max(amplitude[i], 0.0)
+        # ∂(a G)/∂ln σ = a u² G; part of it is absorbed by the absorbance itself
+        mix = sums[i, SG] / sums[i, GG] if sums[i, GG] > 0 else 0.0
+        slope_y = (sums[i, SY] - mix * sums[i, GY]) - a * (sums[i, SG] - mix * sums[i, GG])
+        top += a * slope_y
+        bottom += a * a * (sums[i, SS] - mix * sums[i, SG])
+    return top / bottom
+
+
+@njit(cache=True)
+def frame_gain(image, background, step, mask):
+    """Brightness of the frame over the background's, from a coarse grid of free pixels.
+
+    A trimmed mean of I/B; whiskers cover far less than the trimmed part.
+    """
+    height, width = image.shape
+    total = 0.0
+    count = 0
+    for row in range(step // 2, height, step):
+        for column in range(step // 2, width, step):
+            if mask[row, column]:
+                total += image[row, column] / background[row, column]
+                count += 1
+    if count < 16:
+        return 1.0
+    for _ in range(3):
+        mean = total / count
+        total = 0.0
+        count = 0
+        for row in range(step // 2, height, step):
+            for column in range(step // 2, width, step):
+                if mask[row, column]:
+                    ratio = image[row, column] / background[row, column]
+                    if abs(ratio - mean) < 0.1:
+                        total += ratio
+                        count += 1
+        if count < 16:
+            return mean
+    return total / count

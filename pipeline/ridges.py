@@ -1,0 +1,228 @@
+"""Find thin dark lines in one frame: sub-pixel ridge points, linked into curves.
+
+Ridge points after Steger (IEEE PAMI 1998, "An unbiased detector of curvilinear structures"):
+the image is differentiated by Gaussians, and a point lies on a line where the derivative across
+the line, along the Hessian's main direction, is zero within the pixel.
+"""
+
+import cv2
+import numpy as np
+from numba import njit
+
+SCALE_PX = 1.6  # SD of the differentiating Gaussian
+LOW, HIGH = 2.5, 5.0  # standard deviations of the noise: to go on along a line, to start one
+
+
+def gaussian_kernels(scale: float):
+    """Return the Gaussian of SD `scale` [px] and its first two derivatives, sampled, float32."""
+    reach = int(np.ceil(4 * scale))
+    u = np.arange(-reach, reach + 1, dtype=float)
+    g = np.exp(-(u**2) / (2 * scale**2))
+    g /= g.sum()
+    first = -u / scale**2 * g
+    second = (u**2 / scale**4 - 1 / scale**2) * g
+    second -= second.mean()
+    return g.astype(np.float32), first.astype(np.float32), second.astype(np.float32)
+
+
+def ridge_points(absorbance, noise_sd, scale=SCALE_PX):
+    """Return the ridge points of an absorbance image.
+
+    Parameters
+    ----------
+    absorbance : float32 (height, width), 1 − I/B, zero where nothing may be found
+    noise_sd : float32 (height, width), SD of its noise per pixel
+    scale : SD of the differentiating Gaussian [px]
+
+    Returns
+    -------
+    index : int32 (height, width), number of the point in that pixel, −1 where there is none
+    points : float64 (n, 5): x, y [px], tangent (tx, ty), strength in SDs of its noise
+    """
+    g, g1, g2 = gaussian_kernels(scale)
+
+    def filtered(kernel_x, kernel_y):
+        # cv2 correlates: odd kernels are flipped to convolve
+        return cv2.sepFilter2D(
+            absorbance, cv2.CV_32F, kernel_x[::-1].copy(), kernel_y[::-1].copy()
+        )
+
+    ax, ay = filtered(g1, g), filtered(g, g1)
+    axx, ayy, axy = filtered(g2, g), filtered(g, g2), filtered(g1, g1)
+    mean, half = (axx + ayy) / 2, np.hypot((axx - ayy) / 2, axy)
+    curvature = mean - half  # the more negative eigenvalue: across a line of absorbance
+    response_sd = np.sqrt((g2.astype(float) ** 2).sum() * (g.astype(float) ** 2).sum())
+    strength = -curvature / (response_sd * noise_sd)
+    rows, columns = np.nonzero(strength > LOW)
+    xx, yy, xy = axx[rows, columns], ayy[rows, columns], axy[rows, columns]
+    lam = curvature[rows, columns]
+    # eigenvector of `lam`: (xy, lam − xx) or (lam − yy, xy), whichever is longer
+    nx, ny = np.where(np.abs(lam - xx) > np.abs(lam - yy), (xy, lam - xx), (lam - yy, xy))
+    norm = np.hypot(nx, ny)
+    nx, ny = nx / norm, ny / norm
+    t = -(ax[rows, columns] * nx + ay[rows, columns] * ny) / lam
+    on_line = (np.abs(t * nx) <= 0.6) & (np.abs(t * ny) <= 0.6) & np.isfinite(t)
+    rows, columns, nx, ny, t = (v[on_line] for v in (rows, columns, nx, ny, t))
+    points = np.column_stack(
+        [columns + t * nx, rows + t * ny, -ny, nx, strength[rows, columns]]
+    ).astype(float)
+    index = np.full(absorbance.shape, -1, np.int32)
+    index[rows, columns] = np.arange(len(points))
+    return index, points
+
+
+@njit(cache=True)
+def _grow(index, points, used, start, sign, out):
+    """Follow ridge points from `start` in direction `sign`; return how many were written."""
+    height, width = index.shape
+    count = 0
+    current = start
+    tx = sign * points[start, 2]
+    ty = sign * points[start, 3]
+    while count < len(out):
+        best = -1
+        best_cost = 1e9
+        x = points[current, 0]
+        y = points[current, 1]
+        for reach in range(1, 5):
+            # look into a small window around the point `reach` px ahead
+            row0 = int(np.floor(y + reach * ty + 0.5))
+            column0 = int(np.floor(x + reach * tx + 0.5))
+            for row in range(max(row0 - 1, 0), min(row0 + 2, height)):
+                for column in range(max(column0 - 1, 0), min(column0 + 2, width)):
+                    candidate = index[row, column]
+                    if candidate < 0 or candidate == current or used[candidate] == 1:
+                        continue
+                    dx = points[candidate, 0] - x
+                    dy = points[candidate, 1] - y
+                    along = dx * tx + dy * ty
+                    if along < 0.3:
+                        continue
+                    across = abs(dx * ty - dy * tx)
+                    turn = abs(points[candidate, 2] * ty - points[candidate, 3] * tx)
+                    if across > 0.5 * along + 0.5 or turn > 0.5:
+                        continue
+                    cost = along + 2 * across + 3 * turn
+                    if cost < best_cost:
+                        best_cost = cost
+                        best = candidate
+            if best >= 0:
+                break
+        if best < 0:
+            break
+        out[count] = best
+        count += 1
+        used[best] = 1
+        _mark_beside(index, points, used, best)
+        direction = points[best, 2] * tx + points[best, 3] * ty
+        s = 1.0 if direction >= 0 else -1.0
+        # the running direction is averaged: one noisy point must not turn it
+        tx = 0.6 * tx + 0.4 * s * points[best, 2]
+        ty = 0.6 * ty + 0.4 * s * points[best, 3]
+        norm = np.sqrt(tx * tx + ty * ty)
+        tx /= norm
+        ty /= norm
+        current = best
+    return count
+
+
+@njit(cache=True)
+def _mark_beside(index, points, used, p):
+    """Take the neighbours across the line out of play, so that a line is followed once."""
+    height, width = index.shape
+    for k in (-1.0, 1.0):
+        row = int(np.floor(points[p, 1] + k * points[p, 2] + 0.5))
+        column = int(np.floor(points[p, 0] - k * points[p, 3] + 0.5))
+        if 0 <= row < height and 0 <= column < width:
+            q = index[row, column]
+            if q >= 0 and used[q] == 0:
+                used[q] = 2
+
+
+@njit(cache=True)
+def _link(index, points, order, high, chain, offsets):
+    used = np.zeros(len(points), np.uint8)
+    forward = np.empty(len(points), np.int32)
+    backward = np.empty(len(points), np.int32)
+    n_chains = 0
+    total = 0
+    for seed in order:
+        if used[seed] or points[seed, 4] < high:
+            continue
+        used[seed] = 1
+        a = _grow(index, points, used, seed, 1.0, forward)
+        b = _grow(index, points, used, seed, -1.0, backward)
+        for i in range(b - 1, -1, -1):
+            chain[total] = backward[i]
+            total += 1
+        chain[total] = seed
+        total += 1
+        for i in range(a):
+            chain[total] = forward[i]
+            total += 1
+        n_chains += 1
+        offsets[n_chains] = total
+    return n_chains
+
+
+def link(index, points, shortest=8):
+    """Link ridge points into curves; return a list of float64 (n, 2) arrays of (x, y) [px].
+
+    Curves of fewer than `shortest` points are left out.
+    """
+    if not len(points):
+        return []
+    order = np.argsort(-points[:, 4])
+    chain = np.empty(len(points), np.int64)
+    offsets = np.zeros(len(points) + 1, np.int64)
+    n = _link(index, points, order, HIGH, chain, offsets)
+    curves = [points[chain[offsets[i] : offsets[i + 1]], :2] for i in range(n)]
+    return [c for c in curves if len(c) >= shortest]
+
+
+def _end_directions(curve, reach=14):
+    """Unit directions out of the curve's two ends, and the ends; (2, 2) each."""
+    k = min(reach, len(curve) - 1)
+    out = np.array([curve[0] - curve[k], curve[-1] - curve[-1 - k]])
+    return out / np.maximum(np.linalg.norm(out, axis=1, keepdims=True), 1e-9), curve[[0, -1]]
+
+
+def join(curves, longest_gap=45.0):
+    """Join curves whose ends look at each other, best pair first; return the joined curves.
+
+    A gap of g px is bridged where both ends point along it to about 14° (a little more for
+    short gaps, whose direction is uncertain).
+    """
+    curves = list(curves)
+    while True:
+        ends = [_end_directions(c) for c in curves]
+        best = None
+        for i in range(len(curves)):
+            for j in range(i + 1, len(curves)):
+                for a in (0, 1):
+                    for b in (0, 1):
+                        cost = _gap_cost(ends[i], a, ends[j], b, longest_gap)
+                        if cost is not None and (best is None or cost < best[0]):
+                            best = (cost, i, a, j, b)
+        if best is None:
+            return curves
+        _, i, a, j, b = best
+        first = curves[i] if a == 1 else curves[i][::-1]
+        second = curves[j] if b == 0 else curves[j][::-1]
+        curves[i] = np.vstack([first, second])
+        del curves[j]
+
+
+def _gap_cost(end_i, a, end_j, b, longest_gap):
+    """Cost of bridging end `a` of one curve and end `b` of another, None where not allowed."""
+    gap = end_j[1][b] - end_i[1][a]
+    length = np.hypot(*gap)
+    if length > longest_gap:
+        return None
+    di, dj = end_i[0][a], end_j[0][b]
+    across = max(abs(di[0] * gap[1] - di[1] * gap[0]), abs(dj[0] * gap[1] - dj[1] * gap[0]))
+    if length > 2 and (di @ gap < 0.5 * length or -(dj @ gap) < 0.5 * length):
+        return None
+    if across > 1.5 + 0.2 * length or di @ dj > -0.9:
+        return None
+    return length + 4 * across
