@@ -1,6 +1,6 @@
 """The few types that travel through the pipeline, and every table column declared once."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
@@ -194,6 +194,9 @@ class Centrelines:
     x_px, y_px : float32 (points,), follicle side → tip, spacing about 1 px
     se_px : float32 (points,), standard error of the position across the whisker
     confidence : float32 (rows,), 0–1
+    offset_px, information : float32 (points,) or None; the unsmoothed measurement of every
+        point: its offset from (x, y) along the normal (tangent turned counter-clockwise on the
+        screen) [px] and the Fisher information of that offset [1/px²]
     """
 
     names: tuple[str, ...]
@@ -204,8 +207,8 @@ class Centrelines:
     y_px: np.ndarray
     se_px: np.ndarray
     confidence: np.ndarray
-    n_frames: int = 0
-    notes: list[str] = field(default_factory=list)
+    offset_px: np.ndarray | None = None
+    information: np.ndarray | None = None
 
     def __len__(self):
         return len(self.frame)

@@ -1,0 +1,278 @@
+"""Whiskers through a whole video: found once, followed from frame to frame, identities kept.
+
+`Tracer` holds the state; `trace` feeds it a video and hands out centrelines in chunks, so that
+memory does not grow with the video's length.
+"""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+from numba import njit
+
+from pipeline import detection, following, profiles
+from pipeline.detection import ImageModel, Line, TracingOptions, Workspace
+from pipeline.records import Centrelines, Recording, StaticScene
+
+CHUNK_FRAMES = 500
+GOOD_QUALITY = 0.6  # part of the expected contrast found: below, the wider search is tried
+LOST_QUALITY = 0.35
+NARROW_PX, WIDE_PX = 10, 30  # half-width of the search strip
+SEARCH_EVERY = 20  # frames between two full detections while a whisker is missing
+
+
+@dataclass(frozen=True)
+class Slot:
+    """What is known beforehand of one whisker: where it leaves the face, how long it is seen."""
+
+    name: str
+    base_xy: np.ndarray
+    visible_px: float
+
+
+@dataclass
+class Track:
+    """One whisker's present state: its line, the line before, and how long it has been lost."""
+
+    slot: Slot
+    line: Line | None = None
+    before: Line | None = None
+    lost_for: int = 0
+
+
+def options_for(recording: Recording, lengths_m=(), hidden_m=()) -> TracingOptions:
+    """Derive the tracer's lengths from the scale and, where known, the whiskers' own lengths.
+
+    Parameters
+    ----------
+    recording : frame rate and scale
+    lengths_m, hidden_m : follicle-to-tip lengths of the expected whiskers and their parts
+        hidden in the fur [m]; empty where unknown
+    """
+    scale = recording.pixels_per_m
+    visible = [(a - b) * scale for a, b in zip(lengths_m, hidden_m, strict=True)]
+    shortest = min(5e-3 * scale, 0.35 * min(visible)) if visible else 5e-3 * scale
+    return TracingOptions(
+        spacing_px=max(0.64e-3 * scale, 8.0),
+        shortest_px=max(shortest, 40.0),
+        base_gap_px=max(2.0e-3 * scale, 25.0),
+        bridge_px=int(max(1.2e-3 * scale, 15)),
+        longest_px=1.06 * max(visible) + 6 if visible else np.inf,
+    )
+
+
+class Tracer:
+    """Follow the whiskers of a roster through consecutive frames of one static scene."""
+
+    def __init__(self, scene: StaticScene, roster: list[Slot], options: TracingOptions):
+        self.options = options
+        self.tracks = [Track(slot) for slot in roster]
+        height, width = scene.background.shape
+        self.workspace = Workspace(int(1.6 * np.hypot(height, width)))
+        self.model = ImageModel.from_scene(scene)
+        self.since_search = SEARCH_EVERY
+
+    def step(self, image) -> list[Track]:
+        """Advance by one frame; return the tracks, `line` None where a whisker is lost."""
+        gain = profiles.frame_gain(image, self.model.background, 12, self.model.free)
+        for track in self.tracks:
+            if track.line is not None:
+                self._follow(track, image, gain)
+        missing = [t for t in self.tracks if t.line is None]
+        self.since_search += 1
+        just_lost = any(t.lost_for in (1, 2) for t in missing)
+        if missing and (just_lost or self.since_search >= SEARCH_EVERY):
+            self._search(missing, image, gain)
+            self.since_search = 0
+        return self.tracks
+
+    def _follow(self, track: Track, image, gain) -> None:
+        """Find the track's whisker near its prediction, in a wider strip where that fails."""
+        present = track.line
+        best = None
+        for half, with_velocity in ((NARROW_PX, True), (NARROW_PX, False), (WIDE_PX, False)):
+            line = predicted(track, with_velocity)
+            self._capture(line, image, gain, half)
+            if best is None or line.n * line.quality > best.n * best.quality:
+                best = line
+            if best.quality > GOOD_QUALITY and best.n > 0.8 * present.n:
+                break
+        if best.n < 0.4 * self.options.shortest_px or best.quality < LOST_QUALITY:
+            track.line, track.lost_for = None, 1
+            track.before = present
+        else:
+            track.before, track.line, track.lost_for = present, best, 0
+
+    def _capture(self, line: Line, image, gain, half) -> None:
+        m, w = self.model, self.workspace
+        following.capture(
+            image, m.background, m.weight, gain, line.x, line.y, line.n,
+            line.amplitude, line.sigma, half, w.work,
+        )  # fmt: skip
+        line.n = following.resample(line.x, line.y, line.n, w.work[8:10])
+        detection.refine(image, m, gain, line, self.options, w)
+
+    def _search(self, missing: list[Track], image, gain) -> None:
+        """Look at the whole frame for the missing whiskers."""
+        found = detection.detect(image, self.model, gain, self.options, self.workspace)
+        present = [t.line for t in self.tracks if t.line is not None]
+        found = [c for c in found if all(detection.shared_fraction(c, p) < 0.4 for p in present)]
+        reach = 3 * self.options.base_gap_px
+        for track in missing:
+            near = [c for c in found if np.hypot(*(c.points[0] - track.slot.base_xy)) < reach]
+            if near:
+                track.line = max(near, key=lambda c: _likeness(c, track.slot))
+                track.before, track.lost_for = None, 0
+                found = [c for c in found if c is not track.line]
+            else:
+                track.lost_for += 1
+
+
+def _likeness(line: Line, slot: Slot) -> float:
+    """How well a found line fits a slot: contrast and length, less the distance of the base."""
+    length = min(line.n, slot.visible_px)
+    return length * line.quality - 1.0 * np.hypot(*(line.points[0] - slot.base_xy))
+
+
+def predicted(track: Track, with_velocity: bool) -> Line:
+    """Return the line where it should be now: a copy, moved on by the last frame's motion."""
+    line = track.line.copy()
+    before = track.before
+    if with_velocity and before is not None and before.n > 20:
+        advance(line.x, line.y, line.n, before.x, before.y, before.n)
+    return line
+
+
+@njit(cache=True)
+def advance(x, y, n, before_x, before_y, m):
+    """Add the motion since the frame before to the nodes, smoothed over ±20 nodes, in place."""
+    half = 20
+    count = min(n, m)
+    sx = np.empty(count + 1)
+    sy = np.empty(count + 1)
+    sx[0] = 0.0
+    sy[0] = 0.0
+    for i in range(count):
+        sx[i + 1] = sx[i] + x[i] - before_x[i]
+        sy[i + 1] = sy[i] + y[i] - before_y[i]
+    for i in range(n):
+        k = min(i, count - 1)
+        reach = min(half, k, count - 1 - k)
+        width = 2 * reach + 1
+        dx = (sx[k + reach + 1] - sx[k - reach]) / width
+        dy = (sy[k + reach + 1] - sy[k - reach]) / width
+        x[i] += dx
+        y[i] += dy
+
+
+def find_roster(frames, scene: StaticScene, options: TracingOptions, names=None) -> list[Slot]:
+    """Learn from some frames which whiskers there are, in order along the face.
+
+    Parameters
+    ----------
+    frames : uint8 (k, height, width), taken from the whole video
+    names : names of the whiskers, anterior → posterior; None: as many as are mostly seen,
+        called w1, w2, …
+
+    Returns
+    -------
+    One slot per whisker, in the order of `names`. Fewer than `names` where some are never seen.
+    """
+    model = ImageModel.from_scene(scene)
+    workspace = Workspace(int(1.6 * np.hypot(*scene.background.shape)))
+    found = []
+    for image in frames:
+        gain = profiles.frame_gain(image, model.background, 12, model.free)
+        found.append(detection.detect(image, model, gain, options, workspace))
+    counts = np.array([len(lines) for lines in found])
+    if not counts.any():
+        return []
+    n = len(names) if names else int(np.median(counts[counts > 0]))
+    n = min(n, counts.max())
+    axis = 1 if scene.face_side in ("left", "right") else 0
+    complete = [
+        sorted(lines[:n], key=lambda line: line.points[0][axis]) for lines in found if len(lines) >= n
+    ]
+    bases = np.median([[line.points[0] for line in lines] for lines in complete], axis=0)
+    lengths = np.median([[line.n for line in lines] for lines in complete], axis=0)
+    slots = [Slot("", base, float(length)) for base, length in zip(bases, lengths, strict=True)]
+    if _posterior_first(lengths):
+        slots = slots[::-1]
+    names = names or [f"w{i + 1}" for i in range(n)]
+    return [Slot(name, s.base_xy, s.visible_px) for name, s in zip(names, slots, strict=False)]
+
+
+def _posterior_first(lengths) -> bool:
+    """Whether the order along the face runs posterior → anterior: whiskers shorten anteriorly."""
+    if len(lengths) < 2:
+        return False
+    slope = np.polyfit(np.arange(len(lengths)), lengths, 1)[0]
+    return slope < -0.05 * np.mean(lengths)
+
+
+@dataclass
+class _Collector:
+    """Gathers rows until they are handed out as one `Centrelines`."""
+
+    names: tuple[str, ...]
+    rows: list = field(default_factory=list)
+
+    def add(self, frame: int, whisker: int, line: Line) -> None:
+        n = line.n
+        information = line.information[:n]
+        offset = line.score[:n] / np.maximum(information, 1e-6)
+        arrays = (line.x[:n], line.y[:n], np.clip(offset, -9, 9), information)
+        self.rows.append((frame, whisker, line.quality, *(a.astype(np.float32) for a in arrays)))
+
+    def take(self, spacing: float) -> Centrelines:
+        rows, self.rows = self.rows, []
+        sizes = [len(r[3]) for r in rows]
+        empty = np.zeros(0, np.float32)
+        x, y, offset, information = (
+            np.concatenate([r[k] for r in rows]) if rows else empty for k in (3, 4, 5, 6)
+        )
+        return Centrelines(
+            names=self.names,
+            frame=np.array([r[0] for r in rows], np.int32),
+            whisker=np.array([r[1] for r in rows], np.int32),
+            offsets=np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64),
+            x_px=x,
+            y_px=y,
+            se_px=(1 / np.sqrt(np.maximum(information * 1.3 * spacing, 1e-4))).astype(np.float32),
+            confidence=np.array([r[2] for r in rows], np.float32),
+            offset_px=offset,
+            information=information,
+        )
+
+
+def trace(
+    frames: Iterable[np.ndarray],
+    scene: StaticScene,
+    roster: list[Slot],
+    options: TracingOptions,
+    chunk_frames: int = CHUNK_FRAMES,
+) -> Iterator[Centrelines]:
+    """Trace the roster's whiskers through the frames; yield centrelines chunk by chunk.
+
+    Parameters
+    ----------
+    frames : uint8 (height, width) images in order
+    scene : what does not move
+    roster : the whiskers to follow (`find_roster`)
+    options : lengths in pixels (`options_for`)
+
+    Yields
+    ------
+    Centrelines of up to `chunk_frames` frames; a whisker that is lost in a frame has no row.
+    """
+    tracer = Tracer(scene, roster, options)
+    collector = _Collector(tuple(slot.name for slot in roster))
+    index = -1
+    for index, image in enumerate(frames):
+        for k, track in enumerate(tracer.step(image)):
+            if track.line is not None:
+                collector.add(index, k, track.line)
+        if (index + 1) % chunk_frames == 0:
+            yield collector.take(options.spacing_px)
+    if collector.rows or index < 0:
+        yield collector.take(options.spacing_px)
