@@ -1,0 +1,318 @@
+"""Video containers: the luma plane as the codec stored it, through PyAV, else OpenCV.
+
+Luma is passed on as stored: a limited-range stream keeps black at 16 and white at 235, a
+full-range one 0 and 255. No scaling, so frames stay comparable and cost no conversion; contrasts
+in a limited-range video are 14 % lower, which nothing downstream depends on. Only formats without
+a luma plane (RGB, palettes) are converted.
+"""
+
+from fractions import Fraction
+
+import av
+import cv2
+import numpy as np
+
+from pipeline.errors import VideoError
+from pipeline.frame_source import Video, bits_to_drop, to_8_bit
+
+# Byte offset of the first luma sample and step to the next in packed formats.
+PACKED_LUMA = {"yuyv422": (0, 2), "yvyu422": (0, 2), "uyvy422": (1, 2), "ya8": (0, 2)}
+PLANAR_LUMA = ("yuv4", "yuvj4", "yuva4", "gray", "nv12", "nv21", "nv16")
+NOT_VIDEO_CODECS = ("ansi", "xbin", "bintext", "idf")
+BURST_STEP = 4  # in bursts, keep every 4th frame: whiskers must have moved in between
+
+
+class LumaReader:
+    """Turns PyAV frames into uint8 images, 16-bit ones with one scale for the whole stream."""
+
+    def __init__(self):
+        self.drop = None
+
+    def __call__(self, frame: av.VideoFrame) -> np.ndarray:
+        """Return the luma of `frame`, uint8 (height, width), in memory of its own."""
+        name = frame.format.name
+        plane = frame.planes[0]
+        if plane.line_size > 0:
+            if name in PACKED_LUMA:
+                offset, step = PACKED_LUMA[name]
+                return _rows(plane, frame, np.uint8, step)[:, offset::step].copy()
+            if name.startswith(PLANAR_LUMA):
+                return self._planar(frame, plane, name)
+        rgb = frame.to_ndarray(format="rgb24")  # palettes, RGB, and images stored bottom-up
+        return cv2.cvtColor(rgb, cv2.COLOR_RGB2GRAY)
+
+    def _planar(self, frame, plane, name):
+        bits = frame.format.components[0].bits
+        if bits == 8:
+            return _rows(plane, frame, np.uint8).copy()
+        image = _rows(plane, frame, ">u2" if name.endswith("be") else "<u2")
+        drop = bits - 8 if bits < 16 else self.drop
+        return to_8_bit(image, bits_to_drop(int(image.max())) if drop is None else drop)
+
+    def largest(self, frame: av.VideoFrame) -> int | None:
+        """Return the largest value of a 16-bit grey frame, None for all other formats."""
+        name = frame.format.name
+        if not name.startswith("gray16"):
+            return None
+        dtype = ">u2" if name.endswith("be") else "<u2"
+        return int(_rows(frame.planes[0], frame, dtype).max())
+
+
+def _rows(plane, frame, dtype, step=1):
+    """View a plane as (height, width · step) without the padding at the end of its rows."""
+    dtype = np.dtype(dtype)
+    view = np.frombuffer(plane, dtype).reshape(-1, plane.line_size // dtype.itemsize)
+    return view[: frame.height, : frame.width * step]
+
+
+class ContainerVideo(Video):
+    """A video file read through PyAV (FFmpeg)."""
+
+    def __init__(self, path, threads: int = 1):
+        self._threads = threads
+        self._luma = LumaReader()
+        with self._open(path) as container:
+            stream = container.streams.video[0]
+            first = next(container.decode(stream), None)
+            if first is None:
+                raise VideoError(path, _no_frames_message(container), 0)
+            self._time_base = stream.time_base
+            self._first_pts = first.pts
+            self._step = _frame_duration(stream)
+            count, exact = _frame_count(container, stream)
+            super().__init__(path, first.width, first.height, count, exact)
+        if self._luma.largest(first) is not None:
+            self._luma.drop = bits_to_drop(max(self._largest_values()))
+
+    def _open(self, path):
+        container = av.open(str(path))
+        try:
+            if not container.streams.video:
+                raise VideoError(path, "holds no video stream: expected one; name a video file")
+            stream = container.streams.video[0]
+            if stream.codec_context.name in NOT_VIDEO_CODECS:
+                raise VideoError(path, "is a text file, not a video; name a video file")
+            stream.thread_type = "AUTO" if self._threads != 1 else "NONE"
+            stream.codec_context.thread_count = self._threads
+        except Exception:
+            container.close()
+            raise
+        return container
+
+    def _largest_values(self):
+        """Yield the largest 16-bit value of a few frames over the video."""
+        with self._open(self.path) as container:
+            for _, frame in self._sampled(container, 16):
+                yield self._luma.largest(frame)
+
+    # ---- all frames -----------------------------------------------------------------------
+
+    def _read(self, start, stop):
+        with self._open(self.path) as container:
+            stream = container.streams.video[0]
+            index = start
+            try:
+                for frame in self._decode_from(container, stream, start):
+                    if stop is not None and index >= stop:
+                        return
+                    if (frame.height, frame.width) != self.shape:
+                        self.check_size(np.empty((frame.height, frame.width)), index)
+                    yield self._luma(frame)
+                    index += 1
+            except av.FFmpegError as error:
+                raise self._broken(index, error) from error
+            if stop is None or index < stop:
+                self._check_count(index)
+
+    def _decode_from(self, container, stream, start):
+        """Decode from frame `start` on, by seeking where times are known."""
+        seek = start > 0 and self._step is not None and self._first_pts is not None
+        if not seek:
+            for i, frame in enumerate(container.decode(stream)):
+                if i >= start:
+                    yield frame
+            return
+        target = self._pts(start)
+        container.seek(target, stream=stream)
+        for frame in container.decode(stream):
+            if frame.pts is None or frame.pts > target - self._step / 2:
+                yield frame
+
+    def _check_count(self, index):
+        """Raise if the file ended long before the count that its header gives."""
+        if self.exact_count and index < self.n_frames - max(1, self.n_frames // 200):
+            raise VideoError(
+                self.path,
+                f"ends after frame {index - 1}, its header says {self.n_frames} frames: the file "
+                f"is cut off; copy it again from the recording computer",
+                index,
+            )
+
+    def _broken(self, index, error):
+        return VideoError(
+            self.path,
+            f"frame {index} cannot be decoded ({_reason(error)}): the file is damaged there; "
+            f"copy it again, or cut it before that frame",
+            index,
+        )
+
+    # ---- a few frames ---------------------------------------------------------------------
+
+    def _sample(self, n):
+        try:
+            with self._open(self.path) as container:
+                pairs = [(i, self._luma(frame)) for i, frame in self._sampled(container, n)]
+        except av.FFmpegError:
+            pairs = []
+        if not pairs:
+            return self._sample_by_striding(n)
+        return zip(*sorted(pairs, key=lambda pair: pair[0]), strict=True)
+
+    def _sampled(self, container, n):
+        """Yield (index, frame): key frames, in bursts where they are few; nothing if too few."""
+        stream = container.streams.video[0]
+        if self._step is None or self._first_pts is None or (self.n_frames or 0) <= 2 * n:
+            return
+        keys = self._key_frames(container, stream, n)
+        if len(keys) < 4:
+            return
+        per_key = -(-n // len(keys))
+        for key in keys:
+            yield from self._burst(container, stream, key, per_key)
+
+    def _key_frames(self, container, stream, n):
+        """Return the times of up to `n` distinct key frames, found without decoding."""
+        keys = set()
+        for i in np.linspace(0, self.n_frames - 1, n):
+            container.seek(self._pts(i), stream=stream)
+            packet = next(container.demux(stream), None)
+            if packet is not None and packet.is_keyframe and packet.pts is not None:
+                keys.add(packet.pts)
+        return sorted(keys)
+
+    def _burst(self, container, stream, key, length):
+        """Yield `length` frames from the key frame at time `key`, BURST_STEP frames apart."""
+        container.seek(key, stream=stream)
+        taken = 0
+        for frame in container.decode(stream):
+            if frame.pts is None or frame.pts < key:
+                continue
+            if taken % BURST_STEP == 0 and (frame.height, frame.width) == self.shape:
+                yield round((frame.pts - self._first_pts) / self._step), frame
+            taken += 1
+            if taken > BURST_STEP * (length - 1):
+                return
+
+    def _pts(self, index):
+        return int(self._first_pts + round(index * self._step))
+
+
+def _frame_duration(stream):
+    """Duration of a frame in units of the stream's time base, or None."""
+    if not stream.average_rate or not stream.time_base:
+        return None
+    return Fraction(1) / (Fraction(stream.average_rate) * stream.time_base)
+
+
+def _frame_count(container, stream):
+    """Number of frames and whether the container itself counts them."""
+    if stream.frames > 0:
+        return stream.frames, True
+    if stream.duration and stream.average_rate:
+        return max(1, round(stream.duration * stream.time_base * stream.average_rate)), False
+    if container.duration and stream.average_rate:
+        seconds = Fraction(container.duration, av.time_base)
+        return max(1, round(seconds * stream.average_rate)), False
+    return None, False
+
+
+def _no_frames_message(container):
+    return (
+        f"holds no frames (container {container.format.name}): expected at least one; "
+        f"record or export it again"
+    )
+
+
+def _reason(error):
+    return getattr(error, "strerror", None) or str(error)
+
+
+class OpenCvVideo(Video):
+    """A video file that only OpenCV can read (a codec of the operating system, say)."""
+
+    def __init__(self, path):
+        capture = self._open(path)
+        ok, frame = capture.read()
+        count = int(capture.get(cv2.CAP_PROP_FRAME_COUNT))
+        capture.release()
+        if not ok:
+            raise VideoError(path, "OpenCV can read no frame of it")
+        height, width = frame.shape[:2]
+        super().__init__(path, width, height, count if count > 0 else None, exact_count=False)
+
+    @staticmethod
+    def _open(path):
+        level = cv2.setLogLevel(0)
+        try:
+            return cv2.VideoCapture(str(path))
+        finally:
+            cv2.setLogLevel(level)
+
+    def _read(self, start, stop):
+        capture = self._open(self.path)
+        index = 0
+        try:
+            while stop is None or index < stop:
+                ok = capture.grab()
+                if not ok:
+                    return
+                if index >= start:
+                    _, frame = capture.retrieve()
+                    self.check_size(frame, index)
+                    yield frame if frame.ndim == 2 else cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY)
+                index += 1
+        finally:
+            capture.release()
+
+
+def open_container(path, threads: int = 1) -> Video:
+    """Open a video file through PyAV, else through OpenCV.
+
+    Raises
+    ------
+    VideoError
+        If neither can read it; the message tells what the file looks like.
+    """
+    try:
+        return ContainerVideo(path, threads)
+    except av.FFmpegError as error:
+        reason = _reason(error)
+    try:
+        return OpenCvVideo(path)
+    except VideoError:
+        raise VideoError(path, f"cannot be read as a video ({reason}): {_looks(path)}") from None
+
+
+def _looks(path):
+    """Say what a file that is no video looks like, and what to do."""
+    with open(path, "rb") as file:
+        head = file.read(512)
+    if not head:
+        return "the file is empty; copy or record it again"
+    if _is_text(head):
+        line = head.decode("utf-8", "replace").splitlines()[0].strip()[:40]
+        return f"it is a text file beginning {line!r}; remove it, or name a video"
+    return (
+        "it is damaged or cut off (an MP4 whose recording did not finish has no index), or no "
+        "video; copy it again, or repair it with FFmpeg"
+    )
+
+
+def _is_text(head: bytes) -> bool:
+    try:
+        text = head.decode("utf-8")
+    except UnicodeDecodeError as error:
+        if error.start < len(head) - 4:  # not just a character cut at the end
+            return False
+        text = head[: error.start].decode("utf-8")
+    return all(c.isprintable() or c.isspace() for c in text)

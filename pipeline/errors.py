@@ -1,0 +1,22 @@
+"""What can go wrong with an input, in words that help."""
+
+
+class VideoError(Exception):
+    """An input that cannot be read (on); the message names it, what is wrong and what to do.
+
+    Attributes
+    ----------
+    path : str, the file or folder
+    problem : str, the message without the path
+    frame : int or None, how many frames from the start could be read and are usable
+    """
+
+    def __init__(self, path, problem: str, frame: int | None = None):
+        self.path = str(path)
+        self.problem = problem
+        self.frame = frame
+        super().__init__(f"{path}: {problem}")
+
+    def __reduce__(self):
+        """Travel between processes: Exception would pass the message as the only argument."""
+        return type(self), (self.path, self.problem, self.frame)

@@ -1,0 +1,166 @@
+"""What every kind of video has in common: grey frames one after the other, and a few of them."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from pipeline.errors import VideoError
+
+BIT_DEPTHS = (8, 10, 12, 14, 16)
+
+
+class Video:
+    """Grey frames of one input, streamed; several passes may run at once.
+
+    Attributes
+    ----------
+    path : Path
+    width, height : int [px]
+    n_frames : int or None
+        What the container says or lets us estimate; only iterating tells for certain.
+    exact_count : bool
+        `n_frames` is the container's own count, not an estimate from duration and rate.
+    """
+
+    def __init__(self, path, width: int, height: int, n_frames: int | None, exact_count=True):
+        self.path = Path(path)
+        self.width, self.height = int(width), int(height)
+        self.n_frames = n_frames
+        self.exact_count = exact_count and n_frames is not None
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(height, width) of every frame."""
+        return self.height, self.width
+
+    def __iter__(self) -> Iterator[np.ndarray]:
+        return self.frames()
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *exception):
+        self.close()
+
+    def __repr__(self):
+        return f"<Video {self.path.name}: {self.n_frames} frames of {self.width}×{self.height}>"
+
+    def close(self):
+        """Let go of open files."""
+
+    def frames(self, start: int = 0, stop: int | None = None) -> Iterator[np.ndarray]:
+        """Yield the frames [start, stop), uint8 (height, width), each in memory of its own.
+
+        Raises
+        ------
+        VideoError
+            At the frame that cannot be read or has another size; those before it were good.
+        """
+        if start < 0 or (stop is not None and stop < start):
+            raise ValueError(f"start, stop must be 0 <= start <= stop, got {start!r}, {stop!r}")
+        return self._read(start, stop)
+
+    def sample(self, n: int = 48) -> tuple[np.ndarray, np.ndarray]:
+        """Return about `n` frames spread over the video, at a small part of a full pass's cost.
+
+        Returns
+        -------
+        indices : int64 (k,), ascending; they may be off by a few where frame times are uneven
+        frames : uint8 (k, height, width), k between 1 and about n
+
+        Raises
+        ------
+        VideoError
+            If not even one frame can be read.
+        """
+        if n < 1:
+            raise ValueError(f"n must be at least 1, got {n!r}")
+        indices, frames = self._sample(n)
+        if not len(indices):
+            raise self.no_frames()
+        return np.asarray(indices, np.int64), np.stack(frames)
+
+    def _read(self, start, stop):
+        raise NotImplementedError
+
+    def _sample(self, n):
+        return self._sample_by_striding(n)
+
+    def _sample_by_striding(self, n):
+        """Read everything; keep every k-th frame, k doubling as frames come, at most n at once."""
+        stride = max(1, -(-self.n_frames // n)) if self.n_frames else 1
+        indices, frames = [], []
+        try:
+            for i, frame in enumerate(self.frames()):
+                if i % stride:
+                    continue
+                indices.append(i)
+                frames.append(frame)
+                if len(frames) > n:
+                    indices, frames, stride = indices[::2], frames[::2], 2 * stride
+        except VideoError:
+            if not frames:
+                raise
+        return indices, frames
+
+    def no_frames(self) -> VideoError:
+        """Return the error for an input without a single frame."""
+        return VideoError(
+            self.path, "holds no frames: expected at least one; record or export it again", 0
+        )
+
+    def check_size(self, frame: np.ndarray, index: int) -> None:
+        """Raise a VideoError if `frame` is not of the size of the first frame."""
+        if frame.shape[:2] != self.shape:
+            height, width = frame.shape[:2]
+            raise VideoError(
+                self.path,
+                f"frame {index} is {width}×{height} px, the frames before it are "
+                f"{self.width}×{self.height}: expected one size throughout; split the input "
+                f"at that frame",
+                index,
+            )
+
+
+class RandomAccessVideo(Video):
+    """A video whose frames can be read in any order at no extra cost: `_load(i)`."""
+
+    def _load(self, index: int) -> np.ndarray:
+        raise NotImplementedError
+
+    def _read(self, start, stop):
+        stop = self.n_frames if stop is None else min(stop, self.n_frames)
+        for i in range(start, stop):
+            yield self._load(i)
+
+    def _sample(self, n):
+        indices, frames = [], []
+        last = None
+        for i in np.unique(np.linspace(0, self.n_frames - 1, n).round().astype(int)):
+            try:
+                frames.append(self._load(i))
+                indices.append(i)
+            except VideoError as error:
+                last = error
+        if last is not None and not frames:
+            raise last
+        return indices, frames
+
+
+def bits_to_drop(largest: int) -> int:
+    """Return how many low bits to drop so that pixels up to `largest` fit into 8 bits.
+
+    Cameras store 10, 12 or 14 bits in 16: the least of the usual depths that holds `largest`.
+
+    >>> bits_to_drop(255), bits_to_drop(4000), bits_to_drop(65535)
+    (0, 4, 8)
+    """
+    return next(depth for depth in BIT_DEPTHS if largest < 1 << depth) - 8
+
+
+def to_8_bit(image: np.ndarray, drop: int) -> np.ndarray:
+    """Return a uint8 copy of a uint8 or uint16 `image` without its `drop` low bits, clipped."""
+    if image.dtype == np.uint8:
+        return np.array(image, order="C")
+    return np.minimum(image >> drop, 255).astype(np.uint8)
