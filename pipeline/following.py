@@ -11,6 +11,7 @@ from numba import njit
 
 from pipeline import profiles, splines
 
+SHORTEST = 12  # nodes that a line needs to be one
 STATION = 2  # nodes between two cross-sections of the capture step
 
 
@@ -71,9 +72,7 @@ def normals(x, y, n, nx, ny):
 
 
 @njit(cache=True)
-def strip_gains(
-    image, background, weight, gain, x, y, nx, ny, n, amplitude, sigma, half, out
-):
+def strip_gains(image, background, weight, gain, x, y, nx, ny, n, amplitude, sigma, half, out):
     """Likelihood gain of a line at every station and integer offset −half … half.
 
     out : float64 (stations, 2 half + 1). Returns the number of stations and the gain that a
@@ -167,6 +166,8 @@ def best_path(gains, stations, half, slope_cost, offset_cost, path):
 @njit(cache=True)
 def capture(image, background, weight, gain, x, y, n, amplitude, sigma, half, work):
     """Move the nodes onto the best path of the strip; return gain found / gain expected."""
+    if n < SHORTEST:
+        return 0.0
     nx = work[0]
     ny = work[1]
     normals(x, y, n, nx, ny)
@@ -205,9 +206,9 @@ def extend(x, y, n, backward, amount, fit):
     if fit < 4:
         return n
     if backward:
-        a, m, b, sign = fit, fit // 2, 0, -1.0
+        a, m, b = fit, fit // 2, 0
     else:
-        a, m, b, sign = n - 1 - fit, n - 1 - fit // 2, n - 1, 1.0
+        a, m, b = n - 1 - fit, n - 1 - fit // 2, n - 1
     d1x = x[m] - x[a]
     d1y = y[m] - y[a]
     d2x = x[b] - x[m]
@@ -366,10 +367,10 @@ def refine(
     x, y, amplitude, information, score are changed in place; returns the number of nodes and
     the quality: the part of the line's expected contrast that was found.
     """
+    if n < SHORTEST:
+        return 0, 0.0
     n = start_at_face(x, y, n, outside)
     n = extend(x, y, n, False, bridge + 12, 40)
-    if n < 12:
-        return 0, 0.0
     set_cap(amplitude, n, cap)
     for _ in range(2):
         n = refine_once(
@@ -377,12 +378,14 @@ def refine(
             sums, work, band, rhs,
         )  # fmt: skip
         n = start_at_face(x, y, n, outside)
+        if n < SHORTEST:
+            return 0, 0.0
     limit = int(min(longest, n))
     n = max(min(n, limit), 2)
     profiles.accumulate(image, background, weight, gain, x, y, n, cap, sigma, 3.0, sums)
     profiles.window_amplitudes(sums, n, 7, work[2], work[3], work[4])
     end = visible_end(work[2], work[4], sums, n, 4.0, bridge, 0)
-    if end < 12:
+    if end < SHORTEST:
         return 0, 0.0
     for i in range(end):
         work[2, i] = min(work[2, i], cap[i])

@@ -191,3 +191,78 @@ def frame_gain(image, background, step, mask):
         if count < 16:
             return mean
     return total / count
+
+
+@njit(cache=True)
+def paint(background, x, y, n, amplitude, sigma, pixels, values, count):
+    """Multiply a line's transmission 1 − a G into `background`; return the new list length.
+
+    `pixels` (flat indices) and `values` remember what was there, for `unpaint`. Another whisker
+    is then measured against a background that holds this one.
+    """
+    height, width = background.shape
+    last_column = -1
+    last_row = -1
+    for i in range(n):
+        a = max(i - 1, 0)
+        b = min(i + 1, n - 1)
+        tx = x[b] - x[a]
+        ty = y[b] - y[a]
+        norm = max(np.sqrt(tx * tx + ty * ty), 1e-9)
+        tx /= norm
+        ty /= norm
+        half = 3.0 * sigma[i]
+        columns = abs(tx) >= abs(ty)
+        if columns:
+            fixed = int(np.floor(x[i] + 0.5))
+            if fixed == last_column or fixed < 0 or fixed >= width:
+                continue
+            last_column, last_row = fixed, -1
+            centre = y[i] + (fixed - x[i]) * ty / tx
+            scale = abs(tx)
+            limit = height
+        else:
+            fixed = int(np.floor(y[i] + 0.5))
+            if fixed == last_row or fixed < 0 or fixed >= height:
+                continue
+            last_row, last_column = fixed, -1
+            centre = x[i] + (fixed - y[i]) * tx / ty
+            scale = abs(ty)
+            limit = width
+        first = max(int(np.ceil(centre - half / scale)), 0)
+        last = min(int(np.floor(centre + half / scale)), limit - 1)
+        for moving in range(first, last + 1):
+            row = moving if columns else fixed
+            column = fixed if columns else moving
+            if count >= len(pixels):
+                return count
+            u = (moving - centre) * scale / sigma[i]
+            pixels[count] = row * width + column
+            values[count] = background[row, column]
+            count += 1
+            background[row, column] *= 1.0 - min(amplitude[i], 0.98) * np.exp(-0.5 * u * u)
+    return count
+
+
+@njit(cache=True)
+def unpaint(background, pixels, values, count):
+    """Undo `paint`, last pixel first."""
+    width = background.shape[1]
+    for k in range(count - 1, -1, -1):
+        background[pixels[k] // width, pixels[k] % width] = values[k]
+
+
+@njit(cache=True)
+def closeness(x1, y1, n1, x2, y2, n2, near, step):
+    """Fraction of the first line's nodes that lie within `near` px of the second line."""
+    count = 0
+    total = 0
+    for i in range(0, n1, step):
+        total += 1
+        for j in range(0, n2, 4):
+            dx = x1[i] - x2[j]
+            dy = y1[i] - y2[j]
+            if dx * dx + dy * dy < near * near:
+                count += 1
+                break
+    return count / max(total, 1)

@@ -48,9 +48,7 @@ FRAME_COLUMNS = tuple(
                 "deg",
                 "whisker's angle at the follicle, counter-clockwise on the screen from +x",
             ),
-            Column(
-                "curvature_per_m", "float64", "1/m", "measured curvature at curvature_at_mm"
-            ),
+            Column("curvature_per_m", "float64", "1/m", "measured curvature at curvature_at_mm"),
             Column("rest_curvature_per_m", "float64", "1/m", "measured curvature when untouched"),
             Column("curvature_change_per_m", "float64", "1/m", "measured curvature − rest"),
             Column(
@@ -60,6 +58,7 @@ FRAME_COLUMNS = tuple(
                 "whisker surface to pole surface, least over the whisker; negative: overlap",
             ),
             Column("in_contact", "bool", "", "the frame belongs to a contact"),
+            Column("contact_probability", "float64", "", "that the frame belongs to a contact"),
             Column("contact_arc_length_mm", "float64", "mm", "follicle to contact, in contact"),
             Column("contact_force_uN", "float64", "µN", "measured contact force, magnitude"),
             Column(
@@ -136,7 +135,7 @@ def as_table(table: pd.DataFrame, columns) -> pd.DataFrame:
 
 @dataclass(frozen=True)
 class Recording:
-    """What the camera saw: frame rate [1/s], scale [px/mm], the side of the image with the face."""
+    """What the camera saw: frame rate [1/s], scale [px/mm], the image's side with the face."""
 
     frames_per_second: float
     pixels_per_mm: float

@@ -5,6 +5,7 @@ memory does not grow with the video's length.
 """
 
 from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -18,6 +19,7 @@ CHUNK_FRAMES = 500
 GOOD_QUALITY = 0.6  # part of the expected contrast found: below, the wider search is tried
 LOST_QUALITY = 0.35
 NARROW_PX, WIDE_PX = 10, 30  # half-width of the search strip
+DOUBLE_SHARE = 0.6  # part of two lines that may coincide before one of them is given up
 SEARCH_EVERY = 20  # frames between two full detections while a whisker is missing
 
 
@@ -71,13 +73,13 @@ class Tracer:
         self.workspace = Workspace(int(1.6 * np.hypot(height, width)))
         self.model = ImageModel.from_scene(scene)
         self.since_search = SEARCH_EVERY
+        self.pixels = np.zeros(len(roster) * self.workspace.limit * 16, np.int64)
+        self.values = np.zeros(len(self.pixels), np.float32)
 
     def step(self, image) -> list[Track]:
         """Advance by one frame; return the tracks, `line` None where a whisker is lost."""
         gain = profiles.frame_gain(image, self.model.background, 12, self.model.free)
-        for track in self.tracks:
-            if track.line is not None:
-                self._follow(track, image, gain)
+        self._follow_all(image, gain)
         missing = [t for t in self.tracks if t.line is None]
         self.since_search += 1
         just_lost = any(t.lost_for in (1, 2) for t in missing)
@@ -85,6 +87,61 @@ class Tracer:
             self._search(missing, image, gain)
             self.since_search = 0
         return self.tracks
+
+    def _follow_all(self, image, gain) -> None:
+        """Follow every present whisker, each against a background that holds its neighbours."""
+        present = [t for t in self.tracks if t.line is not None]
+        lines = {id(t): predicted(t, True) for t in present}
+        beside = {id(t): self._neighbours(t, present, lines) for t in present}
+        for track in present:
+            with self._painted([lines[id(t)] for t in beside[id(track)]]):
+                self._follow(track, image, gain)
+            if track.line is not None:
+                lines[id(track)] = track.line
+        for track in present:
+            if track.line is not None and beside[id(track)]:
+                with self._painted([lines[id(t)] for t in beside[id(track)]]):
+                    detection.refine(
+                        image, self.model, gain, track.line, self.options, self.workspace
+                    )
+                self._give_up_if_poor(track)
+        self._drop_doubles(present)
+
+    def _neighbours(self, track: Track, present, lines) -> list[Track]:
+        """Tracks whose predicted lines come near to this one's."""
+        a = lines[id(track)]
+        return [
+            t
+            for t in present
+            if t is not track and _near(a, lines[id(t)], self.options.spacing_px) > 0
+        ]
+
+    @contextmanager
+    def _painted(self, lines: list[Line]):
+        """Hold other whiskers in the background for a while."""
+        count = 0
+        background = self.model.background
+        for line in lines:
+            count = profiles.paint(
+                background, line.x, line.y, line.n, line.amplitude, line.sigma,
+                self.pixels, self.values, count,
+            )  # fmt: skip
+        try:
+            yield
+        finally:
+            profiles.unpaint(background, self.pixels, self.values, count)
+
+    def _drop_doubles(self, present: list[Track]) -> None:
+        """Of two tracks on one whisker, give up the one that fits worse."""
+        for i, a in enumerate(present):
+            for b in present[i + 1 :]:
+                if a.line is None or b.line is None:
+                    continue
+                if min(_near(a.line, b.line, 2.0), _near(b.line, a.line, 2.0)) > DOUBLE_SHARE:
+                    worse = min(
+                        (a, b), key=lambda t: t.line.quality * t.line.n / t.slot.visible_px
+                    )
+                    worse.line, worse.lost_for = None, 1
 
     def _follow(self, track: Track, image, gain) -> None:
         """Find the track's whisker near its prediction, in a wider strip where that fails."""
@@ -97,11 +154,14 @@ class Tracer:
                 best = line
             if best.quality > GOOD_QUALITY and best.n > 0.8 * present.n:
                 break
-        if best.n < 0.4 * self.options.shortest_px or best.quality < LOST_QUALITY:
+        track.before, track.line, track.lost_for = present, best, 0
+        self._give_up_if_poor(track)
+
+    def _give_up_if_poor(self, track: Track) -> None:
+        """Call a whisker lost where hardly any of it was found."""
+        line = track.line
+        if line.n < 0.4 * self.options.shortest_px or line.quality < LOST_QUALITY:
             track.line, track.lost_for = None, 1
-            track.before = present
-        else:
-            track.before, track.line, track.lost_for = present, best, 0
 
     def _capture(self, line: Line, image, gain, half) -> None:
         m, w = self.model, self.workspace
@@ -126,6 +186,11 @@ class Tracer:
                 found = [c for c in found if c is not track.line]
             else:
                 track.lost_for += 1
+
+
+def _near(a: Line, b: Line, near_px: float) -> float:
+    """Fraction of line `a` within `near_px` of line `b`."""
+    return profiles.closeness(a.x, a.y, a.n, b.x, b.y, b.n, near_px, 4)
 
 
 def _likeness(line: Line, slot: Slot) -> float:
@@ -191,7 +256,9 @@ def find_roster(frames, scene: StaticScene, options: TracingOptions, names=None)
     n = min(n, counts.max())
     axis = 1 if scene.face_side in ("left", "right") else 0
     complete = [
-        sorted(lines[:n], key=lambda line: line.points[0][axis]) for lines in found if len(lines) >= n
+        sorted(lines[:n], key=lambda line: line.points[0][axis])
+        for lines in found
+        if len(lines) >= n
     ]
     bases = np.median([[line.points[0] for line in lines] for lines in complete], axis=0)
     lengths = np.median([[line.n for line in lines] for lines in complete], axis=0)
