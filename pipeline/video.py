@@ -10,12 +10,38 @@ from pipeline.frame_source import Video
 __all__ = ["Video", "VideoError", "find_videos", "open_video"]
 
 VIDEO_SUFFIXES = frozenset(
-    ".avi .mp4 .m4v .mov .mkv .webm .mpg .mpeg .mjpg .mjpeg .wmv .asf .flv .ts .mts .m2ts .h264 "
-    ".264 .h265 .hevc .mj2 .mxf .ogv .y4m .nut .gif".split()
+    [
+        ".avi",
+        ".mp4",
+        ".m4v",
+        ".mov",
+        ".mkv",
+        ".webm",
+        ".mpg",
+        ".mpeg",
+        ".mjpg",
+        ".mjpeg",
+        ".wmv",
+        ".asf",
+        ".flv",
+        ".ts",
+        ".mts",
+        ".m2ts",
+        ".h264",
+        ".264",
+        ".h265",
+        ".hevc",
+        ".mj2",
+        ".mxf",
+        ".ogv",
+        ".y4m",
+        ".nut",
+        ".gif",
+    ]
 )
 TIFF_SUFFIXES = frozenset((".tif", ".tiff"))
 IMAGE_SUFFIXES = TIFF_SUFFIXES | frozenset(
-    ".png .jpg .jpeg .bmp .pgm .ppm .pnm .webp .jp2".split()
+    [".png", ".jpg", ".jpeg", ".bmp", ".pgm", ".ppm", ".pnm", ".webp", ".jp2"]
 )
 # Videos and folders that this or other programs made of a video: never input.
 RESULT_FILES = ("run.json", "videos.csv", "centrelines.parquet")

@@ -1,0 +1,279 @@
+"""The picture without whiskers, its noise, and the light on it.
+
+Lengths that decide what is thin (a whisker) and what is not come from the scale, in millimetres;
+the constants below say which.
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import cv2
+import numpy as np
+from numba import njit
+
+THICKEST_LINE_MM = 0.32  # blurred whiskers are thinner, poles and rods thicker
+SHORTEST_WHISKER_MM = 4.0  # shorter thin dark lines that never move are fur or dust: they stay
+ILLUMINATION_MM = 2.0  # light changes little over this length
+BRIGHT_RANK = 0.85  # of the samples of a pixel: free of whiskers that rest there up to this share
+WINDOW_SD = 3.0
+LEAST_VARIANCE = 1 / 12  # of rounding to grey levels
+CELL_PX = 8  # side of the cells in which light and coarse changes are looked at
+
+
+@dataclass(frozen=True)
+class Background:
+    """What stays when the whiskers are taken away.
+
+    Attributes
+    ----------
+    image : float32 (height, width) [grey]
+    noise_floor, noise_gain : a pixel's variance = floor + gain × intensity [grey²], [grey]
+    illumination : float32 (height, width), the light as if nothing stood in it [grey]
+    black : grey level of opaque things
+    """
+
+    image: np.ndarray
+    noise_floor: float
+    noise_gain: float
+    illumination: np.ndarray
+    black: float
+
+    @property
+    def transmission(self) -> np.ndarray:
+        """Share of the light that passes, float32 (height, width), about 0 (dark) to 1."""
+        return (self.image - self.black) / np.maximum(self.illumination - self.black, 1.0)
+
+
+def estimate_background(frames: np.ndarray, pixels_per_mm: float) -> Background:
+    """Estimate the background from a few frames of a scene in which only whiskers move.
+
+    A pixel's background is the mean of its bright mode over time, so a whisker may rest in one
+    place for up to 85 % of the frames. What rests longer is found as a long thin dark line and
+    filled from its surroundings; with one or two frames there is nothing but that.
+
+    Parameters
+    ----------
+    frames : uint8 (k, height, width), not too close in time
+    pixels_per_mm : scale of the image
+
+    Raises
+    ------
+    ValueError
+        If `frames` is not a stack of at least one grey image.
+    """
+    if frames.ndim != 3 or not frames.size:
+        raise ValueError(f"frames must be (k, height, width) with k >= 1, got {frames.shape}")
+    if len(frames) < 3:
+        image = frames.mean(0, dtype=np.float32)
+        noise = spatial_noise(image, len(frames))
+    else:
+        image, noise = temporal_background(frames)
+    thin = thin_dark_lines(image, pixels_per_mm, noise if len(frames) < 3 else (0.25, 0.0))
+    black, illumination = light_without_objects(fill(image, thin), pixels_per_mm)
+    if len(frames) < 3:
+        image = smooth_flat_parts(image, thin, pixels_per_mm, noise)
+    return Background(image, *noise, illumination, black)
+
+
+# ---- over time ----------------------------------------------------------------------------
+
+
+def frame_gains(frames: np.ndarray) -> np.ndarray:
+    """Brightness of each frame relative to the typical one, float64 (k,), from a few pixels."""
+    few = frames[:, 4::9, 4::9].reshape(len(frames), -1).astype(np.float32)
+    typical = np.median(few, axis=0)
+    bright = typical > 0.5 * np.percentile(typical, 95)
+    return np.median(few[:, bright] / np.maximum(typical[bright], 1), axis=1).astype(float)
+
+
+def temporal_background(frames: np.ndarray) -> tuple[np.ndarray, tuple[float, float]]:
+    """Mean of every pixel's bright mode, float32 (height, width), and (noise floor, gain)."""
+    ordered = sort_over_time(_equalised(frames))
+    start = ordered[round(BRIGHT_RANK * (len(frames) - 1))]
+    noise = _noise_from_ranks(ordered)
+    image, variance = start.astype(np.float32), None
+    for _ in range(2):
+        window = WINDOW_SD * np.sqrt(noise[0] + noise[1] * image)
+        image, variance = _windowed_moments(ordered, image, window.astype(np.float32))
+        noise = _fit_noise(image, variance)
+    return image, noise
+
+
+def _equalised(frames):
+    """Frames with their flicker taken out, in memory of their own."""
+    out = np.empty_like(frames)
+    for frame, gain, into in zip(frames, frame_gains(frames), out, strict=True):
+        if abs(gain - 1) < 2e-3 or gain < 0.05:
+            into[:] = frame
+        else:
+            cv2.convertScaleAbs(frame, into, 1 / gain)
+    return out
+
+
+def sort_over_time(frames: np.ndarray) -> np.ndarray:
+    """Sort every pixel's values over time, in place: a sorting network of whole-image steps."""
+    steps = _sorting_network(len(frames))
+    for top in range(0, frames.shape[1], 32):  # strips that stay in the cache
+        strip = frames[:, top : top + 32].copy()
+        lower = np.empty_like(strip[0])
+        for a, b in steps:
+            np.minimum(strip[a], strip[b], out=lower)
+            np.maximum(strip[a], strip[b], out=strip[b])
+            strip[a] = lower
+        frames[:, top : top + 32] = strip
+    return frames
+
+
+@lru_cache
+def _sorting_network(n):
+    """Comparators of Batcher's merge exchange sort (Knuth, vol. 3, 5.2.2, algorithm M)."""
+    steps = []
+    top = 1 << max((n - 1).bit_length() - 1, 0)
+    p = top
+    while p > 0:
+        q, r, d = top, 0, p
+        while d > 0:
+            steps += [(i, i + d) for i in range(n - d) if i & p == r]
+            d, q, r = q - p, q >> 1, p
+        p >>= 1
+    return tuple(steps)
+
+
+def _noise_from_ranks(ordered):
+    """First guess of the noise: mid to upper ranks of a pixel, which whiskers seldom touch."""
+    n = len(ordered)
+    middle = ordered[n // 2, ::3, ::3].astype(np.float32)
+    upper = ordered[round(0.84 * (n - 1)), ::3, ::3].astype(np.float32)
+    return _fit_noise(middle, (upper - middle) ** 2 + LEAST_VARIANCE)
+
+
+@njit(cache=True)
+def _windowed_moments(ordered, centre, window):
+    """Mean and variance over time of the values within `window` of `centre`, per pixel."""
+    n, height, width = ordered.shape
+    mean = np.empty((height, width), np.float32)
+    variance = np.empty((height, width), np.float32)
+    count, total, square = np.empty(width), np.empty(width), np.empty(width)
+    for row in range(height):
+        count[:], total[:], square[:] = 0.0, 0.0, 0.0
+        for k in range(n):
+            for column in range(width):
+                value = np.float32(ordered[k, row, column]) - centre[row, column]
+                inside = np.float32(abs(value) <= window[row, column])
+                count[column] += inside
+                total[column] += inside * value
+                square[column] += inside * value * value
+        for column in range(width):
+            used = max(count[column], 1.0)
+            shift = total[column] / used
+            mean[row, column] = centre[row, column] + shift
+            variance[row, column] = (square[column] - used * shift * shift) / max(used - 1, 1.0)
+    return mean, variance
+
+
+def _fit_noise(image, variance):
+    """(floor, gain) of variance = floor + gain × intensity: a line through medians over bins."""
+    step = 1 + image.size // 40_000
+    intensity, variance = image.ravel()[::step], variance.ravel()[::step]
+    edges = np.linspace(intensity.min(), intensity.max() + 1e-3, 17)
+    bins = np.digitize(intensity, edges) - 1
+    filled = [b for b in range(16) if np.count_nonzero(bins == b) >= 50]
+    if not filled:
+        return float(max(np.median(variance), LEAST_VARIANCE)), 0.0
+    x = np.array([intensity[bins == b].mean() for b in filled])
+    y = np.array([np.median(variance[bins == b]) for b in filled])
+    weight = np.sqrt([np.count_nonzero(bins == b) for b in filled])
+    return _line(x, y, weight)
+
+
+def _line(x, y, weight):
+    """Weighted line y = floor + gain × x with floor at least LEAST_VARIANCE and gain >= 0."""
+    mean_x, mean_y = np.average(x, weights=weight), np.average(y, weights=weight)
+    spread = np.average((x - mean_x) ** 2, weights=weight)
+    gain = np.average((x - mean_x) * (y - mean_y), weights=weight) / spread if spread else 0.0
+    gain = min(max(gain, 0.0), max(mean_y - LEAST_VARIANCE, 0.0) / max(mean_x, 1.0))
+    return float(max(mean_y - gain * mean_x, LEAST_VARIANCE)), float(gain)
+
+
+# ---- over space ---------------------------------------------------------------------------
+
+
+def spatial_noise(image: np.ndarray, n_averaged: int = 1) -> tuple[float, float]:
+    """(floor, gain) of single frames, from the second differences of an average of them."""
+    mask = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], np.float32)
+    second = cv2.filter2D(image, cv2.CV_32F, mask)  # variance 36 σ²; smooth pictures give 0
+    # the median of a squared normal variable is 0.4549 of its variance
+    variance = second**2 / 36 / 0.4549 * n_averaged
+    return _fit_noise(cv2.GaussianBlur(image, (0, 0), 2), variance)
+
+
+def thin_dark_lines(image, pixels_per_mm, noise) -> np.ndarray:
+    """Pixels of thin dark lines, bool (height, width): darker than what lies on both sides."""
+    smooth = cv2.GaussianBlur(image, (0, 0), 1.0)
+    size = max(3, 2 * round(THICKEST_LINE_MM * pixels_per_mm / 2) + 1)
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
+    depth = cv2.morphologyEx(smooth, cv2.MORPH_CLOSE, disc) - smooth
+    # of the noise, 1/(2√π) is left after a blur of SD 1; closing adds about as much as its SD
+    limit = 5 * 0.28 * np.sqrt(noise[0] + noise[1] * smooth) + 0.015 * smooth
+    return cv2.dilate((depth > limit).astype(np.uint8), np.ones((3, 3), np.uint8)).astype(bool)
+
+
+def fill(image: np.ndarray, holes: np.ndarray, reach_px: float = 4.0) -> np.ndarray:
+    """Fill the pixels `holes` of an image with the weighted mean of what lies around them."""
+    out = image.copy()
+    weight = 1 - holes.astype(np.float32)
+    left = holes.copy()
+    while left.any():
+        total = cv2.GaussianBlur(weight, (0, 0), reach_px)
+        mean = cv2.GaussianBlur(image * weight, (0, 0), reach_px)
+        good = left & (total > 1e-3)
+        out[good] = mean[good] / total[good]
+        left &= ~good
+        reach_px *= 2
+        if reach_px > 4 * max(image.shape):
+            out[left] = np.mean(image)
+            break
+    return out
+
+
+def smooth_flat_parts(image, thin, pixels_per_mm, noise) -> np.ndarray:
+    """Average the noise of a single frame away where nothing but light changes."""
+    filled = fill(image, thin)
+    fine = cv2.GaussianBlur(filled, (0, 0), 1.0)
+    coarse = cv2.GaussianBlur(filled, (0, 0), max(0.25 * pixels_per_mm, 2.0))
+    limit = 2.0 * 0.28 * np.sqrt(noise[0] + noise[1] * fine) + 0.5
+    edge = cv2.blur((np.abs(fine - coarse) > limit).astype(np.float32), (7, 7))
+    share = np.clip(2.5 * edge - 0.5, 0, 1)
+    return share * fine + (1 - share) * coarse
+
+
+def light_without_objects(image, pixels_per_mm) -> tuple[float, np.ndarray]:
+    """Black level, and the light as it would be without face, pole and rod, float32 (h, w)."""
+    height, width = image.shape
+    cells = cv2.resize(
+        image, (max(width // CELL_PX, 1), max(height // CELL_PX, 1)), interpolation=cv2.INTER_AREA
+    )
+    bright = np.percentile(cells, 95)
+    black = float(min(np.percentile(image[::2, ::2], 0.5), 0.25 * bright))
+    reach = max(ILLUMINATION_MM * pixels_per_mm / CELL_PX, 1.5)
+    light = np.full_like(cells, bright)
+    for share in (0.3, 0.6, 0.75):
+        open_cells = cells > black + share * (light - black)
+        # cells at the edge of something dark are half dark themselves
+        open_cells = cv2.erode(open_cells.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+        if open_cells.mean() < 0.02:
+            break
+        light = _spread(cells, open_cells, reach)
+    return black, cv2.resize(light, (width, height), interpolation=cv2.INTER_LINEAR)
+
+
+def _spread(cells, known, reach):
+    """Smooth known cells and carry their values on into the unknown ones."""
+    weight = known.astype(np.float32)
+    out, trust = np.zeros_like(cells), np.zeros_like(cells)
+    for scale in (1.0, 3.0, 9.0, 27.0):  # near cells decide where there are any
+        total = cv2.GaussianBlur(weight, (0, 0), reach * scale) + 1e-12
+        mean = cv2.GaussianBlur(cells * weight, (0, 0), reach * scale) / total
+        share = (1 - trust) * np.minimum(total / 0.1, 1)
+        out, trust = out + share * mean, trust + share
+    return (out / np.maximum(trust, 1e-6)).astype(np.float32)

@@ -1,0 +1,74 @@
+"""The face: the dark mass on one side of the picture, with its dense fur.
+
+Whiskers come out of the mask's edge, and the hidden length is counted from there; so the edge is
+that of the fur as a whole, averaged over FUR_MM, not of single hairs.
+"""
+
+import cv2
+import numpy as np
+
+SIDES = ("left", "right", "top", "bottom")
+FUR_MM = 0.12  # SD of the average over fur: single hairs vanish, the mass stays
+HAIR_MM = 0.5  # what is thinner than this is a tuft or a whisker, not face
+EDGE_LEVEL = 0.5  # share of the light at the edge
+LEAST_BORDER = 0.25  # of the longest contact with the border: what touches it less is apparatus
+
+
+def border(image: np.ndarray, side: str) -> np.ndarray:
+    """Return the row or column of `image` along `side`."""
+    if side not in SIDES:
+        raise ValueError(f"side must be one of {SIDES}, got {side!r}")
+    at = {"left": np.s_[:, 0], "right": np.s_[:, -1], "top": np.s_[0], "bottom": np.s_[-1]}
+    return image[at[side]]
+
+
+def face_side(transmission: np.ndarray) -> str:
+    """Return the side of the picture with the face: the one whose border is darkest.
+
+    `transmission`: share of the light that passes, (height, width), as in `Background`.
+    """
+    dark = {side: np.mean(border(transmission, side) < EDGE_LEVEL) for side in SIDES}
+    return max(dark, key=dark.get)
+
+
+def find_face(transmission: np.ndarray, side: str, pixels_per_mm: float) -> np.ndarray:
+    """Return the face's mask, bool (height, width); all False where no face is in view."""
+    dark = opened(_blurred(transmission, FUR_MM * pixels_per_mm) < EDGE_LEVEL, pixels_per_mm)
+    _, labels = cv2.connectedComponents(dark.astype(np.uint8))
+    on_border = np.bincount(border(labels, side), minlength=labels.max() + 1)
+    on_border[0] = 0
+    if not on_border.any():
+        return np.zeros(dark.shape, bool)
+    mask = np.isin(labels, np.flatnonzero(on_border >= LEAST_BORDER * on_border.max()))
+    return _without_holes(mask, side)
+
+
+def opened(mask, pixels_per_mm):
+    """Take away what is thinner than HAIR_MM; the picture's border does not count as an edge."""
+    size = max(3, 2 * round(HAIR_MM * pixels_per_mm / 2) + 1)
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
+    padded = cv2.copyMakeBorder(
+        mask.astype(np.uint8), size, size, size, size, cv2.BORDER_REPLICATE
+    )
+    inner = np.s_[size:-size, size:-size]
+    return cv2.morphologyEx(padded, cv2.MORPH_OPEN, disc)[inner] > 0
+
+
+def _blurred(image, sd):
+    return cv2.GaussianBlur(image, (0, 0), sd, borderType=cv2.BORDER_REPLICATE)
+
+
+def _without_holes(mask, side):
+    """Fill what the face encloses: bright pixels without a way to the other sides."""
+    _, labels = cv2.connectedComponents((~mask).astype(np.uint8))
+    outside = np.concatenate([border(labels, other) for other in SIDES if other != side])
+    return mask | ~np.isin(labels, np.unique(outside[outside > 0]))
+
+
+def face_edge(mask: np.ndarray, smoothing_px: float = 3.0) -> list[np.ndarray]:
+    """Return the face's edge inside the picture: curves (n, 2) of x, y, about 1 px spaced."""
+    smooth = _blurred(mask.astype(np.float32), smoothing_px)
+    from skimage.measure import find_contours
+
+    curves = find_contours(smooth, 0.5)
+    return [curve[:, ::-1] for curve in sorted(curves, key=len, reverse=True)]
