@@ -11,6 +11,7 @@ from numba import njit
 
 from pipeline import profiles, splines
 
+STIFFNESS = 40.0  # 1/px²: third differences of the line over three knots are about 0.15 px
 SHORTEST = 12  # nodes that a line needs to be one
 STATION = 2  # nodes between two cross-sections of the capture step
 
@@ -329,16 +330,17 @@ def refine_once(
         amplitude[i] = min(amplitude[i], cap[i])
     profiles.offset_information(sums, n, amplitude, baseline, information, score)
     k = splines.normal_equations(information, score, n, spacing, band, rhs)
-    splines.add_second_difference_penalty(band, k, stiffness)
+    nx = work[0]
+    ny = work[1]
+    normals(x, y, n, nx, ny)
+    splines.add_smoothness_prior(band, rhs, k, x, y, nx, ny, n, spacing, stiffness)
+    splines.add_second_difference_penalty(band, k, 0.02 * stiffness)
     for i in range(k):
         band[i, 0] += 1e-3
     splines.factorise(band, k)
     splines.solve_factorised(band, rhs, k)
     offset = work[7]
     splines.evaluate(rhs, n, spacing, offset)
-    nx = work[0]
-    ny = work[1]
-    normals(x, y, n, nx, ny)
     for i in range(n):
         u = min(max(offset[i], -3.0), 3.0)
         work[8, i] = x[i] + u * nx[i]
@@ -374,7 +376,7 @@ def refine(
     set_cap(amplitude, n, cap)
     for _ in range(2):
         n = refine_once(
-            image, background, weight, gain, x, y, n, cap, sigma, spacing, 25.0,
+            image, background, weight, gain, x, y, n, cap, sigma, spacing, STIFFNESS,
             sums, work, band, rhs,
         )  # fmt: skip
         n = start_at_face(x, y, n, outside)

@@ -70,6 +70,29 @@ def add_third_difference_penalty(band, k, strength):
 
 
 @njit(cache=True)
+def add_smoothness_prior(band, rhs, k, x, y, nx, ny, n, spacing, strength):
+    """Hold the third differences of line + offset near zero: its curvature changes gradually.
+
+    x, y, nx, ny : nodes and normals of the reference line that the offset spline is added to.
+    """
+    d = (1.0, -3.0, 3.0, -1.0)
+    for i in range(k - 3):
+        first = int((i - 1) * spacing)
+        last = int((i + 2) * spacing)
+        if first < 0 or last > n - 1:
+            continue
+        middle = int((i + 0.5) * spacing)
+        bend = 0.0
+        for p in range(4):
+            node = int((i - 1 + p) * spacing)
+            bend += d[p] * (x[node] * nx[middle] + y[node] * ny[middle])
+        for p in range(4):
+            rhs[i + p] -= strength * d[p] * bend
+            for q in range(p, 4):
+                band[i + p, q - p] += strength * d[p] * d[q]
+
+
+@njit(cache=True)
 def factorise(band, k):
     """Replace the banded symmetric positive definite matrix by its LDLᵀ factors."""
     for i in range(k):
