@@ -1,0 +1,122 @@
+"""Grey frames → a video file that appears whole or not at all.
+
+Grey levels are stored as they are, in full range and marked so: a decoder's luma plane is the
+rendered grey exactly for ffv1 and tiff, and to within the codec's loss for h264 and mjpeg.
+"""
+
+import itertools
+from pathlib import Path
+
+import numpy as np
+
+from pipeline.tables import whole_file
+from synthetic.scene import Codec
+
+_PLAYBACK_RATE = 25  # the container's; high-speed cameras write slow-motion files
+_SUFFIX = {"ffv1": ".avi", "h264": ".mp4", "mjpeg": ".avi", "tiff": ".tif"}
+
+
+def video_suffix(codec: Codec) -> str:
+    """File name suffix of a codec's container, e.g. ".avi"."""
+    return _SUFFIX[codec.name]
+
+
+def write_video(path, frames, codec: Codec) -> int:
+    """Write grey frames to `path`, under its name only once complete.
+
+    Parameters
+    ----------
+    path : where to; its suffix must be video_suffix(codec)
+    frames : iterable of uint8 (height, width), all of one size, at least one
+    codec : Codec
+
+    Returns
+    -------
+    int, the number of frames written
+
+    Raises
+    ------
+    ValueError
+        Where the suffix does not fit, there is no frame, or a frame is not grey uint8.
+    """
+    path = Path(path)
+    if path.suffix != video_suffix(codec):
+        raise ValueError(f"path must end with {video_suffix(codec)} for {codec.name}, got {path}")
+    frames = iter(frames)
+    first = next(frames, None)
+    if first is None:
+        raise ValueError("frames must hold at least one frame, got none")
+    write = _write_tiff if codec.name == "tiff" else _write_container
+    with whole_file(path) as temporary:
+        return write(temporary, _checked(itertools.chain([first], frames), first.shape), codec)
+
+
+def _checked(frames, shape):
+    for i, frame in enumerate(frames):
+        if frame.dtype != np.uint8 or frame.shape != shape:
+            raise ValueError(
+                f"frame {i} must be uint8 of shape {shape}, got {frame.dtype} {frame.shape}"
+            )
+        yield frame
+
+
+def _write_tiff(path, frames, codec):
+    import tifffile
+
+    count = 0
+    with tifffile.TiffWriter(path) as writer:
+        for frame in frames:
+            writer.write(frame, contiguous=True)
+            count += 1
+    return count
+
+
+def _write_container(path, frames, codec):
+    import av
+    from av.video.reformatter import ColorRange
+
+    count = 0
+    with av.open(str(path), "w") as container:
+        stream = None
+        for frame in frames:
+            if stream is None:
+                stream = _add_stream(container, frame.shape, codec)
+            picture = _picture(frame, stream.pix_fmt)
+            picture.color_range = ColorRange.JPEG
+            container.mux(stream.encode(picture))
+            count += 1
+        container.mux(stream.encode(None))
+    return count
+
+
+def _add_stream(container, shape, codec):
+    """Add a video stream of the codec, full range."""
+    name, pixel_format, options = {
+        "ffv1": ("ffv1", "gray", {"level": "3", "slices": "4"}),
+        "h264": ("libx264", "yuv420p", {"crf": str(codec.crf), "preset": "veryfast"}),
+        "mjpeg": ("mjpeg", "yuvj420p", {"qmin": str(codec.quality), "qmax": str(codec.quality)}),
+    }[codec.name]
+    stream = container.add_stream(name, rate=_PLAYBACK_RATE, options=options)
+    stream.height, stream.width = shape
+    stream.pix_fmt = pixel_format
+    stream.codec_context.color_range = 2  # full ("jpeg")
+    stream.codec_context.thread_count = 1
+    return stream
+
+
+def _picture(frame, pixel_format):
+    """Grey frame as an av.VideoFrame: the luma plane filled as it is, the colour planes grey."""
+    import av
+
+    height, width = frame.shape
+    picture = av.VideoFrame(width, height, pixel_format)
+    _fill(picture.planes[0], frame)
+    for plane in picture.planes[1:]:
+        _fill(plane, np.full((plane.height, plane.width), 128, np.uint8))
+    return picture
+
+
+def _fill(plane, values):
+    rows = np.zeros((plane.height, plane.line_size), np.uint8)
+    rows[:, : values.shape[1]] = values
+    plane.update(rows.tobytes())

@@ -1,0 +1,183 @@
+"""The face: a dark mass whose edge keeps its distance from the follicles, and its fur."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import ndtr
+
+from synthetic.scene import Face, Scene
+from synthetic.strips import absorb, blank, cover_strip, step_table
+
+_HAIR_STEP = 0.8  # px between the nodes of a fur hair
+_BLURS = (1.0, 1.4, 2.0, 2.9)  # multiples of the optics' blur: fur lies before and behind focus
+_MASS_BLUR = 1.6  # px, edge of the mass itself
+_MASS_TRANSMISSION = 0.006
+
+
+@dataclass(frozen=True)
+class FurHair:
+    """A short tapered curved hair: root [px], direction on the screen [rad] and curvature [1/px].
+
+    `length` and `radius` (at the root) in px, `blur` SD in px, `sway` [rad] and `phase` [rad]
+    of its own motion.
+    """
+
+    x: float
+    y: float
+    direction: float
+    curvature: float
+    length: float
+    radius: float
+    opacity: float
+    blur: float
+    sway: float
+    phase: float
+
+
+def pad_centre(scene: Scene) -> tuple[float, float]:
+    """Middle of the follicles [px]."""
+    x, y = scene.to_pixels(
+        [hair.follicle_x for hair in scene.hairs], [hair.follicle_y for hair in scene.hairs]
+    )
+    return float(np.mean(x)), float(np.mean(y))
+
+
+def distance_from_pad(face: Face, scale: float, centre, x_px, y_px):
+    """Distance of points from the pad's wedge [px], negative inside, and place across it [px].
+
+    The wedge {u ≤ −slope · max(|v| − pad/2, 0)}, u along the face's axis, v across, holds the
+    follicles on its blunt edge; whoever leaves it within the slope's angle has the same way to
+    any curve of constant distance.
+    """
+    cos, sin = np.cos(face.axis), np.sin(face.axis)
+    dx, dy = x_px - centre[0], -(y_px - centre[1])
+    u, v = dx * cos + dy * sin, dy * cos - dx * sin
+    side = np.abs(v) - face.pad * scale / 2
+    norm = np.hypot(1.0, face.slope)
+    along_edge = (side - face.slope * u) / norm
+    to_edge = (u + face.slope * side) / norm
+    corner = (side > 0) & (along_edge <= 0)
+    distance = np.where(side <= 0, np.maximum(u, to_edge), to_edge)
+    return np.where(corner, np.hypot(u, side), distance), v
+
+
+def _edge_point(face: Face, scale: float, centre, along, offset):
+    """Point [px] and outward normal [rad] on the curve at `offset` [px] from the pad's wedge.
+
+    `along` [px] runs across the face along the curve of offset hidden_length, from its middle.
+    """
+    hidden, half_pad = face.hidden_length * scale, face.pad * scale / 2
+    opening = np.arctan(face.slope)
+    way = abs(along) - half_pad
+    turned = np.clip(way / hidden, 0.0, opening) if hidden > 0 else opening * (way > 0)
+    rest = max(way - hidden * opening, 0.0)
+    v = min(abs(along), half_pad) + offset * np.sin(turned) + rest * np.cos(opening)
+    u = offset * np.cos(turned) - rest * np.sin(opening)
+    v, turned = np.sign(along) * v, np.sign(along) * turned
+    cos, sin = np.cos(face.axis), np.sin(face.axis)
+    x, y = u * cos - v * sin, u * sin + v * cos
+    return centre[0] + x, centre[1] - y, face.axis + turned
+
+
+def face_transmission(scene: Scene, rng) -> np.ndarray:
+    """Light that passes the face's solid mass, float32 (height, width), 0–1."""
+    face, scale = scene.face, scene.camera.pixels_per_m
+    rows, columns = np.mgrid[: scene.camera.height, : scene.camera.width].astype(float)
+    distance, v = distance_from_pad(face, scale, pad_centre(scene), columns, rows)
+    # the edge wanders only where no whisker comes out
+    away = np.clip((np.abs(v) / scale - face.pad / 2 - 2e-3) / 2e-3, 0.0, 1.0)
+    wave = np.zeros_like(v)
+    for wavelength in (1.1e-3, 2.3e-3, 4.7e-3):
+        phase = rng.uniform(0, 2 * np.pi)
+        wave += np.sin(2 * np.pi * v / (wavelength * scale) + phase) * wavelength * 0.03
+    edge = (face.hidden_length + away * wave - 0.1e-3) * scale
+    blur = np.hypot(_MASS_BLUR, scene.camera.blur_px)
+    clear = ndtr((distance - edge) / blur)
+    return (_MASS_TRANSMISSION + (1 - _MASS_TRANSMISSION) * clear).astype(np.float32)
+
+
+def grow_fur(scene: Scene, rng) -> list[FurHair]:
+    """Draw the fur hairs of the face."""
+    face, scale = scene.face, scene.camera.pixels_per_m
+    span = 1.2 * (scene.camera.width + scene.camera.height)
+    count = rng.poisson(face.hairs_per_mm * span / scale * 1e3)
+    lean = rng.choice([-1, 1]) * rng.uniform(0.25, 0.6)
+    hairs = [_fur_hair(scene, rng, rng.uniform(-span / 2, span / 2), lean) for _ in range(count)]
+    near = face.pad * scale / 2 + 3e-3 * scale
+    for _ in range(face.long_hairs):
+        hairs.append(_long_hair(scene, rng, rng.uniform(-near, near), lean))
+    return hairs
+
+
+def _fur_hair(scene, rng, along, lean):
+    face, scale = scene.face, scene.camera.pixels_per_m
+    depth = rng.uniform(0.05e-3, 0.4e-3)
+    offset = (face.hidden_length - 0.1e-3 - depth) * scale
+    x, y, normal = _edge_point(face, scale, pad_centre(scene), along, offset)
+    tufted = 0.35 * np.sin(along / (0.21e-3 * scale)) + 0.2 * np.sin(along / (0.083e-3 * scale))
+    return FurHair(
+        x,
+        y,
+        normal + lean + tufted + rng.normal(0, 0.16),
+        rng.normal(0, 250.0) / scale,
+        (depth + face.hair_length * rng.gamma(4.0, 0.25)) * scale,
+        rng.uniform(12e-6, 32e-6) * scale,
+        rng.uniform(0.75, 0.98),
+        scene.camera.blur_px * _BLURS[rng.integers(len(_BLURS))],
+        rng.normal(0, 1.0),
+        rng.uniform(0, 2 * np.pi),
+    )
+
+
+def _long_hair(scene, rng, along, lean):
+    hair = _fur_hair(scene, rng, along, 0.5 * lean)
+    scale = scene.camera.pixels_per_m
+    values = dict(hair.__dict__)
+    values["length"] = rng.uniform(1.2e-3, 2.6e-3) * scale
+    values["radius"] = rng.uniform(7e-6, 13e-6) * scale
+    values["direction"] += rng.normal(0, 0.25)
+    values["blur"] = scene.camera.blur_px * _BLURS[rng.integers(2)]
+    return FurHair(**values)
+
+
+def stray_hairs(scene: Scene, rng) -> list[FurHair]:
+    """Draw short unwanted hairs that lie about in the picture."""
+    scale, hairs = scene.camera.pixels_per_m, []
+    for _ in range(scene.stray_hairs):
+        hairs.append(
+            FurHair(
+                rng.uniform(0.3, 0.95) * scene.camera.width,
+                rng.uniform(0.05, 0.95) * scene.camera.height,
+                rng.uniform(0, 2 * np.pi),
+                rng.normal(0, 300.0) / scale,
+                rng.uniform(0.6e-3, 2.5e-3) * scale,
+                rng.uniform(7e-6, 14e-6) * scale,
+                rng.uniform(0.5, 0.95),
+                scene.camera.blur_px * rng.uniform(1.0, 2.5),
+                0.0,
+                0.0,
+            )
+        )
+    return hairs
+
+
+def draw_hairs(transmission, hairs, sway=0.0, shift=(0.0, 0.0)) -> None:
+    """Multiply `transmission` by the light that passes every hair.
+
+    `sway` [rad] turns each hair about its root by its own share; `shift` (x, y) [px] moves all.
+    """
+    cover, touched = blank(*transmission.shape)
+    for hair in hairs:
+        n = max(int(hair.length / _HAIR_STEP), 3)
+        s = np.linspace(0, hair.length, n)
+        angle = hair.direction + sway * hair.sway + hair.curvature * s
+        step = s[1]
+        x = hair.x + shift[0] + step * (np.cumsum(np.cos(angle)) - np.cos(angle[0]))
+        y = hair.y + shift[1] - step * (np.cumsum(np.sin(angle)) - np.sin(angle[0]))
+        radius = hair.radius * (1 - 0.93 * s / hair.length)
+        curvature = np.full(n, hair.curvature)
+        table = step_table(round(hair.blur, 3))
+        count = cover_strip(
+            cover, touched, 0, x, y, angle, curvature, radius, np.zeros(n), hair.blur, *table
+        )
+        absorb(transmission, cover, touched, count, hair.opacity)

@@ -1,0 +1,323 @@
+"""Scene and motion → grey pictures, frame by frame.
+
+Every object lets a share of the backlight pass; the shares multiply. Whiskers are drawn by exact
+area coverage of the blurred strip (strips.py). Where objects in focus meet (a whisker and the
+pole, two whiskers), the product is formed on a finer grid before it is blurred, as a lens does.
+"""
+
+from math import erf
+
+import numpy as np
+from numba import njit
+from scipy.ndimage import gaussian_filter
+from scipy.special import ndtr, ndtri
+
+from synthetic.fur import draw_hairs, face_transmission, grow_fur, stray_hairs
+from synthetic.scene import Scene
+from synthetic.strips import absorb, blank, cover_disc, cover_strip, step_table
+
+_TILE = 16  # px, tiles in which meeting objects are composed
+_SUBPIXELS = 4
+_FINE_BLUR = 0.45  # share of the blur's SD that is applied before objects are multiplied
+_POLE_TRANSMISSION = 0.01
+_NORMALS = ndtri((np.arange(65536) + 0.5) / 65536).astype(np.float32)
+
+
+class Renderer:
+    """Draws the frames of one scene and motion.
+
+    Parameters
+    ----------
+    scene : Scene
+    motion : synthetic.motion.Motion of the same scene
+    seed : int, of the noise; by default the scene's
+
+    Frames come in any order and are the same each time: the noise of a frame depends on seed
+    and frame number only.
+    """
+
+    def __init__(self, scene: Scene, motion, seed: int | None = None):
+        self.scene, self.motion = scene, motion
+        self.seed = scene.seed if seed is None else seed
+        height, width = scene.camera.height, scene.camera.width
+        rng = np.random.default_rng([scene.seed, 1])
+        self.background = _background(scene, rng)
+        self._open = self.background * face_transmission(scene, rng)
+        still = stray_hairs(scene, rng)
+        self._fur = grow_fur(scene, rng)
+        draw_hairs(self._open, still)
+        _draw_dust(self._open, scene, rng)
+        if not scene.face.moving:
+            draw_hairs(self._open, self._fur)
+        self._cover, self._touched = blank(height, width)
+        self._table = step_table(scene.camera.blur_px)
+        self._fine = _FinePatch(scene.camera.blur_px)
+        self._flicker = _flicker(scene, len(motion), np.random.default_rng([scene.seed, 2]))
+        self._still_pole = (
+            self._with_pole(self._open, motion.pole_x[0], motion.pole_y[0])
+            if motion.pole_is_still
+            else None
+        )
+
+    def __len__(self):
+        return len(self.motion)
+
+    def frame(self, i: int) -> np.ndarray:
+        """Frame `i` as the camera gives it, uint8 (height, width)."""
+        camera = self.scene.camera
+        return _expose(
+            self.light(i),
+            np.float32(self._flicker[i]),
+            np.float32(camera.black_level),
+            np.float32(camera.noise_gain),
+            np.float32(camera.read_noise**2),
+            _NORMALS,
+            np.uint64(_mix(self.seed, i)),
+        )
+
+    def light(self, i: int) -> np.ndarray:
+        """Frame `i` before flicker, black level and noise, float32 (height, width)."""
+        opened = self.opened(i)
+        pole_x, pole_y = self.motion.pole_x[i], self.motion.pole_y[i]
+        behind_rod, with_pole = self._still_pole or self._with_pole(opened, pole_x, pole_y)
+        light = with_pole.copy()
+        strips = [self.motion.strip(h, i) for h in range(len(self.scene.hairs))]
+        for hair, strip in zip(self.scene.hairs, strips, strict=True):
+            self._draw(light, strip, hair.opacity)
+        self._compose(light, behind_rod, strips, pole_x, pole_y)
+        return light
+
+    def without_whiskers(self, i: int) -> np.ndarray:
+        """Light of frame `i` with pole and rod but without whiskers, float32 (height, width)."""
+        still = self._still_pole
+        place = self.motion.pole_x[i], self.motion.pole_y[i]
+        return (still or self._with_pole(self.opened(i), *place))[1]
+
+    def opened(self, i: int) -> np.ndarray:
+        """Light without pole and whiskers; the fur moves where the scene says so."""
+        moving = self.scene.face.moving
+        if not moving:
+            return self._open
+        opened = self._open.copy()
+        across = self.scene.face.axis + np.pi / 2
+        way = moving * self.scene.camera.pixels_per_m * self.motion.fur_phase[i]
+        shift = (way * np.cos(across), -way * np.sin(across))
+        draw_hairs(opened, self._fur, 0.12 * self.motion.fur_phase[i], shift)
+        return opened
+
+    def _draw(self, light, strip, opacity):
+        blur = self.scene.camera.blur_px
+        count = cover_strip(self._cover, self._touched, 0, *strip, blur, *self._table)
+        absorb(light, self._cover, self._touched, count, opacity)
+
+    def _with_pole(self, opened, x, y):
+        """Light behind the rod, and behind rod and pole, at (x, y) [m]; NaN: out of view."""
+        pole = self.scene.pole
+        if pole is None or not np.isfinite(x):
+            return opened, opened
+        light = opened.copy()
+        scale = self.scene.camera.pixels_per_m
+        px, py = self.scene.to_pixels(x, y)
+        if pole.rod_direction is not None:
+            rod = np.array([pole.radius, pole.rod_radius]) * scale
+            _draw_rod(light, px, py, pole.rod_direction, *rod, pole.rod_blur_px)
+        disc = np.zeros_like(light)
+        cover_disc(disc, px, py, pole.radius * scale, self.scene.camera.blur_px, *self._table)
+        return light, light * (1 - (1 - _POLE_TRANSMISSION) * disc)
+
+    def _compose(self, light, behind_rod, strips, pole_x, pole_y):
+        """Redo the places where objects in focus meet, on a finer grid."""
+        disc, scale = None, self.scene.camera.pixels_per_m
+        if self.scene.pole is not None and np.isfinite(pole_x):
+            disc = (*self.scene.to_pixels(pole_x, pole_y), self.scene.pole.radius * scale)
+        meeting = _meeting_tiles(light.shape, strips, disc, 4 * self.scene.camera.blur_px + 2)
+        opacities = [hair.opacity for hair in self.scene.hairs]
+        for top, left in meeting:
+            rows, columns = slice(top, top + _TILE), slice(left, left + _TILE)
+            behind = behind_rod[rows, columns]
+            if behind.max() < 2:
+                continue
+            through = self._fine.transmission(left, top, strips, opacities, disc)
+            light[rows, columns] = behind * through[: behind.shape[0], : behind.shape[1]]
+
+
+class _FinePatch:
+    """Composes objects on a grid of sub-pixels over one tile, then blurs to pixels."""
+
+    def __init__(self, blur):
+        self.blur = blur
+        self.fine_blur = _FINE_BLUR * blur * _SUBPIXELS
+        rest = np.sqrt(1 - _FINE_BLUR**2) * blur * _SUBPIXELS
+        self.margin = int(np.ceil(4 * rest / _SUBPIXELS)) + 1
+        self.size = (_TILE + 2 * self.margin) * _SUBPIXELS
+        self.table = step_table(self.fine_blur)
+        self.filter = _to_pixels(self.size, self.margin, rest)
+        self.cover, self.touched = blank(self.size, self.size)
+
+    def transmission(self, left, top, strips, opacities, disc):
+        """Light that passes all objects together, float32 (tile, tile)."""
+        through = np.ones((self.size, self.size), np.float32)
+        for strip, opacity in zip(strips, opacities, strict=True):
+            fine = self._to_fine(strip, left, top)
+            if fine is None:
+                continue
+            count = cover_strip(self.cover, self.touched, 0, *fine, self.fine_blur, *self.table)
+            absorb(through, self.cover, self.touched, count, opacity)
+        if disc is not None:
+            x, y = self._place(disc[0], left), self._place(disc[1], top)
+            cover = np.zeros_like(through)
+            cover_disc(cover, x, y, disc[2] * _SUBPIXELS, self.fine_blur, *self.table)
+            through *= 1 - (1 - _POLE_TRANSMISSION) * cover
+        return self.filter @ through @ self.filter.T
+
+    def _place(self, x, start):
+        return (x - (start - self.margin) + 0.5) * _SUBPIXELS - 0.5
+
+    def _to_fine(self, strip, left, top):
+        """Return the nodes of a strip near the tile, in sub-pixels; None where there are none."""
+        x, y, angle, curvature, radius, smear = strip
+        reach = self.margin + 4
+        near = (x > left - reach) & (x < left + _TILE + reach)
+        near &= (y > top - reach) & (y < top + _TILE + reach)
+        rows = np.flatnonzero(near)
+        if len(rows) == 0:
+            return None
+        part = slice(max(rows[0] - 1, 0), rows[-1] + 2)
+        return (
+            self._place(x[part], left),
+            self._place(y[part], top),
+            angle[part],
+            curvature[part] / _SUBPIXELS,
+            radius[part] * _SUBPIXELS,
+            smear[part] * _SUBPIXELS,
+        )
+
+
+def _to_pixels(size, margin, blur):
+    """Matrix (tile, size) that blurs sub-pixels (SD `blur` of them) and averages to pixels."""
+    centre = (np.arange(_TILE * _SUBPIXELS) + margin * _SUBPIXELS)[:, None]
+    kernel = np.exp(-0.5 * ((np.arange(size) - centre) / blur) ** 2)
+    kernel /= kernel.sum(1, keepdims=True)
+    return kernel.reshape(_TILE, _SUBPIXELS, size).mean(1).astype(np.float32)
+
+
+def _meeting_tiles(shape, strips, disc, reach):
+    """(top, left) of the tiles in which at least two of the objects in focus are."""
+    rows, columns = -(-shape[0] // _TILE), -(-shape[1] // _TILE)
+    count = np.zeros((rows, columns), np.int32)
+    for x, y, *_ in strips:
+        count += _tiles_of(x, y, rows, columns, reach)
+    if disc is not None:
+        angle = np.linspace(0, 2 * np.pi, 24)
+        count += _tiles_of(
+            disc[0] + disc[2] * np.cos(angle), disc[1] + disc[2] * np.sin(angle),
+            rows, columns, reach,
+        )  # fmt: skip
+    return np.argwhere(count > 1) * _TILE
+
+
+@njit(cache=True)
+def _tiles_of(x, y, rows, columns, reach):
+    """1 for every tile that a line of points comes within `reach` of, else 0."""
+    inside = np.zeros((rows, columns), np.int32)
+    for k in range(len(x)):
+        first_row = max(int(np.floor((y[k] - reach) / _TILE)), 0)
+        last_row = min(int(np.floor((y[k] + reach) / _TILE)), rows - 1)
+        first = max(int(np.floor((x[k] - reach) / _TILE)), 0)
+        last = min(int(np.floor((x[k] + reach) / _TILE)), columns - 1)
+        for j in range(first_row, last_row + 1):
+            for i in range(first, last + 1):
+                inside[j, i] = 1
+    return inside
+
+
+# What stands still ---------------------------------------------------------------------------
+
+
+def _background(scene: Scene, rng) -> np.ndarray:
+    """Uneven backlight: a slope, a darker border and soft clouds, float32 (height, width)."""
+    height, width = scene.camera.height, scene.camera.width
+    y, x = np.mgrid[-1 : 1 : height * 1j, -1 : 1 : width * 1j]
+    direction = rng.uniform(0, 2 * np.pi)
+    cx, cy = rng.uniform(-0.3, 0.3, 2)
+    clouds = gaussian_filter(rng.normal(size=(height, width)), min(height, width) / 9)
+    clouds /= np.abs(clouds).max()
+    shape = 0.5 * (np.cos(direction) * x + np.sin(direction) * y)
+    shape += 0.45 - 0.6 * ((x - cx) ** 2 + (y - cy) ** 2) + 0.25 * clouds
+    light = scene.lights.level * (1 + scene.lights.unevenness * shape)
+    return np.clip(light, 0.2 * scene.lights.level, 240.0).astype(np.float32)
+
+
+def _draw_dust(light, scene, rng):
+    """Multiply `light` by small soft specks."""
+    height, width = light.shape
+    rows, columns = np.mgrid[:height, :width].astype(np.float32)
+    for _ in range(scene.clutter):
+        x, y = rng.uniform(0.15, 1) * width, rng.uniform(0, 1) * height
+        radius, blur = rng.uniform(0.6, 3.0), scene.camera.blur_px * rng.uniform(1.0, 3.0)
+        distance = np.hypot(columns - x, rows - y)
+        light *= 1 - rng.uniform(0.2, 0.8) * ndtr((radius - distance) / blur).astype(np.float32)
+
+
+@njit(cache=True)
+def _draw_rod(light, x, y, direction, pole_radius, rod_radius, far_blur):
+    """Multiply `light` by the rod's shadow, the more blurred the farther from the pole."""
+    height, width = light.shape
+    c, s = np.cos(direction), np.sin(direction)
+    length = 14.0 * pole_radius  # the blur is complete there
+    root2 = np.sqrt(2.0)
+    for j in range(height):
+        for i in range(width):
+            dx, dy = i - x, -(j - y)
+            u, v = dx * c + dy * s, abs(dy * c - dx * s)
+            blur = 1.2 + (far_blur - 1.2) * min(max(u / length, 0.0), 1.0)
+            if u < -3 * blur or v > rod_radius + 4 * blur:
+                continue
+            edge = erf((v + rod_radius) / (root2 * blur)) - erf((v - rod_radius) / (root2 * blur))
+            start = 0.5 + 0.5 * erf((u - 0.3 * pole_radius) / (root2 * 1.8))
+            light[j, i] *= 1 - 0.5 * 0.985 * edge * start
+
+
+def _flicker(scene, n, rng):
+    """Lamp's brightness in every frame (frames,), 1 on average."""
+    lights, t = scene.lights, np.arange(n) / scene.camera.frames_per_second
+    ripple = np.sin(2 * np.pi * lights.flicker_hz * t + rng.uniform(0, 2 * np.pi))
+    drift = np.sin(2 * np.pi * 0.7 * t + rng.uniform(0, 2 * np.pi))
+    return 1 + lights.flicker * (0.7 * ripple + 0.7 * drift)
+
+
+# Noise ---------------------------------------------------------------------------------------
+
+
+def _mix(seed: int, frame: int) -> int:
+    """One 64-bit number from seed and frame."""
+    return int(np.random.SeedSequence([seed, frame]).generate_state(1, np.uint64)[0])
+
+
+@njit(cache=True, nogil=True)
+def _expose(light, gain, black, noise_gain, read_variance, normals, seed):
+    """Grey levels with photon noise (its Gaussian limit), read noise and rounding, uint8."""
+    flat = light.ravel()
+    out = np.empty(flat.size, np.uint8)
+    state = seed
+    bits = np.uint64(0)
+    for k in range(flat.size):
+        if k & 3 == 0:  # splitmix64: four 16-bit draws from each number
+            state += np.uint64(0x9E3779B97F4A7C15)
+            bits = state
+            bits = (bits ^ (bits >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+            bits = (bits ^ (bits >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+            bits = bits ^ (bits >> np.uint64(31))
+        mean = gain * flat[k]
+        deviation = np.sqrt(read_variance + noise_gain * mean)
+        value = black + mean + deviation * normals[bits & np.uint64(0xFFFF)] + np.float32(0.5)
+        bits >>= np.uint64(16)
+        out[k] = np.uint8(min(max(value, np.float32(0)), np.float32(255)))
+    return out.reshape(light.shape)
+
+
+def render_frames(scene: Scene, motion, seed: int | None = None):
+    """Yield the frames of `scene` under `motion`, uint8 (height, width), one after another."""
+    renderer = Renderer(scene, motion, seed)
+    for i in range(len(renderer)):
+        yield renderer.frame(i)
