@@ -13,9 +13,11 @@ from numba import njit
 
 THICKEST_LINE_MM = 0.32  # blurred whiskers are thinner, poles and rods thicker
 SHORTEST_WHISKER_MM = 4.0  # shorter thin dark lines that never move are fur or dust: they stay
-ILLUMINATION_MM = 2.0  # light changes little over this length
+ILLUMINATION_MM = 0.8  # the light is averaged over this length (SD)
+EDGE_RATIO = 1.4  # of light within three cells: more is the edge of something
 BRIGHT_RANK = 0.85  # of the samples of a pixel: free of whiskers that rest there up to this share
 WINDOW_SD = 3.0
+MOVIE_FRAMES = 3  # with fewer, nothing can be learnt from motion
 LEAST_VARIANCE = 1 / 12  # of rounding to grey levels
 CELL_PX = 8  # side of the cells in which light and coarse changes are looked at
 
@@ -30,6 +32,7 @@ class Background:
     noise_floor, noise_gain : a pixel's variance = floor + gain × intensity [grey²], [grey]
     illumination : float32 (height, width), the light as if nothing stood in it [grey]
     black : grey level of opaque things
+    n_frames : of how many frames it was made; of fewer than MOVIE_FRAMES, it still holds whiskers
     """
 
     image: np.ndarray
@@ -37,6 +40,7 @@ class Background:
     noise_gain: float
     illumination: np.ndarray
     black: float
+    n_frames: int
 
     @property
     def transmission(self) -> np.ndarray:
@@ -48,8 +52,8 @@ def estimate_background(frames: np.ndarray, pixels_per_mm: float) -> Background:
     """Estimate the background from a few frames of a scene in which only whiskers move.
 
     A pixel's background is the mean of its bright mode over time, so a whisker may rest in one
-    place for up to 85 % of the frames. What rests longer is found as a long thin dark line and
-    filled from its surroundings; with one or two frames there is nothing but that.
+    place for up to 85 % of the frames. What rests longer, or all in one or two frames, remains
+    for `without_whiskers`.
 
     Parameters
     ----------
@@ -63,16 +67,14 @@ def estimate_background(frames: np.ndarray, pixels_per_mm: float) -> Background:
     """
     if frames.ndim != 3 or not frames.size:
         raise ValueError(f"frames must be (k, height, width) with k >= 1, got {frames.shape}")
-    if len(frames) < 3:
+    if len(frames) < MOVIE_FRAMES:
         image = frames.mean(0, dtype=np.float32)
         noise = spatial_noise(image, len(frames))
     else:
         image, noise = temporal_background(frames)
-    thin = thin_dark_lines(image, pixels_per_mm, noise if len(frames) < 3 else (0.25, 0.0))
-    black, illumination = light_without_objects(fill(image, thin), pixels_per_mm)
-    if len(frames) < 3:
-        image = smooth_flat_parts(image, thin, pixels_per_mm, noise)
-    return Background(image, *noise, illumination, black)
+    open_image = fill(image, thin_dark_lines(image, pixels_per_mm, noise))
+    black, illumination = light_without_objects(open_image, pixels_per_mm)
+    return Background(image, *noise, illumination, black, len(frames))
 
 
 # ---- over time ----------------------------------------------------------------------------
@@ -208,14 +210,49 @@ def spatial_noise(image: np.ndarray, n_averaged: int = 1) -> tuple[float, float]
 
 
 def thin_dark_lines(image, pixels_per_mm, noise) -> np.ndarray:
-    """Pixels of thin dark lines, bool (height, width): darker than what lies on both sides."""
+    """Pixels of thin dark lines, bool (height, width): darker than what lies on both sides.
+
+    `noise`: (floor, gain) of the variance of `image`. Lines at the edges of large dark things
+    are left out: they are creases of those.
+    """
     smooth = cv2.GaussianBlur(image, (0, 0), 1.0)
     size = max(3, 2 * round(THICKEST_LINE_MM * pixels_per_mm / 2) + 1)
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
-    depth = cv2.morphologyEx(smooth, cv2.MORPH_CLOSE, disc) - smooth
-    # of the noise, 1/(2√π) is left after a blur of SD 1; closing adds about as much as its SD
-    limit = 5 * 0.28 * np.sqrt(noise[0] + noise[1] * smooth) + 0.015 * smooth
-    return cv2.dilate((depth > limit).astype(np.uint8), np.ones((3, 3), np.uint8)).astype(bool)
+    around = cv2.morphologyEx(smooth, cv2.MORPH_CLOSE, disc)
+    # of the noise's SD, 1/(2√π) = 0.28 is left after a blur of SD 1
+    limit = 5 * 0.28 * np.sqrt(noise[0] + noise[1] * around) + 0.02 * around + 0.5
+    large = around < 0.3 * np.percentile(around[::4, ::4], 95)
+    large = cv2.morphologyEx(large.astype(np.uint8), cv2.MORPH_OPEN, disc)
+    lines = (around - smooth > limit) & (cv2.dilate(large, disc) == 0)
+    return cv2.dilate(lines.astype(np.uint8), np.ones((3, 3), np.uint8)).astype(bool)
+
+
+def without_whiskers(background: Background, face: np.ndarray, pixels_per_mm) -> np.ndarray:
+    """Return the image with whiskers that never moved filled from their surroundings.
+
+    They are the long thin dark lines that come out of the face (bool mask); shorter lines are
+    fur, and lines elsewhere scratches and wires: these stay, as they should in a background.
+    """
+    movie = background.n_frames >= MOVIE_FRAMES
+    share = 1 / background.n_frames if movie else 1.0  # of the variance left in the average
+    noise = share * background.noise_floor, share * background.noise_gain
+    thin = thin_dark_lines(background.image, pixels_per_mm, noise) & ~face
+    whiskers = _long_lines_at(face, thin, pixels_per_mm)
+    if not movie:
+        return smooth_flat_parts(background.image, whiskers, pixels_per_mm, noise)
+    return fill(background.image, whiskers) if whiskers.any() else background.image
+
+
+def _long_lines_at(face, thin, pixels_per_mm):
+    """Connected lines that are longer than the shortest whisker and end near the face."""
+    reach = 2 * round(0.5 * pixels_per_mm) + 1
+    near = cv2.dilate(face.astype(np.uint8), np.ones((reach, reach), np.uint8)) > 0
+    _, labels, stats, _ = cv2.connectedComponentsWithStats(thin.astype(np.uint8))
+    extent = np.hypot(stats[:, cv2.CC_STAT_WIDTH], stats[:, cv2.CC_STAT_HEIGHT])
+    keep = extent > SHORTEST_WHISKER_MM * pixels_per_mm
+    keep &= np.isin(np.arange(len(stats)), labels[near])
+    keep[0] = False
+    return keep[labels]
 
 
 def fill(image: np.ndarray, holes: np.ndarray, reach_px: float = 4.0) -> np.ndarray:
@@ -236,35 +273,45 @@ def fill(image: np.ndarray, holes: np.ndarray, reach_px: float = 4.0) -> np.ndar
     return out
 
 
-def smooth_flat_parts(image, thin, pixels_per_mm, noise) -> np.ndarray:
-    """Average the noise of a single frame away where nothing but light changes."""
-    filled = fill(image, thin)
+def smooth_flat_parts(image, holes, pixels_per_mm, noise) -> np.ndarray:
+    """Fill `holes`, and average a single frame's noise away where nothing but light changes."""
+    filled = fill(image, holes)
     fine = cv2.GaussianBlur(filled, (0, 0), 1.0)
     coarse = cv2.GaussianBlur(filled, (0, 0), max(0.25 * pixels_per_mm, 2.0))
     limit = 2.0 * 0.28 * np.sqrt(noise[0] + noise[1] * fine) + 0.5
-    edge = cv2.blur((np.abs(fine - coarse) > limit).astype(np.float32), (7, 7))
-    share = np.clip(2.5 * edge - 0.5, 0, 1)
-    return share * fine + (1 - share) * coarse
+    changes = cv2.blur((np.abs(fine - coarse) > limit).astype(np.float32), (7, 7))
+    share = np.clip(2.5 * changes - 0.5, 0, 1)  # 0: flat, 1: something is there
+    structure = share * filled + (1 - share) * coarse
+    return np.where(holes, coarse, structure).astype(np.float32)
 
 
 def light_without_objects(image, pixels_per_mm) -> tuple[float, np.ndarray]:
-    """Black level, and the light as it would be without face, pole and rod, float32 (h, w)."""
+    """Black level, and the light as it would be without face, pole and rod, float32 (h, w).
+
+    Light fades smoothly, even into a dark corner; objects end at an edge. So the light is what
+    can be reached from bright places without crossing an edge.
+    """
     height, width = image.shape
-    cells = cv2.resize(
-        image, (max(width // CELL_PX, 1), max(height // CELL_PX, 1)), interpolation=cv2.INTER_AREA
-    )
+    size = (max(width // CELL_PX, 1), max(height // CELL_PX, 1))
+    cells = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
     bright = np.percentile(cells, 95)
     black = float(min(np.percentile(image[::2, ::2], 0.5), 0.25 * bright))
     reach = max(ILLUMINATION_MM * pixels_per_mm / CELL_PX, 1.5)
-    light = np.full_like(cells, bright)
-    for share in (0.3, 0.6, 0.75):
-        open_cells = cells > black + share * (light - black)
-        # cells at the edge of something dark are half dark themselves
-        open_cells = cv2.erode(open_cells.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
-        if open_cells.mean() < 0.02:
-            break
-        light = _spread(cells, open_cells, reach)
+    labels, seeds = _edgeless_regions(cells - black, 0.5 * (bright - black))
+    known = np.isin(labels, seeds)
+    light = _spread(cells, known, reach)
+    # places cut off by a rod: as bright as the light that comes over from the other side
+    similar = (labels > 0) & (cells > black + 0.6 * (light - black))
+    light = _spread(cells, known | similar, reach)
     return black, cv2.resize(light, (width, height), interpolation=cv2.INTER_LINEAR)
+
+
+def _edgeless_regions(cells, seed_level):
+    """Label regions without edges between neighbours; and which labels hold seeds."""
+    ones = np.ones((3, 3), np.uint8)
+    steep = cv2.dilate(cells, ones) > EDGE_RATIO * np.maximum(cv2.erode(cells, ones), 1.0)
+    _, labels = cv2.connectedComponents((~steep).astype(np.uint8), connectivity=4)
+    return labels, np.setdiff1d(labels[(cells > seed_level) & ~steep], 0)
 
 
 def _spread(cells, known, reach):

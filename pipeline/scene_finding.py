@@ -3,13 +3,7 @@
 import cv2
 import numpy as np
 
-from pipeline.background import (
-    SHORTEST_WHISKER_MM,
-    Background,
-    estimate_background,
-    fill,
-    thin_dark_lines,
-)
+from pipeline.background import estimate_background, without_whiskers
 from pipeline.face import face_side, find_face
 from pipeline.pole import find_pole
 from pipeline.records import PoleTrack, Recording, StaticScene
@@ -41,7 +35,7 @@ def scene_from_frames(
     transmission = background.transmission
     side = recording.face or face_side(transmission)
     face = find_face(transmission, side, scale)
-    image = without_resting_whiskers(background, face, scale)
+    image = without_whiskers(background, face, scale)
     pole = None
     if pole_diameter_m is not None:
         radius_px = 0.5e3 * pole_diameter_m * scale
@@ -55,21 +49,6 @@ def scene_from_frames(
         pole=_constant_track(pole, n_frames),
         face_side=side,
     )
-
-
-def without_resting_whiskers(background: Background, face, pixels_per_mm) -> np.ndarray:
-    """Fill long thin dark lines that come out of the face: whiskers that never moved."""
-    thin = thin_dark_lines(background.image, pixels_per_mm, (0.25, 0.0))
-    reach = 2 * round(0.5 * pixels_per_mm) + 1
-    near = cv2.dilate(face.astype(np.uint8), np.ones((reach, reach), np.uint8)) > 0
-    thin &= ~face
-    _, labels, stats, _ = cv2.connectedComponentsWithStats(thin.astype(np.uint8), connectivity=8)
-    extent = np.hypot(stats[:, cv2.CC_STAT_WIDTH], stats[:, cv2.CC_STAT_HEIGHT])
-    long = extent > SHORTEST_WHISKER_MM * pixels_per_mm
-    long[0] = False
-    attached = np.isin(np.arange(len(stats)), np.unique(labels[near]))
-    whiskers = np.isin(labels, np.flatnonzero(long & attached))
-    return fill(background.image, whiskers) if whiskers.any() else background.image
 
 
 def find_obstacles(transmission, face, pole, pixels_per_mm) -> np.ndarray:
