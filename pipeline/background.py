@@ -12,7 +12,7 @@ import numpy as np
 from numba import njit
 
 THICKEST_LINE_MM = 0.32  # blurred whiskers are thinner, poles and rods thicker
-SHORTEST_WHISKER_MM = 4.0  # shorter thin dark lines that never move are fur or dust: they stay
+SHORTEST_WHISKER_MM = 2.5  # shorter thin dark lines that never move are fur or dust: they stay
 ILLUMINATION_MM = 0.8  # the light is averaged over this length (SD)
 EDGE_RATIO = 1.4  # of light within three cells: more is the edge of something
 BRIGHT_RANK = 0.85  # of the samples of a pixel: free of whiskers that rest there up to this share
@@ -209,11 +209,11 @@ def spatial_noise(image: np.ndarray, n_averaged: int = 1) -> tuple[float, float]
     return _fit_noise(cv2.GaussianBlur(image, (0, 0), 2), variance)
 
 
-def thin_dark_lines(image, pixels_per_mm, noise) -> np.ndarray:
+def thin_dark_lines(image, pixels_per_mm, noise, face=None) -> np.ndarray:
     """Pixels of thin dark lines, bool (height, width): darker than what lies on both sides.
 
     `noise`: (floor, gain) of the variance of `image`. Lines at the edges of large dark things
-    are left out: they are creases of those.
+    are left out: they are creases of those; but whiskers do come out of the `face` (bool mask).
     """
     smooth = cv2.GaussianBlur(image, (0, 0), 1.0)
     size = max(3, 2 * round(THICKEST_LINE_MM * pixels_per_mm / 2) + 1)
@@ -223,6 +223,8 @@ def thin_dark_lines(image, pixels_per_mm, noise) -> np.ndarray:
     limit = 5 * 0.28 * np.sqrt(noise[0] + noise[1] * around) + 0.02 * around + 0.5
     large = around < 0.3 * np.percentile(around[::4, ::4], 95)
     large = cv2.morphologyEx(large.astype(np.uint8), cv2.MORPH_OPEN, disc)
+    if face is not None:
+        large[face] = 0
     lines = (around - smooth > limit) & (cv2.dilate(large, disc) == 0)
     return cv2.dilate(lines.astype(np.uint8), np.ones((3, 3), np.uint8)).astype(bool)
 
@@ -236,7 +238,7 @@ def without_whiskers(background: Background, face: np.ndarray, pixels_per_mm) ->
     movie = background.n_frames >= MOVIE_FRAMES
     share = 1 / background.n_frames if movie else 1.0  # of the variance left in the average
     noise = share * background.noise_floor, share * background.noise_gain
-    thin = thin_dark_lines(background.image, pixels_per_mm, noise) & ~face
+    thin = thin_dark_lines(background.image, pixels_per_mm, noise, face) & ~face
     whiskers = _long_lines_at(face, thin, pixels_per_mm)
     if not movie:
         return smooth_flat_parts(background.image, whiskers, pixels_per_mm, noise)
@@ -281,8 +283,7 @@ def smooth_flat_parts(image, holes, pixels_per_mm, noise) -> np.ndarray:
     limit = 2.0 * 0.28 * np.sqrt(noise[0] + noise[1] * fine) + 0.5
     changes = cv2.blur((np.abs(fine - coarse) > limit).astype(np.float32), (7, 7))
     share = np.clip(2.5 * changes - 0.5, 0, 1)  # 0: flat, 1: something is there
-    structure = share * filled + (1 - share) * coarse
-    return np.where(holes, coarse, structure).astype(np.float32)
+    return (share * filled + (1 - share) * coarse).astype(np.float32)
 
 
 def light_without_objects(image, pixels_per_mm) -> tuple[float, np.ndarray]:

@@ -1,19 +1,37 @@
 """A video's static scene: background, face, pole, obstacles."""
 
+from dataclasses import dataclass
+
 import cv2
 import numpy as np
 
 from pipeline.background import estimate_background, without_whiskers
-from pipeline.face import face_side, find_face
+from pipeline.epochs import Cells, states_of, stretches
+from pipeline.face import face_side, find_face, opened
 from pipeline.pole import find_pole
 from pipeline.records import PoleTrack, Recording, StaticScene
 
 N_SAMPLES = 32
+LEAST_OBSTACLE_MM2 = 0.05
 OPAQUE = 0.7  # share of the light below which something static hides whiskers
 
 
-def find_scene(video, recording: Recording, pole_diameter_m=0.5e-3, pole_xy=None) -> StaticScene:
-    """Find what does not move in a video.
+@dataclass(frozen=True)
+class Epoch:
+    """Frames [start, stop) with what stood still in them; stop None: to the video's end.
+
+    `scene` is None while something large moved: there, nothing can be said for sure.
+    """
+
+    start: int
+    stop: int | None
+    scene: StaticScene | None
+
+
+def find_scenes(
+    video, recording: Recording, pole_diameter_m=0.5e-3, pole_xy=None
+) -> tuple[Epoch, ...]:
+    """Find what does not move in a video, in each stretch between moves of large things.
 
     Parameters
     ----------
@@ -21,9 +39,37 @@ def find_scene(video, recording: Recording, pole_diameter_m=0.5e-3, pole_xy=None
     recording : frame rate, scale, side of the face (None: find it)
     pole_diameter_m : [m]; None: there is no pole
     pole_xy : (x, y) [px] of the pole where a person gave it
+
+    Returns
+    -------
+    epochs, without gaps, from frame 0 on. Where a state of the scene returns (the pole away
+    again), it is the same StaticScene.
     """
-    _, frames = video.sample(N_SAMPLES)
-    return scene_from_frames(frames, recording, pole_diameter_m, pole_xy, video.n_frames or 1)
+    indices, frames = video.sample(N_SAMPLES)
+    compare = Cells(video.shape, recording.pixels_per_mm)
+    cells = [compare.of(frame) for frame in frames]
+    states = states_of(cells, compare)
+    n_frames = video.n_frames or 1
+    scenes = [
+        scene_from_frames(frames[states == s], recording, pole_diameter_m, pole_xy, n_frames)
+        for s in range(states.max() + 1)
+    ]
+    return tuple(
+        Epoch(part.start, part.stop, None if part.state is None else scenes[part.state])
+        for part in stretches(video, indices, cells, states, compare)
+    )
+
+
+def find_scene(video, recording: Recording, pole_diameter_m=0.5e-3, pole_xy=None) -> StaticScene:
+    """As `find_scenes`, but only the scene that holds for most of the video."""
+    epochs = find_scenes(video, recording, pole_diameter_m, pole_xy)
+    end = video.n_frames or (epochs[-1].start + 1)
+    held = {}
+    for epoch in epochs:
+        if epoch.scene is not None:
+            length = (end if epoch.stop is None else epoch.stop) - epoch.start
+            held[id(epoch.scene)] = held.get(id(epoch.scene), 0) + length
+    return max((e.scene for e in epochs if e.scene), key=lambda scene: held[id(scene)])
 
 
 def scene_from_frames(
@@ -35,13 +81,12 @@ def scene_from_frames(
     transmission = background.transmission
     side = recording.face or face_side(transmission)
     face = find_face(transmission, side, scale)
-    image = without_whiskers(background, face, scale)
     pole = None
     if pole_diameter_m is not None:
         radius_px = 0.5e3 * pole_diameter_m * scale
         pole = find_pole(transmission, radius_px, pole_xy, face)
     return StaticScene(
-        background=image,
+        background=without_whiskers(background, face, scale),
         noise_gain=background.noise_gain,
         noise_floor=background.noise_floor,
         face_mask=face,
@@ -57,13 +102,14 @@ def find_obstacles(transmission, face, pole, pixels_per_mm) -> np.ndarray:
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
     dark = cv2.morphologyEx((transmission < OPAQUE).astype(np.uint8), cv2.MORPH_OPEN, disc)
     dark[face] = 0
-    fringe = cv2.dilate(face.astype(np.uint8), disc) > 0
     _, labels, stats, _ = cv2.connectedComponentsWithStats(dark)
-    area = stats[:, cv2.CC_STAT_AREA] / pixels_per_mm**2
-    at_face = np.isin(np.arange(len(stats)), np.unique(labels[fringe]))
-    keep = np.where(at_face, area > 2.0, area > 0.05)
+    keep = stats[:, cv2.CC_STAT_AREA] > LEAST_OBSTACLE_MM2 * pixels_per_mm**2
+    # along the face there is always a fringe of fur, half dark: only what is thick counts there
+    at_face = np.unique(labels[cv2.dilate(face.astype(np.uint8), disc) > 0])
+    thick = np.unique(labels[opened(dark, pixels_per_mm)])
+    keep[np.setdiff1d(at_face, thick)] = False
     keep[0] = False
-    mask = np.isin(labels, np.flatnonzero(keep))
+    mask = keep[labels]
     if pole is not None:
         rows, columns = np.ogrid[: mask.shape[0], : mask.shape[1]]
         mask |= np.hypot(columns - pole.x_px, rows - pole.y_px) < pole.radius_px
