@@ -77,48 +77,90 @@ def local_polynomial(x, y, offset, information, first, last, at, degree, coeffic
 
 
 @njit(cache=True)
-def _curvature(x, y, offset, information, at, first, last, degree):
-    """Curvature [1/px] at node `at` and its standard error, positive counter-clockwise."""
+def _curvature(x, y, offset, information, at, beyond, first, last, degree):
+    """Curvature [1/px] `beyond` px after node `at`, and its standard error; + is ccw."""
     coefficients = np.zeros(6)
     inverse = np.zeros((6, 6))
     scale, _, _, chi2 = local_polynomial(
         x, y, offset, information, first, last, at, degree, coefficients, inverse
     )
-    slope = coefficients[1] / scale
-    stretch = (1 + slope * slope) ** 1.5
-    kappa = 2 * coefficients[2] / scale**2 / stretch
-    variance = inverse[2, 2] * max(chi2, 1.0)
-    return kappa, 2 * np.sqrt(max(variance, 0.0)) / scale**2 / stretch
+    u = beyond / scale
+    slope = 0.0
+    bend = 0.0
+    variance = 0.0
+    for k in range(1, degree + 1):
+        slope += k * coefficients[k] * u ** (k - 1) / scale
+        if k >= 2:
+            second_k = k * (k - 1) * u ** (k - 2)
+            bend += second_k * coefficients[k]
+            for m in range(2, degree + 1):
+                variance += second_k * m * (m - 1) * u ** (m - 2) * inverse[k, m]
+    to_curvature = 1 / scale**2 / (1 + slope * slope) ** 1.5
+    se = np.sqrt(max(variance, 0.0) * max(chi2, 1.0)) * to_curvature
+    return bend * to_curvature, se
 
 
 @njit(cache=True)
 def _base(x, y, offset, information, hidden, skip, window):
-    """Follicle (x, y) and the tangent (tx, ty) there, extrapolated by `hidden` px of arc."""
+    """Follicle (x, y) and the tangent (tx, ty) there, extrapolated by `hidden` px of arc.
+
+    The model is a curve whose curvature is linear in arc length, θ(s) = θ0 + k0 s + k1 s²/2,
+    through (x0, y0) + v0 n̂; Gauss–Newton with the derivatives of its small-angle form.
+    """
     n = len(x)
     first = min(skip, n // 4)
     last = min(first + window, n)
-    coefficients = np.zeros(6)
-    inverse = np.zeros((6, 6))
-    scale, tx, ty, _ = local_polynomial(
-        x, y, offset, information, first, last, first, 3, coefficients, inverse
-    )
-    # go back from node `first` by the arc length first + hidden
+    b = min(first + 8, n - 1)
+    theta = np.arctan2(-(y[b] - y[first]), x[b] - x[first])
+    px = x[first]
+    py = y[first]
+    scale = max(last - first, 4) * 1.0
+    k0 = 0.0
+    k1 = 0.0
+    row = np.empty(4)
+    for _ in range(4):
+        matrix = np.zeros((4, 4))
+        rhs = np.zeros(4)
+        mx = px
+        my = py
+        for i in range(first, last):
+            s = i - first
+            angle = theta + s * (k0 + 0.5 * k1 * s)
+            nx = -np.sin(angle)
+            ny = -np.cos(angle)
+            w = information[i]
+            r = (x[i] - mx) * nx + (y[i] - my) * ny + offset[i]
+            u = s / scale
+            row[0] = 1.0
+            row[1] = u
+            row[2] = 0.5 * u * u
+            row[3] = u * u * u / 6
+            for k in range(4):
+                rhs[k] += w * row[k] * r
+                for m in range(4):
+                    matrix[k, m] += w * row[k] * row[m]
+            middle = theta + (s + 0.5) * (k0 + 0.5 * k1 * (s + 0.5))
+            mx += np.cos(middle)
+            my -= np.sin(middle)
+        for k in range(4):
+            matrix[k, k] += 1e-9
+        step = np.linalg.solve(matrix, rhs)
+        px -= step[0] * np.sin(theta)
+        py -= step[0] * np.cos(theta)
+        theta += step[1] / scale
+        k0 += step[2] / scale**2
+        k1 += step[3] / scale**3
     remaining = first + hidden
-    u = 0.0
-    slope = 0.0
+    s = 0.0
     while remaining > 0:
-        t = u / scale
-        slope = (coefficients[1] + 2 * coefficients[2] * t + 3 * coefficients[3] * t * t) / scale
-        step = min(0.5, remaining)
-        u -= step / np.sqrt(1 + slope * slope)
-        remaining -= step
-    t = u / scale
-    v = coefficients[0] + t * (coefficients[1] + t * (coefficients[2] + t * coefficients[3]))
-    slope = (coefficients[1] + 2 * coefficients[2] * t + 3 * coefficients[3] * t * t) / scale
-    norm = np.sqrt(1 + slope * slope)
-    bx = (tx + slope * ty) / norm
-    by = (ty - slope * tx) / norm
-    return x[first] + u * tx + v * ty, y[first] + u * ty - v * tx, bx, by
+        h = min(1.0, remaining)
+        middle = theta + (s - 0.5 * h) * (k0 + 0.5 * k1 * (s - 0.5 * h))
+        px -= h * np.cos(middle)
+        py += h * np.sin(middle)
+        s -= h
+        remaining -= h
+    angle = theta + s * (k0 + 0.5 * k1 * s)
+    return px, py, np.cos(angle), -np.sin(angle)
 
 
 @njit(cache=True)
@@ -151,6 +193,7 @@ def _measure_rows(
         out[row, 1] = fy
         out[row, 2] = np.arctan2(-by, bx)
         at = int(np.floor(at_px - hidden[row] + 0.5))
+        beyond = at_px - hidden[row] - at
         if at < 4 or at > n - 5:
             continue
         first = max(at - window, 0)
@@ -162,7 +205,7 @@ def _measure_rows(
         degree = 4 if last - first > 1.4 * window and last - at > window // 4 else 3
         if last - first < 12 or last - at < 4:
             continue
-        kappa, se = _curvature(x, y, raw[a:b], info[a:b], at, first, last, degree)
+        kappa, se = _curvature(x, y, raw[a:b], info[a:b], at, beyond, first, last, degree)
         out[row, 3] = kappa
         out[row, 4] = se
 

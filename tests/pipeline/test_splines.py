@@ -1,0 +1,72 @@
+"""Banded spline least squares against dense linear algebra."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pipeline import splines
+
+
+def dense_basis(n, spacing):
+    """The basis as a full matrix, one row per node."""
+    out = np.zeros((n, splines.n_coefficients(n, spacing)))
+    for i in range(n):
+        j = int(i // spacing)
+        out[i, j : j + 4] = splines.basis(i / spacing - j)
+    return out
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    n=st.integers(8, 120),
+    spacing=st.floats(3.0, 20.0),
+    seed=st.integers(0, 10**6),
+    strength=st.floats(0.01, 100.0),
+)
+def test_penalised_fit_equals_dense_solution(n, spacing, seed, strength):
+    rng = np.random.default_rng(seed)
+    weight, value = rng.uniform(0.1, 2, n), rng.standard_normal(n)
+    band, rhs = np.zeros((n + 8, 4)), np.zeros(n + 8)
+    k = splines.normal_equations(weight, weight * value, n, spacing, band, rhs)
+    splines.add_second_difference_penalty(band, k, strength)
+    splines.factorise(band, k)
+    splines.solve_factorised(band, rhs, k)
+
+    basis = dense_basis(n, spacing)
+    difference = np.diff(np.eye(k), 2, axis=0)
+    matrix = basis.T @ (weight[:, None] * basis) + strength * difference.T @ difference
+    expected = np.linalg.solve(matrix, basis.T @ (weight * value))
+    np.testing.assert_allclose(rhs[:k], expected, atol=1e-7 * np.abs(expected).max() + 1e-7)
+
+
+def test_basis_sums_to_one():
+    for t in np.linspace(0, 1, 11):
+        assert sum(splines.basis(t)) == pytest.approx(1)
+
+
+def test_smooth_keeps_a_cubic():
+    n, spacing = 200, 16.0
+    i = np.arange(n)
+    cubic = 3 + 0.1 * i - 2e-4 * i**2 + 1e-6 * i**3
+    out = np.zeros(n)
+    splines.smooth(cubic, n, spacing, np.zeros((n, 4)), np.zeros(n), out)
+    assert np.abs(out - cubic).max() < 0.02  # px; the weak third-difference penalty bends it
+
+
+def test_smoothness_prior_pulls_a_kinked_line_straight():
+    n, spacing = 200, 10.0
+    x, y = np.arange(n, dtype=float), np.abs(np.arange(n) - 100.0) * 0.05
+    nx, ny = np.zeros(n), -np.ones(n)
+    band, rhs = np.zeros((n, 4)), np.zeros(n)
+    k = splines.normal_equations(np.full(n, 1e-3), np.zeros(n), n, spacing, band, rhs)
+    splines.add_smoothness_prior(band, rhs, k, x, y, nx, ny, n, spacing, 1e3)
+    for i in range(k):
+        band[i, 0] += 1e-6
+    splines.factorise(band, k)
+    splines.solve_factorised(band, rhs, k)
+    offset = np.zeros(n)
+    splines.evaluate(rhs, n, spacing, offset)
+    before = np.diff(y[::10], 3)[2:-2]
+    after = np.diff((y + ny * offset)[::10], 3)[2:-2]
+    assert (after**2).sum() < 0.35 * (before**2).sum()
