@@ -181,12 +181,26 @@ def read_frames(path, columns=None) -> pd.DataFrame:
     return pq.read_table(path, columns=columns).to_pandas()
 
 
-def write_centrelines(path, centrelines: Centrelines) -> None:
-    """Write centrelines.parquet: a row per whisker and frame, points as lists."""
+@contextlib.contextmanager
+def centreline_file(path):
+    """Yield a function that takes `Centrelines`, chunk by chunk, into centrelines.parquet.
+
+    The file, a row per whisker and frame with the points as lists, appears when the block ends.
+    """
     with _parquet_writer(path, CENTRELINE_COLUMNS) as writer:
-        for start in range(0, len(centrelines), ROWS_PER_GROUP):
-            stop = min(start + ROWS_PER_GROUP, len(centrelines))
-            writer.write_table(_centreline_rows(centrelines, start, stop, writer.schema))
+
+        def keep(centrelines: Centrelines) -> None:
+            for start in range(0, len(centrelines), ROWS_PER_GROUP):
+                stop = min(start + ROWS_PER_GROUP, len(centrelines))
+                writer.write_table(_centreline_rows(centrelines, start, stop, writer.schema))
+
+        yield keep
+
+
+def write_centrelines(path, centrelines: Centrelines) -> None:
+    """Write centrelines.parquet in one go."""
+    with centreline_file(path) as keep:
+        keep(centrelines)
 
 
 def _centreline_rows(centrelines, start, stop, schema):
@@ -225,7 +239,6 @@ def read_centrelines(path) -> Centrelines:
         y_px=y,
         se_px=np.full(len(x), np.nan, np.float32),
         confidence=np.full(len(frame), np.nan, np.float32),
-        n_frames=int(frame.max()) + 1 if len(frame) else 0,
     )
 
 

@@ -1,0 +1,341 @@
+"""Many videos: which are due, each in a worker process, results of all in one folder."""
+
+import hashlib
+import platform
+import sys
+import time
+from dataclasses import asdict, dataclass, field, replace
+from datetime import UTC, datetime
+from pathlib import Path
+
+import pandas as pd
+
+from pipeline import __version__, tables
+from pipeline.inputs import (
+    STATE_FILE,
+    InputError,
+    find_inputs,
+    results_folders,
+    settings_of,
+    sha256,
+    stamp,
+)
+from pipeline.records import CONTACT_COLUMNS
+from pipeline.settings import Settings, session_text, write_session
+from pipeline.workers import run_tasks
+
+RESULT_FILES = ("centrelines.parquet", "frames.parquet", "contacts.csv", "session.toml")
+
+
+@dataclass(frozen=True)
+class Task:
+    """One video to process into `folder`; if its tables are `finished`, only to draw it."""
+
+    path: Path
+    folder: Path
+    settings: Settings
+    overlay: bool = False
+    finished: "Outcome | None" = None
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of one video: a row of videos.csv, and for run.json how it was made.
+
+    `status` is "done", "warning" or "failed"; `details` is the traceback of a fault.
+    """
+
+    video: str
+    path: str
+    status: str
+    frames: int = 0
+    frames_per_s: float = 0.0
+    message: str = ""
+    contacts: int = 0
+    stages: dict = field(default_factory=dict)
+    sha256: str = ""
+    details: str = ""
+
+    def line(self) -> str:
+        """The outcome in one line."""
+        if self.status == "failed":
+            return f"failed: {self.message}"
+        message = f"; {self.message}" if self.message else ""
+        return (
+            f"{self.status}, {self.frames} frames, {self.frames_per_s:.0f} frames/s, "
+            f"{self.contacts} contacts{message}"
+        )
+
+
+@dataclass(frozen=True)
+class Summary:
+    """What a run did: all outcomes of the results folder, of which `skipped` were there before."""
+
+    out: Path
+    outcomes: tuple[Outcome, ...]
+    skipped: int
+    seconds: float
+    interrupted: bool = False
+
+    def of(self, status) -> list[Outcome]:
+        """Outcomes of one status."""
+        return [each for each in self.outcomes if each.status == status]
+
+
+def run(paths, out, config=None, jobs=1, overwrite=False, overlay=False, progress=None):
+    """Process videos and folders of videos into the results folder `out`; return a `Summary`.
+
+    Videos whose results are there, from the same input, settings and version, are not
+    processed again unless `overwrite`. `progress(names)` returns a `pipeline.progress.Progress`.
+
+    Raises
+    ------
+    InputError
+        Where an argument or the settings cannot be used; nothing is processed then.
+    """
+    started = time.monotonic()
+    out = Path(out)
+    inputs = find_inputs(paths, out)
+    settings = settings_of(inputs, config)
+    _make_folder(out)
+    names = results_folders(inputs, out)
+    tasks = []
+    for each in inputs:
+        if not each.fault:
+            task = Task(each.path.resolve(), out / names[each.path], settings[each.path], overlay)
+            tasks.append(task if overwrite else replace(task, finished=finished_outcome(task)))
+    due = [t for t in tasks if not t.finished or (overlay and not has_overlay(t.folder))]
+    outcomes = {t.folder.name: t.finished for t in tasks if t not in due}
+    skipped = len(outcomes)
+    for each in inputs:
+        if each.fault:
+            name = names[each.path]
+            outcomes[name] = Outcome(name, str(each.path), "failed", message=each.fault)
+    interrupted = _process(due, outcomes, jobs, progress)
+    ordered = [outcomes[name] for name in names.values() if name in outcomes]
+    ordered += _earlier(out, set(names.values()))
+    seconds = time.monotonic() - started
+    summary = Summary(out, tuple(ordered), skipped, seconds, interrupted)
+    _write_session(out, list(settings.values()), config)
+    _write_tables(summary, jobs)
+    return summary
+
+
+def _make_folder(out):
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        with tables.whole_file(out / "videos.csv.try") as temporary:
+            temporary.write_text("")
+        (out / "videos.csv.try").unlink()
+    except OSError as error:
+        raise InputError(f"--out {out}: cannot write there ({error}); choose a folder") from None
+
+
+def _process(tasks, outcomes, jobs, progress) -> bool:
+    """Run the tasks and put their outcomes in; True if the user interrupted."""
+    from pipeline.progress import Progress
+
+    names = [task.folder.name for task in tasks]
+    with (progress or Progress)(names) as shown:
+
+        def take(event):
+            if event.kind == "died":
+                outcomes[names[event.task]] = _died(tasks[event.task], event.value)
+            elif event.kind == "done":
+                outcomes[names[event.task]] = event.value
+            shown.tell(event)
+
+        try:
+            run_tasks(process_video, tasks, take, jobs)
+        except KeyboardInterrupt:
+            return True
+    return False
+
+
+# --- one video ---------------------------------------------------------------------------
+
+
+def process_video(task: Task, report=None) -> Outcome:
+    """Analyse one video and save its results; a failure is an outcome, not an exception.
+
+    `report((frames done, frames))` is called now and then.
+    """
+    from pipeline.errors import VideoError
+
+    try:
+        if task.finished:
+            _write_overlay(task)
+            return task.finished
+        _forget(task.folder)
+        task.folder.mkdir(exist_ok=True)
+        tables.write_json(task.folder / STATE_FILE, {"path": str(task.path), "status": "begun"})
+        outcome = _analyse_and_save(task, report)
+    except VideoError as error:
+        return _failed(task, error.problem)
+    except OSError as error:
+        return _failed(task, str(error))
+    finally:
+        if task.folder.is_dir() and not any(task.folder.iterdir()):
+            task.folder.rmdir()
+    return outcome
+
+
+def _analyse_and_save(task, report) -> Outcome:
+    """The straight way; the state file comes last and says that the results are whole."""
+    from pipeline.run import analyse
+
+    started = time.perf_counter()
+    before = stamp(task.path)
+    with tables.centreline_file(task.folder / "centrelines.parquet") as keep:
+        analysis = analyse(task.path, task.settings, keep, report)
+    contacts = analysis.contacts.assign(video=task.folder.name)
+    tables.write_frames(task.folder / "frames.parquet", analysis.frames)
+    tables.write_csv(task.folder / "contacts.csv", contacts, CONTACT_COLUMNS)
+    write_session(task.folder / "session.toml", task.settings)
+    if task.overlay:
+        _write_overlay(task)
+    seconds = time.perf_counter() - started
+    outcome = Outcome(
+        video=task.folder.name,
+        path=str(task.path),
+        status="warning" if analysis.messages else "done",
+        frames=analysis.n_frames,
+        frames_per_s=analysis.n_frames / seconds,
+        message="; ".join(analysis.messages),
+        contacts=len(contacts),
+        stages={stage: round(s, 3) for stage, s in analysis.seconds.items()},
+        sha256=sha256(task.path),
+    )
+    _save_state(task, outcome, before)
+    return outcome
+
+
+def has_overlay(folder) -> bool:
+    """The results folder of a video holds an overlay."""
+    return any(folder.glob("overlay.*"))
+
+
+def _write_overlay(task):
+    from pipeline.overlay import write_overlay
+
+    write_overlay(task.path, task.folder, task.settings)
+
+
+def _forget(folder):
+    """Remove earlier results (a person's corrections stay), first what calls them whole."""
+    for name in (STATE_FILE, *RESULT_FILES):
+        (folder / name).unlink(missing_ok=True)
+    for leftover in (*folder.glob("overlay.*"), *folder.glob(".*.part*")):
+        leftover.unlink()
+
+
+def _failed(task, message, details="") -> Outcome:
+    _forget(task.folder)
+    message = " ".join(message.split())
+    return Outcome(task.folder.name, str(task.path), "failed", message=message, details=details)
+
+
+def _died(task, reason) -> Outcome:
+    """A fault of the program, or of the process it ran in."""
+    last = reason.strip().splitlines()[-1]
+    if "Traceback" in reason:
+        last = f"unexpected fault of the program: {last}; --debug shows where"
+    return _failed(task, last, reason)
+
+
+# --- resumption --------------------------------------------------------------------------
+
+
+def _settings_digest(settings) -> str:
+    return hashlib.sha256(settings.model_dump_json().encode()).hexdigest()
+
+
+def _save_state(task, outcome, before):
+    state = {
+        "version": __version__,
+        **{k: v for k, v in asdict(outcome).items() if k != "details"},
+        "settings_sha256": _settings_digest(task.settings),
+        "input": before,
+    }
+    tables.write_json(task.folder / STATE_FILE, state)
+
+
+def finished_outcome(task: Task) -> Outcome | None:
+    """The outcome of an earlier run whose results still hold for this task, or None.
+
+    They hold while version, settings and the input's content are the same and all files are
+    there. The content is read only where size or times differ.
+    """
+    state = tables.read_json(task.folder / STATE_FILE, {})
+    if state.get("version") != __version__:
+        return None
+    if state.get("settings_sha256") != _settings_digest(task.settings):
+        return None
+    if not all((task.folder / name).is_file() for name in RESULT_FILES):
+        return None
+    if state["input"] != stamp(task.path) and state["sha256"] != sha256(task.path):
+        return None
+    return _outcome(state)
+
+
+def _outcome(state) -> Outcome:
+    return Outcome(**{k: v for k, v in state.items() if k in Outcome.__dataclass_fields__})
+
+
+def _earlier(out, names) -> list[Outcome]:
+    """Whole results in `out` of videos that are not among this run's inputs."""
+    states = (tables.read_json(p) for p in sorted(out.glob(f"*/{STATE_FILE}")))
+    whole = [_outcome(state) for state in states if state and "version" in state]
+    return [each for each in whole if each.video not in names]
+
+
+# --- the whole folder --------------------------------------------------------------------
+
+
+def _write_session(out, settings, config):
+    """Write the settings in force, unless the user's own file already lies there."""
+    target = out / "session.toml"
+    if config is not None and target.exists() and target.samefile(config):
+        return
+    distinct = list(dict.fromkeys(settings))
+    if not distinct:
+        return
+    text = session_text(distinct[0])
+    if len(distinct) > 1:
+        note = "# Videos differ in their settings: these are the first one's; each video's\n"
+        text = f"{note}# results folder holds its own.\n{text}"
+    tables.write_text(target, text)
+
+
+def _write_tables(summary, jobs):
+    """Write videos.csv, contacts.csv and run.json of the whole results folder."""
+    rows = [asdict(each) for each in summary.outcomes]
+    videos = pd.DataFrame(rows, columns=[c.name for c in tables.VIDEO_COLUMNS])
+    tables.write_csv(summary.out / "videos.csv", videos, tables.VIDEO_COLUMNS)
+    parts = [
+        tables.read_csv(summary.out / each.video / "contacts.csv", CONTACT_COLUMNS)
+        for each in summary.outcomes
+        if each.status != "failed"
+    ]
+    contacts = pd.concat(parts) if parts else pd.DataFrame()
+    tables.write_csv(summary.out / "contacts.csv", contacts, CONTACT_COLUMNS)
+    tables.write_json(summary.out / STATE_FILE, _run_record(summary, jobs))
+
+
+def _run_record(summary, jobs) -> dict:
+    """How the results came about: run.json."""
+    kept = ("path", "sha256", "status", "frames", "stages")
+    return {
+        "program": "whiskerforce",
+        "version": __version__,
+        "finished": datetime.now(UTC).isoformat(timespec="seconds"),
+        "command": sys.argv[1:],
+        "python": platform.python_version(),
+        "platform": platform.platform(),
+        "jobs": jobs,
+        "seconds": round(summary.seconds, 3),
+        "interrupted": summary.interrupted,
+        "inputs": {
+            each.video: {key: getattr(each, key) for key in kept} for each in summary.outcomes
+        },
+    }

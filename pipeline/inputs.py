@@ -1,0 +1,178 @@
+"""Which videos to process, where their settings and results lie, and whether they changed."""
+
+import hashlib
+from dataclasses import dataclass
+from pathlib import Path
+
+from pipeline.errors import VideoError
+from pipeline.settings import SettingsError, read_session
+from pipeline.tables import read_json
+from pipeline.video import RESULT_FILES, RESULT_FOLDERS, find_videos, open_video
+
+STATE_FILE = "run.json"
+PREVIEW_NAME = "session_preview.png"
+RESERVED_NAMES = frozenset(RESULT_FOLDERS)  # no video's results folder may be called so
+
+
+class InputError(ValueError):
+    """Unusable arguments; the message names them and says what to do."""
+
+
+@dataclass(frozen=True)
+class Input:
+    """One video to process: a file or a folder of images; `fault` says why it cannot be.
+
+    `root` is the path the user named: the input itself or a folder above it.
+    """
+
+    path: Path
+    root: Path
+    fault: str = ""
+
+
+def find_inputs(paths, out=None) -> list[Input]:
+    """Return the videos among `paths` (files, folders of images, folders of videos), in order.
+
+    A folder is searched with its subfolders, without hidden ones and results (`out` may be the
+    folder itself). A folder with nothing in it is an `Input` with a fault. InputError where a
+    path does not exist.
+    """
+    paths = [Path(path) for path in paths]
+    absent = [str(path) for path in paths if not path.exists()]
+    if absent:
+        raise InputError(f"no such file or folder: {', '.join(absent)}; check the spelling")
+    out = None if out is None else Path(out).resolve()
+    found = {}
+    for root in paths:
+        for path in _videos_in(root, out) if root.is_dir() else [root]:
+            found.setdefault(path.resolve(), Input(path, root, _fault(path)))
+    return list(found.values())
+
+
+def _videos_in(folder, out) -> list[Path]:
+    """Videos in a folder and in the subfolders that are no videos themselves."""
+    here = find_videos([folder])
+    below = []
+    for entry in sorted(folder.iterdir()):
+        if entry.is_dir() and entry not in here and not _is_result(entry, out):
+            below += [path for path in _videos_in(entry, out) if path != entry or not _fault(path)]
+    if below and here == [folder] and _fault(folder):
+        return below
+    return here + below
+
+
+def _is_result(folder, out) -> bool:
+    """Hidden, or written by `whiskerforce`, or by Python."""
+    if folder.name.startswith(".") or folder.name in RESULT_FOLDERS or folder.resolve() == out:
+        return True
+    return any((folder / name).exists() for name in RESULT_FILES)
+
+
+def _fault(path) -> str:
+    """Why a folder is no input; files are only opened when their turn comes."""
+    if not path.is_dir():
+        return ""
+    try:
+        open_video(path).close()
+    except VideoError as error:
+        return error.problem
+    return ""
+
+
+def session_of(each: Input, config=None) -> Path:
+    """The session.toml for an input: `config`, or the nearest one.
+
+    That is: in a folder of images, beside the video, or above it up to the folder that the
+    user named. InputError where there is none.
+    """
+    if config is not None:
+        return Path(config)
+    path, root = each.path.resolve(), each.root.resolve()
+    places = [path, path.parent] if path.is_dir() else [path.parent]
+    places += [p for p in path.parents if p == root or root in p.parents]
+    for folder in places:
+        if (folder / "session.toml").is_file():
+            return folder / "session.toml"
+    raise InputError(
+        f"no session.toml in {path.parent}, beside the videos; give one with --config, or let "
+        f"`whiskerforce init {each.path.parent}` write one"
+    )
+
+
+def settings_of(inputs, config=None) -> dict:
+    """Settings of each input without a fault, by its path; every file is read once.
+
+    InputError or SettingsError with all that is wrong, before anything is processed.
+    """
+    read, problems, settings = {}, [], {}
+    for each in inputs:
+        if each.fault:
+            continue
+        try:
+            session = session_of(each, config)
+            if session not in read:
+                read[session] = None
+                read[session] = read_session(session)
+            settings[each.path] = read[session]
+        except (InputError, SettingsError) as error:
+            problems.append(str(error))
+    if problems:
+        raise InputError("\n".join(dict.fromkeys(problems)))
+    return settings
+
+
+def results_folders(inputs, out) -> dict:
+    """Give each input the name of its results folder in `out`, distinct for distinct inputs.
+
+    The name is the stem; where two inputs share one (whatever the case of its letters), the
+    later becomes stem_2, stem_3, … An input keeps the folder that an earlier run gave it.
+    """
+    out = Path(out)
+    paths = {str(each.path.resolve()) for each in inputs}
+    before = read_json(out / STATE_FILE, {}).get("inputs", {})
+    owner = {state["path"]: name for name, state in before.items() if state["path"] in paths}
+    for state in out.glob(f"*/{STATE_FILE}"):  # the last run may have been killed
+        owner[read_json(state, {}).get("path")] = state.parent.name
+    taken = {name.casefold() for name in (*RESERVED_NAMES, *owner.values())}
+    taken.update(folder.name.casefold() for folder in out.iterdir() if folder.is_dir())
+    names = {}
+    for each in inputs:
+        name = owner.get(str(each.path.resolve()))
+        names[each.path] = name or _free_name(_stem(each.path), taken)
+        taken.add(names[each.path].casefold())
+    return names
+
+
+def _stem(path) -> str:
+    """Name for results of `path`; the folder's own name where the path is `.`."""
+    path = path if path.name not in ("", "..") else path.resolve()
+    return (path.name if path.is_dir() else path.stem) or "video"
+
+
+def _free_name(stem, taken) -> str:
+    name, number = stem, 2
+    while name.casefold() in taken:
+        name, number = f"{stem}_{number}", number + 1
+    return name
+
+
+def stamp(path) -> dict:
+    """Size and times of a file, or of all files of a folder: changes with the content."""
+    files = sorted(p for p in path.iterdir() if p.is_file()) if path.is_dir() else [path]
+    stats = [file.stat() for file in files]
+    return {
+        "bytes": sum(s.st_size for s in stats),
+        "modified_ns": max((s.st_mtime_ns for s in stats), default=0),
+        "changed_ns": max((s.st_ctime_ns for s in stats), default=0),
+    }
+
+
+def sha256(path) -> str:
+    """SHA-256 of a file's content, or of the names and contents of a folder's files."""
+    if not path.is_dir():
+        with open(path, "rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    whole = hashlib.sha256()
+    for file in sorted(p for p in path.iterdir() if p.is_file()):
+        whole.update(f"{file.name} {sha256(file)}\n".encode())
+    return whole.hexdigest()

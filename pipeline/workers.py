@@ -1,0 +1,142 @@
+"""Tasks in worker processes, one at a time each; a process that dies costs its task only."""
+
+import contextlib
+import multiprocessing
+import signal
+import time
+import traceback
+from collections import deque
+from dataclasses import dataclass
+from multiprocessing.connection import wait
+from typing import Any
+
+REPORT_EVERY = 0.1  # s between progress messages of one worker
+
+
+@dataclass(frozen=True)
+class Event:
+    """News of one task: kind "start", "progress", "done" or "died".
+
+    `value` is what was reported, the task's result, or why it died (a sentence).
+    """
+
+    kind: str
+    task: int
+    value: Any = None
+
+
+def run_tasks(function, tasks, on_event, jobs=1) -> None:
+    """Run ``function(task, report)`` for every task and tell `on_event` each `Event`.
+
+    `report(value)` makes a "progress" event; it may be called often. With `jobs` = 1 all
+    happens in this process; with more, in that many spawned ones, and `function` and the tasks
+    must then be importable and picklable. An exception that leaves `function` becomes a "died"
+    event with its traceback.
+
+    Ctrl-C (or an exception in `on_event`) ends the workers; what they have finished stays.
+    """
+    if jobs < 1:
+        raise ValueError(f"jobs must be at least 1, got {jobs!r}")
+    tasks = list(tasks)
+    if jobs == 1 or len(tasks) < 2:
+        for number, task in enumerate(tasks):
+            on_event(Event("start", number))
+            _call(function, task, lambda message, n=number: on_event(_event(message, n)))
+        return
+    workers = [_Worker(function) for _ in range(min(jobs, len(tasks)))]
+    try:
+        _feed(workers, deque(enumerate(tasks)), on_event)
+    finally:
+        for worker in workers:
+            worker.stop()
+
+
+def _event(message, number) -> Event:
+    kind, value = message
+    return Event(kind, number, value)
+
+
+def _call(function, task, send):
+    """Call `function` and send its progress and then its result, or why there is none."""
+    last = 0.0
+
+    def report(value):
+        nonlocal last
+        if time.monotonic() - last >= REPORT_EVERY:
+            last = time.monotonic()
+            send(("progress", value))
+
+    try:
+        outcome = "done", function(task, report)
+    except Exception:
+        outcome = "died", traceback.format_exc()
+    send(outcome)
+
+
+def _serve(connection, function):
+    """Body of a worker process: take tasks until told None."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides what Ctrl-C means
+    with contextlib.suppress(EOFError, OSError):
+        while (task := connection.recv()) is not None:
+            _call(function, task[0], connection.send)
+
+
+class _Worker:
+    """One process and the task it is at (None: idle)."""
+
+    def __init__(self, function):
+        self.function = function
+        self.task = None
+        self._start()
+
+    def _start(self):
+        context = multiprocessing.get_context("spawn")
+        self.connection, other = context.Pipe()
+        self.process = context.Process(target=_serve, args=(other, self.function), daemon=True)
+        self.process.start()
+        other.close()
+
+    def give(self, number, task):
+        self.task = number
+        self.connection.send((task,))
+
+    def receive(self):
+        """The next event; if the process has died, start another."""
+        try:
+            kind, value = self.connection.recv()
+        except (EOFError, OSError):
+            kind, value = "died", self._restart()
+        event = Event(kind, self.task, value)
+        if kind != "progress":
+            self.task = None
+        return event
+
+    def _restart(self) -> str:
+        self.process.join()
+        code = self.process.exitcode
+        self.connection.close()
+        self._start()
+        how = f"was ended by {signal.Signals(-code).name}" if code and code < 0 else f"({code})"
+        return f"the worker process ended unexpectedly {how}; out of memory, or a fault in a codec"
+
+    def stop(self):
+        with contextlib.suppress(OSError):
+            self.connection.send(None)
+        if self.task is not None:
+            self.process.terminate()
+        self.process.join(timeout=5)
+        if self.process.is_alive():
+            self.process.kill()
+
+
+def _feed(workers, waiting, on_event):
+    """Keep every worker busy until no task waits and none is under way."""
+    while waiting or any(w.task is not None for w in workers):
+        for worker in workers:
+            if worker.task is None and waiting:
+                number, task = waiting.popleft()
+                worker.give(number, task)
+                on_event(Event("start", number))
+        busy = {w.connection: w for w in workers if w.task is not None}
+        for connection in wait(list(busy), timeout=0.5):
+            on_event(busy[connection].receive())
