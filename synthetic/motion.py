@@ -42,7 +42,7 @@ class Touch:
         return self.onset + self.duration
 
     def forces(self) -> np.ndarray:
-        """Force in each of its frames [N], (duration,); it begins half a frame before the first."""
+        """Force in each of its frames [N], (duration,); zero half a frame before."""
         t = (np.arange(self.duration) + 0.5) / self.duration
         return self.peak_force * _PROFILES[self.shape](t)
 
@@ -150,7 +150,7 @@ def force_table(hair: Hair, base_x, base_y, pole_x, pole_y, pole_radius, side) -
     return ForceTable(np.concatenate([[0.0], turn])[:end], force[:end])
 
 
-def angles_for_forces(hair: Hair, base_x, base_y, pole, side, force):
+def angles_for_forces(hair: Hair, base_x, base_y, pole, side, force, table=None):
     """Base angle in every frame that gives the wanted contact force.
 
     Parameters
@@ -158,6 +158,11 @@ def angles_for_forces(hair: Hair, base_x, base_y, pole, side, force):
     base_x, base_y, force : (frames,), follicle [m] and wanted force [N], >= 0
     pole : (x, y, radius) [m], at rest
     side : +1, −1 as in whiskermodel.rod
+    table : ForceTable of about the same follicle and pole; None: made here
+
+    Returns
+    -------
+    base_angle : (frames,) [rad]; where the force is 0, the grazing touch
 
     Raises
     ------
@@ -165,7 +170,8 @@ def angles_for_forces(hair: Hair, base_x, base_y, pole, side, force):
         Where the whisker slips off before.
     """
     middle = len(base_x) // 2
-    table = force_table(hair, base_x[middle], base_y[middle], *pole, side)
+    if table is None:
+        table = force_table(hair, base_x[middle], base_y[middle], *pole, side)
     if force.max() > table.largest_force:
         raise UnreachableForceError(
             f"a force of {1e6 * force.max():.1f} µN is out of reach: the whisker slips off "
@@ -211,6 +217,7 @@ def drive_touches(hair, base_x, base_y, pole, side, touches, rng, rest=0.18):
     graze = grazing_angle(hair, pole[0] - base_x, pole[1] - base_y, pole[2], side)
     _check_order(touches, n)
     turn = np.zeros(n)  # into the pole
+    table = force_table(hair, base_x.mean(), base_y.mean(), *pole, side)
     edges = []  # per touch: time and speed of turning [frames, rad/frame] at both ends
     for touch in touches:
         frames = slice(touch.onset, touch.offset)
@@ -368,7 +375,7 @@ class Motion:
         return px, py, angle, curvature / camera.pixels_per_m, radius, smear
 
     def centrelines(self, hair: int, frames=None):
-        """True centrelines [px], follicle → tip, points about 1 px apart: x, y (frames, points)."""
+        """True centrelines [px], follicle → tip, 1 px apart: x, y (frames, points)."""
         length = self.scene.hairs[hair].whisker.length
         points = max(round(length * self.scene.camera.pixels_per_m), 1) + 1
         s = np.linspace(0, length, points)

@@ -60,7 +60,7 @@ class Camera:
         return 1e3 * self.pixels_per_mm
 
     def with_noise_sd(self, sd: float, grey: float = 180.0) -> "Camera":
-        """Return this camera with noise of SD `sd` [grey] at `grey`, five sixths of it photons'."""
+        """Return this camera with noise of SD `sd` at `grey` [grey], 5/6 of its variance photons'."""
         _require(sd >= 0, "sd", sd, ">= 0 grey levels")
         gain = sd**2 * 5 / 6 / max(grey - self.black_level, 1.0)
         return replace(self, noise_gain=gain, read_noise=sd * np.sqrt(1 / 6))

@@ -7,7 +7,7 @@ pixels the share of light that it takes is, at signed distance δ from the centr
 
 the step response of blur and pixel across an edge with the normal (n_x, n_y). δ and s are those
 of the closest point of the smooth centreline, to third order about the nearest of its nodes; a
-bent edge moves by κ σ²/2 towards its inner side when it is blurred.
+bent edge moves by κ (σ² + 1/12)/2 towards its inner side when blur and pixel spread it.
 """
 
 from functools import lru_cache
@@ -120,7 +120,7 @@ def cover_strip(
         slope = (radius[min(k + 1, n - 1)] - radius[max(k - 1, 0)]) / (
             step * (min(k + 1, n - 1) - max(k - 1, 0))
         )
-        drift = 0.5 * curvature[k] * blur * blur
+        drift = 0.5 * curvature[k] * (blur * blur + 1.0 / 12.0)
         start_end, far_end = k * step, (n - 1 - k) * step
         near_an_end = min(start_end, far_end) < reach + 1.0
         smears = 1 + int(2.0 * smear[k] / blur) if smear[k] > 0.1 * blur else 1
@@ -179,7 +179,7 @@ def cover_disc(cover, x, y, radius, blur, table, reach, per_px):
                 continue
             row, mix = _direction_row(dx, dy, table.shape[0])
             # a blurred round edge moves inwards by σ²/2r at its own radius
-            drift = 0.5 * blur * blur / radius
+            drift = 0.5 * (blur * blur + 1.0 / 12.0) / radius
             a = _edge(table, row, mix, reach, per_px, radius - drift - distance)
             if a > cover[j, i]:
                 cover[j, i] = a
