@@ -130,12 +130,17 @@ def _grow(index, points, used, start, sign, out):
 def _mark_beside(index, points, used, p):
     """Take the neighbours across the line out of play, so that a line is followed once."""
     height, width = index.shape
-    for k in (-1.0, 1.0):
-        row = int(np.floor(points[p, 1] + k * points[p, 2] + 0.5))
-        column = int(np.floor(points[p, 0] - k * points[p, 3] + 0.5))
-        if 0 <= row < height and 0 <= column < width:
+    x, y, tx, ty = points[p, 0], points[p, 1], points[p, 2], points[p, 3]
+    row0 = int(np.floor(y + 0.5))
+    column0 = int(np.floor(x + 0.5))
+    for row in range(max(row0 - 2, 0), min(row0 + 3, height)):
+        for column in range(max(column0 - 2, 0), min(column0 + 3, width)):
             q = index[row, column]
-            if q >= 0 and used[q] == 0:
+            if q < 0 or used[q] != 0:
+                continue
+            dx = points[q, 0] - x
+            dy = points[q, 1] - y
+            if abs(dx * tx + dy * ty) < 0.55 and abs(dx * ty - dy * tx) < 1.6:
                 used[q] = 2
 
 
@@ -180,49 +185,67 @@ def link(index, points, shortest=8):
     return [c for c in curves if len(c) >= shortest]
 
 
-def _end_directions(curve, reach=14):
-    """Unit directions out of the curve's two ends, and the ends; (2, 2) each."""
-    k = min(reach, len(curve) - 1)
-    out = np.array([curve[0] - curve[k], curve[-1] - curve[-1 - k]])
-    return out / np.maximum(np.linalg.norm(out, axis=1, keepdims=True), 1e-9), curve[[0, -1]]
+def _ends(curves, reach=14):
+    """Ends (2n, 2) of the curves, first and last in turn, and the unit directions out of them."""
+    places, directions = [], []
+    for curve in curves:
+        k = min(reach, len(curve) - 1)
+        places += [curve[0], curve[-1]]
+        directions += [curve[0] - curve[k], curve[-1] - curve[-1 - k]]
+    directions = np.array(directions)
+    norm = np.linalg.norm(directions, axis=1, keepdims=True)
+    return np.array(places), directions / np.maximum(norm, 1e-9)
+
+
+def _gap_costs(places, directions, longest_gap):
+    """Cost (2n, 2n) of bridging each pair of ends, inf where not allowed."""
+    gap = places[None, :, :] - places[:, None, :]
+    length = np.hypot(gap[..., 0], gap[..., 1])
+    along = (directions[:, None, :] * gap).sum(-1)
+    across = np.abs(directions[:, None, 0] * gap[..., 1] - directions[:, None, 1] * gap[..., 0])
+    across = np.maximum(across, across.T)
+    facing = (length <= 2) | ((along >= 0.5 * length) & (along.T >= 0.5 * length))
+    opposed = directions @ directions.T <= -0.9
+    allowed = facing & opposed & (length <= longest_gap) & (across <= 1.5 + 0.2 * length)
+    curve = np.arange(len(places)) // 2
+    allowed &= curve[:, None] < curve[None, :]
+    return np.where(allowed, length + 4 * across, np.inf)
 
 
 def join(curves, longest_gap=45.0):
     """Join curves whose ends look at each other, best pair first; return the joined curves.
 
-    A gap of g px is bridged where both ends point along it to about 14° (a little more for
-    short gaps, whose direction is uncertain).
+    A gap of g px is bridged where both ends point along it to about 11° (more for short gaps,
+    whose direction is uncertain). Every end is used once, and no ring is closed.
     """
-    curves = list(curves)
-    while True:
-        ends = [_end_directions(c) for c in curves]
-        best = None
-        for i in range(len(curves)):
-            for j in range(i + 1, len(curves)):
-                for a in (0, 1):
-                    for b in (0, 1):
-                        cost = _gap_cost(ends[i], a, ends[j], b, longest_gap)
-                        if cost is not None and (best is None or cost < best[0]):
-                            best = (cost, i, a, j, b)
-        if best is None:
-            return curves
-        _, i, a, j, b = best
-        first = curves[i] if a == 1 else curves[i][::-1]
-        second = curves[j] if b == 0 else curves[j][::-1]
-        curves[i] = np.vstack([first, second])
-        del curves[j]
+    if len(curves) < 2:
+        return list(curves)
+    cost = _gap_costs(*_ends(curves), longest_gap)
+    partner = np.full(len(cost), -1)
+    group = np.arange(len(curves))
+    for a, b in zip(*np.unravel_index(np.argsort(cost, axis=None), cost.shape), strict=True):
+        if not np.isfinite(cost[a, b]):
+            break
+        if partner[a] < 0 and partner[b] < 0 and group[a // 2] != group[b // 2]:
+            partner[a], partner[b] = b, a
+            group[group == group[b // 2]] = group[a // 2]
+    return [_walk(curves, partner, start) for start in _starts(partner, group)]
 
 
-def _gap_cost(end_i, a, end_j, b, longest_gap):
-    """Cost of bridging end `a` of one curve and end `b` of another, None where not allowed."""
-    gap = end_j[1][b] - end_i[1][a]
-    length = np.hypot(*gap)
-    if length > longest_gap:
-        return None
-    di, dj = end_i[0][a], end_j[0][b]
-    across = max(abs(di[0] * gap[1] - di[1] * gap[0]), abs(dj[0] * gap[1] - dj[1] * gap[0]))
-    if length > 2 and (di @ gap < 0.5 * length or -(dj @ gap) < 0.5 * length):
-        return None
-    if across > 1.5 + 0.2 * length or di @ dj > -0.9:
-        return None
-    return length + 4 * across
+def _starts(partner, group):
+    """One loose end per group of joined curves."""
+    seen = set()
+    for end in range(len(partner)):
+        if partner[end] < 0 and group[end // 2] not in seen:
+            seen.add(group[end // 2])
+            yield end
+
+
+def _walk(curves, partner, end):
+    """Points of joined curves, from the loose end `end` to the other."""
+    pieces = []
+    while end >= 0:
+        curve = curves[end // 2]
+        pieces.append(curve if end % 2 == 0 else curve[::-1])
+        end = partner[end ^ 1]
+    return np.vstack(pieces)
