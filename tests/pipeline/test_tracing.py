@@ -1,0 +1,116 @@
+"""Tracing of rendered frames against their exact centrelines."""
+
+import numpy as np
+import pytest
+from scipy.spatial import cKDTree
+
+from pipeline.curvature import measure
+from pipeline.records import Recording
+from pipeline.scene_finding import scene_from_frames
+from pipeline.tracing import find_roster, options_for, trace
+from synthetic.presets import make_trial
+from synthetic.render import Renderer
+from synthetic.truth import frame_table
+
+FRAMES = range(40, 200)  # holds two touches of `noisy`, trial 0
+HIDDEN = 1.32e-3  # m, as written in the preset's session.toml
+
+
+class Traced:
+    """A rendered trial, its truth and what the tracer made of it."""
+
+    def __init__(self, preset, seed, trial, frames, names=("C2",)):
+        self.trial = make_trial(preset, seed, trial)
+        renderer = Renderer(self.trial.scene, self.trial.motion)
+        camera = self.trial.scene.camera
+        self.recording = Recording(
+            camera.frames_per_second, camera.pixels_per_mm, self.trial.scene.face.side
+        )
+        self.frames = np.array(frames)
+        self.images = [renderer.frame(i) for i in frames]
+        wide = np.array([renderer.frame(i) for i in range(0, len(self.trial.motion), 25)])
+        self.scene = scene_from_frames(wide, self.recording, 0.5e-3, None, len(self.images))
+        self.options = options_for(self.recording, [18e-3], [HIDDEN])
+        self.roster = find_roster(wide[::4], self.scene, self.options, list(names))
+        chunks = trace(self.images, self.scene, self.roster, self.options, chunk_frames=10**6)
+        self.lines = next(iter(chunks))
+
+    def errors(self, row):
+        """Signed distances [px] of a row's points from the true centreline, and its length."""
+        frame = self.frames[self.lines.frame[row]]
+        x, y = self.trial.motion.centrelines(hair=0, frames=slice(frame, frame + 1))
+        truth = np.column_stack([x[0], y[0]])
+        points = self.lines.row(row).astype(float)
+        _, near = cKDTree(truth).query(points)
+        near = np.clip(near, 1, len(truth) - 2)
+        tangent = truth[near + 1] - truth[near - 1]
+        tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
+        off = points - truth[near]
+        return tangent[:, 1] * off[:, 0] - tangent[:, 0] * off[:, 1], near, len(truth)
+
+
+@pytest.fixture(scope="module")
+def noisy():
+    return Traced("noisy", 0, 0, FRAMES)
+
+
+def test_every_frame_is_traced_once(noisy):
+    np.testing.assert_array_equal(noisy.lines.frame, np.arange(len(FRAMES)))
+    assert noisy.lines.names == ("C2",)
+
+
+def test_centreline_error(noisy):
+    errors = np.abs(np.concatenate([noisy.errors(i)[0] for i in range(len(noisy.lines))]))
+    assert np.median(errors) < 0.01  # px
+    assert np.sqrt((errors**2).mean()) < 0.03  # px, to the faint tip
+    assert np.percentile(errors, 95) < 0.06  # px
+
+
+def test_visible_length_is_covered(noisy):
+    for row in range(0, len(noisy.lines), 10):
+        _, near, n = noisy.errors(row)
+        first_visible = HIDDEN * noisy.recording.pixels_per_m
+        assert near[0] < first_visible + 5  # px
+        assert near[-1] > n - 40  # px: the last 1.5 mm fade into the noise
+
+
+def test_points_are_a_pixel_apart_and_start_at_the_face(noisy):
+    steps = np.hypot(*np.diff(noisy.lines.row(0), axis=0).T)
+    assert np.abs(steps - 1).max() < 0.05  # px
+    x, y = noisy.lines.row(0)[0]
+    distance = np.abs(np.argwhere(noisy.scene.face_mask)[:, ::-1] - [x, y]).max(axis=1).min()
+    assert distance < 2.5  # px
+
+
+def test_curvature_and_its_standard_error(noisy):
+    truth = frame_table(noisy.trial.motion).set_index("frame").loc[noisy.frames]
+    got = measure(noisy.lines, noisy.recording, [HIDDEN], 5.5e-3, noisy.scene.pole)
+    off = got.curvature_per_m.to_numpy() - truth.curvature_per_m.to_numpy()
+    free = ~truth.in_contact.to_numpy()
+    assert np.std(off[free]) < 0.3  # 1/m
+    assert abs(np.mean(off[free])) < 0.3  # 1/m: the follicle's place is known to some 0.05 mm
+    assert np.mean(got.curvature_per_m_se[free]) == pytest.approx(np.std(off[free]), rel=0.35)
+
+
+def test_chunks_hold_the_same_as_one_piece(noisy):
+    chunks = list(
+        trace(noisy.images[:50], noisy.scene, noisy.roster, noisy.options, chunk_frames=20)
+    )
+    assert [len(c) for c in chunks] == [20, 20, 10]
+    together = np.concatenate([c.x_px for c in chunks])
+    np.testing.assert_array_equal(together, noisy.lines.x_px[: len(together)])
+
+
+def test_a_gap_without_whisker_is_a_gap_and_ends(noisy):
+    empty = np.clip(noisy.scene.background, 0, 255).astype(np.uint8)
+    images = [*noisy.images[:10], *[empty] * 30, *noisy.images[10:40]]
+    lines = next(iter(trace(images, noisy.scene, noisy.roster, noisy.options, 10**6)))
+    assert not set(range(10, 40)) & set(lines.frame.tolist())
+    assert set(range(62, 70)) <= set(lines.frame.tolist()), "found again within 22 frames"
+
+
+def test_no_whisker_gives_an_empty_roster(noisy):
+    rng = np.random.default_rng(0)
+    image = noisy.scene.background + rng.normal(0, 2.5, noisy.scene.background.shape)
+    image = np.clip(image, 0, 255).astype(np.uint8)
+    assert find_roster([image] * 3, noisy.scene, noisy.options, ["C2"]) == []
