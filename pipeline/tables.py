@@ -107,13 +107,18 @@ def read_csv(path, columns) -> pd.DataFrame:
     Raises
     ------
     ValueError
-        Where a declared column is missing; it names file and column.
+        Where a declared column is missing or holds something else; it names file and column.
     """
     table = pd.read_csv(path, dtype="str", keep_default_na=False, encoding="utf-8-sig")
     missing = [c.name for c in columns if c.name not in table]
     if missing:
         raise ValueError(f"{path}: expected column {missing[0]}, found {list(table.columns)}")
-    out = {c.name: _parsed(table[c.name], c) for c in columns}
+    out = {}
+    for c in columns:
+        try:
+            out[c.name] = _parsed(table[c.name], c)
+        except ValueError as error:
+            raise ValueError(f"{path}: column {c.name}: {error}") from None
     return as_table(pd.DataFrame(out), columns)
 
 
@@ -122,8 +127,8 @@ def _parsed(text: pd.Series, column: Column):
     if column.dtype == "bool":
         return text.str.lower().map({"true": True, "1": True}).fillna(False)
     if column.dtype == "float64":
-        return pd.to_numeric(text.where(text != "", "nan"))
-    return pd.to_numeric(text) if column.dtype.startswith("int") else text
+        return [float(value) if value else np.nan for value in text]
+    return [int(value) for value in text] if column.dtype.startswith("int") else text
 
 
 # --- parquet -----------------------------------------------------------------------------
@@ -174,11 +179,14 @@ def write_frames(path, frames: pd.DataFrame) -> None:
             )
 
 
-def read_frames(path, columns=None) -> pd.DataFrame:
-    """Read frames.parquet, all declared columns or those named in `columns`."""
+def read_frames(path, columns=None, filters=None) -> pd.DataFrame:
+    """Read frames.parquet: the `columns` named (None: all) of the rows that pass `filters`.
+
+    `filters` as pyarrow takes them, e.g. ``[("frame", ">=", 100), ("whisker", "==", "C2")]``.
+    """
     import pyarrow.parquet as pq
 
-    return pq.read_table(path, columns=columns).to_pandas()
+    return pq.read_table(path, columns=columns, filters=filters).to_pandas()
 
 
 @contextlib.contextmanager
@@ -220,11 +228,14 @@ def _centreline_rows(centrelines, start, stop, schema):
     return pa.Table.from_arrays(columns, schema=schema)
 
 
-def read_centrelines(path) -> Centrelines:
-    """Read centrelines.parquet; standard error and confidence, which it lacks, are NaN."""
+def read_centrelines(path, filters=None) -> Centrelines:
+    """Read centrelines.parquet, the rows that pass `filters` (as in `read_frames`).
+
+    Standard error and confidence, which the file lacks, are NaN.
+    """
     import pyarrow.parquet as pq
 
-    table = pq.read_table(path).combine_chunks()
+    table = pq.read_table(path, filters=filters).combine_chunks()
     names = tuple(dict.fromkeys(table["whisker"].to_pylist()))
     frame = table["frame"].to_numpy().astype(np.int32)
     whisker = np.array([names.index(n) for n in table["whisker"].to_pylist()], dtype=np.int32)
