@@ -345,8 +345,7 @@ def refine_once(
         u = min(max(offset[i], -3.0), 3.0)
         work[8, i] = x[i] + u * nx[i]
         work[9, i] = y[i] + u * ny[i]
-    splines.smooth(work[8], n, spacing, band, rhs, x)
-    splines.smooth(work[9], n, spacing, band, rhs, y)
+    splines.smooth(work[8], work[9], n, spacing, band, rhs, x, y)
     return resample(x, y, n, work[8:10])
 
 
@@ -380,6 +379,7 @@ def refine(
             sums, work, band, rhs,
         )  # fmt: skip
         n = start_at_face(x, y, n, outside)
+        n = resample(x, y, n, work[8:10])
         if n < SHORTEST:
             return 0, 0.0
     limit = int(min(longest, n))

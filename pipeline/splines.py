@@ -26,7 +26,7 @@ def basis(t):
 @njit(cache=True)
 def n_coefficients(n, spacing):
     """Return how many coefficients a spline over `n` nodes has."""
-    return int((n - 1) // spacing) + 4
+    return int((n - 1) * (1.0 / spacing)) + 4
 
 
 @njit(cache=True)
@@ -38,9 +38,10 @@ def normal_equations(weight, target, n, spacing, band, rhs):
     k = n_coefficients(n, spacing)
     band[:k] = 0.0
     rhs[:k] = 0.0
+    per_node = 1.0 / spacing
     for i in range(n):
-        j = int(i // spacing)
-        b = basis(i / spacing - j)
+        j = int(i * per_node)
+        b = basis(i * per_node - j)
         for p in range(4):
             rhs[j + p] += b[p] * target[i]
             wb = weight[i] * b[p]
@@ -129,9 +130,10 @@ def solve_factorised(band, rhs, k):
 @njit(cache=True)
 def evaluate(coefficients, n, spacing, out):
     """Write the spline's values at nodes 0 … n − 1 into `out`."""
+    per_node = 1.0 / spacing
     for i in range(n):
-        j = int(i // spacing)
-        b = basis(i / spacing - j)
+        j = int(i * per_node)
+        b = basis(i * per_node - j)
         total = 0.0
         for p in range(4):
             total += b[p] * coefficients[j + p]
@@ -139,11 +141,26 @@ def evaluate(coefficients, n, spacing, out):
 
 
 @njit(cache=True)
-def smooth(values, n, spacing, band, rhs, out):
-    """Project `values` (n,) onto the splines of that knot spacing, all nodes weighing alike."""
+def smooth(x, y, n, spacing, band, rhs, out_x, out_y):
+    """Project a curve's nodes (n,) onto the splines of that knot spacing, all weighing alike."""
     ones = np.ones(n)
-    k = normal_equations(ones, values, n, spacing, band, rhs)
+    k = normal_equations(ones, x, n, spacing, band, rhs)
     add_third_difference_penalty(band, k, 1e-3)
     factorise(band, k)
     solve_factorised(band, rhs, k)
-    evaluate(rhs, n, spacing, out)
+    evaluate(rhs, n, spacing, out_x)
+    right_hand_side(y, n, spacing, rhs)
+    solve_factorised(band, rhs, k)
+    evaluate(rhs, n, spacing, out_y)
+
+
+@njit(cache=True)
+def right_hand_side(target, n, spacing, rhs):
+    """Fill `rhs` (k,) with Σ B target, as `normal_equations` does."""
+    rhs[: n_coefficients(n, spacing)] = 0.0
+    per_node = 1.0 / spacing
+    for i in range(n):
+        j = int(i * per_node)
+        b = basis(i * per_node - j)
+        for p in range(4):
+            rhs[j + p] += b[p] * target[i]
