@@ -1,8 +1,9 @@
 """The face: a dark mass whose edge keeps its distance from the follicles, and its fur."""
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
+from numba import njit
 from scipy.special import ndtr
 
 from synthetic.scene import Face, Scene
@@ -14,8 +15,7 @@ _MASS_BLUR = 1.6  # px, edge of the mass itself
 _MASS_TRANSMISSION = 0.006
 
 
-@dataclass(frozen=True)
-class FurHair:
+class FurHair(NamedTuple):
     """A short tapered curved hair: root [px], direction on the screen [rad] and curvature [1/px].
 
     `length` and `radius` (at the root) in px, `blur` SD in px, `sway` [rad] and `phase` [rad]
@@ -96,8 +96,8 @@ def face_transmission(scene: Scene, rng) -> np.ndarray:
     return (_MASS_TRANSMISSION + (1 - _MASS_TRANSMISSION) * clear).astype(np.float32)
 
 
-def grow_fur(scene: Scene, rng) -> list[FurHair]:
-    """Draw the fur hairs of the face."""
+def grow_fur(scene: Scene, rng) -> np.ndarray:
+    """Draw the fur hairs of the face: a row each, columns as in FurHair."""
     face, scale = scene.face, scene.camera.pixels_per_m
     span = 1.2 * (scene.camera.width + scene.camera.height)
     count = rng.poisson(face.hairs_per_mm * span / scale * 1e3)
@@ -106,7 +106,7 @@ def grow_fur(scene: Scene, rng) -> list[FurHair]:
     near = face.pad * scale / 2 + 3e-3 * scale
     for _ in range(face.long_hairs):
         hairs.append(_long_hair(scene, rng, rng.uniform(-near, near), lean))
-    return hairs
+    return np.array(hairs).reshape(-1, len(FurHair._fields))
 
 
 def _fur_hair(scene, rng, along, lean):
@@ -132,16 +132,16 @@ def _fur_hair(scene, rng, along, lean):
 def _long_hair(scene, rng, along, lean):
     hair = _fur_hair(scene, rng, along, 0.5 * lean)
     scale = scene.camera.pixels_per_m
-    values = dict(hair.__dict__)
-    values["length"] = rng.uniform(1.2e-3, 2.6e-3) * scale
-    values["radius"] = rng.uniform(7e-6, 13e-6) * scale
-    values["direction"] += rng.normal(0, 0.25)
-    values["blur"] = scene.camera.blur_px * _BLURS[rng.integers(2)]
-    return FurHair(**values)
+    return hair._replace(
+        length=rng.uniform(1.2e-3, 2.6e-3) * scale,
+        radius=rng.uniform(7e-6, 13e-6) * scale,
+        direction=hair.direction + rng.normal(0, 0.25),
+        blur=scene.camera.blur_px * _BLURS[rng.integers(2)],
+    )
 
 
-def stray_hairs(scene: Scene, rng) -> list[FurHair]:
-    """Draw short unwanted hairs that lie about in the picture."""
+def stray_hairs(scene: Scene, rng) -> np.ndarray:
+    """Draw short unwanted hairs that lie about in the picture, a row each as in FurHair."""
     scale, hairs = scene.camera.pixels_per_m, []
     for _ in range(scene.stray_hairs):
         hairs.append(
@@ -153,31 +153,60 @@ def stray_hairs(scene: Scene, rng) -> list[FurHair]:
                 rng.uniform(0.6e-3, 2.5e-3) * scale,
                 rng.uniform(7e-6, 14e-6) * scale,
                 rng.uniform(0.5, 0.95),
-                scene.camera.blur_px * rng.uniform(1.0, 2.5),
+                scene.camera.blur_px * _BLURS[rng.integers(3)],
                 0.0,
                 0.0,
             )
         )
-    return hairs
+    return np.array(hairs).reshape(-1, len(FurHair._fields))
 
 
 def draw_hairs(transmission, hairs, sway=0.0, shift=(0.0, 0.0)) -> None:
-    """Multiply `transmission` by the light that passes every hair.
+    """Multiply `transmission` by the light that passes every hair, rows as in FurHair.
 
     `sway` [rad] turns each hair about its root by its own share; `shift` (x, y) [px] moves all.
     """
     cover, touched = blank(*transmission.shape)
-    for hair in hairs:
-        n = max(int(hair.length / _HAIR_STEP), 3)
-        s = np.linspace(0, hair.length, n)
-        angle = hair.direction + sway * hair.sway + hair.curvature * s
+    for blur in np.unique(hairs[:, 7]):
+        table = step_table(float(blur))
+        some = hairs[hairs[:, 7] == blur]
+        some = some[_in_picture(some, transmission.shape, table[1])]
+        _draw_alike(transmission, cover, touched, some, sway, *shift, blur, *table)
+
+
+def _in_picture(hairs, shape, reach):
+    """Rows of `hairs` (as in FurHair) that may darken a pixel."""
+    margin = hairs[:, 4] + reach
+    inside = (hairs[:, 0] > -margin) & (hairs[:, 0] < shape[1] + margin)
+    return inside & (hairs[:, 1] > -margin) & (hairs[:, 1] < shape[0] + margin)
+
+
+@njit(cache=True, nogil=True)
+def _draw_alike(light, cover, touched, hairs, sway, dx, dy, blur, table, reach, per_px):
+    """Multiply `light` by hairs of one blur; rows of `hairs` as in FurHair."""
+    for k in range(len(hairs)):
+        x0, y0, direction, bend, length, radius, opacity = hairs[k, :7]
+        n = max(int(length / max(_HAIR_STEP, blur)) + 1, 3)
+        s = np.linspace(0.0, length, n)
+        angle = direction + sway * hairs[k, 8] + bend * s
         step = s[1]
-        x = hair.x + shift[0] + step * (np.cumsum(np.cos(angle)) - np.cos(angle[0]))
-        y = hair.y + shift[1] - step * (np.cumsum(np.sin(angle)) - np.sin(angle[0]))
-        radius = hair.radius * (1 - 0.93 * s / hair.length)
-        curvature = np.full(n, hair.curvature)
-        table = step_table(round(hair.blur, 3))
+        x = x0 + dx + step * (np.cumsum(np.cos(angle)) - 0.5 * (np.cos(angle) + np.cos(angle[0])))
+        y = y0 + dy - step * (np.cumsum(np.sin(angle)) - 0.5 * (np.sin(angle) + np.sin(angle[0])))
+        half_width = radius * (1 - 0.93 * s / length)
+        curvature, smear = np.full(n, bend), np.zeros(n)
         count = cover_strip(
-            cover, touched, 0, x, y, angle, curvature, radius, np.zeros(n), hair.blur, *table
+            cover,
+            touched,
+            0,
+            x,
+            y,
+            angle,
+            curvature,
+            half_width,
+            smear,
+            blur,
+            table,
+            reach,
+            per_px,
         )
-        absorb(transmission, cover, touched, count, hair.opacity)
+        absorb(light, cover, touched, count, opacity)

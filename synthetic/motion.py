@@ -221,7 +221,9 @@ def drive_touches(hair, base_x, base_y, pole, side, touches, rng, rest=0.18):
     edges = []  # per touch: time and speed of turning [frames, rad/frame] at both ends
     for touch in touches:
         frames = slice(touch.onset, touch.offset)
-        angle = angles_for_forces(hair, base_x[frames], base_y[frames], pole, side, touch.forces())
+        angle = angles_for_forces(
+            hair, base_x[frames], base_y[frames], pole, side, touch.forces(), table
+        )
         turn[frames] = side * (angle - graze[frames])
         first, last = turn[touch.onset], turn[touch.offset - 1]
         edges.append((touch.onset - 0.5, touch.offset - 0.5, 2 * first, 2 * last))
@@ -304,18 +306,21 @@ def solve_motion(hair: Hair, base_x, base_y, base_angle, pole_x, pole_y, pole_ra
     -------
     HairMotion
     """
-    pole_x = np.where(np.isfinite(pole_x), pole_x, base_x + _FAR * np.cos(base_angle + np.pi))
-    pole_y = np.where(np.isfinite(pole_y), pole_y, base_y + _FAR * np.sin(base_angle + np.pi))
     n, first, slips, parts = len(base_x), 0, [], []
+    seen = np.isfinite(pole_x)
     while first < n:
         rest = slice(first, n)
+        # a pole out of view: far off on its side, where it is surely free
+        aside = base_angle[rest] + side * np.pi / 2
+        x = np.where(seen[rest], pole_x[rest], base_x[rest] + _FAR * np.cos(aside))
+        y = np.where(seen[rest], pole_y[rest], base_y[rest] + _FAR * np.sin(aside))
         solved = solve_contact(
-            hair.whisker, base_x[rest], base_y[rest], base_angle[rest], pole_x[rest],
-            pole_y[rest], pole_radius, side, hair.intrinsic_curvature,
+            hair.whisker, base_x[rest], base_y[rest], base_angle[rest], x, y, pole_radius, side,
+            hair.intrinsic_curvature,
         )  # fmt: skip
         lost = np.flatnonzero(solved.state == "slipped")
         end = n if len(lost) == 0 else first + int(lost[0])
-        if end == first and parts and slips[-1] == first:
+        if end == first and slips and slips[-1] == first:
             raise ValueError(f"frame {first}: the whisker has no place on either side of the pole")
         parts.append(take_frames(solved, slice(0, end - first)))
         if end < n:
@@ -456,3 +461,38 @@ def still_pole(scene: Scene, n: int):
     if scene.pole is None:
         return np.full(n, np.nan), np.full(n, np.nan)
     return np.full(n, scene.pole.x), np.full(n, scene.pole.y)
+
+
+def pole_visits(scene: Scene, n: int, visits, travel: int):
+    """Place of a pole that comes in and is withdrawn; NaN while it is out of the picture.
+
+    Parameters
+    ----------
+    visits : list of (first, end) frames between which it is on its way or in its place
+    travel : frames that each way takes, from `away` to its place or back
+
+    Returns
+    -------
+    pole_x, pole_y : (n,) [m]
+    """
+    pole, frame = scene.pole, np.arange(n)
+    there = np.zeros(n)
+    for first, end in visits:
+        ramp = np.clip(np.minimum(frame - first, end - frame) / travel, 0, 1)
+        there = np.maximum(there, ramp**2 * (3 - 2 * ramp))
+    x, y = pole.x + (1 - there) * pole.away_x, pole.y + (1 - there) * pole.away_y
+    px, py = scene.to_pixels(x, y)
+    margin = 1.5 * pole.radius * scene.camera.pixels_per_m + 6
+    out = (px < -margin) | (px > scene.camera.width + margin)
+    out |= (py < -margin) | (py > scene.camera.height + margin)
+    return np.where(out, np.nan, x), np.where(out, np.nan, y)
+
+
+def side_of_pole(hair: Hair, base_x, base_y, base_angle, pole_x, pole_y) -> int:
+    """+1 where the pole lies to the left of the free whisker, seen from follicle to tip, or −1."""
+    s = np.linspace(0, hair.whisker.length, 200)
+    x, y, angle = free_shape(hair.whisker, base_x, base_y, base_angle, s, hair.intrinsic_curvature)
+    nearest = np.argmin(np.hypot(x - pole_x, y - pole_y))
+    across = np.cos(angle[nearest]) * (pole_y - y[nearest])
+    across -= np.sin(angle[nearest]) * (pole_x - x[nearest])
+    return 1 if across >= 0 else -1

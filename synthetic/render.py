@@ -55,7 +55,7 @@ class Renderer:
         self._flicker = _flicker(scene, len(motion), np.random.default_rng([scene.seed, 2]))
         self._still_pole = (
             self._with_pole(self._open, motion.pole_x[0], motion.pole_y[0])
-            if motion.pole_is_still
+            if motion.pole_is_still and not scene.face.moving
             else None
         )
 

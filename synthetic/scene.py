@@ -60,7 +60,7 @@ class Camera:
         return 1e3 * self.pixels_per_mm
 
     def with_noise_sd(self, sd: float, grey: float = 180.0) -> "Camera":
-        """Return this camera with noise of SD `sd` at `grey` [grey], 5/6 of its variance photons'."""
+        """Return this camera with noise of SD `sd` at level `grey`, mostly photon noise."""
         _require(sd >= 0, "sd", sd, ">= 0 grey levels")
         gain = sd**2 * 5 / 6 / max(grey - self.black_level, 1.0)
         return replace(self, noise_gain=gain, read_noise=sd * np.sqrt(1 / 6))
@@ -102,9 +102,9 @@ class Face:
     direction: float | None = None
     hidden_length: float = 1.4e-3
     pad: float = 0.0
-    slope: float = 0.8
-    hairs_per_mm: float = 22.0
-    hair_length: float = 0.45e-3
+    slope: float = 0.6
+    hairs_per_mm: float = 34.0
+    hair_length: float = 0.5e-3
     long_hairs: int = 6
     moving: float = 0.0
 

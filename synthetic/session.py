@@ -7,7 +7,7 @@ from pathlib import Path
 from pipeline.settings import settings_from, write_session
 from pipeline.tables import write_text
 from synthetic.encode import video_suffix, write_video
-from synthetic.presets import Trial, default_trials, make_trial
+from synthetic.presets import Trial, find_preset, make_trial
 from synthetic.render import Renderer
 from synthetic.truth import (
     centreline_table,
@@ -39,7 +39,7 @@ def render_session(
     Paths of the videos. A video that is already there with its truth is not made again.
     """
     out_dir = Path(out_dir)
-    trials = default_trials(preset) if trials is None else trials
+    trials = find_preset(preset).trials if trials is None else trials
     if trials < 1:
         raise ValueError(f"trials must be at least 1, got {trials!r}")
     out_dir.mkdir(parents=True, exist_ok=True)

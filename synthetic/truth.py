@@ -25,7 +25,6 @@ from synthetic.motion import curvature_at, take_frames
 from synthetic.strips import step_table
 from whiskermodel.rod import contact_shape
 
-
 VISIBILITY_COLUMNS = (
     Column("frame", "int32", "", "frame number, from 0"),
     Column("whisker", "string", "", "name of the whisker"),
