@@ -6,7 +6,7 @@ memory does not grow with the video's length.
 
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numba import njit
@@ -71,10 +71,14 @@ class Tracer:
         self.tracks = [Track(slot) for slot in roster]
         height, width = scene.background.shape
         self.workspace = Workspace(int(1.6 * np.hypot(height, width)))
-        self.model = ImageModel.from_scene(scene)
+        self.change_scene(scene)
         self.since_search = SEARCH_EVERY
         self.pixels = np.zeros(len(roster) * self.workspace.limit * 16, np.int64)
         self.values = np.zeros(len(self.pixels), np.float32)
+
+    def change_scene(self, scene: StaticScene) -> None:
+        """Go on before another background: something large has moved."""
+        self.model = ImageModel.from_scene(scene)
 
     def step(self, image) -> list[Track]:
         """Advance by one frame; return the tracks, `line` None where a whisker is lost."""
@@ -230,31 +234,35 @@ def advance(x, y, n, before_x, before_y, m):
         y[i] += dy
 
 
-def find_roster(frames, scene: StaticScene, options: TracingOptions, names=None) -> list[Slot]:
+def find_roster(frames, scene, options: TracingOptions, names=None, indices=None) -> list[Slot]:
     """Learn from some frames which whiskers there are, in order along the face.
 
     Parameters
     ----------
     frames : uint8 (k, height, width), taken from the whole video
+    scene : StaticScene, or the video's epochs, which need `indices`
     names : names of the whiskers, anterior → posterior; None: as many as are mostly seen,
         called w1, w2, …
+    indices : frame numbers of `frames`; None: whichever, the scene is always the same
 
     Returns
     -------
     One slot per whisker, in the order of `names`. Fewer than `names` where some are never seen.
     """
-    model = ImageModel.from_scene(scene)
-    workspace = Workspace(int(1.6 * np.hypot(*scene.background.shape)))
     found = []
-    for image in frames:
-        gain = profiles.frame_gain(image, model.background, 12, model.free)
-        found.append(detection.detect(image, model, gain, options, workspace))
+    for present, chosen in _by_scene(frames, scene, indices):
+        model = ImageModel.from_scene(present)
+        workspace = Workspace(int(1.6 * np.hypot(*present.background.shape)))
+        for image in chosen:
+            gain = profiles.frame_gain(image, model.background, 12, model.free)
+            found.append(detection.detect(image, model, gain, options, workspace))
+        scene_side = present.face_side
     counts = np.array([len(lines) for lines in found])
     if not counts.any():
         return []
     n = len(names) if names else int(np.median(counts[counts > 0]))
     n = min(n, counts.max())
-    axis = 1 if scene.face_side in ("left", "right") else 0
+    axis = 1 if scene_side in ("left", "right") else 0
     complete = [
         sorted(lines[:n], key=lambda line: line.points[0][axis])
         for lines in found
@@ -267,6 +275,18 @@ def find_roster(frames, scene: StaticScene, options: TracingOptions, names=None)
         slots = slots[::-1]
     names = names or [f"w{i + 1}" for i in range(n)]
     return [Slot(name, s.base_xy, s.visible_px) for name, s in zip(names, slots, strict=False)]
+
+
+def _by_scene(frames, scene, indices):
+    """Pairs of a scene and the frames that belong to it, transitions left out."""
+    if isinstance(scene, StaticScene):
+        return [(scene, frames)]
+    if indices is None:
+        raise ValueError("indices of the frames are needed where the scene changes, got None")
+    starts = [epoch.start for epoch in scene]
+    owner = np.searchsorted(starts, indices, side="right") - 1
+    pairs = [(e.scene, frames[owner == k]) for k, e in enumerate(scene) if e.scene is not None]
+    return [(s, f) for s, f in pairs if len(f)]
 
 
 def _posterior_first(lengths) -> bool:
@@ -284,12 +304,14 @@ class _Collector:
     names: tuple[str, ...]
     rows: list = field(default_factory=list)
 
-    def add(self, frame: int, whisker: int, line: Line) -> None:
+    def add(self, frame: int, whisker: int, line: Line, trust: float) -> None:
         n = line.n
         information = line.information[:n]
         offset = line.score[:n] / np.maximum(information, 1e-6)
         arrays = (line.x[:n], line.y[:n], np.clip(offset, -9, 9), information)
-        self.rows.append((frame, whisker, line.quality, *(a.astype(np.float32) for a in arrays)))
+        self.rows.append(
+            (frame, whisker, trust * line.quality, *(a.astype(np.float32) for a in arrays))
+        )
 
     def take(self, spacing: float) -> Centrelines:
         rows, self.rows = self.rows, []
@@ -314,7 +336,7 @@ class _Collector:
 
 def trace(
     frames: Iterable[np.ndarray],
-    scene: StaticScene,
+    scene,
     roster: list[Slot],
     options: TracingOptions,
     chunk_frames: int = CHUNK_FRAMES,
@@ -324,7 +346,8 @@ def trace(
     Parameters
     ----------
     frames : uint8 (height, width) images in order
-    scene : what does not move
+    scene : StaticScene, or the video's epochs (`scene_finding.find_scenes`) where large things
+        move in and out; while they move, what is seen counts half
     roster : the whiskers to follow (`find_roster`)
     options : lengths in pixels (`options_for`)
 
@@ -332,14 +355,47 @@ def trace(
     ------
     Centrelines of up to `chunk_frames` frames; a whisker that is lost in a frame has no row.
     """
-    tracer = Tracer(scene, roster, options)
+    scenes = _starting_scenes(scene)
+    tracer = Tracer(scenes[0][0], roster, options)
     collector = _Collector(tuple(slot.name for slot in roster))
+    trust = 1.0
     index = -1
     for index, image in enumerate(frames):
+        if index in scenes:
+            present, trust = scenes[index]
+            if index:
+                tracer.change_scene(present)
         for k, track in enumerate(tracer.step(image)):
             if track.line is not None:
-                collector.add(index, k, track.line)
+                collector.add(index, k, track.line, trust)
         if (index + 1) % chunk_frames == 0:
             yield collector.take(options.spacing_px)
     if collector.rows or index < 0:
         yield collector.take(options.spacing_px)
+
+
+def _starting_scenes(scene) -> dict[int, tuple[StaticScene, float]]:
+    """First frame → scene from there on and the trust in what is seen before it."""
+    if isinstance(scene, StaticScene):
+        return {0: (scene, 1.0)}
+    known = [epoch.scene for epoch in scene]
+    out = {}
+    for i, epoch in enumerate(scene):
+        if epoch.scene is not None:
+            out[epoch.start] = (epoch.scene, 1.0)
+        else:
+            beside = [s for s in (*known[i - 1 : i], *known[i + 1 : i + 2]) if s is not None]
+            out[epoch.start] = (between(beside), 0.5)
+    return out
+
+
+def between(scenes: list[StaticScene]) -> StaticScene:
+    """Return a scene for the time in which one goes over into the other: masked by both."""
+    first, last = scenes[0], scenes[-1]
+    return replace(
+        first,
+        background=np.maximum(first.background, last.background),
+        face_mask=first.face_mask | last.face_mask,
+        obstacle_mask=first.obstacle_mask | last.obstacle_mask,
+        pole=None,
+    )
