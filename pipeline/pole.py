@@ -13,8 +13,8 @@ RADIUS_RANGE = (0.7, 1.45)  # of the expected radius: the scale may be a little 
 RADIUS_TRUST = 0.05  # SD of the expected radius, relative: counts only where little edge is free
 PRIOR_WEIGHT = 0.3  # of one SD, beside pixels' misfits as shares of the light
 N_RAYS = 180
-LEAST_ARC = 0.22  # of the circumference must be free of rod and whiskers
-MOST_RESIDUAL = 0.12  # of the edge's contrast, root mean square
+LEAST_ARC = 0.33  # of the circumference must be free of rod and whiskers; a corner has 0.25
+MOST_RESIDUAL = 0.06  # of the edge's contrast, root mean square
 LEAST_CONTRAST = 0.4  # share of the light that the disc takes
 EDGE_SLOPE = 0.04  # of the light per pixel: less is no edge of a thing in focus
 INTERPOLATION = 0.003  # error of interpolated pixels, share of the light
@@ -47,7 +47,7 @@ def find_pole(transmission, radius_px: float, near_xy=None, exclude=None) -> Pol
 
     Returns
     -------
-    Pole, or None where no disc with a fifth of its edge free is seen.
+    Pole, or None where no disc with a third of its edge free is seen.
     """
     if not radius_px > 0:
         raise ValueError(f"radius_px must be > 0, got {radius_px!r}")
@@ -72,7 +72,7 @@ def _plausible(circle, radius_px, near_xy):
 # ---- roughly ------------------------------------------------------------------------------
 
 
-def _candidates(image, radius_px, near_xy, exclude, most=8):
+def _candidates(image, radius_px, near_xy, exclude, most=6):
     """Yield (x, y) where the edges' gradients point away from a common dark centre."""
     smooth = cv2.GaussianBlur(image, (0, 0), 0.8)
     gx = cv2.Sobel(smooth, cv2.CV_32F, 1, 0, scale=1 / 8)
