@@ -8,7 +8,6 @@ from dataclasses import asdict, dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
 
 from pipeline import __version__, tables
@@ -207,21 +206,10 @@ def _analyse_and_save(task, report) -> Outcome:
         contacts=len(contacts),
         stages={stage: round(s, 3) for stage, s in analysis.seconds.items()},
         sha256=sha256(task.path),
-        pole=_pole_runs(analysis.scene.pole),
+        pole=tables.pole_runs(analysis.pole),
     )
     _save_state(task, outcome, before)
     return outcome
-
-
-def _pole_runs(track) -> dict | None:
-    """The pole's track as runs of frames at one place: [first frame, x, y]; None: not there."""
-    if track is None:
-        return None
-    places = np.column_stack([track.x_px, track.y_px]).round(3)
-    same = (places[1:] == places[:-1]) | (np.isnan(places[1:]) & np.isnan(places[:-1]))
-    starts = np.flatnonzero(np.concatenate([[True], ~same.all(axis=1)]))
-    runs = [[int(i), *(None if np.isnan(v) else float(v) for v in places[i])] for i in starts]
-    return {"radius_px": float(track.radius_px), "runs": runs}
 
 
 def has_overlay(folder) -> bool:

@@ -126,21 +126,6 @@ def read_truth(results, truth=None) -> pd.DataFrame | None:
     return pd.concat(parts, ignore_index=True) if parts else None
 
 
-def read_state(folder) -> dict:
-    """How the results of one video came about: its run.json."""
-    return tables.read_json(Path(folder) / "run.json", {})
-
-
-def pole_at(state: dict, frame: int) -> tuple[float, float, float] | None:
-    """(x, y, radius) [px] of the pole at a frame, from a video's run.json; None: not in view."""
-    pole = state.get("pole")
-    if not pole:
-        return None
-    starts = [run[0] for run in pole["runs"]]
-    _, x, y = pole["runs"][max(int(np.searchsorted(starts, frame, side="right")) - 1, 0)]
-    return None if x is None else (x, y, pole["radius_px"])
-
-
 def diameters(results) -> pd.DataFrame:
     """Diameter along every distinct whisker of a session."""
     whiskers = {}
@@ -250,7 +235,7 @@ def load_touch(results, contact) -> Touch:
         tables.read_frames(folder / "frames.parquet", filters=inside),
         tables.read_centrelines(folder / "centrelines.parquet", filters=inside),
         settings,
-        pole_at(read_state(folder), int(contact["onset_frame"])),
+        tables.pole_at(tables.read_json(folder / "run.json", {}), int(contact["onset_frame"])),
     )
 
 

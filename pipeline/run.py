@@ -1,15 +1,16 @@
 """The whole way for one video: `analyse`, one call per step, top to bottom."""
 
+import itertools
 import time
-from collections import defaultdict
+from collections import defaultdict, deque
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pandas as pd
 
 from pipeline import contact, curvature, scene_finding, stations, tracing
-from pipeline.records import FRAME_COLUMNS, Recording, StaticScene, as_table
+from pipeline.records import FRAME_COLUMNS, PoleTrack, Recording, StaticScene, as_table
 from pipeline.settings import Settings, WhiskerSettings
 from pipeline.video import open_video
 from whiskermodel.whisker import Whisker
@@ -25,7 +26,7 @@ class Analysis:
     Attributes
     ----------
     frames, contacts : tables of FRAME_COLUMNS and CONTACT_COLUMNS
-    scene : what does not move in the video
+    pole : where the pole was; None if it was never seen
     n_frames : frames read
     messages : what a person should know of: missing whiskers, no pole, no forces and why
     seconds : time spent, by stage
@@ -33,7 +34,7 @@ class Analysis:
 
     frames: pd.DataFrame
     contacts: pd.DataFrame
-    scene: StaticScene
+    pole: PoleTrack | None
     n_frames: int
     messages: tuple[str, ...] = ()
     seconds: dict[str, float] = field(default_factory=dict)
@@ -60,17 +61,15 @@ def analyse(path, settings: Settings, keep=None, progress=None, corrections=None
     recording, at = settings.recording.si(), settings.analysis.curvature_at
     with open_video(path) as video:
         with clock("scene"):
-            scene = scene_finding.find_scene(
+            epochs = scene_finding.find_scenes(
                 video, recording, settings.pole.diameter, settings.pole.position_px
             )
         with clock("roster"):
             options = tracing.options_for(recording, *_known_lengths(settings))
-            names = [w.name for w in settings.whisker] or None
-            roster = tracing.find_roster(video.sample(ROSTER_FRAMES)[1], scene, options, names)
-        cast = Cast.of(settings, roster, recording)
+            cast = find_cast(video, epochs, options, settings)
         frames = Counted(clock.each("decoding", video), video.n_frames, progress)
         kinematics, places = [], []
-        for chunk in clock.each("centrelines", tracing.trace(frames, scene, roster, options)):
+        for scene, chunk in clock.each("centrelines", trace(frames, epochs, cast, options)):
             with clock("curvature"):
                 kinematics.append(
                     curvature.measure(chunk, recording, cast.hidden_lengths, at, scene.pole)
@@ -95,8 +94,36 @@ def analyse(path, settings: Settings, keep=None, progress=None, corrections=None
             curvature_at=at,
             corrections=corrections,
         )
-    messages = tuple(_messages(settings, scene, cast, table, frames))
-    return Analysis(touch.frames, touch.contacts, scene, frames.count, messages, clock.seconds)
+    pole = pole_track(epochs, frames.count)
+    messages = tuple(_messages(settings, pole, cast, table, frames))
+    return Analysis(touch.frames, touch.contacts, pole, frames.count, messages, clock.seconds)
+
+
+def trace(frames, epochs, cast, options):
+    """Yield (scene, centrelines) chunk by chunk; where large things moved there are none."""
+    frames = iter(frames)
+    for epoch in epochs:
+        count = None if epoch.stop is None else epoch.stop - epoch.start
+        part = itertools.islice(frames, count)
+        if epoch.scene is None:
+            deque(part, maxlen=0)
+            continue
+        for chunk in tracing.trace(part, epoch.scene, list(cast.roster), options):
+            yield epoch.scene, replace(chunk, frame=chunk.frame + np.int32(epoch.start))
+    deque(frames, maxlen=0)
+
+
+def pole_track(epochs, n_frames: int) -> PoleTrack | None:
+    """The pole over the whole video, NaN where it is away or moving; None if never seen."""
+    x, y = np.full((2, n_frames), np.nan)
+    radius = None
+    for epoch in epochs:
+        pole = epoch.scene.pole if epoch.scene else None
+        if pole is not None:
+            x[epoch.start : epoch.stop] = pole.x_px[0]
+            y[epoch.start : epoch.stop] = pole.y_px[0]
+            radius = pole.radius_px
+    return None if radius is None else PoleTrack(x, y, radius)
 
 
 def _known_lengths(settings):
@@ -114,41 +141,54 @@ class Cast:
     Attributes
     ----------
     names : all that the tables speak of: those of the settings, or else those found
-    found : names of those found in the video, in the tracer's order
+    roster : `tracing.Slot`s of those found in the video
     whiskers : name → `Whisker`, None where its dimensions are not given
-    nominal, hidden_lengths : one per name in `found`; a stand-in where the whisker is None,
-        and follicle to first visible point [m]
+    nominal, hidden_lengths : one per slot; a stand-in where the whisker is None, and follicle to
+        first visible point [m]
     """
 
     names: tuple[str, ...]
-    found: tuple[str, ...]
+    roster: tuple[tracing.Slot, ...]
     whiskers: dict[str, Whisker | None]
     nominal: tuple[Whisker, ...]
     hidden_lengths: tuple[float, ...]
 
-    @classmethod
-    def of(cls, settings: Settings, roster, recording: Recording):
-        """Bring the settings' whiskers together with those found in the video."""
-        given = {w.name: w for w in settings.whisker}
-        names = tuple(given) or tuple(slot.name for slot in roster)
-        table = {name: given.get(name) or WhiskerSettings(name=name) for name in names}
-        whiskers = {name: each.si() for name, each in table.items()}
-        nominal = [
-            whiskers[slot.name]
-            or stations.nominal_whisker(
-                slot.name,
-                slot.visible_px / recording.pixels_per_m,
-                table[slot.name].hidden_length,
-            )
-            for slot in roster
-        ]
-        return cls(
-            names,
-            tuple(slot.name for slot in roster),
-            whiskers,
-            tuple(nominal),
-            tuple(table[slot.name].hidden_length for slot in roster),
-        )
+    @property
+    def found(self) -> tuple[str, ...]:
+        """Names of the whiskers found in the video, in the tracer's order."""
+        return tuple(slot.name for slot in self.roster)
+
+
+def find_cast(video, epochs, options, settings: Settings) -> Cast:
+    """Find the whiskers in some frames and bring them together with the settings' ones."""
+    scene = longest_scene(epochs, video.n_frames)
+    indices, sample = video.sample(ROSTER_FRAMES)
+    of_scene = [e for e in epochs if e.scene is scene]
+    still = [any(e.start <= i < (e.stop or np.inf) for e in of_scene) for i in indices]
+    given = {w.name: w for w in settings.whisker}
+    roster = tracing.find_roster(sample[still], scene, options, list(given) or None)
+    names = tuple(given) or tuple(slot.name for slot in roster)
+    given = {name: given.get(name) or WhiskerSettings(name=name) for name in names}
+    whiskers = {name: each.si() for name, each in given.items()}
+    hidden = tuple(given[slot.name].hidden_length for slot in roster)
+    scale = settings.recording.si().pixels_per_m
+    nominal = [
+        whiskers[slot.name] or stations.nominal_whisker(slot.name, slot.visible_px / scale, each)
+        for slot, each in zip(roster, hidden, strict=True)
+    ]
+    return Cast(names, tuple(roster), whiskers, tuple(nominal), hidden)
+
+
+def longest_scene(epochs, n_frames: int | None) -> StaticScene:
+    """The scene that holds for most of the video."""
+    held = defaultdict(int)
+    for epoch in epochs:
+        end = epoch.stop or max(n_frames or 0, epoch.start + 1)
+        held[id(epoch.scene)] += end - epoch.start
+    return max((e.scene for e in epochs if e.scene), key=lambda scene: held[id(scene)])
+
+
+_NO_KINEMATICS = pd.DataFrame({"frame": [], "whisker": []}, dtype=int)
 
 
 def frame_table(kinematics, cast: Cast, n_frames: int, recording: Recording) -> pd.DataFrame:
@@ -157,8 +197,8 @@ def frame_table(kinematics, cast: Cast, n_frames: int, recording: Recording) -> 
     `kinematics` are tables as of `curvature.measure`, whose `whisker` indexes `cast.found`.
     """
     every = pd.MultiIndex.from_product([range(n_frames), cast.names], names=["frame", "whisker"])
-    found = pd.concat(kinematics, ignore_index=True)
-    found["whisker"] = np.asarray(cast.found, object)[found["whisker"].to_numpy()]
+    found = pd.concat(kinematics or [_NO_KINEMATICS], ignore_index=True)
+    found["whisker"] = np.asarray(cast.found, object)[found["whisker"].to_numpy(int)]
     found["tracked"] = True
     table = found.set_index(["frame", "whisker"]).reindex(every).reset_index()
     table["tracked"] = table["tracked"].notna()
@@ -166,19 +206,19 @@ def frame_table(kinematics, cast: Cast, n_frames: int, recording: Recording) -> 
     return as_table(table, FRAME_COLUMNS)
 
 
-def _messages(settings, scene, cast, table, frames):
+def _messages(settings, pole, cast, table, frames):
     """Sentences on what is missing or doubtful in one video."""
     if frames.expected and frames.count < 0.98 * frames.expected:
         yield f"only {frames.count} of {frames.expected} frames could be read: is it cut short?"
     if frames.count == 1:
         yield "one frame only: no movement to learn from, no contacts"
-    if not cast.found:
+    if not cast.roster:
         yield "no whisker found in any frame"
         return
     lost = [name for name in cast.names if name not in cast.found]
     if lost:
         yield f"not found in any frame: {', '.join(lost)}"
-    if scene.pole is None:
+    if pole is None:
         yield (
             f"no pole of {settings.pole.diameter_mm:g} mm found, so no contacts; if there is "
             "one, give [pole] x_px, y_px"

@@ -228,6 +228,17 @@ def _centreline_rows(centrelines, start, stop, schema):
     return pa.Table.from_arrays(columns, schema=schema)
 
 
+def centreline_chunks(path, filters=None):
+    """Yield the `Centrelines` of a centrelines.parquet in parts that fit into memory."""
+    import pyarrow.dataset as ds
+    import pyarrow.parquet as pq
+
+    expression = None if filters is None else pq.filters_to_expression(filters)
+    for batch in ds.dataset(path).to_batches(filter=expression, batch_size=1024):
+        if len(batch):
+            yield _centrelines(batch)
+
+
 def read_centrelines(path, filters=None) -> Centrelines:
     """Read centrelines.parquet, the rows that pass `filters` (as in `read_frames`).
 
@@ -235,16 +246,21 @@ def read_centrelines(path, filters=None) -> Centrelines:
     """
     import pyarrow.parquet as pq
 
-    table = pq.read_table(path, filters=filters).combine_chunks()
-    names = tuple(dict.fromkeys(table["whisker"].to_pylist()))
-    frame = table["frame"].to_numpy().astype(np.int32)
-    whisker = np.array([names.index(n) for n in table["whisker"].to_pylist()], dtype=np.int32)
-    x, y = (_flat(table[name]) for name in ("x_px", "y_px"))
-    lengths = _list_lengths(table["x_px"])
+    return _centrelines(pq.read_table(path, filters=filters).combine_chunks())
+
+
+def _centrelines(table) -> Centrelines:
+    """An arrow table or batch of centrelines.parquet as `Centrelines`."""
+    whiskers = table.column("whisker").to_pylist()
+    names = tuple(dict.fromkeys(whiskers))
+    number = {name: i for i, name in enumerate(names)}
+    frame = np.asarray(table.column("frame")).astype(np.int32)
+    x, y = (_flat(table.column(name)) for name in ("x_px", "y_px"))
+    lengths = _list_lengths(table.column("x_px"))
     return Centrelines(
         names=names,
         frame=frame,
-        whisker=whisker,
+        whisker=np.array([number[name] for name in whiskers], dtype=np.int32),
         offsets=np.concatenate([[0], np.cumsum(lengths)]).astype(np.int64),
         x_px=x,
         y_px=y,
@@ -264,6 +280,30 @@ def _list_lengths(column) -> np.ndarray:
     import pyarrow.compute as pc
 
     return np.asarray(pc.list_value_length(column)).astype(np.int64)
+
+
+# --- how a video was processed (run.json in its folder) -----------------------------------
+
+
+def pole_runs(track) -> dict | None:
+    """A `PoleTrack` as runs of frames at one place, [first frame, x, y], for run.json."""
+    if track is None:
+        return None
+    places = np.column_stack([track.x_px, track.y_px]).round(3)
+    same = (places[1:] == places[:-1]) | (np.isnan(places[1:]) & np.isnan(places[:-1]))
+    starts = np.flatnonzero(np.concatenate([[True], ~same.all(axis=1)]))
+    runs = [[int(i), *(None if np.isnan(v) else float(v) for v in places[i])] for i in starts]
+    return {"radius_px": float(track.radius_px), "runs": runs}
+
+
+def pole_at(state: dict, frame: int) -> tuple[float, float, float] | None:
+    """(x, y, radius) [px] of the pole at a frame, from a video's run.json; None: not in view."""
+    pole = state.get("pole")
+    if not pole:
+        return None
+    starts = [run[0] for run in pole["runs"]]
+    _, x, y = pole["runs"][max(int(np.searchsorted(starts, frame, side="right")) - 1, 0)]
+    return None if x is None else (x, y, pole["radius_px"])
 
 
 # --- the dictionary of columns -----------------------------------------------------------
