@@ -1,0 +1,1 @@
+"""The page in the browser in which a person corrects contacts."""

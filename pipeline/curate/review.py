@@ -1,0 +1,216 @@
+"""One video's contacts under review: every edit is a verdict, saved at once, can be undone."""
+
+from datetime import UTC, datetime
+from typing import NamedTuple
+
+import pandas as pd
+
+from pipeline.curation import (
+    CONFIRMED,
+    CONTACT,
+    FREE,
+    Verdict,
+    apply,
+    overlap,
+    table_of,
+    verdicts,
+)
+
+
+class EditError(ValueError):
+    """An edit that makes no sense; the message says why, for the person at the keys."""
+
+
+class Span(NamedTuple):
+    """A stretch of one whisker's frames, [onset, offset)."""
+
+    whisker: str
+    onset: int
+    offset: int
+
+    def __contains__(self, frame):
+        return self.onset <= frame < self.offset
+
+    def __str__(self):
+        return f"{self.onset}–{self.offset}"
+
+
+class Review:
+    """Contacts as detected, a person's verdicts on them, and what follows from both.
+
+    Parameters
+    ----------
+    detected : table of contact intervals as the program found them (see `curation.apply`)
+    corrections : table of the verdicts so far
+    n_frames : of the video
+    save : called with the table of corrections after every change, to store it
+    """
+
+    def __init__(self, detected: pd.DataFrame, corrections: pd.DataFrame, n_frames: int, save):
+        self.detected = detected
+        self.n_frames = n_frames
+        self._save = save
+        self._past, self._future = [], []
+        self._set(verdicts(corrections))
+
+    def _set(self, rows):
+        self.verdicts = tuple(rows)
+        self.intervals = apply(self.detected, table_of(self.verdicts))
+        self.spans = spans_of(self.intervals)
+
+    @property
+    def corrections(self) -> pd.DataFrame:
+        """The verdicts as a table of CORRECTION_COLUMNS."""
+        return table_of(self.verdicts)
+
+    # ---- questions ------------------------------------------------------------------------
+
+    def of_whisker(self, whisker) -> list[Span]:
+        """Contacts of one whisker, in order of time."""
+        return [span for span in self.spans if span.whisker == whisker]
+
+    def at(self, whisker, frame) -> Span | None:
+        """The contact of a whisker at a frame, or None."""
+        return next((s for s in self.of_whisker(whisker) if frame in s), None)
+
+    def verdict_on(self, span) -> Verdict | None:
+        """The verdict that states this contact, or None."""
+        return next(
+            (
+                v
+                for v in self.verdicts
+                if v.verdict != FREE and (v.whisker, *v.span) == tuple(span)
+            ),
+            None,
+        )
+
+    def dismissed(self, span) -> bool:
+        """A person said that there is no contact in (most of) this stretch."""
+        return any(
+            v.verdict == FREE
+            and v.whisker == span.whisker
+            and 2 * overlap(v.cover, span[1:]) > span.offset - span.onset
+            for v in self.verdicts
+        )
+
+    # ---- edits ----------------------------------------------------------------------------
+
+    def add(self, whisker, onset, offset) -> Span:
+        """Add a contact; EditError if it is empty or runs into another one."""
+        span = self._checked(Span(whisker, onset, offset))
+        deleted = [
+            v
+            for v in self.verdicts
+            if v.verdict == FREE and v.whisker == whisker and overlap(v.cover, span[1:])
+        ]
+        self._state(span, CONTACT, [span, *deleted])
+        return span
+
+    def delete(self, span) -> None:
+        """Say that there is no such contact."""
+        stated = self.verdict_on(span)
+        others = [v for v in self.verdicts if v is not stated]
+        left = spans_of(apply(self.detected, table_of(others)))
+        if stated and set(left) <= set(self.spans):
+            self._change(others)  # an added contact leaves nothing to deny
+        else:
+            self._state(span, FREE, [span, stated])
+
+    def confirm(self, span) -> None:
+        """Say that a contact is right as it is."""
+        if self.verdict_on(span) is None:
+            self._state(span, CONFIRMED, [span])
+
+    def dismiss(self, span) -> None:
+        """Say that there is no contact in a stretch that holds none: right as it is."""
+        if not self.dismissed(span):
+            self._state(span, FREE, [span])
+
+    def move(self, span, onset=None, offset=None) -> Span:
+        """Move one or both edges of a contact; EditError if it is no contact any more."""
+        moved = Span(
+            span.whisker,
+            span.onset if onset is None else onset,
+            span.offset if offset is None else offset,
+        )
+        if moved == span:
+            return span
+        self._checked(moved, instead_of=(span,))
+        self._state(moved, CONTACT, [moved, span, self.verdict_on(span)])
+        return moved
+
+    def merge(self, span) -> Span:
+        """Make one of a contact and the next one of the same whisker."""
+        later = [s for s in self.of_whisker(span.whisker) if s.onset >= span.offset]
+        if not later:
+            raise EditError("there is no later contact to merge with")
+        merged = Span(span.whisker, span.onset, later[0].offset)
+        stated = [self.verdict_on(span), self.verdict_on(later[0])]
+        self._state(merged, CONTACT, [merged, *stated])
+        return merged
+
+    def undo(self) -> bool:
+        """Take back the last edit; False if there is none."""
+        return self._step(self._past, self._future)
+
+    def redo(self) -> bool:
+        """Make the edit again that was taken back last; False if there is none."""
+        return self._step(self._future, self._past)
+
+    # ---- how ------------------------------------------------------------------------------
+
+    def _step(self, source, target):
+        if not source:
+            return False
+        target.append(self.verdicts)
+        self._set(source.pop())
+        self._save(self.corrections)
+        return True
+
+    def _change(self, rows):
+        self._past.append(self.verdicts)
+        self._future.clear()
+        self._set(rows)
+        self._save(self.corrections)
+
+    def _state(self, span, verdict, about):
+        """Put a verdict in place of those in `about`, over the frames of everything in it."""
+        about = [each for each in about if each is not None]
+        replaced = [each for each in about if isinstance(each, Verdict)]
+        covers = [e.cover if isinstance(e, Verdict) else e[1:] for e in about]
+        start, stop = min(c[0] for c in covers), max(c[1] for c in covers)
+        if verdict == CONTACT and self._is_all_detected(span, start, stop):
+            verdict = CONFIRMED
+        if verdict == FREE:
+            span = Span(span.whisker, start, stop)
+        now = datetime.now(UTC).isoformat(timespec="seconds")
+        new = Verdict(*span[:1], verdict, *span[1:], start, stop, now)
+        self._change([v for v in self.verdicts if v not in replaced] + [new])
+
+    def _is_all_detected(self, span, start, stop):
+        """Tell whether a contact is just what was detected between two frames."""
+        there = Span(span.whisker, start, stop)
+        return [s for s in spans_of(self.detected) if _collide(s, there)] == [span]
+
+    def _checked(self, span, instead_of=()):
+        if span.onset >= span.offset:
+            raise EditError(
+                f"the first frame after the touch ({span.offset}) must come behind the first "
+                f"frame of touch ({span.onset})"
+            )
+        if span.onset < 0 or span.offset > self.n_frames:
+            raise EditError(f"the video has frames 0 to {self.n_frames - 1}")
+        for other in self.of_whisker(span.whisker):
+            if other not in instead_of and _collide(span, other):
+                raise EditError(f"that would run into the contact {other}; m merges two")
+        return span
+
+
+def spans_of(intervals: pd.DataFrame) -> list[Span]:
+    """Return the spans of a table of contact intervals or contacts."""
+    columns = (intervals[c] for c in ("whisker", "onset_frame", "offset_frame"))
+    return [Span(str(w), int(a), int(b)) for w, a, b in zip(*columns, strict=True)]
+
+
+def _collide(a, b):
+    return a.whisker == b.whisker and overlap(a[1:], b[1:]) > 0
