@@ -163,9 +163,12 @@ def settle(image, model: ImageModel, gain, curve, options: TracingOptions, works
     line.n = n
     for _ in range(4):
         refine(image, model, gain, line, options, workspace)
-        if line.n < 12:
+        if line.n < following.SHORTEST:
             break
         fit_width(line, workspace)
+        # no history to average with: the absorbance is what was measured last
+        line.amplitude[: line.n] = np.maximum(workspace.work[2, : line.n], FAINTEST)
+        line.amplitude[line.n :] = line.amplitude[line.n - 1]
     return line
 
 

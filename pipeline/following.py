@@ -282,13 +282,23 @@ def start_at_face(x, y, n, outside):
 
 
 @njit(cache=True)
-def visible_end(amplitude, amplitude_se, sums, n, threshold, bridge, first):
-    """Index one past the last node that is still seen, from `first` on.
+def visible_end(amplitude, amplitude_se, sums, n, threshold, bridge):
+    """Index one past the last node that is still seen; 0 where nothing is.
 
-    A node is seen where its windowed absorbance is `threshold` standard errors above zero;
-    unseen stretches up to `bridge` nodes are crossed where pixels are missing (pole, border),
-    shorter ones where they are not.
+    The search starts at the clearest node of the proximal half, since fur may cover the first
+    ones. A node is seen where its windowed absorbance is `threshold` standard errors above
+    zero; unseen stretches up to `bridge` nodes are crossed where pixels are missing (pole,
+    border), shorter ones where they are not.
     """
+    first = 0
+    clearest = 0.0
+    for i in range((n + 1) // 2):
+        clear = amplitude[i] / max(amplitude_se[i], 1e-9)
+        if clear > clearest:
+            clearest = clear
+            first = i
+    if clearest < threshold:
+        return 0
     end = first
     gap = 0
     blind = 0
@@ -386,7 +396,7 @@ def refine(
     n = max(min(n, limit), 2)
     profiles.accumulate(image, background, weight, gain, x, y, n, cap, sigma, 3.0, sums)
     profiles.window_amplitudes(sums, n, 7, work[2], work[3], work[4])
-    end = visible_end(work[2], work[4], sums, n, 4.0, bridge, 0)
+    end = visible_end(work[2], work[4], sums, n, 4.0, bridge)
     if end < SHORTEST:
         return 0, 0.0
     for i in range(end):

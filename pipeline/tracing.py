@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numba import njit
+from scipy.optimize import linear_sum_assignment
 
 from pipeline import detection, following, profiles
 from pipeline.detection import ImageModel, Line, TracingOptions, Workspace
@@ -20,6 +21,9 @@ GOOD_QUALITY = 0.6  # part of the expected contrast found: below, the wider sear
 LOST_QUALITY = 0.35
 NARROW_PX, WIDE_PX = 10, 30  # half-width of the search strip
 DOUBLE_SHARE = 0.6  # part of two lines that may coincide before one of them is given up
+LARGEST_TURN = np.radians(150)  # no whisker bends further from its base to its tip
+STRANGEST = 4.0  # a found line less like the missing whisker than this is left alone
+RECENT_FRAMES = 40  # a whisker lost for less than this is expected where it was
 SEARCH_EVERY = 20  # frames between two full detections while a whisker is missing
 
 
@@ -162,10 +166,22 @@ class Tracer:
         self._give_up_if_poor(track)
 
     def _give_up_if_poor(self, track: Track) -> None:
-        """Call a whisker lost where hardly any of it was found."""
+        """Call a whisker lost where hardly any of it was found, or it is none any more."""
         line = track.line
-        if line.n < 0.4 * self.options.shortest_px or line.quality < LOST_QUALITY:
+        if (
+            line.n < 0.4 * self.options.shortest_px
+            or line.quality < LOST_QUALITY
+            or self._base_jump(track) > 0.5 * self.options.base_gap_px
+            or turning_range(line.x, line.y, line.n) > LARGEST_TURN
+        ):
             track.line, track.lost_for = None, 1
+
+    def _base_jump(self, track: Track) -> float:
+        """How far the whisker's first point moved since the last frame [px]."""
+        before = track.before
+        if before is None or before.n == 0:
+            return 0.0
+        return float(np.hypot(track.line.x[0] - before.x[0], track.line.y[0] - before.y[0]))
 
     def _capture(self, line: Line, image, gain, half) -> None:
         m, w = self.model, self.workspace
@@ -181,15 +197,30 @@ class Tracer:
         found = detection.detect(image, self.model, gain, self.options, self.workspace)
         present = [t.line for t in self.tracks if t.line is not None]
         found = [c for c in found if all(detection.shared_fraction(c, p) < 0.4 for p in present)]
-        reach = 3 * self.options.base_gap_px
+        cost = np.array([[self._strangeness(t, line) for line in found] for t in missing])
         for track in missing:
-            near = [c for c in found if np.hypot(*(c.points[0] - track.slot.base_xy)) < reach]
-            if near:
-                track.line = max(near, key=lambda c: _likeness(c, track.slot))
-                track.before, track.lost_for = None, 0
-                found = [c for c in found if c is not track.line]
-            else:
-                track.lost_for += 1
+            track.lost_for += 1
+        if not found:
+            return
+        for row, column in zip(*linear_sum_assignment(np.minimum(cost, 1e6)), strict=True):
+            if cost[row, column] < STRANGEST:
+                missing[row].line = found[column]
+                missing[row].before, missing[row].lost_for = None, 0
+
+    def _strangeness(self, track: Track, line: Line) -> float:
+        """How badly a found line fits a missing whisker: base, length and, if just lost, shape."""
+        unit = self.options.base_gap_px  # 2 mm
+        last = track.before if track.lost_for < RECENT_FRAMES else None
+        base = track.slot.base_xy if last is None else last.points[0]
+        off_base = np.hypot(*(line.points[0] - base)) / unit
+        if off_base > 1.5 or turning_range(line.x, line.y, line.n) > LARGEST_TURN:
+            return np.inf
+        cost = 3 * off_base + abs(1 - line.n / track.slot.visible_px)
+        if last is not None:
+            n = min(line.n, last.n)
+            apart = np.hypot(line.x[:n] - last.x[:n], line.y[:n] - last.y[:n])
+            cost += np.median(apart) / unit
+        return cost
 
 
 def _near(a: Line, b: Line, near_px: float) -> float:
@@ -197,10 +228,21 @@ def _near(a: Line, b: Line, near_px: float) -> float:
     return profiles.closeness(a.x, a.y, a.n, b.x, b.y, b.n, near_px, 4)
 
 
-def _likeness(line: Line, slot: Slot) -> float:
-    """How well a found line fits a slot: contrast and length, less the distance of the base."""
-    length = min(line.n, slot.visible_px)
-    return length * line.quality - 1.0 * np.hypot(*(line.points[0] - slot.base_xy))
+@njit(cache=True)
+def turning_range(x, y, n):
+    """Largest less smallest direction along a line, over chords of 10 nodes [rad]."""
+    low = 0.0
+    high = 0.0
+    total = 0.0
+    for i in range(10, n - 10, 5):
+        ax = x[i] - x[i - 10]
+        ay = y[i] - y[i - 10]
+        bx = x[i + 5] - x[i - 5]
+        by = y[i + 5] - y[i - 5]
+        total += np.arctan2(ax * by - ay * bx, ax * bx + ay * by)
+        low = min(low, total)
+        high = max(high, total)
+    return high - low
 
 
 def predicted(track: Track, with_velocity: bool) -> Line:
