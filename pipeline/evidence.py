@@ -1,0 +1,27 @@
+"""What `contact.measure_touch` measured, kept beside the tables: from it contacts and forces are
+made anew when a person corrects contacts, without the video."""  # noqa: D205, D209
+
+from pathlib import Path
+
+import pandas as pd
+
+from pipeline.tables import whole_file
+
+EVIDENCE_FILE = "evidence.parquet"
+
+
+def write_evidence(folder, evidence: pd.DataFrame) -> None:
+    """Write the evidence of a video (SI units, a row per whisker and frame) into its folder."""
+    with whole_file(Path(folder) / EVIDENCE_FILE) as temporary:
+        evidence.to_parquet(temporary, index=False, compression="zstd")
+
+
+def read_evidence(folder) -> pd.DataFrame:
+    """Read the evidence as `write_evidence` left it.
+
+    Raises
+    ------
+    FileNotFoundError
+        Where there is none.
+    """
+    return pd.read_parquet(Path(folder) / EVIDENCE_FILE)
