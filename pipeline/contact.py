@@ -1,0 +1,391 @@
+"""Contacts: when a whisker touches the pole, decided from distance and force together.
+
+In every frame the fitted rod gives two numbers: the gap d between the surfaces and the force F
+that the nearest point would feel. A free whisker has F = 0 and d > 0, a touching one d = 0 and
+F > 0: an L in the plane (d, F), blurred by errors that are known from the fit or learnt from the
+video. A hidden Markov model of two states turns the likelihoods of both arms into a probability
+per frame; the places where the *unloaded* whisker would just touch, which move smoothly with the
+follicle, set onset and offset to the frame.
+"""
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+import pandas as pd
+from numba import njit
+from scipy.special import erfcx, log_ndtr
+
+from pipeline import forces
+from pipeline.records import FRAME_COLUMNS, Recording, as_table
+from pipeline.stations import N_STATIONS, Stations, nominal_whisker
+
+GAP_SCALE_M = 1e-3  # typical gap of a free whisker
+FORCE_SCALE_N = 8e-6  # typical force of a touch
+CONTACT_STARTS, CONTACT_ENDS = 0.01, 0.03  # probabilities per frame
+OUTLIERS = 1e-4  # share of frames that say nothing
+LEAST_GAP_SD_PX = 0.06
+LEAST_EVIDENCE = 12.0  # summed log-likelihood ratio below which a contact is noise
+LEAST_PEAK_SD = 5.0  # peak force in standard errors
+SLIP_LOOK_FRAMES = 4  # so many frames after the end in which the pole has changed sides
+CROSSING_FRAMES = 4  # either side, over which the unloaded gap is followed through zero
+LARGE_DEFLECTION_RAD = 0.6
+NEAR_CURVATURE_M = 1.0e-3
+
+INTERVAL_COLUMNS = (
+    "whisker",
+    "onset_frame",
+    "offset_frame",
+    "probability",
+    "side",
+    "slip",
+    "flags",
+)
+
+
+@dataclass(frozen=True)
+class Touch:
+    """All about the touches in one video.
+
+    Attributes
+    ----------
+    frames, contacts : tables of records.FRAME_COLUMNS and CONTACT_COLUMNS
+    intervals : contacts as INTERVAL_COLUMNS and `curated`
+    evidence : the measurements behind, aligned with `frames`, SI units
+    """
+
+    frames: pd.DataFrame
+    contacts: pd.DataFrame
+    intervals: pd.DataFrame
+    evidence: pd.DataFrame
+
+
+def analyse_touch(
+    frames: pd.DataFrame,
+    places: Stations,
+    recording: Recording,
+    whiskers: dict,
+    *,
+    curvature_at: float = 5.5e-3,
+    method: str = "shape",
+    friction: float = 0.0,
+    corrections=None,
+    video: str = "",
+) -> Touch:
+    """Rest shape, contacts, forces, pulses and base loads of one video.
+
+    Parameters
+    ----------
+    frames : records.FRAME_COLUMNS with the kinematics; a row per whisker and frame, any order
+    places : `Stations` of all tracked rows, in any order
+    whiskers : name → Whisker, or None: contacts are found all the same, forces are not
+    curvature_at : arc length of the curvature in `frames` [m]
+    method : "shape" or "point"
+    friction : signed ratio of tangential to normal force at the pole
+    corrections : table of a person's corrections (pipeline.curation), or None
+    """
+    frames, evidence = measure_touch(frames, places, whiskers, curvature_at, friction)
+    return retouch(
+        frames, evidence, recording, whiskers,
+        curvature_at=curvature_at, method=method, corrections=corrections, video=video,
+    )  # fmt: skip
+
+
+def retouch(
+    frames: pd.DataFrame,
+    evidence: pd.DataFrame,
+    recording: Recording,
+    whiskers: dict,
+    *,
+    curvature_at: float = 5.5e-3,
+    method: str = "shape",
+    corrections=None,
+    video: str = "",
+) -> Touch:
+    """Everything behind the evidence: contacts, a person's corrections, forces, pulses, loads."""
+    from pipeline import base_moments, pulses
+
+    evidence = add_probability(evidence, recording)
+    intervals = find_contacts(evidence, curvature_at)
+    intervals["curated"] = False
+    if corrections is not None:
+        intervals = _correct(intervals, corrections, evidence)
+    frames = frames.copy()
+    frames["in_contact"] = in_contact(frames, intervals)
+    frames["contact_probability"] = evidence["probability"].to_numpy()
+    frames = forces.add_forces(frames, evidence, whiskers, method)
+    contacts = forces.contact_table(frames, intervals, recording, video)
+    contacts = pulses.add_pulses(contacts, frames, recording)
+    contacts = base_moments.add_base_moments(contacts, frames, whiskers, recording)
+    return Touch(as_table(frames, FRAME_COLUMNS), contacts, intervals, evidence)
+
+
+def measure_touch(frames, places: Stations, whiskers: dict, curvature_at, friction=0.0):
+    """Rest curvature and evidence of touch for all whiskers of a video.
+
+    Returns
+    -------
+    frames : the table with distance, rest curvature and curvature change filled
+    evidence : aligned with `frames`; NaN in frames without a trace
+    """
+    frames = frames.reset_index(drop=True).copy()
+    parts = []
+    for index, name in enumerate(places.names):
+        own = places.of(name)
+        if len(own) == 0:
+            continue
+        rows = frames.index[frames["whisker"] == name].to_numpy()
+        by_frame = pd.Series(rows, index=frames.loc[rows, "frame"])
+        rows = by_frame.loc[own.frame].to_numpy()
+        whisker = whiskers.get(name)
+        if whisker is None:
+            length = (N_STATIONS - 1) * places.spacing[index]
+            whisker = nominal_whisker(name, length / 1.03, 0.0)
+        evidence, rest = forces.measure_forces(
+            own, whisker, frames.loc[rows], curvature_at, friction
+        )
+        for column in rest:
+            frames.loc[rows, column] = rest[column].to_numpy()
+        frames.loc[rows, "pole_distance_mm"] = 1e3 * evidence["distance_m"].to_numpy()
+        parts.append(evidence.set_index(rows))
+    evidence = pd.concat(parts) if parts else pd.DataFrame(columns=["side"])
+    evidence = evidence.reindex(frames.index)
+    evidence["side"] = evidence["side"].fillna(0).astype(int)
+    for column in ("pole_known", "extended", "rest_known"):
+        flag = evidence[column] if column in evidence else pd.Series(False, evidence.index)
+        evidence[column] = flag.eq(True).to_numpy(bool)
+    evidence.insert(0, "whisker", frames["whisker"])
+    evidence.insert(0, "frame", frames["frame"])
+    return frames, evidence
+
+
+# Probability per frame ---------------------------------------------------------------------
+
+
+def add_probability(evidence: pd.DataFrame, recording: Recording) -> pd.DataFrame:
+    """Fill `probability` of contact and its `log_odds` (of the frame alone) in every frame."""
+    evidence = evidence.copy()
+    evidence["probability"] = 0.0
+    evidence["log_odds"] = 0.0
+    for name in evidence["whisker"].unique():
+        rows = evidence.index[evidence["whisker"] == name]
+        part = evidence.loc[rows].sort_values("frame")
+        if not part.get("pole_known", pd.Series(False, part.index)).any():
+            continue
+        log_odds = _frame_log_odds(part, recording)
+        evidence.loc[part.index, "log_odds"] = log_odds
+        evidence.loc[part.index, "probability"] = _posterior(
+            log_odds, CONTACT_STARTS, CONTACT_ENDS
+        )
+    return evidence
+
+
+def _frame_log_odds(part, recording):
+    """Log-likelihood ratio of contact to no contact of every frame on its own.
+
+    The gap's offset (radius of the pole, blur) and scatter in contact are learnt from the
+    video, for both sides, together with the frames that touch.
+    """
+    gap, gap_sd, force, force_sd, cov = _observations(part, recording)
+    side, known = part["side"].to_numpy(), part["pole_known"].to_numpy(bool)
+    least = LEAST_GAP_SD_PX / recording.pixels_per_m
+    offset, extra = np.zeros(len(part)), np.full(len(part), 4 * least)
+    for _ in range(4):
+        sd = np.hypot(gap_sd, extra)
+        odds = _log_odds(gap - offset, sd, force, force_sd, cov)
+        odds = np.where(np.isfinite(odds), odds, 0.0)
+        odds = np.where(known, odds, -50.0)
+        touching = _posterior(odds, CONTACT_STARTS, CONTACT_ENDS) > 0.9
+        for s in (-1, 1):
+            # the clear touches: strongly pushed, so that no free frame can be among them
+            own = touching & (side == s) & np.isfinite(gap)
+            sure = own & (np.nan_to_num(force) > 5 * np.nan_to_num(force_sd, nan=np.inf))
+            if sure.sum() < 10:
+                continue
+            middle = np.median(gap[sure])
+            spread = 1.4826 * np.median(np.abs(gap[sure] - middle))
+            offset[side == s] = middle
+            extra[side == s] = np.sqrt(max(spread**2 - np.median(gap_sd[sure]) ** 2, least**2))
+    return odds
+
+
+def _observations(part, recording):
+    """Gap and force with standard deviations and covariance, in metres and newtons.
+
+    Where no rod could be fitted the traced distance stands in, and no force.
+    """
+    column = {c: part[c].to_numpy(float) for c in part if c not in ("whisker",)}
+    traced_sd = 0.4 / recording.pixels_per_m
+    fitted = np.isfinite(column["gap_m"]) & np.isfinite(column["shape_force_se_N"])
+    fitted &= column["rest_known"] == 1
+    gap = np.where(fitted, column["gap_m"], column["distance_m"])
+    gap_sd = np.where(fitted, column["gap_se_m"], traced_sd)
+    force = np.where(fitted, column["shape_force_N"], np.nan)
+    cov = np.where(fitted, column["gap_force_cov"], 0.0)
+    return gap, gap_sd, force, column["shape_force_se_N"], cov
+
+
+def _log_odds(gap, gap_sd, force, force_sd, cov):
+    """log p(d, F | contact) − log p(d, F | free), bivariate normal errors."""
+    with np.errstate(all="ignore"):
+        free_gap = gap - cov / force_sd**2 * force
+        free_gap_sd = np.sqrt(np.maximum(gap_sd**2 - (cov / force_sd) ** 2, (0.1 * gap_sd) ** 2))
+        free = _log_normal(force, force_sd) + _log_skewed(free_gap, free_gap_sd, GAP_SCALE_M)
+        pushed = force - cov / gap_sd**2 * gap
+        pushed_sd = np.sqrt(np.maximum(force_sd**2 - (cov / gap_sd) ** 2, (0.1 * force_sd) ** 2))
+        contact = _log_normal(gap, gap_sd) + _log_skewed(pushed, pushed_sd, FORCE_SCALE_N)
+        nothing = np.log(OUTLIERS / (2 * GAP_SCALE_M * 5 * FORCE_SCALE_N))
+        odds = np.logaddexp(contact, nothing) - np.logaddexp(free, nothing)
+        # without a force the gap alone has to tell
+        alone = _log_normal(gap, gap_sd) - _log_skewed(gap, gap_sd, GAP_SCALE_M)
+        alone = np.clip(alone, -12.0, 6.0)
+    return np.where(np.isfinite(force), odds, alone)
+
+
+def _log_normal(x, sd):
+    return -0.5 * (x / sd) ** 2 - np.log(sd) - 0.5 * np.log(2 * np.pi)
+
+
+def _log_skewed(x, sd, scale):
+    """Log density of an exponential of mean `scale` blurred by a normal of `sd`."""
+    z = sd / scale - x / sd
+    # erfcx keeps its digits where exp and erfc would under- and overflow
+    tail = np.log(erfcx(np.maximum(z, 0.0) / np.sqrt(2)) / 2) - 0.5 * (x / sd) ** 2
+    body = 0.5 * (sd / scale) ** 2 - x / scale + log_ndtr(-np.minimum(z, 0.0))
+    return np.where(z > 0, tail, body) - np.log(scale)
+
+
+@njit(cache=True)
+def _posterior(log_odds, starts, ends):
+    """Forward–backward probability of contact in a chain of two states."""
+    n = len(log_odds)
+    forward = np.empty(n)
+    probability = np.empty(n)
+    last = starts / (starts + ends)
+    for i in range(n):
+        ahead = last * (1 - ends) + (1 - last) * starts if i else last
+        odds = np.exp(min(max(log_odds[i], -600.0), 600.0)) * ahead / (1 - ahead)
+        last = min(max(odds / (1 + odds), 1e-15), 1 - 1e-15)
+        forward[i] = last
+    back = 1.0  # likelihood of what follows in contact over that when free
+    for i in range(n - 1, -1, -1):
+        odds = forward[i] / (1 - forward[i]) * back
+        probability[i] = odds / (1 + odds) if odds < 1e300 else 1.0
+        ratio = np.exp(min(max(log_odds[i], -600.0), 600.0)) * back
+        ratio = min(max(ratio, 1e-250), 1e250)
+        back = ((1 - ends) * ratio + ends) / (starts * ratio + 1 - starts)
+    return probability
+
+
+# Intervals -----------------------------------------------------------------------------------
+
+
+def find_contacts(evidence: pd.DataFrame, curvature_at: float = 5.5e-3) -> pd.DataFrame:
+    """Contact intervals from evidence with `probability`: INTERVAL_COLUMNS, half-open frames."""
+    rows = []
+    for name in evidence["whisker"].unique():
+        part = evidence[evidence["whisker"] == name].sort_values("frame").reset_index(drop=True)
+        if "shape_force_N" not in part:
+            continue
+        for start, stop in _runs(part):
+            if _is_real(part, start, stop):
+                start, stop = _edges(part, start, stop)
+                rows.append(_interval(part, name, start, stop, curvature_at))
+    table = pd.DataFrame(rows, columns=list(INTERVAL_COLUMNS))
+    return table.astype({"onset_frame": int, "offset_frame": int, "side": int, "slip": bool})
+
+
+def _runs(part):
+    """Stretches of rows more likely in contact than not, cut where the pole changes sides."""
+    side = part["side"].to_numpy()
+    for start, stop in zip(*_edges_of(part["probability"].to_numpy() > 0.5), strict=True):
+        first = start
+        known = np.flatnonzero(side[start:stop]) + start
+        for before, after in pairwise(known):
+            if side[before] != side[after]:
+                yield first, after
+                first = after
+        yield first, stop
+
+
+def _edges_of(mask):
+    change = np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8))
+    return np.flatnonzero(change == 1), np.flatnonzero(change == -1)
+
+
+def _is_real(part, start, stop):
+    """Whether there is enough evidence in a run of frames, and a push at its peak."""
+    rows = slice(start, stop)
+    if part["log_odds"].to_numpy()[rows].sum() < LEAST_EVIDENCE:
+        return False
+    with np.errstate(invalid="ignore"):
+        push = part["shape_force_N"].to_numpy()[rows] / part["shape_force_se_N"].to_numpy()[rows]
+    return not np.isfinite(push).any() or np.nanmax(push) > LEAST_PEAK_SD
+
+
+def _edges(part, start, stop):
+    """Move onset and offset to where the unloaded whisker would just touch."""
+    return start, stop
+
+
+def _interval(part, name, start, stop, curvature_at):
+    rows = slice(start, stop)
+    frame = part["frame"].to_numpy()
+    sides = part["side"].to_numpy()
+    side = int(np.sign(sides[rows].sum())) or 1
+    after = sides[stop : stop + SLIP_LOOK_FRAMES]
+    slip = len(after) > 0 and np.any(after == -side)
+    probability = part["probability"].to_numpy()[rows]
+    flags = _flags(part, start, stop, curvature_at, slip)
+    return (
+        name, frame[start], frame[stop - 1] + 1, probability.mean(), side, slip, ";".join(flags)
+    )  # fmt: skip
+
+
+def _flags(part, start, stop, curvature_at, slip):
+    """What to be careful about in one contact."""
+    rows = slice(start, stop)
+    frame = part["frame"].to_numpy()
+    contact = part["contact_m"].to_numpy()[rows]
+    lateral = part["lateral_per_force"].to_numpy()[rows]
+    with np.errstate(invalid="ignore"):
+        tilted = np.nanmin(np.abs(lateral), initial=1.0) < np.cos(LARGE_DEFLECTION_RAD)
+        near = np.nanmin(contact, initial=np.inf) < curvature_at + NEAR_CURVATURE_M
+    probability = part["probability"].to_numpy()[rows]
+    applies = {
+        "starts_before": frame[start] == part["frame"].min(),
+        "ends_after": frame[stop - 1] == part["frame"].max(),
+        "slip": slip,
+        "no_rest_curvature": not part["rest_known"].to_numpy()[rows].any(),
+        "large_deflection": tilted,
+        "contact_near_curvature_window": near,
+        "gaps_in_trace": part["contact_m"].isna().to_numpy()[rows].any(),
+        "doubtful": probability.max() < 0.99,
+    }
+    return [flag for flag, is_so in applies.items() if is_so]
+
+
+def in_contact(frames: pd.DataFrame, intervals: pd.DataFrame) -> np.ndarray:
+    """Bool (rows,): the frames of `frames` that lie in one of the half-open intervals."""
+    frame, whisker = frames["frame"].to_numpy(), frames["whisker"].to_numpy()
+    out = np.zeros(len(frames), dtype=bool)
+    for row in intervals.itertuples():
+        out |= (whisker == row.whisker) & (frame >= row.onset_frame) & (frame < row.offset_frame)
+    return out
+
+
+def _correct(intervals, corrections, evidence):
+    """Apply a person's corrections; fill what an added contact does not know of itself."""
+    from pipeline import curation
+
+    intervals = curation.apply(intervals, corrections).reset_index(drop=True)
+    for i in intervals.index[intervals["curated"]]:
+        row = intervals.loc[i]
+        part = evidence[evidence["whisker"] == row["whisker"]].sort_values("frame")
+        inside = part["frame"].between(row["onset_frame"], row["offset_frame"] - 1)
+        sides = part.loc[inside, "side"].sum()
+        intervals.loc[i, "side"] = int(np.sign(sides)) or 1
+        intervals.loc[i, "probability"] = 1.0
+    intervals["slip"] = intervals["slip"].eq(True)
+    intervals["flags"] = intervals["flags"].fillna("")
+    return intervals

@@ -1,0 +1,253 @@
+"""Quasi-static force on a whisker: what it would be in every frame, and what it is in contacts.
+
+Two estimates. `point` (Birdwell et al. 2007; Pammer et al. 2013): the bending moment at one arc
+length, M_p = E I(s_p) Δκ, over its lever arm, F = M_p / |(r_c − r_p) × n̂|. `shape`: the elastic
+rod fitted to the whole traced centreline (shape_fit.py). Large angles are kept in both; signs as
+in docs/conventions.md.
+"""
+
+import numpy as np
+import pandas as pd
+
+from pipeline import rest_curvature, shape_fit
+from pipeline.records import CONTACT_COLUMNS, Recording, as_table, empty_table
+from pipeline.shape_fit import RestPrior, ShapeFit
+from pipeline.stations import Stations
+from whiskermodel.whisker import Whisker
+
+METHODS = ("point", "shape")
+SHORTEST_LEVER_M = 0.3e-3  # a contact nearer to the point of curvature tells nothing there
+CALIBRATION_REACH_M = 3e-3  # free frames with the pole this near tell the force's true noise
+_EVIDENCE_OF_FIT = {
+    "gap": "gap_m",
+    "clear_gap": "clear_gap_m",
+    "gap_force_cov": "gap_force_cov",
+    "compliance": "compliance_m_per_N",
+    "contact": "contact_m",
+    "angle": "base_angle_rad",
+    "moment_per_force": "moment_per_force_m",
+    "axial_per_force": "axial_per_force",
+    "lateral_per_force": "lateral_per_force",
+    "chi2": "chi2",
+    "force": "shape_force_N",
+}
+
+
+def measure_forces(
+    places: Stations, whisker: Whisker, kinematics, curvature_at: float, friction=0.0
+):
+    """What one whisker's force would be in every frame, if the pole's nearest point touched it.
+
+    Parameters
+    ----------
+    places : the whisker's `Stations`, one row per tracked frame
+    whisker : its dimensions (or stand-ins)
+    kinematics : table aligned with `places`: `time_s`, `curvature_per_m`, `curvature_per_m_se`,
+        `base_angle_deg`
+    curvature_at : arc length of the curvature [m]
+    friction : signed ratio of tangential to normal force, + pulls towards the tip
+
+    Returns
+    -------
+    evidence : table aligned with `places`, SI units
+    rest : columns rest_curvature_per_m … curvature_change_per_m_se, aligned with `places`
+    """
+    time = kinematics["time_s"].to_numpy(float)
+    angle = np.radians(kinematics["base_angle_deg"].to_numpy(float))
+    pole_known = np.isfinite(places.pole_x)
+    free = rest_curvature.free_frames(places.distance, pole_known)
+    free &= np.isfinite(places.last)
+    prior = _rest_prior(places, whisker, curvature_at, angle, time, free)
+    evidence = pd.DataFrame(
+        {
+            "distance_m": places.distance,
+            "nearest_m": places.nearest,
+            "side": places.side,
+            "pole_known": pole_known,
+            "extended": places.extended,
+            "rest_known": prior is not None,
+        }
+    )
+    if prior is None:
+        fit = shape_fit.fit_free(places, whisker, curvature_at)
+    else:
+        fit = shape_fit.fit_loaded(places, whisker, curvature_at, prior, friction)
+    for name, column in _EVIDENCE_OF_FIT.items():
+        evidence[column] = fit[name]
+    noise = _force_noise(fit["force"], np.sqrt(fit["force_var"]), places, free)
+    for name in ("gap", "clear_gap"):
+        evidence[f"{name}_se_m"] = np.sqrt(fit[f"{name}_var"]) * noise
+    evidence["gap_force_cov"] *= noise**2
+    evidence["shape_force_se_N"] = np.sqrt(fit["force_var"]) * noise
+    # the base's angle without the load's bending of the hidden part: from the fit
+    angle = np.where(np.isfinite(fit["angle"]), fit["angle"], angle)
+    rest = _rest_columns(kinematics, angle, time, free)
+    point, error = point_force(rest, fit)
+    evidence["point_force_N"], evidence["point_force_se_N"] = point, error
+    return evidence, rest
+
+
+def point_force(rest: pd.DataFrame, fit: ShapeFit):
+    """F = E I(s_p) Δκ / |(r_c − r_p) × n̂| and its standard error [N].
+
+    Positive pushes away from the pole. NaN where the contact lies before or just beyond s_p.
+    """
+    with np.errstate(all="ignore"):
+        usable = np.abs(fit["lever_at_curvature"]) > SHORTEST_LEVER_M
+        change = fit["curvature_per_force"]
+        force = rest["curvature_change_per_m"].to_numpy() / change
+        error = rest["curvature_change_per_m_se"].to_numpy() / np.abs(change)
+    return np.where(usable, force, np.nan), np.where(usable, error, np.nan)
+
+
+def _rest_prior(places, whisker, curvature_at, angle, time, free) -> RestPrior | None:
+    """Rest shape from the free frames, as prior for the loaded fit of all frames."""
+    rows = np.flatnonzero(free)
+    if len(rows) < rest_curvature.FEWEST_FRAMES:
+        return None
+    fit = shape_fit.fit_free(places.rows(rows), whisker, curvature_at)
+    variances = np.diagonal(fit.rest_cov, axis1=1, axis2=2)
+    everywhere = np.ones(len(rows), dtype=bool)
+    model = rest_curvature.fit_rest(fit.rest, variances, fit["angle"], time[rows], everywhere)
+    if model is None:
+        return None
+    # the table's angle is good enough for how well the rest shape is known
+    _, cov = model.predict(np.where(np.isfinite(angle), angle, model.centre), time)
+    floor = np.eye(cov.shape[1]) * 1e-3**2
+    return RestPrior(model.weights, model.centre, model.scale, model.drift(time), cov + floor)
+
+
+def _force_noise(force, error, places, free):
+    """Factor by which the force scatters in free frames beyond its standard error, >= 1."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        ratio = (force / error)[free & (places.distance < CALIBRATION_REACH_M)]
+    ratio = ratio[np.isfinite(ratio)]
+    if len(ratio) < rest_curvature.FEWEST_FRAMES:
+        return 1.0
+    return max(1.0, 1.4826 * float(np.median(np.abs(ratio))))
+
+
+def _rest_columns(kinematics, angle, time, free):
+    """Rest curvature and curvature change at one arc length, with standard errors."""
+    curvature = kinematics["curvature_per_m"].to_numpy(float)
+    error = kinematics["curvature_per_m_se"].to_numpy(float)
+    model = rest_curvature.fit_rest(curvature, error**2, angle, time, free)
+    rest, rest_error = np.full((2, len(curvature)), np.nan)
+    if model is not None:
+        known = np.isfinite(angle)
+        value, cov = model.predict(angle[known], time[known])
+        rest[known], rest_error[known] = value[:, 0], np.sqrt(cov[:, 0, 0])
+    return pd.DataFrame(
+        {
+            "rest_curvature_per_m": rest,
+            "rest_curvature_per_m_se": rest_error,
+            "curvature_change_per_m": curvature - rest,
+            "curvature_change_per_m_se": np.hypot(error, rest_error),
+        }
+    )
+
+
+def add_forces(
+    frames: pd.DataFrame, evidence: pd.DataFrame, whiskers: dict, method: str = "shape"
+) -> pd.DataFrame:
+    """Fill contact place and force columns of the table of frames, given `in_contact`.
+
+    Free frames have no force (0) and no place; untracked ones, and whiskers without dimensions,
+    have NaN.
+
+    Parameters
+    ----------
+    frames : records.FRAME_COLUMNS with `tracked` and `in_contact`
+    evidence : table aligned with `frames`, as of `measure_forces`
+    whiskers : name → Whisker, or None where its dimensions are not known
+    method : "shape" or "point"
+    """
+    if method not in METHODS:
+        raise ValueError(f"method must be one of {METHODS}, got {method!r}")
+    frames = frames.copy()
+    touching = frames["in_contact"].to_numpy(bool)
+    known = [name for name, whisker in whiskers.items() if whisker is not None]
+    known = frames["whisker"].isin(known).to_numpy() & frames["tracked"].to_numpy(bool)
+    force = evidence[f"{method}_force_N"].to_numpy(float)
+    error = evidence[f"{method}_force_se_N"].to_numpy(float)
+    frames["contact_arc_length_mm"] = np.where(touching, 1e3 * evidence["contact_m"], np.nan)
+    loads = {
+        "contact_force_uN": (1e6, np.ones(len(frames))),
+        "axial_force_uN": (1e6, evidence["axial_per_force"].to_numpy(float)),
+        "lateral_force_uN": (1e6, evidence["lateral_per_force"].to_numpy(float)),
+        "base_moment_nN_m": (1e9, evidence["moment_per_force_m"].to_numpy(float)),
+    }
+    for column, (unit, per_force) in loads.items():
+        # noise may make a touch's first force negative; a pole does not pull
+        value = np.where(touching, unit * per_force * np.maximum(force, 0.0), 0.0)
+        frames[column] = np.where(known, value, np.nan)
+        frames[f"{column}_se"] = np.where(known, unit * np.abs(per_force) * error, np.nan)
+    return frames
+
+
+def contact_table(frames: pd.DataFrame, intervals: pd.DataFrame, recording: Recording, video=""):
+    """One row per contact with records.CONTACT_COLUMNS; pulses and base loads are still missing.
+
+    Parameters
+    ----------
+    frames : records.FRAME_COLUMNS with forces
+    intervals : `whisker`, `onset_frame`, `offset_frame`, and where known `slip`, `curated`,
+        `flags`
+    """
+    if len(intervals) == 0:
+        return empty_table(CONTACT_COLUMNS)
+    by_whisker = {name: part.sort_values("frame") for name, part in frames.groupby("whisker")}
+    rows, numbers = [], {}
+    ordered = intervals.sort_values(["whisker", "onset_frame"], kind="stable")
+    for interval in ordered.to_dict("records"):
+        name = interval["whisker"]
+        numbers[name] = numbers.get(name, 0) + 1
+        part = by_whisker[name]
+        frame = part["frame"].to_numpy()
+        first, last = np.searchsorted(frame, [interval["onset_frame"], interval["offset_frame"]])
+        row = _contact_row(part.iloc[first:last], recording)
+        rows.append(
+            {
+                "video": video,
+                "whisker": name,
+                "contact": numbers[name],
+                "onset_frame": int(interval["onset_frame"]),
+                "offset_frame": int(interval["offset_frame"]),
+                "onset_s": interval["onset_frame"] / recording.frames_per_second,
+                "duration_ms": 1e3
+                * (interval["offset_frame"] - interval["onset_frame"])
+                / recording.frames_per_second,
+                **row,
+                "slip": bool(interval.get("slip", False)),
+                "curated": bool(interval.get("curated", False)),
+                "flags": interval.get("flags", "") or "",
+            }
+        )
+    return as_table(pd.DataFrame(rows), CONTACT_COLUMNS)
+
+
+def _contact_row(part: pd.DataFrame, recording: Recording) -> dict:
+    """Peaks, mean and impulse over the frames of one contact."""
+    force = part["contact_force_uN"].to_numpy(float)
+    if not np.isfinite(force).any():
+        place = part["contact_arc_length_mm"].to_numpy(float)
+        return {
+            "contact_arc_length_mm": np.nanmedian(place) if np.isfinite(place).any() else np.nan
+        }
+    peak = int(np.nanargmax(force))
+    frame_ms = 1e3 / recording.frames_per_second
+    mean = float(np.nanmean(force))
+    return {
+        "peak_force_uN": force[peak],
+        "mean_force_uN": mean,
+        "impulse_uN_ms": mean * len(force) * frame_ms,
+        "peak_base_moment_nN_m": _largest(part["base_moment_nN_m"]),
+        "peak_axial_force_uN": _largest(part["axial_force_uN"]),
+        "contact_arc_length_mm": part["contact_arc_length_mm"].to_numpy(float)[peak],
+    }
+
+
+def _largest(signed):
+    """Value of largest magnitude, with its sign."""
+    values = signed.to_numpy(float)
+    return values[np.nanargmax(np.abs(values))] if np.isfinite(values).any() else np.nan
