@@ -19,7 +19,8 @@ from pipeline.frame_source import Video, bits_to_drop, to_8_bit
 PACKED_LUMA = {"yuyv422": (0, 2), "yvyu422": (0, 2), "uyvy422": (1, 2), "ya8": (0, 2)}
 PLANAR_LUMA = ("yuv4", "yuvj4", "yuva4", "gray", "nv12", "nv21", "nv16")
 NOT_VIDEO_CODECS = ("ansi", "xbin", "bintext", "idf")
-BURST_STEP = 4  # in bursts, keep every 4th frame: whiskers must have moved in between
+BURST_STEP = 3  # in bursts, keep every third frame: whiskers must have moved in between
+FEWEST_KEYS = 4  # fewer key frames may miss when things move
 
 
 class LumaReader:
@@ -79,10 +80,12 @@ class ContainerVideo(Video):
             self._time_base = stream.time_base
             self._first_pts = first.pts
             self._step = _frame_duration(stream)
+            self._last_pts = _last_pts(container, stream, self._step)
             count, exact = _frame_count(container, stream)
             super().__init__(path, first.width, first.height, count, exact)
         if self._luma.largest(first) is not None:
-            self._luma.drop = bits_to_drop(max(self._largest_values()))
+            some = [first, *(frame for _, frame in self._some_frames(16))]
+            self._luma.drop = bits_to_drop(max(map(self._luma.largest, some)))
 
     def _open(self, path):
         container = av.open(str(path))
@@ -99,30 +102,25 @@ class ContainerVideo(Video):
             raise
         return container
 
-    def _largest_values(self):
-        """Yield the largest 16-bit value of a few frames over the video."""
-        with self._open(self.path) as container:
-            for _, frame in self._sampled(container, 16):
-                yield self._luma.largest(frame)
-
     # ---- all frames -----------------------------------------------------------------------
 
     def _read(self, start, stop):
         with self._open(self.path) as container:
             stream = container.streams.video[0]
-            index = start
+            index, pts = start, None
             try:
                 for frame in self._decode_from(container, stream, start):
                     if stop is not None and index >= stop:
                         return
                     if (frame.height, frame.width) != self.shape:
                         self.check_size(np.empty((frame.height, frame.width)), index)
+                    pts = frame.pts
                     yield self._luma(frame)
                     index += 1
             except av.FFmpegError as error:
                 raise self._broken(index, error) from error
             if stop is None or index < stop:
-                self._check_count(index)
+                self._check_end(index, pts)
 
     def _decode_from(self, container, stream, start):
         """Decode from frame `start` on, by seeking where times are known."""
@@ -138,13 +136,20 @@ class ContainerVideo(Video):
             if frame.pts is None or frame.pts > target - self._step / 2:
                 yield frame
 
-    def _check_count(self, index):
-        """Raise if the file ended long before the count that its header gives."""
+    def _check_end(self, index, pts):
+        """Raise if the file ended long before the count or duration that its header gives."""
+        missing = None
         if self.exact_count and index < self.n_frames - max(1, self.n_frames // 200):
+            missing = f"{self.n_frames} frames"
+        elif not self.exact_count and pts is not None and self._last_pts is not None:
+            expected = self._last_pts - self._first_pts
+            if pts - self._first_pts < 0.9 * expected - 3 * self._step:
+                missing = f"about {self.n_frames} frames"
+        if missing:
             raise VideoError(
                 self.path,
-                f"ends after frame {index - 1}, its header says {self.n_frames} frames: the file "
-                f"is cut off; copy it again from the recording computer",
+                f"gives {index} frames, its header says {missing}: the file is cut off or "
+                f"damaged; copy it again from the recording computer",
                 index,
             )
 
@@ -160,25 +165,43 @@ class ContainerVideo(Video):
 
     def _sample(self, n):
         try:
-            with self._open(self.path) as container:
-                pairs = [(i, self._luma(frame)) for i, frame in self._sampled(container, n)]
+            pairs = {index: self._luma(frame) for index, frame in self._some_frames(n)}
         except av.FFmpegError:
-            pairs = []
+            pairs = {}
         if not pairs:
             return self._sample_by_striding(n)
-        return zip(*sorted(pairs, key=lambda pair: pair[0]), strict=True)
+        return zip(*sorted(pairs.items()), strict=True)
 
-    def _sampled(self, container, n):
-        """Yield (index, frame): key frames, in bursts where they are few; nothing if too few."""
-        stream = container.streams.video[0]
-        if self._step is None or self._first_pts is None or (self.n_frames or 0) <= 2 * n:
+    def _some_frames(self, n):
+        """Yield (index, frame): key frames, in bursts where they are few; else reference frames.
+
+        Nothing where the frames' times are not known.
+        """
+        if self._step is None or self._first_pts is None or self.n_frames is None:
             return
-        keys = self._key_frames(container, stream, n)
-        if len(keys) < 4:
-            return
-        per_key = -(-n // len(keys))
-        for key in keys:
-            yield from self._burst(container, stream, key, per_key)
+        with self._open(self.path) as container:
+            stream = container.streams.video[0]
+            keys = self._key_frames(container, stream, n) if self.n_frames > 2 * n else []
+            if len(keys) >= FEWEST_KEYS:
+                for key in keys:
+                    yield from self._burst(container, stream, key, -(-n // len(keys)))
+                return
+        with self._open(self.path) as container:
+            yield from self._strided(container, container.streams.video[0], n)
+
+    def _strided(self, container, stream, n):
+        """Yield about n frames at equal distances; decodes only those that others refer to."""
+        stream.codec_context.skip_frame = "NONREF"
+        targets = iter(np.linspace(0, self.n_frames - 1, n))
+        target = next(targets)
+        for frame in container.decode(stream):
+            index = self._index(frame)
+            if index is None or index < target or (frame.height, frame.width) != self.shape:
+                continue
+            yield index, frame
+            target = next((t for t in targets if t > index), None)
+            if target is None:
+                return
 
     def _key_frames(self, container, stream, n):
         """Return the times of up to `n` distinct key frames, found without decoding."""
@@ -198,10 +221,15 @@ class ContainerVideo(Video):
             if frame.pts is None or frame.pts < key:
                 continue
             if taken % BURST_STEP == 0 and (frame.height, frame.width) == self.shape:
-                yield round((frame.pts - self._first_pts) / self._step), frame
+                yield self._index(frame), frame
             taken += 1
             if taken > BURST_STEP * (length - 1):
                 return
+
+    def _index(self, frame):
+        if frame.pts is None:
+            return None
+        return round((frame.pts - self._first_pts) / self._step)
 
     def _pts(self, index):
         return int(self._first_pts + round(index * self._step))
@@ -212,6 +240,18 @@ def _frame_duration(stream):
     if not stream.average_rate or not stream.time_base:
         return None
     return Fraction(1) / (Fraction(stream.average_rate) * stream.time_base)
+
+
+def _last_pts(container, stream, step):
+    """Time stamp of the last frame after the header's duration; None where it says nothing."""
+    if step is None or stream.start_time is None:
+        return None
+    if stream.duration:
+        return stream.start_time + stream.duration - step
+    if container.duration and len(container.streams) == 1:
+        seconds = Fraction(container.duration, av.time_base)
+        return stream.start_time + seconds / stream.time_base - step
+    return None
 
 
 def _frame_count(container, stream):
@@ -238,10 +278,11 @@ def _reason(error):
 
 
 class OpenCvVideo(Video):
-    """A video file that only OpenCV can read (a codec of the operating system, say)."""
+    """A video file that only OpenCV can read: through a codec of the operating system, say."""
 
-    def __init__(self, path):
-        capture = self._open(path)
+    def __init__(self, path, backend: int | None = None):
+        self._backend = _backend_for(path) if backend is None else backend
+        capture = cv2.VideoCapture(str(path), self._backend)
         ok, frame = capture.read()
         count = int(capture.get(cv2.CAP_PROP_FRAME_COUNT))
         capture.release()
@@ -250,22 +291,11 @@ class OpenCvVideo(Video):
         height, width = frame.shape[:2]
         super().__init__(path, width, height, count if count > 0 else None, exact_count=False)
 
-    @staticmethod
-    def _open(path):
-        level = cv2.setLogLevel(0)
-        try:
-            return cv2.VideoCapture(str(path))
-        finally:
-            cv2.setLogLevel(level)
-
     def _read(self, start, stop):
-        capture = self._open(self.path)
+        capture = cv2.VideoCapture(str(self.path), self._backend)
         index = 0
         try:
-            while stop is None or index < stop:
-                ok = capture.grab()
-                if not ok:
-                    return
+            while (stop is None or index < stop) and capture.grab():
                 if index >= start:
                     _, frame = capture.retrieve()
                     self.check_size(frame, index)
@@ -273,6 +303,22 @@ class OpenCvVideo(Video):
                 index += 1
         finally:
             capture.release()
+
+
+def _backend_for(path):
+    """Return the first of OpenCV's backends that opens the file, FFmpeg left out: it was tried."""
+    level = cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
+    try:
+        for backend in cv2.videoio_registry.getStreamBackends():
+            if backend in (cv2.CAP_FFMPEG, cv2.CAP_IMAGES):
+                continue
+            capture = cv2.VideoCapture(str(path), backend)
+            if capture.isOpened():
+                capture.release()
+                return backend
+    finally:
+        cv2.utils.logging.setLogLevel(level)
+    raise VideoError(path, "OpenCV cannot open it")
 
 
 def open_container(path, threads: int = 1) -> Video:
