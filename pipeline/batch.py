@@ -24,7 +24,13 @@ from pipeline.records import CONTACT_COLUMNS
 from pipeline.settings import Settings, session_text, write_session
 from pipeline.workers import run_tasks
 
-RESULT_FILES = ("centrelines.parquet", "frames.parquet", "contacts.csv", "session.toml")
+RESULT_FILES = (
+    "centrelines.parquet",
+    "frames.parquet",
+    "contacts.csv",
+    "evidence.parquet",
+    "session.toml",
+)
 
 
 @dataclass(frozen=True)
@@ -35,6 +41,7 @@ class Task:
     folder: Path
     settings: Settings
     overlay: bool = False
+    threads: int = 1
     finished: "Outcome | None" = None
 
 
@@ -103,7 +110,8 @@ def run(paths, out, config=None, jobs=1, overwrite=False, overlay=False, progres
     tasks = []
     for each in inputs:
         if not each.fault:
-            task = Task(each.path.resolve(), out / names[each.path], settings[each.path], overlay)
+            path, folder = each.path.resolve(), out / names[each.path]
+            task = Task(path, folder, settings[each.path], overlay)
             tasks.append(task if overwrite else replace(task, finished=finished_outcome(task)))
     due = [t for t in tasks if not t.finished or (overlay and not has_overlay(t.folder))]
     outcomes = {t.folder.name: t.finished for t in tasks if t not in due}
@@ -112,6 +120,8 @@ def run(paths, out, config=None, jobs=1, overwrite=False, overlay=False, progres
         if each.fault:
             name = names[each.path]
             outcomes[name] = Outcome(name, str(each.path), "failed", message=each.fault)
+    if jobs == 1 or len(due) == 1:
+        due = [replace(task, threads=0) for task in due]
     interrupted = _process(due, outcomes, jobs, progress)
     ordered = [outcomes[name] for name in names.values() if name in outcomes]
     ordered += _earlier(out, set(names.values()))
@@ -183,15 +193,19 @@ def process_video(task: Task, report=None) -> Outcome:
 
 def _analyse_and_save(task, report) -> Outcome:
     """The straight way; the state file comes last and says that the results are whole."""
+    from pipeline.curation import read_corrections
+    from pipeline.evidence import write_evidence
     from pipeline.run import analyse
 
     started = time.perf_counter()
     before = stamp(task.path)
+    corrections = read_corrections(task.folder)
     with tables.centreline_file(task.folder / "centrelines.parquet") as keep:
-        analysis = analyse(task.path, task.settings, keep, report)
+        analysis = analyse(task.path, task.settings, keep, report, corrections, task.threads)
     contacts = analysis.contacts.assign(video=task.folder.name)
     tables.write_frames(task.folder / "frames.parquet", analysis.frames)
     tables.write_csv(task.folder / "contacts.csv", contacts, CONTACT_COLUMNS)
+    write_evidence(task.folder, analysis.evidence)
     write_session(task.folder / "session.toml", task.settings)
     if task.overlay:
         _write_overlay(task)

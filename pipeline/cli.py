@@ -205,6 +205,23 @@ def figures(
 
 
 @app.command()
+def curate(
+    results: Annotated[Path, typer.Argument(help="Results folder of `whiskerforce run`.")],
+    port: Annotated[int, typer.Option(min=0, help="Of the page; 0: any free one.")] = 0,
+    browser: Annotated[bool, typer.Option(help="Open the page in the browser.")] = True,
+    debug: Debug = False,
+):
+    """Correct contacts in the browser."""
+    from pipeline.curate import curate as open_page
+    from pipeline.figures import write_fig3
+    from pipeline.report import write_report
+
+    open_page(results, port=port, open_browser=browser, say=_say)
+    write_fig3(results)
+    write_report(results)
+
+
+@app.command()
 def paper(
     out: Out,
     debug: Debug = False,

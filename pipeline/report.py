@@ -79,7 +79,10 @@ def _tiles(videos, contacts, record):
     seconds = sum(sum(each["stages"].values()) for each in record.get("inputs", {}).values())
     frames = int(videos["frames"].sum())
     made = len(videos) - failed
-    yield f"{made}", ("video" if made == 1 else "videos") + (f", {failed} failed" if failed else "")
+    yield (
+        f"{made}",
+        ("video" if made == 1 else "videos") + (f", {failed} failed" if failed else ""),
+    )
     yield f"{frames:,}", "frames"
     yield f"{len(contacts):,}", "contacts"
     if len(contacts):

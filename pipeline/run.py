@@ -1,16 +1,15 @@
 """The whole way for one video: `analyse`, one call per step, top to bottom."""
 
-import itertools
 import time
-from collections import defaultdict, deque
+from collections import defaultdict
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 import pandas as pd
 
 from pipeline import contact, curvature, scene_finding, stations, tracing
-from pipeline.records import FRAME_COLUMNS, PoleTrack, Recording, StaticScene, as_table
+from pipeline.records import FRAME_COLUMNS, PoleTrack, Recording, as_table
 from pipeline.settings import Settings, WhiskerSettings
 from pipeline.video import open_video
 from whiskermodel.whisker import Whisker
@@ -26,6 +25,7 @@ class Analysis:
     Attributes
     ----------
     frames, contacts : tables of FRAME_COLUMNS and CONTACT_COLUMNS
+    evidence : the measurements behind the contacts, aligned with `frames`, SI units
     pole : where the pole was; None if it was never seen
     n_frames : frames read
     messages : what a person should know of: missing whiskers, no pole, no forces and why
@@ -34,13 +34,16 @@ class Analysis:
 
     frames: pd.DataFrame
     contacts: pd.DataFrame
+    evidence: pd.DataFrame
     pole: PoleTrack | None
     n_frames: int
     messages: tuple[str, ...] = ()
     seconds: dict[str, float] = field(default_factory=dict)
 
 
-def analyse(path, settings: Settings, keep=None, progress=None, corrections=None) -> Analysis:
+def analyse(
+    path, settings: Settings, keep=None, progress=None, corrections=None, threads=1
+) -> Analysis:
     """Frames → background, pole, face → centrelines → curvature → contacts, forces, base loads.
 
     Parameters
@@ -50,7 +53,8 @@ def analyse(path, settings: Settings, keep=None, progress=None, corrections=None
     keep : called with the centrelines (`records.Centrelines`) of some hundred frames at a
         time, to store them: they are not held together in memory
     progress : called with (frames done, frames expected), often
-    corrections : a person's contact intervals (see `pipeline.contact`)
+    corrections : table of a person's corrections (`pipeline.curation`)
+    threads : for decoding; 0: as the codec thinks best
 
     Raises
     ------
@@ -59,7 +63,7 @@ def analyse(path, settings: Settings, keep=None, progress=None, corrections=None
     """
     clock = Clock()
     recording, at = settings.recording.si(), settings.analysis.curvature_at
-    with open_video(path) as video:
+    with open_video(path, threads) as video:
         with clock("scene"):
             epochs = scene_finding.find_scenes(
                 video, recording, settings.pole.diameter, settings.pole.position_px
@@ -67,17 +71,19 @@ def analyse(path, settings: Settings, keep=None, progress=None, corrections=None
         with clock("roster"):
             options = tracing.options_for(recording, *_known_lengths(settings))
             cast = find_cast(video, epochs, options, settings)
+        pole = pole_track(epochs)
         frames = Counted(clock.each("decoding", video), video.n_frames, progress)
         kinematics, places = [], []
-        for scene, chunk in clock.each("centrelines", trace(frames, epochs, cast, options)):
+        chunks = tracing.trace(frames, epochs, list(cast.roster), options)
+        for chunk in clock.each("centrelines", chunks):
             with clock("curvature"):
                 kinematics.append(
-                    curvature.measure(chunk, recording, cast.hidden_lengths, at, scene.pole)
+                    curvature.measure(chunk, recording, cast.hidden_lengths, at, pole)
                 )
             with clock("distances"):
                 places.append(
                     stations.measure_stations(
-                        chunk, recording, cast.nominal, cast.hidden_lengths, scene.pole
+                        chunk, recording, cast.nominal, cast.hidden_lengths, pole
                     )
                 )
             with clock("storing"):
@@ -85,45 +91,40 @@ def analyse(path, settings: Settings, keep=None, progress=None, corrections=None
                     keep(chunk)
     clock.seconds["centrelines"] -= clock.seconds["decoding"]
     with clock("contacts"):
-        table = frame_table(kinematics, cast, frames.count, recording)
         touch = contact.analyse_touch(
-            table,
+            frame_table(kinematics, cast, frames.count, recording),
             stations.join(places),
             recording,
             cast.whiskers,
             curvature_at=at,
             corrections=corrections,
         )
-    pole = pole_track(epochs, frames.count)
-    messages = tuple(_messages(settings, pole, cast, table, frames))
-    return Analysis(touch.frames, touch.contacts, pole, frames.count, messages, clock.seconds)
+    return Analysis(
+        frames=touch.frames,
+        contacts=touch.contacts,
+        evidence=touch.evidence,
+        pole=pole,
+        n_frames=frames.count,
+        messages=tuple(_messages(settings, pole, cast, touch.frames, frames)),
+        seconds=clock.seconds,
+    )
 
 
-def trace(frames, epochs, cast, options):
-    """Yield (scene, centrelines) chunk by chunk; where large things moved there are none."""
-    frames = iter(frames)
-    for epoch in epochs:
-        count = None if epoch.stop is None else epoch.stop - epoch.start
-        part = itertools.islice(frames, count)
-        if epoch.scene is None:
-            deque(part, maxlen=0)
-            continue
-        for chunk in tracing.trace(part, epoch.scene, list(cast.roster), options):
-            yield epoch.scene, replace(chunk, frame=chunk.frame + np.int32(epoch.start))
-    deque(frames, maxlen=0)
+def pole_track(epochs) -> PoleTrack | None:
+    """The pole from frame to frame, NaN where it is away or moving; None if never seen.
 
-
-def pole_track(epochs, n_frames: int) -> PoleTrack | None:
-    """The pole over the whole video, NaN where it is away or moving; None if never seen."""
+    What holds at the last entry holds to the video's end.
+    """
+    n_frames = epochs[-1].start + 1
     x, y = np.full((2, n_frames), np.nan)
-    radius = None
+    radii = []
     for epoch in epochs:
         pole = epoch.scene.pole if epoch.scene else None
         if pole is not None:
-            x[epoch.start : epoch.stop] = pole.x_px[0]
-            y[epoch.start : epoch.stop] = pole.y_px[0]
-            radius = pole.radius_px
-    return None if radius is None else PoleTrack(x, y, radius)
+            part = slice(epoch.start, epoch.stop)
+            x[part], y[part] = pole.x_px[0], pole.y_px[0]
+            radii.append(pole.radius_px)
+    return PoleTrack(x, y, float(np.median(radii))) if radii else None
 
 
 def _known_lengths(settings):
@@ -161,12 +162,9 @@ class Cast:
 
 def find_cast(video, epochs, options, settings: Settings) -> Cast:
     """Find the whiskers in some frames and bring them together with the settings' ones."""
-    scene = longest_scene(epochs, video.n_frames)
-    indices, sample = video.sample(ROSTER_FRAMES)
-    of_scene = [e for e in epochs if e.scene is scene]
-    still = [any(e.start <= i < (e.stop or np.inf) for e in of_scene) for i in indices]
+    scene, sample = typical_frames(video, epochs, ROSTER_FRAMES)
     given = {w.name: w for w in settings.whisker}
-    roster = tracing.find_roster(sample[still], scene, options, list(given) or None)
+    roster = tracing.find_roster(sample, scene, options, list(given) or None)
     names = tuple(given) or tuple(slot.name for slot in roster)
     given = {name: given.get(name) or WhiskerSettings(name=name) for name in names}
     whiskers = {name: each.si() for name, each in given.items()}
@@ -179,13 +177,17 @@ def find_cast(video, epochs, options, settings: Settings) -> Cast:
     return Cast(names, tuple(roster), whiskers, tuple(nominal), hidden)
 
 
-def longest_scene(epochs, n_frames: int | None) -> StaticScene:
-    """The scene that holds for most of the video."""
+def typical_frames(video, epochs, n: int):
+    """The scene that holds for most of the video, and up to `n` frames of it."""
     held = defaultdict(int)
     for epoch in epochs:
-        end = epoch.stop or max(n_frames or 0, epoch.start + 1)
+        end = epoch.stop or max(video.n_frames or 0, epoch.start + 1)
         held[id(epoch.scene)] += end - epoch.start
-    return max((e.scene for e in epochs if e.scene), key=lambda scene: held[id(scene)])
+    scene = max((e.scene for e in epochs if e.scene), key=lambda each: held[id(each)])
+    indices, frames = video.sample(n)
+    own = [(e.start, e.stop or np.inf) for e in epochs if e.scene is scene]
+    inside = [any(start <= i < stop for start, stop in own) for i in indices]
+    return scene, frames[inside] if any(inside) else frames
 
 
 _NO_KINEMATICS = pd.DataFrame({"frame": [], "whisker": []}, dtype=int)
