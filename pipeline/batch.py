@@ -151,8 +151,8 @@ def _process(tasks, outcomes, jobs, progress) -> bool:
 
         def take(event):
             if event.kind == "died":
-                outcomes[names[event.task]] = _died(tasks[event.task], event.value)
-            elif event.kind == "done":
+                event = replace(event, kind="done", value=_died(tasks[event.task], event.value))
+            if event.kind == "done":
                 outcomes[names[event.task]] = event.value
             shown.tell(event)
 
@@ -180,15 +180,11 @@ def process_video(task: Task, report=None) -> Outcome:
         _forget(task.folder)
         task.folder.mkdir(exist_ok=True)
         tables.write_json(task.folder / STATE_FILE, {"path": str(task.path), "status": "begun"})
-        outcome = _analyse_and_save(task, report)
+        return _analyse_and_save(task, report)
     except VideoError as error:
         return _failed(task, error.problem)
     except OSError as error:
         return _failed(task, str(error))
-    finally:
-        if task.folder.is_dir() and not any(task.folder.iterdir()):
-            task.folder.rmdir()
-    return outcome
 
 
 def _analyse_and_save(task, report) -> Outcome:
@@ -207,8 +203,6 @@ def _analyse_and_save(task, report) -> Outcome:
     tables.write_csv(task.folder / "contacts.csv", contacts, CONTACT_COLUMNS)
     write_evidence(task.folder, analysis.evidence)
     write_session(task.folder / "session.toml", task.settings)
-    if task.overlay:
-        _write_overlay(task)
     seconds = time.perf_counter() - started
     outcome = Outcome(
         video=task.folder.name,
@@ -223,6 +217,8 @@ def _analyse_and_save(task, report) -> Outcome:
         pole=tables.pole_runs(analysis.pole),
     )
     _save_state(task, outcome, before)
+    if task.overlay:
+        _write_overlay(task)
     return outcome
 
 
@@ -247,6 +243,8 @@ def _forget(folder):
 
 def _failed(task, message, details="") -> Outcome:
     _forget(task.folder)
+    if task.folder.is_dir() and not any(task.folder.iterdir()):
+        task.folder.rmdir()
     message = " ".join(message.split())
     return Outcome(task.folder.name, str(task.path), "failed", message=message, details=details)
 

@@ -85,8 +85,6 @@ class Lines(Progress):
         """Write what is new."""
         if event.kind == "done":
             self.write(f"{self.names[event.task]}: {event.value.line()}")
-        elif event.kind == "died":
-            self.write(f"{self.names[event.task]}: failed")
         if self.clock() - self.last >= self.every:
             self.last = self.clock()
             self.write(self.line())

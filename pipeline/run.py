@@ -235,10 +235,12 @@ def _without_forces(settings, cast):
     """Why force columns are empty."""
     if not settings.whisker:
         yield "no forces: there is no [[whisker]] table with dimensions in session.toml"
+    lacking = defaultdict(list)
     for whisker in settings.whisker:
         if whisker.missing_dimensions and whisker.name in cast.found:
-            keys = ", ".join(whisker.missing_dimensions)
-            yield f"no forces for {whisker.name}: {keys} not given in session.toml"
+            lacking[whisker.missing_dimensions].append(whisker.name)
+    for keys, names in lacking.items():
+        yield f"no forces for {', '.join(names)}: no {', '.join(keys)} in session.toml"
 
 
 class Counted:
