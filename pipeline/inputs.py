@@ -10,6 +10,7 @@ from pipeline.tables import read_json
 from pipeline.video import RESULT_FILES, RESULT_FOLDERS, find_videos, open_video
 
 STATE_FILE = "run.json"
+SETTINGS_NAME = "session.toml"
 PREVIEW_NAME = "session_preview.png"
 RESERVED_NAMES = frozenset(RESULT_FOLDERS)  # no video's results folder may be called so
 
@@ -91,8 +92,8 @@ def session_of(each: Input, config=None) -> Path:
     places = [path, path.parent] if path.is_dir() else [path.parent]
     places += [p for p in path.parents if p == root or root in p.parents]
     for folder in places:
-        if (folder / "session.toml").is_file():
-            return folder / "session.toml"
+        if (folder / SETTINGS_NAME).is_file():
+            return folder / SETTINGS_NAME
     raise InputError(
         f"no session.toml in {path.parent}, beside the videos; give one with --config, or let "
         f"`whiskerforce init {each.path.parent}` write one"
