@@ -122,11 +122,13 @@ class LineScores:
     whiskers : table, a row per true whisker and frame: `frame`, `whisker`, `visible_px`,
         `covered` (part of the visible length that lines lying on it cover), `pieces`
     distance_px : (points,) of all visible points of lines that lie on a whisker, signed
+    node : (points,) the truth's point nearest to each of them
     """
 
     rows: pd.DataFrame
     whiskers: pd.DataFrame
     distance_px: np.ndarray
+    node: np.ndarray
 
 
 def score_lines(result: Centrelines, truth: Truth) -> LineScores:
@@ -139,7 +141,7 @@ def score_lines(result: Centrelines, truth: Truth) -> LineScores:
     true_names = np.asarray(truth.lines.names, object)[truth.lines.whisker]
     covered = np.zeros(len(truth.seen), bool)
     pieces = np.zeros(len(truth.lines), int)
-    rows, distances = [], []
+    rows, distances, nodes = [], [np.empty(0)], [np.empty(0, np.int64)]
     for i in range(len(result)):
         points = result.row(i).astype(float)
         best = _nearest_whisker(points, truth, truth.rows_of(result.frame[i]))
@@ -159,8 +161,9 @@ def score_lines(result: Centrelines, truth: Truth) -> LineScores:
             seen = best.distance[best.counts]
             row |= {"nearest": true_names[best.row], "overrun_px": best.overrun}
             if len(seen):
-                row |= {"rms_px": _rms(seen), "worst_px": np.abs(seen).max()}
+                row |= {"rms_px": rms(seen), "worst_px": np.abs(seen).max()}
             distances.append(seen)
+            nodes.append(truth.lines.offsets[best.row] + best.node[best.counts])
         rows.append(row)
     columns = [
         "frame",
@@ -175,7 +178,8 @@ def score_lines(result: Centrelines, truth: Truth) -> LineScores:
     return LineScores(
         pd.DataFrame(rows, columns=columns),
         _coverage(truth, true_names, covered, pieces),
-        np.concatenate(distances) if distances else np.empty(0),
+        np.concatenate(distances),
+        np.concatenate(nodes),
     )
 
 
@@ -261,7 +265,7 @@ def line_figures(scores: LineScores, frames: int, shortest_px: float = 0.0) -> d
     seen = scores.whiskers[scores.whiskers["visible_px"] > 0]
     return {
         "median_px": _percentile(d, 50),
-        "rms_px": _rms(d),
+        "rms_px": rms(d),
         "p95_px": _percentile(d, 95),
         "bias_px": float(scores.distance_px.mean()) if len(d) else np.nan,
         "covered": float(seen["covered"].mean()) if len(seen) else np.nan,
@@ -274,7 +278,8 @@ def line_figures(scores: LineScores, frames: int, shortest_px: float = 0.0) -> d
     }
 
 
-def _rms(values) -> float:
+def rms(values) -> float:
+    """Root mean square; NaN of nothing."""
     return float(np.sqrt(np.mean(np.square(values)))) if len(values) else np.nan
 
 

@@ -1,0 +1,501 @@
+"""How exact whiskerforce is: rendered videos, processed as `run` does, compared with the truth.
+
+    python workflows/accuracy.py                                # every preset
+    python workflows/accuracy.py --presets single,noisy --out accuracy --jobs 2
+    python workflows/accuracy.py --full                         # four times the videos
+
+Prints tables in Markdown (docs/accuracy.md holds a run's), then every target with the value
+that was reached; the exit status is 1 where one was missed. With --out the videos and their
+truth are kept, with `accuracy.csv` (all figures) and `worst.csv` (where to look).
+"""
+
+import argparse
+import sys
+import tempfile
+import time
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass
+from multiprocessing import get_context
+from pathlib import Path
+
+import measuring
+import numpy as np
+import pandas as pd
+
+from synthetic import scoring
+from synthetic.presets import PRESETS
+from synthetic.session import render_session
+
+LONG_FALSE_MM = 3.0  # a false line longer than this is a long false whisker
+DOUBTFUL = ("large_deflection", "contact_near_curvature_window", "doubtful")
+WORST = 12  # rows of worst.csv per preset and kind of failure
+
+
+# Figures -------------------------------------------------------------------------------------
+
+
+def figures_of(videos: list[measuring.Measured], pixels_per_mm: float) -> dict:
+    """All figures of one preset's videos, pooled."""
+    scores = pooled_scores(videos)
+    frames = sum(v.n_frames for v in videos)
+    out = {"videos": len(videos), "frames": frames}
+    out |= scoring.line_figures(scores, frames, LONG_FALSE_MM * pixels_per_mm)
+    beside = np.concatenate([v.beside_pole for v in videos])
+    out["beside_pole_rms_px"] = scoring.rms(scores.distance_px[beside])
+    joined = pd.concat([v.shape.joined for v in videos], ignore_index=True)
+    out["tracked"] = joined["tracked"].mean()
+    out |= prefixed("curvature", scoring.error_figures(joined, "curvature_per_m"))
+    out |= prefixed("angle", scoring.error_figures(joined, "base_angle_deg"))
+    out["follicle_rms_px"] = follicle_error(joined)
+    out |= bound_ratios(joined)
+    out |= contact_figures([v.shape for v in videos])
+    for method in ("shape", "point"):
+        out |= prefixed(method, force_figures([getattr(v, method) for v in videos]))
+    out["frames_per_s"] = frames / sum(sum(v.seconds.values()) for v in videos)
+    return out
+
+
+def prefixed(name, figures):
+    return {f"{name}_{key}": value for key, value in figures.items()}
+
+
+def pooled_scores(videos) -> scoring.LineScores:
+    parts = [v.scores for v in videos]
+    return scoring.LineScores(
+        rows=pd.concat([p.rows.assign(video=v.video) for p, v in zip(parts, videos, strict=True)]),
+        whiskers=pd.concat([p.whiskers for p in parts]),
+        distance_px=np.concatenate([p.distance_px for p in parts]),
+        node=np.concatenate([p.node for p in parts]),
+    )
+
+
+def follicle_error(joined) -> float:
+    dx = joined["follicle_x_px"] - joined["true_follicle_x_px"]
+    dy = joined["follicle_y_px"] - joined["true_follicle_y_px"]
+    return float(np.sqrt(np.nanmean(dx**2 + dy**2))) if joined["tracked"].any() else np.nan
+
+
+def bound_ratios(joined) -> dict:
+    """SD of the curvature's error over the least possible ones; robust, whiskers pooled."""
+    out = {}
+    for key, column in (("bound_ratio", "least_sd"), ("knots_ratio", "least_sd_knots")):
+        error = joined["curvature_per_m"] - joined["true_curvature_per_m"]
+        share = (error / joined[column]).to_numpy(float)
+        share = share[np.isfinite(share)]
+        out[key] = float(np.std(share)) if len(share) else np.nan
+    return out
+
+
+def contact_figures(forces: list[measuring.Forces]) -> dict:
+    """How many touches were found, and where their edges are."""
+    match = matched(forces)
+    joined = pd.concat([f.joined for f in forces], ignore_index=True)
+    true = joined["true_in_contact"].astype(bool)
+    missed = match.missed
+    onset, offset = scoring.edge_errors(match)
+    return {
+        "contacts": len(match.pairs) + len(missed),
+        "missed_5ms": int((missed["duration_ms"] >= 5).sum()),
+        "missed_3ms_1uN": int(
+            ((missed["duration_ms"] >= 3) & (missed["peak_force_uN"] >= 1)).sum()
+        ),
+        "missed": len(missed),
+        "invented": len(match.invented),
+        "surplus": len(match.surplus),
+        "free_frames": int((~true).sum()),
+        "agreement": scoring.contact_agreement(joined),
+        "edges_within_0": scoring.edges_within(match, 0),
+        "edges_within_1": scoring.edges_within(match, 1),
+        "edges_within_2": scoring.edges_within(match, 2),
+        "onset_bias": onset.mean() if len(onset) else np.nan,
+        "offset_bias": offset.mean() if len(offset) else np.nan,
+        "flagged": int(is_doubtful(match.pairs).sum()),
+    }
+
+
+def matched(forces) -> scoring.ContactMatch:
+    return scoring.match_contacts(
+        pd.concat([f.contacts for f in forces], ignore_index=True),
+        pd.concat([f.true_contacts for f in forces], ignore_index=True),
+    )
+
+
+def is_doubtful(pairs) -> pd.Series:
+    """Contacts whose flags say that the force may be off."""
+    return pairs["flags"].fillna("").str.split(";").apply(lambda f: bool(set(f) & set(DOUBTFUL)))
+
+
+def force_figures(forces: list[measuring.Forces]) -> dict:
+    """Peaks, noise floor and interval coverage of one force estimate."""
+    match = matched(forces)
+    joined = pd.concat([f.joined for f in forces], ignore_index=True)
+    plain = scoring.ContactMatch(match.pairs[~is_doubtful(match.pairs)], *[match.missed] * 3)
+    both = joined["in_contact"] & joined["true_in_contact"].astype(bool)
+    free = np.concatenate([f.free_force for f in forces])
+    out = prefixed("force", scoring.peak_figures(match, "peak_force_uN", 0.03, 0.1))
+    out["force_typical_issue2"] = scoring.peak_figures(match, "peak_force_uN", 0.05, 0.5)[
+        "typical"
+    ]
+    out |= prefixed("plain_force", scoring.peak_figures(plain, "peak_force_uN", 0.03, 0.1))
+    out |= prefixed("moment", scoring.peak_figures(match, "peak_base_moment_nN_m", 0.03, 0.6))
+    out |= prefixed("axial", scoring.peak_figures(match, "peak_axial_force_uN", 0.03, 0.1))
+    for name, column in (
+        ("force", "contact_force_uN"),
+        ("moment", "base_moment_nN_m"),
+        ("axial", "axial_force_uN"),
+    ):
+        out[f"{name}_coverage"] = scoring.error_figures(joined, column, both)["coverage"]
+    out["noise_uN"] = float(np.std(free)) if len(free) > 100 else np.nan
+    return out
+
+
+# Where to look -------------------------------------------------------------------------------
+
+
+def worst_of(videos: list[measuring.Measured]) -> pd.DataFrame:
+    """The worst frames and contacts of one preset: video, whisker, frame, what, value."""
+    parts = []
+    for v in videos:
+        rows, joined = v.scores.rows, v.shape.joined
+        bad = rows[rows["nearest"] != ""].nlargest(WORST, "rms_px")
+        parts.append(failures(v, bad, "centreline rms_px", bad["rms_px"]))
+        bad = rows[(rows["nearest"] != "") & (rows["nearest"] != rows["whisker"])]
+        parts.append(failures(v, bad, "wrong whisker", bad["on"]))
+        bad = rows[rows["nearest"] == ""]
+        parts.append(failures(v, bad, "false line, length_px", bad["length_px"]))
+        bad = joined[~joined["tracked"]]
+        parts.append(failures(v, bad, "lost", bad["time_s"]))
+        bad = joined[joined["tracked"] & (joined["in_contact"] != joined["true_in_contact"])]
+        parts.append(failures(v, bad, "contact disagrees", bad["true_contact_force_uN"]))
+        error = (joined["curvature_per_m"] - joined["true_curvature_per_m"]).abs()
+        bad = joined.assign(error=error).nlargest(WORST, "error")
+        parts.append(failures(v, bad, "curvature error_per_m", bad["error"]))
+        match = matched([v.shape])
+        for table, what in ((match.missed, "missed"), (match.invented, "invented")):
+            bad = table.rename(columns={"onset_frame": "frame"})
+            parts.append(failures(v, bad, f"{what} contact, peak µN", bad["peak_force_uN"]))
+        bad = match.pairs.rename(columns={"onset_frame": "frame"})
+        error = bad["peak_force_uN"] / bad["true_peak_force_uN"] - 1
+        parts.append(failures(v, bad, "peak force, relative error", error))
+    return pd.concat(parts, ignore_index=True)
+
+
+def failures(video, rows, what, value):
+    table = pd.DataFrame(
+        {
+            "preset": video.preset,
+            "video": video.video,
+            "whisker": rows["whisker"].to_numpy(),
+            "frame": rows["frame"].to_numpy(),
+            "what": what,
+            "value": np.asarray(value, float),
+        }
+    )
+    keep = table["value"].abs().nlargest(WORST).index
+    return table.loc[keep]
+
+
+# Targets -------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Target:
+    """A figure that must not exceed (`most`) or not fall below (`least`) a value."""
+
+    issue: int
+    what: str
+    figure: str
+    most: float = np.inf
+    least: float = -np.inf
+    unit: str = ""
+    each_video: bool = False
+
+    def met(self, value) -> bool:
+        """Whether a value meets the target; a figure that could not be told does not."""
+        return bool(self.least <= value <= self.most)
+
+    @property
+    def demand(self) -> str:
+        """The target as text."""
+        if np.isinf(self.most):
+            return f">= {self.least:g}"
+        return f"<= {self.most:g}" if np.isinf(self.least) else f"{self.least:g} to {self.most:g}"
+
+
+FIRST = (
+    Target(2, "contacts of 5 ms and more missed", "missed_5ms", 0),
+    Target(2, "contacts invented", "invented", 0),
+    Target(2, "contacts with both edges within 2 frames", "edges_within_2", least=0.95),
+    Target(2, "peak force: median error / (5 % or 0.5 µN)", "shape_force_typical_issue2", 1),
+    Target(2, "centreline RMS error", "rms_px", 0.1, unit="px"),
+)
+LINES = tuple(
+    Target(4, what, figure, most, unit=unit, each_video=True)
+    for what, figure, most, unit in (
+        ("centreline median error", "median_px", 0.01, "px"),
+        ("centreline RMS error", "rms_px", 0.03, "px"),
+        ("centreline 95th percentile", "p95_px", 0.06, "px"),
+        ("curvature SD", "curvature_sd", 0.3, "1/m"),
+        ("curvature |bias|", "curvature_abs_bias", 0.1, "1/m"),
+        ("curvature SD / bound of a quadratic over ±2 mm", "bound_ratio", 1.5, ""),
+    )
+)
+BESIDE_POLE = Target(4, "RMS error beside the pole", "beside_pole_rms_px", 0.03, unit="px")
+NO_LONG_FALSE = Target(4, "long false whiskers per frame", "long_false_per_frame", 0)
+ROWS = (
+    Target(4, "frames on the wrong whisker", "identity_errors", 0),
+    Target(4, "lines that leave their whisker", "strayed", 0),
+)
+COVERED = Target(4, "frames with 80 % of the visible length", "covered_80", least=0.99)
+CURVATURE_COVERAGE = Target(
+    4, "curvature: truths in the 95 % intervals", "curvature_coverage", 0.97, 0.93
+)
+TOUCH = (
+    Target(5, "frames that agree on contact", "agreement", least=0.995),
+    Target(5, "contacts of 3 ms and 1 µN missed", "missed_3ms_1uN", 0),
+    Target(5, "contacts invented", "invented", 0),
+    Target(5, "contacts with both edges within 1 frame", "edges_within_1", least=0.99),
+)
+FORCES = (
+    Target(5, "peak force: median error", "shape_force_median", 0.01),
+    Target(5, "peak force: within 3 % or 0.1 µN", "shape_force_within", least=0.95),
+    Target(5, "base moment: median error", "shape_moment_median", 0.02),
+    Target(5, "axial force: median error", "shape_axial_median", 0.02),
+    Target(5, "force: truths in the 95 % intervals", "shape_force_coverage", 0.97, 0.93),
+    Target(5, "moment: truths in the 95 % intervals", "shape_moment_coverage", 0.97, 0.93),
+)
+PLAIN_FORCES = (
+    Target(5, "peak force: median error, no flag", "shape_plain_force_median", 0.01),
+    Target(5, "peak force: within 3 % or 0.1 µN, no flag", "shape_plain_force_within", least=0.95),
+)
+FLOOR = (
+    Target(5, "force SD in free frames, shape", "shape_noise_uN", 0.05, unit="µN"),
+    Target(5, "force SD in free frames, point", "point_noise_uN", 0.1, unit="µN"),
+)
+NO_TOUCH = (Target(5, "contacts invented", "invented", 0),)
+TARGETS = {
+    "single": (*FIRST, *TOUCH, *FORCES),
+    "noisy": (*FIRST, *LINES, BESIDE_POLE, CURVATURE_COVERAGE, *TOUCH, *FORCES),
+    "low_contrast": (COVERED, *TOUCH),
+    "row": (*ROWS, COVERED, *TOUCH),
+    "crossing": ROWS,
+    "moving_fur": (COVERED, *TOUCH),
+    "orientation": (*LINES, CURVATURE_COVERAGE),
+    "faint_touch": (*TOUCH, *PLAIN_FORCES),
+    "h264": (*TOUCH, *FORCES),
+    "mjpeg": (*TOUCH, *FORCES),
+    "slip_off": (*ROWS, *TOUCH, *PLAIN_FORCES),
+    "large_deflection": (*TOUCH, *PLAIN_FORCES),
+    "coarse": (*TOUCH, *FORCES),
+    "moving_pole": (*TOUCH, *FORCES),
+    "near_miss": NO_TOUCH,
+    "free": (*NO_TOUCH, *FLOOR),
+    "border": ROWS,
+    "passing": (*NO_TOUCH, COVERED),
+    "fig3": (*TOUCH, *FORCES),
+}
+
+
+def checks(preset, pooled: dict, each: dict[str, dict]) -> list[dict]:
+    """Every target of a preset with what was reached; of `each_video` ones the worst video's."""
+    rows = []
+    for target in (*TARGETS.get(preset, ()), NO_LONG_FALSE):
+        value, where = reached(target, pooled), "all"
+        if target.each_video:
+            where = max(each, key=lambda v: _nan_last(reached(target, each[v])))
+            value = reached(target, each[where])
+        rows.append(
+            {
+                "issue": target.issue,
+                "preset": preset,
+                "what": target.what,
+                "value": value,
+                "unit": target.unit,
+                "target": target.demand,
+                "met": target.met(value),
+                "video": where,
+            }
+        )
+    return rows
+
+
+def reached(target, figures):
+    if target.figure == "curvature_abs_bias":
+        return abs(figures["curvature_bias"])
+    return figures[target.figure]
+
+
+def _nan_last(value):
+    return np.inf if np.isnan(value) else value
+
+
+# Tables --------------------------------------------------------------------------------------
+
+TRACKING_TABLE = {
+    "frames": ("frames", "{:.0f}"),
+    "median [px]": ("median_px", "{:.4f}"),
+    "RMS [px]": ("rms_px", "{:.4f}"),
+    "95 % [px]": ("p95_px", "{:.4f}"),
+    "beside pole": ("beside_pole_rms_px", "{:.3f}"),
+    "frames with 80 % [%]": ("covered_80", "{:.2%}"),
+    "wrong whisker": ("identity_errors", "{:.0f}"),
+    "strayed": ("strayed", "{:.0f}"),
+    "long false / frame": ("long_false_per_frame", "{:.4f}"),
+    "κ bias [1/m]": ("curvature_bias", "{:+.3f}"),
+    "κ SD [1/m]": ("curvature_sd", "{:.3f}"),
+    "κ robust SD": ("curvature_robust_sd", "{:.3f}"),
+    "SD / bound": ("bound_ratio", "{:.2f}"),
+    "SD / bound, knots": ("knots_ratio", "{:.2f}"),
+    "κ coverage": ("curvature_coverage", "{:.1%}"),
+    "follicle RMS [px]": ("follicle_rms_px", "{:.2f}"),
+    "base angle SD [°]": ("angle_sd", "{:.3f}"),
+    "frames/s": ("frames_per_s", "{:.0f}"),
+}
+TOUCH_TABLE = {
+    "contacts": ("contacts", "{:.0f}"),
+    "missed": ("missed", "{:.0f}"),
+    "missed ≥ 3 ms, 1 µN": ("missed_3ms_1uN", "{:.0f}"),
+    "invented": ("invented", "{:.0f}"),
+    "split": ("surplus", "{:.0f}"),
+    "free frames": ("free_frames", "{:.0f}"),
+    "frames agree": ("agreement", "{:.2%}"),
+    "edges exact": ("edges_within_0", "{:.1%}"),
+    "≤ 1 frame": ("edges_within_1", "{:.1%}"),
+    "≤ 2 frames": ("edges_within_2", "{:.1%}"),
+    "onset bias": ("onset_bias", "{:+.2f}"),
+    "offset bias": ("offset_bias", "{:+.2f}"),
+    "flagged": ("flagged", "{:.0f}"),
+}
+FORCE_TABLE = {
+    "peak: median error": ("force_median", "{:.2%}"),
+    "bias": ("force_bias", "{:+.2%}"),
+    "95 % of them": ("force_p95", "{:.1%}"),
+    "within 3 % or 0.1 µN": ("force_within", "{:.1%}"),
+    "not flagged: within": ("plain_force_within", "{:.1%}"),
+    "moment: median": ("moment_median", "{:.2%}"),
+    "axial: median": ("axial_median", "{:.2%}"),
+    "force coverage": ("force_coverage", "{:.1%}"),
+    "moment coverage": ("moment_coverage", "{:.1%}"),
+    "axial coverage": ("axial_coverage", "{:.1%}"),
+    "free frames SD [µN]": ("noise_uN", "{:.3f}"),
+}
+
+
+def markdown(header: list[str], rows: list[list[str]]) -> str:
+    """A Markdown table with aligned columns."""
+    widths = [max(len(r[k]) for r in [header, *rows]) for k in range(len(header))]
+    rule = ["-" * w for w in widths]
+    lines = (
+        "| " + " | ".join(c.ljust(w) for c, w in zip(r, widths, strict=True)) + " |"
+        for r in [header, rule, *rows]
+    )
+    return "\n".join(lines)
+
+
+def table_of(columns, results: dict[str, dict], prefix="", wanted="frames") -> str:
+    rows = [
+        [preset, *(cell(form, figures[prefix + key]) for key, form in columns.values())]
+        for preset, figures in results.items()
+        if figures[wanted]
+    ]
+    return markdown(["preset", *columns], rows)
+
+
+def cell(form, value):
+    return form.format(value) if np.isfinite(value) else "–"
+
+
+def print_tables(results: dict[str, dict]) -> None:
+    print("\n## Tracking\n")
+    print(table_of(TRACKING_TABLE, results))
+    print("\n## Contacts\n")
+    print(table_of(TOUCH_TABLE, results))
+    for method in ("shape", "point"):
+        print(f"\n## Forces by `{method}`\n")
+        print(table_of(FORCE_TABLE, results, f"{method}_"))
+
+
+def print_checks(rows: list[dict]) -> None:
+    header = ["issue", "preset", "what", "reached", "target", ""]
+    lines = [
+        [
+            str(row["issue"]),
+            row["preset"],
+            row["what"],
+            f"{row['value']:.4g} {row['unit']}".strip(),
+            row["target"],
+            "ok" if row["met"] else f"MISSED ({row['video']})",
+        ]
+        for row in rows
+    ]
+    print("\n## Targets\n")
+    print(markdown(header, lines))
+    missed = sum(not row["met"] for row in rows)
+    print(f"\n{len(rows) - missed} of {len(rows)} targets met")
+
+
+# The whole -----------------------------------------------------------------------------------
+
+
+def run_preset(preset, folder, args) -> list[measuring.Measured]:
+    """Render a preset's videos and measure them all."""
+    started = time.monotonic()
+    trials = args.trials or PRESETS[preset].trials * (4 if args.full else 1)
+    paths = render_session(folder, preset, args.seed, trials, args.jobs)
+    rendered = time.monotonic()
+    if args.jobs == 1:
+        videos = [measuring.measure(preset, path, folder) for path in paths]
+    else:
+        with ProcessPoolExecutor(args.jobs, mp_context=get_context("spawn")) as pool:
+            waiting = [pool.submit(measuring.measure, preset, path, folder) for path in paths]
+            videos = [future.result() for future in as_completed(waiting)]
+    print(
+        f"{preset}: {len(paths)} videos, rendered in {rendered - started:.0f} s, processed in "
+        f"{time.monotonic() - rendered:.0f} s",
+        file=sys.stderr,
+    )
+    if not args.out:
+        for path in paths:
+            path.unlink()
+    return sorted(videos, key=lambda v: v.video)
+
+
+def arguments(argv=None):
+    parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
+    parser.add_argument("--presets", help=f"of {','.join(PRESETS)}; by default all")
+    parser.add_argument("--trials", type=int, help="videos per preset")
+    parser.add_argument("--full", action="store_true", help="four times the usual videos")
+    parser.add_argument("--out", type=Path, help="folder for videos, truth and tables")
+    parser.add_argument("--jobs", type=int, default=1, help="processes")
+    parser.add_argument("--seed", type=int, default=0)
+    args = parser.parse_args(argv)
+    args.presets = args.presets.split(",") if args.presets else list(PRESETS)
+    unknown = [p for p in args.presets if p not in PRESETS]
+    if unknown:
+        parser.error(f"--presets: no preset {unknown[0]!r}; there are {', '.join(PRESETS)}")
+    return args
+
+
+def main(argv=None) -> int:
+    """Measure the presets asked for; 1 where a target was missed."""
+    measuring.limit_threads()
+    args = arguments(argv)
+    results, rows, worst = {}, [], []
+    with tempfile.TemporaryDirectory() as temporary:
+        for preset in args.presets:
+            videos = run_preset(preset, (args.out or Path(temporary)) / preset, args)
+            scale = videos[0].pixels_per_mm
+            results[preset] = figures_of(videos, scale)
+            each = {v.video: figures_of([v], scale) for v in videos}
+            rows += checks(preset, results[preset], each)
+            worst.append(worst_of(videos))
+    print_tables(results)
+    print_checks(rows)
+    if args.out:
+        pd.DataFrame(results).T.to_csv(args.out / "accuracy.csv", index_label="preset")
+        pd.concat(worst).to_csv(args.out / "worst.csv", index=False)
+    return int(not all(row["met"] for row in rows))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,238 @@
+"""One rendered video, processed as `whiskerforce run` does, beside its truth."""
+
+import os
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from pipeline.contact import retouch
+from pipeline.records import CONTACT_COLUMNS, Centrelines
+from pipeline.run import analyse
+from pipeline.settings import read_session
+from pipeline.tables import read_centrelines, read_csv, read_frames, read_json
+from synthetic import bounds, scoring
+from synthetic.scene import Camera, Hair
+from whiskermodel.whisker import Whisker
+
+NOISE_FLOOR_MM = (9.0, 11.0)  # where the pole is nearest in the free frames that count
+BESIDE_POLE_PX = 12.0  # from the pole's edge
+LIGHT = 176.0  # grey levels above black, where a picture's noise is asked for
+ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+
+
+def limit_threads() -> None:
+    """One thread per process, for this one's children too; call it before numpy computes."""
+    os.environ.update(dict.fromkeys(ONE_THREAD, "1"))
+
+
+# Truth ---------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class RenderedVideo:
+    """A video of `synthetic.session.render_session` with its session's truth folder."""
+
+    path: Path
+    folder: Path
+
+    @classmethod
+    def of(cls, path, session):
+        """The video at `path` in the rendered session `session`."""
+        return cls(Path(path), Path(session) / "truth" / Path(path).stem)
+
+    @property
+    def scene(self) -> dict:
+        """The scene as synthetic.truth wrote it."""
+        return read_json(self.folder / "scene.json")
+
+    @property
+    def camera(self) -> Camera:
+        """The scene's camera."""
+        return Camera(**self.scene["camera"])
+
+    @property
+    def hairs(self) -> dict[str, Hair]:
+        """The scene's whiskers by name."""
+        hairs = {}
+        for each in self.scene["hairs"]:
+            whisker = Whisker(**each["whisker"])
+            bend = tuple(each["intrinsic_curvature"])
+            hairs[whisker.name] = Hair(**{**each, "whisker": whisker, "intrinsic_curvature": bend})
+        return hairs
+
+    @property
+    def settings(self):
+        """The session.toml beside the video."""
+        return read_session(self.path.parent / "session.toml")
+
+    @property
+    def noise_sd(self) -> float:
+        """Noise of the bright background [grey levels]."""
+        camera = self.camera
+        return float(np.sqrt(camera.read_noise**2 + camera.noise_gain * LIGHT))
+
+    def frames(self) -> pd.DataFrame:
+        """True frames table."""
+        return read_frames(self.folder / "frames.parquet")
+
+    def contacts(self) -> pd.DataFrame:
+        """True contacts."""
+        return read_csv(self.folder / "contacts.csv", CONTACT_COLUMNS)
+
+    def visibility(self) -> pd.DataFrame:
+        """What can be seen of every whisker."""
+        return pd.read_parquet(self.folder / "visibility.parquet")
+
+    def lines(self) -> scoring.Truth:
+        """True centrelines and which of their points can be seen."""
+        lines = read_centrelines(self.folder / "centrelines.parquet")
+        scale = self.camera.pixels_per_mm
+        return scoring.visible_truth(lines, self.visibility(), scale, self.noise_sd)
+
+
+def least_curvature_sd(video: RenderedVideo, at: float) -> dict[str, dict[str, float]]:
+    """Bounds on the curvature's SD [1/m] for every whisker of a rendered video, by model."""
+    visibility, camera, found = video.visibility(), video.camera, {}
+    for name, hair in video.hairs.items():
+        own = visibility[visibility["whisker"] == name]
+        first = 1e-3 * float(own["first_visible_mm"].median())
+        if hair.whisker.length < at + 3e-3:
+            continue
+        contrast = np.stack(own["contrast"].iloc[:: max(len(own) // 50, 1)].to_list())
+        place = round(at / hair.whisker.length * (contrast.shape[1] - 1))
+        seen = contrast[:, place][contrast[:, place] > 0]
+        radius = hair.whisker.radius(at) * camera.pixels_per_m
+        peak = bounds.line_profile(radius, camera.blur_px)[1].max()
+        if len(seen):
+            light = float(np.median(seen)) / (hair.opacity * peak)
+            found[name] = bounds.curvature_bounds(hair, light, camera, at, first)
+    return found
+
+
+# Results -------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Measured:
+    """One video's results beside its truth.
+
+    Attributes
+    ----------
+    preset, video, pixels_per_mm : which one, and its scale
+    n_frames, messages, seconds : as in pipeline.run.Analysis
+    scores : of the centrelines
+    beside_pole : bool, aligned with scores.distance_px
+    shape, point : the two force estimates, as `Forces`
+    """
+
+    preset: str
+    video: str
+    pixels_per_mm: float
+    n_frames: int
+    messages: tuple[str, ...]
+    seconds: dict
+    scores: scoring.LineScores
+    beside_pole: np.ndarray
+    shape: "Forces"
+    point: "Forces"
+
+
+@dataclass(frozen=True)
+class Forces:
+    """One force estimate: frames beside the truth's, contacts, and force of free frames [µN].
+
+    `joined` also has `least_sd` and `least_sd_knots` [1/m], the bounds on the curvature's SD for
+    a quadratic over ±2 mm and for any shape with knots 3 mm apart.
+    """
+
+    joined: pd.DataFrame
+    contacts: pd.DataFrame
+    true_contacts: pd.DataFrame
+    free_force: np.ndarray = field(default_factory=lambda: np.empty(0))
+
+
+def measure(preset: str, path, session) -> Measured:
+    """Process one rendered video and put the results beside the truth."""
+    video = RenderedVideo.of(path, session)
+    settings, chunks = video.settings, []
+    at = settings.analysis.curvature_at
+    analysis = analyse(path, settings, keep=chunks.append)
+    truth = video.lines()
+    scores = scoring.score_lines(join_chunks(chunks), truth)
+    true_frames, true_contacts = video.frames(), video.contacts()
+    least = least_curvature_sd(video, at)
+    whiskers = {w.name: w.si() for w in settings.whisker}
+    stem = Path(path).stem
+    found = {}
+    for method in ("shape", "point"):
+        frames, contacts = analysis.frames, analysis.contacts
+        if method == "point":
+            touch = retouch(
+                frames, analysis.evidence, settings.recording.si(), whiskers,
+                curvature_at=at, method=method, video=stem,
+            )  # fmt: skip
+            frames, contacts = touch.frames, touch.contacts
+        joined = scoring.join_frames(frames, true_frames)
+        for column, model in (("least_sd", "quadratic ±2 mm"), ("least_sd_knots", "knots 3 mm")):
+            by_name = {name: each[model] for name, each in least.items()}
+            joined[column] = joined["whisker"].map(by_name).astype(float)
+        found[method] = Forces(
+            joined.assign(preset=preset, video=stem),
+            contacts.assign(video=stem),
+            true_contacts,
+            free_force(analysis.evidence, true_frames, method),
+        )
+    return Measured(
+        preset=preset,
+        video=stem,
+        pixels_per_mm=settings.recording.pixels_per_mm,
+        n_frames=analysis.n_frames,
+        messages=analysis.messages,
+        seconds=dict(analysis.seconds),
+        scores=scores,
+        beside_pole=beside_pole(scores, truth, video),
+        **found,
+    )
+
+
+def join_chunks(chunks: list[Centrelines]) -> Centrelines:
+    """One `Centrelines` out of consecutive ones of the same whiskers."""
+    if not chunks:
+        empty = np.empty(0, np.float32)
+        none = np.empty(0, np.int32)
+        return Centrelines((), none, none, np.zeros(1, np.int64), empty, empty, empty, empty)
+    sizes = np.concatenate([np.diff(c.offsets) for c in chunks])
+
+    def joined(name):
+        return np.concatenate([getattr(c, name) for c in chunks])
+
+    return Centrelines(
+        names=chunks[0].names,
+        offsets=np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64),
+        **{name: joined(name) for name in ("frame", "whisker", "x_px", "y_px")},
+        **{name: joined(name) for name in ("se_px", "confidence")},
+    )
+
+
+def beside_pole(scores, truth: scoring.Truth, video: RenderedVideo) -> np.ndarray:
+    """Which of the scored points lie within BESIDE_POLE_PX of the edge of a pole at rest."""
+    pole, scale = video.scene["pole"], video.camera.pixels_per_m
+    if pole is None:
+        return np.zeros(len(scores.node), bool)
+    x, y = truth.lines.x_px[scores.node], truth.lines.y_px[scores.node]
+    distance = np.hypot(x - pole["x"] * scale, y + pole["y"] * scale)
+    return distance < pole["radius"] * scale + BESIDE_POLE_PX
+
+
+def free_force(evidence, true_frames, method) -> np.ndarray:
+    """What the force would be [µN] in truly free frames whose pole is nearest near 10 mm."""
+    column = f"{method}_force_N"
+    if column not in evidence:
+        return np.empty(0)
+    free = true_frames.loc[~true_frames["in_contact"].astype(bool), ["frame", "whisker"]]
+    part = evidence.merge(free, on=["frame", "whisker"])
+    near = part["nearest_m"].between(*(1e-3 * np.array(NOISE_FLOOR_MM)))
+    force = 1e6 * part.loc[near, column].to_numpy(float)
+    return force[np.isfinite(force)]
