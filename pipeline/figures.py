@@ -9,6 +9,7 @@ import pandas as pd
 from pipeline import tables
 from pipeline.records import CONTACT_COLUMNS, Centrelines
 from pipeline.settings import Settings, read_session
+from whiskermodel.force_profiles import half_gaussian
 
 GREY, BLACK, ACCENT = "#a8a8a8", "#111111", "#c8472b"
 BEFORE_AFTER_MS = 25.0  # shown around the touch
@@ -239,13 +240,6 @@ def load_touch(results, contact) -> Touch:
     )
 
 
-def half_gaussian(time, peak, duration, centre):
-    """Top half of a Gaussian: `peak` at `centre`, zero outside `duration` (equations §5)."""
-    t_d = duration / 2
-    shape = 2 * np.exp(-(((time - centre) / t_d) ** 2) * np.log(2)) - 1
-    return np.where(np.abs(time - centre) <= t_d, peak * shape, 0.0)
-
-
 def _panel_a_table(touch) -> pd.DataFrame:
     """Centrelines of about LINES_SHOWN frames, long: frame, in_contact, x_mm, y_mm."""
     columns = ["frame", "in_contact", "x_mm", "y_mm", "follicle_x_mm", "follicle_y_mm"]
@@ -270,11 +264,12 @@ def _panel_b_table(touch) -> pd.DataFrame:
     if touch is None:
         return pd.DataFrame(columns=["time_ms", "force_uN", "in_contact", "pulse_uN"])
     frames, contact = touch.frames, touch.contact
+    duration = 1e-3 * contact["pulse_duration_ms"]
     pulse = half_gaussian(
-        frames["time_s"],
+        frames["time_s"].to_numpy(),
+        duration,
         contact["pulse_peak_uN"],
-        1e-3 * contact["pulse_duration_ms"],
-        contact["pulse_centre_s"],
+        contact["pulse_centre_s"] - duration / 2,
     )
     return pd.DataFrame(
         {
@@ -395,7 +390,7 @@ def _draw_histogram(axis, table, lookup, what, unit):
     axis.set_ylabel("contacts")
     top = max(table["contacts"].max(), 1)
     rows = ((BLACK, "here", lookup.get), (ACCENT, "paper", PAPER.get))
-    for height, (colour, label, get) in zip((1.25, 1.1), rows, strict=True):
+    for height, (colour, label, get) in zip((1.34, 1.12), rows, strict=True):
         low, middle, high = (get((what, each)) for each in ("5 %", "median", "95 %"))
         axis.plot([low, high], [height * top] * 2, color=colour, lw=1)
         axis.plot([middle], [height * top], "o", color=colour, ms=3.5)
@@ -403,7 +398,7 @@ def _draw_histogram(axis, table, lookup, what, unit):
             text = f" {label}\n {low:.3g}–{high:.3g}"
             axis.text(high, height * top, text, color=colour, va="center", fontsize=6)
     axis.set_xlim(0, 1.35 * max(float(end.iloc[-1]) / 1.35, PAPER[what, "95 %"], high))
-    axis.set_ylim(top=1.35 * top)
+    axis.set_ylim(top=1.45 * top)
     axis.yaxis.get_major_locator().set_params(integer=True)
 
 
