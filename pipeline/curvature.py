@@ -9,11 +9,10 @@ import numpy as np
 import pandas as pd
 from numba import njit
 
+from pipeline.follicle import BASE_SKIP_M, BASE_WINDOW_M, base_curve, base_window, walk_back
 from pipeline.records import Centrelines, PoleTrack, Recording
 
 WINDOW_M = 3.0e-3  # half-width of the curvature window; a quartic keeps its bias small
-BASE_SKIP_M = 0.25e-3  # fur clings to the first visible part
-BASE_WINDOW_M = 4.5e-3  # part of the whisker that the hidden piece is extrapolated from
 POLE_NEAR_M = 0.15e-3  # a pole this near may bend the whisker there: the window ends at it
 
 
@@ -101,69 +100,6 @@ def _curvature(x, y, offset, information, at, beyond, first, last, degree):
 
 
 @njit(cache=True)
-def _base(x, y, offset, information, hidden, skip, window):
-    """Follicle (x, y) and the tangent (tx, ty) there, extrapolated by `hidden` px of arc.
-
-    The model is a curve whose curvature is linear in arc length, θ(s) = θ0 + k0 s + k1 s²/2,
-    through (x0, y0) + v0 n̂; Gauss–Newton with the derivatives of its small-angle form.
-    """
-    n = len(x)
-    first = min(skip, n // 4)
-    last = min(first + window, n)
-    b = min(first + 8, n - 1)
-    theta = np.arctan2(-(y[b] - y[first]), x[b] - x[first])
-    px = x[first]
-    py = y[first]
-    scale = max(last - first, 4) * 1.0
-    k0 = 0.0
-    k1 = 0.0
-    row = np.empty(4)
-    for _ in range(4):
-        matrix = np.zeros((4, 4))
-        rhs = np.zeros(4)
-        mx = px
-        my = py
-        for i in range(first, last):
-            s = i - first
-            angle = theta + s * (k0 + 0.5 * k1 * s)
-            nx = -np.sin(angle)
-            ny = -np.cos(angle)
-            w = information[i]
-            r = (x[i] - mx) * nx + (y[i] - my) * ny + offset[i]
-            u = s / scale
-            row[0] = 1.0
-            row[1] = u
-            row[2] = 0.5 * u * u
-            row[3] = u * u * u / 6
-            for k in range(4):
-                rhs[k] += w * row[k] * r
-                for m in range(4):
-                    matrix[k, m] += w * row[k] * row[m]
-            middle = theta + (s + 0.5) * (k0 + 0.5 * k1 * (s + 0.5))
-            mx += np.cos(middle)
-            my -= np.sin(middle)
-        for k in range(4):
-            matrix[k, k] += 1e-9
-        step = np.linalg.solve(matrix, rhs)
-        px -= step[0] * np.sin(theta)
-        py -= step[0] * np.cos(theta)
-        theta += step[1] / scale
-        k0 += step[2] / scale**2
-        k1 += step[3] / scale**3
-    remaining = first + hidden
-    s = 0.0
-    while remaining > 0:
-        h = min(1.0, remaining)
-        middle = theta + (s - 0.5 * h) * (k0 + 0.5 * k1 * (s - 0.5 * h))
-        px -= h * np.cos(middle)
-        py += h * np.sin(middle)
-        s -= h
-        remaining -= h
-    angle = theta + s * (k0 + 0.5 * k1 * s)
-    return px, py, np.cos(angle), -np.sin(angle)
-
-
-@njit(cache=True)
 def _nearest_node(x, y, px, py):
     best = 0
     least = 1e18
@@ -177,7 +113,7 @@ def _nearest_node(x, y, px, py):
 
 @njit(cache=True)
 def _measure_rows(
-    offsets, xs, ys, raw, info, hidden, at_px, window, skip, base_window, pole_x, pole_y, near, out
+    offsets, xs, ys, raw, info, hidden, at_px, window, skip, base_length, pole_x, pole_y, near, out
 ):
     for row in range(len(offsets) - 1):
         a = offsets[row]
@@ -188,10 +124,9 @@ def _measure_rows(
         out[row, :] = np.nan
         if n < 12:
             continue
-        fx, fy, bx, by = _base(x, y, raw[a:b], info[a:b], hidden[row], skip, base_window)
-        out[row, 0] = fx
-        out[row, 1] = fy
-        out[row, 2] = np.arctan2(-by, bx)
+        first, last = base_window(n, skip, base_length)
+        base = base_curve(x, y, raw[a:b], info[a:b], first, last)
+        out[row, 0], out[row, 1], out[row, 2] = walk_back(*base, first + hidden[row])
         at = int(np.floor(at_px - hidden[row] + 0.5))
         beyond = at_px - hidden[row] - at
         if at < 4 or at > n - 5:
@@ -221,7 +156,8 @@ def measure(
 
     Parameters
     ----------
-    hidden_lengths : one per name in `centrelines.names` [m]: follicle to first visible point
+    hidden_lengths : one per name in `centrelines.names` [m]: follicle to first visible point;
+        used where the centrelines do not bring their own
     curvature_at : arc length from the follicle at which curvature is taken [m]
     pole : where the pole is; near a touch the curvature window ends at the pole, where the
         bending moment has its kink
@@ -233,7 +169,7 @@ def measure(
     """
     scale = recording.pixels_per_m
     rows = len(centrelines)
-    hidden = np.asarray(hidden_lengths, float)[centrelines.whisker] * scale
+    hidden = centrelines.hidden_of(np.asarray(hidden_lengths, float) * scale)
     raw, info = centrelines.offset_px, centrelines.information
     if raw is None:
         raw = np.zeros_like(centrelines.x_px)
@@ -268,7 +204,7 @@ def measure(
             "whisker": centrelines.whisker,
             "follicle_x_px": out[:, 0],
             "follicle_y_px": out[:, 1],
-            "base_angle_deg": np.degrees(out[:, 2]),
+            "base_angle_deg": (np.degrees(out[:, 2]) + 180) % 360 - 180,
             "curvature_per_m": out[:, 3] * scale,
             "curvature_per_m_se": out[:, 4] * scale,
         }

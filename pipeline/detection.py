@@ -16,7 +16,8 @@ START_SIGMA_PX = 1.1
 class TracingOptions:
     """Lengths in pixels, derived from the recording's scale by `options_for`.
 
-    `longest_px` holds one visible length per expected whisker (inf where unknown).
+    `longest_px` is the largest visible length of an expected whisker (inf where unknown),
+    `hidden_px` and `cone_px` their hidden and cone lengths (empty where unknown).
     """
 
     spacing_px: float
@@ -24,6 +25,9 @@ class TracingOptions:
     base_gap_px: float
     bridge_px: int
     longest_px: float = np.inf
+    hidden_px: tuple[float, ...] = ()
+    cone_px: tuple[float, ...] = ()
+    pixels_per_m: float = 25e3
 
 
 @dataclass
@@ -78,7 +82,8 @@ class Workspace:
 class Line:
     """A traced whisker in one frame; arrays have `limit` places, of which `n` are in use.
 
-    `information` and `score` are those of the offset at the final nodes (profiles.py).
+    `information` and `score` are those of the offset at the final nodes (profiles.py);
+    `thickness` is the absorbance integrated across the line [px], NaN where unknown.
     """
 
     x: np.ndarray
@@ -87,19 +92,21 @@ class Line:
     sigma: np.ndarray
     information: np.ndarray
     score: np.ndarray
+    thickness: np.ndarray
     n: int = 0
     quality: float = 0.0
 
     @classmethod
     def empty(cls, limit: int) -> "Line":
         """Return a line with no nodes and room for `limit`."""
-        arrays = [np.zeros(limit) for _ in range(6)]
+        arrays = [np.zeros(limit) for _ in range(7)]
         arrays[3][:] = START_SIGMA_PX
         return cls(*arrays)
 
     def copy(self) -> "Line":
         """Return an independent copy."""
-        arrays = (self.x, self.y, self.amplitude, self.sigma, self.information, self.score)
+        arrays = (self.x, self.y, self.amplitude, self.sigma)
+        arrays += (self.information, self.score, self.thickness)
         return Line(*(a.copy() for a in arrays), self.n, self.quality)
 
     @property
@@ -194,6 +201,7 @@ def refine(image, model: ImageModel, gain, line: Line, options: TracingOptions, 
     line.n, line.quality = following.refine(
         image, model.background, model.weight, model.outside, gain,
         line.x, line.y, line.n, line.amplitude, line.sigma, line.information, line.score,
+        line.thickness,
         options.spacing_px, options.bridge_px, options.longest_px,
         w.sums, w.work, w.cap, w.band, w.rhs,
     )  # fmt: skip

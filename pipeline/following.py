@@ -369,14 +369,14 @@ def set_cap(amplitude, n, cap):
 @njit(cache=True)
 def refine(
     image, background, weight, outside, gain,
-    x, y, n, amplitude, sigma, information, score,
+    x, y, n, amplitude, sigma, information, score, thickness,
     spacing, bridge, longest,
     sums, work, cap, band, rhs,
 ):  # fmt: skip
     """Two Gauss–Newton steps on the nodes, then base, visible end and final measurement.
 
-    x, y, amplitude, information, score are changed in place; returns the number of nodes and
-    the quality: the part of the line's expected contrast that was found.
+    x, y, amplitude, information, score, thickness are changed in place; returns the number of
+    nodes and the quality: the part of the line's expected contrast that was found.
     """
     if n < SHORTEST:
         return 0, 0.0
@@ -409,6 +409,7 @@ def refine(
         expected += a * a * sums[i, profiles.GG]
         found += a * max(work[2, i], 0.0) * sums[i, profiles.GG]
         amplitude[i] = 0.7 * amplitude[i] + 0.3 * max(work[2, i], 0.0)
+        thickness[i] = work[2, i] * sigma[i] * 2.5066 if work[4, i] < 0.05 else np.nan
     for i in range(end, len(amplitude)):
         amplitude[i] = amplitude[end - 1]
     return end, min(found / expected, 1.0)

@@ -196,6 +196,9 @@ class Centrelines:
     offset_px, information : float32 (points,) or None; the unsmoothed measurement of every
         point: its offset from (x, y) along the normal (tangent turned counter-clockwise on the
         screen) [px] and the Fisher information of that offset [1/px²]
+    thickness_px : float32 (points,) or None; absorbance integrated across the line, NaN where
+        it cannot be measured
+    hidden_px : float64 (rows,) or None; arc length from the follicle to the row's first point
     """
 
     names: tuple[str, ...]
@@ -208,9 +211,17 @@ class Centrelines:
     confidence: np.ndarray
     offset_px: np.ndarray | None = None
     information: np.ndarray | None = None
+    thickness_px: np.ndarray | None = None
+    hidden_px: np.ndarray | None = None
 
     def __len__(self):
         return len(self.frame)
+
+    def hidden_of(self, nominal_px) -> np.ndarray:
+        """Hidden length per row [px]: what was found, or else one nominal length per name."""
+        if self.hidden_px is not None:
+            return self.hidden_px
+        return np.asarray(nominal_px, float)[self.whisker]
 
     def row(self, i: int) -> np.ndarray:
         """Points of row `i`, float32 (points, 2)."""

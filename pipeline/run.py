@@ -128,11 +128,13 @@ def pole_track(epochs) -> PoleTrack | None:
 
 
 def _known_lengths(settings):
-    """Whole and hidden lengths [m] of all whiskers, empty unless every one is known."""
-    whiskers = settings.whisker
-    if any(w.length_mm is None for w in whiskers):
-        return (), ()
-    return [1e-3 * w.length_mm for w in whiskers], [w.hidden_length for w in whiskers]
+    """Whole, hidden and cone lengths [m] of all whiskers, empty unless every one is known."""
+    whiskers = [(w, w.si()) for w in settings.whisker]
+    if not whiskers or any(si is None for _, si in whiskers):
+        return (), (), ()
+    return tuple(
+        zip(*((si.length, w.hidden_length, si.cone_length) for w, si in whiskers), strict=True)
+    )
 
 
 @dataclass(frozen=True)

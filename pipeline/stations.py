@@ -127,7 +127,8 @@ def measure_stations(
     centrelines : a chunk or all of a video
     recording : scale
     whiskers : one `Whisker` per name in `centrelines.names`
-    hidden_lengths : follicle to first visible point, one per name [m]
+    hidden_lengths : follicle to first visible point, one per name [m]; used where the
+        centrelines do not bring their own
     pole : centre per frame number (or one for all), radius; None where there is none
 
     Returns
@@ -153,7 +154,7 @@ def measure_stations(
         *_raw_points(centrelines),
         *(np.ascontiguousarray(c, float) for c in (centrelines.x_px, -centrelines.y_px)),
         centrelines.whisker.astype(np.int64),
-        np.asarray(hidden_lengths, float) * scale,
+        centrelines.hidden_of(np.asarray(hidden_lengths, float) * scale),
         spacing * scale,
         length * scale,
         radii * np.array([scale, 1.0]),
@@ -219,12 +220,12 @@ def _measure_rows(
             continue
         w = whisker[row]
         x, y = xs[a:b], ys[a:b]
-        s = _arc_lengths(x, y, hidden[w])
+        s = _arc_lengths(x, y, hidden[row])
         near[row, 0], near[row, 1] = s[0], s[-1]
         px, py = pole_x[row], pole_y[row]
         clear = pole_radius + POLE_BLURS_PX
         _bin(
-            x, y, s, offset[a:b], info[a:b], hidden[w] + skip, spacing[w], px, py, clear,
+            x, y, s, offset[a:b], info[a:b], hidden[row] + skip, spacing[w], px, py, clear,
             out_x[row], out_y[row], out_information[row],
         )  # fmt: skip
         if not np.isnan(px):

@@ -14,6 +14,7 @@ from scipy.optimize import linear_sum_assignment
 
 from pipeline import detection, following, profiles
 from pipeline.detection import ImageModel, Line, TracingOptions, Workspace
+from pipeline.follicle import FollicleFinder
 from pipeline.records import Centrelines, Recording, StaticScene
 
 CHUNK_FRAMES = 500
@@ -34,6 +35,7 @@ class Slot:
     name: str
     base_xy: np.ndarray
     visible_px: float
+    samples: tuple = ()  # detection.Line
 
 
 @dataclass
@@ -46,7 +48,7 @@ class Track:
     lost_for: int = 0
 
 
-def options_for(recording: Recording, lengths_m=(), hidden_m=()) -> TracingOptions:
+def options_for(recording: Recording, lengths_m=(), hidden_m=(), cone_m=()) -> TracingOptions:
     """Derive the tracer's lengths from the scale and, where known, the whiskers' own lengths.
 
     Parameters
@@ -54,6 +56,7 @@ def options_for(recording: Recording, lengths_m=(), hidden_m=()) -> TracingOptio
     recording : frame rate and scale
     lengths_m, hidden_m : follicle-to-tip lengths of the expected whiskers and their parts
         hidden in the fur [m]; empty where unknown
+    cone_m : their follicle-to-apex lengths [m]; empty where unknown
     """
     scale = recording.pixels_per_m
     visible = [(a - b) * scale for a, b in zip(lengths_m, hidden_m, strict=True)]
@@ -64,6 +67,9 @@ def options_for(recording: Recording, lengths_m=(), hidden_m=()) -> TracingOptio
         base_gap_px=max(2.0e-3 * scale, 25.0),
         bridge_px=int(max(1.2e-3 * scale, 15)),
         longest_px=1.06 * max(visible) + 6 if visible else np.inf,
+        hidden_px=tuple(scale * h for h in hidden_m),
+        cone_px=tuple(scale * c for c in cone_m),
+        pixels_per_m=scale,
     )
 
 
@@ -312,11 +318,14 @@ def find_roster(frames, scene, options: TracingOptions, names=None, indices=None
     ]
     bases = np.median([[line.points[0] for line in lines] for lines in complete], axis=0)
     lengths = np.median([[line.n for line in lines] for lines in complete], axis=0)
-    slots = [Slot("", base, float(length)) for base, length in zip(bases, lengths, strict=True)]
-    if _posterior_first(lengths):
+    slots = [
+        Slot("", base, float(length), tuple(lines[k] for lines in complete))
+        for k, (base, length) in enumerate(zip(bases, lengths, strict=True))
+    ]
+    if _posterior_first(slots):
         slots = slots[::-1]
     names = names or [f"w{i + 1}" for i in range(n)]
-    return [Slot(name, s.base_xy, s.visible_px) for name, s in zip(names, slots, strict=False)]
+    return [replace(slot, name=name) for name, slot in zip(names, slots, strict=False)]
 
 
 def _by_scene(frames, scene, indices):
@@ -331,12 +340,21 @@ def _by_scene(frames, scene, indices):
     return [(s, f) for s, f in pairs if len(f)]
 
 
-def _posterior_first(lengths) -> bool:
-    """Whether the order along the face runs posterior → anterior: whiskers shorten anteriorly."""
-    if len(lengths) < 2:
+def _posterior_first(slots: list[Slot]) -> bool:
+    """Whether the order along the face runs posterior → anterior: whiskers get thinner anteriorly.
+
+    Thickness tells better than length, which the picture's border may cut.
+    """
+    if len(slots) < 2:
         return False
-    slope = np.polyfit(np.arange(len(lengths)), lengths, 1)[0]
-    return slope < -0.05 * np.mean(lengths)
+    thickness = [
+        np.median([np.nanmedian(line.thickness[10 : line.n // 3]) for line in slot.samples])
+        for slot in slots
+    ]
+    slope = np.polyfit(np.arange(len(slots)), thickness, 1)[0]
+    if abs(slope) > 0.02 * np.mean(thickness):
+        return slope < 0
+    return np.polyfit(np.arange(len(slots)), [s.visible_px for s in slots], 1)[0] < 0
 
 
 @dataclass
@@ -350,7 +368,7 @@ class _Collector:
         n = line.n
         information = line.information[:n]
         offset = line.score[:n] / np.maximum(information, 1e-6)
-        arrays = (line.x[:n], line.y[:n], np.clip(offset, -9, 9), information)
+        arrays = (line.x[:n], line.y[:n], np.clip(offset, -9, 9), information, line.thickness[:n])
         self.rows.append(
             (frame, whisker, trust * line.quality, *(a.astype(np.float32) for a in arrays))
         )
@@ -359,8 +377,8 @@ class _Collector:
         rows, self.rows = self.rows, []
         sizes = [len(r[3]) for r in rows]
         empty = np.zeros(0, np.float32)
-        x, y, offset, information = (
-            np.concatenate([r[k] for r in rows]) if rows else empty for k in (3, 4, 5, 6)
+        x, y, offset, information, thickness = (
+            np.concatenate([r[k] for r in rows]) if rows else empty for k in (3, 4, 5, 6, 7)
         )
         return Centrelines(
             names=self.names,
@@ -373,6 +391,7 @@ class _Collector:
             confidence=np.array([r[2] for r in rows], np.float32),
             offset_px=offset,
             information=information,
+            thickness_px=thickness,
         )
 
 
@@ -400,6 +419,7 @@ def trace(
     scenes = _starting_scenes(scene)
     tracer = Tracer(scenes[0][0], roster, options)
     collector = _Collector(tuple(slot.name for slot in roster))
+    place = _follicle_finder(roster, options)
     trust = 1.0
     index = -1
     for index, image in enumerate(frames):
@@ -411,9 +431,26 @@ def trace(
             if track.line is not None:
                 collector.add(index, k, track.line, trust)
         if (index + 1) % chunk_frames == 0:
-            yield collector.take(options.spacing_px)
+            yield place(collector.take(options.spacing_px))
     if collector.rows or index < 0:
-        yield collector.take(options.spacing_px)
+        yield place(collector.take(options.spacing_px))
+
+
+def _follicle_finder(roster: list[Slot], options: TracingOptions):
+    """Return a function that adds the hidden length to every row of centrelines."""
+    if len(options.hidden_px) != len(roster) or not all(slot.samples for slot in roster):
+        return lambda lines: lines
+    samples = _Collector(tuple(slot.name for slot in roster))
+    for k, slot in enumerate(roster):
+        for line in slot.samples:
+            samples.add(0, k, line, 1.0)
+    finder = FollicleFinder(
+        samples.take(options.spacing_px),
+        options.hidden_px,
+        options.pixels_per_m,
+        options.cone_px or None,
+    )
+    return lambda lines: replace(lines, hidden_px=finder.hidden(lines))
 
 
 def _starting_scenes(scene) -> dict[int, tuple[StaticScene, float]]:

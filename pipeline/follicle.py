@@ -1,0 +1,273 @@
+"""Where the follicle is: how much of the whisker the fur hides, frame by frame.
+
+The session tells the hidden length, follicle to first visible point, once. But the fur's edge
+is crossed elsewhere when the whisker leaves the face obliquely, and the follicle itself moves.
+So the follicle is anchored: its place is the median, over frames from the whole video, of what
+the constant hidden length gives. In each frame the base's extrapolated curve passes the anchor,
+and the nearest point is the follicle. Movement along the whisker, to which that is blind, shows
+in the taper: a whisker's thickness falls linearly to zero at the apex, which slides with the
+follicle. Where the cone's length is known, the apex also corrects the hidden length itself, as
+long as the two agree: the apex is read to a few hundredths of a millimetre, a fur's edge is not.
+"""
+
+import numpy as np
+from numba import njit
+
+from pipeline.records import Centrelines
+
+FARTHEST_M = 3.0e-3  # the fur is not thicker than this
+SLIDE_LIMIT_M = 0.5e-3  # the follicle of a head-fixed mouse moves less along the whisker
+SLIDE_FRAMES = 41  # the slide is a running median and mean over so many frames
+APEX_TRUSTED_M = 0.2e-3  # corrections of the hidden length up to here are taken whole, …
+APEX_DOUBTED_M = 0.5e-3  # … from here on not at all: the taper is not what the session says
+BASE_SKIP_M = 0.25e-3  # fur clings to the first visible part
+BASE_WINDOW_M = 4.5e-3  # part of the whisker that the hidden piece is extrapolated from
+
+
+@njit(cache=True)
+def base_curve(x, y, offset, information, first, last):
+    """Fit a curve of linear curvature, θ(s) = θ0 + k0 s + k1 s²/2, to the nodes first … last − 1.
+
+    s counts nodes (px) from `first`. Gauss–Newton with the derivatives of the small-angle form.
+    Returns x, y [px] and θ0 [rad, counter-clockwise on the screen] at `first`, k0 [1/px] and
+    k1 [1/px²].
+    """
+    ahead = min(first + 8, len(x) - 1)
+    theta = np.arctan2(-(y[ahead] - y[first]), x[ahead] - x[first])
+    px = x[first]
+    py = y[first]
+    scale = max(last - first, 4) * 1.0
+    k0 = 0.0
+    k1 = 0.0
+    row = np.empty(4)
+    for _ in range(4):
+        matrix = np.zeros((4, 4))
+        rhs = np.zeros(4)
+        mx = px
+        my = py
+        for i in range(first, last):
+            s = i - first
+            angle = theta + s * (k0 + 0.5 * k1 * s)
+            r = -(x[i] - mx) * np.sin(angle) - (y[i] - my) * np.cos(angle) + offset[i]
+            u = s / scale
+            row[0] = 1.0
+            row[1] = u
+            row[2] = 0.5 * u * u
+            row[3] = u * u * u / 6
+            for k in range(4):
+                rhs[k] += information[i] * row[k] * r
+                for m in range(4):
+                    matrix[k, m] += information[i] * row[k] * row[m]
+            middle = theta + (s + 0.5) * (k0 + 0.5 * k1 * (s + 0.5))
+            mx += np.cos(middle)
+            my -= np.sin(middle)
+        for k in range(4):
+            matrix[k, k] += 1e-9
+        step = np.linalg.solve(matrix, rhs)
+        px -= step[0] * np.sin(theta)
+        py -= step[0] * np.cos(theta)
+        theta += step[1] / scale
+        k0 += step[2] / scale**2
+        k1 += step[3] / scale**3
+    return px, py, theta, k0, k1
+
+
+@njit(cache=True)
+def walk_back(px, py, theta, k0, k1, distance):
+    """Point [px] and angle [rad] on a base curve, `distance` px of arc before its start."""
+    s = 0.0
+    while s > -distance:
+        h = min(1.0, distance + s)
+        middle = theta + (s - 0.5 * h) * (k0 + 0.5 * k1 * (s - 0.5 * h))
+        px -= h * np.cos(middle)
+        py += h * np.sin(middle)
+        s -= h
+    return px, py, theta + s * (k0 + 0.5 * k1 * s)
+
+
+@njit(cache=True)
+def base_window(n, skip, window):
+    """First and one-past-last node that the hidden piece is extrapolated from."""
+    first = min(skip, n // 4)
+    return first, min(first + window, n)
+
+
+@njit(cache=True)
+def _nearest_on_base(px, py, theta, k0, k1, ax, ay, first, farthest):
+    """Arc length [px] before node 0 of the base curve's point that is nearest to an anchor."""
+    best = 0.0
+    least = 1e18
+    s = 0.0
+    x = px
+    y = py
+    step = 0.5
+    while -s < first + farthest:
+        d = (x - ax) ** 2 + (y - ay) ** 2
+        angle = theta + s * (k0 + 0.5 * k1 * s)
+        if d < least:
+            least = d
+            # the foot of the perpendicular, to first order
+            best = -s - ((ax - x) * np.cos(angle) - (ay - y) * np.sin(angle))
+        middle = theta + (s - 0.5 * step) * (k0 + 0.5 * k1 * (s - 0.5 * step))
+        x -= step * np.cos(middle)
+        y += step * np.sin(middle)
+        s -= step
+    return best - first
+
+
+@njit(cache=True)
+def apex(thickness, skip):
+    """Node at which a line's thickness, linear in the node number, is zero; NaN unless clear.
+
+    thickness : (nodes,) [px], NaN where it could not be measured. Two passes; nodes that are off
+    by more than three mean deviations in the first are left out of the second.
+    """
+    n = len(thickness)
+    last = int(0.9 * n)
+    intercept = 0.0
+    slope = 0.0
+    limit = 1e18
+    for _ in range(2):
+        count = s1 = s2 = t0 = t1 = 0.0
+        for i in range(skip, last):
+            t = thickness[i]
+            if np.isnan(t) or abs(t - intercept - slope * i) > limit:
+                continue
+            count += 1.0
+            s1 += i
+            s2 += i * i
+            t0 += t
+            t1 += t * i
+        if count < 60:
+            return np.nan
+        det = count * s2 - s1 * s1
+        slope = (count * t1 - s1 * t0) / det
+        intercept = (t0 - slope * s1) / count
+        off = 0.0
+        m = 0
+        for i in range(skip, last):
+            if not np.isnan(thickness[i]):
+                off += abs(thickness[i] - intercept - slope * i)
+                m += 1
+        limit = 3 * off / max(m, 1)
+    if slope >= -1e-6:
+        return np.nan
+    return -intercept / slope
+
+
+@njit(cache=True)
+def _apexes(offsets, thickness, skip, out):
+    for row in range(len(offsets) - 1):
+        out[row] = apex(thickness[offsets[row] : offsets[row + 1]], skip)
+
+
+@njit(cache=True)
+def _ends(offsets, xs, ys, raw, info, hidden, skip, window, out):
+    """Point `hidden` px before each row's first node, on its base curve."""
+    for row in range(len(offsets) - 1):
+        a = offsets[row]
+        b = offsets[row + 1]
+        first, last = base_window(b - a, skip, window)
+        p = base_curve(xs[a:b], ys[a:b], raw[a:b], info[a:b], first, last)
+        out[row, 0], out[row, 1], _ = walk_back(*p, first + hidden[row])
+
+
+@njit(cache=True)
+def _feet(offsets, xs, ys, raw, info, anchors, skip, window, farthest, out):
+    """Hidden length of each row whose follicle is the point nearest to the anchor."""
+    for row in range(len(offsets) - 1):
+        a = offsets[row]
+        b = offsets[row + 1]
+        first, last = base_window(b - a, skip, window)
+        p = base_curve(xs[a:b], ys[a:b], raw[a:b], info[a:b], first, last)
+        out[row] = _nearest_on_base(*p, anchors[row, 0], anchors[row, 1], first, farthest)
+
+
+class FollicleFinder:
+    """Hidden lengths of a video's whiskers, anchored on frames taken from all of it.
+
+    Parameters
+    ----------
+    samples : Centrelines of frames from the whole video
+    hidden_px : per name in `samples.names`, the session's hidden length [px]
+    pixels_per_m : scale
+    cone_px : per name, follicle → apex [px]; None where unknown
+    """
+
+    def __init__(self, samples: Centrelines, hidden_px, pixels_per_m: float, cone_px=None):
+        self.hidden_px = np.asarray(hidden_px, float)
+        self.skip = round(BASE_SKIP_M * pixels_per_m)
+        self.window = round(BASE_WINDOW_M * pixels_per_m)
+        self.farthest = FARTHEST_M * pixels_per_m
+        self.slide_limit = SLIDE_LIMIT_M * pixels_per_m
+        ends = np.full((len(samples), 2), np.nan)
+        _ends(
+            *self._points(samples), self.hidden_px[samples.whisker], self.skip, self.window, ends
+        )
+        self.anchors = _medians(ends, samples.whisker, len(samples.names))
+        # node 0 → apex, with the hidden length that the anchor gives
+        reach = self._apexes(samples) + self._feet(samples)
+        self.reach = _medians(reach[:, None], samples.whisker, len(samples.names))[:, 0]
+        self.correction = np.zeros(len(samples.names))
+        if cone_px is not None:
+            off = np.nan_to_num(np.asarray(cone_px, float) - self.reach)
+            limits = np.array([APEX_TRUSTED_M, APEX_DOUBTED_M]) * pixels_per_m
+            self.correction = off * np.interp(np.abs(off), limits, [1.0, 0.0])
+
+    def hidden(self, lines: Centrelines) -> np.ndarray:
+        """Hidden length of every row [px], float64 (rows,)."""
+        feet = self._feet(lines)
+        slide = self.reach[lines.whisker] - self._apexes(lines) - feet
+        for k in range(len(lines.names)):
+            rows = np.flatnonzero(lines.whisker == k)
+            slide[rows] = _steady(slide[rows], self.slide_limit)
+        return np.clip(feet + slide + self.correction[lines.whisker], 0.0, self.farthest)
+
+    def _points(self, lines):
+        info = lines.information.astype(float)
+        arrays = (
+            lines.x_px.astype(float),
+            lines.y_px.astype(float),
+            lines.offset_px.astype(float),
+        )
+        return (lines.offsets, *arrays, info)
+
+    def _feet(self, lines):
+        out = np.empty(len(lines))
+        anchors = self.anchors[lines.whisker]
+        _feet(*self._points(lines), anchors, self.skip, self.window, self.farthest, out)
+        nominal = self.hidden_px[lines.whisker]
+        return np.where(np.isfinite(out), np.clip(out, 0, self.farthest), nominal)
+
+    def _apexes(self, lines):
+        out = np.empty(len(lines))
+        _apexes(lines.offsets, lines.thickness_px.astype(float), self.skip, out)
+        return out
+
+
+def _medians(values, whisker, n):
+    """Median of the rows (k, …) of each of `n` whiskers; NaN for one that has none."""
+    out = np.full((n, values.shape[1]), np.nan)
+    for k in range(n):
+        rows = values[whisker == k]
+        rows = rows[np.isfinite(rows).all(axis=1)]
+        if len(rows):
+            out[k] = np.median(rows, axis=0)
+    return out
+
+
+def _steady(slide, limit):
+    """Running median, then mean, of the slide [px]; zero where nothing is known of it."""
+    known = np.isfinite(slide) & (np.abs(slide) < 3 * limit)
+    if known.sum() < SLIDE_FRAMES:
+        return np.zeros_like(slide)
+    filled = np.interp(np.arange(len(slide)), np.flatnonzero(known), slide[known])
+    half = SLIDE_FRAMES // 2
+    windows = np.lib.stride_tricks.sliding_window_view(
+        np.pad(filled, half, mode="reflect"), SLIDE_FRAMES
+    )
+    median = np.median(windows, axis=1)
+    windows = np.lib.stride_tricks.sliding_window_view(
+        np.pad(median, half, mode="reflect"), SLIDE_FRAMES
+    )
+    return np.clip(windows.mean(axis=1), -limit, limit)
