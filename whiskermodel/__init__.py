@@ -1,1 +1,31 @@
 """Whisker mechanics: statics, modes, response. Needs only numpy and scipy."""
+
+from whiskermodel.force_profiles import half_gaussian, ramp_and_hold, stick_slip
+from whiskermodel.modes import Modes, modes
+from whiskermodel.response import BaseLoads, Displacement, Response, base_loads
+from whiskermodel.statics import (
+    force_for_base_angle,
+    steady_base_angle,
+    steady_moment,
+    steady_shape,
+)
+from whiskermodel.whisker import Whisker, mouse_c2, rat_c2
+
+__all__ = [
+    "BaseLoads",
+    "Displacement",
+    "Modes",
+    "Response",
+    "Whisker",
+    "base_loads",
+    "force_for_base_angle",
+    "half_gaussian",
+    "modes",
+    "mouse_c2",
+    "ramp_and_hold",
+    "rat_c2",
+    "steady_base_angle",
+    "steady_moment",
+    "steady_shape",
+    "stick_slip",
+]
