@@ -1,5 +1,6 @@
 """session.toml ↔ typed settings: read, checked in one go, turned into SI, written back."""
 
+import copy
 import difflib
 import math
 import tomllib
@@ -201,12 +202,13 @@ def read_session(path) -> Settings:
 def settings_from(document: dict[str, Any], source="session.toml") -> Settings:
     """Check a session.toml that is already parsed; `source` names it in a SettingsError."""
     document = _with_whisker_names(document)
-    problems = []
+    errors = []
     try:
         settings = Settings.model_validate(document)
     except ValidationError as error:
-        problems = [_explain(each, document) for each in error.errors()]
-    problems += _contradictions(document)
+        errors = error.errors()
+    problems = [_explain(each, document) for each in errors]
+    problems += _contradictions(_without([each["loc"] for each in errors], document))
     if problems:
         raise SettingsError(source, problems)
     return settings
@@ -222,6 +224,20 @@ def _with_whisker_names(document):
         for i, table in enumerate(tables, 1)
     ]
     return {**document, "whisker": named}
+
+
+def _without(places, document):
+    """The document without the values at `places`, which are already found to be wrong."""
+    document = copy.deepcopy(document)
+    for *above, key in places:
+        table = document
+        try:
+            for step in above:
+                table = table[step]
+            table[key] = None
+        except (KeyError, IndexError, TypeError):
+            pass  # it is missing, or something above it is wrong
+    return document
 
 
 def _place(location, document) -> str:
@@ -326,11 +342,13 @@ def _number(table, key, default=None):
 
 def _contradictions(document) -> list[str]:
     """Values that are possible one by one but not together."""
-    tables = document.get("whisker", [])
-    tables = [t for t in tables if isinstance(t, dict)] if isinstance(tables, list) else []
+    tables = document.get("whisker")
+    tables = tables if isinstance(tables, list) else []
     problems = []
     for index, table in enumerate(tables):
-        problems += _whisker_contradictions(table, _place(("whisker", index), document))
+        if isinstance(table, dict):
+            problems += _whisker_contradictions(table, _place(("whisker", index), document))
+    tables = [table for table in tables if isinstance(table, dict)]
     problems += _repeated_names(tables)
     problems += _curvature_contradictions(document, tables)
     pole = document.get("pole", {})
@@ -371,9 +389,8 @@ def _curvature_contradictions(document, tables) -> list[str]:
     at = _number(analysis, "curvature_at_mm", AnalysisSettings().curvature_at_mm)
     problems = []
     for table in tables:
-        low = _number(table, "hidden_length_mm", 0.0)
-        high = _number(table, "length_mm", math.inf)
-        if None not in (at, low, high) and not low < at < high:
+        low, high = _number(table, "hidden_length_mm", 0.0), _number(table, "length_mm", math.inf)
+        if None not in (at, low, high) and low < high and not low < at < high:
             problems.append(
                 f"[analysis] curvature_at_mm = {at!r}: expected a visible place on whisker "
                 f'"{table.get("name")}", between hidden_length_mm = {low!r} and '

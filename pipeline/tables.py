@@ -125,7 +125,7 @@ def read_csv(path, columns) -> pd.DataFrame:
 def _parsed(text: pd.Series, column: Column):
     """Text of one CSV column as values of its declared dtype."""
     if column.dtype == "bool":
-        return text.str.lower().map({"true": True, "1": True}).fillna(False)
+        return text.str.lower().isin(["true", "1"])
     if column.dtype == "float64":
         return [float(value) if value else np.nan for value in text]
     return [int(value) for value in text] if column.dtype.startswith("int") else text

@@ -1,0 +1,21 @@
+"""A short rendered session, made once per test run, for all who need a real video."""
+
+import pytest
+
+from synthetic.session import render_trial
+
+FRAMES = 260
+
+
+@pytest.fixture(scope="session")
+def rendered(tmp_path_factory):
+    """A folder with a video of 260 frames, its session.toml and its truth/<stem>/ tables."""
+    folder = tmp_path_factory.mktemp("rendered")
+    render_trial(folder, "single", seed=0, trial=0, frames=FRAMES)
+    return folder
+
+
+@pytest.fixture
+def video(rendered):
+    """The rendered video."""
+    return next(rendered.glob("*.avi"))
