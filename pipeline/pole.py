@@ -11,9 +11,12 @@ from pipeline.records import PoleTrack
 
 RADIUS_RANGE = (0.7, 1.45)  # of the expected radius: the scale may be a little off
 RADIUS_TRUST = 0.05  # SD of the expected radius, relative: counts only where little edge is free
-PRIOR_WEIGHT = 0.3  # of one SD, beside pixels' misfits as shares of the light
+PIXEL_SD = 0.015  # of a pixel's misfit, share of the light: weighs the expected radius
 N_RAYS = 180
-LEAST_ARC = 0.33  # of the circumference must be free of rod and whiskers; a corner has 0.25
+LEAST_FITTED_ARC = 0.15  # of the circumference must be free of any shade
+COMFORTABLE_ARC = 0.38  # this much is enough to measure a circle well
+MARGIN_RAYS = 14  # of 2°, left out beside rays that are shaded
+LEAST_ARC = 0.55  # of the circumference must be seen as edge: a corner has 0.5, a rod's end 0.65
 MOST_RESIDUAL = 0.06  # of the edge's contrast, root mean square
 LEAST_CONTRAST = 0.4  # share of the light that the disc takes
 EDGE_SLOPE = 0.04  # of the light per pixel: less is no edge of a thing in focus
@@ -47,7 +50,7 @@ def find_pole(transmission, radius_px: float, near_xy=None, exclude=None) -> Pol
 
     Returns
     -------
-    Pole, or None where no disc with a third of its edge free is seen.
+    Pole, or None where no disc with at least 55 % of its edge in view is seen.
     """
     if not radius_px > 0:
         raise ValueError(f"radius_px must be > 0, got {radius_px!r}")
@@ -112,29 +115,39 @@ def _votes(shape, x, y, ux, uy, strength, radius_px):
 
 def _rough_circle(image, x, y, radius_px):
     """Circle (x, y, radius, score) through the half levels along rays from (x, y), or None."""
-    angles, distances = _rays(), np.arange(0.0, 1.9 * radius_px + 3, 0.5)
+    angles = _rays()
+    design = np.column_stack([np.cos(angles), np.sin(angles), np.ones(N_RAYS)])
     for _ in range(4):
-        px, py = _ray_points(x, y, angles, distances)
-        values = cv2.remap(image, px, py, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT)
-        half = 0.5 * (values[:, 0].mean() + min(np.percentile(values[:, -1], 90), 1.0))
-        above = values > half
-        first = np.argmax(above, axis=1)
-        edge = np.where(above.any(1), distances[first], np.inf)
+        edge = _half_levels(image, x, y, radius_px)
         near = (edge > 0.4 * radius_px) & (edge < RADIUS_RANGE[1] * radius_px)
-        if near.mean() < LEAST_ARC:
+        if near.mean() < LEAST_FITTED_ARC:
             return None
         # the disc is round where most rays agree; the rod and whiskers only add distance
         radius = np.percentile(edge[near], 40)
-        near &= np.abs(edge - radius) < 0.2 * radius_px + 0.5
-        if near.mean() < LEAST_ARC:
+        near = _at_edge(edge, radius)
+        if near.mean() < LEAST_FITTED_ARC:
             return None
-        design = np.column_stack([np.cos(angles), np.sin(angles), np.ones(N_RAYS)])[near]
-        (dx, dy, radius), *_ = np.linalg.lstsq(design, edge[near], rcond=None)
+        (dx, dy, radius), *_ = np.linalg.lstsq(design[near], edge[near], rcond=None)
         x, y = x + dx, y + dy
-    spread = np.std(edge[near] - design @ (dx, dy, radius)) / radius
+    spread = np.std(edge[near] - design[near] @ (dx, dy, radius)) / radius
     inner = np.mean(image[_disc(image.shape, x, y, 0.6 * radius)])
     score = near.mean() * (1 - 4 * spread) * (1 - 2 * inner)
     return float(x), float(y), float(radius), float(score)
+
+
+def _half_levels(image, x, y, radius_px):
+    """Distance from (x, y) at which each ray first reaches half the light, inf if never."""
+    distances = np.arange(0.0, 1.9 * radius_px + 3, 0.5)
+    px, py = _ray_points(x, y, _rays(), distances)
+    values = cv2.remap(image, px, py, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT)
+    half = 0.5 * (values[:, 0].mean() + min(np.percentile(values[:, -1], 90), 1.0))
+    above = values > half
+    return np.where(above.any(1), distances[np.argmax(above, axis=1)], np.inf)
+
+
+def _at_edge(edge, radius):
+    """Rays on which half the light is reached about at the disc's edge, bool (N_RAYS,)."""
+    return np.abs(edge - radius) < 0.12 * radius + 0.5
 
 
 def _disc(shape, x, y, radius):
@@ -150,27 +163,27 @@ def measure_disc(image, x: float, y: float, radius: float, expected: float) -> P
 
     The edge of a disc of radius R blurred with SD σ has its half level σ²/2R inside R (to first
     order in σ/R), and falls off as erfc; both are in the model, so the radius is the disc's own.
-    Rays that turn out darker than the model (rod, whiskers) are left out in the next round;
-    `expected` [px] counts where the free arc is too short to tell the radius.
+    Rays that are shaded by the rod or by a whisker are left out in the next round; `expected`
+    [px] counts where the arc that is left is too short to tell the radius.
     """
     angles = _rays()
-    kept = np.ones(N_RAYS, bool)
+    used = _free_rays(image, x, y, radius, angles)
     for _ in range(8):
-        free = _free_rays(image, x, y, radius, angles) & kept
-        if free.mean() < LEAST_ARC:
+        if used.mean() < LEAST_FITTED_ARC:
             return None
-        fit = _fit_edge(image, x, y, radius, angles[free], expected)
+        fit = _fit_edge(image, x, y, radius, used, expected)
         if fit is None or not _plausible(fit[:3], expected, None):
             return None
         x, y, radius = fit[:3]
-        before, kept = kept, _as_light_as(fit, image, angles, free)
-        if np.array_equal(before, kept):
+        before, used = used, _unshaded(fit, image, angles, used)
+        if np.array_equal(before, used):
             break
+    arc = _at_edge(_half_levels(image, x, y, radius), radius).mean()
     contrast = fit[5] - fit[4]
-    residual = _misfit(fit, image, angles[free]) / max(contrast, 1e-6)
-    if contrast < LEAST_CONTRAST or residual > MOST_RESIDUAL:
+    residual = _misfit(fit, image, before) / max(contrast, 1e-6)
+    if arc < LEAST_ARC or contrast < LEAST_CONTRAST or residual > MOST_RESIDUAL:
         return None
-    return Pole(*map(float, (x, y, radius, abs(fit[3]), free.mean(), residual)))
+    return Pole(*map(float, (x, y, radius, abs(fit[3]), arc, residual)))
 
 
 def _rays():
@@ -187,7 +200,7 @@ def _ray_points(x, y, angles, distances):
 def _free_rays(image, x, y, radius, angles):
     """Tell along which angles the disc ends against the light, bool (angles,)."""
     width = max(0.25 * radius, 2.0)
-    px, py = _ray_points(x, y, angles, radius + width * np.array([1.0, 1.25, 1.5, 2.0]))
+    px, py = _ray_points(x, y, angles, radius + width * np.array([1.0, 1.25, 1.5]))
     outside = cv2.remap(image, px, py, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT).min(1)
     free = outside > 0.85 * min(np.percentile(outside, 90), 1.0)
     return ~_widened(~free, 3)
@@ -211,29 +224,61 @@ def _model(p, px, py):
     return blurred_edge(distance, p[2], abs(p[3]) + 1e-3, p[4], p[5])
 
 
-def _fit_edge(image, x, y, radius, angles, expected):
-    """Least squares of the model over the annulus around the free arc; parameters or None."""
-    px, py, values = _annulus(image, x, y, radius, angles)
+def _edge_pixels(image, x, y, radius, used):
+    """Pixels of the annulus around the edge that lie on used rays: x, y, values, each (n,)."""
+    width = max(0.3 * radius, 2.5)
+    reach = int(radius + width) + 2
+    rows = np.arange(max(int(y) - reach, 0), min(int(y) + reach + 1, image.shape[0]))
+    columns = np.arange(max(int(x) - reach, 0), min(int(x) + reach + 1, image.shape[1]))
+    py, px = (grid.ravel() for grid in np.meshgrid(rows, columns, indexing="ij"))
+    ray = np.rint(np.arctan2(py - y, px - x) * N_RAYS / (2 * np.pi)).astype(int) % N_RAYS
+    inside = (np.abs(np.hypot(px - x, py - y) - radius) <= width) & used[ray]
+    px, py = px[inside], py[inside]
+    return px, py, image[py, px]
+
+
+def _fit_edge(image, x, y, radius, used, expected):
+    """Least squares of the model over the pixels around the used arc; parameters or None."""
+    px, py, values = _edge_pixels(image, x, y, radius, used)
 
     def residuals(p):
-        prior = PRIOR_WEIGHT * (p[2] - expected) / (RADIUS_TRUST * expected)
-        return np.append((_model(p, px, py) - values).ravel(), prior)
+        prior = PIXEL_SD * (p[2] - expected) / (RADIUS_TRUST * expected)
+        return np.append(_model(p, px, py) - values, prior)
 
-    start = [x, y, radius, 1.0, values[:, 0].mean(), values[:, -1].mean()]
+    if len(values) < 12:
+        return None
+    start = [x, y, radius, 1.0, np.quantile(values, 0.1), np.quantile(values, 0.9)]
     fit = least_squares(residuals, start, x_scale="jac", method="lm", max_nfev=200)
     return fit.x if np.isfinite(fit.x).all() and fit.x[2] > 0 else None
 
 
-def _as_light_as(p, image, angles, free):
-    """Rays that are not darker than the model, by more than the free ones' scatter."""
+def _unshaded(p, image, angles, used):
+    """Rays on which no shade of rod or whisker falls: as light outside the edge as the lightest
+    third, and no darker than the model by more than the used ones' scatter; bool (angles,).
+    """
     px, py, values = _annulus(image, *p[:3], angles)
     excess = (values - _model(p, px, py))[:, values.shape[1] // 3 :].mean(1)
-    scatter = 1.4826 * np.median(np.abs(excess[free]))
-    return ~_widened(excess < -2.5 * max(scatter, 0.5 * INTERPOLATION), 1)
+    beyond = p[2] + 2.5 * abs(p[3]) + np.array([0.5, 1.0, 1.5, 2.0, 2.5])
+    px, py = _ray_points(p[0], p[1], angles, beyond)
+    light = cv2.remap(image, px, py, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT).mean(1)
+    lightest = light[light >= np.quantile(light, 2 / 3)]
+    shaded = light < np.median(lightest) - max(3 * lightest.std(), 3 * INTERPOLATION)
+    scatter = 1.4826 * np.median(np.abs(excess[used]))
+    shaded |= excess < -2.5 * max(scatter, 0.5 * INTERPOLATION)
+    return ~_with_margin(shaded)
 
 
-def _misfit(p, image, angles):
-    px, py, values = _annulus(image, *p[:3], angles)
+def _with_margin(shaded):
+    """Add the rays beside shaded ones, which may be shaded too little to show, if enough stay."""
+    for steps in range(MARGIN_RAYS, 1, -1):
+        wider = _widened(shaded, steps)
+        if np.mean(~wider) >= COMFORTABLE_ARC:
+            return wider
+    return _widened(shaded, 1)
+
+
+def _misfit(p, image, used):
+    px, py, values = _edge_pixels(image, *p[:3], used)
     return float(np.sqrt(np.mean((values - _model(p, px, py)) ** 2)))
 
 
@@ -253,26 +298,36 @@ class PoleFollower:
     ----------
     x_px, y_px, radius_px : the pole's disc [px]
     background : float32 (height, width), with the pole in its place
+
+    It is in its place while its disc is dark and what is light around it has not become dark;
+    a whisker may cover a part of that.
     """
 
-    PART = 0.9  # of the disc's core must be dark
+    DARK_PART = 0.9  # of the disc
+    LIGHT_PART = 0.5  # of the light surroundings
 
     def __init__(self, x_px: float, y_px: float, radius_px: float, background: np.ndarray):
         self.x_px, self.y_px, self.radius_px = x_px, y_px, radius_px
-        core = _disc(background.shape, x_px, y_px, 0.75 * radius_px)
-        around = _disc(background.shape, x_px, y_px, 2.5 * radius_px + 2)
-        around &= ~_disc(background.shape, x_px, y_px, 1.3 * radius_px + 1)
-        self._core = np.flatnonzero(core)
+        shape = background.shape
+        core = _disc(shape, x_px, y_px, max(radius_px - 1.0, 0.75 * radius_px))
+        ring = _disc(shape, x_px, y_px, 1.3 * radius_px + 1.5)
+        ring &= ~_disc(shape, x_px, y_px, radius_px + 1.5)
         dark = float(np.median(background[core]))
-        light = float(np.percentile(background[around], 80)) if around.any() else 255.0
-        self._limit = dark + 0.5 * (light - dark)
+        light = float(np.percentile(background[ring], 90)) if ring.any() else 255.0
+        self._limit = 0.5 * (dark + light)
+        self._core = np.flatnonzero(core)
+        self._ring = np.flatnonzero(ring & (background > dark + 0.8 * (light - dark)))
         self._seen = []
 
     def look(self, frame: np.ndarray) -> bool:
         """Look at the next frame, uint8 (height, width); True if the pole is in its place."""
-        dark = np.count_nonzero(frame.ravel()[self._core] < self._limit)
-        self._seen.append(dark >= self.PART * len(self._core))
-        return self._seen[-1]
+        pixels = frame.ravel()
+        dark = np.count_nonzero(pixels[self._core] < self._limit)
+        light = np.count_nonzero(pixels[self._ring] > self._limit)
+        seen = dark >= self.DARK_PART * len(self._core)
+        seen = seen and light >= self.LIGHT_PART * len(self._ring)
+        self._seen.append(seen)
+        return seen
 
     def track(self) -> PoleTrack:
         """Return where the pole was in all frames looked at so far; NaN: not in its place."""
