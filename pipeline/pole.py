@@ -310,8 +310,8 @@ class PoleFollower:
         self.x_px, self.y_px, self.radius_px = x_px, y_px, radius_px
         shape = background.shape
         core = _disc(shape, x_px, y_px, max(radius_px - 1.0, 0.75 * radius_px))
-        ring = _disc(shape, x_px, y_px, 1.3 * radius_px + 1.5)
-        ring &= ~_disc(shape, x_px, y_px, radius_px + 1.5)
+        ring = _disc(shape, x_px, y_px, 1.1 * radius_px + 2.0)
+        ring &= ~_disc(shape, x_px, y_px, radius_px + 1.2)
         dark = float(np.median(background[core]))
         light = float(np.percentile(background[ring], 90)) if ring.any() else 255.0
         self._limit = 0.5 * (dark + light)
