@@ -304,7 +304,7 @@ class PoleFollower:
     """
 
     DARK_PART = 0.9  # of the disc
-    LIGHT_PART = 0.5  # of the light surroundings
+    LIGHT_PART = 0.6  # of the light surroundings
 
     def __init__(self, x_px: float, y_px: float, radius_px: float, background: np.ndarray):
         self.x_px, self.y_px, self.radius_px = x_px, y_px, radius_px
