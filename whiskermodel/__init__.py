@@ -2,6 +2,7 @@
 
 from whiskermodel.force_profiles import half_gaussian, ramp_and_hold, stick_slip
 from whiskermodel.modes import Modes, modes
+from whiskermodel.pulse_response import half_gaussian_extremes, half_gaussian_moments
 from whiskermodel.response import BaseLoads, Displacement, Response, base_loads
 from whiskermodel.statics import (
     force_for_base_angle,
@@ -20,6 +21,8 @@ __all__ = [
     "base_loads",
     "force_for_base_angle",
     "half_gaussian",
+    "half_gaussian_extremes",
+    "half_gaussian_moments",
     "modes",
     "mouse_c2",
     "ramp_and_hold",

@@ -293,6 +293,10 @@ class Response:
         shear = paper_shear - 4 / whisker.cone_length * moment
         return np.stack([moment, shear, paper_shear, turned / length]) * participation
 
+    def base_moment_weights(self, contact_arc_length):
+        """What −I_k adds to the base moment, (n_modes, *c.shape) [N m/N] (Eq. 55)."""
+        return self._base_weights(on_whisker(self.whisker, contact_arc_length))[0]
+
     def _sum_modes(self, weights, force, dt):
         """−Σ_k weights_k I_k, (4, *forces, time), a cache-sized batch of forces at a time."""
         filters = modal_filters(self.angular_frequency, self.whisker.damping_rate, dt)
