@@ -84,16 +84,23 @@ def write_fig3(results, truth=None) -> list[Path]:
         _write(written[-1], table)
     numbers = fig3_numbers(contacts, true_contacts)
     _write(folder / "fig3.csv", numbers)
-    figure = draw(panels, numbers, touch)
-    for suffix in ("png", "svg"):
-        with tables.whole_file(folder / f"fig3.{suffix}") as temporary:
-            figure.savefig(temporary, format=suffix, dpi=200)
+    _save(draw(panels, numbers, touch), folder)
     return [folder / f"fig3.{suffix}" for suffix in ("png", "svg", "csv")] + written
 
 
 def _write(path, table):
     with tables.whole_file(path) as temporary:
         table.to_csv(temporary, index=False, float_format="%.6g", lineterminator="\n")
+
+
+def _save(figure, folder):
+    """Save fig3.png and fig3.svg, its text as text."""
+    import matplotlib as mpl
+
+    for suffix in ("png", "svg"):
+        path = folder / f"fig3.{suffix}"
+        with tables.whole_file(path) as temporary, mpl.rc_context({"svg.fonttype": "none"}):
+            figure.savefig(temporary, format=suffix, dpi=200)
 
 
 # --- reading -----------------------------------------------------------------------------
@@ -294,7 +301,6 @@ def draw(panels, numbers, touch):
         "axes.spines.top": False,
         "axes.spines.right": False,
         "axes.linewidth": 0.8,
-        "svg.fonttype": "none",
     }
     with mpl.rc_context(style):
         figure = Figure(figsize=(7.2, 4.8), layout="constrained")

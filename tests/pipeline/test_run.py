@@ -1,0 +1,392 @@
+"""Runs over folders: what is processed, skipped, refused, kept. The analysis is a stand-in."""
+
+import json
+import os
+import shutil
+from types import SimpleNamespace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import pipeline.run
+from pipeline import batch, inputs, tables, workers
+from pipeline.errors import VideoError
+from pipeline.inputs import InputError
+from pipeline.records import CONTACT_COLUMNS, PoleTrack
+from pipeline.run import Clock, Counted, pole_track
+from pipeline.settings import read_session, settings_from, write_session
+
+SETTINGS = settings_from(
+    {"recording": {"frames_per_second": 1000, "pixels_per_mm": 25, "face": "left"}}
+)
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """A folder of two "videos" (their content is not looked at) with a session.toml."""
+    folder = tmp_path / "videos"
+    folder.mkdir()
+    write_session(folder / "session.toml", SETTINGS)
+    for name in ("a.avi", "b.avi"):
+        (folder / name).write_bytes(name.encode())
+    return folder
+
+
+@pytest.fixture
+def calls(monkeypatch):
+    """Replace `analyse` by something quick; the list of its calls' file names."""
+    calls = []
+
+    def analyse(path, settings, keep=None, progress=None, corrections=None, threads=1):
+        calls.append(path.name)
+        content = path.read_bytes()
+        if content.startswith(b"bad"):
+            raise VideoError(path, "frame 3 is broken: record it again", 3)
+        if content.startswith(b"fault"):
+            raise ZeroDivisionError("oops")
+        if content.startswith(b"stop"):
+            raise KeyboardInterrupt
+        if progress:
+            progress((10, 10))
+        row = {"whisker": "C2", "contact": 1, "onset_frame": 2, "peak_force_uN": 4.0}
+        frames = pd.DataFrame({"frame": range(10), "whisker": "C2", "tracked": True})
+        return pipeline.run.Analysis(
+            frames=frames,
+            contacts=pd.DataFrame([row]),
+            evidence=frames[["frame", "whisker"]],
+            pole=PoleTrack(np.full(1, 3.0), np.full(1, 4.0), 6.0),
+            n_frames=10,
+            messages=("beware",) if content.startswith(b"odd") else (),
+            seconds={"centrelines": 0.5},
+        )
+
+    monkeypatch.setattr(pipeline.run, "analyse", analyse)
+    return calls
+
+
+def statuses(out):
+    videos = tables.read_csv(out / "videos.csv", tables.VIDEO_COLUMNS)
+    return dict(zip(videos["video"], videos["status"], strict=True))
+
+
+# --- results ---------------------------------------------------------------------------------
+
+
+def test_results_folder_is_as_promised(folder, calls, tmp_path):
+    out = tmp_path / "results"
+    summary = batch.run([folder], out)
+    assert statuses(out) == {"a": "done", "b": "done"}
+    assert (out / "videos.csv").read_text().split("\n")[0] == (
+        "video,path,status,frames,frames_per_s,message"
+    )
+    for name in ("centrelines.parquet", "frames.parquet", "contacts.csv"):
+        assert (out / "a" / name).is_file()
+    contacts = tables.read_csv(out / "contacts.csv", CONTACT_COLUMNS)
+    assert list(contacts["video"]) == ["a", "b"]
+    assert read_session(out / "session.toml") == SETTINGS
+    record = json.loads((out / "run.json").read_text())
+    assert record["inputs"]["a"]["sha256"] == inputs.sha256(folder / "a.avi")
+    assert record["inputs"]["a"]["stages"] == {"centrelines": 0.5}
+    assert record["version"] == batch.__version__
+    assert (summary.skipped, summary.interrupted) == (0, False)
+    assert not list(out.rglob("*.part*"))
+
+
+def test_failures_do_not_stop_the_others(folder, calls, tmp_path):
+    (folder / "a.avi").write_bytes(b"bad")
+    (folder / "c.avi").write_bytes(b"fault")
+    (folder / "d.avi").write_bytes(b"odd")
+    (folder / "empty").mkdir()
+    out = tmp_path / "results"
+    summary = batch.run([folder], out)
+    assert statuses(out) == {
+        "a": "failed", "b": "done", "c": "failed", "d": "warning", "empty": "failed",
+    }  # fmt: skip
+    messages = {each.video: each.message for each in summary.outcomes}
+    assert messages["a"] == "frame 3 is broken: record it again"
+    assert "ZeroDivisionError: oops" in messages["c"]
+    assert "--debug" in messages["c"]
+    assert messages["d"] == "beware"
+    assert "empty" in messages["empty"]
+    assert sorted(p.name for p in out.iterdir() if p.is_dir()) == ["b", "d"]
+    assert "\n" not in "".join(messages.values())
+
+
+def test_a_video_that_fails_now_leaves_no_results_of_before(folder, calls, tmp_path):
+    out = tmp_path / "results"
+    batch.run([folder], out)
+    (out / "a" / "corrections.csv").write_text("a person's work")
+    (folder / "a.avi").write_bytes(b"bad")
+    batch.run([folder], out)
+    assert [p.name for p in (out / "a").iterdir()] == ["corrections.csv"]
+    assert list(tables.read_csv(out / "contacts.csv", CONTACT_COLUMNS)["video"]) == ["b"]
+
+
+def test_an_analysis_that_breaks_off_leaves_no_file(folder, calls, tmp_path, monkeypatch):
+    def analyse(path, settings, keep, *_):
+        raise OSError("disk full")
+
+    monkeypatch.setattr(pipeline.run, "analyse", analyse)
+    batch.run([folder / "a.avi"], tmp_path / "results")
+    assert not (tmp_path / "results" / "a").exists()
+    assert statuses(tmp_path / "results") == {"a": "failed"}
+
+
+# --- resumption ------------------------------------------------------------------------------
+
+
+def test_finished_videos_are_skipped(folder, calls, tmp_path):
+    out = tmp_path / "results"
+    batch.run([folder], out)
+    before = (out / "a" / "contacts.csv").stat().st_mtime_ns
+    summary = batch.run([folder], out)
+    assert calls == ["a.avi", "b.avi"]
+    assert summary.skipped == 2
+    assert (out / "a" / "contacts.csv").stat().st_mtime_ns == before
+    assert statuses(out) == {"a": "done", "b": "done"}
+
+
+def test_touching_a_file_is_no_change_but_new_content_is(folder, calls, tmp_path):
+    batch.run([folder], tmp_path / "results")
+    os.utime(folder / "a.avi", (1, 1))
+    batch.run([folder], tmp_path / "results")
+    assert calls == ["a.avi", "b.avi"]
+    (folder / "a.avi").write_bytes(b"A.avi")
+    batch.run([folder], tmp_path / "results")
+    assert calls[2:] == ["a.avi"]
+
+
+def test_same_size_and_date_but_other_content_is_a_change(folder, calls, tmp_path):
+    batch.run([folder], tmp_path / "results")
+    stat = (folder / "a.avi").stat()
+    (folder / "a.avi").write_bytes(b"A.avi")
+    os.utime(folder / "a.avi", ns=(stat.st_atime_ns, stat.st_mtime_ns))
+    batch.run([folder], tmp_path / "results")
+    assert calls[2:] == ["a.avi"]
+
+
+def test_changed_settings_version_or_overwrite_process_again(folder, calls, tmp_path, monkeypatch):
+    out = tmp_path / "results"
+    batch.run([folder], out)
+    text = (folder / "session.toml").read_text()
+    (folder / "session.toml").write_text("# a comment changes nothing\n" + text)
+    batch.run([folder], out)
+    assert len(calls) == 2
+    (folder / "session.toml").write_text(text.replace("5.5", "5.6"))
+    batch.run([folder], out)
+    assert len(calls) == 4
+    monkeypatch.setattr(batch, "__version__", "99")
+    batch.run([folder], out)
+    assert len(calls) == 6
+    batch.run([folder], out, overwrite=True)
+    assert len(calls) == 8
+
+
+def test_missing_or_unfinished_results_are_made_again(folder, calls, tmp_path):
+    out = tmp_path / "results"
+    batch.run([folder], out)
+    (out / "a" / "frames.parquet").unlink()
+    tables.write_json(out / "b" / "run.json", {"path": str(folder / "b.avi"), "status": "begun"})
+    batch.run([folder], out)
+    assert calls[2:] == ["a.avi", "b.avi"]
+    assert sorted(p.name for p in out.iterdir() if p.is_dir()) == ["a", "b"]
+
+
+def test_failed_videos_are_tried_again_and_those_gone_forgotten(folder, calls, tmp_path):
+    out = tmp_path / "results"
+    (folder / "a.avi").write_bytes(b"bad")
+    batch.run([folder], out)
+    batch.run([folder], out)
+    assert calls == ["a.avi", "b.avi", "a.avi"]
+    (folder / "a.avi").unlink()
+    batch.run([folder], out)
+    assert statuses(out) == {"b": "done"}
+
+
+def test_results_of_other_inputs_stay(folder, calls, tmp_path):
+    batch.run([folder / "a.avi"], tmp_path / "results")
+    batch.run([folder / "b.avi"], tmp_path / "results")
+    assert statuses(tmp_path / "results") == {"a": "done", "b": "done"}
+    assert calls == ["a.avi", "b.avi"]
+
+
+def test_interruption_keeps_what_is_finished(folder, calls, tmp_path):
+    out = tmp_path / "results"
+    (folder / "b.avi").write_bytes(b"stop")
+    summary = batch.run([folder], out)
+    assert summary.interrupted
+    assert statuses(out) == {"a": "done"}
+    (folder / "b.avi").write_bytes(b"b.avi")
+    batch.run([folder], out)
+    assert calls == ["a.avi", "b.avi", "b.avi"]
+    assert statuses(out) == {"a": "done", "b": "done"}
+
+
+def test_overlay_alone_does_not_analyse_again(folder, calls, tmp_path, monkeypatch):
+    import pipeline.overlay
+
+    drawn = []
+
+    def write_overlay(path, folder, settings):
+        drawn.append(path.name)
+        (folder / "overlay.mp4").touch()
+
+    monkeypatch.setattr(pipeline.overlay, "write_overlay", write_overlay)
+    out = tmp_path / "results"
+    batch.run([folder], out)
+    for _ in range(2):
+        batch.run([folder], out, overlay=True)
+    assert calls == ["a.avi", "b.avi"]
+    assert drawn == ["a.avi", "b.avi"]
+
+
+# --- inputs and their settings ---------------------------------------------------------------
+
+
+def test_equal_stems_get_distinct_folders_and_keep_them(folder, calls, tmp_path):
+    other = tmp_path / "other"
+    shutil.copytree(folder, other)
+    (folder / "A.mp4").write_bytes(b"A.mp4")
+    (folder / "figures.avi").write_bytes(b"figures")
+    out = tmp_path / "results"
+    batch.run([folder, other], out)
+    record = json.loads((out / "run.json").read_text())["inputs"]
+    assert len({name.casefold() for name in record}) == 6
+    assert record["figures_2"]["path"] == str(folder / "figures.avi")
+    batch.run([other, folder], out)
+    again = json.loads((out / "run.json").read_text())["inputs"]
+    assert {n: v["path"] for n, v in again.items()} == {n: v["path"] for n, v in record.items()}
+    assert len(calls) == 6
+
+
+def test_an_input_named_twice_is_processed_once(folder, calls, tmp_path):
+    batch.run([folder, folder / "a.avi", folder / ".." / "videos"], tmp_path / "results")
+    assert calls == ["a.avi", "b.avi"]
+
+
+def test_results_among_the_videos_are_no_input(folder, calls):
+    batch.run([folder], folder)
+    text = (folder / "session.toml").read_text()
+    (folder / "figures").mkdir()
+    (folder / "figures" / "fig3.png").touch()
+    (folder / "a" / "overlay.mp4").touch()
+    batch.run([folder], folder)
+    batch.run([folder], folder, config=folder / "session.toml")
+    assert calls == ["a.avi", "b.avi"]
+    assert statuses(folder) == {"a": "done", "b": "done"}
+    assert (folder / "session.toml").read_text() == text
+
+
+def test_subfolders_with_settings_of_their_own(folder, calls, tmp_path):
+    mouse = folder / "mouse2"
+    mouse.mkdir()
+    (mouse / "c.avi").write_bytes(b"c.avi")
+    other = settings_from({"recording": {**SETTINGS.recording.model_dump(), "face": "right"}})
+    write_session(mouse / "session.toml", other)
+    out = tmp_path / "results"
+    batch.run([folder], out)
+    assert read_session(out / "a" / "session.toml") == SETTINGS
+    assert read_session(out / "c" / "session.toml") == other
+    assert "differ" in (out / "session.toml").read_text()
+
+
+def test_settings_of_the_folder_above_count(folder, calls, tmp_path):
+    (folder / "day1").mkdir()
+    (folder / "day1" / "c.avi").write_bytes(b"c.avi")
+    batch.run([folder], tmp_path / "results")
+    assert statuses(tmp_path / "results") == {"a": "done", "b": "done", "c": "done"}
+
+
+def test_config_wins_over_the_file_beside_the_videos(folder, calls, tmp_path):
+    config = tmp_path / "other.toml"
+    other = settings_from({"recording": {**SETTINGS.recording.model_dump(), "face": "top"}})
+    write_session(config, other)
+    batch.run([folder], tmp_path / "results", config=config)
+    assert read_session(tmp_path / "results" / "session.toml") == other
+
+
+def test_unusable_arguments_stop_before_anything_is_processed(folder, calls, tmp_path):
+    out = tmp_path / "results"
+    with pytest.raises(InputError, match=r"no such file or folder: .*nowhere"):
+        batch.run([folder, tmp_path / "nowhere"], out)
+    (folder / "session.toml").unlink()
+    with pytest.raises(InputError, match=r"no session.toml in .*videos.*--config.*init") as caught:
+        batch.run([folder], out)
+    assert str(caught.value).count("no session.toml") == 1
+    (folder / "session.toml").write_text("[recording]\nface = 3\n")
+    with pytest.raises(InputError, match="frames_per_second"):
+        batch.run([folder], out)
+    (tmp_path / "file").touch()
+    write_session(folder / "session.toml", SETTINGS)
+    with pytest.raises(InputError, match=r"--out .*file"):
+        batch.run([folder], tmp_path / "file")
+    assert calls == []
+    assert not out.exists()
+
+
+# --- worker processes ------------------------------------------------------------------------
+
+
+def _square(task, report):
+    report(task)
+    if task == 2:
+        raise ValueError("two")
+    if task == 3:
+        os._exit(7)
+    return task**2
+
+
+@pytest.mark.parametrize(("jobs", "tasks"), [(1, [0, 1, 2]), (2, [0, 1, 2, 3, 4])])
+def test_tasks_in_processes(jobs, tasks):
+    events = []
+    workers.run_tasks(_square, tasks, events.append, jobs)
+    done = sorted(e.value for e in events if e.kind == "done")
+    assert done == [t**2 for t in tasks if t not in (2, 3)]
+    died = {tasks[e.task]: e.value for e in events if e.kind == "died"}
+    assert "ValueError: two" in died[2]
+    if 3 in tasks:
+        assert "ended unexpectedly (7)" in died[3]
+    for number in range(len(tasks)):
+        kinds = [e.kind for e in events if e.task == number]
+        assert kinds[0] == "start"
+        assert kinds[-1] in ("done", "died")
+
+
+def test_jobs_must_be_positive():
+    with pytest.raises(ValueError, match="jobs must be at least 1, got 0"):
+        workers.run_tasks(_square, [1], print, 0)
+
+
+# --- pieces of analyse -----------------------------------------------------------------------
+
+
+def _epoch(start, stop, pole):
+    scene = SimpleNamespace(pole=pole and PoleTrack(*np.array(pole[:2])[:, None], pole[2]))
+    return SimpleNamespace(start=start, stop=stop, scene=scene)
+
+
+def test_pole_track_over_epochs():
+    moving = SimpleNamespace(start=4, stop=6, scene=None)
+    track = pole_track((_epoch(0, 4, None), moving, _epoch(6, None, (3.0, 4.0, 5.0))))
+    np.testing.assert_array_equal(np.isnan(track.x_px), [True] * 6 + [False])
+    assert (track.x_px[-1], track.y_px[-1], track.radius_px) == (3, 4, 5)
+    assert pole_track((_epoch(0, None, None),)) is None
+
+
+def test_frames_are_counted_and_told():
+    told = []
+    counted = Counted(iter("abc"), 2, told.append)
+    assert list(counted) == ["a", "b", "c"]
+    assert counted.count == 3
+    assert told == [(1, 2), (2, 2), (3, 3)]
+
+
+def test_clock_counts_by_stage(monkeypatch):
+    now = iter(range(100))
+    monkeypatch.setattr("pipeline.run.time.perf_counter", lambda: next(now))
+    clock = Clock()
+    with clock("a"):
+        next(now)
+    assert list(clock.each("b", [1, 2])) == [1, 2]
+    assert clock.seconds == {"a": 2, "b": 3}
