@@ -27,7 +27,7 @@ def test_all_files_are_written(results):
     picture = cv2.imread(str(results / "figures" / "fig3.png"))
     assert picture.shape[0] > 600
     assert 0.02 < np.mean(picture < 128) < 0.3  # something is drawn, and most is paper
-    texts = ElementTree.parse(results / "figures" / "fig3.svg").iter("{*}text")
+    texts = ElementTree.parse(results / "figures" / "fig3.svg").findall(".//{*}text")
     shown = {"".join(text.itertext()) for text in texts}
     assert set("abcdef") <= shown
     assert {"before", "during", "after", "contact duration (ms)"} <= shown
@@ -110,8 +110,8 @@ def test_panels_a_and_b_show_the_touch(results):
     assert not shown.loc[41:59].any()
     assert shown.loc[:39].all()  # the touch before
     assert a["follicle_x_mm"].unique() == pytest.approx([40 / 25])
-    inside = b[b["in_contact"]]
-    assert inside["time_ms"].between(0, 20).all()
+    inside = b[b["in_contact"] & (b["time_ms"] >= 0)]
+    assert inside["time_ms"].max() == 19
     # the pulse is the force itself here, but for the digits written
     np.testing.assert_allclose(inside["force_uN"], inside["pulse_uN"], atol=1e-4)
     assert b["pulse_uN"].max() == pytest.approx(10)
