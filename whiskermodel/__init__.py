@@ -4,6 +4,7 @@ from whiskermodel.force_profiles import half_gaussian, ramp_and_hold, stick_slip
 from whiskermodel.modes import Modes, modes
 from whiskermodel.pulse_response import half_gaussian_extremes, half_gaussian_moments
 from whiskermodel.response import BaseLoads, Displacement, Response, base_loads
+from whiskermodel.ringdown import Estimate, RingdownFit, fit_ringdown, youngs_modulus
 from whiskermodel.statics import (
     force_for_base_angle,
     steady_base_angle,
@@ -15,10 +16,13 @@ from whiskermodel.whisker import Whisker, mouse_c2, rat_c2
 __all__ = [
     "BaseLoads",
     "Displacement",
+    "Estimate",
     "Modes",
     "Response",
+    "RingdownFit",
     "Whisker",
     "base_loads",
+    "fit_ringdown",
     "force_for_base_angle",
     "half_gaussian",
     "half_gaussian_extremes",
@@ -31,4 +35,5 @@ __all__ = [
     "steady_moment",
     "steady_shape",
     "stick_slip",
+    "youngs_modulus",
 ]

@@ -1,0 +1,109 @@
+"""Ring-down fits: generated decays recovered, intervals that cover, published values of Fig. 5."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from whiskermodel import Response, Whisker, half_gaussian, mouse_c2
+from whiskermodel.ringdown import Estimate, fit_ringdown, mean_estimate, youngs_modulus
+
+TIME = np.arange(0, 25e-3, 1e-3)  # s, frames after a slip at 1000 frames/s
+DAMPING, FREQUENCY = 215.0, 938.0  # 1/s, rad/s: the paper's means
+
+
+def decay(time, d=DAMPING, p=FREQUENCY, amplitude=1.0, phase=0.6, offset=0.0):
+    return amplitude * np.sin(p * time + phase) * np.exp(-d * time) + offset
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    st.floats(20, 500), st.floats(400, 2500), st.floats(-3, 3), st.floats(1e-6, 1e6), st.booleans()
+)
+def test_noiseless_decay_is_recovered(d, p, phase, amplitude, with_offset):
+    offset = 0.2 * amplitude * with_offset
+    signal = decay(TIME, d, p, amplitude, phase, offset)
+    fit = fit_ringdown(TIME + 3.7, signal, with_offset)
+    assert fit.damping_rate.value == pytest.approx(d, rel=1e-5)
+    assert fit.angular_frequency.value == pytest.approx(p, rel=1e-6)
+    assert fit.undamped_angular_frequency.value == pytest.approx(np.hypot(p, d), rel=1e-6)
+    assert fit.amplitude.value == pytest.approx(amplitude, rel=1e-5)
+    assert np.cos(fit.phase.value - phase) == pytest.approx(1, abs=1e-6)
+    np.testing.assert_allclose(fit(TIME + 3.7), signal, atol=1e-5 * amplitude)
+
+
+@pytest.mark.parametrize("with_offset", [False, True])
+def test_intervals_cover_as_often_as_they_say(with_offset):
+    """95 % intervals of 500 noisy decays: 95 ± 3 % hold the truth (3 binomial standard errors)."""
+    rng = np.random.default_rng(1)
+    truth = {
+        "damping_rate": DAMPING,
+        "angular_frequency": FREQUENCY,
+        "undamped_angular_frequency": np.hypot(DAMPING, FREQUENCY),
+        "amplitude": 1.0,
+        "phase": 0.6,
+    }
+    if with_offset:
+        truth["offset"] = 0.1
+    clean = decay(TIME, offset=0.1 * with_offset)
+    fits = [
+        fit_ringdown(TIME, clean + rng.normal(0, 0.04, len(TIME)), with_offset) for _ in range(500)
+    ]
+    for name, value in truth.items():
+        covered = np.mean([getattr(f, name).low < value < getattr(f, name).high for f in fits])
+        assert abs(covered - 0.95) < 0.03, name
+    assert np.mean([f.residual_sd for f in fits]) == pytest.approx(0.04, rel=0.05)
+
+
+def test_published_youngs_modulus():
+    """E = 3.03 GPa as published; 3.05 with the undamped frequency, 2.90 without; λ = 1."""
+    cone = Whisker(17.14e-3, 17.14e-3, 37.15e-6, density=1000.0)
+    undamped, damped = (Estimate(p, p, p) for p in (np.hypot(FREQUENCY, DAMPING), FREQUENCY))
+    rounded = 0.006  # GPa; given to two decimals, from p'/2 to three
+    assert youngs_modulus(undamped, cone).value / 1e9 == pytest.approx(3.05, abs=rounded)
+    assert youngs_modulus(damped, cone).value / 1e9 == pytest.approx(2.90, abs=rounded)
+    assert youngs_modulus(undamped, cone).value / 1e9 == pytest.approx(3.03, rel=0.01)
+
+
+def test_modulus_from_the_models_own_ringing():
+    """The late ringing of a simulated contact, in which only the first mode is left."""
+    whisker, dt = mouse_c2(), 1e-5
+    force = half_gaussian(np.arange(0, 60e-3, dt), 5e-3, 1e-6)
+    moment = Response(whisker, n_modes=1).base_loads(9e-3, force, dt).vibrational_moment
+    time = np.arange(600, 3600, 100)
+    fit = fit_ringdown(time * dt, moment[time])
+    assert fit.damping_rate.value == pytest.approx(whisker.damping_rate, rel=1e-4)
+    assert youngs_modulus(fit, whisker).value == pytest.approx(whisker.youngs_modulus, rel=1e-4)
+    pinned = youngs_modulus(fit, whisker, "pinned").value
+    assert pinned < whisker.youngs_modulus  # its first swing is faster, so E would be less
+
+
+def test_geometry_widens_the_interval():
+    frequency = Estimate(960.0, 940.0, 980.0)
+    narrow = youngs_modulus(frequency, mouse_c2())
+    wide = youngs_modulus(frequency, mouse_c2(), length_se=0.2e-3, base_radius_se=0.5e-6)
+    half = wide.value * 1.96 * np.hypot(4 * 0.2 / 18, 2 * 0.5 / 37)
+    assert wide.value == narrow.value
+    expected = np.hypot(half, narrow.high - narrow.value)
+    assert wide.high - wide.value == pytest.approx(expected, rel=1e-4)
+
+
+def test_mean_of_slips():
+    mean = mean_estimate([Estimate(v, v - 1, v + 1) for v in (200.0, 210.0, 220.0, 230.0)])
+    assert mean.value == 215
+    assert mean.high - mean.value == pytest.approx(3.182 * 12.91 / 2, rel=1e-3)  # t(0.975, 3)
+
+
+@pytest.mark.parametrize(
+    ("time", "signal", "message"),
+    [
+        (TIME[:5], TIME[:5], "one length >= 6, got shapes \\(5,\\)"),
+        (TIME, TIME[:-1], "one length"),
+        (TIME[::-1], TIME, "time must ascend"),
+        (TIME, np.full(25, np.nan), "signal must be finite"),
+        (TIME, np.zeros(25), "signal must swing"),
+    ],
+)
+def test_impossible_arguments_are_named(time, signal, message):
+    with pytest.raises(ValueError, match=message):
+        fit_ringdown(time, signal)
