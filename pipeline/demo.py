@@ -50,7 +50,7 @@ def run_demo(out, jobs, progress, say) -> bool:
     say("rendering a small pole-localization session …")
     render(videos, DEMO_PRESET, DEMO_SEED, DEMO_TRIALS, jobs, say)
     say("processing it …")
-    summary = batch.run([videos], results, jobs=jobs, progress=progress)
+    summary = batch.run([videos], results, jobs=jobs, overwrite=True, progress=progress)
     figures.write_fig3(results)
     write_report(results)
     contacts, truth = figures.read_contacts(results), figures.read_truth(results)

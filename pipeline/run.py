@@ -128,12 +128,15 @@ def pole_track(epochs) -> PoleTrack | None:
 
 
 def _known_lengths(settings):
-    """Whole, hidden and cone lengths [m] of all whiskers, empty unless every one is known."""
-    whiskers = [(w, w.si()) for w in settings.whisker]
-    if not whiskers or any(si is None for _, si in whiskers):
+    """Whole, hidden and cone lengths [m] of all whiskers, each empty unless every one is known."""
+    whiskers = settings.whisker
+    if any(w.length_mm is None for w in whiskers):
         return (), (), ()
-    return tuple(
-        zip(*((si.length, w.hidden_length, si.cone_length) for w, si in whiskers), strict=True)
+    cones = [w.cone_length_mm for w in whiskers]
+    return (
+        [1e-3 * w.length_mm for w in whiskers],
+        [w.hidden_length for w in whiskers],
+        () if None in cones else [1e-3 * cone for cone in cones],
     )
 
 
@@ -164,9 +167,9 @@ class Cast:
 
 def find_cast(video, epochs, options, settings: Settings) -> Cast:
     """Find the whiskers in some frames and bring them together with the settings' ones."""
-    scene, sample = typical_frames(video, epochs, ROSTER_FRAMES)
+    indices, sample = video.sample(ROSTER_FRAMES)
     given = {w.name: w for w in settings.whisker}
-    roster = tracing.find_roster(sample, scene, options, list(given) or None)
+    roster = tracing.find_roster(sample, epochs, options, list(given) or None, indices)
     names = tuple(given) or tuple(slot.name for slot in roster)
     given = {name: given.get(name) or WhiskerSettings(name=name) for name in names}
     whiskers = {name: each.si() for name, each in given.items()}
