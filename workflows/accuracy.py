@@ -51,6 +51,7 @@ def figures_of(videos: list[measuring.Measured], pixels_per_mm: float) -> dict:
     out |= contact_figures([v.shape for v in videos])
     for method in ("shape", "point"):
         out |= prefixed(method, force_figures([getattr(v, method) for v in videos]))
+    out |= prefixed("least", mean_bounds(videos))
     out["frames_per_s"] = frames / sum(sum(v.seconds.values()) for v in videos)
     return out
 
@@ -84,6 +85,12 @@ def bound_ratios(joined) -> dict:
         share = share[np.isfinite(share)]
         out[key] = float(np.std(share)) if len(share) else np.nan
     return out
+
+
+def mean_bounds(videos) -> dict:
+    """Bounds on the curvature's SD [1/m], by model, for the first whisker of the videos."""
+    firsts = [next(iter(v.least_sd.values())) for v in videos if v.least_sd]
+    return {model: np.mean([f[model] for f in firsts]) for model in (firsts[0] if firsts else ())}
 
 
 def contact_figures(forces: list[measuring.Forces]) -> dict:
@@ -120,9 +127,10 @@ def matched(forces) -> scoring.ContactMatch:
     )
 
 
-def is_doubtful(pairs) -> pd.Series:
-    """Contacts whose flags say that the force may be off."""
-    return pairs["flags"].fillna("").str.split(";").apply(lambda f: bool(set(f) & set(DOUBTFUL)))
+def is_doubtful(pairs) -> np.ndarray:
+    """Contacts whose flags say that the force may be off, bool (pairs,)."""
+    flags = pairs["flags"].fillna("").str.split(";")
+    return np.array([bool(set(each) & set(DOUBTFUL)) for each in flags], bool)
 
 
 def force_figures(forces: list[measuring.Forces]) -> dict:
@@ -394,7 +402,10 @@ def markdown(header: list[str], rows: list[list[str]]) -> str:
 
 def table_of(columns, results: dict[str, dict], prefix="", wanted="frames") -> str:
     rows = [
-        [preset, *(cell(form, figures[prefix + key]) for key, form in columns.values())]
+        [
+            preset,
+            *(cell(form, figures.get(prefix + key, np.nan)) for key, form in columns.values()),
+        ]
         for preset, figures in results.items()
         if figures[wanted]
     ]
@@ -405,9 +416,20 @@ def cell(form, value):
     return form.format(value) if np.isfinite(value) else "–"
 
 
+def bounds_table(results: dict[str, dict]) -> str:
+    """Bounds by model beside what was reached."""
+    keys = dict.fromkeys(key for figures in results.values() for key in figures)
+    models = [key.removeprefix("least_") for key in keys if key.startswith("least_")]
+    columns = {"reached, robust": ("curvature_robust_sd", "{:.3f}")}
+    columns |= {model: (f"least_{model}", "{:.3f}") for model in models}
+    return table_of(columns, results)
+
+
 def print_tables(results: dict[str, dict]) -> None:
     print("\n## Tracking\n")
     print(table_of(TRACKING_TABLE, results))
+    print("\n## Least SD of the curvature [1/m], first whisker\n")
+    print(bounds_table(results))
     print("\n## Contacts\n")
     print(table_of(TOUCH_TABLE, results))
     for method in ("shape", "point"):

@@ -122,6 +122,7 @@ class Measured:
     ----------
     preset, video, pixels_per_mm : which one, and its scale
     n_frames, messages, seconds : as in pipeline.run.Analysis
+    least_sd : bounds on the curvature's SD [1/m] by whisker and model
     scores : of the centrelines
     beside_pole : bool, aligned with scores.distance_px
     shape, point : the two force estimates, as `Forces`
@@ -133,6 +134,7 @@ class Measured:
     n_frames: int
     messages: tuple[str, ...]
     seconds: dict
+    least_sd: dict[str, dict[str, float]]
     scores: scoring.LineScores
     beside_pole: np.ndarray
     shape: "Forces"
@@ -191,6 +193,7 @@ def measure(preset: str, path, session) -> Measured:
         n_frames=analysis.n_frames,
         messages=analysis.messages,
         seconds=dict(analysis.seconds),
+        least_sd=least,
         scores=scores,
         beside_pole=beside_pole(scores, truth, video),
         **found,

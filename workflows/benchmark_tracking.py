@@ -1,0 +1,499 @@
+"""Speed and exactness of the tracker beside the Janelia Whisker Tracker and beside decoding.
+
+    python workflows/benchmark_tracking.py
+    python workflows/benchmark_tracking.py --peer-python peer/bin/python
+    python workflows/benchmark_tracking.py --scenes single --frames 20000 --memory 2000,100000
+
+Everything sees the same rendered H.264 videos, on one core, in one run. Decoding alone takes the
+luma plane; `trace` is decoding, finding the scene and tracing; `run` the whole command with its
+tables, figures and report, from its start to its end. Rates by CPU time hold on a busy machine,
+too. Without the peer (see workflows/peer_tracker.py) its columns stay empty.
+"""
+
+import argparse
+import os
+import shutil
+import sys
+import tempfile
+import time
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import measuring
+import numpy as np
+import pandas as pd
+from accuracy import cell, markdown
+from peer_tracker import OPTIMISED, NoPeerError, find_peer, timed
+
+from pipeline import curvature, scene_finding, tracing
+from pipeline.settings import write_session
+from pipeline.video import open_video
+from synthetic import scoring
+from synthetic.encode import video_suffix, write_video
+from synthetic.presets import make_trial
+from synthetic.render import Renderer
+from synthetic.scene import Codec
+from synthetic.session import session_settings
+from synthetic.truth import centreline_table, frame_table, visibility_table
+
+SCENES = {  # name: preset, trial
+    "single": ("h264", 0),
+    "noisy": ("noisy", 0),
+    "four whiskers": ("row", 0),
+    "crossing": ("crossing", 0),
+    "moving fur": ("moving_fur", 0),
+    "faint touch": ("faint_touch", 0),
+    "along an axis": ("orientation", 6),
+    "at 45°": ("orientation", 9),
+}
+CURVATURE_AT = 5.5e-3
+WINDOW_M = 2e-3  # half of the peer's quadratic
+LONG_FALSE_MM = 3.0
+CRF = 21
+START_UP_TARGET_S = 5.0
+SPEED_TARGETS = {1: 30.0, 4: 15.0}  # times the peer's optimised rate, by number of whiskers
+DECODING_TARGET = 0.5
+REPEATS = 3
+
+
+# Videos --------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Clip:
+    """A rendered video for timing; its first `scored` frames have a truth.
+
+    Attributes
+    ----------
+    path, short : the video, and its first frames only, for the slow peer
+    frames, short_frames : their numbers of frames
+    """
+
+    name: str
+    path: Path
+    short: Path
+    frames: int
+    short_frames: int
+    scored: int
+    trial: object
+    settings: object
+    truth: scoring.Truth
+    true_frames: pd.DataFrame
+
+    @property
+    def pixels(self) -> int:
+        """Pixels of a frame."""
+        camera = self.trial.scene.camera
+        return camera.width * camera.height
+
+
+def render_clip(name, folder, frames, short_frames, seed) -> Clip:
+    """Render a scene to H.264; where it is shorter than `frames`, forwards and back again."""
+    preset, number = SCENES[name]
+    trial = make_trial(preset, seed, number)
+    codec = Codec("h264", crf=CRF)
+    renderer = Renderer(trial.scene, trial.motion, seed=seed)
+    n = len(renderer)
+    folder = folder / name.replace(" ", "_")
+    folder.mkdir(parents=True)
+    path, short = (folder / f"{part}{video_suffix(codec)}" for part in ("clip", "short"))
+    order = np.resize(np.concatenate([np.arange(n), np.arange(n - 1, -1, -1)]), frames)
+    write_video(path, (renderer.frame(int(i)) for i in order), codec)
+    short_frames = min(short_frames, n)
+    write_video(short, (renderer.frame(i) for i in range(short_frames)), codec)
+    settings = session_settings(trial, renderer)
+    write_session(folder / "session.toml", settings)
+    lines = centreline_table(trial.motion)
+    camera = trial.scene.camera
+    noise = np.sqrt(camera.read_noise**2 + camera.noise_gain * measuring.LIGHT)
+    visibility = visibility_table(trial.motion, renderer, lines)
+    truth = scoring.visible_truth(lines, visibility, camera.pixels_per_mm, noise)
+    return Clip(
+        name, path, short, frames, short_frames, min(n, frames), trial, settings,
+        truth, frame_table(trial.motion, CURVATURE_AT),
+    )  # fmt: skip
+
+
+# Speed ---------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Rate:
+    """Frames per second by wall and by CPU time."""
+
+    wall: float
+    cpu: float
+
+    @classmethod
+    def best(cls, frames, times):
+        """The fastest of several (wall, CPU) times [s]."""
+        return cls(frames / min(w for w, _ in times), frames / min(c for _, c in times))
+
+
+def clocked(work) -> tuple[float, float]:
+    """Wall and CPU time [s] of a call."""
+    wall, cpu = time.perf_counter(), time.process_time()
+    work()
+    return time.perf_counter() - wall, time.process_time() - cpu
+
+
+def decode(clip: Clip) -> None:
+    """Read every frame and do nothing with it."""
+    with open_video(clip.path) as video:
+        for _ in video:
+            pass
+
+
+def trace(clip: Clip, path=None):
+    """Decode, find the scene and trace; yield centrelines chunk by chunk."""
+    settings = clip.settings
+    recording = settings.recording.si()
+    lengths = [w.length_mm * 1e-3 for w in settings.whisker]
+    hidden = [w.hidden_length for w in settings.whisker]
+    options = tracing.options_for(recording, lengths, hidden)
+    with open_video(path or clip.path) as video:
+        diameter = settings.pole.diameter if clip.trial.scene.pole else None
+        epochs = scene_finding.find_scenes(video, recording, diameter)
+        scene = max((e.scene for e in epochs if e.scene), key=lambda s: s.background.sum())
+        names = [w.name for w in settings.whisker]
+        roster = tracing.find_roster(video.sample(24)[1], scene, options, names)
+        yield from tracing.trace(video, epochs, roster, options)
+
+
+def run_command(path, out) -> list[str]:
+    """The command `whiskerforce run` for one video."""
+    call = "import sys; from pipeline.cli import main; sys.exit(main())"
+    return [sys.executable, "-c", call, "run", str(path), "--out", str(out), "--jobs", "1"]
+
+
+def run_times(path, folder) -> tuple[float, float, float]:
+    """Wall time, CPU time [s] and peak memory [MB] of `whiskerforce run` on one video."""
+    out = Path(tempfile.mkdtemp(dir=folder))
+    try:
+        return timed(run_command(path, out))
+    finally:
+        shutil.rmtree(out)
+
+
+def speeds(clip: Clip, folder, peer) -> dict:
+    """Rates of decoding, tracing, the whole run and the peer."""
+    for _ in trace(clip, clip.short):
+        pass  # compiled code is loaded before the clock starts
+    rates = {
+        "decode": Rate.best(clip.frames, [clocked(lambda: decode(clip)) for _ in range(REPEATS)]),
+        "trace": Rate.best(
+            clip.frames, [clocked(lambda: list(trace(clip))) for _ in range(REPEATS)]
+        ),
+        "run": Rate.best(clip.frames, [run_times(clip.path, folder)[:2] for _ in range(REPEATS)]),
+        "peer": None,
+    }
+    if peer is not None:
+        rates["peer"] = Rate.best(clip.short_frames, [peer.trace(clip.short)[1:]])
+    return rates
+
+
+# Exactness -----------------------------------------------------------------------------------
+
+
+def our_lines(clip: Clip):
+    """Our centrelines of the frames with a truth, and their kinematics."""
+    chunks = list(trace(clip))
+    lines = first_frames(measuring.join_chunks(chunks), clip.scored)
+    hidden = {w.name: w.hidden_length for w in clip.settings.whisker}
+    recording = clip.settings.recording.si()
+    measured = [
+        curvature.measure(c, recording, [hidden[n] for n in c.names], CURVATURE_AT)
+        for c in chunks
+        if len(c)
+    ]
+    table = pd.concat(measured, ignore_index=True)
+    table["whisker"] = np.array(lines.names, object)[table["whisker"].to_numpy(int)]
+    return lines, table[table["frame"] < clip.scored].assign(tracked=True)
+
+
+def first_frames(lines, n):
+    """The rows of frames below n."""
+    rows = int(np.searchsorted(lines.frame, n))
+    points = lines.offsets[rows]
+    return replace(
+        lines,
+        frame=lines.frame[:rows],
+        whisker=lines.whisker[:rows],
+        offsets=lines.offsets[: rows + 1],
+        confidence=lines.confidence[:rows],
+        x_px=lines.x_px[:points],
+        y_px=lines.y_px[:points],
+        se_px=lines.se_px[:points],
+    )
+
+
+def first_truth(truth: scoring.Truth, n) -> scoring.Truth:
+    """The truth of frames below n."""
+    lines = first_frames(truth.lines, n)
+    return scoring.Truth(lines, truth.seen[: len(lines.x_px)])
+
+
+def quadratic_curvature(clip: Clip, lines, truth: scoring.Truth) -> np.ndarray:
+    """Errors [1/m] of a quadratic over ±2 mm about 5.5 mm, for each line that spans it.
+
+    The place along the whisker is taken from the truth, so it costs the peer nothing that it
+    does not know where the follicle is.
+    """
+    scale = clip.trial.scene.camera.pixels_per_m
+    true = clip.true_frames.set_index(["frame", "whisker"])["curvature_per_m"]
+    scores = scoring.score_lines(lines, truth)
+    errors = []
+    for i, (frame, name) in enumerate(zip(lines.frame, scores.rows["nearest"], strict=True)):
+        if not name:
+            continue
+        row = next(
+            r for r in truth.rows_of(frame) if truth.lines.names[truth.lines.whisker[r]] == name
+        )
+        curve = truth.lines.row(row).astype(float)
+        points = lines.row(i).astype(float)
+        distance, node, along = (
+            np.empty(len(points)),
+            np.empty(len(points), int),
+            np.empty(len(points)),
+        )
+        scoring.project(*points.T.copy(), *curve.T.copy(), distance, node, along)
+        u = node + along - CURVATURE_AT * scale
+        inside = np.abs(u) <= WINDOW_M * scale
+        if inside.sum() < 10 or np.ptp(u[inside]) < 1.8 * WINDOW_M * scale:
+            continue
+        errors.append(_fitted_curvature(points[inside]) * scale - true[frame, name])
+    return np.array(errors)
+
+
+def _fitted_curvature(points) -> float:
+    """Curvature [1/px] of a quadratic through points, in the frame of their chord."""
+    chord = points[-1] - points[0]
+    t = chord / np.hypot(*chord)
+    d = points - points.mean(0)
+    u, v = d @ t, d @ np.array([t[1], -t[0]])
+    second, slope, _ = np.polyfit(u, v, 2)
+    bend = 2 * second / (1 + slope**2) ** 1.5
+    return float(bend if points[0] @ t < points[-1] @ t else -bend)
+
+
+def exactness(clip: Clip, peer) -> dict[str, dict]:
+    """Line and curvature figures, ours and the peer's."""
+    long_px = LONG_FALSE_MM * clip.trial.scene.camera.pixels_per_mm
+    lines, kinematics = our_lines(clip)
+    truth = first_truth(clip.truth, clip.scored)
+    ours = scoring.line_figures(scoring.score_lines(lines, truth), clip.scored, long_px)
+    true = clip.true_frames[clip.true_frames["frame"] < clip.scored]
+    joined = scoring.join_frames(kinematics, true)
+    bend = scoring.error_figures(joined, "curvature_per_m")
+    ours |= {"frames": clip.scored, "curvature_bias": bend["bias"], "curvature_sd": bend["sd"]}
+    found = {"whiskerforce": ours}
+    if peer is not None:
+        lines = peer.trace(clip.short)[0]
+        truth = first_truth(clip.truth, clip.short_frames)
+        theirs = scoring.line_figures(
+            scoring.score_lines(lines, truth), clip.short_frames, long_px
+        )
+        errors = quadratic_curvature(clip, lines, truth)
+        theirs |= {
+            "frames": clip.short_frames,
+            "identity_errors": np.nan,  # its lines bear no names
+            "curvature_bias": errors.mean() if len(errors) else np.nan,
+            "curvature_sd": errors.std() if len(errors) else np.nan,
+        }
+        found["Janelia"] = theirs
+    return found
+
+
+# Start-up and memory -------------------------------------------------------------------------
+
+
+def start_up(clip: Clip, folder) -> tuple[float, float]:
+    """Wall and CPU time [s] of `whiskerforce run` on a video of two frames."""
+    path = folder / f"two_frames{clip.path.suffix}"
+    with open_video(clip.path) as video:
+        write_video(path, video.frames(0, 2), Codec("h264", crf=CRF))
+    shutil.copy(clip.path.parent / "session.toml", folder / "session.toml")
+    times = [run_times(path, folder)[:2] for _ in range(REPEATS)]
+    return min(w for w, _ in times), min(c for _, c in times)
+
+
+def memory(clip: Clip, folder, lengths) -> dict[int, float]:
+    """Peak memory [MB] of `whiskerforce run` on videos of several lengths."""
+    found = {}
+    shutil.copy(clip.path.parent / "session.toml", folder / "session.toml")
+    for n in lengths:
+        path = folder / f"long_{n}{clip.path.suffix}"
+        repeat_video(clip.path, path, n)
+        found[n] = run_times(path, folder)[2]
+        path.unlink()
+    return found
+
+
+def repeat_video(source, target, frames) -> None:
+    """Make a longer video by writing the packets of `source` again and again."""
+    import av
+
+    with av.open(str(target), "w") as out:
+        stream, written = None, 0
+        while written < frames:
+            with av.open(str(source)) as container:
+                video = container.streams.video[0]
+                if stream is None:
+                    stream = out.add_stream_from_template(video)
+                packets = [p for p in container.demux(video) if p.size]
+                step = packets[0].duration or 1
+                for packet in packets[: frames - written]:
+                    packet.pts += written * step
+                    packet.dts += written * step
+                    packet.stream = stream
+                    out.mux(packet)
+                written += len(packets)
+
+
+# Tables --------------------------------------------------------------------------------------
+
+
+def print_speeds(clips, rates) -> None:
+    header = ["scene", "whiskers", "by", "decode", "trace", "run", "run [Mpx/s]", "run / decode"]
+    header += ["peer", f"peer × {OPTIMISED}", "run / peer", f"run / (peer × {OPTIMISED})"]
+    rows = []
+    for clip in clips:
+        each = rates[clip.name]
+        for by in ("wall", "cpu"):
+            decoding, tracing_, whole = (getattr(each[k], by) for k in ("decode", "trace", "run"))
+            peer = getattr(each["peer"], by) if each["peer"] else np.nan
+            numbers = [
+                ("{:.0f}", decoding), ("{:.0f}", tracing_), ("{:.0f}", whole),
+                ("{:.0f}", whole * clip.pixels / 1e6), ("{:.2f}", whole / decoding),
+                ("{:.1f}", peer), ("{:.1f}", peer * OPTIMISED), ("{:.0f}", whole / peer),
+                ("{:.0f}", whole / peer / OPTIMISED),
+            ]  # fmt: skip
+            whiskers = str(len(clip.settings.whisker))
+            rows.append([clip.name, whiskers, by, *(cell(f, v) for f, v in numbers)])
+    print("\n## Frames per second, one core\n")
+    print(markdown(header, rows))
+
+
+EXACTNESS = {
+    "frames": ("frames", "{:.0f}"),
+    "median [px]": ("median_px", "{:.4f}"),
+    "RMS [px]": ("rms_px", "{:.4f}"),
+    "95 % [px]": ("p95_px", "{:.4f}"),
+    "covered": ("covered", "{:.1%}"),
+    "κ bias [1/m]": ("curvature_bias", "{:+.2f}"),
+    "κ SD [1/m]": ("curvature_sd", "{:.2f}"),
+    "wrong whisker": ("identity_errors", "{:.0f}"),
+    "strayed": ("strayed", "{:.0f}"),
+    "false / frame": ("false_per_frame", "{:.3f}"),
+    "long false / frame": ("long_false_per_frame", "{:.4f}"),
+}
+
+
+def print_exactness(found) -> None:
+    rows = [
+        [scene, who, *(cell(form, figures[key]) for key, form in EXACTNESS.values())]
+        for scene, both in found.items()
+        for who, figures in both.items()
+    ]
+    print("\n## Exactness\n")
+    print(markdown(["scene", "program", *EXACTNESS], rows))
+
+
+def print_targets(clips, rates, started) -> bool:
+    """Print the speed targets and whether they are met (by CPU time); True if all are."""
+    rows = [
+        [
+            "start-up [s]",
+            f"{started[0]:.1f}",
+            f"<= {START_UP_TARGET_S:g}",
+            started[0] <= START_UP_TARGET_S,
+        ]
+    ]
+    for clip in clips:
+        each, count = rates[clip.name], len(clip.settings.whisker)
+        share = each["run"].cpu / each["decode"].cpu
+        if count == 1:
+            what = f"{clip.name}: run / decode"
+            rows.append(
+                [what, f"{share:.2f}", f">= {DECODING_TARGET:g}", share >= DECODING_TARGET]
+            )
+        if each["peer"] and count in SPEED_TARGETS:
+            times = each["run"].cpu / each["peer"].cpu / OPTIMISED
+            what = f"{clip.name}: run / (peer × {OPTIMISED})"
+            target = SPEED_TARGETS[count]
+            rows.append([what, f"{times:.1f}", f">= {target:g}", times >= target])
+    print("\n## Targets\n")
+    said = [[*row[:3], "ok" if row[3] else "MISSED"] for row in rows]
+    print(markdown(["what", "reached", "target", ""], said))
+    return all(row[3] for row in rows)
+
+
+# The whole -----------------------------------------------------------------------------------
+
+
+def arguments(argv=None):
+    parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
+    parser.add_argument("--scenes", help=f"of {','.join(SCENES)}; by default all")
+    parser.add_argument("--frames", type=int, default=4000, help="frames that are timed")
+    parser.add_argument("--peer-frames", type=int, default=100, help="frames for the slow peer")
+    parser.add_argument("--peer-python", help="python of the environment with the peer")
+    parser.add_argument("--no-peer", action="store_true")
+    parser.add_argument("--memory", default="2000,20000", help="lengths whose memory is measured")
+    parser.add_argument("--seed", type=int, default=0)
+    args = parser.parse_args(argv)
+    args.scenes = args.scenes.split(",") if args.scenes else list(SCENES)
+    args.memory = [int(n) for n in args.memory.split(",") if n]
+    unknown = [s for s in args.scenes if s not in SCENES]
+    if unknown:
+        parser.error(f"--scenes: no scene {unknown[0]!r}; there are {', '.join(SCENES)}")
+    return args
+
+
+def one_core() -> str:
+    """Bind this process and its children to one core; what was possible, as text."""
+    measuring.limit_threads()
+    if not hasattr(os, "sched_setaffinity"):
+        return "one thread each; this system cannot bind them to one core"
+    core = max(os.sched_getaffinity(0))
+    os.sched_setaffinity(0, {core})
+    return "bound to one core"
+
+
+def the_peer(args, banks_video):
+    """The peer, or None with a word on why."""
+    if args.no_peer:
+        return None
+    try:
+        return find_peer(args.peer_python, banks_video)
+    except NoPeerError as error:
+        print(f"Without the peer: {error}")
+        return None
+
+
+def main(argv=None) -> int:
+    """Run the benchmark; 1 where a speed target was missed."""
+    args = arguments(argv)
+    print(f"{one_core()}; rates are the best of {REPEATS} runs")
+    with tempfile.TemporaryDirectory() as folder:
+        folder = Path(folder)
+        clips = [
+            render_clip(name, folder, args.frames, args.peer_frames, args.seed)
+            for name in args.scenes
+        ]
+        peer = the_peer(args, clips[0].short)
+        started = start_up(clips[0], folder)
+        rates = {clip.name: speeds(clip, folder, peer) for clip in clips}
+        found = {clip.name: exactness(clip, peer) for clip in clips}
+        print_speeds(clips, rates)
+        print_exactness(found)
+        print(f"\nStart-up of `run`: {started[0]:.1f} s (CPU {started[1]:.1f} s)")
+        for n, peak in memory(clips[0], folder, args.memory).items():
+            print(f"Peak memory of `run` on {n} frames: {peak:.0f} MB")
+        met = print_targets(clips, rates, started)
+        if peer is not None:
+            shutil.rmtree(peer.folder)
+    return int(not met)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
