@@ -12,6 +12,7 @@ from numba import njit
 from pipeline.follicle import BASE_SKIP_M, BASE_WINDOW_M, base_curve, base_window, walk_back
 from pipeline.records import Centrelines, PoleTrack, Recording
 
+BLOCK_PX = 12  # longer than the blocks' noise of compressed video is correlated
 WINDOW_M = 3.0e-3  # half-width of the curvature window; a quartic keeps its bias small
 POLE_NEAR_M = 0.15e-3  # a pole this near may bend the whisker there: the window ends at it
 
@@ -20,8 +21,8 @@ POLE_NEAR_M = 0.15e-3  # a pole this near may bend the whisker there: the window
 def local_polynomial(x, y, offset, information, first, last, at, degree, coefficients, inverse):
     """Weighted least squares of v(u) = Σ c_k u^k around node `at`, u along its tangent [px].
 
-    Returns the window's scale h [px] (the polynomial is in u/h), the direction (tx, ty) and the
-    reduced χ². `coefficients` (degree + 1,) and `inverse` (covariance for unit χ²) are filled.
+    Returns the window's scale h [px] (the polynomial is in u/h), the reduced χ² and how much
+    more variance the residuals' sums over BLOCK_PX nodes have than white noise. `coefficients` (degree + 1,) and `inverse` (covariance for unit χ²) are filled.
     """
     size = degree + 1
     a = max(at - 5, 0)
@@ -72,15 +73,59 @@ def local_polynomial(x, y, offset, information, first, last, at, degree, coeffic
     for k in range(size):
         misfit -= coefficients[k] * rhs[k]
     chi2 = max(misfit, 0.0) / max(count - size, 1)
-    return scale, tx, ty, chi2
+    return (
+        scale,
+        chi2,
+        _redness(x, y, offset, information, first, last, at, tx, ty, scale, degree, coefficients),
+    )
+
+
+@njit(cache=True)
+def _redness(x, y, offset, information, first, last, at, tx, ty, scale, degree, coefficients):
+    """Variance of block sums of the standardised residuals, over that of white noise."""
+    blocks = 0
+    between = 0.0
+    within = 0.0
+    nodes = 0
+    i = first
+    while i + BLOCK_PX <= last:
+        total = 0.0
+        m = 0
+        for j in range(i, i + BLOCK_PX):
+            if information[j] <= 0:
+                continue
+            p = max(j - 1, 0)
+            q = min(j + 1, len(x) - 1)
+            nx = y[q] - y[p]
+            ny = -(x[q] - x[p])
+            length = max(np.sqrt(nx * nx + ny * ny), 1e-9)
+            dx = x[j] + offset[j] * nx / length - x[at]
+            dy = y[j] + offset[j] * ny / length - y[at]
+            u = (dx * tx + dy * ty) / scale
+            fitted = 0.0
+            for k in range(degree, -1, -1):
+                fitted = fitted * u + coefficients[k]
+            r = (dx * ty - dy * tx - fitted) * np.sqrt(information[j])
+            total += r
+            within += r * r
+            m += 1
+        if m > 0:
+            between += total * total / m
+            nodes += m
+            blocks += 1
+        i += BLOCK_PX
+    free = blocks - degree - 1  # the polynomial takes as many block sums as it has terms
+    if free < 3 or within <= 0:
+        return np.nan
+    return between / free / (within / nodes)
 
 
 @njit(cache=True)
 def _curvature(x, y, offset, information, at, beyond, first, last, degree):
-    """Curvature [1/px] `beyond` px after node `at`, and its standard error; + is ccw."""
+    """Curvature [1/px] `beyond` px after node `at`, its standard error and the redness."""
     coefficients = np.zeros(6)
     inverse = np.zeros((6, 6))
-    scale, _, _, chi2 = local_polynomial(
+    scale, chi2, redness = local_polynomial(
         x, y, offset, information, first, last, at, degree, coefficients, inverse
     )
     u = beyond / scale
@@ -96,7 +141,7 @@ def _curvature(x, y, offset, information, at, beyond, first, last, degree):
                 variance += second_k * m * (m - 1) * u ** (m - 2) * inverse[k, m]
     to_curvature = 1 / scale**2 / (1 + slope * slope) ** 1.5
     se = np.sqrt(max(variance, 0.0) * max(chi2, 1.0)) * to_curvature
-    return bend * to_curvature, se
+    return bend * to_curvature, se, redness
 
 
 @njit(cache=True)
@@ -140,9 +185,10 @@ def _measure_rows(
         degree = 4 if last - first > 1.4 * window and last - at > window // 4 else 3
         if last - first < 12 or last - at < 4:
             continue
-        kappa, se = _curvature(x, y, raw[a:b], info[a:b], at, beyond, first, last, degree)
+        kappa, se, redness = _curvature(x, y, raw[a:b], info[a:b], at, beyond, first, last, degree)
         out[row, 3] = kappa
         out[row, 4] = se
+        out[row, 5] = redness
 
 
 def measure(
@@ -181,7 +227,7 @@ def measure(
         frame = np.minimum(centrelines.frame, len(pole.x_px) - 1)
         pole_x, pole_y = pole.x_px[frame], pole.y_px[frame]
         near = pole.radius_px + POLE_NEAR_M * scale
-    out = np.empty((rows, 5))
+    out = np.empty((rows, 6))
     _measure_rows(
         centrelines.offsets,
         centrelines.x_px.astype(float),
@@ -198,6 +244,12 @@ def measure(
         near,
         out,
     )
+    for k in range(len(centrelines.names)):
+        of_whisker = centrelines.whisker == k
+        # compressed video has noise of some range: the same in all frames, told by their median
+        redness = out[of_whisker, 5]
+        if np.isfinite(redness).any():
+            out[of_whisker, 4] *= np.sqrt(max(np.nanmedian(redness), 1.0))
     return pd.DataFrame(
         {
             "frame": centrelines.frame,

@@ -13,6 +13,7 @@ from pipeline import profiles, splines
 
 STIFFNESS = 40.0  # 1/px²: third differences of the line over three knots are about 0.15 px
 SHORTEST = 12  # nodes that a line needs to be one
+OVERSHOOT = 4  # nodes by which the windowed absorbance reaches over a line's end
 STATION = 2  # nodes between two cross-sections of the capture step
 
 
@@ -317,7 +318,7 @@ def visible_end(amplitude, amplitude_se, sums, n, threshold, bridge):
             gap += 1
             if gap > 12:
                 break
-    return end
+    return max(end - OVERSHOOT, 0) if end < n else end
 
 
 @njit(cache=True)
