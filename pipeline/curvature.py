@@ -22,7 +22,8 @@ def local_polynomial(x, y, offset, information, first, last, at, degree, coeffic
     """Weighted least squares of v(u) = Σ c_k u^k around node `at`, u along its tangent [px].
 
     Returns the window's scale h [px] (the polynomial is in u/h), the reduced χ² and how much
-    more variance the residuals' sums over BLOCK_PX nodes have than white noise. `coefficients` (degree + 1,) and `inverse` (covariance for unit χ²) are filled.
+    more variance the residuals' sums over BLOCK_PX nodes have than white noise. `coefficients`
+    (degree + 1,) and `inverse` (covariance for unit χ²) are filled.
     """
     size = degree + 1
     a = max(at - 5, 0)
