@@ -12,13 +12,15 @@ import numpy as np
 from numba import njit
 
 THICKEST_LINE_MM = 0.32  # blurred whiskers are thinner, poles and rods thicker
-SHORTEST_WHISKER_MM = 2.5  # shorter thin dark lines that never move are fur or dust: they stay
+SHORTEST_WHISKER_MM = 2.5  # shorter thin dark lines are fur or dust: they stay
+SHORTEST_STILL_MM = 4.0  # in a movie, fur may be as long; that it never moves speaks for fur
 ILLUMINATION_MM = 0.8  # the light is averaged over this length (SD)
 EDGE_RATIO = 1.4  # of light within three cells: more is the edge of something
 BRIGHT_RANK = 0.85  # of the samples of a pixel: free of whiskers that rest there up to this share
 WINDOW_SD = 3.0
 MOVIE_FRAMES = 3  # with fewer, nothing can be learnt from motion
 LEAST_VARIANCE = 1 / 12  # of rounding to grey levels
+N_BINS = 16  # of intensity, in the fit of the noise
 CELL_PX = 8  # side of the cells in which light and coarse changes are looked at
 
 
@@ -97,8 +99,14 @@ def temporal_background(frames: np.ndarray) -> tuple[np.ndarray, tuple[float, fl
     for _ in range(2):
         window = WINDOW_SD * np.sqrt(noise[0] + noise[1] * image)
         image, variance = _windowed_moments(ordered, image, window.astype(np.float32))
-        noise = _fit_noise(image, variance)
+        noise = _fit_noise(image, variance / _median_of_windowed_variance(len(frames)))
     return image, noise
+
+
+def _median_of_windowed_variance(n):
+    """Median of the variance of n normal values cut at WINDOW_SD, in units of their variance."""
+    cut = 0.9733  # variance of a normal variable within 3 SD
+    return cut * (1 - 2 / (9 * (n - 1))) ** 3  # Wilson & Hilferty, of χ²
 
 
 def _equalised(frames):
@@ -177,24 +185,35 @@ def _fit_noise(image, variance):
     """(floor, gain) of variance = floor + gain × intensity: a line through medians over bins."""
     step = 1 + image.size // 40_000
     intensity, variance = image.ravel()[::step], variance.ravel()[::step]
-    edges = np.linspace(intensity.min(), intensity.max() + 1e-3, 17)
+    edges = np.linspace(intensity.min(), intensity.max() + 1e-3, N_BINS + 1)
     bins = np.digitize(intensity, edges) - 1
-    filled = [b for b in range(16) if np.count_nonzero(bins == b) >= 50]
-    if not filled:
+    counts = np.bincount(bins, minlength=N_BINS)
+    filled = np.flatnonzero(counts >= 50)
+    if not len(filled):
         return float(max(np.median(variance), LEAST_VARIANCE)), 0.0
     x = np.array([intensity[bins == b].mean() for b in filled])
     y = np.array([np.median(variance[bins == b]) for b in filled])
-    weight = np.sqrt([np.count_nonzero(bins == b) for b in filled])
-    return _line(x, y, weight)
+    return _line(x, np.maximum(y, LEAST_VARIANCE), counts[filled])
 
 
-def _line(x, y, weight):
-    """Weighted line y = floor + gain × x with floor at least LEAST_VARIANCE and gain >= 0."""
-    mean_x, mean_y = np.average(x, weights=weight), np.average(y, weights=weight)
-    spread = np.average((x - mean_x) ** 2, weights=weight)
-    gain = np.average((x - mean_x) * (y - mean_y), weights=weight) / spread if spread else 0.0
-    gain = min(max(gain, 0.0), max(mean_y - LEAST_VARIANCE, 0.0) / max(mean_x, 1.0))
-    return float(max(mean_y - gain * mean_x, LEAST_VARIANCE)), float(gain)
+def _line(x, y, counts):
+    """Line y = floor + gain × x with floor at least LEAST_VARIANCE and gain >= 0.
+
+    Bins far from the line (those of whiskers that rest, or of fur that moves) count little:
+    reweighted least squares of the relative misfit.
+    """
+    order = np.argsort(y)
+    middle = order[np.searchsorted(np.cumsum(counts[order]), 0.5 * counts.sum())]
+    floor, gain = y[middle], 0.0
+    for _ in range(12):
+        fit = floor + gain * x
+        weights = counts / (fit**2 * np.maximum(np.abs(y / fit - 1), 0.05))
+        mean_x, mean_y = np.average(x, weights=weights), np.average(y, weights=weights)
+        spread = np.average((x - mean_x) ** 2, weights=weights)
+        gain = np.average((x - mean_x) * (y - mean_y), weights=weights) / max(spread, 1e-9)
+        gain = min(max(gain, 0.0), max(mean_y - LEAST_VARIANCE, 0.0) / max(mean_x, 1.0))
+        floor = max(mean_y - gain * mean_x, LEAST_VARIANCE)
+    return float(floor), float(gain)
 
 
 # ---- over space ---------------------------------------------------------------------------
@@ -239,19 +258,20 @@ def without_whiskers(background: Background, face: np.ndarray, pixels_per_mm) ->
     share = 1 / background.n_frames if movie else 1.0  # of the variance left in the average
     noise = share * background.noise_floor, share * background.noise_gain
     thin = thin_dark_lines(background.image, pixels_per_mm, noise, face) & ~face
-    whiskers = _long_lines_at(face, thin, pixels_per_mm)
+    shortest = SHORTEST_STILL_MM if movie else SHORTEST_WHISKER_MM
+    whiskers = _long_lines_at(face, thin, pixels_per_mm, shortest * pixels_per_mm)
     if not movie:
         return smooth_flat_parts(background.image, whiskers, pixels_per_mm, noise)
     return fill(background.image, whiskers) if whiskers.any() else background.image
 
 
-def _long_lines_at(face, thin, pixels_per_mm):
-    """Connected lines that are longer than the shortest whisker and end near the face."""
+def _long_lines_at(face, thin, pixels_per_mm, shortest_px):
+    """Connected lines that are at least `shortest_px` long and end near the face."""
     reach = 2 * round(0.5 * pixels_per_mm) + 1
     near = cv2.dilate(face.astype(np.uint8), np.ones((reach, reach), np.uint8)) > 0
     _, labels, stats, _ = cv2.connectedComponentsWithStats(thin.astype(np.uint8))
     extent = np.hypot(stats[:, cv2.CC_STAT_WIDTH], stats[:, cv2.CC_STAT_HEIGHT])
-    keep = extent > SHORTEST_WHISKER_MM * pixels_per_mm
+    keep = extent > shortest_px
     keep &= np.isin(np.arange(len(stats)), labels[near])
     keep[0] = False
     return keep[labels]
@@ -309,8 +329,8 @@ def light_without_objects(image, pixels_per_mm) -> tuple[float, np.ndarray]:
 
 def _edgeless_regions(cells, seed_level):
     """Label regions without edges between neighbours; and which labels hold seeds."""
-    ones = np.ones((3, 3), np.uint8)
-    steep = cv2.dilate(cells, ones) > EDGE_RATIO * np.maximum(cv2.erode(cells, ones), 1.0)
+    cross = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
+    steep = cv2.dilate(cells, cross) > EDGE_RATIO * np.maximum(cv2.erode(cells, cross), 1.0)
     _, labels = cv2.connectedComponents((~steep).astype(np.uint8), connectivity=4)
     return labels, np.setdiff1d(labels[(cells > seed_level) & ~steep], 0)
 

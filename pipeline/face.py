@@ -8,9 +8,9 @@ import cv2
 import numpy as np
 
 SIDES = ("left", "right", "top", "bottom")
-FUR_MM = 0.12  # SD of the average over fur: single hairs vanish, the mass stays
+FUR_MM = 0.15  # SD of the average over fur: single hairs vanish, the mass stays
 HAIR_MM = 0.5  # what is thinner than this is a tuft or a whisker, not face
-EDGE_LEVEL = 0.5  # share of the light at the edge
+EDGE_LEVEL = 0.45  # share of the light at the edge: rather the mass than the hairs on it
 LEAST_BORDER = 0.25  # of the longest contact with the border: what touches it less is apparatus
 
 
