@@ -19,8 +19,10 @@ _BLOCK = 128  # frames whose shapes are computed at once
 _SMEAR_NODES = 25
 _FAR = 1.0  # m: where the pole stands while it is out of view
 _LARGEST_TURN = 2.2  # rad of push angle in a force table
-_TABLE_STEP = 0.01  # rad
+_TABLE_STEP = 0.02  # rad
 _MOST_OF_THE_FOLD = 0.93  # of the largest force before the whisker slips off
+_FASTEST_TURN = 0.08  # rad per frame (of about 1 ms)
+_STEEPEST = 2.8  # slope of a half-Gaussian's ends, of its peak over its duration
 _ON_THE_WHISKER = 0.98  # of the length, how far out a wanted touch may lie
 
 
@@ -28,7 +30,8 @@ _ON_THE_WHISKER = 0.98  # of the length, how far out a wanted touch may lie
 class Touch:
     """A contact that is wanted: first frame, number of frames, peak force [N], time course.
 
-    `shape`: "half_gaussian" (equations 5), "plateau" or "skewed".
+    `shape`: "half_gaussian" (equations 5), "plateau" or "skewed"; the peak force is that of the
+    frame with the largest.
     """
 
     onset: int
@@ -43,8 +46,8 @@ class Touch:
 
     def forces(self) -> np.ndarray:
         """Force in each of its frames [N], (duration,); zero half a frame before."""
-        t = (np.arange(self.duration) + 0.5) / self.duration
-        return self.peak_force * _PROFILES[self.shape](t)
+        profile = _PROFILES[self.shape]((np.arange(self.duration) + 0.5) / self.duration)
+        return self.peak_force * profile / profile.max()
 
 
 def _half_gaussian(t):
@@ -54,8 +57,8 @@ def _half_gaussian(t):
 
 _PROFILES = {
     "half_gaussian": _half_gaussian,
-    "plateau": lambda t: 1 - np.abs(2 * t - 1) ** 5,
-    "skewed": lambda t: _half_gaussian(t**0.6),
+    "plateau": lambda t: 1 - np.abs(2 * t - 1) ** 3,
+    "skewed": lambda t: _half_gaussian(t + 0.5 * t * (1 - t)),
 }
 
 
@@ -127,6 +130,14 @@ class ForceTable:
     def largest_force(self) -> float:
         """Largest force that a touch may ask for [N]."""
         return _MOST_OF_THE_FOLD * self.force[-1]
+
+    def bearable_force(self, frames):
+        """Largest force [N] of half-Gaussians of so many frames that a follicle can make.
+
+        Some room is left to the slip, and the base turns no faster than _FASTEST_TURN.
+        """
+        turn = _FASTEST_TURN * np.asarray(frames) / _STEEPEST
+        return np.minimum(np.interp(turn, self.turn, self.force), 0.85 * self.largest_force)
 
 
 def force_table(hair: Hair, base_x, base_y, pole_x, pole_y, pole_radius, side) -> ForceTable:
@@ -256,31 +267,44 @@ def _gaps(edges, n):
 def _between(frames, start, end, leaving, arriving, rest, rng):
     """Turn [rad] (< 0: away from the pole) in the frames of a free stretch.
 
-    It leaves the pole at one speed and meets it at another; in a long stretch the whisker whisks
-    in the air between.
+    The whisker leaves the pole at one speed, slows down within about `rest` [rad], whisks in the
+    air while there is time, and speeds up to meet the pole again.
     """
-    whisk = 70.0  # frames of one whisk, about
-    times, values, slopes = [], [], []
-    if leaving is not None:
-        times, values, slopes = [start], [0.0], [-leaving]
-    span = end - start
-    inner = max(int(span / (whisk / 2)) - 1, 0) if span > 1.5 * whisk else 0
-    reach = min(rest, rest * span / (2 * whisk))
-    for k in range(inner):
-        at = start + span * (k + 1 + rng.uniform(-0.15, 0.15)) / (inner + 1)
-        near = k % 2 == 1
-        times.append(at)
-        values.append(-reach * (rng.uniform(0.2, 0.5) if near else rng.uniform(0.7, 1.2)))
-        slopes.append(0.0)
-    if arriving is not None:
-        times, values, slopes = [*times, end], [*values, 0.0], [*slopes, arriving]
-    if leaving is None:
-        times, values, slopes = [start - 1, *times], [-0.8 * reach, *values], [0.0, *slopes]
-    if arriving is None:
-        times, values, slopes = [*times, end + 1], [*values, -0.8 * reach], [*slopes, 0.0]
-    spline = CubicHermiteSpline(times, values, slopes)
+    outward = _knots(start, leaving, 1, rest, rng) if leaving is not None else []
+    inward = _knots(end, arriving, -1, rest, rng) if arriving is not None else []
+    if outward and inward and outward[-1][0] > inward[-1][0]:
+        # no time to slow down: straight from one to the other
+        outward, inward = outward[:1], inward[:1]
+    first = outward[-1][0] if outward else start - 1.0
+    last = inward[-1][0] if inward else end + 1.0
+    air = _whisks(first, last, not outward, not inward, rest, rng) if last - first > 8 else []
+    knots = np.array([*outward, *air, *inward[::-1]])
+    spline = CubicHermiteSpline(*knots.T)
     # a stretch too short or slow for its own arc still leaves the pole
     return np.minimum(spline(frames), -2e-5)
+
+
+def _knots(at, speed, way, rest, rng):
+    """(time, turn, slope) where the touch ends or begins, and where the whisker is at rest."""
+    depth = rest * rng.uniform(0.3, 0.9)
+    pause = min(3 * depth / max(speed, 1e-9), 25.0)
+    return [(at, 0.0, -way * speed), (at + way * pause, -speed * pause / 3 - 1e-3, 0.0)]
+
+
+def _whisks(first, last, opened, closed, rest, rng):
+    """(time, turn, slope) of the turning points of whisking in the air between two times.
+
+    With `opened` and `closed` the first and the last time themselves are turning points.
+    """
+    count = int((last - first) / rng.uniform(30.0, 42.0))  # half whisks
+    times = np.linspace(first, last, count + 2)
+    times[1:-1] += rng.uniform(-4, 4, count)
+    near = (np.arange(count + 2) + rng.integers(2)) % 2 == 1
+    turn = -rest * np.where(
+        near, rng.uniform(0.2, 0.5, count + 2), rng.uniform(0.7, 1.2, count + 2)
+    )
+    keep = slice(0 if opened else 1, None if closed else -1)
+    return [(t, v, 0.0) for t, v in zip(times[keep], turn[keep], strict=True)]
 
 
 # Base motion → whisker -----------------------------------------------------------------------

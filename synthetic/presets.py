@@ -6,12 +6,14 @@ each hold one difficulty against a tracker or a contact detector.
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
 from synthetic.motion import (
     Motion,
     Touch,
+    UnreachableForceError,
     drive_touches,
     follicle_drift,
     force_table,
@@ -23,27 +25,15 @@ from synthetic.motion import (
     still_pole,
     whisking,
 )
+from synthetic.population import PUBLISHED_CONTACTS, draw_contacts, share_out
 from synthetic.scene import Camera, Codec, Face, Hair, Lights, Pole, Scene
 from whiskermodel.rod import free_shape
 from whiskermodel.whisker import Whisker, mouse_c2
 
 _CURVED = (12.0, 1800.0)  # 1/m, 1/m²: a C2 whisker's own bend, stronger towards the tip
 _FRAMES = 1000
+_MARGIN = 15  # frames without touches at a video's start and end
 _NOISE = 2.5  # grey levels
-
-
-@dataclass(frozen=True)
-class Trial:
-    """One video to be: its stem, the sub-folder of its session.toml, and the motion."""
-
-    stem: str
-    group: str
-    motion: Motion
-
-    @property
-    def scene(self) -> Scene:
-        """The motion's scene."""
-        return self.motion.scene
 
 
 @dataclass(frozen=True)
@@ -53,13 +43,8 @@ class Setting:
     preset: str
     seed: int
     trial: int
-    rng: np.random.Generator
+    rng: np.random.Generator | None = None
     frames: int = _FRAMES
-
-    @property
-    def stem(self) -> str:
-        """File name of the video without suffix."""
-        return f"{self.preset}_{self.trial:03d}"
 
     @property
     def side(self) -> int:
@@ -67,22 +52,58 @@ class Setting:
         return 1 if self.trial % 2 == 0 else -1
 
 
+def _one_folder(setting):
+    """Place of a trial's video where all of a session lie together: (sub-folder, stem)."""
+    return "", f"{setting.preset}_{setting.trial:03d}"
+
+
 @dataclass(frozen=True)
 class Preset:
-    """A named kind of session: how to make a trial, how many show all of it, what it holds."""
+    """A named kind of session.
 
-    make: Callable[[Setting], Trial]
+    Attributes
+    ----------
+    make : Setting → Motion of a trial
+    trials : how many trials show all of it
+    meaning : what it holds
+    place : Setting → (sub-folder, stem) of the trial's video; a sub-folder per session.toml
+    """
+
+    make: Callable[[Setting], Motion]
     trials: int
     meaning: str
+    place: Callable[[Setting], tuple[str, str]] = _one_folder
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One video to be: the sub-folder of its session, its stem, and the motion."""
+
+    group: str
+    stem: str
+    motion: Motion
+
+    @property
+    def scene(self) -> Scene:
+        """The motion's scene."""
+        return self.motion.scene
 
 
 def make_trial(preset: str, seed: int, trial: int, frames: int = _FRAMES) -> Trial:
     """Return trial number `trial` (from 0) of a preset, the same for the same arguments.
 
+    `frames` is the length of the video (`fig3` takes what its touches need).
     Raises ValueError for an unknown preset, with the names of those that exist.
     """
     rng = np.random.default_rng([seed, trial, 7])
-    return find_preset(preset).make(Setting(preset, seed, trial, rng, frames))
+    setting = Setting(preset, seed, trial, rng, frames)
+    found = find_preset(preset)
+    return Trial(*found.place(setting), found.make(setting))
+
+
+def trial_place(preset: str, seed: int, trial: int) -> tuple[str, str]:
+    """Sub-folder and stem of a trial's video, without working out its motion."""
+    return find_preset(preset).place(Setting(preset, seed, trial))
 
 
 def find_preset(preset: str) -> Preset:
@@ -105,34 +126,40 @@ def pole_for_touch(hair: Hair, base_angle, arc_length, side, radius=0.25e-3):
     return x[1] - reach * np.sin(angle[1]), y[1] + reach * np.cos(angle[1])
 
 
-def draw_touches(rng, frames, count, largest_force, durations=(3, 80), forces=(1.5e-6, 35e-6)):
+def draw_touches(rng, frames, count, table, durations=(3, 80), forces=(1.5e-6, 35e-6)):
     """Draw touches: log-uniform durations [frames] and peak forces [N], at random times.
 
-    Brief touches are not given the largest forces, and none more than `largest_force`.
+    `table` is the ForceTable of the whisker and pole; no touch asks for more than it bears.
     """
     lengths = np.exp(rng.uniform(*np.log(durations), count)).round().astype(int)
-    while lengths.sum() + 6 * count + 80 > frames:
-        lengths = lengths[:-1]
-        count -= 1
-    spare = frames - 60 - lengths.sum() - 5 * count
+    lengths = lengths[: np.searchsorted(np.cumsum(lengths + 6), frames - 2 * _MARGIN)]
+    count = len(lengths)
+    if count == 0:
+        return []
+    spare = frames - 2 * _MARGIN - lengths.sum() - 5 * count
     gaps = 5 + (rng.dirichlet(np.ones(count + 1)) * spare).astype(int)
-    onsets = 25 + np.cumsum(gaps[:-1]) + np.concatenate([[0], np.cumsum(lengths[:-1])])
-    touches = []
-    for onset, length in zip(onsets, lengths, strict=True):
-        high = min(forces[1], largest_force, forces[0] + 2e-6 + 0.8e-6 * length)
-        low = min(forces[0], 0.8 * high)
-        shape = rng.choice(["half_gaussian", "half_gaussian", "plateau", "skewed"])
-        peak = np.exp(rng.uniform(np.log(low), np.log(high)))
-        touches.append(Touch(int(onset), int(length), float(peak), str(shape)))
-    return touches
+    onsets = _MARGIN + np.cumsum(gaps[:-1]) + np.concatenate([[0], np.cumsum(lengths[:-1])])
+    high = np.minimum(forces[1], table.bearable_force(lengths))
+    low = np.minimum(forces[0], 0.8 * high)
+    peaks = np.exp(rng.uniform(np.log(low), np.log(high)))
+    return [
+        Touch(int(onset), int(length), float(peak), _shape(length, rng))
+        for onset, length, peak in zip(onsets, lengths, peaks, strict=True)
+    ]
 
 
-def reachable_force(scene: Scene) -> float:
-    """Largest force [N] a touch of the first whisker may ask for, some room left."""
-    hair, pole = scene.hairs[0], scene.pole
+def _shape(duration, rng):
+    """Time course of a touch; brief ones are all alike, others would be too abrupt."""
+    shapes = ["half_gaussian", "skewed", "plateau"]
+    return str(rng.choice(shapes, p=[0.7, 0.15, 0.15])) if duration >= 20 else shapes[0]
+
+
+def table_of(scene: Scene, hair: Hair | None = None):
+    """ForceTable of `hair` (the first) at rest and the scene's pole."""
+    hair, pole = hair or scene.hairs[0], scene.pole
     base = hair.follicle_x, hair.follicle_y
     side = side_of_pole(hair, *base, scene.face.axis, pole.x, pole.y)
-    return 0.85 * force_table(hair, *base, pole.x, pole.y, pole.radius, side).largest_force
+    return force_table(hair, *base, pole.x, pole.y, pole.radius, side)
 
 
 def c2_scene(setting, arc_length=None, angle=None, camera=None, **changes) -> Scene:
@@ -167,22 +194,28 @@ def base_path(scene, hair: Hair, frames, rng):
     return hair.follicle_x + dx, hair.follicle_y + dy
 
 
-def touching_trial(setting, scene, touches, group="", pole_path=None, rest=0.18) -> Trial:
-    """Trial in which a scene's first whisker makes the wanted touches on a pole at rest."""
+def touching_motion(setting, scene, touches, pole_path=None, rest=0.18) -> Motion:
+    """Motion in which a scene's first whisker makes the wanted touches on a pole at rest."""
     hair, pole = scene.hairs[0], scene.pole
     base = base_path(scene, hair, setting.frames, setting.rng)
     angle = drive_touches(
         hair, *base, (pole.x, pole.y, pole.radius), setting.side, touches, setting.rng, rest
     )
     pole_path = pole_path or still_pole(scene, setting.frames)
-    return driven_trial(setting, scene, [(*base, angle)], pole_path, group)
+    motion = driven_motion(scene, [(*base, angle)], pole_path)
+    if motion.hairs[0].slips:
+        raise UnreachableForceError(
+            f"{setting.preset}, trial {setting.trial}: the whisker slips off in frame "
+            f"{motion.hairs[0].slips[0]}; ask for less force or a nearer pole"
+        )
+    return motion
 
 
-def driven_trial(setting, scene, drives, pole_path=None, group="") -> Trial:
-    """Trial of whiskers whose base motions `drives` are given: (x, y, angle) for each."""
-    pole_path = pole_path or still_pole(scene, setting.frames)
+def driven_motion(scene, drives, pole_path=None) -> Motion:
+    """Motion of whiskers whose base motions `drives` are given: (x, y, angle) for each."""
+    pole_path = pole_path or still_pole(scene, len(drives[0][0]))
     moving = [_solve(scene, h, drive, pole_path) for h, drive in enumerate(drives)]
-    return Trial(setting.stem, group, Motion(scene, moving, *pole_path))
+    return Motion(scene, moving, *pole_path)
 
 
 def _solve(scene, h, drive, pole_path):
@@ -198,13 +231,12 @@ def _solve(scene, h, drive, pole_path):
 
 
 def _scene_touches(setting, scene, count=9, **limits):
-    largest = reachable_force(scene)
-    return draw_touches(setting.rng, setting.frames, count, largest, **limits)
+    return draw_touches(setting.rng, setting.frames, count, table_of(scene), **limits)
 
 
-def _c2_touching(setting, count=9, **changes) -> Trial:
+def _c2_touching(setting, count=9, **changes) -> Motion:
     scene = c2_scene(setting, **changes)
-    return touching_trial(setting, scene, _scene_touches(setting, scene, count))
+    return touching_motion(setting, scene, _scene_touches(setting, scene, count))
 
 
 # Plain ---------------------------------------------------------------------------------------
@@ -243,17 +275,17 @@ def _faint_touch(setting):
     arc_length = setting.rng.uniform(12.5e-3, 16e-3)
     scene = c2_scene(setting, arc_length)
     touches = _scene_touches(setting, scene, 8, forces=(0.15e-6, 6e-6), durations=(6, 90))
-    return touching_trial(setting, scene, touches)
+    return touching_motion(setting, scene, touches)
 
 
 def _large_deflection(setting):
     """Touches close to the largest force that the whisker bears before it slips off."""
     scene = c2_scene(setting, setting.rng.uniform(7e-3, 9.5e-3), -0.25 * setting.side)
-    largest = reachable_force(scene)
+    largest = table_of(scene).bearable_force(1000)
     touches = _scene_touches(
         setting, scene, 7, forces=(0.4 * largest, largest), durations=(25, 110)
     )
-    return touching_trial(setting, scene, touches)
+    return touching_motion(setting, scene, touches)
 
 
 def _slip_off(setting):
@@ -268,19 +300,26 @@ def _slip_off(setting):
     pace = 1 + 0.2 * smooth_noise(setting.frames, 1e3, 0.3, setting.rng)
     phase = 2 * np.pi * np.cumsum(pace) / setting.rng.uniform(160, 320)
     turn = -0.3 + (far + 0.3) * 0.5 * (1 - np.cos(phase))
-    return driven_trial(setting, scene, [(*base, graze + side * turn)])
+    return driven_motion(scene, [(*base, graze + side * turn)])
 
 
 def _near_miss(setting):
-    """The whisker comes within 0.02–0.3 mm of the pole, over and over, and does not touch."""
-    scene = c2_scene(setting)
+    """The whisker comes within 0.02–0.3 mm of the pole in every whisk and does not touch it."""
+    scene, rng, rate = c2_scene(setting), setting.rng, Camera().frames_per_second
     hair, pole, side = scene.hairs[0], scene.pole, setting.side
-    base = base_path(scene, hair, setting.frames, setting.rng)
+    base = base_path(scene, hair, setting.frames, rng)
     graze = grazing_angle(hair, pole.x - base[0], pole.y - base[1], pole.radius, side)
-    lever = np.hypot(pole.x - hair.follicle_x, pole.y - hair.follicle_y)
-    free = whisking(setting.frames, scene.camera.frames_per_second, setting.rng)
-    least = np.exp(setting.rng.uniform(np.log(0.02e-3), np.log(0.3e-3))) / lever
-    return driven_trial(setting, scene, [(*base, graze + side * (free - free.max() - least))])
+    least = np.exp(np.interp(_unit_noise(setting, 0.08), [0, 1], np.log([0.02e-3, 0.3e-3])))
+    swing = 0.15 + 0.2 * _unit_noise(setting, 0.1)
+    phase = 2 * np.pi * np.cumsum(10 + 6 * _unit_noise(setting, 0.2)) / rate
+    turn = least / _pole_distance(scene) + swing * 0.5 * (1 + np.cos(phase))
+    return driven_motion(scene, [(*base, graze - side * turn)])
+
+
+def _unit_noise(setting, time_constant):
+    """Smooth noise between 0 and 1, (frames,)."""
+    noise = smooth_noise(setting.frames, Camera().frames_per_second, time_constant, setting.rng)
+    return 0.5 + 0.5 * np.tanh(noise)
 
 
 def _free(setting):
@@ -291,7 +330,7 @@ def _free(setting):
     free = whisking(setting.frames, scene.camera.frames_per_second, setting.rng, -0.1 * side, 0.22)
     top = np.max(side * free)
     free -= side * max(top - 0.33, 0.0)
-    return driven_trial(setting, scene, [(*base, free)])
+    return driven_motion(scene, [(*base, free)])
 
 
 def _moving_pole(setting):
@@ -305,9 +344,9 @@ def _moving_pole(setting):
     start, end = int(0.15 * setting.frames), int(0.85 * setting.frames)
     path = pole_visits(scene, setting.frames, [(start, end)], travel)
     inside = end - start - 2 * travel
-    touches = draw_touches(setting.rng, inside, 6, reachable_force(scene), durations=(4, 50))
+    touches = draw_touches(setting.rng, inside, 6, table_of(scene), durations=(4, 50))
     shifted = [replace(t, onset=t.onset + start + travel) for t in touches]
-    return touching_trial(setting, scene, shifted, pole_path=path)
+    return touching_motion(setting, scene, shifted, pole_path=path)
 
 
 # Surroundings --------------------------------------------------------------------------------
@@ -324,15 +363,31 @@ def _moving_fur(setting):
     )
 
 
-def _orientation(setting):
-    """One direction of the whisker per trial, from −90° to 90° in steps of 15°, a few twice.
+_DIRECTIONS = np.arange(-90, 91, 15)  # degrees
 
-    The whisker sweeps a few degrees about it; between the steps lie small odd offsets, so that
-    directions along, nearly along and across the image's axes all occur.
+
+def _direction(setting):
+    return int(_DIRECTIONS[setting.trial % len(_DIRECTIONS)])
+
+
+def _facing(degrees):
+    """Side of the picture that the face of a whisker of this direction stands on."""
+    return {-1: "top", 0: "left", 1: "bottom"}[round(degrees / 91)]
+
+
+def _orientation_place(setting):
+    degrees = _direction(setting)
+    return _facing(degrees), f"orientation_{setting.trial:03d}_{degrees:+03d}deg"
+
+
+def _orientation(setting):
+    """One direction of the whisker per trial, from −90° to 90° in steps of 15°.
+
+    The whisker sweeps a few degrees about it, through directions along, nearly along and across
+    the picture's axes.
     """
-    steps = np.deg2rad(np.arange(-90, 91, 15))
-    direction = steps[setting.trial % len(steps)]
-    size = 640
+    size, degrees = 640, _direction(setting)
+    direction = np.deg2rad(degrees)
     camera = Camera(width=size, height=size).with_noise_sd(_NOISE)
     half, scale = size / 2, camera.pixels_per_m
     follicle = (
@@ -340,18 +395,15 @@ def _orientation(setting):
         -(half + 215 * np.sin(direction)) / scale,
     )
     hair = Hair(mouse_c2(), (0.5, 100.0), *follicle)
-    quarter = round(direction / (np.pi / 2))
-    side = {-1: "top", 0: "left", 1: "bottom"}[quarter]
-    scene = Scene(camera, Lights(), Face(side, direction), (hair,), None, seed=setting.seed)
+    face = Face(_facing(degrees), direction)
+    scene = Scene(camera, Lights(), face, (hair,), None, seed=setting.seed)
     base = base_path(scene, hair, setting.frames, setting.rng)
     rate = camera.frames_per_second
     sweep = whisking(setting.frames, rate, setting.rng, amplitude=np.deg2rad(4.0))
-    turned = np.rad2deg(direction)
-    trial = driven_trial(setting, scene, [(*base, direction + sweep)], group=side)
-    return replace(trial, stem=f"{setting.preset}_{setting.trial:03d}_{turned:+03.0f}deg")
+    return driven_motion(scene, [(*base, direction + sweep)])
 
 
-_ROW = (  # length and base radius of four whiskers, posterior to anterior
+_ROW = (  # name, length and base radius of a row of whiskers, posterior to anterior
     ("C1", 20.5e-3, 41e-6),
     ("C2", 18.0e-3, 37e-6),
     ("C3", 15.0e-3, 32e-6),
@@ -361,49 +413,46 @@ _ROW = (  # length and base radius of four whiskers, posterior to anterior
 
 
 def row_hairs(count, spacing, x, y) -> tuple[Hair, ...]:
-    """Whiskers of one row, C2 first; follicles `spacing` [m] apart around (x, y) [m].
+    """Whiskers of one row, anterior to posterior; follicles `spacing` [m] apart around (x, y) [m].
 
-    Posterior whiskers lie lower in the picture, protraction is upwards.
+    Anterior whiskers lie higher in the picture; protraction is upwards.
     """
     hairs = []
     for i, (name, length, radius) in enumerate(_ROW[:count]):
         whisker = Whisker(length, length / 0.95, radius, name=name)
         bend = tuple(np.array(_CURVED) * 18e-3 / length)
         offset = (i - (count - 1) / 2) * spacing
-        hairs.append(Hair(whisker, bend, x - 0.06 * abs(offset), y + offset))
-    hairs[0], hairs[1] = hairs[1], hairs[0]
-    return tuple(hairs)
+        hairs.append(Hair(whisker, bend, x, y + offset))
+    return tuple(reversed(hairs))
 
 
 def _row(setting, count=4, spacing=1.3e-3, fan=0.2, own=0.05):
     """Four whiskers that whisk together, each a little in its own way; C2 touches the pole."""
     rng, frames = setting.rng, setting.frames
-    camera = Camera(width=704).with_noise_sd(_NOISE)
     hairs = row_hairs(count, spacing, 2.0e-3, -9.8e-3)
-    first = hairs[0]
-    place = pole_for_touch(first, fan * -0.5 + 0.1, 8.5e-3, 1)
-    rod = rng.uniform(1.1, 1.4)
+    c2 = hairs[-2]
+    place = pole_for_touch(c2, 0.1 - 0.5 * fan, rng.uniform(7.5e-3, 10e-3), 1)
     scene = Scene(
-        camera,
-        Lights(),
-        Face("left", pad=spacing * (count - 1)),
-        hairs,
-        Pole(*place, rod_direction=rod),
+        Camera(width=704).with_noise_sd(_NOISE),
+        face=Face("left", pad=spacing * (count - 1)),
+        hairs=hairs,
+        pole=Pole(*place, rod_direction=rng.uniform(1.1, 1.4)),
         seed=setting.seed,
     )
-    upward = replace(setting, trial=2 * setting.trial)
-    touches = draw_touches(rng, frames, 7, reachable_force(scene), durations=(4, 60))
-    base = base_path(scene, first, frames, rng)
-    angle = drive_touches(first, *base, (*place, scene.pole.radius), 1, touches, rng, rest=0.35)
-    drives = [(*base, angle)]
-    common = angle - angle.mean()
-    for hair in hairs[1:]:
-        rank = (hair.follicle_y - first.follicle_y) / spacing
-        wobble = own * smooth_noise(frames, 1e3, 0.05, rng)
+    touches = draw_touches(rng, frames, 7, table_of(scene, c2), durations=(4, 60))
+    base = base_path(scene, c2, frames, rng)
+    angle = drive_touches(c2, *base, (*place, scene.pole.radius), 1, touches, rng, rest=0.35)
+    drives = []
+    for hair in hairs:
+        if hair is c2:
+            drives.append((*base, angle))
+            continue
+        rank = (hair.follicle_y - c2.follicle_y) / spacing
+        wobble = own * smooth_noise(frames, scene.camera.frames_per_second, 0.05, rng)
         share = 0.9 if rank < 0 else 1.05
-        set_point = angle.mean() + fan * rank
-        drives.append((*base_path(scene, hair, frames, rng), set_point + share * common + wobble))
-    return replace(driven_trial(upward, scene, drives), stem=setting.stem)
+        swing = share * (angle - angle.mean()) + wobble
+        drives.append((*base_path(scene, hair, frames, rng), angle.mean() + fan * rank + swing))
+    return driven_motion(scene, drives)
 
 
 def _crossing(setting):
@@ -413,7 +462,7 @@ def _crossing(setting):
     hairs = row_hairs(3, spacing, 2.0e-3, -9.6e-3)
     hairs = tuple(
         replace(hair, intrinsic_curvature=tuple(sign * np.array(hair.intrinsic_curvature)))
-        for hair, sign in zip(hairs, (-1, 1, -0.5), strict=True)
+        for hair, sign in zip(hairs, (-0.5, -1, 1), strict=True)  # C3, C2, C1
     )
     scene = Scene(
         Camera().with_noise_sd(_NOISE),
@@ -428,7 +477,7 @@ def _crossing(setting):
     for hair in hairs:
         own = whisking(frames, 1e3, rng, set_points[hair.whisker.name], 0.2, rng.uniform(8, 14))
         drives.append((*base_path(scene, hair, frames, rng), own))
-    return driven_trial(setting, scene, drives)
+    return driven_motion(scene, drives)
 
 
 def _border(setting):
@@ -438,10 +487,10 @@ def _border(setting):
     hairs = row_hairs(2, 2.2e-3, 2.0e-3, -6.6e-3)
     scene = Scene(camera, Lights(), Face("left", pad=2.2e-3), hairs, None, seed=setting.seed)
     drives = []
-    for hair, set_point in zip(hairs, (0.35, -0.75), strict=True):
+    for hair, set_point in zip(hairs, (0.35, -0.75), strict=True):  # C2, C1
         own = whisking(frames, 1e3, rng, set_point, 0.4, 7.0)
         drives.append((*base_path(scene, hair, frames, rng), own))
-    return driven_trial(setting, scene, drives)
+    return driven_motion(scene, drives)
 
 
 def _passing(setting):
@@ -449,17 +498,122 @@ def _passing(setting):
     scene = c2_scene(setting, 9e-3, 0.1 * setting.side, hair={"touches": False})
     base = base_path(scene, scene.hairs[0], setting.frames, setting.rng)
     free = whisking(setting.frames, 1e3, setting.rng, 0.15 * setting.side, 0.35, 9.0)
-    return driven_trial(setting, scene, [(*base, free)])
+    return driven_motion(scene, [(*base, free)])
+
+
+# The paper's population ----------------------------------------------------------------------
+
+_MICE = 5
+_POLES = np.array([7e-3, 8e-3, 9e-3, 10e-3, 11e-3])  # m from the follicle
+_TOUCHES = 12  # per trial
+_BLOCK = len(_POLES)  # trials that share out their touches among all poles
+
+
+def mouse_whisker(mouse: int, seed: int) -> Whisker:
+    """C2 whisker of one of the five mice: 18.26 ± 0.44 mm, 37.3 ± 1.0 µm (mean ± SD over mice)."""
+    rng = np.random.default_rng([seed, 17])
+    length, radius = (_spread(rng) for _ in range(2))
+    length, radius = 18.26e-3 + 0.44e-3 * length[mouse], 37.3e-6 + 1.0e-6 * radius[mouse]
+    tip_radius = 2.8e-6
+    return Whisker(length, length * radius / (radius - tip_radius), radius, name="C2")
+
+
+def _spread(rng):
+    """Deviates of the five mice: in random order, mean 0, SD 1."""
+    values = rng.normal(size=_MICE)
+    return (values - values.mean()) / values.std(ddof=1)
+
+
+def _fig3_scene(setting, mouse, pole_index) -> Scene:
+    whisker = mouse_whisker(mouse, setting.seed)
+    rng = np.random.default_rng([setting.seed, mouse, 23])
+    bend = tuple(np.array(_CURVED) * rng.uniform(0.3, 1.2))
+    return c2_scene(
+        replace(setting, trial=0, seed=100 * setting.seed + mouse, rng=rng),
+        _POLES[pole_index],
+        rng.uniform(-0.05, 0.1),
+        Camera().with_noise_sd(1.5),
+        hair={"whisker": whisker, "intrinsic_curvature": bend},
+        face={"hidden_length": rng.uniform(1.0e-3, 1.6e-3)},
+        codec=Codec("h264", crf=18),
+    )
+
+
+@lru_cache(maxsize=32)
+def _fig3_block(seed, block):
+    """Scenes of a block's trials, and the touches (forces [N], durations [ms]) of each."""
+    rng = np.random.default_rng([seed, block, 29])
+    scenes = []
+    for k in range(_BLOCK):
+        setting = Setting("fig3", seed, block * _BLOCK + k, rng)
+        scenes.append(_fig3_scene(setting, k % _MICE, (k + block) % len(_POLES)))
+    numbers = np.arange(block * _BLOCK * _TOUCHES, (block + 1) * _BLOCK * _TOUCHES)
+    numbers = numbers[numbers < max(PUBLISHED_CONTACTS, numbers[0] + 1)]
+    force, duration = draw_contacts(numbers, seed)
+    able = np.column_stack([_bearable(scene, force, duration) for scene in scenes])
+    able[~able.any(1), np.argmin([_pole_distance(scene) for scene in scenes])] = True
+    chosen = share_out(force, able, rng)
+    return scenes, [(force[chosen == k], duration[chosen == k]) for k in range(_BLOCK)]
+
+
+def _pole_distance(scene):
+    hair, pole = scene.hairs[0], scene.pole
+    return np.hypot(pole.x - hair.follicle_x, pole.y - hair.follicle_y)
+
+
+def _bearable(scene, force, duration):
+    """Touches that a scene's whisker bears without slipping or too fast a turn of its base.
+
+    The strong and brief ones are for near poles only, where a small turn makes a large force.
+    """
+    return force <= table_of(scene).bearable_force(duration)
+
+
+def _fig3(setting):
+    """One trial of a mouse and a pole: repeated touches, drawn from the paper's population."""
+    scenes, wanted = _fig3_block(setting.seed, setting.trial // _BLOCK)
+    k, rng = setting.trial % _BLOCK, setting.rng
+    touches, frames = lay_out(*wanted[k], rng)
+    protracting = replace(setting, trial=0, frames=frames)
+    return touching_motion(protracting, scenes[k], touches)
+
+
+def _fig3_place(setting):
+    mouse = f"mouse{setting.trial % _BLOCK % _MICE + 1}"
+    return mouse, f"{mouse}_{setting.trial:04d}"
+
+
+def lay_out(forces, durations, rng):
+    """Put touches one after the other: bouts with short pauses, longer ones between.
+
+    Returns the list of Touch and the number of frames that they take.
+    """
+    order = rng.permutation(len(forces))
+    bout = rng.uniform(size=len(forces)) < 0.2
+    pauses = np.where(
+        bout, rng.integers(4, 12, len(forces)), np.exp(rng.normal(3.5, 0.5, len(forces)))
+    )
+    onset, touches = 30, []
+    for i, pause in zip(order, np.rint(pauses).astype(int), strict=True):
+        shape = _shape(durations[i], rng)
+        touches.append(Touch(onset, int(durations[i]), float(forces[i]), shape))
+        onset += int(durations[i]) + max(int(pause), 4)
+    return touches, onset + 40
 
 
 PRESETS = {
     "single": Preset(_single, 4, "one C2 whisker, little noise, touches from both sides"),
     "noisy": Preset(_noisy, 4, "the same with noise of 2.5 grey levels"),
+    "fig3": Preset(
+        _fig3, 10, "the paper's population of contacts; five mice, five poles", _fig3_place
+    ),
     "low_contrast": Preset(_low_contrast, 2, "a translucent whisker"),
     "row": Preset(_row, 2, "four whiskers in a row"),
     "crossing": Preset(_crossing, 2, "whiskers that cross and lie upon each other"),
     "moving_fur": Preset(_moving_fur, 2, "moving fur, dust, stray hairs, flicker"),
-    "orientation": Preset(_orientation, 13, "every orientation from -90 to 90 degrees"),
+    "orientation": Preset(
+        _orientation, 13, "directions from -90 to 90 degrees", _orientation_place
+    ),
     "faint_touch": Preset(_faint_touch, 2, "faint touches near the tip"),
     "h264": Preset(_h264, 2, "H.264 at ordinary quality"),
     "mjpeg": Preset(_mjpeg, 2, "MJPG"),

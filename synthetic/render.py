@@ -17,8 +17,8 @@ from synthetic.scene import Scene
 from synthetic.strips import absorb, blank, cover_disc, cover_strip, step_table
 
 _TILE = 16  # px, tiles in which meeting objects are composed
-_SUBPIXELS = 4
-_FINE_BLUR = 0.45  # share of the blur's SD that is applied before objects are multiplied
+_SUBPIXELS = 8
+_FINE_BLUR = 0.05  # share of the blur before objects are multiplied: touching edges stay apart
 _POLE_TRANSMISSION = 0.01
 _NORMALS = ndtri((np.arange(65536) + 0.5) / 65536).astype(np.float32)
 
@@ -130,7 +130,7 @@ class Renderer:
         disc, scale = None, self.scene.camera.pixels_per_m
         if self.scene.pole is not None and np.isfinite(pole_x):
             disc = (*self.scene.to_pixels(pole_x, pole_y), self.scene.pole.radius * scale)
-        meeting = _meeting_tiles(light.shape, strips, disc, 4 * self.scene.camera.blur_px + 2)
+        meeting = _meeting_tiles(light.shape, strips, disc, 3 * self.scene.camera.blur_px + 2)
         opacities = [hair.opacity for hair in self.scene.hairs]
         for top, left in meeting:
             rows, columns = slice(top, top + _TILE), slice(left, left + _TILE)
@@ -202,33 +202,37 @@ def _to_pixels(size, margin, blur):
 
 
 def _meeting_tiles(shape, strips, disc, reach):
-    """(top, left) of the tiles in which at least two of the objects in focus are."""
-    rows, columns = -(-shape[0] // _TILE), -(-shape[1] // _TILE)
-    count = np.zeros((rows, columns), np.int32)
-    for x, y, *_ in strips:
-        count += _tiles_of(x, y, rows, columns, reach)
+    """(top, left) of the tiles in which objects in focus come within 2 `reach` of each other."""
+    lines = [(x[::4], y[::4], 0.0) for x, y, *_ in strips]
     if disc is not None:
-        angle = np.linspace(0, 2 * np.pi, 24)
-        count += _tiles_of(
-            disc[0] + disc[2] * np.cos(angle), disc[1] + disc[2] * np.sin(angle),
-            rows, columns, reach,
-        )  # fmt: skip
-    return np.argwhere(count > 1) * _TILE
+        lines.append((np.array([disc[0]]), np.array([disc[1]]), disc[2]))
+    meeting = np.zeros((-(-shape[0] // _TILE), -(-shape[1] // _TILE)), np.bool_)
+    for k, (x, y, _) in enumerate(lines[: len(strips)]):
+        for x2, y2, radius in lines[k + 1 :]:
+            _mark_meeting(meeting, x, y, x2, y2, radius, reach)
+    return np.argwhere(meeting) * _TILE
 
 
 @njit(cache=True)
-def _tiles_of(x, y, rows, columns, reach):
-    """1 for every tile that a line of points comes within `reach` of, else 0."""
-    inside = np.zeros((rows, columns), np.int32)
+def _mark_meeting(meeting, x, y, x2, y2, radius, reach):
+    """Mark tiles near those points of a line where it is near another of half-width `radius`."""
+    rows, columns = meeting.shape
+    far = (radius + 2 * reach) ** 2
     for k in range(len(x)):
+        near = False
+        for m in range(len(x2)):
+            if (x[k] - x2[m]) ** 2 + (y[k] - y2[m]) ** 2 < far:
+                near = True
+                break
+        if not near:
+            continue
         first_row = max(int(np.floor((y[k] - reach) / _TILE)), 0)
         last_row = min(int(np.floor((y[k] + reach) / _TILE)), rows - 1)
         first = max(int(np.floor((x[k] - reach) / _TILE)), 0)
         last = min(int(np.floor((x[k] + reach) / _TILE)), columns - 1)
         for j in range(first_row, last_row + 1):
             for i in range(first, last + 1):
-                inside[j, i] = 1
-    return inside
+                meeting[j, i] = True
 
 
 # What stands still ---------------------------------------------------------------------------

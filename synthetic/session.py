@@ -1,13 +1,14 @@
 """A whole rendered session on disk: videos, session.toml, truth tables."""
 
+import dataclasses
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from multiprocessing import get_context
 from pathlib import Path
 
 from pipeline.settings import settings_from, write_session
-from pipeline.tables import write_text
+from pipeline.tables import read_json, write_json, write_text
 from synthetic.encode import video_suffix, write_video
-from synthetic.presets import Trial, find_preset, make_trial
+from synthetic.presets import Trial, find_preset, make_trial, trial_place
 from synthetic.render import Renderer
 from synthetic.truth import (
     centreline_table,
@@ -20,64 +21,79 @@ _CURVATURE_AT_MM = 5.5
 
 
 def render_session(
-    out_dir, preset="single", seed=0, trials=None, jobs=1, progress=None
+    out_dir, preset="single", seed=0, trials=None, jobs=1, progress=None, frames=1000
 ) -> list[Path]:
     """Render the trials of a preset, with session.toml and truth, into `out_dir`.
 
     Parameters
     ----------
-    out_dir : folder, made where it is missing. Videos lie in it, or in a sub-folder per animal
-        or camera where these differ; truth tables in `out_dir`/truth/<video stem>/
+    out_dir : folder, made where it is missing. Videos and session.toml lie in it, or in a
+        sub-folder per animal or face side where these differ; truth tables in
+        `out_dir`/truth/<video stem>/, all true contacts together in `out_dir`/truth/contacts.csv
     preset : name of a preset, see synthetic.presets.PRESETS
     seed : int
     trials : how many videos; None: as many as show all that the preset has
     jobs : processes; the result does not depend on it
     progress : called with (done, total, path of the video) after each video
+    frames : of each video (`fig3` takes what its touches need)
 
     Returns
     -------
-    Paths of the videos. A video that is already there with its truth is not made again.
+    Paths of the videos. One that is there already, with its truth, is not made again.
     """
     out_dir = Path(out_dir)
     trials = find_preset(preset).trials if trials is None else trials
-    if trials < 1:
-        raise ValueError(f"trials must be at least 1, got {trials!r}")
+    for argument, value in (("trials", trials), ("jobs", jobs), ("frames", frames)):
+        if value < 1:
+            raise ValueError(f"{argument} must be at least 1, got {value!r}")
     out_dir.mkdir(parents=True, exist_ok=True)
+    tasks = [(out_dir, preset, seed, trial, frames) for trial in range(trials)]
     paths = []
-    for done, path in enumerate(_render_all(out_dir, preset, seed, trials, jobs), 1):
+    for path in _render_all(tasks, jobs):
         paths.append(path)
         if progress is not None:
-            progress(done, trials, path)
+            progress(len(paths), trials, path)
     _write_all_contacts(out_dir, sorted(p.stem for p in paths))
     return sorted(paths)
 
 
-def _render_all(out_dir, preset, seed, trials, jobs):
+def _render_all(tasks, jobs):
     """Yield the path of every video once it is there."""
     if jobs == 1:
-        for trial in range(trials):
-            yield render_trial(out_dir, preset, seed, trial)
+        for task in tasks:
+            yield render_trial(*task)
         return
     with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
-        waiting = [pool.submit(render_trial, out_dir, preset, seed, t) for t in range(trials)]
+        waiting = [pool.submit(render_trial, *task) for task in tasks]
         for future in as_completed(waiting):
             yield future.result()
 
 
-def render_trial(out_dir, preset, seed, trial) -> Path:
-    """Render one trial with truth and session.toml unless all are there; returns its video."""
-    made = make_trial(preset, seed, trial)
-    folder, truth = Path(out_dir) / made.group, Path(out_dir) / "truth" / made.stem
-    video = folder / f"{made.stem}{video_suffix(made.scene.codec)}"
-    if video.exists() and (truth / "contacts.csv").exists() and (folder / "session.toml").exists():
-        return video
-    folder.mkdir(parents=True, exist_ok=True)
+def render_trial(out_dir, preset, seed, trial, frames=1000) -> Path:
+    """Render one trial with its truth unless both are there; returns the path of its video.
+
+    The first trial of a sub-folder writes the session.toml.
+    """
+    out_dir = Path(out_dir)
+    group, stem = trial_place(preset, seed, trial)
+    folder, truth = out_dir / group, out_dir / "truth" / stem
+    identity = {"preset": preset, "seed": seed, "trial": trial, "frames": frames}
+    known = read_json(truth / "scene.json", {})
+    first = all(trial_place(preset, seed, t)[0] != group for t in range(trial))
+    settings = folder / "session.toml"
+    if known.get("made_from") == identity and (settings.exists() or not first):
+        return folder / known["video"]
+    made = make_trial(preset, seed, trial, frames)
     renderer = Renderer(made.scene, made.motion, seed=1000 * seed + trial)
-    write_truth(truth, made.motion, renderer, made.stem, 1e-3 * _CURVATURE_AT_MM)
-    if not (folder / "session.toml").exists():
-        write_session(folder / "session.toml", session_settings(made, renderer))
-    frames = (renderer.frame(i) for i in range(len(renderer)))
-    write_video(video, frames, made.scene.codec)
+    folder.mkdir(parents=True, exist_ok=True)
+    if first:
+        write_session(settings, session_settings(made, renderer))
+    write_truth(truth, made.motion, renderer, stem, 1e-3 * _CURVATURE_AT_MM)
+    video = folder / f"{stem}{video_suffix(made.scene.codec)}"
+    write_video(video, (renderer.frame(i) for i in range(len(renderer))), made.scene.codec)
+    # written last: without it the trial does not count as done
+    scene = {**dataclasses.asdict(made.scene), "frames": len(renderer)}
+    write_json(truth / "scene.json", {"made_from": identity, "video": video.name, **scene})
     return video
 
 

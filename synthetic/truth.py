@@ -1,11 +1,9 @@
 """Motion → the tables that `run` writes, filled with what is true.
 
-`<stem>/centrelines.parquet`, `frames.parquet`, `contacts.csv` have exactly the columns of the
-results; `visibility.parquet` and `scene.json` hold what only the truth knows.
+`centrelines.parquet`, `frames.parquet`, `contacts.csv` have exactly the columns of the results;
+`visibility.parquet` holds what only the truth knows.
 """
 
-import dataclasses
-import json
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +18,7 @@ from pipeline.records import (
     as_table,
     empty_table,
 )
-from pipeline.tables import whole_file, write_centrelines, write_csv, write_frames, write_json
+from pipeline.tables import whole_file, write_centrelines, write_csv, write_frames
 from synthetic.motion import curvature_at, take_frames
 from synthetic.strips import step_table
 from whiskermodel.rod import contact_shape
@@ -237,7 +235,7 @@ def hidden_length(visibility: pd.DataFrame, whisker: str) -> float:
 
 
 def write_truth(folder, motion, renderer, video: str, arc_length: float = 5.5e-3) -> None:
-    """Write all truth tables of one video to `folder`, contacts.csv last."""
+    """Write all truth tables of one video to `folder`, by the columns of the results."""
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     lines = centreline_table(motion)
@@ -246,6 +244,4 @@ def write_truth(folder, motion, renderer, video: str, arc_length: float = 5.5e-3
     visibility = visibility_table(motion, renderer, lines)
     with whole_file(folder / "visibility.parquet") as temporary:
         visibility.astype({"frame": np.int32}).to_parquet(temporary, index=False)
-    scene = json.loads(json.dumps(dataclasses.asdict(motion.scene)))
-    write_json(folder / "scene.json", {"video": video, **scene})
     write_csv(folder / "contacts.csv", contact_table(motion, video), CONTACT_COLUMNS)

@@ -7,7 +7,7 @@ from scipy.spatial import cKDTree
 
 from synthetic.strips import absorb, blank, cover_disc, cover_strip, step_table
 
-FINE = 10  # sub-pixels per pixel of the brute-force picture
+FINE = 8  # sub-pixels per pixel of the brute-force picture
 cover_tolerance = 5e-3  # share of the light, brute force's own grain included
 centreline_tolerance = 0.001  # px, mean shift of the picture across the strip
 SIZE = (64, 80)
@@ -66,8 +66,8 @@ def shift_across(picture, reference, direction):
     return -np.sum((picture - reference) * along_normal) / np.sum(along_normal**2)
 
 
-@pytest.mark.parametrize("direction", np.deg2rad([0, 2, 17, 45, 63, 90, 133, -20, -88]))
-@pytest.mark.parametrize("curvature", [0.0, 0.004, -0.004])  # 1/px: 100 1/m at 25 px/mm
+@pytest.mark.parametrize("direction", np.deg2rad([0, 2, 17, 45, 90, 133, -88]))
+@pytest.mark.parametrize("curvature", [0.004, -0.004])  # 1/px: 100 1/m at 25 px/mm
 def test_strip_equals_supersampled_polygon(direction, curvature):
     # a strip that crosses the whole picture, so that its ends stay out of it
     middle = np.array([SIZE[1] / 2 - 0.3, SIZE[0] / 2 + 0.2])

@@ -1,0 +1,83 @@
+"""Every codec read back: number of frames and grey levels."""
+
+import av
+import cv2
+import numpy as np
+import pytest
+import tifffile
+
+from synthetic.encode import video_suffix, write_video
+from synthetic.scene import Codec
+
+# SD of decoded − rendered grey on a picture with noise of SD 1: lossy codecs smooth the noise
+loss_sd = {"ffv1": 0.0, "h264": 1.5, "mjpeg": 1.5}
+bias_tolerance = 0.1  # grey levels: limited range would stretch by 9 %
+
+
+@pytest.fixture(scope="module")
+def frames():
+    rng = np.random.default_rng(0)
+    ramp = np.linspace(3, 250, 96)[None, :] + np.zeros((70, 1))
+    return [np.clip(ramp + rng.normal(0, 1, ramp.shape), 0, 255).astype(np.uint8)] * 12
+
+
+@pytest.mark.parametrize("name", ["ffv1", "h264", "mjpeg"])
+def test_round_trip(tmp_path, frames, name):
+    codec = Codec(name)
+    path = tmp_path / f"video{video_suffix(codec)}"
+    assert write_video(path, frames, codec) == len(frames)
+    assert [p.name for p in tmp_path.iterdir()] == [path.name]
+    for decode in (by_luma_plane, by_grey_conversion, by_opencv):
+        decoded = decode(path)
+        assert len(decoded) == len(frames)
+        difference = np.stack(decoded).astype(float) - np.stack(frames)
+        assert abs(difference.mean()) < bias_tolerance
+        assert difference.std() <= loss_sd[name]
+
+
+def by_luma_plane(path):
+    with av.open(str(path)) as container:
+        planes = [(f.planes[0], f.height, f.width) for f in container.decode(video=0)]
+        return [
+            np.frombuffer(p, np.uint8).reshape(-1, p.line_size)[:height, :width].copy()
+            for p, height, width in planes
+        ]
+
+
+def by_grey_conversion(path):
+    with av.open(str(path)) as container:
+        return [frame.to_ndarray(format="gray") for frame in container.decode(video=0)]
+
+
+def by_opencv(path):
+    capture, frames = cv2.VideoCapture(str(path)), []
+    while (read := capture.read())[0]:
+        frames.append(read[1][..., 1])
+    return frames
+
+
+def test_tiff_is_exact(tmp_path, frames):
+    path = tmp_path / "stack.tif"
+    write_video(path, frames, Codec("tiff"))
+    assert np.array_equal(tifffile.imread(path), np.stack(frames))
+
+
+def test_a_failing_source_leaves_no_file(tmp_path, frames):
+    def source():
+        yield frames[0]
+        raise RuntimeError("no more")
+
+    with pytest.raises(RuntimeError):
+        write_video(tmp_path / "video.mp4", source(), Codec("h264"))
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_bad_arguments_are_named(tmp_path, frames):
+    with pytest.raises(ValueError, match=r"must end with \.mp4"):
+        write_video(tmp_path / "video.avi", frames, Codec("h264"))
+    with pytest.raises(ValueError, match="at least one frame"):
+        write_video(tmp_path / "video.avi", [], Codec("ffv1"))
+    with pytest.raises(ValueError, match="frame 1 must be uint8"):
+        write_video(tmp_path / "video.avi", [frames[0], frames[0][:5]], Codec("ffv1"))
+    with pytest.raises(ValueError, match="name must be one of"):
+        Codec("vp9")
