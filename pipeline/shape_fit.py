@@ -22,6 +22,7 @@ from whiskermodel.whisker import Whisker
 N_REST = 4  # Legendre polynomials of the rest curvature
 ITERATIONS = 12
 FEWEST_STATIONS = 10
+ANCHOR_MOVES_M = 2e-6  # the contact point is moved along the whisker in steps above this
 HUBER = 3.0  # SD beyond which a station counts less
 ANCHOR_SPAN = 6  # stations whose chord continues the trace into the fur
 _FREE, _LOADED = N_REST + 2, N_REST + 3  # numbers of parameters
@@ -94,13 +95,20 @@ def fit_free(stations: Stations, whisker: Whisker, curvature_at: float) -> Shape
 
 
 def fit_loaded(
-    stations: Stations, whisker: Whisker, curvature_at: float, prior: RestPrior, friction=0.0
+    stations: Stations,
+    whisker: Whisker,
+    curvature_at: float,
+    prior: RestPrior,
+    friction=0.0,
+    shift=0.0,
 ) -> ShapeFit:
     """Fit pose and the force that a pole at the nearest point would exert, given the rest shape.
 
     `friction` is the signed ratio of tangential to normal force, + pulls towards the tip.
+    `shift` [m] is added to all arc lengths beside `stations.origin`; the rest shape, measured
+    without it, moves along.
     """
-    return _fit(stations, whisker, curvature_at, prior, loaded=True, friction=friction)
+    return _fit(stations, whisker, curvature_at, prior, True, friction, shift)
 
 
 def _vague(n):
@@ -108,7 +116,7 @@ def _vague(n):
     return np.broadcast_to(np.eye(N_REST) * 300.0**2, (n, N_REST, N_REST))
 
 
-def _fit(stations, whisker, curvature_at, prior, loaded, friction):
+def _fit(stations, whisker, curvature_at, prior, loaded, friction, shift=0.0):
     n, m = stations.x.shape
     s = np.arange(m) * whisker.length / (m - 1)
     out = np.full((n, len(_COLUMNS)), np.nan)
@@ -116,16 +124,16 @@ def _fit(stations, whisker, curvature_at, prior, loaded, friction):
     rest_cov = np.full((n, N_REST, N_REST), np.nan)
     # the very tip of a full cone has no stiffness; nothing touches there
     stiffness = np.maximum(whisker.flexural_rigidity(s), 1e-7 * whisker.base_flexural_rigidity)
+    rod = (whisker.length, whisker.cone_length, whisker.base_flexural_rigidity)
     with np.errstate(invalid="ignore"):
         side = np.where(loaded & np.isfinite(stations.pole_x), stations.side, 0)
     radius = np.array([whisker.base_radius, whisker.base_radius / whisker.cone_length])
     _fit_rows(
-        stations.x, stations.y, stations.information, s[1], stiffness, rest_basis(whisker, s),
-        side.astype(np.float64), stations.pole_x, stations.pole_y, stations.pole_radius,
-        stations.nearest, radius, curvature_at, rest_basis(whisker, [curvature_at])[0],
-        float(whisker.flexural_rigidity(curvature_at)), np.ascontiguousarray(prior.weights),
-        prior.centre, prior.scale, np.ascontiguousarray(prior.drift),
-        np.linalg.inv(prior.cov), friction, out, rest, rest_cov,
+        stations.x, stations.y, stations.information, stations.origin + shift, s[1], rod,
+        stiffness, rest_basis(whisker, s), side.astype(np.float64), stations.pole_x,
+        stations.pole_y, stations.pole_radius, stations.nearest, radius, curvature_at, shift,
+        np.ascontiguousarray(prior.weights), prior.centre, prior.scale,
+        np.ascontiguousarray(prior.drift), np.linalg.inv(prior.cov), friction, out, rest, rest_cov,
     )  # fmt: skip
     table = {name: out[:, k] for k, name in enumerate(_COLUMNS)}
     return ShapeFit(table, rest, rest_cov)
@@ -133,14 +141,13 @@ def _fit(stations, whisker, curvature_at, prior, loaded, friction):
 
 @njit(cache=True)
 def _fit_rows(
-    xs, ys, info, h, stiffness, basis, side, pole_x, pole_y, pole_radius, nearest, radius, at,
-    basis_at, stiffness_at, weights, centre, scale, drift, precision, friction, out, rest,
-    rest_cov,
+    xs, ys, info, origin, h, rod, stiffness, basis, side, pole_x, pole_y, pole_radius, nearest,
+    radius, at, moved, weights, centre, scale, drift, precision, friction, out, rest, rest_cov,
 ):  # fmt: skip
     m, terms = basis.shape
-    x, y, angle, kappa = np.zeros(m), np.zeros(m), np.zeros(m), np.zeros(m)
+    x, y, angle = np.zeros(m), np.zeros(m), np.zeros(m)
     shift = np.zeros((m, _LOADED))
-    base = np.zeros((3, _LOADED))
+    base, follicle = np.zeros((3, _LOADED)), np.zeros(3)
     normal, rhs = np.zeros((_LOADED, _LOADED)), np.zeros(_LOADED)
     p, mean = np.zeros(_LOADED), np.zeros(terms)
     for row in range(len(xs)):
@@ -152,11 +159,12 @@ def _fit_rows(
         load = (side[row], friction) if loaded else (0.0, 0.0)
         c = min(nearest[row], (m - 1) * h) if loaded else (first + count // 2) * h
         p[:] = 0.0
-        chi2 = 1.0
+        chi2, change = 1.0, np.inf
         _trace(xs[row], ys[row], info[row], first, h, x, y, angle)
         ref_x, ref_y, p[1] = _at(x, y, angle, h, c)
-        for iteration in range(ITERATIONS):
-            _prior_mean(weights, drift[row], (angle[0] - centre) / scale, mean)
+        follicle[2] = angle[0]
+        for iteration in range(ITERATIONS + 1):
+            _prior_mean(weights, drift[row], (follicle[2] - centre) / scale, mean)
             if iteration == 0:
                 p[2 : 2 + terms] = mean
                 if loaded:
@@ -164,27 +172,39 @@ def _fit_rows(
                         x, y, angle, info[row], basis, mean, stiffness, h, c, side[row], friction
                     )
             elif loaded:
-                c = _nearest_on_model(x, y, angle, h, c, pole_x[row], pole_y[row])
-                ref_x, ref_y, p[1] = _at(x, y, angle, h, c)
-                p[0] = 0.0
-            _lay(p, basis, stiffness, load, h, c, ref_x, ref_y, x, y, angle, kappa, shift, base)
-            change, chi2 = _step(
-                xs[row], ys[row], info[row], x, y, angle, shift, size, mean, precision[row],
-                p, normal, rhs, chi2, iteration,
+                nearest_now = _nearest_on_model(x, y, angle, h, c, pole_x[row], pole_y[row])
+                if abs(nearest_now - c) > ANCHOR_MOVES_M:
+                    c = nearest_now
+                    ref_x, ref_y, p[1] = _at(x, y, angle, h, c)
+                    p[0] = 0.0
+            _lay(
+                p, rod, load, origin[row], moved, h, c, ref_x, ref_y, x, y, angle, shift, base,
+                follicle,
             )  # fmt: skip
-            _lay(p, basis, stiffness, load, h, c, ref_x, ref_y, x, y, angle, kappa, shift, base)
-            if iteration > 2 and change < 1e-3:
+            chi2 = _equations(
+                xs[row], ys[row], info[row], x, y, angle, shift, size, mean, precision[row],
+                p, normal, rhs, chi2, iteration > 1,
+            )  # fmt: skip
+            if iteration == ITERATIONS or (iteration > 3 and change < 1e-2):
                 break
+            change = _step(size, p, normal, rhs)
+            _lay(
+                p, rod, load, origin[row], moved, h, c, ref_x, ref_y, x, y, angle, shift, base,
+                follicle,
+            )  # fmt: skip
         cov = np.linalg.inv(normal[:size, :size]) * max(chi2, 1.0)
         rest[row] = p[2 : 2 + terms]
         rest_cov[row] = cov[2 : 2 + terms, 2 : 2 + terms]
         o = out[row]
-        o[7], o[8], o[9] = angle[0], x[0], y[0]
-        o[15] = (basis_at * rest[row]).sum()
+        o[7], o[8], o[9] = follicle[2], follicle[0], follicle[1]
+        _polynomials(2 * (at + origin[row] - moved) / rod[0] - 1, mean)
+        o[15] = (mean * rest[row]).sum()
         o[16], o[17] = chi2, count
         if loaded:
+            c_x, c_y = ref_x - p[0] * np.sin(p[1]), ref_y + p[0] * np.cos(p[1])
             _loads(
-                o, p, cov, size, side[row], friction, c, h, x, y, angle, base, at, stiffness_at,
+                o, p, cov, size, side[row], friction, c + origin[row], c_x, c_y, base, follicle,
+                _at(x, y, angle, h, at), at + origin[row], _softness(at + origin[row], rod),
                 pole_x[row], pole_y[row], pole_radius, radius,
             )  # fmt: skip
 
@@ -277,17 +297,24 @@ def _prior_mean(weights, drift, u, mean):
 
 
 @njit(cache=True)
-def _lay(p, basis, stiffness, load, h, c, ref_x, ref_y, x, y, angle, kappa, shift, base):
-    """Lay the rod from arc length c both ways, with its derivatives by every parameter.
+def _polynomials(u, values):
+    """Legendre polynomials at `u`, into `values`."""
+    before, now = 1.0, u
+    for j in range(len(values)):
+        values[j] = before
+        before, now = now, ((2 * j + 3) * u * now - (j + 1) * before) / (j + 2)
 
+
+@njit(cache=True)
+def _lay(p, rod, load, origin, moved, h, c, ref_x, ref_y, x, y, angle, shift, base, follicle):
+    """Lay the rod from grid place c both ways, with its derivatives by every parameter.
+
+    `rod` is (length, cone length, base rigidity); station k is at arc length k h + origin, of
+    which `moved` came after the rest shape was measured.
     `shift[k, q]`: how far station k moves along its normal per unit of parameter q; `base[:, q]`:
-    how the follicle moves (x, y) and turns.
+    how the follicle moves (x, y) and turns; `follicle`: its place and angle.
     """
-    m, terms = basis.shape
-    for k in range(m):
-        kappa[k] = 0.0
-        for j in range(terms):
-            kappa[k] += p[2 + j] * basis[k, j]
+    m, terms = len(x), shift.shape[1] - 3
     side, friction = load
     force = p[2 + terms] if side != 0 else 0.0
     sin, cos = np.sin(p[1]), np.cos(p[1])
@@ -295,29 +322,44 @@ def _lay(p, basis, stiffness, load, h, c, ref_x, ref_y, x, y, angle, kappa, shif
     fx, fy = _unit_force(p[1], side, friction)
     if side == 0:
         fx, fy = 0.0, 0.0
-    before = min(int(np.ceil(c / h)) - 1, m - 1)
     # derivatives of x, y, angle, curvature by the rest terms and the force
     d = np.zeros((4, terms + 1))
+    low, middle, high = np.empty(terms), np.empty(terms), np.empty(terms)
+    before = min(int(np.ceil(c / h)) - 1, m - 1)
     for direction in (-1, 1):
         s, at_x, at_y, theta = c, start_x, start_y, p[1]
-        t = c / h - before
         d[:, :] = 0.0
-        bend = 0.0
-        for j in range(terms):
-            d[3, j] = basis[before, j]
-            if before + 1 < m:
-                d[3, j] += t * (basis[before + 1, j] - basis[before, j])
-            bend += p[2 + j] * d[3, j]
+        _polynomials(2 * (c + origin - moved) / rod[0] - 1, low)
+        d[3, :terms] = low
+        soft = _softness(c + origin, rod) if direction < 0 else 0.0
         k = before if direction < 0 else before + 1
-        while 0 <= k < m:
-            step = k * h - s
-            softness = 1 / stiffness[k] if direction < 0 else 0.0
-            bend, theta, at_x, at_y = _advance(
-                step, kappa[k], softness, force, fx, fy, start_x, start_y, bend, theta, at_x,
-                at_y, basis[k], d,
+        while -1 <= k < m:
+            # past station 0 comes the follicle itself
+            step = (k * h if k >= 0 else -origin) - s
+            end = s + step + origin
+            _polynomials(2 * (end - moved - step / 2) / rod[0] - 1, middle)
+            _polynomials(2 * (end - moved) / rod[0] - 1, high)
+            middle_soft = _softness(end - step / 2, rod) if direction < 0 else 0.0
+            next_soft = _softness(end, rod) if direction < 0 else 0.0
+            rest, middle_rest, next_rest = 0.0, 0.0, 0.0
+            for j in range(terms):
+                rest += p[2 + j] * low[j]
+                middle_rest += p[2 + j] * middle[j]
+                next_rest += p[2 + j] * high[j]
+            new_theta, new_x, new_y = _runge_kutta(
+                step, rest, middle_rest, next_rest, soft * force, middle_soft * force,
+                next_soft * force, fx, fy, start_x - at_x, start_y - at_y, theta,
             )  # fmt: skip
-            s = k * h
-            x[k], y[k], angle[k], kappa[k] = at_x, at_y, theta, bend
+            _advance(
+                step, theta, new_theta, next_soft, force, fx, fy, start_x - at_x - new_x,
+                start_y - at_y - new_y, high, d,
+            )  # fmt: skip
+            theta, at_x, at_y = new_theta, at_x + new_x, at_y + new_y
+            s, soft = s + step, next_soft
+            low[:] = high
+            if k < 0:
+                break
+            x[k], y[k], angle[k] = at_x, at_y, theta
             nx, ny = -np.sin(theta), np.cos(theta)
             shift[k, 0] = -sin * nx + cos * ny
             shift[k, 1] = -(at_y - start_y) * nx + (at_x - start_x) * ny
@@ -325,38 +367,61 @@ def _lay(p, basis, stiffness, load, h, c, ref_x, ref_y, x, y, angle, kappa, shif
                 shift[k, 2 + q] = d[0, q] * nx + d[1, q] * ny
             k += direction
         if direction < 0:
+            follicle[0], follicle[1], follicle[2] = at_x, at_y, theta
             base[0, 0], base[1, 0], base[2, 0] = -sin, cos, 0.0
             base[0, 1], base[1, 1], base[2, 1] = -(at_y - start_y), at_x - start_x, 1.0
             base[:, 2:] = d[:3]
 
 
 @njit(cache=True)
-def _advance(
-    step, rest, softness, force, fx, fy, start_x, start_y, bend, theta, at_x, at_y, basis, d
-):
-    """One step of the rod and of its derivatives `d`; returns curvature, angle, x, y there."""
-    middle = theta + 0.5 * step * bend
-    sin, cos = np.sin(middle), np.cos(middle)
-    guess_x, guess_y = at_x + step * cos, at_y + step * sin
-    lever = (start_x - guess_x) * fy - (start_y - guess_y) * fx
-    new_bend = rest + force * lever * softness
-    new_theta = theta + 0.5 * step * (bend + new_bend)
-    middle = 0.5 * (theta + new_theta) + step * (bend - new_bend) / 8
+def _softness(s, rod):
+    """1/(E I(s)) [1/(N m²)]; the very tip of a full cone, which has none, is stiffened."""
+    return 1 / (rod[2] * max((1 - s / rod[1]) ** 4, 1e-7))
+
+
+@njit(cache=True)
+def _runge_kutta(step, k0, k1, k2, f0, f1, f2, fx, fy, arm_x, arm_y, theta):
+    """Fourth-order step of angle and place.
+
+    k: rest curvature at start, middle, end; f: force over rigidity there; arm: from the place
+    to the contact. Returns the new angle and the way made in x and y.
+    """
+    half = step / 2
+    c1, s1 = np.cos(theta), np.sin(theta)
+    r1 = k0 + f0 * (arm_x * fy - arm_y * fx)
+    t2 = theta + half * r1
+    c2, s2 = np.cos(t2), np.sin(t2)
+    r2 = k1 + f1 * ((arm_x - half * c1) * fy - (arm_y - half * s1) * fx)
+    t3 = theta + half * r2
+    c3, s3 = np.cos(t3), np.sin(t3)
+    r3 = k1 + f1 * ((arm_x - half * c2) * fy - (arm_y - half * s2) * fx)
+    t4 = theta + step * r3
+    c4, s4 = np.cos(t4), np.sin(t4)
+    r4 = k2 + f2 * ((arm_x - step * c3) * fy - (arm_y - step * s3) * fx)
+    sixth = step / 6
+    return (
+        theta + sixth * (r1 + 2 * r2 + 2 * r3 + r4),
+        sixth * (c1 + 2 * c2 + 2 * c3 + c4),
+        sixth * (s1 + 2 * s2 + 2 * s3 + s4),
+    )
+
+
+@njit(cache=True)
+def _advance(step, theta, new_theta, soft, force, fx, fy, arm_x, arm_y, basis, d):
+    """Second-order step of the derivatives `d` of x, y, angle and curvature."""
+    sin, cos = np.sin(theta), np.cos(theta)
     new_sin, new_cos = np.sin(new_theta), np.cos(new_theta)
-    old_sin, old_cos = np.sin(theta), np.cos(theta)
-    at_x += step / 6 * (old_cos + 4 * np.cos(middle) + new_cos)
-    at_y += step / 6 * (old_sin + 4 * np.sin(middle) + new_sin)
+    lever = arm_x * fy - arm_y * fx
     terms = len(basis)
     for q in range(terms + 1):
         turned = d[2, q] + 0.5 * step * d[3, q]
         dx, dy = d[0, q] - step * sin * turned, d[1, q] + step * cos * turned
-        rate = force * softness * (dy * fx - dx * fy)
-        rate += basis[q] if q < terms else lever * softness
+        rate = force * soft * (dy * fx - dx * fy)
+        rate += basis[q] if q < terms else lever * soft
         new_turn = d[2, q] + 0.5 * step * (d[3, q] + rate)
-        d[0, q] -= 0.5 * step * (old_sin * d[2, q] + new_sin * new_turn)
-        d[1, q] += 0.5 * step * (old_cos * d[2, q] + new_cos * new_turn)
+        d[0, q] -= 0.5 * step * (sin * d[2, q] + new_sin * new_turn)
+        d[1, q] += 0.5 * step * (cos * d[2, q] + new_cos * new_turn)
         d[2, q], d[3, q] = new_turn, rate
-    return new_bend, new_theta, at_x, at_y
 
 
 @njit(cache=True)
@@ -390,10 +455,10 @@ def _at(x, y, angle, h, s):
 
 
 @njit(cache=True)
-def _step(
-    xs, ys, info, x, y, angle, shift, size, mean, precision, p, normal, rhs, chi2, iteration
+def _equations(
+    xs, ys, info, x, y, angle, shift, size, mean, precision, p, normal, rhs, chi2, robust
 ):
-    """One Gauss–Newton step of `p`; returns the last parameter's change in SD, and χ²."""
+    """Fill Gauss–Newton's normal equations; returns the reduced χ² of the misfit."""
     terms = len(mean)
     normal[:, :] = 0.0
     rhs[:] = 0.0
@@ -405,7 +470,7 @@ def _step(
         misfit = -(xs[k] - x[k]) * np.sin(angle[k]) + (ys[k] - y[k]) * np.cos(angle[k])
         deviation = abs(misfit) * np.sqrt(info[k]) / scale
         weight = info[k]
-        if iteration > 1 and deviation > HUBER:
+        if robust and deviation > HUBER:
             weight *= HUBER / deviation
         total += weight * misfit * misfit
         count += 1
@@ -415,7 +480,7 @@ def _step(
                 normal[a, b] += weight * shift[k, a] * shift[k, b]
     chi2 = total / max(count - 4, 1)
     # the covariance is scaled by χ² afterwards, the prior must not be
-    inflate = max(chi2, 1.0) if iteration > 1 else 1.0
+    inflate = max(chi2, 1.0) if robust else 1.0
     for a in range(terms):
         for b in range(terms):
             if b >= a:
@@ -424,23 +489,30 @@ def _step(
     for a in range(size):
         for b in range(a):
             normal[a, b] = normal[b, a]
+    return chi2
+
+
+@njit(cache=True)
+def _step(size, p, normal, rhs):
+    """One Gauss–Newton step of `p`; returns the last parameter's change in SD."""
     scales = np.sqrt(np.diag(normal[:size, :size]))
     scaled = normal[:size, :size] / np.outer(scales, scales)
     step = np.linalg.solve(scaled, rhs[:size] / scales) / scales
     # half a radian at most: the model is laid again before it goes on
     p[:size] += min(1.0, 0.5 / max(abs(step[1]), 1e-9)) * step
-    return abs(step[size - 1]) * scales[size - 1], chi2
+    return abs(step[size - 1]) * scales[size - 1]
 
 
 @njit(cache=True)
 def _loads(
-    o, p, cov, size, side, friction, c, h, x, y, angle, base, at, stiffness_at, px, py,
-    pole_radius, radius,
+    o, p, cov, size, side, friction, c, c_x, c_y, base, follicle, place_at, at, softness_at,
+    px, py, pole_radius, radius,
 ):  # fmt: skip
     """Fill one row of results that need the force."""
-    c_x, c_y, c_angle = _at(x, y, angle, h, c)
+    c_angle = p[1]
     fx, fy = _unit_force(c_angle, side, friction)
-    at_x, at_y, _ = _at(x, y, angle, h, at)
+    x, y, angle = follicle
+    at_x, at_y, _ = place_at
     force = p[size - 1]
     o[0], o[1] = force, cov[size - 1, size - 1]
     surface = max(radius[0] - radius[1] * c, 0.0)
@@ -448,14 +520,14 @@ def _loads(
     o[3], o[4] = cov[0, 0], -side * cov[0, size - 1]
     # with the base held, the contact moves against the base's motion and turning
     q = size - 1
-    move_x = -base[0, q] + base[2, q] * (c_y - y[0])
-    move_y = -base[1, q] - base[2, q] * (c_x - x[0])
+    move_x = -base[0, q] + base[2, q] * (c_y - y)
+    move_y = -base[1, q] - base[2, q] * (c_x - x)
     o[5] = -side * (-np.sin(c_angle) * move_x + np.cos(c_angle) * move_y)
     o[6] = c
-    o[10] = (c_x - x[0]) * fy - (c_y - y[0]) * fx
-    o[11] = fx * np.cos(angle[0]) + fy * np.sin(angle[0])
-    o[12] = fy * np.cos(angle[0]) - fx * np.sin(angle[0])
+    o[10] = (c_x - x) * fy - (c_y - y) * fx
+    o[11] = fx * np.cos(angle) + fy * np.sin(angle)
+    o[12] = fy * np.cos(angle) - fx * np.sin(angle)
     lever = (c_x - at_x) * fy - (c_y - at_y) * fx if at < c else 0.0
-    o[13], o[14] = lever / stiffness_at, lever
+    o[13], o[14] = lever * softness_at, lever
     o[18] = o[2] - force * o[5]
     o[19] = o[3] + o[5] ** 2 * o[1] - 2 * o[5] * o[4]

@@ -31,6 +31,8 @@ class Stations:
     x, y : (rows, stations) [m]; NaN where nothing was measured
     information : (rows, stations) [1/m²], of the place across the whisker; 0 where not measured
     first, last : (rows,) arc length of the first and last traced point [m]
+    origin : (rows,) [m] to add to all arc lengths, where it turns out that the first traced
+        point is farther from the follicle than was thought
     pole_x, pole_y : (rows,) [m], NaN while the pole is not in view
     pole_radius : [m]
     distance : (rows,) whisker surface to pole surface [m], negative where they overlap
@@ -48,6 +50,7 @@ class Stations:
     information: np.ndarray
     first: np.ndarray
     last: np.ndarray
+    origin: np.ndarray
     pole_x: np.ndarray
     pole_y: np.ndarray
     pole_radius: float
@@ -178,6 +181,7 @@ def measure_stations(
         information=np.nan_to_num(information) * scale**2,
         first=near[:, 0] / scale,
         last=near[:, 1] / scale,
+        origin=np.zeros(rows),
         pole_x=pole_x / scale,
         pole_y=-pole_y / scale,
         pole_radius=pole_radius / scale,
