@@ -11,6 +11,7 @@ from whiskermodel.statics import (
     steady_moment,
     steady_shape,
 )
+from whiskermodel.supported import SupportedContact, SupportedResponse
 from whiskermodel.whisker import Whisker, mouse_c2, rat_c2
 
 __all__ = [
@@ -20,6 +21,8 @@ __all__ = [
     "Modes",
     "Response",
     "RingdownFit",
+    "SupportedContact",
+    "SupportedResponse",
     "Whisker",
     "base_loads",
     "fit_ringdown",

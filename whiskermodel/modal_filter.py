@@ -61,3 +61,20 @@ def _filter(p, d, dt):
     # det M = e^(−2 d dt) exactly
     denominator = np.array([1.0, -np.trace(m), np.exp(-2 * d * dt)])
     return ModalFilter(numerators, denominator, early)
+
+
+def free_motion(angular_frequency, damping_rate, t):
+    """g(t) and h(t) [s] of q'' + 2d q' + p² q = 0: q = q(0) g + q'(0) h; each (modes, *t.shape).
+
+    Any damping; h is the impulse response of Eqs 49–51.
+    """
+    t, d = np.asarray(t, dtype=float), damping_rate
+    p = np.asarray(angular_frequency).reshape(-1, *[1] * t.ndim)
+    rate = np.sqrt(np.abs(p**2 - d**2))
+    over, critical = p < d, rate == 0
+    safe = np.where(critical, 1.0, rate)
+    quick, slow = np.exp(-(d + rate * over) * t), np.exp(-(d - rate * over) * t)
+    h = np.where(over, (slow - quick) / (2 * safe), quick * np.sin(rate * t) / safe)
+    h = np.where(critical, t * quick, h)
+    even = np.where(over, (slow + quick) / 2, quick * np.cos(rate * t))
+    return even + d * h, h

@@ -48,6 +48,11 @@ class Modes:
     _evaluate: object
     _signs: np.ndarray
 
+    @property
+    def n_modes(self):
+        """How many there are."""
+        return len(self.p_prime)
+
     def shape(self, x, derivative=0):
         """φ_k or one of its first three derivatives by x/L at `x` in 0–1, (n_modes, *x.shape).
 
@@ -69,6 +74,15 @@ class Modes:
         """Undamped p_k = p'_k/L² √(E I0/ρ0) [rad/s] of a whisker of this taper (Eq. 39)."""
         stiffness = whisker.base_flexural_rigidity / whisker.base_linear_density
         return self.p_prime * np.sqrt(stiffness) / whisker.length**2
+
+
+@dataclass(frozen=True, eq=False)
+class SupportedModes(Modes):
+    """Modes of a whisker that is also held at one point, φ(support) = 0."""
+
+    def third_beside(self, x, side):
+        """φ_k's third derivative just before ("left") or after ("right") x, (n_modes,)."""
+        return self._signs * self._evaluate(np.asarray(x), 3, side=side)
 
 
 def follicle_stiffness(boundary, whisker=None):
@@ -126,6 +140,22 @@ def modes(taper, boundary="fixed", n_modes=10, basis="complete", n_terms=None):
     p, evaluate = _SOLVERS[basis](float(taper), kappa, n_modes, n_terms)
     tip = evaluate(np.ones(()), 0)
     return Modes(float(taper), kappa, basis, p, evaluate, np.where(tip < 0, -1.0, 1.0))
+
+
+def supported_modes(taper, support, boundary="fixed", n_modes=10, n_terms=None):
+    """Modes of the cone held at `support` (0–1, units of L) as well, as SupportedModes.
+
+    Other parameters are those of `modes`, with the complete basis.
+    """
+    free = modes(taper, boundary, n_modes, n_terms=n_terms)  # checks the arguments
+    if not 0 < support < 1:
+        raise ValueError(f"support must lie in 0–1 (units of L), got {support!r}")
+    n_terms = max(40, 2 * n_modes + 30) if n_terms is None else n_terms
+    p, phi = polynomial_modes(
+        free.taper, free.follicle_stiffness, free.n_modes, n_terms, float(support)
+    )
+    signs = np.where(phi(np.ones(())) < 0, -1.0, 1.0)
+    return SupportedModes(free.taper, free.follicle_stiffness, "complete", p, phi, signs)
 
 
 def _complete(taper, kappa, n_modes, n_terms):

@@ -9,14 +9,13 @@ result is that of Eq. 49 to about ten digits. (Modes that do not swing, p_k ≤ 
 has, send the whole call to the recursion for sampled forces.)
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.polynomial import legendre
 from scipy.special import roots_legendre
 
 from whiskermodel.checks import finite_array, on_whisker, positive
 from whiskermodel.force_profiles import half_gaussian, half_gaussian_shape
+from whiskermodel.modal_filter import free_motion
 
 _TERMS = 56  # Legendre terms over a group's span
 _SLOW = 24.0  # rad of a mode in half a span, up to which a polynomial follows it throughout
@@ -130,31 +129,13 @@ def _groups(duration):
         order = order[n:]
 
 
-@dataclass(frozen=True)
-class _FreeRinging:
-    """Free motion of underdamped modes: q(t) = q0 g(t) + q0' h(t)."""
-
-    angular_frequency: np.ndarray
-    damping_rate: float
-
-    def __call__(self, t):
-        """g and h [s], each (modes, *t.shape)."""
-        p = self.angular_frequency.reshape(-1, *[1] * np.ndim(t))
-        rate = np.sqrt(p**2 - self.damping_rate**2)
-        decay = np.exp(-self.damping_rate * t)
-        h = decay * np.sin(rate * t) / rate
-        return decay * np.cos(rate * t) + self.damping_rate * h, h
-
-    def carried(self, state, t):
-        """State (2, contacts, modes) of q and q' after a further time `t` (contacts,)."""
-        g, h = (values.T for values in self(t))
-        p, d = self.angular_frequency, self.damping_rate
-        return np.stack(
-            [
-                state[0] * g + state[1] * h,
-                -(p**2) * h * state[0] + (g - 2 * d * h) * state[1],
-            ]
-        )
+def _carried(response, state, t):
+    """State (2, contacts, modes) of q and q' after a further free time `t` (contacts,)."""
+    p, d = response.angular_frequency, response.whisker.damping_rate
+    g, h = (values.T[:, p > 0] for values in free_motion(p, d, t))
+    p = p[p > 0]
+    late = state[0] * g + state[1] * h
+    return np.stack([late, -(p**2) * h * state[0] + (g - 2 * d * h) * state[1]])
 
 
 class _Group:
@@ -166,7 +147,7 @@ class _Group:
     def __init__(self, response, c, peak, duration):
         moving = response.angular_frequency > 0  # a rigid rotation bears no moment
         self.angular_frequency = response.angular_frequency[moving]
-        self.ringing = _FreeRinging(self.angular_frequency, response.whisker.damping_rate)
+        self.response = response
         weights = response.base_moment_weights(c)[moving].T
         self.c, self.duration = c, duration
         self.span, self.earliest = duration.max(), duration.min()
@@ -177,12 +158,16 @@ class _Group:
         # (contacts, modes, terms): the smooth part of q
         smooth = np.tensordot(self.force, maps, axes=(1, 2))
         onset = np.where(fast, -self._state(smooth, np.zeros(1)), 0.0)
-        release = self._state(smooth, duration) + self.ringing.carried(onset, duration)
-        release = self.ringing.carried(release, self.earliest - duration)
+        release = self._state(smooth, duration) + _carried(response, onset, duration)
+        release = _carried(response, release, self.earliest - duration)
         self.polynomial = np.einsum("ck,ckn->cn", weights, smooth)
         self.polynomial -= weights.sum(axis=1)[:, None] * self.force
         self.from_onset = (weights * onset).transpose(1, 0, 2).reshape(len(c), -1)
         self.from_release = (weights * release).transpose(1, 0, 2).reshape(len(c), -1)
+
+    def ringing(self, t):
+        """g and h of the moving modes at times `t` (n,), each (modes, n)."""
+        return free_motion(self.angular_frequency, self.response.whisker.damping_rate, t)
 
     def _state(self, smooth, t):
         """q and q' of the smooth part at time `t` (contacts or 1,), (2, contacts, modes)."""

@@ -193,13 +193,9 @@ class Response:
     def amplitude_rates(self, contact_arc_length, force, dt):
         """dη_k/dt [m/s], shaped as `amplitudes`; at a kink of the force, that just after it."""
         c, force, dt = self._checked(contact_arc_length, force, dt)
-        filters = modal_filters(self.angular_frequency, self.whisker.damping_rate, dt)
         slope = np.diff(force, axis=-1, append=force[..., -1:]) / dt
-        rates = [
-            slope if f is None else slope - p * f(force, state=1)
-            for f, p in zip(filters, self.angular_frequency, strict=True)
-        ]
-        return -self.participation(c).reshape(-1, *c.shape, 1) * np.stack(rates)
+        rates = slope - self._followed_rates(force, dt)
+        return -self.participation(c).reshape(-1, *c.shape, 1) * rates
 
     def displacement(self, contact_arc_length, force, dt, arc_length):
         """y(x, t) at `arc_length` (points,) [m] (Eq. 9); other arguments as in `base_loads`.
@@ -278,6 +274,16 @@ class Response:
         filters = modal_filters(self.angular_frequency, self.whisker.damping_rate, dt)
         # a rigid rotation has no stiffness and follows: I = F
         return np.stack([force if f is None else force - f(force) for f in filters])
+
+    def _followed_rates(self, force, dt):
+        """dq_k/dt, the rate of what I_k lacks of the force, (n_modes, *forces, time)."""
+        filters = modal_filters(self.angular_frequency, self.whisker.damping_rate, dt)
+        return np.stack(
+            [
+                np.zeros_like(force) if f is None else p * f(force, state=1)
+                for f, p in zip(filters, self.angular_frequency, strict=True)
+            ]
+        )
 
     def _base_weights(self, c):
         """What −I_k adds to moment, shear, paper's shear and angle, (4, n_modes, *c.shape)."""

@@ -106,90 +106,13 @@ def test_first_sample_is_a_step():
 # Against a beam of finite elements, integrated in time -------------------------------------
 
 
-class FiniteElementBeam:
-    """Cubic Hermite elements and Newmark's rule; knows nothing of modes."""
-
-    def __init__(self, whisker, n_elements=48):
-        self.whisker, self.n = whisker, n_elements
-        share = np.linspace(0, 1, n_elements + 1)
-        self.x = whisker.length * (1 - (1 - share) ** 1.5)  # finer towards the tip
-        size = 2 * n_elements + 2
-        self.stiffness, self.mass = np.zeros((size, size)), np.zeros((size, size))
-        nodes, weights = roots_legendre(6)
-        z, w = (nodes + 1) / 2, weights / 2
-        for e in range(n_elements):
-            h = self.x[e + 1] - self.x[e]
-            s = self.x[e] + h * z
-            cross = whisker.radius(s) ** 2 * np.pi * whisker.density
-            shape, bent = self.hermite(z, h), self.hermite_bent(z, h)
-            at = slice(2 * e, 2 * e + 4)
-            self.stiffness[at, at] += (bent * (w * h * whisker.flexural_rigidity(s))) @ bent.T
-            self.mass[at, at] += (shape * (w * h * cross)) @ shape.T
-
-    @staticmethod
-    def hermite(z, h):
-        rows = [1 - 3 * z**2 + 2 * z**3, h * (z - 2 * z**2 + z**3)]
-        return np.stack([*rows, 3 * z**2 - 2 * z**3, h * (z**3 - z**2)])
-
-    @staticmethod
-    def hermite_bent(z, h):
-        rows = [(12 * z - 6) / h**2, (6 * z - 4) / h]
-        return np.stack([*rows, (6 - 12 * z) / h**2, (6 * z - 2) / h])
-
-    def point_load(self, c):
-        e = min(np.searchsorted(self.x, c, side="right") - 1, self.n - 1)
-        h = self.x[e + 1] - self.x[e]
-        load = np.zeros(len(self.mass))
-        load[2 * e : 2 * e + 4] = self.hermite((c - self.x[e]) / h, h)
-        return load
-
-    def run(self, c, force, dt, angle=None, spring=None):
-        """Base moment, base shear, base angle and tip displacement from rest, each (time,).
-
-        The base is held at zero and turned by `angle` (time,), or on a `spring` [N m/rad].
-        """
-        stiffness = self.stiffness.copy()
-        if spring is not None:
-            stiffness[1, 1] += spring
-        damping = 2 * self.whisker.damping_rate * self.mass
-        held = np.arange(2) if spring is None else np.arange(1)
-        free = np.arange(len(held), len(self.mass))
-        given = np.zeros((len(force), len(held)))
-        if angle is not None:
-            given[:, 1] = angle
-        given_v = np.gradient(given, dt, axis=0, edge_order=2)
-        given_a = np.gradient(given_v, dt, axis=0, edge_order=2)
-        load = -np.outer(force, self.point_load(c))
-        ff, fh = np.ix_(free, free), np.ix_(free, held)
-        effective = self.mass[ff] + dt / 2 * damping[ff] + dt**2 / 4 * stiffness[ff]
-        inverse = np.linalg.inv(effective)
-        u = v = a = np.zeros(len(free))
-        out = np.zeros((4, len(force)))
-        for j in range(1, len(force)):
-            u, v = u + dt * v + dt**2 / 4 * a, v + dt / 2 * a
-            right = load[j, free] - stiffness[ff] @ u - damping[ff] @ v
-            if angle is not None:
-                right = right - self.mass[fh] @ given_a[j] - damping[fh] @ given_v[j]
-                right = right - stiffness[fh] @ given[j]
-            a = inverse @ right
-            u, v = u + dt**2 / 4 * a, v + dt / 2 * a
-            whole_u = np.concatenate([given[j], u])
-            whole_v, whole_a = np.concatenate([given_v[j], v]), np.concatenate([given_a[j], a])
-            inner = self.stiffness[:2] @ whole_u + damping[:2] @ whole_v + self.mass[:2] @ whole_a
-            reaction = inner - load[j, :2]
-            out[:, j] = [-reaction[1], reaction[0], whole_u[1], whole_u[-2]]
-        if spring is not None:
-            out[0] = spring * out[2]
-        return out
-
-
 @pytest.mark.parametrize("boundary", ["fixed", "compliant"])
-def test_clamped_frame_against_finite_elements(boundary):
+def test_clamped_frame_against_finite_elements(boundary, finite_element_beam):
     """A half-Gaussian with its kinks: moment, shear, base angle and tip, against their peaks."""
     whisker, c, dt = mouse_c2(), 12e-3, 4e-6
     force = half_gaussian(np.arange(0, 16e-3, dt), 5e-3, 2.5e-6)
     spring = None if boundary == "fixed" else 3 * whisker.base_flexural_rigidity / 18e-3
-    moment, shear, angle, tip = FiniteElementBeam(whisker).run(c, force, dt, spring=spring)
+    moment, shear, angle, tip = finite_element_beam(whisker).run(c, force, dt, spring=spring)
     response = Response(whisker, "fixed" if spring is None else spring, "clamped", n_modes=30)
     loads = response.base_loads(c, force, dt)
     y = response.displacement(c, force, dt, np.array([whisker.length])).total[0]
@@ -200,14 +123,14 @@ def test_clamped_frame_against_finite_elements(boundary):
         assert np.abs(ours - expected).max() < tolerance * np.abs(expected).max()
 
 
-def test_chord_frame_against_finite_elements():
+def test_chord_frame_against_finite_elements(finite_element_beam):
     """The base turns as the force rises; smoothly, to need no infinite acceleration."""
     whisker, c, dt = mouse_c2(), 12e-3, 4e-6
     time = np.arange(0, 16e-3, dt)
     force = ramp_and_hold(time, 2e-3, 2.5e-6, hold_duration=1e-3)
     response = Response(whisker, "fixed", "chord", n_modes=30)
     angle = response.steady_angle_per_newton(c) * force
-    moment, _, _, tip = FiniteElementBeam(whisker).run(c, force, dt, angle=angle)
+    moment, _, _, tip = finite_element_beam(whisker).run(c, force, dt, angle=angle)
     loads = response.base_loads(c, force, dt)
     y = response.displacement(c, force, dt, np.array([whisker.length])).total[0]
     assert np.abs(loads.moment - moment).max() < 0.01 * np.abs(moment).max()
