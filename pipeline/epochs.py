@@ -13,7 +13,7 @@ import numpy as np
 CELL_MM = 0.2
 LEAST_CELL_PX = 4
 CHANGE = 0.3  # of the light: a cell that differs by more holds something else
-FEWEST_SAMPLES = 3  # a state seen in fewer sampled frames is something passing by
+FEWEST_SAMPLES = 3  # one after the other: a state that lasts shorter is something passing by
 MOST_CHANGES = 0.25  # per sample; a face that never rests would cut a video to pieces
 
 
@@ -69,15 +69,23 @@ def states_of(cells: list[np.ndarray], compare: Cells) -> np.ndarray:
         states[i] = next(near, len(references))
         if states[i] == len(references):
             references.append(cell)
-    counts = np.bincount(states)
-    kept = np.flatnonzero(counts >= min(FEWEST_SAMPLES, counts.max()))
-    number = np.full(len(counts), -1)
+    longest = _longest_runs(states)
+    kept = np.flatnonzero(longest >= min(FEWEST_SAMPLES, longest.max()))
+    number = np.full(len(longest), -1)
     number[kept] = np.arange(len(kept))
     states = number[states]
     changes = np.count_nonzero(np.diff(states[states >= 0]))
     if np.mean(states < 0) > 0.5 or changes > MOST_CHANGES * len(states):
         return np.zeros(len(cells), int)  # nothing ever rests: one scene is the best there is
     return states
+
+
+def _longest_runs(states):
+    """Longest run of consecutive samples of every state, int (states,)."""
+    ends = np.flatnonzero(np.diff(states, append=-1))
+    longest = np.zeros(states.max() + 1, int)
+    np.maximum.at(longest, states[ends], np.diff(ends, prepend=-1))
+    return longest
 
 
 def stretches(video, indices, cells, states, compare: Cells) -> list[Stretch]:
