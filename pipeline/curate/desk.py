@@ -1,0 +1,374 @@
+"""What a person at the page sees and does: the place in the video, the selection, the commands.
+
+Knows nothing of browsers: a command goes in by name, what is to be shown is in the attributes.
+"""
+
+from pipeline.curate.items import Item
+from pipeline.curate.results import Results, VideoUnderReview
+from pipeline.curate.review import EditError, Span
+
+WIDTHS = (50, 100, 200, 400, 800, 1600, 3200, 6400, 12800, 25600)  # frames in the time window
+FIRST_WIDTH = 400
+MARGIN = 0.1  # of the window, that stays ahead of the present frame
+FORWARD, PAGE = 10, 100
+MOST_OF_WINDOW = 0.8  # a contact longer than this part of the window is not centred
+
+
+class Desk:
+    """One person's view of the results, and everything that can be done in it.
+
+    Attributes
+    ----------
+    video : the video looked at
+    frame, whisker : the present frame, the whisker that new contacts belong to
+    selected : `Span` of the contact (or possible contact) that edits speak of, or None
+    adding : first frame of a contact that is being added, or None
+    start, width : of the time window, in frames
+    message, is_error : the answer to the last command
+    helps : the help is shown
+    lines : findings are drawn on the picture
+    finishing : the person wants to end
+    """
+
+    def __init__(self, results: Results):
+        self.results = results
+        self.width = FIRST_WIDTH
+        self.message, self.is_error = "", False
+        self.helps, self.lines = False, True
+        self.finishing = False
+        self._asked = 0  # commands for which the question whether to finish stands
+        self.video = None
+        self._enter(results.names[0])
+        self.next_doubtful()
+        self.message = ""
+
+    # ---- questions ------------------------------------------------------------------------
+
+    @property
+    def items(self) -> list[Item]:
+        """Contacts and possible contacts of the video, by onset."""
+        return self.video.items()
+
+    @property
+    def current(self) -> Item | None:
+        """The selected item."""
+        return next((item for item in self.items if item.span == self.selected), None)
+
+    @property
+    def stop(self) -> int:
+        """End of the time window."""
+        return self.start + self.width
+
+    # ---- doing ----------------------------------------------------------------------------
+
+    def do(self, command: str) -> None:
+        """Obey a command of keys.py; what makes no sense changes nothing and is told."""
+        self.message, self.is_error = "", False
+        self._asked -= bool(self._asked)
+        try:
+            getattr(self, command)()
+        except EditError as error:
+            self.message, self.is_error = str(error), True
+
+    def go(self, frame: int) -> None:
+        """Go to a frame, within the video, and keep it in the time window."""
+        self.frame = min(max(int(frame), 0), self.video.n_frames - 1)
+        margin = int(MARGIN * self.width)
+        if not self.start + margin <= self.frame < self.stop - margin:
+            self.start = self.frame - self.width // 2
+        self._fit_window()
+
+    def look_at(self, frame: int) -> None:
+        """Go to a frame that was pointed at, and select what lies there."""
+        self.go(frame)
+        here = [item for item in self.items if self.frame in item.span]
+        own = [item for item in here if item.span.whisker == self.whisker]
+        self._select(next(iter(own or here), None), go=False)
+
+    def select(self, span: Span) -> None:
+        """Select a contact or possible contact and go to its onset."""
+        self._select(next((item for item in self.items if item.span == span), None))
+
+    def open_video(self, name: str) -> None:
+        """Look at another video, at its most doubtful contact."""
+        if name in self.results.names and name != self.video.name:
+            self._enter(name)
+            self._to_doubtful()
+
+    def _enter(self, name):
+        if self.video is not None:
+            self.video.close()
+        self.video: VideoUnderReview = self.results.video(name)
+        self.frame = self.start = 0
+        self.whisker = self.video.whiskers[0]
+        self.selected = self.adding = None
+        self._fit_window()
+
+    def _fit_window(self):
+        self.start = max(0, min(self.start, self.video.n_frames - self.width))
+
+    def _select(self, item, go=True):
+        self.selected = None if item is None else item.span
+        if item is None:
+            return
+        self.whisker = item.span.whisker
+        if go:
+            length = item.span.offset - item.span.onset
+            self.frame = item.span.onset
+            middle = self.frame + (length // 2 if length < MOST_OF_WINDOW * self.width else 0)
+            self.start = middle - self.width // 2
+            self._fit_window()
+
+    # ---- commands: look -------------------------------------------------------------------
+
+    def next_frame(self):
+        """Step on."""
+        self.go(self.frame + 1)
+
+    def previous_frame(self):
+        """Step back."""
+        self.go(self.frame - 1)
+
+    def forward(self):
+        """Ten frames on."""
+        self.go(self.frame + FORWARD)
+
+    def back(self):
+        """Ten frames back."""
+        self.go(self.frame - FORWARD)
+
+    def page_forward(self):
+        """A hundred frames on."""
+        self.go(self.frame + PAGE)
+
+    def page_back(self):
+        """A hundred frames back."""
+        self.go(self.frame - PAGE)
+
+    def first_frame(self):
+        """Go to the video's start."""
+        self.go(0)
+
+    def last_frame(self):
+        """Go to the video's end."""
+        self.go(self.video.n_frames - 1)
+
+    def zoom_in(self):
+        """Take the next shorter time window, about the present frame."""
+        self._zoom(max((w for w in WIDTHS if w < self.width), default=self.width))
+
+    def zoom_out(self):
+        """Take the next longer time window, up to the whole video."""
+        if self.width < self.video.n_frames:
+            self._zoom(min((w for w in WIDTHS if w > self.width), default=self.width))
+
+    def _zoom(self, width):
+        share = (self.frame - self.start) / self.width
+        self.width = width
+        self.start = int(self.frame - share * width)
+        self.go(self.frame)
+
+    def show_lines(self):
+        """Show or hide what is drawn on the picture."""
+        self.lines = not self.lines
+
+    # ---- commands: go to ------------------------------------------------------------------
+
+    def next_contact(self):
+        """Go to the onset of the next contact, of whatever whisker."""
+        self._neighbour(1)
+
+    def previous_contact(self):
+        """Go to the onset of the contact before."""
+        self._neighbour(-1)
+
+    def _neighbour(self, step):
+        contacts = [item for item in self.items if item.is_contact]
+        spans = [item.span for item in contacts]
+        if self.selected in spans:
+            index = spans.index(self.selected) + step
+        else:
+            before = sum(span.onset <= self.frame for span in spans)
+            index = before if step > 0 else before - 1
+        if not 0 <= index < len(contacts):
+            raise EditError("there is no later contact" if step > 0 else "no earlier contact")
+        self._select(contacts[index])
+
+    def next_doubtful(self):
+        """Go to the most doubtful contact that is left; without any to the next not looked at."""
+        if not self._to_doubtful(apart_from=self.selected):
+            raise EditError("no other contact is left to look at here; v goes to the next video")
+
+    def _to_doubtful(self, apart_from=None):
+        left = [item for item in self.items if item.is_open and item.span != apart_from]
+        doubtful = sorted((i for i in left if i.is_doubtful), key=lambda i: -i.doubt)
+        if not left:
+            return False
+        after = [item for item in left if item.span.onset >= self.frame]
+        self._select((doubtful or after or left)[0])
+        return True
+
+    def other_edge(self):
+        """Go to the selected contact's onset, or from there to its end."""
+        span = self._need_selected()
+        self.go(span.offset if self.frame == span.onset else span.onset)
+
+    def next_whisker(self):
+        """Speak of the next whisker."""
+        names = self.video.whiskers
+        self.whisker = names[(names.index(self.whisker) + 1) % len(names)]
+        self.selected = self.adding = None
+
+    def next_video(self):
+        """Look at the next video."""
+        self._other_video(1)
+
+    def previous_video(self):
+        """Look at the video before."""
+        self._other_video(-1)
+
+    def _other_video(self, step):
+        names = self.results.names
+        index = names.index(self.video.name) + step
+        if not 0 <= index < len(names):
+            raise EditError("this is the last video" if step > 0 else "this is the first video")
+        self.open_video(names[index])
+
+    # ---- commands: decide -----------------------------------------------------------------
+
+    def confirm(self):
+        """Say that the selected item is right as it is, and go on to what is left."""
+        if self.selected is None:
+            self.next_doubtful()
+            return
+        item = self._need_current()
+        if item.is_contact:
+            self.video.review.confirm(item.span)
+        else:
+            self.video.review.dismiss(item.span)
+        if self._to_doubtful():
+            self.message = f"{_named(item)} confirmed"
+        else:
+            self.message = "all contacts of this video are looked at; v goes to the next video"
+
+    def delete(self):
+        """Say that there is no contact where the selected one is."""
+        item = self._need_current()
+        if not item.is_contact:
+            self.video.review.dismiss(item.span)
+        else:
+            self.video.review.delete(item.span)
+            self.selected = None
+        self.message = f"{_named(item)} deleted"
+
+    def onset(self):
+        """Let the selected contact begin with the present frame."""
+        self._move(onset=self.frame)
+
+    def offset(self):
+        """Let the selected contact (or the one being added) be over in the present frame."""
+        if self.adding is not None:
+            self.add()
+        else:
+            self._move(offset=self.frame)
+
+    def _move(self, **edge):
+        item = self._need_current()
+        if not item.is_contact:
+            raise EditError("that is no contact yet; c makes it one")
+        self.selected = self.video.review.move(item.span, **edge)
+        self.message = f"contact now {self.selected}"
+
+    def add(self):
+        """Begin a new contact here, or end the one that was begun."""
+        if self.adding is None:
+            if self.video.review.at(self.whisker, self.frame):
+                raise EditError(f"{self.whisker} has a contact here already")
+            self.adding, self.selected = self.frame, None
+            self.message = f"new contact of {self.whisker} from frame {self.frame}: " \
+                "step to the first frame without touch, then a again (Esc: leave off)"  # fmt: skip
+            return
+        self.selected = self.video.review.add(self.whisker, self.adding, self.frame)
+        self.adding = None
+        self.message = f"contact {self.selected} added"
+
+    def accept(self):
+        """Make a contact of the selected possible one."""
+        item = self._need_current()
+        if item.is_contact:
+            raise EditError("that is a contact already; Enter says that it is right")
+        self.selected = self.video.review.add(*item.span)
+        self.message = f"contact {self.selected} added"
+
+    def merge(self):
+        """Make one of the selected contact and the next."""
+        if not self._need_current().is_contact:
+            raise EditError("that is no contact")
+        self.selected = self.video.review.merge(self.selected)
+        self.message = f"merged into {self.selected}"
+
+    def undo(self):
+        """Take the last edit back and go to where it was."""
+        self._turn_back(self.video.review.undo, "undone", "nothing to undo in this video")
+
+    def redo(self):
+        """Make the edit again that was taken back."""
+        self._turn_back(self.video.review.redo, "done again", "nothing to redo")
+
+    def _turn_back(self, turn, done, nothing):
+        before = {item.span: item.state for item in self.items}
+        if not turn():
+            raise EditError(nothing)
+        self.adding = None
+        items = self.items
+        changed = [item for item in items if before.get(item.span) != item.state]
+        if changed:
+            self._select(changed[0])
+        elif self.selected not in [item.span for item in items]:
+            self.selected = None
+        self.message = done
+
+    # ---- commands: page -------------------------------------------------------------------
+
+    def escape(self):
+        """Leave off what is being done: help, then adding, then the selection."""
+        if self.helps:
+            self.helps = False
+        elif self.adding is not None:
+            self.adding = None
+        else:
+            self.selected = None
+
+    def show_help(self):
+        """Show or hide the keys."""
+        self.helps = not self.helps
+
+    def finish(self):
+        """End, if asked twice in a row."""
+        if self._asked:
+            self.finish_now()
+        self._asked = 2
+        self.message = "q again to finish and write the tables; any other key goes on"
+
+    def finish_now(self):
+        """End."""
+        self.finishing = True
+
+    # ---- what commands need ---------------------------------------------------------------
+
+    def _need_selected(self) -> Span:
+        if self.selected is None:
+            raise EditError("no contact is selected; n, p, d or a click selects one")
+        return self.selected
+
+    def _need_current(self) -> Item:
+        self._need_selected()
+        item = self.current
+        if item is None:
+            raise EditError("no contact is selected; n, p, d or a click selects one")
+        return item
+
+
+def _named(item):
+    what = "contact" if item.is_contact else "possible contact"
+    return f"{what} {item.span}"

@@ -1,0 +1,315 @@
+"""A results folder under curation: its videos, and their tables kept in step with corrections."""
+
+import threading
+import weakref
+from collections import OrderedDict, deque
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from pipeline import contact, tables
+from pipeline.curate.frames import FrameReader
+from pipeline.curate.items import Item, items_of
+from pipeline.curate.review import Review
+from pipeline.curation import CORRECTIONS_FILE, read_corrections, write_corrections
+from pipeline.errors import VideoError
+from pipeline.evidence import EVIDENCE_FILE, read_evidence
+from pipeline.inputs import STATE_FILE, InputError
+from pipeline.records import CONTACT_COLUMNS
+from pipeline.settings import read_session
+from pipeline.video import open_video
+
+LINES_AROUND = 64  # frames whose centrelines are read together
+LINE_BLOCKS = 64  # such blocks kept
+KEPT_OPEN = 8  # videos whose tables and undo history stay in memory
+
+
+@dataclass(frozen=True)
+class Traces:
+    """Time courses of one whisker, one value per frame of the video; NaN where not known.
+
+    `would_be_force` is what the frame's force would be if the whisker touched the pole.
+    """
+
+    distance_mm: np.ndarray
+    curvature_change: np.ndarray
+    force_uN: np.ndarray
+    would_be_force_uN: np.ndarray
+    probability: np.ndarray
+
+
+class VideoUnderReview:
+    """One video's results: tables, contacts under review, time courses, picture, centrelines.
+
+    Attributes
+    ----------
+    review : the contacts, to be edited
+    touch : `contact.Touch` with the corrections that were applied last
+    whiskers : names, in the order of the tables
+    """
+
+    def __init__(self, folder: Path, changed=None):
+        self.folder = Path(folder)
+        self.name = self.folder.name
+        self._state = tables.read_json(self.folder / STATE_FILE, {})
+        self.settings = read_session(self.folder / "session.toml")
+        self.recording = self.settings.recording.si()
+        self._evidence = read_evidence(self.folder)
+        frames = tables.read_frames(self.folder / "frames.parquet")
+        self.whiskers = tuple(dict.fromkeys(frames["whisker"]))
+        self.n_frames = int(frames["frame"].max()) + 1 if len(frames) else 0
+        corrections = read_corrections(self.folder)
+        self.touch = self._touch(frames, corrections)
+        self._changed = changed
+        self.review = Review(self._detected(), corrections, self.n_frames, self._corrected)
+        self._lines = OrderedDict()
+        self._traces = self._items = None  # as last made, with what they were made of
+
+    def _detected(self):
+        evidence = contact.add_probability(self._evidence, self.recording)
+        return contact.find_contacts(evidence, self.settings.analysis.curvature_at)
+
+    def _touch(self, frames, corrections):
+        return contact.retouch(
+            frames,
+            self._evidence,
+            self.recording,
+            {w.name: w.si() for w in self.settings.whisker},
+            curvature_at=self.settings.analysis.curvature_at,
+            corrections=corrections,
+            video=self.name,
+        )
+
+    # ---- corrections → tables -------------------------------------------------------------
+
+    def _corrected(self, corrections):
+        write_corrections(self.folder, corrections)
+        if self._changed is not None:
+            self._changed(self)
+
+    def refresh(self) -> None:
+        """Make contacts, forces, pulses and base loads anew from the corrections so far."""
+        self.touch = self._touch(self.touch.frames, self.review.corrections)
+
+    def write(self) -> None:
+        """Write contacts.csv and frames.parquet of this video."""
+        tables.write_frames(self.folder / "frames.parquet", self.touch.frames)
+        tables.write_csv(self.folder / "contacts.csv", self.touch.contacts, CONTACT_COLUMNS)
+
+    # ---- to look at -----------------------------------------------------------------------
+
+    def items(self) -> list[Item]:
+        """Contacts, and stretches that might be contacts, by onset."""
+        touch, verdicts = self.touch, self.review.verdicts
+        if self._items is None or self._items[0] is not touch or self._items[1] is not verdicts:
+            found = items_of(self.review, touch.contacts, touch.evidence)
+            self._items = touch, verdicts, found
+        return self._items[2]
+
+    def traces(self) -> dict[str, Traces]:
+        """Time courses of every whisker."""
+        touch = self.touch  # another thread may replace it
+        if self._traces is None or self._traces[0] is not touch:
+            self._traces = touch, self._all_traces(touch)
+        return self._traces[1]
+
+    def _all_traces(self, touch):
+        frames, evidence = touch.frames, touch.evidence
+        would_be = evidence.get("shape_force_N", pd.Series(np.nan, evidence.index))
+        table = frames.assign(would_be=1e6 * would_be.to_numpy())
+        return {
+            name: self._traces_of(part)
+            for name, part in table.groupby("whisker", sort=False, observed=True)
+        }
+
+    def _traces_of(self, part):
+        columns = (
+            "pole_distance_mm",
+            "curvature_change_per_m",
+            "contact_force_uN",
+            "would_be",
+            "contact_probability",
+        )
+        values = np.full((len(columns), self.n_frames), np.nan)
+        values[:, part["frame"].to_numpy()] = part[list(columns)].to_numpy(float).T
+        return Traces(*values)
+
+    def pole(self, frame: int):
+        """(x, y, radius) [px] of the pole, or None while it is not in view."""
+        return tables.pole_at(self._state, frame)
+
+    def centrelines(self, frame: int) -> dict[str, np.ndarray]:
+        """Traced whiskers of one frame: name → points (n, 2) [px]."""
+        block = frame // LINES_AROUND
+        if block not in self._lines:
+            self._lines[block] = self._read_lines(block)
+            if len(self._lines) > LINE_BLOCKS:
+                self._lines.popitem(last=False)
+        self._lines.move_to_end(block)
+        return self._lines[block].get(frame, {})
+
+    def _read_lines(self, block):
+        start = block * LINES_AROUND
+        inside = [("frame", ">=", start), ("frame", "<", start + LINES_AROUND)]
+        rows = tables.read_centrelines(self.folder / "centrelines.parquet", inside)
+        lines = {}
+        for i, (frame, whisker) in enumerate(zip(rows.frame, rows.whisker, strict=True)):
+            lines.setdefault(int(frame), {})[rows.names[whisker]] = rows.row(i)
+        return lines
+
+    @cached_property
+    def reader(self) -> FrameReader | None:
+        """The video's frames, or None where the video cannot be read: see `no_picture`."""
+        path = self._video_path()
+        try:
+            open_video(path).close()
+        except VideoError as error:
+            self.no_picture = str(error)
+            return None
+        return FrameReader(path, self.n_frames)
+
+    no_picture = ""
+
+    def _video_path(self):
+        """Where the video was when it was processed; else beside the results."""
+        path = Path(self._state.get("path", self.name))
+        nearby = (self.folder.parent / path.name, self.folder.parent.parent / path.name)
+        return next((p for p in (path, *nearby) if p.exists()), path)
+
+    def close(self):
+        """Let go of the video."""
+        reader = self.__dict__.pop("reader", None)
+        if reader is not None:
+            reader.close()
+
+
+class Results:
+    """All videos of a results folder; a thread keeps their tables in step with corrections.
+
+    Attributes
+    ----------
+    names : the videos' results folders, in the order of videos.csv
+    listeners : called from the thread, with a video whose tables are new
+    """
+
+    def __init__(self, folder):
+        self.folder = Path(folder)
+        self.names = _curatable(self.folder)
+        self.listeners = []
+        self.faults = {}  # video → what went wrong when its tables were made
+        self._videos = weakref.WeakValueDictionary()
+        self._recent = deque(maxlen=KEPT_OPEN)
+        self._opening = threading.Lock()
+        self._contacts = tables.read_csv(self.folder / "contacts.csv", CONTACT_COLUMNS)
+        self._due = [name for name in self.names if self._is_behind(name)]
+        self._closed = False
+        self._changed = threading.Condition()
+        self._thread = threading.Thread(target=self._work, name="tables", daemon=True)
+        self._thread.start()
+
+    def video(self, name: str) -> VideoUnderReview:
+        """One of the videos; the same object for all who have it, the last few are kept."""
+        with self._opening:
+            video = self._videos.get(name)
+            if video is None:
+                video = VideoUnderReview(self.folder / name, self._mark)
+                self._videos[name] = video
+            if video not in self._recent:
+                self._recent.append(video)
+            return video
+
+    def contacts_of(self, name: str) -> pd.DataFrame:
+        """Rows of contacts.csv of one video."""
+        return self._contacts[self._contacts["video"] == name]
+
+    def settle(self) -> None:
+        """Wait until all tables are written."""
+        with self._changed:
+            self._changed.wait_for(lambda: not self._due)
+
+    def close(self) -> None:
+        """Write what is due; let go of files and thread."""
+        self.settle()
+        with self._changed:
+            self._closed = True
+            self._changed.notify_all()
+        self._thread.join()
+        for video in list(self._videos.values()):
+            video.close()
+
+    @property
+    def busy(self) -> bool:
+        """Some correction is not yet in the tables."""
+        return bool(self._due)
+
+    # ---- the thread -----------------------------------------------------------------------
+
+    def _mark(self, video):
+        with self._changed:
+            self._due.append(video.name)
+            self._changed.notify_all()
+
+    def _work(self):
+        while True:
+            with self._changed:
+                self._changed.wait_for(lambda: self._due or self._closed)
+                if self._closed:
+                    return
+                name, count = self._due[0], self._due.count(self._due[0])
+            self._update(name)
+            with self._changed:
+                for _ in range(count):  # what was corrected meanwhile stays due
+                    self._due.remove(name)
+                self._changed.notify_all()
+            for listener in list(self.listeners):
+                listener(name)
+
+    def _update(self, name):
+        """Make and write one video's tables, and its rows of the whole contacts.csv."""
+        try:
+            video = self.video(name)
+            video.refresh()
+            video.write()
+            self._replace_rows(name, video.touch.contacts)
+            self.faults.pop(name, None)
+        except Exception as error:  # the thread must live; corrections.csv is safe
+            self.faults[name] = f"{type(error).__name__}: {error}"
+
+    def _replace_rows(self, name, contacts):
+        parts = {n: part for n, part in self._contacts.groupby("video", sort=False)}
+        parts[name] = contacts
+        order = [*self.names, *(n for n in parts if n not in self.names)]
+        kept = [parts[n] for n in order if n in parts]
+        self._contacts = pd.concat(kept, ignore_index=True)
+        tables.write_csv(self.folder / "contacts.csv", self._contacts, CONTACT_COLUMNS)
+
+    def _is_behind(self, name) -> bool:
+        """Corrections are newer than the tables: an earlier curation did not end well."""
+        corrections = self.folder / name / CORRECTIONS_FILE
+        contacts = self.folder / name / "contacts.csv"
+        whole = self.folder / "contacts.csv"
+        if not corrections.exists():
+            return False
+        newest = corrections.stat().st_mtime_ns
+        return newest > min(contacts.stat().st_mtime_ns, whole.stat().st_mtime_ns)
+
+
+def _curatable(folder) -> list[str]:
+    """Names of the videos that can be curated; InputError where there is none."""
+    if not (folder / "videos.csv").is_file():
+        raise InputError(
+            f"{folder}: no videos.csv in it, so it is no results folder; "
+            "give the --out folder of `whiskerforce run`"
+        )
+    videos = tables.read_csv(folder / "videos.csv", tables.VIDEO_COLUMNS)
+    done = [str(name) for name in videos.loc[videos["status"] != "failed", "video"]]
+    names = [name for name in done if (folder / name / EVIDENCE_FILE).is_file()]
+    if not names:
+        raise InputError(
+            f"{folder}: no finished video with {EVIDENCE_FILE} in it; `whiskerforce run` the "
+            "videos (again)"
+        )
+    return names

@@ -1,0 +1,138 @@
+"""The page's server, on this computer only: started, ended, waited for."""
+
+import asyncio
+import secrets
+import socket
+import threading
+import time
+import webbrowser
+
+from pipeline.curate.results import Results
+
+HOST = "127.0.0.1"
+GOODBYE_S = 0.5  # for the last words to reach the browser
+
+
+def curate(results, port=0, open_browser=True, block=True, say=print):
+    """Let a person correct the contacts of a results folder in the browser.
+
+    Parameters
+    ----------
+    results : results folder of `whiskerforce run`
+    port : of the page; 0: any free one
+    open_browser : open the page there
+    block : return when the person has finished (in the page, or with Ctrl-C), with all tables
+        written; else at once, with a `Server` to be stopped
+    say : told where the page is
+
+    Returns
+    -------
+    Server
+
+    Raises
+    ------
+    InputError
+        Where there is nothing to curate in the folder, or the port is taken.
+    """
+    server = Server(Results(results), port)
+    say(f"curate: {server.url}")
+    say("Finish in the page, or here with Ctrl-C; every correction is saved at once.")
+    if open_browser:
+        webbrowser.open(server.url)
+    if block:
+        try:
+            server.wait()
+        except KeyboardInterrupt:
+            say("finishing: writing the tables")
+        server.stop()
+    return server
+
+
+class Server:
+    """Serves the page from a thread of its own; `url` is where."""
+
+    def __init__(self, results: Results, port: int = 0):
+        self.results = results
+        self._socket = _bound_socket(port)
+        self._pages = []
+        self._path = f"/{secrets.token_urlsafe(8)}"
+        self.url = f"http://{HOST}:{self._socket.getsockname()[1]}{self._path}"
+        self._ended, self._stopped = threading.Event(), False
+        ready = threading.Event()
+        self._thread = threading.Thread(target=self._serve, args=(ready,), daemon=True)
+        self._thread.start()
+        ready.wait()
+
+    def wait(self) -> None:
+        """Wait until the person has finished."""
+        while not self._ended.wait(0.2):  # in short turns, so that Ctrl-C is heard
+            pass
+
+    def stop(self) -> None:
+        """Write what is due and end."""
+        if self._stopped:
+            return
+        self._stopped = True
+        self.results.close()
+        self._loop.add_callback(self._loop.stop)
+        self._thread.join()
+
+    # ---- the thread -----------------------------------------------------------------------
+
+    def _serve(self, ready):
+        from bokeh.application import Application
+        from bokeh.application.handlers import FunctionHandler
+        from bokeh.server.server import BaseServer
+        from bokeh.server.tornado import BokehTornado
+        from tornado.httpserver import HTTPServer
+        from tornado.ioloop import IOLoop
+
+        asyncio.set_event_loop(asyncio.new_event_loop())
+        self._loop = IOLoop.current()
+        place = f"{HOST}:{self._socket.getsockname()[1]}"
+        application = Application(FunctionHandler(self._open))
+        tornado = BokehTornado(
+            {self._path: application},
+            extra_websocket_origins=[place],
+            use_index=False,
+            # a laptop that sleeps must not lose its page
+            unused_session_lifetime_milliseconds=600_000,
+        )
+        http = HTTPServer(tornado)
+        http.add_socket(self._socket)
+        server = BaseServer(self._loop, tornado, http)
+        server.start()
+        self._loop.add_callback(ready.set)
+        self._loop.start()
+        server.stop()
+        http.stop()
+
+    def _open(self, doc):
+        from pipeline.curate.page import Page
+
+        self._pages.append(Page(doc, self.results, self._finish))
+
+    def _finish(self):
+        """The person wants to end: write everything (elsewhere), tell the pages, then stop."""
+        threading.Thread(target=self._settle_and_end, daemon=True).start()
+
+    def _settle_and_end(self):
+        self.results.settle()
+        for page in self._pages:
+            page.doc.add_next_tick_callback(lambda page=page: page.show_state("finished"))
+        time.sleep(GOODBYE_S)
+        self._ended.set()
+
+
+def _bound_socket(port):
+    from pipeline.inputs import InputError
+
+    bound = socket.socket()
+    bound.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        bound.bind((HOST, port))
+    except OSError as error:
+        raise InputError(f"--port {port}: cannot serve there ({error}); leave it out") from None
+    bound.listen(64)
+    bound.setblocking(False)
+    return bound
