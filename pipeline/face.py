@@ -39,7 +39,7 @@ def find_face(transmission: np.ndarray, side: str, pixels_per_mm: float) -> np.n
     on_border[0] = 0
     if not on_border.any():
         return np.zeros(dark.shape, bool)
-    mask = np.isin(labels, np.flatnonzero(on_border >= LEAST_BORDER * on_border.max()))
+    mask = (on_border >= LEAST_BORDER * on_border.max())[labels]
     return _without_holes(mask, side)
 
 
@@ -61,8 +61,12 @@ def _blurred(image, sd):
 def _without_holes(mask, side):
     """Fill what the face encloses: bright pixels without a way to the other sides."""
     _, labels = cv2.connectedComponents((~mask).astype(np.uint8))
-    outside = np.concatenate([border(labels, other) for other in SIDES if other != side])
-    return mask | ~np.isin(labels, np.unique(outside[outside > 0]))
+    enclosed = np.ones(labels.max() + 1, bool)
+    for other in SIDES:
+        if other != side:
+            enclosed[border(labels, other)] = False
+    enclosed[0] = False
+    return mask | enclosed[labels]
 
 
 def face_edge(mask: np.ndarray, smoothing_px: float = 3.0) -> list[np.ndarray]:

@@ -117,7 +117,7 @@ def _rough_circle(image, x, y, radius_px):
     """Circle (x, y, radius, score) through the half levels along rays from (x, y), or None."""
     angles = _rays()
     design = np.column_stack([np.cos(angles), np.sin(angles), np.ones(N_RAYS)])
-    for _ in range(4):
+    for _ in range(3):
         edge = _half_levels(image, x, y, radius_px)
         near = (edge > 0.4 * radius_px) & (edge < RADIUS_RANGE[1] * radius_px)
         if near.mean() < LEAST_FITTED_ARC:
@@ -130,7 +130,8 @@ def _rough_circle(image, x, y, radius_px):
         (dx, dy, radius), *_ = np.linalg.lstsq(design[near], edge[near], rcond=None)
         x, y = x + dx, y + dy
     spread = np.std(edge[near] - design[near] @ (dx, dy, radius)) / radius
-    inner = np.mean(image[_disc(image.shape, x, y, 0.6 * radius)])
+    px, py = _ray_points(x, y, angles, radius * np.array([0.2, 0.4, 0.6]))
+    inner = cv2.remap(image, px, py, cv2.INTER_LINEAR).mean()
     score = near.mean() * (1 - 4 * spread) * (1 - 2 * inner)
     return float(x), float(y), float(radius), float(score)
 
@@ -208,7 +209,8 @@ def _free_rays(image, x, y, radius, angles):
 
 def _widened(flags, steps):
     """Set the neighbours of True on a ring as well."""
-    return np.any([np.roll(flags, k) for k in range(-steps, steps + 1)], axis=0)
+    ring = np.concatenate([flags[-steps:], flags, flags[:steps]])
+    return np.convolve(ring, np.ones(2 * steps + 1), "valid") > 0
 
 
 def _annulus(image, x, y, radius, angles):

@@ -105,14 +105,16 @@ def find_obstacles(transmission, face, pole, pixels_per_mm) -> np.ndarray:
     _, labels, stats, _ = cv2.connectedComponentsWithStats(dark)
     keep = stats[:, cv2.CC_STAT_AREA] > LEAST_OBSTACLE_MM2 * pixels_per_mm**2
     # along the face there is always a fringe of fur, half dark: only what is thick counts there
-    at_face = np.unique(labels[cv2.dilate(face.astype(np.uint8), disc) > 0])
-    thick = np.unique(labels[opened(dark, pixels_per_mm)])
-    keep[np.setdiff1d(at_face, thick)] = False
+    at_face, thick = np.zeros((2, len(stats)), bool)
+    at_face[labels[cv2.dilate(face.astype(np.uint8), disc) > 0]] = True
+    thick[labels[opened(dark, pixels_per_mm)]] = True
+    keep &= ~at_face | thick
     keep[0] = False
     mask = keep[labels]
     if pole is not None:
-        rows, columns = np.ogrid[: mask.shape[0], : mask.shape[1]]
-        mask |= np.hypot(columns - pole.x_px, rows - pole.y_px) < pole.radius_px
+        around = np.zeros(mask.shape, np.uint8)
+        sixteenths = (round(16 * pole.x_px), round(16 * pole.y_px)), round(16 * pole.radius_px)
+        mask |= cv2.circle(around, *sixteenths, 1, cv2.FILLED, shift=4) > 0
     return mask & ~face
 
 
