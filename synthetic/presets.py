@@ -278,6 +278,21 @@ def _faint_touch(setting):
     return touching_motion(setting, scene, touches)
 
 
+def _close_touches(setting):
+    """Bouts of brief touches with three or four free frames between them."""
+    scene, rng = c2_scene(setting), setting.rng
+    table, onset, touches = table_of(scene), 20, []
+    while True:
+        for _ in range(rng.integers(2, 4)):
+            length = int(rng.integers(4, 25))
+            if onset + length + _MARGIN > setting.frames:
+                return touching_motion(setting, scene, touches)
+            peak = rng.uniform(0.08, 0.5) * min(table.bearable_force(length), 30e-6)
+            touches.append(Touch(onset, length, float(peak)))
+            onset += length + int(rng.integers(3, 5))
+        onset += int(rng.integers(25, 60))
+
+
 def _large_deflection(setting):
     """Touches close to the largest force that the whisker bears before it slips off."""
     scene = c2_scene(setting, setting.rng.uniform(7e-3, 9.5e-3), -0.25 * setting.side)
@@ -615,6 +630,7 @@ PRESETS = {
         _orientation, 13, "directions from -90 to 90 degrees", _orientation_place
     ),
     "faint_touch": Preset(_faint_touch, 2, "faint touches near the tip"),
+    "close_touches": Preset(_close_touches, 2, "touches three or four frames apart"),
     "h264": Preset(_h264, 2, "H.264 at ordinary quality"),
     "mjpeg": Preset(_mjpeg, 2, "MJPG"),
     "slip_off": Preset(_slip_off, 2, "the whisker slips past the pole and comes back"),
