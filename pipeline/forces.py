@@ -6,10 +6,12 @@ rod fitted to the whole traced centreline (shape_fit.py). Large angles are kept 
 in docs/conventions.md.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 
-from pipeline import rest_curvature, shape_fit
+from pipeline import arc_origin, rest_curvature, shape_fit
 from pipeline.records import CONTACT_COLUMNS, Recording, as_table, empty_table
 from pipeline.shape_fit import RestPrior, ShapeFit
 from pipeline.stations import Stations
@@ -57,7 +59,15 @@ def measure_forces(
     pole_known = np.isfinite(places.pole_x)
     free = rest_curvature.free_frames(places.distance, pole_known)
     free &= np.isfinite(places.last)
+    origin, votes = arc_origin.origin_from_tip(places, whisker, angle, time)
+    places = replace(places, origin=origin.per_row)
     prior = _rest_prior(places, whisker, curvature_at, angle, time, free)
+    if prior is not None:
+        origin = arc_origin.origin_from_bending(
+            places, whisker, curvature_at, prior, votes, friction
+        )
+        places = replace(places, origin=origin.per_row)
+        prior = _rest_prior(places, whisker, curvature_at, angle, time, free)
     evidence = pd.DataFrame(
         {
             "distance_m": places.distance,
@@ -66,6 +76,8 @@ def measure_forces(
             "pole_known": pole_known,
             "extended": places.extended,
             "rest_known": prior is not None,
+            "origin_m": origin.per_row,
+            "origin_se_m": origin.se,
         }
     )
     if prior is None:
@@ -78,12 +90,16 @@ def measure_forces(
     for name in ("gap", "clear_gap"):
         evidence[f"{name}_se_m"] = np.sqrt(fit[f"{name}_var"]) * noise
     evidence["gap_force_cov"] *= noise**2
-    evidence["shape_force_se_N"] = np.sqrt(fit["force_var"]) * noise
+    # a first traced point that is off along the whisker changes the force by its share
+    stiffer = np.abs(origin.sensitivity) * origin.se
+    error = np.sqrt(fit["force_var"]) * noise
+    evidence["shape_force_se_N"] = np.hypot(error, stiffer * fit["force"])
     # the base's angle without the load's bending of the hidden part: from the fit
     angle = np.where(np.isfinite(fit["angle"]), fit["angle"], angle)
     rest = _rest_columns(kinematics, angle, time, free)
     point, error = point_force(rest, fit)
-    evidence["point_force_N"], evidence["point_force_se_N"] = point, error
+    evidence["point_force_N"] = point
+    evidence["point_force_se_N"] = np.hypot(error, stiffer * point)
     return evidence, rest
 
 

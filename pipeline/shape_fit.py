@@ -165,6 +165,7 @@ def _fit_rows(
         follicle[2] = angle[0]
         for iteration in range(ITERATIONS + 1):
             _prior_mean(weights, drift[row], (follicle[2] - centre) / scale, mean)
+            lay = iteration == 0
             if iteration == 0:
                 p[2 : 2 + terms] = mean
                 if loaded:
@@ -174,18 +175,19 @@ def _fit_rows(
             elif loaded:
                 nearest_now = _nearest_on_model(x, y, angle, h, c, pole_x[row], pole_y[row])
                 if abs(nearest_now - c) > ANCHOR_MOVES_M:
-                    c = nearest_now
+                    lay, c = True, nearest_now
                     ref_x, ref_y, p[1] = _at(x, y, angle, h, c)
                     p[0] = 0.0
-            _lay(
-                p, rod, load, origin[row], moved, h, c, ref_x, ref_y, x, y, angle, shift, base,
-                follicle,
-            )  # fmt: skip
+            if lay:
+                _lay(
+                    p, rod, load, origin[row], moved, h, c, ref_x, ref_y, x, y, angle, shift,
+                    base, follicle,
+                )  # fmt: skip
             chi2 = _equations(
                 xs[row], ys[row], info[row], x, y, angle, shift, size, mean, precision[row],
                 p, normal, rhs, chi2, iteration > 1,
             )  # fmt: skip
-            if iteration == ITERATIONS or (iteration > 3 and change < 1e-2):
+            if iteration == ITERATIONS or (iteration > 2 and change < 1e-2):
                 break
             change = _step(size, p, normal, rhs)
             _lay(

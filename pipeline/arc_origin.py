@@ -1,0 +1,200 @@
+"""Where along the whisker the trace begins: what is not known of the part hidden in the fur.
+
+The force goes with the fourth power of the radius, so a first traced point that is taken 0.1 mm
+too near to the follicle costs 4 % in force. Beside the hidden length as it was given (on average
+right to 0.1 mm or so) two things tell where the trace begins: the tip, from which the trace's
+length counts back, frame by frame (relative only: how far the thin end is seen is not relied
+on), and the bending itself, whose distribution along the whisker depends on where its stiff base
+is. Both go into one estimate, a smooth function of base angle and time.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pipeline import shape_fit
+from pipeline.shape_fit import RestPrior
+from pipeline.stations import Stations
+from whiskermodel.whisker import Whisker
+
+HIDDEN_LENGTH_SD_M = 0.12e-3  # how well a hidden length is known beforehand
+VARIATION_SD_M = 0.06e-3  # how much it changes with angle and time, about
+LOCAL_SD_M = 6e-6  # what a smooth function cannot follow
+KNOT_S = 0.1
+MOST_KNOTS = 400
+ANGLE_TERMS = 3
+TIP_WINDOW_M = 0.3e-3  # traces that end farther from the usual place have lost the tip
+TIP_NOISE_M = 0.1e-3  # ends that scatter more than this tell nothing
+TIP_PART = 0.3  # of the frames in which the tip must be seen at least
+TIP_FRAMES = 4.0  # neighbouring frames whose ends err together
+LENGTH_MATCH = 0.05  # visible and hidden length make up the whisker's to this part
+MOST_ROWS = 240  # loaded frames that the bending is asked about
+LEAST_PUSH_SD = 15.0
+BENDING_FRAMES = 4.0  # neighbouring frames whose misfits err together
+STEPS_M = (0.08e-3, 0.03e-3, 0.03e-3)
+
+
+@dataclass(frozen=True)
+class Origin:
+    """What to add to the arc lengths of each row, and its standard error [m], both (rows,).
+
+    `sensitivity` [1/m] is the relative change of the force per change of origin.
+    """
+
+    per_row: np.ndarray
+    se: np.ndarray
+    sensitivity: float = 0.0
+
+
+@dataclass
+class _Votes:
+    """Normal equations A w = b of the weights of `design`, with the priors in."""
+
+    design: np.ndarray
+    matrix: np.ndarray
+    rhs: np.ndarray
+
+    def solve(self) -> Origin:
+        inverse = np.linalg.inv(self.matrix)
+        variance = np.einsum("ij,jk,ik->i", self.design, inverse, self.design)
+        se = np.sqrt(np.maximum(variance, 0.0) + LOCAL_SD_M**2)
+        return Origin(self.design @ (inverse @ self.rhs), se)
+
+
+def origin_from_tip(places: Stations, whisker: Whisker, angle, time) -> tuple[Origin, _Votes]:
+    """Origin of each row from the prior and, as far as the tip is seen, from the trace's end.
+
+    Parameters
+    ----------
+    places : rows of one whisker in the order of their frames
+    angle, time : (rows,) base angle [rad] and time [s]
+    """
+    design = _design(angle, time)
+    terms = design.shape[1]
+    prior = np.full(terms, VARIATION_SD_M**-2)
+    prior[0] = HIDDEN_LENGTH_SD_M**-2
+    votes = _Votes(design, np.diag(prior), np.zeros(terms))
+    visible, sd = _tip_places(places, whisker)
+    good = np.isfinite(visible)
+    if good.any():
+        part = design[good]
+        weight = np.ones(good.sum())
+        for _ in range(4):
+            # the tip's own place is unknown: a free constant, eliminated
+            weighted = part * weight[:, None] / (TIP_FRAMES * sd**2)
+            mean = weighted.sum(0) / (weight.sum() / (TIP_FRAMES * sd**2))
+            matrix = weighted.T @ (part - mean)
+            away = np.average(visible[good], weights=weight) - visible[good]
+            tip = _Votes(design, votes.matrix + matrix, weighted.T @ away)
+            origin = tip.solve()
+            left = away - origin.per_row[good]
+            left -= np.average(left, weights=weight)
+            weight = 1 / np.maximum(1, np.abs(left) / (2 * sd))
+        votes = tip
+    return votes.solve(), votes
+
+
+def origin_from_bending(
+    places: Stations,
+    whisker: Whisker,
+    curvature_at: float,
+    prior: RestPrior,
+    votes: _Votes,
+    friction=0.0,
+) -> Origin:
+    """Origin of each row from tip and bending together.
+
+    The rest shape moves along with a row's origin, so that the stiffness along the whisker is
+    what tells. `places.origin` is where the search starts.
+    """
+    rows = _loaded_rows(places, whisker, curvature_at, prior, friction)
+    if len(rows) < 5:
+        return votes.solve()
+    part, rest = places.rows(rows), replace(prior, drift=prior.drift[rows], cov=prior.cov[rows])
+    here, design, sensitivity = part.origin, votes.design[rows], 0.0
+    for step in STEPS_M:
+        part = replace(part, origin=here)
+        fits = [
+            shape_fit.fit_loaded(part, whisker, curvature_at, rest, friction, shift)
+            for shift in (-step, 0.0, step)
+        ]
+        low, middle, high = (fit["chi2"] * (fit["count"] - 4) for fit in fits)
+        noise = BENDING_FRAMES * max(1.0, float(np.nanmedian(fits[1]["chi2"])))
+        bend = np.nan_to_num((low - 2 * middle + high) / step**2) / (2 * noise)
+        pull = -np.nan_to_num((high - low) / (2 * step)) / (2 * noise)
+        share = _trust(pull, bend)
+        matrix = votes.matrix + (design * (share * bend)[:, None]).T @ design
+        if np.linalg.eigvalsh(matrix)[0] <= 0:
+            return votes.solve()
+        rhs = votes.rhs + design.T @ (share * (pull + bend * here))
+        found = _Votes(votes.design, matrix, rhs).solve()
+        here = found.per_row[rows]
+        with np.errstate(all="ignore"):
+            sensitivity = np.nanmedian(
+                (fits[2]["force"] - fits[0]["force"]) / (2 * step * fits[1]["force"])
+            )
+    return replace(found, sensitivity=float(np.nan_to_num(sensitivity)))
+
+
+def _trust(pull, bend):
+    """Weight of each row: less where it wants to go much farther than its fellows."""
+    with np.errstate(all="ignore"):
+        wish = np.where(bend > 0, pull / bend, 0.0)
+    spread = max(1.4826 * float(np.median(np.abs(wish - np.median(wish)))), 1e-6)
+    return 1 / np.maximum(1, np.abs(wish - np.median(wish)) / (3 * spread))
+
+
+def _design(angle, time):
+    """Columns: 1, powers of the base angle, hats in time; (rows, terms)."""
+    known = np.isfinite(angle)
+    low, high = np.percentile(angle[known], [2, 98]) if known.any() else (0.0, 1.0)
+    u = np.clip((angle - (low + high) / 2) / max((high - low) / 2, 0.02), -1.5, 1.5)
+    u = np.where(known, u, 0.0)
+    span = float(np.ptp(time)) if len(time) else 0.0
+    knots = int(np.clip(span / KNOT_S, 1, MOST_KNOTS)) + 1
+    place = (time - time.min()) / max(span, 1e-9) * (knots - 1) if len(time) else time
+    hats = np.maximum(1 - np.abs(place[:, None] - np.arange(knots)), 0.0)
+    powers = u[:, None] ** np.arange(1, ANGLE_TERMS + 1)
+    return np.concatenate([np.ones((len(u), 1)), powers, hats], axis=1)
+
+
+def _tip_places(places, whisker):
+    """Visible length [m] of the rows that end at the tip (NaN elsewhere), and its scatter [m]."""
+    visible = places.last - places.first
+    nothing = np.full(len(places), np.nan), np.nan
+    known = np.isfinite(visible)
+    if known.sum() < 30:
+        return nothing
+    usual = np.percentile(visible[known], 90)
+    usual = np.median(visible[known & (np.abs(visible - usual) < TIP_WINDOW_M)])
+    good = known & (np.abs(visible - usual) < TIP_WINDOW_M)
+    whole = usual + np.median(places.first[known])
+    steps = np.diff(visible[good])
+    scatter = 1.4826 * float(np.median(np.abs(steps - np.median(steps)))) / np.sqrt(2)
+    scatter = max(scatter, float(np.std(steps[np.abs(steps) < TIP_NOISE_M * 3])) / np.sqrt(2))
+    if (
+        good.mean() < TIP_PART
+        or abs(whole / whisker.length - 1) > LENGTH_MATCH
+        or not scatter < TIP_NOISE_M
+    ):
+        return nothing
+    return np.where(good, visible, np.nan), max(scatter, 10e-6)
+
+
+def _loaded_rows(places, whisker, curvature_at, prior, friction):
+    """Rows that are surely and strongly bent by the pole, spread over the video."""
+    with np.errstate(invalid="ignore"):
+        near = np.flatnonzero((places.side != 0) & (places.distance < 0.1e-3) & ~places.extended)
+    if len(near) == 0:
+        return near
+    near = near[:: max(1, len(near) // (2 * MOST_ROWS))]
+    rest = replace(prior, drift=prior.drift[near], cov=prior.cov[near])
+    fit = shape_fit.fit_loaded(places.rows(near), whisker, curvature_at, rest, friction)
+    with np.errstate(invalid="ignore"):
+        push = np.nan_to_num(fit["force"] / np.sqrt(fit["force_var"]))
+    near = near[push > LEAST_PUSH_SD]
+    return (
+        near[np.unique(np.linspace(0, len(near) - 1, MOST_ROWS).astype(int))]
+        if len(near)
+        else near
+    )
