@@ -9,7 +9,14 @@ import numpy as np
 import pandas as pd
 
 from pipeline import contact, curvature, scene_finding, stations, tracing
-from pipeline.records import FRAME_COLUMNS, PoleTrack, Recording, as_table
+from pipeline.records import (
+    CONTACT_COLUMNS,
+    FRAME_COLUMNS,
+    PoleTrack,
+    Recording,
+    as_table,
+    empty_table,
+)
 from pipeline.settings import Settings, WhiskerSettings
 from pipeline.video import open_video
 from whiskermodel.whisker import Whisker
@@ -90,23 +97,36 @@ def analyse(
                 if keep is not None:
                     keep(chunk)
     clock.seconds["centrelines"] -= clock.seconds["decoding"]
+    table = frame_table(kinematics, cast, frames.count, recording)
     with clock("contacts"):
-        touch = contact.analyse_touch(
-            frame_table(kinematics, cast, frames.count, recording),
-            stations.join(places),
-            recording,
-            cast.whiskers,
-            curvature_at=at,
-            corrections=corrections,
-        )
+        touch = _nothing_traced(table)
+        if places:
+            touch = contact.analyse_touch(
+                table,
+                stations.join(places),
+                recording,
+                cast.whiskers,
+                curvature_at=at,
+                corrections=corrections,
+            )
     return Analysis(
         frames=touch.frames,
         contacts=touch.contacts,
         evidence=touch.evidence,
         pole=pole,
         n_frames=frames.count,
-        messages=tuple(_messages(settings, pole, cast, touch.frames, frames)),
+        messages=tuple(_messages(settings, pole, cast, touch.frames, video, frames.count)),
         seconds=clock.seconds,
+    )
+
+
+def _nothing_traced(frames) -> contact.Touch:
+    """What there is to say of touches where no whisker was ever seen."""
+    return contact.Touch(
+        frames=frames,
+        contacts=empty_table(CONTACT_COLUMNS),
+        intervals=pd.DataFrame(columns=[*contact.INTERVAL_COLUMNS, "curated"]),
+        evidence=frames[["frame", "whisker"]],
     )
 
 
@@ -195,16 +215,14 @@ def typical_frames(video, epochs, n: int):
     return scene, frames[inside] if any(inside) else frames
 
 
-_NO_KINEMATICS = pd.DataFrame({"frame": [], "whisker": []}, dtype=int)
-
-
 def frame_table(kinematics, cast: Cast, n_frames: int, recording: Recording) -> pd.DataFrame:
     """Table of FRAME_COLUMNS with a row per frame and whisker, kinematics where it is tracked.
 
     `kinematics` are tables as of `curvature.measure`, whose `whisker` indexes `cast.found`.
     """
     every = pd.MultiIndex.from_product([range(n_frames), cast.names], names=["frame", "whisker"])
-    found = pd.concat(kinematics or [_NO_KINEMATICS], ignore_index=True)
+    nothing = pd.DataFrame({"frame": [], "whisker": []}, dtype=int)
+    found = pd.concat(kinematics or [nothing], ignore_index=True)
     found["whisker"] = np.asarray(cast.found, object)[found["whisker"].to_numpy(int)]
     found["tracked"] = True
     table = found.set_index(["frame", "whisker"]).reindex(every).reset_index()
@@ -213,11 +231,11 @@ def frame_table(kinematics, cast: Cast, n_frames: int, recording: Recording) -> 
     return as_table(table, FRAME_COLUMNS)
 
 
-def _messages(settings, pole, cast, table, frames):
-    """Sentences on what is missing or doubtful in one video."""
-    if frames.expected and frames.count < 0.98 * frames.expected:
-        yield f"only {frames.count} of {frames.expected} frames could be read: is it cut short?"
-    if frames.count == 1:
+def _messages(settings, pole, cast, table, video, count):
+    """Sentences on what is missing or doubtful in one video, of which `count` frames were read."""
+    if video.exact_count and count < video.n_frames:
+        yield f"only {count} of {video.n_frames} frames could be read: is it cut short?"
+    if count == 1:
         yield "one frame only: no movement to learn from, no contacts"
     if not cast.roster:
         yield "no whisker found in any frame"
