@@ -99,60 +99,59 @@ def cover_strip(
     -------
     The new length of the list; overlap of a strip with itself counts once.
     """
-    height, width = cover.shape
     n = len(x)
     step = np.hypot(x[1] - x[0], y[1] - y[0])
     for k in range(n):
+        low, high = max(k - 1, 0), min(k + 1, n - 1)
+        slope = (radius[high] - radius[low]) / (step * (high - low))
+        half = 0.5 * step + 0.02  # neighbours overlap a little, so that no pixel falls between
         across = radius[k] + reach + 0.5 * smear[k]
-        half = 0.5 * step + 0.02
-        before = across if k == 0 else half
-        after = across if k == n - 1 else half
-        box = max(across, half) if 0 < k < n - 1 else 1.42 * across
-        c, s = np.cos(angle[k]), np.sin(angle[k])
-        # a node's pixels lie within |v| ≤ across and |u| ≤ half
-        bx = box if k == 0 or k == n - 1 else abs(s) * across + abs(c) * half
-        by = box if k == 0 or k == n - 1 else abs(c) * across + abs(s) * half
-        left, right = max(0, int(np.ceil(x[k] - bx))), min(width - 1, int(np.floor(x[k] + bx)))
-        top, bottom = max(0, int(np.ceil(y[k] - by))), min(height - 1, int(np.floor(y[k] + by)))
-        if left > right or top > bottom:
-            continue
-        row, mix = _direction_row(s, c, table.shape[0])
-        slope = (radius[min(k + 1, n - 1)] - radius[max(k - 1, 0)]) / (
-            step * (min(k + 1, n - 1) - max(k - 1, 0))
-        )
-        drift = 0.5 * curvature[k] * (blur * blur + 1.0 / 12.0)
-        start_end, far_end = k * step, (n - 1 - k) * step
-        near_an_end = min(start_end, far_end) < reach + 1.0
-        smears = 1 + int(2.0 * smear[k] / blur) if smear[k] > 0.1 * blur else 1
-        for j in range(top, bottom + 1):
-            dy = -(j - y[k])
-            for i in range(left, right + 1):
-                dx = i - x[k]
-                u = dx * c + dy * s
-                if u < -before or u > after:
-                    continue
-                v = dy * c - dx * s
-                if abs(v) > across:
-                    continue
-                stretch = 1.0 - curvature[k] * v
-                along = u / stretch
-                delta = v - 0.5 * curvature[k] * u * along - drift
-                r = max(radius[k] + slope * along, 0.0)
-                a = 0.0
-                for m in range(smears):
-                    d = delta + smear[k] * ((m + 0.5) / smears - 0.5)
-                    a += _edge(table, row, mix, reach, per_px, d + r) - _edge(
-                        table, row, mix, reach, per_px, d - r
-                    )
-                a /= smears
-                if near_an_end:
-                    a *= _edge(table, row, mix, reach, per_px, start_end + along)
-                    a *= _edge(table, row, mix, reach, per_px, far_end - along)
-                if a > cover[j, i]:
-                    if cover[j, i] == 0.0:
-                        touched[n_touched] = j * width + i
-                        n_touched += 1
-                    cover[j, i] = a
+        n_touched = _cover_piece(
+            cover, touched, n_touched, x[k], y[k], angle[k], curvature[k], radius[k], slope,
+            smear[k], across, across if k == 0 else half, across if k == n - 1 else half,
+            k * step, (n - 1 - k) * step, blur, table, reach, per_px,
+        )  # fmt: skip
+    return n_touched
+
+
+@njit(cache=True, nogil=True)
+def _cover_piece(
+    cover, touched, n_touched, x, y, angle, curvature, radius, slope, smear, across, before,
+    after, from_start, to_end, blur, table, reach, per_px,
+):  # fmt: skip
+    """Write the pixels whose closest point lies from `before` to `after` [px] of one node."""
+    height, width = cover.shape
+    c, s = np.cos(angle), np.sin(angle)
+    row, mix = _direction_row(s, c, table.shape[0])
+    drift = 0.5 * curvature * (blur * blur + 1.0 / 12.0)
+    near_an_end = min(from_start, to_end) < reach + 1.0
+    smears = 1 + int(2.0 * smear / blur) if smear > 0.1 * blur else 1
+    along_box = max(before, after)
+    bx, by = abs(s) * across + abs(c) * along_box, abs(c) * across + abs(s) * along_box
+    for j in range(max(0, int(np.ceil(y - by))), min(height - 1, int(np.floor(y + by))) + 1):
+        dy = y - j
+        for i in range(max(0, int(np.ceil(x - bx))), min(width - 1, int(np.floor(x + bx))) + 1):
+            dx = i - x
+            u, v = dx * c + dy * s, dy * c - dx * s
+            if u < -before or u > after or abs(v) > across:
+                continue
+            along = u / (1.0 - curvature * v)
+            delta = v - 0.5 * curvature * u * along - drift
+            r = max(radius + slope * along, 0.0)
+            a = 0.0
+            for m in range(smears):
+                d = delta + smear * ((m + 0.5) / smears - 0.5)
+                a += _edge(table, row, mix, reach, per_px, d + r)
+                a -= _edge(table, row, mix, reach, per_px, d - r)
+            a /= smears
+            if near_an_end:
+                a *= _edge(table, row, mix, reach, per_px, from_start + along)
+                a *= _edge(table, row, mix, reach, per_px, to_end - along)
+            if a > cover[j, i]:
+                if cover[j, i] == 0.0:
+                    touched[n_touched] = j * width + i
+                    n_touched += 1
+                cover[j, i] = a
     return n_touched
 
 
