@@ -20,6 +20,7 @@ PACKED_LUMA = {"yuyv422": (0, 2), "yvyu422": (0, 2), "uyvy422": (1, 2), "ya8": (
 PLANAR_LUMA = ("yuv4", "yuvj4", "yuva4", "gray", "nv12", "nv21", "nv16")
 NOT_VIDEO_CODECS = ("ansi", "xbin", "bintext", "idf")
 BURST_STEP = 3  # in bursts, keep every third frame: whiskers must have moved in between
+LONGEST_BURST = 4  # samples; more of them would show the same posture again
 FEWEST_KEYS = 4  # fewer key frames may miss when things move
 
 
@@ -163,14 +164,16 @@ class ContainerVideo(Video):
 
     # ---- a few frames ---------------------------------------------------------------------
 
-    def _sample(self, n):
+    def _sampled(self, n):
+        found = False
         try:
-            pairs = {index: self._luma(frame) for index, frame in self._some_frames(n)}
+            for index, frame in self._some_frames(n):
+                found = True
+                yield index, self._luma(frame)
         except av.FFmpegError:
-            pairs = {}
-        if not pairs:
-            return self._sample_by_striding(n)
-        return zip(*sorted(pairs.items()), strict=True)
+            pass  # damaged: what came before is a sample too
+        if not found:
+            yield from super()._sampled(n)
 
     def _some_frames(self, n):
         """Yield (index, frame): key frames, in bursts where they are few; else reference frames.
@@ -183,8 +186,9 @@ class ContainerVideo(Video):
             stream = container.streams.video[0]
             keys = self._key_frames(container, stream, n) if self.n_frames > 2 * n else []
             if len(keys) >= FEWEST_KEYS:
+                length = min(-(-n // len(keys)), LONGEST_BURST)
                 for key in keys:
-                    yield from self._burst(container, stream, key, -(-n // len(keys)))
+                    yield from self._burst(container, stream, key, length)
                 return
         with self._open(self.path) as container:
             yield from self._strided(container, container.streams.video[0], n)

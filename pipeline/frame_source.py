@@ -74,35 +74,39 @@ class Video:
         VideoError
             If not even one frame can be read.
         """
+        indices, frames = zip(*self.sampled(n), strict=True)
+        return np.array(indices, np.int64), np.stack(frames)
+
+    def sampled(self, n: int = 48) -> Iterator[tuple[int, np.ndarray]]:
+        """Yield (index, frame) of a sample one by one, as `sample` does."""
         if n < 1:
             raise ValueError(f"n must be at least 1, got {n!r}")
-        indices, frames = self._sample(n)
-        if not len(indices):
+        last = -1
+        for index, frame in self._sampled(n):
+            if index > last:
+                yield index, frame
+                last = index
+        if last < 0:
             raise self.no_frames()
-        return np.asarray(indices, np.int64), np.stack(frames)
 
     def _read(self, start, stop):
         raise NotImplementedError
 
-    def _sample(self, n):
-        return self._sample_by_striding(n)
-
-    def _sample_by_striding(self, n):
+    def _sampled(self, n):
         """Read everything; keep every k-th frame, k doubling as frames come, at most n at once."""
         stride = max(1, -(-self.n_frames // n)) if self.n_frames else 1
-        indices, frames = [], []
+        kept = []
         try:
             for i, frame in enumerate(self.frames()):
                 if i % stride:
                     continue
-                indices.append(i)
-                frames.append(frame)
-                if len(frames) > n:
-                    indices, frames, stride = indices[::2], frames[::2], 2 * stride
+                kept.append((i, frame))
+                if len(kept) > n:
+                    kept, stride = kept[::2], 2 * stride
         except VideoError:
-            if not frames:
+            if not kept:
                 raise
-        return indices, frames
+        yield from kept
 
     def no_frames(self) -> VideoError:
         """Return the error for an input without a single frame."""
@@ -134,18 +138,18 @@ class RandomAccessVideo(Video):
         for i in range(start, stop):
             yield self._load(i)
 
-    def _sample(self, n):
-        indices, frames = [], []
-        last = None
+    def _sampled(self, n):
+        wrong, any_good = None, False
         for i in np.unique(np.linspace(0, self.n_frames - 1, n).round().astype(int)):
             try:
-                frames.append(self._load(i))
-                indices.append(i)
+                frame = self._load(i)
             except VideoError as error:
-                last = error
-        if last is not None and not frames:
-            raise last
-        return indices, frames
+                wrong = error
+            else:
+                any_good = True
+                yield int(i), frame
+        if wrong is not None and not any_good:
+            raise wrong
 
 
 def bits_to_drop(largest: int) -> int:
