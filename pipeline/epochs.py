@@ -14,6 +14,9 @@ CELL_MM = 0.2
 LEAST_CELL_PX = 4
 CHANGE = 0.3  # of the light: a cell that differs by more holds something else
 FEWEST_SAMPLES = 3  # one after the other: a state that lasts shorter is something passing by
+SETTLED_FRAMES = 10  # this long like the state to come: it has come
+MOST_KEPT = 40  # frames of one state
+MOST_STATES = 24  # a video with more has none that lasts
 MOST_CHANGES = 0.25  # per sample; a face that never rests would cut a video to pieces
 
 
@@ -58,26 +61,68 @@ def _blocks(changed):
     return bool((changed[1:, 1:] & changed[1:, :-1] & changed[:-1, 1:] & changed[:-1, :-1]).any())
 
 
-def states_of(cells: list[np.ndarray], compare: Cells) -> np.ndarray:
-    """Return the state of each sampled frame, int (k,), numbered from 0; −1 while things move.
+class Survey:
+    """Sampled frames sorted into states as they come.
 
-    Frames belong to one state if no large thing differs, wherever they are in the video.
+    Frames belong to one state if no large thing differs, wherever they are in the video. Of each
+    state only some full frames are kept, evenly spread, so that memory does not grow with the
+    length of the video.
     """
-    references, states = [], np.empty(len(cells), int)
-    for i, cell in enumerate(cells):
-        near = (s for s, reference in enumerate(references) if compare.alike(cell, reference))
-        states[i] = next(near, len(references))
-        if states[i] == len(references):
-            references.append(cell)
-    longest = _longest_runs(states)
-    kept = np.flatnonzero(longest >= min(FEWEST_SAMPLES, longest.max()))
-    number = np.full(len(longest), -1)
-    number[kept] = np.arange(len(kept))
-    states = number[states]
-    changes = np.count_nonzero(np.diff(states[states >= 0]))
-    if np.mean(states < 0) > 0.5 or changes > MOST_CHANGES * len(states):
-        return np.zeros(len(cells), int)  # nothing ever rests: one scene is the best there is
-    return states
+
+    def __init__(self, shape, pixels_per_mm: float):
+        self.compare = Cells(shape, pixels_per_mm)
+        self.indices, self.cells = [], []
+        self._states, self._references, self._kept = [], [], []
+
+    def add(self, index: int, frame: np.ndarray) -> None:
+        """Take the next sampled frame, uint8 (height, width), with its number in the video."""
+        cells = self.compare.of(frame)
+        alike = (s for s, r in enumerate(self._references) if self.compare.alike(cells, r))
+        state = next(alike, len(self._references))
+        if state == len(self._references) < MOST_STATES:
+            self._references.append(cells)
+            self._kept.append(_Kept())
+        state = min(state, MOST_STATES - 1)  # so many states are none; see `settled`
+        self._kept[state].add(frame)
+        self._states.append(state)
+        self.indices.append(index)
+        self.cells.append(cells.astype(np.float16))
+
+    def settled(self) -> tuple[np.ndarray, list[np.ndarray]]:
+        """Return the state of each sample, and frames of each state.
+
+        Returns
+        -------
+        states : int (k,), numbered from 0; −1 while things move
+        frames : for each state, uint8 (n, height, width)
+        """
+        states = np.array(self._states)
+        longest = _longest_runs(states)
+        kept = np.flatnonzero(longest >= min(FEWEST_SAMPLES, longest.max()))
+        number = np.full(len(longest), -1)
+        number[kept] = np.arange(len(kept))
+        states = number[states]
+        changes = np.count_nonzero(np.diff(states[states >= 0]))
+        if np.mean(states < 0) > 0.5 or changes > MOST_CHANGES * len(states):
+            # nothing ever rests: one scene is the best there is
+            frames = [frame for kept in self._kept for frame in kept.frames]
+            return np.zeros(len(states), int), [np.stack(frames[:: 1 + len(frames) // MOST_KEPT])]
+        return states, [np.stack(self._kept[k].frames) for k in kept]
+
+
+class _Kept:
+    """Every k-th of the frames added, k doubling whenever there are too many."""
+
+    def __init__(self):
+        self.frames, self._stride, self._count = [], 1, 0
+
+    def add(self, frame):
+        if self._count % self._stride == 0:
+            self.frames.append(frame)
+            if len(self.frames) > MOST_KEPT:
+                self.frames = self.frames[::2]
+                self._stride *= 2
+        self._count += 1
 
 
 def _longest_runs(states):
@@ -88,14 +133,14 @@ def _longest_runs(states):
     return longest
 
 
-def stretches(video, indices, cells, states, compare: Cells) -> list[Stretch]:
+def stretches(video, survey: Survey, states) -> list[Stretch]:
     """Cut the video where its state changes, to the frame, by reading between two samples.
 
     Parameters
     ----------
     video : pipeline.video.Video
-    indices, cells, states : the sampled frames' numbers, cells and states
-    compare : Cells
+    survey : of its samples
+    states : their states, as `survey.settled` gives them
 
     Something that passes by and leaves the state as it was makes no cut.
     """
@@ -104,7 +149,7 @@ def stretches(video, indices, cells, states, compare: Cells) -> list[Stretch]:
     for i, j in pairwise(still):
         if states[i] == states[j]:
             continue
-        end, begin = _change(video, indices[i], indices[j], cells[i], cells[j], compare)
+        end, begin = _change(video, survey, i, j)
         out.append(Stretch(start, end, int(states[i])))
         if begin > end:
             out.append(Stretch(end, begin, None))
@@ -112,15 +157,19 @@ def stretches(video, indices, cells, states, compare: Cells) -> list[Stretch]:
     return [*out, Stretch(start, None, int(states[still[-1]]))]
 
 
-def _change(video, first, last, before, after, compare):
-    """Frames [end, begin) between two still samples that are like neither."""
-    end, begin = int(first) + 1, int(last)
-    old, index = True, int(first)
-    for index, frame in enumerate(video.frames(int(first), int(last) + 1), int(first)):
-        cell = compare.of(frame)
-        old = old and compare.alike(cell, before)
-        if old:
+def _change(video, survey, i, j):
+    """Frames [end, begin) between the still samples i and j in which the scene is like neither."""
+    first, last = survey.indices[i], survey.indices[j]
+    before, after = (survey.cells[k].astype(np.float32) for k in (i, j))
+    end, begin = first + 1, None
+    for index, frame in enumerate(video.frames(first, last + 1), first):
+        cells = survey.compare.of(frame)
+        if index <= end and survey.compare.alike(cells, before):
             end = index + 1
-        if not compare.alike(cell, after):
-            begin = index + 1
-    return end, min(max(begin, end), int(last))
+        elif not survey.compare.alike(cells, after):
+            begin = None
+        elif begin is None:
+            begin = index
+        if begin is not None and index - begin >= SETTLED_FRAMES:
+            break
+    return end, last if begin is None else begin

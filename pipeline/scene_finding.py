@@ -6,12 +6,13 @@ import cv2
 import numpy as np
 
 from pipeline.background import estimate_background, without_whiskers
-from pipeline.epochs import Cells, states_of, stretches
+from pipeline.epochs import Survey, stretches
 from pipeline.face import face_side, find_face, opened
 from pipeline.pole import find_pole
 from pipeline.records import PoleTrack, Recording, StaticScene
 
-N_SAMPLES = 32
+N_SAMPLES = (32, 1000)  # at least and at most
+FRAMES_PER_SAMPLE = 50
 LEAST_OBSTACLE_MM2 = 0.05
 OPAQUE = 0.7  # share of the light below which something static hides whiskers
 
@@ -45,19 +46,24 @@ def find_scenes(
     epochs, without gaps, from frame 0 on. Where a state of the scene returns (the pole away
     again), it is the same StaticScene.
     """
-    indices, frames = video.sample(N_SAMPLES)
-    compare = Cells(video.shape, recording.pixels_per_mm)
-    cells = [compare.of(frame) for frame in frames]
-    states = states_of(cells, compare)
+    survey = Survey(video.shape, recording.pixels_per_mm)
+    for index, frame in video.sampled(_sample_size(video.n_frames)):
+        survey.add(index, frame)
+    states, frames = survey.settled()
     n_frames = video.n_frames or 1
     scenes = [
-        scene_from_frames(frames[states == s], recording, pole_diameter_m, pole_xy, n_frames)
-        for s in range(states.max() + 1)
+        scene_from_frames(some, recording, pole_diameter_m, pole_xy, n_frames) for some in frames
     ]
     return tuple(
         Epoch(part.start, part.stop, None if part.state is None else scenes[part.state])
-        for part in stretches(video, indices, cells, states, compare)
+        for part in stretches(video, survey, states)
     )
+
+
+def _sample_size(n_frames):
+    """Enough for a background, and in a long video for seeing when large things move."""
+    low, high = N_SAMPLES
+    return low if n_frames is None else int(np.clip(n_frames // FRAMES_PER_SAMPLE, low, high))
 
 
 def find_scene(video, recording: Recording, pole_diameter_m=0.5e-3, pole_xy=None) -> StaticScene:

@@ -2,7 +2,7 @@ import cv2
 import numpy as np
 import pytest
 
-from pipeline.epochs import Cells, states_of
+from pipeline.epochs import MOST_KEPT, Cells, Survey
 from pipeline.frame_source import RandomAccessVideo
 from pipeline.records import Recording
 from pipeline.scene_finding import find_scene, find_scenes
@@ -155,26 +155,43 @@ class TestEpochs:
         )
 
 
-class TestStates:
+def survey(frames):
+    """States of frames and the frames kept of each."""
+    taken = Survey((HEIGHT, WIDTH), SCALE)
+    for i, frame in enumerate(frames):
+        taken.add(10 * i, np.clip(frame, 0, 255).astype(np.uint8))
+    return taken.settled()
+
+
+class TestSurvey:
     def test_whiskers_and_flicker_are_no_change(self):
-        compare = Cells((HEIGHT, WIDTH), SCALE)
-        frames = [
-            np.clip(light(pole=POLE, whisker=swing(i)) * (1 + 0.1 * np.sin(i)), 0, 255)
-            for i in range(20)
-        ]
-        cells = [compare.of(frame.astype(np.uint8)) for frame in frames]
-        assert set(states_of(cells, compare)) == {0}
+        frames = [light(pole=POLE, whisker=swing(i)) * (1 + 0.1 * np.sin(i)) for i in range(20)]
+        states, kept = survey(frames)
+        assert set(states) == {0}
+        assert [len(some) for some in kept] == [20]
 
     def test_few_frames_are_states_of_their_own(self):
-        compare = Cells((HEIGHT, WIDTH), SCALE)
-        cells = [compare.of(light(pole=p).astype(np.uint8)) for p in (None, POLE)]
-        assert set(states_of(cells, compare)) <= {0, 1}
+        states, kept = survey([light(), light(pole=POLE)])
+        assert list(states) == [0, 0] or len(kept) == 2
 
     def test_what_passes_by_is_no_state(self):
-        compare = Cells((HEIGHT, WIDTH), SCALE)
         paws = [None] * 6 + [80, 140] + [None] * 6
-        cells = [compare.of(light(paw=p).astype(np.uint8)) for p in paws]
-        assert list(states_of(cells, compare)) == [0] * 6 + [-1, -1] + [0] * 6
+        states, kept = survey([light(paw=paw) for paw in paws])
+        assert list(states) == [0] * 6 + [-1, -1] + [0] * 6
+        assert [len(some) for some in kept] == [12]
+
+    def test_what_never_rests_is_one_state(self):
+        states, kept = survey([light(paw=paw) for paw in range(0, 240, 8)])
+        assert set(states) == {0}
+        assert len(kept) == 1
+
+    def test_kept_frames_are_few_and_evenly_spread(self):
+        frames = [light(paw=100) + 0.1 * i for i in range(3 * MOST_KEPT)]
+        _, (kept,) = survey(frames)
+        assert MOST_KEPT // 2 <= len(kept) <= MOST_KEPT
+        level = kept[:, 80, 100].astype(float)
+        assert np.ptp(level) > 0.9 * 0.3 * MOST_KEPT
+        assert np.abs(np.diff(level, 2)).max() <= 1
 
     def test_cells_follow_the_scale(self):
         assert Cells((480, 640), 25.0).size == (128, 96)
