@@ -133,7 +133,7 @@ def _longest_runs(states):
     return longest
 
 
-def stretches(video, survey: Survey, states) -> list[Stretch]:
+def stretches(video, survey: Survey, states, in_place) -> list[Stretch]:
     """Cut the video where its state changes, to the frame, by reading between two samples.
 
     Parameters
@@ -141,6 +141,8 @@ def stretches(video, survey: Survey, states) -> list[Stretch]:
     video : pipeline.video.Video
     survey : of its samples
     states : their states, as `survey.settled` gives them
+    in_place : for each state, a function of a frame that tells more finely than the cells do
+        whether all is where it belongs in that state (the pole)
 
     Something that passes by and leaves the state as it was makes no cut.
     """
@@ -149,7 +151,7 @@ def stretches(video, survey: Survey, states) -> list[Stretch]:
     for i, j in pairwise(still):
         if states[i] == states[j]:
             continue
-        end, begin = _change(video, survey, i, j)
+        end, begin = _change(video, survey, (i, j), [in_place[states[k]] for k in (i, j)])
         out.append(Stretch(start, end, int(states[i])))
         if begin > end:
             out.append(Stretch(end, begin, None))
@@ -157,18 +159,22 @@ def stretches(video, survey: Survey, states) -> list[Stretch]:
     return [*out, Stretch(start, None, int(states[still[-1]]))]
 
 
-def _change(video, survey, i, j):
-    """Frames [end, begin) between the still samples i and j in which the scene is like neither."""
-    first, last = survey.indices[i], survey.indices[j]
-    before, after = (survey.cells[k].astype(np.float32) for k in (i, j))
+def _change(video, survey, samples, in_place):
+    """Frames [end, begin) between two still samples in which the scene is like neither."""
+    first, last = (survey.indices[k] for k in samples)
+    cells = [survey.cells[k].astype(np.float32) for k in samples]
     end, begin = first + 1, None
     for index, frame in enumerate(video.frames(first, last + 1), first):
-        cells = survey.compare.of(frame)
-        if index <= end and survey.compare.alike(cells, before):
+        present = survey.compare.of(frame)
+        old, new = (
+            survey.compare.alike(present, known) and check(frame)
+            for known, check in zip(cells, in_place, strict=True)
+        )
+        if old and begin is None:
             end = index + 1
-        elif not survey.compare.alike(cells, after):
+        if not new:
             begin = None
-        elif begin is None:
+        elif begin is None and not old:
             begin = index
         if begin is not None and index - begin >= SETTLED_FRAMES:
             break

@@ -8,7 +8,7 @@ import numpy as np
 from pipeline.background import estimate_background, without_whiskers
 from pipeline.epochs import Survey, stretches
 from pipeline.face import face_side, find_face, opened
-from pipeline.pole import find_pole
+from pipeline.pole import PoleFollower, find_pole
 from pipeline.records import PoleTrack, Recording, StaticScene
 
 N_SAMPLES = (32, 1000)  # at least and at most
@@ -56,8 +56,16 @@ def find_scenes(
     ]
     return tuple(
         Epoch(part.start, part.stop, None if part.state is None else scenes[part.state])
-        for part in stretches(video, survey, states)
+        for part in stretches(video, survey, states, [_pole_check(scene) for scene in scenes])
     )
+
+
+def _pole_check(scene):
+    """Return a function of a frame: is the scene's pole (if any) in its place?"""
+    if scene.pole is None:
+        return lambda frame: True
+    place = scene.pole.x_px[0], scene.pole.y_px[0], scene.pole.radius_px
+    return PoleFollower(*place, scene.background).look
 
 
 def _sample_size(n_frames):
