@@ -30,7 +30,7 @@ TIP_FRAMES = 4.0  # neighbouring frames whose ends err together
 LENGTH_MATCH = 0.05  # visible and hidden length make up the whisker's to this part
 MOST_ROWS = 240  # loaded frames that the bending is asked about
 LEAST_PUSH_SD = 15.0
-BENDING_FRAMES = 4.0  # neighbouring frames whose misfits err together
+INDEPENDENT_FRAMES = 16.0  # more loaded frames than this share their errors and add nothing
 STEPS_M = (0.08e-3, 0.03e-3, 0.03e-3)
 
 
@@ -119,7 +119,8 @@ def origin_from_bending(
             for shift in (-step, 0.0, step)
         ]
         low, middle, high = (fit["chi2"] * (fit["count"] - 4) for fit in fits)
-        noise = BENDING_FRAMES * max(1.0, float(np.nanmedian(fits[1]["chi2"])))
+        noise = max(1.0, float(np.nanmedian(fits[1]["chi2"])))
+        noise *= max(1.0, len(rows) / INDEPENDENT_FRAMES)
         bend = np.nan_to_num((low - 2 * middle + high) / step**2) / (2 * noise)
         pull = -np.nan_to_num((high - low) / (2 * step)) / (2 * noise)
         share = _trust(pull, bend)

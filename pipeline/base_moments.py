@@ -1,12 +1,111 @@
-"""Dynamic base moment of every contact: steady and vibrational, from the model."""
+"""Dynamic base moment of every contact: steady and vibrational, from the whisker's model.
 
+The model (whiskermodel.response: fixed end, chord frame, ten modes of the complete basis) is
+driven with the fitted half-Gaussian where the contact is one, with the measured force where it
+is not. Moments are signed as in the tables: positive where the load bends counter-clockwise.
+"""
+
+import numpy as np
 import pandas as pd
 
 from pipeline.records import Recording
+from whiskermodel.pulse_response import half_gaussian_extremes
+from whiskermodel.response import Response
+
+SUBSTEPS = 40  # results per frame of a measured force: the modes ring at up to some kHz
+RINGING_S = 25e-3  # how long the vibration is followed after the contact
+LARGEST_PART = 0.995  # of the length, the farthest contact that the model takes
+NOT_A_PULSE = "not_half_gaussian"
+_COLUMNS = ("steady_peak_nN_m", "vibration_max_nN_m", "vibration_min_nN_m")
 
 
 def add_base_moments(
     contacts: pd.DataFrame, frames: pd.DataFrame, whiskers: dict, recording: Recording
 ) -> pd.DataFrame:
-    """Fill `steady_peak_nN_m` and `vibration_…` (waits for whiskermodel.response)."""
+    """Fill `steady_peak_nN_m`, `vibration_…` of the table of contacts.
+
+    Contacts of whiskers without dimensions, without forces or beyond the tip keep missing values.
+
+    Parameters
+    ----------
+    contacts : records.CONTACT_COLUMNS with pulses
+    frames : records.FRAME_COLUMNS with forces
+    whiskers : name → Whisker or None
+    """
+    contacts = contacts.copy()
+    for name, part in contacts.groupby("whisker"):
+        whisker = whiskers.get(name)
+        if whisker is None:
+            continue
+        response = Response(whisker)
+        place = 1e-3 * part["contact_arc_length_mm"]
+        usable = (place > 0) & (place < LARGEST_PART * whisker.length)
+        odd = part["flags"].str.split(";").apply(lambda flags: NOT_A_PULSE in flags)
+        pulse = usable & ~odd & part["pulse_peak_uN"].notna()
+        _write(contacts, part.index[pulse], _of_pulses(response, part[pulse]))
+        measured = usable & ~pulse & part["peak_force_uN"].notna()
+        own = frames[frames["whisker"] == name].sort_values("frame")
+        for i, row in part[measured].iterrows():
+            force = _measured_force(own, row)
+            _write(contacts, [i], _of_force(response, 1e-3 * row["contact_arc_length_mm"],
+                                            force, recording, row))  # fmt: skip
     return contacts
+
+
+def _of_pulses(response, part):
+    """Steady peak, largest and least vibrational moment [N m], (3, contacts)."""
+    if len(part) == 0:
+        return np.empty((3, 0))
+    extremes = half_gaussian_extremes(
+        response,
+        1e-3 * part["contact_arc_length_mm"].to_numpy(float),
+        1e-6 * part["pulse_peak_uN"].to_numpy(float),
+        1e-3 * part["pulse_duration_ms"].to_numpy(float),
+        ringing=RINGING_S,
+    )
+    return _signed(extremes, part["peak_base_moment_nN_m"].to_numpy(float))
+
+
+def _of_force(response, place, force, recording, row):
+    """The same for one contact of any time course, from the force in its frames [N]."""
+    quiet = np.zeros(int(RINGING_S * recording.frames_per_second) + 1)
+    force = np.concatenate([[0.0], force, quiet])
+    dt = 1 / recording.frames_per_second
+    loads = response.base_loads(place, force, dt, substeps=SUBSTEPS)
+    steady = loads.steady_moment[np.argmax(np.abs(loads.steady_moment))]
+    extremes = np.array(
+        [[steady], [loads.vibrational_moment.max()], [loads.vibrational_moment.min()]]
+    )
+    return _signed(extremes, np.array([row["peak_base_moment_nN_m"]], float))
+
+
+def _signed(extremes, measured):
+    """Extremes for a force that makes a moment of the measured sign; the model's is −c F."""
+    steady, high, low = extremes
+    against = measured > 0
+    return np.stack(
+        [
+            np.where(against, -steady, steady),
+            np.where(against, -low, high),
+            np.where(against, -high, low),
+        ]
+    )
+
+
+def _measured_force(own: pd.DataFrame, row) -> np.ndarray:
+    """Force in the frames of one contact [N], straight lines where a frame has none."""
+    frame = own["frame"].to_numpy()
+    first, last = np.searchsorted(frame, [row["onset_frame"], row["offset_frame"]])
+    force = 1e-6 * own["contact_force_uN"].to_numpy(float)[first:last]
+    known = np.isfinite(force)
+    wanted = np.arange(row["onset_frame"], row["offset_frame"])
+    return np.interp(wanted, frame[first:last][known], force[known])
+
+
+def _write(contacts, index, extremes):
+    """Store the extremes [N m] of some contacts and their ratio."""
+    for column, values in zip(_COLUMNS, extremes, strict=True):
+        contacts.loc[index, column] = 1e9 * values
+    with np.errstate(invalid="ignore", divide="ignore"):
+        largest = np.maximum(np.abs(extremes[1]), np.abs(extremes[2]))
+        contacts.loc[index, "vibration_ratio"] = largest / np.abs(extremes[0])

@@ -13,8 +13,8 @@ from pipeline.records import Centrelines, PoleTrack, Recording
 from whiskermodel.whisker import Whisker
 
 N_STATIONS = 73  # over the whisker's length: 0.25 mm apart on a mouse's C2
-FUR_CLINGS_M = 0.25e-3  # first visible part that is not used
-POLE_BLURS_PX = 3.0  # from the pole's edge on: the trace is drawn towards the dark disc
+FUR_CLINGS_M = 0.4e-3  # first visible part that is not used
+POLE_BLURS_PX = 6.0  # from the pole's edge on: the trace is drawn towards the dark disc
 LONGEST_EXTENSION_M = 1.5e-3  # a trace that ends before the tip is continued straight this far
 END_FIT_PX = 12  # the last points, which give the direction of that continuation
 
@@ -164,6 +164,7 @@ def measure_stations(
         pole_x,
         -pole_y,
         pole_radius,
+        pole_radius + POLE_BLURS_PX,
         FUR_CLINGS_M * scale,
         LONGEST_EXTENSION_M * scale,
         x,
@@ -215,19 +216,18 @@ def _raw_points(centrelines):
 @njit(cache=True)
 def _measure_rows(
     offsets, offset, info, xs, ys, whisker, hidden, spacing, length, radii, pole_x, pole_y,
-    pole_radius, skip, extension, out_x, out_y, out_information, near,
+    pole_radius, clear, skip, extension, out_x, out_y, out_information, near,
 ):  # fmt: skip
     for row in range(len(offsets) - 1):
         a, b = offsets[row], offsets[row + 1]
         out_information[row, :] = 0.0
-        if b - a < 2 * END_FIT_PX:
+        if b - a < 2 * END_FIT_PX + 1:
             continue
         w = whisker[row]
         x, y = xs[a:b], ys[a:b]
         s = _arc_lengths(x, y, hidden[row])
         near[row, 0], near[row, 1] = s[0], s[-1]
         px, py = pole_x[row], pole_y[row]
-        clear = pole_radius + POLE_BLURS_PX
         _bin(
             x, y, s, offset[a:b], info[a:b], hidden[row] + skip, spacing[w], px, py, clear,
             out_x[row], out_y[row], out_information[row],
@@ -250,7 +250,7 @@ def _arc_lengths(x, y, first):
 def _bin(x, y, s, offset, info, start, spacing, px, py, clear, out_x, out_y, out_information):
     """Weighted mean of the raw points around every station, moved along the whisker to it."""
     n = len(out_x)
-    sums = np.zeros((n, 6))  # information, x, y, s, tangent
+    sums = np.zeros((n, 8))  # information, x, y, s, tangent, s², curvature
     for i in range(len(x)):
         k = int(s[i] / spacing + 0.5)
         if s[i] < start or k >= n or not info[i] > 0:
@@ -262,15 +262,29 @@ def _bin(x, y, s, offset, info, start, spacing, px, py, clear, out_x, out_y, out
         norm = max(np.hypot(tx, ty), 1e-9)
         tx, ty = tx / norm, ty / norm
         rx, ry = x[i] - offset[i] * ty, y[i] + offset[i] * tx
-        for j, value in enumerate((1.0, rx, ry, s[i], tx, ty)):
+        kappa = _curvature(x, y, i)
+        for j, value in enumerate((1.0, rx, ry, s[i], tx, ty, s[i] ** 2, kappa)):
             sums[k, j] += info[i] * value
     for k in range(n):
         total = sums[k, 0]
         if total > 0:
-            along = k * spacing - sums[k, 3] / total
-            out_x[k] = (sums[k, 1] + along * sums[k, 4]) / total
-            out_y[k] = (sums[k, 2] + along * sums[k, 5]) / total
+            mean = sums[k] / total
+            along = k * spacing - mean[3]
+            # points of an arc lie, in the mean, inside of it
+            inside = mean[7] * (mean[6] - mean[3] ** 2) / 2
+            out_x[k] = mean[1] + along * mean[4] + inside * mean[5]
+            out_y[k] = mean[2] + along * mean[5] - inside * mean[4]
             out_information[k] = total
+
+
+@njit(cache=True)
+def _curvature(x, y, i):
+    """Curvature of the line over END_FIT_PX points either side of point `i`."""
+    i = min(max(i, END_FIT_PX), len(x) - 1 - END_FIT_PX)
+    ax, ay = x[i] - x[i - END_FIT_PX], y[i] - y[i - END_FIT_PX]
+    bx, by = x[i + END_FIT_PX] - x[i], y[i + END_FIT_PX] - y[i]
+    a, b = np.hypot(ax, ay), np.hypot(bx, by)
+    return 2 * (ax * by - ay * bx) / (a * b * (a + b))
 
 
 @njit(cache=True)
