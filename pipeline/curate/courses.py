@@ -90,14 +90,14 @@ class Courses:
         if self._loaded and self._loaded[0][0] is what[0] and self._loaded[0][1:] == what[1:]:
             first, last = self._loaded[1]
             if first <= start and stop <= last:
-                self._scale(video, start, stop)
+                self._scale(video, start, stop, whisker)
                 return
         first = max(0, int(start - MARGIN * width))
         last = min(video.n_frames, int(stop + MARGIN * width))
         self._loaded = what, (first, last)
         for name in COURSES:
             self._load(name, video, first, last, whisker, width)
-        self._scale(video, start, stop)
+        self._scale(video, start, stop, whisker)
 
     def _load(self, name, video, first, last, whisker, width):
         quantity = COURSES[name][0]
@@ -120,14 +120,17 @@ class Courses:
             "alpha": [row[3] for row in rows],
         }
 
-    def _scale(self, video, start, stop):
-        """Fit the axes to the window."""
-        traces = video.traces().values()
+    def _scale(self, video, start, stop, whisker):
+        """Fit the axes to the window: distances of the present whisker, loads of all."""
+        traces = video.traces()
 
         def values(name):
-            return np.concatenate([getattr(t, name)[start:stop] for t in traces])
+            return np.concatenate(
+                [np.empty(0), *(getattr(t, name)[start:stop] for t in traces.values())]
+            )
 
-        high = min(_extreme(values("distance_mm"), 99, 0.5), HIGHEST_DISTANCE_MM)
+        own = traces[whisker].distance_mm[start:stop] if whisker in traces else np.empty(0)
+        high = min(_extreme(own, 99, 0.5), HIGHEST_DISTANCE_MM)
         _fit(self.plots["distance"].y_range, -0.12, 1.08 * max(high, 0.5))
         change = values("curvature_change")
         low, high = _extreme(change, 0.5, 0.0), _extreme(change, 99.5, 0.0)

@@ -39,8 +39,7 @@ class Desk:
         self._asked = 0  # commands for which the question whether to finish stands
         self.video = None
         self._enter(results.names[0])
-        self.next_doubtful()
-        self.message = ""
+        self._to_doubtful()
 
     # ---- questions ------------------------------------------------------------------------
 
@@ -91,16 +90,25 @@ class Desk:
 
     def open_video(self, name: str) -> None:
         """Look at another video, at its most doubtful contact."""
-        if name in self.results.names and name != self.video.name:
+        self.message, self.is_error = "", False
+        if name not in self.results.names or name == self.video.name:
+            return
+        try:
             self._enter(name)
             self._to_doubtful()
+        except EditError as error:
+            self.message, self.is_error = str(error), True
 
     def _enter(self, name):
+        try:
+            video = self.results.video(name)
+        except (OSError, ValueError) as error:
+            raise EditError(f"{name} cannot be opened: {error}") from error
         if self.video is not None:
             self.video.close()
-        self.video: VideoUnderReview = self.results.video(name)
+        self.video: VideoUnderReview = video
         self.frame = self.start = 0
-        self.whisker = self.video.whiskers[0]
+        self.whisker = next(iter(video.whiskers), None)
         self.selected = self.adding = None
         self._fit_window()
 
@@ -216,6 +224,7 @@ class Desk:
     def next_whisker(self):
         """Speak of the next whisker."""
         names = self.video.whiskers
+        self._need_whisker()
         self.whisker = names[(names.index(self.whisker) + 1) % len(names)]
         self.selected = self.adding = None
 
@@ -232,7 +241,8 @@ class Desk:
         index = names.index(self.video.name) + step
         if not 0 <= index < len(names):
             raise EditError("this is the last video" if step > 0 else "this is the first video")
-        self.open_video(names[index])
+        self._enter(names[index])
+        self._to_doubtful()
 
     # ---- commands: decide -----------------------------------------------------------------
 
@@ -281,6 +291,7 @@ class Desk:
 
     def add(self):
         """Begin a new contact here, or end the one that was begun."""
+        self._need_whisker()
         if self.adding is None:
             if self.video.review.at(self.whisker, self.frame):
                 raise EditError(f"{self.whisker} has a contact here already")
@@ -355,6 +366,10 @@ class Desk:
         self.finishing = True
 
     # ---- what commands need ---------------------------------------------------------------
+
+    def _need_whisker(self):
+        if self.whisker is None:
+            raise EditError("no whisker was found in this video")
 
     def _need_selected(self) -> Span:
         if self.selected is None:

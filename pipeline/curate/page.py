@@ -1,6 +1,7 @@
 """One browser tab: Bokeh models that follow the desk, and the channel for commands."""
 
 import json
+import traceback
 from functools import partial
 
 from bokeh.layouts import column
@@ -59,8 +60,13 @@ class Page:
     def _take(self, text):
         """Obey the commands of one message from the browser, then show what came of them."""
         message = json.loads(text)
-        for command in message["commands"]:
-            self._obey(command)
+        try:
+            for command in message["commands"]:
+                self._obey(command)
+        except Exception as error:  # the page must go on answering
+            traceback.print_exc()
+            self.desk.message = f"fault of the program: {type(error).__name__}: {error}"
+            self.desk.is_error = True
         self._answer = message["n"]
         self.render()
         if self.desk.finishing:

@@ -5,6 +5,8 @@ from functools import cache
 from itertools import groupby
 from pathlib import Path
 
+from markupsafe import Markup, escape
+
 from pipeline.curate.colours import state_of
 from pipeline.curate.keys import COMMANDS, KEYS, shown
 
@@ -55,7 +57,7 @@ def template_variables() -> dict:
     }
 
 
-def panels(desk, frame_image_missing="") -> dict[str, str]:
+def panels(desk, no_picture="") -> dict[str, str]:
     """HTML of every part of the page that changes, by the element's id."""
     video, item = desk.video, desk.current
     macro = environment().get_template("panels.html").module
@@ -71,7 +73,7 @@ def panels(desk, frame_image_missing="") -> dict[str, str]:
         ),
         "items": macro.items(list(_rows(desk)), len(video.whiskers) > 1),
         "message": _message(desk),
-        "no_picture": environment().from_string("{{ text }}").render(text=frame_image_missing),
+        "no_picture": str(escape(no_picture)),
     }  # fmt: skip
 
 
@@ -82,8 +84,7 @@ def cover(state, folder) -> str:
 
 def _message(desk):
     css = "error" if desk.is_error else ""
-    text = '<span class="{{ css }}">{{ text }}</span>'
-    return environment().from_string(text).render(css=css, text=desk.message)
+    return str(Markup('<span class="{}">{}</span>').format(css, desk.message))
 
 
 def _count(items):
@@ -120,7 +121,7 @@ def _readings(desk):
         ("curvature change", traces.curvature_change, "1/m", "{:.1f}"),
         ("force", traces.force_uN, "µN", "{:.2f}"),
         ("force if it touched", traces.would_be_force_uN, "µN", "{:.2f}"),
-        ("probability of contact", traces.probability, "", "{:.3f}"),
+        ("probability", traces.probability, "", "{:.3f}"),
     ]
     several = len(desk.video.whiskers) > 1
     head = [("whisker", desk.whisker, "")] if several else []
@@ -128,7 +129,10 @@ def _readings(desk):
 
 
 def _number(value, form):
-    return form.format(value).replace("-", "−") if math.isfinite(value) else "–"
+    if not math.isfinite(value):
+        return "–"
+    text = form.format(value)
+    return text.lstrip("-") if float(text) == 0 else text.replace("-", "−")
 
 
 def _described(item, video):
@@ -146,11 +150,11 @@ def _described(item, video):
         if _has(item, "contact_arc_length_mm")
         else "",
     ]
-    whisker = f" of {span.whisker}" if len(video.whiskers) > 1 else ""
+    whisker = f"{span.whisker}: " if len(video.whiskers) > 1 else ""
     duration = 1e3 * frames / video.recording.frames_per_second
     return {
         "css": name,
-        "title": STATE_WORDS[name] + whisker,
+        "title": whisker + STATE_WORDS[name],
         "frames": f"frames {span.onset} to {span.offset}, {duration:.4g} ms",
         "facts": ", ".join(filter(None, facts)).replace("-", "−"),
     }

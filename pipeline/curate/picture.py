@@ -21,8 +21,14 @@ class Picture:
         self._lines = ColumnDataSource({"xs": [], "ys": [], "colour": [], "width": []})
         self._pole = ColumnDataSource({"x": [], "y": [], "radius": []})
         self._points = ColumnDataSource({"x": [], "y": [], "colour": []})
+        self._names = ColumnDataSource({"x": [], "y": [], "name": [], "colour": []})
         for plot, image in ((self.whole, self._image), (self.close, self._crop)):
             self._draw(plot, image)
+        self.whole.text(
+            "x", "y", "name", source=self._names, x_offset=5, text_baseline="middle",
+            text_color="colour", text_font_size="12px", text_font_style="bold",
+            text_outline_color="#11161c",
+        )  # fmt: skip
 
     def _draw(self, plot, image):
         plot.image("image", "x", "y", "dw", "dh", source=image, color_mapper=self._grey)
@@ -79,6 +85,14 @@ class Picture:
             "ys": [points[:, 1] for points in lines.values()],
             "colour": colours,
             "width": [1.8 if name == whisker else 1.2 for name in lines],
+        }
+        several = len(video.whiskers) > 1
+        named = {name: points[-1] for name, points in lines.items() if several}
+        self._names.data = {
+            "x": [x for x, _ in named.values()],
+            "y": [y for _, y in named.values()],
+            "name": list(named),
+            "colour": colours[: len(named)],
         }
         x, y, radius = ([value] for value in pole) if pole else ([], [], [])
         self._pole.data = {"x": x, "y": y, "radius": radius}

@@ -189,6 +189,8 @@ class VideoUnderReview:
 class Results:
     """All videos of a results folder; a thread keeps their tables in step with corrections.
 
+    InputError or ValueError where there is nothing to curate, or a corrections.csv is broken.
+
     Attributes
     ----------
     names : the videos' results folders, in the order of videos.csv
@@ -198,6 +200,8 @@ class Results:
     def __init__(self, folder):
         self.folder = Path(folder)
         self.names = _curatable(self.folder)
+        for name in self.names:
+            read_corrections(self.folder / name)  # a broken file is told before all else
         self.listeners = []
         self.faults = {}  # video → what went wrong when its tables were made
         self._videos = weakref.WeakValueDictionary()
