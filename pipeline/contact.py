@@ -23,10 +23,11 @@ from pipeline.stations import N_STATIONS, Stations, nominal_whisker
 GAP_SCALE_M = 1e-3  # typical gap of a free whisker
 FORCE_SCALE_N = 8e-6  # typical force of a touch
 CONTACT_STARTS, CONTACT_ENDS = 0.01, 0.03  # probabilities per frame
+UNSEEN_LOG_ODDS = -0.5  # of a frame without a trace: some are bridged in a contact, many are not
 OUTLIERS = 1e-4  # share of frames that say nothing
 LEAST_GAP_SD_PX = 0.06
 LEAST_EVIDENCE = 12.0  # summed log-likelihood ratio below which a contact is noise
-LEAST_PEAK_SD = 5.0  # peak force in standard errors
+LEAST_PEAK_SD = 3.5  # peak force in standard errors
 SLIP_LOOK_FRAMES = 4  # so many frames after the end in which the pole has changed sides
 CROSSING_FRAMES = 4  # either side, over which the unloaded gap is followed through zero
 LARGE_DEFLECTION_RAD = 0.6
@@ -148,12 +149,12 @@ def measure_touch(frames, places: Stations, whiskers: dict, curvature_at, fricti
             frames.loc[rows, column] = rest[column].to_numpy()
         frames.loc[rows, "pole_distance_mm"] = 1e3 * evidence["distance_m"].to_numpy()
         parts.append(evidence.set_index(rows))
-    evidence = pd.concat(parts) if parts else pd.DataFrame(columns=["side"])
-    evidence = evidence.reindex(frames.index)
-    evidence["side"] = evidence["side"].fillna(0).astype(int)
-    for column in ("pole_known", "extended", "rest_known"):
-        flag = evidence[column] if column in evidence else pd.Series(False, evidence.index)
-        evidence[column] = flag.eq(True).to_numpy(bool)
+    evidence = pd.concat(parts) if parts else pd.DataFrame()
+    evidence = evidence.reindex(index=frames.index, columns=list(forces.EVIDENCE_COLUMNS))
+    for column, dtype in forces.EVIDENCE_COLUMNS.items():
+        if dtype is not float:
+            evidence[column] = evidence[column].astype(float).fillna(0)
+        evidence[column] = evidence[column].astype(dtype)
     evidence.insert(0, "whisker", frames["whisker"])
     evidence.insert(0, "frame", frames["frame"])
     return frames, evidence
@@ -170,7 +171,7 @@ def add_probability(evidence: pd.DataFrame, recording: Recording) -> pd.DataFram
     for name in evidence["whisker"].unique():
         rows = evidence.index[evidence["whisker"] == name]
         part = evidence.loc[rows].sort_values("frame")
-        if not part.get("pole_known", pd.Series(False, part.index)).any():
+        if not part["pole_known"].any():
             continue
         log_odds = _frame_log_odds(part, recording)
         evidence.loc[part.index, "log_odds"] = log_odds
@@ -187,14 +188,17 @@ def _frame_log_odds(part, recording):
     video, for both sides, together with the frames that touch.
     """
     gap, gap_sd, force, force_sd, cov = _observations(part, recording)
-    side, known = part["side"].to_numpy(), part["pole_known"].to_numpy(bool)
+    # an untraced frame says nothing, one without a pole that there is no touch
+    side = part["side"].to_numpy()
+    absent = ~part["pole_known"].to_numpy(bool) & part["nearest_m"].isna().to_numpy()
+    absent &= part["base_angle_rad"].notna().to_numpy()
     least = LEAST_GAP_SD_PX / recording.pixels_per_m
     offset, extra = np.zeros(len(part)), np.full(len(part), 4 * least)
     for _ in range(4):
         sd = np.hypot(gap_sd, extra)
         odds = _log_odds(gap - offset, sd, force, force_sd, cov)
-        odds = np.where(np.isfinite(odds), odds, 0.0)
-        odds = np.where(known, odds, -50.0)
+        odds = np.where(np.isfinite(odds), odds, UNSEEN_LOG_ODDS)
+        odds = np.where(absent, -50.0, odds)
         touching = _posterior(odds, CONTACT_STARTS, CONTACT_ENDS) > 0.9
         for s in (-1, 1):
             # the clear touches: strongly pushed, so that no free frame can be among them
@@ -285,8 +289,6 @@ def find_contacts(evidence: pd.DataFrame, curvature_at: float = 5.5e-3) -> pd.Da
     rows = []
     for name in evidence["whisker"].unique():
         part = evidence[evidence["whisker"] == name].sort_values("frame").reset_index(drop=True)
-        if "shape_force_N" not in part:
-            continue
         for start, stop in _runs(part):
             if _is_real(part, start, stop):
                 start, stop = _edges(part, start, stop)

@@ -34,6 +34,23 @@ _EVIDENCE_OF_FIT = {
     "force": "shape_force_N",
 }
 
+EVIDENCE_COLUMNS = {
+    "distance_m": float,
+    "nearest_m": float,
+    "side": int,
+    "pole_known": bool,
+    "extended": bool,
+    "rest_known": bool,
+    "origin_m": float,
+    "origin_se_m": float,
+    **dict.fromkeys(_EVIDENCE_OF_FIT.values(), float),
+    "gap_se_m": float,
+    "clear_gap_se_m": float,
+    "shape_force_se_N": float,
+    "point_force_N": float,
+    "point_force_se_N": float,
+}
+
 
 def measure_forces(
     places: Stations, whisker: Whisker, kinematics, curvature_at: float, friction=0.0
