@@ -272,7 +272,7 @@ def _between(frames, start, end, leaving, arriving, rest, rng):
     """
     outward = _knots(start, leaving, 1, rest, rng) if leaving is not None else []
     inward = _knots(end, arriving, -1, rest, rng) if arriving is not None else []
-    if outward and inward and outward[-1][0] > inward[-1][0]:
+    if outward and inward and inward[-1][0] - outward[-1][0] < 4:
         # no time to slow down: straight from one to the other
         outward, inward = outward[:1], inward[:1]
     first = outward[-1][0] if outward else start - 1.0

@@ -69,6 +69,16 @@ def test_base_angle_turns_without_jumps(touching):
     assert np.abs(np.diff(angle)).max() < largest_turn
 
 
+@pytest.mark.parametrize("gap", [1, 3, 8, 40, 49, 50, 51, 54, 90, 200])
+def test_free_stretches_of_any_length_leave_the_pole(gap):
+    second = 60 + gap
+    _, motion = driven(1, [Touch(30, 30, 6e-6), Touch(second, 20, 8e-6)], n=second + 60)
+    touching = motion.hairs[0].contact.touching
+    wanted = np.zeros(len(motion), bool)
+    wanted[30:60] = wanted[second : second + 20] = True
+    assert np.array_equal(touching, wanted)
+
+
 def test_load_bends_away_from_the_pole(touching):
     side, _, motion = touching
     contact = motion.hairs[0].contact
