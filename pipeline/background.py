@@ -10,6 +10,7 @@ from functools import lru_cache
 import cv2
 import numpy as np
 from numba import njit
+from scipy.special import gammainc, gammaincinv
 
 THICKEST_LINE_MM = 0.32  # blurred whiskers are thinner, poles and rods thicker
 SHORTEST_WHISKER_MM = 2.5  # shorter thin dark lines are fur or dust: they stay
@@ -20,6 +21,9 @@ BRIGHT_RANK = 0.85  # of the samples of a pixel: free of whiskers that rest ther
 WINDOW_SD = 3.0
 MOVIE_FRAMES = 3  # with fewer, nothing can be learnt from motion
 LEAST_VARIANCE = 1 / 12  # of rounding to grey levels
+WINDOWED_VARIANCE = 0.9733  # of a normal variable within WINDOW_SD, in units of its own
+TRIMMED_SHARE = 0.8
+SECOND_FREEDOM = 9  # of 25 squared second differences, which share pixels
 N_BINS = 16  # of intensity, in the fit of the noise
 CELL_PX = 8  # side of the cells in which light and coarse changes are looked at
 
@@ -99,14 +103,8 @@ def temporal_background(frames: np.ndarray) -> tuple[np.ndarray, tuple[float, fl
     for _ in range(2):
         window = WINDOW_SD * np.sqrt(noise[0] + noise[1] * image)
         image, variance = _windowed_moments(ordered, image, window.astype(np.float32))
-        noise = _fit_noise(image, variance / _median_of_windowed_variance(len(frames)))
+        noise = _fit_noise(image, variance / WINDOWED_VARIANCE, len(frames) - 1)
     return image, noise
-
-
-def _median_of_windowed_variance(n):
-    """Median of the variance of n normal values cut at WINDOW_SD, in units of their variance."""
-    cut = 0.9733  # variance of a normal variable within 3 SD
-    return cut * (1 - 2 / (9 * (n - 1))) ** 3  # Wilson & Hilferty, of χ²
 
 
 def _equalised(frames):
@@ -154,7 +152,7 @@ def _noise_from_ranks(ordered):
     n = len(ordered)
     middle = ordered[n // 2, ::3, ::3].astype(np.float32)
     upper = ordered[round(0.84 * (n - 1)), ::3, ::3].astype(np.float32)
-    return _fit_noise(middle, (upper - middle) ** 2 + LEAST_VARIANCE)
+    return _fit_noise(middle, cv2.blur((upper - middle) ** 2, (5, 5)) + LEAST_VARIANCE, 25)
 
 
 @njit(cache=True)
@@ -181,38 +179,48 @@ def _windowed_moments(ordered, centre, window):
     return mean, variance
 
 
-def _fit_noise(image, variance):
-    """(floor, gain) of variance = floor + gain × intensity: a line through medians over bins."""
+def _fit_noise(image, variance, freedom):
+    """(floor, gain) of variance = floor + gain × intensity, from variances per pixel.
+
+    Each is of `freedom` degrees of freedom. In bins of intensity, the mean of the lower
+    TRIMMED_SHARE is taken (whiskers and fur that move are in the rest), then a line.
+    """
     step = 1 + image.size // 20_000
     intensity, variance = image.ravel()[::step], variance.ravel()[::step]
     edges = np.linspace(intensity.min(), intensity.max() + 1e-3, N_BINS + 1)
     bins = np.digitize(intensity, edges) - 1
     counts = np.bincount(bins, minlength=N_BINS)
-    filled = np.flatnonzero(counts >= 50)
-    if not len(filled):
-        return float(max(np.median(variance), LEAST_VARIANCE)), 0.0
+    filled = np.flatnonzero(counts >= min(50, counts.max()))
     x = np.array([intensity[bins == b].mean() for b in filled])
-    y = np.array([np.median(variance[bins == b]) for b in filled])
-    return _line(x, np.maximum(y, LEAST_VARIANCE), counts[filled])
+    y = np.array([_trimmed_mean(variance[bins == b]) for b in filled])
+    return _line(x, np.maximum(y / _trimmed_part(freedom), LEAST_VARIANCE), counts[filled])
+
+
+def _trimmed_mean(values):
+    return np.sort(values)[: max(round(TRIMMED_SHARE * len(values)), 1)].mean()
+
+
+@lru_cache
+def _trimmed_part(freedom):
+    """Mean of the lower TRIMMED_SHARE of a χ² variable divided by its mean."""
+    limit = gammaincinv(freedom / 2, TRIMMED_SHARE)
+    return gammainc(freedom / 2 + 1, limit) / TRIMMED_SHARE
 
 
 def _line(x, y, counts):
     """Line y = floor + gain × x with floor at least LEAST_VARIANCE and gain >= 0.
 
-    Bins far from the line (those of whiskers that rest, or of fur that moves) count little:
-    reweighted least squares of the relative misfit.
+    The least sum of |log(line / y)| × counts: bins far off (whiskers that rest) count little.
     """
-    order = np.argsort(y)
-    middle = order[np.searchsorted(np.cumsum(counts[order]), 0.5 * counts.sum())]
-    floor, gain = y[middle], 0.0
-    for _ in range(12):
-        fit = floor + gain * x
-        weights = counts / (fit**2 * np.maximum(np.abs(y / fit - 1), 0.05))
-        mean_x, mean_y = np.average(x, weights=weights), np.average(y, weights=weights)
-        spread = np.average((x - mean_x) ** 2, weights=weights)
-        gain = np.average((x - mean_x) * (y - mean_y), weights=weights) / max(spread, 1e-9)
-        gain = min(max(gain, 0.0), max(mean_y - LEAST_VARIANCE, 0.0) / max(mean_x, 1.0))
-        floor = max(mean_y - gain * mean_x, LEAST_VARIANCE)
+    floors = np.geomspace(LEAST_VARIANCE, max(y.max(), 2 * LEAST_VARIANCE), 24)
+    gains = np.append(0, np.geomspace(1e-4, max(y.max() / max(x.max(), 1.0), 2e-4), 32))
+    for _ in range(3):  # ever finer grids around the best
+        lines = floors[:, None, None] + gains[:, None] * x
+        cost = np.abs(np.log(lines / y)) @ counts
+        a, b = np.unravel_index(np.argmin(cost), cost.shape)
+        floor, gain = floors[a], gains[b]
+        floors = np.linspace(floors[max(a - 1, 0)], floors[min(a + 1, len(floors) - 1)], 15)
+        gains = np.linspace(gains[max(b - 1, 0)], gains[min(b + 1, len(gains) - 1)], 15)
     return float(floor), float(gain)
 
 
@@ -223,9 +231,8 @@ def spatial_noise(image: np.ndarray, n_averaged: int = 1) -> tuple[float, float]
     """(floor, gain) of single frames, from the second differences of an average of them."""
     mask = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], np.float32)
     second = cv2.filter2D(image, cv2.CV_32F, mask)  # variance 36 σ²; smooth pictures give 0
-    # the median of a squared normal variable is 0.4549 of its variance
-    variance = second**2 / 36 / 0.4549 * n_averaged
-    return _fit_noise(cv2.GaussianBlur(image, (0, 0), 2), variance)
+    variance = cv2.blur(second**2, (5, 5)) / 36 * n_averaged
+    return _fit_noise(cv2.GaussianBlur(image, (0, 0), 2), variance, SECOND_FREEDOM)
 
 
 def thin_dark_lines(image, pixels_per_mm, noise, face=None) -> np.ndarray:
