@@ -81,14 +81,15 @@ def test_edge_is_a_smooth_curve():
     assert np.ptp(curve[:, 1]) > 95
 
 
+@pytest.fixture(scope="module", params=[0, 1, 2])
+def rendered(request):
+    trial = make_trial("noisy", seed=request.param, trial=0)
+    renderer = Renderer(trial.scene, trial.motion)
+    return trial.scene, np.stack([renderer.frame(i) for i in range(0, len(renderer), 25)])
+
+
 class TestFur:
     """Against rendered fur, whose solid edge is known."""
-
-    @pytest.fixture(scope="class", params=[0, 1, 2])
-    def rendered(self, request):
-        trial = make_trial("noisy", seed=request.param, trial=0)
-        renderer = Renderer(trial.scene, trial.motion)
-        return trial.scene, np.stack([renderer.frame(i) for i in range(0, len(renderer), 25)])
 
     def test_edge_has_no_bias_where_whiskers_come_out(self, rendered):
         scene, frames = rendered
