@@ -20,7 +20,8 @@ PACKED_LUMA = {"yuyv422": (0, 2), "yvyu422": (0, 2), "uyvy422": (1, 2), "ya8": (
 PLANAR_LUMA = ("yuv4", "yuvj4", "yuva4", "gray", "nv12", "nv21", "nv16")
 NOT_VIDEO_CODECS = ("ansi", "xbin", "bintext", "idf")
 BURST_STEP = 3  # in bursts, keep every third frame: whiskers must have moved in between
-LONGEST_BURST = 4  # samples; more of them would show the same posture again
+LONGEST_BURST = 3  # samples; more of them would show the same posture again
+FEWEST_SAMPLES = 24  # but a background takes so many
 FEWEST_KEYS = 4  # fewer key frames may miss when things move
 
 
@@ -186,7 +187,8 @@ class ContainerVideo(Video):
             stream = container.streams.video[0]
             keys = self._key_frames(container, stream, n) if self.n_frames > 2 * n else []
             if len(keys) >= FEWEST_KEYS:
-                length = min(-(-n // len(keys)), LONGEST_BURST)
+                enough = max(-(-FEWEST_SAMPLES // len(keys)), LONGEST_BURST)
+                length = min(-(-n // len(keys)), enough)
                 for key in keys:
                     yield from self._burst(container, stream, key, length)
                 return
