@@ -49,7 +49,7 @@ def run_demo(out, jobs, progress, say) -> bool:
     videos, results = Path(out) / "videos", Path(out) / "results"
     say("rendering a small pole-localization session …")
     render(videos, DEMO_PRESET, DEMO_SEED, DEMO_TRIALS, jobs, say)
-    say("processing it …")
+    say("processing it (the first time, half a minute goes into compiling) …")
     summary = batch.run([videos], results, jobs=jobs, overwrite=True, progress=progress)
     figures.write_fig3(results)
     write_report(results)
