@@ -313,7 +313,8 @@ class OpenCvVideo(Video):
 
 def _backend_for(path):
     """Return the first of OpenCV's backends that opens the file, FFmpeg left out: it was tried."""
-    level = cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
+    logging = cv2 if hasattr(cv2, "setLogLevel") else cv2.utils.logging  # OpenCV 4, 5
+    level = logging.setLogLevel(0)
     try:
         for backend in cv2.videoio_registry.getStreamBackends():
             if backend in (cv2.CAP_FFMPEG, cv2.CAP_IMAGES):
@@ -323,7 +324,7 @@ def _backend_for(path):
                 capture.release()
                 return backend
     finally:
-        cv2.utils.logging.setLogLevel(level)
+        logging.setLogLevel(level)
     raise VideoError(path, "OpenCV cannot open it")
 
 

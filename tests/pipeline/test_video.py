@@ -30,12 +30,29 @@ def write(path, n=60, codec="ffv1", pixels="gray", size=(48, 64), options=None, 
         if codec in ("mjpeg", "mpeg4", "libvpx-vp9"):
             stream.bit_rate = 8_000_000
         for frame in frames:
-            # full range on both sides, so that grey levels are stored as they are
-            grey = av.VideoFrame.from_ndarray(frame, format="gray")
-            converted = grey.reformat(format=pixels, src_color_range=2, dst_color_range=2)
-            file.mux(stream.encode(converted))
+            file.mux(stream.encode(video_frame(frame, pixels)))
         file.mux(stream.encode())
     return frames
+
+
+def video_frame(image, pixels):
+    """A frame that stores the grey levels as they are; FFmpeg's own conversion may scale them."""
+    height, width = image.shape
+    if pixels in ("gray", "bgr24", "bgr0"):
+        return av.VideoFrame.from_ndarray(image, format="gray").reformat(format=pixels)
+    frame = av.VideoFrame(width, height, pixels)
+    packed = {"yuyv422": [image, 128], "uyvy422": [128, image]}.get(pixels)
+    if packed is not None:
+        pairs = np.stack(np.broadcast_arrays(*packed), axis=2).reshape(height, -1)
+        contents = [pairs.astype(np.uint8)]
+    else:
+        grey = np.full((height // 2, width // 2), 128, np.uint8)
+        contents = [image, grey, grey]
+    for plane, content in zip(frame.planes, contents, strict=True):
+        padded = np.zeros((content.shape[0], plane.line_size), np.uint8)
+        padded[:, : content.shape[1]] = content
+        plane.update(padded.tobytes())
+    return frame
 
 
 def read(path, **kwargs):
