@@ -27,7 +27,7 @@ TIP_WINDOW_M = 0.3e-3  # traces that end farther from the usual place have lost 
 TIP_NOISE_M = 0.1e-3  # ends that scatter more than this tell nothing
 TIP_PART = 0.3  # of the frames in which the tip must be seen at least
 TIP_FRAMES = 4.0  # neighbouring frames whose ends err together
-LENGTH_MATCH = 0.05  # visible and hidden length make up the whisker's to this part
+LENGTH_MATCH = 0.05  # a tip farther from the whisker's length than this part is none
 MOST_ROWS = 240  # loaded frames that the bending is asked about
 LEAST_PUSH_SD = 15.0
 INDEPENDENT_FRAMES = 16.0  # more loaded frames than this share their errors and add nothing
@@ -74,8 +74,8 @@ def origin_from_tip(places: Stations, whisker: Whisker, angle, time) -> tuple[Or
     prior = np.full(terms, VARIATION_SD_M**-2)
     prior[0] = HIDDEN_LENGTH_SD_M**-2
     votes = _Votes(design, np.diag(prior), np.zeros(terms))
-    visible, sd = _tip_places(places, whisker)
-    good = np.isfinite(visible)
+    tip, sd = _tip_places(places, whisker)
+    good = np.isfinite(tip)
     if good.any():
         part = design[good]
         weight = np.ones(good.sum())
@@ -84,13 +84,13 @@ def origin_from_tip(places: Stations, whisker: Whisker, angle, time) -> tuple[Or
             weighted = part * weight[:, None] / (TIP_FRAMES * sd**2)
             mean = weighted.sum(0) / (weight.sum() / (TIP_FRAMES * sd**2))
             matrix = weighted.T @ (part - mean)
-            away = np.average(visible[good], weights=weight) - visible[good]
-            tip = _Votes(design, votes.matrix + matrix, weighted.T @ away)
-            origin = tip.solve()
+            away = np.average(tip[good], weights=weight) - tip[good]
+            found = _Votes(design, votes.matrix + matrix, weighted.T @ away)
+            origin = found.solve()
             left = away - origin.per_row[good]
             left -= np.average(left, weights=weight)
             weight = 1 / np.maximum(1, np.abs(left) / (2 * sd))
-        votes = tip
+        votes = found
     return votes.solve(), votes
 
 
@@ -160,26 +160,25 @@ def _design(angle, time):
 
 
 def _tip_places(places, whisker):
-    """Visible length [m] of the rows that end at the tip (NaN elsewhere), and its scatter [m]."""
-    visible = places.last - places.first
+    """Arc length [m] of the trace's end where that is the tip (NaN elsewhere), and its scatter."""
     nothing = np.full(len(places), np.nan), np.nan
-    known = np.isfinite(visible)
+    end = places.last
+    known = np.isfinite(end)
     if known.sum() < 30:
         return nothing
-    usual = np.percentile(visible[known], 90)
-    usual = np.median(visible[known & (np.abs(visible - usual) < TIP_WINDOW_M)])
-    good = known & (np.abs(visible - usual) < TIP_WINDOW_M)
-    whole = usual + np.median(places.first[known])
-    steps = np.diff(visible[good])
+    usual = np.percentile(end[known], 90)
+    usual = np.median(end[known & (np.abs(end - usual) < TIP_WINDOW_M)])
+    good = known & (np.abs(end - usual) < TIP_WINDOW_M)
+    steps = np.diff(end[good])
     scatter = 1.4826 * float(np.median(np.abs(steps - np.median(steps)))) / np.sqrt(2)
     scatter = max(scatter, float(np.std(steps[np.abs(steps) < TIP_NOISE_M * 3])) / np.sqrt(2))
     if (
         good.mean() < TIP_PART
-        or abs(whole / whisker.length - 1) > LENGTH_MATCH
+        or abs(usual / whisker.length - 1) > LENGTH_MATCH
         or not scatter < TIP_NOISE_M
     ):
         return nothing
-    return np.where(good, visible, np.nan), max(scatter, 10e-6)
+    return np.where(good, end, np.nan), max(scatter, 10e-6)
 
 
 def _loaded_rows(places, whisker, curvature_at, prior, friction):

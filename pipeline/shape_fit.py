@@ -149,6 +149,7 @@ def _fit_rows(
     shift = np.zeros((m, _LOADED))
     base, follicle = np.zeros((3, _LOADED)), np.zeros(3)
     normal, rhs = np.zeros((_LOADED, _LOADED)), np.zeros(_LOADED)
+    lower, inverse = np.zeros((_LOADED, _LOADED)), np.zeros((_LOADED, _LOADED))
     p, mean = np.zeros(_LOADED), np.zeros(terms)
     for row in range(len(xs)):
         first, count = _span(info[row])
@@ -159,7 +160,7 @@ def _fit_rows(
         load = (side[row], friction) if loaded else (0.0, 0.0)
         c = min(nearest[row], (m - 1) * h) if loaded else (first + count // 2) * h
         p[:] = 0.0
-        chi2, change = 1.0, np.inf
+        chi2, change, known = 1.0, np.inf, False
         _trace(xs[row], ys[row], info[row], first, h, x, y, angle)
         ref_x, ref_y, p[1] = _at(x, y, angle, h, c)
         follicle[2] = angle[0]
@@ -187,14 +188,17 @@ def _fit_rows(
                 xs[row], ys[row], info[row], x, y, angle, shift, size, mean, precision[row],
                 p, normal, rhs, chi2, iteration > 1,
             )  # fmt: skip
-            if iteration == ITERATIONS or (iteration > 2 and change < 1e-2):
+            known = np.isfinite(chi2) and _invert(normal, size, lower, inverse)
+            if not known or iteration == ITERATIONS or (iteration > 2 and change < 1e-2):
                 break
-            change = _step(size, p, normal, rhs)
+            change = _step(size, p, inverse, rhs)
             _lay(
                 p, rod, load, origin[row], moved, h, c, ref_x, ref_y, x, y, angle, shift, base,
                 follicle,
             )  # fmt: skip
-        cov = np.linalg.inv(normal[:size, :size]) * max(chi2, 1.0)
+        if not known:
+            continue
+        cov = inverse[:size, :size] * max(chi2, 1.0)
         rest[row] = p[2 : 2 + terms]
         rest_cov[row] = cov[2 : 2 + terms, 2 : 2 + terms]
         o = out[row]
@@ -495,14 +499,53 @@ def _equations(
 
 
 @njit(cache=True)
-def _step(size, p, normal, rhs):
+def _step(size, p, inverse, rhs):
     """One Gauss–Newton step of `p`; returns the last parameter's change in SD."""
-    scales = np.sqrt(np.diag(normal[:size, :size]))
-    scaled = normal[:size, :size] / np.outer(scales, scales)
-    step = np.linalg.solve(scaled, rhs[:size] / scales) / scales
+    step = np.zeros(size)
+    for a in range(size):
+        for b in range(size):
+            step[a] += inverse[a, b] * rhs[b]
+    last = abs(step[size - 1]) / np.sqrt(inverse[size - 1, size - 1])
     # half a radian at most: the model is laid again before it goes on
-    p[:size] += min(1.0, 0.5 / max(abs(step[1]), 1e-9)) * step
-    return abs(step[size - 1]) * scales[size - 1]
+    factor = min(1.0, 0.5 / max(abs(step[1]), 1e-9))
+    for a in range(size):
+        p[a] += factor * step[a]
+    return last
+
+
+@njit(cache=True)
+def _invert(matrix, size, lower, inverse):
+    """Inverse of the symmetric leading block by Cholesky; False where it has none to speak of."""
+    for a in range(size):
+        if not (matrix[a, a] > 0 and np.isfinite(matrix[a, a])):
+            return False
+    for a in range(size):
+        for b in range(a + 1):
+            scale = np.sqrt(matrix[a, a] * matrix[b, b])
+            total = matrix[a, b] / scale
+            for k in range(b):
+                total -= lower[a, k] * lower[b, k]
+            if a == b:
+                if not total > 1e-13:
+                    return False
+                lower[a, a] = np.sqrt(total)
+            else:
+                lower[a, b] = total / lower[b, b]
+    for q in range(size):
+        for a in range(size):
+            total = 1.0 if a == q else 0.0
+            for k in range(a):
+                total -= lower[a, k] * inverse[k, q]
+            inverse[a, q] = total / lower[a, a]
+        for a in range(size - 1, -1, -1):
+            total = inverse[a, q]
+            for k in range(a + 1, size):
+                total -= lower[k, a] * inverse[k, q]
+            inverse[a, q] = total / lower[a, a]
+    for a in range(size):
+        for q in range(size):
+            inverse[a, q] /= np.sqrt(matrix[a, a] * matrix[q, q])
+    return True
 
 
 @njit(cache=True)
