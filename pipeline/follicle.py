@@ -6,8 +6,8 @@ So the follicle is anchored: its place is the median, over frames from the whole
 the constant hidden length gives. In each frame the base's extrapolated curve passes the anchor,
 and the nearest point is the follicle. Movement along the whisker, to which that is blind, shows
 in the taper: a whisker's thickness falls linearly to zero at the apex, which slides with the
-follicle. Where the cone's length is known, the apex also corrects the hidden length itself, as
-long as the two agree: the apex is read to a few hundredths of a millimetre, a fur's edge is not.
+follicle. Where the cone's length is known, the apex tells the hidden length as well as the fur's
+edge does (each to some 0.05 mm), and the two are averaged, as long as they agree.
 """
 
 import numpy as np
@@ -17,9 +17,11 @@ from pipeline.records import Centrelines
 
 FARTHEST_M = 3.0e-3  # the fur is not thicker than this
 SLIDE_LIMIT_M = 0.5e-3  # the follicle of a head-fixed mouse moves less along the whisker
+ORDINARY_SLIDE_M = 0.045e-3  # SD of the slide that is believed whatever the sway
 SLIDE_FRAMES = 41  # the slide is a running median and mean over so many frames
-APEX_TRUSTED_M = 0.2e-3  # corrections of the hidden length up to here are taken whole, …
-APEX_DOUBTED_M = 0.5e-3  # … from here on not at all: the taper is not what the session says
+APEX_SHARE = 0.5  # weight of the apex against the fur's edge in the hidden length
+APEX_TRUSTED_M = 0.2e-3  # differences between the two up to here are ordinary; …
+APEX_DOUBTED_M = 0.5e-3  # … from here on the taper is not what the session says
 BASE_SKIP_M = 0.25e-3  # fur clings to the first visible part
 BASE_WINDOW_M = 4.5e-3  # part of the whisker that the hidden piece is extrapolated from
 
@@ -123,7 +125,7 @@ def apex(thickness, skip):
     by more than three mean deviations in the first are left out of the second.
     """
     n = len(thickness)
-    last = int(0.9 * n)
+    last = int(0.9 * n)  # at the tip, little contrast is left and the noise's threshold biases
     intercept = 0.0
     slope = 0.0
     limit = 1e18
@@ -173,6 +175,21 @@ def _ends(offsets, xs, ys, raw, info, hidden, skip, window, out):
 
 
 @njit(cache=True)
+def _across(offsets, xs, ys, raw, info, rows, feet, anchors, whisker, skip, window):
+    """Distance of each row's follicle from its anchor, across the whisker [px]."""
+    out = np.empty(len(rows))
+    for i in range(len(rows)):
+        a = offsets[rows[i]]
+        b = offsets[rows[i] + 1]
+        first, last = base_window(b - a, skip, window)
+        p = base_curve(xs[a:b], ys[a:b], raw[a:b], info[a:b], first, last)
+        x, y, angle = walk_back(*p, first + feet[i])
+        k = whisker[rows[i]]
+        out[i] = -(x - anchors[k, 0]) * np.sin(angle) - (y - anchors[k, 1]) * np.cos(angle)
+    return out
+
+
+@njit(cache=True)
 def _feet(offsets, xs, ys, raw, info, anchors, skip, window, farthest, out):
     """Hidden length of each row whose follicle is the point nearest to the anchor."""
     for row in range(len(offsets) - 1):
@@ -200,28 +217,50 @@ class FollicleFinder:
         self.window = round(BASE_WINDOW_M * pixels_per_m)
         self.farthest = FARTHEST_M * pixels_per_m
         self.slide_limit = SLIDE_LIMIT_M * pixels_per_m
+        self.ordinary_slide = ORDINARY_SLIDE_M * pixels_per_m
         ends = np.full((len(samples), 2), np.nan)
         _ends(
             *self._points(samples), self.hidden_px[samples.whisker], self.skip, self.window, ends
         )
         self.anchors = _medians(ends, samples.whisker, len(samples.names))
-        # node 0 → apex, with the hidden length that the anchor gives
-        reach = self._apexes(samples) + self._feet(samples)
-        self.reach = _medians(reach[:, None], samples.whisker, len(samples.names))[:, 0]
+        self.cone_px = None if cone_px is None else np.asarray(cone_px, float)
+        self.limits = np.array([APEX_TRUSTED_M, APEX_DOUBTED_M]) * pixels_per_m
+        self.reach = np.full(len(samples.names), np.nan)
         self.correction = np.zeros(len(samples.names))
-        if cone_px is not None:
-            off = np.nan_to_num(np.asarray(cone_px, float) - self.reach)
-            limits = np.array([APEX_TRUSTED_M, APEX_DOUBTED_M]) * pixels_per_m
-            self.correction = off * np.interp(np.abs(off), limits, [1.0, 0.0])
 
     def hidden(self, lines: Centrelines) -> np.ndarray:
-        """Hidden length of every row [px], float64 (rows,)."""
+        """Hidden length of every row [px], float64 (rows,); call it with a video's chunks in turn.
+
+        The first chunk in which a whisker is seen sets the apex that its slides are counted from.
+        """
         feet = self._feet(lines)
-        slide = self.reach[lines.whisker] - self._apexes(lines) - feet
+        reach = self._apexes(lines) + feet
+        out = np.empty(len(lines))
         for k in range(len(lines.names)):
             rows = np.flatnonzero(lines.whisker == k)
-            slide[rows] = _steady(slide[rows], self.slide_limit)
-        return np.clip(feet + slide + self.correction[lines.whisker], 0.0, self.farthest)
+            if len(rows) and not np.isfinite(self.reach[k]):
+                self._set_reach(k, reach[rows])
+            sway = _running(self._sideways(lines, rows, feet[rows]))
+            slide = _steady(
+                self.reach[k] - reach[rows], self.slide_limit, sway, self.ordinary_slide
+            )
+            out[rows] = feet[rows] + slide + self.correction[k]
+        return np.clip(out, 0.0, self.farthest)
+
+    def _set_reach(self, k, reach):
+        reach = reach[np.isfinite(reach)]
+        if len(reach):
+            self.reach[k] = np.median(reach)
+            if self.cone_px is not None:
+                off = self.cone_px[k] - self.reach[k]
+                self.correction[k] = off * APEX_SHARE * np.interp(abs(off), self.limits, [1, 0])
+
+    def _sideways(self, lines, rows, feet):
+        """How far the follicle stands off its anchor across the whisker [px]; (rows,)."""
+        if not len(rows):
+            return np.zeros(0)
+        return _across(*self._points(lines), rows, feet, self.anchors, lines.whisker,
+                       self.skip, self.window)  # fmt: skip
 
     def _points(self, lines):
         info = lines.information.astype(float)
@@ -256,18 +295,29 @@ def _medians(values, whisker, n):
     return out
 
 
-def _steady(slide, limit):
-    """Running median, then mean, of the slide [px]; zero where nothing is known of it."""
+def _running(values):
+    """Running median, then mean, over SLIDE_FRAMES; the values themselves where they are fewer."""
+    if len(values) < SLIDE_FRAMES:
+        return values
+    half = SLIDE_FRAMES // 2
+    for average in (np.median, np.mean):
+        padded = np.pad(values, half, mode="reflect")
+        windows = np.lib.stride_tricks.sliding_window_view(padded, SLIDE_FRAMES)
+        values = average(windows, axis=1)
+    return values
+
+
+def _steady(slide, limit, sway, ordinary):
+    """Smooth the slide [px] and believe it as far as it is not much larger than the sway.
+
+    The follicle moves along the whisker about as much as across it, which is measured far
+    better; a slide that is much larger is noise of the taper (compressed video) for the most
+    part. Zero where nothing is known of it.
+    """
     known = np.isfinite(slide) & (np.abs(slide) < 3 * limit)
     if known.sum() < SLIDE_FRAMES:
         return np.zeros_like(slide)
     filled = np.interp(np.arange(len(slide)), np.flatnonzero(known), slide[known])
-    half = SLIDE_FRAMES // 2
-    windows = np.lib.stride_tricks.sliding_window_view(
-        np.pad(filled, half, mode="reflect"), SLIDE_FRAMES
-    )
-    median = np.median(windows, axis=1)
-    windows = np.lib.stride_tricks.sliding_window_view(
-        np.pad(median, half, mode="reflect"), SLIDE_FRAMES
-    )
-    return np.clip(windows.mean(axis=1), -limit, limit)
+    smooth = _running(filled)
+    share = min(1.0, (np.var(sway) + ordinary**2) / max(np.var(smooth), 1e-6))
+    return np.clip(share * smooth, -limit, limit)
