@@ -16,7 +16,8 @@ from synthetic import bounds, scoring
 from synthetic.scene import Camera, Hair
 from whiskermodel.whisker import Whisker
 
-NOISE_FLOOR_MM = (9.0, 11.0)  # where the pole is nearest in the free frames that count
+NOISE_FLOOR_AT_M = 10e-3
+NOISE_FLOOR_M = (7.5e-3, 13e-3)  # where the pole is nearest in the free frames that count
 BESIDE_POLE_PX = 12.0  # from the pole's edge
 LIGHT = 176.0  # grey levels above black, where a picture's noise is asked for
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
@@ -184,7 +185,7 @@ def measure(preset: str, path, session) -> Measured:
             joined.assign(preset=preset, video=stem),
             contacts.assign(video=stem),
             true_contacts,
-            free_force(analysis.evidence, true_frames, method),
+            free_force(analysis.evidence, true_frames, method, at),
         )
     return Measured(
         preset=preset,
@@ -229,13 +230,18 @@ def beside_pole(scores, truth: scoring.Truth, video: RenderedVideo) -> np.ndarra
     return distance < pole["radius"] * scale + BESIDE_POLE_PX
 
 
-def free_force(evidence, true_frames, method) -> np.ndarray:
-    """What the force would be [µN] in truly free frames whose pole is nearest near 10 mm."""
+def free_force(evidence, true_frames, method, curvature_at) -> np.ndarray:
+    """What the force would be [µN] in truly free frames, as if the pole were at 10 mm.
+
+    A force is told from the moment behind it, so that its noise falls with the lever: each is
+    multiplied by (c − s_p) / (10 mm − s_p) with c the place nearest to the pole.
+    """
     column = f"{method}_force_N"
     if column not in evidence:
         return np.empty(0)
     free = true_frames.loc[~true_frames["in_contact"].astype(bool), ["frame", "whisker"]]
     part = evidence.merge(free, on=["frame", "whisker"])
-    near = part["nearest_m"].between(*(1e-3 * np.array(NOISE_FLOOR_MM)))
-    force = 1e6 * part.loc[near, column].to_numpy(float)
+    part = part[part["nearest_m"].between(*NOISE_FLOOR_M)]
+    lever = (part["nearest_m"] - curvature_at) / (NOISE_FLOOR_AT_M - curvature_at)
+    force = 1e6 * (part[column] * lever).to_numpy(float)
     return force[np.isfinite(force)]

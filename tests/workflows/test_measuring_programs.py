@@ -1,0 +1,95 @@
+"""Parts of the measuring programs: the peer's files, tables, targets, and one small run."""
+
+import struct
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+WORKFLOWS = Path(__file__).parents[2] / "workflows"
+
+
+@pytest.fixture(scope="module", autouse=True)
+def on_path():
+    sys.path.insert(0, str(WORKFLOWS))
+    yield
+    sys.path.remove(str(WORKFLOWS))
+
+
+def whiskers_bytes(*lines):
+    """A binary .whiskers file of lines (number, frame, x, y)."""
+    data = b"bwhiskbin1\0\0"
+    for number, frame, x, y in lines:
+        values = np.array([x, y, np.ones_like(x), np.full_like(x, 30)], "<f4")
+        data += struct.pack("<3i", number, frame, len(x)) + values.tobytes()
+    return data + struct.pack("<i", len(lines))
+
+
+def test_whiskers_file_is_read_in_the_order_of_frames(tmp_path):
+    from peer_tracker import read_whiskers
+
+    x = np.arange(5.0)
+    path = tmp_path / "a.whiskers"
+    path.write_bytes(whiskers_bytes((0, 1, x, x + 1), (0, 0, x[:3], x[:3] + 2), (1, 1, x, x + 3)))
+    lines = read_whiskers(path)
+    assert lines.frame.tolist() == [0, 1, 1]
+    assert [len(lines.row(k)) for k in range(3)] == [3, 5, 5]
+    assert lines.row(0)[:, 1].tolist() == [2, 3, 4]
+    assert lines.row(2)[-1].tolist() == [4, 7]
+    path.write_bytes(whiskers_bytes())
+    assert len(read_whiskers(path)) == 0
+    path.write_text("whiskers as text")
+    with pytest.raises(ValueError, match="binary"):
+        read_whiskers(path)
+
+
+def test_a_missing_peer_says_how_to_get_it():
+    from peer_tracker import NoPeerError, find_peer
+
+    with pytest.raises(NoPeerError, match="whisk-janelia"):
+        find_peer(sys.executable, None)
+
+
+def test_curvature_of_a_quadratic_keeps_its_sign_and_direction():
+    from benchmark_tracking import _fitted_curvature
+
+    u = np.linspace(-50, 50, 101)
+    line = np.column_stack([200 + u, 100 - 0.5 * 0.002 * u**2])  # bends up on the screen
+    assert _fitted_curvature(line) == pytest.approx(0.002, rel=1e-6)
+    turn = np.array([[0.6, -0.8], [0.8, 0.6]])
+    assert _fitted_curvature(line @ turn) == pytest.approx(0.002, rel=1e-6)
+    assert _fitted_curvature(line[::-1]) == pytest.approx(-0.002, rel=1e-6)
+
+
+def test_targets_are_missed_by_what_could_not_be_told():
+    from accuracy import Target
+
+    most, between = Target(4, "error", "rms", 0.03), Target(5, "coverage", "c", 0.97, 0.93)
+    assert most.met(0.03)
+    assert not most.met(0.031)
+    assert not most.met(np.nan)
+    assert [between.met(v) for v in (0.92, 0.95, 0.98)] == [False, True, False]
+    assert [most.demand, between.demand] == ["<= 0.03", "0.93 to 0.97"]
+
+
+def test_every_preset_with_targets_exists():
+    from accuracy import TARGETS
+
+    from synthetic.presets import PRESETS
+
+    assert set(TARGETS) <= set(PRESETS)
+
+
+@pytest.mark.slow
+def test_accuracy_of_one_video_is_printed(tmp_path, capsys):
+    import accuracy
+
+    status = accuracy.main(["--presets", "single", "--trials", "1", "--out", str(tmp_path)])
+    said = capsys.readouterr().out
+    assert status in (0, 1)
+    assert ("MISSED" in said) == bool(status)
+    for heading in ("Tracking", "Contacts", "Forces by `shape`", "Targets"):
+        assert f"## {heading}" in said
+    assert (tmp_path / "accuracy.csv").exists()
+    assert (tmp_path / "worst.csv").exists()
