@@ -1,12 +1,13 @@
 """What there is to look at in one video: contacts, and stretches that might be contacts."""
 
+import itertools
 from dataclasses import dataclass, field
 
 import numpy as np
 import pandas as pd
 
 from pipeline.curate.review import Review, Span, spans_of
-from pipeline.curation import overlap
+from pipeline.curation import CONFIRMED
 
 SHORT_MS = 5.0
 WEAK_UN = 1.0
@@ -63,45 +64,59 @@ class Item:
         return self.state in ("detected", "possible")
 
 
-def items_of(review: Review, contacts: pd.DataFrame, evidence: pd.DataFrame) -> list[Item]:
+def items_of(review: Review, contacts: pd.DataFrame, probability: dict) -> list[Item]:
     """All contacts and possible contacts of a video, by onset.
 
     Parameters
     ----------
     review : contacts with a person's verdicts
     contacts : table of CONTACT_COLUMNS; its rows are matched by their frames
-    evidence : table with `whisker`, `frame`, `probability`
+    probability : of contact, by whisker and frame, see `probabilities`
     """
     rows = dict(zip(spans_of(contacts), contacts.to_dict("records"), strict=True))
-    probability = {name: _by_frame(part) for name, part in evidence.groupby("whisker", sort=False)}
-    items = [
-        _contact_item(span, review, rows.get(span, {}), probability[span.whisker])
-        for span in review.spans
-    ]
+    detected = set(spans_of(review.detected))
+    items = []
     for name, values in probability.items():
-        items += [_possible_item(span, review, values) for span in _possible(review, name, values)]
+        spans = review.of_whisker(name)
+        for span, gap in zip(spans, _gaps(spans), strict=True):
+            items.append(_contact_item(span, review, detected, rows.get(span, {}), values, gap))
+        for span in _possible(spans, [s for s in detected if s.whisker == name], name, values):
+            items.append(_possible_item(span, review, values))
     return sorted(items, key=lambda item: (item.span.onset, item.span.whisker))
 
 
-def _by_frame(part):
-    """Probability of every frame, 0 where there is none."""
-    values = np.zeros(int(part["frame"].max()) + 1)
-    values[part["frame"].to_numpy()] = np.nan_to_num(part["probability"].to_numpy(float))
-    return values
+def probabilities(evidence: pd.DataFrame) -> dict[str, np.ndarray]:
+    """Probability of contact: whisker → (frames,), 0 where it is not known."""
+    whisker = evidence["whisker"].to_numpy()
+    frame, values = (evidence[name].to_numpy() for name in ("frame", "probability"))
+    n = int(frame.max()) + 1 if len(frame) else 0
+    out = {}
+    for name in dict.fromkeys(whisker):
+        rows = whisker == name
+        out[str(name)] = np.zeros(n)
+        out[str(name)][frame[rows]] = np.nan_to_num(values[rows].astype(float))
+    return out
 
 
-def _contact_item(span, review, row, probability):
+def _gaps(spans):
+    """Frames from every contact of a whisker to the nearest other one."""
+    between = [b.onset - a.offset for a, b in itertools.pairwise(spans)]
+    return [min(pair) for pair in zip([np.inf, *between], [*between, np.inf], strict=True)][
+        : len(spans)
+    ]
+
+
+def _contact_item(span, review, detected, row, probability, gap):
     verdict = review.verdict_on(span)
     if verdict is not None:
-        detected = span in spans_of(review.detected)
-        state = "confirmed" if verdict.verdict == "confirmed" and detected else "curated"
-        return Item(span, state, values=row)
-    doubts = sorted(_doubts(span, review, row, probability), reverse=True)
+        as_found = verdict.verdict == CONFIRMED and span in detected
+        return Item(span, "confirmed" if as_found else "curated", values=row)
+    doubts = sorted(_doubts(span, row, probability, gap), reverse=True)
     reasons = tuple(text for _, text in doubts)
     return Item(span, "detected", doubts[0][0] if doubts else 0.0, reasons, row)
 
 
-def _doubts(span, review, row, probability):
+def _doubts(span, row, probability, gap):
     """Yield (how doubtful, why)."""
     inside = probability[span.onset : span.offset]
     if inside.size and inside.max() < UNSURE[1]:
@@ -116,37 +131,28 @@ def _doubts(span, review, row, probability):
     if force < WEAK_UN:
         yield 0.6, f"weak, {force:.2g} µN"
     if duration > 0 and np.isfinite(duration):
-        gap = _gap(span, review) * duration / (span.offset - span.onset)
-        if gap < CLOSE_MS:
-            yield 0.4, f"{gap:.3g} ms from the next"
+        gap_ms = gap * duration / (span.offset - span.onset)
+        if gap_ms < CLOSE_MS:
+            yield 0.4, f"{gap_ms:.3g} ms from the next"
     for flag in filter(None, str(row.get("flags", "")).split(";")):
         yield FLAGS.get(flag, (OTHER_FLAG, flag.replace("_", " ")))
 
 
-def _gap(span, review):
-    """Frames to the nearest other contact of the whisker."""
-    gaps = [
-        max(other.onset - span.offset, span.onset - other.offset)
-        for other in review.of_whisker(span.whisker)
-        if other != span
-    ]
-    return min(gaps, default=np.inf)
-
-
-def _possible(review, whisker, probability):
+def _possible(contacts, detected, whisker, probability):
     """Stretches without contact that were detected (and deleted), or nearly so."""
-    contacts = review.of_whisker(whisker)
-    found = [s for s in spans_of(review.detected) if s.whisker == whisker]
-    found += [
+    found = [
         Span(whisker, int(start), int(stop))
         for start, stop in _runs(probability > UNSURE[0])
         if probability[start:stop].max() > POSSIBLE
     ]
+    taken = np.zeros(len(probability) + 1, dtype=bool)
+    for span in contacts:
+        taken[span.onset : span.offset] = True
     kept = []
-    for span in found:
-        taken = contacts + kept
-        if not any(overlap((s.onset - 1, s.offset + 1), span[1:]) for s in taken):
+    for span in [*sorted(detected), *found]:
+        if not taken[max(span.onset - 1, 0) : span.offset + 1].any():
             kept.append(span)
+            taken[span.onset : span.offset] = True
     return kept
 
 

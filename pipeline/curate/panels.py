@@ -10,7 +10,7 @@ from markupsafe import Markup, escape
 from pipeline.curate.colours import state_of
 from pipeline.curate.keys import COMMANDS, KEYS, shown
 
-MOST_ROWS = 400  # of the list of contacts: in a longer list those around the present frame
+MOST_ROWS = 120  # of the list of contacts: in a longer list those around the present frame
 
 BUTTONS = (
     (("previous_contact", "Previous"), ("next_contact", "Next"), ("next_doubtful", "Doubtful")),

@@ -12,7 +12,7 @@ import pandas as pd
 
 from pipeline import contact, tables
 from pipeline.curate.frames import FrameReader
-from pipeline.curate.items import Item, items_of
+from pipeline.curate.items import Item, items_of, probabilities
 from pipeline.curate.review import Review
 from pipeline.curation import CORRECTIONS_FILE, read_corrections, write_corrections
 from pipeline.errors import VideoError
@@ -22,8 +22,8 @@ from pipeline.records import CONTACT_COLUMNS
 from pipeline.settings import read_session
 from pipeline.video import open_video
 
-LINES_AROUND = 64  # frames whose centrelines are read together
-LINE_BLOCKS = 64  # such blocks kept
+LINES_AROUND = 256  # frames whose centrelines are read together
+LINE_BLOCKS = 16  # such blocks kept
 KEPT_OPEN = 8  # videos whose tables and undo history stay in memory
 
 
@@ -47,7 +47,7 @@ class VideoUnderReview:
     Attributes
     ----------
     review : the contacts, to be edited
-    touch : `contact.Touch` with the corrections that were applied last
+    touch : `contact.Touch` as in the tables
     whiskers : names, in the order of the tables
     """
 
@@ -57,30 +57,19 @@ class VideoUnderReview:
         self._state = tables.read_json(self.folder / STATE_FILE, {})
         self.settings = read_session(self.folder / "session.toml")
         self.recording = self.settings.recording.si()
-        self._evidence = read_evidence(self.folder)
+        evidence = read_evidence(self.folder)
         frames = tables.read_frames(self.folder / "frames.parquet")
         self.whiskers = tuple(dict.fromkeys(frames["whisker"]))
         self.n_frames = int(frames["frame"].max()) + 1 if len(frames) else 0
         corrections = read_corrections(self.folder)
-        self.touch = self._touch(frames, corrections)
+        detected = contact.find_contacts(evidence, self.settings.analysis.curvature_at)
+        contacts = tables.read_csv(self.folder / "contacts.csv", CONTACT_COLUMNS)
+        self.touch = contact.Touch(frames, contacts, detected, evidence)
         self._changed = changed
-        self.review = Review(self._detected(), corrections, self.n_frames, self._corrected)
+        self.review = Review(detected, corrections, self.n_frames, self._corrected)
         self._lines = OrderedDict()
-        self._traces = self._items = None  # as last made, with what they were made of
-
-    def _detected(self):
-        evidence = contact.add_probability(self._evidence, self.recording)
-        return contact.find_contacts(evidence, self.settings.analysis.curvature_at)
-
-    def _touch(self, frames, corrections):
-        return contact.retouch(
-            frames,
-            self._evidence,
-            self.recording,
-            {w.name: w.si() for w in self.settings.whisker},
-            curvature_at=self.settings.analysis.curvature_at,
-            corrections=corrections,
-            video=self.name,
+        self._traces = self._items = self._probability = (
+            None  # as last made, with what they were made of
         )
 
     # ---- corrections → tables -------------------------------------------------------------
@@ -92,7 +81,15 @@ class VideoUnderReview:
 
     def refresh(self) -> None:
         """Make contacts, forces, pulses and base loads anew from the corrections so far."""
-        self.touch = self._touch(self.touch.frames, self.review.corrections)
+        self.touch = contact.retouch(
+            self.touch.frames,
+            self.touch.evidence,
+            self.recording,
+            {w.name: w.si() for w in self.settings.whisker},
+            curvature_at=self.settings.analysis.curvature_at,
+            corrections=self.review.corrections,
+            video=self.name,
+        )
 
     def write(self) -> None:
         """Write contacts.csv and frames.parquet of this video."""
@@ -105,7 +102,9 @@ class VideoUnderReview:
         """Contacts, and stretches that might be contacts, by onset."""
         touch, verdicts = self.touch, self.review.verdicts
         if self._items is None or self._items[0] is not touch or self._items[1] is not verdicts:
-            found = items_of(self.review, touch.contacts, touch.evidence)
+            if self._probability is None or self._probability[0] is not touch:
+                self._probability = touch, probabilities(touch.evidence)
+            found = items_of(self.review, touch.contacts, self._probability[1])
             self._items = touch, verdicts, found
         return self._items[2]
 

@@ -111,7 +111,7 @@ class Review:
         stated = self.verdict_on(span)
         others = [v for v in self.verdicts if v is not stated]
         left = spans_of(apply(self.detected, table_of(others)))
-        if stated and set(left) <= set(self.spans):
+        if stated and set(left) <= set(self.spans) - {span}:
             self._change(others)  # an added contact leaves nothing to deny
         else:
             self._state(span, FREE, [span, stated])

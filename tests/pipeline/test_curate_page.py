@@ -17,7 +17,7 @@ from pipeline import batch, tables
 from pipeline.curate import curate
 from pipeline.curate.desk import Desk
 from pipeline.curate.frames import BLOCK, FrameReader
-from pipeline.curate.items import items_of
+from pipeline.curate.items import items_of, probabilities
 from pipeline.curate.keys import COMMANDS, KEYS
 from pipeline.curate.results import Results
 from pipeline.curate.review import Review, Span
@@ -133,7 +133,7 @@ def test_frames_that_are_not_there_raise_and_do_not_hang(video):
 
 
 def review_with(probability, *spans, verdicts=()):
-    """A review of one whisker's contacts, its contacts table and evidence."""
+    """A review of one whisker's contacts, its contacts table and probabilities."""
     n = len(probability)
     table = pd.DataFrame({
         "whisker": ["C2"] * len(spans),
@@ -146,7 +146,7 @@ def review_with(probability, *spans, verdicts=()):
     evidence = pd.DataFrame({"whisker": "C2", "frame": np.arange(n), "probability": probability})
     review = Review(table[["whisker", "onset_frame", "offset_frame"]], table_of(verdicts), n,
                     lambda corrections: None)  # fmt: skip
-    return review, table, evidence
+    return review, table, probabilities(evidence)
 
 
 def course(n=200, **stretches):
@@ -185,15 +185,15 @@ def test_thin_evidence_is_doubtful(probability, reason):
     ],
 )
 def test_weak_short_and_flagged_contacts_are_doubtful(column, value, reason):
-    review, table, evidence = review_with(course(a=(50, 80)), (50, 80))
-    (item,) = items_of(review, table.assign(**{column: value}), evidence)
+    review, table, probability = review_with(course(a=(50, 80)), (50, 80))
+    (item,) = items_of(review, table.assign(**{column: value}), probability)
     assert item.is_doubtful
     assert reason in item.reasons
 
 
 def test_a_flag_on_the_force_alone_is_told_but_not_doubtful():
-    review, table, evidence = review_with(course(a=(50, 80)), (50, 80))
-    (item,) = items_of(review, table.assign(flags="large_deflection"), evidence)
+    review, table, probability = review_with(course(a=(50, 80)), (50, 80))
+    (item,) = items_of(review, table.assign(flags="large_deflection"), probability)
     assert not item.is_doubtful
     assert item.reasons == ("large deflection",)
 

@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 import pandas as pd
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pipeline import curation
@@ -102,6 +102,7 @@ def test_other_whiskers_are_left_alone():
 stretch = st.tuples(st.integers(0, 40), st.integers(1, 15)).map(lambda p: (p[0], p[0] + p[1]))
 
 
+@settings(deadline=None)
 @given(st.lists(stretch, max_size=4), st.lists(st.tuples(stretch, st.booleans()), max_size=4))
 def test_frames_a_verdict_speaks_of_are_as_it_says(found, said):
     """Whatever was detected: stated contacts are there, and in free stretches nothing else."""
@@ -189,6 +190,13 @@ def test_deleting_a_moved_contact_deletes_what_was_detected_there():
     assert edited.dismissed(Span("C2", 10, 20))
 
 
+def test_deleting_a_confirmed_contact_deletes_it():
+    edited, _ = review((10, 20))
+    edited.confirm(Span("C2", 10, 20))
+    edited.delete(Span("C2", 10, 20))
+    assert edited.spans == []
+
+
 def test_moving_an_edge_back_confirms():
     edited, _ = review((10, 20))
     moved = edited.move(Span("C2", 10, 20), offset=25)
@@ -234,6 +242,7 @@ def test_edits_that_make_no_sense_are_refused_and_change_nothing(edit, message):
     assert [s[1:] for s in edited.spans] == [(10, 20), (30, 45)]
 
 
+@settings(deadline=None, max_examples=200)
 @given(
     st.lists(stretch, max_size=3),
     st.lists(st.tuples(st.sampled_from("amdc"), st.integers(0, 5), stretch), max_size=8),
