@@ -358,7 +358,7 @@ def _newton(whisker, problem, u, push):
     """
     u, push = u.copy(), push.copy()
     done = np.zeros(len(u), dtype=bool)
-    rows = np.arange(len(u))
+    rows, last = np.arange(len(u)), np.full(len(u), np.inf)
     for _ in range(_NEWTON_ITERATIONS):
         part = tuple(p[rows] for p in problem)
         (ex, ey), (a, c), (b, d) = _residual_and_slopes(whisker, u[rows], push[rows], part)
@@ -372,7 +372,9 @@ def _newton(whisker, problem, u, push):
         # the step just made leaves less than 1e-6 of an error that is already below 1e-7
         end = finite & (size < 1e-7) & (np.abs(dpush) < 1e-6)
         done[rows[end & (part[3] * det < 0)]] = True
-        rows = rows[finite & ~end]
+        # what does not come nearer is past the fold, where there is nothing to find
+        going = finite & ~end & (size < 0.7 * last)
+        rows, last = rows[going], size[going]
         if len(rows) == 0:
             break
     return u, push, done
