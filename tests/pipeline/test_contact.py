@@ -1,0 +1,239 @@
+"""Contacts found in traced rendered motion without pictures; the decision's parts."""
+
+from functools import lru_cache
+from itertools import pairwise
+
+import numpy as np
+import pandas as pd
+import pytest
+import traced_motion
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.integrate import quad
+from scipy.stats import norm
+
+from pipeline import contact, stations
+from pipeline.curation import CORRECTION_COLUMNS
+from pipeline.records import as_table
+from synthetic.presets import make_trial
+
+edge_tolerance = 1  # frames
+frames_in_agreement = 0.995
+peak_force_tolerance = 0.03  # relative, or
+peak_force_floor = 0.1  # µN
+
+
+@lru_cache
+def analysed(preset, trial=0, frames=500, noise_px=0.02):
+    motion = make_trial(preset, 0, trial, frames).motion
+    traced = traced_motion.trace(motion, noise_px=noise_px)
+    touch = contact.analyse_touch(
+        traced.frames, traced.places, traced.recording, traced.whiskers, video="test"
+    )
+    return traced, touch
+
+
+def agreement(traced, touch):
+    truth = traced.true_frames["in_contact"].to_numpy()
+    return (touch.frames["in_contact"].to_numpy() == truth).mean()
+
+
+@pytest.mark.parametrize(
+    ("preset", "trial"), [("noisy", 0), ("noisy", 1), ("close_touches", 0), ("moving_pole", 0)]
+)
+def test_every_contact_to_the_frame(preset, trial):
+    traced, touch = analysed(preset, trial)
+    truth = traced.true_contacts
+    assert len(truth) > 2
+    assert len(touch.contacts) == len(truth)
+    for edge in ("onset_frame", "offset_frame"):
+        off = touch.contacts[edge].to_numpy() - truth[edge].to_numpy()
+        assert np.abs(off).max() <= edge_tolerance
+    assert agreement(traced, touch) >= frames_in_agreement
+    error = touch.contacts["peak_force_uN"].to_numpy() - truth["peak_force_uN"].to_numpy()
+    allowed = np.maximum(peak_force_tolerance * truth["peak_force_uN"], peak_force_floor)
+    assert (np.abs(error) < allowed).all()
+
+
+def test_faint_touches_near_the_tip():
+    traced, touch = analysed("faint_touch")
+    clear = traced.true_contacts[traced.true_contacts["peak_force_uN"] >= 0.3]
+    assert len(clear) > 2
+    found = touch.contacts
+    for onset, offset in clear[["onset_frame", "offset_frame"]].to_numpy():
+        overlap = (found["onset_frame"] < offset) & (found["offset_frame"] > onset)
+        assert overlap.sum() == 1
+    assert agreement(traced, touch) >= 0.98
+
+
+@pytest.mark.parametrize("preset", ["near_miss", "free"])
+def test_no_contact_is_invented(preset):
+    traced, touch = analysed(preset)
+    assert len(traced.true_contacts) == 0
+    assert len(touch.contacts) == 0
+    assert touch.frames["in_contact"].sum() == 0
+    # near_miss does come near: it is not a large distance that keeps it free
+    nearest = touch.frames["pole_distance_mm"].min()
+    assert nearest == pytest.approx(traced.true_frames["pole_distance_mm"].min(), abs=5e-3)
+    assert preset != "near_miss" or nearest < 0.3
+
+
+def test_touch_that_is_not_seen_without_its_pole():
+    motion = make_trial("noisy", 0, 0, 200).motion
+    traced = traced_motion.trace(motion, without_pole=True)
+    touch = contact.analyse_touch(traced.frames, traced.places, traced.recording, traced.whiskers)
+    assert len(touch.contacts) == 0
+    assert touch.frames["pole_distance_mm"].isna().all()
+
+
+def test_contacts_without_dimensions_and_no_forces():
+    traced, with_forces = analysed("noisy")
+    touch = contact.analyse_touch(
+        traced.frames, traced.places, traced.recording, dict.fromkeys(traced.whiskers)
+    )
+    assert agreement(traced, touch) > 0.99
+    assert len(touch.contacts) == len(with_forces.contacts)
+    assert touch.frames["contact_force_uN"].isna().all()
+    assert touch.contacts["steady_peak_nN_m"].isna().all()
+
+
+def test_untraced_frames_are_bridged_inside_a_contact():
+    motion = make_trial("noisy", 0, 0, 500).motion
+    whole, _ = analysed("noisy")
+    first = whole.true_contacts.query("duration_ms >= 12").iloc[0]
+    middle = (first["onset_frame"] + first["offset_frame"]) // 2
+    lost = np.arange(middle - 2, middle + 2)
+    lines = traced_motion.rows_of(whole.lines, ~np.isin(whole.lines.frame, lost))
+    whisker = list(whole.whiskers.values())
+    places = stations.measure_stations(
+        lines, whole.recording, whisker, [traced_motion.HIDDEN], whole.pole
+    )
+    frames = whole.frames.copy()
+    frames.loc[frames["frame"].isin(lost), "tracked"] = False
+    touch = contact.analyse_touch(frames, places, whole.recording, whole.whiskers)
+    assert len(motion) == len(frames)
+    onset = touch.contacts["onset_frame"] - first["onset_frame"]
+    same = touch.contacts[onset.abs() <= 1]
+    assert len(same) == 1
+    assert abs(same["offset_frame"].iloc[0] - first["offset_frame"]) <= 1
+    assert "gaps_in_trace" in same["flags"].iloc[0].split(";")
+    assert touch.frames.loc[lost, "contact_force_uN"].isna().all()
+
+
+def test_rows_in_any_order_and_input_unchanged():
+    traced, touch = analysed("noisy")
+    order = np.random.default_rng(0).permutation(len(traced.frames))
+    shuffled = traced.frames.iloc[order]
+    before = shuffled.copy()
+    again = contact.analyse_touch(
+        shuffled, traced.places, traced.recording, traced.whiskers, video="test"
+    )
+    pd.testing.assert_frame_equal(shuffled, before)
+    pd.testing.assert_frame_equal(again.contacts, touch.contacts)
+    np.testing.assert_array_equal(again.frames["frame"], before["frame"])
+    np.testing.assert_array_equal(
+        again.frames["in_contact"], touch.frames["in_contact"].to_numpy()[order]
+    )
+
+
+def test_corrections_change_contacts_but_no_evidence():
+    traced, touch = analysed("noisy")
+    onset = int(touch.contacts["onset_frame"].iloc[0])
+    offset = int(touch.contacts["offset_frame"].iloc[0])
+    corrections = as_table(
+        pd.DataFrame(
+            {
+                "whisker": ["C2"],
+                "verdict": ["free"],
+                "onset_frame": [onset],
+                "offset_frame": [offset],
+                "covers_from": [onset],
+                "covers_to": [offset],
+            }
+        ),
+        CORRECTION_COLUMNS,
+    )
+    again = contact.retouch(
+        touch.frames, touch.evidence, traced.recording, traced.whiskers, corrections=corrections
+    )
+    assert len(again.contacts) == len(touch.contacts) - 1
+    assert onset not in set(again.contacts["onset_frame"])
+    pd.testing.assert_frame_equal(again.evidence, touch.evidence)
+    same = contact.retouch(touch.frames, touch.evidence, traced.recording, traced.whiskers)
+    pd.testing.assert_frame_equal(same.frames, touch.frames)
+    pd.testing.assert_frame_equal(
+        same.contacts.drop(columns="video"), touch.contacts.drop(columns="video")
+    )
+
+
+# Parts ---------------------------------------------------------------------------------------
+
+
+def all_paths_posterior(log_odds, starts, ends):
+    """Posterior of contact by summing over every path of states."""
+    n = len(log_odds)
+    first = starts / (starts + ends)
+    total, contact_mass = 0.0, np.zeros(n)
+    for code in range(2**n):
+        states = (code >> np.arange(n)) & 1
+        p = first if states[0] else 1 - first
+        for a, b in pairwise(states):
+            p *= ((1 - ends) if b else ends) if a else (starts if b else 1 - starts)
+        p *= np.exp((states * log_odds).sum())
+        total += p
+        contact_mass += p * states
+    return contact_mass / total
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    st.lists(st.floats(-20, 20), min_size=1, max_size=8),
+    st.floats(0.01, 0.5),
+    st.floats(0.01, 0.5),
+)
+def test_posterior_is_the_sum_over_all_paths(log_odds, starts, ends):
+    log_odds = np.array(log_odds)
+    np.testing.assert_allclose(
+        contact._posterior(log_odds, starts, ends),
+        all_paths_posterior(log_odds, starts, ends),
+        atol=1e-9,
+    )
+
+
+@pytest.mark.parametrize("x", [-3.0, -0.2, 0.0, 0.5, 4.0, 60.0])
+def test_skewed_density_is_the_blurred_exponential(x):
+    sd, scale = 0.7, 3.0
+
+    def density(t):
+        return np.exp(-t / scale) / scale * norm.pdf(x, t, sd)
+
+    low, high = max(x - 10 * sd, 0.0), max(x + 10 * sd, 5 * sd)
+    direct, _ = quad(density, low, high, points=[max(x, 0.0)], epsabs=0, epsrel=1e-10)
+    assert contact._log_skewed(np.array([x]), sd, scale)[0] == pytest.approx(
+        np.log(direct), abs=1e-6
+    )
+
+
+def test_skewed_density_far_out_has_no_overflow():
+    x = np.array([-1e3, -50.0, 1e3, 1e5])
+    assert np.isfinite(contact._log_skewed(x, 1.0, 5.0)).all()
+
+
+def test_odds_favour_contact_when_pushed_and_free_when_away():
+    um, un = 1e-6, 1e-6
+    args = (2 * um, np.array([0.05 * un] * 4), np.zeros(4))
+    gap = np.array([0.0, 0.0, 40 * um, 400 * um])
+    force = np.array([2 * un, 0.0, 0.0, 0.0])
+    odds = contact._log_odds(gap, args[0], force, args[1], args[2])
+    assert odds[0] > 10  # limited by OUTLIERS
+    assert abs(odds[1]) < 6
+    assert odds[2] < -10
+    assert odds[3] < -10
+
+
+def test_in_contact_is_half_open():
+    frames = pd.DataFrame({"frame": [0, 1, 2, 3] * 2, "whisker": ["a"] * 4 + ["b"] * 4})
+    intervals = pd.DataFrame({"whisker": ["a"], "onset_frame": [1], "offset_frame": [3]})
+    np.testing.assert_array_equal(
+        contact.in_contact(frames, intervals), [False, True, True, False] + [False] * 4
+    )
