@@ -271,7 +271,7 @@ def _bin(x, y, s, offset, info, start, spacing, px, py, clear, out_x, out_y, out
             mean = sums[k] / total
             along = k * spacing - mean[3]
             # points of an arc lie, in the mean, inside of it
-            inside = mean[7] * (mean[6] - mean[3] ** 2) / 2
+            inside = mean[7] * (mean[6] - mean[3] ** 2 - along**2) / 2
             out_x[k] = mean[1] + along * mean[4] + inside * mean[5]
             out_y[k] = mean[2] + along * mean[5] - inside * mean[4]
             out_information[k] = total
