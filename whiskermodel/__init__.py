@@ -2,7 +2,11 @@
 
 from whiskermodel.force_profiles import half_gaussian, ramp_and_hold, stick_slip
 from whiskermodel.modes import Modes, modes
-from whiskermodel.pulse_response import half_gaussian_extremes, half_gaussian_moments
+from whiskermodel.pulse_response import (
+    HalfGaussianMoments,
+    half_gaussian_extremes,
+    half_gaussian_moments,
+)
 from whiskermodel.response import BaseLoads, Displacement, Response, base_loads
 from whiskermodel.ringdown import Estimate, RingdownFit, fit_ringdown, youngs_modulus
 from whiskermodel.statics import (
@@ -18,6 +22,7 @@ __all__ = [
     "BaseLoads",
     "Displacement",
     "Estimate",
+    "HalfGaussianMoments",
     "Modes",
     "Response",
     "RingdownFit",

@@ -34,6 +34,7 @@ def save(figure, path, kind):
     metadata = {"Date": None} if kind == "svg" else {"Software": None}
     with matplotlib.rc_context(STYLE):
         figure.savefig(path, format=kind, dpi=150, metadata=metadata)
+    figure.set_layout_engine("none")  # arranged once is enough
 
 
 def _figure(width, height, title):

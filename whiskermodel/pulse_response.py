@@ -9,6 +9,8 @@ result is that of Eq. 49 to about ten digits. (Modes that do not swing, p_k ≤ 
 has, send the whole call to the recursion for sampled forces.)
 """
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.polynomial import legendre
 from scipy.special import roots_legendre
@@ -17,10 +19,12 @@ from whiskermodel.checks import finite_array, on_whisker, positive
 from whiskermodel.force_profiles import half_gaussian, half_gaussian_shape
 from whiskermodel.modal_filter import free_motion
 
-_TERMS = 56  # Legendre terms over a group's span
+_FORCE_TERMS = 28  # Legendre terms of a pulse over its span, to rounding
+_TERMS = 56  # and of a mode's response
 _SLOW = 24.0  # rad of a mode in half a span, up to which a polynomial follows it throughout
-_SPREAD = 1.25  # longest over shortest duration in a group
+_SPREAD = 1.25  # from one span to the next
 _BATCH = 64  # contacts per matrix product, to stay in the cache
+_EXTREMES_BATCH = 256
 
 
 def half_gaussian_moments(response, contact_arc_length, peak_force, duration, time):
@@ -42,20 +46,48 @@ def half_gaussian_moments(response, contact_arc_length, peak_force, duration, ti
     ValueError
         Names the argument, its value and what is allowed.
     """
-    c, peak, duration = _contacts(response, contact_arc_length, peak_force, duration)
-    time = finite_array("time", time)
-    if time.ndim != 1 or len(time) == 0 or time[0] < 0 or (np.diff(time) <= 0).any():
-        raise ValueError(f"time must be one ascending row from >= 0 s, got shape {time.shape}")
-    if not _all_swing(response):
-        return _stepped_moments(response, c, peak, duration, time)
-    steady, vibrational = np.empty((2, len(c), len(time)))
-    for rows in _groups(duration):
-        group = _Group(response, c[rows], peak[rows], duration[rows])
-        on_grid = _Grid(group, time)
-        for start in range(0, len(rows), _BATCH):
-            some = slice(start, start + _BATCH)
-            steady[rows[some]], vibrational[rows[some]] = on_grid.moments(some)
-    return steady, vibrational
+    return HalfGaussianMoments(response, time)(contact_arc_length, peak_force, duration)
+
+
+class HalfGaussianMoments:
+    """`half_gaussian_moments` for one whisker and row of times, prepared to be called repeatedly.
+
+    Parameters
+    ----------
+    response : Response
+    time : (n,) array [s], ascending, ≥ 0
+    """
+
+    def __init__(self, response, time):
+        time = finite_array("time", time)
+        if time.ndim != 1 or len(time) == 0 or time[0] < 0 or (np.diff(time) <= 0).any():
+            raise ValueError(f"time must be one ascending row from >= 0 s, got shape {time.shape}")
+        self.response, self.time = response, time
+        self._spans = {}
+        self._scratch = np.empty((3, _BATCH * len(time)))
+
+    def __call__(self, contact_arc_length, peak_force, duration, out=None):
+        """Steady and vibrational moments, (contacts, n) each, into `out` where it is given."""
+        c, peak, duration = _contacts(self.response, contact_arc_length, peak_force, duration)
+        shape = (len(c), len(self.time))
+        out = np.empty((2, *shape)) if out is None else out
+        if np.shape(out) != (2, *shape):
+            raise ValueError(f"out must be of shape {(2, *shape)}, got {np.shape(out)}")
+        if not _all_swing(self.response):
+            out[...] = _stepped_moments(self.response, c, peak, duration, self.time)
+            return out[0], out[1]
+        weights = self.response.base_moment_weights(c).T
+        which = _span_of(duration)
+        for number in np.unique(which):
+            rows = np.flatnonzero(which == number)
+            if number not in self._spans:
+                self._spans[number] = _Span(self.response, _SPREAD**number, self.time)
+            span = self._spans[number]
+            for start in range(0, len(rows), _BATCH):
+                some = rows[start : start + _BATCH]
+                contacts = (c[some], peak[some], duration[some], weights[some])
+                span.write(some, contacts, out, self._scratch)
+        return out[0], out[1]
 
 
 def half_gaussian_extremes(
@@ -78,13 +110,13 @@ def half_gaussian_extremes(
     c, peak, duration = _contacts(response, contact_arc_length, peak_force, duration)
     dt, ringing = float(positive("dt", dt, "s")), float(positive("ringing", ringing, "s"))
     out = np.stack([-c * peak, np.zeros(len(c)), np.zeros(len(c))])
-    for rows in _groups(duration):
-        time = np.arange(0, duration[rows].max() + ringing, dt)
-        for start in range(0, len(rows), 1024):
-            some = rows[start : start + 1024]
-            _, vibrational = half_gaussian_moments(
-                response, c[some], peak[some], duration[some], time
-            )
+    which = _span_of(duration)
+    for number in np.unique(which):
+        rows = np.flatnonzero(which == number)
+        moments = HalfGaussianMoments(response, np.arange(0, duration[rows].max() + ringing, dt))
+        for start in range(0, len(rows), _EXTREMES_BATCH):
+            some = rows[start : start + _EXTREMES_BATCH]
+            _, vibrational = moments(c[some], peak[some], duration[some])
             out[1:, some] = vibrational.max(axis=1), vibrational.min(axis=1)
     return out
 
@@ -120,13 +152,9 @@ def _stepped_moments(response, c, peak, duration, time):
     return steady, vibrational
 
 
-def _groups(duration):
-    """Indices of contacts of similar duration, group by group."""
-    order = np.argsort(duration, kind="stable")
-    while len(order):
-        n = np.searchsorted(duration[order], _SPREAD * duration[order[0]], side="right")
-        yield order[:n]
-        order = order[n:]
+def _span_of(duration):
+    """The number of the shortest span that holds each contact, a power of _SPREAD [s]."""
+    return np.ceil(np.log(duration) / np.log(_SPREAD) - 1e-9).astype(int)
 
 
 def _carried(response, state, t):
@@ -138,85 +166,90 @@ def _carried(response, state, t):
     return np.stack([late, -(p**2) * h * state[0] + (g - 2 * d * h) * state[1]])
 
 
-class _Group:
-    """Contacts of similar duration: weights, polynomials, ringing from onset and from release.
+class _Span:
+    """All that contacts of similar duration share; polynomials are Legendre series over the span.
 
-    Polynomials are Legendre series over 0 ≤ t ≤ span, the longest duration.
+    The modes' ringing from the onset is counted from time 0, that from the release from the
+    earliest release.
     """
 
-    def __init__(self, response, c, peak, duration):
-        moving = response.angular_frequency > 0  # a rigid rotation bears no moment
-        self.angular_frequency = response.angular_frequency[moving]
-        self.response = response
-        weights = response.base_moment_weights(c)[moving].T
-        self.c, self.duration = c, duration
-        self.span, self.earliest = duration.max(), duration.min()
-        self.force = _pulse_series(peak, duration, self.span)
-        maps, fast = _response_maps(
-            self.angular_frequency, response.whisker.damping_rate, self.span / 2
-        )
+    def __init__(self, response, span, time):
+        self.response, self.span, self.earliest = response, span, span / _SPREAD
+        self.time = time
+        self.moving = response.angular_frequency > 0  # a rigid rotation bears no moment
+        p, d = response.angular_frequency[self.moving], response.whisker.damping_rate
+        self.maps, self.fast = _response_maps(p, d, span / 2)
+        self.at_onset = self._tables(np.zeros(1))
+        end, self.start = np.searchsorted(time, [span * (1 + 1e-9), self.earliest])
+        during, after = time[:end], time[self.start :] - self.earliest
+        self.series = legendre.legvander(2 * during / span - 1, _TERMS - 1).T.copy()
+        self.in_contact = np.concatenate([self.series, *free_motion(p, d, during)])
+        self.released = np.concatenate(free_motion(p, d, after))
+
+    def write(self, rows, contacts, out, scratch):
+        """Moments of these contacts into `out[:, rows]`; `scratch` (3, big enough)."""
+        c, peak, duration, weights = contacts
+        force = _pulse_series(peak, duration, self.span)
+        during, released = self._coefficients(weights[:, self.moving], force, duration)
+        steady = _product(-c[:, None] * force, self.series[:_FORCE_TERMS], scratch[0])
+        contact = _product(during, self.in_contact, scratch[1])
+        after = _product(released, self.released, scratch[2])
+        ends = np.searchsorted(self.time, duration)
+        for i, (row, end) in enumerate(zip(rows, ends, strict=True)):
+            out[0, row, :end], out[0, row, end:] = steady[i, :end], 0.0
+            out[1, row, :end], out[1, row, end:] = contact[i, :end], after[i, end - self.start :]
+
+    def _coefficients(self, weights, force, duration):
+        """Amplitudes of series and ringing during the contact, and of ringing after it."""
         # (contacts, modes, terms): the smooth part of q
-        smooth = np.tensordot(self.force, maps, axes=(1, 2))
-        onset = np.where(fast, -self._state(smooth, np.zeros(1)), 0.0)
-        release = self._state(smooth, duration) + _carried(response, onset, duration)
-        release = _carried(response, release, self.earliest - duration)
-        self.polynomial = np.einsum("ck,ckn->cn", weights, smooth)
-        self.polynomial -= weights.sum(axis=1)[:, None] * self.force
-        self.from_onset = (weights * onset).transpose(1, 0, 2).reshape(len(c), -1)
-        self.from_release = (weights * release).transpose(1, 0, 2).reshape(len(c), -1)
+        smooth = np.tensordot(force, self.maps, axes=(1, 2))
+        onset = np.where(self.fast, -_states(smooth, self.at_onset), 0.0)
+        release = _states(smooth, self._tables(duration))
+        release = release + _carried(self.response, onset, duration)
+        release = _carried(self.response, release, self.earliest - duration)
+        polynomial = np.einsum("ck,ckn->cn", weights, smooth)
+        polynomial[:, :_FORCE_TERMS] -= weights.sum(axis=1)[:, None] * force
+        from_onset, from_release = (
+            (weights * state).transpose(1, 0, 2).reshape(len(weights), -1)
+            for state in (onset, release)
+        )
+        return np.concatenate([polynomial, from_onset], axis=1), from_release
 
-    def ringing(self, t):
-        """g and h of the moving modes at times `t` (n,), each (modes, n)."""
-        return free_motion(self.angular_frequency, self.response.whisker.damping_rate, t)
-
-    def _state(self, smooth, t):
-        """q and q' of the smooth part at time `t` (contacts or 1,), (2, contacts, modes)."""
-        u = 2 * t / self.span - 1
-        values = legendre.legvander(u, smooth.shape[2] - 1)
-        slopes = values @ _differentiation(smooth.shape[2])
-        rows = [np.einsum("ckn,cn->ck", smooth, np.broadcast_to(v, smooth[:, 0].shape))
-                for v in (values, slopes * 2 / self.span)]  # fmt: skip
-        return np.stack(rows)
+    def _tables(self, t):
+        """What takes series to q and to q' at times `t` (contacts,), (2, contacts, terms)."""
+        values = legendre.legvander(2 * t / self.span - 1, _TERMS - 1)
+        return np.stack([values, values @ _differentiation(_TERMS) * (2 / self.span)])
 
 
-class _Grid:
-    """A group's series and ringing at given times, ready for the contacts' coefficients."""
+def _states(smooth, tables):
+    """q and q' of the series (contacts, modes, terms), (2, contacts, modes)."""
+    return np.matmul(smooth, tables[..., None])[..., 0]
 
-    def __init__(self, group, time):
-        self.group, self.time = group, time
-        self.end = np.searchsorted(time, group.span)  # of the longest contact
-        self.start = np.searchsorted(time, group.earliest)  # of the earliest release
-        during, after = time[: self.end], time[self.start :]
-        n_terms = group.force.shape[1]
-        self.series = legendre.legvander(2 * during / group.span - 1, n_terms - 1).T.copy()
-        self.in_contact = np.concatenate([self.series, *group.ringing(during)])
-        self.released = np.concatenate(group.ringing(after - group.earliest))
 
-    def moments(self, some):
-        """Steady and vibrational moment of the contacts in the slice `some`."""
-        g, time, start, end = self.group, self.time, self.start, self.end
-        amplitudes = np.concatenate([g.polynomial[some], g.from_onset[some]], axis=1)
-        steady, vibrational = np.zeros((2, len(amplitudes), len(time)))
-        vibrational[:, :end] = amplitudes @ self.in_contact
-        steady[:, :end] = (-g.c[some, None] * g.force[some]) @ self.series
-        after = g.from_release[some] @ self.released
-        vibrational[:, end:] = after[:, end - start :]
-        over = time[None, start:end] >= g.duration[some, None]
-        np.copyto(vibrational[:, start:end], after[:, : end - start], where=over)
-        np.copyto(steady[:, start:end], 0.0, where=over)
-        return steady, vibrational
+def _product(left, right, scratch):
+    """left @ right into the beginning of `scratch`."""
+    shape = (len(left), right.shape[1])
+    return np.matmul(left, right, out=scratch[: shape[0] * shape[1]].reshape(shape))
 
 
 def _pulse_series(peak, duration, span):
     """Legendre series of the pulses, continued smoothly to the span, (contacts, terms)."""
-    nodes, weights = roots_legendre(_TERMS)
-    values = half_gaussian_shape((nodes + 1) * span / duration[:, None] - 1)
-    table = legendre.legvander(nodes, _TERMS - 1) * (np.arange(_TERMS) + 0.5)
-    return peak[:, None] * ((values * weights) @ table)
+    nodes, projection = _projection()
+    return peak[:, None] * (
+        half_gaussian_shape((nodes + 1) * span / duration[:, None] - 1) @ projection
+    )
+
+
+@lru_cache(maxsize=1)
+def _projection():
+    """Gauss's nodes, and the matrix from values there to Legendre coefficients."""
+    nodes, weights = roots_legendre(_FORCE_TERMS + 8)
+    table = legendre.legvander(nodes, _FORCE_TERMS - 1) * (np.arange(_FORCE_TERMS) + 0.5)
+    return nodes, weights[:, None] * table
 
 
 def _response_maps(angular_frequency, d, half):
-    """Maps from the force's series to q's, (modes, terms, terms), and which modes are fast.
+    """Maps from the force's series to q's, (modes, terms, force terms), and the fast modes.
 
     Over u = t/half − 1, (ph)² F = (ph)² q + 2dh q_u + q_uu. A slow mode's q is polynomial enough
     as a whole: solved for q_uu, starting from rest. A fast mode's polynomial is the one that
@@ -234,7 +267,7 @@ def _response_maps(angular_frequency, d, half):
         else:
             change = 2 * d * half * differential + differential @ differential
             maps[k] = np.linalg.inv(unit + change / ph**2)
-    return maps, turn > _SLOW
+    return maps[:, :, :_FORCE_TERMS].copy(), turn > _SLOW
 
 
 def _integration(n):
@@ -247,6 +280,7 @@ def _integration(n):
     return out
 
 
+@lru_cache(maxsize=1)
 def _differentiation(n):
     """Legendre coefficients of a series → of its derivative."""
     out = np.zeros((n, n))

@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from whiskermodel import (
+    HalfGaussianMoments,
     Response,
     half_gaussian,
     half_gaussian_extremes,
@@ -84,7 +85,7 @@ def test_grouping_does_not_matter(monkeypatch):
     c, duration = rng.uniform(3e-3, 30e-3, 30), np.geomspace(0.3e-3, 110e-3, 30)
     time, response = np.arange(0, 140e-3, 1e-5), Response(rat_c2())
     _, together = half_gaussian_moments(response, c, 1e-5, duration, time)
-    monkeypatch.setattr(pulse_response, "_SPREAD", 1.0)
+    monkeypatch.setattr(pulse_response, "_SPREAD", 1.03)
     _, apart = half_gaussian_moments(response, c, 1e-5, duration, time)
     assert np.abs(together - apart).max() < 1e-10 * np.abs(apart).max()
 
@@ -95,6 +96,18 @@ def test_extremes():
     np.testing.assert_allclose(steady, -c * 2e-6)
     np.testing.assert_allclose(highest / -steady, [0.045, 1.425, 0.499], atol=1e-3)
     np.testing.assert_allclose(lowest / -steady, [-0.042, -1.123, -0.665], atol=1e-3)
+
+
+def test_prepared_for_repeated_calls():
+    response, time = Response(mouse_c2()), np.arange(0, 30e-3, 1e-5)
+    prepared, out = HalfGaussianMoments(response, time), np.empty((2, 3, len(time)))
+    for duration in ([3e-3, 12e-3, 20e-3], [4e-3, 4e-3, 9e-3]):
+        expected = half_gaussian_moments(response, 9e-3, 1e-6, duration, time)
+        steady, _ = prepared(9e-3, 1e-6, duration, out=out)
+        assert steady.base is out
+        np.testing.assert_array_equal(out, expected)
+    with pytest.raises(ValueError, match=r"out must be of shape \(2, 1, 3000\), got"):
+        prepared(9e-3, 1e-6, 5e-3, out=out)
 
 
 @pytest.mark.parametrize(
