@@ -12,7 +12,8 @@ from pipeline.records import Recording
 from whiskermodel.pulse_response import half_gaussian_extremes
 from whiskermodel.response import Response
 
-SUBSTEPS = 40  # results per frame of a measured force: the modes ring at up to some kHz
+FINE_STEPS = 20  # per frame, of a measured force; its corners lie between frames
+SUBSTEPS = 2  # results per fine step: the modes ring at up to some kHz
 RINGING_S = 25e-3  # how long the vibration is followed after the contact
 LARGEST_PART = 0.995  # of the length, the farthest contact that the model takes
 NOT_A_PULSE = "not_half_gaussian"
@@ -68,15 +69,24 @@ def _of_pulses(response, part):
 
 def _of_force(response, place, force, recording, row):
     """The same for one contact of any time course, from the force in its frames [N]."""
-    quiet = np.zeros(int(RINGING_S * recording.frames_per_second) + 1)
-    force = np.concatenate([[0.0], force, quiet])
-    dt = 1 / recording.frames_per_second
-    loads = response.base_loads(place, force, dt, substeps=SUBSTEPS)
+    quiet = int(RINGING_S * recording.frames_per_second)
+    nodes = np.arange(len(force), dtype=float)
+    time = np.arange(-1, len(force) + quiet, 1 / FINE_STEPS)
+    nodes = np.concatenate([[-_lead(force)], nodes, [nodes[-1] + _lead(force[::-1])]])
+    fine = np.interp(time, nodes, np.concatenate([[0.0], force, [0.0]]), left=0.0, right=0.0)
+    dt = 1 / recording.frames_per_second / FINE_STEPS
+    loads = response.base_loads(place, fine, dt, substeps=SUBSTEPS)
     steady = loads.steady_moment[np.argmax(np.abs(loads.steady_moment))]
     extremes = np.array(
         [[steady], [loads.vibrational_moment.max()], [loads.vibrational_moment.min()]]
     )
     return _signed(extremes, np.array([row["peak_base_moment_nN_m"]], float))
+
+
+def _lead(force):
+    """Frames before the first at which the force began, if it rose as between the first two."""
+    rise = force[1] - force[0] if len(force) > 1 else force[0]
+    return float(np.clip(force[0] / rise, 0.05, 1.0)) if rise > 0 else 1.0
 
 
 def _signed(extremes, measured):

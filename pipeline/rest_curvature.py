@@ -14,8 +14,9 @@ FREE_DISTANCE_M = 0.2e-3  # surface to surface; farther than any tracing error
 FEWEST_FRAMES = 20
 LARGEST_DEGREE = 2
 CORRELATED_FRAMES = 10  # neighbouring frames share their errors: how many count as one
-DRIFT_TIME_S = 0.5  # drift is followed over times longer than this
-DRIFT_SHRINK_FRAMES = 60  # so many frames of zero drift are added everywhere
+DRIFT_TIME_S = 0.3  # drift is followed over times longer than this
+DRIFT_SHRINK_FRAMES = 8  # so many frames of zero drift are added everywhere
+START_DRAWS = 100  # random small samples of frames, the best of which starts the robust fit
 TUKEY = 4.5  # SD beyond which a frame counts nothing
 
 
@@ -98,10 +99,13 @@ def fit_rest(values, variances, angle, time, free) -> RestModel | None:
     weights, share = min(fits, key=lambda fit: _information_criterion(u, values, *fit))
     powers = _powers(u, len(weights) - 1)
     residual = values - powers @ weights
-    for _ in range(2):  # drift and polynomial in turn
+    for _ in range(5):  # drift and polynomial in turn
         drift = _smooth(time, residual, share, time)
         weights, share = _robust_polynomial(u, values - drift, len(weights) - 1)
         residual = values - powers @ weights
+        middle = np.average(residual, axis=0, weights=share)
+        weights[0] += middle  # a drift of mean zero: it is shrunk to that
+        residual -= middle
     left = residual - drift
     total = (left * share[:, None]).T @ left / share.sum()
     scatter = _positive(total - np.diag((variances * share[:, None]).sum(axis=0) / share.sum()))
@@ -155,18 +159,32 @@ def _powers(u, degree):
 def _robust_polynomial(u, values, degree):
     """Tukey-weighted least squares; returns weights (terms, values) and each frame's share."""
     powers = _powers(u, degree)
-    share = np.ones(len(u))
+    weights = _robust_start(powers, values)
     for _ in range(8):
-        weighted = powers * share[:, None]
-        weights = np.linalg.lstsq(weighted.T @ powers, weighted.T @ values, rcond=None)[0]
         residual = values - powers @ weights
-        spread = 1.4826 * np.median(np.abs(residual - np.median(residual, axis=0)), axis=0)
+        spread = 1.4826 * np.median(np.abs(residual), axis=0)
         away = (residual / np.maximum(spread, 1e-12)) ** 2
         worst = np.sqrt(away.max(axis=1)) / TUKEY
         share = np.where(worst < 1, (1 - worst**2) ** 2, 0.0)
         if share.sum() < FEWEST_FRAMES / 2:
             share = np.ones(len(u))
+        weighted = powers * share[:, None]
+        weights = np.linalg.lstsq(weighted.T @ powers, weighted.T @ values, rcond=None)[0]
     return weights, share
+
+
+def _robust_start(powers, values):
+    """Polynomial through a few frames that most frames are nearest to (least median)."""
+    n, terms = powers.shape
+    rng = np.random.default_rng(0)
+    rows = rng.integers(0, n, (START_DRAWS, terms + 1))
+    part = powers[rows]
+    square = np.swapaxes(part, 1, 2) @ part + 1e-9 * np.eye(terms)
+    trials = np.linalg.solve(square, np.swapaxes(part, 1, 2) @ values[rows])
+    judges = np.unique(np.linspace(0, n - 1, 400).astype(int))
+    misfit = np.abs(values[judges] - powers[judges] @ trials)
+    middle = np.median(misfit, axis=1)
+    return trials[np.argmin((middle / np.maximum(middle.min(axis=0), 1e-12)).sum(axis=1))]
 
 
 def _information_criterion(u, values, weights, share):
@@ -178,7 +196,7 @@ def _information_criterion(u, values, weights, share):
 
 
 def _smooth(time, residual, share, at):
-    """Kernel mean of the residual at times `at`, shrunk to zero where there are few frames."""
+    """Local line through the residual at times `at`, shrunk to zero where there are few frames."""
     if len(time) == 0 or len(at) == 0:
         return np.zeros((len(at), residual.shape[1]))
     # frames are dense in time: bins of a fifth of the kernel's width lose nothing
@@ -186,15 +204,18 @@ def _smooth(time, residual, share, at):
     low = min(time.min(), np.nanmin(at)) - step
     bins = int((max(time.max(), np.nanmax(at)) + step - low) / step) + 2
     place = ((time - low) / step).astype(int)
+    reach = np.arange(-20, 21) / 5.0
+    kernel = np.exp(-0.5 * reach**2)
     count = np.bincount(place, share, bins)
-    sums = np.stack([np.bincount(place, share * r, bins) for r in residual.T])
-    reach = np.arange(-20, 21)
-    kernel = np.exp(-0.5 * (reach / 5.0) ** 2)
-    count = _convolve(count, kernel)
-    sums = np.stack([_convolve(s, kernel) for s in sums])
+    s0, s1, s2 = (_convolve(count, kernel * (-reach) ** k) for k in range(3))
+    s0, s2 = s0 + DRIFT_SHRINK_FRAMES, s2 + DRIFT_SHRINK_FRAMES
     centres = low + (np.arange(bins) + 0.5) * step
-    smooth = sums / (count + DRIFT_SHRINK_FRAMES)
-    return np.stack([np.interp(at, centres, s) for s in smooth], axis=1)
+    out = []
+    for r in residual.T:
+        sums = np.bincount(place, share * r, bins)
+        t0, t1 = (_convolve(sums, kernel * (-reach) ** k) for k in range(2))
+        out.append(np.interp(at, centres, (s2 * t0 - s1 * t1) / (s0 * s2 - s1**2)))
+    return np.stack(out, axis=1)
 
 
 def _convolve(values, kernel):

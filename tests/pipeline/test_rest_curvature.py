@@ -1,0 +1,124 @@
+"""Rest values from free frames: truth recovered, outliers ignored, errors that cover."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from pipeline import rest_curvature
+from pipeline.rest_curvature import fit_rest, free_frames
+
+noise = 0.4  # 1/m
+
+
+def whisking(n, rng):
+    t = np.arange(n) / 1000
+    return t, 0.4 * np.sin(2 * np.pi * 9 * t) * (0.8 + 0.2 * np.sin(7 * t)) + rng.normal(
+        0, 0.01, n
+    )
+
+
+def true_rest(angle, time, drift=0.0):
+    return 22.0 + 15.0 * angle - 12.0 * angle**2 + drift * np.sin(time)
+
+
+@pytest.mark.parametrize("drift", [0.0, 2.0])
+def test_recovers_rest_as_function_of_angle_and_time(drift):
+    rng = np.random.default_rng(0)
+    time, angle = whisking(4000, rng)
+    truth = true_rest(angle, time, drift)
+    measured = truth + rng.normal(0, noise, len(time))
+    free = angle < 0.15  # touches lie at the other angles
+    model = fit_rest(measured, np.full(len(time), noise**2), angle, time, free)
+    values, cov = model.predict(angle, time)
+    error = values[:, 0] - truth
+    assert np.abs(error[free]).max() < (0.3 if drift == 0 else 0.5)  # 1/m
+    assert np.abs(error).max() < 0.7  # beyond the angles of the free frames
+    assert np.sqrt(cov[:, 0, 0]).max() < 0.6
+
+
+def test_touched_frames_among_the_free_do_not_matter():
+    rng = np.random.default_rng(1)
+    time, angle = whisking(2000, rng)
+    truth = true_rest(angle, time)
+    measured = truth + rng.normal(0, noise, len(time))
+    measured[angle > 0.2] += 30.0  # pushed
+    model = fit_rest(measured, np.full(len(time), noise**2), angle, time, np.full(2000, True))
+    free = angle < 0.2
+    assert np.abs(model.predict(angle, time)[0][:, 0] - truth)[free].max() < 0.4
+
+
+def test_errors_cover_and_grow_where_nothing_was_seen():
+    z, inside, outside = [], [], []
+    for seed in range(60):
+        rng = np.random.default_rng(seed)
+        time, angle = whisking(400, rng)
+        # true scatter of the rest value, changing slowly as real ones do, on top of the noise
+        own = np.convolve(rng.normal(0, 1, 400 + 19), np.ones(20) / 20, "valid") * 2.0
+        truth = 22.0 + 15.0 * angle
+        measured = truth + own + rng.normal(0, noise, 400)
+        model = fit_rest(measured, np.full(400, noise**2), angle, time, angle < 0.1)
+        at = np.array([0.0, 0.9])
+        values, cov = model.predict(at, np.array([0.2, 0.2]))
+        wanted = 22.0 + 15.0 * at[0] + own[200]
+        z.append((values[0, 0] - wanted) / np.sqrt(cov[0, 0, 0]))
+        inside.append(cov[0, 0, 0])
+        outside.append(cov[1, 0, 0])
+    assert 0.85 <= np.mean(np.abs(z) < 1.96) <= 1.0
+    assert np.median(outside) > 1.5 * np.median(inside)
+
+
+def test_several_values_at_once_are_each_alone():
+    rng = np.random.default_rng(2)
+    time, angle = whisking(1500, rng)
+    one = 10.0 + 5.0 * angle + rng.normal(0, 0.1, 1500)
+    two = -3.0 + 50.0 * angle + rng.normal(0, 0.5, 1500)
+    both = fit_rest(
+        np.column_stack([one, two]), np.full((1500, 2), 0.01), angle, time, np.full(1500, True)
+    )
+    values, cov = both.predict(np.array([0.1]), np.array([0.5]))
+    np.testing.assert_allclose(values[0], [10.5, 2.0], atol=0.1)
+    assert cov.shape == (1, 2, 2)
+    assert np.all(np.linalg.eigvalsh(cov[0]) > 0)
+
+
+def test_too_few_free_frames_are_none():
+    angle = np.linspace(0, 1, 50)
+    few = np.arange(50) < rest_curvature.FEWEST_FRAMES - 1
+    assert fit_rest(angle, np.ones(50), angle, angle, few) is None
+    lost = np.where(np.arange(50) < 40, np.nan, 1.0)
+    assert fit_rest(lost, np.ones(50), angle, angle, np.full(50, True)) is None
+
+
+def test_unmoved_whisker_needs_no_angle():
+    rng = np.random.default_rng(3)
+    values = 7.0 + rng.normal(0, noise, 300)
+    time = np.arange(300) / 1000
+    model = fit_rest(values, np.full(300, noise**2), np.zeros(300), time, np.full(300, True))
+    assert model.predict(np.zeros(1), np.zeros(1))[0][0, 0] == pytest.approx(7.0, abs=0.1)
+
+
+def test_free_frames_are_far_or_without_pole():
+    distance = np.array([0.0, 0.1e-3, 0.5e-3, np.nan, 0.0])
+    known = np.array([True, True, True, True, False])
+    np.testing.assert_array_equal(free_frames(distance, known), [False, False, True, False, True])
+
+
+def test_table_columns():
+    rng = np.random.default_rng(4)
+    time, angle = whisking(300, rng)
+    frames = pd.DataFrame(
+        {
+            "whisker": "C2",
+            "time_s": time,
+            "base_angle_deg": np.degrees(angle),
+            "curvature_per_m": 20.0 + 10 * angle,
+            "curvature_per_m_se": 0.3,
+        }
+    )
+    model = fit_rest(20.0 + 10 * angle, np.full(300, 0.09), angle, time, np.full(300, True))
+    out = rest_curvature.add_rest_curvature(frames, {"C2": model})
+    assert "rest_curvature_per_m" not in frames
+    np.testing.assert_allclose(out["curvature_change_per_m"], 0.0, atol=0.05)
+    assert (out["curvature_change_per_m_se"] >= 0.3).all()
+    nothing = rest_curvature.add_rest_curvature(frames, {"C2": None})
+    assert nothing["rest_curvature_per_m"].isna().all()
