@@ -6,7 +6,7 @@ vibrational part, η_k = −P_k I_k, kept apart throughout. See `modal_filter` f
 Signs are the paper's: F > 0 pushes towards −y, so that the steady base moment is −c F.
 """
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.special import roots_legendre
@@ -325,17 +325,6 @@ class Response:
 def base_loads(whisker, contact_arc_length, force, dt, substeps=1, **options):
     """`Response(whisker, **options).base_loads(contact_arc_length, force, dt, substeps)`."""
     return Response(whisker, **options).base_loads(contact_arc_length, force, dt, substeps)
-
-
-def concatenate_loads(parts):
-    """BaseLoads of the same times, joined along their first axis of forces."""
-    first = parts[0]
-    joined = [
-        np.concatenate([getattr(p, f.name) for p in parts])
-        for f in fields(BaseLoads)
-        if f.name != "time"
-    ]
-    return BaseLoads(first.time, *joined)
 
 
 def _refined(force, substeps):
