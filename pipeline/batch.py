@@ -123,6 +123,9 @@ def run(paths, out, config=None, jobs=1, overwrite=False, overlay=False, progres
     if jobs == 1 or len(due) == 1:
         due = [replace(task, threads=0) for task in due]
     interrupted = _process(due, outcomes, jobs, progress)
+    for task in due:
+        if task.folder.name not in outcomes and not task.finished:
+            _clear(task.folder)
     ordered = [outcomes[name] for name in names.values() if name in outcomes]
     ordered += _earlier(out, set(names.values()))
     seconds = time.monotonic() - started
@@ -241,10 +244,15 @@ def _forget(folder):
         leftover.unlink()
 
 
+def _clear(folder):
+    """Remove the results of a video that has none, and the folder unless a person's work is in."""
+    _forget(folder)
+    if folder.is_dir() and not any(folder.iterdir()):
+        folder.rmdir()
+
+
 def _failed(task, message, details="") -> Outcome:
-    _forget(task.folder)
-    if task.folder.is_dir() and not any(task.folder.iterdir()):
-        task.folder.rmdir()
+    _clear(task.folder)
     message = " ".join(message.split())
     return Outcome(task.folder.name, str(task.path), "failed", message=message, details=details)
 

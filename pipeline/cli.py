@@ -4,6 +4,7 @@ Exit status: 0 all done; 1 some videos failed; 2 unusable arguments or settings.
 """
 
 import os
+import signal
 import sys
 from pathlib import Path
 from typing import Annotated
@@ -79,6 +80,7 @@ def run(
     """
     from pipeline import batch
 
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # end as with Ctrl-C
     summary = batch.run(paths, out, config, jobs or _cores(), overwrite, overlay, _progress_of_run)
     _finish_run(summary, debug)
 

@@ -2,6 +2,8 @@
 
 import time
 
+LEAST_DONE = 0.02  # of all frames, before the time left is told: compiling takes a while
+
 
 class Progress:
     """Frames done over several videos at once, with speed and time left.
@@ -52,8 +54,8 @@ class Progress:
 
     @property
     def seconds_left(self) -> float | None:
-        """Expected time to the end, None while nothing is known."""
-        if not self.frames_done:
+        """Expected time to the end, None while too little is done to tell."""
+        if self.frames_done <= LEAST_DONE * self.frames_expected:
             return None
         return max(self.frames_expected - self.frames_done, 0) / self.frames_per_s
 

@@ -217,6 +217,7 @@ def test_interruption_keeps_what_is_finished(folder, calls, tmp_path):
     summary = batch.run([folder], out)
     assert summary.interrupted
     assert statuses(out) == {"a": "done"}
+    assert not (out / "b").exists()
     (folder / "b.avi").write_bytes(b"b.avi")
     batch.run([folder], out)
     assert calls == ["a.avi", "b.avi", "b.avi"]
