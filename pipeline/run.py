@@ -69,54 +69,80 @@ def analyse(
         If the video cannot be read to its end.
     """
     clock = Clock()
-    recording, at = settings.recording.si(), settings.analysis.curvature_at
     with open_video(path, threads) as video:
         with clock("scene"):
             epochs = scene_finding.find_scenes(
-                video, recording, settings.pole.diameter, settings.pole.position_px
+                video,
+                settings.recording.si(),
+                settings.pole.diameter,
+                settings.pole.position_px,
             )
         with clock("roster"):
-            options = tracing.options_for(recording, *_known_lengths(settings))
-            cast = find_cast(video, epochs, options, settings)
-        pole = pole_track(epochs)
-        frames = Counted(clock.each("decoding", video), video.n_frames, progress)
-        kinematics, places = [], []
-        chunks = tracing.trace(frames, epochs, list(cast.roster), options)
-        for chunk in clock.each("centrelines", chunks):
-            with clock("curvature"):
-                kinematics.append(
-                    curvature.measure(chunk, recording, cast.hidden_lengths, at, pole)
-                )
-            with clock("distances"):
-                places.append(
-                    stations.measure_stations(
-                        chunk, recording, cast.nominal, cast.hidden_lengths, pole
-                    )
-                )
-            with clock("storing"):
-                if keep is not None:
-                    keep(chunk)
-    clock.seconds["centrelines"] -= clock.seconds["decoding"]
-    table = frame_table(kinematics, cast, frames.count, recording)
+            cast = find_cast(video, epochs, settings)
+        followed = follow(video, epochs, cast, settings, clock, keep, progress)
     with clock("contacts"):
-        touch = _nothing_traced(table)
-        if places:
-            touch = contact.analyse_touch(
-                table,
-                stations.join(places),
-                recording,
-                cast.whiskers,
-                curvature_at=at,
-                corrections=corrections,
-            )
+        touch = find_touches(followed, cast, settings, corrections)
     return Analysis(
         frames=touch.frames,
         contacts=touch.contacts,
         evidence=touch.evidence,
-        pole=pole,
-        n_frames=frames.count,
-        messages=tuple(_messages(settings, pole, cast, touch.frames, video, frames.count)),
+        pole=followed.pole,
+        n_frames=followed.n_frames,
+        messages=tuple(_messages(settings, cast, touch.frames, video, followed)),
         seconds=clock.seconds,
+    )
+
+
+@dataclass(frozen=True)
+class Followed:
+    """What is known of a video's whiskers before touch is spoken of.
+
+    Attributes
+    ----------
+    frames : table of FRAME_COLUMNS with the kinematics
+    places : `Stations` of all traced rows; None where no whisker was ever seen
+    pole : where the pole was
+    n_frames : frames read
+    """
+
+    frames: pd.DataFrame
+    places: stations.Stations | None
+    pole: PoleTrack | None
+    n_frames: int
+
+
+def follow(video, epochs, cast, settings, clock, keep=None, progress=None) -> Followed:
+    """Trace the whiskers through all frames and measure angle, curvature, distance to the pole."""
+    recording, pole = settings.recording.si(), pole_track(epochs)
+    frames = Counted(clock.each("decoding", video), video.n_frames, progress)
+    chunks = tracing.trace(frames, epochs, list(cast.roster), tracing_options(settings))
+    kinematics, places = [], []
+    for chunk in clock.each("centrelines", chunks):
+        with clock("curvature"):
+            at = settings.analysis.curvature_at
+            hidden = cast.hidden_lengths
+            kinematics.append(curvature.measure(chunk, recording, hidden, at, pole))
+        with clock("distances"):
+            places.append(stations.measure_stations(chunk, recording, cast.nominal, hidden, pole))
+        with clock("storing"):
+            if keep is not None:
+                keep(chunk)
+    clock.seconds["centrelines"] -= clock.seconds["decoding"]
+    table = frame_table(kinematics, cast, frames.count, recording)
+    return Followed(table, stations.join(places) if places else None, pole, frames.count)
+
+
+def find_touches(followed: Followed, cast, settings, corrections=None) -> contact.Touch:
+    """Contacts, forces, pulses and base loads of what was followed."""
+    if followed.places is None:
+        return _nothing_traced(followed.frames)
+    return contact.analyse_touch(
+        followed.frames,
+        followed.places,
+        settings.recording.si(),
+        cast.whiskers,
+        curvature_at=settings.analysis.curvature_at,
+        corrections=corrections,
     )
 
 
@@ -147,13 +173,14 @@ def pole_track(epochs) -> PoleTrack | None:
     return PoleTrack(x, y, float(np.median(radii))) if radii else None
 
 
-def _known_lengths(settings):
-    """Whole, hidden and cone lengths [m] of all whiskers, each empty unless every one is known."""
-    whiskers = settings.whisker
+def tracing_options(settings) -> tracing.TracingOptions:
+    """The tracer's lengths; the whiskers' own ones only if those of all are known."""
+    recording, whiskers = settings.recording.si(), settings.whisker
     if any(w.length_mm is None for w in whiskers):
-        return (), (), ()
+        return tracing.options_for(recording)
     cones = [w.cone_length_mm for w in whiskers]
-    return (
+    return tracing.options_for(
+        recording,
         [1e-3 * w.length_mm for w in whiskers],
         [w.hidden_length for w in whiskers],
         () if None in cones else [1e-3 * cone for cone in cones],
@@ -185,8 +212,9 @@ class Cast:
         return tuple(slot.name for slot in self.roster)
 
 
-def find_cast(video, epochs, options, settings: Settings) -> Cast:
+def find_cast(video, epochs, settings: Settings) -> Cast:
     """Find the whiskers in some frames and bring them together with the settings' ones."""
+    options = tracing_options(settings)
     indices, sample = video.sample(ROSTER_FRAMES)
     given = {w.name: w for w in settings.whisker}
     roster = tracing.find_roster(sample, epochs, options, list(given) or None, indices)
@@ -231,8 +259,9 @@ def frame_table(kinematics, cast: Cast, n_frames: int, recording: Recording) -> 
     return as_table(table, FRAME_COLUMNS)
 
 
-def _messages(settings, pole, cast, table, video, count):
-    """Sentences on what is missing or doubtful in one video, of which `count` frames were read."""
+def _messages(settings, cast, table, video, followed):
+    """Sentences on what is missing or doubtful in one video."""
+    count = followed.n_frames
     if video.exact_count and count < video.n_frames:
         yield f"only {count} of {video.n_frames} frames could be read: is it cut short?"
     if count == 1:
@@ -243,7 +272,7 @@ def _messages(settings, pole, cast, table, video, count):
     lost = [name for name in cast.names if name not in cast.found]
     if lost:
         yield f"not found in any frame: {', '.join(lost)}"
-    if pole is None:
+    if followed.pole is None:
         yield (
             f"no pole of {settings.pole.diameter_mm:g} mm found, so no contacts; if there is "
             "one, give [pole] x_px, y_px"
