@@ -20,7 +20,7 @@ from whiskermodel.whisker import Whisker
 HIDDEN_LENGTH_SD_M = 0.12e-3  # how well a hidden length is known beforehand
 VARIATION_SD_M = 0.06e-3  # how much it changes with angle and time, about
 LOCAL_SD_M = 6e-6  # what a smooth function cannot follow
-KNOT_S = 0.1
+KNOT_S = 0.06
 MOST_KNOTS = 400
 ANGLE_TERMS = 3
 TIP_WINDOW_M = 0.3e-3  # traces that end farther from the usual place have lost the tip
@@ -113,10 +113,9 @@ def origin_from_bending(
     part, rest = places.rows(rows), replace(prior, drift=prior.drift[rows], cov=prior.cov[rows])
     here, design, sensitivity = part.origin, votes.design[rows], 0.0
     for step in STEPS_M:
-        part = replace(part, origin=here)
         fits = [
             shape_fit.fit_loaded(part, whisker, curvature_at, rest, friction, shift)
-            for shift in (-step, 0.0, step)
+            for shift in here - part.origin + np.array([[-step], [0.0], [step]])
         ]
         low, middle, high = (fit["chi2"] * (fit["count"] - 4) for fit in fits)
         noise = max(1.0, float(np.nanmedian(fits[1]["chi2"])))

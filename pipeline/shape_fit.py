@@ -105,8 +105,8 @@ def fit_loaded(
     """Fit pose and the force that a pole at the nearest point would exert, given the rest shape.
 
     `friction` is the signed ratio of tangential to normal force, + pulls towards the tip.
-    `shift` [m] is added to all arc lengths beside `stations.origin`; the rest shape, measured
-    without it, moves along.
+    `shift` [m], one or (rows,), is added to the arc lengths beside `stations.origin`; the rest
+    shape, measured without it, moves along.
     """
     return _fit(stations, whisker, curvature_at, prior, True, friction, shift)
 
@@ -124,6 +124,7 @@ def _fit(stations, whisker, curvature_at, prior, loaded, friction, shift=0.0):
     rest_cov = np.full((n, N_REST, N_REST), np.nan)
     # the very tip of a full cone has no stiffness; nothing touches there
     stiffness = np.maximum(whisker.flexural_rigidity(s), 1e-7 * whisker.base_flexural_rigidity)
+    shift = np.broadcast_to(np.asarray(shift, float), n).copy()
     rod = (whisker.length, whisker.cone_length, whisker.base_flexural_rigidity)
     with np.errstate(invalid="ignore"):
         side = np.where(loaded & np.isfinite(stations.pole_x), stations.side, 0)
@@ -181,7 +182,7 @@ def _fit_rows(
                     p[0] = 0.0
             if lay:
                 _lay(
-                    p, rod, load, origin[row], moved, h, c, ref_x, ref_y, x, y, angle, shift,
+                    p, rod, load, origin[row], moved[row], h, c, ref_x, ref_y, x, y, angle, shift,
                     base, follicle,
                 )  # fmt: skip
             chi2 = _equations(
@@ -193,8 +194,8 @@ def _fit_rows(
                 break
             change = _step(size, p, inverse, rhs)
             _lay(
-                p, rod, load, origin[row], moved, h, c, ref_x, ref_y, x, y, angle, shift, base,
-                follicle,
+                p, rod, load, origin[row], moved[row], h, c, ref_x, ref_y, x, y, angle, shift,
+                base, follicle,
             )  # fmt: skip
         if not known:
             continue
@@ -203,7 +204,7 @@ def _fit_rows(
         rest_cov[row] = cov[2 : 2 + terms, 2 : 2 + terms]
         o = out[row]
         o[7], o[8], o[9] = follicle[2], follicle[0], follicle[1]
-        _polynomials(2 * (at + origin[row] - moved) / rod[0] - 1, mean)
+        _polynomials(2 * (at + origin[row] - moved[row]) / rod[0] - 1, mean)
         o[15] = (mean * rest[row]).sum()
         o[16], o[17] = chi2, count
         if loaded:

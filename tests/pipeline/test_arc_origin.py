@@ -1,0 +1,86 @@
+"""Where the trace begins: recovered from tip and bending; left alone where nothing tells."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import traced_motion
+
+from pipeline import arc_origin, forces, stations
+from synthetic.presets import make_trial
+from whiskermodel.whisker import mouse_c2
+
+origin_tolerance = 0.02e-3  # m
+AT = 5.5e-3
+
+
+@pytest.fixture(scope="module")
+def touching():
+    motion = make_trial("noisy", 0, 0, 500).motion
+    return traced_motion.trace(motion, noise_px=0.01)
+
+
+def measured_again(traced, hidden):
+    """Places and kinematics where the hidden length is taken to be `hidden` [m]."""
+    whiskers = list(traced.whiskers.values())
+    return stations.measure_stations(
+        traced.lines, traced.recording, whiskers, [hidden], traced.pole
+    )
+
+
+def force_errors(traced, evidence):
+    truth = traced.true_frames
+    pushed = (truth["contact_force_uN"] > 3).to_numpy()
+    found = 1e6 * evidence["shape_force_N"].to_numpy()[pushed]
+    return found / truth["contact_force_uN"].to_numpy()[pushed] - 1
+
+
+@pytest.mark.parametrize("wrong_by", [-0.15e-3, 0.0, 0.1e-3])
+def test_a_wrong_hidden_length_is_found_from_the_bending(touching, wrong_by):
+    places = measured_again(touching, traced_motion.HIDDEN - wrong_by)
+    evidence, _ = forces.measure_forces(places, mouse_c2(), touching.frames, AT)
+    found = evidence["origin_m"].to_numpy()
+    assert np.median(found) == pytest.approx(wrong_by, abs=origin_tolerance)
+    assert abs(np.median(force_errors(touching, evidence))) < 0.01
+    assert np.abs(np.median(found) - wrong_by) < 3 * evidence["origin_se_m"].median()
+
+
+def test_first_points_that_wander_are_told_by_the_tip(touching):
+    """Traces that begin anywhere within 0.15 mm: each row's origin follows, from the far end."""
+    rng = np.random.default_rng(0)
+    t = np.arange(len(touching.places))
+    slow = 0.08e-3 * np.sin(2 * np.pi * t / 300)
+    places = touching.places
+    wandered = replace(
+        places, first=places.first - slow, last=places.last - slow + rng.normal(0, 1e-5, len(t))
+    )
+    angle = np.radians(touching.frames["base_angle_deg"].to_numpy())
+    time = touching.frames["time_s"].to_numpy()
+    origin, _ = arc_origin.origin_from_tip(wandered, mouse_c2(), angle, time)
+    error = origin.per_row - slow
+    assert np.std(error) < 0.2 * np.std(slow)
+    # how far out the tip is seen is no evidence: the mean stays where the session put it
+    assert abs(np.mean(origin.per_row)) < 0.01e-3
+
+
+def test_a_tip_out_of_view_tells_nothing(touching):
+    rng = np.random.default_rng(1)
+    n = len(touching.places)
+    angle = np.radians(touching.frames["base_angle_deg"].to_numpy())
+    time = touching.frames["time_s"].to_numpy()
+    cut = replace(touching.places, last=touching.places.last - rng.uniform(0, 6e-3, n))
+    short = replace(touching.places, last=np.full(n, 15e-3))
+    for places in (cut, short):
+        origin, _ = arc_origin.origin_from_tip(places, mouse_c2(), angle, time)
+        np.testing.assert_array_equal(origin.per_row, 0.0)
+        assert (origin.se > 0.1e-3).all()
+
+
+def test_without_touches_the_session_is_believed():
+    motion = make_trial("free", 0, 0, 200).motion
+    traced = traced_motion.trace(motion, noise_px=0.01)
+    evidence, _ = forces.measure_forces(traced.places, mouse_c2(), traced.frames, AT)
+    assert evidence["origin_m"].abs().max() < 0.05e-3
+    assert evidence["origin_se_m"].median() == pytest.approx(
+        arc_origin.HIDDEN_LENGTH_SD_M, rel=0.2
+    )

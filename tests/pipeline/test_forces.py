@@ -1,0 +1,166 @@
+"""Forces on traced true motion and the tables made of them."""
+
+import numpy as np
+import pandas as pd
+import pytest
+import traced_motion
+
+from pipeline import contact, forces
+from pipeline.records import CONTACT_COLUMNS, FRAME_COLUMNS, Recording, as_table
+from synthetic.presets import make_trial
+
+AT = 5.5e-3
+RECORDING = Recording(1000.0, 25.0, "left")
+median_force_error = {"shape": 0.01, "point": 0.02}  # relative, pushes above 3 µN
+noise_floor = {"shape": 0.05, "point": 0.1}  # µN, SD of free frames at 10 mm
+
+
+@pytest.fixture(scope="module")
+def traced():
+    return traced_motion.trace(make_trial("noisy", 0, 0, 500).motion, noise_px=0.02)
+
+
+@pytest.fixture(scope="module")
+def touch(traced):
+    return {
+        method: contact.analyse_touch(
+            traced.frames, traced.places, RECORDING, traced.whiskers, method=method, video="v"
+        )
+        for method in forces.METHODS
+    }
+
+
+@pytest.mark.parametrize("method", forces.METHODS)
+def test_forces_and_moments_are_the_true_ones(traced, touch, method):
+    truth, frames = traced.true_frames, touch[method].frames
+    pushed = (truth["contact_force_uN"] > 3).to_numpy() & frames["in_contact"].to_numpy()
+    assert pushed.sum() > 50
+    for column in ("contact_force_uN", "lateral_force_uN", "base_moment_nN_m"):
+        ratio = frames[column].to_numpy()[pushed] / truth[column].to_numpy()[pushed]
+        assert np.median(np.abs(ratio - 1)) < median_force_error[method]
+    axial = (frames["axial_force_uN"] - truth["axial_force_uN"]).to_numpy()[pushed]
+    size = truth["contact_force_uN"].to_numpy()[pushed]
+    assert np.median(np.abs(axial) / size) < median_force_error[method]
+    place = (frames["contact_arc_length_mm"] - truth["contact_arc_length_mm"])[pushed]
+    assert place.abs().max() < 0.15
+
+
+@pytest.mark.parametrize("method", forces.METHODS)
+def test_noise_floor_of_free_frames(method):
+    """At 10 mm with a tracing noise of 0.02 px per pixel of whisker."""
+    setting = make_trial("near_miss", 0, 0, 400)
+    free = traced_motion.trace(setting.motion, noise_px=0.02)
+    result = contact.analyse_touch(
+        free.frames, free.places, free.recording, free.whiskers, method=method
+    )
+    near = result.evidence["contact_m"].between(9e-3, 13e-3)
+    force = 1e6 * result.evidence.loc[near, f"{method}_force_N"]
+    assert near.sum() > 100
+    assert force.std() < noise_floor[method]
+    stated = 1e6 * result.evidence.loc[near, f"{method}_force_se_N"].median()
+    assert 0.6 < stated / force.std() < 2.0
+
+
+def test_standard_errors_cover_the_truth(traced, touch):
+    truth, frames = traced.true_frames, touch["shape"].frames
+    both = truth["in_contact"].to_numpy() & frames["in_contact"].to_numpy()
+    error = (frames["contact_force_uN"] - truth["contact_force_uN"]).to_numpy()[both]
+    z = error / frames["contact_force_uN_se"].to_numpy()[both]
+    # origin errors are shared by all frames of a video: more than that cannot be asked of one
+    assert np.mean(np.abs(z) < 1.96) > 0.8
+
+
+def test_curvature_change_is_that_of_the_rod(traced, touch):
+    truth, frames = traced.true_frames, touch["shape"].frames
+    known = frames["curvature_change_per_m"].notna().to_numpy()
+    error = (frames["curvature_change_per_m"] - truth["curvature_change_per_m"]).to_numpy()[known]
+    assert np.median(np.abs(error)) < 0.6  # 1/m
+    free = ~truth["in_contact"].to_numpy()[known]
+    assert abs(np.median(error[free])) < 0.1
+
+
+# Tables by hand ------------------------------------------------------------------------------
+
+
+def frames_by_hand():
+    frames = pd.DataFrame(
+        {
+            "frame": np.arange(6),
+            "time_s": np.arange(6) / 1000,
+            "whisker": "C2",
+            "tracked": [True, True, True, True, True, False],
+            "in_contact": [False, True, True, True, False, False],
+        }
+    )
+    evidence = pd.DataFrame(
+        {
+            "contact_m": np.full(6, 9e-3),
+            "shape_force_N": [1e-7, -1e-8, 4e-6, 2e-6, 3e-7, np.nan],
+            "shape_force_se_N": np.full(6, 5e-8),
+            "point_force_N": [0.0, 0.0, 5e-6, 1e-6, 0.0, np.nan],
+            "point_force_se_N": np.full(6, 1e-7),
+            "axial_per_force": np.full(6, -0.25),
+            "lateral_per_force": np.full(6, -0.9),
+            "moment_per_force_m": np.full(6, -8e-3),
+        }
+    )
+    return as_table(frames, FRAME_COLUMNS), evidence
+
+
+def test_forces_are_filled_in_contacts_only():
+    frames, evidence = frames_by_hand()
+    out = forces.add_forces(frames, evidence, {"C2": object()})
+    np.testing.assert_allclose(out["contact_force_uN"], [0, 0, 4, 2, 0, np.nan])
+    np.testing.assert_allclose(out["axial_force_uN"], [0, 0, -1, -0.5, 0, np.nan])
+    np.testing.assert_allclose(out["lateral_force_uN"], [0, 0, -3.6, -1.8, 0, np.nan])
+    np.testing.assert_allclose(out["base_moment_nN_m"], [0, 0, -32, -16, 0, np.nan])
+    np.testing.assert_allclose(out["base_moment_nN_m_se"][:5], 0.4)
+    np.testing.assert_allclose(out["contact_arc_length_mm"], [np.nan, 9, 9, 9, np.nan, np.nan])
+    assert frames["contact_force_uN"].isna().all()
+    point = forces.add_forces(frames, evidence, {"C2": object()}, method="point")
+    np.testing.assert_allclose(point["contact_force_uN"], [0, 0, 5, 1, 0, np.nan])
+    nothing = forces.add_forces(frames, evidence, {"C2": None})
+    assert nothing["contact_force_uN"].isna().all()
+    with pytest.raises(ValueError, match="method must be one of"):
+        forces.add_forces(frames, evidence, {}, method="guess")
+
+
+def test_table_of_contacts_by_hand():
+    frames, evidence = frames_by_hand()
+    frames = forces.add_forces(frames, evidence, {"C2": object()})
+    intervals = pd.DataFrame(
+        {"whisker": ["C2"], "onset_frame": [1], "offset_frame": [4], "slip": [True]}
+    )
+    row = forces.contact_table(frames, intervals, RECORDING, "a video").iloc[0]
+    assert (row["video"], row["whisker"], row["contact"]) == ("a video", "C2", 1)
+    assert row["duration_ms"] == pytest.approx(3.0)
+    assert row["onset_s"] == pytest.approx(0.001)
+    assert row["peak_force_uN"] == pytest.approx(4.0)
+    assert row["mean_force_uN"] == pytest.approx(2.0)
+    assert row["impulse_uN_ms"] == pytest.approx(6.0)
+    assert row["peak_base_moment_nN_m"] == pytest.approx(-32.0)
+    assert row["peak_axial_force_uN"] == pytest.approx(-1.0)
+    assert row["contact_arc_length_mm"] == pytest.approx(9.0)
+    assert row["slip"]
+    assert not row["curated"]
+
+
+def test_contacts_are_numbered_per_whisker_in_time():
+    frames, _ = frames_by_hand()
+    other = frames.assign(whisker="D1")
+    both = pd.concat([frames, other], ignore_index=True)
+    intervals = pd.DataFrame(
+        {
+            "whisker": ["D1", "C2", "C2"],
+            "onset_frame": [0, 3, 1],
+            "offset_frame": [2, 4, 2],
+        }
+    )
+    table = forces.contact_table(both, intervals, RECORDING)
+    assert list(zip(table["whisker"], table["contact"], table["onset_frame"], strict=True)) == [
+        ("C2", 1, 1),
+        ("C2", 2, 3),
+        ("D1", 1, 0),
+    ]
+    empty = forces.contact_table(both, intervals.iloc[:0], RECORDING)
+    assert list(empty.columns) == [c.name for c in CONTACT_COLUMNS]
