@@ -136,10 +136,20 @@ def detect(image, model: ImageModel, gain, options: TracingOptions, workspace) -
         if rooted is None:
             continue
         line = settle(image, model, gain, rooted, options, workspace)
-        if line.n >= options.shortest_px and line.quality > 0.3:
+        long_and_clear = line.n >= options.shortest_px and line.quality > 0.3
+        if long_and_clear and leaves_face(line, model.outside):
             lines.append(line)
     lines.sort(key=lambda line: -contrast_length(line))
     return without_doubles(lines)
+
+
+def leaves_face(line: Line, outside) -> bool:
+    """Whether a line goes away from the face, and does not run along the fur's dark edge."""
+    middle, tip = line.n // 2, line.n - 1
+    return (
+        following.bilinear(outside, line.x[middle], line.y[middle]) > 3 + 0.12 * middle
+        and following.bilinear(outside, line.x[tip], line.y[tip]) > 3 + 0.15 * tip
+    )
 
 
 def contrast_length(line: Line) -> float:

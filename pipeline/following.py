@@ -283,6 +283,15 @@ def start_at_face(x, y, n, outside):
 
 
 @njit(cache=True)
+def _blocked(sums, i, n):
+    """Whether no pixel is left around node `i`; a lone node may just share its row's column."""
+    pixels = 0.0
+    for j in range(max(i - 2, 0), min(i + 3, n)):
+        pixels += sums[j, profiles.COUNT]
+    return pixels == 0
+
+
+@njit(cache=True)
 def visible_end(amplitude, amplitude_se, sums, n, threshold, bridge):
     """Index one past the last node that is still seen; 0 where nothing is.
 
@@ -301,22 +310,25 @@ def visible_end(amplitude, amplitude_se, sums, n, threshold, bridge):
     if clearest < threshold:
         return 0
     end = first
-    gap = 0
-    blind = 0
+    unseen = 0  # nodes with pixels since the last one that was seen
+    blind = 0  # nodes without pixels since then
+    run = 0  # seen nodes in a row: after a gap, a few must agree
     for i in range(first, n):
-        if sums[i, profiles.COUNT] == 0 and amplitude_se[i] > 1.0:
+        if sums[i, profiles.COUNT] == 0 and _blocked(sums, i, n):
             blind += 1
-            gap = 0
             if blind > bridge:
                 break
             continue
         if amplitude[i] > threshold * amplitude_se[i] and amplitude[i] > 0.012:
-            end = i + 1
-            gap = 0
-            blind = 0
+            run += 1
+            if blind + unseen == 0 or run >= 8:
+                end = i + 1
+                unseen = 0
+                blind = 0
         else:
-            gap += 1
-            if gap > 12:
+            run = 0
+            unseen += 1
+            if unseen > 12:
                 break
     return max(end - OVERSHOOT, 0) if end < n else end
 

@@ -59,7 +59,7 @@ def ridge_points(absorbance, noise_sd, scale=SCALE_PX):
     lam = curvature[rows, columns]
     # eigenvector of `lam`: (xy, lam − xx) or (lam − yy, xy), whichever is longer
     nx, ny = np.where(np.abs(lam - xx) > np.abs(lam - yy), (xy, lam - xx), (lam - yy, xy))
-    norm = np.hypot(nx, ny)
+    norm = np.maximum(np.hypot(nx, ny), 1e-30)
     nx, ny = nx / norm, ny / norm
     t = -(ax[rows, columns] * nx + ay[rows, columns] * ny) / lam
     on_line = (np.abs(t * nx) <= 0.6) & (np.abs(t * ny) <= 0.6) & np.isfinite(t)

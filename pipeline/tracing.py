@@ -179,6 +179,7 @@ class Tracer:
             or line.quality < LOST_QUALITY
             or self._base_jump(track) > 0.5 * self.options.base_gap_px
             or turning_range(line.x, line.y, line.n) > LARGEST_TURN
+            or not detection.leaves_face(line, self.model.outside)
         ):
             track.line, track.lost_for = None, 1
 
