@@ -30,7 +30,7 @@ TIP_FRAMES = 4.0  # neighbouring frames whose ends err together
 LENGTH_MATCH = 0.05  # a tip farther from the whisker's length than this part is none
 MOST_ROWS = 240  # loaded frames that the bending is asked about
 LEAST_PUSH_SD = 15.0
-INDEPENDENT_FRAMES = 16.0  # more loaded frames than this share their errors and add nothing
+INDEPENDENT_FRAMES = 20.0  # more loaded frames than this share their errors and add nothing
 STEPS_M = (0.08e-3, 0.03e-3, 0.03e-3)
 
 

@@ -19,6 +19,7 @@ from whiskermodel.whisker import Whisker
 
 METHODS = ("point", "shape")
 SHORTEST_LEVER_M = 0.3e-3  # a contact nearer to the point of curvature tells nothing there
+LEAST_NOISE = 0.5  # of the fit's standard error: free frames are no witness of smaller ones
 CALIBRATION_REACH_M = 3e-3  # free frames with the pole this near tell the force's true noise
 _EVIDENCE_OF_FIT = {
     "gap": "gap_m",
@@ -151,13 +152,13 @@ def _rest_prior(places, whisker, curvature_at, angle, time, free) -> RestPrior |
 
 
 def _force_noise(force, error, places, free):
-    """Factor by which the force scatters in free frames beyond its standard error, >= 1."""
+    """Scatter of the force in free frames, where it is zero, over its standard error."""
     with np.errstate(invalid="ignore", divide="ignore"):
         ratio = (force / error)[free & (places.distance < CALIBRATION_REACH_M)]
     ratio = ratio[np.isfinite(ratio)]
     if len(ratio) < rest_curvature.FEWEST_FRAMES:
         return 1.0
-    return max(1.0, 1.4826 * float(np.median(np.abs(ratio))))
+    return max(LEAST_NOISE, 1.4826 * float(np.median(np.abs(ratio))))
 
 
 def _rest_columns(kinematics, angle, time, free):
