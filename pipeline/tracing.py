@@ -18,6 +18,8 @@ from pipeline.follicle import FollicleFinder
 from pipeline.records import Centrelines, Recording, StaticScene
 
 CHUNK_FRAMES = 500
+SHORTEST_M = 4e-3  # a line that is seen over less is no whisker, where no lengths are given
+FUR_SHARE = 0.22  # of the strongest line's length × absorbance: less is a hair of the fur
 GOOD_QUALITY = 0.6  # part of the expected contrast found: below, the wider search is tried
 LOST_QUALITY = 0.35
 NARROW_PX, WIDE_PX = 10, 30  # half-width of the search strip
@@ -60,7 +62,7 @@ def options_for(recording: Recording, lengths_m=(), hidden_m=(), cone_m=()) -> T
     """
     scale = recording.pixels_per_m
     visible = [(a - b) * scale for a, b in zip(lengths_m, hidden_m, strict=True)]
-    shortest = min(5e-3 * scale, 0.35 * min(visible)) if visible else 5e-3 * scale
+    shortest = min(5e-3 * scale, 0.35 * min(visible)) if visible else SHORTEST_M * scale
     return TracingOptions(
         spacing_px=max(0.64e-3 * scale, 8.0),
         shortest_px=max(shortest, 40.0),
@@ -304,7 +306,8 @@ def find_roster(frames, scene, options: TracingOptions, names=None, indices=None
         workspace = Workspace(int(1.6 * np.hypot(*present.background.shape)))
         for image in chosen:
             gain = profiles.frame_gain(image, model.background, 12, model.free)
-            found.append(detection.detect(image, model, gain, options, workspace))
+            lines = detection.detect(image, model, gain, options, workspace)
+            found.append(lines if names else without_fur(lines))
         scene_side = present.face_side
     counts = np.array([len(lines) for lines in found])
     if not counts.any():
@@ -327,6 +330,16 @@ def find_roster(frames, scene, options: TracingOptions, names=None, indices=None
         slots = slots[::-1]
     names = names or [f"w{i + 1}" for i in range(n)]
     return [replace(slot, name=name) for name, slot in zip(names, slots, strict=False)]
+
+
+def without_fur(lines: list[Line]) -> list[Line]:
+    """Drop lines that are faint and short beside the strongest: long hairs of the fur."""
+    strength = [detection.contrast_length(line) for line in lines]
+    return [
+        line
+        for line, each in zip(lines, strength, strict=True)
+        if each >= FUR_SHARE * max(strength)
+    ]
 
 
 def _by_scene(frames, scene, indices):
