@@ -409,7 +409,7 @@ def refine(
     n = max(min(n, limit), 2)
     profiles.accumulate(image, background, weight, gain, x, y, n, cap, sigma, 3.0, sums)
     profiles.window_amplitudes(sums, n, 7, work[2], work[3], work[4])
-    end = visible_end(work[2], work[4], sums, n, 4.0, bridge)
+    end = visible_end(work[2], work[4], sums, n, 4.0, 3 * bridge)
     if end < SHORTEST:
         return 0, 0.0
     for i in range(end):

@@ -5,7 +5,10 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from multiprocessing import get_context
 from pathlib import Path
 
-from pipeline.settings import settings_from, write_session
+import numpy as np
+import pandas as pd
+
+from pipeline.settings import read_session, settings_from, write_session
 from pipeline.tables import read_json, write_json, write_text
 from synthetic.encode import video_suffix, write_video
 from synthetic.presets import Trial, find_preset, make_trial, trial_place
@@ -54,7 +57,28 @@ def render_session(
         if progress is not None:
             progress(len(paths), trials, path)
     _write_all_contacts(out_dir, sorted(p.stem for p in paths))
+    for folder in {path.parent for path in paths}:
+        stems = [path.stem for path in paths if path.parent == folder]
+        _settle_hidden_lengths(folder / "session.toml", [out_dir / "truth" / s for s in stems])
     return sorted(paths)
+
+
+def _settle_hidden_lengths(path, truths) -> None:
+    """Give session.toml the hidden lengths as they are over all of its videos."""
+    settings = read_session(path)
+    tables = [pd.read_parquet(t / "visibility.parquet") for t in sorted(truths)]
+    whiskers = tuple(
+        w.model_copy(
+            update={
+                "hidden_length_mm": round(
+                    float(np.mean([1e3 * hidden_length(table, w.name) for table in tables])), 3
+                )
+            }
+        )
+        for w in settings.whisker
+    )
+    if whiskers != settings.whisker:
+        write_session(path, settings.model_copy(update={"whisker": whiskers}))
 
 
 def _render_all(tasks, jobs):
@@ -72,7 +96,8 @@ def _render_all(tasks, jobs):
 def render_trial(out_dir, preset, seed, trial, frames=1000) -> Path:
     """Render one trial with its truth unless both are there; returns the path of its video.
 
-    The first trial of a sub-folder writes the session.toml.
+    The first trial of a sub-folder writes the session.toml; its hidden lengths are settled when
+    all trials are there.
     """
     out_dir = Path(out_dir)
     group, stem = trial_place(preset, seed, trial)
