@@ -2,18 +2,44 @@
 
 import base64
 import io
-from collections import defaultdict
+from collections import Counter, defaultdict
+from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 
 from pipeline import figures, tables
 from pipeline.errors import VideoError
+from pipeline.evidence import EVIDENCE_FILE
 from pipeline.settings import read_session
 
 PICTURES = 6  # example overlays
-JPEG_QUALITY = 85
+STILLS = 12  # of flagged contacts, over all flags
+NAMED = 5  # contacts named for every flag, and of those that ring
+NEAR_MM = 3.0  # free frames with the pole this near show the force's noise
+RINGS = 1.0  # vibrational over steady moment
+NOTICEABLE = 0.1
+JPEG_QUALITY = 80
+
+
+class Assumed(NamedTuple):
+    """A quantity no table has an error of: what is taken for it (one standard error), and why."""
+
+    parameter: str
+    source: str
+    size: float
+    why: str
+
+
+ASSUMED = (
+    Assumed("radius", "base radius", 0.01, "a good micrograph; force goes with its fourth power"),
+    Assumed("cone", "cone length (taper)", 0.02, "a tip radius known to about 0.7 µm"),
+    Assumed("modulus", "Young's modulus", 0.05, "a ring-down of the same whisker"),
+    Assumed("scale", "scale of the image", 0.005, "a ruler in the whisker's plane"),
+)
+HIDDEN_LENGTH_SD_M = 0.12e-3  # where the results do not tell it
 
 
 def write_report(results) -> Path:
@@ -24,20 +50,34 @@ def write_report(results) -> Path:
     videos = tables.read_csv(results / "videos.csv", tables.VIDEO_COLUMNS)
     truth = figures.read_truth(results)
     settings = results / "session.toml"
+    contacts = at_peaks(results, contacts)
+    pictures = list(_pictures(results, contacts, record))
+    flags = _flags(contacts)
+    shown = {picture["index"] for picture in pictures}
+    stills = list(_stills(results, contacts, record, flags, shown))
+    shown |= {still["index"] for still in stills}
     page = _template().render(
         title=results.resolve().name,
         version=record.get("version", ""),
         finished=record.get("finished", "").replace("T", " ").replace("+00:00", " UTC"),
         tiles=_tiles(videos, contacts, record),
-        pictures=list(_pictures(results, contacts, record)),
+        pictures=pictures,
         fig3=_data_uri(results / "figures" / "fig3.svg", "image/svg+xml"),
         numbers=figures.fig3_numbers(contacts, truth).to_dict("records"),
         has_truth=truth is not None,
-        vibration=_vibration_map(contacts),
+        per_trial=_per_trial(videos, contacts),
+        vibration=_vibration(results, contacts),
+        budget=error_budget(results, contacts),
+        has_contacts=len(contacts) > 0,
         videos=list(_video_rows(results, videos, contacts)),
-        flags=_flags(contacts),
+        flags=flags,
+        stills=stills,
+        shown=shown,
         stages=_stages(record),
         settings=settings.read_text("utf-8") if settings.exists() else "",
+        command=" ".join(["whiskerforce", *record["command"]]) if "command" in record else "",
+        python=record.get("python", ""),
+        platform=record.get("platform", ""),
     )
     tables.write_text(results / "report.html", page)
     return results / "report.html"
@@ -93,31 +133,213 @@ def _tiles(videos, contacts, record):
 
 
 def _video_rows(results, videos, contacts):
-    """Rows of videos.csv with the share of tracked frames and the number of contacts."""
+    """Rows of videos.csv with frames lost, the share tracked and the number of contacts."""
     counts = contacts["video"].value_counts()
     for row in videos.to_dict("records"):
         frames = results / row["video"] / "frames.parquet"
-        tracked = np.nan
+        tracked = lost = np.nan
         if row["status"] != "failed" and frames.exists():
-            tracked = tables.read_frames(frames, ["tracked"])["tracked"].mean()
-        yield {**row, "tracked": tracked, "contacts": counts.get(row["video"], 0)}
+            found = tables.read_frames(frames, ["tracked"])["tracked"]
+            tracked, lost = found.mean(), int((~found).sum())
+        yield {**row, "tracked": tracked, "lost": lost, "contacts": counts.get(row["video"], 0)}
+
+
+# --- what the tables hold at each contact's peak ------------------------------------------
+
+_FRAME_PARTS = ["frame", "whisker", "tracked", "in_contact", "pole_distance_mm"]
+_FORCE_PARTS = ["contact_force_uN", "contact_force_uN_se"]
+
+
+def at_peaks(results, contacts: pd.DataFrame) -> pd.DataFrame:
+    """The table of contacts with what its videos' tables hold at the frame of peak force.
+
+    Adds `peak_frame` (the middle where no force is known), `peak_se_uN` (the table's standard
+    error there), `noise_uN` (its median over free frames near the pole) and `origin_se_m` (how
+    well it is known where along the whisker the trace begins); NaN where there is none.
+    """
+    contacts = contacts.copy()
+    contacts["peak_frame"] = (contacts["onset_frame"] + contacts["offset_frame"]) // 2
+    contacts[["peak_se_uN", "noise_uN", "origin_se_m"]] = np.nan
+    for (video, whisker), part in contacts.groupby(["video", "whisker"]):
+        path = Path(results) / video / "frames.parquet"
+        if not path.is_file():
+            continue
+        inside = [("whisker", "==", whisker)]
+        own = tables.read_frames(path, _FRAME_PARTS + _FORCE_PARTS, inside).set_index("frame")
+        free = own[own["tracked"] & ~own["in_contact"] & (own["pole_distance_mm"] < NEAR_MM)]
+        contacts.loc[part.index, "noise_uN"] = free["contact_force_uN_se"].median()
+        origin = _origin_errors(path.with_name(EVIDENCE_FILE), whisker)
+        for row in part.itertuples():
+            touch = own.loc[row.onset_frame : row.offset_frame - 1]
+            if touch["contact_force_uN"].notna().any():
+                peak = touch["contact_force_uN"].idxmax()
+                found = peak, touch.at[peak, "contact_force_uN_se"], origin.get(peak, np.nan)
+                contacts.loc[row.Index, ["peak_frame", "peak_se_uN", "origin_se_m"]] = found
+    return contacts
+
+
+def _origin_errors(path, whisker) -> pd.Series:
+    """Standard error of the trace's beginning [m] by frame; empty where it is not kept."""
+    import pyarrow.parquet as pq
+
+    wanted = ["frame", "whisker", "origin_se_m"]
+    if not path.is_file() or not set(wanted) <= set(pq.read_schema(path).names):
+        return pd.Series(dtype=float)
+    table = tables.read_frames(path, wanted, [("whisker", "==", whisker)])
+    return table.set_index("frame")["origin_se_m"]
+
+
+def _whiskers(results, contacts) -> dict:
+    """(video, whisker) → (Whisker or None, arc length of curvature, hidden length) [m]."""
+    out = {}
+    for video in contacts["video"].unique():
+        path = Path(results) / video / "session.toml"
+        if path.is_file():
+            settings = read_session(path)
+            for given in settings.whisker:
+                place = settings.analysis.curvature_at, given.hidden_length
+                out[video, given.name] = (given.si(), *place)
+    return out
+
+
+# --- the error budget ---------------------------------------------------------------------
+
+
+def force_change(
+    whisker, at, hidden, radius=0.0, cone=0.0, modulus=0.0, scale=0.0, origin=0.0
+) -> float:
+    """By which factor F = E I(s_p) Δκ / lever changes when what goes into it is off.
+
+    Parameters
+    ----------
+    whisker : `Whisker` as it was given
+    at, hidden : s_p and the follicle's distance from the first visible point [m]
+    radius, cone, modulus, scale : relative errors of r0, L_in, E and pixels per mm
+    origin : how much farther from the follicle the trace begins in truth [m]
+    """
+    cone_length = whisker.cone_length * (1 + cone)
+    taken = replace(
+        whisker,
+        length=min(whisker.length, cone_length),
+        cone_length=cone_length,
+        base_radius=whisker.base_radius * (1 + radius),
+        youngs_modulus=whisker.youngs_modulus * (1 + modulus),
+    )
+    # the picture's s_p is another place of the real whisker, whose moment made the curvature
+    place = hidden + (at - hidden) * (1 + scale) + origin
+    # curvature goes with the scale, the lever with its inverse
+    return (1 + scale) ** 2 * taken.flexural_rigidity(at) / whisker.flexural_rigidity(place)
+
+
+def _effect(size, parameter, whisker, at, hidden) -> float:
+    """Relative change of the force for one standard error of one parameter."""
+    up, down = (force_change(whisker, at, hidden, **{parameter: s * size}) for s in (1, -1))
+    return abs(up - down) / 2
+
+
+def error_budget(results, contacts: pd.DataFrame) -> list[dict]:
+    """What moves the peak forces of a session, and by how much.
+
+    Parameters
+    ----------
+    results : results folder
+    contacts : as of `at_peaks`
+
+    Returns
+    -------
+    Rows with `source`, `known` ("measured", "assumed" or "sum"), `size` (text, one standard
+    error), `low`, `middle`, `high` (5 %, median, 95 % over the contacts, relative to the peak
+    force), `span` (text), `note`; empty where no contact has a force and a whisker with dimensions.
+    """
+    whiskers = _whiskers(results, contacts)
+    keys = list(zip(contacts["video"], contacts["whisker"], strict=True))
+    known = np.array([whiskers.get(key, (None,))[0] is not None for key in keys], dtype=bool)
+    usable = contacts[known & (contacts["peak_force_uN"] > 0).to_numpy()]
+    if usable.empty:
+        return []
+    keys = list(zip(usable["video"], usable["whisker"], strict=True))
+    distinct = {whiskers[key] for key in keys}
+    assumed = []
+    for item in ASSUMED:
+        by = {each: _effect(item.size, item.parameter, *each) for each in distinct}
+        assumed.append(np.array([by[whiskers[key]] for key in keys]))
+    peak = usable["peak_force_uN"].to_numpy()
+    told = usable["origin_se_m"].notna().to_numpy()
+    origin = usable["origin_se_m"].fillna(HIDDEN_LENGTH_SD_M).to_numpy()
+    hidden = np.array(
+        [_effect(o, "origin", *whiskers[key]) for o, key in zip(origin, keys, strict=True)]
+    )
+    table = usable["peak_se_uN"].to_numpy() / peak
+    # the tables' standard error holds the trace's beginning where the evidence tells it
+    own = np.hypot(np.nan_to_num(table), np.where(told, 0.0, hidden))
+    total = np.sqrt(own**2 + sum(each**2 for each in assumed))
+    noise = usable["noise_uN"]
+    inner = "of it: " if told.all() else ""
+    rows = [
+        ("standard error in the tables", "measured", "", table,
+         "contact_force_uN_se at the peak: tracking noise, rest shape"
+         + (", hidden length" if told.all() else "")),
+        ("of it: tracking noise", "measured", f"{_number(noise.median())} µN",
+         noise.to_numpy() / peak,
+         f"the same in free frames within {NEAR_MM:g} mm of the pole"),
+        (f"{inner}hidden length", "measured" if told.all() else "assumed",
+         f"{1e3 * np.median(origin):.2f} mm", hidden,
+         "where the trace begins, from tip and bending" if told.all()
+         else "not told by all of these results: a usual value"),
+        *((item.source, "assumed", f"{100 * item.size:g} %", effect, item.why)
+          for item, effect in zip(ASSUMED, assumed, strict=True)),
+        ("all together", "sum", "", total, "square root of the sum of squares"),
+    ]  # fmt: skip
+    return [_budget_row(*row) for row in rows]
+
+
+def _budget_row(source, known, size, share, note):
+    share = share[np.isfinite(share)]
+    low, middle, high = np.percentile(share, [5, 50, 95]) if len(share) else [np.nan] * 3
+    spread = {"low": low, "middle": middle, "high": high}
+    texts = [f"{100 * v:.1f}" for v in (low, high)]
+    span = f"{'–'.join(texts)} %" if len(share) and texts[0] != texts[1] else ""
+    return {"source": source, "known": known, "size": size, **spread, "span": span, "note": note}
+
+
+# --- pictures -----------------------------------------------------------------------------
 
 
 def _pictures(results, contacts, record):
     """Overlays at the peaks of some contacts, of as many videos as possible."""
     order = contacts.groupby("video").cumcount()
-    strongest = contacts.assign(order=order).sort_values("order", kind="stable")
-    for row in strongest.head(PICTURES).to_dict("records"):
-        state = record.get("inputs", {}).get(row["video"])
-        frame = (row["onset_frame"] + row["offset_frame"]) // 2
-        picture = _picture(results / row["video"], state, frame) if state else ""
-        if picture:
-            caption = (
-                f"{row['video']}, frame {frame}: {row['whisker']}, contact {row['contact']}, "
-                f"peak {row['peak_force_uN']:.1f} µN, {row['duration_ms']:.0f} ms"
-            )
-            anchor = f"{row['video']}-{row['whisker']}-{row['contact']}"
-            yield {"data": picture, "caption": caption, "anchor": anchor}
+    spread = contacts.assign(order=order).sort_values("order", kind="stable")
+    for index, row in spread.head(PICTURES).iterrows():
+        yield from _still(results, index, row, record)
+
+
+def _stills(results, contacts, record, flags, shown):
+    """Stills of flagged contacts that are not in the page yet: first of each flag, second, …"""
+    wanted = [
+        flag["places"][n]["index"]
+        for n in range(NAMED)
+        for flag in flags
+        if n < len(flag["places"])
+    ]
+    wanted = [index for index in dict.fromkeys(wanted) if index not in shown]
+    for index in wanted[:STILLS]:
+        yield from _still(results, index, contacts.loc[index], record)
+
+
+def _still(results, index, row, record):
+    """One contact at its peak with a caption; nothing where its video is gone."""
+    state = record.get("inputs", {}).get(row["video"])
+    picture = _picture(results / row["video"], state, row["peak_frame"]) if state else ""
+    if not picture:
+        return
+    caption = f"{row['video']}, frame {row['peak_frame']:.0f}: {row['whisker']}, contact "
+    caption += f"{row['contact']}, "
+    if np.isfinite(row["peak_force_uN"]):
+        caption += f"peak {row['peak_force_uN']:.1f} µN, "
+    caption += f"{row['duration_ms']:.0f} ms"
+    if row["flags"]:
+        caption += f"; {', '.join(_parts(row['flags']))}"
+    yield {"data": picture, "caption": caption, "index": index}
 
 
 def _picture(folder, state, frame) -> str:
@@ -135,41 +357,121 @@ def _picture(folder, state, frame) -> str:
     return _data_uri(code.tobytes(), "image/jpeg")
 
 
-def _vibration_map(contacts) -> str:
-    """Vibrational over steady moment against duration, coloured by place, as SVG data URI."""
+# --- plots --------------------------------------------------------------------------------
+
+
+def _axes(height):
+    """A plot that can be read on a telephone too."""
     from matplotlib.figure import Figure
 
-    shown = contacts[np.isfinite(contacts["vibration_ratio"])]
-    if shown.empty:
-        return ""
-    figure = Figure(figsize=(6.4, 2.8), layout="constrained")
+    figure = Figure(figsize=(4.8, height), layout="constrained")
     axis = figure.subplots()
-    dots = axis.scatter(
-        shown["duration_ms"],
-        shown["vibration_ratio"],
-        c=shown["contact_arc_length_mm"],
-        s=float(np.clip(300 / np.sqrt(len(shown)), 4, 30)),
-        cmap="cividis",
-        rasterized=len(shown) > 3000,
-    )
-    figure.colorbar(dots, label="follicle to contact (mm)")
-    axis.axhline(1, color=figures.ACCENT, lw=1)
-    axis.set(xscale="log", yscale="log")
-    axis.set(xlabel="contact duration (ms)", ylabel="vibrational / steady moment")
     axis.spines[["top", "right"]].set_visible(False)
+    return figure, axis
+
+
+def _svg(figure) -> str:
     buffer = io.BytesIO()
     figure.savefig(buffer, format="svg", dpi=150)
     return _data_uri(buffer.getvalue(), "image/svg+xml")
 
 
+def _per_trial(videos, contacts) -> dict | None:
+    """Contacts of every video that was processed: plot and numbers; None without any."""
+    made = videos.loc[videos["status"] != "failed", "video"]
+    if not len(made) or contacts.empty:
+        return None
+    counts = contacts["video"].value_counts().reindex(made, fill_value=0).to_numpy()
+    figure, axis = _axes(2.6)
+    axis.bar(np.arange(1, len(counts) + 1), counts, width=0.8, color="#5d7f9e")
+    axis.axhline(counts.mean(), color=figures.ACCENT, lw=1)
+    axis.xaxis.get_major_locator().set_params(integer=True)
+    axis.yaxis.get_major_locator().set_params(integer=True)
+    axis.set(xlabel="video, in the order of the table below", ylabel="contacts", xlim=(0.4, None))
+    numbers = {"mean": counts.mean(), "least": int(counts.min()), "most": int(counts.max())}
+    return {"plot": _svg(figure), "none": int((counts == 0).sum()), **numbers}
+
+
+def _vibration(results, contacts) -> dict | None:
+    """Which contacts ring: the map, counts, and those that ring most; None where not known."""
+    known = contacts[np.isfinite(contacts["vibration_ratio"])]
+    if known.empty:
+        return None
+    most = known.sort_values("vibration_ratio", ascending=False).head(NAMED)
+    ratio = known["vibration_ratio"]
+    return {
+        "plot": _vibration_map(known, _usual_whisker(results, known)),
+        "known": len(known),
+        "ring": int((ratio > RINGS).sum()),
+        "noticeable": int(((ratio > NOTICEABLE) & (ratio <= RINGS)).sum()),
+        "most": [{"index": index, **row} for index, row in most.iterrows()],
+    }
+
+
+def _usual_whisker(results, contacts):
+    """The whisker of most of these contacts, None where no dimensions are known."""
+    whiskers = _whiskers(results, contacts)
+    keys = zip(contacts["video"], contacts["whisker"], strict=True)
+    count = Counter(whiskers.get(key, (None,))[0] for key in keys)
+    count.pop(None, None)
+    return count.most_common(1)[0][0] if count else None
+
+
+def ratio_grid(whisker, durations_ms, contacts_mm) -> np.ndarray:
+    """Largest |vibrational| over peak |steady| base moment, (contacts, durations); Fig. 11."""
+    from whiskermodel.pulse_response import half_gaussian_extremes
+    from whiskermodel.response import Response
+
+    place, duration = np.meshgrid(contacts_mm, durations_ms, indexing="ij")
+    steady, high, low = half_gaussian_extremes(
+        Response(whisker), 1e-3 * place.ravel(), 1e-6, 1e-3 * duration.ravel(), ringing=25e-3
+    )
+    return (np.maximum(np.abs(high), np.abs(low)) / np.abs(steady)).reshape(place.shape)
+
+
+def _vibration_map(contacts, whisker) -> str:
+    """Contacts by duration and place on the model's map of vibrational over steady moment."""
+    from matplotlib.colors import LogNorm
+
+    figure, axis = _axes(3.4)
+    norm = LogNorm(0.01, 3)
+    duration, place = contacts["duration_ms"], contacts["contact_arc_length_mm"]
+    if whisker is not None:
+        longest = max(120.0, 1.1 * duration.max())
+        durations = np.geomspace(min(1.0, 0.9 * duration.min()), longest, 40)
+        places = np.linspace(0.1, 0.97, 32) * 1e3 * whisker.length
+        grid = ratio_grid(whisker, durations, places)
+        axis.contourf(durations, places, grid, np.geomspace(0.01, 3, 22), norm=norm,
+                      cmap="cividis", extend="both")  # fmt: skip
+        lines = axis.contour(durations, places, grid, [NOTICEABLE, RINGS], linewidths=[0.8, 1.6],
+                             colors=["white", figures.ACCENT])  # fmt: skip
+        axis.clabel(lines, fmt="%g", fontsize=8)
+    dots = axis.scatter(
+        duration, place, c=contacts["vibration_ratio"], norm=norm, cmap="cividis",
+        s=float(np.clip(400 / np.sqrt(len(contacts)), 5, 36)), edgecolors="white",
+        linewidths=0.7 if len(contacts) < 1000 else 0.2, rasterized=len(contacts) > 2000,
+    )  # fmt: skip
+    figure.colorbar(dots, label="vibrational / steady moment", extend="both")
+    axis.set(xscale="log", xlabel="contact duration (ms)", ylabel="follicle to contact (mm)")
+    return _svg(figure)
+
+
+# --- flags and times ----------------------------------------------------------------------
+
+
+def _parts(flags) -> list[str]:
+    return [part.strip() for part in flags.split(";") if part.strip()]
+
+
 def _flags(contacts):
     """Every flag with its number of contacts and the first few places."""
     places = defaultdict(list)
-    for row in contacts.to_dict("records"):
-        for flag in filter(None, (part.strip() for part in row["flags"].split(";"))):
-            places[flag].append(f"{row['video']} frame {row['onset_frame']}")
+    for index, row in contacts.iterrows():
+        for flag in _parts(row["flags"]):
+            where = f"{row['video']} frame {row['peak_frame']:.0f}"
+            places[flag].append({"where": where, "index": index})
     return [
-        {"flag": flag, "count": len(where), "where": ", ".join(where[:5])}
+        {"flag": flag, "count": len(where), "places": where[:NAMED]}
         for flag, where in sorted(places.items(), key=lambda item: -len(item[1]))
     ]
 

@@ -37,7 +37,7 @@ def test_numbers_figure_flags_settings_and_version(page):
     assert "12417" in page
     assert "large_deflection" in page
     assert "not_half_gaussian" in page
-    assert "two frame 30" in page
+    assert "two frame 50" in page  # at its peak
     assert "base_radius_um = 37.0" in page
     assert "9.9" in page
     assert "Which contacts ring?" in page
