@@ -125,8 +125,9 @@ def _tiles(videos, contacts, record):
     )
     yield f"{frames:,}", "frames"
     yield f"{len(contacts):,}", "contacts"
-    if len(contacts):
+    if contacts["peak_force_uN"].notna().any():
         yield f"{contacts['peak_force_uN'].median():.1f} µN", "median peak force"
+    if len(contacts):
         yield f"{contacts['duration_ms'].median():.0f} ms", "median duration"
     if seconds:
         yield f"{frames / seconds:.0f}", "frames/s on one core"
@@ -249,52 +250,61 @@ def error_budget(results, contacts: pd.DataFrame) -> list[dict]:
     -------
     Rows with `source`, `known` ("measured", "assumed" or "sum"), `size` (text, one standard
     error), `low`, `middle`, `high` (5 %, median, 95 % over the contacts, relative to the peak
-    force), `span` (text), `note`; empty where no contact has a force and a whisker with dimensions.
+    force), `span` (text), `note`. None where no contact has a force and a whisker with dimensions.
     """
-    whiskers = _whiskers(results, contacts)
-    keys = list(zip(contacts["video"], contacts["whisker"], strict=True))
-    known = np.array([whiskers.get(key, (None,))[0] is not None for key in keys], dtype=bool)
-    usable = contacts[known & (contacts["peak_force_uN"] > 0).to_numpy()]
+    usable, given = _with_whisker(contacts, _whiskers(results, contacts))
     if usable.empty:
         return []
-    keys = list(zip(usable["video"], usable["whisker"], strict=True))
-    distinct = {whiskers[key] for key in keys}
-    assumed = []
+    effects = []
     for item in ASSUMED:
-        by = {each: _effect(item.size, item.parameter, *each) for each in distinct}
-        assumed.append(np.array([by[whiskers[key]] for key in keys]))
-    peak = usable["peak_force_uN"].to_numpy()
-    told = usable["origin_se_m"].notna().to_numpy()
-    origin = usable["origin_se_m"].fillna(HIDDEN_LENGTH_SD_M).to_numpy()
-    hidden = np.array(
-        [_effect(o, "origin", *whiskers[key]) for o, key in zip(origin, keys, strict=True)]
-    )
-    table = usable["peak_se_uN"].to_numpy() / peak
-    # the tables' standard error holds the trace's beginning where the evidence tells it
-    own = np.hypot(np.nan_to_num(table), np.where(told, 0.0, hidden))
-    total = np.sqrt(own**2 + sum(each**2 for each in assumed))
-    noise = usable["noise_uN"]
-    inner = "of it: " if told.all() else ""
+        by = {each: _effect(item.size, item.parameter, *each) for each in set(given)}
+        effects.append(np.array([by[each] for each in given]))
+    measured, own = _measured_rows(usable, given)
+    total = np.sqrt(own**2 + sum(each**2 for each in effects))
     rows = [
-        ("standard error in the tables", "measured", "", table,
-         "contact_force_uN_se at the peak: tracking noise, rest shape"
-         + (", hidden length" if told.all() else "")),
-        ("of it: tracking noise", "measured", f"{_number(noise.median())} µN",
-         noise.to_numpy() / peak,
-         f"the same in free frames within {NEAR_MM:g} mm of the pole"),
-        (f"{inner}hidden length", "measured" if told.all() else "assumed",
-         f"{1e3 * np.median(origin):.2f} mm", hidden,
-         "where the trace begins, from tip and bending" if told.all()
-         else "not told by all of these results: a usual value"),
+        *measured,
         *((item.source, "assumed", f"{100 * item.size:g} %", effect, item.why)
-          for item, effect in zip(ASSUMED, assumed, strict=True)),
+          for item, effect in zip(ASSUMED, effects, strict=True)),
         ("all together", "sum", "", total, "square root of the sum of squares"),
     ]  # fmt: skip
     return [_budget_row(*row) for row in rows]
 
 
+def _with_whisker(contacts, whiskers):
+    """Contacts with a force and a whisker of known dimensions, and what is given of each's."""
+    keys = zip(contacts["video"], contacts["whisker"], strict=True)
+    given = [whiskers.get(key, (None,)) for key in keys]
+    known = np.array([each[0] is not None for each in given], dtype=bool)
+    known &= (contacts["peak_force_uN"] > 0).to_numpy()
+    return contacts[known], [each for each, is_so in zip(given, known, strict=True) if is_so]
+
+
+def _measured_rows(contacts, given):
+    """Rows of the budget that the tables tell, and their sum for every contact."""
+    peak = contacts["peak_force_uN"].to_numpy()
+    noise = contacts["noise_uN"]
+    table = contacts["peak_se_uN"].to_numpy() / peak
+    told = contacts["origin_se_m"].notna().to_numpy()
+    origin = contacts["origin_se_m"].fillna(HIDDEN_LENGTH_SD_M).to_numpy()
+    hidden = np.array([_effect(o, "origin", *g) for o, g in zip(origin, given, strict=True)])
+    everywhere = told.all()
+    rows = [
+        ("standard error in the tables", "measured", "", table,
+         "contact_force_uN_se at the peak: tracking noise, rest shape"
+         + (", hidden length" if everywhere else "")),
+        ("of it: tracking noise", "measured", _number(noise.median()) + " µN", noise / peak,
+         f"the same in free frames within {NEAR_MM:g} mm of the pole"),
+        ("of it: hidden length" if everywhere else "hidden length",
+         "measured" if everywhere else "assumed", f"{1e3 * np.median(origin):.2f} mm", hidden,
+         "where the trace begins, from tip and bending" if everywhere
+         else "not told by all of these results: a usual value"),
+    ]  # fmt: skip
+    # the tables' standard error holds the trace's beginning where the evidence tells it
+    return rows, np.hypot(np.nan_to_num(table), np.where(told, 0.0, hidden))
+
+
 def _budget_row(source, known, size, share, note):
-    share = share[np.isfinite(share)]
+    share = np.asarray(share)[np.isfinite(share)]
     low, middle, high = np.percentile(share, [5, 50, 95]) if len(share) else [np.nan] * 3
     spread = {"low": low, "middle": middle, "high": high}
     texts = [f"{100 * v:.1f}" for v in (low, high)]
