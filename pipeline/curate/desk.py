@@ -248,16 +248,16 @@ class Desk:
 
     def confirm(self):
         """Say that the selected item is right as it is, and go on to what is left."""
-        if self.selected is None:
-            self.next_doubtful()
-            return
-        item = self._need_current()
-        if item.is_contact:
-            self.video.review.confirm(item.span)
-        else:
-            self.video.review.dismiss(item.span)
+        done = ""
+        if self.selected is not None:
+            item = self._need_current()
+            if item.is_contact:
+                self.video.review.confirm(item.span)
+            else:
+                self.video.review.dismiss(item.span)
+            done = f"{_named(item)} confirmed"
         if self._to_doubtful():
-            self.message = f"{_named(item)} confirmed"
+            self.message = done
         else:
             self.message = "all contacts of this video are looked at; v goes to the next video"
 

@@ -2,6 +2,7 @@
 
 import contextlib
 import threading
+import time
 from collections import OrderedDict
 
 import numpy as np
@@ -10,7 +11,8 @@ from pipeline.errors import VideoError
 from pipeline.video import open_video
 
 BLOCK = 32  # frames decoded together
-CACHE_BYTES = 400_000_000
+CACHE_BYTES = 256_000_000
+PAUSE_S = 0.3  # after a jump, before its surroundings are read: another jump may follow
 LONGEST_SKIP = 12  # frames decoded and passed over rather than to seek
 
 
@@ -30,6 +32,7 @@ class FrameReader:
         self._faults = {}  # block → VideoError
         self._wanted = []  # frames somebody waits for, the latest at the end
         self._centre = 0
+        self._jumped = 0.0  # when
         self._callbacks = {}
         self._closed = False
         self._changed = threading.Condition()
@@ -59,7 +62,7 @@ class FrameReader:
         if not 0 <= index < self.n_frames:
             raise ValueError(f"index must be in [0, {self.n_frames}), got {index!r}")
         with self._changed:
-            self._centre = index
+            self._move_to(index)
             self._wanted.append(index)
             self._changed.notify_all()
             try:
@@ -68,17 +71,25 @@ class FrameReader:
                 self._wanted.remove(index)
             return self._look(index)
 
-    def when_there(self, index: int, callback) -> None:
-        """Call `callback()` from the reading thread as soon as frame `index` can be had."""
+    def when_there(self, index: int, callback, who=None) -> None:
+        """Call `callback()` from the reading thread as soon as frame `index` can be had.
+
+        A later wish of the same `who` takes the place of this one.
+        """
         with self._changed:
-            self._centre = index
+            self._move_to(index)
             if not self._settled(index):
-                self._callbacks = {index: callback}  # only the latest wish counts
+                self._callbacks[who] = index, callback
                 self._changed.notify_all()
                 return
         callback()
 
     # ---- both threads, under the lock -----------------------------------------------------
+
+    def _move_to(self, index):
+        if abs(index - self._centre) > BLOCK:
+            self._jumped = time.monotonic()
+        self._centre = index
 
     def _settled(self, index):
         return self._closed or index in self._of(index) or index // BLOCK in self._faults
@@ -100,27 +111,31 @@ class FrameReader:
     def _work(self):
         while True:
             with self._changed:
-                self._changed.wait_for(lambda: self._closed or self._next_run() is not None)
+                run = None
+                while run is None and not self._closed:
+                    pause = self._jumped + PAUSE_S - time.monotonic()
+                    run = self._wished_run() or (self._near_run() if pause <= 0 else None)
+                    if run is None:
+                        self._changed.wait(pause if pause > 0 else None)
                 if self._closed:
                     return
-                start, stop = self._next_run()
-            self._decode(start, stop)
+            self._decode(*run)
 
-    def _next_run(self):
-        """Frames [start, stop) to decode next: what is waited for, then those around it, or None.
+    def _wished_run(self):
+        """[start, stop) of the one frame that was wished for last and is not there, or None."""
+        wishes = [*(i for i, _ in self._callbacks.values()), *self._wanted]
+        missing = (i for i in reversed(wishes) if not self._settled(i))
+        return next(((i, i + 1) for i in missing), None)
 
-        A frame that is waited for comes first, not its block's first: it may be quick to seek.
-        """
-        for index in (*self._wanted[::-1], *self._callbacks):
-            if not self._settled(index):
-                return index, self._run_end(index)
+    def _near_run(self):
+        """Frames [start, stop) around the last wish that are not there, or None."""
         centre = self._centre // BLOCK
         for block in (centre, centre + 1, centre - 1):
-            frames = range(block * BLOCK, min((block + 1) * BLOCK, self.n_frames))
-            missing = (i for i in frames if i >= 0 and not self._settled(i))
-            first = next(missing, None)
-            if first is not None:
-                return first, self._run_end(first)
+            frames = range(max(block, 0) * BLOCK, min((block + 1) * BLOCK, self.n_frames))
+            missing = [i for i in frames if not self._settled(i)]
+            ahead = [i for i in missing if i >= self._centre] or missing
+            if ahead:
+                return ahead[0], self._run_end(ahead[0])
         return None
 
     def _run_end(self, start):
@@ -166,9 +181,8 @@ class FrameReader:
         with self._changed:
             self._blocks.setdefault(block, {})[index] = image
             self._give_up_old(block, image.nbytes)
-            urgent = [i for i in (*self._wanted, *self._callbacks) if not self._settled(i)]
-            elsewhere = urgent and all(i // BLOCK != block for i in urgent)
-            going_on = not self._closed and not elsewhere
+            wish = self._wished_run()
+            going_on = not self._closed and (wish is None or wish[0] // BLOCK == block)
         self._tell()
         return going_on
 
@@ -183,8 +197,8 @@ class FrameReader:
     def _tell(self):
         """Wake those who wait, and call those who asked to be called."""
         with self._changed:
-            due = [i for i in self._callbacks if self._settled(i)]
-            calls = [self._callbacks.pop(i) for i in due]
+            due = [who for who, (i, _) in self._callbacks.items() if self._settled(i)]
+            calls = [self._callbacks.pop(who)[1] for who in due]
             self._changed.notify_all()
         for call in calls:
             with contextlib.suppress(RuntimeError):  # the page that asked has been closed

@@ -45,7 +45,7 @@ KEYS = (
     Key("Decide", "redo", ("r", "Shift+u", "Ctrl+y", "Ctrl+Shift+z"), "redo"),
     Key("Page", "escape", ("Escape",), "leave off adding; select nothing; close the help"),
     Key("Page", "show_help", ("?", "h"), "show or hide this list"),
-    Key("Page", "finish", ("q",), "finish: write the tables and end"),
+    Key("Page", "finish", ("q",), "twice: finish, write the tables and end"),
 )
 
 COMMANDS = {key: each.command for each in KEYS for key in each.keys}

@@ -70,11 +70,17 @@
     act(command);
   }, true);
 
+  // Rows may be made anew between press and release, and would then get no click.
+  document.addEventListener("mousedown", (event) => {
+    const row = event.target.closest("tr[data-do]");
+    if (row) act(row.dataset.do);
+  });
+
   document.addEventListener("click", (event) => {
-    const target = event.target.closest("[data-do]");
-    if (target) {
-      act(target.dataset.do);
-      if (target.tagName === "BUTTON") target.blur();
+    const button = event.target.closest("button[data-do]");
+    if (button) {
+      act(button.dataset.do);
+      button.blur();
     } else if (event.target.closest("#help")) act("show_help");
   });
 

@@ -127,35 +127,36 @@ class Page:
 
     def render(self):
         """Bring the page in line with the desk; only what has changed is sent."""
-        desk, video = self.desk, self.desk.video
+        video = self.desk.video
         self.doc.hold("combine")
         try:
             image, missing = self._image()
             if self._is_new("video", video):
                 self.picture.enter(video, image)
                 self.courses.enter(video)
-            self._render_picture(image)
+            self._render_picture(image, missing)
             self._render_courses()
             self._render_panels(missing)
         finally:
             self.doc.unhold()
-        self._shown["frame drawn"] = (desk.frame,)
 
     def _image(self):
         """(image, why there is none) of the present frame."""
         video, frame = self.desk.video, self.desk.frame
         if video.reader is None:
-            return None, video.no_picture
+            return None, f"{video.no_picture}. Its contacts can be corrected without the picture."
         try:
             image = video.reader.frame(frame, PATIENCE_S)
         except VideoError as error:
             return None, str(error)
         if image is None:
-            video.reader.when_there(frame, partial(self._picture_there, frame))
+            video.reader.when_there(frame, partial(self._picture_there, frame), self)
         return image, ""
 
-    def _render_picture(self, image):
+    def _render_picture(self, image, missing):
         desk, video = self.desk, self.desk.video
+        if missing and self._is_new("image", video, None):
+            self.picture.show_image(None, video, desk.frame)
         if image is not None:
             if self._is_new("contrast", video):
                 self.picture.enter(video, image)

@@ -1,6 +1,7 @@
 """A results folder under curation: its videos, and their tables kept in step with corrections."""
 
 import threading
+import time
 import weakref
 from collections import OrderedDict, deque
 from dataclasses import dataclass
@@ -24,6 +25,7 @@ from pipeline.video import open_video
 
 LINES_AROUND = 256  # frames whose centrelines are read together
 LINE_BLOCKS = 16  # such blocks kept
+DELAY_S = 0.2  # before tables are made: the page has answered by then
 KEPT_OPEN = 8  # videos whose tables and undo history stay in memory
 
 
@@ -261,6 +263,8 @@ class Results:
                 self._changed.wait_for(lambda: self._due or self._closed)
                 if self._closed:
                     return
+            time.sleep(DELAY_S)
+            with self._changed:
                 name, count = self._due[0], self._due.count(self._due[0])
             self._update(name)
             with self._changed:

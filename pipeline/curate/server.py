@@ -110,7 +110,9 @@ class Server:
     def _open(self, doc):
         from pipeline.curate.page import Page
 
-        self._pages.append(Page(doc, self.results, self._finish))
+        page = Page(doc, self.results, self._finish)
+        self._pages.append(page)
+        doc.on_session_destroyed(lambda context: self._pages.remove(page))
 
     def _finish(self):
         """The person wants to end: write everything (elsewhere), tell the pages, then stop."""
@@ -118,7 +120,7 @@ class Server:
 
     def _settle_and_end(self):
         self.results.settle()
-        for page in self._pages:
+        for page in list(self._pages):
             page.doc.add_next_tick_callback(lambda page=page: page.show_state("finished"))
         time.sleep(GOODBYE_S)
         self._ended.set()

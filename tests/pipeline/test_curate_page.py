@@ -7,6 +7,7 @@ import socket
 import subprocess
 import sys
 import time
+from pathlib import Path
 from urllib.parse import urlsplit
 
 import numpy as np
@@ -18,7 +19,7 @@ from pipeline.curate import curate
 from pipeline.curate.desk import Desk
 from pipeline.curate.frames import BLOCK, FrameReader
 from pipeline.curate.items import items_of, probabilities
-from pipeline.curate.keys import COMMANDS, KEYS
+from pipeline.curate.keys import COMMANDS, KEYS, shown
 from pipeline.curate.results import Results
 from pipeline.curate.review import Review, Span
 from pipeline.curation import read_corrections, table_of
@@ -30,7 +31,7 @@ from pipeline.settings import read_session
 from pipeline.video import open_video
 
 PATIENCE_S = 20  # for an answer of the page, on a busy machine
-FRAMES = 300
+FRAMES = 240
 
 
 @pytest.fixture(scope="module")
@@ -224,6 +225,13 @@ def test_every_key_has_its_command():
     by_page = {"play"}  # which the browser does, by stepping
     assert all(hasattr(Desk, key.command) for key in KEYS if key.command not in by_page)
     assert len(COMMANDS) == sum(len(key.keys) for key in KEYS)
+
+
+def test_the_manual_names_every_key():
+    manual = (Path(__file__).parents[2] / "docs" / "curate.md").read_text(encoding="utf-8")
+    for key in KEYS:
+        names = " ".join(f"`{shown(k)}`" for k in key.keys)
+        assert f"| {names} | {key.meaning} |" in manual
 
 
 def test_the_window_follows_the_frame(results):
@@ -435,8 +443,7 @@ class Tab:
         self.wait(lambda: self.answered() > 0)
 
     def answered(self):
-        body = self.driver.find_element("tag name", "body")
-        return int(body.get_attribute("data-answered") or 0)
+        return self.driver.execute_script("return +(document.body.dataset.answered ?? 0)")
 
     def wait(self, condition):
         deadline = time.monotonic() + PATIENCE_S
@@ -461,12 +468,29 @@ class Tab:
             self.wait(lambda before=before: self.answered() > before)
 
     def click(self, selector):
+        """Click in the middle of an element, wherever it is by then."""
+        from selenium.webdriver.common.action_chains import ActionChains
+
         before = self.answered()
-        self.driver.find_element("css selector", selector).click()
+        script = """
+            const place = document.querySelector(arguments[0]).getBoundingClientRect();
+            return [place.x + place.width / 2, place.y + place.height / 2]"""
+        x, y = self.driver.execute_script(script, selector)
+        body = self.driver.find_element("tag name", "body")
+        at = body.size["width"] / 2, body.size["height"] / 2
+        ActionChains(self.driver).move_to_element_with_offset(
+            body, x - at[0], y - at[1]
+        ).click().perform()
         self.wait(lambda: self.answered() > before)
 
     def text(self, selector):
-        return self.driver.find_element("css selector", selector).text
+        """What an element says; at once, as the page may make it anew at any time."""
+        return self.driver.execute_script(
+            "return document.querySelector(arguments[0]).innerText", selector
+        )
+
+    def chosen_video(self):
+        return self.driver.execute_script("return document.querySelector('#video select').value")
 
     @property
     def message(self):
@@ -572,6 +596,20 @@ def test_a_held_key_keeps_up(tab):
     tab.wait(lambda: tab.frame == 100)
 
 
+def test_playing_goes_on_until_stopped(tab):
+    from selenium.webdriver.common.action_chains import ActionChains
+    from selenium.webdriver.common.keys import Keys
+
+    tab.press(Keys.HOME)
+    ActionChains(tab.driver).send_keys(Keys.SPACE).perform()
+    tab.wait(lambda: tab.frame > 5)
+    ActionChains(tab.driver).send_keys(Keys.SPACE).perform()
+    time.sleep(0.5)
+    stopped = tab.frame
+    time.sleep(0.5)
+    assert tab.frame == stopped
+
+
 def test_delete_undo_redo_by_keys(tab, served):
     from selenium.webdriver.common.keys import Keys
 
@@ -646,13 +684,11 @@ def test_help_and_videos(tab, served):
     tab.press(Keys.ESCAPE)
     assert not tab.driver.find_element("id", "help").is_displayed()
     tab.press("v")
-    assert tab.driver.find_element("css selector", "#video select").get_attribute(
-        "value") == names[1]  # fmt: skip
+    assert tab.chosen_video() == names[1]
     tab.press("v")
     assert "last video" in tab.message
     tab.press("V")
-    assert tab.driver.find_element("css selector", "#video select").get_attribute(
-        "value") == names[0]  # fmt: skip
+    assert tab.chosen_video() == names[0]
 
 
 def test_two_tabs_see_the_same_corrections(tab, served, driver):

@@ -242,7 +242,7 @@ def test_edits_that_make_no_sense_are_refused_and_change_nothing(edit, message):
     assert [s[1:] for s in edited.spans] == [(10, 20), (30, 45)]
 
 
-@settings(deadline=None, max_examples=200)
+@settings(deadline=None)
 @given(
     st.lists(stretch, max_size=3),
     st.lists(st.tuples(st.sampled_from("amdc"), st.integers(0, 5), stretch), max_size=8),
