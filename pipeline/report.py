@@ -397,7 +397,8 @@ def _per_trial(videos, contacts) -> dict | None:
     axis.axhline(counts.mean(), color=figures.ACCENT, lw=1)
     axis.xaxis.get_major_locator().set_params(integer=True)
     axis.yaxis.get_major_locator().set_params(integer=True)
-    axis.set(xlabel="video, in the order of the table below", ylabel="contacts", xlim=(0.4, None))
+    axis.set(xlabel="video, in the order of the table below", ylabel="contacts")
+    axis.set(xlim=(0.4, max(len(counts), 8) + 0.6), ylim=(0, 1.1 * counts.max()))
     numbers = {"mean": counts.mean(), "least": int(counts.min()), "most": int(counts.max())}
     return {"plot": _svg(figure), "none": int((counts == 0).sum()), **numbers}
 
