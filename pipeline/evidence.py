@@ -1,5 +1,7 @@
-"""What `contact.measure_touch` measured, kept beside the tables: from it contacts and forces are
-made anew when a person corrects contacts, without the video."""  # noqa: D205, D209
+"""What `contact.measure_touch` measured, kept beside the tables.
+
+From it contacts and forces are made anew when a person corrects contacts, without the video.
+"""
 
 from pathlib import Path
 
