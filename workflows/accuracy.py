@@ -425,19 +425,18 @@ def bounds_table(results: dict[str, dict]) -> str:
     return table_of(columns, results)
 
 
-def print_tables(results: dict[str, dict]) -> None:
-    print("\n## Tracking\n")
-    print(table_of(TRACKING_TABLE, results))
-    print("\n## Least SD of the curvature [1/m], first whisker\n")
-    print(bounds_table(results))
-    print("\n## Contacts\n")
-    print(table_of(TOUCH_TABLE, results))
+def tables_text(results: dict[str, dict]) -> str:
+    """Every table of figures."""
+    parts = ["### Tracking", table_of(TRACKING_TABLE, results)]
+    parts += ["### Least SD of the curvature [1/m], first whisker", bounds_table(results)]
+    parts += ["### Contacts", table_of(TOUCH_TABLE, results)]
     for method in ("shape", "point"):
-        print(f"\n## Forces by `{method}`\n")
-        print(table_of(FORCE_TABLE, results, f"{method}_"))
+        parts += [f"### Forces by `{method}`", table_of(FORCE_TABLE, results, f"{method}_")]
+    return "\n\n".join(parts)
 
 
-def print_checks(rows: list[dict]) -> None:
+def checks_text(rows: list[dict]) -> str:
+    """Every target with what was reached."""
     header = ["issue", "preset", "what", "reached", "target", ""]
     lines = [
         [
@@ -450,10 +449,9 @@ def print_checks(rows: list[dict]) -> None:
         ]
         for row in rows
     ]
-    print("\n## Targets\n")
-    print(markdown(header, lines))
     missed = sum(not row["met"] for row in rows)
-    print(f"\n{len(rows) - missed} of {len(rows)} targets met")
+    said = f"{len(rows) - missed} of {len(rows)} targets met"
+    return "\n\n".join(["### Targets", markdown(header, lines), said])
 
 
 # The whole -----------------------------------------------------------------------------------
@@ -489,6 +487,7 @@ def arguments(argv=None):
     parser.add_argument("--full", action="store_true", help="four times the usual videos")
     parser.add_argument("--out", type=Path, help="folder for videos, truth and tables")
     parser.add_argument("--jobs", type=int, default=1, help="processes")
+    parser.add_argument("--write", type=Path, help="a Markdown file to put the tables into")
     parser.add_argument("--seed", type=int, default=0)
     args = parser.parse_args(argv)
     args.presets = args.presets.split(",") if args.presets else list(PRESETS)
@@ -511,8 +510,10 @@ def main(argv=None) -> int:
             each = {v.video: figures_of([v], scale) for v in videos}
             rows += checks(preset, results[preset], each)
             worst.append(worst_of(videos))
-    print_tables(results)
-    print_checks(rows)
+    text = f"{tables_text(results)}\n\n{checks_text(rows)}"
+    print(text)
+    if args.write:
+        measuring.replace_section(args.write, "accuracy", text)
     if args.out:
         pd.DataFrame(results).T.to_csv(args.out / "accuracy.csv", index_label="preset")
         pd.concat(worst).to_csv(args.out / "worst.csv", index=False)

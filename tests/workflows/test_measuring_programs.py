@@ -73,6 +73,18 @@ def test_targets_are_missed_by_what_could_not_be_told():
     assert [most.demand, between.demand] == ["<= 0.03", "0.93 to 0.97"]
 
 
+def test_a_section_is_replaced_and_the_rest_stays(tmp_path):
+    from measuring import replace_section
+
+    path = tmp_path / "a.md"
+    path.write_text("above\n<!-- x: begin -->\nold\n<!-- x: end -->\nbelow\n")
+    replace_section(path, "x", "new")
+    replace_section(path, "x", "newer")
+    assert path.read_text() == "above\n<!-- x: begin -->\nnewer\n<!-- x: end -->\nbelow\n"
+    with pytest.raises(ValueError, match="y: begin"):
+        replace_section(path, "y", "new")
+
+
 def test_every_preset_with_targets_exists():
     from accuracy import TARGETS
 
@@ -90,6 +102,6 @@ def test_accuracy_of_one_video_is_printed(tmp_path, capsys):
     assert status in (0, 1)
     assert ("MISSED" in said) == bool(status)
     for heading in ("Tracking", "Contacts", "Forces by `shape`", "Targets"):
-        assert f"## {heading}" in said
+        assert f"### {heading}" in said
     assert (tmp_path / "accuracy.csv").exists()
     assert (tmp_path / "worst.csv").exists()
