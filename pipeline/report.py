@@ -161,6 +161,7 @@ def at_peaks(results, contacts: pd.DataFrame) -> pd.DataFrame:
     contacts = contacts.copy()
     contacts["peak_frame"] = (contacts["onset_frame"] + contacts["offset_frame"]) // 2
     contacts[["peak_se_uN", "noise_uN", "origin_se_m"]] = np.nan
+    found = {}
     for (video, whisker), part in contacts.groupby(["video", "whisker"]):
         path = Path(results) / video / "frames.parquet"
         if not path.is_file():
@@ -174,8 +175,11 @@ def at_peaks(results, contacts: pd.DataFrame) -> pd.DataFrame:
             touch = own.loc[row.onset_frame : row.offset_frame - 1]
             if touch["contact_force_uN"].notna().any():
                 peak = touch["contact_force_uN"].idxmax()
-                found = peak, touch.at[peak, "contact_force_uN_se"], origin.get(peak, np.nan)
-                contacts.loc[row.Index, ["peak_frame", "peak_se_uN", "origin_se_m"]] = found
+                error = touch.at[peak, "contact_force_uN_se"]
+                found[row.Index] = peak, error, origin.get(peak, np.nan)
+    if found:
+        columns = ["peak_frame", "peak_se_uN", "origin_se_m"]
+        contacts.loc[list(found), columns] = np.array(list(found.values()))
     return contacts
 
 
@@ -296,7 +300,7 @@ def _measured_rows(contacts, given):
          f"the same in free frames within {NEAR_MM:g} mm of the pole"),
         ("of it: hidden length" if everywhere else "hidden length",
          "measured" if everywhere else "assumed", f"{1e3 * np.median(origin):.2f} mm", hidden,
-         "where the trace begins, from tip and bending" if everywhere
+         "where the trace begins: from the length given, tip and bending" if everywhere
          else "not told by all of these results: a usual value"),
     ]  # fmt: skip
     # the tables' standard error holds the trace's beginning where the evidence tells it
@@ -393,12 +397,13 @@ def _per_trial(videos, contacts) -> dict | None:
         return None
     counts = contacts["video"].value_counts().reindex(made, fill_value=0).to_numpy()
     figure, axis = _axes(2.6)
-    axis.bar(np.arange(1, len(counts) + 1), counts, width=0.8, color="#5d7f9e")
+    width = 0.8 * min(1, len(counts) / 8)
+    axis.bar(np.arange(1, len(counts) + 1), counts, width=width, color="#5d7f9e")
     axis.axhline(counts.mean(), color=figures.ACCENT, lw=1)
     axis.xaxis.get_major_locator().set_params(integer=True)
     axis.yaxis.get_major_locator().set_params(integer=True)
     axis.set(xlabel="video, in the order of the table below", ylabel="contacts")
-    axis.set(xlim=(0.4, max(len(counts), 8) + 0.6), ylim=(0, 1.1 * counts.max()))
+    axis.set(xlim=(0.4, len(counts) + 0.6), ylim=(0, 1.1 * counts.max()))
     numbers = {"mean": counts.mean(), "least": int(counts.min()), "most": int(counts.max())}
     return {"plot": _svg(figure), "none": int((counts == 0).sum()), **numbers}
 
