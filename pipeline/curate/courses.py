@@ -7,7 +7,7 @@ from bokeh.plotting import figure
 from pipeline.curate.colours import CURSOR, GRID, INK, SOFT, STATES, WHISKERS, state_of
 
 MARGIN = 1.0  # of the window, loaded on either side of it
-MOST_POINTS = 4000  # of a line; longer ones are thinned to their extremes
+MOST_POINTS = 3000  # of a line; longer ones are thinned to their extremes
 DOTS_BELOW = 130  # frames in the window, below which every frame has its dot
 HIGHEST_DISTANCE_MM = 2.0
 LEFT_BORDER = 54
