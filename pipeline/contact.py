@@ -4,8 +4,7 @@ In every frame the fitted rod gives two numbers: the gap d between the surfaces 
 that the nearest point would feel. A free whisker has F = 0 and d > 0, a touching one d = 0 and
 F > 0: an L in the plane (d, F), blurred by errors that are known from the fit or learnt from the
 video. A hidden Markov model of two states turns the likelihoods of both arms into a probability
-per frame; the places where the *unloaded* whisker would just touch, which move smoothly with the
-follicle, set onset and offset to the frame.
+per frame.
 """
 
 from dataclasses import dataclass
@@ -26,10 +25,13 @@ CONTACT_STARTS, CONTACT_ENDS = 0.01, 0.03  # probabilities per frame
 UNSEEN_LOG_ODDS = -0.5  # of a frame without a trace: some are bridged in a contact, many are not
 OUTLIERS = 1e-4  # share of frames that say nothing
 LEAST_GAP_SD_PX = 0.06
+SURE_PUSH_SD = 6.0  # a force of so many standard errors is no noise
+FEWEST_SURE = 10
+FARTHEST_OFFSET_PX = 4.0  # of the pole's surface from where it was measured
 LEAST_EVIDENCE = 12.0  # summed log-likelihood ratio below which a contact is noise
+SHORTEST_S = 1.5e-3  # what is over sooner is a slip of the tracer
 LEAST_PEAK_SD = 3.5  # peak force in standard errors
 SLIP_LOOK_FRAMES = 4  # so many frames after the end in which the pole has changed sides
-CROSSING_FRAMES = 4  # either side, over which the unloaded gap is followed through zero
 LARGE_DEFLECTION_RAD = 0.6
 NEAR_CURVATURE_M = 1.0e-3
 
@@ -175,9 +177,12 @@ def add_probability(evidence: pd.DataFrame, recording: Recording) -> pd.DataFram
             continue
         log_odds = _frame_log_odds(part, recording)
         evidence.loc[part.index, "log_odds"] = log_odds
-        evidence.loc[part.index, "probability"] = _posterior(
-            log_odds, CONTACT_STARTS, CONTACT_ENDS
-        )
+        probability = _posterior(log_odds, CONTACT_STARTS, CONTACT_ENDS)
+        shortest = SHORTEST_S * recording.frames_per_second
+        for start, stop in zip(*_edges_of(probability > 0.5), strict=True):
+            if stop - start < shortest:
+                probability[start:stop] = 0.5
+        evidence.loc[part.index, "probability"] = probability
     return evidence
 
 
@@ -193,23 +198,25 @@ def _frame_log_odds(part, recording):
     absent = ~part["pole_known"].to_numpy(bool) & part["nearest_m"].isna().to_numpy()
     absent &= part["base_angle_rad"].notna().to_numpy()
     least = LEAST_GAP_SD_PX / recording.pixels_per_m
+    with np.errstate(invalid="ignore"):
+        pushed = force > SURE_PUSH_SD * force_sd
+        # before anything is known: what is strongly pushed, and not far, touches
+        sure = pushed & (np.abs(gap) < FARTHEST_OFFSET_PX / recording.pixels_per_m)
     offset, extra = np.zeros(len(part)), np.full(len(part), 4 * least)
     for _ in range(4):
+        for s in (-1, 1):
+            own = sure & (side == s)
+            if own.sum() < FEWEST_SURE:
+                continue
+            middle = np.median(gap[own])
+            spread = 1.4826 * np.median(np.abs(gap[own] - middle))
+            offset[side == s] = middle
+            extra[side == s] = np.sqrt(max(spread**2 - np.median(gap_sd[own]) ** 2, least**2))
         sd = np.hypot(gap_sd, extra)
         odds = _log_odds(gap - offset, sd, force, force_sd, cov)
         odds = np.where(np.isfinite(odds), odds, UNSEEN_LOG_ODDS)
         odds = np.where(absent, -50.0, odds)
-        touching = _posterior(odds, CONTACT_STARTS, CONTACT_ENDS) > 0.9
-        for s in (-1, 1):
-            # the clear touches: strongly pushed, so that no free frame can be among them
-            own = touching & (side == s) & np.isfinite(gap)
-            sure = own & (np.nan_to_num(force) > 5 * np.nan_to_num(force_sd, nan=np.inf))
-            if sure.sum() < 10:
-                continue
-            middle = np.median(gap[sure])
-            spread = 1.4826 * np.median(np.abs(gap[sure] - middle))
-            offset[side == s] = middle
-            extra[side == s] = np.sqrt(max(spread**2 - np.median(gap_sd[sure]) ** 2, least**2))
+        sure = pushed & (_posterior(odds, CONTACT_STARTS, CONTACT_ENDS) > 0.9)
     return odds
 
 
@@ -291,7 +298,6 @@ def find_contacts(evidence: pd.DataFrame, curvature_at: float = 5.5e-3) -> pd.Da
         part = evidence[evidence["whisker"] == name].sort_values("frame").reset_index(drop=True)
         for start, stop in _runs(part):
             if _is_real(part, start, stop):
-                start, stop = _edges(part, start, stop)
                 rows.append(_interval(part, name, start, stop, curvature_at))
     table = pd.DataFrame(rows, columns=list(INTERVAL_COLUMNS))
     return table.astype({"onset_frame": int, "offset_frame": int, "side": int, "slip": bool})
@@ -323,11 +329,6 @@ def _is_real(part, start, stop):
     with np.errstate(invalid="ignore"):
         push = part["shape_force_N"].to_numpy()[rows] / part["shape_force_se_N"].to_numpy()[rows]
     return not np.isfinite(push).any() or np.nanmax(push) > LEAST_PEAK_SD
-
-
-def _edges(part, start, stop):
-    """Move onset and offset to where the unloaded whisker would just touch."""
-    return start, stop
 
 
 def _interval(part, name, start, stop, curvature_at):
