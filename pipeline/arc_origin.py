@@ -123,21 +123,20 @@ def origin_from_bending(
     curvature_at: float,
     prior: RestPrior,
     votes: _Votes,
-    friction=0.0,
 ) -> Origin:
     """Origin of each row from tip and bending together.
 
     The rest shape moves along with a row's origin, so that the stiffness along the whisker is
     what tells. `places.origin` is where the search starts.
     """
-    rows = _loaded_rows(places, whisker, curvature_at, prior, friction)
+    rows = _loaded_rows(places, whisker, curvature_at, prior)
     if len(rows) < 5:
         return votes.solve()
     part, rest = places.rows(rows), replace(prior, drift=prior.drift[rows], cov=prior.cov[rows])
     here, design, sensitivity = part.origin, votes.design[rows], 0.0
     for step in STEPS_M:
         fits = [
-            shape_fit.fit_loaded(part, whisker, curvature_at, rest, friction, shift)
+            shape_fit.fit_loaded(part, whisker, curvature_at, rest, shift=shift)
             for shift in here - part.origin + np.array([[-step], [0.0], [step]])
         ]
         low, middle, high = (fit["chi2"] * (fit["count"] - 4) for fit in fits)
@@ -229,7 +228,7 @@ def _tip_places(places, whisker):
     return np.where(good, end, np.nan), max(scatter, 10e-6)
 
 
-def _loaded_rows(places, whisker, curvature_at, prior, friction):
+def _loaded_rows(places, whisker, curvature_at, prior):
     """Rows that are surely and strongly bent by the pole, spread over the video."""
     with np.errstate(invalid="ignore"):
         near = np.flatnonzero((places.side != 0) & (places.distance < 0.1e-3) & ~places.extended)
@@ -237,7 +236,7 @@ def _loaded_rows(places, whisker, curvature_at, prior, friction):
         return near
     near = near[:: max(1, len(near) // (2 * MOST_ROWS))]
     rest = replace(prior, drift=prior.drift[near], cov=prior.cov[near])
-    fit = shape_fit.fit_loaded(places.rows(near), whisker, curvature_at, rest, friction)
+    fit = shape_fit.fit_loaded(places.rows(near), whisker, curvature_at, rest)
     with np.errstate(invalid="ignore"):
         push = np.nan_to_num(fit["force"] / np.sqrt(fit["force_var"]))
     near = near[push > LEAST_PUSH_SD]

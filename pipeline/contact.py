@@ -84,7 +84,7 @@ def analyse_touch(
     whiskers : name → Whisker, or None: contacts are found all the same, forces are not
     curvature_at : arc length of the curvature in `frames` [m]
     method : "shape" or "point"
-    friction : signed ratio of tangential to normal force at the pole
+    friction : coefficient of friction between whisker and pole, >= 0
     corrections : table of a person's corrections (pipeline.curation), or None
     """
     frames, evidence = measure_touch(frames, places, whiskers, curvature_at, friction)

@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 import pandas as pd
+from scipy.ndimage import gaussian_filter1d
 
 from pipeline import arc_origin, rest_curvature, shape_fit
 from pipeline.records import CONTACT_COLUMNS, Recording, as_table, empty_table
@@ -18,7 +19,9 @@ from pipeline.stations import Stations
 from whiskermodel.whisker import Whisker
 
 METHODS = ("point", "shape")
+SLIDING_FRAMES = 3
 SHORTEST_LEVER_M = 0.3e-3  # a contact nearer to the point of curvature tells nothing there
+WILD, WILD_SHARE = 4.0, 0.1  # times the usual standard error, plus this part of the force
 LEAST_NOISE = 0.5  # of the fit's standard error: free frames are no witness of smaller ones
 CALIBRATION_REACH_M = 3e-3  # free frames with the pole this near tell the force's true noise
 _EVIDENCE_OF_FIT = {
@@ -65,7 +68,7 @@ def measure_forces(
     kinematics : table aligned with `places`: `time_s`, `curvature_per_m`, `curvature_per_m_se`,
         `base_angle_deg`
     curvature_at : arc length of the curvature [m]
-    friction : signed ratio of tangential to normal force, + pulls towards the tip
+    friction : coefficient of friction between whisker and pole, >= 0
 
     Returns
     -------
@@ -81,9 +84,7 @@ def measure_forces(
     places = replace(places, origin=origin.per_row)
     prior = _rest_prior(places, whisker, curvature_at, angle, time, free)
     if prior is not None:
-        origin = arc_origin.origin_from_bending(
-            places, whisker, curvature_at, prior, votes, friction
-        )
+        origin = arc_origin.origin_from_bending(places, whisker, curvature_at, prior, votes)
         places = replace(places, origin=origin.per_row)
         prior = _rest_prior(places, whisker, curvature_at, angle, time, free)
     evidence = pd.DataFrame(
@@ -101,7 +102,10 @@ def measure_forces(
     if prior is None:
         fit = shape_fit.fit_free(places, whisker, curvature_at)
     else:
-        fit = shape_fit.fit_loaded(places, whisker, curvature_at, prior, friction)
+        fit = shape_fit.fit_loaded(places, whisker, curvature_at, prior)
+        if friction > 0:
+            rubbing = friction * sliding(fit["contact"])
+            fit = shape_fit.fit_loaded(places, whisker, curvature_at, prior, rubbing)
     for name, column in _EVIDENCE_OF_FIT.items():
         evidence[column] = fit[name]
     noise = _force_noise(fit["force"], np.sqrt(fit["force_var"]), places, free)
@@ -119,6 +123,23 @@ def measure_forces(
     evidence["point_force_N"] = point
     evidence["point_force_se_N"] = np.hypot(error, stiffer * point)
     return evidence, rest
+
+
+def sliding(place) -> np.ndarray:
+    """Direction in which friction pulls the whisker: +1 towards its tip, −1 towards its base.
+
+    `place` (rows,) is the contact's arc length [m], frame after frame. Where it grows the whisker
+    slides back over the pole; 0 where it does not change by more than its scatter.
+    """
+    known = np.flatnonzero(np.isfinite(place))
+    out = np.zeros(len(place))
+    if len(known) < 2 * SLIDING_FRAMES + 1:
+        return out
+    smooth = gaussian_filter1d(place[known], SLIDING_FRAMES)
+    rate = np.gradient(smooth)
+    scatter = 1.4826 * np.median(np.abs(place[known] - smooth)) / SLIDING_FRAMES**1.5
+    out[known] = np.sign(rate) * (np.abs(rate) > scatter)
+    return out
 
 
 def point_force(rest: pd.DataFrame, fit: ShapeFit):
@@ -263,6 +284,11 @@ def contact_table(frames: pd.DataFrame, intervals: pd.DataFrame, recording: Reco
 def _contact_row(part: pd.DataFrame, recording: Recording) -> dict:
     """Peaks, mean and impulse over the frames of one contact."""
     force = part["contact_force_uN"].to_numpy(float)
+    error = part["contact_force_uN_se"].to_numpy(float)
+    if np.isfinite(error).any():
+        # a frame in which something else lies upon the whisker is no peak
+        usual = WILD * np.nanmedian(error) + WILD_SHARE * force
+        force = np.where(error > usual, np.nan, force)
     if not np.isfinite(force).any():
         place = part["contact_arc_length_mm"].to_numpy(float)
         return {

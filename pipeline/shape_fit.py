@@ -104,9 +104,9 @@ def fit_loaded(
 ) -> ShapeFit:
     """Fit pose and the force that a pole at the nearest point would exert, given the rest shape.
 
-    `friction` is the signed ratio of tangential to normal force, + pulls towards the tip.
-    `shift` [m], one or (rows,), is added to the arc lengths beside `stations.origin`; the rest
-    shape, measured without it, moves along.
+    `friction`, one or (rows,), is the signed ratio of tangential to normal force, + pulls
+    towards the tip. `shift` [m], one or (rows,), is added to the arc lengths beside
+    `stations.origin`; the rest shape, measured without it, moves along.
     """
     return _fit(stations, whisker, curvature_at, prior, True, friction, shift)
 
@@ -124,7 +124,7 @@ def _fit(stations, whisker, curvature_at, prior, loaded, friction, shift=0.0):
     rest_cov = np.full((n, N_REST, N_REST), np.nan)
     # the very tip of a full cone has no stiffness; nothing touches there
     stiffness = np.maximum(whisker.flexural_rigidity(s), 1e-7 * whisker.base_flexural_rigidity)
-    shift = np.broadcast_to(np.asarray(shift, float), n).copy()
+    shift, friction = (np.broadcast_to(np.asarray(a, float), n).copy() for a in (shift, friction))
     rod = (whisker.length, whisker.cone_length, whisker.base_flexural_rigidity)
     with np.errstate(invalid="ignore"):
         side = np.where(loaded & np.isfinite(stations.pole_x), stations.side, 0)
@@ -158,7 +158,7 @@ def _fit_rows(
             continue
         loaded = side[row] != 0 and nearest[row] > (first + 2) * h
         size = _LOADED if loaded else _FREE
-        load = (side[row], friction) if loaded else (0.0, 0.0)
+        load = (side[row], friction[row]) if loaded else (0.0, 0.0)
         c = min(nearest[row], (m - 1) * h) if loaded else (first + count // 2) * h
         p[:] = 0.0
         chi2, change, known = 1.0, np.inf, False
@@ -172,7 +172,17 @@ def _fit_rows(
                 p[2 : 2 + terms] = mean
                 if loaded:
                     p[size - 1] = _first_force(
-                        x, y, angle, info[row], basis, mean, stiffness, h, c, side[row], friction
+                        x,
+                        y,
+                        angle,
+                        info[row],
+                        basis,
+                        mean,
+                        stiffness,
+                        h,
+                        c,
+                        side[row],
+                        friction[row],
                     )
             elif loaded:
                 nearest_now = _nearest_on_model(x, y, angle, h, c, pole_x[row], pole_y[row])
@@ -210,8 +220,8 @@ def _fit_rows(
         if loaded:
             c_x, c_y = ref_x - p[0] * np.sin(p[1]), ref_y + p[0] * np.cos(p[1])
             _loads(
-                o, p, cov, size, side[row], friction, c + origin[row], c_x, c_y, base, follicle,
-                _at(x, y, angle, h, at), at + origin[row], _softness(at + origin[row], rod),
+                o, p, cov, size, side[row], friction[row], c + origin[row], c_x, c_y, base,
+                follicle, _at(x, y, angle, h, at), at + origin[row], _softness(at + origin[row], rod),
                 pole_x[row], pole_y[row], pole_radius, radius,
             )  # fmt: skip
 

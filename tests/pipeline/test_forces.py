@@ -164,3 +164,21 @@ def test_contacts_are_numbered_per_whisker_in_time():
     ]
     empty = forces.contact_table(both, intervals.iloc[:0], RECORDING)
     assert list(empty.columns) == [c.name for c in CONTACT_COLUMNS]
+
+
+def test_friction_pulls_against_the_sliding():
+    """Towards the tip while the contact moves out along the whisker; not told apart at rest."""
+    place = 9e-3 + 0.2e-3 * np.sin(np.arange(200) / 30)
+    found = forces.sliding(place)
+    moving = np.abs(np.cos(np.arange(200) / 30)) > 0.2
+    np.testing.assert_array_equal(found[moving], np.sign(np.cos(np.arange(200) / 30))[moving])
+    assert (forces.sliding(np.full(50, 9e-3)) == 0).all()
+    assert (forces.sliding(np.full(50, np.nan)) == 0).all()
+
+
+def test_a_wild_frame_is_no_peak():
+    frames, evidence = frames_by_hand()
+    evidence.loc[1, ["shape_force_N", "shape_force_se_N"]] = 3e-5, 1e-5
+    frames = forces.add_forces(frames, evidence, {"C2": object()})
+    intervals = pd.DataFrame({"whisker": ["C2"], "onset_frame": [1], "offset_frame": [4]})
+    assert forces.contact_table(frames, intervals, RECORDING)["peak_force_uN"][0] == 4.0
