@@ -221,7 +221,8 @@ def _fit_rows(
             c_x, c_y = ref_x - p[0] * np.sin(p[1]), ref_y + p[0] * np.cos(p[1])
             _loads(
                 o, p, cov, size, side[row], friction[row], c + origin[row], c_x, c_y, base,
-                follicle, _at(x, y, angle, h, at), at + origin[row], _softness(at + origin[row], rod),
+                follicle, _at(x, y, angle, h, at), at + origin[row],
+                _softness(at + origin[row], rod),
                 pole_x[row], pole_y[row], pole_radius, radius,
             )  # fmt: skip
 
