@@ -50,10 +50,20 @@ EVIDENCE_COLUMNS = {
     **dict.fromkeys(_EVIDENCE_OF_FIT.values(), float),
     "gap_se_m": float,
     "clear_gap_se_m": float,
+    "origin_force_se_N": float,
     "shape_force_se_N": float,
     "point_force_N": float,
     "point_force_se_N": float,
 }
+
+BUDGET_COLUMNS = (
+    "peak_force_se_uN",
+    "tracking_se_uN",
+    "hidden_length_se_uN",
+    "radius_uN_per_percent",
+    "modulus_uN_per_percent",
+    "scale_uN_per_percent",
+)
 
 
 def measure_forces(
@@ -115,7 +125,8 @@ def measure_forces(
     # a first traced point that is off along the whisker changes the force by its share
     stiffer = np.abs(origin.sensitivity) * origin.se
     error = np.sqrt(fit["force_var"]) * noise
-    evidence["shape_force_se_N"] = np.hypot(error, stiffer * fit["force"])
+    evidence["origin_force_se_N"] = stiffer * np.abs(fit["force"])
+    evidence["shape_force_se_N"] = np.hypot(error, evidence["origin_force_se_N"])
     # the base's angle without the load's bending of the hidden part: from the fit
     angle = np.where(np.isfinite(fit["angle"]), fit["angle"], angle)
     rest = _rest_columns(kinematics, angle, time, free)
@@ -279,6 +290,49 @@ def contact_table(frames: pd.DataFrame, intervals: pd.DataFrame, recording: Reco
             }
         )
     return as_table(pd.DataFrame(rows), CONTACT_COLUMNS)
+
+
+def error_budget(contacts: pd.DataFrame, evidence: pd.DataFrame, whiskers: dict) -> pd.DataFrame:
+    """What the peak force of each contact is uncertain by, and why.
+
+    Parameters
+    ----------
+    contacts : records.CONTACT_COLUMNS with forces of method "shape"
+    evidence : as of `measure_forces`, with `frame` and `whisker`
+    whiskers : name → Whisker
+
+    Returns
+    -------
+    Table aligned with `contacts` [µN]: `peak_force_se_uN`, of which `tracking_se_uN` and
+    `hidden_length_se_uN`; and how far the peak moves for 1 % more in what the session says,
+    `radius_uN_per_percent` (the fourth power), `modulus_uN_per_percent`, `scale_uN_per_percent`
+    (pixels per mm: curvature, lever and stiffness at the middle of the bent part).
+    """
+    rows = []
+    for contact in contacts.to_dict("records"):
+        own = evidence[evidence["whisker"] == contact["whisker"]]
+        inside = own["frame"].between(contact["onset_frame"], contact["offset_frame"] - 1)
+        own = own[inside & own["shape_force_N"].notna()]
+        whisker, force = whiskers.get(contact["whisker"]), contact["peak_force_uN"]
+        if len(own) == 0 or whisker is None or not np.isfinite(force):
+            rows.append({})
+            continue
+        peak = own.loc[(1e6 * own["shape_force_N"] - force).abs().idxmin()]
+        total, origin = 1e6 * peak["shape_force_se_N"], 1e6 * peak["origin_force_se_N"]
+        middle = 0.6e-3 * contact["contact_arc_length_mm"]
+        rows.append(
+            {
+                "peak_force_se_uN": total,
+                "tracking_se_uN": np.sqrt(max(total**2 - origin**2, 0.0)),
+                "hidden_length_se_uN": origin,
+                "radius_uN_per_percent": 0.04 * force,
+                "modulus_uN_per_percent": 0.01 * force,
+                "scale_uN_per_percent": 0.01
+                * force
+                * (2 + 4 * middle / (whisker.cone_length - middle)),
+            }
+        )
+    return pd.DataFrame(rows, index=contacts.index, columns=list(BUDGET_COLUMNS), dtype=float)
 
 
 def _contact_row(part: pd.DataFrame, recording: Recording) -> dict:

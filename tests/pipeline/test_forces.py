@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 import traced_motion
 
-from pipeline import contact, forces
+from pipeline import contact, forces, stations
 from pipeline.records import CONTACT_COLUMNS, FRAME_COLUMNS, Recording, as_table
 from synthetic.presets import make_trial
 
@@ -182,3 +182,37 @@ def test_a_wild_frame_is_no_peak():
     frames = forces.add_forces(frames, evidence, {"C2": object()})
     intervals = pd.DataFrame({"whisker": ["C2"], "onset_frame": [1], "offset_frame": [4]})
     assert forces.contact_table(frames, intervals, RECORDING)["peak_force_uN"][0] == 4.0
+
+
+def test_error_budget(traced, touch, monkeypatch):
+    shape = touch["shape"]
+    budget = forces.error_budget(shape.contacts, shape.evidence, traced.whiskers)
+    parts = np.hypot(budget["tracking_se_uN"], budget["hidden_length_se_uN"])
+    np.testing.assert_allclose(parts, budget["peak_force_se_uN"], rtol=1e-9)
+    np.testing.assert_allclose(
+        budget["radius_uN_per_percent"], 0.04 * shape.contacts["peak_force_uN"]
+    )
+    # a scale that is 1 % too high, with the hidden length believed
+    monkeypatch.setattr(
+        forces.arc_origin, "origin_from_bending", lambda *_: forces.arc_origin.Origin(*two_zeros)
+    )
+    n = len(traced.places)
+    two_zeros = np.zeros(n), np.zeros(n)
+    peaks = []
+    for factor in (1.0, 1.01):
+        recording = Recording(1000.0, 25.0 * factor, "left")
+        places = stations.measure_stations(
+            traced.lines,
+            recording,
+            list(traced.whiskers.values()),
+            [traced_motion.HIDDEN],
+            traced.pole,
+        )
+        again = contact.analyse_touch(traced.frames, places, recording, traced.whiskers)
+        peaks.append(again.contacts["peak_force_uN"].to_numpy())
+    strong = peaks[0] > 3
+    np.testing.assert_allclose(
+        (peaks[1] - peaks[0])[strong], budget["scale_uN_per_percent"][strong], rtol=0.15
+    )
+    nothing = forces.error_budget(shape.contacts, shape.evidence, {"C2": None})
+    assert nothing["peak_force_se_uN"].isna().all()
