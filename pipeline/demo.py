@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline import batch, figures
+from pipeline import batch, figures, warm_up
 from pipeline.progress import duration
 
 DEMO_PRESET, DEMO_TRIALS, DEMO_SEED = "fig3", 4, 1
@@ -47,9 +47,12 @@ def run_demo(out, jobs, progress, say) -> bool:
 
     started = time.monotonic()
     videos, results = Path(out) / "videos", Path(out) / "results"
-    say("rendering a small pole-localization session …")
-    render(videos, DEMO_PRESET, DEMO_SEED, DEMO_TRIALS, jobs, say)
-    say("processing it (the first time, half a minute goes into compiling) …")
+    say("rendering a small pole-localization session (the first time, some of it is compiling) …")
+    compiling = warm_up.start() if jobs > 1 else None
+    render(videos, DEMO_PRESET, DEMO_SEED, DEMO_TRIALS, max(jobs - 1, 1), say)
+    if compiling is not None:
+        compiling.join()
+    say("processing it …")
     summary = batch.run([videos], results, jobs=jobs, overwrite=True, progress=progress)
     figures.write_fig3(results)
     write_report(results)
