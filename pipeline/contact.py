@@ -120,6 +120,7 @@ def retouch(
     contacts = forces.contact_table(frames, intervals, recording, video)
     contacts = pulses.add_pulses(contacts, frames, recording)
     contacts = base_moments.add_base_moments(contacts, frames, whiskers, recording)
+    contacts[list(forces.BUDGET_COLUMNS)] = forces.error_budget(contacts, evidence, whiskers)
     return Touch(as_table(frames, FRAME_COLUMNS), contacts, intervals, evidence)
 
 

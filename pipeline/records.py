@@ -105,6 +105,12 @@ CONTACT_COLUMNS = (
     Column("slip", "bool", "", "ended by slipping past the pole"),
     Column("curated", "bool", "", "added or moved by a person"),
     Column("flags", "string", "", "what to be careful about, separated by ';'"),
+    Column("peak_force_se_uN", "float64", "µN", "standard error of the peak force"),
+    Column("tracking_se_uN", "float64", "µN", "of it, from tracking noise"),
+    Column("hidden_length_se_uN", "float64", "µN", "of it, from the follicle's place"),
+    Column("radius_uN_per_percent", "float64", "µN", "peak force per 1 % of base radius"),
+    Column("modulus_uN_per_percent", "float64", "µN", "peak force per 1 % of Young's modulus"),
+    Column("scale_uN_per_percent", "float64", "µN", "peak force per 1 % of pixels per mm"),
 )
 
 

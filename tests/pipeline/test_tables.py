@@ -17,7 +17,10 @@ CONTACT_NAMES = (
     "video,whisker,contact,onset_frame,offset_frame,onset_s,duration_ms,peak_force_uN,"
     "mean_force_uN,impulse_uN_ms,peak_base_moment_nN_m,peak_axial_force_uN,"
     "contact_arc_length_mm,pulse_peak_uN,pulse_duration_ms,pulse_centre_s,pulse_r2,"
-    "steady_peak_nN_m,vibration_max_nN_m,vibration_min_nN_m,vibration_ratio,slip,curated,flags"
+    "steady_peak_nN_m,vibration_max_nN_m,vibration_min_nN_m,vibration_ratio,slip,curated,flags,"
+    # the error budget, behind what the contract promises
+    "peak_force_se_uN,tracking_se_uN,hidden_length_se_uN,"
+    "radius_uN_per_percent,modulus_uN_per_percent,scale_uN_per_percent"
 )
 FRAME_NAMES = (
     "frame,time_s,whisker,tracked,follicle_x_px,follicle_y_px,base_angle_deg,curvature_per_m,"
