@@ -127,14 +127,15 @@ def whisker_information(hair, light, camera: Camera, arc_length, direction=0.0) 
 
 
 def curvature_bounds(
-    hair, light, camera: Camera, at=5.5e-3, first=1.4e-3, direction=0.0
+    hair, light, camera: Camera, at=5.5e-3, first=1.4e-3, last=None, direction=0.0
 ) -> dict[str, float]:
-    """Least SDs of the curvature [1/m] at arc length `at` [m] of a free whisker in one frame.
+    """Least SDs of the curvature [1/m] at arc length `at` [m] of a whisker in one frame.
 
     Parameters
     ----------
     hair : synthetic.scene.Hair; light : backlight above black [grey levels]
-    first : where the whisker leaves the fur [m]; its visible rest is what models may use
+    first, last : the part that models may use [m]: from where the whisker leaves the fur to
+        its tip (None), or to a pole that it touches, where its bending has a kink
 
     Returns
     -------
@@ -142,7 +143,8 @@ def curvature_bounds(
     (over the whole visible length)
     """
     scale = camera.pixels_per_m
-    arc = np.arange(first * scale, hair.whisker.length * scale - 1, 1.0)
+    last = hair.whisker.length if last is None else last
+    arc = np.arange(first * scale, last * scale - 1, 1.0)
     information = whisker_information(hair, light, camera, arc / scale, direction)
 
     def within(half):

@@ -28,6 +28,7 @@ from synthetic.session import render_session
 
 LONG_FALSE_MM = 3.0  # a false line longer than this is a long false whisker
 DOUBTFUL = ("large_deflection", "contact_near_curvature_window", "doubtful")
+FEWEST_VIDEOS = 20  # below, the part of truths in the intervals is not judged
 WORST = 12  # rows of worst.csv per preset and kind of failure
 
 
@@ -153,6 +154,8 @@ def force_figures(forces: list[measuring.Forces]) -> dict:
         ("axial", "axial_force_uN"),
     ):
         out[f"{name}_coverage"] = scoring.error_figures(joined, column, both)["coverage"]
+    error = match.pairs["peak_force_uN"] - match.pairs["true_peak_force_uN"]
+    out["peak_coverage"] = scoring.coverage(error, match.pairs["peak_force_se_uN"])
     out["noise_uN"] = float(np.std(free)) if len(free) > 100 else np.nan
     return out
 
@@ -277,6 +280,7 @@ FLOOR = (
 )
 COVERAGE = (  # over the videos of all presets: errors of one video have much in common
     Target(4, "curvature: truths in the 95 % intervals", "curvature_coverage", 0.97, 0.93),
+    Target(5, "peak force: truths in the 95 % intervals", "shape_peak_coverage", 0.97, 0.93),
     Target(5, "force: truths in the 95 % intervals", "shape_force_coverage", 0.97, 0.93),
     Target(5, "base moment: truths in the 95 % intervals", "shape_moment_coverage", 0.97, 0.93),
     Target(5, "axial force: truths in the 95 % intervals", "shape_axial_coverage", 0.97, 0.93),
@@ -335,7 +339,7 @@ def coverage_checks(each: list[dict]) -> list[dict]:
     for target in COVERAGE:
         shares = np.array([figures[target.figure] for figures in each])
         shares = shares[np.isfinite(shares)]
-        if len(shares) < 2:
+        if len(shares) < FEWEST_VIDEOS:
             continue
         error = shares.std(ddof=1) / np.sqrt(len(shares))
         rows.append(
@@ -408,6 +412,7 @@ FORCE_TABLE = {
     "not flagged: within": ("plain_force_within", "{:.1%}"),
     "moment: median": ("moment_median", "{:.2%}"),
     "axial: median": ("axial_median", "{:.2%}"),
+    "peak coverage": ("peak_coverage", "{:.1%}"),
     "force coverage": ("force_coverage", "{:.1%}"),
     "moment coverage": ("moment_coverage", "{:.1%}"),
     "axial coverage": ("axial_coverage", "{:.1%}"),

@@ -109,21 +109,52 @@ class RenderedVideo:
 
 def least_curvature_sd(video: RenderedVideo, at: float) -> dict[str, dict[str, float]]:
     """Bounds on the curvature's SD [1/m] for every whisker of a rendered video, by model."""
-    visibility, camera, found = video.visibility(), video.camera, {}
-    for name, hair in video.hairs.items():
-        own = visibility[visibility["whisker"] == name]
-        first = 1e-3 * float(own["first_visible_mm"].median())
-        if hair.whisker.length < at + 3e-3:
+    found = {name: _bounds(video, name, at) for name in video.hairs}
+    return {name: bound for name, bound in found.items() if bound}
+
+
+def _bounds(video: RenderedVideo, name, at, last=None) -> dict[str, float]:
+    """Bounds for one whisker, which touches a pole at `last` [m]; empty where it is too short."""
+    hair, camera, visibility = video.hairs[name], video.camera, video.visibility()
+    own = visibility[visibility["whisker"] == name]
+    first = 1e-3 * float(own["first_visible_mm"].median())
+    contrast = np.stack(own["contrast"].iloc[:: max(len(own) // 50, 1)].to_list())
+    place = round(at / hair.whisker.length * (contrast.shape[1] - 1))
+    seen = contrast[:, place][contrast[:, place] > 0]
+    if hair.whisker.length < at + 3e-3 or not len(seen):
+        return {}
+    radius = hair.whisker.radius(at) * camera.pixels_per_m
+    peak = bounds.line_profile(radius, camera.blur_px)[1].max()
+    light = float(np.median(seen)) / (hair.opacity * peak)
+    return bounds.curvature_bounds(hair, light, camera, at, first, last)
+
+
+def add_least_sd(joined, video: RenderedVideo, at: float) -> pd.DataFrame:
+    """Add the bound of every frame; of one in contact, the bound up to the contact.
+
+    `least_sd` and `least_sd_knots` [1/m] are the quadratic's over ±2 mm and the one with knots
+    3 mm apart; NaN where the contact leaves less than 0.75 mm beyond `at`.
+    """
+    joined = joined.copy()
+    models = {"least_sd": "quadratic ±2 mm", "least_sd_knots": "knots 3 mm"}
+    joined[list(models)] = np.nan
+    ends = at + np.array([0.75e-3, 1e-3, 1.5e-3, 2e-3, 2.5e-3, 3e-3, 4e-3])
+    contact = 1e-3 * joined["true_contact_arc_length_mm"].to_numpy(float)
+    contact = np.where(np.isfinite(contact), contact, np.inf)
+    for name in video.hairs:
+        free = _bounds(video, name, at)
+        if not free:
             continue
-        contrast = np.stack(own["contrast"].iloc[:: max(len(own) // 50, 1)].to_list())
-        place = round(at / hair.whisker.length * (contrast.shape[1] - 1))
-        seen = contrast[:, place][contrast[:, place] > 0]
-        radius = hair.whisker.radius(at) * camera.pixels_per_m
-        peak = bounds.line_profile(radius, camera.blur_px)[1].max()
-        if len(seen):
-            light = float(np.median(seen)) / (hair.opacity * peak)
-            found[name] = bounds.curvature_bounds(hair, light, camera, at, first)
-    return found
+        own = (joined["whisker"] == name).to_numpy()
+        near = [
+            _bounds(video, name, at, end) if end < video.hairs[name].whisker.length else free
+            for end in (ends if np.isfinite(contact[own]).any() else ())
+        ]
+        for column, model in models.items():
+            table = [each[model] for each in near] or [free[model]] * len(ends)
+            value = np.interp(contact[own], ends, table, left=np.nan, right=free[model])
+            joined.loc[own, column] = value
+    return joined
 
 
 # Results -------------------------------------------------------------------------------------
@@ -191,10 +222,7 @@ def measure(preset: str, path, session) -> Measured:
                 curvature_at=at, method=method, video=stem,
             )  # fmt: skip
             frames, contacts = touch.frames, touch.contacts
-        joined = scoring.join_frames(frames, true_frames)
-        for column, model in (("least_sd", "quadratic ±2 mm"), ("least_sd_knots", "knots 3 mm")):
-            by_name = {name: each[model] for name, each in least.items()}
-            joined[column] = joined["whisker"].map(by_name).astype(float)
+        joined = add_least_sd(scoring.join_frames(frames, true_frames), video, at)
         found[method] = Forces(
             joined.assign(preset=preset, video=stem),
             contacts.assign(video=stem),
