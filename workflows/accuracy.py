@@ -546,7 +546,7 @@ def main(argv=None) -> int:
     text = f"{tables_text(results)}\n\n{checks_text(rows)}"
     print(text)
     if args.write:
-        measuring.replace_section(args.write, "accuracy", text)
+        measuring.write_between(args.write, "accuracy", text)
     if args.out:
         pd.DataFrame(results).T.to_csv(args.out / "accuracy.csv", index_label="preset")
         pd.concat(worst).to_csv(args.out / "worst.csv", index=False)

@@ -535,7 +535,7 @@ def main(argv=None) -> int:
     text = "\n\n".join([*parts, targets_text(rows)])
     print(text)
     if args.write:
-        measuring.replace_section(args.write, "benchmark", text)
+        measuring.write_between(args.write, "benchmark", text)
     return int(not all(row[3] for row in rows))
 
 

@@ -28,7 +28,7 @@ def limit_threads() -> None:
     os.environ.update(dict.fromkeys(ONE_THREAD, "1"))
 
 
-def replace_section(path, name: str, text: str) -> None:
+def write_between(path, name: str, text: str) -> None:
     """Put `text` between the comments `<!-- name: begin -->` and `<!-- name: end -->` of a file.
 
     Raises ValueError where the file has no such comments.

@@ -74,15 +74,15 @@ def test_targets_are_missed_by_what_could_not_be_told():
 
 
 def test_a_section_is_replaced_and_the_rest_stays(tmp_path):
-    from measuring import replace_section
+    from measuring import write_between
 
     path = tmp_path / "a.md"
     path.write_text("above\n<!-- x: begin -->\nold\n<!-- x: end -->\nbelow\n")
-    replace_section(path, "x", "new")
-    replace_section(path, "x", "newer")
+    write_between(path, "x", "new")
+    write_between(path, "x", "newer")
     assert path.read_text() == "above\n<!-- x: begin -->\nnewer\n<!-- x: end -->\nbelow\n"
     with pytest.raises(ValueError, match="y: begin"):
-        replace_section(path, "y", "new")
+        write_between(path, "y", "new")
 
 
 def test_every_preset_with_targets_exists():
