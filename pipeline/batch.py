@@ -174,7 +174,7 @@ def process_video(task: Task, report=None) -> Outcome:
 
     `report((frames done, frames))` is called now and then.
     """
-    from pipeline.errors import VideoError
+    from pipeline.errors import CorrectionsError, VideoError
 
     try:
         if task.finished:
@@ -186,7 +186,7 @@ def process_video(task: Task, report=None) -> Outcome:
         return _analyse_and_save(task, report)
     except VideoError as error:
         return _failed(task, error.problem)
-    except OSError as error:
+    except (OSError, CorrectionsError) as error:
         return _failed(task, str(error))
 
 

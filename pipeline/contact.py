@@ -16,7 +16,7 @@ from numba import njit
 from scipy.special import erfcx, log_ndtr
 
 from pipeline import forces
-from pipeline.records import FRAME_COLUMNS, Recording, as_table
+from pipeline.records import EVIDENCE_COLUMNS, FRAME_COLUMNS, Recording, as_table
 from pipeline.stations import N_STATIONS, Stations, nominal_whisker
 
 GAP_SCALE_M = 1e-3  # typical gap of a free whisker
@@ -153,14 +153,12 @@ def measure_touch(frames, places: Stations, whiskers: dict, curvature_at, fricti
         frames.loc[rows, "pole_distance_mm"] = 1e3 * evidence["distance_m"].to_numpy()
         parts.append(evidence.set_index(rows))
     evidence = pd.concat(parts) if parts else pd.DataFrame()
-    evidence = evidence.reindex(index=frames.index, columns=list(forces.EVIDENCE_COLUMNS))
-    for column, dtype in forces.EVIDENCE_COLUMNS.items():
-        if dtype is not float:
-            evidence[column] = evidence[column].astype(float).fillna(0)
-        evidence[column] = evidence[column].astype(dtype)
-    evidence.insert(0, "whisker", frames["whisker"])
-    evidence.insert(0, "frame", frames["frame"])
-    return frames, evidence
+    evidence = evidence.reindex(frames.index)
+    evidence["whisker"], evidence["frame"] = frames["whisker"], frames["frame"]
+    for column in EVIDENCE_COLUMNS:
+        if column.name in evidence and column.dtype in ("bool", "int64"):
+            evidence[column.name] = evidence[column.name].astype(float).fillna(0)
+    return frames, as_table(evidence, EVIDENCE_COLUMNS)
 
 
 # Probability per frame ---------------------------------------------------------------------
@@ -371,10 +369,13 @@ def _flags(part, start, stop, curvature_at, slip):
 
 def in_contact(frames: pd.DataFrame, intervals: pd.DataFrame) -> np.ndarray:
     """Bool (rows,): the frames of `frames` that lie in one of the half-open intervals."""
-    frame, whisker = frames["frame"].to_numpy(), frames["whisker"].to_numpy()
+    frame, whisker = frames["frame"].to_numpy(), frames["whisker"].to_numpy(object)
     out = np.zeros(len(frames), dtype=bool)
-    for row in intervals.itertuples():
-        out |= (whisker == row.whisker) & (frame >= row.onset_frame) & (frame < row.offset_frame)
+    for name, own in intervals.groupby("whisker"):
+        rows = np.flatnonzero(whisker == name)
+        onsets, offsets = (np.sort(own[c].to_numpy()) for c in ("onset_frame", "offset_frame"))
+        begun = np.searchsorted(onsets, frame[rows], side="right")
+        out[rows] = begun > np.searchsorted(offsets, frame[rows], side="right")
     return out
 
 

@@ -10,28 +10,14 @@ from typing import NamedTuple
 
 import pandas as pd
 
-from pipeline.records import Column, as_table, empty_table
+from pipeline.errors import CorrectionsError
+from pipeline.records import CORRECTION_COLUMNS, as_table, empty_table
 from pipeline.tables import read_csv, write_csv
 
 CORRECTIONS_FILE = "corrections.csv"
 CONTACT, CONFIRMED, FREE = "contact", "confirmed", "free"
 VERDICTS = (CONTACT, CONFIRMED, FREE)
 MOSTLY = 0.5  # a detected contact more than this part of which is covered gives way whole
-
-CORRECTION_COLUMNS = (
-    Column("whisker", "string", "", "name of the whisker"),
-    Column(
-        "verdict",
-        "string",
-        "",
-        "contact (added or moved), confirmed (as the program had it) or free (no contact)",
-    ),
-    Column("onset_frame", "int64", "", "first frame of touch (or of the stretch without)"),
-    Column("offset_frame", "int64", "", "first frame after it (half-open)"),
-    Column("covers_from", "int64", "", "first frame for which the verdict holds"),
-    Column("covers_to", "int64", "", "first frame for which it no longer does"),
-    Column("saved_at", "string", "", "date and time of the correction, UTC"),
-)
 
 
 class Verdict(NamedTuple):
@@ -61,17 +47,20 @@ def read_corrections(folder) -> pd.DataFrame:
 
     Raises
     ------
-    ValueError
-        Where the file is no table of corrections; it names file, row and what is expected.
+    CorrectionsError
+        Where the file is no table of corrections; it names file, line and what is expected.
     """
     path = Path(folder) / CORRECTIONS_FILE
     if not path.exists():
         return empty_table(CORRECTION_COLUMNS)
-    corrections = read_csv(path, CORRECTION_COLUMNS)
+    try:
+        corrections = read_csv(path, CORRECTION_COLUMNS)
+    except ValueError as error:
+        raise CorrectionsError(str(error)) from None
     for number, verdict in enumerate(verdicts(corrections), start=2):
         fault = _fault(verdict)
         if fault:
-            raise ValueError(f"{path}: line {number}: {fault}")
+            raise CorrectionsError(f"{path}: line {number}: {fault}")
     return corrections
 
 

@@ -20,3 +20,15 @@ class VideoError(Exception):
     def __reduce__(self):
         """Travel between processes: Exception would pass the message as the only argument."""
         return type(self), (self.path, self.problem, self.frame)
+
+
+class CorrectionsError(ValueError):
+    """A corrections.csv that is no table of corrections; the message names file and line."""
+
+    def __init__(self, problem: str):
+        self.problem = problem
+        super().__init__(f"{problem}; correct the file, or delete it")
+
+    def __reduce__(self):
+        """Travel between processes without the advice being added again."""
+        return type(self), (self.problem,)

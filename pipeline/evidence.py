@@ -7,13 +7,15 @@ from pathlib import Path
 
 import pandas as pd
 
+from pipeline.records import EVIDENCE_COLUMNS, as_table
 from pipeline.tables import whole_file
 
 EVIDENCE_FILE = "evidence.parquet"
 
 
 def write_evidence(folder, evidence: pd.DataFrame) -> None:
-    """Write the evidence of a video (SI units, a row per whisker and frame) into its folder."""
+    """Write the evidence of a video (records.EVIDENCE_COLUMNS, SI units) into its folder."""
+    evidence = as_table(evidence, EVIDENCE_COLUMNS)
     with whole_file(Path(folder) / EVIDENCE_FILE) as temporary:
         evidence.to_parquet(temporary, index=False, compression="zstd")
 

@@ -38,24 +38,6 @@ _EVIDENCE_OF_FIT = {
     "force": "shape_force_N",
 }
 
-EVIDENCE_COLUMNS = {
-    "distance_m": float,
-    "nearest_m": float,
-    "side": int,
-    "pole_known": bool,
-    "extended": bool,
-    "rest_known": bool,
-    "origin_m": float,
-    "origin_se_m": float,
-    **dict.fromkeys(_EVIDENCE_OF_FIT.values(), float),
-    "gap_se_m": float,
-    "clear_gap_se_m": float,
-    "origin_force_se_N": float,
-    "shape_force_se_N": float,
-    "point_force_N": float,
-    "point_force_se_N": float,
-}
-
 BUDGET_COLUMNS = (
     "peak_force_se_uN",
     "tracking_se_uN",

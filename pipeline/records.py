@@ -114,6 +114,54 @@ CONTACT_COLUMNS = (
 )
 
 
+CORRECTION_COLUMNS = (
+    Column("whisker", "string", "", "name of the whisker"),
+    Column(
+        "verdict",
+        "string",
+        "",
+        "contact (added or moved), confirmed (as the program had it) or free (no contact)",
+    ),
+    Column("onset_frame", "int64", "", "first frame of touch (or of the stretch without)"),
+    Column("offset_frame", "int64", "", "first frame after it (half-open)"),
+    Column("covers_from", "int64", "", "first frame for which the verdict holds"),
+    Column("covers_to", "int64", "", "first frame for which it no longer does"),
+    Column("saved_at", "string", "", "date and time of the correction, UTC"),
+)
+
+EVIDENCE_COLUMNS = (
+    Column("frame", "int32", "", "frame number, from 0"),
+    Column("whisker", "string", "", "name of the whisker"),
+    Column("distance_m", "float64", "m", "traced whisker surface to pole surface"),
+    Column("nearest_m", "float64", "m", "arc length of the point nearest to the pole"),
+    Column("side", "int64", "", "1: pole on the side of the whisker's normal, -1: other, 0: none"),
+    Column("pole_known", "bool", "", "the pole is in view and at rest"),
+    Column("extended", "bool", "", "the nearest point lies beyond the traced part"),
+    Column("rest_known", "bool", "", "enough free frames tell the rest shape"),
+    Column("origin_m", "float64", "m", "added to arc lengths: error of the hidden length"),
+    Column("origin_se_m", "float64", "m", "standard error of origin_m"),
+    Column("gap_m", "float64", "m", "surface of the fitted rod to the pole's"),
+    Column("clear_gap_m", "float64", "m", "gap_m as it would be without the force"),
+    Column("gap_force_cov", "float64", "m N", "covariance of gap_m and shape_force_N"),
+    Column("compliance_m_per_N", "float64", "m/N", "gap opened per force, base at rest"),
+    Column("contact_m", "float64", "m", "arc length where the fitted rod is nearest to the pole"),
+    Column("base_angle_rad", "float64", "rad", "of the fitted rod at the follicle"),
+    Column("moment_per_force_m", "float64", "m", "base moment per contact force"),
+    Column("axial_per_force", "float64", "", "axial force per contact force"),
+    Column("lateral_per_force", "float64", "", "lateral force per contact force"),
+    Column("chi2", "float64", "", "reduced chi-squared of the fitted rod"),
+    Column("shape_force_N", "float64", "N", "force if the pole were touched, by the fitted rod"),
+    Column("gap_se_m", "float64", "m", "standard error of gap_m"),
+    Column("clear_gap_se_m", "float64", "m", "standard error of clear_gap_m"),
+    Column("origin_force_se_N", "float64", "N", "of shape_force_se_N, from origin_se_m"),
+    Column("shape_force_se_N", "float64", "N", "standard error of shape_force_N"),
+    Column("point_force_N", "float64", "N", "force if the pole were touched, by the curvature"),
+    Column("point_force_se_N", "float64", "N", "standard error of point_force_N"),
+    Column("probability", "float64", "", "that the frame belongs to a contact"),
+    Column("log_odds", "float64", "", "log-likelihood ratio of contact to none, frame alone"),
+)
+
+
 def empty_table(columns) -> pd.DataFrame:
     """Return a table of no rows with the declared columns and dtypes."""
     dtypes = {c.name: "object" if c.dtype.startswith("list") else c.dtype for c in columns}

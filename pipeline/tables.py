@@ -12,6 +12,8 @@ import pandas as pd
 from pipeline.records import (
     CENTRELINE_COLUMNS,
     CONTACT_COLUMNS,
+    CORRECTION_COLUMNS,
+    EVIDENCE_COLUMNS,
     FRAME_COLUMNS,
     Centrelines,
     Column,
@@ -107,9 +109,14 @@ def read_csv(path, columns) -> pd.DataFrame:
     Raises
     ------
     ValueError
-        Where a declared column is missing or holds something else; it names file and column.
+        Where a declared column is missing or holds something else; it names file, column and
+        line.
     """
-    table = pd.read_csv(path, dtype="str", keep_default_na=False, encoding="utf-8-sig")
+    try:
+        table = pd.read_csv(path, dtype="str", keep_default_na=False, encoding="utf-8-sig")
+    except ValueError as error:  # no table at all, or a line of too many values
+        raise ValueError(f"{path}: {' '.join(str(error).split())}") from None
+    table = table.fillna("")  # a line of too few values
     missing = [c.name for c in columns if c.name not in table]
     if missing:
         raise ValueError(f"{path}: expected column {missing[0]}, found {list(table.columns)}")
@@ -118,7 +125,7 @@ def read_csv(path, columns) -> pd.DataFrame:
         try:
             out[c.name] = _parsed(table[c.name], c)
         except ValueError as error:
-            raise ValueError(f"{path}: column {c.name}: {error}") from None
+            raise ValueError(f"{path}: {error}") from None
     return as_table(pd.DataFrame(out), columns)
 
 
@@ -126,9 +133,19 @@ def _parsed(text: pd.Series, column: Column):
     """Text of one CSV column as values of its declared dtype."""
     if column.dtype == "bool":
         return text.str.lower().isin(["true", "1"])
-    if column.dtype == "float64":
-        return [float(value) if value else np.nan for value in text]
-    return [int(value) for value in text] if column.dtype.startswith("int") else text
+    if column.dtype == "string":
+        return text
+    whole = column.dtype.startswith("int")
+    values = []
+    for line, value in enumerate(text, start=2):
+        try:
+            values.append(int(value) if whole else float(value or "nan"))
+        except ValueError:
+            raise ValueError(
+                f"line {line}: {column.name} is {value!r}, expected a "
+                f"{'whole ' if whole else ''}number"
+            ) from None
+    return values
 
 
 # --- parquet -----------------------------------------------------------------------------
@@ -313,6 +330,14 @@ FILES = {
     "frames.parquet": ("A row per whisker and frame.", FRAME_COLUMNS),
     "contacts.csv": ("A row per contact.", CONTACT_COLUMNS),
     "videos.csv": ("A row per input video.", VIDEO_COLUMNS),
+    "corrections.csv": (
+        "What a person said of a video's contacts (docs/curate.md), a row per verdict.",
+        CORRECTION_COLUMNS,
+    ),
+    "evidence.parquet": (
+        "What the contacts of a video rest on, a row per whisker and frame, in SI units.",
+        EVIDENCE_COLUMNS,
+    ),
 }
 
 

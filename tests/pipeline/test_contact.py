@@ -13,8 +13,7 @@ from scipy.integrate import quad
 from scipy.stats import norm
 
 from pipeline import contact, stations
-from pipeline.curation import CORRECTION_COLUMNS
-from pipeline.records import as_table
+from pipeline.records import CORRECTION_COLUMNS, as_table
 from synthetic.presets import make_trial
 
 edge_tolerance = 1  # frames
@@ -237,3 +236,14 @@ def test_in_contact_is_half_open():
     np.testing.assert_array_equal(
         contact.in_contact(frames, intervals), [False, True, True, False] + [False] * 4
     )
+
+
+@given(st.lists(st.tuples(st.sampled_from("abc"), st.integers(0, 30), st.integers(1, 9))))
+def test_in_contact_is_what_counting_frames_says(spans):
+    frames = pd.DataFrame([(f, w) for f in range(35) for w in "ba"], columns=["frame", "whisker"])
+    frames = frames.sample(frac=1.0, random_state=0)
+    columns = ["whisker", "onset_frame", "offset_frame"]
+    intervals = pd.DataFrame([(w, on, on + n) for w, on, n in spans], columns=columns)
+    touched = {(w, f) for w, on, n in spans for f in range(on, on + n)}
+    expected = [(w, f) in touched for f, w in frames.itertuples(index=False)]
+    np.testing.assert_array_equal(contact.in_contact(frames, intervals), expected)

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from pipeline import curation
 from pipeline.curate.review import EditError, Review, Span
 from pipeline.curation import CONFIRMED, CONTACT, FREE, Verdict, apply, table_of
+from pipeline.errors import CorrectionsError
 
 N_FRAMES = 120
 
@@ -141,7 +142,24 @@ def test_no_file_is_no_corrections(tmp_path):
 )
 def test_a_broken_file_is_named_with_its_line(tmp_path, row, message):
     curation.write_corrections(tmp_path, table_of([verdict(FREE, (1, 2)), row]))
-    with pytest.raises(ValueError, match=f"corrections.csv: line 3: .*{message}"):
+    with pytest.raises(CorrectionsError, match=f"corrections.csv: line 3: .*{message}"):
+        curation.read_corrections(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (("40", "fourty"), "line 3: onset_frame is 'fourty', expected a whole number"),
+        (("40,", "40,41,"), "line 3"),
+        (("covers_to", "covers"), "expected column covers_to"),
+    ],
+)
+def test_a_file_edited_by_hand_is_named_with_its_line(tmp_path, change, message):
+    rows = table_of([verdict(FREE, (1, 2)), verdict(FREE, (40, 50), (39, 51))])
+    curation.write_corrections(tmp_path, rows)
+    path = tmp_path / "corrections.csv"
+    path.write_text(path.read_text().replace(*change, 1))
+    with pytest.raises(CorrectionsError, match=f"corrections.csv: .*{message}.*; correct"):
         curation.read_corrections(tmp_path)
 
 

@@ -113,6 +113,19 @@ def test_failures_do_not_stop_the_others(folder, calls, tmp_path):
     assert "\n" not in "".join(messages.values())
 
 
+def test_a_broken_corrections_file_fails_its_video_only(folder, calls, tmp_path):
+    out = tmp_path / "results"
+    batch.run([folder], out)
+    text = "whisker,verdict,onset_frame,offset_frame,covers_from,covers_to,saved_at\n"
+    (out / "a" / "corrections.csv").write_text(text + "C2,free,4,x,4,9,\n")
+    summary = batch.run([folder], out, overwrite=True)
+    assert statuses(out) == {"a": "failed", "b": "done"}
+    message = summary.outcomes[0].message
+    assert "corrections.csv: line 2: offset_frame is 'x', expected a whole number" in message
+    assert "fault of the program" not in message
+    assert (out / "a" / "corrections.csv").exists()
+
+
 def test_a_video_that_fails_now_leaves_no_results_of_before(folder, calls, tmp_path):
     out = tmp_path / "results"
     batch.run([folder], out)

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline import tables
-from pipeline.records import CONTACT_COLUMNS, FRAME_COLUMNS, Centrelines, PoleTrack, as_table
+from pipeline.records import CONTACT_COLUMNS, Centrelines, PoleTrack, as_table
 
 CONTACT_NAMES = (
     "video,whisker,contact,onset_frame,offset_frame,onset_s,duration_ms,peak_force_uN,"
@@ -117,7 +117,10 @@ def test_a_foreign_csv_is_refused_by_name(tmp_path):
         tables.read_csv(tmp_path / "c.csv", CONTACT_COLUMNS)
     text = CONTACT_NAMES + "\n" + "x," * CONTACT_NAMES.count(",") + "\n"
     (tmp_path / "c.csv").write_text(text)
-    with pytest.raises(ValueError, match=r"c\.csv: column contact"):
+    with pytest.raises(ValueError, match=r"c\.csv: line 2: contact is 'x', expected a whole"):
+        tables.read_csv(tmp_path / "c.csv", CONTACT_COLUMNS)
+    (tmp_path / "c.csv").write_text(text.replace("x,", "x,y,"))
+    with pytest.raises(ValueError, match=r"c\.csv: .*line 2"):
         tables.read_csv(tmp_path / "c.csv", CONTACT_COLUMNS)
 
 
@@ -221,6 +224,8 @@ def test_dictionary_of_columns_is_up_to_date():
 
 
 def test_every_column_has_a_meaning():
-    for column in (*FRAME_COLUMNS, *CONTACT_COLUMNS, *tables.VIDEO_COLUMNS):
-        assert column.meaning
-        assert column.unit or column.name.split("_")[-1] not in ("mm", "uN", "ms", "px", "deg")
+    units = ("mm", "uN", "ms", "px", "deg", "m", "rad", "N")
+    for _, columns in tables.FILES.values():
+        for column in columns:
+            assert column.meaning
+            assert column.unit or column.name.split("_")[-1] not in units
