@@ -83,7 +83,7 @@ class Survey:
             self._references.append(cells)
             self._kept.append(_Kept())
         state = min(state, MOST_STATES - 1)  # so many states are none; see `settled`
-        self._kept[state].add(frame)
+        self._kept[state].add((index, frame))
         self._states.append(state)
         self.indices.append(index)
         self.cells.append(cells.astype(np.float16))
@@ -105,22 +105,35 @@ class Survey:
         changes = np.count_nonzero(np.diff(states[states >= 0]))
         if np.mean(states < 0) > 0.5 or changes > MOST_CHANGES * len(states):
             # nothing ever rests: one scene is the best there is
-            frames = [frame for kept in self._kept for frame in kept.frames]
+            frames = [frame for kept in self._kept for _, frame in kept.items]
             return np.zeros(len(states), int), [np.stack(frames[:: 1 + len(frames) // MOST_KEPT])]
-        return states, [np.stack(self._kept[k].frames) for k in kept]
+        return states, [np.stack([frame for _, frame in self._kept[k].items]) for k in kept]
+
+    def sample(self, n: int) -> tuple[np.ndarray, np.ndarray]:
+        """Return up to `n` of the full frames kept, evenly chosen, whatever their state.
+
+        Returns
+        -------
+        indices : int64 (k,), ascending
+        frames : uint8 (k, height, width)
+        """
+        items = sorted((i for kept in self._kept for i in kept.items), key=lambda item: item[0])
+        chosen = np.unique(np.linspace(0, len(items) - 1, n).round().astype(int))
+        indices, frames = zip(*(items[k] for k in chosen), strict=True)
+        return np.array(indices, np.int64), np.stack(frames)
 
 
 class _Kept:
-    """Every k-th of the frames added, k doubling whenever there are too many."""
+    """Every k-th of the (index, frame) added, k doubling whenever there are too many."""
 
     def __init__(self):
-        self.frames, self._stride, self._count = [], 1, 0
+        self.items, self._stride, self._count = [], 1, 0
 
-    def add(self, frame):
+    def add(self, item):
         if self._count % self._stride == 0:
-            self.frames.append(frame)
-            if len(self.frames) > MOST_KEPT:
-                self.frames = self.frames[::2]
+            self.items.append(item)
+            if len(self.items) > MOST_KEPT:
+                self.items = self.items[::2]
                 self._stride *= 2
         self._count += 1
 

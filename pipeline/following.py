@@ -87,47 +87,52 @@ def strip_gains(image, background, weight, gain, x, y, nx, ny, n, amplitude, sig
     stations = (n - 1) // STATION + 1
     expected = 0.0
     height, width = image.shape
-    kernel = np.empty(2 * reach + 1)
+    first = np.empty(2 * reach + 1)
+    second = np.empty(2 * reach + 1)
     for station in range(stations):
         i = station * STATION
         a = max(amplitude[i], 0.02)
         s = np.sqrt(sigma[i] * sigma[i] + 0.1)  # interpolation blurs a little
-        mean = 0.0
-        for k in range(-reach, reach + 1):
-            kernel[k + reach] = np.exp(-0.5 * (k / s) ** 2)
-            mean += kernel[k + reach]
-        mean /= 2 * reach + 1
+        for k in range(2 * reach + 1):
+            first[k] = a * np.exp(-0.5 * ((k - reach) / s) ** 2)
+        mean = first.mean()
+        for k in range(2 * reach + 1):
+            first[k] -= mean  # blind to a constant error of the background
+            second[k] = 0.5 * first[k] * first[k]
         for k in range(size):
             u = k - half - reach
             px = x[i] + u * nx[i]
             py = y[i] + u * ny[i]
             value[k] = 0.0
             power[k] = 0.0
-            if px < 0 or py < 0 or px > width - 1 or py > height - 1:
+            if not (0 <= px < width - 1 and 0 <= py < height - 1):
                 continue
-            column = int(px + 0.5)
-            row = int(py + 0.5)
-            w = weight[row, column]
+            w = weight[int(py + 0.5), int(px + 0.5)]
             if w <= 0.0:
                 continue
-            v = gain * background[row, column]
-            y_value = gain * bilinear(background, px, py) - bilinear(image, px, py)
-            limit = 1.3 * a * v
-            y_value = min(y_value, limit)
-            value[k] = w * v * y_value
+            column = int(px)
+            row = int(py)
+            fx = px - column
+            fy = py - row
+            w00, w01 = (1 - fx) * (1 - fy), fx * (1 - fy)
+            w10, w11 = (1 - fx) * fy, fx * fy
+            v = gain * (
+                w00 * background[row, column] + w01 * background[row, column + 1]
+                + w10 * background[row + 1, column] + w11 * background[row + 1, column + 1]
+            )  # fmt: skip
+            seen = (
+                w00 * image[row, column] + w01 * image[row, column + 1]
+                + w10 * image[row + 1, column] + w11 * image[row + 1, column + 1]
+            )  # fmt: skip
+            value[k] = w * v * min(v - seen, 1.3 * a * v)
             power[k] = w * v * v
         for j in range(2 * half + 1):
-            centre = j + reach
             total = 0.0
-            for k in range(-reach, reach + 1):
-                g = kernel[k + reach] - mean  # blind to a constant error of the background
-                total += a * g * value[centre + k] - 0.5 * a * a * g * g * power[centre + k]
+            for k in range(2 * reach + 1):
+                total += first[k] * value[j + k] - second[k] * power[j + k]
             out[station, j] = total
-        best = 0.0
-        for k in range(-reach, reach + 1):
-            g = kernel[k + reach] - mean
-            best += 0.5 * a * a * g * g * power[half + reach + k]
-        expected += best
+        for k in range(2 * reach + 1):
+            expected += second[k] * power[half + k]
     return stations, expected
 
 

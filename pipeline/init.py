@@ -11,7 +11,7 @@ from pipeline.errors import VideoError
 from pipeline.inputs import PREVIEW_NAME, InputError, find_inputs
 from pipeline.records import Recording, StaticScene
 from pipeline.run import typical_frames
-from pipeline.scene_finding import find_scenes
+from pipeline.scene_finding import find_scenes, survey
 from pipeline.settings import settings_from, write_session
 from pipeline.video import open_video
 
@@ -105,8 +105,9 @@ def _scene_and_scale(video):
     first = None
     for factor in SCALES:
         recording = Recording(FRAMES_PER_SECOND, usual * factor, None)
-        epochs = find_scenes(video, recording, 1e-3 * POLE_DIAMETER_MM)
-        scene, frames = typical_frames(video, epochs, ROSTER_FRAMES)
+        seen = survey(video, recording)
+        epochs = find_scenes(video, recording, 1e-3 * POLE_DIAMETER_MM, seen=seen)
+        scene, frames = typical_frames(video, seen, epochs, ROSTER_FRAMES)
         if scene.pole is not None and _stands_free(scene):
             return scene, frames, 2 * scene.pole.radius_px / POLE_DIAMETER_MM
         first = first or (replace(scene, pole=None), frames, usual)

@@ -23,6 +23,25 @@ BELL_CELLS = 6 * BELL_STEPS
 BELL = np.exp(-0.5 * (np.arange(BELL_CELLS + 1) / BELL_STEPS) ** 2)
 
 
+@njit(cache=True, inline="always")
+def _section(x, y, i, n):
+    """The row or column of pixels that crosses the line at node `i`.
+
+    Returns whether it is a column, its number, where along it the line's centre lies [px], and
+    the normal's part along it: tangent (tx, ty) turned counter-clockwise on the screen, (ty, −tx).
+    """
+    a = max(i - 1, 0)
+    b = min(i + 1, n - 1)
+    tx = x[b] - x[a]
+    ty = y[b] - y[a]
+    norm = max(np.sqrt(tx * tx + ty * ty), 1e-9)
+    if abs(tx) >= abs(ty):
+        fixed = int(np.floor(x[i] + 0.5))
+        return True, fixed, y[i] + (fixed - x[i]) * ty / (tx if tx != 0 else 1.0), -tx / norm
+    fixed = int(np.floor(y[i] + 0.5))
+    return False, fixed, x[i] + (fixed - y[i]) * tx / ty, ty / norm
+
+
 @njit(cache=True)
 def accumulate(image, background, weight, gain, x, y, n, cap, sigma, reach, sums):
     """Fill `sums` (n, N_SUMS) with the normal equations of every node's cross-section.
@@ -36,41 +55,24 @@ def accumulate(image, background, weight, gain, x, y, n, cap, sigma, reach, sums
     last_column = -1
     last_row = -1
     for i in range(n):
-        for q in range(N_SUMS):
-            sums[i, q] = 0.0
-        a = max(i - 1, 0)
-        b = min(i + 1, n - 1)
-        tx = x[b] - x[a]
-        ty = y[b] - y[a]
-        norm = np.sqrt(tx * tx + ty * ty)
-        if norm < 1e-9:
+        sums[i, :] = 0.0
+        columns, fixed, centre, scale = _section(x, y, i, n)
+        if scale == 0.0:
             continue
-        tx /= norm
-        ty /= norm
-        half = reach * sigma[i] + 1.0
-        inverse = 1.0 / sigma[i]
-        columns = abs(tx) >= abs(ty)
         if columns:
-            fixed = int(np.floor(x[i] + 0.5))
             if fixed == last_column or fixed < 0 or fixed >= width:
                 continue
-            last_column = fixed
-            last_row = -1
-            centre = y[i] + (fixed - x[i]) * ty / tx
-            scale = -tx  # the normal turns counter-clockwise on the screen: (ty, −tx)
-            limit = height
+            last_column, last_row, limit = fixed, -1, height
         else:
-            fixed = int(np.floor(y[i] + 0.5))
             if fixed == last_row or fixed < 0 or fixed >= height:
                 continue
-            last_row = fixed
-            last_column = -1
-            centre = x[i] + (fixed - y[i]) * tx / ty
-            scale = ty
-            limit = width
-        span = half / abs(scale)
+            last_row, last_column, limit = fixed, -1, width
+        inverse = 1.0 / sigma[i]
+        span = (reach * sigma[i] + 1.0) / abs(scale)
         first = max(int(np.ceil(centre - span)), 0)
         last = min(int(np.floor(centre + span)), limit - 1)
+        # sums in variables of their own: much faster than adding to the array
+        gg = g1 = g11 = gy = oy = dd = dy = dg = d1 = ss = sy = sg = yy = count = 0.0
         for moving in range(first, last + 1):
             row = moving if columns else fixed
             column = fixed if columns else moving
@@ -78,10 +80,7 @@ def accumulate(image, background, weight, gain, x, y, n, cap, sigma, reach, sums
             if w <= 0.0:
                 continue
             v = gain * background[row, column]
-            value = v - image[row, column]
-            largest = cap[i] * v
-            if value > largest:
-                value = largest
+            value = min(v - image[row, column], cap[i] * v)
             u = (moving - centre) * scale * inverse
             place = abs(u) * BELL_STEPS
             cell = int(place)
@@ -92,20 +91,27 @@ def accumulate(image, background, weight, gain, x, y, n, cap, sigma, reach, sums
             s = u * u * g
             wv = w * v
             wvv = wv * v
-            sums[i, GG] += wvv * g * g
-            sums[i, G1] += wvv * g
-            sums[i, G11] += wvv
-            sums[i, GY] += wv * g * value
-            sums[i, OY] += wv * value
-            sums[i, DD] += wvv * d * d
-            sums[i, DY] += wv * d * value
-            sums[i, DG] += wvv * d * g
-            sums[i, D1] += wvv * d
-            sums[i, SS] += wvv * s * s
-            sums[i, SY] += wv * s * value
-            sums[i, SG] += wvv * s * g
-            sums[i, YY] += w * value * value
-            sums[i, COUNT] += 1.0
+            wvy = wv * value
+            wg, wd = wvv * g, wvv * d
+            gg += wg * g
+            g1 += wg
+            g11 += wvv
+            gy += wvy * g
+            oy += wvy
+            dd += wd * d
+            dy += wvy * d
+            dg += wd * g
+            d1 += wd
+            ss += wvv * s * s
+            sy += wvy * s
+            sg += wg * s
+            yy += w * value * value
+            count += 1.0
+        sums[i, GG], sums[i, G1], sums[i, G11] = gg, g1, g11
+        sums[i, GY], sums[i, OY] = gy, oy
+        sums[i, DD], sums[i, DY], sums[i, DG], sums[i, D1] = dd, dy, dg, d1
+        sums[i, SS], sums[i, SY], sums[i, SG] = ss, sy, sg
+        sums[i, YY], sums[i, COUNT] = yy, count
 
 
 @njit(cache=True)
@@ -213,33 +219,20 @@ def paint(background, x, y, n, amplitude, sigma, pixels, values, count):
     last_column = -1
     last_row = -1
     for i in range(n):
-        a = max(i - 1, 0)
-        b = min(i + 1, n - 1)
-        tx = x[b] - x[a]
-        ty = y[b] - y[a]
-        norm = max(np.sqrt(tx * tx + ty * ty), 1e-9)
-        tx /= norm
-        ty /= norm
-        half = 3.0 * sigma[i]
-        columns = abs(tx) >= abs(ty)
+        columns, fixed, centre, scale = _section(x, y, i, n)
+        if scale == 0.0:
+            continue
         if columns:
-            fixed = int(np.floor(x[i] + 0.5))
             if fixed == last_column or fixed < 0 or fixed >= width:
                 continue
-            last_column, last_row = fixed, -1
-            centre = y[i] + (fixed - x[i]) * ty / tx
-            scale = abs(tx)
-            limit = height
+            last_column, last_row, limit = fixed, -1, height
         else:
-            fixed = int(np.floor(y[i] + 0.5))
             if fixed == last_row or fixed < 0 or fixed >= height:
                 continue
-            last_row, last_column = fixed, -1
-            centre = x[i] + (fixed - y[i]) * tx / ty
-            scale = abs(ty)
-            limit = width
-        first = max(int(np.ceil(centre - half / scale)), 0)
-        last = min(int(np.floor(centre + half / scale)), limit - 1)
+            last_row, last_column, limit = fixed, -1, width
+        span = 3.0 * sigma[i] / abs(scale)
+        first = max(int(np.ceil(centre - span)), 0)
+        last = min(int(np.floor(centre + span)), limit - 1)
         for moving in range(first, last + 1):
             row = moving if columns else fixed
             column = fixed if columns else moving
@@ -275,3 +268,17 @@ def closeness(x1, y1, n1, x2, y2, n2, near, step):
                 count += 1
                 break
     return count / max(total, 1)
+
+
+@njit(cache=True)
+def come_near(x1, y1, n1, x2, y2, n2, near):
+    """Whether two lines may come within `near` px of each other; never wrong where they do."""
+    step = 8
+    far = (near + 1.1 * step) ** 2  # of nodes 1 px apart, the nearest looked at is so far away
+    for i in range(0, n1, step):
+        for j in range(0, n2, step):
+            dx = x1[i] - x2[j]
+            dy = y1[i] - y2[j]
+            if dx * dx + dy * dy < far:
+                return True
+    return False

@@ -49,27 +49,41 @@ def ridge_points(absorbance, noise_sd, scale=SCALE_PX):
 
     ax, ay = filtered(g1, g), filtered(g, g1)
     axx, ayy, axy = filtered(g2, g), filtered(g, g2), filtered(g1, g1)
-    mean, half = (axx + ayy) / 2, np.hypot((axx - ayy) / 2, axy)
-    curvature = mean - half  # the more negative eigenvalue: across a line of absorbance
     response_sd = np.sqrt((g2.astype(float) ** 2).sum() * (g.astype(float) ** 2).sum())
-    noise = response_sd * noise_sd
-    strength = -curvature / (noise * _excess_noise(axx, noise, absorbance))
-    rows, columns = np.nonzero(strength > LOW)
-    xx, yy, xy = axx[rows, columns], ayy[rows, columns], axy[rows, columns]
-    lam = curvature[rows, columns]
-    # eigenvector of `lam`: (xy, lam − xx) or (lam − yy, xy), whichever is longer
-    nx, ny = np.where(np.abs(lam - xx) > np.abs(lam - yy), (xy, lam - xx), (lam - yy, xy))
-    norm = np.maximum(np.hypot(nx, ny), 1e-30)
-    nx, ny = nx / norm, ny / norm
-    t = -(ax[rows, columns] * nx + ay[rows, columns] * ny) / lam
-    on_line = (np.abs(t * nx) <= 0.6) & (np.abs(t * ny) <= 0.6) & np.isfinite(t)
-    rows, columns, nx, ny, t = (v[on_line] for v in (rows, columns, nx, ny, t))
-    points = np.column_stack(
-        [columns + t * nx, rows + t * ny, -ny, nx, strength[rows, columns]]
-    ).astype(float)
+    response_sd *= _excess_noise(axx, response_sd * noise_sd, absorbance)
     index = np.full(absorbance.shape, -1, np.int32)
-    index[rows, columns] = np.arange(len(points))
-    return index, points
+    points = np.empty((np.count_nonzero(absorbance), 5))
+    count = _points(ax, ay, axx, ayy, axy, noise_sd, response_sd, index, points)
+    return index, points[:count]
+
+
+@njit(cache=True)
+def _points(ax, ay, axx, ayy, axy, noise_sd, response_sd, index, points):
+    """Fill `index` and `points` (see ridge_points) from the derivatives; return their number."""
+    height, width = index.shape
+    count = 0
+    for row in range(height):
+        for column in range(width):
+            xx, yy, xy = axx[row, column], ayy[row, column], axy[row, column]
+            # the more negative eigenvalue: across a line of absorbance
+            lam = 0.5 * (xx + yy) - np.sqrt((0.5 * (xx - yy)) ** 2 + xy * xy)
+            strength = -lam / (response_sd * noise_sd[row, column])
+            if not strength > LOW or count == len(points):
+                continue
+            # its eigenvector: (xy, lam − xx) or (lam − yy, xy), whichever is longer
+            nx, ny = xy, lam - xx
+            if abs(lam - xx) <= abs(lam - yy):
+                nx, ny = lam - yy, xy
+            norm = max(np.sqrt(nx * nx + ny * ny), 1e-30)
+            nx, ny = nx / norm, ny / norm
+            t = -(ax[row, column] * nx + ay[row, column] * ny) / lam
+            if not (abs(t * nx) <= 0.6 and abs(t * ny) <= 0.6):
+                continue
+            index[row, column] = count
+            points[count, 0], points[count, 1] = column + t * nx, row + t * ny
+            points[count, 2], points[count, 3], points[count, 4] = -ny, nx, strength
+            count += 1
+    return count
 
 
 def _excess_noise(response, noise, absorbance) -> float:
@@ -210,19 +224,28 @@ def _ends(curves, reach=14):
     return np.array(places), directions / np.maximum(norm, 1e-9)
 
 
+@njit(cache=True)
 def _gap_costs(places, directions, longest_gap):
-    """Cost (2n, 2n) of bridging each pair of ends, inf where not allowed."""
-    gap = places[None, :, :] - places[:, None, :]
-    length = np.hypot(gap[..., 0], gap[..., 1])
-    along = (directions[:, None, :] * gap).sum(-1)
-    across = np.abs(directions[:, None, 0] * gap[..., 1] - directions[:, None, 1] * gap[..., 0])
-    across = np.maximum(across, across.T)
-    facing = (length <= 2) | ((along >= 0.5 * length) & (along.T >= 0.5 * length))
-    opposed = directions @ directions.T <= -0.9
-    allowed = facing & opposed & (length <= longest_gap) & (across <= 1.5 + 0.2 * length)
-    curve = np.arange(len(places)) // 2
-    allowed &= curve[:, None] < curve[None, :]
-    return np.where(allowed, length + 4 * across, np.inf)
+    """Pairs (a, b) of ends of different curves that may be bridged, and the cost of each."""
+    pairs, costs = [], []
+    for a in range(len(places)):
+        for b in range(a + 2 - a % 2, len(places)):
+            gx, gy = places[b, 0] - places[a, 0], places[b, 1] - places[a, 1]
+            length = np.hypot(gx, gy)
+            if length > longest_gap:
+                continue
+            ax, ay = directions[a]
+            bx, by = directions[b]
+            if ax * bx + ay * by > -0.9:
+                continue
+            # both look along the gap
+            if length > 2 and min(ax * gx + ay * gy, -bx * gx - by * gy) < 0.5 * length:
+                continue
+            across = max(abs(ax * gy - ay * gx), abs(bx * gy - by * gx))
+            if across <= 1.5 + 0.2 * length:
+                pairs.append((a, b))
+                costs.append(length + 4 * across)
+    return pairs, costs
 
 
 def join(curves, longest_gap=45.0):
@@ -233,12 +256,11 @@ def join(curves, longest_gap=45.0):
     """
     if len(curves) < 2:
         return list(curves)
-    cost = _gap_costs(*_ends(curves), longest_gap)
-    partner = np.full(len(cost), -1)
+    pairs, costs = _gap_costs(*_ends(curves), longest_gap)
+    partner = np.full(2 * len(curves), -1)
     group = np.arange(len(curves))
-    for a, b in zip(*np.unravel_index(np.argsort(cost, axis=None), cost.shape), strict=True):
-        if not np.isfinite(cost[a, b]):
-            break
+    for k in np.argsort(np.array(costs), kind="stable"):
+        a, b = pairs[k]
         if partner[a] < 0 and partner[b] < 0 and group[a // 2] != group[b // 2]:
             partner[a], partner[b] = b, a
             group[group == group[b // 2]] = group[a // 2]

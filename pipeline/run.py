@@ -70,15 +70,14 @@ def analyse(
     """
     clock = Clock()
     with open_video(path, threads) as video:
+        recording, pole = settings.recording.si(), settings.pole
         with clock("scene"):
+            seen = scene_finding.survey(video, recording)
             epochs = scene_finding.find_scenes(
-                video,
-                settings.recording.si(),
-                settings.pole.diameter,
-                settings.pole.position_px,
+                video, recording, pole.diameter, pole.position_px, seen
             )
         with clock("roster"):
-            cast = find_cast(video, epochs, settings)
+            cast = find_cast(*seen.sample(ROSTER_FRAMES), epochs, settings)
         followed = follow(video, epochs, cast, settings, clock, keep, progress)
     with clock("contacts"):
         touch = find_touches(followed, cast, settings, corrections)
@@ -212,12 +211,11 @@ class Cast:
         return tuple(slot.name for slot in self.roster)
 
 
-def find_cast(video, epochs, settings: Settings) -> Cast:
+def find_cast(indices, frames, epochs, settings: Settings) -> Cast:
     """Find the whiskers in some frames and bring them together with the settings' ones."""
     options = tracing_options(settings)
-    indices, sample = video.sample(ROSTER_FRAMES)
     given = {w.name: w for w in settings.whisker}
-    roster = tracing.find_roster(sample, epochs, options, list(given) or None, indices)
+    roster = tracing.find_roster(frames, epochs, options, list(given) or None, indices)
     names = tuple(given) or tuple(slot.name for slot in roster)
     given = {name: given.get(name) or WhiskerSettings(name=name) for name in names}
     whiskers = {name: each.si() for name, each in given.items()}
@@ -230,14 +228,14 @@ def find_cast(video, epochs, settings: Settings) -> Cast:
     return Cast(names, tuple(roster), whiskers, tuple(nominal), hidden)
 
 
-def typical_frames(video, epochs, n: int):
-    """The scene that holds for most of the video, and up to `n` frames of it."""
+def typical_frames(video, seen, epochs, n: int):
+    """The scene that holds for most of the video, and up to `n` of the frames `seen` of it."""
     held = defaultdict(int)
     for epoch in epochs:
         end = epoch.stop or max(video.n_frames or 0, epoch.start + 1)
         held[id(epoch.scene)] += end - epoch.start
     scene = max((e.scene for e in epochs if e.scene), key=lambda each: held[id(each)])
-    indices, frames = video.sample(n)
+    indices, frames = seen.sample(n)
     own = [(e.start, e.stop or np.inf) for e in epochs if e.scene is scene]
     inside = [any(start <= i < stop for start, stop in own) for i in indices]
     return scene, frames[inside] if any(inside) else frames

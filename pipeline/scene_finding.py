@@ -29,8 +29,16 @@ class Epoch:
     scene: StaticScene | None
 
 
+def survey(video, recording: Recording) -> Survey:
+    """Look at some frames of the whole video, once for all that is to be learnt from them."""
+    seen = Survey(video.shape, recording.pixels_per_mm)
+    for index, frame in video.sampled(_sample_size(video.n_frames)):
+        seen.add(index, frame)
+    return seen
+
+
 def find_scenes(
-    video, recording: Recording, pole_diameter_m=0.5e-3, pole_xy=None
+    video, recording: Recording, pole_diameter_m=0.5e-3, pole_xy=None, seen: Survey | None = None
 ) -> tuple[Epoch, ...]:
     """Find what does not move in a video, in each stretch between moves of large things.
 
@@ -40,23 +48,22 @@ def find_scenes(
     recording : frame rate, scale, side of the face (None: find it)
     pole_diameter_m : [m]; None: there is no pole
     pole_xy : (x, y) [px] of the pole where a person gave it
+    seen : the video's `survey`; made where it is not given
 
     Returns
     -------
     epochs, without gaps, from frame 0 on. Where a state of the scene returns (the pole away
     again), it is the same StaticScene.
     """
-    survey = Survey(video.shape, recording.pixels_per_mm)
-    for index, frame in video.sampled(_sample_size(video.n_frames)):
-        survey.add(index, frame)
-    states, frames = survey.settled()
+    seen = seen or survey(video, recording)
+    states, frames = seen.settled()
     n_frames = video.n_frames or 1
     scenes = [
         scene_from_frames(some, recording, pole_diameter_m, pole_xy, n_frames) for some in frames
     ]
     return tuple(
         Epoch(part.start, part.stop, None if part.state is None else scenes[part.state])
-        for part in stretches(video, survey, states, [_pole_check(scene) for scene in scenes])
+        for part in stretches(video, seen, states, [_pole_check(scene) for scene in scenes])
     )
 
 

@@ -23,6 +23,8 @@ FUR_SHARE = 0.22  # of the strongest line's length × absorbance: less is a hair
 GOOD_QUALITY = 0.6  # part of the expected contrast found: below, the wider search is tried
 LOST_QUALITY = 0.35
 NARROW_PX, WIDE_PX = 10, 30  # half-width of the search strip
+BESIDE_PX = NARROW_PX + 8.0  # nearer whiskers are seen in the search strip
+SHARED_PX = 8.0  # nearer ones share pixels of their cross-sections
 DOUBLE_SHARE = 0.6  # part of two lines that may coincide before one of them is given up
 LARGEST_TURN = np.radians(150)  # no whisker bends further from its base to its tip
 STRANGEST = 4.0  # a found line less like the missing whisker than this is left alone
@@ -115,8 +117,14 @@ class Tracer:
             if track.line is not None:
                 lines[id(track)] = track.line
         for track in present:
-            if track.line is not None and beside[id(track)]:
-                with self._painted([lines[id(t)] for t in beside[id(track)]]):
+            # again beside those whose lines are known now, where their pixels are shared
+            sharing = [
+                lines[id(t)]
+                for t in beside[id(track)]
+                if track.line is not None and _come_near(track.line, lines[id(t)], SHARED_PX)
+            ]
+            if sharing:
+                with self._painted(sharing):
                     detection.refine(
                         image, self.model, gain, track.line, self.options, self.workspace
                     )
@@ -126,11 +134,7 @@ class Tracer:
     def _neighbours(self, track: Track, present, lines) -> list[Track]:
         """Tracks whose predicted lines come near to this one's."""
         a = lines[id(track)]
-        return [
-            t
-            for t in present
-            if t is not track and _near(a, lines[id(t)], self.options.spacing_px) > 0
-        ]
+        return [t for t in present if t is not track and _come_near(a, lines[id(t)], BESIDE_PX)]
 
     @contextmanager
     def _painted(self, lines: list[Line]):
@@ -151,7 +155,7 @@ class Tracer:
         """Of two tracks on one whisker, give up the one that fits worse."""
         for i, a in enumerate(present):
             for b in present[i + 1 :]:
-                if a.line is None or b.line is None:
+                if a.line is None or b.line is None or not _come_near(a.line, b.line, 2.0):
                     continue
                 if min(_near(a.line, b.line, 2.0), _near(b.line, a.line, 2.0)) > DOUBLE_SHARE:
                     worse = min(
@@ -230,6 +234,11 @@ class Tracer:
             apart = np.hypot(line.x[:n] - last.x[:n], line.y[:n] - last.y[:n])
             cost += np.median(apart) / unit
         return cost
+
+
+def _come_near(a: Line, b: Line, near_px: float) -> bool:
+    """Whether two lines may come within `near_px` of each other."""
+    return profiles.come_near(a.x, a.y, a.n, b.x, b.y, b.n, near_px)
 
 
 def _near(a: Line, b: Line, near_px: float) -> float:

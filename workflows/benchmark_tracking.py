@@ -27,6 +27,7 @@ from accuracy import cell, markdown
 from peer_tracker import OPTIMISED, NoPeerError, find_peer, timed
 
 from pipeline import curvature, scene_finding, tracing
+from pipeline.run import ROSTER_FRAMES
 from pipeline.settings import write_session
 from pipeline.tables import read_json
 from pipeline.video import open_video
@@ -168,10 +169,11 @@ def trace(clip: Clip, path=None):
     options = tracing.options_for(recording, lengths, hidden)
     with open_video(path or clip.path) as video:
         diameter = settings.pole.diameter if clip.trial.scene.pole else None
-        epochs = scene_finding.find_scenes(video, recording, diameter)
+        seen = scene_finding.survey(video, recording)
+        epochs = scene_finding.find_scenes(video, recording, diameter, seen=seen)
         scene = max((e.scene for e in epochs if e.scene), key=lambda s: s.background.sum())
         names = [w.name for w in settings.whisker]
-        roster = tracing.find_roster(video.sample(24)[1], scene, options, names)
+        roster = tracing.find_roster(seen.sample(ROSTER_FRAMES)[1], scene, options, names)
         yield from tracing.trace(video, epochs, roster, options)
 
 

@@ -193,6 +193,19 @@ class TestSurvey:
         assert np.ptp(level) > 0.9 * 0.3 * MOST_KEPT
         assert np.abs(np.diff(level, 2)).max() <= 1
 
+    def test_sample_is_in_order_and_shows_every_state(self):
+        taken = Survey((HEIGHT, WIDTH), SCALE)
+        pictures = [light(pole=POLE if i % 3 else None) for i in range(30)]
+        for i, picture in enumerate(pictures):
+            taken.add(7 * i, np.clip(picture, 0, 255).astype(np.uint8))
+        indices, frames = taken.sample(10)
+        assert len(indices) == 10
+        assert np.all(np.diff(indices) > 0)
+        assert {i % 3 == 0 for i in indices // 7} == {True, False}
+        for index, frame in zip(indices, frames, strict=True):
+            assert np.abs(frame - pictures[index // 7]).max() < 1
+        assert len(taken.sample(100)[0]) == 30
+
     def test_cells_follow_the_scale(self):
         assert Cells((480, 640), 25.0).size == (128, 96)
         assert Cells((480, 640), 50.0).size == (64, 48)
