@@ -12,6 +12,7 @@ come from one matrix exponential, which knows no under-, over- or critically dam
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from scipy.linalg import expm
 
 
@@ -29,13 +30,23 @@ class ModalFilter:
 
     def __call__(self, force, state=0):
         """q (state 0) or q'/p (state 1) along the last axis; zero before the first sample."""
-        # deferred: scipy.signal takes long to import
-        from scipy.signal import lfilter
+        rows = np.ascontiguousarray(force, float).reshape(-1, force.shape[-1])
+        out = np.empty_like(rows)
+        _recur(self.numerators[state], self.denominator, self.step[state], rows, out)
+        return out.reshape(force.shape)
 
-        b, a = self.numerators[state], self.denominator
-        # the force may start with a step, and must not be taken as having risen to it
-        start = np.stack([-b[0] * force[..., 0], (self.step[state] - b[1]) * force[..., 0]], -1)
-        return lfilter(b, a, force, axis=-1, zi=start)[0]
+
+@njit(cache=True)
+def _recur(b, a, step, force, out):
+    """The recursion along each row; a force that is not zero at first is a step there."""
+    for row in range(len(force)):
+        f, y = force[row], out[row]
+        y[0] = 0.0
+        if len(f) > 1:
+            y[1] = b[0] * f[1] + step * f[0]
+        for j in range(2, len(f)):
+            late = b[0] * f[j] + b[1] * f[j - 1] + b[2] * f[j - 2]
+            y[j] = late - a[1] * y[j - 1] - a[2] * y[j - 2]
 
 
 def modal_filters(angular_frequency, damping_rate, dt):
