@@ -2,6 +2,7 @@
 
 import contextlib
 import multiprocessing
+import os
 import signal
 import time
 import traceback
@@ -11,6 +12,7 @@ from multiprocessing.connection import wait
 from typing import Any
 
 REPORT_EVERY = 0.1  # s between progress messages of one worker
+_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
 @dataclass(frozen=True)
@@ -93,7 +95,8 @@ class _Worker:
         context = multiprocessing.get_context("spawn")
         self.connection, other = context.Pipe()
         self.process = context.Process(target=_serve, args=(other, self.function), daemon=True)
-        self.process.start()
+        with _one_thread():
+            self.process.start()
         other.close()
 
     def give(self, number, task):
@@ -127,6 +130,19 @@ class _Worker:
         self.process.join(timeout=5)
         if self.process.is_alive():
             self.process.kill()
+
+
+@contextlib.contextmanager
+def _one_thread():
+    """Let processes started inside compute with one thread each: they share the cores already."""
+    before = dict(os.environ)
+    os.environ.update({name: "1" for name in _THREADS if name not in before})
+    try:
+        yield
+    finally:
+        for name in _THREADS:
+            if name not in before:
+                os.environ.pop(name, None)
 
 
 def _feed(workers, waiting, on_event):

@@ -81,8 +81,10 @@ def _write_container(path, frames, codec):
         for frame in frames:
             if stream is None:
                 stream = _add_stream(container, frame.shape, codec)
-            picture = _picture(frame, stream.pix_fmt)
-            picture.color_range = ColorRange.JPEG
+                picture = _grey_picture(frame.shape, stream.pix_fmt)
+                picture.color_range = ColorRange.JPEG
+            _fill(picture.planes[0], frame)  # one picture for all: encoders keep their own copy
+            picture.pts = count
             container.mux(stream.encode(picture))
             count += 1
         container.mux(stream.encode(None))
@@ -93,7 +95,7 @@ def _add_stream(container, shape, codec):
     """Add a video stream of the codec, full range."""
     name, pixel_format, options = {
         "ffv1": ("ffv1", "gray", {"level": "3", "slices": "4"}),
-        "h264": ("libx264", "yuv420p", {"crf": str(codec.crf), "preset": "veryfast"}),
+        "h264": ("libx264", "yuv420p", {"crf": str(codec.crf), "preset": codec.speed}),
         "mjpeg": ("mjpeg", "yuvj420p", {"qmin": str(codec.quality), "qmax": str(codec.quality)}),
     }[codec.name]
     stream = container.add_stream(name, rate=_PLAYBACK_RATE, options=options)
@@ -104,19 +106,16 @@ def _add_stream(container, shape, codec):
     return stream
 
 
-def _picture(frame, pixel_format):
-    """Grey frame as an av.VideoFrame: the luma plane filled as it is, the colour planes grey."""
+def _grey_picture(shape, pixel_format):
+    """An av.VideoFrame of (height, width) whose colour planes are grey."""
     import av
 
-    height, width = frame.shape
-    picture = av.VideoFrame(width, height, pixel_format)
-    _fill(picture.planes[0], frame)
+    picture = av.VideoFrame(shape[1], shape[0], pixel_format)
     for plane in picture.planes[1:]:
-        _fill(plane, np.full((plane.height, plane.width), 128, np.uint8))
+        _fill(plane, 128)
     return picture
 
 
 def _fill(plane, values):
-    rows = np.zeros((plane.height, plane.line_size), np.uint8)
-    rows[:, : values.shape[1]] = values
-    plane.update(rows.tobytes())
+    rows = np.frombuffer(plane, np.uint8).reshape(-1, plane.line_size)
+    rows[: plane.height, : plane.width] = values

@@ -14,12 +14,14 @@ from scipy.ndimage import gaussian_filter1d
 from synthetic.scene import Hair, Scene
 from whiskermodel.rod import RodContact, contact_shape, free_shape, solve_contact
 
-_NODE_STEP_PX = 0.7
+_NODE_STEP_PX = 1.4
 _BLOCK = 128  # frames whose shapes are computed at once
 _SMEAR_NODES = 25
 _FAR = 1.0  # m: where the pole stands while it is out of view
 _LARGEST_TURN = 2.2  # rad of push angle in a force table
 _TABLE_STEP = 0.02  # rad
+_TABLE_PART = 12  # steps solved at once
+_TRIES = 12  # at the base angles that make the wanted forces
 _MOST_OF_THE_FOLD = 0.93  # of the largest force before the whisker slips off
 _FASTEST_TURN = 0.08  # rad per frame (of about 1 ms)
 _STEEPEST = 2.8  # slope of a half-Gaussian's ends, of its peak over its duration
@@ -120,11 +122,13 @@ def grazing_angle(hair: Hair, pole_dx, pole_dy, pole_radius, side):
 class ForceTable:
     """Force against push angle for one follicle, pole and side, up to where the whisker slips.
 
-    `turn` [rad] is counted from the grazing touch into the pole; `force` [N] rises with it.
+    `turn` [rad] is counted from the grazing touch into the pole; `force` [N] rises with it;
+    `contact` is the touch's arc length [m].
     """
 
     turn: np.ndarray
     force: np.ndarray
+    contact: np.ndarray
 
     @property
     def largest_force(self) -> float:
@@ -148,21 +152,28 @@ def force_table(hair: Hair, base_x, base_y, pole_x, pole_y, pole_radius, side) -
             f"the pole at {1e3 * np.hypot(pole_x - base_x, pole_y - base_y):.2f} mm from the "
             f"follicle is out of reach of a whisker of {1e3 * hair.whisker.length:.2f} mm"
         )
-    turn = np.arange(1, int(_LARGEST_TURN / _TABLE_STEP)) * _TABLE_STEP
-    solved = solve_contact(
-        hair.whisker, base_x, base_y, graze + side * turn, pole_x, pole_y, pole_radius, side,
-        hair.intrinsic_curvature,
-    )  # fmt: skip
-    good = solved.touching & ~(solved.contact_arc_length > _ON_THE_WHISKER * hair.whisker.length)
-    end = len(good) if good.all() else int(np.argmin(good))
-    force = np.concatenate([[0.0], solved.contact_force[:end]])
-    rising = np.concatenate([[True], np.diff(np.maximum.accumulate(force)) > 0])
-    end = len(rising) if rising.all() else int(np.argmin(rising))
-    return ForceTable(np.concatenate([[0.0], turn])[:end], force[:end])
+    turns = np.arange(1, int(_LARGEST_TURN / _TABLE_STEP)) * _TABLE_STEP
+    force, contact = [0.0], []
+    for first in range(0, len(turns), _TABLE_PART):  # beyond the fold each turn costs much
+        part = turns[first : first + _TABLE_PART]
+        solved = solve_contact(
+            hair.whisker, base_x, base_y, graze + side * part, pole_x, pole_y, pole_radius, side,
+            hair.intrinsic_curvature,
+        )  # fmt: skip
+        place = solved.contact_arc_length
+        good = solved.touching & ~(place > _ON_THE_WHISKER * hair.whisker.length)
+        good &= np.diff(solved.contact_force, prepend=force[-1]) > 0
+        end = len(good) if good.all() else int(np.argmin(good))
+        force.extend(solved.contact_force[:end])
+        contact.extend(place[:end])
+        if end < len(good):
+            break
+    turn = np.concatenate([[0.0], turns])[: len(force)]
+    return ForceTable(turn, np.array(force), np.array([*contact[:1], *contact]))
 
 
 def angles_for_forces(hair: Hair, base_x, base_y, pole, side, force, table=None):
-    """Base angle in every frame that gives the wanted contact force.
+    """Base angle in every frame that gives the wanted contact force, and where it touches.
 
     Parameters
     ----------
@@ -174,6 +185,7 @@ def angles_for_forces(hair: Hair, base_x, base_y, pole, side, force, table=None)
     Returns
     -------
     base_angle : (frames,) [rad]; where the force is 0, the grazing touch
+    contact : (frames,) arc length of the touch [m], NaN where the force is 0
 
     Raises
     ------
@@ -191,25 +203,32 @@ def angles_for_forces(hair: Hair, base_x, base_y, pole, side, force, table=None)
     graze = grazing_angle(hair, pole[0] - base_x, pole[1] - base_y, pole[2], side)
     turn = np.interp(force, table.force, table.turn)
     slope = np.interp(turn, table.turn, np.gradient(table.force, table.turn))
-    rows = np.flatnonzero(force > 0)
-    guess = None
-    for _ in range(12):
+    contact = np.where(force > 0, np.interp(turn, table.turn, table.contact), np.nan)
+    made, rows = np.zeros_like(force), np.flatnonzero(force > 0)
+    step = turn.copy()  # of the turn, since `made` was the force
+    for _ in range(_TRIES):
         solved = solve_contact(
             hair.whisker, base_x[rows], base_y[rows], graze[rows] + side * turn[rows], *pole,
-            side, hair.intrinsic_curvature, guess=guess,
+            side, hair.intrinsic_curvature, guess=(contact[rows], force[rows]),
         )  # fmt: skip
         missing = force[rows] - solved.contact_force
-        if np.all(np.abs(missing) < 1e-6 * force[rows] + 1e-13):
-            return graze + side * turn
-        step = missing / slope[rows]
-        turn[rows] = np.maximum(turn[rows] + step, 0.3 * turn[rows])
-        guess = solved
+        seen = (solved.contact_force - made[rows]) / step[rows]  # the secant's slope
+        usual = slope[rows]
+        slope[rows] = np.where((seen > 0.5 * usual) & (seen < 2 * usual), seen, usual)
+        made[rows], contact[rows] = solved.contact_force, solved.contact_arc_length
+        open_ = np.abs(missing) >= 1e-6 * force[rows] + 1e-13
+        rows, missing = rows[open_], missing[open_]
+        if len(rows) == 0:
+            return graze + side * turn, contact
+        new = np.maximum(turn[rows] + missing / slope[rows], 0.3 * turn[rows])
+        step[rows] = new - turn[rows]
+        turn[rows] = new
     raise UnreachableForceError(
         f"no base angle gives {1e6 * force.max():.1f} µN (missing {1e6 * missing.max():.2g} µN)"
     )
 
 
-def drive_touches(hair, base_x, base_y, pole, side, touches, rng, rest=0.18):
+def drive_touches(hair, base_x, base_y, pole, side, touches, rng, rest=0.18, table=None):
     """Base angle over a whole trial that makes the wanted touches and none besides.
 
     Parameters
@@ -219,29 +238,35 @@ def drive_touches(hair, base_x, base_y, pole, side, touches, rng, rest=0.18):
     side : +1: protraction towards a pole on the whisker's left
     touches : list of Touch, apart from each other, in order
     rest : how far the whisker draws back between touches, at most [rad]
+    table : ForceTable of about the same follicle and pole; None: made here
 
     Returns
     -------
     base_angle : (frames,) [rad]
+    touch : (contact arc length [m], force [N]), each (frames,), NaN in the gaps: a start for
+        `solve_motion`
     """
     n = len(base_x)
     graze = grazing_angle(hair, pole[0] - base_x, pole[1] - base_y, pole[2], side)
     _check_order(touches, n)
-    turn = np.zeros(n)  # into the pole
-    table = force_table(hair, base_x.mean(), base_y.mean(), *pole, side)
-    edges = []  # per touch: time and speed of turning [frames, rad/frame] at both ends
+    if table is None:
+        table = force_table(hair, base_x.mean(), base_y.mean(), *pole, side)
+    turn, force, contact = np.zeros(n), np.full(n, np.nan), np.full(n, np.nan)
     for touch in touches:
-        frames = slice(touch.onset, touch.offset)
-        angle = angles_for_forces(
-            hair, base_x[frames], base_y[frames], pole, side, touch.forces(), table
+        force[touch.onset : touch.offset] = touch.forces()
+    inside = np.flatnonzero(np.isfinite(force))
+    if len(inside):
+        angle, contact[inside] = angles_for_forces(
+            hair, base_x[inside], base_y[inside], pole, side, force[inside], table
         )
-        turn[frames] = side * (angle - graze[frames])
-        first, last = turn[touch.onset], turn[touch.offset - 1]
-        edges.append((touch.onset - 0.5, touch.offset - 0.5, 2 * first, 2 * last))
+        turn[inside] = side * (angle - graze[inside])  # into the pole
+    edges = [  # per touch: time and speed of turning [frames, rad/frame] at both ends
+        (t.onset - 0.5, t.offset - 0.5, 2 * turn[t.onset], 2 * turn[t.offset - 1]) for t in touches
+    ]
     for start, end, leaving, arriving in _gaps(edges, n):
         frames = np.arange(int(np.ceil(start)), int(np.ceil(end)))
         turn[frames] = _between(frames, start, end, leaving, arriving, rest, rng)
-    return graze + side * turn
+    return graze + side * turn, (contact, force)
 
 
 def _check_order(touches, n):
@@ -318,13 +343,16 @@ class HairMotion:
     slips: tuple[int, ...] = ()
 
 
-def solve_motion(hair: Hair, base_x, base_y, base_angle, pole_x, pole_y, pole_radius, side):
+def solve_motion(
+    hair: Hair, base_x, base_y, base_angle, pole_x, pole_y, pole_radius, side, guess=None
+):
     """Quasi-static equilibria of a driven whisker; it changes the pole's side where it slips.
 
     Parameters
     ----------
     base_x, base_y, base_angle, pole_x, pole_y : (frames,); a NaN pole is out of view
     side : +1, −1: on which side of the whisker the pole is at first
+    guess : (contact arc length [m], force [N]), each (frames,), NaN for none: saves time
 
     Returns
     -------
@@ -340,7 +368,7 @@ def solve_motion(hair: Hair, base_x, base_y, base_angle, pole_x, pole_y, pole_ra
         y = np.where(seen[rest], pole_y[rest], base_y[rest] + _FAR * np.sin(aside))
         solved = solve_contact(
             hair.whisker, base_x[rest], base_y[rest], base_angle[rest], x, y, pole_radius, side,
-            hair.intrinsic_curvature,
+            hair.intrinsic_curvature, guess=guess and tuple(part[rest] for part in guess),
         )  # fmt: skip
         lost = np.flatnonzero(solved.state == "slipped")
         end = n if len(lost) == 0 else first + int(lost[0])
@@ -382,7 +410,7 @@ class Motion:
         angle = self.hairs[0].contact.base_angle if self.hairs else np.zeros(len(self.pole_x))
         self.fur_phase = np.tanh(2.5 * (angle - angle.mean()))
         self._nodes = [_nodes(scene, hair) for hair in scene.hairs]
-        self._blocks = {}
+        self._blocks, self._lines = {}, {}
 
     def __len__(self):
         return len(self.pole_x)
@@ -405,10 +433,16 @@ class Motion:
 
     def centrelines(self, hair: int, frames=None):
         """True centrelines [px], follicle → tip, 1 px apart: x, y (frames, points)."""
+        if frames is not None:
+            return self._centrelines(hair, take_frames(self.hairs[hair].contact, frames))
+        if hair not in self._lines:
+            self._lines[hair] = self._centrelines(hair, self.hairs[hair].contact)
+        return self._lines[hair]
+
+    def _centrelines(self, hair, contact):
         length = self.scene.hairs[hair].whisker.length
         points = max(round(length * self.scene.camera.pixels_per_m), 1) + 1
         s = np.linspace(0, length, points)
-        contact = take_frames(self.hairs[hair].contact, slice(None) if frames is None else frames)
         parts = [
             contact_shape(self.scene.hairs[hair].whisker, take_frames(contact, rows), s)[:2]
             for rows in _blocks(len(contact))

@@ -156,9 +156,13 @@ def _shape(duration, rng):
 
 def table_of(scene: Scene, hair: Hair | None = None):
     """ForceTable of `hair` (the first) at rest and the scene's pole."""
-    hair, pole = hair or scene.hairs[0], scene.pole
+    return _table(hair or scene.hairs[0], scene.pole, scene.face.axis)
+
+
+@lru_cache(maxsize=64)
+def _table(hair, pole, axis):
     base = hair.follicle_x, hair.follicle_y
-    side = side_of_pole(hair, *base, scene.face.axis, pole.x, pole.y)
+    side = side_of_pole(hair, *base, axis, pole.x, pole.y)
     return force_table(hair, *base, pole.x, pole.y, pole.radius, side)
 
 
@@ -198,11 +202,12 @@ def touching_motion(setting, scene, touches, pole_path=None, rest=0.18) -> Motio
     """Motion in which a scene's first whisker makes the wanted touches on a pole at rest."""
     hair, pole = scene.hairs[0], scene.pole
     base = base_path(scene, hair, setting.frames, setting.rng)
-    angle = drive_touches(
-        hair, *base, (pole.x, pole.y, pole.radius), setting.side, touches, setting.rng, rest
+    place = pole.x, pole.y, pole.radius
+    angle, guess = drive_touches(
+        hair, *base, place, setting.side, touches, setting.rng, rest, table_of(scene)
     )
     pole_path = pole_path or still_pole(scene, setting.frames)
-    motion = driven_motion(scene, [(*base, angle)], pole_path)
+    motion = driven_motion(scene, [(*base, angle)], pole_path, [guess])
     if motion.hairs[0].slips:
         raise UnreachableForceError(
             f"{setting.preset}, trial {setting.trial}: the whisker slips off in frame "
@@ -211,14 +216,21 @@ def touching_motion(setting, scene, touches, pole_path=None, rest=0.18) -> Motio
     return motion
 
 
-def driven_motion(scene, drives, pole_path=None) -> Motion:
-    """Motion of whiskers whose base motions `drives` are given: (x, y, angle) for each."""
+def driven_motion(scene, drives, pole_path=None, guesses=None) -> Motion:
+    """Motion of whiskers whose base motions `drives` are given: (x, y, angle) for each.
+
+    `guesses` may hold for each what `solve_motion` takes as its start, or None.
+    """
     pole_path = pole_path or still_pole(scene, len(drives[0][0]))
-    moving = [_solve(scene, h, drive, pole_path) for h, drive in enumerate(drives)]
+    guesses = guesses or [None] * len(drives)
+    moving = [
+        _solve(scene, h, drive, pole_path, guess)
+        for h, (drive, guess) in enumerate(zip(drives, guesses, strict=True))
+    ]
     return Motion(scene, moving, *pole_path)
 
 
-def _solve(scene, h, drive, pole_path):
+def _solve(scene, h, drive, pole_path, guess=None):
     """Equilibria of one driven whisker; one out of the pole's plane never meets it."""
     hair, (x, y, angle) = scene.hairs[h], drive
     if scene.pole is None or not hair.touches:
@@ -227,7 +239,7 @@ def _solve(scene, h, drive, pole_path):
     seen = int(np.argmax(np.isfinite(pole_path[0])))
     place = scene.pole.x, scene.pole.y
     side = side_of_pole(hair, x[seen], y[seen], angle[seen], *place)
-    return solve_motion(hair, x, y, angle, *pole_path, scene.pole.radius, side)
+    return solve_motion(hair, x, y, angle, *pole_path, scene.pole.radius, side, guess)
 
 
 def _scene_touches(setting, scene, count=9, **limits):
@@ -456,7 +468,7 @@ def _row(setting, count=4, spacing=1.3e-3, fan=0.2, own=0.05):
     )
     touches = draw_touches(rng, frames, 7, table_of(scene, c2), durations=(4, 60))
     base = base_path(scene, c2, frames, rng)
-    angle = drive_touches(c2, *base, (*place, scene.pole.radius), 1, touches, rng, rest=0.35)
+    angle, _ = drive_touches(c2, *base, (*place, scene.pole.radius), 1, touches, rng, rest=0.35)
     drives = []
     for hair in hairs:
         if hair is c2:
@@ -550,7 +562,7 @@ def _fig3_scene(setting, mouse, pole_index) -> Scene:
         Camera().with_noise_sd(1.5),
         hair={"whisker": whisker, "intrinsic_curvature": bend},
         face={"hidden_length": rng.uniform(1.0e-3, 1.6e-3)},
-        codec=Codec("h264", crf=18),
+        codec=Codec("h264", crf=20, speed="ultrafast"),
     )
 
 

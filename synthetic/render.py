@@ -5,7 +5,9 @@ area coverage of the blurred strip (strips.py). Where objects in focus meet (a w
 pole, two whiskers), the product is formed on a finer grid before it is blurred, as a lens does.
 """
 
-from math import erf
+from dataclasses import replace
+from functools import lru_cache
+from math import erf, sqrt
 
 import numpy as np
 from numba import njit
@@ -13,7 +15,7 @@ from scipy.ndimage import gaussian_filter
 from scipy.special import ndtr, ndtri
 
 from synthetic.fur import draw_hairs, face_transmission, grow_fur, stray_hairs
-from synthetic.scene import Scene
+from synthetic.scene import Codec, Scene
 from synthetic.strips import absorb, blank, cover_disc, cover_strip, step_table
 
 _TILE = 16  # px, tiles in which meeting objects are composed
@@ -21,6 +23,7 @@ _SUBPIXELS = 8
 _FINE_BLUR = 0.05  # share of the blur before objects are multiplied: touching edges stay apart
 _POLE_TRANSMISSION = 0.01
 _NORMALS = ndtri((np.arange(65536) + 0.5) / 65536).astype(np.float32)
+_STRETCH = 2048  # px whose noise is drawn at once; it stays in the cache
 
 
 class Renderer:
@@ -39,20 +42,12 @@ class Renderer:
     def __init__(self, scene: Scene, motion, seed: int | None = None):
         self.scene, self.motion = scene, motion
         self.seed = scene.seed if seed is None else seed
-        height, width = scene.camera.height, scene.camera.width
-        rng = np.random.default_rng([scene.seed, 1])
-        self.background = _background(scene, rng)
-        self._open = self.background * face_transmission(scene, rng)
-        still = stray_hairs(scene, rng)
-        self._fur = grow_fur(scene, rng)
-        draw_hairs(self._open, still)
-        _draw_dust(self._open, scene, rng)
-        if not scene.face.moving:
-            draw_hairs(self._open, self._fur)
-        self._cover, self._touched = blank(height, width)
+        self._open, self.background, self._fur = _still_picture(_without_pole(scene))
+        self._cover, self._touched = blank(*self._open.shape)
         self._table = step_table(scene.camera.blur_px)
         self._fine = _FinePatch(scene.camera.blur_px)
         self._flicker = _flicker(scene, len(motion), np.random.default_rng([scene.seed, 2]))
+        self._shade, self._opened = (None, ()), (None, self._open)
         self._still_pole = (
             self._with_pole(self._open, motion.pole_x[0], motion.pole_y[0])
             if motion.pole_is_still and not scene.face.moving
@@ -64,15 +59,19 @@ class Renderer:
 
     def frame(self, i: int) -> np.ndarray:
         """Frame `i` as the camera gives it, uint8 (height, width)."""
+        return self.expose(self.light(i), i)
+
+    def expose(self, light, i: int) -> np.ndarray:
+        """What the camera makes of the `light` of frame `i`, uint8 (height, width)."""
         camera = self.scene.camera
         return _expose(
-            self.light(i),
+            light,
             np.float32(self._flicker[i]),
-            np.float32(camera.black_level),
+            np.float32(camera.black_level + 0.5),  # with rounding
             np.float32(camera.noise_gain),
             np.float32(camera.read_noise**2),
             _NORMALS,
-            np.uint64(_mix(self.seed, i)),
+            _mix(self.seed, i),
         )
 
     def light(self, i: int) -> np.ndarray:
@@ -98,12 +97,14 @@ class Renderer:
         moving = self.scene.face.moving
         if not moving:
             return self._open
-        opened = self._open.copy()
-        across = self.scene.face.axis + np.pi / 2
-        way = moving * self.scene.camera.pixels_per_m * self.motion.fur_phase[i]
-        shift = (way * np.cos(across), -way * np.sin(across))
-        draw_hairs(opened, self._fur, 0.12 * self.motion.fur_phase[i], shift)
-        return opened
+        if self._opened[0] != i:
+            opened = self._open.copy()
+            across = self.scene.face.axis + np.pi / 2
+            way = moving * self.scene.camera.pixels_per_m * self.motion.fur_phase[i]
+            shift = (way * np.cos(across), -way * np.sin(across))
+            draw_hairs(opened, self._fur, 0.12 * self.motion.fur_phase[i], shift)
+            self._opened = i, opened
+        return self._opened[1]
 
     def _draw(self, light, strip, opacity):
         blur = self.scene.camera.blur_px
@@ -115,15 +116,22 @@ class Renderer:
         pole = self.scene.pole
         if pole is None or not np.isfinite(x):
             return opened, opened
-        light = opened.copy()
-        scale = self.scene.camera.pixels_per_m
+        if self._shade[0] != (x, y):
+            self._shade = (x, y), self._pole_shade(x, y)
+        rod, disc = self._shade[1]
+        behind_rod = opened * rod
+        return behind_rod, behind_rod * disc
+
+    def _pole_shade(self, x, y):
+        """Shares of the light that pass the rod and the pole at (x, y) [m]."""
+        pole, scale = self.scene.pole, self.scene.camera.pixels_per_m
         px, py = self.scene.to_pixels(x, y)
+        rod, disc = np.ones_like(self._open), np.zeros_like(self._open)
         if pole.rod_direction is not None:
-            rod = np.array([pole.radius, pole.rod_radius]) * scale
-            _draw_rod(light, px, py, pole.rod_direction, *rod, pole.rod_blur_px)
-        disc = np.zeros_like(light)
+            sizes = np.array([pole.radius, pole.rod_radius]) * scale
+            _draw_rod(rod, px, py, pole.rod_direction, *sizes, pole.rod_blur_px)
         cover_disc(disc, px, py, pole.radius * scale, self.scene.camera.blur_px, *self._table)
-        return light, light * (1 - (1 - _POLE_TRANSMISSION) * disc)
+        return rod, 1 - (1 - _POLE_TRANSMISSION) * disc
 
     def _compose(self, light, behind_rod, strips, pole_x, pole_y):
         """Redo the places where objects in focus meet, on a finer grid."""
@@ -153,22 +161,33 @@ class _FinePatch:
         self.table = step_table(self.fine_blur)
         self.filter = _to_pixels(self.size, self.margin, rest)
         self.cover, self.touched = blank(self.size, self.size)
+        self.clear = np.ones((self.size, self.size), np.float32)
+        self.disc, self.tiles = None, {}
 
     def transmission(self, left, top, strips, opacities, disc):
         """Light that passes all objects together, float32 (tile, tile)."""
-        through = np.ones((self.size, self.size), np.float32)
+        through = self._behind_disc(left, top, disc).copy()
         for strip, opacity in zip(strips, opacities, strict=True):
             fine = self._to_fine(strip, left, top)
             if fine is None:
                 continue
             count = cover_strip(self.cover, self.touched, 0, *fine, self.fine_blur, *self.table)
             absorb(through, self.cover, self.touched, count, opacity)
-        if disc is not None:
-            x, y = self._place(disc[0], left), self._place(disc[1], top)
-            cover = np.zeros_like(through)
-            cover_disc(cover, x, y, disc[2] * _SUBPIXELS, self.fine_blur, *self.table)
-            through *= 1 - (1 - _POLE_TRANSMISSION) * cover
         return self.filter @ through @ self.filter.T
+
+    def _behind_disc(self, left, top, disc):
+        """Light that passes the disc alone, kept while it stands still."""
+        if self.disc != disc:
+            self.disc, self.tiles = disc, {}
+        if disc is None:
+            return self.clear
+        if (left, top) not in self.tiles:
+            cover = np.zeros_like(self.clear)
+            x, y = self._place(disc[0], left), self._place(disc[1], top)
+            cover_disc(cover, x, y, disc[2] * _SUBPIXELS, self.fine_blur, *self.table)
+            passes = 1 - (1 - _POLE_TRANSMISSION) * cover
+            self.tiles[left, top] = passes if cover.any() else self.clear
+        return self.tiles[left, top]
 
     def _place(self, x, start):
         return (x - (start - self.margin) + 0.5) * _SUBPIXELS - 0.5
@@ -203,7 +222,7 @@ def _to_pixels(size, margin, blur):
 
 def _meeting_tiles(shape, strips, disc, reach):
     """(top, left) of the tiles in which objects in focus come within 2 `reach` of each other."""
-    lines = [(x[::4], y[::4], 0.0) for x, y, *_ in strips]
+    lines = [(x[::2], y[::2], 0.0) for x, y, *_ in strips]
     if disc is not None:
         lines.append((np.array([disc[0]]), np.array([disc[1]]), disc[2]))
     meeting = np.zeros((-(-shape[0] // _TILE), -(-shape[1] // _TILE)), np.bool_)
@@ -236,6 +255,31 @@ def _mark_meeting(meeting, x, y, x2, y2, radius, reach):
 
 
 # What stands still ---------------------------------------------------------------------------
+
+
+def _without_pole(scene: Scene) -> Scene:
+    """What of a scene its surroundings depend on."""
+    return replace(scene, pole=None, codec=Codec())
+
+
+@lru_cache(maxsize=8)
+def _still_picture(scene: Scene):
+    """Light without pole and whiskers, without anything at all, and the fur (rows as FurHair).
+
+    The first holds the fur where it does not move. Sessions share it among trials.
+    """
+    rng = np.random.default_rng([scene.seed, 1])
+    background = _background(scene, rng)
+    opened = background * face_transmission(scene, rng)
+    still = stray_hairs(scene, rng)
+    fur = grow_fur(scene, rng)
+    draw_hairs(opened, still)
+    _draw_dust(opened, scene, rng)
+    if not scene.face.moving:
+        draw_hairs(opened, fur)
+    for each in (opened, background, fur):
+        each.flags.writeable = False
+    return opened, background, fur
 
 
 def _background(scene: Scene, rng) -> np.ndarray:
@@ -293,31 +337,49 @@ def _flicker(scene, n, rng):
 # Noise ---------------------------------------------------------------------------------------
 
 
-def _mix(seed: int, frame: int) -> int:
-    """One 64-bit number from seed and frame."""
-    return int(np.random.SeedSequence([seed, frame]).generate_state(1, np.uint64)[0])
+def _mix(seed: int, frame: int) -> np.ndarray:
+    """Two 32-bit numbers from seed and frame."""
+    return np.random.SeedSequence([seed, frame]).generate_state(2, np.uint32)
 
 
 @njit(cache=True, nogil=True)
-def _expose(light, gain, black, noise_gain, read_variance, normals, seed):
-    """Grey levels with photon noise (its Gaussian limit), read noise and rounding, uint8."""
+def _expose(light, gain, black, noise_gain, read_variance, normals, key):
+    """Grey levels with photon noise (its Gaussian limit) and read noise, cut to uint8."""
     flat = light.ravel()
     out = np.empty(flat.size, np.uint8)
-    state = seed
-    bits = np.uint64(0)
-    for k in range(flat.size):
-        if k & 3 == 0:  # splitmix64: four 16-bit draws from each number
-            state += np.uint64(0x9E3779B97F4A7C15)
-            bits = state
-            bits = (bits ^ (bits >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
-            bits = (bits ^ (bits >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
-            bits = bits ^ (bits >> np.uint64(31))
-        mean = gain * flat[k]
-        deviation = np.sqrt(read_variance + noise_gain * mean)
-        value = black + mean + deviation * normals[bits & np.uint64(0xFFFF)] + np.float32(0.5)
-        bits >>= np.uint64(16)
-        out[k] = np.uint8(min(max(value, np.float32(0)), np.float32(255)))
+    bits, deviates = np.empty(_STRETCH // 2, np.uint32), np.empty(_STRETCH, np.float32)
+    for first in range(0, flat.size, _STRETCH):
+        end = min(first + _STRETCH, flat.size)
+        _draw_bits(bits, first, key[0], key[1])
+        for k in range(len(bits)):  # two 16-bit draws from each number
+            deviates[2 * k] = normals[bits[k] & np.uint32(0xFFFF)]
+            deviates[2 * k + 1] = normals[bits[k] >> np.uint32(16)]
+        _add_noise(
+            out[first:end], flat[first:end], deviates, gain, black, noise_gain, read_variance
+        )
     return out.reshape(light.shape)
+
+
+@njit(cache=True, nogil=True)
+def _draw_bits(bits, first, key, other_key):
+    """Fill `bits` with random numbers: a counter, mixed by multiplications with two keys."""
+    for k in range(len(bits)):
+        x = np.uint32(np.uint32(first + k) * np.uint32(0x9E3779B1)) + key
+        x = np.uint32(x)
+        x = np.uint32(x ^ (x >> np.uint32(16)))
+        x = np.uint32(x * np.uint32(0x21F0AAAD)) ^ other_key
+        x = np.uint32(x ^ (x >> np.uint32(15)))
+        x = np.uint32(x * np.uint32(0x735A2D97))
+        bits[k] = np.uint32(x ^ (x >> np.uint32(15)))
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def _add_noise(out, light, deviates, gain, black, noise_gain, read_variance):
+    """Write the grey level of every pixel; `black` includes what rounding adds."""
+    for k in range(len(light)):
+        mean = gain * light[k]
+        value = black + mean + sqrt(read_variance + noise_gain * mean) * deviates[k]
+        out[k] = np.uint8(np.int32(min(max(value, np.float32(0)), np.float32(255))))
 
 
 def render_frames(scene: Scene, motion, seed: int | None = None):

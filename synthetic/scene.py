@@ -12,6 +12,7 @@ from whiskermodel.whisker import Whisker, mouse_c2
 
 FACES = ("left", "right", "top", "bottom")
 CODECS = ("ffv1", "h264", "mjpeg", "tiff")
+SPEEDS = ("ultrafast", "superfast", "veryfast", "faster", "fast", "medium")
 
 
 def _require(condition, argument, value, rule):
@@ -172,14 +173,19 @@ class Hair:
 
 @dataclass(frozen=True)
 class Codec:
-    """How the video is stored: "ffv1", "h264" (crf), "mjpeg" (quality 2 best – 31) or "tiff"."""
+    """How the video is stored: "ffv1", "h264", "mjpeg" (quality 2 best – 31) or "tiff".
+
+    `crf` and `speed` are x264's constant rate factor and preset.
+    """
 
     name: str = "ffv1"
     crf: int = 20
     quality: int = 3
+    speed: str = "veryfast"
 
     def __post_init__(self):
         _require(self.name in CODECS, "name", self.name, f"one of {CODECS}")
+        _require(self.speed in SPEEDS, "speed", self.speed, f"one of {SPEEDS}")
 
 
 @dataclass(frozen=True)

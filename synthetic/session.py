@@ -1,15 +1,16 @@
 """A whole rendered session on disk: videos, session.toml, truth tables."""
 
 import dataclasses
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from multiprocessing import get_context
+from contextlib import contextmanager
 from pathlib import Path
+from time import perf_counter
 
 import numpy as np
 import pandas as pd
 
 from pipeline.settings import read_session, settings_from, write_session
 from pipeline.tables import read_json, write_json, write_text
+from pipeline.workers import run_tasks
 from synthetic.encode import video_suffix, write_video
 from synthetic.presets import Trial, find_preset, make_trial, trial_place
 from synthetic.render import Renderer
@@ -20,7 +21,12 @@ from synthetic.truth import (
     write_truth,
 )
 
+STAGES = ("motion", "truth", "drawing", "noise", "encoding")
 _CURVATURE_AT_MM = 5.5
+
+
+class RenderError(RuntimeError):
+    """Some videos of a session could not be rendered; the others are there."""
 
 
 def render_session(
@@ -43,30 +49,41 @@ def render_session(
     Returns
     -------
     Paths of the videos. One that is there already, with its truth, is not made again.
+
+    Raises
+    ------
+    RenderError
+        Where videos could not be rendered, after all others are.
     """
     out_dir = Path(out_dir)
-    trials = find_preset(preset).trials if trials is None else trials
+    found = find_preset(preset)
+    trials = found.trials if trials is None else trials
     for argument, value in (("trials", trials), ("jobs", jobs), ("frames", frames)):
         if value < 1:
             raise ValueError(f"{argument} must be at least 1, got {value!r}")
     out_dir.mkdir(parents=True, exist_ok=True)
     tasks = [(out_dir, preset, seed, trial, frames) for trial in range(trials)]
-    paths = []
-    for path in _render_all(tasks, jobs):
-        paths.append(path)
-        if progress is not None:
-            progress(len(paths), trials, path)
+    paths, faults = _render_all(tasks, jobs, progress or (lambda *_: None))
     _write_all_contacts(out_dir, sorted(p.stem for p in paths))
     for folder in {path.parent for path in paths}:
         stems = [path.stem for path in paths if path.parent == folder]
+        if not (folder / "session.toml").exists():
+            continue  # its first trial failed
         _settle_hidden_lengths(folder / "session.toml", [out_dir / "truth" / s for s in stems])
-    return sorted(paths)
+    if faults:
+        trial = min(faults)
+        raise RenderError(
+            f"{len(faults)} of {trials} videos could not be rendered, first trial {trial}: "
+            f"{faults[trial]}; the same command tries only these again"
+        )
+    return paths
 
 
 def _settle_hidden_lengths(path, truths) -> None:
     """Give session.toml the hidden lengths as they are over all of its videos."""
     settings = read_session(path)
-    tables = [pd.read_parquet(t / "visibility.parquet") for t in sorted(truths)]
+    columns = ["whisker", "first_visible_mm"]
+    tables = [pd.read_parquet(t / "visibility.parquet", columns=columns) for t in sorted(truths)]
     whiskers = tuple(
         w.model_copy(
             update={
@@ -81,23 +98,30 @@ def _settle_hidden_lengths(path, truths) -> None:
         write_session(path, settings.model_copy(update={"whisker": whiskers}))
 
 
-def _render_all(tasks, jobs):
-    """Yield the path of every video once it is there."""
-    if jobs == 1:
-        for task in tasks:
-            yield render_trial(*task)
-        return
-    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
-        waiting = [pool.submit(render_trial, *task) for task in tasks]
-        for future in as_completed(waiting):
-            yield future.result()
+def _render_all(tasks, jobs, progress):
+    """Paths of the videos that could be rendered, and why each of the others could not."""
+    paths, faults = [], {}
+
+    def take(event):
+        if event.kind == "done":
+            paths.append(event.value)
+            progress(len(paths), len(tasks), event.value)
+        elif event.kind == "died":
+            faults[event.task] = event.value.strip().splitlines()[-1]
+
+    run_tasks(_render_task, tasks, take, jobs)
+    return sorted(paths), faults
+
+
+def _render_task(task, report):
+    return render_trial(*task)
 
 
 def render_trial(out_dir, preset, seed, trial, frames=1000) -> Path:
     """Render one trial with its truth unless both are there; returns the path of its video.
 
     The first trial of a sub-folder writes the session.toml; its hidden lengths are settled when
-    all trials are there.
+    all trials are there. scene.json says how many `seconds` each stage took.
     """
     out_dir = Path(out_dir)
     group, stem = trial_place(preset, seed, trial)
@@ -106,20 +130,49 @@ def render_trial(out_dir, preset, seed, trial, frames=1000) -> Path:
     known = read_json(truth / "scene.json", {})
     first = all(trial_place(preset, seed, t)[0] != group for t in range(trial))
     settings = folder / "session.toml"
-    if known.get("made_from") == identity and (settings.exists() or not first):
+    if (
+        known.get("made_from") == identity
+        and (settings.exists() or not first)
+        and (folder / known["video"]).exists()
+    ):
         return folder / known["video"]
-    made = make_trial(preset, seed, trial, frames)
-    renderer = Renderer(made.scene, made.motion, seed=1000 * seed + trial)
+    seconds = dict.fromkeys(STAGES, 0.0)
+    with _timed(seconds, "motion"):
+        made = make_trial(preset, seed, trial, frames)
+    with _timed(seconds, "drawing"):
+        renderer = Renderer(made.scene, made.motion, seed=1000 * seed + trial)
     folder.mkdir(parents=True, exist_ok=True)
     if first:
         write_session(settings, session_settings(made, renderer))
-    write_truth(truth, made.motion, renderer, stem, 1e-3 * _CURVATURE_AT_MM)
+    with _timed(seconds, "truth"):
+        write_truth(truth, made.motion, renderer, stem, 1e-3 * _CURVATURE_AT_MM)
     video = folder / f"{stem}{video_suffix(made.scene.codec)}"
-    write_video(video, (renderer.frame(i) for i in range(len(renderer))), made.scene.codec)
+    with _timed(seconds, "encoding"):
+        write_video(video, _timed_frames(renderer, seconds), made.scene.codec)
+    seconds["encoding"] -= seconds["drawing_frames"] + seconds["noise"]
+    seconds["drawing"] += seconds.pop("drawing_frames")
     # written last: without it the trial does not count as done
-    scene = {**dataclasses.asdict(made.scene), "frames": len(renderer)}
+    scene = {**dataclasses.asdict(made.scene), "frames": len(renderer), "seconds": seconds}
     write_json(truth / "scene.json", {"made_from": identity, "video": video.name, **scene})
     return video
+
+
+@contextmanager
+def _timed(seconds, stage):
+    """Add the wall time of what is inside to a stage's `seconds`."""
+    started = perf_counter()
+    yield
+    seconds[stage] = seconds.get(stage, 0.0) + perf_counter() - started
+
+
+def _timed_frames(renderer, seconds):
+    """Yield the frames one after another."""
+    for i in range(len(renderer)):
+        with _timed(seconds, "drawing_frames"):
+            light = renderer.light(i)
+        with _timed(seconds, "noise"):
+            frame = renderer.expose(light, i)
+        yield frame
 
 
 def session_settings(trial: Trial, renderer: Renderer):
@@ -157,6 +210,8 @@ def _whisker_table(hair, visibility):
 
 def _write_all_contacts(out_dir, stems):
     """Write the true contacts of all videos together, truth/contacts.csv."""
+    if not stems:
+        return
     texts = [(out_dir / "truth" / s / "contacts.csv").read_text("utf-8") for s in stems]
     header = texts[0].split("\n", 1)[0]
     rows = "".join(text.split("\n", 1)[1] for text in texts)

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from numba import njit
 from scipy.optimize import curve_fit
 
 from pipeline.records import (
@@ -21,7 +22,8 @@ from pipeline.records import (
 from pipeline.tables import whole_file, write_centrelines, write_csv, write_frames
 from synthetic.motion import curvature_at, take_frames
 from synthetic.strips import step_table
-from whiskermodel.rod import contact_shape
+from synthetic.vibration import true_moments
+from whiskermodel.response import Response
 
 VISIBILITY_COLUMNS = (
     Column("frame", "int32", "", "frame number, from 0"),
@@ -33,7 +35,6 @@ VISIBILITY_COLUMNS = (
 )
 
 _IN_THE_FUR = 0.5  # share of the light below which fur counts as solid
-_BLOCK = 256
 
 
 def centreline_table(motion) -> Centrelines:
@@ -101,13 +102,28 @@ def pole_distance(motion, h) -> np.ndarray:
     out = np.full(len(contact), np.nan)
     if pole is None:
         return out
-    s = np.linspace(0, hair.whisker.length, 1001)
-    for first in range(0, len(out), _BLOCK):
-        rows = slice(first, first + _BLOCK)
-        x, y, _ = contact_shape(hair.whisker, take_frames(contact, rows), s)
-        gap = np.hypot(x - motion.pole_x[rows, None], y - motion.pole_y[rows, None])
-        out[rows] = (gap - hair.whisker.radius(s)).min(1) - pole.radius
-    return np.where(contact.touching, 0.0, out)
+    x, y = motion.centrelines(h)
+    scale = motion.scene.camera.pixels_per_m
+    radius = scale * hair.whisker.radius(np.linspace(0, hair.whisker.length, x.shape[1]))
+    place = motion.scene.to_pixels(motion.pole_x, motion.pole_y)
+    _least_gap(out, x, y, radius, *place)
+    return np.where(contact.touching, 0.0, out / scale - pole.radius)
+
+
+@njit(cache=True)
+def _least_gap(gap, x, y, radius, px, py):
+    """Least distance of a point from the surface of a strip in every frame; NaN stays."""
+    for i in range(len(gap)):
+        if not np.isfinite(px[i]):
+            continue
+        least = np.inf
+        for k in range(x.shape[1] - 1):
+            dx, dy = x[i, k + 1] - x[i, k], y[i, k + 1] - y[i, k]
+            ex, ey = px[i] - x[i, k], py[i] - y[i, k]
+            along = min(max((ex * dx + ey * dy) / (dx * dx + dy * dy), 0.0), 1.0)
+            distance = np.hypot(ex - along * dx, ey - along * dy)
+            least = min(least, distance - radius[k] - along * (radius[k + 1] - radius[k]))
+        gap[i] = least
 
 
 def contact_table(motion, video: str) -> pd.DataFrame:
@@ -115,6 +131,7 @@ def contact_table(motion, video: str) -> pd.DataFrame:
     rows = []
     for h, moving in enumerate(motion.hairs):
         touching = moving.contact.touching
+        response = Response(motion.scene.hairs[h].whisker)
         edges = np.flatnonzero(np.diff(touching.astype(np.int8), prepend=0, append=0))
         # a whisker that slips and at once touches from the other side makes two contacts
         cuts = [s for s in moving.slips if s and touching[s - 1] and s < len(touching)]
@@ -122,17 +139,19 @@ def contact_table(motion, video: str) -> pd.DataFrame:
         stops = np.sort(np.concatenate([edges[1::2], [c for c in cuts if touching[c]]]))
         pairs = zip(starts.astype(int), stops.astype(int), strict=True)
         for number, (onset, offset) in enumerate(pairs, 1):
-            rows.append(_contact_row(motion, h, video, number, onset, offset))
+            rows.append(_contact_row(motion, h, response, video, number, onset, offset))
     if not rows:
         return empty_table(CONTACT_COLUMNS)
     return as_table(pd.DataFrame(rows), CONTACT_COLUMNS)
 
 
-def _contact_row(motion, h, video, number, onset, offset):
+def _contact_row(motion, h, response, video, number, onset, offset):
     contact = take_frames(motion.hairs[h].contact, slice(onset, offset))
     rate = motion.scene.camera.frames_per_second
     force = contact.contact_force
     peak = int(np.argmax(force))
+    place, moment = contact.contact_arc_length[peak], _largest(contact.base_moment)
+    slip = offset in motion.hairs[h].slips
     return {
         "video": video,
         "whisker": motion.scene.hairs[h].whisker.name,
@@ -144,11 +163,12 @@ def _contact_row(motion, h, video, number, onset, offset):
         "peak_force_uN": 1e6 * force[peak],
         "mean_force_uN": 1e6 * force.mean(),
         "impulse_uN_ms": 1e9 * force.sum() / rate,
-        "peak_base_moment_nN_m": 1e9 * _largest(contact.base_moment),
+        "peak_base_moment_nN_m": 1e9 * moment,
         "peak_axial_force_uN": 1e6 * _largest(contact.axial_force),
-        "contact_arc_length_mm": 1e3 * contact.contact_arc_length[peak],
+        "contact_arc_length_mm": 1e3 * place,
         **_pulse(np.arange(onset, offset) / rate, 1e6 * force),
-        "slip": offset in motion.hairs[h].slips,
+        **true_moments(response, place, force, 1 / rate, moment > 0, slip),
+        "slip": slip,
         "flags": _cut_flag(onset, offset, len(motion)),
     }
 

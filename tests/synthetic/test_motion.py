@@ -41,7 +41,7 @@ def driven(side, touches, n=200):
     dx, dy = follicle_drift(n, 1000.0, rng)
     base = HAIR.follicle_x + dx, HAIR.follicle_y + dy
     pole = scene.pole.x, scene.pole.y, RADIUS
-    angle = drive_touches(HAIR, *base, pole, side, touches, rng)
+    angle, _ = drive_touches(HAIR, *base, pole, side, touches, rng)
     path = still_pole(scene, n)
     return scene, Motion(scene, [solve_motion(HAIR, *base, angle, *path, RADIUS, side)], *path)
 

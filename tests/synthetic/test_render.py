@@ -167,6 +167,23 @@ def test_noise_has_the_asked_for_size_and_is_reproducible(touching):
     assert abs(neighbours) < 0.02
 
 
+def test_noise_is_gaussian_and_independent_from_frame_to_frame(touching):
+    scene = replace(touching.scene, camera=Camera().with_noise_sd(6.0))
+    renderer = Renderer(scene, touching.motion, seed=11)
+    view = np.s_[420:, 300:]
+    expected = renderer.light(0)[view] + scene.camera.black_level
+    sd = np.sqrt(6.0**2 / 6 + scene.camera.noise_gain * (expected - 4) + 1 / 12)
+    noise = np.stack([(renderer.frame(i)[view] - expected) / sd for i in range(30)])
+    noise = noise[:, expected < 255 - 5 * sd]  # no grey level is cut off
+    assert noise.shape[1] > 2000
+    assert noise.std() == pytest.approx(1, abs=0.01)
+    assert (noise**3).mean() == pytest.approx(0, abs=0.03)
+    assert (noise**4).mean() == pytest.approx(3, abs=0.1)
+    among_frames = np.corrcoef(noise)[np.triu_indices(30, 1)]
+    assert np.abs(among_frames).max() < 5 / np.sqrt(noise.shape[1])
+    assert (among_frames**2).mean() == pytest.approx(1 / noise.shape[1], rel=0.25)
+
+
 def test_other_seeds_make_other_noise(touching):
     one, two = (Renderer(touching.scene, touching.motion, seed=s).frame(0) for s in (1, 2))
     assert (one != two).mean() > 0.3

@@ -5,13 +5,17 @@ import numpy as np
 import pandas as pd
 import pytest
 
+import synthetic.session
 from pipeline.records import CONTACT_COLUMNS, FRAME_COLUMNS
 from pipeline.settings import read_session
-from pipeline.tables import read_centrelines, read_frames
+from pipeline.tables import read_centrelines, read_frames, read_json
 from synthetic.presets import PRESETS, find_preset, make_trial, mouse_whisker, trial_place
 from synthetic.render import Renderer
-from synthetic.session import render_session
+from synthetic.session import STAGES, RenderError, render_session
 from synthetic.truth import centreline_table, contact_table, frame_table, pole_distance
+from whiskermodel.pulse_response import half_gaussian_extremes
+from whiskermodel.response import Response
+from whiskermodel.rod import contact_shape
 
 FRAMES = 130
 
@@ -126,6 +130,68 @@ def test_half_gaussian_touches_are_fitted_as_such():
     assert good.pulse_duration_ms.to_numpy() == pytest.approx(
         good.duration_ms.to_numpy(), rel=0.02
     )
+
+
+def test_vibration_of_half_gaussians_is_that_of_the_closed_form():
+    trial = make_trial("noisy", 0, 0, 200)
+    contacts = contact_table(trial.motion, "v")
+    good = contacts[contacts.pulse_r2 > 0.9999]
+    steady, most, least = 1e9 * half_gaussian_extremes(
+        Response(trial.scene.hairs[0].whisker),
+        1e-3 * good.contact_arc_length_mm.to_numpy(),
+        1e-6 * good.pulse_peak_uN.to_numpy(),
+        1e-3 * good.pulse_duration_ms.to_numpy(),
+        ringing=25e-3,
+    )
+    for i, row in enumerate(good.itertuples()):
+        up = row.peak_base_moment_nN_m > 0
+        expected = (-steady[i], -least[i], -most[i]) if up else (steady[i], most[i], least[i])
+        found = row.steady_peak_nN_m, row.vibration_max_nN_m, row.vibration_min_nN_m
+        assert found == pytest.approx(expected, rel=0.01)
+        assert row.vibration_ratio == pytest.approx(
+            max(abs(most[i]), abs(least[i])) / abs(steady[i]), rel=0.01
+        )
+    assert contacts.vibration_ratio.notna().all()
+
+
+def test_pole_distance_is_the_least_of_all_points():
+    motion = make_trial("near_miss", 0, 0, 60).motion
+    hair = motion.scene.hairs[0]
+    s = np.linspace(0, hair.whisker.length, 20001)
+    x, y, _ = contact_shape(hair.whisker, motion.hairs[0].contact, s)
+    gap = np.hypot(x - motion.pole_x[:, None], y - motion.pole_y[:, None])
+    expected = (gap - hair.whisker.radius(s)).min(1) - motion.scene.pole.radius
+    assert pole_distance(motion, 0) == pytest.approx(expected, abs=0.1e-6)  # m
+
+
+def test_a_trial_that_fails_does_not_stop_the_others(tmp_path, monkeypatch):
+    made = synthetic.session.make_trial
+
+    def make(preset, seed, trial, frames):
+        if trial == 1:
+            raise ValueError("the whisker slips off")
+        return made(preset, seed, trial, frames)
+
+    monkeypatch.setattr(synthetic.session, "make_trial", make)
+    with pytest.raises(RenderError, match=r"1 of 3 .* trial 1: ValueError: the whisker slips off"):
+        render_session(tmp_path, "single", trials=3, frames=20)
+    assert sorted(p.name for p in tmp_path.glob("*.avi")) == ["single_000.avi", "single_002.avi"]
+    monkeypatch.undo()
+    kept = (tmp_path / "single_002.avi").stat().st_mtime_ns
+    assert len(render_session(tmp_path, "single", trials=3, frames=20)) == 3
+    assert (tmp_path / "single_002.avi").stat().st_mtime_ns == kept
+    told = read_json(tmp_path / "truth" / "single_001" / "scene.json")["seconds"]
+    assert set(told) == set(STAGES)
+    assert all(seconds >= 0 for seconds in told.values())
+
+
+def test_videos_do_not_depend_on_jobs_or_order(tmp_path):
+    places = [tmp_path / name for name in ("one", "two")]
+    for place, jobs in zip(places, (1, 2), strict=True):
+        render_session(place, "moving_pole", seed=5, trials=2, frames=60, jobs=jobs)
+    for name in ("moving_pole_000.avi", "truth/moving_pole_001/centrelines.parquet"):
+        one, two = ((place / name).read_bytes() for place in places)
+        assert one == two
 
 
 def test_slip_ends_a_contact_and_is_told():
