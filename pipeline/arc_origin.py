@@ -24,35 +24,34 @@ from whiskermodel.whisker import Whisker
 
 HIDDEN_LENGTH_SD_M = 0.12e-3  # how well a hidden length is known beforehand
 VARIATION_SD_M = 0.06e-3  # how much it changes with angle and time, about
-LOCAL_SD_M = 6e-6  # what a smooth function cannot follow
+LOCAL_SD_M = 3e-6  # what a smooth function cannot follow
 KNOT_S = 0.06
 MOST_KNOTS = 400
 ANGLE_TERMS = 3
 TIP_WINDOW_M = 0.3e-3  # traces that end farther from the usual place have lost the tip
 TIP_NOISE_M = 0.1e-3  # ends that scatter more than this tell nothing
 TIP_PART = 0.3  # of the frames in which the tip must be seen at least
-TIP_FRAMES = 4.0  # neighbouring frames whose ends err together
+TIP_FRAMES = 2.0  # neighbouring frames whose ends err together, at least
+TIP_LAGS = 8  # frames over which ends of a codec's pictures err together
 LENGTH_MATCH = 0.05  # a tip farther from the whisker's length than this part is none
 MOST_ROWS = 240  # loaded frames that the bending is asked about
 LEAST_PUSH_SD = 15.0
 CLEAN = 4.0  # times the usual misfit: something else lies upon the whisker
-INDEPENDENT_FRAMES = 20.0  # more loaded frames than this share their errors and add nothing
+# frames that count as one, by where their misfit comes from: pixel noise (they share the rest
+# shape's error), or more than that (a codec's, a background's, which last and run along the line)
+SHARED_NOISE, SHARED_STRUCTURE = 5.0, 15.0
 STEPS_M = (0.08e-3, 0.03e-3, 0.03e-3)  # of the differences, coarse and fine
-BENDING_SD_M = 0.012e-3  # of the bending's answer, even where all is well
+BENDING_SD_M = 0.003e-3  # of the bending's answer, even where all is well
 POLE_LEVER = 6.0  # how much farther a misplaced pole moves the answer
 TRUSTED_M, DOUBTED_M = 0.2e-3, 0.4e-3  # answers up to here are taken; from here on not at all
 
 
 @dataclass(frozen=True)
 class Origin:
-    """What to add to the arc lengths of each row, and its standard error [m], both (rows,).
-
-    `sensitivity` [1/m] is the relative change of the force per change of origin.
-    """
+    """What to add to the arc lengths of each row, and its standard error [m], both (rows,)."""
 
     per_row: np.ndarray
     se: np.ndarray
-    sensitivity: float = 0.0
 
 
 @dataclass
@@ -100,19 +99,19 @@ def origin_from_tip(places: Stations, whisker: Whisker, angle, time) -> tuple[Or
     good = np.isfinite(tip)
     if good.any():
         part = design[good]
-        weight = np.ones(good.sum())
+        weight, variance = np.ones(good.sum()), TIP_FRAMES * sd**2
         for _ in range(4):
             # the tip's own place is unknown: a free constant, eliminated
-            weighted = part.multiply(weight[:, None] / (TIP_FRAMES * sd**2)).tocsr()
+            weighted = part.multiply(weight[:, None] / variance).tocsr()
             total = np.asarray(weighted.sum(0))[0]
             matrix = (weighted.T @ part).toarray()
-            matrix -= np.outer(total, total) / (weight.sum() / (TIP_FRAMES * sd**2))
+            matrix -= np.outer(total, total) / (weight.sum() / variance)
             away = np.average(tip[good], weights=weight) - tip[good]
             found = _Votes(design, votes.matrix + matrix, weighted.T @ away)
-            origin = found.solve()
-            left = away - origin.per_row[good]
+            left = away - part @ found.weights()
             left -= np.average(left, weights=weight)
             weight = 1 / np.maximum(1, np.abs(left) / (2 * sd))
+            variance = max(TIP_FRAMES * sd**2, _lasting_variance(np.clip(left, -3 * sd, 3 * sd)))
         votes = found
     return votes.solve(), votes
 
@@ -133,7 +132,7 @@ def origin_from_bending(
     if len(rows) < 5:
         return votes.solve()
     part, rest = places.rows(rows), replace(prior, drift=prior.drift[rows], cov=prior.cov[rows])
-    here, design, sensitivity = part.origin, votes.design[rows], 0.0
+    here, design = part.origin, votes.design[rows]
     for step in STEPS_M:
         fits = [
             shape_fit.fit_loaded(part, whisker, curvature_at, rest, shift=shift)
@@ -141,7 +140,7 @@ def origin_from_bending(
         ]
         low, middle, high = (fit["chi2"] * (fit["count"] - 4) for fit in fits)
         noise = max(1.0, float(np.nanmedian(fits[1]["chi2"])))
-        noise *= max(1.0, len(rows) / INDEPENDENT_FRAMES)
+        noise = SHARED_NOISE + SHARED_STRUCTURE * (noise - 1)
         bend = np.nan_to_num((low - 2 * middle + high) / step**2) / (2 * noise)
         pull = -np.nan_to_num((high - low) / (2 * step)) / (2 * noise)
         share = _trust(pull, bend) * (fits[1]["chi2"] < CLEAN * np.nanmedian(fits[1]["chi2"]))
@@ -153,11 +152,7 @@ def origin_from_bending(
         except np.linalg.LinAlgError:
             return votes.solve()
         here = found.per_row[rows]
-        with np.errstate(all="ignore"):
-            sensitivity = np.nanmedian(
-                (fits[2]["force"] - fits[0]["force"]) / (2 * step * fits[1]["force"])
-            )
-    return replace(found, sensitivity=float(np.nan_to_num(sensitivity)))
+    return found
 
 
 def _with_bending(votes, design, bend, pull, sd):
@@ -204,6 +199,12 @@ def _design(angle, time):
         shape=(len(u), knots),
     )
     return sparse.hstack([u[:, None] ** np.arange(ANGLE_TERMS + 1), hats]).tocsr()
+
+
+def _lasting_variance(errors):
+    """Variance that independent errors would have to have so that means scatter as these do's."""
+    lags = range(1, min(TIP_LAGS, len(errors) - 1) + 1)
+    return float(np.mean(errors**2) + 2 * sum(np.mean(errors[k:] * errors[:-k]) for k in lags))
 
 
 def _tip_places(places, whisker):

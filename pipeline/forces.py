@@ -38,6 +38,20 @@ _EVIDENCE_OF_FIT = {
     "force": "shape_force_N",
 }
 
+_ERROR_COLUMNS = {
+    "force": "shape_force_se_N",
+    "moment": "moment_se_N_m",
+    "axial": "axial_se_N",
+    "lateral": "lateral_se_N",
+}
+
+_LOADS = {  # column of the frames: its unit, and in the evidence its share of the force, its error
+    "contact_force_uN": (1e6, "", "shape_force_se_N"),
+    "axial_force_uN": (1e6, "axial_per_force", "axial_se_N"),
+    "lateral_force_uN": (1e6, "lateral_per_force", "lateral_se_N"),
+    "base_moment_nN_m": (1e9, "moment_per_force_m", "moment_se_N_m"),
+}
+
 BUDGET_COLUMNS = (
     "peak_force_se_uN",
     "tracking_se_uN",
@@ -104,17 +118,18 @@ def measure_forces(
     for name in ("gap", "clear_gap"):
         evidence[f"{name}_se_m"] = np.sqrt(fit[f"{name}_var"]) * noise
     evidence["gap_force_cov"] *= noise**2
-    # a first traced point that is off along the whisker changes the force by its share
-    stiffer = np.abs(origin.sensitivity) * origin.se
-    error = np.sqrt(fit["force_var"]) * noise
-    evidence["origin_force_se_N"] = stiffer * np.abs(fit["force"])
-    evidence["shape_force_se_N"] = np.hypot(error, evidence["origin_force_se_N"])
+    for load, column in _ERROR_COLUMNS.items():
+        # a first traced point that is off along the whisker changes the loads by its share
+        follows = np.abs(fit[f"{load}_by_origin"]) * origin.se
+        evidence[column] = np.hypot(np.sqrt(fit[f"{load}_var"]) * noise, follows)
+    evidence["origin_force_se_N"] = np.abs(fit["force_by_origin"]) * origin.se
     # the base's angle without the load's bending of the hidden part: from the fit
     angle = np.where(np.isfinite(fit["angle"]), fit["angle"], angle)
     rest = _rest_columns(kinematics, angle, time, free)
     point, error = point_force(rest, fit)
     evidence["point_force_N"] = point
-    evidence["point_force_se_N"] = np.hypot(error, stiffer * point)
+    stiffer = 4 / (whisker.cone_length - curvature_at)  # E I goes with (cone length − s)⁴
+    evidence["point_force_se_N"] = np.hypot(error, stiffer * origin.se * point)
     return evidence, rest
 
 
@@ -219,17 +234,13 @@ def add_forces(
     force = evidence[f"{method}_force_N"].to_numpy(float)
     error = evidence[f"{method}_force_se_N"].to_numpy(float)
     frames["contact_arc_length_mm"] = np.where(touching, 1e3 * evidence["contact_m"], np.nan)
-    loads = {
-        "contact_force_uN": (1e6, np.ones(len(frames))),
-        "axial_force_uN": (1e6, evidence["axial_per_force"].to_numpy(float)),
-        "lateral_force_uN": (1e6, evidence["lateral_per_force"].to_numpy(float)),
-        "base_moment_nN_m": (1e9, evidence["moment_per_force_m"].to_numpy(float)),
-    }
-    for column, (unit, per_force) in loads.items():
+    for column, (unit, per_force, own_error) in _LOADS.items():
+        share = evidence[per_force].to_numpy(float) if per_force else 1.0
         # noise may make a touch's first force negative; a pole does not pull
-        value = np.where(touching, unit * per_force * np.maximum(force, 0.0), 0.0)
+        value = np.where(touching, unit * share * np.maximum(force, 0.0), 0.0)
         frames[column] = np.where(known, value, np.nan)
-        frames[f"{column}_se"] = np.where(known, unit * np.abs(per_force) * error, np.nan)
+        spread = evidence[own_error].to_numpy(float) if method == "shape" else abs(share) * error
+        frames[f"{column}_se"] = np.where(known, unit * spread, np.nan)
     return frames
 
 

@@ -23,6 +23,7 @@ N_REST = 4  # Legendre polynomials of the rest curvature
 ITERATIONS = 12
 FEWEST_STATIONS = 10
 ANCHOR_MOVES_M = 2e-6  # the contact point is moved along the whisker in steps above this
+ORIGIN_STEP_M = 1e-5  # of the derivatives by the origin
 HUBER = 3.0  # SD beyond which a station counts less
 ANCHOR_SPAN = 6  # stations whose chord continues the trace into the fur
 _FREE, _LOADED = N_REST + 2, N_REST + 3  # numbers of parameters
@@ -32,6 +33,8 @@ _COLUMNS = (
     "angle", "follicle_x", "follicle_y", "moment_per_force", "axial_per_force",
     "lateral_per_force", "curvature_per_force", "lever_at_curvature", "rest_curvature",
     "chi2", "count", "clear_gap", "clear_gap_var",
+    "moment_var", "axial_var", "lateral_var",
+    "force_by_origin", "moment_by_origin", "axial_by_origin", "lateral_by_origin",
 )  # fmt: skip
 
 
@@ -54,6 +57,9 @@ class ShapeFit:
         rest_curvature : of the fitted rest shape at `curvature_at` [1/m]
         chi2, count : reduced χ² of the stations, their number
         clear_gap, clear_gap_var : gap that the whisker would have without the force
+        moment_var, axial_var, lateral_var : of the base loads, (moment_per_force · force) …
+        force_by_origin, moment_by_origin, axial_by_origin, lateral_by_origin : how force and
+            base loads change with `Stations.origin`, the rest shape moving along [N/m, N, N/m]
     rest : (rows, N_REST) rest-shape coefficients a_j [1/m]
     rest_cov : (rows, N_REST, N_REST)
     """
@@ -148,7 +154,10 @@ def _fit_rows(
     m, terms = basis.shape
     x, y, angle = np.zeros(m), np.zeros(m), np.zeros(m)
     shift = np.zeros((m, _LOADED))
-    base, follicle = np.zeros((3, _LOADED)), np.zeros(3)
+    base, follicle, moved_base = np.zeros((3, _LOADED)), np.zeros(3), np.zeros(3)
+    moved_x, moved_y, moved_angle = np.zeros(m), np.zeros(m), np.zeros(m)
+    moved_shift, gradient = np.zeros((m, _LOADED)), np.zeros((3, _LOADED))
+    scratch, follows = np.zeros((3, _LOADED)), np.zeros(_LOADED)
     normal, rhs = np.zeros((_LOADED, _LOADED)), np.zeros(_LOADED)
     lower, inverse = np.zeros((_LOADED, _LOADED)), np.zeros((_LOADED, _LOADED))
     p, mean = np.zeros(_LOADED), np.zeros(terms)
@@ -225,6 +234,14 @@ def _fit_rows(
                 _softness(at + origin[row], rod),
                 pole_x[row], pole_y[row], pole_radius, radius,
             )  # fmt: skip
+            force = _unit_force(p[1], side[row], friction[row])
+            _load_errors(o, p[size - 1], cov, size, force, base, gradient)
+            _lay(
+                p, rod, load, origin[row] + ORIGIN_STEP_M, moved[row] + ORIGIN_STEP_M, h, c,
+                ref_x, ref_y, moved_x, moved_y, moved_angle, moved_shift, scratch, moved_base,
+            )  # fmt: skip
+            _follow(info[row], x, y, angle, moved_x, moved_y, shift, size, inverse, rhs, follows)
+            _loads_by_origin(o, p[size - 1], size, force, c_x, c_y, moved_base, gradient, follows)
 
 
 @njit(cache=True)
@@ -588,3 +605,54 @@ def _loads(
     o[13], o[14] = lever * softness_at, lever
     o[18] = o[2] - force * o[5]
     o[19] = o[3] + o[5] ** 2 * o[1] - 2 * o[5] * o[4]
+
+
+@njit(cache=True)
+def _load_errors(o, force, cov, size, unit, base, gradient):
+    """Variances of base moment, axial and lateral force; `gradient` (3, parameters) of them."""
+    fx, fy = unit
+    gradient[:, :] = 0.0
+    # the rod turns and shifts as a whole with the first two parameters: no load changes
+    for q in range(2, size):
+        gradient[0, q] = force * (base[1, q] * fx - base[0, q] * fy)
+        gradient[1, q] = force * base[2, q] * o[12]
+        gradient[2, q] = -force * base[2, q] * o[11]
+    for k in range(3):
+        gradient[k, size - 1] += o[10 + k]
+        total = 0.0
+        for a in range(size):
+            for b in range(size):
+                total += gradient[k, a] * cov[a, b] * gradient[k, b]
+        o[20 + k] = total
+
+
+@njit(cache=True)
+def _follow(info, x, y, angle, moved_x, moved_y, shift, size, inverse, rhs, follows):
+    """Fill `follows` with the parameters' derivatives by the origin, which moved the model."""
+    rhs[:] = 0.0
+    for k in range(len(info)):
+        if info[k] > 0:
+            away = (moved_y[k] - y[k]) * np.cos(angle[k]) - (moved_x[k] - x[k]) * np.sin(angle[k])
+            for a in range(size):
+                rhs[a] -= info[k] * shift[k, a] * away / ORIGIN_STEP_M
+    follows[:] = 0.0
+    for a in range(size):
+        for b in range(size):
+            follows[a] += inverse[a, b] * rhs[b]
+
+
+@njit(cache=True)
+def _loads_by_origin(o, force, size, unit, c_x, c_y, follicle, gradient, follows):
+    """Derivatives of force and base loads by the origin, from those of the parameters."""
+    fx, fy = unit
+    x, y, angle = follicle
+    moved = (
+        (c_x - x) * fy - (c_y - y) * fx,
+        fx * np.cos(angle) + fy * np.sin(angle),
+        fy * np.cos(angle) - fx * np.sin(angle),
+    )
+    o[23] = follows[size - 1]
+    for k in range(3):
+        o[24 + k] = force * (moved[k] - o[10 + k]) / ORIGIN_STEP_M
+        for a in range(size):
+            o[24 + k] += gradient[k, a] * follows[a]

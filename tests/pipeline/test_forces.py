@@ -102,6 +102,9 @@ def frames_by_hand():
             "axial_per_force": np.full(6, -0.25),
             "lateral_per_force": np.full(6, -0.9),
             "moment_per_force_m": np.full(6, -8e-3),
+            "axial_se_N": np.full(6, 2e-8),
+            "lateral_se_N": np.full(6, 5e-8),
+            "moment_se_N_m": np.full(6, 3e-10),
         }
     )
     return as_table(frames, FRAME_COLUMNS), evidence
@@ -114,11 +117,13 @@ def test_forces_are_filled_in_contacts_only():
     np.testing.assert_allclose(out["axial_force_uN"], [0, 0, -1, -0.5, 0, np.nan])
     np.testing.assert_allclose(out["lateral_force_uN"], [0, 0, -3.6, -1.8, 0, np.nan])
     np.testing.assert_allclose(out["base_moment_nN_m"], [0, 0, -32, -16, 0, np.nan])
-    np.testing.assert_allclose(out["base_moment_nN_m_se"][:5], 0.4)
+    np.testing.assert_allclose(out["base_moment_nN_m_se"][:5], 0.3)
+    np.testing.assert_allclose(out["axial_force_uN_se"][:5], 0.02)
     np.testing.assert_allclose(out["contact_arc_length_mm"], [np.nan, 9, 9, 9, np.nan, np.nan])
     assert frames["contact_force_uN"].isna().all()
     point = forces.add_forces(frames, evidence, {"C2": object()}, method="point")
     np.testing.assert_allclose(point["contact_force_uN"], [0, 0, 5, 1, 0, np.nan])
+    np.testing.assert_allclose(point["base_moment_nN_m_se"][:5], 0.8)
     nothing = forces.add_forces(frames, evidence, {"C2": None})
     assert nothing["contact_force_uN"].isna().all()
     with pytest.raises(ValueError, match="method must be one of"):

@@ -122,6 +122,24 @@ def test_an_origin_that_is_known_costs_nothing(origin):
     assert abs(blind["force"][1] / truth.contact_force[1] - 1) > 0.02
 
 
+@pytest.mark.parametrize("load", ["force", "moment", "axial", "lateral"])
+def test_how_loads_follow_the_origin(load):
+    """Beside the difference of two fits; the rest shape is told loosely, as by free frames."""
+    _, places = touching([0.05, 0.3], distance=8e-3)
+
+    def loads(shift):
+        prior = known_rest(2, sd=0.1)
+        fit = shape_fit.fit_loaded(places, mouse_c2(), CURVATURE_AT, prior, shift=shift)
+        share = 1.0 if load == "force" else fit[f"{load}_per_force"]
+        return fit["force"] * share, fit
+
+    step = 0.02e-3
+    difference = (loads(step)[0] - loads(-step)[0]) / (2 * step)
+    value, fit = loads(0.0)
+    np.testing.assert_allclose(fit[f"{load}_by_origin"], difference, rtol=0.05)
+    assert load != "force" or (np.abs(difference / value) > 200).all()  # 2 % per 0.1 mm
+
+
 def test_friction_that_is_known_is_taken_out():
     truth, places = touching([0.1, 0.4], friction=0.3)
     fit = shape_fit.fit_loaded(places, mouse_c2(), CURVATURE_AT, known_rest(2), friction=0.3)
@@ -137,6 +155,11 @@ def test_standard_errors_cover():
     z = (fit["force"] - truth.contact_force) / np.sqrt(fit["force_var"])
     assert 0.92 < np.mean(np.abs(z) < 1.96) < 0.98
     assert abs(z.mean()) < 0.15
+    for load in ("moment", "axial", "lateral"):
+        true = getattr(truth, {"moment": "base_moment"}.get(load, f"{load}_force"))
+        z = (fit["force"] * fit[f"{load}_per_force"] - true) / np.sqrt(fit[f"{load}_var"])
+        assert 0.92 < np.mean(np.abs(z) < 1.96) < 0.99
+        assert abs(z.mean()) < 0.15
     z = fit["gap"] / np.sqrt(fit["gap_var"])
     assert 0.92 < np.mean(np.abs(z) < 1.96) < 0.98
     both = np.cov(fit["gap"], fit["force"])[0, 1]
