@@ -1,0 +1,115 @@
+"""Fig. 3 by command: a handful of contacts end to end, resumption, and what counts as missed."""
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+WORKFLOWS = Path(__file__).parents[2] / "workflows"
+SEED = "6"  # whose first trial is short
+SECTIONS = ("Paper, truth, recovered", "Contact by contact", "What it costs")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def fig3():
+    sys.path.insert(0, str(WORKFLOWS))
+    import fig3
+
+    yield fig3
+    sys.path.remove(str(WORKFLOWS))
+
+
+@pytest.fixture(scope="module")
+def made(fig3, tmp_path_factory):
+    """One trial by the command: its folder, exit status, Markdown file and `Size`."""
+    out = tmp_path_factory.mktemp("fig3")
+    page = out / "page.md"
+    page.write_text("above\n<!-- fig3: begin -->\n<!-- fig3: end -->\nbelow\n")
+    status = fig3.main(
+        ["--out", str(out), "--trials", "1", "--seed", SEED, "--jobs", "1", "--write", str(page)]
+    )
+    return out, status, page, fig3.make(out / "trials_0001", 1, int(SEED), 1)
+
+
+def test_a_handful_of_contacts_is_recovered(made):
+    _, status, _, size = made
+    assert status == 0
+    assert size.faults == []
+    assert size.true_contacts == len(size.match.pairs) == 12
+    assert size.match.invented.empty
+    error = size.match.pairs.eval("peak_force_uN / true_peak_force_uN - 1")
+    assert np.abs(error).median() < 0.02  # of the peak force
+
+
+def test_tables_are_put_between_the_marks(made):
+    out, _, page, size = made
+    text = page.read_text()
+    assert text.startswith("above\n<!-- fig3: begin -->\n    python workflows/fig3.py --out")
+    assert text.endswith("<!-- fig3: end -->\nbelow\n")
+    for section in SECTIONS:
+        assert f"### {section}" in text
+    assert "| contacts, number            | 12417  | 12 " in text
+    assert f"| frames                        | {size.frames} " in text
+    assert (page.parent / "images" / "fig3.png").stat().st_size > 10_000
+    assert (out / "trials_0001" / "results" / "report.html").exists()
+
+
+def test_what_is_there_is_not_made_again_and_its_time_stays(fig3, made, monkeypatch):
+    out, _, _, size = made
+
+    def never(*_):
+        raise AssertionError("made again")
+
+    monkeypatch.setattr("synthetic.session.make_trial", never)
+    monkeypatch.setattr("pipeline.batch.process_video", never)
+    again = fig3.make(out / "trials_0001", 1, int(SEED), 1)
+    assert again.rendering == size.rendering
+    assert again.processing == size.processing
+    assert again.wall["render"] >= size.wall["render"] > sum(size.rendering.values()) * 0.5
+    assert again.frames == size.frames
+
+
+def test_targets_are_judged_against_the_truth(fig3, made):
+    size, numbers = made[-1], made[-1].numbers.copy()
+    assert all(row["met"] for row in fig3.checks(size))
+    row = (numbers["quantity"] == "duration") & (numbers["statistic"] == "95 %")
+    numbers.loc[row, "recovered"] = 1.031 * numbers.loc[row, "truth"]
+    (missed,) = [c for c in fig3.checks(replace(size, numbers=numbers)) if not c["met"]]
+    assert missed == {
+        "what": "duration, 95 %", "deviation": "+3.10%", "allowed": "±3.00%", "met": False,
+    }  # fmt: skip
+    numbers["recovered"] = np.nan
+    assert not any(row["met"] for row in fig3.checks(replace(size, numbers=numbers)))
+
+
+def test_costs_are_per_thousand_frames(fig3, made):
+    size = replace(
+        made[-1], frames=500, rendering={"motion": 1.0}, processing={"decoding": 0.25},
+        wall={"render": 2.0, "run": 0.5, "figures and report": 0.5},
+    )  # fmt: skip
+    rows = {
+        line.split("|")[1].strip(): line.split("|")[2].strip()
+        for line in fig3.costs_text([size]).splitlines()
+        if line.startswith("|")
+    }
+    assert rows["rendering: motion"] == "2.000"
+    assert rows["processing: decoding"] == "0.500"
+    assert rows["**wall time**"] == "**6.000**"
+
+
+def test_wrong_arguments_are_named(fig3, capsys):
+    for given in (["--sizes", "3,x"], ["--trials", "0"], ["--sizes", "0"]):
+        with pytest.raises(SystemExit):
+            fig3.main(given)
+        assert given[0] in capsys.readouterr().err
+
+
+def test_missing_values_are_no_errors(fig3, made):
+    match = made[-1].match
+    pairs = match.pairs.assign(steady_peak_nN_m=np.nan)
+    text = fig3.contacts_text(replace(made[-1], match=replace(match, pairs=pairs)))
+    assert "| steady peak moment [%] | 0 " in text
+    assert pd.Series(fig3.errors(match)["peak force [%]"]).notna().all()
