@@ -18,6 +18,7 @@ from pipeline.records import (
     empty_table,
 )
 from pipeline.settings import Settings, WhiskerSettings
+from pipeline.station_store import StationStore
 from pipeline.video import open_video
 from whiskermodel.whisker import Whisker
 
@@ -99,13 +100,13 @@ class Followed:
     Attributes
     ----------
     frames : table of FRAME_COLUMNS with the kinematics
-    places : `Stations` of all traced rows; None where no whisker was ever seen
+    places : `Stations` of all traced rows, by whisker
     pole : where the pole was
     n_frames : frames read
     """
 
     frames: pd.DataFrame
-    places: stations.Stations | None
+    places: StationStore
     pole: PoleTrack | None
     n_frames: int
 
@@ -115,25 +116,25 @@ def follow(video, epochs, cast, settings, clock, keep=None, progress=None) -> Fo
     recording, pole = settings.recording.si(), pole_track(epochs)
     frames = Counted(clock.each("decoding", video), video.n_frames, progress)
     chunks = tracing.trace(frames, epochs, list(cast.roster), tracing_options(settings))
-    kinematics, places = [], []
+    kinematics, places = [], StationStore()
     for chunk in clock.each("centrelines", chunks):
         with clock("curvature"):
             at = settings.analysis.curvature_at
             hidden = cast.hidden_lengths
             kinematics.append(curvature.measure(chunk, recording, hidden, at, pole))
         with clock("distances"):
-            places.append(stations.measure_stations(chunk, recording, cast.nominal, hidden, pole))
+            places.add(stations.measure_stations(chunk, recording, cast.nominal, hidden, pole))
         with clock("storing"):
             if keep is not None:
                 keep(chunk)
     clock.seconds["centrelines"] -= clock.seconds["decoding"]
     table = frame_table(kinematics, cast, frames.count, recording)
-    return Followed(table, stations.join(places) if places else None, pole, frames.count)
+    return Followed(table, places, pole, frames.count)
 
 
 def find_touches(followed: Followed, cast, settings, corrections=None) -> contact.Touch:
     """Contacts, forces, pulses and base loads of what was followed."""
-    if followed.places is None:
+    if not followed.places.names:
         return _nothing_traced(followed.frames)
     return contact.analyse_touch(
         followed.frames,

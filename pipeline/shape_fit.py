@@ -16,12 +16,13 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from pipeline.stations import Stations
+from pipeline.stations import N_STATIONS, Stations
 from whiskermodel.whisker import Whisker
 
 N_REST = 4  # Legendre polynomials of the rest curvature
 ITERATIONS = 12
 FEWEST_STATIONS = 10
+BLOCK_ROWS = 2048  # held in memory at a time
 ANCHOR_MOVES_M = 2e-6  # the contact point is moved along the whisker in steps above this
 ORIGIN_STEP_M = 1e-5  # of the derivatives by the origin
 HUBER = 3.0  # SD beyond which a station counts less
@@ -35,6 +36,7 @@ _COLUMNS = (
     "chi2", "count", "clear_gap", "clear_gap_var",
     "moment_var", "axial_var", "lateral_var",
     "force_by_origin", "moment_by_origin", "axial_by_origin", "lateral_by_origin",
+    "origin_pull", "origin_bend",
 )  # fmt: skip
 
 
@@ -60,6 +62,8 @@ class ShapeFit:
         moment_var, axial_var, lateral_var : of the base loads, (moment_per_force · force) …
         force_by_origin, moment_by_origin, axial_by_origin, lateral_by_origin : how force and
             base loads change with `Stations.origin`, the rest shape moving along [N/m, N, N/m]
+        origin_pull, origin_bend : slope and curvature of the log-likelihood by the origin, all
+            else fitted again, for measurements with the stations' information [1/m, 1/m²]
     rest : (rows, N_REST) rest-shape coefficients a_j [1/m]
     rest_cov : (rows, N_REST, N_REST)
     """
@@ -123,7 +127,7 @@ def _vague(n):
 
 
 def _fit(stations, whisker, curvature_at, prior, loaded, friction, shift=0.0):
-    n, m = stations.x.shape
+    n, m = len(stations), N_STATIONS
     s = np.arange(m) * whisker.length / (m - 1)
     out = np.full((n, len(_COLUMNS)), np.nan)
     rest = np.full((n, N_REST), np.nan)
@@ -134,14 +138,19 @@ def _fit(stations, whisker, curvature_at, prior, loaded, friction, shift=0.0):
     rod = (whisker.length, whisker.cone_length, whisker.base_flexural_rigidity)
     with np.errstate(invalid="ignore"):
         side = np.where(loaded & np.isfinite(stations.pole_x), stations.side, 0)
+    side, basis = side.astype(np.float64), rest_basis(whisker, s)
     radius = np.array([whisker.base_radius, whisker.base_radius / whisker.cone_length])
-    _fit_rows(
-        stations.x, stations.y, stations.information, stations.origin + shift, s[1], rod,
-        stiffness, rest_basis(whisker, s), side.astype(np.float64), stations.pole_x,
-        stations.pole_y, stations.pole_radius, stations.nearest, radius, curvature_at, shift,
-        np.ascontiguousarray(prior.weights), prior.centre, prior.scale,
-        np.ascontiguousarray(prior.drift), np.linalg.inv(prior.cov), friction, out, rest, rest_cov,
-    )  # fmt: skip
+    weights, drift = np.ascontiguousarray(prior.weights), np.ascontiguousarray(prior.drift)
+    for start in range(0, n, BLOCK_ROWS):
+        rows = slice(start, start + BLOCK_ROWS)
+        part = stations.rows(rows).loaded()
+        _fit_rows(
+            part.x, part.y, part.information, part.origin + shift[rows], s[1], rod,
+            stiffness, basis, side[rows], part.pole_x, part.pole_y, part.pole_radius,
+            part.nearest, radius, curvature_at, shift[rows], weights, prior.centre, prior.scale,
+            drift[rows], np.linalg.inv(prior.cov[rows]), friction[rows],
+            out[rows], rest[rows], rest_cov[rows],
+        )  # fmt: skip
     table = {name: out[:, k] for k, name in enumerate(_COLUMNS)}
     return ShapeFit(table, rest, rest_cov)
 
@@ -240,7 +249,10 @@ def _fit_rows(
                 p, rod, load, origin[row] + ORIGIN_STEP_M, moved[row] + ORIGIN_STEP_M, h, c,
                 ref_x, ref_y, moved_x, moved_y, moved_angle, moved_shift, scratch, moved_base,
             )  # fmt: skip
-            _follow(info[row], x, y, angle, moved_x, moved_y, shift, size, inverse, rhs, follows)
+            _follow(
+                xs[row], ys[row], info[row], chi2, x, y, angle, moved_x, moved_y, shift, size,
+                inverse, rhs, follows, o,
+            )  # fmt: skip
             _loads_by_origin(o, p[size - 1], size, force, c_x, c_y, moved_base, gradient, follows)
 
 
@@ -497,16 +509,12 @@ def _equations(
     terms = len(mean)
     normal[:, :] = 0.0
     rhs[:] = 0.0
-    scale = np.sqrt(max(chi2, 1.0))
     total, count = 0.0, 0
     for k in range(len(xs)):
         if not info[k] > 0:
             continue
         misfit = -(xs[k] - x[k]) * np.sin(angle[k]) + (ys[k] - y[k]) * np.cos(angle[k])
-        deviation = abs(misfit) * np.sqrt(info[k]) / scale
-        weight = info[k]
-        if robust and deviation > HUBER:
-            weight *= HUBER / deviation
+        weight = _robust_weight(info[k], misfit, chi2) if robust else info[k]
         total += weight * misfit * misfit
         count += 1
         for a in range(size):
@@ -525,6 +533,13 @@ def _equations(
         for b in range(a):
             normal[a, b] = normal[b, a]
     return chi2
+
+
+@njit(cache=True)
+def _robust_weight(info, misfit, chi2):
+    """Information of a station, less where it lies off by more than HUBER usual misfits."""
+    deviation = abs(misfit) * np.sqrt(info / max(chi2, 1.0))
+    return info * HUBER / deviation if deviation > HUBER else info
 
 
 @njit(cache=True)
@@ -627,18 +642,32 @@ def _load_errors(o, force, cov, size, unit, base, gradient):
 
 
 @njit(cache=True)
-def _follow(info, x, y, angle, moved_x, moved_y, shift, size, inverse, rhs, follows):
-    """Fill `follows` with the parameters' derivatives by the origin, which moved the model."""
+def _follow(
+    xs, ys, info, chi2, x, y, angle, moved_x, moved_y, shift, size, inverse, rhs, follows, o
+):
+    """Fill `follows` with the parameters' derivatives by the origin, which moved the model.
+
+    And the log-likelihood's slope and curvature by the origin: Gauss–Newton's, as for the rest.
+    """
     rhs[:] = 0.0
+    pull, bend = 0.0, 0.0
     for k in range(len(info)):
-        if info[k] > 0:
-            away = (moved_y[k] - y[k]) * np.cos(angle[k]) - (moved_x[k] - x[k]) * np.sin(angle[k])
-            for a in range(size):
-                rhs[a] -= info[k] * shift[k, a] * away / ORIGIN_STEP_M
+        if not info[k] > 0:
+            continue
+        sin, cos = np.sin(angle[k]), np.cos(angle[k])
+        away = ((moved_y[k] - y[k]) * cos - (moved_x[k] - x[k]) * sin) / ORIGIN_STEP_M
+        misfit = (ys[k] - y[k]) * cos - (xs[k] - x[k]) * sin
+        weight = _robust_weight(info[k], misfit, chi2)
+        pull += weight * misfit * away
+        bend += weight * away * away
+        for a in range(size):
+            rhs[a] -= weight * shift[k, a] * away
     follows[:] = 0.0
     for a in range(size):
         for b in range(size):
             follows[a] += inverse[a, b] * rhs[b]
+        bend -= rhs[a] * follows[a]
+    o[27], o[28] = pull, bend
 
 
 @njit(cache=True)

@@ -4,7 +4,7 @@ A chunk of centrelines goes in, some sixty numbers per whisker and frame come ou
 mechanics of a long video fits in memory. Metres, y up, counter-clockwise positive.
 """
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from numba import njit
@@ -16,6 +16,7 @@ N_STATIONS = 73  # over the whisker's length: 0.25 mm apart on a mouse's C2
 FUR_CLINGS_M = 0.4e-3  # first visible part that is not used
 POLE_BLURS_PX = 6.0  # from the pole's edge on: the trace is drawn towards the dark disc
 LONGEST_EXTENSION_M = 1.5e-3  # a trace that ends before the tip is continued straight this far
+SHARED = ("names", "spacing", "pole_radius", "file")  # fields that are not one per row
 END_FIT_PX = 12  # the last points, which give the direction of that continuation
 
 
@@ -69,41 +70,17 @@ class Stations:
         return self.rows(rows)
 
     def rows(self, rows) -> "Stations":
-        """Return the given rows (indices or mask)."""
+        """Return the given rows (indices, slice or mask)."""
         per_row = {
             f.name: getattr(self, f.name)[rows]
             for f in fields(self)
-            if f.name not in ("names", "spacing", "pole_radius")
+            if f.name not in SHARED and getattr(self, f.name) is not None
         }
-        return Stations(
-            names=self.names, spacing=self.spacing, pole_radius=self.pole_radius, **per_row
-        )
+        return replace(self, **per_row)
 
-
-def join(chunks) -> Stations:
-    """Return one `Stations` from those of consecutive chunks.
-
-    Raises
-    ------
-    ValueError
-        Where there is no chunk, or the chunks are not of the same whiskers.
-    """
-    chunks = list(chunks)
-    if not chunks:
-        raise ValueError("chunks must hold at least one Stations, got none")
-    head = chunks[0]
-    for chunk in chunks[1:]:
-        if chunk.names != head.names or not np.array_equal(chunk.spacing, head.spacing):
-            raise ValueError(
-                f"chunks must be of the same whiskers, got {head.names}, {chunk.names}"
-            )
-    shared = {"names": head.names, "spacing": head.spacing, "pole_radius": head.pole_radius}
-    rest = {
-        f.name: np.concatenate([getattr(chunk, f.name) for chunk in chunks])
-        for f in fields(Stations)
-        if f.name not in shared
-    }
-    return Stations(**shared, **rest)
+    def loaded(self) -> "Stations":
+        """Return the same with x, y and information in memory, as here they are."""
+        return self
 
 
 def nominal_whisker(name: str, visible_length: float, hidden_length: float) -> Whisker:

@@ -134,17 +134,10 @@ def test_short_traces_and_absent_poles_are_told():
     assert (places.information[1] == 0).all()
 
 
-def test_join_and_pick():
-    one, two = measure(lines_of(arc(0.001))), measure(lines_of(arc(0.002), arc(0.003)))
-    both = stations.join([one, two])
-    assert len(both) == 3
-    np.testing.assert_array_equal(both.rows([2]).x, two.x[1:])
-    np.testing.assert_array_equal(both.of("C2").frame, [0, 0, 1])
-    with pytest.raises(ValueError, match="at least one"):
-        stations.join([])
-    other = stations.Stations(**{**vars(one), "names": ("D1",)})
-    with pytest.raises(ValueError, match="same whiskers"):
-        stations.join([one, other])
+def test_rows_of_one_whisker():
+    both = measure(lines_of(arc(0.001), arc(0.002), arc(0.003)))
+    np.testing.assert_array_equal(both.rows([2]).x, both.x[2:])
+    np.testing.assert_array_equal(both.of("C2").frame, [0, 1, 2])
 
 
 def test_arguments_must_match_the_names():
