@@ -4,8 +4,8 @@
     python workflows/fig3.py --out fig3 --sizes 10,30,90             # what a session costs by size
     python workflows/fig3.py --out fig3 --full --write docs/fig3.md  # all 12,417 contacts, hours
 
-Renders a session of the `fig3` preset, processes it as `whiskerforce run` does, draws Fig. 3 and
-the report, and compares the tables. The same command goes on where it was stopped: what is
+Renders a session of the `fig3` preset, processes it by `whiskerforce run` with figures and
+report, and compares the tables. The same command goes on where it was stopped: what is
 rendered or processed is not made again, and its time is remembered. The exit status is 1 where
 a target is missed or a video failed.
 """
@@ -14,6 +14,7 @@ import argparse
 import os
 import shlex
 import shutil
+import subprocess
 import sys
 import time
 from contextlib import contextmanager
@@ -25,9 +26,8 @@ import numpy as np
 import pandas as pd
 from accuracy import cell, markdown
 
-from pipeline import batch, figures, tables
+from pipeline import figures, tables
 from pipeline.records import CONTACT_COLUMNS
-from pipeline.report import write_report
 from synthetic.scoring import ContactMatch, match_contacts
 from synthetic.session import STAGES, RenderError, render_session
 
@@ -48,9 +48,9 @@ class Size:
     ----------
     trials, jobs : as asked for
     frames : of all videos that were processed
-    megabytes : of the videos
+    video_bytes, all_bytes : of the videos, and of all that lies in the folder
     rendering, processing : seconds by stage, summed over all videos
-    wall : seconds by step ("render", "run", "figures and report"), summed over all invocations
+    wall : seconds of the steps "render" and "run", summed over all invocations
     numbers : table of fig3.csv: quantity, statistic, unit, recovered, truth, paper
     match : found beside true contacts
     faults : what failed, a line each
@@ -59,7 +59,8 @@ class Size:
     trials: int
     jobs: int
     frames: int
-    megabytes: float
+    video_bytes: int
+    all_bytes: int
     rendering: dict
     processing: dict
     wall: dict
@@ -76,29 +77,29 @@ class Size:
 # Making --------------------------------------------------------------------------------------
 
 
-def make(folder, trials, seed, jobs, say=print) -> Size:
-    """Render, process and draw a session in `folder`, or what of it is not there yet."""
+def make(folder, trials, seed, jobs) -> Size:
+    """Render and process a session in `folder`, or what of it is not there yet."""
     folder = Path(folder)
     videos, results, faults = folder / "videos", folder / "results", []
-    with wall_time(folder, "render"):
+    with wall_time(folder, "render", "videos/truth/*/scene.json"):
         try:
-            render_session(videos, "fig3", seed, trials, jobs, counted(say))
+            render_session(videos, "fig3", seed, trials, jobs, say_some)
         except RenderError as error:
             faults.append(str(error))
-    with wall_time(folder, "run"):
-        summary = batch.run([videos], results, jobs=jobs)
-    faults += [f"{each.video}: {each.message}" for each in summary.of("failed")]
-    with wall_time(folder, "figures and report", anew=True):
-        figures.write_fig3(results)
-        write_report(results)
-    done = [each for each in summary.outcomes if each.status != "failed"]
+    with wall_time(folder, "run", "results/*/run.json"):
+        run_command(videos, results, jobs)
+    outcomes = tables.read_csv(results / "videos.csv", tables.VIDEO_COLUMNS)
+    failed = outcomes["status"] == "failed"
+    faults += (outcomes["video"] + ": " + outcomes["message"])[failed].tolist()
+    done = outcomes[~failed]
     return Size(
         trials=trials,
         jobs=jobs,
-        frames=sum(each.frames for each in done),
-        megabytes=1e-6 * sum(Path(each.path).stat().st_size for each in done),
+        frames=int(done["frames"].sum()),
+        video_bytes=sum(path.stat().st_size for path in videos.glob("*/*.mp4")),
+        all_bytes=sum(path.stat().st_size for path in folder.rglob("*") if path.is_file()),
         rendering=rendering_seconds(videos),
-        processing=processing_seconds(done),
+        processing=processing_seconds(results, done),
         wall=tables.read_json(folder / TIMES),
         numbers=pd.read_csv(results / "figures" / "fig3.csv"),
         match=match_contacts(*found_and_true(results, videos)),
@@ -106,31 +107,40 @@ def make(folder, trials, seed, jobs, say=print) -> Size:
     )
 
 
-def counted(say, every=10):
-    """A progress of `render_session` that says each tenth video."""
+def say_some(done, total, path):
+    """Progress of rendering, every tenth video."""
+    if done % 10 == 0 or done == total:
+        print(f"{done}/{total} rendered", file=sys.stderr)
 
-    def progress(done, total, path):
-        if done % every == 0 or done == total:
-            say(f"{done}/{total} rendered", file=sys.stderr)
 
-    return progress
+def run_command(videos, results, jobs) -> None:
+    """`whiskerforce run`; RuntimeError where it does not come to its end."""
+    command = ["run", str(videos), "--out", str(results), "--jobs", str(jobs)]
+    status = subprocess.run([sys.executable, "-m", "pipeline.cli", *command]).returncode
+    if status not in (0, 1):  # 1: some videos failed, the others are there
+        raise RuntimeError(f"whiskerforce {shlex.join(command)} ended with status {status}")
 
 
 @contextmanager
-def wall_time(folder, step, anew=False):
+def wall_time(folder, step, made):
     """Add the wall time of what is inside to a step's in `folder`, also where it is stopped.
 
-    With `anew` it takes the earlier one's place.
+    It counts only if any of the files `made` (a pattern) in `folder` is new.
     """
     folder.mkdir(parents=True, exist_ok=True)
+    times, before = tables.read_json(folder / TIMES, {}), newest(folder, made)
     started = time.perf_counter()
     try:
         yield
     finally:
-        times = tables.read_json(folder / TIMES, {})
-        earlier = 0.0 if anew else times.get(step, 0.0)
-        times[step] = round(earlier + time.perf_counter() - started, 3)
-        tables.write_json(folder / TIMES, times)
+        if newest(folder, made) > before:
+            times[step] = round(times.get(step, 0.0) + time.perf_counter() - started, 3)
+            tables.write_json(folder / TIMES, times)
+
+
+def newest(folder, pattern) -> int:
+    """When the newest file of a pattern was written [ns]."""
+    return max((path.stat().st_mtime_ns for path in folder.glob(pattern)), default=0)
 
 
 def rendering_seconds(videos) -> dict:
@@ -139,14 +149,14 @@ def rendering_seconds(videos) -> dict:
     return {stage: sum(scene["seconds"][stage] for scene in each) for stage in STAGES}
 
 
-def processing_seconds(outcomes) -> dict:
-    """Seconds by stage of `run`, summed over videos; "tables, start" is what no stage holds."""
-    seconds = {}
-    for each in outcomes:
-        for stage, spent in each.stages.items():
+def processing_seconds(results, outcomes) -> dict:
+    """Seconds by stage of `run`, summed over videos; "tables" is what no stage holds."""
+    record, seconds = tables.read_json(results / "run.json")["inputs"], {}
+    for video in outcomes["video"]:
+        for stage, spent in record[video]["stages"].items():
             seconds[stage] = seconds.get(stage, 0.0) + spent
-    whole = sum(each.frames / each.frames_per_s for each in outcomes if each.frames_per_s)
-    return {**seconds, "tables, start": whole - sum(seconds.values())}
+    whole = float((outcomes["frames"] / outcomes["frames_per_s"]).sum())
+    return {**seconds, "tables": whole - sum(seconds.values())}
 
 
 def found_and_true(results, videos):
@@ -260,7 +270,8 @@ def costs_text(sizes: list[Size]) -> str:
     rows = [
         ["contacts", *(f"{size.true_contacts}" for size in sizes)],
         ["frames", *(f"{size.frames}" for size in sizes)],
-        ["videos [kB/frame]", *(f"{1e3 * size.megabytes / size.frames:.1f}" for size in sizes)],
+        ["videos [kB/frame]", *(_kilobytes(size, size.video_bytes) for size in sizes)],
+        ["all files [kB/frame]", *(_kilobytes(size, size.all_bytes) for size in sizes)],
         ["processes", *(f"{size.jobs}" for size in sizes)],
     ]
     for group in ("rendering", "processing"):
@@ -270,14 +281,21 @@ def costs_text(sizes: list[Size]) -> str:
             )
         whole = (per_thousand(size, sum(getattr(size, group).values())) for size in sizes)
         rows.append([f"**{group}**, of a process", *(f"**{value:.3f}**" for value in whole)])
-    for step in ("render", "run", "figures and report"):
+    for step in ("render", "run"):
         rows.append([f"wall time: {step}", *(_cost(s, s.wall, step) for s in sizes)])
     wall = [sum(size.wall.values()) for size in sizes]
     each = (per_thousand(size, spent) for size, spent in zip(sizes, wall, strict=True))
     rows.append(["**wall time**", *(f"**{value:.3f}**" for value in each)])
     rows.append(["wall time of all [min]", *(f"{spent / 60:.1f}" for spent in wall)])
-    said = "Seconds per 1000 frames; stages are summed over all processes."
+    said = (
+        "Seconds per 1000 frames; stages are summed over all processes, `run` draws figures and "
+    )
+    said += "report, too."
     return f"{said}\n\n{markdown(header, rows)}"
+
+
+def _kilobytes(size, n_bytes):
+    return f"{1e-3 * n_bytes / max(size.frames, 1):.1f}"
 
 
 def _cost(size, seconds, stage):
