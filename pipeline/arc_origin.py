@@ -40,7 +40,7 @@ CLEAN = 4.0  # times the usual misfit: something else lies upon the whisker
 # frames that count as one, by where their misfit comes from: pixel noise (they share the rest
 # shape's error), or more than that (a codec's, a background's, which last and run along the line)
 SHARED_NOISE, SHARED_STRUCTURE = 5.0, 15.0
-STEPS_M = (0.08e-3, 0.03e-3, 0.03e-3)  # of the differences, coarse and fine
+ROUNDS = 3  # of Gauss–Newton
 BENDING_SD_M = 0.003e-3  # of the bending's answer, even where all is well
 POLE_LEVER = 6.0  # how much farther a misplaced pole moves the answer
 TRUSTED_M, DOUBTED_M = 0.2e-3, 0.4e-3  # answers up to here are taken; from here on not at all
@@ -122,32 +122,31 @@ def origin_from_bending(
     curvature_at: float,
     prior: RestPrior,
     votes: _Votes,
+    friction=0.0,
 ) -> Origin:
     """Origin of each row from tip and bending together.
 
     The rest shape moves along with a row's origin, so that the stiffness along the whisker is
-    what tells. `places.origin` is where the search starts.
+    what tells. `places.origin` is where the search starts; `friction` as in `fit_loaded`.
     """
-    rows = _loaded_rows(places, whisker, curvature_at, prior)
+    friction = np.broadcast_to(np.asarray(friction, float), len(places))
+    rows = _loaded_rows(places, whisker, curvature_at, prior, friction)
     if len(rows) < 5:
         return votes.solve()
     part, rest = places.rows(rows), replace(prior, drift=prior.drift[rows], cov=prior.cov[rows])
     here, design = part.origin, votes.design[rows]
-    for step in STEPS_M:
-        fits = [
-            shape_fit.fit_loaded(part, whisker, curvature_at, rest, shift=shift)
-            for shift in here - part.origin + np.array([[-step], [0.0], [step]])
-        ]
-        low, middle, high = (fit["chi2"] * (fit["count"] - 4) for fit in fits)
-        noise = max(1.0, float(np.nanmedian(fits[1]["chi2"])))
-        noise = SHARED_NOISE + SHARED_STRUCTURE * (noise - 1)
-        bend = np.nan_to_num((low - 2 * middle + high) / step**2) / (2 * noise)
-        pull = -np.nan_to_num((high - low) / (2 * step)) / (2 * noise)
-        share = _trust(pull, bend) * (fits[1]["chi2"] < CLEAN * np.nanmedian(fits[1]["chi2"]))
+    for _ in range(ROUNDS):
+        fit = shape_fit.fit_loaded(
+            part, whisker, curvature_at, rest, friction[rows], here - part.origin
+        )
+        usual = float(np.nanmedian(fit["chi2"]))
+        noise = SHARED_NOISE + SHARED_STRUCTURE * max(usual - 1, 0.0)
+        bend, pull = (np.nan_to_num(fit[f"origin_{k}"]) / noise for k in ("bend", "pull"))
+        share = _trust(pull, bend) * (fit["chi2"] < CLEAN * usual)
         witness = design, share * bend, share * (pull + bend * here)
         try:
             alone = _with_bending(votes.loosely(), *witness, BENDING_SD_M)
-            sd = _doubt(alone.weights()[0], fits[1]["gap"], part.side)
+            sd = _doubt(alone.weights()[0], fit["gap"], part.side)
             found = _with_bending(votes, *witness, sd).solve()
         except np.linalg.LinAlgError:
             return votes.solve()
@@ -229,7 +228,7 @@ def _tip_places(places, whisker):
     return np.where(good, end, np.nan), max(scatter, 10e-6)
 
 
-def _loaded_rows(places, whisker, curvature_at, prior):
+def _loaded_rows(places, whisker, curvature_at, prior, friction):
     """Rows that are surely and strongly bent by the pole, spread over the video."""
     with np.errstate(invalid="ignore"):
         near = np.flatnonzero((places.side != 0) & (places.distance < 0.1e-3) & ~places.extended)
@@ -237,7 +236,7 @@ def _loaded_rows(places, whisker, curvature_at, prior):
         return near
     near = near[:: max(1, len(near) // (2 * MOST_ROWS))]
     rest = replace(prior, drift=prior.drift[near], cov=prior.cov[near])
-    fit = shape_fit.fit_loaded(places.rows(near), whisker, curvature_at, rest)
+    fit = shape_fit.fit_loaded(places.rows(near), whisker, curvature_at, rest, friction[near])
     with np.errstate(invalid="ignore"):
         push = np.nan_to_num(fit["force"] / np.sqrt(fit["force_var"]))
     near = near[push > LEAST_PUSH_SD]

@@ -7,6 +7,7 @@ in docs/conventions.md.
 """
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -89,10 +90,13 @@ def measure_forces(
     origin, votes = arc_origin.origin_from_tip(places, whisker, angle, time)
     places = replace(places, origin=origin.per_row)
     prior = _rest_prior(places, whisker, curvature_at, angle, time, free)
-    if prior is not None:
-        origin = arc_origin.origin_from_bending(places, whisker, curvature_at, prior, votes)
-        places = replace(places, origin=origin.per_row)
-        prior = _rest_prior(places, whisker, curvature_at, angle, time, free)
+    if prior is None:
+        fit = shape_fit.fit_free(places, whisker, curvature_at)
+    else:
+        rod = places, whisker, curvature_at, prior
+        rubbing = friction * sliding(shape_fit.fit_loaded(*rod)["contact"]) if friction else 0.0
+        origin = arc_origin.origin_from_bending(*rod, votes, rubbing)
+        fit = shape_fit.fit_loaded(*rod, rubbing, shift=origin.per_row - places.origin)
     evidence = pd.DataFrame(
         {
             "distance_m": places.distance,
@@ -105,13 +109,6 @@ def measure_forces(
             "origin_se_m": origin.se,
         }
     )
-    if prior is None:
-        fit = shape_fit.fit_free(places, whisker, curvature_at)
-    else:
-        fit = shape_fit.fit_loaded(places, whisker, curvature_at, prior)
-        if friction > 0:
-            rubbing = friction * sliding(fit["contact"])
-            fit = shape_fit.fit_loaded(places, whisker, curvature_at, prior, rubbing)
     for name, column in _EVIDENCE_OF_FIT.items():
         evidence[column] = fit[name]
     noise = _force_noise(fit["force"], np.sqrt(fit["force_var"]), places, free)
@@ -301,17 +298,15 @@ def error_budget(contacts: pd.DataFrame, evidence: pd.DataFrame, whiskers: dict)
     `radius_uN_per_percent` (the fourth power), `modulus_uN_per_percent`, `scale_uN_per_percent`
     (pixels per mm: curvature, lever and stiffness at the middle of the bent part).
     """
+    measured = {name: _Measured.of(evidence, name) for name in contacts["whisker"].unique()}
     rows = []
     for contact in contacts.to_dict("records"):
-        own = evidence[evidence["whisker"] == contact["whisker"]]
-        inside = own["frame"].between(contact["onset_frame"], contact["offset_frame"] - 1)
-        own = own[inside & own["shape_force_N"].notna()]
-        whisker, force = whiskers.get(contact["whisker"]), contact["peak_force_uN"]
-        if len(own) == 0 or whisker is None or not np.isfinite(force):
+        name, force = contact["whisker"], contact["peak_force_uN"]
+        errors = measured[name].at_peak(contact["onset_frame"], contact["offset_frame"], force)
+        if errors is None or whiskers.get(name) is None:
             rows.append({})
             continue
-        peak = own.loc[(1e6 * own["shape_force_N"] - force).abs().idxmin()]
-        total, origin = 1e6 * peak["shape_force_se_N"], 1e6 * peak["origin_force_se_N"]
+        total, origin = errors
         middle = 0.6e-3 * contact["contact_arc_length_mm"]
         rows.append(
             {
@@ -322,10 +317,34 @@ def error_budget(contacts: pd.DataFrame, evidence: pd.DataFrame, whiskers: dict)
                 "modulus_uN_per_percent": 0.01 * force,
                 "scale_uN_per_percent": 0.01
                 * force
-                * (2 + 4 * middle / (whisker.cone_length - middle)),
+                * (2 + 4 * middle / (whiskers[name].cone_length - middle)),
             }
         )
     return pd.DataFrame(rows, index=contacts.index, columns=list(BUDGET_COLUMNS), dtype=float)
+
+
+class _Measured(NamedTuple):
+    """Forces and errors of one whisker in the order of its frames [µN], each (frames,)."""
+
+    frame: np.ndarray
+    force: np.ndarray
+    total: np.ndarray
+    origin: np.ndarray
+
+    @classmethod
+    def of(cls, evidence, name):
+        own = evidence[evidence["whisker"] == name].sort_values("frame")
+        columns = ("shape_force_N", "shape_force_se_N", "origin_force_se_N")
+        return cls(own["frame"].to_numpy(), *(1e6 * own[c].to_numpy(float) for c in columns))
+
+    def at_peak(self, onset, offset, peak):
+        """Total and origin's standard error where the force is `peak`; None where unknown."""
+        inside = slice(*np.searchsorted(self.frame, [onset, offset]))
+        away = np.abs(self.force[inside] - peak)
+        if not np.isfinite(away).any():
+            return None
+        at = inside.start + int(np.nanargmin(away))
+        return self.total[at], self.origin[at]
 
 
 def _contact_row(part: pd.DataFrame, recording: Recording) -> dict:

@@ -183,9 +183,9 @@ def as_table(table: pd.DataFrame, columns) -> pd.DataFrame:
     fill = {"bool": False, "string": "", "float64": np.nan}
     out = {}
     for c in columns:
-        values = table[c.name] if c.name in table else fill.get(c.dtype, 0)
-        out[c.name] = pd.Series(values, index=table.index)
-        if not c.dtype.startswith("list"):
+        known = c.name in table
+        out[c.name] = table[c.name] if known else pd.Series(fill.get(c.dtype, 0), table.index)
+        if not c.dtype.startswith("list") and out[c.name].dtype != c.dtype:
             out[c.name] = out[c.name].astype(c.dtype)
     return pd.DataFrame(out)
 

@@ -101,7 +101,7 @@ def fit_rest(values, variances, angle, time, free) -> RestModel | None:
     residual = values - powers @ weights
     for _ in range(5):  # drift and polynomial in turn
         drift = _smooth(time, residual, share, time)
-        weights, share = _robust_polynomial(u, values - drift, len(weights) - 1)
+        weights, share = _robust_polynomial(u, values - drift, len(weights) - 1, weights)
         residual = values - powers @ weights
         middle = np.average(residual, axis=0, weights=share)
         weights[0] += middle  # a drift of mean zero: it is shrunk to that
@@ -156,11 +156,16 @@ def _powers(u, degree):
     return u[:, None] ** np.arange(degree + 1)
 
 
-def _robust_polynomial(u, values, degree):
-    """Tukey-weighted least squares; returns weights (terms, values) and each frame's share."""
+def _robust_polynomial(u, values, degree, weights=None):
+    """Tukey-weighted least squares; returns weights (terms, values) and each frame's share.
+
+    `weights` to begin with are found among random ones where none are given.
+    """
     powers = _powers(u, degree)
-    weights = _robust_start(powers, values)
-    for _ in range(8):
+    begun = weights is not None
+    if not begun:
+        weights = _robust_start(powers, values)
+    for _ in range(2 if begun else 8):
         residual = values - powers @ weights
         spread = 1.4826 * np.median(np.abs(residual), axis=0)
         away = (residual / np.maximum(spread, 1e-12)) ** 2
