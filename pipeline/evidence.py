@@ -7,17 +7,15 @@ from pathlib import Path
 
 import pandas as pd
 
-from pipeline.records import EVIDENCE_COLUMNS, as_table
-from pipeline.tables import whole_file
+from pipeline.records import EVIDENCE_COLUMNS
+from pipeline.tables import write_rows
 
 EVIDENCE_FILE = "evidence.parquet"
 
 
 def write_evidence(folder, evidence: pd.DataFrame) -> None:
     """Write the evidence of a video (records.EVIDENCE_COLUMNS, SI units) into its folder."""
-    evidence = as_table(evidence, EVIDENCE_COLUMNS)
-    with whole_file(Path(folder) / EVIDENCE_FILE) as temporary:
-        evidence.to_parquet(temporary, index=False, compression="zstd")
+    write_rows(Path(folder) / EVIDENCE_FILE, evidence, EVIDENCE_COLUMNS)
 
 
 def read_evidence(folder) -> pd.DataFrame:
