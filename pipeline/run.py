@@ -142,6 +142,7 @@ def find_touches(followed: Followed, cast, settings, corrections=None) -> contac
         settings.recording.si(),
         cast.whiskers,
         curvature_at=settings.analysis.curvature_at,
+        friction=settings.analysis.friction,
         corrections=corrections,
     )
 

@@ -165,6 +165,9 @@ class AnalysisSettings(_Table):
     curvature_at_mm: _quantity(0.1, 100, "mm", {"m": 1e3, "µm": 1e-3}) = Field(
         5.5, description="arc length from the follicle at which curvature is measured"
     )
+    friction: _quantity(0, 2, "") = Field(
+        0.0, description="coefficient of friction between whisker and pole; 0: none"
+    )
 
     @property
     def curvature_at(self) -> float:

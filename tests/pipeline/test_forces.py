@@ -1,5 +1,7 @@
 """Forces on traced true motion and the tables made of them."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -7,7 +9,11 @@ import traced_motion
 
 from pipeline import contact, forces, stations
 from pipeline.records import CONTACT_COLUMNS, FRAME_COLUMNS, Recording, as_table
+from pipeline.run import Followed, find_touches
+from pipeline.settings import settings_from
+from synthetic.motion import HairMotion, Motion
 from synthetic.presets import make_trial
+from whiskermodel import rod
 
 AT = 5.5e-3
 RECORDING = Recording(1000.0, 25.0, "left")
@@ -179,6 +185,45 @@ def test_friction_pulls_against_the_sliding():
     np.testing.assert_array_equal(found[moving], np.sign(np.cos(np.arange(200) / 30))[moving])
     assert (forces.sliding(np.full(50, 9e-3)) == 0).all()
     assert (forces.sliding(np.full(50, np.nan)) == 0).all()
+
+
+def rubbing_motion(coefficient):
+    """Motion of a trial solved again with friction against the sliding of the contact."""
+    motion = make_trial("noisy", 0, 1, 500).motion
+    hair, smooth = motion.scene.hairs[0], motion.hairs[0].contact
+    place = np.where(smooth.touching, smooth.contact_arc_length, np.nan)
+    # nearly at rest it sticks, with whatever friction that takes
+    friction = coefficient * np.tanh(np.nan_to_num(np.gradient(place)) / 2e-6)
+    solved = rod.solve_contact(
+        hair.whisker, smooth.base_x, smooth.base_y, smooth.base_angle, motion.pole_x,
+        motion.pole_y, motion.scene.pole.radius, smooth.side, hair.intrinsic_curvature,
+        friction=friction,
+    )  # fmt: skip
+    return Motion(motion.scene, [HairMotion(solved)], motion.pole_x, motion.pole_y)
+
+
+def test_friction_of_the_session_is_taken_out():
+    """Loads where a true friction of 0.3 acts, without and with `[analysis] friction`."""
+    traced = traced_motion.trace(rubbing_motion(0.3), noise_px=0.02)
+    followed = Followed(traced.frames, traced.places, traced.pole, len(traced.frames))
+    cast = SimpleNamespace(whiskers=traced.whiskers)
+    recording = {"frames_per_second": 1000, "pixels_per_mm": 25, "face": "left"}
+    truth, error = traced.true_frames, {}
+    for friction in (0.0, 0.3):
+        settings = settings_from({"recording": recording, "analysis": {"friction": friction}})
+        frames = find_touches(followed, cast, settings).frames
+        pushed = (truth["contact_force_uN"] > 3).to_numpy() & frames["in_contact"].to_numpy()
+        assert pushed.sum() > 50
+        off = {
+            c: (frames[c] - truth[c])[pushed].abs() for c in ("axial_force_uN", "base_moment_nN_m")
+        }
+        force, moment = (truth[c][pushed] for c in ("contact_force_uN", "base_moment_nN_m"))
+        error[friction] = (
+            np.median(off["axial_force_uN"] / force),
+            np.median(off["base_moment_nN_m"] / moment.abs()),
+        )
+    assert min(error[0.0]) > 0.05  # it matters
+    assert max(error[0.3]) < 0.005
 
 
 def test_a_wild_frame_is_no_peak():

@@ -67,6 +67,7 @@ def test_only_recording_is_required():
     assert settings.whisker == ()
     assert settings.pole.diameter_mm == 0.5
     assert settings.analysis.curvature_at_mm == 5.5
+    assert settings.analysis.friction == 0.0
 
 
 def test_whisker_without_dimensions_has_no_si_form():
