@@ -105,3 +105,23 @@ def test_accuracy_of_one_video_is_printed(tmp_path, capsys):
         assert f"### {heading}" in said
     assert (tmp_path / "accuracy.csv").exists()
     assert (tmp_path / "worst.csv").exists()
+
+
+def test_free_frames_are_shared_among_presets_and_added_up():
+    import false_contacts
+
+    found = false_contacts.sessions(9001, seed=3)
+    assert [seed for _, seed in found] == [3, 4, 5, 6, 7]
+    assert {preset for preset, _ in found} == set(false_contacts.PRESETS)
+    row = {"preset": "free", "frames": 2000, "found": 1, "touching": 4}
+    text = false_contacts.table_of([row | {"rendering": 10.0, "processing": 4.0}] * 2, 28.4)
+    assert "| all | 4000 | 2 | 8 | 200 frames/s | 500 frames/s |" in text
+
+
+@pytest.mark.slow
+def test_no_contact_is_found_in_free_frames(capsys, monkeypatch):
+    import false_contacts
+
+    monkeypatch.setattr(false_contacts, "FRAMES", 200)
+    assert false_contacts.main(["--frames", "1"]) == 0
+    assert "| free | " in capsys.readouterr().out
