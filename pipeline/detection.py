@@ -10,6 +10,8 @@ from pipeline.records import StaticScene
 
 FAINTEST = 0.012  # absorbance below which nothing is called seen
 START_SIGMA_PX = 1.1
+TRANSLUCENT = 0.25  # of the light that passes beside it: a whisker is seen through such a thing
+TREMBLING_PX = 0.15  # obstacles may move so far, unnoticed
 
 
 @dataclass(frozen=True)
@@ -38,21 +40,34 @@ class ImageModel:
     weight: np.ndarray
     outside: np.ndarray
     noise: np.ndarray
+    usable: np.ndarray
     free: np.ndarray
 
     @classmethod
     def from_scene(cls, scene: StaticScene, margin_px: float = 1.5) -> "ImageModel":
-        """Pixels of face and obstacles get no weight; `outside` is signed, from the fur's edge."""
+        """Face and opaque things get no weight; `outside` is signed, from the fur's edge [px].
+
+        Nothing is looked for before obstacles (`usable`), but a whisker is followed across those
+        that let light through.
+        """
         background = np.ascontiguousarray(scene.background, np.float32)
         variance = np.maximum(scene.noise_floor + scene.noise_gain * background, 0.25)
-        blocked = scene.face_mask | scene.obstacle_mask
         outside = signed_distance(scene.face_mask)
-        usable = ~blocked & (background > 12) & (outside > -margin_px)
-        weight = np.where(usable, 1 / variance, 0).astype(np.float32)
+        bright = ~scene.face_mask & (background > 12) & (outside > -margin_px)
+        usable = bright & ~scene.obstacle_mask
+        seen = usable | bright & translucent(background, variance)
+        weight = np.where(seen, 1 / variance, 0).astype(np.float32)
         noise = (np.sqrt(variance) / np.maximum(background, 12)).astype(np.float32)
         kernel = np.ones((9, 9), np.uint8)
         free = cv2.erode(usable.astype(np.uint8), kernel).astype(bool)
-        return cls(background, weight, outside, noise, free)
+        return cls(background, weight, outside, noise, usable, free)
+
+
+def translucent(background, variance) -> np.ndarray:
+    """Pixels that are bright, and not so near an edge that its trembling outdoes the noise."""
+    gradient = np.hypot(*np.gradient(cv2.GaussianBlur(background, (0, 0), 1.0)))
+    bright = background > TRANSLUCENT * np.percentile(background[::4, ::4], 90)
+    return bright & ((TREMBLING_PX * gradient) ** 2 < variance)
 
 
 def signed_distance(mask) -> np.ndarray:
@@ -119,7 +134,7 @@ def absorbance_image(image, model: ImageModel, gain: float) -> np.ndarray:
     """1 − I/(gain B), zero where the scene blocks the view, float32."""
     expected = gain * model.background
     absorbance = 1 - image / np.maximum(expected, 1)
-    absorbance[model.weight <= 0] = 0
+    absorbance[~model.usable] = 0
     return np.clip(absorbance, -0.3, 1.0).astype(np.float32)
 
 

@@ -14,6 +14,7 @@ from pipeline import profiles, splines
 STIFFNESS = 40.0  # 1/px²: third differences of the line over three knots are about 0.15 px
 SHORTEST = 12  # nodes that a line needs to be one
 OVERSHOOT = 4  # nodes by which the windowed absorbance reaches over a line's end
+WIDEST_GAP = 8  # bridges: longer stretches without pixels are not crossed
 STATION = 2  # nodes between two cross-sections of the capture step
 
 
@@ -245,6 +246,35 @@ def extend(x, y, n, backward, amount, fit):
 
 
 @njit(cache=True)
+def carry_on(x, y, amplitude, n, whole_x, whole_y, whole_amplitude, m, weight, reach):
+    """Lengthen a line whose tip goes behind something by what was seen beyond before.
+
+    Nodes n … m − 1 of the `whole` line, turned and shifted, go on where the line ends, if within
+    `reach` nodes of its end pixels without weight inside the picture hide it. Changes x, y and
+    amplitude in place; returns the new number of nodes.
+    """
+    fit = min(40, n - 1)
+    m = min(m, len(x))
+    if m <= n or fit < 4:
+        return n
+    ux, uy = x[n - 1] - x[n - 1 - fit], y[n - 1] - y[n - 1 - fit]
+    vx, vy = whole_x[n - 1] - whole_x[n - 1 - fit], whole_y[n - 1] - whole_y[n - 1 - fit]
+    norm = max(np.sqrt((ux * ux + uy * uy) * (vx * vx + vy * vy)), 1e-9)
+    cos, sin = (ux * vx + uy * vy) / norm, (vx * uy - vy * ux) / norm
+    for i in range(n, m):
+        dx, dy = whole_x[i] - whole_x[n - 1], whole_y[i] - whole_y[n - 1]
+        x[i] = x[n - 1] + cos * dx - sin * dy
+        y[i] = y[n - 1] + sin * dx + cos * dy
+    height, width = weight.shape
+    for i in range(n, min(n + reach, m)):
+        column, row = int(np.floor(x[i] + 0.5)), int(np.floor(y[i] + 0.5))
+        if 0 <= column < width and 0 <= row < height and weight[row, column] <= 0:
+            amplitude[n:m] = whole_amplitude[n:m]
+            return m
+    return n
+
+
+@njit(cache=True)
 def drop_first(x, y, n, count):
     """Remove the first `count` nodes; return the new number."""
     for i in range(n - count):
@@ -303,7 +333,8 @@ def visible_end(amplitude, amplitude_se, sums, n, threshold, bridge):
     The search starts at the clearest node of the proximal half, since fur may cover the first
     ones. A node is seen where its windowed absorbance is `threshold` standard errors above
     zero; unseen stretches up to `bridge` nodes are crossed where pixels are missing (pole,
-    border), shorter ones where they are not.
+    border), shorter ones where they are not. The more pixels are missing, the longer must be
+    what is seen beyond.
     """
     first = 0
     clearest = 0.0
@@ -326,7 +357,7 @@ def visible_end(amplitude, amplitude_se, sums, n, threshold, bridge):
             continue
         if amplitude[i] > threshold * amplitude_se[i] and amplitude[i] > 0.012:
             run += 1
-            if blind + unseen == 0 or run >= 8:
+            if blind + unseen == 0 or run >= 8 + blind // 6:
                 end = i + 1
                 unseen = 0
                 blind = 0
@@ -414,7 +445,7 @@ def refine(
     n = max(min(n, limit), 2)
     profiles.accumulate(image, background, weight, gain, x, y, n, cap, sigma, 3.0, sums)
     profiles.window_amplitudes(sums, n, 7, work[2], work[3], work[4])
-    end = visible_end(work[2], work[4], sums, n, 4.0, 3 * bridge)
+    end = visible_end(work[2], work[4], sums, n, 4.0, WIDEST_GAP * bridge)
     if end < SHORTEST:
         return 0, 0.0
     for i in range(end):

@@ -44,12 +44,19 @@ class Slot:
 
 @dataclass
 class Track:
-    """One whisker's present state: its line, the line before, and how long it has been lost."""
+    """One whisker's present state: its line, the line before, and how long it has been lost.
+
+    `whole` is the line when nothing hid its tip the last time.
+    """
 
     slot: Slot
     line: Line | None = None
     before: Line | None = None
+    whole: Line | None = None
     lost_for: int = 0
+
+    def __post_init__(self):
+        self.whole = max(self.slot.samples, key=lambda line: line.n, default=None)
 
 
 def options_for(recording: Recording, lengths_m=(), hidden_m=(), cone_m=()) -> TracingOptions:
@@ -169,6 +176,7 @@ class Tracer:
         best = None
         for half, with_velocity in ((NARROW_PX, True), (NARROW_PX, False), (WIDE_PX, False)):
             line = predicted(track, with_velocity)
+            self._carry_on(line, track)
             self._capture(line, image, gain, half)
             if best is None or line.n * line.quality > best.n * best.quality:
                 best = line
@@ -176,6 +184,17 @@ class Tracer:
                 break
         track.before, track.line, track.lost_for = present, best, 0
         self._give_up_if_poor(track)
+
+    def _carry_on(self, line: Line, track: Track) -> None:
+        """Lengthen a track's predicted line by what something hides of it, if anything does."""
+        n, whole = line.n, track.whole
+        if whole is not None and whole.n > n:
+            line.n = following.carry_on(
+                line.x, line.y, line.amplitude, n, whole.x, whole.y, whole.amplitude, whole.n,
+                self.model.weight, self.options.bridge_px,
+            )  # fmt: skip
+        if line.n == n:
+            track.whole = track.line
 
     def _give_up_if_poor(self, track: Track) -> None:
         """Call a whisker lost where hardly any of it was found, or it is none any more."""
@@ -494,10 +513,12 @@ def _starting_scenes(scene) -> dict[int, tuple[StaticScene, float]]:
 def between(scenes: list[StaticScene]) -> StaticScene:
     """Return a scene for the time in which one goes over into the other: masked by both."""
     first, last = scenes[0], scenes[-1]
+    obstacles = first.obstacle_mask | last.obstacle_mask
+    background = np.maximum(first.background, last.background)
     return replace(
         first,
-        background=np.maximum(first.background, last.background),
+        background=np.where(obstacles, 0, background),  # nothing is seen through what moves
         face_mask=first.face_mask | last.face_mask,
-        obstacle_mask=first.obstacle_mask | last.obstacle_mask,
+        obstacle_mask=obstacles,
         pole=None,
     )

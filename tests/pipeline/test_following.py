@@ -1,0 +1,115 @@
+"""Following one whisker across what hides it, on pictures drawn from the exact profile."""
+
+import numpy as np
+import pytest
+
+from pipeline import following
+from pipeline.detection import ImageModel
+from pipeline.records import Recording, StaticScene
+from pipeline.tracing import Tracer, find_roster, options_for
+
+FACE, TIP = 40, 520  # columns
+ROD, ROD_END = range(250, 350), 185  # its columns, and the row at which it ends
+BELOW = 0.12  # rad: so far turned, the whisker passes below the rod
+LIGHT, NOISE, SIGMA = 180.0, 2.0, 1.1
+
+
+def height_of(x, turn):
+    """Row of the whisker in column x: bent, and turned about its base by `turn` [rad]."""
+    return 150 + 3e-4 * (x - FACE) ** 2 + turn * (x - FACE)
+
+
+def picture(rod_light, turn=0.0, tip=TIP, seed=0):
+    """A whisker from the face on the left, and a vertical rod that lets some light through."""
+    y, x = np.mgrid[:300, :600]
+    slope = 6e-4 * (x - FACE) + turn
+    off = (y - height_of(x, turn)) / np.hypot(1, slope)
+    image = bare(rod_light) * (1 - 0.4 * np.exp(-0.5 * (off / SIGMA) ** 2) * (x < tip))
+    image += np.random.default_rng(seed).normal(0, NOISE, image.shape)
+    return np.clip(np.rint(image), 0, 255).astype(np.uint8)
+
+
+def bare(rod_light):
+    background = np.full((300, 600), LIGHT)
+    background[:, :FACE] = 8
+    background[:ROD_END, ROD] = rod_light
+    return background
+
+
+def scene(rod_light):
+    face, rod = np.zeros((2, 300, 600), bool)
+    face[:, :FACE] = True
+    rod[:ROD_END, ROD] = True
+    background = bare(rod_light).astype(np.float32)
+    return StaticScene(background, 0.0, NOISE**2 + 1 / 12, face, rod, None, "left")
+
+
+def tracer(rod_light):
+    options = options_for(Recording(1000.0, 25.0, "left"))
+    whole = [picture(rod_light, turn, seed=k) for k, turn in enumerate((BELOW, 0.14, 0.16))]
+    roster = find_roster(np.array(whole), scene(rod_light), options, ["C2"])
+    return Tracer(scene(rod_light), roster, options)
+
+
+def line_in(tracer, image):
+    (track,) = tracer.step(image)
+    return track.line
+
+
+def error(line, turn):
+    """RMS distance from the true line where the rod does not hide it [px]."""
+    free = ~np.isin(np.rint(line.points[:, 0]), ROD)
+    x, y = line.points[free].T
+    off = (y - height_of(x, turn)) / np.hypot(1, 6e-4 * (x - FACE) + turn)
+    return np.sqrt((off**2).mean())
+
+
+def test_the_part_beyond_an_opaque_rod_is_found_again_at_once():
+    follow = tracer(rod_light=15)
+    assert line_in(follow, picture(15, BELOW)).points[-1, 0] > TIP - 15
+    for turn in (0.09, 0.06, 0.04, 0.03):
+        line = line_in(follow, picture(15, turn, tip=ROD.start))
+        assert line.points[-1, 0] == pytest.approx(ROD.start, abs=8)  # px
+    line = line_in(follow, picture(15, 0.02))
+    assert line.points[-1, 0] > TIP - 15  # px
+    assert error(line, 0.02) < 0.05  # px
+
+
+def test_nothing_is_invented_beyond_a_rod():
+    follow = tracer(rod_light=15)
+    line_in(follow, picture(15, BELOW))
+    for k in range(40):
+        line = line_in(follow, picture(15, 0.05 - 1e-3 * k, tip=ROD.start, seed=k))
+        assert line.points[-1, 0] < ROD.start + 8  # px
+
+
+def test_a_whisker_is_followed_across_a_rod_that_lets_light_through():
+    follow = tracer(rod_light=80)
+    for turn in (0.0, 0.01, 0.02):
+        line = line_in(follow, picture(80, turn, tip=ROD.stop - 30))
+    assert line.points[-1, 0] == pytest.approx(ROD.stop - 30, abs=12)  # px
+
+
+def test_obstacles_are_not_searched_and_their_edges_not_used():
+    model = ImageModel.from_scene(scene(80))
+    assert not model.usable[:ROD_END, ROD].any()
+    assert (model.weight[: ROD_END - 4, ROD.start + 4 : ROD.stop - 4] > 0).all()
+    assert (model.weight[:ROD_END, ROD.start] == 0).all()
+    assert not ImageModel.from_scene(scene(15)).weight[:ROD_END, ROD].any()
+
+
+def test_a_hidden_tip_turns_with_the_line():
+    along = np.arange(300.0)
+    whole_x, whole_y = along, 4e-4 * along**2
+    turn, n = np.radians(10), 180
+    x, y = np.zeros((2, 400))
+    x[:n] = np.cos(turn) * whole_x[:n] - np.sin(turn) * whole_y[:n] + 5
+    y[:n] = np.sin(turn) * whole_x[:n] + np.cos(turn) * whole_y[:n] + 7
+    weight = np.ones((200, 400), np.float32)
+    arguments = x, y, np.ones(400), n, whole_x, whole_y, np.ones(300), 300, weight, 30
+    assert following.carry_on(*arguments) == n, "nothing hides the tip"
+    weight[:, int(x[n - 1]) + 10 : int(x[n - 1]) + 60] = 0
+    assert following.carry_on(*arguments) == 300
+    true_x = np.cos(turn) * whole_x - np.sin(turn) * whole_y + 5
+    true_y = np.sin(turn) * whole_x + np.cos(turn) * whole_y + 7
+    assert np.hypot(x[:300] - true_x, y[:300] - true_y).max() < 0.01  # px
