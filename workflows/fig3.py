@@ -116,7 +116,8 @@ def say_some(done, total, path):
 def run_command(videos, results, jobs) -> None:
     """`whiskerforce run`; RuntimeError where it does not come to its end."""
     command = ["run", str(videos), "--out", str(results), "--jobs", str(jobs)]
-    status = subprocess.run([sys.executable, "-m", "pipeline.cli", *command]).returncode
+    program = [sys.executable, "-m", "pipeline.cli"]
+    status = subprocess.run([*program, *command], stdout=2).returncode  # tables alone on stdout
     if status not in (0, 1):  # 1: some videos failed, the others are there
         raise RuntimeError(f"whiskerforce {shlex.join(command)} ended with status {status}")
 
