@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline import figures, tables
+from pipeline.arc_origin import HIDDEN_LENGTH_SD_M
 from pipeline.errors import VideoError
 from pipeline.evidence import EVIDENCE_FILE
 from pipeline.settings import read_session
@@ -39,7 +40,6 @@ ASSUMED = (
     Assumed("modulus", "Young's modulus", 0.05, "a ring-down of the same whisker"),
     Assumed("scale", "scale of the image", 0.005, "a ruler in the whisker's plane"),
 )
-HIDDEN_LENGTH_SD_M = 0.12e-3  # where the results do not tell it
 
 
 def write_report(results) -> Path:
