@@ -6,7 +6,7 @@ memory does not grow with the video's length.
 
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numba import njit
@@ -399,34 +399,34 @@ def _posterior_first(slots: list[Slot]) -> bool:
     return np.polyfit(np.arange(len(slots)), [s.visible_px for s in slots], 1)[0] < 0
 
 
-@dataclass
 class _Collector:
     """Gathers rows until they are handed out as one `Centrelines`."""
 
-    names: tuple[str, ...]
-    rows: list = field(default_factory=list)
+    def __init__(self, names: tuple[str, ...]):
+        self.names = names
+        self.rows = []  # frame, whisker, confidence, number of points
+        self.points = np.empty((5, 1 << 16), np.float32)  # x, y, offset, information, thickness
+        self.filled = 0
 
     def add(self, frame: int, whisker: int, line: Line, trust: float) -> None:
-        n = line.n
-        information = line.information[:n]
-        offset = line.score[:n] / np.maximum(information, 1e-6)
-        arrays = (line.x[:n], line.y[:n], np.clip(offset, -9, 9), information, line.thickness[:n])
-        self.rows.append(
-            (frame, whisker, trust * line.quality, *(a.astype(np.float32) for a in arrays))
-        )
+        while self.filled + line.n > self.points.shape[1]:
+            self.points = np.concatenate([self.points, np.empty_like(self.points)], axis=1)
+        _store(
+            line.x, line.y, line.score, line.information, line.thickness, line.n,
+            self.points, self.filled,
+        )  # fmt: skip
+        self.filled += line.n
+        self.rows.append((frame, whisker, trust * line.quality, line.n))
 
     def take(self, spacing: float) -> Centrelines:
         rows, self.rows = self.rows, []
-        sizes = [len(r[3]) for r in rows]
-        empty = np.zeros(0, np.float32)
-        x, y, offset, information, thickness = (
-            np.concatenate([r[k] for r in rows]) if rows else empty for k in (3, 4, 5, 6, 7)
-        )
+        x, y, offset, information, thickness = self.points[:, : self.filled].copy()
+        self.filled = 0
         return Centrelines(
             names=self.names,
             frame=np.array([r[0] for r in rows], np.int32),
             whisker=np.array([r[1] for r in rows], np.int32),
-            offsets=np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64),
+            offsets=np.concatenate([[0], np.cumsum([r[3] for r in rows])]).astype(np.int64),
             x_px=x,
             y_px=y,
             se_px=(1 / np.sqrt(np.maximum(information * 1.3 * spacing, 1e-4))).astype(np.float32),
@@ -435,6 +435,18 @@ class _Collector:
             information=information,
             thickness_px=thickness,
         )
+
+
+@njit(cache=True)
+def _store(x, y, score, information, thickness, n, points, start):
+    """Copy a line's nodes to the columns of `points` from `start` on."""
+    for i in range(n):
+        k = start + i
+        points[0, k] = x[i]
+        points[1, k] = y[i]
+        points[2, k] = min(max(score[i] / max(information[i], 1e-6), -9.0), 9.0)
+        points[3, k] = information[i]
+        points[4, k] = thickness[i]
 
 
 def trace(
