@@ -238,6 +238,10 @@ def paper(
 
 def main(arguments=None):
     """Run the command; turn expected errors into a message and an exit status."""
+    from pipeline.workers import THREADS
+
+    for name in THREADS:  # the matrices are small: threads would only wait for each other
+        os.environ.setdefault(name, "1")
     arguments = sys.argv[1:] if arguments is None else list(arguments)
     try:
         app(arguments, standalone_mode=True)

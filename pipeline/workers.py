@@ -12,7 +12,7 @@ from multiprocessing.connection import wait
 from typing import Any
 
 REPORT_EVERY = 0.1  # s between progress messages of one worker
-_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
 @dataclass(frozen=True)
@@ -136,11 +136,11 @@ class _Worker:
 def _one_thread():
     """Let processes started inside compute with one thread each: they share the cores already."""
     before = dict(os.environ)
-    os.environ.update({name: "1" for name in _THREADS if name not in before})
+    os.environ.update({name: "1" for name in THREADS if name not in before})
     try:
         yield
     finally:
-        for name in _THREADS:
+        for name in THREADS:
             if name not in before:
                 os.environ.pop(name, None)
 
