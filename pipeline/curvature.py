@@ -12,27 +12,49 @@ from numba import njit
 from pipeline.follicle import BASE_SKIP_M, BASE_WINDOW_M, base_curve, base_window, walk_back
 from pipeline.records import Centrelines, PoleTrack, Recording
 
-BLOCK_PX = 12  # longer than the blocks' noise of compressed video is correlated
+BLOCK_PX = 24  # longer than the noise of compressed video is correlated
+RED_DEGREE = 6  # of the polynomial that this correlation is looked for about
+RED_EVERY = 4  # rows between two in which it is
+RED_SKEW = 1.5  # mean over median of such variances, and what is longer still than a block
+HIDDEN_ERROR_M = 0.05e-3  # how well the hidden length, and so the place of 5.5 mm, is known
 WINDOW_M = 3.0e-3  # half-width of the curvature window; a quartic keeps its bias small
 POLE_NEAR_M = 0.15e-3  # a pole this near may bend the whisker there: the window ends at it
+
+
+@njit(cache=True, inline="always")
+def _in_frame(x, y, offset, i, at, tx, ty):
+    """Measured point of node `i` along and across the tangent (tx, ty) at node `at` [px].
+
+    The third value is the cosine between the node's normal and the tangent's.
+    """
+    p = max(i - 1, 0)
+    q = min(i + 1, len(x) - 1)
+    nx = y[q] - y[p]
+    ny = -(x[q] - x[p])
+    length = max(np.sqrt(nx * nx + ny * ny), 1e-9)
+    dx = x[i] + offset[i] * nx / length - x[at]
+    dy = y[i] + offset[i] * ny / length - y[at]
+    # across: towards the counter-clockwise normal (ty, −tx)
+    return dx * tx + dy * ty, dx * ty - dy * tx, (nx * ty - ny * tx) / length
+
+
+@njit(cache=True)
+def _tangent(x, y, at):
+    a = max(at - 5, 0)
+    b = min(at + 5, len(x) - 1)
+    norm = np.sqrt((x[b] - x[a]) ** 2 + (y[b] - y[a]) ** 2)
+    return (x[b] - x[a]) / norm, (y[b] - y[a]) / norm
 
 
 @njit(cache=True)
 def local_polynomial(x, y, offset, information, first, last, at, degree, coefficients, inverse):
     """Weighted least squares of v(u) = Σ c_k u^k around node `at`, u along its tangent [px].
 
-    Returns the window's scale h [px] (the polynomial is in u/h), the reduced χ² and how much
-    more variance the residuals' sums over BLOCK_PX nodes have than white noise. `coefficients`
-    (degree + 1,) and `inverse` (covariance for unit χ²) are filled.
+    Returns the window's scale h [px] (the polynomial is in u/h) and the reduced χ².
+    `coefficients` (degree + 1,) and `inverse` (covariance for unit χ²) are filled.
     """
     size = degree + 1
-    a = max(at - 5, 0)
-    b = min(at + 5, len(x) - 1)
-    tx = x[b] - x[a]
-    ty = y[b] - y[a]
-    norm = np.sqrt(tx * tx + ty * ty)
-    tx /= norm
-    ty /= norm
+    tx, ty = _tangent(x, y, at)
     scale = max(last - at, at - first, 4) * 1.0
     matrix = np.zeros((size, size))
     rhs = np.zeros(size)
@@ -43,16 +65,8 @@ def local_polynomial(x, y, offset, information, first, last, at, degree, coeffic
         w = information[i]
         if w <= 0:
             continue
-        p = max(i - 1, 0)
-        q = min(i + 1, len(x) - 1)
-        nx = y[q] - y[p]
-        ny = -(x[q] - x[p])
-        length = max(np.sqrt(nx * nx + ny * ny), 1e-9)
-        dx = x[i] + offset[i] * nx / length - x[at]
-        dy = y[i] + offset[i] * ny / length - y[at]
-        u = (dx * tx + dy * ty) / scale
-        v = dx * ty - dy * tx  # towards the counter-clockwise normal (ty, −tx)
-        cos = (nx * ty - ny * tx) / length
+        u, v, cos = _in_frame(x, y, offset, i, at, tx, ty)
+        u /= scale
         w *= cos * cos
         power[0] = 1.0
         for k in range(1, size):
@@ -73,65 +87,68 @@ def local_polynomial(x, y, offset, information, first, last, at, degree, coeffic
     misfit = total
     for k in range(size):
         misfit -= coefficients[k] * rhs[k]
-    chi2 = max(misfit, 0.0) / max(count - size, 1)
-    return (
-        scale,
-        chi2,
-        _redness(x, y, offset, information, first, last, at, tx, ty, scale, degree, coefficients),
-    )
+    return scale, max(misfit, 0.0) / max(count - size, 1)
 
 
 @njit(cache=True)
-def _redness(x, y, offset, information, first, last, at, tx, ty, scale, degree, coefficients):
-    """Variance of block sums of the standardised residuals, over that of white noise."""
-    blocks = 0
-    between = 0.0
-    within = 0.0
-    nodes = 0
-    i = first
-    while i + BLOCK_PX <= last:
-        total = 0.0
-        m = 0
-        for j in range(i, i + BLOCK_PX):
-            if information[j] <= 0:
-                continue
-            p = max(j - 1, 0)
-            q = min(j + 1, len(x) - 1)
-            nx = y[q] - y[p]
-            ny = -(x[q] - x[p])
-            length = max(np.sqrt(nx * nx + ny * ny), 1e-9)
-            dx = x[j] + offset[j] * nx / length - x[at]
-            dy = y[j] + offset[j] * ny / length - y[at]
-            u = (dx * tx + dy * ty) / scale
-            fitted = 0.0
-            for k in range(degree, -1, -1):
-                fitted = fitted * u + coefficients[k]
-            r = (dx * ty - dy * tx - fitted) * np.sqrt(information[j])
-            total += r
-            within += r * r
-            m += 1
-        if m > 0:
-            between += total * total / m
-            nodes += m
-            blocks += 1
-        i += BLOCK_PX
-    free = blocks - degree - 1  # the polynomial takes as many block sums as it has terms
-    if free < 3 or within <= 0:
+def redness(x, y, offset, information, first, last):
+    """How much more the errors vary over long stretches of a whisker than white noise would.
+
+    A polynomial of RED_DEGREE is fitted to the nodes first … last − 1, and the standardised
+    residuals are summed over blocks of BLOCK_PX. Returned is the variance of these sums over
+    that expected of white residuals of the same fit; NaN where the whisker is too short.
+    """
+    size = RED_DEGREE + 1
+    coefficients = np.zeros(size)
+    inverse = np.zeros((size, size))
+    if (last - first) // BLOCK_PX < size + 3:
         return np.nan
-    return between / free / (within / nodes)
+    at = (first + last) // 2
+    scale, chi2 = local_polynomial(
+        x, y, offset, information, first, last, at, RED_DEGREE, coefficients, inverse
+    )
+    tx, ty = _tangent(x, y, at)
+    between = 0.0
+    free = 0.0
+    power = np.empty(size)
+    sums = np.empty(size)
+    for start in range(first, last - BLOCK_PX + 1, BLOCK_PX):
+        total = 0.0
+        count = 0
+        sums[:] = 0.0
+        for i in range(start, start + BLOCK_PX):
+            if information[i] <= 0:
+                continue
+            u, v, cos = _in_frame(x, y, offset, i, at, tx, ty)
+            root = np.sqrt(information[i]) * abs(cos)
+            power[0] = root
+            fitted = coefficients[0]
+            for k in range(1, size):
+                power[k] = power[k - 1] * u / scale
+                fitted += coefficients[k] * power[k] / root
+            total += root * (v - fitted)
+            sums += power
+            count += 1
+        if count > 0:
+            between += total * total / count
+            free += 1.0 - sums @ inverse @ sums / count  # the rest the polynomial takes
+    if free < 3 or chi2 <= 0:
+        return np.nan
+    return between / free / chi2
 
 
 @njit(cache=True)
 def _curvature(x, y, offset, information, at, beyond, first, last, degree):
-    """Curvature [1/px] `beyond` px after node `at`, its standard error and the redness."""
+    """Curvature [1/px] `beyond` px after node `at`, its standard error and slope [1/px²]."""
     coefficients = np.zeros(6)
     inverse = np.zeros((6, 6))
-    scale, chi2, redness = local_polynomial(
+    scale, chi2 = local_polynomial(
         x, y, offset, information, first, last, at, degree, coefficients, inverse
     )
     u = beyond / scale
     slope = 0.0
     bend = 0.0
+    change = 0.0
     variance = 0.0
     for k in range(1, degree + 1):
         slope += k * coefficients[k] * u ** (k - 1) / scale
@@ -140,9 +157,11 @@ def _curvature(x, y, offset, information, at, beyond, first, last, degree):
             bend += second_k * coefficients[k]
             for m in range(2, degree + 1):
                 variance += second_k * m * (m - 1) * u ** (m - 2) * inverse[k, m]
+        if k >= 3:
+            change += k * (k - 1) * (k - 2) * u ** (k - 3) * coefficients[k]
     to_curvature = 1 / scale**2 / (1 + slope * slope) ** 1.5
     se = np.sqrt(max(variance, 0.0) * max(chi2, 1.0)) * to_curvature
-    return bend * to_curvature, se, redness
+    return bend * to_curvature, se, change / scale * to_curvature
 
 
 @njit(cache=True)
@@ -159,8 +178,9 @@ def _nearest_node(x, y, px, py):
 
 @njit(cache=True)
 def _measure_rows(
-    offsets, xs, ys, raw, info, hidden, at_px, window, skip, base_length, pole_x, pole_y, near, out
-):
+    offsets, xs, ys, raw, info, hidden, at_px, window, skip, base_length, pole_x, pole_y, near,
+    n_whiskers, out,
+):  # fmt: skip
     for row in range(len(offsets) - 1):
         a = offsets[row]
         b = offsets[row + 1]
@@ -179,17 +199,20 @@ def _measure_rows(
             continue
         first = max(at - window, 0)
         last = min(at + window, n)
+        end = int(0.9 * n)
         if not np.isnan(pole_x[row]):
             node, distance = _nearest_node(x, y, pole_x[row], pole_y[row])
             if distance < near and node > at:
                 last = min(last, node)
+                end = min(end, node)
         degree = 4 if last - first > 1.4 * window and last - at > window // 4 else 3
         if last - first < 12 or last - at < 4:
             continue
-        kappa, se, redness = _curvature(x, y, raw[a:b], info[a:b], at, beyond, first, last, degree)
-        out[row, 3] = kappa
-        out[row, 4] = se
-        out[row, 5] = redness
+        out[row, 3], out[row, 4], out[row, 5] = _curvature(
+            x, y, raw[a:b], info[a:b], at, beyond, first, last, degree
+        )
+        if row // n_whiskers % RED_EVERY == 0:
+            out[row, 6] = redness(x, y, raw[a:b], info[a:b], skip, end)
 
 
 def measure(
@@ -228,7 +251,7 @@ def measure(
         frame = np.minimum(centrelines.frame, len(pole.x_px) - 1)
         pole_x, pole_y = pole.x_px[frame], pole.y_px[frame]
         near = pole.radius_px + POLE_NEAR_M * scale
-    out = np.empty((rows, 6))
+    out = np.empty((rows, 7))
     _measure_rows(
         centrelines.offsets,
         centrelines.x_px.astype(float),
@@ -243,14 +266,18 @@ def measure(
         pole_x,
         pole_y,
         near,
+        len(centrelines.names),
         out,
     )
     for k in range(len(centrelines.names)):
         of_whisker = centrelines.whisker == k
         # compressed video has noise of some range: the same in all frames, told by their median
-        redness = out[of_whisker, 5]
-        if np.isfinite(redness).any():
-            out[of_whisker, 4] *= np.sqrt(max(np.nanmedian(redness), 1.0))
+        red = out[of_whisker, 6]
+        if np.isfinite(red).any():
+            excess = RED_SKEW * max(np.nanmedian(red) - 1, 0.0)
+            out[of_whisker, 4] *= np.sqrt(1 + excess)
+    # 5.5 mm are not quite where they are taken to be: that counts where the curvature changes
+    se = np.hypot(out[:, 4], HIDDEN_ERROR_M * scale * out[:, 5])
     return pd.DataFrame(
         {
             "frame": centrelines.frame,
@@ -259,6 +286,6 @@ def measure(
             "follicle_y_px": out[:, 1],
             "base_angle_deg": (np.degrees(out[:, 2]) + 180) % 360 - 180,
             "curvature_per_m": out[:, 3] * scale,
-            "curvature_per_m_se": out[:, 4] * scale,
+            "curvature_per_m_se": se * scale,
         }
     )

@@ -1,7 +1,10 @@
 """Curvature, base angle and follicle of centrelines whose truth is known in closed form."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter1d
 
 from pipeline.curvature import measure
 from pipeline.records import Centrelines, PoleTrack, Recording
@@ -91,6 +94,40 @@ def test_standard_error_covers():
         reported.append(got.curvature_per_m_se)
     inside = np.mean(np.abs(off) < 1.96 * np.array(reported))
     assert 0.92 < inside <= 0.98
+
+
+def many_rows(points, offsets, sd):
+    """The same line in many frames, with errors `offsets` (frames, nodes) [px]."""
+    frames, n = offsets.shape
+    line = one_row(np.tile(points, (frames, 1)), offsets.ravel(), sd)
+    return replace(
+        line,
+        frame=np.arange(frames, dtype=np.int32),
+        whisker=np.zeros(frames, np.int32),
+        offsets=n * np.arange(frames + 1),
+        confidence=np.ones(frames, np.float32),
+    )
+
+
+@pytest.mark.parametrize("reach", [0.0, 1.5, 2.5])
+def test_standard_error_covers_errors_that_run_along_the_line(reach):
+    """Codecs smear the noise: here by a Gaussian of SD `reach` px."""
+    points, _, _ = curve(0.1, 20.0)
+    noise = np.random.default_rng(3).normal(0, 0.05, (400, len(points)))
+    if reach:
+        noise = gaussian_filter1d(noise, reach, axis=1)
+    got = measure(many_rows(points, noise, noise.std()), RECORDING, [HIDDEN], 5.5e-3)
+    off = np.abs(got.curvature_per_m - 20.0)
+    assert 0.92 < np.mean(off < 1.96 * got.curvature_per_m_se) < 0.99
+    white = np.mean(off < 1.96 * got.curvature_per_m_se.median() / np.sqrt(max(3.5 * reach, 1)))
+    assert reach == 0 or white < 0.85, "as if white, the errors would be far too small"
+
+
+def test_standard_error_holds_what_is_not_known_of_the_hidden_length():
+    """The bend of a loaded whisker changes by tens of 1/m per mm."""
+    points, _, _ = curve(0.0, 100.0, slope=-10e3, length=10e-3)
+    got = measure(one_row(points, sd=1e-3), RECORDING, [HIDDEN], 5.5e-3).iloc[0]
+    assert got.curvature_per_m_se == pytest.approx(0.05e-3 * 10e3, rel=0.1)  # 1/m
 
 
 def test_whisker_too_short_for_the_place_gives_nan():
