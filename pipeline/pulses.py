@@ -17,6 +17,7 @@ from pipeline.records import Recording
 FEWEST_FRAMES = 3
 PAD_FRAMES = 1  # free frames at either end, where the force is zero
 STARTS = (0.85, 1.1, 1.5)  # of the contact's duration
+_COLUMNS = ("pulse_peak_uN", "pulse_duration_ms", "pulse_centre_s", "pulse_r2")
 POOR_R2 = 0.95
 POOR_MISFIT = 3.0  # misfit in standard errors of the force that makes a poor r² mean something
 
@@ -168,25 +169,24 @@ def add_pulses(contacts: pd.DataFrame, frames: pd.DataFrame, recording: Recordin
     The table with `pulse_…` filled and `not_half_gaussian` among the flags where r² is poor and
     the misfit is more than the force's noise.
     """
-    contacts = contacts.copy()
-    for name, part in contacts.groupby("whisker"):
+    contacts, flags = contacts.copy(), contacts["flags"].tolist()
+    fits = np.full((len(contacts), len(_COLUMNS)), np.nan)
+    onsets, offsets = (contacts[c].to_numpy() for c in ("onset_frame", "offset_frame"))
+    for name, places in contacts.reset_index(drop=True).groupby("whisker").indices.items():
         own = frames[frames["whisker"] == name].sort_values("frame")
         frame = own["frame"].to_numpy()
         force = 1e-6 * own["contact_force_uN"].to_numpy(float)
         error = 1e-6 * own["contact_force_uN_se"].to_numpy(float)
-        for i, row in part.iterrows():
-            first, last = np.searchsorted(frame, [row["onset_frame"], row["offset_frame"]])
-            time = frame[first:last] / recording.frames_per_second
-            pulse = fit_pulse(time, force[first:last])
+        for i in places:
+            inside = slice(*np.searchsorted(frame, [onsets[i], offsets[i]]))
+            pulse = fit_pulse(frame[inside] / recording.frames_per_second, force[inside])
             if pulse is None:
                 continue
-            contacts.loc[i, "pulse_peak_uN"] = 1e6 * pulse.peak
-            contacts.loc[i, "pulse_duration_ms"] = 1e3 * pulse.duration
-            contacts.loc[i, "pulse_centre_s"] = pulse.centre
-            contacts.loc[i, "pulse_r2"] = pulse.r2
-            noise = np.nanmedian(error[first:last]) if last > first else np.nan
-            if pulse.r2 < POOR_R2 and not pulse.misfit < POOR_MISFIT * noise:
-                contacts.loc[i, "flags"] = _with_flag(row["flags"], "not_half_gaussian")
+            fits[i] = 1e6 * pulse.peak, 1e3 * pulse.duration, pulse.centre, pulse.r2
+            if pulse.r2 < POOR_R2 and not pulse.misfit < POOR_MISFIT * np.nanmedian(error[inside]):
+                flags[i] = _with_flag(flags[i], "not_half_gaussian")
+    contacts[list(_COLUMNS)] = fits
+    contacts["flags"] = pd.array(flags, dtype=contacts["flags"].dtype)
     return contacts
 
 
