@@ -84,27 +84,44 @@ def measure_forces(
     """
     time = kinematics["time_s"].to_numpy(float)
     angle = np.radians(kinematics["base_angle_deg"].to_numpy(float))
-    pole_known = np.isfinite(places.pole_x)
-    free = rest_curvature.free_frames(places.distance, pole_known)
+    free = rest_curvature.free_frames(places.distance, np.isfinite(places.pole_x))
     free &= np.isfinite(places.last)
+    fit, origin, rest_known = _fit_rods(places, whisker, curvature_at, angle, time, free, friction)
+    evidence = _evidence(places, fit, origin, rest_known, free)
+    # the base's angle without the load's bending of the hidden part: from the fit
+    angle = np.where(np.isfinite(fit["angle"]), fit["angle"], angle)
+    rest = _rest_columns(kinematics, angle, time, free)
+    point, error = point_force(rest, fit)
+    evidence["point_force_N"] = point
+    stiffer = 4 / (whisker.cone_length - curvature_at)  # E I goes with (cone length − s)⁴
+    evidence["point_force_se_N"] = np.hypot(error, stiffer * origin.se * point)
+    return evidence, rest
+
+
+def _fit_rods(places, whisker, curvature_at, angle, time, free, friction):
+    """Loaded rods of all rows, the `Origin` of their arc lengths, and if the rest is known."""
     origin, votes = arc_origin.origin_from_tip(places, whisker, angle, time)
     places = replace(places, origin=origin.per_row)
     prior = _rest_prior(places, whisker, curvature_at, angle, time, free)
     if prior is None:
-        fit = shape_fit.fit_free(places, whisker, curvature_at)
-    else:
-        rod = places, whisker, curvature_at, prior
-        rubbing = friction * sliding(shape_fit.fit_loaded(*rod)["contact"]) if friction else 0.0
-        origin = arc_origin.origin_from_bending(*rod, votes, rubbing)
-        fit = shape_fit.fit_loaded(*rod, rubbing, shift=origin.per_row - places.origin)
+        return shape_fit.fit_free(places, whisker, curvature_at), origin, False
+    rod = places, whisker, curvature_at, prior
+    rubbing = friction * sliding(shape_fit.fit_loaded(*rod)["contact"]) if friction else 0.0
+    origin = arc_origin.origin_from_bending(*rod, votes, rubbing)
+    shift = origin.per_row - places.origin
+    return shape_fit.fit_loaded(*rod, rubbing, shift), origin, True
+
+
+def _evidence(places, fit, origin, rest_known, free) -> pd.DataFrame:
+    """What places and fitted rods tell, errors brought to what free frames show."""
     evidence = pd.DataFrame(
         {
             "distance_m": places.distance,
             "nearest_m": places.nearest,
             "side": places.side,
-            "pole_known": pole_known,
+            "pole_known": np.isfinite(places.pole_x),
             "extended": places.extended,
-            "rest_known": prior is not None,
+            "rest_known": rest_known,
             "origin_m": origin.per_row,
             "origin_se_m": origin.se,
         }
@@ -120,14 +137,7 @@ def measure_forces(
         follows = np.abs(fit[f"{load}_by_origin"]) * origin.se
         evidence[column] = np.hypot(np.sqrt(fit[f"{load}_var"]) * noise, follows)
     evidence["origin_force_se_N"] = np.abs(fit["force_by_origin"]) * origin.se
-    # the base's angle without the load's bending of the hidden part: from the fit
-    angle = np.where(np.isfinite(fit["angle"]), fit["angle"], angle)
-    rest = _rest_columns(kinematics, angle, time, free)
-    point, error = point_force(rest, fit)
-    evidence["point_force_N"] = point
-    stiffer = 4 / (whisker.cone_length - curvature_at)  # E I goes with (cone length − s)⁴
-    evidence["point_force_se_N"] = np.hypot(error, stiffer * origin.se * point)
-    return evidence, rest
+    return evidence
 
 
 def sliding(place) -> np.ndarray:
