@@ -11,6 +11,7 @@ from pipeline.records import StaticScene
 FAINTEST = 0.012  # absorbance below which nothing is called seen
 START_SIGMA_PX = 1.1
 TRANSLUCENT = 0.25  # of the light that passes beside it: a whisker is seen through such a thing
+THINNEST_PX = 9  # thinner bright parts of obstacles are rims
 TREMBLING_PX = 0.15  # obstacles may move so far, unnoticed
 
 
@@ -55,7 +56,7 @@ class ImageModel:
         outside = signed_distance(scene.face_mask)
         bright = ~scene.face_mask & (background > 12) & (outside > -margin_px)
         usable = bright & ~scene.obstacle_mask
-        seen = usable | bright & translucent(background, variance)
+        seen = usable | bright & translucent(background, variance, scene.obstacle_mask)
         weight = np.where(seen, 1 / variance, 0).astype(np.float32)
         noise = (np.sqrt(variance) / np.maximum(background, 12)).astype(np.float32)
         kernel = np.ones((9, 9), np.uint8)
@@ -63,11 +64,16 @@ class ImageModel:
         return cls(background, weight, outside, noise, usable, free)
 
 
-def translucent(background, variance) -> np.ndarray:
-    """Pixels that are bright, and not so near an edge that its trembling outdoes the noise."""
+def translucent(background, variance, obstacles) -> np.ndarray:
+    """Pixels of obstacles that let light through: out-of-focus rods, not the rims of others.
+
+    There it is bright, and so far from edges that their trembling does not outdo the noise.
+    """
     gradient = np.hypot(*np.gradient(cv2.GaussianBlur(background, (0, 0), 1.0)))
     bright = background > TRANSLUCENT * np.percentile(background[::4, ::4], 90)
-    return bright & ((TREMBLING_PX * gradient) ** 2 < variance)
+    through = obstacles & bright & ((TREMBLING_PX * gradient) ** 2 < variance)
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (THINNEST_PX, THINNEST_PX))
+    return cv2.morphologyEx(through.astype(np.uint8), cv2.MORPH_OPEN, disc).astype(bool)
 
 
 def signed_distance(mask) -> np.ndarray:

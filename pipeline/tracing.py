@@ -27,6 +27,9 @@ BESIDE_PX = NARROW_PX + 8.0  # nearer whiskers are seen in the search strip
 SHARED_PX = 8.0  # nearer ones share pixels of their cross-sections
 DOUBLE_SHARE = 0.6  # part of two lines that may coincide before one of them is given up
 LARGEST_TURN = np.radians(150)  # no whisker bends further from its base to its tip
+SHARPEST_BASE = np.radians(35)  # turn within HOOK_M of the base: beyond, it follows the fur's edge
+HOOK_M = 2.5e-3
+DISORDER = 3.0  # strangeness of a base on the wrong side of another whisker's
 STRANGEST = 4.0  # a found line less like the missing whisker than this is left alone
 RECENT_FRAMES = 40  # a whisker lost for less than this is expected where it was
 SEARCH_EVERY = 20  # frames between two full detections while a whisker is missing
@@ -94,6 +97,7 @@ class Tracer:
         self.workspace = Workspace(int(1.6 * np.hypot(height, width)))
         self.change_scene(scene)
         self.since_search = SEARCH_EVERY
+        self.face_direction = np.array([0, 1] if scene.face_side in ("left", "right") else [1, 0])
         self.pixels = np.zeros(len(roster) * self.workspace.limit * 16, np.int64)
         self.values = np.zeros(len(self.pixels), np.float32)
 
@@ -204,9 +208,15 @@ class Tracer:
             or line.quality < LOST_QUALITY
             or self._base_jump(track) > 0.5 * self.options.base_gap_px
             or turning_range(line.x, line.y, line.n) > LARGEST_TURN
+            or self._hooked(line)
             or not detection.leaves_face(line, self.model.outside)
         ):
             track.line, track.lost_for = None, 1
+
+    def _hooked(self, line: Line) -> bool:
+        """Whether a line turns sharply near its base: there it is no whisker, but fur."""
+        n = min(line.n, int(max(HOOK_M * self.options.pixels_per_m, 30)))
+        return turning_range(line.x, line.y, n) > SHARPEST_BASE
 
     def _base_jump(self, track: Track) -> float:
         """How far the whisker's first point moved since the last frame [px]."""
@@ -234,13 +244,35 @@ class Tracer:
             track.lost_for += 1
         if not found:
             return
-        for row, column in zip(*linear_sum_assignment(np.minimum(cost, 1e6)), strict=True):
-            if cost[row, column] < STRANGEST:
-                missing[row].line = found[column]
-                missing[row].before, missing[row].lost_for = None, 0
+        pairs = zip(*linear_sum_assignment(np.minimum(cost, 1e6)), strict=True)
+        pairs = [(row, column) for row, column in pairs if cost[row, column] < STRANGEST]
+        lines = sorted((found[column] for _, column in pairs), key=self._along_face)
+        tracks = sorted((missing[row] for row, _ in pairs), key=self._along_face)
+        for track, line in zip(tracks, lines, strict=True):
+            track.line, track.before, track.lost_for = line, None, 0
+
+    def _along_face(self, item: Track | Line) -> float:
+        """Where the base of a line, or that of a track's slot, is along the face [px]."""
+        base = item.slot.base_xy if isinstance(item, Track) else item.points[0]
+        return float(base @ self.face_direction)
+
+    def _disorder(self, track: Track, line: Line) -> float:
+        """Cost of the present whiskers whose bases a line of this track would pass.
+
+        Whiskers cross, but not at their bases.
+        """
+        place, own = self._along_face(line), self._along_face(track)
+        cost = 0.0
+        for other in self.tracks:
+            if other.line is not None:
+                apart = (place - self._along_face(other.line)) * np.sign(
+                    own - self._along_face(other)
+                )
+                cost += DISORDER * (apart < -0.1 * self.options.base_gap_px)
+        return cost
 
     def _strangeness(self, track: Track, line: Line) -> float:
-        """How badly a found line fits a missing whisker: base, length and, if just lost, shape."""
+        """How badly a found line fits a missing whisker: base, length, order, recent shape."""
         unit = self.options.base_gap_px  # 2 mm
         last = track.before if track.lost_for < RECENT_FRAMES else None
         base = track.slot.base_xy if last is None else last.points[0]
@@ -248,6 +280,7 @@ class Tracer:
         if off_base > 1.5 or turning_range(line.x, line.y, line.n) > LARGEST_TURN:
             return np.inf
         cost = 3 * off_base + abs(1 - line.n / track.slot.visible_px)
+        cost += self._disorder(track, line)
         if last is not None:
             n = min(line.n, last.n)
             apart = np.hypot(line.x[:n] - last.x[:n], line.y[:n] - last.y[:n])

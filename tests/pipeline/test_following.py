@@ -113,3 +113,41 @@ def test_a_hidden_tip_turns_with_the_line():
     true_x = np.cos(turn) * whole_x - np.sin(turn) * whole_y + 5
     true_y = np.sin(turn) * whole_x + np.cos(turn) * whole_y + 7
     assert np.hypot(x[:300] - true_x, y[:300] - true_y).max() < 0.01  # px
+
+
+def parallel_whiskers(rows):
+    """Straight whiskers that leave the face in the given rows."""
+    y = np.arange(300.0)[:, None]
+    image = np.full((300, 600), LIGHT)
+    for row in rows:
+        image[:, :TIP] *= 1 - 0.4 * np.exp(-0.5 * ((y - row) / SIGMA) ** 2)
+    image[:, :FACE] = 8
+    image += np.random.default_rng(len(rows)).normal(0, NOISE, image.shape)
+    return np.clip(np.rint(image), 0, 255).astype(np.uint8)
+
+
+def test_a_lost_whisker_is_not_sought_on_the_wrong_side_of_another():
+    empty, options = scene(LIGHT), options_for(Recording(1000.0, 25.0, "left"))
+    empty.obstacle_mask[:] = False
+    both = [parallel_whiskers((100, 118))] * 3
+    roster = find_roster(np.array(both), empty, options, ["a", "b"])
+    upper, lower = Tracer(empty, roster, options).step(both[0])
+    assert [round(t.slot.base_xy[1]) for t in (upper, lower)] in ([100, 118], [118, 100])
+    follow = Tracer(empty, roster, options)
+    follow.step(both[0])
+    for _ in range(25):
+        tracks = {round(t.slot.base_xy[1]): t for t in follow.step(parallel_whiskers((80, 100)))}
+        assert tracks[118].line is None, "what is seen at row 80 must be another hair"
+        assert tracks[100].line.points[0, 1] == pytest.approx(100, abs=1)  # px
+
+
+@pytest.mark.parametrize(("kappa", "hooked"), [(60.0, False), (150.0, False), (500.0, True)])
+def test_a_line_that_turns_sharply_at_its_base_is_no_whisker(kappa, hooked):
+    follow = tracer(rod_light=15)
+    line = line_in(follow, picture(15, BELOW)).copy()
+    angle = kappa * np.minimum(np.arange(line.n) / 25e3, 2e-3)
+    line.x[: line.n], line.y[: line.n] = (
+        40 + np.cumsum(np.cos(angle)),
+        50 + np.cumsum(np.sin(angle)),
+    )
+    assert follow._hooked(line) == hooked
