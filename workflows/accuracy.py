@@ -270,10 +270,6 @@ FORCES = (
     Target(5, "base moment: median error", "shape_moment_median", 0.02),
     Target(5, "axial force: median error", "shape_axial_median", 0.02),
 )
-PLAIN_FORCES = (
-    Target(5, "peak force: median error, no flag", "shape_plain_force_median", 0.01),
-    Target(5, "peak force: within 3 % or 0.1 µN, no flag", "shape_plain_force_within", least=0.95),
-)
 FLOOR = (
     Target(5, "force SD in free frames, shape", "shape_noise_uN", 0.05, unit="µN"),
     Target(5, "force SD in free frames, point", "point_noise_uN", 0.1, unit="µN"),
@@ -294,12 +290,12 @@ TARGETS = {
     "crossing": ROWS,
     "moving_fur": (COVERED, *TOUCH),
     "orientation": LINES,
-    "faint_touch": (*TOUCH, *PLAIN_FORCES),
+    "faint_touch": (*TOUCH, *FORCES),
     "close_touches": (*TOUCH, *FORCES),
     "h264": (*TOUCH, *FORCES),
     "mjpeg": (*TOUCH, *FORCES),
-    "slip_off": (*ROWS, *TOUCH, *PLAIN_FORCES),
-    "large_deflection": (*TOUCH, *PLAIN_FORCES),
+    "slip_off": (*ROWS, *TOUCH, *FORCES),
+    "large_deflection": (*TOUCH, *FORCES),
     "coarse": (*TOUCH, *FORCES),
     "moving_pole": (*TOUCH, *FORCES),
     "near_miss": NO_TOUCH,
