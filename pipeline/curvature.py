@@ -2,7 +2,9 @@
 
 Both come from local polynomials v(u) in a frame laid along the whisker, fitted to the
 *unsmoothed* measurements of the centreline (each with its Fisher information), so that the
-standard errors follow from the fit and the only smoothing is the window, a physical length.
+standard errors follow from the fit and the only smoothing is the window, a physical length. To
+them comes what the codec's noise, which runs along the whisker, adds, and the place: where the
+curvature changes along the whisker, it is known no better than the hidden length.
 """
 
 import numpy as np
