@@ -48,9 +48,9 @@ def write_overlay(video_path, folder, settings: Settings | None = None) -> Path:
 
 def drawn_frames(video, folder, settings: Settings, start=0, stop=None):
     """Yield the frames [start, stop) with findings, uint8 (height, width, 3), BGR."""
-    frames = tables.read_frames(folder / "frames.parquet", COLUMNS)
-    by_frame = dict(iter(frames.groupby("frame", sort=False)))
     inside = [("frame", ">=", start), ("frame", "<", 2**31 - 1 if stop is None else stop)]
+    frames = tables.read_frames(folder / "frames.parquet", COLUMNS, inside)
+    places = frames["frame"].to_numpy()
     lines = _by_frame(tables.centreline_chunks(folder / "centrelines.parquet", inside))
     state = tables.read_json(folder / "run.json", {})
     here = next(lines, None)
@@ -58,7 +58,8 @@ def drawn_frames(video, folder, settings: Settings, start=0, stop=None):
         while here is not None and here[0] < number:
             here = next(lines, None)
         shown = here[1] if here is not None and here[0] == number else {}
-        yield draw(image, shown, by_frame.get(number), tables.pole_at(state, number), settings)
+        rows = frames.iloc[slice(*np.searchsorted(places, [number, number + 1]))]
+        yield draw(image, shown, rows, tables.pole_at(state, number), settings)
 
 
 def _by_frame(chunks):
@@ -72,21 +73,21 @@ def _by_frame(chunks):
         yield frame, {name: points for _, name, points in group}
 
 
-def draw(image, lines: dict, rows: pd.DataFrame | None, pole, settings: Settings) -> np.ndarray:
+def draw(image, lines: dict, rows: pd.DataFrame, pole, settings: Settings) -> np.ndarray:
     """One frame with its findings, uint8 (height, width, 3), BGR.
 
     Parameters
     ----------
     image : uint8 (height, width)
     lines : whisker → points (n, 2) [px]
-    rows : this frame's rows of frames.parquet, with COLUMNS; None: not known
+    rows : this frame's rows of frames.parquet, with COLUMNS
     pole : (x, y, radius) [px] or None
     """
     zoom = 2 if image.shape[1] < SMALL_PX else 1
     canvas = cv2.cvtColor(image, cv2.COLOR_GRAY2BGR)
     if zoom > 1:
         canvas = cv2.resize(canvas, None, fx=zoom, fy=zoom, interpolation=cv2.INTER_CUBIC)
-    table = {} if rows is None else {row["whisker"]: row for row in rows.to_dict("records")}
+    table = {row["whisker"]: row for row in rows.to_dict("records")}
     if pole is not None:
         x, y, radius = pole
         centre = _pixels(np.array([[x, y]]), zoom)[0]
