@@ -177,10 +177,24 @@ def trace(clip: Clip, path=None):
         yield from tracing.trace(video, epochs, roster, options)
 
 
+# The peak is the program's own: what the system tells of a child holds its parent's, too.
+RUN = """
+import re, resource, sys
+from pathlib import Path
+from pipeline.cli import main
+try:
+    main()
+finally:
+    status = Path("/proc/self/status")
+    own = re.search(r"VmHWM:\\s*(\\d+)", status.read_text()) if status.exists() else None
+    peak = own[1] if own else resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    (Path(sys.argv[4]) / "peak_kB").write_text(str(peak))
+"""
+
+
 def run_command(path, out) -> list[str]:
-    """The command `whiskerforce run` for one video."""
-    call = "import sys; from pipeline.cli import main; sys.exit(main())"
-    return [sys.executable, "-c", call, "run", str(path), "--out", str(out), "--jobs", "1"]
+    """The command `whiskerforce run` for one video; its peak memory goes to `out`/peak_kB."""
+    return [sys.executable, "-c", RUN, "run", str(path), "--out", str(out), "--jobs", "1"]
 
 
 @dataclass(frozen=True)
@@ -197,9 +211,10 @@ def run_cost(path, folder) -> RunCost:
     """What `whiskerforce run` on one video takes."""
     out = Path(tempfile.mkdtemp(dir=folder))
     try:
-        used = timed(run_command(path, out))
+        wall, cpu, _ = timed(run_command(path, out))
+        megabytes = int((out / "peak_kB").read_text()) / 1024
         record = read_json(out / "run.json")
-        return RunCost(*used, next(iter(record["inputs"].values()))["stages"])
+        return RunCost(wall, cpu, megabytes, next(iter(record["inputs"].values()))["stages"])
     finally:
         shutil.rmtree(out)
 

@@ -149,7 +149,7 @@ def test_a_broken_file_is_named_with_its_line(tmp_path, row, message):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (("40", "fourty"), "line 3: onset_frame is 'fourty', expected a whole number"),
+        (("40", "soon"), "line 3: onset_frame is 'soon', expected a whole number"),
         (("40,", "40,41,"), "line 3"),
         (("covers_to", "covers"), "expected column covers_to"),
     ],

@@ -293,7 +293,8 @@ def test_overlay_draws_line_pole_and_force(tmp_path):
 def test_small_pictures_are_enlarged(tmp_path):
     settings = report.read_session(make_results(tmp_path / "r") / "session.toml")
     image = np.full((120, 160), 200, np.uint8)
-    canvas = overlay.draw(image, {"w1": np.array([[20.0, 60], [140, 60]])}, pd.DataFrame(), None, settings)
+    lines = {"w1": np.array([[20.0, 60], [140, 60]])}
+    canvas = overlay.draw(image, lines, pd.DataFrame(), None, settings)
     assert canvas.shape == (240, 320, 3)
     column = np.flatnonzero((canvas[100:, 160] != 200).any(axis=1)) + 100
     assert column.mean() == pytest.approx(120.5, abs=0.6)  # centre of row 60, twice as large
