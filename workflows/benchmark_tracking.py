@@ -211,7 +211,7 @@ def run_cost(path, folder) -> RunCost:
     """What `whiskerforce run` on one video takes."""
     out = Path(tempfile.mkdtemp(dir=folder))
     try:
-        wall, cpu, _ = timed(run_command(path, out))
+        wall, cpu = timed(run_command(path, out))
         megabytes = int((out / "peak_kB").read_text()) / 1024
         record = read_json(out / "run.json")
         return RunCost(wall, cpu, megabytes, next(iter(record["inputs"].values()))["stages"])

@@ -12,6 +12,7 @@ from pipeline.records import CONTACT_COLUMNS, Centrelines
 from pipeline.run import analyse
 from pipeline.settings import read_session
 from pipeline.tables import read_centrelines, read_csv, read_frames, read_json, write_text
+from pipeline.workers import THREADS
 from synthetic import bounds, scoring
 from synthetic.scene import Camera, Hair
 from whiskermodel.whisker import Whisker
@@ -20,7 +21,7 @@ NOISE_FLOOR_AT_M = 10e-3
 NOISE_FLOOR_M = (7.5e-3, 13e-3)  # where the pole is nearest in the free frames that count
 BESIDE_POLE_PX = 12.0  # from the pole's edge
 LIGHT = 176.0  # grey levels above black, where a picture's noise is asked for
-ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+ONE_THREAD = (*THREADS, "NUMBA_NUM_THREADS")
 
 
 def limit_threads() -> None:

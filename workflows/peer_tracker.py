@@ -46,7 +46,7 @@ class Peer:
         """Trace a video; lines, wall and CPU time [s]. Lines are all called "peer"."""
         out = self.folder / "lines.whiskers"
         out.unlink(missing_ok=True)
-        wall, cpu, _ = timed([str(self.folder / "trace"), str(video), str(out)], self)
+        wall, cpu = timed([str(self.folder / "trace"), str(video), str(out)], self)
         return read_whiskers(out), wall, cpu
 
 
@@ -97,8 +97,8 @@ def _environment(folder, decoder) -> dict:
     return environment
 
 
-def timed(command, peer: Peer | None = None) -> tuple[float, float, float]:
-    """Run a command to its end: wall time [s], CPU time [s], peak memory [MB].
+def timed(command, peer: Peer | None = None) -> tuple[float, float]:
+    """Run a command to its end: wall time [s], CPU time [s].
 
     RuntimeError with the end of what it said where it fails.
     """
@@ -118,7 +118,7 @@ def timed(command, peer: Peer | None = None) -> tuple[float, float, float]:
             said.seek(0)
             text = said.read().decode(errors="replace").strip().splitlines()
             raise RuntimeError(f"{Path(command[0]).name} failed: {' '.join(text[-3:])}")
-    return wall, used.ru_utime + used.ru_stime, used.ru_maxrss / 1024
+    return wall, used.ru_utime + used.ru_stime
 
 
 def read_whiskers(path) -> Centrelines:
