@@ -132,11 +132,15 @@ class ContainerVideo(Video):
                 if i >= start:
                     yield frame
             return
-        target = self._pts(start)
-        container.seek(target, stream=stream)
-        for frame in container.decode(stream):
-            if frame.pts is None or frame.pts > target - self._step / 2:
-                yield frame
+        first = self._pts(start) - self._step / 2
+        container.seek(self._pts(start), stream=stream)
+        for packet in container.demux(stream):
+            # of the frames before, only those are decoded that others refer to
+            before = packet.pts is not None and packet.pts < first
+            stream.codec_context.skip_frame = "NONREF" if before else "DEFAULT"
+            for frame in packet.decode():
+                if frame.pts is None or frame.pts > first:
+                    yield frame
 
     def _check_end(self, index, pts):
         """Raise if the file ended long before the count or duration that its header gives."""

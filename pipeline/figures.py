@@ -101,6 +101,7 @@ def _save(figure, folder):
         path = folder / f"fig3.{suffix}"
         with tables.whole_file(path) as temporary, mpl.rc_context({"svg.fonttype": "none"}):
             figure.savefig(temporary, format=suffix, dpi=200)
+        figure.set_layout_engine("none")  # laid out once: it is the same in every format
 
 
 # --- reading -----------------------------------------------------------------------------

@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline import tables
+from pipeline.errors import VideoError
 from pipeline.settings import Settings, read_session
 from pipeline.video import open_video
 
@@ -194,7 +195,24 @@ def _write_video(folder, pictures) -> Path:
     return path
 
 
-def picture_of(results_folder, video_path, frame: int, settings: Settings) -> np.ndarray:
-    """One frame of a processed video with its findings, uint8 (height, width, 3), BGR."""
+def pictures_of(results_folder, video_path, frames, settings: Settings) -> list:
+    """Some frames of a processed video with its findings.
+
+    Returns
+    -------
+    uint8 (height, width, 3), BGR, for each of `frames`; None for those that cannot be read.
+
+    Raises
+    ------
+    VideoError
+        If the video cannot be opened.
+    """
     with open_video(video_path) as video:
-        return next(drawn_frames(video, Path(results_folder), settings, frame, frame + 1))
+        return [_picture(video, Path(results_folder), settings, int(each)) for each in frames]
+
+
+def _picture(video, folder, settings, frame):
+    try:
+        return next(drawn_frames(video, folder, settings, frame, frame + 1), None)
+    except VideoError:
+        return None

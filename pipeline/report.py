@@ -22,6 +22,7 @@ NAMED = 5  # contacts named for every flag, and of those that ring
 NEAR_MM = 3.0  # free frames with the pole this near show the force's noise
 RINGS = 1.0  # vibrational over steady moment
 NOTICEABLE = 0.1
+MAP_STEP = 4e-5  # s: a few of the highest mode's period, enough for a map's colours
 JPEG_QUALITY = 80
 
 
@@ -51,10 +52,10 @@ def write_report(results) -> Path:
     truth = figures.read_truth(results)
     settings = results / "session.toml"
     contacts = at_peaks(results, contacts)
-    pictures = list(_pictures(results, contacts, record))
+    pictures = _stills(results, contacts, record, _examples(contacts))
     flags = _flags(contacts)
     shown = {picture["index"] for picture in pictures}
-    stills = list(_stills(results, contacts, record, flags, shown))
+    stills = _stills(results, contacts, record, _flagged(flags, shown))
     shown |= {still["index"] for still in stills}
     page = _template().render(
         title=results.resolve().name,
@@ -319,33 +320,56 @@ def _budget_row(source, known, size, share, note):
 # --- pictures -----------------------------------------------------------------------------
 
 
-def _pictures(results, contacts, record):
-    """Overlays at the peaks of some contacts, of as many videos as possible."""
+def _examples(contacts) -> list:
+    """Some contacts, of as many videos as possible."""
     order = contacts.groupby("video").cumcount()
-    spread = contacts.assign(order=order).sort_values("order", kind="stable")
-    for index, row in spread.head(PICTURES).iterrows():
-        yield from _still(results, index, row, record)
+    return list(order.sort_values(kind="stable").head(PICTURES).index)
 
 
-def _stills(results, contacts, record, flags, shown):
-    """Stills of flagged contacts that are not in the page yet: first of each flag, second, …"""
+def _flagged(flags, shown) -> list:
+    """Flagged contacts that are not in the page yet: first of each flag, second, …"""
     wanted = [
         flag["places"][n]["index"]
         for n in range(NAMED)
         for flag in flags
         if n < len(flag["places"])
     ]
-    wanted = [index for index in dict.fromkeys(wanted) if index not in shown]
-    for index in wanted[:STILLS]:
-        yield from _still(results, index, contacts.loc[index], record)
+    return [index for index in dict.fromkeys(wanted) if index not in shown][:STILLS]
 
 
-def _still(results, index, row, record):
-    """One contact at its peak with a caption; nothing where its video is gone."""
-    state = record.get("inputs", {}).get(row["video"])
-    picture = _picture(results / row["video"], state, row["peak_frame"]) if state else ""
-    if not picture:
-        return
+def _stills(results, contacts, record, indices) -> list[dict]:
+    """Contacts at their peaks with captions, in this order; nothing where a video is gone."""
+    drawn = {}
+    for video, rows in contacts.loc[indices].groupby("video"):
+        state = record.get("inputs", {}).get(video)
+        if state:
+            drawn |= _drawn(results / video, state["path"], rows["peak_frame"].astype(int))
+    return [
+        {"data": drawn[index], "caption": _caption(contacts.loc[index]), "index": index}
+        for index in indices
+        if index in drawn
+    ]
+
+
+def _drawn(folder, path, frames) -> dict:
+    """Contact → its frame with the findings as a data URI, of those that can be read."""
+    import cv2
+
+    from pipeline.overlay import pictures_of
+
+    try:
+        pictures = pictures_of(folder, path, frames, read_session(folder / "session.toml"))
+    except (VideoError, OSError):
+        return {}
+    jpeg = [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY]
+    return {
+        index: _data_uri(cv2.imencode(".jpg", picture, jpeg)[1].tobytes(), "image/jpeg")
+        for index, picture in zip(frames.index, pictures, strict=True)
+        if picture is not None
+    }
+
+
+def _caption(row) -> str:
     caption = f"{row['video']}, frame {row['peak_frame']:.0f}: {row['whisker']}, contact "
     caption += f"{row['contact']}, "
     if np.isfinite(row["peak_force_uN"]):
@@ -353,22 +377,7 @@ def _still(results, index, row, record):
     caption += f"{row['duration_ms']:.0f} ms"
     if row["flags"]:
         caption += f"; {', '.join(_parts(row['flags']))}"
-    yield {"data": picture, "caption": caption, "index": index}
-
-
-def _picture(folder, state, frame) -> str:
-    """One frame with its findings as a data URI; empty if the video is no longer there."""
-    import cv2
-
-    from pipeline.overlay import picture_of
-
-    try:
-        settings = read_session(folder / "session.toml")
-        picture = picture_of(folder, state["path"], int(frame), settings)
-    except (VideoError, OSError, StopIteration):
-        return ""
-    _, code = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
-    return _data_uri(code.tobytes(), "image/jpeg")
+    return caption
 
 
 # --- plots --------------------------------------------------------------------------------
@@ -433,15 +442,16 @@ def _usual_whisker(results, contacts):
     return count.most_common(1)[0][0] if count else None
 
 
-def ratio_grid(whisker, durations_ms, contacts_mm) -> np.ndarray:
+def ratio_grid(whisker, durations_ms, contacts_mm, dt=1e-5) -> np.ndarray:
     """Largest |vibrational| over peak |steady| base moment, (contacts, durations); Fig. 11."""
     from whiskermodel.pulse_response import half_gaussian_extremes
     from whiskermodel.response import Response
 
     place, duration = np.meshgrid(contacts_mm, durations_ms, indexing="ij")
     steady, high, low = half_gaussian_extremes(
-        Response(whisker), 1e-3 * place.ravel(), 1e-6, 1e-3 * duration.ravel(), ringing=25e-3
-    )
+        Response(whisker), 1e-3 * place.ravel(), 1e-6, 1e-3 * duration.ravel(),
+        ringing=25e-3, dt=dt,
+    )  # fmt: skip
     return (np.maximum(np.abs(high), np.abs(low)) / np.abs(steady)).reshape(place.shape)
 
 
@@ -454,9 +464,9 @@ def _vibration_map(contacts, whisker) -> str:
     duration, place = contacts["duration_ms"], contacts["contact_arc_length_mm"]
     if whisker is not None:
         longest = max(120.0, 1.1 * duration.max())
-        durations = np.geomspace(min(1.0, 0.9 * duration.min()), longest, 40)
-        places = np.linspace(0.1, 0.97, 32) * 1e3 * whisker.length
-        grid = ratio_grid(whisker, durations, places)
+        durations = np.geomspace(min(1.0, 0.9 * duration.min()), longest, 32)
+        places = np.linspace(0.1, 0.97, 28) * 1e3 * whisker.length
+        grid = ratio_grid(whisker, durations, places, MAP_STEP)
         axis.contourf(durations, places, grid, np.geomspace(0.01, 3, 22), norm=norm,
                       cmap="cividis", extend="both")  # fmt: skip
         lines = axis.contour(durations, places, grid, [NOTICEABLE, RINGS], linewidths=[0.8, 1.6],

@@ -60,14 +60,16 @@ def test_without_contacts_and_figures(tmp_path):
 def test_pictures_are_of_the_contacts(tmp_path, monkeypatch):
     asked = []
 
-    def picture_of(folder, path, frame, settings):
-        asked.append((folder.name, frame))
-        return np.zeros((20, 30, 3), np.uint8)
+    def pictures_of(folder, path, frames, settings):
+        asked.extend((folder.name, frame) for frame in frames)
+        return [np.zeros((20, 30, 3), np.uint8) for _ in frames]
 
-    monkeypatch.setattr(overlay, "picture_of", picture_of)
+    monkeypatch.setattr(overlay, "pictures_of", pictures_of)
     page = report.write_report(make_results(tmp_path / "results")).read_text("utf-8")
-    assert asked == [("one", 35), ("two", 50), ("one", 70)]  # a contact of each video first
+    assert asked == [("one", 35), ("one", 70), ("two", 50)]  # each video is opened once
     assert page.count("data:image/jpeg") == len(CONTACTS)
+    captions = dict.fromkeys(re.findall(r"(one|two), frame (\d+):", page))
+    assert list(captions) == [("one", "35"), ("two", "50"), ("one", "70")]  # of each video first
     assert "peak 30.0 µN, 40 ms" in page
 
 
@@ -232,7 +234,7 @@ def test_map_agrees_with_the_table_of_contacts(tmp_path):
 
 def test_flags_lead_to_stills_of_bounded_number(tmp_path, monkeypatch):
     picture = np.zeros((20, 30, 3), np.uint8)
-    monkeypatch.setattr(overlay, "picture_of", lambda *_: picture)
+    monkeypatch.setattr(overlay, "pictures_of", lambda *a: [picture] * len(a[2]))
     contacts = [contact("one", n, 3 * n, 2, 5.0, flags=f"flag_{n % 6}; all") for n in range(1, 36)]
     page = report.write_report(make_results(tmp_path / "r", contacts)).read_text("utf-8")
     links = re.findall(r'href="#([^"]*)"', page)
