@@ -322,7 +322,7 @@ def _blocked(sums, i, n):
     """Whether no pixel is left around node `i`; a lone node may just share its row's column."""
     pixels = 0.0
     for j in range(max(i - 2, 0), min(i + 3, n)):
-        pixels += sums[j, profiles.COUNT]
+        pixels += sums[j, profiles.G11]
     return pixels == 0
 
 
@@ -350,7 +350,7 @@ def visible_end(amplitude, amplitude_se, sums, n, threshold, bridge):
     blind = 0  # nodes without pixels since then
     run = 0  # seen nodes in a row: after a gap, a few must agree
     for i in range(first, n):
-        if sums[i, profiles.COUNT] == 0 and _blocked(sums, i, n):
+        if sums[i, profiles.G11] == 0 and _blocked(sums, i, n):
             blind += 1
             if blind > bridge:
                 break
