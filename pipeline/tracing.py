@@ -15,6 +15,7 @@ from scipy.optimize import linear_sum_assignment
 from pipeline import detection, following, profiles
 from pipeline.detection import ImageModel, Line, TracingOptions, Workspace
 from pipeline.follicle import FollicleFinder
+from pipeline.fur_trust import FurTrust
 from pipeline.records import Centrelines, Recording, StaticScene
 
 CHUNK_FRAMES = 500
@@ -524,20 +525,30 @@ def trace(
 
 
 def _follicle_finder(roster: list[Slot], options: TracingOptions):
-    """Return a function that adds the hidden length to every row of centrelines."""
+    """Return a function that adds the hidden length to every row of centrelines.
+
+    It also tells how much less is known where fur clings (`fur_trust`).
+    """
     if len(options.hidden_px) != len(roster) or not all(slot.samples for slot in roster):
         return lambda lines: lines
     samples = _Collector(tuple(slot.name for slot in roster))
     for k, slot in enumerate(roster):
         for line in slot.samples:
             samples.add(0, k, line, 1.0)
+    samples = samples.take(options.spacing_px)
+    trust = FurTrust(samples, options.pixels_per_m)
     finder = FollicleFinder(
-        samples.take(options.spacing_px),
+        trust.weigh(samples),
         options.hidden_px,
         options.pixels_per_m,
         options.cone_px or None,
     )
-    return lambda lines: replace(lines, hidden_px=finder.hidden(lines))
+
+    def place(lines):
+        lines = trust.weigh(lines)
+        return replace(lines, hidden_px=finder.hidden(lines))
+
+    return place
 
 
 def _starting_scenes(scene) -> dict[int, tuple[StaticScene, float]]:
