@@ -18,8 +18,8 @@ import numpy as np
 from scipy import sparse
 
 from pipeline import shape_fit
-from pipeline.shape_fit import RestPrior
-from pipeline.stations import Stations
+from pipeline.shape_fit import N_REST, RestPrior
+from pipeline.stations import N_STATIONS, Stations
 from whiskermodel.whisker import Whisker
 
 HIDDEN_LENGTH_SD_M = 0.12e-3  # how well a hidden length is known beforehand
@@ -37,9 +37,11 @@ LENGTH_MATCH = 0.05  # a tip farther from the whisker's length than this part is
 MOST_ROWS = 240  # loaded frames that the bending is asked about
 LEAST_PUSH_SD = 15.0
 CLEAN = 4.0  # times the usual misfit: something else lies upon the whisker
-# frames that count as one, by where their misfit comes from: pixel noise (they share the rest
-# shape's error), or more than that (a codec's, a background's, which last and run along the line)
-SHARED_NOISE, SHARED_STRUCTURE = 5.0, 15.0
+TOGETHER = 5.0  # rows that count as one: those of a contact err together
+# error of a station in the mean of a whole video, in its noise: a touching whisker lies still
+# upon the same pixels; and how far along the whisker such errors are alike
+LASTING_SHARE = 0.2
+LASTING_REACH_M = 1.5e-3
 ROUNDS = 3  # of Gauss–Newton
 BENDING_SD_M = 0.003e-3  # of the bending's answer, even where all is well
 POLE_LEVER = 6.0  # how much farther a misplaced pole moves the answer
@@ -133,25 +135,65 @@ def origin_from_bending(
     rows = _loaded_rows(places, whisker, curvature_at, prior, friction)
     if len(rows) < 5:
         return votes.solve()
-    part, rest = places.rows(rows), replace(prior, drift=prior.drift[rows], cov=prior.cov[rows])
+    part = places.rows(rows).loaded()
+    rest = replace(prior, drift=prior.drift[rows], cov=prior.cov[rows])
     here, design = part.origin, votes.design[rows]
+    influence = np.zeros((len(rows), N_STATIONS + N_REST))
     for _ in range(ROUNDS):
         fit = shape_fit.fit_loaded(
-            part, whisker, curvature_at, rest, friction[rows], here - part.origin
+            part, whisker, curvature_at, rest, friction[rows], here - part.origin, influence
         )
-        usual = float(np.nanmedian(fit["chi2"]))
-        noise = SHARED_NOISE + SHARED_STRUCTURE * max(usual - 1, 0.0)
-        bend, pull = (np.nan_to_num(fit[f"origin_{k}"]) / noise for k in ("bend", "pull"))
-        share = _trust(pull, bend) * (fit["chi2"] < CLEAN * usual)
+        bend, pull = (np.nan_to_num(fit[f"origin_{k}"]) for k in ("bend", "pull"))
+        share = _trust(pull, bend) * (fit["chi2"] < CLEAN * float(np.nanmedian(fit["chi2"])))
+        share /= _noise(share, pull, bend)
+        common = _common_sd(share, bend, influence, part, fit, rest)
         witness = design, share * bend, share * (pull + bend * here)
         try:
-            alone = _with_bending(votes.loosely(), *witness, BENDING_SD_M)
-            sd = _doubt(alone.weights()[0], fit["gap"], part.side)
+            alone = _with_bending(votes.loosely(), *witness, common)
+            sd = np.hypot(common, _doubt(alone.weights()[0], fit["gap"], part.side))
             found = _with_bending(votes, *witness, sd).solve()
         except np.linalg.LinAlgError:
             return votes.solve()
         here = found.per_row[rows]
     return found
+
+
+def _noise(share, pull, bend):
+    """Variance of the rows' pulls over that which the stations' information tells.
+
+    The pulls of neighbouring rows err together, most so a codec's: counted are independent ones.
+    """
+    good = (share > 0) & (bend > 0)
+    if good.sum() < 2:
+        return 1.0
+    answer = (share * pull)[good].sum() / (share * bend)[good].sum()
+    deviation = (pull - bend * answer)[good] / np.sqrt(bend[good])
+    limit = 3 * 1.4826 * np.median(np.abs(deviation))
+    return TOGETHER * max(0.5, float(np.mean(np.clip(deviation, -limit, limit) ** 2)))
+
+
+def _common_sd(share, bend, influence, part, fit, rest):
+    """Standard error [m] of the bending's answer from what is common to all of its rows.
+
+    Its parts are the stations' errors that do not average out, and the errors of the rest
+    shape's weights (`RestPrior`).
+    """
+    total = (share * bend).sum()
+    rows = share[:, None] * np.nan_to_num(influence)
+    known = (part.information / np.fmax(fit["chi2"], 1.0)[:, None]).sum(axis=0)
+    known /= np.maximum((part.information > 0).sum(axis=0), 1)
+    noise = np.where(known > 0, 1 / np.sqrt(np.maximum(known, 1e-30)), 0.0)
+    lasting = LASTING_SHARE * noise * rows[:, :N_STATIONS].sum(axis=0)
+    spacing = part.spacing[part.whisker[0]]
+    away = np.subtract.outer(np.arange(N_STATIONS), np.arange(N_STATIONS))
+    alike = np.exp(-0.5 * (away * spacing / LASTING_REACH_M) ** 2)
+    variance = lasting @ alike @ lasting
+    if rest.weights_cov is not None:
+        u = np.nan_to_num(fit["angle"] - rest.centre) / rest.scale
+        powers = u[:, None] ** np.arange(len(rest.weights))
+        answers = powers.T @ rows[:, N_STATIONS:]
+        variance += np.einsum("ka,kl,lb,ab->", answers, rest.weights_cov, answers, rest.values_cov)
+    return float(np.sqrt(variance) / total) if total > 0 else np.inf
 
 
 def _with_bending(votes, design, bend, pull, sd):

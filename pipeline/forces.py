@@ -184,7 +184,10 @@ def _rest_prior(places, whisker, curvature_at, angle, time, free) -> RestPrior |
     # the table's angle is good enough for how well the rest shape is known
     _, cov = model.predict(np.where(np.isfinite(angle), angle, model.centre), time)
     floor = np.eye(cov.shape[1]) * 1e-3**2
-    return RestPrior(model.weights, model.centre, model.scale, model.drift(time), cov + floor)
+    return RestPrior(
+        model.weights, model.centre, model.scale, model.drift(time), cov + floor,
+        model.weights_cov, model.values_cov,
+    )  # fmt: skip
 
 
 def _force_noise(force, error, places, free):

@@ -27,7 +27,8 @@ class RestModel:
     Attributes
     ----------
     weights : (terms, values)
-    weights_cov : (values, terms, terms)
+    weights_cov : (terms, terms), and values_cov : (values, values), whose product is the
+        covariance of the weights
     centre, scale : of the base angle [rad]
     time, residual, share : of the free frames, for the drift: s, (frames, values), (frames,)
     scatter : (values, values) covariance of the true rest values about the model
@@ -36,6 +37,7 @@ class RestModel:
 
     weights: np.ndarray
     weights_cov: np.ndarray
+    values_cov: np.ndarray
     centre: float
     scale: float
     time: np.ndarray
@@ -63,9 +65,8 @@ class RestModel:
         """
         powers = _powers((np.asarray(angle, float) - self.centre) / self.scale, self.degree)
         values = powers @ self.weights + self.drift(time)
-        known = np.einsum("nk,vkl,nl->nv", powers, self.weights_cov, powers)
-        cov = self.scatter + known[:, :, None] * np.eye(values.shape[1])
-        return values, cov
+        known = np.einsum("nk,kl,nl->n", powers, self.weights_cov, powers)
+        return values, self.scatter + known[:, None, None] * self.values_cov
 
 
 def fit_rest(values, variances, angle, time, free) -> RestModel | None:
@@ -109,10 +110,9 @@ def fit_rest(values, variances, angle, time, free) -> RestModel | None:
     left = residual - drift
     total = (left * share[:, None]).T @ left / share.sum()
     scatter = _positive(total - np.diag((variances * share[:, None]).sum(axis=0) / share.sum()))
-    inverse = np.linalg.inv((powers * share[:, None]).T @ powers)
-    weights_cov = np.diag(total)[:, None, None] * inverse * CORRELATED_FRAMES
+    weights_cov = CORRELATED_FRAMES * np.linalg.inv((powers * share[:, None]).T @ powers)
     return RestModel(
-        weights, weights_cov, centre, scale, time, residual, share, scatter, int(use.sum())
+        weights, weights_cov, total, centre, scale, time, residual, share, scatter, int(use.sum())
     )
 
 

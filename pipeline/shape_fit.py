@@ -81,7 +81,9 @@ class RestPrior:
     """What free frames tell of the rest shape: a = weights · (1, u, u², …) + drift, ± cov.
 
     `u` is (base angle − centre)/scale. `weights` (terms, N_REST), `drift` (rows, N_REST) or
-    zeros, `cov` (rows, N_REST, N_REST).
+    zeros, `cov` (rows, N_REST, N_REST). Errors of the weights are common to all rows: their
+    covariance, part of `cov`, is the product of `weights_cov` (terms, terms) and `values_cov`
+    (N_REST, N_REST); None where they are not in question.
     """
 
     weights: np.ndarray
@@ -89,6 +91,8 @@ class RestPrior:
     scale: float
     drift: np.ndarray
     cov: np.ndarray
+    weights_cov: np.ndarray | None = None
+    values_cov: np.ndarray | None = None
 
 
 def rest_basis(whisker: Whisker, arc_length) -> np.ndarray:
@@ -111,14 +115,17 @@ def fit_loaded(
     prior: RestPrior,
     friction=0.0,
     shift=0.0,
+    influence=None,
 ) -> ShapeFit:
     """Fit pose and the force that a pole at the nearest point would exert, given the rest shape.
 
     `friction`, one or (rows,), is the signed ratio of tangential to normal force, + pulls
     towards the tip. `shift` [m], one or (rows,), is added to the arc lengths beside
-    `stations.origin`; the rest shape, measured without it, moves along.
+    `stations.origin`; the rest shape, measured without it, moves along. `influence`, if given, a
+    (rows, N_STATIONS + N_REST) array, is filled with how `origin_pull` follows an error of each
+    station across the whisker [1/m²], and of each coefficient of the prior's rest shape [1].
     """
-    return _fit(stations, whisker, curvature_at, prior, True, friction, shift)
+    return _fit(stations, whisker, curvature_at, prior, True, friction, shift, influence)
 
 
 def _vague(n):
@@ -126,8 +133,9 @@ def _vague(n):
     return np.broadcast_to(np.eye(N_REST) * 300.0**2, (n, N_REST, N_REST))
 
 
-def _fit(stations, whisker, curvature_at, prior, loaded, friction, shift=0.0):
+def _fit(stations, whisker, curvature_at, prior, loaded, friction, shift=0.0, influence=None):
     n, m = len(stations), N_STATIONS
+    influence = np.empty((0, m + N_REST)) if influence is None else influence
     s = np.arange(m) * whisker.length / (m - 1)
     out = np.full((n, len(_COLUMNS)), np.nan)
     rest = np.full((n, N_REST), np.nan)
@@ -149,7 +157,7 @@ def _fit(stations, whisker, curvature_at, prior, loaded, friction, shift=0.0):
             stiffness, basis, side[rows], part.pole_x, part.pole_y, part.pole_radius,
             part.nearest, radius, curvature_at, shift[rows], weights, prior.centre, prior.scale,
             drift[rows], np.linalg.inv(prior.cov[rows]), friction[rows],
-            out[rows], rest[rows], rest_cov[rows],
+            out[rows], rest[rows], rest_cov[rows], influence[rows],
         )  # fmt: skip
     table = {name: out[:, k] for k, name in enumerate(_COLUMNS)}
     return ShapeFit(table, rest, rest_cov)
@@ -159,6 +167,7 @@ def _fit(stations, whisker, curvature_at, prior, loaded, friction, shift=0.0):
 def _fit_rows(
     xs, ys, info, origin, h, rod, stiffness, basis, side, pole_x, pole_y, pole_radius, nearest,
     radius, at, moved, weights, centre, scale, drift, precision, friction, out, rest, rest_cov,
+    influence,
 ):  # fmt: skip
     m, terms = basis.shape
     x, y, angle = np.zeros(m), np.zeros(m), np.zeros(m)
@@ -253,6 +262,11 @@ def _fit_rows(
                 xs[row], ys[row], info[row], chi2, x, y, angle, moved_x, moved_y, shift, size,
                 inverse, rhs, follows, o,
             )  # fmt: skip
+            if len(influence) > 0:
+                _influence(
+                    xs[row], ys[row], info[row], chi2, x, y, angle, moved_x, moved_y, shift, size,
+                    follows, precision[row], influence[row],
+                )  # fmt: skip
             _loads_by_origin(o, p[size - 1], size, force, c_x, c_y, moved_base, gradient, follows)
 
 
@@ -668,6 +682,32 @@ def _follow(
             follows[a] += inverse[a, b] * rhs[b]
         bend -= rhs[a] * follows[a]
     o[27], o[28] = pull, bend
+
+
+@njit(cache=True)
+def _influence(
+    xs, ys, info, chi2, x, y, angle, moved_x, moved_y, shift, size, follows, precision, out
+):
+    """Fill `out` with the change of the origin's pull by an error of each station and rest term.
+
+    What the pull is for a rod that is fitted again: a misfit counts as far as no parameter
+    answers to it, and a rest shape as far as the stations do not correct the prior.
+    """
+    m, terms = len(info), len(precision)
+    for j in range(terms):
+        out[m + j] = 0.0
+        for b in range(terms):
+            out[m + j] += follows[2 + b] * precision[b, j] * max(chi2, 1.0)
+    for k in range(m):
+        out[k] = 0.0
+        if not info[k] > 0:
+            continue
+        sin, cos = np.sin(angle[k]), np.cos(angle[k])
+        away = ((moved_y[k] - y[k]) * cos - (moved_x[k] - x[k]) * sin) / ORIGIN_STEP_M
+        misfit = (ys[k] - y[k]) * cos - (xs[k] - x[k]) * sin
+        for a in range(size):
+            away += shift[k, a] * follows[a]
+        out[k] = _robust_weight(info[k], misfit, chi2) * away
 
 
 @njit(cache=True)

@@ -84,3 +84,28 @@ def test_without_touches_the_session_is_believed():
     assert evidence["origin_se_m"].median() == pytest.approx(
         arc_origin.HIDDEN_LENGTH_SD_M, rel=0.2
     )
+
+
+def test_the_standard_error_holds_what_is_common_to_all_frames():
+    """Stations drawn aside alike in every touching frame: no number of frames takes that away."""
+    noisy = traced_motion.trace(make_trial("noisy", 0, 0, 500).motion, noise_px=0.1)
+    touches = noisy.true_frames["in_contact"].to_numpy(bool)
+    places = noisy.places
+    plain, _ = forces.measure_forces(places, mouse_c2(), noisy.frames, AT)
+    noise = np.median(places.information[places.information > 0]) ** -0.5
+    along = np.arange(stations.N_STATIONS) * places.spacing[0]
+    share = []
+    for seed in range(6):
+        waves = np.random.default_rng(seed).normal(size=(2, 8))
+        turns = 2 * np.pi * np.outer(along, np.linspace(0, 0.2, 8)) / arc_origin.LASTING_REACH_M
+        aside = (np.cos(turns) @ waves[0] + np.sin(turns) @ waves[1]) / np.sqrt(8)
+        aside = arc_origin.LASTING_SHARE * noise * aside * touches[:, None]
+        steps = np.gradient(places.x, axis=1), np.gradient(places.y, axis=1)
+        length = np.hypot(*steps)
+        x, y = places.x - aside * steps[1] / length, places.y + aside * steps[0] / length
+        seen = np.where(np.isfinite(x), places.information, 0.0)
+        moved = replace(places, x=x, y=y, information=seen)
+        evidence, _ = forces.measure_forces(moved, mouse_c2(), noisy.frames, AT)
+        change = evidence["origin_m"] - plain["origin_m"]
+        share.append(np.median(change / evidence["origin_se_m"]))
+    assert 0.3 < np.sqrt(np.mean(np.square(share))) < 1.3  # and it is not simply large

@@ -215,3 +215,28 @@ def test_rows_that_cannot_be_fitted_are_missing_values():
     places.information[1, 12:] = 0.0  # too little
     fit = shape_fit.fit_loaded(places, mouse_c2(), CURVATURE_AT, known_rest(3))
     np.testing.assert_array_equal(np.isnan(fit["force"]), [True, True, False])
+
+
+def test_the_origins_pull_follows_stations_and_rest_shape_as_told():
+    """`influence` beside differences of two fits, one with a station or the rest shape moved."""
+    _, places = touching([0.2], distance=8e-3)
+    # a rest shape that is neither given nor free, so that both answer to each other
+    prior = known_rest(1, sd=0.5)
+    told = np.zeros((1, N_STATIONS + shape_fit.N_REST))
+    start = shape_fit.fit_loaded(places, mouse_c2(), CURVATURE_AT, prior, influence=told)
+    for k in (10, 20, 30):
+        x, y = places.x.copy(), places.y.copy()
+        along = np.arctan2(y[0, k + 1] - y[0, k - 1], x[0, k + 1] - x[0, k - 1])
+        x[0, k] -= SD * np.sin(along)
+        y[0, k] += SD * np.cos(along)
+        moved = replace(places, x=x, y=y)
+        fit = shape_fit.fit_loaded(moved, mouse_c2(), CURVATURE_AT, prior)
+        change = (fit["origin_pull"] - start["origin_pull"]) / SD
+        np.testing.assert_allclose(change, told[:, k], rtol=0.02)
+    for j in range(shape_fit.N_REST):
+        step = 0.02 * np.eye(shape_fit.N_REST)[j]
+        fit = shape_fit.fit_loaded(
+            places, mouse_c2(), CURVATURE_AT, replace(prior, drift=prior.drift + step)
+        )
+        change = (fit["origin_pull"] - start["origin_pull"]) / 0.02
+        np.testing.assert_allclose(change, told[:, N_STATIONS + j], rtol=0.02)
