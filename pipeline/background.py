@@ -15,6 +15,7 @@ from scipy.special import gammainc, gammaincinv
 THICKEST_LINE_MM = 0.32  # blurred whiskers are thinner, poles and rods thicker
 SHORTEST_WHISKER_MM = 2.5  # shorter thin dark lines are fur or dust: they stay
 SHORTEST_STILL_MM = 4.0  # in a movie, fur may be as long; that it never moves speaks for fur
+SHORTEST_BASE_MM = 0.3
 ILLUMINATION_MM = 0.8  # the light is averaged over this length (SD)
 EDGE_RATIO = 1.4  # of light within three cells: more is the edge of something
 BRIGHT_RANK = 0.85  # of the samples of a pixel: free of whiskers that rest there up to this share
@@ -255,17 +256,19 @@ def thin_dark_lines(image, pixels_per_mm, noise, face=None) -> np.ndarray:
     return cv2.dilate(lines.astype(np.uint8), np.ones((3, 3), np.uint8)).astype(bool)
 
 
-def without_whiskers(background: Background, face: np.ndarray, pixels_per_mm) -> np.ndarray:
+def without_whiskers(background: Background, face: np.ndarray, pixels_per_mm, fur=True):
     """Return the image with whiskers that never moved filled from their surroundings.
 
     They are the long thin dark lines that come out of the face (bool mask); shorter lines are
     fur, and lines elsewhere scratches and wires: these stay, as they should in a background.
+    Where there is no `fur`, shorter ones are the whiskers' bases, about which they turn.
     """
     movie = background.n_frames >= MOVIE_FRAMES
     share = 1 / background.n_frames if movie else 1.0  # of the variance left in the average
     noise = share * background.noise_floor, share * background.noise_gain
     thin = thin_dark_lines(background.image, pixels_per_mm, noise, face) & ~face
     shortest = SHORTEST_STILL_MM if movie else SHORTEST_WHISKER_MM
+    shortest = shortest if fur else SHORTEST_BASE_MM
     whiskers = _long_lines_at(face, thin, pixels_per_mm, shortest * pixels_per_mm)
     if not movie:
         return smooth_flat_parts(background.image, whiskers, pixels_per_mm, noise)

@@ -78,13 +78,14 @@ def translucent(background, variance, obstacles) -> np.ndarray:
 
 def signed_distance(mask) -> np.ndarray:
     """Distance [px] from the edge of a mask, float32, positive outside and smooth at the edge."""
-    inside = mask.astype(np.uint8)
-    if not inside.any():
+    if not mask.any():
         return np.full(mask.shape, 1e3, np.float32)
+    beyond = 8  # what the picture's border cuts goes on there
+    inside = cv2.copyMakeBorder(mask.astype(np.uint8), *[beyond] * 4, cv2.BORDER_REPLICATE)
     far = cv2.distanceTransform(1 - inside, cv2.DIST_L2, 5)
     near = cv2.distanceTransform(inside, cv2.DIST_L2, 5)
     distance = np.where(inside > 0, 0.5 - near, far - 0.5).astype(np.float32)
-    return cv2.GaussianBlur(distance, (0, 0), 1.5)
+    return cv2.GaussianBlur(distance, (0, 0), 1.5)[beyond:-beyond, beyond:-beyond].copy()
 
 
 class Workspace:

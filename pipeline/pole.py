@@ -18,7 +18,8 @@ COMFORTABLE_ARC = 0.38  # this much is enough to measure a circle well
 MARGIN_RAYS = 14  # of 2°, left out beside rays that are shaded
 LEAST_ARC = 0.55  # of the circumference must be seen as edge: a corner has 0.5, a rod's end 0.65
 MOST_RESIDUAL = 0.06  # of the edge's contrast, root mean square
-LEAST_CONTRAST = 0.4  # share of the light that the disc takes
+LEAST_CONTRAST = 0.2  # share of the light that the disc takes
+LEAST_SHADE = 0.08  # the same, where a person says that there is a pole
 EDGE_SLOPE = 0.04  # of the light per pixel: less is no edge of a thing in focus
 INTERPOLATION = 0.003  # error of interpolated pixels, share of the light
 
@@ -50,7 +51,8 @@ def find_pole(transmission, radius_px: float, near_xy=None, exclude=None) -> Pol
 
     Returns
     -------
-    Pole, or None where no disc with at least 55 % of its edge in view is seen.
+    Pole, or None where no disc with at least 55 % of its edge in view is seen. Where a person
+    says that there is one, a darker place is enough; what cannot be measured of it is believed.
     """
     if not radius_px > 0:
         raise ValueError(f"radius_px must be > 0, got {radius_px!r}")
@@ -62,7 +64,20 @@ def find_pole(transmission, radius_px: float, near_xy=None, exclude=None) -> Pol
             rough.append(circle)
     rough.sort(key=lambda circle: -circle[3])
     measured = (measure_disc(image, *circle[:3], radius_px) for circle in rough)
-    return next((pole for pole in measured if pole is not None), None)
+    found = next((pole for pole in measured if pole is not None), None)
+    if found is None and near_xy is not None and _shade(image, *near_xy, radius_px) > LEAST_SHADE:
+        return Pole(*map(float, near_xy), float(radius_px), 1.0, 0.0, np.nan)
+    return found
+
+
+def _shade(image, x, y, radius_px):
+    """Share of the light around (x, y) that a disc there takes."""
+    inside = _disc(image.shape, x, y, 0.8 * radius_px)
+    around = _disc(image.shape, x, y, 2 * radius_px) & ~_disc(image.shape, x, y, 1.3 * radius_px)
+    if not inside.any() or not around.any():
+        return 0.0
+    light = max(float(np.percentile(image[around], 75)), 1e-6)  # beside the rod
+    return 1 - float(np.median(image[inside])) / light
 
 
 def _plausible(circle, radius_px, near_xy):
@@ -92,7 +107,7 @@ def _candidates(image, radius_px, near_xy, exclude, most=6):
     votes = _votes(
         image.shape, x, y, gx[y, x] / strength, gy[y, x] / strength, strength, radius_px
     )
-    votes *= smooth < 0.5  # a centre is dark
+    votes *= smooth < 1 - LEAST_CONTRAST  # a centre is dark
     for _ in range(most):
         _, peak, _, (px, py) = cv2.minMaxLoc(votes)
         if peak <= 0:
@@ -132,7 +147,7 @@ def _rough_circle(image, x, y, radius_px):
     spread = np.std(edge[near] - design[near] @ (dx, dy, radius)) / radius
     px, py = _ray_points(x, y, angles, radius * np.array([0.2, 0.4, 0.6]))
     inner = cv2.remap(image, px, py, cv2.INTER_LINEAR).mean()
-    score = near.mean() * (1 - 4 * spread) * (1 - 2 * inner)
+    score = near.mean() * (1 - 4 * spread) * (1 - inner)
     return float(x), float(y), float(radius), float(score)
 
 

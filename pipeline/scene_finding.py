@@ -7,7 +7,9 @@ import numpy as np
 
 from pipeline.background import estimate_background, without_whiskers
 from pipeline.epochs import Survey, stretches
+from pipeline.errors import VideoError
 from pipeline.face import face_side, find_face, opened
+from pipeline.faceless import mask_behind_whiskers
 from pipeline.pole import PoleFollower, find_pole
 from pipeline.records import PoleTrack, Recording, StaticScene
 
@@ -54,7 +56,13 @@ def find_scenes(
     -------
     epochs, without gaps, from frame 0 on. Where a state of the scene returns (the pole away
     again), it is the same StaticScene.
+
+    Raises
+    ------
+    VideoError
+        If `pole_xy` is outside of the picture.
     """
+    _check_place(video, pole_xy)
     seen = seen or survey(video, recording)
     states, frames = seen.settled()
     n_frames = video.n_frames or 1
@@ -65,6 +73,17 @@ def find_scenes(
         Epoch(part.start, part.stop, None if part.state is None else scenes[part.state])
         for part in stretches(video, seen, states, [_pole_check(scene) for scene in scenes])
     )
+
+
+def _check_place(video, pole_xy):
+    """Raise if a person's place of the pole is outside of the picture."""
+    height, width = video.shape
+    if pole_xy is not None and not (0 <= pole_xy[0] < width and 0 <= pole_xy[1] < height):
+        raise VideoError(
+            video.path,
+            f"[pole] x_px, y_px = {pole_xy[0]:g}, {pole_xy[1]:g} is outside of its picture: "
+            f"expected 0 to {width - 1} and 0 to {height - 1}; correct or leave them out",
+        )
 
 
 def _pole_check(scene):
@@ -102,12 +121,15 @@ def scene_from_frames(
     transmission = background.transmission
     side = recording.face or face_side(transmission)
     face = find_face(transmission, side, scale)
+    fur = face.any()
+    if not fur:
+        side, face = mask_behind_whiskers(frames, recording.face, scale)
     pole = None
     if pole_diameter_m is not None:
         radius_px = 0.5e3 * pole_diameter_m * scale
         pole = find_pole(transmission, radius_px, pole_xy, face)
     return StaticScene(
-        background=without_whiskers(background, face, scale),
+        background=without_whiskers(background, face, scale, fur),
         noise_gain=background.noise_gain,
         noise_floor=background.noise_floor,
         face_mask=face,

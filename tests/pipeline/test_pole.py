@@ -156,3 +156,27 @@ class TestPoleFollower:
             frame = gain * pole + rng.normal(0, 4, pole.shape)
             cv2.line(frame, (0, 67), (159, 68), 40, 3)
             assert follower.look(np.clip(frame, 0, 255).astype(np.uint8))
+
+
+class TestGreyPoles:
+    """Poles that let light through, as poles of glass or out of focus do."""
+
+    def grey(self, contrast, noise=0.003):
+        rng = np.random.default_rng(1)
+        image = 1 - contrast * (1 - disc((120, 160), 83.37, 59.81, 6.25, 0.9))
+        return (image + rng.normal(0, noise, image.shape)).astype(np.float32)
+
+    @pytest.mark.parametrize("contrast", [0.25, 0.35, 0.6])
+    def test_are_found(self, contrast):
+        pole = find_pole(self.grey(contrast), 6.25)
+        assert np.hypot(pole.x_px - 83.37, pole.y_px - 59.81) < ONE_FRAME
+        assert abs(pole.radius_px - 6.25) < RADIUS
+
+    def test_faint_ones_are_believed_where_they_are_said_to_be(self):
+        image = self.grey(0.12)
+        assert find_pole(image, 6.25) is None
+        pole = find_pole(image, 6.25, near_xy=(83.0, 60.0))
+        assert (pole.x_px, pole.y_px, pole.radius_px) == (83.0, 60.0, 6.25)
+
+    def test_where_nothing_is_there_is_no_pole(self):
+        assert find_pole(self.grey(0.12), 6.25, near_xy=(40.0, 60.0)) is None

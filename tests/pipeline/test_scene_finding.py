@@ -3,6 +3,7 @@ import numpy as np
 import pytest
 
 from pipeline.epochs import MOST_KEPT, Cells, Survey
+from pipeline.errors import VideoError
 from pipeline.frame_source import RandomAccessVideo
 from pipeline.records import Recording
 from pipeline.scene_finding import find_scene, find_scenes
@@ -106,6 +107,10 @@ class TestOneScene:
     def test_pole_is_not_looked_for(self):
         video = MadeUp(50, lambda i: {"pole": POLE})
         assert find_scene(video, RECORDING, pole_diameter_m=None).pole is None
+
+    def test_a_pole_outside_of_the_picture_is_told(self):
+        with pytest.raises(VideoError, match=r"x_px, y_px = 9999, 50 is outside .* 0 to "):
+            find_scenes(MadeUp(40, lambda i: {}), RECORDING, pole_xy=(9999, 50))
 
     def test_a_camera_that_shakes_does_not_cut_the_video(self):
         class Shaking(MadeUp):
