@@ -3,7 +3,7 @@
 Two steps. *Capture*: the best smooth path through a strip of cross-sections around the
 prediction, found for the whole whisker at once by dynamic programming over the likelihood gain
 of "a line of the known absorbance here". *Refinement*: Gauss–Newton on the raw pixels
-(profiles.py) for a spline offset, twice.
+(profiles.py) for a spline offset, until it hardly moves the line.
 """
 
 import numpy as np
@@ -13,9 +13,14 @@ from pipeline import profiles, splines
 
 STIFFNESS = 40.0  # 1/px²: third differences of the line over three knots are about 0.15 px
 SHORTEST = 12  # nodes that a line needs to be one
+MOST_STEPS = 4  # of Gauss–Newton
+SHORT_STEP = 0.1  # px: what this leaves out is some hundredths of a pixel's error
+BEYOND_TIP, TIP_STEP = 30, 0.4  # nodes, px: where it moves more there, the tip is still sought
 OVERSHOOT = 4  # nodes by which the windowed absorbance reaches over a line's end
 WIDEST_GAP = 8  # bridges: longer stretches without pixels are not crossed
 STATION = 2  # nodes between two cross-sections of the capture step
+REACH = 3  # half-width of the line's profile in it [px]
+FLOAT, HALF = np.float32, np.float32(0.5)
 
 
 @njit(cache=True)
@@ -74,67 +79,82 @@ def normals(x, y, n, nx, ny):
         ny[i] = -tx / norm
 
 
-@njit(cache=True)
-def strip_gains(image, background, weight, gain, x, y, nx, ny, n, amplitude, sigma, half, out):
+@njit(cache=True, fastmath=profiles.FAST, error_model="numpy")
+def strip_gains(image, background, weight, gain, x, y, nx, ny, n, amplitude, sigma, half, out, at):
     """Likelihood gain of a line at every station and integer offset −half … half.
 
-    out : float64 (stations, 2 half + 1). Returns the number of stations and the gain that a
-    perfect line would bring in all.
+    The nearest pixels are taken as they are. out : float32 (stations, `strip_width(half)`); at :
+    likewise, the offset at which the pixel's centre really lies. Returns the number of stations
+    and the gain that a perfect line would bring in all.
     """
-    reach = 3
-    size = 2 * (half + reach) + 1
-    value = np.empty(size)
-    power = np.empty(size)
+    width, height = np.int32(image.shape[1]), np.int32(image.shape[0])
+    images, lights, weights = image.ravel(), background.ravel(), weight.ravel()
+    offsets = out.shape[1]
+    size = offsets + profiles.LANES
+    place, off = np.empty(size, np.int32), np.empty(size, FLOAT)
+    pixel, light, trust = np.empty(size, FLOAT), np.empty(size, FLOAT), np.empty(size, FLOAT)
+    value, power = np.empty(size, FLOAT), np.empty(size, FLOAT)
+    level, middle = FLOAT(gain), half + REACH
     stations = (n - 1) // STATION + 1
     expected = 0.0
-    height, width = image.shape
-    first = np.empty(2 * reach + 1)
-    second = np.empty(2 * reach + 1)
     for station in range(stations):
         i = station * STATION
-        a = max(amplitude[i], 0.02)
-        s = np.sqrt(sigma[i] * sigma[i] + 0.1)  # interpolation blurs a little
-        for k in range(2 * reach + 1):
-            first[k] = a * np.exp(-0.5 * ((k - reach) / s) ** 2)
-        mean = first.mean()
-        for k in range(2 * reach + 1):
-            first[k] -= mean  # blind to a constant error of the background
-            second[k] = 0.5 * first[k] * first[k]
+        cx, cy, ux, uy = FLOAT(x[i]), FLOAT(y[i]), FLOAT(nx[i]), FLOAT(ny[i])
         for k in range(size):
-            u = k - half - reach
-            px = x[i] + u * nx[i]
-            py = y[i] + u * ny[i]
-            value[k] = 0.0
-            power[k] = 0.0
-            if not (0 <= px < width - 1 and 0 <= py < height - 1):
-                continue
-            w = weight[int(py + 0.5), int(px + 0.5)]
-            if w <= 0.0:
-                continue
-            column = int(px)
-            row = int(py)
-            fx = px - column
-            fy = py - row
-            w00, w01 = (1 - fx) * (1 - fy), fx * (1 - fy)
-            w10, w11 = (1 - fx) * fy, fx * fy
-            v = gain * (
-                w00 * background[row, column] + w01 * background[row, column + 1]
-                + w10 * background[row + 1, column] + w11 * background[row + 1, column + 1]
-            )  # fmt: skip
-            seen = (
-                w00 * image[row, column] + w01 * image[row, column + 1]
-                + w10 * image[row + 1, column] + w11 * image[row + 1, column + 1]
-            )  # fmt: skip
-            value[k] = w * v * min(v - seen, 1.3 * a * v)
-            power[k] = w * v * v
-        for j in range(2 * half + 1):
-            total = 0.0
-            for k in range(2 * reach + 1):
-                total += first[k] * value[j + k] - second[k] * power[j + k]
-            out[station, j] = total
-        for k in range(2 * reach + 1):
-            expected += second[k] * power[half + k]
+            u = FLOAT(np.int32(k - middle))
+            px, py = cx + u * ux, cy + u * uy
+            column, row = np.int32(np.floor(px + HALF)), np.int32(np.floor(py + HALF))
+            off[k] = u + (FLOAT(column) - px) * ux + (FLOAT(row) - py) * uy
+            inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
+            place[k] = row * width + column if inside else np.int32(-1)
+        for k in range(size):
+            p = np.uint64(max(place[k], 0))  # unsigned: numba need not look for negative places
+            pixel[k], light[k] = images[p], lights[p]
+            trust[k] = weights[p] if place[k] >= 0 else FLOAT(0)
+        a = FLOAT(max(amplitude[i], 0.02))
+        highest = FLOAT(1.3) * a
+        for k in range(size):
+            v = level * light[k]
+            power[k] = trust[k] * v * v
+            value[k] = trust[k] * v * min(v - pixel[k], highest * v)
+        linear, constant = _profile(a, sigma[i])
+        for j in range(offsets):
+            out[station, j] = _taps(value, j, linear) - _taps(power, j, constant)
+        for j in range(offsets):
+            at[station, j] = off[j + REACH]
+        expected += _taps(power, half, constant)
     return stations, expected
+
+
+@njit(cache=True)
+def strip_width(half):
+    """Number of offsets in a strip's arrays: 2 half + 1 and some, for vector instructions."""
+    return (2 * half + profiles.LANES) // profiles.LANES * profiles.LANES
+
+
+@njit(cache=True, inline="always")
+def _profile(a, sigma):
+    """Factors of the gain's terms linear in the picture and constant, at 0 … REACH px [4-tuples].
+
+    Blind to a constant error of the background.
+    """
+    inverse = FLOAT(1 / np.sqrt(sigma * sigma + 0.1))  # taking the nearest pixel blurs a little
+    b1, b2 = profiles.bell(inverse), profiles.bell(FLOAT(2) * inverse)
+    b3 = profiles.bell(FLOAT(3) * inverse)
+    mean = (FLOAT(0.5) + b1 + b2 + b3) * FLOAT(2 / (2 * REACH + 1))
+    l0, l1, l2, l3 = a * (FLOAT(1) - mean), a * (b1 - mean), a * (b2 - mean), a * (b3 - mean)
+    return (l0, l1, l2, l3), (HALF * l0 * l0, HALF * l1 * l1, HALF * l2 * l2, HALF * l3 * l3)
+
+
+@njit(cache=True, inline="always")
+def _taps(row, j, f):
+    """Value at place j of a row's product with a symmetric profile."""
+    return (
+        f[0] * row[j + 3]
+        + f[1] * (row[j + 2] + row[j + 4])
+        + f[2] * (row[j + 1] + row[j + 5])
+        + f[3] * (row[j] + row[j + 6])
+    )
 
 
 @njit(cache=True)
@@ -179,12 +199,15 @@ def capture(image, background, weight, gain, x, y, n, amplitude, sigma, half, wo
     nx = work[0]
     ny = work[1]
     normals(x, y, n, nx, ny)
-    gains = np.empty(((n - 1) // STATION + 1, 2 * half + 1))
+    gains = np.empty(((n - 1) // STATION + 1, strip_width(half)), FLOAT)
+    at = np.empty_like(gains)
     stations, expected = strip_gains(
-        image, background, weight, gain, x, y, nx, ny, n, amplitude, sigma, half, gains
+        image, background, weight, gain, x, y, nx, ny, n, amplitude, sigma, half, gains, at
     )
     path = np.empty(stations)
     found = best_path(gains, stations, half, 3.0, 0.002, path)
+    for i in range(stations):
+        path[i] = at[i, int(path[i]) + half]
     # The path is in whole pixels: smooth it over ±4 stations before it moves the nodes.
     smooth = np.empty(stations)
     for i in range(stations):
@@ -370,42 +393,57 @@ def visible_end(amplitude, amplitude_se, sums, n, threshold, bridge):
 
 
 @njit(cache=True)
-def refine_once(
-    image, background, weight, gain, x, y, n, cap, sigma, spacing, stiffness, sums, work, band, rhs
-):
-    """One Gauss–Newton step: measure, fit the spline offset, move, smooth, resample.
+def measure(image, background, weight, gain, x, y, n, cap, sigma, sums, work):
+    """What the pixels say of a line where it lies now.
 
-    work : float64 (12, nodes). Rows on return: 2 absorbance, 3 background error, 4 standard
-    error of the absorbance, 5 information, 6 score (both before the move). Returns the count.
+    work : float64 (12, nodes). Rows filled: 2 absorbance, 3 background error, 4 standard error
+    of the absorbance, 5 information and 6 score of the offset.
     """
-    amplitude = work[2]
-    baseline = work[3]
-    amplitude_se = work[4]
-    information = work[5]
-    score = work[6]
+    amplitude, baseline = work[2], work[3]
     profiles.accumulate(image, background, weight, gain, x, y, n, cap, sigma, 3.0, sums)
-    profiles.window_amplitudes(sums, n, 7, amplitude, baseline, amplitude_se)
+    profiles.window_amplitudes(sums, n, 7, amplitude, baseline, work[4])
     for i in range(n):
         amplitude[i] = min(amplitude[i], cap[i])
-    profiles.offset_information(sums, n, amplitude, baseline, information, score)
-    k = splines.normal_equations(information, score, n, spacing, band, rhs)
-    nx = work[0]
-    ny = work[1]
+    profiles.offset_information(sums, n, amplitude, baseline, work[5], work[6])
+
+
+@njit(cache=True)
+def fit_offset(x, y, n, spacing, stiffness, work, band, rhs):
+    """Gauss–Newton's spline offset along the normals (rows 0, 1 of `work`), into row 7.
+
+    Rows 5, 6 hold the measured information and score, 10, 11 the line's own coefficients.
+    """
+    nx, ny, offset = work[0], work[1], work[7]
+    k = splines.normal_equations(work[5], work[6], n, spacing, band, rhs)
     normals(x, y, n, nx, ny)
-    splines.add_smoothness_prior(band, rhs, k, x, y, nx, ny, n, spacing, stiffness)
+    splines.add_smoothness_prior(band, rhs, k, work[10], work[11], nx, ny, n, spacing, stiffness)
     splines.add_second_difference_penalty(band, k, 0.02 * stiffness)
     for i in range(k):
         band[i, 0] += 1e-3
     splines.factorise(band, k)
     splines.solve_factorised(band, rhs, k)
-    offset = work[7]
     splines.evaluate(rhs, n, spacing, offset)
     for i in range(n):
-        u = min(max(offset[i], -3.0), 3.0)
-        work[8, i] = x[i] + u * nx[i]
-        work[9, i] = y[i] + u * ny[i]
-    splines.smooth(work[8], work[9], n, spacing, band, rhs, x, y)
-    return resample(x, y, n, work[8:10])
+        offset[i] = min(max(offset[i], -3.0), 3.0)
+
+
+@njit(cache=True)
+def move(x, y, n, work):
+    """Move nodes along the normals by the fitted offset, in place; `score` changes with it."""
+    nx, ny, information, score, offset = work[0], work[1], work[5], work[6], work[7]
+    for i in range(n):
+        x[i] += offset[i] * nx[i]
+        y[i] += offset[i] * ny[i]
+        score[i] -= information[i] * offset[i]
+
+
+@njit(cache=True)
+def _largest(values, n):
+    """Largest magnitude of the first `n` values; infinity of none."""
+    largest = 0.0 if n > 0 else np.inf
+    for i in range(n):
+        largest = max(largest, abs(values[i]))
+    return largest
 
 
 @njit(cache=True)
@@ -422,35 +460,37 @@ def refine(
     spacing, bridge, longest,
     sums, work, cap, band, rhs,
 ):  # fmt: skip
-    """Two Gauss–Newton steps on the nodes, then base, visible end and final measurement.
+    """Gauss–Newton steps on the nodes until they stay, then base, visible end and quality.
 
     x, y, amplitude, information, score, thickness are changed in place; returns the number of
-    nodes and the quality: the part of the line's expected contrast that was found.
+    nodes and the quality: the part of the line's expected contrast that was found. The last step
+    is so short that information stays and the score follows; nothing is measured again.
     """
     if n < SHORTEST:
         return 0, 0.0
+    end = 0
     n = start_at_face(x, y, n, outside)
     n = extend(x, y, n, False, bridge + 12, 40)
     set_cap(amplitude, n, cap)
-    for _ in range(2):
-        n = refine_once(
-            image, background, weight, gain, x, y, n, cap, sigma, spacing, STIFFNESS,
-            sums, work, band, rhs,
-        )  # fmt: skip
+    for _ in range(MOST_STEPS):
+        splines.smooth(x, y, n, spacing, band, work[10], work[11])
+        n = resample(x, y, n, work[8:10])
         n = start_at_face(x, y, n, outside)
         n = resample(x, y, n, work[8:10])
         if n < SHORTEST:
             return 0, 0.0
-    limit = int(min(longest, n))
-    n = max(min(n, limit), 2)
-    profiles.accumulate(image, background, weight, gain, x, y, n, cap, sigma, 3.0, sums)
-    profiles.window_amplitudes(sums, n, 7, work[2], work[3], work[4])
-    end = visible_end(work[2], work[4], sums, n, 4.0, WIDEST_GAP * bridge)
+        measure(image, background, weight, gain, x, y, n, cap, sigma, sums, work)
+        seen = max(min(n, int(min(longest, n))), 2)
+        end = visible_end(work[2], work[4], sums, seen, 4.0, WIDEST_GAP * bridge)
+        fit_offset(x, y, n, spacing, STIFFNESS, work, band, rhs)
+        move(x, y, n, work)
+        tip = min(end + BEYOND_TIP, n)
+        if _largest(work[7], end) < SHORT_STEP and _largest(work[7], tip) < TIP_STEP:
+            break
     if end < SHORTEST:
         return 0, 0.0
-    for i in range(end):
-        work[2, i] = min(work[2, i], cap[i])
-    profiles.offset_information(sums, end, work[2], work[3], information, score)
+    information[:end] = work[5, :end]
+    score[:end] = work[6, :end]
     found = 0.0
     expected = 1e-9
     for i in range(end):

@@ -44,7 +44,7 @@ def _section(x, y, i, n):
 
 
 @njit(cache=True, inline="always")
-def _bell(u):
+def bell(u):
     """exp(−u²/2) to 1e-6 in single precision: the 16th power of a series."""
     t = min(u * u * SINGLE(1 / 32), SINGLE(1))
     series = SINGLE(1 / 120) - t * SINGLE(1 / 720)
@@ -93,7 +93,7 @@ def _section_sums(pixel, light, trust, count, gain, cap, start, step, inverse):
         v = gain * light[k]
         value = min(v - pixel[k], cap * v)
         u = start + SINGLE(np.int32(k)) * step
-        g = _bell(u)
+        g = bell(u)
         d, s = u * g * inverse, u * u * g
         wv = trust[k] * v
         wvv, wvy = wv * v, wv * value

@@ -71,22 +71,20 @@ def add_third_difference_penalty(band, k, strength):
 
 
 @njit(cache=True)
-def add_smoothness_prior(band, rhs, k, x, y, nx, ny, n, spacing, strength):
+def add_smoothness_prior(band, rhs, k, knot_x, knot_y, nx, ny, n, spacing, strength):
     """Hold the third differences of line + offset near zero: its curvature changes gradually.
 
-    x, y, nx, ny : nodes and normals of the reference line that the offset spline is added to.
+    knot_x, knot_y : coefficients of the reference line, which the offset spline is added to
+    nx, ny : normals at its nodes
     """
     d = (1.0, -3.0, 3.0, -1.0)
     for i in range(k - 3):
-        first = int((i - 1) * spacing)
-        last = int((i + 2) * spacing)
-        if first < 0 or last > n - 1:
+        if i < 1 or int((i + 2) * spacing) > n - 1:
             continue
         middle = int((i + 0.5) * spacing)
         bend = 0.0
         for p in range(4):
-            node = int((i - 1 + p) * spacing)
-            bend += d[p] * (x[node] * nx[middle] + y[node] * ny[middle])
+            bend += d[p] * (knot_x[i + p] * nx[middle] + knot_y[i + p] * ny[middle])
         for p in range(4):
             rhs[i + p] -= strength * d[p] * bend
             for q in range(p, 4):
@@ -141,17 +139,19 @@ def evaluate(coefficients, n, spacing, out):
 
 
 @njit(cache=True)
-def smooth(x, y, n, spacing, band, rhs, out_x, out_y):
-    """Project a curve's nodes (n,) onto the splines of that knot spacing, all weighing alike."""
-    ones = np.ones(n)
-    k = normal_equations(ones, x, n, spacing, band, rhs)
+def smooth(x, y, n, spacing, band, knot_x, knot_y):
+    """Project a curve's nodes (n,) in place onto the splines of that knot spacing.
+
+    All nodes weigh alike. `knot_x` and `knot_y` (k,) become the coefficients.
+    """
+    k = normal_equations(np.ones(n), x, n, spacing, band, knot_x)
+    right_hand_side(y, n, spacing, knot_y)
     add_third_difference_penalty(band, k, 1e-3)
     factorise(band, k)
-    solve_factorised(band, rhs, k)
-    evaluate(rhs, n, spacing, out_x)
-    right_hand_side(y, n, spacing, rhs)
-    solve_factorised(band, rhs, k)
-    evaluate(rhs, n, spacing, out_y)
+    solve_factorised(band, knot_x, k)
+    solve_factorised(band, knot_y, k)
+    evaluate(knot_x, n, spacing, x)
+    evaluate(knot_y, n, spacing, y)
 
 
 @njit(cache=True)
