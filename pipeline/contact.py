@@ -87,7 +87,9 @@ def analyse_touch(
     friction : coefficient of friction between whisker and pole, >= 0
     corrections : table of a person's corrections (pipeline.curation), or None
     """
-    frames, evidence = measure_touch(frames, places, whiskers, curvature_at, friction)
+    frames, evidence = measure_touch(
+        frames, places, whiskers, curvature_at, friction, recording.pixels_per_m
+    )
     return retouch(
         frames, evidence, recording, whiskers,
         curvature_at=curvature_at, method=method, corrections=corrections, video=video,
@@ -124,12 +126,15 @@ def retouch(
     return Touch(as_table(frames, FRAME_COLUMNS), contacts, intervals, evidence)
 
 
-def measure_touch(frames, places: Stations, whiskers: dict, curvature_at, friction=0.0):
+def measure_touch(
+    frames, places: Stations, whiskers: dict, curvature_at, friction=0.0, pixels_per_m=None
+):
     """Rest curvature and evidence of touch for all whiskers of a video.
 
     Returns
     -------
-    frames : the table with distance, rest curvature and curvature change filled
+    frames : the table with distance, rest curvature and curvature change filled; base angle,
+        curvature and, where the scale is given, follicle as the fitted rods have them
     evidence : aligned with `frames`; NaN in frames without a trace
     """
     frames = frames.reset_index(drop=True).copy()
@@ -145,11 +150,17 @@ def measure_touch(frames, places: Stations, whiskers: dict, curvature_at, fricti
         if whisker is None:
             length = (N_STATIONS - 1) * places.spacing[index]
             whisker = nominal_whisker(name, length / 1.03, 0.0)
-        evidence, rest = forces.measure_forces(
+        evidence, measured = forces.measure_forces(
             own, whisker, frames.loc[rows], curvature_at, friction
         )
-        for column in rest:
-            frames.loc[rows, column] = rest[column].to_numpy()
+        follicle = measured.pop("follicle_x_m"), measured.pop("follicle_y_m")
+        for column in measured:
+            frames.loc[rows, column] = measured[column].to_numpy()
+        if pixels_per_m is not None:
+            x, y = pixels_per_m * follicle[0].to_numpy(), -pixels_per_m * follicle[1].to_numpy()
+            known = np.isfinite(x)
+            frames.loc[rows[known], "follicle_x_px"] = x[known]
+            frames.loc[rows[known], "follicle_y_px"] = y[known]
         frames.loc[rows, "pole_distance_mm"] = 1e3 * evidence["distance_m"].to_numpy()
         parts.append(evidence.set_index(rows))
     evidence = pd.concat(parts) if parts else pd.DataFrame()

@@ -24,6 +24,7 @@ SLIDING_FRAMES = 3
 SHORTEST_LEVER_M = 0.3e-3  # a contact nearer to the point of curvature tells nothing there
 WILD, WILD_SHARE = 4.0, 0.1  # times the usual standard error, plus this part of the force
 LEAST_NOISE = 0.5  # of the fit's standard error: free frames are no witness of smaller ones
+FARTHEST_TURN_RAD = 0.2  # of a fitted rod's base from the traced part's continuation
 CALIBRATION_REACH_M = 3e-3  # free frames with the pole this near tell the force's true noise
 _EVIDENCE_OF_FIT = {
     "gap": "gap_m",
@@ -80,7 +81,9 @@ def measure_forces(
     Returns
     -------
     evidence : table aligned with `places`, SI units
-    rest : columns rest_curvature_per_m … curvature_change_per_m_se, aligned with `places`
+    measured : table aligned with `places`: `base_angle_deg`, `follicle_x_m`, `follicle_y_m` (y up)
+        and `curvature_per_m` with the help of the fitted rod, rest curvature and curvature
+        change, with their standard errors
     """
     time = kinematics["time_s"].to_numpy(float)
     angle = np.radians(kinematics["base_angle_deg"].to_numpy(float))
@@ -88,14 +91,15 @@ def measure_forces(
     free &= np.isfinite(places.last)
     fit, origin, rest_known = _fit_rods(places, whisker, curvature_at, angle, time, free, friction)
     evidence = _evidence(places, fit, origin, rest_known, free)
-    # the base's angle without the load's bending of the hidden part: from the fit
+    # its hidden part is bent by the load as the rod is
     angle = np.where(np.isfinite(fit["angle"]), fit["angle"], angle)
-    rest = _rest_columns(kinematics, angle, time, free)
-    point, error = point_force(rest, fit)
+    measured = _rest_columns(*_curvature(kinematics, fit, origin), angle, time, free)
+    measured = measured.join(_base(kinematics, fit))
+    point, error = point_force(measured, fit)
     evidence["point_force_N"] = point
     stiffer = 4 / (whisker.cone_length - curvature_at)  # E I goes with (cone length − s)⁴
     evidence["point_force_se_N"] = np.hypot(error, stiffer * origin.se * point)
-    return evidence, rest
+    return evidence, measured
 
 
 def _fit_rods(places, whisker, curvature_at, angle, time, free, friction):
@@ -193,31 +197,79 @@ def _rest_prior(places, whisker, curvature_at, angle, time, free) -> RestPrior |
 def _force_noise(force, error, places, free):
     """Scatter of the force in free frames, where it is zero, over its standard error."""
     with np.errstate(invalid="ignore", divide="ignore"):
-        ratio = (force / error)[free & (places.distance < CALIBRATION_REACH_M)]
-    ratio = ratio[np.isfinite(ratio)]
+        return _excess(force / error, free & (places.distance < CALIBRATION_REACH_M))
+
+
+def _excess(ratio, free):
+    """Scatter of the free frames' deviations, given in standard errors."""
+    ratio = ratio[free & np.isfinite(ratio)]
     if len(ratio) < rest_curvature.FEWEST_FRAMES:
         return 1.0
     return max(LEAST_NOISE, 1.4826 * float(np.median(np.abs(ratio))))
 
 
-def _rest_columns(kinematics, angle, time, free):
-    """Rest curvature and curvature change at one arc length, with standard errors."""
-    curvature = kinematics["curvature_per_m"].to_numpy(float)
-    error = kinematics["curvature_per_m_se"].to_numpy(float)
-    model = rest_curvature.fit_rest(curvature, error**2, angle, time, free)
-    rest, rest_error = np.full((2, len(curvature)), np.nan)
-    if model is not None:
-        known = np.isfinite(angle)
-        value, cov = model.predict(angle[known], time[known])
-        rest[known], rest_error[known] = value[:, 0], np.sqrt(cov[:, 0, 0])
+def _base(kinematics, fit) -> pd.DataFrame:
+    """Base angle and follicle of the fitted rods; where there is none, the angle as it was.
+
+    A rod that leaves the traced part's continuation by far lies upon something else.
+    """
+    traced = kinematics["base_angle_deg"].to_numpy(float)
+    off = (np.degrees(fit["angle"]) - traced + 180) % 360 - 180
+    with np.errstate(invalid="ignore"):
+        apart = np.abs(off) > np.degrees(FARTHEST_TURN_RAD)
     return pd.DataFrame(
         {
+            "base_angle_deg": (traced + np.where(np.isnan(off) | apart, 0.0, off) + 180) % 360
+            - 180,
+            "follicle_x_m": np.where(apart, np.nan, fit["follicle_x"]),
+            "follicle_y_m": np.where(apart, np.nan, fit["follicle_y"]),
+        }
+    )
+
+
+def _curvature(kinematics, fit, origin):
+    """Curvature [1/m], its error from noise alone, and that from where its place is; (rows,) each.
+
+    Measured about the fitted rod; where there is none, as the kinematics have it.
+    """
+    curvature, noise = fit["curvature"], np.sqrt(fit["curvature_var"])
+    place = np.abs(fit["curvature_slope"]) * origin.se
+    known = np.isfinite(curvature) & np.isfinite(noise)
+    return (
+        np.where(known, curvature, kinematics["curvature_per_m"].to_numpy(float)),
+        np.where(known, noise, kinematics["curvature_per_m_se"].to_numpy(float)),
+        np.where(known, place, 0.0),
+    )
+
+
+def _rest_columns(curvature, noise, place, angle, time, free):
+    """Curvature, rest curvature and curvature change at one arc length, with standard errors."""
+    rest, rest_error = _rest_curvature(curvature, noise, angle, time, free)
+    # free frames show by how much neighbouring stations' errors, which run along the line
+    # (a codec's), exceed the noise; a rest curvature that wanders looks alike
+    error = noise * _excess((curvature - rest) / noise, free)
+    rest, rest_error = _rest_curvature(curvature, error, angle, time, free)
+    return pd.DataFrame(
+        {
+            "curvature_per_m": curvature,
+            "curvature_per_m_se": np.hypot(error, place),
             "rest_curvature_per_m": rest,
             "rest_curvature_per_m_se": rest_error,
             "curvature_change_per_m": curvature - rest,
             "curvature_change_per_m_se": np.hypot(error, rest_error),
         }
     )
+
+
+def _rest_curvature(curvature, error, angle, time, free):
+    """Rest curvature and its standard error in all frames; NaN where it is not known."""
+    rest, rest_error = np.full((2, len(curvature)), np.nan)
+    model = rest_curvature.fit_rest(curvature, error**2, angle, time, free)
+    if model is not None:
+        known = np.isfinite(angle)
+        value, cov = model.predict(angle[known], time[known])
+        rest[known], rest_error[known] = value[:, 0], np.sqrt(cov[:, 0, 0])
+    return rest, rest_error
 
 
 def add_forces(

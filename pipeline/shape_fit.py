@@ -26,6 +26,8 @@ BLOCK_ROWS = 2048  # held in memory at a time
 ANCHOR_MOVES_M = 2e-6  # the contact point is moved along the whisker in steps above this
 ORIGIN_STEP_M = 1e-5  # of the derivatives by the origin
 HUBER = 3.0  # SD beyond which a station counts less
+CURVATURE_REACH_M = 2.5e-3  # stations this near tell how a curvature differs from the rod's
+FEWEST_NEAR = 8
 ANCHOR_SPAN = 6  # stations whose chord continues the trace into the fur
 _FREE, _LOADED = N_REST + 2, N_REST + 3  # numbers of parameters
 
@@ -36,7 +38,7 @@ _COLUMNS = (
     "chi2", "count", "clear_gap", "clear_gap_var",
     "moment_var", "axial_var", "lateral_var",
     "force_by_origin", "moment_by_origin", "axial_by_origin", "lateral_by_origin",
-    "origin_pull", "origin_bend",
+    "origin_pull", "origin_bend", "curvature", "curvature_var", "curvature_slope",
 )  # fmt: skip
 
 
@@ -64,6 +66,9 @@ class ShapeFit:
             base loads change with `Stations.origin`, the rest shape moving along [N/m, N, N/m]
         origin_pull, origin_bend : slope and curvature of the log-likelihood by the origin, all
             else fitted again, for measurements with the stations' information [1/m, 1/m²]
+        curvature, curvature_var, curvature_slope : at `curvature_at`: the rod's, and what a
+            parabola through the stations' misfits about it adds, so that neither the kink at a
+            contact nor the taper biases it; variance [1/m², of noise alone] and slope [1/m²]
     rest : (rows, N_REST) rest-shape coefficients a_j [1/m]
     rest_cov : (rows, N_REST, N_REST)
     """
@@ -178,7 +183,7 @@ def _fit_rows(
     scratch, follows = np.zeros((3, _LOADED)), np.zeros(_LOADED)
     normal, rhs = np.zeros((_LOADED, _LOADED)), np.zeros(_LOADED)
     lower, inverse = np.zeros((_LOADED, _LOADED)), np.zeros((_LOADED, _LOADED))
-    p, mean = np.zeros(_LOADED), np.zeros(terms)
+    p, mean, square = np.zeros(_LOADED), np.zeros(terms), np.zeros((3, 3))
     for row in range(len(xs)):
         first, count = _span(info[row])
         if count < FEWEST_STATIONS:
@@ -241,15 +246,14 @@ def _fit_rows(
         rest_cov[row] = cov[2 : 2 + terms, 2 : 2 + terms]
         o = out[row]
         o[7], o[8], o[9] = follicle[2], follicle[0], follicle[1]
-        _polynomials(2 * (at + origin[row] - moved[row]) / rod[0] - 1, mean)
+        _polynomials(2 * (at - moved[row]) / rod[0] - 1, mean)
         o[15] = (mean * rest[row]).sum()
         o[16], o[17] = chi2, count
         if loaded:
             c_x, c_y = ref_x - p[0] * np.sin(p[1]), ref_y + p[0] * np.cos(p[1])
             _loads(
                 o, p, cov, size, side[row], friction[row], c + origin[row], c_x, c_y, base,
-                follicle, _at(x, y, angle, h, at), at + origin[row],
-                _softness(at + origin[row], rod),
+                follicle, _at(x, y, angle, h, at - origin[row]), at, _softness(at, rod),
                 pole_x[row], pole_y[row], pole_radius, radius,
             )  # fmt: skip
             force = _unit_force(p[1], side[row], friction[row])
@@ -268,6 +272,16 @@ def _fit_rows(
                     follows, precision[row], influence[row],
                 )  # fmt: skip
             _loads_by_origin(o, p[size - 1], size, force, c_x, c_y, moved_base, gradient, follows)
+        rod_now = p, rod, load, origin[row], moved[row], h, c, ref_x, ref_y, x, y, angle
+        near = at - origin[row]  # the place among the stations
+        o[31] = (
+            _rod_curvature(rod_now, near + h / 2, mean)
+            - _rod_curvature(rod_now, near - h / 2, mean)
+        ) / h
+        more, o[30] = _more_curvature(
+            xs[row], ys[row], info[row], chi2, x, y, angle, h, near, square, rhs, lower, inverse
+        )
+        o[29] = _rod_curvature(rod_now, near, mean) + more
 
 
 @njit(cache=True)
@@ -634,6 +648,55 @@ def _loads(
     o[13], o[14] = lever * softness_at, lever
     o[18] = o[2] - force * o[5]
     o[19] = o[3] + o[5] ** 2 * o[1] - 2 * o[5] * o[4]
+
+
+@njit(cache=True)
+def _rod_curvature(rod_now, near, values):
+    """Curvature of the fitted rod at grid place `near`; `values` (rest terms,) is scratch."""
+    p, rod, load, origin, moved, h, c, ref_x, ref_y, x, y, angle = rod_now
+    _polynomials(2 * (near + origin - moved) / rod[0] - 1, values)
+    total = 0.0
+    for j in range(len(values)):
+        total += p[2 + j] * values[j]
+    if load[0] != 0 and near < c:
+        fx, fy = _unit_force(p[1], load[0], load[1])
+        at_x, at_y, _ = _at(x, y, angle, h, near)
+        c_x, c_y = ref_x - p[0] * np.sin(p[1]), ref_y + p[0] * np.cos(p[1])
+        lever = (c_x - at_x) * fy - (c_y - at_y) * fx
+        total += p[2 + len(values)] * lever * _softness(near + origin, rod)
+    return total
+
+
+@njit(cache=True)
+def _more_curvature(xs, ys, info, chi2, x, y, angle, h, near, square, rhs, lower, inverse):
+    """Curvature of the stations beyond the rod's about grid place `near`, and its variance.
+
+    NaN where they do not lie on both sides of it.
+    """
+    square[:, :] = 0.0
+    rhs[:3] = 0.0
+    count, before, after = 0, 0, 0
+    start = max(int(np.ceil((near - CURVATURE_REACH_M) / h)), 0)
+    for k in range(start, min(int((near + CURVATURE_REACH_M) / h) + 1, len(xs))):
+        if not info[k] > 0:
+            continue
+        u = (k * h - near) / CURVATURE_REACH_M
+        misfit = (ys[k] - y[k]) * np.cos(angle[k]) - (xs[k] - x[k]) * np.sin(angle[k])
+        weight = _robust_weight(info[k], misfit, chi2)
+        power = (1.0, u, u * u)
+        for a in range(3):
+            rhs[a] += weight * power[a] * misfit
+            for b in range(3):
+                square[a, b] += weight * power[a] * power[b]
+        count += 1
+        before, after = before + (u < 0), after + (u > 0)
+    if count < FEWEST_NEAR or min(before, after) < 2 or not _invert(square, 3, lower, inverse):
+        return np.nan, np.nan
+    bend = 0.0
+    for a in range(3):
+        bend += inverse[2, a] * rhs[a]
+    scale = 2 / CURVATURE_REACH_M**2
+    return scale * bend, scale**2 * inverse[2, 2] * max(chi2, 1.0)
 
 
 @njit(cache=True)

@@ -85,6 +85,37 @@ def test_curvature_change_is_that_of_the_rod(traced, touch):
     assert abs(np.median(error[free])) < 0.1
 
 
+def test_curvature_and_base_are_the_fitted_rods(traced, touch):
+    """In and out of contact: no bias from the pole's kink, and the base's angle to 0.05°."""
+    truth, frames = traced.true_frames, touch["shape"].frames
+    touches = truth["in_contact"].to_numpy()
+    error = (frames["curvature_per_m"] - truth["curvature_per_m"]).to_numpy()
+    stated = frames["curvature_per_m_se"].to_numpy()
+    for part in (touches, ~touches):
+        assert abs(np.nanmedian(error[part])) < 0.05  # 1/m
+    assert np.nanmean(np.abs(error) < 1.96 * stated) > 0.9
+    turned = (frames["base_angle_deg"] - truth["base_angle_deg"]).to_numpy()
+    assert np.nanmax(np.abs(turned)) < 0.1
+    assert np.nanstd(turned) < 0.05
+    away = np.hypot(
+        frames["follicle_x_px"] - truth["follicle_x_px"],
+        frames["follicle_y_px"] - truth["follicle_y_px"],
+    )
+    assert np.sqrt(np.nanmean(away**2)) < 0.5  # px
+
+
+def test_a_rod_that_turns_away_is_not_the_base():
+    kinematics = pd.DataFrame({"base_angle_deg": [179.0, 10.0, 10.0]})
+    fit = {
+        "angle": np.radians([-179.0, 40.0, np.nan]),
+        "follicle_x": np.ones(3),
+        "follicle_y": np.ones(3),
+    }
+    base = forces._base(kinematics, fit)
+    np.testing.assert_allclose(base["base_angle_deg"], [-179.0, 10.0, 10.0])
+    assert np.isnan(base["follicle_x_m"][1])
+
+
 # Tables by hand ------------------------------------------------------------------------------
 
 

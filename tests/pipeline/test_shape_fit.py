@@ -109,6 +109,59 @@ def test_moment_at_the_curvature_point_is_the_rods():
     )
 
 
+def true_curvature(truth, whisker):
+    """Curvature [1/m] of the loaded rod at CURVATURE_AT: rest shape and moment over E I."""
+    x, y, _ = rod.contact_shape(whisker, truth, [CURVATURE_AT])
+    fx = truth.contact_force * np.sin(truth.contact_angle)
+    fy = -truth.contact_force * np.cos(truth.contact_angle)
+    moment = (truth.contact_x - np.ravel(x)) * fy - (truth.contact_y - np.ravel(y)) * fx
+    return REST[0] + REST[1] * CURVATURE_AT + moment / whisker.flexural_rigidity(CURVATURE_AT)
+
+
+@pytest.mark.parametrize("distance", [7e-3, 10e-3])
+def test_curvature_is_not_biased_by_the_kink_at_the_pole(distance):
+    push = np.full(400, 0.2)
+    truth, places = touching(push, distance)
+    true = true_curvature(truth, mouse_c2())
+    fit = shape_fit.fit_loaded(places, mouse_c2(), CURVATURE_AT, known_rest(400))
+    np.testing.assert_allclose(fit["curvature"], true, atol=5e-3)  # 1/m
+    places = noisy(places, np.random.default_rng(3))
+    fit = shape_fit.fit_loaded(places, mouse_c2(), CURVATURE_AT, known_rest(400))
+    z = (fit["curvature"] - true) / np.sqrt(fit["curvature_var"])
+    assert 0.92 < np.mean(np.abs(z) < 1.96) < 0.98
+    assert abs(z.mean()) < 0.15
+
+
+def test_curvature_that_the_rod_does_not_have_is_measured():
+    """0.5 1/m more over the window than any rod of this rest shape and load would have."""
+    truth, places = touching([0.1])
+    along = np.arange(N_STATIONS) * places.spacing[0] - CURVATURE_AT
+    bump = 0.25 * np.where(np.abs(along) < shape_fit.CURVATURE_REACH_M + 1e-5, along**2, 0.0)
+    direction = np.unwrap(np.arctan2(np.gradient(places.y[0]), np.gradient(places.x[0])))
+    moved = replace(
+        places,
+        x=places.x - bump * np.sin(direction),
+        y=places.y + bump * np.cos(direction),
+        information=1e-2 * places.information,  # not so exact that the bump is an outlier
+    )
+    fit = shape_fit.fit_loaded(moved, mouse_c2(), CURVATURE_AT, known_rest(1))
+    more = fit["curvature"] - true_curvature(truth, mouse_c2())
+    np.testing.assert_allclose(more, 0.5, atol=0.02)
+
+
+@pytest.mark.parametrize("origin", [0.1e-3, -0.08e-3])
+def test_curvature_is_that_of_the_true_place(origin):
+    truth, places = touching([0.1, 0.3], origin=origin)
+    fit = shape_fit.fit_loaded(places, mouse_c2(), CURVATURE_AT, known_rest(2))
+    np.testing.assert_allclose(fit["curvature"], true_curvature(truth, mouse_c2()), atol=5e-3)
+    step = 0.1e-3
+    before, after = (
+        shape_fit.fit_loaded(places, mouse_c2(), CURVATURE_AT + d, known_rest(2))["curvature"]
+        for d in (-step, step)
+    )
+    np.testing.assert_allclose(fit["curvature_slope"], (after - before) / (2 * step), rtol=0.02)
+
+
 @pytest.mark.parametrize("origin", [0.1e-3, -0.08e-3])
 def test_an_origin_that_is_known_costs_nothing(origin):
     truth, places = touching([0.05, 0.3], origin=origin)
