@@ -1,5 +1,6 @@
 """All whiskers in one frame, with no knowledge of the frames before."""
 
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import cv2
@@ -12,6 +13,10 @@ FAINTEST = 0.012  # absorbance below which nothing is called seen
 START_SIGMA_PX = 1.1
 TRANSLUCENT = 0.25  # of the light that passes beside it: a whisker is seen through such a thing
 THINNEST_PX = 9  # thinner bright parts of obstacles are rims
+SAME_MM = 0.12  # lines so near to each other, in a crowd, are of one whisker
+GHOST_SHARE = 0.5  # of a line's darkness: what is fainter and runs along it (3 px) is its blur
+MOST_LOOKS = 3  # at a frame with many whiskers
+FINE_PX = 1.1  # SD of the differentiating Gaussian where whiskers lie close together
 TREMBLING_PX = 0.15  # obstacles may move so far, unnoticed
 
 
@@ -20,6 +25,7 @@ class TracingOptions:
     """Lengths in pixels, derived from the recording's scale by `options_for`.
 
     `longest_px` is the largest visible length of an expected whisker (inf where unknown),
+    `visible_px` the largest ones of all (empty where unknown),
     `hidden_px` and `cone_px` their hidden and cone lengths (empty where unknown).
     """
 
@@ -28,6 +34,7 @@ class TracingOptions:
     base_gap_px: float
     bridge_px: int
     longest_px: float = np.inf
+    visible_px: tuple[float, ...] = ()
     hidden_px: tuple[float, ...] = ()
     cone_px: tuple[float, ...] = ()
     pixels_per_m: float = 25e3
@@ -105,7 +112,8 @@ class Line:
     """A traced whisker in one frame; arrays have `limit` places, of which `n` are in use.
 
     `information` and `score` are those of the offset at the final nodes (profiles.py);
-    `thickness` is the absorbance integrated across the line [px], NaN where unknown.
+    `thickness` is the absorbance integrated across the line [px], NaN where unknown;
+    `longest` the largest number of nodes that it may have.
     """
 
     x: np.ndarray
@@ -117,6 +125,7 @@ class Line:
     thickness: np.ndarray
     n: int = 0
     quality: float = 0.0
+    longest: float = np.inf
 
     @classmethod
     def empty(cls, limit: int) -> "Line":
@@ -129,7 +138,7 @@ class Line:
         """Return an independent copy."""
         arrays = (self.x, self.y, self.amplitude, self.sigma)
         arrays += (self.information, self.score, self.thickness)
-        return Line(*(a.copy() for a in arrays), self.n, self.quality)
+        return Line(*(a.copy() for a in arrays), self.n, self.quality, self.longest)
 
     @property
     def points(self) -> np.ndarray:
@@ -150,7 +159,62 @@ def detect(image, model: ImageModel, gain, options: TracingOptions, workspace) -
 
     A whisker comes out of the face and is visible over at least `options.shortest_px`.
     """
-    index, points = ridges.ridge_points(absorbance_image(image, model, gain), model.noise)
+    return _detect(image, model, gain, options, workspace)
+
+
+def same_px(options: TracingOptions) -> float:
+    """How near to each other lines of one whisker are, in a crowd [px]."""
+    return float(np.clip(1e-3 * SAME_MM * options.pixels_per_m, 1.2, 3.0))
+
+
+def detect_crowded(
+    image, model: ImageModel, gain, options: TracingOptions, workspace, known=(), enough=np.inf
+) -> list[Line]:
+    """As `detect`, for whiskers that lie close together: those found hide no others.
+
+    What was found is held in the background, and the frame looked at again, until nothing new
+    is found, or `enough` lines are; then every line is fitted beside the others. `known` lines
+    are not looked for.
+    """
+    lines: list[Line] = []
+    near_px = same_px(options)
+    for _ in range(MOST_LOOKS):
+        with painted(model, [*known, *lines]):
+            more = _detect(image, model, gain, options, workspace, FINE_PX, near_px)
+        others = (*known, *lines)
+        more = [
+            line
+            for line in more
+            if all(shared_fraction(line, other, near_px) < 0.5 for other in others)
+            and not is_ghost(line, others)
+        ]
+        if not more:
+            break
+        lines += more
+        if len(lines) >= enough:
+            break
+        for line in lines:
+            with painted(model, [*known, *(other for other in lines if other is not line)]):
+                refine(image, model, gain, line, options, workspace)
+        lines = [line for line in lines if _is_whisker(line, model, options)]
+    lines.sort(key=lambda line: -contrast_length(line))
+    return without_doubles(lines, near_px)
+
+
+def is_ghost(line: Line, others) -> bool:
+    """Whether a line is what is left of a darker one that was not painted well."""
+    strength = np.median(line.amplitude[: line.n])
+    return any(
+        strength < GHOST_SHARE * np.median(other.amplitude[: line.n])
+        and shared_fraction(line, other) > 0.5
+        for other in others
+    )
+
+
+def _detect(image, model, gain, options, workspace, scale=ridges.SCALE_PX, near_px=3.0):
+    """One look at a frame, with ridges of one `scale` [px]."""
+    absorbance = absorbance_image(image, model, gain)
+    index, points = ridges.ridge_points(absorbance, model.noise, scale)
     curves = ridges.join(ridges.link(index, points, shortest=10))
     lines = []
     for curve in curves:
@@ -158,11 +222,32 @@ def detect(image, model: ImageModel, gain, options: TracingOptions, workspace) -
         if rooted is None:
             continue
         line = settle(image, model, gain, rooted, options, workspace)
-        long_and_clear = line.n >= options.shortest_px and line.quality > 0.3
-        if long_and_clear and leaves_face(line, model.outside):
+        if _is_whisker(line, model, options):
             lines.append(line)
     lines.sort(key=lambda line: -contrast_length(line))
-    return without_doubles(lines)
+    return without_doubles(lines, near_px)
+
+
+def _is_whisker(line: Line, model, options) -> bool:
+    """Whether a line is long and clear and leaves the face."""
+    long_and_clear = line.n >= options.shortest_px and line.quality > 0.3
+    return long_and_clear and leaves_face(line, model.outside)
+
+
+@contextmanager
+def painted(model: ImageModel, lines: list[Line]):
+    """Hold whiskers in the background for a while."""
+    size = sum(16 * line.n for line in lines)
+    pixels, values, count = np.zeros(size, np.int64), np.zeros(size, np.float32), 0
+    for line in lines:
+        count = profiles.paint(
+            model.background, line.x, line.y, line.n, line.amplitude, line.sigma,
+            pixels, values, count,
+        )  # fmt: skip
+    try:
+        yield
+    finally:
+        profiles.unpaint(model.background, pixels, values, count)
 
 
 def leaves_face(line: Line, outside) -> bool:
@@ -234,16 +319,16 @@ def refine(image, model: ImageModel, gain, line: Line, options: TracingOptions, 
         image, model.background, model.weight, model.outside, gain,
         line.x, line.y, line.n, line.amplitude, line.sigma, line.information, line.score,
         line.thickness,
-        options.spacing_px, options.bridge_px, options.longest_px,
+        options.spacing_px, options.bridge_px, min(options.longest_px, line.longest),
         w.sums, w.work, w.cap, w.band, w.rhs,
     )  # fmt: skip
 
 
-def without_doubles(lines: list[Line]) -> list[Line]:
-    """Drop every line that runs along a better one (within 3 px) for half of its length."""
+def without_doubles(lines: list[Line], near_px: float = 3.0) -> list[Line]:
+    """Drop every line that runs along a better one (within `near_px`) for half of its length."""
     kept: list[Line] = []
     for line in lines:
-        if not any(shared_fraction(line, other) > 0.5 for other in kept):
+        if not any(shared_fraction(line, other, near_px) > 0.5 for other in kept):
             kept.append(line)
     return kept
 

@@ -10,47 +10,43 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numba import njit
-from scipy.optimize import linear_sum_assignment
 
-from pipeline import detection, following, profiles
+from pipeline import common_turn, detection, following, identities, profiles, tails
 from pipeline.detection import ImageModel, Line, TracingOptions, Workspace
 from pipeline.follicle import FollicleFinder
 from pipeline.fur_trust import FurTrust
+from pipeline.identities import Ruler
 from pipeline.records import Centrelines, Recording, StaticScene
+from pipeline.roster import Slot, find_roster
+
+__all__ = ["Slot", "Tracer", "find_roster", "options_for", "trace"]
 
 CHUNK_FRAMES = 500
 SHORTEST_M = 4e-3  # a line that is seen over less is no whisker, where no lengths are given
-FUR_SHARE = 0.22  # of the strongest line's length × absorbance: less is a hair of the fur
 GOOD_QUALITY = 0.6  # part of the expected contrast found: below, the wider search is tried
 LOST_QUALITY = 0.35
-NARROW_PX, WIDE_PX = 10, 30  # half-width of the search strip
-BESIDE_PX = NARROW_PX + 8.0  # nearer whiskers are seen in the search strip
+NARROW_MM, WIDE_MM = 0.4, 1.2  # half-width of the search strip
+FEWEST_TOGETHER = 3  # whiskers from which a common turn is told
+BESIDE_PX = 18.0  # nearer whiskers are seen in the search strip
 SHARED_PX = 8.0  # nearer ones share pixels of their cross-sections
 DOUBLE_SHARE = 0.6  # part of two lines that may coincide before one of them is given up
+OVERLAP_SHARE = 0.4  # part of a line upon another's, from which it is not sure who is who
 LARGEST_TURN = np.radians(150)  # no whisker bends further from its base to its tip
 SHARPEST_BASE = np.radians(35)  # turn within HOOK_M of the base: beyond, it follows the fur's edge
 HOOK_M = 2.5e-3
-DISORDER = 3.0  # strangeness of a base on the wrong side of another whisker's
-STRANGEST = 4.0  # a found line less like the missing whisker than this is left alone
-RECENT_FRAMES = 40  # a whisker lost for less than this is expected where it was
+NEAR_SHIFTS = np.radians([-8, -4, 0, 4, 8])  # of all angles, where some whiskers are followed
+CHECK_EVERY = 5  # frames between two checks of who is who
+DOUBTFUL = 0.4  # confidence is lowered to this part while it is not known who is who
+SEARCH_EVERY_CROWDED = 5
 SEARCH_EVERY = 20  # frames between two full detections while a whisker is missing
-
-
-@dataclass(frozen=True)
-class Slot:
-    """What is known beforehand of one whisker: where it leaves the face, how long it is seen."""
-
-    name: str
-    base_xy: np.ndarray
-    visible_px: float
-    samples: tuple = ()  # detection.Line
 
 
 @dataclass
 class Track:
     """One whisker's present state: its line, the line before, and how long it has been lost.
 
-    `whole` is the line when nothing hid its tip the last time.
+    `whole` is the line when nothing hid its tip the last time; `doubtful`: it may be another
+    whisker's line; `turns`: what to turn it by [rad], on top of its last motion and without it.
     """
 
     slot: Slot
@@ -58,6 +54,8 @@ class Track:
     before: Line | None = None
     whole: Line | None = None
     lost_for: int = 0
+    doubtful: bool = False
+    turns: tuple[float, float] = (0.0, 0.0)
 
     def __post_init__(self):
         self.whole = max(self.slot.samples, key=lambda line: line.n, default=None)
@@ -75,13 +73,18 @@ def options_for(recording: Recording, lengths_m=(), hidden_m=(), cone_m=()) -> T
     """
     scale = recording.pixels_per_m
     visible = [(a - b) * scale for a, b in zip(lengths_m, hidden_m, strict=True)]
-    shortest = min(5e-3 * scale, 0.35 * min(visible)) if visible else SHORTEST_M * scale
+    longest = [1.03 * length + 4 for length in visible]
+    if visible:
+        shortest = max(min(5e-3 * scale, 0.35 * min(visible)), 30.0)
+    else:
+        shortest = max(SHORTEST_M * scale, 40.0)
     return TracingOptions(
         spacing_px=max(0.64e-3 * scale, 8.0),
-        shortest_px=max(shortest, 40.0),
+        shortest_px=shortest,
         base_gap_px=max(2.0e-3 * scale, 25.0),
         bridge_px=int(max(1.2e-3 * scale, 15)),
-        longest_px=1.06 * max(visible) + 6 if visible else np.inf,
+        longest_px=max(longest, default=np.inf),
+        visible_px=tuple(longest),
         hidden_px=tuple(scale * h for h in hidden_m),
         cone_px=tuple(scale * c for c in cone_m),
         pixels_per_m=scale,
@@ -98,7 +101,18 @@ class Tracer:
         self.workspace = Workspace(int(1.6 * np.hypot(height, width)))
         self.change_scene(scene)
         self.since_search = SEARCH_EVERY
-        self.face_direction = np.array([0, 1] if scene.face_side in ("left", "right") else [1, 0])
+        self.since_check = 0
+        self.frame = -1
+        self.exchanges = []  # (one, other, first frame) of whiskers that had changed places
+        self.ruler = Ruler.of(scene.face_side, options)
+        self.evidence = identities.PairEvidence(
+            [slot.seen for slot in roster], self.ruler, options
+        )
+        self.crowded = identities.crowded([slot.signature for slot in roster], options)
+        self.search_every = SEARCH_EVERY_CROWDED if self.crowded else SEARCH_EVERY
+        scale = 1e-3 * options.pixels_per_m
+        self.narrow = int(np.clip(NARROW_MM * scale, 4, 10))
+        self.wide = int(np.clip(WIDE_MM * scale, 10, 30))
         self.pixels = np.zeros(len(roster) * self.workspace.limit * 16, np.int64)
         self.values = np.zeros(len(self.pixels), np.float32)
 
@@ -108,19 +122,26 @@ class Tracer:
 
     def step(self, image) -> list[Track]:
         """Advance by one frame; return the tracks, `line` None where a whisker is lost."""
+        self.frame += 1
         gain = profiles.frame_gain(image, self.model.background, 12, self.model.free)
         self._follow_all(image, gain)
         missing = [t for t in self.tracks if t.line is None]
         self.since_search += 1
         just_lost = any(t.lost_for in (1, 2) for t in missing)
-        if missing and (just_lost or self.since_search >= SEARCH_EVERY):
+        if missing and (just_lost or self.since_search >= self.search_every):
             self._search(missing, image, gain)
             self.since_search = 0
+        self.since_check += 1
+        if len(self.tracks) > 1 and self.since_check >= CHECK_EVERY:
+            self._check_identities()
+            self.since_check = 0
         return self.tracks
 
     def _follow_all(self, image, gain) -> None:
         """Follow every present whisker, each against a background that holds its neighbours."""
         present = [t for t in self.tracks if t.line is not None]
+        if self.crowded:
+            self._turn_together(present, image, gain)
         lines = {id(t): predicted(t, True) for t in present}
         beside = {id(t): self._neighbours(t, present, lines) for t in present}
         for track in present:
@@ -140,8 +161,39 @@ class Tracer:
                     detection.refine(
                         image, self.model, gain, track.line, self.options, self.workspace
                     )
+                    if not self.crowded:  # there, whiskers do lie upon each other
+                        self._untangle(track, sharing, image, gain)
                 self._give_up_if_poor(track)
         self._drop_doubles(present)
+        if self.crowded:
+            self._part_crowd(present)
+
+    def _untangle(self, track: Track, beside: list[Line], image, gain) -> None:
+        """Take a line back from another whisker's far part, onto which it went at a crossing."""
+        line, known = track.line, track.before
+        for other in beside:
+            start = tails.shared_tail(line.x, line.y, line.n, other.x, other.y, other.n)
+            if known is None or line.n - start < tails.LEAST:
+                continue
+            n = tails.regrow(line.x, line.y, line.n, start, known.x, known.y, known.n)
+            if n > 0:
+                line.n = n
+                detection.refine(image, self.model, gain, line, self.options, self.workspace)
+                again = tails.shared_tail(line.x, line.y, line.n, other.x, other.y, other.n)
+                if line.n - again >= tails.LEAST:
+                    line.n = max(again, 1)
+
+    def _turn_together(self, present: list[Track], image, gain) -> None:
+        """Tell the tracks by how much all whiskers have turned, beyond their last motion."""
+        for track in present:
+            track.turns = (0.0, 0.0)
+        if len(present) < FEWEST_TOGETHER:
+            return
+        m, lines = self.model, [predicted(t, True) for t in present]
+        turns = common_turn.common_turns(image, m.background, m.weight, gain, lines)
+        moved = [chord_angle(p) - chord_angle(t.line) for p, t in zip(lines, present, strict=True)]
+        for track, turn in zip(present, turns, strict=True):
+            track.turns = (float(turn), float(turn + np.median(moved)))
 
     def _neighbours(self, track: Track, present, lines) -> list[Track]:
         """Tracks whose predicted lines come near to this one's."""
@@ -175,11 +227,25 @@ class Tracer:
                     )
                     worse.line, worse.lost_for = None, 1
 
+    def _part_crowd(self, present: list[Track]) -> None:
+        """Give up what is another whisker's blur; note which whiskers lie upon each other."""
+        for track in present:
+            others = [t.line for t in present if t is not track and t.line is not None]
+            if track.line is not None and detection.is_ghost(track.line, others):
+                track.line, track.lost_for = None, 1
+        near = detection.same_px(self.options)
+        for i, a in enumerate(self.tracks):
+            for j, b in enumerate(self.tracks[:i]):
+                lines = [t.line or (t.before if t in present else None) for t in (a, b)]
+                if None not in lines and _upon(*lines, near):
+                    self.evidence.overlap(i, j)
+                    a.doubtful = b.doubtful = True
+
     def _follow(self, track: Track, image, gain) -> None:
         """Find the track's whisker near its prediction, in a wider strip where that fails."""
         present = track.line
         best = None
-        for half, with_velocity in ((NARROW_PX, True), (NARROW_PX, False), (WIDE_PX, False)):
+        for half, with_velocity in ((self.narrow, True), (self.narrow, False), (self.wide, False)):
             line = predicted(track, with_velocity)
             self._carry_on(line, track)
             self._capture(line, image, gain, half)
@@ -237,61 +303,73 @@ class Tracer:
 
     def _search(self, missing: list[Track], image, gain) -> None:
         """Look at the whole frame for the missing whiskers."""
-        found = detection.detect(image, self.model, gain, self.options, self.workspace)
-        present = [t.line for t in self.tracks if t.line is not None]
-        found = [c for c in found if all(detection.shared_fraction(c, p) < 0.4 for p in present)]
-        cost = np.array([[self._strangeness(t, line) for line in found] for t in missing])
         for track in missing:
             track.lost_for += 1
+        present = [t for t in self.tracks if t.line is not None]
+        lines = [t.line for t in present]
+        if self.crowded:
+            found = detection.detect_crowded(
+                image, self.model, gain, self.options, self.workspace, lines
+            )
+        else:
+            found = detection.detect(image, self.model, gain, self.options, self.workspace)
+            found = [c for c in found if all(detection.shared_fraction(c, p) < 0.4 for p in lines)]
+        found = [c for c in found if turning_range(c.x, c.y, c.n) < LARGEST_TURN]
         if not found:
             return
-        pairs = zip(*linear_sum_assignment(np.minimum(cost, 1e6)), strict=True)
-        pairs = [(row, column) for row, column in pairs if cost[row, column] < STRANGEST]
-        lines = sorted((found[column] for _, column in pairs), key=self._along_face)
-        tracks = sorted((missing[row] for row, _ in pairs), key=self._along_face)
-        for track, line in zip(tracks, lines, strict=True):
-            track.line, track.before, track.lost_for = line, None, 0
+        got = identities.match(
+            self.ruler.signatures(found),
+            np.array([t.slot.signature for t in missing]),
+            self.ruler.sd,
+            *self._expected_shift(present),
+        )
+        for line, whisker in got.pairs:
+            track = missing[whisker]
+            track.line, track.before, track.lost_for = found[line], None, 0
+            track.line.longest = track.slot.longest_px
+        if len(self.tracks) > 1:
+            self._check_identities([self.tracks.index(missing[w]) for _, w in got.pairs])
 
-    def _along_face(self, item: Track | Line) -> float:
-        """Where the base of a line, or that of a track's slot, is along the face [px]."""
-        base = item.slot.base_xy if isinstance(item, Track) else item.points[0]
-        return float(base @ self.face_direction)
+    def _expected_shift(self, present):
+        """Shifts of all angles to try, and the one to try them around [rad]."""
+        if not present:
+            return identities.SHIFTS, 0.0
+        return NEAR_SHIFTS, self._shift(present)
 
-    def _disorder(self, track: Track, line: Line) -> float:
-        """Cost of the present whiskers whose bases a line of this track would pass.
+    def _shift(self, tracks) -> float:
+        """By how much the angles of some present whiskers are off those of the roster [rad]."""
+        seen = self.ruler.signatures([t.line for t in tracks])
+        known = np.array([t.slot.signature for t in tracks])
+        return identities.common_turn(seen, known)
 
-        Whiskers cross, but not at their bases.
-        """
-        place, own = self._along_face(line), self._along_face(track)
-        cost = 0.0
-        for other in self.tracks:
-            if other.line is not None:
-                apart = (place - self._along_face(other.line)) * np.sign(
-                    own - self._along_face(other)
-                )
-                cost += DISORDER * (apart < -0.1 * self.options.base_gap_px)
-        return cost
-
-    def _strangeness(self, track: Track, line: Line) -> float:
-        """How badly a found line fits a missing whisker: base, length, order, recent shape."""
-        unit = self.options.base_gap_px  # 2 mm
-        last = track.before if track.lost_for < RECENT_FRAMES else None
-        base = track.slot.base_xy if last is None else last.points[0]
-        off_base = np.hypot(*(line.points[0] - base)) / unit
-        if off_base > 1.5 or turning_range(line.x, line.y, line.n) > LARGEST_TURN:
-            return np.inf
-        cost = 3 * off_base + abs(1 - line.n / track.slot.visible_px)
-        cost += self._disorder(track, line)
-        if last is not None:
-            n = min(line.n, last.n)
-            apart = np.hypot(line.x[:n] - last.x[:n], line.y[:n] - last.y[:n])
-            cost += np.median(apart) / unit
-        return cost
+    def _check_identities(self, found=()) -> None:
+        """Compare all present lines with all whiskers: has anyone changed places?"""
+        seen = np.full((len(self.tracks), 4), np.nan)
+        for k, track in enumerate(self.tracks):
+            if track.line is not None:
+                seen[k] = self.ruler.signature(track.line)
+        for one, other, since in self.evidence.look(self.frame, seen, found):
+            a, b = self.tracks[one], self.tracks[other]
+            a.line, b.line, a.before, b.before = b.line, a.line, b.before, a.before
+            a.lost_for, b.lost_for = b.lost_for, a.lost_for
+            for track in (a, b):
+                if track.line is not None:
+                    track.line.longest = track.slot.longest_px
+            self.exchanges.append((one, other, since))
+        for track, doubtful in zip(self.tracks, self.evidence.doubtful(), strict=True):
+            track.doubtful = bool(doubtful)
 
 
 def _come_near(a: Line, b: Line, near_px: float) -> bool:
     """Whether two lines may come within `near_px` of each other."""
     return profiles.come_near(a.x, a.y, a.n, b.x, b.y, b.n, near_px)
+
+
+def _upon(a: Line, b: Line, near_px: float) -> bool:
+    """Whether a good part of one of two lines is upon the other."""
+    if not _come_near(a, b, near_px):
+        return False
+    return max(_near(a, b, near_px), _near(b, a, near_px)) > OVERLAP_SHARE
 
 
 def _near(a: Line, b: Line, near_px: float) -> float:
@@ -322,7 +400,16 @@ def predicted(track: Track, with_velocity: bool) -> Line:
     before = track.before
     if with_velocity and before is not None and before.n > 20:
         advance(line.x, line.y, line.n, before.x, before.y, before.n)
+    turn = track.turns[0 if with_velocity else 1]
+    if turn:
+        common_turn.turn_line(line.x, line.y, line.n, turn)
     return line
+
+
+def chord_angle(line: Line) -> float:
+    """Direction from a line's base to its middle [rad, from +x to +y]."""
+    k = line.n // 2
+    return float(np.arctan2(line.y[k] - line.y[0], line.x[k] - line.x[0]))
 
 
 @njit(cache=True)
@@ -347,92 +434,6 @@ def advance(x, y, n, before_x, before_y, m):
         y[i] += dy
 
 
-def find_roster(frames, scene, options: TracingOptions, names=None, indices=None) -> list[Slot]:
-    """Learn from some frames which whiskers there are, in order along the face.
-
-    Parameters
-    ----------
-    frames : uint8 (k, height, width), taken from the whole video
-    scene : StaticScene, or the video's epochs, which need `indices`
-    names : names of the whiskers, anterior → posterior; None: as many as are mostly seen,
-        called w1, w2, …
-    indices : frame numbers of `frames`; None: whichever, the scene is always the same
-
-    Returns
-    -------
-    One slot per whisker, in the order of `names`. Fewer than `names` where some are never seen.
-    """
-    found = []
-    for present, chosen in _by_scene(frames, scene, indices):
-        model = ImageModel.from_scene(present)
-        workspace = Workspace(int(1.6 * np.hypot(*present.background.shape)))
-        for image in chosen:
-            gain = profiles.frame_gain(image, model.background, 12, model.free)
-            lines = detection.detect(image, model, gain, options, workspace)
-            found.append(lines if names else without_fur(lines))
-        scene_side = present.face_side
-    counts = np.array([len(lines) for lines in found])
-    if not counts.any():
-        return []
-    n = len(names) if names else int(np.median(counts[counts > 0]))
-    n = min(n, counts.max())
-    axis = 1 if scene_side in ("left", "right") else 0
-    complete = [
-        sorted(lines[:n], key=lambda line: line.points[0][axis])
-        for lines in found
-        if len(lines) >= n
-    ]
-    bases = np.median([[line.points[0] for line in lines] for lines in complete], axis=0)
-    lengths = np.median([[line.n for line in lines] for lines in complete], axis=0)
-    slots = [
-        Slot("", base, float(length), tuple(lines[k] for lines in complete))
-        for k, (base, length) in enumerate(zip(bases, lengths, strict=True))
-    ]
-    if _posterior_first(slots):
-        slots = slots[::-1]
-    names = names or [f"w{i + 1}" for i in range(n)]
-    return [replace(slot, name=name) for name, slot in zip(names, slots, strict=False)]
-
-
-def without_fur(lines: list[Line]) -> list[Line]:
-    """Drop lines that are faint and short beside the strongest: long hairs of the fur."""
-    strength = [detection.contrast_length(line) for line in lines]
-    return [
-        line
-        for line, each in zip(lines, strength, strict=True)
-        if each >= FUR_SHARE * max(strength)
-    ]
-
-
-def _by_scene(frames, scene, indices):
-    """Pairs of a scene and the frames that belong to it, transitions left out."""
-    if isinstance(scene, StaticScene):
-        return [(scene, frames)]
-    if indices is None:
-        raise ValueError("indices of the frames are needed where the scene changes, got None")
-    starts = [epoch.start for epoch in scene]
-    owner = np.searchsorted(starts, indices, side="right") - 1
-    pairs = [(e.scene, frames[owner == k]) for k, e in enumerate(scene) if e.scene is not None]
-    return [(s, f) for s, f in pairs if len(f)]
-
-
-def _posterior_first(slots: list[Slot]) -> bool:
-    """Whether the order along the face runs posterior → anterior: whiskers get thinner anteriorly.
-
-    Thickness tells better than length, which the picture's border may cut.
-    """
-    if len(slots) < 2:
-        return False
-    thickness = [
-        np.median([np.nanmedian(line.thickness[10 : line.n // 3]) for line in slot.samples])
-        for slot in slots
-    ]
-    slope = np.polyfit(np.arange(len(slots)), thickness, 1)[0]
-    if abs(slope) > 0.02 * np.mean(thickness):
-        return slope < 0
-    return np.polyfit(np.arange(len(slots)), [s.visible_px for s in slots], 1)[0] < 0
-
-
 class _Collector:
     """Gathers rows until they are handed out as one `Centrelines`."""
 
@@ -451,6 +452,15 @@ class _Collector:
         )  # fmt: skip
         self.filled += line.n
         self.rows.append((frame, whisker, trust * line.quality, line.n))
+
+    def exchange(self, one: int, other: int, since: int) -> None:
+        """Give two whiskers each other's rows from frame `since` on."""
+        new = {one: other, other: one}
+        for i in range(len(self.rows) - 1, -1, -1):
+            frame, whisker, confidence, n = self.rows[i]
+            if frame < since:
+                break
+            self.rows[i] = (frame, new.get(whisker, whisker), confidence, n)
 
     def take(self, spacing: float) -> Centrelines:
         rows, self.rows = self.rows, []
@@ -515,9 +525,12 @@ def trace(
             present, trust = scenes[index]
             if index:
                 tracer.change_scene(present)
-        for k, track in enumerate(tracer.step(image)):
+        tracks = tracer.step(image)
+        while tracer.exchanges:
+            collector.exchange(*tracer.exchanges.pop(0))
+        for k, track in enumerate(tracks):
             if track.line is not None:
-                collector.add(index, k, track.line, trust)
+                collector.add(index, k, track.line, DOUBTFUL * trust if track.doubtful else trust)
         if (index + 1) % chunk_frames == 0:
             yield place(collector.take(options.spacing_px))
     if collector.rows or index < 0:

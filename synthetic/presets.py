@@ -507,6 +507,49 @@ def _crossing(setting):
     return driven_motion(scene, drives)
 
 
+_DENSE = (  # length, base radius, place along the face from its middle [m], set point [degrees]
+    (8e-3, 22e-6, 2.1e-3, 38),
+    (9e-3, 23e-6, 1.7e-3, 30),
+    (10e-3, 25e-6, 1.45e-3, 25),
+    (12e-3, 28e-6, 1.0e-3, 19),
+    (13e-3, 30e-6, 0.55e-3, 10),
+    (15e-3, 32e-6, 0.3e-3, 6),
+    (16e-3, 34e-6, -0.25e-3, -2),
+    (18e-3, 37e-6, -0.6e-3, -7),
+    (20e-3, 40e-6, -1.1e-3, -16),
+    (21e-3, 41e-6, -1.35e-3, -20),
+    (22e-3, 43e-6, -2.0e-3, -30),
+)
+
+
+def _dense_row(setting):
+    """Eleven whiskers of several rows seen from above, coarsely, in fast whisking; no pole.
+
+    8 px/mm and 500 frames/s: some lie upon each other for a while, all move by up to 5 degrees
+    from frame to frame, and the picture's border cuts some.
+    """
+    rng, frames, rate = setting.rng, setting.frames, 500.0
+    camera = Camera(320, 240, 8.0, rate, 0.8, 5e-4).with_noise_sd(1.5)
+    hairs = tuple(
+        Hair(
+            Whisker(length, length / 0.95, radius, name=f"W{i + 1}"),
+            tuple(rng.uniform(-0.6, 0.9) * np.array(_CURVED) * 18e-3 / length),
+            4.0e-3,
+            place - 15e-3,
+        )
+        for i, (length, radius, place, _) in enumerate(_DENSE)
+    )
+    face = Face("left", pad=4.5e-3)
+    scene = Scene(camera, Lights(), face, hairs, None, seed=setting.seed)
+    together = whisking(frames, rate, rng, 0.0, np.deg2rad(22), 15.0)
+    drives = []
+    for hair, (*_, degrees) in zip(hairs, _DENSE, strict=True):
+        own = np.deg2rad(1.5) * smooth_noise(frames, rate, 0.04, rng)
+        angle = np.deg2rad(degrees) + rng.uniform(0.85, 1.1) * together + own
+        drives.append((*base_path(scene, hair, frames, rng), angle))
+    return driven_motion(scene, drives)
+
+
 def _border(setting):
     """Whiskers that the picture's border cuts, and that leave the picture altogether."""
     rng, frames = setting.rng, setting.frames
@@ -651,6 +694,7 @@ PRESETS = {
     "moving_pole": Preset(_moving_pole, 2, "the pole comes late and leaves"),
     "near_miss": Preset(_near_miss, 2, "near the pole, never touching"),
     "free": Preset(_free, 2, "free whisking beside a pole"),
+    "dense_row": Preset(_dense_row, 2, "eleven whiskers, coarsely seen, in fast whisking"),
     "border": Preset(_border, 2, "whiskers cut by the border, out of view at times"),
     "passing": Preset(_passing, 2, "a whisker that passes before the pole and its rod"),
 }

@@ -1,0 +1,95 @@
+"""The turn that all whiskers of a face make together from one frame to the next.
+
+Whiskers stand closer than they move from frame to frame in fast whisking: looked for one by one,
+a whisker is taken for its neighbour. All together, they fit at one turn only.
+"""
+
+import numpy as np
+from numba import njit
+
+from pipeline.following import bilinear
+
+TURNS = np.radians(np.arange(-16.0, 16.5, 1.0))
+SLOPES = np.radians(np.arange(-6.0, 6.5, 1.5))  # half of how much more the last one turns
+STEP = 3  # nodes between two places that are looked at
+LIKELY_SD = np.radians(6.0)  # of what the motion before does not foretell
+SLOPE_SD = np.radians(3.0)
+
+
+def common_turns(image, background, weight, gain, lines) -> np.ndarray:
+    """Turns [rad, from +x to +y] about their bases at which predicted lines fit best, together.
+
+    From the first whisker of the face to the last, the turn changes evenly.
+
+    Parameters
+    ----------
+    image, background, weight, gain : as in `following.capture`
+    lines : `detection.Line`s as they are predicted, in order along the face
+    """
+    scores = np.zeros((len(lines), len(TURNS)))
+    cosines, sines = np.cos(TURNS), np.sin(TURNS)
+    most = 1e-9
+    for line, score in zip(lines, scores, strict=True):
+        most += _add_scores(
+            image, background, weight, gain, line.x, line.y, line.n, line.amplitude,
+            cosines, sines, score,
+        )  # fmt: skip
+    return _most_likely(scores / most)
+
+
+def _most_likely(scores) -> np.ndarray:
+    """Turn of every line for the mean turn and slope of the highest sum of scores."""
+    place = np.linspace(-1, 1, len(scores))
+    best, found = -np.inf, None
+    for slope in SLOPES:
+        shifted = [
+            np.interp(TURNS + slope * u, TURNS, score)
+            for u, score in zip(place, scores, strict=True)
+        ]
+        total = np.sum(shifted, axis=0) - 0.02 * (TURNS / LIKELY_SD) ** 2
+        k = int(np.argmax(total))
+        value = total[k] - 0.02 * (slope / SLOPE_SD) ** 2
+        if value > best:
+            best, found = value, _peak(total, k) + slope * place
+    return found
+
+
+def _peak(score, k) -> float:
+    """Turn of the highest score, between the turns tried."""
+    if not 0 < k < len(score) - 1:
+        return float(TURNS[k])
+    a, b, c = score[k - 1 : k + 2]
+    shift = 0.5 * (a - c) / min(a - 2 * b + c, -1e-12)
+    return float(TURNS[k] + shift * (TURNS[1] - TURNS[0]))
+
+
+@njit(cache=True)
+def _add_scores(image, background, weight, gain, x, y, n, amplitude, cosines, sines, score):
+    """Add amplitude × absorbance along a turned line to every turn's score; return the most."""
+    height, width = background.shape
+    most = 0.0
+    for i in range(12, n, STEP):
+        dx, dy = x[i] - x[0], y[i] - y[0]
+        a = amplitude[i]
+        most += a * a
+        for k in range(len(score)):
+            px = x[0] + cosines[k] * dx - sines[k] * dy
+            py = y[0] + sines[k] * dx + cosines[k] * dy
+            if not (0 <= px < width - 1 and 0 <= py < height - 1):
+                continue
+            if weight[int(py + 0.5), int(px + 0.5)] <= 0:
+                continue
+            light = max(gain * bilinear(background, px, py), 1.0)
+            seen = 1.0 - bilinear(image, px, py) / light
+            score[k] += a * min(max(seen, 0.0), 1.3 * a)
+    return most
+
+
+@njit(cache=True)
+def turn_line(x, y, n, angle):
+    """Turn the nodes about the first one by `angle` [rad, from +x to +y], in place."""
+    cos, sin = np.cos(angle), np.sin(angle)
+    for i in range(1, n):
+        dx, dy = x[i] - x[0], y[i] - y[0]
+        x[i] = x[0] + cos * dx - sin * dy
+        y[i] = y[0] + sin * dx + cos * dy

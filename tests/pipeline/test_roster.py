@@ -1,0 +1,68 @@
+"""Which whiskers there are, and who is who, in a dense row that whisks fast."""
+
+import numpy as np
+import pytest
+
+from pipeline.identities import crowded
+from pipeline.records import Recording
+from pipeline.roster import find_roster
+from pipeline.scene_finding import scene_from_frames
+from pipeline.tracing import options_for, trace
+from synthetic import scoring
+from synthetic.presets import make_trial
+from synthetic.render import Renderer
+from synthetic.truth import centreline_table, visibility_table
+
+FRAMES = 180
+NOISE_SD = 1.5  # grey levels, as in the preset
+HIDDEN = 1.4e-3  # m
+
+
+class Row:
+    """Rendered frames of `dense_row`, their roster and traced lines, scored."""
+
+    def __init__(self):
+        trial = make_trial("dense_row", 0, 0, FRAMES)
+        renderer = Renderer(trial.scene, trial.motion)
+        self.images = np.array([renderer.frame(i) for i in range(FRAMES)])
+        camera = trial.scene.camera
+        recording = Recording(camera.frames_per_second, camera.pixels_per_mm, "left")
+        self.names = list(trial.scene.names)
+        self.scene = scene_from_frames(self.images[::5], recording, None, None, FRAMES)
+        lengths = [hair.whisker.length for hair in trial.scene.hairs]
+        self.options = options_for(recording, lengths, [HIDDEN] * len(lengths))
+        self.roster = find_roster(self.images[::8], self.scene, self.options, self.names)
+        lines = centreline_table(trial.motion)
+        visible = visibility_table(trial.motion, renderer, lines)
+        truth = scoring.visible_truth(lines, visible, camera.pixels_per_mm, NOISE_SD)
+        chunks = trace(self.images, self.scene, self.roster, self.options, chunk_frames=10**6)
+        self.lines = next(iter(chunks))
+        self.scores = scoring.score_lines(self.lines, truth)
+
+
+@pytest.fixture(scope="module")
+def row():
+    return Row()
+
+
+def test_all_whiskers_are_in_the_roster_in_order(row):
+    assert [slot.name for slot in row.roster] == row.names
+    bases = [slot.base_xy[1] for slot in row.roster]
+    assert np.all(np.diff(bases) > -1.5)  # px: some leave the face at the same place
+    assert crowded([slot.signature for slot in row.roster], row.options)
+
+
+def test_whiskers_keep_their_names_in_fast_whisking(row):
+    rows = row.scores.rows
+    wrong = (rows["nearest"] != rows["whisker"]).to_numpy()
+    assert len(rows) > 0.97 * FRAMES * len(row.names)
+    assert wrong.mean() < 0.03
+    assert (row.scores.whiskers["covered"] >= 0.8).mean() > 0.95
+
+
+def test_it_is_sure_mostly_and_then_right(row):
+    rows = row.scores.rows
+    wrong = (rows["nearest"] != rows["whisker"]).to_numpy()
+    unsure = row.lines.confidence <= 0.5
+    assert 0.02 < unsure.mean() < 0.25  # neighbours do lie upon each other at times
+    assert wrong[~unsure].mean() < 0.015
