@@ -192,7 +192,7 @@ def _common_sd(share, bend, influence, part, fit, rest):
         u = np.nan_to_num(fit["angle"] - rest.centre) / rest.scale
         powers = u[:, None] ** np.arange(len(rest.weights))
         answers = powers.T @ rows[:, N_STATIONS:]
-        variance += np.einsum("ka,kl,lb,ab->", answers, rest.weights_cov, answers, rest.values_cov)
+        variance += np.einsum("ka,kalb,lb->", answers, rest.weights_cov, answers)
     return float(np.sqrt(variance) / total) if total > 0 else np.inf
 
 

@@ -23,7 +23,8 @@ GAP_SCALE_M = 1e-3  # typical gap of a free whisker
 FORCE_SCALE_N = 8e-6  # typical force of a touch
 CONTACT_STARTS, CONTACT_ENDS = 0.01, 0.03  # probabilities per frame
 UNSEEN_LOG_ODDS = -0.5  # of a frame without a trace: some are bridged in a contact, many are not
-OUTLIERS = 1e-4  # share of frames that say nothing
+# share of frames whose force, or gap, says nothing: the other one still tells
+FORCE_OUTLIERS, GAP_OUTLIERS = 1e-4, 1e-5
 LEAST_GAP_SD_PX = 0.04
 SURE_PUSH_SD = 6.0  # a force of so many standard errors is no noise
 FEWEST_SURE = 10
@@ -31,6 +32,7 @@ FARTHEST_OFFSET_PX = 4.0  # of the pole's surface from where it was measured
 LEAST_EVIDENCE = 12.0  # summed log-likelihood ratio below which a contact is noise
 SHORTEST_S = 1.5e-3  # what is over sooner is a slip of the tracer
 LEAST_PEAK_SD = 3.5  # peak force in standard errors
+CLEAR_PEAK_SCATTER = 8.0  # or, of both estimates, in what they scatter by in free frames
 SLIP_LOOK_FRAMES = 4  # so many frames after the end in which the pole has changed sides
 LARGE_DEFLECTION_RAD = 0.6
 NEAR_CURVATURE_M = 1.0e-3
@@ -247,20 +249,35 @@ def _observations(part, recording):
 
 
 def _log_odds(gap, gap_sd, force, force_sd, cov):
-    """log p(d, F | contact) − log p(d, F | free), bivariate normal errors."""
+    """log p(d, F | contact) − log p(d, F | free), bivariate normal errors and outliers."""
+    any_gap = np.log(GAP_OUTLIERS / (2 * GAP_SCALE_M))
+    any_force = np.log(FORCE_OUTLIERS / (2 * 5 * FORCE_SCALE_N))
     with np.errstate(all="ignore"):
         free_gap = gap - cov / force_sd**2 * force
         free_gap_sd = np.sqrt(np.maximum(gap_sd**2 - (cov / force_sd) ** 2, (0.1 * gap_sd) ** 2))
-        free = _log_normal(force, force_sd) + _log_skewed(free_gap, free_gap_sd, GAP_SCALE_M)
+        free = _either(
+            _log_normal(force, force_sd), _log_skewed(free_gap, free_gap_sd, GAP_SCALE_M),
+            any_force, _log_skewed(gap, gap_sd, GAP_SCALE_M), any_gap,
+        )  # fmt: skip
         pushed = force - cov / gap_sd**2 * gap
         pushed_sd = np.sqrt(np.maximum(force_sd**2 - (cov / gap_sd) ** 2, (0.1 * force_sd) ** 2))
-        contact = _log_normal(gap, gap_sd) + _log_skewed(pushed, pushed_sd, FORCE_SCALE_N)
-        nothing = np.log(OUTLIERS / (2 * GAP_SCALE_M * 5 * FORCE_SCALE_N))
-        odds = np.logaddexp(contact, nothing) - np.logaddexp(free, nothing)
+        contact = _either(
+            _log_normal(gap, gap_sd), _log_skewed(pushed, pushed_sd, FORCE_SCALE_N),
+            any_gap, _log_skewed(force, force_sd, FORCE_SCALE_N), any_force,
+        )  # fmt: skip
+        odds = contact - free
         # without a force the gap alone has to tell
         alone = _log_normal(gap, gap_sd) - _log_skewed(gap, gap_sd, GAP_SCALE_M)
         alone = np.clip(alone, -12.0, 6.0)
     return np.where(np.isfinite(force), odds, alone)
+
+
+def _either(narrow, broad_given, any_narrow, broad, any_broad):
+    """Log density of two quantities, either of which may be an outlier."""
+    return np.logaddexp(
+        narrow + np.logaddexp(broad_given, any_broad),
+        any_narrow + np.logaddexp(broad, any_broad),
+    )
 
 
 def _log_normal(x, sd):
@@ -338,7 +355,22 @@ def _is_real(part, start, stop):
         return False
     with np.errstate(invalid="ignore"):
         push = part["shape_force_N"].to_numpy()[rows] / part["shape_force_se_N"].to_numpy()[rows]
-    return not np.isfinite(push).any() or np.nanmax(push) > LEAST_PEAK_SD
+    return (
+        not np.isfinite(push).any()
+        or np.nanmax(push) > LEAST_PEAK_SD
+        or all(_stands_out(part, rows, f"{method}_force_N") for method in forces.METHODS)
+    )
+
+
+def _stands_out(part, rows, column):
+    """Whether a force is far above that of free frames, however wrong the rest shape may be."""
+    force, free = part[column].to_numpy(), part["probability"].to_numpy() < 0.5
+    free = free & np.isfinite(force)
+    if free.sum() < FEWEST_SURE or not np.isfinite(force[rows]).any():
+        return False
+    middle = np.median(force[free])
+    scatter = 1.4826 * np.median(np.abs(force[free] - middle))
+    return np.nanmax(force[rows]) - middle > CLEAR_PEAK_SCATTER * scatter
 
 
 def _interval(part, name, start, stop, curvature_at):
@@ -365,14 +397,17 @@ def _flags(part, start, stop, curvature_at, slip):
         tilted = np.nanmin(np.abs(lateral), initial=1.0) < np.cos(LARGE_DEFLECTION_RAD)
         near = np.nanmin(contact, initial=np.inf) < curvature_at + NEAR_CURVATURE_M
     probability = part["probability"].to_numpy()[rows]
+    rest_known = part["rest_known"].to_numpy(bool)[rows]
+    # without a rest shape no rod is loaded, so that none has a contact
+    lost = part["base_angle_rad"].isna().to_numpy()[rows] | (rest_known & np.isnan(contact))
     applies = {
         "starts_before": frame[start] == part["frame"].min(),
         "ends_after": frame[stop - 1] == part["frame"].max(),
         "slip": slip,
-        "no_rest_curvature": not part["rest_known"].to_numpy()[rows].any(),
+        "no_rest_curvature": not rest_known.any(),
         "large_deflection": tilted,
         "contact_near_curvature_window": near,
-        "gaps_in_trace": part["contact_m"].isna().to_numpy()[rows].any(),
+        "gaps_in_trace": lost.any(),
         "doubtful": probability.max() < 0.99,
     }
     return [flag for flag, is_so in applies.items() if is_so]

@@ -11,10 +11,12 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
+from scipy.integrate import cumulative_trapezoid
 from scipy.ndimage import gaussian_filter1d
 
 from pipeline import arc_origin, rest_curvature, shape_fit
 from pipeline.records import CONTACT_COLUMNS, Recording, as_table, empty_table
+from pipeline.rest_curvature import RestModel
 from pipeline.shape_fit import RestPrior, ShapeFit
 from pipeline.stations import Stations
 from whiskermodel.whisker import Whisker
@@ -25,6 +27,7 @@ SHORTEST_LEVER_M = 0.3e-3  # a contact nearer to the point of curvature tells no
 WILD, WILD_SHARE = 4.0, 0.1  # times the usual standard error, plus this part of the force
 LEAST_NOISE = 0.5  # of the fit's standard error: free frames are no witness of smaller ones
 FARTHEST_TURN_RAD = 0.2  # of a fitted rod's base from the traced part's continuation
+FEWEST_WITNESSES = 20  # free frames that can tell how much the force scatters
 CALIBRATION_REACH_M = 3e-3  # free frames with the pole this near tell the force's true noise
 _EVIDENCE_OF_FIT = {
     "gap": "gap_m",
@@ -89,11 +92,13 @@ def measure_forces(
     angle = np.radians(kinematics["base_angle_deg"].to_numpy(float))
     free = rest_curvature.free_frames(places.distance, np.isfinite(places.pole_x))
     free &= np.isfinite(places.last)
-    fit, origin, rest_known = _fit_rods(places, whisker, curvature_at, angle, time, free, friction)
-    evidence = _evidence(places, fit, origin, rest_known, free)
+    fit, origin, model = _fit_rods(places, whisker, curvature_at, angle, time, free, friction)
+    evidence = _evidence(places, fit, origin, model is not None, free)
     # its hidden part is bent by the load as the rod is
     angle = np.where(np.isfinite(fit["angle"]), fit["angle"], angle)
-    measured = _rest_columns(*_curvature(kinematics, fit, origin), angle, time, free)
+    (basis,) = shape_fit.rest_basis(whisker, [curvature_at])
+    shape = _turned_to(model, basis, angle, time)
+    measured = _rest_columns(*_curvature(kinematics, fit, origin), shape, angle, time, free)
     measured = measured.join(_base(kinematics, fit))
     point, error = point_force(measured, fit)
     evidence["point_force_N"] = point
@@ -103,17 +108,18 @@ def measure_forces(
 
 
 def _fit_rods(places, whisker, curvature_at, angle, time, free, friction):
-    """Loaded rods of all rows, the `Origin` of their arc lengths, and if the rest is known."""
+    """Loaded rods of all rows, the `Origin` of their arc lengths, and the `RestModel` or None."""
     origin, votes = arc_origin.origin_from_tip(places, whisker, angle, time)
     places = replace(places, origin=origin.per_row)
-    prior = _rest_prior(places, whisker, curvature_at, angle, time, free)
-    if prior is None:
-        return shape_fit.fit_free(places, whisker, curvature_at), origin, False
+    model = _rest_shape(places, whisker, curvature_at, time, free)
+    if model is None:
+        return shape_fit.fit_free(places, whisker, curvature_at), origin, None
+    prior = _rest_prior(model, angle, time)
     rod = places, whisker, curvature_at, prior
     rubbing = friction * sliding(shape_fit.fit_loaded(*rod)["contact"]) if friction else 0.0
     origin = arc_origin.origin_from_bending(*rod, votes, rubbing)
     shift = origin.per_row - places.origin
-    return shape_fit.fit_loaded(*rod, rubbing, shift), origin, True
+    return shape_fit.fit_loaded(*rod, rubbing, shift), origin, model
 
 
 def _evidence(places, fit, origin, rest_known, free) -> pd.DataFrame:
@@ -174,24 +180,43 @@ def point_force(rest: pd.DataFrame, fit: ShapeFit):
     return np.where(usable, force, np.nan), np.where(usable, error, np.nan)
 
 
-def _rest_prior(places, whisker, curvature_at, angle, time, free) -> RestPrior | None:
-    """Rest shape from the free frames, as prior for the loaded fit of all frames."""
+def _rest_shape(places, whisker, curvature_at, time, free) -> RestModel | None:
+    """Rest shape, by the angle of the follicle, from the free frames."""
     rows = np.flatnonzero(free)
     if len(rows) < rest_curvature.FEWEST_FRAMES:
         return None
-    fit = shape_fit.fit_free(places.rows(rows), whisker, curvature_at)
-    variances = np.diagonal(fit.rest_cov, axis1=1, axis2=2)
+    places = places.rows(rows)
+    fit = shape_fit.fit_free(places, whisker, curvature_at)
+    lean = _lean(places, whisker)
     everywhere = np.ones(len(rows), dtype=bool)
-    model = rest_curvature.fit_rest(fit.rest, variances, fit["angle"], time[rows], everywhere)
-    if model is None:
-        return None
+    model = rest_curvature.fit_rest(
+        fit.rest, fit.rest_cov, fit["angle"] + fit.rest @ lean, time[rows], everywhere
+    )
+    return model and rest_curvature.by_leaning_angle(model, -lean)
+
+
+def _lean(places, whisker):
+    """How far the line through the visible part is turned from the follicle's axis, by shape.
+
+    (N_REST,) [rad m] per rest coefficient. The follicle's angle is told from the shape, and errs
+    with it; the direction of the straight line through all that is seen does not.
+    """
+    s = np.linspace(0, whisker.length, 200)
+    turned = cumulative_trapezoid(shape_fit.rest_basis(whisker, s), s, axis=0, initial=0)
+    first, last = np.nanmedian(places.first), np.nanmedian(places.last)
+    # least squares through a curve weigh its directions by a parabola
+    weight = np.maximum((s - first) * (last - s), 0.0)
+    return weight @ turned / weight.sum()
+
+
+def _rest_prior(model, angle, time) -> RestPrior:
+    """The rest shape as prior for the loaded fit of all frames."""
     # the table's angle is good enough for how well the rest shape is known
     _, cov = model.predict(np.where(np.isfinite(angle), angle, model.centre), time)
     floor = np.eye(cov.shape[1]) * 1e-3**2
     return RestPrior(
-        model.weights, model.centre, model.scale, model.drift(time), cov + floor,
-        model.weights_cov, model.values_cov,
-    )  # fmt: skip
+        model.weights, model.centre, model.scale, model.drift(time), cov + floor, model.weights_cov
+    )
 
 
 def _force_noise(force, error, places, free):
@@ -203,7 +228,7 @@ def _force_noise(force, error, places, free):
 def _excess(ratio, free):
     """Scatter of the free frames' deviations, given in standard errors."""
     ratio = ratio[free & np.isfinite(ratio)]
-    if len(ratio) < rest_curvature.FEWEST_FRAMES:
+    if len(ratio) < FEWEST_WITNESSES:
         return 1.0
     return max(LEAST_NOISE, 1.4826 * float(np.median(np.abs(ratio))))
 
@@ -242,13 +267,27 @@ def _curvature(kinematics, fit, origin):
     )
 
 
-def _rest_columns(curvature, noise, place, angle, time, free):
+def _turned_to(model, basis, angle, time):
+    """Curvature that the rest shape has in all frames where `basis` (N_REST,) is, and its error.
+
+    The error is that of its change from the free frames' usual angle.
+    """
+    shape, error = np.full((2, len(angle)), np.nan)
+    known = np.isfinite(angle)
+    if model is not None and known.any():
+        shape[known] = model.predict(angle[known], time[known])[0] @ basis
+        cov = model.turning_cov(angle[known])
+        error[known] = np.sqrt(np.einsum("j,njk,k->n", basis, cov, basis))
+    return shape, error
+
+
+def _rest_columns(curvature, noise, place, shape, angle, time, free):
     """Curvature, rest curvature and curvature change at one arc length, with standard errors."""
-    rest, rest_error = _rest_curvature(curvature, noise, angle, time, free)
+    rest, rest_error = _rest_curvature(curvature, noise, shape, angle, time, free)
     # free frames show by how much neighbouring stations' errors, which run along the line
     # (a codec's), exceed the noise; a rest curvature that wanders looks alike
     error = noise * _excess((curvature - rest) / noise, free)
-    rest, rest_error = _rest_curvature(curvature, error, angle, time, free)
+    rest, rest_error = _rest_curvature(curvature, error, shape, angle, time, free)
     return pd.DataFrame(
         {
             "curvature_per_m": curvature,
@@ -261,14 +300,20 @@ def _rest_columns(curvature, noise, place, angle, time, free):
     )
 
 
-def _rest_curvature(curvature, error, angle, time, free):
-    """Rest curvature and its standard error in all frames; NaN where it is not known."""
+def _rest_curvature(curvature, error, shape, angle, time, free):
+    """Rest curvature and its standard error in all frames; NaN where it is not known.
+
+    It follows base angle and time as the rest shape does (`_turned_to`); free frames tell by how
+    much the two differ.
+    """
     rest, rest_error = np.full((2, len(curvature)), np.nan)
-    model = rest_curvature.fit_rest(curvature, error**2, angle, time, free)
+    turned, turning_error = shape
+    model = rest_curvature.fit_rest(curvature - turned, error**2, angle, time, free, degree=0)
     if model is not None:
         known = np.isfinite(angle)
         value, cov = model.predict(angle[known], time[known])
-        rest[known], rest_error[known] = value[:, 0], np.sqrt(cov[:, 0, 0])
+        rest[known] = turned[known] + value[:, 0]
+        rest_error[known] = np.sqrt(cov[:, 0, 0] + turning_error[known] ** 2)
     return rest, rest_error
 
 

@@ -1,19 +1,37 @@
 """Rest shape of a whisker: how it is curved while nothing touches it, and how well that is known.
 
-A whisker rolls as it whisks and drifts over a session, so its rest curvature is estimated from
-free frames (pole far or away) as a polynomial in the base angle plus a slow function of time,
-robustly, for one number (curvature at one arc length) or several (shape coefficients) at once.
+A whisker rolls as it whisks and drifts over a session, so its rest curvature is a polynomial in
+the base angle plus a slow function of time, learnt robustly from free frames (pole far or away),
+for one number (curvature at one arc length) or several (shape coefficients) at once.
+
+Free frames may be few and may all lie at one base angle: a whisker at rest, then a touch at
+another angle. So the model is Bayesian. Beforehand the whisker keeps its shape: slope and bend
+over the angle are zero, ± what rolling can do. Polynomials of degree 0, 1, 2 are averaged by
+their posterior probabilities (Hoeting et al. 1999, Statist. Sci. 14, 382). Frames at many angles
+override the prior; where there are none the shape stays constant, with an error that grows.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
+from scipy.ndimage import median_filter
 
 FREE_DISTANCE_M = 0.2e-3  # surface to surface; farther than any tracing error
-FEWEST_FRAMES = 20
+CLEAR_DISTANCE_M = 0.06e-3  # beyond the nearest frames': free where hardly any is farther off
+CLEAR_SD = 8.0  # as many times the distance's noise
+PLENTY = 20  # free frames beyond FREE_DISTANCE_M that need no others
+NEAREST = 3  # frames whose distance is that of a touch, or nearer than any free one
+FEWEST_FRAMES = 3
 LARGEST_DEGREE = 2
+# rolling by 0.7 rad per rad (Knutsen et al. 2008) shows up to this much of a bend of 20 1/m
+SLOPE_SD = 12.0  # of a rest value [1/m per rad of base angle]
+BEND_SD = 12.0  # [1/m per rad²]
+CONSTANT_SD = 300.0  # [1/m]: flat
+LEAST_SD = 1e-6  # [1/m]
 CORRELATED_FRAMES = 10  # neighbouring frames share their errors: how many count as one
+# frames at one place share theirs too, of pixels and background: a pixel's way at 5 mm, about
+SAME_ANGLE_RAD = 0.008
 DRIFT_TIME_S = 0.3  # drift is followed over times longer than this
 DRIFT_SHRINK_FRAMES = 8  # so many frames of zero drift are added everywhere
 START_DRAWS = 100  # random small samples of frames, the best of which starts the robust fit
@@ -27,22 +45,22 @@ class RestModel:
     Attributes
     ----------
     weights : (terms, values)
-    weights_cov : (terms, terms), and values_cov : (values, values), whose product is the
-        covariance of the weights
+    weights_cov : (terms, values, terms, values)
     centre, scale : of the base angle [rad]
     time, residual, share : of the free frames, for the drift: s, (frames, values), (frames,)
+    noise : (values, values) covariance of a free frame about the model
     scatter : (values, values) covariance of the true rest values about the model
     frames : how many free frames it rests on
     """
 
     weights: np.ndarray
     weights_cov: np.ndarray
-    values_cov: np.ndarray
     centre: float
     scale: float
     time: np.ndarray
     residual: np.ndarray
     share: np.ndarray
+    noise: np.ndarray
     scatter: np.ndarray
     frames: int
 
@@ -53,7 +71,7 @@ class RestModel:
 
     def drift(self, time) -> np.ndarray:
         """Slow deviation from the polynomial at `time` [s], (frames, values)."""
-        return _smooth(self.time, self.residual, self.share, np.asarray(time, float))
+        return _smooth(self.time, self.residual, self.share, np.asarray(time, float))[0]
 
     def predict(self, angle, time):
         """Rest values and their covariance at base angles [rad] and times [s].
@@ -63,67 +81,119 @@ class RestModel:
         values : (frames, values)
         cov : (frames, values, values)
         """
-        powers = _powers((np.asarray(angle, float) - self.centre) / self.scale, self.degree)
-        values = powers @ self.weights + self.drift(time)
-        known = np.einsum("nk,kl,nl->n", powers, self.weights_cov, powers)
-        return values, self.scatter + known[:, None, None] * self.values_cov
+        powers = self._powers(angle)
+        drift, frames = _smooth(self.time, self.residual, self.share, np.asarray(time, float))
+        drift_cov = CORRELATED_FRAMES / frames[:, None, None] * self.noise
+        known = np.einsum("nk,kvlw,nl->nvw", powers, self.weights_cov, powers, optimize=True)
+        return powers @ self.weights + drift, self.scatter + known + drift_cov
+
+    def turning_cov(self, angle) -> np.ndarray:
+        """Covariance (frames, values, values) of how the values change from the centre."""
+        powers = self._powers(angle)[:, 1:]
+        cov = self.weights_cov[1:, :, 1:]
+        return np.einsum("nk,kvlw,nl->nvw", powers, cov, powers, optimize=True)
+
+    def _powers(self, angle):
+        return _powers((np.asarray(angle, float) - self.centre) / self.scale, self.degree)
 
 
-def fit_rest(values, variances, angle, time, free) -> RestModel | None:
+def fit_rest(values, variances, angle, time, free, degree=LARGEST_DEGREE) -> RestModel | None:
     """Fit rest values to the free frames.
 
     Parameters
     ----------
     values : (frames,) or (frames, values)
-        Measured curvature or shape coefficients; NaN where unknown.
-    variances : same shape; their variances
-    angle, time : (frames,) base angle [rad] and time [s]
+        Measured curvature or shape coefficients [1/m]; NaN where unknown.
+    variances : same shape; their variances, or (frames, values, values) covariances
+    angle, time : (frames,) base angle [rad] and time [s]. Errors of the angle must not go with
+        those of the values, or they are taken for a slope where the angle hardly changes
     free : bool (frames,), frames in which nothing touches the whisker
+    degree : the highest of the polynomial in the angle
 
     Returns
     -------
     RestModel, or None where fewer than FEWEST_FRAMES frames are free.
     """
     values = np.asarray(values, float).reshape(len(angle), -1)
-    variances = np.asarray(variances, float).reshape(values.shape)
+    covs = np.asarray(variances, float).reshape(len(angle), values.shape[1], -1)
+    if covs.shape[2] == 1:
+        covs = covs * np.eye(values.shape[1])
     use = np.asarray(free) & np.isfinite(values).all(axis=1) & np.isfinite(angle)
-    use &= np.isfinite(variances).all(axis=1)
+    use &= np.isfinite(covs).all(axis=(1, 2))
     if use.sum() < FEWEST_FRAMES:
         return None
-    values, variances, angle, time = values[use], variances[use], angle[use], time[use]
+    values, covs, angle, time = values[use], covs[use], angle[use], time[use]
     centre = float(np.median(angle))
     scale = max(float(np.ptp(np.percentile(angle, [5, 95]))) / 2, 1e-3)
-    u = (angle - centre) / scale
-    # the sampling variance of a scatter estimate needs some frames per term
-    degrees = range(min(LARGEST_DEGREE, len(u) // (3 * FEWEST_FRAMES)) + 1)
-    fits = [_robust_polynomial(u, values, degree) for degree in degrees]
-    weights, share = min(fits, key=lambda fit: _information_criterion(u, values, *fit))
-    powers = _powers(u, len(weights) - 1)
-    residual = values - powers @ weights
+    powers = _powers((angle - centre) / scale, degree)
+    precision = 1 / np.array([CONSTANT_SD, SLOPE_SD * scale, BEND_SD * scale**2]) ** 2
+    precision = precision[: degree + 1]
+    floor = np.sqrt(np.diag(np.median(covs, axis=0)))
+    looks = 1 + 2 * scale / SAME_ANGLE_RAD
+    alike = len(values) / np.clip(len(values) / CORRELATED_FRAMES, 1, looks)
+    drift, weights = np.zeros_like(values), None
     for _ in range(5):  # drift and polynomial in turn
-        drift = _smooth(time, residual, share, time)
-        weights, share = _robust_polynomial(u, values - drift, len(weights) - 1, weights)
+        weights, share = _robust_polynomial(
+            powers, values - drift, precision * alike, floor, weights
+        )
         residual = values - powers @ weights
         middle = np.average(residual, axis=0, weights=share)
         weights[0] += middle  # a drift of mean zero: it is shrunk to that
         residual -= middle
-    left = residual - drift
-    total = (left * share[:, None]).T @ left / share.sum()
-    scatter = _positive(total - np.diag((variances * share[:, None]).sum(axis=0) / share.sum()))
-    weights_cov = CORRELATED_FRAMES * np.linalg.inv((powers * share[:, None]).T @ powers)
+        drift = _smooth(time, residual, share, time)[0]
+    left, measured = residual - drift, np.average(covs, axis=0, weights=share)
+    # a few frames do not tell how they scatter: then what the measurement says of it counts
+    noise = (left * share[:, None]).T @ left + CORRELATED_FRAMES * measured
+    noise /= share.sum() + CORRELATED_FRAMES
+    noise += np.eye(len(noise)) * LEAST_SD**2
+    weights, weights_cov = _averaged(powers, values - drift, share / alike, noise, precision)
     return RestModel(
-        weights, weights_cov, total, centre, scale, time, residual, share, scatter, int(use.sum())
+        weights=weights,
+        weights_cov=weights_cov,
+        centre=centre,
+        scale=scale,
+        time=time,
+        residual=values - powers @ weights,
+        share=share,
+        noise=noise,
+        scatter=_positive(noise - measured),
+        frames=int(use.sum()),
     )
+
+
+def by_leaning_angle(model: RestModel, lean) -> RestModel:
+    """Return the model by another angle, φ + a · lean, with `lean` (values,) [rad m]."""
+    u = np.linspace(-2, 2, 9)
+    values = _powers(u, model.degree) @ model.weights
+    angle = model.centre + model.scale * u + values @ lean
+    centre = float(angle[len(u) // 2])
+    powers = _powers((angle - centre) / model.scale, model.degree)
+    weights = np.linalg.lstsq(powers, values, rcond=None)[0]
+    return replace(model, weights=weights, centre=centre)
 
 
 def free_frames(distance, pole_known) -> np.ndarray:
     """Frames in which the whisker is surely untouched, bool (frames,).
 
-    `distance` [m] from the pole's surface to the whisker's, NaN where unknown; `pole_known` is
-    False where no pole is in view.
+    `distance` [m] from the pole's surface to the whisker's, frame after frame, NaN where unknown;
+    `pole_known` is False where no pole is in view. Where hardly any frame is FREE_DISTANCE_M off,
+    those count that clearly are farther off than the nearest ones.
     """
+    distance, away = np.asarray(distance, float), ~np.asarray(pole_known)
     with np.errstate(invalid="ignore"):
-        return ~np.asarray(pole_known) | (np.asarray(distance) > FREE_DISTANCE_M)
+        free = away | (distance > FREE_DISTANCE_M)
+        return free if free.sum() >= PLENTY else away | (distance > _clear_distance(distance))
+
+
+def _clear_distance(distance):
+    """Distance [m] that is no touch's: those of one video's touches are nearly the same."""
+    known = distance[np.isfinite(distance)]
+    if len(known) < 3:
+        return FREE_DISTANCE_M
+    noise = 1.4826 * np.median(np.abs(np.diff(known, 2))) / np.sqrt(6)
+    # a single frame that went astray is not the nearest
+    nearest = median_filter(known, 5, mode="nearest").min()
+    return min(FREE_DISTANCE_M, nearest + max(CLEAR_DISTANCE_M, CLEAR_SD * noise))
 
 
 def add_rest_curvature(frames: pd.DataFrame, rest: dict) -> pd.DataFrame:
@@ -156,35 +226,37 @@ def _powers(u, degree):
     return u[:, None] ** np.arange(degree + 1)
 
 
-def _robust_polynomial(u, values, degree, weights=None):
-    """Tukey-weighted least squares; returns weights (terms, values) and each frame's share.
+def _robust_polynomial(powers, values, precision, floor, weights=None):
+    """Tukey-weighted least squares with a prior; weights (terms, values) and frames' shares.
 
-    `weights` to begin with are found among random ones where none are given.
+    `precision` (terms,) of the prior, `floor` (values,) the least spread of a frame. `weights` to
+    begin with are found among random ones where none are given.
     """
-    powers = _powers(u, degree)
     begun = weights is not None
     if not begun:
-        weights = _robust_start(powers, values)
+        weights = _robust_start(powers, values, np.mean(floor**2) * precision)
     for _ in range(2 if begun else 8):
         residual = values - powers @ weights
-        spread = 1.4826 * np.median(np.abs(residual), axis=0)
+        spread = np.maximum(1.4826 * np.median(np.abs(residual), axis=0), floor)
         away = (residual / np.maximum(spread, 1e-12)) ** 2
         worst = np.sqrt(away.max(axis=1)) / TUKEY
         share = np.where(worst < 1, (1 - worst**2) ** 2, 0.0)
-        if share.sum() < FEWEST_FRAMES / 2:
-            share = np.ones(len(u))
+        if share.sum() < min(len(powers), 2 * FEWEST_FRAMES) / 2:
+            share = np.ones(len(powers))
         weighted = powers * share[:, None]
-        weights = np.linalg.lstsq(weighted.T @ powers, weighted.T @ values, rcond=None)[0]
+        prior = (spread**2)[:, None, None] * np.diag(precision)
+        found = np.linalg.solve(weighted.T @ powers + prior, (weighted.T @ values).T[:, :, None])
+        weights = found[:, :, 0].T
     return weights, share
 
 
-def _robust_start(powers, values):
+def _robust_start(powers, values, prior):
     """Polynomial through a few frames that most frames are nearest to (least median)."""
     n, terms = powers.shape
     rng = np.random.default_rng(0)
     rows = rng.integers(0, n, (START_DRAWS, terms + 1))
     part = powers[rows]
-    square = np.swapaxes(part, 1, 2) @ part + 1e-9 * np.eye(terms)
+    square = np.swapaxes(part, 1, 2) @ part + np.diag(prior + 1e-9)
     trials = np.linalg.solve(square, np.swapaxes(part, 1, 2) @ values[rows])
     judges = np.unique(np.linspace(0, n - 1, 400).astype(int))
     misfit = np.abs(values[judges] - powers[judges] @ trials)
@@ -192,18 +264,39 @@ def _robust_start(powers, values):
     return trials[np.argmin((middle / np.maximum(middle.min(axis=0), 1e-12)).sum(axis=1))]
 
 
-def _information_criterion(u, values, weights, share):
-    """Schwarz's criterion with neighbouring frames counted once."""
-    residual = values - _powers(u, len(weights) - 1) @ weights
-    spread = 1.4826 * np.median(np.abs(residual), axis=0)
-    n = len(u) / CORRELATED_FRAMES
-    return 2 * n * np.log(np.maximum(spread, 1e-12)).sum() + weights.size * np.log(max(n, 2))
+def _averaged(powers, values, share, noise, precision):
+    """Posterior mean (terms, values) and covariance over polynomials of all degrees."""
+    terms, several = powers.shape[1], values.shape[1]
+    weighted = powers * share[:, None]
+    inverse = np.linalg.inv(noise)
+    information = np.kron(weighted.T @ powers, inverse)
+    rhs = (weighted.T @ values @ inverse).ravel()
+    prior = np.repeat(precision, several)
+    means, covs = np.zeros((terms, len(rhs))), np.zeros((terms, len(rhs), len(rhs)))
+    evidence = np.zeros(terms)
+    for degree in range(terms):
+        own = slice(0, (degree + 1) * several)
+        matrix = information[own, own] + np.diag(prior[own])
+        covs[degree, own, own] = np.linalg.inv(matrix)
+        means[degree, own] = covs[degree, own, own] @ rhs[own]
+        evidence[degree] = 0.5 * (
+            rhs[own] @ means[degree, own] - np.linalg.slogdet(matrix)[1] + np.log(prior[own]).sum()
+        )
+    probability = np.exp(evidence - evidence.max())
+    probability /= probability.sum()
+    mean = probability @ means
+    apart = means - mean
+    cov = np.einsum("d,dij->ij", probability, covs + apart[:, :, None] * apart[:, None, :])
+    return mean.reshape(terms, several), cov.reshape(terms, several, terms, several)
 
 
 def _smooth(time, residual, share, at):
-    """Local line through the residual at times `at`, shrunk to zero where there are few frames."""
+    """Local line through the residual at times `at`, shrunk to zero where there are few frames.
+
+    Returns it (times, values), and how many frames' worth it is known, (times,).
+    """
     if len(time) == 0 or len(at) == 0:
-        return np.zeros((len(at), residual.shape[1]))
+        return np.zeros((len(at), residual.shape[1])), np.full(len(at), DRIFT_SHRINK_FRAMES)
     # frames are dense in time: bins of a fifth of the kernel's width lose nothing
     step = DRIFT_TIME_S / 5
     low = min(time.min(), np.nanmin(at)) - step
@@ -220,7 +313,7 @@ def _smooth(time, residual, share, at):
         sums = np.bincount(place, share * r, bins)
         t0, t1 = (_convolve(sums, kernel * (-reach) ** k) for k in range(2))
         out.append(np.interp(at, centres, (s2 * t0 - s1 * t1) / (s0 * s2 - s1**2)))
-    return np.stack(out, axis=1)
+    return np.stack(out, axis=1), np.interp(at, centres, s0 - s1**2 / s2)
 
 
 def _convolve(values, kernel):

@@ -87,8 +87,8 @@ class RestPrior:
 
     `u` is (base angle − centre)/scale. `weights` (terms, N_REST), `drift` (rows, N_REST) or
     zeros, `cov` (rows, N_REST, N_REST). Errors of the weights are common to all rows: their
-    covariance, part of `cov`, is the product of `weights_cov` (terms, terms) and `values_cov`
-    (N_REST, N_REST); None where they are not in question.
+    covariance `weights_cov` (terms, N_REST, terms, N_REST) is part of `cov`; None where they are
+    not in question.
     """
 
     weights: np.ndarray
@@ -97,7 +97,6 @@ class RestPrior:
     drift: np.ndarray
     cov: np.ndarray
     weights_cov: np.ndarray | None = None
-    values_cov: np.ndarray | None = None
 
 
 def rest_basis(whisker: Whisker, arc_length) -> np.ndarray:
