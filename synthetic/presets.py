@@ -305,6 +305,14 @@ def _close_touches(setting):
         onset += int(rng.integers(25, 60))
 
 
+def _resting(setting):
+    """A whisker that hardly moves but for a few touches: 1°, 2° or 4° back from the pole."""
+    rest = np.deg2rad((1.0, 2.0, 4.0)[setting.trial % 3])
+    scene = c2_scene(setting)
+    touches = _scene_touches(setting, scene, 3, durations=(8, 60), forces=(3e-6, 30e-6))
+    return touching_motion(setting, scene, touches, rest=rest)
+
+
 def _large_deflection(setting):
     """Touches close to the largest force that the whisker bears before it slips off."""
     scene = c2_scene(setting, setting.rng.uniform(7e-3, 9.5e-3), -0.25 * setting.side)
@@ -686,6 +694,7 @@ PRESETS = {
     ),
     "faint_touch": Preset(_faint_touch, 2, "faint touches near the tip"),
     "close_touches": Preset(_close_touches, 2, "touches three or four frames apart"),
+    "resting": Preset(_resting, 3, "a whisker almost at rest, a few touches"),
     "h264": Preset(_h264, 2, "H.264 at ordinary quality"),
     "mjpeg": Preset(_mjpeg, 2, "MJPG"),
     "slip_off": Preset(_slip_off, 2, "the whisker slips past the pole and comes back"),

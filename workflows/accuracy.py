@@ -292,6 +292,7 @@ TARGETS = {
     "orientation": LINES,
     "faint_touch": (*TOUCH, *FORCES),
     "close_touches": (*TOUCH, *FORCES),
+    "resting": (*TOUCH, *FORCES),
     "h264": (*TOUCH, *FORCES),
     "mjpeg": (*TOUCH, *FORCES),
     "slip_off": (*ROWS, *TOUCH, *FORCES),

@@ -33,7 +33,7 @@ def test_recovers_rest_as_function_of_angle_and_time(drift):
     error = values[:, 0] - truth
     assert np.abs(error[free]).max() < (0.3 if drift == 0 else 0.5)  # 1/m
     assert np.abs(error).max() < 0.7  # beyond the angles of the free frames
-    assert np.sqrt(cov[:, 0, 0]).max() < 0.6
+    assert np.sqrt(cov[:, 0, 0]).max() < 0.7
 
 
 def test_touched_frames_among_the_free_do_not_matter():
@@ -85,7 +85,7 @@ def test_too_few_free_frames_are_none():
     angle = np.linspace(0, 1, 50)
     few = np.arange(50) < rest_curvature.FEWEST_FRAMES - 1
     assert fit_rest(angle, np.ones(50), angle, angle, few) is None
-    lost = np.where(np.arange(50) < 40, np.nan, 1.0)
+    lost = np.where(few, 1.0, np.nan)
     assert fit_rest(lost, np.ones(50), angle, angle, np.full(50, True)) is None
 
 
