@@ -13,13 +13,13 @@ them per node of the reference line, so that no interpolation biases the centre.
 import numpy as np
 from numba import njit
 
+from pipeline.splines import FAST
+
 # Columns of the `sums` array: Σ over the pixels of one node.
 GG, G1, G11, GY, OY, DD, DY, DG, D1, SS, SY, SG = range(12)
 N_SUMS = 12
 
 LANES = 8  # pixels of a section are taken so many at a time
-# sums may be taken in any order, and so by vector instructions; NaN and infinity keep their sense
-FAST = {"reassoc", "contract", "nsz", "arcp"}
 SINGLE = np.float32
 LONGEST = 64  # pixels of a section
 

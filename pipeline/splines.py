@@ -9,9 +9,11 @@ import numpy as np
 from numba import njit
 
 BAND = 4  # diagonal and three above it
+# sums may be taken in any order, and so by vector instructions; NaN and infinity keep their sense
+FAST = {"reassoc", "contract", "nsz", "arcp"}
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def basis(t):
     """Return the four cubic B-spline values on the knot interval at fraction `t` in [0, 1)."""
     v = 1.0 - t
@@ -29,7 +31,13 @@ def n_coefficients(n, spacing):
     return int((n - 1) * (1.0 / spacing)) + 4
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
+def _end(j, last, n, spacing):
+    """One past the last node of knot interval `j`, of which `last` is the last that holds any."""
+    return n if j == last else min(int(np.ceil((j + 1) * spacing)), n)
+
+
+@njit(cache=True, fastmath=FAST)
 def normal_equations(weight, target, n, spacing, band, rhs):
     """Fill `band` (k, 4) and `rhs` (k,) with Σ weight B Bᵀ and Σ B target; return k.
 
@@ -37,17 +45,54 @@ def normal_equations(weight, target, n, spacing, band, rhs):
     """
     k = n_coefficients(n, spacing)
     band[:k] = 0.0
+    per_node = 1.0 / spacing
+    start = 0
+    for j in range(k - 3):
+        end = _end(j, k - 4, n, spacing)
+        m00 = m01 = m02 = m03 = m11 = m12 = m13 = m22 = m23 = m33 = 0.0
+        for i in range(start, end):
+            b0, b1, b2, b3 = basis(i * per_node - j)
+            w0, w1, w2, w3 = weight[i] * b0, weight[i] * b1, weight[i] * b2, weight[i] * b3
+            m00 += w0 * b0
+            m01 += w0 * b1
+            m02 += w0 * b2
+            m03 += w0 * b3
+            m11 += w1 * b1
+            m12 += w1 * b2
+            m13 += w1 * b3
+            m22 += w2 * b2
+            m23 += w2 * b3
+            m33 += w3 * b3
+        for p, row in enumerate(((m00, m01, m02, m03), (m11, m12, m13, 0.0), (m22, m23, 0.0, 0.0))):
+            for q in range(4 - p):
+                band[j + p, q] += row[q]
+        band[j + 3, 0] += m33
+        start = end
+    right_hand_side(target, n, spacing, rhs)
+    return k
+
+
+@njit(cache=True, fastmath=FAST)
+def right_hand_side(target, n, spacing, rhs):
+    """Fill `rhs` (k,) with Σ B target, as `normal_equations` does."""
+    k = n_coefficients(n, spacing)
     rhs[:k] = 0.0
     per_node = 1.0 / spacing
-    for i in range(n):
-        j = int(i * per_node)
-        b = basis(i * per_node - j)
-        for p in range(4):
-            rhs[j + p] += b[p] * target[i]
-            wb = weight[i] * b[p]
-            for q in range(p, 4):
-                band[j + p, q - p] += wb * b[q]
-    return k
+    start = 0
+    for j in range(k - 3):
+        end = _end(j, k - 4, n, spacing)
+        r0 = r1 = r2 = r3 = 0.0
+        for i in range(start, end):
+            b0, b1, b2, b3 = basis(i * per_node - j)
+            r0 += b0 * target[i]
+            r1 += b1 * target[i]
+            r2 += b2 * target[i]
+            r3 += b3 * target[i]
+        rhs[j] += r0
+        rhs[j + 1] += r1
+        rhs[j + 2] += r2
+        rhs[j + 3] += r3
+        start = end
 
 
 @njit(cache=True)
@@ -125,17 +170,21 @@ def solve_factorised(band, rhs, k):
                 rhs[i] -= band[i, p] * rhs[i + p]
 
 
-@njit(cache=True)
+@njit(cache=True, fastmath=FAST)
 def evaluate(coefficients, n, spacing, out):
     """Write the spline's values at nodes 0 … n − 1 into `out`."""
     per_node = 1.0 / spacing
-    for i in range(n):
-        j = int(i * per_node)
-        b = basis(i * per_node - j)
-        total = 0.0
-        for p in range(4):
-            total += b[p] * coefficients[j + p]
-        out[i] = total
+    last = n_coefficients(n, spacing) - 4
+    start = 0
+    for j in range(last + 1):
+        end = _end(j, last, n, spacing)
+        c0, c1, c2, c3 = (
+            coefficients[j], coefficients[j + 1], coefficients[j + 2], coefficients[j + 3]
+        )  # fmt: skip
+        for i in range(start, end):
+            b0, b1, b2, b3 = basis(i * per_node - j)
+            out[i] = b0 * c0 + b1 * c1 + b2 * c2 + b3 * c3
+        start = end
 
 
 @njit(cache=True)
@@ -152,15 +201,3 @@ def smooth(x, y, n, spacing, band, knot_x, knot_y):
     solve_factorised(band, knot_y, k)
     evaluate(knot_x, n, spacing, x)
     evaluate(knot_y, n, spacing, y)
-
-
-@njit(cache=True)
-def right_hand_side(target, n, spacing, rhs):
-    """Fill `rhs` (k,) with Σ B target, as `normal_equations` does."""
-    rhs[: n_coefficients(n, spacing)] = 0.0
-    per_node = 1.0 / spacing
-    for i in range(n):
-        j = int(i * per_node)
-        b = basis(i * per_node - j)
-        for p in range(4):
-            rhs[j + p] += b[p] * target[i]
