@@ -227,6 +227,9 @@ class FollicleFinder:
         self.limits = np.array([APEX_TRUSTED_M, APEX_DOUBTED_M]) * pixels_per_m
         self.reach = np.full(len(samples.names), np.nan)
         self.correction = np.zeros(len(samples.names))
+        self.slides = [
+            _Slide(self.slide_limit, self.ordinary_slide) for _ in range(len(samples.names))
+        ]
 
     def hidden(self, lines: Centrelines) -> np.ndarray:
         """Hidden length of every row [px], float64 (rows,); call it with a video's chunks in turn.
@@ -240,10 +243,8 @@ class FollicleFinder:
             rows = np.flatnonzero(lines.whisker == k)
             if len(rows) and not np.isfinite(self.reach[k]):
                 self._set_reach(k, reach[rows])
-            sway = _running(self._sideways(lines, rows, feet[rows]))
-            slide = _steady(
-                self.reach[k] - reach[rows], self.slide_limit, sway, self.ordinary_slide
-            )
+            sway = self._sideways(lines, rows, feet[rows])
+            slide = self.slides[k].follow(self.reach[k] - reach[rows], sway)
             out[rows] = feet[rows] + slide + self.correction[k]
         return np.clip(out, 0.0, self.farthest)
 
@@ -307,17 +308,36 @@ def _running(values):
     return values
 
 
-def _steady(slide, limit, sway, ordinary):
-    """Smooth the slide [px] and believe it as far as it is not much larger than the sway.
+class _Slide:
+    """A whisker's slide [px], smoothed, and believed as far as it is not much above its sway.
 
     The follicle moves along the whisker about as much as across it, which is measured far
     better; a slide that is much larger is noise of the taper (compressed video) for the most
-    part. Zero where nothing is known of it.
+    part. How much is believed rests on all frames so far, and what is smoothed reaches back into
+    the chunk before, so that nothing jumps where a chunk ends.
     """
-    known = np.isfinite(slide) & (np.abs(slide) < 3 * limit)
-    if known.sum() < SLIDE_FRAMES:
-        return np.zeros_like(slide)
-    filled = np.interp(np.arange(len(slide)), np.flatnonzero(known), slide[known])
-    smooth = _running(filled)
-    share = min(1.0, (np.var(sway) + ordinary**2) / max(np.var(smooth), 1e-6))
-    return np.clip(share * smooth, -limit, limit)
+
+    def __init__(self, limit, ordinary):
+        self.limit, self.ordinary = limit, ordinary
+        self.before = np.empty((2, 0))  # the last slides and sways
+        self.sums = np.zeros((3, 2))  # number, sum and sum of squares of both
+        self.share = None  # believed at the last frame
+
+    def follow(self, slide, sway) -> np.ndarray:
+        """Slide to believe in the next frames, (frames,); zero where nothing is known of it."""
+        both = np.concatenate([self.before, np.stack([slide, sway])], axis=1)
+        start = self.before.shape[1]
+        self.before = both[:, -SLIDE_FRAMES:]
+        known = np.isfinite(both[0]) & (np.abs(both[0]) < 3 * self.limit)
+        if known.sum() < SLIDE_FRAMES:
+            return np.zeros(len(slide))
+        every = np.arange(both.shape[1])
+        both[0] = np.interp(every, every[known], both[0, known])
+        smooth = np.stack([_running(each)[start:] for each in both])
+        self.sums += [np.full(2, smooth.shape[1]), smooth.sum(axis=1), (smooth**2).sum(axis=1)]
+        mean = self.sums[1] / self.sums[0]
+        slides, sways = self.sums[2] / self.sums[0] - mean**2
+        share = min(1.0, (sways + self.ordinary**2) / max(slides, 1e-6))
+        shares = np.linspace(self.share or share, share, len(slide))
+        self.share = share
+        return np.clip(shares * smooth[0], -self.limit, self.limit)
