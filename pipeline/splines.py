@@ -63,9 +63,10 @@ def normal_equations(weight, target, n, spacing, band, rhs):
             m22 += w2 * b2
             m23 += w2 * b3
             m33 += w3 * b3
-        for p, row in enumerate(((m00, m01, m02, m03), (m11, m12, m13, 0.0), (m22, m23, 0.0, 0.0))):
+        rows = (m00, m01, m02, m03), (m11, m12, m13, 0.0), (m22, m23, 0.0, 0.0)
+        for p in range(3):
             for q in range(4 - p):
-                band[j + p, q] += row[q]
+                band[j + p, q] += rows[p][q]
         band[j + 3, 0] += m33
         start = end
     right_hand_side(target, n, spacing, rhs)
