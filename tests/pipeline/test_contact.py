@@ -54,6 +54,78 @@ def test_every_contact_to_the_frame(preset, trial):
     assert (np.abs(error) < allowed).all()
 
 
+@pytest.mark.parametrize("trial", [0, 1, 2, 3])
+def test_whisker_almost_at_rest(trial):
+    """Free frames lie at angles far from those of the touches; in one trial none is 0.2 mm off."""
+    traced, touch = analysed("resting", trial, 400)
+    truth, found = traced.true_contacts, touch.contacts
+    assert len(truth) == len(found) == 3
+    for edge in ("onset_frame", "offset_frame"):
+        assert np.abs(found[edge] - truth[edge]).max() <= edge_tolerance
+    for column in ("peak_force_uN", "peak_base_moment_nN_m"):
+        np.testing.assert_allclose(found[column], truth[column], rtol=0.015)
+    error = found["peak_force_uN"] - truth["peak_force_uN"]
+    assert (np.abs(error) < 1.96 * found["peak_force_se_uN"]).all()
+    assert (found["peak_force_se_uN"] < 0.06 * truth["peak_force_uN"]).all()
+    assert not found["flags"].str.contains("no_rest_curvature|gaps_in_trace|doubtful").any()
+    free = ~traced.true_frames["in_contact"].to_numpy(bool)
+    force = touch.evidence["shape_force_N"].to_numpy(float)[free]
+    assert np.nanstd(force) < 0.05e-6
+    assert touch.frames["contact_force_uN_se"].max() < 2.0
+
+
+@pytest.mark.parametrize(("before", "after"), [(5, 8), (2, 4)])
+def test_short_clip_with_few_free_frames(before, after):
+    traced, _ = analysed("resting", 0, 400)
+    onset = int(traced.true_contacts["onset_frame"].iloc[0])
+    offset = int(traced.true_contacts["offset_frame"].iloc[0])
+    keep = slice(onset - before, offset + after)
+    places = traced.places.rows(keep)
+    touch = contact.analyse_touch(
+        traced.frames.iloc[keep], places, traced.recording, traced.whiskers
+    )
+    assert len(touch.contacts) == 1
+    found = touch.contacts.iloc[0]
+    assert (found["onset_frame"], found["offset_frame"]) == (onset, offset)
+    peak = traced.true_contacts["peak_force_uN"].iloc[0]
+    assert found["peak_force_uN"] == pytest.approx(peak, rel=0.05)
+    assert abs(found["peak_force_uN"] - peak) < 2.5 * found["peak_force_se_uN"]
+
+
+def test_touched_throughout_has_no_rest_shape_but_no_gaps():
+    traced, _ = analysed("resting", 0, 400)
+    first = traced.true_contacts.iloc[0]
+    keep = slice(int(first["onset_frame"]), int(first["offset_frame"]))
+    touch = contact.analyse_touch(
+        traced.frames.iloc[keep], traced.places.rows(keep), traced.recording, traced.whiskers
+    )
+    (flags,) = touch.contacts["flags"]
+    assert "no_rest_curvature" in flags
+    assert "gaps_in_trace" not in flags
+    assert touch.contacts["peak_force_uN"].isna().all()
+
+
+def test_a_force_that_errs_leaves_the_gap_to_tell():
+    sd = np.full(3, 1e-6), np.full(3, 0.01e-6)
+    gap = np.array([40e-6, 40e-6, 0.5e-6])
+    force = np.array([-0.3e-6, 0.0, -0.3e-6])  # a pole does not pull
+    away, plainly_away, touching = contact._log_odds(gap, sd[0], force, sd[1], np.zeros(3))
+    assert plainly_away < away < -5
+    assert touching > 3
+
+
+def test_contact_does_not_hang_on_the_forces_standard_error():
+    traced, touch = analysed("noisy")
+    evidence = touch.evidence.copy()
+    evidence["shape_force_se_N"] = 1e-3  # as if next to nothing were known of the rest shape
+    kept = contact.find_contacts(evidence)
+    assert len(kept) == len(traced.true_contacts)
+    assert (kept["onset_frame"] == touch.contacts["onset_frame"]).all()
+    # nor does a push that no force shows make one
+    none = evidence.assign(shape_force_N=1e-12, point_force_N=1e-12)
+    assert len(contact.find_contacts(none)) == 0
+
+
 def test_faint_touches_near_the_tip():
     traced, touch = analysed("faint_touch")
     clear = traced.true_contacts[traced.true_contacts["peak_force_uN"] >= 0.3]
@@ -224,7 +296,7 @@ def test_odds_favour_contact_when_pushed_and_free_when_away():
     gap = np.array([0.0, 0.0, 40 * um, 400 * um])
     force = np.array([2 * un, 0.0, 0.0, 0.0])
     odds = contact._log_odds(gap, args[0], force, args[1], args[2])
-    assert odds[0] > 10  # limited by OUTLIERS
+    assert odds[0] > 10  # limited by the share of outliers
     assert abs(odds[1]) < 6
     assert odds[2] < -10
     assert odds[3] < -10

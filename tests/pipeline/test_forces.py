@@ -11,8 +11,8 @@ from pipeline import contact, forces, stations
 from pipeline.records import CONTACT_COLUMNS, FRAME_COLUMNS, Recording, as_table
 from pipeline.run import Followed, find_touches
 from pipeline.settings import settings_from
-from synthetic.motion import HairMotion, Motion
-from synthetic.presets import make_trial
+from synthetic.motion import HairMotion, Motion, Touch, drive_touches, grazing_angle
+from synthetic.presets import Setting, c2_scene, driven_motion, make_trial, table_of
 from whiskermodel import rod
 
 AT = 5.5e-3
@@ -206,6 +206,41 @@ def test_contacts_are_numbered_per_whisker_in_time():
     ]
     empty = forces.contact_table(both, intervals.iloc[:0], RECORDING)
     assert list(empty.columns) == [c.name for c in CONTACT_COLUMNS]
+
+
+def still_then_touch(turned=0.1, first=180):
+    """Motion of a whisker that lies still, `turned` [rad] from the pole, until it touches."""
+    trial = Setting("resting", 0, 0, np.random.default_rng(3), 220)
+    scene = c2_scene(trial, 9e-3)
+    hair, pole = scene.hairs[0], (scene.pole.x, scene.pole.y, scene.pole.radius)
+    base = np.full(220, hair.follicle_x), np.full(220, hair.follicle_y)
+    wanted = [Touch(first, 20, 15e-6)]
+    angle, guess = drive_touches(
+        hair, *base, pole, trial.side, wanted, trial.rng, turned, table_of(scene)
+    )
+    graze = grazing_angle(hair, pole[0] - base[0], pole[1] - base[1], pole[2], trial.side)
+    angle[: first - 3] = graze[0] - trial.side * turned
+    return driven_motion(scene, [(*base, angle)], guesses=[guess])
+
+
+@pytest.mark.parametrize("method", forces.METHODS)
+@pytest.mark.parametrize("seed", [0, 1])
+def test_still_whisker_and_one_touch(method, seed):
+    """The touch turns the base by far more than the free frames ever were."""
+    traced = traced_motion.trace(still_then_touch(), seed=seed, noise_px=0.02)
+    touch = contact.analyse_touch(
+        traced.frames, traced.places, RECORDING, traced.whiskers, method=method
+    )
+    found, truth = touch.contacts, traced.true_contacts
+    assert list(found["onset_frame"]) == list(truth["onset_frame"]) == [180]
+    for column in ("peak_force_uN", "peak_base_moment_nN_m", "peak_axial_force_uN"):
+        np.testing.assert_allclose(found[column], truth[column], rtol=0.04, err_msg=column)
+    pushed = traced.true_frames["contact_force_uN"].to_numpy() > 1
+    for column in ("contact_force_uN", "base_moment_nN_m", "lateral_force_uN"):
+        error = (touch.frames[column] - traced.true_frames[column])[pushed]
+        assert np.mean(np.abs(error) < 1.96 * touch.frames[f"{column}_se"][pushed]) > 0.9
+    rest = touch.frames["rest_curvature_per_m"] - traced.true_frames["rest_curvature_per_m"]
+    assert rest.abs().max() < 0.5  # 1/m
 
 
 def test_friction_pulls_against_the_sliding():

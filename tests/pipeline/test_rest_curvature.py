@@ -122,3 +122,102 @@ def test_table_columns():
     assert (out["curvature_change_per_m_se"] >= 0.3).all()
     nothing = rest_curvature.add_rest_curvature(frames, {"C2": None})
     assert nothing["rest_curvature_per_m"].isna().all()
+
+
+def at_rest(n, rng, swing=0.002):
+    """Free frames of a whisker that hardly moves: time [s] and base angle [rad]."""
+    return np.arange(n) / 1000, 0.1 + rng.normal(0, swing, n)
+
+
+def test_shape_is_kept_at_angles_that_no_free_frame_had():
+    rng = np.random.default_rng(5)
+    time, angle = at_rest(250, rng)
+    measured = 12.0 + rng.normal(0, noise, 250)
+    model = fit_rest(measured, np.full(250, noise**2), angle, time, np.full(250, True))
+    away = 0.1 + np.array([0.0, 0.1, 0.2, 0.4, 0.8])  # rad
+    values, cov = model.predict(away, np.full(5, 0.26))
+    error = np.sqrt(cov[:, 0, 0])
+    np.testing.assert_allclose(values[:, 0], 12.0, atol=0.3)  # 1/m
+    assert error[0] < 0.5
+    assert np.all(np.diff(error) > 0)
+    assert rest_curvature.SLOPE_SD * 0.8 / 3 < error[-1] < rest_curvature.SLOPE_SD * 0.8 * 2
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.15, 0.4])
+def test_errors_cover_whiskers_that_roll(turn):
+    z = []
+    for seed in range(80):
+        rng = np.random.default_rng(seed)
+        time, angle = at_rest(200, rng, swing=0.01)
+        slope = rng.normal(0, 0.7 * rest_curvature.SLOPE_SD)
+        measured = 15.0 + slope * (angle - 0.1) + rng.normal(0, noise, 200)
+        model = fit_rest(measured, np.full(200, noise**2), angle, time, np.full(200, True))
+        values, cov = model.predict(np.array([0.1 + turn]), time[-1:])
+        z.append((values[0, 0] - 15.0 - slope * turn) / np.sqrt(cov[0, 0, 0]))
+    assert np.mean(np.abs(z) < 1.96) >= 0.9
+
+
+@pytest.mark.parametrize("n", [3, 5, 12])
+def test_a_handful_of_free_frames_is_enough(n):
+    error, told = [], []
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        time, angle = at_rest(n, rng)
+        measured = 12.0 + rng.normal(0, noise, n)
+        model = fit_rest(measured, np.full(n, noise**2), angle, time, np.full(n, True))
+        values, cov = model.predict(np.array([0.1]), time[-1:])
+        error.append(values[0, 0] - 12.0)
+        told.append(np.sqrt(cov[0, 0, 0]))
+    assert np.std(error) < 1.5 * noise
+    assert np.mean(np.abs(error) < 1.96 * np.array(told)) >= 0.9
+    assert np.max(told) < 5 * noise
+
+
+def test_many_angles_override_the_prior():
+    rng = np.random.default_rng(6)
+    time, angle = whisking(3000, rng)
+    slope = 5 * rest_curvature.SLOPE_SD
+    measured = 12.0 + slope * angle + rng.normal(0, noise, 3000)
+    model = fit_rest(measured, np.full(3000, noise**2), angle, time, np.full(3000, True))
+    values, _ = model.predict(np.array([-0.3, 0.3]), np.ones(2))
+    assert np.diff(values[:, 0])[0] / 0.6 == pytest.approx(slope, rel=0.02)
+
+
+def test_noise_that_two_values_share_is_no_scatter():
+    """Errors of the fit that cancel in a sum leave the sum as well known as it was measured."""
+    rng = np.random.default_rng(7)
+    shared = rng.normal(0, 1.0, 800)
+    values = np.column_stack([10 + shared, 5 - shared]) + rng.normal(0, 0.1, (800, 2))
+    cov = np.array([[1.01, -1.0], [-1.0, 1.01]])
+    time, angle = whisking(800, rng)
+    model = fit_rest(values, np.tile(cov, (800, 1, 1)), angle, time, np.full(800, True))
+    _, told = model.predict(np.zeros(1), time[400:401])
+    assert np.sqrt(told[0].sum()) < 0.1  # 1/m, of the sum
+    assert np.sqrt(np.linalg.eigvalsh(model.scatter).max()) < 0.4
+
+
+def test_model_by_another_angle_says_the_same():
+    rng = np.random.default_rng(8)
+    time, angle = whisking(2000, rng)
+    both = np.column_stack([20 + 15 * angle - 8 * angle**2, 3 - 6 * angle])
+    both += rng.normal(0, 0.05, both.shape)
+    model = fit_rest(both, np.full(both.shape, 0.05**2), angle, time, np.full(2000, True))
+    lean = np.array([4e-3, -7e-3])  # rad m
+    turned = rest_curvature.by_leaning_angle(model, lean)
+    at = np.linspace(-0.4, 0.4, 9)
+    expected = model.predict(at, np.ones(9))[0]
+    found = turned.predict(at + expected @ lean, np.ones(9))[0]
+    np.testing.assert_allclose(found, expected, atol=0.05)  # 1/m
+
+
+def test_frames_clear_of_a_touch_are_free_where_none_is_far():
+    rng = np.random.default_rng(9)
+    touching = np.arange(300) % 60 < 15
+    level = 0.01e-3  # where a touch lies as the pole was measured
+    swing = np.abs(np.sin(np.arange(300) / 20)) * 0.15e-3
+    distance = level + np.where(touching, 0.0, swing) + rng.normal(0, 1e-6, 300)
+    free = free_frames(distance, np.full(300, True))
+    assert not free[touching].any()
+    assert free[~touching & (swing > 0.08e-3)].all()
+    always = level + rng.normal(0, 5e-6, 300)
+    assert not free_frames(always, np.full(300, True)).any()
