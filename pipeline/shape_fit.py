@@ -26,6 +26,7 @@ BLOCK_ROWS = 2048  # held in memory at a time
 ANCHOR_MOVES_M = 2e-6  # the contact point is moved along the whisker in steps above this
 ORIGIN_STEP_M = 1e-5  # of the derivatives by the origin
 HUBER = 3.0  # SD beyond which a station counts less
+SMALL_TURN = 0.2  # rad: up to here a series of eight terms gives sine and cosine to 1e-11
 CURVATURE_REACH_M = 2.5e-3  # stations this near tell how a curvature differs from the rod's
 FEWEST_NEAR = 8
 ANCHOR_SPAN = 6  # stations whose chord continues the trace into the fur
@@ -372,11 +373,11 @@ def _prior_mean(weights, drift, u, mean):
 
 @njit(cache=True)
 def _polynomials(u, values):
-    """Legendre polynomials at `u`, into `values`."""
+    """Legendre polynomials at `u`, into `values` (N_REST,)."""
     before, now = 1.0, u
-    for j in range(len(values)):
+    for j in range(N_REST):
         values[j] = before
-        before, now = now, ((2 * j + 3) * u * now - (j + 1) * before) / (j + 2)
+        before, now = now, ((2 * j + 3) * u * now - (j + 1) * before) * (1 / (j + 2))
 
 
 @njit(cache=True)
@@ -388,7 +389,7 @@ def _lay(p, rod, load, origin, moved, h, c, ref_x, ref_y, x, y, angle, shift, ba
     `shift[k, q]`: how far station k moves along its normal per unit of parameter q; `base[:, q]`:
     how the follicle moves (x, y) and turns; `follicle`: its place and angle.
     """
-    m, terms = len(x), shift.shape[1] - 3
+    m, terms, per_half = len(x), N_REST, 2 / rod[0]
     side, friction = load
     force = p[2 + terms] if side != 0 else 0.0
     sin, cos = np.sin(p[1]), np.cos(p[1])
@@ -401,40 +402,42 @@ def _lay(p, rod, load, origin, moved, h, c, ref_x, ref_y, x, y, angle, shift, ba
     low, middle, high = np.empty(terms), np.empty(terms), np.empty(terms)
     before = min(int(np.ceil(c / h)) - 1, m - 1)
     for direction in (-1, 1):
-        s, at_x, at_y, theta = c, start_x, start_y, p[1]
+        s, at_x, at_y, theta, heading = c, start_x, start_y, p[1], (cos, sin)
         d[:, :] = 0.0
-        _polynomials(2 * (c + origin - moved) / rod[0] - 1, low)
+        _polynomials((c + origin - moved) * per_half - 1, low)
         d[3, :terms] = low
-        soft = _softness(c + origin, rod) if direction < 0 else 0.0
+        bends = direction < 0 and side != 0
+        soft = _softness(c + origin, rod) if bends else 0.0
         k = before if direction < 0 else before + 1
         while -1 <= k < m:
             # past station 0 comes the follicle itself
             step = (k * h if k >= 0 else -origin) - s
             end = s + step + origin
-            _polynomials(2 * (end - moved - step / 2) / rod[0] - 1, middle)
-            _polynomials(2 * (end - moved) / rod[0] - 1, high)
-            middle_soft = _softness(end - step / 2, rod) if direction < 0 else 0.0
-            next_soft = _softness(end, rod) if direction < 0 else 0.0
+            _polynomials((end - moved - step / 2) * per_half - 1, middle)
+            _polynomials((end - moved) * per_half - 1, high)
+            middle_soft = _softness(end - step / 2, rod) if bends else 0.0
+            next_soft = _softness(end, rod) if bends else 0.0
             rest, middle_rest, next_rest = 0.0, 0.0, 0.0
             for j in range(terms):
                 rest += p[2 + j] * low[j]
                 middle_rest += p[2 + j] * middle[j]
                 next_rest += p[2 + j] * high[j]
-            new_theta, new_x, new_y = _runge_kutta(
+            turn, new_x, new_y = _runge_kutta(
                 step, rest, middle_rest, next_rest, soft * force, middle_soft * force,
-                next_soft * force, fx, fy, start_x - at_x, start_y - at_y, theta,
+                next_soft * force, fx, fy, start_x - at_x, start_y - at_y, heading,
             )  # fmt: skip
+            new_heading = _turned(heading, turn)
             _advance(
-                step, theta, new_theta, next_soft, force, fx, fy, start_x - at_x - new_x,
+                step, heading, new_heading, next_soft, force, fx, fy, start_x - at_x - new_x,
                 start_y - at_y - new_y, high, d,
             )  # fmt: skip
-            theta, at_x, at_y = new_theta, at_x + new_x, at_y + new_y
+            theta, at_x, at_y, heading = theta + turn, at_x + new_x, at_y + new_y, new_heading
             s, soft = s + step, next_soft
             low[:] = high
             if k < 0:
                 break
             x[k], y[k], angle[k] = at_x, at_y, theta
-            nx, ny = -np.sin(theta), np.cos(theta)
+            nx, ny = -heading[1], heading[0]
             shift[k, 0] = -sin * nx + cos * ny
             shift[k, 1] = -(at_y - start_y) * nx + (at_x - start_x) * ny
             for q in range(terms + 1):
@@ -453,45 +456,54 @@ def _softness(s, rod):
     return 1 / (rod[2] * max((1 - s / rod[1]) ** 4, 1e-7))
 
 
+@njit(cache=True, inline="always")
+def _turned(heading, turn):
+    """Cosine and sine of a direction that turns by `turn`; a series where that is little."""
+    cos, sin = heading
+    if abs(turn) > SMALL_TURN:
+        c, s = np.cos(turn), np.sin(turn)
+    else:
+        t = turn * turn
+        c = 1 - t * (1 / 2 - t * (1 / 24 - t * (1 / 720)))
+        s = turn * (1 - t * (1 / 6 - t * (1 / 120 - t * (1 / 5040))))
+    return cos * c - sin * s, sin * c + cos * s
+
+
 @njit(cache=True)
-def _runge_kutta(step, k0, k1, k2, f0, f1, f2, fx, fy, arm_x, arm_y, theta):
+def _runge_kutta(step, k0, k1, k2, f0, f1, f2, fx, fy, arm_x, arm_y, heading):
     """Fourth-order step of angle and place.
 
     k: rest curvature at start, middle, end; f: force over rigidity there; arm: from the place
-    to the contact. Returns the new angle and the way made in x and y.
+    to the contact; heading: cosine and sine. Returns the turn and the way made in x and y.
     """
     half = step / 2
-    c1, s1 = np.cos(theta), np.sin(theta)
+    c1, s1 = heading
     r1 = k0 + f0 * (arm_x * fy - arm_y * fx)
-    t2 = theta + half * r1
-    c2, s2 = np.cos(t2), np.sin(t2)
+    c2, s2 = _turned(heading, half * r1)
     r2 = k1 + f1 * ((arm_x - half * c1) * fy - (arm_y - half * s1) * fx)
-    t3 = theta + half * r2
-    c3, s3 = np.cos(t3), np.sin(t3)
+    c3, s3 = _turned(heading, half * r2)
     r3 = k1 + f1 * ((arm_x - half * c2) * fy - (arm_y - half * s2) * fx)
-    t4 = theta + step * r3
-    c4, s4 = np.cos(t4), np.sin(t4)
+    c4, s4 = _turned(heading, step * r3)
     r4 = k2 + f2 * ((arm_x - step * c3) * fy - (arm_y - step * s3) * fx)
     sixth = step / 6
     return (
-        theta + sixth * (r1 + 2 * r2 + 2 * r3 + r4),
+        sixth * (r1 + 2 * r2 + 2 * r3 + r4),
         sixth * (c1 + 2 * c2 + 2 * c3 + c4),
         sixth * (s1 + 2 * s2 + 2 * s3 + s4),
     )
 
 
 @njit(cache=True)
-def _advance(step, theta, new_theta, soft, force, fx, fy, arm_x, arm_y, basis, d):
+def _advance(step, heading, new_heading, soft, force, fx, fy, arm_x, arm_y, basis, d):
     """Second-order step of the derivatives `d` of x, y, angle and curvature."""
-    sin, cos = np.sin(theta), np.cos(theta)
-    new_sin, new_cos = np.sin(new_theta), np.cos(new_theta)
+    cos, sin = heading
+    new_cos, new_sin = new_heading
     lever = arm_x * fy - arm_y * fx
-    terms = len(basis)
-    for q in range(terms + 1):
+    for q in range(N_REST + 1):
         turned = d[2, q] + 0.5 * step * d[3, q]
         dx, dy = d[0, q] - step * sin * turned, d[1, q] + step * cos * turned
         rate = force * soft * (dy * fx - dx * fy)
-        rate += basis[q] if q < terms else lever * soft
+        rate += basis[q] if q < N_REST else lever * soft
         new_turn = d[2, q] + 0.5 * step * (d[3, q] + rate)
         d[0, q] -= 0.5 * step * (sin * d[2, q] + new_sin * new_turn)
         d[1, q] += 0.5 * step * (cos * d[2, q] + new_cos * new_turn)
@@ -544,21 +556,18 @@ def _equations(
         weight = _robust_weight(info[k], misfit, chi2) if robust else info[k]
         total += weight * misfit * misfit
         count += 1
-        for a in range(size):
-            rhs[a] += weight * shift[k, a] * misfit
-            for b in range(a, size):
-                normal[a, b] += weight * shift[k, a] * shift[k, b]
+        for a in range(_LOADED):  # of a constant number of parameters, so that it is unrolled
+            share = weight * shift[k, a]
+            rhs[a] += share * misfit
+            for b in range(_LOADED):
+                normal[a, b] += share * shift[k, b]
     chi2 = total / max(count - 4, 1)
     # the covariance is scaled by χ² afterwards, the prior must not be
     inflate = max(chi2, 1.0) if robust else 1.0
     for a in range(terms):
         for b in range(terms):
-            if b >= a:
-                normal[2 + a, 2 + b] += precision[a, b] * inflate
+            normal[2 + a, 2 + b] += precision[a, b] * inflate
             rhs[2 + a] += precision[a, b] * inflate * (mean[b] - p[2 + b])
-    for a in range(size):
-        for b in range(a):
-            normal[a, b] = normal[b, a]
     return chi2
 
 
