@@ -284,17 +284,17 @@ COVERAGE = (  # over the videos of all presets: errors of one video have much in
 NO_TOUCH = (Target(5, "contacts invented", "invented", 0),)
 TARGETS = {
     "single": (*FIRST, *TOUCH, *FORCES),
-    "noisy": (*FIRST, *LINES, BESIDE_POLE, *TOUCH, *FORCES),
-    "low_contrast": (COVERED, *TOUCH),
-    "row": (*ROWS, COVERED, *TOUCH),
+    "noisy": (*FIRST, *LINES, BESIDE_POLE, *TOUCH, *FORCES, *FLOOR),
+    "low_contrast": (COVERED, *TOUCH, *FORCES, *FLOOR),
+    "row": (*ROWS, COVERED, *TOUCH, *FORCES, *FLOOR),
     "crossing": ROWS,
-    "moving_fur": (COVERED, *TOUCH),
+    "moving_fur": (COVERED, *TOUCH, *FORCES, *FLOOR),
     "orientation": LINES,
     "faint_touch": (*TOUCH, *FORCES),
     "close_touches": (*TOUCH, *FORCES),
     "resting": (*TOUCH, *FORCES),
-    "h264": (*TOUCH, *FORCES),
-    "mjpeg": (*TOUCH, *FORCES),
+    "h264": (*TOUCH, *FORCES, *FLOOR),
+    "mjpeg": (*TOUCH, *FORCES, *FLOOR),
     "slip_off": (*ROWS, *TOUCH, *FORCES),
     "large_deflection": (*TOUCH, *FORCES),
     "coarse": (*TOUCH, *FORCES),
@@ -303,7 +303,7 @@ TARGETS = {
     "free": (*NO_TOUCH, *FLOOR),
     "border": ROWS,
     "passing": (*NO_TOUCH, COVERED),
-    "fig3": (*TOUCH, *FORCES),
+    "fig3": (*TOUCH, *FORCES, *FLOOR),
 }
 
 
