@@ -214,29 +214,34 @@ def frame_gain(image, background, step, mask):
     A trimmed mean of I/B; whiskers cover far less than the trimmed part.
     """
     height, width = image.shape
-    total = 0.0
+    ratio = np.empty((height // step + 1) * (width // step + 1), np.float32)
     count = 0
     for row in range(step // 2, height, step):
         for column in range(step // 2, width, step):
             if mask[row, column]:
-                total += image[row, column] / background[row, column]
+                ratio[count] = image[row, column] / background[row, column]
                 count += 1
     if count < 16:
         return 1.0
+    mean, _ = _mean_near(ratio, count, 0.0, np.inf)
     for _ in range(3):
-        mean = total / count
-        total = 0.0
-        count = 0
-        for row in range(step // 2, height, step):
-            for column in range(step // 2, width, step):
-                if mask[row, column]:
-                    ratio = image[row, column] / background[row, column]
-                    if abs(ratio - mean) < 0.1:
-                        total += ratio
-                        count += 1
-        if count < 16:
-            return mean
-    return total / count
+        trimmed, used = _mean_near(ratio, count, mean, 0.1)
+        if used < 16:
+            break
+        mean = trimmed
+    return mean
+
+
+@njit(cache=True, fastmath=FAST)
+def _mean_near(values, n, centre, reach):
+    """Mean of those of the first `n` values within `reach` of `centre`, and how many they are."""
+    total = 0.0
+    count = 0.0
+    for i in range(n):
+        near = 1.0 if abs(values[i] - centre) < reach else 0.0
+        total += near * values[i]
+        count += near
+    return total / max(count, 1.0), count
 
 
 @njit(cache=True)
@@ -305,11 +310,21 @@ def closeness(x1, y1, n1, x2, y2, n2, near, step):
 def come_near(x1, y1, n1, x2, y2, n2, near):
     """Whether two lines may come within `near` px of each other; never wrong where they do."""
     step = 8
-    far = (near + 1.1 * step) ** 2  # of nodes 1 px apart, the nearest looked at is so far away
+    reach = near + 1.1 * step  # of nodes 1 px apart, the nearest looked at is so far away
+    if _apart(x1, n1, x2, n2, step) >= reach or _apart(y1, n1, y2, n2, step) >= reach:
+        return False
     for i in range(0, n1, step):
         for j in range(0, n2, step):
             dx = x1[i] - x2[j]
             dy = y1[i] - y2[j]
-            if dx * dx + dy * dy < far:
+            if dx * dx + dy * dy < reach * reach:
                 return True
     return False
+
+
+@njit(cache=True)
+def _apart(a, n, b, m, step):
+    """Gap between the ranges of every `step`-th value; negative where they overlap."""
+    low = a[:n:step].min() if n > 0 else np.inf
+    high = a[:n:step].max() if n > 0 else -np.inf
+    return max(b[:m:step].min() - high, low - b[:m:step].max()) if m > 0 else np.inf

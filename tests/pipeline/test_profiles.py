@@ -97,6 +97,7 @@ def test_closeness_is_the_share_of_near_nodes():
     assert profiles.closeness(x, y, 100, x, other, 100, 3.0, 1) == pytest.approx(0.5, abs=0.05)
 
 
+@settings(deadline=None)
 @given(
     apart=st.floats(0, 60),
     turn=st.floats(-3, 3),
