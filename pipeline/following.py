@@ -192,6 +192,18 @@ def best_path(gains, stations, half, slope_cost, offset_cost, path):
 
 
 @njit(cache=True)
+def _peak(gains, at, j, last):
+    """Offset of the largest gain near place `j` of a station, by a parabola where there is one."""
+    if j == 0 or j == last:
+        return at[j]
+    bend = gains[j - 1] - 2 * gains[j] + gains[j + 1]
+    if gains[j] <= max(gains[j - 1], gains[j + 1]) or bend >= 0:
+        return at[j]
+    shift = 0.5 * (gains[j - 1] - gains[j + 1]) / bend
+    return at[j] + shift
+
+
+@njit(cache=True)
 def capture(image, background, weight, gain, x, y, n, amplitude, sigma, half, work):
     """Move the nodes onto the best path of the strip; return gain found / gain expected."""
     if n < SHORTEST:
@@ -207,8 +219,8 @@ def capture(image, background, weight, gain, x, y, n, amplitude, sigma, half, wo
     path = np.empty(stations)
     found = best_path(gains, stations, half, 3.0, 0.002, path)
     for i in range(stations):
-        path[i] = at[i, int(path[i]) + half]
-    # The path is in whole pixels: smooth it over ±4 stations before it moves the nodes.
+        path[i] = _peak(gains[i], at[i], int(path[i]) + half, 2 * half)
+    # The path is that of whole pixels: smooth it over ±4 stations before it moves the nodes.
     smooth = np.empty(stations)
     for i in range(stations):
         reach = min(4, i, stations - 1 - i)
