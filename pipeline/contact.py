@@ -27,6 +27,7 @@ UNSEEN_LOG_ODDS = -0.5  # of a frame without a trace: some are bridged in a cont
 FORCE_OUTLIERS, GAP_OUTLIERS = 1e-4, 1e-5
 LEAST_GAP_SD_PX = 0.04
 SURE_PUSH_SD = 6.0  # a force of so many standard errors is no noise
+STRONG_SHARE = 0.1  # of the largest: where faint pushes may be errors, the strong ones tell
 FEWEST_SURE = 10
 FARTHEST_OFFSET_PX = 4.0  # of the pole's surface from where it was measured
 LEAST_EVIDENCE = 12.0  # summed log-likelihood ratio below which a contact is noise
@@ -212,8 +213,12 @@ def _frame_log_odds(part, recording):
     least = LEAST_GAP_SD_PX / recording.pixels_per_m
     with np.errstate(invalid="ignore"):
         pushed = force > SURE_PUSH_SD * force_sd
-        # before anything is known: what is strongly pushed, and not far, touches
-        sure = pushed & (np.abs(gap) < FARTHEST_OFFSET_PX / recording.pixels_per_m)
+        near = pushed & (np.abs(gap) < FARTHEST_OFFSET_PX / recording.pixels_per_m)
+    # before anything is known: what is strongly pushed, and not far, touches
+    sure = np.zeros(len(part), bool)
+    for s in (-1, 1):
+        own = near & (side == s)
+        sure |= own & (force > STRONG_SHARE * np.max(force[own], initial=0))
     offset, extra = np.zeros(len(part)), np.full(len(part), 4 * least)
     for _ in range(4):
         for s in (-1, 1):

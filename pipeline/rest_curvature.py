@@ -20,7 +20,7 @@ from scipy.ndimage import median_filter
 FREE_DISTANCE_M = 0.2e-3  # surface to surface; farther than any tracing error
 CLEAR_DISTANCE_M = 0.06e-3  # beyond the nearest frames': free where hardly any is farther off
 CLEAR_SD = 8.0  # as many times the distance's noise
-PLENTY = 20  # free frames beyond FREE_DISTANCE_M that need no others
+PLENTY, PLENTY_SHARE = 20, 0.25  # frames beyond FREE_DISTANCE_M, of those clear of a touch
 NEAREST = 3  # frames whose distance is that of a touch, or nearer than any free one
 FEWEST_FRAMES = 3
 LARGEST_DEGREE = 2
@@ -176,13 +176,14 @@ def free_frames(distance, pole_known) -> np.ndarray:
     """Frames in which the whisker is surely untouched, bool (frames,).
 
     `distance` [m] from the pole's surface to the whisker's, frame after frame, NaN where unknown;
-    `pole_known` is False where no pole is in view. Where hardly any frame is FREE_DISTANCE_M off,
-    those count that clearly are farther off than the nearest ones.
+    `pole_known` is False where no pole is in view. Where few frames are FREE_DISTANCE_M off, those
+    count that clearly are farther off than the nearest ones.
     """
     distance, away = np.asarray(distance, float), ~np.asarray(pole_known)
     with np.errstate(invalid="ignore"):
-        free = away | (distance > FREE_DISTANCE_M)
-        return free if free.sum() >= PLENTY else away | (distance > _clear_distance(distance))
+        far = away | (distance > FREE_DISTANCE_M)
+        clear = away | (distance > _clear_distance(distance))
+    return far if far.sum() >= max(PLENTY, PLENTY_SHARE * clear.sum()) else clear
 
 
 def _clear_distance(distance):

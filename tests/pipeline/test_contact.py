@@ -114,6 +114,19 @@ def test_a_force_that_errs_leaves_the_gap_to_tell():
     assert touching > 3
 
 
+def test_faint_pushes_do_not_say_where_the_pole_is():
+    """Free frames that seem pushed, as by a trace that errs near the base, are no touches."""
+    traced, touch = analysed("noisy")
+    evidence = touch.evidence.copy()
+    free = ~traced.true_frames["in_contact"].to_numpy(bool)
+    evidence.loc[free, "shape_force_N"] += 10 * evidence.loc[free, "shape_force_se_N"]
+    evidence.loc[free, "gap_m"] = np.clip(evidence.loc[free, "gap_m"], 60e-6, 120e-6)
+    found = contact.find_contacts(contact.add_probability(evidence, traced.recording))
+    assert len(found) == len(traced.true_contacts)
+    onset = found["onset_frame"] - traced.true_contacts["onset_frame"]
+    assert np.abs(onset).max() <= 2  # a frame that seems pushed beside a touch
+
+
 def test_contact_does_not_hang_on_the_forces_standard_error():
     traced, touch = analysed("noisy")
     evidence = touch.evidence.copy()

@@ -219,5 +219,8 @@ def test_frames_clear_of_a_touch_are_free_where_none_is_far():
     free = free_frames(distance, np.full(300, True))
     assert not free[touching].any()
     assert free[~touching & (swing > 0.08e-3)].all()
+    # a few far ones, all of one angle, do not shut the others out
+    distance[-30:] = 0.3e-3
+    assert free_frames(distance, np.full(300, True)).sum() >= free[:-30].sum()
     always = level + rng.normal(0, 5e-6, 300)
     assert not free_frames(always, np.full(300, True)).any()
