@@ -14,6 +14,7 @@ from pipeline.detection import Line, TracingOptions
 
 OUTWARD = {"left": (1, 0), "right": (-1, 0), "top": (0, 1), "bottom": (0, -1)}
 PIVOT_M = 1.4e-3  # behind the fur's edge: there, a whisker stays in place while it whisks
+ORDER_M = 1.5e-3  # outside of the fur: bases may be too close together to tell their order
 BASE_M = 4e-3  # part of a whisker that tells its angle
 PLACE_SD_M = 0.35e-3
 ANGLE_SD = np.radians(5.0)
@@ -29,6 +30,9 @@ SURE = 6.0  # log-odds that two whiskers have changed places, to put them back
 STEP_LIMIT = 15.0  # log-odds that one frame can bring
 FEWEST_WITNESSES = 2  # present neighbours that tell where an absent whisker is
 PRIOR_FRAMES = 2  # weight of the general standard deviations beside those of the samples
+VOTES = 12  # looks that are averaged
+MAJORITY = 0.35  # of them, by which the whiskers that are renamed must be likelier others
+FEWEST_MOVED = 3  # whiskers: two that changed places are for PairEvidence
 CROWDED_M = 1e-3  # apart, or less, most whiskers of a crowd leave the face
 SHIFTS = np.radians(np.arange(-60, 61, 4))  # tried changes of all angles
 MOST_TRIED = 4
@@ -43,6 +47,7 @@ class Ruler:
     along: np.ndarray
     outward: np.ndarray
     pivot_px: float
+    order_px: float
     base_px: int
     sd: np.ndarray
 
@@ -55,7 +60,7 @@ class Ruler:
         scale = options.pixels_per_m
         sd = np.array([max(PLACE_SD_M * scale, 2.0), ANGLE_SD, THICKNESS_SD, LENGTH_SD])
         pivot = PIVOT_M * scale if hidden is None else hidden
-        return cls(along, outward, float(pivot), int(max(BASE_M * scale, 20)), sd)
+        return cls(along, outward, float(pivot), ORDER_M * scale, int(max(BASE_M * scale, 20)), sd)
 
     def signature(self, line: Line) -> np.ndarray:
         """Place along the face [px], angle [rad], logs of thickness and length [px]."""
@@ -70,9 +75,9 @@ class Ruler:
         thick = max(np.median(thickness), 0.02) if len(thickness) else np.nan
         return np.array([pivot @ self.along, angle, np.log(thick), np.log(line.n)])
 
-    def base_place(self, signature) -> float:
-        """Place along the face where a whisker comes out of the fur [px]."""
-        return float(signature[PLACE] + self.pivot_px * np.sin(signature[ANGLE]))
+    def order_place(self, signature) -> float:
+        """Place along the face a little outside of the fur, where whiskers lie in order [px]."""
+        return float(signature[PLACE] + (self.pivot_px + self.order_px) * np.sin(signature[ANGLE]))
 
     def signatures(self, lines) -> np.ndarray:
         """One row per line, (lines, 4)."""
@@ -246,11 +251,40 @@ class PairEvidence:
 
     def overlap(self, i: int, j: int) -> None:
         """Two whiskers lie upon each other: which is which afterwards must show anew."""
-        self.log_odds[i, j] = self.log_odds[j, i] = max(self.log_odds[i, j], -FRESH)
+        if self.near[i, j]:
+            self.log_odds[i, j] = self.log_odds[j, i] = max(self.log_odds[i, j], -FRESH)
 
     def doubtful(self) -> np.ndarray:
         """Whiskers of which it is not known whether they are on another's line, bool."""
         return (self.log_odds > -DOUBT).any(axis=1)
+
+
+class FanVotes:
+    """Which line is which whisker, by where all lines are in the fan, averaged over looks.
+
+    Where several have moved up by one, no two of them look exchanged; but all together fit
+    worse than they could.
+    """
+
+    def __init__(self, known, ruler: Ruler):
+        self.known, self.ruler = known, ruler
+        self.votes = np.zeros((len(known), len(known)))
+
+    def look(self, seen) -> dict[int, int]:
+        """Take signatures (whiskers, 4), NaN where absent; return who is rather whom, if sure."""
+        present = np.flatnonzero(np.isfinite(seen[:, ANGLE]))
+        got = match(seen[present], self.known, self.ruler.sd)
+        self.votes *= 1 - 1 / VOTES
+        for line, whisker in got.pairs:
+            self.votes[present[line], whisker] += 1 / VOTES
+        lines, whiskers = linear_sum_assignment(-self.votes)
+        moved = lines != whiskers
+        gain = self.votes[lines, whiskers] - self.votes[lines, lines]
+        if moved.sum() < FEWEST_MOVED or gain[moved].mean() < MAJORITY:
+            return {}
+        new = {int(k): int(w) for k, w in zip(lines, whiskers, strict=True) if k != w}
+        self.votes[list(new.values())] = self.votes[list(new)]
+        return new
 
 
 def _difference(one: dict, other: dict, sd):

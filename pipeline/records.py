@@ -40,6 +40,12 @@ FRAME_COLUMNS = tuple(
             Column("time_s", "float64", "s", "frame / frames_per_second"),
             Column("whisker", "string", "", "name of the whisker"),
             Column("tracked", "bool", "", "the whisker was found in this frame"),
+            Column(
+                "confidence",
+                "float64",
+                "",
+                "0 to 1; below 0.5 the line may be another whisker's or no good",
+            ),
             Column("follicle_x_px", "float64", "px", "x of the extrapolated follicle"),
             Column("follicle_y_px", "float64", "px", "y of the extrapolated follicle"),
             Column(

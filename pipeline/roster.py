@@ -84,7 +84,7 @@ def find_roster(frames, scene, options: TracingOptions, names=None, indices=None
     else:
         chosen = np.flatnonzero((share >= SEEN_SHARE) & (strength >= FUR_SHARE * strength.max()))
     slots = [_slot(groups[k]) for k in chosen]
-    slots.sort(key=lambda slot: ruler.base_place(slot.signature))
+    slots.sort(key=lambda slot: ruler.order_place(slot.signature))
     if _posterior_first(slots):
         slots = slots[::-1]
     names = names or [f"w{i + 1}" for i in range(len(slots))]

@@ -121,7 +121,8 @@ def follow(video, epochs, cast, settings, clock, keep=None, progress=None) -> Fo
         with clock("curvature"):
             at = settings.analysis.curvature_at
             hidden = cast.hidden_lengths
-            kinematics.append(curvature.measure(chunk, recording, hidden, at, pole))
+            measured = curvature.measure(chunk, recording, hidden, at, pole)
+            kinematics.append(measured.assign(confidence=chunk.confidence))
         with clock("distances"):
             places.add(stations.measure_stations(chunk, recording, cast.nominal, hidden, pole))
         with clock("storing"):

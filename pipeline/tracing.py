@@ -108,6 +108,9 @@ class Tracer:
         self.evidence = identities.PairEvidence(
             [slot.seen for slot in roster], self.ruler, options
         )
+        self.fan = identities.FanVotes(
+            np.array([slot.signature for slot in roster]).reshape(-1, 4), self.ruler
+        )
         self.crowded = identities.crowded([slot.signature for slot in roster], options)
         self.search_every = SEARCH_EVERY_CROWDED if self.crowded else SEARCH_EVERY
         scale = 1e-3 * options.pixels_per_m
@@ -356,8 +359,21 @@ class Tracer:
                 if track.line is not None:
                     track.line.longest = track.slot.longest_px
             self.exchanges.append((one, other, since))
+        if self.crowded and not len(found):
+            self._rename(self.fan.look(seen))
         for track, doubtful in zip(self.tracks, self.evidence.doubtful(), strict=True):
             track.doubtful = bool(doubtful)
+
+    def _rename(self, new: dict[int, int]) -> None:
+        """Give lines to other whiskers: number of track → that of the whisker that it is."""
+        state = {k: (t.line, t.before, t.lost_for) for k, t in enumerate(self.tracks)}
+        for k, whisker in new.items():
+            track = self.tracks[whisker]
+            track.line, track.before, track.lost_for = state[k]
+            if track.line is not None:
+                track.line.longest = track.slot.longest_px
+            for other in range(len(self.tracks)):
+                self.evidence.overlap(whisker, other)
 
 
 def _come_near(a: Line, b: Line, near_px: float) -> bool:
