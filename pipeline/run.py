@@ -3,7 +3,7 @@
 import time
 from collections import defaultdict
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pandas as pd
@@ -17,6 +17,7 @@ from pipeline.records import (
     as_table,
     empty_table,
 )
+from pipeline.resting import without_resting_whiskers
 from pipeline.settings import Settings, WhiskerSettings
 from pipeline.station_store import StationStore
 from pipeline.video import open_video
@@ -79,6 +80,7 @@ def analyse(
             )
         with clock("roster"):
             cast = find_cast(*seen.sample(ROSTER_FRAMES), epochs, settings)
+            epochs = behind_whiskers(epochs, cast.roster)
         followed = follow(video, epochs, cast, settings, clock, keep, progress)
     with clock("contacts"):
         touch = find_touches(followed, cast, settings, corrections)
@@ -229,6 +231,13 @@ def find_cast(indices, frames, epochs, settings: Settings) -> Cast:
         for slot, each in zip(roster, hidden, strict=True)
     ]
     return Cast(names, tuple(roster), whiskers, tuple(nominal), hidden)
+
+
+def behind_whiskers(epochs, roster):
+    """The epochs with backgrounds in which no resting whisker is left."""
+    scenes = {id(e.scene): e.scene for e in epochs if e.scene is not None}
+    cleared = {key: without_resting_whiskers(scene, roster) for key, scene in scenes.items()}
+    return tuple(replace(e, scene=cleared.get(id(e.scene))) for e in epochs)
 
 
 def typical_frames(video, seen, epochs, n: int):
