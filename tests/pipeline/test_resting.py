@@ -46,7 +46,7 @@ def test_resting_whiskers_leave_no_shade():
 
 
 def test_moving_whiskers_change_nothing():
-    scene, cleared = backgrounds(np.radians(12.0))
+    scene, cleared = backgrounds(np.radians(20.0))
     assert cleared is scene
     assert shade(scene) < CLEAN
 
