@@ -1,7 +1,8 @@
 """Whiskers that hardly move leave a shade in the background, which bends what is traced there.
 
-Where a whisker lies on the same pixels in nearly all sample frames, as its base does in a mouse
-that rests, the background cannot be seen; it is filled in from beside it.
+Where a whisker lies on the same pixels in most sample frames, as it does in a mouse that rests,
+the background cannot be seen; it is filled in from beside it. The first millimetre of a whisker
+that does move is left as it is: there it comes out of fur, which is background.
 """
 
 from dataclasses import replace
@@ -10,38 +11,45 @@ import cv2
 import numpy as np
 
 from pipeline.background import fill
+from pipeline.detection import signed_distance
 from pipeline.records import StaticScene
 
-ALWAYS = 0.7  # of the sample frames
-HALF_WIDTH_PX = 4.0  # of a whisker with its blur
+RESTS, MOSTLY = 0.8, 0.7  # of the sample frames: to call a whisker resting, and to fill in
+RESTING_MM = 3.0  # it is on the same pixels up to here from the face, or farther
+CORE_PX, HALF_WIDTH_PX = 3.0, 4.0  # half-widths of a whisker: the dark part, and all of it
 FEWEST_SAMPLES = 4
 
 
-def without_resting_whiskers(scene: StaticScene, roster) -> StaticScene:
-    """Return the scene with the background filled in where it is always behind a whisker.
+def without_resting_whiskers(scene: StaticScene, roster, pixels_per_mm) -> StaticScene:
+    """Return the scene with the background filled in where it is mostly behind resting whiskers.
 
     Parameters
     ----------
     scene : StaticScene
     roster : `tracing.Slot`s, with the lines of the sample frames
+    pixels_per_mm : scale
     """
     hidden = np.zeros(scene.background.shape, bool)
+    known = scene.face_mask | scene.obstacle_mask
+    outside = signed_distance(scene.face_mask) / pixels_per_mm
     for slot in roster:
         if len(slot.samples) >= FEWEST_SAMPLES:
-            hidden |= _share_covered(slot.samples, hidden.shape) >= ALWAYS
-    hidden &= ~scene.face_mask & ~scene.obstacle_mask
+            still = _share_covered(slot.samples, hidden.shape, CORE_PX) >= RESTS
+            if (still & ~known & (outside > RESTING_MM)).any():
+                hidden |= _share_covered(slot.samples, hidden.shape, HALF_WIDTH_PX) >= MOSTLY
+    hidden &= ~known
     if not hidden.any():
         return scene
-    filled = fill(scene.background, hidden | scene.face_mask | scene.obstacle_mask)
+    filled = fill(scene.background, hidden | known)
     return replace(scene, background=np.where(hidden, filled, scene.background))
 
 
-def _share_covered(lines, shape):
+def _share_covered(lines, shape, half_width_px):
     """Part of the lines that cover each pixel, float (height, width)."""
     count = np.zeros(shape, np.float32)
     for line in lines:
         drawn = np.zeros(shape, np.uint8)
         points = np.round(16 * line.points).astype(np.int32)
-        cv2.polylines(drawn, [points], False, 1, int(2 * HALF_WIDTH_PX + 1), shift=4)
+        cv2.polylines(drawn, [points], False, 1, int(2 * half_width_px + 1), shift=4)
         count += drawn
     return count / len(lines)

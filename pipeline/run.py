@@ -80,7 +80,7 @@ def analyse(
             )
         with clock("roster"):
             cast = find_cast(*seen.sample(ROSTER_FRAMES), epochs, settings)
-            epochs = behind_whiskers(epochs, cast.roster)
+            epochs = behind_whiskers(epochs, cast.roster, recording.pixels_per_mm)
         followed = follow(video, epochs, cast, settings, clock, keep, progress)
     with clock("contacts"):
         touch = find_touches(followed, cast, settings, corrections)
@@ -233,10 +233,13 @@ def find_cast(indices, frames, epochs, settings: Settings) -> Cast:
     return Cast(names, tuple(roster), whiskers, tuple(nominal), hidden)
 
 
-def behind_whiskers(epochs, roster):
+def behind_whiskers(epochs, roster, pixels_per_mm):
     """The epochs with backgrounds in which no resting whisker is left."""
     scenes = {id(e.scene): e.scene for e in epochs if e.scene is not None}
-    cleared = {key: without_resting_whiskers(scene, roster) for key, scene in scenes.items()}
+    cleared = {
+        key: without_resting_whiskers(scene, roster, pixels_per_mm)
+        for key, scene in scenes.items()
+    }
     return tuple(replace(e, scene=cleared.get(id(e.scene))) for e in epochs)
 
 
