@@ -117,7 +117,11 @@ def test_two_processes_come_to_the_same(rendered, results, video, tmp_path):
         here = tables.read_csv(tmp_path / "out" / name / "contacts.csv", CONTACT_COLUMNS)
         one = tables.read_csv(results / video.stem / "contacts.csv", CONTACT_COLUMNS)
         assert set(here["video"]) == {name}
-        pd.testing.assert_frame_equal(here.drop(columns="video"), one.drop(columns="video"))
+        # code just compiled and code from numba's cache round differently (fastmath), and a
+        # fit then ends within its tolerance, not on the same digits
+        pd.testing.assert_frame_equal(
+            here.drop(columns="video"), one.drop(columns="video"), rtol=1e-3, atol=1e-6
+        )
 
 
 def test_analyse_in_python_gives_the_same_tables(results, rendered, video):
