@@ -240,20 +240,12 @@ def measure(
     `curvature_per_m`, `curvature_per_m_se`; NaN where the whisker is too short to tell.
     """
     scale = recording.pixels_per_m
-    rows = len(centrelines)
     hidden = centrelines.hidden_of(np.asarray(hidden_lengths, float) * scale)
     raw, info = centrelines.offset_px, centrelines.information
     if raw is None:
         raw = np.zeros_like(centrelines.x_px)
         info = 1 / np.maximum(centrelines.se_px, 1e-3) ** 2
-    pole_x = np.full(rows, np.nan)
-    pole_y = np.full(rows, np.nan)
-    near = 0.0
-    if pole is not None:
-        frame = np.minimum(centrelines.frame, len(pole.x_px) - 1)
-        pole_x, pole_y = pole.x_px[frame], pole.y_px[frame]
-        near = pole.radius_px + POLE_NEAR_M * scale
-    out = np.empty((rows, 7))
+    out = np.empty((len(centrelines), 7))
     _measure_rows(
         centrelines.offsets,
         centrelines.x_px.astype(float),
@@ -265,21 +257,13 @@ def measure(
         round(WINDOW_M * scale),
         round(BASE_SKIP_M * scale),
         round(BASE_WINDOW_M * scale),
-        pole_x,
-        pole_y,
-        near,
+        *_pole_of(centrelines, pole, scale),
         len(centrelines.names),
         out,
     )
-    for k in range(len(centrelines.names)):
-        of_whisker = centrelines.whisker == k
-        # compressed video has noise of some range: the same in all frames, told by their median
-        red = out[of_whisker, 6]
-        if np.isfinite(red).any():
-            excess = RED_SKEW * max(np.nanmedian(red) - 1, 0.0)
-            out[of_whisker, 4] *= np.sqrt(1 + excess)
+    se = out[:, 4] * _noise_factor(centrelines, out[:, 6])
     # 5.5 mm are not quite where they are taken to be: that counts where the curvature changes
-    se = np.hypot(out[:, 4], HIDDEN_ERROR_M * scale * out[:, 5])
+    se = np.hypot(se, HIDDEN_ERROR_M * scale * out[:, 5])
     return pd.DataFrame(
         {
             "frame": centrelines.frame,
@@ -291,3 +275,26 @@ def measure(
             "curvature_per_m_se": se * scale,
         }
     )
+
+
+def _pole_of(centrelines, pole: PoleTrack | None, scale):
+    """Where the pole is, x and y for every row, NaN where it is not; and how near a touch is."""
+    if pole is None:
+        nowhere = np.full(len(centrelines), np.nan)
+        return nowhere, nowhere, 0.0
+    frame = np.minimum(centrelines.frame, len(pole.x_px) - 1)
+    return pole.x_px[frame], pole.y_px[frame], pole.radius_px + POLE_NEAR_M * scale
+
+
+def _noise_factor(centrelines, redness):
+    """What the standard errors of every row are larger by, for noise that runs along the line.
+
+    Compressed video has noise of some range: the same in all frames, told by their median.
+    """
+    factor = np.ones(len(centrelines))
+    for k in range(len(centrelines.names)):
+        of_whisker = centrelines.whisker == k
+        red = redness[of_whisker]
+        if np.isfinite(red).any():
+            factor[of_whisker] = np.sqrt(1 + RED_SKEW * max(np.nanmedian(red) - 1, 0.0))
+    return factor

@@ -154,12 +154,28 @@ def absorbance_image(image, model: ImageModel, gain: float) -> np.ndarray:
     return np.clip(absorbance, -0.3, 1.0).astype(np.float32)
 
 
-def detect(image, model: ImageModel, gain, options: TracingOptions, workspace) -> list[Line]:
+def detect(
+    image, model: ImageModel, gain, options: TracingOptions, workspace,
+    scale=ridges.SCALE_PX, near_px=3.0,
+) -> list[Line]:  # fmt: skip
     """Find all whiskers in one frame, best first.
 
-    A whisker comes out of the face and is visible over at least `options.shortest_px`.
+    A whisker comes out of the face and is visible over at least `options.shortest_px`. Ridges
+    are those of one `scale` [px]; lines nearer to each other than `near_px` are one.
     """
-    return _detect(image, model, gain, options, workspace)
+    absorbance = absorbance_image(image, model, gain)
+    index, points = ridges.ridge_points(absorbance, model.noise, scale)
+    curves = ridges.join(ridges.link(index, points, shortest=10))
+    lines = []
+    for curve in curves:
+        rooted = root(curve, model, options)
+        if rooted is None:
+            continue
+        line = settle(image, model, gain, rooted, options, workspace)
+        if _is_whisker(line, model, options):
+            lines.append(line)
+    lines.sort(key=lambda line: -contrast_length(line))
+    return without_doubles(lines, near_px)
 
 
 def same_px(options: TracingOptions) -> float:
@@ -180,7 +196,7 @@ def detect_crowded(
     near_px = same_px(options)
     for _ in range(MOST_LOOKS):
         with painted(model, [*known, *lines]):
-            more = _detect(image, model, gain, options, workspace, FINE_PX, near_px)
+            more = detect(image, model, gain, options, workspace, FINE_PX, near_px)
         others = (*known, *lines)
         more = [
             line
@@ -209,23 +225,6 @@ def is_ghost(line: Line, others) -> bool:
         and shared_fraction(line, other) > 0.5
         for other in others
     )
-
-
-def _detect(image, model, gain, options, workspace, scale=ridges.SCALE_PX, near_px=3.0):
-    """One look at a frame, with ridges of one `scale` [px]."""
-    absorbance = absorbance_image(image, model, gain)
-    index, points = ridges.ridge_points(absorbance, model.noise, scale)
-    curves = ridges.join(ridges.link(index, points, shortest=10))
-    lines = []
-    for curve in curves:
-        rooted = root(curve, model, options)
-        if rooted is None:
-            continue
-        line = settle(image, model, gain, rooted, options, workspace)
-        if _is_whisker(line, model, options):
-            lines.append(line)
-    lines.sort(key=lambda line: -contrast_length(line))
-    return without_doubles(lines, near_px)
 
 
 def _is_whisker(line: Line, model, options) -> bool:

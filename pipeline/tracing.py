@@ -5,7 +5,6 @@ memory does not grow with the video's length.
 """
 
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -59,6 +58,16 @@ class Track:
 
     def __post_init__(self):
         self.whole = max(self.slot.samples, key=lambda line: line.n, default=None)
+
+    def take(self, line: Line | None, before: Line | None = None, lost_for: int = 0) -> None:
+        """Go on with another line, which may be as long as this whisker."""
+        self.line, self.before, self.lost_for = line, before, lost_for
+        if line is not None:
+            line.longest = self.slot.longest_px
+
+    def lose(self) -> None:
+        """Give the line up: the whisker is lost since this frame."""
+        self.line, self.lost_for = None, 1
 
 
 def options_for(recording: Recording, lengths_m=(), hidden_m=(), cone_m=()) -> TracingOptions:
@@ -116,8 +125,6 @@ class Tracer:
         scale = 1e-3 * options.pixels_per_m
         self.narrow = int(np.clip(NARROW_MM * scale, 4, 10))
         self.wide = int(np.clip(WIDE_MM * scale, 10, 30))
-        self.pixels = np.zeros(len(roster) * self.workspace.limit * 16, np.int64)
-        self.values = np.zeros(len(self.pixels), np.float32)
 
     def change_scene(self, scene: StaticScene) -> None:
         """Go on before another background: something large has moved."""
@@ -148,7 +155,7 @@ class Tracer:
         lines = {id(t): predicted(t, True) for t in present}
         beside = {id(t): self._neighbours(t, present, lines) for t in present}
         for track in present:
-            with self._painted([lines[id(t)] for t in beside[id(track)]]):
+            with detection.painted(self.model, [lines[id(t)] for t in beside[id(track)]]):
                 self._follow(track, image, gain)
             if track.line is not None:
                 lines[id(track)] = track.line
@@ -160,7 +167,7 @@ class Tracer:
                 if track.line is not None and _come_near(track.line, lines[id(t)], SHARED_PX)
             ]
             if sharing:
-                with self._painted(sharing):
+                with detection.painted(self.model, sharing):
                     detection.refine(
                         image, self.model, gain, track.line, self.options, self.workspace
                     )
@@ -203,21 +210,6 @@ class Tracer:
         a = lines[id(track)]
         return [t for t in present if t is not track and _come_near(a, lines[id(t)], BESIDE_PX)]
 
-    @contextmanager
-    def _painted(self, lines: list[Line]):
-        """Hold other whiskers in the background for a while."""
-        count = 0
-        background = self.model.background
-        for line in lines:
-            count = profiles.paint(
-                background, line.x, line.y, line.n, line.amplitude, line.sigma,
-                self.pixels, self.values, count,
-            )  # fmt: skip
-        try:
-            yield
-        finally:
-            profiles.unpaint(background, self.pixels, self.values, count)
-
     def _drop_doubles(self, present: list[Track]) -> None:
         """Of two tracks on one whisker, give up the one that fits worse."""
         for i, a in enumerate(present):
@@ -228,14 +220,14 @@ class Tracer:
                     worse = min(
                         (a, b), key=lambda t: t.line.quality * t.line.n / t.slot.visible_px
                     )
-                    worse.line, worse.lost_for = None, 1
+                    worse.lose()
 
     def _part_crowd(self, present: list[Track]) -> None:
         """Give up what is another whisker's blur; note which whiskers lie upon each other."""
         for track in present:
             others = [t.line for t in present if t is not track and t.line is not None]
             if track.line is not None and detection.is_ghost(track.line, others):
-                track.line, track.lost_for = None, 1
+                track.lose()
         near = detection.same_px(self.options)
         for i, a in enumerate(self.tracks):
             for j, b in enumerate(self.tracks[:i]):
@@ -281,7 +273,7 @@ class Tracer:
             or self._hooked(line)
             or not detection.leaves_face(line, self.model.outside)
         ):
-            track.line, track.lost_for = None, 1
+            track.lose()
 
     def _hooked(self, line: Line) -> bool:
         """Whether a line turns sharply near its base: there it is no whisker, but fur."""
@@ -328,8 +320,7 @@ class Tracer:
         )
         for line, whisker in got.pairs:
             track = missing[whisker]
-            track.line, track.before, track.lost_for = found[line], None, 0
-            track.line.longest = track.slot.longest_px
+            track.take(found[line])
         if len(self.tracks) > 1:
             self._check_identities([self.tracks.index(missing[w]) for _, w in got.pairs])
 
@@ -352,15 +343,14 @@ class Tracer:
             if track.line is not None:
                 seen[k] = self.ruler.signature(track.line)
         for one, other, since in self.evidence.look(self.frame, seen, found):
-            a, b = self.tracks[one], self.tracks[other]
-            a.line, b.line, a.before, b.before = b.line, a.line, b.before, a.before
-            a.lost_for, b.lost_for = b.lost_for, a.lost_for
-            for track in (a, b):
-                if track.line is not None:
-                    track.line.longest = track.slot.longest_px
+            self._rename({one: other, other: one})
             self.exchanges.append((one, other, since))
         if self.crowded and not len(found):
-            self._rename(self.fan.look(seen))
+            new = self.fan.look(seen)
+            self._rename(new)
+            for whisker in new.values():
+                for other in range(len(self.tracks)):
+                    self.evidence.overlap(whisker, other)
         for track, doubtful in zip(self.tracks, self.evidence.doubtful(), strict=True):
             track.doubtful = bool(doubtful)
 
@@ -368,12 +358,7 @@ class Tracer:
         """Give lines to other whiskers: number of track → that of the whisker that it is."""
         state = {k: (t.line, t.before, t.lost_for) for k, t in enumerate(self.tracks)}
         for k, whisker in new.items():
-            track = self.tracks[whisker]
-            track.line, track.before, track.lost_for = state[k]
-            if track.line is not None:
-                track.line.longest = track.slot.longest_px
-            for other in range(len(self.tracks)):
-                self.evidence.overlap(whisker, other)
+            self.tracks[whisker].take(*state[k])
 
 
 def _come_near(a: Line, b: Line, near_px: float) -> bool:
