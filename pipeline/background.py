@@ -15,7 +15,7 @@ from scipy.special import gammainc, gammaincinv
 THICKEST_LINE_MM = 0.32  # blurred whiskers are thinner, poles and rods thicker
 SHORTEST_WHISKER_MM = 2.5  # shorter thin dark lines are fur or dust: they stay
 SHORTEST_STILL_MM = 4.0  # in a movie, fur may be as long; that it never moves speaks for fur
-SHORTEST_BASE_MM = 0.3
+SHORTEST_BASE_MM = 0.3  # without fur: a base that stays where it is while the rest moves
 ILLUMINATION_MM = 0.8  # the light is averaged over this length (SD)
 EDGE_RATIO = 1.4  # of light within three cells: more is the edge of something
 BRIGHT_RANK = 0.85  # of the samples of a pixel: free of whiskers that rest there up to this share

@@ -79,7 +79,7 @@ def _start(curve, dark, side, shape):
     if last < first:
         curve = curve[::-1]
     low, high = INSIDE_PX
-    inside = curve[low : min(high, len(curve))]
+    inside = curve[low:high]
     steps = np.arange(-BEYOND_PX, low + 1.0)
     back = inside[0] - inside[-1]
     back /= np.hypot(*back)

@@ -17,6 +17,7 @@ from pipeline.records import StaticScene
 RESTS, MOSTLY = 0.8, 0.7  # of the sample frames: to call a whisker resting, and to fill in
 RESTING_MM = 3.0  # it is on the same pixels up to here from the face, or farther
 CORE_PX, HALF_WIDTH_PX = 3.0, 4.0  # half-widths of a whisker: the dark part, and all of it
+FUR_MM = 1.0  # nearer to the face there is fur, which is background
 FEWEST_SAMPLES = 4
 
 
@@ -30,17 +31,17 @@ def without_resting_whiskers(scene: StaticScene, roster, pixels_per_mm) -> Stati
     pixels_per_mm : scale
     """
     hidden = np.zeros(scene.background.shape, bool)
-    known = scene.face_mask | scene.obstacle_mask
+    covered = scene.face_mask | scene.obstacle_mask
     outside = signed_distance(scene.face_mask) / pixels_per_mm
     for slot in roster:
         if len(slot.samples) >= FEWEST_SAMPLES:
             still = _share_covered(slot.samples, hidden.shape, CORE_PX) >= RESTS
-            if (still & ~known & (outside > RESTING_MM)).any():
+            if (still & ~covered & (outside > RESTING_MM)).any():
                 hidden |= _share_covered(slot.samples, hidden.shape, HALF_WIDTH_PX) >= MOSTLY
-    hidden &= ~known
+    hidden &= ~covered & (outside > FUR_MM)
     if not hidden.any():
         return scene
-    filled = fill(scene.background, hidden | known)
+    filled = fill(scene.background, hidden | covered)
     return replace(scene, background=np.where(hidden, filled, scene.background))
 
 
