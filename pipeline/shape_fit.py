@@ -12,6 +12,7 @@ rest_curvature.py) makes the rest shape's uncertainty part of the force's standa
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -168,6 +169,35 @@ def _fit(stations, whisker, curvature_at, prior, loaded, friction, shift=0.0, in
     return ShapeFit(table, rest, rest_cov)
 
 
+class _Rod(NamedTuple):
+    """A rod as laid, and how it answers to its parameters: what `_lay` fills."""
+
+    x: np.ndarray
+    y: np.ndarray
+    angle: np.ndarray
+    shift: np.ndarray
+    base: np.ndarray
+    follicle: np.ndarray
+
+
+class _Sums(NamedTuple):
+    """Normal equations, their solution's parts, and the prior's rest shape `mean`."""
+
+    normal: np.ndarray
+    rhs: np.ndarray
+    lower: np.ndarray
+    inverse: np.ndarray
+    mean: np.ndarray
+
+
+class _Place(NamedTuple):
+    """From where a rod is laid: grid place `c`, and what its offset and direction count from."""
+
+    c: float
+    x: float
+    y: float
+
+
 @njit(cache=True)
 def _fit_rows(
     xs, ys, info, origin, h, rod, stiffness, basis, side, pole_x, pole_y, pole_radius, nearest,
@@ -175,16 +205,12 @@ def _fit_rows(
     influence,
 ):  # fmt: skip
     m, terms = basis.shape
-    x, y, angle = np.zeros(m), np.zeros(m), np.zeros(m)
-    shift = np.zeros((m, _LOADED))
-    base, follicle, moved_base = np.zeros((3, _LOADED)), np.zeros(3), np.zeros(3)
-    moved_x, moved_y, moved_angle = np.zeros(m), np.zeros(m), np.zeros(m)
-    moved_shift, gradient = np.zeros((m, _LOADED)), np.zeros((3, _LOADED))
-    scratch, follows = np.zeros((3, _LOADED)), np.zeros(_LOADED)
-    normal, rhs = np.zeros((_LOADED, _LOADED)), np.zeros(_LOADED)
-    lower, inverse = np.zeros((_LOADED, _LOADED)), np.zeros((_LOADED, _LOADED))
-    p, mean, square = np.zeros(_LOADED), np.zeros(terms), np.zeros((3, 3))
+    laid, nudged, sums = _empty_rod(m), _empty_rod(m), _empty_sums(terms)
+    p = np.zeros(_LOADED)
     for row in range(len(xs)):
+        seen, arc = (xs[row], ys[row], info[row]), (origin[row], moved[row], h)
+        pole = pole_x[row], pole_y[row], pole_radius
+        prior = weights, drift[row], centre, scale, precision[row]
         first, count = _span(info[row])
         if count < FEWEST_STATIONS:
             continue
@@ -192,96 +218,122 @@ def _fit_rows(
         size = _LOADED if loaded else _FREE
         load = (side[row], friction[row]) if loaded else (0.0, 0.0)
         c = min(nearest[row], (m - 1) * h) if loaded else (first + count // 2) * h
-        p[:] = 0.0
-        chi2, change, known = 1.0, np.inf, False
-        _trace(xs[row], ys[row], info[row], first, h, x, y, angle)
-        ref_x, ref_y, p[1] = _at(x, y, angle, h, c)
-        follicle[2] = angle[0]
-        for iteration in range(ITERATIONS + 1):
-            _prior_mean(weights, drift[row], (follicle[2] - centre) / scale, mean)
-            lay = iteration == 0
-            if iteration == 0:
-                p[2 : 2 + terms] = mean
-                if loaded:
-                    p[size - 1] = _first_force(
-                        x,
-                        y,
-                        angle,
-                        info[row],
-                        basis,
-                        mean,
-                        stiffness,
-                        h,
-                        c,
-                        side[row],
-                        friction[row],
-                    )
-            elif loaded:
-                nearest_now = _nearest_on_model(x, y, angle, h, c, pole_x[row], pole_y[row])
-                if abs(nearest_now - c) > ANCHOR_MOVES_M:
-                    lay, c = True, nearest_now
-                    ref_x, ref_y, p[1] = _at(x, y, angle, h, c)
-                    p[0] = 0.0
-            if lay:
-                _lay(
-                    p, rod, load, origin[row], moved[row], h, c, ref_x, ref_y, x, y, angle, shift,
-                    base, follicle,
-                )  # fmt: skip
-            chi2 = _equations(
-                xs[row], ys[row], info[row], x, y, angle, shift, size, mean, precision[row],
-                p, normal, rhs, chi2, iteration > 1,
-            )  # fmt: skip
-            known = np.isfinite(chi2) and _invert(normal, size, lower, inverse)
-            if not known or iteration == ITERATIONS or (iteration > 2 and change < 1e-2):
-                break
-            change = _step(size, p, inverse, rhs)
-            _lay(
-                p, rod, load, origin[row], moved[row], h, c, ref_x, ref_y, x, y, angle, shift,
-                base, follicle,
-            )  # fmt: skip
+        known, chi2, place = _solve(
+            seen, first, arc, rod, load, pole, c, prior, stiffness, basis, p, laid, sums
+        )
         if not known:
             continue
-        cov = inverse[:size, :size] * max(chi2, 1.0)
+        cov = sums.inverse[:size, :size] * max(chi2, 1.0)
         rest[row] = p[2 : 2 + terms]
         rest_cov[row] = cov[2 : 2 + terms, 2 : 2 + terms]
         o = out[row]
-        o[7], o[8], o[9] = follicle[2], follicle[0], follicle[1]
-        _polynomials(2 * (at - moved[row]) / rod[0] - 1, mean)
-        o[15] = (mean * rest[row]).sum()
+        o[7], o[8], o[9] = laid.follicle[2], laid.follicle[0], laid.follicle[1]
+        _polynomials(2 * (at - moved[row]) / rod[0] - 1, sums.mean)
+        o[15] = (sums.mean * rest[row]).sum()
         o[16], o[17] = chi2, count
         if loaded:
-            c_x, c_y = ref_x - p[0] * np.sin(p[1]), ref_y + p[0] * np.cos(p[1])
-            _loads(
-                o, p, cov, size, side[row], friction[row], c + origin[row], c_x, c_y, base,
-                follicle, _at(x, y, angle, h, at - origin[row]), at, _softness(at, rod),
-                pole_x[row], pole_y[row], pole_radius, radius,
+            _report_loads(
+                o, seen, chi2, cov, arc, rod, load, pole, radius, at, place, p, laid, nudged,
+                sums, precision[row], influence[row : row + 1],
             )  # fmt: skip
-            force = _unit_force(p[1], side[row], friction[row])
-            _load_errors(o, p[size - 1], cov, size, force, base, gradient)
-            _lay(
-                p, rod, load, origin[row] + ORIGIN_STEP_M, moved[row] + ORIGIN_STEP_M, h, c,
-                ref_x, ref_y, moved_x, moved_y, moved_angle, moved_shift, scratch, moved_base,
-            )  # fmt: skip
-            _follow(
-                xs[row], ys[row], info[row], chi2, x, y, angle, moved_x, moved_y, shift, size,
-                inverse, rhs, follows, o,
-            )  # fmt: skip
-            if len(influence) > 0:
-                _influence(
-                    xs[row], ys[row], info[row], chi2, x, y, angle, moved_x, moved_y, shift, size,
-                    follows, precision[row], influence[row],
-                )  # fmt: skip
-            _loads_by_origin(o, p[size - 1], size, force, c_x, c_y, moved_base, gradient, follows)
-        rod_now = p, rod, load, origin[row], moved[row], h, c, ref_x, ref_y, x, y, angle
-        near = at - origin[row]  # the place among the stations
-        o[31] = (
-            _rod_curvature(rod_now, near + h / 2, mean)
-            - _rod_curvature(rod_now, near - h / 2, mean)
-        ) / h
-        more, o[30] = _more_curvature(
-            xs[row], ys[row], info[row], chi2, x, y, angle, h, near, square, rhs, lower, inverse
-        )
-        o[29] = _rod_curvature(rod_now, near, mean) + more
+        _report_curvature(o, seen, chi2, arc, rod, load, at, place, p, laid, sums)
+
+
+@njit(cache=True)
+def _empty_rod(m):
+    return _Rod(
+        np.zeros(m), np.zeros(m), np.zeros(m), np.zeros((m, _LOADED)), np.zeros((3, _LOADED)),
+        np.zeros(3),
+    )  # fmt: skip
+
+
+@njit(cache=True)
+def _empty_sums(terms):
+    square = (_LOADED, _LOADED)
+    return _Sums(
+        np.zeros(square), np.zeros(_LOADED), np.zeros(square), np.zeros(square), np.zeros(terms)
+    )
+
+
+@njit(cache=True)
+def _solve(seen, first, arc, rod, load, pole, c, prior, stiffness, basis, p, laid, sums):
+    """Gauss–Newton into `p`, `laid` and `sums`; returns whether it got there, χ², and the place.
+
+    `seen`: x, y and information of the stations, the `first` of which is the first measured;
+    `arc`: origin, what of it came after the rest shape was measured, and the stations' spacing;
+    `load`: side and friction; `pole`: x, y, radius; `prior`: weights, drift, centre, scale,
+    precision; `c`: grid place from which to lay at first.
+    """
+    weights, drift, centre, scale, precision = prior
+    h, loaded, terms = arc[2], load[0] != 0, len(sums.mean)
+    size = _LOADED if loaded else _FREE
+    x, y, angle = laid.x, laid.y, laid.angle
+    p[:] = 0.0
+    chi2, change, known = 1.0, np.inf, False
+    _trace(seen[0], seen[1], seen[2], first, h, x, y, angle)
+    ref_x, ref_y, p[1] = _at(x, y, angle, h, c)
+    laid.follicle[2] = angle[0]
+    for iteration in range(ITERATIONS + 1):
+        _prior_mean(weights, drift, (laid.follicle[2] - centre) / scale, sums.mean)
+        lay = iteration == 0
+        if iteration == 0:
+            p[2 : 2 + terms] = sums.mean
+            if loaded:
+                p[size - 1] = _first_force(
+                    x, y, angle, seen[2], basis, sums.mean, stiffness, h, c, load[0], load[1]
+                )
+        elif loaded:
+            nearest_now = _nearest_on_model(x, y, angle, h, c, pole[0], pole[1])
+            if abs(nearest_now - c) > ANCHOR_MOVES_M:
+                lay, c = True, nearest_now
+                ref_x, ref_y, p[1] = _at(x, y, angle, h, c)
+                p[0] = 0.0
+        if lay:
+            _lay(p, rod, load, arc, _Place(c, ref_x, ref_y), laid)
+        chi2 = _equations(seen, laid, size, precision, p, sums, chi2, iteration > 1)
+        known = np.isfinite(chi2) and _invert(sums.normal, size, sums.lower, sums.inverse)
+        if not known or iteration == ITERATIONS or (iteration > 2 and change < 1e-2):
+            break
+        change = _step(size, p, sums.inverse, sums.rhs)
+        _lay(p, rod, load, arc, _Place(c, ref_x, ref_y), laid)
+    return known, chi2, _Place(c, ref_x, ref_y)
+
+
+@njit(cache=True)
+def _report_loads(
+    o, seen, chi2, cov, arc, rod, load, pole, radius, at, place, p, laid, nudged, sums,
+    precision, influence,
+):  # fmt: skip
+    """Fill one row of results that need the force, and its `influence` where there is room."""
+    size, (origin, moved, h) = _LOADED, arc
+    contact = _start(p, place)
+    place_at = _at(laid.x, laid.y, laid.angle, h, at - origin)
+    _loads(
+        o, p, cov, size, load, place.c + origin, contact, laid, place_at, at, _softness(at, rod),
+        pole, radius,
+    )  # fmt: skip
+    unit = _unit_force(p[1], load[0], load[1])
+    gradient, follows = np.zeros((3, _LOADED)), np.zeros(_LOADED)
+    _load_errors(o, p[size - 1], cov, size, unit, laid.base, gradient)
+    _lay(p, rod, load, (origin + ORIGIN_STEP_M, moved + ORIGIN_STEP_M, h), place, nudged)
+    _follow(seen, chi2, laid, nudged, size, sums, follows, o)
+    for each in influence:
+        _influence(seen, chi2, laid, nudged, size, follows, precision, each)
+    _loads_by_origin(o, p[size - 1], size, unit, contact, nudged.follicle, gradient, follows)
+
+
+@njit(cache=True)
+def _report_curvature(o, seen, chi2, arc, rod, load, at, place, p, laid, sums):
+    """Fill one row's curvature at `at`, its variance and slope."""
+    origin, _, h = arc
+    rod_now = p, rod, load, arc, place, laid
+    near = at - origin  # the place among the stations
+    o[31] = (
+        _rod_curvature(rod_now, near + h / 2, sums.mean)
+        - _rod_curvature(rod_now, near - h / 2, sums.mean)
+    ) / h
+    more, o[30] = _more_curvature(seen, chi2, laid, h, near, sums)
+    o[29] = _rod_curvature(rod_now, near, sums.mean) + more
 
 
 @njit(cache=True)
@@ -381,19 +433,21 @@ def _polynomials(u, values):
 
 
 @njit(cache=True)
-def _lay(p, rod, load, origin, moved, h, c, ref_x, ref_y, x, y, angle, shift, base, follicle):
-    """Lay the rod from grid place c both ways, with its derivatives by every parameter.
+def _lay(p, rod, load, arc, place, laid):
+    """Lay the rod from its place both ways, with its derivatives by every parameter.
 
     `rod` is (length, cone length, base rigidity); station k is at arc length k h + origin, of
-    which `moved` came after the rest shape was measured.
+    which `moved` came after the rest shape was measured: `arc` is (origin, moved, h).
     `shift[k, q]`: how far station k moves along its normal per unit of parameter q; `base[:, q]`:
     how the follicle moves (x, y) and turns; `follicle`: its place and angle.
     """
-    m, terms, per_half = len(x), N_REST, 2 / rod[0]
+    origin, moved, h = arc
+    x, y, angle, shift, base, follicle = laid
+    m, terms, per_half, c = len(x), N_REST, 2 / rod[0], place.c
     side, friction = load
     force = p[2 + terms] if side != 0 else 0.0
     sin, cos = np.sin(p[1]), np.cos(p[1])
-    start_x, start_y = ref_x - p[0] * sin, ref_y + p[0] * cos
+    start_x, start_y = _start(p, place)
     fx, fy = _unit_force(p[1], side, friction)
     if side == 0:
         fx, fy = 0.0, 0.0
@@ -448,6 +502,12 @@ def _lay(p, rod, load, origin, moved, h, c, ref_x, ref_y, x, y, angle, shift, ba
             base[0, 0], base[1, 0], base[2, 0] = -sin, cos, 0.0
             base[0, 1], base[1, 1], base[2, 1] = -(at_y - start_y), at_x - start_x, 1.0
             base[:, 2:] = d[:3]
+
+
+@njit(cache=True)
+def _start(p, place):
+    """Where the rod is laid from: of a loaded one, the contact point."""
+    return place.x - p[0] * np.sin(p[1]), place.y + p[0] * np.cos(p[1])
 
 
 @njit(cache=True)
@@ -540,19 +600,30 @@ def _at(x, y, angle, h, s):
     return chord_x - sagitta * np.sin(direction), chord_y + sagitta * np.cos(direction), direction
 
 
+@njit(cache=True, inline="always")
+def _misfit(seen, laid, k):
+    """How far station `k` was seen to lie beside the rod, along its normal [m]."""
+    return _across(laid, k, seen[0][k] - laid.x[k], seen[1][k] - laid.y[k])
+
+
+@njit(cache=True, inline="always")
+def _across(laid, k, dx, dy):
+    """Part of (dx, dy) along the rod's normal at station `k`."""
+    return dy * np.cos(laid.angle[k]) - dx * np.sin(laid.angle[k])
+
+
 @njit(cache=True)
-def _equations(
-    xs, ys, info, x, y, angle, shift, size, mean, precision, p, normal, rhs, chi2, robust
-):
+def _equations(seen, laid, size, precision, p, sums, chi2, robust):
     """Fill Gauss–Newton's normal equations; returns the reduced χ² of the misfit."""
+    info, shift, mean, normal, rhs = seen[2], laid.shift, sums.mean, sums.normal, sums.rhs
     terms = len(mean)
     normal[:, :] = 0.0
     rhs[:] = 0.0
     total, count = 0.0, 0
-    for k in range(len(xs)):
+    for k in range(len(info)):
         if not info[k] > 0:
             continue
-        misfit = -(xs[k] - x[k]) * np.sin(angle[k]) + (ys[k] - y[k]) * np.cos(angle[k])
+        misfit = _misfit(seen, laid, k)
         weight = _robust_weight(info[k], misfit, chi2) if robust else info[k]
         total += weight * misfit * misfit
         count += 1
@@ -629,14 +700,12 @@ def _invert(matrix, size, lower, inverse):
 
 
 @njit(cache=True)
-def _loads(
-    o, p, cov, size, side, friction, c, c_x, c_y, base, follicle, place_at, at, softness_at,
-    px, py, pole_radius, radius,
-):  # fmt: skip
-    """Fill one row of results that need the force."""
-    c_angle = p[1]
-    fx, fy = _unit_force(c_angle, side, friction)
-    x, y, angle = follicle
+def _loads(o, p, cov, size, load, c, contact, laid, place_at, at, softness_at, pole, radius):
+    """Fill gap, contact and base loads of one row."""
+    c_angle, (c_x, c_y), (px, py, pole_radius), base = p[1], contact, pole, laid.base
+    side = load[0]
+    fx, fy = _unit_force(c_angle, side, load[1])
+    x, y, angle = laid.follicle
     at_x, at_y, _ = place_at
     force = p[size - 1]
     o[0], o[1] = force, cov[size - 1, size - 1]
@@ -661,35 +730,36 @@ def _loads(
 @njit(cache=True)
 def _rod_curvature(rod_now, near, values):
     """Curvature of the fitted rod at grid place `near`; `values` (rest terms,) is scratch."""
-    p, rod, load, origin, moved, h, c, ref_x, ref_y, x, y, angle = rod_now
+    p, rod, load, (origin, moved, h), place, laid = rod_now
     _polynomials(2 * (near + origin - moved) / rod[0] - 1, values)
     total = 0.0
     for j in range(len(values)):
         total += p[2 + j] * values[j]
-    if load[0] != 0 and near < c:
+    if load[0] != 0 and near < place.c:
         fx, fy = _unit_force(p[1], load[0], load[1])
-        at_x, at_y, _ = _at(x, y, angle, h, near)
-        c_x, c_y = ref_x - p[0] * np.sin(p[1]), ref_y + p[0] * np.cos(p[1])
+        at_x, at_y, _ = _at(laid.x, laid.y, laid.angle, h, near)
+        c_x, c_y = _start(p, place)
         lever = (c_x - at_x) * fy - (c_y - at_y) * fx
         total += p[2 + len(values)] * lever * _softness(near + origin, rod)
     return total
 
 
 @njit(cache=True)
-def _more_curvature(xs, ys, info, chi2, x, y, angle, h, near, square, rhs, lower, inverse):
+def _more_curvature(seen, chi2, laid, h, near, sums):
     """Curvature of the stations beyond the rod's about grid place `near`, and its variance.
 
     NaN where they do not lie on both sides of it.
     """
-    square[:, :] = 0.0
+    info, square, rhs, inverse = seen[2], sums.normal, sums.rhs, sums.inverse
+    square[:3, :3] = 0.0
     rhs[:3] = 0.0
     count, before, after = 0, 0, 0
     start = max(int(np.ceil((near - CURVATURE_REACH_M) / h)), 0)
-    for k in range(start, min(int((near + CURVATURE_REACH_M) / h) + 1, len(xs))):
+    for k in range(start, min(int((near + CURVATURE_REACH_M) / h) + 1, len(info))):
         if not info[k] > 0:
             continue
         u = (k * h - near) / CURVATURE_REACH_M
-        misfit = (ys[k] - y[k]) * np.cos(angle[k]) - (xs[k] - x[k]) * np.sin(angle[k])
+        misfit = _misfit(seen, laid, k)
         weight = _robust_weight(info[k], misfit, chi2)
         power = (1.0, u, u * u)
         for a in range(3):
@@ -698,7 +768,8 @@ def _more_curvature(xs, ys, info, chi2, x, y, angle, h, near, square, rhs, lower
                 square[a, b] += weight * power[a] * power[b]
         count += 1
         before, after = before + (u < 0), after + (u > 0)
-    if count < FEWEST_NEAR or min(before, after) < 2 or not _invert(square, 3, lower, inverse):
+    enough = count >= FEWEST_NEAR and min(before, after) >= 2
+    if not (enough and _invert(square, 3, sums.lower, inverse)):
         return np.nan, np.nan
     bend = 0.0
     for a in range(3):
@@ -727,21 +798,18 @@ def _load_errors(o, force, cov, size, unit, base, gradient):
 
 
 @njit(cache=True)
-def _follow(
-    xs, ys, info, chi2, x, y, angle, moved_x, moved_y, shift, size, inverse, rhs, follows, o
-):
+def _follow(seen, chi2, laid, nudged, size, sums, follows, o):
     """Fill `follows` with the parameters' derivatives by the origin, which moved the model.
 
     And the log-likelihood's slope and curvature by the origin: Gauss–Newton's, as for the rest.
     """
+    info, shift, inverse, rhs = seen[2], laid.shift, sums.inverse, sums.rhs
     rhs[:] = 0.0
     pull, bend = 0.0, 0.0
     for k in range(len(info)):
         if not info[k] > 0:
             continue
-        sin, cos = np.sin(angle[k]), np.cos(angle[k])
-        away = ((moved_y[k] - y[k]) * cos - (moved_x[k] - x[k]) * sin) / ORIGIN_STEP_M
-        misfit = (ys[k] - y[k]) * cos - (xs[k] - x[k]) * sin
+        away, misfit = _moved_by_origin(laid, nudged, k), _misfit(seen, laid, k)
         weight = _robust_weight(info[k], misfit, chi2)
         pull += weight * misfit * away
         bend += weight * away * away
@@ -755,15 +823,20 @@ def _follow(
     o[27], o[28] = pull, bend
 
 
+@njit(cache=True, inline="always")
+def _moved_by_origin(laid, nudged, k):
+    """How far station `k` moves along its normal per unit of origin, by which it was nudged."""
+    return _across(laid, k, nudged.x[k] - laid.x[k], nudged.y[k] - laid.y[k]) / ORIGIN_STEP_M
+
+
 @njit(cache=True)
-def _influence(
-    xs, ys, info, chi2, x, y, angle, moved_x, moved_y, shift, size, follows, precision, out
-):
+def _influence(seen, chi2, laid, nudged, size, follows, precision, out):
     """Fill `out` with the change of the origin's pull by an error of each station and rest term.
 
     What the pull is for a rod that is fitted again: a misfit counts as far as no parameter
     answers to it, and a rest shape as far as the stations do not correct the prior.
     """
+    info, shift = seen[2], laid.shift
     m, terms = len(info), len(precision)
     for j in range(terms):
         out[m + j] = 0.0
@@ -773,18 +846,16 @@ def _influence(
         out[k] = 0.0
         if not info[k] > 0:
             continue
-        sin, cos = np.sin(angle[k]), np.cos(angle[k])
-        away = ((moved_y[k] - y[k]) * cos - (moved_x[k] - x[k]) * sin) / ORIGIN_STEP_M
-        misfit = (ys[k] - y[k]) * cos - (xs[k] - x[k]) * sin
+        away, misfit = _moved_by_origin(laid, nudged, k), _misfit(seen, laid, k)
         for a in range(size):
             away += shift[k, a] * follows[a]
         out[k] = _robust_weight(info[k], misfit, chi2) * away
 
 
 @njit(cache=True)
-def _loads_by_origin(o, force, size, unit, c_x, c_y, follicle, gradient, follows):
+def _loads_by_origin(o, force, size, unit, contact, follicle, gradient, follows):
     """Derivatives of force and base loads by the origin, from those of the parameters."""
-    fx, fy = unit
+    (fx, fy), (c_x, c_y) = unit, contact
     x, y, angle = follicle
     moved = (
         (c_x - x) * fy - (c_y - y) * fx,

@@ -122,10 +122,39 @@ def measure_stations(
             f"got {len(whiskers)} and {len(hidden_lengths)}"
         )
     scale = recording.pixels_per_m
+    spacing = np.array([w.length for w in whiskers]) / (N_STATIONS - 1)
+    pole_x, pole_y, pole_radius = pole_rows = _pole_rows(pole, centrelines.frame)
+    x, y, information, near = _measure_px(
+        centrelines, whiskers, hidden_lengths, spacing, pole_rows, scale
+    )
+    return Stations(
+        names=names,
+        spacing=spacing,
+        frame=np.asarray(centrelines.frame, np.int64),
+        whisker=np.asarray(centrelines.whisker, np.int64),
+        x=x / scale,
+        y=y / scale,
+        information=np.nan_to_num(information) * scale**2,
+        first=near[:, 0] / scale,
+        last=near[:, 1] / scale,
+        origin=np.zeros(len(centrelines)),
+        pole_x=pole_x / scale,
+        pole_y=-pole_y / scale,
+        pole_radius=pole_radius / scale,
+        distance=near[:, 2] / scale,
+        nearest=near[:, 3] / scale,
+        side=np.nan_to_num(near[:, 4]).astype(np.int64),
+        extended=near[:, 5] == 1,
+    )
+
+
+def _measure_px(centrelines, whiskers, hidden_lengths, spacing, pole_rows, scale):
+    """Stations' x, y and information, (rows, stations) each, and `near` of every row [px].
+
+    `near` (rows, 6): first and last traced point, then what `_approach` tells of the pole.
+    """
     rows = len(centrelines)
-    length = np.array([w.length for w in whiskers])
-    spacing = length / (N_STATIONS - 1)
-    pole_x, pole_y, pole_radius = _pole_rows(pole, centrelines.frame)
+    pole_x, pole_y, pole_radius = pole_rows
     x, y, information = np.full((3, rows, N_STATIONS), np.nan)
     near = np.full((rows, 6), np.nan)
     radii = np.array([[w.base_radius, w.base_radius / w.cone_length] for w in whiskers])
@@ -136,7 +165,7 @@ def measure_stations(
         centrelines.whisker.astype(np.int64),
         centrelines.hidden_of(np.asarray(hidden_lengths, float) * scale),
         spacing * scale,
-        length * scale,
+        np.array([w.length for w in whiskers]) * scale,
         radii * np.array([scale, 1.0]),
         pole_x,
         -pole_y,
@@ -149,25 +178,7 @@ def measure_stations(
         information,
         near,
     )
-    return Stations(
-        names=names,
-        spacing=spacing,
-        frame=np.asarray(centrelines.frame, np.int64),
-        whisker=np.asarray(centrelines.whisker, np.int64),
-        x=x / scale,
-        y=y / scale,
-        information=np.nan_to_num(information) * scale**2,
-        first=near[:, 0] / scale,
-        last=near[:, 1] / scale,
-        origin=np.zeros(rows),
-        pole_x=pole_x / scale,
-        pole_y=-pole_y / scale,
-        pole_radius=pole_radius / scale,
-        distance=near[:, 2] / scale,
-        nearest=near[:, 3] / scale,
-        side=np.nan_to_num(near[:, 4]).astype(np.int64),
-        extended=near[:, 5] == 1,
-    )
+    return x, y, information, near
 
 
 def _pole_rows(pole, frame):
