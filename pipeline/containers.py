@@ -31,8 +31,12 @@ class LumaReader:
     def __init__(self):
         self.drop = None
 
-    def __call__(self, frame: av.VideoFrame) -> np.ndarray:
-        """Return the luma of `frame`, uint8 (height, width), in memory of its own."""
+    def __call__(self, frame: av.VideoFrame, lend: bool = False) -> np.ndarray:
+        """Return the luma of `frame`, uint8 (height, width), C-contiguous.
+
+        It is in memory of its own, or, with `lend`, in the decoder's, where that holds it so: then
+        it lasts as long as the array, but must not be written to, as other frames refer to it.
+        """
         name = frame.format.name
         plane = frame.planes[0]
         if plane.line_size > 0:
@@ -40,14 +44,15 @@ class LumaReader:
                 offset, step = PACKED_LUMA[name]
                 return _rows(plane, frame, np.uint8, step)[:, offset::step].copy()
             if name.startswith(PLANAR_LUMA):
-                return self._planar(frame, plane, name)
+                return self._planar(frame, plane, name, lend)
         rgb = frame.to_ndarray(format="rgb24")  # palettes, RGB, and images stored bottom-up
         return cv2.cvtColor(rgb, cv2.COLOR_RGB2GRAY)
 
-    def _planar(self, frame, plane, name):
+    def _planar(self, frame, plane, name, lend):
         bits = frame.format.components[0].bits
         if bits == 8:
-            return _rows(plane, frame, np.uint8).copy()
+            image = _rows(plane, frame, np.uint8)
+            return np.ascontiguousarray(image) if lend else image.copy()
         image = _rows(plane, frame, ">u2" if name.endswith("be") else "<u2")
         drop = bits - 8 if bits < 16 else self.drop
         return to_8_bit(image, bits_to_drop(int(image.max())) if drop is None else drop)
@@ -106,7 +111,11 @@ class ContainerVideo(Video):
 
     # ---- all frames -----------------------------------------------------------------------
 
-    def _read(self, start, stop):
+    def lent(self):
+        """Yield all frames, in the decoder's memory where their rows are stored without gaps."""
+        return self._read(0, None, lend=True)
+
+    def _read(self, start, stop, lend=False):
         with self._open(self.path) as container:
             stream = container.streams.video[0]
             index, pts = start, None
@@ -117,7 +126,7 @@ class ContainerVideo(Video):
                     if (frame.height, frame.width) != self.shape:
                         self.check_size(np.empty((frame.height, frame.width)), index)
                     pts = frame.pts
-                    yield self._luma(frame)
+                    yield self._luma(frame, lend)
                     index += 1
             except av.FFmpegError as error:
                 raise self._broken(index, error) from error

@@ -116,7 +116,7 @@ class Followed:
 def follow(video, epochs, cast, settings, clock, keep=None, progress=None) -> Followed:
     """Trace the whiskers through all frames and measure angle, curvature, distance to the pole."""
     recording, pole = settings.recording.si(), pole_track(epochs)
-    frames = Counted(clock.each("decoding", video), video.n_frames, progress)
+    frames = Counted(clock.each("decoding", video.lent()), video.n_frames, progress)
     chunks = tracing.trace(frames, epochs, list(cast.roster), tracing_options(settings))
     kinematics, places = [], StationStore()
     for chunk in clock.each("centrelines", chunks):

@@ -156,7 +156,7 @@ def clocked(work) -> tuple[float, float]:
 def decode(clip: Clip) -> None:
     """Read every frame and do nothing with it."""
     with open_video(clip.path) as video:
-        for _ in video:
+        for _ in video.lent():
             pass
 
 
@@ -174,7 +174,7 @@ def trace(clip: Clip, path=None):
         scene = max((e.scene for e in epochs if e.scene), key=lambda s: s.background.sum())
         names = [w.name for w in settings.whisker]
         roster = tracing.find_roster(seen.sample(ROSTER_FRAMES)[1], scene, options, names)
-        yield from tracing.trace(video, epochs, roster, options)
+        yield from tracing.trace(video.lent(), epochs, roster, options)
 
 
 # The peak is the program's own: what the system tells of a child holds its parent's, too.

@@ -128,6 +128,14 @@ class TestContainers:
         second[3][:] = 0
         assert np.abs(second[4].astype(int) - frames[4]).mean() < CODEC_LOSS
 
+    @pytest.mark.parametrize("width", [64, 84])  # rows without padding, and with
+    def test_lent_frames_are_the_same_and_last(self, tmp_path, width):
+        write(tmp_path / "a.mp4", codec="libx264", pixels="yuv420p", n=60, size=(48, width))
+        video = open_video(tmp_path / "a.mp4")
+        lent = list(video.lent())
+        assert np.array_equal(lent, list(video))
+        assert all(image.flags.c_contiguous for image in lent)
+
     @pytest.mark.parametrize("gop", [12, 1000])
     def test_a_pass_may_start_anywhere(self, tmp_path, gop):
         path = tmp_path / "a.mp4"
