@@ -387,7 +387,8 @@ def _axes(height):
     """A plot that can be read on a telephone too."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(4.8, height), layout="constrained")
+    figure = Figure(figsize=(4.8, height))
+    figure.subplots_adjust(left=0.13, right=0.97, bottom=0.5 / height, top=1 - 0.1 / height)
     axis = figure.subplots()
     axis.spines[["top", "right"]].set_visible(False)
     return figure, axis
@@ -477,8 +478,11 @@ def _vibration_map(contacts, whisker) -> str:
         s=float(np.clip(400 / np.sqrt(len(contacts)), 5, 36)), edgecolors="white",
         linewidths=0.7 if len(contacts) < 1000 else 0.2, rasterized=len(contacts) > 2000,
     )  # fmt: skip
-    figure.colorbar(dots, label="vibrational / steady moment", extend="both")
+    label = "vibrational / steady moment"
+    figure.colorbar(dots, label=label, extend="both", format="%g", ticks=[0.01, 0.1, 1])
     axis.set(xscale="log", xlabel="contact duration (ms)", ylabel="follicle to contact (mm)")
+    axis.xaxis.set_major_formatter("{x:g}")  # powers of ten take a parser of formulae: 0.3 s
+    axis.xaxis.set_minor_formatter("")
     return _svg(figure)
 
 
