@@ -100,7 +100,7 @@ class Workspace:
 
     def __init__(self, limit: int):
         self.limit = limit
-        self.sums = np.zeros((limit, profiles.N_SUMS))
+        self.sums = np.zeros((profiles.N_SUMS, limit))
         self.work = np.zeros((12, limit))
         self.cap = np.zeros(limit)
         self.band = np.zeros((limit, 4))

@@ -3,13 +3,13 @@
 Two steps. *Capture*: the best smooth path through a strip of cross-sections around the
 prediction, found for the whole whisker at once by dynamic programming over the likelihood gain
 of "a line of the known absorbance here". *Refinement*: Gauss–Newton on the raw pixels
-(profiles.py) for a spline offset, until it hardly moves the line.
+(sections.py) for a spline offset, until it hardly moves the line.
 """
 
 import numpy as np
 from numba import njit
 
-from pipeline import profiles, splines
+from pipeline import profiles, sections, splines
 
 STIFFNESS = 40.0  # 1/px²: third differences of the line over three knots are about 0.15 px
 SHORTEST = 12  # nodes that a line needs to be one
@@ -357,7 +357,7 @@ def _blocked(sums, i, n):
     """Whether no pixel is left around node `i`; a lone node may just share its row's column."""
     pixels = 0.0
     for j in range(max(i - 2, 0), min(i + 3, n)):
-        pixels += sums[j, profiles.G11]
+        pixels += sums[profiles.G11, j]
     return pixels == 0
 
 
@@ -385,7 +385,7 @@ def visible_end(amplitude, amplitude_se, sums, n, threshold, bridge):
     blind = 0  # nodes without pixels since then
     run = 0  # seen nodes in a row: after a gap, a few must agree
     for i in range(first, n):
-        if sums[i, profiles.G11] == 0 and _blocked(sums, i, n):
+        if sums[profiles.G11, i] == 0 and _blocked(sums, i, n):
             blind += 1
             if blind > bridge:
                 break
@@ -412,7 +412,7 @@ def measure(image, background, weight, gain, x, y, n, cap, sigma, sums, work):
     of the absorbance, 5 information and 6 score of the offset.
     """
     amplitude, baseline = work[2], work[3]
-    profiles.accumulate(image, background, weight, gain, x, y, n, cap, sigma, 3.0, sums)
+    sections.accumulate(image, background, weight, gain, x, y, n, cap, sigma, 3.0, sums)
     profiles.window_amplitudes(sums, n, 7, amplitude, baseline, work[4])
     for i in range(n):
         amplitude[i] = min(amplitude[i], cap[i])
@@ -507,8 +507,8 @@ def refine(
     expected = 1e-9
     for i in range(end):
         a = max(amplitude[i], 0.02)
-        expected += a * a * sums[i, profiles.GG]
-        found += a * max(work[2, i], 0.0) * sums[i, profiles.GG]
+        expected += a * a * sums[profiles.GG, i]
+        found += a * max(work[2, i], 0.0) * sums[profiles.GG, i]
         amplitude[i] = 0.7 * amplitude[i] + 0.3 * max(work[2, i], 0.0)
         thickness[i] = work[2, i] * sigma[i] * 2.5066 if work[4, i] < 0.05 else np.nan
     for i in range(end, len(amplitude)):

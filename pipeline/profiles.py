@@ -15,13 +15,12 @@ from numba import njit
 
 from pipeline.splines import FAST
 
-# Columns of the `sums` array: Σ over the pixels of one node.
+# Rows of the `sums` array, which has a column per node: Σ over its pixels (sections.py).
 GG, G1, G11, GY, OY, DD, DY, DG, D1, SS, SY, SG = range(12)
 N_SUMS = 12
 
-LANES = 8  # pixels of a section are taken so many at a time
+LANES = 8  # values that a vector instruction takes at a time
 SINGLE = np.float32
-LONGEST = 64  # pixels of a section
 
 
 @njit(cache=True, inline="always")
@@ -56,95 +55,6 @@ def bell(u):
     return series * series
 
 
-@njit(cache=True, inline="always")
-def _take_section(images, lights, weights, size, section, span, pixel, light, trust):
-    """Put image, background and weight of the pixels of one section into rows of their own.
-
-    Returns the first one's number along the section and how many are filled: LANES or a multiple,
-    those beyond the section without weight; 0 where the section lies outside of the image.
-    """
-    height, width = size
-    columns, fixed, centre, _ = section
-    across, limit = (width, height) if columns else (height, width)
-    first = max(int(np.ceil(centre - span)), 0)
-    count = min(int(np.floor(centre + span)), limit - 1) - first + 1
-    if count <= 0 or fixed < 0 or fixed >= across:
-        return first, 0
-    filled = min((count + LANES - 1) // LANES * LANES, len(pixel))
-    stride = width if columns else 1
-    at = first * width + fixed if columns else fixed * width + first
-    for k in range(filled):
-        # unsigned: numba need not look for negative places
-        place = np.uint64(min(at + k * stride, len(images) - 1))
-        pixel[k], light[k] = images[place], lights[place]
-        trust[k] = weights[place] if k < count else SINGLE(0)
-    return first, filled
-
-
-@njit(cache=True, fastmath=FAST, error_model="numpy")
-def _section_sums(pixel, light, trust, count, gain, cap, start, step, inverse):
-    """Sums over the first `count` pixels of a section, in the order of their columns.
-
-    pixel, light, trust : float32, image, background and weight along the section
-    start, step : u = distance/σ of the first pixel, and from pixel to pixel; inverse : 1/σ
-    """
-    gg = g1 = g11 = gy = oy = dd = dy = dg = d1 = ss = sy = sg = SINGLE(0)
-    for k in range(count):
-        v = gain * light[k]
-        value = min(v - pixel[k], cap * v)
-        u = start + SINGLE(np.int32(k)) * step
-        g = bell(u)
-        d, s = u * g * inverse, u * u * g
-        wv = trust[k] * v
-        wvv, wvy = wv * v, wv * value
-        wg, wd, ws = wvv * g, wvv * d, wvv * s
-        gg += wg * g
-        g1 += wg
-        g11 += wvv
-        gy += wvy * g
-        oy += wvy
-        dd += wd * d
-        dy += wvy * d
-        dg += wd * g
-        d1 += wd
-        ss += ws * s
-        sy += wvy * s
-        sg += ws * g
-    return gg, g1, g11, gy, oy, dd, dy, dg, d1, ss, sy, sg
-
-
-@njit(cache=True, error_model="numpy")
-def accumulate(image, background, weight, gain, x, y, n, cap, sigma, reach, sums):
-    """Fill `sums` (n, N_SUMS) with the normal equations of every node's cross-section.
-
-    image : uint8 (height, width); background, weight : float32 (height, width)
-    x, y : nodes of the reference line, about 1 px apart [px]
-    cap : largest believable absorbance at each node; darker pixels are cut to it
-    sigma : half-width of the line at each node [px]; reach : half-width of the section / sigma
-    """
-    images, lights, weights = image.ravel(), background.ravel(), weight.ravel()
-    pixel, light = np.empty(LONGEST, np.float32), np.empty(LONGEST, np.float32)
-    trust = np.empty(LONGEST, np.float32)
-    before = (False, -1)
-    for i in range(n):
-        section = _section(x, y, i, n)
-        scale, count, first = section[3], 0, 0
-        if scale != 0.0 and section[:2] != before:
-            before = section[:2]
-            span = (reach * sigma[i] + 1.0) / abs(scale)
-            first, count = _take_section(
-                images, lights, weights, image.shape, section, span, pixel, light, trust
-            )
-        step = scale / sigma[i]
-        found = _section_sums(
-            pixel, light, trust, count, SINGLE(gain), SINGLE(cap[i]),
-            SINGLE((first - section[2]) * step), SINGLE(step), SINGLE(1.0 / sigma[i]),
-        )  # fmt: skip
-        sums[i, GG], sums[i, G1], sums[i, G11], sums[i, GY], sums[i, OY] = found[:5]
-        sums[i, DD], sums[i, DY], sums[i, DG], sums[i, D1] = found[5:9]
-        sums[i, SS], sums[i, SY], sums[i, SG] = found[9:]
-
-
 @njit(cache=True)
 def window_amplitudes(sums, n, half, amplitude, baseline, amplitude_se):
     """Solve absorbance and background error in a running window of ±`half` nodes.
@@ -157,18 +67,18 @@ def window_amplitudes(sums, n, half, amplitude, baseline, amplitude_se):
     for i in range(-half, n):
         add = i + half
         if add < n:
-            gg += sums[add, GG]
-            g1 += sums[add, G1]
-            one += sums[add, G11]
-            gy += sums[add, GY]
-            oy += sums[add, OY]
+            gg += sums[GG, add]
+            g1 += sums[G1, add]
+            one += sums[G11, add]
+            gy += sums[GY, add]
+            oy += sums[OY, add]
         drop = i - half - 1
         if drop >= 0:
-            gg -= sums[drop, GG]
-            g1 -= sums[drop, G1]
-            one -= sums[drop, G11]
-            gy -= sums[drop, GY]
-            oy -= sums[drop, OY]
+            gg -= sums[GG, drop]
+            g1 -= sums[G1, drop]
+            one -= sums[G11, drop]
+            gy -= sums[GY, drop]
+            oy -= sums[OY, drop]
         if i < 0:
             continue
         m = one + prior
@@ -188,8 +98,8 @@ def offset_information(sums, n, amplitude, baseline, information, score):
     """Fisher information [1/px²] and score [1/px] of every node's offset δ."""
     for i in range(n):
         a = max(amplitude[i], 0.0)
-        information[i] = a * a * sums[i, DD]
-        score[i] = a * (sums[i, DY] - a * sums[i, DG] - baseline[i] * sums[i, D1])
+        information[i] = a * a * sums[DD, i]
+        score[i] = a * (sums[DY, i] - a * sums[DG, i] - baseline[i] * sums[D1, i])
 
 
 @njit(cache=True)
@@ -200,10 +110,10 @@ def width_correction(sums, n, amplitude, baseline, first, last):
     for i in range(first, last):
         a = max(amplitude[i], 0.0)
         # ∂(a G)/∂ln σ = a u² G; part of it is absorbed by the absorbance itself
-        mix = sums[i, SG] / sums[i, GG] if sums[i, GG] > 0 else 0.0
-        slope_y = (sums[i, SY] - mix * sums[i, GY]) - a * (sums[i, SG] - mix * sums[i, GG])
+        mix = sums[SG, i] / sums[GG, i] if sums[GG, i] > 0 else 0.0
+        slope_y = (sums[SY, i] - mix * sums[GY, i]) - a * (sums[SG, i] - mix * sums[GG, i])
         top += a * slope_y
-        bottom += a * a * (sums[i, SS] - mix * sums[i, SG])
+        bottom += a * a * (sums[SS, i] - mix * sums[SG, i])
     return top / bottom
 
 

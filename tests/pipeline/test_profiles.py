@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline import profiles
+from pipeline import profiles, sections
 
 
 def line_image(angle, sigma, amplitude, level=180.0, size=61, offset=0.0):
@@ -26,16 +26,53 @@ def nodes(angle, n=41, size=61):
 def measured_offset(image, angle, sigma, cap=1.0):
     x, y = nodes(angle)
     n = len(x)
-    sums = np.zeros((n, profiles.N_SUMS))
+    sums = np.zeros((profiles.N_SUMS, n))
     background = np.full(image.shape, 180.0, np.float32)
     weight = np.ones_like(background)
-    profiles.accumulate(
+    sections.accumulate(
         image, background, weight, 1.0, x, y, n, np.full(n, cap), np.full(n, sigma), 3.0, sums
     )
     a, b, se, info, score = (np.zeros(n) for _ in range(5))
     profiles.window_amplitudes(sums, n, 5, a, b, se)
     profiles.offset_information(sums, n, a, b, info, score)
     return score.sum() / info.sum(), a[n // 2], sums
+
+
+def naive_sums(image, background, weight, x, y, cap, sigma, reach):
+    """Σ w v² G², Σ w v² and Σ w v² D y of every node's row or column of pixels, once each."""
+    found, before = np.zeros((3, len(x))), None
+    for i, (tx, ty) in enumerate(zip(np.gradient(x), np.gradient(y), strict=True)):
+        columns = abs(tx) >= abs(ty)
+        fixed = int(np.floor((x if columns else y)[i] + 0.5))
+        if (columns, fixed) == before or not 0 <= fixed < len(image):
+            continue
+        before = columns, fixed
+        part = (slice(None), fixed) if columns else fixed
+        centre = y[i] + (fixed - x[i]) * ty / tx if columns else x[i] + (fixed - y[i]) * tx / ty
+        scale = (-tx if columns else ty) / np.hypot(tx, ty)
+        off = np.arange(len(image)) - centre
+        near = np.abs(off) <= (reach * sigma[i] + 1) / abs(scale)
+        u = off[near] * scale / sigma[i]
+        g, v = np.exp(-(u**2) / 2), background[part][near]
+        w = weight[part][near] * v
+        shade = np.minimum(v - image[part][near], cap[i] * v)
+        found[:, i] = (w * v * g * g).sum(), (w * v).sum(), (w * u * g / sigma[i] * shade).sum()
+    return found
+
+
+@settings(max_examples=40, deadline=None)
+@given(angle=st.floats(-np.pi, np.pi), n=st.integers(3, 300), seed=st.integers(0, 99))
+def test_sums_are_those_of_plain_loops(angle, n, seed):
+    rng = np.random.default_rng(seed)
+    image = rng.integers(0, 256, (61, 61)).astype(np.uint8)
+    background, weight = rng.uniform(50, 255, (2, 61, 61)).astype(np.float32)
+    x, y = nodes(angle, n) + rng.uniform(-9, 9, (2, 1))  # the long ones leave the picture
+    cap, sigma = np.full(n, 0.6), rng.uniform(0.8, 1.6, n)
+    sums = np.zeros((profiles.N_SUMS, n))
+    sections.accumulate(image, background, weight, 1.0, x, y, n, cap, sigma, 3.0, sums)
+    expected = naive_sums(image, background, weight, x, y, cap, sigma, 3.0)
+    got = sums[[profiles.GG, profiles.G11, profiles.DY]]
+    np.testing.assert_allclose(got, expected, rtol=1e-4, atol=1e-5 * expected.max())
 
 
 @settings(max_examples=40, deadline=None)
@@ -57,7 +94,7 @@ def test_width_correction_has_the_right_sign_and_size():
     image = line_image(0.3, 1.2, 0.5)
     for assumed in (1.0, 1.1, 1.3):
         _, _, sums = measured_offset(image, 0.3, assumed)
-        n = len(sums)
+        n = sums.shape[1]
         a, b, se = np.zeros(n), np.zeros(n), np.zeros(n)
         profiles.window_amplitudes(sums, n, 5, a, b, se)
         change = profiles.width_correction(sums, n, a, b, 3, n - 3)
