@@ -42,14 +42,17 @@ class TracingOptions:
 
 @dataclass
 class ImageModel:
-    """The static scene as the tracer uses it: arrays of float32 (height, width)."""
+    """The static scene as the tracer uses it: arrays of float32 (height, width).
+
+    `gain_points` are those of profiles.frame_gain, on pixels that are free of all things.
+    """
 
     background: np.ndarray
     weight: np.ndarray
     outside: np.ndarray
     noise: np.ndarray
     usable: np.ndarray
-    free: np.ndarray
+    gain_points: tuple[np.ndarray, np.ndarray]
 
     @classmethod
     def from_scene(cls, scene: StaticScene, margin_px: float = 1.5) -> "ImageModel":
@@ -68,7 +71,12 @@ class ImageModel:
         noise = (np.sqrt(variance) / np.maximum(background, 12)).astype(np.float32)
         kernel = np.ones((9, 9), np.uint8)
         free = cv2.erode(usable.astype(np.uint8), kernel).astype(bool)
-        return cls(background, weight, outside, noise, usable, free)
+        points = profiles.gain_points(background, free)
+        return cls(background, weight, outside, noise, usable, points)
+
+    def gain(self, image) -> float:
+        """Brightness of a frame over the background's."""
+        return profiles.frame_gain(image, *self.gain_points)
 
 
 def translucent(background, variance, obstacles) -> np.ndarray:

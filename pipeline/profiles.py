@@ -117,20 +117,28 @@ def width_correction(sums, n, amplitude, baseline, first, last):
     return top / bottom
 
 
+def gain_points(background, mask, step=12):
+    """A grid of the pixels in `mask` by which `frame_gain` compares frames with a background.
+
+    Returns their places in the flat picture, int64 (k,), and 1/background there, float32 (k,).
+    """
+    grid = np.zeros(mask.shape, bool)
+    grid[step // 2 :: step, step // 2 :: step] = True
+    places = np.flatnonzero(grid & mask)
+    return places, (1 / background.ravel()[places]).astype(np.float32)
+
+
 @njit(cache=True)
-def frame_gain(image, background, step, mask):
+def frame_gain(image, places, per_light):
     """Brightness of the frame over the background's, from a coarse grid of free pixels.
 
-    A trimmed mean of I/B; whiskers cover far less than the trimmed part.
+    A trimmed mean of I/B; whiskers cover far less than the trimmed part. places, per_light : as
+    of `gain_points`.
     """
-    height, width = image.shape
-    ratio = np.empty((height // step + 1) * (width // step + 1), np.float32)
-    count = 0
-    for row in range(step // 2, height, step):
-        for column in range(step // 2, width, step):
-            if mask[row, column]:
-                ratio[count] = image[row, column] / background[row, column]
-                count += 1
+    pixels, count = image.ravel(), len(places)
+    ratio = np.empty(count, np.float32)
+    for k in range(count):
+        ratio[k] = pixels[np.uint64(places[k])] * per_light[k]
     if count < 16:
         return 1.0
     mean, _ = _mean_near(ratio, count, 0.0, np.inf)

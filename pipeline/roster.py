@@ -4,7 +4,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from pipeline import detection, identities, profiles
+from pipeline import detection, identities
 from pipeline.detection import ImageModel, Line, TracingOptions, Workspace
 from pipeline.identities import Ruler
 from pipeline.records import StaticScene
@@ -144,7 +144,7 @@ def _lines_of(frames, scene, options, names, indices):
         model = ImageModel.from_scene(present)
         workspace = Workspace(int(1.6 * np.hypot(*present.background.shape)))
         for image in chosen:
-            gain = profiles.frame_gain(image, model.background, 12, model.free)
+            gain = model.gain(image)
             at = image, model, gain, options, workspace
             found.append(
                 detection.detect_crowded(*at, enough=enough) if several else detection.detect(*at)

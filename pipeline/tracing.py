@@ -133,7 +133,7 @@ class Tracer:
     def step(self, image) -> list[Track]:
         """Advance by one frame; return the tracks, `line` None where a whisker is lost."""
         self.frame += 1
-        gain = profiles.frame_gain(image, self.model.background, 12, self.model.free)
+        gain = self.model.gain(image)
         self._follow_all(image, gain)
         missing = [t for t in self.tracks if t.line is None]
         self.since_search += 1

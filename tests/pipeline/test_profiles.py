@@ -123,7 +123,8 @@ def test_frame_gain_sees_through_whiskers_and_flicker():
     image = 0.93 * background + rng.normal(0, 2, background.shape)
     image[::10] *= 0.4
     mask = np.ones(background.shape, bool)
-    gain = profiles.frame_gain(np.clip(image, 0, 255).astype(np.uint8), background, 3, mask)
+    points = profiles.gain_points(background, mask, 3)
+    gain = profiles.frame_gain(np.clip(image, 0, 255).astype(np.uint8), *points)
     assert gain == pytest.approx(0.93, abs=0.006)
 
 
