@@ -319,14 +319,19 @@ def fit_width(line: Line, workspace) -> None:
     line.sigma[:] = np.clip(sigmas[0] + slope * (i - centres[0]), 0.6, 2.5)
 
 
-def refine(image, model: ImageModel, gain, line: Line, options: TracingOptions, workspace):
-    """Gauss–Newton from the line's present nodes; base and tip found anew. In place."""
+def refine(
+    image, model: ImageModel, gain, line: Line, options: TracingOptions, workspace, farthest=np.inf
+):
+    """Gauss–Newton from the line's present nodes; base and tip found anew. In place.
+
+    A line that is `farthest` [px] or more from them is not found.
+    """
     w = workspace
     line.n, line.quality = following.refine(
         image, model.background, model.weight, model.outside, gain,
         line.x, line.y, line.n, line.amplitude, line.sigma, line.information, line.score,
         line.thickness,
-        options.spacing_px, options.bridge_px, min(options.longest_px, line.longest),
+        options.spacing_px, options.bridge_px, min(options.longest_px, line.longest), farthest,
         w.sums, w.work, w.cap, w.band, w.rhs,
     )  # fmt: skip
 

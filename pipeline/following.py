@@ -14,7 +14,8 @@ from pipeline import profiles, sections, splines
 STIFFNESS = 40.0  # 1/px²: third differences of the line over three knots are about 0.15 px
 SHORTEST = 12  # nodes that a line needs to be one
 MOST_STEPS = 4  # of Gauss–Newton
-SHORT_STEP = 0.1  # px: what this leaves out is some hundredths of a pixel's error
+STILL_SEEN = 0.95  # part of a line in the next frame, where it is just as foretold
+SHORT_STEP = 0.2  # px: what this leaves out is some thousandths of a pixel's error
 BEYOND_TIP, TIP_STEP = 30, 0.4  # nodes, px: where it moves more there, the tip is still sought
 OVERSHOOT = 4  # nodes by which the windowed absorbance reaches over a line's end
 WIDEST_GAP = 8  # bridges: longer stretches without pixels are not crossed
@@ -469,10 +470,13 @@ def set_cap(amplitude, n, cap):
 def refine(
     image, background, weight, outside, gain,
     x, y, n, amplitude, sigma, information, score, thickness,
-    spacing, bridge, longest,
+    spacing, bridge, longest, farthest,
     sums, work, cap, band, rhs,
 ):  # fmt: skip
     """Gauss–Newton steps on the nodes until they stay, then base, visible end and quality.
+
+    Where the first step is larger than `farthest` [px], or less of the line is seen than there
+    was, it is not so near: nothing is found then, and the nodes are anywhere.
 
     x, y, amplitude, information, score, thickness are changed in place; returns the number of
     nodes and the quality: the part of the line's expected contrast that was found. The last step
@@ -480,11 +484,11 @@ def refine(
     """
     if n < SHORTEST:
         return 0, 0.0
-    end = 0
+    end, known = 0, n
     n = start_at_face(x, y, n, outside)
     n = extend(x, y, n, False, bridge + 12, 40)
     set_cap(amplitude, n, cap)
-    for _ in range(MOST_STEPS):
+    for step in range(MOST_STEPS):
         splines.smooth(x, y, n, spacing, band, work[10], work[11])
         n = resample(x, y, n, work[8:10])
         n = start_at_face(x, y, n, outside)
@@ -497,8 +501,11 @@ def refine(
         fit_offset(x, y, n, spacing, STIFFNESS, work, band, rhs)
         move(x, y, n, work)
         tip = min(end + BEYOND_TIP, n)
-        if _largest(work[7], end) < SHORT_STEP and _largest(work[7], tip) < TIP_STEP:
+        largest = _largest(work[7], end)
+        if largest < SHORT_STEP and _largest(work[7], tip) < TIP_STEP:
             break
+        if step == 0 and farthest < np.inf and (largest > farthest or end < STILL_SEEN * known):
+            return 0, 0.0
     if end < SHORTEST:
         return 0, 0.0
     information[:end] = work[5, :end]

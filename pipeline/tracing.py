@@ -26,6 +26,7 @@ GOOD_QUALITY = 0.6  # part of the expected contrast found: below, the wider sear
 LOST_QUALITY = 0.35
 NARROW_MM, WIDE_MM = 0.4, 1.2  # half-width of the search strip
 FEWEST_TOGETHER = 3  # whiskers from which a common turn is told
+FORETOLD_PX = 1.0  # a line that is nearer to its prediction is fitted without a search
 BESIDE_PX = 18.0  # nearer whiskers are seen in the search strip
 SHARED_PX = 8.0  # nearer ones share pixels of their cross-sections
 DOUBLE_SHARE = 0.6  # part of two lines that may coincide before one of them is given up
@@ -237,13 +238,19 @@ class Tracer:
                     a.doubtful = b.doubtful = True
 
     def _follow(self, track: Track, image, gain) -> None:
-        """Find the track's whisker near its prediction, in a wider strip where that fails."""
+        """Find the track's whisker where it is foretold, else in a strip about it, then a wider."""
         present = track.line
         best = None
-        for half, with_velocity in ((self.narrow, True), (self.narrow, False), (self.wide, False)):
+        tries = (0, True), (self.narrow, True), (self.narrow, False), (self.wide, False)
+        for half, with_velocity in tries:
             line = predicted(track, with_velocity)
             self._carry_on(line, track)
-            self._capture(line, image, gain, half)
+            if half:
+                self._capture(line, image, gain, half)
+            farthest = np.inf if half else FORETOLD_PX
+            detection.refine(
+                image, self.model, gain, line, self.options, self.workspace, farthest
+            )
             if best is None or line.n * line.quality > best.n * best.quality:
                 best = line
             if best.quality > GOOD_QUALITY and best.n > 0.8 * present.n:
@@ -288,13 +295,13 @@ class Tracer:
         return float(np.hypot(track.line.x[0] - before.x[0], track.line.y[0] - before.y[0]))
 
     def _capture(self, line: Line, image, gain, half) -> None:
+        """Move a line onto the best path of a strip of `half` px to both sides."""
         m, w = self.model, self.workspace
         following.capture(
             image, m.background, m.weight, gain, line.x, line.y, line.n,
             line.amplitude, line.sigma, half, w.work,
         )  # fmt: skip
         line.n = following.resample(line.x, line.y, line.n, w.work[8:10])
-        detection.refine(image, m, gain, line, self.options, w)
 
     def _search(self, missing: list[Track], image, gain) -> None:
         """Look at the whole frame for the missing whiskers."""
