@@ -24,6 +24,62 @@ APEX_TRUSTED_M = 0.2e-3  # differences between the two up to here are ordinary; 
 APEX_DOUBTED_M = 0.5e-3  # … from here on the taper is not what the session says
 BASE_SKIP_M = 0.25e-3  # fur clings to the first visible part
 BASE_WINDOW_M = 4.5e-3  # part of the whisker that the hidden piece is extrapolated from
+MOST_STEPS, SHORT_STEP_PX = 4, 1e-3  # of Gauss–Newton; what follows is far shorter
+
+
+@njit(cache=True, inline="always")
+def _turned(cos, sin, by):
+    """Cosine and sine of an angle that is `by` [rad, small] larger."""
+    square = by * by
+    c = 1.0 - square * (0.5 - square / 24)
+    s = by * (1.0 - square * (1 / 6 - square / 120))
+    return cos * c - sin * s, sin * c + cos * s
+
+
+@njit(cache=True)
+def _solve(matrix, rhs):
+    """Solve the symmetric positive definite `matrix` (its upper part) for `rhs`, in place."""
+    n = len(rhs)
+    for i in range(n):
+        for k in range(i + 1, n):
+            factor = matrix[i, k] / matrix[i, i]
+            for m in range(k, n):
+                matrix[k, m] -= factor * matrix[i, m]
+            rhs[k] -= factor * rhs[i]
+    for i in range(n - 1, -1, -1):
+        for k in range(i + 1, n):
+            rhs[i] -= matrix[i, k] * rhs[k]
+        rhs[i] /= matrix[i, i]
+
+
+@njit(cache=True)
+def _base_equations(x, y, offset, information, first, last, curve, matrix, rhs):
+    """Normal equations of the small-angle form about a `curve` (x, y, θ0, k0, k1).
+
+    Unknowns are the offset [px] and, over the window, what θ0, k0 and k1 turn to in offsets.
+    """
+    mx, my, theta, k0, k1 = curve
+    per_node = 1.0 / max(last - first, 4)
+    cos, sin = np.cos(theta), np.sin(theta)
+    matrix[:] = 0.0
+    rhs[:] = 0.0
+    for i in range(first, last):
+        s = float(i - first)
+        r = -(x[i] - mx) * sin - (y[i] - my) * cos + offset[i]
+        u = s * per_node
+        row = (1.0, u, 0.5 * u * u, u * u * u / 6)
+        for k in range(4):
+            weighted = information[i] * row[k]
+            rhs[k] += weighted * r
+            for m in range(k, 4):
+                matrix[k, m] += weighted * row[m]
+        # half a node on is the chord's direction
+        cos, sin = _turned(cos, sin, 0.5 * (k0 + k1 * (s + 0.25)))
+        mx += cos
+        my -= sin
+        cos, sin = _turned(cos, sin, 0.5 * (k0 + k1 * (s + 0.75)))
+    for k in range(4):
+        matrix[k, k] += 1e-9
 
 
 @njit(cache=True)
@@ -36,41 +92,23 @@ def base_curve(x, y, offset, information, first, last):
     """
     ahead = min(first + 8, len(x) - 1)
     theta = np.arctan2(-(y[ahead] - y[first]), x[ahead] - x[first])
-    px = x[first]
-    py = y[first]
+    px, py = float(x[first]), float(y[first])
     scale = max(last - first, 4) * 1.0
     k0 = 0.0
     k1 = 0.0
-    row = np.empty(4)
-    for _ in range(4):
-        matrix = np.zeros((4, 4))
-        rhs = np.zeros(4)
-        mx = px
-        my = py
-        for i in range(first, last):
-            s = i - first
-            angle = theta + s * (k0 + 0.5 * k1 * s)
-            r = -(x[i] - mx) * np.sin(angle) - (y[i] - my) * np.cos(angle) + offset[i]
-            u = s / scale
-            row[0] = 1.0
-            row[1] = u
-            row[2] = 0.5 * u * u
-            row[3] = u * u * u / 6
-            for k in range(4):
-                rhs[k] += information[i] * row[k] * r
-                for m in range(4):
-                    matrix[k, m] += information[i] * row[k] * row[m]
-            middle = theta + (s + 0.5) * (k0 + 0.5 * k1 * (s + 0.5))
-            mx += np.cos(middle)
-            my -= np.sin(middle)
-        for k in range(4):
-            matrix[k, k] += 1e-9
-        step = np.linalg.solve(matrix, rhs)
+    matrix = np.empty((4, 4))
+    step = np.empty(4)
+    for _ in range(MOST_STEPS):
+        curve = (px, py, theta, k0, k1)
+        _base_equations(x, y, offset, information, first, last, curve, matrix, step)
+        _solve(matrix, step)
         px -= step[0] * np.sin(theta)
         py -= step[0] * np.cos(theta)
         theta += step[1] / scale
         k0 += step[2] / scale**2
         k1 += step[3] / scale**3
+        if np.max(np.abs(step)) < SHORT_STEP_PX:
+            break
     return px, py, theta, k0, k1
 
 
@@ -164,40 +202,37 @@ def _apexes(offsets, thickness, skip, out):
 
 
 @njit(cache=True)
-def _ends(offsets, xs, ys, raw, info, hidden, skip, window, out):
-    """Point `hidden` px before each row's first node, on its base curve."""
-    for row in range(len(offsets) - 1):
+def _base_curves(offsets, xs, ys, raw, info, skip, window):
+    """Every row's first node of the base window, and `base_curve` there; (rows, 6)."""
+    out = np.empty((len(offsets) - 1, 6))
+    for row in range(len(out)):
         a = offsets[row]
         b = offsets[row + 1]
         first, last = base_window(b - a, skip, window)
-        p = base_curve(xs[a:b], ys[a:b], raw[a:b], info[a:b], first, last)
-        out[row, 0], out[row, 1], _ = walk_back(*p, first + hidden[row])
-
-
-@njit(cache=True)
-def _across(offsets, xs, ys, raw, info, rows, feet, anchors, whisker, skip, window):
-    """Distance of each row's follicle from its anchor, across the whisker [px]."""
-    out = np.empty(len(rows))
-    for i in range(len(rows)):
-        a = offsets[rows[i]]
-        b = offsets[rows[i] + 1]
-        first, last = base_window(b - a, skip, window)
-        p = base_curve(xs[a:b], ys[a:b], raw[a:b], info[a:b], first, last)
-        x, y, angle = walk_back(*p, first + feet[i])
-        k = whisker[rows[i]]
-        out[i] = -(x - anchors[k, 0]) * np.sin(angle) - (y - anchors[k, 1]) * np.cos(angle)
+        out[row, 0] = first
+        out[row, 1], out[row, 2], out[row, 3], out[row, 4], out[row, 5] = base_curve(
+            xs[a:b], ys[a:b], raw[a:b], info[a:b], first, last
+        )
     return out
 
 
 @njit(cache=True)
-def _feet(offsets, xs, ys, raw, info, anchors, skip, window, farthest, out):
+def _ends(curves, hidden):
+    """Point and angle `hidden` px before each row's first node, on its base curve; (rows, 3)."""
+    out = np.empty((len(curves), 3))
+    for row in range(len(curves)):
+        first, x, y, theta, k0, k1 = curves[row]
+        out[row] = walk_back(x, y, theta, k0, k1, first + hidden[row])
+    return out
+
+
+@njit(cache=True)
+def _feet(curves, anchors, farthest, out):
     """Hidden length of each row whose follicle is the point nearest to the anchor."""
-    for row in range(len(offsets) - 1):
-        a = offsets[row]
-        b = offsets[row + 1]
-        first, last = base_window(b - a, skip, window)
-        p = base_curve(xs[a:b], ys[a:b], raw[a:b], info[a:b], first, last)
-        out[row] = _nearest_on_base(*p, anchors[row, 0], anchors[row, 1], first, farthest)
+    for row in range(len(curves)):
+        first, x, y, theta, k0, k1 = curves[row]
+        ax, ay = anchors[row]
+        out[row] = _nearest_on_base(x, y, theta, k0, k1, ax, ay, first, farthest)
 
 
 class FollicleFinder:
@@ -218,11 +253,8 @@ class FollicleFinder:
         self.farthest = FARTHEST_M * pixels_per_m
         self.slide_limit = SLIDE_LIMIT_M * pixels_per_m
         self.ordinary_slide = ORDINARY_SLIDE_M * pixels_per_m
-        ends = np.full((len(samples), 2), np.nan)
-        _ends(
-            *self._points(samples), self.hidden_px[samples.whisker], self.skip, self.window, ends
-        )
-        self.anchors = _medians(ends, samples.whisker, len(samples.names))
+        ends = _ends(self._curves(samples), self.hidden_px[samples.whisker])
+        self.anchors = _medians(ends[:, :2], samples.whisker, len(samples.names))
         self.cone_px = None if cone_px is None else np.asarray(cone_px, float)
         self.limits = np.array([APEX_TRUSTED_M, APEX_DOUBTED_M]) * pixels_per_m
         self.reach = np.full(len(samples.names), np.nan)
@@ -236,15 +268,16 @@ class FollicleFinder:
 
         The first chunk in which a whisker is seen sets the apex that its slides are counted from.
         """
-        feet = self._feet(lines)
+        curves = self._curves(lines)
+        feet = self._feet(lines, curves)
         reach = self._apexes(lines) + feet
+        sway = self._sideways(lines, curves, feet)
         out = np.empty(len(lines))
         for k in range(len(lines.names)):
             rows = np.flatnonzero(lines.whisker == k)
             if len(rows) and not np.isfinite(self.reach[k]):
                 self._set_reach(k, reach[rows])
-            sway = self._sideways(lines, rows, feet[rows])
-            slide = self.slides[k].follow(self.reach[k] - reach[rows], sway)
+            slide = self.slides[k].follow(self.reach[k] - reach[rows], sway[rows])
             out[rows] = feet[rows] + slide + self.correction[k]
         return np.clip(out, 0.0, self.farthest)
 
@@ -256,26 +289,20 @@ class FollicleFinder:
                 off = self.cone_px[k] - self.reach[k]
                 self.correction[k] = off * APEX_SHARE * np.interp(abs(off), self.limits, [1, 0])
 
-    def _sideways(self, lines, rows, feet):
+    def _sideways(self, lines, curves, feet):
         """How far the follicle stands off its anchor across the whisker [px]; (rows,)."""
-        if not len(rows):
-            return np.zeros(0)
-        return _across(*self._points(lines), rows, feet, self.anchors, lines.whisker,
-                       self.skip, self.window)  # fmt: skip
+        x, y, angle = _ends(curves, feet).T
+        ax, ay = self.anchors[lines.whisker].T
+        return -(x - ax) * np.sin(angle) - (y - ay) * np.cos(angle)
 
-    def _points(self, lines):
-        info = lines.information.astype(float)
-        arrays = (
-            lines.x_px.astype(float),
-            lines.y_px.astype(float),
-            lines.offset_px.astype(float),
-        )
-        return (lines.offsets, *arrays, info)
+    def _curves(self, lines):
+        points = (lines.x_px, lines.y_px, lines.offset_px, lines.information)
+        points = (a.astype(float) for a in points)
+        return _base_curves(lines.offsets, *points, self.skip, self.window)
 
-    def _feet(self, lines):
+    def _feet(self, lines, curves):
         out = np.empty(len(lines))
-        anchors = self.anchors[lines.whisker]
-        _feet(*self._points(lines), anchors, self.skip, self.window, self.farthest, out)
+        _feet(curves, self.anchors[lines.whisker], self.farthest, out)
         nominal = self.hidden_px[lines.whisker]
         return np.where(np.isfinite(out), np.clip(out, 0, self.farthest), nominal)
 

@@ -238,7 +238,7 @@ class Tracer:
                     a.doubtful = b.doubtful = True
 
     def _follow(self, track: Track, image, gain) -> None:
-        """Find the track's whisker where it is foretold, else in a strip about it, then a wider."""
+        """Find the track's whisker where it is foretold, else in a strip about it, or a wider."""
         present = track.line
         best = None
         tries = (0, True), (self.narrow, True), (self.narrow, False), (self.wide, False)
@@ -248,9 +248,7 @@ class Tracer:
             if half:
                 self._capture(line, image, gain, half)
             farthest = np.inf if half else FORETOLD_PX
-            detection.refine(
-                image, self.model, gain, line, self.options, self.workspace, farthest
-            )
+            detection.refine(image, self.model, gain, line, self.options, self.workspace, farthest)
             if best is None or line.n * line.quality > best.n * best.quality:
                 best = line
             if best.quality > GOOD_QUALITY and best.n > 0.8 * present.n:
