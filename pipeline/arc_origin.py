@@ -7,6 +7,11 @@ length counts back, frame by frame (relative only: how far the thin end is seen 
 on), and the bending itself, whose distribution along the whisker depends on where its stiff base
 is. Both go into one estimate, a smooth function of base angle and time.
 
+Frames that a codec made out of those before and after (B frames of H.264) show a whisker that
+turns back where it is in the mean of these, short of its turning point: by a hundredth of a
+pixel only, but in all touches alike, which the bending takes for another origin. So such frames
+are not asked.
+
 The bending is a strong witness of a good model only: a cone length that is 1 % off or a pole that
 is put a pixel wrong move its answer by 0.2 mm. So it counts less where the pole is not where the
 whisker bends, and not at all where it contradicts the session.
@@ -35,6 +40,7 @@ TIP_FRAMES = 2.0  # neighbouring frames whose ends err together, at least
 TIP_LAGS = 8  # frames over which ends of a codec's pictures err together
 LENGTH_MATCH = 0.05  # a tip farther from the whisker's length than this part is none
 MOST_ROWS = 240  # loaded frames that the bending is asked about
+ENOUGH_ROWS = 20  # of frames that were not interpolated; with fewer, all are asked
 LEAST_PUSH_SD = 15.0
 CLEAN = 4.0  # times the usual misfit: something else lies upon the whisker
 TOGETHER = 5.0  # rows that count as one: those of a contact err together
@@ -276,6 +282,8 @@ def _loaded_rows(places, whisker, curvature_at, prior, friction):
         near = np.flatnonzero((places.side != 0) & (places.distance < 0.1e-3) & ~places.extended)
     if len(near) == 0:
         return near
+    shown = near[~places.interpolated[near]]
+    near = shown if len(shown) >= ENOUGH_ROWS else near
     near = near[:: max(1, len(near) // (2 * MOST_ROWS))]
     rest = replace(prior, drift=prior.drift[near], cov=prior.cov[near])
     fit = shape_fit.fit_loaded(places.rows(near), whisker, curvature_at, rest, friction[near])

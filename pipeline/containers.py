@@ -11,6 +11,7 @@ from fractions import Fraction
 import av
 import cv2
 import numpy as np
+from av.video.frame import PictureType
 
 from pipeline.errors import VideoError
 from pipeline.frame_source import Video, bits_to_drop, to_8_bit
@@ -126,6 +127,8 @@ class ContainerVideo(Video):
                     if (frame.height, frame.width) != self.shape:
                         self.check_size(np.empty((frame.height, frame.width)), index)
                     pts = frame.pts
+                    if frame.pict_type == PictureType.B:
+                        self.interpolated.add(index)
                     yield self._luma(frame, lend)
                     index += 1
             except av.FFmpegError as error:

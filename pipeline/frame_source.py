@@ -21,6 +21,8 @@ class Video:
         What the container says or lets us estimate; only iterating tells for certain.
     exact_count : bool
         `n_frames` is the container's own count, not an estimate from duration and rate.
+    interpolated : set of int
+        Those of the frames read until now that the codec made out of frames before and after.
     """
 
     def __init__(self, path, width: int, height: int, n_frames: int | None, exact_count=True):
@@ -28,6 +30,7 @@ class Video:
         self.width, self.height = int(width), int(height)
         self.n_frames = n_frames
         self.exact_count = exact_count and n_frames is not None
+        self.interpolated = set()
 
     @property
     def shape(self) -> tuple[int, int]:

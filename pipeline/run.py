@@ -126,7 +126,11 @@ def follow(video, epochs, cast, settings, clock, keep=None, progress=None) -> Fo
             measured = curvature.measure(chunk, recording, hidden, at, pole)
             kinematics.append(measured.assign(confidence=chunk.confidence))
         with clock("distances"):
-            places.add(stations.measure_stations(chunk, recording, cast.nominal, hidden, pole))
+            places.add(
+                stations.measure_stations(
+                    chunk, recording, cast.nominal, hidden, pole, video.interpolated
+                )
+            )
         with clock("storing"):
             if keep is not None:
                 keep(chunk)

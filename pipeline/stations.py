@@ -40,6 +40,7 @@ class Stations:
     nearest : (rows,) arc length of the point nearest to the pole [m]
     side : (rows,) +1 where the pole is on the side of the whisker's normal, −1; 0 without pole
     extended : (rows,) bool, the nearest point lies beyond the traced part
+    interpolated : (rows,) bool, the codec made the frame out of frames before and after
     """
 
     names: tuple[str, ...]
@@ -59,6 +60,7 @@ class Stations:
     nearest: np.ndarray
     side: np.ndarray
     extended: np.ndarray
+    interpolated: np.ndarray
 
     def __len__(self):
         return len(self.frame)
@@ -99,6 +101,7 @@ def measure_stations(
     whiskers,
     hidden_lengths,
     pole: PoleTrack | None = None,
+    interpolated=frozenset(),
 ) -> Stations:
     """Places at fixed arc lengths, and distance to the pole, of every row of `centrelines`.
 
@@ -110,6 +113,7 @@ def measure_stations(
     hidden_lengths : follicle to first visible point, one per name [m]; used where the
         centrelines do not bring their own
     pole : centre per frame number (or one for all), radius; None where there is none
+    interpolated : numbers of the frames that the codec made out of others, as `Video` has them
 
     Returns
     -------
@@ -145,6 +149,7 @@ def measure_stations(
         nearest=near[:, 3] / scale,
         side=np.nan_to_num(near[:, 4]).astype(np.int64),
         extended=near[:, 5] == 1,
+        interpolated=np.array([f in interpolated for f in centrelines.frame.tolist()], bool),
     )
 
 

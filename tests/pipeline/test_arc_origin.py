@@ -86,6 +86,26 @@ def test_without_touches_the_session_is_believed():
     )
 
 
+def test_frames_that_a_codec_interpolated_are_not_asked(touching):
+    """In two of three the whisker is drawn back from its bend by 4 µm, as B frames draw it."""
+    places = touching.places
+    touches = touching.true_frames["in_contact"].to_numpy(bool)
+    interpolated = places.frame % 3 != 0
+    along = np.arange(stations.N_STATIONS) * places.spacing[0]
+    back = -places.side[:, None] * np.sign(places.nearest[:, None] - along) * 4e-6
+    back = back * (touches & interpolated)[:, None]
+    steps = np.gradient(places.x, axis=1), np.gradient(places.y, axis=1)
+    length = np.hypot(*steps)
+    x, y = places.x - back * steps[1] / length, places.y + back * steps[0] / length
+    drawn = replace(places, x=x, y=y, information=np.where(np.isfinite(x), places.information, 0))
+    error = {}
+    for told in (False, True):
+        drawn = replace(drawn, interpolated=interpolated & told)
+        evidence, _ = forces.measure_forces(drawn, mouse_c2(), touching.frames, AT)
+        error[told] = abs(np.median(evidence["origin_m"]))
+    assert error[True] < origin_tolerance < error[False]
+
+
 def test_the_standard_error_holds_what_is_common_to_all_frames():
     """Stations drawn aside alike in every touching frame: no number of frames takes that away."""
     noisy = traced_motion.trace(make_trial("noisy", 0, 0, 500).motion, noise_px=0.1)

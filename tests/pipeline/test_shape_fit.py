@@ -53,6 +53,7 @@ def touching(push, distance=9e-3, side=1, origin=0.0, friction=0.0, whisker=None
         nearest=nearest,
         side=np.full(n, side),
         extended=np.zeros(n, bool),
+        interpolated=np.zeros(n, bool),
     )
     return truth, places
 

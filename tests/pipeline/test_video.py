@@ -92,6 +92,16 @@ class TestContainers:
         assert got.dtype == np.uint8
         assert np.abs(got.astype(int) - frames).mean() < CODEC_LOSS
 
+    @pytest.mark.parametrize("between", [0, 2])
+    def test_frames_made_out_of_others_are_told(self, tmp_path, between):
+        """With so many B frames between any two others, at fixed places."""
+        fixed = {"x264-params": f"b-adapt=0:bframes={between}:scenecut=0", "g": "300"}
+        write(tmp_path / "a.mp4", n=31, codec="libx264", pixels="yuv420p", options=fixed)
+        video = open_video(tmp_path / "a.mp4")
+        assert video.interpolated == set()
+        assert len(list(video)) == 31
+        assert video.interpolated == {i for i in range(31) if i % (between + 1)}
+
     @pytest.mark.parametrize("pixels", ["yuyv422", "uyvy422", "bgr24"])
     def test_packed_uncompressed_formats(self, tmp_path, pixels):
         frames = write(tmp_path / "a.avi", codec="rawvideo", pixels=pixels)
