@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from pipeline import following, profiles, ridges
+from pipeline import following, profiles, ridges, splitting
 from pipeline.records import StaticScene
 
 FAINTEST = 0.012  # absorbance below which nothing is called seen
@@ -214,7 +214,7 @@ def detect_crowded(
         ]
         if not more:
             break
-        lines += more
+        lines += _without_broad(image, model, gain, options, workspace, more, others)
         if len(lines) >= enough:
             break
         for line in lines:
@@ -223,6 +223,30 @@ def detect_crowded(
         lines = [line for line in lines if _is_whisker(line, model, options)]
     lines.sort(key=lambda line: -contrast_length(line))
     return without_doubles(lines, near_px)
+
+
+def _without_broad(image, model, gain, options, workspace, lines, others) -> list[Line]:
+    """The same lines, but two in the place of each that is as broad as two whiskers."""
+    usual = splitting.usual_sigma([*lines, *others])
+    if usual is None:
+        return lines
+    out = []
+    for k, line in enumerate(lines):
+        if not splitting.is_broad(line, usual, options.pixels_per_m):
+            out.append(line)
+            continue
+        beside = [*others, *out, *lines[k + 1 :]]
+
+        def fit(one, more, beside=beside):
+            with painted(model, [*beside, *more]):
+                refine(image, model, gain, one, options, workspace)
+
+        pair = splitting.split(line, usual, fit, lambda one: _is_whisker(one, model, options))
+        if pair is None:
+            pair = [splitting.narrowed(line, usual)]
+            fit(pair[0], [])
+        out += pair
+    return out
 
 
 def is_ghost(line: Line, others) -> bool:

@@ -10,7 +10,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numba import njit
 
-from pipeline import common_turn, detection, following, identities, profiles, tails
+from pipeline import (
+    common_turn,
+    detection,
+    following,
+    identities,
+    profiles,
+    tails,
+    whole_video,
+)
 from pipeline.detection import ImageModel, Line, TracingOptions, Workspace
 from pipeline.follicle import FollicleFinder
 from pipeline.fur_trust import FurTrust
@@ -522,8 +530,18 @@ def trace(
     """
     scenes = _starting_scenes(scene)
     tracer = Tracer(scenes[0][0], roster, options)
-    collector = _Collector(tuple(slot.name for slot in roster))
     place = _follicle_finder(roster, options)
+    chunks = _followed(frames, scenes, tracer, chunk_frames)
+    if tracer.crowded:
+        chunks = whole_video.settled(chunks, roster, tracer.ruler, options.pixels_per_m)
+    for chunk in chunks:
+        yield place(chunk)
+
+
+def _followed(frames, scenes, tracer, chunk_frames) -> Iterator[Centrelines]:
+    """Chunks of the lines as the tracer names them."""
+    collector = _Collector(tuple(track.slot.name for track in tracer.tracks))
+    spacing = tracer.options.spacing_px
     trust = 1.0
     index = -1
     for index, image in enumerate(frames):
@@ -536,11 +554,12 @@ def trace(
             collector.exchange(*tracer.exchanges.pop(0))
         for k, track in enumerate(tracks):
             if track.line is not None:
-                collector.add(index, k, track.line, DOUBTFUL * trust if track.doubtful else trust)
+                unsure = track.doubtful and not tracer.crowded  # else it is decided in the end
+                collector.add(index, k, track.line, DOUBTFUL * trust if unsure else trust)
         if (index + 1) % chunk_frames == 0:
-            yield place(collector.take(options.spacing_px))
+            yield collector.take(spacing)
     if collector.rows or index < 0:
-        yield place(collector.take(options.spacing_px))
+        yield collector.take(spacing)
 
 
 def _follicle_finder(roster: list[Slot], options: TracingOptions):
