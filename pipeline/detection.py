@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from pipeline import following, profiles, ridges, splitting
+from pipeline import crossings, following, profiles, ridges, splitting
 from pipeline.records import StaticScene
 
 FAINTEST = 0.012  # absorbance below which nothing is called seen
@@ -221,8 +221,25 @@ def detect_crowded(
             with painted(model, [*known, *(other for other in lines if other is not line)]):
                 refine(image, model, gain, line, options, workspace)
         lines = [line for line in lines if _is_whisker(line, model, options)]
+    for line in uncrossed(lines):
+        with painted(model, [*known, *(other for other in lines if other is not line)]):
+            refine(image, model, gain, line, options, workspace)
+    lines = [line for line in lines if _is_whisker(line, model, options)]
     lines.sort(key=lambda line: -contrast_length(line))
     return without_doubles(lines, near_px)
+
+
+def uncrossed(lines) -> list[Line]:
+    """Give crossing lines their own far parts back, in place; those that have changed."""
+    changed = []
+    for k, one in enumerate(lines):
+        for other in lines[:k]:
+            near = profiles.come_near(
+                one.x, one.y, one.n, other.x, other.y, other.n, crossings.NEAR_PX
+            )
+            if near and crossings.uncross(one, other):
+                changed += [line for line in (one, other) if all(line is not c for c in changed)]
+    return changed
 
 
 def _without_broad(image, model, gain, options, workspace, lines, others) -> list[Line]:

@@ -185,6 +185,7 @@ class Tracer:
                 self._give_up_if_poor(track)
         self._drop_doubles(present)
         if self.crowded:
+            self._uncross(present, image, gain)
             self._part_crowd(present)
 
     def _untangle(self, track: Track, beside: list[Line], image, gain) -> None:
@@ -230,6 +231,17 @@ class Tracer:
                         (a, b), key=lambda t: t.line.quality * t.line.n / t.slot.visible_px
                     )
                     worse.lose()
+
+    def _uncross(self, present: list[Track], image, gain) -> None:
+        """Let lines that have turned off onto each other go on with their own far parts."""
+        tracks = [t for t in present if t.line is not None]
+        for line in detection.uncrossed([t.line for t in tracks]):
+            others = [t.line for t in tracks if t.line is not line]
+            with detection.painted(self.model, others):
+                detection.refine(image, self.model, gain, line, self.options, self.workspace)
+            track = next(t for t in tracks if t.line is line)
+            track.before = None  # it tells nothing of the far part's motion
+            self._give_up_if_poor(track)
 
     def _part_crowd(self, present: list[Track]) -> None:
         """Give up what is another whisker's blur; note which whiskers lie upon each other."""

@@ -1,0 +1,98 @@
+"""Two lines that cross: each must go on with its own far part, and not with the other's.
+
+Where whiskers cross at a small angle, lines may turn off onto each other there. A whisker is
+smooth: with its own far part it is nearly a parabola, and with the other's it has a bend.
+"""
+
+import numpy as np
+from numba import njit
+
+NEAR_PX = 2.0  # nearer, lines cross or touch
+LEAST = 12  # nodes on either side of the crossing
+MUCH_BETTER = 0.5  # part of the misfit, to which an exchange must bring it down
+LEAST_MISFIT = 0.02  # px², mean square: less is noise
+TERMS = 4  # of the polynomial along the chord
+PER_NODE = ("x", "y", "amplitude", "information", "score", "thickness")
+
+
+@njit(cache=True)
+def tails_exchanged(x, y, n, other_x, other_y, m):
+    """Nodes (i, j) after which two lines have each other's far parts; (−1, −1) for none."""
+    i, j = _nearest(x, y, n, other_x, other_y, m)
+    if i < 0 or min(i, j, n - i, m - j) < LEAST:
+        return -1, -1
+    gap = 3  # nodes left out where both lie upon each other
+    now = _misfit(x, y, i - gap, x, y, i + gap, n) + _misfit(
+        other_x, other_y, j - gap, other_x, other_y, j + gap, m
+    )
+    then = _misfit(x, y, i - gap, other_x, other_y, j + gap, m) + _misfit(
+        other_x, other_y, j - gap, x, y, i + gap, n
+    )
+    if now > LEAST_MISFIT and then < MUCH_BETTER * now:
+        return i, j
+    return -1, -1
+
+
+@njit(cache=True)
+def _nearest(x, y, n, other_x, other_y, m):
+    """Nodes at which two lines come nearest to each other; (−1, −1) where that is not near."""
+    best, at, to = NEAR_PX, -1, -1
+    i = LEAST
+    while i < n - 1:
+        least, node = np.inf, 0
+        j = 0
+        while j < m:
+            d = np.hypot(x[i] - other_x[j], y[i] - other_y[j])
+            if d < least:
+                least, node = d, j
+            j += max(int(d - least), 1)  # nodes are 1 px apart: none before can be nearer
+        if least < best:
+            best, at, to = least, i, node
+        i += max(int(0.5 * (least - NEAR_PX)), 1)
+    return at, to
+
+
+@njit(cache=True)
+def _misfit(x, y, first, tail_x, tail_y, second, end):
+    """Mean square distance [px²] of nodes 0 … first and second … end from a smooth curve."""
+    count = first + end - second
+    ux, uy = tail_x[end - 1] - x[0], tail_y[end - 1] - y[0]
+    norm = max(np.hypot(ux, uy), 1e-9)
+    ux, uy = ux / norm, uy / norm
+    gram, right, total = np.zeros((TERMS, TERMS)), np.zeros(TERMS), 0.0
+    powers = np.empty(TERMS)
+    for k in range(count):
+        if k < first:
+            dx, dy = x[k] - x[0], y[k] - y[0]
+        else:
+            dx, dy = tail_x[second + k - first] - x[0], tail_y[second + k - first] - y[0]
+        s, v = (dx * ux + dy * uy) / norm, dx * uy - dy * ux
+        powers[0] = 1.0
+        for a in range(1, TERMS):
+            powers[a] = powers[a - 1] * s
+        for a in range(TERMS):
+            right[a] += powers[a] * v
+            for b in range(TERMS):
+                gram[a, b] += powers[a] * powers[b]
+        total += v * v
+    for a in range(TERMS):
+        gram[a, a] += 1e-9 * count
+    found = np.linalg.solve(gram, right)
+    return max(total - np.dot(found, right), 0.0) / count
+
+
+def uncross(one, other) -> bool:
+    """Give two `detection.Line`s their own far parts back, in place; whether they had not them."""
+    i, j = tails_exchanged(one.x, one.y, one.n, other.x, other.y, other.n)
+    if i < 0:
+        return False
+    n, m = one.n, other.n
+    for name in PER_NODE:
+        mine, theirs = getattr(one, name), getattr(other, name)
+        tail = mine[i:n].copy()
+        mine[i : i + m - j] = theirs[j:m]
+        theirs[j : j + n - i] = tail
+    one.n, other.n = i + m - j, j + n - i
+    for line in (one, other):
+        line.amplitude[line.n :] = line.amplitude[line.n - 1]
+    return True
