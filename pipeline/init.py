@@ -22,6 +22,7 @@ FIELD_OF_VIEW_MM = 25.0  # a usual width of the image, where no pole gives the s
 POLE_DIAMETER_MM = 0.5
 SCALES = (1.0, 0.6, 1.6, 0.4, 2.5)  # of the usual one, tried in this order for the pole
 FREE_AROUND = 0.55  # share of the circle around a pole that its rod leaves free
+UNEVEN = 0.03  # share of a wide circle that may be hidden beyond what the rod hides near by
 COLOURS = [(200, 90, 0), (40, 40, 220), (0, 140, 60), (170, 0, 150), (0, 130, 200)]  # BGR
 
 
@@ -115,15 +116,26 @@ def _scene_and_scale(video):
 
 
 def _stands_free(scene) -> bool:
-    """Light around most of the pole: it is no corner of something larger."""
+    """Light around most of the pole, and more of it farther out: no part of something larger.
+
+    What hides the light around a pole is its rod, which fills less of a wider circle.
+    """
+    near, middle, far = (_light_around(scene, reach) for reach in (1.5, 2.0, 5.0))
+    return near > FREE_AROUND and far > middle - UNEVEN
+
+
+def _light_around(scene, reach) -> float:
+    """Bright share of a circle of `reach` radii about the pole, without the face; 1 for none."""
     pole, (height, width) = scene.pole, scene.background.shape
     angles = np.linspace(0, 2 * np.pi, 90, endpoint=False)
-    reach = 1.5 * pole.radius_px + 2
-    x = np.rint(pole.x_px[0] + reach * np.cos(angles)).astype(int)
-    y = np.rint(pole.y_px[0] + reach * np.sin(angles)).astype(int)
+    radius = reach * pole.radius_px + 2
+    x = np.rint(pole.x_px[0] + radius * np.cos(angles)).astype(int)
+    y = np.rint(pole.y_px[0] + radius * np.sin(angles)).astype(int)
     inside = (x >= 0) & (x < width) & (y >= 0) & (y < height)
-    light = np.percentile(scene.background, 90)
-    return np.mean(scene.background[y[inside], x[inside]] > 0.5 * light) > FREE_AROUND
+    x, y = x[inside], y[inside]
+    bright = scene.background[y, x] > 0.5 * np.percentile(scene.background, 90)
+    bright = bright[~scene.face_mask[y, x]]
+    return float(bright.mean()) if len(bright) else 1.0
 
 
 def _lines(frame, scene, roster, options):

@@ -1,0 +1,31 @@
+"""Which round dark things give the scale: poles, and not parts of something larger."""
+
+import numpy as np
+
+from pipeline.init import _stands_free
+from pipeline.records import PoleTrack, StaticScene
+
+SHAPE = (240, 320)
+RADIUS = 7.0  # px
+ROWS, COLUMNS = np.mgrid[: SHAPE[0], : SHAPE[1]]
+DISC = np.hypot(COLUMNS - 200, ROWS - 90) < RADIUS
+
+
+def scene(dark):
+    """A face at the left, a round thing at (200, 90), and other dark things."""
+    face = COLUMNS < 150
+    background = np.where(dark | DISC | face, 10.0, 180.0).astype(np.float32)
+    pole = PoleTrack(np.array([200.0]), np.array([90.0]), RADIUS)
+    return StaticScene(background, 0.02, 1.0, face, dark | DISC, pole, "left")
+
+
+def test_a_pole_gives_the_scale_with_its_rod_or_without():
+    rod = (COLUMNS > 200) & (np.abs(ROWS - 90) < 5)
+    assert _stands_free(scene(rod))
+    assert _stands_free(scene(np.zeros(SHAPE, bool)))
+
+
+def test_a_screw_on_something_larger_gives_none():
+    shaft = (np.abs(COLUMNS - 200) < 5) & (ROWS > 90)
+    block = ROWS > 110
+    assert not _stands_free(scene(shaft | block))
