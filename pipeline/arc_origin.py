@@ -22,7 +22,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import sparse
 
-from pipeline import shape_fit
+from pipeline import rest_curvature, shape_fit
 from pipeline.shape_fit import N_REST, RestPrior
 from pipeline.stations import N_STATIONS, Stations
 from whiskermodel.whisker import Whisker
@@ -144,6 +144,7 @@ def origin_from_bending(
     part = places.rows(rows).loaded()
     rest = replace(prior, drift=prior.drift[rows], cov=prior.cov[rows])
     here, design = part.origin, votes.design[rows]
+    apart = _apart_sd(votes, rows, places)
     influence = np.zeros((len(rows), N_STATIONS + N_REST))
     for _ in range(ROUNDS):
         fit = shape_fit.fit_loaded(
@@ -152,7 +153,7 @@ def origin_from_bending(
         bend, pull = (np.nan_to_num(fit[f"origin_{k}"]) for k in ("bend", "pull"))
         share = _trust(pull, bend) * (fit["chi2"] < CLEAN * float(np.nanmedian(fit["chi2"])))
         share /= _noise(share, pull, bend)
-        common = _common_sd(share, bend, influence, part, fit, rest)
+        common = _common_sd(share, bend, influence, part, fit, rest, whisker, apart)
         witness = design, share * bend, share * (pull + bend * here)
         try:
             alone = _with_bending(votes.loosely(), *witness, common)
@@ -178,11 +179,12 @@ def _noise(share, pull, bend):
     return TOGETHER * max(0.5, float(np.mean(np.clip(deviation, -limit, limit) ** 2)))
 
 
-def _common_sd(share, bend, influence, part, fit, rest):
+def _common_sd(share, bend, influence, part, fit, rest, whisker, apart):
     """Standard error [m] of the bending's answer from what is common to all of its rows.
 
-    Its parts are the stations' errors that do not average out, and the errors of the rest
-    shape's weights (`RestPrior`).
+    Its parts are the stations' errors that do not average out, the errors of the rest shape's
+    weights (`RestPrior`), and the rest shape's place along the whisker, which is that of the free
+    frames and `apart` [m] off.
     """
     total = (share * bend).sum()
     rows = share[:, None] * np.nan_to_num(influence)
@@ -199,7 +201,20 @@ def _common_sd(share, bend, influence, part, fit, rest):
         powers = u[:, None] ** np.arange(len(rest.weights))
         answers = powers.T @ rows[:, N_STATIONS:]
         variance += np.einsum("ka,kalb,lb->", answers, rest.weights_cov, answers)
+    slope = 2 / whisker.length * np.polynomial.legendre.legder(np.nan_to_num(fit.rest), axis=1)
+    variance += (apart * np.sum(rows[:, N_STATIONS:-1] * slope)) ** 2
     return float(np.sqrt(variance) / total) if total > 0 else np.inf
+
+
+def _apart_sd(votes, rows, places):
+    """Standard error [m] of the mean origin of `rows` beside that of the free frames."""
+    free = rest_curvature.free_frames(places.distance, np.isfinite(places.pole_x))
+    if not free.any():
+        return HIDDEN_LENGTH_SD_M
+    gap = np.asarray(
+        votes.design[rows].mean(axis=0) - votes.design[np.flatnonzero(free)].mean(axis=0)
+    )
+    return float(np.sqrt(gap[0] @ np.linalg.solve(votes.matrix, gap[0])))
 
 
 def _with_bending(votes, design, bend, pull, sd):

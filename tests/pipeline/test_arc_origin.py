@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import traced_motion
 
-from pipeline import arc_origin, forces, stations
+from pipeline import arc_origin, forces, rest_curvature, stations
 from synthetic.presets import make_trial
 from whiskermodel.whisker import mouse_c2
 
@@ -104,6 +104,25 @@ def test_frames_that_a_codec_interpolated_are_not_asked(touching):
         evidence, _ = forces.measure_forces(drawn, mouse_c2(), touching.frames, AT)
         error[told] = abs(np.median(evidence["origin_m"]))
     assert error[True] < origin_tolerance < error[False]
+
+
+def test_how_far_touches_begin_from_free_frames_is_known_as_well_as_the_tip_tells(touching):
+    """Ends of the trace that scatter by 0.05 mm, drawn again and again."""
+    rng = np.random.default_rng(2)
+    places, whisker = touching.places, mouse_c2()
+    angle = np.radians(touching.frames["base_angle_deg"].to_numpy())
+    time = touching.frames["time_s"].to_numpy()
+    rows = np.flatnonzero(touching.true_frames["in_contact"].to_numpy(bool))
+    free = rest_curvature.free_frames(places.distance, np.isfinite(places.pole_x))
+    found, told = [], []
+    for _ in range(12):
+        ends = places.last + rng.normal(0, 0.05e-3, len(places))
+        seen = replace(places, last=ends)
+        origin, votes = arc_origin.origin_from_tip(seen, whisker, angle, time)
+        found.append(origin.per_row[rows].mean() - origin.per_row[free].mean())
+        told.append(arc_origin._apart_sd(votes, rows, places))
+    # the wandering that is thought possible does not happen here: less scatter than told
+    assert 0.3 < np.sqrt(np.mean(np.square(found))) / np.mean(told) < 1.2
 
 
 def test_the_standard_error_holds_what_is_common_to_all_frames():
