@@ -43,6 +43,7 @@ LARGEST_TURN = np.radians(150)  # no whisker bends further from its base to its 
 SHARPEST_BASE = np.radians(35)  # turn within HOOK_M of the base: beyond, it follows the fur's edge
 HOOK_M = 2.5e-3
 NEAR_SHIFTS = np.radians([-8, -4, 0, 4, 8])  # of all angles, where some whiskers are followed
+KEPT = 0.95  # part of two lines that must still be found when they have exchanged far parts
 CHECK_EVERY = 5  # frames between two checks of who is who
 DOUBTFUL = 0.4  # confidence is lowered to this part while it is not known who is who
 SEARCH_EVERY_CROWDED = 5
@@ -235,11 +236,20 @@ class Tracer:
     def _uncross(self, present: list[Track], image, gain) -> None:
         """Let lines that have turned off onto each other go on with their own far parts."""
         tracks = [t for t in present if t.line is not None]
-        for line in detection.uncrossed([t.line for t in tracks]):
+        known = [t.line.copy() for t in tracks]
+        changed = detection.uncrossed([t.line for t in tracks])
+        for line in changed:
             others = [t.line for t in tracks if t.line is not line]
             with detection.painted(self.model, others):
                 detection.refine(image, self.model, gain, line, self.options, self.workspace)
-            track = next(t for t in tracks if t.line is line)
+        pairs = [
+            (t, k) for t, k in zip(tracks, known, strict=True) if any(t.line is c for c in changed)
+        ]
+        if sum(t.line.n * t.line.quality - KEPT * k.n * k.quality for t, k in pairs) < 0:
+            for track, line in pairs:  # less is found of them so: they had their own
+                track.line = line
+            return
+        for track, _ in pairs:
             track.before = None  # it tells nothing of the far part's motion
             self._give_up_if_poor(track)
 

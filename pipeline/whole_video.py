@@ -9,6 +9,7 @@ from dataclasses import fields, replace
 from itertools import pairwise
 
 import numpy as np
+from scipy.ndimage import uniform_filter1d
 
 from pipeline import naming
 from pipeline.fan_model import FanModel, learn
@@ -22,6 +23,8 @@ LEAST_SD = np.array([np.nan, np.radians(1.5), 0.05, 0.03, 0.01, 0.01])
 LEAST_MOTION_MM = 0.02
 LEAST_MOTION = np.array([np.nan, np.radians(0.4), 0.02, 0.01, 0.004, 0.004])
 SURE = 0.9  # probability of a name, below which it counts as not known
+LOOK_SURE = 0.8  # probability of a name by the looks alone, frame by frame, over LOOK_FRAMES
+LOOK_FRAMES = 21
 THICK = 3.0  # standard deviations: a thicker line lies on two whiskers
 UNKNOWN = 0.4  # confidence is lowered to this part where a name is not known
 
@@ -81,9 +84,10 @@ def names(frame, whisker, features, samples, pixels_per_m):
     model = learn(model, *_some(features, tracks, starts))
     guess = model.phases_of(features[:, ANGLE], tracks, starts)
     phase = np.repeat(model.phases(features, starts, guess), np.diff(starts))
+    cost = model.costs(features, phase)
     blocks, rows_of = naming.blocks_of(
         features,
-        model.costs(features, phase),
+        cost,
         frame,
         tracks,
         _motion_sd(features, frame, tracks, scale),
@@ -93,6 +97,7 @@ def names(frame, whisker, features, samples, pixels_per_m):
         for lines, name, p in zip(rows, way, probable, strict=True):
             named[lines], sure[lines] = name, p
     sure[_double(model, features, phase, named)] = 0.0
+    sure[_by_look(cost, named) < LOOK_SURE] = 0.0
     back = np.empty(len(order), int)
     back[order] = np.arange(len(order))
     return named[back], sure[back]
@@ -102,6 +107,17 @@ def _double(model, features, phase, named):
     """Which lines are so thick that they lie on two whiskers, bool (rows,)."""
     expected = model.middle[named, THICKNESS] + model.slope[named, THICKNESS] * phase
     return features[:, THICKNESS] - expected > THICK * model.sd[named, THICKNESS]
+
+
+def _by_look(cost, named):
+    """Probability of the names by single frames' looks, averaged over LOOK_FRAMES, (rows,)."""
+    like = np.exp(cost.min(axis=1, keepdims=True) - cost)
+    own = like[np.arange(len(named)), named] / like.sum(axis=1)
+    out = np.empty(len(named))
+    for name in np.unique(named):
+        rows = np.flatnonzero(named == name)
+        out[rows] = uniform_filter1d(own[rows], min(LOOK_FRAMES, len(rows)))
+    return out
 
 
 def _some(features, whisker, starts):
