@@ -7,6 +7,7 @@ a luma plane (RGB, palettes) are converted.
 """
 
 from fractions import Fraction
+from itertools import groupby
 
 import av
 import cv2
@@ -136,10 +137,14 @@ class ContainerVideo(Video):
             if stop is None or index < stop:
                 self._check_end(index, pts)
 
+    @property
+    def _timed(self) -> bool:
+        """Whether the frames' times are known."""
+        return self._step is not None and self._first_pts is not None
+
     def _decode_from(self, container, stream, start):
         """Decode from frame `start` on, by seeking where times are known."""
-        seek = start > 0 and self._step is not None and self._first_pts is not None
-        if not seek:
+        if start == 0 or not self._timed:
             for i, frame in enumerate(container.decode(stream)):
                 if i >= start:
                     yield frame
@@ -147,10 +152,7 @@ class ContainerVideo(Video):
         first = self._pts(start) - self._step / 2
         container.seek(self._pts(start), stream=stream)
         for packet in container.demux(stream):
-            # of the frames before, only those are decoded that others refer to
-            before = packet.pts is not None and packet.pts < first
-            stream.codec_context.skip_frame = "NONREF" if before else "DEFAULT"
-            for frame in packet.decode():
+            for frame in _decode_towards(first, packet, stream):
                 if frame.pts is None or frame.pts > first:
                     yield frame
 
@@ -181,6 +183,46 @@ class ContainerVideo(Video):
 
     # ---- a few frames ---------------------------------------------------------------------
 
+    def some(self, numbers):
+        """Yield (number, frame) in ascending order, for those of `numbers` that can be read."""
+        left = sorted(set(numbers))
+        if self._timed:
+            try:
+                for number, frame in self._some_by_key_frame(left):
+                    yield number, self._luma(frame)
+                    left = left[left.index(number) + 1 :]
+            except av.FFmpegError:
+                pass  # those behind the damage are tried one by one
+        yield from super().some(left)
+
+    def _some_by_key_frame(self, numbers):
+        """Yield (number, frame); those behind the same key frame are decoded in one go."""
+        with self._open(self.path) as container:
+            stream = container.streams.video[0]
+            keys = [self._key_frame_before(container, stream, n) for n in numbers]
+            for _, group in groupby(zip(keys, numbers, strict=True), key=lambda pair: pair[0]):
+                yield from self._decode_these(container, stream, [n for _, n in group])
+
+    def _decode_these(self, container, stream, numbers):
+        container.seek(self._pts(numbers[0]), stream=stream)
+        wanted = iter(numbers)
+        number = next(wanted)
+        for packet in container.demux(stream):
+            for frame in _decode_towards(self._pts(number) - self._step / 2, packet, stream):
+                index = self._index(frame)
+                while number is not None and index is not None and index >= number:
+                    if index == number and (frame.height, frame.width) == self.shape:
+                        yield number, frame
+                    number = next(wanted, None)
+                if number is None:
+                    return
+
+    def _key_frame_before(self, container, stream, number):
+        """Time of the key frame at which decoding towards a frame begins; None if not told."""
+        container.seek(self._pts(number), stream=stream)
+        packet = next(container.demux(stream), None)
+        return packet.pts if packet is not None and packet.is_keyframe else None
+
     def _sampled(self, n):
         found = False
         try:
@@ -197,7 +239,7 @@ class ContainerVideo(Video):
 
         Nothing where the frames' times are not known.
         """
-        if self._step is None or self._first_pts is None or self.n_frames is None:
+        if not self._timed or self.n_frames is None:
             return
         with self._open(self.path) as container:
             stream = container.streams.video[0]
@@ -229,11 +271,8 @@ class ContainerVideo(Video):
         """Return the times of up to `n` distinct key frames, found without decoding."""
         keys = set()
         for i in np.linspace(0, self.n_frames - 1, n):
-            container.seek(self._pts(i), stream=stream)
-            packet = next(container.demux(stream), None)
-            if packet is not None and packet.is_keyframe and packet.pts is not None:
-                keys.add(packet.pts)
-        return sorted(keys)
+            keys.add(self._key_frame_before(container, stream, i))
+        return sorted(keys - {None})
 
     def _burst(self, container, stream, key, length):
         """Yield `length` frames from the key frame at time `key`, BURST_STEP frames apart."""
@@ -255,6 +294,13 @@ class ContainerVideo(Video):
 
     def _pts(self, index):
         return int(self._first_pts + round(index * self._step))
+
+
+def _decode_towards(first, packet, stream):
+    """Decode a packet; of the frames before time `first`, only those that others refer to."""
+    before = packet.pts is not None and packet.pts < first
+    stream.codec_context.skip_frame = "NONREF" if before else "DEFAULT"
+    return packet.decode()
 
 
 def _frame_duration(stream):

@@ -71,6 +71,16 @@ class Video:
         """
         return self.frames()
 
+    def some(self, numbers) -> Iterator[tuple[int, np.ndarray]]:
+        """Yield (number, frame) in ascending order, for those of `numbers` that can be read."""
+        for number in sorted(set(numbers)):
+            try:
+                image = next(self.frames(number, number + 1), None)
+            except VideoError:
+                continue
+            if image is not None:
+                yield number, image
+
     def sample(self, n: int = 48) -> tuple[np.ndarray, np.ndarray]:
         """Return about `n` frames spread over the video, at a small part of a full pass's cost.
 

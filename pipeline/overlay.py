@@ -8,7 +8,6 @@ import numpy as np
 import pandas as pd
 
 from pipeline import tables
-from pipeline.errors import VideoError
 from pipeline.settings import Settings, read_session
 from pipeline.video import open_video
 
@@ -47,20 +46,28 @@ def write_overlay(video_path, folder, settings: Settings | None = None) -> Path:
         return _write_video(folder, itertools.chain(first, pictures))
 
 
-def drawn_frames(video, folder, settings: Settings, start=0, stop=None):
-    """Yield the frames [start, stop) with findings, uint8 (height, width, 3), BGR."""
-    inside = [("frame", ">=", start), ("frame", "<", 2**31 - 1 if stop is None else stop)]
+def drawn_frames(video, folder, settings: Settings):
+    """Yield all frames with findings, uint8 (height, width, 3), BGR."""
+    for _, picture in _drawn(enumerate(video.frames()), folder, settings, []):
+        yield picture
+
+
+def _drawn(images, folder, settings, inside):
+    """Yield (number, picture) for `images`, which are (number, frame), in ascending order.
+
+    inside : filters of the tables' rows, which hold those of all these frames
+    """
     frames = tables.read_frames(folder / "frames.parquet", COLUMNS, inside)
     places = frames["frame"].to_numpy()
     lines = _by_frame(tables.centreline_chunks(folder / "centrelines.parquet", inside))
     state = tables.read_json(folder / "run.json", {})
     here = next(lines, None)
-    for number, image in enumerate(video.frames(start, stop), start):
+    for number, image in images:
         while here is not None and here[0] < number:
             here = next(lines, None)
         shown = here[1] if here is not None and here[0] == number else {}
         rows = frames.iloc[slice(*np.searchsorted(places, [number, number + 1]))]
-        yield draw(image, shown, rows, tables.pole_at(state, number), settings)
+        yield number, draw(image, shown, rows, tables.pole_at(state, number), settings)
 
 
 def _by_frame(chunks):
@@ -207,12 +214,8 @@ def pictures_of(results_folder, video_path, frames, settings: Settings) -> list:
     VideoError
         If the video cannot be opened.
     """
+    numbers = [int(each) for each in frames]
+    inside = [("frame", "in", sorted(set(numbers)))]
     with open_video(video_path) as video:
-        return [_picture(video, Path(results_folder), settings, int(each)) for each in frames]
-
-
-def _picture(video, folder, settings, frame):
-    try:
-        return next(drawn_frames(video, folder, settings, frame, frame + 1), None)
-    except VideoError:
-        return None
+        drawn = dict(_drawn(video.some(numbers), Path(results_folder), settings, inside))
+    return [drawn.get(number) for number in numbers]

@@ -157,6 +157,18 @@ class TestContainers:
             assert len(part) == min(5, 80 - start)
             assert np.array_equal(part, every[start : start + 5])
 
+    @pytest.mark.parametrize("gop", [12, 1000])
+    def test_some_frames_are_those_of_a_full_pass(self, tmp_path, gop):
+        path = tmp_path / "a.mp4"
+        write(path, codec="libx264", pixels="yuv420p", n=80, options={"g": str(gop)})
+        video = open_video(path)
+        every = list(video)
+        wanted = [79, 3, 4, 31, 30, 30, 11, 12, 0, 80]
+        found = list(video.some(wanted))
+        assert [number for number, _ in found] == [0, 3, 4, 11, 12, 30, 31, 79]
+        for number, image in found:
+            assert np.array_equal(image, every[number])
+
     @pytest.mark.parametrize("threads", [0, 2])
     def test_threads_do_not_change_frames(self, tmp_path, threads):
         write(tmp_path / "a.mp4", codec="libx264", pixels="yuv420p")
