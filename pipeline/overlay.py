@@ -48,14 +48,14 @@ def write_overlay(video_path, folder, settings: Settings | None = None) -> Path:
 
 def drawn_frames(video, folder, settings: Settings):
     """Yield all frames with findings, uint8 (height, width, 3), BGR."""
-    for _, picture in _drawn(enumerate(video.frames()), folder, settings, []):
+    for _, picture in _drawn(enumerate(video.frames()), folder, settings):
         yield picture
 
 
-def _drawn(images, folder, settings, inside):
+def _drawn(images, folder, settings, inside=None):
     """Yield (number, picture) for `images`, which are (number, frame), in ascending order.
 
-    inside : filters of the tables' rows, which hold those of all these frames
+    inside : filters of the tables' rows, which hold those of all these frames; None: all
     """
     frames = tables.read_frames(folder / "frames.parquet", COLUMNS, inside)
     places = frames["frame"].to_numpy()
