@@ -12,14 +12,16 @@ from pipeline.settings import Settings, read_session
 from pipeline.video import open_video
 
 FREE, TOUCHING, POLE, INK = (255, 150, 0), (40, 40, 230), (60, 180, 60), (30, 30, 30)  # BGR
+DOUBTFUL = (150, 130, 110)  # a line of which it is not known which whisker it is
 MM_PER_UN = 0.15  # length of the force arrow
 SMALL_PX = 480  # narrower pictures are drawn enlarged, for the text
 PLAYBACK_RATE = 25  # frames/s: slow motion
+SURE = 0.5  # confidence from which a name is taken for known
 SHIFT = 4  # binary digits after the point in OpenCV's coordinates
 COLUMNS = [
     "frame", "time_s", "whisker", "follicle_x_px", "follicle_y_px", "base_angle_deg",
     "in_contact", "contact_force_uN", "axial_force_uN", "lateral_force_uN",
-    "contact_arc_length_mm",
+    "contact_arc_length_mm", "confidence",
 ]  # fmt: skip
 
 
@@ -102,13 +104,27 @@ def draw(image, lines: dict, rows: pd.DataFrame, pole, settings: Settings) -> np
         cv2.circle(canvas, centre, round(radius * zoom * 2**SHIFT), POLE, 1, cv2.LINE_AA, SHIFT)
     for name, points in lines.items():
         row = table.get(name)
-        touching = row is not None and row["in_contact"]
-        colour = TOUCHING if touching else FREE
-        cv2.polylines(canvas, [_pixels(points, zoom)], False, colour, 1, cv2.LINE_AA, SHIFT)
-        if touching:
+        place, colour = _pixels(points, zoom), _colour(row)
+        cv2.polylines(canvas, [place], False, colour, 1, cv2.LINE_AA, SHIFT)
+        if len(table or lines) > 1:
+            _put_text(canvas, name, tuple(place[-1] // 2**SHIFT + 3), colour)
+        if colour == TOUCHING:
             _draw_force(canvas, points, row, settings, zoom)
     _write_state(canvas, table, lines)
     return canvas
+
+
+def _colour(row):
+    """Of a whisker in a frame, from its row of frames.parquet (None: there is none)."""
+    if row is None:
+        return FREE
+    if row["in_contact"]:
+        return TOUCHING
+    return DOUBTFUL if row["confidence"] < SURE else FREE
+
+
+def _put_text(canvas, words, place, colour):
+    cv2.putText(canvas, words, place, cv2.FONT_HERSHEY_SIMPLEX, 0.45, colour, 1, cv2.LINE_AA)
 
 
 def _pixels(points, zoom):
@@ -157,10 +173,10 @@ def _write_state(canvas, table, lines):
         row = table.get(name)
         if name not in lines:
             text.append((f"{name} -", INK))
-        elif row is not None and row["in_contact"]:
+        elif _colour(row) == TOUCHING:
             text.append((f"{name} {row['contact_force_uN']:.1f} uN", TOUCHING))
         else:
-            text.append((name, FREE))
+            text.append((name, _colour(row)))
     first = next(iter(table.values()), None)
     head = "" if first is None else f"{first['frame']}  {1e3 * first['time_s']:.0f} ms"
     text = [(head, INK), *text]
@@ -168,8 +184,7 @@ def _write_state(canvas, table, lines):
     box = canvas[: 10 + 15 * len(text), :width]
     box[:] = (0.35 * box + 0.65 * 255).astype(np.uint8)
     for i, (words, colour) in enumerate(text):
-        place = (6, 16 + 15 * i)
-        cv2.putText(canvas, words, place, cv2.FONT_HERSHEY_SIMPLEX, 0.45, colour, 1, cv2.LINE_AA)
+        _put_text(canvas, words, (6, 16 + 15 * i), colour)
 
 
 def _write_png(path, picture) -> Path:
