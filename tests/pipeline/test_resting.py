@@ -3,12 +3,13 @@
 import numpy as np
 
 from pipeline.records import Recording
-from pipeline.resting import without_resting_whiskers
+from pipeline.resting import FUR_MM, without_resting_whiskers
 from pipeline.scene_finding import scene_from_frames
 from pipeline.tracing import find_roster, options_for
 
 SCALE = 25.0  # px/mm
 FACE_PX, PIVOT = 40, (10.0, 120.0)
+FUR_PX = FACE_PX + int(FUR_MM * SCALE) + 2  # as far as fur reaches
 LIGHT = 200.0  # grey
 SHADE, CLEAN = 8.0, 3.5  # grey
 
@@ -35,14 +36,20 @@ def backgrounds(swing):
 
 
 def shade(scene):
-    """Largest error of the light beside the face [grey]."""
-    return np.abs(scene.background[60:180, FACE_PX + 8 : 300] - LIGHT).max()
+    """Largest error of the light beyond the fur [grey]."""
+    return np.abs(scene.background[60:180, FUR_PX:300] - LIGHT).max()
 
 
 def test_resting_whiskers_leave_no_shade():
     scene, cleared = backgrounds(np.radians(1.0))
     assert shade(scene) > SHADE
     assert shade(cleared) < CLEAN
+
+
+def test_the_fur_stays_as_it_is():
+    scene, cleared = backgrounds(np.radians(1.0))
+    fur = np.s_[:, : FUR_PX - 4]
+    assert np.array_equal(cleared.background[fur], scene.background[fur])
 
 
 def test_moving_whiskers_change_nothing():
