@@ -46,7 +46,7 @@ CLEAN = 4.0  # times the usual misfit: something else lies upon the whisker
 TOGETHER = 5.0  # rows that count as one: those of a contact err together
 # error of a station in the mean of a whole video, in its noise: a touching whisker lies still
 # upon the same pixels; and how far along the whisker such errors are alike
-LASTING_SHARE = 0.2
+LASTING_SHARE = 0.1
 LASTING_REACH_M = 1.5e-3
 ROUNDS = 3  # of Gauss–Newton
 BENDING_SD_M = 0.003e-3  # of the bending's answer, even where all is well
