@@ -297,8 +297,7 @@ def _loaded_rows(places, whisker, curvature_at, prior, friction):
         near = np.flatnonzero((places.side != 0) & (places.distance < 0.1e-3) & ~places.extended)
     if len(near) == 0:
         return near
-    shown = near[~places.interpolated[near]]
-    near = shown if len(shown) >= ENOUGH_ROWS else near
+    near = places.rather_shown(near, ENOUGH_ROWS)
     near = near[:: max(1, len(near) // (2 * MOST_ROWS))]
     rest = replace(prior, drift=prior.drift[near], cov=prior.cov[near])
     fit = shape_fit.fit_loaded(places.rows(near), whisker, curvature_at, rest, friction[near])

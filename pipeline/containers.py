@@ -190,7 +190,7 @@ class ContainerVideo(Video):
             try:
                 for number, frame in self._some_by_key_frame(left):
                     yield number, self._luma(frame)
-                    left = left[left.index(number) + 1 :]
+                    left = [n for n in left if n > number]
             except av.FFmpegError:
                 pass  # those behind the damage are tried one by one
         yield from super().some(left)

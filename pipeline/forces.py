@@ -182,9 +182,7 @@ def point_force(rest: pd.DataFrame, fit: ShapeFit):
 
 def _rest_shape(places, whisker, curvature_at, time, free) -> RestModel | None:
     """Rest shape, by the angle of the follicle, from the free frames."""
-    rows = np.flatnonzero(free)
-    shown = rows[~places.interpolated[rows]]
-    rows = shown if len(shown) >= rest_curvature.PLENTY else rows
+    rows = places.rather_shown(np.flatnonzero(free), rest_curvature.PLENTY)
     if len(rows) < rest_curvature.FEWEST_FRAMES:
         return None
     places = places.rows(rows)

@@ -16,26 +16,26 @@ def line_features(lines, ruler) -> np.ndarray:
     [px]; turn from the first to the second half of that part, and from all of it to the next as
     long [rad].
     """
-    out = np.full((len(lines), N_FEATURES), np.nan)
-    _fill(
-        lines.offsets, lines.x_px, lines.y_px, lines.thickness_px,
-        np.asarray(ruler.along, float), np.asarray(ruler.outward, float),
-        float(ruler.pivot_px), int(ruler.base_px), out,
-    )  # fmt: skip
-    return out
+    return _features(lines.offsets, lines.x_px, lines.y_px, lines.thickness_px, ruler)
 
 
 def sample_features(slot, ruler) -> dict[int, np.ndarray]:
     """Features (6,) of a roster's whisker (`roster.Slot`) in the frames where it was seen."""
     out = {}
     for frame, line in zip(slot.seen, slot.samples, strict=True):
-        row = np.full((1, N_FEATURES), np.nan)
-        _fill(
-            np.array([0, line.n]), line.x[: line.n], line.y[: line.n], line.thickness[: line.n],
-            np.asarray(ruler.along, float), np.asarray(ruler.outward, float),
-            float(ruler.pivot_px), int(ruler.base_px), row,
-        )  # fmt: skip
-        out[frame] = row[0]
+        n = line.n
+        ends = np.array([0, n])
+        out[frame] = _features(ends, line.x[:n], line.y[:n], line.thickness[:n], ruler)[0]
+    return out
+
+
+def _features(offsets, x, y, thickness, ruler):
+    out = np.full((len(offsets) - 1, N_FEATURES), np.nan)
+    _fill(
+        offsets, x, y, thickness,
+        np.asarray(ruler.along, float), np.asarray(ruler.outward, float),
+        float(ruler.pivot_px), int(ruler.base_px), out,
+    )  # fmt: skip
     return out
 
 

@@ -8,10 +8,11 @@ video is taken (Viterbi); the share of all ways that agree is the confidence (fo
 """
 
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
+
+from pipeline.line_features import ANGLE
 
 WEIGHT = 0.1  # of one frame's look: errors of neighbouring frames are alike
 AMBIGUOUS = 8.0  # log-odds of motion, below which two lines may have been exchanged
@@ -198,7 +199,7 @@ def _log_sum(values):
     return top + np.log(np.sum(np.exp(np.asarray(values) - top))) if np.isfinite(top) else top
 
 
-def blocks_of(features, cost, frame, whisker, motion_sd, angle=1) -> tuple[list[Block], list]:
+def blocks_of(features, cost, frame, whisker, motion_sd) -> tuple[list[Block], list]:
     """Cut a video's lines wherever a name may change.
 
     Parameters
@@ -212,31 +213,25 @@ def blocks_of(features, cost, frame, whisker, motion_sd, angle=1) -> tuple[list[
     blocks, and for each the rows that belong to it: a list of (tracks,) lists of rows
     """
     starts = np.append(np.flatnonzero(np.diff(frame, prepend=-2)), len(frame))
-    blocks, rows_of = [], []
-    last = None
-    for a, b in pairwise(starts):
+    a, b = starts[:2]
+    first = np.zeros((0, b - a)), np.ones(b - a, bool)
+    blocks = [Block(whisker[a:b], WEIGHT * cost[a:b], *first)]
+    rows_of = [[[r] for r in range(a, b)]]
+    for p, a, b in zip(starts, starts[1:], starts[2:], strict=False):
         tracks = whisker[a:b]
-        if last is None:
-            blocks.append(
-                Block(tracks, WEIGHT * cost[a:b], np.zeros((0, b - a)), np.ones(b - a, bool))
-            )
-            rows_of.append([[r] for r in range(a, b)])
-            last = a, b
-            continue
-        p, q = last
-        before, after = features[p:q], features[a:b].copy()
-        place = {int(t): k for k, t in enumerate(whisker[p:q])}
+        before, after = features[p:a], features[a:b].copy()
+        place = {int(t): k for k, t in enumerate(whisker[p:a])}
         pairs = [(place[int(t)], j) for j, t in enumerate(tracks) if int(t) in place]
         if pairs:
             i, j = np.array(pairs).T
-            after[:, angle] -= np.nanmedian(after[j, angle] - before[i, angle])
+            after[:, ANGLE] -= np.nanmedian(after[j, ANGLE] - before[i, ANGLE])
         motion = motions(before, after, motion_sd)
         loose = _loose(motion, pairs, b - a)
         gap = frame[a] - frame[p] > 1
         if gap:
             loose[:] = True
             motion[:] = np.minimum(motion, BORN)
-        if loose.any() or len(pairs) < q - p:
+        if loose.any() or len(pairs) < a - p:
             blocks.append(Block(tracks, WEIGHT * cost[a:b], motion, loose))
             rows_of.append([[r] for r in range(a, b)])
         else:
@@ -245,7 +240,6 @@ def blocks_of(features, cost, frame, whisker, motion_sd, angle=1) -> tuple[list[
                 k = order[int(t)]
                 blocks[-1].look[k] += WEIGHT * cost[a + j]
                 rows_of[-1][k].append(a + j)
-        last = a, b
     return blocks, rows_of
 
 

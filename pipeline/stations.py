@@ -65,6 +65,11 @@ class Stations:
     def __len__(self):
         return len(self.frame)
 
+    def rather_shown(self, rows, enough) -> np.ndarray:
+        """Those of `rows` (numbers) whose frames no codec made up; all, where not `enough` are."""
+        shown = rows[~self.interpolated[rows]]
+        return shown if len(shown) >= enough else rows
+
     def of(self, name: str) -> "Stations":
         """Return the rows of one whisker, in the order of their frames."""
         rows = np.flatnonzero(self.whisker == self.names.index(name))
