@@ -146,25 +146,24 @@ class TestContainers:
         assert np.array_equal(lent, list(video))
         assert all(image.flags.c_contiguous for image in lent)
 
-    @pytest.mark.parametrize("gop", [12, 1000])
-    def test_a_pass_may_start_anywhere(self, tmp_path, gop):
-        path = tmp_path / "a.mp4"
-        write(path, codec="libx264", pixels="yuv420p", n=80, options={"g": str(gop)})
-        video = open_video(path)
-        every = list(video)
+    @pytest.fixture(params=[12, 1000])
+    def video_80(self, tmp_path, request):
+        """80 frames with a key frame every 12, and with one only."""
+        options = {"g": str(request.param)}
+        write(tmp_path / "a.mp4", codec="libx264", pixels="yuv420p", n=80, options=options)
+        return open_video(tmp_path / "a.mp4")
+
+    def test_a_pass_may_start_anywhere(self, video_80):
+        every = list(video_80)
         for start in (0, 1, 11, 12, 13, 50, 79):
-            part = list(video.frames(start, start + 5))
+            part = list(video_80.frames(start, start + 5))
             assert len(part) == min(5, 80 - start)
             assert np.array_equal(part, every[start : start + 5])
 
-    @pytest.mark.parametrize("gop", [12, 1000])
-    def test_some_frames_are_those_of_a_full_pass(self, tmp_path, gop):
-        path = tmp_path / "a.mp4"
-        write(path, codec="libx264", pixels="yuv420p", n=80, options={"g": str(gop)})
-        video = open_video(path)
-        every = list(video)
+    def test_some_frames_are_those_of_a_full_pass(self, video_80):
+        every = list(video_80)
         wanted = [79, 3, 4, 31, 30, 30, 11, 12, 0, 80]
-        found = list(video.some(wanted))
+        found = list(video_80.some(wanted))
         assert [number for number, _ in found] == [0, 3, 4, 11, 12, 30, 31, 79]
         for number, image in found:
             assert np.array_equal(image, every[number])
