@@ -2,7 +2,7 @@
 
     python workflows/benchmark_tracking.py
     python workflows/benchmark_tracking.py --peer-python peer/bin/python
-    python workflows/benchmark_tracking.py --scenes single --frames 20000 --memory 2000,100000
+    python workflows/benchmark_tracking.py --scenes noisy --frames 20000 --memory 2000,100000
 
 Everything sees the same rendered H.264 videos, on one core, in one run. Decoding alone takes the
 luma plane; `trace` is decoding, finding the scene and tracing; `run` the whole command with its
@@ -40,7 +40,7 @@ from synthetic.session import session_settings
 from synthetic.truth import centreline_table, frame_table, visibility_table
 
 SCENES = {  # name: preset, trial
-    "single": ("h264", 0),
+    "clean": ("single", 0),
     "noisy": ("noisy", 0),
     "four whiskers": ("row", 0),
     "crossing": ("crossing", 0),
