@@ -37,7 +37,8 @@ def write_video(path, frames, codec: Codec) -> int:
     Raises
     ------
     ValueError
-        Where the suffix does not fit, there is no frame, or a frame is not grey uint8.
+        Where the suffix does not fit, there is no frame, a frame is not grey uint8, or h264 is
+        asked for with an odd width or height.
     """
     path = Path(path)
     if path.suffix != video_suffix(codec):
@@ -93,6 +94,11 @@ def _write_container(path, frames, codec):
 
 def _add_stream(container, shape, codec):
     """Add a video stream of the codec, full range."""
+    if codec.name == "h264" and (shape[0] % 2 or shape[1] % 2):
+        raise ValueError(
+            f"frames must have an even height and width for h264, got {shape[0]} × {shape[1]} px; "
+            "change the camera's size or the codec"
+        )
     name, pixel_format, options = {
         "ffv1": ("ffv1", "gray", {"level": "3", "slices": "4"}),
         "h264": ("libx264", "yuv420p", {"crf": str(codec.crf), "preset": codec.speed}),

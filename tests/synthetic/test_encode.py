@@ -83,6 +83,8 @@ def test_bad_arguments_are_named(tmp_path, frames):
         write_video(tmp_path / "video.avi", [], Codec("ffv1"))
     with pytest.raises(ValueError, match="frame 1 must be uint8"):
         write_video(tmp_path / "video.avi", [frames[0], frames[0][:5]], Codec("ffv1"))
+    with pytest.raises(ValueError, match=r"even height and width for h264, got 69 × 96 px"):
+        write_video(tmp_path / "video.mp4", [frames[0][:69]], Codec("h264"))
     with pytest.raises(ValueError, match="name must be one of"):
         Codec("vp9")
     with pytest.raises(ValueError, match="speed must be one of"):
