@@ -195,6 +195,15 @@ class ContainerVideo(Video):
                 pass  # those behind the damage are tried one by one
         yield from super().some(left)
 
+    def starts(self, numbers):
+        """The key frames before them; the first frame where these are not known."""
+        if not self._timed:
+            return super().starts(numbers)
+        with self._open(self.path) as container:
+            stream = container.streams.video[0]
+            times = [self._key_frame_before(container, stream, n) for n in numbers]
+        return [0 if time is None else self._index_at(time) for time in times]
+
     def _some_by_key_frame(self, numbers):
         """Yield (number, frame); those behind the same key frame are decoded in one go."""
         with self._open(self.path) as container:
@@ -288,9 +297,10 @@ class ContainerVideo(Video):
                 return
 
     def _index(self, frame):
-        if frame.pts is None:
-            return None
-        return round((frame.pts - self._first_pts) / self._step)
+        return None if frame.pts is None else self._index_at(frame.pts)
+
+    def _index_at(self, pts):
+        return round((pts - self._first_pts) / self._step)
 
     def _pts(self, index):
         return int(self._first_pts + round(index * self._step))

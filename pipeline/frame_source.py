@@ -81,6 +81,10 @@ class Video:
             if image is not None:
                 yield number, image
 
+    def starts(self, numbers) -> list[int]:
+        """For each of the frames `numbers`, the one from which on it must be decoded."""
+        return [0 for _ in numbers]
+
     def sample(self, n: int = 48) -> tuple[np.ndarray, np.ndarray]:
         """Return about `n` frames spread over the video, at a small part of a full pass's cost.
 
@@ -152,6 +156,10 @@ class RandomAccessVideo(Video):
 
     def _load(self, index: int) -> np.ndarray:
         raise NotImplementedError
+
+    def starts(self, numbers):
+        """Each of them: nothing else need be read."""
+        return list(numbers)
 
     def _read(self, start, stop):
         stop = self.n_frames if stop is None else min(stop, self.n_frames)

@@ -14,6 +14,7 @@ from pipeline import figures, tables
 from pipeline.arc_origin import HIDDEN_LENGTH_SD_M
 from pipeline.errors import VideoError
 from pipeline.evidence import EVIDENCE_FILE
+from pipeline.examples import Effort, choose_examples, choose_flagged
 from pipeline.settings import read_session
 
 PICTURES = 6  # example overlays
@@ -52,17 +53,18 @@ def write_report(results) -> Path:
     truth = figures.read_truth(results)
     settings = results / "session.toml"
     contacts = at_peaks(results, contacts)
-    pictures = _stills(results, contacts, record, _examples(contacts))
-    flags = _flags(contacts)
-    shown = {picture["index"] for picture in pictures}
-    stills = _stills(results, contacts, record, _flagged(flags, shown))
-    shown |= {still["index"] for still in stills}
+    flags = _by_flag(contacts)
+    effort = Effort(contacts, record.get("inputs", {}))
+    flagged = choose_flagged(flags.values(), STILLS, NAMED, effort)
+    examples = choose_examples(contacts, PICTURES, effort, flagged)
+    flagged = [index for index in flagged if index not in examples]
+    drawn = _stills(results, contacts, record, [*examples, *flagged])
     page = _template().render(
         title=results.resolve().name,
         version=record.get("version", ""),
         finished=record.get("finished", "").replace("T", " ").replace("+00:00", " UTC"),
         tiles=_tiles(videos, contacts, record),
-        pictures=pictures,
+        pictures=[drawn[index] for index in examples if index in drawn],
         fig3=_data_uri(results / "figures" / "fig3.svg", "image/svg+xml"),
         numbers=figures.fig3_numbers(contacts, truth).to_dict("records"),
         has_truth=truth is not None,
@@ -71,9 +73,9 @@ def write_report(results) -> Path:
         budget=error_budget(results, contacts),
         has_contacts=len(contacts) > 0,
         videos=list(_video_rows(results, videos, contacts)),
-        flags=flags,
-        stills=stills,
-        shown=shown,
+        flags=[_flag_row(*item, contacts, drawn) for item in flags.items()],
+        stills=[drawn[index] for index in flagged if index in drawn],
+        shown=set(drawn),
         stages=_stages(record),
         settings=settings.read_text("utf-8") if settings.exists() else "",
         command=" ".join(["whiskerforce", *record["command"]]) if "command" in record else "",
@@ -320,35 +322,18 @@ def _budget_row(source, known, size, share, note):
 # --- pictures -----------------------------------------------------------------------------
 
 
-def _examples(contacts) -> list:
-    """Some contacts, of as many videos as possible."""
-    order = contacts.groupby("video").cumcount()
-    return list(order.sort_values(kind="stable").head(PICTURES).index)
-
-
-def _flagged(flags, shown) -> list:
-    """Flagged contacts that are not in the page yet: first of each flag, second, …"""
-    wanted = [
-        flag["places"][n]["index"]
-        for n in range(NAMED)
-        for flag in flags
-        if n < len(flag["places"])
-    ]
-    return [index for index in dict.fromkeys(wanted) if index not in shown][:STILLS]
-
-
-def _stills(results, contacts, record, indices) -> list[dict]:
-    """Contacts at their peaks with captions, in this order; nothing where a video is gone."""
-    drawn = {}
+def _stills(results, contacts, record, indices) -> dict:
+    """Contact → picture of its peak, with a caption, of those whose videos can be read."""
+    pictures = {}
     for video, rows in contacts.loc[indices].groupby("video"):
         state = record.get("inputs", {}).get(video)
         if state:
-            drawn |= _drawn(results / video, state["path"], rows["peak_frame"].astype(int))
-    return [
-        {"data": drawn[index], "caption": _caption(contacts.loc[index]), "index": index}
-        for index in indices
-        if index in drawn
-    ]
+            frames = rows["peak_frame"].astype(int)
+            pictures |= _drawn(results / video, state["path"], frames)
+    return {
+        index: {"data": data, "caption": _caption(contacts.loc[index]), "index": index}
+        for index, data in pictures.items()
+    }
 
 
 def _drawn(folder, path, frames) -> dict:
@@ -493,17 +478,23 @@ def _parts(flags) -> list[str]:
     return [part.strip() for part in flags.split(";") if part.strip()]
 
 
-def _flags(contacts):
-    """Every flag with its number of contacts and the first few places."""
-    places = defaultdict(list)
-    for index, row in contacts.iterrows():
-        for flag in _parts(row["flags"]):
-            where = f"{row['video']} frame {row['peak_frame']:.0f}"
-            places[flag].append({"where": where, "index": index})
-    return [
-        {"flag": flag, "count": len(where), "places": where[:NAMED]}
-        for flag, where in sorted(places.items(), key=lambda item: -len(item[1]))
+def _by_flag(contacts) -> dict:
+    """Flag → contacts that have it, the commonest flag first."""
+    labels = defaultdict(list)
+    for index, flags in contacts["flags"].items():
+        for flag in _parts(flags):
+            labels[flag].append(index)
+    return dict(sorted(labels.items(), key=lambda item: -len(item[1])))
+
+
+def _flag_row(flag, labels, contacts, shown):
+    """A flag, its number of contacts and where some of them are: those first that are shown."""
+    named = sorted(labels, key=lambda index: index not in shown)[:NAMED]
+    places = [
+        {"where": f"{row['video']} frame {row['peak_frame']:.0f}", "index": index}
+        for index, row in contacts.loc[contacts.index.isin(named)].iterrows()
     ]
+    return {"flag": flag, "count": len(labels), "places": places}
 
 
 def _stages(record):

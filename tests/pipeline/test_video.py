@@ -168,6 +168,12 @@ class TestContainers:
         for number, image in found:
             assert np.array_equal(image, every[number])
 
+    def test_reading_starts_at_key_frames(self, video_80):
+        with av.open(str(video_80.path)) as file:
+            keys = [i for i, frame in enumerate(file.decode(video=0)) if frame.key_frame]
+        wanted = [79, 0, 11, 12, 40]
+        assert video_80.starts(wanted) == [max(k for k in keys if k <= n) for n in wanted]
+
     @pytest.mark.parametrize("threads", [0, 2])
     def test_threads_do_not_change_frames(self, tmp_path, threads):
         write(tmp_path / "a.mp4", codec="libx264", pixels="yuv420p")
