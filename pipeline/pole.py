@@ -20,6 +20,7 @@ LEAST_ARC = 0.55  # of the circumference must be seen as edge: a corner has 0.5,
 MOST_RESIDUAL = 0.06  # of the edge's contrast, root mean square
 LEAST_CONTRAST = 0.2  # share of the light that the disc takes
 LEAST_SHADE = 0.08  # the same, where a person says that there is a pole
+RADIUS_SPREAD = 0.15  # SD of a pole's radius about the expected one, relative, in its score
 EDGE_SLOPE = 0.04  # of the light per pixel: less is no edge of a thing in focus
 INTERPOLATION = 0.003  # error of interpolated pixels, share of the light
 
@@ -90,7 +91,7 @@ def _plausible(circle, radius_px, near_xy):
 # ---- roughly ------------------------------------------------------------------------------
 
 
-def _candidates(image, radius_px, near_xy, exclude, most=6):
+def _candidates(image, radius_px, near_xy, exclude, most=10):
     """Yield (x, y) where the edges' gradients point away from a common dark centre."""
     smooth = cv2.GaussianBlur(image, (0, 0), 0.8)
     gx = cv2.Sobel(smooth, cv2.CV_32F, 1, 0, scale=1 / 8)
@@ -129,7 +130,10 @@ def _votes(shape, x, y, ux, uy, strength, radius_px):
 
 
 def _rough_circle(image, x, y, radius_px):
-    """Circle (x, y, radius, score) through the half levels along rays from (x, y), or None."""
+    """Circle (x, y, radius, score) through the half levels along rays from (x, y), or None.
+
+    A pole lets no light through and has the expected radius; dust is paler, and of any size.
+    """
     angles = _rays()
     design = np.column_stack([np.cos(angles), np.sin(angles), np.ones(N_RAYS)])
     for _ in range(3):
@@ -147,7 +151,8 @@ def _rough_circle(image, x, y, radius_px):
     spread = np.std(edge[near] - design[near] @ (dx, dy, radius)) / radius
     px, py = _ray_points(x, y, angles, radius * np.array([0.2, 0.4, 0.6]))
     inner = cv2.remap(image, px, py, cv2.INTER_LINEAR).mean()
-    score = near.mean() * (1 - 4 * spread) * (1 - inner)
+    off = (radius / radius_px - 1) / RADIUS_SPREAD
+    score = near.mean() * (1 - 4 * spread) * (1 - inner) ** 2 * np.exp(-0.5 * off**2)
     return float(x), float(y), float(radius), float(score)
 
 

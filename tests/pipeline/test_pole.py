@@ -57,6 +57,19 @@ def test_pole_on_a_rod_is_found_and_measured(direction, radius):
 
 
 @settings(deadline=None, max_examples=20)
+@given(seed=st.integers(0, 2**32 - 1), radius=st.floats(3.5, 7.0))
+def test_dust_is_no_pole(seed, radius):
+    rng = np.random.default_rng(seed)
+    image = scene(83.37, 59.81, radius, direction=rng.uniform(0, 2 * np.pi))
+    for x, y in [(25, 20), (25, 60), (25, 100), (140, 20), (140, 60), (140, 100)]:
+        x, y = x + rng.uniform(-4, 4), y + rng.uniform(-4, 4)
+        speck = disc(image.shape, x, y, radius * rng.uniform(0.5, 1.2), rng.uniform(0.7, 2.0))
+        image *= 1 - rng.uniform(0.2, 0.8) * (1 - speck)
+    pole = find_pole(image, radius)
+    assert np.hypot(pole.x_px - 83.37, pole.y_px - 59.81) < 0.5  # px; the rod may cross dust
+
+
+@settings(deadline=None, max_examples=20)
 @given(
     x=st.floats(60, 100),
     y=st.floats(45, 75),
