@@ -22,6 +22,7 @@ CLEAR_DISTANCE_M = 0.06e-3  # beyond the nearest frames': free where hardly any 
 CLEAR_SD = 8.0  # as many times the distance's noise
 PLENTY, PLENTY_SHARE = 20, 0.25  # frames beyond FREE_DISTANCE_M, of those clear of a touch
 NEAREST = 3  # frames whose distance is that of a touch, or nearer than any free one
+ASTRAY_SHARE = 0.1  # of the most frames that lie together before the pole: fewer went astray
 FEWEST_FRAMES = 3
 LARGEST_DEGREE = 2
 # rolling by 0.7 rad per rad (Knutsen et al. 2008) shows up to this much of a bend of 20 1/m
@@ -192,9 +193,20 @@ def _clear_distance(distance):
     if len(known) < 3:
         return FREE_DISTANCE_M
     noise = 1.4826 * np.median(np.abs(np.diff(known, 2))) / np.sqrt(6)
+    reach = max(CLEAR_DISTANCE_M, CLEAR_SD * noise)
     # a single frame that went astray is not the nearest
-    nearest = median_filter(known, 5, mode="nearest").min()
-    return min(FREE_DISTANCE_M, nearest + max(CLEAR_DISTANCE_M, CLEAR_SD * noise))
+    return min(FREE_DISTANCE_M, _nearest(median_filter(known, 5, mode="nearest"), reach) + reach)
+
+
+def _nearest(distance, reach):
+    """Least distance [m] but for stretches that went astray: at which others within `reach` lie.
+
+    Touches lie closely together; a line that followed something else does not lie with them.
+    """
+    distance = np.sort(distance)
+    company = np.searchsorted(distance, distance + reach, "right") - np.arange(len(distance))
+    most = company[distance < FREE_DISTANCE_M].max(initial=1)
+    return distance[np.argmax(company >= ASTRAY_SHARE * most)]
 
 
 def add_rest_curvature(frames: pd.DataFrame, rest: dict) -> pd.DataFrame:

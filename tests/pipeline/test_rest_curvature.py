@@ -222,5 +222,8 @@ def test_frames_clear_of_a_touch_are_free_where_none_is_far():
     # a few far ones, all of one angle, do not shut the others out
     distance[-30:] = 0.3e-3
     assert free_frames(distance, np.full(300, True)).sum() >= free[:-30].sum()
+    # nor do some that went astray, into the pole, make touches free
+    distance[5:17] = -0.2e-3
+    assert not free_frames(distance, np.full(300, True))[touching & (distance > -0.1e-3)].any()
     always = level + rng.normal(0, 5e-6, 300)
     assert not free_frames(always, np.full(300, True)).any()
