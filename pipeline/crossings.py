@@ -1,7 +1,9 @@
 """Two lines that cross: each must go on with its own far part, and not with the other's.
 
 Where whiskers cross at a small angle, lines may turn off onto each other there. A whisker is
-smooth: with its own far part it is nearly a parabola, and with the other's it has a bend.
+smooth: with its own far part it is nearly a parabola, and with the other's it has a bend. One that
+the pole bends is no parabola, yet smooth on either side of the crossing; so what is near the
+crossing decides, and the whole lines only where they cross too flatly for that.
 """
 
 import numpy as np
@@ -9,6 +11,8 @@ from numba import njit
 
 NEAR_PX = 2.0  # nearer, lines cross or touch
 LEAST = 12  # nodes on either side of the crossing
+GAP = 3  # nodes left out where both lie upon each other
+LOCAL = 40  # nodes on either side that decide where they can
 MUCH_BETTER = 0.5  # part of the misfit, to which an exchange must bring it down
 LEAST_MISFIT = 0.02  # px², mean square: less is noise
 TERMS = 4  # of the polynomial along the chord
@@ -21,15 +25,15 @@ def tails_exchanged(x, y, n, other_x, other_y, m):
     i, j = _nearest(x, y, n, other_x, other_y, m)
     if i < 0 or min(i, j, n - i, m - j) < LEAST:
         return -1, -1
-    gap = 3  # nodes left out where both lie upon each other
-    now = _misfit(x, y, i - gap, x, y, i + gap, n) + _misfit(
-        other_x, other_y, j - gap, other_x, other_y, j + gap, m
-    )
-    then = _misfit(x, y, i - gap, other_x, other_y, j + gap, m) + _misfit(
-        other_x, other_y, j - gap, x, y, i + gap, n
-    )
-    if now > LEAST_MISFIT and then < MUCH_BETTER * now:
-        return i, j
+    for reach in (LOCAL, max(n, m)):
+        one, one_tail = max(i - reach, 0), min(i + reach, n)
+        two, two_tail = max(j - reach, 0), min(j + reach, m)
+        now = _misfit(x, y, one, i, x, y, i, one_tail)
+        now += _misfit(other_x, other_y, two, j, other_x, other_y, j, two_tail)
+        then = _misfit(x, y, one, i, other_x, other_y, j, two_tail)
+        then += _misfit(other_x, other_y, two, j, x, y, i, one_tail)
+        if max(now, then) > LEAST_MISFIT:
+            return (i, j) if then < MUCH_BETTER * now else (-1, -1)
     return -1, -1
 
 
@@ -53,19 +57,21 @@ def _nearest(x, y, n, other_x, other_y, m):
 
 
 @njit(cache=True)
-def _misfit(x, y, first, tail_x, tail_y, second, end):
-    """Mean square distance [px²] of nodes 0 … first and second … end from a smooth curve."""
+def _misfit(x, y, start, i, tail_x, tail_y, j, end):
+    """Mean square distance [px²] of nodes start … i − GAP and j + GAP … end from a smooth curve."""
+    first, second = i - GAP - start, j + GAP
     count = first + end - second
-    ux, uy = tail_x[end - 1] - x[0], tail_y[end - 1] - y[0]
+    x0, y0 = x[start], y[start]
+    ux, uy = tail_x[end - 1] - x0, tail_y[end - 1] - y0
     norm = max(np.hypot(ux, uy), 1e-9)
     ux, uy = ux / norm, uy / norm
     gram, right, total = np.zeros((TERMS, TERMS)), np.zeros(TERMS), 0.0
     powers = np.empty(TERMS)
     for k in range(count):
         if k < first:
-            dx, dy = x[k] - x[0], y[k] - y[0]
+            dx, dy = x[start + k] - x0, y[start + k] - y0
         else:
-            dx, dy = tail_x[second + k - first] - x[0], tail_y[second + k - first] - y[0]
+            dx, dy = tail_x[second + k - first] - x0, tail_y[second + k - first] - y0
         s, v = (dx * ux + dy * uy) / norm, dx * uy - dy * ux
         powers[0] = 1.0
         for a in range(1, TERMS):

@@ -55,9 +55,31 @@ def test_lines_get_their_own_far_parts_back(seed):
         assert line.amplitude[n - 1] == pytest.approx(true.amplitude[n - 1])
 
 
+def bent(seed=0):
+    """A whisker that a pole bends, and one that crosses it beyond, 130 px from their bases."""
+    rng = np.random.default_rng(seed)
+    one, other = parabola(100.0, -0.35, 0.0, 260, rng), parabola(70.0, 0.0, 3e-4, 260, rng)
+    s = np.arange(260.0)  # a rod held at its base and pushed back at 110 px, straight beyond
+    one.y[:260] += 9.4e-6 * np.where(s < 110, s**2 * (330 - s), 110**2 * (3 * s - 110))
+    return one, other
+
+
 @pytest.mark.parametrize("seed", range(5))
-def test_lines_that_are_right_are_left(seed):
-    one, other = pair(seed)
+def test_a_whisker_bent_by_the_pole_gets_its_own_far_part_back(seed):
+    one, other = bent(seed)
+    first, second = bent(seed)
+    at = crossing_of(one, other)
+    exchange(first, second, at)
+    assert crossings.uncross(first, second)
+    for line, true in ((first, one), (second, other)):
+        apart = np.interp(true.x[: true.n], line.x[: line.n], line.y[: line.n]) - true.y[: true.n]
+        assert np.abs(apart).max() < 1.0  # px
+
+
+@pytest.mark.parametrize("make", [pair, bent])
+@pytest.mark.parametrize("seed", range(5))
+def test_lines_that_are_right_are_left(seed, make):
+    one, other = make(seed)
     before = one.y.copy(), other.y.copy()
     assert not crossings.uncross(one, other)
     assert np.array_equal(one.y, before[0])
