@@ -96,8 +96,11 @@ class Survey:
         states : int (k,), numbered from 0; −1 while things move
         frames : for each state, uint8 (n, height, width)
         """
-        states = np.array(self._states)
-        longest = _longest_runs(states)
+        states = self._likest()
+        of_sample = dict(zip(self.indices, states, strict=True))
+        items = [item for kept in self._kept for item in kept.items]
+        held = np.bincount([of_sample[i] for i, _ in items], minlength=len(self._references))
+        longest = np.where(held, _longest_runs(states, len(self._references)), 0)
         kept = np.flatnonzero(longest >= min(FEWEST_SAMPLES, longest.max()))
         number = np.full(len(longest), -1)
         number[kept] = np.arange(len(kept))
@@ -105,9 +108,25 @@ class Survey:
         changes = np.count_nonzero(np.diff(states[states >= 0]))
         if np.mean(states < 0) > 0.5 or changes > MOST_CHANGES * len(states):
             # nothing ever rests: one scene is the best there is
-            frames = [frame for kept in self._kept for _, frame in kept.items]
+            frames = [frame for _, frame in items]
             return np.zeros(len(states), int), [np.stack(frames[:: 1 + len(frames) // MOST_KEPT])]
-        return states, [np.stack([frame for _, frame in self._kept[k].items]) for k in kept]
+        return states, [np.stack([f for i, f in items if of_sample[i] == k]) for k in kept]
+
+    def _likest(self) -> np.ndarray:
+        """Return the state of each sample, int (k,): of those it could be in, the likest.
+
+        A frame in which a thing was about to come to rest may have been the first of a state
+        that many a frame after it could be in, too.
+        """
+        states = np.array(self._states)
+        if len(self._references) == 1:
+            return states
+        for k, cells in enumerate(self.cells):
+            alike = [s for s, r in enumerate(self._references) if self.compare.alike(cells, r)]
+            if alike:
+                apart = [np.abs(self._references[s] - cells).mean() for s in alike]
+                states[k] = alike[int(np.argmin(apart))]
+        return states
 
     def sample(self, n: int) -> tuple[np.ndarray, np.ndarray]:
         """Return up to `n` of the full frames kept, evenly chosen, whatever their state.
@@ -138,10 +157,10 @@ class _Kept:
         self._count += 1
 
 
-def _longest_runs(states):
-    """Longest run of consecutive samples of every state, int (states,)."""
+def _longest_runs(states, n):
+    """Longest run of consecutive samples of each of `n` states, int (n,)."""
     ends = np.flatnonzero(np.diff(states, append=-1))
-    longest = np.zeros(states.max() + 1, int)
+    longest = np.zeros(n, int)
     np.maximum.at(longest, states[ends], np.diff(ends, prepend=-1))
     return longest
 

@@ -152,7 +152,7 @@ def _rough_circle(image, x, y, radius_px):
     px, py = _ray_points(x, y, angles, radius * np.array([0.2, 0.4, 0.6]))
     inner = cv2.remap(image, px, py, cv2.INTER_LINEAR).mean()
     off = (radius / radius_px - 1) / RADIUS_SPREAD
-    score = near.mean() * (1 - 4 * spread) * (1 - inner) ** 2 * np.exp(-0.5 * off**2)
+    score = near.mean() * (1 - 4 * spread) * (1 - inner) ** 4 * np.exp(-0.5 * off**2)
     return float(x), float(y), float(radius), float(score)
 
 

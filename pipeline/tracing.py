@@ -169,6 +169,7 @@ class Tracer:
                 self._follow(track, image, gain)
             if track.line is not None:
                 lines[id(track)] = track.line
+        crossing = False
         for track in present:
             # again beside those whose lines are known now, where their pixels are shared
             sharing = [
@@ -177,6 +178,7 @@ class Tracer:
                 if track.line is not None and _come_near(track.line, lines[id(t)], SHARED_PX)
             ]
             if sharing:
+                crossing = True
                 with detection.painted(self.model, sharing):
                     detection.refine(
                         image, self.model, gain, track.line, self.options, self.workspace
@@ -185,8 +187,9 @@ class Tracer:
                         self._untangle(track, sharing, image, gain)
                 self._give_up_if_poor(track)
         self._drop_doubles(present)
-        if self.crowded:
+        if crossing:
             self._uncross(present, image, gain)
+        if self.crowded:
             self._part_crowd(present)
 
     def _untangle(self, track: Track, beside: list[Line], image, gain) -> None:

@@ -185,6 +185,18 @@ class TestSurvey:
         assert list(states) == [0] * 6 + [-1, -1] + [0] * 6
         assert [len(some) for some in kept] == [12]
 
+    def test_what_is_about_to_come_to_rest_begins_no_state(self):
+        def covered(share):
+            frame = light()
+            frame[60:100, 120:160] *= 1 - share
+            return frame
+
+        # 0.62 differs by less than CHANGE from 0.9, and by more from 0.94
+        shares = [0.0] * 6 + [0.62] + [0.9, 0.94] * 6
+        states, kept = survey([covered(share) for share in shares])
+        assert list(states) == [0] * 6 + [-1] + [1] * 12
+        assert [len(some) for some in kept] == [6, 12]
+
     def test_what_never_rests_is_one_state(self):
         states, kept = survey([light(paw=paw) for paw in range(0, 240, 8)])
         assert set(states) == {0}
