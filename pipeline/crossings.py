@@ -58,7 +58,7 @@ def _nearest(x, y, n, other_x, other_y, m):
 
 @njit(cache=True)
 def _misfit(x, y, start, i, tail_x, tail_y, j, end):
-    """Mean square distance [px²] of nodes start … i − GAP and j + GAP … end from a smooth curve."""
+    """Mean square distance [px²] of nodes start … i and j … end from a smooth curve."""
     first, second = i - GAP - start, j + GAP
     count = first + end - second
     x0, y0 = x[start], y[start]
