@@ -13,31 +13,35 @@ from numba import njit
 
 from pipeline.follicle import BASE_SKIP_M, BASE_WINDOW_M, base_curve, base_window, walk_back
 from pipeline.records import Centrelines, PoleTrack, Recording
+from pipeline.splines import FAST
 
 BLOCK_PX = 24  # longer than the noise of compressed video is correlated
 RED_DEGREE = 6  # of the polynomial that this correlation is looked for about
-RED_EVERY = 4  # rows between two in which it is
+RED_EVERY = 12  # rows between two in which it is
 RED_SKEW = 1.5  # mean over median of such variances, and what is longer still than a block
 HIDDEN_ERROR_M = 0.05e-3  # how well the hidden length, and so the place of 5.5 mm, is known
 WINDOW_M = 3.0e-3  # half-width of the curvature window; a quartic keeps its bias small
 POLE_NEAR_M = 0.15e-3  # a pole this near may bend the whisker there: the window ends at it
 
 
-@njit(cache=True, inline="always")
-def _in_frame(x, y, offset, i, at, tx, ty):
-    """Measured point of node `i` along and across the tangent (tx, ty) at node `at` [px].
+@njit(cache=True, fastmath=FAST, error_model="numpy")
+def _in_frame(x, y, offset, first, last, at, tx, ty):
+    """Measured points of nodes first … last − 1 along and across the tangent at node `at` [px].
 
-    The third value is the cosine between the node's normal and the tangent's.
+    (3, nodes); the third row is the cosine between the node's normal and the tangent (tx, ty)'s.
     """
-    p = max(i - 1, 0)
-    q = min(i + 1, len(x) - 1)
-    nx = y[q] - y[p]
-    ny = -(x[q] - x[p])
-    length = max(np.sqrt(nx * nx + ny * ny), 1e-9)
-    dx = x[i] + offset[i] * nx / length - x[at]
-    dy = y[i] + offset[i] * ny / length - y[at]
-    # across: towards the counter-clockwise normal (ty, −tx)
-    return dx * tx + dy * ty, dx * ty - dy * tx, (nx * ty - ny * tx) / length
+    out = np.empty((3, last - first))
+    along, across, cosine = out[0], out[1], out[2]
+    for i in range(first, last):
+        p, q = max(i - 1, 0), min(i + 1, len(x) - 1)
+        nx, ny = y[q] - y[p], x[p] - x[q]
+        shrink = 1 / np.sqrt(nx * nx + ny * ny + 1e-18)
+        dx = x[i] + offset[i] * nx * shrink - x[at]
+        dy = y[i] + offset[i] * ny * shrink - y[at]
+        # across: towards the counter-clockwise normal (ty, −tx)
+        along[i - first], across[i - first] = dx * tx + dy * ty, dx * ty - dy * tx
+        cosine[i - first] = (nx * ty - ny * tx) * shrink
+    return out
 
 
 @njit(cache=True)
@@ -55,41 +59,49 @@ def local_polynomial(x, y, offset, information, first, last, at, degree, coeffic
     Returns the window's scale h [px] (the polynomial is in u/h) and the reduced χ².
     `coefficients` (degree + 1,) and `inverse` (covariance for unit χ²) are filled.
     """
-    size = degree + 1
     tx, ty = _tangent(x, y, at)
     scale = max(last - at, at - first, 4) * 1.0
-    matrix = np.zeros((size, size))
-    rhs = np.zeros(size)
-    power = np.empty(size)
+    points = _in_frame(x, y, offset, first, last, at, tx, ty)
+    points[0] /= scale
+    chi2 = _polynomial(points, information[first:last], degree, coefficients, inverse)
+    return scale, chi2
+
+
+@njit(cache=True, error_model="numpy")
+def _polynomial(points, information, degree, coefficients, inverse):
+    """Weighted least squares of v = Σ c_k u^k; returns the reduced χ².
+
+    points : (3, nodes) u, v and the cosine by which v counts less than across the line.
+    """
+    size = degree + 1
+    moments, rhs = np.zeros(2 * size - 1), np.zeros(size)
     total = 0.0
     count = 0
-    for i in range(first, last):
-        w = information[i]
-        if w <= 0:
+    for i in range(len(information)):
+        if not information[i] > 0:
             continue
-        u, v, cos = _in_frame(x, y, offset, i, at, tx, ty)
-        u /= scale
-        w *= cos * cos
-        power[0] = 1.0
-        for k in range(1, size):
-            power[k] = power[k - 1] * u
-        for k in range(size):
-            rhs[k] += w * power[k] * v
-            for m in range(size):
-                matrix[k, m] += w * power[k] * power[m]
-        total += w * v * v
+        u, v = points[0, i], points[1, i]
+        power = information[i] * points[2, i] * points[2, i]
+        total += power * v * v
         count += 1
+        for k in range(2 * size - 1):
+            moments[k] += power
+            if k < size:
+                rhs[k] += power * v
+            power *= u
+    matrix = np.empty((size, size))
     for k in range(size):
+        for m in range(size):
+            matrix[k, m] = moments[k + m]
         matrix[k, k] += 1e-9
     inverse[:size, :size] = np.linalg.inv(matrix)
+    misfit = total
     for k in range(size):
         coefficients[k] = 0.0
         for m in range(size):
             coefficients[k] += inverse[k, m] * rhs[m]
-    misfit = total
-    for k in range(size):
         misfit -= coefficients[k] * rhs[k]
-    return scale, max(misfit, 0.0) / max(count - size, 1)
+    return max(misfit, 0.0) / max(count - size, 1)
 
 
 @njit(cache=True)
@@ -109,26 +121,26 @@ def redness(x, y, offset, information, first, last):
     scale, chi2 = local_polynomial(
         x, y, offset, information, first, last, at, RED_DEGREE, coefficients, inverse
     )
-    tx, ty = _tangent(x, y, at)
+    points = _in_frame(x, y, offset, first, last, at, *_tangent(x, y, at))
+    points[0] /= scale
     between = 0.0
     free = 0.0
     power = np.empty(size)
     sums = np.empty(size)
-    for start in range(first, last - BLOCK_PX + 1, BLOCK_PX):
+    for start in range(0, last - first - BLOCK_PX + 1, BLOCK_PX):
         total = 0.0
         count = 0
         sums[:] = 0.0
         for i in range(start, start + BLOCK_PX):
-            if information[i] <= 0:
+            if information[first + i] <= 0:
                 continue
-            u, v, cos = _in_frame(x, y, offset, i, at, tx, ty)
-            root = np.sqrt(information[i]) * abs(cos)
+            root = np.sqrt(information[first + i]) * abs(points[2, i])
             power[0] = root
-            fitted = coefficients[0]
+            fitted = coefficients[0] * root
             for k in range(1, size):
-                power[k] = power[k - 1] * u / scale
-                fitted += coefficients[k] * power[k] / root
-            total += root * (v - fitted)
+                power[k] = power[k - 1] * points[0, i]
+                fitted += coefficients[k] * power[k]
+            total += root * points[1, i] - fitted
             sums += power
             count += 1
         if count > 0:
@@ -186,14 +198,14 @@ def _measure_rows(
     for row in range(len(offsets) - 1):
         a = offsets[row]
         b = offsets[row + 1]
-        x = xs[a:b]
-        y = ys[a:b]
+        x, y = xs[a:b].astype(np.float64), ys[a:b].astype(np.float64)
+        offset, information = raw[a:b].astype(np.float64), info[a:b].astype(np.float64)
         n = b - a
         out[row, :] = np.nan
         if n < 12:
             continue
         first, last = base_window(n, skip, base_length)
-        base = base_curve(x, y, raw[a:b], info[a:b], first, last)
+        base = base_curve(x, y, offset, information, first, last)
         out[row, 0], out[row, 1], out[row, 2] = walk_back(*base, first + hidden[row])
         at = int(np.floor(at_px - hidden[row] + 0.5))
         beyond = at_px - hidden[row] - at
@@ -211,10 +223,10 @@ def _measure_rows(
         if last - first < 12 or last - at < 4:
             continue
         out[row, 3], out[row, 4], out[row, 5] = _curvature(
-            x, y, raw[a:b], info[a:b], at, beyond, first, last, degree
+            x, y, offset, information, at, beyond, first, last, degree
         )
         if row // n_whiskers % RED_EVERY == 0:
-            out[row, 6] = redness(x, y, raw[a:b], info[a:b], skip, end)
+            out[row, 6] = redness(x, y, offset, information, skip, end)
 
 
 def measure(
@@ -248,10 +260,10 @@ def measure(
     out = np.empty((len(centrelines), 7))
     _measure_rows(
         centrelines.offsets,
-        centrelines.x_px.astype(float),
-        centrelines.y_px.astype(float),
-        raw.astype(float),
-        info.astype(float),
+        centrelines.x_px,
+        centrelines.y_px,
+        raw,
+        info,
         hidden,
         curvature_at * scale,
         round(WINDOW_M * scale),

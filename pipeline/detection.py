@@ -300,11 +300,7 @@ def painted(model: ImageModel, lines: list[Line]):
 
 def leaves_face(line: Line, outside) -> bool:
     """Whether a line goes away from the face, and does not run along the fur's dark edge."""
-    middle, tip = line.n // 2, line.n - 1
-    return (
-        following.bilinear(outside, line.x[middle], line.y[middle]) > 3 + 0.12 * middle
-        and following.bilinear(outside, line.x[tip], line.y[tip]) > 3 + 0.15 * tip
-    )
+    return following.leaves_face(line.x, line.y, line.n, outside)
 
 
 def contrast_length(line: Line) -> float:
@@ -334,7 +330,7 @@ def settle(image, model: ImageModel, gain, curve, options: TracingOptions, works
     line.amplitude[:] = 0.5
     line.n = n
     for _ in range(4):
-        refine(image, model, gain, line, options, workspace)
+        refine(image, model, gain, line, options, workspace, widths=True)
         if line.n < following.SHORTEST:
             break
         fit_width(line, workspace)
@@ -361,11 +357,12 @@ def fit_width(line: Line, workspace) -> None:
 
 
 def refine(
-    image, model: ImageModel, gain, line: Line, options: TracingOptions, workspace, farthest=np.inf
-):
+    image, model: ImageModel, gain, line: Line, options: TracingOptions, workspace,
+    farthest=np.inf, widths=False,
+):  # fmt: skip
     """Gauss–Newton from the line's present nodes; base and tip found anew. In place.
 
-    A line that is `farthest` [px] or more from them is not found.
+    A line that is `farthest` [px] or more from them is not found. `widths`: for `fit_width`.
     """
     w = workspace
     line.n, line.quality = following.refine(
@@ -373,7 +370,7 @@ def refine(
         line.x, line.y, line.n, line.amplitude, line.sigma, line.information, line.score,
         line.thickness,
         options.spacing_px, options.bridge_px, min(options.longest_px, line.longest), farthest,
-        w.sums, w.work, w.cap, w.band, w.rhs,
+        widths, w.sums, w.work, w.cap, w.band, w.rhs,
     )  # fmt: skip
 
 

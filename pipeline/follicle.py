@@ -198,7 +198,7 @@ def apex(thickness, skip):
 @njit(cache=True)
 def _apexes(offsets, thickness, skip, out):
     for row in range(len(offsets) - 1):
-        out[row] = apex(thickness[offsets[row] : offsets[row + 1]], skip)
+        out[row] = apex(thickness[offsets[row] : offsets[row + 1]].astype(np.float64), skip)
 
 
 @njit(cache=True)
@@ -210,9 +210,11 @@ def _base_curves(offsets, xs, ys, raw, info, skip, window):
         b = offsets[row + 1]
         first, last = base_window(b - a, skip, window)
         out[row, 0] = first
+        b = min(b, a + max(last, first + 9))
         out[row, 1], out[row, 2], out[row, 3], out[row, 4], out[row, 5] = base_curve(
-            xs[a:b], ys[a:b], raw[a:b], info[a:b], first, last
-        )
+            xs[a:b].astype(np.float64), ys[a:b].astype(np.float64), raw[a:b].astype(np.float64),
+            info[a:b].astype(np.float64), first, last,
+        )  # fmt: skip
     return out
 
 
@@ -297,7 +299,6 @@ class FollicleFinder:
 
     def _curves(self, lines):
         points = (lines.x_px, lines.y_px, lines.offset_px, lines.information)
-        points = (a.astype(float) for a in points)
         return _base_curves(lines.offsets, *points, self.skip, self.window)
 
     def _feet(self, lines, curves):
@@ -308,7 +309,7 @@ class FollicleFinder:
 
     def _apexes(self, lines):
         out = np.empty(len(lines))
-        _apexes(lines.offsets, lines.thickness_px.astype(float), self.skip, out)
+        _apexes(lines.offsets, lines.thickness_px, self.skip, out)
         return out
 
 

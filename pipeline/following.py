@@ -24,29 +24,37 @@ REACH = 3  # half-width of the line's profile in it [px]
 FLOAT, HALF = np.float32, np.float32(0.5)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def resample(x, y, n, spare):
     """Space the nodes of a polyline evenly, 1 px of arc length apart, in place; return count."""
-    spare[0, 0] = x[0]
-    spare[1, 0] = y[0]
-    count = 1
-    limit = spare.shape[1]
-    carried = 0.0
-    for i in range(n - 1):
-        dx = x[i + 1] - x[i]
-        dy = y[i + 1] - y[i]
-        step = np.sqrt(dx * dx + dy * dy)
-        position = 1.0 - carried
-        while position <= step and count < limit:
-            spare[0, count] = x[i] + dx * position / step
-            spare[1, count] = y[i] + dy * position / step
-            count += 1
-            position += 1.0
-        carried = step - (position - 1.0)
-    for i in range(count):
-        x[i] = spare[0, i]
-        y[i] = spare[1, i]
+    s = np.empty(n)
+    arc_lengths(x, y, n, s)
+    count = min(int(s[n - 1] + 1e-9) + 1, spare.shape[1])
+    new_x, new_y = spare[0], spare[1]
+    i, one, last = np.uint64(0), np.uint64(1), np.uint64(max(n - 2, 0))
+    for k in range(1, count):
+        while s[i + one] < k and i < last:
+            i += one
+        part = (k - s[i]) / (s[i + one] - s[i])
+        new_x[k] = x[i] + part * (x[i + one] - x[i])
+        new_y[k] = y[i] + part * (y[i + one] - y[i])
+    for k in range(1, count):
+        x[k], y[k] = new_x[k], new_y[k]
     return count
+
+
+@njit(cache=True, fastmath=profiles.FAST, error_model="numpy")
+def arc_lengths(x, y, n, s):
+    """Length of a polyline from its first node to each of its first `n`, into `s` [px]."""
+    steps, before_x, before_y, after_x, after_y = s[1:n], x[: n - 1], y[: n - 1], x[1:n], y[1:n]
+    for i in range(n - 1):
+        dx, dy = after_x[i] - before_x[i], after_y[i] - before_y[i]
+        steps[i] = np.sqrt(dx * dx + dy * dy)
+    s[0] = 0.0
+    total = 0.0
+    for i in range(n - 1):
+        total += steps[i]
+        steps[i] = total
 
 
 @njit(cache=True)
@@ -67,17 +75,20 @@ def bilinear(image, x, y):
     )
 
 
-@njit(cache=True)
+@njit(cache=True, fastmath=profiles.FAST, error_model="numpy")
 def normals(x, y, n, nx, ny):
     """Unit normals, the tangent turned counter-clockwise on the screen: (ty, −tx)."""
+    last = n - 1
+    nx[0], ny[0] = y[1] - y[0], x[0] - x[1]
+    nx[last], ny[last] = y[last] - y[last - 1], x[last - 1] - x[last]
+    before_x, before_y, after_x, after_y = x[: n - 2], y[: n - 2], x[2:n], y[2:n]
+    inner_x, inner_y = nx[1:last], ny[1:last]
+    for i in range(n - 2):
+        inner_x[i], inner_y[i] = after_y[i] - before_y[i], before_x[i] - after_x[i]
     for i in range(n):
-        a = max(i - 1, 0)
-        b = min(i + 1, n - 1)
-        tx = x[b] - x[a]
-        ty = y[b] - y[a]
-        norm = max(np.sqrt(tx * tx + ty * ty), 1e-9)
-        nx[i] = ty / norm
-        ny[i] = -tx / norm
+        shrink = 1.0 / np.sqrt(nx[i] * nx[i] + ny[i] * ny[i] + sections.NARROWEST)
+        nx[i] *= shrink
+        ny[i] *= shrink
 
 
 @njit(cache=True, fastmath=profiles.FAST, error_model="numpy")
@@ -354,6 +365,16 @@ def start_at_face(x, y, n, outside):
 
 
 @njit(cache=True)
+def leaves_face(x, y, n, outside):
+    """Whether a line goes away from the face, and does not run along the fur's dark edge."""
+    middle, tip = n // 2, n - 1
+    return (
+        bilinear(outside, x[middle], y[middle]) > 3 + 0.12 * middle
+        and bilinear(outside, x[tip], y[tip]) > 3 + 0.15 * tip
+    )
+
+
+@njit(cache=True)
 def _blocked(sums, i, n):
     """Whether no pixel is left around node `i`; a lone node may just share its row's column."""
     pixels = 0.0
@@ -406,14 +427,14 @@ def visible_end(amplitude, amplitude_se, sums, n, threshold, bridge):
 
 
 @njit(cache=True)
-def measure(image, background, weight, gain, x, y, n, cap, sigma, sums, work):
-    """What the pixels say of a line where it lies now.
+def measure(image, background, weight, gain, x, y, n, cap, sigma, widths, sums, work):
+    """What the pixels say of a line where it lies now (sections.py).
 
     work : float64 (12, nodes). Rows filled: 2 absorbance, 3 background error, 4 standard error
     of the absorbance, 5 information and 6 score of the offset.
     """
     amplitude, baseline = work[2], work[3]
-    sections.accumulate(image, background, weight, gain, x, y, n, cap, sigma, 3.0, sums)
+    sections.accumulate(image, background, weight, gain, x, y, n, cap, sigma, 3.0, widths, sums)
     profiles.window_amplitudes(sums, n, 7, amplitude, baseline, work[4])
     for i in range(n):
         amplitude[i] = min(amplitude[i], cap[i])
@@ -470,13 +491,14 @@ def set_cap(amplitude, n, cap):
 def refine(
     image, background, weight, outside, gain,
     x, y, n, amplitude, sigma, information, score, thickness,
-    spacing, bridge, longest, farthest,
+    spacing, bridge, longest, farthest, widths,
     sums, work, cap, band, rhs,
 ):  # fmt: skip
     """Gauss–Newton steps on the nodes until they stay, then base, visible end and quality.
 
     Where the first step is larger than `farthest` [px], or less of the line is seen than there
-    was, it is not so near: nothing is found then, and the nodes are anywhere.
+    was, it is not so near: nothing is found then, and the nodes are anywhere. `widths`: whether
+    `sums` shall tell of the half-width, too.
 
     x, y, amplitude, information, score, thickness are changed in place; returns the number of
     nodes and the quality: the part of the line's expected contrast that was found. The last step
@@ -495,7 +517,7 @@ def refine(
         n = resample(x, y, n, work[8:10])
         if n < SHORTEST:
             return 0, 0.0
-        measure(image, background, weight, gain, x, y, n, cap, sigma, sums, work)
+        measure(image, background, weight, gain, x, y, n, cap, sigma, widths, sums, work)
         seen = max(min(n, int(min(longest, n))), 2)
         end = visible_end(work[2], work[4], sums, seen, 4.0, WIDEST_GAP * bridge)
         fit_offset(x, y, n, spacing, STIFFNESS, work, band, rhs)

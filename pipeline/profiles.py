@@ -62,35 +62,44 @@ def window_amplitudes(sums, n, half, amplitude, baseline, amplitude_se):
     The background error is held near zero by a weak prior (SD 0.03), so that a window with
     little in it does not trade one for the other.
     """
-    prior = 1.0 / 0.03**2
-    gg = g1 = one = gy = oy = 0.0
+    windows = np.empty((5, n))
+    _window_sums(sums, n, half, windows)
+    _solve_windows(windows, n, amplitude, baseline, amplitude_se)
+
+
+@njit(cache=True, error_model="numpy")
+def _window_sums(sums, n, half, windows):
+    """Sums of GG, G1, G11, GY and OY over the nodes within ±`half` of each, into (5, n)."""
+    gg, g1, one, gy, oy = sums[GG], sums[G1], sums[G11], sums[GY], sums[OY]
+    out = windows[0], windows[1], windows[2], windows[3], windows[4]
+    total = (0.0, 0.0, 0.0, 0.0, 0.0)
     for i in range(-half, n):
-        add = i + half
-        if add < n:
-            gg += sums[GG, add]
-            g1 += sums[G1, add]
-            one += sums[G11, add]
-            gy += sums[GY, add]
-            oy += sums[OY, add]
-        drop = i - half - 1
-        if drop >= 0:
-            gg -= sums[GG, drop]
-            g1 -= sums[G1, drop]
-            one -= sums[G11, drop]
-            gy -= sums[GY, drop]
-            oy -= sums[OY, drop]
-        if i < 0:
-            continue
-        m = one + prior
-        det = gg * m - g1 * g1
-        if gg < 1e-6 or det < 1e-9 * gg * m:
-            amplitude[i] = 0.0
-            baseline[i] = 0.0
-            amplitude_se[i] = 1e3
-        else:
-            amplitude[i] = (gy * m - g1 * oy) / det
-            baseline[i] = (oy * gg - gy * g1) / det
-            amplitude_se[i] = np.sqrt(m / det)
+        t0, t1, t2, t3, t4 = total
+        if i + half < n:
+            k = np.uint64(i + half)
+            t0, t1, t2, t3, t4 = t0 + gg[k], t1 + g1[k], t2 + one[k], t3 + gy[k], t4 + oy[k]
+        if i > half:
+            k = np.uint64(i - half - 1)
+            t0, t1, t2, t3, t4 = t0 - gg[k], t1 - g1[k], t2 - one[k], t3 - gy[k], t4 - oy[k]
+        if i >= 0:
+            k = np.uint64(i)
+            out[0][k], out[1][k], out[2][k], out[3][k], out[4][k] = t0, t1, t2, t3, t4
+        total = t0, t1, t2, t3, t4
+
+
+@njit(cache=True, fastmath=FAST, error_model="numpy")
+def _solve_windows(windows, n, amplitude, baseline, amplitude_se):
+    """Absorbance, background error and the former's standard error, from `windows` (5, n)."""
+    gg, g1, one, gy, oy = windows[0], windows[1], windows[2], windows[3], windows[4]
+    prior = 1.0 / 0.03**2
+    for i in range(n):
+        m = one[i] + prior
+        det = gg[i] * m - g1[i] * g1[i]
+        known = (gg[i] >= 1e-6) & (det >= 1e-9 * gg[i] * m)
+        scale = 1.0 / det if known else 0.0
+        amplitude[i] = (gy[i] * m - g1[i] * oy[i]) * scale
+        baseline[i] = (oy[i] * gg[i] - gy[i] * g1[i]) * scale
+        amplitude_se[i] = np.sqrt(m * scale) if known else 1e3
 
 
 @njit(cache=True)

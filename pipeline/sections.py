@@ -31,13 +31,14 @@ AT, STRIDE, LEFT = (_row(k) for k in range(3))  # of integers: first place, step
 
 
 @njit(cache=True, error_model="numpy")
-def accumulate(image, background, weight, gain, x, y, n, cap, sigma, reach, sums):
+def accumulate(image, background, weight, gain, x, y, n, cap, sigma, reach, widths, sums):
     """Fill `sums` (N_SUMS, at least n) with the normal equations of every node's cross-section.
 
     image : uint8 (height, width); background, weight : float32 (height, width)
     x, y : nodes of the reference line, about 1 px apart [px]
     cap : largest believable absorbance at each node; darker pixels are cut to it
     sigma : half-width of the line at each node [px]; reach : half-width of the section / sigma
+    widths : whether to fill the sums that tell of the half-width, too
     """
     images, lights, weights = image.ravel(), background.ravel(), weight.ravel()
     height, width = image.shape
@@ -55,8 +56,10 @@ def accumulate(image, background, weight, gain, x, y, n, cap, sigma, reach, sums
         rows[: N_SUMS * BLOCK] = 0
         for k in range(most):
             _take_pixels(images, lights, weights, places, np.int32(k), m, rows)
+            if widths:
+                _add_widths(rows, SINGLE(gain), m)
             _add_pixels(rows, SINGLE(gain), m)
-        for c in range(N_SUMS):
+        for c in range(N_SUMS if widths else profiles.SS):
             for j in range(m):
                 sums[c, start + j] = rows[np.uint64(c * BLOCK + j)]
 
@@ -138,10 +141,10 @@ def _add_pixels(rows, gain, m):
         value = min(v - rows[PIXEL + node], rows[CAP + node] * v)
         u = rows[PLACE + node]
         g = bell(u)
-        d, s = u * g * rows[INVERSE + node], u * u * g
+        d = u * g * rows[INVERSE + node]
         wv = rows[TRUST + node] * v
         wvv, wvy = wv * v, wv * value
-        wg, wd, ws = wvv * g, wvv * d, wvv * s
+        wg, wd = wvv * g, wvv * d
         rows[GG + node] += wg * g
         rows[G1 + node] += wg
         rows[G11 + node] += wvv
@@ -151,7 +154,21 @@ def _add_pixels(rows, gain, m):
         rows[DY + node] += wvy * d
         rows[DG + node] += wd * g
         rows[D1 + node] += wd
-        rows[SS + node] += ws * s
-        rows[SY + node] += wvy * s
-        rows[SG + node] += ws * g
         rows[PLACE + node] = u + rows[STEP + node]
+
+
+@njit(cache=True, fastmath=FAST, error_model="numpy")
+def _add_widths(rows, gain, m):
+    """Add the pixels taken to those sums of each of m nodes that tell of the half-width."""
+    for j in range(m):
+        node = np.uint64(j)
+        v = gain * rows[LIGHT + node]
+        value = min(v - rows[PIXEL + node], rows[CAP + node] * v)
+        u = rows[PLACE + node]
+        g = bell(u)
+        s = u * u * g
+        wv = rows[TRUST + node] * v
+        ws = wv * v * s
+        rows[SS + node] += ws * s
+        rows[SY + node] += wv * value * s
+        rows[SG + node] += ws * g

@@ -45,11 +45,13 @@ def normal_equations(weight, target, n, spacing, band, rhs):
     """
     k = n_coefficients(n, spacing)
     band[:k] = 0.0
+    rhs[:k] = 0.0
     per_node = 1.0 / spacing
     start = 0
     for j in range(k - 3):
         end = _end(j, k - 4, n, spacing)
         m00 = m01 = m02 = m03 = m11 = m12 = m13 = m22 = m23 = m33 = 0.0
+        r0 = r1 = r2 = r3 = 0.0
         for i in range(start, end):
             b0, b1, b2, b3 = basis(i * per_node - j)
             w0, w1, w2, w3 = weight[i] * b0, weight[i] * b1, weight[i] * b2, weight[i] * b3
@@ -63,13 +65,20 @@ def normal_equations(weight, target, n, spacing, band, rhs):
             m22 += w2 * b2
             m23 += w2 * b3
             m33 += w3 * b3
+            r0 += b0 * target[i]
+            r1 += b1 * target[i]
+            r2 += b2 * target[i]
+            r3 += b3 * target[i]
         rows = (m00, m01, m02, m03), (m11, m12, m13, 0.0), (m22, m23, 0.0, 0.0)
         for p in range(3):
             for q in range(4 - p):
                 band[j + p, q] += rows[p][q]
         band[j + 3, 0] += m33
+        rhs[j] += r0
+        rhs[j + 1] += r1
+        rhs[j + 2] += r2
+        rhs[j + 3] += r3
         start = end
-    right_hand_side(target, n, spacing, rhs)
     return k
 
 

@@ -9,7 +9,9 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from numba import njit
 
+from pipeline import following
 from pipeline.records import Centrelines, PoleTrack, Recording
+from pipeline.splines import FAST
 from whiskermodel.whisker import Whisker
 
 N_STATIONS = 73  # over the whisker's length: 0.25 mm apart on a mouse's C2
@@ -171,7 +173,8 @@ def _measure_px(centrelines, whiskers, hidden_lengths, spacing, pole_rows, scale
     _measure_rows(
         centrelines.offsets,
         *_raw_points(centrelines),
-        *(np.ascontiguousarray(c, float) for c in (centrelines.x_px, -centrelines.y_px)),
+        centrelines.x_px,
+        centrelines.y_px,
         centrelines.whisker.astype(np.int64),
         centrelines.hidden_of(np.asarray(hidden_lengths, float) * scale),
         spacing * scale,
@@ -208,7 +211,7 @@ def _raw_points(centrelines):
     if centrelines.offset_px is None:
         se = np.maximum(centrelines.se_px.astype(float), 1e-3)
         return np.zeros(len(centrelines.x_px)), 1 / se**2
-    return centrelines.offset_px.astype(float), centrelines.information.astype(float)
+    return centrelines.offset_px, centrelines.information
 
 
 @njit(cache=True)
@@ -222,12 +225,13 @@ def _measure_rows(
         if b - a < 2 * END_FIT_PX + 1:
             continue
         w = whisker[row]
-        x, y = xs[a:b], ys[a:b]
+        x, y = xs[a:b].astype(np.float64), -ys[a:b].astype(np.float64)
         s = _arc_lengths(x, y, hidden[row])
         near[row, 0], near[row, 1] = s[0], s[-1]
         px, py = pole_x[row], pole_y[row]
         _bin(
-            x, y, s, offset[a:b], info[a:b], hidden[row] + skip, spacing[w], px, py, clear,
+            x, y, s, offset[a:b].astype(np.float64), info[a:b].astype(np.float64),
+            hidden[row] + skip, spacing[w], px, py, clear,
             out_x[row], out_y[row], out_information[row],
         )  # fmt: skip
         if not np.isnan(px):
@@ -238,31 +242,33 @@ def _measure_rows(
 @njit(cache=True)
 def _arc_lengths(x, y, first):
     s = np.empty(len(x))
-    s[0] = first
-    for i in range(1, len(x)):
-        s[i] = s[i - 1] + np.hypot(x[i] - x[i - 1], y[i] - y[i - 1])
-    return s
+    following.arc_lengths(x, y, len(x), s)
+    return s + first
 
 
 @njit(cache=True)
 def _bin(x, y, s, offset, info, start, spacing, px, py, clear, out_x, out_y, out_information):
     """Weighted mean of the raw points around every station, moved along the whisker to it."""
     n = len(out_x)
-    sums = np.zeros((n, 8))  # information, x, y, s, tangent, s², curvature
+    points = np.empty((5, len(x)))
+    _raw_places(x, y, offset, points)
+    sums = np.zeros((n, 8))  # information, then x, y, s, tangent, s², curvature
+    per_station, clear2 = 1 / spacing, clear * clear
     for i in range(len(x)):
-        k = int(s[i] / spacing + 0.5)
+        k = int(s[i] * per_station + 0.5)
         if s[i] < start or k >= n or not info[i] > 0:
             continue
-        if (x[i] - px) ** 2 + (y[i] - py) ** 2 < clear * clear:
+        if (x[i] - px) ** 2 + (y[i] - py) ** 2 < clear2:
             continue
-        p, q = max(i - 1, 0), min(i + 1, len(x) - 1)
-        tx, ty = x[q] - x[p], y[q] - y[p]
-        norm = max(np.hypot(tx, ty), 1e-9)
-        tx, ty = tx / norm, ty / norm
-        rx, ry = x[i] - offset[i] * ty, y[i] + offset[i] * tx
-        kappa = _curvature(x, y, i)
-        for j, value in enumerate((1.0, rx, ry, s[i], tx, ty, s[i] ** 2, kappa)):
-            sums[k, j] += info[i] * value
+        weight, own = info[i], sums[k]
+        own[0] += weight
+        own[1] += weight * points[0, i]
+        own[2] += weight * points[1, i]
+        own[3] += weight * s[i]
+        own[4] += weight * points[2, i]
+        own[5] += weight * points[3, i]
+        own[6] += weight * s[i] * s[i]
+        own[7] += weight * points[4, i]
     for k in range(n):
         total = sums[k, 0]
         if total > 0:
@@ -275,37 +281,64 @@ def _bin(x, y, s, offset, info, start, spacing, px, py, clear, out_x, out_y, out
             out_information[k] = total
 
 
-@njit(cache=True)
-def _curvature(x, y, i):
-    """Curvature of the line over END_FIT_PX points either side of point `i`."""
-    i = min(max(i, END_FIT_PX), len(x) - 1 - END_FIT_PX)
-    ax, ay = x[i] - x[i - END_FIT_PX], y[i] - y[i - END_FIT_PX]
-    bx, by = x[i + END_FIT_PX] - x[i], y[i + END_FIT_PX] - y[i]
-    a, b = np.hypot(ax, ay), np.hypot(bx, by)
-    return 2 * (ax * by - ay * bx) / (a * b * (a + b))
+@njit(cache=True, fastmath=FAST, error_model="numpy")
+def _raw_places(x, y, offset, points):
+    """Fill `points` (5, n): unsmoothed place of every point, unit tangent and curvature."""
+    n = len(x)
+    rx, ry, tx, ty, kappa = points[0], points[1], points[2], points[3], points[4]
+    tx[0], ty[0] = x[1] - x[0], y[1] - y[0]
+    tx[n - 1], ty[n - 1] = x[n - 1] - x[n - 2], y[n - 1] - y[n - 2]
+    before_x, before_y, after_x, after_y = x[: n - 2], y[: n - 2], x[2:], y[2:]
+    inner_x, inner_y = tx[1 : n - 1], ty[1 : n - 1]
+    for i in range(n - 2):
+        inner_x[i], inner_y[i] = after_x[i] - before_x[i], after_y[i] - before_y[i]
+    for i in range(n):
+        norm = 1 / np.sqrt(tx[i] * tx[i] + ty[i] * ty[i] + 1e-18)
+        tx[i], ty[i] = tx[i] * norm, ty[i] * norm
+        rx[i], ry[i] = x[i] - offset[i] * ty[i], y[i] + offset[i] * tx[i]
+    _curvatures(x, y, kappa)
 
 
-@njit(cache=True)
+@njit(cache=True, fastmath=FAST, error_model="numpy")
+def _curvatures(x, y, out):
+    """Curvature of the line over END_FIT_PX points either side of each; at its ends, the last."""
+    n, reach = len(x), END_FIT_PX
+    inner = out[reach : n - reach]
+    first_x, first_y, last_x, last_y = (
+        x[: n - 2 * reach],
+        y[: n - 2 * reach],
+        x[2 * reach :],
+        y[2 * reach :],
+    )
+    middle_x, middle_y = x[reach : n - reach], y[reach : n - reach]
+    for i in range(n - 2 * reach):
+        ax, ay = middle_x[i] - first_x[i], middle_y[i] - first_y[i]
+        bx, by = last_x[i] - middle_x[i], last_y[i] - middle_y[i]
+        a, b = np.sqrt(ax * ax + ay * ay), np.sqrt(bx * bx + by * by)
+        inner[i] = 2 * (ax * by - ay * bx) / (a * b * (a + b))
+    out[:reach] = inner[0]
+    out[n - reach :] = inner[-1]
+
+
+@njit(cache=True, error_model="numpy")
 def _approach(x, y, s, more, px, py, pole_radius, base_radius, taper, out):
     """Least distance between the surfaces, its arc length, the pole's side, beyond the trace?"""
-    n = len(x)
+    n, m = len(x), len(x) - 1 - END_FIT_PX
     best = np.inf
+    norm = more / np.sqrt((x[-1] - x[m]) ** 2 + (y[-1] - y[m]) ** 2)
+    beyond_x, beyond_y = norm * (x[-1] - x[m]), norm * (y[-1] - y[m])
     for i in range(n):
-        if i < n - 1:
-            ex, ey = x[i + 1] - x[i], y[i + 1] - y[i]
-        else:
-            m = n - 1 - END_FIT_PX
-            norm = np.hypot(x[i] - x[m], y[i] - y[m])
-            ex, ey = more * (x[i] - x[m]) / norm, more * (y[i] - y[m]) / norm
-        squared = ex * ex + ey * ey
-        if squared <= 0:
-            continue
-        t = min(max(((px - x[i]) * ex + (py - y[i]) * ey) / squared, 0.0), 1.0)
+        last = i == n - 1
+        ex, ey = (beyond_x, beyond_y) if last else (x[i + 1] - x[i], y[i + 1] - y[i])
+        away, length = (px - x[i]) ** 2 + (py - y[i]) ** 2, more if last else s[i + 1] - s[i]
+        if away > (best + pole_radius + base_radius + length) ** 2 or not length > 0:
+            continue  # no point of the piece can be nearer
+        t = min(max(((px - x[i]) * ex + (py - y[i]) * ey) / (length * length), 0.0), 1.0)
         dx, dy = px - x[i] - t * ex, py - y[i] - t * ey
-        at = s[i] + t * np.sqrt(squared)
-        gap = np.hypot(dx, dy) - pole_radius - max(base_radius - taper * at, 0.0)
+        at = s[i] + t * length
+        gap = np.sqrt(dx * dx + dy * dy) - pole_radius - max(base_radius - taper * at, 0.0)
         if gap < best:
             best = gap
             out[0], out[1] = gap, at
             out[2] = 1.0 if ex * dy - ey * dx >= 0 else -1.0
-            out[3] = 1.0 if i == n - 1 else 0.0
+            out[3] = 1.0 if last else 0.0

@@ -5,6 +5,7 @@ memory does not grow with the video's length.
 """
 
 from collections.abc import Iterable, Iterator
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -135,6 +136,7 @@ class Tracer:
         scale = 1e-3 * options.pixels_per_m
         self.narrow = int(np.clip(NARROW_MM * scale, 4, 10))
         self.wide = int(np.clip(WIDE_MM * scale, 10, 30))
+        self.hook = int(max(HOOK_M * options.pixels_per_m, 30))
 
     def change_scene(self, scene: StaticScene) -> None:
         """Go on before another background: something large has moved."""
@@ -163,12 +165,11 @@ class Tracer:
         if self.crowded:
             self._turn_together(present, image, gain)
         lines = {id(t): predicted(t, True) for t in present}
-        beside = {id(t): self._neighbours(t, present, lines) for t in present}
+        beside = _neighbours(present, lines)
         for track in present:
-            with detection.painted(self.model, [lines[id(t)] for t in beside[id(track)]]):
-                self._follow(track, image, gain)
-            if track.line is not None:
-                lines[id(track)] = track.line
+            with self._painted([lines[id(t)] for t in beside[id(track)]]):
+                self._follow(track, image, gain, lines[id(track)])
+            lines[id(track)] = track.line or foretold(track.before, None)
         crossing = False
         for track in present:
             # again beside those whose lines are known now, where their pixels are shared
@@ -219,10 +220,9 @@ class Tracer:
         for track, turn in zip(present, turns, strict=True):
             track.turns = (float(turn), float(turn + np.median(moved)))
 
-    def _neighbours(self, track: Track, present, lines) -> list[Track]:
-        """Tracks whose predicted lines come near to this one's."""
-        a = lines[id(track)]
-        return [t for t in present if t is not track and _come_near(a, lines[id(t)], BESIDE_PX)]
+    def _painted(self, lines: list[Line]):
+        """Hold whiskers in the background for a while, if there are any."""
+        return detection.painted(self.model, lines) if lines else nullcontext()
 
     def _drop_doubles(self, present: list[Track]) -> None:
         """Of two tracks on one whisker, give up the one that fits worse."""
@@ -270,13 +270,17 @@ class Tracer:
                     self.evidence.overlap(i, j)
                     a.doubtful = b.doubtful = True
 
-    def _follow(self, track: Track, image, gain) -> None:
-        """Find the track's whisker where it is foretold, else in a strip about it, or a wider."""
+    def _follow(self, track: Track, image, gain, line: Line) -> None:
+        """Find the track's whisker where it is foretold, else in a strip about it, or a wider.
+
+        `line` is the one foretold, which is used up.
+        """
         present = track.line
         best = None
         tries = (0, True), (self.narrow, True), (self.narrow, False), (self.wide, False)
         for half, with_velocity in tries:
-            line = predicted(track, with_velocity)
+            if half:
+                line = predicted(track, with_velocity)
             self._carry_on(line, track)
             if half:
                 self._capture(line, image, gain, half)
@@ -302,28 +306,18 @@ class Tracer:
 
     def _give_up_if_poor(self, track: Track) -> None:
         """Call a whisker lost where hardly any of it was found, or it is none any more."""
-        line = track.line
-        if (
-            line.n < 0.4 * self.options.shortest_px
-            or line.quality < LOST_QUALITY
-            or self._base_jump(track) > 0.5 * self.options.base_gap_px
-            or turning_range(line.x, line.y, line.n) > LARGEST_TURN
-            or self._hooked(line)
-            or not detection.leaves_face(line, self.model.outside)
-        ):
-            track.lose()
-
-    def _hooked(self, line: Line) -> bool:
-        """Whether a line turns sharply near its base: there it is no whisker, but fur."""
-        n = min(line.n, int(max(HOOK_M * self.options.pixels_per_m, 30)))
-        return turning_range(line.x, line.y, n) > SHARPEST_BASE
-
-    def _base_jump(self, track: Track) -> float:
-        """How far the whisker's first point moved since the last frame [px]."""
-        before = track.before
+        line, before, options = track.line, track.before, self.options
         if before is None or before.n == 0:
-            return 0.0
-        return float(np.hypot(track.line.x[0] - before.x[0], track.line.y[0] - before.y[0]))
+            before = line
+        if (
+            line.n < 0.4 * options.shortest_px
+            or line.quality < LOST_QUALITY
+            or not _is_like_a_whisker(
+                line.x, line.y, line.n, before.x, before.y, self.model.outside,
+                0.5 * options.base_gap_px, self.hook,
+            )
+        ):  # fmt: skip
+            track.lose()
 
     def _capture(self, line: Line, image, gain, half) -> None:
         """Move a line onto the best path of a strip of `half` px to both sides."""
@@ -417,6 +411,26 @@ def _near(a: Line, b: Line, near_px: float) -> float:
 
 
 @njit(cache=True)
+def _is_like_a_whisker(x, y, n, before_x, before_y, outside, farthest, hook):
+    """Whether a line leaves the face, is bent as whiskers are, and begins where it was before.
+
+    farthest : that its first point may have moved from `before` [px]; hook : as in `hooked`
+    """
+    return (
+        np.hypot(x[0] - before_x[0], y[0] - before_y[0]) <= farthest
+        and turning_range(x, y, n) <= LARGEST_TURN
+        and not hooked(x, y, n, hook)
+        and following.leaves_face(x, y, n, outside)
+    )
+
+
+@njit(cache=True)
+def hooked(x, y, n, hook):
+    """Whether a line turns sharply in its first `hook` nodes: there it is no whisker, but fur."""
+    return turning_range(x, y, min(n, hook)) > SHARPEST_BASE
+
+
+@njit(cache=True)
 def turning_range(x, y, n):
     """Largest less smallest direction along a line, over chords of 10 nodes [rad]."""
     low = 0.0
@@ -427,22 +441,61 @@ def turning_range(x, y, n):
         ay = y[i] - y[i - 10]
         bx = x[i + 5] - x[i - 5]
         by = y[i + 5] - y[i - 5]
-        total += np.arctan2(ax * by - ay * bx, ax * bx + ay * by)
+        along, across = ax * bx + ay * by, ax * by - ay * bx
+        if abs(across) < 0.2 * along:  # by the arctangent's series, to a millionth
+            t = across / along
+            total += t * (1 - t * t * (1 / 3 - t * t * (1 / 5 - t * t * (1 / 7))))
+        else:
+            total += np.arctan2(across, along)
         low = min(low, total)
         high = max(high, total)
     return high - low
 
 
+def _neighbours(present: list[Track], lines: dict[int, Line]) -> dict[int, list[Track]]:
+    """By a track's id, the tracks whose lines come near to its own."""
+    beside = {id(track): [] for track in present}
+    for k, one in enumerate(present):
+        for other in present[k + 1 :]:
+            if _come_near(lines[id(one)], lines[id(other)], BESIDE_PX):
+                beside[id(one)].append(other)
+                beside[id(other)].append(one)
+    return beside
+
+
 def predicted(track: Track, with_velocity: bool) -> Line:
     """Return the line where it should be now: a copy, moved on by the last frame's motion."""
-    line = track.line.copy()
-    before = track.before
-    if with_velocity and before is not None and before.n > 20:
-        advance(line.x, line.y, line.n, before.x, before.y, before.n)
+    line = foretold(track.line, track.before if with_velocity else None)
     turn = track.turns[0 if with_velocity else 1]
     if turn:
         common_turn.turn_line(line.x, line.y, line.n, turn)
     return line
+
+
+def foretold(line: Line, before: Line | None) -> Line:
+    """Return a line moved on as it has moved since `before`; what was measured is left out."""
+    arrays = np.empty((7, len(line.x)))
+    moving = before is not None and before.n > 20
+    known = before if moving else line
+    _foretell(
+        line.x, line.y, line.amplitude, line.sigma, line.n, known.x, known.y,
+        known.n if moving else 0, arrays,
+    )  # fmt: skip
+    return Line(*arrays, line.n, line.quality, line.longest)
+
+
+@njit(cache=True)
+def _foretell(x, y, amplitude, sigma, n, before_x, before_y, m, arrays):
+    """Fill `arrays` (at least 4, limit) with places, absorbance and half-width of a moved line.
+
+    It goes on as it has moved since it had the `m` nodes `before`; not at all where `m` is 0.
+    """
+    arrays[0, :n] = x[:n]
+    arrays[1, :n] = y[:n]
+    arrays[2] = amplitude
+    arrays[3] = sigma
+    if m > 0:
+        advance(arrays[0], arrays[1], n, before_x, before_y, m)
 
 
 def chord_angle(line: Line) -> float:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pipeline import following
+from pipeline import following, tracing
 from pipeline.detection import ImageModel
 from pipeline.records import Recording, StaticScene
 from pipeline.tracing import Tracer, find_roster, options_for
@@ -141,8 +141,8 @@ def test_a_lost_whisker_is_not_sought_on_the_wrong_side_of_another():
         assert tracks[100].line.points[0, 1] == pytest.approx(100, abs=1)  # px
 
 
-@pytest.mark.parametrize(("kappa", "hooked"), [(60.0, False), (150.0, False), (500.0, True)])
-def test_a_line_that_turns_sharply_at_its_base_is_no_whisker(kappa, hooked):
+@pytest.mark.parametrize(("kappa", "hook"), [(60.0, False), (150.0, False), (500.0, True)])
+def test_a_line_that_turns_sharply_at_its_base_is_no_whisker(kappa, hook):
     follow = tracer(rod_light=15)
     line = line_in(follow, picture(15, BELOW)).copy()
     angle = kappa * np.minimum(np.arange(line.n) / 25e3, 2e-3)
@@ -150,4 +150,4 @@ def test_a_line_that_turns_sharply_at_its_base_is_no_whisker(kappa, hooked):
         40 + np.cumsum(np.cos(angle)),
         50 + np.cumsum(np.sin(angle)),
     )
-    assert follow._hooked(line) == hooked
+    assert tracing.hooked(line.x, line.y, line.n, follow.hook) == hook

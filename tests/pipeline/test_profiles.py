@@ -30,8 +30,9 @@ def measured_offset(image, angle, sigma, cap=1.0):
     background = np.full(image.shape, 180.0, np.float32)
     weight = np.ones_like(background)
     sections.accumulate(
-        image, background, weight, 1.0, x, y, n, np.full(n, cap), np.full(n, sigma), 3.0, sums
-    )
+        image, background, weight, 1.0, x, y, n, np.full(n, cap), np.full(n, sigma), 3.0,
+        True, sums,
+    )  # fmt: skip
     a, b, se, info, score = (np.zeros(n) for _ in range(5))
     profiles.window_amplitudes(sums, n, 5, a, b, se)
     profiles.offset_information(sums, n, a, b, info, score)
@@ -69,7 +70,7 @@ def test_sums_are_those_of_plain_loops(angle, n, seed):
     x, y = nodes(angle, n) + rng.uniform(-9, 9, (2, 1))  # the long ones leave the picture
     cap, sigma = np.full(n, 0.6), rng.uniform(0.8, 1.6, n)
     sums = np.zeros((profiles.N_SUMS, n))
-    sections.accumulate(image, background, weight, 1.0, x, y, n, cap, sigma, 3.0, sums)
+    sections.accumulate(image, background, weight, 1.0, x, y, n, cap, sigma, 3.0, True, sums)
     expected = naive_sums(image, background, weight, x, y, cap, sigma, 3.0)
     got = sums[[profiles.GG, profiles.G11, profiles.DY]]
     np.testing.assert_allclose(got, expected, rtol=1e-4, atol=1e-5 * expected.max())
