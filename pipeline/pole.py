@@ -17,7 +17,8 @@ LEAST_FITTED_ARC = 0.15  # of the circumference must be free of any shade
 COMFORTABLE_ARC = 0.38  # this much is enough to measure a circle well
 MARGIN_RAYS = 14  # of 2°, left out beside rays that are shaded
 LEAST_ARC = 0.55  # of the circumference must be seen as edge: a corner has 0.5, a rod's end 0.65
-MOST_RESIDUAL = 0.06  # of the edge's contrast, root mean square
+MOST_RESIDUAL = 0.05  # of the edge's contrast, root mean square
+MISFITS = 0.1  # of the edge's pixels
 LEAST_CONTRAST = 0.2  # share of the light that the disc takes
 LEAST_SHADE = 0.08  # the same, where a person says that there is a pole
 RADIUS_SPREAD = 0.15  # SD of a pole's radius about the expected one, relative, in its score
@@ -29,7 +30,8 @@ INTERPOLATION = 0.003  # error of interpolated pixels, share of the light
 class Pole:
     """A pole's disc: centre, radius and edge blur (SD) [px]; `arc`: share of its edge seen.
 
-    `residual` is the root mean square misfit of the edge, as a share of its contrast.
+    `residual` is the root mean square misfit of the edge without its worst pixels, as a share of
+    its contrast.
     """
 
     x_px: float
@@ -300,8 +302,10 @@ def _with_margin(shaded):
 
 
 def _misfit(p, image, used):
+    """Root mean square misfit, but for the MISFITS worst pixels: a hair may lie on some."""
     px, py, values = _edge_pixels(image, *p[:3], used)
-    return float(np.sqrt(np.mean((values - _model(p, px, py)) ** 2)))
+    square = np.sort((values - _model(p, px, py)) ** 2)
+    return float(np.sqrt(np.mean(square[: int(np.ceil((1 - MISFITS) * len(square)))])))
 
 
 def blurred_edge(distance, radius, blur, inside, outside):
