@@ -12,6 +12,7 @@ import pandas as pd
 
 from pipeline import figures, tables
 from pipeline.arc_origin import HIDDEN_LENGTH_SD_M
+from pipeline.base_moments import RINGING_S
 from pipeline.errors import VideoError
 from pipeline.evidence import EVIDENCE_FILE
 from pipeline.examples import Effort, choose_examples, choose_flagged
@@ -23,7 +24,8 @@ NAMED = 5  # contacts named for every flag, and of those that ring
 NEAR_MM = 3.0  # free frames with the pole this near show the force's noise
 RINGS = 1.0  # vibrational over steady moment
 NOTICEABLE = 0.1
-MAP_STEP = 4e-5  # s: a few of the highest mode's period, enough for a map's colours
+MAP_STEP = 2e-5  # s: a tenth of the highest mode's period, enough for a map's colours
+TICKS_MS = (0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000)
 JPEG_QUALITY = 80
 
 
@@ -429,16 +431,33 @@ def _usual_whisker(results, contacts):
 
 
 def ratio_grid(whisker, durations_ms, contacts_mm, dt=1e-5) -> np.ndarray:
-    """Largest |vibrational| over peak |steady| base moment, (contacts, durations); Fig. 11."""
-    from whiskermodel.pulse_response import half_gaussian_extremes
+    """Largest |vibrational| over peak |steady| base moment of half-Gaussians, as in Fig. 11.
+
+    A pulse moves every mode in the same way wherever it acts (Eq. 49): the places differ by the
+    modes' weights only (Eq. 55).
+
+    Parameters
+    ----------
+    durations_ms, contacts_mm : of the pulses, and where they act
+    dt : step [s] of the force, linear in between
+
+    Returns
+    -------
+    (contacts, durations)
+    """
+    from whiskermodel.force_profiles import half_gaussian
+    from whiskermodel.modal_filter import modal_filters
     from whiskermodel.response import Response
 
-    place, duration = np.meshgrid(contacts_mm, durations_ms, indexing="ij")
-    steady, high, low = half_gaussian_extremes(
-        Response(whisker), 1e-3 * place.ravel(), 1e-6, 1e-3 * duration.ravel(),
-        ringing=25e-3, dt=dt,
-    )  # fmt: skip
-    return (np.maximum(np.abs(high), np.abs(low)) / np.abs(steady)).reshape(place.shape)
+    response, places = Response(whisker), 1e-3 * np.asarray(contacts_mm, float)
+    weights = response.base_moment_weights(places).T
+    filters = modal_filters(response.angular_frequency, whisker.damping_rate, dt)
+    ratios = np.empty((len(places), len(durations_ms)))
+    for column, duration in enumerate(1e-3 * np.asarray(durations_ms, float)):
+        force = half_gaussian(np.arange(0, duration + RINGING_S, dt), duration, 1.0)
+        change = np.stack([force - mode(force) for mode in filters])
+        ratios[:, column] = np.abs(weights @ change).max(axis=1) / places
+    return ratios
 
 
 def _vibration_map(contacts, whisker) -> str:
@@ -464,10 +483,13 @@ def _vibration_map(contacts, whisker) -> str:
         linewidths=0.7 if len(contacts) < 1000 else 0.2, rasterized=len(contacts) > 2000,
     )  # fmt: skip
     label = "vibrational / steady moment"
-    figure.colorbar(dots, label=label, extend="both", format="%g", ticks=[0.01, 0.1, 1])
+    bar = figure.colorbar(dots, label=label, extend="both", format="%g", ticks=[0.01, 0.1, 1])
     axis.set(xscale="log", xlabel="contact duration (ms)", ylabel="follicle to contact (mm)")
     axis.xaxis.set_major_formatter("{x:g}")  # powers of ten take a parser of formulae: 0.3 s
-    axis.xaxis.set_minor_formatter("")
+    low, high = axis.get_xlim()
+    axis.set_xticks([x for x in TICKS_MS if low <= x <= high])
+    for each in (axis, bar.ax):
+        each.minorticks_off()  # every tick is two lines and two texts
     return _svg(figure)
 
 
