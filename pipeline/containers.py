@@ -284,17 +284,33 @@ class ContainerVideo(Video):
         return sorted(keys - {None})
 
     def _burst(self, container, stream, key, length):
-        """Yield `length` frames from the key frame at time `key`, BURST_STEP frames apart."""
-        container.seek(key, stream=stream)
-        taken = 0
-        for frame in container.decode(stream):
-            if frame.pts is None or frame.pts < key:
-                continue
-            if taken % BURST_STEP == 0 and (frame.height, frame.width) == self.shape:
-                yield self._index(frame), frame
-            taken += 1
-            if taken > BURST_STEP * (length - 1):
+        """Yield `length` frames from the key frame at time `key` on, BURST_STEP or more apart."""
+        step = BURST_STEP * self._step
+        times = [key + round(i * step) for i in range(length)]
+        due, left = key, length
+        for last in (times[-1], np.inf):  # farther only where times are uneven
+            for frame in self._decode_at(container, stream, times, last):
+                if frame.pts is None or frame.pts < due:
+                    continue
+                if (frame.height, frame.width) == self.shape:
+                    yield self._index(frame), frame
+                due, left = frame.pts + step, left - 1
+                if not left:
+                    return
+
+    def _decode_at(self, container, stream, times, last):
+        """Decode the frames shown at `times` and those that others refer to, to the time `last`.
+
+        The other ones in between, and those behind `last`, cost nothing.
+        """
+        container.seek(times[0], stream=stream)
+        for packet in container.demux(stream):
+            if packet.dts is not None and packet.dts > last:  # frames are shown after their dts
+                yield from stream.decode(None)  # what the decoder has held back
                 return
+            at_times = packet.pts is None or min(abs(packet.pts - t) for t in times) < self._step / 2
+            stream.codec_context.skip_frame = "DEFAULT" if at_times else "NONREF"
+            yield from packet.decode()
 
     def _index(self, frame):
         return None if frame.pts is None else self._index_at(frame.pts)
