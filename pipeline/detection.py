@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from numba import njit
 
 from pipeline import crossings, following, profiles, ridges, splitting
 from pipeline.records import StaticScene
@@ -156,10 +157,19 @@ class Line:
 
 def absorbance_image(image, model: ImageModel, gain: float) -> np.ndarray:
     """1 − I/(gain B), zero where the scene blocks the view, float32."""
-    expected = gain * model.background
-    absorbance = 1 - image / np.maximum(expected, 1)
-    absorbance[~model.usable] = 0
-    return np.clip(absorbance, -0.3, 1.0).astype(np.float32)
+    return _absorbance(image, model.background, model.usable, np.float32(gain))
+
+
+@njit(cache=True)
+def _absorbance(image, background, usable, gain):
+    out = np.zeros(image.shape, np.float32)
+    one, low = np.float32(1.0), np.float32(-0.3)
+    for row in range(image.shape[0]):
+        for column in range(image.shape[1]):
+            expected = max(gain * background[row, column], one)
+            value = one - np.float32(image[row, column]) / expected
+            out[row, column] = min(max(value, low), one) if usable[row, column] else 0
+    return out
 
 
 def detect(
@@ -310,8 +320,7 @@ def contrast_length(line: Line) -> float:
 
 def root(curve, model: ImageModel, options: TracingOptions):
     """Turn a curve so that it begins at the face; None where it does not come out of it."""
-    length = np.hypot(*np.diff(curve, axis=0).T).sum()
-    if length < 0.6 * options.shortest_px:
+    if _length(curve) < 0.6 * options.shortest_px:
         return None
     height, width = model.outside.shape
     ends = np.clip(np.rint(curve[[0, -1]]).astype(int), 0, [width - 1, height - 1])
@@ -319,6 +328,15 @@ def root(curve, model: ImageModel, options: TracingOptions):
     if distance[1] < distance[0]:
         curve, distance = curve[::-1], distance[::-1]
     return curve if distance[0] < options.base_gap_px else None
+
+
+@njit(cache=True)
+def _length(curve):
+    """Length of a curve (n, 2)."""
+    total = 0.0
+    for i in range(1, len(curve)):
+        total += np.hypot(curve[i, 0] - curve[i - 1, 0], curve[i, 1] - curve[i - 1, 1])
+    return total
 
 
 def settle(image, model: ImageModel, gain, curve, options: TracingOptions, workspace) -> Line:

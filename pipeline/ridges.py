@@ -50,7 +50,8 @@ def ridge_points(absorbance, noise_sd, scale=SCALE_PX):
     ax, ay = filtered(g1, g), filtered(g, g1)
     axx, ayy, axy = filtered(g2, g), filtered(g, g2), filtered(g1, g1)
     response_sd = np.sqrt((g2.astype(float) ** 2).sum() * (g.astype(float) ** 2).sum())
-    response_sd *= _excess_noise(axx, response_sd * noise_sd, absorbance)
+    few = np.s_[3::7, 3::7]
+    response_sd *= _excess_noise(axx[few], response_sd * noise_sd[few], absorbance[few])
     index = np.full(absorbance.shape, -1, np.int32)
     points = np.empty((np.count_nonzero(absorbance), 5))
     count = _points(ax, ay, axx, ayy, axy, noise_sd, response_sd, index, points)
@@ -65,6 +66,10 @@ def _points(ax, ay, axx, ayy, axy, noise_sd, response_sd, index, points):
     for row in range(height):
         for column in range(width):
             xx, yy, xy = axx[row, column], ayy[row, column], axy[row, column]
+            # most pixels are below LOW, which tells without a root (and some rounding)
+            least = 0.5 * (xx + yy) + LOW * response_sd * noise_sd[row, column]
+            if least > 0 and (0.5 * (xx - yy)) ** 2 + xy * xy < (1 - 1e-5) * least * least:
+                continue
             # the more negative eigenvalue: across a line of absorbance
             lam = 0.5 * (xx + yy) - np.sqrt((0.5 * (xx - yy)) ** 2 + xy * xy)
             strength = -lam / (response_sd * noise_sd[row, column])
@@ -91,8 +96,7 @@ def _excess_noise(response, noise, absorbance) -> float:
 
     Compressed video has less noise, but of longer range, which the filter lets pass.
     """
-    sample = (response / noise)[3::7, 3::7]
-    sample = sample[absorbance[3::7, 3::7] != 0]
+    sample = (response / noise)[absorbance != 0]
     if sample.size < 100:
         return 1.0
     return max(1.0, float(1.4826 * np.median(np.abs(sample))))
@@ -172,14 +176,15 @@ def _mark_beside(index, points, used, p):
 
 
 @njit(cache=True)
-def _link(index, points, order, high, chain, offsets):
+def _link(index, points, seeds, chain, offsets):
+    """Follow the ridges from `seeds`; fill `chain` and its `offsets`, return their number."""
     used = np.zeros(len(points), np.uint8)
     forward = np.empty(len(points), np.int32)
     backward = np.empty(len(points), np.int32)
     n_chains = 0
     total = 0
-    for seed in order:
-        if used[seed] or points[seed, 4] < high:
+    for seed in seeds:
+        if used[seed]:
             continue
         used[seed] = 1
         a = _grow(index, points, used, seed, 1.0, forward)
@@ -204,24 +209,25 @@ def link(index, points, shortest=8):
     """
     if not len(points):
         return []
-    order = np.argsort(-points[:, 4])
+    seeds = np.flatnonzero(points[:, 4] >= HIGH)
+    order = seeds[np.argsort(-points[seeds, 4])]
     chain = np.empty(len(points), np.int64)
     offsets = np.zeros(len(points) + 1, np.int64)
-    n = _link(index, points, order, HIGH, chain, offsets)
-    curves = [points[chain[offsets[i] : offsets[i + 1]], :2] for i in range(n)]
-    return [c for c in curves if len(c) >= shortest]
+    n = _link(index, points, order, chain, offsets)
+    long = np.flatnonzero(np.diff(offsets[: n + 1]) >= shortest)
+    return [points[chain[offsets[i] : offsets[i + 1]], :2] for i in long]
 
 
 def _ends(curves, reach=14):
     """Ends (2n, 2) of the curves, first and last in turn, and the unit directions out of them."""
-    places, directions = [], []
-    for curve in curves:
-        k = min(reach, len(curve) - 1)
-        places += [curve[0], curve[-1]]
-        directions += [curve[0] - curve[k], curve[-1] - curve[-1 - k]]
-    directions = np.array(directions)
+    lengths = np.array([len(curve) for curve in curves])
+    points, last = np.concatenate(curves), np.cumsum(lengths) - 1
+    first, inward = last - lengths + 1, np.minimum(reach, lengths - 1)
+    ends = np.column_stack([first, last]).ravel()
+    behind = np.column_stack([first + inward, last - inward]).ravel()
+    directions = points[ends] - points[behind]
     norm = np.linalg.norm(directions, axis=1, keepdims=True)
-    return np.array(places), directions / np.maximum(norm, 1e-9)
+    return points[ends], directions / np.maximum(norm, 1e-9)
 
 
 @njit(cache=True)
@@ -283,4 +289,4 @@ def _walk(curves, partner, end):
         curve = curves[end // 2]
         pieces.append(curve if end % 2 == 0 else curve[::-1])
         end = partner[end ^ 1]
-    return np.vstack(pieces)
+    return np.concatenate(pieces) if len(pieces) > 1 else pieces[0]
