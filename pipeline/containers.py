@@ -308,8 +308,8 @@ class ContainerVideo(Video):
             if packet.dts is not None and packet.dts > last:  # frames are shown after their dts
                 yield from stream.decode(None)  # what the decoder has held back
                 return
-            at_times = packet.pts is None or min(abs(packet.pts - t) for t in times) < self._step / 2
-            stream.codec_context.skip_frame = "DEFAULT" if at_times else "NONREF"
+            shown = packet.pts is None or any(abs(packet.pts - t) < self._step / 2 for t in times)
+            stream.codec_context.skip_frame = "DEFAULT" if shown else "NONREF"
             yield from packet.decode()
 
     def _index(self, frame):
