@@ -162,9 +162,10 @@ def _windowed_moments(ordered, centre, window):
     n, height, width = ordered.shape
     mean = np.empty((height, width), np.float32)
     variance = np.empty((height, width), np.float32)
-    count, total, square = np.empty(width), np.empty(width), np.empty(width)
+    sums = np.empty((3, width), np.float32)
+    count, total, square = sums
     for row in range(height):
-        count[:], total[:], square[:] = 0.0, 0.0, 0.0
+        sums[:] = 0.0
         for k in range(n):
             for column in range(width):
                 value = np.float32(ordered[k, row, column]) - centre[row, column]
@@ -173,7 +174,7 @@ def _windowed_moments(ordered, centre, window):
                 total[column] += inside * value
                 square[column] += inside * value * value
         for column in range(width):
-            used = max(count[column], 1.0)
+            used = max(float(count[column]), 1.0)
             shift = total[column] / used
             mean[row, column] = centre[row, column] + shift
             variance[row, column] = (square[column] - used * shift * shift) / max(used - 1, 1.0)
