@@ -253,18 +253,24 @@ def _panel_a_table(touch) -> pd.DataFrame:
     columns = ["frame", "in_contact", "x_mm", "y_mm", "follicle_x_mm", "follicle_y_mm"]
     if touch is None:
         return pd.DataFrame(columns=columns)
-    scale = touch.settings.recording.pixels_per_mm
-    by_frame = touch.frames.set_index("frame")
-    rows = []
-    for i in range(0, len(touch.centrelines), max(len(touch.centrelines) // LINES_SHOWN, 1)):
-        frame = int(touch.centrelines.frame[i])
-        points = touch.centrelines.row(i)[::4] / scale
-        at = by_frame.loc[frame]
-        rows.append(pd.DataFrame({"frame": frame, "x_mm": points[:, 0], "y_mm": points[:, 1]}))
-        rows[-1]["in_contact"] = bool(at["in_contact"])
-        rows[-1]["follicle_x_mm"] = at["follicle_x_px"] / scale
-        rows[-1]["follicle_y_mm"] = at["follicle_y_px"] / scale
-    return pd.concat(rows)[columns] if rows else pd.DataFrame(columns=columns)
+    lines, scale = touch.centrelines, touch.settings.recording.pixels_per_mm
+    shown = range(0, len(lines), max(len(lines) // LINES_SHOWN, 1))
+    points = [lines.row(i)[::4] / scale for i in shown]
+    if not points:
+        return pd.DataFrame(columns=columns)
+    frames = np.repeat(lines.frame[shown], [len(each) for each in points])
+    at = touch.frames.set_index("frame").loc[frames]
+    x, y = np.concatenate(points).T
+    return pd.DataFrame(
+        {
+            "frame": frames,
+            "in_contact": at["in_contact"].to_numpy(bool),
+            "x_mm": x,
+            "y_mm": y,
+            "follicle_x_mm": at["follicle_x_px"].to_numpy() / scale,
+            "follicle_y_mm": at["follicle_y_px"].to_numpy() / scale,
+        }
+    )
 
 
 def _panel_b_table(touch) -> pd.DataFrame:
@@ -345,11 +351,13 @@ def _draw_a(axis, table, touch):
 
 def _draw_lines(axis, table, touch, down):
     """Centrelines, follicle dots and pole of one phase, moved `down` [mm]."""
+    from matplotlib.collections import LineCollection
     from matplotlib.patches import Circle
 
-    for _, line in table.groupby("frame"):
-        colour = BLACK if line["in_contact"].iloc[0] else GREY
-        axis.plot(line["x_mm"], line["y_mm"] + down, color=colour, lw=0.6)
+    starts = np.flatnonzero(table["frame"].diff().to_numpy())
+    points = np.column_stack([table["x_mm"], table["y_mm"] + down])
+    colours = np.where(table["in_contact"], BLACK, GREY)[starts]
+    axis.add_collection(LineCollection(np.split(points, starts[1:]), colors=colours, lw=0.6))
     dots = table.drop_duplicates("frame")
     axis.plot(dots["follicle_x_mm"], dots["follicle_y_mm"] + down, ".", color=BLACK, ms=2.5)
     if touch.pole is not None:

@@ -388,9 +388,9 @@ def _svg(figure) -> str:
 
 
 def _per_trial(videos, contacts) -> dict | None:
-    """Contacts of every video that was processed: plot and numbers; None without any."""
+    """Contacts of every video that was processed: plot and numbers; None of one alone."""
     made = videos.loc[videos["status"] != "failed", "video"]
-    if not len(made) or contacts.empty:
+    if len(made) < 2 or contacts.empty:
         return None
     counts = contacts["video"].value_counts().reindex(made, fill_value=0).to_numpy()
     figure, axis = _axes(2.6)
