@@ -9,14 +9,12 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from pipeline.line_features import ANGLE, N_FEATURES
 
 FARTHEST = 3.0  # standard deviations in one feature count as no more
 UNSEEN = 0.5  # cost of a feature that a line does not show
 SHIFTS = np.radians([0.0, -6.0, 6.0, -12.0, 12.0])  # of the phase, tried around the first guess
-ROUNDS = 3
 FEWEST = 12  # lines that tell how a feature goes with the phase
 AT_ONCE = 20000  # rows, to keep memory small
 LEAST_SLOPE = 0.5  # of a whisker's angle with the phase
@@ -88,7 +86,7 @@ class FanModel:
         each[strange] = 0.5 * FARTHEST**2
         return np.where(np.isfinite(each), each, UNSEEN).sum(axis=-1)
 
-    def phases(self, features, starts, guess) -> np.ndarray:
+    def phases(self, features, starts, guess, shifts=SHIFTS) -> np.ndarray:
         """Phase of every frame at which its lines, each by itself, look most like whiskers.
 
         starts : first row of every frame, and the number of rows
@@ -98,9 +96,9 @@ class FanModel:
         rows_of = np.repeat(np.arange(len(counts)), counts)
         total = np.array([
             np.add.reduceat(self.costs(features, (guess + s)[rows_of]).min(axis=1), starts[:-1])
-            for s in SHIFTS
+            for s in shifts
         ])  # fmt: skip
-        phase = guess + SHIFTS[np.argmin(total, axis=0)]
+        phase = guess + shifts[np.argmin(total, axis=0)]
         for _ in range(2):
             whisker = self.costs(features, phase[rows_of]).argmin(axis=1)
             phase = self.phases_of(features[:, ANGLE], whisker, starts)
@@ -112,27 +110,6 @@ class FanModel:
         off = _wrapped(angle - self.middle[whisker, ANGLE]) / slope
         spans = pairwise(starts)
         return np.array([np.median(off[a:b]) for a, b in spans])
-
-
-def learn(model: FanModel, features, whisker, starts) -> FanModel:
-    """Match some frames to the model and fit it anew, a few times.
-
-    Parameters
-    ----------
-    features, whisker : of rows ordered by frame, (rows, 6) and their names for a first guess
-    starts : first row of every frame, and the number of rows
-    """
-    spans = list(pairwise(starts))
-    whisker = whisker.copy()
-    for _ in range(ROUNDS):
-        guess = model.phases_of(features[:, ANGLE], whisker, starts)
-        phase = np.repeat(model.phases(features, starts, guess), np.diff(starts))
-        cost = model.costs(features, phase)
-        for a, b in spans:
-            lines, names = linear_sum_assignment(cost[a:b])
-            whisker[a + lines] = names
-        model = model.fitted(features, whisker, phase)
-    return model
 
 
 def _robust_line(x, y, least_sd):

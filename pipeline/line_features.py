@@ -1,77 +1,130 @@
-"""What tells one whisker's lines from another's, a few numbers per traced line."""
+"""What tells one whisker's lines from another's, a few numbers per traced line.
+
+Directions are those in which a centre behind the fur sees the line at fixed distances: there a
+line is measured well, while its first millimetre is drawn aside by fur.
+"""
+
+from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
 
-PLACE, ANGLE, THICKNESS, LENGTH, BEND, FAR_BEND = range(6)
+NEAR_BEND, ANGLE, THICKNESS, LENGTH, BEND, FAR_BEND = range(6)
 N_FEATURES = 6
+BEHIND_M = 3e-3  # centre's distance behind the middle of the bases
+DISTANCES_M = np.array([4.0e-3, 5.5e-3, 8.0e-3, 12.0e-3])  # from the centre
 PIECE = 6  # nodes, the least that give a direction
 
 
-def line_features(lines, ruler) -> np.ndarray:
+@dataclass(frozen=True)
+class Dial:
+    """Where the directions are taken: centre [px], the face's directions, distances (4,) [px]."""
+
+    centre: np.ndarray
+    along: np.ndarray
+    outward: np.ndarray
+    distances: np.ndarray
+
+    @classmethod
+    def of(cls, bases, ruler, pixels_per_m) -> "Dial":
+        """Behind the whiskers' bases (whiskers, 2) [px]; `ruler` is an `identities.Ruler`."""
+        middle = np.median(np.asarray(bases, float).reshape(-1, 2), axis=0)
+        along, outward = np.asarray(ruler.along, float), np.asarray(ruler.outward, float)
+        behind = BEHIND_M * pixels_per_m
+        return cls(middle - behind * outward, along, outward, DISTANCES_M * pixels_per_m)
+
+
+def line_features(lines, dial: Dial) -> np.ndarray:
     """Features of every row of `records.Centrelines`, float64 (rows, 6), NaN where not seen.
 
-    Place along the face where the line points to behind the fur [px]; angle of the first
-    `ruler.base_px` [rad, 0 outward, positive along the face]; logarithms of thickness and length
-    [px]; turn from the first to the second half of that part, and from all of it to the next as
-    long [rad].
+    ANGLE is the direction [rad, 0 outward, positive along the face] of the line at the second
+    distance from the dial's centre; NEAR_BEND that at the first less that, BEND and FAR_BEND the
+    changes to the third and from there to the fourth; THICKNESS and LENGTH are logarithms [px].
     """
-    return _features(lines.offsets, lines.x_px, lines.y_px, lines.thickness_px, ruler)
+    return _features(lines.offsets, lines.x_px, lines.y_px, lines.thickness_px, dial)
 
 
-def sample_features(slot, ruler) -> dict[int, np.ndarray]:
+def sample_features(slot, dial: Dial) -> dict[int, np.ndarray]:
     """Features (6,) of a roster's whisker (`roster.Slot`) in the frames where it was seen."""
     out = {}
     for frame, line in zip(slot.seen, slot.samples, strict=True):
         n = line.n
         ends = np.array([0, n])
-        out[frame] = _features(ends, line.x[:n], line.y[:n], line.thickness[:n], ruler)[0]
+        out[frame] = _features(ends, line.x[:n], line.y[:n], line.thickness[:n], dial)[0]
     return out
 
 
-def _features(offsets, x, y, thickness, ruler):
+def _features(offsets, x, y, thickness, dial):
     out = np.full((len(offsets) - 1, N_FEATURES), np.nan)
+    if thickness is None:
+        thickness = np.full(len(x), np.nan)
     _fill(
-        offsets, x, y, thickness,
-        np.asarray(ruler.along, float), np.asarray(ruler.outward, float),
-        float(ruler.pivot_px), int(ruler.base_px), out,
+        offsets, x, y, thickness, dial.centre, dial.along, dial.outward, dial.distances, out
     )  # fmt: skip
     return out
 
 
 @njit(cache=True)
-def _fill(offsets, xs, ys, thickness, along, outward, pivot, base, out):
+def _fill(offsets, xs, ys, thickness, centre, along, outward, distances, out):
     for row in range(len(out)):
         first, last = offsets[row], offsets[row + 1]
         n = last - first
         if n < 2 * PIECE:
             continue
-        x, y = xs[first:last], ys[first:last]
-        b = min(n - 1, base)
-        angle = _direction(x, y, 0, b, along, outward)
-        px = x[0] - pivot * (np.sin(angle) * along[0] + np.cos(angle) * outward[0])
-        py = y[0] - pivot * (np.sin(angle) * along[1] + np.cos(angle) * outward[1])
-        out[row, PLACE] = px * along[0] + py * along[1]
+        near, angle, far, farthest = _directions(
+            xs[first:last], ys[first:last], centre, along, outward, distances
+        )
+        out[row, NEAR_BEND] = near - angle
         out[row, ANGLE] = angle
-        t = thickness[first + min(10, n // 2) : first + max(n // 2, b)]
+        out[row, BEND] = far - angle
+        out[row, FAR_BEND] = farthest - far
+        t = thickness[first + min(10, n // 2) : first + max(n // 2, min(n - 1, 30))]
         t = t[~np.isnan(t)]
         if len(t):
             out[row, THICKNESS] = np.log(max(np.median(t), 0.02))
         out[row, LENGTH] = np.log(n)
-        out[row, BEND] = _turn(x, y, 0, b // 2, b, along, outward)
-        if n > 2 * base:
-            out[row, FAR_BEND] = _turn(x, y, 0, base, 2 * base, along, outward)
 
 
 @njit(cache=True)
-def _direction(x, y, i, j, along, outward):
-    """Direction from node i to node j [rad]."""
-    dx, dy = x[j] - x[i], y[j] - y[i]
-    return np.arctan2(dx * along[0] + dy * along[1], dx * outward[0] + dy * outward[1])
+def _directions(x, y, centre, along, outward, distances):
+    """Directions (4,) [rad] of a line at distances from the centre.
+
+    The first two are carried on from the line's end where it does not reach them; the others are
+    NaN there.
+    """
+    out = np.full(len(distances), np.nan)
+    n = len(x)
+    k = 0
+    before, last = 0.0, 0.0
+    for i in range(n):
+        u = (x[i] - centre[0]) * along[0] + (y[i] - centre[1]) * along[1]
+        v = (x[i] - centre[0]) * outward[0] + (y[i] - centre[1]) * outward[1]
+        r, angle = np.hypot(u, v), np.arctan2(u, v)
+        while k < len(distances) and r >= distances[k]:
+            if i == 0:
+                out[k] = _carried_on(x, y, 0, PIECE, centre, along, outward, distances[k])
+            else:
+                part = (distances[k] - before) / max(r - before, 1e-9)
+                out[k] = last + part * (angle - last)
+            k += 1
+        last, before = angle, r
+    for j in range(k, 2):
+        out[j] = _carried_on(x, y, n - 1, n - 1 - PIECE, centre, along, outward, distances[j])
+    return out
 
 
 @njit(cache=True)
-def _turn(x, y, i, j, k, along, outward):
-    """Change of direction from the piece i … j to the piece j … k [rad]."""
-    turn = _direction(x, y, j, k, along, outward) - _direction(x, y, i, j, along, outward)
-    return np.arctan2(np.sin(turn), np.cos(turn))
+def _carried_on(x, y, i, j, centre, along, outward, distance):
+    """Direction at a distance before or beyond node i, on the straight line through node j."""
+    ax = (x[i] - centre[0]) * along[0] + (y[i] - centre[1]) * along[1]
+    ay = (x[i] - centre[0]) * outward[0] + (y[i] - centre[1]) * outward[1]
+    bx = (x[j] - centre[0]) * along[0] + (y[j] - centre[1]) * along[1]
+    by = (x[j] - centre[0]) * outward[0] + (y[j] - centre[1]) * outward[1]
+    dx, dy = ax - bx, ay - by
+    norm = max(np.hypot(dx, dy), 1e-9)
+    dx, dy = dx / norm, dy / norm
+    middle = ax * dx + ay * dy
+    rest = ax * ax + ay * ay - middle * middle
+    reach = np.sqrt(max(distance * distance - rest, 0.0))
+    t = reach - middle if abs(reach - middle) < abs(-reach - middle) else -reach - middle
+    return np.arctan2(ax + t * dx, ay + t * dy)

@@ -83,14 +83,14 @@ def analyse(
             epochs = behind_whiskers(epochs, cast.roster, recording.pixels_per_mm)
         followed = follow(video, epochs, cast, settings, clock, keep, progress)
     with clock("contacts"):
-        touch = find_touches(followed, cast, settings, corrections)
+        touch = find_touches(followed, settings, corrections)
     return Analysis(
         frames=touch.frames,
         contacts=touch.contacts,
         evidence=touch.evidence,
         pole=followed.pole,
         n_frames=followed.n_frames,
-        messages=tuple(_messages(settings, cast, touch.frames, video, followed)),
+        messages=tuple(_messages(settings, touch.frames, video, followed)),
         seconds=clock.seconds,
     )
 
@@ -101,12 +101,14 @@ class Followed:
 
     Attributes
     ----------
+    cast : the whiskers
     frames : table of FRAME_COLUMNS with the kinematics
     places : `Stations` of all traced rows, by whisker
     pole : where the pole was
     n_frames : frames read
     """
 
+    cast: "Cast"
     frames: pd.DataFrame
     places: StationStore
     pole: PoleTrack | None
@@ -117,9 +119,11 @@ def follow(video, epochs, cast, settings, clock, keep=None, progress=None) -> Fo
     """Trace the whiskers through all frames and measure angle, curvature, distance to the pole."""
     recording, pole = settings.recording.si(), pole_track(epochs)
     frames = Counted(clock.each("decoding", video.lent()), video.n_frames, progress)
-    chunks = tracing.trace(frames, epochs, list(cast.roster), tracing_options(settings))
+    options, open_ended = tracing_options(settings), not settings.whisker
+    chunks = tracing.trace(frames, epochs, list(cast.roster), options, open_ended=open_ended)
     kinematics, places = [], StationStore()
     for chunk in clock.each("centrelines", chunks):
+        cast = cast.of(chunk.names)
         with clock("curvature"):
             at = settings.analysis.curvature_at
             hidden = cast.hidden_lengths
@@ -136,10 +140,10 @@ def follow(video, epochs, cast, settings, clock, keep=None, progress=None) -> Fo
                 keep(chunk)
     clock.seconds["centrelines"] -= clock.seconds["decoding"]
     table = frame_table(kinematics, cast, frames.count, recording)
-    return Followed(table, places, pole, frames.count)
+    return Followed(cast, table, places, pole, frames.count)
 
 
-def find_touches(followed: Followed, cast, settings, corrections=None) -> contact.Touch:
+def find_touches(followed: Followed, settings, corrections=None) -> contact.Touch:
     """Contacts, forces, pulses and base loads of what was followed."""
     if not followed.places.names:
         return _nothing_traced(followed.frames)
@@ -147,7 +151,7 @@ def find_touches(followed: Followed, cast, settings, corrections=None) -> contac
         followed.frames,
         followed.places,
         settings.recording.si(),
-        cast.whiskers,
+        followed.cast.whiskers,
         curvature_at=settings.analysis.curvature_at,
         friction=settings.analysis.friction,
         corrections=corrections,
@@ -219,6 +223,20 @@ class Cast:
         """Names of the whiskers found in the video, in the tracer's order."""
         return tuple(slot.name for slot in self.roster)
 
+    def of(self, found) -> "Cast":
+        """The cast of whiskers named when the whole video has been seen; these may be more."""
+        if tuple(found) == self.found:
+            return self
+        typical, hidden = self.nominal[0], self.hidden_lengths[0]
+        count = len(found)
+        return Cast(
+            names=tuple(found),
+            roster=tuple(replace(self.roster[0], name=name) for name in found),
+            whiskers=dict.fromkeys(found),
+            nominal=tuple(replace(typical, name=name) for name in found),
+            hidden_lengths=(hidden,) * count,
+        )
+
 
 def find_cast(indices, frames, epochs, settings: Settings) -> Cast:
     """Find the whiskers in some frames and bring them together with the settings' ones."""
@@ -276,8 +294,9 @@ def frame_table(kinematics, cast: Cast, n_frames: int, recording: Recording) -> 
     return as_table(table, FRAME_COLUMNS)
 
 
-def _messages(settings, cast, table, video, followed):
+def _messages(settings, table, video, followed):
     """Sentences on what is missing or doubtful in one video."""
+    cast = followed.cast
     count = followed.n_frames
     if video.exact_count and count < video.n_frames:
         yield f"only {count} of {video.n_frames} frames could be read: is it cut short?"

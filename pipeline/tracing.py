@@ -66,6 +66,7 @@ class Track:
     lost_for: int = 0
     doubtful: bool = False
     turns: tuple[float, float] = (0.0, 0.0)
+    number: int = 0
 
     def __post_init__(self):
         self.whole = max(self.slot.samples, key=lambda line: line.n, default=None)
@@ -116,7 +117,8 @@ class Tracer:
 
     def __init__(self, scene: StaticScene, roster: list[Slot], options: TracingOptions):
         self.options = options
-        self.tracks = [Track(slot) for slot in roster]
+        self.names = tuple(slot.name for slot in roster)
+        self.tracks = [Track(slot, number=k) for k, slot in enumerate(roster)]
         height, width = scene.background.shape
         self.workspace = Workspace(int(1.6 * np.hypot(height, width)))
         self.change_scene(scene)
@@ -591,6 +593,7 @@ def trace(
     roster: list[Slot],
     options: TracingOptions,
     chunk_frames: int = CHUNK_FRAMES,
+    open_ended: bool = False,
 ) -> Iterator[Centrelines]:
     """Trace the roster's whiskers through the frames; yield centrelines chunk by chunk.
 
@@ -601,24 +604,36 @@ def trace(
         move in and out; while they move, what is seen counts half
     roster : the whiskers to follow (`find_roster`)
     options : lengths in pixels (`options_for`)
+    open_ended : nobody has said which whiskers there are: of a crowd, all that are seen over the
+        whole video are named, and the roster is a first guess
 
     Yields
     ------
     Centrelines of up to `chunk_frames` frames; a whisker that is lost in a frame has no row.
     """
     scenes = _starting_scenes(scene)
-    tracer = Tracer(scenes[0][0], roster, options)
+    tracer = _tracer(scenes[0][0], roster, options)
     place = _follicle_finder(roster, options)
     chunks = _followed(frames, scenes, tracer, chunk_frames)
     if tracer.crowded:
-        chunks = whole_video.settled(chunks, roster, tracer.ruler, options.pixels_per_m)
+        chunks = whole_video.settled(
+            chunks, roster, tracer.ruler, options.pixels_per_m, open_ended
+        )
     for chunk in chunks:
         yield place(chunk)
 
 
+def _tracer(scene, roster, options) -> Tracer:
+    """The tracer for these whiskers: of a crowd, lines are named in the end."""
+    from pipeline import crowd_tracer  # which is built upon this file
+
+    kind = crowd_tracer.CrowdTracer if crowd_tracer.is_crowd(roster, options) else Tracer
+    return kind(scene, roster, options)
+
+
 def _followed(frames, scenes, tracer, chunk_frames) -> Iterator[Centrelines]:
     """Chunks of the lines as the tracer names them."""
-    collector = _Collector(tuple(track.slot.name for track in tracer.tracks))
+    collector = _Collector(tracer.names)
     spacing = tracer.options.spacing_px
     trust = 1.0
     index = -1
@@ -630,10 +645,11 @@ def _followed(frames, scenes, tracer, chunk_frames) -> Iterator[Centrelines]:
         tracks = tracer.step(image)
         while tracer.exchanges:
             collector.exchange(*tracer.exchanges.pop(0))
-        for k, track in enumerate(tracks):
+        for track in tracks:
             if track.line is not None:
                 unsure = track.doubtful and not tracer.crowded  # else it is decided in the end
-                collector.add(index, k, track.line, DOUBTFUL * trust if unsure else trust)
+                trusted = DOUBTFUL * trust if unsure else trust
+                collector.add(index, track.number, track.line, trusted)
         if (index + 1) % chunk_frames == 0:
             yield collector.take(spacing)
     if collector.rows or index < 0:

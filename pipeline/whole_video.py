@@ -1,151 +1,150 @@
-"""The tracer's lines of a whole video, named anew: who is who is decided when all is seen.
+"""The lines of a crowd in a whole video, named when all has been seen.
 
-Lines wait in a file meanwhile; in memory there are a few numbers per line.
+The tracer follows lines without names (`crowd_tracer`). Here they wait in a file until the video
+has ended; in memory there are a few numbers per line. How every whisker looks is learned from all
+frames, and the names are those that looks and motions together make likeliest (`exchanges`).
 """
 
 import tempfile
 from collections.abc import Iterable, Iterator
 from dataclasses import fields, replace
-from itertools import pairwise
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
 
-from pipeline import naming
-from pipeline.fan_model import FanModel, learn
-from pipeline.line_features import ANGLE, THICKNESS, line_features, sample_features
+from pipeline import alignment, exchanges, line_motion, recombination, whisker_seeds
+from pipeline.fan_model import FanModel
+from pipeline.line_features import ANGLE, Dial, line_features, sample_features
 from pipeline.records import Centrelines
 
-FEWEST_FRAMES = 20  # from which there is something to learn
-LEARN_FRAMES = 600  # of the video, that the whiskers' looks are learned from
-LEAST_MM = 0.08  # standard deviation of a place along the face
-LEAST_SD = np.array([np.nan, np.radians(1.5), 0.05, 0.03, 0.01, 0.01])
-LEAST_MOTION_MM = 0.02
-LEAST_MOTION = np.array([np.nan, np.radians(0.4), 0.02, 0.01, 0.004, 0.004])
-SURE = 0.9  # probability of a name, below which it counts as not known
-LOOK_SURE = 0.8  # probability of a name by the looks alone, frame by frame, over LOOK_FRAMES
-LOOK_FRAMES = 21
-THICK = 3.0  # standard deviations: a thicker line lies on two whiskers
-UNKNOWN = 0.4  # confidence is lowered to this part where a name is not known
+LEAST_SD = np.array([0.01, np.radians(1.5), 0.05, 0.03, 0.007, 0.005])  # of a look
+ROUNDS = 4  # of naming all lines and learning the looks from them
+PER_POINT = ("x_px", "y_px", "se_px", "offset_px", "information", "thickness_px")
+SELDOM = 0.1  # of the frames: what is seen in fewer is not named, where no names are given
 
 
-def settled(chunks: Iterable[Centrelines], roster, ruler, pixels_per_m) -> Iterator[Centrelines]:
+def settled(
+    chunks: Iterable[Centrelines], roster, ruler, pixels_per_m, open_ended=False
+) -> Iterator[Centrelines]:
     """Hand on the chunks of a video with the names that suit the whole of it best.
+
+    Lines that are no named whisker's are left out. The confidence is that of the line times the
+    probability of its name.
 
     Parameters
     ----------
-    chunks : as the tracer named them, in order
+    chunks : as traced, in order; `whisker` numbers the tracks
     roster : the `Slot`s that they are named after
     ruler : `identities.Ruler` of the face
+    open_ended : name all whiskers that the video shows, w1, w2, …, whatever the roster
     """
+    dial = Dial.of([slot.base_xy for slot in roster], ruler, pixels_per_m)
     with tempfile.TemporaryFile() as file:
         found, count = [], 0
         for chunk in chunks:
             _store(chunk, file)
-            found.append((chunk.frame, chunk.whisker, line_features(chunk, ruler)))
+            found.append((chunk.frame, chunk.whisker, line_features(chunk, dial)))
             count += 1
         if not found:
             return
-        frame, whisker, features = (np.concatenate(each) for each in zip(*found, strict=True))
-        named, sure = whisker, np.ones(len(frame))
-        if len(np.unique(frame)) >= FEWEST_FRAMES:
-            samples = [sample_features(slot, ruler) for slot in roster]
-            named, sure = names(frame, whisker, features, samples, pixels_per_m)
+        frame, track, features = (np.concatenate(each) for each in zip(*found, strict=True))
+        samples = None if open_ended else [sample_features(slot, dial) for slot in roster]
+        whisker, sure = names(frame, track, features, samples)
+        called = tuple(slot.name for slot in roster)
+        if open_ended:
+            called = tuple(f"w{k + 1}" for k in range(whisker.max(initial=-1) + 1))
         file.seek(0)
         first = 0
         for _ in range(count):
             chunk = _load(file)
             own = slice(first, first + len(chunk))
             first += len(chunk)
-            trust = np.where(sure[own] < SURE, UNKNOWN, 1.0)
-            yield replace(
-                chunk,
-                whisker=named[own].astype(np.int32),
-                confidence=(chunk.confidence * trust).astype(np.float32),
-            )
+            yield _named(chunk, called, whisker[own], sure[own])
 
 
-def names(frame, whisker, features, samples, pixels_per_m):
-    """Name of every line (rows,) and how sure it is (rows,), 0 to 1.
+def names(frame, track, features, samples=None):
+    """Whisker of every line (rows,), −1 for none, and how sure it is (rows,), 0 to 1.
 
     Parameters
     ----------
-    frame, whisker : (rows,) the tracer's names
+    frame, track : (rows,)
     features : (rows, 6) of `line_features`
-    samples : per whisker, dict of sample frame → features, from the roster
+    samples : per whisker, dict of sample frame → features, from the roster; None: find out which
+        whiskers there are, and number them along the face
     """
-    order = np.lexsort((whisker, frame))
-    frame, tracks, features = frame[order], whisker[order].astype(int), features[order]
-    starts = np.append(np.flatnonzero(np.diff(frame, prepend=-2)), len(frame))
-    scale = 1e-3 * pixels_per_m
-    least = LEAST_SD.copy()
-    least[0] = max(LEAST_MM * scale, 0.4)
-    model = FanModel.first(samples, least)
-    model = learn(model, *_some(features, tracks, starts))
-    guess = model.phases_of(features[:, ANGLE], tracks, starts)
-    phase = np.repeat(model.phases(features, starts, guess), np.diff(starts))
-    cost = model.costs(features, phase)
-    blocks, rows_of = naming.blocks_of(
-        features,
-        cost,
-        frame,
-        tracks,
-        _motion_sd(features, frame, tracks, scale),
+    named, sure = np.full(len(frame), -1), np.ones(len(frame))
+    usable = np.flatnonzero(np.isfinite(features[:, ANGLE]))
+    if not len(usable):
+        return named, sure
+    order = usable[np.lexsort((track[usable], frame[usable]))]
+    rows = features[order], frame[order].astype(int), track[order].astype(int)
+    if samples is None:
+        model, start, begin = whisker_seeds.first_whiskers(*rows, LEAST_SD)
+    else:
+        model, start, begin = FanModel.first(samples, LEAST_SD), None, 0
+    whisker, sure[order] = _all_names(model, start, begin, *rows)
+    if samples is None:
+        whisker = _along_the_face(whisker, rows[0], rows[1])
+    else:
+        whisker = np.where(whisker < len(samples), whisker, -1)
+    named[order] = whisker
+    return named, sure
+
+
+def _all_names(model, start, begin, features, frame, track):
+    """Names and their probability; `start`: first names, None: the likeliest looking."""
+    if start is None:
+        phase = line_motion.first_phases(model, features, frame, track)
+    else:
+        phase = line_motion.phases(model, features, frame, start)
+    evidence = line_motion.evidence_of(model, features, frame, track, phase)
+    named = exchanges.improved(evidence, exchanges.first_names(evidence, begin), track)
+    for _ in range(ROUNDS - 1):
+        model, named = _learned_anew(evidence, model, named, track)
+        phase = line_motion.phases(model, features, frame, named)
+        evidence = line_motion.evidence_of(model, features, frame, track, phase)
+        named = exchanges.improved(evidence, named, track)
+    return named, exchanges.certainty(evidence, named)
+
+
+def _learned_anew(evidence, model, named, track):
+    """Looks as of the present names, after exchanges that looks learned before stand against."""
+    features, frame = evidence.features, evidence.frame
+    phase = line_motion.phases(model, features, frame, named)
+    named = alignment.aligned(evidence, model, named, phase)
+    named = recombination.recombined(evidence, model, named, phase)
+    model, named = whisker_seeds.with_more(model, named, features, frame, track)
+    known = named >= 0
+    phase = line_motion.phases(model, features, frame, named)
+    return model.fitted(features[known], named[known], phase[frame[known]]), named
+
+
+def _along_the_face(whisker, features, frame):
+    """The same names numbered along the face, and seldom seen ones left out."""
+    count = np.bincount(whisker[whisker >= 0], minlength=1)
+    often = np.flatnonzero(count >= max(SELDOM * len(np.unique(frame)), 1))
+    middle = [np.median(features[whisker == k, ANGLE]) for k in often]
+    number = np.full(len(count) + 1, -1)
+    number[often[np.argsort(middle)]] = np.arange(len(often))
+    return number[whisker]
+
+
+def _named(chunk: Centrelines, called, whisker, sure) -> Centrelines:
+    """The chunk's lines that are somebody's, with their names."""
+    kept = whisker >= 0
+    counts = np.diff(chunk.offsets)
+    points = np.repeat(kept, counts)
+    return replace(
+        chunk,
+        names=called,
+        frame=chunk.frame[kept],
+        whisker=whisker[kept].astype(np.int32),
+        offsets=np.append(0, np.cumsum(counts[kept])).astype(np.int64),
+        confidence=(chunk.confidence * sure)[kept].astype(np.float32),
+        **{
+            name: None if getattr(chunk, name) is None else getattr(chunk, name)[points]
+            for name in PER_POINT
+        },
     )
-    named, sure = tracks.copy(), np.ones(len(frame))
-    for rows, way, probable in zip(rows_of, *naming.ways(blocks), strict=True):
-        for lines, name, p in zip(rows, way, probable, strict=True):
-            named[lines], sure[lines] = name, p
-    sure[_double(model, features, phase, named)] = 0.0
-    sure[_by_look(cost, named) < LOOK_SURE] = 0.0
-    back = np.empty(len(order), int)
-    back[order] = np.arange(len(order))
-    return named[back], sure[back]
-
-
-def _double(model, features, phase, named):
-    """Which lines are so thick that they lie on two whiskers, bool (rows,)."""
-    expected = model.middle[named, THICKNESS] + model.slope[named, THICKNESS] * phase
-    return features[:, THICKNESS] - expected > THICK * model.sd[named, THICKNESS]
-
-
-def _by_look(cost, named):
-    """Probability of the names by single frames' looks, averaged over LOOK_FRAMES, (rows,)."""
-    like = np.exp(cost.min(axis=1, keepdims=True) - cost)
-    own = like[np.arange(len(named)), named] / like.sum(axis=1)
-    out = np.empty(len(named))
-    for name in np.unique(named):
-        rows = np.flatnonzero(named == name)
-        out[rows] = uniform_filter1d(own[rows], min(LOOK_FRAMES, len(rows)))
-    return out
-
-
-def _some(features, whisker, starts):
-    """Rows of LEARN_FRAMES frames, evenly over the video, and where each begins."""
-    frames = np.unique(np.linspace(0, len(starts) - 2, LEARN_FRAMES).astype(int))
-    rows = np.concatenate([np.arange(starts[k], starts[k + 1]) for k in frames])
-    counts = (starts[1:] - starts[:-1])[frames]
-    return features[rows], whisker[rows], np.append(0, np.cumsum(counts))
-
-
-def _motion_sd(features, frame, whisker, scale):
-    """SD of what a line's features change from frame to frame, less the turn of all, (6,)."""
-    order = np.lexsort((frame, whisker))
-    step = np.diff(features[order], axis=0)
-    then = frame[order][1:]
-    after = (np.diff(frame[order]) == 1) & (np.diff(whisker[order]) == 0)
-    step, then = step[after], then[after]
-    by_frame = np.argsort(then, kind="stable")
-    step, then = step[by_frame], then[by_frame]
-    starts = np.append(np.flatnonzero(np.diff(then, prepend=-2)), len(then))
-    for a, b in pairwise(starts):
-        step[a:b, ANGLE] -= np.median(step[a:b, ANGLE])
-    least = LEAST_MOTION.copy()
-    least[0] = max(LEAST_MOTION_MM * scale, 0.15)
-    seen = np.isfinite(step).sum(axis=0) > 0
-    sd = least.copy()
-    sd[seen] = np.maximum(1.4826 * np.nanmedian(np.abs(step[:, seen]), axis=0), least[seen])
-    return sd
 
 
 def _store(chunk: Centrelines, file) -> None:

@@ -271,13 +271,13 @@ def rubbing_motion(coefficient):
 def test_friction_of_the_session_is_taken_out():
     """Loads where a true friction of 0.3 acts, without and with `[analysis] friction`."""
     traced = traced_motion.trace(rubbing_motion(0.3), noise_px=0.02)
-    followed = Followed(traced.frames, traced.places, traced.pole, len(traced.frames))
     cast = SimpleNamespace(whiskers=traced.whiskers)
+    followed = Followed(cast, traced.frames, traced.places, traced.pole, len(traced.frames))
     recording = {"frames_per_second": 1000, "pixels_per_mm": 25, "face": "left"}
     truth, error = traced.true_frames, {}
     for friction in (0.0, 0.3):
         settings = settings_from({"recording": recording, "analysis": {"friction": friction}})
-        frames = find_touches(followed, cast, settings).frames
+        frames = find_touches(followed, settings).frames
         pushed = (truth["contact_force_uN"] > 3).to_numpy() & frames["in_contact"].to_numpy()
         assert pushed.sum() > 50
         off = {

@@ -1,0 +1,82 @@
+"""Following the lines of whiskers that stand close together, whichever whisker each is.
+
+Every line that leaves the face and is strong enough gets a track of its own, with a number that
+no other track ever has; where a line is lost, its track ends. Which tracks are which whisker's is
+decided when the whole video has been seen (`whole_video`).
+"""
+
+import itertools
+
+import numpy as np
+
+from pipeline import detection
+from pipeline.identities import crowded
+from pipeline.roster import Slot
+from pipeline.tracing import LARGEST_TURN, SEARCH_EVERY, Tracer, Track, turning_range
+
+SPARE = 6  # tracks at most beside one for each whisker: some lines are nobody's
+FAINT = 0.5  # of the faintest whisker's length × absorbance: less is a hair of the fur
+SEARCH_EVERY_CROWDED = 5  # frames between two full detections while lines are missing
+
+
+class CrowdTracer(Tracer):
+    """Follow all lines of a crowd through consecutive frames of one static scene."""
+
+    def __init__(self, scene, roster, options):
+        super().__init__(scene, roster, options)
+        self.most = len(roster) + SPARE
+        self.usual = len(roster)
+        self.faintest = FAINT * min(_strength(slot) for slot in roster)
+        self.slot = Slot("", np.zeros(2), options.shortest_px, longest_px=options.longest_px)
+        self.number = itertools.count()
+        self.tracks = []
+        self.lost_at = -2
+
+    def step(self, image) -> list[Track]:
+        """Advance by one frame; return the tracks of all lines that are seen."""
+        self.frame += 1
+        gain = self.model.gain(image)
+        self._follow_all(image, gain)
+        before = len(self.tracks)
+        self.tracks = [t for t in self.tracks if t.line is not None]
+        if len(self.tracks) < before:
+            self.lost_at = self.frame
+        self.since_search += 1
+        every = SEARCH_EVERY_CROWDED if len(self.tracks) < self.usual else SEARCH_EVERY
+        if self.frame - self.lost_at < 2 or self.since_search >= every:
+            self._search_all(image, gain)
+            self.since_search = 0
+        return self.tracks
+
+    def _search_all(self, image, gain) -> None:
+        """Begin a track for every line that has none."""
+        lines = [t.line for t in self.tracks]
+        found = detection.detect_crowded(
+            image, self.model, gain, self.options, self.workspace, lines
+        )
+        for line in found:  # the strongest first
+            if len(self.tracks) >= self.most:
+                break
+            if turning_range(line.x, line.y, line.n) > LARGEST_TURN:
+                continue
+            if detection.contrast_length(line) >= self.faintest:
+                track = Track(self.slot, number=next(self.number))
+                track.take(line)
+                self.tracks.append(track)
+
+    def _part_crowd(self, present) -> None:
+        """Give up what is another line's blur."""
+        for track in present:
+            others = [t.line for t in present if t is not track and t.line is not None]
+            if track.line is not None and detection.is_ghost(track.line, others):
+                track.lose()
+
+
+def is_crowd(roster, options) -> bool:
+    """Whether a roster's whiskers stand so close that they pass for each other."""
+    return crowded([slot.signature for slot in roster], options)
+
+
+def _strength(slot) -> float:
+    """Length × absorbance of a roster's whisker [px]; 0 where it was never seen."""
+    return float(np.median([detection.contrast_length(line) for line in slot.samples] or [0.0]))

@@ -1,0 +1,416 @@
+"""Names of a video's lines, improved by exchanging two whiskers' names in some frames.
+
+A video has far too many ways to name its lines to look at all of them. But with all names held
+apart from those of two whiskers there are two ways in every frame, exchanged or not, and the best
+of the 2^frames is found at once (Viterbi), as is the probability of either in every frame (forward
+and backward sums). Pair after pair is taken until no exchange makes anything likelier.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from scipy.optimize import linear_sum_assignment
+
+from pipeline.line_features import N_FEATURES
+
+TAIL = 4.0  # degrees of freedom of a motion's distribution: jumps happen
+SEEN_AGAIN = 6.0  # cost of a whisker that is seen again after a gap
+LEAST_GAIN = 1e-6
+MOST_ROUNDS = 12
+NOBODY_NEW = 8.0  # cost of calling a line nobody's in a frame, beside its look, at first
+CLAIM_ROUNDS = 6  # of them, in which whiskers may claim lines that are nobody's
+MOST_CLAIMING = 4  # whiskers, for one line
+SHORTEST_CLAIMED = 3  # frames
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What the names are told from.
+
+    Attributes
+    ----------
+    features : float64 (rows, 6)
+    drift : (rows, 6) what a row's features are expected to change by to the next frame, beside
+        the turn of all
+    look : (rows, whiskers) cost of every name by the row's own look
+    nobody : (rows,) cost of none of these names
+    frame : int64 (rows,), from 0, ascending
+    phase : (frames,) turn of all whiskers
+    slope : (whiskers, 6) change of the features with the phase
+    sd, fast : (6,) of the motion from a frame to the next, and what is added to it per turn
+    most_sd : (whiskers, 6) of the motion over a gap, at most
+    """
+
+    features: np.ndarray
+    drift: np.ndarray
+    look: np.ndarray
+    nobody: np.ndarray
+    frame: np.ndarray
+    phase: np.ndarray
+    slope: np.ndarray
+    sd: np.ndarray
+    fast: np.ndarray
+    most_sd: np.ndarray
+
+    @property
+    def arrays(self):
+        """All that the compiled functions take, in their order."""
+        return (
+            self.features, self.drift, self.look, self.nobody, self.frame, self.phase,
+            self.slope, self.sd, self.fast, self.most_sd,
+        )  # fmt: skip
+
+    @property
+    def starts(self):
+        """First row of every frame, and the number of rows."""
+        return np.searchsorted(self.frame, np.arange(len(self.phase) + 1))
+
+
+def first_names(evidence: Evidence, begin: int = 0) -> np.ndarray:
+    """Names of all rows (rows,), −1 for nobody: frame by frame, as the frames before suggest.
+
+    begin : the frame to begin with; those before it are named backwards from there
+    """
+    starts = evidence.starts
+    names = np.full(len(evidence.frame), -1)
+    forwards, backwards = range(begin, len(starts) - 1), range(begin - 1, -1, -1)
+    last = np.full(evidence.look.shape[1], -1)
+    for t in forwards:
+        _name_frame(evidence, last, names, *starts[t : t + 2])
+        if t == begin:
+            first = last.copy()
+    last = first
+    for t in backwards:
+        _name_frame(evidence, last, names, *starts[t : t + 2])
+    return names
+
+
+def _name_frame(evidence, last, names, a, b):
+    """Name the rows a … b of a frame, in place, as goes on best from the rows seen `last`."""
+    if a == b:
+        return
+    rows, columns = linear_sum_assignment(_frame_costs(*evidence.arrays, last, a, b))
+    for row, name in zip(rows + a, columns, strict=True):
+        if name < len(last):
+            names[row], last[name] = name, row
+
+
+def improved(evidence: Evidence, names, track) -> np.ndarray:
+    """Names (rows,) after all exchanges that make them likelier, −1 for nobody.
+
+    track : (rows,) the tracer's tracks, in which lines of nobody are taken together
+    """
+    rows_of = _table(evidence, names)
+    changed = np.ones(len(rows_of), bool)
+    for number in range(MOST_ROUNDS):
+        before, changed = changed, np.zeros(len(rows_of), bool)
+        for a in range(len(rows_of)):
+            for b in range(a):
+                if before[[a, b]].any() or changed[[a, b]].any():
+                    changed[[a, b]] |= _exchange(evidence, rows_of, a, b)
+        if number < CLAIM_ROUNDS:
+            for rows in runs(_names(rows_of, len(names)), track, evidence.frame):
+                if len(rows) >= SHORTEST_CLAIMED:
+                    _claims(evidence, rows_of, rows, changed)
+        if not changed.any():
+            break
+    return _names(rows_of, len(names))
+
+
+def certainty(evidence: Evidence, names) -> np.ndarray:
+    """Probability of every row's name (rows,), 1 for nobody."""
+    rows_of = _table(evidence, names)
+    sure = np.ones(len(names))
+    for a in range(len(rows_of)):
+        for b in range(a):
+            right = 1 - _exchanged(_pair_steps(evidence, rows_of, a, b))
+            for rows in (rows_of[a], rows_of[b]):
+                seen = rows >= 0
+                sure[rows[seen]] *= right[seen]
+    return sure
+
+
+def motion_costs(evidence: Evidence, names, first, last) -> np.ndarray:
+    """Cost (frames, whiskers, whiskers) of every whisker to go on as every other one.
+
+    Entry (t, a, b): from where a was seen last before frame first + t to where b is seen next.
+    """
+    rows_of = _table(evidence, names)
+    before = np.array([_last_seen(rows) for rows in rows_of])
+    after = np.array([_last_seen(rows[::-1])[::-1] for rows in rows_of])
+    after = np.where(rows_of >= 0, rows_of, after)
+    return _motions(*evidence.arrays, before[:, first:last].T, after[:, first:last].T)
+
+
+@njit(cache=True)
+def _motions(features, drift, look, nobody, frame, phase, slope, sd, fast, most_sd, before, after):
+    """Costs as of `motion_costs`, from rows (frames, whiskers), −1 for none."""
+    count, whiskers = before.shape
+    out = np.zeros((count, whiskers, whiskers))
+    for t in range(count):
+        for a in range(whiskers):
+            for b in range(whiskers):
+                if before[t, a] >= 0 and after[t, b] >= 0:
+                    out[t, a, b] = link(
+                        features, drift, frame, phase, slope, sd, fast, most_sd,
+                        a, before[t, a], after[t, b],
+                    )  # fmt: skip
+    return out
+
+
+def change_costs(evidence: Evidence, names, a, b) -> np.ndarray:
+    """Cost (frames,) of the motions, if two whiskers' names are exchanged from a frame on."""
+    rows_of = _table(evidence, names)
+    steps = _pair_steps(evidence, rows_of, a, b)
+    both = (rows_of[a] >= 0) | (rows_of[b] >= 0)
+    plain = steps[:, 0, 0] - _looks(evidence, rows_of, a, b, 0)
+    change = steps[:, 0, 1] - _looks(evidence, rows_of, a, b, 1) - plain
+    change[0] = np.inf
+    return np.where(both, change, np.inf)
+
+
+def _looks(evidence, rows_of, a, b, exchanged):
+    """Cost (frames,) of two whiskers' looks, exchanged or not."""
+    out = np.zeros(rows_of.shape[1])
+    for rows, name in ((rows_of[a], (a, b)[exchanged]), (rows_of[b], (b, a)[exchanged])):
+        seen = rows >= 0
+        out[seen] += evidence.look[rows[seen], name]
+    return out
+
+
+def runs(names, track, frame):
+    """Rows of nobody's lines: a list of arrays, one per unbroken run of a track."""
+    rows = np.flatnonzero(names < 0)
+    rows = rows[np.lexsort((frame[rows], track[rows]))]
+    cut = (np.diff(track[rows]) != 0) | (np.diff(frame[rows]) != 1)
+    return [run for run in np.split(rows, np.flatnonzero(cut) + 1) if len(run)]
+
+
+def _table(evidence, names):
+    """Rows of every whisker in every frame, (whiskers, frames), −1 where not seen."""
+    out = np.full((evidence.look.shape[1], len(evidence.phase)), -1)
+    known = names >= 0
+    out[names[known], evidence.frame[known]] = np.flatnonzero(known)
+    return out
+
+
+def _names(rows_of, count):
+    names = np.full(count, -1)
+    for name, rows in enumerate(rows_of):
+        names[rows[rows >= 0]] = name
+    return names
+
+
+def _pair_steps(evidence, rows_of, a, b):
+    one, other = rows_of[a], rows_of[b]
+    return _steps(*evidence.arrays, a, b, one, other, _last_seen(one), _last_seen(other))
+
+
+def _exchange(evidence, rows_of, a, b) -> bool:
+    """Exchange two whiskers' rows, in place, where that is likelier; whether it was."""
+    states, gain = _best_states(_pair_steps(evidence, rows_of, a, b))
+    if gain < LEAST_GAIN:
+        return False
+    at = states > 0
+    rows_of[a, at], rows_of[b, at] = rows_of[b, at], rows_of[a, at]
+    return True
+
+
+def _claims(evidence, rows_of, rows, changed):
+    """Give nobody's rows to the first whisker that takes some, the likeliest looking first."""
+    look = evidence.look[rows].mean(axis=0)
+    for a in np.argsort(look)[:MOST_CLAIMING]:
+        if look[a] < evidence.nobody[rows].mean() and _claim(evidence, rows_of[a], a, rows):
+            changed[a] = True
+            return
+
+
+def _claim(evidence, seen, a, rows) -> bool:
+    """Give rows of nobody's line to whisker a, in place, where that is likelier.
+
+    seen : (frames,) the whisker's rows
+    """
+    first, last = evidence.frame[rows[0]], evidence.frame[rows[-1]] + 1
+    later = seen[last:] >= 0
+    again = bool(later.any())
+    end = last + 1 + int(later.argmax()) if again else len(seen)
+    own = seen[first:end]
+    other = np.full(len(own), -1)
+    other[: len(rows)] = rows
+    earlier = seen[:first][::-1]
+    known = earlier >= 0
+    before = earlier[known.argmax()] if known.any() else -1
+    states, gain = _claimed(*evidence.arrays, a, own, other, before, again)
+    if gain < LEAST_GAIN:
+        return False
+    at = states > 0
+    own[at] = other[at]
+    return True
+
+
+@njit(cache=True)
+def link(features, drift, frame, phase, slope, sd, fast, most_sd, a, i, j):
+    """Cost of whisker `a` to go on from row i to row j (−1: not seen)."""
+    if j < 0:
+        return 0.0
+    if i < 0:
+        return SEEN_AGAIN
+    gap = abs(frame[j] - frame[i])
+    turn = phase[frame[j]] - phase[frame[i]]
+    square, count, log_sd = 0.0, 0, 0.0
+    for f in range(N_FEATURES):
+        step = features[j, f] - features[i, f] - slope[a, f] * turn
+        if np.isnan(step):
+            continue
+        if frame[j] - frame[i] == 1:
+            step -= drift[i, f]
+        s = np.sqrt((sd[f] * gap) ** 2 + (fast[f] * turn) ** 2)
+        s = min(s, max(most_sd[a, f], sd[f]))
+        log_sd += np.log(s / sd[f])
+        square += (step / s) ** 2
+        count += 1
+    cost = 0.5 * (TAIL + count) * np.log(1.0 + square / TAIL) + log_sd
+    return cost + (SEEN_AGAIN if gap > 1 else 0.0)
+
+
+@njit(cache=True)
+def _frame_costs(
+    features, drift, look, nobody, frame, phase, slope, sd, fast, most_sd, last, a, b
+):
+    """Cost of rows a … b of a frame as every whisker, and as nobody (a column for each)."""
+    whiskers = look.shape[1]
+    out = np.full((b - a, whiskers + b - a), 1e6)
+    for r in range(a, b):
+        for w in range(whiskers):
+            go = link(features, drift, frame, phase, slope, sd, fast, most_sd, w, last[w], r)
+            out[r - a, w] = look[r, w] + go
+        out[r - a, whiskers + r - a] = nobody[r] + NOBODY_NEW
+    return out
+
+
+@njit(cache=True)
+def _last_seen(rows):
+    """Row of a whisker's last line before every frame, −1 for none; `rows` (frames,)."""
+    out = np.full(len(rows), -1)
+    last = -1
+    for t in range(len(rows)):
+        out[t] = last
+        if rows[t] >= 0:
+            last = rows[t]
+    return out
+
+
+@njit(cache=True)
+def _steps(
+    features, drift, look, nobody, frame, phase, slope, sd, fast, most_sd,
+    a, b, one, other, before_one, before_other,
+):  # fmt: skip
+    """Cost (frames, 2, 2) of every step from (not) exchanged to (not) exchanged.
+
+    one, other : (frames,) rows of whiskers a and b, −1 where not seen; b < 0: rows of nobody
+    before_one, before_other : the rows where they were seen last
+    """
+    out = np.zeros((len(one), 2, 2))
+    for t in range(len(one)):
+        if one[t] < 0 and other[t] < 0:
+            continue
+        for now in range(2):
+            mine, theirs = (one[t], other[t]) if now == 0 else (other[t], one[t])
+            seen = 0.0
+            if mine >= 0:
+                seen += look[mine, a]
+            if theirs >= 0:
+                seen += look[theirs, b] if b >= 0 else nobody[theirs]
+            for before in range(2):
+                own, strange = before_one[t], before_other[t]
+                if before == 1:
+                    own, strange = strange, own
+                cost = link(features, drift, frame, phase, slope, sd, fast, most_sd, a, own, mine)
+                if b >= 0:
+                    cost += link(
+                        features, drift, frame, phase, slope, sd, fast, most_sd, b, strange, theirs
+                    )
+                out[t, before, now] = seen + cost
+    return out
+
+
+@njit(cache=True)
+def _claimed(
+    features, drift, look, nobody, frame, phase, slope, sd, fast, most_sd,
+    a, own, other, before, again,
+):  # fmt: skip
+    """States and gain as of `_best_states`, for a whisker beside a line of nobody.
+
+    Neither is exchanged before, nor where the whisker is seen `again` in the last frame.
+    """
+    before_own = _last_seen(own)
+    for t in range(len(own)):
+        if before_own[t] < 0:
+            before_own[t] = before
+    before_other = _last_seen(other)
+    steps = _steps(
+        features, drift, look, nobody, frame, phase, slope, sd, fast, most_sd,
+        a, -1, own, other, before_own, before_other,
+    )  # fmt: skip
+    # what is exchanged from the first frame on goes on from where the whisker itself was
+    if other[0] >= 0:
+        first = look[other[0], a]
+        first += link(features, drift, frame, phase, slope, sd, fast, most_sd, a, before, other[0])
+        steps[0, 0, 1] = first + (nobody[own[0]] if own[0] >= 0 else 0.0)
+    if again:
+        steps[-1, :, 1] = np.inf
+    return _best_states(steps)
+
+
+@njit(cache=True)
+def _best_states(steps):
+    """Exchanged or not in every frame (Viterbi), and the gain over nothing exchanged."""
+    n = len(steps)
+    came = np.zeros((n, 2), np.int64)
+    cost = steps[0, 0].copy()
+    plain = steps[0, 0, 0]
+    for t in range(1, n):
+        new = np.empty(2)
+        for now in range(2):
+            keep = cost[now] + steps[t, now, now]
+            change = cost[1 - now] + steps[t, 1 - now, now]
+            came[t, now] = now if keep <= change else 1 - now
+            new[now] = min(keep, change)
+        cost = new
+        plain += steps[t, 0, 0]
+    states = np.zeros(n, np.int64)
+    states[-1] = 0 if cost[0] <= cost[1] else 1
+    for t in range(n - 1, 0, -1):
+        states[t - 1] = came[t, states[t]]
+    return states, plain - min(cost[0], cost[1])
+
+
+@njit(cache=True)
+def _add(a, b):
+    """Minus log of the sum of two probabilities, from their minus logs."""
+    low = min(a, b)
+    return low - np.log1p(np.exp(-abs(a - b)))
+
+
+@njit(cache=True)
+def _exchanged(steps):
+    """Probability in every frame that both are exchanged."""
+    n = len(steps)
+    forward, backward = np.empty((n, 2)), np.zeros((n, 2))
+    forward[0] = steps[0, 0]
+    for t in range(1, n):
+        for now in range(2):
+            forward[t, now] = _add(
+                forward[t - 1, 0] + steps[t, 0, now], forward[t - 1, 1] + steps[t, 1, now]
+            )
+    for t in range(n - 1, 0, -1):
+        for before in range(2):
+            backward[t - 1, before] = _add(
+                backward[t, 0] + steps[t, before, 0], backward[t, 1] + steps[t, before, 1]
+            )
+    out = np.empty(n)
+    for t in range(n):
+        odds = forward[t, 1] + backward[t, 1] - forward[t, 0] - backward[t, 0]
+        out[t] = 1.0 / (1.0 + np.exp(min(max(odds, -700.0), 700.0)))
+    return out

@@ -1,0 +1,158 @@
+"""How lines move from frame to frame: what all whiskers turn by, and what is left beside it."""
+
+import numpy as np
+from scipy.signal import medfilt
+
+from pipeline.exchanges import Evidence, link
+from pipeline.fan_model import FanModel
+from pipeline.line_features import ANGLE, N_FEATURES
+
+WEIGHT = 0.1  # of one frame's look: errors of neighbouring frames are alike
+STRANGER = 14.0  # cost of a look that is no whisker's
+MARGIN = 2.0  # cost per frame of a line that is nobody's
+LEAST_MOTION = np.array([0.002, np.radians(0.15), 0.01, 0.005, 0.001, 0.001])
+LOOKED_AT = 300  # frames
+SMOOTHED = 9  # of them
+WIDE_SHIFTS = np.radians(np.arange(-60, 61, 6))
+FEWEST = 50  # motions that tell how motions are
+FARTHEST = 4.0  # standard deviations: what is farther off is a jump
+LEAST_SLOPE = 0.5  # of a whisker's angle with the phase
+SLOW, QUICK = 0.5, 0.8  # quantiles of the turn, below and above which motions are compared
+
+
+def evidence_of(model: FanModel, features, frame, track, guess) -> Evidence:
+    """What the names of a video's lines are told from.
+
+    Parameters
+    ----------
+    model : the whiskers' looks
+    features, frame, track : (rows, 6), (rows,), (rows,), ordered by frame; tracks as traced
+    guess : (frames,) phases to look around
+    """
+    look = looks(model, features, frame, guess)
+    before = row_before(frame, track)
+    slope = np.nan_to_num(model.slope)
+    likely = look.argmin(axis=1)
+    turn = common_turns(features, frame, before, np.maximum(slope[likely, ANGLE], LEAST_SLOPE))
+    step = _steps(features, before) - slope[likely] * turn[frame, None]
+    drift, sd, fast = _spread(step, before, np.abs(turn[frame]))
+    most = np.sqrt(2) * np.where(
+        np.isfinite(model.sd), model.sd, np.nanmedian(model.sd, axis=0, keepdims=True)
+    )
+    plain = Evidence(
+        features, drift, WEIGHT * look, np.zeros(len(frame)), frame.astype(np.int64),
+        np.cumsum(turn), slope, sd, fast, np.nan_to_num(most, nan=1.0),
+    )  # fmt: skip
+    plain.nobody[:] = WEIGHT * STRANGER + MARGIN + _own_motion(plain, before, likely)
+    return plain
+
+
+def looks(model: FanModel, features, frame, guess) -> np.ndarray:
+    """Cost (rows, whiskers) of every name by the looks alone, at the phases that suit best.
+
+    guess : (frames,) phases to look around
+    """
+    present, starts = np.unique(frame, return_index=True)
+    starts = np.append(starts, len(frame))
+    best = model.phases(features, starts, guess[present])
+    return model.costs(features, np.repeat(best, np.diff(starts)))
+
+
+def first_phases(model: FanModel, features, frame, track) -> np.ndarray:
+    """Phase of every frame (frames,) where no line has a name yet.
+
+    Some frames' phases are looked for among all; in between, the common turn is followed.
+    """
+    followed = np.cumsum(common_turns(features, frame, row_before(frame, track)))
+    present, starts, counts = np.unique(frame, return_index=True, return_counts=True)
+    some = np.unique(np.linspace(0, len(present) - 1, LOOKED_AT).astype(int))
+    rows = np.concatenate([starts[k] + np.arange(counts[k]) for k in some])
+    ends = np.append(0, np.cumsum(counts[some]))
+    tried = followed[present[some]] - np.median(followed)
+    found = model.phases(features[rows], ends, tried, WIDE_SHIFTS)
+    off = found - followed[present[some]]
+    if len(some) >= SMOOTHED:
+        off = medfilt(off, SMOOTHED)
+    return followed + np.interp(np.arange(len(followed)), present[some], off)
+
+
+def phases(model: FanModel, features, frame, names) -> np.ndarray:
+    """Phase of every frame (frames,) by its named lines; between those where there are none."""
+    known = np.flatnonzero(names >= 0)
+    present, starts = np.unique(frame[known], return_index=True)
+    starts = np.append(starts, len(known))
+    found = model.phases_of(features[known, ANGLE], names[known], starts)
+    return np.interp(np.arange(frame[-1] + 1), present, found)
+
+
+def row_before(frame, track) -> np.ndarray:
+    """Row of the same track in the frame before, (rows,), −1 for none."""
+    order = np.lexsort((frame, track))
+    on = (np.diff(track[order]) == 0) & (np.diff(frame[order]) == 1)
+    out = np.full(len(frame), -1)
+    out[order[1:][on]] = order[:-1][on]
+    return out
+
+
+def common_turns(features, frame, before, slope=1.0) -> np.ndarray:
+    """What all whiskers turn by from the frame before to every frame, (frames,) [rad]."""
+    turn = _steps(features, before)[:, ANGLE] / slope
+    known = np.flatnonzero(np.isfinite(turn))
+    out = np.zeros(frame[-1] + 1)
+    present, starts = np.unique(frame[known], return_index=True)
+    for t, each in zip(present, np.split(turn[known], starts[1:]), strict=True):
+        out[t] = np.median(each)
+    return out
+
+
+def _steps(features, before):
+    """Change (rows, 6) of every row's features since the frame before, NaN where not seen."""
+    out = np.full(features.shape, np.nan)
+    on = before >= 0
+    out[on] = features[on] - features[before[on]]
+    return out
+
+
+def _spread(step, before, turn):
+    """How steps (rows, 6), less the common turn, go on and scatter.
+
+    Returns
+    -------
+    drift : (rows, 6) expected of the next step
+    sd, fast : (6,) scatter of what is left, and its part that goes with the `turn` (rows,)
+    """
+    drift = np.zeros(step.shape)
+    sd, fast = LEAST_MOTION.copy(), np.zeros(N_FEATURES)
+    last = np.where((before >= 0)[:, None], step[before], np.nan)
+    for j in range(N_FEATURES):
+        x, y = last[:, j], step[:, j]
+        seen = np.isfinite(x) & np.isfinite(y)
+        if seen.sum() < FEWEST:
+            continue
+        limit = FARTHEST * max(_robust_sd(y[seen]), LEAST_MOTION[j])
+        seen &= (np.abs(x) < limit) & (np.abs(y) < limit)
+        again = float(np.clip(x[seen] @ y[seen] / max(x[seen] @ x[seen], 1e-12), 0.0, 1.0))
+        drift[:, j] = again * np.clip(np.nan_to_num(step[:, j]), -limit, limit)
+        rest = y - again * x
+        slow, quick = np.quantile(turn[seen], [SLOW, QUICK])
+        sd[j] = max(_robust_sd(rest[seen & (turn <= slow)]), LEAST_MOTION[j])
+        fast_part = seen & (turn >= quick)
+        more = _robust_sd(rest[fast_part]) ** 2 - sd[j] ** 2
+        fast[j] = np.sqrt(max(more, 0.0) / max(np.mean(turn[fast_part] ** 2), 1e-12))
+    return drift, sd, fast
+
+
+def _robust_sd(values):
+    return 1.4826 * float(np.median(np.abs(values)))
+
+
+def _own_motion(evidence, before, likely):
+    """Cost (rows,) of every line to go on as its track."""
+    e = evidence
+    return np.array([
+        link(
+            e.features, e.drift, e.frame, e.phase, e.slope, e.sd, e.fast, e.most_sd,
+            likely[j], before[j], j,
+        )
+        for j in range(len(before))
+    ])  # fmt: skip

@@ -1,0 +1,71 @@
+"""Which whiskers a crowd has, where that is not told beforehand: learned from the tracks.
+
+In the frame that most long tracks pass through, all lines are different whiskers. The first looks
+are learned from these tracks; long tracks that turn out to be nobody's are more whiskers.
+"""
+
+import numpy as np
+
+from pipeline import exchanges, line_motion
+from pipeline.fan_model import FanModel
+from pipeline.line_features import ANGLE, N_FEATURES
+
+LONG = 40  # frames that a line must be followed through to be a whisker's
+SHORT = 20  # frames: shorter tracks begin no whisker
+COUNTED = 200  # frames: longer tracks count as much
+MOST_NEW = 3  # whiskers at a time
+MOST = 20  # whiskers
+
+
+def first_whiskers(features, frame, track, least_sd):
+    """Model of the first whiskers, names of all rows (−1: none yet), and the frame they are of."""
+    number, count = np.unique(track, return_inverse=True, return_counts=True)[1:]
+    weight = np.where(count >= SHORT, np.minimum(count, COUNTED), 0)[number]
+    if not weight.any():
+        weight = np.ones(len(track))
+    begin = int(np.argmax(np.bincount(frame, weights=weight)))
+    chosen = np.unique(track[(frame == begin) & (weight > 0)])
+    place = np.full(track.max() + 1, -1)
+    place[chosen] = np.arange(len(chosen))
+    names = place[track]
+    before = line_motion.row_before(frame, track)
+    phase = np.cumsum(line_motion.common_turns(features, frame, before))
+    known = names >= 0
+    model = _learned(features[known], names[known], phase[frame[known]], len(chosen), least_sd)
+    return model, names, begin
+
+
+def with_more(model: FanModel, names, features, frame, track) -> tuple[FanModel, np.ndarray]:
+    """The model with a few more whiskers from nobody's long tracks, and the names with them."""
+    known = len(model.middle)
+    long = sorted(exchanges.runs(names, track, frame), key=len, reverse=True)
+    names = names.copy()
+    new = [rows for rows in long[: min(MOST_NEW, MOST - known)] if len(rows) >= LONG]
+    for number, rows in enumerate(new):
+        names[rows] = known + number
+    if not new:
+        return model, names
+    phase = line_motion.phases(model, features, frame, np.where(names < known, names, -1))
+    rows = np.concatenate(new)
+    more = _learned(
+        features[rows], names[rows] - known, phase[frame[rows]], len(new), model.least_sd
+    )
+    parts = [
+        np.concatenate([getattr(model, part), getattr(more, part)])
+        for part in ("middle", "slope", "sd")
+    ]
+    return FanModel(*parts, model.least_sd), names
+
+
+def _learned(features, whisker, phase, count, least_sd):
+    """Model of `count` whiskers from rows of known whiskers and phases."""
+    middle = np.full((count, N_FEATURES), np.nan)
+    slope = np.zeros((count, N_FEATURES))
+    slope[:, ANGLE] = 1.0
+    level = features - slope[whisker] * phase[:, None]
+    for k in range(count):
+        own = level[whisker == k]
+        seen = np.isfinite(own).any(axis=0)
+        middle[k, seen] = np.nanmedian(own[:, seen], axis=0)
+    sd = np.tile(3.0 * least_sd, (count, 1))
+    return FanModel(middle, slope, sd, least_sd).fitted(features, whisker, phase)
