@@ -9,11 +9,11 @@ crossing decides, and the whole lines only where they cross too flatly for that.
 import numpy as np
 from numba import njit
 
-NEAR_PX = 2.0  # nearer, lines cross or touch
+NEAR_PX = 4.0  # nearer, lines cross or touch; exchanged ones keep each other a little off
 LEAST = 12  # nodes on either side of the crossing
 GAP = 3  # nodes left out where both lie upon each other
-LOCAL = 40  # nodes on either side that decide where they can
-MUCH_BETTER = 0.5  # part of the misfit, to which an exchange must bring it down
+LOCAL = 40  # nodes on either side that decide where they can, then twice as many, then all
+MUCH_BETTER = 0.5  # part of the other way's misfit: that much less decides
 LEAST_MISFIT = 0.02  # px², mean square: less is noise
 TERMS = 4  # of the polynomial along the chord
 PER_NODE = ("x", "y", "amplitude", "information", "score", "thickness")
@@ -25,15 +25,19 @@ def tails_exchanged(x, y, n, other_x, other_y, m):
     i, j = _nearest(x, y, n, other_x, other_y, m)
     if i < 0 or min(i, j, n - i, m - j) < LEAST:
         return -1, -1
-    for reach in (LOCAL, max(n, m)):
+    for reach in (LOCAL, 2 * LOCAL, max(n, m)):
         one, one_tail = max(i - reach, 0), min(i + reach, n)
         two, two_tail = max(j - reach, 0), min(j + reach, m)
         now = _misfit(x, y, one, i, x, y, i, one_tail)
         now += _misfit(other_x, other_y, two, j, other_x, other_y, j, two_tail)
         then = _misfit(x, y, one, i, other_x, other_y, j, two_tail)
         then += _misfit(other_x, other_y, two, j, x, y, i, one_tail)
-        if max(now, then) > LEAST_MISFIT:
-            return (i, j) if then < MUCH_BETTER * now else (-1, -1)
+        if max(now, then) < LEAST_MISFIT:
+            continue
+        if then < MUCH_BETTER * now:
+            return i, j
+        if now < MUCH_BETTER * then:
+            break
     return -1, -1
 
 
