@@ -21,7 +21,7 @@ from pipeline.frame_source import Video, bits_to_drop, to_8_bit
 PACKED_LUMA = {"yuyv422": (0, 2), "yvyu422": (0, 2), "uyvy422": (1, 2), "ya8": (0, 2)}
 PLANAR_LUMA = ("yuv4", "yuvj4", "yuva4", "gray", "nv12", "nv21", "nv16")
 NOT_VIDEO_CODECS = ("ansi", "xbin", "bintext", "idf")
-BURST_STEP = 3  # in bursts, keep every third frame: whiskers must have moved in between
+BURST_STEP = 3  # in long bursts, every third frame: whiskers must have moved in between
 LONGEST_BURST = 3  # samples; more of them would show the same posture again
 FEWEST_SAMPLES = 24  # but a background takes so many
 FEWEST_KEYS = 4  # fewer key frames may miss when things move
@@ -255,9 +255,9 @@ class ContainerVideo(Video):
             keys = self._key_frames(container, stream, n) if self.n_frames > 2 * n else []
             if len(keys) >= FEWEST_KEYS:
                 enough = max(-(-FEWEST_SAMPLES // len(keys)), LONGEST_BURST)
-                length = min(-(-n // len(keys)), enough)
+                offsets = _burst_offsets(min(-(-n // len(keys)), enough))
                 for key in keys:
-                    yield from self._burst(container, stream, key, length)
+                    yield from self._burst(container, stream, key, offsets)
                 return
         with self._open(self.path) as container:
             yield from self._strided(container, container.streams.video[0], n)
@@ -283,34 +283,36 @@ class ContainerVideo(Video):
             keys.add(self._key_frame_before(container, stream, i))
         return sorted(keys - {None})
 
-    def _burst(self, container, stream, key, length):
-        """Yield `length` frames from the key frame at time `key` on, BURST_STEP or more apart."""
-        step = BURST_STEP * self._step
-        times = [key + round(i * step) for i in range(length)]
-        due, left = key, length
+    def _burst(self, container, stream, key, offsets):
+        """Yield the frames that are so many frames behind the key frame at time `key`."""
+        times = [key + round(n * self._step) for n in offsets]
+        due = 0
         for last in (times[-1], np.inf):  # farther only where times are uneven
-            for frame in self._decode_at(container, stream, times, last):
-                if frame.pts is None or frame.pts < due:
+            for frame in self._decode_at(container, stream, key, times, last):
+                if frame.pts is None or frame.pts < times[due] - self._step / 2:
                     continue
                 if (frame.height, frame.width) == self.shape:
                     yield self._index(frame), frame
-                due, left = frame.pts + step, left - 1
-                if not left:
+                due += 1
+                if due == len(times):
                     return
 
-    def _decode_at(self, container, stream, times, last):
-        """Decode the frames shown at `times` and those that others refer to, to the time `last`.
+    def _decode_at(self, container, stream, key, times, last):
+        """Decode from time `key` to `last` the frames shown at `times` and those others refer to.
 
         The other ones in between, and those behind `last`, cost nothing.
         """
-        container.seek(times[0], stream=stream)
+        container.seek(key, stream=stream)
+        left = len(times)
         for packet in container.demux(stream):
-            if packet.dts is not None and packet.dts > last:  # frames are shown after their dts
+            timed = packet.pts is not None
+            near = timed and any(abs(packet.pts - t) < self._step / 2 for t in times)
+            stream.codec_context.skip_frame = "DEFAULT" if near or not timed else "NONREF"
+            yield from packet.decode()
+            left -= near
+            if not left or (packet.dts is not None and packet.dts > last):
                 yield from stream.decode(None)  # what the decoder has held back
                 return
-            shown = packet.pts is None or any(abs(packet.pts - t) < self._step / 2 for t in times)
-            stream.codec_context.skip_frame = "DEFAULT" if shown else "NONREF"
-            yield from packet.decode()
 
     def _index(self, frame):
         return None if frame.pts is None else self._index_at(frame.pts)
@@ -320,6 +322,18 @@ class ContainerVideo(Video):
 
     def _pts(self, index):
         return int(self._first_pts + round(index * self._step))
+
+
+def _burst_offsets(length):
+    """Which frames behind a key frame make a burst of so many.
+
+    A long one, of few key frames, is to show several postures. A short one is to show the scene
+    as most frames have it, which a key frame, encoded by itself, does not: of the frames behind it
+    the background becomes as good as of twice as many apart from each other, which cost more.
+    """
+    if length > LONGEST_BURST:
+        return [BURST_STEP * i for i in range(length)]
+    return list(range(1, length + 1)) if length > 1 else [0]
 
 
 def _decode_towards(first, packet, stream):

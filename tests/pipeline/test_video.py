@@ -245,6 +245,13 @@ class TestSample:
         indices, _ = video.sample(24)
         assert decoded == len(indices)
 
+    @pytest.mark.parametrize(("n", "offsets"), [(12, [0]), (36, [1, 2, 3])])
+    def test_of_many_key_frames_those_behind_them_are_taken(self, tmp_path, n, offsets):
+        options = {"g": "50", "sc_threshold": "0"}
+        write(tmp_path / "a.mp4", codec="libx264", pixels="yuv420p", n=600, options=options)
+        indices, _ = open_video(tmp_path / "a.mp4").sample(n)
+        assert list(indices) == [key + i for key in range(0, 600, 50) for i in offsets]
+
     def test_a_damaged_end_still_leaves_a_sample(self, tmp_path):
         write(tmp_path / "a.avi", codec="mjpeg", pixels="yuvj420p", n=100)
         cut(tmp_path / "a.avi", 0.5)
