@@ -17,6 +17,7 @@ from pipeline.line_features import N_FEATURES
 TAIL = 4.0  # degrees of freedom of a motion's distribution: jumps happen
 SEEN_AGAIN = 6.0  # cost of a whisker that is seen again after a gap
 LEAST_GAIN = 1e-6
+TRUST = 0.2  # of the costs, in probabilities: errors of neighbouring frames are alike
 MOST_ROUNDS = 12
 NOBODY_NEW = 8.0  # cost of calling a line nobody's in a frame, beside its look, at first
 CLAIM_ROUNDS = 6  # of them, in which whiskers may claim lines that are nobody's
@@ -118,13 +119,16 @@ def improved(evidence: Evidence, names, track) -> np.ndarray:
     return _names(rows_of, len(names))
 
 
-def certainty(evidence: Evidence, names) -> np.ndarray:
-    """Probability of every row's name (rows,), 1 for nobody."""
+def certainty(evidence: Evidence, names, trust=TRUST) -> np.ndarray:
+    """Probability of every row's name (rows,), 1 for nobody.
+
+    trust : part of the costs that counts
+    """
     rows_of = _table(evidence, names)
     sure = np.ones(len(names))
     for a in range(len(rows_of)):
         for b in range(a):
-            right = 1 - _exchanged(_pair_steps(evidence, rows_of, a, b))
+            right = 1 - _exchanged(trust * _pair_steps(evidence, rows_of, a, b))
             for rows in (rows_of[a], rows_of[b]):
                 seen = rows >= 0
                 sure[rows[seen]] *= right[seen]
@@ -258,7 +262,7 @@ def link(features, drift, frame, phase, slope, sd, fast, most_sd, a, i, j):
         return SEEN_AGAIN
     gap = abs(frame[j] - frame[i])
     turn = phase[frame[j]] - phase[frame[i]]
-    square, count, log_sd = 0.0, 0, 0.0
+    square, count, wider = 0.0, 0, 1.0
     for f in range(N_FEATURES):
         step = features[j, f] - features[i, f] - slope[a, f] * turn
         if np.isnan(step):
@@ -267,10 +271,10 @@ def link(features, drift, frame, phase, slope, sd, fast, most_sd, a, i, j):
             step -= drift[i, f]
         s = np.sqrt((sd[f] * gap) ** 2 + (fast[f] * turn) ** 2)
         s = min(s, max(most_sd[a, f], sd[f]))
-        log_sd += np.log(s / sd[f])
+        wider *= s / sd[f]
         square += (step / s) ** 2
         count += 1
-    cost = 0.5 * (TAIL + count) * np.log(1.0 + square / TAIL) + log_sd
+    cost = 0.5 * (TAIL + count) * np.log(1.0 + square / TAIL) + np.log(wider)
     return cost + (SEEN_AGAIN if gap > 1 else 0.0)
 
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
+from numba import njit
 
 from pipeline.line_features import ANGLE, N_FEATURES
 
@@ -112,14 +113,18 @@ class FanModel:
         return np.array([np.median(off[a:b]) for a, b in spans])
 
 
+@njit(cache=True)
 def _robust_line(x, y, least_sd):
     """Value at 0, slope, SD of y over x: least squares, what lies far off left out."""
-    keep = np.ones(len(x), bool)
+    keep = np.ones(len(x), np.bool_)
+    middle, slope, sd = 0.0, 0.0, least_sd
     for _ in range(6):
-        spread = max(x[keep].std(), 1e-3)
-        design = np.column_stack([np.ones(keep.sum()), x[keep]])
-        gram = design.T @ design + np.diag([0.0, 0.02 * (0.05 / spread) ** 2 * keep.sum()])
-        middle, slope = np.linalg.solve(gram, design.T @ y[keep])
+        u, v = x[keep], y[keep]
+        spread = max(np.std(u), 1e-3)
+        n, su, suu = len(u), u.sum(), (u * u).sum() + 0.02 * (0.05 / spread) ** 2 * len(u)
+        sv, suv = v.sum(), (u * v).sum()
+        slope = (n * suv - su * sv) / (n * suu - su * su)
+        middle = (sv - slope * su) / n
         off = y - middle - slope * x
         sd = max(1.4826 * np.median(np.abs(off - np.median(off[keep]))), least_sd)
         again = np.abs(off) < 2.5 * sd

@@ -159,7 +159,7 @@ def test_the_probability_of_a_name_is_that_of_all_ways_that_agree():
         for k in range(few):
             probable[state[k], k] += weight
     expected = probable[0] / probable.sum(axis=0)
-    got = exchanges.certainty(short, named)
+    got = exchanges.certainty(short, named, trust=1.0)
     assert got[named == 0] == pytest.approx(expected, rel=1e-6)
 
 
