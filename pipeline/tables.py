@@ -264,7 +264,9 @@ def centreline_chunks(path, filters=None):
     import pyarrow.parquet as pq
 
     expression = None if filters is None else pq.filters_to_expression(filters)
-    for batch in ds.dataset(path).to_batches(filter=expression, batch_size=1024):
+    # starting threads takes longer than what they would do
+    batches = ds.dataset(path).to_batches(filter=expression, batch_size=1024, use_threads=False)
+    for batch in batches:
         if len(batch):
             yield _centrelines(batch)
 
