@@ -22,6 +22,8 @@ SEARCH_EVERY_CROWDED = 5  # frames between two full detections while lines are m
 class CrowdTracer(Tracer):
     """Follow all lines of a crowd through consecutive frames of one static scene."""
 
+    crowded = True
+
     def __init__(self, scene, roster, options):
         super().__init__(scene, roster, options)
         self.most = len(roster) + SPARE
@@ -63,13 +65,6 @@ class CrowdTracer(Tracer):
                 track = Track(self.slot, number=next(self.number))
                 track.take(line)
                 self.tracks.append(track)
-
-    def _part_crowd(self, present) -> None:
-        """Give up what is another line's blur."""
-        for track in present:
-            others = [t.line for t in present if t is not track and t.line is not None]
-            if track.line is not None and detection.is_ghost(track.line, others):
-                track.lose()
 
 
 def is_crowd(roster, options) -> bool:

@@ -30,9 +30,6 @@ SURE = 6.0  # log-odds that two whiskers have changed places, to put them back
 STEP_LIMIT = 15.0  # log-odds that one frame can bring
 FEWEST_WITNESSES = 2  # present neighbours that tell where an absent whisker is
 PRIOR_FRAMES = 2  # weight of the general standard deviations beside those of the samples
-VOTES = 12  # looks that are averaged
-MAJORITY = 0.35  # of them, by which the whiskers that are renamed must be likelier others
-FEWEST_MOVED = 3  # whiskers: two that changed places are for PairEvidence
 CROWDED_M = 1e-3  # apart, or less, most whiskers of a crowd leave the face
 SHIFTS = np.radians(np.arange(-60, 61, 4))  # tried changes of all angles
 MOST_TRIED = 4
@@ -249,42 +246,9 @@ class PairEvidence:
             out[i, j] = out[j, i] = np.nansum(gain)
         return out
 
-    def overlap(self, i: int, j: int) -> None:
-        """Two whiskers lie upon each other: which is which afterwards must show anew."""
-        if self.near[i, j]:
-            self.log_odds[i, j] = self.log_odds[j, i] = max(self.log_odds[i, j], -FRESH)
-
     def doubtful(self) -> np.ndarray:
         """Whiskers of which it is not known whether they are on another's line, bool."""
         return (self.log_odds > -DOUBT).any(axis=1)
-
-
-class FanVotes:
-    """Which line is which whisker, by where all lines are in the fan, averaged over looks.
-
-    Where several have moved up by one, no two of them look exchanged; but all together fit
-    worse than they could.
-    """
-
-    def __init__(self, known, ruler: Ruler):
-        self.known, self.ruler = known, ruler
-        self.votes = np.zeros((len(known), len(known)))
-
-    def look(self, seen) -> dict[int, int]:
-        """Take signatures (whiskers, 4), NaN where absent; return who is rather whom, if sure."""
-        present = np.flatnonzero(np.isfinite(seen[:, ANGLE]))
-        got = match(seen[present], self.known, self.ruler.sd)
-        self.votes *= 1 - 1 / VOTES
-        for line, whisker in got.pairs:
-            self.votes[present[line], whisker] += 1 / VOTES
-        lines, whiskers = linear_sum_assignment(-self.votes)
-        moved = lines != whiskers
-        gain = self.votes[lines, whiskers] - self.votes[lines, lines]
-        if moved.sum() < FEWEST_MOVED or gain[moved].mean() < MAJORITY:
-            return {}
-        new = {int(k): int(w) for k, w in zip(lines, whiskers, strict=True) if k != w}
-        self.votes[list(new.values())] = self.votes[list(new)]
-        return new
 
 
 def _difference(one: dict, other: dict, sd):

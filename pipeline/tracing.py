@@ -39,7 +39,6 @@ FORETOLD_PX = 1.0  # a line that is nearer to its prediction is fitted without a
 BESIDE_PX = 18.0  # nearer whiskers are seen in the search strip
 SHARED_PX = 8.0  # nearer ones share pixels of their cross-sections
 DOUBLE_SHARE = 0.6  # part of two lines that may coincide before one of them is given up
-OVERLAP_SHARE = 0.4  # part of a line upon another's, from which it is not sure who is who
 LARGEST_TURN = np.radians(150)  # no whisker bends further from its base to its tip
 SHARPEST_BASE = np.radians(35)  # turn within HOOK_M of the base: beyond, it follows the fur's edge
 HOOK_M = 2.5e-3
@@ -47,7 +46,6 @@ NEAR_SHIFTS = np.radians([-8, -4, 0, 4, 8])  # of all angles, where some whisker
 KEPT = 0.95  # part of two lines that must still be found when they have exchanged far parts
 CHECK_EVERY = 5  # frames between two checks of who is who
 DOUBTFUL = 0.4  # confidence is lowered to this part while it is not known who is who
-SEARCH_EVERY_CROWDED = 5
 SEARCH_EVERY = 20  # frames between two full detections while a whisker is missing
 
 
@@ -115,6 +113,8 @@ def options_for(recording: Recording, lengths_m=(), hidden_m=(), cone_m=()) -> T
 class Tracer:
     """Follow the whiskers of a roster through consecutive frames of one static scene."""
 
+    crowded = False  # whether whiskers stand so close that they pass for each other
+
     def __init__(self, scene: StaticScene, roster: list[Slot], options: TracingOptions):
         self.options = options
         self.names = tuple(slot.name for slot in roster)
@@ -130,11 +130,6 @@ class Tracer:
         self.evidence = identities.PairEvidence(
             [slot.seen for slot in roster], self.ruler, options
         )
-        self.fan = identities.FanVotes(
-            np.array([slot.signature for slot in roster]).reshape(-1, 4), self.ruler
-        )
-        self.crowded = identities.crowded([slot.signature for slot in roster], options)
-        self.search_every = SEARCH_EVERY_CROWDED if self.crowded else SEARCH_EVERY
         scale = 1e-3 * options.pixels_per_m
         self.narrow = int(np.clip(NARROW_MM * scale, 4, 10))
         self.wide = int(np.clip(WIDE_MM * scale, 10, 30))
@@ -152,7 +147,7 @@ class Tracer:
         missing = [t for t in self.tracks if t.line is None]
         self.since_search += 1
         just_lost = any(t.lost_for in (1, 2) for t in missing)
-        if missing and (just_lost or self.since_search >= self.search_every):
+        if missing and (just_lost or self.since_search >= SEARCH_EVERY):
             self._search(missing, image, gain)
             self.since_search = 0
         self.since_check += 1
@@ -259,18 +254,11 @@ class Tracer:
             self._give_up_if_poor(track)
 
     def _part_crowd(self, present: list[Track]) -> None:
-        """Give up what is another whisker's blur; note which whiskers lie upon each other."""
+        """Give up what is another whisker's blur."""
         for track in present:
             others = [t.line for t in present if t is not track and t.line is not None]
             if track.line is not None and detection.is_ghost(track.line, others):
                 track.lose()
-        near = detection.same_px(self.options)
-        for i, a in enumerate(self.tracks):
-            for j, b in enumerate(self.tracks[:i]):
-                lines = [t.line or (t.before if t in present else None) for t in (a, b)]
-                if None not in lines and _upon(*lines, near):
-                    self.evidence.overlap(i, j)
-                    a.doubtful = b.doubtful = True
 
     def _follow(self, track: Track, image, gain, line: Line) -> None:
         """Find the track's whisker where it is foretold, else in a strip about it, or a wider.
@@ -336,13 +324,8 @@ class Tracer:
             track.lost_for += 1
         present = [t for t in self.tracks if t.line is not None]
         lines = [t.line for t in present]
-        if self.crowded:
-            found = detection.detect_crowded(
-                image, self.model, gain, self.options, self.workspace, lines
-            )
-        else:
-            found = detection.detect(image, self.model, gain, self.options, self.workspace)
-            found = [c for c in found if all(detection.shared_fraction(c, p) < 0.4 for p in lines)]
+        found = detection.detect(image, self.model, gain, self.options, self.workspace)
+        found = [c for c in found if all(detection.shared_fraction(c, p) < 0.4 for p in lines)]
         found = [c for c in found if turning_range(c.x, c.y, c.n) < LARGEST_TURN]
         if not found:
             return
@@ -379,12 +362,6 @@ class Tracer:
         for one, other, since in self.evidence.look(self.frame, seen, found):
             self._rename({one: other, other: one})
             self.exchanges.append((one, other, since))
-        if self.crowded and not len(found):
-            new = self.fan.look(seen)
-            self._rename(new)
-            for whisker in new.values():
-                for other in range(len(self.tracks)):
-                    self.evidence.overlap(whisker, other)
         for track, doubtful in zip(self.tracks, self.evidence.doubtful(), strict=True):
             track.doubtful = bool(doubtful)
 
@@ -398,13 +375,6 @@ class Tracer:
 def _come_near(a: Line, b: Line, near_px: float) -> bool:
     """Whether two lines may come within `near_px` of each other."""
     return profiles.come_near(a.x, a.y, a.n, b.x, b.y, b.n, near_px)
-
-
-def _upon(a: Line, b: Line, near_px: float) -> bool:
-    """Whether a good part of one of two lines is upon the other."""
-    if not _come_near(a, b, near_px):
-        return False
-    return max(_near(a, b, near_px), _near(b, a, near_px)) > OVERLAP_SHARE
 
 
 def _near(a: Line, b: Line, near_px: float) -> float:
@@ -647,8 +617,7 @@ def _followed(frames, scenes, tracer, chunk_frames) -> Iterator[Centrelines]:
             collector.exchange(*tracer.exchanges.pop(0))
         for track in tracks:
             if track.line is not None:
-                unsure = track.doubtful and not tracer.crowded  # else it is decided in the end
-                trusted = DOUBTFUL * trust if unsure else trust
+                trusted = DOUBTFUL * trust if track.doubtful else trust
                 collector.add(index, track.number, track.line, trusted)
         if (index + 1) % chunk_frames == 0:
             yield collector.take(spacing)

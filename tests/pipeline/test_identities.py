@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pipeline import identities
-from pipeline.identities import FanVotes, PairEvidence, Ruler, match
+from pipeline.identities import PairEvidence, Ruler, match
 from pipeline.records import Recording
 from pipeline.tracing import options_for
 
@@ -94,19 +94,3 @@ def test_one_found_again_beside_its_like_is_doubtful():
     seen[2] = seen[1]  # where it was found, it looks just as the other
     known.look(0, seen, found=[2])
     assert known.doubtful()[[1, 2]].all()
-
-
-def test_a_fan_that_has_moved_up_by_one_is_noticed():
-    rng = np.random.default_rng(9)
-    votes, new = FanVotes(FAN, RULER), {}
-    for seen in whisked(rng, 40):
-        moved = np.vstack([seen[1:], np.full((1, 4), np.nan)])  # each is called as the one before
-        new = votes.look(moved)
-        if new:
-            break
-    assert {k: new[k] for k in range(4)} == {0: 1, 1: 2, 2: 3, 3: 4}
-
-
-def test_a_fan_in_its_place_is_left_there():
-    votes = FanVotes(FAN, RULER)
-    assert all(votes.look(seen) == {} for seen in whisked(np.random.default_rng(10), 200))
