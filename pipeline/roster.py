@@ -10,6 +10,7 @@ from pipeline.identities import Ruler
 from pipeline.records import StaticScene
 
 FUR_SHARE = 0.22  # of the strongest line's length × absorbance: less is a hair of the fur
+SEEN_TOGETHER = 3.0  # frames: two whiskers that would so often by chance are, at least once
 SEEN_SHARE = 0.4  # of the frames, in which a whisker must be seen to be one
 
 
@@ -46,6 +47,14 @@ class _Group:
         self.frames.append(frame)
         self.lines.append(line)
         self.signatures.append(signature)
+
+    def joined_with(self, other):
+        return _Group(
+            self.frames + other.frames,
+            self.lines + other.lines,
+            self.signatures + other.signatures,
+            self.raw | other.raw,
+        )
 
     @property
     def signature(self):
@@ -119,7 +128,20 @@ def gather(found: list[list[Line]], ruler: Ruler) -> list[_Group]:
         for frame, lines in enumerate(found):
             _share_out(again, frame, lines, seen[frame], ruler, signatures)
         known = [g for g in again if g.frames]
-    return known
+    return _joined(known, len(found), ruler)
+
+
+def _joined(groups: list[_Group], n_frames: int, ruler: Ruler) -> list[_Group]:
+    """Join groups that are one whisker at two angles: alike but for that, never seen together."""
+    for k, one in enumerate(groups):
+        for other in groups[k + 1 :]:
+            by_chance = len(one.frames) * len(other.frames) / n_frames
+            apart = np.delete(one.signature - other.signature, identities.ANGLE)
+            alike = np.all(np.abs(apart) < np.delete(ruler.sd, identities.ANGLE))
+            if alike and by_chance > SEEN_TOGETHER and not set(one.frames) & set(other.frames):
+                rest = [g for g in groups if g is not one and g is not other]
+                return _joined([*rest, one.joined_with(other)], n_frames, ruler)
+    return groups
 
 
 def _share_out(groups, frame, lines, seen, ruler, known=None, new=False):

@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from pipeline.identities import crowded
+from pipeline.detection import Line
+from pipeline.identities import Ruler, crowded
 from pipeline.records import Recording
-from pipeline.roster import find_roster
+from pipeline.roster import find_roster, gather
 from pipeline.scene_finding import scene_from_frames
 from pipeline.tracing import options_for, trace
 from synthetic import scoring
@@ -87,6 +88,34 @@ def test_whiskers_beside_each_other_are_not_taken_for_one_broad_one():
             for k, line in zip(slot.seen, slot.samples, strict=True)
         ]
         assert true.count(slot.name) > 0.8 * len(true), slot.name
+
+
+def straight(follicle_y, angle, length, thickness):
+    """A line (`detection.Line`), rightwards from 1.4 mm before its follicle (35, follicle_y) px."""
+    line = Line.empty(300)
+    line.n = length
+    s = 1e3 * HIDDEN * 17.5 + np.arange(length)
+    line.x[:length], line.y[:length] = 35 + s * np.cos(angle), follicle_y - s * np.sin(angle)
+    line.thickness[:], line.amplitude[:] = thickness, 0.3
+    return line
+
+
+def test_a_whisker_that_moves_by_itself_is_one_whisker():
+    rng = np.random.default_rng(3)
+    sizes = [(100, 180, 0.9), (130, 220, 1.1), (160, 260, 1.3)]
+    angles = rng.choice([-0.2, 0.2], (24, 3)) + rng.normal(0, 0.02, (24, 3))
+    found = [
+        [straight(y, a, n, thick) for (y, n, thick), a in zip(sizes, row, strict=True)]
+        for row in angles
+    ]
+    ruler = Ruler.of("left", options_for(Recording(1000.0, 17.5, "left")))
+    groups = gather(found, ruler)
+    assert sorted(len(g.frames) for g in groups) == [24, 24, 24]
+    for group in groups:
+        assert np.ptp([line.n for line in group.lines]) == 0
+    # two that are seen together stay two, however alike
+    beside = [[straight(100, a, 180, 0.9), straight(103, a + 0.4, 180, 0.9)] for a in angles[:, 0]]
+    assert len(gather(beside, ruler)) == 2
 
 
 def _nearest(line, truth, frame):
