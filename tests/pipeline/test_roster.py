@@ -91,7 +91,7 @@ def test_whiskers_beside_each_other_are_not_taken_for_one_broad_one():
 
 
 def straight(follicle_y, angle, length, thickness):
-    """A line (`detection.Line`), rightwards from 1.4 mm before its follicle (35, follicle_y) px."""
+    """A line (`detection.Line`) to the right, 1.4 mm from its follicle at (35, follicle_y) px."""
     line = Line.empty(300)
     line.n = length
     s = 1e3 * HIDDEN * 17.5 + np.arange(length)
