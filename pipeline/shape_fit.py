@@ -17,11 +17,13 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from pipeline.splines import FAST
 from pipeline.stations import N_STATIONS, Stations
 from whiskermodel.whisker import Whisker
 
 N_REST = 4  # Legendre polynomials of the rest curvature
 ITERATIONS = 12
+SETTLED_SD = 0.03  # length of a step from which on Gauss–Newton has arrived
 FEWEST_STATIONS = 10
 BLOCK_ROWS = 2048  # held in memory at a time
 ANCHOR_MOVES_M = 2e-6  # the contact point is moved along the whisker in steps above this
@@ -175,14 +177,20 @@ class _Rod(NamedTuple):
     x: np.ndarray
     y: np.ndarray
     angle: np.ndarray
+    cos: np.ndarray
+    sin: np.ndarray
     shift: np.ndarray
     base: np.ndarray
     follicle: np.ndarray
 
 
 class _Sums(NamedTuple):
-    """Normal equations, their solution's parts, and the prior's rest shape `mean`."""
+    """Misfit and weight of every station, normal equations, their solution's parts, and the
+    prior's rest shape `mean`."""
 
+    misfit: np.ndarray
+    weight: np.ndarray
+    share: np.ndarray
     normal: np.ndarray
     rhs: np.ndarray
     lower: np.ndarray
@@ -205,7 +213,7 @@ def _fit_rows(
     influence,
 ):  # fmt: skip
     m, terms = basis.shape
-    laid, nudged, sums = _empty_rod(m), _empty_rod(m), _empty_sums(terms)
+    laid, nudged, sums = _empty_rod(m), _empty_rod(m), _empty_sums(m, terms)
     p = np.zeros(_LOADED)
     for row in range(len(xs)):
         seen, arc = (xs[row], ys[row], info[row]), (origin[row], moved[row], h)
@@ -242,17 +250,18 @@ def _fit_rows(
 @njit(cache=True)
 def _empty_rod(m):
     return _Rod(
-        np.zeros(m), np.zeros(m), np.zeros(m), np.zeros((m, _LOADED)), np.zeros((3, _LOADED)),
-        np.zeros(3),
+        np.zeros(m), np.zeros(m), np.zeros(m), np.zeros(m), np.zeros(m), np.zeros((_LOADED, m)),
+        np.zeros((3, _LOADED)), np.zeros(3),
     )  # fmt: skip
 
 
 @njit(cache=True)
-def _empty_sums(terms):
+def _empty_sums(m, terms):
     square = (_LOADED, _LOADED)
     return _Sums(
-        np.zeros(square), np.zeros(_LOADED), np.zeros(square), np.zeros(square), np.zeros(terms)
-    )
+        np.zeros(m), np.zeros(m), np.zeros(m),
+        np.zeros(square), np.zeros(_LOADED), np.zeros(square), np.zeros(square), np.zeros(terms),
+    )  # fmt: skip
 
 
 @njit(cache=True)
@@ -269,11 +278,11 @@ def _solve(seen, first, arc, rod, load, pole, c, prior, stiffness, basis, p, lai
     size = _LOADED if loaded else _FREE
     x, y, angle = laid.x, laid.y, laid.angle
     p[:] = 0.0
-    chi2, change, known = 1.0, np.inf, False
+    chi2, known = 1.0, False
     _trace(seen[0], seen[1], seen[2], first, h, x, y, angle)
     ref_x, ref_y, p[1] = _at(x, y, angle, h, c)
     laid.follicle[2] = angle[0]
-    for iteration in range(ITERATIONS + 1):
+    for iteration in range(ITERATIONS):
         _prior_mean(weights, drift, (laid.follicle[2] - centre) / scale, sums.mean)
         lay = iteration == 0
         if iteration == 0:
@@ -288,14 +297,19 @@ def _solve(seen, first, arc, rod, load, pole, c, prior, stiffness, basis, p, lai
                 lay, c = True, nearest_now
                 ref_x, ref_y, p[1] = _at(x, y, angle, h, c)
                 p[0] = 0.0
+        place = _Place(c, ref_x, ref_y)
         if lay:
-            _lay(p, rod, load, arc, _Place(c, ref_x, ref_y), laid)
-        chi2 = _equations(seen, laid, size, precision, p, sums, chi2, iteration > 1)
+            _lay(p, rod, load, arc, place, laid, True)
+        if iteration == 1:  # from here on, stations count less by what is usual of all
+            chi2 = _weigh(seen, laid, chi2, False, sums.misfit, sums.weight)
+        chi2 = _equations(seen, laid, size, precision, p, sums, chi2, iteration > 0)
         known = np.isfinite(chi2) and _invert(sums.normal, size, sums.lower, sums.inverse)
-        if not known or iteration == ITERATIONS or (iteration > 2 and change < 1e-2):
+        if not known:
             break
         change = _step(size, p, sums.inverse, sums.rhs)
-        _lay(p, rod, load, arc, _Place(c, ref_x, ref_y), laid)
+        _lay(p, rod, load, arc, place, laid, True)
+        if iteration > 0 and change < SETTLED_SD:
+            break  # so short a step that the equations stay
     return known, chi2, _Place(c, ref_x, ref_y)
 
 
@@ -315,7 +329,7 @@ def _report_loads(
     unit = _unit_force(p[1], load[0], load[1])
     gradient, follows = np.zeros((3, _LOADED)), np.zeros(_LOADED)
     _load_errors(o, p[size - 1], cov, size, unit, laid.base, gradient)
-    _lay(p, rod, load, (origin + ORIGIN_STEP_M, moved + ORIGIN_STEP_M, h), place, nudged)
+    _lay(p, rod, load, (origin + ORIGIN_STEP_M, moved + ORIGIN_STEP_M, h), place, nudged, False)
     _follow(seen, chi2, laid, nudged, size, sums, follows, o)
     for each in influence:
         _influence(seen, chi2, laid, nudged, size, follows, precision, each)
@@ -352,19 +366,17 @@ def _span(info):
 def _trace(xs, ys, info, first, h, x, y, angle):
     """Measured places at all stations: straight across gaps and beyond both ends."""
     m = len(xs)
-    before, slope = first, 0.0
+    before, step_x, step_y = first, h, 0.0
     x[first], y[first] = xs[first], ys[first]
     for k in range(first + 1, m + 1):
         if k < m and not info[k] > 0:
             continue
         if k < m:
-            slope = np.arctan2(ys[k] - ys[before], xs[k] - xs[before])
-            step_x, step_y = (
-                (xs[k] - xs[before]) / (k - before),
-                (ys[k] - ys[before]) / (k - before),
-            )
+            step_x = (xs[k] - xs[before]) / (k - before)
+            step_y = (ys[k] - ys[before]) / (k - before)
         else:
-            step_x, step_y = h * np.cos(slope), h * np.sin(slope)
+            longer = h / np.sqrt(step_x * step_x + step_y * step_y)
+            step_x, step_y = longer * step_x, longer * step_y
         for q in range(before + 1, min(k + 1, m)):
             x[q], y[q] = x[before] + (q - before) * step_x, y[before] + (q - before) * step_y
         before = k
@@ -373,16 +385,24 @@ def _trace(xs, ys, info, first, h, x, y, angle):
     for k in range(first):
         x[k] = x[first] - (first - k) * h * np.cos(start)
         y[k] = y[first] - (first - k) * h * np.sin(start)
-    for k in range(m):
-        p, q = max(k - 1, 0), min(k + 1, m - 1)
-        angle[k] = np.arctan2(y[q] - y[p], x[q] - x[p])
-        if k > 0:
-            angle[k] = angle[k - 1] + _wrapped(angle[k] - angle[k - 1])
+    angle[0] = np.arctan2(y[1] - y[0], x[1] - x[0])
+    before_x, before_y = x[1] - x[0], y[1] - y[0]
+    for k in range(1, m):
+        q = min(k + 1, m - 1)
+        now_x, now_y = x[q] - x[k - 1], y[q] - y[k - 1]
+        across, along = before_x * now_y - before_y * now_x, before_x * now_x + before_y * now_y
+        angle[k] = angle[k - 1] + _turn(across, along)
+        before_x, before_y = now_x, now_y
 
 
-@njit(cache=True)
-def _wrapped(angle):
-    return (angle + np.pi) % (2 * np.pi) - np.pi
+@njit(cache=True, inline="always")
+def _turn(across, along):
+    """Angle of a vector; a series, to 1e-11, where that is little."""
+    if abs(across) > 0.05 * along:
+        return np.arctan2(across, along)
+    t = across / along
+    square = t * t
+    return t * (1 - square * (1 / 3 - square * (1 / 5 - square * (1 / 7 - square * (1 / 9)))))
 
 
 @njit(cache=True)
@@ -390,21 +410,24 @@ def _first_force(x, y, angle, info, basis, mean, stiffness, h, c, side, friction
     """Start force from the measured directions, which are linear in it and in one start angle."""
     c_x, c_y, c_angle = _at(x, y, angle, h, c)
     fx, fy = _unit_force(c_angle, side, friction)
-    rest, load, g = 0.0, 0.0, 0.0
-    n, sums = 0, np.zeros(4)  # Σ G, Σ G², Σ d, Σ G d
+    rest, load, g, bend = 0.0, 0.0, 0.0, 0.0
+    n, sum_g, sum_gg, sum_d, sum_gd = 0, 0.0, 0.0, 0.0, 0.0
     for k in range(len(angle)):
         before = g
         g = ((c_x - x[k]) * fy - (c_y - y[k]) * fx) / stiffness[k] if k * h < c else 0.0
+        bent, bend = bend, 0.0
+        for j in range(len(mean)):
+            bend += mean[j] * basis[k, j]
         if k > 0:
             load += 0.5 * h * (g + before)
-            for j in range(len(mean)):
-                rest += 0.5 * h * mean[j] * (basis[k, j] + basis[k - 1, j])
+            rest += 0.5 * h * (bend + bent)
         if info[k] > 0:
             d = angle[k] - rest
             n += 1
-            sums += np.array([load, load * load, d, load * d])
-    spread = sums[1] - sums[0] ** 2 / n
-    return (sums[3] - sums[0] * sums[2] / n) / spread if spread > 0 else 0.0
+            sum_g, sum_gg = sum_g + load, sum_gg + load * load
+            sum_d, sum_gd = sum_d + d, sum_gd + load * d
+    spread = sum_gg - sum_g**2 / n
+    return (sum_gd - sum_g * sum_d / n) / spread if spread > 0 else 0.0
 
 
 @njit(cache=True)
@@ -423,7 +446,7 @@ def _prior_mean(weights, drift, u, mean):
         mean[j] = value + drift[j]
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def _polynomials(u, values):
     """Legendre polynomials at `u`, into `values` (N_REST,)."""
     before, now = 1.0, u
@@ -432,17 +455,17 @@ def _polynomials(u, values):
         before, now = now, ((2 * j + 3) * u * now - (j + 1) * before) * (1 / (j + 2))
 
 
-@njit(cache=True)
-def _lay(p, rod, load, arc, place, laid):
-    """Lay the rod from its place both ways, with its derivatives by every parameter.
+@njit(cache=True, fastmath=FAST, error_model="numpy")
+def _lay(p, rod, load, arc, place, laid, answers):
+    """Lay the rod from its place both ways, with its derivatives by all parameters if `answers`.
 
     `rod` is (length, cone length, base rigidity); station k is at arc length k h + origin, of
     which `moved` came after the rest shape was measured: `arc` is (origin, moved, h).
-    `shift[k, q]`: how far station k moves along its normal per unit of parameter q; `base[:, q]`:
+    `shift[q, k]`: how far station k moves along its normal per unit of parameter q; `base[:, q]`:
     how the follicle moves (x, y) and turns; `follicle`: its place and angle.
     """
     origin, moved, h = arc
-    x, y, angle, shift, base, follicle = laid
+    x, y, angle, cosines, sines, shift, base, follicle = laid
     m, terms, per_half, c = len(x), N_REST, 2 / rod[0], place.c
     side, friction = load
     force = p[2 + terms] if side != 0 else 0.0
@@ -462,6 +485,9 @@ def _lay(p, rod, load, arc, place, laid):
         d[3, :terms] = low
         bends = direction < 0 and side != 0
         soft = _softness(c + origin, rod) if bends else 0.0
+        rest = 0.0
+        for j in range(terms):
+            rest += p[2 + j] * low[j]
         k = before if direction < 0 else before + 1
         while -1 <= k < m:
             # past station 0 comes the follicle itself
@@ -471,31 +497,30 @@ def _lay(p, rod, load, arc, place, laid):
             _polynomials((end - moved) * per_half - 1, high)
             middle_soft = _softness(end - step / 2, rod) if bends else 0.0
             next_soft = _softness(end, rod) if bends else 0.0
-            rest, middle_rest, next_rest = 0.0, 0.0, 0.0
+            middle_rest, next_rest = 0.0, 0.0
             for j in range(terms):
-                rest += p[2 + j] * low[j]
                 middle_rest += p[2 + j] * middle[j]
                 next_rest += p[2 + j] * high[j]
-            turn, new_x, new_y = _runge_kutta(
+            turn, new_x, new_y, new_heading = _stretch(
                 step, rest, middle_rest, next_rest, soft * force, middle_soft * force,
                 next_soft * force, fx, fy, start_x - at_x, start_y - at_y, heading,
             )  # fmt: skip
-            new_heading = _turned(heading, turn)
-            _advance(
-                step, heading, new_heading, next_soft, force, fx, fy, start_x - at_x - new_x,
-                start_y - at_y - new_y, high, d,
-            )  # fmt: skip
+            if answers:
+                _advance(
+                    step, heading, new_heading, next_soft, force, fx, fy, start_x - at_x - new_x,
+                    start_y - at_y - new_y, high, d,
+                )  # fmt: skip
             theta, at_x, at_y, heading = theta + turn, at_x + new_x, at_y + new_y, new_heading
-            s, soft = s + step, next_soft
-            low[:] = high
+            s, soft, rest = s + step, next_soft, next_rest
             if k < 0:
                 break
-            x[k], y[k], angle[k] = at_x, at_y, theta
-            nx, ny = -heading[1], heading[0]
-            shift[k, 0] = -sin * nx + cos * ny
-            shift[k, 1] = -(at_y - start_y) * nx + (at_x - start_x) * ny
-            for q in range(terms + 1):
-                shift[k, 2 + q] = d[0, q] * nx + d[1, q] * ny
+            x[k], y[k], angle[k], cosines[k], sines[k] = at_x, at_y, theta, heading[0], heading[1]
+            if answers:
+                nx, ny = -heading[1], heading[0]
+                shift[0, k] = -sin * nx + cos * ny
+                shift[1, k] = -(at_y - start_y) * nx + (at_x - start_x) * ny
+                for q in range(terms + 1):
+                    shift[2 + q, k] = d[0, q] * nx + d[1, q] * ny
             k += direction
         if direction < 0:
             follicle[0], follicle[1], follicle[2] = at_x, at_y, theta
@@ -510,10 +535,11 @@ def _start(p, place):
     return place.x - p[0] * np.sin(p[1]), place.y + p[0] * np.cos(p[1])
 
 
-@njit(cache=True)
+@njit(cache=True, fastmath=FAST, error_model="numpy", inline="always")
 def _softness(s, rod):
     """1/(E I(s)) [1/(N m²)]; the very tip of a full cone, which has none, is stiffened."""
-    return 1 / (rod[2] * max((1 - s / rod[1]) ** 4, 1e-7))
+    square = (1 - s / rod[1]) ** 2
+    return 1 / (rod[2] * max(square * square, 1e-7))
 
 
 @njit(cache=True, inline="always")
@@ -529,28 +555,28 @@ def _turned(heading, turn):
     return cos * c - sin * s, sin * c + cos * s
 
 
-@njit(cache=True)
-def _runge_kutta(step, k0, k1, k2, f0, f1, f2, fx, fy, arm_x, arm_y, heading):
-    """Fourth-order step of angle and place.
+@njit(cache=True, inline="always")
+def _stretch(step, k0, k1, k2, f0, f1, f2, fx, fy, arm_x, arm_y, heading):
+    """Fourth-order step of angle and place, by Simpson's rule.
 
     k: rest curvature at start, middle, end; f: force over rigidity there; arm: from the place
-    to the contact; heading: cosine and sine. Returns the turn and the way made in x and y.
+    to the contact; heading: cosine and sine. Returns the turn, the way made in x and y, and the
+    new heading. The lever in the middle and at the end is that of an arc of circle.
     """
     half = step / 2
     c1, s1 = heading
-    r1 = k0 + f0 * (arm_x * fy - arm_y * fx)
-    c2, s2 = _turned(heading, half * r1)
-    r2 = k1 + f1 * ((arm_x - half * c1) * fy - (arm_y - half * s1) * fx)
-    c3, s3 = _turned(heading, half * r2)
-    r3 = k1 + f1 * ((arm_x - half * c2) * fy - (arm_y - half * s2) * fx)
-    c4, s4 = _turned(heading, step * r3)
-    r4 = k2 + f2 * ((arm_x - step * c3) * fy - (arm_y - step * s3) * fx)
+    lever, along, across = arm_x * fy - arm_y * fx, c1 * fy - s1 * fx, -s1 * fy - c1 * fx
+    r1 = k0 + f0 * lever
+    way = half * r1
+    r2 = k1 + f1 * (lever - half * ((1 - way * way / 6) * along + way / 2 * across))
+    way = step * r2
+    bow = step * (r1 + 2 * r2) / 6
+    r3 = k2 + f2 * (lever - step * ((1 - way * way / 6) * along + bow * across))
+    c2, s2 = _turned(heading, step / 24 * (5 * r1 + 8 * r2 - r3))
     sixth = step / 6
-    return (
-        sixth * (r1 + 2 * r2 + 2 * r3 + r4),
-        sixth * (c1 + 2 * c2 + 2 * c3 + c4),
-        sixth * (s1 + 2 * s2 + 2 * s3 + s4),
-    )
+    turn = sixth * (r1 + 4 * r2 + r3)
+    c3, s3 = _turned(heading, turn)
+    return turn, sixth * (c1 + 4 * c2 + c3), sixth * (s1 + 4 * s2 + s3), (c3, s3)
 
 
 @njit(cache=True)
@@ -609,30 +635,16 @@ def _misfit(seen, laid, k):
 @njit(cache=True, inline="always")
 def _across(laid, k, dx, dy):
     """Part of (dx, dy) along the rod's normal at station `k`."""
-    return dy * np.cos(laid.angle[k]) - dx * np.sin(laid.angle[k])
+    return dy * laid.cos[k] - dx * laid.sin[k]
 
 
 @njit(cache=True)
 def _equations(seen, laid, size, precision, p, sums, chi2, robust):
     """Fill Gauss–Newton's normal equations; returns the reduced χ² of the misfit."""
-    info, shift, mean, normal, rhs = seen[2], laid.shift, sums.mean, sums.normal, sums.rhs
+    mean, normal, rhs = sums.mean, sums.normal, sums.rhs
     terms = len(mean)
-    normal[:, :] = 0.0
-    rhs[:] = 0.0
-    total, count = 0.0, 0
-    for k in range(len(info)):
-        if not info[k] > 0:
-            continue
-        misfit = _misfit(seen, laid, k)
-        weight = _robust_weight(info[k], misfit, chi2) if robust else info[k]
-        total += weight * misfit * misfit
-        count += 1
-        for a in range(_LOADED):  # of a constant number of parameters, so that it is unrolled
-            share = weight * shift[k, a]
-            rhs[a] += share * misfit
-            for b in range(_LOADED):
-                normal[a, b] += share * shift[k, b]
-    chi2 = total / max(count - 4, 1)
+    chi2 = _weigh(seen, laid, chi2, robust, sums.misfit, sums.weight)
+    _products(laid.shift, sums.misfit, sums.weight, size, sums.share, normal, rhs)
     # the covariance is scaled by χ² afterwards, the prior must not be
     inflate = max(chi2, 1.0) if robust else 1.0
     for a in range(terms):
@@ -640,6 +652,44 @@ def _equations(seen, laid, size, precision, p, sums, chi2, robust):
             normal[2 + a, 2 + b] += precision[a, b] * inflate
             rhs[2 + a] += precision[a, b] * inflate * (mean[b] - p[2 + b])
     return chi2
+
+
+@njit(cache=True, error_model="numpy")
+def _weigh(seen, laid, chi2, robust, misfit, weight):
+    """Fill misfit [m] and weight [1/m²] of every station, 0 where none was seen; returns χ²."""
+    info = seen[2]
+    total, count = 0.0, 0
+    for k in range(len(info)):
+        known = info[k] > 0
+        misfit[k] = _misfit(seen, laid, k) if known else 0.0
+        weight[k] = info[k] if known else 0.0
+        count += known
+    if robust:
+        scale = 1 / max(chi2, 1.0)
+        for k in range(len(info)):
+            deviation = abs(misfit[k]) * np.sqrt(weight[k] * scale)
+            weight[k] *= HUBER / deviation if deviation > HUBER else 1.0
+    for k in range(len(info)):
+        total += weight[k] * misfit[k] * misfit[k]
+    return total / max(count - 4, 1)
+
+
+@njit(cache=True, fastmath=FAST)
+def _products(shift, misfit, weight, size, share, normal, rhs):
+    """Fill Σ weight shift shiftᵀ and Σ weight shift misfit of the first `size` parameters."""
+    m = len(misfit)
+    for a in range(size):
+        one, total = shift[a], 0.0
+        for k in range(m):
+            share[k] = weight[k] * one[k]
+            total += share[k] * misfit[k]
+        rhs[a] = total
+        for b in range(a + 1):
+            other, total = shift[b], 0.0
+            for k in range(m):
+                total += share[k] * other[k]
+            normal[a, b] = total
+            normal[b, a] = total
 
 
 @njit(cache=True)
@@ -651,17 +701,19 @@ def _robust_weight(info, misfit, chi2):
 
 @njit(cache=True)
 def _step(size, p, inverse, rhs):
-    """One Gauss–Newton step of `p`; returns the last parameter's change in SD."""
+    """One Gauss–Newton step of `p`; returns its length, of all parameters together, in SD."""
     step = np.zeros(size)
     for a in range(size):
         for b in range(size):
             step[a] += inverse[a, b] * rhs[b]
-    last = abs(step[size - 1]) / np.sqrt(inverse[size - 1, size - 1])
+    square = 0.0
+    for a in range(size):
+        square += step[a] * rhs[a]
     # half a radian at most: the model is laid again before it goes on
     factor = min(1.0, 0.5 / max(abs(step[1]), 1e-9))
     for a in range(size):
         p[a] += factor * step[a]
-    return last
+    return np.sqrt(max(square, 0.0))
 
 
 @njit(cache=True)
@@ -814,7 +866,7 @@ def _follow(seen, chi2, laid, nudged, size, sums, follows, o):
         pull += weight * misfit * away
         bend += weight * away * away
         for a in range(size):
-            rhs[a] -= weight * shift[k, a] * away
+            rhs[a] -= weight * shift[a, k] * away
     follows[:] = 0.0
     for a in range(size):
         for b in range(size):
@@ -848,7 +900,7 @@ def _influence(seen, chi2, laid, nudged, size, follows, precision, out):
             continue
         away, misfit = _moved_by_origin(laid, nudged, k), _misfit(seen, laid, k)
         for a in range(size):
-            away += shift[k, a] * follows[a]
+            away += shift[a, k] * follows[a]
         out[k] = _robust_weight(info[k], misfit, chi2) * away
 
 
