@@ -33,8 +33,8 @@ def add_base_moments(
     frames : records.FRAME_COLUMNS with forces
     whiskers : name → Whisker or None
     """
-    contacts = contacts.copy()
-    for name, part in contacts.groupby("whisker"):
+    extremes = np.full((3, len(contacts)), np.nan)
+    for name, part in contacts.reset_index(drop=True).groupby("whisker"):
         whisker = whiskers.get(name)
         if whisker is None:
             continue
@@ -43,14 +43,14 @@ def add_base_moments(
         usable = (place > 0) & (place < LARGEST_PART * whisker.length)
         odd = part["flags"].str.split(";").apply(lambda flags: NOT_A_PULSE in flags)
         pulse = usable & ~odd & part["pulse_peak_uN"].notna()
-        _write(contacts, part.index[pulse], _of_pulses(response, part[pulse]))
+        extremes[:, part.index[pulse]] = _of_pulses(response, part[pulse])
         measured = usable & ~pulse & part["peak_force_uN"].notna()
         own = frames[frames["whisker"] == name].sort_values("frame")
         for i, row in part[measured].iterrows():
             force = _measured_force(own, row)
-            _write(contacts, [i], _of_force(response, 1e-3 * row["contact_arc_length_mm"],
-                                            force, recording, row))  # fmt: skip
-    return contacts
+            at = 1e-3 * row["contact_arc_length_mm"]
+            extremes[:, [i]] = _of_force(response, at, force, recording, row)
+    return _written(contacts, extremes)
 
 
 def _of_pulses(response, part):
@@ -112,10 +112,13 @@ def _measured_force(own: pd.DataFrame, row) -> np.ndarray:
     return np.interp(wanted, frame[first:last][known], force[known])
 
 
-def _write(contacts, index, extremes):
-    """Store the extremes [N m] of some contacts and their ratio."""
-    for column, values in zip(_COLUMNS, extremes, strict=True):
-        contacts.loc[index, column] = 1e9 * values
+def _written(contacts, extremes):
+    """The contacts with their extremes (3, contacts) [N m], where there are any, and the ratio."""
+    found = np.isfinite(extremes[0])
     with np.errstate(invalid="ignore", divide="ignore"):
-        largest = np.maximum(np.abs(extremes[1]), np.abs(extremes[2]))
-        contacts.loc[index, "vibration_ratio"] = largest / np.abs(extremes[0])
+        ratio = np.abs(extremes[1:]).max(axis=0) / np.abs(extremes[0])
+    columns = dict(zip((*_COLUMNS, "vibration_ratio"), (*(1e9 * extremes), ratio), strict=True))
+    known = {name: contacts[name].to_numpy(float) for name in columns}
+    return contacts.assign(
+        **{name: np.where(found, new, known[name]) for name, new in columns.items()}
+    )

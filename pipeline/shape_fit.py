@@ -278,11 +278,11 @@ def _solve(seen, first, arc, rod, load, pole, c, prior, stiffness, basis, p, lai
     size = _LOADED if loaded else _FREE
     x, y, angle = laid.x, laid.y, laid.angle
     p[:] = 0.0
-    chi2, known = 1.0, False
+    chi2, change, known = 1.0, np.inf, False
     _trace(seen[0], seen[1], seen[2], first, h, x, y, angle)
     ref_x, ref_y, p[1] = _at(x, y, angle, h, c)
     laid.follicle[2] = angle[0]
-    for iteration in range(ITERATIONS):
+    for iteration in range(ITERATIONS + 1):
         _prior_mean(weights, drift, (laid.follicle[2] - centre) / scale, sums.mean)
         lay = iteration == 0
         if iteration == 0:
@@ -304,12 +304,10 @@ def _solve(seen, first, arc, rod, load, pole, c, prior, stiffness, basis, p, lai
             chi2 = _weigh(seen, laid, chi2, False, sums.misfit, sums.weight)
         chi2 = _equations(seen, laid, size, precision, p, sums, chi2, iteration > 0)
         known = np.isfinite(chi2) and _invert(sums.normal, size, sums.lower, sums.inverse)
-        if not known:
+        if not known or iteration == ITERATIONS or (iteration > 1 and change < SETTLED_SD):
             break
         change = _step(size, p, sums.inverse, sums.rhs)
         _lay(p, rod, load, arc, place, laid, True)
-        if iteration > 0 and change < SETTLED_SD:
-            break  # so short a step that the equations stay
     return known, chi2, _Place(c, ref_x, ref_y)
 
 
@@ -488,6 +486,7 @@ def _lay(p, rod, load, arc, place, laid, answers):
         rest = 0.0
         for j in range(terms):
             rest += p[2 + j] * low[j]
+        bend, slope = rest, -soft * force * (cos * fy - sin * fx)
         k = before if direction < 0 else before + 1
         while -1 <= k < m:
             # past station 0 comes the follicle itself
@@ -501,10 +500,11 @@ def _lay(p, rod, load, arc, place, laid, answers):
             for j in range(terms):
                 middle_rest += p[2 + j] * middle[j]
                 next_rest += p[2 + j] * high[j]
-            turn, new_x, new_y, new_heading = _stretch(
+            turn, new_x, new_y, new_heading, bent, bend = _stretch(
                 step, rest, middle_rest, next_rest, soft * force, middle_soft * force,
-                next_soft * force, fx, fy, start_x - at_x, start_y - at_y, heading,
+                next_soft * force, fx, fy, start_x - at_x, start_y - at_y, heading, bend, slope,
             )  # fmt: skip
+            slope = (bend - bent) / step if step != 0 else slope  # a station may lie at c
             if answers:
                 _advance(
                     step, heading, new_heading, next_soft, force, fx, fy, start_x - at_x - new_x,
@@ -556,27 +556,29 @@ def _turned(heading, turn):
 
 
 @njit(cache=True, inline="always")
-def _stretch(step, k0, k1, k2, f0, f1, f2, fx, fy, arm_x, arm_y, heading):
+def _stretch(step, k0, k1, k2, f0, f1, f2, fx, fy, arm_x, arm_y, heading, bend, slope):
     """Fourth-order step of angle and place, by Simpson's rule.
 
     k: rest curvature at start, middle, end; f: force over rigidity there; arm: from the place
-    to the contact; heading: cosine and sine. Returns the turn, the way made in x and y, and the
-    new heading. The lever in the middle and at the end is that of an arc of circle.
+    to the contact; heading: cosine and sine; `bend` and `slope`: curvature at the start and its
+    change per length, as known so far, by which the way to middle and end is bent where the
+    lever is asked for. Returns the turn, the way made in x and y, the new heading, and the
+    curvature at start and end.
     """
-    half = step / 2
+    half, sixth = step / 2, step / 6
     c1, s1 = heading
     lever, along, across = arm_x * fy - arm_y * fx, c1 * fy - s1 * fx, -s1 * fy - c1 * fx
+    short = bend * bend / 6
+    ahead, aside = half * (1 - half * half * short), half * half * (bend / 2 + slope * half / 6)
     r1 = k0 + f0 * lever
-    way = half * r1
-    r2 = k1 + f1 * (lever - half * ((1 - way * way / 6) * along + way / 2 * across))
-    way = step * r2
-    bow = step * (r1 + 2 * r2) / 6
-    r3 = k2 + f2 * (lever - step * ((1 - way * way / 6) * along + bow * across))
+    r2 = k1 + f1 * (lever - ahead * along - aside * across)
+    ahead, aside = step * (1 - step * step * short), step * step * (bend / 2 + slope * sixth)
+    r3 = k2 + f2 * (lever - ahead * along - aside * across)
     c2, s2 = _turned(heading, step / 24 * (5 * r1 + 8 * r2 - r3))
-    sixth = step / 6
     turn = sixth * (r1 + 4 * r2 + r3)
     c3, s3 = _turned(heading, turn)
-    return turn, sixth * (c1 + 4 * c2 + c3), sixth * (s1 + 4 * s2 + s3), (c3, s3)
+    way_x, way_y = sixth * (c1 + 4 * c2 + c3), sixth * (s1 + 4 * s2 + s3)
+    return turn, way_x, way_y, (c3, s3), r1, r3
 
 
 @njit(cache=True)
