@@ -23,7 +23,8 @@ from whiskermodel.whisker import Whisker
 
 N_REST = 4  # Legendre polynomials of the rest curvature
 ITERATIONS = 12
-SETTLED_SD = 0.03  # length of a step from which on Gauss–Newton has arrived
+SETTLED_SD = 0.03  # length of a step from which on Gauss–Newton has arrived; …
+FINE_SETTLED_SD = 1e-4  # … where the likelihood's slope by the origin is asked for
 FEWEST_STATIONS = 10
 BLOCK_ROWS = 2048  # held in memory at a time
 ANCHOR_MOVES_M = 2e-6  # the contact point is moved along the whisker in steps above this
@@ -131,7 +132,8 @@ def fit_loaded(
     towards the tip. `shift` [m], one or (rows,), is added to the arc lengths beside
     `stations.origin`; the rest shape, measured without it, moves along. `influence`, if given, a
     (rows, N_STATIONS + N_REST) array, is filled with how `origin_pull` follows an error of each
-    station across the whisker [1/m²], and of each coefficient of the prior's rest shape [1].
+    station across the whisker [1/m²], and of each coefficient of the prior's rest shape [1]; fits
+    are settled the finer then.
     """
     return _fit(stations, whisker, curvature_at, prior, True, friction, shift, influence)
 
@@ -143,6 +145,7 @@ def _vague(n):
 
 def _fit(stations, whisker, curvature_at, prior, loaded, friction, shift=0.0, influence=None):
     n, m = len(stations), N_STATIONS
+    settled = SETTLED_SD if influence is None else FINE_SETTLED_SD
     influence = np.empty((0, m + N_REST)) if influence is None else influence
     s = np.arange(m) * whisker.length / (m - 1)
     out = np.full((n, len(_COLUMNS)), np.nan)
@@ -164,7 +167,7 @@ def _fit(stations, whisker, curvature_at, prior, loaded, friction, shift=0.0, in
             part.x, part.y, part.information, part.origin + shift[rows], s[1], rod,
             stiffness, basis, side[rows], part.pole_x, part.pole_y, part.pole_radius,
             part.nearest, radius, curvature_at, shift[rows], weights, prior.centre, prior.scale,
-            drift[rows], np.linalg.inv(prior.cov[rows]), friction[rows],
+            drift[rows], np.linalg.inv(prior.cov[rows]), friction[rows], settled,
             out[rows], rest[rows], rest_cov[rows], influence[rows],
         )  # fmt: skip
     table = {name: out[:, k] for k, name in enumerate(_COLUMNS)}
@@ -209,8 +212,8 @@ class _Place(NamedTuple):
 @njit(cache=True)
 def _fit_rows(
     xs, ys, info, origin, h, rod, stiffness, basis, side, pole_x, pole_y, pole_radius, nearest,
-    radius, at, moved, weights, centre, scale, drift, precision, friction, out, rest, rest_cov,
-    influence,
+    radius, at, moved, weights, centre, scale, drift, precision, friction, settled, out, rest,
+    rest_cov, influence,
 ):  # fmt: skip
     m, terms = basis.shape
     laid, nudged, sums = _empty_rod(m), _empty_rod(m), _empty_sums(m, terms)
@@ -227,7 +230,7 @@ def _fit_rows(
         load = (side[row], friction[row]) if loaded else (0.0, 0.0)
         c = min(nearest[row], (m - 1) * h) if loaded else (first + count // 2) * h
         known, chi2, place = _solve(
-            seen, first, arc, rod, load, pole, c, prior, stiffness, basis, p, laid, sums
+            seen, first, arc, rod, load, pole, c, prior, stiffness, basis, settled, p, laid, sums
         )
         if not known:
             continue
@@ -265,13 +268,13 @@ def _empty_sums(m, terms):
 
 
 @njit(cache=True)
-def _solve(seen, first, arc, rod, load, pole, c, prior, stiffness, basis, p, laid, sums):
+def _solve(seen, first, arc, rod, load, pole, c, prior, stiffness, basis, settled, p, laid, sums):
     """Gauss–Newton into `p`, `laid` and `sums`; returns whether it got there, χ², and the place.
 
     `seen`: x, y and information of the stations, the `first` of which is the first measured;
     `arc`: origin, what of it came after the rest shape was measured, and the stations' spacing;
     `load`: side and friction; `pole`: x, y, radius; `prior`: weights, drift, centre, scale,
-    precision; `c`: grid place from which to lay at first.
+    precision; `c`: grid place from which to lay at first; `settled`: step in SD that is the last.
     """
     weights, drift, centre, scale, precision = prior
     h, loaded, terms = arc[2], load[0] != 0, len(sums.mean)
@@ -304,7 +307,7 @@ def _solve(seen, first, arc, rod, load, pole, c, prior, stiffness, basis, p, lai
             chi2 = _weigh(seen, laid, chi2, False, sums.misfit, sums.weight)
         chi2 = _equations(seen, laid, size, precision, p, sums, chi2, iteration > 0)
         known = np.isfinite(chi2) and _invert(sums.normal, size, sums.lower, sums.inverse)
-        if not known or iteration == ITERATIONS or (iteration > 1 and change < SETTLED_SD):
+        if not known or iteration == ITERATIONS or (iteration > 1 and change < settled):
             break
         change = _step(size, p, sums.inverse, sums.rhs)
         _lay(p, rod, load, arc, place, laid, True)
