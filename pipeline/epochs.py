@@ -12,6 +12,8 @@ import numpy as np
 
 CELL_MM = 0.2
 LEAST_CELL_PX = 4
+LEAST_DISC_PX = 5  # broader than a whisker's picture
+TYPICAL = 9  # frames whose median is what a state looks like
 CHANGE = 0.3  # of the light: a cell that differs by more holds something else
 FEWEST_SAMPLES = 3  # one after the other: a state that lasts shorter is something passing by
 SETTLED_FRAMES = 10  # this long like the state to come: it has come
@@ -71,6 +73,8 @@ class Survey:
 
     def __init__(self, shape, pixels_per_mm: float):
         self.compare = Cells(shape, pixels_per_mm)
+        size = max(2 * round(0.5 * CELL_MM * pixels_per_mm) + 1, LEAST_DISC_PX)
+        self._disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
         self.indices, self.cells = [], []
         self._states, self._references, self._kept = [], [], []
 
@@ -110,7 +114,29 @@ class Survey:
             # nothing ever rests: one scene is the best there is
             frames = [frame for _, frame in items]
             return np.zeros(len(states), int), [np.stack(frames[:: 1 + len(frames) // MOST_KEPT])]
-        return states, [np.stack([f for i, f in items if of_sample[i] == k]) for k in kept]
+        of_state = [[item for item in items if of_sample[item[0]] == k] for k in kept]
+        if np.any(states != states[0]):
+            of_state = [self._at_rest(some, states) for some in of_state]
+        return states, [np.stack([frame for _, frame in some]) for some in of_state]
+
+    def _at_rest(self, items, states) -> list:
+        """Return the items of one state in which all is where it mostly is; −1 in `states` else.
+
+        A thing that is about to come to rest may differ by less than the cells tell.
+        """
+        frames = [frame for _, frame in items]
+        typical = np.median(frames[:: 1 + len(frames) // TYPICAL], axis=0).astype(np.uint8)
+        limit = CHANGE * self.compare.light
+        rests = [True] * len(items)
+        for k, frame in enumerate(frames):
+            moved = (cv2.absdiff(frame, typical) > limit).astype(np.uint8)
+            rests[k] = not cv2.morphologyEx(moved, cv2.MORPH_OPEN, self._disc).any()
+        if np.mean(rests) <= 0.5:
+            return items
+        for (index, _), resting in zip(items, rests, strict=True):
+            if not resting:
+                states[self.indices.index(index)] = -1
+        return [item for item, resting in zip(items, rests, strict=True) if resting]
 
     def _likest(self) -> np.ndarray:
         """Return the state of each sample, int (k,): of those it could be in, the likest.

@@ -20,6 +20,7 @@ LEAST_ARC = 0.55  # of the circumference must be seen as edge: a corner has 0.5,
 MOST_RESIDUAL = 0.05  # of the edge's contrast, root mean square
 MISFITS = 0.1  # of the edge's pixels
 LEAST_CONTRAST = 0.2  # share of the light that the disc takes
+OPAQUE, GREY_ARC = 0.8, 0.3  # what takes less light must show so much of its edge: fur does not
 LEAST_SHADE = 0.08  # the same, where a person says that there is a pole
 RADIUS_SPREAD = 0.15  # SD of a pole's radius about the expected one, relative, in its score
 EDGE_SLOPE = 0.04  # of the light per pixel: less is no edge of a thing in focus
@@ -205,6 +206,8 @@ def measure_disc(image, x: float, y: float, radius: float, expected: float) -> P
     contrast = fit[5] - fit[4]
     residual = _misfit(fit, image, before) / max(contrast, 1e-6)
     if arc < LEAST_ARC or contrast < LEAST_CONTRAST or residual > MOST_RESIDUAL:
+        return None
+    if contrast < OPAQUE and before.mean() < GREY_ARC:
         return None
     return Pole(*map(float, (x, y, radius, abs(fit[3]), arc, residual)))
 

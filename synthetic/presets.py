@@ -27,6 +27,7 @@ from synthetic.motion import (
 )
 from synthetic.population import PUBLISHED_CONTACTS, draw_contacts, share_out
 from synthetic.scene import Camera, Codec, Face, Hair, Lights, Pole, Scene
+from synthetic.variation import varied_motion
 from whiskermodel.rod import free_shape
 from whiskermodel.whisker import Whisker, mouse_c2
 
@@ -579,6 +580,32 @@ def _passing(setting):
     return driven_motion(scene, [(*base, free)])
 
 
+# All at random -------------------------------------------------------------------------------
+
+_VARIED = (
+    "noisy",
+    "row",
+    "crossing",
+    "slip_off",
+    "moving_pole",
+    "passing",
+    "close_touches",
+    "near_miss",
+)
+
+
+def _varied(setting):
+    """The motion of another preset in a picture drawn at random."""
+    motion = PRESETS[_VARIED[setting.trial % len(_VARIED)]].make(setting)
+    return varied_motion(motion, setting.rng)
+
+
+def _varied_place(setting):
+    """Every video in a folder of its own: scales and whiskers differ."""
+    stem = f"varied_{setting.trial:03d}_{_VARIED[setting.trial % len(_VARIED)]}"
+    return stem, stem
+
+
 # The paper's population ----------------------------------------------------------------------
 
 _MICE = 5
@@ -706,4 +733,5 @@ PRESETS = {
     "dense_row": Preset(_dense_row, 2, "eleven whiskers, coarsely seen, in fast whisking"),
     "border": Preset(_border, 2, "whiskers cut by the border, out of view at times"),
     "passing": Preset(_passing, 2, "a whisker that passes before the pole and its rod"),
+    "varied": Preset(_varied, 8, "cameras, light, dust and codecs at random", _varied_place),
 }

@@ -304,6 +304,7 @@ TARGETS = {
     "border": ROWS,
     "passing": (*NO_TOUCH, COVERED),
     "fig3": (*TOUCH, *FORCES, *FLOOR),
+    "varied": (*ROWS, *TOUCH),
 }
 
 
