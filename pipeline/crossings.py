@@ -11,6 +11,7 @@ from numba import njit
 
 NEAR_PX = 4.0  # nearer, lines cross or touch; exchanged ones keep each other a little off
 LEAST = 12  # nodes on either side of the crossing
+BESIDE = 16  # nodes, in which the next nearest one is sought
 GAP = 3  # nodes left out where both lie upon each other
 LOCAL = 40  # nodes on either side that decide where they can, then twice as many, then all
 MUCH_BETTER = 0.5  # part of the other way's misfit: that much less decides
@@ -26,12 +27,13 @@ def tails_exchanged(x, y, n, other_x, other_y, m):
     if i < 0 or min(i, j, n - i, m - j) < LEAST:
         return -1, -1
     for reach in (LOCAL, 2 * LOCAL, max(n, m)):
+        stride = max(reach // LOCAL, 1)
         one, one_tail = max(i - reach, 0), min(i + reach, n)
         two, two_tail = max(j - reach, 0), min(j + reach, m)
-        now = _misfit(x, y, one, i, x, y, i, one_tail)
-        now += _misfit(other_x, other_y, two, j, other_x, other_y, j, two_tail)
-        then = _misfit(x, y, one, i, other_x, other_y, j, two_tail)
-        then += _misfit(other_x, other_y, two, j, x, y, i, one_tail)
+        now = _misfit(x, y, one, i, x, y, i, one_tail, stride)
+        now += _misfit(other_x, other_y, two, j, other_x, other_y, j, two_tail, stride)
+        then = _misfit(x, y, one, i, other_x, other_y, j, two_tail, stride)
+        then += _misfit(other_x, other_y, two, j, x, y, i, one_tail, stride)
         if max(now, then) < LEAST_MISFIT:
             continue
         if then < MUCH_BETTER * now:
@@ -45,11 +47,14 @@ def tails_exchanged(x, y, n, other_x, other_y, m):
 def _nearest(x, y, n, other_x, other_y, m):
     """Nodes at which two lines come nearest to each other; (−1, −1) where that is not near."""
     best, at, to = NEAR_PX, -1, -1
+    least, node = np.inf, 0
     i = LEAST
     while i < n - 1:
-        least, node = np.inf, 0
-        j = 0
-        while j < m:
+        # beside a near one, the next is near to the same part
+        first, last = (max(node - BESIDE, 0), min(node + BESIDE, m)) if least < BESIDE else (0, m)
+        least = np.inf
+        j = first
+        while j < last:
             d = np.hypot(x[i] - other_x[j], y[i] - other_y[j])
             if d < least:
                 least, node = d, j
@@ -61,17 +66,21 @@ def _nearest(x, y, n, other_x, other_y, m):
 
 
 @njit(cache=True)
-def _misfit(x, y, start, i, tail_x, tail_y, j, end):
-    """Mean square distance [px²] of nodes start … i and j … end from a smooth curve."""
+def _misfit(x, y, start, i, tail_x, tail_y, j, end, stride):
+    """Mean square distance [px²] of nodes start … i and j … end from a smooth curve.
+
+    Every `stride`-th node is looked at.
+    """
     first, second = i - GAP - start, j + GAP
-    count = first + end - second
+    count = 0
     x0, y0 = x[start], y[start]
     ux, uy = tail_x[end - 1] - x0, tail_y[end - 1] - y0
     norm = max(np.hypot(ux, uy), 1e-9)
     ux, uy = ux / norm, uy / norm
     gram, right, total = np.zeros((TERMS, TERMS)), np.zeros(TERMS), 0.0
     powers = np.empty(TERMS)
-    for k in range(count):
+    for k in range(0, first + end - second, stride):
+        count += 1
         if k < first:
             dx, dy = x[start + k] - x0, y[start + k] - y0
         else:
