@@ -197,6 +197,13 @@ class TestSurvey:
         assert list(states) == [0] * 6 + [-1] + [1] * 12
         assert [len(some) for some in kept] == [6, 12]
 
+    def test_a_pole_that_is_still_arriving_is_left_out(self):
+        near = POLE[0], POLE[1] - 0.3 * SCALE  # 0.3 mm: the cells do not tell
+        poles = [None] * 6 + [near] * 2 + [POLE] * 6
+        states, kept = survey([light(pole=pole) for pole in poles])
+        assert list(states) == [0] * 6 + [-1] * 2 + [1] * 6
+        assert [len(some) for some in kept] == [6, 6]
+
     def test_what_never_rests_is_one_state(self):
         states, kept = survey([light(paw=paw) for paw in range(0, 240, 8)])
         assert set(states) == {0}
