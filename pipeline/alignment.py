@@ -12,13 +12,13 @@ from scipy.optimize import linear_sum_assignment
 from pipeline import exchanges
 from pipeline.exchanges import Evidence
 from pipeline.fan_model import FanModel
+from pipeline.line_motion import WEIGHT
 
 REACH = 400  # frames before and after a cut that tell the looks
 EVERY = 50  # frames after which the looks are learned anew
 LEAST_ROWS = 40  # of a whisker before a cut, that tell its look
 UNKNOWN = 8.0  # cost of a look that is compared with one not known
 LEAST_GAIN = 5.0
-WEIGHT = 0.1  # of one frame's look
 
 
 def aligned(evidence: Evidence, model: FanModel, names, phase) -> np.ndarray:

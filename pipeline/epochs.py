@@ -127,16 +127,15 @@ class Survey:
         frames = [frame for _, frame in items]
         typical = np.median(frames[:: 1 + len(frames) // TYPICAL], axis=0).astype(np.uint8)
         limit = CHANGE * self.compare.light
-        rests = [True] * len(items)
-        for k, frame in enumerate(frames):
+        resting, moving = [], []
+        for index, frame in items:
             moved = (cv2.absdiff(frame, typical) > limit).astype(np.uint8)
-            rests[k] = not cv2.morphologyEx(moved, cv2.MORPH_OPEN, self._disc).any()
-        if np.mean(rests) <= 0.5:
+            moves = cv2.morphologyEx(moved, cv2.MORPH_OPEN, self._disc).any()
+            (moving if moves else resting).append((index, frame))
+        if len(resting) <= len(moving):
             return items
-        for (index, _), resting in zip(items, rests, strict=True):
-            if not resting:
-                states[self.indices.index(index)] = -1
-        return [item for item, resting in zip(items, rests, strict=True) if resting]
+        states[np.isin(self.indices, [index for index, _ in moving])] = -1
+        return resting
 
     def _likest(self) -> np.ndarray:
         """Return the state of each sample, int (k,): of those it could be in, the likest.

@@ -11,13 +11,13 @@ import numpy as np
 from pipeline import exchanges
 from pipeline.exchanges import Evidence
 from pipeline.fan_model import FanModel
+from pipeline.line_motion import WEIGHT
 
 CHEAP = 18.0  # cost of an exchange's motion, up to which it is tried
 TRIED = 4  # frames, at most, for two whiskers
 APART = 8  # frames between two of them
 LEAST_FRAMES = 30  # that each must be seen, on either side
 LEAST_GAIN = 4.0
-WEIGHT = 0.1  # of one frame's look
 
 
 def recombined(evidence: Evidence, model: FanModel, names, phase) -> np.ndarray:

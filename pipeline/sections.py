@@ -133,14 +133,19 @@ def _take_pixels(images, lights, weights, places, k, m, rows):
 
 
 @njit(cache=True, fastmath=FAST, error_model="numpy")
+def _pixel(rows, gain, node):
+    """Of a node's pixel: expected light, what is missing of it, distance/σ and the bell there."""
+    v = gain * rows[LIGHT + node]
+    u = rows[PLACE + node]
+    return v, min(v - rows[PIXEL + node], rows[CAP + node] * v), u, bell(u)
+
+
+@njit(cache=True, fastmath=FAST, error_model="numpy")
 def _add_pixels(rows, gain, m):
     """Add the pixels taken to the sums of each of m nodes, and go on to the next."""
     for j in range(m):
         node = np.uint64(j)
-        v = gain * rows[LIGHT + node]
-        value = min(v - rows[PIXEL + node], rows[CAP + node] * v)
-        u = rows[PLACE + node]
-        g = bell(u)
+        v, value, u, g = _pixel(rows, gain, node)
         d = u * g * rows[INVERSE + node]
         wv = rows[TRUST + node] * v
         wvv, wvy = wv * v, wv * value
@@ -162,10 +167,7 @@ def _add_widths(rows, gain, m):
     """Add the pixels taken to those sums of each of m nodes that tell of the half-width."""
     for j in range(m):
         node = np.uint64(j)
-        v = gain * rows[LIGHT + node]
-        value = min(v - rows[PIXEL + node], rows[CAP + node] * v)
-        u = rows[PLACE + node]
-        g = bell(u)
+        v, value, u, g = _pixel(rows, gain, node)
         s = u * u * g
         wv = rows[TRUST + node] * v
         ws = wv * v * s
