@@ -14,6 +14,8 @@ from whiskermodel.force_profiles import half_gaussian
 GREY, BLACK, ACCENT = "#a8a8a8", "#111111", "#c8472b"
 BEFORE_AFTER_MS = 25.0  # shown around the touch
 LINES_SHOWN = 24  # centrelines in panel a
+DPI = 200
+MARGINS = dict(left=0.075, right=0.99, bottom=0.1, top=0.94, wspace=0.38, hspace=0.42)
 
 # Hires, Efros & Svoboda 2013, Results: 12,417 contacts of mouse C2 whiskers.
 PAPER = {
@@ -94,14 +96,21 @@ def _write(path, table):
 
 
 def _save(figure, folder):
-    """Save fig3.png and fig3.svg, its text as text."""
-    import matplotlib as mpl
+    """Save fig3.png and fig3.svg, its text as text.
 
-    for suffix in ("png", "svg"):
-        path = folder / f"fig3.{suffix}"
-        with tables.whole_file(path) as temporary, mpl.rc_context({"svg.fonttype": "none"}):
-            figure.savefig(temporary, format=suffix, dpi=200)
-        figure.set_layout_engine("none")  # laid out once: it is the same in every format
+    The canvases are asked directly: `savefig` draws everything once more beforehand.
+    """
+    import matplotlib as mpl
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.backends.backend_svg import FigureCanvasSVG
+
+    with tables.whole_file(folder / "fig3.png") as temporary:
+        FigureCanvasAgg(figure).print_png(temporary)
+    with (
+        tables.whole_file(folder / "fig3.svg") as temporary,
+        mpl.rc_context({"svg.fonttype": "none"}),
+    ):
+        FigureCanvasSVG(figure).print_svg(temporary)
 
 
 # --- reading -----------------------------------------------------------------------------
@@ -310,8 +319,8 @@ def draw(panels, numbers, touch):
         "axes.linewidth": 0.8,
     }
     with mpl.rc_context(style):
-        figure = Figure(figsize=(7.2, 4.8), layout="constrained")
-        axes = figure.subplots(2, 3)
+        figure = Figure(figsize=(7.2, 4.8), dpi=DPI)
+        axes = figure.subplots(2, 3, gridspec_kw=MARGINS)
         lookup = numbers.set_index(["quantity", "statistic"])["recovered"]
         _draw_a(axes[0, 0], panels["a"], touch)
         _draw_b(axes[0, 1], panels["b"], panels["a"], touch)

@@ -1,7 +1,7 @@
 """How lines move from frame to frame: what all whiskers turn by, and what is left beside it."""
 
 import numpy as np
-from scipy.signal import medfilt
+from scipy.ndimage import median_filter
 
 from pipeline.exchanges import Evidence, link
 from pipeline.fan_model import FanModel
@@ -72,7 +72,7 @@ def first_phases(model: FanModel, features, frame, track) -> np.ndarray:
     found = model.phases(features[rows], ends, tried, WIDE_SHIFTS)
     off = found - followed[present[some]]
     if len(some) >= SMOOTHED:
-        off = medfilt(off, SMOOTHED)
+        off = median_filter(off, SMOOTHED, mode="constant")
     return followed + np.interp(np.arange(len(followed)), present[some], off)
 
 
