@@ -100,7 +100,8 @@ def common_turns(features, frame, before, slope=1.0) -> np.ndarray:
     known = np.flatnonzero(np.isfinite(turn))
     out = np.zeros(frame[-1] + 1)
     present, starts = np.unique(frame[known], return_index=True)
-    for t, each in zip(present, np.split(turn[known], starts[1:]), strict=True):
+    pieces = np.split(turn[known], starts)[1:]  # none where no line was seen before
+    for t, each in zip(present, pieces, strict=True):
         out[t] = np.median(each)
     return out
 

@@ -252,3 +252,13 @@ def test_a_few_frames_are_named_after_the_roster():
         assert list(after.whisker) == [1, 0, 2]
         assert np.array_equal(after.y_px, before.y_px)
         assert after.information is None
+
+
+@pytest.mark.parametrize("open_ended", [False, True])
+def test_a_single_frame_is_named(open_ended):
+    angles = [-0.3, 0.1, 0.4]
+    roster = [Slot(n, a, 60) for n, a in zip("abc", angles, strict=True)]
+    lines = centrelines([0, 0, 0], [2, 0, 1], [straight(a, 60) for a in angles])
+    (got,) = settled(iter([lines]), roster, RULER, OPTIONS.pixels_per_m, open_ended)
+    assert got.names == (("w1", "w2", "w3") if open_ended else ("a", "b", "c"))
+    assert list(got.whisker) == [0, 1, 2]
