@@ -21,6 +21,7 @@ FRAMES_PER_SECOND = 1000.0
 FIELD_OF_VIEW_MM = 25.0  # a usual width of the image, where no pole gives the scale
 POLE_DIAMETER_MM = 0.5
 SCALES = (1.0, 0.6, 1.6, 0.4, 2.5)  # of the usual one, tried in this order for the pole
+OFF_THE_FACE = 5.0  # radii, at least, between a pole's centre and the face
 FREE_AROUND = 0.55  # share of the circle around a pole that its rod leaves free
 UNEVEN = 0.03  # share of a wide circle that may be hidden beyond what the rod hides near by
 COLOURS = [(200, 90, 0), (40, 40, 220), (0, 140, 60), (170, 0, 150), (0, 130, 200)]  # BGR
@@ -116,10 +117,16 @@ def _scene_and_scale(video):
 
 
 def _stands_free(scene) -> bool:
-    """Light around most of the pole, and more of it farther out: no part of something larger.
+    """Off the face, light around most of it, and more farther out: no part of something larger.
 
-    What hides the light around a pole is its rod, which fills less of a wider circle.
+    At the face, tufts of fur pass for poles. What hides the light around a pole is its rod, which
+    fills less of a wider circle.
     """
+    pole = scene.pole
+    x, y = round(float(pole.x_px[0])), round(float(pole.y_px[0]))
+    to_face = cv2.distanceTransform((~scene.face_mask).astype(np.uint8), cv2.DIST_L2, 5)
+    if to_face[y, x] < OFF_THE_FACE * pole.radius_px:
+        return False
     near, middle, far = (_light_around(scene, reach) for reach in (1.5, 2.0, 5.0))
     return near > FREE_AROUND and far > middle - UNEVEN
 

@@ -11,9 +11,9 @@ ROWS, COLUMNS = np.mgrid[: SHAPE[0], : SHAPE[1]]
 DISC = np.hypot(COLUMNS - 200, ROWS - 90) < RADIUS
 
 
-def scene(dark):
+def scene(dark, face_to=150):
     """A face at the left, a round thing at (200, 90), and other dark things."""
-    face = COLUMNS < 150
+    face = COLUMNS < face_to
     background = np.where(dark | DISC | face, 10.0, 180.0).astype(np.float32)
     pole = PoleTrack(np.array([200.0]), np.array([90.0]), RADIUS)
     return StaticScene(background, 0.02, 1.0, face, dark | DISC, pole, "left")
@@ -29,3 +29,7 @@ def test_a_screw_on_something_larger_gives_none():
     shaft = (np.abs(COLUMNS - 200) < 5) & (ROWS > 90)
     block = ROWS > 110
     assert not _stands_free(scene(shaft | block))
+
+
+def test_a_tuft_of_fur_at_the_face_gives_none():
+    assert not _stands_free(scene(np.zeros(SHAPE, bool), face_to=185))
