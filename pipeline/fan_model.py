@@ -4,7 +4,6 @@ Whiskers whisk together: a whisker's place, angle and bend go with one number pe
 phase of the whisk. What is left beside that is small, and differs from whisker to whisker.
 """
 
-import warnings
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -35,25 +34,6 @@ class FanModel:
     slope: np.ndarray
     sd: np.ndarray
     least_sd: np.ndarray
-
-    @classmethod
-    def first(cls, samples, least_sd) -> "FanModel":
-        """From dicts of sample frame → features (6,), one per whisker."""
-        frames = sorted(set().union(*samples))
-        table = np.full((len(frames), len(samples), N_FEATURES), np.nan)
-        for k, seen in enumerate(samples):
-            for frame, features in seen.items():
-                table[frames.index(frame), k] = features
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", RuntimeWarning)  # short whiskers show no far bend
-            middle = np.nanmedian(table, axis=0)
-            phase = np.nanmedian(table[..., ANGLE] - middle[:, ANGLE], axis=1)
-        slope = np.zeros_like(middle)
-        slope[:, ANGLE] = 1.0
-        sd = np.tile(3.0 * least_sd, (len(samples), 1))
-        model = cls(middle, slope, sd, least_sd)
-        k = np.tile(np.arange(len(samples)), len(frames))
-        return model.fitted(table.reshape(-1, N_FEATURES), k, np.repeat(phase, len(samples)))
 
     def fitted(self, features, whisker, phase) -> "FanModel":
         """The model of lines (rows, 6) of known whiskers (rows,) and phases (rows,)."""
@@ -87,7 +67,7 @@ class FanModel:
         each[strange] = 0.5 * FARTHEST**2
         return np.where(np.isfinite(each), each, UNSEEN).sum(axis=-1)
 
-    def phases(self, features, starts, guess, shifts=SHIFTS) -> np.ndarray:
+    def phases(self, features, starts, guess) -> np.ndarray:
         """Phase of every frame at which its lines, each by itself, look most like whiskers.
 
         starts : first row of every frame, and the number of rows
@@ -97,9 +77,9 @@ class FanModel:
         rows_of = np.repeat(np.arange(len(counts)), counts)
         total = np.array([
             np.add.reduceat(self.costs(features, (guess + s)[rows_of]).min(axis=1), starts[:-1])
-            for s in shifts
+            for s in SHIFTS
         ])  # fmt: skip
-        phase = guess + shifts[np.argmin(total, axis=0)]
+        phase = guess + SHIFTS[np.argmin(total, axis=0)]
         for _ in range(2):
             whisker = self.costs(features, phase[rows_of]).argmin(axis=1)
             phase = self.phases_of(features[:, ANGLE], whisker, starts)

@@ -44,16 +44,6 @@ def line_features(lines, dial: Dial) -> np.ndarray:
     return _features(lines.offsets, lines.x_px, lines.y_px, lines.thickness_px, dial)
 
 
-def sample_features(slot, dial: Dial) -> dict[int, np.ndarray]:
-    """Features (6,) of a roster's whisker (`roster.Slot`) in the frames where it was seen."""
-    out = {}
-    for frame, line in zip(slot.seen, slot.samples, strict=True):
-        n = line.n
-        ends = np.array([0, n])
-        out[frame] = _features(ends, line.x[:n], line.y[:n], line.thickness[:n], dial)[0]
-    return out
-
-
 def _features(offsets, x, y, thickness, dial):
     out = np.full((len(offsets) - 1, N_FEATURES), np.nan)
     if thickness is None:

@@ -1,7 +1,6 @@
 """How lines move from frame to frame: what all whiskers turn by, and what is left beside it."""
 
 import numpy as np
-from scipy.ndimage import median_filter
 
 from pipeline.exchanges import Evidence, link
 from pipeline.fan_model import FanModel
@@ -11,9 +10,6 @@ WEIGHT = 0.1  # of one frame's look: errors of neighbouring frames are alike
 STRANGER = 14.0  # cost of a look that is no whisker's
 MARGIN = 2.0  # cost per frame of a line that is nobody's
 LEAST_MOTION = np.array([0.002, np.radians(0.15), 0.01, 0.005, 0.001, 0.001])
-LOOKED_AT = 300  # frames
-SMOOTHED = 9  # of them
-WIDE_SHIFTS = np.radians(np.arange(-60, 61, 6))
 FEWEST = 50  # motions that tell how motions are
 FARTHEST = 4.0  # standard deviations: what is farther off is a jump
 LEAST_SLOPE = 0.5  # of a whisker's angle with the phase
@@ -56,24 +52,6 @@ def looks(model: FanModel, features, frame, guess) -> np.ndarray:
     starts = np.append(starts, len(frame))
     best = model.phases(features, starts, guess[present])
     return model.costs(features, np.repeat(best, np.diff(starts)))
-
-
-def first_phases(model: FanModel, features, frame, track) -> np.ndarray:
-    """Phase of every frame (frames,) where no line has a name yet.
-
-    Some frames' phases are looked for among all; in between, the common turn is followed.
-    """
-    followed = np.cumsum(common_turns(features, frame, row_before(frame, track)))
-    present, starts, counts = np.unique(frame, return_index=True, return_counts=True)
-    some = np.unique(np.linspace(0, len(present) - 1, LOOKED_AT).astype(int))
-    rows = np.concatenate([starts[k] + np.arange(counts[k]) for k in some])
-    ends = np.append(0, np.cumsum(counts[some]))
-    tried = followed[present[some]] - np.median(followed)
-    found = model.phases(features[rows], ends, tried, WIDE_SHIFTS)
-    off = found - followed[present[some]]
-    if len(some) >= SMOOTHED:
-        off = median_filter(off, SMOOTHED, mode="constant")
-    return followed + np.interp(np.arange(len(followed)), present[some], off)
 
 
 def phases(model: FanModel, features, frame, names) -> np.ndarray:

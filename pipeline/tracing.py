@@ -575,7 +575,7 @@ def trace(
     roster : the whiskers to follow (`find_roster`)
     options : lengths in pixels (`options_for`)
     open_ended : nobody has said which whiskers there are: of a crowd, all that are seen over the
-        whole video are named, and the roster is a first guess
+        whole video are named, else as many as the roster has; the roster is a first guess
 
     Yields
     ------

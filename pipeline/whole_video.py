@@ -12,8 +12,7 @@ from dataclasses import fields, replace
 import numpy as np
 
 from pipeline import alignment, exchanges, line_motion, recombination, whisker_seeds
-from pipeline.fan_model import FanModel
-from pipeline.line_features import ANGLE, Dial, line_features, sample_features
+from pipeline.line_features import ANGLE, LENGTH, NEAR_BEND, THICKNESS, Dial, line_features
 from pipeline.records import Centrelines
 
 LEAST_SD = np.array([0.01, np.radians(1.5), 0.05, 0.03, 0.007, 0.005])  # of a look
@@ -35,7 +34,8 @@ def settled(
     chunks : as traced, in order; `whisker` numbers the tracks
     roster : the `Slot`s that they are named after
     ruler : `identities.Ruler` of the face
-    open_ended : name all whiskers that the video shows, w1, w2, …, whatever the roster
+    open_ended : name all whiskers that the video shows, w1, w2, …; else as many as the roster
+        has, after its slots
     """
     dial = Dial.of([slot.base_xy for slot in roster], ruler, pixels_per_m)
     with tempfile.TemporaryFile() as file:
@@ -47,8 +47,8 @@ def settled(
         if not found:
             return
         frame, track, features = (np.concatenate(each) for each in zip(*found, strict=True))
-        samples = None if open_ended else [sample_features(slot, dial) for slot in roster]
-        whisker, sure = names(frame, track, features, samples)
+        wanted = None if open_ended else len(roster)
+        whisker, sure = names(frame, track, features, wanted, _runs_along(roster, dial))
         called = tuple(slot.name for slot in roster)
         if open_ended:
             called = tuple(f"w{k + 1}" for k in range(whisker.max(initial=-1) + 1))
@@ -61,15 +61,18 @@ def settled(
             yield _named(chunk, called, whisker[own], sure[own])
 
 
-def names(frame, track, features, samples=None):
+def names(frame, track, features, wanted=None, direction=1):
     """Whisker of every line (rows,), −1 for none, and how sure it is (rows,), 0 to 1.
+
+    Whiskers are numbered along the face.
 
     Parameters
     ----------
     frame, track : (rows,)
     features : (rows, 6) of `line_features`
-    samples : per whisker, dict of sample frame → features, from the roster; None: find out which
-        whiskers there are, and number them along the face
+    wanted : how many whiskers to name, those most and best seen; None: all that are not seldom
+        seen
+    direction : 1: in ascending order of their directions; −1: descending
     """
     named, sure = np.full(len(frame), -1), np.ones(len(frame))
     usable = np.flatnonzero(np.isfinite(features[:, ANGLE]))
@@ -77,25 +80,15 @@ def names(frame, track, features, samples=None):
         return named, sure
     order = usable[np.lexsort((track[usable], frame[usable]))]
     rows = features[order], frame[order].astype(int), track[order].astype(int)
-    if samples is None:
-        model, start, begin = whisker_seeds.first_whiskers(*rows, LEAST_SD)
-    else:
-        model, start, begin = FanModel.first(samples, LEAST_SD), None, 0
-    whisker, sure[order] = _all_names(model, start, begin, *rows)
-    if samples is None:
-        whisker = _along_the_face(whisker, rows[0], rows[1])
-    else:
-        whisker = np.where(whisker < len(samples), whisker, -1)
-    named[order] = whisker
+    whisker, sure[order] = _all_names(*rows)
+    named[order] = _in_order(whisker, *rows[:2], wanted, direction)
     return named, sure
 
 
-def _all_names(model, start, begin, features, frame, track):
-    """Names and their probability; `start`: first names, None: the likeliest looking."""
-    if start is None:
-        phase = line_motion.first_phases(model, features, frame, track)
-    else:
-        phase = line_motion.phases(model, features, frame, start)
+def _all_names(features, frame, track):
+    """Names, as whiskers were found, and their probability."""
+    model, start, begin = whisker_seeds.first_whiskers(features, frame, track, LEAST_SD)
+    phase = line_motion.phases(model, features, frame, start)
     evidence = line_motion.evidence_of(model, features, frame, track, phase)
     named = exchanges.improved(evidence, exchanges.first_names(evidence, begin), track)
     for _ in range(ROUNDS - 1):
@@ -118,14 +111,32 @@ def _learned_anew(evidence, model, named, track):
     return model.fitted(features[known], named[known], phase[frame[known]]), named
 
 
-def _along_the_face(whisker, features, frame):
-    """The same names numbered along the face, and seldom seen ones left out."""
+def _in_order(whisker, features, frame, wanted, direction):
+    """The same names numbered along the face, −1 for those of whiskers that are left out."""
     count = np.bincount(whisker[whisker >= 0], minlength=1)
-    often = np.flatnonzero(count >= max(SELDOM * len(np.unique(frame)), 1))
-    middle = [np.median(features[whisker == k, ANGLE]) for k in often]
+    if wanted is None:
+        chosen = np.flatnonzero(count >= max(SELDOM * len(np.unique(frame)), 1))
+    else:
+        strength = np.exp(_medians(features[:, LENGTH] + features[:, THICKNESS], whisker, count))
+        chosen = np.argsort(-count * np.sqrt(np.nan_to_num(strength)))[:wanted]
+        chosen = chosen[count[chosen] > 0]
+    near = _medians(features[:, ANGLE] + features[:, NEAR_BEND], whisker, count)
     number = np.full(len(count) + 1, -1)
-    number[often[np.argsort(middle)]] = np.arange(len(often))
+    number[chosen[np.argsort(direction * near[chosen])]] = np.arange(len(chosen))
     return number[whisker]
+
+
+def _medians(values, whisker, count):
+    """Median of every whisker's rows, NaN of none."""
+    return np.array([
+        np.nanmedian(values[whisker == k]) if n else np.nan for k, n in enumerate(count)
+    ])  # fmt: skip
+
+
+def _runs_along(roster, dial) -> int:
+    """1 where the roster runs along the face as directions do, −1 where against."""
+    places = [np.dot(np.subtract(slot.base_xy, dial.centre), dial.along) for slot in roster]
+    return -1 if len(places) > 1 and np.polyfit(np.arange(len(places)), places, 1)[0] < 0 else 1
 
 
 def _named(chunk: Centrelines, called, whisker, sure) -> Centrelines:

@@ -42,9 +42,11 @@ def rows(seen, called):
     return frame[order], called.ravel()[order], seen.reshape(-1, 6)[order], true[order]
 
 
-def samples(rng, fan=FAN):
-    """What a roster would know: features in 24 frames."""
-    return [dict(enumerate(each)) for each in whisking(rng, fan, 24).transpose(1, 0, 2)]
+def looks(fan=FAN):
+    """The looks that `whisking` shows."""
+    slope = np.zeros_like(fan)
+    slope[:, ANGLE] = np.linspace(0.9, 1.1, len(fan))
+    return FanModel(fan, slope, np.tile(NOISE, (len(fan), 1)), LEAST_SD)
 
 
 def exchanged(changes):
@@ -59,17 +61,17 @@ def test_looks_are_learned_from_the_rows_of_a_name():
     rng = np.random.default_rng(1)
     frame, _, features, true = rows(whisking(rng), exchanged([]))
     phase = 0.4 * np.sin(frame / 6)
-    model = FanModel.first(samples(rng), LEAST_SD).fitted(features, true, phase)
+    model = looks(FAN + 0.1).fitted(features, true, phase)
     assert model.middle == pytest.approx(FAN, abs=0.02)  # rad, or of logarithms
     assert model.slope[:, ANGLE] == pytest.approx(np.linspace(0.9, 1.1, 5), abs=0.02)
 
 
-@pytest.mark.parametrize("known", [True, False])
-def test_lines_that_the_tracer_exchanged_are_told_apart(known):
+@pytest.mark.parametrize("wanted", [len(FAN), None])
+def test_lines_that_the_tracer_exchanged_are_told_apart(wanted):
     rng = np.random.default_rng(2)
     track = exchanged([(1, 2, 60, 180), (3, 4, 200, 230), (0, 1, 250, FRAMES)])
     frame, track, features, true = rows(whisking(rng), track)
-    named, sure = names(frame, track, features, samples(rng) if known else None)
+    named, sure = names(frame, track, features, wanted)
     assert np.array_equal(named, true)
     assert (sure > 0.9).mean() > 0.98
 
@@ -80,8 +82,6 @@ def test_tracks_that_are_broken_off_are_joined():
     frame, track, features, true = rows(whisking(rng), track)
     seen = rng.uniform(size=len(frame)) > 0.1
     frame, track, features, true = (each[seen] for each in (frame, track, features, true))
-    named, _ = names(frame, track, features, samples(rng))
-    assert (named != true).mean() < 0.01
     named, _ = names(frame, track, features)
     assert (named != true).mean() < 0.01
 
@@ -98,6 +98,16 @@ def test_two_whiskers_that_change_tracks_for_good_while_unseen():
     assert np.array_equal(named, true)
 
 
+@pytest.mark.parametrize(
+    ("direction", "expected"), [(1, [-1, -1, 0, 1, 2]), (-1, [-1, -1, 2, 1, 0])]
+)
+def test_fewer_names_than_whiskers_go_to_the_strongest(direction, expected):
+    rng = np.random.default_rng(8)
+    frame, track, features, true = rows(whisking(rng), exchanged([(3, 4, 100, 200)]))
+    named, _ = names(frame, track, features, 3, direction)
+    assert np.array_equal(named, np.array(expected)[true])
+
+
 def test_a_line_that_is_no_whiskers_gets_no_name():
     rng = np.random.default_rng(5)
     seen = whisking(rng)
@@ -105,7 +115,7 @@ def test_a_line_that_is_no_whiskers_gets_no_name():
     hair = FAN[0] + [0.1, -0.5, -1.5, -0.8, 0.2, np.nan] + NOISE * rng.normal(size=(FRAMES, 6))
     frame = np.append(frame, np.arange(FRAMES))
     track = np.append(track, np.full(FRAMES, 7))
-    named, _ = names(frame, track, np.concatenate([features, hair]), samples(rng))
+    named, _ = names(frame, track, np.concatenate([features, hair]), len(FAN))
     assert np.array_equal(named[:-FRAMES], true)
     assert (named[-FRAMES:] == -1).mean() > 0.95
 
@@ -116,7 +126,7 @@ def test_it_does_not_know_who_is_who_after_whiskers_alike_were_one_line():
     fan[2] = fan[1] + [0, 0.004, 0, 0, 0, 0]
     frame, track, features, true = rows(whisking(rng, fan), exchanged([]))
     alike = (true == 1) | (true == 2)
-    _, sure = names(frame, track, features, samples(rng, fan))
+    _, sure = names(frame, track, features)
     assert (sure[alike] < 0.9).mean() > 0.9
     assert (sure[~alike] > 0.9).mean() > 0.98
 
@@ -124,8 +134,7 @@ def test_it_does_not_know_who_is_who_after_whiskers_alike_were_one_line():
 def evidence(rng):
     """Evidence of the whisking fan, its tracks, and its true names."""
     frame, track, features, true = rows(whisking(rng), exchanged([(1, 2, 100, 200)]))
-    model = FanModel.first(samples(rng), LEAST_SD)
-    phase = line_motion.first_phases(model, features, frame, track)
+    model, phase = looks(), 0.4 * np.sin(np.arange(FRAMES) / 6)
     return line_motion.evidence_of(model, features, frame, track, phase), track, true
 
 
@@ -239,17 +248,18 @@ class Drawn:
         self.n, self.thickness = len(points), np.full(len(points), 0.3)
 
 
-def test_a_few_frames_are_named_after_the_roster():
+@pytest.mark.parametrize("direction", [1, -1])
+def test_a_few_frames_are_named_after_the_roster(direction):
     angles = [-0.3, 0.1, 0.4]
     roster = [Slot(n, a, 60 + 10 * k) for k, (n, a) in enumerate(zip("abc", angles, strict=True))]
+    roster = roster[::direction]  # thicker ones at the other end
     lines = [straight(a, 60 + 10 * k) for k, a in enumerate(angles)]
     chunks = [centrelines([f] * 3, [2, 0, 5], [lines[1], lines[0], lines[2]]) for f in range(4)]
     got = list(settled(iter(chunks), roster, RULER, OPTIONS.pixels_per_m))
     assert len(got) == 4
     for before, after in zip(chunks, got, strict=True):
-        assert after.names == ("a", "b", "c")
         assert np.array_equal(after.frame, before.frame)
-        assert list(after.whisker) == [1, 0, 2]
+        assert [after.names[k] for k in after.whisker] == ["b", "a", "c"]
         assert np.array_equal(after.y_px, before.y_px)
         assert after.information is None
 
