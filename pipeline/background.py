@@ -4,7 +4,7 @@ Lengths that decide what is thin (a whisker) and what is not come from the scale
 the constants below say which.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import cv2
@@ -17,6 +17,10 @@ SHORTEST_WHISKER_MM = 2.5  # shorter thin dark lines are fur or dust: they stay
 SHORTEST_STILL_MM = 4.0  # in a movie, fur may be as long; that it never moves speaks for fur
 SHORTEST_BASE_MM = 0.3  # without fur: a base that stays where it is while the rest moves
 ILLUMINATION_MM = 0.8  # the light is averaged over this length (SD)
+SHORTEST_RESTING_MM = 0.4  # on both sides of a pole on which it rests; elsewhere it may move
+BESIDE_LINE_MM = 0.5  # about a line that is left: its width, and its end at the pole
+FUR_MM = 1.0  # nearer to the face, what moves may be fur
+MOVED_SD = 5.0  # by so much of the noise is it lighter where a whisker is not
 EDGE_RATIO = 1.4  # of light within three cells: more is the edge of something
 BRIGHT_RANK = 0.85  # of the samples of a pixel: free of whiskers that rest there up to this share
 WINDOW_SD = 3.0
@@ -255,6 +259,49 @@ def thin_dark_lines(image, pixels_per_mm, noise, face=None) -> np.ndarray:
         large[face] = 0
     lines = (around - smooth > limit) & (cv2.dilate(large, disc) == 0)
     return cv2.dilate(lines.astype(np.uint8), np.ones((3, 3), np.uint8)).astype(bool)
+
+
+def uncovered(background: Background, frames, face, pixels_per_mm) -> Background:
+    """Return the background as it was in the few samples in which resting whiskers had moved.
+
+    A whisker that lies in one place for longer than BRIGHT_RANK, as on a pole that it holds, is
+    a thin line in the background; where two samples agree on more light about it, they tell what
+    is behind. `frames` as of `estimate_background`; `face`: bool mask, with fur beside it.
+    """
+    if background.n_frames < MOVIE_FRAMES:
+        return background
+    noise = background.noise_floor, background.noise_gain
+    averaged = tuple(part / background.n_frames for part in noise)
+    far = cv2.dilate(face.astype(np.uint8), _square(FUR_MM * pixels_per_mm)) == 0
+    lines = thin_dark_lines(background.image, pixels_per_mm, averaged) & far
+    lines = _long_parts(lines, SHORTEST_RESTING_MM * pixels_per_mm)
+    if not lines.any():
+        return background
+    look = cv2.dilate(lines.astype(np.uint8), _square(BESIDE_LINE_MM * pixels_per_mm)) > 0
+    look &= far
+    values = frames[:, look] / frame_gains(frames)[:, None]
+    bright = np.partition(values, -2, axis=0)[-2]
+    known = background.image[look]
+    sd = np.sqrt(noise[0] + noise[1] * np.maximum(known, 0))
+    agree = np.abs(values - bright) < WINDOW_SD * sd
+    lighter = np.where(agree, values, 0).sum(0) / agree.sum(0)
+    image = background.image.copy()
+    image[look] = np.where(bright > known + MOVED_SD * sd, lighter, known)
+    return replace(background, image=image)
+
+
+def _square(half_width):
+    """Square for dilation by so many pixels to all sides."""
+    size = 2 * round(half_width) + 1
+    return np.ones((size, size), np.uint8)
+
+
+def _long_parts(thin, shortest_px):
+    """Connected parts of a mask that extend over at least `shortest_px`."""
+    _, labels, stats, _ = cv2.connectedComponentsWithStats(thin.astype(np.uint8))
+    keep = np.hypot(stats[:, cv2.CC_STAT_WIDTH], stats[:, cv2.CC_STAT_HEIGHT]) > shortest_px
+    keep[0] = False
+    return keep[labels]
 
 
 def without_whiskers(background: Background, face: np.ndarray, pixels_per_mm, fur=True):

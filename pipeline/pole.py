@@ -16,6 +16,9 @@ N_RAYS = 180
 LEAST_FITTED_ARC = 0.15  # of the circumference must be free of any shade
 COMFORTABLE_ARC = 0.38  # this much is enough to measure a circle well
 MARGIN_RAYS = 14  # of 2°, left out beside rays that are shaded
+TOUCHED_RAYS = 45  # at most, between the shades on both sides of where a whisker touches
+SHADE_RAYS, WIDEST_SHADE_RAYS = 3, 45  # that a whisker shades on either side; a rod, more
+MUCH_BETTER = 0.2  # part of the cost of a fit to more of the edge, for one to less of it
 LEAST_ARC = 0.55  # of the circumference must be seen as edge: a corner has 0.5, a rod's end 0.65
 MOST_RESIDUAL = 0.05  # of the edge's contrast, root mean square
 MISFITS = 0.1  # of the edge's pixels
@@ -190,6 +193,23 @@ def measure_disc(image, x: float, y: float, radius: float, expected: float) -> P
     Rays that are shaded by the rod or by a whisker are left out in the next round; `expected`
     [px] counts where the arc that is left is too short to tell the radius.
     """
+    plain, untouched = (
+        _measure(image, x, y, radius, expected, touched) for touched in (False, True)
+    )
+    if plain is None or untouched is None:
+        return plain or untouched
+    much_better = _cost(untouched, expected) < MUCH_BETTER * _cost(plain, expected)
+    return untouched if much_better else plain
+
+
+def _cost(pole, expected):
+    """Misfit of a measured disc and of its radius, in squares of their usual sizes."""
+    off = (pole.radius_px / expected - 1) / RADIUS_TRUST
+    return (pole.residual / PIXEL_SD) ** 2 + off**2
+
+
+def _measure(image, x, y, radius, expected, touched):
+    """As `measure_disc`; `touched`: also without what lies between two narrow shades."""
     angles = _rays()
     used = _free_rays(image, x, y, radius, angles)
     for _ in range(8):
@@ -199,7 +219,7 @@ def measure_disc(image, x: float, y: float, radius: float, expected: float) -> P
         if fit is None or not _plausible(fit[:3], expected, None):
             return None
         x, y, radius = fit[:3]
-        before, used = used, _unshaded(fit, image, angles, used)
+        before, used = used, _unshaded(fit, image, angles, used, touched)
         if np.array_equal(before, used):
             break
     arc = _at_edge(_half_levels(image, x, y, radius), radius).mean()
@@ -279,7 +299,7 @@ def _fit_edge(image, x, y, radius, used, expected):
     return fit.x if np.isfinite(fit.x).all() and fit.x[2] > 0 else None
 
 
-def _unshaded(p, image, angles, used):
+def _unshaded(p, image, angles, used, touched):
     """Rays on which no shade of rod or whisker falls: as light outside the edge as the lightest
     third, and no darker than the model by more than the used ones' scatter; bool (angles,).
     """
@@ -292,7 +312,9 @@ def _unshaded(p, image, angles, used):
     shaded = light < np.median(lightest) - max(3 * lightest.std(), 3 * INTERPOLATION)
     scatter = 1.4826 * np.median(np.abs(excess[used]))
     shaded |= excess < -2.5 * max(scatter, 0.5 * INTERPOLATION)
-    return ~_with_margin(shaded)
+    margin = _with_margin(shaded)
+    untouched = ~(margin | _between_shades(shaded))
+    return untouched if touched and untouched.mean() >= LEAST_FITTED_ARC else ~margin
 
 
 def _with_margin(shaded):
@@ -302,6 +324,27 @@ def _with_margin(shaded):
         if np.mean(~wider) >= COMFORTABLE_ARC:
             return wider
     return _widened(shaded, 1)
+
+
+def _between_shades(shaded):
+    """Rays between two narrow shades, not far apart, bool (angles,).
+
+    Where a whisker rests on the disc, its shade joins the disc's and shows to both sides only.
+    """
+    between = np.zeros_like(shaded)
+    starts = np.flatnonzero(shaded & ~np.roll(shaded, 1))
+    ends = np.flatnonzero(~shaded & np.roll(shaded, 1))
+    if len(starts) < 2:
+        return between
+    ends = np.roll(ends, -1) if ends[0] <= starts[0] else ends
+    narrow = (ends - starts) % N_RAYS < WIDEST_SHADE_RAYS
+    narrow &= (ends - starts) % N_RAYS >= SHADE_RAYS
+    for k, end in enumerate(ends):
+        following = (k + 1) % len(starts)
+        gap = (starts[following] - end) % N_RAYS
+        if narrow[k] and narrow[following] and gap <= TOUCHED_RAYS:
+            between[(end + np.arange(gap)) % N_RAYS] = True
+    return between
 
 
 def _misfit(p, image, used):

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from pipeline.background import estimate_background, without_whiskers
+from pipeline.background import estimate_background, uncovered, without_whiskers
 from pipeline.epochs import Survey, stretches
 from pipeline.errors import VideoError
 from pipeline.face import face_side, find_face, opened
@@ -124,6 +124,8 @@ def scene_from_frames(
     fur = face.any()
     if not fur:
         side, face = mask_behind_whiskers(frames, recording.face, scale)
+    background = uncovered(background, frames, face, scale)
+    transmission = background.transmission
     pole = None
     if pole_diameter_m is not None:
         radius_px = 0.5e3 * pole_diameter_m * scale

@@ -107,6 +107,19 @@ def test_a_whisker_that_rests_on_the_pole_does_not_pull_it():
     assert abs(pole.radius_px - 6.25) < HALF_HIDDEN
 
 
+@pytest.mark.parametrize("direction", np.arange(0, 6.2, 0.7))
+def test_a_whisker_that_never_leaves_the_pole_is_no_part_of_it(direction):
+    x, y, radius, half_width, opacity = 83.37, 59.81, 10.0, 0.6, 0.9
+    image = scene(x, y, radius, direction + np.pi)
+    rows, columns = np.mgrid[: image.shape[0], : image.shape[1]]
+    away = (columns - x) * np.cos(direction) + (rows - y) * np.sin(direction)
+    off, scale = away - radius - half_width, np.sqrt(2) * 0.76  # px, blur and pixel
+    whisker = 0.5 * (erf((off + half_width) / scale) - erf((off - half_width) / scale))
+    pole = find_pole(image * (1 - opacity * whisker).astype(np.float32), radius)
+    assert np.hypot(pole.x_px - x, pole.y_px - y) < HALF_HIDDEN
+    assert abs(pole.radius_px - radius) < HALF_HIDDEN
+
+
 def test_given_place_chooses_among_poles():
     image = disc((120, 160), 40.2, 60.3, 6.0, 0.7) * disc((120, 160), 120.6, 50.1, 6.0, 0.7)
     pole = find_pole(image, 6.0, near_xy=(118, 52))
