@@ -12,6 +12,7 @@ from pipeline.records import StaticScene
 
 FAINTEST = 0.012  # absorbance below which nothing is called seen
 START_SIGMA_PX = 1.1
+THINNEST_SIGMA, BROADEST_SIGMA = 0.6, 2.5  # px, of a line's half-width
 TRANSLUCENT = 0.25  # of the light that passes beside it: a whisker is seen through such a thing
 THINNEST_PX = 9  # thinner bright parts of obstacles are rims
 SAME_MM = 0.12  # lines so near to each other, in a crowd, are of one whisker
@@ -280,10 +281,15 @@ def is_ghost(line: Line, others) -> bool:
     """Whether a line is what is left of a darker one that was not painted well."""
     strength = np.median(line.amplitude[: line.n])
     return any(
-        strength < GHOST_SHARE * np.median(other.amplitude[: line.n])
+        _is_darker(other.amplitude[: line.n], strength / GHOST_SHARE)
         and shared_fraction(line, other) > 0.5
         for other in others
     )
+
+
+@njit(cache=True)
+def _is_darker(amplitude, than):
+    return np.median(amplitude) > than
 
 
 def _is_whisker(line: Line, model, options) -> bool:
@@ -360,18 +366,26 @@ def settle(image, model: ImageModel, gain, curve, options: TracingOptions, works
 
 def fit_width(line: Line, workspace) -> None:
     """Update the half-width σ along the line, linear in arc length, from its last measurement."""
-    n, sums, work = line.n, workspace.sums, workspace.work
-    halves = [(0, n // 2), (n // 2, n)]
-    changes = [profiles.width_correction(sums, n, work[2], work[3], a, b) for a, b in halves]
-    centres = [(a + b) / 2 for a, b in halves]
-    sigmas = [
-        np.clip(line.sigma[int(c)] * np.exp(np.clip(d, -0.3, 0.3)), 0.6, 2.5)
-        for c, d in zip(centres, changes, strict=True)
-    ]
-    slope = (sigmas[1] - sigmas[0]) / max(centres[1] - centres[0], 1)
-    slope = min(slope, 0.0)  # a whisker does not widen towards its tip
-    i = np.arange(workspace.limit)
-    line.sigma[:] = np.clip(sigmas[0] + slope * (i - centres[0]), 0.6, 2.5)
+    _fit_width(line.sigma, line.n, workspace.sums, workspace.work)
+
+
+@njit(cache=True)
+def _fit_width(sigma, n, sums, work):
+    """Each half of the line has a width of its own; it does not grow towards the tip."""
+    middle = n // 2
+    near, far = middle / 2, (middle + n) / 2
+    near_sigma = _corrected(sigma[int(near)], sums, n, work, 0, middle)
+    far_sigma = _corrected(sigma[int(far)], sums, n, work, middle, n)
+    slope = min((far_sigma - near_sigma) / max(far - near, 1.0), 0.0)
+    for i in range(len(sigma)):
+        sigma[i] = min(max(near_sigma + slope * (i - near), THINNEST_SIGMA), BROADEST_SIGMA)
+
+
+@njit(cache=True)
+def _corrected(sigma, sums, n, work, first, last):
+    change = profiles.width_correction(sums, n, work[2], work[3], first, last)
+    corrected = sigma * np.exp(min(max(change, -0.3), 0.3))
+    return min(max(corrected, THINNEST_SIGMA), BROADEST_SIGMA)
 
 
 def refine(
@@ -403,8 +417,18 @@ def without_doubles(lines: list[Line], near_px: float = 3.0) -> list[Line]:
 
 def shared_fraction(line: Line, other: Line, near_px: float = 3.0) -> float:
     """Fraction of `line`'s nodes within `near_px` of `other`."""
-    a, b = line.points[::3], other.points[::2]
-    if not len(a) or not len(b):
+    return _shared(line.x, line.y, line.n, other.x, other.y, other.n, near_px)
+
+
+@njit(cache=True)
+def _shared(x, y, n, other_x, other_y, other_n, near):
+    """As `shared_fraction`, of every third node, to every second one of the other."""
+    if n == 0 or other_n == 0:
         return 0.0
-    distance = np.hypot(*(a[:, None, :] - b[None, :, :]).transpose(2, 0, 1)).min(axis=1)
-    return float((distance < near_px).mean())
+    near_ones = 0
+    for i in range(0, n, 3):
+        for j in range(0, other_n, 2):
+            if (x[i] - other_x[j]) ** 2 + (y[i] - other_y[j]) ** 2 < near * near:
+                near_ones += 1
+                break
+    return near_ones / ((n + 2) // 3)
