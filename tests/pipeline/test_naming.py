@@ -271,4 +271,5 @@ def test_a_single_frame_is_named(open_ended):
     lines = centrelines([0, 0, 0], [2, 0, 1], [straight(a, 60) for a in angles])
     (got,) = settled(iter([lines]), roster, RULER, OPTIONS.pixels_per_m, open_ended)
     assert got.names == (("w1", "w2", "w3") if open_ended else ("a", "b", "c"))
+    assert np.array_equal(got.confidence, lines.confidence)
     assert list(got.whisker) == [0, 1, 2]
