@@ -65,6 +65,8 @@ class ImageModel:
         """
         background = np.ascontiguousarray(scene.background, np.float32)
         variance = np.maximum(scene.noise_floor + scene.noise_gain * background, 0.25)
+        if scene.noise_excess is not None:
+            variance *= scene.noise_excess
         outside = signed_distance(scene.face_mask)
         bright = ~scene.face_mask & (background > 12) & (outside > -margin_px)
         usable = bright & ~scene.obstacle_mask

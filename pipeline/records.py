@@ -234,6 +234,8 @@ class StaticScene:
     obstacle_mask : bool (height, width), pole, rod, apparatus: dark, static, no whisker
     pole : PoleTrack or None
     face_side : "left", "right", "top" or "bottom"
+    noise_excess : float32 (height, width), a pixel's variance over that of `noise_gain` and
+        `noise_floor`; None where it is 1 everywhere
     """
 
     background: np.ndarray
@@ -243,6 +245,7 @@ class StaticScene:
     obstacle_mask: np.ndarray
     pole: PoleTrack | None
     face_side: str
+    noise_excess: np.ndarray | None = None
 
 
 @dataclass

@@ -10,6 +10,7 @@ from pipeline.epochs import Survey, stretches
 from pipeline.errors import VideoError
 from pipeline.face import face_side, find_face, opened
 from pipeline.faceless import mask_behind_whiskers
+from pipeline.noise_excess import noise_excess
 from pipeline.pole import PoleFollower, find_pole
 from pipeline.records import PoleTrack, Recording, StaticScene
 
@@ -130,14 +131,16 @@ def scene_from_frames(
     if pole_diameter_m is not None:
         radius_px = 0.5e3 * pole_diameter_m * scale
         pole = find_pole(transmission, radius_px, pole_xy, face)
+    obstacles = find_obstacles(transmission, face, pole, scale)
     return StaticScene(
         background=without_whiskers(background, face, scale, fur),
         noise_gain=background.noise_gain,
         noise_floor=background.noise_floor,
         face_mask=face,
-        obstacle_mask=find_obstacles(transmission, face, pole, scale),
+        obstacle_mask=obstacles,
         pole=_constant_track(pole, n_frames),
         face_side=side,
+        noise_excess=noise_excess(background, frames, obstacles, face),
     )
 
 
