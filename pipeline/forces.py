@@ -15,6 +15,7 @@ from scipy.integrate import cumulative_trapezoid
 from scipy.ndimage import gaussian_filter1d
 
 from pipeline import arc_origin, rest_curvature, shape_fit
+from pipeline.peaks import half_width, smoothed
 from pipeline.records import CONTACT_COLUMNS, Recording, as_table, empty_table
 from pipeline.rest_curvature import RestModel
 from pipeline.shape_fit import RestPrior, ShapeFit
@@ -470,20 +471,22 @@ def _contact_row(part: pd.DataFrame, recording: Recording) -> dict:
         return {
             "contact_arc_length_mm": np.nanmedian(place) if np.isfinite(place).any() else np.nan
         }
-    peak = int(np.nanargmax(force))
+    half = half_width(force, error)
+    course = smoothed(force, half)
+    peak = int(np.nanargmax(course))
     frame_ms = 1e3 / recording.frames_per_second
     mean = float(np.nanmean(force))
     return {
-        "peak_force_uN": force[peak],
+        "peak_force_uN": course[peak],
         "mean_force_uN": mean,
         "impulse_uN_ms": mean * len(force) * frame_ms,
-        "peak_base_moment_nN_m": _largest(part["base_moment_nN_m"]),
-        "peak_axial_force_uN": _largest(part["axial_force_uN"]),
-        "contact_arc_length_mm": part["contact_arc_length_mm"].to_numpy(float)[peak],
+        "peak_base_moment_nN_m": _largest(part["base_moment_nN_m"], half),
+        "peak_axial_force_uN": _largest(part["axial_force_uN"], half),
+        "contact_arc_length_mm": smoothed(part["contact_arc_length_mm"], half)[peak],
     }
 
 
-def _largest(signed):
-    """Value of largest magnitude, with its sign."""
-    values = signed.to_numpy(float)
+def _largest(signed, half):
+    """Value of largest magnitude, with its sign, of a course smoothed over ±`half` frames."""
+    values = smoothed(signed, half)
     return values[np.nanargmax(np.abs(values))] if np.isfinite(values).any() else np.nan

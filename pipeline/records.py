@@ -92,7 +92,7 @@ CONTACT_COLUMNS = (
     Column("offset_frame", "int64", "", "first frame after the touch (half-open)"),
     Column("onset_s", "float64", "s", "time of the onset frame"),
     Column("duration_ms", "float64", "ms", "offset − onset"),
-    Column("peak_force_uN", "float64", "µN", "largest contact force"),
+    Column("peak_force_uN", "float64", "µN", "largest contact force, less noise (pipeline.peaks)"),
     Column("mean_force_uN", "float64", "µN", "mean contact force"),
     Column("impulse_uN_ms", "float64", "µN ms", "integral of the contact force"),
     Column("peak_base_moment_nN_m", "float64", "nN m", "base moment of largest magnitude"),
