@@ -7,7 +7,7 @@ a luma plane (RGB, palettes) are converted.
 """
 
 from fractions import Fraction
-from itertools import groupby
+from itertools import groupby, islice
 
 import av
 import cv2
@@ -24,6 +24,7 @@ NOT_VIDEO_CODECS = ("ansi", "xbin", "bintext", "idf")
 BURST_STEP = 3  # in long bursts, every third frame: whiskers must have moved in between
 LONGEST_BURST = 3  # samples; more of them would show the same posture again
 FEWEST_SAMPLES = 24  # but a background takes so many
+FRAMES_AHEAD = 8  # lent at once: taking turns, decoder and caller spoil each other's cache
 FEWEST_KEYS = 4  # fewer key frames may miss when things move
 
 
@@ -122,7 +123,8 @@ class ContainerVideo(Video):
             stream = container.streams.video[0]
             index, pts = start, None
             try:
-                for frame in self._decode_from(container, stream, start):
+                frames = self._decode_from(container, stream, start)
+                for frame in _ahead(frames, FRAMES_AHEAD) if lend else frames:
                     if stop is not None and index >= stop:
                         return
                     if (frame.height, frame.width) != self.shape:
@@ -322,6 +324,21 @@ class ContainerVideo(Video):
 
     def _pts(self, index):
         return int(self._first_pts + round(index * self._step))
+
+
+def _ahead(frames, count):
+    """Hand on frames one by one, decoded `count` at a time; a failure comes after the good."""
+    failure = None
+    while failure is None:
+        some = []
+        try:
+            some.extend(islice(frames, count))
+        except av.FFmpegError as error:
+            failure = error
+        yield from some
+        if not some and failure is None:
+            return
+    raise failure
 
 
 def _burst_offsets(length):

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 from numba import njit
 
-from pipeline.follicle import BASE_SKIP_M, BASE_WINDOW_M, base_curve, base_window, walk_back
+from pipeline.follicle import BASE_SKIP_M, FEWEST_NODES, follicles
 from pipeline.records import Centrelines, PoleTrack, Recording
 from pipeline.splines import FAST
 
@@ -192,8 +192,7 @@ def _nearest_node(x, y, px, py):
 
 @njit(cache=True)
 def _measure_rows(
-    offsets, xs, ys, raw, info, hidden, at_px, window, skip, base_length, pole_x, pole_y, near,
-    n_whiskers, out,
+    offsets, xs, ys, raw, info, hidden, at_px, window, skip, pole_x, pole_y, near, n_whiskers, out
 ):  # fmt: skip
     for row in range(len(offsets) - 1):
         a = offsets[row]
@@ -202,11 +201,8 @@ def _measure_rows(
         offset, information = raw[a:b].astype(np.float64), info[a:b].astype(np.float64)
         n = b - a
         out[row, :] = np.nan
-        if n < 12:
+        if n < FEWEST_NODES:
             continue
-        first, last = base_window(n, skip, base_length)
-        base = base_curve(x, y, offset, information, first, last)
-        out[row, 0], out[row, 1], out[row, 2] = walk_back(*base, first + hidden[row])
         at = int(np.floor(at_px - hidden[row] + 0.5))
         beyond = at_px - hidden[row] - at
         if at < 4 or at > n - 5:
@@ -222,11 +218,11 @@ def _measure_rows(
         degree = 4 if last - first > 1.4 * window and last - at > window // 4 else 3
         if last - first < 12 or last - at < 4:
             continue
-        out[row, 3], out[row, 4], out[row, 5] = _curvature(
+        out[row, 0], out[row, 1], out[row, 2] = _curvature(
             x, y, offset, information, at, beyond, first, last, degree
         )
         if row // n_whiskers % RED_EVERY == 0:
-            out[row, 6] = redness(x, y, offset, information, skip, end)
+            out[row, 3] = redness(x, y, offset, information, skip, end)
 
 
 def measure(
@@ -253,37 +249,34 @@ def measure(
     """
     scale = recording.pixels_per_m
     hidden = centrelines.hidden_of(np.asarray(hidden_lengths, float) * scale)
-    raw, info = centrelines.offset_px, centrelines.information
-    if raw is None:
-        raw = np.zeros_like(centrelines.x_px)
-        info = 1 / np.maximum(centrelines.se_px, 1e-3) ** 2
-    out = np.empty((len(centrelines), 7))
+    follicle = centrelines.follicle
+    if follicle is None:
+        follicle = follicles(centrelines, hidden, scale)
+    out = np.empty((len(centrelines), 4))
     _measure_rows(
         centrelines.offsets,
         centrelines.x_px,
         centrelines.y_px,
-        raw,
-        info,
+        *centrelines.raw(),
         hidden,
         curvature_at * scale,
         round(WINDOW_M * scale),
         round(BASE_SKIP_M * scale),
-        round(BASE_WINDOW_M * scale),
         *_pole_of(centrelines, pole, scale),
         len(centrelines.names),
         out,
     )
-    se = out[:, 4] * _noise_factor(centrelines, out[:, 6])
+    se = out[:, 1] * _noise_factor(centrelines, out[:, 3])
     # 5.5 mm are not quite where they are taken to be: that counts where the curvature changes
-    se = np.hypot(se, HIDDEN_ERROR_M * scale * out[:, 5])
+    se = np.hypot(se, HIDDEN_ERROR_M * scale * out[:, 2])
     return pd.DataFrame(
         {
             "frame": centrelines.frame,
             "whisker": centrelines.whisker,
-            "follicle_x_px": out[:, 0],
-            "follicle_y_px": out[:, 1],
-            "base_angle_deg": (np.degrees(out[:, 2]) + 180) % 360 - 180,
-            "curvature_per_m": out[:, 3] * scale,
+            "follicle_x_px": follicle[:, 0],
+            "follicle_y_px": follicle[:, 1],
+            "base_angle_deg": (np.degrees(follicle[:, 2]) + 180) % 360 - 180,
+            "curvature_per_m": out[:, 0] * scale,
             "curvature_per_m_se": se * scale,
         }
     )

@@ -10,6 +10,8 @@ follicle. Where the cone's length is known, the apex tells the hidden length as 
 edge does (each to some 0.05 mm), and the two are averaged, as long as they agree.
 """
 
+from dataclasses import replace
+
 import numpy as np
 from numba import njit
 
@@ -24,6 +26,7 @@ APEX_TRUSTED_M = 0.2e-3  # differences between the two up to here are ordinary; 
 APEX_DOUBTED_M = 0.5e-3  # … from here on the taper is not what the session says
 BASE_SKIP_M = 0.25e-3  # fur clings to the first visible part
 BASE_WINDOW_M = 4.5e-3  # part of the whisker that the hidden piece is extrapolated from
+FEWEST_NODES = 12  # of a row that tells where the follicle is
 MOST_STEPS, SHORT_STEP_PX = 4, 1e-3  # of Gauss–Newton; what follows is far shorter
 
 
@@ -140,7 +143,7 @@ def _nearest_on_base(px, py, theta, k0, k1, ax, ay, first, farthest):
     s = 0.0
     x = px
     y = py
-    step = 0.5
+    step = 2.0  # px; the base hardly bends over so much
     while -s < first + farthest:
         d = (x - ax) ** 2 + (y - ay) ** 2
         angle = theta + s * (k0 + 0.5 * k1 * s)
@@ -204,10 +207,12 @@ def _apexes(offsets, thickness, skip, out):
 @njit(cache=True)
 def _base_curves(offsets, xs, ys, raw, info, skip, window):
     """Every row's first node of the base window, and `base_curve` there; (rows, 6)."""
-    out = np.empty((len(offsets) - 1, 6))
+    out = np.full((len(offsets) - 1, 6), np.nan)
     for row in range(len(out)):
         a = offsets[row]
         b = offsets[row + 1]
+        if b - a < FEWEST_NODES:
+            continue
         first, last = base_window(b - a, skip, window)
         out[row, 0] = first
         b = min(b, a + max(last, first + 9))
@@ -221,10 +226,11 @@ def _base_curves(offsets, xs, ys, raw, info, skip, window):
 @njit(cache=True)
 def _ends(curves, hidden):
     """Point and angle `hidden` px before each row's first node, on its base curve; (rows, 3)."""
-    out = np.empty((len(curves), 3))
+    out = np.full((len(curves), 3), np.nan)
     for row in range(len(curves)):
         first, x, y, theta, k0, k1 = curves[row]
-        out[row] = walk_back(x, y, theta, k0, k1, first + hidden[row])
+        if not np.isnan(first):
+            out[row] = walk_back(x, y, theta, k0, k1, first + hidden[row])
     return out
 
 
@@ -235,6 +241,23 @@ def _feet(curves, anchors, farthest, out):
         first, x, y, theta, k0, k1 = curves[row]
         ax, ay = anchors[row]
         out[row] = _nearest_on_base(x, y, theta, k0, k1, ax, ay, first, farthest)
+
+
+def base_curves(lines: Centrelines, pixels_per_m: float) -> np.ndarray:
+    """Every row's first node of the base window, and `base_curve` there; (rows, 6).
+
+    NaN where the row is too short to tell.
+    """
+    skip, window = round(BASE_SKIP_M * pixels_per_m), round(BASE_WINDOW_M * pixels_per_m)
+    return _base_curves(lines.offsets, lines.x_px, lines.y_px, *lines.raw(), skip, window)
+
+
+def follicles(lines: Centrelines, hidden, pixels_per_m: float) -> np.ndarray:
+    """Place [px] and angle [rad] of every row's follicle, (rows, 3), `hidden` px before the row.
+
+    NaN where the row is too short to tell.
+    """
+    return _ends(base_curves(lines, pixels_per_m), hidden)
 
 
 class FollicleFinder:
@@ -250,12 +273,12 @@ class FollicleFinder:
 
     def __init__(self, samples: Centrelines, hidden_px, pixels_per_m: float, cone_px=None):
         self.hidden_px = np.asarray(hidden_px, float)
+        self.pixels_per_m = pixels_per_m
         self.skip = round(BASE_SKIP_M * pixels_per_m)
-        self.window = round(BASE_WINDOW_M * pixels_per_m)
         self.farthest = FARTHEST_M * pixels_per_m
         self.slide_limit = SLIDE_LIMIT_M * pixels_per_m
         self.ordinary_slide = ORDINARY_SLIDE_M * pixels_per_m
-        ends = _ends(self._curves(samples), self.hidden_px[samples.whisker])
+        ends = follicles(samples, self.hidden_px[samples.whisker], pixels_per_m)
         self.anchors = _medians(ends[:, :2], samples.whisker, len(samples.names))
         self.cone_px = None if cone_px is None else np.asarray(cone_px, float)
         self.limits = np.array([APEX_TRUSTED_M, APEX_DOUBTED_M]) * pixels_per_m
@@ -265,12 +288,17 @@ class FollicleFinder:
             _Slide(self.slide_limit, self.ordinary_slide) for _ in range(len(samples.names))
         ]
 
-    def hidden(self, lines: Centrelines) -> np.ndarray:
-        """Hidden length of every row [px], float64 (rows,); call it with a video's chunks in turn.
+    def place(self, lines: Centrelines) -> Centrelines:
+        """Return the lines with hidden lengths and follicles; call it with the chunks in turn.
 
         The first chunk in which a whisker is seen sets the apex that its slides are counted from.
         """
-        curves = self._curves(lines)
+        curves = base_curves(lines, self.pixels_per_m)
+        hidden = self._hidden(lines, curves)
+        return replace(lines, hidden_px=hidden, follicle=_ends(curves, hidden))
+
+    def _hidden(self, lines, curves):
+        """Hidden length of every row [px], float64 (rows,)."""
         feet = self._feet(lines, curves)
         reach = self._apexes(lines) + feet
         sway = self._sideways(lines, curves, feet)
@@ -296,10 +324,6 @@ class FollicleFinder:
         x, y, angle = _ends(curves, feet).T
         ax, ay = self.anchors[lines.whisker].T
         return -(x - ax) * np.sin(angle) - (y - ay) * np.cos(angle)
-
-    def _curves(self, lines):
-        points = (lines.x_px, lines.y_px, lines.offset_px, lines.information)
-        return _base_curves(lines.offsets, *points, self.skip, self.window)
 
     def _feet(self, lines, curves):
         out = np.empty(len(lines))

@@ -265,6 +265,8 @@ class Centrelines:
     thickness_px : float32 (points,) or None; absorbance integrated across the line, NaN where
         it cannot be measured
     hidden_px : float64 (rows,) or None; arc length from the follicle to the row's first point
+    follicle : float64 (rows, 3) or None; x, y [px] and angle [rad] of the follicle, told from
+        the fields above; NaN where the row is too short
     """
 
     names: tuple[str, ...]
@@ -279,9 +281,17 @@ class Centrelines:
     information: np.ndarray | None = None
     thickness_px: np.ndarray | None = None
     hidden_px: np.ndarray | None = None
+    follicle: np.ndarray | None = None
 
     def __len__(self):
         return len(self.frame)
+
+    def raw(self) -> tuple[np.ndarray, np.ndarray]:
+        """Offset [px] and information [1/px²] of every point; without, the points themselves."""
+        if self.offset_px is None:
+            se = np.maximum(self.se_px.astype(float), 1e-3)
+            return np.zeros(len(self.x_px)), 1 / se**2
+        return self.offset_px, self.information
 
     def hidden_of(self, nominal_px) -> np.ndarray:
         """Hidden length per row [px]: what was found, or else one nominal length per name."""

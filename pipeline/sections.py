@@ -60,8 +60,7 @@ def accumulate(image, background, weight, gain, x, y, n, cap, sigma, reach, widt
                 _add_widths(rows, SINGLE(gain), m)
             _add_pixels(rows, SINGLE(gain), m)
         for c in range(N_SUMS if widths else profiles.SS):
-            for j in range(m):
-                sums[c, start + j] = rows[np.uint64(c * BLOCK + j)]
+            sums[c, start : start + m] = rows[c * BLOCK : c * BLOCK + m]
 
 
 @njit(cache=True, fastmath=FAST, error_model="numpy")

@@ -23,7 +23,7 @@ from whiskermodel.whisker import Whisker
 
 N_REST = 4  # Legendre polynomials of the rest curvature
 ITERATIONS = 12
-SETTLED_SD = 0.03  # length of a step from which on Gauss–Newton has arrived; …
+SETTLED_SD = 0.2  # length of a step from which on Gauss–Newton has arrived (to 0.02 SD); …
 FINE_SETTLED_SD = 1e-4  # … where the likelihood's slope by the origin is asked for
 FEWEST_STATIONS = 10
 BLOCK_ROWS = 2048  # held in memory at a time
@@ -295,7 +295,7 @@ def _solve(seen, first, arc, rod, load, pole, c, prior, stiffness, basis, settle
                     x, y, angle, seen[2], basis, sums.mean, stiffness, h, c, load[0], load[1]
                 )
         elif loaded:
-            nearest_now = _nearest_on_model(x, y, angle, h, c, pole[0], pole[1])
+            nearest_now = _nearest_on_model(x, y, laid.cos, laid.sin, h, c, pole[0], pole[1])
             if abs(nearest_now - c) > ANCHOR_MOVES_M:
                 lay, c = True, nearest_now
                 ref_x, ref_y, p[1] = _at(x, y, angle, h, c)
@@ -602,7 +602,7 @@ def _advance(step, heading, new_heading, soft, force, fx, fy, arm_x, arm_y, basi
 
 
 @njit(cache=True)
-def _nearest_on_model(x, y, angle, h, c, px, py):
+def _nearest_on_model(x, y, cos, sin, h, c, px, py):
     """Arc length where the pole lies square to the model, near `c`."""
     m = len(x)
     middle = min(max(int(c / h), 0), m - 2)
@@ -610,10 +610,8 @@ def _nearest_on_model(x, y, angle, h, c, px, py):
         for k in (middle - away, middle + away):
             if not 0 <= k <= m - 2:
                 continue
-            ahead = (px - x[k]) * np.cos(angle[k]) + (py - y[k]) * np.sin(angle[k])
-            behind = (px - x[k + 1]) * np.cos(angle[k + 1]) + (py - y[k + 1]) * np.sin(
-                angle[k + 1]
-            )
+            ahead = (px - x[k]) * cos[k] + (py - y[k]) * sin[k]
+            behind = (px - x[k + 1]) * cos[k + 1] + (py - y[k + 1]) * sin[k + 1]
             if ahead >= 0 > behind:
                 return (k + ahead / (ahead - behind)) * h
     return c
@@ -724,13 +722,14 @@ def _step(size, p, inverse, rhs):
 @njit(cache=True)
 def _invert(matrix, size, lower, inverse):
     """Inverse of the symmetric leading block by Cholesky; False where it has none to speak of."""
+    scale = np.empty(size)
     for a in range(size):
         if not (matrix[a, a] > 0 and np.isfinite(matrix[a, a])):
             return False
+        scale[a] = 1 / np.sqrt(matrix[a, a])
     for a in range(size):
         for b in range(a + 1):
-            scale = np.sqrt(matrix[a, a] * matrix[b, b])
-            total = matrix[a, b] / scale
+            total = matrix[a, b] * (scale[a] * scale[b])
             for k in range(b):
                 total -= lower[a, k] * lower[b, k]
             if a == b:
@@ -752,7 +751,7 @@ def _invert(matrix, size, lower, inverse):
             inverse[a, q] = total / lower[a, a]
     for a in range(size):
         for q in range(size):
-            inverse[a, q] /= np.sqrt(matrix[a, a] * matrix[q, q])
+            inverse[a, q] *= scale[a] * scale[q]
     return True
 
 

@@ -172,7 +172,7 @@ def _measure_px(centrelines, whiskers, hidden_lengths, spacing, pole_rows, scale
     radii = np.array([[w.base_radius, w.base_radius / w.cone_length] for w in whiskers])
     _measure_rows(
         centrelines.offsets,
-        *_raw_points(centrelines),
+        *centrelines.raw(),
         centrelines.x_px,
         centrelines.y_px,
         centrelines.whisker.astype(np.int64),
@@ -204,14 +204,6 @@ def _pole_rows(pole, frame):
         np.asarray(pole.y_px, float)[at],
         float(pole.radius_px),
     )
-
-
-def _raw_points(centrelines):
-    """Unsmoothed offset along the normal [px] and its information [1/px²] of every point."""
-    if centrelines.offset_px is None:
-        se = np.maximum(centrelines.se_px.astype(float), 1e-3)
-        return np.zeros(len(centrelines.x_px)), 1 / se**2
-    return centrelines.offset_px, centrelines.information
 
 
 @njit(cache=True)

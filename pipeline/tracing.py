@@ -645,11 +645,7 @@ def _follicle_finder(roster: list[Slot], options: TracingOptions):
         options.cone_px or None,
     )
 
-    def place(lines):
-        lines = trust.weigh(lines)
-        return replace(lines, hidden_px=finder.hidden(lines))
-
-    return place
+    return lambda lines: finder.place(trust.weigh(lines))
 
 
 def _starting_scenes(scene) -> dict[int, tuple[StaticScene, float]]:
