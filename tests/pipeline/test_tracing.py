@@ -5,6 +5,7 @@ import pytest
 from scipy.spatial import cKDTree
 
 from pipeline.curvature import measure
+from pipeline.follicle import follicles
 from pipeline.records import Recording
 from pipeline.scene_finding import scene_from_frames
 from pipeline.tracing import find_roster, options_for, trace
@@ -99,6 +100,13 @@ def test_chunks_hold_the_same_as_one_piece(noisy):
     assert [len(c) for c in chunks] == [20, 20, 10]
     together = np.concatenate([c.x_px for c in chunks])
     np.testing.assert_array_equal(together, noisy.lines.x_px[: len(together)])
+
+
+def test_follicles_are_those_of_the_finished_lines(noisy):
+    """What the tracer tells of them is what the lines that it hands out say."""
+    lines = noisy.lines
+    again = follicles(lines, lines.hidden_px, noisy.recording.pixels_per_m)
+    np.testing.assert_allclose(lines.follicle, again, rtol=0, atol=1e-9)  # px, rad
 
 
 def test_a_gap_without_whisker_is_a_gap_and_ends(noisy):

@@ -275,13 +275,16 @@ class TestBrokenFiles:
         ("name", "codec", "pixels"),
         [("a.avi", "mjpeg", "yuvj420p"), ("a.avi", "mpeg4", "yuv420p"), ("a.mkv", "ffv1", "gray")],
     )
-    def test_cut_off_file_gives_its_frames_and_then_says_so(self, tmp_path, name, codec, pixels):
+    @pytest.mark.parametrize("read", ["frames", "lent"])
+    def test_cut_off_file_gives_its_frames_and_then_says_so(
+        self, tmp_path, name, codec, pixels, read
+    ):
         path = tmp_path / name
         write(path, codec=codec, pixels=pixels, n=100)
         cut(path, 0.6)
         good = []
         with pytest.raises(VideoError, match=r"cut off|damaged") as caught:
-            good.extend(open_video(path))
+            good.extend(getattr(open_video(path), read)())
         assert 20 < len(good) < 80
         assert caught.value.frame == len(good)
         assert str(path) in str(caught.value)
