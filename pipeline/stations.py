@@ -264,12 +264,13 @@ def _bin(x, y, s, offset, info, start, spacing, px, py, clear, out_x, out_y, out
     for k in range(n):
         total = sums[k, 0]
         if total > 0:
-            mean = sums[k] / total
-            along = k * spacing - mean[3]
+            each = 1 / total
+            s_mean, tx, ty = sums[k, 3] * each, sums[k, 4] * each, sums[k, 5] * each
+            along = k * spacing - s_mean
             # points of an arc lie, in the mean, inside of it
-            inside = mean[7] * (mean[6] - mean[3] ** 2 - along**2) / 2
-            out_x[k] = mean[1] + along * mean[4] + inside * mean[5]
-            out_y[k] = mean[2] + along * mean[5] - inside * mean[4]
+            inside = sums[k, 7] * each * (sums[k, 6] * each - s_mean**2 - along**2) / 2
+            out_x[k] = sums[k, 1] * each + along * tx + inside * ty
+            out_y[k] = sums[k, 2] * each + along * ty - inside * tx
             out_information[k] = total
 
 
