@@ -414,7 +414,7 @@ def visible_end(amplitude, amplitude_se, sums, n, threshold, bridge):
             continue
         if amplitude[i] > threshold * amplitude_se[i] and amplitude[i] > 0.012:
             run += 1
-            if blind + unseen == 0 or run >= 8 + blind // 6:
+            if blind + unseen == 0 or run >= 8 + blind // 2:
                 end = i + 1
                 unseen = 0
                 blind = 0

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pipeline import following, tracing
+from pipeline import following, profiles, tracing
 from pipeline.detection import ImageModel
 from pipeline.records import Recording, StaticScene
 from pipeline.tracing import Tracer, find_roster, options_for
@@ -88,6 +88,16 @@ def test_a_whisker_is_followed_across_a_rod_that_lets_light_through():
     for turn in (0.0, 0.01, 0.02):
         line = line_in(follow, picture(80, turn, tip=ROD.stop - 30))
     assert line.points[-1, 0] == pytest.approx(ROD.stop - 30, abs=12)  # px
+
+
+@pytest.mark.parametrize(("seen", "end"), [(18, 100), (40, 180)])
+def test_the_wider_a_gap_the_more_must_be_seen_beyond_it(seen, end):
+    n, sums = 180, np.ones((profiles.N_SUMS, 180))
+    sums[profiles.G11, 100:140] = 0  # behind a rod
+    amplitude = np.zeros(n)
+    amplitude[:100] = amplitude[140 : 140 + seen] = 0.5
+    found = following.visible_end(amplitude, np.full(n, 0.02), sums, n, 4.0, 100)
+    assert found == pytest.approx(end, abs=following.OVERSHOOT)
 
 
 def test_obstacles_are_not_searched_and_their_edges_not_used():
