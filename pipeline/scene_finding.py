@@ -125,12 +125,11 @@ def scene_from_frames(
     fur = face.any()
     if not fur:
         side, face = mask_behind_whiskers(frames, recording.face, scale)
-    background = uncovered(background, frames, face, scale)
-    transmission = background.transmission
     pole = None
     if pole_diameter_m is not None:
         radius_px = 0.5e3 * pole_diameter_m * scale
-        pole = find_pole(transmission, radius_px, pole_xy, face)
+        behind = uncovered(background, frames, face, scale).transmission
+        pole = find_pole(behind, radius_px, pole_xy, face)
     obstacles = find_obstacles(transmission, face, pole, scale)
     return StaticScene(
         background=without_whiskers(background, face, scale, fur),
