@@ -10,7 +10,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
-from scipy.optimize import linear_sum_assignment
 
 from pipeline.line_features import N_FEATURES
 
@@ -19,10 +18,9 @@ SEEN_AGAIN = 6.0  # cost of a whisker that is seen again after a gap
 LEAST_GAIN = 1e-6
 TRUST = 0.2  # of the costs, in probabilities: errors of neighbouring frames are alike
 MOST_ROUNDS = 12
-NOBODY_NEW = 8.0  # cost of calling a line nobody's in a frame, beside its look, at first
 CLAIM_ROUNDS = 6  # of them, in which whiskers may claim lines that are nobody's
 MOST_CLAIMING = 4  # whiskers, for one line
-SHORTEST_CLAIMED = 3  # frames
+SHORTEST_CLAIMED = 1  # frame
 
 
 @dataclass(frozen=True)
@@ -68,35 +66,6 @@ class Evidence:
         return np.searchsorted(self.frame, np.arange(len(self.phase) + 1))
 
 
-def first_names(evidence: Evidence, begin: int = 0) -> np.ndarray:
-    """Names of all rows (rows,), −1 for nobody: frame by frame, as the frames before suggest.
-
-    begin : the frame to begin with; those before it are named backwards from there
-    """
-    starts = evidence.starts
-    names = np.full(len(evidence.frame), -1)
-    forwards, backwards = range(begin, len(starts) - 1), range(begin - 1, -1, -1)
-    last = np.full(evidence.look.shape[1], -1)
-    for t in forwards:
-        _name_frame(evidence, last, names, *starts[t : t + 2])
-        if t == begin:
-            first = last.copy()
-    last = first
-    for t in backwards:
-        _name_frame(evidence, last, names, *starts[t : t + 2])
-    return names
-
-
-def _name_frame(evidence, last, names, a, b):
-    """Name the rows a … b of a frame, in place, as goes on best from the rows seen `last`."""
-    if a == b:
-        return
-    rows, columns = linear_sum_assignment(_frame_costs(*evidence.arrays, last, a, b))
-    for row, name in zip(rows + a, columns, strict=True):
-        if name < len(last):
-            names[row], last[name] = name, row
-
-
 def improved(evidence: Evidence, names, track) -> np.ndarray:
     """Names (rows,) after all exchanges that make them likelier, −1 for nobody.
 
@@ -133,54 +102,6 @@ def certainty(evidence: Evidence, names, trust=TRUST) -> np.ndarray:
                 seen = rows >= 0
                 sure[rows[seen]] *= right[seen]
     return sure
-
-
-def motion_costs(evidence: Evidence, names, first, last) -> np.ndarray:
-    """Cost (frames, whiskers, whiskers) of every whisker to go on as every other one.
-
-    Entry (t, a, b): from where a was seen last before frame first + t to where b is seen next.
-    """
-    rows_of = _table(evidence, names)
-    before = np.array([_last_seen(rows) for rows in rows_of])
-    after = np.array([_last_seen(rows[::-1])[::-1] for rows in rows_of])
-    after = np.where(rows_of >= 0, rows_of, after)
-    return _motions(*evidence.arrays, before[:, first:last].T, after[:, first:last].T)
-
-
-@njit(cache=True)
-def _motions(features, drift, look, nobody, frame, phase, slope, sd, fast, most_sd, before, after):
-    """Costs as of `motion_costs`, from rows (frames, whiskers), −1 for none."""
-    count, whiskers = before.shape
-    out = np.zeros((count, whiskers, whiskers))
-    for t in range(count):
-        for a in range(whiskers):
-            for b in range(whiskers):
-                if before[t, a] >= 0 and after[t, b] >= 0:
-                    out[t, a, b] = link(
-                        features, drift, frame, phase, slope, sd, fast, most_sd,
-                        a, before[t, a], after[t, b],
-                    )  # fmt: skip
-    return out
-
-
-def change_costs(evidence: Evidence, names, a, b) -> np.ndarray:
-    """Cost (frames,) of the motions, if two whiskers' names are exchanged from a frame on."""
-    rows_of = _table(evidence, names)
-    steps = _pair_steps(evidence, rows_of, a, b)
-    both = (rows_of[a] >= 0) | (rows_of[b] >= 0)
-    plain = steps[:, 0, 0] - _looks(evidence, rows_of, a, b, 0)
-    change = steps[:, 0, 1] - _looks(evidence, rows_of, a, b, 1) - plain
-    change[0] = np.inf
-    return np.where(both, change, np.inf)
-
-
-def _looks(evidence, rows_of, a, b, exchanged):
-    """Cost (frames,) of two whiskers' looks, exchanged or not."""
-    out = np.zeros(rows_of.shape[1])
-    for rows, name in ((rows_of[a], (a, b)[exchanged]), (rows_of[b], (b, a)[exchanged])):
-        seen = rows >= 0
-        out[seen] += evidence.look[rows[seen], name]
-    return out
 
 
 def runs(names, track, frame):
@@ -276,21 +197,6 @@ def link(features, drift, frame, phase, slope, sd, fast, most_sd, a, i, j):
         count += 1
     cost = 0.5 * (TAIL + count) * np.log(1.0 + square / TAIL) + np.log(wider)
     return cost + (SEEN_AGAIN if gap > 1 else 0.0)
-
-
-@njit(cache=True)
-def _frame_costs(
-    features, drift, look, nobody, frame, phase, slope, sd, fast, most_sd, last, a, b
-):
-    """Cost of rows a … b of a frame as every whisker, and as nobody (a column for each)."""
-    whiskers = look.shape[1]
-    out = np.full((b - a, whiskers + b - a), 1e6)
-    for r in range(a, b):
-        for w in range(whiskers):
-            go = link(features, drift, frame, phase, slope, sd, fast, most_sd, w, last[w], r)
-            out[r - a, w] = look[r, w] + go
-        out[r - a, whiskers + r - a] = nobody[r] + NOBODY_NEW
-    return out
 
 
 @njit(cache=True)

@@ -12,11 +12,10 @@ from numba import njit
 
 from pipeline.line_features import ANGLE, N_FEATURES
 
-FARTHEST = 3.0  # standard deviations in one feature count as no more
+FARTHEST = np.array([3.0, 6.0, 3.0, 3.0, 3.0, 3.0])  # SDs in a feature count as no more
+MOST_SD = 1.5  # of the usual whisker's SD: what is wider is several whiskers
 UNSEEN = 0.5  # cost of a feature that a line does not show
-SHIFTS = np.radians([0.0, -6.0, 6.0, -12.0, 12.0])  # of the phase, tried around the first guess
 FEWEST = 12  # lines that tell how a feature goes with the phase
-AT_ONCE = 20000  # rows, to keep memory small
 LEAST_SLOPE = 0.5  # of a whisker's angle with the phase
 
 
@@ -46,44 +45,14 @@ class FanModel:
                 if good.sum() >= FEWEST:
                     line = _robust_line(p[good], y[good], self.least_sd[j])
                     out.middle[k, j], out.slope[k, j], out.sd[k, j] = line
-        return out
+        known = np.isfinite(out.middle).any(axis=1)
+        most = MOST_SD * np.median(out.sd[known], axis=0) if known.any() else np.inf
+        return replace(out, sd=np.minimum(out.sd, most))
 
     def costs(self, features, phase) -> np.ndarray:
         """Minus log likelihood of lines (rows, 6) at phases (rows,) as every whisker."""
-        phase = np.asarray(phase)
-        out = np.empty((len(features), len(self.middle)))
-        for first in range(0, len(features), AT_ONCE):
-            part = slice(first, first + AT_ONCE)
-            out[part] = self._costs(features[part], phase[part])
-        return out
-
-    def _costs(self, features, phase):
-        expected = self.middle + self.slope * phase[:, None, None]
-        off = features[:, None, :] - expected
-        off[..., ANGLE] = _wrapped(off[..., ANGLE])
-        each = 0.5 * np.minimum((off / self.sd) ** 2, FARTHEST**2)
-        each += np.log(self.sd / self.least_sd)
-        strange = np.isfinite(features[:, None, :]) & ~np.isfinite(expected)
-        each[strange] = 0.5 * FARTHEST**2
-        return np.where(np.isfinite(each), each, UNSEEN).sum(axis=-1)
-
-    def phases(self, features, starts, guess) -> np.ndarray:
-        """Phase of every frame at which its lines, each by itself, look most like whiskers.
-
-        starts : first row of every frame, and the number of rows
-        guess : (frames,) phases to look around
-        """
-        counts = np.diff(starts)
-        rows_of = np.repeat(np.arange(len(counts)), counts)
-        total = np.array([
-            np.add.reduceat(self.costs(features, (guess + s)[rows_of]).min(axis=1), starts[:-1])
-            for s in SHIFTS
-        ])  # fmt: skip
-        phase = guess + SHIFTS[np.argmin(total, axis=0)]
-        for _ in range(2):
-            whisker = self.costs(features, phase[rows_of]).argmin(axis=1)
-            phase = self.phases_of(features[:, ANGLE], whisker, starts)
-        return phase
+        phase = np.asarray(phase, float)
+        return _costs(features, phase, self.middle, self.slope, self.sd, self.least_sd)
 
     def phases_of(self, angle, whisker, starts) -> np.ndarray:
         """Phase of every frame from its lines' angles (rows,) and names (rows,)."""
@@ -91,6 +60,27 @@ class FanModel:
         off = _wrapped(angle - self.middle[whisker, ANGLE]) / slope
         spans = pairwise(starts)
         return np.array([np.median(off[a:b]) for a, b in spans])
+
+
+@njit(cache=True)
+def _costs(features, phase, middle, slope, sd, least_sd):
+    """Costs (rows, whiskers) as of `FanModel.costs`."""
+    out = np.zeros((len(features), len(middle)))
+    wide = np.log(sd / least_sd)
+    for row in range(len(features)):
+        for k in range(len(middle)):
+            for j in range(N_FEATURES):
+                if np.isnan(features[row, j]):
+                    out[row, k] += UNSEEN
+                elif np.isnan(middle[k, j]):
+                    out[row, k] += 0.5 * FARTHEST[j] ** 2
+                else:
+                    off = features[row, j] - middle[k, j] - slope[k, j] * phase[row]
+                    if j == ANGLE:
+                        off = _wrapped(off)
+                    far = min(abs(off) / sd[k, j], FARTHEST[j])
+                    out[row, k] += 0.5 * far * far + wide[k, j]
+    return out
 
 
 @njit(cache=True)
@@ -114,5 +104,6 @@ def _robust_line(x, y, least_sd):
     return middle, slope, sd
 
 
+@njit(cache=True)
 def _wrapped(angle):
     return np.mod(angle + np.pi, 2 * np.pi) - np.pi

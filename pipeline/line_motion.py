@@ -6,7 +6,7 @@ from pipeline.exchanges import Evidence, link
 from pipeline.fan_model import FanModel
 from pipeline.line_features import ANGLE, N_FEATURES
 
-WEIGHT = 0.1  # of one frame's look: errors of neighbouring frames are alike
+WEIGHT = 0.3  # of one frame's look: errors of neighbouring frames are alike
 STRANGER = 14.0  # cost of a look that is no whisker's
 MARGIN = 2.0  # cost per frame of a line that is nobody's
 LEAST_MOTION = np.array([0.002, np.radians(0.15), 0.01, 0.005, 0.001, 0.001])
@@ -16,16 +16,16 @@ LEAST_SLOPE = 0.5  # of a whisker's angle with the phase
 SLOW, QUICK = 0.5, 0.8  # quantiles of the turn, below and above which motions are compared
 
 
-def evidence_of(model: FanModel, features, frame, track, guess) -> Evidence:
+def evidence_of(model: FanModel, features, frame, track, phase) -> Evidence:
     """What the names of a video's lines are told from.
 
     Parameters
     ----------
     model : the whiskers' looks
     features, frame, track : (rows, 6), (rows,), (rows,), ordered by frame; tracks as traced
-    guess : (frames,) phases to look around
+    phase : (frames,) at which the lines are looked at
     """
-    look = looks(model, features, frame, guess)
+    look = model.costs(features, phase[frame])
     before = row_before(frame, track)
     slope = np.nan_to_num(model.slope)
     likely = look.argmin(axis=1)
@@ -41,17 +41,6 @@ def evidence_of(model: FanModel, features, frame, track, guess) -> Evidence:
     )  # fmt: skip
     plain.nobody[:] = WEIGHT * STRANGER + MARGIN + _own_motion(plain, before, likely)
     return plain
-
-
-def looks(model: FanModel, features, frame, guess) -> np.ndarray:
-    """Cost (rows, whiskers) of every name by the looks alone, at the phases that suit best.
-
-    guess : (frames,) phases to look around
-    """
-    present, starts = np.unique(frame, return_index=True)
-    starts = np.append(starts, len(frame))
-    best = model.phases(features, starts, guess[present])
-    return model.costs(features, np.repeat(best, np.diff(starts)))
 
 
 def phases(model: FanModel, features, frame, names) -> np.ndarray:

@@ -1,7 +1,6 @@
-"""Which whiskers a crowd has, where that is not told beforehand: learned from the tracks.
+"""Whiskers of a crowd that tracks tell of: their first looks, and those that were overlooked.
 
-In the frame that most long tracks pass through, all lines are different whiskers. The first looks
-are learned from these tracks; long tracks that turn out to be nobody's are more whiskers.
+Long tracks that turn out to be nobody's are more whiskers.
 """
 
 import numpy as np
@@ -11,28 +10,8 @@ from pipeline.fan_model import FanModel
 from pipeline.line_features import ANGLE, N_FEATURES
 
 LONG = 40  # frames that a line must be followed through to be a whisker's
-SHORT = 20  # frames: shorter tracks begin no whisker
-COUNTED = 200  # frames: longer tracks count as much
 MOST_NEW = 3  # whiskers at a time
 MOST = 20  # whiskers
-
-
-def first_whiskers(features, frame, track, least_sd):
-    """Model of the first whiskers, names of all rows (−1: none yet), and the frame they are of."""
-    number, count = np.unique(track, return_inverse=True, return_counts=True)[1:]
-    weight = np.where(count >= SHORT, np.minimum(count, COUNTED), 0)[number]
-    if not weight.any():
-        weight = np.ones(len(track))
-    begin = int(np.argmax(np.bincount(frame, weights=weight)))
-    chosen = np.unique(track[(frame == begin) & (weight > 0)])
-    place = np.full(track.max() + 1, -1)
-    place[chosen] = np.arange(len(chosen))
-    names = place[track]
-    before = line_motion.row_before(frame, track)
-    phase = np.cumsum(line_motion.common_turns(features, frame, before))
-    known = names >= 0
-    model = _learned(features[known], names[known], phase[frame[known]], len(chosen), least_sd)
-    return model, names, begin
 
 
 def with_more(model: FanModel, names, features, frame, track) -> tuple[FanModel, np.ndarray]:
@@ -47,7 +26,7 @@ def with_more(model: FanModel, names, features, frame, track) -> tuple[FanModel,
         return model, names
     phase = line_motion.phases(model, features, frame, np.where(names < known, names, -1))
     rows = np.concatenate(new)
-    more = _learned(
+    more = learned(
         features[rows], names[rows] - known, phase[frame[rows]], len(new), model.least_sd
     )
     parts = [
@@ -57,7 +36,7 @@ def with_more(model: FanModel, names, features, frame, track) -> tuple[FanModel,
     return FanModel(*parts, model.least_sd), names
 
 
-def _learned(features, whisker, phase, count, least_sd):
+def learned(features, whisker, phase, count, least_sd):
     """Model of `count` whiskers from rows of known whiskers and phases."""
     middle = np.full((count, N_FEATURES), np.nan)
     slope = np.zeros((count, N_FEATURES))

@@ -10,13 +10,16 @@ from collections.abc import Iterable, Iterator
 from dataclasses import fields, replace
 
 import numpy as np
+from scipy.optimize import linear_sum_assignment
 
-from pipeline import alignment, exchanges, line_motion, recombination, whisker_seeds
+from pipeline import exchanges, line_motion, whisker_seeds
 from pipeline.line_features import ANGLE, LENGTH, NEAR_BEND, THICKNESS, Dial, line_features
 from pipeline.records import Centrelines
+from pipeline.row_order import Lines, learned, named_in_order
 
 LEAST_SD = np.array([0.01, np.radians(1.5), 0.05, 0.03, 0.007, 0.005])  # of a look
-ROUNDS = 4  # of naming all lines and learning the looks from them
+ROUNDS = 2  # of naming all lines and learning the looks from them
+DOUBT = 1 / 3  # of a name that the next likeliest number of whiskers does not lead to
 PER_POINT = ("x_px", "y_px", "se_px", "offset_px", "information", "thickness_px")
 SELDOM = 0.1  # of the frames: what is seen in fewer is not named, where no names are given
 
@@ -89,28 +92,38 @@ def _all_names(features, frame, track):
     """Names, as whiskers were found, and their probability."""
     if frame[0] == frame[-1]:  # in a single frame every line is a whisker by itself
         return np.arange(len(frame)), np.ones(len(frame))
-    model, start, begin = whisker_seeds.first_whiskers(features, frame, track, LEAST_SD)
-    phase = line_motion.phases(model, features, frame, start)
-    evidence = line_motion.evidence_of(model, features, frame, track, phase)
-    named = exchanges.improved(evidence, exchanges.first_names(evidence, begin), track)
-    for _ in range(ROUNDS - 1):
-        model, named = _learned_anew(evidence, model, named, track)
-        phase = line_motion.phases(model, features, frame, named)
-        evidence = line_motion.evidence_of(model, features, frame, track, phase)
-        named = exchanges.improved(evidence, named, track)
+    lines = Lines(features, frame, track)
+    first, *others = named_in_order(lines, LEAST_SD)
+    named, sure = _likeliest(lines, first)
+    if others:
+        other, _ = _likeliest(lines, others[0])
+        sure = sure * np.where(_renamed(other, named) == named, 1.0, 1 - DOUBT)
+    return named, sure
+
+
+def _likeliest(lines, naming):
+    """Names that looks and motions make likeliest, from first ones on, and their probability."""
+    rows = lines.features, lines.frame, lines.track
+    model, named = naming.model, naming.names
+    for number in range(ROUNDS):
+        if number:
+            model, named = whisker_seeds.with_more(model, named, *rows)
+        model, phase = learned(lines, model, named)
+        evidence = line_motion.evidence_of(model, *rows, phase)
+        named = exchanges.improved(evidence, named, lines.track)
     return named, exchanges.certainty(evidence, named)
 
 
-def _learned_anew(evidence, model, named, track):
-    """Looks as of the present names, after exchanges that looks learned before stand against."""
-    features, frame = evidence.features, evidence.frame
-    phase = line_motion.phases(model, features, frame, named)
-    named = alignment.aligned(evidence, model, named, phase)
-    named = recombination.recombined(evidence, model, named, phase)
-    model, named = whisker_seeds.with_more(model, named, features, frame, track)
-    known = named >= 0
-    phase = line_motion.phases(model, features, frame, named)
-    return model.fitted(features[known], named[known], phase[frame[known]]), named
+def _renamed(names, like):
+    """Names (rows,) with those numbers that agree most with the names `like`."""
+    both = (names >= 0) & (like >= 0)
+    count = np.zeros((names.max(initial=0) + 1, like.max(initial=0) + 1))
+    np.add.at(count, (names[both], like[both]), 1)
+    number = np.full(len(count) + 1, -2)
+    one, other = linear_sum_assignment(-count)
+    number[one] = other
+    number[-1] = -1
+    return number[names]
 
 
 def _in_order(whisker, features, frame, wanted, direction):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pipeline import exchanges, line_motion
+from pipeline import exchanges, fan_model, line_motion
 from pipeline.fan_model import FanModel
 from pipeline.identities import Ruler
 from pipeline.line_features import ANGLE, DISTANCES_M, Dial, line_features
@@ -273,3 +273,26 @@ def test_a_single_frame_is_named(open_ended):
     assert got.names == (("w1", "w2", "w3") if open_ended else ("a", "b", "c"))
     assert np.array_equal(got.confidence, lines.confidence)
     assert list(got.whisker) == [0, 1, 2]
+
+
+def test_costs_of_looks_are_those_of_their_formula():
+    rng = np.random.default_rng(9)
+    features = FAN + NOISE * rng.normal(size=(40, *FAN.shape))
+    features = features.reshape(-1, 6)
+    features[::7, 5] = np.nan
+    phase = rng.normal(size=len(features))
+    model = looks()
+    off = features[:, None] - model.middle - model.slope * phase[:, None, None]
+    square = np.minimum((off / model.sd) ** 2, fan_model.FARTHEST**2)
+    each = 0.5 * square + np.log(model.sd / LEAST_SD)
+    expected = np.where(np.isnan(each), fan_model.UNSEEN, each).sum(axis=-1)
+    assert model.costs(features, phase) == pytest.approx(expected)
+
+
+def test_no_look_is_so_wide_that_any_line_is_like_it():
+    rng = np.random.default_rng(10)
+    frame, _, features, true = rows(whisking(rng), exchanged([]))
+    mixed = np.where((true == 2) & (frame % 2 == 0), 4, np.where(true == 4, 2, true))
+    model = looks().fitted(features, mixed, 0.4 * np.sin(frame / 6))
+    usual = np.median(model.sd[:, ANGLE])
+    assert model.sd[2, ANGLE] <= fan_model.MOST_SD * usual * (1 + 1e-9)

@@ -1,0 +1,92 @@
+"""Looks and names from the order along the face alone: no line's motion tells anything here."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+from pipeline import row_order
+from pipeline.line_features import ANGLE
+from pipeline.row_order import NOBODY, UNSEEN, Lines, aligned, named_in_order
+from pipeline.whole_video import LEAST_SD, names
+
+#    near bend, angle [rad], logs of thickness and length, bends [rad]
+FAN = np.array(
+    [
+        [-0.04, -0.50, -1.8, 4.20, 0.02, 0.04],
+        [-0.02, -0.32, -1.6, 4.35, -0.02, -0.03],
+        [-0.01, -0.15, -1.5, 4.50, 0.03, 0.03],
+        [0.02, 0.05, -1.2, 4.70, 0.00, 0.00],
+        [0.04, 0.25, -1.0, 4.90, -0.03, -0.02],
+        [0.06, 0.42, -0.9, 4.95, 0.01, 0.02],
+    ]
+)
+NOISE = np.array([0.01, 0.03, 0.08, 0.05, 0.008, 0.006])
+FRAMES = 400
+ANGLE_PRECISION = 0.02  # rad
+
+
+def whisking(rng, seen=0.75):
+    """Lines of a fan that turns by up to 0.6 rad, a quarter of them missing, and true names."""
+    phase = 0.3 * np.sin(np.arange(FRAMES) / 3) + 0.3 * np.sin(np.arange(FRAMES) / 40)
+    features = FAN + NOISE * rng.normal(size=(FRAMES, *FAN.shape))
+    features[..., ANGLE] += phase[:, None]
+    there = rng.uniform(size=(FRAMES, len(FAN))) < seen
+    frame, true = np.nonzero(there)
+    return frame, true, features[there]
+
+
+def test_names_and_looks_without_any_tracks():
+    frame, true, features = whisking(np.random.default_rng(1))
+    track = np.arange(len(frame))  # every line's its own: nothing tells how the fan turns
+    found = named_in_order(Lines(features, frame, track), LEAST_SD)[0]
+    assert len(found.model.middle) == len(FAN)
+    assert (found.names == true).mean() > 0.99
+    middle = found.model.middle[:, ANGLE]
+    assert middle - middle[0] == pytest.approx(FAN[:, ANGLE] - FAN[0, ANGLE], abs=ANGLE_PRECISION)
+
+
+def test_names_hold_forwards_and_backwards_though_tracks_go_on_with_neighbours():
+    frame, true, features = whisking(np.random.default_rng(2))
+    piece = frame // 12  # frames after which all tracks break off
+    beside = (true + piece) % len(FAN)
+    track = 100 * piece + np.where(frame % 12 > 6, true, beside)
+    forwards, sure = names(frame, track, features)
+    back = np.lexsort((track, -frame))
+    backwards = np.empty(len(frame), int)
+    backwards[back], _ = names(FRAMES - 1 - frame[back], track[back], features[back])
+    assert (forwards == true).mean() > 0.97
+    assert (backwards == true).mean() > 0.97
+    assert (forwards == true)[sure > 0.9].mean() > 0.98
+
+
+def test_alignment_is_the_cheapest_of_all_in_order():
+    rng = np.random.default_rng(3)
+    for _ in range(20):
+        cost = rng.uniform(0, 30, size=(3, 4))
+        rows, whiskers = rng.permutation(3), rng.permutation(4)
+        least = min(
+            sum(cost[rows[i], whiskers[k]] for i, k in zip(some, which, strict=True))
+            + NOBODY * (3 - n)
+            + UNSEEN * (4 - n)
+            for n in range(4)
+            for some in itertools.combinations(range(3), n)
+            for which in itertools.combinations(range(4), n)
+        )
+        found, total = aligned(cost, rows, whiskers)
+        given = found >= 0
+        again = cost[given, found[given]].sum() + NOBODY * (~given).sum()
+        again += UNSEEN * (4 - given.sum())
+        assert total == pytest.approx(least)
+        assert again == pytest.approx(least)
+        place = np.argsort(whiskers)[found[rows][given[rows]]]
+        assert (np.diff(place) > 0).all()
+
+
+def test_costs_are_averaged_along_a_track():
+    frame = np.array([0, 1, 2, 2, 4])
+    track = np.array([7, 7, 7, 8, 7])  # broken off after frame 2
+    lines = Lines(np.zeros((5, 6)), frame, track)
+    cost = np.array([[1.0], [2.0], [6.0], [5.0], [9.0]])
+    got = row_order._along_tracks(cost, *lines.pieces)
+    assert got[:, 0] == pytest.approx([3, 3, 3, 5, 9])
