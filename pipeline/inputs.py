@@ -84,18 +84,22 @@ def session_of(each: Input, config=None) -> Path:
     """The session.toml for an input: `config`, or the nearest one.
 
     That is: in a folder of images, beside the video, or above it up to the folder that the
-    user named. InputError where there is none.
+    user named; of a link, there first, and then where it leads. InputError where there is none.
     """
     if config is not None:
         return Path(config)
-    path, root = each.path.resolve(), each.root.resolve()
-    places = [path, path.parent] if path.is_dir() else [path.parent]
-    places += [p for p in path.parents if p == root or root in p.parents]
-    for folder in places:
-        if (folder / SETTINGS_NAME).is_file():
-            return folder / SETTINGS_NAME
+    for path, root in (
+        (each.path.absolute(), each.root.absolute()),
+        (each.path.resolve(), each.root.resolve()),
+    ):
+        places = [path, path.parent] if path.is_dir() else [path.parent]
+        places += [p for p in path.parents if p == root or root in p.parents]
+        for folder in places:
+            if (folder / SETTINGS_NAME).is_file():
+                return folder / SETTINGS_NAME
+    folder = each.path.absolute().parent
     raise InputError(
-        f"no session.toml in {path.parent}, beside the videos; give one with --config, or let "
+        f"no session.toml in {folder}, beside the videos; give one with --config, or let "
         f"`whiskerforce init {each.path.parent}` write one"
     )
 

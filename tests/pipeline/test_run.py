@@ -312,6 +312,18 @@ def test_settings_of_the_folder_above_count(folder, calls, tmp_path):
     assert statuses(tmp_path / "results") == {"a": "done", "b": "done", "c": "done"}
 
 
+def test_settings_beside_a_link_count_and_else_those_where_it_leads(folder, calls, tmp_path):
+    links = tmp_path / "links"
+    links.mkdir()
+    (links / "a.avi").symlink_to(folder / "a.avi")
+    (there,) = inputs.find_inputs([links])
+    assert inputs.session_of(there) == folder / "session.toml"
+    other = settings_from({"recording": {**SETTINGS.recording.model_dump(), "face": "top"}})
+    write_session(links / "session.toml", other)
+    batch.run([links], tmp_path / "results")
+    assert read_session(tmp_path / "results" / "session.toml") == other
+
+
 def test_config_wins_over_the_file_beside_the_videos(folder, calls, tmp_path):
     config = tmp_path / "other.toml"
     other = settings_from({"recording": {**SETTINGS.recording.model_dump(), "face": "top"}})
