@@ -324,9 +324,9 @@ class Tracer:
             track.lost_for += 1
         present = [t for t in self.tracks if t.line is not None]
         lines = [t.line for t in present]
-        found = detection.detect(image, self.model, gain, self.options, self.workspace)
-        found = [c for c in found if all(detection.shared_fraction(c, p) < 0.4 for p in lines)]
-        found = [c for c in found if turning_range(c.x, c.y, c.n) < LARGEST_TURN]
+        found = self._unknown(lines, image, gain)
+        if 0 < len(found) < len(missing):
+            found += self._unknown([*lines, *found], image, gain)
         if not found:
             return
         got = identities.match(
@@ -339,7 +339,17 @@ class Tracer:
             track = missing[whisker]
             track.take(found[line])
         if len(self.tracks) > 1:
+            if got.pairs:
+                self._uncross(self.tracks, image, gain)
             self._check_identities([self.tracks.index(missing[w]) for _, w in got.pairs])
+
+    def _unknown(self, known: list[Line], image, gain) -> list[Line]:
+        """Lines in the whole frame beside known ones, which would cut off those they cross."""
+        with detection.painted(self.model, known):
+            found = detection.detect(image, self.model, gain, self.options, self.workspace)
+        found = [c for c in found if all(detection.shared_fraction(c, p) < 0.4 for p in known)]
+        found = [c for c in found if not detection.is_ghost(c, known)]
+        return [c for c in found if turning_range(c.x, c.y, c.n) < LARGEST_TURN]
 
     def _expected_shift(self, present):
         """Shifts of all angles to try, and the one to try them around [rad]."""

@@ -122,3 +122,34 @@ def test_no_whisker_gives_an_empty_roster(noisy):
     image = noisy.scene.background + rng.normal(0, 2.5, noisy.scene.background.shape)
     image = np.clip(image, 0, 255).astype(np.uint8)
     assert find_roster([image] * 3, noisy.scene, noisy.options, ["C2"]) == []
+
+
+def test_whiskers_that_cross_at_the_face_when_the_video_begins():
+    rng = np.random.default_rng(0)
+    rows, columns = np.mgrid[:320, :420]
+    bases, start = (140.0, 165.0), 40.0  # px
+
+    def frame(angles):
+        light = np.where(columns < start, 8.0, 180.0)
+        for base, angle in zip(bases, angles, strict=True):
+            off = (rows - base) * np.cos(angle) - (columns - start) * np.sin(angle)
+            along = (columns - start) * np.cos(angle) + (rows - base) * np.sin(angle)
+            seen = (along > -20) & (along < 300)
+            light *= 1 - 0.7 * seen * np.exp(-0.5 * off**2)
+        return np.clip(np.rint(light + 2 * rng.normal(size=light.shape)), 0, 255).astype(np.uint8)
+
+    recording = Recording(1000.0, 25.0, "left")
+    known = np.array([frame(rng.uniform([0.0, -0.45], [0.45, 0.0])) for _ in range(40)])
+    scene = scene_from_frames(known, recording, None, None, 5)
+    options = options_for(recording, [14e-3, 14e-3], [HIDDEN, HIDDEN])
+    roster = find_roster(known, scene, options, ["A", "B"])
+    true = [(0.2 - 0.01 * k, -0.2 + 0.01 * k) for k in range(5)]
+    (lines,) = trace([frame(a) for a in true], scene, roster, options)
+    assert len(lines) == 2 * len(true)
+    for row in range(len(lines)):
+        which = int(roster[lines.whisker[row]].base_xy[1] > np.mean(bases))
+        angle = true[lines.frame[row]][which]
+        x, y = lines.row(row).T
+        off = (y - bases[which]) * np.cos(angle) - (x - start) * np.sin(angle)
+        assert np.abs(off[5:]).max() < 1.0  # px
+        assert len(x) > 250
