@@ -296,10 +296,12 @@ def _square(half_width):
     return np.ones((size, size), np.uint8)
 
 
-def _long_parts(thin, shortest_px):
-    """Connected parts of a mask that extend over at least `shortest_px`."""
+def _long_parts(thin, shortest_px, at=None):
+    """Connected parts of a mask, at least `shortest_px` long, that reach `at` (a mask, if any)."""
     _, labels, stats, _ = cv2.connectedComponentsWithStats(thin.astype(np.uint8))
     keep = np.hypot(stats[:, cv2.CC_STAT_WIDTH], stats[:, cv2.CC_STAT_HEIGHT]) > shortest_px
+    if at is not None:
+        keep &= np.isin(np.arange(len(stats)), labels[at])
     keep[0] = False
     return keep[labels]
 
@@ -325,16 +327,8 @@ def without_whiskers(background: Background, face: np.ndarray, pixels_per_mm, fu
 
 def _long_lines_at(face, thin, pixels_per_mm, shortest_px):
     """Connected lines that are at least `shortest_px` long and end near the face."""
-    reach = 2 * round(0.5 * pixels_per_mm) + 1
-    near = cv2.dilate(face.astype(np.uint8), np.ones((reach, reach), np.uint8)) > 0
-    _, labels, stats, _ = cv2.connectedComponentsWithStats(thin.astype(np.uint8))
-    extent = np.hypot(stats[:, cv2.CC_STAT_WIDTH], stats[:, cv2.CC_STAT_HEIGHT])
-    keep = extent > shortest_px
-    at_face = np.zeros(len(stats), bool)
-    at_face[labels[near]] = True
-    keep &= at_face
-    keep[0] = False
-    return keep[labels]
+    near = cv2.dilate(face.astype(np.uint8), _square(0.5 * pixels_per_mm)) > 0
+    return _long_parts(thin, shortest_px, near)
 
 
 def fill(image: np.ndarray, holes: np.ndarray, reach_px: float = 4.0) -> np.ndarray:

@@ -20,7 +20,6 @@ TRUST = 0.2  # of the costs, in probabilities: errors of neighbouring frames are
 MOST_ROUNDS = 12
 CLAIM_ROUNDS = 6  # of them, in which whiskers may claim lines that are nobody's
 MOST_CLAIMING = 4  # whiskers, for one line
-SHORTEST_CLAIMED = 1  # frame
 
 
 @dataclass(frozen=True)
@@ -60,11 +59,6 @@ class Evidence:
             self.slope, self.sd, self.fast, self.most_sd,
         )  # fmt: skip
 
-    @property
-    def starts(self):
-        """First row of every frame, and the number of rows."""
-        return np.searchsorted(self.frame, np.arange(len(self.phase) + 1))
-
 
 def improved(evidence: Evidence, names, track) -> np.ndarray:
     """Names (rows,) after all exchanges that make them likelier, −1 for nobody.
@@ -81,8 +75,7 @@ def improved(evidence: Evidence, names, track) -> np.ndarray:
                     changed[[a, b]] |= _exchange(evidence, rows_of, a, b)
         if number < CLAIM_ROUNDS:
             for rows in runs(_names(rows_of, len(names)), track, evidence.frame):
-                if len(rows) >= SHORTEST_CLAIMED:
-                    _claims(evidence, rows_of, rows, changed)
+                _claims(evidence, rows_of, rows, changed)
         if not changed.any():
             break
     return _names(rows_of, len(names))

@@ -21,7 +21,6 @@ FREE_DISTANCE_M = 0.2e-3  # surface to surface; farther than any tracing error
 CLEAR_DISTANCE_M = 0.06e-3  # beyond the nearest frames': free where hardly any is farther off
 CLEAR_SD = 8.0  # as many times the distance's noise
 PLENTY, PLENTY_SHARE = 20, 0.25  # frames beyond FREE_DISTANCE_M, of those clear of a touch
-NEAREST = 3  # frames whose distance is that of a touch, or nearer than any free one
 ASTRAY_SHARE = 0.1  # of the most frames that lie together before the pole: fewer went astray
 FEWEST_FRAMES = 3
 LARGEST_DEGREE = 2
