@@ -195,8 +195,15 @@ def add_probability(evidence: pd.DataFrame, recording: Recording) -> pd.DataFram
         for start, stop in zip(*_edges_of(probability > 0.5), strict=True):
             if stop - start < shortest:
                 probability[start:stop] = 0.5
+        if _passes_over(part, probability):
+            probability[:] = 0.0
         evidence.loc[part.index, "probability"] = probability
     return evidence
+
+
+def _passes_over(part, probability):
+    """Whether a whisker rather passes over the pole than touches it: another plane, or dust."""
+    return np.count_nonzero(part["across"]) > np.count_nonzero(probability > 0.5)
 
 
 def _frame_log_odds(part, recording):

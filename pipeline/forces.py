@@ -14,7 +14,7 @@ import pandas as pd
 from scipy.integrate import cumulative_trapezoid
 from scipy.ndimage import gaussian_filter1d
 
-from pipeline import arc_origin, rest_curvature, shape_fit
+from pipeline import arc_origin, passing_over, rest_curvature, shape_fit
 from pipeline.peaks import half_width, smoothed
 from pipeline.records import CONTACT_COLUMNS, Recording, as_table, empty_table
 from pipeline.rest_curvature import RestModel
@@ -132,6 +132,7 @@ def _evidence(places, fit, origin, rest_known, free) -> pd.DataFrame:
             "side": places.side,
             "pole_known": np.isfinite(places.pole_x),
             "extended": places.extended,
+            "across": passing_over.lies_across(places),
             "rest_known": rest_known,
             "origin_m": origin.per_row,
             "origin_se_m": origin.se,

@@ -9,6 +9,7 @@ import numpy as np
 from pipeline import tables, tracing
 from pipeline.errors import VideoError
 from pipeline.inputs import PREVIEW_NAME, InputError, find_inputs
+from pipeline.passing_over import is_passed_over
 from pipeline.records import Recording, StaticScene
 from pipeline.run import typical_frames
 from pipeline.scene_finding import find_scenes, survey
@@ -110,7 +111,7 @@ def _scene_and_scale(video):
         seen = survey(video, recording)
         epochs = find_scenes(video, recording, 1e-3 * POLE_DIAMETER_MM, seen=seen)
         scene, frames = typical_frames(video, seen, epochs, ROSTER_FRAMES)
-        if scene.pole is not None and _stands_free(scene):
+        if scene.pole is not None and _stands_free(scene) and not _is_passed_over(scene, frames):
             return scene, frames, 2 * scene.pole.radius_px / POLE_DIAMETER_MM
         first = first or (replace(scene, pole=None), frames, usual)
     return first
@@ -129,6 +130,13 @@ def _stands_free(scene) -> bool:
         return False
     near, middle, far = (_light_around(scene, reach) for reach in (1.5, 2.0, 5.0))
     return near > FREE_AROUND and far > middle - UNEVEN
+
+
+def _is_passed_over(scene, frames) -> bool:
+    """Whether whiskers pass over what was taken for the pole: it may be dust on a window."""
+    place = (float(v) for v in (scene.pole.x_px[0], scene.pole.y_px[0], scene.pole.radius_px))
+    noise = scene.noise_floor, scene.noise_gain
+    return is_passed_over(*place, scene.background, noise, frames)
 
 
 def _light_around(scene, reach) -> float:

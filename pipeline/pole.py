@@ -46,7 +46,9 @@ class Pole:
     residual: float
 
 
-def find_pole(transmission, radius_px: float, near_xy=None, exclude=None) -> Pole | None:
+def find_pole(
+    transmission, radius_px: float, near_xy=None, exclude=None, passed_over=None
+) -> Pole | None:
     """Find a dark disc of about the given radius, to a few hundredths of a pixel.
 
     Parameters
@@ -55,6 +57,8 @@ def find_pole(transmission, radius_px: float, near_xy=None, exclude=None) -> Pol
     radius_px : expected radius [px]
     near_xy : (x, y) or None; where a person says that the pole is
     exclude : bool (height, width) or None; where it is not (the face)
+    passed_over : function of x, y, radius, or None; whether whiskers pass over a disc: then any
+        other disc is rather the pole
 
     Returns
     -------
@@ -71,10 +75,20 @@ def find_pole(transmission, radius_px: float, near_xy=None, exclude=None) -> Pol
             rough.append(circle)
     rough.sort(key=lambda circle: -circle[3])
     measured = (measure_disc(image, *circle[:3], radius_px) for circle in rough)
-    found = next((pole for pole in measured if pole is not None), None)
+    found = _first_firm((pole for pole in measured if pole is not None), passed_over)
     if found is None and near_xy is not None and _shade(image, *near_xy, radius_px) > LEAST_SHADE:
         return Pole(*map(float, near_xy), float(radius_px), 1.0, 0.0, np.nan)
     return found
+
+
+def _first_firm(poles, passed_over):
+    """First of the `poles` that whiskers do not pass over; else the first, None without any."""
+    first = None
+    for pole in poles:
+        if passed_over is None or not passed_over(pole.x_px, pole.y_px, pole.radius_px):
+            return pole
+        first = first or pole
+    return first
 
 
 def _shade(image, x, y, radius_px):

@@ -143,6 +143,7 @@ EVIDENCE_COLUMNS = (
     Column("side", "int64", "", "1: pole on the side of the whisker's normal, -1: other, 0: none"),
     Column("pole_known", "bool", "", "the pole is in view and at rest"),
     Column("extended", "bool", "", "the nearest point lies beyond the traced part"),
+    Column("across", "bool", "", "seen to lie across the pole: in another plane, or it is dust"),
     Column("rest_known", "bool", "", "enough free frames tell the rest shape"),
     Column("origin_m", "float64", "m", "added to arc lengths: error of the hidden length"),
     Column("origin_se_m", "float64", "m", "standard error of origin_m"),

@@ -11,6 +11,7 @@ import pandas as pd
 from pipeline import contact, curvature, scene_finding, stations, tracing
 from pipeline.records import (
     CONTACT_COLUMNS,
+    EVIDENCE_COLUMNS,
     FRAME_COLUMNS,
     PoleTrack,
     Recording,
@@ -25,6 +26,8 @@ from whiskermodel.whisker import Whisker
 
 ROSTER_FRAMES = 24
 SELDOM_TRACKED = 0.8  # a whisker seen in less than this part of the frames is worth a message
+
+SELDOM_ACROSS = 5  # frames; a whisker that lies across the pole more often is worth one, too
 
 
 @dataclass(frozen=True)
@@ -90,7 +93,7 @@ def analyse(
         evidence=touch.evidence,
         pole=followed.pole,
         n_frames=followed.n_frames,
-        messages=tuple(_messages(settings, touch.frames, video, followed)),
+        messages=tuple(_messages(settings, touch, video, followed)),
         seconds=clock.seconds,
     )
 
@@ -164,7 +167,7 @@ def _nothing_traced(frames) -> contact.Touch:
         frames=frames,
         contacts=empty_table(CONTACT_COLUMNS),
         intervals=pd.DataFrame(columns=[*contact.INTERVAL_COLUMNS, "curated"]),
-        evidence=frames[["frame", "whisker"]],
+        evidence=as_table(frames[["frame", "whisker"]], EVIDENCE_COLUMNS),
     )
 
 
@@ -294,7 +297,7 @@ def frame_table(kinematics, cast: Cast, n_frames: int, recording: Recording) -> 
     return as_table(table, FRAME_COLUMNS)
 
 
-def _messages(settings, table, video, followed):
+def _messages(settings, touch, video, followed):
     """Sentences on what is missing or doubtful in one video."""
     cast = followed.cast
     count = followed.n_frames
@@ -313,10 +316,25 @@ def _messages(settings, table, video, followed):
             f"no pole of {settings.pole.diameter_mm:g} mm found, so no contacts; if there is "
             "one, give [pole] x_px, y_px"
         )
-    for name, tracked in table.groupby("whisker", sort=False)["tracked"].mean().items():
+    yield from _passes_over(settings, touch, followed.pole)
+    for name, tracked in touch.frames.groupby("whisker", sort=False)["tracked"].mean().items():
         if name in cast.found and tracked < SELDOM_TRACKED:
             yield f"{name} is tracked in {100 * tracked:.0f} % of the frames only"
     yield from _without_forces(settings, cast)
+
+
+def _passes_over(settings, touch, pole):
+    """Whiskers that pass over what was taken for the pole, where no person says that it is."""
+    if pole is None or settings.pole.position_px is not None:
+        return
+    across = touch.evidence[touch.evidence["across"]].groupby("whisker", sort=False).size()
+    x, y = np.nanmedian(pole.x_px), np.nanmedian(pole.y_px)
+    for name, frames in across.items():
+        if frames > SELDOM_ACROSS and name not in set(touch.contacts["whisker"]):
+            yield (
+                f"{name} passes over the pole at ({x:.0f}, {y:.0f}) px in {frames} frames without "
+                "touching it; if that is dust, give [pole] x_px, y_px"
+            )
 
 
 def _without_forces(settings, cast):

@@ -1,6 +1,7 @@
 """A video's static scene: background, face, pole, obstacles."""
 
 from dataclasses import dataclass
+from functools import partial
 
 import cv2
 import numpy as np
@@ -11,6 +12,7 @@ from pipeline.errors import VideoError
 from pipeline.face import face_side, find_face, opened
 from pipeline.faceless import mask_behind_whiskers
 from pipeline.noise_excess import noise_excess
+from pipeline.passing_over import is_passed_over
 from pipeline.pole import PoleFollower, find_pole
 from pipeline.records import PoleTrack, Recording, StaticScene
 
@@ -128,8 +130,10 @@ def scene_from_frames(
     pole = None
     if pole_diameter_m is not None:
         radius_px = 0.5e3 * pole_diameter_m * scale
-        behind = uncovered(background, frames, face, scale).transmission
-        pole = find_pole(behind, radius_px, pole_xy, face)
+        behind = uncovered(background, frames, face, scale)
+        noise = background.noise_floor, background.noise_gain
+        passed_over = partial(is_passed_over, background=behind.image, noise=noise, frames=frames)
+        pole = find_pole(behind.transmission, radius_px, pole_xy, face, passed_over)
     obstacles = find_obstacles(transmission, face, pole, scale)
     return StaticScene(
         background=without_whiskers(background, face, scale, fur),

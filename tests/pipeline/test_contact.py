@@ -127,6 +127,22 @@ def test_faint_pushes_do_not_say_where_the_pole_is():
     assert np.abs(onset).max() <= 2  # a frame that seems pushed beside a touch
 
 
+def test_what_a_whisker_passes_over_it_does_not_touch():
+    traced, touch = analysed("noisy")
+    evidence = touch.evidence.copy()
+    assert not evidence["across"].any()
+    free = evidence.index[touch.frames["in_contact"].to_numpy() == 0]
+    few, many = evidence.copy(), evidence.copy()
+    few.loc[free[:5], "across"] = True  # it slipped past
+    many.loc[free[: touch.frames["in_contact"].sum() + 1], "across"] = True
+    kept, dropped = (
+        contact.find_contacts(contact.add_probability(each, traced.recording))
+        for each in (few, many)
+    )
+    assert len(kept) == len(touch.contacts)
+    assert len(dropped) == 0
+
+
 def test_contact_does_not_hang_on_the_forces_standard_error():
     traced, touch = analysed("noisy")
     evidence = touch.evidence.copy()

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from pipeline.init import _stands_free
+from pipeline.init import _is_passed_over, _stands_free
 from pipeline.records import PoleTrack, StaticScene
 
 SHAPE = (240, 320)
@@ -33,3 +33,14 @@ def test_a_screw_on_something_larger_gives_none():
 
 def test_a_tuft_of_fur_at_the_face_gives_none():
     assert not _stands_free(scene(np.zeros(SHAPE, bool), face_to=185))
+
+
+def test_a_speck_that_a_whisker_passes_over_gives_none():
+    plain = scene(np.zeros(SHAPE, bool))
+    frames = []
+    for shift in (0, 30):  # px, from across the speck's middle to beside it
+        line = (np.abs(ROWS - 90 - shift) < 1.5) & (COLUMNS < 260)
+        frames.append(np.tile(np.where(line, 0.5, 1.0) * plain.background, (4, 1, 1)))
+    across, beside = (np.rint(each).astype(np.uint8) for each in frames)
+    assert _is_passed_over(plain, across)
+    assert not _is_passed_over(plain, beside)
