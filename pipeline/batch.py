@@ -306,8 +306,9 @@ def _outcome(state) -> Outcome:
 
 def _earlier(out, names) -> list[Outcome]:
     """Whole results in `out` of videos that are not among this run's inputs."""
-    states = (tables.read_json(p) for p in sorted(out.glob(f"*/{STATE_FILE}")))
-    whole = [_outcome(state) for state in states if state and "version" in state]
+    states = (tables.read_json(p, {}) for p in sorted(out.glob(f"*/{STATE_FILE}")))
+    # one without a video is of a whole results folder that lies in this one
+    whole = [_outcome(state) for state in states if {"version", "video"} <= state.keys()]
     return [each for each in whole if each.video not in names]
 
 

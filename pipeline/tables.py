@@ -70,11 +70,12 @@ def write_json(path, value) -> None:
 
 
 def read_json(path, default=None):
-    """Read a JSON file; `default` where there is none, or it holds no JSON."""
+    """Read a JSON object from a file; `default` where there is none."""
     try:
-        return json.loads(Path(path).read_text(encoding="utf-8"))
+        value = json.loads(Path(path).read_text(encoding="utf-8"))
     except (FileNotFoundError, NotADirectoryError, ValueError):
         return default
+    return value if isinstance(value, dict) else default
 
 
 # --- CSV ---------------------------------------------------------------------------------

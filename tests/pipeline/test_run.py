@@ -292,6 +292,14 @@ def test_results_among_the_videos_are_no_input(folder, calls):
     assert (folder / "session.toml").read_text() == text
 
 
+def test_results_may_lie_in_the_folder_of_other_results(folder, calls):
+    batch.run([folder], folder / "results")
+    (folder / "other").mkdir()
+    (folder / "other" / "run.json").write_text("[]")  # of another program
+    batch.run([folder], folder)
+    assert statuses(folder) == {"a": "done", "b": "done"}
+
+
 def test_subfolders_with_settings_of_their_own(folder, calls, tmp_path):
     mouse = folder / "mouse2"
     mouse.mkdir()
