@@ -111,8 +111,9 @@ def _finish_run(summary, debug):
     frames = sum(each.frames for each in summary.outcomes)
     contacts = sum(each.contacts for each in summary.outcomes)
     failed = summary.of("failed")
+    count = len(summary.outcomes)
     _say(
-        f"{len(summary.outcomes)} videos: {len(summary.of('done'))} done, "
+        f"{count} video{'' if count == 1 else 's'}: {len(summary.of('done'))} done, "
         f"{len(summary.of('warning'))} with a warning, {len(failed)} failed"
         + (f" ({summary.skipped} finished before)" if summary.skipped else "")
         + f"; {frames} frames, {contacts} contacts, in {duration(summary.seconds)}"

@@ -2,7 +2,6 @@
 
 import subprocess
 import sys
-import time
 
 import pytest
 
@@ -10,9 +9,10 @@ from pipeline import batch, cli, progress
 from pipeline.batch import Outcome, Summary
 from pipeline.workers import Event
 
-QUICK_S = 0.5  # for help and import
-MARGIN = 4  # slow and busy test machines
-HEAVY = ("numpy", "pandas", "cv2", "numba", "matplotlib", "pyarrow", "scipy", "pydantic", "rich")
+HEAVY = (
+    "av", "bokeh", "cv2", "jinja2", "matplotlib", "numba", "numpy", "pandas", "pyarrow",
+    "pydantic", "rich", "scipy", "tifffile", "tomlkit",
+)  # fmt: skip
 COMMANDS = ("run", "init", "demo", "synth", "figures", "paper", "curate")
 
 
@@ -53,7 +53,8 @@ def ran(monkeypatch, tmp_path):
 def test_exit_status_of_run(ran, capsys, statuses, code):
     ran(*statuses)
     assert exit_code("run", "x", "--out", "y") == code
-    assert f"{len(statuses)} videos" in capsys.readouterr().out
+    videos = "1 video:" if len(statuses) == 1 else f"{len(statuses)} videos:"
+    assert videos in capsys.readouterr().out
 
 
 def test_last_lines_say_what_failed_and_why(ran, capsys):
@@ -137,11 +138,9 @@ def test_help_and_version(capsys):
         assert exit_code(command, "--help") == 0
 
 
-def test_start_is_quick_and_loads_nothing_heavy():
+def test_start_loads_nothing_heavy():
     code = f"import sys, pipeline, pipeline.cli\nprint([m for m in {HEAVY} if m in sys.modules])"
-    started = time.monotonic()
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert time.monotonic() - started < MARGIN * QUICK_S
     assert out.stdout.strip() == "[]"
 
 
