@@ -67,12 +67,3 @@ def _without_holes(mask, side):
             enclosed[border(labels, other)] = False
     enclosed[0] = False
     return mask | enclosed[labels]
-
-
-def face_edge(mask: np.ndarray, smoothing_px: float = 3.0) -> list[np.ndarray]:
-    """Return the face's edge inside the picture: curves (n, 2) of x, y, about 1 px spaced."""
-    smooth = _blurred(mask.astype(np.float32), smoothing_px)
-    from skimage.measure import find_contours
-
-    curves = find_contours(smooth, 0.5)
-    return [curve[:, ::-1] for curve in sorted(curves, key=len, reverse=True)]

@@ -13,6 +13,7 @@ import pandas as pd
 from numba import njit
 
 from pipeline.records import Recording
+from whiskermodel.force_profiles import half_gaussian_shape
 
 FEWEST_FRAMES = 3
 PAD_FRAMES = 1  # free frames at either end, where the force is zero
@@ -38,8 +39,8 @@ class Pulse:
 
 def half_gaussian(time, peak, duration, centre) -> np.ndarray:
     """Force at `time` of a half-Gaussian pulse; zero outside its duration."""
-    z = 2 * (np.asarray(time, float) - centre) / duration
-    return np.maximum(2 * peak * (np.exp(-np.log(2) * z * z) - 0.5), 0.0)
+    u = 2 * (np.asarray(time, float) - centre) / duration
+    return peak * np.maximum(half_gaussian_shape(u), 0.0)
 
 
 def fit_pulse(time, force) -> Pulse | None:

@@ -14,7 +14,6 @@ override the prior; where there are none the shape stays constant, with an error
 from dataclasses import dataclass, replace
 
 import numpy as np
-import pandas as pd
 from scipy.ndimage import median_filter
 
 FREE_DISTANCE_M = 0.2e-3  # surface to surface; farther than any tracing error
@@ -206,32 +205,6 @@ def _nearest(distance, reach):
     company = np.searchsorted(distance, distance + reach, "right") - np.arange(len(distance))
     most = company[distance < FREE_DISTANCE_M].max(initial=1)
     return distance[np.argmax(company >= ASTRAY_SHARE * most)]
-
-
-def add_rest_curvature(frames: pd.DataFrame, rest: dict) -> pd.DataFrame:
-    """Fill the rest curvature and the curvature change of the table of frames.
-
-    Parameters
-    ----------
-    frames : records.FRAME_COLUMNS with `base_angle_deg`, `curvature_per_m` and its error
-    rest : whisker's name → RestModel of `curvature_per_m`, or None where it is not known
-    """
-    frames = frames.copy()
-    for name, model in rest.items():
-        rows = frames.index[frames["whisker"] == name]
-        part = frames.loc[rows]
-        if model is None:
-            value = error = np.full(len(part), np.nan)
-        else:
-            angle = np.radians(part["base_angle_deg"].to_numpy())
-            value, cov = model.predict(angle, part["time_s"].to_numpy())
-            value, error = value[:, 0], np.sqrt(cov[:, 0, 0])
-        measured, measured_error = part["curvature_per_m"], part["curvature_per_m_se"]
-        frames.loc[rows, "rest_curvature_per_m"] = value
-        frames.loc[rows, "rest_curvature_per_m_se"] = error
-        frames.loc[rows, "curvature_change_per_m"] = measured - value
-        frames.loc[rows, "curvature_change_per_m_se"] = np.hypot(measured_error, error)
-    return frames
 
 
 def _powers(u, degree):

@@ -12,6 +12,7 @@ from scipy.interpolate import CubicHermiteSpline
 from scipy.ndimage import gaussian_filter1d
 
 from synthetic.scene import Hair, Scene
+from whiskermodel.force_profiles import half_gaussian_shape
 from whiskermodel.rod import RodContact, contact_shape, free_shape, solve_contact
 
 _NODE_STEP_PX = 1.4
@@ -32,7 +33,7 @@ _ON_THE_WHISKER = 0.98  # of the length, how far out a wanted touch may lie
 class Touch:
     """A contact that is wanted: first frame, number of frames, peak force [N], time course.
 
-    `shape`: "half_gaussian" (equations 5), "plateau" or "skewed"; the peak force is that of the
+    `shape`: "half_gaussian" (the paper's), "plateau" or "skewed"; the peak force is that of the
     frame with the largest.
     """
 
@@ -53,8 +54,8 @@ class Touch:
 
 
 def _half_gaussian(t):
-    """Top half of a Gaussian over t in 0–1, peak 1 (half height at both ends is zero)."""
-    return 2 * (np.exp(-((t - 0.5) ** 2) * 4 * np.log(2)) - 0.5)
+    """Top half of a Gaussian over t in 0–1, peak 1."""
+    return half_gaussian_shape(2 * t - 1)
 
 
 _PROFILES = {

@@ -219,8 +219,3 @@ class Scene:
         """Pixel coordinates (x right, y down) of a point in the mechanics frame [m]."""
         scale = self.camera.pixels_per_m
         return np.asarray(x) * scale, -np.asarray(y) * scale
-
-    def to_metres(self, x_px, y_px):
-        """Inverse of `to_pixels`."""
-        scale = self.camera.pixels_per_m
-        return np.asarray(x_px) / scale, -np.asarray(y_px) / scale

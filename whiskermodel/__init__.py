@@ -1,4 +1,4 @@
-"""Whisker mechanics: statics, modes, response. Needs only numpy and scipy."""
+"""Whisker mechanics: statics, modes, response. Needs NumPy, SciPy and Numba only."""
 
 from whiskermodel.force_profiles import half_gaussian, ramp_and_hold, stick_slip
 from whiskermodel.modes import Modes, modes

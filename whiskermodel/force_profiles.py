@@ -7,8 +7,6 @@ import numpy as np
 
 from whiskermodel.checks import finite_array, positive, whole_number
 
-HALF_GAUSSIAN_WIDTH = 1 / np.sqrt(np.log(2))  # the paper's 1.2011, in units of t_d
-
 
 def half_gaussian(time, duration, peak_force, onset=0.0):
     """Active touch: the top half of a Gaussian, of `duration` T = 2 t_d and given peak [N].
@@ -33,7 +31,10 @@ def half_gaussian(time, duration, peak_force, onset=0.0):
 
 
 def half_gaussian_shape(u):
-    """2 exp(−ln 2 u²) − 1: the pulse of unit peak over −1 ≤ u ≤ 1, continued smoothly beyond."""
+    """2 exp(−ln 2 u²) − 1: the pulse of unit peak over −1 ≤ u ≤ 1, continued smoothly beyond.
+
+    The paper's width of 1.2011 t_d is t_d/√(ln 2), so that u = ±1 at the ends of the pulse.
+    """
     return 2 * np.exp(-np.log(2) * u**2) - 1
 
 

@@ -68,7 +68,7 @@ def test_pulse_moments_are_the_models(duration):
 
 
 def test_published_ratio_of_fig_8():
-    """Equations §5: 5 ms at 12 mm, largest vibration 0.608 of the steady peak."""
+    """The paper's Fig. 8, 5 ms at 12 mm: 0.608 of the steady peak by another solver."""
     assert run(*tables(0.005))["vibration_ratio"] == pytest.approx(0.608, abs=0.005)
 
 

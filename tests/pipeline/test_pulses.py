@@ -19,7 +19,7 @@ def frames_of(duration, phase=0.5):
 
 
 def test_peak_and_duration_are_what_they_are_called():
-    """Equations 5: the printed formula has half the peak at another time; this has not."""
+    """The paper's methods: the printed formula has half the peak at another time; this has not."""
     t_d, peak = 0.01, 12e-6
     assert half_gaussian(t_d, peak, 2 * t_d, t_d) == pytest.approx(peak)
     assert half_gaussian(0.0, peak, 2 * t_d, t_d) == pytest.approx(0.0, abs=1e-18)

@@ -1,7 +1,6 @@
 """Rest values from free frames: truth recovered, outliers ignored, errors that cover."""
 
 import numpy as np
-import pandas as pd
 import pytest
 
 from pipeline import rest_curvature
@@ -101,27 +100,6 @@ def test_free_frames_are_far_or_without_pole():
     distance = np.array([0.0, 0.1e-3, 0.5e-3, np.nan, 0.0])
     known = np.array([True, True, True, True, False])
     np.testing.assert_array_equal(free_frames(distance, known), [False, False, True, False, True])
-
-
-def test_table_columns():
-    rng = np.random.default_rng(4)
-    time, angle = whisking(300, rng)
-    frames = pd.DataFrame(
-        {
-            "whisker": "C2",
-            "time_s": time,
-            "base_angle_deg": np.degrees(angle),
-            "curvature_per_m": 20.0 + 10 * angle,
-            "curvature_per_m_se": 0.3,
-        }
-    )
-    model = fit_rest(20.0 + 10 * angle, np.full(300, 0.09), angle, time, np.full(300, True))
-    out = rest_curvature.add_rest_curvature(frames, {"C2": model})
-    assert "rest_curvature_per_m" not in frames
-    np.testing.assert_allclose(out["curvature_change_per_m"], 0.0, atol=0.05)
-    assert (out["curvature_change_per_m_se"] >= 0.3).all()
-    nothing = rest_curvature.add_rest_curvature(frames, {"C2": None})
-    assert nothing["rest_curvature_per_m"].isna().all()
 
 
 def at_rest(n, rng, swing=0.002):
