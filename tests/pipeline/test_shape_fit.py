@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from pipeline import shape_fit
+from pipeline.rod_results import CURVATURE_REACH_M
 from pipeline.stations import N_STATIONS, Stations
 from whiskermodel import rod
 from whiskermodel.whisker import mouse_c2
@@ -137,7 +138,7 @@ def test_curvature_that_the_rod_does_not_have_is_measured():
     """0.5 1/m more over the window than any rod of this rest shape and load would have."""
     truth, places = touching([0.1])
     along = np.arange(N_STATIONS) * places.spacing[0] - CURVATURE_AT
-    bump = 0.25 * np.where(np.abs(along) < shape_fit.CURVATURE_REACH_M + 1e-5, along**2, 0.0)
+    bump = 0.25 * np.where(np.abs(along) < CURVATURE_REACH_M + 1e-5, along**2, 0.0)
     direction = np.unwrap(np.arctan2(np.gradient(places.y[0]), np.gradient(places.x[0])))
     moved = replace(
         places,

@@ -1,0 +1,157 @@
+"""Gauss–Newton's normal equations of a laid rod and the stations seen, solved by Cholesky."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from pipeline.rod_laying import LOADED, along_normal
+from pipeline.splines import FAST
+
+HUBER = 3.0  # SD beyond which a station counts less
+
+
+class Sums(NamedTuple):
+    """Misfit and weight of every station, normal equations, their solution's parts, and the
+    prior's rest shape `mean`."""
+
+    misfit: np.ndarray
+    weight: np.ndarray
+    share: np.ndarray
+    normal: np.ndarray
+    rhs: np.ndarray
+    lower: np.ndarray
+    inverse: np.ndarray
+    mean: np.ndarray
+
+
+@njit(cache=True)
+def empty_sums(m, terms):
+    """Sums of `m` stations and `terms` rest coefficients to be filled."""
+    square = (LOADED, LOADED)
+    return Sums(
+        np.zeros(m), np.zeros(m), np.zeros(m),
+        np.zeros(square), np.zeros(LOADED), np.zeros(square), np.zeros(square), np.zeros(terms),
+    )  # fmt: skip
+
+
+@njit(cache=True)
+def fill_equations(seen, laid, size, precision, p, sums, chi2, robust):
+    """Fill Gauss–Newton's normal equations; returns the reduced χ² of the misfit."""
+    mean, normal, rhs = sums.mean, sums.normal, sums.rhs
+    terms = len(mean)
+    chi2 = weigh(seen, laid, chi2, robust, sums.misfit, sums.weight)
+    _products(laid.shift, sums.misfit, sums.weight, size, sums.share, normal, rhs)
+    # the covariance is scaled by χ² afterwards, the prior must not be
+    inflate = max(chi2, 1.0) if robust else 1.0
+    for a in range(terms):
+        for b in range(terms):
+            normal[2 + a, 2 + b] += precision[a, b] * inflate
+            rhs[2 + a] += precision[a, b] * inflate * (mean[b] - p[2 + b])
+    return chi2
+
+
+@njit(cache=True, error_model="numpy")
+def weigh(seen, laid, chi2, robust, misfit, weight):
+    """Fill misfit [m] and weight [1/m²] of every station, 0 where none was seen; returns χ²."""
+    info = seen[2]
+    total, count = 0.0, 0
+    for k in range(len(info)):
+        known = info[k] > 0
+        misfit[k] = misfit_of(seen, laid, k) if known else 0.0
+        weight[k] = info[k] if known else 0.0
+        count += known
+    if robust:
+        scale = 1 / max(chi2, 1.0)
+        for k in range(len(info)):
+            weight[k] = robust_weight(weight[k], misfit[k], scale)
+    for k in range(len(info)):
+        total += weight[k] * misfit[k] * misfit[k]
+    return total / max(count - 4, 1)
+
+
+@njit(cache=True, fastmath=FAST)
+def _products(shift, misfit, weight, size, share, normal, rhs):
+    """Fill Σ weight shift shiftᵀ and Σ weight shift misfit of the first `size` parameters."""
+    m = len(misfit)
+    for a in range(size):
+        one, total = shift[a], 0.0
+        for k in range(m):
+            share[k] = weight[k] * one[k]
+            total += share[k] * misfit[k]
+        rhs[a] = total
+        for b in range(a + 1):
+            other, total = shift[b], 0.0
+            for k in range(m):
+                total += share[k] * other[k]
+            normal[a, b] = total
+            normal[b, a] = total
+
+
+@njit(cache=True, inline="always")
+def robust_weight(info, misfit, scale):
+    """Information of a station, less where it lies off by more than HUBER usual misfits.
+
+    `scale`: 1/χ² of all stations, at most 1.
+    """
+    deviation = abs(misfit) * np.sqrt(info * scale)
+    return info * (HUBER / deviation if deviation > HUBER else 1.0)
+
+
+@njit(cache=True, inline="always")
+def misfit_of(seen, laid, k):
+    """How far station `k` was seen to lie beside the rod, along its normal [m]."""
+    return along_normal(laid, k, seen[0][k] - laid.x[k], seen[1][k] - laid.y[k])
+
+
+@njit(cache=True)
+def take_step(size, p, inverse, rhs):
+    """One Gauss–Newton step of `p`; returns its length, of all parameters together, in SD."""
+    step = np.zeros(size)
+    for a in range(size):
+        for b in range(size):
+            step[a] += inverse[a, b] * rhs[b]
+    square = 0.0
+    for a in range(size):
+        square += step[a] * rhs[a]
+    # half a radian at most: the model is laid again before it goes on
+    factor = min(1.0, 0.5 / max(abs(step[1]), 1e-9))
+    for a in range(size):
+        p[a] += factor * step[a]
+    return np.sqrt(max(square, 0.0))
+
+
+@njit(cache=True)
+def invert(matrix, size, lower, inverse):
+    """Inverse of the symmetric leading block by Cholesky; False where it has none to speak of."""
+    scale = np.empty(size)
+    for a in range(size):
+        if not (matrix[a, a] > 0 and np.isfinite(matrix[a, a])):
+            return False
+        scale[a] = 1 / np.sqrt(matrix[a, a])
+    for a in range(size):
+        for b in range(a + 1):
+            total = matrix[a, b] * (scale[a] * scale[b])
+            for k in range(b):
+                total -= lower[a, k] * lower[b, k]
+            if a == b:
+                if not total > 1e-13:
+                    return False
+                lower[a, a] = np.sqrt(total)
+            else:
+                lower[a, b] = total / lower[b, b]
+    for q in range(size):
+        for a in range(size):
+            total = 1.0 if a == q else 0.0
+            for k in range(a):
+                total -= lower[a, k] * inverse[k, q]
+            inverse[a, q] = total / lower[a, a]
+        for a in range(size - 1, -1, -1):
+            total = inverse[a, q]
+            for k in range(a + 1, size):
+                total -= lower[k, a] * inverse[k, q]
+            inverse[a, q] = total / lower[a, a]
+    for a in range(size):
+        for q in range(size):
+            inverse[a, q] *= scale[a] * scale[q]
+    return True
