@@ -8,6 +8,9 @@ __all__ = ["analyse", "read_session"]
 def __getattr__(name):
     """Bring in the public functions when they are asked for: importing them all takes a second."""
     if name == "analyse":
+        from pipeline.compiled_code import drop_stale
+
+        drop_stale()
         from pipeline.run import analyse
 
         return analyse

@@ -240,8 +240,10 @@ def paper(
 
 def main(arguments=None):
     """Run the command; turn expected errors into a message and an exit status."""
+    from pipeline.compiled_code import drop_stale
     from pipeline.workers import THREADS
 
+    drop_stale()
     for name in THREADS:  # the matrices are small: threads would only wait for each other
         os.environ.setdefault(name, "1")
     gc.set_threshold(50_000, 20, 20)  # imports make much that stays: searching it takes 0.2 s

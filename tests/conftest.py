@@ -2,9 +2,12 @@
 
 import pytest
 
+from pipeline.compiled_code import drop_stale
 from synthetic.session import render_trial
 
 FRAMES = 260
+
+drop_stale()
 
 
 @pytest.fixture(scope="session")
