@@ -302,7 +302,10 @@ def _is_whisker(line: Line, model, options) -> bool:
 
 @contextmanager
 def painted(model: ImageModel, lines: list[Line]):
-    """Hold whiskers in the background for a while."""
+    """Hold whiskers, if there are any, in the background for a while."""
+    if not lines:
+        yield
+        return
     size = sum(16 * line.n for line in lines)
     pixels, values, count = np.zeros(size, np.int64), np.zeros(size, np.float32), 0
     for line in lines:

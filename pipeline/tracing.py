@@ -5,7 +5,6 @@ memory does not grow with the video's length.
 """
 
 from collections.abc import Iterable, Iterator
-from contextlib import nullcontext
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -164,7 +163,7 @@ class Tracer:
         lines = {id(t): predicted(t, True) for t in present}
         beside = _neighbours(present, lines)
         for track in present:
-            with self._painted([lines[id(t)] for t in beside[id(track)]]):
+            with detection.painted(self.model, [lines[id(t)] for t in beside[id(track)]]):
                 self._follow(track, image, gain, lines[id(track)])
             lines[id(track)] = track.line or foretold(track.before, None)
         crossing = False
@@ -216,10 +215,6 @@ class Tracer:
         moved = [chord_angle(p) - chord_angle(t.line) for p, t in zip(lines, present, strict=True)]
         for track, turn in zip(present, turns, strict=True):
             track.turns = (float(turn), float(turn + np.median(moved)))
-
-    def _painted(self, lines: list[Line]):
-        """Hold whiskers in the background for a while, if there are any."""
-        return detection.painted(self.model, lines) if lines else nullcontext()
 
     def _drop_doubles(self, present: list[Track]) -> None:
         """Of two tracks on one whisker, give up the one that fits worse."""
