@@ -8,7 +8,7 @@ import pandas as pd
 import pyarrow.parquet as pq
 import pytest
 
-from pipeline import analyse, batch, cli, demo, read_session, tables
+from pipeline import analyse, cli, demo, read_session, tables
 from pipeline.records import CONTACT_COLUMNS
 from pipeline.settings import write_session
 from synthetic.encode import write_video
@@ -17,6 +17,7 @@ from synthetic.scene import Codec
 EDGE_FRAMES = 1  # of onset and offset
 FORCE = 0.05  # relative, of the peak force
 FORCE_UN = 0.5  # or this much
+POLE_PX = 0.5  # of its centre
 FIRST_SHAPES_PX = 0.15  # root mean square over the visible whisker
 
 
@@ -196,7 +197,7 @@ def test_bad_inputs_get_their_message_and_the_others_are_processed(
     ]
 
 
-def test_init_then_run(video, tmp_path, capsys):
+def test_init_then_run(rendered, video, tmp_path, capsys):
     folder = tmp_path / "mine"
     folder.mkdir()
     shutil.copy(video, folder)
@@ -205,7 +206,9 @@ def test_init_then_run(video, tmp_path, capsys):
     assert settings.recording.face == "left"
     assert settings.recording.pixels_per_mm == pytest.approx(25, rel=0.05)
     assert len(settings.whisker) == 1
-    assert settings.pole.position_px is not None
+    pole = tables.read_json(truth_of(rendered, "scene.json"))["pole"]
+    true = 25_000 * pole["x"], -25_000 * pole["y"]
+    np.testing.assert_allclose(settings.pole.position_px, true, atol=POLE_PX)
     text = (folder / "session.toml").read_text("utf-8")
     assert text.count("GUESS") >= 3
     picture = cv2.imread(str(folder / "session_preview.png"))
@@ -230,19 +233,3 @@ def test_demo_prints_contacts_beside_the_truth(rendered, tmp_path, monkeypatch):
     for force in true["peak_force_uN"]:
         assert f"{force:.2f}" in text
     assert str(tmp_path / "demo" / "results" / "report.html") in text
-
-
-def test_a_killed_worker_costs_only_its_video(rendered, video, tmp_path, monkeypatch):
-    """As when the memory runs out: the second run does what is left."""
-    out = tmp_path / "out"
-    events = []
-
-    def killed(function, tasks, on_event, jobs):
-        events.extend(tasks)
-        raise KeyboardInterrupt
-
-    with monkeypatch.context() as patch:
-        patch.setattr(batch, "run_tasks", killed)
-        assert batch.run([video], out).interrupted
-    assert len(events) == 1
-    assert batch.run([video], out).of("done")
