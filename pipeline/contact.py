@@ -334,7 +334,7 @@ def find_contacts(evidence: pd.DataFrame, curvature_at: float = 5.5e-3) -> pd.Da
     """Contact intervals from evidence with `probability`: INTERVAL_COLUMNS, half-open frames."""
     rows = []
     for name in evidence["whisker"].unique():
-        part = evidence[evidence["whisker"] == name].sort_values("frame").reset_index(drop=True)
+        part = _columns(evidence[evidence["whisker"] == name].sort_values("frame"))
         for start, stop in _runs(part):
             if _is_real(part, start, stop):
                 rows.append(_interval(part, name, start, stop, curvature_at))
@@ -342,10 +342,15 @@ def find_contacts(evidence: pd.DataFrame, curvature_at: float = 5.5e-3) -> pd.Da
     return table.astype({"onset_frame": int, "offset_frame": int, "side": int, "slip": bool})
 
 
+def _columns(part) -> dict[str, np.ndarray]:
+    """A table's columns as arrays: looking one up in a table takes longer than what is done."""
+    return {name: part[name].to_numpy() for name in part.columns if name != "whisker"}
+
+
 def _runs(part):
     """Stretches of rows more likely in contact than not, cut where the pole changes sides."""
-    side = part["side"].to_numpy()
-    for start, stop in zip(*_edges_of(part["probability"].to_numpy() > 0.5), strict=True):
+    side = part["side"]
+    for start, stop in zip(*_edges_of(part["probability"] > 0.5), strict=True):
         first = start
         known = np.flatnonzero(side[start:stop]) + start
         for before, after in pairwise(known):
@@ -363,10 +368,10 @@ def _edges_of(mask):
 def _is_real(part, start, stop):
     """Whether there is enough evidence in a run of frames, and a push at its peak."""
     rows = slice(start, stop)
-    if part["log_odds"].to_numpy()[rows].sum() < LEAST_EVIDENCE:
+    if part["log_odds"][rows].sum() < LEAST_EVIDENCE:
         return False
     with np.errstate(invalid="ignore"):
-        push = part["shape_force_N"].to_numpy()[rows] / part["shape_force_se_N"].to_numpy()[rows]
+        push = part["shape_force_N"][rows] / part["shape_force_se_N"][rows]
     return (
         not np.isfinite(push).any()
         or np.nanmax(push) > LEAST_PEAK_SD
@@ -376,7 +381,7 @@ def _is_real(part, start, stop):
 
 def _stands_out(part, rows, column):
     """Whether a force is far above that of free frames, however wrong the rest shape may be."""
-    force, free = part[column].to_numpy(), part["probability"].to_numpy() < 0.5
+    force, free = part[column], part["probability"] < 0.5
     free = free & np.isfinite(force)
     if free.sum() < FEWEST_SURE or not np.isfinite(force[rows]).any():
         return False
@@ -387,12 +392,12 @@ def _stands_out(part, rows, column):
 
 def _interval(part, name, start, stop, curvature_at):
     rows = slice(start, stop)
-    frame = part["frame"].to_numpy()
-    sides = part["side"].to_numpy()
+    frame = part["frame"]
+    sides = part["side"]
     side = int(np.sign(sides[rows].sum())) or 1
     after = sides[stop : stop + SLIP_LOOK_FRAMES]
     slip = len(after) > 0 and np.any(after == -side)
-    probability = part["probability"].to_numpy()[rows]
+    probability = part["probability"][rows]
     flags = _flags(part, start, stop, curvature_at, slip)
     return (
         name, frame[start], frame[stop - 1] + 1, probability.mean(), side, slip, ";".join(flags)
@@ -402,16 +407,16 @@ def _interval(part, name, start, stop, curvature_at):
 def _flags(part, start, stop, curvature_at, slip):
     """What to be careful about in one contact."""
     rows = slice(start, stop)
-    frame = part["frame"].to_numpy()
-    contact = part["contact_m"].to_numpy()[rows]
-    lateral = part["lateral_per_force"].to_numpy()[rows]
+    frame = part["frame"]
+    contact = part["contact_m"][rows]
+    lateral = part["lateral_per_force"][rows]
     with np.errstate(invalid="ignore"):
         tilted = np.nanmin(np.abs(lateral), initial=1.0) < np.cos(LARGE_DEFLECTION_RAD)
         near = np.nanmin(contact, initial=np.inf) < curvature_at + NEAR_CURVATURE_M
-    probability = part["probability"].to_numpy()[rows]
-    rest_known = part["rest_known"].to_numpy(bool)[rows]
+    probability = part["probability"][rows]
+    rest_known = part["rest_known"][rows].astype(bool)
     # without a rest shape no rod is loaded, so that none has a contact
-    lost = part["base_angle_rad"].isna().to_numpy()[rows] | (rest_known & np.isnan(contact))
+    lost = np.isnan(part["base_angle_rad"][rows]) | (rest_known & np.isnan(contact))
     applies = {
         "starts_before": frame[start] == part["frame"].min(),
         "ends_after": frame[stop - 1] == part["frame"].max(),

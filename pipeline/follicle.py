@@ -14,6 +14,7 @@ from dataclasses import replace
 
 import numpy as np
 from numba import njit
+from scipy import ndimage
 
 from pipeline.records import Centrelines
 
@@ -353,11 +354,11 @@ def _running(values):
     if len(values) < SLIDE_FRAMES:
         return values
     half = SLIDE_FRAMES // 2
-    for average in (np.median, np.mean):
-        padded = np.pad(values, half, mode="reflect")
-        windows = np.lib.stride_tricks.sliding_window_view(padded, SLIDE_FRAMES)
-        values = average(windows, axis=1)
-    return values
+    middle = ndimage.median_filter(values, SLIDE_FRAMES, mode="mirror")
+    windows = np.lib.stride_tricks.sliding_window_view(
+        np.pad(middle, half, mode="reflect"), SLIDE_FRAMES
+    )
+    return windows.mean(axis=1)
 
 
 class _Slide:

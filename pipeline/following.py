@@ -512,7 +512,6 @@ def refine(
     set_cap(amplitude, n, cap)
     for step in range(MOST_STEPS):
         splines.smooth(x, y, n, spacing, band, work[10], work[11])
-        n = resample(x, y, n, work[8:10])
         n = start_at_face(x, y, n, outside)
         n = resample(x, y, n, work[8:10])
         if n < SHORTEST:

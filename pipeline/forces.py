@@ -58,6 +58,14 @@ _LOADS = {  # column of the frames: its unit, and in the evidence its share of t
     "base_moment_nN_m": (1e9, "moment_per_force_m", "moment_se_N_m"),
 }
 
+_CONTACT_COURSES = (  # columns of the frames that a contact's row is told from
+    "contact_force_uN",
+    "contact_force_uN_se",
+    "base_moment_nN_m",
+    "axial_force_uN",
+    "contact_arc_length_mm",
+)
+
 BUDGET_COLUMNS = (
     "peak_force_se_uN",
     "tracking_se_uN",
@@ -364,16 +372,20 @@ def contact_table(frames: pd.DataFrame, intervals: pd.DataFrame, recording: Reco
     """
     if len(intervals) == 0:
         return empty_table(CONTACT_COLUMNS)
-    by_whisker = {name: part.sort_values("frame") for name, part in frames.groupby("whisker")}
+    by_whisker = {
+        name: {c: part[c].to_numpy() for c in ("frame", *_CONTACT_COURSES)}
+        for name, part in frames.sort_values("frame", kind="stable").groupby("whisker")
+    }
     rows, numbers = [], {}
     ordered = intervals.sort_values(["whisker", "onset_frame"], kind="stable")
     for interval in ordered.to_dict("records"):
         name = interval["whisker"]
         numbers[name] = numbers.get(name, 0) + 1
         part = by_whisker[name]
-        frame = part["frame"].to_numpy()
-        first, last = np.searchsorted(frame, [interval["onset_frame"], interval["offset_frame"]])
-        row = _contact_row(part.iloc[first:last], recording)
+        inside = slice(
+            *np.searchsorted(part["frame"], [interval["onset_frame"], interval["offset_frame"]])
+        )
+        row = _contact_row({c: part[c][inside] for c in _CONTACT_COURSES}, recording)
         rows.append(
             {
                 "video": video,
@@ -459,16 +471,15 @@ class _Measured(NamedTuple):
         return self.total[at], self.origin[at]
 
 
-def _contact_row(part: pd.DataFrame, recording: Recording) -> dict:
-    """Peaks, mean and impulse over the frames of one contact."""
-    force = part["contact_force_uN"].to_numpy(float)
-    error = part["contact_force_uN_se"].to_numpy(float)
+def _contact_row(part: dict[str, np.ndarray], recording: Recording) -> dict:
+    """Peaks, mean and impulse over the frames of one contact, of which `part` has the courses."""
+    force, error = part["contact_force_uN"], part["contact_force_uN_se"]
     if np.isfinite(error).any():
         # a frame in which something else lies upon the whisker is no peak
         usual = WILD * np.nanmedian(error) + WILD_SHARE * force
         force = np.where(error > usual, np.nan, force)
     if not np.isfinite(force).any():
-        place = part["contact_arc_length_mm"].to_numpy(float)
+        place = part["contact_arc_length_mm"]
         return {
             "contact_arc_length_mm": np.nanmedian(place) if np.isfinite(place).any() else np.nan
         }

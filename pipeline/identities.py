@@ -8,6 +8,7 @@ together fit best.
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from scipy.optimize import linear_sum_assignment
 
 from pipeline.detection import Line, TracingOptions
@@ -88,14 +89,32 @@ def misfits(seen, known, sd, shifts=(0.0,)) -> np.ndarray:
     sd : (4,) their standard deviations
     shifts : changes of all angles since `known` [rad]
     """
-    off = (seen[:, None, :] - known[None, :, :]) / sd
-    # something may hide a tip: a short line is less strange than a long one
-    off[..., LENGTH] = np.where(off[..., LENGTH] < 0, 0.5 * off[..., LENGTH], off[..., LENGTH])
-    square = np.nan_to_num(off**2)
-    square[..., THICKNESS:] = np.minimum(square[..., THICKNESS:], FARTHEST**2 / 2)
-    turn = off[..., ANGLE] * sd[ANGLE] - np.asarray(shifts)[:, None, None]
-    turn = (np.mod(turn + np.pi, 2 * np.pi) - np.pi) / sd[ANGLE]
-    return square[..., [PLACE, THICKNESS, LENGTH]].sum(axis=-1) + turn**2
+    return _misfits(*(np.asarray(a, float) for a in (seen, known, sd, shifts)))
+
+
+@njit(cache=True)
+def _misfits(seen, known, sd, shifts):
+    out = np.zeros((len(shifts), len(seen), len(known)))
+    for i in range(len(seen)):
+        for j in range(len(known)):
+            total, turn = 0.0, 0.0
+            for k in range(4):
+                off = (seen[i, k] - known[j, k]) / sd[k]
+                if k == ANGLE:
+                    turn = off * sd[k]
+                    continue
+                # something may hide a tip: a short line is less strange than a long one
+                if k == LENGTH and off < 0:
+                    off *= 0.5
+                square = off * off
+                if k >= THICKNESS:
+                    square = min(square, FARTHEST**2 / 2)
+                if not np.isnan(square):
+                    total += square
+            for s in range(len(shifts)):
+                left = np.mod(turn - shifts[s] + np.pi, 2 * np.pi) - np.pi
+                out[s, i, j] = total + (left / sd[ANGLE]) ** 2
+    return out
 
 
 @dataclass(frozen=True)

@@ -126,13 +126,14 @@ def width_correction(sums, n, amplitude, baseline, first, last):
     return top / bottom
 
 
-def gain_points(background, mask, step=12):
+def gain_points(background, mask, rows=24, columns=6):
     """A grid of the pixels in `mask` by which `frame_gain` compares frames with a background.
 
+    Every so many rows and columns: pixels of a row come from memory together.
     Returns their places in the flat picture, int64 (k,), and 1/background there, float32 (k,).
     """
     grid = np.zeros(mask.shape, bool)
-    grid[step // 2 :: step, step // 2 :: step] = True
+    grid[rows // 2 :: rows, columns // 2 :: columns] = True
     places = np.flatnonzero(grid & mask)
     return places, (1 / background.ravel()[places]).astype(np.float32)
 

@@ -9,6 +9,8 @@ import cv2
 import numpy as np
 from numba import njit
 
+from pipeline.splines import FAST
+
 SCALE_PX = 1.6  # SD of the differentiating Gaussian
 LOW, HIGH = 2.5, 5.0  # standard deviations of the noise: to go on along a line, to start one
 
@@ -53,9 +55,22 @@ def ridge_points(absorbance, noise_sd, scale=SCALE_PX):
     few = np.s_[3::7, 3::7]
     response_sd *= _excess_noise(axx[few], response_sd * noise_sd[few], absorbance[few])
     index = np.full(absorbance.shape, -1, np.int32)
-    points = np.empty((np.count_nonzero(absorbance), 5))
+    points = np.empty((absorbance.size, 5))
     count = _points(ax, ay, axx, ayy, axy, noise_sd, response_sd, index, points)
     return index, points[:count]
+
+
+@njit(cache=True, fastmath=FAST)
+def _may_be_strong(xx, yy, xy, noise_sd, limit, out):
+    """Fill `out`: whether the response at a row's pixels is above `limit` SDs, rounding left out.
+
+    Most pixels are below, and that is told without a root, many at a time.
+    """
+    half, nearly = np.float32(0.5), np.float32(1 - 1e-4)
+    for i in range(len(out)):
+        least = half * (xx[i] + yy[i]) + limit * noise_sd[i]
+        apart = half * (xx[i] - yy[i])
+        out[i] = (least <= 0) | (apart * apart + xy[i] * xy[i] >= nearly * least * least)
 
 
 @njit(cache=True)
@@ -63,13 +78,14 @@ def _points(ax, ay, axx, ayy, axy, noise_sd, response_sd, index, points):
     """Fill `index` and `points` (see ridge_points) from the derivatives; return their number."""
     height, width = index.shape
     count = 0
+    strong = np.empty(width, np.bool_)
+    limit = np.float32(LOW * response_sd)
     for row in range(height):
+        _may_be_strong(axx[row], ayy[row], axy[row], noise_sd[row], limit, strong)
         for column in range(width):
-            xx, yy, xy = axx[row, column], ayy[row, column], axy[row, column]
-            # most pixels are below LOW, which tells without a root (and some rounding)
-            least = 0.5 * (xx + yy) + LOW * response_sd * noise_sd[row, column]
-            if least > 0 and (0.5 * (xx - yy)) ** 2 + xy * xy < (1 - 1e-5) * least * least:
+            if not strong[column]:
                 continue
+            xx, yy, xy = axx[row, column], ayy[row, column], axy[row, column]
             # the more negative eigenvalue: across a line of absorbance
             lam = 0.5 * (xx + yy) - np.sqrt((0.5 * (xx - yy)) ** 2 + xy * xy)
             strength = -lam / (response_sd * noise_sd[row, column])
@@ -237,9 +253,9 @@ def _gap_costs(places, directions, longest_gap):
     for a in range(len(places)):
         for b in range(a + 2 - a % 2, len(places)):
             gx, gy = places[b, 0] - places[a, 0], places[b, 1] - places[a, 1]
-            length = np.hypot(gx, gy)
-            if length > longest_gap:
+            if gx * gx + gy * gy > longest_gap * longest_gap:
                 continue
+            length = np.sqrt(gx * gx + gy * gy)
             ax, ay = directions[a]
             bx, by = directions[b]
             if ax * bx + ay * by > -0.9:

@@ -1,6 +1,7 @@
 """Which whiskers a video shows: lines of some frames brought together, whisker by whisker."""
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -41,6 +42,7 @@ class _Group:
     raw: dict = field(default_factory=dict)
 
     def add(self, frame, line, signature, shift):
+        self.__dict__.pop("signature", None)  # of those before
         self.raw[int(frame)] = signature
         signature = signature.copy()
         signature[identities.ANGLE] -= shift
@@ -56,7 +58,7 @@ class _Group:
             self.raw | other.raw,
         )
 
-    @property
+    @cached_property
     def signature(self):
         return np.nanmedian(self.signatures, axis=0)
 
