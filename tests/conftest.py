@@ -1,18 +1,24 @@
 """A short rendered session, made once per test run, for all who need a real video."""
 
+import os
+
 import pytest
 
 from pipeline.compiled_code import drop_stale
-from synthetic.session import render_trial
+from pipeline.workers import THREADS
+
+for name in THREADS:  # before NumPy is loaded: the matrices are small, threads only wait
+    os.environ.setdefault(name, "1")
+drop_stale()
 
 FRAMES = 260
-
-drop_stale()
 
 
 @pytest.fixture(scope="session")
 def rendered(tmp_path_factory):
     """A folder with a video of 260 frames, its session.toml and its truth/<stem>/ tables."""
+    from synthetic.session import render_trial
+
     folder = tmp_path_factory.mktemp("rendered")
     render_trial(folder, "single", seed=0, trial=0, frames=FRAMES)
     return folder
