@@ -16,7 +16,8 @@ SHORTEST = 12  # nodes that a line needs to be one
 MOST_STEPS = 4  # of Gauss–Newton
 STILL_SEEN = 0.95  # part of a line in the next frame, where it is just as foretold
 SHORT_STEP = 0.1  # px: what this leaves out is some thousandths of a pixel's error
-BEYOND_TIP, TIP_STEP = 30, 0.4  # nodes, px: where it moves more there, the tip is still sought
+BEYOND_TIP, TIP_STEP = 30, 0.4  # nodes, px: where it moves more there, the tip is still sought, …
+SAME_TIP = 1  # … unless it was within so many nodes where it is now the step before
 OVERSHOOT = 4  # nodes by which the windowed absorbance reaches over a line's end
 WIDEST_GAP = 8  # bridges: longer stretches without pixels are not crossed
 STATION = 2  # nodes between two cross-sections of the capture step
@@ -506,7 +507,7 @@ def refine(
     """
     if n < SHORTEST:
         return 0, 0.0
-    end, known = 0, n
+    end, before, known = 0, 0, n
     n = start_at_face(x, y, n, outside)
     n = extend(x, y, n, False, bridge + 12, 40)
     set_cap(amplitude, n, cap)
@@ -518,12 +519,14 @@ def refine(
             return 0, 0.0
         measure(image, background, weight, gain, x, y, n, cap, sigma, widths, sums, work)
         seen = max(min(n, int(min(longest, n))), 2)
+        before = end
         end = visible_end(work[2], work[4], sums, seen, 4.0, WIDEST_GAP * bridge)
         fit_offset(x, y, n, spacing, STIFFNESS, work, band, rhs)
         move(x, y, n, work)
         tip = min(end + BEYOND_TIP, n)
         largest = _largest(work[7], end)
-        if largest < SHORT_STEP and _largest(work[7], tip) < TIP_STEP:
+        stays = step > 0 and abs(end - before) <= SAME_TIP
+        if largest < SHORT_STEP and (stays or _largest(work[7], tip) < TIP_STEP):
             break
         if step == 0 and farthest < np.inf and (largest > farthest or end < STILL_SEEN * known):
             return 0, 0.0
