@@ -15,6 +15,7 @@ from pipeline.inputs import (
     STATE_FILE,
     InputError,
     find_inputs,
+    readable,
     results_folders,
     settings_of,
     sha256,
@@ -119,7 +120,7 @@ def run(paths, out, config=None, jobs=1, overwrite=False, overlay=False, progres
     for each in inputs:
         if each.fault:
             name = names[each.path]
-            outcomes[name] = Outcome(name, str(each.path), "failed", message=each.fault)
+            outcomes[name] = Outcome(name, readable(each.path), "failed", message=each.fault)
     if jobs == 1 or len(due) == 1:
         due = [replace(task, threads=0) for task in due]
     interrupted = _process(due, outcomes, jobs, progress)
@@ -352,7 +353,7 @@ def _run_record(summary, jobs) -> dict:
         "program": "whiskerforce",
         "version": __version__,
         "finished": datetime.now(UTC).isoformat(timespec="seconds"),
-        "command": sys.argv[1:],
+        "command": [readable(argument) for argument in sys.argv[1:]],
         "python": platform.python_version(),
         "platform": platform.platform(),
         "jobs": jobs,

@@ -7,6 +7,7 @@ import gc
 import os
 import signal
 import sys
+import traceback
 from pathlib import Path
 from typing import Annotated
 
@@ -247,6 +248,9 @@ def main(arguments=None):
     for name in THREADS:  # the matrices are small: threads would only wait for each other
         os.environ.setdefault(name, "1")
     gc.set_threshold(50_000, 20, 20)  # imports make much that stays: searching it takes 0.2 s
+    for stream in (sys.stdout, sys.stderr):
+        if hasattr(stream, "reconfigure"):  # not every console has every letter of a file's name
+            stream.reconfigure(errors="replace")
     arguments = sys.argv[1:] if arguments is None else list(arguments)
     try:
         app(arguments, standalone_mode=True)
@@ -255,7 +259,7 @@ def main(arguments=None):
         sys.exit(INTERRUPTED)
     except Exception as error:
         if "--debug" in arguments:
-            raise
+            traceback.print_exc()
         typer.echo(_explain(error), err=True)
         sys.exit(UNUSABLE if _is_unusable(error) else FAILED)
 

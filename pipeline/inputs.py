@@ -70,7 +70,9 @@ def _is_result(folder, out) -> bool:
 
 
 def _fault(path) -> str:
-    """Why a folder is no input; files are only opened when their turn comes."""
+    """Why a folder or a name is no input; files are only opened when their turn comes."""
+    if readable(path.resolve()) != str(path.resolve()):
+        return "has a name that is no text (a wrong character set?): rename it"
     if not path.is_dir():
         return ""
     try:
@@ -78,6 +80,11 @@ def _fault(path) -> str:
     except VideoError as error:
         return error.problem
     return ""
+
+
+def readable(path) -> str:
+    """A path as text that any file can hold; "?" for what is no character."""
+    return str(path).encode("utf-8", "replace").decode("utf-8")
 
 
 def session_of(each: Input, config=None) -> Path:
@@ -151,7 +158,7 @@ def results_folders(inputs, out) -> dict:
 def _stem(path) -> str:
     """Name for results of `path`; the folder's own name where the path is `.`."""
     path = path if path.name not in ("", "..") else path.resolve()
-    return (path.name if path.is_dir() else path.stem) or "video"
+    return readable((path.name if path.is_dir() else path.stem) or "video")
 
 
 def _free_name(stem, taken) -> str:

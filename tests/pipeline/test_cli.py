@@ -1,5 +1,6 @@
 """The command: exit status, messages, quick start, and no traceback unless asked for."""
 
+import os
 import subprocess
 import sys
 
@@ -122,8 +123,21 @@ def test_faults_of_the_program_show_a_traceback_only_on_demand(monkeypatch, caps
     assert "ZeroDivisionError: oops" in captured.err
     assert "--debug" in captured.err
     assert "Traceback" not in captured.err
-    with pytest.raises(ZeroDivisionError):
-        cli.main(["run", "x", "--out", "y", "--debug"])
+    assert exit_code("run", "x", "--out", "y", "--debug") == 1
+    assert "Traceback" in capsys.readouterr().err
+
+
+def test_debug_leaves_the_exit_status_as_it_is(capsys, tmp_path):
+    assert exit_code("--debug", "run", tmp_path / "nowhere", "--out", tmp_path / "out") == 2
+    assert "Traceback" in capsys.readouterr().err
+
+
+def test_a_console_without_the_letters_of_a_name_gets_the_rest(tmp_path):
+    command = [sys.executable, "-m", "pipeline.cli", "figures", str(tmp_path / "漢字")]
+    environment = {**os.environ, "PYTHONIOENCODING": "cp1252:strict", "PYTHONUTF8": "0"}
+    out = subprocess.run(command, env=environment, capture_output=True)
+    assert out.returncode == 2
+    assert b"??: no contacts.csv in it" in out.stderr
 
 
 def test_help_and_version(capsys):

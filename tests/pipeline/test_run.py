@@ -3,6 +3,7 @@
 import json
 import os
 import shutil
+import sys
 from types import SimpleNamespace
 
 import numpy as np
@@ -299,6 +300,16 @@ def test_equal_stems_get_distinct_folders_and_keep_them(folder, calls, tmp_path)
 
 def test_an_input_named_twice_is_processed_once(folder, calls, tmp_path):
     batch.run([folder, folder / "a.avi", folder / ".." / "videos"], tmp_path / "results")
+    assert calls == ["a.avi", "b.avi"]
+
+
+@pytest.mark.skipif(sys.platform in ("win32", "darwin"), reason="has no such names")
+def test_a_name_that_is_no_text_is_refused_and_costs_no_other(folder, calls, tmp_path):
+    path = os.fsencode(folder) + b"/w\xff.avi"
+    with open(path, "wb") as file:
+        file.write(b"w.avi")
+    batch.run([folder], tmp_path / "results")
+    assert statuses(tmp_path / "results") == {"a": "done", "b": "done", "w?": "failed"}
     assert calls == ["a.avi", "b.avi"]
 
 
