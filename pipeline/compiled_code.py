@@ -6,6 +6,7 @@ be mixed.
 """
 
 import json
+import os
 import re
 from pathlib import Path
 
@@ -37,7 +38,9 @@ def drop_stale(root=ROOT, packages=PACKAGES) -> list[Path]:
                 index.unlink(missing_ok=True)
                 removed.append(index)
         stamps.parent.mkdir(exist_ok=True)
-        stamps.write_text(json.dumps(now))
+        part = stamps.with_suffix(f".{os.getpid()}.part")
+        part.write_text(json.dumps(now))
+        part.replace(stamps)  # another process never reads a half
     except OSError:
         pass
     return removed
