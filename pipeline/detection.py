@@ -196,7 +196,8 @@ def detect(
         if _is_whisker(line, model, options):
             lines.append(line)
     lines.sort(key=lambda line: -contrast_length(line))
-    return without_doubles(lines, near_px)
+    lines = without_doubles(lines, near_px)
+    return _uncrossed_anew(image, model, gain, options, workspace, lines)
 
 
 def same_px(options: TracingOptions) -> float:
@@ -234,12 +235,18 @@ def detect_crowded(
             with painted(model, [*known, *(other for other in lines if other is not line)]):
                 refine(image, model, gain, line, options, workspace)
         lines = [line for line in lines if _is_whisker(line, model, options)]
-    for line in uncrossed(lines):
-        with painted(model, [*known, *(other for other in lines if other is not line)]):
-            refine(image, model, gain, line, options, workspace)
-    lines = [line for line in lines if _is_whisker(line, model, options)]
+    lines = _uncrossed_anew(image, model, gain, options, workspace, lines, known)
     lines.sort(key=lambda line: -contrast_length(line))
     return without_doubles(lines, near_px)
+
+
+def _uncrossed_anew(image, model, gain, options, workspace, lines, known=()) -> list[Line]:
+    """The same lines, of which crossing ones that have changed far parts are fitted again."""
+    changed = uncrossed(lines)
+    for line in changed:
+        with painted(model, [*known, *(other for other in lines if other is not line)]):
+            refine(image, model, gain, line, options, workspace)
+    return [line for line in lines if not changed or _is_whisker(line, model, options)]
 
 
 def uncrossed(lines) -> list[Line]:

@@ -45,6 +45,7 @@ NEAR_SHIFTS = np.radians([-8, -4, 0, 4, 8])  # of all angles, where some whisker
 KEPT = 0.95  # part of two lines that must still be found when they have exchanged far parts
 CHECK_EVERY = 5  # frames between two checks of who is who
 DOUBTFUL = 0.4  # confidence is lowered to this part while it is not known who is who
+RELIT = 0.3  # change of the light from one frame to the next: what was too dark may be seen
 SEARCH_EVERY = 20  # frames between two full detections while a whisker is missing
 
 
@@ -123,6 +124,7 @@ class Tracer:
         self.change_scene(scene)
         self.since_search = SEARCH_EVERY
         self.since_check = 0
+        self.gain = 1.0
         self.frame = -1
         self.exchanges = []  # (one, other, first frame) of whiskers that had changed places
         self.ruler = Ruler.of(scene.face_side, options)
@@ -141,12 +143,13 @@ class Tracer:
     def step(self, image) -> list[Track]:
         """Advance by one frame; return the tracks, `line` None where a whisker is lost."""
         self.frame += 1
-        gain = self.model.gain(image)
+        gain, before = self.model.gain(image), self.gain
+        relit, self.gain = abs(gain - before) > RELIT * max(gain, before), gain
         self._follow_all(image, gain)
         missing = [t for t in self.tracks if t.line is None]
         self.since_search += 1
         just_lost = any(t.lost_for in (1, 2) for t in missing)
-        if missing and (just_lost or self.since_search >= SEARCH_EVERY):
+        if missing and (just_lost or relit or self.since_search >= SEARCH_EVERY):
             self._search(missing, image, gain)
             self.since_search = 0
         self.since_check += 1

@@ -124,7 +124,15 @@ def test_no_whisker_gives_an_empty_roster(noisy):
     assert find_roster([image] * 3, noisy.scene, noisy.options, ["C2"]) == []
 
 
-def test_whiskers_that_cross_at_the_face_when_the_video_begins():
+def test_whiskers_are_found_as_soon_as_the_light_is_on(noisy):
+    dark = np.zeros_like(noisy.images[0])
+    frames = [dark] * 6 + noisy.images[:4] + [dark] * 5 + noisy.images[4:8]
+    (lines,) = trace(frames, noisy.scene, noisy.roster, noisy.options)
+    assert sorted(set(lines.frame.tolist())) == [*range(6, 10), *range(15, 19)]
+
+
+@pytest.mark.parametrize("first", [0.2, 0.3])
+def test_whiskers_that_cross_at_the_face_when_the_video_begins(first):
     rng = np.random.default_rng(0)
     rows, columns = np.mgrid[:320, :420]
     bases, start = (140.0, 165.0), 40.0  # px
@@ -143,7 +151,7 @@ def test_whiskers_that_cross_at_the_face_when_the_video_begins():
     scene = scene_from_frames(known, recording, None, None, 5)
     options = options_for(recording, [14e-3, 14e-3], [HIDDEN, HIDDEN])
     roster = find_roster(known, scene, options, ["A", "B"])
-    true = [(0.2 - 0.01 * k, -0.2 + 0.01 * k) for k in range(5)]
+    true = [(first - 0.01 * k, -first + 0.01 * k) for k in range(5)]
     (lines,) = trace([frame(a) for a in true], scene, roster, options)
     assert len(lines) == 2 * len(true)
     for row in range(len(lines)):
