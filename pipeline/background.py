@@ -306,12 +306,13 @@ def _long_parts(thin, shortest_px, at=None):
     return keep[labels]
 
 
-def without_whiskers(background: Background, face: np.ndarray, pixels_per_mm, fur=True):
+def without_whiskers(background: Background, face: np.ndarray, pixels_per_mm, fur=True, pole=None):
     """Return the image with whiskers that never moved filled from their surroundings.
 
     They are the long thin dark lines that come out of the face (bool mask); shorter lines are
     fur, and lines elsewhere scratches and wires: these stay, as they should in a background.
-    Where there is no `fur`, shorter ones are the whiskers' bases, about which they turn.
+    Where there is no `fur`, shorter ones are the whiskers' bases, about which they turn. What
+    leaves the `pole` (bool mask) on which such a line ends is the same whisker's other part.
     """
     movie = background.n_frames >= MOVIE_FRAMES
     share = 1 / background.n_frames if movie else 1.0  # of the variance left in the average
@@ -319,10 +320,16 @@ def without_whiskers(background: Background, face: np.ndarray, pixels_per_mm, fu
     thin = thin_dark_lines(background.image, pixels_per_mm, noise, face) & ~face
     shortest = SHORTEST_STILL_MM if movie else SHORTEST_WHISKER_MM
     shortest = shortest if fur else SHORTEST_BASE_MM
-    whiskers = _long_lines_at(face, thin, pixels_per_mm, shortest * pixels_per_mm)
+    lines = thin if pole is None else thin | _surroundings(pole, pixels_per_mm)
+    whiskers = thin & _long_lines_at(face, lines, pixels_per_mm, shortest * pixels_per_mm)
     if not movie:
         return smooth_flat_parts(background.image, whiskers, pixels_per_mm, noise)
     return fill(background.image, whiskers) if whiskers.any() else background.image
+
+
+def _surroundings(pole, pixels_per_mm):
+    """The pole and what is so near to it that no thin lines are told there, bool mask."""
+    return cv2.dilate(pole.astype(np.uint8), _square(THICKEST_LINE_MM * pixels_per_mm)) > 0
 
 
 def _long_lines_at(face, thin, pixels_per_mm, shortest_px):

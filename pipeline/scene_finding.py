@@ -136,7 +136,7 @@ def scene_from_frames(
         pole = find_pole(behind.transmission, radius_px, pole_xy, face, passed_over)
     obstacles = find_obstacles(transmission, face, pole, scale)
     return StaticScene(
-        background=without_whiskers(background, face, scale, fur),
+        background=without_whiskers(background, face, scale, fur, _disc(pole, face.shape)),
         noise_gain=background.noise_gain,
         noise_floor=background.noise_floor,
         face_mask=face,
@@ -163,10 +163,17 @@ def find_obstacles(transmission, face, pole, pixels_per_mm) -> np.ndarray:
     keep[0] = False
     mask = keep[labels]
     if pole is not None:
-        around = np.zeros(mask.shape, np.uint8)
-        sixteenths = (round(16 * pole.x_px), round(16 * pole.y_px)), round(16 * pole.radius_px)
-        mask |= cv2.circle(around, *sixteenths, 1, cv2.FILLED, shift=4) > 0
+        mask |= _disc(pole, mask.shape)
     return mask & ~face
+
+
+def _disc(pole, shape):
+    """The pole's pixels, bool (height, width); None without a pole."""
+    if pole is None:
+        return None
+    around = np.zeros(shape, np.uint8)
+    sixteenths = (round(16 * pole.x_px), round(16 * pole.y_px)), round(16 * pole.radius_px)
+    return cv2.circle(around, *sixteenths, 1, cv2.FILLED, shift=4) > 0
 
 
 def _constant_track(pole, n_frames):

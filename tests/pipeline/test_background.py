@@ -191,6 +191,22 @@ class TestOneFrame:
         whisker = place_of_whisker(0.1) & (scene > 80) & (np.arange(WIDTH) < 215)
         assert abs((image - scene)[whisker].mean()) < BURNED_IN
 
+    def test_a_whisker_that_rests_on_a_pole_is_removed_beyond_it_too(self):
+        clean, _ = still_scene()
+        whisker = place_of_whisker(0.1)
+        rows, columns = np.mgrid[:HEIGHT, :WIDTH]
+        lowest = rows[whisker & (columns == 160)].max()
+        pole = np.hypot(columns - 160, rows - lowest - 5) <= 7  # px; it hides some
+        clean[pole] = 6
+        rng = np.random.default_rng(0)
+        frames = np.stack([expose(with_whisker(clean, 0.1), rng) for _ in range(12)])
+        background = estimate_background(frames, SCALE)
+        beyond = whisker & (columns > 90) & (columns < 140)
+        image = without_whiskers(background, face_of(clean), SCALE, True, pole)
+        assert abs((clean - image)[beyond].mean()) < BURNED_IN
+        image = without_whiskers(background, face_of(clean), SCALE)  # a line of its own
+        assert (clean - image)[beyond].mean() > 10 * BURNED_IN
+
     def test_short_hairs_and_lines_away_from_the_face_stay(self):
         scene, _ = still_scene()
         cv2.line(scene, (100, 180), (200, 170), 60, 2, cv2.LINE_AA)  # a scratch
