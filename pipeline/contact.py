@@ -13,6 +13,7 @@ from itertools import pairwise
 import numpy as np
 import pandas as pd
 from numba import njit
+from scipy.ndimage import binary_dilation
 from scipy.special import erfcx, log_ndtr
 
 from pipeline import forces
@@ -34,6 +35,9 @@ LEAST_EVIDENCE = 12.0  # summed log-likelihood ratio below which a contact is no
 SHORTEST_S = 1.5e-3  # what is over sooner is a slip of the tracer
 LEAST_PEAK_SD = 3.5  # peak force in standard errors
 CLEAR_PEAK_SCATTER = 8.0  # or, of both estimates, in what they scatter by in free frames
+SURELY_FREE = 1e-3  # probability of contact below which a frame tells the rest shape
+MUCH_MORE = 1.0  # near the pole than farther off, of free frames: worth another fit
+BESIDE_FRAMES, FEWEST_HELD = 6, 3  # before and after a contact; as many as count, and as must
 SLIP_LOOK_FRAMES = 4  # so many frames after the end in which the pole has changed sides
 LARGE_DEFLECTION_RAD = 0.6
 NEAR_CURVATURE_M = 1.0e-3
@@ -153,8 +157,8 @@ def measure_touch(
         if whisker is None:
             length = (N_STATIONS - 1) * places.spacing[index]
             whisker = nominal_whisker(name, length / 1.03, 0.0)
-        evidence, measured = forces.measure_forces(
-            own, whisker, frames.loc[rows], curvature_at, friction
+        evidence, measured = _measure(
+            own, whisker, frames.loc[rows], curvature_at, friction, pixels_per_m
         )
         follicle = measured.pop("follicle_x_m"), measured.pop("follicle_y_m")
         for column in measured:
@@ -175,6 +179,26 @@ def measure_touch(
     return frames, as_table(evidence, EVIDENCE_COLUMNS)
 
 
+def _measure(own, whisker, kinematics, curvature_at, friction, pixels_per_m):
+    """Forces of one whisker; again, where frames near the pole tell more of its rest shape."""
+    rod = own, whisker, kinematics, curvature_at, friction
+    evidence, measured = forces.measure_forces(*rod)
+    if pixels_per_m is None or not np.isfinite(own.pole_x).any():
+        return evidence, measured
+    far = forces.far_from_pole(own)
+    free = np.isfinite(own.last) & _surely_free(evidence, pixels_per_m)
+    if np.count_nonzero(free & ~far) < MUCH_MORE * np.count_nonzero(far):
+        return evidence, measured
+    return forces.measure_forces(*rod, free | far)
+
+
+def _surely_free(evidence, pixels_per_m):
+    """Frames free of touch, as first measured, and with them their neighbours."""
+    log_odds = _frame_log_odds(evidence, pixels_per_m)
+    touching = _posterior(log_odds, CONTACT_STARTS, CONTACT_ENDS) > SURELY_FREE
+    return ~binary_dilation(touching)
+
+
 # Probability per frame ---------------------------------------------------------------------
 
 
@@ -188,7 +212,7 @@ def add_probability(evidence: pd.DataFrame, recording: Recording) -> pd.DataFram
         part = evidence.loc[rows].sort_values("frame")
         if not part["pole_known"].any():
             continue
-        log_odds = _frame_log_odds(part, recording)
+        log_odds = _frame_log_odds(part, recording.pixels_per_m)
         evidence.loc[part.index, "log_odds"] = log_odds
         probability = _posterior(log_odds, CONTACT_STARTS, CONTACT_ENDS)
         shortest = SHORTEST_S * recording.frames_per_second
@@ -206,21 +230,21 @@ def _passes_over(part, probability):
     return np.count_nonzero(part["across"]) > np.count_nonzero(probability > 0.5)
 
 
-def _frame_log_odds(part, recording):
+def _frame_log_odds(part, pixels_per_m):
     """Log-likelihood ratio of contact to no contact of every frame on its own.
 
     The gap's offset (radius of the pole, blur) and scatter in contact are learnt from the
     video, for both sides, together with the frames that touch.
     """
-    gap, gap_sd, force, force_sd, cov = _observations(part, recording)
+    gap, gap_sd, force, force_sd, cov = _observations(part, pixels_per_m)
     # an untraced frame says nothing, one without a pole that there is no touch
     side = part["side"].to_numpy()
     absent = ~part["pole_known"].to_numpy(bool) & part["nearest_m"].isna().to_numpy()
     absent &= part["base_angle_rad"].notna().to_numpy()
-    least = LEAST_GAP_SD_PX / recording.pixels_per_m
+    least = LEAST_GAP_SD_PX / pixels_per_m
     with np.errstate(invalid="ignore"):
         pushed = force > SURE_PUSH_SD * force_sd
-        near = pushed & (np.abs(gap) < FARTHEST_OFFSET_PX / recording.pixels_per_m)
+        near = pushed & (np.abs(gap) < FARTHEST_OFFSET_PX / pixels_per_m)
     # before anything is known: what is strongly pushed, and not far, touches
     sure = np.zeros(len(part), bool)
     for s in (-1, 1):
@@ -244,13 +268,13 @@ def _frame_log_odds(part, recording):
     return odds
 
 
-def _observations(part, recording):
+def _observations(part, pixels_per_m):
     """Gap and force with standard deviations and covariance, in metres and newtons.
 
     Where no rod could be fitted the traced distance stands in, and no force.
     """
     column = {c: part[c].to_numpy(float) for c in part if c not in ("whisker",)}
-    traced_sd = 0.4 / recording.pixels_per_m
+    traced_sd = 0.4 / pixels_per_m
     fitted = np.isfinite(column["gap_m"]) & np.isfinite(column["shape_force_se_N"])
     fitted &= column["rest_known"] == 1
     gap = np.where(fitted, column["gap_m"], column["distance_m"])
@@ -335,9 +359,8 @@ def find_contacts(evidence: pd.DataFrame, curvature_at: float = 5.5e-3) -> pd.Da
     rows = []
     for name in evidence["whisker"].unique():
         part = _columns(evidence[evidence["whisker"] == name].sort_values("frame"))
-        for start, stop in _runs(part):
-            if _is_real(part, start, stop):
-                rows.append(_interval(part, name, start, stop, curvature_at))
+        for start, stop in _real_runs(part):
+            rows.append(_interval(part, name, start, stop, curvature_at))
     table = pd.DataFrame(rows, columns=list(INTERVAL_COLUMNS))
     return table.astype({"onset_frame": int, "offset_frame": int, "side": int, "slip": bool})
 
@@ -365,18 +388,57 @@ def _edges_of(mask):
     return np.flatnonzero(change == 1), np.flatnonzero(change == -1)
 
 
-def _is_real(part, start, stop):
-    """Whether there is enough evidence in a run of frames, and a push at its peak."""
+def _real_runs(part):
+    """Runs with enough evidence, and a push at their peak; or held at a place of such ones."""
+    odds, side = part["log_odds"], part["side"]
+    runs = [run for run in _runs(part) if odds[slice(*run)].sum() >= LEAST_EVIDENCE]
+    sides = [np.sign(side[slice(*run)].sum()) for run in runs]
+    firm = [_is_pushed(part, *run) for run in runs]
+    frames = {
+        s: sum(
+            b - a for (a, b), own, yes in zip(runs, sides, firm, strict=True) if yes and own == s
+        )
+        for s in set(sides)
+    }
+    return [
+        run
+        for run, own, yes in zip(runs, sides, firm, strict=True)
+        if yes or (frames[own] >= FEWEST_SURE and _is_pushed_more_than_beside(part, *run))
+    ]
+
+
+def _is_pushed(part, start, stop):
+    """Whether a force stands out at its peak, by its error or among those of free frames."""
     rows = slice(start, stop)
-    if part["log_odds"][rows].sum() < LEAST_EVIDENCE:
-        return False
+    return _pushes(part, rows) or all(
+        _stands_out(part, rows, f"{method}_force_N") for method in forces.METHODS
+    )
+
+
+def _pushes(part, rows):
+    """Whether a force is above its standard error at its peak; True where none is known."""
     with np.errstate(invalid="ignore"):
         push = part["shape_force_N"][rows] / part["shape_force_se_N"][rows]
-    return (
-        not np.isfinite(push).any()
-        or np.nanmax(push) > LEAST_PEAK_SD
-        or all(_stands_out(part, rows, f"{method}_force_N") for method in forces.METHODS)
+    return not np.isfinite(push).any() or np.nanmax(push) > LEAST_PEAK_SD
+
+
+def _is_pushed_more_than_beside(part, start, stop):
+    """Whether the force is clearly larger than just before and after.
+
+    Where the rest shape is not well known, neither is the force; but its errors are those of the
+    free frames beside, too.
+    """
+    force = part["shape_force_N"]
+    free = np.where(part["probability"] < 0.5, force, np.nan)
+    before, after = free[max(start - BESIDE_FRAMES, 0) : start], free[stop : stop + BESIDE_FRAMES]
+    beside, inside = (
+        each[np.isfinite(each)] for each in (np.append(before, after), force[start:stop])
     )
+    if min(len(beside), len(inside)) < FEWEST_HELD:
+        return False
+    noise = 1.4826 * np.nanmedian(np.abs(np.diff(free))) / np.sqrt(2)
+    shares = sum(1 / min(len(some), BESIDE_FRAMES) for some in (beside, inside))
+    return inside.mean() - beside.mean() > LEAST_PEAK_SD * noise * np.sqrt(shares)
 
 
 def _stands_out(part, rows, column):
@@ -425,6 +487,7 @@ def _flags(part, start, stop, curvature_at, slip):
         "large_deflection": tilted,
         "contact_near_curvature_window": near,
         "gaps_in_trace": lost.any(),
+        "faint_force": not _pushes(part, rows),
         "doubtful": probability.max() < 0.99,
     }
     return [flag for flag, is_so in applies.items() if is_so]

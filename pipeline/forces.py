@@ -77,7 +77,7 @@ BUDGET_COLUMNS = (
 
 
 def measure_forces(
-    places: Stations, whisker: Whisker, kinematics, curvature_at: float, friction=0.0
+    places: Stations, whisker: Whisker, kinematics, curvature_at: float, friction=0.0, free=None
 ):
     """What one whisker's force would be in every frame, if the pole's nearest point touched it.
 
@@ -89,6 +89,7 @@ def measure_forces(
         `base_angle_deg`
     curvature_at : arc length of the curvature [m]
     friction : coefficient of friction between whisker and pole, >= 0
+    free : bool (rows,), frames that tell the rest shape; None: those `far_from_pole`
 
     Returns
     -------
@@ -99,8 +100,8 @@ def measure_forces(
     """
     time = kinematics["time_s"].to_numpy(float)
     angle = np.radians(kinematics["base_angle_deg"].to_numpy(float))
-    free = rest_curvature.free_frames(places.distance, np.isfinite(places.pole_x))
-    free &= np.isfinite(places.last)
+    if free is None:
+        free = far_from_pole(places)
     fit, origin, model = _fit_rods(places, whisker, curvature_at, angle, time, free, friction)
     evidence = _evidence(places, fit, origin, model is not None, free)
     # its hidden part is bent by the load as the rod is
@@ -114,6 +115,12 @@ def measure_forces(
     stiffer = 4 / (whisker.cone_length - curvature_at)  # E I goes with (cone length − s)⁴
     evidence["point_force_se_N"] = np.hypot(error, stiffer * origin.se * point)
     return evidence, measured
+
+
+def far_from_pole(places) -> np.ndarray:
+    """Frames in which the whisker is so far off that nothing touches it, bool (rows,)."""
+    free = rest_curvature.free_frames(places.distance, np.isfinite(places.pole_x))
+    return free & np.isfinite(places.last)
 
 
 def _fit_rods(places, whisker, curvature_at, angle, time, free, friction):

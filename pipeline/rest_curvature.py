@@ -18,6 +18,7 @@ from scipy.ndimage import median_filter
 
 FREE_DISTANCE_M = 0.2e-3  # surface to surface; farther than any tracing error
 CLEAR_DISTANCE_M = 0.06e-3  # beyond the nearest frames': free where hardly any is farther off
+LEAST_CLEAR_M = 0.015e-3  # the same, where none is: a whisker that hardly leaves the pole
 CLEAR_SD = 8.0  # as many times the distance's noise
 PLENTY, PLENTY_SHARE = 20, 0.25  # frames beyond FREE_DISTANCE_M, of those clear of a touch
 ASTRAY_SHARE = 0.1  # of the most frames that lie together before the pole: fewer went astray
@@ -181,17 +182,22 @@ def free_frames(distance, pole_known) -> np.ndarray:
     distance, away = np.asarray(distance, float), ~np.asarray(pole_known)
     with np.errstate(invalid="ignore"):
         far = away | (distance > FREE_DISTANCE_M)
-        clear = away | (distance > _clear_distance(distance))
+        clear = away | (distance > _clear_distance(distance, CLEAR_DISTANCE_M))
+        if clear.sum() < FEWEST_FRAMES:
+            clear = away | (distance > _clear_distance(distance, LEAST_CLEAR_M))
     return far if far.sum() >= max(PLENTY, PLENTY_SHARE * clear.sum()) else clear
 
 
-def _clear_distance(distance):
-    """Distance [m] that is no touch's: those of one video's touches are nearly the same."""
+def _clear_distance(distance, least):
+    """Distance [m] that is no touch's: those of one video's touches are nearly the same.
+
+    It is at least `least` [m] beyond the nearest.
+    """
     known = distance[np.isfinite(distance)]
     if len(known) < 3:
         return FREE_DISTANCE_M
     noise = 1.4826 * np.median(np.abs(np.diff(known, 2))) / np.sqrt(6)
-    reach = max(CLEAR_DISTANCE_M, CLEAR_SD * noise)
+    reach = max(least, CLEAR_SD * noise)
     # a single frame that went astray is not the nearest
     return min(FREE_DISTANCE_M, _nearest(median_filter(known, 5, mode="nearest"), reach) + reach)
 

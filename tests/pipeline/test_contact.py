@@ -92,6 +92,17 @@ def test_short_clip_with_few_free_frames(before, after):
     assert abs(found["peak_force_uN"] - peak) < 2.5 * found["peak_force_se_uN"]
 
 
+@pytest.mark.parametrize("frames", [1, 2, 3])
+def test_a_few_frames(frames):
+    traced, _ = analysed("resting", 0, 400)
+    touch = contact.analyse_touch(
+        traced.frames.iloc[:frames], traced.places.rows(slice(frames)), traced.recording,
+        traced.whiskers,
+    )  # fmt: skip
+    assert len(touch.frames) == frames
+    assert touch.contacts["peak_force_uN"].isna().all()
+
+
 def test_touched_throughout_has_no_rest_shape_but_no_gaps():
     traced, _ = analysed("resting", 0, 400)
     first = traced.true_contacts.iloc[0]
@@ -141,6 +152,41 @@ def test_what_a_whisker_passes_over_it_does_not_touch():
     )
     assert len(kept) == len(touch.contacts)
     assert len(dropped) == 0
+
+
+def test_free_frames_near_the_pole_tell_the_rest_shape_where_most_are_there(monkeypatch):
+    traced = traced_motion.trace(make_trial("resting", 20, 1, 400).motion, noise_px=0.03)
+    near, far = [], []
+    for share, found in ((contact.MUCH_MORE, near), (np.inf, far)):
+        monkeypatch.setattr(contact, "MUCH_MORE", share)
+        touch = contact.analyse_touch(
+            traced.frames, traced.places, traced.recording, traced.whiskers
+        )
+        error = touch.contacts["peak_force_uN"] - traced.true_contacts["peak_force_uN"]
+        se = touch.contacts["peak_force_se_uN"]
+        assert (np.abs(error) < 1.96 * se).all()
+        found.append(se.to_numpy())
+    assert (near[0] < 0.9 * far[0]).all()
+
+
+def test_a_touch_is_found_where_the_rest_shape_hides_its_force():
+    """Forces in a short touch and beside it are off by more than its own: the rest shape errs."""
+    _, touch = analysed("noisy")
+    contacts, evidence = touch.contacts, touch.evidence.copy()
+    short = contacts["duration_ms"].between(3, 40)
+    shortest = contacts[short].sort_values("peak_force_uN").iloc[0]
+    near = evidence["frame"].between(shortest["onset_frame"] - 20, shortest["offset_frame"] + 20)
+    for method in ("shape", "point"):
+        evidence.loc[near, f"{method}_force_N"] -= 1e-6 * shortest["peak_force_uN"]
+        evidence.loc[near, f"{method}_force_se_N"] = 1e-6 * shortest["peak_force_uN"]
+    found = contact.find_contacts(evidence).set_index("onset_frame")
+    assert len(found) == len(contacts)
+    flagged = found.index[found["flags"].str.contains("faint_force")]
+    assert flagged.tolist() == [shortest["onset_frame"]]
+    # where it is pushed no more than beside, it touches nothing
+    inside = near & touch.frames["in_contact"].to_numpy(bool)
+    evidence.loc[inside, ["shape_force_N", "point_force_N"]] = -1e-6 * shortest["peak_force_uN"]
+    assert shortest["onset_frame"] not in contact.find_contacts(evidence)["onset_frame"].tolist()
 
 
 def test_contact_does_not_hang_on_the_forces_standard_error():

@@ -102,6 +102,17 @@ def test_free_frames_are_far_or_without_pole():
     np.testing.assert_array_equal(free_frames(distance, known), [False, False, True, False, True])
 
 
+def test_free_frames_of_a_whisker_that_hardly_leaves_the_pole():
+    rng = np.random.default_rng(6)
+    away = np.where(np.arange(300) < 20, 25e-6, 0.0)  # m
+    distance = 12e-6 + away + rng.normal(0, 0.5e-6, 300)
+    known = np.full(300, True)
+    np.testing.assert_array_equal(free_frames(distance, known), away > 0)
+    # a force that moves it by as little as that tells of no free frames
+    swaying = 12e-6 + 5e-6 * np.sin(np.arange(300) / 9) + rng.normal(0, 0.5e-6, 300)
+    assert not free_frames(swaying, known).any()
+
+
 def at_rest(n, rng, swing=0.002):
     """Free frames of a whisker that hardly moves: time [s] and base angle [rad]."""
     return np.arange(n) / 1000, 0.1 + rng.normal(0, swing, n)
