@@ -326,6 +326,16 @@ def test_results_among_the_videos_are_no_input(folder, calls):
     assert (folder / "session.toml").read_text() == text
 
 
+@pytest.mark.parametrize("name", [".trash", "truth", "figures", "out"])
+def test_some_folders_are_not_searched(folder, calls, name):
+    (folder / name / "more").mkdir(parents=True)
+    shutil.copy(folder / "a.avi", folder / name / "more" / "hidden.avi")
+    (folder / "day 2").mkdir()
+    shutil.copy(folder / "a.avi", folder / "day 2" / "found.avi")
+    batch.run([folder], folder / "out")
+    assert sorted(calls) == ["a.avi", "b.avi", "found.avi"]
+
+
 def test_results_may_lie_in_the_folder_of_other_results(folder, calls):
     batch.run([folder], folder / "results")
     (folder / "other").mkdir()

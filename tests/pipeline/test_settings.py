@@ -128,6 +128,9 @@ def test_any_settings_survive_the_way_to_the_file_and_back(fps, scale, length, h
         ),
         (document(pole={"diamter_mm": 1}), ["[pole] diamter_mm", "unknown", "diameter_mm?"]),
         (document(poles={}), ["[poles]", "unknown", "did you mean pole?"]),
+        (document(analysis={"friction": 2.1}), ["[analysis] friction", "2.1", "0 to 2"]),
+        (document(analysis={"friction": -0.1}), ["[analysis] friction", "-0.1", "0 to 2"]),
+        (document(analysis={"curvature_at_mm": 0.0055}), ["curvature_at_mm", "in m?", "5.5"]),
         (document(whisker=[{"colour": 1}]), ["[[whisker]] 1", "colour", "unknown", "length_mm"]),
         (
             document(whisker=[{}, {"name": "D1", "base_radius_um": 0.037}]),

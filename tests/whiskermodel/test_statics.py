@@ -63,6 +63,25 @@ def test_slope_and_displacement_integrate_the_curvature(taper, c, x):
         assert value == pytest.approx(integral, rel=tolerance)
 
 
+@given(tapers, contacts, st.floats(0.01, 0.99))
+def test_curvature_integrates_the_third_derivative(taper, c, x):
+    whisker = cone(taper)
+    c, x = c * whisker.length, x * c * whisker.length
+    change = steady_shape(whisker, c, x, 2) - steady_shape(whisker, c, 0.0, 2)
+    integral, _ = quad(lambda s: float(steady_shape(whisker, c, s, 3)), 0, x, epsrel=1e-11)
+    assert change == pytest.approx(
+        integral, rel=1e-8, abs=1e-8 * c / whisker.base_flexural_rigidity
+    )
+
+
+def test_the_tip_is_on_the_whisker_and_straight():
+    whisker, c = mouse_c2(), 9e-3
+    tip, inner = (steady_shape(whisker, c, x) for x in (whisker.length, 12e-3))
+    slope = steady_shape(whisker, c, whisker.length, 1)
+    assert tip - inner == pytest.approx(slope * (whisker.length - 12e-3))
+    assert steady_shape(whisker, c, whisker.length, 3) == 0
+
+
 def test_base_values_of_equations_57_and_59():
     whisker, c = mouse_c2(), 9e-3
     rigidity, cone_length = whisker.base_flexural_rigidity, whisker.cone_length
