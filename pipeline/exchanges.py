@@ -38,6 +38,8 @@ class Evidence:
     slope : (whiskers, 6) change of the features with the phase
     sd, fast : (6,) of the motion from a frame to the next, and what is added to it per turn
     most_sd : (whiskers, 6) of the motion over a gap, at most
+    source : (rows,) row of the same track in the frame before, −1 for none
+    price : (rows,) cost of a name that is not that row's
     """
 
     features: np.ndarray
@@ -50,13 +52,15 @@ class Evidence:
     sd: np.ndarray
     fast: np.ndarray
     most_sd: np.ndarray
+    source: np.ndarray
+    price: np.ndarray
 
     @property
     def arrays(self):
         """All that the compiled functions take, in their order."""
         return (
             self.features, self.drift, self.look, self.nobody, self.frame, self.phase,
-            self.slope, self.sd, self.fast, self.most_sd,
+            self.slope, self.sd, self.fast, self.most_sd, self.source, self.price,
         )  # fmt: skip
 
 
@@ -168,12 +172,13 @@ def _claim(evidence, seen, a, rows) -> bool:
 
 
 @njit(cache=True)
-def link(features, drift, frame, phase, slope, sd, fast, most_sd, a, i, j):
+def link(features, drift, frame, phase, slope, sd, fast, most_sd, source, price, a, i, j):
     """Cost of whisker `a` to go on from row i to row j (−1: not seen)."""
     if j < 0:
         return 0.0
+    renamed = price[j] if source[j] >= 0 and source[j] != i else 0.0
     if i < 0:
-        return SEEN_AGAIN
+        return SEEN_AGAIN + renamed
     gap = abs(frame[j] - frame[i])
     turn = phase[frame[j]] - phase[frame[i]]
     square, count, wider = 0.0, 0, 1.0
@@ -189,7 +194,7 @@ def link(features, drift, frame, phase, slope, sd, fast, most_sd, a, i, j):
         square += (step / s) ** 2
         count += 1
     cost = 0.5 * (TAIL + count) * np.log(1.0 + square / TAIL) + np.log(wider)
-    return cost + (SEEN_AGAIN if gap > 1 else 0.0)
+    return cost + (SEEN_AGAIN if gap > 1 else 0.0) + renamed
 
 
 @njit(cache=True)
@@ -206,7 +211,7 @@ def _last_seen(rows):
 
 @njit(cache=True)
 def _steps(
-    features, drift, look, nobody, frame, phase, slope, sd, fast, most_sd,
+    features, drift, look, nobody, frame, phase, slope, sd, fast, most_sd, source, price,
     a, b, one, other, before_one, before_other,
 ):  # fmt: skip
     """Cost (frames, 2, 2) of every step from (not) exchanged to (not) exchanged.
@@ -229,18 +234,22 @@ def _steps(
                 own, strange = before_one[t], before_other[t]
                 if before == 1:
                     own, strange = strange, own
-                cost = link(features, drift, frame, phase, slope, sd, fast, most_sd, a, own, mine)
+                cost = link(
+                    features, drift, frame, phase, slope, sd, fast, most_sd, source, price,
+                    a, own, mine,
+                )  # fmt: skip
                 if b >= 0:
                     cost += link(
-                        features, drift, frame, phase, slope, sd, fast, most_sd, b, strange, theirs
-                    )
+                        features, drift, frame, phase, slope, sd, fast, most_sd, source, price,
+                        b, strange, theirs,
+                    )  # fmt: skip
                 out[t, before, now] = seen + cost
     return out
 
 
 @njit(cache=True)
 def _claimed(
-    features, drift, look, nobody, frame, phase, slope, sd, fast, most_sd,
+    features, drift, look, nobody, frame, phase, slope, sd, fast, most_sd, source, price,
     a, own, other, before, again,
 ):  # fmt: skip
     """States and gain as of `_best_states`, for a whisker beside a line of nobody.
@@ -253,13 +262,16 @@ def _claimed(
             before_own[t] = before
     before_other = _last_seen(other)
     steps = _steps(
-        features, drift, look, nobody, frame, phase, slope, sd, fast, most_sd,
+        features, drift, look, nobody, frame, phase, slope, sd, fast, most_sd, source, price,
         a, -1, own, other, before_own, before_other,
     )  # fmt: skip
     # what is exchanged from the first frame on goes on from where the whisker itself was
     if other[0] >= 0:
         first = look[other[0], a]
-        first += link(features, drift, frame, phase, slope, sd, fast, most_sd, a, before, other[0])
+        first += link(
+            features, drift, frame, phase, slope, sd, fast, most_sd, source, price,
+            a, before, other[0],
+        )  # fmt: skip
         steps[0, 0, 1] = first + (nobody[own[0]] if own[0] >= 0 else 0.0)
     if again:
         steps[-1, :, 1] = np.inf

@@ -1,18 +1,24 @@
 """How lines move from frame to frame: what all whiskers turn by, and what is left beside it."""
 
 import numpy as np
+from numba import njit
+from scipy.ndimage import median_filter
 
 from pipeline.exchanges import Evidence, link
 from pipeline.fan_model import FanModel
-from pipeline.line_features import ANGLE, N_FEATURES
+from pipeline.line_features import ANGLE, BEND, N_FEATURES
 
 WEIGHT = 0.3  # of one frame's look: errors of neighbouring frames are alike
-STRANGER = 14.0  # cost of a look that is no whisker's
-MARGIN = 2.0  # cost per frame of a line that is nobody's
+QUIET_WEIGHT = 0.2  # of that, while the whiskers rest: all frames show the same
+FULL_TURN = np.radians(2.0)  # from frame to frame, from which a look counts in full
+STRANGER = 20.0  # cost of a look that is no whisker's
 LEAST_MOTION = np.array([0.002, np.radians(0.15), 0.01, 0.005, 0.001, 0.001])
 FEWEST = 50  # motions that tell how motions are
 FARTHEST = 4.0  # standard deviations: what is farther off is a jump
 LEAST_SLOPE = 0.5  # of a whisker's angle with the phase
+APART = np.radians(4.0)  # a line with no other one nearer is seen to go on
+STEADY = np.radians(2.0)  # beside the turn of all: a line that moves more may be another one
+RENAMED = 40.0  # cost of a new name for a line that is seen to go on
 SLOW, QUICK = 0.5, 0.8  # quantiles of the turn, below and above which motions are compared
 
 
@@ -35,12 +41,27 @@ def evidence_of(model: FanModel, features, frame, track, phase) -> Evidence:
     most = np.sqrt(2) * np.where(
         np.isfinite(model.sd), model.sd, np.nanmedian(model.sd, axis=0, keepdims=True)
     )
+    weight = WEIGHT * np.clip(np.abs(turn) / FULL_TURN, QUIET_WEIGHT, 1.0)[frame]
+    goes_on = _going_on(features, frame, before, step[:, ANGLE], turn)
     plain = Evidence(
-        features, drift, WEIGHT * look, np.zeros(len(frame)), frame.astype(np.int64),
+        features, drift, weight[:, None] * look, np.zeros(len(frame)), frame.astype(np.int64),
         np.cumsum(turn), slope, sd, fast, np.nan_to_num(most, nan=1.0),
+        before, np.where(goes_on, RENAMED, 0.0),
     )  # fmt: skip
-    plain.nobody[:] = WEIGHT * STRANGER + MARGIN + _own_motion(plain, before, likely)
+    plain.nobody[:] = weight * STRANGER + _own_motion(plain, before, likely)
     return plain
+
+
+def _going_on(features, frame, before, step, turn):
+    """Rows whose line is surely that of its track in the frame before, bool.
+
+    step : (rows,) change of the angle since then, less the turn of all
+    turn : (frames,) which is even itself, or the whole row may have moved on by one
+    """
+    gap = _gaps(features, frame)
+    apart = (before >= 0) & (np.minimum(gap, gap[before]) > APART)
+    usual = median_filter(turn, 3, mode="nearest")
+    return apart & (np.abs(step) < STEADY) & (np.abs(turn - usual) < STEADY)[frame]
 
 
 def phases(model: FanModel, features, frame, names) -> np.ndarray:
@@ -120,7 +141,25 @@ def _own_motion(evidence, before, likely):
     return np.array([
         link(
             e.features, e.drift, e.frame, e.phase, e.slope, e.sd, e.fast, e.most_sd,
-            likely[j], before[j], j,
+            e.source, e.price, likely[j], before[j], j,
         )
         for j in range(len(before))
     ])  # fmt: skip
+
+
+@njit(cache=True)
+def _gaps(features, frame):
+    """Angle (rows,) from every line to the nearest other one of its frame, near or far out."""
+    out = np.full(len(frame), np.inf)
+    first = 0
+    for i in range(len(frame)):
+        if frame[i] != frame[first]:
+            first = i
+        for j in range(first, i):
+            near = abs(features[i, ANGLE] - features[j, ANGLE])
+            far = abs(
+                features[i, ANGLE] + features[i, BEND] - features[j, ANGLE] - features[j, BEND]
+            )
+            gap = near if np.isnan(far) else min(near, far)
+            out[i], out[j] = min(out[i], gap), min(out[j], gap)
+    return out

@@ -19,7 +19,9 @@ from pipeline.row_order import Lines, learned, named_in_order
 
 LEAST_SD = np.array([0.01, np.radians(1.5), 0.05, 0.03, 0.007, 0.005])  # of a look
 ROUNDS = 2  # of naming all lines and learning the looks from them
-DOUBT = 1 / 3  # of a name that the next likeliest number of whiskers does not lead to
+OTHERS = 3  # numbers of whiskers, at most, that are tried beside the likeliest
+NEARLY = 1.05  # of its cost: those that cost more are not
+DOUBT = 1 / 3  # of a name that one of them does not lead to
 PER_POINT = ("x_px", "y_px", "se_px", "offset_px", "information", "thickness_px")
 SELDOM = 0.1  # of the frames: what is seen in fewer is not named, where no names are given
 
@@ -94,15 +96,16 @@ def _all_names(features, frame, track):
         return np.arange(len(frame)), np.ones(len(frame))
     lines = Lines(features, frame, track)
     first, *others = named_in_order(lines, LEAST_SD)
-    named, sure = _likeliest(lines, first)
-    if others:
-        other, _ = _likeliest(lines, others[0])
+    named, evidence = _likeliest(lines, first)
+    sure = exchanges.certainty(evidence, named)
+    for naming in [each for each in others[:OTHERS] if each.cost < NEARLY * first.cost]:
+        other, _ = _likeliest(lines, naming)
         sure = sure * np.where(_renamed(other, named) == named, 1.0, 1 - DOUBT)
     return named, sure
 
 
 def _likeliest(lines, naming):
-    """Names that looks and motions make likeliest, from first ones on, and their probability."""
+    """Names that looks and motions make likeliest, from first ones on, and the evidence."""
     rows = lines.features, lines.frame, lines.track
     model, named = naming.model, naming.names
     for number in range(ROUNDS):
@@ -111,7 +114,7 @@ def _likeliest(lines, naming):
         model, phase = learned(lines, model, named)
         evidence = line_motion.evidence_of(model, *rows, phase)
         named = exchanges.improved(evidence, named, lines.track)
-    return named, exchanges.certainty(evidence, named)
+    return named, evidence
 
 
 def _renamed(names, like):

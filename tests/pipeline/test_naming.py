@@ -1,12 +1,14 @@
 """Who is who over a whole video: looks learned from all frames, names decided in the end."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from pipeline import exchanges, fan_model, line_motion
 from pipeline.fan_model import FanModel
 from pipeline.identities import Ruler
-from pipeline.line_features import ANGLE, DISTANCES_M, Dial, line_features
+from pipeline.line_features import ANGLE, BEND, DISTANCES_M, Dial, line_features
 from pipeline.records import Centrelines, Recording
 from pipeline.tracing import options_for
 from pipeline.whole_video import LEAST_SD, names, settled
@@ -148,6 +150,50 @@ def test_exchanges_lead_from_any_names_to_the_likeliest():
     assert np.array_equal(exchanges.improved(known, start, track), true)
 
 
+def test_a_line_that_is_seen_to_go_on_keeps_its_name():
+    known, track, true = evidence(np.random.default_rng(9))
+    alike = (known.frame >= 120) & (known.frame < 130)  # for so long, two look like each other
+    for row in np.flatnonzero(alike & (true > 2)):
+        known.look[row, [3, 4]] = known.look[row, [4, 3]]
+    free = replace(known, price=0 * known.price)
+    assert np.array_equal(exchanges.improved(known, true, track), true)
+    assert not np.array_equal(exchanges.improved(free, true, track), true)
+
+
+def test_lines_far_from_others_that_move_evenly_are_seen_to_go_on():
+    rng = np.random.default_rng(10)
+    known, _, true = evidence(rng)
+    priced = known.price > 0
+    jumped = np.isin(known.frame, [100, 200])  # there, tracks 1 and 2 change whiskers
+    assert priced[(true > 2) & (known.frame > 0)].mean() > 0.85
+    assert not priced[jumped & np.isin(true, [1, 2])].any()
+    assert not priced[known.frame == 0].any()
+    apart = np.abs(known.features[:, None, :] - known.features[None, :, :])
+    far = apart[..., ANGLE]
+    bent = known.features[:, ANGLE] + known.features[:, BEND]
+    far = np.minimum(far, np.abs(bent[:, None] - bent[None, :]))
+    far[known.frame[:, None] != known.frame[None, :]] = np.inf
+    np.fill_diagonal(far, np.inf)
+    assert not priced[far.min(axis=1) < line_motion.APART].any()
+
+
+def test_looks_of_resting_whiskers_count_less():
+    rng = np.random.default_rng(11)
+    moving = whisking(rng)
+    still = moving[[0] * 50] + 0.1 * NOISE * rng.normal(size=(50, *FAN.shape))
+    frame, track, features, true = rows(
+        np.concatenate([still, moving]), np.tile(np.arange(len(FAN)), (350, 1))
+    )
+    phase = np.zeros(350)
+    known = line_motion.evidence_of(looks(), features, frame, track, phase)
+    cost = looks().costs(features, phase[frame])
+    share = (known.look / cost).max(axis=1)
+    assert share[(frame > 0) & (frame < 50)] == pytest.approx(
+        line_motion.WEIGHT * line_motion.QUIET_WEIGHT, rel=0.2
+    )
+    assert share[frame > 50].max() == pytest.approx(line_motion.WEIGHT)
+
+
 def test_the_probability_of_a_name_is_that_of_all_ways_that_agree():
     rng = np.random.default_rng(8)
     known, _, true = evidence(rng)
@@ -157,7 +203,7 @@ def test_the_probability_of_a_name_is_that_of_all_ways_that_agree():
     short = exchanges.Evidence(
         known.features[two], known.drift[two], 0.2 * known.look[two, :2], known.nobody[two],
         known.frame[two], known.phase[:few], known.slope[:2], 20 * known.sd, known.fast,
-        40 * known.most_sd[:2],
+        40 * known.most_sd[:2], np.full(two.sum(), -1), np.zeros(two.sum()),
     )  # fmt: skip
     named = true[two]
     probable = np.zeros((2, few))
@@ -175,7 +221,7 @@ def test_the_probability_of_a_name_is_that_of_all_ways_that_agree():
 def cost_of(known, named):
     """Cost of all looks and motions, line by line."""
     arrays = [known.features, known.drift, known.frame, known.phase, known.slope]
-    arrays += [known.sd, known.fast, known.most_sd]
+    arrays += [known.sd, known.fast, known.most_sd, known.source, known.price]
     last, total = {}, 0.0
     for row, name in enumerate(named):
         before = last.get(name, -1)
