@@ -55,6 +55,19 @@ def test_intervals_cover_as_often_as_they_say(with_offset):
     assert np.mean([f.residual_sd for f in fits]) == pytest.approx(0.04, rel=0.05)
 
 
+def test_interval_of_youngs_modulus_is_twice_the_frequencys_and_the_geometrys():
+    """E goes with p² L⁴/r0²; errors of 1 % and less, so that first order is enough."""
+    cone, p = Whisker(17e-3, 18e-3, 37e-6), Estimate(940.0, 940.0 * 0.995, 940.0 * 1.01)
+    bare = youngs_modulus(p, cone)
+    assert bare.low / bare.value == pytest.approx(1 - 2 * 0.005)
+    assert bare.high / bare.value == pytest.approx(1 + 2 * 0.01)
+    sure = Estimate(940.0, 940.0, 940.0)
+    for errors, relative in (({"length_se": 17e-6}, 4e-3), ({"base_radius_se": 37e-9}, 2e-3)):
+        wide = youngs_modulus(sure, cone, **errors)
+        assert wide.high / wide.value == pytest.approx(1 + 1.96 * relative, abs=1e-6)
+        assert wide.low / wide.value == pytest.approx(1 - 1.96 * relative, abs=1e-6)
+
+
 def test_published_youngs_modulus():
     """E = 3.03 GPa as published; 3.05 with the undamped frequency, 2.90 without; λ = 1."""
     cone = Whisker(17.14e-3, 17.14e-3, 37.15e-6, density=1000.0)

@@ -80,6 +80,7 @@ def test_the_tip_is_on_the_whisker_and_straight():
     slope = steady_shape(whisker, c, whisker.length, 1)
     assert tip - inner == pytest.approx(slope * (whisker.length - 12e-3))
     assert steady_shape(whisker, c, whisker.length, 3) == 0
+    assert steady_shape(whisker, c, c, 3) > 0  # at its jump: as inside
 
 
 def test_base_values_of_equations_57_and_59():
