@@ -108,10 +108,10 @@ def _first_looks(lines, count, phase, least_sd) -> FanModel:
     along = np.lexsort((features[:, ANGLE], frame))
     place = np.empty(len(frame), np.int64)
     place[along] = np.arange(len(frame)) % count
-    return whisker_seeds.learned(features, place, phase[frame], count, least_sd)
+    return whisker_seeds.first_looks(features, place, phase[frame], count, least_sd)
 
 
-def learned(lines: Lines, model: FanModel, names) -> tuple[FanModel, np.ndarray]:
+def looks_and_phases(lines: Lines, model: FanModel, names) -> tuple[FanModel, np.ndarray]:
     """Looks of all whiskers and phases (frames,) as of the names (rows,)."""
     known = names >= 0
     phase = line_motion.phases(model, lines.features, lines.frame, names)
@@ -132,7 +132,7 @@ def _settled(lines, model, phase) -> Naming:
         if settled or number == MOST_ROUNDS - 1 or not (names >= 0).any():
             break
         before = names
-        model, phase = learned(lines, model, names)
+        model, phase = looks_and_phases(lines, model, names)
     return Naming(names, model, cost)
 
 

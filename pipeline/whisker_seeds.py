@@ -26,7 +26,7 @@ def with_more(model: FanModel, names, features, frame, track) -> tuple[FanModel,
         return model, names
     phase = line_motion.phases(model, features, frame, np.where(names < known, names, -1))
     rows = np.concatenate(new)
-    more = learned(
+    more = first_looks(
         features[rows], names[rows] - known, phase[frame[rows]], len(new), model.least_sd
     )
     parts = [
@@ -36,7 +36,7 @@ def with_more(model: FanModel, names, features, frame, track) -> tuple[FanModel,
     return FanModel(*parts, model.least_sd), names
 
 
-def learned(features, whisker, phase, count, least_sd):
+def first_looks(features, whisker, phase, count, least_sd):
     """Model of `count` whiskers from rows of known whiskers and phases."""
     middle = np.full((count, N_FEATURES), np.nan)
     slope = np.zeros((count, N_FEATURES))

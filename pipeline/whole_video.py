@@ -15,7 +15,7 @@ from scipy.optimize import linear_sum_assignment
 from pipeline import exchanges, line_motion, whisker_seeds
 from pipeline.line_features import ANGLE, LENGTH, NEAR_BEND, THICKNESS, Dial, line_features
 from pipeline.records import Centrelines
-from pipeline.row_order import Lines, learned, named_in_order
+from pipeline.row_order import Lines, looks_and_phases, named_in_order
 
 LEAST_SD = np.array([0.01, np.radians(1.5), 0.05, 0.03, 0.007, 0.005])  # of a look
 ROUNDS = 2  # of naming all lines and learning the looks from them
@@ -111,7 +111,7 @@ def _likeliest(lines, naming):
     for number in range(ROUNDS):
         if number:
             model, named = whisker_seeds.with_more(model, named, *rows)
-        model, phase = learned(lines, model, named)
+        model, phase = looks_and_phases(lines, model, named)
         evidence = line_motion.evidence_of(model, *rows, phase)
         named = exchanges.improved(evidence, named, lines.track)
     return named, evidence

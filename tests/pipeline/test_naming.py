@@ -181,7 +181,7 @@ def test_looks_of_resting_whiskers_count_less():
     rng = np.random.default_rng(11)
     moving = whisking(rng)
     still = moving[[0] * 50] + 0.1 * NOISE * rng.normal(size=(50, *FAN.shape))
-    frame, track, features, true = rows(
+    frame, track, features, _ = rows(
         np.concatenate([still, moving]), np.tile(np.arange(len(FAN)), (350, 1))
     )
     phase = np.zeros(350)
