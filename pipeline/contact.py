@@ -18,6 +18,7 @@ from scipy.special import erfcx, log_ndtr
 
 from pipeline import forces
 from pipeline.records import EVIDENCE_COLUMNS, FRAME_COLUMNS, Recording, as_table
+from pipeline.rest_curvature import FREE_DISTANCE_M
 from pipeline.stations import N_STATIONS, Stations, nominal_whisker
 
 GAP_SCALE_M = 1e-3  # typical gap of a free whisker
@@ -38,6 +39,7 @@ CLEAR_PEAK_SCATTER = 8.0  # or, of both estimates, in what they scatter by in fr
 SURELY_FREE = 1e-3  # probability of contact below which a frame tells the rest shape
 MUCH_MORE = 1.0  # near the pole than farther off, of free frames: worth another fit
 BESIDE_FRAMES, FEWEST_HELD = 6, 3  # before and after a contact; as many as count, and as must
+AT_PLACE_SD = 2.0  # as far from the place of other touches a touch may be
 SLIP_LOOK_FRAMES = 4  # so many frames after the end in which the pole has changed sides
 LARGE_DEFLECTION_RAD = 0.6
 NEAR_CURVATURE_M = 1.0e-3
@@ -390,21 +392,65 @@ def _edges_of(mask):
 
 def _real_runs(part):
     """Runs with enough evidence, and a push at their peak; or held at a place of such ones."""
-    odds, side = part["log_odds"], part["side"]
-    runs = [run for run in _runs(part) if odds[slice(*run)].sum() >= LEAST_EVIDENCE]
-    sides = [np.sign(side[slice(*run)].sum()) for run in runs]
+    odds = part["log_odds"]
+    runs = [
+        run
+        for run in _runs(part)
+        if odds[slice(*run)].sum() >= LEAST_EVIDENCE and _is_near(part["distance_m"][slice(*run)])
+    ]
+    sides = [np.sign(part["side"][slice(*run)].sum()) for run in runs]
     firm = [_is_pushed(part, *run) for run in runs]
-    frames = {
-        s: sum(
-            b - a for (a, b), own, yes in zip(runs, sides, firm, strict=True) if yes and own == s
-        )
-        for s in set(sides)
+    touching = [(run, own) for run, own, yes in zip(runs, sides, firm, strict=True) if yes]
+    places = {
+        side: _touching_place(part, [run for run, own in touching if own == side])
+        for side in set(sides)
     }
     return [
         run
         for run, own, yes in zip(runs, sides, firm, strict=True)
-        if yes or (frames[own] >= FEWEST_SURE and _is_pushed_more_than_beside(part, *run))
+        if yes or (places[own] is not None and _is_held(part, *run, *places[own]))
     ]
+
+
+def _is_near(distance):
+    """Whether a whisker is by the pole in half of the frames; one that is not touches nothing."""
+    known = distance[np.isfinite(distance)]
+    return len(known) == 0 or np.median(known) < FREE_DISTANCE_M
+
+
+def _touching_place(part, runs):
+    """Gap [m] in touches, and how far it scatters; None where too few frames tell."""
+    gap = np.concatenate([part["gap_m"][slice(*run)] for run in runs]) if runs else np.empty(0)
+    gap = gap[np.isfinite(gap)]
+    if len(gap) < FEWEST_SURE:
+        return None
+    place = np.median(gap)
+    return place, 1.4826 * np.median(np.abs(gap - place))
+
+
+def _is_held(part, start, stop, place, spread):
+    """Whether a whisker is held at the `place` of other touches, gaps of ± `spread` [m].
+
+    It is pushed more there than in the free frames beside, or stops as no free whisker would.
+    """
+    sd = np.maximum(spread, part["gap_se_m"][start:stop])
+    at_place = np.abs(part["gap_m"][start:stop] - place) < AT_PLACE_SD * sd
+    if np.count_nonzero(at_place) < FEWEST_HELD:
+        return False
+    return _is_pushed_more_than_beside(part, start, stop) or _is_stopped(part, start, stop, spread)
+
+
+def _is_stopped(part, start, stop, spread):
+    """Whether the gap is no smooth function of time: a cubic, from some frames before to after."""
+    first = max(start - BESIDE_FRAMES, 0)
+    gap, gap_sd = (part[name][first : stop + BESIDE_FRAMES] for name in ("gap_m", "gap_se_m"))
+    time, known = np.arange(len(gap)), np.isfinite(gap) & np.isfinite(gap_sd)
+    outside = np.count_nonzero(known) - np.count_nonzero(known[start - first : stop - first])
+    if outside < FEWEST_HELD:
+        return False
+    path = np.polynomial.Polynomial.fit(time[known], gap[known], 3)
+    misfit = np.sum((gap[known] - path(time[known])) ** 2) / max(known.sum() - 4, 1)
+    return misfit > (LEAST_PEAK_SD * max(spread, np.median(gap_sd[known]))) ** 2
 
 
 def _is_pushed(part, start, stop):

@@ -19,6 +19,7 @@ POSSIBLE = 0.2  # probability that a stretch must reach to be shown
 # What a flag of contacts.csv means to someone who has to decide, and how doubtful it makes it.
 FLAGS = {
     "doubtful": (0.9, "evidence is thin"),
+    "faint_force": (0.6, "force is within its error: told from the distance"),
     "gaps_in_trace": (0.6, "trace has gaps"),
     "no_rest_curvature": (0.5, "rest shape unknown"),
     "slip": (0.4, "slips off: is the end right?"),

@@ -183,10 +183,30 @@ def test_a_touch_is_found_where_the_rest_shape_hides_its_force():
     assert len(found) == len(contacts)
     flagged = found.index[found["flags"].str.contains("faint_force")]
     assert flagged.tolist() == [shortest["onset_frame"]]
-    # where it is pushed no more than beside, it touches nothing
+    # not so far from where other touches are, however much it is pushed
+    away = evidence.copy()
+    away.loc[near, "gap_m"] += 1e-3
+    assert len(contact.find_contacts(away)) == len(contacts) - 1
+    # where it is pushed no more than beside, it touches as it stops where other touches are
     inside = near & touch.frames["in_contact"].to_numpy(bool)
     evidence.loc[inside, ["shape_force_N", "point_force_N"]] = -1e-6 * shortest["peak_force_uN"]
+    assert len(contact.find_contacts(evidence)) == len(contacts)
+    # one that turns back there smoothly does not
+    place = evidence.loc[touch.frames["in_contact"].to_numpy(bool), "gap_m"].median()
+    middle = 0.5 * (shortest["onset_frame"] + shortest["offset_frame"])
+    evidence.loc[near, "gap_m"] = place + 0.2e-6 * (evidence.loc[near, "frame"] - middle) ** 2
     assert shortest["onset_frame"] not in contact.find_contacts(evidence)["onset_frame"].tolist()
+
+
+def test_what_is_far_from_the_pole_touches_nothing():
+    """A force that seems there for some frames, as where the rest shape drifts, needs a pole."""
+    traced, touch = analysed("noisy")
+    evidence = touch.evidence.copy()
+    far = evidence["distance_m"] > 0.5e-3
+    start = next(i for i in evidence.index if far.loc[i : i + 11].sum() == 12)
+    evidence.loc[start : start + 11, ["log_odds", "probability"]] = 2.0, 1.0
+    evidence.loc[start : start + 11, "shape_force_N"] = 9 * evidence["shape_force_se_N"].median()
+    assert len(contact.find_contacts(evidence)) == len(traced.true_contacts)
 
 
 def test_contact_does_not_hang_on_the_forces_standard_error():
