@@ -63,7 +63,7 @@ def init_folder(folder, overwrite: bool = False) -> list[str]:
     document, notes = findings(looks)
     write_session(target, settings_from(document, target), notes)
     with tables.whole_file(folder / PREVIEW_NAME) as temporary:
-        cv2.imwrite(str(temporary), preview(looks[0], document))
+        temporary.write_bytes(cv2.imencode(".png", preview(looks[0], document))[1])
     return _words(looks, document, target)
 
 

@@ -189,7 +189,7 @@ def _write_state(canvas, table, lines):
 
 def _write_png(path, picture) -> Path:
     with tables.whole_file(path) as temporary:
-        cv2.imwrite(str(temporary), picture)
+        temporary.write_bytes(cv2.imencode(".png", picture)[1])
     return path
 
 

@@ -142,9 +142,7 @@ def force_figures(forces: list[measuring.Forces]) -> dict:
     both = joined["in_contact"] & joined["true_in_contact"].astype(bool)
     free = np.concatenate([f.free_force for f in forces])
     out = prefixed("force", scoring.peak_figures(match, "peak_force_uN", 0.03, 0.1))
-    out["force_typical_issue2"] = scoring.peak_figures(match, "peak_force_uN", 0.05, 0.5)[
-        "typical"
-    ]
+    out["force_typical_small"] = scoring.peak_figures(match, "peak_force_uN", 0.05, 0.5)["typical"]
     out |= prefixed("plain_force", scoring.peak_figures(plain, "peak_force_uN", 0.03, 0.1))
     out |= prefixed("moment", scoring.peak_figures(match, "peak_base_moment_nN_m", 0.03, 0.6))
     out |= prefixed("axial", scoring.peak_figures(match, "peak_axial_force_uN", 0.03, 0.1))
@@ -213,7 +211,6 @@ def failures(video, rows, what, value):
 class Target:
     """A figure that must not exceed (`most`) or not fall below (`least`) a value."""
 
-    issue: int
     what: str
     figure: str
     most: float = np.inf
@@ -234,14 +231,14 @@ class Target:
 
 
 FIRST = (
-    Target(2, "contacts of 5 ms and more missed", "missed_5ms", 0),
-    Target(2, "contacts invented", "invented", 0),
-    Target(2, "contacts with both edges within 2 frames", "edges_within_2", least=0.95),
-    Target(2, "peak force: median error / (5 % or 0.5 µN)", "shape_force_typical_issue2", 1),
-    Target(2, "centreline RMS error", "rms_px", 0.1, unit="px"),
+    Target("contacts of 5 ms and more missed", "missed_5ms", 0),
+    Target("contacts invented", "invented", 0),
+    Target("contacts with both edges within 2 frames", "edges_within_2", least=0.95),
+    Target("peak force: median error / (5 % or 0.5 µN)", "shape_force_typical_small", 1),
+    Target("centreline RMS error", "rms_px", 0.1, unit="px"),
 )
 LINES = tuple(
-    Target(4, what, figure, most, unit=unit, each_video=True)
+    Target(what, figure, most, unit=unit, each_video=True)
     for what, figure, most, unit in (
         ("centreline median error", "median_px", 0.01, "px"),
         ("centreline RMS error", "rms_px", 0.03, "px"),
@@ -251,37 +248,37 @@ LINES = tuple(
         ("curvature SD / bound of a quadratic over ±2 mm", "bound_ratio", 1.5, ""),
     )
 )
-BESIDE_POLE = Target(4, "RMS error beside the pole", "beside_pole_rms_px", 0.03, unit="px")
-NO_LONG_FALSE = Target(4, "long false whiskers per frame", "long_false_per_frame", 0)
+BESIDE_POLE = Target("RMS error beside the pole", "beside_pole_rms_px", 0.03, unit="px")
+NO_LONG_FALSE = Target("long false whiskers per frame", "long_false_per_frame", 0)
 ROWS = (
-    Target(4, "frames on the wrong whisker", "identity_errors", 0),
-    Target(4, "lines that leave their whisker", "strayed", 0),
+    Target("frames on the wrong whisker", "identity_errors", 0),
+    Target("lines that leave their whisker", "strayed", 0),
 )
-COVERED = Target(4, "frames with 80 % of the visible length", "covered_80", least=0.99)
+COVERED = Target("frames with 80 % of the visible length", "covered_80", least=0.99)
 TOUCH = (
-    Target(5, "frames that agree on contact", "agreement", least=0.995),
-    Target(5, "contacts of 3 ms and 1 µN missed", "missed_3ms_1uN", 0),
-    Target(5, "contacts invented", "invented", 0),
-    Target(5, "contacts with both edges within 1 frame", "edges_within_1", least=0.99),
+    Target("frames that agree on contact", "agreement", least=0.995),
+    Target("contacts of 3 ms and 1 µN missed", "missed_3ms_1uN", 0),
+    Target("contacts invented", "invented", 0),
+    Target("contacts with both edges within 1 frame", "edges_within_1", least=0.99),
 )
 FORCES = (
-    Target(5, "peak force: median error", "shape_force_median", 0.01),
-    Target(5, "peak force: within 3 % or 0.1 µN", "shape_force_within", least=0.95),
-    Target(5, "base moment: median error", "shape_moment_median", 0.02),
-    Target(5, "axial force: median error", "shape_axial_median", 0.02),
+    Target("peak force: median error", "shape_force_median", 0.01),
+    Target("peak force: within 3 % or 0.1 µN", "shape_force_within", least=0.95),
+    Target("base moment: median error", "shape_moment_median", 0.02),
+    Target("axial force: median error", "shape_axial_median", 0.02),
 )
 FLOOR = (
-    Target(5, "force SD in free frames, shape", "shape_noise_uN", 0.05, unit="µN"),
-    Target(5, "force SD in free frames, point", "point_noise_uN", 0.1, unit="µN"),
+    Target("force SD in free frames, shape", "shape_noise_uN", 0.05, unit="µN"),
+    Target("force SD in free frames, point", "point_noise_uN", 0.1, unit="µN"),
 )
 COVERAGE = (  # over the videos of all presets: errors of one video have much in common
-    Target(4, "curvature: truths in the 95 % intervals", "curvature_coverage", 0.97, 0.93),
-    Target(5, "peak force: truths in the 95 % intervals", "shape_peak_coverage", 0.97, 0.93),
-    Target(5, "force: truths in the 95 % intervals", "shape_force_coverage", 0.97, 0.93),
-    Target(5, "base moment: truths in the 95 % intervals", "shape_moment_coverage", 0.97, 0.93),
-    Target(5, "axial force: truths in the 95 % intervals", "shape_axial_coverage", 0.97, 0.93),
+    Target("curvature: truths in the 95 % intervals", "curvature_coverage", 0.97, 0.93),
+    Target("peak force: truths in the 95 % intervals", "shape_peak_coverage", 0.97, 0.93),
+    Target("force: truths in the 95 % intervals", "shape_force_coverage", 0.97, 0.93),
+    Target("base moment: truths in the 95 % intervals", "shape_moment_coverage", 0.97, 0.93),
+    Target("axial force: truths in the 95 % intervals", "shape_axial_coverage", 0.97, 0.93),
 )
-NO_TOUCH = (Target(5, "contacts invented", "invented", 0),)
+NO_TOUCH = (Target("contacts invented", "invented", 0),)
 TARGETS = {
     "single": (*FIRST, *TOUCH, *FORCES),
     "noisy": (*FIRST, *LINES, BESIDE_POLE, *TOUCH, *FORCES, *FLOOR),
@@ -318,7 +315,6 @@ def checks(preset, pooled: dict, each: dict[str, dict]) -> list[dict]:
             value = reached(target, each[where])
         rows.append(
             {
-                "issue": target.issue,
                 "preset": preset,
                 "what": target.what,
                 "value": value,
@@ -342,7 +338,6 @@ def coverage_checks(each: list[dict]) -> list[dict]:
         error = shares.std(ddof=1) / np.sqrt(len(shares))
         rows.append(
             {
-                "issue": target.issue,
                 "preset": "all",
                 "what": f"{target.what} (± {error:.3f}, {len(shares)} videos)",
                 "value": shares.mean(),
@@ -466,10 +461,9 @@ def tables_text(results: dict[str, dict]) -> str:
 
 def checks_text(rows: list[dict]) -> str:
     """Every target with what was reached."""
-    header = ["issue", "preset", "what", "reached", "target", ""]
+    header = ["preset", "what", "reached", "target", ""]
     lines = [
         [
-            str(row["issue"]),
             row["preset"],
             row["what"],
             f"{row['value']:.4g} {row['unit']}".strip(),
