@@ -65,7 +65,7 @@ def test_curvature_of_a_quadratic_keeps_its_sign_and_direction():
 def test_targets_are_missed_by_what_could_not_be_told():
     from accuracy import Target
 
-    most, between = Target(4, "error", "rms", 0.03), Target(5, "coverage", "c", 0.97, 0.93)
+    most, between = Target("error", "rms", 0.03), Target("coverage", "c", 0.97, 0.93)
     assert most.met(0.03)
     assert not most.met(0.031)
     assert not most.met(np.nan)
