@@ -19,6 +19,7 @@ MARGIN_RAYS = 14  # of 2°, left out beside rays that are shaded
 TOUCHED_RAYS = 45  # at most, between the shades on both sides of where a whisker touches
 SHADE_RAYS, WIDEST_SHADE_RAYS = 3, 45  # that a whisker shades on either side; a rod, more
 MUCH_BETTER = 0.2  # part of the cost of a fit to more of the edge, for one to less of it
+ROD_ARC = 0.65  # is seen where a rod hides the rest; more makes no likelier pole
 LEAST_ARC = 0.55  # of the circumference must be seen as edge: a corner has 0.5, a rod's end 0.65
 MOST_RESIDUAL = 0.05  # of the edge's contrast, root mean square
 MISFITS = 0.1  # of the edge's pixels
@@ -172,7 +173,7 @@ def _rough_circle(image, x, y, radius_px):
     px, py = _ray_points(x, y, angles, radius * np.array([0.2, 0.4, 0.6]))
     inner = cv2.remap(image, px, py, cv2.INTER_LINEAR).mean()
     off = (radius / radius_px - 1) / RADIUS_SPREAD
-    score = near.mean() * (1 - 4 * spread) * (1 - inner) ** 4 * np.exp(-0.5 * off**2)
+    score = min(near.mean(), ROD_ARC) * (1 - 4 * spread) * (1 - inner) ** 4 * np.exp(-0.5 * off**2)
     return float(x), float(y), float(radius), float(score)
 
 

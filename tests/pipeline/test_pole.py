@@ -69,6 +69,14 @@ def test_dust_is_no_pole(seed, radius):
     assert np.hypot(pole.x_px - 83.37, pole.y_px - 59.81) < 0.5  # px; the rod may cross dust
 
 
+def test_a_paler_speck_all_of_whose_edge_is_seen_is_no_likelier_pole():
+    image = scene(83.37, 59.81, 3.0, 4.0, rod_blur=2.0) * (
+        1 - 0.85 * (1 - disc((120, 160), 30, 90, 3.0, 0.7))
+    )
+    pole = find_pole(image, 3.0)
+    assert np.hypot(pole.x_px - 83.37, pole.y_px - 59.81) < 0.5
+
+
 @settings(deadline=None, max_examples=20)
 @given(
     x=st.floats(60, 100),
