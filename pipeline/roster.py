@@ -10,7 +10,7 @@ from pipeline.detection import ImageModel, Line, TracingOptions, Workspace
 from pipeline.identities import Ruler
 from pipeline.records import StaticScene
 
-FUR_SHARE = 0.22  # of the strongest line's length × absorbance: less is a hair of the fur
+FUR_SHARE = 0.18  # of the strongest line's length × absorbance: less is a hair of the fur
 SEEN_TOGETHER = 3.0  # frames: two whiskers that would so often by chance are, at least once
 SEEN_SHARE = 0.4  # of the frames, in which a whisker must be seen to be one
 

@@ -29,7 +29,7 @@ from pipeline.roster import Slot, find_roster
 __all__ = ["Slot", "Tracer", "find_roster", "options_for", "trace"]
 
 CHUNK_FRAMES = 500
-SHORTEST_M = 4e-3  # a line that is seen over less is no whisker, where no lengths are given
+SHORTEST_M = 3.5e-3  # a line that is seen over less is no whisker, where no lengths are given
 GOOD_QUALITY = 0.6  # part of the expected contrast found: below, the wider search is tried
 LOST_QUALITY = 0.35
 NARROW_MM, WIDE_MM = 0.4, 1.2  # half-width of the search strip

@@ -1,5 +1,6 @@
 """Which whiskers there are, and who is who, in a dense row that whisks fast."""
 
+import cv2
 import numpy as np
 import pytest
 
@@ -88,6 +89,28 @@ def test_whiskers_beside_each_other_are_not_taken_for_one_broad_one():
             for k, line in zip(slot.seen, slot.samples, strict=True)
         ]
         assert true.count(slot.name) > 0.8 * len(true), slot.name
+
+
+def test_a_short_anterior_whisker_is_one_and_a_hair_of_the_fur_is_none():
+    px_per_mm, rng = 25.0, np.random.default_rng(4)
+    images = []
+    for angle in np.radians(np.linspace(-8, 8, 12)):
+        picture = np.full((300, 400), 180, np.uint8)
+        picture[:, :40] = 8
+        for y, length_mm, grey in ((200, 13, 30), (130, 3.75, 70), (90, 2, 50)):
+            tip = (
+                40 + length_mm * px_per_mm * np.cos(angle),
+                y - length_mm * px_per_mm * np.sin(angle),
+            )
+            ends = [tuple(round(16 * v) for v in end) for end in ((40, y), tip)]
+            cv2.line(picture, *ends, grey, 1, cv2.LINE_AA, 4)
+        noisy = cv2.GaussianBlur(picture.astype(float), (0, 0), 0.7)
+        images.append(np.uint8(np.clip(noisy + rng.normal(0, 1.5, picture.shape), 0, 255)))
+    images = np.array(images)
+    recording = Recording(500.0, px_per_mm, "left")
+    scene = scene_from_frames(images, recording, None, None, len(images))
+    roster = find_roster(images, scene, options_for(recording))
+    assert [round(slot.base_xy[1], -1) for slot in roster] == [130, 200]  # px
 
 
 def straight(follicle_y, angle, length, thickness):
