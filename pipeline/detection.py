@@ -243,10 +243,12 @@ def detect_crowded(
 def _uncrossed_anew(image, model, gain, options, workspace, lines, known=()) -> list[Line]:
     """The same lines, of which crossing ones that have changed far parts are fitted again."""
     changed = uncrossed(lines)
+    if not changed:
+        return lines
     for line in changed:
         with painted(model, [*known, *(other for other in lines if other is not line)]):
             refine(image, model, gain, line, options, workspace)
-    return [line for line in lines if not changed or _is_whisker(line, model, options)]
+    return [line for line in lines if _is_whisker(line, model, options)]
 
 
 def uncrossed(lines) -> list[Line]:

@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 
 from pipeline.background import frame_gains
+from pipeline.pole import ray_points
 
 INNER = 0.5  # radii about the centre: no whisker that touches a pole is seen to lie there
 RING = 1.4, 1.5  # radii, and px beyond, at which a whisker is looked for; edges are blurred
@@ -33,8 +34,7 @@ def is_passed_over(x, y, radius, background, noise, frames) -> bool:
     """
     angles = np.arange(N_ANGLES) * 2 * np.pi / N_ANGLES
     ring = RING[0] * radius + RING[1]
-    px = (x + np.multiply.outer(np.cos(angles), ring + np.array(THICK_PX))).astype(np.float32)
-    py = (y + np.multiply.outer(np.sin(angles), ring + np.array(THICK_PX))).astype(np.float32)
+    px, py = ray_points(x, y, angles, ring + np.array(THICK_PX))
     middle = ring + np.mean(THICK_PX)
 
     def light(image):

@@ -170,7 +170,7 @@ def _rough_circle(image, x, y, radius_px):
         (dx, dy, radius), *_ = np.linalg.lstsq(design[near], edge[near], rcond=None)
         x, y = x + dx, y + dy
     spread = np.std(edge[near] - design[near] @ (dx, dy, radius)) / radius
-    px, py = _ray_points(x, y, angles, radius * np.array([0.2, 0.4, 0.6]))
+    px, py = ray_points(x, y, angles, radius * np.array([0.2, 0.4, 0.6]))
     inner = cv2.remap(image, px, py, cv2.INTER_LINEAR).mean()
     off = (radius / radius_px - 1) / RADIUS_SPREAD
     score = min(near.mean(), ROD_ARC) * (1 - 4 * spread) * (1 - inner) ** 4 * np.exp(-0.5 * off**2)
@@ -180,7 +180,7 @@ def _rough_circle(image, x, y, radius_px):
 def _half_levels(image, x, y, radius_px):
     """Distance from (x, y) at which each ray first reaches half the light, inf if never."""
     distances = np.arange(0.0, 1.9 * radius_px + 3, 0.5)
-    px, py = _ray_points(x, y, _rays(), distances)
+    px, py = ray_points(x, y, _rays(), distances)
     values = cv2.remap(image, px, py, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT)
     half = 0.5 * (values[:, 0].mean() + min(np.percentile(values[:, -1], 90), 1.0))
     above = values > half
@@ -251,7 +251,7 @@ def _rays():
     return np.arange(N_RAYS) * 2 * np.pi / N_RAYS
 
 
-def _ray_points(x, y, angles, distances):
+def ray_points(x, y, angles, distances):
     """Points at all distances along all angles, two float32 (angles, distances)."""
     px = x + np.multiply.outer(np.cos(angles), distances)
     py = y + np.multiply.outer(np.sin(angles), distances)
@@ -261,7 +261,7 @@ def _ray_points(x, y, angles, distances):
 def _free_rays(image, x, y, radius, angles):
     """Tell along which angles the disc ends against the light, bool (angles,)."""
     width = max(0.25 * radius, 2.0)
-    px, py = _ray_points(x, y, angles, radius + width * np.array([1.0, 1.25, 1.5]))
+    px, py = ray_points(x, y, angles, radius + width * np.array([1.0, 1.25, 1.5]))
     outside = cv2.remap(image, px, py, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT).min(1)
     free = outside > 0.85 * min(np.percentile(outside, 90), 1.0)
     return ~_widened(~free, 3)
@@ -276,7 +276,7 @@ def _widened(flags, steps):
 def _annulus(image, x, y, radius, angles):
     """Pixel values around the edge: points px, py and values, each (angles, distances)."""
     width = max(0.3 * radius, 2.5)
-    px, py = _ray_points(x, y, angles, np.arange(-width, width + 0.25, 0.5) + radius)
+    px, py = ray_points(x, y, angles, np.arange(-width, width + 0.25, 0.5) + radius)
     return px, py, cv2.remap(image, px, py, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
 
 
@@ -321,7 +321,7 @@ def _unshaded(p, image, angles, used, touched):
     px, py, values = _annulus(image, *p[:3], angles)
     excess = (values - _model(p, px, py))[:, values.shape[1] // 3 :].mean(1)
     beyond = p[2] + 2.5 * abs(p[3]) + np.array([0.5, 1.0, 1.5, 2.0, 2.5])
-    px, py = _ray_points(p[0], p[1], angles, beyond)
+    px, py = ray_points(p[0], p[1], angles, beyond)
     light = cv2.remap(image, px, py, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT).mean(1)
     lightest = light[light >= np.quantile(light, 2 / 3)]
     shaded = light < np.median(lightest) - max(3 * lightest.std(), 3 * INTERPOLATION)

@@ -26,7 +26,6 @@ from whiskermodel.whisker import Whisker
 
 ROSTER_FRAMES = 24
 SELDOM_TRACKED = 0.8  # a whisker seen in less than this part of the frames is worth a message
-
 SELDOM_ACROSS = 5  # frames; a whisker that lies across the pole more often is worth one, too
 
 

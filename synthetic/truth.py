@@ -23,7 +23,6 @@ from pipeline.tables import whole_file, write_centrelines, write_csv, write_fram
 from synthetic.motion import curvature_at, take_frames
 from synthetic.strips import step_table
 from synthetic.vibration import true_moments
-from whiskermodel.force_profiles import half_gaussian_shape
 from whiskermodel.response import Response
 
 VISIBILITY_COLUMNS = (
@@ -201,8 +200,9 @@ def _pulse(t, force):
 
 
 def _half_gaussian(t, peak, duration, centre):
-    """Top half of a Gaussian of any peak, zero outside."""
-    return np.maximum(peak * half_gaussian_shape(2 * (t - centre) / duration), 0.0)
+    """Top half of a Gaussian, zero outside; not that of `pipeline.pulses`, which it checks."""
+    z = (t - centre) / duration
+    return np.maximum(2 * peak * (np.exp(-4 * np.log(2) * z**2) - 0.5), 0.0)
 
 
 # What only the truth knows -------------------------------------------------------------------
