@@ -27,6 +27,7 @@ LEAST_CONTRAST = 0.2  # share of the light that the disc takes
 OPAQUE, GREY_ARC = 0.8, 0.3  # what takes less light must show so much of its edge: fur does not
 LEAST_SHADE = 0.08  # the same, where a person says that there is a pole
 RADIUS_SPREAD = 0.15  # SD of a pole's radius about the expected one, relative, in its score
+RIVAL = 0.5  # of the best rough score: what has more may be the pole when measured exactly
 EDGE_SLOPE = 0.04  # of the light per pixel: less is no edge of a thing in focus
 INTERPOLATION = 0.003  # error of interpolated pixels, share of the light
 
@@ -36,7 +37,7 @@ class Pole:
     """A pole's disc: centre, radius and edge blur (SD) [px]; `arc`: share of its edge seen.
 
     `residual` is the root mean square misfit of the edge without its worst pixels, as a share of
-    its contrast.
+    its contrast; `opacity` the share of the light that it takes.
     """
 
     x_px: float
@@ -45,6 +46,7 @@ class Pole:
     blur_px: float
     arc: float
     residual: float
+    opacity: float
 
 
 def find_pole(
@@ -74,12 +76,41 @@ def find_pole(
         circle = _rough_circle(image, x, y, radius_px)
         if circle is not None and _plausible(circle[:3], radius_px, near_xy):
             rough.append(circle)
-    rough.sort(key=lambda circle: -circle[3])
-    measured = (measure_disc(image, *circle[:3], radius_px) for circle in rough)
-    found = _first_firm((pole for pole in measured if pole is not None), passed_over)
-    if found is None and near_xy is not None and _shade(image, *near_xy, radius_px) > LEAST_SHADE:
-        return Pole(*map(float, near_xy), float(radius_px), 1.0, 0.0, np.nan)
+    found = _first_firm(_likeliest_first(image, rough, radius_px), passed_over)
+    shade = 0.0 if near_xy is None else _shade(image, *near_xy, radius_px)
+    if found is None and shade > LEAST_SHADE:
+        return Pole(*map(float, near_xy), float(radius_px), 1.0, 0.0, np.nan, shade)
     return found
+
+
+def _likeliest_first(image, rough, radius_px):
+    """Yield the discs that can be measured, likeliest first; `rough` as of `_rough_circle`.
+
+    Circles of less than RIVAL of the best score are measured only when those above are used up.
+    """
+    rivals, seen, best = [], [], 0.0
+    for x, y, radius, score in sorted(rough, key=lambda circle: -circle[3]):
+        if score < RIVAL * best:
+            yield from sorted(rivals, key=lambda pole: -_likeness(pole, radius_px))
+            rivals, best = [], 0.0
+        if any(np.hypot(x - pole.x_px, y - pole.y_px) < pole.radius_px for pole in seen):
+            continue
+        pole = measure_disc(image, x, y, radius, radius_px)
+        if pole is not None:
+            best = max(best, score)
+            rivals.append(pole)
+            seen.append(pole)
+    yield from sorted(rivals, key=lambda pole: -_likeness(pole, radius_px))
+
+
+def _likeness(pole, radius_px):
+    """How much a measured disc is like a pole's end: round, opaque, of the expected radius.
+
+    Dust is paler, and of any size.
+    """
+    off = (pole.radius_px / radius_px - 1) / RADIUS_SPREAD
+    edge = min(pole.arc, ROD_ARC) * (1 - 4 * pole.residual)
+    return edge * pole.opacity**4 * np.exp(-0.5 * off**2)
 
 
 def _first_firm(poles, passed_over):
@@ -153,7 +184,8 @@ def _votes(shape, x, y, ux, uy, strength, radius_px):
 def _rough_circle(image, x, y, radius_px):
     """Circle (x, y, radius, score) through the half levels along rays from (x, y), or None.
 
-    A pole lets no light through and has the expected radius; dust is paler, and of any size.
+    The score is a first guess of `_likeness`: the inside of a small pole looks paler than it is
+    while the circle is a little off, as the rod makes it.
     """
     angles = _rays()
     design = np.column_stack([np.cos(angles), np.sin(angles), np.ones(N_RAYS)])
@@ -244,7 +276,16 @@ def _measure(image, x, y, radius, expected, touched):
         return None
     if contrast < OPAQUE and before.mean() < GREY_ARC:
         return None
-    return Pole(*map(float, (x, y, radius, abs(fit[3]), arc, residual)))
+    return Pole(*map(float, (x, y, radius, abs(fit[3]), arc, residual, _opacity(fit))))
+
+
+def _opacity(p):
+    """Share of the light that a fitted disc takes as far inside as it was fitted.
+
+    The level farther in is not seen where a small disc is much blurred.
+    """
+    inmost = max(p[2] - _edge_width(p[2]), 0.0)
+    return 1 - max(blurred_edge(inmost, p[2], abs(p[3]) + 1e-3, p[4], p[5]) / p[5], 0.0)
 
 
 def _rays():
@@ -273,9 +314,14 @@ def _widened(flags, steps):
     return np.convolve(ring, np.ones(2 * steps + 1), "valid") > 0
 
 
+def _edge_width(radius):
+    """How far on both sides of a disc's edge its pixels are compared with the model [px]."""
+    return max(0.3 * radius, 2.5)
+
+
 def _annulus(image, x, y, radius, angles):
     """Pixel values around the edge: points px, py and values, each (angles, distances)."""
-    width = max(0.3 * radius, 2.5)
+    width = _edge_width(radius)
     px, py = ray_points(x, y, angles, np.arange(-width, width + 0.25, 0.5) + radius)
     return px, py, cv2.remap(image, px, py, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
 
@@ -288,7 +334,7 @@ def _model(p, px, py):
 
 def _edge_pixels(image, x, y, radius, used):
     """Pixels of the annulus around the edge that lie on used rays: x, y, values, each (n,)."""
-    width = max(0.3 * radius, 2.5)
+    width = _edge_width(radius)
     reach = int(radius + width) + 2
     rows = np.arange(max(int(y) - reach, 0), min(int(y) + reach + 1, image.shape[0]))
     columns = np.arange(max(int(x) - reach, 0), min(int(x) + reach + 1, image.shape[1]))

@@ -1,7 +1,7 @@
 import cv2
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.special import erf
 
@@ -58,6 +58,9 @@ def test_pole_on_a_rod_is_found_and_measured(direction, radius):
 
 @settings(deadline=None, max_examples=20)
 @given(seed=st.integers(0, 2**32 - 1), radius=st.floats(3.5, 7.0))
+@example(seed=1350, radius=4.0)  # these hold sharp dust as large as the pole, 80 % dark
+@example(seed=712743028, radius=4.0)
+@example(seed=1452407145, radius=4.0)
 def test_dust_is_no_pole(seed, radius):
     rng = np.random.default_rng(seed)
     image = scene(83.37, 59.81, radius, direction=rng.uniform(0, 2 * np.pi))
