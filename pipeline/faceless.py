@@ -17,6 +17,7 @@ SHORTEST_MM = 4.0  # shorter lines are no whiskers
 BIN_MM = 0.25  # along the face, in which starts are put together
 INSIDE_PX = (4, 24)  # nodes from its end that tell how dark a line is there
 BEYOND_PX = 12  # how far behind its end a line may begin in truth
+MOVED = 0.8  # of the most light that a line's places ever get: what is lighter may be a rod
 LEAST_WIDTH_PX = 1  # of what stands for the face where whiskers come over the border
 
 
@@ -33,16 +34,26 @@ def mask_behind_whiskers(frames, side: str | None, pixels_per_mm: float):
     side : str; "left" where neither given nor to be told
     mask : bool (height, width), what is nearer to that side than the whiskers' first visible
         points; all False where no whisker is seen
+    thick_side : where the thicker ends of whiskers that move are; None where none is seen
+
+    Only where none moves, what stands still is taken for whiskers: it may be the pole's rod.
     """
     shape = frames.shape[1:]
     step = max(len(frames) // LOOKED_AT, 1)
-    seen = [pair for image in frames[::step] for pair in _whiskers(image, pixels_per_mm)]
+    lightest = frames[::step].max(axis=0)
+    seen, moving = [], []
+    for image in frames[::step]:
+        found = list(_whiskers(image, pixels_per_mm))
+        seen += found
+        moving += [pair for pair in found if _has_moved(pair[0], image, lightest)]
     if not seen:
-        return side or "left", np.zeros(shape, bool)
+        return side or "left", np.zeros(shape, bool), None
+    thick_side = _thick_side(moving, shape) if moving else None
+    seen = moving or seen
     side = side or _thick_side(seen, shape)
     starts = [_start(curve, dark, side, shape) for curve, dark in seen]
     depth, along = np.transpose([_depth_and_place(x, y, side, shape) for x, y in starts])
-    return side, _mask(depth, along, side, shape, BIN_MM * pixels_per_mm)
+    return side, _mask(depth, along, side, shape, BIN_MM * pixels_per_mm), thick_side
 
 
 def _whiskers(image, pixels_per_mm):
@@ -59,6 +70,12 @@ def _whiskers(image, pixels_per_mm):
     for curve in ridges.join(ridges.link(index, points, shortest=10)):
         if np.hypot(*np.diff(curve, axis=0).T).sum() > SHORTEST_MM * pixels_per_mm:
             yield curve, dark
+
+
+def _has_moved(curve, image, lightest) -> bool:
+    """Whether most of a line's places are lighter in some other frame."""
+    now, ever = (_values(each, curve).astype(float) for each in (image, lightest))
+    return np.median(now / np.maximum(ever, 1.0)) < MOVED
 
 
 def _thick_side(seen, shape) -> str:

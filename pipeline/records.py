@@ -237,6 +237,8 @@ class StaticScene:
     face_side : "left", "right", "top" or "bottom"
     noise_excess : float32 (height, width), a pixel's variance over that of `noise_gain` and
         `noise_floor`; None where it is 1 everywhere
+    likelier_side : that of the whiskers' thicker ends, where no face is seen on the side that was
+        given; None: there is no such doubt
     """
 
     background: np.ndarray
@@ -247,6 +249,7 @@ class StaticScene:
     pole: PoleTrack | None
     face_side: str
     noise_excess: np.ndarray | None = None
+    likelier_side: str | None = None
 
 
 @dataclass

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline import contact, curvature, scene_finding, stations, tracing
+from pipeline.face_doubt import face_message
 from pipeline.records import (
     CONTACT_COLUMNS,
     EVIDENCE_COLUMNS,
@@ -26,6 +27,7 @@ from whiskermodel.whisker import Whisker
 
 ROSTER_FRAMES = 24
 SELDOM_TRACKED = 0.8  # a whisker seen in less than this part of the frames is worth a message
+OTHER_THICKNESS = 0.12  # of the pole, relative: more is no error of measurement
 SELDOM_ACROSS = 5  # frames; a whisker that lies across the pole more often is worth one, too
 
 
@@ -92,7 +94,7 @@ def analyse(
         evidence=touch.evidence,
         pole=followed.pole,
         n_frames=followed.n_frames,
-        messages=tuple(_messages(settings, touch, video, followed)),
+        messages=tuple(_messages(settings, touch, video, epochs, followed)),
         seconds=clock.seconds,
     )
 
@@ -296,16 +298,20 @@ def frame_table(kinematics, cast: Cast, n_frames: int, recording: Recording) -> 
     return as_table(table, FRAME_COLUMNS)
 
 
-def _messages(settings, touch, video, followed):
+def _messages(settings, touch, video, epochs, followed):
     """Sentences on what is missing or doubtful in one video."""
     cast = followed.cast
+    scenes = [epoch.scene for epoch in epochs if epoch.scene]
+    doubt = face_message(scenes, cast.roster, settings.recording.face)
+    if doubt:
+        yield doubt
     count = followed.n_frames
     if video.exact_count and count < video.n_frames:
         yield f"only {count} of {video.n_frames} frames could be read: is it cut short?"
     if count == 1:
         yield "one frame only: no movement to learn from, no contacts"
     if not cast.roster:
-        yield "no whisker found in any frame"
+        yield "no whisker found in any frame" + ("" if doubt else _look_at_the_face(settings))
         return
     lost = [name for name in cast.names if name not in cast.found]
     if lost:
@@ -313,13 +319,31 @@ def _messages(settings, touch, video, followed):
     if followed.pole is None:
         yield (
             f"no pole of {settings.pole.diameter_mm:g} mm found, so no contacts; if there is "
-            "one, give [pole] x_px, y_px"
+            "one, check [recording] pixels_per_mm and give [pole] x_px, y_px"
         )
+    yield from _of_another_size(settings, followed.pole)
     yield from _passes_over(settings, touch, followed.pole)
     for name, tracked in touch.frames.groupby("whisker", sort=False)["tracked"].mean().items():
         if name in cast.found and tracked < SELDOM_TRACKED:
             yield f"{name} is tracked in {100 * tracked:.0f} % of the frames only"
     yield from _without_forces(settings, cast)
+
+
+def _look_at_the_face(settings):
+    return f'; is [recording] face = "{settings.recording.face}" where they come from?'
+
+
+def _of_another_size(settings, pole):
+    """A pole that is not as thick as scale and diameter make it: one of them must be wrong."""
+    if pole is None:
+        return
+    thickness_mm = 2 * pole.radius_px / settings.recording.pixels_per_mm
+    if abs(thickness_mm / settings.pole.diameter_mm - 1) > OTHER_THICKNESS:
+        yield (
+            f"the pole looks {thickness_mm:.2g} mm thick, but [pole] diameter_mm = "
+            f"{settings.pole.diameter_mm:g}: correct it or [recording] pixels_per_mm = "
+            f"{settings.recording.pixels_per_mm:g}, on which lengths and forces depend"
+        )
 
 
 def _passes_over(settings, touch, pole):

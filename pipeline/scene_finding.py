@@ -6,6 +6,7 @@ from functools import partial
 import cv2
 import numpy as np
 
+from pipeline import face_doubt
 from pipeline.background import estimate_background, uncovered, without_whiskers
 from pipeline.epochs import Survey, stretches
 from pipeline.errors import VideoError
@@ -124,9 +125,10 @@ def scene_from_frames(
     transmission = background.transmission
     side = recording.face or face_side(transmission)
     face = find_face(transmission, side, scale)
-    fur = face.any()
+    fur, likelier_side = face.any(), None
     if not fur:
-        side, face = mask_behind_whiskers(frames, recording.face, scale)
+        side, face, thick_side = mask_behind_whiskers(frames, recording.face, scale)
+        likelier_side = face_doubt.likelier_side(transmission, side, thick_side, scale)
     pole = None
     if pole_diameter_m is not None:
         radius_px = 0.5e3 * pole_diameter_m * scale
@@ -144,6 +146,7 @@ def scene_from_frames(
         pole=_constant_track(pole, n_frames),
         face_side=side,
         noise_excess=noise_excess(background, frames, obstacles, face),
+        likelier_side=likelier_side,
     )
 
 

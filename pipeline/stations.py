@@ -169,7 +169,7 @@ def _measure_px(centrelines, whiskers, hidden_lengths, spacing, pole_rows, scale
     pole_x, pole_y, pole_radius = pole_rows
     x, y, information = np.full((3, rows, N_STATIONS), np.nan)
     near = np.full((rows, 6), np.nan)
-    radii = np.array([[w.base_radius, w.base_radius / w.cone_length] for w in whiskers])
+    radii = [[w.base_radius, w.base_radius / w.cone_length] for w in whiskers]
     _measure_rows(
         centrelines.offsets,
         *centrelines.raw(),
@@ -179,7 +179,7 @@ def _measure_px(centrelines, whiskers, hidden_lengths, spacing, pole_rows, scale
         centrelines.hidden_of(np.asarray(hidden_lengths, float) * scale),
         spacing * scale,
         np.array([w.length for w in whiskers]) * scale,
-        radii * np.array([scale, 1.0]),
+        np.reshape(radii, (-1, 2)) * np.array([scale, 1.0]),
         pole_x,
         -pole_y,
         pole_radius,

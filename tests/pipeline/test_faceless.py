@@ -40,16 +40,32 @@ class TestMask:
     def test_begins_where_the_whisker_does(self, turns, told):
         side = ("left", "bottom", "right", "top")[turns]
         frames = np.ascontiguousarray(np.rot90(FRAMES, turns, axes=(1, 2)))
-        found, mask = mask_behind_whiskers(frames, side if told else None, SCALE)
-        assert found == side
+        found, mask, thick = mask_behind_whiskers(frames, side if told else None, SCALE)
+        assert found == thick == side
         widths = np.rot90(mask, -turns).sum(axis=1)
         assert np.abs(widths - 0.5 - FOLLICLE[0]).max() < START_PX
         assert np.rot90(mask, -turns)[:, 0].all()
 
+    def test_a_rod_that_stands_still_is_no_whisker(self):
+        frames = FRAMES.copy()
+        rows, columns = np.mgrid[:240, :400]
+        rod = np.abs(columns - 200 - 0.3 * rows) < 4
+        frames[:, rod & (rows < 200)] //= 4
+        found, mask, thick = mask_behind_whiskers(frames, None, SCALE)
+        assert found == thick == "left"
+        assert np.abs(mask.sum(axis=1) - 0.5 - FOLLICLE[0]).max() < START_PX
+
+    def test_whiskers_that_never_move_tell_no_side_for_sure(self):
+        found, mask, thick = mask_behind_whiskers(FRAMES[:1], None, SCALE)
+        assert found == "left"
+        assert mask.any()
+        assert thick is None
+
     def test_nothing_in_view(self):
         frames = np.random.default_rng(0).normal(200, 2, (4, 240, 400)).astype(np.uint8)
-        side, mask = mask_behind_whiskers(frames, None, SCALE)
+        side, mask, thick = mask_behind_whiskers(frames, None, SCALE)
         assert side == "left"
+        assert thick is None
         assert not mask.any()
 
 

@@ -1,5 +1,7 @@
 """Places at fixed arc lengths and distance to the pole, against geometry."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -7,6 +9,7 @@ from hypothesis import strategies as st
 
 from pipeline import stations
 from pipeline.records import Centrelines, PoleTrack, Recording
+from pipeline.stations import N_STATIONS
 from whiskermodel.whisker import mouse_c2
 
 HIDDEN = 1.4e-3
@@ -143,3 +146,10 @@ def test_rows_of_one_whisker():
 def test_arguments_must_match_the_names():
     with pytest.raises(ValueError, match="one entry per name"):
         stations.measure_stations(lines_of(arc(0.001)), RECORDING, [], [HIDDEN])
+
+
+def test_no_whisker_at_all():
+    nothing = replace(lines_of(arc(0.002)), names=(), whisker=np.zeros(0, np.int32),
+                      frame=np.zeros(0, np.int32), offsets=np.zeros(1, np.int64))  # fmt: skip
+    places = stations.measure_stations(nothing, RECORDING, [], [])
+    assert places.x.shape == (0, N_STATIONS)
