@@ -28,7 +28,7 @@ from whiskermodel.whisker import Whisker
 ROSTER_FRAMES = 24
 SELDOM_TRACKED = 0.8  # a whisker seen in less than this part of the frames is worth a message
 OTHER_THICKNESS = 0.12  # of the pole, relative: more is no error of measurement
-SELDOM_ACROSS = 5  # frames; a whisker that lies across the pole more often is worth one, too
+SELDOM_ACROSS = 1  # frame may be a mistake; a whisker more often across the pole is worth one
 
 
 @dataclass(frozen=True)

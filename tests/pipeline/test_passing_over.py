@@ -1,9 +1,12 @@
 import numpy as np
 import pytest
 
+import pipeline.run
+from pipeline.frame_source import RandomAccessVideo
 from pipeline.passing_over import is_passed_over, lies_across
 from pipeline.records import Recording
 from pipeline.scene_finding import scene_from_frames
+from pipeline.settings import settings_from
 from pipeline.stations import Stations
 
 SHAPE, LIGHT, NOISE_SD = (240, 320), 180.0, 2.0  # px, grey
@@ -83,3 +86,27 @@ def test_lies_across_wants_the_middle_and_both_sides():
         **rest,
     )
     assert lies_across(places).tolist() == [True, False, False, False, False, False]
+
+
+class Passing(RandomAccessVideo):
+    """A speck that a whisker quickly passes over, twice."""
+
+    def __init__(self):
+        self.angles = np.full(300, 0.45) + 0.01 * np.sin(0.05 * np.arange(300))  # rad
+        for start in (97, 203):
+            self.angles[start : start + 16] -= 0.35 * (1 - np.cos(np.linspace(0, 2 * np.pi, 16)))
+        super().__init__("made up", *SHAPE[::-1], len(self.angles))
+
+    def _load(self, index):
+        return frames(discs(DUST), self.angles[index : index + 1], seed=index)[0]
+
+
+def test_a_speck_taken_for_the_pole_is_told_and_not_touched(monkeypatch):
+    monkeypatch.setattr(pipeline.run, "open_video", lambda *_: Passing())
+    recording = {"frames_per_second": 1000.0, "pixels_per_mm": 25.0, "face": "left"}
+    whisker = {"name": "C2", "length_mm": 10.5, "cone_length_mm": 12.0, "base_radius_um": 30.0}
+    settings = settings_from({"recording": recording, "whisker": [whisker]})
+    analysis = pipeline.run.analyse("made up", settings)
+    assert len(analysis.contacts) == 0
+    (message,) = analysis.messages
+    assert "C2 passes over the pole at (160, 126) px in 4 frames" in message
