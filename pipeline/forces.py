@@ -15,17 +15,19 @@ from scipy.integrate import cumulative_trapezoid
 from scipy.ndimage import gaussian_filter1d
 
 from pipeline import arc_origin, passing_over, rest_curvature, shape_fit
-from pipeline.peaks import half_width, smoothed
+from pipeline.peaks import firm_peak, half_width, smoothed
 from pipeline.records import CONTACT_COLUMNS, Recording, as_table, empty_table
 from pipeline.rest_curvature import RestModel
 from pipeline.shape_fit import RestPrior, ShapeFit
 from pipeline.stations import Stations
+from whiskermodel.force_profiles import half_gaussian_shape
 from whiskermodel.whisker import Whisker
 
 METHODS = ("point", "shape")
 SLIDING_FRAMES = 3
 SHORTEST_LEVER_M = 0.3e-3  # a contact nearer to the point of curvature tells nothing there
 WILD, WILD_SHARE = 4.0, 0.1  # times the usual standard error, plus this part of the force
+LARGEST_GAP = 0.8  # of a contact, about its peak: what lies in a longer one is not told
 LEAST_NOISE = 0.5  # of the fit's standard error: free frames are no witness of smaller ones
 FARTHEST_TURN_RAD = 0.2  # of a fitted rod's base from the traced part's continuation
 FEWEST_WITNESSES = 20  # free frames that can tell how much the force scatters
@@ -433,7 +435,7 @@ def error_budget(contacts: pd.DataFrame, evidence: pd.DataFrame, whiskers: dict)
     rows = []
     for contact in contacts.to_dict("records"):
         name, force = contact["whisker"], contact["peak_force_uN"]
-        errors = measured[name].at_peak(contact["onset_frame"], contact["offset_frame"], force)
+        errors = measured[name].at_peak(contact["onset_frame"], contact["offset_frame"])
         if errors is None or whiskers.get(name) is None:
             rows.append({})
             continue
@@ -468,44 +470,68 @@ class _Measured(NamedTuple):
         columns = ("shape_force_N", "shape_force_se_N", "origin_force_se_N")
         return cls(own["frame"].to_numpy(), *(1e6 * own[c].to_numpy(float) for c in columns))
 
-    def at_peak(self, onset, offset, peak):
-        """Total and origin's standard error where the force is `peak`; None where unknown."""
+    def at_peak(self, onset, offset):
+        """Total and origin's standard error about the peak; None where no force is known."""
         inside = slice(*np.searchsorted(self.frame, [onset, offset]))
-        away = np.abs(self.force[inside] - peak)
-        if not np.isfinite(away).any():
+        force = np.maximum(self.force[inside], 0.0)  # as in the table of frames
+        total, origin = self.total[inside], self.origin[inside]
+        force = _without_wild(force, total)
+        if not np.isfinite(force).any():
             return None
-        at = inside.start + int(np.nanargmin(away))
-        return self.total[at], self.origin[at]
+        peak, value, error = firm_peak(force, half_width(force, total), total)
+        error = np.hypot(error, value * _hidden_top(np.isfinite(force), peak))
+        return error, min(origin[peak], error)
+
+
+def _hidden_top(known, peak):
+    """How much larger than its largest `known` value, beside a gap, a half-Gaussian may be.
+
+    As a part of that value; 0 where the frames before and after `peak` are known.
+    """
+    seen = np.flatnonzero(known)
+    place = np.searchsorted(seen, peak)
+    around = np.concatenate([[-1], seen, [len(known)]])[place : place + 3]
+    gap = max(np.diff(around)) - 1
+    top = half_gaussian_shape(min((gap + 1) / len(known), LARGEST_GAP))
+    return 1 / top - 1 if gap > 0 else 0.0
+
+
+def _without_wild(force, error):
+    """Force (frames,) of one contact, NaN where something else lies upon the whisker."""
+    if not np.isfinite(error).any():
+        return force
+    return np.where(error > WILD * np.nanmedian(error) + WILD_SHARE * force, np.nan, force)
 
 
 def _contact_row(part: dict[str, np.ndarray], recording: Recording) -> dict:
     """Peaks, mean and impulse over the frames of one contact, of which `part` has the courses."""
     force, error = part["contact_force_uN"], part["contact_force_uN_se"]
-    if np.isfinite(error).any():
-        # a frame in which something else lies upon the whisker is no peak
-        usual = WILD * np.nanmedian(error) + WILD_SHARE * force
-        force = np.where(error > usual, np.nan, force)
+    force = _without_wild(force, error)
     if not np.isfinite(force).any():
         place = part["contact_arc_length_mm"]
         return {
             "contact_arc_length_mm": np.nanmedian(place) if np.isfinite(place).any() else np.nan
         }
     half = half_width(force, error)
-    course = smoothed(force, half)
-    peak = int(np.nanargmax(course))
+    peak, largest, _ = firm_peak(force, half, error)
     frame_ms = 1e3 / recording.frames_per_second
     mean = float(np.nanmean(force))
     return {
-        "peak_force_uN": course[peak],
+        "peak_force_uN": largest,
         "mean_force_uN": mean,
         "impulse_uN_ms": mean * len(force) * frame_ms,
-        "peak_base_moment_nN_m": _largest(part["base_moment_nN_m"], half),
-        "peak_axial_force_uN": _largest(part["axial_force_uN"], half),
-        "contact_arc_length_mm": smoothed(part["contact_arc_length_mm"], half)[peak],
+        "peak_base_moment_nN_m": _largest(part["base_moment_nN_m"], half, force, error),
+        "peak_axial_force_uN": _largest(part["axial_force_uN"], half, force, error),
+        "contact_arc_length_mm": smoothed(part["contact_arc_length_mm"], half, error)[peak],
     }
 
 
-def _largest(signed, half):
-    """Value of largest magnitude, with its sign, of a course smoothed over ±`half` frames."""
-    values = smoothed(signed, half)
-    return values[np.nanargmax(np.abs(values))] if np.isfinite(values).any() else np.nan
+def _largest(signed, half, force, error):
+    """Value of largest magnitude, with its sign, of a load that goes with the force; (frames,)."""
+    signed = np.where(np.isfinite(force), signed, np.nan)
+    course = smoothed(signed, half, error)
+    if not np.isfinite(course).any():
+        return np.nan
+    sign = np.sign(course[np.nanargmax(np.abs(course))]) or 1.0
+    share = np.nanmean(np.abs(signed)) / max(np.nanmean(force), 1e-12)
+    return sign * firm_peak(sign * signed, half, share * error)[1]

@@ -1,12 +1,14 @@
 """The peak of a noisy time course: the largest of many noisy values is too large by their noise.
 
-A course is smoothed by local parabolas (Savitzky and Golay 1964), over as many frames as its own
-noise allows (Lepski's rule): wider, as long as nothing near the top is moved by more than noise
-explains. So a brief peak stays as it is, and a long plateau is no longer its noisiest frame.
-Where noise lifts the peak by less than 1 %, it is the largest value, as in the table of frames.
+A course is smoothed by local parabolas (Savitzky and Golay 1964), weighted by the values' errors,
+over as many frames as its own noise allows (Lepski's rule): wider, as long as nothing near the
+top is moved by more than noise explains. So a brief peak stays as it is, and a long plateau is no
+longer its noisiest frame. Where noise lifts the peak by less than 1 %, it is the largest value, as
+in the table of frames.
 """
 
 import numpy as np
+from numba import njit
 
 HALF_WIDTHS = (2, 3, 4, 6, 8, 11, 15, 20)  # frames to both sides of a parabola's middle
 PART = 6  # of a course, at least, for each half-width
@@ -14,7 +16,9 @@ NEAR_TOP = 0.8  # of the peak: what is lower does not decide
 HIGH, FEWEST_HIGH = 0.5, 8  # of the peak, frames: where the noise is told from
 LEAST_LIFT = 0.01  # of the peak, by noise: less is left as it is
 LARGEST_CHANGE = 4.0  # standard errors of a change that noise explains
-THIRD_DIFFERENCE = 1.4826 / np.sqrt(20)  # their median magnitude → SD of white noise
+FIRM_SD = 2.0  # standard errors: what is surely reached
+MEDIAN_TO_SD = 1.4826  # of a normal distribution's magnitudes
+SINGULAR = 1e-9  # of a parabola's normal equations
 
 
 def half_width(values, errors) -> int:
@@ -22,34 +26,74 @@ def half_width(values, errors) -> int:
 
     Parameters
     ----------
-    values : (frames,), where NaN counts as what lies between its neighbours
+    values : (frames,), NaN where missing
     errors : (frames,) their standard errors, of which only the course matters: how large the
         noise is, the values tell
     """
-    values, errors = _without_gaps(values), _without_gaps(errors)
-    if len(values) < PART * HALF_WIDTHS[0]:
+    values, errors = np.asarray(values, float), _usable(values, errors)
+    known = np.flatnonzero(np.isfinite(values))
+    if len(known) < PART * HALF_WIDTHS[0]:
         return 0
-    if not np.all(errors > 0):  # or unknown
-        errors = np.ones(len(values))
-    half = _widest(values, _noise(values, errors))
-    lifted = values.max() > (1 + LEAST_LIFT) * _smoothed(values, half).max()
+    values, errors = np.where(np.isfinite(values), values, 0.0), _noise(values, errors)
+    half = _widest(values, errors)
+    lifted = values[known].max() > (1 + LEAST_LIFT) * _local(values, errors, half)[0][known].max()
     return half if lifted else 0
 
 
-def _widest(values, noise):
+def smoothed(values, half: int, errors=None) -> np.ndarray:
+    """Local parabolas' values (frames,) over 2 `half` + 1 frames, as near to each as they lie.
+
+    NaN where the value itself is missing; `errors` (frames,) weigh the values.
+    """
+    return _smoothed(values, half, _usable(values, errors))[0]
+
+
+def firm_peak(values, half: int, errors):
+    """Frame, value and standard error of a smoothed course's peak.
+
+    The peak is where value less FIRM_SD errors is largest: frames that are seen badly, among
+    others that are seen well, make none. `errors` (frames,) are taken to be common to neighbouring
+    frames, so that smoothing does not lessen them; NaN where not known.
+    """
+    usable = _usable(values, errors)
+    course, variance = _smoothed(values, half, usable)
+    alike = _smoothed(values, half, np.where(np.isfinite(usable), 1.0, np.inf))[1]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        error = np.sqrt(variance / alike)
+        least = course - FIRM_SD * error
+    firm = np.isfinite(least) & (least > 0)
+    at = int(np.nanargmax(np.where(firm, least, np.nan) if firm.any() else course))
+    return at, course[at], error[at] if np.isfinite(errors[at]) else np.nan
+
+
+def _smoothed(values, half, errors):
+    """Smoothed course and its variance (frames,); NaN where the value is missing."""
+    missing = ~np.isfinite(np.asarray(values, float))
+    course, left = _local(np.where(missing, 0.0, values), errors, half)
+    return np.where(missing, np.nan, course), np.where(missing, np.nan, left)
+
+
+def _usable(values, errors):
+    """Errors (frames,): infinite for missing values; all alike where one is not known."""
+    known = np.isfinite(np.asarray(values, float))
+    errors = np.ones(len(known)) if errors is None else np.asarray(errors, float)
+    if not np.all(errors[known] > 0):  # or unknown
+        errors = np.ones(len(known))
+    return np.where(known, errors, np.inf)
+
+
+def _widest(values, errors):
     """Largest half-width at which nothing near the top changes by more than noise explains."""
-    best, tried = 0, [(values, 1.0)]
+    best, tried = 0, [(values, errors**2)]
+    known = np.isfinite(errors)
     for half in HALF_WIDTHS:
-        if PART * half > len(values):
+        if PART * half > np.count_nonzero(known):
             break
-        weights = _parabola(half)
-        left = float(weights @ weights)  # of the noise's variance
-        wider = _smoothed(values, half)
-        inside = slice(half, len(values) - half)
-        top = wider[inside] > NEAR_TOP * wider.max()
+        wider, left = _local(values, errors, half)
+        top = known & (wider > NEAR_TOP * wider[known].max())
         for narrower, more in tried:
-            change = (np.abs(wider - narrower) / noise)[inside][top]
-            if len(change) and change.max() > LARGEST_CHANGE * np.sqrt(more - left):
+            change, noise = np.abs(wider - narrower)[top], more[top] - left[top]
+            if np.any(change > LARGEST_CHANGE * np.sqrt(np.maximum(noise, 0.0))):
                 return best
         tried.append((wider, left))
         best = half
@@ -57,40 +101,44 @@ def _widest(values, noise):
 
 
 def _noise(values, errors):
-    """Standard deviation of each value's noise near the top, as `errors` go."""
-    scatter = np.abs(np.diff(values, 3)) / (0.5 * (errors[1:-2] + errors[2:-1]))
-    course = _smoothed(values, HALF_WIDTHS[0])
-    high = course[1:-2] > HIGH * course.max()
-    scatter = scatter[high] if high.sum() >= FEWEST_HIGH else scatter
-    return np.maximum(THIRD_DIFFERENCE * np.median(scatter), 1e-12) * errors
-
-
-def smoothed(values, half: int) -> np.ndarray:
-    """Local parabolas' values (frames,) over ±`half` frames, narrower ones near the ends.
-
-    NaN where the value itself is missing.
-    """
-    values = np.asarray(values, float)
-    return np.where(np.isfinite(values), _smoothed(_without_gaps(values), half), np.nan)
-
-
-def _smoothed(values, half):
-    out = values.copy()
-    for each in (h for h in HALF_WIDTHS if h <= half):
-        out[each : len(values) - each] = np.convolve(values, _parabola(each), "valid")
-    return out
-
-
-def _parabola(half):
-    """Weights of the middle value of a least-squares parabola over 2 `half` + 1 values."""
-    x = np.arange(-half, half + 1.0)
-    n, second, fourth = len(x), (x**2).sum(), (x**4).sum()
-    return (fourth - second * x**2) / (n * fourth - second**2)
-
-
-def _without_gaps(values):
-    values = np.asarray(values, float)
+    """Standard deviation of each value's noise near the top, as `errors` go; infinite alike."""
     known = np.isfinite(values)
-    if known.all() or not known.any():
-        return values
-    return np.interp(np.arange(len(values)), np.flatnonzero(known), values[known])
+    seen, error = values[known], errors[known]
+    variance = np.convolve(error**2, [1.0, 9.0, 9.0, 1.0], "valid")  # of third differences
+    scatter = np.abs(np.diff(seen, 3)) / np.sqrt(variance)
+    course = _local(seen, error, HALF_WIDTHS[0])[0][1:-2]
+    high = course > HIGH * course.max()
+    scatter = scatter[high] if high.sum() >= FEWEST_HIGH else scatter
+    return np.maximum(MEDIAN_TO_SD * np.median(scatter), 1e-12) * errors
+
+
+def _local(values, errors, half):
+    """Weighted local parabolas (frames,) and their variances; values as they are for `half` 0."""
+    course, left = values.copy(), errors**2
+    if half > 0:
+        with np.errstate(divide="ignore"):
+            _fit_parabolas(values, 1 / errors**2, half, course, left)
+    return course, left
+
+
+@njit(cache=True)
+def _fit_parabolas(values, weight, half, course, left):
+    """Fill `course` and its variance where the 2 half + 1 values about a frame tell a parabola.
+
+    At the ends these are the first and last ones.
+    """
+    n, width = len(values), 2 * half + 1
+    largest = weight.max()
+    for i in range(n if n >= width else 0):
+        first = min(max(i - half, 0), n - width)
+        s0, s1, s2, s3, s4, t0, t1, t2 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        for j in range(first, first + width):
+            x, w = (j - i) / half, weight[j] / largest
+            s0, s1, s2, s3, s4 = s0 + w, s1 + w * x, s2 + w * x**2, s3 + w * x**3, s4 + w * x**4
+            v = w * values[j]
+            t0, t1, t2 = t0 + v, t1 + v * x, t2 + v * x**2
+        a, b, c = s2 * s4 - s3 * s3, s2 * s3 - s1 * s4, s1 * s3 - s2 * s2
+        determinant = s0 * a + s1 * b + s2 * c
+        if determinant > SINGULAR * s0**3:
+            course[i] = (a * t0 + b * t1 + c * t2) / determinant
+            left[i] = a / determinant / largest

@@ -14,6 +14,7 @@ from pipeline.settings import settings_from
 from synthetic.motion import HairMotion, Motion, Touch, drive_touches, grazing_angle
 from synthetic.presets import Setting, c2_scene, driven_motion, make_trial, table_of
 from whiskermodel import rod
+from whiskermodel.whisker import mouse_c2
 
 AT = 5.5e-3
 RECORDING = Recording(1000.0, 25.0, "left")
@@ -298,6 +299,22 @@ def test_a_wild_frame_is_no_peak():
     frames = forces.add_forces(frames, evidence, {"C2": object()})
     intervals = pd.DataFrame({"whisker": ["C2"], "onset_frame": [1], "offset_frame": [4]})
     assert forces.contact_table(frames, intervals, RECORDING)["peak_force_uN"][0] == 4.0
+
+
+def test_a_peak_beside_a_gap_may_be_a_larger_one():
+    """Of a half-Gaussian of three frames, without its middle one, 47 % of the peak is seen."""
+    frames, evidence = frames_by_hand()
+    evidence["whisker"], evidence["frame"] = "C2", frames["frame"]
+    evidence["origin_force_se_N"] = 1e-8
+    evidence.loc[1:3, "shape_force_N"] = 1.9e-6, 9e-6, 1.9e-6
+    evidence.loc[2, "shape_force_se_N"] = 9e-6
+    frames = forces.add_forces(frames, evidence, {"C2": mouse_c2()})
+    intervals = pd.DataFrame({"whisker": ["C2"], "onset_frame": [1], "offset_frame": [4]})
+    contacts = forces.contact_table(frames, intervals, RECORDING)
+    budget = forces.error_budget(contacts, evidence, {"C2": mouse_c2()})
+    assert contacts["peak_force_uN"][0] == pytest.approx(1.9)
+    assert budget["peak_force_se_uN"][0] == pytest.approx(1.9 / 0.47 - 1.9, rel=0.01)
+    assert budget["hidden_length_se_uN"][0] == pytest.approx(0.01)
 
 
 def test_error_budget(traced, touch, monkeypatch):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pipeline.peaks import half_width, smoothed
+from pipeline.peaks import firm_peak, half_width, smoothed
 
 NOISE = 0.05  # of the peak
 BIAS = 0.01  # of the peak: of the mean over many courses
@@ -65,3 +65,34 @@ def test_a_parabola_is_not_changed():
     t = np.arange(50.0)
     parabola = 3 - 0.01 * (t - 20) ** 2
     np.testing.assert_allclose(smoothed(parabola, 8), parabola, atol=RESTS)
+
+
+def test_a_plateau_that_the_video_cuts_off_is_not_its_noisiest_frame():
+    rng = np.random.default_rng(2)
+    course = np.minimum(np.arange(80) / 40, 1.0)
+    seen = course + 0.3 * rng.normal(size=(50, 80))
+    found = np.mean([peak_of(each, np.ones(80)) for each in seen])
+    assert abs(found - 1) < 0.5 * (seen.max(axis=1).mean() - 1)
+
+
+def test_frames_seen_badly_make_no_peak_and_no_confidence():
+    """Every other frame errs ten times as much as the others."""
+    rng = np.random.default_rng(3)
+    course = plateau(120)
+    errors = NOISE * np.where(np.arange(120) % 2 == 0, 0.4, 4.0)
+    found = []
+    for _ in range(50):
+        seen = course + errors * rng.normal(size=120)
+        at, value, error = firm_peak(seen, half_width(seen, errors), errors)
+        found.append((value - 1, (value - course[at]) / error, seen.max() - 1))
+    off, deviation, lift = np.array(found).T
+    assert abs(off.mean()) < 0.1 * lift.mean()
+    assert np.mean(np.abs(deviation) < 2) > 0.9
+
+
+def test_alike_errors_are_those_of_the_peak():
+    course = half_gaussian(60)
+    at, value, error = firm_peak(course, 4, np.full(60, NOISE))
+    assert (at, error) == (pytest.approx(29.5, abs=0.5), pytest.approx(NOISE))
+    assert value == pytest.approx(1.0, abs=BIAS)
+    assert np.isnan(firm_peak(course, 0, np.full(60, np.nan))[2])
