@@ -43,6 +43,9 @@ AT_PLACE_SD = 2.0  # as far from the place of other touches a touch may be
 SLIP_LOOK_FRAMES = 4  # so many frames after the end in which the pole has changed sides
 LARGE_DEFLECTION_RAD = 0.6
 NEAR_CURVATURE_M = 1.0e-3
+# a rod that fits so much worse (χ²) under its largest loads than free ones do is another whisker's
+UNLIKE_ROD = 4.0
+HIGH_LOAD = 0.5  # of a contact's largest
 
 INTERVAL_COLUMNS = (
     "whisker",
@@ -361,8 +364,9 @@ def find_contacts(evidence: pd.DataFrame, curvature_at: float = 5.5e-3) -> pd.Da
     rows = []
     for name in evidence["whisker"].unique():
         part = _columns(evidence[evidence["whisker"] == name].sort_values("frame"))
+        usual = _usual_misfit(part)
         for start, stop in _real_runs(part):
-            rows.append(_interval(part, name, start, stop, curvature_at))
+            rows.append(_interval(part, name, start, stop, curvature_at, usual))
     table = pd.DataFrame(rows, columns=list(INTERVAL_COLUMNS))
     return table.astype({"onset_frame": int, "offset_frame": int, "side": int, "slip": bool})
 
@@ -498,7 +502,22 @@ def _stands_out(part, rows, column):
     return np.nanmax(force[rows]) - middle > CLEAR_PEAK_SCATTER * scatter
 
 
-def _interval(part, name, start, stop, curvature_at):
+def _usual_misfit(part):
+    """Median χ² of free frames' rods, at least 1; infinite where few are free."""
+    free = part["chi2"][part["probability"] < 0.5]
+    free = free[np.isfinite(free)]
+    return max(float(np.median(free)), 1.0) if len(free) >= FEWEST_SURE else np.inf
+
+
+def _bends_otherwise(part, rows, usual):
+    """Whether the whisker bends as the rod does not, where it is loaded most."""
+    force, misfit = part["shape_force_N"][rows], part["chi2"][rows]
+    known = np.isfinite(force) & np.isfinite(misfit)
+    high = known & (force >= HIGH_LOAD * np.max(force[known], initial=0.0))
+    return bool(high.any()) and np.median(misfit[high]) > UNLIKE_ROD * usual
+
+
+def _interval(part, name, start, stop, curvature_at, usual_misfit):
     rows = slice(start, stop)
     frame = part["frame"]
     sides = part["side"]
@@ -506,13 +525,13 @@ def _interval(part, name, start, stop, curvature_at):
     after = sides[stop : stop + SLIP_LOOK_FRAMES]
     slip = len(after) > 0 and np.any(after == -side)
     probability = part["probability"][rows]
-    flags = _flags(part, start, stop, curvature_at, slip)
+    flags = _flags(part, start, stop, curvature_at, slip, usual_misfit)
     return (
         name, frame[start], frame[stop - 1] + 1, probability.mean(), side, slip, ";".join(flags)
     )  # fmt: skip
 
 
-def _flags(part, start, stop, curvature_at, slip):
+def _flags(part, start, stop, curvature_at, slip, usual_misfit):
     """What to be careful about in one contact."""
     rows = slice(start, stop)
     frame = part["frame"]
@@ -532,6 +551,7 @@ def _flags(part, start, stop, curvature_at, slip):
         "no_rest_curvature": not rest_known.any(),
         "large_deflection": tilted,
         "contact_near_curvature_window": near,
+        "bends_unlike_rod": _bends_otherwise(part, rows, usual_misfit),
         "gaps_in_trace": lost.any(),
         "faint_force": not _pushes(part, rows),
         "doubtful": probability.max() < 0.99,

@@ -21,6 +21,7 @@ FLAGS = {
     "doubtful": (0.9, "evidence is thin"),
     "faint_force": (0.6, "force is within its error: told from the distance"),
     "gaps_in_trace": (0.6, "trace has gaps"),
+    "bends_unlike_rod": (0.5, "bends as its rod does not: the right whisker?"),
     "no_rest_curvature": (0.5, "rest shape unknown"),
     "slip": (0.4, "slips off: is the end right?"),
     "starts_before": (0.2, "cut off by the video's start"),

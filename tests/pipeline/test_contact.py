@@ -1,5 +1,6 @@
 """Contacts found in traced rendered motion without pictures; the decision's parts."""
 
+from dataclasses import replace
 from functools import lru_cache
 from itertools import pairwise
 
@@ -167,6 +168,27 @@ def test_free_frames_near_the_pole_tell_the_rest_shape_where_most_are_there(monk
         assert (np.abs(error) < 1.96 * se).all()
         found.append(se.to_numpy())
     assert (near[0] < 0.9 * far[0]).all()
+
+
+@pytest.mark.parametrize("shorter", [1.0, 0.85])
+def test_a_whisker_that_bends_as_another_is_flagged(shorter):
+    """Loads of a C2 told with the dimensions of a whisker that is 15 % shorter."""
+    traced, _ = analysed("noisy")
+    (whisker,) = traced.whiskers.values()
+    taken_for = replace(
+        whisker, length=shorter * whisker.length, cone_length=shorter * whisker.cone_length
+    )
+    places = stations.measure_stations(
+        traced.lines, traced.recording, [taken_for], [traced_motion.HIDDEN], traced.pole
+    )
+    found = contact.analyse_touch(
+        traced.frames, places, traced.recording, {whisker.name: taken_for}
+    ).contacts
+    strong = traced.true_contacts["peak_force_uN"] > 5
+    unlike = found["flags"].str.contains("bends_unlike_rod")
+    assert len(found) == len(strong)
+    assert strong.sum() >= 3
+    assert not unlike.any() if shorter == 1.0 else unlike[strong].all()
 
 
 def test_a_touch_is_found_where_the_rest_shape_hides_its_force():
