@@ -20,6 +20,7 @@ from pipeline import forces
 from pipeline.records import EVIDENCE_COLUMNS, FRAME_COLUMNS, Recording, as_table
 from pipeline.rest_curvature import FREE_DISTANCE_M
 from pipeline.stations import N_STATIONS, Stations, nominal_whisker
+from pipeline.stretches import stretches
 
 GAP_SCALE_M = 1e-3  # typical gap of a free whisker
 FORCE_SCALE_N = 8e-6  # typical force of a touch
@@ -221,7 +222,7 @@ def add_probability(evidence: pd.DataFrame, recording: Recording) -> pd.DataFram
         evidence.loc[part.index, "log_odds"] = log_odds
         probability = _posterior(log_odds, CONTACT_STARTS, CONTACT_ENDS)
         shortest = SHORTEST_S * recording.frames_per_second
-        for start, stop in zip(*_edges_of(probability > 0.5), strict=True):
+        for start, stop in stretches(probability > 0.5):
             if stop - start < shortest:
                 probability[start:stop] = 0.5
         if _passes_over(part, probability):
@@ -379,7 +380,7 @@ def _columns(part) -> dict[str, np.ndarray]:
 def _runs(part):
     """Stretches of rows more likely in contact than not, cut where the pole changes sides."""
     side = part["side"]
-    for start, stop in zip(*_edges_of(part["probability"] > 0.5), strict=True):
+    for start, stop in stretches(part["probability"] > 0.5):
         first = start
         known = np.flatnonzero(side[start:stop]) + start
         for before, after in pairwise(known):
@@ -387,11 +388,6 @@ def _runs(part):
                 yield first, after
                 first = after
         yield first, stop
-
-
-def _edges_of(mask):
-    change = np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8))
-    return np.flatnonzero(change == 1), np.flatnonzero(change == -1)
 
 
 def _real_runs(part):

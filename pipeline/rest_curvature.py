@@ -114,12 +114,7 @@ def fit_rest(values, variances, angle, time, free, degree=LARGEST_DEGREE) -> Res
     -------
     RestModel, or None where fewer than FEWEST_FRAMES frames are free.
     """
-    values = np.asarray(values, float).reshape(len(angle), -1)
-    covs = np.asarray(variances, float).reshape(len(angle), values.shape[1], -1)
-    if covs.shape[2] == 1:
-        covs = covs * np.eye(values.shape[1])
-    use = np.asarray(free) & np.isfinite(values).all(axis=1) & np.isfinite(angle)
-    use &= np.isfinite(covs).all(axis=(1, 2))
+    values, covs, use = _usable(values, variances, angle, free)
     if use.sum() < FEWEST_FRAMES:
         return None
     values, covs, angle, time = values[use], covs[use], angle[use], time[use]
@@ -128,24 +123,11 @@ def fit_rest(values, variances, angle, time, free, degree=LARGEST_DEGREE) -> Res
     powers = _powers((angle - centre) / scale, degree)
     precision = 1 / np.array([CONSTANT_SD, SLOPE_SD * scale, BEND_SD * scale**2]) ** 2
     precision = precision[: degree + 1]
-    floor = np.sqrt(np.diag(np.median(covs, axis=0)))
     looks = 1 + 2 * scale / SAME_ANGLE_RAD
     alike = len(values) / np.clip(len(values) / CORRELATED_FRAMES, 1, looks)
-    drift, weights = np.zeros_like(values), None
-    for _ in range(5):  # drift and polynomial in turn
-        weights, share = _robust_polynomial(
-            powers, values - drift, precision * alike, floor, weights
-        )
-        residual = values - powers @ weights
-        middle = np.average(residual, axis=0, weights=share)
-        weights[0] += middle  # a drift of mean zero: it is shrunk to that
-        residual -= middle
-        drift = _smooth(time, residual, share, time)[0]
-    left, measured = residual - drift, np.average(covs, axis=0, weights=share)
-    # a few frames do not tell how they scatter: then what the measurement says of it counts
-    noise = (left * share[:, None]).T @ left + CORRELATED_FRAMES * measured
-    noise /= share.sum() + CORRELATED_FRAMES
-    noise += np.eye(len(noise)) * LEAST_SD**2
+    floor = np.sqrt(np.diag(np.median(covs, axis=0)))
+    drift, left, share = _drift_and_rest(powers, values, time, precision * alike, floor)
+    noise, measured = _noise(left, covs, share)
     weights, weights_cov = _averaged(powers, values - drift, share / alike, noise, precision)
     return RestModel(
         weights=weights,
@@ -159,6 +141,38 @@ def fit_rest(values, variances, angle, time, free, degree=LARGEST_DEGREE) -> Res
         scatter=_positive(noise - measured),
         frames=int(use.sum()),
     )
+
+
+def _usable(values, variances, angle, free):
+    """Values (frames, values), their covariances, and which frames are free and known."""
+    values = np.asarray(values, float).reshape(len(angle), -1)
+    covs = np.asarray(variances, float).reshape(len(angle), values.shape[1], -1)
+    if covs.shape[2] == 1:
+        covs = covs * np.eye(values.shape[1])
+    use = np.asarray(free) & np.isfinite(values).all(axis=1) & np.isfinite(angle)
+    return values, covs, use & np.isfinite(covs).all(axis=(1, 2))
+
+
+def _drift_and_rest(powers, values, time, precision, floor):
+    """Drift, what polynomial and drift leave, (frames, values) each, and the frames' shares."""
+    drift, weights = np.zeros_like(values), None
+    for _ in range(5):  # drift and polynomial in turn
+        weights, share = _robust_polynomial(powers, values - drift, precision, floor, weights)
+        residual = values - powers @ weights
+        middle = np.average(residual, axis=0, weights=share)
+        weights[0] += middle  # a drift of mean zero: it is shrunk to that
+        residual -= middle
+        drift = _smooth(time, residual, share, time)[0]
+    return drift, residual - drift, share
+
+
+def _noise(left, covs, share):
+    """Covariance (values, values) of a frame about the model, and that of its measurement."""
+    measured = np.average(covs, axis=0, weights=share)
+    # a few frames do not tell how they scatter: then what the measurement says of it counts
+    noise = (left * share[:, None]).T @ left + CORRELATED_FRAMES * measured
+    noise /= share.sum() + CORRELATED_FRAMES
+    return noise + np.eye(len(noise)) * LEAST_SD**2, measured
 
 
 def by_leaning_angle(model: RestModel, lean) -> RestModel:

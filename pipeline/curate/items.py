@@ -8,6 +8,7 @@ import pandas as pd
 
 from pipeline.curate.review import Review, Span, spans_of
 from pipeline.curation import CONFIRMED
+from pipeline.stretches import stretches
 
 SHORT_MS = 5.0
 WEAK_UN = 1.0
@@ -143,8 +144,8 @@ def _doubts(span, row, probability, gap):
 def _possible(contacts, detected, whisker, probability):
     """Stretches without contact that were detected (and deleted), or nearly so."""
     found = [
-        Span(whisker, int(start), int(stop))
-        for start, stop in _runs(probability > UNSURE[0])
+        Span(whisker, start, stop)
+        for start, stop in stretches(probability > UNSURE[0])
         if probability[start:stop].max() > POSSIBLE
     ]
     taken = np.zeros(len(probability) + 1, dtype=bool)
@@ -156,11 +157,6 @@ def _possible(contacts, detected, whisker, probability):
             kept.append(span)
             taken[span.onset : span.offset] = True
     return kept
-
-
-def _runs(mask):
-    change = np.diff(np.concatenate([[0], mask.astype(np.int8), [0]]))
-    return zip(np.flatnonzero(change == 1), np.flatnonzero(change == -1), strict=True)
 
 
 def _possible_item(span, review, probability):
