@@ -11,8 +11,8 @@ from pipeline.errors import VideoError
 from pipeline.video import open_video
 
 MOST_WEIGHED = 50  # contacts of one kind, evenly chosen
-SURELY = 2  # contacts of every flag that are shown whatever it takes
-MOST_DECODED = 100  # frames, to show more of them than these
+SURELY, FEWEST = 1, 3  # contacts of every flag, and examples, that are shown whatever it takes
+MOST_DECODED, MOST_SHARE = 100, 0.02  # frames of all videos, for them and to show more than these
 
 
 class Effort:
@@ -21,11 +21,13 @@ class Effort:
     Parameters
     ----------
     contacts : with `video` and `peak_frame`; they are spoken of by their labels
-    inputs : name of a video → {"path": …}, as in run.json
+    inputs : name of a video → {"path": …, "frames": …}, as in run.json
     """
 
     def __init__(self, contacts: pd.DataFrame, inputs: dict):
         self._inputs = inputs
+        frames = sum(each.get("frames", 0) for each in inputs.values())
+        self._left = max(MOST_DECODED, MOST_SHARE * frames)
         self._video = contacts["video"].to_dict()
         self._number = contacts["peak_frame"].astype(int).to_dict()
         self._start, self._reached = {}, {}
@@ -47,8 +49,13 @@ class Effort:
 
     def take(self, label) -> None:
         """Show a contact."""
+        self._left -= self.of(label)
         group = self._group(label)
         self._reached[group] = max(self._reached.get(group, -1), self._number[label])
+
+    def affords(self, label) -> bool:
+        """Whether so little is decoded until now that this contact may be shown, too."""
+        return self.of(label) <= self._left
 
     def _group(self, label):
         group = self._video[label], self._start[label]
@@ -86,19 +93,16 @@ def choose_flagged(flagged, n: int, each: int, effort: Effort) -> list:
     """
     flagged = [_few(effort.in_first_videos(own, each)) for own in flagged]
     effort.weigh(label for own in flagged for label in own)
-    chosen, decoded = [], 0
+    chosen = []
     for turn in range(each):
         for own in flagged:
             left = [label for label in own if label not in chosen]
             if not left or len(own) - len(left) > turn or len(chosen) == n:
                 continue
             best = effort.quickest(left)
-            if turn >= SURELY:
-                if decoded + effort.of(best) > MOST_DECODED:
-                    continue
-                decoded += effort.of(best)
-            effort.take(best)
-            chosen.append(best)
+            if turn < SURELY or effort.affords(best):
+                effort.take(best)
+                chosen.append(best)
     return chosen
 
 
@@ -114,12 +118,14 @@ def choose_examples(contacts: pd.DataFrame, n: int, effort: Effort, shown=()) ->
         own = contacts.index[contacts["video"] == video]
         left = _few([label for label in own if label not in shown])
         effort.weigh(left)
-        for _ in range(min(count, len(left))):
-            chosen.append(effort.quickest(left))
-            effort.take(chosen[-1])
-            left.remove(chosen[-1])
-        lacking = count - sum(label in own for label in chosen)
+        lacking = max(count - len(left), 0)
         chosen += [label for label in own if label in shown][:lacking]
+        for _ in range(count - lacking):
+            best = effort.quickest(left)
+            if len(chosen) < FEWEST or effort.affords(best):
+                effort.take(best)
+                chosen.append(best)
+                left.remove(best)
     chosen = contacts.loc[contacts.index.isin(chosen)]
     return list(chosen.index[_in_turn(chosen)])
 

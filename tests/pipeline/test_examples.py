@@ -6,6 +6,7 @@ import pandas as pd
 import pytest
 
 from pipeline.examples import (
+    FEWEST,
     MOST_DECODED,
     SURELY,
     Effort,
@@ -78,10 +79,23 @@ def test_some_of_every_flag(video):
     chosen = choose_flagged(flagged, 12, 5, effort)
     for own in flagged:
         assert len(set(own) & set(chosen)) >= SURELY
-    further = len(chosen) - SURELY * len(flagged)
-    assert 0 < further <= MOST_DECODED / KEYS  # each 20 frames behind its key frame
+    assert len(chosen) == MOST_DECODED / KEYS + 1  # each 20 frames behind its key frame, one 2
     effort = Effort(contacts, {"a": {"path": str(video)}})
     assert choose_flagged(flagged, 4, 5, effort)[2] == 10  # a frame behind a key frame
+
+
+def test_more_examples_than_a_few_must_be_read_soon(video):
+    contacts = contacts_at(*range(19, 200, 20))
+    inputs = {"a": {"path": str(video)}}
+    assert len(choose_examples(contacts, 9, Effort(contacts, inputs))) == MOST_DECODED / KEYS
+    effort = Effort(contacts, inputs)
+    effort.weigh(contacts.index)
+    for label in contacts.index[4:]:
+        effort.take(label)
+    chosen = choose_examples(contacts.iloc[:4], 4, effort)
+    assert len(chosen) == FEWEST
+    inputs["a"]["frames"] = 100 * MOST_DECODED  # of a long session, more are worth it
+    assert len(choose_examples(contacts, 9, Effort(contacts, inputs))) == 9
 
 
 def test_one_contact_may_stand_for_two_flags(video):
