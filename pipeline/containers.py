@@ -24,7 +24,7 @@ NOT_VIDEO_CODECS = ("ansi", "xbin", "bintext", "idf")
 BURST_STEP = 3  # in long bursts, every third frame: whiskers must have moved in between
 LONGEST_BURST = 3  # samples; more of them would show the same posture again
 FEWEST_SAMPLES = 24  # but a background takes so many
-FRAMES_AHEAD = 8  # lent at once: taking turns, decoder and caller spoil each other's cache
+FRAMES_AHEAD = 16  # lent at once: taking turns, decoder and caller spoil each other's cache
 FEWEST_KEYS = 4  # fewer key frames may miss when things move
 
 
@@ -33,6 +33,7 @@ class LumaReader:
 
     def __init__(self):
         self.drop = None
+        self.bits = {}  # by format: to ask for them takes as long as all else
 
     def __call__(self, frame: av.VideoFrame, lend: bool = False) -> np.ndarray:
         """Return the luma of `frame`, uint8 (height, width), C-contiguous.
@@ -52,7 +53,9 @@ class LumaReader:
         return cv2.cvtColor(rgb, cv2.COLOR_RGB2GRAY)
 
     def _planar(self, frame, plane, name, lend):
-        bits = frame.format.components[0].bits
+        if name not in self.bits:
+            self.bits[name] = frame.format.components[0].bits
+        bits = self.bits[name]
         if bits == 8:
             image = _rows(plane, frame, np.uint8)
             return np.ascontiguousarray(image) if lend else image.copy()
@@ -72,8 +75,8 @@ class LumaReader:
 def _rows(plane, frame, dtype, step=1):
     """View a plane as (height, width · step) without the padding at the end of its rows."""
     dtype = np.dtype(dtype)
-    view = np.frombuffer(plane, dtype).reshape(-1, plane.line_size // dtype.itemsize)
-    return view[: frame.height, : frame.width * step]
+    shape = frame.height, frame.width * step
+    return np.ndarray(shape, dtype, plane, strides=(plane.line_size, dtype.itemsize))
 
 
 class ContainerVideo(Video):

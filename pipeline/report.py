@@ -24,6 +24,7 @@ NAMED = 5  # contacts named for every flag, and of those that ring
 NEAR_MM = 3.0  # free frames with the pole this near show the force's noise
 RINGS = 1.0  # vibrational over steady moment
 NOTICEABLE = 0.1
+LEAST = 0.01  # that is told apart
 MAP_STEP = 2e-5  # s: a tenth of the highest mode's period, enough for a map's colours
 TICKS_MS = (0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000)
 JPEG_QUALITY = 80
@@ -467,31 +468,29 @@ def _vibration_map(contacts, whisker) -> str:
     from matplotlib.colors import LogNorm
 
     figure, axis = _axes(3.4)
-    norm = LogNorm(0.01, 3)
+    norm = LogNorm(LEAST, 3)
     duration, place = contacts["duration_ms"], contacts["contact_arc_length_mm"]
     if whisker is not None:
         longest = max(120.0, 1.1 * duration.max())
         durations = np.geomspace(min(1.0, 0.9 * duration.min()), longest, 32)
         places = np.linspace(0.1, 0.97, 28) * 1e3 * whisker.length
         grid = ratio_grid(whisker, durations, places, MAP_STEP)
-        axis.contourf(durations, places, grid, np.geomspace(0.01, 3, 22), norm=norm,
+        axis.contourf(durations, places, grid, np.geomspace(LEAST, 3, 22), norm=norm,
                       cmap="cividis", extend="both")  # fmt: skip
-        lines = axis.contour(durations, places, grid, [NOTICEABLE, RINGS], linewidths=[0.8, 1.6],
-                             colors=["white", figures.ACCENT])  # fmt: skip
-        axis.clabel(lines, fmt="%g", fontsize=8)
-    dots = axis.scatter(
+        lines = axis.contour(durations, places, grid, [LEAST, NOTICEABLE, RINGS],
+                             linewidths=[0.5, 0.8, 1.6],
+                             colors=["white", "white", figures.ACCENT])  # fmt: skip
+        axis.clabel(lines, fmt="%g", fontsize=8)  # a colour bar would take longer than all else
+    axis.scatter(
         duration, place, c=contacts["vibration_ratio"], norm=norm, cmap="cividis",
         s=float(np.clip(400 / np.sqrt(len(contacts)), 5, 36)), edgecolors="white",
         linewidths=0.7 if len(contacts) < 1000 else 0.2, rasterized=len(contacts) > 2000,
     )  # fmt: skip
-    label = "vibrational / steady moment"
-    bar = figure.colorbar(dots, label=label, extend="both", format="%g", ticks=[0.01, 0.1, 1])
     axis.set(xscale="log", xlabel="contact duration (ms)", ylabel="follicle to contact (mm)")
     axis.xaxis.set_major_formatter("{x:g}")  # powers of ten take a parser of formulae: 0.3 s
     low, high = axis.get_xlim()
     axis.set_xticks([x for x in TICKS_MS if low <= x <= high])
-    for each in (axis, bar.ax):
-        each.minorticks_off()  # every tick is two lines and two texts
+    axis.minorticks_off()  # every tick is two lines and two texts
     return _svg(figure)
 
 

@@ -26,6 +26,7 @@ from pipeline.video import open_video
 from whiskermodel.whisker import Whisker
 
 ROSTER_FRAMES = 24
+ENOUGH_FRAMES = 12  # to find a lone whisker, which is not to be told from others
 SELDOM_TRACKED = 0.8  # a whisker seen in less than this part of the frames is worth a message
 OTHER_THICKNESS = 0.12  # of the pole, relative: more is no error of measurement
 SELDOM_ACROSS = 1  # frame may be a mistake; a whisker more often across the pole is worth one
@@ -83,7 +84,7 @@ def analyse(
                 video, recording, pole.diameter, pole.position_px, seen
             )
         with clock("roster"):
-            cast = find_cast(*seen.sample(ROSTER_FRAMES), epochs, settings)
+            cast = find_cast(*seen.sample(roster_frames(settings)), epochs, settings)
             epochs = behind_whiskers(epochs, cast.roster, recording.pixels_per_mm)
         followed = follow(video, epochs, cast, settings, clock, keep, progress)
     with clock("contacts"):
@@ -240,6 +241,11 @@ class Cast:
             nominal=tuple(replace(typical, name=name) for name in found),
             hidden_lengths=(hidden,) * count,
         )
+
+
+def roster_frames(settings) -> int:
+    """How many frames to find the whiskers in."""
+    return ENOUGH_FRAMES if len(settings.whisker) == 1 else ROSTER_FRAMES
 
 
 def find_cast(indices, frames, epochs, settings: Settings) -> Cast:

@@ -27,7 +27,7 @@ from accuracy import cell, markdown
 from peer_tracker import OPTIMISED, NoPeerError, find_peer, timed
 
 from pipeline import curvature, scene_finding, tracing
-from pipeline.run import ROSTER_FRAMES
+from pipeline.run import roster_frames
 from pipeline.settings import write_session
 from pipeline.tables import read_json
 from pipeline.video import open_video
@@ -173,7 +173,8 @@ def trace(clip: Clip, path=None):
         epochs = scene_finding.find_scenes(video, recording, diameter, seen=seen)
         scene = max((e.scene for e in epochs if e.scene), key=lambda s: s.background.sum())
         names = [w.name for w in settings.whisker]
-        roster = tracing.find_roster(seen.sample(ROSTER_FRAMES)[1], scene, options, names)
+        _, frames = seen.sample(roster_frames(settings))
+        roster = tracing.find_roster(frames, scene, options, names)
         yield from tracing.trace(video.lent(), epochs, roster, options)
 
 
