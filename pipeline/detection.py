@@ -1,6 +1,6 @@
 """All whiskers in one frame, with no knowledge of the frames before."""
 
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 
 import cv2
@@ -309,12 +309,13 @@ def _is_whisker(line: Line, model, options) -> bool:
     return long_and_clear and leaves_face(line, model.outside)
 
 
-@contextmanager
 def painted(model: ImageModel, lines: list[Line]):
-    """Hold whiskers, if there are any, in the background for a while."""
-    if not lines:
-        yield
-        return
+    """Hold whiskers, if there are any, in the background of a with block."""
+    return _painted(model, lines) if lines else nullcontext()
+
+
+@contextmanager
+def _painted(model, lines):
     size = sum(16 * line.n for line in lines)
     pixels, values, count = np.zeros(size, np.int64), np.zeros(size, np.float32), 0
     for line in lines:
