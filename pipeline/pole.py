@@ -28,6 +28,7 @@ OPAQUE, GREY_ARC = 0.8, 0.3  # what takes less light must show so much of its ed
 LEAST_SHADE = 0.08  # the same, where a person says that there is a pole
 RADIUS_SPREAD = 0.15  # SD of a pole's radius about the expected one, relative, in its score
 RIVAL = 0.5  # of the best rough score: what has more may be the pole when measured exactly
+SURE = 0.45  # likeness; an opaque disc on a rod has 0.6, sharp dust of its size 0.25
 EDGE_SLOPE = 0.04  # of the light per pixel: less is no edge of a thing in focus
 INTERPOLATION = 0.003  # error of interpolated pixels, share of the light
 
@@ -86,21 +87,23 @@ def find_pole(
 def _likeliest_first(image, rough, radius_px):
     """Yield the discs that can be measured, likeliest first; `rough` as of `_rough_circle`.
 
-    Circles of less than RIVAL of the best score are measured only when those above are used up.
+    Where one of them is surely a pole, circles of much less score are measured only when those
+    above are used up.
     """
-    rivals, seen, best = [], [], 0.0
+    rivals, seen, best, sure = [], [], 0.0, False
     for x, y, radius, score in sorted(rough, key=lambda circle: -circle[3]):
-        if score < RIVAL * best:
-            yield from sorted(rivals, key=lambda pole: -_likeness(pole, radius_px))
-            rivals, best = [], 0.0
+        if sure and score < RIVAL * best:
+            yield from (pole for _, pole in sorted(rivals, key=lambda each: -each[0]))
+            rivals, best, sure = [], 0.0, False
         if any(np.hypot(x - pole.x_px, y - pole.y_px) < pole.radius_px for pole in seen):
             continue
         pole = measure_disc(image, x, y, radius, radius_px)
         if pole is not None:
-            best = max(best, score)
-            rivals.append(pole)
+            likeness = _likeness(pole, radius_px)
+            best, sure = max(best, score), sure or likeness > SURE
+            rivals.append((likeness, pole))
             seen.append(pole)
-    yield from sorted(rivals, key=lambda pole: -_likeness(pole, radius_px))
+    yield from (pole for _, pole in sorted(rivals, key=lambda each: -each[0]))
 
 
 def _likeness(pole, radius_px):

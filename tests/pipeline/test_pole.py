@@ -80,6 +80,16 @@ def test_a_paler_speck_all_of_whose_edge_is_seen_is_no_likelier_pole():
     assert np.hypot(pole.x_px - 83.37, pole.y_px - 59.81) < 0.5
 
 
+@pytest.mark.parametrize("direction", [3.8, 4.8, 5.3])
+def test_a_speck_is_no_pole_where_a_broad_rod_hides_much_of_the_pole(direction):
+    shape, x, y, radius = (120, 160), 83.37, 59.81, 4.6
+    speck = 1 - 0.75 * (1 - disc(shape, 30, 90, 0.9 * radius, 1.6))
+    broad = rod(shape, x, y, direction, 1.4 * radius, 1.2)
+    image = (0.02 + 0.98 * disc(shape, x, y, radius, 1.2) * broad * speck).astype(np.float32)
+    pole = find_pole(image, 0.88 * radius)
+    assert np.hypot(pole.x_px - x, pole.y_px - y) < 0.5
+
+
 @settings(deadline=None, max_examples=20)
 @given(
     x=st.floats(60, 100),
