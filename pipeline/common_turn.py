@@ -19,12 +19,12 @@ SLOPE_SD = np.radians(3.0)
 def common_turns(image, background, weight, gain, lines) -> np.ndarray:
     """Turns [rad, from +x to +y] about their bases at which predicted lines fit best, together.
 
-    From the first whisker of the face to the last, the turn changes evenly.
+    The turn changes evenly with the lines' directions from one side of the face to the other.
 
     Parameters
     ----------
     image, background, weight, gain : as in `following.capture`
-    lines : `detection.Line`s as they are predicted, in order along the face
+    lines : `detection.Line`s as they are predicted
     """
     scores = np.zeros((len(lines), len(TURNS)))
     cosines, sines = np.cos(TURNS), np.sin(TURNS)
@@ -34,12 +34,21 @@ def common_turns(image, background, weight, gain, lines) -> np.ndarray:
             image, background, weight, gain, line.x, line.y, line.n, line.amplitude,
             cosines, sines, score,
         )  # fmt: skip
-    return _most_likely(scores / most)
+    return _most_likely(scores / most, _places(lines))
 
 
-def _most_likely(scores) -> np.ndarray:
+def _places(lines) -> np.ndarray:
+    """Where the lines stand between the outermost ones, by direction, −1 to 1."""
+    middle = [line.n // 2 for line in lines]
+    dx = [line.x[k] - line.x[0] for line, k in zip(lines, middle, strict=True)]
+    dy = [line.y[k] - line.y[0] for line, k in zip(lines, middle, strict=True)]
+    ahead = np.arctan2(np.sum(dy), np.sum(dx))
+    angle = np.mod(np.arctan2(dy, dx) - ahead + np.pi, 2 * np.pi)
+    return 2 * (angle - angle.min()) / max(np.ptp(angle), 1e-9) - 1
+
+
+def _most_likely(scores, place) -> np.ndarray:
     """Turn of every line for the mean turn and slope of the highest sum of scores."""
-    place = np.linspace(-1, 1, len(scores))
     best, found = -np.inf, None
     for slope in SLOPES:
         shifted = [

@@ -12,10 +12,12 @@ import numpy as np
 from pipeline import detection
 from pipeline.identities import crowded
 from pipeline.roster import Slot
-from pipeline.tracing import LARGEST_TURN, SEARCH_EVERY, Tracer, Track, turning_range
+from pipeline.tracing import SEARCH_EVERY, Tracer, Track, turning_range
 
 SPARE = 6  # tracks at most beside one for each whisker: some lines are nobody's
 FAINT = 0.5  # of the faintest whisker's length × absorbance: less is a hair of the fur
+BASE_M = 6e-3  # from the face
+MOST_BENT = np.radians(32)  # over that: what bends more goes from the fur's edge onto a whisker
 SEARCH_EVERY_CROWDED = 5  # frames between two full detections while lines are missing
 
 
@@ -33,6 +35,7 @@ class CrowdTracer(Tracer):
         self.number = itertools.count()
         self.tracks = []
         self.lost_at = -2
+        self.base = int(BASE_M * options.pixels_per_m)
 
     def step(self, image) -> list[Track]:
         """Advance by one frame; return the tracks of all lines that are seen."""
@@ -59,12 +62,20 @@ class CrowdTracer(Tracer):
         for line in found:  # the strongest first
             if len(self.tracks) >= self.most:
                 break
-            if turning_range(line.x, line.y, line.n) > LARGEST_TURN:
+            if self._is_bent(line):
                 continue
             if detection.contrast_length(line) >= self.faintest:
                 track = Track(self.slot, number=next(self.number))
                 track.take(line)
                 self.tracks.append(track)
+
+    def _give_up_if_poor(self, track: Track) -> None:
+        super()._give_up_if_poor(track)
+        if track.line is not None and self._is_bent(track.line):
+            track.lose()
+
+    def _is_bent(self, line) -> bool:
+        return turning_range(line.x, line.y, min(line.n, self.base)) > MOST_BENT
 
 
 def is_crowd(roster, options) -> bool:
