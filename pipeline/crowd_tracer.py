@@ -9,14 +9,15 @@ import itertools
 
 import numpy as np
 
-from pipeline import detection
+from pipeline import common_turn, detection
 from pipeline.identities import crowded
 from pipeline.roster import Slot
-from pipeline.tracing import SEARCH_EVERY, Tracer, Track, turning_range
+from pipeline.tracing import FEWEST_TOGETHER, SEARCH_EVERY, Tracer, Track, chord_angle, foretold, turning_range
 
 SPARE = 6  # tracks at most beside one for each whisker: some lines are nobody's
 FAINT = 0.5  # of the faintest whisker's length × absorbance: less is a hair of the fur
 BASE_M = 6e-3  # from the face
+ASTRAY_SD = np.radians(4.0)
 MOST_BENT = np.radians(32)  # over that: what bends more goes from the fur's edge onto a whisker
 SEARCH_EVERY_CROWDED = 5  # frames between two full detections while lines are missing
 
@@ -69,6 +70,37 @@ class CrowdTracer(Tracer):
                 track.take(line)
                 self.tracks.append(track)
 
+    def _worth(self, line, expected) -> float:
+        off = chord_angle(line, expected.n) - chord_angle(expected, line.n)
+        return super()._worth(line, expected) * np.exp(-0.5 * (off / ASTRAY_SD) ** 2)
+
+    def _follow(self, track, image, gain, line) -> None:
+        expected = line.copy()
+        super()._follow(track, image, gain, line)
+        track.age += 1
+        track.worth = self._worth(track.line, expected) * (1 - 0.5 ** (track.age / 5)) if track.line is not None else 0.0
+
+    def _right(self, track) -> float:
+        return track.worth
+
+    def _turn_together(self, present, image, gain) -> None:
+        """Tell the tracks how the whole row turns, which is surer than one line's own motion."""
+        lines = [foretold(t.line, None) for t in present]
+        last = np.array([
+            chord_angle(t.line, t.before.n) - chord_angle(t.before, t.line.n) if t.before is not None else np.nan
+            for t in present
+        ])
+        place = np.array([chord_angle(line) for line in lines])
+        turn = _smooth(place, last)
+        for line, angle in zip(lines, turn, strict=True):
+            common_turn.turn_line(line.x, line.y, line.n, angle)
+        m = self.model
+        if len(lines) >= FEWEST_TOGETHER:
+            turn = turn + common_turn.common_turns(image, m.background, m.weight, gain, lines)
+        for track, angle in zip(present, turn, strict=True):
+            track.turns = (float(angle), float(angle))
+            track.before = None
+
     def _give_up_if_poor(self, track: Track) -> None:
         super()._give_up_if_poor(track)
         if track.line is not None and self._is_bent(track.line):
@@ -76,6 +108,23 @@ class CrowdTracer(Tracer):
 
     def _is_bent(self, line) -> bool:
         return turning_range(line.x, line.y, min(line.n, self.base)) > MOST_BENT
+
+
+def _smooth(place, turn):
+    """Turns of all lines at their places, from those known, as of a straight line through them."""
+    known = np.isfinite(turn)
+    if known.sum() < FEWEST_TOGETHER:
+        return np.full(len(turn), np.median(turn[known]) if known.any() else 0.0)
+    keep = known.copy()
+    for _ in range(4):
+        slope, at = np.polyfit(place[keep], turn[keep], 1) if np.ptp(place[keep]) > 0.2 else (0.0, np.median(turn[keep]))
+        off = np.abs(turn - at - slope * place)
+        limit = max(2.5 * 1.48 * np.median(off[known]), np.radians(0.5))
+        keep = known & (off < limit)
+        if keep.sum() < FEWEST_TOGETHER:
+            keep = known
+            break
+    return at + slope * place
 
 
 def is_crowd(roster, options) -> bool:

@@ -65,6 +65,8 @@ class Track:
     doubtful: bool = False
     turns: tuple[float, float] = (0.0, 0.0)
     number: int = 0
+    age: int = 0
+    worth: float = 0.0
 
     def __post_init__(self):
         self.whole = max(self.slot.samples, key=lambda line: line.n, default=None)
@@ -226,10 +228,11 @@ class Tracer:
                 if a.line is None or b.line is None or not _come_near(a.line, b.line, 2.0):
                     continue
                 if min(_near(a.line, b.line, 2.0), _near(b.line, a.line, 2.0)) > DOUBLE_SHARE:
-                    worse = min(
-                        (a, b), key=lambda t: t.line.quality * t.line.n / t.slot.visible_px
-                    )
-                    worse.lose()
+                    min((a, b), key=self._right).lose()
+
+    def _right(self, track: Track) -> float:
+        """How much of its whisker a track shows, to be compared with others on the same line."""
+        return track.line.quality * track.line.n / track.slot.visible_px
 
     def _uncross(self, present: list[Track], image, gain) -> None:
         """Let lines that have turned off onto each other go on with their own far parts."""
@@ -265,6 +268,7 @@ class Tracer:
         """
         present = track.line
         best = None
+        expected = line.copy()
         tries = (0, True), (self.narrow, True), (self.narrow, False), (self.wide, False)
         for half, with_velocity in tries:
             if half:
@@ -274,12 +278,16 @@ class Tracer:
                 self._capture(line, image, gain, half)
             farthest = np.inf if half else FORETOLD_PX
             detection.refine(image, self.model, gain, line, self.options, self.workspace, farthest)
-            if best is None or line.n * line.quality > best.n * best.quality:
+            if best is None or self._worth(line, expected) > self._worth(best, expected):
                 best = line
             if best.quality > GOOD_QUALITY and best.n > 0.8 * present.n:
                 break
         track.before, track.line, track.lost_for = present, best, 0
         self._give_up_if_poor(track)
+
+    def _worth(self, line: Line, expected: Line) -> float:
+        """How much of a whisker a line found where one was expected shows."""
+        return line.n * line.quality
 
     def _carry_on(self, line: Line, track: Track) -> None:
         """Lengthen a track's predicted line by what something hides of it, if anything does."""
@@ -478,9 +486,10 @@ def _foretell(x, y, amplitude, sigma, n, before_x, before_y, m, arrays):
         advance(arrays[0], arrays[1], n, before_x, before_y, m)
 
 
-def chord_angle(line: Line) -> float:
-    """Direction from a line's base to its middle [rad, from +x to +y]."""
-    k = line.n // 2
+def chord_angle(line: Line, most=np.inf) -> float:
+    """Direction from a line's base to its middle [rad, from +x to +y], `most` nodes long."""
+    k = min(line.n, most) // 2
+    k = int(k)
     return float(np.arctan2(line.y[k] - line.y[0], line.x[k] - line.x[0]))
 
 
