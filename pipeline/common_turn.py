@@ -11,13 +11,16 @@ from pipeline.following import bilinear
 
 TURNS = np.radians(np.arange(-16.0, 16.5, 1.0))
 SLOPES = np.radians(np.arange(-6.0, 6.5, 1.5))  # half of how much more the last one turns
+OWN_SD = np.radians(1.5)  # of a line about the row
+OWN_WEIGHT = 4.0  # of its score
+AHEAD = 24  # nodes from the base, that tell its direction
 STEP = 3  # nodes between two places that are looked at
 LIKELY_SD = np.radians(6.0)  # of what the motion before does not foretell
 SLOPE_SD = np.radians(3.0)
 
 
-def common_turns(image, background, weight, gain, lines) -> np.ndarray:
-    """Turns [rad, from +x to +y] about their bases at which predicted lines fit best, together.
+def common_turns(image, background, weight, gain, lines, pivot=0.0) -> np.ndarray:
+    """Turns [rad, from +x to +y] about their pivots at which predicted lines fit best, together.
 
     The turn changes evenly with the lines' directions from one side of the face to the other.
 
@@ -25,16 +28,18 @@ def common_turns(image, background, weight, gain, lines) -> np.ndarray:
     ----------
     image, background, weight, gain : as in `following.capture`
     lines : `detection.Line`s as they are predicted
+    pivot : how far behind their bases they turn [px]
     """
     scores = np.zeros((len(lines), len(TURNS)))
     cosines, sines = np.cos(TURNS), np.sin(TURNS)
-    most = 1e-9
-    for line, score in zip(lines, scores, strict=True):
-        most += _add_scores(
+    most = np.full((len(lines), 1), 1e-9)
+    for k, (line, score) in enumerate(zip(lines, scores, strict=True)):
+        most[k] += _add_scores(
             image, background, weight, gain, line.x, line.y, line.n, line.amplitude,
-            cosines, sines, score,
+            cosines, sines, *_behind(line, pivot), score,
         )  # fmt: skip
-    return _most_likely(scores / most, _places(lines))
+    row = _most_likely(scores / most.sum(), _places(lines))
+    return _own_turns(scores / most, row)
 
 
 def _places(lines) -> np.ndarray:
@@ -63,6 +68,13 @@ def _most_likely(scores, place) -> np.ndarray:
     return found
 
 
+def _own_turns(scores, row) -> np.ndarray:
+    """Turn of every line by its own score, not far from that of the row."""
+    off = (TURNS - row[:, None]) / OWN_SD
+    total = OWN_WEIGHT * scores - 0.5 * off**2
+    return np.array([_peak(each, int(np.argmax(each))) for each in total])
+
+
 def _peak(score, k) -> float:
     """Turn of the highest score, between the turns tried."""
     if not 0 < k < len(score) - 1:
@@ -73,17 +85,17 @@ def _peak(score, k) -> float:
 
 
 @njit(cache=True)
-def _add_scores(image, background, weight, gain, x, y, n, amplitude, cosines, sines, score):
+def _add_scores(image, background, weight, gain, x, y, n, amplitude, cosines, sines, px0, py0, score):
     """Add amplitude × absorbance along a turned line to every turn's score; return the most."""
     height, width = background.shape
     most = 0.0
     for i in range(12, n, STEP):
-        dx, dy = x[i] - x[0], y[i] - y[0]
+        dx, dy = x[i] - px0, y[i] - py0
         a = amplitude[i]
         most += a * a
         for k in range(len(score)):
-            px = x[0] + cosines[k] * dx - sines[k] * dy
-            py = y[0] + sines[k] * dx + cosines[k] * dy
+            px = px0 + cosines[k] * dx - sines[k] * dy
+            py = py0 + sines[k] * dx + cosines[k] * dy
             if not (0 <= px < width - 1 and 0 <= py < height - 1):
                 continue
             if weight[int(py + 0.5), int(px + 0.5)] <= 0:
@@ -94,11 +106,23 @@ def _add_scores(image, background, weight, gain, x, y, n, amplitude, cosines, si
     return most
 
 
+def _behind(line, pivot):
+    """Point `pivot` [px] behind a line's base."""
+    k = min(AHEAD, line.n - 1)
+    dx, dy = line.x[k] - line.x[0], line.y[k] - line.y[0]
+    part = pivot / max(np.hypot(dx, dy), 1e-9)
+    return line.x[0] - part * dx, line.y[0] - part * dy
+
+
+def turn_line(line, angle, pivot=0.0):
+    """Turn a line about the point `pivot` [px] behind its base by `angle` [rad, from +x to +y]."""
+    _turn(line.x, line.y, line.n, angle, *_behind(line, pivot))
+
+
 @njit(cache=True)
-def turn_line(x, y, n, angle):
-    """Turn the nodes about the first one by `angle` [rad, from +x to +y], in place."""
+def _turn(x, y, n, angle, px, py):
     cos, sin = np.cos(angle), np.sin(angle)
-    for i in range(1, n):
-        dx, dy = x[i] - x[0], y[i] - y[0]
-        x[i] = x[0] + cos * dx - sin * dy
-        y[i] = y[0] + sin * dx + cos * dy
+    for i in range(n):
+        dx, dy = x[i] - px, y[i] - py
+        x[i] = px + cos * dx - sin * dy
+        y[i] = py + sin * dx + cos * dy

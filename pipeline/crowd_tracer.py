@@ -12,7 +12,7 @@ import numpy as np
 from pipeline import common_turn, detection
 from pipeline.identities import crowded
 from pipeline.roster import Slot
-from pipeline.tracing import FEWEST_TOGETHER, SEARCH_EVERY, Tracer, Track, chord_angle, foretold, turning_range
+from pipeline.tracing import FEWEST_TOGETHER, PIVOT, SEARCH_EVERY, Tracer, Track, chord_angle, foretold, turning_range
 
 SPARE = 6  # tracks at most beside one for each whisker: some lines are nobody's
 FAINT = 0.5  # of the faintest whisker's length × absorbance: less is a hair of the fur
@@ -93,10 +93,10 @@ class CrowdTracer(Tracer):
         place = np.array([chord_angle(line) for line in lines])
         turn = _smooth(place, last)
         for line, angle in zip(lines, turn, strict=True):
-            common_turn.turn_line(line.x, line.y, line.n, angle)
+            common_turn.turn_line(line, angle, PIVOT)
         m = self.model
         if len(lines) >= FEWEST_TOGETHER:
-            turn = turn + common_turn.common_turns(image, m.background, m.weight, gain, lines)
+            turn = turn + common_turn.common_turns(image, m.background, m.weight, gain, lines, PIVOT)
         for track, angle in zip(present, turn, strict=True):
             track.turns = (float(angle), float(angle))
             track.before = None

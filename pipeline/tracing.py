@@ -36,6 +36,7 @@ NARROW_MM, WIDE_MM = 0.4, 1.2  # half-width of the search strip
 FEWEST_TOGETHER = 3  # whiskers from which a common turn is told
 FORETOLD_PX = 1.0  # a line that is nearer to its prediction is fitted without a search
 BESIDE_PX = 18.0  # nearer whiskers are seen in the search strip
+PIVOT = 10.0
 SHARED_PX = 8.0  # nearer ones share pixels of their cross-sections
 DOUBLE_SHARE = 0.6  # part of two lines that may coincide before one of them is given up
 LARGEST_TURN = np.radians(150)  # no whisker bends further from its base to its tip
@@ -456,7 +457,7 @@ def predicted(track: Track, with_velocity: bool) -> Line:
     line = foretold(track.line, track.before if with_velocity else None)
     turn = track.turns[0 if with_velocity else 1]
     if turn:
-        common_turn.turn_line(line.x, line.y, line.n, turn)
+        common_turn.turn_line(line, turn, PIVOT)
     return line
 
 
