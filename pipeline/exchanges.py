@@ -15,6 +15,7 @@ from pipeline.line_features import N_FEATURES
 
 TAIL = 4.0  # degrees of freedom of a motion's distribution: jumps happen
 SEEN_AGAIN = 6.0  # cost of a whisker that is seen again after a gap
+TAKEN = 15.0  # cost of a line that was another's, for a whisker that was not seen
 LEAST_GAIN = 1e-6
 TRUST = 0.2  # of the costs, in probabilities: errors of neighbouring frames are alike
 MOST_ROUNDS = 12
@@ -40,6 +41,7 @@ class Evidence:
     most_sd : (whiskers, 6) of the motion over a gap, at most
     source : (rows,) row of the same track in the frame before, −1 for none
     price : (rows,) cost of a name that is not that row's
+    lasting : (rows,) whether the line is part of a long steady motion
     """
 
     features: np.ndarray
@@ -54,13 +56,14 @@ class Evidence:
     most_sd: np.ndarray
     source: np.ndarray
     price: np.ndarray
+    lasting: np.ndarray
 
     @property
     def arrays(self):
         """All that the compiled functions take, in their order."""
         return (
             self.features, self.drift, self.look, self.nobody, self.frame, self.phase,
-            self.slope, self.sd, self.fast, self.most_sd, self.source, self.price,
+            self.slope, self.sd, self.fast, self.most_sd, self.source, self.price, self.lasting,
         )  # fmt: skip
 
 
@@ -172,11 +175,13 @@ def _claim(evidence, seen, a, rows) -> bool:
 
 
 @njit(cache=True)
-def link(features, drift, frame, phase, slope, sd, fast, most_sd, source, price, a, i, j):
+def link(features, drift, frame, phase, slope, sd, fast, most_sd, source, price, lasting, a, i, j):
     """Cost of whisker `a` to go on from row i to row j (−1: not seen)."""
     if j < 0:
         return 0.0
     renamed = price[j] if source[j] >= 0 and source[j] != i else 0.0
+    if i >= 0 and frame[j] - frame[i] == 1 and renamed <= TAKEN and (lasting[i] or not lasting[j]):
+        renamed = 0.0  # lines that are near each other may have changed places
     if i < 0:
         return SEEN_AGAIN + renamed
     gap = abs(frame[j] - frame[i])
@@ -211,7 +216,7 @@ def _last_seen(rows):
 
 @njit(cache=True)
 def _steps(
-    features, drift, look, nobody, frame, phase, slope, sd, fast, most_sd, source, price,
+    features, drift, look, nobody, frame, phase, slope, sd, fast, most_sd, source, price, lasting,
     a, b, one, other, before_one, before_other,
 ):  # fmt: skip
     """Cost (frames, 2, 2) of every step from (not) exchanged to (not) exchanged.
@@ -235,12 +240,12 @@ def _steps(
                 if before == 1:
                     own, strange = strange, own
                 cost = link(
-                    features, drift, frame, phase, slope, sd, fast, most_sd, source, price,
+                    features, drift, frame, phase, slope, sd, fast, most_sd, source, price, lasting,
                     a, own, mine,
                 )  # fmt: skip
                 if b >= 0:
                     cost += link(
-                        features, drift, frame, phase, slope, sd, fast, most_sd, source, price,
+                        features, drift, frame, phase, slope, sd, fast, most_sd, source, price, lasting,
                         b, strange, theirs,
                     )  # fmt: skip
                 out[t, before, now] = seen + cost
@@ -249,7 +254,7 @@ def _steps(
 
 @njit(cache=True)
 def _claimed(
-    features, drift, look, nobody, frame, phase, slope, sd, fast, most_sd, source, price,
+    features, drift, look, nobody, frame, phase, slope, sd, fast, most_sd, source, price, lasting,
     a, own, other, before, again,
 ):  # fmt: skip
     """States and gain as of `_best_states`, for a whisker beside a line of nobody.
@@ -262,14 +267,14 @@ def _claimed(
             before_own[t] = before
     before_other = _last_seen(other)
     steps = _steps(
-        features, drift, look, nobody, frame, phase, slope, sd, fast, most_sd, source, price,
+        features, drift, look, nobody, frame, phase, slope, sd, fast, most_sd, source, price, lasting,
         a, -1, own, other, before_own, before_other,
     )  # fmt: skip
     # what is exchanged from the first frame on goes on from where the whisker itself was
     if other[0] >= 0:
         first = look[other[0], a]
         first += link(
-            features, drift, frame, phase, slope, sd, fast, most_sd, source, price,
+            features, drift, frame, phase, slope, sd, fast, most_sd, source, price, lasting,
             a, before, other[0],
         )  # fmt: skip
         steps[0, 0, 1] = first + (nobody[own[0]] if own[0] >= 0 else 0.0)

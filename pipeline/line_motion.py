@@ -4,12 +4,13 @@ import numpy as np
 from numba import njit
 from scipy.ndimage import median_filter
 
-from pipeline.exchanges import Evidence, link
+from pipeline.exchanges import TAKEN, Evidence, link
 from pipeline.fan_model import FanModel
 from pipeline.line_features import ANGLE, BEND, N_FEATURES
 
 WEIGHT = 0.3  # of one frame's look: errors of neighbouring frames are alike
-QUIET_WEIGHT = 0.2  # of that, while the whiskers rest: all frames show the same
+import os
+QUIET_WEIGHT = float(os.environ.get("QW",0.2))  # of that, while the whiskers rest: all frames show the same
 FULL_TURN = np.radians(2.0)  # from frame to frame, from which a look counts in full
 STRANGER = 20.0  # cost of a look that is no whisker's
 LEAST_MOTION = np.array([0.002, np.radians(0.15), 0.01, 0.005, 0.001, 0.001])
@@ -18,6 +19,7 @@ FARTHEST = 4.0  # standard deviations: what is farther off is a jump
 LEAST_SLOPE = 0.5  # of a whisker's angle with the phase
 APART = np.radians(4.0)  # a line with no other one nearer is seen to go on
 STEADY = np.radians(2.0)  # beside the turn of all: a line that moves more may be another one
+LASTING = int(os.environ.get('LA',15))
 RENAMED = 40.0  # cost of a new name for a line that is seen to go on
 SLOW, QUICK = 0.5, 0.8  # quantiles of the turn, below and above which motions are compared
 
@@ -42,11 +44,12 @@ def evidence_of(model: FanModel, features, frame, track, phase) -> Evidence:
         np.isfinite(model.sd), model.sd, np.nanmedian(model.sd, axis=0, keepdims=True)
     )
     weight = WEIGHT * np.clip(np.abs(turn) / FULL_TURN, QUIET_WEIGHT, 1.0)[frame]
-    goes_on = _going_on(features, frame, before, step[:, ANGLE], turn)
+    apart, steady = _going_on(features, frame, before, step[:, ANGLE], turn)
     plain = Evidence(
         features, drift, weight[:, None] * look, np.zeros(len(frame)), frame.astype(np.int64),
         np.cumsum(turn), slope, sd, fast, np.nan_to_num(most, nan=1.0),
-        before, np.where(goes_on, RENAMED, 0.0),
+        before, np.where(steady, np.where(apart, RENAMED, TAKEN), 0.0),
+        _lasting(before, steady),
     )  # fmt: skip
     plain.nobody[:] = weight * STRANGER + _own_motion(plain, before, likely)
     return plain
@@ -61,7 +64,16 @@ def _going_on(features, frame, before, step, turn):
     gap = _gaps(features, frame)
     apart = (before >= 0) & (np.minimum(gap, gap[before]) > APART)
     usual = median_filter(turn, 3, mode="nearest")
-    return apart & (np.abs(step) < STEADY) & (np.abs(turn - usual) < STEADY)[frame]
+    steady = (before >= 0) & (np.abs(step) < STEADY) & (np.abs(turn - usual) < STEADY)[frame]
+    return apart, steady
+
+
+def _lasting(before, steady):
+    """Rows that are part of at least LASTING rows of one track, each steady beside the last."""
+    run = np.arange(len(before))
+    for j in np.flatnonzero(steady):  # by frame: the row before is known
+        run[j] = run[before[j]]
+    return np.bincount(run, minlength=len(run))[run] >= LASTING
 
 
 def phases(model: FanModel, features, frame, names) -> np.ndarray:
@@ -141,7 +153,7 @@ def _own_motion(evidence, before, likely):
     return np.array([
         link(
             e.features, e.drift, e.frame, e.phase, e.slope, e.sd, e.fast, e.most_sd,
-            e.source, e.price, likely[j], before[j], j,
+            e.source, e.price, e.lasting, likely[j], before[j], j,
         )
         for j in range(len(before))
     ])  # fmt: skip

@@ -25,11 +25,17 @@ NOBODY = 16.0  # cost of a line that is nobody's
 ALONG_TRACK = 7  # frames before and after, over which the cost of a track's lines is averaged
 SHIFTS = (  # tried beside the last phase: in the first round, in the next two, later
     np.radians(np.arange(-60.0, 61.0, 6.0)),
-    *2 * (np.radians([0.0, -3.0, 3.0, -6.0, 6.0, -9.0, 9.0]),),
-    np.radians([0.0, -2.0, 2.0, -5.0, 5.0]),
+    *2 * (np.radians(np.arange(-24.0, 25.0, 3.0)),),
+    np.radians(np.arange(-12.0, 13.0, 2.0)),
 )
 SHIFT_SD = np.radians(16.0)
 MOST_ROUNDS = 10
+import os
+LEAST_SLOPE = 0.5
+QUIET = float(os.environ.get('QUIET',0.2))
+JUMP_PER_RAD = float(os.environ.get('JPR',2.0)) / np.radians(1.0)
+JUMP = float(os.environ.get('JUMP',60.0))
+FREE = np.radians(1.0)
 SETTLED = 0.002  # of the lines change their names in a round: the last one
 
 
@@ -125,29 +131,78 @@ def _settled(lines, model, phase) -> Naming:
     """Names and looks, found in turn until names hardly change."""
     starts, pieces = lines.starts, lines.pieces
     before = np.full(len(lines.frame), -1)
+    came = line_motion.row_before(lines.frame, lines.track)
+    slope = 1.0
     for number in range(MOST_ROUNDS):
+        turn = line_motion.common_turns(lines.features, lines.frame, came, slope)
         shifts = SHIFTS[min(number, len(SHIFTS) - 1)]
-        names, cost = _in_order(lines, model, phase, shifts, starts, pieces)
+        names, cost = _in_order(lines, model, phase, turn, shifts, starts, pieces)
         settled = number >= len(SHIFTS) and (names != before).mean() < SETTLED
         if settled or number == MOST_ROUNDS - 1 or not (names >= 0).any():
             break
         before = names
         model, phase = looks_and_phases(lines, model, names)
+        slope = np.where(names >= 0, np.maximum(model.slope[names, ANGLE], LEAST_SLOPE), np.nan)
     return Naming(names, model, cost)
 
 
-def _in_order(lines, model, phase, shifts, starts, pieces):
-    """Names (rows,) and the cost of all, every frame at the shift of its phase that suits best."""
-    names = np.full(len(lines.frame), -1)
-    best = np.full(len(phase), np.inf)
-    for shift in shifts:
-        tried = phase + shift
-        cost = _along_tracks(model.costs(lines.features, tried[lines.frame]), *pieces)
-        _better_frames(
-            cost, lines.features[:, ANGLE], starts, tried, model.middle[:, ANGLE],
-            model.slope[:, ANGLE], 0.5 * (shift / SHIFT_SD) ** 2, names, best,
+def _in_order(lines, model, phase, turn, shifts, starts, pieces):
+    """Names (rows,) and the cost of all, at the phases that suit the whole video best."""
+    angle = lines.features[:, ANGLE]
+    fan = model.middle[:, ANGLE], model.slope[:, ANGLE]
+    cost = np.zeros((len(phase), len(shifts)))
+    for k, shift in enumerate(shifts):
+        looks = model.costs(lines.features, (phase + shift)[lines.frame])
+        _align_frames(
+            _along_tracks(looks, *pieces), angle, starts, phase + shift, *fan, cost[:, k],
+            np.full(len(lines.frame), -1),
         )  # fmt: skip
-    return names, float(best[np.isfinite(best)].sum())
+    cost += 0.5 * (np.asarray(shifts) / SHIFT_SD) ** 2
+    weight = np.clip(np.abs(turn) / line_motion.FULL_TURN, QUIET, 1.0)
+    path = _path(weight[:, None] * cost, phase[:, None] + shifts, turn, JUMP_PER_RAD, JUMP)
+    best = phase + np.asarray(shifts)[path]
+    names = np.full(len(lines.frame), -1)
+    looks = _along_tracks(model.costs(lines.features, best[lines.frame]), *pieces)
+    total = np.zeros(len(phase))
+    _align_frames(looks, angle, starts, best, *fan, total, names)
+    return names, float(total.sum())
+
+
+@njit(cache=True)
+def _path(cost, phase, turn, per_rad, most):
+    """State of every frame (frames,) by Viterbi; phase (frames, states)."""
+    n, m = cost.shape
+    came = np.zeros((n, m), np.int64)
+    least = cost[0].copy()
+    for t in range(1, n):
+        now = np.empty(m)
+        for k in range(m):
+            best, where = np.inf, 0
+            for j in range(m):
+                off = abs(phase[t, k] - phase[t - 1, j] - turn[t])
+                each = least[j] + min(per_rad * max(off - FREE, 0.0), most)
+                if each < best:
+                    best, where = each, j
+            now[k] = best + cost[t, k]
+            came[t, k] = where
+        least = now
+    out = np.empty(n, np.int64)
+    out[-1] = np.argmin(least)
+    for t in range(n - 1, 0, -1):
+        out[t - 1] = came[t, out[t]]
+    return out
+
+
+@njit(cache=True)
+def _align_frames(cost, angle, starts, phase, middle, slope, total, names):
+    """Names and the cost of every frame at given phases, in place."""
+    for t in range(len(starts) - 1):
+        a, b = starts[t], starts[t + 1]
+        if a == b:
+            continue
+        whiskers = np.argsort(middle + slope * phase[t])
+        found, total[t] = aligned(cost[a:b], np.argsort(angle[a:b]), whiskers)
+        names[a:b] = found
 
 
 @njit(cache=True)
@@ -164,20 +219,6 @@ def _along_tracks(cost, order, first, last):
                     total += cost[order[j], k]
                 out[order[i], k] = total / (high - low)
     return out
-
-
-@njit(cache=True)
-def _better_frames(cost, angle, starts, phase, middle, slope, extra, names, best):
-    """Name the frames that fit better at these phases than before, in place."""
-    for t in range(len(starts) - 1):
-        a, b = starts[t], starts[t + 1]
-        if a == b:
-            continue
-        whiskers = np.argsort(middle + slope * phase[t])
-        found, total = aligned(cost[a:b], np.argsort(angle[a:b]), whiskers)
-        if total + extra < best[t]:
-            best[t] = total + extra
-            names[a:b] = found
 
 
 @njit(cache=True)
