@@ -13,6 +13,9 @@ TURNS = np.radians(np.arange(-16.0, 16.5, 1.0))
 SLOPES = np.radians(np.arange(-6.0, 6.5, 1.5))  # half of how much more the last one turns
 OWN_SD = np.radians(1.5)  # of a line about the row
 OWN_WEIGHT = 4.0  # of its score
+FEWEST_TOGETHER = 3  # whiskers from which a common turn is told
+EVEN = 0.3  # squares of places that speak for no difference along the face
+LEAST_OFF = np.radians(0.5)  # from the turns of the others
 AHEAD = 24  # nodes from the base, that tell its direction
 STEP = 3  # nodes between two places that are looked at
 LIKELY_SD = np.radians(6.0)  # of what the motion before does not foretell
@@ -36,20 +39,51 @@ def common_turns(image, background, weight, gain, lines, pivot=0.0) -> np.ndarra
     for k, (line, score) in enumerate(zip(lines, scores, strict=True)):
         most[k] += _add_scores(
             image, background, weight, gain, line.x, line.y, line.n, line.amplitude,
-            cosines, sines, *_behind(line, pivot), score,
+            *_behind(line, pivot), cosines, sines, score,
         )  # fmt: skip
-    row = _most_likely(scores / most.sum(), _places(lines))
+    row = _most_likely(scores / most.sum(), places(lines))
     return _own_turns(scores / most, row)
 
 
-def _places(lines) -> np.ndarray:
+def places(lines) -> np.ndarray:
     """Where the lines stand between the outermost ones, by direction, −1 to 1."""
-    middle = [line.n // 2 for line in lines]
-    dx = [line.x[k] - line.x[0] for line, k in zip(lines, middle, strict=True)]
-    dy = [line.y[k] - line.y[0] for line, k in zip(lines, middle, strict=True)]
-    ahead = np.arctan2(np.sum(dy), np.sum(dx))
-    angle = np.mod(np.arctan2(dy, dx) - ahead + np.pi, 2 * np.pi)
+    angle = np.array([direction(line) for line in lines])
+    ahead = np.arctan2(np.sin(angle).sum(), np.cos(angle).sum())
+    angle = wrapped(angle - ahead)
     return 2 * (angle - angle.min()) / max(np.ptp(angle), 1e-9) - 1
+
+
+def direction(line, most=np.inf) -> float:
+    """Direction from a line's base to its middle [rad, from +x to +y], as if `most` nodes long."""
+    k = int(min(line.n, most)) // 2
+    return float(np.arctan2(line.y[k] - line.y[0], line.x[k] - line.x[0]))
+
+
+def wrapped(angle):
+    """The same angle [rad] between −π and π."""
+    return np.mod(angle + np.pi, 2 * np.pi) - np.pi
+
+
+def even_turns(place, turn) -> np.ndarray:
+    """Turns of all lines at their places, as of a straight line through those that are known.
+
+    place, turn : (lines,) places as of `places`, turns [rad], NaN where not known; those far off
+        the others are left out
+    """
+    known = np.isfinite(turn)
+    if known.sum() < FEWEST_TOGETHER:
+        return np.full(len(turn), np.median(turn[known]) if known.any() else 0.0)
+    keep = known
+    for _ in range(4):
+        u, v = place[keep] - place[keep].mean(), turn[keep] - turn[keep].mean()
+        slope = u @ v / (u @ u + EVEN)
+        even = turn[keep].mean() + slope * (place - place[keep].mean())
+        off = np.abs(turn - even)
+        again = known & (off < max(2.5 * 1.4826 * np.median(off[known]), LEAST_OFF))
+        if again.sum() < FEWEST_TOGETHER or np.array_equal(again, keep):
+            break
+        keep = again
+    return even
 
 
 def _most_likely(scores, place) -> np.ndarray:
@@ -85,17 +119,19 @@ def _peak(score, k) -> float:
 
 
 @njit(cache=True)
-def _add_scores(image, background, weight, gain, x, y, n, amplitude, cosines, sines, px0, py0, score):
+def _add_scores(
+    image, background, weight, gain, x, y, n, amplitude, pivot_x, pivot_y, cosines, sines, score
+):
     """Add amplitude × absorbance along a turned line to every turn's score; return the most."""
     height, width = background.shape
     most = 0.0
     for i in range(12, n, STEP):
-        dx, dy = x[i] - px0, y[i] - py0
+        dx, dy = x[i] - pivot_x, y[i] - pivot_y
         a = amplitude[i]
         most += a * a
         for k in range(len(score)):
-            px = px0 + cosines[k] * dx - sines[k] * dy
-            py = py0 + sines[k] * dx + cosines[k] * dy
+            px = pivot_x + cosines[k] * dx - sines[k] * dy
+            py = pivot_y + sines[k] * dx + cosines[k] * dy
             if not (0 <= px < width - 1 and 0 <= py < height - 1):
                 continue
             if weight[int(py + 0.5), int(px + 0.5)] <= 0:

@@ -6,20 +6,32 @@ decided when the whole video has been seen (`whole_video`).
 """
 
 import itertools
+from dataclasses import dataclass
 
 import numpy as np
 
 from pipeline import common_turn, detection
+from pipeline.detection import Line
 from pipeline.identities import crowded
 from pipeline.roster import Slot
-from pipeline.tracing import FEWEST_TOGETHER, PIVOT, SEARCH_EVERY, Tracer, Track, chord_angle, foretold, turning_range
+from pipeline.tracing import SEARCH_EVERY, Tracer, Track, foretold, turning_range
 
 SPARE = 6  # tracks at most beside one for each whisker: some lines are nobody's
 FAINT = 0.5  # of the faintest whisker's length × absorbance: less is a hair of the fur
+PIVOT_M = 1.25e-3  # behind a line's first point
+ASTRAY_SD = np.radians(4.0)  # of a line about the one that was expected
+YOUNG = 5.0  # frames, in which a track's claim to a line grows to half
 BASE_M = 6e-3  # from the face
-ASTRAY_SD = np.radians(4.0)
 MOST_BENT = np.radians(32)  # over that: what bends more goes from the fur's edge onto a whisker
 SEARCH_EVERY_CROWDED = 5  # frames between two full detections while lines are missing
+
+
+@dataclass
+class LineTrack(Track):
+    """A line that is followed: the one expected in this frame, and how many frames it was seen."""
+
+    expected: Line | None = None
+    age: int = 0
 
 
 class CrowdTracer(Tracer):
@@ -36,9 +48,10 @@ class CrowdTracer(Tracer):
         self.number = itertools.count()
         self.tracks = []
         self.lost_at = -2
+        self.pivot = PIVOT_M * options.pixels_per_m
         self.base = int(BASE_M * options.pixels_per_m)
 
-    def step(self, image) -> list[Track]:
+    def step(self, image) -> list[LineTrack]:
         """Advance by one frame; return the tracks of all lines that are seen."""
         self.frame += 1
         gain = self.model.gain(image)
@@ -63,43 +76,39 @@ class CrowdTracer(Tracer):
         for line in found:  # the strongest first
             if len(self.tracks) >= self.most:
                 break
-            if self._is_bent(line):
-                continue
-            if detection.contrast_length(line) >= self.faintest:
-                track = Track(self.slot, number=next(self.number))
+            if detection.contrast_length(line) >= self.faintest and not self._is_bent(line):
+                track = LineTrack(self.slot, number=next(self.number))
                 track.take(line)
                 self.tracks.append(track)
 
-    def _worth(self, line, expected) -> float:
-        off = chord_angle(line, expected.n) - chord_angle(expected, line.n)
-        return super()._worth(line, expected) * np.exp(-0.5 * (off / ASTRAY_SD) ** 2)
+    def _foresee(self, present, image, gain) -> None:
+        """Tell the tracks how the row turns, which is surer than each line's own motion."""
+        lines = [foretold(track.line, None) for track in present]
+        known = [t.before is not None for t in present]
+        last = np.full(len(present), np.nan)
+        last[known] = [_turned(t.line, t.before) for t in present if t.before is not None]
+        turn = common_turn.even_turns(common_turn.places(lines), last)
+        for line, angle in zip(lines, turn, strict=True):
+            common_turn.turn_line(line, angle, self.pivot)
+        m = self.model
+        if len(lines) >= common_turn.FEWEST_TOGETHER:
+            turn = turn + common_turn.common_turns(
+                image, m.background, m.weight, gain, lines, self.pivot
+            )
+        for track, angle in zip(present, turn, strict=True):
+            track.turn, track.before = (float(angle), self.pivot), None
 
     def _follow(self, track, image, gain, line) -> None:
-        expected = line.copy()
-        super()._follow(track, image, gain, line)
+        track.expected = line.copy()
         track.age += 1
-        track.worth = self._worth(track.line, expected) * (1 - 0.5 ** (track.age / 5)) if track.line is not None else 0.0
+        super()._follow(track, image, gain, line)
 
-    def _right(self, track) -> float:
-        return track.worth
+    def _worth(self, line, track) -> float:
+        off = _turned(line, track.expected) / ASTRAY_SD
+        return super()._worth(line, track) * np.exp(-0.5 * off**2)
 
-    def _turn_together(self, present, image, gain) -> None:
-        """Tell the tracks how the whole row turns, which is surer than one line's own motion."""
-        lines = [foretold(t.line, None) for t in present]
-        last = np.array([
-            chord_angle(t.line, t.before.n) - chord_angle(t.before, t.line.n) if t.before is not None else np.nan
-            for t in present
-        ])
-        place = np.array([chord_angle(line) for line in lines])
-        turn = _smooth(place, last)
-        for line, angle in zip(lines, turn, strict=True):
-            common_turn.turn_line(line, angle, PIVOT)
-        m = self.model
-        if len(lines) >= FEWEST_TOGETHER:
-            turn = turn + common_turn.common_turns(image, m.background, m.weight, gain, lines, PIVOT)
-        for track, angle in zip(present, turn, strict=True):
-            track.turns = (float(angle), float(angle))
-            track.before = None
+    def _claim(self, track) -> float:
+        return self._worth(track.line, track) * (1 - 0.5 ** (track.age / YOUNG))
 
     def _give_up_if_poor(self, track: Track) -> None:
         super()._give_up_if_poor(track)
@@ -107,29 +116,19 @@ class CrowdTracer(Tracer):
             track.lose()
 
     def _is_bent(self, line) -> bool:
+        """Whether a line bends as no whisker does near its base: it follows the fur's edge."""
         return turning_range(line.x, line.y, min(line.n, self.base)) > MOST_BENT
-
-
-def _smooth(place, turn):
-    """Turns of all lines at their places, from those known, as of a straight line through them."""
-    known = np.isfinite(turn)
-    if known.sum() < FEWEST_TOGETHER:
-        return np.full(len(turn), np.median(turn[known]) if known.any() else 0.0)
-    keep = known.copy()
-    for _ in range(4):
-        slope, at = np.polyfit(place[keep], turn[keep], 1) if np.ptp(place[keep]) > 0.2 else (0.0, np.median(turn[keep]))
-        off = np.abs(turn - at - slope * place)
-        limit = max(2.5 * 1.48 * np.median(off[known]), np.radians(0.5))
-        keep = known & (off < limit)
-        if keep.sum() < FEWEST_TOGETHER:
-            keep = known
-            break
-    return at + slope * place
 
 
 def is_crowd(roster, options) -> bool:
     """Whether a roster's whiskers stand so close that they pass for each other."""
     return crowded([slot.signature for slot in roster], options)
+
+
+def _turned(line, before) -> float:
+    """By how much a line is turned against another one [rad, from +x to +y]."""
+    now, then = common_turn.direction(line, before.n), common_turn.direction(before, line.n)
+    return float(common_turn.wrapped(now - then))
 
 
 def _strength(slot) -> float:

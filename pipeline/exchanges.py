@@ -15,7 +15,7 @@ from pipeline.line_features import N_FEATURES
 
 TAIL = 4.0  # degrees of freedom of a motion's distribution: jumps happen
 SEEN_AGAIN = 6.0  # cost of a whisker that is seen again after a gap
-TAKEN = 15.0  # cost of a line that was another's, for a whisker that was not seen
+TAKEN = 15.0  # cost of a line that was another's, for a whisker that had none or a brief one
 LEAST_GAIN = 1e-6
 TRUST = 0.2  # of the costs, in probabilities: errors of neighbouring frames are alike
 MOST_ROUNDS = 12
@@ -40,7 +40,8 @@ class Evidence:
     sd, fast : (6,) of the motion from a frame to the next, and what is added to it per turn
     most_sd : (whiskers, 6) of the motion over a gap, at most
     source : (rows,) row of the same track in the frame before, −1 for none
-    price : (rows,) cost of a name that is not that row's
+    price : (rows,) cost of a name that is not that row's; up to TAKEN, none where lines that
+        are both seen change places
     lasting : (rows,) whether the line is part of a long steady motion
     """
 
@@ -180,8 +181,8 @@ def link(features, drift, frame, phase, slope, sd, fast, most_sd, source, price,
     if j < 0:
         return 0.0
     renamed = price[j] if source[j] >= 0 and source[j] != i else 0.0
-    if i >= 0 and frame[j] - frame[i] == 1 and renamed <= TAKEN and (lasting[i] or not lasting[j]):
-        renamed = 0.0  # lines that are near each other may have changed places
+    if i >= 0 and renamed <= TAKEN and frame[j] - frame[i] == 1 and (lasting[i] or not lasting[j]):
+        renamed = 0.0  # lines that lie on each other may have changed places
     if i < 0:
         return SEEN_AGAIN + renamed
     gap = abs(frame[j] - frame[i])
@@ -240,13 +241,13 @@ def _steps(
                 if before == 1:
                     own, strange = strange, own
                 cost = link(
-                    features, drift, frame, phase, slope, sd, fast, most_sd, source, price, lasting,
-                    a, own, mine,
+                    features, drift, frame, phase, slope, sd, fast, most_sd, source, price,
+                    lasting, a, own, mine,
                 )  # fmt: skip
                 if b >= 0:
                     cost += link(
-                        features, drift, frame, phase, slope, sd, fast, most_sd, source, price, lasting,
-                        b, strange, theirs,
+                        features, drift, frame, phase, slope, sd, fast, most_sd, source, price,
+                        lasting, b, strange, theirs,
                     )  # fmt: skip
                 out[t, before, now] = seen + cost
     return out
@@ -267,8 +268,8 @@ def _claimed(
             before_own[t] = before
     before_other = _last_seen(other)
     steps = _steps(
-        features, drift, look, nobody, frame, phase, slope, sd, fast, most_sd, source, price, lasting,
-        a, -1, own, other, before_own, before_other,
+        features, drift, look, nobody, frame, phase, slope, sd, fast, most_sd, source, price,
+        lasting, a, -1, own, other, before_own, before_other,
     )  # fmt: skip
     # what is exchanged from the first frame on goes on from where the whisker itself was
     if other[0] >= 0:

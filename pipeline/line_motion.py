@@ -9,17 +9,17 @@ from pipeline.fan_model import FanModel
 from pipeline.line_features import ANGLE, BEND, N_FEATURES
 
 WEIGHT = 0.3  # of one frame's look: errors of neighbouring frames are alike
-import os
-QUIET_WEIGHT = float(os.environ.get("QW",0.2))  # of that, while the whiskers rest: all frames show the same
+QUIET_WEIGHT = 0.05  # of that, while the whiskers rest: all frames show the same
 FULL_TURN = np.radians(2.0)  # from frame to frame, from which a look counts in full
 STRANGER = 20.0  # cost of a look that is no whisker's
 LEAST_MOTION = np.array([0.002, np.radians(0.15), 0.01, 0.005, 0.001, 0.001])
 FEWEST = 50  # motions that tell how motions are
+FEWEST_TURNING = 3  # lines that tell what all turn by
 FARTHEST = 4.0  # standard deviations: what is farther off is a jump
 LEAST_SLOPE = 0.5  # of a whisker's angle with the phase
 APART = np.radians(4.0)  # a line with no other one nearer is seen to go on
 STEADY = np.radians(2.0)  # beside the turn of all: a line that moves more may be another one
-LASTING = int(os.environ.get('LA',15))
+LASTING = 15  # frames of steady motion: what it is named for longer than that is no mistake
 RENAMED = 40.0  # cost of a new name for a line that is seen to go on
 SLOW, QUICK = 0.5, 0.8  # quantiles of the turn, below and above which motions are compared
 
@@ -44,28 +44,36 @@ def evidence_of(model: FanModel, features, frame, track, phase) -> Evidence:
         np.isfinite(model.sd), model.sd, np.nanmedian(model.sd, axis=0, keepdims=True)
     )
     weight = WEIGHT * np.clip(np.abs(turn) / FULL_TURN, QUIET_WEIGHT, 1.0)[frame]
-    apart, steady = _going_on(features, frame, before, step[:, ANGLE], turn)
+    steady = _goes_on(frame, before, step[:, ANGLE], turn)
+    alone = _alone(features, frame, before)
     plain = Evidence(
         features, drift, weight[:, None] * look, np.zeros(len(frame)), frame.astype(np.int64),
         np.cumsum(turn), slope, sd, fast, np.nan_to_num(most, nan=1.0),
-        before, np.where(steady, np.where(apart, RENAMED, TAKEN), 0.0),
+        before, np.where(steady, np.where(alone, RENAMED, TAKEN), 0.0),
         _lasting(before, steady),
     )  # fmt: skip
     plain.nobody[:] = weight * STRANGER + _own_motion(plain, before, likely)
     return plain
 
 
-def _going_on(features, frame, before, step, turn):
-    """Rows whose line is surely that of its track in the frame before, bool.
+def _goes_on(frame, before, step, turn):
+    """Rows whose line moves on as all do from that of its track in the frame before, bool.
 
     step : (rows,) change of the angle since then, less the turn of all
     turn : (frames,) which is even itself, or the whole row may have moved on by one
     """
+    return (before >= 0) & (np.abs(step) < STEADY) & _is_even(turn)[frame]
+
+
+def _is_even(turn):
+    """Frames in which the turn of all is about that of those beside, bool (frames,)."""
+    return np.abs(turn - median_filter(turn, 3, mode="nearest")) < STEADY
+
+
+def _alone(features, frame, before):
+    """Rows whose line has no other one near, neither now nor in the frame before, bool."""
     gap = _gaps(features, frame)
-    apart = (before >= 0) & (np.minimum(gap, gap[before]) > APART)
-    usual = median_filter(turn, 3, mode="nearest")
-    steady = (before >= 0) & (np.abs(step) < STEADY) & (np.abs(turn - usual) < STEADY)[frame]
-    return apart, steady
+    return (before >= 0) & (np.minimum(gap, gap[before]) > APART)
 
 
 def _lasting(before, steady):
@@ -104,6 +112,14 @@ def common_turns(features, frame, before, slope=1.0) -> np.ndarray:
     for t, each in zip(present, pieces, strict=True):
         out[t] = np.median(each)
     return out
+
+
+def sure_turns(features, frame, before, slope=1.0) -> np.ndarray:
+    """The same, NaN where few lines tell it or tracks seem to have gone on with other lines."""
+    turn = common_turns(features, frame, before, slope)
+    seen = np.isfinite(_steps(features, before)[:, ANGLE] / slope)
+    many = np.bincount(frame[seen], minlength=len(turn)) >= FEWEST_TURNING
+    return np.where(many & _is_even(turn), turn, np.nan)
 
 
 def _steps(features, before):

@@ -1,11 +1,11 @@
 """Looks of a crowd's whiskers, learned from lines that keep their order along the face.
 
-Frame by frame, lines in their order along the face are given to whiskers in theirs, at the phase
-of the whisk that suits all of them best; some lines are nobody's, some whiskers are not seen
-(alignment of two sequences, Needleman & Wunsch, J. Mol. Biol. 48:443, 1970). What the names in a
-frame are does not hang on those in the frame before, so that nothing that was mistaken once is
-carried on. Names and looks are found in turn; at first, the k-th line along the face is the k-th
-whisker's.
+Frame by frame, lines in their order along the face are given to whiskers in theirs, at a phase of
+the whisk; some lines are nobody's, some whiskers are not seen (alignment of two sequences,
+Needleman & Wunsch, J. Mol. Biol. 48:443, 1970). A row that has moved on by one whisker looks much
+the same at another phase: the phases are those that suit the whole video best, as they change by
+what the lines are seen to turn (Viterbi). Names and looks are found in turn; at first, the k-th
+line along the face is the k-th whisker's.
 """
 
 from dataclasses import dataclass
@@ -30,12 +30,11 @@ SHIFTS = (  # tried beside the last phase: in the first round, in the next two, 
 )
 SHIFT_SD = np.radians(16.0)
 MOST_ROUNDS = 10
-import os
-LEAST_SLOPE = 0.5
-QUIET = float(os.environ.get('QUIET',0.2))
-JUMP_PER_RAD = float(os.environ.get('JPR',2.0)) / np.radians(1.0)
-JUMP = float(os.environ.get('JUMP',60.0))
-FREE = np.radians(1.0)
+QUIET = 0.02  # weight of a frame in which the whiskers rest: all such frames show the same
+SURE_TURN = np.radians(1.0)  # from frame to frame, to which the row's turn is known
+OFF_TURN = 6.0 / np.radians(1.0)  # cost of a phase that changes by more or less
+UNSURE = 0.3 / np.radians(1.0)  # the same, where the turn is not known
+JUMP = 500.0  # cost of any change, at most
 SETTLED = 0.002  # of the lines change their names in a round: the last one
 
 
@@ -129,58 +128,72 @@ def looks_and_phases(lines: Lines, model: FanModel, names) -> tuple[FanModel, np
 
 def _settled(lines, model, phase) -> Naming:
     """Names and looks, found in turn until names hardly change."""
-    starts, pieces = lines.starts, lines.pieces
     before = np.full(len(lines.frame), -1)
     came = line_motion.row_before(lines.frame, lines.track)
     slope = 1.0
     for number in range(MOST_ROUNDS):
-        turn = line_motion.common_turns(lines.features, lines.frame, came, slope)
+        turn = line_motion.sure_turns(lines.features, lines.frame, came, slope)
         shifts = SHIFTS[min(number, len(SHIFTS) - 1)]
-        names, cost = _in_order(lines, model, phase, turn, shifts, starts, pieces)
+        names, cost = _in_order(lines, model, phase, turn, shifts)
         settled = number >= len(SHIFTS) and (names != before).mean() < SETTLED
         if settled or number == MOST_ROUNDS - 1 or not (names >= 0).any():
             break
         before = names
         model, phase = looks_and_phases(lines, model, names)
-        slope = np.where(names >= 0, np.maximum(model.slope[names, ANGLE], LEAST_SLOPE), np.nan)
+        known = np.maximum(model.slope[names, ANGLE], line_motion.LEAST_SLOPE)
+        slope = np.where(names >= 0, known, np.nan)
     return Naming(names, model, cost)
 
 
-def _in_order(lines, model, phase, turn, shifts, starts, pieces):
-    """Names (rows,) and the cost of all, at the phases that suit the whole video best."""
-    angle = lines.features[:, ANGLE]
-    fan = model.middle[:, ANGLE], model.slope[:, ANGLE]
+def _in_order(lines, model, phase, turn, shifts):
+    """Names (rows,) and the cost of all, at the phases near `phase` that suit the video best.
+
+    phase, turn : (frames,) phases, and what they should change by from the frame before [rad],
+        NaN where that is not known
+    shifts : (k,) of the phases, that are tried [rad]
+    """
+    starts, pieces = lines.starts, lines.pieces
     cost = np.zeros((len(phase), len(shifts)))
     for k, shift in enumerate(shifts):
-        looks = model.costs(lines.features, (phase + shift)[lines.frame])
-        _align_frames(
-            _along_tracks(looks, *pieces), angle, starts, phase + shift, *fan, cost[:, k],
-            np.full(len(lines.frame), -1),
-        )  # fmt: skip
-    cost += 0.5 * (np.asarray(shifts) / SHIFT_SD) ** 2
-    weight = np.clip(np.abs(turn) / line_motion.FULL_TURN, QUIET, 1.0)
-    path = _path(weight[:, None] * cost, phase[:, None] + shifts, turn, JUMP_PER_RAD, JUMP)
-    best = phase + np.asarray(shifts)[path]
-    names = np.full(len(lines.frame), -1)
-    looks = _along_tracks(model.costs(lines.features, best[lines.frame]), *pieces)
-    total = np.zeros(len(phase))
-    _align_frames(looks, angle, starts, best, *fan, total, names)
-    return names, float(total.sum())
+        cost[:, k] = _at_phases(lines, model, phase + shift, starts, pieces)[1]
+        cost[:, k] += 0.5 * (shift / SHIFT_SD) ** 2
+    weight = np.clip(np.nan_to_num(np.abs(turn) / line_motion.FULL_TURN, nan=1.0), QUIET, 1.0)
+    tried = phase[:, None] + shifts
+    path = _likeliest_path(weight[:, None] * cost, tried, turn)
+    names, cost = _at_phases(lines, model, tried[np.arange(len(path)), path], starts, pieces)
+    return names, float(cost.sum())
+
+
+def _at_phases(lines, model, phase, starts, pieces):
+    """Names (rows,) of lines in order at given phases (frames,), and the cost (frames,)."""
+    cost = _along_tracks(model.costs(lines.features, phase[lines.frame]), *pieces)
+    names, total = np.full(len(lines.frame), -1), np.zeros(len(phase))
+    _align_frames(
+        cost, lines.features[:, ANGLE], starts, phase, model.middle[:, ANGLE],
+        model.slope[:, ANGLE], names, total,
+    )  # fmt: skip
+    return names, total
 
 
 @njit(cache=True)
-def _path(cost, phase, turn, per_rad, most):
-    """State of every frame (frames,) by Viterbi; phase (frames, states)."""
+def _likeliest_path(cost, phase, turn):
+    """Which of the phases (frames, k) to take in every frame, (frames,).
+
+    cost : (frames, k) of each; turn : (frames,) what the phase should change by
+    """
     n, m = cost.shape
     came = np.zeros((n, m), np.int64)
     least = cost[0].copy()
     for t in range(1, n):
         now = np.empty(m)
+        sure = not np.isnan(turn[t])
         for k in range(m):
             best, where = np.inf, 0
             for j in range(m):
-                off = abs(phase[t, k] - phase[t - 1, j] - turn[t])
-                each = least[j] + min(per_rad * max(off - FREE, 0.0), most)
+                off = abs(phase[t, k] - phase[t - 1, j] - (turn[t] if sure else 0.0))
+                each = least[j] + (
+                    min(OFF_TURN * max(off - SURE_TURN, 0.0), JUMP) if sure else UNSURE * off
+                )
                 if each < best:
                     best, where = each, j
             now[k] = best + cost[t, k]
@@ -194,15 +207,14 @@ def _path(cost, phase, turn, per_rad, most):
 
 
 @njit(cache=True)
-def _align_frames(cost, angle, starts, phase, middle, slope, total, names):
-    """Names and the cost of every frame at given phases, in place."""
+def _align_frames(cost, angle, starts, phase, middle, slope, names, total):
+    """Fill in the names (rows,) and the cost (frames,) of every frame at a given phase."""
     for t in range(len(starts) - 1):
         a, b = starts[t], starts[t + 1]
         if a == b:
             continue
         whiskers = np.argsort(middle + slope * phase[t])
-        found, total[t] = aligned(cost[a:b], np.argsort(angle[a:b]), whiskers)
-        names[a:b] = found
+        names[a:b], total[t] = aligned(cost[a:b], np.argsort(angle[a:b]), whiskers)
 
 
 @njit(cache=True)

@@ -33,10 +33,8 @@ SHORTEST_M = 3.5e-3  # a line that is seen over less is no whisker, where no len
 GOOD_QUALITY = 0.6  # part of the expected contrast found: below, the wider search is tried
 LOST_QUALITY = 0.35
 NARROW_MM, WIDE_MM = 0.4, 1.2  # half-width of the search strip
-FEWEST_TOGETHER = 3  # whiskers from which a common turn is told
 FORETOLD_PX = 1.0  # a line that is nearer to its prediction is fitted without a search
 BESIDE_PX = 18.0  # nearer whiskers are seen in the search strip
-PIVOT = 10.0
 SHARED_PX = 8.0  # nearer ones share pixels of their cross-sections
 DOUBLE_SHARE = 0.6  # part of two lines that may coincide before one of them is given up
 LARGEST_TURN = np.radians(150)  # no whisker bends further from its base to its tip
@@ -55,7 +53,8 @@ class Track:
     """One whisker's present state: its line, the line before, and how long it has been lost.
 
     `whole` is the line when nothing hid its tip the last time; `doubtful`: it may be another
-    whisker's line; `turns`: what to turn it by [rad], on top of its last motion and without it.
+    whisker's line; `turn`: what it turns by beside its last motion [rad], and how far behind its
+    base [px].
     """
 
     slot: Slot
@@ -64,10 +63,8 @@ class Track:
     whole: Line | None = None
     lost_for: int = 0
     doubtful: bool = False
-    turns: tuple[float, float] = (0.0, 0.0)
+    turn: tuple[float, float] = (0.0, 0.0)
     number: int = 0
-    age: int = 0
-    worth: float = 0.0
 
     def __post_init__(self):
         self.whole = max(self.slot.samples, key=lambda line: line.n, default=None)
@@ -164,8 +161,7 @@ class Tracer:
     def _follow_all(self, image, gain) -> None:
         """Follow every present whisker, each against a background that holds its neighbours."""
         present = [t for t in self.tracks if t.line is not None]
-        if self.crowded:
-            self._turn_together(present, image, gain)
+        self._foresee(present, image, gain)
         lines = {id(t): predicted(t, True) for t in present}
         beside = _neighbours(present, lines)
         for track in present:
@@ -210,17 +206,8 @@ class Tracer:
                 if line.n - again >= tails.LEAST:
                     line.n = max(again, 1)
 
-    def _turn_together(self, present: list[Track], image, gain) -> None:
-        """Tell the tracks by how much all whiskers have turned, beyond their last motion."""
-        for track in present:
-            track.turns = (0.0, 0.0)
-        if len(present) < FEWEST_TOGETHER:
-            return
-        m, lines = self.model, [predicted(t, True) for t in present]
-        turns = common_turn.common_turns(image, m.background, m.weight, gain, lines)
-        moved = [chord_angle(p) - chord_angle(t.line) for p, t in zip(lines, present, strict=True)]
-        for track, turn in zip(present, turns, strict=True):
-            track.turns = (float(turn), float(turn + np.median(moved)))
+    def _foresee(self, present: list[Track], image, gain) -> None:
+        """Tell the tracks what they turn by, where more than a line's own motion tells it."""
 
     def _drop_doubles(self, present: list[Track]) -> None:
         """Of two tracks on one whisker, give up the one that fits worse."""
@@ -229,10 +216,10 @@ class Tracer:
                 if a.line is None or b.line is None or not _come_near(a.line, b.line, 2.0):
                     continue
                 if min(_near(a.line, b.line, 2.0), _near(b.line, a.line, 2.0)) > DOUBLE_SHARE:
-                    min((a, b), key=self._right).lose()
+                    min((a, b), key=self._claim).lose()
 
-    def _right(self, track: Track) -> float:
-        """How much of its whisker a track shows, to be compared with others on the same line."""
+    def _claim(self, track: Track) -> float:
+        """How rightly a track is on its line, to be compared with another one on the same."""
         return track.line.quality * track.line.n / track.slot.visible_px
 
     def _uncross(self, present: list[Track], image, gain) -> None:
@@ -269,9 +256,10 @@ class Tracer:
         """
         present = track.line
         best = None
-        expected = line.copy()
         tries = (0, True), (self.narrow, True), (self.narrow, False), (self.wide, False)
         for half, with_velocity in tries:
+            if half and with_velocity and track.before is None:
+                continue  # the next one is the same
             if half:
                 line = predicted(track, with_velocity)
             self._carry_on(line, track)
@@ -279,15 +267,15 @@ class Tracer:
                 self._capture(line, image, gain, half)
             farthest = np.inf if half else FORETOLD_PX
             detection.refine(image, self.model, gain, line, self.options, self.workspace, farthest)
-            if best is None or self._worth(line, expected) > self._worth(best, expected):
+            if best is None or self._worth(line, track) > self._worth(best, track):
                 best = line
             if best.quality > GOOD_QUALITY and best.n > 0.8 * present.n:
                 break
         track.before, track.line, track.lost_for = present, best, 0
         self._give_up_if_poor(track)
 
-    def _worth(self, line: Line, expected: Line) -> float:
-        """How much of a whisker a line found where one was expected shows."""
+    def _worth(self, line: Line, track: Track) -> float:
+        """How much a line that was found shows of the track's whisker."""
         return line.n * line.quality
 
     def _carry_on(self, line: Line, track: Track) -> None:
@@ -455,9 +443,8 @@ def _neighbours(present: list[Track], lines: dict[int, Line]) -> dict[int, list[
 def predicted(track: Track, with_velocity: bool) -> Line:
     """Return the line where it should be now: a copy, moved on by the last frame's motion."""
     line = foretold(track.line, track.before if with_velocity else None)
-    turn = track.turns[0 if with_velocity else 1]
-    if turn:
-        common_turn.turn_line(line, turn, PIVOT)
+    if track.turn[0]:
+        common_turn.turn_line(line, *track.turn)
     return line
 
 
@@ -485,13 +472,6 @@ def _foretell(x, y, amplitude, sigma, n, before_x, before_y, m, arrays):
     arrays[3] = sigma
     if m > 0:
         advance(arrays[0], arrays[1], n, before_x, before_y, m)
-
-
-def chord_angle(line: Line, most=np.inf) -> float:
-    """Direction from a line's base to its middle [rad, from +x to +y], `most` nodes long."""
-    k = min(line.n, most) // 2
-    k = int(k)
-    return float(np.arctan2(line.y[k] - line.y[0], line.x[k] - line.x[0]))
 
 
 @njit(cache=True)

@@ -50,7 +50,7 @@ def test_a_fan_is_found_where_it_has_turned_by_more_than_its_spacing(turn, slope
 def test_turning_keeps_base_and_length():
     line = fan([0.1])[0]
     turned = line.copy()
-    turn_line(turned.x, turned.y, turned.n, 0.2)
+    turn_line(turned, 0.2)
     assert np.allclose(turned.points[0], line.points[0])
     chord = turned.points[-1] - turned.points[0]
     assert np.arctan2(chord[1], chord[0]) == pytest.approx(0.3)

@@ -163,7 +163,7 @@ def test_a_line_that_is_seen_to_go_on_keeps_its_name():
 def test_lines_far_from_others_that_move_evenly_are_seen_to_go_on():
     rng = np.random.default_rng(10)
     known, _, true = evidence(rng)
-    priced = known.price > 0
+    priced = known.price >= line_motion.RENAMED
     jumped = np.isin(known.frame, [100, 200])  # there, tracks 1 and 2 change whiskers
     assert priced[(true > 2) & (known.frame > 0)].mean() > 0.85
     assert not priced[jumped & np.isin(true, [1, 2])].any()
@@ -189,7 +189,7 @@ def test_looks_of_resting_whiskers_count_less():
     cost = looks().costs(features, phase[frame])
     share = (known.look / cost).max(axis=1)
     assert share[(frame > 0) & (frame < 50)] == pytest.approx(
-        line_motion.WEIGHT * line_motion.QUIET_WEIGHT, rel=0.2
+        line_motion.WEIGHT * line_motion.QUIET_WEIGHT, rel=0.6
     )
     assert share[frame > 50].max() == pytest.approx(line_motion.WEIGHT)
 
@@ -204,6 +204,7 @@ def test_the_probability_of_a_name_is_that_of_all_ways_that_agree():
         known.features[two], known.drift[two], 0.2 * known.look[two, :2], known.nobody[two],
         known.frame[two], known.phase[:few], known.slope[:2], 20 * known.sd, known.fast,
         40 * known.most_sd[:2], np.full(two.sum(), -1), np.zeros(two.sum()),
+        np.ones(two.sum(), bool),
     )  # fmt: skip
     named = true[two]
     probable = np.zeros((2, few))
@@ -222,6 +223,7 @@ def cost_of(known, named):
     """Cost of all looks and motions, line by line."""
     arrays = [known.features, known.drift, known.frame, known.phase, known.slope]
     arrays += [known.sd, known.fast, known.most_sd, known.source, known.price]
+    arrays += [known.lasting]
     last, total = {}, 0.0
     for row, name in enumerate(named):
         before = last.get(name, -1)
