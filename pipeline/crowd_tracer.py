@@ -83,6 +83,8 @@ class CrowdTracer(Tracer):
 
     def _foresee(self, present, image, gain) -> None:
         """Tell the tracks how the row turns, which is surer than each line's own motion."""
+        if not present:
+            return
         lines = [foretold(track.line, None) for track in present]
         known = [t.before is not None for t in present]
         last = np.full(len(present), np.nan)
