@@ -25,7 +25,8 @@ SLOPE_SD = np.radians(3.0)
 def common_turns(image, background, weight, gain, lines, pivot=0.0) -> np.ndarray:
     """Turns [rad, from +x to +y] about their pivots at which predicted lines fit best, together.
 
-    The turn changes evenly with the lines' directions from one side of the face to the other.
+    The turn changes evenly with the lines' directions from one side of the face to the other;
+    beside that, every line may turn a little by itself.
 
     Parameters
     ----------

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pipeline.common_turn import common_turns, turn_line
+from pipeline.common_turn import common_turns, even_turns, places, turn_line
 from pipeline.detection import Line
 
 SHAPE = (240, 320)
@@ -45,6 +45,40 @@ def test_a_fan_is_found_where_it_has_turned_by_more_than_its_spacing(turn, slope
     weight = np.ones(SHAPE, np.float32)
     got = common_turns(picture(fan(moved)), background, weight, 1.0, fan(angles))
     assert np.degrees(got) == pytest.approx(np.degrees(moved - angles), abs=0.6)
+
+
+def test_the_order_of_the_lines_does_not_matter():
+    angles = np.radians(np.array([-22.0, -17, -12, -8, -2, 3, 9]))
+    moved = angles + np.radians(-6 + 3 * np.linspace(-1, 1, len(angles)))
+    background, weight = np.full(SHAPE, 200, np.float32), np.ones(SHAPE, np.float32)
+    order = [3, 0, 6, 2, 5, 1, 4]
+    lines = [fan(angles)[k] for k in order]
+    got = common_turns(picture(fan(moved)), background, weight, 1.0, lines)
+    assert np.degrees(got) == pytest.approx(np.degrees(moved - angles)[order], abs=0.6)
+
+
+@pytest.mark.parametrize("middle", [0.0, np.pi / 2, np.pi, -np.pi / 2])
+def test_places_run_from_side_to_side_wherever_the_face_is(middle):
+    lines = fan(middle + np.array([0.2, -0.2, 0.0, 0.1]))
+    assert places(lines) == pytest.approx([1, -1, 0, 0.5])
+
+
+def test_even_turns_leave_out_a_line_that_has_gone_on_with_another():
+    place = np.linspace(-1, 1, 9)
+    turn = np.radians(3 + 1.5 * place)
+    seen = turn.copy()
+    seen[2], seen[6] = np.nan, np.radians(14)
+    assert np.degrees(even_turns(place, seen)) == pytest.approx(np.degrees(turn), abs=0.2)
+    assert not even_turns(place, np.full(9, np.nan)).any()
+
+
+def test_lines_turn_about_a_point_behind_their_base():
+    line = fan([0.3])[0]
+    turned = line.copy()
+    turn_line(turned, 0.1, 20.0)  # px behind
+    behind = line.points[0] - 20.0 * np.array([np.cos(0.3), np.sin(0.3)])
+    assert np.hypot(*(turned.points[0] - behind)) == pytest.approx(20.0)
+    assert np.hypot(*(turned.points[0] - line.points[0])) == pytest.approx(40 * np.sin(0.05))
 
 
 def test_turning_keeps_base_and_length():

@@ -160,6 +160,27 @@ def test_a_line_that_is_seen_to_go_on_keeps_its_name():
     assert not np.array_equal(exchanges.improved(free, true, track), true)
 
 
+def test_a_whisker_that_had_no_line_pays_for_one_that_was_anothers():
+    known, _, true = evidence(np.random.default_rng(13))
+    row = {k: np.flatnonzero(true == k) for k in range(3)}  # a row per frame
+    now = 60
+    taken = replace(known, price=np.full(len(true), exchanges.TAKEN))
+    free = replace(known, price=np.zeros(len(true)))
+
+    def extra(before, lasting):
+        each = replace(taken, lasting=np.full(len(true), lasting)), free
+        mine = row[1][before]
+        costs = [exchanges.link(*e.arrays[:2], *e.arrays[4:], 1, mine, row[2][now]) for e in each]
+        return costs[0] - costs[1]
+
+    assert taken.source[row[2][now]] == row[2][now - 1]
+    assert extra(now - 6, True) == pytest.approx(exchanges.TAKEN)  # not seen for five frames
+    assert extra(now - 1, True) == 0  # both are seen: they may have changed places
+    brief = np.ones(len(true), bool)
+    brief[row[1]] = False
+    assert extra(now - 1, brief) == pytest.approx(exchanges.TAKEN)
+
+
 def test_lines_far_from_others_that_move_evenly_are_seen_to_go_on():
     rng = np.random.default_rng(10)
     known, _, true = evidence(rng)

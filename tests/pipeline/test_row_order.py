@@ -1,4 +1,4 @@
-"""Looks and names from the order along the face alone: no line's motion tells anything here."""
+"""Looks and names from the order along the face, and from what the whole row turns."""
 
 import itertools
 
@@ -7,7 +7,17 @@ import pytest
 
 from pipeline import row_order
 from pipeline.line_features import ANGLE
-from pipeline.row_order import NOBODY, UNSEEN, Lines, aligned, named_in_order
+from pipeline.row_order import (
+    JUMP,
+    NOBODY,
+    OFF_TURN,
+    SURE_TURN,
+    UNSEEN,
+    UNSURE,
+    Lines,
+    aligned,
+    named_in_order,
+)
 from pipeline.whole_video import LEAST_SD, names
 
 #    near bend, angle [rad], logs of thickness and length, bends [rad]
@@ -90,3 +100,38 @@ def test_costs_are_averaged_along_a_track():
     cost = np.array([[1.0], [2.0], [6.0], [5.0], [9.0]])
     got = row_order._along_tracks(cost, *lines.pieces)
     assert got[:, 0] == pytest.approx([3, 3, 3, 5, 9])
+
+
+def test_a_resting_row_that_looks_moved_on_by_one_is_named_as_it_moves():
+    rng = np.random.default_rng(3)
+    fan = np.tile(FAN[2], (6, 1))  # all look alike, and stand 0.2 rad apart
+    fan[:, ANGLE] = 0.2 * np.arange(6)
+    onset = np.linspace(-0.4, 0, 12)
+    phase = np.concatenate([np.full(100, -0.4), onset, 0.25 * np.sin(np.arange(300) / 5)])
+    features = fan + 0.3 * NOISE * rng.normal(size=(len(phase), *fan.shape))
+    features[..., ANGLE] += phase[:, None]
+    there = np.ones(features.shape[:2], bool)
+    there[:100, :2] = False  # at rest, two lie in the fur: the others stand where all would
+    frame, true = np.nonzero(there)
+    lines = Lines(features[there], frame, true)
+    found = next(each for each in named_in_order(lines, LEAST_SD) if len(each.model.middle) == 6)
+    for part in (frame < 100, frame >= 112):
+        assert (found.names == true)[part].mean() > 0.95
+
+
+def test_the_likeliest_path_is_the_cheapest_of_all():
+    rng = np.random.default_rng(4)
+    for _ in range(20):
+        cost, phase = rng.exponential(3, (5, 3)), rng.normal(0, 0.1, (5, 3))
+        turn = np.where(rng.uniform(size=5) < 0.3, np.nan, rng.normal(0, 0.1, 5))
+
+        def total(path, cost=cost, phase=phase, turn=turn):
+            taken = phase[range(5), path]
+            change = np.diff(taken)
+            off = np.abs(change - np.nan_to_num(turn[1:]))
+            priced = np.minimum(OFF_TURN * np.maximum(off - SURE_TURN, 0), JUMP)
+            priced = np.where(np.isnan(turn[1:]), UNSURE * off, priced)
+            return cost[range(5), path].sum() + priced.sum()
+
+        best = min(itertools.product(range(3), repeat=5), key=total)
+        assert tuple(row_order._likeliest_path(cost, phase, turn)) == best
