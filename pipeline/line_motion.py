@@ -19,7 +19,7 @@ FARTHEST = 4.0  # standard deviations: what is farther off is a jump
 LEAST_SLOPE = 0.5  # of a whisker's angle with the phase
 APART = np.radians(4.0)  # a line with no other one nearer is seen to go on
 STEADY = np.radians(2.0)  # beside the turn of all: a line that moves more may be another one
-LASTING = 15  # frames of steady motion: what it is named for longer than that is no mistake
+LASTING = 15  # frames; a line that moves steadily for so long is one whisker's
 RENAMED = 40.0  # cost of a new name for a line that is seen to go on
 SLOW, QUICK = 0.5, 0.8  # quantiles of the turn, below and above which motions are compared
 
