@@ -48,7 +48,6 @@ TOGETHER = 5.0  # rows that count as one: those of a contact err together
 # upon the same pixels; and how far along the whisker such errors are alike
 LASTING_SHARE = 0.1
 LASTING_REACH_M = 1.5e-3
-UNLIKE_SHARE = 0.5  # of an error common to all rows: what it differs by from row to row
 ROUNDS = 3  # of Gauss–Newton
 BENDING_SD_M = 0.003e-3  # of the bending's answer, even where all is well
 POLE_LEVER = 6.0  # how much farther a misplaced pole moves the answer
@@ -116,16 +115,12 @@ def origin_from_tip(places: Stations, whisker: Whisker, angle, time) -> tuple[Or
             matrix = (weighted.T @ part).toarray()
             matrix -= np.outer(total, total) / (weight.sum() / variance)
             away = np.average(tip[good], weights=weight) - tip[good]
-            rhs = weighted.T @ away
-            found = _Votes(design, votes.matrix + matrix, rhs)
+            found = _Votes(design, votes.matrix + matrix, weighted.T @ away)
             left = away - part @ found.weights()
             left -= np.average(left, weights=weight)
             weight = 1 / np.maximum(1, np.abs(left) / (2 * sd))
             variance = max(TIP_FRAMES * sd**2, _lasting_variance(np.clip(left, -3 * sd, 3 * sd)))
-        # an end that wanders more than the fur's edge does is seen so by light and motion
-        wander = np.average((away - left) ** 2, weights=weight) - VARIATION_SD_M**2
-        matrix, rhs = _doubted(matrix, rhs, np.sqrt(max(wander, 0.0)))
-        votes = _Votes(design, votes.matrix + matrix, rhs)
+        votes = found
     return votes.solve(), votes
 
 
@@ -223,28 +218,13 @@ def _apart_sd(votes, rows, places):
 
 
 def _with_bending(votes, design, bend, pull, sd):
-    """Votes with those of the bending, whose answers' common errors have the size `sd` [m].
-
-    What is common to all rows moves those of other angles and times by other lengths: every
-    weight has such an error, not the constant alone.
-    """
-    own = (design.T @ design.multiply(bend[:, None]).tocsr()).toarray()
-    each = np.full(len(own), UNLIKE_SHARE * sd)
-    each[0] = sd
-    matrix, rhs = _doubted(own, design.T @ pull, each)
-    matrix = votes.matrix + matrix
+    """Votes with those of the bending, whose common error of `sd` [m] is eliminated."""
+    matrix = (design.T @ design.multiply(bend[:, None]).tocsr()).toarray()
+    common, own = design.T @ bend, bend.sum() + sd**-2
+    matrix = votes.matrix + matrix - np.outer(common, common) / own
+    rhs = votes.rhs + design.T @ pull - common * pull.sum() / own
     np.linalg.cholesky(matrix)  # a bent parabola is no witness
-    return _Votes(votes.design, matrix, votes.rhs + rhs)
-
-
-def _doubted(matrix, rhs, sd):
-    """What votes A w = b are worth where each of the answers w has an error of `sd` [m] beside.
-
-    With S = diag(sd²): A (A + A S A)⁻¹ A = (1 + A S)⁻¹ A, and the same of b.
-    """
-    total = np.eye(len(matrix)) + matrix * np.broadcast_to(sd, len(matrix)) ** 2
-    kept = np.linalg.solve(total, np.column_stack([matrix, rhs]))
-    return (kept[:, :-1] + kept[:, :-1].T) / 2, kept[:, -1]
+    return _Votes(votes.design, matrix, rhs)
 
 
 def _doubt(answer, gap, side):
