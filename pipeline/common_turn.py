@@ -60,6 +60,7 @@ def direction(line, most=np.inf) -> float:
     return float(np.arctan2(line.y[k] - line.y[0], line.x[k] - line.x[0]))
 
 
+@njit(cache=True)
 def wrapped(angle):
     """The same angle [rad] between −π and π."""
     return np.mod(angle + np.pi, 2 * np.pi) - np.pi

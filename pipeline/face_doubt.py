@@ -12,9 +12,7 @@ OPPOSITE = {"left": "right", "right": "left", "top": "bottom", "bottom": "top"}
 INWARD = {"left": (1, 0), "right": (-1, 0), "top": (0, 1), "bottom": (0, -1)}  # x, y
 FEWEST_NODES = 45  # of a line that tells its taper
 LEAST_WIDTH = 0.2  # of the picture's side: a face is wider than apparatus
-THICKER = (
-    1.2  # ratio of the far third's thickness to the near one's; of a whisker it is 0.2 to 0.6
-)
+THICKER = 1.2  # the far third's thickness over the near one's: of a whisker it is 0.2 to 0.6
 
 
 def likelier_side(transmission, side: str, thick_side: str | None, pixels_per_mm) -> str | None:

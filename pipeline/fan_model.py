@@ -10,6 +10,7 @@ from itertools import pairwise
 import numpy as np
 from numba import njit
 
+from pipeline.common_turn import wrapped
 from pipeline.line_features import ANGLE, N_FEATURES
 
 FARTHEST = np.array([3.0, 6.0, 3.0, 3.0, 3.0, 3.0])  # SDs in a feature count as no more
@@ -57,7 +58,7 @@ class FanModel:
     def phases_of(self, angle, whisker, starts) -> np.ndarray:
         """Phase of every frame from its lines' angles (rows,) and names (rows,)."""
         slope = np.maximum(self.slope[whisker, ANGLE], LEAST_SLOPE)
-        off = _wrapped(angle - self.middle[whisker, ANGLE]) / slope
+        off = wrapped(angle - self.middle[whisker, ANGLE]) / slope
         spans = pairwise(starts)
         return np.array([np.median(off[a:b]) for a, b in spans])
 
@@ -77,7 +78,7 @@ def _costs(features, phase, middle, slope, sd, least_sd):
                 else:
                     off = features[row, j] - middle[k, j] - slope[k, j] * phase[row]
                     if j == ANGLE:
-                        off = _wrapped(off)
+                        off = wrapped(off)
                     far = min(abs(off) / sd[k, j], FARTHEST[j])
                     out[row, k] += 0.5 * far * far + wide[k, j]
     return out
@@ -102,8 +103,3 @@ def _robust_line(x, y, least_sd):
             break
         keep = again
     return middle, slope, sd
-
-
-@njit(cache=True)
-def _wrapped(angle):
-    return np.mod(angle + np.pi, 2 * np.pi) - np.pi

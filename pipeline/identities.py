@@ -11,6 +11,7 @@ import numpy as np
 from numba import njit
 from scipy.optimize import linear_sum_assignment
 
+from pipeline.common_turn import wrapped
 from pipeline.detection import Line, TracingOptions
 
 OUTWARD = {"left": (1, 0), "right": (-1, 0), "top": (0, 1), "bottom": (0, -1)}
@@ -112,7 +113,7 @@ def _misfits(seen, known, sd, shifts):
                 if not np.isnan(square):
                     total += square
             for s in range(len(shifts)):
-                left = np.mod(turn - shifts[s] + np.pi, 2 * np.pi) - np.pi
+                left = wrapped(turn - shifts[s])
                 out[s, i, j] = total + (left / sd[ANGLE]) ** 2
     return out
 
@@ -169,7 +170,7 @@ def _gain(misfit, turn) -> float:
 def common_turn(seen, known) -> float:
     """Median change of angle from `known` to `seen`, row by row [rad]."""
     turn = seen[:, ANGLE] - known[:, ANGLE]
-    return float(np.median(np.mod(turn + np.pi, 2 * np.pi) - np.pi))
+    return float(np.median(wrapped(turn)))
 
 
 def crowded(signatures, options: TracingOptions) -> bool:
