@@ -1,4 +1,4 @@
-"""When large things move: a video cut into stretches in which all but the whiskers is still.
+"""When large things move: a video cut into periods in which all but the whiskers is still.
 
 A pole on a motor comes in, stays and leaves; a paw reaches in. Frames are compared in cells of
 CELL_MM: whiskers are too thin to darken a 2 × 2 block of them, everything else is not.
@@ -23,10 +23,10 @@ MOST_CHANGES = 0.25  # per sample; a face that never rests would cut a video to 
 
 
 @dataclass(frozen=True)
-class Stretch:
+class Period:
     """Frames [start, stop) of one state of the scene; `state` is None while it changes.
 
-    `stop` is None for the last stretch: it ends with the video.
+    `stop` is None for the last one: it ends with the video.
     """
 
     start: int
@@ -190,7 +190,7 @@ def _longest_runs(states, n):
     return longest
 
 
-def stretches(video, survey: Survey, states, in_place) -> list[Stretch]:
+def periods(video, survey: Survey, states, in_place) -> list[Period]:
     """Cut the video where its state changes, to the frame, by reading between two samples.
 
     Parameters
@@ -209,11 +209,11 @@ def stretches(video, survey: Survey, states, in_place) -> list[Stretch]:
         if states[i] == states[j]:
             continue
         end, begin = _change(video, survey, (i, j), [in_place[states[k]] for k in (i, j)])
-        out.append(Stretch(start, end, int(states[i])))
+        out.append(Period(start, end, int(states[i])))
         if begin > end:
-            out.append(Stretch(end, begin, None))
+            out.append(Period(end, begin, None))
         start = begin
-    return [*out, Stretch(start, None, int(states[still[-1]]))]
+    return [*out, Period(start, None, int(states[still[-1]]))]
 
 
 def _change(video, survey, samples, in_place):

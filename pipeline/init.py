@@ -1,5 +1,6 @@
 """A first session.toml from a look at the videos, and a picture of what was found."""
 
+from collections import defaultdict
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -11,7 +12,7 @@ from pipeline.errors import VideoError
 from pipeline.inputs import PREVIEW_NAME, InputError, find_inputs
 from pipeline.passing_over import is_passed_over
 from pipeline.records import Recording, StaticScene
-from pipeline.run import typical_frames
+from pipeline.roster import find_roster
 from pipeline.scene_finding import find_scenes, survey
 from pipeline.settings import settings_from, write_session
 from pipeline.video import open_video
@@ -90,7 +91,7 @@ def look_at(path) -> Look:
     with open_video(path) as video:
         scene, sample, scale = _scene_and_scale(video)
         options = tracing.options_for(Recording(FRAMES_PER_SECOND, scale, scene.face_side))
-    roster = tracing.find_roster(sample, scene, options)
+    roster = find_roster(sample, scene, options)
     best, lines = sample[0], {}
     for frame in sample:
         found = _lines(frame, scene, roster, options) if roster else {}
@@ -110,11 +111,24 @@ def _scene_and_scale(video):
         recording = Recording(FRAMES_PER_SECOND, usual * factor, None)
         seen = survey(video, recording)
         epochs = find_scenes(video, recording, 1e-3 * POLE_DIAMETER_MM, seen=seen)
-        scene, frames = typical_frames(video, seen, epochs, ROSTER_FRAMES)
+        scene, frames = _typical_frames(video, seen, epochs, ROSTER_FRAMES)
         if scene.pole is not None and _stands_free(scene) and not _is_passed_over(scene, frames):
             return scene, frames, 2 * scene.pole.radius_px / POLE_DIAMETER_MM
         first = first or (replace(scene, pole=None), frames, usual)
     return first
+
+
+def _typical_frames(video, seen, epochs, n: int):
+    """The scene that holds for most of the video, and up to `n` of the frames `seen` of it."""
+    held = defaultdict(int)
+    for epoch in epochs:
+        end = epoch.stop or max(video.n_frames or 0, epoch.start + 1)
+        held[id(epoch.scene)] += end - epoch.start
+    scene = max((e.scene for e in epochs if e.scene), key=lambda each: held[id(each)])
+    indices, frames = seen.sample(n)
+    own = [(e.start, e.stop or np.inf) for e in epochs if e.scene is scene]
+    inside = [any(start <= i < stop for start, stop in own) for i in indices]
+    return scene, frames[inside] if any(inside) else frames
 
 
 def _stands_free(scene) -> bool:

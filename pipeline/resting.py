@@ -21,13 +21,23 @@ FUR_MM = 1.0  # nearer to the face there is fur, which is background
 FEWEST_SAMPLES = 4
 
 
+def behind_whiskers(epochs, roster, pixels_per_mm):
+    """The epochs with backgrounds in which no resting whisker is left."""
+    scenes = {id(e.scene): e.scene for e in epochs if e.scene is not None}
+    cleared = {
+        key: without_resting_whiskers(scene, roster, pixels_per_mm)
+        for key, scene in scenes.items()
+    }
+    return tuple(replace(e, scene=cleared.get(id(e.scene))) for e in epochs)
+
+
 def without_resting_whiskers(scene: StaticScene, roster, pixels_per_mm) -> StaticScene:
     """Return the scene with the background filled in where it is mostly behind resting whiskers.
 
     Parameters
     ----------
     scene : StaticScene
-    roster : `tracing.Slot`s, with the lines of the sample frames
+    roster : `roster.Slot`s, with the lines of the sample frames
     pixels_per_mm : scale
     """
     hidden = np.zeros(scene.background.shape, bool)

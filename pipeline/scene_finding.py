@@ -8,7 +8,7 @@ import numpy as np
 
 from pipeline import face_doubt
 from pipeline.background import estimate_background, uncovered, without_whiskers
-from pipeline.epochs import Survey, stretches
+from pipeline.epochs import Survey, periods
 from pipeline.errors import VideoError
 from pipeline.face import face_side, find_face, opened
 from pipeline.faceless import mask_behind_whiskers
@@ -46,7 +46,7 @@ def survey(video, recording: Recording) -> Survey:
 def find_scenes(
     video, recording: Recording, pole_diameter_m=0.5e-3, pole_xy=None, seen: Survey | None = None
 ) -> tuple[Epoch, ...]:
-    """Find what does not move in a video, in each stretch between moves of large things.
+    """Find what does not move in a video, in each period between moves of large things.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ def find_scenes(
     ]
     return tuple(
         Epoch(part.start, part.stop, None if part.state is None else scenes[part.state])
-        for part in stretches(video, seen, states, [_pole_check(scene) for scene in scenes])
+        for part in periods(video, seen, states, [_pole_check(scene) for scene in scenes])
     )
 
 

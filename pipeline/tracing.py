@@ -24,9 +24,7 @@ from pipeline.follicle import FollicleFinder
 from pipeline.fur_trust import FurTrust
 from pipeline.identities import Ruler
 from pipeline.records import Centrelines, Recording, StaticScene
-from pipeline.roster import Slot, find_roster
-
-__all__ = ["Slot", "Tracer", "find_roster", "options_for", "trace"]
+from pipeline.roster import Slot
 
 CHUNK_FRAMES = 500
 SHORTEST_M = 3.5e-3  # a line that is seen over less is no whisker, where no lengths are given

@@ -27,7 +27,8 @@ from accuracy import cell, markdown
 from peer_tracker import OPTIMISED, NoPeerError, find_peer, timed
 
 from pipeline import curvature, scene_finding, tracing
-from pipeline.run import roster_frames
+from pipeline.cast import find_cast, roster_frames, tracing_options
+from pipeline.resting import behind_whiskers
 from pipeline.settings import write_session
 from pipeline.tables import read_json
 from pipeline.video import open_video
@@ -161,21 +162,18 @@ def decode(clip: Clip) -> None:
 
 
 def trace(clip: Clip, path=None):
-    """Decode, find the scene and trace; yield centrelines chunk by chunk."""
+    """Decode, find the scene and trace as `analyse` does; yield centrelines chunk by chunk."""
     settings = clip.settings
     recording = settings.recording.si()
-    lengths = [w.length_mm * 1e-3 for w in settings.whisker]
-    hidden = [w.hidden_length for w in settings.whisker]
-    options = tracing.options_for(recording, lengths, hidden)
     with open_video(path or clip.path) as video:
         diameter = settings.pole.diameter if clip.trial.scene.pole else None
         seen = scene_finding.survey(video, recording)
         epochs = scene_finding.find_scenes(video, recording, diameter, seen=seen)
-        scene = max((e.scene for e in epochs if e.scene), key=lambda s: s.background.sum())
-        names = [w.name for w in settings.whisker]
-        _, frames = seen.sample(roster_frames(settings))
-        roster = tracing.find_roster(frames, scene, options, names)
-        yield from tracing.trace(video.lent(), epochs, roster, options)
+        cast = find_cast(*seen.sample(roster_frames(settings)), epochs, settings)
+        epochs = behind_whiskers(epochs, cast.roster, recording.pixels_per_mm)
+        yield from tracing.trace(
+            video.lent(), epochs, list(cast.roster), tracing_options(settings)
+        )
 
 
 # The peak is the program's own: what the system tells of a child holds its parent's, too.

@@ -6,8 +6,9 @@ import pytest
 from pipeline.crowd_tracer import CrowdTracer
 from pipeline.detection import Line
 from pipeline.records import Recording
+from pipeline.roster import find_roster
 from pipeline.scene_finding import scene_from_frames
-from pipeline.tracing import find_roster, options_for
+from pipeline.tracing import options_for
 from synthetic.presets import make_trial
 from synthetic.render import Renderer
 

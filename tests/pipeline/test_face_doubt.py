@@ -6,10 +6,11 @@ import pytest
 
 from pipeline.face_doubt import face_message, thickening_towards
 from pipeline.records import Recording
+from pipeline.roster import find_roster
 from pipeline.run import analyse
 from pipeline.scene_finding import scene_from_frames
 from pipeline.settings import settings_from
-from pipeline.tracing import find_roster, options_for
+from pipeline.tracing import options_for
 from synthetic.presets import make_trial
 from synthetic.render import Renderer
 

@@ -6,8 +6,9 @@ from scipy.spatial import cKDTree
 
 from pipeline.faceless import mask_behind_whiskers
 from pipeline.records import Recording
+from pipeline.roster import find_roster
 from pipeline.scene_finding import scene_from_frames
-from pipeline.tracing import find_roster, options_for, trace
+from pipeline.tracing import options_for, trace
 from synthetic.presets import make_trial
 from synthetic.render import Renderer
 

@@ -6,7 +6,8 @@ import pytest
 from pipeline import following, profiles, tracing
 from pipeline.detection import ImageModel
 from pipeline.records import Recording, StaticScene
-from pipeline.tracing import Tracer, find_roster, options_for
+from pipeline.roster import find_roster
+from pipeline.tracing import Tracer, options_for
 
 FACE, TIP = 40, 520  # columns
 ROD, ROD_END = range(250, 350), 185  # its columns, and the row at which it ends

@@ -4,8 +4,9 @@ import numpy as np
 
 from pipeline.records import Recording
 from pipeline.resting import FUR_MM, without_resting_whiskers
+from pipeline.roster import find_roster
 from pipeline.scene_finding import scene_from_frames
-from pipeline.tracing import find_roster, options_for
+from pipeline.tracing import options_for
 
 SCALE = 25.0  # px/mm
 FACE_PX, PIVOT = 40, (10.0, 120.0)

@@ -7,8 +7,9 @@ from scipy.spatial import cKDTree
 from pipeline.curvature import measure
 from pipeline.follicle import follicles
 from pipeline.records import Recording
+from pipeline.roster import find_roster
 from pipeline.scene_finding import scene_from_frames
-from pipeline.tracing import find_roster, options_for, trace
+from pipeline.tracing import options_for, trace
 from synthetic.presets import make_trial
 from synthetic.render import Renderer
 from synthetic.truth import frame_table

@@ -1,0 +1,85 @@
+"""What a person should know of one video: what is missing or doubtful, and what to do."""
+
+from collections import defaultdict
+
+import numpy as np
+
+from pipeline.face_doubt import face_message
+
+SELDOM_TRACKED = 0.8  # a whisker seen in less than this part of the frames is worth a message
+OTHER_THICKNESS = 0.12  # of the pole, relative: more is no error of measurement
+SELDOM_ACROSS = 1  # frame may be a mistake; a whisker more often across the pole is worth one
+
+
+def messages(settings, touch, video, epochs, followed):
+    """Sentences on what is missing or doubtful in one video."""
+    cast = followed.cast
+    scenes = [epoch.scene for epoch in epochs if epoch.scene]
+    doubt = face_message(scenes, cast.roster, settings.recording.face)
+    if doubt:
+        yield doubt
+    count = followed.n_frames
+    if video.exact_count and count < video.n_frames:
+        yield f"only {count} of {video.n_frames} frames could be read: is it cut short?"
+    if count == 1:
+        yield "one frame only: no movement to learn from, no contacts"
+    if not cast.roster:
+        yield "no whisker found in any frame" + ("" if doubt else _look_at_the_face(settings))
+        return
+    lost = [name for name in cast.names if name not in cast.found]
+    if lost:
+        yield f"not found in any frame: {', '.join(lost)}"
+    if followed.pole is None:
+        yield (
+            f"no pole of {settings.pole.diameter_mm:g} mm found, so no contacts; if there is "
+            "one, check [recording] pixels_per_mm and give [pole] x_px, y_px"
+        )
+    yield from _of_another_size(settings, followed.pole)
+    yield from _passes_over(settings, touch, followed.pole)
+    for name, tracked in touch.frames.groupby("whisker", sort=False)["tracked"].mean().items():
+        if name in cast.found and tracked < SELDOM_TRACKED:
+            yield f"{name} is tracked in {100 * tracked:.0f} % of the frames only"
+    yield from _without_forces(settings, cast)
+
+
+def _look_at_the_face(settings):
+    return f'; is [recording] face = "{settings.recording.face}" where they come from?'
+
+
+def _of_another_size(settings, pole):
+    """A pole that is not as thick as scale and diameter make it: one of them must be wrong."""
+    if pole is None:
+        return
+    thickness_mm = 2 * pole.radius_px / settings.recording.pixels_per_mm
+    if abs(thickness_mm / settings.pole.diameter_mm - 1) > OTHER_THICKNESS:
+        yield (
+            f"the pole looks {thickness_mm:.2g} mm thick, but [pole] diameter_mm = "
+            f"{settings.pole.diameter_mm:g}: correct it or [recording] pixels_per_mm = "
+            f"{settings.recording.pixels_per_mm:g}, on which lengths and forces depend"
+        )
+
+
+def _passes_over(settings, touch, pole):
+    """Whiskers that pass over what was taken for the pole, where no person says that it is."""
+    if pole is None or settings.pole.position_px is not None:
+        return
+    across = touch.evidence[touch.evidence["across"]].groupby("whisker", sort=False).size()
+    x, y = np.nanmedian(pole.x_px), np.nanmedian(pole.y_px)
+    for name, frames in across.items():
+        if frames > SELDOM_ACROSS and name not in set(touch.contacts["whisker"]):
+            yield (
+                f"{name} passes over the pole at ({x:.0f}, {y:.0f}) px in {frames} frames without "
+                "touching it; if that is dust, give [pole] x_px, y_px"
+            )
+
+
+def _without_forces(settings, cast):
+    """Why force columns are empty."""
+    if not settings.whisker:
+        yield "no forces: there is no [[whisker]] table with dimensions in session.toml"
+    lacking = defaultdict(list)
+    for whisker in settings.whisker:
+        if whisker.missing_dimensions and whisker.name in cast.found:
+            lacking[whisker.missing_dimensions].append(whisker.name)
+    for keys, names in lacking.items():
+        yield f"no forces for {', '.join(names)}: no {', '.join(keys)} in session.toml"
