@@ -3,48 +3,27 @@
 import base64
 import io
 from collections import Counter, defaultdict
-from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 
 from pipeline import figures, tables
-from pipeline.arc_origin import HIDDEN_LENGTH_SD_M
 from pipeline.base_moments import RINGING_S
+from pipeline.error_budget import session_budget
 from pipeline.errors import VideoError
-from pipeline.evidence import EVIDENCE_FILE
 from pipeline.examples import Effort, choose_examples, choose_flagged
 from pipeline.settings import read_session
 
 PICTURES = 6  # example overlays
 STILLS = 12  # of flagged contacts, over all flags
 NAMED = 5  # contacts named for every flag, and of those that ring
-NEAR_MM = 3.0  # free frames with the pole this near show the force's noise
 RINGS = 1.0  # vibrational over steady moment
 NOTICEABLE = 0.1
 LEAST = 0.01  # that is told apart
 MAP_STEP = 2e-5  # s: a tenth of the highest mode's period, enough for a map's colours
 TICKS_MS = (0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000)
 JPEG_QUALITY = 80
-
-
-class Assumed(NamedTuple):
-    """A quantity no table has an error of: what is taken for it (one standard error), and why."""
-
-    parameter: str
-    source: str
-    size: float
-    why: str
-
-
-ASSUMED = (
-    Assumed("radius", "base radius", 0.01, "a good micrograph; force goes with its fourth power"),
-    Assumed("cone", "cone length (taper)", 0.02, "a tip radius known to about 0.7 µm"),
-    Assumed("modulus", "Young's modulus", 0.05, "a ring-down of the same whisker"),
-    Assumed("scale", "scale of the image", 0.005, "a ruler in the whisker's plane"),
-)
 
 
 def write_report(results) -> Path:
@@ -55,7 +34,7 @@ def write_report(results) -> Path:
     videos = tables.read_csv(results / "videos.csv", tables.VIDEO_COLUMNS)
     truth = figures.read_truth(results)
     settings = results / "session.toml"
-    contacts = at_peaks(results, contacts)
+    contacts = with_peaks(results, contacts)
     flags = _by_flag(contacts)
     effort = Effort(contacts, record.get("inputs", {}))
     flagged = choose_flagged(flags.values(), STILLS, NAMED, effort)
@@ -73,7 +52,7 @@ def write_report(results) -> Path:
         has_truth=truth is not None,
         per_trial=_per_trial(videos, contacts),
         vibration=_vibration(results, contacts),
-        budget=error_budget(results, contacts),
+        budget=session_budget(contacts, _whiskers(results, contacts)),
         has_contacts=len(contacts) > 0,
         videos=list(_video_rows(results, videos, contacts)),
         flags=[_flag_row(*item, contacts, drawn) for item in flags.items()],
@@ -151,175 +130,37 @@ def _video_rows(results, videos, contacts):
         yield {**row, "tracked": tracked, "lost": lost, "contacts": counts.get(row["video"], 0)}
 
 
-# --- what the tables hold at each contact's peak ------------------------------------------
-
-_FRAME_PARTS = ["frame", "whisker", "tracked", "in_contact", "pole_distance_mm"]
-_FORCE_PARTS = ["contact_force_uN", "contact_force_uN_se"]
+# --- what the tables hold of each contact ---------------------------------------------------
 
 
-def at_peaks(results, contacts: pd.DataFrame) -> pd.DataFrame:
-    """The table of contacts with what its videos' tables hold at the frame of peak force.
+def with_peaks(results, contacts: pd.DataFrame) -> pd.DataFrame:
+    """The table of contacts with `peak_frame`, that of largest force in the table of frames.
 
-    Adds `peak_frame` (the middle where no force is known), `peak_se_uN` (the table's standard
-    error there), `noise_uN` (its median over free frames near the pole) and `origin_se_m` (how
-    well it is known where along the whisker the trace begins); NaN where there is none.
+    The contact's middle where no force is known.
     """
     contacts = contacts.copy()
     contacts["peak_frame"] = (contacts["onset_frame"] + contacts["offset_frame"]) // 2
-    contacts[["peak_se_uN", "noise_uN", "origin_se_m"]] = np.nan
-    found = {}
     for (video, whisker), part in contacts.groupby(["video", "whisker"]):
         path = Path(results) / video / "frames.parquet"
         if not path.is_file():
             continue
-        inside = [("whisker", "==", whisker)]
-        own = tables.read_frames(path, _FRAME_PARTS + _FORCE_PARTS, inside).set_index("frame")
-        free = own[own["tracked"] & ~own["in_contact"] & (own["pole_distance_mm"] < NEAR_MM)]
-        contacts.loc[part.index, "noise_uN"] = free["contact_force_uN_se"].median()
-        origin = _origin_errors(path.with_name(EVIDENCE_FILE), whisker)
+        wanted, inside = ["frame", "contact_force_uN"], [("whisker", "==", whisker)]
+        force = tables.read_frames(path, wanted, inside).set_index("frame")["contact_force_uN"]
         for row in part.itertuples():
-            touch = own.loc[row.onset_frame : row.offset_frame - 1]
-            if touch["contact_force_uN"].notna().any():
-                peak = touch["contact_force_uN"].idxmax()
-                error = touch.at[peak, "contact_force_uN_se"]
-                found[row.Index] = peak, error, origin.get(peak, np.nan)
-    if found:
-        columns = ["peak_frame", "peak_se_uN", "origin_se_m"]
-        contacts.loc[list(found), columns] = np.array(list(found.values()))
+            touch = force.loc[row.onset_frame : row.offset_frame - 1]
+            if touch.notna().any():
+                contacts.loc[row.Index, "peak_frame"] = touch.idxmax()
     return contacts
 
 
-def _origin_errors(path, whisker) -> pd.Series:
-    """Standard error of the trace's beginning [m] by frame; empty where it is not kept."""
-    import pyarrow.parquet as pq
-
-    wanted = ["frame", "whisker", "origin_se_m"]
-    if not path.is_file() or not set(wanted) <= set(pq.read_schema(path).names):
-        return pd.Series(dtype=float)
-    table = tables.read_frames(path, wanted, [("whisker", "==", whisker)])
-    return table.set_index("frame")["origin_se_m"]
-
-
 def _whiskers(results, contacts) -> dict:
-    """(video, whisker) → (Whisker or None, arc length of curvature, hidden length) [m]."""
+    """(video, whisker) → Whisker, or None where its dimensions are not given."""
     out = {}
     for video in contacts["video"].unique():
         path = Path(results) / video / "session.toml"
         if path.is_file():
-            settings = read_session(path)
-            for given in settings.whisker:
-                place = settings.analysis.curvature_at, given.hidden_length
-                out[video, given.name] = (given.si(), *place)
+            out |= {(video, given.name): given.si() for given in read_session(path).whisker}
     return out
-
-
-# --- the error budget ---------------------------------------------------------------------
-
-
-def force_change(
-    whisker, at, hidden, radius=0.0, cone=0.0, modulus=0.0, scale=0.0, origin=0.0
-) -> float:
-    """By which factor F = E I(s_p) Δκ / lever changes when what goes into it is off.
-
-    Parameters
-    ----------
-    whisker : `Whisker` as it was given
-    at, hidden : s_p and the follicle's distance from the first visible point [m]
-    radius, cone, modulus, scale : relative errors of r0, L_in, E and pixels per mm
-    origin : how much farther from the follicle the trace begins in truth [m]
-    """
-    cone_length = whisker.cone_length * (1 + cone)
-    taken = replace(
-        whisker,
-        length=min(whisker.length, cone_length),
-        cone_length=cone_length,
-        base_radius=whisker.base_radius * (1 + radius),
-        youngs_modulus=whisker.youngs_modulus * (1 + modulus),
-    )
-    # the picture's s_p is another place of the real whisker, whose moment made the curvature
-    place = hidden + (at - hidden) * (1 + scale) + origin
-    # curvature goes with the scale, the lever with its inverse
-    return (1 + scale) ** 2 * taken.flexural_rigidity(at) / whisker.flexural_rigidity(place)
-
-
-def _effect(size, parameter, whisker, at, hidden) -> float:
-    """Relative change of the force for one standard error of one parameter."""
-    up, down = (force_change(whisker, at, hidden, **{parameter: s * size}) for s in (1, -1))
-    return abs(up - down) / 2
-
-
-def error_budget(results, contacts: pd.DataFrame) -> list[dict]:
-    """What moves the peak forces of a session, and by how much.
-
-    Parameters
-    ----------
-    results : results folder
-    contacts : as of `at_peaks`
-
-    Returns
-    -------
-    Rows with `source`, `known` ("measured", "assumed" or "sum"), `size` (text, one standard
-    error), `low`, `middle`, `high` (5 %, median, 95 % over the contacts, relative to the peak
-    force), `span` (text), `note`. None where no contact has a force and a whisker with dimensions.
-    """
-    usable, given = _with_whisker(contacts, _whiskers(results, contacts))
-    if usable.empty:
-        return []
-    effects = []
-    for item in ASSUMED:
-        by = {each: _effect(item.size, item.parameter, *each) for each in set(given)}
-        effects.append(np.array([by[each] for each in given]))
-    measured, own = _measured_rows(usable, given)
-    total = np.sqrt(own**2 + sum(each**2 for each in effects))
-    rows = [
-        *measured,
-        *((item.source, "assumed", f"{100 * item.size:g} %", effect, item.why)
-          for item, effect in zip(ASSUMED, effects, strict=True)),
-        ("all together", "sum", "", total, "square root of the sum of squares"),
-    ]  # fmt: skip
-    return [_budget_row(*row) for row in rows]
-
-
-def _with_whisker(contacts, whiskers):
-    """Contacts with a force and a whisker of known dimensions, and what is given of each's."""
-    keys = zip(contacts["video"], contacts["whisker"], strict=True)
-    given = [whiskers.get(key, (None,)) for key in keys]
-    known = np.array([each[0] is not None for each in given], dtype=bool)
-    known &= (contacts["peak_force_uN"] > 0).to_numpy()
-    return contacts[known], [each for each, is_so in zip(given, known, strict=True) if is_so]
-
-
-def _measured_rows(contacts, given):
-    """Rows of the budget that the tables tell, and their sum for every contact."""
-    peak = contacts["peak_force_uN"].to_numpy()
-    noise = contacts["noise_uN"]
-    table = contacts["peak_se_uN"].to_numpy() / peak
-    told = contacts["origin_se_m"].notna().to_numpy()
-    origin = contacts["origin_se_m"].fillna(HIDDEN_LENGTH_SD_M).to_numpy()
-    hidden = np.array([_effect(o, "origin", *g) for o, g in zip(origin, given, strict=True)])
-    everywhere = told.all()
-    rows = [
-        ("standard error in the tables", "measured", "", table,
-         "contact_force_uN_se at the peak: tracking noise, rest shape"
-         + (", hidden length" if everywhere else "")),
-        ("of it: tracking noise", "measured", _number(noise.median()) + " µN", noise / peak,
-         f"the same in free frames within {NEAR_MM:g} mm of the pole"),
-        ("of it: hidden length" if everywhere else "hidden length",
-         "measured" if everywhere else "assumed", f"{1e3 * np.median(origin):.2f} mm", hidden,
-         "where the trace begins: from the length given, tip and bending" if everywhere
-         else "not told by all of these results: a usual value"),
-    ]  # fmt: skip
-    # the tables' standard error holds the trace's beginning where the evidence tells it
-    return rows, np.hypot(np.nan_to_num(table), np.where(told, 0.0, hidden))
-
-
-def _budget_row(source, known, size, share, note):
-    share = np.asarray(share)[np.isfinite(share)]
-    low, middle, high = np.percentile(share, [5, 50, 95]) if len(share) else [np.nan] * 3
-    spread = {"low": low, "middle": middle, "high": high}
-    texts = [f"{100 * v:.1f}" for v in (low, high)]
-    span = f"{'–'.join(texts)} %" if len(share) and texts[0] != texts[1] else ""
-    return {"source": source, "known": known, "size": size, **spread, "span": span, "note": note}
 
 
 # --- pictures -----------------------------------------------------------------------------
@@ -428,7 +269,7 @@ def _usual_whisker(results, contacts):
     """The whisker of most of these contacts, None where no dimensions are known."""
     whiskers = _whiskers(results, contacts)
     keys = zip(contacts["video"], contacts["whisker"], strict=True)
-    count = Counter(whiskers.get(key, (None,))[0] for key in keys)
+    count = Counter(whiskers.get(key) for key in keys)
     count.pop(None, None)
     return count.most_common(1)[0][0] if count else None
 

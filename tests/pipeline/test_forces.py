@@ -1,5 +1,6 @@
 """Forces on traced true motion and the tables made of them."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 import traced_motion
 
 from pipeline import contact, forces, stations
+from pipeline.error_budget import taper_share
 from pipeline.records import CONTACT_COLUMNS, FRAME_COLUMNS, Recording, as_table
 from pipeline.run import Followed, find_touches
 from pipeline.settings import settings_from
@@ -325,27 +327,31 @@ def test_error_budget(traced, touch, monkeypatch):
     np.testing.assert_allclose(
         budget["radius_uN_per_percent"], 0.04 * shape.contacts["peak_force_uN"]
     )
-    # a scale that is 1 % too high, with the hidden length believed
+    # what the session says is 1 % too high, with the hidden length believed
     monkeypatch.setattr(
         forces.arc_origin, "origin_from_bending", lambda *_: forces.arc_origin.Origin(*two_zeros)
     )
     n = len(traced.places)
     two_zeros = np.zeros(n), np.zeros(n)
-    peaks = []
-    for factor in (1.0, 1.01):
-        recording = Recording(1000.0, 25.0 * factor, "left")
+
+    def peaks(scale=1.0, cone=1.0):
+        recording = Recording(1000.0, 25.0 * scale, "left")
+        whiskers = {
+            name: replace(each, cone_length=cone * each.cone_length)
+            for name, each in traced.whiskers.items()
+        }
         places = stations.measure_stations(
-            traced.lines,
-            recording,
-            list(traced.whiskers.values()),
-            [traced_motion.HIDDEN],
-            traced.pole,
+            traced.lines, recording, list(whiskers.values()), [traced_motion.HIDDEN], traced.pole
         )
-        again = contact.analyse_touch(traced.frames, places, recording, traced.whiskers)
-        peaks.append(again.contacts["peak_force_uN"].to_numpy())
-    strong = peaks[0] > 3
-    np.testing.assert_allclose(
-        (peaks[1] - peaks[0])[strong], budget["scale_uN_per_percent"][strong], rtol=0.15
-    )
+        again = contact.analyse_touch(traced.frames, places, recording, whiskers)
+        return again.contacts["peak_force_uN"].to_numpy()
+
+    usual = peaks()
+    strong = usual > 3
+    by_scale = (peaks(scale=1.01) - usual)[strong]
+    np.testing.assert_allclose(by_scale, budget["scale_uN_per_percent"][strong], rtol=0.15)
+    share = taper_share(mouse_c2().cone_length, 1e-3 * shape.contacts["contact_arc_length_mm"])
+    by_cone = (peaks(cone=1.01) / usual - 1)[strong]
+    np.testing.assert_allclose(by_cone, 0.01 * share[strong], rtol=0.1)
     nothing = forces.error_budget(shape.contacts, shape.evidence, {"C2": None})
     assert nothing["peak_force_se_uN"].isna().all()
