@@ -6,51 +6,32 @@ each hold one difficulty against a tracker or a contact detector.
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import lru_cache
 
 import numpy as np
 
-from synthetic.motion import (
-    Motion,
-    Touch,
-    UnreachableForceError,
-    drive_touches,
-    follicle_drift,
-    force_table,
-    grazing_angle,
-    pole_visits,
-    side_of_pole,
-    smooth_noise,
-    solve_motion,
-    still_pole,
-    whisking,
-)
-from synthetic.population import PUBLISHED_CONTACTS, draw_contacts, share_out
+from synthetic.motion import Motion, pole_visits, smooth_noise, whisking
+from synthetic.paper_session import paper_place, paper_trial
 from synthetic.scene import Camera, Codec, Face, Hair, Lights, Pole, Scene
+from synthetic.staging import (
+    CURVED,
+    FRAMES,
+    MARGIN,
+    NOISE,
+    Setting,
+    base_path,
+    c2_scene,
+    draw_touches,
+    driven_motion,
+    follicle_to_pole,
+    pole_for_touch,
+    row_hairs,
+    scene_touches,
+    table_of,
+    touching_motion,
+)
+from synthetic.touches import Touch, drive_touches, force_table, grazing_angle
 from synthetic.variation import varied_motion
-from whiskermodel.rod import free_shape
 from whiskermodel.whisker import Whisker, mouse_c2
-
-_CURVED = (12.0, 1800.0)  # 1/m, 1/m²: a C2 whisker's own bend, stronger towards the tip
-_FRAMES = 1000
-_MARGIN = 15  # frames without touches at a video's start and end
-_NOISE = 2.5  # grey levels
-
-
-@dataclass(frozen=True)
-class Setting:
-    """What a preset works from: its name, the session's seed, the trial and its random source."""
-
-    preset: str
-    seed: int
-    trial: int
-    rng: np.random.Generator | None = None
-    frames: int = _FRAMES
-
-    @property
-    def side(self) -> int:
-        """Side of the pole, changing from trial to trial."""
-        return 1 if self.trial % 2 == 0 else -1
 
 
 def _one_folder(setting):
@@ -90,7 +71,7 @@ class Trial:
         return self.motion.scene
 
 
-def make_trial(preset: str, seed: int, trial: int, frames: int = _FRAMES) -> Trial:
+def make_trial(preset: str, seed: int, trial: int, frames: int = FRAMES) -> Trial:
     """Return trial number `trial` (from 0) of a preset, the same for the same arguments.
 
     `frames` is the length of the video (`fig3` takes what its touches need).
@@ -114,142 +95,9 @@ def find_preset(preset: str) -> Preset:
     return PRESETS[preset]
 
 
-# Parts ---------------------------------------------------------------------------------------
-
-
-def pole_for_touch(hair: Hair, base_angle, arc_length, side, radius=0.25e-3):
-    """Centre [m] of a pole that the free whisker at `base_angle` [rad] grazes at `arc_length`."""
-    s = np.array([0.0, arc_length])
-    x, y, angle = free_shape(
-        hair.whisker, hair.follicle_x, hair.follicle_y, base_angle, s, hair.intrinsic_curvature
-    )
-    reach = side * (radius + hair.whisker.radius(arc_length))
-    return x[1] - reach * np.sin(angle[1]), y[1] + reach * np.cos(angle[1])
-
-
-def draw_touches(rng, frames, count, table, durations=(3, 80), forces=(1.5e-6, 35e-6)):
-    """Draw touches: log-uniform durations [frames] and peak forces [N], at random times.
-
-    `table` is the ForceTable of the whisker and pole; no touch asks for more than it bears.
-    """
-    lengths = np.exp(rng.uniform(*np.log(durations), count)).round().astype(int)
-    lengths = lengths[: np.searchsorted(np.cumsum(lengths + 6), frames - 2 * _MARGIN)]
-    count = len(lengths)
-    if count == 0:
-        return []
-    spare = frames - 2 * _MARGIN - lengths.sum() - 5 * count
-    gaps = 5 + (rng.dirichlet(np.ones(count + 1)) * spare).astype(int)
-    onsets = _MARGIN + np.cumsum(gaps[:-1]) + np.concatenate([[0], np.cumsum(lengths[:-1])])
-    high = np.minimum(forces[1], table.bearable_force(lengths))
-    low = np.minimum(forces[0], 0.8 * high)
-    peaks = np.exp(rng.uniform(np.log(low), np.log(high)))
-    return [
-        Touch(int(onset), int(length), float(peak), _shape(length, rng))
-        for onset, length, peak in zip(onsets, lengths, peaks, strict=True)
-    ]
-
-
-def _shape(duration, rng):
-    """Time course of a touch; brief ones are all alike, others would be too abrupt."""
-    shapes = ["half_gaussian", "skewed", "plateau"]
-    return str(rng.choice(shapes, p=[0.7, 0.15, 0.15])) if duration >= 20 else shapes[0]
-
-
-def table_of(scene: Scene, hair: Hair | None = None):
-    """ForceTable of `hair` (the first) at rest and the scene's pole."""
-    return _table(hair or scene.hairs[0], scene.pole, scene.face.axis)
-
-
-@lru_cache(maxsize=64)
-def _table(hair, pole, axis):
-    base = hair.follicle_x, hair.follicle_y
-    side = side_of_pole(hair, *base, axis, pole.x, pole.y)
-    return force_table(hair, *base, pole.x, pole.y, pole.radius, side)
-
-
-def c2_scene(setting, arc_length=None, angle=None, camera=None, **changes) -> Scene:
-    """One C2 whisker on the left and a pole that it grazes at `arc_length` [m]; face on the left.
-
-    `changes` replace fields of the Scene; "face", "hair" and "pole" hold changes of its parts.
-    """
-    rng, side = setting.rng, setting.side
-    camera = camera or Camera().with_noise_sd(_NOISE)
-    height = camera.height / camera.pixels_per_m
-    values = {
-        "whisker": mouse_c2(),
-        "intrinsic_curvature": _CURVED,
-        "follicle_x": 2.3e-3,
-        "follicle_y": -height / 2 - side * 1.6e-3,
-    }
-    hair = Hair(**{**values, **changes.pop("hair", {})})
-    if arc_length is None:
-        arc_length = np.linspace(7e-3, 11e-3, 5)[rng.integers(5)]
-    angle = side * rng.uniform(0.0, 0.2) if angle is None else angle
-    place = pole_for_touch(hair, angle, arc_length, side)
-    pole = Pole(*place, rod_direction=side * rng.uniform(0.9, 1.4))
-    pole = replace(pole, **changes.pop("pole", {}))
-    face = Face("left", **changes.pop("face", {}))
-    values = {"camera": camera, "face": face, "hairs": (hair,), "pole": pole}
-    return Scene(**{**values, "seed": setting.seed, **changes})
-
-
-def base_path(scene, hair: Hair, frames, rng):
-    """Follicle of a whisker over time [m], two arrays (frames,)."""
-    dx, dy = follicle_drift(frames, scene.camera.frames_per_second, rng)
-    return hair.follicle_x + dx, hair.follicle_y + dy
-
-
-def touching_motion(setting, scene, touches, pole_path=None, rest=0.18) -> Motion:
-    """Motion in which a scene's first whisker makes the wanted touches on a pole at rest."""
-    hair, pole = scene.hairs[0], scene.pole
-    base = base_path(scene, hair, setting.frames, setting.rng)
-    place = pole.x, pole.y, pole.radius
-    angle, guess = drive_touches(
-        hair, *base, place, setting.side, touches, setting.rng, rest, table_of(scene)
-    )
-    pole_path = pole_path or still_pole(scene, setting.frames)
-    motion = driven_motion(scene, [(*base, angle)], pole_path, [guess])
-    if motion.hairs[0].slips:
-        raise UnreachableForceError(
-            f"{setting.preset}, trial {setting.trial}: the whisker slips off in frame "
-            f"{motion.hairs[0].slips[0]}; ask for less force or a nearer pole"
-        )
-    return motion
-
-
-def driven_motion(scene, drives, pole_path=None, guesses=None) -> Motion:
-    """Motion of whiskers whose base motions `drives` are given: (x, y, angle) for each.
-
-    `guesses` may hold for each what `solve_motion` takes as its start, or None.
-    """
-    pole_path = pole_path or still_pole(scene, len(drives[0][0]))
-    guesses = guesses or [None] * len(drives)
-    moving = [
-        _solve(scene, h, drive, pole_path, guess)
-        for h, (drive, guess) in enumerate(zip(drives, guesses, strict=True))
-    ]
-    return Motion(scene, moving, *pole_path)
-
-
-def _solve(scene, h, drive, pole_path, guess=None):
-    """Equilibria of one driven whisker; one out of the pole's plane never meets it."""
-    hair, (x, y, angle) = scene.hairs[h], drive
-    if scene.pole is None or not hair.touches:
-        nowhere = np.full_like(x, np.nan)
-        return solve_motion(hair, x, y, angle, nowhere, nowhere, 0.0, 1)
-    seen = int(np.argmax(np.isfinite(pole_path[0])))
-    place = scene.pole.x, scene.pole.y
-    side = side_of_pole(hair, x[seen], y[seen], angle[seen], *place)
-    return solve_motion(hair, x, y, angle, *pole_path, scene.pole.radius, side, guess)
-
-
-def _scene_touches(setting, scene, count=9, **limits):
-    return draw_touches(setting.rng, setting.frames, count, table_of(scene), **limits)
-
-
 def _c2_touching(setting, count=9, **changes) -> Motion:
     scene = c2_scene(setting, **changes)
-    return touching_motion(setting, scene, _scene_touches(setting, scene, count))
+    return touching_motion(setting, scene, scene_touches(setting, scene, count))
 
 
 # Plain ---------------------------------------------------------------------------------------
@@ -268,7 +116,7 @@ def _low_contrast(setting):
 
 
 def _coarse(setting):
-    camera = Camera(pixels_per_mm=18.0).with_noise_sd(_NOISE)
+    camera = Camera(pixels_per_mm=18.0).with_noise_sd(NOISE)
     return _c2_touching(setting, camera=camera)
 
 
@@ -287,7 +135,7 @@ def _faint_touch(setting):
     """Touches near the tip, of a few tenths of a µN to the little that it can bear."""
     arc_length = setting.rng.uniform(12.5e-3, 16e-3)
     scene = c2_scene(setting, arc_length)
-    touches = _scene_touches(setting, scene, 8, forces=(0.15e-6, 6e-6), durations=(6, 90))
+    touches = scene_touches(setting, scene, 8, forces=(0.15e-6, 6e-6), durations=(6, 90))
     return touching_motion(setting, scene, touches)
 
 
@@ -298,7 +146,7 @@ def _close_touches(setting):
     while True:
         for _ in range(rng.integers(2, 4)):
             length = int(rng.integers(4, 25))
-            if onset + length + _MARGIN > setting.frames:
+            if onset + length + MARGIN > setting.frames:
                 return touching_motion(setting, scene, touches)
             peak = rng.uniform(0.08, 0.5) * min(table.bearable_force(length), 30e-6)
             touches.append(Touch(onset, length, float(peak)))
@@ -310,7 +158,7 @@ def _resting(setting):
     """A whisker that hardly moves but for a few touches: 1°, 2° or 4° back from the pole."""
     rest = np.deg2rad((1.0, 2.0, 4.0)[setting.trial % 3])
     scene = c2_scene(setting)
-    touches = _scene_touches(setting, scene, 3, durations=(8, 60), forces=(3e-6, 30e-6))
+    touches = scene_touches(setting, scene, 3, durations=(8, 60), forces=(3e-6, 30e-6))
     return touching_motion(setting, scene, touches, rest=rest)
 
 
@@ -318,7 +166,7 @@ def _large_deflection(setting):
     """Touches close to the largest force that the whisker bears before it slips off."""
     scene = c2_scene(setting, setting.rng.uniform(7e-3, 9.5e-3), -0.25 * setting.side)
     largest = table_of(scene).bearable_force(1000)
-    touches = _scene_touches(
+    touches = scene_touches(
         setting, scene, 7, forces=(0.4 * largest, largest), durations=(25, 110)
     )
     return touching_motion(setting, scene, touches)
@@ -348,7 +196,7 @@ def _near_miss(setting):
     least = np.exp(np.interp(_unit_noise(setting, 0.08), [0, 1], np.log([0.02e-3, 0.3e-3])))
     swing = 0.15 + 0.2 * _unit_noise(setting, 0.1)
     phase = 2 * np.pi * np.cumsum(10 + 6 * _unit_noise(setting, 0.2)) / rate
-    turn = least / _pole_distance(scene) + swing * 0.5 * (1 + np.cos(phase))
+    turn = least / follicle_to_pole(scene) + swing * 0.5 * (1 + np.cos(phase))
     return driven_motion(scene, [(*base, graze - side * turn)])
 
 
@@ -424,7 +272,7 @@ def _orientation(setting):
     """
     size, degrees = 640, _direction(setting)
     direction = np.deg2rad(degrees)
-    camera = Camera(width=size, height=size).with_noise_sd(_NOISE)
+    camera = Camera(width=size, height=size).with_noise_sd(NOISE)
     half, scale = size / 2, camera.pixels_per_m
     follicle = (
         (half - 215 * np.cos(direction)) / scale,
@@ -439,29 +287,6 @@ def _orientation(setting):
     return driven_motion(scene, [(*base, direction + sweep)])
 
 
-_ROW = (  # name, length and base radius of a row of whiskers, posterior to anterior
-    ("C1", 20.5e-3, 41e-6),
-    ("C2", 18.0e-3, 37e-6),
-    ("C3", 15.0e-3, 32e-6),
-    ("C4", 12.0e-3, 28e-6),
-    ("C5", 10.0e-3, 25e-6),
-)
-
-
-def row_hairs(count, spacing, x, y) -> tuple[Hair, ...]:
-    """Whiskers of one row, anterior to posterior; follicles `spacing` [m] apart around (x, y) [m].
-
-    Anterior whiskers lie higher in the picture; protraction is upwards.
-    """
-    hairs = []
-    for i, (name, length, radius) in enumerate(_ROW[:count]):
-        whisker = Whisker(length, length / 0.95, radius, name=name)
-        bend = tuple(np.array(_CURVED) * 18e-3 / length)
-        offset = (i - (count - 1) / 2) * spacing
-        hairs.append(Hair(whisker, bend, x, y + offset))
-    return tuple(reversed(hairs))
-
-
 def _row(setting, count=4, spacing=1.3e-3, fan=0.2, own=0.05):
     """Four whiskers that whisk together, each a little in its own way; C2 touches the pole."""
     rng, frames = setting.rng, setting.frames
@@ -469,7 +294,7 @@ def _row(setting, count=4, spacing=1.3e-3, fan=0.2, own=0.05):
     c2 = hairs[-2]
     place = pole_for_touch(c2, 0.1 - 0.5 * fan, rng.uniform(7.5e-3, 10e-3), 1)
     scene = Scene(
-        Camera(width=704).with_noise_sd(_NOISE),
+        Camera(width=704).with_noise_sd(NOISE),
         face=Face("left", pad=spacing * (count - 1)),
         hairs=hairs,
         pole=Pole(*place, rod_direction=rng.uniform(1.1, 1.4)),
@@ -501,7 +326,7 @@ def _crossing(setting):
         for hair, sign in zip(hairs, (-0.5, -1, 1), strict=True)  # C3, C2, C1
     )
     scene = Scene(
-        Camera().with_noise_sd(_NOISE),
+        Camera().with_noise_sd(NOISE),
         Lights(),
         Face("left", pad=2 * spacing),
         hairs,
@@ -542,7 +367,7 @@ def _dense_row(setting):
     hairs = tuple(
         Hair(
             Whisker(length, length / 0.95, radius, name=f"W{i + 1}"),
-            tuple(rng.uniform(-0.6, 0.9) * np.array(_CURVED) * 18e-3 / length),
+            tuple(rng.uniform(-0.6, 0.9) * np.array(CURVED) * 18e-3 / length),
             4.0e-3,
             place - 15e-3,
         )
@@ -562,7 +387,7 @@ def _dense_row(setting):
 def _border(setting):
     """Whiskers that the picture's border cuts, and that leave the picture altogether."""
     rng, frames = setting.rng, setting.frames
-    camera = Camera(width=400, height=320).with_noise_sd(_NOISE)
+    camera = Camera(width=400, height=320).with_noise_sd(NOISE)
     hairs = row_hairs(2, 2.2e-3, 2.0e-3, -6.6e-3)
     scene = Scene(camera, Lights(), Face("left", pad=2.2e-3), hairs, None, seed=setting.seed)
     drives = []
@@ -606,111 +431,11 @@ def _varied_place(setting):
     return stem, stem
 
 
-# The paper's population ----------------------------------------------------------------------
-
-_MICE = 5
-_POLES = np.array([7e-3, 8e-3, 9e-3, 10e-3, 11e-3])  # m from the follicle
-_TOUCHES = 12  # per trial
-_BLOCK = len(_POLES)  # trials that share out their touches among all poles
-
-
-def mouse_whisker(mouse: int, seed: int) -> Whisker:
-    """C2 whisker of one of the five mice: 18.26 ± 0.44 mm, 37.3 ± 1.0 µm (mean ± SD over mice)."""
-    rng = np.random.default_rng([seed, 17])
-    length, radius = (_spread(rng) for _ in range(2))
-    length, radius = 18.26e-3 + 0.44e-3 * length[mouse], 37.3e-6 + 1.0e-6 * radius[mouse]
-    tip_radius = 2.8e-6
-    return Whisker(length, length * radius / (radius - tip_radius), radius, name="C2")
-
-
-def _spread(rng):
-    """Deviates of the five mice: in random order, mean 0, SD 1."""
-    values = rng.normal(size=_MICE)
-    return (values - values.mean()) / values.std(ddof=1)
-
-
-def _fig3_scene(setting, mouse, pole_index) -> Scene:
-    whisker = mouse_whisker(mouse, setting.seed)
-    rng = np.random.default_rng([setting.seed, mouse, 23])
-    bend = tuple(np.array(_CURVED) * rng.uniform(0.3, 1.2))
-    return c2_scene(
-        replace(setting, trial=0, seed=100 * setting.seed + mouse, rng=rng),
-        _POLES[pole_index],
-        rng.uniform(-0.05, 0.1),
-        Camera().with_noise_sd(1.5),
-        hair={"whisker": whisker, "intrinsic_curvature": bend},
-        face={"hidden_length": rng.uniform(1.0e-3, 1.6e-3)},
-        codec=Codec("h264", crf=20, speed="ultrafast"),
-    )
-
-
-@lru_cache(maxsize=32)
-def _fig3_block(seed, block):
-    """Scenes of a block's trials, and the touches (forces [N], durations [ms]) of each."""
-    rng = np.random.default_rng([seed, block, 29])
-    scenes = []
-    for k in range(_BLOCK):
-        setting = Setting("fig3", seed, block * _BLOCK + k, rng)
-        scenes.append(_fig3_scene(setting, k % _MICE, (k + block) % len(_POLES)))
-    numbers = np.arange(block * _BLOCK * _TOUCHES, (block + 1) * _BLOCK * _TOUCHES)
-    numbers = numbers[numbers < max(PUBLISHED_CONTACTS, numbers[0] + 1)]
-    force, duration = draw_contacts(numbers, seed)
-    able = np.column_stack([_bearable(scene, force, duration) for scene in scenes])
-    able[~able.any(1), np.argmin([_pole_distance(scene) for scene in scenes])] = True
-    chosen = share_out(force, able, rng)
-    return scenes, [(force[chosen == k], duration[chosen == k]) for k in range(_BLOCK)]
-
-
-def _pole_distance(scene):
-    hair, pole = scene.hairs[0], scene.pole
-    return np.hypot(pole.x - hair.follicle_x, pole.y - hair.follicle_y)
-
-
-def _bearable(scene, force, duration):
-    """Touches that a scene's whisker bears without slipping or too fast a turn of its base.
-
-    The strong and brief ones are for near poles only, where a small turn makes a large force.
-    """
-    return force <= table_of(scene).bearable_force(duration)
-
-
-def _fig3(setting):
-    """One trial of a mouse and a pole: repeated touches, drawn from the paper's population."""
-    scenes, wanted = _fig3_block(setting.seed, setting.trial // _BLOCK)
-    k, rng = setting.trial % _BLOCK, setting.rng
-    touches, frames = lay_out(*wanted[k], rng)
-    protracting = replace(setting, trial=0, frames=frames)
-    return touching_motion(protracting, scenes[k], touches)
-
-
-def _fig3_place(setting):
-    mouse = f"mouse{setting.trial % _BLOCK % _MICE + 1}"
-    return mouse, f"{mouse}_{setting.trial:04d}"
-
-
-def lay_out(forces, durations, rng):
-    """Put touches one after the other: bouts with short pauses, longer ones between.
-
-    Returns the list of Touch and the number of frames that they take.
-    """
-    order = rng.permutation(len(forces))
-    bout = rng.uniform(size=len(forces)) < 0.2
-    pauses = np.where(
-        bout, rng.integers(4, 12, len(forces)), np.exp(rng.normal(3.5, 0.5, len(forces)))
-    )
-    onset, touches = 30, []
-    for i, pause in zip(order, np.rint(pauses).astype(int), strict=True):
-        shape = _shape(durations[i], rng)
-        touches.append(Touch(onset, int(durations[i]), float(forces[i]), shape))
-        onset += int(durations[i]) + max(int(pause), 4)
-    return touches, onset + 40
-
-
 PRESETS = {
     "single": Preset(_single, 4, "one C2 whisker, little noise, touches from both sides"),
     "noisy": Preset(_noisy, 4, "the same with noise of 2.5 grey levels"),
     "fig3": Preset(
-        _fig3, 10, "the paper's population of contacts; five mice, five poles", _fig3_place
+        paper_trial, 10, "the paper's population of contacts; five mice, five poles", paper_place
     ),
     "low_contrast": Preset(_low_contrast, 2, "a translucent whisker"),
     "row": Preset(_row, 2, "four whiskers in a row"),

@@ -380,10 +380,3 @@ def _add_noise(out, light, deviates, gain, black, noise_gain, read_variance):
         mean = gain * light[k]
         value = black + mean + sqrt(read_variance + noise_gain * mean) * deviates[k]
         out[k] = np.uint8(np.int32(min(max(value, np.float32(0)), np.float32(255))))
-
-
-def render_frames(scene: Scene, motion, seed: int | None = None):
-    """Yield the frames of `scene` under `motion`, uint8 (height, width), one after another."""
-    renderer = Renderer(scene, motion, seed)
-    for i in range(len(renderer)):
-        yield renderer.frame(i)

@@ -20,8 +20,9 @@ from pipeline.records import (
     empty_table,
 )
 from pipeline.tables import whole_file, write_centrelines, write_csv, write_frames
-from synthetic.motion import curvature_at, take_frames
+from synthetic.motion import curvature_along, take_frames
 from synthetic.strips import step_table
+from synthetic.touches import half_gaussian
 from synthetic.vibration import true_moments
 from whiskermodel.response import Response
 
@@ -66,7 +67,7 @@ def _frames_of(motion, h, arc_length):
     contact, hair = motion.hairs[h].contact, motion.scene.hairs[h]
     n = len(contact)
     s = np.array([arc_length])
-    curvature = curvature_at(hair.whisker, contact, s)[:, 0]
+    curvature = curvature_along(hair.whisker, contact, s)[:, 0]
     rest = (s[:, None] ** np.arange(len(hair.intrinsic_curvature))) @ hair.intrinsic_curvature
     x, y = motion.scene.to_pixels(contact.base_x, contact.base_y)
     return pd.DataFrame(
@@ -200,9 +201,8 @@ def _pulse(t, force):
 
 
 def _half_gaussian(t, peak, duration, centre):
-    """Top half of a Gaussian, zero outside; not that of `pipeline.pulses`, which it checks."""
-    z = (t - centre) / duration
-    return np.maximum(2 * peak * (np.exp(-4 * np.log(2) * z**2) - 0.5), 0.0)
+    """A half-Gaussian touch's force, zero before and after it."""
+    return np.maximum(peak * half_gaussian((t - centre) / duration), 0.0)
 
 
 # What only the truth knows -------------------------------------------------------------------

@@ -1,7 +1,7 @@
 """True vibration: what the dynamic model makes of the true force of a contact.
 
 The force between frames is the smooth curve through its true values, zero half a frame before
-the first and after the last, as touches are made (motion.Touch). The model is the one of
+the first and after the last, as touches are made (touches.Touch). The model is the one of
 `pipeline.base_moments` (fixed end, chord frame), which sees tracked forces and fitted pulses.
 """
 

@@ -13,8 +13,10 @@ from pipeline.error_budget import taper_share
 from pipeline.records import CONTACT_COLUMNS, FRAME_COLUMNS, Recording, as_table
 from pipeline.run import Followed, find_touches
 from pipeline.settings import settings_from
-from synthetic.motion import HairMotion, Motion, Touch, drive_touches, grazing_angle
-from synthetic.presets import Setting, c2_scene, driven_motion, make_trial, table_of
+from synthetic.motion import HairMotion, Motion
+from synthetic.presets import make_trial
+from synthetic.staging import Setting, c2_scene, driven_motion, table_of
+from synthetic.touches import Touch, drive_touches, grazing_angle
 from whiskermodel import rod
 from whiskermodel.whisker import mouse_c2
 

@@ -5,14 +5,8 @@ import pytest
 
 from synthetic.motion import (
     Motion,
-    Touch,
-    UnreachableForceError,
-    angles_for_forces,
-    curvature_at,
-    drive_touches,
+    curvature_along,
     follicle_drift,
-    force_table,
-    grazing_angle,
     pole_visits,
     side_of_pole,
     solve_motion,
@@ -20,8 +14,16 @@ from synthetic.motion import (
     take_frames,
     whisking,
 )
-from synthetic.presets import pole_for_touch
 from synthetic.scene import Hair, Pole, Scene
+from synthetic.staging import pole_for_touch
+from synthetic.touches import (
+    Touch,
+    UnreachableForceError,
+    angles_for_forces,
+    drive_touches,
+    force_table,
+    grazing_angle,
+)
 from whiskermodel.rod import contact_shape, free_shape
 from whiskermodel.whisker import mouse_c2
 
@@ -82,7 +84,8 @@ def test_free_stretches_of_any_length_leave_the_pole(gap):
 def test_load_bends_away_from_the_pole(touching):
     side, _, motion = touching
     contact = motion.hairs[0].contact
-    change = curvature_at(HAIR.whisker, contact, np.array([5.5e-3]))[:, 0] - (12 + 1800 * 5.5e-3)
+    curvature = curvature_along(HAIR.whisker, contact, np.array([5.5e-3]))[:, 0]
+    change = curvature - (12 + 1800 * 5.5e-3)
     # a pole on the left (seen from the follicle) bends the whisker clockwise
     assert np.all(side * change[contact.touching] < 0)
     assert np.all(side * contact.base_moment[contact.touching] < 0)
@@ -94,7 +97,7 @@ def test_curvature_is_the_derivative_of_the_angle(touching):
     s = np.linspace(1e-3, 6e-3, 501)
     _, _, angle = contact_shape(HAIR.whisker, contact, s)
     numerical = np.gradient(angle, s, axis=1)[:, 5:-5]
-    assert curvature_at(HAIR.whisker, contact, s)[:, 5:-5] == pytest.approx(numerical, abs=2e-2)
+    assert curvature_along(HAIR.whisker, contact, s)[:, 5:-5] == pytest.approx(numerical, abs=2e-2)
 
 
 def test_centreline_has_the_whisker_s_length(touching):

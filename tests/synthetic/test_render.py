@@ -7,10 +7,11 @@ import pytest
 from scipy.ndimage import gaussian_filter
 from scipy.spatial import cKDTree
 
-from synthetic.motion import Motion, Touch, solve_motion, still_pole
-from synthetic.presets import Setting, c2_scene, touching_motion
-from synthetic.render import Renderer, render_frames
+from synthetic.motion import Motion, solve_motion, still_pole
+from synthetic.render import Renderer
 from synthetic.scene import Camera, Face, Hair, Lights, Pole, Scene
+from synthetic.staging import Setting, c2_scene, touching_motion
+from synthetic.touches import Touch
 from whiskermodel.whisker import Whisker, mouse_c2
 
 centre_tolerance = 0.01  # px, the promise of the renderer
@@ -211,7 +212,8 @@ def test_moving_fur_moves_and_flicker_flickers():
     n, nowhere = 40, np.full(40, np.nan)
     base = np.full(n, 2.3e-3), np.full(n, -9.6e-3), 0.4 * np.sin(np.arange(n) / 5)
     motion = Motion(scene, [solve_motion(hair, *base, nowhere, nowhere, 0.0, 1)], nowhere, nowhere)
-    frames = np.stack(list(render_frames(scene, motion, seed=0))).astype(float)
+    renderer = Renderer(scene, motion, seed=0)
+    frames = np.stack([renderer.frame(i) for i in range(len(renderer))]).astype(float)
     assert frames.shape == (40, 480, 640)
     renderer = Renderer(scene, motion)
     assert np.abs(renderer.opened(0) - renderer.opened(8)).max() > 30

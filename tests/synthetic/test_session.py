@@ -9,7 +9,8 @@ import synthetic.session
 from pipeline.records import CONTACT_COLUMNS, FRAME_COLUMNS
 from pipeline.settings import read_session
 from pipeline.tables import read_centrelines, read_frames, read_json
-from synthetic.presets import PRESETS, find_preset, make_trial, mouse_whisker, trial_place
+from synthetic.paper_session import mouse_whisker
+from synthetic.presets import PRESETS, find_preset, make_trial, trial_place
 from synthetic.render import Renderer
 from synthetic.session import STAGES, RenderError, render_session
 from synthetic.truth import centreline_table, contact_table, frame_table, pole_distance
