@@ -232,10 +232,9 @@ def paper(
     debug: Debug = False,
 ):
     """Draw every model figure of the paper, each with its CSV, and modes.csv."""
-    from whiskermodel.paper import write_paper
+    from whiskermodel.paper_files import write_paper
 
-    out.mkdir(parents=True, exist_ok=True)
-    for path in write_paper(out, progress=_say) or ():
+    for path in write_paper(out, progress=_say):
         _say(str(path))
 
 

@@ -1,13 +1,10 @@
-"""The model figures of Hires et al. 2013 as numbers: what `whiskerforce paper` writes.
+"""The model figures of Hires et al. 2013 as numbers.
 
-Each `figure_N` returns a Table, or the traces behind the figure; drawing is in `paper_figures`,
-the comparison with what is printed in `published`.
+Each `figure_N` returns a Table, or the traces behind the figure. Drawing is in `paper_figures`,
+the comparison with what is printed in `published`; `paper_files` writes it all.
 """
 
-import csv
-import os
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
@@ -182,18 +179,6 @@ def figure_6(boundary, contact=9e-3, peak_force=20e-6, duration=16e-3):
     return Motion(boundary, time, force, x, y.steady, y.vibrational)
 
 
-def _motion_table(motions, every_ms=0.5, every_point=4):
-    names = ("boundary", "time_ms", "arc_length_mm", "steady_um", "vibration_um")
-    instants, rows = slice(None, None, round(every_ms * 1e-3 / DT)), []
-    for m in motions:
-        time = m.time[instants] * MILLI
-        for i in range(0, len(m.arc_length), every_point):
-            parts = (m.steady[i, instants] * MICRO, m.vibrational[i, instants] * MICRO)
-            head = (m.boundary, m.arc_length[i] * MILLI)
-            rows += [(head[0], t, head[1], *y) for t, *y in zip(time, *parts, strict=True)]
-    return Table.of_rows(names, rows)
-
-
 # Base moments -----------------------------------------------------------------------------------
 
 
@@ -308,149 +293,3 @@ def figure_supported():
         held = SupportedResponse(mouse_c2(), contact, "fixed", "chord", N_MODES)
         out.append(Comparison(contact, duration, paper, held.loads(paper.force, DT)))
     return out
-
-
-def _comparison_table(comparisons):
-    names = ("contact_mm", "duration_ms", "time_ms", "steady_nN_m", "vibration_paper_nN_m",
-             "vibration_supported_nN_m", "force_uN", "pole_force_uN")  # fmt: skip
-    rows = []
-    for c in comparisons:
-        series = (c.paper.time * MILLI, c.paper.steady_moment * NANO,
-                  c.paper.vibrational_moment * NANO, c.held.vibrational_moment * NANO,
-                  c.paper.force * MICRO, c.held.pole_force * MICRO)  # fmt: skip
-        head = (c.contact * MILLI, c.duration * MILLI)
-        rows += [head + row for row in zip(*(s[::10] for s in series), strict=True)]
-    return Table.of_rows(names, rows)
-
-
-def _trace_table(cases):
-    """`cases`: (contact, duration, BaseLoads); every 0.1 ms."""
-    rows = []
-    for contact, duration, loads in cases:
-        series = (loads.time * MILLI, loads.force * MICRO, loads.steady_moment * NANO,
-                  loads.vibrational_moment * NANO)  # fmt: skip
-        head = (contact * MILLI, duration * MILLI)
-        rows += [head + row for row in zip(*(s[::10] for s in series), strict=True)]
-    names = ("contact_mm", "duration_ms", "time_ms", "force_uN", "steady_nN_m", "vibration_nN_m")
-    return Table.of_rows(names, rows)
-
-
-# Writing ----------------------------------------------------------------------------------------
-
-
-def write_paper(out_dir, progress=None, grid=(88, 121)):
-    """Every model figure as PNG, SVG and CSV, `modes.csv` and `published.csv`, into `out_dir`.
-
-    Parameters
-    ----------
-    out_dir : path
-        Made if it is not there. Each file appears whole or not at all.
-    progress : callable, optional
-        Called with a line of text before each part.
-    grid : (int, int)
-        Contacts and durations of Fig. 11.
-
-    Returns
-    -------
-    list of Path, in the order written
-    """
-    from whiskermodel import paper_figures, published  # matplotlib takes long to import
-
-    out, written = Path(out_dir), []
-    out.mkdir(parents=True, exist_ok=True)
-    say = progress or (lambda text: None)
-
-    def save(name, tables, figure=None):
-        say(name)
-        made = {f"{key}.csv": table for key, table in tables.items()}
-        for file, table in made.items():
-            written.append(_whole(out / file, lambda path, t=table: _write_csv(path, t)))
-        for kind in ("png", "svg") if figure is not None else ():
-            target = out / f"{name}.{kind}"
-            written.append(
-                _whole(target, lambda path, k=kind: paper_figures.save(figure, path, k))
-            )
-
-    for name, make in _PARTS.items():
-        tables, content = make(grid)
-        draw = getattr(paper_figures, f"draw_{name}", None)
-        save(name, tables, draw(content) if draw else None)
-    save("published", {"published": published.table()})
-    return written
-
-
-def _part_5(_):
-    traces, fits = figure_5()
-    return {"fig5": traces, "fig5_fits": fits}, (traces, fits)
-
-
-def _part_6(_):
-    motions = [figure_6(boundary) for boundary in ("fixed", "pinned")]
-    return {"fig6": _motion_table(motions)}, motions
-
-
-def _part_7(_):
-    table = figure_7()
-    cases = [(c, FIGURE_7_DURATION, pulse_loads(c, force, FIGURE_7_DURATION))
-             for c, force in FIGURE_7_CONTACTS.items()]  # fmt: skip
-    return {"fig7": table, "fig7_traces": _trace_table(cases)}, (table, cases)
-
-
-def _part_8(_):
-    table = figure_8()
-    cases = [(FIGURE_8_CONTACT, t, pulse_loads(FIGURE_8_CONTACT, FIGURE_8_FORCE, t))
-             for t in FIGURE_8_DURATIONS]  # fmt: skip
-    return {"fig8": table, "fig8_traces": _trace_table(cases)}, (table, cases)
-
-
-def _part_9(_):
-    table = figure_9()
-    cases = [(FIGURE_9_CONTACT, s, slip_loads(s)) for s in FIGURE_9_SLIPS]
-    return {"fig9": table, "fig9_traces": _trace_table(cases)}, (table, cases)
-
-
-def _part_10(_):
-    table = figure_10()
-    cases = [(FIGURE_10_CONTACT, t, ramp_loads(t)) for t in FIGURE_10_RAMPS]
-    return {"fig10": table, "fig10_traces": _trace_table(cases)}, (table, cases)
-
-
-def _part_supported(_):
-    comparisons = figure_supported()
-    return {"supported": _comparison_table(comparisons)}, comparisons
-
-
-_PARTS = {
-    "modes": lambda _: ({"modes": mode_table()}, None),
-    "fig2": lambda _: ({"fig2": (table := figure_2())}, table),
-    "fig5": _part_5,
-    "fig6": _part_6,
-    "fig7": _part_7,
-    "fig8": _part_8,
-    "fig9": _part_9,
-    "fig10": _part_10,
-    "fig11": lambda grid: ({"fig11": (table := figure_11(*grid))}, table),
-    "supported": _part_supported,
-}
-
-
-def _whole(target, write):
-    """Write beside the target, then move into place; returns the target."""
-    part = target.with_name(f".{target.name}.part")
-    try:
-        write(part)
-        os.replace(part, target)
-    finally:
-        part.unlink(missing_ok=True)
-    return target
-
-
-def _write_csv(path, table):
-    with open(path, "w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(table.columns)
-        writer.writerows([_text(value) for value in row] for row in table.rows())
-
-
-def _text(value):
-    return f"{value:.9g}" if isinstance(value, float) else str(value)

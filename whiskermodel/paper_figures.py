@@ -1,5 +1,7 @@
 """Drawings of the paper's model figures from the numbers of `paper`; needs matplotlib."""
 
+from functools import wraps
+
 import matplotlib
 import numpy as np
 from matplotlib.colors import LogNorm, Normalize
@@ -29,8 +31,8 @@ STYLE = {
 }
 
 
-def save(figure, path, kind):
-    """Write `figure` as "png" or "svg", the same bytes for the same figure."""
+def save(path, figure, kind):
+    """Write `figure` to `path` as "png" or "svg", the same bytes for the same figure."""
     metadata = {"Date": None} if kind == "svg" else {"Software": None}
     with matplotlib.rc_context(STYLE):
         figure.savefig(path, format=kind, dpi=150, metadata=metadata)
@@ -46,11 +48,11 @@ def _figure(width, height, title):
 def _styled(draw):
     """Run a drawing function under the house style."""
 
-    def styled(content):
+    @wraps(draw)
+    def styled(*content):
         with matplotlib.rc_context(STYLE):
-            return draw(content)
+            return draw(*content)
 
-    styled.__name__, styled.__doc__ = draw.__name__, draw.__doc__
     return styled
 
 
@@ -123,9 +125,8 @@ def _mode_curves(panel, table, here, column):
 
 
 @_styled
-def draw_fig5(content):
+def draw_fig5(traces, fits):
     """Simulated slips with their fits, and the fitted damping and frequency."""
-    traces, fits = content
     figure = _figure(
         10, 3.6, "Fig. 5  Ring-down after a slip (simulated; published means in grey)"
     )
@@ -230,9 +231,8 @@ def _shapes(panel, motion, y):
 
 
 @_styled
-def draw_fig7(content):
+def draw_fig7(table, cases):
     """Contact points, traces, and the ratio against position."""
-    table, cases = content
     figure = _figure(10, 6.4, "Fig. 7  Base moment against contact position, 12 ms contacts")
     grid = figure.add_gridspec(3, 4, height_ratios=(0.55, 1, 1.25))
     outline = figure.add_subplot(grid[0, :])
@@ -252,9 +252,8 @@ def draw_fig7(content):
 
 
 @_styled
-def draw_fig8(content):
+def draw_fig8(table, cases):
     """Traces for four durations, and the ratio against duration."""
-    table, cases = content
     figure = _figure(10, 5.2, "Fig. 8  Base moment against contact duration, 2.5 µN at 12 mm")
     grid = figure.add_gridspec(2, 4, height_ratios=(1, 1.25))
     for i, (_, duration, loads) in enumerate(cases):
@@ -301,28 +300,25 @@ def _ratio_curves(panel, table, abscissa, marks):
 
 
 @_styled
-def draw_fig9(content):
+def draw_fig9(table, cases, single, deflections):
     """Stick-slip: place, deflection at 16 mm, moments for five slips."""
-    table, cases = content
     figure = _figure(10, 8, "Fig. 9  Stick-slip of a rat whisker, 5 µN at 32 mm")
     grid = figure.add_gridspec(3, 6, height_ratios=(0.5, 1, 2.2))
     outline = figure.add_subplot(grid[0, :3])
     _outline(outline, rat_c2(), [paper.FIGURE_9_CONTACT])
     outline.set_title("a")
     deflection = figure.add_subplot(grid[:2, 3:])
-    for i, (_, slip, _) in enumerate(cases):
-        y = paper.slip_deflection(slip) * paper.MILLI
+    for i, (slip, y) in enumerate(deflections):
         time = np.arange(len(y)) * paper.DT * paper.MILLI
-        deflection.plot(time, y, color=SEQUENCE[i], label=f"slip {slip * 1e3:g} ms")
+        deflection.plot(time, y * paper.MILLI, color=SEQUENCE[i], label=f"slip {slip * 1e3:g} ms")
     deflection.set(xlim=(0, 45), xlabel="time (ms)", ylabel="y at 16 mm (mm)", title="b")
     deflection.legend(loc="upper right")
     ratio = figure.add_subplot(grid[1, :3])
     _slip_ratios(ratio, table)
     ratio.set_title("peak ratios")
     inner = grid[2, :].subgridspec(2, 3)
-    for i, (_, slip, loads) in enumerate(cases):
+    for i, ((_, slip, loads), (*_, alone)) in enumerate(zip(cases, single, strict=True)):
         panel = figure.add_subplot(inner[i // 3, i % 3])
-        alone = paper.slip_loads(slip, events=1)
         time = alone.time * paper.MILLI
         panel.plot(time, alone.vibrational_moment * paper.NANO, color=GREY, linewidth=0.8,
                    label="without the second stick")  # fmt: skip
@@ -354,9 +350,8 @@ def _slip_ratios(panel, table):
 
 
 @_styled
-def draw_fig10(content):
+def draw_fig10(cases):
     """Ramp-and-hold: place, displacement, moments, and the same magnified."""
-    _, cases = content
     figure = _figure(10, 6.2, "Fig. 10  Ramp-and-hold, 12° at 10 mm, rat whisker cut at 13 mm")
     (outline, moved), (moment, close) = figure.subplots(2, 2, height_ratios=(1, 1.5))
     _outline(outline, rat_c2(length=13e-3), [paper.FIGURE_10_CONTACT])

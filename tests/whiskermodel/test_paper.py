@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from whiskermodel import Response, mouse_c2, paper, published, rat_c2
+from whiskermodel.paper_files import write_paper
 from whiskermodel.pulse_response import half_gaussian_extremes
 
 DOCS = Path(__file__).parents[2] / "docs" / "paper.md"
@@ -15,7 +16,7 @@ DOCS = Path(__file__).parents[2] / "docs" / "paper.md"
 @pytest.fixture(scope="module")
 def written(tmp_path_factory):
     out, said = tmp_path_factory.mktemp("paper") / "new" / "folder", []
-    return out, paper.write_paper(out, progress=said.append, grid=(7, 6)), said
+    return out, write_paper(out, progress=said.append, grid=(7, 6)), said
 
 
 def read(path):
