@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_bvp
 
-from whiskermodel import rod
+from whiskermodel import rod, rod_shapes
 from whiskermodel.rod import contact_shape, free_shape, solve_contact
 from whiskermodel.whisker import Whisker, mouse_c2
 
@@ -103,10 +103,10 @@ def test_agrees_with_general_solver(angle, pole_x, side, curvature, friction):
 
 def test_spectral_convergence(monkeypatch):
     """The error falls as a power of e with the number of nodes, and is gone at the default."""
-    default = rod._NODES
+    default = rod_shapes._NODES
 
     def forces(nodes):
-        monkeypatch.setattr(rod, "_NODES", nodes)
+        monkeypatch.setattr(rod_shapes, "_NODES", nodes)
         _, near = turned_into_pole([0.3, 0.7])
         _, distal = turned_into_pole([0.02, 0.05], distance=16e-3)
         return np.concatenate([near.contact_force, distal.contact_force])
