@@ -14,13 +14,14 @@ import sys
 import tempfile
 import time
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import dataclass
 from multiprocessing import get_context
 from pathlib import Path
 
 import measuring
 import numpy as np
+import pages
 import pandas as pd
+from accuracy_targets import checks, checks_text, coverage_checks
 
 from synthetic import scoring
 from synthetic.presets import PRESETS
@@ -28,7 +29,6 @@ from synthetic.session import render_session
 
 LONG_FALSE_MM = 3.0  # a false line longer than this is a long false whisker
 DOUBTFUL = ("large_deflection", "contact_near_curvature_window", "doubtful")
-FEWEST_VIDEOS = 20  # below, the part of truths in the intervals is not judged
 WORST = 12  # rows of worst.csv per preset and kind of failure
 
 
@@ -204,162 +204,6 @@ def failures(video, rows, what, value):
     return table.loc[keep]
 
 
-# Targets -------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class Target:
-    """A figure that must not exceed (`most`) or not fall below (`least`) a value."""
-
-    what: str
-    figure: str
-    most: float = np.inf
-    least: float = -np.inf
-    unit: str = ""
-    each_video: bool = False
-
-    def met(self, value) -> bool:
-        """Whether a value meets the target; a figure that could not be told does not."""
-        return bool(self.least <= value <= self.most)
-
-    @property
-    def demand(self) -> str:
-        """The target as text."""
-        if np.isinf(self.most):
-            return f">= {self.least:g}"
-        return f"<= {self.most:g}" if np.isinf(self.least) else f"{self.least:g} to {self.most:g}"
-
-
-FIRST = (
-    Target("contacts of 5 ms and more missed", "missed_5ms", 0),
-    Target("contacts invented", "invented", 0),
-    Target("contacts with both edges within 2 frames", "edges_within_2", least=0.95),
-    Target("peak force: median error / (5 % or 0.5 µN)", "shape_force_typical_small", 1),
-    Target("centreline RMS error", "rms_px", 0.1, unit="px"),
-)
-LINES = tuple(
-    Target(what, figure, most, unit=unit, each_video=True)
-    for what, figure, most, unit in (
-        ("centreline median error", "median_px", 0.01, "px"),
-        ("centreline RMS error", "rms_px", 0.03, "px"),
-        ("centreline 95th percentile", "p95_px", 0.06, "px"),
-        ("curvature SD", "curvature_sd", 0.3, "1/m"),
-        ("curvature |bias|", "curvature_abs_bias", 0.1, "1/m"),
-        ("curvature SD / bound of a quadratic over ±2 mm", "bound_ratio", 1.5, ""),
-    )
-)
-BESIDE_POLE = Target("RMS error beside the pole", "beside_pole_rms_px", 0.03, unit="px")
-NO_LONG_FALSE = Target("long false whiskers per frame", "long_false_per_frame", 0)
-ROWS = (
-    Target("frames on the wrong whisker", "identity_errors", 0),
-    Target("lines that leave their whisker", "strayed", 0),
-)
-COVERED = Target("frames with 80 % of the visible length", "covered_80", least=0.99)
-TOUCH = (
-    Target("frames that agree on contact", "agreement", least=0.995),
-    Target("contacts of 3 ms and 1 µN missed", "missed_3ms_1uN", 0),
-    Target("contacts invented", "invented", 0),
-    Target("contacts with both edges within 1 frame", "edges_within_1", least=0.99),
-)
-FORCES = (
-    Target("peak force: median error", "shape_force_median", 0.01),
-    Target("peak force: within 3 % or 0.1 µN", "shape_force_within", least=0.95),
-    Target("base moment: median error", "shape_moment_median", 0.02),
-    Target("axial force: median error", "shape_axial_median", 0.02),
-)
-FLOOR = (
-    Target("force SD in free frames, shape", "shape_noise_uN", 0.05, unit="µN"),
-    Target("force SD in free frames, point", "point_noise_uN", 0.1, unit="µN"),
-)
-COVERAGE = (  # over the videos of all presets: errors of one video have much in common
-    Target("curvature: truths in the 95 % intervals", "curvature_coverage", 0.97, 0.93),
-    Target("peak force: truths in the 95 % intervals", "shape_peak_coverage", 0.97, 0.93),
-    Target("force: truths in the 95 % intervals", "shape_force_coverage", 0.97, 0.93),
-    Target("base moment: truths in the 95 % intervals", "shape_moment_coverage", 0.97, 0.93),
-    Target("axial force: truths in the 95 % intervals", "shape_axial_coverage", 0.97, 0.93),
-)
-NO_TOUCH = (Target("contacts invented", "invented", 0),)
-TARGETS = {
-    "single": (*FIRST, *TOUCH, *FORCES),
-    "noisy": (*FIRST, *LINES, BESIDE_POLE, *TOUCH, *FORCES, *FLOOR),
-    "low_contrast": (COVERED, *TOUCH, *FORCES, *FLOOR),
-    "row": (*ROWS, COVERED, *TOUCH, *FORCES, *FLOOR),
-    "crossing": ROWS,
-    "moving_fur": (COVERED, *TOUCH, *FORCES, *FLOOR),
-    "orientation": LINES,
-    "faint_touch": (*TOUCH, *FORCES),
-    "close_touches": (*TOUCH, *FORCES),
-    "resting": (*TOUCH, *FORCES),
-    "h264": (*TOUCH, *FORCES, *FLOOR),
-    "mjpeg": (*TOUCH, *FORCES, *FLOOR),
-    "slip_off": (*ROWS, *TOUCH, *FORCES),
-    "large_deflection": (*TOUCH, *FORCES),
-    "coarse": (*TOUCH, *FORCES),
-    "moving_pole": (*TOUCH, *FORCES),
-    "near_miss": NO_TOUCH,
-    "free": (*NO_TOUCH, *FLOOR),
-    "border": ROWS,
-    "passing": (*NO_TOUCH, COVERED),
-    "fig3": (*TOUCH, *FORCES, *FLOOR),
-    "varied": (*ROWS, *TOUCH),
-}
-
-
-def checks(preset, pooled: dict, each: dict[str, dict]) -> list[dict]:
-    """Every target of a preset with what was reached; of `each_video` ones the worst video's."""
-    rows = []
-    for target in (*TARGETS.get(preset, ()), NO_LONG_FALSE):
-        value, where = reached(target, pooled), "all"
-        if target.each_video:
-            where = max(each, key=lambda v: _nan_last(reached(target, each[v])))
-            value = reached(target, each[where])
-        rows.append(
-            {
-                "preset": preset,
-                "what": target.what,
-                "value": value,
-                "unit": target.unit,
-                "target": target.demand,
-                "met": target.met(value),
-                "video": where,
-            }
-        )
-    return rows
-
-
-def coverage_checks(each: list[dict]) -> list[dict]:
-    """The targets for standard errors: means over videos, with the mean's own standard error."""
-    rows = []
-    for target in COVERAGE:
-        shares = np.array([figures[target.figure] for figures in each])
-        shares = shares[np.isfinite(shares)]
-        if len(shares) < FEWEST_VIDEOS:
-            continue
-        error = shares.std(ddof=1) / np.sqrt(len(shares))
-        rows.append(
-            {
-                "preset": "all",
-                "what": f"{target.what} (± {error:.3f}, {len(shares)} videos)",
-                "value": shares.mean(),
-                "unit": "",
-                "target": target.demand,
-                "met": target.met(shares.mean()),
-                "video": "all",
-            }
-        )
-    return rows
-
-
-def reached(target, figures):
-    if target.figure == "curvature_abs_bias":
-        return abs(figures["curvature_bias"])
-    return figures[target.figure]
-
-
-def _nan_last(value):
-    return np.inf if np.isnan(value) else value
-
-
 # Tables --------------------------------------------------------------------------------------
 
 TRACKING_TABLE = {
@@ -413,31 +257,19 @@ FORCE_TABLE = {
 }
 
 
-def markdown(header: list[str], rows: list[list[str]]) -> str:
-    """A Markdown table with aligned columns."""
-    widths = [max(len(r[k]) for r in [header, *rows]) for k in range(len(header))]
-    rule = ["-" * w for w in widths]
-    lines = (
-        "| " + " | ".join(c.ljust(w) for c, w in zip(r, widths, strict=True)) + " |"
-        for r in [header, rule, *rows]
-    )
-    return "\n".join(lines)
-
-
 def table_of(columns, results: dict[str, dict], prefix="", wanted="frames") -> str:
     rows = [
         [
             preset,
-            *(cell(form, figures.get(prefix + key, np.nan)) for key, form in columns.values()),
+            *(
+                pages.cell(form, figures.get(prefix + key, np.nan))
+                for key, form in columns.values()
+            ),
         ]
         for preset, figures in results.items()
         if figures[wanted]
     ]
-    return markdown(["preset", *columns], rows)
-
-
-def cell(form, value):
-    return form.format(value) if np.isfinite(value) else "–"
+    return pages.table(["preset", *columns], rows)
 
 
 def bounds_table(results: dict[str, dict]) -> str:
@@ -457,24 +289,6 @@ def tables_text(results: dict[str, dict]) -> str:
     for method in ("shape", "point"):
         parts += [f"### Forces by `{method}`", table_of(FORCE_TABLE, results, f"{method}_")]
     return "\n\n".join(parts)
-
-
-def checks_text(rows: list[dict]) -> str:
-    """Every target with what was reached."""
-    header = ["preset", "what", "reached", "target", ""]
-    lines = [
-        [
-            row["preset"],
-            row["what"],
-            f"{row['value']:.4g} {row['unit']}".strip(),
-            row["target"],
-            "ok" if row["met"] else f"MISSED ({row['video']})",
-        ]
-        for row in rows
-    ]
-    missed = sum(not row["met"] for row in rows)
-    said = f"{len(rows) - missed} of {len(rows)} targets met"
-    return "\n\n".join(["### Targets", markdown(header, lines), said])
 
 
 # The whole -----------------------------------------------------------------------------------
@@ -538,7 +352,7 @@ def main(argv=None) -> int:
     text = f"{tables_text(results)}\n\n{checks_text(rows)}"
     print(text)
     if args.write:
-        measuring.write_between(args.write, "accuracy", text)
+        pages.write_between(args.write, "accuracy", text)
     if args.out:
         pd.DataFrame(results).T.to_csv(args.out / "accuracy.csv", index_label="preset")
         pd.concat(worst).to_csv(args.out / "worst.csv", index=False)

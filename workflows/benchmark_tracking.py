@@ -22,8 +22,8 @@ from pathlib import Path
 
 import measuring
 import numpy as np
+import pages
 import pandas as pd
-from accuracy import cell, markdown
 from peer_tracker import OPTIMISED, NoPeerError, find_peer, timed
 
 from pipeline import curvature, scene_finding, tracing
@@ -415,8 +415,8 @@ def speeds_text(clips, rates) -> str:
                 ("{:.0f}", whole / peer / OPTIMISED),
             ]  # fmt: skip
             whiskers = str(len(clip.settings.whisker))
-            rows.append([clip.name, whiskers, by, *(cell(f, v) for f, v in numbers)])
-    return f"### Frames per second, one core\n\n{markdown(header, rows)}"
+            rows.append([clip.name, whiskers, by, *(pages.cell(f, v) for f, v in numbers)])
+    return f"### Frames per second, one core\n\n{pages.table(header, rows)}"
 
 
 def stages_text(clips, rates) -> str:
@@ -430,7 +430,7 @@ def stages_text(clips, rates) -> str:
         ]
         for clip in clips
     ]
-    table = markdown(["scene", *stages, "start-up", "its CPU time"], rows)
+    table = pages.table(["scene", *stages, "start-up", "its CPU time"], rows)
     return f"### Stages of `run` [ms per frame], start-up [s]\n\n{table}"
 
 
@@ -452,11 +452,11 @@ EXACTNESS = {
 def exactness_text(found) -> str:
     """Lines and curvature of both programs."""
     rows = [
-        [scene, who, *(cell(form, figures[key]) for key, form in EXACTNESS.values())]
+        [scene, who, *(pages.cell(form, figures[key]) for key, form in EXACTNESS.values())]
         for scene, both in found.items()
         for who, figures in both.items()
     ]
-    return f"### Exactness\n\n{markdown(['scene', 'program', *EXACTNESS], rows)}"
+    return f"### Exactness\n\n{pages.table(['scene', 'program', *EXACTNESS], rows)}"
 
 
 def targets(clips, rates) -> list[list]:
@@ -483,7 +483,7 @@ def targets(clips, rates) -> list[list]:
 def targets_text(rows) -> str:
     """The targets as a table."""
     said = [[*row[:3], "ok" if row[3] else "MISSED"] for row in rows]
-    return f"### Speed targets\n\n{markdown(['what', 'reached', 'target', ''], said)}"
+    return f"### Speed targets\n\n{pages.table(['what', 'reached', 'target', ''], said)}"
 
 
 # The whole -----------------------------------------------------------------------------------
@@ -551,7 +551,7 @@ def main(argv=None) -> int:
     text = "\n\n".join([*parts, targets_text(rows)])
     print(text)
     if args.write:
-        measuring.write_between(args.write, "benchmark", text)
+        pages.write_between(args.write, "benchmark", text)
     return int(not all(row[3] for row in rows))
 
 

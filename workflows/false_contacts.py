@@ -17,6 +17,7 @@ from multiprocessing import get_context
 from pathlib import Path
 
 import measuring
+import pages
 import pandas as pd
 
 from pipeline.run import analyse
@@ -56,17 +57,15 @@ def table_of(rows: list[dict], seconds: float) -> str:
     """False contacts by preset and of all, as Markdown."""
     table = pd.DataFrame(rows).groupby("preset", sort=False).sum()
     table.loc["all"] = table.sum()
-    lines = [
-        "| free frames of | frames | contacts found | frames in them | rendering | processing |",
-        "|---|---|---|---|---|---|",
-    ]
+    rows = []
     for name, row in table.iterrows():
         speed = [f"{row['frames'] / row[s]:.0f} frames/s" for s in ("rendering", "processing")]
         counts = [f"{row[c]:.0f}" for c in ("frames", "found", "touching")]
-        lines.append(f"| {' | '.join([name, *counts, *speed])} |")
+        rows.append([name, *counts, *speed])
+    header = ["free frames of", "frames", "contacts found", "frames in them"]
     frames = table.loc["all", "frames"]
     said = f"{frames:.0f} frames in {seconds:.0f} s; speeds are those of one process."
-    return "\n".join([*lines, "", said])
+    return f"{pages.table([*header, 'rendering', 'processing'], rows)}\n\n{said}"
 
 
 def main(argv=None) -> int:
@@ -94,7 +93,7 @@ def main(argv=None) -> int:
     text = table_of(rows, time.monotonic() - started)
     print(text)
     if args.write:
-        measuring.write_between(args.write, "false contacts", text)
+        pages.write_between(args.write, "false contacts", text)
     return int(any(row["found"] for row in rows))
 
 

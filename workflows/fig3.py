@@ -21,10 +21,9 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-import measuring
 import numpy as np
+import pages
 import pandas as pd
-from accuracy import cell, markdown
 
 from pipeline import figures, tables
 from pipeline.records import CONTACT_COLUMNS
@@ -227,9 +226,9 @@ def numbers_text(size: Size) -> str:
         off_form = {"number": "{:+.0f}", "r²": "{:+.4f}"}.get(row.statistic, "{:+.2f} %")
         form = {"number": "{:.0f}", "r²": "{:.4f}"}.get(row.statistic, "{:.2f}")
         unit = f" [{row.unit}]" if isinstance(row.unit, str) else ""
-        values = (cell(form, value) for value in (row.paper, row.truth, row.recovered))
-        rows.append([f"{row.quantity}, {row.statistic}{unit}", *values, cell(off_form, off)])
-    return markdown(["", "paper", "truth", "recovered", "recovered − truth"], rows)
+        values = (pages.cell(form, value) for value in (row.paper, row.truth, row.recovered))
+        rows.append([f"{row.quantity}, {row.statistic}{unit}", *values, pages.cell(off_form, off)])
+    return pages.table(["", "paper", "truth", "recovered", "recovered − truth"], rows)
 
 
 def checks_text(size: Size) -> str:
@@ -238,7 +237,7 @@ def checks_text(size: Size) -> str:
         [row["what"], row["deviation"], row["allowed"], "ok" if row["met"] else "MISSED"]
         for row in checks(size)
     ]
-    return markdown(["recovered against truth", "deviation", "allowed", ""], rows)
+    return pages.table(["recovered against truth", "deviation", "allowed", ""], rows)
 
 
 def contacts_text(size: Size) -> str:
@@ -257,12 +256,12 @@ def contacts_text(size: Size) -> str:
         middle = np.median(known) if len(known) else np.nan
         sizes = np.quantile(np.abs(known), CONTACT_QUANTILES) if len(known) else [np.nan] * 4
         rows.append(
-            [what, f"{len(known)}", cell("{:+.3g}", middle)]
-            + [cell("{:.3g}", value) for value in sizes]
+            [what, f"{len(known)}", pages.cell("{:+.3g}", middle)]
+            + [pages.cell("{:.3g}", value) for value in sizes]
         )
     header = ["error of", "contacts", "median"]
     header += [f"{q:.0%} within" for q in CONTACT_QUANTILES]
-    return f"{said}\n\n{markdown(header, rows)}"
+    return f"{said}\n\n{pages.table(header, rows)}"
 
 
 def costs_text(sizes: list[Size]) -> str:
@@ -292,7 +291,7 @@ def costs_text(sizes: list[Size]) -> str:
         "Seconds per 1000 frames; stages are summed over all processes, `run` draws figures and "
     )
     said += "report, too."
-    return f"{said}\n\n{markdown(header, rows)}"
+    return f"{said}\n\n{pages.table(header, rows)}"
 
 
 def _kilobytes(size, n_bytes):
@@ -300,7 +299,7 @@ def _kilobytes(size, n_bytes):
 
 
 def _cost(size, seconds, stage):
-    return cell("{:.3f}", per_thousand(size, seconds.get(stage, np.nan)))
+    return pages.cell("{:.3f}", per_thousand(size, seconds.get(stage, np.nan)))
 
 
 def per_thousand(size: Size, seconds) -> float:
@@ -362,7 +361,7 @@ def main(argv=None) -> int:
     text = text_of(main_size, list(sizes.values()), command)
     print(text)
     if args.write:
-        measuring.write_between(args.write, "fig3", text)
+        pages.write_between(args.write, "fig3", text)
         picture = args.out / f"trials_{args.trials:04d}" / "results" / "figures" / "fig3.png"
         (args.write.parent / "images").mkdir(exist_ok=True)
         shutil.copyfile(picture, args.write.parent / "images" / "fig3.png")

@@ -11,7 +11,7 @@ from pipeline.contact import retouch
 from pipeline.records import CONTACT_COLUMNS, Centrelines
 from pipeline.run import analyse
 from pipeline.settings import read_session
-from pipeline.tables import read_centrelines, read_csv, read_frames, read_json, write_text
+from pipeline.tables import read_centrelines, read_csv, read_frames, read_json
 from pipeline.workers import THREADS
 from synthetic import bounds, scoring
 from synthetic.scene import Camera, Hair
@@ -27,20 +27,6 @@ ONE_THREAD = (*THREADS, "NUMBA_NUM_THREADS")
 def limit_threads() -> None:
     """One thread per process, for this one's children too; call it before numpy computes."""
     os.environ.update(dict.fromkeys(ONE_THREAD, "1"))
-
-
-def write_between(path, name: str, text: str) -> None:
-    """Put `text` between the comments `<!-- name: begin -->` and `<!-- name: end -->` of a file.
-
-    Raises ValueError where the file has no such comments.
-    """
-    path = Path(path)
-    begin, end = f"<!-- {name}: begin -->", f"<!-- {name}: end -->"
-    before, found, rest = path.read_text("utf-8").partition(begin)
-    _, found_end, after = rest.partition(end)
-    if not (found and found_end):
-        raise ValueError(f"{path} must hold {begin} and {end}")
-    write_text(path, f"{before}{begin}\n{text}\n{end}{after}")
 
 
 # Truth ---------------------------------------------------------------------------------------

@@ -1,29 +1,18 @@
 """Fig. 3 by command: a handful of contacts end to end, resumption, and what counts as missed."""
 
-import sys
 from dataclasses import replace
-from pathlib import Path
 
+import fig3
 import numpy as np
 import pandas as pd
 import pytest
 
-WORKFLOWS = Path(__file__).parents[2] / "workflows"
 SEED = "6"  # whose first trial is short
 SECTIONS = ("Paper, truth, recovered", "Contact by contact", "What it costs")
 
 
-@pytest.fixture(scope="module", autouse=True)
-def fig3():
-    sys.path.insert(0, str(WORKFLOWS))
-    import fig3
-
-    yield fig3
-    sys.path.remove(str(WORKFLOWS))
-
-
 @pytest.fixture(scope="module")
-def made(fig3, tmp_path_factory):
+def made(tmp_path_factory):
     """One trial by the command: its folder, exit status, Markdown file and `Size`."""
     out = tmp_path_factory.mktemp("fig3")
     page = out / "page.md"
@@ -58,7 +47,7 @@ def test_tables_are_put_between_the_marks(made):
     assert (out / "trials_0001" / "results" / "report.html").exists()
 
 
-def test_what_is_there_is_not_made_again_and_its_time_stays(fig3, made, monkeypatch):
+def test_what_is_there_is_not_made_again_and_its_time_stays(made, monkeypatch):
     out, _, _, size = made
 
     def never(*_):
@@ -79,7 +68,7 @@ def test_what_is_there_is_not_made_again_and_its_time_stays(fig3, made, monkeypa
         assert size.wall[step] > 0.5 * sum(stages.values()) > 0
 
 
-def test_targets_are_judged_against_the_truth(fig3, made):
+def test_targets_are_judged_against_the_truth(made):
     size, numbers = made[-1], made[-1].numbers.copy()
     assert all(row["met"] for row in fig3.checks(size))
     row = (numbers["quantity"] == "duration") & (numbers["statistic"] == "95 %")
@@ -92,7 +81,7 @@ def test_targets_are_judged_against_the_truth(fig3, made):
     assert not any(row["met"] for row in fig3.checks(replace(size, numbers=numbers)))
 
 
-def test_costs_are_per_thousand_frames(fig3, made):
+def test_costs_are_per_thousand_frames(made):
     size = replace(
         made[-1], frames=500, rendering={"motion": 1.0}, processing={"decoding": 0.25},
         wall={"render": 2.0, "run": 1.0},
@@ -107,14 +96,14 @@ def test_costs_are_per_thousand_frames(fig3, made):
     assert rows["**wall time**"] == "**6.000**"
 
 
-def test_wrong_arguments_are_named(fig3, capsys):
+def test_wrong_arguments_are_named(capsys):
     for given in (["--sizes", "3,x"], ["--trials", "0"], ["--sizes", "0"]):
         with pytest.raises(SystemExit):
             fig3.main(given)
         assert given[0] in capsys.readouterr().err
 
 
-def test_missing_values_are_no_errors(fig3, made):
+def test_missing_values_are_no_errors(made):
     match = made[-1].match
     pairs = match.pairs.assign(steady_peak_nN_m=np.nan)
     text = fig3.contacts_text(replace(made[-1], match=replace(match, pairs=pairs)))
