@@ -21,7 +21,7 @@ from pipeline.inputs import (
     sha256,
     stamp,
 )
-from pipeline.records import CONTACT_COLUMNS
+from pipeline.records import CONTACT_COLUMNS, VIDEO_COLUMNS
 from pipeline.settings import Settings, session_text, write_session
 from pipeline.workers import run_tasks
 
@@ -334,8 +334,8 @@ def _write_session(out, settings, config):
 def _write_tables(summary, jobs):
     """Write videos.csv, contacts.csv and run.json of the whole results folder."""
     rows = [asdict(each) for each in summary.outcomes]
-    videos = pd.DataFrame(rows, columns=[c.name for c in tables.VIDEO_COLUMNS])
-    tables.write_csv(summary.out / "videos.csv", videos, tables.VIDEO_COLUMNS)
+    videos = pd.DataFrame(rows, columns=[c.name for c in VIDEO_COLUMNS])
+    tables.write_csv(summary.out / "videos.csv", videos, VIDEO_COLUMNS)
     parts = [
         tables.read_csv(summary.out / each.video / "contacts.csv", CONTACT_COLUMNS)
         for each in summary.outcomes

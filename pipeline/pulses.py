@@ -13,7 +13,7 @@ import pandas as pd
 from numba import njit
 
 from pipeline.records import Recording
-from whiskermodel.force_profiles import half_gaussian_shape
+from whiskermodel.force_profiles import half_gaussian
 
 FEWEST_FRAMES = 3
 PAD_FRAMES = 1  # free frames at either end, where the force is zero
@@ -35,12 +35,6 @@ class Pulse:
     centre_se: float
     r2: float
     misfit: float
-
-
-def half_gaussian(time, peak, duration, centre) -> np.ndarray:
-    """Force at `time` of a half-Gaussian pulse; zero outside its duration."""
-    u = 2 * (np.asarray(time, float) - centre) / duration
-    return peak * np.maximum(half_gaussian_shape(u), 0.0)
 
 
 def fit_pulse(time, force) -> Pulse | None:
@@ -68,14 +62,15 @@ def fit_pulse(time, force) -> Pulse | None:
     f = np.concatenate([np.zeros(PAD_FRAMES), force[known] / scale, np.zeros(PAD_FRAMES)])
     found, cov, total = _best_fit(t, f, first, last, np.array(STARTS))
     inner = slice(PAD_FRAMES, len(t) - PAD_FRAMES)
-    missing = f[inner] - half_gaussian(t[inner], *found)
+    peak, duration, centre = found
+    missing = f[inner] - half_gaussian(t[inner], duration, peak, centre - duration / 2)
     spread = ((f[inner] - f[inner].mean()) ** 2).sum()
     variance = total / max(len(t) - 3, 1)
     peak_se, duration_se, centre_se = np.sqrt(np.maximum(np.diag(cov), 0.0) * variance)
     return Pulse(
-        peak=scale * found[0],
-        duration=step * found[1],
-        centre=time[0] + step * found[2],
+        peak=scale * peak,
+        duration=step * duration,
+        centre=time[0] + step * centre,
         peak_se=scale * peak_se,
         duration_se=step * duration_se,
         centre_se=step * centre_se,

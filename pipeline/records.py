@@ -119,6 +119,14 @@ CONTACT_COLUMNS = (
     Column("scale_uN_per_percent", "float64", "µN", "peak force per 1 % of pixels per mm"),
 )
 
+VIDEO_COLUMNS = (
+    Column("video", "string", "", "name of the video's results folder"),
+    Column("path", "string", "", "the input"),
+    Column("status", "string", "", "done, warning (done, but read the message) or failed"),
+    Column("frames", "int64", "", "frames read"),
+    Column("frames_per_s", "float64", "1/s", "speed of processing"),
+    Column("message", "string", "", "what failed, or what to be careful about"),
+)
 
 CORRECTION_COLUMNS = (
     Column("whisker", "string", "", "name of the whisker"),

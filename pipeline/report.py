@@ -13,6 +13,7 @@ from pipeline.base_moments import RINGING_S
 from pipeline.error_budget import session_budget
 from pipeline.errors import VideoError
 from pipeline.examples import Effort, choose_examples, choose_flagged
+from pipeline.records import VIDEO_COLUMNS
 from pipeline.settings import read_session
 
 PICTURES = 6  # example overlays
@@ -31,7 +32,7 @@ def write_report(results) -> Path:
     results = Path(results)
     contacts = figures.read_contacts(results)
     record = tables.read_json(results / "run.json", {})
-    videos = tables.read_csv(results / "videos.csv", tables.VIDEO_COLUMNS)
+    videos = tables.read_csv(results / "videos.csv", VIDEO_COLUMNS)
     truth = figures.read_truth(results)
     settings = results / "session.toml"
     contacts = with_peaks(results, contacts)

@@ -15,18 +15,10 @@ from pipeline.records import (
     CORRECTION_COLUMNS,
     EVIDENCE_COLUMNS,
     FRAME_COLUMNS,
+    VIDEO_COLUMNS,
     Centrelines,
     Column,
     as_table,
-)
-
-VIDEO_COLUMNS = (
-    Column("video", "string", "", "name of the video's results folder"),
-    Column("path", "string", "", "the input"),
-    Column("status", "string", "", "done, warning (done, but read the message) or failed"),
-    Column("frames", "int64", "", "frames read"),
-    Column("frames_per_s", "float64", "1/s", "speed of processing"),
-    Column("message", "string", "", "what failed, or what to be careful about"),
 )
 
 ROWS_PER_GROUP = 8192

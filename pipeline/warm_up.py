@@ -33,9 +33,10 @@ def draw(folder: Path) -> None:
 
 def warm_up() -> None:
     """Analyse the drawn video once, so that all that `run` needs is compiled and kept."""
-    from pipeline.pulses import fit_pulse, half_gaussian
+    from pipeline.pulses import fit_pulse
     from pipeline.run import analyse
     from pipeline.settings import settings_from
+    from whiskermodel.force_profiles import half_gaussian
 
     settings = settings_from(
         {
@@ -56,7 +57,7 @@ def warm_up() -> None:
         draw(Path(folder))
         analyse(folder, settings)
     time = np.arange(20) * 1e-3  # the drawn line's bending may not pass for a contact
-    fit_pulse(time, half_gaussian(time, 1e-5, 0.012, 0.01))
+    fit_pulse(time, half_gaussian(time, 0.012, 1e-5, onset=4e-3))
 
 
 def start() -> multiprocessing.Process:

@@ -9,7 +9,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from pipeline import analyse, cli, demo, read_session, tables
-from pipeline.records import CONTACT_COLUMNS
+from pipeline.records import CONTACT_COLUMNS, VIDEO_COLUMNS
 from pipeline.settings import write_session
 from synthetic.encode import write_video
 from synthetic.scene import Codec
@@ -80,7 +80,7 @@ def test_every_promised_file_is_there(results, video):
     ):  # fmt: skip
         assert (results / name).stat().st_size > 0, name
     assert not list(results.rglob("*.part*"))
-    videos = tables.read_csv(results / "videos.csv", tables.VIDEO_COLUMNS)
+    videos = tables.read_csv(results / "videos.csv", VIDEO_COLUMNS)
     assert list(videos["status"]) == ["done"]
     assert videos["path"][0] == str(video)
 
@@ -144,7 +144,7 @@ def test_without_dimensions_there_is_everything_but_forces(rendered, video, tmp_
     assert frames["tracked"].mean() > 0.95
     assert frames["curvature_per_m"].notna().mean() > 0.9
     assert frames["contact_force_uN"].isna().all()
-    videos = tables.read_csv(out / "videos.csv", tables.VIDEO_COLUMNS)
+    videos = tables.read_csv(out / "videos.csv", VIDEO_COLUMNS)
     assert "no forces" in videos["message"][0]
     contacts = tables.read_csv(out / "contacts.csv", CONTACT_COLUMNS)
     assert contacts["peak_force_uN"].isna().all()
@@ -175,7 +175,7 @@ def test_bad_inputs_get_their_message_and_the_others_are_processed(
 
     assert exit_code("run", folder, "--out", tmp_path / "out", "--jobs", 2) == 1
 
-    videos = tables.read_csv(tmp_path / "out" / "videos.csv", tables.VIDEO_COLUMNS)
+    videos = tables.read_csv(tmp_path / "out" / "videos.csv", VIDEO_COLUMNS)
     videos = videos.set_index("video")
     assert dict(videos["status"]) == {
         "bare": "warning", "broken": "failed", "empty": "failed", "good": "done",

@@ -26,7 +26,7 @@ import pages
 import pandas as pd
 
 from pipeline import figures, tables
-from pipeline.records import CONTACT_COLUMNS
+from pipeline.records import CONTACT_COLUMNS, VIDEO_COLUMNS
 from synthetic.scoring import ContactMatch, match_contacts
 from synthetic.session import STAGES, RenderError, render_session
 
@@ -87,7 +87,7 @@ def make(folder, trials, seed, jobs) -> Size:
             faults.append(str(error))
     with wall_time(folder, "run", "results/*/run.json"):
         run_command(videos, results, jobs)
-    outcomes = tables.read_csv(results / "videos.csv", tables.VIDEO_COLUMNS)
+    outcomes = tables.read_csv(results / "videos.csv", VIDEO_COLUMNS)
     failed = outcomes["status"] == "failed"
     faults += (outcomes["video"] + ": " + outcomes["message"])[failed].tolist()
     done = outcomes[~failed]

@@ -218,7 +218,7 @@ class Desk:
 
     def other_edge(self):
         """Go to the selected contact's onset, or from there to its end."""
-        span = self._need_selected()
+        span = self._need_current().span
         self.go(span.offset if self.frame == span.onset else span.onset)
 
     def next_whisker(self):
@@ -371,13 +371,7 @@ class Desk:
         if self.whisker is None:
             raise EditError("no whisker was found in this video")
 
-    def _need_selected(self) -> Span:
-        if self.selected is None:
-            raise EditError("no contact is selected; n, p, d or a click selects one")
-        return self.selected
-
     def _need_current(self) -> Item:
-        self._need_selected()
         item = self.current
         if item is None:
             raise EditError("no contact is selected; n, p, d or a click selects one")

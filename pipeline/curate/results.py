@@ -19,7 +19,7 @@ from pipeline.curation import CORRECTIONS_FILE, read_corrections, write_correcti
 from pipeline.errors import VideoError
 from pipeline.evidence import EVIDENCE_FILE, read_evidence
 from pipeline.inputs import STATE_FILE, InputError
-from pipeline.records import CONTACT_COLUMNS
+from pipeline.records import CONTACT_COLUMNS, VIDEO_COLUMNS
 from pipeline.settings import read_session
 from pipeline.video import open_video
 
@@ -70,9 +70,8 @@ class VideoUnderReview:
         self._changed = changed
         self.review = Review(detected, corrections, self.n_frames, self._corrected)
         self._lines = OrderedDict()
-        self._traces = self._items = self._probability = (
-            None  # as last made, with what they were made of
-        )
+        # as last made, with what they were made of
+        self._traces = self._items = self._probability = None
 
     # ---- corrections → tables -------------------------------------------------------------
 
@@ -226,10 +225,6 @@ class Results:
                 self._recent.append(video)
             return video
 
-    def contacts_of(self, name: str) -> pd.DataFrame:
-        """Rows of contacts.csv of one video."""
-        return self._contacts[self._contacts["video"] == name]
-
     def settle(self) -> None:
         """Wait until all tables are written."""
         with self._changed:
@@ -311,7 +306,7 @@ def _curatable(folder) -> list[str]:
             f"{folder}: no videos.csv in it, so it is no results folder; "
             "give the --out folder of `whiskerforce run`"
         )
-    videos = tables.read_csv(folder / "videos.csv", tables.VIDEO_COLUMNS)
+    videos = tables.read_csv(folder / "videos.csv", VIDEO_COLUMNS)
     done = [str(name) for name in videos.loc[videos["status"] != "failed", "video"]]
     names = [name for name in done if (folder / name / EVIDENCE_FILE).is_file()]
     if not names:

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline import tables
-from pipeline.records import CONTACT_COLUMNS, Centrelines
+from pipeline.records import CONTACT_COLUMNS, VIDEO_COLUMNS, Centrelines
 from pipeline.settings import settings_from, write_session
 from whiskermodel.force_profiles import half_gaussian
 
@@ -114,7 +114,7 @@ def make_results(folder, contacts=CONTACTS, videos=("one", "two"), failed=("thre
         {"video": n, "path": n, "status": "failed", "frames": 0, "message": "<b> & broken"}
         for n in failed
     ]
-    tables.write_csv(folder / "videos.csv", pd.DataFrame(rows), tables.VIDEO_COLUMNS)
+    tables.write_csv(folder / "videos.csv", pd.DataFrame(rows), VIDEO_COLUMNS)
     tables.write_csv(folder / "contacts.csv", pd.DataFrame(contacts), CONTACT_COLUMNS)
     write_session(folder / "session.toml", SETTINGS)
     tables.write_json(folder / "run.json", {"version": "9.9", "inputs": states})

@@ -5,8 +5,8 @@ import pandas as pd
 import pytest
 
 from pipeline import base_moments
-from pipeline.pulses import half_gaussian
 from pipeline.records import CONTACT_COLUMNS, FRAME_COLUMNS, Recording, as_table
+from whiskermodel.force_profiles import half_gaussian
 from whiskermodel.response import Response
 from whiskermodel.whisker import mouse_c2
 
@@ -19,7 +19,7 @@ def tables(duration=0.012, peak=5e-6, place=12e-3, sign=-1, flags=""):
     n = round(duration * RATE)
     force = np.zeros(200)
     t = (np.arange(n) + 0.5) / RATE
-    force[30 : 30 + n] = half_gaussian(t, peak, duration, duration / 2)
+    force[30 : 30 + n] = half_gaussian(t, duration, peak)
     frames = pd.DataFrame(
         {"frame": np.arange(200), "whisker": "C2", "contact_force_uN": 1e6 * force}
     )
@@ -49,7 +49,7 @@ def finely_sampled(duration, peak, place):
     dt = 1e-5
     t = np.arange(0, duration + 30e-3, dt)
     loads = Response(mouse_c2()).base_loads(
-        place, half_gaussian(t, peak, duration, duration / 2), dt
+        place, half_gaussian(t, duration, peak), dt
     )
     steady = loads.steady_moment
     return steady[np.abs(steady).argmax()], *loads.vibrational_moment[

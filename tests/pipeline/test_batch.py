@@ -13,7 +13,7 @@ import pipeline.run
 from pipeline import batch, inputs, tables
 from pipeline.errors import VideoError
 from pipeline.inputs import InputError
-from pipeline.records import CONTACT_COLUMNS, PoleTrack
+from pipeline.records import CONTACT_COLUMNS, VIDEO_COLUMNS, PoleTrack
 from pipeline.settings import read_session, settings_from, write_session
 
 SETTINGS = settings_from(
@@ -65,7 +65,7 @@ def calls(monkeypatch):
 
 
 def statuses(out):
-    videos = tables.read_csv(out / "videos.csv", tables.VIDEO_COLUMNS)
+    videos = tables.read_csv(out / "videos.csv", VIDEO_COLUMNS)
     return dict(zip(videos["video"], videos["status"], strict=True))
 
 

@@ -324,7 +324,7 @@ def test_what_an_interrupted_curation_left_behind_is_made_up_for(results):
         video = folder.video(folder.names[0])
         video._changed = None  # as if the program died after saving corrections.csv
         video.review.delete(video.review.spans[0])
-        n = len(folder.contacts_of(video.name))
+        n = len(contacts_of(results, video.name))
     assert len(contacts_of(results, video.name)) == n
     with opened(results) as folder:
         folder.settle()
