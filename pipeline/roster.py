@@ -13,6 +13,7 @@ from pipeline.records import StaticScene
 FUR_SHARE = 0.18  # of the strongest line's length × absorbance: less is a hair of the fur
 SEEN_TOGETHER = 3.0  # frames: two whiskers that would so often by chance are, at least once
 SEEN_SHARE = 0.4  # of the frames, in which a whisker must be seen to be one
+SURE_OF_LENGTHS = 0.05  # by which lengths fit better in one order than in the other, per whisker
 
 
 @dataclass(frozen=True)
@@ -96,7 +97,7 @@ def find_roster(frames, scene, options: TracingOptions, names=None, indices=None
         chosen = np.flatnonzero((share >= SEEN_SHARE) & (strength >= FUR_SHARE * strength.max()))
     slots = [_slot(groups[k]) for k in chosen]
     slots.sort(key=lambda slot: ruler.order_place(slot.signature))
-    if _posterior_first(slots):
+    if _posterior_first(slots, options.visible_px):
         slots = slots[::-1]
     names = names or [f"w{i + 1}" for i in range(len(slots))]
     longest = options.visible_px or [np.inf] * len(slots)
@@ -189,18 +190,26 @@ def _by_scene(frames, scene, indices):
     return [(s, f) for s, f in pairs if len(f)]
 
 
-def _posterior_first(slots: list[Slot]) -> bool:
-    """Whether the order along the face runs posterior → anterior: whiskers get thinner anteriorly.
+def _posterior_first(slots: list[Slot], given_px=()) -> bool:
+    """Whether the order along the face runs posterior → anterior.
 
-    Thickness tells better than length, which the picture's border may cut.
+    The lengths [px] of the named whiskers tell, anterior → posterior, where they are given and
+    differ. Else whiskers are taken to get thinner anteriorly: thickness tells better than length,
+    which the picture's border may cut.
     """
     if len(slots) < 2:
         return False
+    lengths = np.array([slot.visible_px for slot in slots])
+    if len(given_px) == len(slots):
+        off = [np.abs(np.log(lengths / order)).mean() for order in (given_px, given_px[::-1])]
+        if abs(off[0] - off[1]) > SURE_OF_LENGTHS:
+            return off[1] < off[0]
     thickness = [
         np.median([np.nanmedian(line.thickness[10 : line.n // 3]) for line in slot.samples])
         for slot in slots
     ]
-    slope = np.polyfit(np.arange(len(slots)), thickness, 1)[0]
-    if abs(slope) > 0.02 * np.mean(thickness):
-        return slope < 0
-    return np.polyfit(np.arange(len(slots)), [s.visible_px for s in slots], 1)[0] < 0
+    for values, least in ((thickness, 0.02), (lengths, 0.0)):
+        slope = np.polyfit(np.arange(len(slots)), values, 1)[0]
+        if abs(slope) > least * np.mean(values):
+            return slope < 0
+    return False

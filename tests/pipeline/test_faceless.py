@@ -56,6 +56,15 @@ class TestMask:
         assert found == thick == "left"
         assert np.abs(mask.sum(axis=1) - 0.5 - FOLLICLE[0]).max() < START_PX
 
+    def test_what_goes_on_beyond_the_pole_does_not_begin_there(self):
+        frames = FRAMES.copy()
+        rows, columns = np.mgrid[:240, :400]
+        angle = np.linspace(-0.3, 0.2, 9)[6]
+        pole = FOLLICLE[0] + 150 * np.cos(angle), FOLLICLE[1] + 150 * np.sin(angle)
+        frames[:, np.hypot(columns - pole[0], rows - pole[1]) < 11] = 10
+        _, mask, _ = mask_behind_whiskers(frames, "left", SCALE)
+        assert np.abs(mask.sum(axis=1) - 0.5 - FOLLICLE[0]).max() < START_PX
+
     def test_whiskers_that_never_move_tell_no_side_for_sure(self):
         found, mask, thick = mask_behind_whiskers(FRAMES[:1], None, SCALE)
         assert found == "left"

@@ -1,5 +1,7 @@
 """Which whiskers there are, and who is who, in a dense row that whisks fast."""
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -52,6 +54,14 @@ def test_all_whiskers_are_in_the_roster_in_order(row):
     bases = [slot.base_xy[1] for slot in row.roster]
     assert np.all(np.diff(bases) > -1.5)  # px: some leave the face at the same place
     assert crowded([slot.signature for slot in row.roster], row.options)
+
+
+def test_lengths_that_are_given_tell_the_order_whatever_the_thickness(row):
+    options = replace(row.options, visible_px=row.options.visible_px[::-1])
+    roster = find_roster(row.images[::8], row.scene, options, row.names[::-1])
+    bases = {slot.name: slot.base_xy for slot in roster}
+    for slot in row.roster:  # in which thickness says the same as length
+        np.testing.assert_allclose(bases[slot.name], slot.base_xy)
 
 
 def test_whiskers_keep_their_names_in_fast_whisking(row):
