@@ -156,7 +156,10 @@ def init(
     ] = False,
     debug: Debug = False,
 ):
-    """Look at the videos and write a commented session.toml and a preview picture there."""
+    """Write a first session.toml from a look at the videos.
+
+    It is commented, and lies in their folder, with a preview picture of what was found.
+    """
     from pipeline.init import init_folder
 
     for line in init_folder(folder, overwrite):
@@ -171,7 +174,7 @@ def demo(
     jobs: Jobs = None,
     debug: Debug = False,
 ):
-    """Render a small pole-localization session, process it, compare with its truth."""
+    """Render a small session, process it, compare with its truth."""
     from pipeline.demo import run_demo
 
     raise typer.Exit(FAILED if run_demo(out, jobs or _cores(), _progress_of_run, _say) else 0)
@@ -188,7 +191,10 @@ def synth(
     jobs: Jobs = None,
     debug: Debug = False,
 ):
-    """Render videos with session.toml and truth tables of the same columns as the results."""
+    """Render videos with known truth.
+
+    With them come session.toml and truth tables of the same columns as the results.
+    """
     from pipeline.demo import render
 
     render(folder, preset, seed, trials, jobs or _cores(), _say)
@@ -202,7 +208,10 @@ def figures(
     ] = None,
     debug: Debug = False,
 ):
-    """Draw the paper's figure 3 from the tables, with the numbers behind it."""
+    """Draw the paper's figure 3 from the tables.
+
+    The numbers behind it are written too, as CSV.
+    """
     from pipeline.figures import write_fig3
 
     for path in write_fig3(results, truth):
@@ -231,7 +240,10 @@ def paper(
     out: Out,
     debug: Debug = False,
 ):
-    """Draw every model figure of the paper, each with its CSV, and modes.csv."""
+    """Draw the paper's model figures.
+
+    Each comes with its CSV; modes.csv and published.csv are beside them.
+    """
     from whiskermodel.paper_files import write_paper
 
     for path in write_paper(out, progress=_say):

@@ -159,13 +159,14 @@ def measure_touch(
         rows = frames.index[frames["whisker"] == name].to_numpy()
         by_frame = pd.Series(rows, index=frames.loc[rows, "frame"])
         rows = by_frame.loc[own.frame].to_numpy()
-        whisker = whiskers.get(name)
-        if whisker is None:
-            length = (N_STATIONS - 1) * places.spacing[index]
-            whisker = nominal_whisker(name, length / 1.03, 0.0)
+        given = whiskers.get(name)
+        length = (N_STATIONS - 1) * places.spacing[index]
+        whisker = given or nominal_whisker(name, length / 1.03, 0.0)
         evidence, measured = _measure(
             own, whisker, frames.loc[rows], curvature_at, friction, pixels_per_m
         )
+        if given is None:
+            evidence["chi2"] = np.nan  # what stands in for the whisker need not bend as it does
         follicle = measured.pop("follicle_x_m"), measured.pop("follicle_y_m")
         for column in measured:
             frames.loc[rows, column] = measured[column].to_numpy()

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 from numba import njit
 
-from pipeline.records import Recording
+from pipeline.records import Recording, split_flags
 from whiskermodel.force_profiles import half_gaussian
 
 FEWEST_FRAMES = 3
@@ -180,12 +180,7 @@ def add_pulses(contacts: pd.DataFrame, frames: pd.DataFrame, recording: Recordin
                 continue
             fits[i] = 1e6 * pulse.peak, 1e3 * pulse.duration, pulse.centre, pulse.r2
             if pulse.r2 < POOR_R2 and not pulse.misfit < POOR_MISFIT * np.nanmedian(error[inside]):
-                flags[i] = _with_flag(flags[i], "not_half_gaussian")
+                flags[i] = ";".join([*split_flags(flags[i]), "not_half_gaussian"])
     contacts[list(_COLUMNS)] = fits
     contacts["flags"] = pd.array(flags, dtype=contacts["flags"].dtype)
     return contacts
-
-
-def _with_flag(flags, flag):
-    """`flags` (separated by ';') and one more."""
-    return ";".join([*filter(None, str(flags).split(";")), flag])

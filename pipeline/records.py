@@ -119,6 +119,20 @@ CONTACT_COLUMNS = (
     Column("scale_uN_per_percent", "float64", "µN", "peak force per 1 % of pixels per mm"),
 )
 
+CONTACT_FLAGS = {
+    "starts_before": "touches in the video's first frame: its onset is not seen",
+    "ends_after": "touches in the video's last frame: its end is not seen",
+    "slip": "ended by slipping past the pole",
+    "no_rest_curvature": "too few free frames tell the whisker's shape at rest: no force is known",
+    "large_deflection": "the force is tilted by more than 34° against the follicle's normal",
+    "contact_near_curvature_window": "less than 1 mm beyond curvature_at_mm: little is bent there",
+    "bends_unlike_rod": "bends as no rod of its dimensions does: another whisker, or wrong ones",
+    "gaps_in_trace": "not traced in some of its frames",
+    "faint_force": "the force is within its error; told by the distance",
+    "doubtful": "in no frame is the probability of contact 0.99",
+    "not_half_gaussian": "the fitted pulse is poor; base loads are of the measured force",
+}
+
 VIDEO_COLUMNS = (
     Column("video", "string", "", "name of the video's results folder"),
     Column("path", "string", "", "the input"),
@@ -178,6 +192,11 @@ EVIDENCE_COLUMNS = (
     Column("probability", "float64", "", "that the frame belongs to a contact"),
     Column("log_odds", "float64", "", "log-likelihood ratio of contact to none, frame alone"),
 )
+
+
+def split_flags(flags: str) -> list[str]:
+    """CONTACT_FLAGS of a contact, from its column `flags`."""
+    return [flag.strip() for flag in flags.split(";") if flag.strip()]
 
 
 def empty_table(columns) -> pd.DataFrame:

@@ -13,7 +13,7 @@ from pipeline.base_moments import RINGING_S
 from pipeline.error_budget import session_budget
 from pipeline.errors import VideoError
 from pipeline.examples import Effort, choose_examples, choose_flagged
-from pipeline.records import VIDEO_COLUMNS
+from pipeline.records import CONTACT_FLAGS, VIDEO_COLUMNS, split_flags
 from pipeline.settings import read_session
 
 PICTURES = 6  # example overlays
@@ -206,7 +206,7 @@ def _caption(row) -> str:
         caption += f"peak {row['peak_force_uN']:.1f} µN, "
     caption += f"{row['duration_ms']:.0f} ms"
     if row["flags"]:
-        caption += f"; {', '.join(_parts(row['flags']))}"
+        caption += f"; {', '.join(split_flags(row['flags']))}"
     return caption
 
 
@@ -339,15 +339,11 @@ def _vibration_map(contacts, whisker) -> str:
 # --- flags and times ----------------------------------------------------------------------
 
 
-def _parts(flags) -> list[str]:
-    return [part.strip() for part in flags.split(";") if part.strip()]
-
-
 def _by_flag(contacts) -> dict:
     """Flag → contacts that have it, the commonest flag first."""
     labels = defaultdict(list)
     for index, flags in contacts["flags"].items():
-        for flag in _parts(flags):
+        for flag in split_flags(flags):
             labels[flag].append(index)
     return dict(sorted(labels.items(), key=lambda item: -len(item[1])))
 
@@ -359,7 +355,8 @@ def _flag_row(flag, labels, contacts, shown):
         {"where": f"{row['video']} frame {row['peak_frame']:.0f}", "index": index}
         for index, row in contacts.loc[contacts.index.isin(named)].iterrows()
     ]
-    return {"flag": flag, "count": len(labels), "places": places}
+    meaning = CONTACT_FLAGS.get(flag, "")
+    return {"flag": flag, "meaning": meaning, "count": len(labels), "places": places}
 
 
 def _stages(record):

@@ -12,6 +12,7 @@ import pandas as pd
 from pipeline.records import (
     CENTRELINE_COLUMNS,
     CONTACT_COLUMNS,
+    CONTACT_FLAGS,
     CORRECTION_COLUMNS,
     EVIDENCE_COLUMNS,
     FRAME_COLUMNS,
@@ -352,7 +353,7 @@ FILES = {
 
 
 def data_dictionary() -> str:
-    """Every table and column with type, unit and meaning, as markdown (docs/tables.md)."""
+    """Every table, column and flag with its meaning, as markdown (docs/tables.md)."""
     lines = [
         "# Tables",
         "",
@@ -366,6 +367,8 @@ def data_dictionary() -> str:
             f"| `{c.name}` | {c.dtype} | {c.unit} | {c.meaning.replace('|', chr(92) + '|')} |"
             for c in columns
         ]
+    lines += ["", "## Flags of contacts", "", "| flag | meaning |", "|---|---|"]
+    lines += [f"| `{flag}` | {meaning} |" for flag, meaning in CONTACT_FLAGS.items()]
     return "\n".join(lines) + "\n"
 
 

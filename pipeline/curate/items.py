@@ -8,6 +8,7 @@ import pandas as pd
 
 from pipeline.curate.review import Review, Span, spans_of
 from pipeline.curation import CONFIRMED
+from pipeline.records import split_flags
 from pipeline.stretches import stretches
 
 SHORT_MS = 5.0
@@ -137,7 +138,7 @@ def _doubts(span, row, probability, gap):
         gap_ms = gap * duration / (span.offset - span.onset)
         if gap_ms < CLOSE_MS:
             yield 0.4, f"{gap_ms:.3g} ms from the next"
-    for flag in filter(None, str(row.get("flags", "")).split(";")):
+    for flag in split_flags(row.get("flags", "")):
         yield FLAGS.get(flag, (OTHER_FLAG, flag.replace("_", " ")))
 
 

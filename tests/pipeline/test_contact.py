@@ -14,7 +14,7 @@ from scipy.integrate import quad
 from scipy.stats import norm
 
 from pipeline import contact, stations
-from pipeline.records import CORRECTION_COLUMNS, as_table
+from pipeline.records import CONTACT_FLAGS, CORRECTION_COLUMNS, as_table, split_flags
 from synthetic.presets import make_trial
 
 edge_tolerance = 1  # frames
@@ -243,6 +243,13 @@ def test_contact_does_not_hang_on_the_forces_standard_error():
     assert len(contact.find_contacts(none)) == 0
 
 
+@pytest.mark.parametrize("preset", ["noisy", "faint_touch", "large_deflection"])
+def test_every_flag_has_a_meaning(preset):
+    flags = [flag for each in analysed(preset)[1].contacts["flags"] for flag in split_flags(each)]
+    assert set(flags) <= set(CONTACT_FLAGS)
+    assert flags or preset == "noisy"
+
+
 def test_faint_touches_near_the_tip():
     traced, touch = analysed("faint_touch")
     clear = traced.true_contacts[traced.true_contacts["peak_force_uN"] >= 0.3]
@@ -283,6 +290,8 @@ def test_contacts_without_dimensions_and_no_forces():
     assert len(touch.contacts) == len(with_forces.contacts)
     assert touch.frames["contact_force_uN"].isna().all()
     assert touch.contacts["steady_peak_nN_m"].isna().all()
+    # what stands in for the whisker says nothing of how it should bend
+    assert not touch.contacts["flags"].str.contains("bends_unlike_rod").any()
 
 
 def test_untraced_frames_are_bridged_inside_a_contact():

@@ -18,7 +18,7 @@ from pipeline import batch, tables
 from pipeline.curate import curate
 from pipeline.curate.desk import Desk
 from pipeline.curate.frames import BLOCK, FrameReader
-from pipeline.curate.items import items_of, probabilities
+from pipeline.curate.items import FLAGS, items_of, probabilities
 from pipeline.curate.keys import COMMANDS, KEYS, shown
 from pipeline.curate.results import Results
 from pipeline.curate.review import Review, Span
@@ -26,7 +26,7 @@ from pipeline.curation import read_corrections, table_of
 from pipeline.errors import VideoError
 from pipeline.inputs import InputError
 from pipeline.progress import Progress
-from pipeline.records import CONTACT_COLUMNS
+from pipeline.records import CONTACT_COLUMNS, CONTACT_FLAGS
 from pipeline.settings import read_session
 from pipeline.video import open_video
 
@@ -156,6 +156,10 @@ def course(n=200, **stretches):
     for start, stop, *level in stretches.values():
         values[start:stop] = level[0] if level else 1.0
     return values
+
+
+def test_flags_that_are_weighed_are_flags_of_contacts():
+    assert set(FLAGS) <= set(CONTACT_FLAGS)
 
 
 def test_a_clear_contact_is_not_doubtful():
