@@ -157,7 +157,7 @@ class Response:
         """
         c = on_whisker(self.whisker, contact_arc_length)
         if self.modes.basis == "paper":  # Ritz modes obey theirs only on average
-            return self._participation_by_quadrature(c)
+            return self.participation_by_quadrature(c)
         whisker, p = self.whisker, self.modes.p_prime.reshape(-1, *[1] * c.ndim)
         x = c / whisker.length
         rigid = p == 0
@@ -167,18 +167,16 @@ class Response:
         work = work - unit * (self.modes.shape(x) - x * turned)
         out = work / np.where(rigid, 1.0, p**2)
         if rigid.any():
-            out[rigid.ravel()] = self._participation_by_quadrature(c)[rigid.ravel()]
+            out[rigid.ravel()] = self.participation_by_quadrature(c)[rigid.ravel()]
         return out
 
-    def _participation_by_quadrature(self, c):
-        """Eq. 54 as it stands, on either side of the contact."""
-        nodes, weights = roots_legendre(240)
+    def participation_by_quadrature(self, c):
+        """P_k(c) by Eq. 54 as it stands, whatever equation the modes obey; c [m] an array."""
         length, flat = self.whisker.length, c.ravel() / self.whisker.length
         out = np.empty((len(self.modes.p_prime), flat.size))
         for i, x_c in enumerate(flat):
-            x = np.concatenate([x_c * (nodes + 1) / 2, x_c + (1 - x_c) * (nodes + 1) / 2])
-            w = np.concatenate([x_c * weights / 2, (1 - x_c) * weights / 2])
-            static = self.steady_shape(x_c * length, np.minimum(x, 1.0) * length)
+            x, w = quadrature_about(x_c, 240)
+            static = self.steady_shape(x_c * length, x * length)
             out[:, i] = self.modes.shape(x) @ (w * (1 - self.modes.taper * x) ** 2 * static)
         return out.reshape(-1, *c.shape)
 
@@ -187,14 +185,14 @@ class Response:
     def amplitudes(self, contact_arc_length, force, dt):
         """η_k(t) [m], (n_modes, *forces, time); arguments as in `base_loads`."""
         c, force, dt = self._checked(contact_arc_length, force, dt)
-        integrals = self._integrals(force, dt)
+        integrals = self.integrals(force, dt)
         return -self.participation(c).reshape(-1, *c.shape, 1) * integrals
 
     def amplitude_rates(self, contact_arc_length, force, dt):
         """dη_k/dt [m/s], shaped as `amplitudes`; at a kink of the force, that just after it."""
         c, force, dt = self._checked(contact_arc_length, force, dt)
         slope = np.diff(force, axis=-1, append=force[..., -1:]) / dt
-        rates = slope - self._followed_rates(force, dt)
+        rates = slope - self.followed_rates(force, dt)
         return -self.participation(c).reshape(-1, *c.shape, 1) * rates
 
     def displacement(self, contact_arc_length, force, dt, arc_length):
@@ -269,14 +267,14 @@ class Response:
         dt = float(positive("dt", dt, "s"))
         return np.broadcast_to(c, shape), np.broadcast_to(force, (*shape, force.shape[-1])), dt
 
-    def _integrals(self, force, dt):
-        """I_k(t), (n_modes, *forces, time)."""
+    def integrals(self, force, dt):
+        """I_k(t) [N], (n_modes, *forces, time); `force` (*forces, time) [N], `dt` [s]."""
         filters = modal_filters(self.angular_frequency, self.whisker.damping_rate, dt)
         # a rigid rotation has no stiffness and follows: I = F
         return np.stack([force if f is None else force - f(force) for f in filters])
 
-    def _followed_rates(self, force, dt):
-        """dq_k/dt, the rate of what I_k lacks of the force, (n_modes, *forces, time)."""
+    def followed_rates(self, force, dt):
+        """dq_k/dt [N/s], the rate of what I_k lacks of the force; shapes as in `integrals`."""
         filters = modal_filters(self.angular_frequency, self.whisker.damping_rate, dt)
         return np.stack(
             [
@@ -325,6 +323,13 @@ class Response:
 def base_loads(whisker, contact_arc_length, force, dt, substeps=1, **options):
     """`Response(whisker, **options).base_loads(contact_arc_length, force, dt, substeps)`."""
     return Response(whisker, **options).base_loads(contact_arc_length, force, dt, substeps)
+
+
+def quadrature_about(share, points):
+    """Nodes and weights of ∫₀¹ dx by Gauss on either side of x = `share`, each (2 points,)."""
+    nodes, weights = roots_legendre(points)
+    x = np.concatenate([share * (nodes + 1) / 2, share + (1 - share) * (nodes + 1) / 2])
+    return np.minimum(x, 1.0), np.concatenate([share * weights / 2, (1 - share) * weights / 2])
 
 
 def _refined(force, substeps):

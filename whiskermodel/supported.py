@@ -11,12 +11,11 @@ turning would cause quasi-statically, and the signs are those of `response`.
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import roots_legendre
 
 from whiskermodel.checks import finite_array, on_whisker, positive
 from whiskermodel.modal_filter import free_motion
 from whiskermodel.modes import supported_modes
-from whiskermodel.response import Displacement, Response
+from whiskermodel.response import Displacement, Response, quadrature_about
 
 SIDES = ("left", "right")
 
@@ -141,13 +140,13 @@ class SupportedResponse:
         """η of the supported modes up to the release, of the free modes after it."""
         c, n = self.contact_arc_length, len(force)
         end = min(release + 1, n)
-        participation = self.held._participation_by_quadrature(np.asarray(c))
-        integrals = self.held._integrals(force[:end], dt)
+        participation = self.held.participation_by_quadrature(np.asarray(c))
+        integrals = self.held.integrals(force[:end], dt)
         held = -participation[:, None] * integrals
         if release >= n:
             return held, np.zeros((len(held), 0))
         slope = (force[release] - force[release - 1]) / dt  # before the kink
-        rates = slope - self.held._followed_rates(force[:end], dt)[:, -1]
+        rates = slope - self.held.followed_rates(force[:end], dt)[:, -1]
         # y = η·ψ, and ẏ = Ḟ ỹ_s + η̇·ψ, in the free modes
         overlap = self._overlap()
         start = overlap @ held[:, -1]
@@ -158,10 +157,6 @@ class SupportedResponse:
 
     def _overlap(self):
         """∫ φ_k ψ_l (1 − λx)² dx of free modes φ and supported modes ψ."""
-        nodes, weights = roots_legendre(120)
-        x_c = self.contact_arc_length / self.free.whisker.length
-        x = np.concatenate([x_c * (nodes + 1) / 2, x_c + (1 - x_c) * (nodes + 1) / 2])
-        w = np.concatenate([x_c * weights / 2, (1 - x_c) * weights / 2])
-        x = np.minimum(x, 1.0)
+        x, w = quadrature_about(self.contact_arc_length / self.free.whisker.length, 120)
         cross = w * (1 - self.free.modes.taper * x) ** 2
         return (self.free.modes.shape(x) * cross) @ self.held.modes.shape(x).T

@@ -187,7 +187,7 @@ def test_participation_by_parts_is_equation_54(boundary):
     c = np.array([2e-3, 9e-3, 17e-3])
     for frame in ("chord", "clamped") if boundary != "pinned" else ("chord",):
         response = Response(mouse_c2(), boundary, frame)
-        expected = response._participation_by_quadrature(c)
+        expected = response.participation_by_quadrature(c)
         error = np.abs(response.participation(c) - expected).max()
         assert error < 1e-9 * np.abs(expected).max()
 
