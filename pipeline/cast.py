@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from pipeline import stations, tracing
 from pipeline.detection import TracingOptions
 from pipeline.roster import Slot, find_roster
-from pipeline.settings import Settings, WhiskerSettings
+from pipeline.settings_tables import Settings, WhiskerSettings
 from whiskermodel.whisker import Whisker
 
 ROSTER_FRAMES = 24
