@@ -2,10 +2,11 @@
 
 from dataclasses import dataclass, replace
 
-from pipeline import stations, tracing
+from pipeline import stations
 from pipeline.detection import TracingOptions
 from pipeline.roster import Slot, find_roster
 from pipeline.settings_tables import Settings, WhiskerSettings
+from pipeline.tracing import options_for
 from whiskermodel.whisker import Whisker
 
 ROSTER_FRAMES = 24
@@ -77,9 +78,9 @@ def tracing_options(settings) -> TracingOptions:
     """The tracer's lengths; the whiskers' own ones only if those of all are known."""
     recording, whiskers = settings.recording.si(), settings.whisker
     if any(w.length_mm is None for w in whiskers):
-        return tracing.options_for(recording)
+        return options_for(recording)
     cones = [w.cone_length_mm for w in whiskers]
-    return tracing.options_for(
+    return options_for(
         recording,
         [1e-3 * w.length_mm for w in whiskers],
         [w.hidden_length for w in whiskers],

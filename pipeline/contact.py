@@ -280,7 +280,7 @@ def _observations(part, pixels_per_m):
 
     Where no rod could be fitted the traced distance stands in, and no force.
     """
-    column = {c: part[c].to_numpy(float) for c in part if c not in ("whisker",)}
+    column = {c: part[c].to_numpy(float) for c in part if c != "whisker"}
     traced_sd = 0.4 / pixels_per_m
     fitted = np.isfinite(column["gap_m"]) & np.isfinite(column["shape_force_se_N"])
     fitted &= column["rest_known"] == 1

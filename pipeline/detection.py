@@ -389,16 +389,16 @@ def _fit_width(sigma, n, sums, work):
     """Each half of the line has a width of its own; it does not grow towards the tip."""
     middle = n // 2
     near, far = middle / 2, (middle + n) / 2
-    near_sigma = _corrected(sigma[int(near)], sums, n, work, 0, middle)
-    far_sigma = _corrected(sigma[int(far)], sums, n, work, middle, n)
+    near_sigma = _corrected(sigma[int(near)], sums, work, 0, middle)
+    far_sigma = _corrected(sigma[int(far)], sums, work, middle, n)
     slope = min((far_sigma - near_sigma) / max(far - near, 1.0), 0.0)
     for i in range(len(sigma)):
         sigma[i] = min(max(near_sigma + slope * (i - near), THINNEST_SIGMA), BROADEST_SIGMA)
 
 
 @njit(cache=True)
-def _corrected(sigma, sums, n, work, first, last):
-    change = profiles.width_correction(sums, n, work[2], work[3], first, last)
+def _corrected(sigma, sums, work, first, last):
+    change = profiles.width_correction(sums, work[2], first, last)
     corrected = sigma * np.exp(min(max(change, -0.3), 0.3))
     return min(max(corrected, THINNEST_SIGMA), BROADEST_SIGMA)
 

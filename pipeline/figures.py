@@ -15,7 +15,9 @@ GREY, BLACK, ACCENT = "#a8a8a8", "#111111", "#c8472b"
 BEFORE_AFTER_MS = 25.0  # shown around the touch
 LINES_SHOWN = 24  # centrelines in panel a
 DPI = 200
-MARGINS = dict(left=0.075, right=0.99, bottom=0.1, top=0.94, wspace=0.38, hspace=0.42)
+MARGINS = {
+    "left": 0.075, "right": 0.99, "bottom": 0.1, "top": 0.94, "wspace": 0.38, "hspace": 0.42,
+}  # fmt: skip
 
 # Hires, Efros & Svoboda 2013, Results: 12,417 contacts of mouse C2 whiskers.
 PAPER = {

@@ -7,7 +7,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from pipeline import tables, tracing
+from pipeline import tables
 from pipeline.errors import VideoError
 from pipeline.inputs import PREVIEW_NAME, InputError, find_inputs
 from pipeline.passing_over import is_passed_over
@@ -15,7 +15,9 @@ from pipeline.records import Recording, StaticScene
 from pipeline.roster import find_roster
 from pipeline.scene_finding import find_scenes, survey
 from pipeline.settings import settings_from, write_session
+from pipeline.tracing import options_for
 from pipeline.video import open_video
+from pipeline.video_tracing import trace
 
 LOOKED_AT = 3  # videos
 ROSTER_FRAMES = 16
@@ -90,7 +92,7 @@ def look_at(path) -> Look:
     """Find face, pole, scale and whiskers in one video."""
     with open_video(path) as video:
         scene, sample, scale = _scene_and_scale(video)
-        options = tracing.options_for(Recording(FRAMES_PER_SECOND, scale, scene.face_side))
+        options = options_for(Recording(FRAMES_PER_SECOND, scale, scene.face_side))
     roster = find_roster(sample, scene, options)
     best, lines = sample[0], {}
     for frame in sample:
@@ -168,7 +170,7 @@ def _light_around(scene, reach) -> float:
 
 
 def _lines(frame, scene, roster, options):
-    chunks = tracing.trace([frame], scene, roster, options)
+    chunks = trace([frame], scene, roster, options)
     return {
         chunk.names[chunk.whisker[i]]: chunk.row(i) for chunk in chunks for i in range(len(chunk))
     }

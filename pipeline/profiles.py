@@ -112,7 +112,7 @@ def offset_information(sums, n, amplitude, baseline, information, score):
 
 
 @njit(cache=True)
-def width_correction(sums, n, amplitude, baseline, first, last):
+def width_correction(sums, amplitude, first, last):
     """Least-squares relative change of σ over the nodes first … last − 1."""
     top = 0.0
     bottom = 1e-12

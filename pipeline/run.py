@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import pandas as pd
 
-from pipeline import contact, curvature, scene_finding, stations, tracing
+from pipeline import contact, curvature, scene_finding, stations
 from pipeline.cast import Cast, find_cast, roster_frames, tracing_options
 from pipeline.clock import Clock, Counted
 from pipeline.messages import messages
@@ -22,6 +22,7 @@ from pipeline.resting import behind_whiskers
 from pipeline.settings import Settings
 from pipeline.station_store import StationStore
 from pipeline.video import open_video
+from pipeline.video_tracing import trace
 
 
 @dataclass(frozen=True)
@@ -117,7 +118,7 @@ def follow(video, epochs, cast, settings, clock, keep=None, progress=None) -> Fo
     recording, pole = settings.recording.si(), pole_track(epochs)
     frames = Counted(clock.each("decoding", video.lent()), video.n_frames, progress)
     options, open_ended = tracing_options(settings), not settings.whisker
-    chunks = tracing.trace(frames, epochs, list(cast.roster), options, open_ended=open_ended)
+    chunks = trace(frames, epochs, list(cast.roster), options, open_ended=open_ended)
     kinematics, places = [], StationStore()
     for chunk in clock.each("centrelines", chunks):
         cast = cast.of(chunk.names)

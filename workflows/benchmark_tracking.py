@@ -26,7 +26,7 @@ import pages
 import pandas as pd
 from peer_tracker import OPTIMISED, NoPeerError, find_peer, timed
 
-from pipeline import curvature, scene_finding, tracing
+from pipeline import curvature, scene_finding, video_tracing
 from pipeline.cast import find_cast, roster_frames, tracing_options
 from pipeline.resting import behind_whiskers
 from pipeline.settings import write_session
@@ -171,7 +171,7 @@ def trace(clip: Clip, path=None):
         epochs = scene_finding.find_scenes(video, recording, diameter, seen=seen)
         cast = find_cast(*seen.sample(roster_frames(settings)), epochs, settings)
         epochs = behind_whiskers(epochs, cast.roster, recording.pixels_per_mm)
-        yield from tracing.trace(
+        yield from video_tracing.trace(
             video.lent(), epochs, list(cast.roster), tracing_options(settings)
         )
 

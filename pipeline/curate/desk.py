@@ -296,8 +296,10 @@ class Desk:
             if self.video.review.at(self.whisker, self.frame):
                 raise EditError(f"{self.whisker} has a contact here already")
             self.adding, self.selected = self.frame, None
-            self.message = f"new contact of {self.whisker} from frame {self.frame}: " \
-                "step to the first frame without touch, then a again (Esc: leave off)"  # fmt: skip
+            self.message = (
+                f"new contact of {self.whisker} from frame {self.frame}: step to the first "
+                "frame without touch, then a again (Esc: leave off)"
+            )
             return
         self.selected = self.video.review.add(self.whisker, self.adding, self.frame)
         self.adding = None

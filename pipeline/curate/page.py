@@ -132,7 +132,7 @@ class Page:
         try:
             image, missing = self._image()
             if self._is_new("video", video):
-                self.picture.enter(video, image)
+                self.picture.enter(image)
                 self.courses.enter(video)
             self._render_picture(image, missing)
             self._render_courses()
@@ -159,7 +159,7 @@ class Page:
             self.picture.show_image(None, video, desk.frame)
         if image is not None:
             if self._is_new("contrast", video):
-                self.picture.enter(video, image)
+                self.picture.enter(image)
             if self._is_new("image", video, desk.frame):
                 self.picture.show_image(image, video, desk.frame)
         touching = tuple(s.whisker for s in video.review.spans if desk.frame in s)

@@ -46,8 +46,8 @@ class Picture:
             line_color="colour", line_width=2,
         )  # fmt: skip
 
-    def enter(self, video, image) -> None:
-        """Fit ranges and contrast to a video; `image` is one of its frames or None."""
+    def enter(self, image) -> None:
+        """Fit ranges and contrast to a video by one of its frames, or None."""
         height, width = (480, 640) if image is None else image.shape
         self.aspect = width / height
         self.whole.x_range.update(start=-0.5, end=width - 0.5)

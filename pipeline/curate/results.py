@@ -281,7 +281,7 @@ class Results:
             self.faults[name] = f"{type(error).__name__}: {error}"
 
     def _replace_rows(self, name, contacts):
-        parts = {n: part for n, part in self._contacts.groupby("video", sort=False)}
+        parts = dict(list(self._contacts.groupby("video", sort=False)))
         parts[name] = contacts
         order = [*self.names, *(n for n in parts if n not in self.names)]
         kept = [parts[n] for n in order if n in parts]

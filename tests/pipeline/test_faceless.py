@@ -8,7 +8,8 @@ from pipeline.faceless import mask_behind_whiskers
 from pipeline.records import Recording
 from pipeline.roster import find_roster
 from pipeline.scene_finding import scene_from_frames
-from pipeline.tracing import options_for, trace
+from pipeline.tracing import options_for
+from pipeline.video_tracing import trace
 from synthetic.presets import make_trial
 from synthetic.render import Renderer
 

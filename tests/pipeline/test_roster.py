@@ -11,7 +11,8 @@ from pipeline.identities import Ruler, crowded
 from pipeline.records import Recording
 from pipeline.roster import find_roster, gather
 from pipeline.scene_finding import scene_from_frames
-from pipeline.tracing import options_for, trace
+from pipeline.tracing import options_for
+from pipeline.video_tracing import trace
 from synthetic import scoring
 from synthetic.presets import make_trial
 from synthetic.render import Renderer

@@ -9,7 +9,8 @@ from pipeline.follicle import follicles
 from pipeline.records import Recording
 from pipeline.roster import find_roster
 from pipeline.scene_finding import scene_from_frames
-from pipeline.tracing import options_for, trace
+from pipeline.tracing import options_for
+from pipeline.video_tracing import trace
 from synthetic.presets import make_trial
 from synthetic.render import Renderer
 from synthetic.truth import frame_table
