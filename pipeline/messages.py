@@ -8,6 +8,7 @@ from pipeline.face_doubt import face_message
 
 SELDOM_TRACKED = 0.8  # a whisker seen in less than this part of the frames is worth a message
 OTHER_THICKNESS = 0.12  # of the pole, relative: more is no error of measurement
+DARK = 64  # grey levels of 255, median: no light behind the whiskers
 SELDOM_ACROSS = 1  # frame may be a mistake; a whisker more often across the pole is worth one
 
 
@@ -24,7 +25,7 @@ def messages(settings, touch, video, epochs, followed):
     if count == 1:
         yield "one frame only: no movement to learn from, no contacts"
     if not cast.roster:
-        yield "no whisker found in any frame" + ("" if doubt else _look_at_the_face(settings))
+        yield "no whisker found in any frame" + ("" if doubt else _why_none(settings, scenes))
         return
     lost = [name for name in cast.names if name not in cast.found]
     if lost:
@@ -42,7 +43,13 @@ def messages(settings, touch, video, epochs, followed):
     yield from _without_forces(settings, cast)
 
 
-def _look_at_the_face(settings):
+def _why_none(settings, scenes):
+    """What to look at where no whisker is found."""
+    if scenes and max(np.median(scene.background) for scene in scenes) < DARK:
+        return (
+            "; the picture is mostly dark, and whiskers must be darker than what is behind them: "
+            "if they are bright, make it a negative (ffmpeg -i IN -vf negate OUT)"
+        )
     return f'; is [recording] face = "{settings.recording.face}" where they come from?'
 
 

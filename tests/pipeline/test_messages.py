@@ -19,7 +19,7 @@ def told(whiskers=({**WHISKER, "name": "C2"},), pole_xy=None, **changes):
     """Messages of a video of one whisker in which nothing is wrong, but for the `changes`."""
     given = {
         "n_frames": 100, "exact_count": True, "read": 100, "found": ("C2",), "pole": POLE,
-        "tracked": 1.0, "across": 0, "contacts": ("C2",),
+        "tracked": 1.0, "across": 0, "contacts": ("C2",), "light": 200,
     } | changes  # fmt: skip
     settings = settings_from(
         {
@@ -39,7 +39,8 @@ def told(whiskers=({**WHISKER, "name": "C2"},), pole_xy=None, **changes):
     cast = SimpleNamespace(names=names, found=given["found"], roster=roster)
     followed = SimpleNamespace(cast=cast, n_frames=given["read"], pole=given["pole"])
     video = SimpleNamespace(n_frames=given["n_frames"], exact_count=given["exact_count"])
-    return list(messages(settings, touch, video, (), followed))
+    scene = SimpleNamespace(background=np.full((4, 4), given["light"]), likelier_side=None)
+    return list(messages(settings, touch, video, (SimpleNamespace(scene=scene),), followed))
 
 
 def test_where_nothing_is_wrong_nothing_is_said():
@@ -52,6 +53,7 @@ def test_where_nothing_is_wrong_nothing_is_said():
         ({"read": 60}, "only 60 of 100 frames could be read"),
         ({"read": 1, "n_frames": 1}, "one frame only"),
         ({"found": ()}, 'no whisker found in any frame; is [recording] face = "left"'),
+        ({"found": (), "light": 40}, "no whisker found in any frame; the picture is mostly dark"),
         ({"pole": None}, "no pole of 0.5 mm found, so no contacts"),
         ({"pole": PoleTrack(POLE.x_px, POLE.y_px, 0.3 * SCALE)}, "the pole looks 0.6 mm thick"),
         ({"across": 2, "contacts": ()}, "C2 passes over the pole at (300, 200) px in 2 frames"),
