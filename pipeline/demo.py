@@ -75,7 +75,7 @@ def run_demo(out, jobs, progress, say) -> bool:
 
 def comparison(contacts, truth):
     """Lines of a table: every true contact with the one found, then a summary."""
-    from synthetic.scoring import match_contacts
+    from synthetic.table_scoring import match_contacts
 
     match = match_contacts(contacts, truth)
     pairs = match.pairs.sort_values(["video", "whisker", "true_onset_frame"])

@@ -7,7 +7,7 @@ from pathlib import Path
 from pipeline.errors import VideoError
 from pipeline.settings import SettingsError, read_session
 from pipeline.tables import read_json
-from pipeline.video import RESULT_FILES, RESULT_FOLDERS, find_videos, open_video
+from pipeline.video import RESULT_FOLDERS, find_videos, is_result_folder, open_video
 
 STATE_FILE = "run.json"
 SETTINGS_NAME = "session.toml"
@@ -64,9 +64,7 @@ def _videos_in(folder, out) -> list[Path]:
 
 def _is_result(folder, out) -> bool:
     """Hidden, or written by `whiskerforce`, or by Python."""
-    if folder.name.startswith(".") or folder.name in RESULT_FOLDERS or folder.resolve() == out:
-        return True
-    return any((folder / name).exists() for name in RESULT_FILES)
+    return folder.name.startswith(".") or folder.resolve() == out or is_result_folder(folder)
 
 
 def _fault(path) -> str:

@@ -44,7 +44,7 @@ IMAGE_SUFFIXES = TIFF_SUFFIXES | frozenset(
     [".png", ".jpg", ".jpeg", ".bmp", ".pgm", ".ppm", ".pnm", ".webp", ".jp2"]
 )
 # Videos and folders that this or other programs made of a video: never input.
-RESULT_FILES = ("run.json", "videos.csv", "centrelines.parquet")
+RESULT_MARKS = ("run.json", "videos.csv", "centrelines.parquet")  # files of a results folder
 RESULT_FOLDERS = ("truth", "figures", "__pycache__")
 RESULT_VIDEO = re.compile(r"DLC_.*_labeled$|_overlay$|^overlay$")
 PREVIEW = re.compile(r"preview")  # what `init` draws
@@ -108,6 +108,11 @@ def find_videos(paths) -> list[Path]:
     return list(found.values())
 
 
+def is_result_folder(folder) -> bool:
+    """Tell whether a folder holds what was made of videos, by its name or by what is in it."""
+    return folder.name in RESULT_FOLDERS or any((folder / name).exists() for name in RESULT_MARKS)
+
+
 def _inputs_in(folder):
     if _is_image_folder(folder):
         return [folder]
@@ -127,7 +132,7 @@ def _is_input(item):
 
 def _is_image_folder(folder):
     """Tell whether a folder's input is its images: some images, no video, no TIFF stack."""
-    if folder.name in RESULT_FOLDERS or any((folder / name).exists() for name in RESULT_FILES):
+    if is_result_folder(folder):
         return False
     items = _listing(folder)
     if any(item.suffix.lower() in VIDEO_SUFFIXES for item in items):

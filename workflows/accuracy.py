@@ -23,9 +23,23 @@ import pages
 import pandas as pd
 from accuracy_targets import checks, checks_text, coverage_checks
 
-from synthetic import scoring
+from synthetic.line_scoring import (
+    LineScores,
+    line_figures,
+    rms,
+)
 from synthetic.presets import PRESETS
 from synthetic.session import render_session
+from synthetic.table_scoring import (
+    ContactMatch,
+    contact_agreement,
+    coverage,
+    edge_errors,
+    edges_within,
+    error_figures,
+    match_contacts,
+    peak_figures,
+)
 
 LONG_FALSE_MM = 3.0  # a false line longer than this is a long false whisker
 DOUBTFUL = ("large_deflection", "contact_near_curvature_window", "doubtful")
@@ -40,13 +54,13 @@ def figures_of(videos: list[measuring.Measured], pixels_per_mm: float) -> dict:
     scores = pooled_scores(videos)
     frames = sum(v.n_frames for v in videos)
     out = {"videos": len(videos), "frames": frames}
-    out |= scoring.line_figures(scores, frames, LONG_FALSE_MM * pixels_per_mm)
+    out |= line_figures(scores, frames, LONG_FALSE_MM * pixels_per_mm)
     beside = np.concatenate([v.beside_pole for v in videos])
-    out["beside_pole_rms_px"] = scoring.rms(scores.distance_px[beside])
+    out["beside_pole_rms_px"] = rms(scores.distance_px[beside])
     joined = pd.concat([v.shape.joined for v in videos], ignore_index=True)
     out["tracked"] = joined["tracked"].mean()
-    out |= prefixed("curvature", scoring.error_figures(joined, "curvature_per_m"))
-    out |= prefixed("angle", scoring.error_figures(joined, "base_angle_deg"))
+    out |= prefixed("curvature", error_figures(joined, "curvature_per_m"))
+    out |= prefixed("angle", error_figures(joined, "base_angle_deg"))
     out["follicle_rms_px"] = follicle_error(joined)
     out |= bound_ratios(joined)
     out |= contact_figures([v.shape for v in videos])
@@ -61,9 +75,9 @@ def prefixed(name, figures):
     return {f"{name}_{key}": value for key, value in figures.items()}
 
 
-def pooled_scores(videos) -> scoring.LineScores:
+def pooled_scores(videos) -> LineScores:
     parts = [v.scores for v in videos]
-    return scoring.LineScores(
+    return LineScores(
         rows=pd.concat([p.rows.assign(video=v.video) for p, v in zip(parts, videos, strict=True)]),
         whiskers=pd.concat([p.whiskers for p in parts]),
         distance_px=np.concatenate([p.distance_px for p in parts]),
@@ -100,7 +114,7 @@ def contact_figures(forces: list[measuring.Forces]) -> dict:
     joined = pd.concat([f.joined for f in forces], ignore_index=True)
     true = joined["true_in_contact"].astype(bool)
     missed = match.missed
-    onset, offset = scoring.edge_errors(match)
+    onset, offset = edge_errors(match)
     return {
         "contacts": len(match.pairs) + len(missed),
         "missed_5ms": int((missed["duration_ms"] >= 5).sum()),
@@ -111,18 +125,18 @@ def contact_figures(forces: list[measuring.Forces]) -> dict:
         "invented": len(match.invented),
         "surplus": len(match.surplus),
         "free_frames": int((~true).sum()),
-        "agreement": scoring.contact_agreement(joined),
-        "edges_within_0": scoring.edges_within(match, 0),
-        "edges_within_1": scoring.edges_within(match, 1),
-        "edges_within_2": scoring.edges_within(match, 2),
+        "agreement": contact_agreement(joined),
+        "edges_within_0": edges_within(match, 0),
+        "edges_within_1": edges_within(match, 1),
+        "edges_within_2": edges_within(match, 2),
         "onset_bias": onset.mean() if len(onset) else np.nan,
         "offset_bias": offset.mean() if len(offset) else np.nan,
         "flagged": int(is_doubtful(match.pairs).sum()),
     }
 
 
-def matched(forces) -> scoring.ContactMatch:
-    return scoring.match_contacts(
+def matched(forces) -> ContactMatch:
+    return match_contacts(
         pd.concat([f.contacts for f in forces], ignore_index=True),
         pd.concat([f.true_contacts for f in forces], ignore_index=True),
     )
@@ -138,22 +152,22 @@ def force_figures(forces: list[measuring.Forces]) -> dict:
     """Peaks, noise floor and interval coverage of one force estimate."""
     match = matched(forces)
     joined = pd.concat([f.joined for f in forces], ignore_index=True)
-    plain = scoring.ContactMatch(match.pairs[~is_doubtful(match.pairs)], *[match.missed] * 3)
+    plain = ContactMatch(match.pairs[~is_doubtful(match.pairs)], *[match.missed] * 3)
     both = joined["in_contact"] & joined["true_in_contact"].astype(bool)
     free = np.concatenate([f.free_force for f in forces])
-    out = prefixed("force", scoring.peak_figures(match, "peak_force_uN", 0.03, 0.1))
-    out["force_typical_small"] = scoring.peak_figures(match, "peak_force_uN", 0.05, 0.5)["typical"]
-    out |= prefixed("plain_force", scoring.peak_figures(plain, "peak_force_uN", 0.03, 0.1))
-    out |= prefixed("moment", scoring.peak_figures(match, "peak_base_moment_nN_m", 0.03, 0.6))
-    out |= prefixed("axial", scoring.peak_figures(match, "peak_axial_force_uN", 0.03, 0.1))
+    out = prefixed("force", peak_figures(match, "peak_force_uN", 0.03, 0.1))
+    out["force_typical_small"] = peak_figures(match, "peak_force_uN", 0.05, 0.5)["typical"]
+    out |= prefixed("plain_force", peak_figures(plain, "peak_force_uN", 0.03, 0.1))
+    out |= prefixed("moment", peak_figures(match, "peak_base_moment_nN_m", 0.03, 0.6))
+    out |= prefixed("axial", peak_figures(match, "peak_axial_force_uN", 0.03, 0.1))
     for name, column in (
         ("force", "contact_force_uN"),
         ("moment", "base_moment_nN_m"),
         ("axial", "axial_force_uN"),
     ):
-        out[f"{name}_coverage"] = scoring.error_figures(joined, column, both)["coverage"]
+        out[f"{name}_coverage"] = error_figures(joined, column, both)["coverage"]
     error = match.pairs["peak_force_uN"] - match.pairs["true_peak_force_uN"]
-    out["peak_coverage"] = scoring.coverage(error, match.pairs["peak_force_se_uN"])
+    out["peak_coverage"] = coverage(error, match.pairs["peak_force_se_uN"])
     out["noise_uN"] = float(np.std(free)) if len(free) > 100 else np.nan
     return out
 

@@ -32,7 +32,7 @@ from pipeline.resting import behind_whiskers
 from pipeline.settings import write_session
 from pipeline.tables import read_json
 from pipeline.video import open_video
-from synthetic import scoring
+from synthetic import line_scoring, table_scoring
 from synthetic.encode import video_suffix, write_video
 from synthetic.presets import make_trial
 from synthetic.render import Renderer
@@ -83,7 +83,7 @@ class Clip:
     scored: int
     trial: object
     settings: object
-    truth: scoring.Truth
+    truth: line_scoring.Truth
     true_frames: pd.DataFrame
 
     @property
@@ -115,7 +115,7 @@ def render_clip(name, folder, frames, short_frames, seed) -> Clip:
     camera = trial.scene.camera
     noise = np.sqrt(camera.read_noise**2 + camera.noise_gain * measuring.LIGHT)
     visibility = visibility_table(trial.motion, renderer, lines)
-    truth = scoring.visible_truth(lines, visibility, camera.pixels_per_mm, noise)
+    truth = line_scoring.visible_truth(lines, visibility, camera.pixels_per_mm, noise)
     return Clip(
         name=name,
         path=path,
@@ -282,13 +282,13 @@ def first_frames(lines, n):
     )
 
 
-def first_truth(truth: scoring.Truth, n) -> scoring.Truth:
+def first_truth(truth: line_scoring.Truth, n) -> line_scoring.Truth:
     """The truth of frames below n."""
     lines = first_frames(truth.lines, n)
-    return scoring.Truth(lines, truth.seen[: len(lines.x_px)])
+    return line_scoring.Truth(lines, truth.seen[: len(lines.x_px)])
 
 
-def quadratic_curvature(clip: Clip, lines, truth: scoring.Truth) -> np.ndarray:
+def quadratic_curvature(clip: Clip, lines, truth: line_scoring.Truth) -> np.ndarray:
     """Errors [1/m] of a quadratic over ±2 mm about 5.5 mm, for each line that spans it.
 
     The place along the whisker is taken from the truth, so it costs the peer nothing that it
@@ -296,7 +296,7 @@ def quadratic_curvature(clip: Clip, lines, truth: scoring.Truth) -> np.ndarray:
     """
     scale = clip.trial.scene.camera.pixels_per_m
     true = clip.true_frames.set_index(["frame", "whisker"])["curvature_per_m"]
-    scores = scoring.score_lines(lines, truth)
+    scores = line_scoring.score_lines(lines, truth)
     errors = []
     for i, (frame, name) in enumerate(zip(lines.frame, scores.rows["nearest"], strict=True)):
         if not name:
@@ -311,7 +311,7 @@ def quadratic_curvature(clip: Clip, lines, truth: scoring.Truth) -> np.ndarray:
             np.empty(len(points), int),
             np.empty(len(points)),
         )
-        scoring.project(*points.T.copy(), *curve.T.copy(), distance, node, along)
+        line_scoring.project(*points.T.copy(), *curve.T.copy(), distance, node, along)
         u = node + along - CURVATURE_AT * scale
         inside = np.abs(u) <= WINDOW_M * scale
         if inside.sum() < 10 or np.ptp(u[inside]) < 1.8 * WINDOW_M * scale:
@@ -336,17 +336,17 @@ def exactness(clip: Clip, peer) -> dict[str, dict]:
     long_px = LONG_FALSE_MM * clip.trial.scene.camera.pixels_per_mm
     lines, kinematics = our_lines(clip)
     truth = first_truth(clip.truth, clip.scored)
-    ours = scoring.line_figures(scoring.score_lines(lines, truth), clip.scored, long_px)
+    ours = line_scoring.line_figures(line_scoring.score_lines(lines, truth), clip.scored, long_px)
     true = clip.true_frames[clip.true_frames["frame"] < clip.scored]
-    joined = scoring.join_frames(kinematics, true)
-    bend = scoring.error_figures(joined, "curvature_per_m")
+    joined = table_scoring.join_frames(kinematics, true)
+    bend = table_scoring.error_figures(joined, "curvature_per_m")
     ours |= {"frames": clip.scored, "curvature_bias": bend["bias"], "curvature_sd": bend["sd"]}
     found = {"whiskerforce": ours}
     if peer is not None:
         lines = peer.trace(clip.short)[0]
         truth = first_truth(clip.truth, clip.short_frames)
-        theirs = scoring.line_figures(
-            scoring.score_lines(lines, truth), clip.short_frames, long_px
+        theirs = line_scoring.line_figures(
+            line_scoring.score_lines(lines, truth), clip.short_frames, long_px
         )
         errors = quadratic_curvature(clip, lines, truth)
         theirs |= {

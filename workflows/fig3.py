@@ -27,8 +27,8 @@ import pandas as pd
 
 from pipeline import figures, tables
 from pipeline.records import CONTACT_COLUMNS, VIDEO_COLUMNS
-from synthetic.scoring import ContactMatch, match_contacts
 from synthetic.session import STAGES, RenderError, render_session
+from synthetic.table_scoring import ContactMatch, match_contacts
 
 TRIALS, FULL_TRIALS = 25, 1035  # 12 touches each; all of the paper's 12,417
 PERCENTILES = ("5 %", "median", "95 %")

@@ -13,7 +13,7 @@ from pipeline.run import analyse
 from pipeline.settings import read_session
 from pipeline.tables import read_centrelines, read_csv, read_frames, read_json
 from pipeline.workers import THREADS
-from synthetic import bounds, scoring
+from synthetic import bounds, line_scoring, table_scoring
 from synthetic.scene import Camera, Hair
 from whiskermodel.whisker import Whisker
 
@@ -87,11 +87,11 @@ class RenderedVideo:
         """What can be seen of every whisker."""
         return pd.read_parquet(self.folder / "visibility.parquet")
 
-    def lines(self) -> scoring.Truth:
+    def lines(self) -> line_scoring.Truth:
         """True centrelines and which of their points can be seen."""
         lines = read_centrelines(self.folder / "centrelines.parquet")
         scale = self.camera.pixels_per_mm
-        return scoring.visible_truth(lines, self.visibility(), scale, self.noise_sd)
+        return line_scoring.visible_truth(lines, self.visibility(), scale, self.noise_sd)
 
 
 def least_curvature_sd(video: RenderedVideo, at: float) -> dict[str, dict[str, float]]:
@@ -168,7 +168,7 @@ class Measured:
     messages: tuple[str, ...]
     seconds: dict
     least_sd: dict[str, dict[str, float]]
-    scores: scoring.LineScores
+    scores: line_scoring.LineScores
     beside_pole: np.ndarray
     shape: "Forces"
     point: "Forces"
@@ -195,7 +195,7 @@ def measure(preset: str, path, session) -> Measured:
     at = settings.analysis.curvature_at
     analysis = analyse(path, settings, keep=chunks.append)
     truth = video.lines()
-    scores = scoring.score_lines(join_chunks(chunks), truth)
+    scores = line_scoring.score_lines(join_chunks(chunks), truth)
     true_frames, true_contacts = video.frames(), video.contacts()
     least = least_curvature_sd(video, at)
     whiskers = {w.name: w.si() for w in settings.whisker}
@@ -209,7 +209,7 @@ def measure(preset: str, path, session) -> Measured:
                 curvature_at=at, method=method, video=stem,
             )  # fmt: skip
             frames, contacts = touch.frames, touch.contacts
-        joined = add_least_sd(scoring.join_frames(frames, true_frames), video, at)
+        joined = add_least_sd(table_scoring.join_frames(frames, true_frames), video, at)
         found[method] = Forces(
             joined.assign(preset=preset, video=stem),
             contacts.assign(video=stem),
@@ -249,7 +249,7 @@ def join_chunks(chunks: list[Centrelines]) -> Centrelines:
     )
 
 
-def beside_pole(scores, truth: scoring.Truth, video: RenderedVideo) -> np.ndarray:
+def beside_pole(scores, truth: line_scoring.Truth, video: RenderedVideo) -> np.ndarray:
     """Which of the scored points lie within BESIDE_POLE_PX of the edge of a pole at rest."""
     pole, scale = video.scene["pole"], video.camera.pixels_per_m
     if pole is None:

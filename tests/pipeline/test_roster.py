@@ -13,7 +13,7 @@ from pipeline.roster import find_roster, gather
 from pipeline.scene_finding import scene_from_frames
 from pipeline.tracing import options_for
 from pipeline.video_tracing import trace
-from synthetic import scoring
+from synthetic import line_scoring
 from synthetic.presets import make_trial
 from synthetic.render import Renderer
 from synthetic.truth import centreline_table, visibility_table
@@ -39,10 +39,10 @@ class Row:
         self.roster = find_roster(self.images[::8], self.scene, self.options, self.names)
         lines = centreline_table(trial.motion)
         visible = visibility_table(trial.motion, renderer, lines)
-        truth = scoring.visible_truth(lines, visible, camera.pixels_per_mm, NOISE_SD)
+        truth = line_scoring.visible_truth(lines, visible, camera.pixels_per_mm, NOISE_SD)
         chunks = trace(self.images, self.scene, self.roster, self.options, chunk_frames=10**6)
         self.lines = next(iter(chunks))
-        self.scores = scoring.score_lines(self.lines, truth)
+        self.scores = line_scoring.score_lines(self.lines, truth)
 
 
 @pytest.fixture(scope="module")
