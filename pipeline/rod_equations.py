@@ -106,7 +106,7 @@ def misfit_of(seen, laid, k):
 
 @njit(cache=True)
 def take_step(size, p, inverse, rhs):
-    """One Gauss–Newton step of `p`; returns its length, of all parameters together, in SD."""
+    """One Gauss–Newton step of `p`; returns its length, of all together, in SD where χ² is 1."""
     step = np.zeros(size)
     for a in range(size):
         for b in range(size):

@@ -252,7 +252,7 @@ def _solve(seen, first, arc, rod, load, pole, c, prior, stiffness, basis, settle
         known = np.isfinite(chi2) and invert(sums.normal, size, sums.lower, sums.inverse)
         if not known or iteration == ITERATIONS or (iteration > 1 and change < settled):
             break
-        change = take_step(size, p, sums.inverse, sums.rhs)
+        change = take_step(size, p, sums.inverse, sums.rhs) / np.sqrt(max(chi2, 1.0))
         lay(p, rod, load, arc, place, laid, True)
     return known, chi2, Place(c, ref_x, ref_y)
 
