@@ -8,6 +8,7 @@ import sys
 import numpy as np
 import pandas as pd
 import pytest
+from killed_task import killed
 
 import pipeline.run
 from pipeline import batch, inputs, tables
@@ -236,20 +237,12 @@ def test_interruption_keeps_what_is_finished(folder, calls, tmp_path):
     assert statuses(out) == {"a": "done", "b": "done"}
 
 
-def _killed(task, report):
-    """As when the memory runs out, in the middle of a video."""
-    task.folder.mkdir()
-    tables.write_json(task.folder / "run.json", {"path": str(task.path), "status": "begun"})
-    (task.folder / ".x.part.parquet").touch()
-    os._exit(9)
-
-
 def test_a_killed_process_costs_only_its_video(folder, calls, tmp_path, monkeypatch):
     out = tmp_path / "results"
     batch.run([folder / "a.avi"], out)
     (folder / "c.avi").write_bytes(b"c.avi")
     with monkeypatch.context() as patch:
-        patch.setattr(batch, "process_video", _killed)
+        patch.setattr(batch, "process_video", killed)
         summary = batch.run([folder], out, jobs=2)
     assert statuses(out) == {"a": "done", "b": "failed", "c": "failed"}
     assert all("ended unexpectedly (9)" in each.message for each in summary.of("failed"))
