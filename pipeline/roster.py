@@ -13,7 +13,7 @@ from pipeline.records import StaticScene
 FUR_SHARE = 0.18  # of the strongest line's length × absorbance: less is a hair of the fur
 SEEN_TOGETHER = 3.0  # frames: two whiskers that would so often by chance are, at least once
 SEEN_SHARE = 0.4  # of the frames, in which a whisker must be seen to be one
-SURE_OF_LENGTHS = 0.05  # by which lengths fit better in one order than in the other, per whisker
+SURE_OF_LENGTHS = 0.03  # by which lengths fit better in one order than in the other
 
 
 @dataclass(frozen=True)
@@ -201,7 +201,7 @@ def _posterior_first(slots: list[Slot], given_px=()) -> bool:
         return False
     lengths = np.array([slot.visible_px for slot in slots])
     if len(given_px) == len(slots):
-        off = [np.abs(np.log(lengths / order)).mean() for order in (given_px, given_px[::-1])]
+        off = [_unlike(lengths, order) for order in (given_px, given_px[::-1])]
         if abs(off[0] - off[1]) > SURE_OF_LENGTHS:
             return off[1] < off[0]
     thickness = [
@@ -213,3 +213,9 @@ def _posterior_first(slots: list[Slot], given_px=()) -> bool:
         if abs(slope) > least * np.mean(values):
             return slope < 0
     return False
+
+
+def _unlike(lengths, others) -> float:
+    """How unlike the proportions of two sets of lengths are: mean deviation of their logarithms."""
+    ratio = np.log(np.divide(lengths, others))
+    return float(np.abs(ratio - np.median(ratio)).mean())
