@@ -1,8 +1,7 @@
 """Scene and motion → grey pictures, frame by frame.
 
 Every object lets a share of the backlight pass; the shares multiply. Whiskers are drawn by exact
-area coverage of the blurred strip (strips.py). Where objects in focus meet (a whisker and the
-pole, two whiskers), the product is formed on a finer grid before it is blurred, as a lens does.
+area coverage of the blurred strip (strips.py); where objects in focus meet, see composing.py.
 """
 
 from dataclasses import replace
@@ -14,14 +13,11 @@ from numba import njit
 from scipy.ndimage import gaussian_filter
 from scipy.special import ndtr, ndtri
 
+from synthetic.composing import POLE_TRANSMISSION, TILE, FinePatch, meeting_tiles
 from synthetic.fur import draw_hairs, face_transmission, grow_fur, stray_hairs
 from synthetic.scene import Codec, Scene
 from synthetic.strips import absorb, blank, cover_disc, cover_strip, step_table
 
-_TILE = 16  # px, tiles in which meeting objects are composed
-_SUBPIXELS = 8
-_FINE_BLUR = 0.05  # share of the blur before objects are multiplied: touching edges stay apart
-_POLE_TRANSMISSION = 0.01
 _NORMALS = ndtri((np.arange(65536) + 0.5) / 65536).astype(np.float32)
 _STRETCH = 2048  # px whose noise is drawn at once; it stays in the cache
 
@@ -45,7 +41,7 @@ class Renderer:
         self._open, self.background, self._fur = _still_picture(_without_pole(scene))
         self._cover, self._touched = blank(*self._open.shape)
         self._table = step_table(scene.camera.blur_px)
-        self._fine = _FinePatch(scene.camera.blur_px)
+        self._fine = FinePatch(scene.camera.blur_px)
         self._flicker = _flicker(scene, len(motion), np.random.default_rng([scene.seed, 2]))
         self._shade, self._opened = (None, ()), (None, self._open)
         self._still_pole = (
@@ -131,127 +127,22 @@ class Renderer:
             sizes = np.array([pole.radius, pole.rod_radius]) * scale
             _draw_rod(rod, px, py, pole.rod_direction, *sizes, pole.rod_blur_px)
         cover_disc(disc, px, py, pole.radius * scale, self.scene.camera.blur_px, *self._table)
-        return rod, 1 - (1 - _POLE_TRANSMISSION) * disc
+        return rod, 1 - (1 - POLE_TRANSMISSION) * disc
 
     def _compose(self, light, behind_rod, strips, pole_x, pole_y):
         """Redo the places where objects in focus meet, on a finer grid."""
         disc, scale = None, self.scene.camera.pixels_per_m
         if self.scene.pole is not None and np.isfinite(pole_x):
             disc = (*self.scene.to_pixels(pole_x, pole_y), self.scene.pole.radius * scale)
-        meeting = _meeting_tiles(light.shape, strips, disc, 3 * self.scene.camera.blur_px + 2)
+        meeting = meeting_tiles(light.shape, strips, disc, 3 * self.scene.camera.blur_px + 2)
         opacities = [hair.opacity for hair in self.scene.hairs]
         for top, left in meeting:
-            rows, columns = slice(top, top + _TILE), slice(left, left + _TILE)
+            rows, columns = slice(top, top + TILE), slice(left, left + TILE)
             behind = behind_rod[rows, columns]
             if behind.max() < 2:
                 continue
             through = self._fine.transmission(left, top, strips, opacities, disc)
             light[rows, columns] = behind * through[: behind.shape[0], : behind.shape[1]]
-
-
-class _FinePatch:
-    """Composes objects on a grid of sub-pixels over one tile, then blurs to pixels."""
-
-    def __init__(self, blur):
-        self.blur = blur
-        self.fine_blur = _FINE_BLUR * blur * _SUBPIXELS
-        rest = np.sqrt(1 - _FINE_BLUR**2) * blur * _SUBPIXELS
-        self.margin = int(np.ceil(4 * rest / _SUBPIXELS)) + 1
-        self.size = (_TILE + 2 * self.margin) * _SUBPIXELS
-        self.table = step_table(self.fine_blur)
-        self.filter = _to_pixels(self.size, self.margin, rest)
-        self.cover, self.touched = blank(self.size, self.size)
-        self.clear = np.ones((self.size, self.size), np.float32)
-        self.disc, self.tiles = None, {}
-
-    def transmission(self, left, top, strips, opacities, disc):
-        """Light that passes all objects together, float32 (tile, tile)."""
-        through = self._behind_disc(left, top, disc).copy()
-        for strip, opacity in zip(strips, opacities, strict=True):
-            fine = self._to_fine(strip, left, top)
-            if fine is None:
-                continue
-            count = cover_strip(self.cover, self.touched, 0, *fine, self.fine_blur, *self.table)
-            absorb(through, self.cover, self.touched, count, opacity)
-        return self.filter @ through @ self.filter.T
-
-    def _behind_disc(self, left, top, disc):
-        """Light that passes the disc alone, kept while it stands still."""
-        if self.disc != disc:
-            self.disc, self.tiles = disc, {}
-        if disc is None:
-            return self.clear
-        if (left, top) not in self.tiles:
-            cover = np.zeros_like(self.clear)
-            x, y = self._place(disc[0], left), self._place(disc[1], top)
-            cover_disc(cover, x, y, disc[2] * _SUBPIXELS, self.fine_blur, *self.table)
-            passes = 1 - (1 - _POLE_TRANSMISSION) * cover
-            self.tiles[left, top] = passes if cover.any() else self.clear
-        return self.tiles[left, top]
-
-    def _place(self, x, start):
-        return (x - (start - self.margin) + 0.5) * _SUBPIXELS - 0.5
-
-    def _to_fine(self, strip, left, top):
-        """Return the nodes of a strip near the tile, in sub-pixels; None where there are none."""
-        x, y, angle, curvature, radius, smear = strip
-        reach = self.margin + 4
-        near = (x > left - reach) & (x < left + _TILE + reach)
-        near &= (y > top - reach) & (y < top + _TILE + reach)
-        rows = np.flatnonzero(near)
-        if len(rows) == 0:
-            return None
-        part = slice(max(rows[0] - 1, 0), rows[-1] + 2)
-        return (
-            self._place(x[part], left),
-            self._place(y[part], top),
-            angle[part],
-            curvature[part] / _SUBPIXELS,
-            radius[part] * _SUBPIXELS,
-            smear[part] * _SUBPIXELS,
-        )
-
-
-def _to_pixels(size, margin, blur):
-    """Matrix (tile, size) that blurs sub-pixels (SD `blur` of them) and averages to pixels."""
-    centre = (np.arange(_TILE * _SUBPIXELS) + margin * _SUBPIXELS)[:, None]
-    kernel = np.exp(-0.5 * ((np.arange(size) - centre) / blur) ** 2)
-    kernel /= kernel.sum(1, keepdims=True)
-    return kernel.reshape(_TILE, _SUBPIXELS, size).mean(1).astype(np.float32)
-
-
-def _meeting_tiles(shape, strips, disc, reach):
-    """(top, left) of the tiles in which objects in focus come within 2 `reach` of each other."""
-    lines = [(x[::2], y[::2], 0.0) for x, y, *_ in strips]
-    if disc is not None:
-        lines.append((np.array([disc[0]]), np.array([disc[1]]), disc[2]))
-    meeting = np.zeros((-(-shape[0] // _TILE), -(-shape[1] // _TILE)), np.bool_)
-    for k, (x, y, _) in enumerate(lines[: len(strips)]):
-        for x2, y2, radius in lines[k + 1 :]:
-            _mark_meeting(meeting, x, y, x2, y2, radius, reach)
-    return np.argwhere(meeting) * _TILE
-
-
-@njit(cache=True)
-def _mark_meeting(meeting, x, y, x2, y2, radius, reach):
-    """Mark tiles near those points of a line where it is near another of half-width `radius`."""
-    rows, columns = meeting.shape
-    far = (radius + 2 * reach) ** 2
-    for k in range(len(x)):
-        near = False
-        for m in range(len(x2)):
-            if (x[k] - x2[m]) ** 2 + (y[k] - y2[m]) ** 2 < far:
-                near = True
-                break
-        if not near:
-            continue
-        first_row = max(int(np.floor((y[k] - reach) / _TILE)), 0)
-        last_row = min(int(np.floor((y[k] + reach) / _TILE)), rows - 1)
-        first = max(int(np.floor((x[k] - reach) / _TILE)), 0)
-        last = min(int(np.floor((x[k] + reach) / _TILE)), columns - 1)
-        for j in range(first_row, last_row + 1):
-            for i in range(first, last + 1):
-                meeting[j, i] = True
 
 
 # What stands still ---------------------------------------------------------------------------
