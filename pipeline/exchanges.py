@@ -6,7 +6,7 @@ of the 2^frames is found at once (Viterbi), as is the probability of either in e
 and backward sums). Pair after pair is taken until no exchange makes anything likelier.
 """
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -23,9 +23,8 @@ CLAIM_ROUNDS = 6  # of them, in which whiskers may claim lines that are nobody's
 MOST_CLAIMING = 4  # whiskers, for one line
 
 
-@dataclass(frozen=True)
-class Evidence:
-    """What the names are told from.
+class Evidence(NamedTuple):
+    """What the names are told from; compiled functions take it whole.
 
     Attributes
     ----------
@@ -58,14 +57,6 @@ class Evidence:
     source: np.ndarray
     price: np.ndarray
     lasting: np.ndarray
-
-    @property
-    def arrays(self):
-        """All that the compiled functions take, in their order."""
-        return (
-            self.features, self.drift, self.look, self.nobody, self.frame, self.phase,
-            self.slope, self.sd, self.fast, self.most_sd, self.source, self.price, self.lasting,
-        )  # fmt: skip
 
 
 def improved(evidence: Evidence, names, track) -> np.ndarray:
@@ -130,7 +121,7 @@ def _names(rows_of, count):
 
 def _pair_steps(evidence, rows_of, a, b):
     one, other = rows_of[a], rows_of[b]
-    return _steps(*evidence.arrays, a, b, one, other, _last_seen(one), _last_seen(other))
+    return _steps(evidence, a, b, one, other, _last_seen(one), _last_seen(other))
 
 
 def _exchange(evidence, rows_of, a, b) -> bool:
@@ -167,7 +158,7 @@ def _claim(evidence, seen, a, rows) -> bool:
     earlier = seen[:first][::-1]
     known = earlier >= 0
     before = earlier[known.argmax()] if known.any() else -1
-    states, gain = _claimed(*evidence.arrays, a, own, other, before, again)
+    states, gain = _claimed(evidence, a, own, other, before, again)
     if gain < LEAST_GAIN:
         return False
     at = states > 0
@@ -176,27 +167,28 @@ def _claim(evidence, seen, a, rows) -> bool:
 
 
 @njit(cache=True)
-def link(features, drift, frame, phase, slope, sd, fast, most_sd, source, price, lasting, a, i, j):
+def link(evidence, a, i, j):
     """Cost of whisker `a` to go on from row i to row j (−1: not seen)."""
     if j < 0:
         return 0.0
-    renamed = price[j] if source[j] >= 0 and source[j] != i else 0.0
-    if i >= 0 and renamed <= TAKEN and frame[j] - frame[i] == 1 and (lasting[i] or not lasting[j]):
+    e = evidence
+    gap = abs(e.frame[j] - e.frame[i])
+    renamed = e.price[j] if e.source[j] >= 0 and e.source[j] != i else 0.0
+    if i >= 0 and renamed <= TAKEN and gap == 1 and (e.lasting[i] or not e.lasting[j]):
         renamed = 0.0  # lines that lie on each other may have changed places
     if i < 0:
         return SEEN_AGAIN + renamed
-    gap = abs(frame[j] - frame[i])
-    turn = phase[frame[j]] - phase[frame[i]]
+    turn = e.phase[e.frame[j]] - e.phase[e.frame[i]]
     square, count, wider = 0.0, 0, 1.0
     for f in range(N_FEATURES):
-        step = features[j, f] - features[i, f] - slope[a, f] * turn
+        step = e.features[j, f] - e.features[i, f] - e.slope[a, f] * turn
         if np.isnan(step):
             continue
-        if frame[j] - frame[i] == 1:
-            step -= drift[i, f]
-        s = np.sqrt((sd[f] * gap) ** 2 + (fast[f] * turn) ** 2)
-        s = min(s, max(most_sd[a, f], sd[f]))
-        wider *= s / sd[f]
+        if gap == 1:
+            step -= e.drift[i, f]
+        s = np.sqrt((e.sd[f] * gap) ** 2 + (e.fast[f] * turn) ** 2)
+        s = min(s, max(e.most_sd[a, f], e.sd[f]))
+        wider *= s / e.sd[f]
         square += (step / s) ** 2
         count += 1
     cost = 0.5 * (TAIL + count) * np.log(1.0 + square / TAIL) + np.log(wider)
@@ -216,10 +208,7 @@ def _last_seen(rows):
 
 
 @njit(cache=True)
-def _steps(
-    features, drift, look, nobody, frame, phase, slope, sd, fast, most_sd, source, price, lasting,
-    a, b, one, other, before_one, before_other,
-):  # fmt: skip
+def _steps(evidence, a, b, one, other, before_one, before_other):
     """Cost (frames, 2, 2) of every step from (not) exchanged to (not) exchanged.
 
     one, other : (frames,) rows of whiskers a and b, −1 where not seen; b < 0: rows of nobody
@@ -233,31 +222,22 @@ def _steps(
             mine, theirs = (one[t], other[t]) if now == 0 else (other[t], one[t])
             seen = 0.0
             if mine >= 0:
-                seen += look[mine, a]
+                seen += evidence.look[mine, a]
             if theirs >= 0:
-                seen += look[theirs, b] if b >= 0 else nobody[theirs]
+                seen += evidence.look[theirs, b] if b >= 0 else evidence.nobody[theirs]
             for before in range(2):
                 own, strange = before_one[t], before_other[t]
                 if before == 1:
                     own, strange = strange, own
-                cost = link(
-                    features, drift, frame, phase, slope, sd, fast, most_sd, source, price,
-                    lasting, a, own, mine,
-                )  # fmt: skip
+                cost = link(evidence, a, own, mine)
                 if b >= 0:
-                    cost += link(
-                        features, drift, frame, phase, slope, sd, fast, most_sd, source, price,
-                        lasting, b, strange, theirs,
-                    )  # fmt: skip
+                    cost += link(evidence, b, strange, theirs)
                 out[t, before, now] = seen + cost
     return out
 
 
 @njit(cache=True)
-def _claimed(
-    features, drift, look, nobody, frame, phase, slope, sd, fast, most_sd, source, price, lasting,
-    a, own, other, before, again,
-):  # fmt: skip
+def _claimed(evidence, a, own, other, before, again):
     """States and gain as of `_best_states`, for a whisker beside a line of nobody.
 
     Neither is exchanged before, nor where the whisker is seen `again` in the last frame.
@@ -267,18 +247,11 @@ def _claimed(
         if before_own[t] < 0:
             before_own[t] = before
     before_other = _last_seen(other)
-    steps = _steps(
-        features, drift, look, nobody, frame, phase, slope, sd, fast, most_sd, source, price,
-        lasting, a, -1, own, other, before_own, before_other,
-    )  # fmt: skip
+    steps = _steps(evidence, a, -1, own, other, before_own, before_other)
     # what is exchanged from the first frame on goes on from where the whisker itself was
     if other[0] >= 0:
-        first = look[other[0], a]
-        first += link(
-            features, drift, frame, phase, slope, sd, fast, most_sd, source, price, lasting,
-            a, before, other[0],
-        )  # fmt: skip
-        steps[0, 0, 1] = first + (nobody[own[0]] if own[0] >= 0 else 0.0)
+        first = evidence.look[other[0], a] + link(evidence, a, before, other[0])
+        steps[0, 0, 1] = first + (evidence.nobody[own[0]] if own[0] >= 0 else 0.0)
     if again:
         steps[-1, :, 1] = np.inf
     return _best_states(steps)

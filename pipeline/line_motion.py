@@ -46,14 +46,22 @@ def evidence_of(model: FanModel, features, frame, track, phase) -> Evidence:
     weight = WEIGHT * np.clip(np.abs(turn) / FULL_TURN, QUIET_WEIGHT, 1.0)[frame]
     steady = _goes_on(frame, before, step[:, ANGLE], turn)
     alone = _alone(features, frame, before)
-    plain = Evidence(
-        features, drift, weight[:, None] * look, np.zeros(len(frame)), frame.astype(np.int64),
-        np.cumsum(turn), slope, sd, fast, np.nan_to_num(most, nan=1.0),
-        before, np.where(steady, np.where(alone, RENAMED, TAKEN), 0.0),
-        _lasting(before, steady),
-    )  # fmt: skip
-    plain.nobody[:] = weight * STRANGER + _own_motion(plain, before, likely)
-    return plain
+    evidence = Evidence(
+        features=features,
+        drift=drift,
+        look=weight[:, None] * look,
+        nobody=weight * STRANGER,
+        frame=frame.astype(np.int64),
+        phase=np.cumsum(turn),
+        slope=slope,
+        sd=sd,
+        fast=fast,
+        most_sd=np.nan_to_num(most, nan=1.0),
+        source=before,
+        price=np.where(steady, np.where(alone, RENAMED, TAKEN), 0.0),
+        lasting=_lasting(before, steady),
+    )
+    return evidence._replace(nobody=evidence.nobody + _own_motion(evidence, likely))
 
 
 def _goes_on(frame, before, step, turn):
@@ -163,16 +171,13 @@ def _robust_sd(values):
     return 1.4826 * float(np.median(np.abs(values)))
 
 
-def _own_motion(evidence, before, likely):
+@njit(cache=True)
+def _own_motion(evidence, likely):
     """Cost (rows,) of every line to go on as its track."""
-    e = evidence
-    return np.array([
-        link(
-            e.features, e.drift, e.frame, e.phase, e.slope, e.sd, e.fast, e.most_sd,
-            e.source, e.price, e.lasting, likely[j], before[j], j,
-        )
-        for j in range(len(before))
-    ])  # fmt: skip
+    out = np.empty(len(likely))
+    for j in range(len(likely)):
+        out[j] = link(evidence, likely[j], evidence.source[j], j)
+    return out
 
 
 @njit(cache=True)

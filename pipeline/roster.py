@@ -216,6 +216,6 @@ def _posterior_first(slots: list[Slot], given_px=()) -> bool:
 
 
 def _unlike(lengths, others) -> float:
-    """How unlike the proportions of two sets of lengths are: mean deviation of their logarithms."""
+    """How unlike the proportions of two sets of lengths are: mean deviation of logarithms."""
     ratio = np.log(np.divide(lengths, others))
     return float(np.abs(ratio - np.median(ratio)).mean())

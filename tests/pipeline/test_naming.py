@@ -1,6 +1,5 @@
 """Who is who over a whole video: looks learned from all frames, names decided in the end."""
 
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -155,7 +154,7 @@ def test_a_line_that_is_seen_to_go_on_keeps_its_name():
     alike = (known.frame >= 120) & (known.frame < 130)  # for so long, two look like each other
     for row in np.flatnonzero(alike & (true > 2)):
         known.look[row, [3, 4]] = known.look[row, [4, 3]]
-    free = replace(known, price=0 * known.price)
+    free = known._replace(price=0 * known.price)
     assert np.array_equal(exchanges.improved(known, true, track), true)
     assert not np.array_equal(exchanges.improved(free, true, track), true)
 
@@ -164,13 +163,13 @@ def test_a_whisker_that_had_no_line_pays_for_one_that_was_anothers():
     known, _, true = evidence(np.random.default_rng(13))
     row = {k: np.flatnonzero(true == k) for k in range(3)}  # a row per frame
     now = 60
-    taken = replace(known, price=np.full(len(true), exchanges.TAKEN))
-    free = replace(known, price=np.zeros(len(true)))
+    taken = known._replace(price=np.full(len(true), exchanges.TAKEN))
+    free = known._replace(price=np.zeros(len(true)))
 
     def extra(before, lasting):
-        each = replace(taken, lasting=np.full(len(true), lasting)), free
+        each = taken._replace(lasting=np.full(len(true), lasting)), free
         mine = row[1][before]
-        costs = [exchanges.link(*e.arrays[:2], *e.arrays[4:], 1, mine, row[2][now]) for e in each]
+        costs = [exchanges.link(e, 1, mine, row[2][now]) for e in each]
         return costs[0] - costs[1]
 
     assert taken.source[row[2][now]] == row[2][now - 1]
@@ -242,13 +241,10 @@ def test_the_probability_of_a_name_is_that_of_all_ways_that_agree():
 
 def cost_of(known, named):
     """Cost of all looks and motions, line by line."""
-    arrays = [known.features, known.drift, known.frame, known.phase, known.slope]
-    arrays += [known.sd, known.fast, known.most_sd, known.source, known.price]
-    arrays += [known.lasting]
     last, total = {}, 0.0
     for row, name in enumerate(named):
         before = last.get(name, -1)
-        total += known.look[row, name] + exchanges.link(*arrays, name, before, row)
+        total += known.look[row, name] + exchanges.link(known, name, before, row)
         last[name] = row
     return total
 
