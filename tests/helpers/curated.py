@@ -1,0 +1,35 @@
+"""What the tests of the page have in common."""
+
+import contextlib
+
+from pipeline import batch, tables
+from pipeline.curate.results import Results
+from pipeline.progress import Progress
+from pipeline.records import CONTACT_COLUMNS
+
+FRAMES = 240  # of each video
+PATIENCE_S = 20  # for an answer of the page, on a busy machine
+
+
+def process(videos, results, **options):
+    summary = batch.run([videos], results, progress=Progress, **options)
+    assert not summary.of("failed")
+
+
+@contextlib.contextmanager
+def opened(folder):
+    results = Results(folder)
+    try:
+        yield results
+    finally:
+        results.close()
+
+
+def contacts_of(folder, video=None):
+    return tables.read_csv(
+        folder / (f"{video}/contacts.csv" if video else "contacts.csv"), CONTACT_COLUMNS
+    )
+
+
+def edges(contacts):
+    return list(zip(contacts["onset_frame"], contacts["offset_frame"], strict=True))

@@ -1,0 +1,124 @@
+"""Tables kept in step with corrections."""
+
+import shutil
+
+import numpy as np
+import pandas as pd
+import pytest
+from curated import FRAMES, contacts_of, edges, opened, process
+
+from pipeline import tables
+from pipeline.curate.desk import Desk
+from pipeline.curate.results import Results
+from pipeline.curate.review import Span
+from pipeline.inputs import InputError
+from pipeline.settings import read_session
+
+
+def test_results_are_of_the_kind_that_run_makes(session):
+    """What the other tests stand on: contacts were found in both videos, and doubts are few."""
+    settings = read_session(session[1] / "session.toml")
+    assert settings.recording.frames_per_second == 1000
+    assert contacts_of(session[1]).groupby("video").size().min() >= 2
+
+
+def test_corrections_reach_the_tables_with_forces_made_anew(results):
+    with opened(results) as folder:
+        desk = Desk(folder)
+        name, before = desk.video.name, contacts_of(results)
+        own = before[before["video"] == name]
+        longest = (own["offset_frame"] - own["onset_frame"]).idxmax()
+        onset, offset = edges(own.loc[[longest]])[0]
+        desk.select(Span(own.loc[longest, "whisker"], onset, offset))
+        desk.go(onset + 2)
+        desk.do("onset")
+        folder.settle()
+        after = contacts_of(results)
+    row = after[(after["video"] == name) & (after["onset_frame"] == onset + 2)].squeeze()
+    assert row["curated"]
+    assert row["offset_frame"] == offset
+    assert row["impulse_uN_ms"] < own.loc[longest, "impulse_uN_ms"]
+    assert np.isfinite(row["pulse_duration_ms"])
+    frames = tables.read_frames(results / name / "frames.parquet")
+    part = frames[frames["whisker"] == row["whisker"]].set_index("frame")
+    touching = part["in_contact"].loc[onset : offset - 1].tolist()
+    assert touching == [False] * 2 + [True] * (offset - onset - 2)
+    assert (part["contact_force_uN"].loc[onset : onset + 1] == 0).all()
+    own_after, rest_after, rest_before = (
+        table.reset_index(drop=True)
+        for table in (
+            after[after["video"] == name],
+            after[after["video"] != name],
+            before[before["video"] != name],
+        )
+    )
+    pd.testing.assert_frame_equal(rest_after, rest_before)
+    pd.testing.assert_frame_equal(contacts_of(results, name), own_after)
+
+
+def test_undone_corrections_leave_the_tables_as_they_were(results):
+    with opened(results) as folder:
+        desk = Desk(folder)
+        before = contacts_of(results)
+        frames = tables.read_frames(results / desk.video.name / "frames.parquet")
+        desk.do("delete")
+        folder.settle()
+        assert len(contacts_of(results)) == len(before) - 1
+        desk.do("undo")
+        folder.settle()
+        pd.testing.assert_frame_equal(contacts_of(results), before)
+        again = tables.read_frames(results / desk.video.name / "frames.parquet")
+        pd.testing.assert_frame_equal(again, frames)
+
+
+def test_what_an_interrupted_curation_left_behind_is_made_up_for(results):
+    with opened(results) as folder:
+        video = folder.video(folder.names[0])
+        video._changed = None  # as if the program died after saving corrections.csv
+        video.review.delete(video.review.spans[0])
+        n = len(contacts_of(results, video.name))
+    assert len(contacts_of(results, video.name)) == n
+    with opened(results) as folder:
+        folder.settle()
+    assert len(contacts_of(results, video.name)) == n - 1
+
+
+def test_folders_with_nothing_to_curate_are_told(results, tmp_path):
+    with pytest.raises(InputError, match=r"no videos\.csv in it.*--out folder"):
+        Results(tmp_path)
+    for file in results.glob("*/evidence.parquet"):
+        file.unlink()
+    with pytest.raises(InputError, match="whiskerforce run"):
+        Results(results)
+
+
+def test_a_video_that_is_gone_leaves_the_time_courses(results):
+    name = Results(results).names[0]
+    state = tables.read_json(results / name / "run.json")
+    tables.write_json(results / name / "run.json", {**state, "path": "/nowhere/video.mp4"})
+    with opened(results) as folder:
+        video = folder.video(name)
+        assert video.reader is None
+        assert "/nowhere/video.mp4" in video.no_picture
+        assert len(video.traces()["C2"].force_uN) == FRAMES
+
+
+def test_a_second_run_keeps_corrections(session, tmp_path):
+    videos, finished = session
+    results = tmp_path / "results"
+    shutil.copytree(finished, results)
+    with opened(results) as folder:
+        desk = Desk(folder)
+        desk.do("delete")
+        desk.do("next_contact")
+        desk.go(desk.selected.offset + 1)
+        desk.do("offset")
+    curated = contacts_of(results)
+    frames = tables.read_frames(results / desk.video.name / "frames.parquet")
+    assert curated["curated"].sum() == 1
+    process(videos, results)
+    pd.testing.assert_frame_equal(contacts_of(results), curated)
+    process(videos, results, overwrite=True)
+    pd.testing.assert_frame_equal(contacts_of(results), curated)
+    again = tables.read_frames(results / desk.video.name / "frames.parquet")
+    pd.testing.assert_frame_equal(again, frames)
