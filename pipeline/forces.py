@@ -14,7 +14,7 @@ import pandas as pd
 from scipy.integrate import cumulative_trapezoid
 from scipy.ndimage import gaussian_filter1d
 
-from pipeline import arc_origin, passing_over, rest_curvature, shape_fit
+from pipeline import arc_origin, base_bias, passing_over, rest_curvature, shape_fit
 from pipeline.peaks import firm_peak, half_width, smoothed
 from pipeline.records import CONTACT_COLUMNS, Recording, as_table, empty_table
 from pipeline.rest_curvature import RestModel
@@ -127,6 +127,7 @@ def far_from_pole(places) -> np.ndarray:
 
 def _fit_rods(places, whisker, curvature_at, angle, time, free, friction):
     """Loaded rods of all rows, the `Origin` of their arc lengths, and the `RestModel` or None."""
+    places = _without_bias(places, whisker, curvature_at, angle, time, free)
     origin, votes = arc_origin.origin_from_tip(places, whisker, angle, time)
     places = replace(places, origin=origin.per_row)
     model = _rest_shape(places, whisker, curvature_at, time, free)
@@ -138,6 +139,16 @@ def _fit_rods(places, whisker, curvature_at, angle, time, free, friction):
     origin = arc_origin.origin_from_bending(*rod, votes, rubbing)
     shift = origin.per_row - places.origin
     return shape_fit.fit_loaded(*rod, rubbing, shift), origin, model
+
+
+def _without_bias(places, whisker, curvature_at, angle, time, free):
+    """Return the stations, those less trusted that fur and face draw aside (`base_bias`)."""
+
+    def rest_prior(places, angle, time, free):
+        model = _rest_shape(places, whisker, curvature_at, time, free)
+        return model and _rest_prior(model, angle, time)
+
+    return base_bias.without_bias(places, whisker, curvature_at, angle, time, free, rest_prior)
 
 
 def _evidence(places, fit, origin, rest_known, free) -> pd.DataFrame:

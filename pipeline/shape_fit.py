@@ -16,7 +16,14 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from pipeline.rod_equations import empty_sums, fill_equations, invert, take_step, weigh
+from pipeline.rod_equations import (
+    empty_sums,
+    fill_equations,
+    invert,
+    misfit_of,
+    take_step,
+    weigh,
+)
 from pipeline.rod_laying import (
     FREE,
     LOADED,
@@ -120,6 +127,7 @@ def fit_loaded(
     friction=0.0,
     shift=0.0,
     influence=None,
+    misfit=None,
 ) -> ShapeFit:
     """Fit pose and the force that a pole at the nearest point would exert, given the rest shape.
 
@@ -128,9 +136,11 @@ def fit_loaded(
     `stations.origin`; the rest shape, measured without it, moves along. `influence`, if given, a
     (rows, N_STATIONS + N_REST) array, is filled with how `origin_pull` follows an error of each
     station across the whisker [1/m²], and of each coefficient of the prior's rest shape [1]; fits
-    are settled the finer then.
+    are settled the finer then. `misfit`, if given, (rows, 2, N_STATIONS), is filled with
+    how far stations lie beside the rod, along its normal [m], and the variance of the rod's place
+    there [m²]; those without information, too.
     """
-    return _fit(stations, whisker, curvature_at, prior, True, friction, shift, influence)
+    return _fit(stations, whisker, curvature_at, prior, True, friction, shift, influence, misfit)
 
 
 def _vague(n):
@@ -138,10 +148,21 @@ def _vague(n):
     return np.broadcast_to(np.eye(N_REST) * 300.0**2, (n, N_REST, N_REST))
 
 
-def _fit(stations, whisker, curvature_at, prior, loaded, friction, shift=0.0, influence=None):
+def _fit(
+    stations,
+    whisker,
+    curvature_at,
+    prior,
+    loaded,
+    friction,
+    shift=0.0,
+    influence=None,
+    misfit=None,
+):
     n, m = len(stations), N_STATIONS
     settled = SETTLED_SD if influence is None else FINE_SETTLED_SD
     influence = np.empty((0, m + N_REST)) if influence is None else influence
+    misfit = np.empty((0, 2, m)) if misfit is None else misfit
     s = np.arange(m) * whisker.length / (m - 1)
     out = np.full((n, len(COLUMNS)), np.nan)
     rest = np.full((n, N_REST), np.nan)
@@ -163,7 +184,7 @@ def _fit(stations, whisker, curvature_at, prior, loaded, friction, shift=0.0, in
             stiffness, basis, side[rows], part.pole_x, part.pole_y, part.pole_radius,
             part.nearest, radius, curvature_at, shift[rows], weights, prior.centre, prior.scale,
             drift[rows], np.linalg.inv(prior.cov[rows]), friction[rows], settled,
-            out[rows], rest[rows], rest_cov[rows], influence[rows],
+            out[rows], rest[rows], rest_cov[rows], influence[rows], misfit[rows],
         )  # fmt: skip
     table = {name: out[:, k] for k, name in enumerate(COLUMNS)}
     return ShapeFit(table, rest, rest_cov)
@@ -173,7 +194,7 @@ def _fit(stations, whisker, curvature_at, prior, loaded, friction, shift=0.0, in
 def _fit_rows(
     xs, ys, info, origin, h, rod, stiffness, basis, side, pole_x, pole_y, pole_radius, nearest,
     radius, at, moved, weights, centre, scale, drift, precision, friction, settled, out, rest,
-    rest_cov, influence,
+    rest_cov, influence, misfit,
 ):  # fmt: skip
     m, terms = basis.shape
     laid, nudged, sums = empty_rod(m), empty_rod(m), empty_sums(m, terms)
@@ -208,6 +229,13 @@ def _fit_rows(
                 sums, precision[row], influence[row : row + 1],
             )  # fmt: skip
         report_curvature(o, seen, chi2, arc, rod, load, at, place, p, laid, sums)
+        for each in misfit[row : row + 1]:
+            for k in range(m):
+                each[0, k] = misfit_of(seen, laid, k)
+                each[1, k] = 0.0
+                for a in range(size):
+                    for b in range(size):
+                        each[1, k] += laid.shift[a, k] * cov[a, b] * laid.shift[b, k]
 
 
 @njit(cache=True)

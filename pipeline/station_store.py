@@ -5,7 +5,7 @@ read a few rows at a time: `stored.rows(slice(0, 2000)).loaded()`.
 """
 
 import tempfile
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import BinaryIO
 
 import numpy as np
@@ -25,10 +25,12 @@ class StoredStations(Stations):
     ----------
     file : float32 (3, stations) for every row
     place : (rows,) each row's number in the file
+    doubt : (stations,) what `doubted` came by
     """
 
     file: BinaryIO | None = None
     place: np.ndarray | None = None
+    doubt: np.ndarray | float = 0.0
 
     def loaded(self) -> Stations:
         """Return these rows with x, y and information in memory."""
@@ -41,7 +43,12 @@ class StoredStations(Stations):
             del stored
         rest = {f.name: getattr(self, f.name) for f in fields(Stations) if f.name not in BULKY}
         parts = zip(BULKY, np.moveaxis(bulky, 1, 0), strict=True)
-        return Stations(**rest, **{name: np.ascontiguousarray(part) for name, part in parts})
+        seen = Stations(**rest, **{name: np.ascontiguousarray(part) for name, part in parts})
+        return seen.doubted(self.doubt) if np.any(self.doubt) else seen
+
+    def doubted(self, variance) -> "StoredStations":
+        """Return the same with errors of `variance` (stations,) [m²] beside those it knows of."""
+        return replace(self, doubt=self.doubt + variance)
 
 
 class StationStore:

@@ -18,7 +18,7 @@ N_STATIONS = 73  # over the whisker's length: 0.25 mm apart on a mouse's C2
 FUR_CLINGS_M = 0.4e-3  # first visible part that is not used
 POLE_BLURS_PX = 6.0  # from the pole's edge on: the trace is drawn towards the dark disc
 LONGEST_EXTENSION_M = 1.5e-3  # a trace that ends before the tip is continued straight this far
-SHARED = ("names", "spacing", "pole_radius", "file")  # fields that are not one per row
+SHARED = ("names", "spacing", "pole_radius", "file", "doubt")  # fields that are not one per row
 END_FIT_PX = 12  # the last points, which give the direction of that continuation
 
 
@@ -90,6 +90,15 @@ class Stations:
     def loaded(self) -> "Stations":
         """Return the same with x, y and information in memory, as here they are."""
         return self
+
+    def doubted(self, variance) -> "Stations":
+        """Return the same with errors of `variance` (stations,) [m²] beside those it knows of."""
+        return replace(self, information=beside_doubt(self.information, variance))
+
+
+def beside_doubt(information, variance):
+    """Information (rows, stations) [1/m²] of places whose errors are larger by `variance` [m²]."""
+    return information / (1 + information * variance)
 
 
 def nominal_whisker(name: str, visible_length: float, hidden_length: float) -> Whisker:

@@ -1,6 +1,6 @@
 """What goes into the store comes out again, by whisker, and costs no memory."""
 
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -64,3 +64,16 @@ def test_chunks_of_other_whiskers_are_refused():
     store.add(drawn(3))
     with pytest.raises(ValueError, match="same whiskers"):
         store.add(drawn(3, names=("C1", "D1")))
+
+
+def test_doubted_places_are_known_less_in_the_store_as_in_memory():
+    chunk = replace(drawn(20), information=np.full((20, N_STATIONS), 4e10))
+    store = StationStore()
+    store.add(chunk)
+    variance = np.zeros(N_STATIONS)
+    variance[:3] = 1e-10
+    stored = store.of("C1").doubted(variance).rows(slice(1, 5)).loaded()
+    information = chunk.of("C1").doubted(variance).rows(slice(1, 5)).information
+    np.testing.assert_allclose(stored.information, information, rtol=1e-6)
+    np.testing.assert_allclose(information[:, :3], 0.8e10)
+    np.testing.assert_array_equal(information[:, 3:], 4e10)
