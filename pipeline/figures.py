@@ -36,7 +36,7 @@ UNITS = {"peak force": "µN", "duration": "ms"}
 
 
 @dataclass(frozen=True)
-class Touch:
+class ShownTouch:
     """One touch with all that panels a and b show of it.
 
     `frames` are the rows of frames.parquet of its whisker from before to after; `centrelines`
@@ -225,7 +225,7 @@ def histogram(values, width: float, name: str) -> pd.DataFrame:
 # --- the touch of panels a and b ---------------------------------------------------------
 
 
-def typical_touch(results, contacts) -> Touch | None:
+def typical_touch(results, contacts) -> ShownTouch | None:
     """The contact nearest to the medians of force and duration that a half-Gaussian fits well.
 
     None where there is no contact with a force.
@@ -239,7 +239,7 @@ def typical_touch(results, contacts) -> Touch | None:
     return load_touch(results, usable.iloc[int(np.argmin(off))])
 
 
-def load_touch(results, contact) -> Touch:
+def load_touch(results, contact) -> ShownTouch:
     """Read the frames and centrelines around one row of contacts.csv."""
     folder = Path(results) / contact["video"]
     settings = read_session(folder / "session.toml")
@@ -250,7 +250,7 @@ def load_touch(results, contact) -> Touch:
         ("frame", ">=", int(first)),
         ("frame", "<", int(last)),
     ]
-    return Touch(
+    return ShownTouch(
         contact,
         tables.read_frames(folder / "frames.parquet", filters=inside),
         tables.read_centrelines(folder / "centrelines.parquet", filters=inside),

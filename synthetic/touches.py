@@ -46,7 +46,7 @@ class Touch:
         return self.peak_force * profile / profile.max()
 
 
-def half_gaussian(z):
+def unit_half_gaussian(z):
     """Top half of a Gaussian over z from −½ to ½, peak 1; negative beyond.
 
     Written here, and not taken from what fits pulses: truth leans on no fit.
@@ -55,9 +55,9 @@ def half_gaussian(z):
 
 
 _PROFILES = {
-    "half_gaussian": lambda t: half_gaussian(t - 0.5),
+    "half_gaussian": lambda t: unit_half_gaussian(t - 0.5),
     "plateau": lambda t: 1 - np.abs(2 * t - 1) ** 3,
-    "skewed": lambda t: half_gaussian(t + 0.5 * t * (1 - t) - 0.5),
+    "skewed": lambda t: unit_half_gaussian(t + 0.5 * t * (1 - t) - 0.5),
 }
 
 

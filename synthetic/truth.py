@@ -22,7 +22,7 @@ from pipeline.records import (
 from pipeline.tables import whole_file, write_centrelines, write_csv, write_frames
 from synthetic.motion import curvature_along, take_frames
 from synthetic.strips import step_table
-from synthetic.touches import half_gaussian
+from synthetic.touches import unit_half_gaussian
 from synthetic.vibration import true_moments
 from whiskermodel.response import Response
 
@@ -202,7 +202,7 @@ def _pulse(t, force):
 
 def _half_gaussian(t, peak, duration, centre):
     """A half-Gaussian touch's force, zero before and after it."""
-    return np.maximum(peak * half_gaussian((t - centre) / duration), 0.0)
+    return np.maximum(peak * unit_half_gaussian((t - centre) / duration), 0.0)
 
 
 # What only the truth knows -------------------------------------------------------------------

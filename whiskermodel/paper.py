@@ -158,7 +158,7 @@ def _filmed_slip(whisker, rng, frames=25):
 
 
 @dataclass(frozen=True)
-class Motion:
+class Figure6:
     """Fig. 6 for one boundary: y(x, t) [m] in its two parts, (points, time)."""
 
     boundary: str
@@ -176,7 +176,7 @@ def figure_6(boundary, contact=9e-3, peak_force=20e-6, duration=16e-3):
     force = half_gaussian(time, duration, peak_force)
     x = np.linspace(0, whisker.length, 145)
     y = Response(whisker, boundary, "chord", N_MODES).displacement(contact, force, DT, x)
-    return Motion(boundary, time, force, x, y.steady, y.vibrational)
+    return Figure6(boundary, time, force, x, y.steady, y.vibrational)
 
 
 # Base moments -----------------------------------------------------------------------------------
