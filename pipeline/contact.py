@@ -17,6 +17,7 @@ from scipy.ndimage import binary_dilation
 from scipy.special import erfcx, log_ndtr
 
 from pipeline import forces
+from pipeline.contact_rows import PEAK_ERROR_COLUMNS, contact_table, peak_errors
 from pipeline.records import EVIDENCE_COLUMNS, FRAME_COLUMNS, Recording, as_table
 from pipeline.rest_curvature import FREE_DISTANCE_M
 from pipeline.stations import N_STATIONS, Stations, nominal_whisker
@@ -132,10 +133,10 @@ def retouch(
     frames["in_contact"] = in_contact(frames, intervals)
     frames["contact_probability"] = evidence["probability"].to_numpy()
     frames = forces.add_forces(frames, evidence, whiskers, method)
-    contacts = forces.contact_table(frames, intervals, recording, video)
+    contacts = contact_table(frames, intervals, recording, video)
     contacts = pulses.add_pulses(contacts, frames, recording)
     contacts = base_moments.add_base_moments(contacts, frames, whiskers, recording)
-    contacts[list(forces.BUDGET_COLUMNS)] = forces.error_budget(contacts, evidence, whiskers)
+    contacts[list(PEAK_ERROR_COLUMNS)] = peak_errors(contacts, evidence, whiskers)
     return Touch(as_table(frames, FRAME_COLUMNS), contacts, intervals, evidence)
 
 

@@ -9,6 +9,7 @@ import pytest
 import traced_motion
 
 from pipeline import contact, forces, stations
+from pipeline.contact_rows import contact_table, peak_errors
 from pipeline.error_budget import taper_share
 from pipeline.records import CONTACT_COLUMNS, FRAME_COLUMNS, Recording, as_table
 from pipeline.run import Followed, find_touches
@@ -178,7 +179,7 @@ def test_table_of_contacts_by_hand():
     intervals = pd.DataFrame(
         {"whisker": ["C2"], "onset_frame": [1], "offset_frame": [4], "slip": [True]}
     )
-    row = forces.contact_table(frames, intervals, RECORDING, "a video").iloc[0]
+    row = contact_table(frames, intervals, RECORDING, "a video").iloc[0]
     assert (row["video"], row["whisker"], row["contact"]) == ("a video", "C2", 1)
     assert row["duration_ms"] == pytest.approx(3.0)
     assert row["onset_s"] == pytest.approx(0.001)
@@ -203,13 +204,13 @@ def test_contacts_are_numbered_per_whisker_in_time():
             "offset_frame": [2, 4, 2],
         }
     )
-    table = forces.contact_table(both, intervals, RECORDING)
+    table = contact_table(both, intervals, RECORDING)
     assert list(zip(table["whisker"], table["contact"], table["onset_frame"], strict=True)) == [
         ("C2", 1, 1),
         ("C2", 2, 3),
         ("D1", 1, 0),
     ]
-    empty = forces.contact_table(both, intervals.iloc[:0], RECORDING)
+    empty = contact_table(both, intervals.iloc[:0], RECORDING)
     assert list(empty.columns) == [c.name for c in CONTACT_COLUMNS]
 
 
@@ -302,7 +303,7 @@ def test_a_wild_frame_is_no_peak():
     evidence.loc[1, ["shape_force_N", "shape_force_se_N"]] = 3e-5, 1e-5
     frames = forces.add_forces(frames, evidence, {"C2": object()})
     intervals = pd.DataFrame({"whisker": ["C2"], "onset_frame": [1], "offset_frame": [4]})
-    assert forces.contact_table(frames, intervals, RECORDING)["peak_force_uN"][0] == 4.0
+    assert contact_table(frames, intervals, RECORDING)["peak_force_uN"][0] == 4.0
 
 
 def test_a_peak_beside_a_gap_may_be_a_larger_one():
@@ -314,16 +315,16 @@ def test_a_peak_beside_a_gap_may_be_a_larger_one():
     evidence.loc[2, "shape_force_se_N"] = 9e-6
     frames = forces.add_forces(frames, evidence, {"C2": mouse_c2()})
     intervals = pd.DataFrame({"whisker": ["C2"], "onset_frame": [1], "offset_frame": [4]})
-    contacts = forces.contact_table(frames, intervals, RECORDING)
-    budget = forces.error_budget(contacts, evidence, {"C2": mouse_c2()})
+    contacts = contact_table(frames, intervals, RECORDING)
+    budget = peak_errors(contacts, evidence, {"C2": mouse_c2()})
     assert contacts["peak_force_uN"][0] == pytest.approx(1.9)
     assert budget["peak_force_se_uN"][0] == pytest.approx(1.9 / 0.47 - 1.9, rel=0.01)
     assert budget["hidden_length_se_uN"][0] == pytest.approx(0.01)
 
 
-def test_error_budget(traced, touch, monkeypatch):
+def test_peak_errors(traced, touch, monkeypatch):
     shape = touch["shape"]
-    budget = forces.error_budget(shape.contacts, shape.evidence, traced.whiskers)
+    budget = peak_errors(shape.contacts, shape.evidence, traced.whiskers)
     parts = np.hypot(budget["tracking_se_uN"], budget["hidden_length_se_uN"])
     np.testing.assert_allclose(parts, budget["peak_force_se_uN"], rtol=1e-9)
     np.testing.assert_allclose(
@@ -355,5 +356,5 @@ def test_error_budget(traced, touch, monkeypatch):
     share = taper_share(mouse_c2().cone_length, 1e-3 * shape.contacts["contact_arc_length_mm"])
     by_cone = (peaks(cone=1.01) / usual - 1)[strong]
     np.testing.assert_allclose(by_cone, 0.01 * share[strong], rtol=0.1)
-    nothing = forces.error_budget(shape.contacts, shape.evidence, {"C2": None})
+    nothing = peak_errors(shape.contacts, shape.evidence, {"C2": None})
     assert nothing["peak_force_se_uN"].isna().all()
