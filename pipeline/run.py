@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import pandas as pd
 
-from pipeline import contact, curvature, scene_finding, stations
+from pipeline import contact, contact_intervals, curvature, scene_finding, stations
 from pipeline.cast import Cast, find_cast, roster_frames, tracing_options
 from pipeline.clock import Clock, Counted
 from pipeline.messages import messages
@@ -161,7 +161,7 @@ def _nothing_traced(frames) -> contact.Touch:
     return contact.Touch(
         frames=frames,
         contacts=empty_table(CONTACT_COLUMNS),
-        intervals=pd.DataFrame(columns=[*contact.INTERVAL_COLUMNS, "curated"]),
+        intervals=pd.DataFrame(columns=[*contact_intervals.INTERVAL_COLUMNS, "curated"]),
         evidence=as_table(frames[["frame", "whisker"]], EVIDENCE_COLUMNS),
     )
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from pipeline import contact, tables
+from pipeline import contact, contact_intervals, tables
 from pipeline.curate.frames import FrameReader
 from pipeline.curate.items import Item, items_of, probabilities
 from pipeline.curate.review import Review
@@ -64,7 +64,7 @@ class VideoUnderReview:
         self.whiskers = tuple(dict.fromkeys(frames["whisker"]))
         self.n_frames = int(frames["frame"].max()) + 1 if len(frames) else 0
         corrections = read_corrections(self.folder)
-        detected = contact.find_contacts(evidence, self.settings.analysis.curvature_at)
+        detected = contact_intervals.find_contacts(evidence, self.settings.analysis.curvature_at)
         contacts = tables.read_csv(self.folder / "contacts.csv", CONTACT_COLUMNS)
         self.touch = contact.Touch(frames, contacts, detected, evidence)
         self._changed = changed

@@ -14,6 +14,8 @@ from scipy.integrate import quad
 from scipy.stats import norm
 
 from pipeline import contact, stations
+from pipeline.contact_intervals import find_contacts, in_contact
+from pipeline.contact_probability import _log_odds, _log_skewed, add_probability, posterior
 from pipeline.records import CONTACT_FLAGS, CORRECTION_COLUMNS, as_table, split_flags
 from synthetic.presets import make_trial
 
@@ -121,7 +123,7 @@ def test_a_force_that_errs_leaves_the_gap_to_tell():
     sd = np.full(3, 1e-6), np.full(3, 0.01e-6)
     gap = np.array([40e-6, 40e-6, 0.5e-6])
     force = np.array([-0.3e-6, 0.0, -0.3e-6])  # a pole does not pull
-    away, plainly_away, touching = contact._log_odds(gap, sd[0], force, sd[1], np.zeros(3))
+    away, plainly_away, touching = _log_odds(gap, sd[0], force, sd[1], np.zeros(3))
     assert plainly_away < away < -5
     assert touching > 3
 
@@ -133,7 +135,7 @@ def test_faint_pushes_do_not_say_where_the_pole_is():
     free = ~traced.true_frames["in_contact"].to_numpy(bool)
     evidence.loc[free, "shape_force_N"] += 10 * evidence.loc[free, "shape_force_se_N"]
     evidence.loc[free, "gap_m"] = np.clip(evidence.loc[free, "gap_m"], 60e-6, 120e-6)
-    found = contact.find_contacts(contact.add_probability(evidence, traced.recording))
+    found = find_contacts(add_probability(evidence, traced.recording))
     assert len(found) == len(traced.true_contacts)
     onset = found["onset_frame"] - traced.true_contacts["onset_frame"]
     assert np.abs(onset).max() <= 2  # a frame that seems pushed beside a touch
@@ -148,7 +150,7 @@ def test_what_a_whisker_passes_over_it_does_not_touch():
     few.loc[free[:5], "across"] = True  # it slipped past
     many.loc[free[: touch.frames["in_contact"].sum() + 1], "across"] = True
     kept, dropped = (
-        contact.find_contacts(contact.add_probability(each, traced.recording))
+        find_contacts(add_probability(each, traced.recording))
         for each in (few, many)
     )
     assert len(kept) == len(touch.contacts)
@@ -201,23 +203,23 @@ def test_a_touch_is_found_where_the_rest_shape_hides_its_force():
     for method in ("shape", "point"):
         evidence.loc[near, f"{method}_force_N"] -= 1e-6 * shortest["peak_force_uN"]
         evidence.loc[near, f"{method}_force_se_N"] = 1e-6 * shortest["peak_force_uN"]
-    found = contact.find_contacts(evidence).set_index("onset_frame")
+    found = find_contacts(evidence).set_index("onset_frame")
     assert len(found) == len(contacts)
     flagged = found.index[found["flags"].str.contains("faint_force")]
     assert flagged.tolist() == [shortest["onset_frame"]]
     # not so far from where other touches are, however much it is pushed
     away = evidence.copy()
     away.loc[near, "gap_m"] += 1e-3
-    assert len(contact.find_contacts(away)) == len(contacts) - 1
+    assert len(find_contacts(away)) == len(contacts) - 1
     # where it is pushed no more than beside, it touches as it stops where other touches are
     inside = near & touch.frames["in_contact"].to_numpy(bool)
     evidence.loc[inside, ["shape_force_N", "point_force_N"]] = -1e-6 * shortest["peak_force_uN"]
-    assert len(contact.find_contacts(evidence)) == len(contacts)
+    assert len(find_contacts(evidence)) == len(contacts)
     # one that turns back there smoothly does not
     place = evidence.loc[touch.frames["in_contact"].to_numpy(bool), "gap_m"].median()
     middle = 0.5 * (shortest["onset_frame"] + shortest["offset_frame"])
     evidence.loc[near, "gap_m"] = place + 0.2e-6 * (evidence.loc[near, "frame"] - middle) ** 2
-    assert shortest["onset_frame"] not in contact.find_contacts(evidence)["onset_frame"].tolist()
+    assert shortest["onset_frame"] not in find_contacts(evidence)["onset_frame"].tolist()
 
 
 def test_what_is_far_from_the_pole_touches_nothing():
@@ -228,19 +230,19 @@ def test_what_is_far_from_the_pole_touches_nothing():
     start = next(i for i in evidence.index if far.loc[i : i + 11].sum() == 12)
     evidence.loc[start : start + 11, ["log_odds", "probability"]] = 2.0, 1.0
     evidence.loc[start : start + 11, "shape_force_N"] = 9 * evidence["shape_force_se_N"].median()
-    assert len(contact.find_contacts(evidence)) == len(traced.true_contacts)
+    assert len(find_contacts(evidence)) == len(traced.true_contacts)
 
 
 def test_contact_does_not_hang_on_the_forces_standard_error():
     traced, touch = analysed("noisy")
     evidence = touch.evidence.copy()
     evidence["shape_force_se_N"] = 1e-3  # as if next to nothing were known of the rest shape
-    kept = contact.find_contacts(evidence)
+    kept = find_contacts(evidence)
     assert len(kept) == len(traced.true_contacts)
     assert (kept["onset_frame"] == touch.contacts["onset_frame"]).all()
     # nor does a push that no force shows make one
     none = evidence.assign(shape_force_N=1e-12, point_force_N=1e-12)
-    assert len(contact.find_contacts(none)) == 0
+    assert len(find_contacts(none)) == 0
 
 
 @pytest.mark.parametrize("preset", ["noisy", "faint_touch", "large_deflection"])
@@ -391,7 +393,7 @@ def all_paths_posterior(log_odds, starts, ends):
 def test_posterior_is_the_sum_over_all_paths(log_odds, starts, ends):
     log_odds = np.array(log_odds)
     np.testing.assert_allclose(
-        contact._posterior(log_odds, starts, ends),
+        posterior(log_odds, starts, ends),
         all_paths_posterior(log_odds, starts, ends),
         atol=1e-9,
     )
@@ -406,14 +408,14 @@ def test_skewed_density_is_the_blurred_exponential(x):
 
     low, high = max(x - 10 * sd, 0.0), max(x + 10 * sd, 5 * sd)
     direct, _ = quad(density, low, high, points=[max(x, 0.0)], epsabs=0, epsrel=1e-10)
-    assert contact._log_skewed(np.array([x]), sd, scale)[0] == pytest.approx(
+    assert _log_skewed(np.array([x]), sd, scale)[0] == pytest.approx(
         np.log(direct), abs=1e-6
     )
 
 
 def test_skewed_density_far_out_has_no_overflow():
     x = np.array([-1e3, -50.0, 1e3, 1e5])
-    assert np.isfinite(contact._log_skewed(x, 1.0, 5.0)).all()
+    assert np.isfinite(_log_skewed(x, 1.0, 5.0)).all()
 
 
 def test_odds_favour_contact_when_pushed_and_free_when_away():
@@ -421,7 +423,7 @@ def test_odds_favour_contact_when_pushed_and_free_when_away():
     args = (2 * um, np.array([0.05 * un] * 4), np.zeros(4))
     gap = np.array([0.0, 0.0, 40 * um, 400 * um])
     force = np.array([2 * un, 0.0, 0.0, 0.0])
-    odds = contact._log_odds(gap, args[0], force, args[1], args[2])
+    odds = _log_odds(gap, args[0], force, args[1], args[2])
     assert odds[0] > 10  # limited by the share of outliers
     assert abs(odds[1]) < 6
     assert odds[2] < -10
@@ -432,7 +434,7 @@ def test_in_contact_is_half_open():
     frames = pd.DataFrame({"frame": [0, 1, 2, 3] * 2, "whisker": ["a"] * 4 + ["b"] * 4})
     intervals = pd.DataFrame({"whisker": ["a"], "onset_frame": [1], "offset_frame": [3]})
     np.testing.assert_array_equal(
-        contact.in_contact(frames, intervals), [False, True, True, False] + [False] * 4
+        in_contact(frames, intervals), [False, True, True, False] + [False] * 4
     )
 
 
@@ -444,4 +446,4 @@ def test_in_contact_is_what_counting_frames_says(spans):
     intervals = pd.DataFrame([(w, on, on + n) for w, on, n in spans], columns=columns)
     touched = {(w, f) for w, on, n in spans for f in range(on, on + n)}
     expected = [(w, f) in touched for f, w in frames.itertuples(index=False)]
-    np.testing.assert_array_equal(contact.in_contact(frames, intervals), expected)
+    np.testing.assert_array_equal(in_contact(frames, intervals), expected)
