@@ -115,12 +115,16 @@ def origin_from_tip(places: Stations, whisker: Whisker, angle, time) -> tuple[Or
             matrix = (weighted.T @ part).toarray()
             matrix -= np.outer(total, total) / (weight.sum() / variance)
             away = np.average(tip[good], weights=weight) - tip[good]
-            found = _Votes(design, votes.matrix + matrix, weighted.T @ away)
+            rhs = weighted.T @ away
+            found = _Votes(design, votes.matrix + matrix, rhs)
             left = away - part @ found.weights()
             left -= np.average(left, weights=weight)
             weight = 1 / np.maximum(1, np.abs(left) / (2 * sd))
             variance = max(TIP_FRAMES * sd**2, _lasting_variance(np.clip(left, -3 * sd, 3 * sd)))
-        votes = found
+        # an end that wanders more than the fur's edge does is seen so by light and motion
+        wander = np.average((away - left) ** 2, weights=weight) - VARIATION_SD_M**2
+        matrix, rhs = _doubted(matrix, rhs, max(wander, 0.0))
+        votes = _Votes(design, votes.matrix + matrix, rhs)
     return votes.solve(), votes
 
 
@@ -225,6 +229,16 @@ def _with_bending(votes, design, bend, pull, sd):
     rhs = votes.rhs + design.T @ pull - common * pull.sum() / own
     np.linalg.cholesky(matrix)  # a bent parabola is no witness
     return _Votes(votes.design, matrix, rhs)
+
+
+def _doubted(matrix, rhs, variance):
+    """What votes A w = b are worth where each of the answers w errs by `variance` [m²] beside.
+
+    A (A + A S A)⁻¹ A = (1 + A S)⁻¹ A with S = variance · 1, and the same of b.
+    """
+    total = np.eye(len(matrix)) + matrix * variance
+    kept = np.linalg.solve(total, np.column_stack([matrix, rhs]))
+    return (kept[:, :-1] + kept[:, :-1].T) / 2, kept[:, -1]
 
 
 def _doubt(answer, gap, side):

@@ -63,6 +63,18 @@ def test_first_points_that_wander_are_told_by_the_tip(touching):
     assert abs(np.mean(origin.per_row)) < 0.01e-3
 
 
+def test_an_end_that_light_moves_is_not_taken_for_the_tip(touching):
+    """The trace's end is seen farther out by up to 0.55 mm where the angle is large."""
+    places = touching.places
+    angle = np.radians(touching.frames["base_angle_deg"].to_numpy())
+    time = touching.frames["time_s"].to_numpy()
+    light = 0.55e-3 * (angle - angle.min()) / np.ptp(angle)
+    rng = np.random.default_rng(3)
+    lit = replace(places, last=places.last + light + rng.normal(0, 1e-5, len(angle)))
+    origin, _ = arc_origin.origin_from_tip(lit, mouse_c2(), angle, time)
+    assert np.std(origin.per_row) < 0.7 * np.std(light)
+
+
 def test_a_tip_out_of_view_tells_nothing(touching):
     rng = np.random.default_rng(1)
     n = len(touching.places)
