@@ -61,6 +61,7 @@ def without_bias(
             usual = _usual(found)
         else:
             doubt[judged] = CORRELATED_FRAMES * _bias(found, usual)
+    doubt = np.maximum.accumulate(doubt[::-1])[::-1]  # the nearer to the face the more fur
     return places.doubted(doubt) if doubt.any() else places
 
 

@@ -66,5 +66,19 @@ def test_only_stations_near_the_face_count_less(traced, furry):
     assert np.nanmin(part[:, beyond]) == 1.0
 
 
+def test_what_few_frames_show_nearest_to_the_face_counts_no_more_than_what_lies_beyond(
+    traced, furry
+):
+    """Stations too seldom seen to be judged lie deeper in the fur than those that are doubted."""
+    first = np.flatnonzero((furry.information > 0).mean(axis=0) > 0.5)[0]
+    information = furry.information.copy()
+    information[:, first] = 0.0
+    seldom = slice(0, None, len(information) // 4)
+    information[seldom, first] = furry.information[seldom, first + 1]
+    doubted = judged(traced, replace(furry, information=information)).information
+    part = doubted[seldom, first] / information[seldom, first]
+    assert np.nanmax(part) < 0.1
+
+
 def test_without_fur_nothing_changes(traced):
     assert np.array_equal(judged(traced, traced.places).information, traced.places.information)
