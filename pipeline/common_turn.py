@@ -7,6 +7,7 @@ a whisker is taken for its neighbour. All together, they fit at one turn only.
 import numpy as np
 from numba import njit
 
+from pipeline.angles import wrapped
 from pipeline.following import bilinear
 
 TURNS = np.radians(np.arange(-16.0, 16.5, 1.0))
@@ -58,12 +59,6 @@ def direction(line, most=np.inf) -> float:
     """Direction from a line's base to its middle [rad, from +x to +y], as if `most` nodes long."""
     k = int(min(line.n, most)) // 2
     return float(np.arctan2(line.y[k] - line.y[0], line.x[k] - line.x[0]))
-
-
-@njit(cache=True)
-def wrapped(angle):
-    """The same angle [rad] between −π and π."""
-    return np.mod(angle + np.pi, 2 * np.pi) - np.pi
 
 
 def even_turns(place, turn) -> np.ndarray:

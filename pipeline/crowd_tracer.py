@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline import common_turn, detection
+from pipeline.angles import wrapped
 from pipeline.detection import Line
 from pipeline.identities import crowded
 from pipeline.roster import Slot
@@ -130,7 +131,7 @@ def is_crowd(roster, options) -> bool:
 def _turned(line, before) -> float:
     """By how much a line is turned against another one [rad, from +x to +y]."""
     now, then = common_turn.direction(line, before.n), common_turn.direction(before, line.n)
-    return float(common_turn.wrapped(now - then))
+    return float(wrapped(now - then))
 
 
 def _strength(slot) -> float:

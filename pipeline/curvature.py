@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 from numba import njit
 
+from pipeline.angles import wrapped
 from pipeline.follicle import BASE_SKIP_M, FEWEST_NODES, follicles
 from pipeline.records import Centrelines, PoleTrack, Recording
 from pipeline.splines import FAST
@@ -275,7 +276,7 @@ def measure(
             "whisker": centrelines.whisker,
             "follicle_x_px": follicle[:, 0],
             "follicle_y_px": follicle[:, 1],
-            "base_angle_deg": (np.degrees(follicle[:, 2]) + 180) % 360 - 180,
+            "base_angle_deg": np.degrees(wrapped(follicle[:, 2])),
             "curvature_per_m": out[:, 0] * scale,
             "curvature_per_m_se": se * scale,
         }

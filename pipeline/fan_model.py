@@ -10,7 +10,7 @@ from itertools import pairwise
 import numpy as np
 from numba import njit
 
-from pipeline.common_turn import wrapped
+from pipeline.angles import wrapped
 from pipeline.line_features import ANGLE, N_FEATURES
 
 FARTHEST = np.array([3.0, 6.0, 3.0, 3.0, 3.0, 3.0])  # SDs in a feature count as no more

@@ -14,6 +14,7 @@ from scipy.integrate import cumulative_trapezoid
 from scipy.ndimage import gaussian_filter1d
 
 from pipeline import arc_origin, base_bias, passing_over, rest_curvature, shape_fit
+from pipeline.angles import wrapped
 from pipeline.rest_curvature import RestModel
 from pipeline.shape_fit import RestPrior, ShapeFit
 from pipeline.stations import Stations
@@ -245,14 +246,14 @@ def _base(kinematics, fit) -> pd.DataFrame:
 
     A rod that leaves the traced part's continuation by far lies upon something else.
     """
-    traced = kinematics["base_angle_deg"].to_numpy(float)
-    off = (np.degrees(fit["angle"]) - traced + 180) % 360 - 180
+    traced = np.radians(kinematics["base_angle_deg"].to_numpy(float))
+    off = wrapped(fit["angle"] - traced)
     with np.errstate(invalid="ignore"):
-        apart = np.abs(off) > np.degrees(FARTHEST_TURN_RAD)
+        apart = np.abs(off) > FARTHEST_TURN_RAD
+    found = np.where(np.isnan(off) | apart, traced, fit["angle"])
     return pd.DataFrame(
         {
-            "base_angle_deg": (traced + np.where(np.isnan(off) | apart, 0.0, off) + 180) % 360
-            - 180,
+            "base_angle_deg": np.degrees(wrapped(found)),
             "follicle_x_m": np.where(apart, np.nan, fit["follicle_x"]),
             "follicle_y_m": np.where(apart, np.nan, fit["follicle_y"]),
         }

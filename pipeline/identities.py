@@ -11,7 +11,7 @@ import numpy as np
 from numba import njit
 from scipy.optimize import linear_sum_assignment
 
-from pipeline.common_turn import wrapped
+from pipeline.angles import wrapped
 from pipeline.detection import Line, TracingOptions
 
 OUTWARD = {"left": (1, 0), "right": (-1, 0), "top": (0, 1), "bottom": (0, -1)}
