@@ -13,6 +13,8 @@ from pipeline.records import StaticScene
 FUR_SHARE = 0.18  # of the strongest line's length × absorbance: less is a hair of the fur
 SEEN_TOGETHER = 3.0  # frames: two whiskers that would so often by chance are, at least once
 SEEN_SHARE = 0.4  # of the frames, in which a whisker must be seen to be one
+BORDER_PX = 12  # a line that ends nearer to the border may go on beyond it
+FEWEST_WHOLE = 3  # lines that tell a whisker's length
 SURE_OF_LENGTHS = 0.03  # by which lengths fit better in one order than in the other
 
 
@@ -97,7 +99,7 @@ def find_roster(frames, scene, options: TracingOptions, names=None, indices=None
         chosen = np.flatnonzero((share >= SEEN_SHARE) & (strength >= FUR_SHARE * strength.max()))
     slots = [_slot(groups[k]) for k in chosen]
     slots.sort(key=lambda slot: ruler.order_place(slot.signature))
-    if _posterior_first(slots, options.visible_px):
+    if _posterior_first(slots, options.visible_px, frames.shape[1:]):
         slots = slots[::-1]
     names = names or [f"w{i + 1}" for i in range(len(slots))]
     longest = options.visible_px or [np.inf] * len(slots)
@@ -190,20 +192,21 @@ def _by_scene(frames, scene, indices):
     return [(s, f) for s, f in pairs if len(f)]
 
 
-def _posterior_first(slots: list[Slot], given_px=()) -> bool:
+def _posterior_first(slots: list[Slot], given_px, shape) -> bool:
     """Whether the order along the face runs posterior → anterior.
 
     The lengths [px] of the named whiskers tell, anterior → posterior, where they are given and
-    differ. Else whiskers are taken to get thinner anteriorly: thickness tells better than length,
-    which the picture's border may cut.
+    differ, by those whose tips are inside the picture, (height, width). Else whiskers are taken
+    to get thinner anteriorly: thickness tells better than length, which the border may cut.
     """
     if len(slots) < 2:
         return False
-    lengths = np.array([slot.visible_px for slot in slots])
     if len(given_px) == len(slots):
-        off = [_unlike(lengths, order) for order in (given_px, given_px[::-1])]
+        whole = np.array([_whole_length(slot.samples, shape) for slot in slots])
+        off = [_unlike(whole, order) for order in (given_px, given_px[::-1])]
         if abs(off[0] - off[1]) > SURE_OF_LENGTHS:
             return off[1] < off[0]
+    lengths = [slot.visible_px for slot in slots]
     thickness = [
         np.median([np.nanmedian(line.thickness[10 : line.n // 3]) for line in slot.samples])
         for slot in slots
@@ -215,7 +218,20 @@ def _posterior_first(slots: list[Slot], given_px=()) -> bool:
     return False
 
 
+def _whole_length(lines, shape) -> float:
+    """Median length [px] of lines that end inside the picture, NaN where hardly one does."""
+    ends = np.array([line.points[-1] for line in lines])
+    inside = np.all((ends > BORDER_PX) & (ends < np.array(shape[::-1]) - 1 - BORDER_PX), axis=1)
+    if inside.sum() < FEWEST_WHOLE:
+        return np.nan
+    return float(np.median([line.n for line, whole in zip(lines, inside, strict=True) if whole]))
+
+
 def _unlike(lengths, others) -> float:
-    """How unlike the proportions of two sets of lengths are: mean deviation of logarithms."""
+    """How unlike the proportions of two sets of lengths are: mean deviation of logarithms.
+
+    0 where fewer than two lengths are known.
+    """
     ratio = np.log(np.divide(lengths, others))
-    return float(np.abs(ratio - np.median(ratio)).mean())
+    ratio = ratio[np.isfinite(ratio)]
+    return float(np.abs(ratio - np.median(ratio)).mean()) if len(ratio) > 1 else 0.0

@@ -9,7 +9,7 @@ import pytest
 from pipeline.detection import Line
 from pipeline.identities import Ruler, crowded
 from pipeline.records import Recording
-from pipeline.roster import find_roster, gather
+from pipeline.roster import Slot, _posterior_first, find_roster, gather
 from pipeline.scene_finding import scene_from_frames
 from pipeline.tracing import options_for
 from pipeline.video_tracing import trace
@@ -132,6 +132,16 @@ def straight(follicle_y, angle, length, thickness):
     line.x[:length], line.y[:length] = 35 + s * np.cos(angle), follicle_y - s * np.sin(angle)
     line.thickness[:], line.amplitude[:] = thickness, 0.3
     return line
+
+
+@pytest.mark.parametrize(("width", "turned"), [(500, True), (180, False)])
+def test_a_whisker_that_the_border_cuts_does_not_tell_the_order(width, turned):
+    slots = []
+    for y, length, thickness in ((100, 150, 1.0), (150, 120, 1.2)):
+        line = straight(y, 0.0, length, thickness)
+        slots.append(Slot("", line.points[0], length, (line,) * 5))
+    given = 150.0, 300.0  # in the other order they would be more alike, seen 150 and 120 px long
+    assert _posterior_first(slots, given, (240, width)) == turned
 
 
 def test_a_whisker_that_moves_by_itself_is_one_whisker():
