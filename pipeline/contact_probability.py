@@ -116,23 +116,27 @@ def _log_odds(gap, gap_sd, force, force_sd, cov):
     any_gap = np.log(GAP_OUTLIERS / (2 * GAP_SCALE_M))
     any_force = np.log(FORCE_OUTLIERS / (2 * 5 * FORCE_SCALE_N))
     with np.errstate(all="ignore"):
-        free_gap = gap - cov / force_sd**2 * force
-        free_gap_sd = np.sqrt(np.maximum(gap_sd**2 - (cov / force_sd) ** 2, (0.1 * gap_sd) ** 2))
-        free = _either(
-            _log_normal(force, force_sd), _log_skewed(free_gap, free_gap_sd, GAP_SCALE_M),
-            any_force, _log_skewed(gap, gap_sd, GAP_SCALE_M), any_gap,
-        )  # fmt: skip
-        pushed = force - cov / gap_sd**2 * gap
-        pushed_sd = np.sqrt(np.maximum(force_sd**2 - (cov / gap_sd) ** 2, (0.1 * force_sd) ** 2))
-        contact = _either(
-            _log_normal(gap, gap_sd), _log_skewed(pushed, pushed_sd, FORCE_SCALE_N),
-            any_gap, _log_skewed(force, force_sd, FORCE_SCALE_N), any_force,
-        )  # fmt: skip
+        free = _truly_zero(force, force_sd, any_force, gap, gap_sd, any_gap, GAP_SCALE_M, cov)
+        contact = _truly_zero(gap, gap_sd, any_gap, force, force_sd, any_force, FORCE_SCALE_N, cov)
         odds = contact - free
         # without a force the gap alone has to tell
         alone = _log_normal(gap, gap_sd) - _log_skewed(gap, gap_sd, GAP_SCALE_M)
         alone = np.clip(alone, -12.0, 6.0)
     return np.where(np.isfinite(force), odds, alone)
+
+
+def _truly_zero(zero, zero_sd, any_zero, other, other_sd, any_other, scale, cov):
+    """log likelihood of two measurements, of which the first is of nothing but error.
+
+    The other one, of this `scale`, is told from what the first one leaves of it. any_zero,
+    any_other : log likelihoods of either as an outlier
+    """
+    left = other - cov / zero_sd**2 * zero
+    left_sd = np.sqrt(np.maximum(other_sd**2 - (cov / zero_sd) ** 2, (0.1 * other_sd) ** 2))
+    return _either(
+        _log_normal(zero, zero_sd), _log_skewed(left, left_sd, scale),
+        any_zero, _log_skewed(other, other_sd, scale), any_other,
+    )  # fmt: skip
 
 
 def _either(narrow, broad_given, any_narrow, broad, any_broad):

@@ -14,7 +14,7 @@ from pipeline import common_turn, detection
 from pipeline.angles import wrapped
 from pipeline.detection import Line
 from pipeline.identities import crowded
-from pipeline.roster import Slot
+from pipeline.roster import Slot, usual_strength
 from pipeline.tracing import SEARCH_EVERY, Tracer, Track, foretold, turning_range
 
 SPARE = 6  # tracks at most beside one for each whisker: some lines are nobody's
@@ -44,7 +44,7 @@ class CrowdTracer(Tracer):
         super().__init__(scene, roster, options)
         self.most = len(roster) + SPARE
         self.usual = len(roster)
-        self.faintest = FAINT * min(_strength(slot) for slot in roster)
+        self.faintest = FAINT * min(usual_strength(slot.samples) for slot in roster)
         self.slot = Slot("", np.zeros(2), options.shortest_px, longest_px=options.longest_px)
         self.number = itertools.count()
         self.tracks = []
@@ -132,8 +132,3 @@ def _turned(line, before) -> float:
     """By how much a line is turned against another one [rad, from +x to +y]."""
     now, then = common_turn.direction(line, before.n), common_turn.direction(before, line.n)
     return float(wrapped(now - then))
-
-
-def _strength(slot) -> float:
-    """Length × absorbance of a roster's whisker [px]; 0 where it was never seen."""
-    return float(np.median([detection.contrast_length(line) for line in slot.samples] or [0.0]))

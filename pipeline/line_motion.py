@@ -5,7 +5,7 @@ from numba import njit
 from scipy.ndimage import median_filter
 
 from pipeline.exchanges import TAKEN, Evidence, link
-from pipeline.fan_model import FanModel
+from pipeline.fan_model import LEAST_SLOPE, FanModel
 from pipeline.line_features import ANGLE, BEND, N_FEATURES
 
 WEIGHT = 0.3  # of one frame's look: errors of neighbouring frames are alike
@@ -16,7 +16,6 @@ LEAST_MOTION = np.array([0.002, np.radians(0.15), 0.01, 0.005, 0.001, 0.001])
 FEWEST = 50  # motions that tell how motions are
 FEWEST_TURNING = 3  # lines that tell what all turn by
 FARTHEST = 4.0  # standard deviations: what is farther off is a jump
-LEAST_SLOPE = 0.5  # of a whisker's angle with the phase
 APART = np.radians(4.0)  # a line with no other one nearer is seen to go on
 STEADY = np.radians(2.0)  # beside the turn of all: a line that moves more may be another one
 LASTING = 15  # frames; a line that moves steadily for so long is one whisker's

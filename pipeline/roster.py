@@ -67,7 +67,12 @@ class _Group:
 
     @property
     def strength(self):
-        return float(np.median([detection.contrast_length(line) for line in self.lines]))
+        return usual_strength(self.lines)
+
+
+def usual_strength(lines) -> float:
+    """Length × absorbance of a whisker's lines [px]; 0 where it was never seen."""
+    return float(np.median([detection.contrast_length(line) for line in lines] or [0.0]))
 
 
 def find_roster(frames, scene, options: TracingOptions, names=None, indices=None) -> list[Slot]:

@@ -15,7 +15,7 @@ from numba import njit
 from scipy.ndimage import uniform_filter1d
 
 from pipeline import line_motion, whisker_seeds
-from pipeline.fan_model import FanModel
+from pipeline.fan_model import LEAST_SLOPE, FanModel
 from pipeline.line_features import ANGLE
 
 SELDOM = 0.02  # of the frames: numbers of lines that fewer have are not tried
@@ -140,7 +140,7 @@ def _settled(lines, model, phase) -> Naming:
             break
         before = names
         model, phase = looks_and_phases(lines, model, names)
-        known = np.maximum(model.slope[names, ANGLE], line_motion.LEAST_SLOPE)
+        known = np.maximum(model.slope[names, ANGLE], LEAST_SLOPE)
         slope = np.where(names >= 0, known, np.nan)
     return Naming(names, model, cost)
 

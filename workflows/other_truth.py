@@ -21,6 +21,7 @@ import tifffile
 
 from pipeline import cli, tables
 from pipeline.records import CONTACT_COLUMNS
+from pipeline.stretches import stretches
 
 SIDES = ("left", "top", "right", "bottom")
 SHAPE = 440, 660  # px
@@ -130,12 +131,9 @@ class Truth:
 
     def contacts(self):
         """First frame, one after the last, and strongest touch of every contact."""
-        touching = np.array([touch is not None for touch in self.touches], int)
-        starts = np.flatnonzero(np.diff(touching, prepend=0) > 0)
-        stops = np.flatnonzero(np.diff(touching, append=0) < 0) + 1
         return [
             (a, b, max(self.touches[a:b], key=lambda touch: touch.force))
-            for a, b in zip(starts, stops, strict=True)
+            for a, b in stretches([touch is not None for touch in self.touches])
         ]
 
     def distances(self, lines) -> np.ndarray:
