@@ -26,7 +26,7 @@ SURE_PUSH_SD = 6.0  # a force of so many standard errors is no noise
 STRONG_SHARE = 0.1  # of the largest: where faint pushes may be errors, the strong ones tell
 FEWEST_SURE = 10
 FARTHEST_OFFSET_PX = 4.0  # of the pole's surface from where it was measured
-SHORTEST_S = 1.5e-3  # what is over sooner is a slip of the tracer
+SHORTEST_S = 1.5e-3  # what has begun and is over sooner is a slip of the tracer
 
 
 def add_probability(evidence: pd.DataFrame, recording: Recording) -> pd.DataFrame:
@@ -44,7 +44,8 @@ def add_probability(evidence: pd.DataFrame, recording: Recording) -> pd.DataFram
         probability = posterior(log_odds, CONTACT_STARTS, CONTACT_ENDS)
         shortest = SHORTEST_S * recording.frames_per_second
         for start, stop in stretches(probability > 0.5):
-            if stop - start < shortest:
+            whole = 0 < start and stop < len(probability)
+            if whole and stop - start < shortest:
                 probability[start:stop] = 0.5
         if _passes_over(part, probability):
             probability[:] = 0.0

@@ -106,6 +106,23 @@ def test_a_few_frames(frames):
     assert touch.contacts["peak_force_uN"].isna().all()
 
 
+@pytest.mark.parametrize("cut", ["begins", "ends"])
+def test_a_touch_of_which_the_video_has_one_frame(cut):
+    traced, _ = analysed("noisy")
+    truth = traced.true_contacts.iloc[3]  # 0.8 µN in its first and last frame
+    onset, offset = int(truth["onset_frame"]), int(truth["offset_frame"])
+    keep = slice(offset - 1, offset + 200) if cut == "begins" else slice(onset - 150, onset + 1)
+    touch = contact.analyse_touch(
+        traced.frames.iloc[keep], traced.places.rows(keep), traced.recording, traced.whiskers
+    )
+    at = offset - 1 if cut == "begins" else onset
+    (found,) = touch.contacts[touch.contacts["onset_frame"] == at].itertuples()
+    assert found.offset_frame == at + 1
+    assert ("starts_before" if cut == "begins" else "ends_after") in found.flags
+    force = traced.true_frames["contact_force_uN"][at]
+    assert found.peak_force_uN == pytest.approx(force, abs=peak_force_floor)
+
+
 def test_touched_throughout_has_no_rest_shape_but_no_gaps():
     traced, _ = analysed("resting", 0, 400)
     first = traced.true_contacts.iloc[0]
