@@ -1,0 +1,152 @@
+"""Whether names stay with the whiskers that a person has followed by eye through a real video.
+
+    python workflows/named_by_eye.py VIDEO TRACKS.csv --config session.toml
+
+TRACKS.csv has a row per point: `track`, `frame`, `x_px`, `y_px` (a point on the whisker in the
+middle of its length), and `sure`: 1 where the person has no doubt that it is the same whisker as
+in the track's frame before. The video is processed as `whiskerforce run` does. In every sure
+frame, the name looked at is that of the line through the point.
+
+A name is exchanged where the line carries one name and, the next time that it is known as surely,
+another. The table lists the tracks of which a name is exchanged or no line is found; the last
+lines add all up, for names of several confidences.
+
+`tests/data/test_video2_by_eye.csv` are such tracks of `test_video2.mp4` of cxrodgers/WhiskiWrap
+(face left, about 8 px/mm), made from the raw frames without a look at the program's lines.
+"""
+
+import argparse
+import sys
+from pathlib import Path
+
+import measuring
+import numpy as np
+import pages
+import pandas as pd
+
+from pipeline.run import analyse
+from pipeline.settings import read_session
+
+COLUMNS = ("track", "frame", "x_px", "y_px", "sure")
+REACH_PX = 2.0  # from the point, a line passes through it
+AS_NEAR_PX = 1.0  # a line that is farther by less is as likely meant: not a new name
+CONFIDENCES = (0.0, 0.5, 0.7, 0.9)
+
+
+def read_tracks(path) -> pd.DataFrame:
+    """The sure points of a person's tracks, by track and frame.
+
+    Raises ValueError where a column is missing.
+    """
+    table = pd.read_csv(path, dtype={"track": str})
+    missing = [name for name in COLUMNS if name not in table]
+    if missing:
+        raise ValueError(f"{path}: expected the columns {', '.join(COLUMNS)}; no {missing[0]}")
+    sure = table[table["sure"] == 1]
+    return sure.sort_values(["track", "frame"], kind="stable", ignore_index=True)
+
+
+def named_along(tracks: pd.DataFrame, chunks) -> pd.DataFrame:
+    """The tracks with `name` and `confidence` of the line through every point.
+
+    tracks : as of `read_tracks`; chunks : `Centrelines` of the whole video
+
+    No name and confidence 0 where there is no such line.
+    """
+    rows = {}
+    for chunk in chunks:
+        for row, frame in enumerate(chunk.frame):
+            rows.setdefault(int(frame), []).append((chunk, row))
+    names, confidences = [], []
+    for _, track in tracks.groupby("track"):
+        last = ""
+        for frame, x, y in track[["frame", "x_px", "y_px"]].itertuples(index=False):
+            through = _through(rows.get(frame, ()), x, y)
+            name, sure = _chosen(through, last)
+            last = name or last
+            names.append(name)
+            confidences.append(sure)
+    return tracks.assign(name=names, confidence=confidences)
+
+
+def _through(rows, x, y):
+    """(distance [px], name, confidence) of all lines through a point, the nearest first."""
+    found = []
+    for chunk, row in rows:
+        points = slice(chunk.offsets[row], chunk.offsets[row + 1])
+        away = _distance(chunk.x_px[points] - x, chunk.y_px[points] - y)
+        if away <= REACH_PX:
+            found.append((away, chunk.names[chunk.whisker[row]], float(chunk.confidence[row])))
+    return sorted(found)
+
+
+def _chosen(through, last):
+    """Name and confidence of the nearest line, or of one as near that was meant before."""
+    if not through:
+        return "", 0.0
+    near = [each for each in through if each[0] < through[0][0] + AS_NEAR_PX]
+    same = [each for each in near if each[1] == last]
+    return (same or near)[0][1:]
+
+
+def _distance(x, y) -> float:
+    """Distance from the origin to the polygon through the points x, y."""
+    if len(x) < 2:
+        return np.inf
+    dx, dy = np.diff(x), np.diff(y)
+    part = np.clip(-(x[:-1] * dx + y[:-1] * dy) / np.maximum(dx**2 + dy**2, 1e-9), 0, 1)
+    return float(np.hypot(x[:-1] + part * dx, y[:-1] + part * dy).min())
+
+
+def exchanges(track: pd.DataFrame, least: float) -> list[str]:
+    """Where names of at least that confidence are exchanged, as "frame name → frame name"."""
+    known = track[(track["name"] != "") & (track["confidence"] >= least)]
+    name, frame = known["name"].to_numpy(), known["frame"].to_numpy()
+    return [
+        f"{frame[k]} {name[k]} → {frame[k + 1]} {name[k + 1]}"
+        for k in np.flatnonzero(name[1:] != name[:-1])
+    ]
+
+
+def report(named: pd.DataFrame) -> str:
+    """The table of the tracks with exchanges or without a line in some frames, and the sums."""
+    rows, exchanged = [], dict.fromkeys(CONFIDENCES, 0)
+    for name, track in named.groupby("track"):
+        found = {least: exchanges(track, least) for least in CONFIDENCES}
+        for least in CONFIDENCES:
+            exchanged[least] += bool(found[least])
+        without = int((track["name"] == "").sum())
+        if found[0.0] or without:
+            span = f"{track['frame'].iloc[0]}–{track['frame'].iloc[-1]}"
+            known = [str(len(found[least])) for least in CONFIDENCES]
+            rows.append([name, span, str(without), *known, ", ".join(found[0.5])])
+    header = [f"exchanges ≥ {least}" for least in CONFIDENCES]
+    table = pages.table(["track", "frames", "no line", *header, "those ≥ 0.5"], rows)
+    tracks, seen = named["track"].nunique(), named["name"] != ""
+    sums = [f"{tracks} tracks, {len(named)} sure frames, {seen.mean():.1%} with a line"]
+    for least in CONFIDENCES:
+        share = (seen & (named["confidence"] >= least)).mean()
+        sums.append(
+            f"confidence ≥ {least}: {share:.1%} of the frames, names exchanged in "
+            f"{exchanged[least]} tracks, {100 * exchanged[least] / tracks:.1f} of 100"
+        )
+    return "\n".join([table, "", *sums])
+
+
+def main(argv=None) -> int:
+    """Print the table of a video and a person's tracks."""
+    measuring.limit_threads()
+    parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
+    parser.add_argument("video", type=Path)
+    parser.add_argument("tracks", type=Path, help="CSV of a person's tracks")
+    parser.add_argument("--config", type=Path, help="session.toml; else the one beside the video")
+    args = parser.parse_args(argv)
+    tracks, chunks = read_tracks(args.tracks), []
+    settings = read_session(args.config or args.video.parent / "session.toml")
+    analyse(args.video, settings, keep=chunks.append)
+    print(report(named_along(tracks, chunks)))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
