@@ -14,6 +14,7 @@ from scipy.optimize import linear_sum_assignment
 
 from pipeline import exchanges, line_motion, whisker_seeds
 from pipeline.line_features import ANGLE, LENGTH, NEAR_BEND, THICKNESS, Dial, line_features
+from pipeline.line_motion import LASTING
 from pipeline.records import Centrelines
 from pipeline.row_order import Lines, looks_and_phases, named_in_order
 
@@ -21,7 +22,7 @@ LEAST_SD = np.array([0.01, np.radians(1.5), 0.05, 0.03, 0.007, 0.005])  # of a l
 ROUNDS = 2  # of naming all lines and learning the looks from them
 OTHERS = 3  # numbers of whiskers, at most, that are tried beside the likeliest
 NEARLY = 1.05  # of its cost: those that cost more are not
-DOUBT = 1 / 3  # of a name that one of them does not lead to
+DOUBT = 1 / 3  # of a name that one of them does not lead to, or that the track's was not before
 PER_POINT = ("x_px", "y_px", "se_px", "offset_px", "information", "thickness_px")
 SELDOM = 0.1  # of the frames: what is seen in fewer is not named, where no names are given
 
@@ -101,7 +102,26 @@ def _all_names(features, frame, track):
     for naming in [each for each in others[:OTHERS] if each.cost < NEARLY * first.cost]:
         other, _ = _likeliest(lines, naming)
         sure = sure * np.where(_renamed(other, named) == named, 1.0, 1 - DOUBT)
-    return named, sure
+    return named, sure * np.where(_beside_new_name(lines, named), 1 - DOUBT, 1.0)
+
+
+def _beside_new_name(lines, named):
+    """Rows (rows,) up to LASTING frames before and after another name on their own track, bool.
+
+    Either the track went on with another line there, or one of the names is wrong.
+    """
+    order = np.lexsort((lines.frame, lines.track))
+    place = (lines.track * (lines.frame[-1] + 2 * LASTING) + lines.frame)[order]  # tracks apart
+    known = order[named[order] >= 0]
+    last, next_ = known[:-1], known[1:]
+    new = (lines.track[last] == lines.track[next_]) & (named[last] != named[next_])
+    rank = np.argsort(order)
+    begin = np.searchsorted(place, place[rank[last[new]]] - LASTING)
+    end = np.searchsorted(place, place[rank[next_[new]]] + LASTING, side="right")
+    inside = np.zeros(len(order) + 1, np.int64)
+    np.add.at(inside, begin, 1)
+    np.add.at(inside, end, -1)
+    return np.cumsum(inside)[rank] > 0
 
 
 def _likeliest(lines, naming):
