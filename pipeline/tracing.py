@@ -454,12 +454,13 @@ def _foretell(x, y, amplitude, sigma, n, before_x, before_y, m, arrays):
 
     It goes on as it has moved since it had the `m` nodes `before`; not at all where `m` is 0.
     """
-    arrays[0, :n] = x[:n]
-    arrays[1, :n] = y[:n]
-    arrays[2] = amplitude
-    arrays[3] = sigma
+    new_x, new_y, new_amplitude, new_sigma = arrays[0], arrays[1], arrays[2], arrays[3]
+    for i in range(n):  # loops: copying slices takes three times as long
+        new_x[i], new_y[i] = x[i], y[i]
+    for i in range(len(amplitude)):
+        new_amplitude[i], new_sigma[i] = amplitude[i], sigma[i]
     if m > 0:
-        advance(arrays[0], arrays[1], n, before_x, before_y, m)
+        advance(new_x, new_y, n, before_x, before_y, m)
 
 
 @njit(cache=True)
