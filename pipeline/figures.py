@@ -1,5 +1,7 @@
 """The paper's Fig. 3 a–f from a results folder, with the numbers behind it as CSV."""
 
+import csv
+import io
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -93,8 +95,16 @@ def write_fig3(results, truth=None) -> list[Path]:
 
 
 def _write(path, table):
-    with tables.whole_file(path) as temporary:
-        table.to_csv(temporary, index=False, float_format="%.6g", lineterminator="\n")
+    """Write a CSV, numbers with six digits; pandas' own writer takes three times as long."""
+    columns = [
+        [f"{v:.6g}" if v == v else "" for v in values] if values.dtype.kind == "f" else values
+        for _, values in table.items()
+    ]
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(table.columns)
+    writer.writerows(zip(*columns, strict=True))
+    tables.write_text(path, text.getvalue())
 
 
 def _save(figure, folder):
