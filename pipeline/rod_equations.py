@@ -9,6 +9,7 @@ from pipeline.rod_laying import LOADED, along_normal
 from pipeline.splines import FAST
 
 HUBER = 3.0  # SD beyond which a station counts less
+LEAST_PIVOT = 1e-13  # of the diagonal: what is less is rounding
 
 
 class Sums(NamedTuple):
@@ -105,53 +106,62 @@ def misfit_of(seen, laid, k):
 
 
 @njit(cache=True)
-def take_step(size, p, inverse, rhs):
-    """One Gauss–Newton step of `p`; returns its length, of all together, in SD where χ² is 1."""
-    step = np.zeros(size)
-    for a in range(size):
-        for b in range(size):
-            step[a] += inverse[a, b] * rhs[b]
-    square = 0.0
-    for a in range(size):
-        square += step[a] * rhs[a]
+def take_step(size, p, lower, rhs):
+    """One Gauss–Newton step of `p`; returns its length, of all together, in SD where χ² is 1.
+
+    `lower` as of `factorise`; `rhs` becomes the step.
+    """
+    square = solve(lower, size, rhs)
     # half a radian at most: the model is laid again before it goes on
-    factor = min(1.0, 0.5 / max(abs(step[1]), 1e-9))
+    factor = min(1.0, 0.5 / max(abs(rhs[1]), 1e-9))
     for a in range(size):
-        p[a] += factor * step[a]
-    return np.sqrt(max(square, 0.0))
+        p[a] += factor * rhs[a]
+    return np.sqrt(square)
+
+
+@njit(cache=True, error_model="numpy")
+def factorise(matrix, size, lower):
+    """Cholesky factor of the symmetric leading block; False where it has none to speak of.
+
+    Its diagonal holds reciprocals: nothing divides afterwards.
+    """
+    for a in range(size):
+        for b in range(a + 1):
+            total = matrix[a, b]
+            for k in range(b):
+                total -= lower[a, k] * lower[b, k]
+            if a > b:
+                lower[a, b] = total * lower[b, b]
+            elif not total > LEAST_PIVOT * matrix[a, a]:  # nor if it is NaN or infinite
+                return False
+            else:
+                lower[a, a] = 1 / np.sqrt(total)
+    return True
 
 
 @njit(cache=True)
-def invert(matrix, size, lower, inverse):
-    """Inverse of the symmetric leading block by Cholesky; False where it has none to speak of."""
-    scale = np.empty(size)
+def solve(lower, size, rhs):
+    """Solve with the factor of `factorise`, in place; returns rhsᵀ solution."""
+    square = 0.0
     for a in range(size):
-        if not (matrix[a, a] > 0 and np.isfinite(matrix[a, a])):
-            return False
-        scale[a] = 1 / np.sqrt(matrix[a, a])
+        total = rhs[a]
+        for k in range(a):
+            total -= lower[a, k] * rhs[k]
+        rhs[a] = total * lower[a, a]
+        square += rhs[a] * rhs[a]
+    for a in range(size - 1, -1, -1):
+        total = rhs[a]
+        for k in range(a + 1, size):
+            total -= lower[k, a] * rhs[k]
+        rhs[a] = total * lower[a, a]
+    return square
+
+
+@njit(cache=True)
+def invert(lower, size, inverse):
+    """Fill the leading block of `inverse`, given the factor of `factorise`."""
     for a in range(size):
-        for b in range(a + 1):
-            total = matrix[a, b] * (scale[a] * scale[b])
-            for k in range(b):
-                total -= lower[a, k] * lower[b, k]
-            if a == b:
-                if not total > 1e-13:
-                    return False
-                lower[a, a] = np.sqrt(total)
-            else:
-                lower[a, b] = total / lower[b, b]
-    for q in range(size):
-        for a in range(size):
-            total = 1.0 if a == q else 0.0
-            for k in range(a):
-                total -= lower[a, k] * inverse[k, q]
-            inverse[a, q] = total / lower[a, a]
-        for a in range(size - 1, -1, -1):
-            total = inverse[a, q]
-            for k in range(a + 1, size):
-                total -= lower[k, a] * inverse[k, q]
-            inverse[a, q] = total / lower[a, a]
-    for a in range(size):
-        for q in range(size):
-            inverse[a, q] *= scale[a] * scale[q]
-    return True
+        column = inverse[a]  # which is a row as well
+        for b in range(size):
+            column[b] = 1.0 if a == b else 0.0
+        solve(lower, size, column)

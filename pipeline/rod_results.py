@@ -6,7 +6,7 @@ A row of results has the COLUMNS; `shape_fit.ShapeFit` says what they mean.
 import numpy as np
 from numba import njit
 
-from pipeline.rod_equations import invert, misfit_of, robust_weight
+from pipeline.rod_equations import factorise, invert, misfit_of, robust_weight
 from pipeline.rod_laying import (
     LOADED,
     along_normal,
@@ -159,8 +159,9 @@ def _more_curvature(seen, chi2, laid, h, near, sums):
         count += 1
         before, after = before + (u < 0), after + (u > 0)
     enough = count >= FEWEST_NEAR and min(before, after) >= 2
-    if not (enough and invert(square, 3, sums.lower, inverse)):
+    if not (enough and factorise(square, 3, sums.lower)):
         return np.nan, np.nan
+    invert(sums.lower, 3, inverse)
     bend = 0.0
     for a in range(3):
         bend += inverse[2, a] * rhs[a]

@@ -18,6 +18,7 @@ from numba import njit
 
 from pipeline.rod_equations import (
     empty_sums,
+    factorise,
     fill_equations,
     invert,
     misfit_of,
@@ -252,11 +253,11 @@ def _solve(seen, first, arc, rod, load, pole, c, prior, stiffness, basis, settle
     size = LOADED if loaded else FREE
     x, y, angle = laid.x, laid.y, laid.angle
     p[:] = 0.0
-    chi2, change, known = 1.0, np.inf, False
+    chi2, known = 1.0, False
     _trace(seen[0], seen[1], seen[2], first, h, x, y, angle)
     ref_x, ref_y, p[1] = point_at(x, y, angle, h, c)
     laid.follicle[2] = angle[0]
-    for iteration in range(ITERATIONS + 1):
+    for iteration in range(ITERATIONS):
         _prior_mean(weights, drift, (laid.follicle[2] - centre) / scale, sums.mean)
         again = iteration == 0
         if iteration == 0:
@@ -277,12 +278,16 @@ def _solve(seen, first, arc, rod, load, pole, c, prior, stiffness, basis, settle
         if iteration == 1:  # from here on, stations count less by what is usual of all
             chi2 = weigh(seen, laid, chi2, False, sums.misfit, sums.weight)
         chi2 = fill_equations(seen, laid, size, precision, p, sums, chi2, iteration > 0)
-        known = np.isfinite(chi2) and invert(sums.normal, size, sums.lower, sums.inverse)
-        if not known or iteration == ITERATIONS or (iteration > 1 and change < settled):
+        known = np.isfinite(chi2) and factorise(sums.normal, size, sums.lower)
+        if not known:
             break
-        change = take_step(size, p, sums.inverse, sums.rhs) / np.sqrt(max(chi2, 1.0))
+        change = take_step(size, p, sums.lower, sums.rhs) / np.sqrt(max(chi2, 1.0))
         lay(p, rod, load, arc, place, laid, True)
-    return known, chi2, Place(c, ref_x, ref_y)
+        if iteration > 0 and change < settled:
+            break  # so short a step changes nothing that the equations tell
+    if known:
+        invert(sums.lower, size, sums.inverse)
+    return known, chi2, place
 
 
 @njit(cache=True)
