@@ -139,19 +139,19 @@ def with_peaks(results, contacts: pd.DataFrame) -> pd.DataFrame:
 
     The contact's middle where no force is known.
     """
-    contacts = contacts.copy()
-    contacts["peak_frame"] = (contacts["onset_frame"] + contacts["offset_frame"]) // 2
-    for (video, whisker), part in contacts.groupby(["video", "whisker"]):
+    onset, offset = (contacts[c].to_numpy() for c in ("onset_frame", "offset_frame"))
+    peak = (onset + offset) // 2
+    for (video, whisker), places in contacts.groupby(["video", "whisker"]).indices.items():
         path = Path(results) / video / "frames.parquet"
         if not path.is_file():
             continue
         wanted, inside = ["frame", "contact_force_uN"], [("whisker", "==", whisker)]
-        force = tables.read_frames(path, wanted, inside).set_index("frame")["contact_force_uN"]
-        for row in part.itertuples():
-            touch = force.loc[row.onset_frame : row.offset_frame - 1]
-            if touch.notna().any():
-                contacts.loc[row.Index, "peak_frame"] = touch.idxmax()
-    return contacts
+        frame, force = tables.read_frames(path, wanted, inside).to_numpy(float).T
+        for i in places:
+            first, last = np.searchsorted(frame, [onset[i], offset[i]])
+            if np.isfinite(force[first:last]).any():
+                peak[i] = frame[first + np.nanargmax(force[first:last])]
+    return contacts.assign(peak_frame=peak)
 
 
 def _whiskers(results, contacts) -> dict:
