@@ -55,13 +55,13 @@ def _nearest(x, y, n, other_x, other_y, m):
         least = np.inf
         j = first
         while j < last:
-            d = np.hypot(x[i] - other_x[j], y[i] - other_y[j])
+            d = np.sqrt((x[i] - other_x[j]) ** 2 + (y[i] - other_y[j]) ** 2)
             if d < least:
                 least, node = d, j
             j += max(int(d - least), 1)  # nodes are 1 px apart: none before can be nearer
         if least < best:
             best, at, to = least, i, node
-        i += max(int(0.5 * (least - NEAR_PX)), 1)
+        i += max(int(least - best), 1)  # none before comes nearer
     return at, to
 
 

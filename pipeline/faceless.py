@@ -5,8 +5,6 @@ the whole video, lie on a curve that they sweep as it turns about its follicle; 
 is taken for the face, so that everything that begins at the face's edge begins there.
 """
 
-from itertools import product
-
 import cv2
 import numpy as np
 
@@ -21,7 +19,7 @@ INSIDE_PX = (4, 24)  # nodes from its end that tell how dark a line is there
 BEYOND_PX = 12  # how far behind its end a line may begin in truth
 MOVED = 0.8  # of the most light that a line's places ever get: what is lighter may be a rod
 GAP_MM = 1.0  # between the parts of a whisker that something hides, e.g. the pole
-LARGEST_TURN = np.radians(30)  # from one part to the next
+HIDDEN_MM = 0.75  # from where a part turns towards the middle of what hides it
 LEAST_WIDTH_PX = 1  # of what stands for the face where whiskers come over the border
 
 
@@ -47,7 +45,7 @@ def mask_behind_whiskers(frames, side: str | None, pixels_per_mm: float):
     lightest = frames[::step].max(axis=0)
     seen, moving = [], []
     for image in frames[::step]:
-        found = _joined(list(_whiskers(image, pixels_per_mm)), pixels_per_mm)
+        found = _whiskers(image, pixels_per_mm)
         seen += found
         moving += [pair for pair in found if _has_moved(pair[0], image, lightest)]
     if not seen:
@@ -61,7 +59,7 @@ def mask_behind_whiskers(frames, side: str | None, pixels_per_mm: float):
 
 
 def _whiskers(image, pixels_per_mm):
-    """Yield every whisker of a frame: points (n, 2) of x, y, and the absorbance image."""
+    """All whiskers of a frame: points (n, 2) of x, y, and the absorbance image, of each."""
     image = image.astype(np.float32)
     noise = spatial_noise(image)
     thin = thin_dark_lines(image, pixels_per_mm, noise)
@@ -71,32 +69,15 @@ def _whiskers(image, pixels_per_mm):
     index, points = ridges.ridge_points(
         np.where(thin, dark, 0).astype(np.float32), sd.astype(np.float32)
     )
-    for curve in ridges.join(ridges.link(index, points, shortest=10)):
-        if np.hypot(*np.diff(curve, axis=0).T).sum() > SHORTEST_MM * pixels_per_mm:
-            yield curve, dark
+    curves = ridges.join(ridges.link(index, points, shortest=10))
+    curves = [curve for curve in curves if _length(curve) > SHORTEST_MM * pixels_per_mm]
+    hidden = round(HIDDEN_MM * pixels_per_mm)
+    return [(curve, dark) for curve in ridges.join(curves, GAP_MM * pixels_per_mm, hidden)]
 
 
-def _joined(found, pixels_per_mm):
-    """Lines of one frame, those that go on from each other's ends put together."""
-    for k, (one, dark) in enumerate(found):
-        for j, (other, _) in enumerate(found[:k]):
-            for a, b in product((one, one[::-1]), (other, other[::-1])):
-                if _goes_on(a, b, pixels_per_mm):
-                    rest = [each for i, each in enumerate(found) if i not in (j, k)]
-                    return _joined([*rest, (np.vstack([a, b]), dark)], pixels_per_mm)
-    return found
-
-
-def _end(curve):
-    """Last point (2,) of a line, and its direction (2,) there."""
-    on = curve[-1] - curve[max(len(curve) - 1 - INSIDE_PX[1], 0)]
-    return curve[-1], on / max(np.hypot(*on), 1e-9)
-
-
-def _goes_on(one, other, pixels_per_mm) -> bool:
-    """Whether a line begins where and as another one ends, across a small gap."""
-    (end, on), (start, back) = _end(one), _end(other[::-1])
-    return np.hypot(*(end - start)) < GAP_MM * pixels_per_mm and -on @ back > np.cos(LARGEST_TURN)
+def _length(curve):
+    """Length of points (n, 2), one after the other."""
+    return np.hypot(*np.diff(curve, axis=0).T).sum()
 
 
 def _has_moved(curve, image, lightest) -> bool:

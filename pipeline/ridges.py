@@ -13,6 +13,8 @@ from pipeline.splines import FAST
 
 SCALE_PX = 1.6  # SD of the differentiating Gaussian
 LOW, HIGH = 2.5, 5.0  # standard deviations of the noise: to go on along a line, to start one
+DIRECTION_REACH = 14  # points that tell an end's direction
+LEAST_COSINE, LEAST_COSINE_HIDDEN = 0.9, 0.866  # of what a line may turn by across a gap
 
 
 def gaussian_kernels(scale: float):
@@ -234,20 +236,25 @@ def link(index, points, shortest=8):
     return [points[chain[offsets[i] : offsets[i + 1]], :2] for i in long]
 
 
-def _ends(curves, reach=14):
-    """Ends (2n, 2) of the curves, first and last in turn, and the unit directions out of them."""
+def _ends(curves, unsure=0):
+    """Ends (2n, 2) of the curves, first and last in turn, and the unit directions out of them.
+
+    The last `unsure` points do not tell a direction.
+    """
     lengths = np.array([len(curve) for curve in curves])
     points, last = np.concatenate(curves), np.cumsum(lengths) - 1
-    first, inward = last - lengths + 1, np.minimum(reach, lengths - 1)
+    first = last - lengths + 1
     ends = np.column_stack([first, last]).ravel()
-    behind = np.column_stack([first + inward, last - inward]).ravel()
-    directions = points[ends] - points[behind]
+    near, far = (np.minimum(n, lengths - 1) for n in (unsure, unsure + DIRECTION_REACH))
+    near = np.where(near < far, near, 0)
+    ahead, behind = (np.column_stack([first + n, last - n]).ravel() for n in (near, far))
+    directions = points[ahead] - points[behind]
     norm = np.linalg.norm(directions, axis=1, keepdims=True)
     return points[ends], directions / np.maximum(norm, 1e-9)
 
 
 @njit(cache=True)
-def _gap_costs(places, directions, longest_gap):
+def _gap_costs(places, directions, longest_gap, least_cosine, hidden):
     """Pairs (a, b) of ends of different curves that may be bridged, and the cost of each."""
     pairs, costs = [], []
     for a in range(len(places)):
@@ -258,27 +265,30 @@ def _gap_costs(places, directions, longest_gap):
             length = np.sqrt(gx * gx + gy * gy)
             ax, ay = directions[a]
             bx, by = directions[b]
-            if ax * bx + ay * by > -0.9:
-                continue
-            # both look along the gap
-            if length > 2 and min(ax * gx + ay * gy, -bx * gx - by * gy) < 0.5 * length:
+            if ax * bx + ay * by > -least_cosine:
                 continue
             across = max(abs(ax * gy - ay * gx), abs(bx * gy - by * gx))
-            if across <= 1.5 + 0.2 * length:
+            # both look along the gap
+            along = length <= 2 or min(ax * gx + ay * gy, -bx * gx - by * gy) >= 0.5 * length
+            if hidden or (along and across <= 1.5 + 0.2 * length):
                 pairs.append((a, b))
                 costs.append(length + 4 * across)
     return pairs, costs
 
 
-def join(curves, longest_gap=45.0):
+def join(curves, longest_gap=45.0, hidden=0):
     """Join curves whose ends look at each other, best pair first; return the joined curves.
 
     A gap of g px is bridged where both ends point along it to about 11° (more for short gaps,
     whose direction is uncertain). Every end is used once, and no ring is closed.
+
+    hidden : of what lies over the gaps, half the size [px]: it draws the curves' last points
+        aside, so that ends need not point along the gap; what goes on may turn by 30°
     """
     if len(curves) < 2:
         return list(curves)
-    pairs, costs = _gap_costs(*_ends(curves), longest_gap)
+    least_cosine = LEAST_COSINE_HIDDEN if hidden else LEAST_COSINE
+    pairs, costs = _gap_costs(*_ends(curves, hidden), longest_gap, least_cosine, hidden > 0)
     partner = np.full(2 * len(curves), -1)
     group = np.arange(len(curves))
     for k in np.argsort(np.array(costs), kind="stable"):
