@@ -24,6 +24,10 @@ MOVED_SD = 5.0  # by so much of the noise is it lighter where a whisker is not
 EDGE_RATIO = 1.4  # of light within three cells: more is the edge of something
 BRIGHT_RANK = 0.85  # of the samples of a pixel: free of whiskers that rest there up to this share
 WINDOW_SD = 3.0
+DARK_SD = 4.0  # by so much darker is a whisker; its flanks, which are not, reach FLANK_PX farther
+FLANK_PX = 2
+FLANK_SAMPLES = 64  # looked at for whiskers' flanks, at the most
+FEWEST_CLEAR = 3  # samples without a whisker near, to tell a pixel's light
 MOVIE_FRAMES = 3  # with fewer, nothing can be learnt from motion
 LEAST_VARIANCE = 1 / 12  # of rounding to grey levels
 WINDOWED_VARIANCE = 0.9733  # of a normal variable within WINDOW_SD, in units of its own
@@ -44,6 +48,7 @@ class Background:
     illumination : float32 (height, width), the light as if nothing stood in it [grey]
     black : grey level of opaque things
     n_frames : of how many frames it was made; of fewer than MOVIE_FRAMES, it still holds whiskers
+    covered : bool (height, width), what whiskers leave free so seldom that they may shade it
     """
 
     image: np.ndarray
@@ -52,6 +57,7 @@ class Background:
     illumination: np.ndarray
     black: float
     n_frames: int
+    covered: np.ndarray
 
     @property
     def transmission(self) -> np.ndarray:
@@ -80,12 +86,12 @@ def estimate_background(frames: np.ndarray, pixels_per_mm: float) -> Background:
         raise ValueError(f"frames must be (k, height, width) with k >= 1, got {frames.shape}")
     if len(frames) < MOVIE_FRAMES:
         image = frames.mean(0, dtype=np.float32)
-        noise = spatial_noise(image, len(frames))
+        noise, covered = spatial_noise(image, len(frames)), np.zeros(image.shape, bool)
     else:
-        image, noise = temporal_background(frames)
+        image, noise, covered = temporal_background(frames)
     thin = thin_dark_lines(image, pixels_per_mm, noise)
     black, illumination = light_without_objects(image, pixels_per_mm, thin)
-    return Background(image, *noise, illumination, black, len(frames))
+    return Background(image, *noise, illumination, black, len(frames), covered)
 
 
 # ---- over time ----------------------------------------------------------------------------
@@ -99,9 +105,10 @@ def frame_gains(frames: np.ndarray) -> np.ndarray:
     return np.median(few[:, bright] / np.maximum(typical[bright], 1), axis=1).astype(float)
 
 
-def temporal_background(frames: np.ndarray) -> tuple[np.ndarray, tuple[float, float]]:
-    """Mean of every pixel's bright mode, float32 (height, width), and (noise floor, gain)."""
-    ordered = sort_over_time(_equalised(frames))
+def temporal_background(frames: np.ndarray):
+    """Mean of every pixel's bright mode (height, width), (noise floor, gain), what is `covered`."""
+    gains = frame_gains(frames)
+    ordered = sort_over_time(_equalised(frames, gains))
     start = ordered[round(BRIGHT_RANK * (len(frames) - 1))]
     noise = _noise_from_ranks(ordered)
     image, variance = start.astype(np.float32), None
@@ -109,18 +116,57 @@ def temporal_background(frames: np.ndarray) -> tuple[np.ndarray, tuple[float, fl
         window = WINDOW_SD * np.sqrt(noise[0] + noise[1] * image)
         image, variance = _windowed_moments(ordered, image, window.astype(np.float32))
         noise = _fit_noise(image, variance / WINDOWED_VARIANCE, len(frames) - 1)
-    return image, noise
+    image, covered = _without_flanks(image, frames, gains, noise, ordered[0])
+    return image, noise, covered
 
 
-def _equalised(frames):
+def _equalised(frames, gains):
     """Frames with their flicker taken out, in memory of their own."""
     out = np.empty_like(frames)
-    for frame, gain, into in zip(frames, frame_gains(frames), out, strict=True):
+    for frame, gain, into in zip(frames, gains, out, strict=True):
         if abs(gain - 1) < 2e-3 or gain < 0.05:
             into[:] = frame
         else:
             cv2.convertScaleAbs(frame, into, 1 / gain)
     return out
+
+
+def _without_flanks(image, frames, gains, noise, darkest):
+    """The background without the flanks of whiskers that pass, and what they leave too seldom.
+
+    They are too faint to be told from noise, but draw a pixel's mean down, the more so where the
+    whisker is in most samples. So only those samples count that are dark nowhere near.
+    """
+    sd = np.sqrt(noise[0] + noise[1] * np.maximum(image, 0))
+    passed = darkest < image - DARK_SD * sd
+    covered = np.zeros(image.shape, bool)
+    if not passed.any():
+        return image, covered
+    x, y, width, height = cv2.boundingRect(passed.astype(np.uint8))
+    rows = slice(max(y - FLANK_PX, 0), y + height + FLANK_PX)
+    part = rows, slice(max(x - FLANK_PX, 0), x + width + FLANK_PX)
+    step = -(-len(frames) // FLANK_SAMPLES)
+    frames = _equalised(frames[(slice(None, None, step), *part)], gains[::step])
+    count, mean = _clear_mean(frames, image[part], sd[part])
+    covered[part] = count < FEWEST_CLEAR
+    image = image.copy()
+    image[part] = np.where((count < len(frames)) & ~covered[part], mean, image[part])
+    return image, covered
+
+
+def _clear_mean(frames, image, sd):
+    """Of the samples without anything dark near: how many there are, and their mean, per pixel."""
+    dark, low, high = (
+        np.clip(np.rint(image + k * sd), 0, 255).astype(np.uint8)
+        for k in (-DARK_SD, -WINDOW_SD, WINDOW_SD)
+    )
+    total, count = np.zeros((2, *image.shape), np.float32)
+    for frame in frames:
+        near = cv2.dilate(cv2.compare(frame, dark, cv2.CMP_LT), _square(FLANK_PX))
+        clear = cv2.inRange(frame, low, high) & ~near
+        cv2.accumulate(frame, total, clear)
+        count += clear > 0
+    return count, total / np.maximum(count, 1)
 
 
 def sort_over_time(frames: np.ndarray) -> np.ndarray:
@@ -322,6 +368,7 @@ def without_whiskers(background: Background, face: np.ndarray, pixels_per_mm, fu
     shortest = shortest if fur else SHORTEST_BASE_MM
     lines = thin if pole is None else thin | _surroundings(pole, pixels_per_mm)
     whiskers = thin & _long_lines_at(face, lines, pixels_per_mm, shortest * pixels_per_mm)
+    whiskers |= _long_parts(background.covered | whiskers, 0, whiskers) & ~face
     if not movie:
         return smooth_flat_parts(background.image, whiskers, pixels_per_mm, noise)
     return fill(background.image, whiskers) if whiskers.any() else background.image

@@ -26,6 +26,7 @@ BACKGROUND = 0.4  # grey levels, median absolute error of 32 frames with noise S
 BURNED_IN = 2.0  # grey levels, at a whisker's place; the whisker itself is 80 grey levels deep
 NOISE_SD = 0.06  # relative
 LIGHT = 0.04  # relative
+FLANKS = 0.06  # grey levels, mean error where a whisker passes in half of the frames
 
 
 def still_scene():
@@ -84,6 +85,17 @@ class TestOverTime:
         assert abs(np.mean(error)) < 0.1
         for angle in angles:
             assert abs(error[place_of_whisker(angle) & (scene > 60)].mean()) < BURNED_IN
+
+    def test_flanks_of_a_whisker_that_passes_leave_no_shade(self):
+        scene, _ = still_scene()
+        angles = 0.06 * np.sin(np.arange(32) * 0.7)
+        background = estimate_background(movie(angles), SCALE)
+        places = [place_of_whisker(angle).astype(np.uint8) for angle in angles]
+        passed = np.mean([cv2.dilate(place, np.ones((5, 5))) for place in places], axis=0)
+        often = (passed > 0.4) & (passed < 0.85)
+        often[:, 225:] = False  # fur
+        assert often.sum() > 800
+        assert abs((background.image - scene)[often].mean()) < FLANKS
 
     @pytest.mark.parametrize("share", [0.5, 0.8])
     def test_whisker_that_rests_most_of_the_time(self, share):

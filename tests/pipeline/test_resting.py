@@ -42,9 +42,15 @@ def shade(scene):
 
 
 def test_resting_whiskers_leave_no_shade():
-    scene, cleared = backgrounds(np.radians(1.0))
+    scene, cleared = backgrounds(np.radians(2.5))
     assert shade(scene) > SHADE
     assert shade(cleared) < CLEAN
+
+
+def test_whiskers_that_never_leave_their_place_are_filled_with_their_flanks():
+    for swing in np.radians([0.2, 0.6, 1.0]):
+        scene, _ = backgrounds(swing)
+        assert shade(scene) < CLEAN
 
 
 def test_the_fur_stays_as_it_is():
