@@ -199,16 +199,22 @@ def paint(background, x, y, n, amplitude, sigma, pixels, values, count):
         span = 3.0 * sigma[i] / abs(scale)
         first = max(int(np.ceil(centre - span)), 0)
         last = min(int(np.floor(centre + span)), limit - 1)
+        # the Gaussian from pixel to pixel: its ratio to the one before changes by a constant
+        absorbance, step = min(amplitude[i], 0.98), scale / sigma[i]
+        u = (first - centre) * step
+        gauss, ratio = np.exp(-0.5 * u * u), np.exp(-step * (u + 0.5 * step))
+        change = np.exp(-step * step)
         for moving in range(first, last + 1):
             row = moving if columns else fixed
             column = fixed if columns else moving
             if count >= len(pixels):
                 return count
-            u = (moving - centre) * scale / sigma[i]
             pixels[count] = row * width + column
             values[count] = background[row, column]
             count += 1
-            background[row, column] *= 1.0 - min(amplitude[i], 0.98) * np.exp(-0.5 * u * u)
+            background[row, column] *= 1.0 - absorbance * gauss
+            gauss *= ratio
+            ratio *= change
     return count
 
 
