@@ -106,7 +106,7 @@ def frame_gains(frames: np.ndarray) -> np.ndarray:
 
 
 def temporal_background(frames: np.ndarray):
-    """Mean of every pixel's bright mode (height, width), (noise floor, gain), what is `covered`."""
+    """Mean of every pixel's bright mode (height, width), (noise floor, gain), `covered` pixels."""
     gains = frame_gains(frames)
     ordered = sort_over_time(_equalised(frames, gains))
     start = ordered[round(BRIGHT_RANK * (len(frames) - 1))]

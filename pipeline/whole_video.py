@@ -22,7 +22,9 @@ LEAST_SD = np.array([0.01, np.radians(1.5), 0.05, 0.03, 0.007, 0.005])  # of a l
 ROUNDS = 2  # of naming all lines and learning the looks from them
 OTHERS = 3  # numbers of whiskers, at most, that are tried beside the likeliest
 NEARLY = 1.05  # of its cost: those that cost more are not
-DOUBT = 1 / 3  # of a name that one of them does not lead to, or that the track's was not before
+# of a name that one of them does not lead to, or that the track's line had not just before or
+# after: what is left is less than an even chance
+DOUBT = 0.55
 PER_POINT = ("x_px", "y_px", "se_px", "offset_px", "information", "thickness_px")
 SELDOM = 0.1  # of the frames: what is seen in fewer is not named, where no names are given
 
