@@ -72,3 +72,24 @@ def test_kernels_differentiate(scale):
     assert (g1 * -u).sum() == pytest.approx(1, abs=0.02)
     assert (g2 * u**2).sum() == pytest.approx(2, abs=0.05)
     assert g.sum() == pytest.approx(1)
+
+
+def hooked_part(start, end, turn, hook=12):
+    """A straight line of points 1 px apart, of which the last `hook` turn aside by `turn` [rad]."""
+    start, end = np.array(start, float), np.array(end, float)
+    length = int(np.hypot(*(end - start)))
+    bend = np.r_[np.zeros(length - hook), np.linspace(0, turn, hook)]
+    angles = np.arctan2(*(end - start)[::-1]) + bend
+    steps = np.column_stack([np.cos(angles), np.sin(angles)])
+    return start + np.cumsum(steps, axis=0)
+
+
+def test_parts_that_turn_into_what_hides_them_are_joined_where_that_is_told():
+    near = hooked_part((0, 100), (200, 100), np.radians(50))
+    far = hooked_part((410, 110), (210, 110), np.radians(-50))
+    assert len(ridges.join([near, far])) == 2
+    (whole,) = ridges.join([near, far], longest_gap=25.0, hidden=18)
+    assert len(whole) == len(near) + len(far)
+    assert np.hypot(*np.diff(whole, axis=0).T).max() < 25
+    turned = hooked_part((350, 250), (210, 110), np.radians(-50))  # by 45°
+    assert len(ridges.join([near, turned], longest_gap=25.0, hidden=18)) == 2
