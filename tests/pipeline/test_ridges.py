@@ -75,7 +75,7 @@ def test_kernels_differentiate(scale):
 
 
 def hooked_part(start, end, turn, hook=12):
-    """A straight line of points 1 px apart, of which the last `hook` turn aside by `turn` [rad]."""
+    """A straight line of points 1 px apart, the last `hook` turned aside by `turn` [rad]."""
     start, end = np.array(start, float), np.array(end, float)
     length = int(np.hypot(*(end - start)))
     bend = np.r_[np.zeros(length - hook), np.linspace(0, turn, hook)]
