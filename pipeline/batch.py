@@ -1,5 +1,6 @@
 """Many videos: which are due, each in a worker process, results of all in one folder."""
 
+import contextlib
 import hashlib
 import platform
 import sys
@@ -22,6 +23,7 @@ from pipeline.inputs import (
     stamp,
 )
 from pipeline.records import CONTACT_COLUMNS, VIDEO_COLUMNS
+from pipeline.result_exchange import OVERLAYS, READY, draft, is_settled, settle, settle_all
 from pipeline.settings import Settings, session_text, write_session
 from pipeline.workers import run_tasks
 
@@ -36,7 +38,10 @@ RESULT_FILES = (
 
 @dataclass(frozen=True)
 class Task:
-    """One video to process into `folder`; if its tables are `finished`, only to draw it."""
+    """One video to process into `folder`; if its tables are `finished`, only to draw it.
+
+    `earlier` is when its results of before were written [ns], 0 if there are none.
+    """
 
     path: Path
     folder: Path
@@ -44,13 +49,15 @@ class Task:
     overlay: bool = False
     threads: int = 1
     finished: "Outcome | None" = None
+    earlier: int = 0
 
 
 @dataclass(frozen=True)
 class Outcome:
     """What became of one video: a row of videos.csv, and for run.json how it was made.
 
-    `status` is "done", "warning" or "failed"; `details` is the traceback of a fault.
+    `status` is "done", "warning" or "failed"; `details` is the traceback of a fault. `frames` is
+    0 where there are no results; where a video failed, those of before may be there.
     """
 
     video: str
@@ -107,12 +114,13 @@ def run(paths, out, config=None, jobs=1, overwrite=False, overlay=False, progres
     inputs = find_inputs(paths, out)
     settings = settings_of(inputs, config)
     _make_folder(out)
+    settle_all(out)
     names = results_folders(inputs, out)
     tasks = []
     for each in inputs:
         if not each.fault:
             path, folder = each.path.resolve(), out / names[each.path]
-            task = Task(path, folder, settings[each.path], overlay)
+            task = Task(path, folder, settings[each.path], overlay, earlier=_written(folder))
             tasks.append(task if overwrite else replace(task, finished=finished_outcome(task)))
     due = [t for t in tasks if not t.finished or (overlay and not has_overlay(t.folder))]
     outcomes = {t.folder.name: t.finished for t in tasks if t not in due}
@@ -120,13 +128,13 @@ def run(paths, out, config=None, jobs=1, overwrite=False, overlay=False, progres
     for each in inputs:
         if each.fault:
             name = names[each.path]
-            outcomes[name] = Outcome(name, readable(each.path), "failed", message=each.fault)
+            outcomes[name] = _failed_in(out / name, readable(each.path), each.fault)
     if jobs == 1 or len(due) == 1:
         due = [replace(task, threads=0) for task in due]
     interrupted = _process(due, outcomes, jobs, progress)
     for task in due:
-        if task.folder.name not in outcomes and not task.finished:
-            _clear(task.folder)
+        if task.folder.name not in outcomes and (left := _interrupted(task)):
+            outcomes[task.folder.name] = left
     ordered = [outcomes[name] for name in names.values() if name in outcomes]
     ordered += _earlier(out, set(names.values()))
     seconds = time.monotonic() - started
@@ -157,6 +165,7 @@ def _process(tasks, outcomes, jobs, progress) -> bool:
             if event.kind == "died":
                 event = replace(event, kind="done", value=_died(tasks[event.task], event.value))
             if event.kind == "done":
+                event = replace(event, value=_settled(tasks[event.task], event.value))
                 outcomes[names[event.task]] = event.value
             shown.tell(event)
 
@@ -173,18 +182,17 @@ def _process(tasks, outcomes, jobs, progress) -> bool:
 def process_video(task: Task, report=None) -> Outcome:
     """Analyse one video and save its results; a failure is an outcome, not an exception.
 
-    `report((frames done, frames))` is called now and then.
+    `report((frames done, frames))` is called now and then. The new results are ready then, not
+    in their place: see `result_exchange`.
     """
     from pipeline.errors import CorrectionsError, VideoError
 
     try:
         if task.finished:
-            _write_overlay(task)
-            return task.finished
-        _forget(task.folder)
-        task.folder.mkdir(exist_ok=True)
-        tables.write_json(task.folder / STATE_FILE, {"path": str(task.path), "status": "begun"})
-        return _analyse_and_save(task, report)
+            return _with_overlay(task, task.finished, task.folder)
+        settle(task.folder)
+        outcome = _analyse_and_save(task, report)
+        return _with_overlay(task, outcome, task.folder / READY) if task.overlay else outcome
     except VideoError as error:
         return _failed(task, error.problem)
     except (OSError, CorrectionsError) as error:
@@ -192,7 +200,7 @@ def process_video(task: Task, report=None) -> Outcome:
 
 
 def _analyse_and_save(task, report) -> Outcome:
-    """The straight way; the state file comes last and says that the results are whole."""
+    """The straight way; the state file says how the results were made."""
     from pipeline.curation import read_corrections
     from pipeline.evidence import write_evidence
     from pipeline.run import analyse
@@ -200,62 +208,75 @@ def _analyse_and_save(task, report) -> Outcome:
     started = time.perf_counter()
     before = stamp(task.path)
     corrections = read_corrections(task.folder)
-    with tables.centreline_file(task.folder / "centrelines.parquet") as keep:
-        analysis = analyse(task.path, task.settings, keep, report, corrections, task.threads)
-    contacts = analysis.contacts.assign(video=task.folder.name)
-    tables.write_frames(task.folder / "frames.parquet", analysis.frames)
-    tables.write_csv(task.folder / "contacts.csv", contacts, CONTACT_COLUMNS)
-    write_evidence(task.folder, analysis.evidence)
-    write_session(task.folder / "session.toml", task.settings)
-    seconds = time.perf_counter() - started
-    outcome = Outcome(
+    with draft(task.folder) as new:
+        with tables.centreline_file(new / "centrelines.parquet") as keep:
+            analysis = analyse(task.path, task.settings, keep, report, corrections, task.threads)
+        contacts = analysis.contacts.assign(video=task.folder.name)
+        tables.write_frames(new / "frames.parquet", analysis.frames)
+        tables.write_csv(new / "contacts.csv", contacts, CONTACT_COLUMNS)
+        write_evidence(new, analysis.evidence)
+        write_session(new / "session.toml", task.settings)
+        outcome = _outcome_of(task, analysis, time.perf_counter() - started)
+        _save_state(new, task, outcome, before)
+    return outcome
+
+
+def _outcome_of(task, analysis, seconds) -> Outcome:
+    return Outcome(
         video=task.folder.name,
         path=str(task.path),
         status="warning" if analysis.messages else "done",
         frames=analysis.n_frames,
         frames_per_s=analysis.n_frames / seconds,
         message="; ".join(analysis.messages),
-        contacts=len(contacts),
+        contacts=len(analysis.contacts),
         stages={stage: round(s, 3) for stage, s in analysis.seconds.items()},
         sha256=sha256(task.path),
         pole=tables.pole_runs(analysis.pole),
     )
-    _save_state(task, outcome, before)
-    if task.overlay:
-        _write_overlay(task)
-    return outcome
 
 
 def has_overlay(folder) -> bool:
     """The results folder of a video holds an overlay."""
-    return any(folder.glob("overlay.*"))
+    return any(folder.glob(OVERLAYS))
 
 
-def _write_overlay(task):
+def _with_overlay(task, outcome, folder) -> Outcome:
+    """Draw the overlay of the results in `folder`; a fault there leaves the tables as they are."""
     from pipeline.overlay import write_overlay
 
-    write_overlay(task.path, task.folder, task.settings)
+    try:
+        write_overlay(task.path, folder, task.settings)
+    except Exception as error:
+        reason = " ".join(f"{type(error).__name__}: {error}".split())
+        return _warned(outcome, f"the overlay could not be drawn ({reason}); all tables are there")
+    return outcome
 
 
-def _forget(folder):
-    """Remove earlier results (a person's corrections stay), first what calls them whole."""
-    for name in (STATE_FILE, *RESULT_FILES):
-        (folder / name).unlink(missing_ok=True)
-    for leftover in (*folder.glob("overlay.*"), *folder.glob(".*.part*")):
-        leftover.unlink()
+def _warned(outcome, message) -> Outcome:
+    """The outcome with one more message."""
+    message = "; ".join(filter(None, (outcome.message, message)))
+    return replace(outcome, status="warning", message=message)
 
 
-def _clear(folder):
-    """Remove the results of a video that has none, and the folder unless a person's work is in."""
-    _forget(folder)
-    if folder.is_dir() and not any(folder.iterdir()):
-        folder.rmdir()
+# --- what stands where there are no new results --------------------------------------------
 
 
-def _failed(task, message, details="") -> Outcome:
-    _clear(task.folder)
-    message = " ".join(message.split())
-    return Outcome(task.folder.name, str(task.path), "failed", message=message, details=details)
+def _written(folder) -> int:
+    """When the results in a folder were written [ns]; 0 if there are none."""
+    state = folder / STATE_FILE
+    return state.stat().st_mtime_ns if state.is_file() else 0
+
+
+def _settled(task, outcome) -> Outcome:
+    """The outcome when the new results are in place."""
+    try:
+        settle(task.folder)
+    except OSError as error:
+        return _failed(
+            task, f"its new results are whole but cannot replace the old ones ({error}): run again"
+        )
+    return outcome
 
 
 def _died(task, reason) -> Outcome:
@@ -263,7 +284,64 @@ def _died(task, reason) -> Outcome:
     last = reason.strip().splitlines()[-1]
     if "Traceback" in reason:
         last = f"unexpected fault of the program: {last}; --debug shows where"
-    return _failed(task, last, reason)
+    return replace(_new_or(task, last) or _failed(task, last), details=reason)
+
+
+def _interrupted(task) -> Outcome | None:
+    """The outcome of a video whose turn had not ended; None if it has no results."""
+    if task.finished:
+        return task.finished
+    new = _new_or(task)
+    if new:
+        return new
+    kept = _kept(task.folder)
+    message = f"interrupted before new results were made; {_earlier_results(task)}"
+    return kept and replace(kept, status="warning", message=message)
+
+
+def _new_or(task, message="") -> Outcome | None:
+    """The outcome of results that were whole before the process ended, else None."""
+    with contextlib.suppress(OSError):
+        settle(task.folder)
+    made = _written(task.folder) > task.earlier
+    outcome = task.finished or (_kept(task.folder) if made else None)
+    return _warned(outcome, message) if outcome and message else outcome
+
+
+def _failed(task, message, details="") -> Outcome:
+    outcome = _failed_in(task.folder, str(task.path), message, _earlier_results(task))
+    return replace(outcome, details=details)
+
+
+def _failed_in(folder, path, message, kept_results="earlier results kept") -> Outcome:
+    """A failure; results of before stay, and the message says so."""
+    kept = _kept(folder)
+    message = " ".join(message.split())
+    if kept is None:
+        return Outcome(folder.name, path, "failed", message=message)
+    message = f"{message}; {kept_results}"
+    return replace(kept, path=path, status="failed", message=message)
+
+
+def _kept(folder) -> Outcome | None:
+    """The outcome that whole results in a folder came from, of whatever settings and version."""
+    state = tables.read_json(folder / STATE_FILE, {})
+    whole = {"version", "video"} <= state.keys() and is_settled(folder)
+    if not whole or not all((folder / name).is_file() for name in RESULT_FILES):
+        return None
+    return _outcome(state)
+
+
+def _earlier_results(task) -> str:
+    """Say that earlier results are kept, and what they differ in from those that are due."""
+    state = tables.read_json(task.folder / STATE_FILE, {})
+    if state.get("version") != __version__:
+        return f"earlier results kept, made by version {state.get('version')}"
+    if state.get("settings_sha256") != _settings_digest(task.settings):
+        return "earlier results kept, made with other settings"
+    if not _same_input(state, task.path):
+        return "earlier results kept, made of the video before it changed"
+    return "earlier results kept"
 
 
 # --- resumption --------------------------------------------------------------------------
@@ -273,14 +351,14 @@ def _settings_digest(settings) -> str:
     return hashlib.sha256(settings.model_dump_json().encode()).hexdigest()
 
 
-def _save_state(task, outcome, before):
+def _save_state(folder, task, outcome, before):
     state = {
         "version": __version__,
         **{k: v for k, v in asdict(outcome).items() if k != "details"},
         "settings_sha256": _settings_digest(task.settings),
         "input": before,
     }
-    tables.write_json(task.folder / STATE_FILE, state)
+    tables.write_json(folder / STATE_FILE, state)
 
 
 def finished_outcome(task: Task) -> Outcome | None:
@@ -290,15 +368,15 @@ def finished_outcome(task: Task) -> Outcome | None:
     there. The content is read only where size or times differ.
     """
     state = tables.read_json(task.folder / STATE_FILE, {})
-    if state.get("version") != __version__:
+    if state.get("version") != __version__ or _kept(task.folder) is None:
         return None
     if state.get("settings_sha256") != _settings_digest(task.settings):
         return None
-    if not all((task.folder / name).is_file() for name in RESULT_FILES):
-        return None
-    if state["input"] != stamp(task.path) and state["sha256"] != sha256(task.path):
-        return None
-    return _outcome(state)
+    return _outcome(state) if _same_input(state, task.path) else None
+
+
+def _same_input(state, path) -> bool:
+    return state["input"] == stamp(path) or state["sha256"] == sha256(path)
 
 
 def _outcome(state) -> Outcome:
@@ -307,10 +385,9 @@ def _outcome(state) -> Outcome:
 
 def _earlier(out, names) -> list[Outcome]:
     """Whole results in `out` of videos that are not among this run's inputs."""
-    states = (tables.read_json(p, {}) for p in sorted(out.glob(f"*/{STATE_FILE}")))
-    # one without a video is of a whole results folder that lies in this one
-    whole = [_outcome(state) for state in states if {"version", "video"} <= state.keys()]
-    return [each for each in whole if each.video not in names]
+    folders = [path.parent for path in sorted(out.glob(f"*/{STATE_FILE}"))]
+    # a state without a video is of a whole results folder that lies in this one
+    return [kept for folder in folders if folder.name not in names and (kept := _kept(folder))]
 
 
 # --- the whole folder --------------------------------------------------------------------
@@ -339,7 +416,7 @@ def _write_tables(summary, jobs):
     parts = [
         tables.read_csv(summary.out / each.video / "contacts.csv", CONTACT_COLUMNS)
         for each in summary.outcomes
-        if each.status != "failed"
+        if each.frames
     ]
     contacts = pd.concat(parts) if parts else pd.DataFrame()
     tables.write_csv(summary.out / "contacts.csv", contacts, CONTACT_COLUMNS)

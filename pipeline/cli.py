@@ -137,7 +137,7 @@ def _write_pictures(summary, debug):
     from pipeline.figures import write_fig3
     from pipeline.report import write_report
 
-    if not any(each.status != "failed" for each in summary.outcomes):
+    if not any(each.frames for each in summary.outcomes):
         return
     for what, write in (("figures", write_fig3), ("report", write_report)):
         try:

@@ -150,7 +150,7 @@ def read_truth(results, truth=None) -> pd.DataFrame | None:
         places = [Path(truth)] if truth else [p / "truth" for p in list(path.parents)[:2]]
         for place in places:
             table = place / path.stem / "contacts.csv"
-            if state["status"] != "failed" and table.is_file():
+            if state["frames"] and table.is_file():
                 parts.append(tables.read_csv(table, CONTACT_COLUMNS).assign(video=video))
                 break
     return pd.concat(parts, ignore_index=True) if parts else None

@@ -5,11 +5,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pipeline.errors import VideoError
+from pipeline.result_exchange import STATE_FILE
 from pipeline.settings import SettingsError, read_session
 from pipeline.tables import read_json
 from pipeline.video import RESULT_FOLDERS, find_videos, is_result_folder, open_video
 
-STATE_FILE = "run.json"
 SETTINGS_NAME = "session.toml"
 PREVIEW_NAME = "session_preview.png"
 RESERVED_NAMES = frozenset(RESULT_FOLDERS)  # no video's results folder may be called so

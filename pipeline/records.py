@@ -136,10 +136,12 @@ CONTACT_FLAGS = {
 VIDEO_COLUMNS = (
     Column("video", "string", "", "name of the video's results folder"),
     Column("path", "string", "", "the input"),
-    Column("status", "string", "", "done, warning (done, but read the message) or failed"),
-    Column("frames", "int64", "", "frames read"),
+    Column("status", "string", "", "done, warning (results, but read the message) or failed"),
+    Column("frames", "int64", "", "frames of which there are results; 0: none"),
     Column("frames_per_s", "float64", "1/s", "speed of processing"),
-    Column("message", "string", "", "what failed, or what to be careful about"),
+    Column(
+        "message", "string", "", "what failed, what to be careful about, which results are old"
+    ),
 )
 
 CORRECTION_COLUMNS = (

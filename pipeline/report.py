@@ -125,7 +125,7 @@ def _video_rows(results, videos, contacts):
     for row in videos.to_dict("records"):
         frames = results / row["video"] / "frames.parquet"
         tracked = lost = np.nan
-        if row["status"] != "failed" and frames.exists():
+        if row["frames"] and frames.exists():
             found = tables.read_frames(frames, ["tracked"])["tracked"]
             tracked, lost = found.mean(), int((~found).sum())
         yield {**row, "tracked": tracked, "lost": lost, "contacts": counts.get(row["video"], 0)}
@@ -234,7 +234,7 @@ def _svg(figure) -> str:
 
 def _per_trial(videos, contacts) -> dict | None:
     """Contacts of every video that was processed: plot and numbers; None of one alone."""
-    made = videos.loc[videos["status"] != "failed", "video"]
+    made = videos.loc[videos["frames"] > 0, "video"]
     if len(made) < 2 or contacts.empty:
         return None
     counts = contacts["video"].value_counts().reindex(made, fill_value=0).to_numpy()

@@ -307,7 +307,7 @@ def _curatable(folder) -> list[str]:
             "give the --out folder of `whiskerforce run`"
         )
     videos = tables.read_csv(folder / "videos.csv", VIDEO_COLUMNS)
-    done = [str(name) for name in videos.loc[videos["status"] != "failed", "video"]]
+    done = [str(name) for name in videos.loc[videos["frames"] > 0, "video"]]
     names = [name for name in done if (folder / name / EVIDENCE_FILE).is_file()]
     if not names:
         raise InputError(

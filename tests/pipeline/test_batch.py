@@ -65,6 +65,27 @@ def calls(monkeypatch):
     return calls
 
 
+CORRECTIONS = (
+    "whisker,verdict,onset_frame,offset_frame,covers_from,covers_to,saved_at\n"
+    "C2,free,2,3,1,5,2026-01-01\n"
+)
+
+
+def contents(folder):
+    """What every file of a folder holds."""
+    return {str(p.relative_to(folder)): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
+
+
+def contact_videos(out):
+    """The videos that have rows in contacts.csv."""
+    return list(tables.read_csv(out / "contacts.csv", CONTACT_COLUMNS)["video"])
+
+
+def change_settings(folder):
+    text = (folder / "session.toml").read_text()
+    (folder / "session.toml").write_text(text.replace("5.5", "5.6"))
+
+
 def statuses(out):
     videos = tables.read_csv(out / "videos.csv", VIDEO_COLUMNS)
     return dict(zip(videos["video"], videos["status"], strict=True))
@@ -126,14 +147,32 @@ def test_a_broken_corrections_file_fails_its_video_only(folder, calls, tmp_path)
     assert (out / "a" / "corrections.csv").exists()
 
 
-def test_a_video_that_fails_now_leaves_no_results_of_before(folder, calls, tmp_path):
+def test_a_video_that_fails_now_keeps_its_results_of_before(folder, calls, tmp_path):
     out = tmp_path / "results"
     batch.run([folder], out)
-    (out / "a" / "corrections.csv").write_text("a person's work")
+    before = contents(out / "a")
     (folder / "a.avi").write_bytes(b"bad")
+    for _ in range(2):
+        summary = batch.run([folder], out)
+        assert statuses(out) == {"a": "failed", "b": "done"}
+        assert summary.outcomes[0].message == (
+            "frame 3 is broken: record it again; earlier results kept, made of the video before "
+            "it changed"
+        )
+        assert contents(out / "a") == before
+        assert contact_videos(out) == ["a", "b"]
+
+
+def test_a_failed_video_is_told_apart_from_its_results_of_other_settings(folder, calls, tmp_path):
+    out = tmp_path / "results"
     batch.run([folder], out)
-    assert [p.name for p in (out / "a").iterdir()] == ["corrections.csv"]
-    assert list(tables.read_csv(out / "contacts.csv", CONTACT_COLUMNS)["video"]) == ["b"]
+    change_settings(folder)
+    text = "whisker,verdict,onset_frame,offset_frame,covers_from,covers_to,saved_at\n"
+    (out / "a" / "corrections.csv").write_text(text + "C2,free,4,x,4,9,\n")
+    summary = batch.run([folder], out)
+    assert statuses(out) == {"a": "failed", "b": "done"}
+    assert "earlier results kept, made with other settings" in summary.outcomes[0].message
+    assert contact_videos(out) == ["a", "b"]
 
 
 def test_an_analysis_that_breaks_off_leaves_no_file(folder, calls, tmp_path, monkeypatch):
@@ -235,6 +274,35 @@ def test_interruption_keeps_what_is_finished(folder, calls, tmp_path):
     batch.run([folder], out)
     assert calls == ["a.avi", "b.avi", "b.avi"]
     assert statuses(out) == {"a": "done", "b": "done"}
+
+
+def test_interruption_of_a_second_run_loses_nothing(folder, calls, tmp_path):
+    """Curate, change a setting, run, Ctrl-C, run again."""
+    (folder / "c.avi").write_bytes(b"c.avi")
+    out = tmp_path / "results"
+    batch.run([folder], out)
+    for name in "abc":
+        (out / name / "corrections.csv").write_text(CORRECTIONS)
+    change_settings(folder)
+    before = {name: contents(out / name) for name in "abc"}
+    (folder / "b.avi").write_bytes(b"stop")
+    summary = batch.run([folder], out)
+    assert summary.interrupted
+    assert statuses(out) == {"a": "done", "b": "warning", "c": "warning"}
+    assert contact_videos(out) == ["a", "b", "c"]
+    for each in summary.outcomes[1:]:
+        assert each.message == (
+            "interrupted before new results were made; earlier results kept, made with other "
+            "settings"
+        )
+        assert contents(out / each.video) == before[each.video]
+    assert read_session(out / "a" / "session.toml").analysis.curvature_at_mm == 5.6
+    (folder / "b.avi").write_bytes(b"b.avi")
+    batch.run([folder], out)
+    assert statuses(out) == {"a": "done", "b": "done", "c": "done"}
+    assert sorted(p.name for p in out.iterdir() if p.is_dir()) == ["a", "b", "c"]
+    for name in "abc":
+        assert (out / name / "corrections.csv").read_text() == CORRECTIONS
 
 
 def test_a_killed_process_costs_only_its_video(folder, calls, tmp_path, monkeypatch):

@@ -1,0 +1,80 @@
+"""New results of a video take the place of the old ones: all or none, whatever ends the program.
+
+New results are written into a hidden draft inside the video's results folder. Renaming the
+finished draft to READY is the one moment at which they become the video's results; their files
+then move over the old ones. A program that ends before that moment leaves the old results; if it
+ends later, `settle` completes the moves at the next start. corrections.csv is never touched.
+"""
+
+import contextlib
+import os
+import shutil
+import tempfile
+from pathlib import Path
+
+DRAFT = ".whiskerforce-draft-"  # and random letters: two processes never share a draft
+READY = ".whiskerforce-ready"
+STATE_FILE = "run.json"
+OVERLAYS = "overlay.*"
+
+
+@contextlib.contextmanager
+def draft(folder):
+    """Yield an empty folder for a video's new results; they are ready when the block ends well.
+
+    `settle` then puts them in place. If the block fails, the draft goes and old results stay.
+    """
+    folder.mkdir(exist_ok=True)
+    new = Path(tempfile.mkdtemp(prefix=DRAFT, dir=folder))
+    try:
+        yield new
+        new.rename(folder / READY)
+    except BaseException:
+        _remove(new, folder)
+        raise
+
+
+def is_settled(folder) -> bool:
+    """Tell whether the files of a results folder are all of one generation."""
+    return not (folder / READY).exists()
+
+
+def settle(folder) -> None:
+    """Put results that are ready in their place; remove drafts, and the folder if that empties it.
+
+    OSError where the folder cannot be written; calling it again goes on from there.
+    """
+    if not is_settled(folder):
+        _move_in(folder / READY, folder)
+    for left in folder.glob(f"{DRAFT}*"):
+        _remove(left, folder)
+
+
+def settle_all(out) -> None:
+    """Settle every results folder in `out`; one that cannot be written stays as it is."""
+    for folder in [each for each in Path(out).iterdir() if each.is_dir()]:
+        with contextlib.suppress(OSError):
+            settle(folder)
+
+
+def _move_in(ready, folder):
+    """Move tables, then what calls them whole, then drawings: so the next call knows how far."""
+    if (ready / STATE_FILE).exists():
+        for old in (*folder.glob(OVERLAYS), *folder.glob(".*.part*")):
+            old.unlink()
+        drawn = set(ready.glob(OVERLAYS))
+        for path in sorted(set(_files(ready)) - drawn, key=lambda p: p.name == STATE_FILE):
+            os.replace(path, folder / path.name)
+    for path in _files(ready):
+        os.replace(path, folder / path.name)
+    shutil.rmtree(ready)
+
+
+def _files(folder):
+    return [path for path in folder.iterdir() if not path.name.startswith(".")]
+
+
+def _remove(new, folder):
+    shutil.rmtree(new, ignore_errors=True)
+    with contextlib.suppress(OSError):  # it holds results, or a person's work
+        folder.rmdir()
