@@ -13,6 +13,7 @@ import pandas as pd
 
 from pipeline import __version__, tables
 from pipeline.inputs import (
+    SESSION_FILES,
     STATE_FILE,
     InputError,
     find_inputs,
@@ -147,6 +148,9 @@ def run(paths, out, config=None, jobs=1, overwrite=False, overlay=False, progres
 def _make_folder(out):
     try:
         out.mkdir(parents=True, exist_ok=True)
+        for name in SESSION_FILES:
+            if (out / name).is_dir():
+                raise InputError(f"--out {out}: {name} in it is a folder; move it away")
         with tables.whole_file(out / "videos.csv.try") as temporary:
             temporary.write_text("")
         (out / "videos.csv.try").unlink()

@@ -1,6 +1,7 @@
 """Which videos to process, where their settings and results lie, and whether they changed."""
 
 import hashlib
+import re
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,7 +13,17 @@ from pipeline.video import RESULT_FOLDERS, find_videos, is_result_folder, open_v
 
 SETTINGS_NAME = "session.toml"
 PREVIEW_NAME = "session_preview.png"
-RESERVED_NAMES = frozenset(RESULT_FOLDERS)  # no video's results folder may be called so
+SESSION_FILES = (
+    "videos.csv",
+    "contacts.csv",
+    "run.json",
+    "run.log",
+    "report.html",
+    SETTINGS_NAME,
+    PREVIEW_NAME,
+)
+RESERVED_NAMES = (*RESULT_FOLDERS, *SESSION_FILES)  # no video's results folder may be called so
+UNSAFE = re.compile(r"[/\\\x00-\x1f\x7f]")  # path separators, control characters
 
 
 class InputError(ValueError):
@@ -134,8 +145,9 @@ def settings_of(inputs, config=None) -> dict:
 def results_folders(inputs, out) -> dict:
     """Give each input the name of its results folder in `out`, distinct for distinct inputs.
 
-    The name is the stem; where two inputs share one (whatever the case of its letters), the
-    later becomes stem_2, stem_3, … An input keeps the folder that an earlier run gave it.
+    The name is the stem, made safe; where two inputs share one (whatever the case of its
+    letters) or something else has it, the later becomes stem_2, stem_3, … An input keeps the
+    folder that an earlier run gave it.
     """
     out = Path(out)
     paths = {str(each.path.resolve()) for each in inputs}
@@ -143,8 +155,9 @@ def results_folders(inputs, out) -> dict:
     owner = {state["path"]: name for name, state in before.items() if state["path"] in paths}
     for state in out.glob(f"*/{STATE_FILE}"):  # the last run may have been killed
         owner[read_json(state, {}).get("path")] = state.parent.name
+    owner = {path: name for path, name in owner.items() if _is_safe(name)}
     taken = {name.casefold() for name in (*RESERVED_NAMES, *owner.values())}
-    taken.update(folder.name.casefold() for folder in out.iterdir() if folder.is_dir())
+    taken.update(entry.name.casefold() for entry in out.iterdir())
     names = {}
     for each in inputs:
         name = owner.get(str(each.path.resolve()))
@@ -156,7 +169,16 @@ def results_folders(inputs, out) -> dict:
 def _stem(path) -> str:
     """Name for results of `path`; the folder's own name where the path is `.`."""
     path = path if path.name not in ("", "..") else path.resolve()
-    return readable((path.name if path.is_dir() else path.stem) or "video")
+    return _safe_name(readable(path.name if path.is_dir() else path.stem))
+
+
+def _safe_name(name) -> str:
+    """The nearest name of a folder that is visible and lies in the results folder."""
+    return UNSAFE.sub("_", name).strip(". ") or "video"
+
+
+def _is_safe(name) -> bool:
+    return name == _safe_name(name) and name.casefold() not in RESERVED_NAMES
 
 
 def _free_name(stem, taken) -> str:

@@ -2,8 +2,10 @@
 
 import json
 import os
+import pathlib
 import shutil
 import sys
+import tempfile
 
 import numpy as np
 import pandas as pd
@@ -11,7 +13,7 @@ import pytest
 from killed_task import killed
 
 import pipeline.run
-from pipeline import batch, inputs, tables
+from pipeline import batch, inputs, result_exchange, tables
 from pipeline.errors import VideoError
 from pipeline.inputs import InputError
 from pipeline.records import CONTACT_COLUMNS, VIDEO_COLUMNS, PoleTrack
@@ -338,6 +340,68 @@ def test_overlay_alone_does_not_analyse_again(folder, calls, tmp_path, monkeypat
     assert drawn == ["a.avi", "b.avi"]
 
 
+@pytest.mark.parametrize("first", [False, True])
+def test_a_fault_of_the_overlay_costs_no_table(folder, calls, tmp_path, monkeypatch, first):
+    import pipeline.overlay
+
+    def write_overlay(path, folder, settings):
+        if path.name == "a.avi":
+            raise OSError("disk full")
+        (folder / "overlay.mp4").touch()
+
+    monkeypatch.setattr(pipeline.overlay, "write_overlay", write_overlay)
+    out = tmp_path / "results"
+    if not first:
+        batch.run([folder], out)
+    summary = batch.run([folder], out, overlay=True)
+    assert statuses(out) == {"a": "warning", "b": "done"}
+    assert summary.outcomes[0].message == (
+        "the overlay could not be drawn (OSError: disk full); all tables are there"
+    )
+    assert contact_videos(out) == ["a", "b"]
+    assert not list((out / "a").glob("overlay*"))
+    assert (out / "b" / "overlay.mp4").exists()
+    batch.run([folder], out)
+    assert statuses(out) == {"a": "done", "b": "done"}
+    assert calls == ["a.avi", "b.avi"]
+
+
+def test_an_overlay_of_before_goes_with_its_tables(folder, calls, tmp_path):
+    out = tmp_path / "results"
+    batch.run([folder], out)
+    (out / "a" / "overlay.mp4").touch()
+    batch.run([folder], out, overwrite=True)
+    assert not (out / "a" / "overlay.mp4").exists()
+
+
+@pytest.mark.parametrize("broken", ["mkdtemp", "rename", "replace"])
+def test_a_folder_that_cannot_be_written_costs_its_video_only(
+    folder, calls, tmp_path, monkeypatch, broken
+):
+    out = tmp_path / "results"
+    batch.run([folder], out)
+    change_settings(folder)
+    before = contents(out / "a")
+    owners = {"mkdtemp": tempfile, "rename": pathlib.Path, "replace": result_exchange.os}
+    original = getattr(owners[broken], broken)
+
+    def refuse(*args, **kwargs):
+        if str(out / "a") in f"{args} {kwargs}" and ".part" not in f"{args}":
+            raise PermissionError(13, "Permission denied")
+        return original(*args, **kwargs)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(owners[broken], broken, refuse)
+        summary = batch.run([folder], out)
+        assert statuses(out) == {"a": "failed", "b": "done"}
+        assert "Permission denied" in summary.outcomes[0].message
+        assert {k: v for k, v in contents(out / "a").items() if "/" not in k} == before
+        assert contact_videos(out) == (["b"] if broken == "replace" else ["a", "b"])
+    batch.run([folder], out)
+    assert statuses(out) == {"a": "done", "b": "done"}
+    assert calls.count("a.avi") == (3 if broken == "rename" else 2)
+
+
 # --- inputs and their settings ---------------------------------------------------------------
 
 
@@ -355,6 +419,57 @@ def test_equal_stems_get_distinct_folders_and_keep_them(folder, calls, tmp_path)
     again = json.loads((out / "run.json").read_text())["inputs"]
     assert {n: v["path"] for n, v in again.items()} == {n: v["path"] for n, v in record.items()}
     assert len(calls) == 6
+
+
+NAMES = {
+    "...avi": "video", "....avi": "video_2", "..avi": "video_3", ".. .avi": "video_4",
+    "videos.csv.avi": "videos.csv_2", "run.json.avi": "run.json_2", "Figures.avi": "Figures_2",
+    "session.toml.avi": "session.toml_2", "report.html.avi": "report.html_2",
+    "contacts.csv.avi": "contacts.csv_2", "a\nb.avi": "a_b", "a\\b.avi": "a_b_2",
+}  # fmt: skip
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="has no such names")
+def test_no_name_leads_out_of_the_results_or_onto_their_files(folder, calls, tmp_path):
+    around = tmp_path / "around"
+    shutil.copytree(folder, around)
+    paths = [around / name for name in NAMES]
+    for path in paths:
+        path.write_bytes(path.name.encode())
+    before = contents(around)
+    for _ in range(2):
+        summary = batch.run(paths, around / "results")
+        names = {each.path: each.video for each in summary.outcomes}
+        assert names == {str(around / name): folder for name, folder in NAMES.items()}
+        assert set(statuses(around / "results").values()) == {"done"}
+        kept = {k: v for k, v in contents(around).items() if not k.startswith("results/")}
+        assert kept == before
+    assert len(calls) == len(NAMES)
+
+
+@pytest.mark.parametrize("name", ["..", ".", "../..", "videos.csv", "x/y", ""])
+def test_a_folder_recorded_in_an_unsafe_place_is_not_used(folder, calls, tmp_path, name):
+    out = tmp_path / "around" / "results"
+    out.mkdir(parents=True)
+    record = {"inputs": {name: {"path": str(folder / "a.avi")}}}
+    tables.write_json(out / "run.json", record)
+    batch.run([folder], out)
+    assert statuses(out) == {"a": "done", "b": "done"}
+    assert [p.name for p in out.parent.iterdir()] == ["results"]
+
+
+def test_a_folder_in_the_place_of_a_table_is_refused(folder, calls, tmp_path):
+    (tmp_path / "results" / "videos.csv").mkdir(parents=True)
+    with pytest.raises(InputError, match=r"results: videos.csv in it is a folder; move it away"):
+        batch.run([folder], tmp_path / "results")
+    assert calls == []
+
+
+def test_a_name_that_a_file_has_is_not_used(folder, calls, tmp_path):
+    (tmp_path / "results").mkdir()
+    (tmp_path / "results" / "a").write_text("notes")
+    batch.run([folder], tmp_path / "results")
+    assert statuses(tmp_path / "results") == {"a_2": "done", "b": "done"}
 
 
 def test_an_input_named_twice_is_processed_once(folder, calls, tmp_path):
