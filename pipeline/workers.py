@@ -4,6 +4,7 @@ import contextlib
 import multiprocessing
 import os
 import signal
+import threading
 import time
 import traceback
 from collections import deque
@@ -78,9 +79,16 @@ def _call(function, task, send):
 def _serve(connection, function):
     """Body of a worker process: take tasks until told None."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides what Ctrl-C means
+    threading.Thread(target=_end_with_parent, daemon=True).start()
     with contextlib.suppress(EOFError, OSError):
         while (task := connection.recv()) is not None:
             _call(function, task[0], connection.send)
+
+
+def _end_with_parent():
+    """End this process, in the middle of its task, when the one that started it has ended."""
+    multiprocessing.parent_process().join()
+    os._exit(1)
 
 
 class _Worker:
@@ -130,6 +138,7 @@ class _Worker:
         self.process.join(timeout=5)
         if self.process.is_alive():
             self.process.kill()
+            self.process.join()
 
 
 @contextlib.contextmanager

@@ -1,7 +1,12 @@
 """Tasks in worker processes: their events, their deaths, what they are started with."""
 
 import os
+import signal
+import subprocess
+import sys
+import time
 
+import endless_tasks
 import pytest
 
 from pipeline.workers import run_tasks
@@ -52,3 +57,41 @@ def test_tasks_in_processes(jobs, tasks):
 def test_jobs_must_be_positive():
     with pytest.raises(ValueError, match="jobs must be at least 1, got 0"):
         run_tasks(_square, [1], print, 0)
+
+
+def _runs(pid) -> bool:
+    """A process is there and no zombie."""
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    state = subprocess.run(["ps", "-o", "stat=", "-p", str(pid)], capture_output=True, text=True)
+    return bool(state.stdout.strip()) and not state.stdout.startswith("Z")
+
+
+def _becomes(condition, seconds=60) -> bool:
+    end = time.monotonic() + seconds
+    while not condition() and time.monotonic() < end:
+        time.sleep(0.05)
+    return condition()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="has no SIGKILL and no ps")
+def test_workers_end_with_a_program_that_is_killed(tmp_path):
+    program = subprocess.Popen(
+        [sys.executable, endless_tasks.__file__, str(tmp_path)],
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
+        stdout=subprocess.DEVNULL,
+    )
+    try:
+        assert _becomes(lambda: len(list(tmp_path.iterdir())) == 2)
+        workers = [int(path.name) for path in tmp_path.iterdir()]
+        assert all(map(_runs, workers))
+    finally:
+        program.kill()
+        program.wait()
+    try:
+        assert _becomes(lambda: not any(map(_runs, workers)), 20)
+    finally:
+        for pid in filter(_runs, workers):
+            os.kill(pid, signal.SIGKILL)
