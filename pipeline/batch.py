@@ -12,6 +12,7 @@ from pathlib import Path
 import pandas as pd
 
 from pipeline import __version__, tables
+from pipeline.folder_lock import locked
 from pipeline.inputs import (
     SESSION_FILES,
     STATE_FILE,
@@ -115,42 +116,62 @@ def run(paths, out, config=None, jobs=1, overwrite=False, overlay=False, progres
     inputs = find_inputs(paths, out)
     settings = settings_of(inputs, config)
     _make_folder(out)
-    settle_all(out)
-    names = results_folders(inputs, out)
+    with locked(out):
+        _check_folder(out)
+        settle_all(out)
+        names = results_folders(inputs, out)
+        tasks = _tasks(inputs, settings, names, out, overwrite, overlay)
+        outcomes = _unusable(inputs, names, out)
+        due = [t for t in tasks if not t.finished or (overlay and not has_overlay(t.folder))]
+        skipped = [t for t in tasks if t not in due]
+        outcomes |= {t.folder.name: t.finished for t in skipped}
+        interrupted = _process(due, outcomes, jobs, progress)
+        outcomes |= _left(due, outcomes)
+        ordered = [outcomes[name] for name in names.values() if name in outcomes]
+        ordered += _earlier(out, set(names.values()))
+        seconds = time.monotonic() - started
+        summary = Summary(out, tuple(ordered), len(skipped), seconds, interrupted)
+        _write_session(out, list(settings.values()), config)
+        _write_tables(summary, jobs)
+    return summary
+
+
+def _tasks(inputs, settings, names, out, overwrite, overlay) -> list[Task]:
+    """A task for each usable input, with its outcome where it needs no other."""
     tasks = []
     for each in inputs:
         if not each.fault:
             path, folder = each.path.resolve(), out / names[each.path]
             task = Task(path, folder, settings[each.path], overlay, earlier=_written(folder))
             tasks.append(task if overwrite else replace(task, finished=finished_outcome(task)))
-    due = [t for t in tasks if not t.finished or (overlay and not has_overlay(t.folder))]
-    outcomes = {t.folder.name: t.finished for t in tasks if t not in due}
-    skipped = len(outcomes)
-    for each in inputs:
-        if each.fault:
-            name = names[each.path]
-            outcomes[name] = _failed_in(out / name, readable(each.path), each.fault)
-    if jobs == 1 or len(due) == 1:
-        due = [replace(task, threads=0) for task in due]
-    interrupted = _process(due, outcomes, jobs, progress)
-    for task in due:
-        if task.folder.name not in outcomes and (left := _interrupted(task)):
-            outcomes[task.folder.name] = left
-    ordered = [outcomes[name] for name in names.values() if name in outcomes]
-    ordered += _earlier(out, set(names.values()))
-    seconds = time.monotonic() - started
-    summary = Summary(out, tuple(ordered), skipped, seconds, interrupted)
-    _write_session(out, list(settings.values()), config)
-    _write_tables(summary, jobs)
-    return summary
+    return tasks
+
+
+def _unusable(inputs, names, out) -> dict:
+    """Outcomes of the inputs that cannot be opened, by the name of their folder."""
+    faulty = [(names[each.path], each) for each in inputs if each.fault]
+    return {name: _failed_in(out / name, readable(each.path), each.fault) for name, each in faulty}
+
+
+def _left(tasks, outcomes) -> dict:
+    """Outcomes of the tasks that have none yet, where there are results at all."""
+    left = [task for task in tasks if task.folder.name not in outcomes]
+    return {task.folder.name: outcome for task in left if (outcome := _interrupted(task))}
 
 
 def _make_folder(out):
     try:
         out.mkdir(parents=True, exist_ok=True)
-        for name in SESSION_FILES:
-            if (out / name).is_dir():
-                raise InputError(f"--out {out}: {name} in it is a folder; move it away")
+    except OSError as error:
+        raise InputError(f"--out {out}: cannot write there ({error}); choose a folder") from None
+
+
+def _check_folder(out):
+    """Tables of the session can be written."""
+    for name in SESSION_FILES:
+        if (out / name).is_dir():
+            raise InputError(f"--out {out}: {name} in it is a folder; move it away")
+    try:
         with tables.whole_file(out / "videos.csv.try") as temporary:
             temporary.write_text("")
         (out / "videos.csv.try").unlink()
@@ -162,6 +183,8 @@ def _process(tasks, outcomes, jobs, progress) -> bool:
     """Run the tasks and put their outcomes in; True if the user interrupted."""
     from pipeline.progress import Progress
 
+    if jobs == 1 or len(tasks) == 1:
+        tasks = [replace(task, threads=0) for task in tasks]
     names = [task.folder.name for task in tasks]
     with (progress or Progress)(names) as shown:
 

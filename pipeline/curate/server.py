@@ -1,13 +1,17 @@
 """The page's server, on this computer only: started, ended, waited for."""
 
 import asyncio
+import contextlib
 import secrets
 import socket
 import threading
 import time
 import webbrowser
+from pathlib import Path
 
 from pipeline.curate.results import Results
+from pipeline.folder_lock import locked
+from pipeline.result_exchange import settle_all
 
 HOST = "127.0.0.1"
 GOODBYE_S = 0.5  # for the last words to reach the browser
@@ -32,9 +36,10 @@ def curate(results, port=0, open_browser=True, block=True, say=print):
     Raises
     ------
     InputError
-        Where there is nothing to curate in the folder, or the port is taken.
+        Where there is nothing to curate in the folder, another `whiskerforce` is at work in it,
+        or the port is taken.
     """
-    server = Server(Results(results), port)
+    server = _server(results, port)
     say(f"curate: {server.url}")
     say("Finish in the page, or here with Ctrl-C; every correction is saved at once.")
     if open_browser:
@@ -48,11 +53,23 @@ def curate(results, port=0, open_browser=True, block=True, say=print):
     return server
 
 
+def _server(results, port):
+    """A server of results that are whole, and nobody else's until it stops."""
+    with contextlib.ExitStack() as held:
+        if (Path(results) / "videos.csv").is_file():  # else it is no results folder
+            held.enter_context(locked(results))
+            settle_all(results)
+        server = Server(Results(results), port)
+        server.on_stop(held.pop_all().close)
+    return server
+
+
 class Server:
     """Serves the page from a thread of its own; `url` is where."""
 
     def __init__(self, results: Results, port: int = 0):
         self.results = results
+        self._callbacks = []
         self._socket = _bound_socket(port)
         self._pages = []
         self._path = f"/{secrets.token_urlsafe(8)}"
@@ -68,12 +85,18 @@ class Server:
         while not self._ended.wait(0.2):  # in short turns, so that Ctrl-C is heard
             pass
 
+    def on_stop(self, callback) -> None:
+        """Call this when all is written."""
+        self._callbacks.append(callback)
+
     def stop(self) -> None:
         """Write what is due and end."""
         if self._stopped:
             return
         self._stopped = True
         self.results.close()
+        for callback in self._callbacks:
+            callback()
         self._loop.add_callback(self._loop.stop)
         self._thread.join()
 

@@ -15,6 +15,7 @@ from killed_task import killed
 import pipeline.run
 from pipeline import batch, inputs, result_exchange, tables
 from pipeline.errors import VideoError
+from pipeline.folder_lock import LOCK_FILE, locked
 from pipeline.inputs import InputError
 from pipeline.records import CONTACT_COLUMNS, VIDEO_COLUMNS, PoleTrack
 from pipeline.settings import read_session, settings_from, write_session
@@ -305,6 +306,16 @@ def test_interruption_of_a_second_run_loses_nothing(folder, calls, tmp_path):
     assert sorted(p.name for p in out.iterdir() if p.is_dir()) == ["a", "b", "c"]
     for name in "abc":
         assert (out / name / "corrections.csv").read_text() == CORRECTIONS
+
+
+def test_a_second_run_in_the_same_folder_is_refused(folder, calls, tmp_path):
+    out = tmp_path / "results"
+    batch.run([folder], out)
+    before = contents(out)
+    with locked(out), pytest.raises(InputError, match=r"results: another whiskerforce .*process"):
+        batch.run([folder], out, overwrite=True)
+    assert calls == ["a.avi", "b.avi"]
+    assert contents(out) == {**before, LOCK_FILE: contents(out)[LOCK_FILE]}
 
 
 def test_a_killed_process_costs_only_its_video(folder, calls, tmp_path, monkeypatch):

@@ -15,7 +15,9 @@ from curated import FRAMES, PATIENCE_S, contacts_of, edges
 from pipeline.curate import curate
 from pipeline.curate.keys import KEYS
 from pipeline.curation import read_corrections
+from pipeline.folder_lock import locked
 from pipeline.inputs import InputError
+from pipeline.result_exchange import draft, is_settled
 
 
 @pytest.fixture
@@ -68,10 +70,35 @@ def test_the_page_needs_nothing_from_the_internet(served):
         assert not outside
 
 
-def test_a_port_that_is_taken_is_told(served):
+def test_a_port_that_is_taken_is_told(served, tmp_path):
     port = served[0]._socket.getsockname()[1]
+    other = shutil.copytree(served[1], tmp_path / "other")
     with pytest.raises(InputError, match=f"--port {port}: cannot serve there"):
-        curate(served[1], port=port, open_browser=False, block=False)
+        curate(other, port=port, open_browser=False, block=False)
+
+
+def test_a_folder_is_curated_by_one_and_not_while_a_run_is_at_work(results):
+    def open_page():
+        return curate(results, open_browser=False, block=False, say=lambda line: None)
+
+    with locked(results), pytest.raises(InputError, match="another whiskerforce is at work"):
+        open_page()
+    server = open_page()
+    with pytest.raises(InputError, match="another whiskerforce is at work"):
+        open_page()
+    server.stop()
+    open_page().stop()
+
+
+def test_results_of_a_killed_run_are_put_in_place_first(results):
+    folder = results / first_video(results)
+    files = list(folder.iterdir())
+    with draft(folder) as new:
+        for path in files:
+            shutil.move(path, new)
+    curate(results, open_browser=False, block=False, say=lambda line: None).stop()
+    assert is_settled(folder)
+    assert (folder / "evidence.parquet").is_file()
 
 
 # ---- in a browser --------------------------------------------------------------------------
