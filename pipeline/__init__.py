@@ -8,14 +8,14 @@ __all__ = ["analyse", "read_session"]
 def __getattr__(name):
     """Bring in the public functions when they are asked for: importing them all takes a second."""
     if name == "analyse":
-        from pipeline.compiled_code import drop_stale
+        from pipeline.runtime.numba_cache import drop_stale
 
         drop_stale()
         from pipeline.run import analyse
 
         return analyse
     if name == "read_session":
-        from pipeline.settings import read_session
+        from pipeline.session.session_file import read_session
 
         return read_session
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

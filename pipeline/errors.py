@@ -32,3 +32,7 @@ class CorrectionsError(ValueError):
     def __reduce__(self):
         """Travel between processes without the advice being added again."""
         return type(self), (self.problem,)
+
+
+class InputError(ValueError):
+    """Unusable arguments; the message names them and says what to do."""

@@ -4,7 +4,7 @@ from collections import defaultdict
 
 import numpy as np
 
-from pipeline.face_doubt import face_message
+from pipeline.scene.face import thickening_towards
 
 SELDOM_TRACKED = 0.8  # a whisker seen in less than this part of the frames is worth a message
 OTHER_THICKNESS = 0.12  # of the pole, relative: more is no error of measurement
@@ -90,3 +90,22 @@ def _without_forces(settings, cast):
             lacking[whisker.missing_dimensions].append(whisker.name)
     for keys, names in lacking.items():
         yield f"no forces for {', '.join(names)}: no {', '.join(keys)} in session.toml"
+
+
+def face_message(scenes, roster, side: str) -> str | None:
+    """What to tell of the face's given `side` where video and whiskers speak against it, or None.
+
+    Parameters
+    ----------
+    scenes : the video's `StaticScene`s
+    roster : its whiskers, `Slot`s
+    """
+    other = thickening_towards(roster) or next(
+        (scene.likelier_side for scene in scenes if scene.likelier_side), None
+    )
+    if other in (None, side):
+        return None
+    return (
+        f'[recording] face = "{side}", but the whiskers are thicker towards the {other}: if the '
+        f'face is there, write face = "{other}" and run again; forces are wrong else'
+    )

@@ -5,24 +5,28 @@ from dataclasses import dataclass, field
 import numpy as np
 import pandas as pd
 
-from pipeline import contact, contact_intervals, curvature, scene_finding, stations
-from pipeline.cast import Cast, find_cast, roster_frames, tracing_options
-from pipeline.clock import Clock, Counted
+from pipeline.contacts import analysis, intervals
+from pipeline.detection.static_scene import PoleTrack, StaticScene
+from pipeline.identity.assign import assign_identities
+from pipeline.kinematics import curvature, resampled
+from pipeline.kinematics.fur_noise import locate_follicles
+from pipeline.kinematics.resampled_store import StationStore
 from pipeline.messages import messages
-from pipeline.records import (
+from pipeline.runtime.timing import Clock, Counted
+from pipeline.scene import estimate
+from pipeline.session.recording import Recording
+from pipeline.session.session_file import Settings
+from pipeline.tables.columns import (
     CONTACT_COLUMNS,
     EVIDENCE_COLUMNS,
     FRAME_COLUMNS,
-    PoleTrack,
-    Recording,
     as_table,
     empty_table,
 )
-from pipeline.resting import behind_whiskers
-from pipeline.settings import Settings
-from pipeline.station_store import StationStore
-from pipeline.video import open_video
-from pipeline.video_tracing import trace
+from pipeline.tracking.stationary_whiskers import behind_whiskers
+from pipeline.tracking.track_video import CHUNK_FRAMES, sample_lines, track
+from pipeline.tracking.whiskers import Cast, find_cast, roster_frames, tracing_options
+from pipeline.video.open import open_video
 
 
 @dataclass(frozen=True)
@@ -60,7 +64,7 @@ def analyse(
     keep : called with the centrelines (`records.Centrelines`) of some hundred frames at a
         time, to store them: they are not held together in memory
     progress : called with (frames done, frames expected), often
-    corrections : table of a person's corrections (`pipeline.curation`)
+    corrections : table of a person's corrections (`pipeline.contacts.corrections`)
     threads : for decoding; 0: as the codec thinks best
 
     Raises
@@ -72,10 +76,8 @@ def analyse(
     with open_video(path, threads) as video:
         recording, pole = settings.recording.si(), settings.pole
         with clock("scene"):
-            seen = scene_finding.survey(video, recording)
-            epochs = scene_finding.find_scenes(
-                video, recording, pole.diameter, pole.position_px, seen
-            )
+            seen = estimate.survey(video, recording)
+            epochs = estimate.find_scenes(video, recording, pole.diameter, pole.position_px, seen)
         with clock("roster"):
             cast = find_cast(*seen.sample(roster_frames(settings)), epochs, settings)
             epochs = behind_whiskers(epochs, cast.roster, recording.pixels_per_mm)
@@ -129,7 +131,7 @@ def follow(video, epochs, cast, settings, clock, keep=None, progress=None) -> Fo
             kinematics.append(measured.assign(confidence=chunk.confidence))
         with clock("distances"):
             places.add(
-                stations.measure_stations(
+                resampled.measure_stations(
                     chunk, recording, cast.nominal, hidden, pole, video.interpolated
                 )
             )
@@ -141,11 +143,32 @@ def follow(video, epochs, cast, settings, clock, keep=None, progress=None) -> Fo
     return Followed(cast, table, places, pole, frames.count)
 
 
-def find_touches(followed: Followed, settings, corrections=None) -> contact.Touch:
+def trace(frames, scene, roster, options, chunk_frames=CHUNK_FRAMES, open_ended=False):
+    """Yield centrelines chunk by chunk: lines, then names, then follicles.
+
+    Parameters
+    ----------
+    frames, scene, roster, options, chunk_frames : as for `pipeline.tracking.track`
+    open_ended : no names are given: of a crowd, all whiskers that are seen over the whole video
+        are named, else as many as the roster has; the roster is a first guess
+    """
+    side = face_side_of(scene)
+    lines = track(frames, scene, roster, options, chunk_frames)
+    lines = assign_identities(lines, roster, options, side, open_ended)
+    return locate_follicles(lines, sample_lines(roster, options), options)
+
+
+def face_side_of(scene) -> str:
+    """Side of the picture with the face, of a StaticScene or of a video's epochs."""
+    scenes = [scene] if isinstance(scene, StaticScene) else [e.scene for e in scene if e.scene]
+    return scenes[0].face_side
+
+
+def find_touches(followed: Followed, settings, corrections=None) -> analysis.Touch:
     """Contacts, forces, pulses and base loads of what was followed."""
     if not followed.places.names:
         return _nothing_traced(followed.frames)
-    return contact.analyse_touch(
+    return analysis.analyse_touch(
         followed.frames,
         followed.places,
         settings.recording.si(),
@@ -156,12 +179,12 @@ def find_touches(followed: Followed, settings, corrections=None) -> contact.Touc
     )
 
 
-def _nothing_traced(frames) -> contact.Touch:
+def _nothing_traced(frames) -> analysis.Touch:
     """What there is to say of touches where no whisker was ever seen."""
-    return contact.Touch(
+    return analysis.Touch(
         frames=frames,
         contacts=empty_table(CONTACT_COLUMNS),
-        intervals=pd.DataFrame(columns=[*contact_intervals.INTERVAL_COLUMNS, "curated"]),
+        intervals=pd.DataFrame(columns=[*intervals.INTERVAL_COLUMNS, "curated"]),
         evidence=as_table(frames[["frame", "whisker"]], EVIDENCE_COLUMNS),
     )
 

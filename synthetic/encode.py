@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.tables import whole_file
+from pipeline.tables.files import whole_file
 from synthetic.scene import Codec
 
 _PLAYBACK_RATE = 25  # the container's; high-speed cameras write slow-motion files

@@ -8,9 +8,9 @@ from time import perf_counter
 import numpy as np
 import pandas as pd
 
-from pipeline.settings import read_session, settings_from, write_session
-from pipeline.tables import read_json, write_json, write_text
-from pipeline.workers import run_tasks
+from pipeline.runtime.workers import run_tasks
+from pipeline.session.session_file import read_session, settings_from, write_session
+from pipeline.tables.files import read_json, write_json, write_text
 from synthetic.encode import video_suffix, write_video
 from synthetic.presets import Trial, find_preset, make_trial, trial_place
 from synthetic.render import Renderer

@@ -11,15 +11,9 @@ import pandas as pd
 from numba import njit
 from scipy.optimize import curve_fit
 
-from pipeline.records import (
-    CONTACT_COLUMNS,
-    FRAME_COLUMNS,
-    Centrelines,
-    Column,
-    as_table,
-    empty_table,
-)
-from pipeline.tables import whole_file, write_centrelines, write_csv, write_frames
+from pipeline.tables.centrelines import Centrelines, write_centrelines
+from pipeline.tables.columns import CONTACT_COLUMNS, FRAME_COLUMNS, Column, as_table, empty_table
+from pipeline.tables.files import whole_file, write_csv, write_frames
 from synthetic.motion import curvature_along, take_frames
 from synthetic.strips import step_table
 from synthetic.touches import unit_half_gaussian

@@ -2,13 +2,14 @@
 
 The force between frames is the smooth curve through its true values, zero half a frame before
 the first and after the last, as touches are made (touches.Touch). The model is the one of
-`pipeline.base_moments` (fixed end, chord frame), which sees tracked forces and fitted pulses.
+`pipeline.contacts.base_moments` (fixed end, chord frame), which sees tracked forces and fitted
+pulses.
 """
 
 import numpy as np
 from scipy.interpolate import CubicSpline, PchipInterpolator
 
-from pipeline.base_moments import LARGEST_PART, RINGING_S
+from pipeline.contacts.base_moments import LARGEST_PART, RINGING_S
 from whiskermodel.response import Response
 
 _FINE_STEPS = 20  # per frame

@@ -4,8 +4,8 @@ import os
 
 import pytest
 
-from pipeline.compiled_code import drop_stale
-from pipeline.workers import THREADS
+from pipeline.runtime.numba_cache import drop_stale
+from pipeline.runtime.workers import THREADS
 
 for name in THREADS:  # before NumPy is loaded: the matrices are small, threads only wait
     os.environ.setdefault(name, "1")

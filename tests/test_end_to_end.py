@@ -8,9 +8,11 @@ import pandas as pd
 import pyarrow.parquet as pq
 import pytest
 
-from pipeline import analyse, cli, demo, read_session, tables
-from pipeline.records import CONTACT_COLUMNS, VIDEO_COLUMNS
-from pipeline.settings import write_session
+from pipeline import analyse, read_session
+from pipeline.app import cli, demo
+from pipeline.session.session_file import write_session
+from pipeline.tables import centrelines, files
+from pipeline.tables.columns import CONTACT_COLUMNS, VIDEO_COLUMNS
 from synthetic.encode import write_video
 from synthetic.scene import Codec
 
@@ -41,8 +43,8 @@ def results(rendered, tmp_path_factory):
 
 
 def test_contacts_are_the_true_ones(results, rendered):
-    found = tables.read_csv(results / "contacts.csv", CONTACT_COLUMNS)
-    true = tables.read_csv(truth_of(rendered, "contacts.csv"), CONTACT_COLUMNS)
+    found = files.read_csv(results / "contacts.csv", CONTACT_COLUMNS)
+    true = files.read_csv(truth_of(rendered, "contacts.csv"), CONTACT_COLUMNS)
     assert len(true) >= 2
     assert len(found) == len(true)
     for edge in ("onset_frame", "offset_frame"):
@@ -56,8 +58,8 @@ def test_contacts_are_the_true_ones(results, rendered):
 
 
 def test_centrelines_lie_on_the_true_ones(results, rendered, video):
-    found = tables.read_centrelines(results / video.stem / "centrelines.parquet")
-    true = tables.read_centrelines(truth_of(rendered, "centrelines.parquet"))
+    found = centrelines.read_centrelines(results / video.stem / "centrelines.parquet")
+    true = centrelines.read_centrelines(truth_of(rendered, "centrelines.parquet"))
     assert len(found) == len(true)
     squares = []
     for i in range(0, len(found), 10):
@@ -80,14 +82,14 @@ def test_every_promised_file_is_there(results, video):
     ):  # fmt: skip
         assert (results / name).stat().st_size > 0, name
     assert not list(results.rglob("*.part*"))
-    videos = tables.read_csv(results / "videos.csv", VIDEO_COLUMNS)
+    videos = files.read_csv(results / "videos.csv", VIDEO_COLUMNS)
     assert list(videos["status"]) == ["done"]
     assert videos["path"][0] == str(video)
 
 
 def test_a_row_per_whisker_and_frame(results, video, rendered):
     frames = pq.read_table(results / video.stem / "frames.parquet").to_pandas()
-    true = tables.read_frames(truth_of(rendered, "frames.parquet"))
+    true = files.read_frames(truth_of(rendered, "frames.parquet"))
     assert list(frames["frame"]) == list(range(len(true)))
     np.testing.assert_allclose(frames["time_s"], frames["frame"] / 1000)
     assert frames["tracked"].all()
@@ -105,7 +107,7 @@ def test_overlay_is_a_video_of_all_frames(results, video):
             break
         count += 1
         colourful += (picture.max(axis=2) - picture.min(axis=2)).max() > 60
-    assert count == len(tables.read_frames(results / video.stem / "frames.parquet"))
+    assert count == len(files.read_frames(results / video.stem / "frames.parquet"))
     assert colourful == count
 
 
@@ -115,8 +117,8 @@ def test_two_processes_come_to_the_same(rendered, results, video, tmp_path):
     shutil.copy(video, folder / "again.avi")
     assert exit_code("run", folder, "--out", tmp_path / "out", "--jobs", 2) == 0
     for name in (video.stem, "again"):
-        here = tables.read_csv(tmp_path / "out" / name / "contacts.csv", CONTACT_COLUMNS)
-        one = tables.read_csv(results / video.stem / "contacts.csv", CONTACT_COLUMNS)
+        here = files.read_csv(tmp_path / "out" / name / "contacts.csv", CONTACT_COLUMNS)
+        one = files.read_csv(results / video.stem / "contacts.csv", CONTACT_COLUMNS)
         assert set(here["video"]) == {name}
         # code just compiled and code from numba's cache round differently (fastmath), and a
         # fit then ends within its tolerance, not on the same digits
@@ -127,7 +129,7 @@ def test_two_processes_come_to_the_same(rendered, results, video, tmp_path):
 
 def test_analyse_in_python_gives_the_same_tables(results, rendered, video):
     analysis = analyse(video, read_session(rendered / "session.toml"))
-    written = tables.read_csv(results / "contacts.csv", CONTACT_COLUMNS)
+    written = files.read_csv(results / "contacts.csv", CONTACT_COLUMNS)
     np.testing.assert_allclose(
         analysis.contacts["peak_force_uN"], written["peak_force_uN"], rtol=1e-5
     )
@@ -140,13 +142,13 @@ def test_without_dimensions_there_is_everything_but_forces(rendered, video, tmp_
     write_session(tmp_path / "bare.toml", settings.model_copy(update={"whisker": ()}))
     out = tmp_path / "out"
     assert exit_code("run", video, "--out", out, "--config", tmp_path / "bare.toml") == 0
-    frames = tables.read_frames(out / video.stem / "frames.parquet")
+    frames = files.read_frames(out / video.stem / "frames.parquet")
     assert frames["tracked"].mean() > 0.95
     assert frames["curvature_per_m"].notna().mean() > 0.9
     assert frames["contact_force_uN"].isna().all()
-    videos = tables.read_csv(out / "videos.csv", VIDEO_COLUMNS)
+    videos = files.read_csv(out / "videos.csv", VIDEO_COLUMNS)
     assert "no forces" in videos["message"][0]
-    contacts = tables.read_csv(out / "contacts.csv", CONTACT_COLUMNS)
+    contacts = files.read_csv(out / "contacts.csv", CONTACT_COLUMNS)
     assert contacts["peak_force_uN"].isna().all()
 
 
@@ -175,7 +177,7 @@ def test_bad_inputs_get_their_message_and_the_others_are_processed(
 
     assert exit_code("run", folder, "--out", tmp_path / "out", "--jobs", 2) == 1
 
-    videos = tables.read_csv(tmp_path / "out" / "videos.csv", VIDEO_COLUMNS)
+    videos = files.read_csv(tmp_path / "out" / "videos.csv", VIDEO_COLUMNS)
     videos = videos.set_index("video")
     assert dict(videos["status"]) == {
         "bare": "warning", "broken": "failed", "empty": "failed", "good": "done",
@@ -206,7 +208,7 @@ def test_init_then_run(rendered, video, tmp_path, capsys):
     assert settings.recording.face == "left"
     assert settings.recording.pixels_per_mm == pytest.approx(25, rel=0.05)
     assert len(settings.whisker) == 1
-    pole = tables.read_json(truth_of(rendered, "scene.json"))["pole"]
+    pole = files.read_json(truth_of(rendered, "scene.json"))["pole"]
     true = 25_000 * pole["x"], -25_000 * pole["y"]
     np.testing.assert_allclose(settings.pole.position_px, true, atol=POLE_PX)
     text = (folder / "session.toml").read_text("utf-8")
@@ -214,7 +216,7 @@ def test_init_then_run(rendered, video, tmp_path, capsys):
     picture = cv2.imread(str(folder / "session_preview.png"))
     assert np.ptp(picture.astype(int), axis=2).max() > 100  # something is drawn in colour
     assert exit_code("run", folder, "--out", tmp_path / "out") == 0
-    frames = tables.read_frames(tmp_path / "out" / video.stem / "frames.parquet")
+    frames = files.read_frames(tmp_path / "out" / video.stem / "frames.parquet")
     assert frames["tracked"].mean() > 0.95
     capsys.readouterr()
     assert exit_code("init", folder) == 2
@@ -227,7 +229,7 @@ def test_demo_prints_contacts_beside_the_truth(rendered, tmp_path, monkeypatch):
     failed = demo.run_demo(tmp_path / "demo", 1, None, said.append)
     assert not failed
     text = "\n".join(said)
-    true = tables.read_csv(truth_of(rendered, "contacts.csv"), CONTACT_COLUMNS)
+    true = files.read_csv(truth_of(rendered, "contacts.csv"), CONTACT_COLUMNS)
     assert f"{len(true)} of {len(true)} contacts found" in text
     assert "0 invented" in text
     for force in true["peak_force_uN"]:

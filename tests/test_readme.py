@@ -7,8 +7,8 @@ from pathlib import Path
 
 from typer.main import get_command
 
-from pipeline import cli
-from pipeline.settings import settings_from
+from pipeline.app import cli
+from pipeline.session.session_file import settings_from
 
 ROOT = Path(__file__).parents[1]
 TEXT = (ROOT / "README.md").read_text(encoding="utf-8")

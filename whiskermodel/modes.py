@@ -18,7 +18,7 @@ from scipy.special import roots_legendre
 
 from whiskermodel.bessel_modes import bessel_modes, bessel_shape
 from whiskermodel.checks import finite_array, one_of, whole_number
-from whiskermodel.cylinder_modes import (
+from whiskermodel.paper.cylinder_modes import (
     cylinder_functions,
     cylinder_wavenumbers,
     ritz_in_cylinder_functions,

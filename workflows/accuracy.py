@@ -23,14 +23,13 @@ import pages
 import pandas as pd
 from accuracy_targets import checks, checks_text, coverage_checks
 
-from synthetic.line_scoring import (
+from synthetic.presets import PRESETS
+from synthetic.scoring.line_scoring import (
     LineScores,
     line_figures,
     rms,
 )
-from synthetic.presets import PRESETS
-from synthetic.session import render_session
-from synthetic.table_scoring import (
+from synthetic.scoring.table_scoring import (
     ContactMatch,
     contact_agreement,
     coverage,
@@ -40,6 +39,7 @@ from synthetic.table_scoring import (
     match_contacts,
     peak_figures,
 )
+from synthetic.session import render_session
 
 LONG_FALSE_MM = 3.0  # a false line longer than this is a long false whisker
 DOUBTFUL = ("large_deflection", "contact_near_curvature_window", "doubtful")

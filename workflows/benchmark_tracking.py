@@ -26,17 +26,19 @@ import pages
 import pandas as pd
 from peer_tracker import OPTIMISED, NoPeerError, find_peer, timed
 
-from pipeline import curvature, scene_finding, video_tracing
-from pipeline.cast import find_cast, roster_frames, tracing_options
-from pipeline.resting import behind_whiskers
-from pipeline.settings import write_session
-from pipeline.tables import read_json
-from pipeline.video import open_video
-from synthetic import line_scoring, table_scoring
+from pipeline.kinematics import curvature
+from pipeline.run import trace as trace_frames
+from pipeline.scene import estimate
+from pipeline.session.session_file import write_session
+from pipeline.tables.files import read_json
+from pipeline.tracking.stationary_whiskers import behind_whiskers
+from pipeline.tracking.whiskers import find_cast, roster_frames, tracing_options
+from pipeline.video.open import open_video
 from synthetic.encode import video_suffix, write_video
 from synthetic.presets import make_trial
 from synthetic.render import Renderer
 from synthetic.scene import Codec
+from synthetic.scoring import line_scoring, table_scoring
 from synthetic.session import session_settings
 from synthetic.truth import centreline_table, frame_table, visibility_table
 
@@ -167,13 +169,11 @@ def trace(clip: Clip, path=None):
     recording = settings.recording.si()
     with open_video(path or clip.path) as video:
         diameter = settings.pole.diameter if clip.trial.scene.pole else None
-        seen = scene_finding.survey(video, recording)
-        epochs = scene_finding.find_scenes(video, recording, diameter, seen=seen)
+        seen = estimate.survey(video, recording)
+        epochs = estimate.find_scenes(video, recording, diameter, seen=seen)
         cast = find_cast(*seen.sample(roster_frames(settings)), epochs, settings)
         epochs = behind_whiskers(epochs, cast.roster, recording.pixels_per_mm)
-        yield from video_tracing.trace(
-            video.lent(), epochs, list(cast.roster), tracing_options(settings)
-        )
+        yield from trace_frames(video.lent(), epochs, list(cast.roster), tracing_options(settings))
 
 
 # The peak is the program's own: what the system tells of a child holds its parent's, too.

@@ -25,10 +25,11 @@ import numpy as np
 import pages
 import pandas as pd
 
-from pipeline import figures, tables
-from pipeline.records import CONTACT_COLUMNS, VIDEO_COLUMNS
+from pipeline.reports import figures
+from pipeline.tables import files
+from pipeline.tables.columns import CONTACT_COLUMNS, VIDEO_COLUMNS
+from synthetic.scoring.table_scoring import ContactMatch, match_contacts
 from synthetic.session import STAGES, RenderError, render_session
-from synthetic.table_scoring import ContactMatch, match_contacts
 
 TRIALS, FULL_TRIALS = 25, 1035  # 12 touches each; all of the paper's 12,417
 PERCENTILES = ("5 %", "median", "95 %")
@@ -87,7 +88,7 @@ def make(folder, trials, seed, jobs) -> Size:
             faults.append(str(error))
     with wall_time(folder, "run", "results/*/run.json"):
         run_command(videos, results, jobs)
-    outcomes = tables.read_csv(results / "videos.csv", VIDEO_COLUMNS)
+    outcomes = files.read_csv(results / "videos.csv", VIDEO_COLUMNS)
     failed = outcomes["status"] == "failed"
     faults += (outcomes["video"] + ": " + outcomes["message"])[failed].tolist()
     done = outcomes[~failed]
@@ -99,7 +100,7 @@ def make(folder, trials, seed, jobs) -> Size:
         all_bytes=sum(path.stat().st_size for path in folder.rglob("*") if path.is_file()),
         rendering=rendering_seconds(videos),
         processing=processing_seconds(results, done),
-        wall=tables.read_json(folder / TIMES),
+        wall=files.read_json(folder / TIMES),
         numbers=pd.read_csv(results / "figures" / "fig3.csv"),
         match=match_contacts(*found_and_true(results, videos)),
         faults=faults,
@@ -115,7 +116,7 @@ def say_some(done, total, path):
 def run_command(videos, results, jobs) -> None:
     """`whiskerforce run`; RuntimeError where it does not come to its end."""
     command = ["run", str(videos), "--out", str(results), "--jobs", str(jobs)]
-    program = [sys.executable, "-m", "pipeline.cli"]
+    program = [sys.executable, "-m", "pipeline.app.cli"]
     status = subprocess.run([*program, *command], stdout=2).returncode  # tables alone on stdout
     if status not in (0, 1):  # 1: some videos failed, the others are there
         raise RuntimeError(f"whiskerforce {shlex.join(command)} ended with status {status}")
@@ -128,14 +129,14 @@ def wall_time(folder, step, made):
     It counts only if any of the files `made` (a pattern) in `folder` is new.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    times, before = tables.read_json(folder / TIMES, {}), newest(folder, made)
+    times, before = files.read_json(folder / TIMES, {}), newest(folder, made)
     started = time.perf_counter()
     try:
         yield
     finally:
         if newest(folder, made) > before:
             times[step] = round(times.get(step, 0.0) + time.perf_counter() - started, 3)
-            tables.write_json(folder / TIMES, times)
+            files.write_json(folder / TIMES, times)
 
 
 def newest(folder, pattern) -> int:
@@ -145,13 +146,13 @@ def newest(folder, pattern) -> int:
 
 def rendering_seconds(videos) -> dict:
     """Seconds by stage of rendering, summed over the videos of a session."""
-    each = [tables.read_json(path) for path in (videos / "truth").glob("*/scene.json")]
+    each = [files.read_json(path) for path in (videos / "truth").glob("*/scene.json")]
     return {stage: sum(scene["seconds"][stage] for scene in each) for stage in STAGES}
 
 
 def processing_seconds(results, outcomes) -> dict:
     """Seconds by stage of `run`, summed over videos; "tables" is what no stage holds."""
-    record, seconds = tables.read_json(results / "run.json")["inputs"], {}
+    record, seconds = files.read_json(results / "run.json")["inputs"], {}
     for video in outcomes["video"]:
         for stage, spent in record[video]["stages"].items():
             seconds[stage] = seconds.get(stage, 0.0) + spent
@@ -161,7 +162,7 @@ def processing_seconds(results, outcomes) -> dict:
 
 def found_and_true(results, videos):
     """Contacts of the results and of the truth, also of videos that have no results."""
-    truth = tables.read_csv(videos / "truth" / "contacts.csv", CONTACT_COLUMNS)
+    truth = files.read_csv(videos / "truth" / "contacts.csv", CONTACT_COLUMNS)
     return figures.read_contacts(results), truth
 
 

@@ -7,14 +7,15 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from pipeline.contact import retouch
-from pipeline.records import CONTACT_COLUMNS, Centrelines
+from pipeline.contacts.analysis import retouch
 from pipeline.run import analyse
-from pipeline.settings import read_session
-from pipeline.tables import read_centrelines, read_csv, read_frames, read_json
-from pipeline.workers import THREADS
-from synthetic import bounds, line_scoring, table_scoring
+from pipeline.runtime.workers import THREADS
+from pipeline.session.session_file import read_session
+from pipeline.tables.centrelines import Centrelines, read_centrelines
+from pipeline.tables.columns import CONTACT_COLUMNS
+from pipeline.tables.files import read_csv, read_frames, read_json
 from synthetic.scene import Camera, Hair
+from synthetic.scoring import cramer_rao, line_scoring, table_scoring
 from whiskermodel.whisker import Whisker
 
 NOISE_FLOOR_AT_M = 10e-3
@@ -111,9 +112,9 @@ def _bounds(video: RenderedVideo, name, at, last=None) -> dict[str, float]:
     if hair.whisker.length < at + 3e-3 or not len(seen):
         return {}
     radius = hair.whisker.radius(at) * camera.pixels_per_m
-    peak = bounds.line_profile(radius, camera.blur_px)[1].max()
+    peak = cramer_rao.line_profile(radius, camera.blur_px)[1].max()
     light = float(np.median(seen)) / (hair.opacity * peak)
-    return bounds.curvature_bounds(hair, light, camera, at, first, last)
+    return cramer_rao.curvature_bounds(hair, light, camera, at, first, last)
 
 
 def add_least_sd(joined, video: RenderedVideo, at: float) -> pd.DataFrame:

@@ -25,7 +25,7 @@ import pages
 import pandas as pd
 
 from pipeline.run import analyse
-from pipeline.settings import read_session
+from pipeline.session.session_file import read_session
 
 COLUMNS = ("track", "frame", "x_px", "y_px", "sure")
 REACH_PX = 2.0  # from the point, a line passes through it

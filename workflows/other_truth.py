@@ -19,9 +19,10 @@ import pandas as pd
 import plain_video as plain
 import tifffile
 
-from pipeline import cli, tables
-from pipeline.records import CONTACT_COLUMNS
-from pipeline.stretches import stretches
+from pipeline.app import cli
+from pipeline.numerics.runs import stretches
+from pipeline.tables import centrelines, files
+from pipeline.tables.columns import CONTACT_COLUMNS
 
 SIDES = ("left", "top", "right", "bottom")
 SHAPE = 440, 660  # px
@@ -167,9 +168,9 @@ def process(folder: Path) -> Found:
             raise
     out = folder / "out" / "whisker"
     return Found(
-        tables.read_centrelines(out / "centrelines.parquet"),
-        tables.read_csv(out / "contacts.csv", CONTACT_COLUMNS),
-        tables.read_frames(out / "frames.parquet"),
+        centrelines.read_centrelines(out / "centrelines.parquet"),
+        files.read_csv(out / "contacts.csv", CONTACT_COLUMNS),
+        files.read_frames(out / "frames.parquet"),
     )
 
 

@@ -19,7 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.records import Centrelines
+from pipeline.tables.centrelines import Centrelines
 
 OPTIMISED = 3.3  # a build with optimisation is so many times faster than the wheel's
 _MAGIC = b"bwhiskbin1\0\0"

@@ -8,7 +8,7 @@ from collections import OrderedDict
 import numpy as np
 
 from pipeline.errors import VideoError
-from pipeline.video import open_video
+from pipeline.video.open import open_video
 
 BLOCK = 32  # frames decoded together
 CACHE_BYTES = 256_000_000

@@ -6,10 +6,10 @@ from dataclasses import dataclass, field
 import numpy as np
 import pandas as pd
 
+from pipeline.contacts.corrections import CONFIRMED
 from pipeline.curate.review import Review, Span, spans_of
-from pipeline.curation import CONFIRMED
-from pipeline.records import split_flags
-from pipeline.stretches import stretches
+from pipeline.numerics.runs import stretches
+from pipeline.tables.columns import split_flags
 
 SHORT_MS = 5.0
 WEAK_UN = 1.0

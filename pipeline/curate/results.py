@@ -11,17 +11,19 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from pipeline import contact, contact_intervals, tables
+from pipeline.contacts import analysis, intervals
+from pipeline.contacts.corrections import CORRECTIONS_FILE, read_corrections, write_corrections
 from pipeline.curate.frames import FrameReader
 from pipeline.curate.items import Item, items_of, probabilities
 from pipeline.curate.review import Review
-from pipeline.curation import CORRECTIONS_FILE, read_corrections, write_corrections
-from pipeline.errors import VideoError
-from pipeline.evidence import EVIDENCE_FILE, read_evidence
-from pipeline.inputs import STATE_FILE, InputError
-from pipeline.records import CONTACT_COLUMNS, VIDEO_COLUMNS
-from pipeline.settings import read_session
-from pipeline.video import open_video
+from pipeline.errors import InputError, VideoError
+from pipeline.scene import pole_runs
+from pipeline.session.inputs import STATE_FILE
+from pipeline.session.session_file import read_session
+from pipeline.tables import centrelines, files
+from pipeline.tables.columns import CONTACT_COLUMNS, VIDEO_COLUMNS
+from pipeline.tables.evidence import EVIDENCE_FILE, read_evidence
+from pipeline.video.open import open_video
 
 LINES_AROUND = 256  # frames whose centrelines are read together
 LINE_BLOCKS = 16  # such blocks kept
@@ -56,17 +58,17 @@ class VideoUnderReview:
     def __init__(self, folder: Path, changed=None):
         self.folder = Path(folder)
         self.name = self.folder.name
-        self._state = tables.read_json(self.folder / STATE_FILE, {})
+        self._state = files.read_json(self.folder / STATE_FILE, {})
         self.settings = read_session(self.folder / "session.toml")
         self.recording = self.settings.recording.si()
         evidence = read_evidence(self.folder)
-        frames = tables.read_frames(self.folder / "frames.parquet")
+        frames = files.read_frames(self.folder / "frames.parquet")
         self.whiskers = tuple(dict.fromkeys(frames["whisker"]))
         self.n_frames = int(frames["frame"].max()) + 1 if len(frames) else 0
         corrections = read_corrections(self.folder)
-        detected = contact_intervals.find_contacts(evidence, self.settings.analysis.curvature_at)
-        contacts = tables.read_csv(self.folder / "contacts.csv", CONTACT_COLUMNS)
-        self.touch = contact.Touch(frames, contacts, detected, evidence)
+        detected = intervals.find_contacts(evidence, self.settings.analysis.curvature_at)
+        contacts = files.read_csv(self.folder / "contacts.csv", CONTACT_COLUMNS)
+        self.touch = analysis.Touch(frames, contacts, detected, evidence)
         self._changed = changed
         self.review = Review(detected, corrections, self.n_frames, self._corrected)
         self._lines = OrderedDict()
@@ -82,7 +84,7 @@ class VideoUnderReview:
 
     def refresh(self) -> None:
         """Make contacts, forces, pulses and base loads anew from the corrections so far."""
-        self.touch = contact.retouch(
+        self.touch = analysis.retouch(
             self.touch.frames,
             self.touch.evidence,
             self.recording,
@@ -94,8 +96,8 @@ class VideoUnderReview:
 
     def write(self) -> None:
         """Write contacts.csv and frames.parquet of this video."""
-        tables.write_frames(self.folder / "frames.parquet", self.touch.frames)
-        tables.write_csv(self.folder / "contacts.csv", self.touch.contacts, CONTACT_COLUMNS)
+        files.write_frames(self.folder / "frames.parquet", self.touch.frames)
+        files.write_csv(self.folder / "contacts.csv", self.touch.contacts, CONTACT_COLUMNS)
 
     # ---- to look at -----------------------------------------------------------------------
 
@@ -139,7 +141,7 @@ class VideoUnderReview:
 
     def pole(self, frame: int):
         """(x, y, radius) [px] of the pole, or None while it is not in view."""
-        return tables.pole_at(self._state, frame)
+        return pole_runs.pole_at(self._state, frame)
 
     def centrelines(self, frame: int) -> dict[str, np.ndarray]:
         """Traced whiskers of one frame: name → points (n, 2) [px]."""
@@ -154,7 +156,7 @@ class VideoUnderReview:
     def _read_lines(self, block):
         start = block * LINES_AROUND
         inside = [("frame", ">=", start), ("frame", "<", start + LINES_AROUND)]
-        rows = tables.read_centrelines(self.folder / "centrelines.parquet", inside)
+        rows = centrelines.read_centrelines(self.folder / "centrelines.parquet", inside)
         lines = {}
         for i, (frame, whisker) in enumerate(zip(rows.frame, rows.whisker, strict=True)):
             lines.setdefault(int(frame), {})[rows.names[whisker]] = rows.row(i)
@@ -207,7 +209,7 @@ class Results:
         self._videos = weakref.WeakValueDictionary()
         self._recent = deque(maxlen=KEPT_OPEN)
         self._opening = threading.Lock()
-        self._contacts = tables.read_csv(self.folder / "contacts.csv", CONTACT_COLUMNS)
+        self._contacts = files.read_csv(self.folder / "contacts.csv", CONTACT_COLUMNS)
         self._due = [name for name in self.names if self._is_behind(name)]
         self._closed = False
         self._changed = threading.Condition()
@@ -286,7 +288,7 @@ class Results:
         order = [*self.names, *(n for n in parts if n not in self.names)]
         kept = [parts[n] for n in order if n in parts]
         self._contacts = pd.concat(kept, ignore_index=True)
-        tables.write_csv(self.folder / "contacts.csv", self._contacts, CONTACT_COLUMNS)
+        files.write_csv(self.folder / "contacts.csv", self._contacts, CONTACT_COLUMNS)
 
     def _is_behind(self, name) -> bool:
         """Corrections are newer than the tables: an earlier curation did not end well."""
@@ -306,7 +308,7 @@ def _curatable(folder) -> list[str]:
             f"{folder}: no videos.csv in it, so it is no results folder; "
             "give the --out folder of `whiskerforce run`"
         )
-    videos = tables.read_csv(folder / "videos.csv", VIDEO_COLUMNS)
+    videos = files.read_csv(folder / "videos.csv", VIDEO_COLUMNS)
     done = [str(name) for name in videos.loc[videos["frames"] > 0, "video"]]
     names = [name for name in done if (folder / name / EVIDENCE_FILE).is_file()]
     if not names:

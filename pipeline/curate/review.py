@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import pandas as pd
 
-from pipeline.curation import (
+from pipeline.contacts.corrections import (
     CONFIRMED,
     CONTACT,
     FREE,

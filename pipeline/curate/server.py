@@ -10,8 +10,8 @@ import webbrowser
 from pathlib import Path
 
 from pipeline.curate.results import Results
-from pipeline.folder_lock import locked
-from pipeline.result_exchange import settle_all
+from pipeline.runtime.folder_lock import locked
+from pipeline.tables.result_exchange import settle_all
 
 HOST = "127.0.0.1"
 GOODBYE_S = 0.5  # for the last words to reach the browser
@@ -150,7 +150,7 @@ class Server:
 
 
 def _bound_socket(port):
-    from pipeline.inputs import InputError
+    from pipeline.errors import InputError
 
     bound = socket.socket()
     bound.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)

@@ -2,10 +2,11 @@
 
 import contextlib
 
-from pipeline import batch, tables
+from pipeline.app import batch
 from pipeline.curate.results import Results
-from pipeline.progress import Progress
-from pipeline.records import CONTACT_COLUMNS
+from pipeline.runtime.progress import Progress
+from pipeline.tables import files
+from pipeline.tables.columns import CONTACT_COLUMNS
 
 FRAMES = 240  # of each video
 PATIENCE_S = 20  # for an answer of the page, on a busy machine
@@ -26,7 +27,7 @@ def opened(folder):
 
 
 def contacts_of(folder, video=None):
-    return tables.read_csv(
+    return files.read_csv(
         folder / (f"{video}/contacts.csv" if video else "contacts.csv"), CONTACT_COLUMNS
     )
 

@@ -5,7 +5,7 @@ import sys
 import time
 from pathlib import Path
 
-from pipeline.workers import run_tasks
+from pipeline.runtime.workers import run_tasks
 
 
 def endless(folder, report):

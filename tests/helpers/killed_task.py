@@ -2,7 +2,7 @@
 
 import os
 
-from pipeline.result_exchange import draft
+from pipeline.tables.result_exchange import draft
 
 
 def killed(task, report):

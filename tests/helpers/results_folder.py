@@ -3,9 +3,10 @@
 import numpy as np
 import pandas as pd
 
-from pipeline import tables
-from pipeline.records import CONTACT_COLUMNS, VIDEO_COLUMNS, Centrelines
-from pipeline.settings import settings_from, write_session
+from pipeline.session.session_file import settings_from, write_session
+from pipeline.tables import centrelines, files
+from pipeline.tables.centrelines import Centrelines
+from pipeline.tables.columns import CONTACT_COLUMNS, VIDEO_COLUMNS
 from whiskermodel.force_profiles import half_gaussian
 
 FRAMES, LENGTH_PX = 120, 400
@@ -72,7 +73,7 @@ def frame_table(contacts):
     )
 
 
-def centrelines():
+def swinging_whisker():
     """A whisker that swings up and down."""
     x = np.tile(np.arange(75, 75 + LENGTH_PX, dtype=np.float32), FRAMES)
     swing = np.repeat(np.sin(np.arange(FRAMES) / 10), LENGTH_PX).astype(np.float32)
@@ -96,10 +97,10 @@ def make_results(folder, contacts=CONTACTS, videos=("one", "two"), failed=("thre
         own = [c for c in contacts if c["video"] == name]
         (folder / name).mkdir(exist_ok=True)
         write_session(folder / name / "session.toml", SETTINGS)
-        tables.write_frames(folder / name / "frames.parquet", frame_table(own))
-        tables.write_centrelines(folder / name / "centrelines.parquet", centrelines())
+        files.write_frames(folder / name / "frames.parquet", frame_table(own))
+        centrelines.write_centrelines(folder / name / "centrelines.parquet", swinging_whisker())
         pole = {"radius_px": 6.25, "runs": [[0, 230.0, 240.0]]}
-        tables.write_json(folder / name / "run.json", {"pole": pole})
+        files.write_json(folder / name / "run.json", {"pole": pole})
         states[name] = {
             "path": f"/nowhere/{name}.avi",
             "status": "done",
@@ -114,8 +115,8 @@ def make_results(folder, contacts=CONTACTS, videos=("one", "two"), failed=("thre
         {"video": n, "path": n, "status": "failed", "frames": 0, "message": "<b> & broken"}
         for n in failed
     ]
-    tables.write_csv(folder / "videos.csv", pd.DataFrame(rows), VIDEO_COLUMNS)
-    tables.write_csv(folder / "contacts.csv", pd.DataFrame(contacts), CONTACT_COLUMNS)
+    files.write_csv(folder / "videos.csv", pd.DataFrame(rows), VIDEO_COLUMNS)
+    files.write_csv(folder / "contacts.csv", pd.DataFrame(contacts), CONTACT_COLUMNS)
     write_session(folder / "session.toml", SETTINGS)
-    tables.write_json(folder / "run.json", {"version": "9.9", "inputs": states})
+    files.write_json(folder / "run.json", {"version": "9.9", "inputs": states})
     return folder

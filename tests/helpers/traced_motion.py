@@ -6,8 +6,11 @@ import numpy as np
 import pandas as pd
 from scipy.ndimage import gaussian_filter1d
 
-from pipeline import curvature, stations
-from pipeline.records import FRAME_COLUMNS, Centrelines, PoleTrack, Recording, as_table
+from pipeline.detection.static_scene import PoleTrack
+from pipeline.kinematics import curvature, resampled
+from pipeline.session.recording import Recording
+from pipeline.tables.centrelines import Centrelines
+from pipeline.tables.columns import FRAME_COLUMNS, as_table
 from synthetic.truth import contact_table, frame_table
 
 HIDDEN = 1.4e-3  # m
@@ -19,7 +22,7 @@ class Traced:
     """What the analysis is given, and the truth beside it."""
 
     frames: pd.DataFrame
-    places: stations.Stations
+    places: resampled.Stations
     recording: Recording
     whiskers: dict
     true_frames: pd.DataFrame
@@ -44,7 +47,7 @@ def trace(motion, seed=0, noise_px=0.03, hidden=HIDDEN, curvature_at=5.5e-3, wit
     table["whisker"] = np.asarray(lines.names, object)[table["whisker"]]
     table["tracked"] = True
     table["time_s"] = table["frame"] / recording.frames_per_second
-    places = stations.measure_stations(
+    places = resampled.measure_stations(
         lines, recording, list(whiskers.values()), [hidden] * len(whiskers), pole
     )
     return Traced(

@@ -6,9 +6,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from pipeline.detection.static_scene import PoleTrack
 from pipeline.messages import messages
-from pipeline.records import PoleTrack
-from pipeline.settings import settings_from
+from pipeline.session.session_file import settings_from
 
 SCALE = 25.0  # px/mm
 WHISKER = {"length_mm": 18.0, "cone_length_mm": 19.0, "base_radius_um": 37.0}

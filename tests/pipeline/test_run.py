@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from pipeline.records import PoleTrack
+from pipeline.detection.static_scene import PoleTrack
 from pipeline.run import pole_track
 
 

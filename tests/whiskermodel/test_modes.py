@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.special import roots_legendre
 
-from whiskermodel.cylinder_modes import cylinder_functions, cylinder_wavenumbers
 from whiskermodel.modes import follicle_stiffness, modes
+from whiskermodel.paper.cylinder_modes import cylinder_functions, cylinder_wavenumbers
 from whiskermodel.whisker import Whisker, mouse_c2
 
 TEN_DIGITS = 1e-10  # relative

@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline.tables import read_centrelines
+from pipeline.tables.centrelines import read_centrelines
 from synthetic.session import render_session
 
 FRAMES = 60

@@ -5,7 +5,7 @@ import shutil
 import pytest
 from curated import FRAMES, process
 
-from pipeline.video import open_video
+from pipeline.video.open import open_video
 
 
 @pytest.fixture(scope="session")

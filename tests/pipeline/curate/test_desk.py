@@ -4,9 +4,9 @@ from pathlib import Path
 
 from curated import opened
 
+from pipeline.contacts.corrections import read_corrections
 from pipeline.curate.desk import Desk
 from pipeline.curate.keys import COMMANDS, KEYS, shown
-from pipeline.curation import read_corrections
 
 
 def test_every_key_has_its_command():

@@ -1,14 +1,13 @@
 """What there is to look at, and how doubtful it is."""
 
-
 import numpy as np
 import pandas as pd
 import pytest
 
+from pipeline.contacts.corrections import table_of
 from pipeline.curate.items import FLAGS, items_of, probabilities
 from pipeline.curate.review import Review, Span
-from pipeline.curation import table_of
-from pipeline.records import CONTACT_FLAGS
+from pipeline.tables.columns import CONTACT_FLAGS
 
 
 def review_with(probability, *spans, verdicts=()):

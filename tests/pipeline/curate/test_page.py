@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 from curated import FRAMES, PATIENCE_S, contacts_of, edges
 
+from pipeline.contacts.corrections import read_corrections
 from pipeline.curate import curate
 from pipeline.curate.keys import KEYS
-from pipeline.curation import read_corrections
-from pipeline.folder_lock import locked
-from pipeline.inputs import InputError
-from pipeline.result_exchange import draft, is_settled
+from pipeline.errors import InputError
+from pipeline.runtime.folder_lock import locked
+from pipeline.tables.result_exchange import draft, is_settled
 
 
 @pytest.fixture
@@ -102,8 +102,6 @@ def test_results_of_a_killed_run_are_put_in_place_first(results):
 
 
 # ---- in a browser --------------------------------------------------------------------------
-
-
 
 
 class Tab:

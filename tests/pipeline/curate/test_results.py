@@ -7,12 +7,12 @@ import pandas as pd
 import pytest
 from curated import FRAMES, contacts_of, edges, opened, process
 
-from pipeline import tables
 from pipeline.curate.desk import Desk
 from pipeline.curate.results import Results
 from pipeline.curate.review import Span
-from pipeline.inputs import InputError
-from pipeline.settings import read_session
+from pipeline.errors import InputError
+from pipeline.session.session_file import read_session
+from pipeline.tables import files
 
 
 def test_results_are_of_the_kind_that_run_makes(session):
@@ -39,7 +39,7 @@ def test_corrections_reach_the_tables_with_forces_made_anew(results):
     assert row["offset_frame"] == offset
     assert row["impulse_uN_ms"] < own.loc[longest, "impulse_uN_ms"]
     assert np.isfinite(row["pulse_duration_ms"])
-    frames = tables.read_frames(results / name / "frames.parquet")
+    frames = files.read_frames(results / name / "frames.parquet")
     part = frames[frames["whisker"] == row["whisker"]].set_index("frame")
     touching = part["in_contact"].loc[onset : offset - 1].tolist()
     assert touching == [False] * 2 + [True] * (offset - onset - 2)
@@ -60,14 +60,14 @@ def test_undone_corrections_leave_the_tables_as_they_were(results):
     with opened(results) as folder:
         desk = Desk(folder)
         before = contacts_of(results)
-        frames = tables.read_frames(results / desk.video.name / "frames.parquet")
+        frames = files.read_frames(results / desk.video.name / "frames.parquet")
         desk.do("delete")
         folder.settle()
         assert len(contacts_of(results)) == len(before) - 1
         desk.do("undo")
         folder.settle()
         pd.testing.assert_frame_equal(contacts_of(results), before)
-        again = tables.read_frames(results / desk.video.name / "frames.parquet")
+        again = files.read_frames(results / desk.video.name / "frames.parquet")
         pd.testing.assert_frame_equal(again, frames)
 
 
@@ -94,8 +94,8 @@ def test_folders_with_nothing_to_curate_are_told(results, tmp_path):
 
 def test_a_video_that_is_gone_leaves_the_time_courses(results):
     name = Results(results).names[0]
-    state = tables.read_json(results / name / "run.json")
-    tables.write_json(results / name / "run.json", {**state, "path": "/nowhere/video.mp4"})
+    state = files.read_json(results / name / "run.json")
+    files.write_json(results / name / "run.json", {**state, "path": "/nowhere/video.mp4"})
     with opened(results) as folder:
         video = folder.video(name)
         assert video.reader is None
@@ -114,11 +114,11 @@ def test_a_second_run_keeps_corrections(session, tmp_path):
         desk.go(desk.selected.offset + 1)
         desk.do("offset")
     curated = contacts_of(results)
-    frames = tables.read_frames(results / desk.video.name / "frames.parquet")
+    frames = files.read_frames(results / desk.video.name / "frames.parquet")
     assert curated["curated"].sum() == 1
     process(videos, results)
     pd.testing.assert_frame_equal(contacts_of(results), curated)
     process(videos, results, overwrite=True)
     pd.testing.assert_frame_equal(contacts_of(results), curated)
-    again = tables.read_frames(results / desk.video.name / "frames.parquet")
+    again = files.read_frames(results / desk.video.name / "frames.parquet")
     pd.testing.assert_frame_equal(again, frames)

@@ -1,0 +1,1 @@
+"""The command line: arguments, processes, exit status; no science."""

@@ -1,0 +1,472 @@
+"""Many videos: which are due, each in a worker process, results of all in one folder."""
+
+import contextlib
+import hashlib
+import platform
+import sys
+import time
+from dataclasses import asdict, dataclass, field, replace
+from datetime import UTC, datetime
+from pathlib import Path
+
+import pandas as pd
+
+from pipeline import __version__
+from pipeline.errors import InputError
+from pipeline.runtime.folder_lock import locked
+from pipeline.runtime.workers import run_tasks
+from pipeline.scene import pole_runs
+from pipeline.session.inputs import (
+    SESSION_FILES,
+    STATE_FILE,
+    find_inputs,
+    readable,
+    results_folders,
+    settings_of,
+    sha256,
+    stamp,
+)
+from pipeline.session.session_file import Settings, session_text, write_session
+from pipeline.tables import centrelines, files
+from pipeline.tables.columns import CONTACT_COLUMNS, VIDEO_COLUMNS
+from pipeline.tables.result_exchange import OVERLAYS, READY, draft, is_settled, settle, settle_all
+
+RESULT_FILES = (
+    "centrelines.parquet",
+    "frames.parquet",
+    "contacts.csv",
+    "evidence.parquet",
+    "session.toml",
+)
+
+
+@dataclass(frozen=True)
+class Task:
+    """One video to process into `folder`; if its tables are `finished`, only to draw it.
+
+    `earlier` is when its results of before were written [ns], 0 if there are none.
+    """
+
+    path: Path
+    folder: Path
+    settings: Settings
+    overlay: bool = False
+    threads: int = 1
+    finished: "Outcome | None" = None
+    earlier: int = 0
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of one video: a row of videos.csv, and for run.json how it was made.
+
+    `status` is "done", "warning" or "failed"; `details` is the traceback of a fault. `frames` is
+    0 where there are no results; where a video failed, those of before may be there.
+    """
+
+    video: str
+    path: str
+    status: str
+    frames: int = 0
+    frames_per_s: float = 0.0
+    message: str = ""
+    contacts: int = 0
+    stages: dict = field(default_factory=dict)
+    sha256: str = ""
+    pole: dict | None = None
+    details: str = ""
+
+    def line(self) -> str:
+        """The outcome in one line."""
+        if self.status == "failed":
+            return f"failed: {self.message}"
+        message = f"; {self.message}" if self.message else ""
+        return (
+            f"{self.status}, {self.frames} frames, {self.frames_per_s:.0f} frames/s, "
+            f"{self.contacts} contacts{message}"
+        )
+
+
+@dataclass(frozen=True)
+class Summary:
+    """What a run did: all outcomes of the results folder, of which `skipped` were there before."""
+
+    out: Path
+    outcomes: tuple[Outcome, ...]
+    skipped: int
+    seconds: float
+    interrupted: bool = False
+
+    def of(self, status) -> list[Outcome]:
+        """Outcomes of one status."""
+        return [each for each in self.outcomes if each.status == status]
+
+
+def run(paths, out, config=None, jobs=1, overwrite=False, overlay=False, progress=None):
+    """Process videos and folders of videos into the results folder `out`; return a `Summary`.
+
+    Videos whose results are there, from the same input, settings and version, are not
+    processed again unless `overwrite`. `progress(names)` returns a
+    `pipeline.runtime.progress.Progress`.
+
+    Raises
+    ------
+    InputError
+        Where an argument or the settings cannot be used; nothing is processed then.
+    """
+    started = time.monotonic()
+    out = Path(out)
+    inputs = find_inputs(paths, out)
+    settings = settings_of(inputs, config)
+    _make_folder(out)
+    with locked(out):
+        _check_folder(out)
+        settle_all(out)
+        names = results_folders(inputs, out)
+        tasks = _tasks(inputs, settings, names, out, overwrite, overlay)
+        outcomes = _unusable(inputs, names, out)
+        due = [t for t in tasks if not t.finished or (overlay and not has_overlay(t.folder))]
+        skipped = [t for t in tasks if t not in due]
+        outcomes |= {t.folder.name: t.finished for t in skipped}
+        interrupted = _process(due, outcomes, jobs, progress)
+        outcomes |= _left(due, outcomes)
+        ordered = [outcomes[name] for name in names.values() if name in outcomes]
+        ordered += _earlier(out, set(names.values()))
+        seconds = time.monotonic() - started
+        summary = Summary(out, tuple(ordered), len(skipped), seconds, interrupted)
+        _write_session(out, list(settings.values()), config)
+        _write_tables(summary, jobs)
+    return summary
+
+
+def _tasks(inputs, settings, names, out, overwrite, overlay) -> list[Task]:
+    """A task for each usable input, with its outcome where it needs no other."""
+    tasks = []
+    for each in inputs:
+        if not each.fault:
+            path, folder = each.path.resolve(), out / names[each.path]
+            task = Task(path, folder, settings[each.path], overlay, earlier=_written(folder))
+            tasks.append(task if overwrite else replace(task, finished=finished_outcome(task)))
+    return tasks
+
+
+def _unusable(inputs, names, out) -> dict:
+    """Outcomes of the inputs that cannot be opened, by the name of their folder."""
+    faulty = [(names[each.path], each) for each in inputs if each.fault]
+    return {name: _failed_in(out / name, readable(each.path), each.fault) for name, each in faulty}
+
+
+def _left(tasks, outcomes) -> dict:
+    """Outcomes of the tasks that have none yet, where there are results at all."""
+    left = [task for task in tasks if task.folder.name not in outcomes]
+    return {task.folder.name: outcome for task in left if (outcome := _interrupted(task))}
+
+
+def _make_folder(out):
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"--out {out}: cannot write there ({error}); choose a folder") from None
+
+
+def _check_folder(out):
+    """Tables of the session can be written."""
+    for name in SESSION_FILES:
+        if (out / name).is_dir():
+            raise InputError(f"--out {out}: {name} in it is a folder; move it away")
+    try:
+        with files.whole_file(out / "videos.csv.try") as temporary:
+            temporary.write_text("")
+        (out / "videos.csv.try").unlink()
+    except OSError as error:
+        raise InputError(f"--out {out}: cannot write there ({error}); choose a folder") from None
+
+
+def _process(tasks, outcomes, jobs, progress) -> bool:
+    """Run the tasks and put their outcomes in; True if the user interrupted."""
+    from pipeline.runtime.progress import Progress
+
+    if jobs == 1 or len(tasks) == 1:
+        tasks = [replace(task, threads=0) for task in tasks]
+    names = [task.folder.name for task in tasks]
+    with (progress or Progress)(names) as shown:
+
+        def take(event):
+            if event.kind == "died":
+                event = replace(event, kind="done", value=_died(tasks[event.task], event.value))
+            if event.kind == "done":
+                event = replace(event, value=_settled(tasks[event.task], event.value))
+                outcomes[names[event.task]] = event.value
+            shown.tell(event)
+
+        try:
+            run_tasks(process_video, tasks, take, jobs)
+        except KeyboardInterrupt:
+            return True
+    return False
+
+
+# --- one video ---------------------------------------------------------------------------
+
+
+def process_video(task: Task, report=None) -> Outcome:
+    """Analyse one video and save its results; a failure is an outcome, not an exception.
+
+    `report((frames done, frames))` is called now and then. The new results are ready then, not
+    in their place: see `result_exchange`.
+    """
+    from pipeline.errors import CorrectionsError, VideoError
+
+    try:
+        if task.finished:
+            return _with_overlay(task, task.finished, task.folder)
+        settle(task.folder)
+        outcome = _analyse_and_save(task, report)
+        return _with_overlay(task, outcome, task.folder / READY) if task.overlay else outcome
+    except VideoError as error:
+        return _failed(task, error.problem)
+    except (OSError, CorrectionsError) as error:
+        return _failed(task, str(error))
+
+
+def _analyse_and_save(task, report) -> Outcome:
+    """The straight way; the state file says how the results were made."""
+    from pipeline.contacts.corrections import read_corrections
+    from pipeline.run import analyse
+    from pipeline.tables.evidence import write_evidence
+
+    started = time.perf_counter()
+    before = stamp(task.path)
+    corrections = read_corrections(task.folder)
+    with draft(task.folder) as new:
+        with centrelines.centreline_file(new / "centrelines.parquet") as keep:
+            analysis = analyse(task.path, task.settings, keep, report, corrections, task.threads)
+        contacts = analysis.contacts.assign(video=task.folder.name)
+        files.write_frames(new / "frames.parquet", analysis.frames)
+        files.write_csv(new / "contacts.csv", contacts, CONTACT_COLUMNS)
+        write_evidence(new, analysis.evidence)
+        write_session(new / "session.toml", task.settings)
+        outcome = _outcome_of(task, analysis, time.perf_counter() - started)
+        _save_state(new, task, outcome, before)
+    return outcome
+
+
+def _outcome_of(task, analysis, seconds) -> Outcome:
+    return Outcome(
+        video=task.folder.name,
+        path=str(task.path),
+        status="warning" if analysis.messages else "done",
+        frames=analysis.n_frames,
+        frames_per_s=analysis.n_frames / seconds,
+        message="; ".join(analysis.messages),
+        contacts=len(analysis.contacts),
+        stages={stage: round(s, 3) for stage, s in analysis.seconds.items()},
+        sha256=sha256(task.path),
+        pole=pole_runs.pole_runs(analysis.pole),
+    )
+
+
+def has_overlay(folder) -> bool:
+    """The results folder of a video holds an overlay."""
+    return any(folder.glob(OVERLAYS))
+
+
+def _with_overlay(task, outcome, folder) -> Outcome:
+    """Draw the overlay of the results in `folder`; a fault there leaves the tables as they are."""
+    from pipeline.reports.overlay import write_overlay
+
+    try:
+        write_overlay(task.path, folder, task.settings)
+    except Exception as error:
+        reason = " ".join(f"{type(error).__name__}: {error}".split())
+        return _warned(outcome, f"the overlay could not be drawn ({reason}); all tables are there")
+    return outcome
+
+
+def _warned(outcome, message) -> Outcome:
+    """The outcome with one more message."""
+    message = "; ".join(filter(None, (outcome.message, message)))
+    return replace(outcome, status="warning", message=message)
+
+
+# --- what stands where there are no new results --------------------------------------------
+
+
+def _written(folder) -> int:
+    """When the results in a folder were written [ns]; 0 if there are none."""
+    state = folder / STATE_FILE
+    return state.stat().st_mtime_ns if state.is_file() else 0
+
+
+def _settled(task, outcome) -> Outcome:
+    """The outcome when the new results are in place."""
+    try:
+        settle(task.folder)
+    except OSError as error:
+        return _failed(
+            task, f"its new results are whole but cannot replace the old ones ({error}): run again"
+        )
+    return outcome
+
+
+def _died(task, reason) -> Outcome:
+    """A fault of the program, or of the process it ran in."""
+    last = reason.strip().splitlines()[-1]
+    if "Traceback" in reason:
+        last = f"unexpected fault of the program: {last}; --debug shows where"
+    return replace(_new_or(task, last) or _failed(task, last), details=reason)
+
+
+def _interrupted(task) -> Outcome | None:
+    """The outcome of a video whose turn had not ended; None if it has no results."""
+    if task.finished:
+        return task.finished
+    new = _new_or(task)
+    if new:
+        return new
+    kept = _kept(task.folder)
+    message = f"interrupted before new results were made; {_earlier_results(task)}"
+    return kept and replace(kept, status="warning", message=message)
+
+
+def _new_or(task, message="") -> Outcome | None:
+    """The outcome of results that were whole before the process ended, else None."""
+    with contextlib.suppress(OSError):
+        settle(task.folder)
+    made = _written(task.folder) > task.earlier
+    outcome = task.finished or (_kept(task.folder) if made else None)
+    return _warned(outcome, message) if outcome and message else outcome
+
+
+def _failed(task, message, details="") -> Outcome:
+    outcome = _failed_in(task.folder, str(task.path), message, _earlier_results(task))
+    return replace(outcome, details=details)
+
+
+def _failed_in(folder, path, message, kept_results="earlier results kept") -> Outcome:
+    """A failure; results of before stay, and the message says so."""
+    kept = _kept(folder)
+    message = " ".join(message.split())
+    if kept is None:
+        return Outcome(folder.name, path, "failed", message=message)
+    message = f"{message}; {kept_results}"
+    return replace(kept, path=path, status="failed", message=message)
+
+
+def _kept(folder) -> Outcome | None:
+    """The outcome that whole results in a folder came from, of whatever settings and version."""
+    state = files.read_json(folder / STATE_FILE, {})
+    whole = {"version", "video"} <= state.keys() and is_settled(folder)
+    if not whole or not all((folder / name).is_file() for name in RESULT_FILES):
+        return None
+    return _outcome(state)
+
+
+def _earlier_results(task) -> str:
+    """Say that earlier results are kept, and what they differ in from those that are due."""
+    state = files.read_json(task.folder / STATE_FILE, {})
+    if state.get("version") != __version__:
+        return f"earlier results kept, made by version {state.get('version')}"
+    if state.get("settings_sha256") != _settings_digest(task.settings):
+        return "earlier results kept, made with other settings"
+    if not _same_input(state, task.path):
+        return "earlier results kept, made of the video before it changed"
+    return "earlier results kept"
+
+
+# --- resumption --------------------------------------------------------------------------
+
+
+def _settings_digest(settings) -> str:
+    return hashlib.sha256(settings.model_dump_json().encode()).hexdigest()
+
+
+def _save_state(folder, task, outcome, before):
+    state = {
+        "version": __version__,
+        **{k: v for k, v in asdict(outcome).items() if k != "details"},
+        "settings_sha256": _settings_digest(task.settings),
+        "input": before,
+    }
+    files.write_json(folder / STATE_FILE, state)
+
+
+def finished_outcome(task: Task) -> Outcome | None:
+    """The outcome of an earlier run whose results still hold for this task, or None.
+
+    They hold while version, settings and the input's content are the same and all files are
+    there. The content is read only where size or times differ.
+    """
+    state = files.read_json(task.folder / STATE_FILE, {})
+    if state.get("version") != __version__ or _kept(task.folder) is None:
+        return None
+    if state.get("settings_sha256") != _settings_digest(task.settings):
+        return None
+    return _outcome(state) if _same_input(state, task.path) else None
+
+
+def _same_input(state, path) -> bool:
+    return state["input"] == stamp(path) or state["sha256"] == sha256(path)
+
+
+def _outcome(state) -> Outcome:
+    return Outcome(**{k: v for k, v in state.items() if k in Outcome.__dataclass_fields__})
+
+
+def _earlier(out, names) -> list[Outcome]:
+    """Whole results in `out` of videos that are not among this run's inputs."""
+    folders = [path.parent for path in sorted(out.glob(f"*/{STATE_FILE}"))]
+    # a state without a video is of a whole results folder that lies in this one
+    return [kept for folder in folders if folder.name not in names and (kept := _kept(folder))]
+
+
+# --- the whole folder --------------------------------------------------------------------
+
+
+def _write_session(out, settings, config):
+    """Write the settings in force, unless the user's own file already lies there."""
+    target = out / "session.toml"
+    if config is not None and target.exists() and target.samefile(config):
+        return
+    distinct = list(dict.fromkeys(settings))
+    if not distinct:
+        return
+    text = session_text(distinct[0])
+    if len(distinct) > 1:
+        note = "# Videos differ in their settings: these are the first one's; each video's\n"
+        text = f"{note}# results folder holds its own.\n{text}"
+    files.write_text(target, text)
+
+
+def _write_tables(summary, jobs):
+    """Write videos.csv, contacts.csv and run.json of the whole results folder."""
+    rows = [asdict(each) for each in summary.outcomes]
+    videos = pd.DataFrame(rows, columns=[c.name for c in VIDEO_COLUMNS])
+    files.write_csv(summary.out / "videos.csv", videos, VIDEO_COLUMNS)
+    parts = [
+        files.read_csv(summary.out / each.video / "contacts.csv", CONTACT_COLUMNS)
+        for each in summary.outcomes
+        if each.frames
+    ]
+    contacts = pd.concat(parts) if parts else pd.DataFrame()
+    files.write_csv(summary.out / "contacts.csv", contacts, CONTACT_COLUMNS)
+    files.write_json(summary.out / STATE_FILE, _run_record(summary, jobs))
+
+
+def _run_record(summary, jobs) -> dict:
+    """How the results came about: run.json."""
+    kept = ("path", "sha256", "status", "frames", "stages")
+    return {
+        "program": "whiskerforce",
+        "version": __version__,
+        "finished": datetime.now(UTC).isoformat(timespec="seconds"),
+        "command": [readable(argument) for argument in sys.argv[1:]],
+        "python": platform.python_version(),
+        "platform": platform.platform(),
+        "jobs": jobs,
+        "seconds": round(summary.seconds, 3),
+        "interrupted": summary.interrupted,
+        "inputs": {
+            each.video: {key: getattr(each, key) for key in kept} for each in summary.outcomes
+        },
+    }

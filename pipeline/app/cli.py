@@ -1,0 +1,292 @@
+"""The `whiskerforce` command: arguments, progress, exit status; no science.
+
+Exit status: 0 all done; 1 some videos failed; 2 unusable arguments or settings.
+"""
+
+import gc
+import os
+import signal
+import sys
+import traceback
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+app = typer.Typer(
+    name="whiskerforce",
+    help="High-speed videos of rodent whiskers in, forces at the follicle out.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+
+FAILED, UNUSABLE, INTERRUPTED = 1, 2, 130
+
+
+def _show_version(wanted: bool):
+    if wanted:
+        from pipeline import __version__
+
+        typer.echo(f"whiskerforce {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_show_version, is_eager=True, help="Print it.")
+    ] = False,
+    debug: Annotated[bool, typer.Option("--debug", help="Show tracebacks.")] = False,
+):
+    pass
+
+
+def _cores() -> int:
+    """Cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+Out = Annotated[Path, typer.Option("--out", help="Folder for the results.")]
+Jobs = Annotated[
+    int | None, typer.Option("--jobs", min=1, help="Processes at once.  [default: all cores]")
+]
+Debug = Annotated[bool, typer.Option("--debug", help="Show tracebacks.")]
+
+
+@app.command()
+def run(
+    paths: Annotated[
+        list[Path], typer.Argument(metavar="PATH...", help="Videos, or folders of videos.")
+    ],
+    out: Out,
+    config: Annotated[
+        Path | None,
+        typer.Option(help="Settings.  [default: the session.toml beside the videos]"),
+    ] = None,
+    jobs: Jobs = None,
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="Process finished videos again.")
+    ] = False,
+    overlay: Annotated[
+        bool, typer.Option("--overlay", help="Also write videos with the findings drawn in.")
+    ] = False,
+    debug: Debug = False,
+):
+    """Turn videos into tables, figures and a report.
+
+    Finished videos are skipped on the next run unless settings, input or version changed.
+    """
+    from pipeline.app import batch
+
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # end as with Ctrl-C
+    summary = batch.run(paths, out, config, jobs or _cores(), overwrite, overlay, _progress_of_run)
+    _finish_run(summary, debug)
+
+
+def _progress_of_run(names):
+    """A bar on a terminal, plain lines elsewhere."""
+    from pipeline.runtime import progress
+
+    if not sys.stdout.isatty():
+        return progress.Lines(names, _say)
+    from rich.console import Console
+
+    return progress.Bar(names, Console())
+
+
+def _say(line: str):
+    typer.echo(line)
+    sys.stdout.flush()
+
+
+def _finish_run(summary, debug):
+    """Say what came of it, failures last, and leave with the exit status."""
+    from pipeline.runtime.progress import duration
+
+    for problem in _write_pictures(summary, debug):
+        _say(problem)
+    frames = sum(each.frames for each in summary.outcomes)
+    contacts = sum(each.contacts for each in summary.outcomes)
+    failed = summary.of("failed")
+    count = len(summary.outcomes)
+    _say(
+        f"{count} video{'' if count == 1 else 's'}: {len(summary.of('done'))} done, "
+        f"{len(summary.of('warning'))} with a warning, {len(failed)} failed"
+        + (f" ({summary.skipped} finished before)" if summary.skipped else "")
+        + f"; {frames} frames, {contacts} contacts, in {duration(summary.seconds)}"
+    )
+    _say(f"results: {summary.out}" + (", report: report.html there" if frames else ""))
+    for each in summary.of("warning"):
+        _say(f"warning: {each.video}: {each.message}")
+    for each in failed:
+        if debug and each.details:
+            typer.echo(each.details, err=True)
+        _say(f"failed: {each.video} ({each.path}): {each.message}")
+    if summary.interrupted:
+        _say("interrupted; what is finished is kept, the same command goes on from here")
+        raise typer.Exit(INTERRUPTED)
+    raise typer.Exit(FAILED if failed else 0)
+
+
+def _write_pictures(summary, debug):
+    """Figures and report from the tables; a fault there leaves the tables as they are."""
+    from pipeline.reports.figures import write_fig3
+    from pipeline.reports.report import write_report
+
+    if not any(each.frames for each in summary.outcomes):
+        return
+    for what, write in (("figures", write_fig3), ("report", write_report)):
+        try:
+            write(summary.out)
+        except Exception as error:
+            if debug:
+                raise
+            yield f"warning: the {what} could not be made ({type(error).__name__}: {error})"
+
+
+@app.command()
+def init(
+    folder: Annotated[Path, typer.Argument(help="Folder of videos.")],
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="Replace a session.toml that is there.")
+    ] = False,
+    debug: Debug = False,
+):
+    """Write a first session.toml from a look at the videos.
+
+    It is commented, and lies in their folder, with a preview picture of what was found.
+    """
+    from pipeline.app.init import init_folder
+
+    for line in init_folder(folder, overwrite):
+        _say(line)
+
+
+@app.command()
+def demo(
+    out: Annotated[Path, typer.Option("--out", help="Folder to work in.")] = Path(
+        "whiskerforce-demo"
+    ),
+    jobs: Jobs = None,
+    debug: Debug = False,
+):
+    """Render a small session, process it, compare with its truth."""
+    from pipeline.app.demo import run_demo
+
+    raise typer.Exit(FAILED if run_demo(out, jobs or _cores(), _progress_of_run, _say) else 0)
+
+
+@app.command()
+def synth(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Where to put the videos.")],
+    preset: Annotated[str, typer.Option(help="What to render; a wrong one lists them all.")],
+    seed: Annotated[int, typer.Option(min=0, help="Of the random numbers.")] = 0,
+    trials: Annotated[
+        int | None, typer.Option(min=1, help="Number of videos.  [default: by preset]")
+    ] = None,
+    jobs: Jobs = None,
+    debug: Debug = False,
+):
+    """Render videos with known truth.
+
+    With them come session.toml and truth tables of the same columns as the results.
+    """
+    from pipeline.app.demo import render
+
+    render(folder, preset, seed, trials, jobs or _cores(), _say)
+
+
+@app.command()
+def figures(
+    results: Annotated[Path, typer.Argument(help="Results folder of `whiskerforce run`.")],
+    truth: Annotated[
+        Path | None, typer.Option(help="Truth folder of `synth`, to put beside the results.")
+    ] = None,
+    debug: Debug = False,
+):
+    """Draw the paper's figure 3 from the tables.
+
+    The numbers behind it are written too, as CSV.
+    """
+    from pipeline.reports.figures import write_fig3
+
+    for path in write_fig3(results, truth):
+        _say(str(path))
+
+
+@app.command()
+def curate(
+    results: Annotated[Path, typer.Argument(help="Results folder of `whiskerforce run`.")],
+    port: Annotated[int, typer.Option(min=0, help="Of the page; 0: any free one.")] = 0,
+    browser: Annotated[bool, typer.Option(help="Open the page in the browser.")] = True,
+    debug: Debug = False,
+):
+    """Correct contacts in the browser."""
+    from pipeline.curate import curate as open_page
+    from pipeline.reports.figures import write_fig3
+    from pipeline.reports.report import write_report
+
+    open_page(results, port=port, open_browser=browser, say=_say)
+    write_fig3(results)
+    write_report(results)
+
+
+@app.command()
+def paper(
+    out: Out,
+    debug: Debug = False,
+):
+    """Draw the paper's model figures.
+
+    Each comes with its CSV; modes.csv and published.csv are beside them.
+    """
+    from whiskermodel.paper.files import write_paper
+
+    for path in write_paper(out, progress=_say):
+        _say(str(path))
+
+
+def main(arguments=None):
+    """Run the command; turn expected errors into a message and an exit status."""
+    from pipeline.runtime.numba_cache import drop_stale
+    from pipeline.runtime.workers import THREADS
+
+    drop_stale()
+    for name in THREADS:  # the matrices are small: threads would only wait for each other
+        os.environ.setdefault(name, "1")
+    gc.set_threshold(50_000, 20, 20)  # imports make much that stays: searching it takes 0.2 s
+    for stream in (sys.stdout, sys.stderr):
+        if hasattr(stream, "reconfigure"):  # not every console has every letter of a file's name
+            stream.reconfigure(errors="replace")
+    arguments = sys.argv[1:] if arguments is None else list(arguments)
+    try:
+        app(arguments, standalone_mode=True)
+    except KeyboardInterrupt:
+        typer.echo("interrupted", err=True)
+        sys.exit(INTERRUPTED)
+    except Exception as error:
+        if "--debug" in arguments:
+            traceback.print_exc()
+        typer.echo(_explain(error), err=True)
+        sys.exit(UNUSABLE if _is_unusable(error) else FAILED)
+
+
+def _is_unusable(error) -> bool:
+    """The arguments or settings are to blame, not the program."""
+    from pipeline.errors import VideoError
+
+    return isinstance(error, (ValueError, VideoError, OSError))
+
+
+def _explain(error) -> str:
+    if _is_unusable(error):
+        return f"error: {error}"
+    return f"error: {type(error).__name__}: {error} (a fault of the program; --debug shows where)"
+
+
+if __name__ == "__main__":
+    main()

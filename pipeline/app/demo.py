@@ -1,0 +1,117 @@
+"""`whiskerforce demo` and `synth`: rendered sessions, and results beside their truth."""
+
+import time
+from pathlib import Path
+
+import numpy as np
+
+from pipeline.app import batch, warm_up
+from pipeline.reports import figures
+from pipeline.runtime.progress import duration
+
+DEMO_PRESET, DEMO_TRIALS, DEMO_SEED = "fig3", 4, 1
+LEAST_MS = 5.0  # shorter contacts are shown, but not counted as missed
+
+
+def render(folder, preset, seed, trials, jobs, say) -> list[Path]:
+    """Render the videos of a preset into a folder; `say` is told of each.
+
+    Raises
+    ------
+    ValueError
+        For a preset that there is not; the message lists them.
+    """
+    from synthetic.presets import PRESETS
+    from synthetic.session import render_session
+
+    if preset not in PRESETS:
+        known = "".join(f"\n  {name}: {each.meaning}" for name, each in PRESETS.items())
+        raise ValueError(f"--preset {preset}: expected one of{known}")
+    paths = render_session(
+        folder,
+        preset,
+        seed,
+        trials,
+        jobs=jobs,
+        progress=lambda done, total, path: say(f"{done}/{total} rendered: {path}"),
+    )
+    say(f"videos, session.toml and truth tables: {folder}")
+    return paths
+
+
+def run_demo(out, jobs, progress, say) -> bool:
+    """Render a small session, process it and print its contacts beside the truth.
+
+    Returns True if a video failed. `progress` as in `batch.run`.
+    """
+    from pipeline.reports.report import write_report
+
+    started = time.monotonic()
+    videos, results = Path(out) / "videos", Path(out) / "results"
+    say("rendering a small pole-localization session (the first time, some of it is compiling) …")
+    compiling = warm_up.start() if jobs > 1 else None
+    render(videos, DEMO_PRESET, DEMO_SEED, DEMO_TRIALS, max(jobs - 1, 1), say)
+    if compiling is not None:
+        compiling.join()
+    say("processing it …")
+    summary = batch.run([videos], results, jobs=jobs, overwrite=True, progress=progress)
+    figures.write_fig3(results)
+    write_report(results)
+    contacts, truth = figures.read_contacts(results), figures.read_truth(results)
+    for line in comparison(contacts, truth):
+        say(line)
+    for each in summary.of("failed"):
+        say(f"failed: {each.video}: {each.message}")
+    say("")
+    for what, path in (
+        ("videos and truth", videos),
+        ("tables", results / "contacts.csv"),
+        ("figures", results / "figures" / "fig3.png"),
+        ("report", results / "report.html"),
+    ):
+        say(f"{what:<17} {path}")
+    say(f"done in {duration(time.monotonic() - started)}; next: whiskerforce init YOUR_FOLDER")
+    return bool(summary.of("failed"))
+
+
+def comparison(contacts, truth):
+    """Lines of a table: every true contact with the one found, then a summary."""
+    from synthetic.scoring.table_scoring import match_contacts
+
+    match = match_contacts(contacts, truth)
+    pairs = match.pairs.sort_values(["video", "whisker", "true_onset_frame"])
+    yield ""
+    yield "contacts, found beside true (force: peak; moment: peak at the follicle)"
+    yield (
+        f"{'video':<14} {'onset':>6} {'true':>6}  {'ms':>5} {'true':>5}  "
+        f"{'µN':>6} {'true':>6}  {'nN m':>7} {'true':>7}  {'ringing':>7}"
+    )
+    for row in pairs.to_dict("records"):
+        yield (
+            f"{row['video']:<14} {row['onset_frame']:>6.0f} {row['true_onset_frame']:>6.0f}  "
+            f"{row['duration_ms']:>5.0f} {row['true_duration_ms']:>5.0f}  "
+            f"{row['peak_force_uN']:>6.2f} {row['true_peak_force_uN']:>6.2f}  "
+            f"{row['peak_base_moment_nN_m']:>7.1f} {row['true_peak_base_moment_nN_m']:>7.1f}  "
+            f"{row['vibration_ratio']:>7.2f}"
+        )
+    yield ""
+    yield from _summary(match, pairs)
+
+
+def _summary(match, pairs):
+    """What the table comes to."""
+    missed = match.missed
+    long = int((missed["duration_ms"] >= LEAST_MS).sum())
+    yield (
+        f"{len(pairs)} of {len(pairs) + len(missed)} contacts found "
+        f"({long} of {LEAST_MS:g} ms or longer missed), {len(match.invented)} invented"
+    )
+    if pairs.empty:
+        return
+    edges = [(pairs[f"{e}_frame"] - pairs[f"true_{e}_frame"]).abs() for e in ("onset", "offset")]
+    exact = np.mean([edge <= 1 for edge in edges])
+    force = (pairs["peak_force_uN"] / pairs["true_peak_force_uN"] - 1).abs()
+    moment = (pairs["peak_base_moment_nN_m"] / pairs["true_peak_base_moment_nN_m"] - 1).abs()
+    yield f"{100 * exact:.1f} % of onsets and offsets within one frame"
+    yield f"median error of the peak force {100 * force.median():.1f} %"
+    yield f"median error of the peak base moment {100 * moment.median():.1f} %"

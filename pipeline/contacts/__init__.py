@@ -1,0 +1,1 @@
+"""Touches: when, how strong, and what they do at the base."""

@@ -1,0 +1,201 @@
+"""A person's corrections of contacts, as data: corrections.csv, and contacts with them applied.
+
+A correction is a verdict over a stretch of one whisker's frames: in [covers_from, covers_to)
+there is this contact and no other, or there is none. It does not speak of the contact's number
+or of how the program came to its own opinion, so it holds when the video is processed again.
+"""
+
+from pathlib import Path
+from typing import NamedTuple
+
+import pandas as pd
+
+from pipeline.errors import CorrectionsError
+from pipeline.tables.columns import CORRECTION_COLUMNS, as_table, empty_table
+from pipeline.tables.files import read_csv, write_csv
+
+CORRECTIONS_FILE = "corrections.csv"
+CONTACT, CONFIRMED, FREE = "contact", "confirmed", "free"
+VERDICTS = (CONTACT, CONFIRMED, FREE)
+MOSTLY = 0.5  # a detected contact more than this part of which is covered gives way whole
+
+
+class Verdict(NamedTuple):
+    """One row of corrections.csv; frames are half-open."""
+
+    whisker: str
+    verdict: str
+    onset_frame: int
+    offset_frame: int
+    covers_from: int
+    covers_to: int
+    saved_at: str = ""
+
+    @property
+    def span(self):
+        """(onset, offset)."""
+        return self.onset_frame, self.offset_frame
+
+    @property
+    def cover(self):
+        """(covers_from, covers_to)."""
+        return self.covers_from, self.covers_to
+
+
+def read_corrections(folder) -> pd.DataFrame:
+    """Read corrections.csv of a video's results folder; no rows where nobody curated.
+
+    Raises
+    ------
+    CorrectionsError
+        Where the file is no table of corrections; it names file, line and what is expected.
+    """
+    path = Path(folder) / CORRECTIONS_FILE
+    if not path.exists():
+        return empty_table(CORRECTION_COLUMNS)
+    try:
+        corrections = read_csv(path, CORRECTION_COLUMNS)
+    except ValueError as error:
+        raise CorrectionsError(str(error)) from None
+    for number, verdict in enumerate(verdicts(corrections), start=2):
+        fault = _fault(verdict)
+        if fault:
+            raise CorrectionsError(f"{path}: line {number}: {fault}")
+    return corrections
+
+
+def write_corrections(folder, corrections: pd.DataFrame) -> None:
+    """Write corrections.csv into a video's results folder, whole or not at all."""
+    write_csv(Path(folder) / CORRECTIONS_FILE, corrections, CORRECTION_COLUMNS)
+
+
+def verdicts(corrections: pd.DataFrame) -> tuple[Verdict, ...]:
+    """Return the rows of a table of corrections."""
+    corrections = as_table(corrections, CORRECTION_COLUMNS)
+    return tuple(Verdict(*row) for row in corrections.itertuples(index=False, name=None))
+
+
+def table_of(rows) -> pd.DataFrame:
+    """Return the table of corrections with these `Verdict` rows."""
+    return as_table(pd.DataFrame(list(rows), columns=Verdict._fields), CORRECTION_COLUMNS)
+
+
+def _fault(verdict):
+    """Say what is wrong with a verdict, '' if nothing."""
+    if verdict.verdict not in VERDICTS:
+        return f"verdict is {verdict.verdict!r}, expected one of {', '.join(VERDICTS)}"
+    if not 0 <= verdict.onset_frame < verdict.offset_frame:
+        return (
+            f"onset_frame {verdict.onset_frame} and offset_frame {verdict.offset_frame}: "
+            "expected 0 <= onset_frame < offset_frame"
+        )
+    if verdict.covers_from > verdict.onset_frame or verdict.covers_to < verdict.offset_frame:
+        return f"covers {verdict.cover} must contain onset and offset {verdict.span}"
+    return ""
+
+
+def apply(intervals: pd.DataFrame, corrections: pd.DataFrame) -> pd.DataFrame:
+    """Return the contact intervals with a person's corrections on top.
+
+    Parameters
+    ----------
+    intervals : a row per detected contact: `whisker`, `onset_frame`, `offset_frame` (half-open)
+        and any other columns
+    corrections : table of CORRECTION_COLUMNS
+
+    Returns
+    -------
+    The same columns and `curated` (bool), by whisker and onset. A detected contact that lies
+    mostly in what a verdict covers gives way to it; of others only the covered frames are taken
+    away. A moved contact keeps the other columns of the detected one it stands for; those of an
+    added one are missing ("" for text, False for bool).
+    """
+    rows = verdicts(corrections)
+    detected = [Interval.of(row) for row in intervals.to_dict("records")]
+    kept = [piece for each in detected for piece in each.without(rows)]
+    stated = [_stated(row, detected) for row in rows if row.verdict != FREE]
+    order = {w: k for k, w in enumerate(dict.fromkeys(i.whisker for i in detected + stated))}
+    result = sorted(kept + stated, key=lambda i: (order[i.whisker], i.onset, i.offset))
+    return _interval_table(result, intervals)
+
+
+class Interval(NamedTuple):
+    """A contact of one whisker over [onset, offset); `other` are the table's other columns."""
+
+    whisker: str
+    onset: int
+    offset: int
+    other: dict
+    curated: bool = False
+
+    @classmethod
+    def of(cls, row: dict):
+        """Take a table's row."""
+        other = dict(row)
+        other.pop("curated", None)
+        names = "whisker", "onset_frame", "offset_frame"
+        return cls(*(other.pop(name) for name in names), other)
+
+    def without(self, rows) -> list["Interval"]:
+        """Return what verdicts leave of this detected contact: none, itself, or pieces."""
+        pieces = [self]
+        for row in rows:
+            if row.whisker != self.whisker:
+                continue
+            share = overlap((self.onset, self.offset), row.cover) / (self.offset - self.onset)
+            if share > MOSTLY:
+                return []
+            if share:
+                pieces = [part for piece in pieces for part in piece.outside(*row.cover)]
+        return pieces
+
+    def outside(self, start, stop) -> list["Interval"]:
+        """Return the parts that lie before `start` and from `stop` on."""
+        if stop <= self.onset or start >= self.offset:
+            return [self]
+        before = self._replace(offset=start, curated=True)
+        after = self._replace(onset=stop, curated=True)
+        return [part for part in (before, after) if part.onset < part.offset]
+
+
+def overlap(a, b) -> int:
+    """Return the number of frames that two half-open stretches have in common."""
+    return max(0, min(a[1], b[1]) - max(a[0], b[0]))
+
+
+def _stated(row, detected):
+    """Return the contact that a verdict states, with what is known of the one it stands for."""
+    same = [i for i in detected if i.whisker == row.whisker]
+    nearest = max(same, key=lambda i: overlap((i.onset, i.offset), row.cover), default=None)
+    if nearest is None or not overlap((nearest.onset, nearest.offset), row.cover):
+        return Interval(row.whisker, *row.span, {}, curated=True)
+    as_found = row.verdict == CONFIRMED and (nearest.onset, nearest.offset) == row.span
+    return Interval(row.whisker, *row.span, nearest.other, curated=not as_found)
+
+
+def _interval_table(result, like):
+    """Table of intervals with the columns and dtypes of `like`, and `curated`."""
+    table = pd.DataFrame(
+        {
+            "whisker": [i.whisker for i in result],
+            "onset_frame": [i.onset for i in result],
+            "offset_frame": [i.offset for i in result],
+        }
+    )
+    for name in like.columns.difference([*table.columns, "curated"], sort=False):
+        dtype = like[name].dtype
+        missing = _missing(dtype)
+        table[name] = pd.Series([i.other.get(name, missing) for i in result], dtype=dtype)
+    for name in ("onset_frame", "offset_frame"):
+        table[name] = table[name].astype(like[name].dtype)
+    table["whisker"] = table["whisker"].astype(like["whisker"].dtype)
+    columns = [name for name in like.columns if name != "curated"]
+    return table[columns].assign(curated=[bool(i.curated) for i in result])
+
+
+def _missing(dtype):
+    if pd.api.types.is_bool_dtype(dtype):
+        return False
+    if pd.api.types.is_integer_dtype(dtype):
+        return 0
+    return float("nan") if pd.api.types.is_float_dtype(dtype) else ""

@@ -1,0 +1,240 @@
+"""From frames that probably touch to contacts: which are real, where they end, what is odd."""
+
+from itertools import pairwise
+
+import numpy as np
+import pandas as pd
+
+from pipeline.contacts.probability import FEWEST_SURE
+from pipeline.forces import forces
+from pipeline.forces.rest_shape import FREE_DISTANCE_M
+from pipeline.numerics.runs import stretches
+
+LEAST_EVIDENCE = 12.0  # summed log-likelihood ratio below which a contact is noise
+LEAST_PEAK_SD = 3.5  # peak force in standard errors
+CLEAR_PEAK_SCATTER = 8.0  # or, of both estimates, in what they scatter by in free frames
+BESIDE_FRAMES, FEWEST_HELD = 6, 3  # before and after a contact; as many as count, and as must
+AT_PLACE_SD = 2.0  # as far from the place of other touches a touch may be
+SLIP_LOOK_FRAMES = 4  # so many frames after the end in which the pole has changed sides
+LARGE_DEFLECTION_RAD = 0.6
+NEAR_CURVATURE_M = 1.0e-3
+# a rod that fits so much worse (χ²) under its largest loads than free ones do is another whisker's
+UNLIKE_ROD = 4.0
+HIGH_LOAD = 0.5  # of a contact's largest
+
+INTERVAL_COLUMNS = (
+    "whisker",
+    "onset_frame",
+    "offset_frame",
+    "probability",
+    "side",
+    "slip",
+    "flags",
+)
+
+
+def find_contacts(evidence: pd.DataFrame, curvature_at: float = 5.5e-3) -> pd.DataFrame:
+    """Contact intervals from evidence with `probability`: INTERVAL_COLUMNS, half-open frames."""
+    rows = []
+    for name in evidence["whisker"].unique():
+        part = _columns(evidence[evidence["whisker"] == name].sort_values("frame"))
+        usual = _usual_misfit(part)
+        for start, stop in _real_runs(part):
+            rows.append(_interval(part, name, start, stop, curvature_at, usual))
+    table = pd.DataFrame(rows, columns=list(INTERVAL_COLUMNS))
+    return table.astype({"onset_frame": int, "offset_frame": int, "side": int, "slip": bool})
+
+
+def _columns(part) -> dict[str, np.ndarray]:
+    """A table's columns as arrays: looking one up in a table takes longer than what is done."""
+    return {name: part[name].to_numpy() for name in part.columns if name != "whisker"}
+
+
+def _runs(part):
+    """Stretches of rows more likely in contact than not, cut where the pole changes sides."""
+    side = part["side"]
+    for start, stop in stretches(part["probability"] > 0.5):
+        first = start
+        known = np.flatnonzero(side[start:stop]) + start
+        for before, after in pairwise(known):
+            if side[before] != side[after]:
+                yield first, after
+                first = after
+        yield first, stop
+
+
+def _real_runs(part):
+    """Runs with enough evidence, and a push at their peak; or held at a place of such ones."""
+    odds = part["log_odds"]
+    runs = [
+        run
+        for run in _runs(part)
+        if odds[slice(*run)].sum() >= LEAST_EVIDENCE and _is_near(part["distance_m"][slice(*run)])
+    ]
+    sides = [np.sign(part["side"][slice(*run)].sum()) for run in runs]
+    firm = [_is_pushed(part, *run) for run in runs]
+    touching = [(run, own) for run, own, yes in zip(runs, sides, firm, strict=True) if yes]
+    places = {
+        side: _touching_place(part, [run for run, own in touching if own == side])
+        for side in set(sides)
+    }
+    return [
+        run
+        for run, own, yes in zip(runs, sides, firm, strict=True)
+        if yes or (places[own] is not None and _is_held(part, *run, *places[own]))
+    ]
+
+
+def _is_near(distance):
+    """Whether a whisker is by the pole in half of the frames; one that is not touches nothing."""
+    known = distance[np.isfinite(distance)]
+    return len(known) == 0 or np.median(known) < FREE_DISTANCE_M
+
+
+def _touching_place(part, runs):
+    """Gap [m] in touches, and how far it scatters; None where too few frames tell."""
+    gap = np.concatenate([part["gap_m"][slice(*run)] for run in runs]) if runs else np.empty(0)
+    gap = gap[np.isfinite(gap)]
+    if len(gap) < FEWEST_SURE:
+        return None
+    place = np.median(gap)
+    return place, 1.4826 * np.median(np.abs(gap - place))
+
+
+def _is_held(part, start, stop, place, spread):
+    """Whether a whisker is held at the `place` of other touches, gaps of ± `spread` [m].
+
+    It is pushed more there than in the free frames beside, or stops as no free whisker would.
+    """
+    sd = np.maximum(spread, part["gap_se_m"][start:stop])
+    at_place = np.abs(part["gap_m"][start:stop] - place) < AT_PLACE_SD * sd
+    if np.count_nonzero(at_place) < FEWEST_HELD:
+        return False
+    return _is_pushed_more_than_beside(part, start, stop) or _is_stopped(part, start, stop, spread)
+
+
+def _is_stopped(part, start, stop, spread):
+    """Whether the gap is no smooth function of time: a cubic, from some frames before to after."""
+    first = max(start - BESIDE_FRAMES, 0)
+    gap, gap_sd = (part[name][first : stop + BESIDE_FRAMES] for name in ("gap_m", "gap_se_m"))
+    time, known = np.arange(len(gap)), np.isfinite(gap) & np.isfinite(gap_sd)
+    outside = np.count_nonzero(known) - np.count_nonzero(known[start - first : stop - first])
+    if outside < FEWEST_HELD:
+        return False
+    path = np.polynomial.Polynomial.fit(time[known], gap[known], 3)
+    misfit = np.sum((gap[known] - path(time[known])) ** 2) / max(known.sum() - 4, 1)
+    return misfit > (LEAST_PEAK_SD * max(spread, np.median(gap_sd[known]))) ** 2
+
+
+def _is_pushed(part, start, stop):
+    """Whether a force stands out at its peak, by its error or among those of free frames."""
+    rows = slice(start, stop)
+    return _pushes(part, rows) or all(
+        _stands_out(part, rows, f"{method}_force_N") for method in forces.METHODS
+    )
+
+
+def _pushes(part, rows):
+    """Whether a force is above its standard error at its peak; True where none is known."""
+    with np.errstate(invalid="ignore"):
+        push = part["shape_force_N"][rows] / part["shape_force_se_N"][rows]
+    return not np.isfinite(push).any() or np.nanmax(push) > LEAST_PEAK_SD
+
+
+def _is_pushed_more_than_beside(part, start, stop):
+    """Whether the force is clearly larger than just before and after.
+
+    Where the rest shape is not well known, neither is the force; but its errors are those of the
+    free frames beside, too.
+    """
+    force = part["shape_force_N"]
+    free = np.where(part["probability"] < 0.5, force, np.nan)
+    before, after = free[max(start - BESIDE_FRAMES, 0) : start], free[stop : stop + BESIDE_FRAMES]
+    beside, inside = (
+        each[np.isfinite(each)] for each in (np.append(before, after), force[start:stop])
+    )
+    if min(len(beside), len(inside)) < FEWEST_HELD:
+        return False
+    noise = 1.4826 * np.nanmedian(np.abs(np.diff(free))) / np.sqrt(2)
+    shares = sum(1 / min(len(some), BESIDE_FRAMES) for some in (beside, inside))
+    return inside.mean() - beside.mean() > LEAST_PEAK_SD * noise * np.sqrt(shares)
+
+
+def _stands_out(part, rows, column):
+    """Whether a force is far above that of free frames, however wrong the rest shape may be."""
+    force, free = part[column], part["probability"] < 0.5
+    free = free & np.isfinite(force)
+    if free.sum() < FEWEST_SURE or not np.isfinite(force[rows]).any():
+        return False
+    middle = np.median(force[free])
+    scatter = 1.4826 * np.median(np.abs(force[free] - middle))
+    return np.nanmax(force[rows]) - middle > CLEAR_PEAK_SCATTER * scatter
+
+
+def _usual_misfit(part):
+    """Median χ² of free frames' rods, at least 1; infinite where few are free."""
+    free = part["chi2"][part["probability"] < 0.5]
+    free = free[np.isfinite(free)]
+    return max(float(np.median(free)), 1.0) if len(free) >= FEWEST_SURE else np.inf
+
+
+def _bends_otherwise(part, rows, usual):
+    """Whether the whisker bends as the rod does not, where it is loaded most."""
+    force, misfit = part["shape_force_N"][rows], part["chi2"][rows]
+    known = np.isfinite(force) & np.isfinite(misfit)
+    high = known & (force >= HIGH_LOAD * np.max(force[known], initial=0.0))
+    return bool(high.any()) and np.median(misfit[high]) > UNLIKE_ROD * usual
+
+
+def _interval(part, name, start, stop, curvature_at, usual_misfit):
+    rows = slice(start, stop)
+    frame = part["frame"]
+    sides = part["side"]
+    side = int(np.sign(sides[rows].sum())) or 1
+    after = sides[stop : stop + SLIP_LOOK_FRAMES]
+    slip = len(after) > 0 and np.any(after == -side)
+    probability = part["probability"][rows]
+    flags = _flags(part, start, stop, curvature_at, slip, usual_misfit)
+    return (
+        name, frame[start], frame[stop - 1] + 1, probability.mean(), side, slip, ";".join(flags)
+    )  # fmt: skip
+
+
+def _flags(part, start, stop, curvature_at, slip, usual_misfit):
+    """What to be careful about in one contact."""
+    rows = slice(start, stop)
+    frame = part["frame"]
+    contact = part["contact_m"][rows]
+    lateral = part["lateral_per_force"][rows]
+    with np.errstate(invalid="ignore"):
+        tilted = np.nanmin(np.abs(lateral), initial=1.0) < np.cos(LARGE_DEFLECTION_RAD)
+        near = np.nanmin(contact, initial=np.inf) < curvature_at + NEAR_CURVATURE_M
+    probability = part["probability"][rows]
+    rest_known = part["rest_known"][rows].astype(bool)
+    # without a rest shape no rod is loaded, so that none has a contact
+    lost = np.isnan(part["base_angle_rad"][rows]) | (rest_known & np.isnan(contact))
+    applies = {
+        "starts_before": frame[start] == part["frame"].min(),
+        "ends_after": frame[stop - 1] == part["frame"].max(),
+        "slip": slip,
+        "no_rest_curvature": not rest_known.any(),
+        "large_deflection": tilted,
+        "contact_near_curvature_window": near,
+        "bends_unlike_rod": _bends_otherwise(part, rows, usual_misfit),
+        "gaps_in_trace": lost.any(),
+        "faint_force": not _pushes(part, rows),
+        "doubtful": probability.max() < 0.99,
+    }
+    return [flag for flag, is_so in applies.items() if is_so]
+
+
+def in_contact(frames: pd.DataFrame, intervals: pd.DataFrame) -> np.ndarray:
+    """Bool (rows,): the frames of `frames` that lie in one of the half-open intervals."""
+    frame, whisker = frames["frame"].to_numpy(), frames["whisker"].to_numpy(object)
+    out = np.zeros(len(frames), dtype=bool)
+    for name, own in intervals.groupby("whisker"):
+        rows = np.flatnonzero(whisker == name)
+        onsets, offsets = (np.sort(own[c].to_numpy()) for c in ("onset_frame", "offset_frame"))
+        begun = np.searchsorted(onsets, frame[rows], side="right")
+        out[rows] = begun > np.searchsorted(offsets, frame[rows], side="right")
+    return out

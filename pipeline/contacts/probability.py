@@ -1,0 +1,183 @@
+"""How probable a touch is in every frame, from distance and force together.
+
+In every frame the fitted rod gives two numbers: the gap d between the surfaces and the force F
+that the nearest point would feel. A free whisker has F = 0 and d > 0, a touching one d = 0 and
+F > 0: an L in the plane (d, F), blurred by errors that are known from the fit or learnt from the
+video. A hidden Markov model of two states turns the likelihoods of both arms into a probability
+per frame.
+"""
+
+import numpy as np
+import pandas as pd
+from numba import njit
+from scipy.special import erfcx, log_ndtr
+
+from pipeline.numerics.runs import stretches
+from pipeline.session.recording import Recording
+
+GAP_SCALE_M = 1e-3  # typical gap of a free whisker
+FORCE_SCALE_N = 8e-6  # typical force of a touch
+CONTACT_STARTS, CONTACT_ENDS = 0.01, 0.03  # probabilities per frame
+UNSEEN_LOG_ODDS = -0.5  # of a frame without a trace: some are bridged in a contact, many are not
+# share of frames whose force, or gap, says nothing: the other one still tells
+FORCE_OUTLIERS, GAP_OUTLIERS = 1e-4, 1e-5
+LEAST_GAP_SD_PX = 0.04
+SURE_PUSH_SD = 6.0  # a force of so many standard errors is no noise
+STRONG_SHARE = 0.1  # of the largest: where faint pushes may be errors, the strong ones tell
+FEWEST_SURE = 10
+FARTHEST_OFFSET_PX = 4.0  # of the pole's surface from where it was measured
+SHORTEST_S = 1.5e-3  # what has begun and is over sooner is a slip of the tracer
+
+
+def add_probability(evidence: pd.DataFrame, recording: Recording) -> pd.DataFrame:
+    """Fill `probability` of contact and its `log_odds` (of the frame alone) in every frame."""
+    evidence = evidence.copy()
+    evidence["probability"] = 0.0
+    evidence["log_odds"] = 0.0
+    for name in evidence["whisker"].unique():
+        rows = evidence.index[evidence["whisker"] == name]
+        part = evidence.loc[rows].sort_values("frame")
+        if not part["pole_known"].any():
+            continue
+        log_odds = frame_log_odds(part, recording.pixels_per_m)
+        evidence.loc[part.index, "log_odds"] = log_odds
+        probability = posterior(log_odds, CONTACT_STARTS, CONTACT_ENDS)
+        shortest = SHORTEST_S * recording.frames_per_second
+        for start, stop in stretches(probability > 0.5):
+            whole = 0 < start and stop < len(probability)
+            if whole and stop - start < shortest:
+                probability[start:stop] = 0.5
+        if _passes_over(part, probability):
+            probability[:] = 0.0
+        evidence.loc[part.index, "probability"] = probability
+    return evidence
+
+
+def _passes_over(part, probability):
+    """Whether a whisker rather passes over the pole than touches it: another plane, or dust."""
+    return np.count_nonzero(part["across"]) > np.count_nonzero(probability > 0.5)
+
+
+def frame_log_odds(part, pixels_per_m):
+    """Log-likelihood ratio of contact to no contact of every frame on its own.
+
+    The gap's offset (radius of the pole, blur) and scatter in contact are learnt from the
+    video, for both sides, together with the frames that touch.
+    """
+    gap, gap_sd, force, force_sd, cov = _observations(part, pixels_per_m)
+    # an untraced frame says nothing, one without a pole that there is no touch
+    side = part["side"].to_numpy()
+    absent = ~part["pole_known"].to_numpy(bool) & part["nearest_m"].isna().to_numpy()
+    absent &= part["base_angle_rad"].notna().to_numpy()
+    least = LEAST_GAP_SD_PX / pixels_per_m
+    with np.errstate(invalid="ignore"):
+        pushed = force > SURE_PUSH_SD * force_sd
+        near = pushed & (np.abs(gap) < FARTHEST_OFFSET_PX / pixels_per_m)
+    # before anything is known: what is strongly pushed, and not far, touches
+    sure = np.zeros(len(part), bool)
+    for s in (-1, 1):
+        own = near & (side == s)
+        sure |= own & (force > STRONG_SHARE * np.max(force[own], initial=0))
+    offset, extra = np.zeros(len(part)), np.full(len(part), 4 * least)
+    for _ in range(4):
+        for s in (-1, 1):
+            own = sure & (side == s)
+            if own.sum() < FEWEST_SURE:
+                continue
+            middle = np.median(gap[own])
+            spread = 1.4826 * np.median(np.abs(gap[own] - middle))
+            offset[side == s] = middle
+            extra[side == s] = np.sqrt(max(spread**2 - np.median(gap_sd[own]) ** 2, least**2))
+        sd = np.hypot(gap_sd, extra)
+        odds = _log_odds(gap - offset, sd, force, force_sd, cov)
+        odds = np.where(np.isfinite(odds), odds, UNSEEN_LOG_ODDS)
+        odds = np.where(absent, -50.0, odds)
+        sure = pushed & (posterior(odds, CONTACT_STARTS, CONTACT_ENDS) > 0.9)
+    return odds
+
+
+def _observations(part, pixels_per_m):
+    """Gap and force with standard deviations and covariance, in metres and newtons.
+
+    Where no rod could be fitted the traced distance stands in, and no force.
+    """
+    column = {c: part[c].to_numpy(float) for c in part if c != "whisker"}
+    traced_sd = 0.4 / pixels_per_m
+    fitted = np.isfinite(column["gap_m"]) & np.isfinite(column["shape_force_se_N"])
+    fitted &= column["rest_known"] == 1
+    gap = np.where(fitted, column["gap_m"], column["distance_m"])
+    gap_sd = np.where(fitted, column["gap_se_m"], traced_sd)
+    force = np.where(fitted, column["shape_force_N"], np.nan)
+    cov = np.where(fitted, column["gap_force_cov"], 0.0)
+    return gap, gap_sd, force, column["shape_force_se_N"], cov
+
+
+def _log_odds(gap, gap_sd, force, force_sd, cov):
+    """log p(d, F | contact) − log p(d, F | free), bivariate normal errors and outliers."""
+    any_gap = np.log(GAP_OUTLIERS / (2 * GAP_SCALE_M))
+    any_force = np.log(FORCE_OUTLIERS / (2 * 5 * FORCE_SCALE_N))
+    with np.errstate(all="ignore"):
+        free = _truly_zero(force, force_sd, any_force, gap, gap_sd, any_gap, GAP_SCALE_M, cov)
+        contact = _truly_zero(gap, gap_sd, any_gap, force, force_sd, any_force, FORCE_SCALE_N, cov)
+        odds = contact - free
+        # without a force the gap alone has to tell
+        alone = _log_normal(gap, gap_sd) - _log_skewed(gap, gap_sd, GAP_SCALE_M)
+        alone = np.clip(alone, -12.0, 6.0)
+    return np.where(np.isfinite(force), odds, alone)
+
+
+def _truly_zero(zero, zero_sd, any_zero, other, other_sd, any_other, scale, cov):
+    """log likelihood of two measurements, of which the first is of nothing but error.
+
+    The other one, of this `scale`, is told from what the first one leaves of it. any_zero,
+    any_other : log likelihoods of either as an outlier
+    """
+    left = other - cov / zero_sd**2 * zero
+    left_sd = np.sqrt(np.maximum(other_sd**2 - (cov / zero_sd) ** 2, (0.1 * other_sd) ** 2))
+    return _either(
+        _log_normal(zero, zero_sd), _log_skewed(left, left_sd, scale),
+        any_zero, _log_skewed(other, other_sd, scale), any_other,
+    )  # fmt: skip
+
+
+def _either(narrow, broad_given, any_narrow, broad, any_broad):
+    """Log density of two quantities, either of which may be an outlier."""
+    return np.logaddexp(
+        narrow + np.logaddexp(broad_given, any_broad),
+        any_narrow + np.logaddexp(broad, any_broad),
+    )
+
+
+def _log_normal(x, sd):
+    return -0.5 * (x / sd) ** 2 - np.log(sd) - 0.5 * np.log(2 * np.pi)
+
+
+def _log_skewed(x, sd, scale):
+    """Log density of an exponential of mean `scale` blurred by a normal of `sd`."""
+    z = sd / scale - x / sd
+    # erfcx keeps its digits where exp and erfc would under- and overflow
+    tail = np.log(erfcx(np.maximum(z, 0.0) / np.sqrt(2)) / 2) - 0.5 * (x / sd) ** 2
+    body = 0.5 * (sd / scale) ** 2 - x / scale + log_ndtr(-np.minimum(z, 0.0))
+    return np.where(z > 0, tail, body) - np.log(scale)
+
+
+@njit(cache=True)
+def posterior(log_odds, starts, ends):
+    """Forward–backward probability of contact in a chain of two states."""
+    n = len(log_odds)
+    forward = np.empty(n)
+    probability = np.empty(n)
+    last = starts / (starts + ends)
+    for i in range(n):
+        ahead = last * (1 - ends) + (1 - last) * starts if i else last
+        odds = np.exp(min(max(log_odds[i], -600.0), 600.0)) * ahead / (1 - ahead)
+        last = min(max(odds / (1 + odds), 1e-15), 1 - 1e-15)
+        forward[i] = last
+    back = 1.0  # likelihood of what follows in contact over that when free
+    for i in range(n - 1, -1, -1):
+        odds = forward[i] / (1 - forward[i]) * back
+        probability[i] = odds / (1 + odds) if odds < 1e300 else 1.0
+        ratio = np.exp(min(max(log_odds[i], -600.0), 600.0)) * back
+        ratio = min(max(ratio, 1e-250), 1e250)
+        back = ((1 - ends) * ratio + ends) / (starts * ratio + 1 - starts)
+    return probability

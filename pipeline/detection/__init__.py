@@ -1,0 +1,1 @@
+"""Lines in one frame, each to a part of a pixel."""

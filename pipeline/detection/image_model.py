@@ -1,0 +1,118 @@
+"""The static scene as lines are measured before it: background, noise, what hides them."""
+
+from contextlib import contextmanager, nullcontext
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numba import njit
+
+from pipeline.detection import line_profile
+from pipeline.detection.line import Line
+from pipeline.detection.static_scene import StaticScene
+
+TRANSLUCENT = 0.25  # of the light that passes beside it: a whisker is seen through such a thing
+THINNEST_PX = 9  # thinner bright parts of obstacles are rims
+TREMBLING_PX = 0.15  # obstacles may move so far, unnoticed
+
+
+@dataclass
+class ImageModel:
+    """The static scene as the tracer uses it: arrays of float32 (height, width).
+
+    `gain_points` are those of profiles.frame_gain, on pixels that are free of all things.
+    """
+
+    background: np.ndarray
+    weight: np.ndarray
+    outside: np.ndarray
+    noise: np.ndarray
+    usable: np.ndarray
+    gain_points: tuple[np.ndarray, np.ndarray]
+
+    @classmethod
+    def from_scene(cls, scene: StaticScene, margin_px: float = 1.5) -> "ImageModel":
+        """Face and opaque things get no weight; `outside` is signed, from the fur's edge [px].
+
+        Nothing is looked for before obstacles (`usable`), but a whisker is followed across those
+        that let light through.
+        """
+        background = np.ascontiguousarray(scene.background, np.float32)
+        variance = np.maximum(scene.noise_floor + scene.noise_gain * background, 0.25)
+        if scene.noise_excess is not None:
+            variance *= scene.noise_excess
+        outside = signed_distance(scene.face_mask)
+        bright = ~scene.face_mask & (background > 12) & (outside > -margin_px)
+        usable = bright & ~scene.obstacle_mask
+        seen = usable | bright & translucent(background, variance, scene.obstacle_mask)
+        weight = np.where(seen, 1 / variance, 0).astype(np.float32)
+        noise = (np.sqrt(variance) / np.maximum(background, 12)).astype(np.float32)
+        kernel = np.ones((9, 9), np.uint8)
+        free = cv2.erode(usable.astype(np.uint8), kernel).astype(bool)
+        points = line_profile.gain_points(background, free)
+        return cls(background, weight, outside, noise, usable, points)
+
+    def gain(self, image) -> float:
+        """Brightness of a frame over the background's."""
+        return line_profile.frame_gain(image, *self.gain_points)
+
+
+def translucent(background, variance, obstacles) -> np.ndarray:
+    """Pixels of obstacles that let light through: out-of-focus rods, not the rims of others.
+
+    There it is bright, and so far from edges that their trembling does not outdo the noise.
+    """
+    gradient = np.hypot(*np.gradient(cv2.GaussianBlur(background, (0, 0), 1.0)))
+    bright = background > TRANSLUCENT * np.percentile(background[::4, ::4], 90)
+    through = obstacles & bright & ((TREMBLING_PX * gradient) ** 2 < variance)
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (THINNEST_PX, THINNEST_PX))
+    return cv2.morphologyEx(through.astype(np.uint8), cv2.MORPH_OPEN, disc).astype(bool)
+
+
+def signed_distance(mask) -> np.ndarray:
+    """Distance [px] from the edge of a mask, float32, positive outside and smooth at the edge."""
+    if not mask.any():
+        return np.full(mask.shape, 1e3, np.float32)
+    beyond = 8  # what the picture's border cuts goes on there
+    inside = cv2.copyMakeBorder(mask.astype(np.uint8), *[beyond] * 4, cv2.BORDER_REPLICATE)
+    far = cv2.distanceTransform(1 - inside, cv2.DIST_L2, 5)
+    near = cv2.distanceTransform(inside, cv2.DIST_L2, 5)
+    distance = np.where(inside > 0, 0.5 - near, far - 0.5).astype(np.float32)
+    return cv2.GaussianBlur(distance, (0, 0), 1.5)[beyond:-beyond, beyond:-beyond].copy()
+
+
+def absorbance_image(image, model: ImageModel, gain: float) -> np.ndarray:
+    """1 − I/(gain B), zero where the scene blocks the view, float32."""
+    return _absorbance(image, model.background, model.usable, np.float32(gain))
+
+
+@njit(cache=True)
+def _absorbance(image, background, usable, gain):
+    out = np.zeros(image.shape, np.float32)
+    one, low = np.float32(1.0), np.float32(-0.3)
+    for row in range(image.shape[0]):
+        for column in range(image.shape[1]):
+            expected = max(gain * background[row, column], one)
+            value = one - np.float32(image[row, column]) / expected
+            out[row, column] = min(max(value, low), one) if usable[row, column] else 0
+    return out
+
+
+def lines_in_background(model: ImageModel, lines: list[Line]):
+    """Hold whiskers, if there are any, in the background of a with block."""
+    return _composite(model, lines) if lines else nullcontext()
+
+
+@contextmanager
+def _composite(model, lines):
+    size = sum(16 * line.n for line in lines)
+    pixels, values, count = np.zeros(size, np.int64), np.zeros(size, np.float32), 0
+    for line in lines:
+        count = line_profile.paint(
+            model.background, line.x, line.y, line.n, line.amplitude, line.sigma,
+            pixels, values, count,
+        )  # fmt: skip
+    try:
+        yield
+    finally:
+        line_profile.unpaint(model.background, pixels, values, count)

@@ -1,0 +1,323 @@
+"""Follow one whisker from a predicted line to its exact centreline in the next frame.
+
+Two steps. *Capture*: the best smooth path through a strip of cross-sections around the
+prediction, found for the whole whisker at once by dynamic programming over the likelihood gain
+of "a line of the known absorbance here". *Refinement*: Gauss–Newton on the raw pixels
+(sections.py) for a spline offset, until it hardly moves the line.
+"""
+
+import numpy as np
+from numba import njit
+
+from pipeline.detection import cross_sections, line_profile
+from pipeline.numerics import bsplines
+from pipeline.numerics.polyline import bilinear, normals, resample
+
+STIFFNESS = 40.0  # 1/px²: third differences of the line over three knots are about 0.15 px
+SHORTEST = 12  # nodes that a line needs to be one
+MOST_STEPS = 4  # of Gauss–Newton
+STILL_SEEN = 0.95  # part of a line in the next frame, where it is just as foretold
+SHORT_STEP = 0.1  # px: what this leaves out is some thousandths of a pixel's error
+BEYOND_TIP, TIP_STEP = 30, 0.4  # nodes, px: where it moves more there, the tip is still sought, …
+SAME_TIP = 1  # … unless it was within so many nodes where it is now the step before
+OVERSHOOT = 4  # nodes by which the windowed absorbance reaches over a line's end
+WIDEST_GAP = 8  # bridges: longer stretches without pixels are not crossed
+FLOAT, HALF = np.float32, np.float32(0.5)
+
+
+@njit(cache=True)
+def extend(x, y, n, backward, amount, fit):
+    """Lengthen a line by `amount` nodes at its tip, or at its base where `backward`.
+
+    The last `fit` nodes give direction and curvature; half the curvature is carried on, as a
+    whisker that is pressed straightens beyond. Returns the new number of nodes.
+    """
+    fit = min(fit, n - 1)
+    if fit < 4:
+        return n
+    if backward:
+        a, m, b = fit, fit // 2, 0
+    else:
+        a, m, b = n - 1 - fit, n - 1 - fit // 2, n - 1
+    d1x = x[m] - x[a]
+    d1y = y[m] - y[a]
+    d2x = x[b] - x[m]
+    d2y = y[b] - y[m]
+    first = np.arctan2(d1y, d1x)
+    turn = np.arctan2(d1x * d2y - d1y * d2x, d1x * d2x + d1y * d2y)
+    rate = turn / (0.5 * fit)
+    angle = first + turn + rate * 0.25 * fit
+    rate *= 0.5
+    limit = len(x)
+    if n + amount > limit:
+        amount = limit - n
+    if backward:
+        for i in range(n - 1, -1, -1):
+            x[i + amount] = x[i]
+            y[i + amount] = y[i]
+        for k in range(1, amount + 1):
+            angle += rate
+            x[amount - k] = x[amount - k + 1] + np.cos(angle)
+            y[amount - k] = y[amount - k + 1] + np.sin(angle)
+    else:
+        for k in range(amount):
+            angle += rate
+            x[n + k] = x[n + k - 1] + np.cos(angle)
+            y[n + k] = y[n + k - 1] + np.sin(angle)
+    return n + amount
+
+
+@njit(cache=True)
+def carry_on(x, y, amplitude, n, whole_x, whole_y, whole_amplitude, m, weight, reach):
+    """Lengthen a line whose tip goes behind something by what was seen beyond before.
+
+    Nodes n … m − 1 of the `whole` line, turned and shifted, go on where the line ends, if within
+    `reach` nodes of its end pixels without weight inside the picture hide it. Changes x, y and
+    amplitude in place; returns the new number of nodes.
+    """
+    fit = min(40, n - 1)
+    m = min(m, len(x))
+    if m <= n or fit < 4:
+        return n
+    ux, uy = x[n - 1] - x[n - 1 - fit], y[n - 1] - y[n - 1 - fit]
+    vx, vy = whole_x[n - 1] - whole_x[n - 1 - fit], whole_y[n - 1] - whole_y[n - 1 - fit]
+    norm = max(np.sqrt((ux * ux + uy * uy) * (vx * vx + vy * vy)), 1e-9)
+    cos, sin = (ux * vx + uy * vy) / norm, (vx * uy - vy * ux) / norm
+    for i in range(n, m):
+        dx, dy = whole_x[i] - whole_x[n - 1], whole_y[i] - whole_y[n - 1]
+        x[i] = x[n - 1] + cos * dx - sin * dy
+        y[i] = y[n - 1] + sin * dx + cos * dy
+    height, width = weight.shape
+    for i in range(n, min(n + reach, m)):
+        column, row = int(np.floor(x[i] + 0.5)), int(np.floor(y[i] + 0.5))
+        if 0 <= column < width and 0 <= row < height and weight[row, column] <= 0:
+            amplitude[n:m] = whole_amplitude[n:m]
+            return m
+    return n
+
+
+@njit(cache=True)
+def drop_first(x, y, n, count):
+    """Remove the first `count` nodes; return the new number."""
+    for i in range(n - count):
+        x[i] = x[i + count]
+        y[i] = y[i + count]
+    return n - count
+
+
+@njit(cache=True)
+def start_at_face(x, y, n, outside):
+    """Cut or lengthen the line so that it begins where it leaves the face; return count.
+
+    outside : float32 (height, width), signed distance from the fur's edge, > 0 outside [px].
+    The first node is put on the edge itself.
+    """
+    distance = bilinear(outside, x[0], y[0])
+    if distance > 0:
+        before = n
+        n = extend(x, y, n, True, min(int(1.5 * distance) + 6, 60), 40)
+        if n == before:
+            return n
+    cut = 0
+    # the last crossing from inside to outside on the proximal part
+    for i in range(min(n - 8, n // 2 + 40)):
+        inside = bilinear(outside, x[i], y[i])
+        if inside <= 0:
+            cut = i + 1
+        elif inside > 40:
+            break
+    if cut == 0:
+        return n
+    a = bilinear(outside, x[cut - 1], y[cut - 1])
+    b = bilinear(outside, x[cut], y[cut])
+    f = a / (a - b) if a < b else 0.0
+    fx = x[cut - 1] + f * (x[cut] - x[cut - 1])
+    fy = y[cut - 1] + f * (y[cut] - y[cut - 1])
+    n = drop_first(x, y, n, cut - 1)
+    x[0] = fx
+    y[0] = fy
+    return n
+
+
+@njit(cache=True)
+def leaves_face(x, y, n, outside):
+    """Whether a line goes away from the face, and does not run along the fur's dark edge."""
+    middle, tip = n // 2, n - 1
+    return (
+        bilinear(outside, x[middle], y[middle]) > 3 + 0.12 * middle
+        and bilinear(outside, x[tip], y[tip]) > 3 + 0.15 * tip
+    )
+
+
+@njit(cache=True)
+def _blocked(sums, i, n):
+    """Whether no pixel is left around node `i`; a lone node may just share its row's column."""
+    pixels = 0.0
+    for j in range(max(i - 2, 0), min(i + 3, n)):
+        pixels += sums[line_profile.G11, j]
+    return pixels == 0
+
+
+@njit(cache=True)
+def visible_end(amplitude, amplitude_se, sums, n, threshold, bridge):
+    """Index one past the last node that is still seen; 0 where nothing is.
+
+    The search starts at the clearest node of the proximal half, since fur may cover the first
+    ones. A node is seen where its windowed absorbance is `threshold` standard errors above
+    zero; unseen stretches up to `bridge` nodes are crossed where pixels are missing (pole,
+    border), shorter ones where they are not. The more pixels are missing, the longer must be
+    what is seen beyond.
+    """
+    first = 0
+    clearest = 0.0
+    for i in range((n + 1) // 2):
+        clear = amplitude[i] / max(amplitude_se[i], 1e-9)
+        if clear > clearest:
+            clearest = clear
+            first = i
+    if clearest < threshold:
+        return 0
+    end = first
+    unseen = 0  # nodes with pixels since the last one that was seen
+    blind = 0  # nodes without pixels since then
+    run = 0  # seen nodes in a row: after a gap, a few must agree
+    for i in range(first, n):
+        if sums[line_profile.G11, i] == 0 and _blocked(sums, i, n):
+            blind += 1
+            if blind > bridge:
+                break
+            continue
+        if amplitude[i] > threshold * amplitude_se[i] and amplitude[i] > 0.012:
+            run += 1
+            if blind + unseen == 0 or run >= 8 + blind // 2:
+                end = i + 1
+                unseen = 0
+                blind = 0
+        else:
+            run = 0
+            unseen += 1
+            if unseen > 12:
+                break
+    return max(end - OVERSHOOT, 0) if end < n else end
+
+
+@njit(cache=True)
+def measure(image, background, weight, gain, x, y, n, cap, sigma, widths, sums, work):
+    """What the pixels say of a line where it lies now (sections.py).
+
+    work : float64 (12, nodes). Rows filled: 2 absorbance, 3 background error, 4 standard error
+    of the absorbance, 5 information and 6 score of the offset.
+    """
+    amplitude, baseline = work[2], work[3]
+    cross_sections.accumulate(
+        image, background, weight, gain, x, y, n, cap, sigma, 3.0, widths, sums
+    )
+    line_profile.window_amplitudes(sums, n, 7, amplitude, baseline, work[4])
+    for i in range(n):
+        amplitude[i] = min(amplitude[i], cap[i])
+    line_profile.offset_information(sums, n, amplitude, baseline, work[5], work[6])
+
+
+@njit(cache=True)
+def fit_offset(x, y, n, spacing, stiffness, work, band, rhs):
+    """Gauss–Newton's spline offset along the normals (rows 0, 1 of `work`), into row 7.
+
+    Rows 5, 6 hold the measured information and score, 10, 11 the line's own coefficients.
+    """
+    nx, ny, offset = work[0], work[1], work[7]
+    k = bsplines.normal_equations(work[5], work[6], n, spacing, band, rhs)
+    normals(x, y, n, nx, ny)
+    bsplines.add_smoothness_prior(band, rhs, k, work[10], work[11], nx, ny, n, spacing, stiffness)
+    bsplines.add_second_difference_penalty(band, k, 0.02 * stiffness)
+    for i in range(k):
+        band[i, 0] += 1e-3
+    bsplines.factorise(band, k)
+    bsplines.solve_factorised(band, rhs, k)
+    bsplines.evaluate(rhs, n, spacing, offset)
+    for i in range(n):
+        offset[i] = min(max(offset[i], -3.0), 3.0)
+
+
+@njit(cache=True)
+def move(x, y, n, work):
+    """Move nodes along the normals by the fitted offset, in place; `score` changes with it."""
+    nx, ny, information, score, offset = work[0], work[1], work[5], work[6], work[7]
+    for i in range(n):
+        x[i] += offset[i] * nx[i]
+        y[i] += offset[i] * ny[i]
+        score[i] -= information[i] * offset[i]
+
+
+@njit(cache=True)
+def _largest(values, n):
+    """Largest magnitude of the first `n` values; infinity of none."""
+    largest = 0.0 if n > 0 else np.inf
+    for i in range(n):
+        largest = max(largest, abs(values[i]))
+    return largest
+
+
+@njit(cache=True)
+def set_cap(amplitude, n, cap):
+    """Largest believable absorbance: 1.5 times the line's own, at least 0.15, at most 1."""
+    for i in range(n):
+        cap[i] = min(max(1.5 * amplitude[i] + 0.05, 0.15), 1.0)
+
+
+@njit(cache=True)
+def refine(
+    image, background, weight, outside, gain,
+    x, y, n, amplitude, sigma, information, score, thickness,
+    spacing, bridge, longest, farthest, widths,
+    sums, work, cap, band, rhs,
+):  # fmt: skip
+    """Gauss–Newton steps on the nodes until they stay, then base, visible end and quality.
+
+    Where the first step is larger than `farthest` [px], or less of the line is seen than there
+    was, it is not so near: nothing is found then, and the nodes are anywhere. `widths`: whether
+    `sums` shall tell of the half-width, too.
+
+    x, y, amplitude, information, score, thickness are changed in place; returns the number of
+    nodes and the quality: the part of the line's expected contrast that was found. The last step
+    is so short that information stays and the score follows; nothing is measured again.
+    """
+    if n < SHORTEST:
+        return 0, 0.0
+    end, before, known = 0, 0, n
+    n = start_at_face(x, y, n, outside)
+    n = extend(x, y, n, False, bridge + 12, 40)
+    set_cap(amplitude, n, cap)
+    for step in range(MOST_STEPS):
+        bsplines.smooth(x, y, n, spacing, band, work[10], work[11])
+        n = start_at_face(x, y, n, outside)
+        n = resample(x, y, n, work[8:10])
+        if n < SHORTEST:
+            return 0, 0.0
+        measure(image, background, weight, gain, x, y, n, cap, sigma, widths, sums, work)
+        seen = max(min(n, int(min(longest, n))), 2)
+        before = end
+        end = visible_end(work[2], work[4], sums, seen, 4.0, WIDEST_GAP * bridge)
+        fit_offset(x, y, n, spacing, STIFFNESS, work, band, rhs)
+        move(x, y, n, work)
+        tip = min(end + BEYOND_TIP, n)
+        largest = _largest(work[7], end)
+        stays = step > 0 and abs(end - before) <= SAME_TIP
+        if largest < SHORT_STEP and (stays or _largest(work[7], tip) < TIP_STEP):
+            break
+        if step == 0 and farthest < np.inf and (largest > farthest or end < STILL_SEEN * known):
+            return 0, 0.0
+    if end < SHORTEST:
+        return 0, 0.0
+    information[:end] = work[5, :end]
+    score[:end] = work[6, :end]
+    found = 0.0
+    expected = 1e-9
+    for i in range(end):
+        a = max(amplitude[i], 0.02)
+        expected += a * a * sums[line_profile.GG, i]
+        found += a * max(work[2, i], 0.0) * sums[line_profile.GG, i]
+        amplitude[i] = 0.7 * amplitude[i] + 0.3 * max(work[2, i], 0.0)
+        thickness[i] = work[2, i] * sigma[i] * 2.5066 if work[4, i] < 0.05 else np.nan
+    for i in range(end, len(amplitude)):
+        amplitude[i] = amplitude[end - 1]
+    return end, min(found / expected, 1.0)

@@ -1,0 +1,266 @@
+"""The measurement model: how a thin dark line should look across a reference line.
+
+A pixel at signed distance u from the whisker's centre reads
+
+    I = g B (1 − a G(u − δ) − b) + noise,      G(u) = exp(−u²/2σ²)
+
+with the background B, the frame's gain g, the line's absorbance a and blurred half-width σ, its
+offset δ from the reference line and a local error b of the background. Weights are 1/variance of
+a pixel, from the noise measured in the video. Pixels are used as they are, one row or column of
+them per node of the reference line, so that no interpolation biases the centre.
+"""
+
+import numpy as np
+from numba import njit
+
+from pipeline.numerics.bsplines import FAST
+
+# Rows of the `sums` array, which has a column per node: Σ over its pixels (sections.py).
+GG, G1, G11, GY, OY, DD, DY, DG, D1, SS, SY, SG = range(12)
+N_SUMS = 12
+
+LANES = 8  # values that a vector instruction takes at a time
+SINGLE = np.float32
+
+
+@njit(cache=True, inline="always")
+def _section(x, y, i, n):
+    """The row or column of pixels that crosses the line at node `i`.
+
+    Returns whether it is a column, its number, where along it the line's centre lies [px], and
+    the normal's part along it: tangent (tx, ty) turned counter-clockwise on the screen, (ty, −tx).
+    """
+    a = max(i - 1, 0)
+    b = min(i + 1, n - 1)
+    tx = x[b] - x[a]
+    ty = y[b] - y[a]
+    norm = max(np.sqrt(tx * tx + ty * ty), 1e-9)
+    if abs(tx) >= abs(ty):
+        fixed = int(np.floor(x[i] + 0.5))
+        return True, fixed, y[i] + (fixed - x[i]) * ty / (tx if tx != 0 else 1.0), -tx / norm
+    fixed = int(np.floor(y[i] + 0.5))
+    return False, fixed, x[i] + (fixed - y[i]) * tx / ty, ty / norm
+
+
+@njit(cache=True, inline="always")
+def bell(u):
+    """exp(−u²/2) to 1e-6 in single precision: the 16th power of a series."""
+    t = min(u * u * SINGLE(1 / 32), SINGLE(1))
+    series = SINGLE(1 / 120) - t * SINGLE(1 / 720)
+    series = SINGLE(1 / 6) - t * (SINGLE(1 / 24) - t * series)
+    series = SINGLE(1) - t * (SINGLE(1) - t * (SINGLE(1 / 2) - t * series))
+    series *= series
+    series *= series
+    series *= series
+    return series * series
+
+
+@njit(cache=True)
+def window_amplitudes(sums, n, half, amplitude, baseline, amplitude_se):
+    """Solve absorbance and background error in a running window of ±`half` nodes.
+
+    The background error is held near zero by a weak prior (SD 0.03), so that a window with
+    little in it does not trade one for the other.
+    """
+    windows = np.empty((5, n))
+    _window_sums(sums, n, half, windows)
+    _solve_windows(windows, n, amplitude, baseline, amplitude_se)
+
+
+@njit(cache=True, error_model="numpy")
+def _window_sums(sums, n, half, windows):
+    """Sums of GG, G1, G11, GY and OY over the nodes within ±`half` of each, into (5, n)."""
+    gg, g1, one, gy, oy = sums[GG], sums[G1], sums[G11], sums[GY], sums[OY]
+    out = windows[0], windows[1], windows[2], windows[3], windows[4]
+    total = (0.0, 0.0, 0.0, 0.0, 0.0)
+    for i in range(-half, n):
+        t0, t1, t2, t3, t4 = total
+        if i + half < n:
+            k = np.uint64(i + half)
+            t0, t1, t2, t3, t4 = t0 + gg[k], t1 + g1[k], t2 + one[k], t3 + gy[k], t4 + oy[k]
+        if i > half:
+            k = np.uint64(i - half - 1)
+            t0, t1, t2, t3, t4 = t0 - gg[k], t1 - g1[k], t2 - one[k], t3 - gy[k], t4 - oy[k]
+        if i >= 0:
+            k = np.uint64(i)
+            out[0][k], out[1][k], out[2][k], out[3][k], out[4][k] = t0, t1, t2, t3, t4
+        total = t0, t1, t2, t3, t4
+
+
+@njit(cache=True, fastmath=FAST, error_model="numpy")
+def _solve_windows(windows, n, amplitude, baseline, amplitude_se):
+    """Absorbance, background error and the former's standard error, from `windows` (5, n)."""
+    gg, g1, one, gy, oy = windows[0], windows[1], windows[2], windows[3], windows[4]
+    prior = 1.0 / 0.03**2
+    for i in range(n):
+        m = one[i] + prior
+        det = gg[i] * m - g1[i] * g1[i]
+        known = (gg[i] >= 1e-6) & (det >= 1e-9 * gg[i] * m)
+        scale = 1.0 / det if known else 0.0
+        amplitude[i] = (gy[i] * m - g1[i] * oy[i]) * scale
+        baseline[i] = (oy[i] * gg[i] - gy[i] * g1[i]) * scale
+        amplitude_se[i] = np.sqrt(m * scale) if known else 1e3
+
+
+@njit(cache=True)
+def offset_information(sums, n, amplitude, baseline, information, score):
+    """Fisher information [1/px²] and score [1/px] of every node's offset δ."""
+    for i in range(n):
+        a = max(amplitude[i], 0.0)
+        information[i] = a * a * sums[DD, i]
+        score[i] = a * (sums[DY, i] - a * sums[DG, i] - baseline[i] * sums[D1, i])
+
+
+@njit(cache=True)
+def width_correction(sums, amplitude, first, last):
+    """Least-squares relative change of σ over the nodes first … last − 1."""
+    top = 0.0
+    bottom = 1e-12
+    for i in range(first, last):
+        a = max(amplitude[i], 0.0)
+        # ∂(a G)/∂ln σ = a u² G; part of it is absorbed by the absorbance itself
+        mix = sums[SG, i] / sums[GG, i] if sums[GG, i] > 0 else 0.0
+        slope_y = (sums[SY, i] - mix * sums[GY, i]) - a * (sums[SG, i] - mix * sums[GG, i])
+        top += a * slope_y
+        bottom += a * a * (sums[SS, i] - mix * sums[SG, i])
+    return top / bottom
+
+
+def gain_points(background, mask, rows=24, columns=6):
+    """A grid of the pixels in `mask` by which `frame_gain` compares frames with a background.
+
+    Every so many rows and columns: pixels of a row come from memory together. (Half as many rows
+    of more pixels each are read sooner, but after a codec forces come out less exact.)
+    Returns their places in the flat picture, int32 (k,), and 1/background there, float32 (k,):
+    few bytes, as decoding leaves none of them in the cache.
+    """
+    grid = np.zeros(mask.shape, bool)
+    grid[rows // 2 :: rows, columns // 2 :: columns] = True
+    places = np.flatnonzero(grid & mask).astype(np.int32)
+    return places, (1 / background.ravel()[places]).astype(np.float32)
+
+
+@njit(cache=True)
+def frame_gain(image, places, per_light):
+    """Brightness of the frame over the background's, from a coarse grid of free pixels.
+
+    A trimmed mean of I/B; whiskers cover far less than the trimmed part. places, per_light : as
+    of `gain_points`.
+    """
+    pixels, count = image.ravel(), len(places)
+    ratio = np.empty(count, np.float32)
+    for k in range(count):
+        ratio[k] = pixels[np.uint64(places[k])] * per_light[k]
+    if count < 16:
+        return 1.0
+    mean, _ = _mean_near(ratio, count, 0.0, np.inf)
+    for _ in range(3):
+        trimmed, used = _mean_near(ratio, count, mean, 0.1)
+        if used < 16:
+            break
+        mean = trimmed
+    return mean
+
+
+@njit(cache=True, fastmath=FAST)
+def _mean_near(values, n, centre, reach):
+    """Mean of those of the first `n` values within `reach` of `centre`, and how many they are."""
+    total = 0.0
+    count = 0.0
+    for i in range(n):
+        near = 1.0 if abs(values[i] - centre) < reach else 0.0
+        total += near * values[i]
+        count += near
+    return total / max(count, 1.0), count
+
+
+@njit(cache=True)
+def paint(background, x, y, n, amplitude, sigma, pixels, values, count):
+    """Multiply a line's transmission 1 − a G into `background`; return the new list length.
+
+    `pixels` (flat indices) and `values` remember what was there, for `unpaint`. Another whisker
+    is then measured against a background that holds this one.
+    """
+    height, width = background.shape
+    last_column = -1
+    last_row = -1
+    for i in range(n):
+        columns, fixed, centre, scale = _section(x, y, i, n)
+        if scale == 0.0:
+            continue
+        if columns:
+            if fixed == last_column or fixed < 0 or fixed >= width:
+                continue
+            last_column, last_row, limit = fixed, -1, height
+        else:
+            if fixed == last_row or fixed < 0 or fixed >= height:
+                continue
+            last_row, last_column, limit = fixed, -1, width
+        span = 3.0 * sigma[i] / abs(scale)
+        first = max(int(np.ceil(centre - span)), 0)
+        last = min(int(np.floor(centre + span)), limit - 1)
+        # the Gaussian from pixel to pixel: its ratio to the one before changes by a constant
+        absorbance, step = min(amplitude[i], 0.98), scale / sigma[i]
+        u = (first - centre) * step
+        gauss, ratio = np.exp(-0.5 * u * u), np.exp(-step * (u + 0.5 * step))
+        change = np.exp(-step * step)
+        for moving in range(first, last + 1):
+            row = moving if columns else fixed
+            column = fixed if columns else moving
+            if count >= len(pixels):
+                return count
+            pixels[count] = row * width + column
+            values[count] = background[row, column]
+            count += 1
+            background[row, column] *= 1.0 - absorbance * gauss
+            gauss *= ratio
+            ratio *= change
+    return count
+
+
+@njit(cache=True)
+def unpaint(background, pixels, values, count):
+    """Undo `paint`, last pixel first."""
+    width = background.shape[1]
+    for k in range(count - 1, -1, -1):
+        background[pixels[k] // width, pixels[k] % width] = values[k]
+
+
+@njit(cache=True)
+def closeness(x1, y1, n1, x2, y2, n2, near, step):
+    """Fraction of the first line's nodes that lie within `near` px of the second line."""
+    count = 0
+    total = 0
+    for i in range(0, n1, step):
+        total += 1
+        for j in range(0, n2, 4):
+            dx = x1[i] - x2[j]
+            dy = y1[i] - y2[j]
+            if dx * dx + dy * dy < near * near:
+                count += 1
+                break
+    return count / max(total, 1)
+
+
+@njit(cache=True)
+def come_near(x1, y1, n1, x2, y2, n2, near):
+    """Whether two lines may come within `near` px of each other; never wrong where they do."""
+    step = 8
+    reach = near + 1.1 * step  # of nodes 1 px apart, the nearest looked at is so far away
+    if _apart(x1, n1, x2, n2, step) >= reach or _apart(y1, n1, y2, n2, step) >= reach:
+        return False
+    for i in range(0, n1, step):
+        for j in range(0, n2, step):
+            dx = x1[i] - x2[j]
+            dy = y1[i] - y2[j]
+            if dx * dx + dy * dy < reach * reach:
+                return True
+    return False
+
+
+@njit(cache=True)
+def _apart(a, n, b, m, step):
+    """Gap between the ranges of every `step`-th value; negative where they overlap."""
+    low = a[:n:step].min() if n > 0 else np.inf
+    high = a[:n:step].max() if n > 0 else -np.inf
+    return max(b[:m:step].min() - high, low - b[:m:step].max()) if m > 0 else np.inf

@@ -1,0 +1,318 @@
+"""Find thin dark lines in one frame: sub-pixel ridge points, linked into curves.
+
+Ridge points after Steger (IEEE PAMI 1998, "An unbiased detector of curvilinear structures"):
+the image is differentiated by Gaussians, and a point lies on a line where the derivative across
+the line, along the Hessian's main direction, is zero within the pixel.
+"""
+
+import cv2
+import numpy as np
+from numba import njit
+
+from pipeline.numerics.bsplines import FAST
+
+SCALE_PX = 1.6  # SD of the differentiating Gaussian
+LOW, HIGH = 2.5, 5.0  # standard deviations of the noise: to go on along a line, to start one
+DIRECTION_REACH = 14  # points that tell an end's direction
+LEAST_COSINE, LEAST_COSINE_HIDDEN = 0.9, 0.866  # of what a line may turn by across a gap
+
+
+def gaussian_kernels(scale: float):
+    """Return the Gaussian of SD `scale` [px] and its first two derivatives, sampled, float32."""
+    reach = int(np.ceil(4 * scale))
+    u = np.arange(-reach, reach + 1, dtype=float)
+    g = np.exp(-(u**2) / (2 * scale**2))
+    g /= g.sum()
+    first = -u / scale**2 * g
+    second = (u**2 / scale**4 - 1 / scale**2) * g
+    second -= second.mean()
+    return g.astype(np.float32), first.astype(np.float32), second.astype(np.float32)
+
+
+def ridge_points(absorbance, noise_sd, scale=SCALE_PX):
+    """Return the ridge points of an absorbance image.
+
+    Parameters
+    ----------
+    absorbance : float32 (height, width), 1 − I/B, zero where nothing may be found
+    noise_sd : float32 (height, width), SD of its noise per pixel
+    scale : SD of the differentiating Gaussian [px]
+
+    Returns
+    -------
+    index : int32 (height, width), number of the point in that pixel, −1 where there is none
+    points : float64 (n, 5): x, y [px], tangent (tx, ty), strength in SDs of its noise
+    """
+    g, g1, g2 = gaussian_kernels(scale)
+
+    def filtered(kernel_x, kernel_y):
+        # cv2 correlates: odd kernels are flipped to convolve
+        return cv2.sepFilter2D(
+            absorbance, cv2.CV_32F, kernel_x[::-1].copy(), kernel_y[::-1].copy()
+        )
+
+    ax, ay = filtered(g1, g), filtered(g, g1)
+    axx, ayy, axy = filtered(g2, g), filtered(g, g2), filtered(g1, g1)
+    response_sd = np.sqrt((g2.astype(float) ** 2).sum() * (g.astype(float) ** 2).sum())
+    few = np.s_[3::7, 3::7]
+    response_sd *= _excess_noise(axx[few], response_sd * noise_sd[few], absorbance[few])
+    index = np.full(absorbance.shape, -1, np.int32)
+    points = np.empty((absorbance.size, 5))
+    count = _points(ax, ay, axx, ayy, axy, noise_sd, response_sd, index, points)
+    return index, points[:count]
+
+
+@njit(cache=True, fastmath=FAST)
+def _may_be_strong(xx, yy, xy, noise_sd, limit, out):
+    """Fill `out`: whether the response at a row's pixels is above `limit` SDs, rounding left out.
+
+    Most pixels are below, and that is told without a root, many at a time.
+    """
+    half, nearly = np.float32(0.5), np.float32(1 - 1e-4)
+    for i in range(len(out)):
+        least = half * (xx[i] + yy[i]) + limit * noise_sd[i]
+        apart = half * (xx[i] - yy[i])
+        out[i] = (least <= 0) | (apart * apart + xy[i] * xy[i] >= nearly * least * least)
+
+
+@njit(cache=True)
+def _points(ax, ay, axx, ayy, axy, noise_sd, response_sd, index, points):
+    """Fill `index` and `points` (see ridge_points) from the derivatives; return their number."""
+    height, width = index.shape
+    count = 0
+    strong = np.empty(width, np.bool_)
+    limit = np.float32(LOW * response_sd)
+    for row in range(height):
+        _may_be_strong(axx[row], ayy[row], axy[row], noise_sd[row], limit, strong)
+        for column in range(width):
+            if not strong[column]:
+                continue
+            xx, yy, xy = axx[row, column], ayy[row, column], axy[row, column]
+            # the more negative eigenvalue: across a line of absorbance
+            lam = 0.5 * (xx + yy) - np.sqrt((0.5 * (xx - yy)) ** 2 + xy * xy)
+            strength = -lam / (response_sd * noise_sd[row, column])
+            if not strength > LOW or count == len(points):
+                continue
+            # its eigenvector: (xy, lam − xx) or (lam − yy, xy), whichever is longer
+            nx, ny = xy, lam - xx
+            if abs(lam - xx) <= abs(lam - yy):
+                nx, ny = lam - yy, xy
+            norm = max(np.sqrt(nx * nx + ny * ny), 1e-30)
+            nx, ny = nx / norm, ny / norm
+            t = -(ax[row, column] * nx + ay[row, column] * ny) / lam
+            if not (abs(t * nx) <= 0.6 and abs(t * ny) <= 0.6):
+                continue
+            index[row, column] = count
+            points[count, 0], points[count, 1] = column + t * nx, row + t * ny
+            points[count, 2], points[count, 3], points[count, 4] = -ny, nx, strength
+            count += 1
+    return count
+
+
+def _excess_noise(response, noise, absorbance) -> float:
+    """How much larger the filtered noise is than white noise would be, at least 1.
+
+    Compressed video has less noise, but of longer range, which the filter lets pass.
+    """
+    sample = (response / noise)[absorbance != 0]
+    if sample.size < 100:
+        return 1.0
+    return max(1.0, float(1.4826 * np.median(np.abs(sample))))
+
+
+@njit(cache=True)
+def _grow(index, points, used, start, sign, out):
+    """Follow ridge points from `start` in direction `sign`; return how many were written."""
+    height, width = index.shape
+    count = 0
+    current = start
+    tx = sign * points[start, 2]
+    ty = sign * points[start, 3]
+    while count < len(out):
+        best = -1
+        best_cost = 1e9
+        x = points[current, 0]
+        y = points[current, 1]
+        for reach in range(1, 5):
+            # look into a small window around the point `reach` px ahead
+            row0 = int(np.floor(y + reach * ty + 0.5))
+            column0 = int(np.floor(x + reach * tx + 0.5))
+            for row in range(max(row0 - 1, 0), min(row0 + 2, height)):
+                for column in range(max(column0 - 1, 0), min(column0 + 2, width)):
+                    candidate = index[row, column]
+                    if candidate < 0 or candidate == current or used[candidate] == 1:
+                        continue
+                    dx = points[candidate, 0] - x
+                    dy = points[candidate, 1] - y
+                    along = dx * tx + dy * ty
+                    if along < 0.3:
+                        continue
+                    across = abs(dx * ty - dy * tx)
+                    turn = abs(points[candidate, 2] * ty - points[candidate, 3] * tx)
+                    if across > 0.5 * along + 0.5 or turn > 0.5:
+                        continue
+                    cost = along + 2 * across + 3 * turn
+                    if cost < best_cost:
+                        best_cost = cost
+                        best = candidate
+            if best >= 0:
+                break
+        if best < 0:
+            break
+        out[count] = best
+        count += 1
+        used[best] = 1
+        _mark_beside(index, points, used, best)
+        direction = points[best, 2] * tx + points[best, 3] * ty
+        s = 1.0 if direction >= 0 else -1.0
+        # the running direction is averaged: one noisy point must not turn it
+        tx = 0.6 * tx + 0.4 * s * points[best, 2]
+        ty = 0.6 * ty + 0.4 * s * points[best, 3]
+        norm = np.sqrt(tx * tx + ty * ty)
+        tx /= norm
+        ty /= norm
+        current = best
+    return count
+
+
+@njit(cache=True)
+def _mark_beside(index, points, used, p):
+    """Take the neighbours across the line out of play, so that a line is followed once."""
+    height, width = index.shape
+    x, y, tx, ty = points[p, 0], points[p, 1], points[p, 2], points[p, 3]
+    row0 = int(np.floor(y + 0.5))
+    column0 = int(np.floor(x + 0.5))
+    for row in range(max(row0 - 2, 0), min(row0 + 3, height)):
+        for column in range(max(column0 - 2, 0), min(column0 + 3, width)):
+            q = index[row, column]
+            if q < 0 or used[q] != 0:
+                continue
+            dx = points[q, 0] - x
+            dy = points[q, 1] - y
+            if abs(dx * tx + dy * ty) < 0.55 and abs(dx * ty - dy * tx) < 1.6:
+                used[q] = 2
+
+
+@njit(cache=True)
+def _link(index, points, seeds, chain, offsets):
+    """Follow the ridges from `seeds`; fill `chain` and its `offsets`, return their number."""
+    used = np.zeros(len(points), np.uint8)
+    forward = np.empty(len(points), np.int32)
+    backward = np.empty(len(points), np.int32)
+    n_chains = 0
+    total = 0
+    for seed in seeds:
+        if used[seed]:
+            continue
+        used[seed] = 1
+        a = _grow(index, points, used, seed, 1.0, forward)
+        b = _grow(index, points, used, seed, -1.0, backward)
+        for i in range(b - 1, -1, -1):
+            chain[total] = backward[i]
+            total += 1
+        chain[total] = seed
+        total += 1
+        for i in range(a):
+            chain[total] = forward[i]
+            total += 1
+        n_chains += 1
+        offsets[n_chains] = total
+    return n_chains
+
+
+def link(index, points, shortest=8):
+    """Link ridge points into curves; return a list of float64 (n, 2) arrays of (x, y) [px].
+
+    Curves of fewer than `shortest` points are left out.
+    """
+    if not len(points):
+        return []
+    seeds = np.flatnonzero(points[:, 4] >= HIGH)
+    order = seeds[np.argsort(-points[seeds, 4])]
+    chain = np.empty(len(points), np.int64)
+    offsets = np.zeros(len(points) + 1, np.int64)
+    n = _link(index, points, order, chain, offsets)
+    long = np.flatnonzero(np.diff(offsets[: n + 1]) >= shortest)
+    return [points[chain[offsets[i] : offsets[i + 1]], :2] for i in long]
+
+
+def _ends(curves, unsure=0):
+    """Ends (2n, 2) of the curves, first and last in turn, and the unit directions out of them.
+
+    The last `unsure` points do not tell a direction.
+    """
+    lengths = np.array([len(curve) for curve in curves])
+    points, last = np.concatenate(curves), np.cumsum(lengths) - 1
+    first = last - lengths + 1
+    ends = np.column_stack([first, last]).ravel()
+    near, far = (np.minimum(n, lengths - 1) for n in (unsure, unsure + DIRECTION_REACH))
+    near = np.where(near < far, near, 0)
+    ahead, behind = (np.column_stack([first + n, last - n]).ravel() for n in (near, far))
+    directions = points[ahead] - points[behind]
+    norm = np.linalg.norm(directions, axis=1, keepdims=True)
+    return points[ends], directions / np.maximum(norm, 1e-9)
+
+
+@njit(cache=True)
+def _gap_costs(places, directions, longest_gap, least_cosine, hidden):
+    """Pairs (a, b) of ends of different curves that may be bridged, and the cost of each."""
+    pairs, costs = [], []
+    for a in range(len(places)):
+        for b in range(a + 2 - a % 2, len(places)):
+            gx, gy = places[b, 0] - places[a, 0], places[b, 1] - places[a, 1]
+            if gx * gx + gy * gy > longest_gap * longest_gap:
+                continue
+            length = np.sqrt(gx * gx + gy * gy)
+            ax, ay = directions[a]
+            bx, by = directions[b]
+            if ax * bx + ay * by > -least_cosine:
+                continue
+            across = max(abs(ax * gy - ay * gx), abs(bx * gy - by * gx))
+            # both look along the gap
+            along = length <= 2 or min(ax * gx + ay * gy, -bx * gx - by * gy) >= 0.5 * length
+            if hidden or (along and across <= 1.5 + 0.2 * length):
+                pairs.append((a, b))
+                costs.append(length + 4 * across)
+    return pairs, costs
+
+
+def join(curves, longest_gap=45.0, hidden=0):
+    """Join curves whose ends look at each other, best pair first; return the joined curves.
+
+    A gap of g px is bridged where both ends point along it to about 11° (more for short gaps,
+    whose direction is uncertain). Every end is used once, and no ring is closed.
+
+    hidden : of what lies over the gaps, half the size [px]: it draws the curves' last points
+        aside, so that ends need not point along the gap; what goes on may turn by 30°
+    """
+    if len(curves) < 2:
+        return list(curves)
+    least_cosine = LEAST_COSINE_HIDDEN if hidden else LEAST_COSINE
+    pairs, costs = _gap_costs(*_ends(curves, hidden), longest_gap, least_cosine, hidden > 0)
+    partner = np.full(2 * len(curves), -1)
+    group = np.arange(len(curves))
+    for k in np.argsort(np.array(costs), kind="stable"):
+        a, b = pairs[k]
+        if partner[a] < 0 and partner[b] < 0 and group[a // 2] != group[b // 2]:
+            partner[a], partner[b] = b, a
+            group[group == group[b // 2]] = group[a // 2]
+    return [_walk(curves, partner, start) for start in _starts(partner, group)]
+
+
+def _starts(partner, group):
+    """One loose end per group of joined curves."""
+    seen = set()
+    for end in range(len(partner)):
+        if partner[end] < 0 and group[end // 2] not in seen:
+            seen.add(group[end // 2])
+            yield end
+
+
+def _walk(curves, partner, end):
+    """Points of joined curves, from the loose end `end` to the other."""
+    pieces = []
+    while end >= 0:
+        curve = curves[end // 2]
+        pieces.append(curve if end % 2 == 0 else curve[::-1])
+        end = partner[end ^ 1]
+    return np.concatenate(pieces) if len(pieces) > 1 else pieces[0]

@@ -1,0 +1,46 @@
+"""What does not move in a video, as lines are detected before it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class PoleTrack:
+    """The pole's centre in every frame, NaN while it is not in view, and its radius [px].
+
+    `x_px`, `y_px` are float64 (frames,).
+    """
+
+    x_px: np.ndarray
+    y_px: np.ndarray
+    radius_px: float
+
+
+@dataclass(frozen=True)
+class StaticScene:
+    """What does not move in a video.
+
+    Attributes
+    ----------
+    background : float32 (height, width), the image without whiskers
+    noise_gain, noise_floor : pixel variance = noise_floor + noise_gain × intensity [grey²]
+    face_mask : bool (height, width), the face with its fur; whiskers come out of it
+    obstacle_mask : bool (height, width), pole, rod, apparatus: dark, static, no whisker
+    pole : PoleTrack or None
+    face_side : "left", "right", "top" or "bottom"
+    noise_excess : float32 (height, width), a pixel's variance over that of `noise_gain` and
+        `noise_floor`; None where it is 1 everywhere
+    likelier_side : that of the whiskers' thicker ends, where no face is seen on the side that was
+        given; None: there is no such doubt
+    """
+
+    background: np.ndarray
+    noise_gain: float
+    noise_floor: float
+    face_mask: np.ndarray
+    obstacle_mask: np.ndarray
+    pole: PoleTrack | None
+    face_side: str
+    noise_excess: np.ndarray | None = None
+    likelier_side: str | None = None

@@ -1,0 +1,1 @@
+"""The elastic rod fitted to the whisker, and the force that bends it."""

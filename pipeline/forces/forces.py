@@ -1,0 +1,360 @@
+"""Quasi-static force on a whisker: what it would be in every frame, and what it is in contacts.
+
+Two estimates. `point` (Birdwell et al. 2007; Pammer et al. 2013): the bending moment at one arc
+length, M_p = E I(s_p) Δκ, over its lever arm, F = M_p / |(r_c − r_p) × n̂|. `shape`: the elastic
+rod fitted to the whole traced centreline (shape_fit.py). Large angles are kept in both; signs as
+in docs/conventions.md.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+from scipy.integrate import cumulative_trapezoid
+from scipy.ndimage import gaussian_filter1d
+
+from pipeline.forces import arc_length_offset, fur_bias, rest_shape, rod_fit
+from pipeline.forces.rest_shape import RestModel
+from pipeline.forces.rod_fit import RestPrior, ShapeFit
+from pipeline.kinematics import resampled
+from pipeline.kinematics.resampled import Stations
+from pipeline.numerics.angles import wrapped
+from whiskermodel.whisker import Whisker
+
+METHODS = ("point", "shape")
+SLIDING_FRAMES = 3
+SHORTEST_LEVER_M = 0.3e-3  # a contact nearer to the point of curvature tells nothing there
+LEAST_NOISE = 0.5  # of the fit's standard error: free frames are no witness of smaller ones
+FARTHEST_TURN_RAD = 0.2  # of a fitted rod's base from the traced part's continuation
+FEWEST_WITNESSES = 20  # free frames that can tell how much the force scatters
+CALIBRATION_REACH_M = 3e-3  # free frames with the pole this near tell the force's true noise
+_EVIDENCE_OF_FIT = {
+    "gap": "gap_m",
+    "clear_gap": "clear_gap_m",
+    "gap_force_cov": "gap_force_cov",
+    "compliance": "compliance_m_per_N",
+    "contact": "contact_m",
+    "angle": "base_angle_rad",
+    "moment_per_force": "moment_per_force_m",
+    "axial_per_force": "axial_per_force",
+    "lateral_per_force": "lateral_per_force",
+    "chi2": "chi2",
+    "force": "shape_force_N",
+}
+
+_ERROR_COLUMNS = {
+    "force": "shape_force_se_N",
+    "moment": "moment_se_N_m",
+    "axial": "axial_se_N",
+    "lateral": "lateral_se_N",
+}
+
+_LOADS = {  # column of the frames: its unit, and in the evidence its share of the force, its error
+    "contact_force_uN": (1e6, "", "shape_force_se_N"),
+    "axial_force_uN": (1e6, "axial_per_force", "axial_se_N"),
+    "lateral_force_uN": (1e6, "lateral_per_force", "lateral_se_N"),
+    "base_moment_nN_m": (1e9, "moment_per_force_m", "moment_se_N_m"),
+}
+
+
+def measure_forces(
+    places: Stations, whisker: Whisker, kinematics, curvature_at: float, friction=0.0, free=None
+):
+    """What one whisker's force would be in every frame, if the pole's nearest point touched it.
+
+    Parameters
+    ----------
+    places : the whisker's `Stations`, one row per tracked frame
+    whisker : its dimensions (or stand-ins)
+    kinematics : table aligned with `places`: `time_s`, `curvature_per_m`, `curvature_per_m_se`,
+        `base_angle_deg`
+    curvature_at : arc length of the curvature [m]
+    friction : coefficient of friction between whisker and pole, >= 0
+    free : bool (rows,), frames that tell the rest shape; None: those `far_from_pole`
+
+    Returns
+    -------
+    evidence : table aligned with `places`, SI units
+    measured : table aligned with `places`: `base_angle_deg`, `follicle_x_m`, `follicle_y_m` (y up)
+        and `curvature_per_m` with the help of the fitted rod, rest curvature and curvature
+        change, with their standard errors
+    """
+    time = kinematics["time_s"].to_numpy(float)
+    angle = np.radians(kinematics["base_angle_deg"].to_numpy(float))
+    if free is None:
+        free = far_from_pole(places)
+    fit, origin, model = _fit_rods(places, whisker, curvature_at, angle, time, free, friction)
+    evidence = _evidence(places, fit, origin, model is not None, free)
+    # its hidden part is bent by the load as the rod is
+    angle = np.where(np.isfinite(fit["angle"]), fit["angle"], angle)
+    (basis,) = rod_fit.rest_basis(whisker, [curvature_at])
+    shape = _turned_to(model, basis, angle, time)
+    measured = _rest_columns(*_curvature(kinematics, fit, origin), shape, angle, time, free)
+    measured = measured.join(_base(kinematics, fit))
+    point, error = point_force(measured, fit)
+    evidence["point_force_N"] = point
+    stiffer = 4 / (whisker.cone_length - curvature_at)  # E I goes with (cone length − s)⁴
+    evidence["point_force_se_N"] = np.hypot(error, stiffer * origin.se * point)
+    return evidence, measured
+
+
+def far_from_pole(places) -> np.ndarray:
+    """Frames in which the whisker is so far off that nothing touches it, bool (rows,)."""
+    free = rest_shape.free_frames(places.distance, np.isfinite(places.pole_x))
+    return free & np.isfinite(places.last)
+
+
+def _fit_rods(places, whisker, curvature_at, angle, time, free, friction):
+    """Loaded rods of all rows, the `Origin` of their arc lengths, and the `RestModel` or None."""
+    places = _without_bias(places, whisker, curvature_at, angle, time, free)
+    origin, votes = arc_length_offset.origin_from_tip(places, whisker, angle, time)
+    places = replace(places, origin=origin.per_row)
+    model = _rest_shape(places, whisker, curvature_at, time, free)
+    if model is None:
+        return rod_fit.fit_free(places, whisker, curvature_at), origin, None
+    prior = _rest_prior(model, angle, time)
+    rod = places, whisker, curvature_at, prior
+    rubbing = friction * sliding(rod_fit.fit_loaded(*rod)["contact"]) if friction else 0.0
+    origin = arc_length_offset.origin_from_bending(*rod, votes, rubbing)
+    shift = origin.per_row - places.origin
+    return rod_fit.fit_loaded(*rod, rubbing, shift), origin, model
+
+
+def _without_bias(places, whisker, curvature_at, angle, time, free):
+    """Return the stations, those less trusted that fur and face draw aside (`base_bias`)."""
+
+    def rest_prior(places, angle, time, free):
+        model = _rest_shape(places, whisker, curvature_at, time, free)
+        return model and _rest_prior(model, angle, time)
+
+    return fur_bias.without_bias(places, whisker, curvature_at, angle, time, free, rest_prior)
+
+
+def _evidence(places, fit, origin, rest_known, free) -> pd.DataFrame:
+    """What places and fitted rods tell, errors brought to what free frames show."""
+    evidence = pd.DataFrame(
+        {
+            "distance_m": places.distance,
+            "nearest_m": places.nearest,
+            "side": places.side,
+            "pole_known": np.isfinite(places.pole_x),
+            "extended": places.extended,
+            "across": resampled.lies_across(places),
+            "rest_known": rest_known,
+            "origin_m": origin.per_row,
+            "origin_se_m": origin.se,
+        }
+    )
+    for name, column in _EVIDENCE_OF_FIT.items():
+        evidence[column] = fit[name]
+    noise = _force_noise(fit["force"], np.sqrt(fit["force_var"]), places, free)
+    for name in ("gap", "clear_gap"):
+        evidence[f"{name}_se_m"] = np.sqrt(fit[f"{name}_var"]) * noise
+    evidence["gap_force_cov"] *= noise**2
+    for load, column in _ERROR_COLUMNS.items():
+        # a first traced point that is off along the whisker changes the loads by its share
+        follows = np.abs(fit[f"{load}_by_origin"]) * origin.se
+        evidence[column] = np.hypot(np.sqrt(fit[f"{load}_var"]) * noise, follows)
+    evidence["origin_force_se_N"] = np.abs(fit["force_by_origin"]) * origin.se
+    return evidence
+
+
+def sliding(place) -> np.ndarray:
+    """Direction in which friction pulls the whisker: +1 towards its tip, −1 towards its base.
+
+    `place` (rows,) is the contact's arc length [m], frame after frame. Where it grows the whisker
+    slides back over the pole; 0 where it does not change by more than its scatter.
+    """
+    known = np.flatnonzero(np.isfinite(place))
+    out = np.zeros(len(place))
+    if len(known) < 2 * SLIDING_FRAMES + 1:
+        return out
+    smooth = gaussian_filter1d(place[known], SLIDING_FRAMES)
+    rate = np.gradient(smooth)
+    scatter = 1.4826 * np.median(np.abs(place[known] - smooth)) / SLIDING_FRAMES**1.5
+    out[known] = np.sign(rate) * (np.abs(rate) > scatter)
+    return out
+
+
+def point_force(rest: pd.DataFrame, fit: ShapeFit):
+    """F = E I(s_p) Δκ / |(r_c − r_p) × n̂| and its standard error [N].
+
+    Positive pushes away from the pole. NaN where the contact lies before or just beyond s_p.
+    """
+    with np.errstate(all="ignore"):
+        usable = np.abs(fit["lever_at_curvature"]) > SHORTEST_LEVER_M
+        change = fit["curvature_per_force"]
+        force = rest["curvature_change_per_m"].to_numpy() / change
+        error = rest["curvature_change_per_m_se"].to_numpy() / np.abs(change)
+    return np.where(usable, force, np.nan), np.where(usable, error, np.nan)
+
+
+def _rest_shape(places, whisker, curvature_at, time, free) -> RestModel | None:
+    """Rest shape, by the angle of the follicle, from the free frames."""
+    rows = places.rather_shown(np.flatnonzero(free), rest_shape.PLENTY)
+    if len(rows) < rest_shape.FEWEST_FRAMES:
+        return None
+    places = places.rows(rows)
+    fit = rod_fit.fit_free(places, whisker, curvature_at)
+    lean = _lean(places, whisker)
+    everywhere = np.ones(len(rows), dtype=bool)
+    model = rest_shape.fit_rest(
+        fit.rest, fit.rest_cov, fit["angle"] + fit.rest @ lean, time[rows], everywhere
+    )
+    return model and rest_shape.by_leaning_angle(model, -lean)
+
+
+def _lean(places, whisker):
+    """How far the line through the visible part is turned from the follicle's axis, by shape.
+
+    (N_REST,) [rad m] per rest coefficient. The follicle's angle is told from the shape, and errs
+    with it; the direction of the straight line through all that is seen does not.
+    """
+    s = np.linspace(0, whisker.length, 200)
+    turned = cumulative_trapezoid(rod_fit.rest_basis(whisker, s), s, axis=0, initial=0)
+    first, last = np.nanmedian(places.first), np.nanmedian(places.last)
+    # least squares through a curve weigh its directions by a parabola
+    weight = np.maximum((s - first) * (last - s), 0.0)
+    return weight @ turned / weight.sum()
+
+
+def _rest_prior(model, angle, time) -> RestPrior:
+    """The rest shape as prior for the loaded fit of all frames."""
+    # the table's angle is good enough for how well the rest shape is known
+    _, cov = model.predict(np.where(np.isfinite(angle), angle, model.centre), time)
+    floor = np.eye(cov.shape[1]) * 1e-3**2
+    return RestPrior(
+        model.weights, model.centre, model.scale, model.drift(time), cov + floor, model.weights_cov
+    )
+
+
+def _force_noise(force, error, places, free):
+    """Scatter of the force in free frames, where it is zero, over its standard error."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return _excess(force / error, free & (places.distance < CALIBRATION_REACH_M))
+
+
+def _excess(ratio, free):
+    """Scatter of the free frames' deviations, given in standard errors."""
+    ratio = ratio[free & np.isfinite(ratio)]
+    if len(ratio) < FEWEST_WITNESSES:
+        return 1.0
+    return max(LEAST_NOISE, 1.4826 * float(np.median(np.abs(ratio))))
+
+
+def _base(kinematics, fit) -> pd.DataFrame:
+    """Base angle and follicle of the fitted rods; where there is none, the angle as it was.
+
+    A rod that leaves the traced part's continuation by far lies upon something else.
+    """
+    traced = np.radians(kinematics["base_angle_deg"].to_numpy(float))
+    off = wrapped(fit["angle"] - traced)
+    with np.errstate(invalid="ignore"):
+        apart = np.abs(off) > FARTHEST_TURN_RAD
+    found = np.where(np.isnan(off) | apart, traced, fit["angle"])
+    return pd.DataFrame(
+        {
+            "base_angle_deg": np.degrees(wrapped(found)),
+            "follicle_x_m": np.where(apart, np.nan, fit["follicle_x"]),
+            "follicle_y_m": np.where(apart, np.nan, fit["follicle_y"]),
+        }
+    )
+
+
+def _curvature(kinematics, fit, origin):
+    """Curvature [1/m], its error from noise alone, and that from where its place is; (rows,) each.
+
+    Measured about the fitted rod; where there is none, as the kinematics have it.
+    """
+    curvature, noise = fit["curvature"], np.sqrt(fit["curvature_var"])
+    place = np.abs(fit["curvature_slope"]) * origin.se
+    known = np.isfinite(curvature) & np.isfinite(noise)
+    return (
+        np.where(known, curvature, kinematics["curvature_per_m"].to_numpy(float)),
+        np.where(known, noise, kinematics["curvature_per_m_se"].to_numpy(float)),
+        np.where(known, place, 0.0),
+    )
+
+
+def _turned_to(model, basis, angle, time):
+    """Curvature that the rest shape has in all frames where `basis` (N_REST,) is, and its error.
+
+    The error is that of its change from the free frames' usual angle.
+    """
+    shape, error = np.full((2, len(angle)), np.nan)
+    known = np.isfinite(angle)
+    if model is not None and known.any():
+        shape[known] = model.predict(angle[known], time[known])[0] @ basis
+        cov = model.turning_cov(angle[known])
+        error[known] = np.sqrt(np.einsum("j,njk,k->n", basis, cov, basis))
+    return shape, error
+
+
+def _rest_columns(curvature, noise, place, shape, angle, time, free):
+    """Curvature, rest curvature and curvature change at one arc length, with standard errors."""
+    rest, rest_error = _rest_curvature(curvature, noise, shape, angle, time, free)
+    # free frames show by how much neighbouring stations' errors, which run along the line
+    # (a codec's), exceed the noise; a rest curvature that wanders looks alike
+    error = noise * _excess((curvature - rest) / noise, free)
+    rest, rest_error = _rest_curvature(curvature, error, shape, angle, time, free)
+    return pd.DataFrame(
+        {
+            "curvature_per_m": curvature,
+            "curvature_per_m_se": np.hypot(error, place),
+            "rest_curvature_per_m": rest,
+            "rest_curvature_per_m_se": rest_error,
+            "curvature_change_per_m": curvature - rest,
+            "curvature_change_per_m_se": np.hypot(error, rest_error),
+        }
+    )
+
+
+def _rest_curvature(curvature, error, shape, angle, time, free):
+    """Rest curvature and its standard error in all frames; NaN where it is not known.
+
+    It follows base angle and time as the rest shape does (`_turned_to`); free frames tell by how
+    much the two differ.
+    """
+    rest, rest_error = np.full((2, len(curvature)), np.nan)
+    turned, turning_error = shape
+    model = rest_shape.fit_rest(curvature - turned, error**2, angle, time, free, degree=0)
+    if model is not None:
+        known = np.isfinite(angle)
+        value, cov = model.predict(angle[known], time[known])
+        rest[known] = turned[known] + value[:, 0]
+        rest_error[known] = np.sqrt(cov[:, 0, 0] + turning_error[known] ** 2)
+    return rest, rest_error
+
+
+def add_forces(
+    frames: pd.DataFrame, evidence: pd.DataFrame, whiskers: dict, method: str = "shape"
+) -> pd.DataFrame:
+    """Fill contact place and force columns of the table of frames, given `in_contact`.
+
+    Free frames have no force (0) and no place; untracked ones, and whiskers without dimensions,
+    have NaN.
+
+    Parameters
+    ----------
+    frames : records.FRAME_COLUMNS with `tracked` and `in_contact`
+    evidence : table aligned with `frames`, as of `measure_forces`
+    whiskers : name → Whisker, or None where its dimensions are not known
+    method : "shape" or "point"
+    """
+    if method not in METHODS:
+        raise ValueError(f"method must be one of {METHODS}, got {method!r}")
+    frames = frames.copy()
+    touching = frames["in_contact"].to_numpy(bool)
+    known = [name for name, whisker in whiskers.items() if whisker is not None]
+    known = frames["whisker"].isin(known).to_numpy() & frames["tracked"].to_numpy(bool)
+    force = evidence[f"{method}_force_N"].to_numpy(float)
+    error = evidence[f"{method}_force_se_N"].to_numpy(float)
+    frames["contact_arc_length_mm"] = np.where(touching, 1e3 * evidence["contact_m"], np.nan)
+    for column, (unit, per_force, own_error) in _LOADS.items():
+        share = evidence[per_force].to_numpy(float) if per_force else 1.0
+        # noise may make a touch's first force negative; a pole does not pull
+        value = np.where(touching, unit * share * np.maximum(force, 0.0), 0.0)
+        frames[column] = np.where(known, value, np.nan)
+        spread = evidence[own_error].to_numpy(float) if method == "shape" else abs(share) * error
+        frames[f"{column}_se"] = np.where(known, unit * spread, np.nan)
+    return frames

@@ -1,0 +1,119 @@
+"""What fur and face draw the first visible part of a whisker aside by, alike in frame after frame.
+
+Still fur and the face's shadow draw the first millimetre of a trace aside by up to some tenths of
+a pixel: by the same wherever the whisker lies alike, so that no mean over frames removes it, and
+often by the opposite when it touches, which looks like bending. The elastic rod tells: fitted to
+what lies farther out, and continued towards the face, it must meet what was measured there, as
+well as fit and noise allow. Where it does not, the stations count less, in all frames.
+
+Judged are short steps, from outside inwards, each by all that lies beyond it. The outermost step
+is too far out for fur: what it is missed by more than expected (a codec's noise runs along the
+line; the rest shape is no polynomial) is expected nearer to the face, too.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from pipeline.forces import rod_fit
+from pipeline.forces.rest_shape import CORRELATED_FRAMES
+from pipeline.kinematics.resampled import FUR_CLINGS_M, Stations
+from whiskermodel.whisker import Whisker
+
+STEP_M = 0.3e-3
+STEPS = 4  # the last of which is the outermost
+MOST_ROWS = 40  # of free frames, and as many of touching ones
+FEWEST_ROWS = 10  # of each
+SURE = 2.5  # times the variance that is expected
+NEAR_M = 0.1e-3  # whisker to pole, of frames that may touch
+MEDIAN_SQUARE = 0.455  # of a unit normal deviate
+
+
+def without_bias(
+    places: Stations, whisker: Whisker, curvature_at: float, angle, time, free, rest_prior
+) -> Stations:
+    """Return the stations with the information of biased ones near the face as it is.
+
+    Parameters
+    ----------
+    places : rows of one whisker in the order of their frames
+    angle, time : (rows,) base angle [rad] and time [s]
+    free : bool (rows,), frames that tell the rest shape
+    rest_prior : function of (stations, angle, time, free) that returns a `RestPrior` or None
+    """
+    rows = _sample(places, free, angle)
+    if len(rows) == 0:
+        return places
+    part, angle, time, free = places.rows(rows).loaded(), angle[rows], time[rows], free[rows]
+    arc = np.arange(part.x.shape[1]) * part.spacing[part.whisker[0]]
+    step = np.floor((arc - np.nanmedian(part.first) - FUR_CLINGS_M) / STEP_M)
+    doubt, usual = np.zeros(len(arc)), 1.0
+    for now in range(STEPS - 1, -1, -1):
+        known = part.doubted(doubt)
+        held = replace(known, information=np.where(step > now, known.information, 0.0))
+        prior = rest_prior(held, angle, time, free)
+        if prior is None:
+            return places
+        judged = np.flatnonzero((step == now) | ((step < 0) & (now == 0)))
+        square, expected = _misfits(held, part.information, judged, whisker, curvature_at, prior)
+        found = [_medians(square[kind], expected[kind]) for kind in (free, ~free)]
+        if now == STEPS - 1:
+            usual = _usual(found)
+        else:
+            doubt[judged] = CORRELATED_FRAMES * _bias(found, usual)
+    doubt = np.maximum.accumulate(doubt[::-1])[::-1]  # the nearer to the face the more fur
+    return places.doubted(doubt) if doubt.any() else places
+
+
+def _sample(places, free, angle):
+    """Numbers of free and of touching rows, spread over the video; none where none touch."""
+    with np.errstate(invalid="ignore"):
+        near = (places.side != 0) & (places.distance < NEAR_M) & ~places.extended & ~free
+    out = []
+    for kind in (near, free):
+        own = np.flatnonzero(kind & np.isfinite(angle) & np.isfinite(places.first))
+        if len(own) < FEWEST_ROWS:
+            return np.empty(0, int)
+        own = places.rather_shown(own, MOST_ROWS)
+        out.append(own[np.unique(np.linspace(0, len(own) - 1, MOST_ROWS).astype(int))])
+    return np.sort(np.concatenate(out))
+
+
+def _misfits(held, information, judged, whisker, curvature_at, prior):
+    """Squared misfits of the `judged` stations (numbers) and their variance, (rows, judged) [m²].
+
+    NaN where nothing was measured, or no rod could be fitted.
+    """
+    misfit = np.full((len(held), 2, held.x.shape[1]), np.nan)
+    fit = rod_fit.fit_loaded(held, whisker, curvature_at, prior, misfit=misfit)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        own = np.fmax(fit["chi2"], 1.0)[:, None] / information[:, judged]
+    expected = misfit[:, 1, judged] + np.where(np.isfinite(own), own, np.nan)
+    return misfit[:, 0, judged] ** 2, expected
+
+
+def _medians(square, expected):
+    """Usual squared misfit and variance (stations,) of one kind of rows; NaN where too few."""
+    out = np.full((2, square.shape[1]), np.nan)
+    for k, known in enumerate(np.isfinite(square + expected).T):
+        if known.sum() >= FEWEST_ROWS:
+            out[:, k] = np.median(square[known, k]), np.median(expected[known, k])
+    out[0] /= MEDIAN_SQUARE
+    return out
+
+
+def _usual(found):
+    """How many times larger than expected squared misfits are, at least 1."""
+    ratios = np.concatenate([square / expected for square, expected in found])
+    ratios = ratios[np.isfinite(ratios)]
+    return max(1.0, float(np.median(ratios))) if len(ratios) else 1.0
+
+
+def _bias(found, usual):
+    """Variance [m²] (stations,) of what is common to all rows, mean of the kinds in `found`."""
+    known, total = 0, 0.0
+    for square, expected in found:
+        more = np.where(square > SURE * usual * expected, square - usual * expected, 0.0)
+        seen = np.isfinite(square)
+        known, total = known + seen, total + np.where(seen, more, 0.0)
+    return total / np.maximum(known, 1)

@@ -1,0 +1,167 @@
+"""Gauss–Newton's normal equations of a laid rod and the stations seen, solved by Cholesky."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from pipeline.forces.rod_integration import LOADED, along_normal
+from pipeline.numerics.bsplines import FAST
+
+HUBER = 3.0  # SD beyond which a station counts less
+LEAST_PIVOT = 1e-13  # of the diagonal: what is less is rounding
+
+
+class Sums(NamedTuple):
+    """Misfit and weight of every station, normal equations, their solution's parts, and the
+    prior's rest shape `mean`."""
+
+    misfit: np.ndarray
+    weight: np.ndarray
+    share: np.ndarray
+    normal: np.ndarray
+    rhs: np.ndarray
+    lower: np.ndarray
+    inverse: np.ndarray
+    mean: np.ndarray
+
+
+@njit(cache=True)
+def empty_sums(m, terms):
+    """Sums of `m` stations and `terms` rest coefficients to be filled."""
+    square = (LOADED, LOADED)
+    return Sums(
+        np.zeros(m), np.zeros(m), np.zeros(m),
+        np.zeros(square), np.zeros(LOADED), np.zeros(square), np.zeros(square), np.zeros(terms),
+    )  # fmt: skip
+
+
+@njit(cache=True)
+def fill_equations(seen, laid, size, precision, p, sums, chi2, robust):
+    """Fill Gauss–Newton's normal equations; returns the reduced χ² of the misfit."""
+    mean, normal, rhs = sums.mean, sums.normal, sums.rhs
+    terms = len(mean)
+    chi2 = weigh(seen, laid, chi2, robust, sums.misfit, sums.weight)
+    _products(laid.shift, sums.misfit, sums.weight, size, sums.share, normal, rhs)
+    # the covariance is scaled by χ² afterwards, the prior must not be
+    inflate = max(chi2, 1.0) if robust else 1.0
+    for a in range(terms):
+        for b in range(terms):
+            normal[2 + a, 2 + b] += precision[a, b] * inflate
+            rhs[2 + a] += precision[a, b] * inflate * (mean[b] - p[2 + b])
+    return chi2
+
+
+@njit(cache=True, error_model="numpy")
+def weigh(seen, laid, chi2, robust, misfit, weight):
+    """Fill misfit [m] and weight [1/m²] of every station, 0 where none was seen; returns χ²."""
+    info = seen[2]
+    total, count = 0.0, 0
+    for k in range(len(info)):
+        known = info[k] > 0
+        misfit[k] = misfit_of(seen, laid, k) if known else 0.0
+        weight[k] = info[k] if known else 0.0
+        count += known
+    if robust:
+        scale = 1 / max(chi2, 1.0)
+        for k in range(len(info)):
+            weight[k] = robust_weight(weight[k], misfit[k], scale)
+    for k in range(len(info)):
+        total += weight[k] * misfit[k] * misfit[k]
+    return total / max(count - 4, 1)
+
+
+@njit(cache=True, fastmath=FAST)
+def _products(shift, misfit, weight, size, share, normal, rhs):
+    """Fill Σ weight shift shiftᵀ and Σ weight shift misfit of the first `size` parameters."""
+    m = len(misfit)
+    for a in range(size):
+        one, total = shift[a], 0.0
+        for k in range(m):
+            share[k] = weight[k] * one[k]
+            total += share[k] * misfit[k]
+        rhs[a] = total
+        for b in range(a + 1):
+            other, total = shift[b], 0.0
+            for k in range(m):
+                total += share[k] * other[k]
+            normal[a, b] = total
+            normal[b, a] = total
+
+
+@njit(cache=True, inline="always")
+def robust_weight(info, misfit, scale):
+    """Information of a station, less where it lies off by more than HUBER usual misfits.
+
+    `scale`: 1/χ² of all stations, at most 1.
+    """
+    deviation = abs(misfit) * np.sqrt(info * scale)
+    return info * (HUBER / deviation if deviation > HUBER else 1.0)
+
+
+@njit(cache=True, inline="always")
+def misfit_of(seen, laid, k):
+    """How far station `k` was seen to lie beside the rod, along its normal [m]."""
+    return along_normal(laid, k, seen[0][k] - laid.x[k], seen[1][k] - laid.y[k])
+
+
+@njit(cache=True)
+def take_step(size, p, lower, rhs):
+    """One Gauss–Newton step of `p`; returns its length, of all together, in SD where χ² is 1.
+
+    `lower` as of `factorise`; `rhs` becomes the step.
+    """
+    square = solve(lower, size, rhs)
+    # half a radian at most: the model is laid again before it goes on
+    factor = min(1.0, 0.5 / max(abs(rhs[1]), 1e-9))
+    for a in range(size):
+        p[a] += factor * rhs[a]
+    return np.sqrt(square)
+
+
+@njit(cache=True, error_model="numpy")
+def factorise(matrix, size, lower):
+    """Cholesky factor of the symmetric leading block; False where it has none to speak of.
+
+    Its diagonal holds reciprocals: nothing divides afterwards.
+    """
+    for a in range(size):
+        for b in range(a + 1):
+            total = matrix[a, b]
+            for k in range(b):
+                total -= lower[a, k] * lower[b, k]
+            if a > b:
+                lower[a, b] = total * lower[b, b]
+            elif not total > LEAST_PIVOT * matrix[a, a]:  # nor if it is NaN or infinite
+                return False
+            else:
+                lower[a, a] = 1 / np.sqrt(total)
+    return True
+
+
+@njit(cache=True)
+def solve(lower, size, rhs):
+    """Solve with the factor of `factorise`, in place; returns rhsᵀ solution."""
+    square = 0.0
+    for a in range(size):
+        total = rhs[a]
+        for k in range(a):
+            total -= lower[a, k] * rhs[k]
+        rhs[a] = total * lower[a, a]
+        square += rhs[a] * rhs[a]
+    for a in range(size - 1, -1, -1):
+        total = rhs[a]
+        for k in range(a + 1, size):
+            total -= lower[k, a] * rhs[k]
+        rhs[a] = total * lower[a, a]
+    return square
+
+
+@njit(cache=True)
+def invert(lower, size, inverse):
+    """Fill the leading block of `inverse`, given the factor of `factorise`."""
+    for a in range(size):
+        column = inverse[a]  # which is a row as well
+        for b in range(size):
+            column[b] = 1.0 if a == b else 0.0
+        solve(lower, size, column)

@@ -1,0 +1,379 @@
+"""Fit of the elastic rod to a traced whisker: base pose, rest shape and contact force at once.
+
+The curvature of the model is κ(s) = Σ_j a_j P_j(s) + F g(s): a rest shape of a few Legendre
+polynomials, and the bending of a unit force at the point nearest to the pole, at full angles,
+
+    g(s) = (r_c − r(s)) × f̂ / (E I(s)) for s < c,   f̂ = −side (n̂_c − µ side t̂_c).
+
+The rod is laid with its derivatives by (offset and direction at the contact, a_j, F) in one pass
+(rod_laying.py): Gauss–Newton on the misfit across the whisker (rod_equations.py). A prior on a_j
+(from free frames, rest_curvature.py) makes the rest shape's uncertainty part of the force's
+standard error; what else the fitted rod tells is in rod_results.py.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+from pipeline.forces.normal_equations import (
+    empty_sums,
+    factorise,
+    fill_equations,
+    invert,
+    misfit_of,
+    take_step,
+    weigh,
+)
+from pipeline.forces.rod_integration import (
+    FREE,
+    LOADED,
+    N_REST,
+    Place,
+    empty_rod,
+    lay,
+    nearest_to,
+    point_at,
+    polynomials,
+    unit_force,
+)
+from pipeline.forces.rod_outputs import COLUMNS, report_curvature, report_loads
+from pipeline.kinematics.resampled import N_STATIONS, Stations
+from whiskermodel.whisker import Whisker
+
+ITERATIONS = 12
+SETTLED_SD = 0.2  # length of a step from which on Gauss–Newton has arrived (to 0.02 SD); …
+FINE_SETTLED_SD = 1e-4  # … where the likelihood's slope by the origin is asked for
+FEWEST_STATIONS = 10
+BLOCK_ROWS = 2048  # held in memory at a time
+ANCHOR_MOVES_M = 2e-6  # the contact point is moved along the whisker in steps above this
+ANCHOR_SPAN = 6  # stations whose chord continues the trace into the fur
+
+
+@dataclass(frozen=True)
+class ShapeFit:
+    """Fitted rods, one per row. SI units, y up; NaN where the trace was too short.
+
+    Attributes
+    ----------
+    table : dict of (rows,) arrays:
+        force, force_var : what the contact force would be if the whisker touched the pole at its
+            nearest point, positive pushes the whisker away from the pole [N, N²]
+        gap, gap_var, gap_force_cov : surface distance of the fitted rod from the pole
+        compliance : gap opened per force at a fixed base [m/N]
+        contact : arc length of the nearest point [m]
+        angle, follicle_x, follicle_y : pose of the follicle
+        moment_per_force, axial_per_force, lateral_per_force : base loads per contact force
+        curvature_per_force : change of curvature at `curvature_at` per force [1/(m N)]
+        lever_at_curvature : moment there per force [m]
+        rest_curvature : of the fitted rest shape at `curvature_at` [1/m]
+        chi2, count : reduced χ² of the stations, their number
+        clear_gap, clear_gap_var : gap that the whisker would have without the force
+        moment_var, axial_var, lateral_var : of the base loads, (moment_per_force · force) …
+        force_by_origin, moment_by_origin, axial_by_origin, lateral_by_origin : how force and
+            base loads change with `Stations.origin`, the rest shape moving along [N/m, N, N/m]
+        origin_pull, origin_bend : slope and curvature of the log-likelihood by the origin, all
+            else fitted again, for measurements with the stations' information [1/m, 1/m²]
+        curvature, curvature_var, curvature_slope : at `curvature_at`: the rod's, and what a
+            parabola through the stations' misfits about it adds, so that neither the kink at a
+            contact nor the taper biases it; variance [1/m², of noise alone] and slope [1/m²]
+    rest : (rows, N_REST) rest-shape coefficients a_j [1/m]
+    rest_cov : (rows, N_REST, N_REST)
+    """
+
+    table: dict
+    rest: np.ndarray
+    rest_cov: np.ndarray
+
+    def __getitem__(self, name):
+        return self.table[name]
+
+
+@dataclass(frozen=True)
+class RestPrior:
+    """What free frames tell of the rest shape: a = weights · (1, u, u², …) + drift, ± cov.
+
+    `u` is (base angle − centre)/scale. `weights` (terms, N_REST), `drift` (rows, N_REST) or
+    zeros, `cov` (rows, N_REST, N_REST). Errors of the weights are common to all rows: their
+    covariance `weights_cov` (terms, N_REST, terms, N_REST) is part of `cov`; None where they are
+    not in question.
+    """
+
+    weights: np.ndarray
+    centre: float
+    scale: float
+    drift: np.ndarray
+    cov: np.ndarray
+    weights_cov: np.ndarray | None = None
+
+
+def rest_basis(whisker: Whisker, arc_length) -> np.ndarray:
+    """Legendre polynomials P_j over the whisker's length, (points, N_REST)."""
+    u = 2 * np.asarray(arc_length, float) / whisker.length - 1
+    return np.polynomial.legendre.legvander(u, N_REST - 1)
+
+
+def fit_free(stations: Stations, whisker: Whisker, curvature_at: float) -> ShapeFit:
+    """Fit pose and rest shape, no force: for frames in which the whisker touches nothing."""
+    n = len(stations)
+    prior = RestPrior(np.zeros((1, N_REST)), 0.0, 1.0, np.zeros((n, N_REST)), _vague(n))
+    return _fit(stations, whisker, curvature_at, prior, loaded=False, friction=0.0)
+
+
+def fit_loaded(
+    stations: Stations,
+    whisker: Whisker,
+    curvature_at: float,
+    prior: RestPrior,
+    friction=0.0,
+    shift=0.0,
+    influence=None,
+    misfit=None,
+) -> ShapeFit:
+    """Fit pose and the force that a pole at the nearest point would exert, given the rest shape.
+
+    `friction`, one or (rows,), is the signed ratio of tangential to normal force, + pulls
+    towards the tip. `shift` [m], one or (rows,), is added to the arc lengths beside
+    `stations.origin`; the rest shape, measured without it, moves along. `influence`, if given, a
+    (rows, N_STATIONS + N_REST) array, is filled with how `origin_pull` follows an error of each
+    station across the whisker [1/m²], and of each coefficient of the prior's rest shape [1]; fits
+    are settled the finer then. `misfit`, if given, (rows, 2, N_STATIONS), is filled with
+    how far stations lie beside the rod, along its normal [m], and the variance of the rod's place
+    there [m²]; those without information, too.
+    """
+    return _fit(stations, whisker, curvature_at, prior, True, friction, shift, influence, misfit)
+
+
+def _vague(n):
+    """Covariance of an all but flat prior: 300 1/m in every coefficient."""
+    return np.broadcast_to(np.eye(N_REST) * 300.0**2, (n, N_REST, N_REST))
+
+
+def _fit(
+    stations,
+    whisker,
+    curvature_at,
+    prior,
+    loaded,
+    friction,
+    shift=0.0,
+    influence=None,
+    misfit=None,
+):
+    n, m = len(stations), N_STATIONS
+    settled = SETTLED_SD if influence is None else FINE_SETTLED_SD
+    influence = np.empty((0, m + N_REST)) if influence is None else influence
+    misfit = np.empty((0, 2, m)) if misfit is None else misfit
+    s = np.arange(m) * whisker.length / (m - 1)
+    out = np.full((n, len(COLUMNS)), np.nan)
+    rest = np.full((n, N_REST), np.nan)
+    rest_cov = np.full((n, N_REST, N_REST), np.nan)
+    # the very tip of a full cone has no stiffness; nothing touches there
+    stiffness = np.maximum(whisker.flexural_rigidity(s), 1e-7 * whisker.base_flexural_rigidity)
+    shift, friction = (np.broadcast_to(np.asarray(a, float), n).copy() for a in (shift, friction))
+    rod = (whisker.length, whisker.cone_length, whisker.base_flexural_rigidity)
+    with np.errstate(invalid="ignore"):
+        side = np.where(loaded & np.isfinite(stations.pole_x), stations.side, 0)
+    side, basis = side.astype(np.float64), rest_basis(whisker, s)
+    radius = np.array([whisker.base_radius, whisker.base_radius / whisker.cone_length])
+    weights, drift = np.ascontiguousarray(prior.weights), np.ascontiguousarray(prior.drift)
+    for start in range(0, n, BLOCK_ROWS):
+        rows = slice(start, start + BLOCK_ROWS)
+        part = stations.rows(rows).loaded()
+        _fit_rows(
+            part.x, part.y, part.information, part.origin + shift[rows], s[1], rod,
+            stiffness, basis, side[rows], part.pole_x, part.pole_y, part.pole_radius,
+            part.nearest, radius, curvature_at, shift[rows], weights, prior.centre, prior.scale,
+            drift[rows], np.linalg.inv(prior.cov[rows]), friction[rows], settled,
+            out[rows], rest[rows], rest_cov[rows], influence[rows], misfit[rows],
+        )  # fmt: skip
+    table = {name: out[:, k] for k, name in enumerate(COLUMNS)}
+    return ShapeFit(table, rest, rest_cov)
+
+
+@njit(cache=True)
+def _fit_rows(
+    xs, ys, info, origin, h, rod, stiffness, basis, side, pole_x, pole_y, pole_radius, nearest,
+    radius, at, moved, weights, centre, scale, drift, precision, friction, settled, out, rest,
+    rest_cov, influence, misfit,
+):  # fmt: skip
+    m, terms = basis.shape
+    laid, nudged, sums = empty_rod(m), empty_rod(m), empty_sums(m, terms)
+    p = np.zeros(LOADED)
+    for row in range(len(xs)):
+        seen, arc = (xs[row], ys[row], info[row]), (origin[row], moved[row], h)
+        pole = pole_x[row], pole_y[row], pole_radius
+        prior = weights, drift[row], centre, scale, precision[row]
+        first, count = _span(info[row])
+        if count < FEWEST_STATIONS:
+            continue
+        loaded = side[row] != 0 and nearest[row] > (first + 2) * h
+        size = LOADED if loaded else FREE
+        load = (side[row], friction[row]) if loaded else (0.0, 0.0)
+        c = min(nearest[row], (m - 1) * h) if loaded else (first + count // 2) * h
+        known, chi2, place = _solve(
+            seen, first, arc, rod, load, pole, c, prior, stiffness, basis, settled, p, laid, sums
+        )
+        if not known:
+            continue
+        cov = sums.inverse[:size, :size] * max(chi2, 1.0)
+        rest[row] = p[2 : 2 + terms]
+        rest_cov[row] = cov[2 : 2 + terms, 2 : 2 + terms]
+        o = out[row]
+        o[7], o[8], o[9] = laid.follicle[2], laid.follicle[0], laid.follicle[1]
+        polynomials(2 * (at - moved[row]) / rod[0] - 1, sums.mean)
+        o[15] = (sums.mean * rest[row]).sum()
+        o[16], o[17] = chi2, count
+        if loaded:
+            report_loads(
+                o, seen, chi2, cov, arc, rod, load, pole, radius, at, place, p, laid, nudged,
+                sums, precision[row], influence[row : row + 1],
+            )  # fmt: skip
+        report_curvature(o, seen, chi2, arc, rod, load, at, place, p, laid, sums)
+        for each in misfit[row : row + 1]:
+            for k in range(m):
+                each[0, k] = misfit_of(seen, laid, k)
+                each[1, k] = 0.0
+                for a in range(size):
+                    for b in range(size):
+                        each[1, k] += laid.shift[a, k] * cov[a, b] * laid.shift[b, k]
+
+
+@njit(cache=True)
+def _solve(seen, first, arc, rod, load, pole, c, prior, stiffness, basis, settled, p, laid, sums):
+    """Gauss–Newton into `p`, `laid` and `sums`; returns whether it got there, χ², and the place.
+
+    `seen`: x, y and information of the stations, the `first` of which is the first measured;
+    `arc`: origin, what of it came after the rest shape was measured, and the stations' spacing;
+    `load`: side and friction; `pole`: x, y, radius; `prior`: weights, drift, centre, scale,
+    precision; `c`: grid place from which to lay at first; `settled`: step in SD that is the last.
+    """
+    weights, drift, centre, scale, precision = prior
+    h, loaded, terms = arc[2], load[0] != 0, len(sums.mean)
+    size = LOADED if loaded else FREE
+    x, y, angle = laid.x, laid.y, laid.angle
+    p[:] = 0.0
+    chi2, known = 1.0, False
+    _trace(seen[0], seen[1], seen[2], first, h, x, y, angle)
+    ref_x, ref_y, p[1] = point_at(x, y, angle, h, c)
+    laid.follicle[2] = angle[0]
+    for iteration in range(ITERATIONS):
+        _prior_mean(weights, drift, (laid.follicle[2] - centre) / scale, sums.mean)
+        again = iteration == 0
+        if iteration == 0:
+            p[2 : 2 + terms] = sums.mean
+            if loaded:
+                p[size - 1] = _first_force(
+                    x, y, angle, seen[2], basis, sums.mean, stiffness, h, c, load[0], load[1]
+                )
+        elif loaded:
+            nearest_now = nearest_to(x, y, laid.cos, laid.sin, h, c, pole[0], pole[1])
+            if abs(nearest_now - c) > ANCHOR_MOVES_M:
+                again, c = True, nearest_now
+                ref_x, ref_y, p[1] = point_at(x, y, angle, h, c)
+                p[0] = 0.0
+        place = Place(c, ref_x, ref_y)
+        if again:
+            lay(p, rod, load, arc, place, laid, True)
+        if iteration == 1:  # from here on, stations count less by what is usual of all
+            chi2 = weigh(seen, laid, chi2, False, sums.misfit, sums.weight)
+        chi2 = fill_equations(seen, laid, size, precision, p, sums, chi2, iteration > 0)
+        known = np.isfinite(chi2) and factorise(sums.normal, size, sums.lower)
+        if not known:
+            break
+        change = take_step(size, p, sums.lower, sums.rhs) / np.sqrt(max(chi2, 1.0))
+        lay(p, rod, load, arc, place, laid, True)
+        if iteration > 0 and change < settled:
+            break  # so short a step changes nothing that the equations tell
+    if known:
+        invert(sums.lower, size, sums.inverse)
+    return known, chi2, place
+
+
+@njit(cache=True)
+def _span(info):
+    """First measured station, and how many there are."""
+    first, count = -1, 0
+    for k in range(len(info)):
+        if info[k] > 0:
+            if first < 0:
+                first = k
+            count += 1
+    return first, count
+
+
+@njit(cache=True)
+def _trace(xs, ys, info, first, h, x, y, angle):
+    """Measured places at all stations: straight across gaps and beyond both ends."""
+    m = len(xs)
+    before, step_x, step_y = first, h, 0.0
+    x[first], y[first] = xs[first], ys[first]
+    for k in range(first + 1, m + 1):
+        if k < m and not info[k] > 0:
+            continue
+        if k < m:
+            step_x = (xs[k] - xs[before]) / (k - before)
+            step_y = (ys[k] - ys[before]) / (k - before)
+        else:
+            longer = h / np.sqrt(step_x * step_x + step_y * step_y)
+            step_x, step_y = longer * step_x, longer * step_y
+        for q in range(before + 1, min(k + 1, m)):
+            x[q], y[q] = x[before] + (q - before) * step_x, y[before] + (q - before) * step_y
+        before = k
+    reach = min(first + ANCHOR_SPAN, m - 1)
+    start = np.arctan2(y[reach] - y[first], x[reach] - x[first])
+    for k in range(first):
+        x[k] = x[first] - (first - k) * h * np.cos(start)
+        y[k] = y[first] - (first - k) * h * np.sin(start)
+    angle[0] = np.arctan2(y[1] - y[0], x[1] - x[0])
+    before_x, before_y = x[1] - x[0], y[1] - y[0]
+    for k in range(1, m):
+        q = min(k + 1, m - 1)
+        now_x, now_y = x[q] - x[k - 1], y[q] - y[k - 1]
+        across, along = before_x * now_y - before_y * now_x, before_x * now_x + before_y * now_y
+        angle[k] = angle[k - 1] + _turn(across, along)
+        before_x, before_y = now_x, now_y
+
+
+@njit(cache=True, inline="always")
+def _turn(across, along):
+    """Angle of a vector; a series, to 1e-11, where that is little."""
+    if abs(across) > 0.05 * along:
+        return np.arctan2(across, along)
+    t = across / along
+    square = t * t
+    return t * (1 - square * (1 / 3 - square * (1 / 5 - square * (1 / 7 - square * (1 / 9)))))
+
+
+@njit(cache=True)
+def _first_force(x, y, angle, info, basis, mean, stiffness, h, c, side, friction):
+    """Start force from the measured directions, which are linear in it and in one start angle."""
+    c_x, c_y, c_angle = point_at(x, y, angle, h, c)
+    fx, fy = unit_force(c_angle, side, friction)
+    rest, load, g, bend = 0.0, 0.0, 0.0, 0.0
+    n, sum_g, sum_gg, sum_d, sum_gd = 0, 0.0, 0.0, 0.0, 0.0
+    for k in range(len(angle)):
+        before = g
+        g = ((c_x - x[k]) * fy - (c_y - y[k]) * fx) / stiffness[k] if k * h < c else 0.0
+        bent, bend = bend, 0.0
+        for j in range(len(mean)):
+            bend += mean[j] * basis[k, j]
+        if k > 0:
+            load += 0.5 * h * (g + before)
+            rest += 0.5 * h * (bend + bent)
+        if info[k] > 0:
+            d = angle[k] - rest
+            n += 1
+            sum_g, sum_gg = sum_g + load, sum_gg + load * load
+            sum_d, sum_gd = sum_d + d, sum_gd + load * d
+    spread = sum_gg - sum_g**2 / n
+    return (sum_gd - sum_g * sum_d / n) / spread if spread > 0 else 0.0
+
+
+@njit(cache=True)
+def _prior_mean(weights, drift, u, mean):
+    for j in range(len(mean)):
+        value = 0.0
+        for k in range(len(weights) - 1, -1, -1):
+            value = value * u + weights[k, j]
+        mean[j] = value + drift[j]

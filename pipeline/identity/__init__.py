@@ -1,0 +1,1 @@
+"""Which line is which whisker, over a whole video."""

@@ -1,0 +1,105 @@
+"""How the lines of every whisker look in a video, learned from all of its frames.
+
+Whiskers whisk together: a whisker's place, angle and bend go with one number per frame, the
+phase of the whisk. What is left beside that is small, and differs from whisker to whisker.
+"""
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numba import njit
+
+from pipeline.identity.features import ANGLE, N_FEATURES
+from pipeline.numerics.angles import wrapped
+
+FARTHEST = np.array([3.0, 6.0, 3.0, 3.0, 3.0, 3.0])  # SDs in a feature count as no more
+MOST_SD = 1.5  # of the usual whisker's SD: what is wider is several whiskers
+UNSEEN = 0.5  # cost of a feature that a line does not show
+FEWEST = 12  # lines that tell how a feature goes with the phase
+LEAST_SLOPE = 0.5  # of a whisker's angle with the phase
+
+
+@dataclass(frozen=True)
+class FanModel:
+    """Per whisker and feature: value at phase 0, slope with the phase, standard deviation.
+
+    Attributes
+    ----------
+    middle, slope, sd : (whiskers, features)
+    least_sd : (features,)
+    """
+
+    middle: np.ndarray
+    slope: np.ndarray
+    sd: np.ndarray
+    least_sd: np.ndarray
+
+    def fitted(self, features, whisker, phase) -> "FanModel":
+        """The model of lines (rows, 6) of known whiskers (rows,) and phases (rows,)."""
+        out = replace(self, middle=self.middle.copy(), slope=self.slope.copy(), sd=self.sd.copy())
+        for k in range(len(self.middle)):
+            own = whisker == k
+            for j in range(N_FEATURES):
+                y, p = features[own, j], phase[own]
+                good = np.isfinite(y) & np.isfinite(p)
+                if good.sum() >= FEWEST:
+                    line = _robust_line(p[good], y[good], self.least_sd[j])
+                    out.middle[k, j], out.slope[k, j], out.sd[k, j] = line
+        known = np.isfinite(out.middle).any(axis=1)
+        most = MOST_SD * np.median(out.sd[known], axis=0) if known.any() else np.inf
+        return replace(out, sd=np.minimum(out.sd, most))
+
+    def costs(self, features, phase) -> np.ndarray:
+        """Minus log likelihood of lines (rows, 6) at phases (rows,) as every whisker."""
+        phase = np.asarray(phase, float)
+        return _costs(features, phase, self.middle, self.slope, self.sd, self.least_sd)
+
+    def phases_of(self, angle, whisker, starts) -> np.ndarray:
+        """Phase of every frame from its lines' angles (rows,) and names (rows,)."""
+        slope = np.maximum(self.slope[whisker, ANGLE], LEAST_SLOPE)
+        off = wrapped(angle - self.middle[whisker, ANGLE]) / slope
+        spans = pairwise(starts)
+        return np.array([np.median(off[a:b]) for a, b in spans])
+
+
+@njit(cache=True)
+def _costs(features, phase, middle, slope, sd, least_sd):
+    """Costs (rows, whiskers) as of `FanModel.costs`."""
+    out = np.zeros((len(features), len(middle)))
+    wide = np.log(sd / least_sd)
+    for row in range(len(features)):
+        for k in range(len(middle)):
+            for j in range(N_FEATURES):
+                if np.isnan(features[row, j]):
+                    out[row, k] += UNSEEN
+                elif np.isnan(middle[k, j]):
+                    out[row, k] += 0.5 * FARTHEST[j] ** 2
+                else:
+                    off = features[row, j] - middle[k, j] - slope[k, j] * phase[row]
+                    if j == ANGLE:
+                        off = wrapped(off)
+                    far = min(abs(off) / sd[k, j], FARTHEST[j])
+                    out[row, k] += 0.5 * far * far + wide[k, j]
+    return out
+
+
+@njit(cache=True)
+def _robust_line(x, y, least_sd):
+    """Value at 0, slope, SD of y over x: least squares, what lies far off left out."""
+    keep = np.ones(len(x), np.bool_)
+    middle, slope, sd = 0.0, 0.0, least_sd
+    for _ in range(6):
+        u, v = x[keep], y[keep]
+        spread = max(np.std(u), 1e-3)
+        n, su, suu = len(u), u.sum(), (u * u).sum() + 0.02 * (0.05 / spread) ** 2 * len(u)
+        sv, suv = v.sum(), (u * v).sum()
+        slope = (n * suv - su * sv) / (n * suu - su * su)
+        middle = (sv - slope * su) / n
+        off = y - middle - slope * x
+        sd = max(1.4826 * np.median(np.abs(off - np.median(off[keep]))), least_sd)
+        again = np.abs(off) < 2.5 * sd
+        if again.sum() < FEWEST // 2 or np.array_equal(again, keep):
+            break
+        keep = again
+    return middle, slope, sd

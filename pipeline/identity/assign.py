@@ -1,0 +1,233 @@
+"""The lines of a crowd in a whole video, named when all has been seen.
+
+The tracer follows lines without names (`crowd_tracer`). Here they wait in a file until the video
+has ended; in memory there are a few numbers per line. How every whisker looks is learned from all
+frames, and the names are those that looks and motions together make likeliest (`exchanges`).
+"""
+
+import tempfile
+from collections.abc import Iterable, Iterator
+from dataclasses import fields, replace
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from pipeline.identity import label_swaps, motion_model, seeds
+from pipeline.identity.features import ANGLE, LENGTH, NEAR_BEND, THICKNESS, Dial, line_features
+from pipeline.identity.motion_model import LASTING
+from pipeline.identity.ordered_assignment import Lines, looks_and_phases, named_in_order
+from pipeline.tables.centrelines import Centrelines
+from pipeline.tracking.matching import Ruler
+from pipeline.tracking.unlabelled_tracker import is_crowd
+
+LEAST_SD = np.array([0.01, np.radians(1.5), 0.05, 0.03, 0.007, 0.005])  # of a look
+ROUNDS = 2  # of naming all lines and learning the looks from them
+OTHERS = 3  # numbers of whiskers, at most, that are tried beside the likeliest
+NEARLY = 1.05  # of its cost: those that cost more are not
+# of a name that one of them does not lead to, or that the track's line had not just before or
+# after: what is left is less than an even chance
+DOUBT = 0.55
+PER_POINT = ("x_px", "y_px", "se_px", "offset_px", "information", "thickness_px")
+SELDOM = 0.1  # of the frames: what is seen in fewer is not named, where no names are given
+
+
+def assign_identities(
+    chunks: Iterable[Centrelines], roster, options, face_side, open_ended=False
+) -> Iterator[Centrelines]:
+    """Hand on the chunks of a video with a name for every line.
+
+    The lines of a crowd get the names that suit the whole video best (`name_lines`); whiskers
+    that stand apart keep those that the tracker gave them.
+
+    Parameters
+    ----------
+    chunks : as traced, in order; `whisker` numbers the tracks
+    roster : the `Slot`s that they are named after
+    options : the tracker's lengths (`TracingOptions`)
+    face_side : side of the picture with the face
+    open_ended : name all whiskers that the video shows, w1, w2, …; else as many as the roster
+        has, after its slots
+    """
+    if not is_crowd(roster, options):
+        return iter(chunks)
+    ruler = Ruler.of(face_side, options)
+    return name_lines(chunks, roster, ruler, options.pixels_per_m, open_ended)
+
+
+def name_lines(chunks, roster, ruler, pixels_per_m, open_ended=False) -> Iterator[Centrelines]:
+    """Hand on the chunks of a video with the names that suit the whole of it best.
+
+    Lines that are no named whisker's are left out. The confidence is that of the line times the
+    probability of its name.
+
+    Parameters
+    ----------
+    chunks, roster, open_ended : as for `assign_identities`
+    ruler : `Ruler` of the face
+    pixels_per_m : scale
+    """
+    dial = Dial.of([slot.base_xy for slot in roster], ruler, pixels_per_m)
+    with tempfile.TemporaryFile() as file:
+        found, count = [], 0
+        for chunk in chunks:
+            _store(chunk, file)
+            found.append((chunk.frame, chunk.whisker, line_features(chunk, dial)))
+            count += 1
+        if not found:
+            return
+        frame, track, features = (np.concatenate(each) for each in zip(*found, strict=True))
+        wanted = None if open_ended else len(roster)
+        whisker, sure = names(frame, track, features, wanted, _runs_along(roster, dial))
+        called = tuple(slot.name for slot in roster)
+        if open_ended:
+            called = tuple(f"w{k + 1}" for k in range(whisker.max(initial=-1) + 1))
+        file.seek(0)
+        first = 0
+        for _ in range(count):
+            chunk = _load(file)
+            own = slice(first, first + len(chunk))
+            first += len(chunk)
+            yield _named(chunk, called, whisker[own], sure[own])
+
+
+def names(frame, track, features, wanted=None, direction=1):
+    """Whisker of every line (rows,), −1 for none, and how sure it is (rows,), 0 to 1.
+
+    Whiskers are numbered along the face.
+
+    Parameters
+    ----------
+    frame, track : (rows,)
+    features : (rows, 6) of `line_features`
+    wanted : how many whiskers to name, those most and best seen; None: all that are not seldom
+        seen
+    direction : 1: in ascending order of their directions; −1: descending
+    """
+    named, sure = np.full(len(frame), -1), np.ones(len(frame))
+    usable = np.flatnonzero(np.isfinite(features[:, ANGLE]))
+    if not len(usable):
+        return named, sure
+    order = usable[np.lexsort((track[usable], frame[usable]))]
+    rows = features[order], frame[order].astype(int), track[order].astype(int)
+    whisker, sure[order] = _all_names(*rows)
+    named[order] = _in_order(whisker, *rows[:2], wanted, direction)
+    return named, sure
+
+
+def _all_names(features, frame, track):
+    """Names, as whiskers were found, and their probability."""
+    if frame[0] == frame[-1]:  # in a single frame every line is a whisker by itself
+        return np.arange(len(frame)), np.ones(len(frame))
+    lines = Lines(features, frame, track)
+    first, *others = named_in_order(lines, LEAST_SD)
+    named, evidence = _likeliest(lines, first)
+    sure = label_swaps.certainty(evidence, named)
+    for naming in [each for each in others[:OTHERS] if each.cost < NEARLY * first.cost]:
+        other, _ = _likeliest(lines, naming)
+        sure = sure * np.where(_renamed(other, named) == named, 1.0, 1 - DOUBT)
+    return named, sure * np.where(_beside_new_name(lines, named), 1 - DOUBT, 1.0)
+
+
+def _beside_new_name(lines, named):
+    """Rows (rows,) up to LASTING frames before and after another name on their own track, bool.
+
+    Either the track went on with another line there, or one of the names is wrong.
+    """
+    order = np.lexsort((lines.frame, lines.track))
+    place = (lines.track * (lines.frame[-1] + 2 * LASTING) + lines.frame)[order]  # tracks apart
+    known = order[named[order] >= 0]
+    last, next_ = known[:-1], known[1:]
+    new = (lines.track[last] == lines.track[next_]) & (named[last] != named[next_])
+    rank = np.argsort(order)
+    begin = np.searchsorted(place, place[rank[last[new]]] - LASTING)
+    end = np.searchsorted(place, place[rank[next_[new]]] + LASTING, side="right")
+    inside = np.zeros(len(order) + 1, np.int64)
+    np.add.at(inside, begin, 1)
+    np.add.at(inside, end, -1)
+    return np.cumsum(inside)[rank] > 0
+
+
+def _likeliest(lines, naming):
+    """Names that looks and motions make likeliest, from first ones on, and the evidence."""
+    rows = lines.features, lines.frame, lines.track
+    model, named = naming.model, naming.names
+    for number in range(ROUNDS):
+        if number:
+            model, named = seeds.with_more(model, named, *rows)
+        model, phase = looks_and_phases(lines, model, named)
+        evidence = motion_model.evidence_of(model, *rows, phase)
+        named = label_swaps.improved(evidence, named, lines.track)
+    return named, evidence
+
+
+def _renamed(names, like):
+    """Names (rows,) with those numbers that agree most with the names `like`."""
+    both = (names >= 0) & (like >= 0)
+    count = np.zeros((names.max(initial=0) + 1, like.max(initial=0) + 1))
+    np.add.at(count, (names[both], like[both]), 1)
+    number = np.full(len(count) + 1, -2)
+    one, other = linear_sum_assignment(-count)
+    number[one] = other
+    number[-1] = -1
+    return number[names]
+
+
+def _in_order(whisker, features, frame, wanted, direction):
+    """The same names numbered along the face, −1 for those of whiskers that are left out."""
+    count = np.bincount(whisker[whisker >= 0], minlength=1)
+    if wanted is None:
+        chosen = np.flatnonzero(count >= max(SELDOM * len(np.unique(frame)), 1))
+    else:
+        strength = np.exp(_medians(features[:, LENGTH] + features[:, THICKNESS], whisker, count))
+        chosen = np.argsort(-count * np.sqrt(np.nan_to_num(strength)))[:wanted]
+        chosen = chosen[count[chosen] > 0]
+    near = _medians(features[:, ANGLE] + features[:, NEAR_BEND], whisker, count)
+    number = np.full(len(count) + 1, -1)
+    number[chosen[np.argsort(direction * near[chosen])]] = np.arange(len(chosen))
+    return number[whisker]
+
+
+def _medians(values, whisker, count):
+    """Median of every whisker's rows, NaN of none."""
+    return np.array([
+        np.nanmedian(values[whisker == k]) if n else np.nan for k, n in enumerate(count)
+    ])  # fmt: skip
+
+
+def _runs_along(roster, dial) -> int:
+    """1 where the roster runs along the face as directions do, −1 where against."""
+    places = [np.dot(np.subtract(slot.base_xy, dial.centre), dial.along) for slot in roster]
+    return -1 if len(places) > 1 and np.polyfit(np.arange(len(places)), places, 1)[0] < 0 else 1
+
+
+def _named(chunk: Centrelines, called, whisker, sure) -> Centrelines:
+    """The chunk's lines that are somebody's, with their names."""
+    kept = whisker >= 0
+    counts = np.diff(chunk.offsets)
+    points = np.repeat(kept, counts)
+    return replace(
+        chunk,
+        names=called,
+        frame=chunk.frame[kept],
+        whisker=whisker[kept].astype(np.int32),
+        offsets=np.append(0, np.cumsum(counts[kept])).astype(np.int64),
+        confidence=(chunk.confidence * sure)[kept].astype(np.float32),
+        **{
+            name: None if getattr(chunk, name) is None else getattr(chunk, name)[points]
+            for name in PER_POINT
+        },
+    )
+
+
+def _store(chunk: Centrelines, file) -> None:
+    for each in fields(Centrelines):
+        np.save(file, np.asarray(getattr(chunk, each.name)), allow_pickle=True)
+
+
+def _load(file) -> Centrelines:
+    values = {}
+    for each in fields(Centrelines):
+        value = np.load(file, allow_pickle=True)
+        values[each.name] = None if value.dtype == object else value
+    values["names"] = tuple(str(name) for name in values["names"])
+    return Centrelines(**values)

@@ -1,0 +1,310 @@
+"""Names of a video's lines, improved by exchanging two whiskers' names in some frames.
+
+A video has far too many ways to name its lines to look at all of them. But with all names held
+apart from those of two whiskers there are two ways in every frame, exchanged or not, and the best
+of the 2^frames is found at once (Viterbi), as is the probability of either in every frame (forward
+and backward sums). Pair after pair is taken until no exchange makes anything likelier.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from pipeline.identity.features import N_FEATURES
+
+TAIL = 4.0  # degrees of freedom of a motion's distribution: jumps happen
+SEEN_AGAIN = 6.0  # cost of a whisker that is seen again after a gap
+TAKEN = 15.0  # cost of a line that was another's, for a whisker that had none or a brief one
+LEAST_GAIN = 1e-6
+TRUST = 0.2  # of the costs, in probabilities: errors of neighbouring frames are alike
+MOST_ROUNDS = 12
+CLAIM_ROUNDS = 6  # of them, in which whiskers may claim lines that are nobody's
+MOST_CLAIMING = 4  # whiskers, for one line
+
+
+class Evidence(NamedTuple):
+    """What the names are told from; compiled functions take it whole.
+
+    Attributes
+    ----------
+    features : float64 (rows, 6)
+    drift : (rows, 6) what a row's features are expected to change by to the next frame, beside
+        the turn of all
+    look : (rows, whiskers) cost of every name by the row's own look
+    nobody : (rows,) cost of none of these names
+    frame : int64 (rows,), from 0, ascending
+    phase : (frames,) turn of all whiskers
+    slope : (whiskers, 6) change of the features with the phase
+    sd, fast : (6,) of the motion from a frame to the next, and what is added to it per turn
+    most_sd : (whiskers, 6) of the motion over a gap, at most
+    source : (rows,) row of the same track in the frame before, −1 for none
+    price : (rows,) cost of a name that is not that row's; up to TAKEN, none where lines that
+        are both seen change places
+    lasting : (rows,) whether the line is part of a long steady motion
+    """
+
+    features: np.ndarray
+    drift: np.ndarray
+    look: np.ndarray
+    nobody: np.ndarray
+    frame: np.ndarray
+    phase: np.ndarray
+    slope: np.ndarray
+    sd: np.ndarray
+    fast: np.ndarray
+    most_sd: np.ndarray
+    source: np.ndarray
+    price: np.ndarray
+    lasting: np.ndarray
+
+
+def improved(evidence: Evidence, names, track) -> np.ndarray:
+    """Names (rows,) after all exchanges that make them likelier, −1 for nobody.
+
+    track : (rows,) the tracer's tracks, in which lines of nobody are taken together
+    """
+    rows_of = _table(evidence, names)
+    changed = np.ones(len(rows_of), bool)
+    for number in range(MOST_ROUNDS):
+        before, changed = changed, np.zeros(len(rows_of), bool)
+        for a in range(len(rows_of)):
+            for b in range(a):
+                if before[[a, b]].any() or changed[[a, b]].any():
+                    changed[[a, b]] |= _exchange(evidence, rows_of, a, b)
+        if number < CLAIM_ROUNDS:
+            for rows in runs(_names(rows_of, len(names)), track, evidence.frame):
+                _claims(evidence, rows_of, rows, changed)
+        if not changed.any():
+            break
+    return _names(rows_of, len(names))
+
+
+def certainty(evidence: Evidence, names, trust=TRUST) -> np.ndarray:
+    """Probability of every row's name (rows,), 1 for nobody.
+
+    trust : part of the costs that counts
+    """
+    rows_of = _table(evidence, names)
+    sure = np.ones(len(names))
+    for a in range(len(rows_of)):
+        for b in range(a):
+            right = 1 - _exchanged(trust * _pair_steps(evidence, rows_of, a, b))
+            for rows in (rows_of[a], rows_of[b]):
+                seen = rows >= 0
+                sure[rows[seen]] *= right[seen]
+    return sure
+
+
+def runs(names, track, frame):
+    """Rows of nobody's lines: a list of arrays, one per unbroken run of a track."""
+    rows = np.flatnonzero(names < 0)
+    rows = rows[np.lexsort((frame[rows], track[rows]))]
+    cut = (np.diff(track[rows]) != 0) | (np.diff(frame[rows]) != 1)
+    return [run for run in np.split(rows, np.flatnonzero(cut) + 1) if len(run)]
+
+
+def _table(evidence, names):
+    """Rows of every whisker in every frame, (whiskers, frames), −1 where not seen."""
+    out = np.full((evidence.look.shape[1], len(evidence.phase)), -1)
+    known = names >= 0
+    out[names[known], evidence.frame[known]] = np.flatnonzero(known)
+    return out
+
+
+def _names(rows_of, count):
+    names = np.full(count, -1)
+    for name, rows in enumerate(rows_of):
+        names[rows[rows >= 0]] = name
+    return names
+
+
+def _pair_steps(evidence, rows_of, a, b):
+    one, other = rows_of[a], rows_of[b]
+    return _steps(evidence, a, b, one, other, _last_seen(one), _last_seen(other))
+
+
+def _exchange(evidence, rows_of, a, b) -> bool:
+    """Exchange two whiskers' rows, in place, where that is likelier; whether it was."""
+    states, gain = _best_states(_pair_steps(evidence, rows_of, a, b))
+    if gain < LEAST_GAIN:
+        return False
+    at = states > 0
+    rows_of[a, at], rows_of[b, at] = rows_of[b, at], rows_of[a, at]
+    return True
+
+
+def _claims(evidence, rows_of, rows, changed):
+    """Give nobody's rows to the first whisker that takes some, the likeliest looking first."""
+    look = evidence.look[rows].mean(axis=0)
+    for a in np.argsort(look)[:MOST_CLAIMING]:
+        if look[a] < evidence.nobody[rows].mean() and _claim(evidence, rows_of[a], a, rows):
+            changed[a] = True
+            return
+
+
+def _claim(evidence, seen, a, rows) -> bool:
+    """Give rows of nobody's line to whisker a, in place, where that is likelier.
+
+    seen : (frames,) the whisker's rows
+    """
+    first, last = evidence.frame[rows[0]], evidence.frame[rows[-1]] + 1
+    later = seen[last:] >= 0
+    again = bool(later.any())
+    end = last + 1 + int(later.argmax()) if again else len(seen)
+    own = seen[first:end]
+    other = np.full(len(own), -1)
+    other[: len(rows)] = rows
+    earlier = seen[:first][::-1]
+    known = earlier >= 0
+    before = earlier[known.argmax()] if known.any() else -1
+    states, gain = _claimed(evidence, a, own, other, before, again)
+    if gain < LEAST_GAIN:
+        return False
+    at = states > 0
+    own[at] = other[at]
+    return True
+
+
+@njit(cache=True)
+def link(evidence, a, i, j):
+    """Cost of whisker `a` to go on from row i to row j (−1: not seen)."""
+    if j < 0:
+        return 0.0
+    e = evidence
+    gap = abs(e.frame[j] - e.frame[i])
+    renamed = e.price[j] if e.source[j] >= 0 and e.source[j] != i else 0.0
+    if i >= 0 and renamed <= TAKEN and gap == 1 and (e.lasting[i] or not e.lasting[j]):
+        renamed = 0.0  # lines that lie on each other may have changed places
+    if i < 0:
+        return SEEN_AGAIN + renamed
+    turn = e.phase[e.frame[j]] - e.phase[e.frame[i]]
+    square, count, wider = 0.0, 0, 1.0
+    for f in range(N_FEATURES):
+        step = e.features[j, f] - e.features[i, f] - e.slope[a, f] * turn
+        if np.isnan(step):
+            continue
+        if gap == 1:
+            step -= e.drift[i, f]
+        s = np.sqrt((e.sd[f] * gap) ** 2 + (e.fast[f] * turn) ** 2)
+        s = min(s, max(e.most_sd[a, f], e.sd[f]))
+        wider *= s / e.sd[f]
+        square += (step / s) ** 2
+        count += 1
+    cost = 0.5 * (TAIL + count) * np.log(1.0 + square / TAIL) + np.log(wider)
+    return cost + (SEEN_AGAIN if gap > 1 else 0.0) + renamed
+
+
+@njit(cache=True)
+def _last_seen(rows):
+    """Row of a whisker's last line before every frame, −1 for none; `rows` (frames,)."""
+    out = np.full(len(rows), -1)
+    last = -1
+    for t in range(len(rows)):
+        out[t] = last
+        if rows[t] >= 0:
+            last = rows[t]
+    return out
+
+
+@njit(cache=True)
+def _steps(evidence, a, b, one, other, before_one, before_other):
+    """Cost (frames, 2, 2) of every step from (not) exchanged to (not) exchanged.
+
+    one, other : (frames,) rows of whiskers a and b, −1 where not seen; b < 0: rows of nobody
+    before_one, before_other : the rows where they were seen last
+    """
+    out = np.zeros((len(one), 2, 2))
+    for t in range(len(one)):
+        if one[t] < 0 and other[t] < 0:
+            continue
+        for now in range(2):
+            mine, theirs = (one[t], other[t]) if now == 0 else (other[t], one[t])
+            seen = 0.0
+            if mine >= 0:
+                seen += evidence.look[mine, a]
+            if theirs >= 0:
+                seen += evidence.look[theirs, b] if b >= 0 else evidence.nobody[theirs]
+            for before in range(2):
+                own, strange = before_one[t], before_other[t]
+                if before == 1:
+                    own, strange = strange, own
+                cost = link(evidence, a, own, mine)
+                if b >= 0:
+                    cost += link(evidence, b, strange, theirs)
+                out[t, before, now] = seen + cost
+    return out
+
+
+@njit(cache=True)
+def _claimed(evidence, a, own, other, before, again):
+    """States and gain as of `_best_states`, for a whisker beside a line of nobody.
+
+    Neither is exchanged before, nor where the whisker is seen `again` in the last frame.
+    """
+    before_own = _last_seen(own)
+    for t in range(len(own)):
+        if before_own[t] < 0:
+            before_own[t] = before
+    before_other = _last_seen(other)
+    steps = _steps(evidence, a, -1, own, other, before_own, before_other)
+    # what is exchanged from the first frame on goes on from where the whisker itself was
+    if other[0] >= 0:
+        first = evidence.look[other[0], a] + link(evidence, a, before, other[0])
+        steps[0, 0, 1] = first + (evidence.nobody[own[0]] if own[0] >= 0 else 0.0)
+    if again:
+        steps[-1, :, 1] = np.inf
+    return _best_states(steps)
+
+
+@njit(cache=True)
+def _best_states(steps):
+    """Exchanged or not in every frame (Viterbi), and the gain over nothing exchanged."""
+    n = len(steps)
+    came = np.zeros((n, 2), np.int64)
+    cost = steps[0, 0].copy()
+    plain = steps[0, 0, 0]
+    for t in range(1, n):
+        new = np.empty(2)
+        for now in range(2):
+            keep = cost[now] + steps[t, now, now]
+            change = cost[1 - now] + steps[t, 1 - now, now]
+            came[t, now] = now if keep <= change else 1 - now
+            new[now] = min(keep, change)
+        cost = new
+        plain += steps[t, 0, 0]
+    states = np.zeros(n, np.int64)
+    states[-1] = 0 if cost[0] <= cost[1] else 1
+    for t in range(n - 1, 0, -1):
+        states[t - 1] = came[t, states[t]]
+    return states, plain - min(cost[0], cost[1])
+
+
+@njit(cache=True)
+def _add(a, b):
+    """Minus log of the sum of two probabilities, from their minus logs."""
+    low = min(a, b)
+    return low - np.log1p(np.exp(-abs(a - b)))
+
+
+@njit(cache=True)
+def _exchanged(steps):
+    """Probability in every frame that both are exchanged."""
+    n = len(steps)
+    forward, backward = np.empty((n, 2)), np.zeros((n, 2))
+    forward[0] = steps[0, 0]
+    for t in range(1, n):
+        for now in range(2):
+            forward[t, now] = _add(
+                forward[t - 1, 0] + steps[t, 0, now], forward[t - 1, 1] + steps[t, 1, now]
+            )
+    for t in range(n - 1, 0, -1):
+        for before in range(2):
+            backward[t - 1, before] = _add(
+                backward[t, 0] + steps[t, before, 0], backward[t, 1] + steps[t, before, 1]
+            )
+    out = np.empty(n)
+    for t in range(n):
+        odds = forward[t, 1] + backward[t, 1] - forward[t, 0] - backward[t, 0]
+        out[t] = 1.0 / (1.0 + np.exp(min(max(odds, -700.0), 700.0)))
+    return out

@@ -1,0 +1,197 @@
+"""How lines move from frame to frame: what all whiskers turn by, and what is left beside it."""
+
+import numpy as np
+from numba import njit
+from scipy.ndimage import median_filter
+
+from pipeline.identity.appearance import LEAST_SLOPE, FanModel
+from pipeline.identity.features import ANGLE, BEND, N_FEATURES
+from pipeline.identity.label_swaps import TAKEN, Evidence, link
+
+WEIGHT = 0.3  # of one frame's look: errors of neighbouring frames are alike
+QUIET_WEIGHT = 0.05  # of that, while the whiskers rest: all frames show the same
+FULL_TURN = np.radians(2.0)  # from frame to frame, from which a look counts in full
+STRANGER = 20.0  # cost of a look that is no whisker's
+LEAST_MOTION = np.array([0.002, np.radians(0.15), 0.01, 0.005, 0.001, 0.001])
+FEWEST = 50  # motions that tell how motions are
+FEWEST_TURNING = 3  # lines that tell what all turn by
+FARTHEST = 4.0  # standard deviations: what is farther off is a jump
+APART = np.radians(4.0)  # a line with no other one nearer is seen to go on
+STEADY = np.radians(2.0)  # beside the turn of all: a line that moves more may be another one
+LASTING = 15  # frames; a line that moves steadily for so long is one whisker's
+RENAMED = 40.0  # cost of a new name for a line that is seen to go on
+SLOW, QUICK = 0.5, 0.8  # quantiles of the turn, below and above which motions are compared
+
+
+def evidence_of(model: FanModel, features, frame, track, phase) -> Evidence:
+    """What the names of a video's lines are told from.
+
+    Parameters
+    ----------
+    model : the whiskers' looks
+    features, frame, track : (rows, 6), (rows,), (rows,), ordered by frame; tracks as traced
+    phase : (frames,) at which the lines are looked at
+    """
+    look = model.costs(features, phase[frame])
+    before = row_before(frame, track)
+    slope = np.nan_to_num(model.slope)
+    likely = look.argmin(axis=1)
+    turn = common_turns(features, frame, before, np.maximum(slope[likely, ANGLE], LEAST_SLOPE))
+    step = _steps(features, before) - slope[likely] * turn[frame, None]
+    drift, sd, fast = _spread(step, before, np.abs(turn[frame]))
+    most = np.sqrt(2) * np.where(
+        np.isfinite(model.sd), model.sd, np.nanmedian(model.sd, axis=0, keepdims=True)
+    )
+    weight = WEIGHT * np.clip(np.abs(turn) / FULL_TURN, QUIET_WEIGHT, 1.0)[frame]
+    steady = _goes_on(frame, before, step[:, ANGLE], turn)
+    alone = _alone(features, frame, before)
+    evidence = Evidence(
+        features=features,
+        drift=drift,
+        look=weight[:, None] * look,
+        nobody=weight * STRANGER,
+        frame=frame.astype(np.int64),
+        phase=np.cumsum(turn),
+        slope=slope,
+        sd=sd,
+        fast=fast,
+        most_sd=np.nan_to_num(most, nan=1.0),
+        source=before,
+        price=np.where(steady, np.where(alone, RENAMED, TAKEN), 0.0),
+        lasting=_lasting(before, steady),
+    )
+    return evidence._replace(nobody=evidence.nobody + _own_motion(evidence, likely))
+
+
+def _goes_on(frame, before, step, turn):
+    """Rows whose line moves on as all do from that of its track in the frame before, bool.
+
+    step : (rows,) change of the angle since then, less the turn of all
+    turn : (frames,) which is even itself, or the whole row may have moved on by one
+    """
+    return (before >= 0) & (np.abs(step) < STEADY) & _is_even(turn)[frame]
+
+
+def _is_even(turn):
+    """Frames in which the turn of all is about that of those beside, bool (frames,)."""
+    return np.abs(turn - median_filter(turn, 3, mode="nearest")) < STEADY
+
+
+def _alone(features, frame, before):
+    """Rows whose line has no other one near, neither now nor in the frame before, bool."""
+    gap = _gaps(features, frame)
+    return (before >= 0) & (np.minimum(gap, gap[before]) > APART)
+
+
+def _lasting(before, steady):
+    """Rows that are part of at least LASTING rows of one track, each steady beside the last."""
+    run = np.arange(len(before))
+    for j in np.flatnonzero(steady):  # by frame: the row before is known
+        run[j] = run[before[j]]
+    return np.bincount(run, minlength=len(run))[run] >= LASTING
+
+
+def phases(model: FanModel, features, frame, names) -> np.ndarray:
+    """Phase of every frame (frames,) by its named lines; between those where there are none."""
+    known = np.flatnonzero(names >= 0)
+    present, starts = np.unique(frame[known], return_index=True)
+    starts = np.append(starts, len(known))
+    found = model.phases_of(features[known, ANGLE], names[known], starts)
+    return np.interp(np.arange(frame[-1] + 1), present, found)
+
+
+def row_before(frame, track) -> np.ndarray:
+    """Row of the same track in the frame before, (rows,), −1 for none."""
+    order = np.lexsort((frame, track))
+    on = (np.diff(track[order]) == 0) & (np.diff(frame[order]) == 1)
+    out = np.full(len(frame), -1)
+    out[order[1:][on]] = order[:-1][on]
+    return out
+
+
+def common_turns(features, frame, before, slope=1.0) -> np.ndarray:
+    """What all whiskers turn by from the frame before to every frame, (frames,) [rad]."""
+    turn = _steps(features, before)[:, ANGLE] / slope
+    known = np.flatnonzero(np.isfinite(turn))
+    out = np.zeros(frame[-1] + 1)
+    present, starts = np.unique(frame[known], return_index=True)
+    pieces = np.split(turn[known], starts)[1:]  # none where no line was seen before
+    for t, each in zip(present, pieces, strict=True):
+        out[t] = np.median(each)
+    return out
+
+
+def sure_turns(features, frame, before, slope=1.0) -> np.ndarray:
+    """The same, NaN where few lines tell it or tracks seem to have gone on with other lines."""
+    turn = common_turns(features, frame, before, slope)
+    seen = np.isfinite(_steps(features, before)[:, ANGLE] / slope)
+    many = np.bincount(frame[seen], minlength=len(turn)) >= FEWEST_TURNING
+    return np.where(many & _is_even(turn), turn, np.nan)
+
+
+def _steps(features, before):
+    """Change (rows, 6) of every row's features since the frame before, NaN where not seen."""
+    out = np.full(features.shape, np.nan)
+    on = before >= 0
+    out[on] = features[on] - features[before[on]]
+    return out
+
+
+def _spread(step, before, turn):
+    """How steps (rows, 6), less the common turn, go on and scatter.
+
+    Returns
+    -------
+    drift : (rows, 6) expected of the next step
+    sd, fast : (6,) scatter of what is left, and its part that goes with the `turn` (rows,)
+    """
+    drift = np.zeros(step.shape)
+    sd, fast = LEAST_MOTION.copy(), np.zeros(N_FEATURES)
+    last = np.where((before >= 0)[:, None], step[before], np.nan)
+    for j in range(N_FEATURES):
+        x, y = last[:, j], step[:, j]
+        seen = np.isfinite(x) & np.isfinite(y)
+        if seen.sum() < FEWEST:
+            continue
+        limit = FARTHEST * max(_robust_sd(y[seen]), LEAST_MOTION[j])
+        seen &= (np.abs(x) < limit) & (np.abs(y) < limit)
+        again = float(np.clip(x[seen] @ y[seen] / max(x[seen] @ x[seen], 1e-12), 0.0, 1.0))
+        drift[:, j] = again * np.clip(np.nan_to_num(step[:, j]), -limit, limit)
+        rest = y - again * x
+        slow, quick = np.quantile(turn[seen], [SLOW, QUICK])
+        sd[j] = max(_robust_sd(rest[seen & (turn <= slow)]), LEAST_MOTION[j])
+        fast_part = seen & (turn >= quick)
+        more = _robust_sd(rest[fast_part]) ** 2 - sd[j] ** 2
+        fast[j] = np.sqrt(max(more, 0.0) / max(np.mean(turn[fast_part] ** 2), 1e-12))
+    return drift, sd, fast
+
+
+def _robust_sd(values):
+    return 1.4826 * float(np.median(np.abs(values)))
+
+
+@njit(cache=True)
+def _own_motion(evidence, likely):
+    """Cost (rows,) of every line to go on as its track."""
+    out = np.empty(len(likely))
+    for j in range(len(likely)):
+        out[j] = link(evidence, likely[j], evidence.source[j], j)
+    return out
+
+
+@njit(cache=True)
+def _gaps(features, frame):
+    """Angle (rows,) from every line to the nearest other one of its frame, near or far out."""
+    out = np.full(len(frame), np.inf)
+    first = 0
+    for i in range(len(frame)):
+        if frame[i] != frame[first]:
+            first = i
+        for j in range(first, i):
+            near = abs(features[i, ANGLE] - features[j, ANGLE])
+            far = abs(
+                features[i, ANGLE] + features[i, BEND] - features[j, ANGLE] - features[j, BEND]
+            )
+            gap = near if np.isnan(far) else min(near, far)
+            out[i], out[j] = min(out[i], gap), min(out[j], gap)
+    return out

@@ -1,0 +1,266 @@
+"""Looks of a crowd's whiskers, learned from lines that keep their order along the face.
+
+Frame by frame, lines in their order along the face are given to whiskers in theirs, at a phase of
+the whisk; some lines are nobody's, some whiskers are not seen (alignment of two sequences,
+Needleman & Wunsch, J. Mol. Biol. 48:443, 1970). A row that has moved on by one whisker looks much
+the same at another phase: the phases are those that suit the whole video best, as they change by
+what the lines are seen to turn (Viterbi). Names and looks are found in turn; at first, the k-th
+line along the face is the k-th whisker's.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from scipy.ndimage import uniform_filter1d
+
+from pipeline.identity import motion_model, seeds
+from pipeline.identity.appearance import LEAST_SLOPE, FanModel
+from pipeline.identity.features import ANGLE
+
+SELDOM = 0.02  # of the frames: numbers of lines that fewer have are not tried
+STEADY = 301  # frames, over which whiskers are taken to whisk about one angle, at first
+UNSEEN = 4.0  # cost of a whisker that has no line in a frame
+NOBODY = 16.0  # cost of a line that is nobody's
+ALONG_TRACK = 7  # frames before and after, over which the cost of a track's lines is averaged
+SHIFTS = (  # tried beside the last phase: in the first round, in the next two, later
+    np.radians(np.arange(-60.0, 61.0, 6.0)),
+    *2 * (np.radians(np.arange(-24.0, 25.0, 3.0)),),
+    np.radians(np.arange(-12.0, 13.0, 2.0)),
+)
+SHIFT_SD = np.radians(16.0)
+MOST_ROUNDS = 10
+QUIET = 0.02  # weight of a frame in which the whiskers rest: all such frames show the same
+SURE_TURN = np.radians(1.0)  # from frame to frame, to which the row's turn is known
+OFF_TURN = 6.0 / np.radians(1.0)  # cost of a phase that changes by more or less
+UNSURE = 0.3 / np.radians(1.0)  # the same, where the turn is not known
+JUMP = 500.0  # cost of any change, at most
+SETTLED = 0.002  # of the lines change their names in a round: the last one
+
+
+@dataclass(frozen=True)
+class Lines:
+    """A video's lines, ordered by frame and track.
+
+    Attributes
+    ----------
+    features : float64 (rows, 6) as of `line_features`
+    frame, track : int64 (rows,)
+    """
+
+    features: np.ndarray
+    frame: np.ndarray
+    track: np.ndarray
+
+    @property
+    def starts(self):
+        """First row of every frame, and the number of rows."""
+        return np.searchsorted(self.frame, np.arange(self.frame[-1] + 2))
+
+    @property
+    def pieces(self):
+        """Rows ordered by track and frame (rows,), and where unbroken pieces begin and end."""
+        order = np.lexsort((self.frame, self.track))
+        broken = (np.diff(self.track[order]) != 0) | (np.diff(self.frame[order]) != 1)
+        ends = np.flatnonzero(broken) + 1
+        return order, np.append(0, ends), np.append(ends, len(order))
+
+
+@dataclass(frozen=True)
+class Naming:
+    """Names (rows,), −1 for nobody, the looks that they are told by, and the cost of all."""
+
+    names: np.ndarray
+    model: FanModel
+    cost: float
+
+
+def named_in_order(lines: Lines, least_sd) -> list[Naming]:
+    """Names of all lines, for several numbers of whiskers, the cheapest first.
+
+    The number of lines that most frames have is tried first, then more and fewer, as long as the
+    cost falls.
+
+    least_sd : (6,) of a look
+    """
+    before = motion_model.row_before(lines.frame, lines.track)
+    phase = np.cumsum(motion_model.common_turns(lines.features, lines.frame, before))
+    phase -= uniform_filter1d(phase, STEADY)
+    frames = np.bincount(np.diff(lines.starts))
+    frames[0] = 0
+    often = np.flatnonzero(frames >= max(SELDOM * frames.sum(), 1))
+    middle = int(np.argmax(frames[often]))
+    found = {}
+
+    def cost(k):
+        if k not in found:
+            looks = _first_looks(lines, often[k], phase, least_sd)
+            found[k] = _settled(lines, looks, phase)
+        return found[k].cost
+
+    for step in (-1, 1):
+        k = middle
+        while 0 <= k + step < len(often) and cost(k + step) < cost(k):
+            k += step
+    cost(middle)
+    return sorted(found.values(), key=lambda each: each.cost)
+
+
+def _first_looks(lines, count, phase, least_sd) -> FanModel:
+    """Looks of the first, second, … line along the face in all frames with `count` lines."""
+    own = np.repeat(np.diff(lines.starts), np.diff(lines.starts)) == count
+    features, frame = lines.features[own], lines.frame[own]
+    along = np.lexsort((features[:, ANGLE], frame))
+    place = np.empty(len(frame), np.int64)
+    place[along] = np.arange(len(frame)) % count
+    return seeds.first_looks(features, place, phase[frame], count, least_sd)
+
+
+def looks_and_phases(lines: Lines, model: FanModel, names) -> tuple[FanModel, np.ndarray]:
+    """Looks of all whiskers and phases (frames,) as of the names (rows,)."""
+    known = names >= 0
+    phase = motion_model.phases(model, lines.features, lines.frame, names)
+    return (
+        model.fitted(lines.features[known], names[known], phase[lines.frame[known]]),
+        phase,
+    )
+
+
+def _settled(lines, model, phase) -> Naming:
+    """Names and looks, found in turn until names hardly change."""
+    before = np.full(len(lines.frame), -1)
+    came = motion_model.row_before(lines.frame, lines.track)
+    slope = 1.0
+    for number in range(MOST_ROUNDS):
+        turn = motion_model.sure_turns(lines.features, lines.frame, came, slope)
+        shifts = SHIFTS[min(number, len(SHIFTS) - 1)]
+        names, cost = _in_order(lines, model, phase, turn, shifts)
+        settled = number >= len(SHIFTS) and (names != before).mean() < SETTLED
+        if settled or number == MOST_ROUNDS - 1 or not (names >= 0).any():
+            break
+        before = names
+        model, phase = looks_and_phases(lines, model, names)
+        known = np.maximum(model.slope[names, ANGLE], LEAST_SLOPE)
+        slope = np.where(names >= 0, known, np.nan)
+    return Naming(names, model, cost)
+
+
+def _in_order(lines, model, phase, turn, shifts):
+    """Names (rows,) and the cost of all, at the phases near `phase` that suit the video best.
+
+    phase, turn : (frames,) phases, and what they should change by from the frame before [rad],
+        NaN where that is not known
+    shifts : (k,) of the phases, that are tried [rad]
+    """
+    starts, pieces = lines.starts, lines.pieces
+    cost = np.zeros((len(phase), len(shifts)))
+    for k, shift in enumerate(shifts):
+        cost[:, k] = _at_phases(lines, model, phase + shift, starts, pieces)[1]
+        cost[:, k] += 0.5 * (shift / SHIFT_SD) ** 2
+    weight = np.clip(np.nan_to_num(np.abs(turn) / motion_model.FULL_TURN, nan=1.0), QUIET, 1.0)
+    tried = phase[:, None] + shifts
+    path = _likeliest_path(weight[:, None] * cost, tried, turn)
+    names, cost = _at_phases(lines, model, tried[np.arange(len(path)), path], starts, pieces)
+    return names, float(cost.sum())
+
+
+def _at_phases(lines, model, phase, starts, pieces):
+    """Names (rows,) of lines in order at given phases (frames,), and the cost (frames,)."""
+    cost = _along_tracks(model.costs(lines.features, phase[lines.frame]), *pieces)
+    names, total = np.full(len(lines.frame), -1), np.zeros(len(phase))
+    _align_frames(
+        cost, lines.features[:, ANGLE], starts, phase, model.middle[:, ANGLE],
+        model.slope[:, ANGLE], names, total,
+    )  # fmt: skip
+    return names, total
+
+
+@njit(cache=True)
+def _likeliest_path(cost, phase, turn):
+    """Which of the phases (frames, k) to take in every frame, (frames,).
+
+    cost : (frames, k) of each; turn : (frames,) what the phase should change by
+    """
+    n, m = cost.shape
+    came = np.zeros((n, m), np.int64)
+    least = cost[0].copy()
+    for t in range(1, n):
+        now = np.empty(m)
+        sure = not np.isnan(turn[t])
+        for k in range(m):
+            best, where = np.inf, 0
+            for j in range(m):
+                off = abs(phase[t, k] - phase[t - 1, j] - (turn[t] if sure else 0.0))
+                each = least[j] + (
+                    min(OFF_TURN * max(off - SURE_TURN, 0.0), JUMP) if sure else UNSURE * off
+                )
+                if each < best:
+                    best, where = each, j
+            now[k] = best + cost[t, k]
+            came[t, k] = where
+        least = now
+    out = np.empty(n, np.int64)
+    out[-1] = np.argmin(least)
+    for t in range(n - 1, 0, -1):
+        out[t - 1] = came[t, out[t]]
+    return out
+
+
+@njit(cache=True)
+def _align_frames(cost, angle, starts, phase, middle, slope, names, total):
+    """Fill in the names (rows,) and the cost (frames,) of every frame at a given phase."""
+    for t in range(len(starts) - 1):
+        a, b = starts[t], starts[t + 1]
+        if a == b:
+            continue
+        whiskers = np.argsort(middle + slope * phase[t])
+        names[a:b], total[t] = aligned(cost[a:b], np.argsort(angle[a:b]), whiskers)
+
+
+@njit(cache=True)
+def _along_tracks(cost, order, first, last):
+    """Costs (rows, whiskers), averaged over neighbouring frames of every row's track."""
+    out = np.empty_like(cost)
+    for piece in range(len(first)):
+        a, b = first[piece], last[piece]
+        for i in range(a, b):
+            low, high = max(a, i - ALONG_TRACK), min(b, i + ALONG_TRACK + 1)
+            for k in range(cost.shape[1]):
+                total = 0.0
+                for j in range(low, high):
+                    total += cost[order[j], k]
+                out[order[i], k] = total / (high - low)
+    return out
+
+
+@njit(cache=True)
+def aligned(cost, rows, whiskers):
+    """Whisker of every line (rows,), −1 for none, so that both are in order, and the cost.
+
+    cost : (rows, whiskers) of every line as every whisker
+    rows, whiskers : both in order along the face
+    """
+    n, m = len(rows), len(whiskers)
+    least, came = np.full((n + 1, m + 1), np.inf), np.zeros((n + 1, m + 1), np.int64)
+    least[0, 0] = 0.0
+    for i in range(n + 1):
+        for k in range(m + 1):
+            if i > 0 and least[i - 1, k] + NOBODY < least[i, k]:
+                least[i, k], came[i, k] = least[i - 1, k] + NOBODY, 1
+            if k > 0 and least[i, k - 1] + UNSEEN < least[i, k]:
+                least[i, k], came[i, k] = least[i, k - 1] + UNSEEN, 2
+            if i > 0 and k > 0:
+                both = least[i - 1, k - 1] + cost[rows[i - 1], whiskers[k - 1]]
+                if both < least[i, k]:
+                    least[i, k], came[i, k] = both, 3
+    out = np.full(n, -1)
+    i, k = n, m
+    while i > 0 or k > 0:
+        step = came[i, k]
+        if step != 2:
+            i -= 1
+        if step != 1:
+            k -= 1
+        if step == 3:
+            out[rows[i]] = whiskers[k]
+    return out, least[n, m]

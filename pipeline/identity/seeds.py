@@ -1,0 +1,50 @@
+"""Whiskers of a crowd that tracks tell of: their first looks, and those that were overlooked.
+
+Long tracks that turn out to be nobody's are more whiskers.
+"""
+
+import numpy as np
+
+from pipeline.identity import label_swaps, motion_model
+from pipeline.identity.appearance import FanModel
+from pipeline.identity.features import ANGLE, N_FEATURES
+
+LONG = 40  # frames that a line must be followed through to be a whisker's
+MOST_NEW = 3  # whiskers at a time
+MOST = 20  # whiskers
+
+
+def with_more(model: FanModel, names, features, frame, track) -> tuple[FanModel, np.ndarray]:
+    """The model with a few more whiskers from nobody's long tracks, and the names with them."""
+    known = len(model.middle)
+    long = sorted(label_swaps.runs(names, track, frame), key=len, reverse=True)
+    names = names.copy()
+    new = [rows for rows in long[: min(MOST_NEW, MOST - known)] if len(rows) >= LONG]
+    for number, rows in enumerate(new):
+        names[rows] = known + number
+    if not new:
+        return model, names
+    phase = motion_model.phases(model, features, frame, np.where(names < known, names, -1))
+    rows = np.concatenate(new)
+    more = first_looks(
+        features[rows], names[rows] - known, phase[frame[rows]], len(new), model.least_sd
+    )
+    parts = [
+        np.concatenate([getattr(model, part), getattr(more, part)])
+        for part in ("middle", "slope", "sd")
+    ]
+    return FanModel(*parts, model.least_sd), names
+
+
+def first_looks(features, whisker, phase, count, least_sd):
+    """Model of `count` whiskers from rows of known whiskers and phases."""
+    middle = np.full((count, N_FEATURES), np.nan)
+    slope = np.zeros((count, N_FEATURES))
+    slope[:, ANGLE] = 1.0
+    level = features - slope[whisker] * phase[:, None]
+    for k in range(count):
+        own = level[whisker == k]
+        seen = np.isfinite(own).any(axis=0)
+        middle[k, seen] = np.nanmedian(own[:, seen], axis=0)
+    sd = np.tile(3.0 * least_sd, (count, 1))
+    return FanModel(middle, slope, sd, least_sd).fitted(features, whisker, phase)

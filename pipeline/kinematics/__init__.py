@@ -1,0 +1,1 @@
+"""Centreline → numbers: follicle, angle, curvature, distance to the pole."""

@@ -1,0 +1,308 @@
+"""Centreline → follicle, base angle and curvature at one arc length, with standard errors.
+
+Both come from local polynomials v(u) in a frame laid along the whisker, fitted to the
+*unsmoothed* measurements of the centreline (each with its Fisher information), so that the
+standard errors follow from the fit and the only smoothing is the window, a physical length. To
+them comes what the codec's noise, which runs along the whisker, adds, and the place: where the
+curvature changes along the whisker, it is known no better than the hidden length.
+"""
+
+import numpy as np
+import pandas as pd
+from numba import njit
+
+from pipeline.detection.static_scene import PoleTrack
+from pipeline.kinematics.follicle import BASE_SKIP_M, FEWEST_NODES, follicles
+from pipeline.numerics.angles import wrapped
+from pipeline.numerics.bsplines import FAST
+from pipeline.session.recording import Recording
+from pipeline.tables.centrelines import Centrelines
+
+BLOCK_PX = 24  # longer than the noise of compressed video is correlated
+RED_DEGREE = 6  # of the polynomial that this correlation is looked for about
+RED_EVERY = 12  # rows between two in which it is
+RED_SKEW = 1.5  # mean over median of such variances, and what is longer still than a block
+HIDDEN_ERROR_M = 0.05e-3  # how well the hidden length, and so the place of 5.5 mm, is known
+WINDOW_M = 3.0e-3  # half-width of the curvature window; a quartic keeps its bias small
+POLE_NEAR_M = 0.15e-3  # a pole this near may bend the whisker there: the window ends at it
+
+
+@njit(cache=True, fastmath=FAST, error_model="numpy")
+def _in_frame(x, y, offset, first, last, at, tx, ty):
+    """Measured points of nodes first … last − 1 along and across the tangent at node `at` [px].
+
+    (3, nodes); the third row is the cosine between the node's normal and the tangent (tx, ty)'s.
+    """
+    out = np.empty((3, last - first))
+    along, across, cosine = out[0], out[1], out[2]
+    for i in range(first, last):
+        p, q = max(i - 1, 0), min(i + 1, len(x) - 1)
+        nx, ny = y[q] - y[p], x[p] - x[q]
+        shrink = 1 / np.sqrt(nx * nx + ny * ny + 1e-18)
+        dx = x[i] + offset[i] * nx * shrink - x[at]
+        dy = y[i] + offset[i] * ny * shrink - y[at]
+        # across: towards the counter-clockwise normal (ty, −tx)
+        along[i - first], across[i - first] = dx * tx + dy * ty, dx * ty - dy * tx
+        cosine[i - first] = (nx * ty - ny * tx) * shrink
+    return out
+
+
+@njit(cache=True)
+def _tangent(x, y, at):
+    a = max(at - 5, 0)
+    b = min(at + 5, len(x) - 1)
+    norm = np.sqrt((x[b] - x[a]) ** 2 + (y[b] - y[a]) ** 2)
+    return (x[b] - x[a]) / norm, (y[b] - y[a]) / norm
+
+
+@njit(cache=True)
+def local_polynomial(x, y, offset, information, first, last, at, degree, coefficients, inverse):
+    """Weighted least squares of v(u) = Σ c_k u^k around node `at`, u along its tangent [px].
+
+    Returns the window's scale h [px] (the polynomial is in u/h) and the reduced χ².
+    `coefficients` (degree + 1,) and `inverse` (covariance for unit χ²) are filled.
+    """
+    tx, ty = _tangent(x, y, at)
+    scale = max(last - at, at - first, 4) * 1.0
+    points = _in_frame(x, y, offset, first, last, at, tx, ty)
+    points[0] /= scale
+    chi2 = _polynomial(points, information[first:last], degree, coefficients, inverse)
+    return scale, chi2
+
+
+@njit(cache=True, error_model="numpy")
+def _polynomial(points, information, degree, coefficients, inverse):
+    """Weighted least squares of v = Σ c_k u^k; returns the reduced χ².
+
+    points : (3, nodes) u, v and the cosine by which v counts less than across the line.
+    """
+    size = degree + 1
+    moments, rhs = np.zeros(2 * size - 1), np.zeros(size)
+    total = 0.0
+    count = 0
+    for i in range(len(information)):
+        if not information[i] > 0:
+            continue
+        u, v = points[0, i], points[1, i]
+        power = information[i] * points[2, i] * points[2, i]
+        total += power * v * v
+        count += 1
+        for k in range(2 * size - 1):
+            moments[k] += power
+            if k < size:
+                rhs[k] += power * v
+            power *= u
+    matrix = np.empty((size, size))
+    for k in range(size):
+        for m in range(size):
+            matrix[k, m] = moments[k + m]
+        matrix[k, k] += 1e-9
+    inverse[:size, :size] = np.linalg.inv(matrix)
+    misfit = total
+    for k in range(size):
+        coefficients[k] = 0.0
+        for m in range(size):
+            coefficients[k] += inverse[k, m] * rhs[m]
+        misfit -= coefficients[k] * rhs[k]
+    return max(misfit, 0.0) / max(count - size, 1)
+
+
+@njit(cache=True)
+def redness(x, y, offset, information, first, last):
+    """How much more the errors vary over long stretches of a whisker than white noise would.
+
+    A polynomial of RED_DEGREE is fitted to the nodes first … last − 1, and the standardised
+    residuals are summed over blocks of BLOCK_PX. Returned is the variance of these sums over
+    that expected of white residuals of the same fit; NaN where the whisker is too short.
+    """
+    size = RED_DEGREE + 1
+    coefficients = np.zeros(size)
+    inverse = np.zeros((size, size))
+    if (last - first) // BLOCK_PX < size + 3:
+        return np.nan
+    at = (first + last) // 2
+    scale, chi2 = local_polynomial(
+        x, y, offset, information, first, last, at, RED_DEGREE, coefficients, inverse
+    )
+    points = _in_frame(x, y, offset, first, last, at, *_tangent(x, y, at))
+    points[0] /= scale
+    between = 0.0
+    free = 0.0
+    power = np.empty(size)
+    sums = np.empty(size)
+    for start in range(0, last - first - BLOCK_PX + 1, BLOCK_PX):
+        total = 0.0
+        count = 0
+        sums[:] = 0.0
+        for i in range(start, start + BLOCK_PX):
+            if information[first + i] <= 0:
+                continue
+            root = np.sqrt(information[first + i]) * abs(points[2, i])
+            power[0] = root
+            fitted = coefficients[0] * root
+            for k in range(1, size):
+                power[k] = power[k - 1] * points[0, i]
+                fitted += coefficients[k] * power[k]
+            total += root * points[1, i] - fitted
+            sums += power
+            count += 1
+        if count > 0:
+            between += total * total / count
+            free += 1.0 - sums @ inverse @ sums / count  # the rest the polynomial takes
+    if free < 3 or chi2 <= 0:
+        return np.nan
+    return between / free / chi2
+
+
+@njit(cache=True)
+def _curvature(x, y, offset, information, at, beyond, first, last, degree):
+    """Curvature [1/px] `beyond` px after node `at`, its standard error and slope [1/px²]."""
+    coefficients = np.zeros(6)
+    inverse = np.zeros((6, 6))
+    scale, chi2 = local_polynomial(
+        x, y, offset, information, first, last, at, degree, coefficients, inverse
+    )
+    u = beyond / scale
+    slope = 0.0
+    bend = 0.0
+    change = 0.0
+    variance = 0.0
+    for k in range(1, degree + 1):
+        slope += k * coefficients[k] * u ** (k - 1) / scale
+        if k >= 2:
+            second_k = k * (k - 1) * u ** (k - 2)
+            bend += second_k * coefficients[k]
+            for m in range(2, degree + 1):
+                variance += second_k * m * (m - 1) * u ** (m - 2) * inverse[k, m]
+        if k >= 3:
+            change += k * (k - 1) * (k - 2) * u ** (k - 3) * coefficients[k]
+    to_curvature = 1 / scale**2 / (1 + slope * slope) ** 1.5
+    se = np.sqrt(max(variance, 0.0) * max(chi2, 1.0)) * to_curvature
+    return bend * to_curvature, se, change / scale * to_curvature
+
+
+@njit(cache=True)
+def _nearest_node(x, y, px, py):
+    best = 0
+    least = 1e18
+    for i in range(len(x)):
+        d = (x[i] - px) ** 2 + (y[i] - py) ** 2
+        if d < least:
+            least = d
+            best = i
+    return best, np.sqrt(least)
+
+
+@njit(cache=True)
+def _measure_rows(
+    offsets, xs, ys, raw, info, hidden, at_px, window, skip, pole_x, pole_y, near, n_whiskers, out
+):  # fmt: skip
+    for row in range(len(offsets) - 1):
+        a = offsets[row]
+        b = offsets[row + 1]
+        x, y = xs[a:b].astype(np.float64), ys[a:b].astype(np.float64)
+        offset, information = raw[a:b].astype(np.float64), info[a:b].astype(np.float64)
+        n = b - a
+        out[row, :] = np.nan
+        if n < FEWEST_NODES:
+            continue
+        at = int(np.floor(at_px - hidden[row] + 0.5))
+        beyond = at_px - hidden[row] - at
+        if at < 4 or at > n - 5:
+            continue
+        first = max(at - window, 0)
+        last = min(at + window, n)
+        end = int(0.9 * n)
+        if not np.isnan(pole_x[row]):
+            node, distance = _nearest_node(x, y, pole_x[row], pole_y[row])
+            if distance < near and node > at:
+                last = min(last, node)
+                end = min(end, node)
+        degree = 4 if last - first > 1.4 * window and last - at > window // 4 else 3
+        if last - first < 12 or last - at < 4:
+            continue
+        out[row, 0], out[row, 1], out[row, 2] = _curvature(
+            x, y, offset, information, at, beyond, first, last, degree
+        )
+        if row // n_whiskers % RED_EVERY == 0:
+            out[row, 3] = redness(x, y, offset, information, skip, end)
+
+
+def measure(
+    centrelines: Centrelines,
+    recording: Recording,
+    hidden_lengths,
+    curvature_at: float,
+    pole: PoleTrack | None = None,
+) -> pd.DataFrame:
+    """Follicle, base angle and curvature of every row of `centrelines`.
+
+    Parameters
+    ----------
+    hidden_lengths : one per name in `centrelines.names` [m]: follicle to first visible point;
+        used where the centrelines do not bring their own
+    curvature_at : arc length from the follicle at which curvature is taken [m]
+    pole : where the pole is; near a touch the curvature window ends at the pole, where the
+        bending moment has its kink
+
+    Returns
+    -------
+    Table with `frame`, `whisker` (index), `follicle_x_px`, `follicle_y_px`, `base_angle_deg`,
+    `curvature_per_m`, `curvature_per_m_se`; NaN where the whisker is too short to tell.
+    """
+    scale = recording.pixels_per_m
+    hidden = centrelines.hidden_of(np.asarray(hidden_lengths, float) * scale)
+    follicle = centrelines.follicle
+    if follicle is None:
+        follicle = follicles(centrelines, hidden, scale)
+    out = np.empty((len(centrelines), 4))
+    _measure_rows(
+        centrelines.offsets,
+        centrelines.x_px,
+        centrelines.y_px,
+        *centrelines.raw(),
+        hidden,
+        curvature_at * scale,
+        round(WINDOW_M * scale),
+        round(BASE_SKIP_M * scale),
+        *_pole_of(centrelines, pole, scale),
+        len(centrelines.names),
+        out,
+    )
+    se = out[:, 1] * _noise_factor(centrelines, out[:, 3])
+    # 5.5 mm are not quite where they are taken to be: that counts where the curvature changes
+    se = np.hypot(se, HIDDEN_ERROR_M * scale * out[:, 2])
+    return pd.DataFrame(
+        {
+            "frame": centrelines.frame,
+            "whisker": centrelines.whisker,
+            "follicle_x_px": follicle[:, 0],
+            "follicle_y_px": follicle[:, 1],
+            "base_angle_deg": np.degrees(wrapped(follicle[:, 2])),
+            "curvature_per_m": out[:, 0] * scale,
+            "curvature_per_m_se": se * scale,
+        }
+    )
+
+
+def _pole_of(centrelines, pole: PoleTrack | None, scale):
+    """Where the pole is, x and y for every row, NaN where it is not; and how near a touch is."""
+    if pole is None:
+        nowhere = np.full(len(centrelines), np.nan)
+        return nowhere, nowhere, 0.0
+    frame = np.minimum(centrelines.frame, len(pole.x_px) - 1)
+    return pole.x_px[frame], pole.y_px[frame], pole.radius_px + POLE_NEAR_M * scale
+
+
+def _noise_factor(centrelines, redness):
+    """What the standard errors of every row are larger by, for noise that runs along the line.
+
+    Compressed video has noise of some range: the same in all frames, told by their median.
+    """
+    factor = np.ones(len(centrelines))
+    for k in range(len(centrelines.names)):
+        of_whisker = centrelines.whisker == k
+        red = redness[of_whisker]
+        if np.isfinite(red).any():
+            factor[of_whisker] = np.sqrt(1 + RED_SKEW * max(np.nanmedian(red) - 1, 0.0))
+    return factor

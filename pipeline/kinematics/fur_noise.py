@@ -1,0 +1,141 @@
+"""How far fur clings to the first visible part of a whisker: what is measured there counts less.
+
+Fur that moves with the whisker, or lies across it, draws the trace by some hundredths of a pixel
+up to a millimetre from where the whisker comes out; extrapolated into the hidden part that turns
+the base by a degree. It shows as a misfit that changes from frame to frame: the whisker's curve
+is fitted beyond, continued towards the face, and the misfit there is compared with that of the
+same continuation done one reach farther out, where there is no fur. So neither noise (a codec's
+too) nor a bend that the curve does not follow is taken for fur.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from numba import njit
+
+from pipeline.kinematics.follicle import FollicleFinder, base_curve
+from pipeline.tables.centrelines import Centrelines
+
+REACH_M = 1.2e-3  # fur does not cling farther out than this
+WINDOW_M = 4.0e-3  # that the curve is fitted to
+BLOCK_M = 0.2e-3  # stretch over which fur errs alike
+FEWEST_ROWS = 12
+ORDINARY = 2.5  # ratio of misfits that chance may bring
+TRIMMED, TRIMMED_MEAN = 0.9, 0.623  # part of the rows that count; their mean of a unit χ²
+
+
+def locate_follicles(chunks, samples: Centrelines, options):
+    """Yield the chunks with every row's follicle and hidden length.
+
+    What fur draws aside counts less from here on (`FurTrust`). The chunks stay as they are where
+    the hidden lengths are not known, or a whisker has no sample.
+
+    Parameters
+    ----------
+    chunks : `Centrelines`, in order
+    samples : `Centrelines` of frames from the whole video, of all whiskers
+    options : the tracker's lengths (`TracingOptions`)
+    """
+    sampled = len(np.unique(samples.whisker)) == len(samples.names) > 0
+    if len(options.hidden_px) != len(samples.names) or not sampled:
+        yield from chunks
+        return
+    trust = FurTrust(samples, options.pixels_per_m)
+    finder = FollicleFinder(
+        trust.weigh(samples), options.hidden_px, options.pixels_per_m, options.cone_px or None
+    )
+    for chunk in chunks:
+        yield finder.place(trust.weigh(chunk))
+
+
+class FurTrust:
+    """How much less the points of each whisker's first visible part tell than their noise says.
+
+    Parameters
+    ----------
+    samples : Centrelines of frames from the whole video
+    pixels_per_m : scale
+
+    Attributes
+    ----------
+    excess : (names, nodes) variance of the misfit over that of noise, 1 where there is no fur
+    """
+
+    def __init__(self, samples: Centrelines, pixels_per_m: float):
+        block = max(round(BLOCK_M * pixels_per_m), 1)
+        blocks = max(round(REACH_M / BLOCK_M), 1)
+        window = round(WINDOW_M * pixels_per_m)
+        misfit = np.full((len(samples), 2, blocks), np.nan)
+        _misfits(
+            samples.offsets,
+            *(np.asarray(a, float) for a in (samples.x_px, samples.y_px, samples.offset_px)),
+            samples.information.astype(float), block, window, misfit,
+        )  # fmt: skip
+        leverage = _leverage(block, blocks, window)
+        names = range(len(samples.names))
+        excess = [_excess(misfit[samples.whisker == k], leverage) for k in names]
+        self.excess = np.repeat(np.reshape(excess, (-1, blocks)), block, axis=1)
+
+    def weigh(self, lines: Centrelines) -> Centrelines:
+        """Return the lines with the information of their first points as it is."""
+        if not (self.excess > 1).any():
+            return lines
+        information = lines.information.copy()
+        _weaken(lines.offsets, lines.whisker, self.excess, information)
+        return replace(lines, information=information)
+
+
+@njit(cache=True)
+def _misfits(offsets, xs, ys, raw, info, block, window, out):
+    """Squared block misfits over their variance, near the fur and one reach farther out."""
+    blocks = out.shape[2]
+    reach = block * blocks
+    for row in range(len(offsets) - 1):
+        a, b = offsets[row], offsets[row + 1]
+        x, y, offset, information = xs[a:b], ys[a:b], raw[a:b], info[a:b]
+        if b - a < 2 * reach + window:
+            continue
+        for place in range(2):
+            start = (place + 1) * reach
+            mx, my, theta, k0, k1 = base_curve(x, y, offset, information, start, start + window)
+            total, weight = 0.0, 0.0
+            for i in range(start - 1, start - reach - 1, -1):
+                middle = theta + (i + 0.5 - start) * (k0 + 0.5 * k1 * (i + 0.5 - start))
+                mx -= np.cos(middle)
+                my += np.sin(middle)
+                angle = theta + (i - start) * (k0 + 0.5 * k1 * (i - start))
+                r = -(x[i] - mx) * np.sin(angle) - (y[i] - my) * np.cos(angle) + offset[i]
+                total += information[i] * r
+                weight += information[i]
+                if (i - start + reach) % block == 0:
+                    if weight > 0:
+                        out[row, place, (i - start + reach) // block] = total * total / weight
+                    total, weight = 0.0, 0.0
+
+
+def _leverage(block, blocks, window):
+    """Variance of the continued cubic in the middle of each block, in a block's own noise."""
+    u = 1 + 2 * block * (blocks - 0.5 - np.arange(blocks)) / window
+    powers = np.polynomial.legendre.legvander(u, 3) ** 2
+    return powers @ np.array([1, 3, 5, 7]) * block / window
+
+
+def _excess(misfit, leverage):
+    """Variance of each block over its noise, for the `misfit` (rows, places, blocks)."""
+    known = np.isfinite(misfit).all(axis=(1, 2))
+    if known.sum() < FEWEST_ROWS:
+        return np.ones(misfit.shape[2])
+    ordered = np.sort(misfit[known], axis=0)[: int(TRIMMED * known.sum())]
+    near, far = ordered.mean(axis=0) / TRIMMED_MEAN
+    ratio = near / np.maximum(far, 1 + leverage)
+    excess = 1 + np.maximum(ratio - ORDINARY, 0) * (1 + leverage)
+    excess = np.maximum.accumulate(excess[::-1])[::-1]  # the nearer to the face the more fur
+    return np.maximum(excess, np.roll(excess, 1))  # which has no sharp end
+
+
+@njit(cache=True)
+def _weaken(offsets, whisker, excess, information):
+    for row in range(len(offsets) - 1):
+        start = offsets[row]
+        for i in range(min(excess.shape[1], offsets[row + 1] - start)):
+            information[start + i] /= excess[whisker[row], i]

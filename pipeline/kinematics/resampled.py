@@ -1,0 +1,350 @@
+"""Centrelines boiled down to places at fixed arc lengths, and to their distance from the pole.
+
+A chunk of centrelines goes in, some sixty numbers per whisker and frame come out, so that the
+mechanics of a long video fits in memory. Metres, y up, counter-clockwise positive.
+"""
+
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+from numba import njit
+
+from pipeline.detection.static_scene import PoleTrack
+from pipeline.numerics import polyline
+from pipeline.numerics.bsplines import FAST
+from pipeline.scene.dust import INNER
+from pipeline.session.recording import Recording
+from pipeline.tables.centrelines import Centrelines
+
+N_STATIONS = 73  # over the whisker's length: 0.25 mm apart on a mouse's C2
+FUR_CLINGS_M = 0.4e-3  # first visible part that is not used
+POLE_BLURS_PX = 6.0  # from the pole's edge on: the trace is drawn towards the dark disc
+LONGEST_EXTENSION_M = 1.5e-3  # a trace that ends before the tip is continued straight this far
+SHARED = ("names", "spacing", "pole_radius", "file", "doubt")  # fields that are not one per row
+END_FIT_PX = 12  # the last points, which give the direction of that continuation
+
+
+@dataclass(frozen=True)
+class Stations:
+    """Every traced whisker and frame of a video (or a chunk of it) as places on a fixed grid.
+
+    Attributes
+    ----------
+    names : the whiskers' names, which `whisker` indexes
+    spacing : (names,) distance between stations [m]; station k is at arc length k·spacing
+    frame, whisker : int (rows,)
+    x, y : (rows, stations) [m]; NaN where nothing was measured
+    information : (rows, stations) [1/m²], of the place across the whisker; 0 where not measured
+    first, last : (rows,) arc length of the first and last traced point [m]
+    origin : (rows,) [m] to add to all arc lengths, where it turns out that the first traced
+        point is farther from the follicle than was thought
+    pole_x, pole_y : (rows,) [m], NaN while the pole is not in view
+    pole_radius : [m]
+    distance : (rows,) whisker surface to pole surface [m], negative where they overlap
+    nearest : (rows,) arc length of the point nearest to the pole [m]
+    side : (rows,) +1 where the pole is on the side of the whisker's normal, −1; 0 without pole
+    extended : (rows,) bool, the nearest point lies beyond the traced part
+    interpolated : (rows,) bool, the codec made the frame out of frames before and after
+    """
+
+    names: tuple[str, ...]
+    spacing: np.ndarray
+    frame: np.ndarray
+    whisker: np.ndarray
+    x: np.ndarray
+    y: np.ndarray
+    information: np.ndarray
+    first: np.ndarray
+    last: np.ndarray
+    origin: np.ndarray
+    pole_x: np.ndarray
+    pole_y: np.ndarray
+    pole_radius: float
+    distance: np.ndarray
+    nearest: np.ndarray
+    side: np.ndarray
+    extended: np.ndarray
+    interpolated: np.ndarray
+
+    def __len__(self):
+        return len(self.frame)
+
+    def rather_shown(self, rows, enough) -> np.ndarray:
+        """Those of `rows` (numbers) whose frames no codec made up; all, where not `enough` are."""
+        shown = rows[~self.interpolated[rows]]
+        return shown if len(shown) >= enough else rows
+
+    def of(self, name: str) -> "Stations":
+        """Return the rows of one whisker, in the order of their frames."""
+        rows = np.flatnonzero(self.whisker == self.names.index(name))
+        rows = rows[np.argsort(self.frame[rows], kind="stable")]
+        return self.rows(rows)
+
+    def rows(self, rows) -> "Stations":
+        """Return the given rows (indices, slice or mask)."""
+        per_row = {
+            f.name: getattr(self, f.name)[rows]
+            for f in fields(self)
+            if f.name not in SHARED and getattr(self, f.name) is not None
+        }
+        return replace(self, **per_row)
+
+    def loaded(self) -> "Stations":
+        """Return the same with x, y and information in memory, as here they are."""
+        return self
+
+    def doubted(self, variance) -> "Stations":
+        """Return the same with errors of `variance` (stations,) [m²] beside those it knows of."""
+        return replace(self, information=beside_doubt(self.information, variance))
+
+
+def beside_doubt(information, variance):
+    """Information (rows, stations) [1/m²] of places whose errors are larger by `variance` [m²]."""
+    return information / (1 + information * variance)
+
+
+def measure_stations(
+    centrelines: Centrelines,
+    recording: Recording,
+    whiskers,
+    hidden_lengths,
+    pole: PoleTrack | None = None,
+    interpolated=frozenset(),
+) -> Stations:
+    """Places at fixed arc lengths, and distance to the pole, of every row of `centrelines`.
+
+    Parameters
+    ----------
+    centrelines : a chunk or all of a video
+    recording : scale
+    whiskers : one `Whisker` per name in `centrelines.names`
+    hidden_lengths : follicle to first visible point, one per name [m]; used where the
+        centrelines do not bring their own
+    pole : centre per frame number (or one for all), radius; None where there is none
+    interpolated : numbers of the frames that the codec made out of others, as `Video` has them
+
+    Returns
+    -------
+    Stations
+    """
+    names = centrelines.names
+    if len(whiskers) != len(names) or len(hidden_lengths) != len(names):
+        raise ValueError(
+            f"whiskers and hidden_lengths must have one entry per name {names}, "
+            f"got {len(whiskers)} and {len(hidden_lengths)}"
+        )
+    scale = recording.pixels_per_m
+    spacing = np.array([w.length for w in whiskers]) / (N_STATIONS - 1)
+    pole_x, pole_y, pole_radius = pole_rows = _pole_rows(pole, centrelines.frame)
+    x, y, information, near = _measure_px(
+        centrelines, whiskers, hidden_lengths, spacing, pole_rows, scale
+    )
+    return Stations(
+        names=names,
+        spacing=spacing,
+        frame=np.asarray(centrelines.frame, np.int64),
+        whisker=np.asarray(centrelines.whisker, np.int64),
+        x=x / scale,
+        y=y / scale,
+        information=np.nan_to_num(information) * scale**2,
+        first=near[:, 0] / scale,
+        last=near[:, 1] / scale,
+        origin=np.zeros(len(centrelines)),
+        pole_x=pole_x / scale,
+        pole_y=-pole_y / scale,
+        pole_radius=pole_radius / scale,
+        distance=near[:, 2] / scale,
+        nearest=near[:, 3] / scale,
+        side=np.nan_to_num(near[:, 4]).astype(np.int64),
+        extended=near[:, 5] == 1,
+        interpolated=np.array([f in interpolated for f in centrelines.frame.tolist()], bool),
+    )
+
+
+def _measure_px(centrelines, whiskers, hidden_lengths, spacing, pole_rows, scale):
+    """Stations' x, y and information, (rows, stations) each, and `near` of every row [px].
+
+    `near` (rows, 6): first and last traced point, then what `_approach` tells of the pole.
+    """
+    rows = len(centrelines)
+    pole_x, pole_y, pole_radius = pole_rows
+    x, y, information = np.full((3, rows, N_STATIONS), np.nan)
+    near = np.full((rows, 6), np.nan)
+    radii = [[w.base_radius, w.base_radius / w.cone_length] for w in whiskers]
+    _measure_rows(
+        centrelines.offsets,
+        *centrelines.raw(),
+        centrelines.x_px,
+        centrelines.y_px,
+        centrelines.whisker.astype(np.int64),
+        centrelines.hidden_of(np.asarray(hidden_lengths, float) * scale),
+        spacing * scale,
+        np.array([w.length for w in whiskers]) * scale,
+        np.reshape(radii, (-1, 2)) * np.array([scale, 1.0]),
+        pole_x,
+        -pole_y,
+        pole_radius,
+        pole_radius + POLE_BLURS_PX,
+        FUR_CLINGS_M * scale,
+        LONGEST_EXTENSION_M * scale,
+        x,
+        y,
+        information,
+        near,
+    )
+    return x, y, information, near
+
+
+def _pole_rows(pole, frame):
+    """Pole centre per row and its radius [px]; NaN where there is none."""
+    if pole is None:
+        return np.full(len(frame), np.nan), np.full(len(frame), np.nan), 0.0
+    at = np.minimum(frame, len(pole.x_px) - 1)
+    return (
+        np.asarray(pole.x_px, float)[at],
+        np.asarray(pole.y_px, float)[at],
+        float(pole.radius_px),
+    )
+
+
+@njit(cache=True)
+def _measure_rows(
+    offsets, offset, info, xs, ys, whisker, hidden, spacing, length, radii, pole_x, pole_y,
+    pole_radius, clear, skip, extension, out_x, out_y, out_information, near,
+):  # fmt: skip
+    for row in range(len(offsets) - 1):
+        a, b = offsets[row], offsets[row + 1]
+        out_information[row, :] = 0.0
+        if b - a < 2 * END_FIT_PX + 1:
+            continue
+        w = whisker[row]
+        x, y = xs[a:b].astype(np.float64), -ys[a:b].astype(np.float64)
+        s = _arc_lengths(x, y, hidden[row])
+        near[row, 0], near[row, 1] = s[0], s[-1]
+        px, py = pole_x[row], pole_y[row]
+        _bin(
+            x, y, s, offset[a:b].astype(np.float64), info[a:b].astype(np.float64),
+            hidden[row] + skip, spacing[w], px, py, clear,
+            out_x[row], out_y[row], out_information[row],
+        )  # fmt: skip
+        if not np.isnan(px):
+            more = min(max(length[w] - s[-1], 0.0), extension)
+            _approach(x, y, s, more, px, py, pole_radius, radii[w, 0], radii[w, 1], near[row, 2:])
+
+
+@njit(cache=True)
+def _arc_lengths(x, y, first):
+    s = np.empty(len(x))
+    polyline.arc_lengths(x, y, len(x), s)
+    return s + first
+
+
+@njit(cache=True)
+def _bin(x, y, s, offset, info, start, spacing, px, py, clear, out_x, out_y, out_information):
+    """Weighted mean of the raw points around every station, moved along the whisker to it."""
+    n = len(out_x)
+    points = np.empty((5, len(x)))
+    _raw_places(x, y, offset, points)
+    sums = np.zeros((n, 8))  # information, then x, y, s, tangent, s², curvature
+    per_station, clear2 = 1 / spacing, clear * clear
+    for i in range(len(x)):
+        k = int(s[i] * per_station + 0.5)
+        if s[i] < start or k >= n or not info[i] > 0:
+            continue
+        if (x[i] - px) ** 2 + (y[i] - py) ** 2 < clear2:
+            continue
+        weight, own = info[i], sums[k]
+        own[0] += weight
+        own[1] += weight * points[0, i]
+        own[2] += weight * points[1, i]
+        own[3] += weight * s[i]
+        own[4] += weight * points[2, i]
+        own[5] += weight * points[3, i]
+        own[6] += weight * s[i] * s[i]
+        own[7] += weight * points[4, i]
+    for k in range(n):
+        total = sums[k, 0]
+        if total > 0:
+            each = 1 / total
+            s_mean, tx, ty = sums[k, 3] * each, sums[k, 4] * each, sums[k, 5] * each
+            along = k * spacing - s_mean
+            # points of an arc lie, in the mean, inside of it
+            inside = sums[k, 7] * each * (sums[k, 6] * each - s_mean**2 - along**2) / 2
+            out_x[k] = sums[k, 1] * each + along * tx + inside * ty
+            out_y[k] = sums[k, 2] * each + along * ty - inside * tx
+            out_information[k] = total
+
+
+@njit(cache=True, fastmath=FAST, error_model="numpy")
+def _raw_places(x, y, offset, points):
+    """Fill `points` (5, n): unsmoothed place of every point, unit tangent and curvature."""
+    n = len(x)
+    rx, ry, tx, ty, kappa = points[0], points[1], points[2], points[3], points[4]
+    tx[0], ty[0] = x[1] - x[0], y[1] - y[0]
+    tx[n - 1], ty[n - 1] = x[n - 1] - x[n - 2], y[n - 1] - y[n - 2]
+    before_x, before_y, after_x, after_y = x[: n - 2], y[: n - 2], x[2:], y[2:]
+    inner_x, inner_y = tx[1 : n - 1], ty[1 : n - 1]
+    for i in range(n - 2):
+        inner_x[i], inner_y[i] = after_x[i] - before_x[i], after_y[i] - before_y[i]
+    for i in range(n):
+        norm = 1 / np.sqrt(tx[i] * tx[i] + ty[i] * ty[i] + 1e-18)
+        tx[i], ty[i] = tx[i] * norm, ty[i] * norm
+        rx[i], ry[i] = x[i] - offset[i] * ty[i], y[i] + offset[i] * tx[i]
+    _curvatures(x, y, kappa)
+
+
+@njit(cache=True, fastmath=FAST, error_model="numpy")
+def _curvatures(x, y, out):
+    """Curvature of the line over END_FIT_PX points either side of each; at its ends, the last."""
+    n, reach = len(x), END_FIT_PX
+    inner = out[reach : n - reach]
+    first_x, first_y, last_x, last_y = (
+        x[: n - 2 * reach],
+        y[: n - 2 * reach],
+        x[2 * reach :],
+        y[2 * reach :],
+    )
+    middle_x, middle_y = x[reach : n - reach], y[reach : n - reach]
+    for i in range(n - 2 * reach):
+        ax, ay = middle_x[i] - first_x[i], middle_y[i] - first_y[i]
+        bx, by = last_x[i] - middle_x[i], last_y[i] - middle_y[i]
+        a, b = np.sqrt(ax * ax + ay * ay), np.sqrt(bx * bx + by * by)
+        inner[i] = 2 * (ax * by - ay * bx) / (a * b * (a + b))
+    out[:reach] = inner[0]
+    out[n - reach :] = inner[-1]
+
+
+@njit(cache=True, error_model="numpy")
+def _approach(x, y, s, more, px, py, pole_radius, base_radius, taper, out):
+    """Least distance between the surfaces, its arc length, the pole's side, beyond the trace?"""
+    n, m = len(x), len(x) - 1 - END_FIT_PX
+    best = np.inf
+    norm = more / np.sqrt((x[-1] - x[m]) ** 2 + (y[-1] - y[m]) ** 2)
+    beyond_x, beyond_y = norm * (x[-1] - x[m]), norm * (y[-1] - y[m])
+    for i in range(n):
+        last = i == n - 1
+        ex, ey = (beyond_x, beyond_y) if last else (x[i + 1] - x[i], y[i + 1] - y[i])
+        away, length = (px - x[i]) ** 2 + (py - y[i]) ** 2, more if last else s[i + 1] - s[i]
+        if away > (best + pole_radius + base_radius + length) ** 2 or not length > 0:
+            continue  # no point of the piece can be nearer
+        t = min(max(((px - x[i]) * ex + (py - y[i]) * ey) / (length * length), 0.0), 1.0)
+        dx, dy = px - x[i] - t * ex, py - y[i] - t * ey
+        at = s[i] + t * length
+        gap = np.sqrt(dx * dx + dy * dy) - pole_radius - max(base_radius - taper * at, 0.0)
+        if gap < best:
+            best = gap
+            out[0], out[1] = gap, at
+            out[2] = 1.0 if ex * dy - ey * dx >= 0 else -1.0
+            out[3] = 1.0 if last else 0.0
+
+
+def lies_across(places) -> np.ndarray:
+    """Tell in which rows of `Stations` the whisker lies over the pole's inner half, bool (rows,).
+
+    It must have been seen on both sides.
+    """
+    radius = places.pole_radius
+    with np.errstate(invalid="ignore"):
+        inner = places.distance < -(1 - INNER) * radius
+        both = (places.first < places.nearest - radius) & (places.last > places.nearest + radius)
+    return inner & both & ~places.extended

@@ -1,0 +1,1 @@
+"""Numerical parts that know nothing of whiskers: splines, polylines, angles, runs."""

@@ -1,0 +1,1 @@
+"""Processes, progress, timing, and compiled code kept on disk."""

@@ -1,0 +1,52 @@
+"""A results folder belongs to one program at a time: a lock that ends with the program."""
+
+import contextlib
+import os
+import socket
+from pathlib import Path
+
+from pipeline.errors import InputError
+
+LOCK_FILE = ".whiskerforce-lock"
+EVERYBODY = 0o666  # a colleague may go on with the folder
+SHOWN = 200  # characters of the lock file
+
+
+@contextlib.contextmanager
+def locked(folder):
+    """Keep other runs and curations out of a results folder while the block lasts.
+
+    Raises
+    ------
+    InputError
+        Where another one is at work there, or the folder cannot be locked.
+    """
+    from filelock import FileLock, Timeout
+
+    path = Path(folder) / LOCK_FILE
+    holder = _holder(path)
+    lock = FileLock(path, mode=EVERYBODY)
+    try:
+        lock.acquire(blocking=False)
+    except Timeout:
+        raise InputError(
+            f"{folder}: another whiskerforce is at work there{holder}; wait until it has ended, "
+            "or choose another folder"
+        ) from None
+    except (OSError, NotImplementedError) as error:
+        raise InputError(f"{folder}: cannot lock it ({error}); choose another folder") from None
+    try:
+        with contextlib.suppress(OSError):  # for the other one's message only
+            path.write_text(f"process {os.getpid()} on {socket.gethostname()}\n", "utf-8")
+        yield
+    finally:
+        lock.release()
+
+
+def _holder(path) -> str:
+    """The process that holds a lock, in brackets; '' where that is not known."""
+    try:
+        text = " ".join(path.read_text("utf-8", errors="replace").split())
+    except OSError:
+        return ""
+    return f" ({text[:SHOWN]})" if text else ""

@@ -1,0 +1,1 @@
+"""What does not move: background, noise, face, pole."""

@@ -1,0 +1,290 @@
+"""The picture without whiskers, its noise, and the light on it.
+
+Lengths that decide what is thin (a whisker) and what is not come from the scale, in millimetres;
+the constants below say which.
+"""
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import cv2
+import numpy as np
+
+from pipeline.scene.illumination import fill, frame_gains, light_without_objects, smooth_flat_parts
+from pipeline.scene.noise_model import (
+    WINDOW_SD,
+    WINDOWED_VARIANCE,
+    _fit_noise,
+    _windowed_moments,
+    noise_from_ranks,
+    spatial_noise,
+)
+
+THICKEST_LINE_MM = 0.32  # blurred whiskers are thinner, poles and rods thicker
+SHORTEST_WHISKER_MM = 2.5  # shorter thin dark lines are fur or dust: they stay
+SHORTEST_STILL_MM = 4.0  # in a movie, fur may be as long; that it never moves speaks for fur
+SHORTEST_BASE_MM = 0.3  # without fur: a base that stays where it is while the rest moves
+SHORTEST_RESTING_MM = 0.4  # on both sides of a pole on which it rests; elsewhere it may move
+BESIDE_LINE_MM = 0.5  # about a line that is left: its width, and its end at the pole
+FUR_MM = 1.0  # nearer to the face, what moves may be fur
+MOVED_SD = 5.0  # by so much of the noise is it lighter where a whisker is not
+BRIGHT_RANK = 0.85  # of the samples of a pixel: free of whiskers that rest there up to this share
+DARK_SD = 4.0  # by so much darker is a whisker; its flanks, which are not, reach FLANK_PX farther
+FLANK_PX = 2
+FLANK_SAMPLES = 64  # looked at for whiskers' flanks, at the most
+FEWEST_CLEAR = 3  # samples without a whisker near, to tell a pixel's light
+MOVIE_FRAMES = 3  # with fewer, nothing can be learnt from motion
+
+
+@dataclass(frozen=True)
+class Background:
+    """What stays when the whiskers are taken away.
+
+    Attributes
+    ----------
+    image : float32 (height, width) [grey]
+    noise_floor, noise_gain : a pixel's variance = floor + gain × intensity [grey²], [grey]
+    illumination : float32 (height, width), the light as if nothing stood in it [grey]
+    black : grey level of opaque things
+    n_frames : of how many frames it was made; of fewer than MOVIE_FRAMES, it still holds whiskers
+    covered : bool (height, width), what whiskers leave free so seldom that they may shade it
+    """
+
+    image: np.ndarray
+    noise_floor: float
+    noise_gain: float
+    illumination: np.ndarray
+    black: float
+    n_frames: int
+    covered: np.ndarray
+
+    @property
+    def transmission(self) -> np.ndarray:
+        """Share of the light that passes, float32 (height, width), about 0 (dark) to 1."""
+        return (self.image - self.black) / np.maximum(self.illumination - self.black, 1.0)
+
+
+def estimate_background(frames: np.ndarray, pixels_per_mm: float) -> Background:
+    """Estimate the background from a few frames of a scene in which only whiskers move.
+
+    A pixel's background is the mean of its bright mode over time, so a whisker may rest in one
+    place for up to 85 % of the frames. What rests longer, or all in one or two frames, remains
+    for `without_whiskers`.
+
+    Parameters
+    ----------
+    frames : uint8 (k, height, width), not too close in time
+    pixels_per_mm : scale of the image
+
+    Raises
+    ------
+    ValueError
+        If `frames` is not a stack of at least one grey image.
+    """
+    if frames.ndim != 3 or not frames.size:
+        raise ValueError(f"frames must be (k, height, width) with k >= 1, got {frames.shape}")
+    if len(frames) < MOVIE_FRAMES:
+        image = frames.mean(0, dtype=np.float32)
+        noise, covered = spatial_noise(image, len(frames)), np.zeros(image.shape, bool)
+    else:
+        image, noise, covered = temporal_background(frames)
+    thin = thin_dark_lines(image, pixels_per_mm, noise)
+    black, illumination = light_without_objects(image, pixels_per_mm, thin)
+    return Background(image, *noise, illumination, black, len(frames), covered)
+
+
+# ---- over time ----------------------------------------------------------------------------
+
+
+def temporal_background(frames: np.ndarray):
+    """Mean of every pixel's bright mode (height, width), (noise floor, gain), `covered` pixels."""
+    gains = frame_gains(frames)
+    ordered = sort_over_time(_equalised(frames, gains))
+    start = ordered[round(BRIGHT_RANK * (len(frames) - 1))]
+    noise = noise_from_ranks(ordered)
+    image, variance = start.astype(np.float32), None
+    for _ in range(2):
+        window = WINDOW_SD * np.sqrt(noise[0] + noise[1] * image)
+        image, variance = _windowed_moments(ordered, image, window.astype(np.float32))
+        noise = _fit_noise(image, variance / WINDOWED_VARIANCE, len(frames) - 1)
+    image, covered = _without_flanks(image, frames, gains, noise, ordered[0])
+    return image, noise, covered
+
+
+def _equalised(frames, gains):
+    """Frames with their flicker taken out, in memory of their own."""
+    out = np.empty_like(frames)
+    for frame, gain, into in zip(frames, gains, out, strict=True):
+        if abs(gain - 1) < 2e-3 or gain < 0.05:
+            into[:] = frame
+        else:
+            cv2.convertScaleAbs(frame, into, 1 / gain)
+    return out
+
+
+def _without_flanks(image, frames, gains, noise, darkest):
+    """The background without the flanks of whiskers that pass, and what they leave too seldom.
+
+    They are too faint to be told from noise, but draw a pixel's mean down, the more so where the
+    whisker is in most samples. So only those samples count that are dark nowhere near.
+    """
+    sd = np.sqrt(noise[0] + noise[1] * np.maximum(image, 0))
+    passed = darkest < image - DARK_SD * sd
+    covered = np.zeros(image.shape, bool)
+    if not passed.any():
+        return image, covered
+    x, y, width, height = cv2.boundingRect(passed.astype(np.uint8))
+    rows = slice(max(y - FLANK_PX, 0), y + height + FLANK_PX)
+    part = rows, slice(max(x - FLANK_PX, 0), x + width + FLANK_PX)
+    step = -(-len(frames) // FLANK_SAMPLES)
+    frames = _equalised(frames[(slice(None, None, step), *part)], gains[::step])
+    count, mean = _clear_mean(frames, image[part], sd[part])
+    covered[part] = count < FEWEST_CLEAR
+    image = image.copy()
+    image[part] = np.where((count < len(frames)) & ~covered[part], mean, image[part])
+    return image, covered
+
+
+def _clear_mean(frames, image, sd):
+    """Of the samples without anything dark near: how many there are, and their mean, per pixel."""
+    dark, low, high = (
+        np.clip(np.rint(image + k * sd), 0, 255).astype(np.uint8)
+        for k in (-DARK_SD, -WINDOW_SD, WINDOW_SD)
+    )
+    total, count = np.zeros((2, *image.shape), np.float32)
+    for frame in frames:
+        near = cv2.dilate(cv2.compare(frame, dark, cv2.CMP_LT), _square(FLANK_PX))
+        clear = cv2.inRange(frame, low, high) & ~near
+        cv2.accumulate(frame, total, clear)
+        count += clear > 0
+    return count, total / np.maximum(count, 1)
+
+
+def sort_over_time(frames: np.ndarray) -> np.ndarray:
+    """Sort every pixel's values over time, in place: a sorting network of whole-image steps."""
+    steps = _sorting_network(len(frames))
+    for top in range(0, frames.shape[1], 32):  # strips that stay in the cache
+        strip = frames[:, top : top + 32].copy()
+        lower = np.empty_like(strip[0])
+        for a, b in steps:
+            np.minimum(strip[a], strip[b], out=lower)
+            np.maximum(strip[a], strip[b], out=strip[b])
+            strip[a] = lower
+        frames[:, top : top + 32] = strip
+    return frames
+
+
+@lru_cache
+def _sorting_network(n):
+    """Comparators of Batcher's merge exchange sort (Knuth, vol. 3, 5.2.2, algorithm M)."""
+    steps = []
+    top = 1 << max((n - 1).bit_length() - 1, 0)
+    p = top
+    while p > 0:
+        q, r, d = top, 0, p
+        while d > 0:
+            steps += [(i, i + d) for i in range(n - d) if i & p == r]
+            d, q, r = q - p, q >> 1, p
+        p >>= 1
+    return tuple(steps)
+
+
+# ---- over space ---------------------------------------------------------------------------
+
+
+def thin_dark_lines(image, pixels_per_mm, noise, face=None) -> np.ndarray:
+    """Pixels of thin dark lines, bool (height, width): darker than what lies on both sides.
+
+    `noise`: (floor, gain) of the variance of `image`. Lines at the edges of large dark things
+    are left out: they are creases of those; but whiskers do come out of the `face` (bool mask).
+    """
+    smooth = cv2.GaussianBlur(image, (0, 0), 1.0)
+    size = max(3, 2 * round(THICKEST_LINE_MM * pixels_per_mm / 2) + 1)
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
+    around = cv2.morphologyEx(smooth, cv2.MORPH_CLOSE, disc)
+    # of the noise's SD, 1/(2√π) = 0.28 is left after a blur of SD 1
+    limit = 5 * 0.28 * np.sqrt(noise[0] + noise[1] * around) + 0.02 * around + 0.5
+    large = around < 0.3 * np.percentile(around[::4, ::4], 95)
+    large = cv2.morphologyEx(large.astype(np.uint8), cv2.MORPH_OPEN, disc)
+    if face is not None:
+        large[face] = 0
+    lines = (around - smooth > limit) & (cv2.dilate(large, disc) == 0)
+    return cv2.dilate(lines.astype(np.uint8), np.ones((3, 3), np.uint8)).astype(bool)
+
+
+def uncovered(background: Background, frames, face, pixels_per_mm) -> Background:
+    """Return the background as it was in the few samples in which resting whiskers had moved.
+
+    A whisker that lies in one place for longer than BRIGHT_RANK, as on a pole that it holds, is
+    a thin line in the background; where two samples agree on more light about it, they tell what
+    is behind. `frames` as of `estimate_background`; `face`: bool mask, with fur beside it.
+    """
+    if background.n_frames < MOVIE_FRAMES:
+        return background
+    noise = background.noise_floor, background.noise_gain
+    averaged = tuple(part / background.n_frames for part in noise)
+    far = cv2.dilate(face.astype(np.uint8), _square(FUR_MM * pixels_per_mm)) == 0
+    lines = thin_dark_lines(background.image, pixels_per_mm, averaged) & far
+    lines = _long_parts(lines, SHORTEST_RESTING_MM * pixels_per_mm)
+    if not lines.any():
+        return background
+    look = cv2.dilate(lines.astype(np.uint8), _square(BESIDE_LINE_MM * pixels_per_mm)) > 0
+    look &= far
+    values = frames[:, look] / frame_gains(frames)[:, None]
+    bright = np.partition(values, -2, axis=0)[-2]
+    known = background.image[look]
+    sd = np.sqrt(noise[0] + noise[1] * np.maximum(known, 0))
+    agree = np.abs(values - bright) < WINDOW_SD * sd
+    lighter = np.where(agree, values, 0).sum(0) / agree.sum(0)
+    image = background.image.copy()
+    image[look] = np.where(bright > known + MOVED_SD * sd, lighter, known)
+    return replace(background, image=image)
+
+
+def _square(half_width):
+    """Square for dilation by so many pixels to all sides."""
+    size = 2 * round(half_width) + 1
+    return np.ones((size, size), np.uint8)
+
+
+def _long_parts(thin, shortest_px, at=None):
+    """Connected parts of a mask, at least `shortest_px` long, that reach `at` (a mask, if any)."""
+    _, labels, stats, _ = cv2.connectedComponentsWithStats(thin.astype(np.uint8))
+    keep = np.hypot(stats[:, cv2.CC_STAT_WIDTH], stats[:, cv2.CC_STAT_HEIGHT]) > shortest_px
+    if at is not None:
+        keep &= np.isin(np.arange(len(stats)), labels[at])
+    keep[0] = False
+    return keep[labels]
+
+
+def without_whiskers(background: Background, face: np.ndarray, pixels_per_mm, fur=True, pole=None):
+    """Return the image with whiskers that never moved filled from their surroundings.
+
+    They are the long thin dark lines that come out of the face (bool mask); shorter lines are
+    fur, and lines elsewhere scratches and wires: these stay, as they should in a background.
+    Where there is no `fur`, shorter ones are the whiskers' bases, about which they turn. What
+    leaves the `pole` (bool mask) on which such a line ends is the same whisker's other part.
+    """
+    movie = background.n_frames >= MOVIE_FRAMES
+    share = 1 / background.n_frames if movie else 1.0  # of the variance left in the average
+    noise = share * background.noise_floor, share * background.noise_gain
+    thin = thin_dark_lines(background.image, pixels_per_mm, noise, face) & ~face
+    shortest = SHORTEST_STILL_MM if movie else SHORTEST_WHISKER_MM
+    shortest = shortest if fur else SHORTEST_BASE_MM
+    lines = thin if pole is None else thin | _surroundings(pole, pixels_per_mm)
+    whiskers = thin & _long_lines_at(face, lines, pixels_per_mm, shortest * pixels_per_mm)
+    whiskers |= _long_parts(background.covered | whiskers, 0, whiskers) & ~face
+    if not movie:
+        return smooth_flat_parts(background.image, whiskers, pixels_per_mm, noise)
+    return fill(background.image, whiskers) if whiskers.any() else background.image
+
+
+def _surroundings(pole, pixels_per_mm):
+    """The pole and what is so near to it that no thin lines are told there, bool mask."""
+    return cv2.dilate(pole.astype(np.uint8), _square(THICKEST_LINE_MM * pixels_per_mm)) > 0
+
+
+def _long_lines_at(face, thin, pixels_per_mm, shortest_px):
+    """Connected lines that are at least `shortest_px` long and end near the face."""
+    near = cv2.dilate(face.astype(np.uint8), _square(0.5 * pixels_per_mm)) > 0
+    return _long_parts(thin, shortest_px, near)

@@ -1,0 +1,257 @@
+"""A disc measured to a part of a pixel, beside the shades of whiskers and rod."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from scipy.optimize import least_squares
+from scipy.special import erfc
+
+RADIUS_TRUST = 0.05  # SD of the expected radius, relative: counts only where little edge is free
+PIXEL_SD = 0.015  # of a pixel's misfit, share of the light: weighs the expected radius
+N_RAYS = 180
+LEAST_FITTED_ARC = 0.15  # of the circumference must be free of any shade
+COMFORTABLE_ARC = 0.38  # this much is enough to measure a circle well
+MARGIN_RAYS = 14  # of 2°, left out beside rays that are shaded
+TOUCHED_RAYS = 45  # at most, between the shades on both sides of where a whisker touches
+SHADE_RAYS, WIDEST_SHADE_RAYS = 3, 45  # that a whisker shades on either side; a rod, more
+MUCH_BETTER = 0.2  # part of the cost of a fit to more of the edge, for one to less of it
+EDGE_SLOPE = 0.04  # of the light per pixel: less is no edge of a thing in focus
+INTERPOLATION = 0.003  # error of interpolated pixels, share of the light
+
+
+@dataclass(frozen=True)
+class Pole:
+    """A pole's disc: centre, radius and edge blur (SD) [px]; `arc`: share of its edge seen.
+
+    `residual` is the root mean square misfit of the edge without its worst pixels, as a share of
+    its contrast; `opacity` the share of the light that it takes.
+    """
+
+    x_px: float
+    y_px: float
+    radius_px: float
+    blur_px: float
+    arc: float
+    residual: float
+    opacity: float
+
+
+def measure_disc(image, x: float, y: float, radius: float, expected: float) -> Pole | None:
+    """Fit a blurred disc to the free part of its edge, starting from (x, y, radius) [px].
+
+    The edge of a disc of radius R blurred with SD σ has its half level σ²/2R inside R (to first
+    order in σ/R), and falls off as erfc; both are in the model, so the radius is the disc's own.
+    Rays that are shaded by the rod or by a whisker are left out in the next round; `expected`
+    [px] counts where the arc that is left is too short to tell the radius.
+    """
+    plain, untouched = (
+        _measure(image, x, y, radius, expected, touched) for touched in (False, True)
+    )
+    if plain is None or untouched is None:
+        return plain or untouched
+    much_better = _cost(untouched, expected) < MUCH_BETTER * _cost(plain, expected)
+    return untouched if much_better else plain
+
+
+def _cost(pole, expected):
+    """Misfit of a measured disc and of its radius, in squares of their usual sizes."""
+    off = (pole.radius_px / expected - 1) / RADIUS_TRUST
+    return (pole.residual / PIXEL_SD) ** 2 + off**2
+
+
+def _measure(image, x, y, radius, expected, touched):
+    """As `measure_disc`; `touched`: also without what lies between two narrow shades."""
+    angles = _rays()
+    used = _free_rays(image, x, y, radius, angles)
+    for _ in range(8):
+        if used.mean() < LEAST_FITTED_ARC:
+            return None
+        fit = _fit_edge(image, x, y, radius, used, expected)
+        if fit is None or not plausible(fit[:3], expected, None):
+            return None
+        x, y, radius = fit[:3]
+        before, used = used, _unshaded(fit, image, angles, used, touched)
+        if np.array_equal(before, used):
+            break
+    arc = at_edge(half_levels(image, x, y, radius), radius).mean()
+    contrast = fit[5] - fit[4]
+    residual = _misfit(fit, image, before) / max(contrast, 1e-6)
+    if arc < LEAST_ARC or contrast < LEAST_CONTRAST or residual > MOST_RESIDUAL:
+        return None
+    if contrast < OPAQUE and before.mean() < GREY_ARC:
+        return None
+    return Pole(*map(float, (x, y, radius, abs(fit[3]), arc, residual, _opacity(fit))))
+
+
+def _opacity(p):
+    """Share of the light that a fitted disc takes as far inside as it was fitted.
+
+    The level farther in is not seen where a small disc is much blurred.
+    """
+    inmost = max(p[2] - _edge_width(p[2]), 0.0)
+    return 1 - max(blurred_edge(inmost, p[2], abs(p[3]) + 1e-3, p[4], p[5]) / p[5], 0.0)
+
+
+def _rays():
+    return np.arange(N_RAYS) * 2 * np.pi / N_RAYS
+
+
+def ray_points(x, y, angles, distances):
+    """Points at all distances along all angles, two float32 (angles, distances)."""
+    px = x + np.multiply.outer(np.cos(angles), distances)
+    py = y + np.multiply.outer(np.sin(angles), distances)
+    return px.astype(np.float32), py.astype(np.float32)
+
+
+def _free_rays(image, x, y, radius, angles):
+    """Tell along which angles the disc ends against the light, bool (angles,)."""
+    width = max(0.25 * radius, 2.0)
+    px, py = ray_points(x, y, angles, radius + width * np.array([1.0, 1.25, 1.5]))
+    outside = cv2.remap(image, px, py, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT).min(1)
+    free = outside > 0.85 * min(np.percentile(outside, 90), 1.0)
+    return ~_widened(~free, 3)
+
+
+def _widened(flags, steps):
+    """Set the neighbours of True on a ring as well."""
+    ring = np.concatenate([flags[-steps:], flags, flags[:steps]])
+    return np.convolve(ring, np.ones(2 * steps + 1), "valid") > 0
+
+
+def _edge_width(radius):
+    """How far on both sides of a disc's edge its pixels are compared with the model [px]."""
+    return max(0.3 * radius, 2.5)
+
+
+def _annulus(image, x, y, radius, angles):
+    """Pixel values around the edge: points px, py and values, each (angles, distances)."""
+    width = _edge_width(radius)
+    px, py = ray_points(x, y, angles, np.arange(-width, width + 0.25, 0.5) + radius)
+    return px, py, cv2.remap(image, px, py, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
+
+
+def _model(p, px, py):
+    """Blurred disc: p = x, y, radius, blur, inside, outside."""
+    distance = np.hypot(px - p[0], py - p[1])
+    return blurred_edge(distance, p[2], abs(p[3]) + 1e-3, p[4], p[5])
+
+
+def _edge_pixels(image, x, y, radius, used):
+    """Pixels of the annulus around the edge that lie on used rays: x, y, values, each (n,)."""
+    width = _edge_width(radius)
+    reach = int(radius + width) + 2
+    rows = np.arange(max(int(y) - reach, 0), min(int(y) + reach + 1, image.shape[0]))
+    columns = np.arange(max(int(x) - reach, 0), min(int(x) + reach + 1, image.shape[1]))
+    py, px = (grid.ravel() for grid in np.meshgrid(rows, columns, indexing="ij"))
+    ray = np.rint(np.arctan2(py - y, px - x) * N_RAYS / (2 * np.pi)).astype(int) % N_RAYS
+    inside = (np.abs(np.hypot(px - x, py - y) - radius) <= width) & used[ray]
+    px, py = px[inside], py[inside]
+    return px, py, image[py, px]
+
+
+def _fit_edge(image, x, y, radius, used, expected):
+    """Least squares of the model over the pixels around the used arc; parameters or None."""
+    px, py, values = _edge_pixels(image, x, y, radius, used)
+
+    def residuals(p):
+        prior = PIXEL_SD * (p[2] - expected) / (RADIUS_TRUST * expected)
+        return np.append(_model(p, px, py) - values, prior)
+
+    if len(values) < 12:
+        return None
+    start = [x, y, radius, 1.0, np.quantile(values, 0.1), np.quantile(values, 0.9)]
+    fit = least_squares(residuals, start, x_scale="jac", method="lm", max_nfev=200)
+    return fit.x if np.isfinite(fit.x).all() and fit.x[2] > 0 else None
+
+
+def _unshaded(p, image, angles, used, touched):
+    """Rays on which no shade of rod or whisker falls: as light outside the edge as the lightest
+    third, and no darker than the model by more than the used ones' scatter; bool (angles,).
+    """
+    px, py, values = _annulus(image, *p[:3], angles)
+    excess = (values - _model(p, px, py))[:, values.shape[1] // 3 :].mean(1)
+    beyond = p[2] + 2.5 * abs(p[3]) + np.array([0.5, 1.0, 1.5, 2.0, 2.5])
+    px, py = ray_points(p[0], p[1], angles, beyond)
+    light = cv2.remap(image, px, py, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT).mean(1)
+    lightest = light[light >= np.quantile(light, 2 / 3)]
+    shaded = light < np.median(lightest) - max(3 * lightest.std(), 3 * INTERPOLATION)
+    scatter = 1.4826 * np.median(np.abs(excess[used]))
+    shaded |= excess < -2.5 * max(scatter, 0.5 * INTERPOLATION)
+    margin = _with_margin(shaded)
+    untouched = ~(margin | _between_shades(shaded))
+    return untouched if touched and untouched.mean() >= LEAST_FITTED_ARC else ~margin
+
+
+def _with_margin(shaded):
+    """Add the rays beside shaded ones, which may be shaded too little to show, if enough stay."""
+    for steps in range(MARGIN_RAYS, 1, -1):
+        wider = _widened(shaded, steps)
+        if np.mean(~wider) >= COMFORTABLE_ARC:
+            return wider
+    return _widened(shaded, 1)
+
+
+def _between_shades(shaded):
+    """Rays between two narrow shades, not far apart, bool (angles,).
+
+    Where a whisker rests on the disc, its shade joins the disc's and shows to both sides only.
+    """
+    between = np.zeros_like(shaded)
+    starts = np.flatnonzero(shaded & ~np.roll(shaded, 1))
+    ends = np.flatnonzero(~shaded & np.roll(shaded, 1))
+    if len(starts) < 2:
+        return between
+    ends = np.roll(ends, -1) if ends[0] <= starts[0] else ends
+    narrow = (ends - starts) % N_RAYS < WIDEST_SHADE_RAYS
+    narrow &= (ends - starts) % N_RAYS >= SHADE_RAYS
+    for k, end in enumerate(ends):
+        following = (k + 1) % len(starts)
+        gap = (starts[following] - end) % N_RAYS
+        if narrow[k] and narrow[following] and gap <= TOUCHED_RAYS:
+            between[(end + np.arange(gap)) % N_RAYS] = True
+    return between
+
+
+def _misfit(p, image, used):
+    """Root mean square misfit, but for the MISFITS worst pixels: a hair may lie on some."""
+    px, py, values = _edge_pixels(image, *p[:3], used)
+    square = np.sort((values - _model(p, px, py)) ** 2)
+    return float(np.sqrt(np.mean(square[: int(np.ceil((1 - MISFITS) * len(square)))])))
+
+
+def blurred_edge(distance, radius, blur, inside, outside):
+    """Intensity at `distance` from the centre of a disc blurred with a Gaussian of SD `blur`."""
+    half_level = radius - blur**2 / (2 * radius)
+    return outside + (inside - outside) * 0.5 * erfc((distance - half_level) / (np.sqrt(2) * blur))
+
+
+RADIUS_RANGE = (0.7, 1.45)  # of the expected radius: the scale may be a little off
+LEAST_ARC = 0.55  # of the circumference must be seen as edge: a corner has 0.5, a rod's end 0.65
+MOST_RESIDUAL = 0.05  # of the edge's contrast, root mean square
+MISFITS = 0.1  # of the edge's pixels
+LEAST_CONTRAST = 0.2  # share of the light that the disc takes
+OPAQUE, GREY_ARC = 0.8, 0.3  # what takes less light must show so much of its edge: fur does not
+
+
+def plausible(circle, radius_px, near_xy) -> bool:
+    """Whether a circle (x, y, radius) [px] is about as large and where it is expected."""
+    x, y, radius = circle
+    low, high = RADIUS_RANGE
+    near = near_xy is None or np.hypot(x - near_xy[0], y - near_xy[1]) < radius_px
+    return low * radius_px <= radius <= high * radius_px and near
+
+
+def half_levels(image, x, y, radius_px):
+    """Distance from (x, y) at which each ray first reaches half the light, inf if never."""
+    distances = np.arange(0.0, 1.9 * radius_px + 3, 0.5)
+    px, py = ray_points(x, y, _rays(), distances)
+    values = cv2.remap(image, px, py, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT)
+    half = 0.5 * (values[:, 0].mean() + min(np.percentile(values[:, -1], 90), 1.0))
+    above = values > half
+    return np.where(above.any(1), distances[np.argmax(above, axis=1)], np.inf)
+
+
+def at_edge(edge, radius):
+    """Rays on which half the light is reached about at the disc's edge, bool (N_RAYS,)."""
+    return np.abs(edge - radius) < 0.12 * radius + 0.5

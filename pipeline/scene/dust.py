@@ -1,0 +1,63 @@
+"""Whiskers that pass over a round dark spot: what they pass over unbent is no pole.
+
+Dust on a window may look as the end of a pole does. A whisker that lies across it, and is seen on
+both sides, is not held up by it; nor is one that moves before or behind a pole.
+"""
+
+import cv2
+import numpy as np
+
+from pipeline.scene.circle_fit import ray_points
+from pipeline.scene.illumination import frame_gains
+
+INNER = 0.5  # radii about the centre: no whisker that touches a pole is seen to lie there
+RING = 1.4, 1.5  # radii, and px beyond, at which a whisker is looked for; edges are blurred
+N_ANGLES = 180
+THICK_PX = (0.0, 1.0, 2.0)  # distances that are averaged
+DARKER, DARKER_SD = 0.04, 4.0  # share of the light, and of the noise, that a whisker takes
+WIDEST = 30  # of the angles; more is no whisker
+FEWEST = 2  # frames: one may be a mistake
+
+
+def is_passed_over(x, y, radius, background, noise, frames) -> bool:
+    """Tell whether whiskers cross the inner half of a disc at (x, y) of `radius` [px].
+
+    A whisker shows at two places on a circle about the disc: opposite each other where it passes
+    over the disc, nearer together where it is bent by it or stays beside.
+
+    Parameters
+    ----------
+    x, y, radius : the disc [px]
+    background : float32 (height, width), without whiskers
+    noise : (floor, gain) of a pixel's variance [grey²], [grey]
+    frames : uint8 (k, height, width)
+    """
+    angles = np.arange(N_ANGLES) * 2 * np.pi / N_ANGLES
+    ring = RING[0] * radius + RING[1]
+    px, py = ray_points(x, y, angles, ring + np.array(THICK_PX))
+    middle = ring + np.mean(THICK_PX)
+
+    def light(image):
+        return cv2.remap(image, px, py, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE).mean(1)
+
+    known = light(background)
+    variance = (noise[0] + noise[1] * np.maximum(known, 0)) / len(THICK_PX)
+    limit = np.maximum(DARKER * known, DARKER_SD * np.sqrt(variance))
+    crossed = 0
+    for frame, gain in zip(frames, frame_gains(frames), strict=True):
+        spots = _spots(light(frame) / max(gain, 1e-3) < known - limit)
+        if len(spots) == 2:
+            apart = (spots[1] - spots[0]) * 2 * np.pi / N_ANGLES
+            crossed += middle * abs(np.cos(apart / 2)) < INNER * radius
+    return crossed >= FEWEST
+
+
+def _spots(dark):
+    """Middles of the runs of True on a ring, none where one of them is too wide for a whisker."""
+    starts = np.flatnonzero(dark & ~np.roll(dark, 1))
+    ends = np.flatnonzero(~dark & np.roll(dark, 1))
+    if len(starts) == 0:
+        return []
+    ends = np.roll(ends, -1) if ends[0] <= starts[0] else ends
+    widths = (ends - starts) % len(dark)
+    return [] if widths.max() > WIDEST else list(starts + 0.5 * (widths - 1))

@@ -1,0 +1,185 @@
+"""A video's static scene: background, face, pole, obstacles."""
+
+from dataclasses import dataclass
+from functools import partial
+
+import cv2
+import numpy as np
+
+from pipeline.detection.static_scene import PoleTrack, StaticScene
+from pipeline.errors import VideoError
+from pipeline.scene.background import estimate_background, uncovered, without_whiskers
+from pipeline.scene.codec_noise import noise_excess
+from pipeline.scene.dust import is_passed_over
+from pipeline.scene.epochs import Survey, periods
+from pipeline.scene.face import face_side, find_face, likelier_side, opened
+from pipeline.scene.pole_search import PoleFollower, find_pole
+from pipeline.scene.virtual_face import mask_behind_whiskers
+from pipeline.session.recording import Recording
+
+N_SAMPLES = (32, 1000)  # at least and at most
+FRAMES_PER_SAMPLE = 50
+LEAST_OBSTACLE_MM2 = 0.05
+OPAQUE = 0.7  # share of the light below which something static hides whiskers
+
+
+@dataclass(frozen=True)
+class Epoch:
+    """Frames [start, stop) with what stood still in them; stop None: to the video's end.
+
+    `scene` is None while something large moved: there, nothing can be said for sure.
+    """
+
+    start: int
+    stop: int | None
+    scene: StaticScene | None
+
+
+def survey(video, recording: Recording) -> Survey:
+    """Look at some frames of the whole video, once for all that is to be learnt from them."""
+    seen = Survey(video.shape, recording.pixels_per_mm)
+    for index, frame in video.sampled(_sample_size(video.n_frames)):
+        seen.add(index, frame)
+    return seen
+
+
+def find_scenes(
+    video, recording: Recording, pole_diameter_m=0.5e-3, pole_xy=None, seen: Survey | None = None
+) -> tuple[Epoch, ...]:
+    """Find what does not move in a video, in each period between moves of large things.
+
+    Parameters
+    ----------
+    video : pipeline.video.open.Video
+    recording : frame rate, scale, side of the face (None: find it)
+    pole_diameter_m : [m]; None: there is no pole
+    pole_xy : (x, y) [px] of the pole where a person gave it
+    seen : the video's `survey`; made where it is not given
+
+    Returns
+    -------
+    epochs, without gaps, from frame 0 on. Where a state of the scene returns (the pole away
+    again), it is the same StaticScene.
+
+    Raises
+    ------
+    VideoError
+        If `pole_xy` is outside of the picture.
+    """
+    _check_place(video, pole_xy)
+    seen = seen or survey(video, recording)
+    states, frames = seen.settled()
+    n_frames = video.n_frames or 1
+    scenes = [
+        scene_from_frames(some, recording, pole_diameter_m, pole_xy, n_frames) for some in frames
+    ]
+    return tuple(
+        Epoch(part.start, part.stop, None if part.state is None else scenes[part.state])
+        for part in periods(video, seen, states, [_pole_check(scene) for scene in scenes])
+    )
+
+
+def _check_place(video, pole_xy):
+    """Raise if a person's place of the pole is outside of the picture."""
+    height, width = video.shape
+    if pole_xy is not None and not (0 <= pole_xy[0] < width and 0 <= pole_xy[1] < height):
+        raise VideoError(
+            video.path,
+            f"[pole] x_px, y_px = {pole_xy[0]:g}, {pole_xy[1]:g} is outside of its picture: "
+            f"expected 0 to {width - 1} and 0 to {height - 1}; correct or leave them out",
+        )
+
+
+def _pole_check(scene):
+    """Return a function of a frame: is the scene's pole (if any) in its place?"""
+    if scene.pole is None:
+        return lambda frame: True
+    place = scene.pole.x_px[0], scene.pole.y_px[0], scene.pole.radius_px
+    return PoleFollower(*place, scene.background).look
+
+
+def _sample_size(n_frames):
+    """Enough for a background, and in a long video for seeing when large things move."""
+    low, high = N_SAMPLES
+    return low if n_frames is None else int(np.clip(n_frames // FRAMES_PER_SAMPLE, low, high))
+
+
+def find_scene(video, recording: Recording, pole_diameter_m=0.5e-3, pole_xy=None) -> StaticScene:
+    """As `find_scenes`, but only the scene that holds for most of the video."""
+    epochs = find_scenes(video, recording, pole_diameter_m, pole_xy)
+    end = video.n_frames or (epochs[-1].start + 1)
+    held = {}
+    for epoch in epochs:
+        if epoch.scene is not None:
+            length = (end if epoch.stop is None else epoch.stop) - epoch.start
+            held[id(epoch.scene)] = held.get(id(epoch.scene), 0) + length
+    return max((e.scene for e in epochs if e.scene), key=lambda scene: held[id(scene)])
+
+
+def scene_from_frames(
+    frames, recording: Recording, pole_diameter_m=0.5e-3, pole_xy=None, n_frames: int = 1
+) -> StaticScene:
+    """As `find_scene`, from a few frames uint8 (k, height, width) of a scene that stays."""
+    scale = recording.pixels_per_mm
+    background = estimate_background(frames, scale)
+    transmission = background.transmission
+    side = recording.face or face_side(transmission)
+    face = find_face(transmission, side, scale)
+    fur, likelier = face.any(), None
+    if not fur:
+        side, face, thick_side = mask_behind_whiskers(frames, recording.face, scale)
+        likelier = likelier_side(transmission, side, thick_side, scale)
+    pole = None
+    if pole_diameter_m is not None:
+        radius_px = 0.5e3 * pole_diameter_m * scale
+        behind = uncovered(background, frames, face, scale)
+        noise = background.noise_floor, background.noise_gain
+        passed_over = partial(is_passed_over, background=behind.image, noise=noise, frames=frames)
+        pole = find_pole(behind.transmission, radius_px, pole_xy, face, passed_over)
+    obstacles = find_obstacles(transmission, face, pole, scale)
+    return StaticScene(
+        background=without_whiskers(background, face, scale, fur, _disc(pole, face.shape)),
+        noise_gain=background.noise_gain,
+        noise_floor=background.noise_floor,
+        face_mask=face,
+        obstacle_mask=obstacles,
+        pole=_constant_track(pole, n_frames),
+        face_side=side,
+        noise_excess=noise_excess(background, frames, obstacles, face),
+        likelier_side=likelier,
+    )
+
+
+def find_obstacles(transmission, face, pole, pixels_per_mm) -> np.ndarray:
+    """Pixels of dark static things that are neither face nor thin, bool (height, width)."""
+    size = 2 * round(0.15 * pixels_per_mm) + 1
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
+    dark = cv2.morphologyEx((transmission < OPAQUE).astype(np.uint8), cv2.MORPH_OPEN, disc)
+    dark[face] = 0
+    _, labels, stats, _ = cv2.connectedComponentsWithStats(dark)
+    keep = stats[:, cv2.CC_STAT_AREA] > LEAST_OBSTACLE_MM2 * pixels_per_mm**2
+    # along the face there is always a fringe of fur, half dark: only what is thick counts there
+    at_face, thick = np.zeros((2, len(stats)), bool)
+    at_face[labels[cv2.dilate(face.astype(np.uint8), disc) > 0]] = True
+    thick[labels[opened(dark, pixels_per_mm)]] = True
+    keep &= ~at_face | thick
+    keep[0] = False
+    mask = keep[labels]
+    if pole is not None:
+        mask |= _disc(pole, mask.shape)
+    return mask & ~face
+
+
+def _disc(pole, shape):
+    """The pole's pixels, bool (height, width); None without a pole."""
+    if pole is None:
+        return None
+    around = np.zeros(shape, np.uint8)
+    sixteenths = (round(16 * pole.x_px), round(16 * pole.y_px)), round(16 * pole.radius_px)
+    return cv2.circle(around, *sixteenths, 1, cv2.FILLED, shift=4) > 0
+
+
+def _constant_track(pole, n_frames):
+    if pole is None:
+        return None
+    return PoleTrack(np.full(n_frames, pole.x_px), np.full(n_frames, pole.y_px), pole.radius_px)

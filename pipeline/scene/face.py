@@ -1,0 +1,120 @@
+"""The face: the dark mass on one side of the picture, with its dense fur.
+
+Whiskers come out of the mask's edge, and the hidden length is counted from there; so the edge is
+that of the fur as a whole, averaged over FUR_MM, not of single hairs.
+"""
+
+import cv2
+import numpy as np
+
+SIDES = ("left", "right", "top", "bottom")
+FUR_MM = 0.15  # SD of the average over fur: single hairs vanish, the mass stays
+HAIR_MM = 0.5  # what is thinner than this is a tuft or a whisker, not face
+EDGE_LEVEL = 0.45  # share of the light at the edge: rather the mass than the hairs on it
+LEAST_BORDER = 0.25  # of the longest contact with the border: what touches it less is apparatus
+
+
+def border(image: np.ndarray, side: str) -> np.ndarray:
+    """Return the row or column of `image` along `side`."""
+    if side not in SIDES:
+        raise ValueError(f"side must be one of {SIDES}, got {side!r}")
+    at = {"left": np.s_[:, 0], "right": np.s_[:, -1], "top": np.s_[0], "bottom": np.s_[-1]}
+    return image[at[side]]
+
+
+def face_side(transmission: np.ndarray) -> str:
+    """Return the side of the picture with the face: the one whose border is darkest.
+
+    `transmission`: share of the light that passes, (height, width), as in `Background`.
+    """
+    dark = {side: np.mean(border(transmission, side) < EDGE_LEVEL) for side in SIDES}
+    return max(dark, key=dark.get)
+
+
+def find_face(transmission: np.ndarray, side: str, pixels_per_mm: float) -> np.ndarray:
+    """Return the face's mask, bool (height, width); all False where no face is in view."""
+    dark = opened(_blurred(transmission, FUR_MM * pixels_per_mm) < EDGE_LEVEL, pixels_per_mm)
+    _, labels = cv2.connectedComponents(dark.astype(np.uint8))
+    on_border = np.bincount(border(labels, side), minlength=labels.max() + 1)
+    on_border[0] = 0
+    if not on_border.any():
+        return np.zeros(dark.shape, bool)
+    mask = (on_border >= LEAST_BORDER * on_border.max())[labels]
+    return _without_holes(mask, side)
+
+
+def opened(mask, pixels_per_mm):
+    """Take away what is thinner than HAIR_MM; the picture's border does not count as an edge."""
+    size = max(3, 2 * round(HAIR_MM * pixels_per_mm / 2) + 1)
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
+    padded = cv2.copyMakeBorder(
+        mask.astype(np.uint8), size, size, size, size, cv2.BORDER_REPLICATE
+    )
+    inner = np.s_[size:-size, size:-size]
+    return cv2.morphologyEx(padded, cv2.MORPH_OPEN, disc)[inner] > 0
+
+
+def _blurred(image, sd):
+    return cv2.GaussianBlur(image, (0, 0), sd, borderType=cv2.BORDER_REPLICATE)
+
+
+def _without_holes(mask, side):
+    """Fill what the face encloses: bright pixels without a way to the other sides."""
+    _, labels = cv2.connectedComponents((~mask).astype(np.uint8))
+    enclosed = np.ones(labels.max() + 1, bool)
+    for other in SIDES:
+        if other != side:
+            enclosed[border(labels, other)] = False
+    enclosed[0] = False
+    return mask | enclosed[labels]
+
+
+OPPOSITE = {"left": "right", "right": "left", "top": "bottom", "bottom": "top"}
+INWARD = {"left": (1, 0), "right": (-1, 0), "top": (0, 1), "bottom": (0, -1)}  # x, y
+FEWEST_NODES = 45  # of a line that tells its taper
+LEAST_WIDTH = 0.2  # of the picture's side: a face is wider than apparatus
+THICKER = 1.2  # the far third's thickness over the near one's: of a whisker it is 0.2 to 0.6
+
+
+def likelier_side(transmission, side: str, thick_side: str | None, pixels_per_mm) -> str | None:
+    """Side on which the face rather is, where none is seen on the given `side`; None: no doubt.
+
+    Parameters
+    ----------
+    transmission : share of the light that passes, (height, width)
+    thick_side : where the whiskers' thicker ends are (`faceless.mask_behind_whiskers`)
+
+    The whiskers of a picture without a face may come from beside a corner: without a face on the
+    side of their thicker ends, only the opposite side is in doubt.
+    """
+    if thick_side in (None, side):
+        return None
+    face = find_face(transmission, thick_side, pixels_per_mm)
+    wide = np.mean(border(face, thick_side)) > LEAST_WIDTH
+    return thick_side if wide or thick_side == OPPOSITE[side] else None
+
+
+def thickening_towards(roster) -> str | None:
+    """Side towards which most whiskers of a roster (`Slot`s) get thicker; None: they taper."""
+    towards = [side for slot in roster if (side := _thickens(slot.samples)) is not None]
+    if 2 * len(towards) <= len(roster):
+        return None
+    return max(SIDES, key=towards.count)
+
+
+def _thickens(lines) -> str | None:
+    """Side towards which most `lines` of one whisker run if they get thicker, else None."""
+    lines = [line for line in lines if line.n >= FEWEST_NODES]
+    ratios = np.array([_far_over_near(line.thickness[: line.n]) for line in lines])
+    if not np.isfinite(ratios).any() or np.nanmedian(ratios) < THICKER:
+        return None
+    x, y = np.sum([line.points[-1] - line.points[0] for line in lines], axis=0)
+    return min(SIDES, key=lambda side: np.dot(INWARD[side], (x, y)))
+
+
+def _far_over_near(thickness):
+    """Median thickness of a line's last third over that of its first, NaN where unknown."""
+    third = len(thickness) // 3
+    near, far = thickness[:third], thickness[-third:]
+    known = np.isfinite(near).any() and np.isfinite(far).any()
+    return np.nanmedian(far) / np.nanmedian(near) if known else np.nan

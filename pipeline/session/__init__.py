@@ -1,0 +1,1 @@
+"""session.toml, and which videos it holds for."""

@@ -1,0 +1,206 @@
+"""Which videos to process, where their settings and results lie, and whether they changed."""
+
+import hashlib
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+from pipeline.errors import InputError, VideoError
+from pipeline.session.session_file import SettingsError, read_session
+from pipeline.tables.files import read_json
+from pipeline.tables.result_exchange import STATE_FILE
+from pipeline.video.open import RESULT_FOLDERS, find_videos, is_result_folder, open_video
+
+SETTINGS_NAME = "session.toml"
+PREVIEW_NAME = "session_preview.png"
+SESSION_FILES = (
+    "videos.csv",
+    "contacts.csv",
+    "run.json",
+    "run.log",
+    "report.html",
+    SETTINGS_NAME,
+    PREVIEW_NAME,
+)
+RESERVED_NAMES = (*RESULT_FOLDERS, *SESSION_FILES)  # no video's results folder may be called so
+UNSAFE = re.compile(r"[/\\\x00-\x1f\x7f]")  # path separators, control characters
+
+
+@dataclass(frozen=True)
+class Input:
+    """One video to process: a file or a folder of images; `fault` says why it cannot be.
+
+    `root` is the path the user named: the input itself or a folder above it.
+    """
+
+    path: Path
+    root: Path
+    fault: str = ""
+
+
+def find_inputs(paths, out=None) -> list[Input]:
+    """Return the videos among `paths` (files, folders of images, folders of videos), in order.
+
+    A folder is searched with its subfolders, without hidden ones and results (`out` may be the
+    folder itself). A folder with nothing in it is an `Input` with a fault. InputError where a
+    path does not exist.
+    """
+    paths = [Path(path) for path in paths]
+    absent = [str(path) for path in paths if not path.exists()]
+    if absent:
+        raise InputError(f"no such file or folder: {', '.join(absent)}; check the spelling")
+    out = None if out is None else Path(out).resolve()
+    found = {}
+    for root in paths:
+        for path in _videos_in(root, out) if root.is_dir() else [root]:
+            found.setdefault(path.resolve(), Input(path, root, _fault(path)))
+    return list(found.values())
+
+
+def _videos_in(folder, out) -> list[Path]:
+    """Videos in a folder and in the subfolders that are no videos themselves."""
+    here = find_videos([folder])
+    below = []
+    for entry in sorted(folder.iterdir()):
+        if entry.is_dir() and entry not in here and not _is_result(entry, out):
+            below += [path for path in _videos_in(entry, out) if path != entry or not _fault(path)]
+    if below and here == [folder] and _fault(folder):
+        return below
+    return here + below
+
+
+def _is_result(folder, out) -> bool:
+    """Hidden, or written by `whiskerforce`, or by Python."""
+    return folder.name.startswith(".") or folder.resolve() == out or is_result_folder(folder)
+
+
+def _fault(path) -> str:
+    """Why a folder or a name is no input; files are only opened when their turn comes."""
+    if readable(path.resolve()) != str(path.resolve()):
+        return "has a name that is no text (a wrong character set?): rename it"
+    if not path.is_dir():
+        return ""
+    try:
+        open_video(path).close()
+    except VideoError as error:
+        return error.problem
+    return ""
+
+
+def readable(path) -> str:
+    """A path as text that any file can hold; "?" for what is no character."""
+    return str(path).encode("utf-8", "replace").decode("utf-8")
+
+
+def session_of(each: Input, config=None) -> Path:
+    """The session.toml for an input: `config`, or the nearest one.
+
+    That is: in a folder of images, beside the video, or above it up to the folder that the
+    user named; of a link, there first, and then where it leads. InputError where there is none.
+    """
+    if config is not None:
+        return Path(config)
+    for path, root in (
+        (each.path.absolute(), each.root.absolute()),
+        (each.path.resolve(), each.root.resolve()),
+    ):
+        places = [path, path.parent] if path.is_dir() else [path.parent]
+        places += [p for p in path.parents if p == root or root in p.parents]
+        for folder in places:
+            if (folder / SETTINGS_NAME).is_file():
+                return folder / SETTINGS_NAME
+    folder = each.path.absolute().parent
+    raise InputError(
+        f"no session.toml in {folder}, beside the videos; give one with --config, or let "
+        f"`whiskerforce init {each.path.parent}` write one"
+    )
+
+
+def settings_of(inputs, config=None) -> dict:
+    """Settings of each input without a fault, by its path; every file is read once.
+
+    InputError or SettingsError with all that is wrong, before anything is processed.
+    """
+    read, problems, settings = {}, [], {}
+    for each in inputs:
+        if each.fault:
+            continue
+        try:
+            session = session_of(each, config)
+            if session not in read:
+                read[session] = None
+                read[session] = read_session(session)
+            settings[each.path] = read[session]
+        except (InputError, SettingsError) as error:
+            problems.append(str(error))
+    if problems:
+        raise InputError("\n".join(dict.fromkeys(problems)))
+    return settings
+
+
+def results_folders(inputs, out) -> dict:
+    """Give each input the name of its results folder in `out`, distinct for distinct inputs.
+
+    The name is the stem, made safe; where two inputs share one (whatever the case of its
+    letters) or something else has it, the later becomes stem_2, stem_3, … An input keeps the
+    folder that an earlier run gave it.
+    """
+    out = Path(out)
+    paths = {str(each.path.resolve()) for each in inputs}
+    before = read_json(out / STATE_FILE, {}).get("inputs", {})
+    owner = {state["path"]: name for name, state in before.items() if state["path"] in paths}
+    for state in out.glob(f"*/{STATE_FILE}"):  # the last run may have been killed
+        owner[read_json(state, {}).get("path")] = state.parent.name
+    owner = {path: name for path, name in owner.items() if _is_safe(name)}
+    taken = {name.casefold() for name in (*RESERVED_NAMES, *owner.values())}
+    taken.update(entry.name.casefold() for entry in out.iterdir())
+    names = {}
+    for each in inputs:
+        name = owner.get(str(each.path.resolve()))
+        names[each.path] = name or _free_name(_stem(each.path), taken)
+        taken.add(names[each.path].casefold())
+    return names
+
+
+def _stem(path) -> str:
+    """Name for results of `path`; the folder's own name where the path is `.`."""
+    path = path if path.name not in ("", "..") else path.resolve()
+    return _safe_name(readable(path.name if path.is_dir() else path.stem))
+
+
+def _safe_name(name) -> str:
+    """The nearest name of a folder that is visible and lies in the results folder."""
+    return UNSAFE.sub("_", name).strip(". ") or "video"
+
+
+def _is_safe(name) -> bool:
+    return name == _safe_name(name) and name.casefold() not in RESERVED_NAMES
+
+
+def _free_name(stem, taken) -> str:
+    name, number = stem, 2
+    while name.casefold() in taken:
+        name, number = f"{stem}_{number}", number + 1
+    return name
+
+
+def stamp(path) -> dict:
+    """Size and times of a file, or of all files of a folder: changes with the content."""
+    files = sorted(p for p in path.iterdir() if p.is_file()) if path.is_dir() else [path]
+    stats = [file.stat() for file in files]
+    return {
+        "bytes": sum(s.st_size for s in stats),
+        "modified_ns": max((s.st_mtime_ns for s in stats), default=0),
+        "changed_ns": max((s.st_ctime_ns for s in stats), default=0),
+    }
+
+
+def sha256(path) -> str:
+    """SHA-256 of a file's content, or of the names and contents of a folder's files."""
+    if not path.is_dir():
+        with open(path, "rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    whole = hashlib.sha256()
+    for file in sorted(p for p in path.iterdir() if p.is_file()):
+        whole.update(f"{file.name} {sha256(file)}\n".encode())
+    return whole.hexdigest()

@@ -1,0 +1,17 @@
+"""What the camera saw."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Recording:
+    """What the camera saw: frame rate [1/s], scale [px/mm], the image's side with the face."""
+
+    frames_per_second: float
+    pixels_per_mm: float
+    face: str
+
+    @property
+    def pixels_per_m(self) -> float:
+        """Scale in pixels per metre."""
+        return 1e3 * self.pixels_per_mm

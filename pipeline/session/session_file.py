@@ -1,0 +1,113 @@
+"""session.toml ↔ typed settings: read, checked in one go, written back."""
+
+import tomllib
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from pipeline.session.schema import Settings
+from pipeline.session.validation import faults_of
+
+
+class SettingsError(ValueError):
+    """Unusable settings; the message names file, key, value, what is expected, what to do.
+
+    Attributes
+    ----------
+    source : str, the file (or whatever the settings came from)
+    problems : tuple of str, all that is wrong, one sentence or two each
+    """
+
+    def __init__(self, source, problems):
+        self.source = str(source)
+        self.problems = tuple(problems)
+        count = "1 problem" if len(self.problems) == 1 else f"{len(self.problems)} problems"
+        lines = "".join(f"\n  - {problem}" for problem in self.problems)
+        super().__init__(f"{self.source}: {count}{lines}")
+
+
+def read_session(path) -> Settings:
+    """Read and check a session.toml; SettingsError tells everything that is wrong with it."""
+    path = Path(path)
+    try:
+        document = tomllib.loads(path.read_text(encoding="utf-8-sig"))
+    except FileNotFoundError:
+        hint = "no such file; `whiskerforce init FOLDER` writes one beside the videos"
+        raise SettingsError(path, [hint]) from None
+    except tomllib.TOMLDecodeError as error:
+        raise SettingsError(path, [f"not valid TOML: {error}; correct that line"]) from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise SettingsError(path, [f"cannot be read as UTF-8 text: {error}"]) from None
+    return settings_from(document, path)
+
+
+def settings_from(document: dict[str, Any], source="session.toml") -> Settings:
+    """Check a session.toml that is already parsed; `source` names it in a SettingsError."""
+    document = _with_whisker_names(document)
+    errors = []
+    try:
+        settings = Settings.model_validate(document)
+    except ValidationError as error:
+        errors = error.errors()
+    problems = faults_of(document, errors)
+    if problems:
+        raise SettingsError(source, problems)
+    return settings
+
+
+def _with_whisker_names(document):
+    """Give whisker tables without a name one by their place: w1, w2, …"""
+    tables = document.get("whisker")
+    if not isinstance(tables, list):
+        return document
+    named = [
+        {"name": f"w{i}", **table} if isinstance(table, dict) else table
+        for i, table in enumerate(tables, 1)
+    ]
+    return {**document, "whisker": named}
+
+
+def session_text(settings: Settings, notes: dict[str, str] | None = None) -> str:
+    """session.toml as text, every key with its comment.
+
+    `notes` adds to comments, by "table.key" (for whiskers "whisker.key", all of them), e.g.
+    ``{"recording.face": "found in the picture"}``. Keys without a value are written as
+    comments, to be filled in.
+    """
+    notes = notes or {}
+    lines = ["# Settings of a whiskerforce session.", ""]
+    lines += _table_lines("[recording]", "recording", settings.recording, notes)
+    for table in settings.whisker:
+        lines += _table_lines("[[whisker]]", "whisker", table, notes)
+    lines += _table_lines("[pole]", "pole", settings.pole, notes)
+    lines += _table_lines("[analysis]", "analysis", settings.analysis, notes)
+    return "\n".join(lines)
+
+
+def _table_lines(header, prefix, table, notes):
+    """Lines of one TOML table, its comments aligned."""
+    pairs = []
+    for key, field in type(table).model_fields.items():
+        value = getattr(table, key)
+        entry = f"# {key} = " if value is None else f"{key} = {_toml_value(value)}"
+        comment = "; ".join(filter(None, [field.description, notes.get(f"{prefix}.{key}")]))
+        pairs.append((entry, comment))
+    width = max(len(entry) for entry, _ in pairs)
+    lines = [f"{e:<{width}}   # {c}" if c else e.rstrip() for e, c in pairs]
+    return [header, *lines, ""]
+
+
+def _toml_value(value) -> str:
+    if isinstance(value, str):
+        import tomlkit
+
+        return tomlkit.item(value).as_string()
+    return repr(float(value))
+
+
+def write_session(path, settings: Settings, notes: dict[str, str] | None = None) -> None:
+    """Write a commented session.toml, whole or not at all; `notes` as in `session_text`."""
+    from pipeline.tables.files import write_text
+
+    write_text(path, session_text(settings, notes))

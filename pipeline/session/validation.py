@@ -1,0 +1,200 @@
+"""What is wrong with a session.toml, in words: place, value, what is expected, what to do."""
+
+import copy
+import difflib
+import math
+from typing import get_args
+
+from pipeline.session.schema import (
+    AnalysisSettings,
+    PoleSettings,
+    Range,
+    RecordingSettings,
+    Settings,
+    WhiskerSettings,
+)
+
+FACES = get_args(RecordingSettings.model_fields["face"].annotation)
+_MODELS = {
+    "recording": RecordingSettings,
+    "whisker": WhiskerSettings,
+    "pole": PoleSettings,
+    "analysis": AnalysisSettings,
+}
+
+
+def faults_of(document, errors) -> list[str]:
+    """All that is wrong with a parsed session.toml, a sentence or two each.
+
+    Parameters
+    ----------
+    document : dict, the parsed file
+    errors : list of dict, what pydantic found wrong with it (`ValidationError.errors()`)
+    """
+    problems = [_explain(each, document) for each in errors]
+    return problems + _contradictions(_without([each["loc"] for each in errors], document))
+
+
+def _without(places, document):
+    """The document without the values at `places`, which are already found to be wrong."""
+    document = copy.deepcopy(document)
+    for *above, key in places:
+        table = document
+        try:
+            for step in above:
+                table = table[step]
+            table[key] = None
+        except (KeyError, IndexError, TypeError):
+            pass  # it is missing, or something above it is wrong
+    return document
+
+
+def _place(location, document) -> str:
+    """Name a key as the user wrote it: `[recording] face`, `[[whisker]] 2 ("D1") length_mm`."""
+    table, *rest = location
+    if table != "whisker":
+        return " ".join([f"[{table}]", *map(str, rest)])
+    if not rest:
+        return "[[whisker]]"
+    index, *rest = rest
+    entry = document["whisker"][index]
+    name = entry.get("name") if isinstance(entry, dict) else None
+    name = f' ("{name}")' if isinstance(name, str) else ""
+    return " ".join([f"[[whisker]] {index + 1}{name}", *map(str, rest[:1])])
+
+
+def _explain(error, document) -> str:
+    """One pydantic error as a sentence: place, value, what is expected, what to do."""
+    place, kind, value = _place(error["loc"], document), error["type"], error["input"]
+    if kind == "extra_forbidden":
+        return f"{place}: unknown {_table_or_key(error['loc'])}; {_known(error['loc'])}"
+    if kind == "missing":
+        return f"{place} is missing; {_wanted(error['loc'])}; add it"
+    if kind == "implausible":
+        return f"{place} = {value!r}: {error['ctx']['advice']}"
+    if kind == "literal_error":
+        return f"{place} = {value!r}: expected one of {', '.join(FACES)}; correct the value"
+    if error["loc"] == ("whisker",):
+        return "[whisker]: expected one [[whisker]] table (double brackets) per tracked whisker"
+    return f"{place} = {value!r}: {_wanted(error['loc'])}, not {_toml_type(value)}"
+
+
+def _field(location):
+    """The declared field at a location such as ("whisker", 0, "length_mm"), or None."""
+    field = Settings.model_fields.get(location[0])
+    if len(location) == 1 or field is None:
+        return field
+    return _MODELS[location[0]].model_fields.get(location[2 if location[0] == "whisker" else 1])
+
+
+def _keys(location):
+    """Names that may stand at this place of the file."""
+    return list(_MODELS) if len(location) == 1 else list(_MODELS[location[0]].model_fields)
+
+
+def _table_or_key(location) -> str:
+    return "table or key" if len(location) == 1 else "key"
+
+
+def _known(location) -> str:
+    """What to write in place of an unknown key: the likeliest, or all that there are."""
+    keys = _keys(location)
+    close = difflib.get_close_matches(str(location[-1]), keys, n=1)
+    if close:
+        return f"did you mean {close[0]}?"
+    return f"known here: {', '.join(keys)}; correct or remove it"
+
+
+def _wanted(location) -> str:
+    """What a key or table should hold."""
+    if len(location) == 1 or (location[0] == "whisker" and len(location) == 2):
+        return f"expected a table with {', '.join(_MODELS[location[0]].model_fields)}"
+    field = _field(location)
+    limits = _limits(field)
+    if limits:
+        return f"expected a number ({limits.low:g} to {limits.high:g} {limits.unit})"
+    if field.annotation is str:
+        return "expected a text in quotes, not empty"
+    return f"expected one of {', '.join(FACES)}"
+
+
+def _limits(field) -> Range | None:
+    """The plausible range of a numeric field, also inside `… | None`."""
+    parts = [*field.metadata]
+    for member in getattr(field.annotation, "__args__", ()):
+        parts += getattr(member, "__metadata__", ())
+    for part in parts:
+        owner = getattr(getattr(part, "func", None), "__self__", None)
+        if isinstance(owner, Range):
+            return owner
+    return None
+
+
+def _toml_type(value) -> str:
+    names = {bool: "true/false", str: "text", dict: "a table", list: "a list"}
+    return names.get(type(value), type(value).__name__)
+
+
+def _number(table, key, default=None):
+    """The value at `key` if it is a number, else `default`."""
+    value = table.get(key, default) if isinstance(table, dict) else default
+    return value if isinstance(value, (int, float)) and not isinstance(value, bool) else None
+
+
+def _contradictions(document) -> list[str]:
+    """Values that are possible one by one but not together."""
+    tables = document.get("whisker")
+    tables = tables if isinstance(tables, list) else []
+    problems = []
+    for index, table in enumerate(tables):
+        if isinstance(table, dict):
+            problems += _whisker_contradictions(table, _place(("whisker", index), document))
+    tables = [table for table in tables if isinstance(table, dict)]
+    problems += _repeated_names(tables)
+    problems += _curvature_contradictions(document, tables)
+    pole = document.get("pole", {})
+    if isinstance(pole, dict) and ("x_px" in pole) != ("y_px" in pole):
+        absent = "y_px" if "x_px" in pole else "x_px"
+        problems.append(f"[pole] {absent} is missing; give x_px and y_px, or neither")
+    return problems
+
+
+def _whisker_contradictions(table, place) -> list[str]:
+    length, cone = _number(table, "length_mm"), _number(table, "cone_length_mm")
+    hidden = _number(table, "hidden_length_mm")
+    problems = []
+    if length is not None and cone is not None and cone < length:
+        problems.append(
+            f"{place} cone_length_mm = {cone!r}: expected at least length_mm = {length!r} "
+            "(the apex lies beyond the tip); correct one of them"
+        )
+    if length is not None and hidden is not None and hidden >= length:
+        problems.append(
+            f"{place} hidden_length_mm = {hidden!r}: expected less than length_mm = {length!r}; "
+            "correct one of them"
+        )
+    return problems
+
+
+def _repeated_names(tables) -> list[str]:
+    names = [str(table.get("name")) for table in tables]
+    repeated = sorted({name for name in names if names.count(name) > 1})
+    return [
+        f'[[whisker]] name = "{name}" is given {names.count(name)} times; expected distinct names'
+        for name in repeated
+    ]
+
+
+def _curvature_contradictions(document, tables) -> list[str]:
+    analysis = document.get("analysis", {})
+    at = _number(analysis, "curvature_at_mm", AnalysisSettings().curvature_at_mm)
+    problems = []
+    for table in tables:
+        low, high = _number(table, "hidden_length_mm", 0.0), _number(table, "length_mm", math.inf)
+        if None not in (at, low, high) and low < high and not low < at < high:
+            problems.append(
+                f"[analysis] curvature_at_mm = {at!r}: expected a visible place on whisker "
+                f'"{table.get("name")}", between hidden_length_mm = {low!r} and '
+                f"length_mm = {high!r}; correct one of them"
+            )
+    return problems

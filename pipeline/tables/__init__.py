@@ -1,0 +1,1 @@
+"""Columns declared once; files, each whole or not at all."""

@@ -1,0 +1,161 @@
+"""Centrelines of all whiskers and frames as one ragged table, in memory and on disk."""
+
+import contextlib
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.tables.columns import CENTRELINE_COLUMNS
+from pipeline.tables.files import ROWS_PER_GROUP, _parquet_writer
+
+
+@dataclass
+class Centrelines:
+    """Ragged centrelines of a whole video: row i is one whisker in one frame.
+
+    Attributes
+    ----------
+    frame, whisker : int32 (rows,); `whisker` indexes `names`
+    offsets : int64 (rows + 1,); row i owns points offsets[i]:offsets[i+1]
+    x_px, y_px : float32 (points,), follicle side → tip, spacing about 1 px
+    se_px : float32 (points,), standard error of the position across the whisker
+    confidence : float32 (rows,), 0–1
+    offset_px, information : float32 (points,) or None; the unsmoothed measurement of every
+        point: its offset from (x, y) along the normal (tangent turned counter-clockwise on the
+        screen) [px] and the Fisher information of that offset [1/px²]
+    thickness_px : float32 (points,) or None; absorbance integrated across the line, NaN where
+        it cannot be measured
+    hidden_px : float64 (rows,) or None; arc length from the follicle to the row's first point
+    follicle : float64 (rows, 3) or None; x, y [px] and angle [rad] of the follicle, told from
+        the fields above; NaN where the row is too short
+    """
+
+    names: tuple[str, ...]
+    frame: np.ndarray
+    whisker: np.ndarray
+    offsets: np.ndarray
+    x_px: np.ndarray
+    y_px: np.ndarray
+    se_px: np.ndarray
+    confidence: np.ndarray
+    offset_px: np.ndarray | None = None
+    information: np.ndarray | None = None
+    thickness_px: np.ndarray | None = None
+    hidden_px: np.ndarray | None = None
+    follicle: np.ndarray | None = None
+
+    def __len__(self):
+        return len(self.frame)
+
+    def raw(self) -> tuple[np.ndarray, np.ndarray]:
+        """Offset [px] and information [1/px²] of every point; without, the points themselves."""
+        if self.offset_px is None:
+            se = np.maximum(self.se_px.astype(float), 1e-3)
+            return np.zeros(len(self.x_px)), 1 / se**2
+        return self.offset_px, self.information
+
+    def hidden_of(self, nominal_px) -> np.ndarray:
+        """Hidden length per row [px]: what was found, or else one nominal length per name."""
+        if self.hidden_px is not None:
+            return self.hidden_px
+        return np.asarray(nominal_px, float)[self.whisker]
+
+    def row(self, i: int) -> np.ndarray:
+        """Points of row `i`, float32 (points, 2)."""
+        part = slice(self.offsets[i], self.offsets[i + 1])
+        return np.column_stack([self.x_px[part], self.y_px[part]])
+
+
+@contextlib.contextmanager
+def centreline_file(path):
+    """Yield a function that takes `Centrelines`, chunk by chunk, into centrelines.parquet.
+
+    The file, a row per whisker and frame with the points as lists, appears when the block ends.
+    """
+    with _parquet_writer(path, CENTRELINE_COLUMNS) as writer:
+
+        def keep(centrelines: Centrelines) -> None:
+            for start in range(0, len(centrelines), ROWS_PER_GROUP):
+                stop = min(start + ROWS_PER_GROUP, len(centrelines))
+                writer.write_table(_centreline_rows(centrelines, start, stop, writer.schema))
+
+        yield keep
+
+
+def write_centrelines(path, centrelines: Centrelines) -> None:
+    """Write centrelines.parquet in one go."""
+    with centreline_file(path) as keep:
+        keep(centrelines)
+
+
+def _centreline_rows(centrelines, start, stop, schema):
+    """Rows start:stop as an arrow table; the points are not copied."""
+    import pyarrow as pa
+
+    offsets = centrelines.offsets[start : stop + 1]
+    points = slice(offsets[0], offsets[-1])
+    offsets = pa.array((offsets - offsets[0]).astype(np.int32))
+    names = np.asarray(centrelines.names, dtype=object)
+    columns = [
+        pa.array(np.asarray(centrelines.frame[start:stop], dtype=np.int32)),
+        pa.array(names[centrelines.whisker[start:stop]], type=pa.string()),
+        pa.ListArray.from_arrays(offsets, pa.array(centrelines.x_px[points], pa.float32())),
+        pa.ListArray.from_arrays(offsets, pa.array(centrelines.y_px[points], pa.float32())),
+    ]
+    return pa.Table.from_arrays(columns, schema=schema)
+
+
+def centreline_chunks(path, filters=None):
+    """Yield the `Centrelines` of a centrelines.parquet in parts that fit into memory."""
+    import pyarrow.dataset as ds
+    import pyarrow.parquet as pq
+
+    expression = None if filters is None else pq.filters_to_expression(filters)
+    # starting threads takes longer than what they would do
+    batches = ds.dataset(path).to_batches(filter=expression, batch_size=1024, use_threads=False)
+    for batch in batches:
+        if len(batch):
+            yield _centrelines(batch)
+
+
+def read_centrelines(path, filters=None) -> Centrelines:
+    """Read centrelines.parquet, the rows that pass `filters` (as in `read_frames`).
+
+    Standard error and confidence, which the file lacks, are NaN.
+    """
+    import pyarrow.parquet as pq
+
+    return _centrelines(pq.read_table(path, filters=filters).combine_chunks())
+
+
+def _centrelines(table) -> Centrelines:
+    """An arrow table or batch of centrelines.parquet as `Centrelines`."""
+    whiskers = table.column("whisker").to_pylist()
+    names = tuple(dict.fromkeys(whiskers))
+    number = {name: i for i, name in enumerate(names)}
+    frame = np.asarray(table.column("frame")).astype(np.int32)
+    x, y = (_flat(table.column(name)) for name in ("x_px", "y_px"))
+    lengths = _list_lengths(table.column("x_px"))
+    return Centrelines(
+        names=names,
+        frame=frame,
+        whisker=np.array([number[name] for name in whiskers], dtype=np.int32),
+        offsets=np.concatenate([[0], np.cumsum(lengths)]).astype(np.int64),
+        x_px=x,
+        y_px=y,
+        se_px=np.full(len(x), np.nan, np.float32),
+        confidence=np.full(len(frame), np.nan, np.float32),
+    )
+
+
+def _flat(column) -> np.ndarray:
+    """All points of a list column, one after the other."""
+    import pyarrow.compute as pc
+
+    return np.asarray(pc.list_flatten(column)).astype(np.float32)
+
+
+def _list_lengths(column) -> np.ndarray:
+    import pyarrow.compute as pc
+
+    return np.asarray(pc.list_value_length(column)).astype(np.int64)

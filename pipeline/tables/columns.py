@@ -1,0 +1,231 @@
+"""The few types that travel through the pipeline, and every table column declared once."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+
+@dataclass(frozen=True)
+class Column:
+    """One table column: its name, pandas dtype, unit ("" where none) and meaning."""
+
+    name: str
+    dtype: str
+    unit: str
+    meaning: str
+
+
+def _with_errors(columns):
+    """Put a standard-error column behind every column whose meaning starts with 'measured'."""
+    for column in columns:
+        yield column
+        if column.meaning.startswith("measured"):
+            yield Column(
+                f"{column.name}_se", "float64", column.unit, f"standard error of {column.name}"
+            )
+
+
+CENTRELINE_COLUMNS = (
+    Column("frame", "int32", "", "frame number, from 0"),
+    Column("whisker", "string", "", "name of the whisker"),
+    Column("x_px", "list<float32>", "px", "x of the centreline's points, follicle side → tip"),
+    Column("y_px", "list<float32>", "px", "y of the centreline's points, follicle side → tip"),
+)
+
+FRAME_COLUMNS = tuple(
+    _with_errors(
+        (
+            Column("frame", "int32", "", "frame number, from 0"),
+            Column("time_s", "float64", "s", "frame / frames_per_second"),
+            Column("whisker", "string", "", "name of the whisker"),
+            Column("tracked", "bool", "", "the whisker was found in this frame"),
+            Column(
+                "confidence",
+                "float64",
+                "",
+                "0 to 1; below 0.5 the line may be another whisker's or no good",
+            ),
+            Column("follicle_x_px", "float64", "px", "x of the extrapolated follicle"),
+            Column("follicle_y_px", "float64", "px", "y of the extrapolated follicle"),
+            Column(
+                "base_angle_deg",
+                "float64",
+                "deg",
+                "whisker's angle at the follicle, counter-clockwise on the screen from +x",
+            ),
+            Column("curvature_per_m", "float64", "1/m", "measured curvature at curvature_at_mm"),
+            Column("rest_curvature_per_m", "float64", "1/m", "measured curvature when untouched"),
+            Column("curvature_change_per_m", "float64", "1/m", "measured curvature − rest"),
+            Column(
+                "pole_distance_mm",
+                "float64",
+                "mm",
+                "whisker surface to pole surface, least over the whisker; negative: overlap",
+            ),
+            Column("in_contact", "bool", "", "the frame belongs to a contact"),
+            Column("contact_probability", "float64", "", "that the frame belongs to a contact"),
+            Column("contact_arc_length_mm", "float64", "mm", "follicle to contact, in contact"),
+            Column("contact_force_uN", "float64", "µN", "measured contact force, magnitude"),
+            Column(
+                "axial_force_uN",
+                "float64",
+                "µN",
+                "measured force along the base tangent; negative pushes into the face",
+            ),
+            Column("lateral_force_uN", "float64", "µN", "measured force along the base normal"),
+            Column(
+                "base_moment_nN_m",
+                "float64",
+                "nN m",
+                "measured bending moment at the follicle, signed as the curvature change",
+            ),
+        )
+    )
+)
+
+CONTACT_COLUMNS = (
+    Column("video", "string", "", "stem of the video (its results folder)"),
+    Column("whisker", "string", "", "name of the whisker"),
+    Column("contact", "int64", "", "number of the contact in this video and whisker, from 1"),
+    Column("onset_frame", "int64", "", "first frame of touch"),
+    Column("offset_frame", "int64", "", "first frame after the touch (half-open)"),
+    Column("onset_s", "float64", "s", "time of the onset frame"),
+    Column("duration_ms", "float64", "ms", "offset − onset"),
+    Column(
+        "peak_force_uN",
+        "float64",
+        "µN",
+        "largest contact force, less noise (contacts.peaks)",
+    ),
+    Column("mean_force_uN", "float64", "µN", "mean contact force"),
+    Column("impulse_uN_ms", "float64", "µN ms", "integral of the contact force"),
+    Column("peak_base_moment_nN_m", "float64", "nN m", "base moment of largest magnitude"),
+    Column("peak_axial_force_uN", "float64", "µN", "axial force of largest magnitude"),
+    Column("contact_arc_length_mm", "float64", "mm", "follicle to contact at peak force"),
+    Column("pulse_peak_uN", "float64", "µN", "half-Gaussian fit: peak force"),
+    Column("pulse_duration_ms", "float64", "ms", "half-Gaussian fit: duration 2 t_d"),
+    Column("pulse_centre_s", "float64", "s", "half-Gaussian fit: time of the peak"),
+    Column("pulse_r2", "float64", "", "half-Gaussian fit: coefficient of determination"),
+    Column("steady_peak_nN_m", "float64", "nN m", "dynamic model: steady base moment's peak"),
+    Column("vibration_max_nN_m", "float64", "nN m", "dynamic model: largest vibrational moment"),
+    Column("vibration_min_nN_m", "float64", "nN m", "dynamic model: least vibrational moment"),
+    Column(
+        "vibration_ratio", "float64", "", "largest |vibrational| over peak |steady| base moment"
+    ),
+    Column("slip", "bool", "", "ended by slipping past the pole"),
+    Column("curated", "bool", "", "added or moved by a person"),
+    Column("flags", "string", "", "what to be careful about, separated by ';'"),
+    Column("peak_force_se_uN", "float64", "µN", "standard error of the peak force"),
+    Column("tracking_se_uN", "float64", "µN", "of it, from tracking noise"),
+    Column("hidden_length_se_uN", "float64", "µN", "of it, from the follicle's place"),
+    Column("radius_uN_per_percent", "float64", "µN", "peak force per 1 % of base radius"),
+    Column("modulus_uN_per_percent", "float64", "µN", "peak force per 1 % of Young's modulus"),
+    Column("scale_uN_per_percent", "float64", "µN", "peak force per 1 % of pixels per mm"),
+)
+
+CONTACT_FLAGS = {
+    "starts_before": "touches in the video's first frame: its onset is not seen",
+    "ends_after": "touches in the video's last frame: its end is not seen",
+    "slip": "ended by slipping past the pole",
+    "no_rest_curvature": "too few free frames tell the whisker's shape at rest: no force is known",
+    "large_deflection": "the force is tilted by more than 34° against the follicle's normal",
+    "contact_near_curvature_window": "less than 1 mm beyond curvature_at_mm: little is bent there",
+    "bends_unlike_rod": "bends as no rod of its dimensions does: another whisker, or wrong ones",
+    "gaps_in_trace": "not traced in some of its frames",
+    "faint_force": "the force is within its error; told by the distance",
+    "doubtful": "in no frame is the probability of contact 0.99",
+    "not_half_gaussian": "the fitted pulse is poor; base loads are of the measured force",
+}
+
+VIDEO_COLUMNS = (
+    Column("video", "string", "", "name of the video's results folder"),
+    Column("path", "string", "", "the input"),
+    Column("status", "string", "", "done, warning (results, but read the message) or failed"),
+    Column("frames", "int64", "", "frames of which there are results; 0: none"),
+    Column("frames_per_s", "float64", "1/s", "speed of processing"),
+    Column(
+        "message", "string", "", "what failed, what to be careful about, which results are old"
+    ),
+)
+
+CORRECTION_COLUMNS = (
+    Column("whisker", "string", "", "name of the whisker"),
+    Column(
+        "verdict",
+        "string",
+        "",
+        "contact (added or moved), confirmed (as the program had it) or free (no contact)",
+    ),
+    Column("onset_frame", "int64", "", "first frame of touch (or of the stretch without)"),
+    Column("offset_frame", "int64", "", "first frame after it (half-open)"),
+    Column("covers_from", "int64", "", "first frame for which the verdict holds"),
+    Column("covers_to", "int64", "", "first frame for which it no longer does"),
+    Column("saved_at", "string", "", "date and time of the correction, UTC"),
+)
+
+EVIDENCE_COLUMNS = (
+    Column("frame", "int32", "", "frame number, from 0"),
+    Column("whisker", "string", "", "name of the whisker"),
+    Column("distance_m", "float64", "m", "traced whisker surface to pole surface"),
+    Column("nearest_m", "float64", "m", "arc length of the point nearest to the pole"),
+    Column("side", "int64", "", "1: pole on the side of the whisker's normal, -1: other, 0: none"),
+    Column("pole_known", "bool", "", "the pole is in view and at rest"),
+    Column("extended", "bool", "", "the nearest point lies beyond the traced part"),
+    Column("across", "bool", "", "seen to lie across the pole: in another plane, or it is dust"),
+    Column("rest_known", "bool", "", "enough free frames tell the rest shape"),
+    Column("origin_m", "float64", "m", "added to arc lengths: error of the hidden length"),
+    Column("origin_se_m", "float64", "m", "standard error of origin_m"),
+    Column("gap_m", "float64", "m", "surface of the fitted rod to the pole's"),
+    Column("clear_gap_m", "float64", "m", "gap_m as it would be without the force"),
+    Column("gap_force_cov", "float64", "m N", "covariance of gap_m and shape_force_N"),
+    Column("compliance_m_per_N", "float64", "m/N", "gap opened per force, base at rest"),
+    Column("contact_m", "float64", "m", "arc length where the fitted rod is nearest to the pole"),
+    Column("base_angle_rad", "float64", "rad", "of the fitted rod at the follicle"),
+    Column("moment_per_force_m", "float64", "m", "base moment per contact force"),
+    Column("axial_per_force", "float64", "", "axial force per contact force"),
+    Column("lateral_per_force", "float64", "", "lateral force per contact force"),
+    Column("chi2", "float64", "", "reduced chi-squared of the fitted rod"),
+    Column("shape_force_N", "float64", "N", "force if the pole were touched, by the fitted rod"),
+    Column("gap_se_m", "float64", "m", "standard error of gap_m"),
+    Column("clear_gap_se_m", "float64", "m", "standard error of clear_gap_m"),
+    Column("origin_force_se_N", "float64", "N", "of shape_force_se_N, from origin_se_m"),
+    Column("shape_force_se_N", "float64", "N", "standard error of shape_force_N"),
+    Column("moment_se_N_m", "float64", "N m", "standard error of the base moment"),
+    Column("axial_se_N", "float64", "N", "standard error of the axial force"),
+    Column("lateral_se_N", "float64", "N", "standard error of the lateral force"),
+    Column("point_force_N", "float64", "N", "force if the pole were touched, by the curvature"),
+    Column("point_force_se_N", "float64", "N", "standard error of point_force_N"),
+    Column("probability", "float64", "", "that the frame belongs to a contact"),
+    Column("log_odds", "float64", "", "log-likelihood ratio of contact to none, frame alone"),
+)
+
+
+def split_flags(flags: str) -> list[str]:
+    """CONTACT_FLAGS of a contact, from its column `flags`."""
+    return [flag.strip() for flag in flags.split(";") if flag.strip()]
+
+
+def empty_table(columns) -> pd.DataFrame:
+    """Return a table of no rows with the declared columns and dtypes."""
+    dtypes = {c.name: "object" if c.dtype.startswith("list") else c.dtype for c in columns}
+    return pd.DataFrame({name: pd.Series(dtype=dtype) for name, dtype in dtypes.items()})
+
+
+def as_table(table: pd.DataFrame, columns) -> pd.DataFrame:
+    """Return `table` with exactly the declared columns, in order and of their dtypes.
+
+    A declared column that is missing is filled with missing values (False for bool, "" for
+    string); an undeclared one raises a ValueError that names it.
+    """
+    extra = set(table.columns) - {c.name for c in columns}
+    if extra:
+        raise ValueError(f"columns not declared in records.py: {sorted(extra)}")
+    fill = {"bool": False, "string": "", "float64": np.nan}
+    out = {}
+    for c in columns:
+        known = c.name in table
+        out[c.name] = table[c.name] if known else pd.Series(fill.get(c.dtype, 0), table.index)
+        if not c.dtype.startswith("list") and out[c.name].dtype != c.dtype:
+            out[c.name] = out[c.name].astype(c.dtype)
+    return pd.DataFrame(out)

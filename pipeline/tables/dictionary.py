@@ -1,0 +1,46 @@
+"""The dictionary of tables, columns and flags: docs/tables.md."""
+
+from pipeline.tables.columns import (
+    CENTRELINE_COLUMNS,
+    CONTACT_COLUMNS,
+    CONTACT_FLAGS,
+    CORRECTION_COLUMNS,
+    EVIDENCE_COLUMNS,
+    FRAME_COLUMNS,
+    VIDEO_COLUMNS,
+)
+
+FILES = {
+    "centrelines.parquet": ("A row per whisker and frame.", CENTRELINE_COLUMNS),
+    "frames.parquet": ("A row per whisker and frame.", FRAME_COLUMNS),
+    "contacts.csv": ("A row per contact.", CONTACT_COLUMNS),
+    "videos.csv": ("A row per input video.", VIDEO_COLUMNS),
+    "corrections.csv": (
+        "What a person said of a video's contacts (docs/curate.md), a row per verdict.",
+        CORRECTION_COLUMNS,
+    ),
+    "evidence.parquet": (
+        "What the contacts of a video rest on, a row per whisker and frame, in SI units.",
+        EVIDENCE_COLUMNS,
+    ),
+}
+
+
+def data_dictionary() -> str:
+    """Every table, column and flag with its meaning, as markdown (docs/tables.md)."""
+    lines = [
+        "# Tables",
+        "",
+        "Written from the code by `python -m pipeline.tables.dictionary`; do not edit.",
+        "Missing values are NaN (parquet) or empty (CSV).",
+    ]
+    for name, (what, columns) in FILES.items():
+        lines += ["", f"## {name}", "", what, "", "| column | type | unit | meaning |"]
+        lines.append("|---|---|---|---|")
+        lines += [
+            f"| `{c.name}` | {c.dtype} | {c.unit} | {c.meaning.replace('|', chr(92) + '|')} |"
+            for c in columns
+        ]
+    lines += ["", "## Flags of contacts", "", "| flag | meaning |", "|---|---|"]
+    lines += [f"| `{flag}` | {meaning} |" for flag, meaning in CONTACT_FLAGS.items()]
+    return "\n".join(lines) + "\n"

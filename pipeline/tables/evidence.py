@@ -1,0 +1,29 @@
+"""What `contact.measure_touch` measured, kept beside the tables.
+
+From it contacts and forces are made anew when a person corrects contacts, without the video.
+"""
+
+from pathlib import Path
+
+import pandas as pd
+
+from pipeline.tables.columns import EVIDENCE_COLUMNS
+from pipeline.tables.files import write_rows
+
+EVIDENCE_FILE = "evidence.parquet"
+
+
+def write_evidence(folder, evidence: pd.DataFrame) -> None:
+    """Write the evidence of a video (records.EVIDENCE_COLUMNS, SI units) into its folder."""
+    write_rows(Path(folder) / EVIDENCE_FILE, evidence, EVIDENCE_COLUMNS)
+
+
+def read_evidence(folder) -> pd.DataFrame:
+    """Read the evidence as `write_evidence` left it.
+
+    Raises
+    ------
+    FileNotFoundError
+        Where there is none.
+    """
+    return pd.read_parquet(Path(folder) / EVIDENCE_FILE)

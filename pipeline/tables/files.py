@@ -1,0 +1,219 @@
+"""Tables on disk: parquet and CSV, each whole or not at all, and the dictionary of columns."""
+
+import contextlib
+import json
+import os
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from pipeline.tables.columns import (
+    FRAME_COLUMNS,
+    Column,
+    as_table,
+)
+from pipeline.tables.dictionary import data_dictionary
+
+ROWS_PER_GROUP = 8192
+
+
+@contextlib.contextmanager
+def whole_file(path):
+    """Yield a temporary path beside `path` that replaces it when the block ends well.
+
+    Readers see the old file or the new one, never a part; if the block fails, the temporary
+    file goes and `path` stays as it was.
+    """
+    path = Path(path)
+    handle, name = tempfile.mkstemp(prefix=".", suffix=f".part{path.suffix}", dir=path.parent)
+    os.close(handle)
+    temporary = Path(name)
+    try:
+        yield temporary
+        temporary.chmod(0o666 & ~_umask())
+        os.replace(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def _umask() -> int:
+    """The process's file-mode mask, which can only be read by setting it."""
+    mask = os.umask(0o022)
+    os.umask(mask)
+    return mask
+
+
+def write_text(path, text: str) -> None:
+    """Write a text file, whole or not at all."""
+    with whole_file(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+
+
+def write_json(path, value) -> None:
+    """Write a JSON file, whole or not at all."""
+    write_text(path, json.dumps(value, indent=2, ensure_ascii=False) + "\n")
+
+
+def read_json(path, default=None):
+    """Read a JSON object from a file; `default` where there is none."""
+    try:
+        value = json.loads(Path(path).read_text(encoding="utf-8"))
+    except (FileNotFoundError, NotADirectoryError, ValueError):
+        return default
+    return value if isinstance(value, dict) else default
+
+
+# --- CSV ---------------------------------------------------------------------------------
+
+
+def _digits(column: Column) -> str:
+    """Number format of a float column: microseconds for times, six digits for the rest."""
+    return "{:.6f}" if column.unit == "s" else "{:.6g}"
+
+
+def _csv_text(values: pd.Series, column: Column):
+    """Values of one column as they stand in a CSV."""
+    if column.dtype == "bool":
+        return values.map({True: "true", False: "false"})
+    if column.dtype == "float64":
+        form = _digits(column).format
+        return [form(v) if np.isfinite(v) else ("" if np.isnan(v) else str(v)) for v in values]
+    return values
+
+
+def write_csv(path, table: pd.DataFrame, columns) -> None:
+    """Write `table` with exactly the declared `columns`: true/false, nothing for missing."""
+    table = as_table(table, columns)
+    text = {c.name: _csv_text(table[c.name], c) for c in columns}
+    with whole_file(path) as temporary:
+        pd.DataFrame(text).to_csv(temporary, index=False, lineterminator="\n")
+
+
+def read_csv(path, columns) -> pd.DataFrame:
+    """Read a CSV of the declared `columns`, as `write_csv` left it.
+
+    Raises
+    ------
+    ValueError
+        Where a declared column is missing or holds something else; it names file, column and
+        line.
+    """
+    try:
+        table = pd.read_csv(path, dtype="str", keep_default_na=False, encoding="utf-8-sig")
+    except ValueError as error:  # no table at all, or a line of too many values
+        raise ValueError(f"{path}: {' '.join(str(error).split())}") from None
+    table = table.fillna("")  # a line of too few values
+    missing = [c.name for c in columns if c.name not in table]
+    if missing:
+        raise ValueError(f"{path}: expected column {missing[0]}, found {list(table.columns)}")
+    out = {}
+    for c in columns:
+        try:
+            out[c.name] = _parsed(table[c.name], c)
+        except ValueError as error:
+            raise ValueError(f"{path}: {error}") from None
+    return as_table(pd.DataFrame(out), columns)
+
+
+def _parsed(text: pd.Series, column: Column):
+    """Text of one CSV column as values of its declared dtype."""
+    if column.dtype == "bool":
+        return text.str.lower().isin(["true", "1"])
+    if column.dtype == "string":
+        return text
+    whole = column.dtype.startswith("int")
+    values = []
+    for line, value in enumerate(text, start=2):
+        try:
+            values.append(int(value) if whole else float(value or "nan"))
+        except ValueError:
+            raise ValueError(
+                f"line {line}: {column.name} is {value!r}, expected a "
+                f"{'whole ' if whole else ''}number"
+            ) from None
+    return values
+
+
+# --- parquet -----------------------------------------------------------------------------
+
+
+def _arrow_schema(columns):
+    """Arrow schema of declared columns; unit and meaning travel as field metadata."""
+    import pyarrow as pa
+
+    types = {
+        "int32": pa.int32(),
+        "int64": pa.int64(),
+        "float64": pa.float64(),
+        "bool": pa.bool_(),
+        "string": pa.string(),
+        "list<float32>": pa.list_(pa.float32()),
+    }
+    return pa.schema(
+        [
+            pa.field(c.name, types[c.dtype], metadata={"unit": c.unit, "meaning": c.meaning})
+            for c in columns
+        ]
+    )
+
+
+@contextlib.contextmanager
+def _parquet_writer(path, columns):
+    """Yield a parquet writer of the declared columns whose file appears when the block ends."""
+    import pyarrow.parquet as pq
+
+    # dictionaries suit names; numbers pack better by their bytes, and many times faster
+    paths = {"float64": "{}", "list<float32>": "{}.list.element"}
+    numbers = [paths[c.dtype].format(c.name) for c in columns if c.dtype in paths]
+    options = {
+        "compression": "zstd",
+        "use_dictionary": [c.name for c in columns if c.dtype == "string"],
+        "column_encoding": dict.fromkeys(numbers, "BYTE_STREAM_SPLIT"),
+        # least and greatest serve filters, and nobody asks for rows by their points
+        "write_statistics": [c.name for c in columns if not c.dtype.startswith("list")],
+    }
+    with (
+        whole_file(path) as temporary,
+        pq.ParquetWriter(temporary, _arrow_schema(columns), **options) as writer,
+    ):
+        yield writer
+
+
+def write_rows(path, table: pd.DataFrame, columns) -> None:
+    """Write a table of the declared columns as a parquet file."""
+    import pyarrow as pa
+
+    table = as_table(table, columns)
+    with _parquet_writer(path, columns) as writer:
+        for start in range(0, len(table), ROWS_PER_GROUP):
+            part = table.iloc[start : start + ROWS_PER_GROUP]
+            writer.write_table(
+                pa.Table.from_pandas(part, schema=writer.schema, preserve_index=False)
+            )
+
+
+def write_frames(path, frames: pd.DataFrame) -> None:
+    """Write frames.parquet: a row per whisker and frame."""
+    write_rows(path, frames, FRAME_COLUMNS)
+
+
+def read_frames(path, columns=None, filters=None) -> pd.DataFrame:
+    """Read frames.parquet: the `columns` named (None: all) of the rows that pass `filters`.
+
+    `filters` as pyarrow takes them, e.g. ``[("frame", ">=", 100), ("whisker", "==", "C2")]``.
+    """
+    import pyarrow.parquet as pq
+
+    return pq.read_table(path, columns=columns, filters=filters).to_pandas()
+
+
+# --- how a video was processed (run.json in its folder) -----------------------------------
+
+
+# --- the dictionary of columns -----------------------------------------------------------
+
+
+if __name__ == "__main__":
+    print(data_dictionary(), end="")

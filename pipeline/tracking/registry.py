@@ -1,0 +1,245 @@
+"""Which whiskers a video shows: lines of some frames brought together, whisker by whisker."""
+
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+
+from pipeline.detection import detect
+from pipeline.detection.detect import TracingOptions
+from pipeline.detection.image_model import ImageModel
+from pipeline.detection.line import Line, Workspace
+from pipeline.detection.static_scene import StaticScene
+from pipeline.tracking import matching
+from pipeline.tracking.matching import Ruler
+
+FUR_SHARE = 0.18  # of the strongest line's length × absorbance: less is a hair of the fur
+SEEN_TOGETHER = 3.0  # frames: two whiskers that would so often by chance are, at least once
+SEEN_SHARE = 0.4  # of the frames, in which a whisker must be seen to be one
+BORDER_PX = 12  # a line that ends nearer to the border may go on beyond it
+FEWEST_WHOLE = 3  # lines that tell a whisker's length
+SURE_OF_LENGTHS = 0.03  # by which lengths fit better in one order than in the other
+
+
+@dataclass(frozen=True)
+class Slot:
+    """What is known beforehand of one whisker: where it leaves the face, how long it is seen.
+
+    `signature` is as of identities.Ruler, less the turn of all whiskers; `seen` holds it as it
+    was in the sample frames. No line of this whisker is longer than `longest_px`.
+    """
+
+    name: str
+    base_xy: np.ndarray
+    visible_px: float
+    samples: tuple = ()  # detection.Line
+    signature: np.ndarray | None = None
+    seen: dict = field(default_factory=dict)
+    longest_px: float = np.inf
+
+
+@dataclass
+class _Group:
+    """Lines of one whisker, with their frames and signatures less the shift of all angles."""
+
+    frames: list = field(default_factory=list)
+    lines: list = field(default_factory=list)
+    signatures: list = field(default_factory=list)
+    raw: dict = field(default_factory=dict)
+
+    def add(self, frame, line, signature, shift):
+        self.__dict__.pop("signature", None)  # of those before
+        self.raw[int(frame)] = signature
+        signature = signature.copy()
+        signature[matching.ANGLE] -= shift
+        self.frames.append(frame)
+        self.lines.append(line)
+        self.signatures.append(signature)
+
+    def joined_with(self, other):
+        return _Group(
+            self.frames + other.frames,
+            self.lines + other.lines,
+            self.signatures + other.signatures,
+            self.raw | other.raw,
+        )
+
+    @cached_property
+    def signature(self):
+        return np.nanmedian(self.signatures, axis=0)
+
+    @property
+    def strength(self):
+        return usual_strength(self.lines)
+
+
+def usual_strength(lines) -> float:
+    """Length × absorbance of a whisker's lines [px]; 0 where it was never seen."""
+    return float(np.median([detect.contrast_length(line) for line in lines] or [0.0]))
+
+
+def find_roster(frames, scene, options: TracingOptions, names=None, indices=None) -> list[Slot]:
+    """Learn from some frames which whiskers there are, in order along the face.
+
+    Parameters
+    ----------
+    frames : uint8 (k, height, width), taken from the whole video
+    scene : StaticScene, or the video's epochs, which need `indices`
+    names : names of the whiskers, anterior → posterior; None: those that are mostly seen,
+        called w1, w2, …
+    indices : frame numbers of `frames`; None: whichever, the scene is always the same
+
+    Returns
+    -------
+    One slot per whisker, in the order of `names`. Fewer than `names` where some are never seen.
+    """
+    found, side = _lines_of(frames, scene, options, names, indices)
+    found = [lines for lines in found if lines]
+    if not found:
+        return []
+    ruler = Ruler.of(side, options)
+    groups = gather(found, ruler)
+    share = np.array([len(g.frames) / len(found) for g in groups])
+    strength = np.array([g.strength for g in groups])
+    if names:
+        chosen = np.argsort(-share * np.sqrt(strength))[: len(names)]
+    else:
+        chosen = np.flatnonzero((share >= SEEN_SHARE) & (strength >= FUR_SHARE * strength.max()))
+    slots = [_slot(groups[k]) for k in chosen]
+    slots.sort(key=lambda slot: ruler.order_place(slot.signature))
+    if _posterior_first(slots, options.visible_px, frames.shape[1:]):
+        slots = slots[::-1]
+    names = names or [f"w{i + 1}" for i in range(len(slots))]
+    longest = options.visible_px or [np.inf] * len(slots)
+    return [
+        replace(slot, name=name, longest_px=most)
+        for name, slot, most in zip(names, slots, longest, strict=False)
+    ]
+
+
+def _slot(group: _Group) -> Slot:
+    base = np.median([line.points[0] for line in group.lines], axis=0)
+    length = float(np.median([line.n for line in group.lines]))
+    return Slot("", base, length, tuple(group.lines), group.signature, group.raw)
+
+
+def gather(found: list[list[Line]], ruler: Ruler) -> list[_Group]:
+    """Bring the lines of several frames together: one group per whisker.
+
+    The frame in which most is seen begins; every other one is matched to what is known by then.
+    Then all are matched once more, to the groups as they have become.
+    """
+    seen = [ruler.signatures(lines) for lines in found]
+    strength = [sum(detect.contrast_length(line) for line in lines) for lines in found]
+    groups: list[_Group] = []
+    for frame in np.argsort(strength)[::-1]:
+        _share_out(groups, frame, found[frame], seen[frame], ruler, new=True)
+    known = [g for g in groups if len(g.frames) > 1 or len(found) < 3]
+    for _ in range(2):
+        signatures = [g.signature for g in known]
+        again = [_Group() for _ in known]
+        for frame, lines in enumerate(found):
+            _share_out(again, frame, lines, seen[frame], ruler, signatures)
+        known = [g for g in again if g.frames]
+    return _joined(known, len(found), ruler)
+
+
+def _joined(groups: list[_Group], n_frames: int, ruler: Ruler) -> list[_Group]:
+    """Join groups that are one whisker at two angles: alike but for that, never seen together."""
+    for k, one in enumerate(groups):
+        for other in groups[k + 1 :]:
+            by_chance = len(one.frames) * len(other.frames) / n_frames
+            apart = np.delete(one.signature - other.signature, matching.ANGLE)
+            alike = np.all(np.abs(apart) < np.delete(ruler.sd, matching.ANGLE))
+            if alike and by_chance > SEEN_TOGETHER and not set(one.frames) & set(other.frames):
+                rest = [g for g in groups if g is not one and g is not other]
+                return _joined([*rest, one.joined_with(other)], n_frames, ruler)
+    return groups
+
+
+def _share_out(groups, frame, lines, seen, ruler, known=None, new=False):
+    """Add a frame's lines to the groups that they fit; those that fit none begin new ones."""
+    if known is None:
+        known = [g.signature for g in groups]
+    got = matching.match(seen, np.array(known).reshape(-1, 4), ruler.sd)
+    for line, group in got.pairs:
+        groups[group].add(frame, lines[line], seen[line], got.shift)
+    if new:
+        taken = {line for line, _ in got.pairs}
+        for k in set(range(len(lines))) - taken:
+            groups.append(_Group())
+            groups[-1].add(frame, lines[k], seen[k], got.shift)
+
+
+def _lines_of(frames, scene, options, names, indices):
+    """Lines of every frame, and the side that the face is on."""
+    several, enough = names is None or len(names) > 1, len(names) if names else np.inf
+    found, side = [], "left"
+    for present, chosen in _by_scene(frames, scene, indices):
+        model = ImageModel.from_scene(present)
+        workspace = Workspace(int(1.6 * np.hypot(*present.background.shape)))
+        for image in chosen:
+            gain = model.gain(image)
+            at = image, model, gain, options, workspace
+            found.append(
+                detect.detect_crowded(*at, enough=enough) if several else detect.detect(*at)
+            )
+        side = present.face_side
+    return found, side
+
+
+def _by_scene(frames, scene, indices):
+    """Pairs of a scene and the frames that belong to it, transitions left out."""
+    if isinstance(scene, StaticScene):
+        return [(scene, frames)]
+    if indices is None:
+        raise ValueError("indices of the frames are needed where the scene changes, got None")
+    starts = [epoch.start for epoch in scene]
+    owner = np.searchsorted(starts, indices, side="right") - 1
+    pairs = [(e.scene, frames[owner == k]) for k, e in enumerate(scene) if e.scene is not None]
+    return [(s, f) for s, f in pairs if len(f)]
+
+
+def _posterior_first(slots: list[Slot], given_px, shape) -> bool:
+    """Whether the order along the face runs posterior → anterior.
+
+    The lengths [px] of the named whiskers tell, anterior → posterior, where they are given and
+    differ, by those whose tips are inside the picture, (height, width). Else whiskers are taken
+    to get thinner anteriorly: thickness tells better than length, which the border may cut.
+    """
+    if len(slots) < 2:
+        return False
+    if len(given_px) == len(slots):
+        whole = np.array([_whole_length(slot.samples, shape) for slot in slots])
+        off = [_unlike(whole, order) for order in (given_px, given_px[::-1])]
+        if abs(off[0] - off[1]) > SURE_OF_LENGTHS:
+            return off[1] < off[0]
+    lengths = [slot.visible_px for slot in slots]
+    thickness = [
+        np.median([np.nanmedian(line.thickness[10 : line.n // 3]) for line in slot.samples])
+        for slot in slots
+    ]
+    for values, least in ((thickness, 0.02), (lengths, 0.0)):
+        slope = np.polyfit(np.arange(len(slots)), values, 1)[0]
+        if abs(slope) > least * np.mean(values):
+            return slope < 0
+    return False
+
+
+def _whole_length(lines, shape) -> float:
+    """Median length [px] of lines that end inside the picture, NaN where hardly one does."""
+    ends = np.array([line.points[-1] for line in lines])
+    inside = np.all((ends > BORDER_PX) & (ends < np.array(shape[::-1]) - 1 - BORDER_PX), axis=1)
+    if inside.sum() < FEWEST_WHOLE:
+        return np.nan
+    return float(np.median([line.n for line, whole in zip(lines, inside, strict=True) if whole]))
+
+
+def _unlike(lengths, others) -> float:
+    """How unlike the proportions of two sets of lengths are: mean deviation of logarithms.
+
+    0 where fewer than two lengths are known.
+    """
+    ratio = np.log(np.divide(lengths, others))
+    ratio = ratio[np.isfinite(ratio)]
+    return float(np.abs(ratio - np.median(ratio)).mean()) if len(ratio) > 1 else 0.0

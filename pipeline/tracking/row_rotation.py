@@ -1,0 +1,161 @@
+"""The turn that all whiskers of a face make together from one frame to the next.
+
+Whiskers stand closer than they move from frame to frame in fast whisking: looked for one by one,
+a whisker is taken for its neighbour. All together, they fit at one turn only.
+"""
+
+import numpy as np
+from numba import njit
+
+from pipeline.numerics.angles import wrapped
+from pipeline.numerics.polyline import bilinear
+
+TURNS = np.radians(np.arange(-16.0, 16.5, 1.0))
+SLOPES = np.radians(np.arange(-6.0, 6.5, 1.5))  # half of how much more the last one turns
+OWN_SD = np.radians(1.5)  # of a line about the row
+OWN_WEIGHT = 4.0  # of its score
+FEWEST_TOGETHER = 3  # whiskers from which a common turn is told
+EVEN = 0.3  # squares of places that speak for no difference along the face
+LEAST_OFF = np.radians(0.5)  # from the turns of the others
+AHEAD = 24  # nodes from the base, that tell its direction
+STEP = 3  # nodes between two places that are looked at
+LIKELY_SD = np.radians(6.0)  # of what the motion before does not foretell
+SLOPE_SD = np.radians(3.0)
+
+
+def common_turns(image, background, weight, gain, lines, pivot=0.0) -> np.ndarray:
+    """Turns [rad, from +x to +y] about their pivots at which predicted lines fit best, together.
+
+    The turn changes evenly with the lines' directions from one side of the face to the other;
+    beside that, every line may turn a little by itself.
+
+    Parameters
+    ----------
+    image, background, weight, gain : as in `following.capture`
+    lines : `detection.Line`s as they are predicted
+    pivot : how far behind their bases they turn [px]
+    """
+    scores = np.zeros((len(lines), len(TURNS)))
+    cosines, sines = np.cos(TURNS), np.sin(TURNS)
+    most = np.full((len(lines), 1), 1e-9)
+    for k, (line, score) in enumerate(zip(lines, scores, strict=True)):
+        most[k] += _add_scores(
+            image, background, weight, gain, line.x, line.y, line.n, line.amplitude,
+            *_behind(line, pivot), cosines, sines, score,
+        )  # fmt: skip
+    row = _most_likely(scores / most.sum(), places(lines))
+    return _own_turns(scores / most, row)
+
+
+def places(lines) -> np.ndarray:
+    """Where the lines stand between the outermost ones, by direction, −1 to 1."""
+    angle = np.array([direction(line) for line in lines])
+    ahead = np.arctan2(np.sin(angle).sum(), np.cos(angle).sum())
+    angle = wrapped(angle - ahead)
+    return 2 * (angle - angle.min()) / max(np.ptp(angle), 1e-9) - 1
+
+
+def direction(line, most=np.inf) -> float:
+    """Direction from a line's base to its middle [rad, from +x to +y], as if `most` nodes long."""
+    k = int(min(line.n, most)) // 2
+    return float(np.arctan2(line.y[k] - line.y[0], line.x[k] - line.x[0]))
+
+
+def even_turns(place, turn) -> np.ndarray:
+    """Turns of all lines at their places, as of a straight line through those that are known.
+
+    place, turn : (lines,) places as of `places`, turns [rad], NaN where not known; those far off
+        the others are left out
+    """
+    known = np.isfinite(turn)
+    if known.sum() < FEWEST_TOGETHER:
+        return np.full(len(turn), np.median(turn[known]) if known.any() else 0.0)
+    keep = known
+    for _ in range(4):
+        u, v = place[keep] - place[keep].mean(), turn[keep] - turn[keep].mean()
+        slope = u @ v / (u @ u + EVEN)
+        even = turn[keep].mean() + slope * (place - place[keep].mean())
+        off = np.abs(turn - even)
+        again = known & (off < max(2.5 * 1.4826 * np.median(off[known]), LEAST_OFF))
+        if again.sum() < FEWEST_TOGETHER or np.array_equal(again, keep):
+            break
+        keep = again
+    return even
+
+
+def _most_likely(scores, place) -> np.ndarray:
+    """Turn of every line for the mean turn and slope of the highest sum of scores."""
+    best, found = -np.inf, None
+    for slope in SLOPES:
+        shifted = [
+            np.interp(TURNS + slope * u, TURNS, score)
+            for u, score in zip(place, scores, strict=True)
+        ]
+        total = np.sum(shifted, axis=0) - 0.02 * (TURNS / LIKELY_SD) ** 2
+        k = int(np.argmax(total))
+        value = total[k] - 0.02 * (slope / SLOPE_SD) ** 2
+        if value > best:
+            best, found = value, _peak(total, k) + slope * place
+    return found
+
+
+def _own_turns(scores, row) -> np.ndarray:
+    """Turn of every line by its own score, not far from that of the row."""
+    off = (TURNS - row[:, None]) / OWN_SD
+    total = OWN_WEIGHT * scores - 0.5 * off**2
+    return np.array([_peak(each, int(np.argmax(each))) for each in total])
+
+
+def _peak(score, k) -> float:
+    """Turn of the highest score, between the turns tried."""
+    if not 0 < k < len(score) - 1:
+        return float(TURNS[k])
+    a, b, c = score[k - 1 : k + 2]
+    shift = 0.5 * (a - c) / min(a - 2 * b + c, -1e-12)
+    return float(TURNS[k] + shift * (TURNS[1] - TURNS[0]))
+
+
+@njit(cache=True)
+def _add_scores(
+    image, background, weight, gain, x, y, n, amplitude, pivot_x, pivot_y, cosines, sines, score
+):
+    """Add amplitude × absorbance along a turned line to every turn's score; return the most."""
+    height, width = background.shape
+    most = 0.0
+    for i in range(12, n, STEP):
+        dx, dy = x[i] - pivot_x, y[i] - pivot_y
+        a = amplitude[i]
+        most += a * a
+        for k in range(len(score)):
+            px = pivot_x + cosines[k] * dx - sines[k] * dy
+            py = pivot_y + sines[k] * dx + cosines[k] * dy
+            if not (0 <= px < width - 1 and 0 <= py < height - 1):
+                continue
+            if weight[int(py + 0.5), int(px + 0.5)] <= 0:
+                continue
+            light = max(gain * bilinear(background, px, py), 1.0)
+            seen = 1.0 - bilinear(image, px, py) / light
+            score[k] += a * min(max(seen, 0.0), 1.3 * a)
+    return most
+
+
+def _behind(line, pivot):
+    """Point `pivot` [px] behind a line's base."""
+    k = min(AHEAD, line.n - 1)
+    dx, dy = line.x[k] - line.x[0], line.y[k] - line.y[0]
+    part = pivot / max(np.hypot(dx, dy), 1e-9)
+    return line.x[0] - part * dx, line.y[0] - part * dy
+
+
+def turn_line(line, angle, pivot=0.0):
+    """Turn a line about the point `pivot` [px] behind its base by `angle` [rad, from +x to +y]."""
+    _turn(line.x, line.y, line.n, angle, *_behind(line, pivot))
+
+
+@njit(cache=True)
+def _turn(x, y, n, angle, px, py):
+    cos, sin = np.cos(angle), np.sin(angle)
+    for i in range(n):
+        dx, dy = x[i] - px, y[i] - py
+        x[i] = px + cos * dx - sin * dy
+        y[i] = py + sin * dx + cos * dy

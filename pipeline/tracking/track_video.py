@@ -1,0 +1,176 @@
+"""Whiskers through a whole video: frames go in, centrelines come out in chunks.
+
+So memory does not grow with the video's length.
+"""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+
+import numpy as np
+from numba import njit
+
+from pipeline.detection.detect import TracingOptions
+from pipeline.detection.line import Line
+from pipeline.detection.static_scene import StaticScene
+from pipeline.tables.centrelines import Centrelines
+from pipeline.tracking.registry import Slot
+from pipeline.tracking.tracker import Tracer
+from pipeline.tracking.unlabelled_tracker import CrowdTracer, is_crowd
+
+CHUNK_FRAMES = 500
+DOUBTFUL = 0.4  # confidence is lowered to this part while it is not known who is who
+
+
+class _Collector:
+    """Gathers rows until they are handed out as one `Centrelines`."""
+
+    def __init__(self, names: tuple[str, ...]):
+        self.names = names
+        self.rows = []  # frame, whisker, confidence, number of points
+        self.points = np.empty((5, 1 << 16), np.float32)  # x, y, offset, information, thickness
+        self.filled = 0
+
+    def add(self, frame: int, whisker: int, line: Line, trust: float) -> None:
+        while self.filled + line.n > self.points.shape[1]:
+            self.points = np.concatenate([self.points, np.empty_like(self.points)], axis=1)
+        _store(
+            line.x, line.y, line.score, line.information, line.thickness, line.n,
+            self.points, self.filled,
+        )  # fmt: skip
+        self.filled += line.n
+        self.rows.append((frame, whisker, trust * line.quality, line.n))
+
+    def exchange(self, one: int, other: int, since: int) -> None:
+        """Give two whiskers each other's rows from frame `since` on."""
+        new = {one: other, other: one}
+        for i in range(len(self.rows) - 1, -1, -1):
+            frame, whisker, confidence, n = self.rows[i]
+            if frame < since:
+                break
+            self.rows[i] = (frame, new.get(whisker, whisker), confidence, n)
+
+    def take(self, spacing: float) -> Centrelines:
+        rows, self.rows = self.rows, []
+        x, y, offset, information, thickness = self.points[:, : self.filled].copy()
+        self.filled = 0
+        return Centrelines(
+            names=self.names,
+            frame=np.array([r[0] for r in rows], np.int32),
+            whisker=np.array([r[1] for r in rows], np.int32),
+            offsets=np.concatenate([[0], np.cumsum([r[3] for r in rows])]).astype(np.int64),
+            x_px=x,
+            y_px=y,
+            se_px=(1 / np.sqrt(np.maximum(information * 1.3 * spacing, 1e-4))).astype(np.float32),
+            confidence=np.array([r[2] for r in rows], np.float32),
+            offset_px=offset,
+            information=information,
+            thickness_px=thickness,
+        )
+
+
+@njit(cache=True)
+def _store(x, y, score, information, thickness, n, points, start):
+    """Copy a line's nodes to the columns of `points` from `start` on."""
+    for i in range(n):
+        k = start + i
+        points[0, k] = x[i]
+        points[1, k] = y[i]
+        points[2, k] = min(max(score[i] / max(information[i], 1e-6), -9.0), 9.0)
+        points[3, k] = information[i]
+        points[4, k] = thickness[i]
+
+
+def track(
+    frames: Iterable[np.ndarray],
+    scene,
+    roster: list[Slot],
+    options: TracingOptions,
+    chunk_frames: int = CHUNK_FRAMES,
+) -> Iterator[Centrelines]:
+    """Follow lines through the frames; yield centrelines chunk by chunk.
+
+    Where whiskers stand apart, `whisker` numbers the roster; in a crowd (`is_crowd`) it numbers
+    tracks, which `pipeline.identity` names when the whole video has been seen.
+
+    Parameters
+    ----------
+    frames : uint8 (height, width) images in order
+    scene : StaticScene, or the video's epochs (`pipeline.scene.find_scenes`) where large things
+        move in and out; while they move, what is seen counts half
+    roster : the whiskers to follow (`find_roster`)
+    options : lengths in pixels (`options_for`)
+
+    Yields
+    ------
+    Centrelines of up to `chunk_frames` frames; a whisker that is lost in a frame has no row.
+    """
+    scenes = _starting_scenes(scene)
+    return _followed(frames, scenes, _tracer(scenes[0][0], roster, options), chunk_frames)
+
+
+def _tracer(scene, roster, options) -> Tracer:
+    """The tracer for these whiskers: of a crowd, lines are named in the end."""
+    kind = CrowdTracer if is_crowd(roster, options) else Tracer
+    return kind(scene, roster, options)
+
+
+def _followed(frames, scenes, tracer, chunk_frames) -> Iterator[Centrelines]:
+    """Chunks of the lines as the tracer names them."""
+    collector = _Collector(tracer.names)
+    spacing = tracer.options.spacing_px
+    trust = 1.0
+    index = -1
+    for index, image in enumerate(frames):
+        if index in scenes:
+            present, trust = scenes[index]
+            if index:
+                tracer.change_scene(present)
+        tracks = tracer.step(image)
+        while tracer.exchanges:
+            collector.exchange(*tracer.exchanges.pop(0))
+        for track in tracks:
+            if track.line is not None:
+                trusted = DOUBTFUL * trust if track.doubtful else trust
+                collector.add(index, track.number, track.line, trusted)
+        if (index + 1) % chunk_frames == 0:
+            yield collector.take(spacing)
+    if collector.rows or index < 0:
+        yield collector.take(spacing)
+
+
+def sample_lines(roster: list[Slot], options: TracingOptions) -> Centrelines:
+    """The roster's sample lines, of frames from the whole video, as centrelines (frame 0)."""
+    samples = _Collector(tuple(slot.name for slot in roster))
+    for k, slot in enumerate(roster):
+        for line in slot.samples:
+            samples.add(0, k, line, 1.0)
+    return samples.take(options.spacing_px)
+
+
+def _starting_scenes(scene) -> dict[int, tuple[StaticScene, float]]:
+    """First frame → scene from there on and the trust in what is seen before it."""
+    if isinstance(scene, StaticScene):
+        return {0: (scene, 1.0)}
+    known = [epoch.scene for epoch in scene]
+    out = {}
+    for i, epoch in enumerate(scene):
+        if epoch.scene is not None:
+            out[epoch.start] = (epoch.scene, 1.0)
+        else:
+            beside = [s for s in (*known[i - 1 : i], *known[i + 1 : i + 2]) if s is not None]
+            out[epoch.start] = (between(beside), 0.5)
+    return out
+
+
+def between(scenes: list[StaticScene]) -> StaticScene:
+    """Return a scene for the time in which one goes over into the other: masked by both."""
+    first, last = scenes[0], scenes[-1]
+    obstacles = first.obstacle_mask | last.obstacle_mask
+    background = np.maximum(first.background, last.background)
+    return replace(
+        first,
+        background=np.where(obstacles, 0, background),  # nothing is seen through what moves
+        face_mask=first.face_mask | last.face_mask,
+        obstacle_mask=obstacles,
+        pole=None,
+    )

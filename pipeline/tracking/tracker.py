@@ -1,0 +1,483 @@
+"""Whiskers followed from frame to frame, identities kept: `Tracer` holds the state."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+from pipeline.detection import detect, image_model, line_fit, line_profile, tails
+from pipeline.detection.detect import TracingOptions
+from pipeline.detection.image_model import ImageModel
+from pipeline.detection.line import Line, Workspace
+from pipeline.detection.static_scene import StaticScene
+from pipeline.numerics import polyline
+from pipeline.session.recording import Recording
+from pipeline.tracking import matching, row_rotation, search
+from pipeline.tracking.matching import Ruler
+from pipeline.tracking.registry import Slot
+
+SHORTEST_M = 3.5e-3  # a line that is seen over less is no whisker, where no lengths are given
+GOOD_QUALITY = 0.6  # part of the expected contrast found: below, the wider search is tried
+LOST_QUALITY = 0.35
+NARROW_MM, WIDE_MM = 0.4, 1.2  # half-width of the search strip
+FORETOLD_PX = 1.0  # a line that is nearer to its prediction is fitted without a search
+BESIDE_PX = 18.0  # nearer whiskers are seen in the search strip
+SHARED_PX = 8.0  # nearer ones share pixels of their cross-sections
+DOUBLE_SHARE = 0.6  # part of two lines that may coincide before one of them is given up
+LARGEST_TURN = np.radians(150)  # no whisker bends further from its base to its tip
+SHARPEST_BASE = np.radians(35)  # turn within HOOK_M of the base: beyond, it follows the fur's edge
+HOOK_M = 2.5e-3
+NEAR_SHIFTS = np.radians([-8, -4, 0, 4, 8])  # of all angles, where some whiskers are followed
+KEPT = 0.95  # part of two lines that must still be found when they have exchanged far parts
+CHECK_EVERY = 5  # frames between two checks of who is who
+RELIT = 0.3  # change of the light from one frame to the next: what was too dark may be seen
+SEARCH_EVERY = 20  # frames between two full detections while a whisker is missing
+
+
+@dataclass
+class Track:
+    """One whisker's present state: its line, the line before, and how long it has been lost.
+
+    `whole` is the line when nothing hid its tip the last time; `doubtful`: it may be another
+    whisker's line; `turn`: what it turns by beside its last motion [rad], and how far behind its
+    base [px].
+    """
+
+    slot: Slot
+    line: Line | None = None
+    before: Line | None = None
+    whole: Line | None = None
+    lost_for: int = 0
+    doubtful: bool = False
+    turn: tuple[float, float] = (0.0, 0.0)
+    number: int = 0
+
+    def __post_init__(self):
+        self.whole = max(self.slot.samples, key=lambda line: line.n, default=None)
+
+    def take(self, line: Line | None, before: Line | None = None, lost_for: int = 0) -> None:
+        """Go on with another line, which may be as long as this whisker."""
+        self.line, self.before, self.lost_for = line, before, lost_for
+        if line is not None:
+            line.longest = self.slot.longest_px
+
+    def lose(self) -> None:
+        """Give the line up: the whisker is lost since this frame."""
+        self.line, self.lost_for = None, 1
+
+
+def options_for(recording: Recording, lengths_m=(), hidden_m=(), cone_m=()) -> TracingOptions:
+    """Derive the tracer's lengths from the scale and, where known, the whiskers' own lengths.
+
+    Parameters
+    ----------
+    recording : frame rate and scale
+    lengths_m, hidden_m : follicle-to-tip lengths of the expected whiskers and their parts
+        hidden in the fur [m]; empty where unknown
+    cone_m : their follicle-to-apex lengths [m]; empty where unknown
+    """
+    scale = recording.pixels_per_m
+    visible = [(a - b) * scale for a, b in zip(lengths_m, hidden_m, strict=True)]
+    longest = [1.03 * length + 4 for length in visible]
+    if visible:
+        shortest = max(min(5e-3 * scale, 0.35 * min(visible)), 30.0)
+    else:
+        shortest = max(SHORTEST_M * scale, 40.0)
+    return TracingOptions(
+        spacing_px=max(0.64e-3 * scale, 8.0),
+        shortest_px=shortest,
+        base_gap_px=max(2.0e-3 * scale, 25.0),
+        bridge_px=int(max(1.2e-3 * scale, 15)),
+        longest_px=max(longest, default=np.inf),
+        visible_px=tuple(longest),
+        hidden_px=tuple(scale * h for h in hidden_m),
+        cone_px=tuple(scale * c for c in cone_m),
+        pixels_per_m=scale,
+    )
+
+
+class Tracer:
+    """Follow the whiskers of a roster through consecutive frames of one static scene."""
+
+    crowded = False  # whether whiskers stand so close that they pass for each other
+
+    def __init__(self, scene: StaticScene, roster: list[Slot], options: TracingOptions):
+        self.options = options
+        self.names = tuple(slot.name for slot in roster)
+        self.tracks = [Track(slot, number=k) for k, slot in enumerate(roster)]
+        height, width = scene.background.shape
+        self.workspace = Workspace(int(1.6 * np.hypot(height, width)))
+        self.change_scene(scene)
+        self.since_search = SEARCH_EVERY
+        self.since_check = 0
+        self.gain = 1.0
+        self.frame = -1
+        self.exchanges = []  # (one, other, first frame) of whiskers that had changed places
+        self.ruler = Ruler.of(scene.face_side, options)
+        self.evidence = matching.PairEvidence([slot.seen for slot in roster], self.ruler, options)
+        scale = 1e-3 * options.pixels_per_m
+        self.narrow = int(np.clip(NARROW_MM * scale, 4, 10))
+        self.wide = int(np.clip(WIDE_MM * scale, 10, 30))
+        self.hook = int(max(HOOK_M * options.pixels_per_m, 30))
+
+    def change_scene(self, scene: StaticScene) -> None:
+        """Go on before another background: something large has moved."""
+        self.model = ImageModel.from_scene(scene)
+
+    def step(self, image) -> list[Track]:
+        """Advance by one frame; return the tracks, `line` None where a whisker is lost."""
+        self.frame += 1
+        gain, before = self.model.gain(image), self.gain
+        relit, self.gain = abs(gain - before) > RELIT * max(gain, before), gain
+        self._follow_all(image, gain)
+        missing = [t for t in self.tracks if t.line is None]
+        self.since_search += 1
+        just_lost = any(t.lost_for in (1, 2) for t in missing)
+        if missing and (just_lost or relit or self.since_search >= SEARCH_EVERY):
+            self._search(missing, image, gain)
+            self.since_search = 0
+        self.since_check += 1
+        if len(self.tracks) > 1 and self.since_check >= CHECK_EVERY:
+            self._check_identities()
+            self.since_check = 0
+        return self.tracks
+
+    def _follow_all(self, image, gain) -> None:
+        """Follow every present whisker, each against a background that holds its neighbours."""
+        present = [t for t in self.tracks if t.line is not None]
+        self._foresee(present, image, gain)
+        lines = {id(t): predicted(t, True) for t in present}
+        beside = _neighbours(present, lines)
+        for track in present:
+            with image_model.lines_in_background(
+                self.model, [lines[id(t)] for t in beside[id(track)]]
+            ):
+                self._follow(track, image, gain, lines[id(track)])
+            lines[id(track)] = track.line or foretold(track.before, None)
+        crossing = False
+        for track in present:
+            # again beside those whose lines are known now, where their pixels are shared
+            sharing = [
+                lines[id(t)]
+                for t in beside[id(track)]
+                if track.line is not None and _come_near(track.line, lines[id(t)], SHARED_PX)
+            ]
+            if sharing:
+                crossing = True
+                with image_model.lines_in_background(self.model, sharing):
+                    detect.refine(
+                        image, self.model, gain, track.line, self.options, self.workspace
+                    )
+                    if not self.crowded:  # there, whiskers do lie upon each other
+                        self._untangle(track, sharing, image, gain)
+                self._give_up_if_poor(track)
+        self._drop_doubles(present)
+        if crossing:
+            self._uncross(present, image, gain)
+        if self.crowded:
+            self._part_crowd(present)
+
+    def _untangle(self, track: Track, beside: list[Line], image, gain) -> None:
+        """Take a line back from another whisker's far part, onto which it went at a crossing."""
+        line, known = track.line, track.before
+        for other in beside:
+            start = tails.shared_tail(line.x, line.y, line.n, other.x, other.y, other.n)
+            if known is None or line.n - start < tails.LEAST:
+                continue
+            n = tails.regrow(line.x, line.y, line.n, start, known.x, known.y, known.n)
+            if n > 0:
+                line.n = n
+                detect.refine(image, self.model, gain, line, self.options, self.workspace)
+                again = tails.shared_tail(line.x, line.y, line.n, other.x, other.y, other.n)
+                if line.n - again >= tails.LEAST:
+                    line.n = max(again, 1)
+
+    def _foresee(self, present: list[Track], image, gain) -> None:
+        """Tell the tracks what they turn by, where more than a line's own motion tells it."""
+
+    def _drop_doubles(self, present: list[Track]) -> None:
+        """Of two tracks on one whisker, give up the one that fits worse."""
+        for i, a in enumerate(present):
+            for b in present[i + 1 :]:
+                if a.line is None or b.line is None or not _come_near(a.line, b.line, 2.0):
+                    continue
+                if min(_near(a.line, b.line, 2.0), _near(b.line, a.line, 2.0)) > DOUBLE_SHARE:
+                    min((a, b), key=self._claim).lose()
+
+    def _claim(self, track: Track) -> float:
+        """How rightly a track is on its line, to be compared with another one on the same."""
+        return track.line.quality * track.line.n / track.slot.visible_px
+
+    def _uncross(self, present: list[Track], image, gain) -> None:
+        """Let lines that have turned off onto each other go on with their own far parts."""
+        tracks = [t for t in present if t.line is not None]
+        known = [t.line.copy() for t in tracks]
+        changed = detect.uncrossed([t.line for t in tracks])
+        for line in changed:
+            others = [t.line for t in tracks if t.line is not line]
+            with image_model.lines_in_background(self.model, others):
+                detect.refine(image, self.model, gain, line, self.options, self.workspace)
+        pairs = [
+            (t, k) for t, k in zip(tracks, known, strict=True) if any(t.line is c for c in changed)
+        ]
+        if sum(t.line.n * t.line.quality - KEPT * k.n * k.quality for t, k in pairs) < 0:
+            for track, line in pairs:  # less is found of them so: they had their own
+                track.line = line
+            return
+        for track, _ in pairs:
+            track.before = None  # it tells nothing of the far part's motion
+            self._give_up_if_poor(track)
+
+    def _part_crowd(self, present: list[Track]) -> None:
+        """Give up what is another whisker's blur."""
+        for track in present:
+            others = [t.line for t in present if t is not track and t.line is not None]
+            if track.line is not None and detect.is_ghost(track.line, others):
+                track.lose()
+
+    def _follow(self, track: Track, image, gain, line: Line) -> None:
+        """Find the track's whisker where it is foretold, else in a strip about it, or a wider.
+
+        `line` is the one foretold, which is used up.
+        """
+        present = track.line
+        best = None
+        tries = (0, True), (self.narrow, True), (self.narrow, False), (self.wide, False)
+        for half, with_velocity in tries:
+            if half and with_velocity and track.before is None:
+                continue  # the next one is the same
+            if half:
+                line = predicted(track, with_velocity)
+            self._carry_on(line, track)
+            if half:
+                self._capture(line, image, gain, half)
+            farthest = np.inf if half else FORETOLD_PX
+            detect.refine(image, self.model, gain, line, self.options, self.workspace, farthest)
+            if best is None or self._worth(line, track) > self._worth(best, track):
+                best = line
+            if best.quality > GOOD_QUALITY and best.n > 0.8 * present.n:
+                break
+        track.before, track.line, track.lost_for = present, best, 0
+        self._give_up_if_poor(track)
+
+    def _worth(self, line: Line, track: Track) -> float:
+        """How much a line that was found shows of the track's whisker."""
+        return line.n * line.quality
+
+    def _carry_on(self, line: Line, track: Track) -> None:
+        """Lengthen a track's predicted line by what something hides of it, if anything does."""
+        n, whole = line.n, track.whole
+        if whole is not None and whole.n > n:
+            line.n = line_fit.carry_on(
+                line.x, line.y, line.amplitude, n, whole.x, whole.y, whole.amplitude, whole.n,
+                self.model.weight, self.options.bridge_px,
+            )  # fmt: skip
+        if line.n == n:
+            track.whole = track.line
+
+    def _give_up_if_poor(self, track: Track) -> None:
+        """Call a whisker lost where hardly any of it was found, or it is none any more."""
+        line, before, options = track.line, track.before, self.options
+        if before is None or before.n == 0:
+            before = line
+        if (
+            line.n < 0.4 * options.shortest_px
+            or line.quality < LOST_QUALITY
+            or not _is_like_a_whisker(
+                line.x, line.y, line.n, before.x, before.y, self.model.outside,
+                0.5 * options.base_gap_px, self.hook,
+            )
+        ):  # fmt: skip
+            track.lose()
+
+    def _capture(self, line: Line, image, gain, half) -> None:
+        """Move a line onto the best path of a strip of `half` px to both sides."""
+        m, w = self.model, self.workspace
+        search.capture(
+            image, m.background, m.weight, gain, line.x, line.y, line.n,
+            line.amplitude, line.sigma, half, w.work,
+        )  # fmt: skip
+        line.n = polyline.resample(line.x, line.y, line.n, w.work[8:10])
+
+    def _search(self, missing: list[Track], image, gain) -> None:
+        """Look at the whole frame for the missing whiskers."""
+        for track in missing:
+            track.lost_for += 1
+        present = [t for t in self.tracks if t.line is not None]
+        lines = [t.line for t in present]
+        found = self._unknown(lines, image, gain)
+        if 0 < len(found) < len(missing):
+            found += self._unknown([*lines, *found], image, gain)
+        if not found:
+            return
+        got = matching.match(
+            self.ruler.signatures(found),
+            np.array([t.slot.signature for t in missing]),
+            self.ruler.sd,
+            *self._expected_shift(present),
+        )
+        for line, whisker in got.pairs:
+            track = missing[whisker]
+            track.take(found[line])
+        if len(self.tracks) > 1:
+            if got.pairs:
+                self._uncross(self.tracks, image, gain)
+            self._check_identities([self.tracks.index(missing[w]) for _, w in got.pairs])
+
+    def _unknown(self, known: list[Line], image, gain) -> list[Line]:
+        """Lines in the whole frame beside known ones, which would cut off those they cross."""
+        with image_model.lines_in_background(self.model, known):
+            found = detect.detect(image, self.model, gain, self.options, self.workspace)
+        found = [c for c in found if all(detect.shared_fraction(c, p) < 0.4 for p in known)]
+        found = [c for c in found if not detect.is_ghost(c, known)]
+        return [c for c in found if turning_range(c.x, c.y, c.n) < LARGEST_TURN]
+
+    def _expected_shift(self, present):
+        """Shifts of all angles to try, and the one to try them around [rad]."""
+        if not present:
+            return matching.SHIFTS, 0.0
+        return NEAR_SHIFTS, self._shift(present)
+
+    def _shift(self, tracks) -> float:
+        """By how much the angles of some present whiskers are off those of the roster [rad]."""
+        seen = self.ruler.signatures([t.line for t in tracks])
+        known = np.array([t.slot.signature for t in tracks])
+        return matching.common_turn(seen, known)
+
+    def _check_identities(self, found=()) -> None:
+        """Compare all present lines with all whiskers: has anyone changed places?"""
+        seen = np.full((len(self.tracks), 4), np.nan)
+        for k, track in enumerate(self.tracks):
+            if track.line is not None:
+                seen[k] = self.ruler.signature(track.line)
+        for one, other, since in self.evidence.look(self.frame, seen, found):
+            self._rename({one: other, other: one})
+            self.exchanges.append((one, other, since))
+        for track, doubtful in zip(self.tracks, self.evidence.doubtful(), strict=True):
+            track.doubtful = bool(doubtful)
+
+    def _rename(self, new: dict[int, int]) -> None:
+        """Give lines to other whiskers: number of track → that of the whisker that it is."""
+        state = {k: (t.line, t.before, t.lost_for) for k, t in enumerate(self.tracks)}
+        for k, whisker in new.items():
+            self.tracks[whisker].take(*state[k])
+
+
+def _come_near(a: Line, b: Line, near_px: float) -> bool:
+    """Whether two lines may come within `near_px` of each other."""
+    return line_profile.come_near(a.x, a.y, a.n, b.x, b.y, b.n, near_px)
+
+
+def _near(a: Line, b: Line, near_px: float) -> float:
+    """Fraction of line `a` within `near_px` of line `b`."""
+    return line_profile.closeness(a.x, a.y, a.n, b.x, b.y, b.n, near_px, 4)
+
+
+@njit(cache=True)
+def _is_like_a_whisker(x, y, n, before_x, before_y, outside, farthest, hook):
+    """Whether a line leaves the face, is bent as whiskers are, and begins where it was before.
+
+    farthest : that its first point may have moved from `before` [px]; hook : as in `hooked`
+    """
+    return (
+        np.hypot(x[0] - before_x[0], y[0] - before_y[0]) <= farthest
+        and turning_range(x, y, n) <= LARGEST_TURN
+        and not hooked(x, y, n, hook)
+        and line_fit.leaves_face(x, y, n, outside)
+    )
+
+
+@njit(cache=True)
+def hooked(x, y, n, hook):
+    """Whether a line turns sharply in its first `hook` nodes: there it is no whisker, but fur."""
+    return turning_range(x, y, min(n, hook)) > SHARPEST_BASE
+
+
+@njit(cache=True)
+def turning_range(x, y, n):
+    """Largest less smallest direction along a line, over chords of 10 nodes [rad]."""
+    low = 0.0
+    high = 0.0
+    total = 0.0
+    for i in range(10, n - 10, 5):
+        ax = x[i] - x[i - 10]
+        ay = y[i] - y[i - 10]
+        bx = x[i + 5] - x[i - 5]
+        by = y[i + 5] - y[i - 5]
+        along, across = ax * bx + ay * by, ax * by - ay * bx
+        if abs(across) < 0.2 * along:  # by the arctangent's series, to a millionth
+            t = across / along
+            total += t * (1 - t * t * (1 / 3 - t * t * (1 / 5 - t * t * (1 / 7))))
+        else:
+            total += np.arctan2(across, along)
+        low = min(low, total)
+        high = max(high, total)
+    return high - low
+
+
+def _neighbours(present: list[Track], lines: dict[int, Line]) -> dict[int, list[Track]]:
+    """By a track's id, the tracks whose lines come near to its own."""
+    beside = {id(track): [] for track in present}
+    for k, one in enumerate(present):
+        for other in present[k + 1 :]:
+            if _come_near(lines[id(one)], lines[id(other)], BESIDE_PX):
+                beside[id(one)].append(other)
+                beside[id(other)].append(one)
+    return beside
+
+
+def predicted(track: Track, with_velocity: bool) -> Line:
+    """Return the line where it should be now: a copy, moved on by the last frame's motion."""
+    line = foretold(track.line, track.before if with_velocity else None)
+    if track.turn[0]:
+        row_rotation.turn_line(line, *track.turn)
+    return line
+
+
+def foretold(line: Line, before: Line | None) -> Line:
+    """Return a line moved on as it has moved since `before`; what was measured is left out."""
+    arrays = np.empty((7, len(line.x)))
+    moving = before is not None and before.n > 20
+    known = before if moving else line
+    _foretell(
+        line.x, line.y, line.amplitude, line.sigma, line.n, known.x, known.y,
+        known.n if moving else 0, arrays,
+    )  # fmt: skip
+    return Line(*arrays, line.n, line.quality, line.longest)
+
+
+@njit(cache=True)
+def _foretell(x, y, amplitude, sigma, n, before_x, before_y, m, arrays):
+    """Fill `arrays` (at least 4, limit) with places, absorbance and half-width of a moved line.
+
+    It goes on as it has moved since it had the `m` nodes `before`; not at all where `m` is 0.
+    """
+    new_x, new_y, new_amplitude, new_sigma = arrays[0], arrays[1], arrays[2], arrays[3]
+    for i in range(n):  # loops: copying slices takes three times as long
+        new_x[i], new_y[i] = x[i], y[i]
+    for i in range(len(amplitude)):
+        new_amplitude[i], new_sigma[i] = amplitude[i], sigma[i]
+    if m > 0:
+        advance(new_x, new_y, n, before_x, before_y, m)
+
+
+@njit(cache=True)
+def advance(x, y, n, before_x, before_y, m):
+    """Add the motion since the frame before to the nodes, smoothed over ±20 nodes, in place."""
+    half = 20
+    count = min(n, m)
+    sx = np.empty(count + 1)
+    sy = np.empty(count + 1)
+    sx[0] = 0.0
+    sy[0] = 0.0
+    for i in range(count):
+        sx[i + 1] = sx[i] + x[i] - before_x[i]
+        sy[i + 1] = sy[i] + y[i] - before_y[i]
+    for i in range(n):
+        k = min(i, count - 1)
+        reach = min(half, k, count - 1 - k)
+        width = 2 * reach + 1
+        dx = (sx[k + reach + 1] - sx[k - reach]) / width
+        dy = (sy[k + reach + 1] - sy[k - reach]) / width
+        x[i] += dx
+        y[i] += dy

@@ -1,0 +1,133 @@
+"""Following the lines of whiskers that stand close together, whichever whisker each is.
+
+Every line that leaves the face and is strong enough gets a track of its own, with a number that
+no other track ever has; where a line is lost, its track ends. Which tracks are which whisker's is
+decided when the whole video has been seen (`whole_video`).
+"""
+
+import itertools
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.detection import detect
+from pipeline.detection.line import Line
+from pipeline.numerics.angles import wrapped
+from pipeline.tracking import row_rotation
+from pipeline.tracking.matching import crowded
+from pipeline.tracking.registry import Slot, usual_strength
+from pipeline.tracking.tracker import SEARCH_EVERY, Tracer, Track, foretold, turning_range
+
+SPARE = 6  # tracks at most beside one for each whisker: some lines are nobody's
+FAINT = 0.5  # of the faintest whisker's length × absorbance: less is a hair of the fur
+PIVOT_M = 1.25e-3  # behind a line's first point
+ASTRAY_SD = np.radians(4.0)  # of a line about the one that was expected
+YOUNG = 5.0  # frames, in which a track's claim to a line grows to half
+BASE_M = 6e-3  # from the face
+MOST_BENT = np.radians(32)  # over that: what bends more goes from the fur's edge onto a whisker
+SEARCH_EVERY_CROWDED = 5  # frames between two full detections while lines are missing
+
+
+@dataclass
+class LineTrack(Track):
+    """A line that is followed: the one expected in this frame, and how many frames it was seen."""
+
+    expected: Line | None = None
+    age: int = 0
+
+
+class CrowdTracer(Tracer):
+    """Follow all lines of a crowd through consecutive frames of one static scene."""
+
+    crowded = True
+
+    def __init__(self, scene, roster, options):
+        super().__init__(scene, roster, options)
+        self.most = len(roster) + SPARE
+        self.usual = len(roster)
+        self.faintest = FAINT * min(usual_strength(slot.samples) for slot in roster)
+        self.slot = Slot("", np.zeros(2), options.shortest_px, longest_px=options.longest_px)
+        self.number = itertools.count()
+        self.tracks = []
+        self.lost_at = -2
+        self.pivot = PIVOT_M * options.pixels_per_m
+        self.base = int(BASE_M * options.pixels_per_m)
+
+    def step(self, image) -> list[LineTrack]:
+        """Advance by one frame; return the tracks of all lines that are seen."""
+        self.frame += 1
+        gain = self.model.gain(image)
+        self._follow_all(image, gain)
+        before = len(self.tracks)
+        self.tracks = [t for t in self.tracks if t.line is not None]
+        if len(self.tracks) < before:
+            self.lost_at = self.frame
+        self.since_search += 1
+        every = SEARCH_EVERY_CROWDED if len(self.tracks) < self.usual else SEARCH_EVERY
+        if self.frame - self.lost_at < 2 or self.since_search >= every:
+            self._search_all(image, gain)
+            self.since_search = 0
+        return self.tracks
+
+    def _search_all(self, image, gain) -> None:
+        """Begin a track for every line that has none."""
+        lines = [t.line for t in self.tracks]
+        found = detect.detect_crowded(image, self.model, gain, self.options, self.workspace, lines)
+        for line in found:  # the strongest first
+            if len(self.tracks) >= self.most:
+                break
+            if detect.contrast_length(line) >= self.faintest and not self._is_bent(line):
+                track = LineTrack(self.slot, number=next(self.number))
+                track.take(line)
+                self.tracks.append(track)
+
+    def _foresee(self, present, image, gain) -> None:
+        """Tell the tracks how the row turns, which is surer than each line's own motion."""
+        if not present:
+            return
+        lines = [foretold(track.line, None) for track in present]
+        known = [t.before is not None for t in present]
+        last = np.full(len(present), np.nan)
+        last[known] = [_turned(t.line, t.before) for t in present if t.before is not None]
+        turn = row_rotation.even_turns(row_rotation.places(lines), last)
+        for line, angle in zip(lines, turn, strict=True):
+            row_rotation.turn_line(line, angle, self.pivot)
+        m = self.model
+        if len(lines) >= row_rotation.FEWEST_TOGETHER:
+            turn = turn + row_rotation.common_turns(
+                image, m.background, m.weight, gain, lines, self.pivot
+            )
+        for track, angle in zip(present, turn, strict=True):
+            track.turn, track.before = (float(angle), self.pivot), None
+
+    def _follow(self, track, image, gain, line) -> None:
+        track.expected = line.copy()
+        track.age += 1
+        super()._follow(track, image, gain, line)
+
+    def _worth(self, line, track) -> float:
+        off = _turned(line, track.expected) / ASTRAY_SD
+        return super()._worth(line, track) * np.exp(-0.5 * off**2)
+
+    def _claim(self, track) -> float:
+        return self._worth(track.line, track) * (1 - 0.5 ** (track.age / YOUNG))
+
+    def _give_up_if_poor(self, track: Track) -> None:
+        super()._give_up_if_poor(track)
+        if track.line is not None and self._is_bent(track.line):
+            track.lose()
+
+    def _is_bent(self, line) -> bool:
+        """Whether a line bends as no whisker does near its base: it follows the fur's edge."""
+        return turning_range(line.x, line.y, min(line.n, self.base)) > MOST_BENT
+
+
+def is_crowd(roster, options) -> bool:
+    """Whether a roster's whiskers stand so close that they pass for each other."""
+    return crowded([slot.signature for slot in roster], options)
+
+
+def _turned(line, before) -> float:
+    """By how much a line is turned against another one [rad, from +x to +y]."""
+    now, then = row_rotation.direction(line, before.n), row_rotation.direction(before, line.n)
+    return float(wrapped(now - then))

@@ -1,0 +1,97 @@
+"""The whiskers of one video: those that the settings speak of, and those found in it."""
+
+from dataclasses import dataclass, replace
+
+from pipeline.detection.detect import TracingOptions
+from pipeline.session.schema import Settings, WhiskerSettings
+from pipeline.tracking.registry import Slot, find_roster
+from pipeline.tracking.tracker import options_for
+from whiskermodel.whisker import Whisker
+
+ROSTER_FRAMES = 24
+ENOUGH_FRAMES = 12  # to find a lone whisker, which is not to be told from others
+
+
+@dataclass(frozen=True)
+class Cast:
+    """The whiskers of one video.
+
+    Attributes
+    ----------
+    names : all that the tables speak of: those of the settings, or else those found
+    roster : `Slot`s of those found in the video
+    whiskers : name → `Whisker`, None where its dimensions are not given
+    nominal, hidden_lengths : one per slot; a stand-in where the whisker is None, and follicle to
+        first visible point [m]
+    """
+
+    names: tuple[str, ...]
+    roster: tuple[Slot, ...]
+    whiskers: dict[str, Whisker | None]
+    nominal: tuple[Whisker, ...]
+    hidden_lengths: tuple[float, ...]
+
+    @property
+    def found(self) -> tuple[str, ...]:
+        """Names of the whiskers found in the video, in the tracer's order."""
+        return tuple(slot.name for slot in self.roster)
+
+    def of(self, found) -> "Cast":
+        """The cast of whiskers named when the whole video has been seen; these may be more."""
+        if tuple(found) == self.found:
+            return self
+        typical, hidden = self.nominal[0], self.hidden_lengths[0]
+        count = len(found)
+        return Cast(
+            names=tuple(found),
+            roster=tuple(replace(self.roster[0], name=name) for name in found),
+            whiskers=dict.fromkeys(found),
+            nominal=tuple(replace(typical, name=name) for name in found),
+            hidden_lengths=(hidden,) * count,
+        )
+
+
+def roster_frames(settings) -> int:
+    """How many frames to find the whiskers in."""
+    return ENOUGH_FRAMES if len(settings.whisker) == 1 else ROSTER_FRAMES
+
+
+def find_cast(indices, frames, epochs, settings: Settings) -> Cast:
+    """Find the whiskers in some frames and bring them together with the settings' ones."""
+    options = tracing_options(settings)
+    given = {w.name: w for w in settings.whisker}
+    roster = find_roster(frames, epochs, options, list(given) or None, indices)
+    names = tuple(given) or tuple(slot.name for slot in roster)
+    given = {name: given.get(name) or WhiskerSettings(name=name) for name in names}
+    whiskers = {name: each.si() for name, each in given.items()}
+    hidden = tuple(given[slot.name].hidden_length for slot in roster)
+    scale = settings.recording.si().pixels_per_m
+    nominal = [
+        whiskers[slot.name] or nominal_whisker(slot.name, slot.visible_px / scale, each)
+        for slot, each in zip(roster, hidden, strict=True)
+    ]
+    return Cast(names, tuple(roster), whiskers, tuple(nominal), hidden)
+
+
+def tracing_options(settings) -> TracingOptions:
+    """The tracer's lengths; the whiskers' own ones only if those of all are known."""
+    recording, whiskers = settings.recording.si(), settings.whisker
+    if any(w.length_mm is None for w in whiskers):
+        return options_for(recording)
+    cones = [w.cone_length_mm for w in whiskers]
+    return options_for(
+        recording,
+        [1e-3 * w.length_mm for w in whiskers],
+        [w.hidden_length for w in whiskers],
+        () if None in cones else [1e-3 * cone for cone in cones],
+    )
+
+
+def nominal_whisker(name: str, visible_length: float, hidden_length: float) -> Whisker:
+    """Return a stand-in of mouse-like proportions for a whisker whose dimensions are unknown.
+
+    Contacts can be told with it (they do not depend on its stiffness), forces cannot.
+    """
+    length = 1.03 * visible_length + hidden_length
+    radius = 37e-6 * length / 18e-3
+    return Whisker(length=length, cone_length=length / 0.95, base_radius=radius, name=name)

@@ -1,0 +1,493 @@
+"""Video containers: the luma plane as the codec stored it, through PyAV, else OpenCV.
+
+Luma is passed on as stored: a limited-range stream keeps black at 16 and white at 235, a
+full-range one 0 and 255. No scaling, so frames stay comparable and cost no conversion; contrasts
+in a limited-range video are 14 % lower, which nothing downstream depends on. Only formats without
+a luma plane (RGB, palettes) are converted.
+"""
+
+from fractions import Fraction
+from itertools import groupby, islice
+
+import av
+import cv2
+import numpy as np
+from av.video.frame import PictureType
+
+from pipeline.errors import VideoError
+from pipeline.video.base import Video, bits_to_drop, to_8_bit
+
+# Byte offset of the first luma sample and step to the next in packed formats.
+PACKED_LUMA = {"yuyv422": (0, 2), "yvyu422": (0, 2), "uyvy422": (1, 2), "ya8": (0, 2)}
+PLANAR_LUMA = ("yuv4", "yuvj4", "yuva4", "gray", "nv12", "nv21", "nv16")
+NOT_VIDEO_CODECS = ("ansi", "xbin", "bintext", "idf")
+BURST_STEP = 3  # in long bursts, every third frame: whiskers must have moved in between
+LONGEST_BURST = 3  # samples; more of them would show the same posture again
+FEWEST_SAMPLES = 24  # but a background takes so many
+FRAMES_AHEAD = 16  # lent at once: taking turns, decoder and caller spoil each other's cache
+FEWEST_KEYS = 4  # fewer key frames may miss when things move
+
+
+class LumaReader:
+    """Turns PyAV frames into uint8 images, 16-bit ones with one scale for the whole stream."""
+
+    def __init__(self):
+        self.drop = None
+        self.bits = {}  # by format: to ask for them takes as long as all else
+
+    def __call__(self, frame: av.VideoFrame, lend: bool = False) -> np.ndarray:
+        """Return the luma of `frame`, uint8 (height, width), C-contiguous.
+
+        It is in memory of its own, or, with `lend`, in the decoder's, where that holds it so: then
+        it lasts as long as the array, but must not be written to, as other frames refer to it.
+        """
+        name = frame.format.name
+        plane = frame.planes[0]
+        if plane.line_size > 0:
+            if name in PACKED_LUMA:
+                offset, step = PACKED_LUMA[name]
+                return _rows(plane, frame, np.uint8, step)[:, offset::step].copy()
+            if name.startswith(PLANAR_LUMA):
+                return self._planar(frame, plane, name, lend)
+        rgb = frame.to_ndarray(format="rgb24")  # palettes, RGB, and images stored bottom-up
+        return cv2.cvtColor(rgb, cv2.COLOR_RGB2GRAY)
+
+    def _planar(self, frame, plane, name, lend):
+        if name not in self.bits:
+            self.bits[name] = frame.format.components[0].bits
+        bits = self.bits[name]
+        if bits == 8:
+            image = _rows(plane, frame, np.uint8)
+            return np.ascontiguousarray(image) if lend else image.copy()
+        image = _rows(plane, frame, ">u2" if name.endswith("be") else "<u2")
+        drop = bits - 8 if bits < 16 else self.drop
+        return to_8_bit(image, bits_to_drop(int(image.max())) if drop is None else drop)
+
+    def largest(self, frame: av.VideoFrame) -> int | None:
+        """Return the largest value of a 16-bit grey frame, None for all other formats."""
+        name = frame.format.name
+        if not name.startswith("gray16"):
+            return None
+        dtype = ">u2" if name.endswith("be") else "<u2"
+        return int(_rows(frame.planes[0], frame, dtype).max())
+
+
+def _rows(plane, frame, dtype, step=1):
+    """View a plane as (height, width · step) without the padding at the end of its rows."""
+    dtype = np.dtype(dtype)
+    shape = frame.height, frame.width * step
+    return np.ndarray(shape, dtype, plane, strides=(plane.line_size, dtype.itemsize))
+
+
+class ContainerVideo(Video):
+    """A video file read through PyAV (FFmpeg)."""
+
+    def __init__(self, path, threads: int = 1):
+        self._threads = threads
+        self._luma = LumaReader()
+        with self._open(path) as container:
+            stream = container.streams.video[0]
+            first = next(container.decode(stream), None)
+            if first is None:
+                raise VideoError(path, _no_frames_message(container), 0)
+            self._time_base = stream.time_base
+            self._first_pts = first.pts
+            self._step = _frame_duration(stream)
+            self._last_pts = _last_pts(container, stream, self._step)
+            count, exact = _frame_count(container, stream)
+            super().__init__(path, first.width, first.height, count, exact)
+        if self._luma.largest(first) is not None:
+            some = [first, *(frame for _, frame in self._some_frames(16))]
+            self._luma.drop = bits_to_drop(max(map(self._luma.largest, some)))
+
+    def _open(self, path):
+        container = av.open(str(path))
+        try:
+            if not container.streams.video:
+                raise VideoError(path, "holds no video stream: expected one; name a video file")
+            stream = container.streams.video[0]
+            if stream.codec_context.name in NOT_VIDEO_CODECS:
+                raise VideoError(path, "is a text file, not a video; name a video file")
+            stream.thread_type = "AUTO" if self._threads != 1 else "NONE"
+            stream.codec_context.thread_count = self._threads
+        except Exception:
+            container.close()
+            raise
+        return container
+
+    # ---- all frames -----------------------------------------------------------------------
+
+    def lent(self):
+        """Yield all frames, in the decoder's memory where their rows are stored without gaps."""
+        return self._read(0, None, lend=True)
+
+    def _read(self, start, stop, lend=False):
+        with self._open(self.path) as container:
+            stream = container.streams.video[0]
+            index, pts = start, None
+            try:
+                frames = self._decode_from(container, stream, start)
+                for frame in _ahead(frames, FRAMES_AHEAD) if lend else frames:
+                    if stop is not None and index >= stop:
+                        return
+                    if (frame.height, frame.width) != self.shape:
+                        self.check_size(np.empty((frame.height, frame.width)), index)
+                    pts = frame.pts
+                    if frame.pict_type == PictureType.B:
+                        self.interpolated.add(index)
+                    yield self._luma(frame, lend)
+                    index += 1
+            except av.FFmpegError as error:
+                raise self._broken(index, error) from error
+            if stop is None or index < stop:
+                self._check_end(index, pts)
+
+    @property
+    def _timed(self) -> bool:
+        """Whether the frames' times are known."""
+        return self._step is not None and self._first_pts is not None
+
+    def _decode_from(self, container, stream, start):
+        """Decode from frame `start` on, by seeking where times are known."""
+        if start == 0 or not self._timed:
+            for i, frame in enumerate(container.decode(stream)):
+                if i >= start:
+                    yield frame
+            return
+        first = self._pts(start) - self._step / 2
+        container.seek(self._pts(start), stream=stream)
+        for packet in container.demux(stream):
+            for frame in _decode_towards(first, packet, stream):
+                if frame.pts is None or frame.pts > first:
+                    yield frame
+
+    def _check_end(self, index, pts):
+        """Raise if the file ended long before the count or duration that its header gives."""
+        missing = None
+        if self.exact_count and index < self.n_frames - max(1, self.n_frames // 200):
+            missing = f"{self.n_frames} frames"
+        elif not self.exact_count and pts is not None and self._last_pts is not None:
+            expected = self._last_pts - self._first_pts
+            if pts - self._first_pts < 0.9 * expected - 3 * self._step:
+                missing = f"about {self.n_frames} frames"
+        if missing:
+            raise VideoError(
+                self.path,
+                f"gives {index} frames, its header says {missing}: the file is cut off or "
+                f"damaged; copy it again from the recording computer",
+                index,
+            )
+
+    def _broken(self, index, error):
+        return VideoError(
+            self.path,
+            f"frame {index} cannot be decoded ({_reason(error)}): the file is damaged there; "
+            f"copy it again, or cut it before that frame",
+            index,
+        )
+
+    # ---- a few frames ---------------------------------------------------------------------
+
+    def some(self, numbers):
+        """Yield (number, frame) in ascending order, for those of `numbers` that can be read."""
+        left = sorted(set(numbers))
+        if self._timed:
+            try:
+                for number, frame in self._some_by_key_frame(left):
+                    yield number, self._luma(frame)
+                    left = [n for n in left if n > number]
+            except av.FFmpegError:
+                pass  # those behind the damage are tried one by one
+        yield from super().some(left)
+
+    def starts(self, numbers):
+        """The key frames before them; the first frame where these are not known."""
+        if not self._timed:
+            return super().starts(numbers)
+        with self._open(self.path) as container:
+            stream = container.streams.video[0]
+            times = [self._key_frame_before(container, stream, n) for n in numbers]
+        return [0 if time is None else self._index_at(time) for time in times]
+
+    def _some_by_key_frame(self, numbers):
+        """Yield (number, frame); those behind the same key frame are decoded in one go."""
+        with self._open(self.path) as container:
+            stream = container.streams.video[0]
+            keys = [self._key_frame_before(container, stream, n) for n in numbers]
+            for _, group in groupby(zip(keys, numbers, strict=True), key=lambda pair: pair[0]):
+                yield from self._decode_these(container, stream, [n for _, n in group])
+
+    def _decode_these(self, container, stream, numbers):
+        container.seek(self._pts(numbers[0]), stream=stream)
+        wanted = iter(numbers)
+        number = next(wanted)
+        for packet in container.demux(stream):
+            for frame in _decode_towards(self._pts(number) - self._step / 2, packet, stream):
+                index = self._index(frame)
+                while number is not None and index is not None and index >= number:
+                    if index == number and (frame.height, frame.width) == self.shape:
+                        yield number, frame
+                    number = next(wanted, None)
+                if number is None:
+                    return
+
+    def _key_frame_before(self, container, stream, number):
+        """Time of the key frame at which decoding towards a frame begins; None if not told."""
+        container.seek(self._pts(number), stream=stream)
+        packet = next(container.demux(stream), None)
+        return packet.pts if packet is not None and packet.is_keyframe else None
+
+    def _sampled(self, n):
+        found = False
+        try:
+            for index, frame in self._some_frames(n):
+                found = True
+                yield index, self._luma(frame)
+        except av.FFmpegError:
+            pass  # damaged: what came before is a sample too
+        if not found:
+            yield from super()._sampled(n)
+
+    def _some_frames(self, n):
+        """Yield (index, frame): key frames, in bursts where they are few; else reference frames.
+
+        Nothing where the frames' times are not known.
+        """
+        if not self._timed or self.n_frames is None:
+            return
+        with self._open(self.path) as container:
+            stream = container.streams.video[0]
+            keys = self._key_frames(container, stream, n) if self.n_frames > 2 * n else []
+            if len(keys) >= FEWEST_KEYS:
+                enough = max(-(-FEWEST_SAMPLES // len(keys)), LONGEST_BURST)
+                offsets = _burst_offsets(min(-(-n // len(keys)), enough))
+                for key in keys:
+                    yield from self._burst(container, stream, key, offsets)
+                return
+        with self._open(self.path) as container:
+            yield from self._strided(container, container.streams.video[0], n)
+
+    def _strided(self, container, stream, n):
+        """Yield about n frames at equal distances; decodes only those that others refer to."""
+        stream.codec_context.skip_frame = "NONREF"
+        targets = iter(np.linspace(0, self.n_frames - 1, n))
+        target = next(targets)
+        for frame in container.decode(stream):
+            index = self._index(frame)
+            if index is None or index < target or (frame.height, frame.width) != self.shape:
+                continue
+            yield index, frame
+            target = next((t for t in targets if t > index), None)
+            if target is None:
+                return
+
+    def _key_frames(self, container, stream, n):
+        """Return the times of up to `n` distinct key frames, found without decoding."""
+        keys = set()
+        for i in np.linspace(0, self.n_frames - 1, n):
+            keys.add(self._key_frame_before(container, stream, i))
+        return sorted(keys - {None})
+
+    def _burst(self, container, stream, key, offsets):
+        """Yield the frames that are so many frames behind the key frame at time `key`."""
+        times = [key + round(n * self._step) for n in offsets]
+        due = 0
+        for last in (times[-1], np.inf):  # farther only where times are uneven
+            for frame in self._decode_at(container, stream, key, times, last):
+                if frame.pts is None or frame.pts < times[due] - self._step / 2:
+                    continue
+                if (frame.height, frame.width) == self.shape:
+                    yield self._index(frame), frame
+                due += 1
+                if due == len(times):
+                    return
+
+    def _decode_at(self, container, stream, key, times, last):
+        """Decode from time `key` to `last` the frames shown at `times` and those others refer to.
+
+        The other ones in between, and those behind `last`, cost nothing.
+        """
+        container.seek(key, stream=stream)
+        left = len(times)
+        for packet in container.demux(stream):
+            timed = packet.pts is not None
+            near = timed and any(abs(packet.pts - t) < self._step / 2 for t in times)
+            stream.codec_context.skip_frame = "DEFAULT" if near or not timed else "NONREF"
+            yield from packet.decode()
+            left -= near
+            if not left or (packet.dts is not None and packet.dts > last):
+                yield from stream.decode(None)  # what the decoder has held back
+                return
+
+    def _index(self, frame):
+        return None if frame.pts is None else self._index_at(frame.pts)
+
+    def _index_at(self, pts):
+        return round((pts - self._first_pts) / self._step)
+
+    def _pts(self, index):
+        return int(self._first_pts + round(index * self._step))
+
+
+def _ahead(frames, count):
+    """Hand on frames one by one, decoded `count` at a time; a failure comes after the good."""
+    failure = None
+    while failure is None:
+        some = []
+        try:
+            some.extend(islice(frames, count))
+        except av.FFmpegError as error:
+            failure = error
+        yield from some
+        if not some and failure is None:
+            return
+    raise failure
+
+
+def _burst_offsets(length):
+    """Which frames behind a key frame make a burst of so many.
+
+    A long one, of few key frames, is to show several postures. A short one is to show the scene
+    as most frames have it, which a key frame, encoded by itself, does not: of the frames behind it
+    the background becomes as good as of twice as many apart from each other, which cost more.
+    """
+    if length > LONGEST_BURST:
+        return [BURST_STEP * i for i in range(length)]
+    return list(range(1, length + 1)) if length > 1 else [0]
+
+
+def _decode_towards(first, packet, stream):
+    """Decode a packet; of the frames before time `first`, only those that others refer to."""
+    before = packet.pts is not None and packet.pts < first
+    stream.codec_context.skip_frame = "NONREF" if before else "DEFAULT"
+    return packet.decode()
+
+
+def _frame_duration(stream):
+    """Duration of a frame in units of the stream's time base, or None."""
+    if not stream.average_rate or not stream.time_base:
+        return None
+    return Fraction(1) / (Fraction(stream.average_rate) * stream.time_base)
+
+
+def _last_pts(container, stream, step):
+    """Time stamp of the last frame after the header's duration; None where it says nothing."""
+    if step is None or stream.start_time is None:
+        return None
+    if stream.duration:
+        return stream.start_time + stream.duration - step
+    if container.duration and len(container.streams) == 1:
+        seconds = Fraction(container.duration, av.time_base)
+        return stream.start_time + seconds / stream.time_base - step
+    return None
+
+
+def _frame_count(container, stream):
+    """Number of frames and whether the container itself counts them."""
+    if stream.frames > 0:
+        return stream.frames, True
+    if stream.duration and stream.average_rate:
+        return max(1, round(stream.duration * stream.time_base * stream.average_rate)), False
+    if container.duration and stream.average_rate:
+        seconds = Fraction(container.duration, av.time_base)
+        return max(1, round(seconds * stream.average_rate)), False
+    return None, False
+
+
+def _no_frames_message(container):
+    return (
+        f"holds no frames (container {container.format.name}): expected at least one; "
+        f"record or export it again"
+    )
+
+
+def _reason(error):
+    return getattr(error, "strerror", None) or str(error)
+
+
+class OpenCvVideo(Video):
+    """A video file that only OpenCV can read: through a codec of the operating system, say."""
+
+    def __init__(self, path, backend: int | None = None):
+        self._backend = _backend_for(path) if backend is None else backend
+        capture = cv2.VideoCapture(str(path), self._backend)
+        ok, frame = capture.read()
+        count = int(capture.get(cv2.CAP_PROP_FRAME_COUNT))
+        capture.release()
+        if not ok:
+            raise VideoError(path, "OpenCV can read no frame of it")
+        height, width = frame.shape[:2]
+        super().__init__(path, width, height, count if count > 0 else None, exact_count=False)
+
+    def _read(self, start, stop):
+        capture = cv2.VideoCapture(str(self.path), self._backend)
+        index = 0
+        try:
+            while (stop is None or index < stop) and capture.grab():
+                if index >= start:
+                    _, frame = capture.retrieve()
+                    self.check_size(frame, index)
+                    yield frame if frame.ndim == 2 else cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY)
+                index += 1
+        finally:
+            capture.release()
+
+
+def _backend_for(path):
+    """Return the first of OpenCV's backends that opens the file, FFmpeg left out: it was tried."""
+    logging = cv2 if hasattr(cv2, "setLogLevel") else cv2.utils.logging  # OpenCV 4, 5
+    level = logging.setLogLevel(0)
+    try:
+        for backend in cv2.videoio_registry.getStreamBackends():
+            if backend in (cv2.CAP_FFMPEG, cv2.CAP_IMAGES):
+                continue
+            capture = cv2.VideoCapture(str(path), backend)
+            if capture.isOpened():
+                capture.release()
+                return backend
+    finally:
+        logging.setLogLevel(level)
+    raise VideoError(path, "OpenCV cannot open it")
+
+
+def open_container(path, threads: int = 1) -> Video:
+    """Open a video file through PyAV, else through OpenCV.
+
+    Raises
+    ------
+    VideoError
+        If neither can read it; the message tells what the file looks like.
+    """
+    try:
+        return ContainerVideo(path, threads)
+    except av.FFmpegError as error:
+        reason = _reason(error)
+    try:
+        return OpenCvVideo(path)
+    except VideoError:
+        raise VideoError(path, f"cannot be read as a video ({reason}): {_looks(path)}") from None
+
+
+def _looks(path):
+    """Say what a file that is no video looks like, and what to do."""
+    with open(path, "rb") as file:
+        head = file.read(512)
+    if not head:
+        return "the file is empty; copy or record it again"
+    if _is_text(head):
+        line = head.decode("utf-8", "replace").splitlines()[0].strip()[:40]
+        return f"it is a text file beginning {line!r}; remove it, or name a video"
+    return (
+        "it is damaged or cut off (an MP4 whose recording did not finish has no index), or no "
+        "video; copy it again, or repair it with FFmpeg"
+    )
+
+
+def _is_text(head: bytes) -> bool:
+    try:
+        text = head.decode("utf-8")
+    except UnicodeDecodeError as error:
+        if error.start < len(head) - 4:  # not just a character cut at the end
+            return False
+        text = head[: error.start].decode("utf-8")
+    return all(c.isprintable() or c.isspace() for c in text)

@@ -1,0 +1,137 @@
+"""TIFF stacks and folders of images as videos, read page by page."""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import tifffile
+
+from pipeline.errors import VideoError
+from pipeline.video.base import RandomAccessVideo, bits_to_drop, to_8_bit
+
+PROBES = 16  # frames looked at to find the bit depth of a 16-bit stack
+
+
+class _Stack(RandomAccessVideo):
+    """Images of one size; 16-bit ones all scaled by one power of two."""
+
+    def __init__(self, path, n_frames):
+        first = self._image(0)
+        super().__init__(path, first.shape[1], first.shape[0], n_frames)
+        self._drop = 0
+        if first.dtype == np.uint16:
+            probes = np.unique(np.linspace(0, n_frames - 1, PROBES).astype(int))
+            self._drop = bits_to_drop(max(self._largest(i) for i in probes))
+
+    def _image(self, index) -> np.ndarray:
+        """Return image `index`, uint8 or uint16 (height, width)."""
+        raise NotImplementedError
+
+    def _largest(self, index):
+        try:
+            return int(self._image(index).max())
+        except VideoError:
+            return 0  # raised again when the pass comes to that frame
+
+    def _load(self, index):
+        image = self._image(index)
+        self.check_size(image, index)
+        return to_8_bit(image, self._drop)
+
+
+class TiffVideo(_Stack):
+    """The pages of a TIFF file."""
+
+    def __init__(self, path):
+        self._path = path
+        try:
+            self._tiff = tifffile.TiffFile(path)
+            n_pages = len(self._tiff.pages)
+            self._volume = self._mapped() if n_pages == 1 else None
+        except Exception as error:  # tifffile raises many kinds on a broken file
+            raise VideoError(
+                path, f"cannot be read as TIFF ({error}): damaged or no TIFF; export it again"
+            ) from error
+        super().__init__(path, n_pages if self._volume is None else len(self._volume))
+
+    def _mapped(self):
+        """Memory-map a volume stored behind one page (as ImageJ does beyond 4 GB), or None."""
+        series = self._tiff.series[0]
+        if len(series.shape) < 3 or series.shape[-1] in (3, 4) or series.dataoffset is None:
+            return None
+        volume = tifffile.memmap(self._path, mode="r", series=0)
+        return volume.reshape(-1, *volume.shape[-2:])
+
+    def _image(self, index):
+        try:
+            image = (
+                self._tiff.pages[int(index)].asarray()
+                if self._volume is None
+                else self._volume[index]
+            )
+        except Exception as error:
+            raise _unreadable(self._path, index, f"page {index}", error) from error
+        return _grey(image, self._path, index, cv2.COLOR_RGB2GRAY)
+
+    def close(self):
+        """Close the file."""
+        self._volume = None
+        self._tiff.close()
+
+
+class ImageFolderVideo(_Stack):
+    """Image files, in the given order, as one video."""
+
+    def __init__(self, path, files):
+        self._path = path
+        self._files = list(files)
+        super().__init__(path, len(self._files))
+
+    def _image(self, index):
+        file = self._files[index]
+        data = np.fromfile(file, np.uint8)  # imread cannot open every Unicode path
+        image = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if len(data) else None
+        if image is None:
+            what = file.name if file != self._path else "it"
+            raise _unreadable(self._path, index, what, "damaged or no image")
+        return _grey(image, file, index, cv2.COLOR_BGR2GRAY)
+
+
+def _unreadable(path, index, what, reason):
+    return VideoError(
+        path,
+        f"frame {index}: {what} cannot be read ({reason}); export it again or remove it",
+        int(index),
+    )
+
+
+def _grey(image, path, index, conversion):
+    """Return a (height, width) uint8 or uint16 image of a grey or colour one."""
+    if image.dtype == bool:
+        image = image.astype(np.uint8) * 255
+    if image.dtype not in (np.uint8, np.uint16):
+        raise VideoError(
+            path,
+            f"has {image.dtype} pixels: expected unsigned 8 or 16 bit; convert it (in ImageJ: "
+            f"Image > Type > 8-bit)",
+            int(index),
+        )
+    if image.ndim == 3 and image.shape[2] in (3, 4):
+        return cv2.cvtColor(np.ascontiguousarray(image[..., :3]), conversion)
+    if image.ndim == 3 and image.shape[2] in (1, 2):  # grey, or grey and alpha
+        return image[..., 0]
+    if image.ndim != 2:
+        raise VideoError(path, f"has pages of shape {image.shape}: expected grey or RGB images", 0)
+    return image
+
+
+def is_stack(path: Path) -> bool | None:
+    """Tell whether a TIFF file holds more than one image; None if it cannot be read."""
+    try:
+        with tifffile.TiffFile(path) as tiff:
+            if len(tiff.pages) > 1:
+                return True
+            shape = tiff.series[0].shape
+            return len(shape) > 2 and shape[-1] > 4
+    except Exception:  # tifffile raises many kinds on a broken file
+        return None

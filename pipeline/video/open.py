@@ -1,0 +1,189 @@
+"""Any input → grey frames, streamed: videos, TIFF stacks, folders of images; and finding them."""
+
+import re
+from collections import Counter
+from pathlib import Path
+
+from pipeline.errors import VideoError
+from pipeline.video.base import Video
+
+__all__ = ["Video", "VideoError", "find_videos", "open_video"]
+
+VIDEO_SUFFIXES = frozenset(
+    [
+        ".avi",
+        ".mp4",
+        ".m4v",
+        ".mov",
+        ".mkv",
+        ".webm",
+        ".mpg",
+        ".mpeg",
+        ".mjpg",
+        ".mjpeg",
+        ".wmv",
+        ".asf",
+        ".flv",
+        ".ts",
+        ".mts",
+        ".m2ts",
+        ".h264",
+        ".264",
+        ".h265",
+        ".hevc",
+        ".mj2",
+        ".mxf",
+        ".ogv",
+        ".y4m",
+        ".nut",
+        ".gif",
+    ]
+)
+TIFF_SUFFIXES = frozenset((".tif", ".tiff"))
+IMAGE_SUFFIXES = TIFF_SUFFIXES | frozenset(
+    [".png", ".jpg", ".jpeg", ".bmp", ".pgm", ".ppm", ".pnm", ".webp", ".jp2"]
+)
+# Videos and folders that this or other programs made of a video: never input.
+RESULT_MARKS = ("run.json", "videos.csv", "centrelines.parquet")  # files of a results folder
+RESULT_FOLDERS = ("truth", "figures", "__pycache__")
+RESULT_VIDEO = re.compile(r"DLC_.*_labeled$|_overlay$|^overlay$")
+PREVIEW = re.compile(r"preview")  # what `init` draws
+
+
+def open_video(path, threads: int = 1) -> Video:
+    """Open a video file, a TIFF stack, an image or a folder of images.
+
+    Parameters
+    ----------
+    path : str or Path
+    threads : int
+        For decoding; 1 keeps to one core, 0 takes what the codec thinks best.
+
+    Raises
+    ------
+    VideoError
+        If it does not exist, cannot be read, or has no frame; the message says what to do.
+    """
+    path = Path(path)
+    if path.is_dir():
+        from pipeline.video.image_stacks import ImageFolderVideo
+
+        return ImageFolderVideo(path, _images_of(path))
+    if not path.exists():
+        raise VideoError(path, "does not exist; check the name")
+    suffix = path.suffix.lower()
+    if suffix in TIFF_SUFFIXES:
+        from pipeline.video.image_stacks import TiffVideo
+
+        return TiffVideo(path)
+    if suffix in IMAGE_SUFFIXES:
+        from pipeline.video.image_stacks import ImageFolderVideo
+
+        return ImageFolderVideo(path, [path])
+    from pipeline.video.containers import open_container
+
+    return open_container(path, threads)
+
+
+def find_videos(paths) -> list[Path]:
+    """Return the inputs that `paths` stand for, each once, in the order given.
+
+    A file stands for itself. A folder of images stands for itself, as one video. Any other
+    folder stands for the videos and TIFF stacks directly in it, in natural order, and for its
+    subfolders that are folders of images or empty (so that an empty one is reported); results,
+    truth, previews and hidden files are left out. A folder without any input stands for itself,
+    and `open_video` will say what is wrong with it.
+
+    Raises
+    ------
+    VideoError
+        If a path does not exist.
+    """
+    found = {}
+    for path in map(Path, paths):
+        if not path.exists():
+            raise VideoError(path, "does not exist; check the name")
+        for item in _inputs_in(path) if path.is_dir() else [path]:
+            found.setdefault(item.resolve(), item)
+    return list(found.values())
+
+
+def is_result_folder(folder) -> bool:
+    """Tell whether a folder holds what was made of videos, by its name or by what is in it."""
+    return folder.name in RESULT_FOLDERS or any((folder / name).exists() for name in RESULT_MARKS)
+
+
+def _inputs_in(folder):
+    if _is_image_folder(folder):
+        return [folder]
+    found = [item for item in _listing(folder) if _is_input(item)]
+    return found or [folder]
+
+
+def _is_input(item):
+    """Tell whether something in a folder is an input of its own."""
+    if item.is_dir():
+        return _is_image_folder(item) or not any(item.iterdir())
+    if RESULT_VIDEO.search(item.stem):
+        return False
+    suffix = item.suffix.lower()
+    return suffix in VIDEO_SUFFIXES or (suffix in TIFF_SUFFIXES and _is_stack(item))
+
+
+def _is_image_folder(folder):
+    """Tell whether a folder's input is its images: some images, no video, no TIFF stack."""
+    if is_result_folder(folder):
+        return False
+    items = _listing(folder)
+    if any(item.suffix.lower() in VIDEO_SUFFIXES for item in items):
+        return False
+    images = _images(items)
+    if not images:
+        return False
+    # One look at the first TIFF is enough: a folder holds stacks or single pages, not both.
+    tiffs = [item for item in images if item.suffix.lower() in TIFF_SUFFIXES]
+    return not (tiffs and _is_stack(tiffs[0]))
+
+
+def _is_stack(path):
+    from pipeline.video.image_stacks import is_stack
+
+    return is_stack(path) is not False  # an unreadable TIFF is an input: it fails with a message
+
+
+def _listing(folder):
+    return sorted(
+        (item for item in folder.iterdir() if not item.name.startswith(".")), key=natural_key
+    )
+
+
+def natural_key(path: Path):
+    """Sort key that puts frame10 behind frame9."""
+    parts = re.split(r"(\d+)", path.name.lower())
+    return [(int(part), "") if part.isdecimal() else (-1, part) for part in parts], path.name
+
+
+def _images_of(folder):
+    """Return the image files of the commonest suffix in `folder`, in natural order."""
+    images = _images(_listing(folder))
+    if images:
+        suffixes = Counter(item.suffix.lower() for item in images)
+        commonest = suffixes.most_common(1)[0][0]
+        return [item for item in images if item.suffix.lower() == commonest]
+    names = [item.name for item in _listing(folder)]
+    if not names:
+        raise VideoError(folder, "is an empty folder: expected videos or images in it", 0)
+    some = ", ".join(names[:4]) + (", …" if len(names) > 4 else "")
+    raise VideoError(
+        folder, f"holds neither videos nor images (only {some}): name a folder of videos", 0
+    )
+
+
+def _images(items):
+    return [
+        item
+        for item in items
+        if item.suffix.lower() in IMAGE_SUFFIXES
+        and item.is_file()
+        and not PREVIEW.search(item.stem.lower())
+    ]

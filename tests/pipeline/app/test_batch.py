@@ -1,0 +1,590 @@
+"""Runs over folders: what is processed, skipped, refused, kept. The analysis is a stand-in."""
+
+import json
+import os
+import pathlib
+import shutil
+import sys
+import tempfile
+
+import numpy as np
+import pandas as pd
+import pytest
+from killed_task import killed
+
+import pipeline.run
+from pipeline.app import batch
+from pipeline.detection.static_scene import PoleTrack
+from pipeline.errors import InputError, VideoError
+from pipeline.runtime.folder_lock import LOCK_FILE, locked
+from pipeline.session import inputs
+from pipeline.session.session_file import read_session, settings_from, write_session
+from pipeline.tables import files, result_exchange
+from pipeline.tables.columns import CONTACT_COLUMNS, VIDEO_COLUMNS
+
+SETTINGS = settings_from(
+    {"recording": {"frames_per_second": 1000, "pixels_per_mm": 25, "face": "left"}}
+)
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """A folder of two "videos" (their content is not looked at) with a session.toml."""
+    folder = tmp_path / "videos"
+    folder.mkdir()
+    write_session(folder / "session.toml", SETTINGS)
+    for name in ("a.avi", "b.avi"):
+        (folder / name).write_bytes(name.encode())
+    return folder
+
+
+@pytest.fixture
+def calls(monkeypatch):
+    """Replace `analyse` by something quick; the list of its calls' file names."""
+    calls = []
+
+    def analyse(path, settings, keep=None, progress=None, corrections=None, threads=1):
+        calls.append(path.name)
+        content = path.read_bytes()
+        if content.startswith(b"bad"):
+            raise VideoError(path, "frame 3 is broken: record it again", 3)
+        if content.startswith(b"fault"):
+            raise ZeroDivisionError("oops")
+        if content.startswith(b"stop"):
+            raise KeyboardInterrupt
+        if progress:
+            progress((10, 10))
+        row = {"whisker": "C2", "contact": 1, "onset_frame": 2, "peak_force_uN": 4.0}
+        frames = pd.DataFrame({"frame": range(10), "whisker": "C2", "tracked": True})
+        return pipeline.run.Analysis(
+            frames=frames,
+            contacts=pd.DataFrame([row]),
+            evidence=frames[["frame", "whisker"]],
+            pole=PoleTrack(np.full(1, 3.0), np.full(1, 4.0), 6.0),
+            n_frames=10,
+            messages=("beware",) if content.startswith(b"odd") else (),
+            seconds={"centrelines": 0.5},
+        )
+
+    monkeypatch.setattr(pipeline.run, "analyse", analyse)
+    return calls
+
+
+CORRECTIONS = (
+    "whisker,verdict,onset_frame,offset_frame,covers_from,covers_to,saved_at\n"
+    "C2,free,2,3,1,5,2026-01-01\n"
+)
+
+
+def contents(folder):
+    """What every file of a folder holds."""
+    return {str(p.relative_to(folder)): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
+
+
+def contact_videos(out):
+    """The videos that have rows in contacts.csv."""
+    return list(files.read_csv(out / "contacts.csv", CONTACT_COLUMNS)["video"])
+
+
+def change_settings(folder):
+    text = (folder / "session.toml").read_text()
+    (folder / "session.toml").write_text(text.replace("5.5", "5.6"))
+
+
+def statuses(out):
+    videos = files.read_csv(out / "videos.csv", VIDEO_COLUMNS)
+    return dict(zip(videos["video"], videos["status"], strict=True))
+
+
+# --- results ---------------------------------------------------------------------------------
+
+
+def test_results_folder_is_as_promised(folder, calls, tmp_path):
+    out = tmp_path / "results"
+    summary = batch.run([folder], out)
+    assert statuses(out) == {"a": "done", "b": "done"}
+    assert (out / "videos.csv").read_text().split("\n")[0] == (
+        "video,path,status,frames,frames_per_s,message"
+    )
+    for name in ("centrelines.parquet", "frames.parquet", "contacts.csv"):
+        assert (out / "a" / name).is_file()
+    contacts = files.read_csv(out / "contacts.csv", CONTACT_COLUMNS)
+    assert list(contacts["video"]) == ["a", "b"]
+    assert read_session(out / "session.toml") == SETTINGS
+    record = json.loads((out / "run.json").read_text())
+    assert record["inputs"]["a"]["sha256"] == inputs.sha256(folder / "a.avi")
+    assert record["inputs"]["a"]["stages"] == {"centrelines": 0.5}
+    assert record["version"] == batch.__version__
+    assert (summary.skipped, summary.interrupted) == (0, False)
+    assert not list(out.rglob("*.part*"))
+
+
+def test_failures_do_not_stop_the_others(folder, calls, tmp_path):
+    (folder / "a.avi").write_bytes(b"bad")
+    (folder / "c.avi").write_bytes(b"fault")
+    (folder / "d.avi").write_bytes(b"odd")
+    (folder / "empty").mkdir()
+    out = tmp_path / "results"
+    summary = batch.run([folder], out)
+    assert statuses(out) == {
+        "a": "failed", "b": "done", "c": "failed", "d": "warning", "empty": "failed",
+    }  # fmt: skip
+    messages = {each.video: each.message for each in summary.outcomes}
+    assert messages["a"] == "frame 3 is broken: record it again"
+    assert "ZeroDivisionError: oops" in messages["c"]
+    assert "--debug" in messages["c"]
+    assert messages["d"] == "beware"
+    assert "empty" in messages["empty"]
+    assert sorted(p.name for p in out.iterdir() if p.is_dir()) == ["b", "d"]
+    assert "\n" not in "".join(messages.values())
+
+
+def test_a_broken_corrections_file_fails_its_video_only(folder, calls, tmp_path):
+    out = tmp_path / "results"
+    batch.run([folder], out)
+    text = "whisker,verdict,onset_frame,offset_frame,covers_from,covers_to,saved_at\n"
+    (out / "a" / "corrections.csv").write_text(text + "C2,free,4,x,4,9,\n")
+    summary = batch.run([folder], out, overwrite=True)
+    assert statuses(out) == {"a": "failed", "b": "done"}
+    message = summary.outcomes[0].message
+    assert "corrections.csv: line 2: offset_frame is 'x', expected a whole number" in message
+    assert "fault of the program" not in message
+    assert (out / "a" / "corrections.csv").exists()
+
+
+def test_a_video_that_fails_now_keeps_its_results_of_before(folder, calls, tmp_path):
+    out = tmp_path / "results"
+    batch.run([folder], out)
+    before = contents(out / "a")
+    (folder / "a.avi").write_bytes(b"bad")
+    for _ in range(2):
+        summary = batch.run([folder], out)
+        assert statuses(out) == {"a": "failed", "b": "done"}
+        assert summary.outcomes[0].message == (
+            "frame 3 is broken: record it again; earlier results kept, made of the video before "
+            "it changed"
+        )
+        assert contents(out / "a") == before
+        assert contact_videos(out) == ["a", "b"]
+
+
+def test_a_failed_video_is_told_apart_from_its_results_of_other_settings(folder, calls, tmp_path):
+    out = tmp_path / "results"
+    batch.run([folder], out)
+    change_settings(folder)
+    text = "whisker,verdict,onset_frame,offset_frame,covers_from,covers_to,saved_at\n"
+    (out / "a" / "corrections.csv").write_text(text + "C2,free,4,x,4,9,\n")
+    summary = batch.run([folder], out)
+    assert statuses(out) == {"a": "failed", "b": "done"}
+    assert "earlier results kept, made with other settings" in summary.outcomes[0].message
+    assert contact_videos(out) == ["a", "b"]
+
+
+def test_an_analysis_that_breaks_off_leaves_no_file(folder, calls, tmp_path, monkeypatch):
+    def analyse(path, settings, keep, *_):
+        raise OSError("disk full")
+
+    monkeypatch.setattr(pipeline.run, "analyse", analyse)
+    batch.run([folder / "a.avi"], tmp_path / "results")
+    assert not (tmp_path / "results" / "a").exists()
+    assert statuses(tmp_path / "results") == {"a": "failed"}
+
+
+# --- resumption ------------------------------------------------------------------------------
+
+
+def test_finished_videos_are_skipped(folder, calls, tmp_path):
+    out = tmp_path / "results"
+    batch.run([folder], out)
+    before = (out / "a" / "contacts.csv").stat().st_mtime_ns
+    summary = batch.run([folder], out)
+    assert calls == ["a.avi", "b.avi"]
+    assert summary.skipped == 2
+    assert (out / "a" / "contacts.csv").stat().st_mtime_ns == before
+    assert statuses(out) == {"a": "done", "b": "done"}
+
+
+def test_touching_a_file_is_no_change_but_new_content_is(folder, calls, tmp_path):
+    batch.run([folder], tmp_path / "results")
+    os.utime(folder / "a.avi", (1, 1))
+    batch.run([folder], tmp_path / "results")
+    assert calls == ["a.avi", "b.avi"]
+    (folder / "a.avi").write_bytes(b"A.avi")
+    batch.run([folder], tmp_path / "results")
+    assert calls[2:] == ["a.avi"]
+
+
+def test_same_size_and_date_but_other_content_is_a_change(folder, calls, tmp_path):
+    batch.run([folder], tmp_path / "results")
+    stat = (folder / "a.avi").stat()
+    (folder / "a.avi").write_bytes(b"A.avi")
+    os.utime(folder / "a.avi", ns=(stat.st_atime_ns, stat.st_mtime_ns))
+    batch.run([folder], tmp_path / "results")
+    assert calls[2:] == ["a.avi"]
+
+
+def test_changed_settings_version_or_overwrite_process_again(folder, calls, tmp_path, monkeypatch):
+    out = tmp_path / "results"
+    batch.run([folder], out)
+    text = (folder / "session.toml").read_text()
+    (folder / "session.toml").write_text("# a comment changes nothing\n" + text)
+    batch.run([folder], out)
+    assert len(calls) == 2
+    (folder / "session.toml").write_text(text.replace("5.5", "5.6"))
+    batch.run([folder], out)
+    assert len(calls) == 4
+    monkeypatch.setattr(batch, "__version__", "99")
+    batch.run([folder], out)
+    assert len(calls) == 6
+    batch.run([folder], out, overwrite=True)
+    assert len(calls) == 8
+
+
+def test_missing_or_unfinished_results_are_made_again(folder, calls, tmp_path):
+    out = tmp_path / "results"
+    batch.run([folder], out)
+    (out / "a" / "frames.parquet").unlink()
+    files.write_json(out / "b" / "run.json", {"path": str(folder / "b.avi"), "status": "begun"})
+    batch.run([folder], out)
+    assert calls[2:] == ["a.avi", "b.avi"]
+    assert sorted(p.name for p in out.iterdir() if p.is_dir()) == ["a", "b"]
+
+
+def test_failed_videos_are_tried_again_and_those_gone_forgotten(folder, calls, tmp_path):
+    out = tmp_path / "results"
+    (folder / "a.avi").write_bytes(b"bad")
+    batch.run([folder], out)
+    batch.run([folder], out)
+    assert calls == ["a.avi", "b.avi", "a.avi"]
+    (folder / "a.avi").unlink()
+    batch.run([folder], out)
+    assert statuses(out) == {"b": "done"}
+
+
+def test_results_of_other_inputs_stay(folder, calls, tmp_path):
+    batch.run([folder / "a.avi"], tmp_path / "results")
+    batch.run([folder / "b.avi"], tmp_path / "results")
+    assert statuses(tmp_path / "results") == {"a": "done", "b": "done"}
+    assert calls == ["a.avi", "b.avi"]
+
+
+def test_interruption_keeps_what_is_finished(folder, calls, tmp_path):
+    out = tmp_path / "results"
+    (folder / "b.avi").write_bytes(b"stop")
+    summary = batch.run([folder], out)
+    assert summary.interrupted
+    assert statuses(out) == {"a": "done"}
+    assert not (out / "b").exists()
+    (folder / "b.avi").write_bytes(b"b.avi")
+    batch.run([folder], out)
+    assert calls == ["a.avi", "b.avi", "b.avi"]
+    assert statuses(out) == {"a": "done", "b": "done"}
+
+
+def test_interruption_of_a_second_run_loses_nothing(folder, calls, tmp_path):
+    """Curate, change a setting, run, Ctrl-C, run again."""
+    (folder / "c.avi").write_bytes(b"c.avi")
+    out = tmp_path / "results"
+    batch.run([folder], out)
+    for name in "abc":
+        (out / name / "corrections.csv").write_text(CORRECTIONS)
+    change_settings(folder)
+    before = {name: contents(out / name) for name in "abc"}
+    (folder / "b.avi").write_bytes(b"stop")
+    summary = batch.run([folder], out)
+    assert summary.interrupted
+    assert statuses(out) == {"a": "done", "b": "warning", "c": "warning"}
+    assert contact_videos(out) == ["a", "b", "c"]
+    for each in summary.outcomes[1:]:
+        assert each.message == (
+            "interrupted before new results were made; earlier results kept, made with other "
+            "settings"
+        )
+        assert contents(out / each.video) == before[each.video]
+    assert read_session(out / "a" / "session.toml").analysis.curvature_at_mm == 5.6
+    (folder / "b.avi").write_bytes(b"b.avi")
+    batch.run([folder], out)
+    assert statuses(out) == {"a": "done", "b": "done", "c": "done"}
+    assert sorted(p.name for p in out.iterdir() if p.is_dir()) == ["a", "b", "c"]
+    for name in "abc":
+        assert (out / name / "corrections.csv").read_text() == CORRECTIONS
+
+
+def test_a_second_run_in_the_same_folder_is_refused(folder, calls, tmp_path):
+    out = tmp_path / "results"
+    batch.run([folder], out)
+    before = contents(out)
+    with locked(out), pytest.raises(InputError, match=r"results: another whiskerforce .*process"):
+        batch.run([folder], out, overwrite=True)
+    assert calls == ["a.avi", "b.avi"]
+    assert contents(out) == {**before, LOCK_FILE: contents(out)[LOCK_FILE]}
+
+
+def test_a_killed_process_costs_only_its_video(folder, calls, tmp_path, monkeypatch):
+    out = tmp_path / "results"
+    batch.run([folder / "a.avi"], out)
+    (folder / "c.avi").write_bytes(b"c.avi")
+    with monkeypatch.context() as patch:
+        patch.setattr(batch, "process_video", killed)
+        summary = batch.run([folder], out, jobs=2)
+    assert statuses(out) == {"a": "done", "b": "failed", "c": "failed"}
+    assert all("ended unexpectedly (9)" in each.message for each in summary.of("failed"))
+    assert sorted(p.name for p in out.iterdir() if p.is_dir()) == ["a"]
+    batch.run([folder], out)
+    assert statuses(out) == {"a": "done", "b": "done", "c": "done"}
+    assert calls == ["a.avi", "b.avi", "c.avi"]
+
+
+def test_overlay_alone_does_not_analyse_again(folder, calls, tmp_path, monkeypatch):
+    import pipeline.reports.overlay
+
+    drawn = []
+
+    def write_overlay(path, folder, settings):
+        drawn.append(path.name)
+        (folder / "overlay.mp4").touch()
+
+    monkeypatch.setattr(pipeline.reports.overlay, "write_overlay", write_overlay)
+    out = tmp_path / "results"
+    batch.run([folder], out)
+    for _ in range(2):
+        batch.run([folder], out, overlay=True)
+    assert calls == ["a.avi", "b.avi"]
+    assert drawn == ["a.avi", "b.avi"]
+
+
+@pytest.mark.parametrize("first", [False, True])
+def test_a_fault_of_the_overlay_costs_no_table(folder, calls, tmp_path, monkeypatch, first):
+    import pipeline.reports.overlay
+
+    def write_overlay(path, folder, settings):
+        if path.name == "a.avi":
+            raise OSError("disk full")
+        (folder / "overlay.mp4").touch()
+
+    monkeypatch.setattr(pipeline.reports.overlay, "write_overlay", write_overlay)
+    out = tmp_path / "results"
+    if not first:
+        batch.run([folder], out)
+    summary = batch.run([folder], out, overlay=True)
+    assert statuses(out) == {"a": "warning", "b": "done"}
+    assert summary.outcomes[0].message == (
+        "the overlay could not be drawn (OSError: disk full); all tables are there"
+    )
+    assert contact_videos(out) == ["a", "b"]
+    assert not list((out / "a").glob("overlay*"))
+    assert (out / "b" / "overlay.mp4").exists()
+    batch.run([folder], out)
+    assert statuses(out) == {"a": "done", "b": "done"}
+    assert calls == ["a.avi", "b.avi"]
+
+
+def test_an_overlay_of_before_goes_with_its_tables(folder, calls, tmp_path):
+    out = tmp_path / "results"
+    batch.run([folder], out)
+    (out / "a" / "overlay.mp4").touch()
+    batch.run([folder], out, overwrite=True)
+    assert not (out / "a" / "overlay.mp4").exists()
+
+
+@pytest.mark.parametrize("broken", ["mkdtemp", "rename", "replace"])
+def test_a_folder_that_cannot_be_written_costs_its_video_only(
+    folder, calls, tmp_path, monkeypatch, broken
+):
+    out = tmp_path / "results"
+    batch.run([folder], out)
+    change_settings(folder)
+    before = contents(out / "a")
+    owners = {"mkdtemp": tempfile, "rename": pathlib.Path, "replace": result_exchange.os}
+    original = getattr(owners[broken], broken)
+
+    def refuse(*args, **kwargs):
+        if str(out / "a") in f"{args} {kwargs}" and ".part" not in f"{args}":
+            raise PermissionError(13, "Permission denied")
+        return original(*args, **kwargs)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(owners[broken], broken, refuse)
+        summary = batch.run([folder], out)
+        assert statuses(out) == {"a": "failed", "b": "done"}
+        assert "Permission denied" in summary.outcomes[0].message
+        assert {k: v for k, v in contents(out / "a").items() if "/" not in k} == before
+        assert contact_videos(out) == (["b"] if broken == "replace" else ["a", "b"])
+    batch.run([folder], out)
+    assert statuses(out) == {"a": "done", "b": "done"}
+    assert calls.count("a.avi") == (3 if broken == "rename" else 2)
+
+
+# --- inputs and their settings ---------------------------------------------------------------
+
+
+def test_equal_stems_get_distinct_folders_and_keep_them(folder, calls, tmp_path):
+    other = tmp_path / "other"
+    shutil.copytree(folder, other)
+    (folder / "A.mp4").write_bytes(b"A.mp4")
+    (folder / "figures.avi").write_bytes(b"figures")
+    out = tmp_path / "results"
+    batch.run([folder, other], out)
+    record = json.loads((out / "run.json").read_text())["inputs"]
+    assert len({name.casefold() for name in record}) == 6
+    assert record["figures_2"]["path"] == str(folder / "figures.avi")
+    batch.run([other, folder], out)
+    again = json.loads((out / "run.json").read_text())["inputs"]
+    assert {n: v["path"] for n, v in again.items()} == {n: v["path"] for n, v in record.items()}
+    assert len(calls) == 6
+
+
+NAMES = {
+    "...avi": "video", "....avi": "video_2", "..avi": "video_3", ".. .avi": "video_4",
+    "videos.csv.avi": "videos.csv_2", "run.json.avi": "run.json_2", "Figures.avi": "Figures_2",
+    "session.toml.avi": "session.toml_2", "report.html.avi": "report.html_2",
+    "contacts.csv.avi": "contacts.csv_2", "a\nb.avi": "a_b", "a\\b.avi": "a_b_2",
+}  # fmt: skip
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="has no such names")
+def test_no_name_leads_out_of_the_results_or_onto_their_files(folder, calls, tmp_path):
+    around = tmp_path / "around"
+    shutil.copytree(folder, around)
+    paths = [around / name for name in NAMES]
+    for path in paths:
+        path.write_bytes(path.name.encode())
+    before = contents(around)
+    for _ in range(2):
+        summary = batch.run(paths, around / "results")
+        names = {each.path: each.video for each in summary.outcomes}
+        assert names == {str(around / name): folder for name, folder in NAMES.items()}
+        assert set(statuses(around / "results").values()) == {"done"}
+        kept = {k: v for k, v in contents(around).items() if not k.startswith("results/")}
+        assert kept == before
+    assert len(calls) == len(NAMES)
+
+
+@pytest.mark.parametrize("name", ["..", ".", "../..", "videos.csv", "x/y", ""])
+def test_a_folder_recorded_in_an_unsafe_place_is_not_used(folder, calls, tmp_path, name):
+    out = tmp_path / "around" / "results"
+    out.mkdir(parents=True)
+    record = {"inputs": {name: {"path": str(folder / "a.avi")}}}
+    files.write_json(out / "run.json", record)
+    batch.run([folder], out)
+    assert statuses(out) == {"a": "done", "b": "done"}
+    assert [p.name for p in out.parent.iterdir()] == ["results"]
+
+
+def test_a_folder_in_the_place_of_a_table_is_refused(folder, calls, tmp_path):
+    (tmp_path / "results" / "videos.csv").mkdir(parents=True)
+    with pytest.raises(InputError, match=r"results: videos.csv in it is a folder; move it away"):
+        batch.run([folder], tmp_path / "results")
+    assert calls == []
+
+
+def test_a_name_that_a_file_has_is_not_used(folder, calls, tmp_path):
+    (tmp_path / "results").mkdir()
+    (tmp_path / "results" / "a").write_text("notes")
+    batch.run([folder], tmp_path / "results")
+    assert statuses(tmp_path / "results") == {"a_2": "done", "b": "done"}
+
+
+def test_an_input_named_twice_is_processed_once(folder, calls, tmp_path):
+    batch.run([folder, folder / "a.avi", folder / ".." / "videos"], tmp_path / "results")
+    assert calls == ["a.avi", "b.avi"]
+
+
+@pytest.mark.skipif(sys.platform in ("win32", "darwin"), reason="has no such names")
+def test_a_name_that_is_no_text_is_refused_and_costs_no_other(folder, calls, tmp_path):
+    path = os.fsencode(folder) + b"/w\xff.avi"
+    with open(path, "wb") as file:
+        file.write(b"w.avi")
+    batch.run([folder], tmp_path / "results")
+    assert statuses(tmp_path / "results") == {"a": "done", "b": "done", "w?": "failed"}
+    assert calls == ["a.avi", "b.avi"]
+
+
+def test_results_among_the_videos_are_no_input(folder, calls):
+    batch.run([folder], folder)
+    text = (folder / "session.toml").read_text()
+    (folder / "figures").mkdir()
+    (folder / "figures" / "fig3.png").touch()
+    (folder / "a" / "overlay.mp4").touch()
+    batch.run([folder], folder)
+    batch.run([folder], folder, config=folder / "session.toml")
+    assert calls == ["a.avi", "b.avi"]
+    assert statuses(folder) == {"a": "done", "b": "done"}
+    assert (folder / "session.toml").read_text() == text
+
+
+@pytest.mark.parametrize("name", [".trash", "truth", "figures", "out"])
+def test_some_folders_are_not_searched(folder, calls, name):
+    (folder / name / "more").mkdir(parents=True)
+    shutil.copy(folder / "a.avi", folder / name / "more" / "hidden.avi")
+    (folder / "day 2").mkdir()
+    shutil.copy(folder / "a.avi", folder / "day 2" / "found.avi")
+    batch.run([folder], folder / "out")
+    assert sorted(calls) == ["a.avi", "b.avi", "found.avi"]
+
+
+def test_results_may_lie_in_the_folder_of_other_results(folder, calls):
+    batch.run([folder], folder / "results")
+    (folder / "other").mkdir()
+    (folder / "other" / "run.json").write_text("[]")  # of another program
+    batch.run([folder], folder)
+    assert statuses(folder) == {"a": "done", "b": "done"}
+
+
+def test_subfolders_with_settings_of_their_own(folder, calls, tmp_path):
+    mouse = folder / "mouse2"
+    mouse.mkdir()
+    (mouse / "c.avi").write_bytes(b"c.avi")
+    other = settings_from({"recording": {**SETTINGS.recording.model_dump(), "face": "right"}})
+    write_session(mouse / "session.toml", other)
+    out = tmp_path / "results"
+    batch.run([folder], out)
+    assert read_session(out / "a" / "session.toml") == SETTINGS
+    assert read_session(out / "c" / "session.toml") == other
+    assert "differ" in (out / "session.toml").read_text()
+
+
+def test_settings_of_the_folder_above_count(folder, calls, tmp_path):
+    (folder / "day1").mkdir()
+    (folder / "day1" / "c.avi").write_bytes(b"c.avi")
+    batch.run([folder], tmp_path / "results")
+    assert statuses(tmp_path / "results") == {"a": "done", "b": "done", "c": "done"}
+
+
+def test_settings_beside_a_link_count_and_else_those_where_it_leads(folder, calls, tmp_path):
+    links = tmp_path / "links"
+    links.mkdir()
+    (links / "a.avi").symlink_to(folder / "a.avi")
+    (there,) = inputs.find_inputs([links])
+    assert inputs.session_of(there) == folder / "session.toml"
+    other = settings_from({"recording": {**SETTINGS.recording.model_dump(), "face": "top"}})
+    write_session(links / "session.toml", other)
+    batch.run([links], tmp_path / "results")
+    assert read_session(tmp_path / "results" / "session.toml") == other
+
+
+def test_config_wins_over_the_file_beside_the_videos(folder, calls, tmp_path):
+    config = tmp_path / "other.toml"
+    other = settings_from({"recording": {**SETTINGS.recording.model_dump(), "face": "top"}})
+    write_session(config, other)
+    batch.run([folder], tmp_path / "results", config=config)
+    assert read_session(tmp_path / "results" / "session.toml") == other
+
+
+def test_unusable_arguments_stop_before_anything_is_processed(folder, calls, tmp_path):
+    out = tmp_path / "results"
+    with pytest.raises(InputError, match=r"no such file or folder: .*nowhere"):
+        batch.run([folder, tmp_path / "nowhere"], out)
+    (folder / "session.toml").unlink()
+    with pytest.raises(InputError, match=r"no session.toml in .*videos.*--config.*init") as caught:
+        batch.run([folder], out)
+    assert str(caught.value).count("no session.toml") == 1
+    (folder / "session.toml").write_text("[recording]\nface = 3\n")
+    with pytest.raises(InputError, match="frames_per_second"):
+        batch.run([folder], out)
+    (tmp_path / "file").touch()
+    write_session(folder / "session.toml", SETTINGS)
+    with pytest.raises(InputError, match=r"--out .*file"):
+        batch.run([folder], tmp_path / "file")
+    assert calls == []
+    assert not out.exists()

@@ -1,0 +1,46 @@
+"""Which round dark things give the scale: poles, and not parts of something larger."""
+
+import numpy as np
+
+from pipeline.app.init import _is_passed_over, _stands_free
+from pipeline.detection.static_scene import PoleTrack, StaticScene
+
+SHAPE = (240, 320)
+RADIUS = 7.0  # px
+ROWS, COLUMNS = np.mgrid[: SHAPE[0], : SHAPE[1]]
+DISC = np.hypot(COLUMNS - 200, ROWS - 90) < RADIUS
+
+
+def scene(dark, face_to=150):
+    """A face at the left, a round thing at (200, 90), and other dark things."""
+    face = COLUMNS < face_to
+    background = np.where(dark | DISC | face, 10.0, 180.0).astype(np.float32)
+    pole = PoleTrack(np.array([200.0]), np.array([90.0]), RADIUS)
+    return StaticScene(background, 0.02, 1.0, face, dark | DISC, pole, "left")
+
+
+def test_a_pole_gives_the_scale_with_its_rod_or_without():
+    rod = (COLUMNS > 200) & (np.abs(ROWS - 90) < 5)
+    assert _stands_free(scene(rod))
+    assert _stands_free(scene(np.zeros(SHAPE, bool)))
+
+
+def test_a_screw_on_something_larger_gives_none():
+    shaft = (np.abs(COLUMNS - 200) < 5) & (ROWS > 90)
+    block = ROWS > 110
+    assert not _stands_free(scene(shaft | block))
+
+
+def test_a_tuft_of_fur_at_the_face_gives_none():
+    assert not _stands_free(scene(np.zeros(SHAPE, bool), face_to=185))
+
+
+def test_a_speck_that_a_whisker_passes_over_gives_none():
+    plain = scene(np.zeros(SHAPE, bool))
+    frames = []
+    for shift in (0, 30):  # px, from across the speck's middle to beside it
+        line = (np.abs(ROWS - 90 - shift) < 1.5) & (COLUMNS < 260)
+        frames.append(np.tile(np.where(line, 0.5, 1.0) * plain.background, (4, 1, 1)))
+    across, beside = (np.rint(each).astype(np.uint8) for each in frames)
+    assert _is_passed_over(plain, across)
+    assert not _is_passed_over(plain, beside)

@@ -1,0 +1,299 @@
+"""Corrections as data: applied to contacts, kept in a file, edited with undo and redo."""
+
+import itertools
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pipeline.contacts import corrections
+from pipeline.contacts.corrections import CONFIRMED, CONTACT, FREE, Verdict, apply, table_of
+from pipeline.curate.review import EditError, Review, Span
+from pipeline.errors import CorrectionsError
+
+N_FRAMES = 120
+
+
+def detected(*spans, whisker="C2"):
+    """Table of detected contacts, as contact.py makes it, with columns of its own."""
+    return pd.DataFrame(
+        {
+            "whisker": pd.Series([whisker] * len(spans), dtype="object"),
+            "onset_frame": np.array([a for a, _ in spans], np.int64),
+            "offset_frame": np.array([b for _, b in spans], np.int64),
+            "probability": np.linspace(0.9, 0.99, len(spans)),
+            "slip": np.ones(len(spans), bool),
+            "flags": [f"flag{i}" for i in range(len(spans))],
+        }
+    )
+
+
+def verdict(kind, span, cover=None, whisker="C2"):
+    return Verdict(whisker, kind, *span, *(cover or span), "2024-01-01T00:00:00+00:00")
+
+
+def spans(table):
+    return list(zip(table["onset_frame"], table["offset_frame"], strict=True))
+
+
+def review(*found, corrections=None):
+    saved = []
+    empty = table_of([])
+    made = Review(detected(*found), empty if corrections is None else corrections, N_FRAMES,
+                  saved.append)  # fmt: skip
+    return made, saved
+
+
+# ---- applying ------------------------------------------------------------------------------
+
+
+def test_nothing_said_changes_nothing():
+    found = detected((10, 20), (30, 45))
+    out = apply(found, table_of([]))
+    pd.testing.assert_frame_equal(out.drop(columns="curated"), found)
+    assert not out["curated"].any()
+
+
+def test_added_contact_has_no_other_columns():
+    out = apply(detected((10, 20)), table_of([verdict(CONTACT, (50, 60))]))
+    assert spans(out) == [(10, 20), (50, 60)]
+    added = out.iloc[1]
+    assert added["curated"]
+    assert np.isnan(added["probability"])
+    assert added["flags"] == ""
+    assert not added["slip"]
+
+
+def test_moved_contact_keeps_what_is_known_of_it():
+    out = apply(detected((10, 20)), table_of([verdict(CONTACT, (8, 25), (8, 25))]))
+    assert spans(out) == [(8, 25)]
+    assert out["flags"].tolist() == ["flag0"]
+    assert out["curated"].tolist() == [True]
+
+
+def test_confirmed_contact_is_the_programs_own():
+    rows = table_of([verdict(CONFIRMED, (10, 20))])
+    assert apply(detected((10, 20)), rows)["curated"].tolist() == [False]
+    moved_since = apply(detected((9, 21)), rows)
+    assert spans(moved_since) == [(10, 20)]
+    assert moved_since["curated"].tolist() == [True]
+
+
+def test_a_later_detection_that_joins_two_gives_way_only_where_a_person_spoke():
+    out = apply(detected((10, 32)), table_of([verdict(CONTACT, (10, 22))]))
+    assert spans(out) == [(10, 22)]  # 12 of its 22 frames are spoken of: it gives way whole
+    out = apply(detected((10, 40)), table_of([verdict(CONTACT, (10, 22))]))
+    assert spans(out) == [(10, 22), (22, 40)]
+    assert out["curated"].tolist() == [True, True]
+
+
+def test_no_sliver_is_left_of_a_contact_that_is_detected_a_little_wider_later():
+    assert spans(apply(detected((8, 21)), table_of([verdict(CONTACT, (10, 20))]))) == [(10, 20)]
+    assert spans(apply(detected((8, 21)), table_of([verdict(FREE, (10, 20))]))) == []
+
+
+def test_other_whiskers_are_left_alone():
+    both = pd.concat([detected((10, 20)), detected((10, 20), whisker="C1")])
+    out = apply(both, table_of([verdict(FREE, (10, 20), whisker="C1")]))
+    assert out["whisker"].tolist() == ["C2"]
+
+
+stretch = st.tuples(st.integers(0, 40), st.integers(1, 15)).map(lambda p: (p[0], p[0] + p[1]))
+
+
+@settings(deadline=None)
+@given(st.lists(stretch, max_size=4), st.lists(st.tuples(stretch, st.booleans()), max_size=4))
+def test_frames_a_verdict_speaks_of_are_as_it_says(found, said):
+    """Whatever was detected: stated contacts are there, and in free stretches nothing else."""
+    rows = [verdict(CONTACT if touch else FREE, span) for span, touch in said]
+    out = spans(apply(detected(*found), table_of(rows)))
+    for row in rows:
+        if row.verdict == CONTACT:
+            assert row.span in out
+    stated = {row.span for row in rows if row.verdict == CONTACT}
+    for onset, offset in (span for span in out if span not in stated):
+        assert not any(corrections.overlap((onset, offset), row.cover) for row in rows)
+        assert any(a <= onset and offset <= b for a, b in found)
+
+
+# ---- the file ------------------------------------------------------------------------------
+
+
+def test_corrections_survive_the_file(tmp_path):
+    rows = table_of([verdict(CONTACT, (8, 25), (5, 30)), verdict(FREE, (40, 50), whisker="ü, 1")])
+    corrections.write_corrections(tmp_path, rows)
+    pd.testing.assert_frame_equal(corrections.read_corrections(tmp_path), rows)
+    assert [p.name for p in tmp_path.iterdir()] == ["corrections.csv"]
+
+
+def test_no_file_is_no_corrections(tmp_path):
+    assert corrections.read_corrections(tmp_path).empty
+
+
+@pytest.mark.parametrize(
+    ("row", "message"),
+    [
+        (verdict("perhaps", (10, 20)), "expected one of contact, confirmed, free"),
+        (verdict(CONTACT, (20, 20)), "expected 0 <= onset_frame < offset_frame"),
+        (verdict(CONTACT, (10, 20), (12, 20)), "must contain onset and offset"),
+    ],
+)
+def test_a_broken_file_is_named_with_its_line(tmp_path, row, message):
+    corrections.write_corrections(tmp_path, table_of([verdict(FREE, (1, 2)), row]))
+    with pytest.raises(CorrectionsError, match=f"corrections.csv: line 3: .*{message}"):
+        corrections.read_corrections(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (("40", "soon"), "line 3: onset_frame is 'soon', expected a whole number"),
+        (("40,", "40,41,"), "line 3"),
+        (("covers_to", "covers"), "expected column covers_to"),
+    ],
+)
+def test_a_file_edited_by_hand_is_named_with_its_line(tmp_path, change, message):
+    rows = table_of([verdict(FREE, (1, 2)), verdict(FREE, (40, 50), (39, 51))])
+    corrections.write_corrections(tmp_path, rows)
+    path = tmp_path / "corrections.csv"
+    path.write_text(path.read_text().replace(*change, 1))
+    with pytest.raises(CorrectionsError, match=f"corrections.csv: .*{message}.*; correct"):
+        corrections.read_corrections(tmp_path)
+
+
+# ---- editing -------------------------------------------------------------------------------
+
+
+def test_every_edit_is_saved_and_can_be_undone_and_redone():
+    edited, saved = review((10, 20), (30, 45))
+    edited.delete(Span("C2", 10, 20))
+    edited.add("C2", 50, 60)
+    edited.move(Span("C2", 30, 45), offset=40)
+    after = edited.spans
+    assert [s[1:] for s in after] == [(30, 40), (50, 60)]
+    assert len(saved) == 3
+    while edited.undo():
+        pass
+    assert [s[1:] for s in edited.spans] == [(10, 20), (30, 45)]
+    assert saved[-1].empty
+    while edited.redo():
+        pass
+    assert edited.spans == after
+    assert len(saved) == 9
+    again, _ = review((10, 20), (30, 45), corrections=saved[-1])
+    assert again.spans == after
+
+
+def test_a_new_edit_forgets_what_was_undone():
+    edited, _ = review((10, 20))
+    edited.delete(Span("C2", 10, 20))
+    edited.undo()
+    edited.add("C2", 30, 40)
+    assert not edited.redo()
+
+
+def test_added_then_deleted_leaves_no_verdict():
+    edited, _ = review((10, 20))
+    edited.delete(edited.add("C2", 30, 40))
+    assert edited.corrections.empty
+
+
+def test_deleting_a_moved_contact_deletes_what_was_detected_there():
+    edited, _ = review((10, 20))
+    moved = edited.move(Span("C2", 10, 20), onset=15, offset=30)
+    edited.delete(moved)
+    assert edited.spans == []
+    assert edited.dismissed(Span("C2", 10, 20))
+
+
+def test_deleting_a_confirmed_contact_deletes_it():
+    edited, _ = review((10, 20))
+    edited.confirm(Span("C2", 10, 20))
+    edited.delete(Span("C2", 10, 20))
+    assert edited.spans == []
+
+
+def test_moving_an_edge_back_confirms():
+    edited, _ = review((10, 20))
+    moved = edited.move(Span("C2", 10, 20), offset=25)
+    assert edited.intervals["curated"].tolist() == [True]
+    edited.move(moved, offset=20)
+    assert edited.spans == [Span("C2", 10, 20)]
+    assert edited.intervals["curated"].tolist() == [False]
+    assert edited.corrections["verdict"].tolist() == [CONFIRMED]
+
+
+def test_confirming_keeps_the_contact_the_programs_own():
+    edited, saved = review((10, 20))
+    edited.confirm(Span("C2", 10, 20))
+    assert edited.intervals["curated"].tolist() == [False]
+    assert saved[-1]["verdict"].tolist() == [CONFIRMED]
+    edited.confirm(Span("C2", 10, 20))
+    assert len(saved) == 1
+
+
+def test_merging_two_contacts():
+    edited, _ = review((10, 20), (23, 45), (60, 70))
+    assert edited.merge(Span("C2", 10, 20)) == Span("C2", 10, 45)
+    assert [s[1:] for s in edited.spans] == [(10, 45), (60, 70)]
+    with pytest.raises(EditError, match="no later contact"):
+        edited.merge(Span("C2", 60, 70))
+
+
+@pytest.mark.parametrize(
+    ("edit", "message"),
+    [
+        (lambda r: r.add("C2", 15, 25), "run into the contact 10–20"),
+        (lambda r: r.add("C2", 25, 25), "must come behind"),
+        (lambda r: r.add("C2", 110, 121), "frames 0 to 119"),
+        (lambda r: r.move(Span("C2", 10, 20), offset=31), "run into the contact 30–45"),
+        (lambda r: r.move(Span("C2", 10, 20), onset=20), "must come behind"),
+    ],
+)
+def test_edits_that_make_no_sense_are_refused_and_change_nothing(edit, message):
+    edited, saved = review((10, 20), (30, 45))
+    with pytest.raises(EditError, match=message):
+        edit(edited)
+    assert not saved
+    assert [s[1:] for s in edited.spans] == [(10, 20), (30, 45)]
+
+
+@settings(deadline=None)
+@given(
+    st.lists(stretch, max_size=3),
+    st.lists(st.tuples(st.sampled_from("amdc"), st.integers(0, 5), stretch), max_size=8),
+)
+def test_whatever_is_edited_contacts_never_overlap_and_the_file_says_it_all(found, edits):
+    """Random edits in a row, against the two things a table of contacts must hold to."""
+    found = [
+        s for i, s in enumerate(found) if not any(corrections.overlap(s, t) for t in found[:i])
+    ]
+    edited, saved = review(*found)
+    for kind, index, (onset, offset) in edits:
+        _try(edited, kind, index, onset, offset)
+        ordered = sorted(s[1:] for s in edited.spans)
+        assert all(a[1] <= b[0] for a, b in itertools.pairwise(ordered))
+    if saved:
+        again, _ = review(*found, corrections=saved[-1])
+        assert again.spans == edited.spans
+
+
+def _try(edited, kind, index, onset, offset):
+    """One edit, on a contact picked by number; the state it must lead to is checked."""
+    span = edited.spans[index % len(edited.spans)] if edited.spans else None
+    try:
+        if kind == "a":
+            assert edited.add("C2", onset, offset) in edited.spans
+        elif span and kind == "m":
+            assert edited.move(span, onset, offset) in edited.spans
+        elif span and kind == "d":
+            before = set(edited.spans)
+            edited.delete(span)
+            assert set(edited.spans) == before - {span}
+        elif span:
+            edited.confirm(span)
+            assert span in edited.spans
+    except EditError:
+        pass

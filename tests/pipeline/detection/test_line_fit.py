@@ -1,0 +1,166 @@
+"""Following one whisker across what hides it, on pictures drawn from the exact profile."""
+
+import numpy as np
+import pytest
+
+from pipeline.detection import line_fit, line_profile
+from pipeline.detection.image_model import ImageModel
+from pipeline.detection.static_scene import StaticScene
+from pipeline.session.recording import Recording
+from pipeline.tracking import tracker
+from pipeline.tracking.registry import find_roster
+from pipeline.tracking.tracker import Tracer, options_for
+
+FACE, TIP = 40, 520  # columns
+ROD, ROD_END = range(250, 350), 185  # its columns, and the row at which it ends
+BELOW = 0.12  # rad: so far turned, the whisker passes below the rod
+LIGHT, NOISE, SIGMA = 180.0, 2.0, 1.1
+
+
+def height_of(x, turn):
+    """Row of the whisker in column x: bent, and turned about its base by `turn` [rad]."""
+    return 150 + 3e-4 * (x - FACE) ** 2 + turn * (x - FACE)
+
+
+def picture(rod_light, turn=0.0, tip=TIP, seed=0):
+    """A whisker from the face on the left, and a vertical rod that lets some light through."""
+    y, x = np.mgrid[:300, :600]
+    slope = 6e-4 * (x - FACE) + turn
+    off = (y - height_of(x, turn)) / np.hypot(1, slope)
+    image = bare(rod_light) * (1 - 0.4 * np.exp(-0.5 * (off / SIGMA) ** 2) * (x < tip))
+    image += np.random.default_rng(seed).normal(0, NOISE, image.shape)
+    return np.clip(np.rint(image), 0, 255).astype(np.uint8)
+
+
+def bare(rod_light):
+    background = np.full((300, 600), LIGHT)
+    background[:, :FACE] = 8
+    background[:ROD_END, ROD] = rod_light
+    return background
+
+
+def scene(rod_light):
+    face, rod = np.zeros((2, 300, 600), bool)
+    face[:, :FACE] = True
+    rod[:ROD_END, ROD] = True
+    background = bare(rod_light).astype(np.float32)
+    return StaticScene(background, 0.0, NOISE**2 + 1 / 12, face, rod, None, "left")
+
+
+def tracer(rod_light):
+    options = options_for(Recording(1000.0, 25.0, "left"))
+    whole = [picture(rod_light, turn, seed=k) for k, turn in enumerate((BELOW, 0.14, 0.16))]
+    roster = find_roster(np.array(whole), scene(rod_light), options, ["C2"])
+    return Tracer(scene(rod_light), roster, options)
+
+
+def line_in(tracer, image):
+    (track,) = tracer.step(image)
+    return track.line
+
+
+def error(line, turn):
+    """RMS distance from the true line where the rod does not hide it [px]."""
+    free = ~np.isin(np.rint(line.points[:, 0]), ROD)
+    x, y = line.points[free].T
+    off = (y - height_of(x, turn)) / np.hypot(1, 6e-4 * (x - FACE) + turn)
+    return np.sqrt((off**2).mean())
+
+
+def test_the_part_beyond_an_opaque_rod_is_found_again_at_once():
+    follow = tracer(rod_light=15)
+    assert line_in(follow, picture(15, BELOW)).points[-1, 0] > TIP - 15
+    for turn in (0.09, 0.06, 0.04, 0.03):
+        line = line_in(follow, picture(15, turn, tip=ROD.start))
+        assert line.points[-1, 0] == pytest.approx(ROD.start, abs=8)  # px
+    line = line_in(follow, picture(15, 0.02))
+    assert line.points[-1, 0] > TIP - 15  # px
+    assert error(line, 0.02) < 0.05  # px
+
+
+def test_nothing_is_invented_beyond_a_rod():
+    follow = tracer(rod_light=15)
+    line_in(follow, picture(15, BELOW))
+    for k in range(40):
+        line = line_in(follow, picture(15, 0.05 - 1e-3 * k, tip=ROD.start, seed=k))
+        assert line.points[-1, 0] < ROD.start + 8  # px
+
+
+def test_a_whisker_is_followed_across_a_rod_that_lets_light_through():
+    follow = tracer(rod_light=80)
+    for turn in (0.0, 0.01, 0.02):
+        line = line_in(follow, picture(80, turn, tip=ROD.stop - 30))
+    assert line.points[-1, 0] == pytest.approx(ROD.stop - 30, abs=12)  # px
+
+
+@pytest.mark.parametrize(("seen", "end"), [(18, 100), (40, 180)])
+def test_the_wider_a_gap_the_more_must_be_seen_beyond_it(seen, end):
+    n, sums = 180, np.ones((line_profile.N_SUMS, 180))
+    sums[line_profile.G11, 100:140] = 0  # behind a rod
+    amplitude = np.zeros(n)
+    amplitude[:100] = amplitude[140 : 140 + seen] = 0.5
+    found = line_fit.visible_end(amplitude, np.full(n, 0.02), sums, n, 4.0, 100)
+    assert found == pytest.approx(end, abs=line_fit.OVERSHOOT)
+
+
+def test_obstacles_are_not_searched_and_their_edges_not_used():
+    model = ImageModel.from_scene(scene(80))
+    assert not model.usable[:ROD_END, ROD].any()
+    assert (model.weight[: ROD_END - 4, ROD.start + 4 : ROD.stop - 4] > 0).all()
+    assert (model.weight[:ROD_END, ROD.start] == 0).all()
+    assert not ImageModel.from_scene(scene(15)).weight[:ROD_END, ROD].any()
+
+
+def test_a_hidden_tip_turns_with_the_line():
+    along = np.arange(300.0)
+    whole_x, whole_y = along, 4e-4 * along**2
+    turn, n = np.radians(10), 180
+    x, y = np.zeros((2, 400))
+    x[:n] = np.cos(turn) * whole_x[:n] - np.sin(turn) * whole_y[:n] + 5
+    y[:n] = np.sin(turn) * whole_x[:n] + np.cos(turn) * whole_y[:n] + 7
+    weight = np.ones((200, 400), np.float32)
+    arguments = x, y, np.ones(400), n, whole_x, whole_y, np.ones(300), 300, weight, 30
+    assert line_fit.carry_on(*arguments) == n, "nothing hides the tip"
+    weight[:, int(x[n - 1]) + 10 : int(x[n - 1]) + 60] = 0
+    assert line_fit.carry_on(*arguments) == 300
+    true_x = np.cos(turn) * whole_x - np.sin(turn) * whole_y + 5
+    true_y = np.sin(turn) * whole_x + np.cos(turn) * whole_y + 7
+    assert np.hypot(x[:300] - true_x, y[:300] - true_y).max() < 0.01  # px
+
+
+def parallel_whiskers(rows):
+    """Straight whiskers that leave the face in the given rows."""
+    y = np.arange(300.0)[:, None]
+    image = np.full((300, 600), LIGHT)
+    for row in rows:
+        image[:, :TIP] *= 1 - 0.4 * np.exp(-0.5 * ((y - row) / SIGMA) ** 2)
+    image[:, :FACE] = 8
+    image += np.random.default_rng(len(rows)).normal(0, NOISE, image.shape)
+    return np.clip(np.rint(image), 0, 255).astype(np.uint8)
+
+
+def test_a_lost_whisker_is_not_sought_on_the_wrong_side_of_another():
+    empty, options = scene(LIGHT), options_for(Recording(1000.0, 25.0, "left"))
+    empty.obstacle_mask[:] = False
+    both = [parallel_whiskers((100, 118))] * 3
+    roster = find_roster(np.array(both), empty, options, ["a", "b"])
+    upper, lower = Tracer(empty, roster, options).step(both[0])
+    assert [round(t.slot.base_xy[1]) for t in (upper, lower)] in ([100, 118], [118, 100])
+    follow = Tracer(empty, roster, options)
+    follow.step(both[0])
+    for _ in range(25):
+        tracks = {round(t.slot.base_xy[1]): t for t in follow.step(parallel_whiskers((80, 100)))}
+        assert tracks[118].line is None, "what is seen at row 80 must be another hair"
+        assert tracks[100].line.points[0, 1] == pytest.approx(100, abs=1)  # px
+
+
+@pytest.mark.parametrize(("kappa", "hook"), [(60.0, False), (150.0, False), (500.0, True)])
+def test_a_line_that_turns_sharply_at_its_base_is_no_whisker(kappa, hook):
+    follow = tracer(rod_light=15)
+    line = line_in(follow, picture(15, BELOW)).copy()
+    angle = kappa * np.minimum(np.arange(line.n) / 25e3, 2e-3)
+    line.x[: line.n], line.y[: line.n] = (
+        40 + np.cumsum(np.cos(angle)),
+        50 + np.cumsum(np.sin(angle)),
+    )
+    assert tracker.hooked(line.x, line.y, line.n, follow.hook) == hook

@@ -1,0 +1,95 @@
+"""Ridge points, linking and joining on drawn lines."""
+
+import numpy as np
+import pytest
+
+from pipeline.detection import ridges
+
+
+def absorbance_of(curve, shape=(120, 160), sigma=1.1, amplitude=0.4):
+    """Image of a Gaussian line along densely sampled points (x, y)."""
+    rows, columns = np.mgrid[: shape[0], : shape[1]]
+    d2 = np.full(shape, 1e9)
+    for x, y in curve:
+        d2 = np.minimum(d2, (columns - x) ** 2 + (rows - y) ** 2)
+    return (amplitude * np.exp(-d2 / (2 * sigma**2))).astype(np.float32)
+
+
+def arc(n=400):
+    t = np.linspace(0, 1, n)
+    return np.column_stack([10 + 130 * t, 90 - 60 * t + 25 * t**2])
+
+
+def find(image, noise=0.02):
+    index, points = ridges.ridge_points(image, np.full(image.shape, noise, np.float32))
+    return ridges.link(index, points)
+
+
+def test_curve_is_found_once_and_on_the_spot():
+    curves = find(absorbance_of(arc()))
+    assert len(curves) == 1
+    truth = arc(20000)
+    distance = np.sqrt(((curves[0][:, None] - truth[None, ::10]) ** 2).sum(-1).min(1))
+    assert np.sqrt((distance[5:-5] ** 2).mean()) < 0.05  # px
+    assert len(curves[0]) > 110
+
+
+def test_nothing_is_found_in_noise():
+    rng = np.random.default_rng(1)
+    image = rng.normal(0, 0.02, (120, 160)).astype(np.float32)
+    assert all(len(c) < 20 for c in find(image))
+
+
+def test_crossing_lines_stay_two():
+    t = np.linspace(0, 1, 400)
+    a = np.column_stack([10 + 140 * t, 20 + 80 * t])
+    b = np.column_stack([10 + 140 * t, 100 - 80 * t])
+    image = np.maximum(absorbance_of(a), absorbance_of(b))
+    curves = sorted(ridges.join(find(image)), key=len)[-2:]
+    for curve in curves:
+        end_to_end = curve[-1] - curve[0]
+        assert abs(end_to_end[0]) > 110  # px: right across
+        slope = end_to_end[1] / end_to_end[0]
+        assert abs(abs(slope) - 80 / 140) < 0.05
+
+
+def test_gap_is_joined_but_not_to_a_line_beside():
+    curve = arc()
+    image = absorbance_of(curve)
+    image[:, 70:90] = 0
+    pieces = find(image)
+    assert len(pieces) == 2
+    assert len(ridges.join(pieces)) == 1
+    shifted = [pieces[0], pieces[1] + [0, 25]]
+    assert len(ridges.join(shifted)) == 2
+
+
+@pytest.mark.parametrize("scale", [1.0, 1.6, 2.5])
+def test_kernels_differentiate(scale):
+    g, g1, g2 = (k.astype(float) for k in ridges.gaussian_kernels(scale))
+    u = np.arange(len(g)) - len(g) // 2
+    # convolution of x and x²: ∫ g' (x − u) du = 1, ∫ g'' (x − u)² du = 2
+    assert (g1 * -u).sum() == pytest.approx(1, abs=0.02)
+    assert (g2 * u**2).sum() == pytest.approx(2, abs=0.05)
+    assert g.sum() == pytest.approx(1)
+
+
+def hooked_part(start, end, turn, hook=12):
+    """A straight line of points 1 px apart, the last `hook` turned aside by `turn` [rad]."""
+    start, end = np.array(start, float), np.array(end, float)
+    length = int(np.hypot(*(end - start)))
+    bend = np.r_[np.zeros(length - hook), np.linspace(0, turn, hook)]
+    angles = np.arctan2(*(end - start)[::-1]) + bend
+    steps = np.column_stack([np.cos(angles), np.sin(angles)])
+    return start + np.cumsum(steps, axis=0)
+
+
+def test_parts_that_turn_into_what_hides_them_are_joined_where_that_is_told():
+    near = hooked_part((0, 100), (200, 100), np.radians(50))
+    far = hooked_part((410, 110), (210, 110), np.radians(-50))
+    assert len(ridges.join([near, far])) == 2
+    (whole,) = ridges.join([near, far], longest_gap=25.0, hidden=18)
+    assert len(whole) == len(near) + len(far)
+    assert np.hypot(*np.diff(whole, axis=0).T).max() < 25
+    turned = hooked_part((350, 250), (210, 110), np.radians(-50))  # by 45°
+    assert len(ridges.join([near, turned], longest_gap=25.0, hidden=18)) == 2

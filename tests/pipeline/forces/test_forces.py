@@ -1,0 +1,365 @@
+"""Forces on traced true motion and the tables made of them."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pandas as pd
+import pytest
+import traced_motion
+
+from pipeline.contacts import analysis
+from pipeline.contacts.summary import contact_table, peak_errors
+from pipeline.forces import forces
+from pipeline.kinematics import resampled
+from pipeline.reports.error_budget import taper_share
+from pipeline.run import Followed, find_touches
+from pipeline.session.recording import Recording
+from pipeline.session.session_file import settings_from
+from pipeline.tables.columns import CONTACT_COLUMNS, FRAME_COLUMNS, as_table
+from synthetic.motion import HairMotion, Motion
+from synthetic.presets import make_trial
+from synthetic.staging import Setting, c2_scene, driven_motion, table_of
+from synthetic.touches import Touch, drive_touches, grazing_angle
+from whiskermodel import rod
+from whiskermodel.whisker import mouse_c2
+
+AT = 5.5e-3
+RECORDING = Recording(1000.0, 25.0, "left")
+median_force_error = {"shape": 0.01, "point": 0.02}  # relative, pushes above 3 µN
+noise_floor = {"shape": 0.05, "point": 0.1}  # µN, SD of free frames at 10 mm
+
+
+@pytest.fixture(scope="module")
+def traced():
+    return traced_motion.trace(make_trial("noisy", 0, 0, 500).motion, noise_px=0.02)
+
+
+@pytest.fixture(scope="module")
+def touch(traced):
+    return {
+        method: analysis.analyse_touch(
+            traced.frames, traced.places, RECORDING, traced.whiskers, method=method, video="v"
+        )
+        for method in forces.METHODS
+    }
+
+
+@pytest.mark.parametrize("method", forces.METHODS)
+def test_forces_and_moments_are_the_true_ones(traced, touch, method):
+    truth, frames = traced.true_frames, touch[method].frames
+    pushed = (truth["contact_force_uN"] > 3).to_numpy() & frames["in_contact"].to_numpy()
+    assert pushed.sum() > 50
+    for column in ("contact_force_uN", "lateral_force_uN", "base_moment_nN_m"):
+        ratio = frames[column].to_numpy()[pushed] / truth[column].to_numpy()[pushed]
+        assert np.median(np.abs(ratio - 1)) < median_force_error[method]
+    axial = (frames["axial_force_uN"] - truth["axial_force_uN"]).to_numpy()[pushed]
+    size = truth["contact_force_uN"].to_numpy()[pushed]
+    assert np.median(np.abs(axial) / size) < median_force_error[method]
+    place = (frames["contact_arc_length_mm"] - truth["contact_arc_length_mm"])[pushed]
+    assert place.abs().max() < 0.15
+
+
+@pytest.mark.parametrize("method", forces.METHODS)
+def test_noise_floor_of_free_frames(method):
+    """At 10 mm with a tracing noise of 0.02 px per pixel of whisker."""
+    setting = make_trial("near_miss", 0, 0, 400)
+    free = traced_motion.trace(setting.motion, noise_px=0.02)
+    result = analysis.analyse_touch(
+        free.frames, free.places, free.recording, free.whiskers, method=method
+    )
+    near = result.evidence["contact_m"].between(9e-3, 13e-3)
+    force = 1e6 * result.evidence.loc[near, f"{method}_force_N"]
+    assert near.sum() > 100
+    assert force.std() < noise_floor[method]
+    stated = 1e6 * result.evidence.loc[near, f"{method}_force_se_N"].median()
+    assert 0.6 < stated / force.std() < 2.0
+
+
+def test_standard_errors_cover_the_truth(traced, touch):
+    truth, frames = traced.true_frames, touch["shape"].frames
+    both = truth["in_contact"].to_numpy() & frames["in_contact"].to_numpy()
+    error = (frames["contact_force_uN"] - truth["contact_force_uN"]).to_numpy()[both]
+    z = error / frames["contact_force_uN_se"].to_numpy()[both]
+    # origin errors are shared by all frames of a video: more than that cannot be asked of one
+    assert np.mean(np.abs(z) < 1.96) > 0.8
+
+
+def test_curvature_change_is_that_of_the_rod(traced, touch):
+    truth, frames = traced.true_frames, touch["shape"].frames
+    known = frames["curvature_change_per_m"].notna().to_numpy()
+    error = (frames["curvature_change_per_m"] - truth["curvature_change_per_m"]).to_numpy()[known]
+    assert np.median(np.abs(error)) < 0.6  # 1/m
+    free = ~truth["in_contact"].to_numpy()[known]
+    assert abs(np.median(error[free])) < 0.1
+
+
+def test_curvature_and_base_are_the_fitted_rods(traced, touch):
+    """In and out of contact: no bias from the pole's kink, and the base's angle to 0.05°."""
+    truth, frames = traced.true_frames, touch["shape"].frames
+    touches = truth["in_contact"].to_numpy()
+    error = (frames["curvature_per_m"] - truth["curvature_per_m"]).to_numpy()
+    stated = frames["curvature_per_m_se"].to_numpy()
+    for part in (touches, ~touches):
+        assert abs(np.nanmedian(error[part])) < 0.05  # 1/m
+    assert np.nanmean(np.abs(error) < 1.96 * stated) > 0.9
+    turned = (frames["base_angle_deg"] - truth["base_angle_deg"]).to_numpy()
+    assert np.nanmax(np.abs(turned)) < 0.1
+    assert np.nanstd(turned) < 0.05
+    away = np.hypot(
+        frames["follicle_x_px"] - truth["follicle_x_px"],
+        frames["follicle_y_px"] - truth["follicle_y_px"],
+    )
+    assert np.sqrt(np.nanmean(away**2)) < 0.5  # px
+
+
+def test_a_rod_that_turns_away_is_not_the_base():
+    kinematics = pd.DataFrame({"base_angle_deg": [179.0, 10.0, 10.0]})
+    fit = {
+        "angle": np.radians([-179.0, 40.0, np.nan]),
+        "follicle_x": np.ones(3),
+        "follicle_y": np.ones(3),
+    }
+    base = forces._base(kinematics, fit)
+    np.testing.assert_allclose(base["base_angle_deg"], [-179.0, 10.0, 10.0])
+    assert np.isnan(base["follicle_x_m"][1])
+
+
+# Tables by hand ------------------------------------------------------------------------------
+
+
+def frames_by_hand():
+    frames = pd.DataFrame(
+        {
+            "frame": np.arange(6),
+            "time_s": np.arange(6) / 1000,
+            "whisker": "C2",
+            "tracked": [True, True, True, True, True, False],
+            "in_contact": [False, True, True, True, False, False],
+        }
+    )
+    evidence = pd.DataFrame(
+        {
+            "contact_m": np.full(6, 9e-3),
+            "shape_force_N": [1e-7, -1e-8, 4e-6, 2e-6, 3e-7, np.nan],
+            "shape_force_se_N": np.full(6, 5e-8),
+            "point_force_N": [0.0, 0.0, 5e-6, 1e-6, 0.0, np.nan],
+            "point_force_se_N": np.full(6, 1e-7),
+            "axial_per_force": np.full(6, -0.25),
+            "lateral_per_force": np.full(6, -0.9),
+            "moment_per_force_m": np.full(6, -8e-3),
+            "axial_se_N": np.full(6, 2e-8),
+            "lateral_se_N": np.full(6, 5e-8),
+            "moment_se_N_m": np.full(6, 3e-10),
+        }
+    )
+    return as_table(frames, FRAME_COLUMNS), evidence
+
+
+def test_forces_are_filled_in_contacts_only():
+    frames, evidence = frames_by_hand()
+    out = forces.add_forces(frames, evidence, {"C2": object()})
+    np.testing.assert_allclose(out["contact_force_uN"], [0, 0, 4, 2, 0, np.nan])
+    np.testing.assert_allclose(out["axial_force_uN"], [0, 0, -1, -0.5, 0, np.nan])
+    np.testing.assert_allclose(out["lateral_force_uN"], [0, 0, -3.6, -1.8, 0, np.nan])
+    np.testing.assert_allclose(out["base_moment_nN_m"], [0, 0, -32, -16, 0, np.nan])
+    np.testing.assert_allclose(out["base_moment_nN_m_se"][:5], 0.3)
+    np.testing.assert_allclose(out["axial_force_uN_se"][:5], 0.02)
+    np.testing.assert_allclose(out["contact_arc_length_mm"], [np.nan, 9, 9, 9, np.nan, np.nan])
+    assert frames["contact_force_uN"].isna().all()
+    point = forces.add_forces(frames, evidence, {"C2": object()}, method="point")
+    np.testing.assert_allclose(point["contact_force_uN"], [0, 0, 5, 1, 0, np.nan])
+    np.testing.assert_allclose(point["base_moment_nN_m_se"][:5], 0.8)
+    nothing = forces.add_forces(frames, evidence, {"C2": None})
+    assert nothing["contact_force_uN"].isna().all()
+    with pytest.raises(ValueError, match="method must be one of"):
+        forces.add_forces(frames, evidence, {}, method="guess")
+
+
+def test_table_of_contacts_by_hand():
+    frames, evidence = frames_by_hand()
+    frames = forces.add_forces(frames, evidence, {"C2": object()})
+    intervals = pd.DataFrame(
+        {"whisker": ["C2"], "onset_frame": [1], "offset_frame": [4], "slip": [True]}
+    )
+    row = contact_table(frames, intervals, RECORDING, "a video").iloc[0]
+    assert (row["video"], row["whisker"], row["contact"]) == ("a video", "C2", 1)
+    assert row["duration_ms"] == pytest.approx(3.0)
+    assert row["onset_s"] == pytest.approx(0.001)
+    assert row["peak_force_uN"] == pytest.approx(4.0)
+    assert row["mean_force_uN"] == pytest.approx(2.0)
+    assert row["impulse_uN_ms"] == pytest.approx(6.0)
+    assert row["peak_base_moment_nN_m"] == pytest.approx(-32.0)
+    assert row["peak_axial_force_uN"] == pytest.approx(-1.0)
+    assert row["contact_arc_length_mm"] == pytest.approx(9.0)
+    assert row["slip"]
+    assert not row["curated"]
+
+
+def test_contacts_are_numbered_per_whisker_in_time():
+    frames, _ = frames_by_hand()
+    other = frames.assign(whisker="D1")
+    both = pd.concat([frames, other], ignore_index=True)
+    intervals = pd.DataFrame(
+        {
+            "whisker": ["D1", "C2", "C2"],
+            "onset_frame": [0, 3, 1],
+            "offset_frame": [2, 4, 2],
+        }
+    )
+    table = contact_table(both, intervals, RECORDING)
+    assert list(zip(table["whisker"], table["contact"], table["onset_frame"], strict=True)) == [
+        ("C2", 1, 1),
+        ("C2", 2, 3),
+        ("D1", 1, 0),
+    ]
+    empty = contact_table(both, intervals.iloc[:0], RECORDING)
+    assert list(empty.columns) == [c.name for c in CONTACT_COLUMNS]
+
+
+def still_then_touch(turned=0.1, first=180):
+    """Motion of a whisker that lies still, `turned` [rad] from the pole, until it touches."""
+    trial = Setting("resting", 0, 0, np.random.default_rng(3), 220)
+    scene = c2_scene(trial, 9e-3)
+    hair, pole = scene.hairs[0], (scene.pole.x, scene.pole.y, scene.pole.radius)
+    base = np.full(220, hair.follicle_x), np.full(220, hair.follicle_y)
+    wanted = [Touch(first, 20, 15e-6)]
+    angle, guess = drive_touches(
+        hair, *base, pole, trial.side, wanted, trial.rng, turned, table_of(scene)
+    )
+    graze = grazing_angle(hair, pole[0] - base[0], pole[1] - base[1], pole[2], trial.side)
+    angle[: first - 3] = graze[0] - trial.side * turned
+    return driven_motion(scene, [(*base, angle)], guesses=[guess])
+
+
+@pytest.mark.parametrize("method", forces.METHODS)
+@pytest.mark.parametrize("seed", [0, 1])
+def test_still_whisker_and_one_touch(method, seed):
+    """The touch turns the base by far more than the free frames ever were."""
+    traced = traced_motion.trace(still_then_touch(), seed=seed, noise_px=0.02)
+    touch = analysis.analyse_touch(
+        traced.frames, traced.places, RECORDING, traced.whiskers, method=method
+    )
+    found, truth = touch.contacts, traced.true_contacts
+    assert list(found["onset_frame"]) == list(truth["onset_frame"]) == [180]
+    for column in ("peak_force_uN", "peak_base_moment_nN_m", "peak_axial_force_uN"):
+        np.testing.assert_allclose(found[column], truth[column], rtol=0.04, err_msg=column)
+    pushed = traced.true_frames["contact_force_uN"].to_numpy() > 1
+    for column in ("contact_force_uN", "base_moment_nN_m", "lateral_force_uN"):
+        error = (touch.frames[column] - traced.true_frames[column])[pushed]
+        assert np.mean(np.abs(error) < 1.96 * touch.frames[f"{column}_se"][pushed]) > 0.9
+    rest = touch.frames["rest_curvature_per_m"] - traced.true_frames["rest_curvature_per_m"]
+    assert rest.abs().max() < 0.5  # 1/m
+
+
+def test_friction_pulls_against_the_sliding():
+    """Towards the tip while the contact moves out along the whisker; not told apart at rest."""
+    place = 9e-3 + 0.2e-3 * np.sin(np.arange(200) / 30)
+    found = forces.sliding(place)
+    moving = np.abs(np.cos(np.arange(200) / 30)) > 0.2
+    np.testing.assert_array_equal(found[moving], np.sign(np.cos(np.arange(200) / 30))[moving])
+    assert (forces.sliding(np.full(50, 9e-3)) == 0).all()
+    assert (forces.sliding(np.full(50, np.nan)) == 0).all()
+
+
+def rubbing_motion(coefficient):
+    """Motion of a trial solved again with friction against the sliding of the contact."""
+    motion = make_trial("noisy", 0, 1, 500).motion
+    hair, smooth = motion.scene.hairs[0], motion.hairs[0].contact
+    place = np.where(smooth.touching, smooth.contact_arc_length, np.nan)
+    # nearly at rest it sticks, with whatever friction that takes
+    friction = coefficient * np.tanh(np.nan_to_num(np.gradient(place)) / 2e-6)
+    solved = rod.solve_contact(
+        hair.whisker, smooth.base_x, smooth.base_y, smooth.base_angle, motion.pole_x,
+        motion.pole_y, motion.scene.pole.radius, smooth.side, hair.intrinsic_curvature,
+        friction=friction,
+    )  # fmt: skip
+    return Motion(motion.scene, [HairMotion(solved)], motion.pole_x, motion.pole_y)
+
+
+def test_friction_of_the_session_is_taken_out():
+    """Loads where a true friction of 0.3 acts, without and with `[analysis] friction`."""
+    traced = traced_motion.trace(rubbing_motion(0.3), noise_px=0.02)
+    cast = SimpleNamespace(whiskers=traced.whiskers)
+    followed = Followed(cast, traced.frames, traced.places, traced.pole, len(traced.frames))
+    recording = {"frames_per_second": 1000, "pixels_per_mm": 25, "face": "left"}
+    truth, error = traced.true_frames, {}
+    for friction in (0.0, 0.3):
+        settings = settings_from({"recording": recording, "analysis": {"friction": friction}})
+        frames = find_touches(followed, settings).frames
+        pushed = (truth["contact_force_uN"] > 3).to_numpy() & frames["in_contact"].to_numpy()
+        assert pushed.sum() > 50
+        off = {
+            c: (frames[c] - truth[c])[pushed].abs() for c in ("axial_force_uN", "base_moment_nN_m")
+        }
+        force, moment = (truth[c][pushed] for c in ("contact_force_uN", "base_moment_nN_m"))
+        error[friction] = (
+            np.median(off["axial_force_uN"] / force),
+            np.median(off["base_moment_nN_m"] / moment.abs()),
+        )
+    assert min(error[0.0]) > 0.05  # it matters
+    assert max(error[0.3]) < 0.005
+
+
+def test_a_wild_frame_is_no_peak():
+    frames, evidence = frames_by_hand()
+    evidence.loc[1, ["shape_force_N", "shape_force_se_N"]] = 3e-5, 1e-5
+    frames = forces.add_forces(frames, evidence, {"C2": object()})
+    intervals = pd.DataFrame({"whisker": ["C2"], "onset_frame": [1], "offset_frame": [4]})
+    assert contact_table(frames, intervals, RECORDING)["peak_force_uN"][0] == 4.0
+
+
+def test_a_peak_beside_a_gap_may_be_a_larger_one():
+    """Of a half-Gaussian of three frames, without its middle one, 47 % of the peak is seen."""
+    frames, evidence = frames_by_hand()
+    evidence["whisker"], evidence["frame"] = "C2", frames["frame"]
+    evidence["origin_force_se_N"] = 1e-8
+    evidence.loc[1:3, "shape_force_N"] = 1.9e-6, 9e-6, 1.9e-6
+    evidence.loc[2, "shape_force_se_N"] = 9e-6
+    frames = forces.add_forces(frames, evidence, {"C2": mouse_c2()})
+    intervals = pd.DataFrame({"whisker": ["C2"], "onset_frame": [1], "offset_frame": [4]})
+    contacts = contact_table(frames, intervals, RECORDING)
+    budget = peak_errors(contacts, evidence, {"C2": mouse_c2()})
+    assert contacts["peak_force_uN"][0] == pytest.approx(1.9)
+    assert budget["peak_force_se_uN"][0] == pytest.approx(1.9 / 0.47 - 1.9, rel=0.01)
+    assert budget["hidden_length_se_uN"][0] == pytest.approx(0.01)
+
+
+def test_peak_errors(traced, touch, monkeypatch):
+    shape = touch["shape"]
+    budget = peak_errors(shape.contacts, shape.evidence, traced.whiskers)
+    parts = np.hypot(budget["tracking_se_uN"], budget["hidden_length_se_uN"])
+    np.testing.assert_allclose(parts, budget["peak_force_se_uN"], rtol=1e-9)
+    np.testing.assert_allclose(
+        budget["radius_uN_per_percent"], 0.04 * shape.contacts["peak_force_uN"]
+    )
+    # what the session says is 1 % too high, with the hidden length believed
+    monkeypatch.setattr(
+        forces.arc_length_offset,
+        "origin_from_bending",
+        lambda *_: forces.arc_length_offset.Origin(*two_zeros),
+    )
+    n = len(traced.places)
+    two_zeros = np.zeros(n), np.zeros(n)
+
+    def peaks(scale=1.0, cone=1.0):
+        recording = Recording(1000.0, 25.0 * scale, "left")
+        whiskers = {
+            name: replace(each, cone_length=cone * each.cone_length)
+            for name, each in traced.whiskers.items()
+        }
+        places = resampled.measure_stations(
+            traced.lines, recording, list(whiskers.values()), [traced_motion.HIDDEN], traced.pole
+        )
+        again = analysis.analyse_touch(traced.frames, places, recording, whiskers)
+        return again.contacts["peak_force_uN"].to_numpy()
+
+    usual = peaks()
+    strong = usual > 3
+    by_scale = (peaks(scale=1.01) - usual)[strong]
+    np.testing.assert_allclose(by_scale, budget["scale_uN_per_percent"][strong], rtol=0.15)
+    share = taper_share(mouse_c2().cone_length, 1e-3 * shape.contacts["contact_arc_length_mm"])
+    by_cone = (peaks(cone=1.01) / usual - 1)[strong]
+    np.testing.assert_allclose(by_cone, 0.01 * share[strong], rtol=0.1)
+    nothing = peak_errors(shape.contacts, shape.evidence, {"C2": None})
+    assert nothing["peak_force_se_uN"].isna().all()

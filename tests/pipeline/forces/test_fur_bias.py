@@ -1,0 +1,84 @@
+"""What fur draws aside in all frames alike is found and left out."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import traced_motion
+
+from pipeline.forces import forces, fur_bias
+from synthetic.presets import make_trial
+from whiskermodel.whisker import mouse_c2
+
+AT = 5.5e-3
+FUR_PX, FUR_REACH_M = 0.3, 0.25e-3  # by how much, and how far out, stations are drawn aside
+FORCE_ERROR = 0.01  # relative, of the peak forces' median
+
+
+@pytest.fixture(scope="module")
+def traced():
+    return traced_motion.trace(make_trial("noisy", 3, 0, 700).motion, noise_px=0.02)
+
+
+@pytest.fixture(scope="module")
+def furry(traced):
+    """Stations near the face drawn aside: to one side in free frames, to the other in touches."""
+    places = traced.places
+    touching = traced.true_frames["in_contact"].to_numpy()
+    arc = np.arange(places.x.shape[1]) * places.spacing[0]
+    beyond = np.maximum(arc - np.nanmedian(places.first) - 0.4e-3, 0)
+    aside = FUR_PX / traced.recording.pixels_per_m * np.exp(-beyond / FUR_REACH_M)
+    aside = aside * np.where(touching, -1.0, 1.0)[:, None]
+    along_x, along_y = np.gradient(places.x, axis=1), np.gradient(places.y, axis=1)
+    length = np.hypot(along_x, along_y)
+    known = np.isfinite(length)
+    x = np.where(known, places.x - aside * along_y / length, places.x)
+    y = np.where(known, places.y + aside * along_x / length, places.y)
+    return replace(places, x=x, y=y, information=np.where(known, places.information, 0.0))
+
+
+def median_force_error(traced, places):
+    evidence, _ = forces.measure_forces(places, mouse_c2(), traced.frames, AT)
+    truth = traced.true_frames["contact_force_uN"].to_numpy()
+    pushed = truth > 3
+    return np.median(1e6 * evidence["shape_force_N"].to_numpy()[pushed] / truth[pushed] - 1)
+
+
+def judged(traced, places):
+    angle = np.radians(traced.frames["base_angle_deg"].to_numpy())
+    time = traced.frames["time_s"].to_numpy()
+    free = forces.far_from_pole(places)
+    return forces._without_bias(places, mouse_c2(), AT, angle, time, free)
+
+
+def test_forces_are_those_without_the_fur(traced, furry, monkeypatch):
+    assert abs(median_force_error(traced, furry)) < FORCE_ERROR
+    monkeypatch.setattr(fur_bias, "without_bias", lambda places, *_: places)
+    assert abs(median_force_error(traced, furry)) > 2 * FORCE_ERROR
+
+
+def test_only_stations_near_the_face_count_less(traced, furry):
+    before = np.where(furry.information > 0, furry.information, np.nan)
+    part = judged(traced, furry).information / before
+    arc = np.arange(part.shape[1]) * furry.spacing[0] - np.nanmedian(furry.first)
+    near, beyond = (arc > 0.4e-3) & (arc < 0.65e-3), arc > 1.2e-3
+    assert np.nanmax(part[:, near]) < 0.1
+    assert np.nanmin(part[:, beyond]) == 1.0
+
+
+def test_what_few_frames_show_nearest_to_the_face_counts_no_more_than_what_lies_beyond(
+    traced, furry
+):
+    """Stations too seldom seen to be judged lie deeper in the fur than those that are doubted."""
+    first = np.flatnonzero((furry.information > 0).mean(axis=0) > 0.5)[0]
+    information = furry.information.copy()
+    information[:, first] = 0.0
+    seldom = slice(0, None, len(information) // 4)
+    information[seldom, first] = furry.information[seldom, first + 1]
+    doubted = judged(traced, replace(furry, information=information)).information
+    part = doubted[seldom, first] / information[seldom, first]
+    assert np.nanmax(part) < 0.1
+
+
+def test_without_fur_nothing_changes(traced):
+    assert np.array_equal(judged(traced, traced.places).information, traced.places.information)

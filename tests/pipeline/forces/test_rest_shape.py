@@ -1,0 +1,218 @@
+"""Rest values from free frames: truth recovered, outliers ignored, errors that cover."""
+
+import numpy as np
+import pytest
+
+from pipeline.forces import rest_shape
+from pipeline.forces.rest_shape import fit_rest, free_frames
+
+noise = 0.4  # 1/m
+
+
+def whisking(n, rng):
+    t = np.arange(n) / 1000
+    return t, 0.4 * np.sin(2 * np.pi * 9 * t) * (0.8 + 0.2 * np.sin(7 * t)) + rng.normal(
+        0, 0.01, n
+    )
+
+
+def true_rest(angle, time, drift=0.0):
+    return 22.0 + 15.0 * angle - 12.0 * angle**2 + drift * np.sin(time)
+
+
+@pytest.mark.parametrize("drift", [0.0, 2.0])
+def test_recovers_rest_as_function_of_angle_and_time(drift):
+    rng = np.random.default_rng(0)
+    time, angle = whisking(4000, rng)
+    truth = true_rest(angle, time, drift)
+    measured = truth + rng.normal(0, noise, len(time))
+    free = angle < 0.15  # touches lie at the other angles
+    model = fit_rest(measured, np.full(len(time), noise**2), angle, time, free)
+    values, cov = model.predict(angle, time)
+    error = values[:, 0] - truth
+    assert np.abs(error[free]).max() < (0.3 if drift == 0 else 0.5)  # 1/m
+    assert np.abs(error).max() < 0.7  # beyond the angles of the free frames
+    assert np.sqrt(cov[:, 0, 0]).max() < 0.7
+
+
+def test_touched_frames_among_the_free_do_not_matter():
+    rng = np.random.default_rng(1)
+    time, angle = whisking(2000, rng)
+    truth = true_rest(angle, time)
+    measured = truth + rng.normal(0, noise, len(time))
+    measured[angle > 0.2] += 30.0  # pushed
+    model = fit_rest(measured, np.full(len(time), noise**2), angle, time, np.full(2000, True))
+    free = angle < 0.2
+    assert np.abs(model.predict(angle, time)[0][:, 0] - truth)[free].max() < 0.4
+
+
+def test_errors_cover_and_grow_where_nothing_was_seen():
+    z, inside, outside = [], [], []
+    for seed in range(60):
+        rng = np.random.default_rng(seed)
+        time, angle = whisking(400, rng)
+        # true scatter of the rest value, changing slowly as real ones do, on top of the noise
+        own = np.convolve(rng.normal(0, 1, 400 + 19), np.ones(20) / 20, "valid") * 2.0
+        truth = 22.0 + 15.0 * angle
+        measured = truth + own + rng.normal(0, noise, 400)
+        model = fit_rest(measured, np.full(400, noise**2), angle, time, angle < 0.1)
+        at = np.array([0.0, 0.9])
+        values, cov = model.predict(at, np.array([0.2, 0.2]))
+        wanted = 22.0 + 15.0 * at[0] + own[200]
+        z.append((values[0, 0] - wanted) / np.sqrt(cov[0, 0, 0]))
+        inside.append(cov[0, 0, 0])
+        outside.append(cov[1, 0, 0])
+    assert 0.85 <= np.mean(np.abs(z) < 1.96) <= 1.0
+    assert np.median(outside) > 1.5 * np.median(inside)
+
+
+def test_several_values_at_once_are_each_alone():
+    rng = np.random.default_rng(2)
+    time, angle = whisking(1500, rng)
+    one = 10.0 + 5.0 * angle + rng.normal(0, 0.1, 1500)
+    two = -3.0 + 50.0 * angle + rng.normal(0, 0.5, 1500)
+    both = fit_rest(
+        np.column_stack([one, two]), np.full((1500, 2), 0.01), angle, time, np.full(1500, True)
+    )
+    values, cov = both.predict(np.array([0.1]), np.array([0.5]))
+    np.testing.assert_allclose(values[0], [10.5, 2.0], atol=0.1)
+    assert cov.shape == (1, 2, 2)
+    assert np.all(np.linalg.eigvalsh(cov[0]) > 0)
+
+
+def test_too_few_free_frames_are_none():
+    angle = np.linspace(0, 1, 50)
+    few = np.arange(50) < rest_shape.FEWEST_FRAMES - 1
+    assert fit_rest(angle, np.ones(50), angle, angle, few) is None
+    lost = np.where(few, 1.0, np.nan)
+    assert fit_rest(lost, np.ones(50), angle, angle, np.full(50, True)) is None
+
+
+def test_unmoved_whisker_needs_no_angle():
+    rng = np.random.default_rng(3)
+    values = 7.0 + rng.normal(0, noise, 300)
+    time = np.arange(300) / 1000
+    model = fit_rest(values, np.full(300, noise**2), np.zeros(300), time, np.full(300, True))
+    assert model.predict(np.zeros(1), np.zeros(1))[0][0, 0] == pytest.approx(7.0, abs=0.1)
+
+
+def test_free_frames_are_far_or_without_pole():
+    distance = np.array([0.0, 0.1e-3, 0.5e-3, np.nan, 0.0])
+    known = np.array([True, True, True, True, False])
+    np.testing.assert_array_equal(free_frames(distance, known), [False, False, True, False, True])
+
+
+def test_free_frames_of_a_whisker_that_hardly_leaves_the_pole():
+    rng = np.random.default_rng(6)
+    away = np.where(np.arange(300) < 20, 25e-6, 0.0)  # m
+    distance = 12e-6 + away + rng.normal(0, 0.5e-6, 300)
+    known = np.full(300, True)
+    np.testing.assert_array_equal(free_frames(distance, known), away > 0)
+    # a force that moves it by as little as that tells of no free frames
+    swaying = 12e-6 + 5e-6 * np.sin(np.arange(300) / 9) + rng.normal(0, 0.5e-6, 300)
+    assert not free_frames(swaying, known).any()
+
+
+def at_rest(n, rng, swing=0.002):
+    """Free frames of a whisker that hardly moves: time [s] and base angle [rad]."""
+    return np.arange(n) / 1000, 0.1 + rng.normal(0, swing, n)
+
+
+def test_shape_is_kept_at_angles_that_no_free_frame_had():
+    rng = np.random.default_rng(5)
+    time, angle = at_rest(250, rng)
+    measured = 12.0 + rng.normal(0, noise, 250)
+    model = fit_rest(measured, np.full(250, noise**2), angle, time, np.full(250, True))
+    away = 0.1 + np.array([0.0, 0.1, 0.2, 0.4, 0.8])  # rad
+    values, cov = model.predict(away, np.full(5, 0.26))
+    error = np.sqrt(cov[:, 0, 0])
+    np.testing.assert_allclose(values[:, 0], 12.0, atol=0.3)  # 1/m
+    assert error[0] < 0.5
+    assert np.all(np.diff(error) > 0)
+    assert rest_shape.SLOPE_SD * 0.8 / 3 < error[-1] < rest_shape.SLOPE_SD * 0.8 * 2
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.15, 0.4])
+def test_errors_cover_whiskers_that_roll(turn):
+    z = []
+    for seed in range(80):
+        rng = np.random.default_rng(seed)
+        time, angle = at_rest(200, rng, swing=0.01)
+        slope = rng.normal(0, 0.7 * rest_shape.SLOPE_SD)
+        measured = 15.0 + slope * (angle - 0.1) + rng.normal(0, noise, 200)
+        model = fit_rest(measured, np.full(200, noise**2), angle, time, np.full(200, True))
+        values, cov = model.predict(np.array([0.1 + turn]), time[-1:])
+        z.append((values[0, 0] - 15.0 - slope * turn) / np.sqrt(cov[0, 0, 0]))
+    assert np.mean(np.abs(z) < 1.96) >= 0.9
+
+
+@pytest.mark.parametrize("n", [3, 5, 12])
+def test_a_handful_of_free_frames_is_enough(n):
+    error, told = [], []
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        time, angle = at_rest(n, rng)
+        measured = 12.0 + rng.normal(0, noise, n)
+        model = fit_rest(measured, np.full(n, noise**2), angle, time, np.full(n, True))
+        values, cov = model.predict(np.array([0.1]), time[-1:])
+        error.append(values[0, 0] - 12.0)
+        told.append(np.sqrt(cov[0, 0, 0]))
+    assert np.std(error) < 1.5 * noise
+    assert np.mean(np.abs(error) < 1.96 * np.array(told)) >= 0.9
+    assert np.max(told) < 5 * noise
+
+
+def test_many_angles_override_the_prior():
+    rng = np.random.default_rng(6)
+    time, angle = whisking(3000, rng)
+    slope = 5 * rest_shape.SLOPE_SD
+    measured = 12.0 + slope * angle + rng.normal(0, noise, 3000)
+    model = fit_rest(measured, np.full(3000, noise**2), angle, time, np.full(3000, True))
+    values, _ = model.predict(np.array([-0.3, 0.3]), np.ones(2))
+    assert np.diff(values[:, 0])[0] / 0.6 == pytest.approx(slope, rel=0.02)
+
+
+def test_noise_that_two_values_share_is_no_scatter():
+    """Errors of the fit that cancel in a sum leave the sum as well known as it was measured."""
+    rng = np.random.default_rng(7)
+    shared = rng.normal(0, 1.0, 800)
+    values = np.column_stack([10 + shared, 5 - shared]) + rng.normal(0, 0.1, (800, 2))
+    cov = np.array([[1.01, -1.0], [-1.0, 1.01]])
+    time, angle = whisking(800, rng)
+    model = fit_rest(values, np.tile(cov, (800, 1, 1)), angle, time, np.full(800, True))
+    _, told = model.predict(np.zeros(1), time[400:401])
+    assert np.sqrt(told[0].sum()) < 0.1  # 1/m, of the sum
+    assert np.sqrt(np.linalg.eigvalsh(model.scatter).max()) < 0.4
+
+
+def test_model_by_another_angle_says_the_same():
+    rng = np.random.default_rng(8)
+    time, angle = whisking(2000, rng)
+    both = np.column_stack([20 + 15 * angle - 8 * angle**2, 3 - 6 * angle])
+    both += rng.normal(0, 0.05, both.shape)
+    model = fit_rest(both, np.full(both.shape, 0.05**2), angle, time, np.full(2000, True))
+    lean = np.array([4e-3, -7e-3])  # rad m
+    turned = rest_shape.by_leaning_angle(model, lean)
+    at = np.linspace(-0.4, 0.4, 9)
+    expected = model.predict(at, np.ones(9))[0]
+    found = turned.predict(at + expected @ lean, np.ones(9))[0]
+    np.testing.assert_allclose(found, expected, atol=0.05)  # 1/m
+
+
+def test_frames_clear_of_a_touch_are_free_where_none_is_far():
+    rng = np.random.default_rng(9)
+    touching = np.arange(300) % 60 < 15
+    level = 0.01e-3  # where a touch lies as the pole was measured
+    swing = np.abs(np.sin(np.arange(300) / 20)) * 0.15e-3
+    distance = level + np.where(touching, 0.0, swing) + rng.normal(0, 1e-6, 300)
+    free = free_frames(distance, np.full(300, True))
+    assert not free[touching].any()
+    assert free[~touching & (swing > 0.08e-3)].all()
+    # a few far ones, all of one angle, do not shut the others out
+    distance[-30:] = 0.3e-3
+    assert free_frames(distance, np.full(300, True)).sum() >= free[:-30].sum()
+    # nor do some that went astray, into the pole, make touches free
+    distance[5:17] = -0.2e-3
+    assert not free_frames(distance, np.full(300, True))[touching & (distance > -0.1e-3)].any()
+    always = level + rng.normal(0, 5e-6, 300)
+    assert not free_frames(always, np.full(300, True)).any()

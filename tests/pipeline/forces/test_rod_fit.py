@@ -1,0 +1,298 @@
+"""The rod fitted to places on a whisker, against the rod that made them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pipeline.forces import rod_fit
+from pipeline.forces.rod_outputs import CURVATURE_REACH_M
+from pipeline.kinematics.resampled import N_STATIONS, Stations
+from whiskermodel import rod
+from whiskermodel.whisker import mouse_c2
+
+POLE_RADIUS = 0.25e-3
+CURVATURE_AT = 5.5e-3
+REST = (12.0, 1800.0)
+exact = 2e-5  # relative, without noise
+SD = 0.004e-3 / 25  # m, of a place: 0.004 px
+
+
+def touching(push, distance=9e-3, side=1, origin=0.0, friction=0.0, whisker=None):
+    """RodContact and its stations, free of noise, of a whisker turned `push` into a pole."""
+    whisker = whisker or mouse_c2()
+    push = np.atleast_1d(push)
+    n = len(push)
+    x, y, angle = rod.free_shape(whisker, 0, 0, 0.0, np.array([distance]), REST)
+    reach = side * (POLE_RADIUS + whisker.radius(distance))
+    pole = x[0] - reach * np.sin(angle[0]), y[0] + reach * np.cos(angle[0])
+    truth = rod.solve_contact(
+        whisker, 0, 0, side * push, *pole, POLE_RADIUS, side, REST, friction=friction
+    )
+    s = np.linspace(0, whisker.length, N_STATIONS)
+    x, y, _ = rod.contact_shape(whisker, truth, np.clip(s + origin, 0, whisker.length))
+    information = np.full(x.shape, SD**-2)
+    information[:, :7] = 0
+    information[:, -2:] = 0
+    information[np.hypot(x - pole[0], y - pole[1]) < POLE_RADIUS + 0.2e-3] = 0
+    nearest = np.where(truth.touching, truth.contact_arc_length, distance) - origin
+    places = Stations(
+        names=("C2",),
+        spacing=np.array([s[1]]),
+        frame=np.arange(n),
+        whisker=np.zeros(n, int),
+        x=x,
+        y=y,
+        information=information,
+        first=np.full(n, s[7]),
+        last=np.full(n, s[-3]),
+        origin=np.full(n, origin),
+        pole_x=np.full(n, pole[0]),
+        pole_y=np.full(n, pole[1]),
+        pole_radius=POLE_RADIUS,
+        distance=np.zeros(n),
+        nearest=nearest,
+        side=np.full(n, side),
+        extended=np.zeros(n, bool),
+        interpolated=np.zeros(n, bool),
+    )
+    return truth, places
+
+
+def known_rest(n, sd=1e-3, whisker=None):
+    """Prior of a rest shape that is known to `sd` [1/m] in each coefficient."""
+    half = (whisker or mouse_c2()).length / 2
+    weights = np.zeros((1, rod_fit.N_REST))
+    weights[0, :2] = REST[0] + REST[1] * half, REST[1] * half
+    cov = np.broadcast_to(np.eye(rod_fit.N_REST) * sd**2, (n, *[rod_fit.N_REST] * 2))
+    return rod_fit.RestPrior(weights, 0.0, 1.0, np.zeros((n, rod_fit.N_REST)), cov)
+
+
+def noisy(places, rng):
+    """Places moved by noise across the whisker (and along it, which must not matter)."""
+    shape = places.x.shape
+    return replace(
+        places,
+        x=places.x + rng.normal(0, SD, shape),
+        y=places.y + rng.normal(0, SD, shape),
+    )
+
+
+@pytest.mark.parametrize("side", [1, -1])
+@pytest.mark.parametrize("distance", [7e-3, 9e-3, 11e-3, 14e-3])
+def test_force_is_exact_at_large_angles(distance, side):
+    push = np.linspace(0.02, 0.45, 7) if distance < 12e-3 else np.linspace(0.01, 0.2, 7)
+    truth, places = touching(push, distance, side)
+    assert truth.touching.all()
+    fit = rod_fit.fit_loaded(places, mouse_c2(), CURVATURE_AT, known_rest(len(push)))
+    np.testing.assert_allclose(fit["force"], truth.contact_force, rtol=exact)
+    moment = fit["force"] * fit["moment_per_force"]
+    np.testing.assert_allclose(moment, truth.base_moment, rtol=exact)
+    axial = fit["force"] * fit["axial_per_force"]
+    np.testing.assert_allclose(axial, truth.axial_force, atol=exact * truth.contact_force.max())
+    lateral = fit["force"] * fit["lateral_per_force"]
+    np.testing.assert_allclose(lateral, truth.lateral_force, rtol=exact)
+    np.testing.assert_allclose(fit["contact"], truth.contact_arc_length, atol=1e-6)
+    np.testing.assert_allclose(fit["angle"], truth.base_angle, atol=2e-5)
+    np.testing.assert_allclose(fit["gap"], 0.0, atol=1e-8)
+
+
+def test_moment_at_the_curvature_point_is_the_rods():
+    """Δκ per force times E I(s_p) is the lever of the true contact force about r_p."""
+    truth, places = touching([0.4])
+    fit = rod_fit.fit_loaded(places, mouse_c2(), CURVATURE_AT, known_rest(1))
+    x, y, _ = rod.contact_shape(mouse_c2(), truth, [CURVATURE_AT])
+    angle, force = truth.contact_angle, truth.contact_force
+    fx, fy = force * np.sin(angle), -force * np.cos(angle)
+    moment = (truth.contact_x - x[0]) * fy - (truth.contact_y - y[0]) * fx
+    change = fit["curvature_per_force"] * fit["force"]
+    np.testing.assert_allclose(
+        change * mouse_c2().flexural_rigidity(CURVATURE_AT), moment, rtol=1e-4
+    )
+
+
+def true_curvature(truth, whisker):
+    """Curvature [1/m] of the loaded rod at CURVATURE_AT: rest shape and moment over E I."""
+    x, y, _ = rod.contact_shape(whisker, truth, [CURVATURE_AT])
+    fx = truth.contact_force * np.sin(truth.contact_angle)
+    fy = -truth.contact_force * np.cos(truth.contact_angle)
+    moment = (truth.contact_x - np.ravel(x)) * fy - (truth.contact_y - np.ravel(y)) * fx
+    return REST[0] + REST[1] * CURVATURE_AT + moment / whisker.flexural_rigidity(CURVATURE_AT)
+
+
+@pytest.mark.parametrize("distance", [7e-3, 10e-3])
+def test_curvature_is_not_biased_by_the_kink_at_the_pole(distance):
+    push = np.full(400, 0.2)
+    truth, places = touching(push, distance)
+    true = true_curvature(truth, mouse_c2())
+    fit = rod_fit.fit_loaded(places, mouse_c2(), CURVATURE_AT, known_rest(400))
+    np.testing.assert_allclose(fit["curvature"], true, atol=5e-3)  # 1/m
+    places = noisy(places, np.random.default_rng(3))
+    fit = rod_fit.fit_loaded(places, mouse_c2(), CURVATURE_AT, known_rest(400))
+    z = (fit["curvature"] - true) / np.sqrt(fit["curvature_var"])
+    assert 0.92 < np.mean(np.abs(z) < 1.96) < 0.98
+    assert abs(z.mean()) < 0.15
+
+
+def test_curvature_that_the_rod_does_not_have_is_measured():
+    """0.5 1/m more over the window than any rod of this rest shape and load would have."""
+    truth, places = touching([0.1])
+    along = np.arange(N_STATIONS) * places.spacing[0] - CURVATURE_AT
+    bump = 0.25 * np.where(np.abs(along) < CURVATURE_REACH_M + 1e-5, along**2, 0.0)
+    direction = np.unwrap(np.arctan2(np.gradient(places.y[0]), np.gradient(places.x[0])))
+    moved = replace(
+        places,
+        x=places.x - bump * np.sin(direction),
+        y=places.y + bump * np.cos(direction),
+        information=1e-2 * places.information,  # not so exact that the bump is an outlier
+    )
+    fit = rod_fit.fit_loaded(moved, mouse_c2(), CURVATURE_AT, known_rest(1))
+    more = fit["curvature"] - true_curvature(truth, mouse_c2())
+    np.testing.assert_allclose(more, 0.5, atol=0.02)
+
+
+@pytest.mark.parametrize("origin", [0.1e-3, -0.08e-3])
+def test_curvature_is_that_of_the_true_place(origin):
+    truth, places = touching([0.1, 0.3], origin=origin)
+    fit = rod_fit.fit_loaded(places, mouse_c2(), CURVATURE_AT, known_rest(2))
+    np.testing.assert_allclose(fit["curvature"], true_curvature(truth, mouse_c2()), atol=5e-3)
+    step = 0.1e-3
+    before, after = (
+        rod_fit.fit_loaded(places, mouse_c2(), CURVATURE_AT + d, known_rest(2))["curvature"]
+        for d in (-step, step)
+    )
+    np.testing.assert_allclose(fit["curvature_slope"], (after - before) / (2 * step), rtol=0.02)
+
+
+@pytest.mark.parametrize("origin", [0.1e-3, -0.08e-3])
+def test_an_origin_that_is_known_costs_nothing(origin):
+    truth, places = touching([0.05, 0.3], origin=origin)
+    fit = rod_fit.fit_loaded(places, mouse_c2(), CURVATURE_AT, known_rest(2))
+    np.testing.assert_allclose(fit["force"], truth.contact_force, rtol=exact)
+    np.testing.assert_allclose(fit["contact"], truth.contact_arc_length, atol=1e-6)
+    blind = rod_fit.fit_loaded(
+        replace(places, origin=np.zeros(2)), mouse_c2(), CURVATURE_AT, known_rest(2)
+    )
+    # the fourth power of the radius: a few per cent per 0.1 mm
+    assert abs(blind["force"][1] / truth.contact_force[1] - 1) > 0.02
+
+
+@pytest.mark.parametrize("load", ["force", "moment", "axial", "lateral"])
+def test_how_loads_follow_the_origin(load):
+    """Beside the difference of two fits; the rest shape is told loosely, as by free frames."""
+    _, places = touching([0.05, 0.3], distance=8e-3)
+
+    def loads(shift):
+        prior = known_rest(2, sd=0.1)
+        fit = rod_fit.fit_loaded(places, mouse_c2(), CURVATURE_AT, prior, shift=shift)
+        share = 1.0 if load == "force" else fit[f"{load}_per_force"]
+        return fit["force"] * share, fit
+
+    step = 0.02e-3
+    difference = (loads(step)[0] - loads(-step)[0]) / (2 * step)
+    value, fit = loads(0.0)
+    np.testing.assert_allclose(fit[f"{load}_by_origin"], difference, rtol=0.05)
+    assert load != "force" or (np.abs(difference / value) > 200).all()  # 2 % per 0.1 mm
+
+
+def test_friction_that_is_known_is_taken_out():
+    truth, places = touching([0.1, 0.4], friction=0.3)
+    fit = rod_fit.fit_loaded(places, mouse_c2(), CURVATURE_AT, known_rest(2), friction=0.3)
+    np.testing.assert_allclose(fit["force"], truth.contact_force, rtol=exact)
+    np.testing.assert_allclose(fit["force"] * fit["axial_per_force"], truth.axial_force, rtol=1e-3)
+
+
+def test_standard_errors_cover():
+    """Force, gap, and clearance scatter as their errors say: 95 % of 600 draws, ± 3 %."""
+    truth, places = touching(np.full(600, 0.03))
+    places = noisy(places, np.random.default_rng(2))
+    fit = rod_fit.fit_loaded(places, mouse_c2(), CURVATURE_AT, known_rest(600))
+    z = (fit["force"] - truth.contact_force) / np.sqrt(fit["force_var"])
+    assert 0.92 < np.mean(np.abs(z) < 1.96) < 0.98
+    assert abs(z.mean()) < 0.15
+    for load in ("moment", "axial", "lateral"):
+        true = getattr(truth, {"moment": "base_moment"}.get(load, f"{load}_force"))
+        z = (fit["force"] * fit[f"{load}_per_force"] - true) / np.sqrt(fit[f"{load}_var"])
+        assert 0.92 < np.mean(np.abs(z) < 1.96) < 0.99
+        assert abs(z.mean()) < 0.15
+    z = fit["gap"] / np.sqrt(fit["gap_var"])
+    assert 0.92 < np.mean(np.abs(z) < 1.96) < 0.98
+    both = np.cov(fit["gap"], fit["force"])[0, 1]
+    assert both == pytest.approx(np.mean(fit["gap_force_cov"]), rel=0.35)
+    assert np.std(fit["clear_gap"]) == pytest.approx(
+        np.sqrt(np.mean(fit["clear_gap_var"])), rel=0.15
+    )
+
+
+def test_uncertain_rest_shape_widens_the_error():
+    _, places = touching([0.03])
+    sure = rod_fit.fit_loaded(places, mouse_c2(), CURVATURE_AT, known_rest(1))
+    unsure = rod_fit.fit_loaded(places, mouse_c2(), CURVATURE_AT, known_rest(1, sd=3.0))
+    assert unsure["force_var"][0] > 4 * sure["force_var"][0]
+
+
+def test_free_whisker_has_no_force_and_its_own_clearance():
+    truth, places = touching([-0.05, -0.01])
+    assert not truth.touching.any()
+    fit = rod_fit.fit_loaded(places, mouse_c2(), CURVATURE_AT, known_rest(2))
+    np.testing.assert_allclose(fit["force"], 0.0, atol=1e-10)
+    np.testing.assert_allclose(fit["clear_gap"], fit["gap"], atol=1e-9)
+    assert (fit["gap"] > 0.05e-3).all()
+
+
+def test_clearance_turns_negative_with_the_push():
+    """The unloaded whisker would stand in the pole by about (push angle) × (distance)."""
+    _, places = touching([0.01, 0.02])
+    fit = rod_fit.fit_loaded(places, mouse_c2(), CURVATURE_AT, known_rest(2))
+    np.testing.assert_allclose(fit["clear_gap"], [-0.09e-3, -0.18e-3], rtol=0.05)
+
+
+def test_rest_shape_of_free_frames():
+    _, places = touching([-0.3, -0.1])
+    fit = rod_fit.fit_free(places, mouse_c2(), CURVATURE_AT)
+    weights = known_rest(1).weights[0]
+    np.testing.assert_allclose(fit.rest, [weights] * 2, atol=1e-2)  # 1/m
+    np.testing.assert_allclose(fit["rest_curvature"], REST[0] + REST[1] * CURVATURE_AT, atol=1e-2)
+    assert np.isnan(fit["force"]).all()
+
+
+def test_one_wild_station_does_little():
+    truth, places = touching([0.2])
+    x = places.x.copy()
+    places.y[0, 30] += 0.2e-3  # 5 px off, a hair that crosses
+    fit = rod_fit.fit_loaded(replace(places, x=x), mouse_c2(), CURVATURE_AT, known_rest(1))
+    assert fit["force"][0] == pytest.approx(truth.contact_force[0], rel=0.02)
+
+
+def test_rows_that_cannot_be_fitted_are_missing_values():
+    _, places = touching([0.1, 0.1, 0.1])
+    places.information[0] = 0.0  # nothing measured
+    places.information[1, 12:] = 0.0  # too little
+    fit = rod_fit.fit_loaded(places, mouse_c2(), CURVATURE_AT, known_rest(3))
+    np.testing.assert_array_equal(np.isnan(fit["force"]), [True, True, False])
+
+
+def test_the_origins_pull_follows_stations_and_rest_shape_as_told():
+    """`influence` beside differences of two fits, one with a station or the rest shape moved."""
+    _, places = touching([0.2], distance=8e-3)
+    # a rest shape that is neither given nor free, so that both answer to each other
+    prior = known_rest(1, sd=0.5)
+    told = np.zeros((1, N_STATIONS + rod_fit.N_REST))
+    fine = {"influence": np.zeros_like(told)}  # rods are settled the finer where it is asked for
+    start = rod_fit.fit_loaded(places, mouse_c2(), CURVATURE_AT, prior, influence=told)
+    for k in (10, 20, 30):
+        x, y = places.x.copy(), places.y.copy()
+        along = np.arctan2(y[0, k + 1] - y[0, k - 1], x[0, k + 1] - x[0, k - 1])
+        x[0, k] -= SD * np.sin(along)
+        y[0, k] += SD * np.cos(along)
+        moved = replace(places, x=x, y=y)
+        fit = rod_fit.fit_loaded(moved, mouse_c2(), CURVATURE_AT, prior, **fine)
+        change = (fit["origin_pull"] - start["origin_pull"]) / SD
+        np.testing.assert_allclose(change, told[:, k], rtol=0.02)
+    for j in range(rod_fit.N_REST):
+        step = 0.02 * np.eye(rod_fit.N_REST)[j]
+        fit = rod_fit.fit_loaded(
+            places, mouse_c2(), CURVATURE_AT, replace(prior, drift=prior.drift + step), **fine
+        )
+        change = (fit["origin_pull"] - start["origin_pull"]) / 0.02
+        np.testing.assert_allclose(change, told[:, N_STATIONS + j], rtol=0.02)

@@ -1,0 +1,366 @@
+"""Who is who over a whole video: looks learned from all frames, names decided in the end."""
+
+import numpy as np
+import pytest
+
+from pipeline.identity import appearance, label_swaps, motion_model
+from pipeline.identity.appearance import FanModel
+from pipeline.identity.assign import LEAST_SD, name_lines, names
+from pipeline.identity.features import ANGLE, BEND, DISTANCES_M, Dial, line_features
+from pipeline.identity.motion_model import LASTING
+from pipeline.session.recording import Recording
+from pipeline.tables.centrelines import Centrelines
+from pipeline.tracking.matching import Ruler
+from pipeline.tracking.tracker import options_for
+
+OPTIONS = options_for(Recording(500.0, 8.0, "left"))
+RULER = Ruler.of("left", OPTIONS)
+#    near bend, angle [rad], logs of thickness and length, bends [rad]
+FAN = np.array(
+    [
+        [-0.04, -0.40, -1.8, 4.20, 0.02, 0.04],
+        [-0.02, -0.25, -1.6, 4.35, -0.02, -0.03],
+        [-0.01, -0.20, -1.5, 4.50, 0.01, 0.03],
+        [0.02, 0.10, -1.2, 4.70, 0.00, 0.00],
+        [0.04, 0.30, -1.0, 4.90, -0.01, -0.02],
+    ]
+)
+NOISE = np.array([0.008, 0.015, 0.04, 0.03, 0.006, 0.006])
+FRAMES = 300
+
+
+def whisking(rng, fan=FAN, frames=FRAMES):
+    """Features (frames, whiskers, 6) of a fan that whisks; angles go unlike with the phase."""
+    phase = 0.4 * np.sin(np.arange(frames) / 6)
+    seen = fan + NOISE * rng.normal(size=(frames, *fan.shape))
+    seen[..., ANGLE] += phase[:, None] * np.linspace(0.9, 1.1, len(fan))
+    return seen
+
+
+def rows(seen, called):
+    """Frame, track, features, true name, ordered by frame and track."""
+    frame, true = np.divmod(np.arange(seen.shape[0] * seen.shape[1]), seen.shape[1])
+    order = np.lexsort((called.ravel(), frame))
+    return frame[order], called.ravel()[order], seen.reshape(-1, 6)[order], true[order]
+
+
+def looks(fan=FAN):
+    """The looks that `whisking` shows."""
+    slope = np.zeros_like(fan)
+    slope[:, ANGLE] = np.linspace(0.9, 1.1, len(fan))
+    return FanModel(fan, slope, np.tile(NOISE, (len(fan), 1)), LEAST_SD)
+
+
+def exchanged(changes):
+    """Tracks (frames, whiskers), exchanged as of (one, other, first frame, last frame)."""
+    called = np.tile(np.arange(len(FAN)), (FRAMES, 1))
+    for one, other, first, last in changes:
+        called[first:last, [one, other]] = called[first:last, [other, one]]
+    return called
+
+
+def test_looks_are_learned_from_the_rows_of_a_name():
+    rng = np.random.default_rng(1)
+    frame, _, features, true = rows(whisking(rng), exchanged([]))
+    phase = 0.4 * np.sin(frame / 6)
+    model = looks(FAN + 0.1).fitted(features, true, phase)
+    assert model.middle == pytest.approx(FAN, abs=0.02)  # rad, or of logarithms
+    assert model.slope[:, ANGLE] == pytest.approx(np.linspace(0.9, 1.1, 5), abs=0.02)
+
+
+@pytest.mark.parametrize("wanted", [len(FAN), None])
+def test_lines_that_the_tracer_exchanged_are_told_apart(wanted):
+    rng = np.random.default_rng(2)
+    track = exchanged([(1, 2, 60, 180), (3, 4, 200, 230), (0, 1, 250, FRAMES)])
+    frame, track, features, true = rows(whisking(rng), track)
+    named, sure = names(frame, track, features, wanted)
+    assert np.array_equal(named, true)
+    assert (sure > 0.4).mean() > 0.98
+    beside = np.abs(frame[:, None] - [60, 180, 200, 230, 250]).min(axis=1) <= LASTING
+    assert (sure > 0.9)[~beside].mean() > 0.98
+
+
+def test_tracks_that_are_broken_off_are_joined():
+    rng = np.random.default_rng(3)
+    track = 5 * (np.arange(FRAMES)[:, None] // np.array([31, 37, 41, 43, 47])) + np.arange(5)
+    frame, track, features, true = rows(whisking(rng), track)
+    seen = rng.uniform(size=len(frame)) > 0.1
+    frame, track, features, true = (each[seen] for each in (frame, track, features, true))
+    named, _ = names(frame, track, features)
+    assert (named != true).mean() < 0.01
+
+
+def test_two_whiskers_that_change_tracks_for_good_while_unseen():
+    rng = np.random.default_rng(4)
+    fan = FAN.copy()
+    fan[2, ANGLE] = -0.235  # between neighbours, that differ in the bend of their far parts
+    track = exchanged([(1, 2, 150, FRAMES)])
+    frame, track, features, true = rows(whisking(rng, fan), track)
+    away = (true > 0) & (true < 3) & (frame > 140) & (frame < 160)
+    frame, track, features, true = (each[~away] for each in (frame, track, features, true))
+    named, _ = names(frame, track, features)
+    assert np.array_equal(named, true)
+
+
+@pytest.mark.parametrize(
+    ("direction", "expected"), [(1, [-1, -1, 0, 1, 2]), (-1, [-1, -1, 2, 1, 0])]
+)
+def test_fewer_names_than_whiskers_go_to_the_strongest(direction, expected):
+    rng = np.random.default_rng(8)
+    frame, track, features, true = rows(whisking(rng), exchanged([(3, 4, 100, 200)]))
+    named, _ = names(frame, track, features, 3, direction)
+    assert np.array_equal(named, np.array(expected)[true])
+
+
+def test_a_line_that_is_no_whiskers_gets_no_name():
+    rng = np.random.default_rng(5)
+    seen = whisking(rng)
+    frame, track, features, true = rows(seen, exchanged([]))
+    hair = FAN[0] + [0.1, -0.5, -1.5, -0.8, 0.2, np.nan] + NOISE * rng.normal(size=(FRAMES, 6))
+    frame = np.append(frame, np.arange(FRAMES))
+    track = np.append(track, np.full(FRAMES, 7))
+    named, _ = names(frame, track, np.concatenate([features, hair]), len(FAN))
+    assert np.array_equal(named[:-FRAMES], true)
+    assert (named[-FRAMES:] == -1).mean() > 0.95
+
+
+def test_it_does_not_know_who_is_who_after_whiskers_alike_were_one_line():
+    rng = np.random.default_rng(6)
+    fan = FAN.copy()
+    fan[2] = fan[1] + [0, 0.004, 0, 0, 0, 0]
+    frame, track, features, true = rows(whisking(rng, fan), exchanged([]))
+    alike = (true == 1) | (true == 2)
+    _, sure = names(frame, track, features)
+    assert (sure[alike] < 0.9).mean() > 0.9
+    assert (sure[~alike] > 0.9).mean() > 0.98
+
+
+def evidence(rng):
+    """Evidence of the whisking fan, its tracks, and its true names."""
+    frame, track, features, true = rows(whisking(rng), exchanged([(1, 2, 100, 200)]))
+    model, phase = looks(), 0.4 * np.sin(np.arange(FRAMES) / 6)
+    return motion_model.evidence_of(model, features, frame, track, phase), track, true
+
+
+def test_exchanges_lead_from_any_names_to_the_likeliest():
+    rng = np.random.default_rng(7)
+    known, track, true = evidence(rng)
+    start = true.copy()
+    for first, last, turn in ((50, 120, 1), (180, 260, 2)):
+        part = (known.frame >= first) & (known.frame < last)
+        start[part] = (start[part] + turn) % len(FAN)
+    assert np.array_equal(label_swaps.improved(known, start, track), true)
+
+
+def test_a_line_that_is_seen_to_go_on_keeps_its_name():
+    known, track, true = evidence(np.random.default_rng(9))
+    alike = (known.frame >= 120) & (known.frame < 130)  # for so long, two look like each other
+    for row in np.flatnonzero(alike & (true > 2)):
+        known.look[row, [3, 4]] = known.look[row, [4, 3]]
+    free = known._replace(price=0 * known.price)
+    assert np.array_equal(label_swaps.improved(known, true, track), true)
+    assert not np.array_equal(label_swaps.improved(free, true, track), true)
+
+
+def test_a_whisker_that_had_no_line_pays_for_one_that_was_anothers():
+    known, _, true = evidence(np.random.default_rng(13))
+    row = {k: np.flatnonzero(true == k) for k in range(3)}  # a row per frame
+    now = 60
+    taken = known._replace(price=np.full(len(true), label_swaps.TAKEN))
+    free = known._replace(price=np.zeros(len(true)))
+
+    def extra(before, lasting):
+        each = taken._replace(lasting=np.full(len(true), lasting)), free
+        mine = row[1][before]
+        costs = [label_swaps.link(e, 1, mine, row[2][now]) for e in each]
+        return costs[0] - costs[1]
+
+    assert taken.source[row[2][now]] == row[2][now - 1]
+    assert extra(now - 6, True) == pytest.approx(label_swaps.TAKEN)  # not seen for five frames
+    assert extra(now - 1, True) == 0  # both are seen: they may have changed places
+    brief = np.ones(len(true), bool)
+    brief[row[1]] = False
+    assert extra(now - 1, brief) == pytest.approx(label_swaps.TAKEN)
+
+
+def test_lines_far_from_others_that_move_evenly_are_seen_to_go_on():
+    rng = np.random.default_rng(10)
+    known, _, true = evidence(rng)
+    priced = known.price >= motion_model.RENAMED
+    jumped = np.isin(known.frame, [100, 200])  # there, tracks 1 and 2 change whiskers
+    assert priced[(true > 2) & (known.frame > 0)].mean() > 0.85
+    assert not priced[jumped & np.isin(true, [1, 2])].any()
+    assert not priced[known.frame == 0].any()
+    apart = np.abs(known.features[:, None, :] - known.features[None, :, :])
+    far = apart[..., ANGLE]
+    bent = known.features[:, ANGLE] + known.features[:, BEND]
+    far = np.minimum(far, np.abs(bent[:, None] - bent[None, :]))
+    far[known.frame[:, None] != known.frame[None, :]] = np.inf
+    np.fill_diagonal(far, np.inf)
+    assert not priced[far.min(axis=1) < motion_model.APART].any()
+
+
+def test_looks_of_resting_whiskers_count_less():
+    rng = np.random.default_rng(11)
+    moving = whisking(rng)
+    still = moving[[0] * 50] + 0.1 * NOISE * rng.normal(size=(50, *FAN.shape))
+    frame, track, features, _ = rows(
+        np.concatenate([still, moving]), np.tile(np.arange(len(FAN)), (350, 1))
+    )
+    phase = np.zeros(350)
+    known = motion_model.evidence_of(looks(), features, frame, track, phase)
+    cost = looks().costs(features, phase[frame])
+    share = (known.look / cost).max(axis=1)
+    assert share[(frame > 0) & (frame < 50)] == pytest.approx(
+        motion_model.WEIGHT * motion_model.QUIET_WEIGHT, rel=0.6
+    )
+    assert share[frame > 50].max() == pytest.approx(motion_model.WEIGHT)
+
+
+def test_the_probability_of_a_name_is_that_of_all_ways_that_agree():
+    rng = np.random.default_rng(8)
+    known, _, true = evidence(rng)
+    few = 5  # frames, of which all 2^5 ways are counted
+    part = known.frame < few
+    two = part & (true < 2)
+    short = label_swaps.Evidence(
+        known.features[two], known.drift[two], 0.2 * known.look[two, :2], known.nobody[two],
+        known.frame[two], known.phase[:few], known.slope[:2], 20 * known.sd, known.fast,
+        40 * known.most_sd[:2], np.full(two.sum(), -1), np.zeros(two.sum()),
+        np.ones(two.sum(), bool),
+    )  # fmt: skip
+    named = true[two]
+    probable = np.zeros((2, few))
+    for way in range(2**few):
+        state = way >> np.arange(few) & 1
+        new = np.where(state[short.frame] > 0, 1 - named, named)
+        weight = np.exp(-cost_of(short, new))
+        for k in range(few):
+            probable[state[k], k] += weight
+    expected = probable[0] / probable.sum(axis=0)
+    got = label_swaps.certainty(short, named, trust=1.0)
+    assert got[named == 0] == pytest.approx(expected, rel=1e-6)
+
+
+def cost_of(known, named):
+    """Cost of all looks and motions, line by line."""
+    last, total = {}, 0.0
+    for row, name in enumerate(named):
+        before = last.get(name, -1)
+        total += known.look[row, name] + label_swaps.link(known, name, before, row)
+        last[name] = row
+    return total
+
+
+def centrelines(frame, track, lines):
+    points = np.concatenate(lines).astype(np.float32)
+    n = len(points)
+    return Centrelines(
+        names=("a", "b", "c"),
+        frame=np.asarray(frame, np.int32),
+        whisker=np.asarray(track, np.int32),
+        offsets=np.append(0, np.cumsum([len(line) for line in lines])),
+        x_px=points[:, 0],
+        y_px=points[:, 1],
+        se_px=np.full(n, 0.1, np.float32),
+        confidence=np.full(len(frame), 0.9, np.float32),
+        thickness_px=np.full(n, 0.3, np.float32),
+    )
+
+
+def straight(angle, length, centre=(0.0, 100.0)):
+    """Nodes of a line that points away from `centre`, from 26 px off it on."""
+    s = 26 + np.arange(length)
+    return np.column_stack([centre[0] + s * np.cos(angle), centre[1] + s * np.sin(angle)])
+
+
+def test_features_of_straight_lines_and_arcs():
+    radius = 200.0  # px
+    t = np.arange(120) / radius  # from the centre on: the chord's direction is half the arc's
+    arc = np.column_stack([radius * np.sin(t), 100 + radius * (1 - np.cos(t))])
+    dial = Dial.of([[24.0, 100.0]], RULER, 8e3)
+    assert dial.centre == pytest.approx([0, 100])
+    lines = centrelines([0, 0], [0, 1], [straight(0.3, 80), arc])
+    near, angle, thickness, length, bend, far = line_features(lines, dial).T
+    assert angle[0] == pytest.approx(0.3, abs=1e-5)
+    assert [near[0], bend[0], far[0]] == pytest.approx([0, 0, 0], abs=1e-5)
+    assert thickness == pytest.approx(np.log(0.3))
+    assert np.exp(length) == pytest.approx([80, 120])
+    chords = np.arcsin(8e3 * DISTANCES_M / 2 / radius)
+    expected = [chords[0] - chords[1], chords[1], chords[2] - chords[1], chords[3] - chords[2]]
+    assert [near[1], angle[1], bend[1], far[1]] == pytest.approx(expected, abs=1e-3)
+
+
+def test_a_line_that_begins_and_ends_between_the_distances_is_carried_on():
+    dial = Dial.of([[24.0, 100.0]], RULER, 8e3)
+    whole, part = straight(0.2, 80), straight(0.2, 80)[22:50]  # from 48 px on: 44 is the second
+    (one, two) = line_features(centrelines([0, 0], [0, 1], [whole, part]), dial)
+    assert two[:2] == pytest.approx(one[:2], abs=1e-5)
+    assert np.isnan(two[-1])
+
+
+class Slot:
+    """A roster's whisker, seen in one sample frame as a straight line."""
+
+    def __init__(self, name, angle, length):
+        points = straight(angle, length)
+        self.name, self.base_xy = name, points[0]
+        self.seen, self.samples = {0: None}, (Drawn(points),)
+
+
+class Drawn:
+    """As much of a `detection.Line` as its features are taken from."""
+
+    def __init__(self, points):
+        self.x, self.y = points.T.copy()
+        self.n, self.thickness = len(points), np.full(len(points), 0.3)
+
+
+@pytest.mark.parametrize("direction", [1, -1])
+def test_a_few_frames_are_named_after_the_roster(direction):
+    angles = [-0.3, 0.1, 0.4]
+    roster = [Slot(n, a, 60 + 10 * k) for k, (n, a) in enumerate(zip("abc", angles, strict=True))]
+    roster = roster[::direction]  # thicker ones at the other end
+    lines = [straight(a, 60 + 10 * k) for k, a in enumerate(angles)]
+    chunks = [centrelines([f] * 3, [2, 0, 5], [lines[1], lines[0], lines[2]]) for f in range(4)]
+    got = list(name_lines(iter(chunks), roster, RULER, OPTIONS.pixels_per_m))
+    assert len(got) == 4
+    for before, after in zip(chunks, got, strict=True):
+        assert np.array_equal(after.frame, before.frame)
+        assert [after.names[k] for k in after.whisker] == ["b", "a", "c"]
+        assert np.array_equal(after.y_px, before.y_px)
+        assert after.information is None
+
+
+@pytest.mark.parametrize("open_ended", [False, True])
+def test_a_single_frame_is_named(open_ended):
+    angles = [-0.3, 0.1, 0.4]
+    roster = [Slot(n, a, 60) for n, a in zip("abc", angles, strict=True)]
+    lines = centrelines([0, 0, 0], [2, 0, 1], [straight(a, 60) for a in angles])
+    (got,) = name_lines(iter([lines]), roster, RULER, OPTIONS.pixels_per_m, open_ended)
+    assert got.names == (("w1", "w2", "w3") if open_ended else ("a", "b", "c"))
+    assert np.array_equal(got.confidence, lines.confidence)
+    assert list(got.whisker) == [0, 1, 2]
+
+
+def test_costs_of_looks_are_those_of_their_formula():
+    rng = np.random.default_rng(9)
+    features = FAN + NOISE * rng.normal(size=(40, *FAN.shape))
+    features = features.reshape(-1, 6)
+    features[::7, 5] = np.nan
+    phase = rng.normal(size=len(features))
+    model = looks()
+    off = features[:, None] - model.middle - model.slope * phase[:, None, None]
+    square = np.minimum((off / model.sd) ** 2, appearance.FARTHEST**2)
+    each = 0.5 * square + np.log(model.sd / LEAST_SD)
+    expected = np.where(np.isnan(each), appearance.UNSEEN, each).sum(axis=-1)
+    assert model.costs(features, phase) == pytest.approx(expected)
+
+
+def test_no_look_is_so_wide_that_any_line_is_like_it():
+    rng = np.random.default_rng(10)
+    frame, _, features, true = rows(whisking(rng), exchanged([]))
+    mixed = np.where((true == 2) & (frame % 2 == 0), 4, np.where(true == 4, 2, true))
+    model = looks().fitted(features, mixed, 0.4 * np.sin(frame / 6))
+    usual = np.median(model.sd[:, ANGLE])
+    assert model.sd[2, ANGLE] <= appearance.MOST_SD * usual * (1 + 1e-9)

@@ -1,0 +1,165 @@
+"""Fig. 3 from the tables: its numbers, its panels, its files."""
+
+import xml.etree.ElementTree as ElementTree
+
+import cv2
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from results_folder import CONTACTS, contact, make_results
+
+from pipeline.reports import figures
+from pipeline.tables import files
+from pipeline.tables.columns import CONTACT_COLUMNS
+
+
+@pytest.fixture
+def results(tmp_path):
+    return make_results(tmp_path / "results")
+
+
+def test_all_files_are_written(results):
+    written = figures.write_fig3(results)
+    names = {path.name for path in written}
+    assert names == {"fig3.png", "fig3.svg", "fig3.csv"} | {f"fig3{p}.csv" for p in "abcdef"}
+    assert {p.name for p in (results / "figures").iterdir()} == names
+    picture = cv2.imread(str(results / "figures" / "fig3.png"))
+    assert picture.shape[0] > 600
+    assert 0.02 < np.mean(picture < 128) < 0.3  # something is drawn, and most is paper
+    texts = ElementTree.parse(results / "figures" / "fig3.svg").findall(".//{*}text")
+    shown = {"".join(text.itertext()) for text in texts}
+    assert set("abcdef") <= shown
+    assert {"before", "during", "after", "contact duration (ms)"} <= shown
+
+
+def test_numbers_stand_beside_the_papers(results):
+    figures.write_fig3(results)
+    numbers = pd.read_csv(results / "figures" / "fig3.csv").set_index(["quantity", "statistic"])
+    force, duration = np.array([4.0, 10, 30]), np.array([10.0, 20, 40])
+    expected = {
+        ("contacts", "number"): 3,
+        ("peak force", "5 %"): np.percentile(force, 5),
+        ("peak force", "median"): 10,
+        ("peak force", "mean"): force.mean(),
+        ("peak force", "95 %"): np.percentile(force, 95),
+        ("duration", "mean"): duration.mean(),
+        ("duration", "95 %"): np.percentile(duration, 95),
+        ("peak force and duration", "r²"): np.corrcoef(force, duration)[0, 1] ** 2,
+    }
+    for key, value in expected.items():
+        assert numbers.loc[key, "recovered"] == pytest.approx(value, rel=1e-5)
+    paper = numbers["paper"]
+    assert paper["contacts", "number"] == 12417
+    assert paper["peak force and duration", "r²"] == 0.368
+    assert list(paper["peak force"]) == [1.8, 16.1, 19.6, 44.4]
+    assert list(paper["duration"]) == [5, 16, 30.9, 113]
+    assert numbers["truth"].isna().all()
+
+
+def test_truth_is_put_beside_where_there_is_one(results, tmp_path):
+    truth = tmp_path / "truth"
+    for video in ("one", "two"):
+        rows = [{**c, "peak_force_uN": 2 * c["peak_force_uN"]} for c in CONTACTS]
+        (truth / video).mkdir(parents=True)
+        own = pd.DataFrame([r for r in rows if r["video"] == video])
+        files.write_csv(truth / video / "contacts.csv", own, CONTACT_COLUMNS)
+    figures.write_fig3(results, truth)
+    numbers = pd.read_csv(results / "figures" / "fig3.csv").set_index(["quantity", "statistic"])
+    ratio = numbers["truth"] / numbers["recovered"]
+    assert ratio["peak force", "median"] == pytest.approx(2)
+    assert ratio["duration", "median"] == pytest.approx(1)
+
+
+def test_truth_beside_the_videos_is_found(results, tmp_path):
+    folder = tmp_path / "session" / "mouse1"
+    folder.mkdir(parents=True)
+    state = files.read_json(results / "run.json")
+    state["inputs"]["one"]["path"] = str(folder / "film.avi")
+    files.write_json(results / "run.json", state)
+    place = tmp_path / "session" / "truth" / "film"
+    place.mkdir(parents=True)
+    files.write_csv(place / "contacts.csv", pd.DataFrame([CONTACTS[0]]), CONTACT_COLUMNS)
+    truth = figures.read_truth(results)
+    assert list(truth["video"]) == ["one"]
+
+
+def test_typical_touch_is_near_the_medians_and_clean(tmp_path):
+    rows = [
+        contact("one", 1, 30, 10, 4.0),
+        contact("one", 2, 60, 20, 10.0),
+        contact("two", 1, 30, 21, 10.5, flags="slip"),
+        contact("two", 2, 80, 30, 30.0),
+    ]
+    results = make_results(tmp_path / "results", rows)
+    touch = figures.typical_touch(results, figures.read_contacts(results))
+    assert (touch.contact["video"], touch.contact["contact"]) == ("one", 2)
+    assert touch.pole == (230, 240, 6.25)
+    margin = figures.BEFORE_AFTER_MS
+    assert list(touch.frames["frame"]) == list(range(60 - int(margin), 80 + int(margin)))
+    assert len(touch.centrelines) == len(touch.frames)
+
+
+def test_panels_a_and_b_show_the_touch(results):
+    figures.write_fig3(results)
+    a = pd.read_csv(results / "figures" / "fig3a.csv")
+    b = pd.read_csv(results / "figures" / "fig3b.csv")
+    shown = a.drop_duplicates("frame").set_index("frame")["in_contact"]
+    assert set(shown) == {True, False}
+    assert shown.loc[61:79].all()
+    assert not shown.loc[41:59].any()
+    assert shown.loc[:39].all()  # the touch before
+    assert a["follicle_x_mm"].unique() == pytest.approx([40 / 25])
+    inside = b[b["in_contact"] & (b["time_ms"] >= 0)]
+    assert inside["time_ms"].max() == 19
+    # the pulse is the force itself here, but for the digits written
+    np.testing.assert_allclose(inside["force_uN"], inside["pulse_uN"], atol=1e-4)
+    assert b["pulse_uN"].max() == pytest.approx(10)
+
+
+def test_diameters_follow_the_cone(results):
+    table = figures.diameters(results)
+    assert table["whisker"].unique() == ["1 C2"]
+    expected = 2 * 37 * (1 - table["arc_length_mm"] / 18.947)
+    np.testing.assert_allclose(table["diameter_um"], expected)
+    assert table["arc_length_mm"].max() == pytest.approx(18)
+
+
+@given(st.lists(st.floats(0, 300), min_size=1, max_size=50), st.sampled_from([2.0, 5.0]))
+def test_histograms_lose_no_contact(values, width):
+    table = figures.histogram(pd.Series([*values, np.nan]), width, "x")
+    assert table["contacts"].sum() == len(values)
+    assert (table["x_to"] - table["x_from"]).to_numpy() == pytest.approx(width)
+    assert table["x_from"].iloc[0] == 0
+
+
+def test_r_squared_needs_three_points_that_differ():
+    x = pd.Series([1.0, 2, 3, np.nan])
+    assert figures.r_squared(x, pd.Series([2.0, 4, 6, 1])) == pytest.approx(1)
+    assert np.isnan(figures.r_squared(x[:2], x[:2]))
+    assert np.isnan(figures.r_squared(x, pd.Series([1.0, 1, 1, 1])))
+
+
+@pytest.mark.parametrize("videos", [("one",), ()])
+def test_without_contacts_there_are_still_figures(tmp_path, videos):
+    results = make_results(tmp_path / "results", (), videos)
+    figures.write_fig3(results)
+    numbers = pd.read_csv(results / "figures" / "fig3.csv").set_index(["quantity", "statistic"])
+    assert numbers.loc[("contacts", "number"), "recovered"] == 0
+    assert np.isnan(numbers.loc[("duration", "median"), "recovered"])
+    assert pd.read_csv(results / "figures" / "fig3f.csv").empty
+
+
+def test_contacts_without_forces_are_counted_and_drawn(tmp_path):
+    rows = [contact("one", 1, 30, 10, np.nan, pulse_r2=np.nan)]
+    results = make_results(tmp_path / "results", rows)
+    figures.write_fig3(results)
+    numbers = pd.read_csv(results / "figures" / "fig3.csv").set_index(["quantity", "statistic"])
+    assert numbers.loc[("contacts", "number"), "recovered"] == 1
+    assert numbers.loc[("duration", "median"), "recovered"] == 10
+
+
+def test_a_folder_without_results_is_refused(tmp_path):
+    with pytest.raises(ValueError, match=r"no contacts\.csv .*whiskerforce run"):
+        figures.write_fig3(tmp_path)

@@ -1,0 +1,59 @@
+"""One program at a time in a results folder."""
+
+import os
+import signal
+import subprocess
+import sys
+
+import pytest
+
+from pipeline.errors import InputError
+from pipeline.runtime.folder_lock import LOCK_FILE, locked
+
+HOLD = """
+import sys, time
+from pipeline.runtime.folder_lock import locked
+with locked(sys.argv[1]):
+    print("held", flush=True)
+    time.sleep(600)
+"""
+
+
+def test_a_second_one_is_refused_and_told_of_the_first(tmp_path):
+    with locked(tmp_path):
+        for _ in range(2):
+            with (
+                pytest.raises(InputError, match=f"{tmp_path}: another.*process {os.getpid()} on"),
+                locked(tmp_path),
+            ):
+                pass
+    with locked(tmp_path):
+        pass
+
+
+def test_a_killed_program_leaves_no_lock(tmp_path):
+    env = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    command = [sys.executable, "-c", HOLD, str(tmp_path)]
+    program = subprocess.Popen(command, env=env, stdout=subprocess.PIPE, text=True)
+    try:
+        assert program.stdout.readline() == "held\n"
+        with pytest.raises(InputError, match=f"process {program.pid} on"), locked(tmp_path):
+            pass
+    finally:
+        program.send_signal(signal.SIGKILL)
+        program.communicate()
+    with locked(tmp_path):
+        assert str(os.getpid()) in (tmp_path / LOCK_FILE).read_text()
+
+
+def test_a_fault_inside_releases_it(tmp_path):
+    with pytest.raises(ZeroDivisionError), locked(tmp_path):
+        raise ZeroDivisionError
+    with locked(tmp_path):
+        pass
+
+
+def test_where_no_lock_can_be(tmp_path):
+    (tmp_path / LOCK_FILE).mkdir()
+    with pytest.raises(InputError, match=r"cannot lock it .*; choose another"), locked(tmp_path):
+        pass

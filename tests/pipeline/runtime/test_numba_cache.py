@@ -1,0 +1,64 @@
+"""Compiled code is made again when a function that it calls has changed, in whatever file."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+from pipeline.runtime.numba_cache import drop_stale
+
+COMPILED = (
+    "from numba import njit\n{imports}\n\n@njit(cache=True)\ndef {name}():\n    return {value}\n"
+)
+
+
+def write(root, name, value, imports=""):
+    text = COMPILED.format(name=name, value=value, imports=imports)
+    (root / "some" / f"{name}.py").write_text(text)
+
+
+@pytest.fixture
+def root(tmp_path):
+    """A package in which `top` calls `middle`, which calls `bottom`; `other` calls nothing."""
+    (tmp_path / "some" / "__pycache__").mkdir(parents=True)
+    write(tmp_path, "bottom", "1")
+    write(tmp_path, "middle", "bottom() + 10", "from some.bottom import bottom")
+    write(tmp_path, "top", "middle.middle() + 100", "from some import (\n    middle,\n)")
+    write(tmp_path, "other", "5")
+    (tmp_path / "some" / "plain.py").write_text("from some.bottom import bottom\n")
+    return tmp_path
+
+
+def run(root):
+    """What `top` returns in a process of its own."""
+    code = "from some.top import top; print(top())"
+    environment = {k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_DIR"}
+    out = subprocess.run(
+        [sys.executable, "-c", code], cwd=root, env=environment, capture_output=True, check=True
+    )
+    return int(out.stdout)
+
+
+def test_a_changed_callee_is_compiled_into_its_callers(root):
+    drop_stale(root, ["some"])
+    assert run(root) == 111
+    write(root, "bottom", "2 + 0")
+    assert drop_stale(root, ["some"])
+    assert run(root) == 112
+
+
+def test_only_callers_of_what_changed_are_dropped(root):
+    drop_stale(root, ["some"])
+    cache = root / "some" / "__pycache__"
+    kept = [cache / f"{name}.f-1.py311.nbi" for name in ("bottom", "other", "plain")]
+    callers = [cache / f"{name}.f-1.py311.nbi" for name in ("middle", "top")]
+    for index in kept + callers:
+        index.touch()
+    assert drop_stale(root, ["some"]) == []
+    (root / "some" / "plain.py").write_text("# not compiled\n")
+    assert drop_stale(root, ["some"]) == []
+    write(root, "bottom", "2 + 0")
+    assert sorted(drop_stale(root, ["some"])) == callers
+    assert [index.exists() for index in kept + callers] == [True] * 3 + [False] * 2
+    assert drop_stale(root, ["some"]) == []

@@ -1,0 +1,21 @@
+"""Frames counted and time told by stage."""
+
+from pipeline.runtime.timing import Clock, Counted
+
+
+def test_frames_are_counted_and_told():
+    told = []
+    counted = Counted(iter("abc"), 2, told.append)
+    assert list(counted) == ["a", "b", "c"]
+    assert counted.count == 3
+    assert told == [(1, 2), (2, 2), (3, 3)]
+
+
+def test_clock_counts_by_stage(monkeypatch):
+    now = iter(range(100))
+    monkeypatch.setattr("pipeline.runtime.timing.time.perf_counter", lambda: next(now))
+    clock = Clock()
+    with clock("a"):
+        next(now)
+    assert list(clock.each("b", [1, 2])) == [1, 2]
+    assert clock.seconds == {"a": 2, "b": 3}

@@ -1,0 +1,280 @@
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from pipeline.scene.background import (
+    estimate_background,
+    sort_over_time,
+    thin_dark_lines,
+    uncovered,
+    without_whiskers,
+)
+from pipeline.scene.illumination import fill, frame_gains, light_without_objects
+from pipeline.scene.noise_model import spatial_noise
+
+SCALE = 20.0  # px/mm
+HEIGHT, WIDTH = 200, 300
+FLOOR, GAIN = 1.0, 0.02  # variance of the frames' noise: floor + gain × grey
+
+# tolerances
+BACKGROUND = 0.4  # grey levels, median absolute error of 32 frames with noise SD 2
+BURNED_IN = 2.0  # grey levels, at a whisker's place; the whisker itself is 80 grey levels deep
+NOISE_SD = 0.06  # relative
+LIGHT = 0.04  # relative
+FLANKS = 0.06  # grey levels, mean error where a whisker passes in half of the frames
+
+
+def still_scene():
+    """Uneven light, a face on the right with hairs, a rod from the left, grey levels."""
+    rows, columns = np.mgrid[:HEIGHT, :WIDTH].astype(np.float32)
+    light = 180 - 60 * ((columns - 120) / WIDTH) ** 2 - 50 * ((rows - 90) / HEIGHT) ** 2
+    clear = 1 / (1 + np.exp((columns - 250 - 4 * np.sin(rows / 15)) / 1.5))
+    for row in range(10, HEIGHT, 14):  # fur hairs, 1 mm long
+        cv2.line(clear, (228 + row % 7, row + 4), (252, row), 0.3, 1, cv2.LINE_AA)
+    rod = np.ones_like(light)
+    cv2.line(rod, (0, 30), (70, 60), 0.0, 12)
+    clear = clear * cv2.GaussianBlur(rod, (0, 0), 2.5)
+    return (6 + light * clear).astype(np.float32), light + 6
+
+
+def with_whisker(scene, angle, depth=0.5):
+    """Multiply a whisker into a scene: from the face on the right, turned by `angle` [rad]."""
+    line = np.ones(scene.shape, np.float32)
+    x, y = 250, 120
+    tip = (int(16 * (x - 180 * np.cos(angle))), int(16 * (y - 180 * np.sin(angle))))
+    cv2.line(line, (16 * x, 16 * y), tip, 1 - depth, 2, cv2.LINE_AA, 4)
+    return scene * cv2.GaussianBlur(line, (0, 0), 0.7)
+
+
+def expose(image, rng, floor=FLOOR, gain=GAIN):
+    noisy = image + rng.normal(size=image.shape) * np.sqrt(floor + gain * image)
+    return np.clip(np.rint(noisy), 0, 255).astype(np.uint8)
+
+
+def movie(angles, flicker=0.0, seed=0, **noise):
+    rng = np.random.default_rng(seed)
+    scene, _ = still_scene()
+    return np.stack(
+        [
+            expose((1 + flicker * rng.normal()) * with_whisker(scene, angle), rng, **noise)
+            for angle in angles
+        ]
+    )
+
+
+def face_of(scene):
+    return np.broadcast_to(np.arange(WIDTH) > 252, scene.shape)
+
+
+def place_of_whisker(angle):
+    return with_whisker(np.ones((HEIGHT, WIDTH), np.float32), angle) < 0.9
+
+
+class TestOverTime:
+    def test_moving_whisker_leaves_no_trace(self):
+        scene, _ = still_scene()
+        angles = 0.3 * np.sin(np.arange(32) * 0.7)
+        background = estimate_background(movie(angles), SCALE)
+        error = background.image - scene
+        assert np.median(np.abs(error)) < BACKGROUND
+        assert abs(np.mean(error)) < 0.1
+        for angle in angles:
+            assert abs(error[place_of_whisker(angle) & (scene > 60)].mean()) < BURNED_IN
+
+    def test_flanks_of_a_whisker_that_passes_leave_no_shade(self):
+        scene, _ = still_scene()
+        angles = 0.06 * np.sin(np.arange(32) * 0.7)
+        background = estimate_background(movie(angles), SCALE)
+        places = [place_of_whisker(angle).astype(np.uint8) for angle in angles]
+        passed = np.mean([cv2.dilate(place, np.ones((5, 5))) for place in places], axis=0)
+        often = (passed > 0.4) & (passed < 0.85)
+        often[:, 225:] = False  # fur
+        assert often.sum() > 800
+        assert abs((background.image - scene)[often].mean()) < FLANKS
+
+    @pytest.mark.parametrize("share", [0.5, 0.8])
+    def test_whisker_that_rests_most_of_the_time(self, share):
+        scene, _ = still_scene()
+        resting = int(32 * share)
+        angles = np.r_[np.full(resting, 0.1), np.linspace(-0.3, -0.05, 32 - resting)]
+        background = estimate_background(movie(angles), SCALE)
+        # near the follicle, it covers the same pixels at all angles
+        at_rest = place_of_whisker(0.1) & (scene > 60) & (np.arange(WIDTH) < 190)
+        assert abs((background.image - scene)[at_rest].mean()) < BURNED_IN
+
+    @pytest.mark.parametrize("times", [2, 4])
+    def test_whisker_that_has_seldom_moved_shows_what_is_behind(self, times):
+        scene, _ = still_scene()
+        angles = np.where(np.arange(32) % (32 // times) == 3, 0.25, 0.0)
+        frames = movie(angles)
+        background = estimate_background(frames, SCALE)
+        clear = uncovered(background, frames, face_of(scene), SCALE).image
+        place = place_of_whisker(0.0) & ~place_of_whisker(0.25)
+        place[:, 228:] = False  # the fur stays as it is
+        assert np.median(np.abs(background.image - scene)[place]) > 10 * BURNED_IN
+        assert np.percentile(np.abs(clear - scene)[place], 95) < 2 * BURNED_IN  # of few samples
+        assert np.array_equal(clear[:, 236:], background.image[:, 236:])
+
+    def test_nothing_is_uncovered_where_nothing_moves(self):
+        scene, _ = still_scene()
+        frames = movie(np.zeros(32))
+        background = estimate_background(frames, SCALE)
+        clear = uncovered(background, frames, face_of(scene), SCALE).image
+        assert np.mean(clear != background.image) < 1e-3
+
+    def test_hairs_and_edges_stay(self):
+        scene, _ = still_scene()
+        background = estimate_background(movie(0.3 * np.sin(np.arange(32.0))), SCALE)
+        near_face = np.s_[:100, 220:256]
+        assert np.abs(background.image - scene)[near_face].max() < 8 * BACKGROUND
+
+    def test_flicker_is_taken_out(self):
+        scene, _ = still_scene()
+        frames = movie(0.3 * np.sin(np.arange(32.0)), flicker=0.05)
+        background = estimate_background(frames, SCALE)
+        ratio = np.median(background.image[scene > 60] / scene[scene > 60])
+        error = background.image - ratio * scene
+        assert ratio == pytest.approx(1, abs=0.03)
+        assert np.median(np.abs(error)) < BACKGROUND
+        assert noise_sd(background, 150) == pytest.approx(true_sd(150), rel=3 * NOISE_SD)
+
+    def test_gains_of_flicker(self):
+        scene, _ = still_scene()
+        rng = np.random.default_rng(1)
+        gains = np.array([0.9, 1.0, 1.0, 1.05, 1.1])
+        frames = np.stack([expose(g * with_whisker(scene, g - 1), rng) for g in gains])
+        assert frame_gains(frames) == pytest.approx(gains, abs=0.01)
+
+    @pytest.mark.parametrize(("floor", "gain"), [(1.0, 0.02), (4.0, 0.0), (0.3, 0.05)])
+    def test_noise_model(self, floor, gain):
+        frames = movie(0.3 * np.sin(np.arange(32.0)), floor=floor, gain=gain)
+        background = estimate_background(frames, SCALE)
+        for grey in (10, 80, 180):
+            true = np.sqrt(floor + gain * grey + 1 / 12)  # with rounding to grey levels
+            tolerance = NOISE_SD if grey > 50 else 3 * NOISE_SD  # little is that dark
+            assert noise_sd(background, grey) == pytest.approx(true, rel=tolerance)
+
+    @settings(deadline=None, max_examples=40)
+    @given(hnp.arrays(np.uint8, st.tuples(st.integers(1, 40), st.integers(1, 40), st.just(3))))
+    def test_sorting_network_sorts(self, frames):
+        assert np.array_equal(sort_over_time(frames.copy()), np.sort(frames, axis=0))
+
+
+def noise_sd(background, grey):
+    return np.sqrt(background.noise_floor + background.noise_gain * grey)
+
+
+def true_sd(grey):
+    return np.sqrt(FLOOR + GAIN * grey + 1 / 12)
+
+
+class TestOneFrame:
+    def test_whisker_is_removed_and_all_else_stays(self):
+        scene, _ = still_scene()
+        background = estimate_background(movie([0.1]), SCALE)
+        image = without_whiskers(background, face_of(scene), SCALE)
+        whisker = place_of_whisker(0.1) & (scene > 80) & (np.arange(WIDTH) < 215)
+        assert abs((image - scene)[whisker].mean()) < BURNED_IN
+        assert np.abs(image - scene)[whisker].max() < 5 * BURNED_IN
+        other = cv2.dilate(whisker.astype(np.uint8), np.ones((9, 9))) == 0
+        assert np.median(np.abs(image - scene)[other]) < BACKGROUND
+        rod = scene[:, :80] < 40
+        assert np.abs(image - scene)[:, :80][rod].mean() < 2
+
+    def test_noise_from_one_frame(self):
+        background = estimate_background(movie([0.1]), SCALE)
+        assert noise_sd(background, 150) == pytest.approx(true_sd(150), rel=2 * NOISE_SD)
+
+    def test_noise_of_pure_noise(self):
+        rng = np.random.default_rng(0)
+        image = (100 + rng.normal(0, 3, (200, 200))).astype(np.float32)
+        floor, gain = spatial_noise(image)
+        assert np.sqrt(floor + 100 * gain) == pytest.approx(3, rel=NOISE_SD)
+
+    def test_video_in_which_nothing_ever_moves(self):
+        scene, _ = still_scene()
+        background = estimate_background(movie([0.1] * 12), SCALE)
+        image = without_whiskers(background, face_of(scene), SCALE)
+        whisker = place_of_whisker(0.1) & (scene > 80) & (np.arange(WIDTH) < 215)
+        assert abs((image - scene)[whisker].mean()) < BURNED_IN
+
+    def test_a_whisker_that_rests_on_a_pole_is_removed_beyond_it_too(self):
+        clean, _ = still_scene()
+        whisker = place_of_whisker(0.1)
+        rows, columns = np.mgrid[:HEIGHT, :WIDTH]
+        lowest = rows[whisker & (columns == 160)].max()
+        pole = np.hypot(columns - 160, rows - lowest - 5) <= 7  # px; it hides some
+        clean[pole] = 6
+        rng = np.random.default_rng(0)
+        frames = np.stack([expose(with_whisker(clean, 0.1), rng) for _ in range(12)])
+        background = estimate_background(frames, SCALE)
+        beyond = whisker & (columns > 90) & (columns < 140)
+        image = without_whiskers(background, face_of(clean), SCALE, True, pole)
+        assert abs((clean - image)[beyond].mean()) < BURNED_IN
+        image = without_whiskers(background, face_of(clean), SCALE)  # a line of its own
+        assert (clean - image)[beyond].mean() > 10 * BURNED_IN
+
+    def test_short_hairs_and_lines_away_from_the_face_stay(self):
+        scene, _ = still_scene()
+        cv2.line(scene, (100, 180), (200, 170), 60, 2, cv2.LINE_AA)  # a scratch
+        rng = np.random.default_rng(0)
+        background = estimate_background(np.stack([expose(scene, rng)] * 3), SCALE)
+        image = without_whiskers(background, face_of(scene), SCALE)
+        assert np.abs(image - background.image)[:, :250].max() < BURNED_IN
+
+
+class TestLight:
+    def test_light_is_seen_past_objects(self):
+        scene, light = still_scene()
+        black, found = light_without_objects(scene, SCALE)
+        assert black == pytest.approx(6, abs=1)
+        far_from_face = np.s_[:, :235]
+        assert np.abs(found / light - 1)[far_from_face].max() < 3 * LIGHT
+        assert np.abs(found / light - 1)[far_from_face].mean() < LIGHT
+
+    def test_dark_corners_are_no_objects(self):
+        rows, columns = np.mgrid[:HEIGHT, :WIDTH]
+        light = 200 * np.exp(-(((columns - 60) / 170) ** 2) - ((rows - 180) / 180) ** 2)
+        image = np.where(columns + rows > 400, 5, light + 5).astype(np.float32)
+        _, found = light_without_objects(image, SCALE)
+        outside = columns + rows < 380
+        transmission = (image - 5) / np.maximum(found - 5, 1)
+        assert light[outside].min() < 0.1 * light.max()
+        assert transmission[outside].min() > 0.6
+
+    def test_picture_without_any_dark_thing(self):
+        image = np.full((HEIGHT, WIDTH), 150, np.float32)
+        black, light = light_without_objects(image, SCALE)
+        assert black < 40
+        assert light == pytest.approx(np.full(image.shape, 150), abs=1)
+
+
+class TestThinLines:
+    def test_lines_are_found_and_rods_and_edges_not(self):
+        scene, _ = still_scene()
+        image = with_whisker(scene, 0.1)
+        thin = thin_dark_lines(image, SCALE, (0.01, 0.0))
+        whisker = place_of_whisker(0.1) & (scene > 80) & (np.arange(WIDTH) < 215)
+        assert thin[whisker].mean() > 0.95
+        assert thin[:, :80][scene[:, :80] < 60].mean() < 0.02
+        assert thin[140:190, 90:200].mean() < 0.01
+
+    def test_fill_bridges_holes_of_any_size(self):
+        image = np.add.outer(np.arange(60.0), np.arange(80.0)).astype(np.float32)
+        holes = np.zeros(image.shape, bool)
+        holes[20:40, 30:50] = True
+        damaged = np.where(holes, -1000, image)
+        assert np.abs(fill(damaged, holes) - image).max() < 12
+        assert np.array_equal(fill(image, np.zeros_like(holes)), image)
+
+    def test_nothing_but_holes(self):
+        filled = fill(np.ones((20, 20), np.float32), np.ones((20, 20), bool))
+        assert np.isfinite(filled).all()
+
+
+def test_impossible_frames():
+    with pytest.raises(ValueError, match=r"frames must be .* got \(0, 20, 20\)"):
+        estimate_background(np.zeros((0, 20, 20), np.uint8), SCALE)

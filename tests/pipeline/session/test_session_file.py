@@ -1,0 +1,218 @@
+"""session.toml: what it says, what is wrong with it, and the way to SI and back."""
+
+import re
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pipeline.session.session_file import SettingsError, read_session, session_text, settings_from
+from pipeline.session.session_file import write_session as write
+
+EXAMPLE = """
+[recording]
+frames_per_second = 1000.0   # of the camera, not the file's playback rate
+pixels_per_mm = 25.0
+face = "left"                # side of the image: left, right, top, bottom
+
+[[whisker]]                  # one table per tracked whisker, anterior to posterior
+name = "C2"
+length_mm = 18.0             # follicle to (cut) tip
+cone_length_mm = 18.947      # follicle to the extrapolated apex
+base_radius_um = 37.0
+youngs_modulus_GPa = 3.0
+density_kg_per_m3 = 1000.0
+damping_per_s = 215.0
+hidden_length_mm = 1.4       # between follicle and first visible point, in the fur
+
+[pole]
+diameter_mm = 0.5            # x_px, y_px may be given; found by itself otherwise
+
+[analysis]
+curvature_at_mm = 5.5
+"""
+LEAST = {"recording": {"frames_per_second": 1000, "pixels_per_mm": 25, "face": "left"}}
+
+
+def document(**tables):
+    return {**LEAST, **tables}
+
+
+def problems_of(tables) -> str:
+    with pytest.raises(SettingsError) as caught:
+        settings_from(tables)
+    return str(caught.value)
+
+
+def test_example_of_the_interface(tmp_path):
+    (tmp_path / "session.toml").write_text(EXAMPLE)
+    settings = read_session(tmp_path / "session.toml")
+    recording, whisker = settings.recording.si(), settings.whisker[0].si()
+    assert (recording.frames_per_second, recording.pixels_per_m) == (1000, 25e3)
+    assert recording.face == "left"
+    assert whisker.name == "C2"
+    assert whisker.length == pytest.approx(18e-3)
+    assert whisker.cone_length == pytest.approx(18.947e-3)
+    assert whisker.base_radius == pytest.approx(37e-6)
+    assert whisker.youngs_modulus == pytest.approx(3e9)
+    assert (whisker.density, whisker.damping_rate) == (1000, 215)
+    assert settings.whisker[0].hidden_length == pytest.approx(1.4e-3)
+    assert settings.pole.diameter == pytest.approx(0.5e-3)
+    assert settings.pole.position_px is None
+    assert settings.analysis.curvature_at == pytest.approx(5.5e-3)
+
+
+def test_only_recording_is_required():
+    settings = settings_from(LEAST)
+    assert settings.whisker == ()
+    assert settings.pole.diameter_mm == 0.5
+    assert settings.analysis.curvature_at_mm == 5.5
+    assert settings.analysis.friction == 0.0
+
+
+def test_whisker_without_dimensions_has_no_si_form():
+    settings = settings_from(document(whisker=[{}, {"name": "C2", "length_mm": 18}]))
+    assert [w.name for w in settings.whisker] == ["w1", "C2"]
+    assert settings.whisker[1].missing_dimensions == ("cone_length_mm", "base_radius_um")
+    assert settings.whisker[1].si() is None
+
+
+def test_pole_position():
+    settings = settings_from(document(pole={"x_px": 3, "y_px": 4.5}))
+    assert settings.pole.position_px == (3, 4.5)
+
+
+def test_written_file_reads_back_the_same_and_explains_itself(tmp_path):
+    whiskers = [{"name": 'C"2\\', "length_mm": 18, "base_radius_um": 37.123456}, {"name": "δ"}]
+    settings = settings_from(document(whisker=whiskers, pole={"x_px": 1, "y_px": 2}))
+    write(tmp_path / "session.toml", settings, {"recording.face": "found in the picture"})
+    assert read_session(tmp_path / "session.toml") == settings
+    text = (tmp_path / "session.toml").read_text("utf-8")
+    assert "# of the camera, not the file's playback rate" in text
+    assert "found in the picture" in text
+    assert "# cone_length_mm =" in text
+    assert [p.name for p in tmp_path.iterdir()] == ["session.toml"]
+
+
+@given(
+    fps=st.floats(10, 2e5), scale=st.floats(1, 1000), length=st.floats(6, 200),
+    hidden=st.floats(0, 5), radius=st.floats(2, 500),
+)  # fmt: skip
+def test_any_settings_survive_the_way_to_the_file_and_back(fps, scale, length, hidden, radius):
+    import tomllib
+
+    settings = settings_from(
+        {
+            "recording": {"frames_per_second": fps, "pixels_per_mm": scale, "face": "top"},
+            "whisker": [
+                {
+                    "name": "C2",
+                    "length_mm": length,
+                    "cone_length_mm": length * 1.05,
+                    "base_radius_um": radius,
+                    "hidden_length_mm": hidden,
+                }
+            ],
+        }
+    )
+    assert settings_from(tomllib.loads(session_text(settings))) == settings
+
+
+@pytest.mark.parametrize(
+    ("tables", "expected"),
+    [
+        ({}, ["[recording]", "missing", "frames_per_second"]),
+        (
+            {"recording": {"frames_per_second": 1000, "face": "left"}},
+            ["[recording] pixels_per_mm", "missing", "1 to 1000"],
+        ),
+        (document(pole={"diamter_mm": 1}), ["[pole] diamter_mm", "unknown", "diameter_mm?"]),
+        (document(poles={}), ["[poles]", "unknown", "did you mean pole?"]),
+        (document(analysis={"friction": 2.1}), ["[analysis] friction", "2.1", "0 to 2"]),
+        (document(analysis={"friction": -0.1}), ["[analysis] friction", "-0.1", "0 to 2"]),
+        (document(analysis={"curvature_at_mm": 0.0055}), ["curvature_at_mm", "in m?", "5.5"]),
+        (document(whisker=[{"colour": 1}]), ["[[whisker]] 1", "colour", "unknown", "length_mm"]),
+        (
+            document(whisker=[{}, {"name": "D1", "base_radius_um": 0.037}]),
+            ['[[whisker]] 2 ("D1") base_radius_um', "0.037", "2 to 500 µm", "in mm", "37"],
+        ),
+        (document(whisker=[{"length_mm": 0.018}]), ["length_mm", "is it in m", "write 18"]),
+        (document(whisker=[{"length_mm": -3}]), ["length_mm = -3", "expected 1 to 200 mm"]),
+        (document(whisker=[{"youngs_modulus_GPa": 3e9}]), ["is it in Pa", "write 3"]),
+        (document(whisker=[{"density_kg_per_m3": 1.0}]), ["is it in g/cm³", "write 1000"]),
+        (document(whisker=[{"damping_per_s": float("nan")}]), ["damping_per_s = nan"]),
+        (document(whisker=[{"length_mm": "18"}]), ["length_mm = '18'", "a number", "not text"]),
+        (document(whisker=[{"length_mm": True}]), ["length_mm", "not true/false"]),
+        (document(whisker=[{"name": ""}]), ["name", "not empty"]),
+        (document(whisker={"name": "C2"}), ["[[whisker]]", "double brackets"]),
+        (document(whisker=[3]), ["[[whisker]] 1 = 3", "expected a table"]),
+        (document(whisker=[{"name": "a"}, {"name": "a"}]), ['"a"', "2 times", "distinct"]),
+        (
+            document(whisker=[{"length_mm": 18, "cone_length_mm": 17}]),
+            ["cone_length_mm = 17", "at least length_mm = 18"],
+        ),
+        (
+            document(whisker=[{"length_mm": 8, "hidden_length_mm": 9}]),
+            ["hidden_length_mm = 9", "less than length_mm = 8"],
+        ),
+        (
+            document(whisker=[{"length_mm": 5}]),
+            ["curvature_at_mm = 5.5", "length_mm = 5", "visible place"],
+        ),
+        (document(pole={"x_px": 3}), ["[pole] y_px is missing", "neither"]),
+        (document(pole={"diameter_mm": 500}), ["is it in µm", "write 0.5"]),
+        (document(analysis=3), ["[analysis] = 3", "expected a table"]),
+        (
+            {"recording": {**LEAST["recording"], "pixels_per_mm": 25000}},
+            ["pixels_per_mm = 25000", "pixels per m", "write 25"],
+        ),
+        (
+            {"recording": {**LEAST["recording"], "frames_per_second": 1.0}},
+            ["frames_per_second = 1.0", "kHz", "write 1000"],
+        ),
+        (
+            {"recording": {**LEAST["recording"], "face": "Left"}},
+            ["face = 'Left'", "left, right, top, bottom"],
+        ),
+    ],
+)
+def test_every_mistake_is_named_with_what_to_do(tables, expected):
+    message = problems_of(tables)
+    assert "1 problem\n" in message
+    for part in expected:
+        assert part in message
+
+
+def test_all_mistakes_are_told_at_once():
+    message = problems_of(
+        {
+            "recording": {"frames_per_second": 1.0, "fase": "left", "pixels_per_mm": 25},
+            "whisker": [{"length_mm": 18, "cone_length_mm": 17, "base_radius_um": 0.037}],
+            "pole": {"x_px": 1},
+        }
+    )
+    assert "6 problems" in message
+    assert len(re.findall(r"^  - ", message, re.MULTILINE)) == 6
+
+
+@pytest.mark.parametrize(
+    ("content", "expected"),
+    [
+        (b"[recording\n", "not valid TOML"),
+        (b"[recording]\nface = left\n", "line 2"),
+        (b"\xff\xfe\x00", "UTF-8"),
+        (None, "no such file"),
+    ],
+)
+def test_unreadable_files(tmp_path, content, expected):
+    path = tmp_path / "session.toml"
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(SettingsError, match=expected) as caught:
+        read_session(path)
+    assert str(path) in str(caught.value)
+
+
+def test_byte_order_mark_of_windows_editors_is_no_mistake(tmp_path):
+    (tmp_path / "session.toml").write_text(EXAMPLE, encoding="utf-8-sig")
+    assert read_session(tmp_path / "session.toml").recording.face == "left"

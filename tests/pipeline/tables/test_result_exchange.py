@@ -1,0 +1,123 @@
+"""New results in place of old ones, with the program ended at every single step on the way."""
+
+import json
+import os
+import pathlib
+import shutil
+
+import pytest
+
+from pipeline.tables import result_exchange
+from pipeline.tables.result_exchange import draft, is_settled, settle, settle_all
+
+STEPS = (os, "replace"), (pathlib.Path, "unlink"), (pathlib.Path, "rename"), (shutil, "rmtree")
+PERSON = {"corrections.csv": "a day's work"}
+
+
+class Killed(BaseException):
+    """As SIGKILL: nothing that the program does afterwards happens."""
+
+
+def results(generation, overlay=False):
+    names = "frames.parquet", "contacts.csv", "run.json", *(["overlay.mp4"] if overlay else [])
+    return {name: f"{name} {generation}" for name in names}
+
+
+def write(folder, files):
+    folder.mkdir(exist_ok=True)
+    for name, text in files.items():
+        (folder / name).write_text(text)
+
+
+def visible(folder):
+    return {p.name: p.read_text() for p in folder.iterdir() if not p.name.startswith(".")}
+
+
+def renew(folder, files):
+    with draft(folder) as new:
+        write(new, files)
+    settle(folder)
+
+
+def killed_at(monkeypatch, step, action):
+    """Do the action; from its `step`-th change of the disk on nothing happens. True if reached."""
+    count = 0
+
+    def counted(original):
+        def call(*args, **kwargs):
+            nonlocal count
+            count += 1
+            if count >= step:
+                raise Killed
+            return original(*args, **kwargs)
+
+        return call
+
+    with monkeypatch.context() as patch:
+        for owner, name in STEPS:
+            patch.setattr(owner, name, counted(getattr(owner, name)))
+        try:
+            action()
+        except Killed:
+            return True
+    return False
+
+
+@pytest.mark.parametrize("overlays", [(False, False), (True, False), (False, True), (True, True)])
+def test_all_old_or_all_new_wherever_it_ends(tmp_path, monkeypatch, overlays):
+    old, new = (results(g, o) for g, o in zip(("old", "new"), overlays, strict=True))
+    seen = []
+    for step in range(1, 30):
+        folder = tmp_path / f"{step}"
+        write(folder, {**old, **PERSON})
+        reached = killed_at(monkeypatch, step, lambda f=folder: renew(f, new))
+        for again in (1, 2, 30):  # the repair may be killed too
+            killed_at(monkeypatch, again, lambda f=folder: settle(f))
+        left = visible(folder)
+        assert left in ({**old, **PERSON}, {**new, **PERSON})
+        assert sorted(left) == sorted(p.name for p in folder.iterdir())
+        seen.append(left["run.json"])
+        if not reached:
+            break
+    assert not reached
+    assert seen == sorted(seen, reverse=True)  # old up to one step, new from there on
+    assert len(set(seen)) == 2
+    assert len(seen) > 5
+
+
+def test_a_failed_draft_leaves_old_results_or_no_folder(tmp_path):
+    def fail(folder):
+        with draft(folder) as new:
+            write(new, results("new"))
+            raise OSError("disk full")
+
+    write(tmp_path / "a", {**results("old"), **PERSON})
+    for name in "ab":
+        with pytest.raises(OSError, match="disk full"):
+            fail(tmp_path / name)
+    assert visible(tmp_path / "a") == {**results("old"), **PERSON}
+    assert not (tmp_path / "b").exists()
+
+
+def test_what_is_not_ours_stays(tmp_path):
+    write(tmp_path / "empty", {})
+    write(tmp_path / "theirs", {".hidden.part1.rar": "x", "run.json": json.dumps({})})
+    settle_all(tmp_path)
+    assert (tmp_path / "empty").is_dir()
+    assert (tmp_path / "theirs" / ".hidden.part1.rar").exists()
+
+
+def test_a_folder_that_cannot_be_written_waits(tmp_path, monkeypatch):
+    folder = tmp_path / "a"
+    write(folder, results("old"))
+    with draft(folder) as new:
+        write(new, results("new"))
+    assert not is_settled(folder)
+    with monkeypatch.context() as patch:
+        patch.setattr(result_exchange.os, "replace", lambda *_: (_ for _ in ()).throw(OSError()))
+        settle_all(tmp_path)
+        with pytest.raises(OSError):
+            settle(folder)
+    settle_all(tmp_path)
+    assert is_settled(folder)
+    assert visible(folder) == results("new")

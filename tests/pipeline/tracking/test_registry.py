@@ -1,0 +1,174 @@
+"""Which whiskers there are, and who is who, in a dense row that whisks fast."""
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+
+from pipeline.detection.line import Line
+from pipeline.run import trace
+from pipeline.scene.estimate import scene_from_frames
+from pipeline.session.recording import Recording
+from pipeline.tracking.matching import Ruler, crowded
+from pipeline.tracking.registry import Slot, _posterior_first, find_roster, gather
+from pipeline.tracking.tracker import options_for
+from synthetic.presets import make_trial
+from synthetic.render import Renderer
+from synthetic.scoring import line_scoring
+from synthetic.truth import centreline_table, visibility_table
+
+FRAMES = 180
+NOISE_SD = 1.5  # grey levels, as in the preset
+HIDDEN = 1.4e-3  # m
+
+
+class Row:
+    """Rendered frames of `dense_row`, their roster and traced lines, scored."""
+
+    def __init__(self):
+        trial = make_trial("dense_row", 0, 0, FRAMES)
+        renderer = Renderer(trial.scene, trial.motion)
+        self.images = np.array([renderer.frame(i) for i in range(FRAMES)])
+        camera = trial.scene.camera
+        recording = Recording(camera.frames_per_second, camera.pixels_per_mm, "left")
+        self.names = list(trial.scene.names)
+        self.scene = scene_from_frames(self.images[::5], recording, None, None, FRAMES)
+        lengths = [hair.whisker.length for hair in trial.scene.hairs]
+        self.options = options_for(recording, lengths, [HIDDEN] * len(lengths))
+        self.roster = find_roster(self.images[::8], self.scene, self.options, self.names)
+        lines = centreline_table(trial.motion)
+        visible = visibility_table(trial.motion, renderer, lines)
+        truth = line_scoring.visible_truth(lines, visible, camera.pixels_per_mm, NOISE_SD)
+        chunks = trace(self.images, self.scene, self.roster, self.options, chunk_frames=10**6)
+        self.lines = next(iter(chunks))
+        self.scores = line_scoring.score_lines(self.lines, truth)
+
+
+@pytest.fixture(scope="module")
+def row():
+    return Row()
+
+
+def test_all_whiskers_are_in_the_roster_in_order(row):
+    assert [slot.name for slot in row.roster] == row.names
+    bases = [slot.base_xy[1] for slot in row.roster]
+    assert np.all(np.diff(bases) > -1.5)  # px: some leave the face at the same place
+    assert crowded([slot.signature for slot in row.roster], row.options)
+
+
+def test_lengths_that_are_given_tell_the_order_whatever_the_thickness(row):
+    options = replace(row.options, visible_px=row.options.visible_px[::-1])
+    roster = find_roster(row.images[::8], row.scene, options, row.names[::-1])
+    bases = {slot.name: slot.base_xy for slot in roster}
+    for slot in row.roster:  # in which thickness says the same as length
+        np.testing.assert_allclose(bases[slot.name], slot.base_xy)
+
+
+def test_whiskers_keep_their_names_in_fast_whisking(row):
+    rows = row.scores.rows
+    wrong = (rows["nearest"] != rows["whisker"]).to_numpy()
+    assert len(rows) > 0.97 * FRAMES * len(row.names)
+    assert wrong.mean() < 0.01
+    assert (row.scores.whiskers["covered"] >= 0.8).mean() > 0.95
+
+
+def test_it_is_sure_mostly_and_then_right(row):
+    rows = row.scores.rows
+    wrong = (rows["nearest"] != rows["whisker"]).to_numpy()
+    unsure = row.lines.confidence <= 0.5
+    assert unsure.mean() < 0.1  # neighbours do lie upon each other at times
+    assert wrong[~unsure].mean() < 0.01
+
+
+def test_whiskers_beside_each_other_are_not_taken_for_one_broad_one():
+    n = 1000
+    trial = make_trial("dense_row", 1, 0, n)
+    renderer = Renderer(trial.scene, trial.motion)
+    chosen = np.arange(0, n, n // 24)[:24]
+    images = np.array([renderer.frame(i) for i in chosen])
+    camera = trial.scene.camera
+    recording = Recording(camera.frames_per_second, camera.pixels_per_mm, "left")
+    scene = scene_from_frames(images, recording, None, None, n)
+    lengths = [hair.whisker.length for hair in trial.scene.hairs]
+    options = options_for(recording, lengths, [HIDDEN] * len(lengths))
+    roster = find_roster(images, scene, options, list(trial.scene.names), chosen)
+    truth = centreline_table(trial.motion)
+    for slot in roster:
+        true = [
+            _nearest(line, truth, chosen[k])
+            for k, line in zip(slot.seen, slot.samples, strict=True)
+        ]
+        assert true.count(slot.name) > 0.8 * len(true), slot.name
+
+
+def test_a_short_anterior_whisker_is_one_and_a_hair_of_the_fur_is_none():
+    px_per_mm, rng = 25.0, np.random.default_rng(4)
+    images = []
+    for angle in np.radians(np.linspace(-8, 8, 12)):
+        picture = np.full((300, 400), 180, np.uint8)
+        picture[:, :40] = 8
+        for y, length_mm, grey in ((200, 13, 30), (130, 3.75, 70), (90, 2, 50)):
+            tip = (
+                40 + length_mm * px_per_mm * np.cos(angle),
+                y - length_mm * px_per_mm * np.sin(angle),
+            )
+            ends = [tuple(round(16 * v) for v in end) for end in ((40, y), tip)]
+            cv2.line(picture, *ends, grey, 1, cv2.LINE_AA, 4)
+        noisy = cv2.GaussianBlur(picture.astype(float), (0, 0), 0.7)
+        images.append(np.uint8(np.clip(noisy + rng.normal(0, 1.5, picture.shape), 0, 255)))
+    images = np.array(images)
+    recording = Recording(500.0, px_per_mm, "left")
+    scene = scene_from_frames(images, recording, None, None, len(images))
+    roster = find_roster(images, scene, options_for(recording))
+    assert [round(slot.base_xy[1], -1) for slot in roster] == [130, 200]  # px
+
+
+def straight(follicle_y, angle, length, thickness):
+    """A line (`detection.Line`) to the right, 1.4 mm from its follicle at (35, follicle_y) px."""
+    line = Line.empty(300)
+    line.n = length
+    s = 1e3 * HIDDEN * 17.5 + np.arange(length)
+    line.x[:length], line.y[:length] = 35 + s * np.cos(angle), follicle_y - s * np.sin(angle)
+    line.thickness[:], line.amplitude[:] = thickness, 0.3
+    return line
+
+
+@pytest.mark.parametrize(("width", "turned"), [(500, True), (180, False)])
+def test_a_whisker_that_the_border_cuts_does_not_tell_the_order(width, turned):
+    slots = []
+    for y, length, thickness in ((100, 150, 1.0), (150, 120, 1.2)):
+        line = straight(y, 0.0, length, thickness)
+        slots.append(Slot("", line.points[0], length, (line,) * 5))
+    given = 150.0, 300.0  # in the other order they would be more alike, seen 150 and 120 px long
+    assert _posterior_first(slots, given, (240, width)) == turned
+
+
+def test_a_whisker_that_moves_by_itself_is_one_whisker():
+    rng = np.random.default_rng(3)
+    sizes = [(100, 180, 0.9), (130, 220, 1.1), (160, 260, 1.3)]
+    angles = rng.choice([-0.2, 0.2], (24, 3)) + rng.normal(0, 0.02, (24, 3))
+    found = [
+        [straight(y, a, n, thick) for (y, n, thick), a in zip(sizes, row, strict=True)]
+        for row in angles
+    ]
+    ruler = Ruler.of("left", options_for(Recording(1000.0, 17.5, "left")))
+    groups = gather(found, ruler)
+    assert sorted(len(g.frames) for g in groups) == [24, 24, 24]
+    for group in groups:
+        assert np.ptp([line.n for line in group.lines]) == 0
+    # two that are seen together stay two, however alike
+    beside = [[straight(100, a, 180, 0.9), straight(103, a + 0.4, 180, 0.9)] for a in angles[:, 0]]
+    assert len(gather(beside, ruler)) == 2
+
+
+def _nearest(line, truth, frame):
+    """Name of the true whisker that most of a line lies on."""
+    rows = np.flatnonzero(truth.frame == frame)
+    near = [
+        np.median(
+            np.hypot(*(line.points[::3, None] - truth.row(r)[None]).transpose(2, 0, 1)).min(axis=1)
+        )
+        for r in rows
+    ]
+    return truth.names[truth.whisker[rows[int(np.argmin(near))]]]

@@ -1,0 +1,69 @@
+"""Backgrounds of whiskers that hardly move, against the light that is behind them."""
+
+import numpy as np
+
+from pipeline.scene.estimate import scene_from_frames
+from pipeline.session.recording import Recording
+from pipeline.tracking.registry import find_roster
+from pipeline.tracking.stationary_whiskers import FUR_MM, without_resting_whiskers
+from pipeline.tracking.tracker import options_for
+
+SCALE = 25.0  # px/mm
+FACE_PX, PIVOT = 40, (10.0, 120.0)
+FUR_PX = FACE_PX + int(FUR_MM * SCALE) + 2  # as far as fur reaches
+LIGHT = 200.0  # grey
+SHADE, CLEAN = 8.0, 3.5  # grey
+
+
+def picture(angle, seed):
+    """A dark face and a straight whisker that turns about a point within it."""
+    y, x = np.mgrid[:240, :500].astype(float)
+    along = (x - PIVOT[0]) * np.cos(angle) + (y - PIVOT[1]) * np.sin(angle)
+    across = (y - PIVOT[1]) * np.cos(angle) - (x - PIVOT[0]) * np.sin(angle)
+    dark = 0.8 * (1 - along / 480) * np.exp(-(across**2) / (2 * 1.2**2)) * (along < 470)
+    image = np.where(x < FACE_PX, 10.0, LIGHT * (1 - dark))
+    image += np.random.default_rng(seed).normal(0, 2, image.shape)
+    return np.clip(np.rint(image), 0, 255).astype(np.uint8)
+
+
+def backgrounds(swing):
+    """Scene and cleared scene of a whisker that turns by ±swing [rad]."""
+    angles = swing * np.sin(np.linspace(0, 12, 24))
+    frames = np.stack([picture(angle, i) for i, angle in enumerate(angles)])
+    recording = Recording(1000.0, SCALE, "left")
+    scene = scene_from_frames(frames, recording, None)
+    roster = find_roster(frames, scene, options_for(recording), None)
+    return scene, without_resting_whiskers(scene, roster, SCALE)
+
+
+def shade(scene):
+    """Largest error of the light beyond the fur [grey]."""
+    return np.abs(scene.background[60:180, FUR_PX:300] - LIGHT).max()
+
+
+def test_resting_whiskers_leave_no_shade():
+    scene, cleared = backgrounds(np.radians(2.5))
+    assert shade(scene) > SHADE
+    assert shade(cleared) < CLEAN
+
+
+def test_whiskers_that_never_leave_their_place_are_filled_with_their_flanks():
+    for swing in np.radians([0.2, 0.6, 1.0]):
+        scene, _ = backgrounds(swing)
+        assert shade(scene) < CLEAN
+
+
+def test_the_fur_stays_as_it_is():
+    scene, cleared = backgrounds(np.radians(1.0))
+    fur = np.s_[:, : FUR_PX - 4]
+    assert np.array_equal(cleared.background[fur], scene.background[fur])
+
+
+def test_moving_whiskers_change_nothing():
+    scene, cleared = backgrounds(np.radians(8.0))
+    assert cleared is scene
+
+
+def test_few_samples_tell_nothing():
+    scene, _ = backgrounds(np.radians(1.0))
+    assert without_resting_whiskers(scene, [], SCALE) is scene

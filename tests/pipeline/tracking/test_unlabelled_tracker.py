@@ -1,0 +1,73 @@
+"""Lines of a crowd through rendered frames in which neighbours stand closer than they move."""
+
+import numpy as np
+import pytest
+
+from pipeline.detection.line import Line
+from pipeline.scene.estimate import scene_from_frames
+from pipeline.session.recording import Recording
+from pipeline.tracking.registry import find_roster
+from pipeline.tracking.tracker import options_for
+from pipeline.tracking.unlabelled_tracker import CrowdTracer
+from synthetic.presets import make_trial
+from synthetic.render import Renderer
+
+FRAMES = range(100, 180)
+ON = 1.5  # px from a true centreline
+
+
+@pytest.fixture(scope="module")
+def crowd():
+    trial = make_trial("dense_row", 0, 0)
+    renderer, camera = Renderer(trial.scene, trial.motion), trial.scene.camera
+    recording = Recording(camera.frames_per_second, camera.pixels_per_mm, trial.scene.face.side)
+    wide = np.array([renderer.frame(i) for i in range(0, len(trial.motion), 25)])
+    scene = scene_from_frames(wide, recording, 0.5e-3, None, len(trial.motion))
+    options = options_for(recording)
+    images = [renderer.frame(i) for i in FRAMES]
+    return trial, scene, find_roster(wide[::2], scene, options), options, images
+
+
+def whisker_at(trial, frame, line):
+    """True whisker that most of a line's middle lies on, −1 for none."""
+    points, best, found = line.points[10 : line.n // 2 + 10], 0.5, -1
+    for hair in range(len(trial.scene.hairs)):
+        x, y = trial.motion.centrelines(hair=hair, frames=slice(frame, frame + 1))
+        off = np.hypot(points[:, :1] - x, points[:, 1:] - y).min(axis=1)
+        if (off < ON).mean() > best:
+            best, found = (off < ON).mean(), hair
+    return found
+
+
+def test_tracks_stay_with_their_whiskers_in_fast_whisking(crowd):
+    trial, scene, roster, options, images = crowd
+    tracer = CrowdTracer(scene, roster, options)
+    last, same, other = {}, 0, 0
+    for frame, image in zip(FRAMES, images, strict=True):
+        now = {t.number: whisker_at(trial, frame, t.line) for t in tracer.step(image)}
+        for number, whisker in now.items():
+            if min(whisker, last.get(number, -1)) >= 0:
+                same += whisker == last[number]
+                other += whisker != last[number]
+        last = now
+    assert same > 0.8 * len(FRAMES) * len(trial.scene.hairs)
+    assert other <= 0.002 * same
+
+
+def test_it_goes_on_where_all_lines_are_lost_for_some_frames(crowd):
+    _, scene, roster, options, images = crowd
+    tracer = CrowdTracer(scene, roster, options)
+    empty = np.clip(scene.background, 0, 255).astype(np.uint8)
+    seen = [len(tracer.step(image)) for image in (*images[:3], empty, empty, empty, *images[3:12])]
+    assert seen[5] == 0
+    assert seen[-1] >= len(roster) - 2
+
+
+@pytest.mark.parametrize(("curvature", "bent"), [(60.0, False), (150.0, True)])
+def test_what_bends_more_than_a_whisker_can_near_its_base_is_none(crowd, curvature, bent):
+    _, scene, roster, options, _ = crowd
+    line = Line.empty(400)
+    line.n = int(12e-3 * options.pixels_per_m)
+    angle = curvature / options.pixels_per_m * np.arange(line.n)  # 1/m × m
+    line.x[: line.n], line.y[: line.n] = np.cumsum(np.cos(angle)), np.cumsum(np.sin(angle))
+    assert CrowdTracer(scene, roster, options)._is_bent(line) == bent

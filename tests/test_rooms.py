@@ -1,0 +1,86 @@
+"""The house keeps its plan: imports run down the list of rooms, and the map names every file."""
+
+import ast
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+PAGE = (ROOT / "docs" / "code.md").read_text(encoding="utf-8")
+ROOMS = (
+    "app", "curate", "reports", "contacts", "forces", "kinematics", "identity", "tracking",
+    "scene", "detection", "session", "video", "tables", "runtime", "numerics",
+)  # fmt: skip
+ANYWHERE = {"pipeline.errors"}
+WHOLE_WAY = {"pipeline", "pipeline.run", "pipeline.messages"}  # for the command line alone
+
+
+def modules(package):
+    """Dotted name → file of every module of a package."""
+    files = (ROOT / package).rglob("*.py")
+    return {".".join(file.relative_to(ROOT).with_suffix("").parts): file for file in files}
+
+
+def imported(file, known):
+    """Modules among `known` that a file imports, also inside functions."""
+    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            for alias in node.names:
+                deeper = f"{node.module}.{alias.name}"
+                yield deeper if deeper in known else node.module
+
+
+def room_of(module):
+    """The room that a module of `pipeline` lies in, None for what stands beside the rooms."""
+    parts = module.split(".")
+    return parts[1] if len(parts) > 1 and parts[1] in ROOMS else None
+
+
+def test_every_folder_is_a_room_on_the_list():
+    folders = {file.parent.name for file in (ROOT / "pipeline").glob("*/__init__.py")}
+    assert folders == set(ROOMS)
+
+
+@pytest.mark.parametrize("room", ROOMS)
+def test_imports_run_down_the_list_of_rooms(room):
+    known = modules("pipeline")
+    below = set(ROOMS[ROOMS.index(room) :])
+    for module, file in known.items():
+        if room_of(module) != room:
+            continue
+        for other in imported(file, known):
+            if other.split(".")[0] != "pipeline" or other in ANYWHERE:
+                continue
+            allowed = room_of(other) in below or (room == "app" and other in WHOLE_WAY)
+            assert allowed, f"{module} imports {other}"
+
+
+@pytest.mark.parametrize(
+    ("package", "others"),
+    [("whiskermodel", {"pipeline", "synthetic"}), ("synthetic", {"pipeline.forces"})],
+)
+def test_packages_import_only_what_they_may(package, others):
+    """The model stands alone; the truth is not made by what it judges."""
+    known = modules("pipeline") | modules("synthetic")
+    for module, file in modules(package).items():
+        for other in imported(file, known):
+            prefixes = {".".join(other.split(".")[:k]) for k in (1, 2)}
+            assert not prefixes & others, f"{module} imports {other}"
+
+
+@pytest.mark.parametrize("package", ["pipeline", "whiskermodel", "synthetic", "workflows"])
+def test_every_file_is_on_the_map(package):
+    """Whoever adds a file says in docs/code.md what it is for."""
+    sections = re.split(r"^## ", PAGE, flags=re.MULTILINE)
+    (section,) = [each for each in sections if each.startswith(f"`{package}`")]
+    named = set(re.findall(r"`([\w/]+)`", section))
+    files = {
+        file.relative_to(ROOT / package).with_suffix("").as_posix()
+        for file in (ROOT / package).rglob("*.py")
+        if not file.stem.startswith("__")
+    }
+    assert files - named == set(), "not on the map"
+    assert {name for name in named if "/" in name} - files == set(), "on the map, but gone"
