@@ -9,19 +9,24 @@ import tifffile
 from pipeline.errors import VideoError
 from pipeline.video.base import RandomAccessVideo, bits_to_drop, to_8_bit
 
+PACKED_BITS = (10, 12, 14)
 PROBES = 16  # frames looked at to find the bit depth of a 16-bit stack
 
 
-class _Stack(RandomAccessVideo):
-    """Images of one size; 16-bit ones all scaled by one power of two."""
+class ImageStack(RandomAccessVideo):
+    """Images of one size; 16-bit ones all scaled by one power of two.
 
-    def __init__(self, path, n_frames):
+    `true_bits` says how many of the 16 the camera fills, where that is known.
+    """
+
+    def __init__(self, path, n_frames, true_bits=8):
         first = self._image(0)
         super().__init__(path, first.shape[1], first.shape[0], n_frames)
         self._drop = 0
         if first.dtype == np.uint16:
             probes = np.unique(np.linspace(0, n_frames - 1, PROBES).astype(int))
-            self._drop = bits_to_drop(max(self._largest(i) for i in probes))
+            largest = bits_to_drop(max(self._largest(i) for i in probes))
+            self._drop = max(largest, min(true_bits, 16) - 8)
 
     def _image(self, index) -> np.ndarray:
         """Return image `index`, uint8 or uint16 (height, width)."""
@@ -39,7 +44,7 @@ class _Stack(RandomAccessVideo):
         return to_8_bit(image, self._drop)
 
 
-class TiffVideo(_Stack):
+class TiffVideo(ImageStack):
     """The pages of a TIFF file."""
 
     def __init__(self, path):
@@ -64,14 +69,16 @@ class TiffVideo(_Stack):
 
     def _image(self, index):
         try:
-            image = (
-                self._tiff.pages[int(index)].asarray()
-                if self._volume is None
-                else self._volume[index]
-            )
+            image = self._page(int(index)) if self._volume is None else self._volume[index]
         except Exception as error:
             raise _unreadable(self._path, index, f"page {index}", error) from error
         return _grey(image, self._path, index, cv2.COLOR_RGB2GRAY)
+
+    def _page(self, index):
+        page = self._tiff.pages[index]
+        if page.bitspersample in PACKED_BITS and page.compression == 1 and page.fillorder == 1:
+            return _unpacked(page)
+        return page.asarray()
 
     def close(self):
         """Close the file."""
@@ -79,7 +86,19 @@ class TiffVideo(_Stack):
         self._tiff.close()
 
 
-class ImageFolderVideo(_Stack):
+def _unpacked(page):
+    """Image of a page whose pixels of 10 to 14 bits follow upon each other without gaps."""
+    bits, file, data = page.bitspersample, page.parent.filehandle, bytearray()
+    for start, size in zip(page.dataoffsets, page.databytecounts, strict=True):
+        file.seek(start)
+        data += file.read(size)
+    rows = np.frombuffer(data, np.uint8).reshape(page.imagelength, -1)
+    single = np.unpackbits(rows, axis=1)[:, : page.imagewidth * bits]
+    weights = (1 << np.arange(bits)[::-1]).astype(np.uint16)
+    return single.reshape(page.imagelength, page.imagewidth, bits) @ weights
+
+
+class ImageFolderVideo(ImageStack):
     """Image files, in the given order, as one video."""
 
     def __init__(self, path, files):

@@ -1,4 +1,4 @@
-"""Any input → grey frames, streamed: videos, TIFF stacks, folders of images; and finding them."""
+"""Any input → grey frames, streamed: videos, TIFF stacks, image folders; and finding them."""
 
 import re
 from collections import Counter
@@ -37,6 +37,7 @@ VIDEO_SUFFIXES = frozenset(
         ".y4m",
         ".nut",
         ".gif",
+        ".seq",
     ]
 )
 TIFF_SUFFIXES = frozenset((".tif", ".tiff"))
@@ -51,7 +52,7 @@ PREVIEW = re.compile(r"preview")  # what `init` draws
 
 
 def open_video(path, threads: int = 1) -> Video:
-    """Open a video file, a TIFF stack, an image or a folder of images.
+    """Open a video file, a StreamPix sequence, a TIFF stack, an image or a folder of images.
 
     Parameters
     ----------
@@ -80,6 +81,10 @@ def open_video(path, threads: int = 1) -> Video:
         from pipeline.video.image_stacks import ImageFolderVideo
 
         return ImageFolderVideo(path, [path])
+    if suffix == ".seq":
+        from pipeline.video.streampix import StreamPixVideo
+
+        return StreamPixVideo(path)
     from pipeline.video.containers import open_container
 
     return open_container(path, threads)

@@ -5,6 +5,7 @@ import cv2
 import numpy as np
 import pytest
 import tifffile
+from camera_files import packed_tiff
 
 from pipeline.errors import VideoError
 from pipeline.video.base import bits_to_drop, to_8_bit
@@ -549,3 +550,13 @@ class TestBitDepth:
 
     def test_later_frames_are_clipped_not_wrapped(self):
         assert to_8_bit(np.array([[5000]], np.uint16), 4)[0, 0] == 255
+
+
+@pytest.mark.parametrize("bits", [10, 12, 14])
+@pytest.mark.parametrize("width", [31, 32])
+def test_tiff_with_packed_pixels(tmp_path, bits, width):
+    rng = np.random.default_rng(bits)
+    frames = rng.integers(0, 1 << bits, (3, 5, width)).astype(np.uint16)
+    frames[0, 0, 0] = (1 << bits) - 1
+    (tmp_path / "a.tif").write_bytes(packed_tiff(frames, bits))
+    np.testing.assert_array_equal(read(tmp_path / "a.tif"), frames >> (bits - 8))

@@ -1,0 +1,105 @@
+"""StreamPix sequences (`.seq` of NorPix): a header, then frames at a fixed distance.
+
+Numbers are little-endian. Plain grey frames of 8 bits, or of 9 to 16 bits in 16, are read; what
+StreamPix has compressed or packed, it must export.
+"""
+
+import struct
+from typing import NamedTuple
+
+import numpy as np
+
+from pipeline.errors import VideoError
+from pipeline.video.image_stacks import ImageStack
+
+MAGIC = 0xFEED
+MONO = 100  # image format: one grey value per pixel
+FIELDS = struct.Struct("<I24xi516x7I4xId28xI")  # of the first 624 bytes, those that are used
+OLD_START, START = 1024, 8192  # byte of the first frame, by the header's version
+FIRST_NEW_VERSION = 5
+EXPORT = "export it with StreamPix as uncompressed mono .seq, or as AVI or TIFF"
+
+
+class Header(NamedTuple):
+    """What the header says of a sequence; sizes and distances in bytes."""
+
+    magic: int
+    version: int
+    width: int
+    height: int
+    bit_depth: int
+    true_bit_depth: int
+    image_bytes: int
+    image_format: int
+    frames: int
+    stride: int
+    frames_per_second: float
+    compression: int
+
+    @property
+    def start(self) -> int:
+        """Byte at which the first frame begins."""
+        return START if self.version >= FIRST_NEW_VERSION else OLD_START
+
+
+class StreamPixVideo(ImageStack):
+    """The frames of a `.seq` file.
+
+    Attributes
+    ----------
+    header : Header
+    """
+
+    def __init__(self, path):
+        self._path = path
+        self.header = header = read_header(path)
+        self._bytes = np.memmap(path, np.uint8, "r")
+        stored = (len(self._bytes) - header.start - header.image_bytes) // header.stride + 1
+        self._stored = max(stored, 0)
+        count = header.frames or self._stored  # a recording that was broken off counts none
+        if self._stored == 0:
+            raise VideoError(
+                path, "holds no whole frame: it is cut off; copy or record it again", 0
+            )
+        super().__init__(path, count, true_bits=header.true_bit_depth)
+
+    def _image(self, index):
+        header = self.header
+        if index >= self._stored:
+            raise VideoError(
+                self._path,
+                f"holds {self._stored} frames, its header says {header.frames}: the file is cut "
+                "off or damaged; copy it again from the recording computer",
+                int(index),
+            )
+        dtype = np.dtype("u1" if header.bit_depth == 8 else "<u2")
+        shape = header.height, header.width
+        return np.ndarray(shape, dtype, self._bytes, header.start + int(index) * header.stride)
+
+    def close(self):
+        """Close the file."""
+        self._bytes = None
+
+
+def read_header(path) -> Header:
+    """Read and check the header of a `.seq` file; VideoError where it cannot be read on."""
+    with open(path, "rb") as file:
+        head = file.read(FIELDS.size)
+    if len(head) < FIELDS.size or head[:4] != struct.pack("<I", MAGIC):
+        raise VideoError(path, "is no StreamPix sequence, or damaged; copy it again, or rename it")
+    header = Header(*FIELDS.unpack(head))
+    if header.compression or header.image_format != MONO:
+        raise VideoError(
+            path,
+            f"has compression {header.compression} and image format {header.image_format}: "
+            f"expected 0 and {MONO}, plain grey frames; {EXPORT}",
+        )
+    bytes_per_pixel = {8: 1, 16: 2}.get(header.bit_depth)
+    expected = header.width * header.height * (bytes_per_pixel or 0)
+    if not 0 < expected == header.image_bytes <= header.stride:
+        raise VideoError(
+            path,
+            f"has {header.width}×{header.height} pixels of {header.bit_depth} bits in "
+            f"{header.image_bytes} bytes: expected 8 or 16 bits per pixel; {EXPORT}",
+        )
+    return header

@@ -1,0 +1,111 @@
+"""StreamPix sequences: what the camera stored comes out; what is damaged is named."""
+
+import numpy as np
+import pytest
+from camera_files import streampix
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from pipeline.errors import VideoError
+from pipeline.video.open import find_videos, open_video
+
+
+def frames_of(n=5, height=6, width=10, bits=8):
+    dtype = np.uint8 if bits == 8 else np.uint16
+    rng = np.random.default_rng(n)
+    return rng.integers(0, 1 << bits, (n, height, width)).astype(dtype)
+
+
+def write(path, *args, **kwargs):
+    path.write_bytes(streampix(*args, **kwargs))
+    return path
+
+
+@pytest.mark.parametrize("version", [3, 5])
+def test_frames_and_header_come_out_as_stored(tmp_path, version):
+    frames = frames_of()
+    with open_video(write(tmp_path / "a.SEQ", frames, version=version, rate=500.0)) as video:
+        assert (video.width, video.height, video.n_frames) == (10, 6, 5)
+        assert video.exact_count
+        assert video.header.frames_per_second == 500.0
+        np.testing.assert_array_equal(list(video), frames)
+        np.testing.assert_array_equal(list(video.frames(2, 4)), frames[2:4])
+
+
+@pytest.mark.parametrize(
+    ("bits", "said", "drop"), [(12, 12, 4), (10, 12, 4), (16, 16, 8), (16, 12, 8), (12, 16, 8)]
+)
+def test_deep_pixels_keep_their_highest_8_bits(tmp_path, bits, said, drop):
+    """Of what the header says and what the pixels hold, the more counts: nothing is cut off."""
+    frames = frames_of(bits=bits)
+    frames[0, 0, 0] = (1 << bits) - 1
+    with open_video(write(tmp_path / "a.seq", frames, true_bits=said)) as video:
+        np.testing.assert_array_equal(list(video), frames >> drop)
+
+
+@given(frames=arrays(np.uint8, st.tuples(*[st.integers(1, 5)] * 3)))
+def test_any_frames_come_back(tmp_path_factory, frames):
+    path = tmp_path_factory.mktemp("seq") / "a.seq"
+    with open_video(write(path, frames)) as video:
+        np.testing.assert_array_equal(list(video), frames)
+
+
+def test_a_recording_broken_off_gives_its_whole_frames(tmp_path):
+    path = write(tmp_path / "a.seq", frames_of(), count=0)
+    path.write_bytes(path.read_bytes()[:-512])
+    with open_video(path) as video:
+        np.testing.assert_array_equal(list(video), frames_of()[:4])
+
+
+def test_a_file_cut_off_fails_at_the_missing_frame(tmp_path):
+    path = write(tmp_path / "a.seq", frames_of())
+    path.write_bytes(path.read_bytes()[: 1024 + 3 * 512])
+    with open_video(path) as video:
+        frames = iter(video)
+        np.testing.assert_array_equal([next(frames) for _ in range(3)], frames_of()[:3])
+        with pytest.raises(VideoError, match=r"holds 3 .* header says 5.*copy it") as caught:
+            next(frames)
+    assert caught.value.frame == 3
+
+
+@pytest.mark.parametrize("length", [0, 3, 300, 623, 1023])
+def test_a_file_without_a_whole_frame_says_so(tmp_path, length):
+    path = tmp_path / "a.seq"
+    path.write_bytes(streampix(frames_of())[:length])
+    with pytest.raises(VideoError, match=r"copy"):
+        open_video(path)
+
+
+@pytest.mark.parametrize(
+    ("other", "message"),
+    [
+        ({"compression": 1}, "compression 1.*export it with StreamPix"),
+        ({"image_format": 101}, "image format 101.*expected 0 and 100"),
+    ],
+)
+def test_other_kinds_say_what_to_export(tmp_path, other, message):
+    with pytest.raises(VideoError, match=message):
+        open_video(write(tmp_path / "a.seq", frames_of(), **other))
+
+
+@given(place=st.integers(548, 623), value=st.integers(0, 255))
+def test_a_damaged_header_never_crashes(tmp_path_factory, place, value):
+    """One byte is wrong: the frames come, or the error names the file."""
+    data = bytearray(streampix(frames_of()))
+    data[place] = value
+    path = tmp_path_factory.mktemp("seq") / "a.seq"
+    path.write_bytes(data)
+    message = str(path)
+    try:
+        with open_video(path) as video:
+            for _ in zip(video, range(9), strict=False):
+                pass
+    except VideoError as error:
+        message = str(error)
+    assert str(path) in message
+
+
+def test_a_sequence_is_found_in_a_folder(tmp_path):
+    path = write(tmp_path / "a.seq", frames_of())
+    assert find_videos([tmp_path]) == [path]
