@@ -8,9 +8,9 @@ __all__ = ["analyse", "read_session"]
 def __getattr__(name):
     """Bring in the public functions when they are asked for: importing them all takes a second."""
     if name == "analyse":
-        from pipeline.runtime.numba_cache import drop_stale
+        from pipeline.runtime.numba_cache import prepare_cache
 
-        drop_stale()
+        prepare_cache()
         from pipeline.run import analyse
 
         return analyse

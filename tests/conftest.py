@@ -4,12 +4,12 @@ import os
 
 import pytest
 
-from pipeline.runtime.numba_cache import drop_stale
+from pipeline.runtime.numba_cache import prepare_cache
 from pipeline.runtime.workers import THREADS
 
 for name in THREADS:  # before NumPy is loaded: the matrices are small, threads only wait
     os.environ.setdefault(name, "1")
-drop_stale()
+prepare_cache()
 
 FRAMES = 260
 

@@ -252,10 +252,10 @@ def paper(
 
 def main(arguments=None):
     """Run the command; turn expected errors into a message and an exit status."""
-    from pipeline.runtime.numba_cache import drop_stale
+    from pipeline.runtime.numba_cache import prepare_cache
     from pipeline.runtime.workers import THREADS
 
-    drop_stale()
+    prepare_cache()
     for name in THREADS:  # the matrices are small: threads would only wait for each other
         os.environ.setdefault(name, "1")
     gc.set_threshold(50_000, 20, 20)  # imports make much that stays: searching it takes 0.2 s

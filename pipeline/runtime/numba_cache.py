@@ -1,19 +1,39 @@
-"""Compiled code that Numba keeps beside its source, dropped where it no longer is what is written.
+"""Compiled code that Numba keeps on disk: where it lies, and dropped where its source changed.
 
-Numba compiles a function again when its own file has changed. That a function which it calls from
-another file has changed, Numba does not see: after an update of the program, old and new would
-be mixed.
+Numba compiles a function again when its own file has changed. It does not see that a function
+in another file, which the first one calls, has changed: after an update of the program, old and
+new code would be mixed.
+
+Compiled code lies beside its source. Where nothing can be written there (an installation for all
+users of a machine) it lies in the user's cache folder, and where there is none, in a temporary
+folder. `NUMBA_CACHE_DIR`, if set, comes first.
 """
 
+import atexit
+import hashlib
 import json
 import os
 import re
+import shutil
+import sys
+import tempfile
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 PACKAGES = ("pipeline", "synthetic", "whiskermodel")
-STAMPS = "compiled_from.json"  # beside the compiled code of the first package
+VARIABLE = "NUMBA_CACHE_DIR"
 _IMPORT = re.compile(r"^(?:from|import) ([\w.]+)(?: import (\([^)]*\)|.*))?", re.MULTILINE)
+
+
+def prepare_cache(root=ROOT, packages=PACKAGES) -> list[Path]:
+    """Choose the folder for compiled code, and `drop_stale` in it; call it before work begins."""
+    root = Path(root)
+    beside = root / packages[0] / "__pycache__"
+    if not os.environ.get(VARIABLE) and not _is_writable(beside):
+        os.environ[VARIABLE] = str(_folder_elsewhere())  # workers inherit it
+        if "numba" in sys.modules:  # it has read the environment already
+            sys.modules["numba"].config.CACHE_DIR = os.environ[VARIABLE]
+    return drop_stale(root, packages)
 
 
 def drop_stale(root=ROOT, packages=PACKAGES) -> list[Path]:
@@ -25,7 +45,7 @@ def drop_stale(root=ROOT, packages=PACKAGES) -> list[Path]:
     root = Path(root)
     files = [file for package in packages for file in (root / package).rglob("*.py")]
     sources = {_module(file.relative_to(root)): file for file in files}
-    stamps = root / packages[0] / "__pycache__" / STAMPS
+    stamps = _stamps(root, packages[0])
     now = {name: file.stat().st_mtime_ns for name, file in sorted(sources.items())}
     before = _read(stamps)
     if now == before:
@@ -34,11 +54,10 @@ def drop_stale(root=ROOT, packages=PACKAGES) -> list[Path]:
     removed = []
     try:
         for name in _callers(sources, changed):
-            file = sources[name]
-            for index in (file.parent / "__pycache__").glob(f"{file.stem}.*.nbi"):
+            for index in _indexes(sources[name]):
                 index.unlink(missing_ok=True)
                 removed.append(index)
-        stamps.parent.mkdir(exist_ok=True)
+        stamps.parent.mkdir(parents=True, exist_ok=True)
         part = stamps.with_suffix(f".{os.getpid()}.part")
         part.write_text(json.dumps(now))
         part.replace(stamps)  # another process never reads a half
@@ -47,9 +66,57 @@ def drop_stale(root=ROOT, packages=PACKAGES) -> list[Path]:
     return removed
 
 
+def _stamps(root, package) -> Path:
+    """File with the times of all sources when they were last looked at."""
+    if VARIABLE not in os.environ:
+        return root / package / "__pycache__" / "compiled_from.json"
+    installation = hashlib.sha256(str(root).encode()).hexdigest()[:12]
+    return Path(os.environ[VARIABLE]) / f"compiled_from_{installation}.json"
+
+
+def _indexes(file):
+    """Numba's index files of the functions in a source file; without them it compiles again."""
+    yield from (file.parent / "__pycache__").glob(f"{file.stem}.*.nbi")
+    if VARIABLE in os.environ:
+        yield from Path(os.environ[VARIABLE]).glob(f"{file.parent.name}_*/{file.stem}.*.nbi")
+
+
+def _is_writable(folder) -> bool:
+    """Whether a file can be made in the folder; it is made where it is not there."""
+    try:
+        folder.mkdir(exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            return True
+    except OSError:
+        return False
+
+
+def _folder_elsewhere() -> Path:
+    """The user's folder for compiled code, or, without one, a folder until the program ends."""
+    user = _user_caches() / "whiskerforce"
+    try:
+        user.mkdir(parents=True, exist_ok=True)
+    except OSError:
+        pass
+    if _is_writable(user):
+        return user
+    passing = Path(tempfile.mkdtemp(prefix="whiskerforce-"))
+    atexit.register(shutil.rmtree, passing, ignore_errors=True)
+    return passing
+
+
+def _user_caches() -> Path:
+    """Folder in which programs keep what they can make again."""
+    if sys.platform == "win32":
+        return Path(os.environ.get("LOCALAPPDATA", Path.home() / "AppData" / "Local"))
+    if sys.platform == "darwin":
+        return Path.home() / "Library" / "Caches"
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+
+
 def _module(path) -> str:
     """Dotted name of the module in a file at `path` below the root."""
-    return ".".join(path.with_suffix("").parts)
+    return ".".join(path.with_suffix("").parts).removesuffix(".__init__")
 
 
 def _read(stamps) -> dict:
@@ -60,13 +127,18 @@ def _read(stamps) -> dict:
 
 
 def _callers(sources, changed) -> set:
-    """Files of compiled functions that import from changed ones, at first or second hand."""
+    """Files of compiled functions that import from changed ones, at first or second hand.
+
+    What is imported from a package may come from any of its files.
+    """
     texts = {name: file.read_text(encoding="utf-8") for name, file in sources.items()}
+    packages = {name for name, file in sources.items() if file.stem == "__init__"}
     compiled = {name: _imports(text) for name, text in texts.items() if "njit" in text}
     stale = changed & compiled.keys()
     callers = set()
     while stale:
-        stale = {name for name in compiled if compiled[name] & stale} - callers
+        rooms = {name.rpartition(".")[0] for name in stale} & packages
+        stale = {n for n in compiled if compiled[n] & (stale | rooms)} - callers
         callers |= stale
     return callers
 

@@ -30,10 +30,9 @@ def root(tmp_path):
     return tmp_path
 
 
-def run(root):
+def run(root, code="from some.top import top; print(top())", **variables):
     """What `top` returns in a process of its own."""
-    code = "from some.top import top; print(top())"
-    environment = {k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_DIR"}
+    environment = {k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_DIR"} | variables
     out = subprocess.run(
         [sys.executable, "-c", code], cwd=root, env=environment, capture_output=True, check=True
     )
@@ -62,3 +61,49 @@ def test_only_callers_of_what_changed_are_dropped(root):
     assert sorted(drop_stale(root, ["some"])) == callers
     assert [index.exists() for index in kept + callers] == [True] * 3 + [False] * 2
     assert drop_stale(root, ["some"]) == []
+
+
+def test_functions_taken_from_a_package_count_as_from_any_of_its_files(root):
+    (root / "some" / "room").mkdir()
+    (root / "some" / "room" / "__init__.py").write_text("from some.room.inner import inner\n")
+    text = COMPILED.format(name="inner", value="1", imports="")
+    (root / "some" / "room" / "inner.py").write_text(text)
+    write(root, "top", "inner()", "from some.room import inner")
+    drop_stale(root, ["some"])
+    assert run(root) == 1
+    (root / "some" / "room" / "inner.py").write_text(text.replace("1", "2 + 0"))
+    assert drop_stale(root, ["some"])
+    assert run(root) == 2
+
+
+@pytest.fixture
+def installed(root):
+    """The package where nobody may write beside the sources, not even who may do all else."""
+    (root / "some" / "__pycache__").rmdir()
+    (root / "some" / "__pycache__").write_text("")
+    return root
+
+
+PREPARED = (
+    "from pathlib import Path\n"
+    "from pipeline.runtime.numba_cache import prepare_cache\n"
+    "prepare_cache(Path.cwd(), ['some'])\n"
+    "from some.top import top\n"
+    "print(top())"
+)
+
+
+def test_code_of_an_installation_for_all_lies_in_the_users_folder(installed, tmp_path):
+    caches = {"XDG_CACHE_HOME": str(tmp_path / "mine"), "LOCALAPPDATA": str(tmp_path / "mine")}
+    caches["HOME"] = str(tmp_path / "mine")
+    assert run(installed, PREPARED, **caches) == 111
+    kept = {file.name.split(".")[0] for file in (tmp_path / "mine").rglob("*.nbi")}
+    assert kept == {"bottom", "middle", "top"}
+    write(installed, "bottom", "2 + 0")
+    assert run(installed, PREPARED, **caches) == 112
+
+
+def test_without_any_folder_code_is_compiled_anew_each_time(installed, tmp_path):
+    (tmp_path / "nobodys").write_text("")
+    nowhere = str(tmp_path / "nobodys")
+    assert run(installed, PREPARED, XDG_CACHE_HOME=nowhere, LOCALAPPDATA=nowhere) == 111
