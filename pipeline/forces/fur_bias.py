@@ -17,9 +17,10 @@ import numpy as np
 
 from pipeline.forces import rod_fit
 from pipeline.forces.rest_shape import CORRELATED_FRAMES
-from pipeline.kinematics.resampled import FUR_CLINGS_M, Stations
+from pipeline.kinematics.resampled import Stations
 from whiskermodel.whisker import Whisker
 
+FUR_CLINGS_M = 0.4e-3  # first visible part that is not used
 STEP_M = 0.3e-3
 STEPS = 4  # the last of which is the outermost
 MOST_ROWS = 40  # of free frames, and as many of touching ones

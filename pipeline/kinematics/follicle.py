@@ -1,32 +1,20 @@
 """Where the follicle is: how much of the whisker the fur hides, frame by frame.
 
-The session tells the hidden length, follicle to first visible point, once. But the fur's edge
-is crossed elsewhere when the whisker leaves the face obliquely, and the follicle itself moves.
-So the follicle is anchored: its place is the median, over frames from the whole video, of what
-the constant hidden length gives. In each frame the base's extrapolated curve passes the anchor,
-and the nearest point is the follicle. Movement along the whisker, to which that is blind, shows
-in the taper: a whisker's thickness falls linearly to zero at the apex, which slides with the
-follicle. Where the cone's length is known, the apex tells the hidden length as well as the fur's
-edge does (each to some 0.05 mm), and the two are averaged, as long as they agree.
+session.toml gives the hidden length, follicle to first visible point, once. But where the whisker
+leaves the face obliquely it crosses the fur's edge elsewhere. So the follicle is anchored: its
+place is the median, over frames from the whole video, of what the constant hidden length gives.
+In each frame the base's curve is extrapolated past the anchor, and its point nearest to the anchor
+is the follicle.
 """
 
 from dataclasses import replace
 
 import numpy as np
 from numba import njit
-from scipy import ndimage
 
+from pipeline.session.parameters import DEFAULTS, KinematicsParams
 from pipeline.tables.centrelines import Centrelines
 
-FARTHEST_M = 3.0e-3  # the fur is not thicker than this
-SLIDE_LIMIT_M = 0.5e-3  # the follicle of a head-fixed mouse moves less along the whisker
-ORDINARY_SLIDE_M = 0.045e-3  # SD of the slide that is believed whatever the sway
-SLIDE_FRAMES = 41  # the slide is a running median and mean over so many frames
-APEX_SHARE = 0.5  # weight of the apex against the fur's edge in the hidden length
-APEX_TRUSTED_M = 0.2e-3  # differences between the two up to here are ordinary; …
-APEX_DOUBTED_M = 0.5e-3  # … from here on the taper is not what the session says
-BASE_SKIP_M = 0.25e-3  # fur clings to the first visible part
-BASE_WINDOW_M = 4.5e-3  # part of the whisker that the hidden piece is extrapolated from
 FEWEST_NODES = 12  # of a row that tells where the follicle is
 MOST_STEPS, SHORT_STEP_PX = 4, 1e-3  # of Gauss–Newton; what follows is far shorter
 
@@ -160,52 +148,6 @@ def _nearest_on_base(px, py, theta, k0, k1, ax, ay, first, farthest):
 
 
 @njit(cache=True)
-def apex(thickness, skip):
-    """Node at which a line's thickness, linear in the node number, is zero; NaN unless clear.
-
-    thickness : (nodes,) [px], NaN where it could not be measured. Two passes; nodes that are off
-    by more than three mean deviations in the first are left out of the second.
-    """
-    n = len(thickness)
-    last = int(0.9 * n)  # at the tip, little contrast is left and the noise's threshold biases
-    intercept = 0.0
-    slope = 0.0
-    limit = 1e18
-    for _ in range(2):
-        count = s1 = s2 = t0 = t1 = 0.0
-        for i in range(skip, last):
-            t = thickness[i]
-            if np.isnan(t) or abs(t - intercept - slope * i) > limit:
-                continue
-            count += 1.0
-            s1 += i
-            s2 += i * i
-            t0 += t
-            t1 += t * i
-        if count < 60:
-            return np.nan
-        det = count * s2 - s1 * s1
-        slope = (count * t1 - s1 * t0) / det
-        intercept = (t0 - slope * s1) / count
-        off = 0.0
-        m = 0
-        for i in range(skip, last):
-            if not np.isnan(thickness[i]):
-                off += abs(thickness[i] - intercept - slope * i)
-                m += 1
-        limit = 3 * off / max(m, 1)
-    if slope >= -1e-6:
-        return np.nan
-    return -intercept / slope
-
-
-@njit(cache=True)
-def _apexes(offsets, thickness, skip, out):
-    for row in range(len(offsets) - 1):
-        out[row] = apex(thickness[offsets[row] : offsets[row + 1]].astype(np.float64), skip)
-
-
-@njit(cache=True)
 def _base_curves(offsets, xs, ys, raw, info, skip, window):
     """Every row's first node of the base window, and `base_curve` there; (rows, 6)."""
     out = np.full((len(offsets) - 1, 6), np.nan)
@@ -244,21 +186,24 @@ def _feet(curves, anchors, farthest, out):
         out[row] = _nearest_on_base(x, y, theta, k0, k1, ax, ay, first, farthest)
 
 
-def base_curves(lines: Centrelines, pixels_per_m: float) -> np.ndarray:
+def base_curves(lines: Centrelines, pixels_per_m: float, params=DEFAULTS.kinematics) -> np.ndarray:
     """Every row's first node of the base window, and `base_curve` there; (rows, 6).
 
     NaN where the row is too short to tell.
     """
-    skip, window = round(BASE_SKIP_M * pixels_per_m), round(BASE_WINDOW_M * pixels_per_m)
+    per_mm = 1e-3 * pixels_per_m
+    skip, window = round(params.base_skip_mm * per_mm), round(params.base_window_mm * per_mm)
     return _base_curves(lines.offsets, lines.x_px, lines.y_px, *lines.raw(), skip, window)
 
 
-def follicles(lines: Centrelines, hidden, pixels_per_m: float) -> np.ndarray:
+def follicles(
+    lines: Centrelines, hidden, pixels_per_m: float, params=DEFAULTS.kinematics
+) -> np.ndarray:
     """Place [px] and angle [rad] of every row's follicle, (rows, 3), `hidden` px before the row.
 
     NaN where the row is too short to tell.
     """
-    return _ends(base_curves(lines, pixels_per_m), hidden)
+    return _ends(base_curves(lines, pixels_per_m, params), hidden)
 
 
 class FollicleFinder:
@@ -269,73 +214,34 @@ class FollicleFinder:
     samples : Centrelines of frames from the whole video
     hidden_px : per name in `samples.names`, the session's hidden length [px]
     pixels_per_m : scale
-    cone_px : per name, follicle → apex [px]; None where unknown
+    params : the room's parameters
     """
 
-    def __init__(self, samples: Centrelines, hidden_px, pixels_per_m: float, cone_px=None):
+    def __init__(
+        self,
+        samples: Centrelines,
+        hidden_px,
+        pixels_per_m: float,
+        params: KinematicsParams = DEFAULTS.kinematics,
+    ):
         self.hidden_px = np.asarray(hidden_px, float)
-        self.pixels_per_m = pixels_per_m
-        self.skip = round(BASE_SKIP_M * pixels_per_m)
-        self.farthest = FARTHEST_M * pixels_per_m
-        self.slide_limit = SLIDE_LIMIT_M * pixels_per_m
-        self.ordinary_slide = ORDINARY_SLIDE_M * pixels_per_m
-        ends = follicles(samples, self.hidden_px[samples.whisker], pixels_per_m)
+        self.pixels_per_m, self.params = pixels_per_m, params
+        ends = follicles(samples, self.hidden_px[samples.whisker], pixels_per_m, params)
         self.anchors = _medians(ends[:, :2], samples.whisker, len(samples.names))
-        self.cone_px = None if cone_px is None else np.asarray(cone_px, float)
-        self.limits = np.array([APEX_TRUSTED_M, APEX_DOUBTED_M]) * pixels_per_m
-        self.reach = np.full(len(samples.names), np.nan)
-        self.correction = np.zeros(len(samples.names))
-        self.slides = [
-            _Slide(self.slide_limit, self.ordinary_slide) for _ in range(len(samples.names))
-        ]
 
     def place(self, lines: Centrelines) -> Centrelines:
-        """Return the lines with hidden lengths and follicles; call it with the chunks in turn.
-
-        The first chunk in which a whisker is seen sets the apex that its slides are counted from.
-        """
-        curves = base_curves(lines, self.pixels_per_m)
+        """Return the lines with hidden lengths and follicles."""
+        curves = base_curves(lines, self.pixels_per_m, self.params)
         hidden = self._hidden(lines, curves)
         return replace(lines, hidden_px=hidden, follicle=_ends(curves, hidden))
 
     def _hidden(self, lines, curves):
         """Hidden length of every row [px], float64 (rows,)."""
-        feet = self._feet(lines, curves)
-        reach = self._apexes(lines) + feet
-        sway = self._sideways(lines, curves, feet)
+        farthest = 1e-3 * self.params.hidden_most_mm * self.pixels_per_m
         out = np.empty(len(lines))
-        for k in range(len(lines.names)):
-            rows = np.flatnonzero(lines.whisker == k)
-            if len(rows) and not np.isfinite(self.reach[k]):
-                self._set_reach(k, reach[rows])
-            slide = self.slides[k].follow(self.reach[k] - reach[rows], sway[rows])
-            out[rows] = feet[rows] + slide + self.correction[k]
-        return np.clip(out, 0.0, self.farthest)
-
-    def _set_reach(self, k, reach):
-        reach = reach[np.isfinite(reach)]
-        if len(reach):
-            self.reach[k] = np.median(reach)
-            if self.cone_px is not None:
-                off = self.cone_px[k] - self.reach[k]
-                self.correction[k] = off * APEX_SHARE * np.interp(abs(off), self.limits, [1, 0])
-
-    def _sideways(self, lines, curves, feet):
-        """How far the follicle stands off its anchor across the whisker [px]; (rows,)."""
-        x, y, angle = _ends(curves, feet).T
-        ax, ay = self.anchors[lines.whisker].T
-        return -(x - ax) * np.sin(angle) - (y - ay) * np.cos(angle)
-
-    def _feet(self, lines, curves):
-        out = np.empty(len(lines))
-        _feet(curves, self.anchors[lines.whisker], self.farthest, out)
-        nominal = self.hidden_px[lines.whisker]
-        return np.where(np.isfinite(out), np.clip(out, 0, self.farthest), nominal)
-
-    def _apexes(self, lines):
-        out = np.empty(len(lines))
-        _apexes(lines.offsets, lines.thickness_px, self.skip, out)
-        return out
+        _feet(curves, self.anchors[lines.whisker], farthest, out)
+        out = np.where(np.isfinite(out), out, self.hidden_px[lines.whisker])
+        return np.clip(out, 0.0, farthest)
 
 
 def _medians(values, whisker, n):
@@ -347,50 +253,3 @@ def _medians(values, whisker, n):
         if len(rows):
             out[k] = np.median(rows, axis=0)
     return out
-
-
-def _running(values):
-    """Running median, then mean, over SLIDE_FRAMES; the values themselves where they are fewer."""
-    if len(values) < SLIDE_FRAMES:
-        return values
-    half = SLIDE_FRAMES // 2
-    middle = ndimage.median_filter(values, SLIDE_FRAMES, mode="mirror")
-    windows = np.lib.stride_tricks.sliding_window_view(
-        np.pad(middle, half, mode="reflect"), SLIDE_FRAMES
-    )
-    return windows.mean(axis=1)
-
-
-class _Slide:
-    """A whisker's slide [px], smoothed, and believed as far as it is not much above its sway.
-
-    The follicle moves along the whisker about as much as across it, which is measured far
-    better; a slide that is much larger is noise of the taper (compressed video) for the most
-    part. How much is believed rests on all frames so far, and what is smoothed reaches back into
-    the chunk before, so that nothing jumps where a chunk ends.
-    """
-
-    def __init__(self, limit, ordinary):
-        self.limit, self.ordinary = limit, ordinary
-        self.before = np.empty((2, 0))  # the last slides and sways
-        self.sums = np.zeros((3, 2))  # number, sum and sum of squares of both
-        self.share = None  # believed at the last frame
-
-    def follow(self, slide, sway) -> np.ndarray:
-        """Slide to believe in the next frames, (frames,); zero where nothing is known of it."""
-        both = np.concatenate([self.before, np.stack([slide, sway])], axis=1)
-        start = self.before.shape[1]
-        self.before = both[:, -SLIDE_FRAMES:]
-        known = np.isfinite(both[0]) & (np.abs(both[0]) < 3 * self.limit)
-        if known.sum() < SLIDE_FRAMES:
-            return np.zeros(len(slide))
-        every = np.arange(both.shape[1])
-        both[0] = np.interp(every, every[known], both[0, known])
-        smooth = np.stack([_running(each)[start:] for each in both])
-        self.sums += [np.full(2, smooth.shape[1]), smooth.sum(axis=1), (smooth**2).sum(axis=1)]
-        mean = self.sums[1] / self.sums[0]
-        slides, sways = self.sums[2] / self.sums[0] - mean**2
-        share = min(1.0, (sways + self.ordinary**2) / max(slides, 1e-6))
-        shares = np.linspace(self.share or share, share, len(slide))
-        self.share = share
-        return np.clip(shares * smooth[0], -self.limit, self.limit)

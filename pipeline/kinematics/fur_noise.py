@@ -14,17 +14,15 @@ import numpy as np
 from numba import njit
 
 from pipeline.kinematics.follicle import FollicleFinder, base_curve
+from pipeline.session.parameters import DEFAULTS, KinematicsParams
 from pipeline.tables.centrelines import Centrelines
 
-REACH_M = 1.2e-3  # fur does not cling farther out than this
-WINDOW_M = 4.0e-3  # that the curve is fitted to
-BLOCK_M = 0.2e-3  # stretch over which fur errs alike
 FEWEST_ROWS = 12
 ORDINARY = 2.5  # ratio of misfits that chance may bring
 TRIMMED, TRIMMED_MEAN = 0.9, 0.623  # part of the rows that count; their mean of a unit χ²
 
 
-def locate_follicles(chunks, samples: Centrelines, options):
+def locate_follicles(chunks, samples: Centrelines, options, params=DEFAULTS.kinematics):
     """Yield the chunks with every row's follicle and hidden length.
 
     What fur draws aside counts less from here on (`FurTrust`). The chunks stay as they are where
@@ -35,15 +33,14 @@ def locate_follicles(chunks, samples: Centrelines, options):
     chunks : `Centrelines`, in order
     samples : `Centrelines` of frames from the whole video, of all whiskers
     options : the tracker's lengths (`TracingOptions`)
+    params : the room's parameters
     """
     sampled = len(np.unique(samples.whisker)) == len(samples.names) > 0
     if len(options.hidden_px) != len(samples.names) or not sampled:
         yield from chunks
         return
-    trust = FurTrust(samples, options.pixels_per_m)
-    finder = FollicleFinder(
-        trust.weigh(samples), options.hidden_px, options.pixels_per_m, options.cone_px or None
-    )
+    trust = FurTrust(samples, options.pixels_per_m, params)
+    finder = FollicleFinder(trust.weigh(samples), options.hidden_px, options.pixels_per_m, params)
     for chunk in chunks:
         yield finder.place(trust.weigh(chunk))
 
@@ -55,16 +52,22 @@ class FurTrust:
     ----------
     samples : Centrelines of frames from the whole video
     pixels_per_m : scale
+    params : the room's parameters
 
     Attributes
     ----------
     excess : (names, nodes) variance of the misfit over that of noise, 1 where there is no fur
     """
 
-    def __init__(self, samples: Centrelines, pixels_per_m: float):
-        block = max(round(BLOCK_M * pixels_per_m), 1)
-        blocks = max(round(REACH_M / BLOCK_M), 1)
-        window = round(WINDOW_M * pixels_per_m)
+    def __init__(
+        self,
+        samples: Centrelines,
+        pixels_per_m: float,
+        params: KinematicsParams = DEFAULTS.kinematics,
+    ):
+        block = max(round(1e-3 * params.fur_block_mm * pixels_per_m), 1)
+        blocks = max(round(params.fur_reach_mm / params.fur_block_mm), 1)
+        window = round(1e-3 * params.fur_window_mm * pixels_per_m)
         misfit = np.full((len(samples), 2, blocks), np.nan)
         _misfits(
             samples.offsets,

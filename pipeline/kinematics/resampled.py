@@ -13,13 +13,12 @@ from pipeline.detection.static_scene import PoleTrack
 from pipeline.numerics import polyline
 from pipeline.numerics.bsplines import FAST
 from pipeline.scene.dust import INNER
+from pipeline.session.parameters import DEFAULTS, KinematicsParams
 from pipeline.session.recording import Recording
 from pipeline.tables.centrelines import Centrelines
 
 N_STATIONS = 73  # over the whisker's length: 0.25 mm apart on a mouse's C2
-FUR_CLINGS_M = 0.4e-3  # first visible part that is not used
 POLE_BLURS_PX = 6.0  # from the pole's edge on: the trace is drawn towards the dark disc
-LONGEST_EXTENSION_M = 1.5e-3  # a trace that ends before the tip is continued straight this far
 SHARED = ("names", "spacing", "pole_radius", "file", "doubt")  # fields that are not one per row
 END_FIT_PX = 12  # the last points, which give the direction of that continuation
 
@@ -110,6 +109,7 @@ def measure_stations(
     hidden_lengths,
     pole: PoleTrack | None = None,
     interpolated=frozenset(),
+    params: KinematicsParams = DEFAULTS.kinematics,
 ) -> Stations:
     """Places at fixed arc lengths, and distance to the pole, of every row of `centrelines`.
 
@@ -122,6 +122,7 @@ def measure_stations(
         centrelines do not bring their own
     pole : centre per frame number (or one for all), radius; None where there is none
     interpolated : numbers of the frames that the codec made out of others, as `Video` has them
+    params : the room's parameters
 
     Returns
     -------
@@ -137,7 +138,7 @@ def measure_stations(
     spacing = np.array([w.length for w in whiskers]) / (N_STATIONS - 1)
     pole_x, pole_y, pole_radius = pole_rows = _pole_rows(pole, centrelines.frame)
     x, y, information, near = _measure_px(
-        centrelines, whiskers, hidden_lengths, spacing, pole_rows, scale
+        centrelines, whiskers, hidden_lengths, spacing, pole_rows, scale, params
     )
     return Stations(
         names=names,
@@ -161,7 +162,7 @@ def measure_stations(
     )
 
 
-def _measure_px(centrelines, whiskers, hidden_lengths, spacing, pole_rows, scale):
+def _measure_px(centrelines, whiskers, hidden_lengths, spacing, pole_rows, scale, params):
     """Stations' x, y and information, (rows, stations) each, and `near` of every row [px].
 
     `near` (rows, 6): first and last traced point, then what `_approach` tells of the pole.
@@ -185,8 +186,8 @@ def _measure_px(centrelines, whiskers, hidden_lengths, spacing, pole_rows, scale
         -pole_y,
         pole_radius,
         pole_radius + POLE_BLURS_PX,
-        FUR_CLINGS_M * scale,
-        LONGEST_EXTENSION_M * scale,
+        1e-3 * params.station_skip_mm * scale,
+        1e-3 * params.extension_mm * scale,
         x,
         y,
         information,

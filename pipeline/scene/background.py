@@ -1,10 +1,9 @@
 """The picture without whiskers, its noise, and the light on it.
 
-Lengths that decide what is thin (a whisker) and what is not come from the scale, in millimetres;
-the constants below say which.
+Lengths that decide what is thin (a whisker) and what is not are those of `SceneParams`.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 
 import cv2
@@ -19,15 +18,9 @@ from pipeline.scene.noise_model import (
     noise_from_ranks,
     spatial_noise,
 )
+from pipeline.session.parameters import DEFAULTS, SceneParams
 
-THICKEST_LINE_MM = 0.32  # blurred whiskers are thinner, poles and rods thicker
-SHORTEST_WHISKER_MM = 2.5  # shorter thin dark lines are fur or dust: they stay
-SHORTEST_STILL_MM = 4.0  # in a movie, fur may be as long; that it never moves speaks for fur
 SHORTEST_BASE_MM = 0.3  # without fur: a base that stays where it is while the rest moves
-SHORTEST_RESTING_MM = 0.4  # on both sides of a pole on which it rests; elsewhere it may move
-BESIDE_LINE_MM = 0.5  # about a line that is left: its width, and its end at the pole
-FUR_MM = 1.0  # nearer to the face, what moves may be fur
-MOVED_SD = 5.0  # by so much of the noise is it lighter where a whisker is not
 BRIGHT_RANK = 0.85  # of the samples of a pixel: free of whiskers that rest there up to this share
 DARK_SD = 4.0  # by so much darker is a whisker; its flanks, which are not, reach FLANK_PX farther
 FLANK_PX = 2
@@ -64,7 +57,9 @@ class Background:
         return (self.image - self.black) / np.maximum(self.illumination - self.black, 1.0)
 
 
-def estimate_background(frames: np.ndarray, pixels_per_mm: float) -> Background:
+def estimate_background(
+    frames: np.ndarray, pixels_per_mm: float, params: SceneParams = DEFAULTS.scene
+) -> Background:
     """Estimate the background from a few frames of a scene in which only whiskers move.
 
     A pixel's background is the mean of its bright mode over time, so a whisker may rest in one
@@ -75,6 +70,7 @@ def estimate_background(frames: np.ndarray, pixels_per_mm: float) -> Background:
     ----------
     frames : uint8 (k, height, width), not too close in time
     pixels_per_mm : scale of the image
+    params : the room's parameters
 
     Raises
     ------
@@ -88,8 +84,8 @@ def estimate_background(frames: np.ndarray, pixels_per_mm: float) -> Background:
         noise, covered = spatial_noise(image, len(frames)), np.zeros(image.shape, bool)
     else:
         image, noise, covered = temporal_background(frames)
-    thin = thin_dark_lines(image, pixels_per_mm, noise)
-    black, illumination = light_without_objects(image, pixels_per_mm, thin)
+    thin = thin_dark_lines(image, pixels_per_mm, noise, params=params)
+    black, illumination = light_without_objects(image, pixels_per_mm, thin, params)
     return Background(image, *noise, illumination, black, len(frames), covered)
 
 
@@ -192,14 +188,14 @@ def _sorting_network(n):
 # ---- over space ---------------------------------------------------------------------------
 
 
-def thin_dark_lines(image, pixels_per_mm, noise, face=None) -> np.ndarray:
+def thin_dark_lines(image, pixels_per_mm, noise, face=None, params=DEFAULTS.scene) -> np.ndarray:
     """Pixels of thin dark lines, bool (height, width): darker than what lies on both sides.
 
     `noise`: (floor, gain) of the variance of `image`. Lines at the edges of large dark things
     are left out: they are creases of those; but whiskers do come out of the `face` (bool mask).
     """
     smooth = cv2.GaussianBlur(image, (0, 0), 1.0)
-    size = max(3, 2 * round(THICKEST_LINE_MM * pixels_per_mm / 2) + 1)
+    size = max(3, 2 * round(params.thickest_whisker_mm * pixels_per_mm / 2) + 1)
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
     around = cv2.morphologyEx(smooth, cv2.MORPH_CLOSE, disc)
     # of the noise's SD, 1/(2√π) = 0.28 is left after a blur of SD 1
@@ -210,35 +206,6 @@ def thin_dark_lines(image, pixels_per_mm, noise, face=None) -> np.ndarray:
         large[face] = 0
     lines = (around - smooth > limit) & (cv2.dilate(large, disc) == 0)
     return cv2.dilate(lines.astype(np.uint8), np.ones((3, 3), np.uint8)).astype(bool)
-
-
-def uncovered(background: Background, frames, face, pixels_per_mm) -> Background:
-    """Return the background as it was in the few samples in which resting whiskers had moved.
-
-    A whisker that lies in one place for longer than BRIGHT_RANK, as on a pole that it holds, is
-    a thin line in the background; where two samples agree on more light about it, they tell what
-    is behind. `frames` as of `estimate_background`; `face`: bool mask, with fur beside it.
-    """
-    if background.n_frames < MOVIE_FRAMES:
-        return background
-    noise = background.noise_floor, background.noise_gain
-    averaged = tuple(part / background.n_frames for part in noise)
-    far = cv2.dilate(face.astype(np.uint8), _square(FUR_MM * pixels_per_mm)) == 0
-    lines = thin_dark_lines(background.image, pixels_per_mm, averaged) & far
-    lines = _long_parts(lines, SHORTEST_RESTING_MM * pixels_per_mm)
-    if not lines.any():
-        return background
-    look = cv2.dilate(lines.astype(np.uint8), _square(BESIDE_LINE_MM * pixels_per_mm)) > 0
-    look &= far
-    values = frames[:, look] / frame_gains(frames)[:, None]
-    bright = np.partition(values, -2, axis=0)[-2]
-    known = background.image[look]
-    sd = np.sqrt(noise[0] + noise[1] * np.maximum(known, 0))
-    agree = np.abs(values - bright) < WINDOW_SD * sd
-    lighter = np.where(agree, values, 0).sum(0) / agree.sum(0)
-    image = background.image.copy()
-    image[look] = np.where(bright > known + MOVED_SD * sd, lighter, known)
-    return replace(background, image=image)
 
 
 def _square(half_width):
@@ -257,7 +224,14 @@ def _long_parts(thin, shortest_px, at=None):
     return keep[labels]
 
 
-def without_whiskers(background: Background, face: np.ndarray, pixels_per_mm, fur=True, pole=None):
+def without_whiskers(
+    background: Background,
+    face: np.ndarray,
+    pixels_per_mm,
+    fur=True,
+    pole=None,
+    params: SceneParams = DEFAULTS.scene,
+):
     """Return the image with whiskers that never moved filled from their surroundings.
 
     They are the long thin dark lines that come out of the face (bool mask); shorter lines are
@@ -268,10 +242,14 @@ def without_whiskers(background: Background, face: np.ndarray, pixels_per_mm, fu
     movie = background.n_frames >= MOVIE_FRAMES
     share = 1 / background.n_frames if movie else 1.0  # of the variance left in the average
     noise = share * background.noise_floor, share * background.noise_gain
-    thin = thin_dark_lines(background.image, pixels_per_mm, noise, face) & ~face
-    shortest = SHORTEST_STILL_MM if movie else SHORTEST_WHISKER_MM
+    thin = thin_dark_lines(background.image, pixels_per_mm, noise, face, params) & ~face
+    shortest = params.shortest_still_mm if movie else params.shortest_whisker_mm
     shortest = shortest if fur else SHORTEST_BASE_MM
-    lines = thin if pole is None else thin | _surroundings(pole, pixels_per_mm)
+    lines = (
+        thin
+        if pole is None
+        else thin | _surroundings(pole, params.thickest_whisker_mm * pixels_per_mm)
+    )
     whiskers = thin & _long_lines_at(face, lines, pixels_per_mm, shortest * pixels_per_mm)
     whiskers |= _long_parts(background.covered | whiskers, 0, whiskers) & ~face
     if not movie:
@@ -279,9 +257,9 @@ def without_whiskers(background: Background, face: np.ndarray, pixels_per_mm, fu
     return fill(background.image, whiskers) if whiskers.any() else background.image
 
 
-def _surroundings(pole, pixels_per_mm):
-    """The pole and what is so near to it that no thin lines are told there, bool mask."""
-    return cv2.dilate(pole.astype(np.uint8), _square(THICKEST_LINE_MM * pixels_per_mm)) > 0
+def _surroundings(pole, near_px):
+    """The pole and what is so near to it that thin lines are not seen there, bool mask."""
+    return cv2.dilate(pole.astype(np.uint8), _square(near_px)) > 0
 
 
 def _long_lines_at(face, thin, pixels_per_mm, shortest_px):

@@ -1,7 +1,7 @@
 """When large things move: a video cut into periods in which all but the whiskers is still.
 
 A pole on a motor comes in, stays and leaves; a paw reaches in. Frames are compared in cells of
-CELL_MM: whiskers are too thin to darken a 2 × 2 block of them, everything else is not.
+`cell_mm`: whiskers are too thin to darken a 2 × 2 block of them, everything else is not.
 """
 
 from dataclasses import dataclass
@@ -10,13 +10,12 @@ from itertools import pairwise
 import cv2
 import numpy as np
 
-CELL_MM = 0.2
+from pipeline.session.parameters import DEFAULTS, SceneParams
+
 LEAST_CELL_PX = 4
 LEAST_DISC_PX = 5  # broader than a whisker's picture
 TYPICAL = 9  # frames whose median is what a state looks like
-CHANGE = 0.3  # of the light: a cell that differs by more holds something else
 FEWEST_SAMPLES = 3  # one after the other: a state that lasts shorter is something passing by
-SETTLED_FRAMES = 10  # this long like the state to come: it has come
 MOST_KEPT = 40  # frames of one state
 MOST_STATES = 24  # a video with more has none that lasts
 MOST_CHANGES = 0.25  # per sample; a face that never rests would cut a video to pieces
@@ -37,8 +36,9 @@ class Period:
 class Cells:
     """Frames reduced to cells [grey], with flicker taken out, and their comparison."""
 
-    def __init__(self, shape, pixels_per_mm: float):
-        side = max(CELL_MM * pixels_per_mm, LEAST_CELL_PX)
+    def __init__(self, shape, pixels_per_mm: float, params: SceneParams = DEFAULTS.scene):
+        side = max(params.cell_mm * pixels_per_mm, LEAST_CELL_PX)
+        self.change = params.change
         self.size = (max(round(shape[1] / side), 2), max(round(shape[0] / side), 2))
         self.light = None
 
@@ -52,7 +52,7 @@ class Cells:
 
     def alike(self, a: np.ndarray, b: np.ndarray) -> bool:
         """Tell whether no large thing differs between two frames' cells."""
-        limit = CHANGE * self.light
+        limit = self.change * self.light
         return not (_blocks(a - b > limit) or _blocks(b - a > limit))
 
 
@@ -71,9 +71,9 @@ class Survey:
     length of the video.
     """
 
-    def __init__(self, shape, pixels_per_mm: float):
-        self.compare = Cells(shape, pixels_per_mm)
-        size = max(2 * round(0.5 * CELL_MM * pixels_per_mm) + 1, LEAST_DISC_PX)
+    def __init__(self, shape, pixels_per_mm: float, params: SceneParams = DEFAULTS.scene):
+        self.compare = Cells(shape, pixels_per_mm, params)
+        size = max(2 * round(0.5 * params.cell_mm * pixels_per_mm) + 1, LEAST_DISC_PX)
         self._disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
         self.indices, self.cells = [], []
         self._states, self._references, self._kept = [], [], []
@@ -126,7 +126,7 @@ class Survey:
         """
         frames = [frame for _, frame in items]
         typical = np.median(frames[:: 1 + len(frames) // TYPICAL], axis=0).astype(np.uint8)
-        limit = CHANGE * self.compare.light
+        limit = self.compare.change * self.compare.light
         resting, moving = [], []
         for index, frame in items:
             moved = (cv2.absdiff(frame, typical) > limit).astype(np.uint8)
@@ -190,7 +190,7 @@ def _longest_runs(states, n):
     return longest
 
 
-def periods(video, survey: Survey, states, in_place) -> list[Period]:
+def periods(video, survey: Survey, states, in_place, settled_frames: int) -> list[Period]:
     """Cut the video where its state changes, to the frame, by reading between two samples.
 
     Parameters
@@ -200,6 +200,7 @@ def periods(video, survey: Survey, states, in_place) -> list[Period]:
     states : their states, as `survey.settled` gives them
     in_place : for each state, a function of a frame that tells more finely than the cells do
         whether all is where it belongs in that state (the pole)
+    settled_frames : a state that has lasted so long has begun
 
     Something that passes by and leaves the state as it was makes no cut.
     """
@@ -208,7 +209,8 @@ def periods(video, survey: Survey, states, in_place) -> list[Period]:
     for i, j in pairwise(still):
         if states[i] == states[j]:
             continue
-        end, begin = _change(video, survey, (i, j), [in_place[states[k]] for k in (i, j)])
+        checks = [in_place[states[k]] for k in (i, j)]
+        end, begin = _change(video, survey, (i, j), checks, settled_frames)
         out.append(Period(start, end, int(states[i])))
         if begin > end:
             out.append(Period(end, begin, None))
@@ -216,7 +218,7 @@ def periods(video, survey: Survey, states, in_place) -> list[Period]:
     return [*out, Period(start, None, int(states[still[-1]]))]
 
 
-def _change(video, survey, samples, in_place):
+def _change(video, survey, samples, in_place, settled_frames):
     """Frames [end, begin) between two still samples in which the scene is like neither."""
     first, last = (survey.indices[k] for k in samples)
     cells = [survey.cells[k].astype(np.float32) for k in samples]
@@ -233,6 +235,6 @@ def _change(video, survey, samples, in_place):
             begin = None
         elif begin is None and not old:
             begin = index
-        if begin is not None and index - begin >= SETTLED_FRAMES:
+        if begin is not None and index - begin >= settled_frames:
             break
     return end, last if begin is None else begin

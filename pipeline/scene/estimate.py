@@ -8,19 +8,18 @@ import numpy as np
 
 from pipeline.detection.static_scene import PoleTrack, StaticScene
 from pipeline.errors import VideoError
-from pipeline.scene.background import estimate_background, uncovered, without_whiskers
+from pipeline.scene.background import estimate_background, without_whiskers
 from pipeline.scene.codec_noise import noise_excess
 from pipeline.scene.dust import is_passed_over
 from pipeline.scene.epochs import Survey, periods
 from pipeline.scene.face import face_side, find_face, likelier_side, opened
 from pipeline.scene.pole_search import PoleFollower, find_pole
 from pipeline.scene.virtual_face import mask_behind_whiskers
+from pipeline.session.parameters import DEFAULTS, SceneParams
 from pipeline.session.recording import Recording
 
 N_SAMPLES = (32, 1000)  # at least and at most
 FRAMES_PER_SAMPLE = 50
-LEAST_OBSTACLE_MM2 = 0.05
-OPAQUE = 0.7  # share of the light below which something static hides whiskers
 
 
 @dataclass(frozen=True)
@@ -35,16 +34,21 @@ class Epoch:
     scene: StaticScene | None
 
 
-def survey(video, recording: Recording) -> Survey:
+def survey(video, recording: Recording, params: SceneParams = DEFAULTS.scene) -> Survey:
     """Look at some frames of the whole video, once for all that is to be learnt from them."""
-    seen = Survey(video.shape, recording.pixels_per_mm)
+    seen = Survey(video.shape, recording.pixels_per_mm, params)
     for index, frame in video.sampled(_sample_size(video.n_frames)):
         seen.add(index, frame)
     return seen
 
 
 def find_scenes(
-    video, recording: Recording, pole_diameter_m=0.5e-3, pole_xy=None, seen: Survey | None = None
+    video,
+    recording: Recording,
+    pole_diameter_m=0.5e-3,
+    pole_xy=None,
+    seen: Survey | None = None,
+    params: SceneParams = DEFAULTS.scene,
 ) -> tuple[Epoch, ...]:
     """Find what does not move in a video, in each period between moves of large things.
 
@@ -55,6 +59,7 @@ def find_scenes(
     pole_diameter_m : [m]; None: there is no pole
     pole_xy : (x, y) [px] of the pole where a person gave it
     seen : the video's `survey`; made where it is not given
+    params : the room's parameters
 
     Returns
     -------
@@ -67,15 +72,16 @@ def find_scenes(
         If `pole_xy` is outside of the picture.
     """
     _check_place(video, pole_xy)
-    seen = seen or survey(video, recording)
+    seen = seen or survey(video, recording, params)
     states, frames = seen.settled()
+    pole = pole_diameter_m, pole_xy
     n_frames = video.n_frames or 1
-    scenes = [
-        scene_from_frames(some, recording, pole_diameter_m, pole_xy, n_frames) for some in frames
-    ]
+    scenes = [scene_from_frames(some, recording, *pole, n_frames, params) for some in frames]
+    settled = round(params.settled_s * recording.frames_per_second)
+    parts = periods(video, seen, states, [_pole_check(scene) for scene in scenes], settled)
     return tuple(
         Epoch(part.start, part.stop, None if part.state is None else scenes[part.state])
-        for part in periods(video, seen, states, [_pole_check(scene) for scene in scenes])
+        for part in parts
     )
 
 
@@ -104,41 +110,36 @@ def _sample_size(n_frames):
     return low if n_frames is None else int(np.clip(n_frames // FRAMES_PER_SAMPLE, low, high))
 
 
-def find_scene(video, recording: Recording, pole_diameter_m=0.5e-3, pole_xy=None) -> StaticScene:
-    """As `find_scenes`, but only the scene that holds for most of the video."""
-    epochs = find_scenes(video, recording, pole_diameter_m, pole_xy)
-    end = video.n_frames or (epochs[-1].start + 1)
-    held = {}
-    for epoch in epochs:
-        if epoch.scene is not None:
-            length = (end if epoch.stop is None else epoch.stop) - epoch.start
-            held[id(epoch.scene)] = held.get(id(epoch.scene), 0) + length
-    return max((e.scene for e in epochs if e.scene), key=lambda scene: held[id(scene)])
-
-
 def scene_from_frames(
-    frames, recording: Recording, pole_diameter_m=0.5e-3, pole_xy=None, n_frames: int = 1
+    frames,
+    recording: Recording,
+    pole_diameter_m=0.5e-3,
+    pole_xy=None,
+    n_frames: int = 1,
+    params: SceneParams = DEFAULTS.scene,
 ) -> StaticScene:
-    """As `find_scene`, from a few frames uint8 (k, height, width) of a scene that stays."""
+    """The scene of a few frames, uint8 (k, height, width), in which only whiskers move."""
     scale = recording.pixels_per_mm
-    background = estimate_background(frames, scale)
+    background = estimate_background(frames, scale, params)
     transmission = background.transmission
-    side = recording.face or face_side(transmission)
-    face = find_face(transmission, side, scale)
+    side = recording.face or face_side(transmission, params)
+    face = find_face(transmission, side, scale, params)
     fur, likelier = face.any(), None
     if not fur:
-        side, face, thick_side = mask_behind_whiskers(frames, recording.face, scale)
-        likelier = likelier_side(transmission, side, thick_side, scale)
+        side, face, thick_side = mask_behind_whiskers(frames, recording.face, scale, params)
+        likelier = likelier_side(transmission, side, thick_side, scale, params)
     pole = None
     if pole_diameter_m is not None:
         radius_px = 0.5e3 * pole_diameter_m * scale
-        behind = uncovered(background, frames, face, scale)
         noise = background.noise_floor, background.noise_gain
-        passed_over = partial(is_passed_over, background=behind.image, noise=noise, frames=frames)
-        pole = find_pole(behind.transmission, radius_px, pole_xy, face, passed_over)
-    obstacles = find_obstacles(transmission, face, pole, scale)
+        passed_over = partial(
+            is_passed_over, background=background.image, noise=noise, frames=frames
+        )
+        pole = find_pole(transmission, radius_px, pole_xy, face, passed_over)
+    obstacles = find_obstacles(transmission, face, pole, scale, params)
+    disc = _disc(pole, face.shape)
     return StaticScene(
-        background=without_whiskers(background, face, scale, fur, _disc(pole, face.shape)),
+        background=without_whiskers(background, face, scale, fur, disc, params),
         noise_gain=background.noise_gain,
         noise_floor=background.noise_floor,
         face_mask=face,
@@ -150,18 +151,18 @@ def scene_from_frames(
     )
 
 
-def find_obstacles(transmission, face, pole, pixels_per_mm) -> np.ndarray:
+def find_obstacles(transmission, face, pole, pixels_per_mm, params=DEFAULTS.scene) -> np.ndarray:
     """Pixels of dark static things that are neither face nor thin, bool (height, width)."""
-    size = 2 * round(0.15 * pixels_per_mm) + 1
+    size = 2 * round(0.5 * params.thinnest_obstacle_mm * pixels_per_mm) + 1
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
-    dark = cv2.morphologyEx((transmission < OPAQUE).astype(np.uint8), cv2.MORPH_OPEN, disc)
+    dark = cv2.morphologyEx((transmission < params.opaque).astype(np.uint8), cv2.MORPH_OPEN, disc)
     dark[face] = 0
     _, labels, stats, _ = cv2.connectedComponentsWithStats(dark)
-    keep = stats[:, cv2.CC_STAT_AREA] > LEAST_OBSTACLE_MM2 * pixels_per_mm**2
+    keep = stats[:, cv2.CC_STAT_AREA] > params.least_obstacle_mm2 * pixels_per_mm**2
     # along the face there is always a fringe of fur, half dark: only what is thick counts there
     at_face, thick = np.zeros((2, len(stats)), bool)
     at_face[labels[cv2.dilate(face.astype(np.uint8), disc) > 0]] = True
-    thick[labels[opened(dark, pixels_per_mm)]] = True
+    thick[labels[opened(dark, params.tuft_mm * pixels_per_mm)]] = True
     keep &= ~at_face | thick
     keep[0] = False
     mask = keep[labels]

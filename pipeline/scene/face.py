@@ -1,16 +1,15 @@
 """The face: the dark mass on one side of the picture, with its dense fur.
 
 Whiskers come out of the mask's edge, and the hidden length is counted from there; so the edge is
-that of the fur as a whole, averaged over FUR_MM, not of single hairs.
+that of the fur as a whole, averaged over `fur_average_mm`, not of single hairs.
 """
 
 import cv2
 import numpy as np
 
+from pipeline.session.parameters import DEFAULTS
+
 SIDES = ("left", "right", "top", "bottom")
-FUR_MM = 0.15  # SD of the average over fur: single hairs vanish, the mass stays
-HAIR_MM = 0.5  # what is thinner than this is a tuft or a whisker, not face
-EDGE_LEVEL = 0.45  # share of the light at the edge: rather the mass than the hairs on it
 LEAST_BORDER = 0.25  # of the longest contact with the border: what touches it less is apparatus
 
 
@@ -22,18 +21,21 @@ def border(image: np.ndarray, side: str) -> np.ndarray:
     return image[at[side]]
 
 
-def face_side(transmission: np.ndarray) -> str:
+def face_side(transmission: np.ndarray, params=DEFAULTS.scene) -> str:
     """Return the side of the picture with the face: the one whose border is darkest.
 
     `transmission`: share of the light that passes, (height, width), as in `Background`.
     """
-    dark = {side: np.mean(border(transmission, side) < EDGE_LEVEL) for side in SIDES}
+    dark = {side: np.mean(border(transmission, side) < params.face_edge) for side in SIDES}
     return max(dark, key=dark.get)
 
 
-def find_face(transmission: np.ndarray, side: str, pixels_per_mm: float) -> np.ndarray:
+def find_face(
+    transmission: np.ndarray, side: str, pixels_per_mm: float, params=DEFAULTS.scene
+) -> np.ndarray:
     """Return the face's mask, bool (height, width); all False where no face is in view."""
-    dark = opened(_blurred(transmission, FUR_MM * pixels_per_mm) < EDGE_LEVEL, pixels_per_mm)
+    smooth = _blurred(transmission, params.fur_average_mm * pixels_per_mm)
+    dark = opened(smooth < params.face_edge, params.tuft_mm * pixels_per_mm)
     _, labels = cv2.connectedComponents(dark.astype(np.uint8))
     on_border = np.bincount(border(labels, side), minlength=labels.max() + 1)
     on_border[0] = 0
@@ -43,9 +45,9 @@ def find_face(transmission: np.ndarray, side: str, pixels_per_mm: float) -> np.n
     return _without_holes(mask, side)
 
 
-def opened(mask, pixels_per_mm):
-    """Take away what is thinner than HAIR_MM; the picture's border does not count as an edge."""
-    size = max(3, 2 * round(HAIR_MM * pixels_per_mm / 2) + 1)
+def opened(mask, thinnest_px):
+    """Remove what is thinner than `thinnest_px`; the picture's border is no edge."""
+    size = max(3, 2 * round(thinnest_px / 2) + 1)
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
     padded = cv2.copyMakeBorder(
         mask.astype(np.uint8), size, size, size, size, cv2.BORDER_REPLICATE
@@ -76,7 +78,9 @@ LEAST_WIDTH = 0.2  # of the picture's side: a face is wider than apparatus
 THICKER = 1.2  # the far third's thickness over the near one's: of a whisker it is 0.2 to 0.6
 
 
-def likelier_side(transmission, side: str, thick_side: str | None, pixels_per_mm) -> str | None:
+def likelier_side(
+    transmission, side: str, thick_side: str | None, pixels_per_mm, params=DEFAULTS.scene
+) -> str | None:
     """Side on which the face rather is, where none is seen on the given `side`; None: no doubt.
 
     Parameters
@@ -89,7 +93,7 @@ def likelier_side(transmission, side: str, thick_side: str | None, pixels_per_mm
     """
     if thick_side in (None, side):
         return None
-    face = find_face(transmission, thick_side, pixels_per_mm)
+    face = find_face(transmission, thick_side, pixels_per_mm, params)
     wide = np.mean(border(face, thick_side)) > LEAST_WIDTH
     return thick_side if wide or thick_side == OPPOSITE[side] else None
 

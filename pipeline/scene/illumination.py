@@ -3,7 +3,8 @@
 import cv2
 import numpy as np
 
-ILLUMINATION_MM = 0.8  # the light is averaged over this length (SD)
+from pipeline.session.parameters import DEFAULTS
+
 EDGE_RATIO = 1.4  # of light within three cells: more is the edge of something
 CELL_PX = 8  # side of the cells in which light and coarse changes are looked at
 
@@ -45,7 +46,9 @@ def smooth_flat_parts(image, holes, pixels_per_mm, noise) -> np.ndarray:
     return (share * filled + (1 - share) * coarse).astype(np.float32)
 
 
-def light_without_objects(image, pixels_per_mm, thin=None) -> tuple[float, np.ndarray]:
+def light_without_objects(
+    image, pixels_per_mm, thin=None, params=DEFAULTS.scene
+) -> tuple[float, np.ndarray]:
     """Black level, and the light as it would be without face, pole and rod, float32 (h, w).
 
     Pixels of `thin` lines (bool (h, w) or None) are left out.
@@ -57,7 +60,7 @@ def light_without_objects(image, pixels_per_mm, thin=None) -> tuple[float, np.nd
     cells = _cells(image, thin)
     bright = np.percentile(cells, 95)
     black = float(min(np.percentile(image[::2, ::2], 0.5), 0.25 * bright))
-    reach = max(ILLUMINATION_MM * pixels_per_mm / CELL_PX, 1.5)
+    reach = max(params.illumination_mm * pixels_per_mm / CELL_PX, 1.5)
     labels, seeds = _edgeless_regions(cells - black, 0.5 * (bright - black))
     known = _any_of(labels, seeds)
     light = _spread(cells, known, reach)

@@ -3,7 +3,6 @@
 import cv2
 import numpy as np
 
-from pipeline.detection.static_scene import PoleTrack
 from pipeline.scene.circle_fit import (
     EDGE_SLOPE,
     LEAST_CONTRAST,
@@ -218,21 +217,11 @@ class PoleFollower:
         self._limit = 0.5 * (dark + light)
         self._core = np.flatnonzero(core)
         self._ring = np.flatnonzero(ring & (background > dark + 0.8 * (light - dark)))
-        self._seen = []
 
     def look(self, frame: np.ndarray) -> bool:
         """Look at the next frame, uint8 (height, width); True if the pole is in its place."""
         pixels = frame.ravel()
         dark = np.count_nonzero(pixels[self._core] < self._limit)
         light = np.count_nonzero(pixels[self._ring] > self._limit)
-        seen = dark >= self.DARK_PART * len(self._core)
-        seen = seen and light >= self.LIGHT_PART * len(self._ring)
-        self._seen.append(seen)
-        return seen
-
-    def track(self) -> PoleTrack:
-        """Return where the pole was in all frames looked at so far; NaN: not in its place."""
-        seen = np.array(self._seen, bool)
-        return PoleTrack(
-            np.where(seen, self.x_px, np.nan), np.where(seen, self.y_px, np.nan), self.radius_px
-        )
+        enough = dark >= self.DARK_PART * len(self._core)
+        return enough and light >= self.LIGHT_PART * len(self._ring)

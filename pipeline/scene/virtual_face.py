@@ -13,6 +13,7 @@ from pipeline.scene.background import thin_dark_lines
 from pipeline.scene.face import SIDES
 from pipeline.scene.illumination import light_without_objects
 from pipeline.scene.noise_model import spatial_noise
+from pipeline.session.parameters import DEFAULTS, SceneParams
 
 LOOKED_AT = 48  # frames
 SHORTEST_MM = 4.0  # shorter lines are no whiskers
@@ -25,13 +26,16 @@ HIDDEN_MM = 0.75  # from where a part turns towards the middle of what hides it
 LEAST_WIDTH_PX = 1  # of what stands for the face where whiskers come over the border
 
 
-def mask_behind_whiskers(frames, side: str | None, pixels_per_mm: float):
+def mask_behind_whiskers(
+    frames, side: str | None, pixels_per_mm: float, params: SceneParams = DEFAULTS.scene
+):
     """Stand-in for the face where none is in view.
 
     Parameters
     ----------
     frames : uint8 (k, height, width)
     side : of the face; None: where the whiskers' thicker ends are
+    params : the room's parameters
 
     Returns
     -------
@@ -47,7 +51,7 @@ def mask_behind_whiskers(frames, side: str | None, pixels_per_mm: float):
     lightest = frames[::step].max(axis=0)
     seen, moving = [], []
     for image in frames[::step]:
-        found = _whiskers(image, pixels_per_mm)
+        found = _whiskers(image, pixels_per_mm, params)
         seen += found
         moving += [pair for pair in found if _has_moved(pair[0], image, lightest)]
     if not seen:
@@ -60,12 +64,12 @@ def mask_behind_whiskers(frames, side: str | None, pixels_per_mm: float):
     return side, _mask(depth, along, side, shape, BIN_MM * pixels_per_mm), thick_side
 
 
-def _whiskers(image, pixels_per_mm):
+def _whiskers(image, pixels_per_mm, params):
     """All whiskers of a frame: points (n, 2) of x, y, and the absorbance image, of each."""
     image = image.astype(np.float32)
     noise = spatial_noise(image)
-    thin = thin_dark_lines(image, pixels_per_mm, noise)
-    black, light = light_without_objects(image, pixels_per_mm, thin)
+    thin = thin_dark_lines(image, pixels_per_mm, noise, params=params)
+    black, light = light_without_objects(image, pixels_per_mm, thin, params)
     dark = np.clip(1 - (image - black) / np.maximum(light - black, 1.0), -0.3, 1.0)
     sd = np.sqrt(noise[0] + noise[1] * np.maximum(image, 0)) / np.maximum(light - black, 1.0)
     index, points = ridges.ridge_points(

@@ -1,45 +1,16 @@
 """The tables of session.toml as types: what each key may hold, and the same in SI units."""
 
 import math
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, Literal
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field
-from pydantic_core import PydanticCustomError
+from pydantic import BaseModel, ConfigDict, Field
 
+from pipeline.session.parameters import Parameters
+from pipeline.session.quantities import quantity
 from pipeline.session.recording import Recording
 from whiskermodel.whisker import Whisker
 
 DIMENSIONS = ("length_mm", "cone_length_mm", "base_radius_um")
-
-
-class Range(NamedTuple):
-    """Plausible values of a quantity, and factors from units it is often given in by mistake."""
-
-    low: float
-    high: float
-    unit: str
-    mistaken_units: dict[str, float]
-
-    def check(self, value: float) -> float:
-        """Return the value; PydanticCustomError with advice where it is not plausible."""
-        if self.low <= value <= self.high:
-            return value
-        raise PydanticCustomError("implausible", "{advice}", {"advice": self.advice(value)})
-
-    def advice(self, value: float) -> str:
-        """What was expected in place of `value`, and what to do."""
-        unit = f" {self.unit}" if self.unit else ""
-        text = f"expected {self.low:g} to {self.high:g}{unit}"
-        for mistaken, factor in self.mistaken_units.items():
-            if self.low <= value * factor <= self.high:
-                return f"{text}; is it in {mistaken}? then write {value * factor:.6g}"
-        return f"{text}; correct the value"
-
-
-def _quantity(low, high, unit, mistaken_units=None):
-    """Type of a float that must lie in [low, high] `unit`."""
-    limits = Range(low, high, unit, mistaken_units or {})
-    return Annotated[float, Field(strict=True), AfterValidator(limits.check)]
 
 
 class _Table(BaseModel):
@@ -49,10 +20,10 @@ class _Table(BaseModel):
 class RecordingSettings(_Table):
     """[recording]: what the camera saw."""
 
-    frames_per_second: _quantity(10, 200_000, "frames/s", {"kHz": 1e3}) = Field(
+    frames_per_second: quantity(10, 200_000, "frames/s", {"kHz": 1e3}) = Field(
         description="of the camera, not the file's playback rate"
     )
-    pixels_per_mm: _quantity(1, 1000, "pixels/mm", {"pixels per m": 1e-3}) = Field(
+    pixels_per_mm: quantity(1, 1000, "pixels/mm", {"pixels per m": 1e-3}) = Field(
         description="scale of the image"
     )
     face: Literal["left", "right", "top", "bottom"] = Field(
@@ -70,25 +41,25 @@ class WhiskerSettings(_Table):
     name: Annotated[str, Field(strict=True, min_length=1)] = Field(
         description="what the lab calls it"
     )
-    length_mm: _quantity(1, 200, "mm", {"m": 1e3, "µm": 1e-3}) | None = Field(
+    length_mm: quantity(1, 200, "mm", {"m": 1e3, "µm": 1e-3}) | None = Field(
         None, description="follicle to (cut) tip"
     )
-    cone_length_mm: _quantity(1, math.inf, "mm", {"m": 1e3}) | None = Field(
+    cone_length_mm: quantity(1, math.inf, "mm", {"m": 1e3}) | None = Field(
         None, description="follicle to the extrapolated apex"
     )
-    base_radius_um: _quantity(2, 500, "µm", {"mm": 1e3, "m": 1e6, "nm": 1e-3}) | None = Field(
+    base_radius_um: quantity(2, 500, "µm", {"mm": 1e3, "m": 1e6, "nm": 1e-3}) | None = Field(
         None, description="at the follicle; the force goes with its fourth power"
     )
-    youngs_modulus_GPa: _quantity(0.05, 50, "GPa", {"MPa": 1e-3, "Pa": 1e-9}) = Field(
+    youngs_modulus_GPa: quantity(0.05, 50, "GPa", {"MPa": 1e-3, "Pa": 1e-9}) = Field(
         3.0, description="the paper's mouse whiskers: 3"
     )
-    density_kg_per_m3: _quantity(300, 3000, "kg/m³", {"g/cm³": 1e3}) = Field(
+    density_kg_per_m3: quantity(300, 3000, "kg/m³", {"g/cm³": 1e3}) = Field(
         1000.0, description="the paper's mouse whiskers: 1000"
     )
-    damping_per_s: _quantity(0, 10_000, "1/s") = Field(
+    damping_per_s: quantity(0, 10_000, "1/s") = Field(
         215.0, description="decay rate of the ring-down, d = γ/2"
     )
-    hidden_length_mm: _quantity(0, 20, "mm", {"µm": 1e-3}) = Field(
+    hidden_length_mm: quantity(0, 20, "mm", {"µm": 1e-3}) = Field(
         1.4, description="between follicle and first visible point, in the fur"
     )
 
@@ -120,13 +91,13 @@ class WhiskerSettings(_Table):
 class PoleSettings(_Table):
     """[pole]: the object that is touched."""
 
-    diameter_mm: _quantity(0.02, 20, "mm", {"µm": 1e-3, "m": 1e3}) = Field(
+    diameter_mm: quantity(0.02, 20, "mm", {"µm": 1e-3, "m": 1e3}) = Field(
         0.5, description="diameter of the pole"
     )
-    x_px: _quantity(-20_000, 20_000, "px") | None = Field(
+    x_px: quantity(-20_000, 20_000, "px") | None = Field(
         None, description="its centre; found by itself where it is not given"
     )
-    y_px: _quantity(-20_000, 20_000, "px") | None = Field(None, description="")
+    y_px: quantity(-20_000, 20_000, "px") | None = Field(None, description="")
 
     @property
     def diameter(self) -> float:
@@ -142,10 +113,10 @@ class PoleSettings(_Table):
 class AnalysisSettings(_Table):
     """[analysis]: choices of method."""
 
-    curvature_at_mm: _quantity(0.1, 100, "mm", {"m": 1e3, "µm": 1e-3}) = Field(
+    curvature_at_mm: quantity(0.1, 100, "mm", {"m": 1e3, "µm": 1e-3}) = Field(
         5.5, description="arc length from the follicle at which curvature is measured"
     )
-    friction: _quantity(0, 2, "") = Field(
+    friction: quantity(0, 2, "") = Field(
         0.0, description="coefficient of friction between whisker and pole; 0: none"
     )
 
@@ -159,9 +130,11 @@ class Settings(_Table):
     """All of session.toml. Only `recording` is required.
 
     `whisker` holds one table per tracked whisker, anterior to posterior; it may be empty.
+    `advanced` holds the parameters of the analysis (docs/parameters.md); most need no change.
     """
 
     recording: RecordingSettings
     whisker: tuple[WhiskerSettings, ...] = ()
     pole: PoleSettings = PoleSettings()
     analysis: AnalysisSettings = AnalysisSettings()
+    advanced: Parameters = Parameters()

@@ -6,6 +6,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from pipeline.session.quantities import fields_of
 from pipeline.session.schema import Settings
 from pipeline.session.validation import faults_of
 
@@ -73,7 +74,8 @@ def session_text(settings: Settings, notes: dict[str, str] | None = None) -> str
 
     `notes` adds to comments, by "table.key" (for whiskers "whisker.key", all of them), e.g.
     ``{"recording.face": "found in the picture"}``. Keys without a value are written as
-    comments, to be filled in.
+    comments, to be filled in. Of the parameters in `[advanced]` only those that differ from their
+    defaults are written.
     """
     notes = notes or {}
     lines = ["# Settings of a whiskerforce session.", ""]
@@ -82,13 +84,21 @@ def session_text(settings: Settings, notes: dict[str, str] | None = None) -> str
         lines += _table_lines("[[whisker]]", "whisker", table, notes)
     lines += _table_lines("[pole]", "pole", settings.pole, notes)
     lines += _table_lines("[analysis]", "analysis", settings.analysis, notes)
+    for room in fields_of(type(settings.advanced)):
+        table = getattr(settings.advanced, room)
+        defaults = {key: each.default for key, each in fields_of(type(table)).items()}
+        changed = [key for key, value in defaults.items() if getattr(table, key) != value]
+        if changed:
+            lines += _table_lines(f"[advanced.{room}]", f"advanced.{room}", table, notes, changed)
     return "\n".join(lines)
 
 
-def _table_lines(header, prefix, table, notes):
-    """Lines of one TOML table, its comments aligned."""
+def _table_lines(header, prefix, table, notes, keys=None):
+    """Lines of one TOML table, its comments aligned; all keys, or only some."""
     pairs = []
-    for key, field in type(table).model_fields.items():
+    for key, field in fields_of(type(table)).items():
+        if keys is not None and key not in keys:
+            continue
         value = getattr(table, key)
         entry = f"# {key} = " if value is None else f"{key} = {_toml_value(value)}"
         comment = "; ".join(filter(None, [field.description, notes.get(f"{prefix}.{key}")]))

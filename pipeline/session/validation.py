@@ -5,22 +5,11 @@ import difflib
 import math
 from typing import get_args
 
-from pipeline.session.schema import (
-    AnalysisSettings,
-    PoleSettings,
-    Range,
-    RecordingSettings,
-    Settings,
-    WhiskerSettings,
-)
+from pipeline.session.quantities import fields_of, limits_of
+from pipeline.session.schema import AnalysisSettings, RecordingSettings, Settings
 
 FACES = get_args(RecordingSettings.model_fields["face"].annotation)
-_MODELS = {
-    "recording": RecordingSettings,
-    "whisker": WhiskerSettings,
-    "pole": PoleSettings,
-    "analysis": AnalysisSettings,
-}
+UNKNOWN = ("extra_forbidden", "unexpected_keyword_argument")
 
 
 def faults_of(document, errors) -> list[str]:
@@ -52,6 +41,8 @@ def _without(places, document):
 def _place(location, document) -> str:
     """Name a key as the user wrote it: `[recording] face`, `[[whisker]] 2 ("D1") length_mm`."""
     table, *rest = location
+    if table == "advanced" and len(rest) > 1:
+        table, rest = f"advanced.{rest[0]}", rest[1:]
     if table != "whisker":
         return " ".join([f"[{table}]", *map(str, rest)])
     if not rest:
@@ -64,9 +55,9 @@ def _place(location, document) -> str:
 
 
 def _explain(error, document) -> str:
-    """One pydantic error as a sentence: place, value, what is expected, what to do."""
+    """One of pydantic's errors as a sentence: place, value, what is expected, what to do."""
     place, kind, value = _place(error["loc"], document), error["type"], error["input"]
-    if kind == "extra_forbidden":
+    if kind in UNKNOWN:
         return f"{place}: unknown {_table_or_key(error['loc'])}; {_known(error['loc'])}"
     if kind == "missing":
         return f"{place} is missing; {_wanted(error['loc'])}; add it"
@@ -79,17 +70,24 @@ def _explain(error, document) -> str:
     return f"{place} = {value!r}: {_wanted(error['loc'])}, not {_toml_type(value)}"
 
 
+def _table_of(field):
+    """The class of the table that a field holds, or None where it holds a value."""
+    inside = (field.annotation, *get_args(field.annotation))
+    return next((each for each in inside if hasattr(each, "__pydantic_validator__")), None)
+
+
 def _field(location):
-    """The declared field at a location such as ("whisker", 0, "length_mm"), or None."""
-    field = Settings.model_fields.get(location[0])
-    if len(location) == 1 or field is None:
-        return field
-    return _MODELS[location[0]].model_fields.get(location[2 if location[0] == "whisker" else 1])
+    """The declared field at a location such as ("whisker", 0, "length_mm")."""
+    table, field = Settings, None
+    for key in (step for step in location if not isinstance(step, int)):
+        field = fields_of(table)[key]
+        table = _table_of(field)
+    return field
 
 
-def _keys(location):
-    """Names that may stand at this place of the file."""
-    return list(_MODELS) if len(location) == 1 else list(_MODELS[location[0]].model_fields)
+def _keys(location) -> list[str]:
+    """Keys of the table at a location; () is the whole file."""
+    return list(fields_of(_table_of(_field(location)) if location else Settings))
 
 
 def _table_or_key(location) -> str:
@@ -98,7 +96,7 @@ def _table_or_key(location) -> str:
 
 def _known(location) -> str:
     """What to write in place of an unknown key: the likeliest, or all that there are."""
-    keys = _keys(location)
+    keys = _keys(location[:-1])
     close = difflib.get_close_matches(str(location[-1]), keys, n=1)
     if close:
         return f"did you mean {close[0]}?"
@@ -107,27 +105,15 @@ def _known(location) -> str:
 
 def _wanted(location) -> str:
     """What a key or table should hold."""
-    if len(location) == 1 or (location[0] == "whisker" and len(location) == 2):
-        return f"expected a table with {', '.join(_MODELS[location[0]].model_fields)}"
     field = _field(location)
-    limits = _limits(field)
+    if _table_of(field) is not None:
+        return f"expected a table with {', '.join(_keys(location))}"
+    limits = limits_of(field)
     if limits:
         return f"expected a number ({limits.low:g} to {limits.high:g} {limits.unit})"
     if field.annotation is str:
         return "expected a text in quotes, not empty"
     return f"expected one of {', '.join(FACES)}"
-
-
-def _limits(field) -> Range | None:
-    """The plausible range of a numeric field, also inside `… | None`."""
-    parts = [*field.metadata]
-    for member in getattr(field.annotation, "__args__", ()):
-        parts += getattr(member, "__metadata__", ())
-    for part in parts:
-        owner = getattr(getattr(part, "func", None), "__self__", None)
-        if isinstance(owner, Range):
-            return owner
-    return None
 
 
 def _toml_type(value) -> str:

@@ -1,14 +1,23 @@
-"""What a person is told of one video."""
+"""Messages about one video: what is missing or doubtful."""
 
+import re
 from types import SimpleNamespace
 
+import cv2
 import numpy as np
 import pandas as pd
 import pytest
 
 from pipeline.detection.static_scene import PoleTrack
-from pipeline.messages import messages
+from pipeline.messages import face_message, messages
+from pipeline.run import analyse
+from pipeline.scene.estimate import scene_from_frames
+from pipeline.session.recording import Recording
 from pipeline.session.session_file import settings_from
+from pipeline.tracking.registry import find_roster
+from pipeline.tracking.tracker import options_for
+from synthetic.presets import make_trial
+from synthetic.render import Renderer
 
 SCALE = 25.0  # px/mm
 WHISKER = {"length_mm": 18.0, "cone_length_mm": 19.0, "base_radius_um": 37.0}
@@ -81,3 +90,73 @@ def test_each_fault_is_told_alone(changes, said):
 )
 def test_what_is_no_fault_is_not_told(changes):
     assert told(**changes) == []
+
+
+# --- the side of the face, on rendered videos -------------------------------------------------
+
+SIDES = ("left", "bottom", "right", "top")  # from one to the next by a quarter turn
+POLE_MM = 0.015  # tolerance of its thickness, printed to 0.01 mm
+NAMES = {"single": ["C2"], "row": ["C4", "C3", "C2", "C1"]}
+
+
+def frames(preset, seed=3, every=40):
+    """Rendered frames of whiskers with the face at the left, uint8 (k, height, width)."""
+    trial = make_trial(preset, seed, 0)
+    renderer = Renderer(trial.scene, trial.motion)
+    return np.array([renderer.frame(i) for i in range(0, len(trial.motion), every)])
+
+
+@pytest.fixture(scope="module", params=NAMES)
+def seen(request):
+    return request.param, frames(request.param)
+
+
+def doubt(video, side, names):
+    """The message about the face's side, or None."""
+    scene = scene_from_frames(video, Recording(1000.0, SCALE, side))
+    options = options_for(Recording(1000.0, SCALE, side), [18e-3], [1.4e-3])
+    return face_message([scene], find_roster(video, scene, options, names), side)
+
+
+@pytest.mark.parametrize("turns", range(4))
+def test_a_face_at_its_place_is_not_doubted(seen, turns):
+    preset, video = seen
+    turned = np.ascontiguousarray(np.rot90(video, turns, axes=(1, 2)))
+    assert doubt(turned, SIDES[turns], NAMES[preset]) is None
+
+
+@pytest.mark.parametrize("side", ["right", "top", "bottom"])
+def test_a_face_elsewhere_is_reported(seen, side):
+    preset, video = seen
+    message = doubt(video, side, NAMES[preset])
+    assert f'[recording] face = "{side}"' in message
+    assert 'write face = "left"' in message
+
+
+def test_whiskers_without_a_face_in_view_show_the_opposite_side():
+    video = np.ascontiguousarray(frames("single")[:, :, 140:])  # without face and fur
+    assert doubt(video, "left", ["C2"]) is None
+    assert 'write face = "left"' in doubt(video, "right", ["C2"])
+
+
+@pytest.mark.parametrize(
+    ("side", "scale", "words"),
+    [
+        ("left", SCALE, None),
+        ("right", SCALE, 'write face = "left"'),
+        ("left", 0.75 * SCALE, "mm thick, but [pole] diameter_mm = 0.5"),
+    ],
+)
+def test_a_video_with_wrong_settings_says_so(tmp_path, side, scale, words):
+    for i, frame in enumerate(frames("single", every=10)):
+        cv2.imwrite(str(tmp_path / f"{i:03d}.png"), frame)
+    recording = {"frames_per_second": 100.0, "pixels_per_mm": scale, "face": side}
+    settings = settings_from({"recording": recording, "whisker": [{"name": "C2"}]})
+    messages = [m for m in analyse(tmp_path, settings).messages if "no forces" not in m]
+    if words is None:
+        assert messages == []
+    else:
+        assert words in messages[0]
+    if scale != SCALE:
+        (thick,) = re.findall(r"pole looks ([0-9.]+) mm", messages[0])
+        assert float(thick) == pytest.approx(0.5 * SCALE / scale, abs=POLE_MM)

@@ -1,60 +1,70 @@
-"""The follicle's slide along the whisker: followed, shrunk where it is noise, without jumps."""
+"""The follicle: anchored on frames from the whole video, wherever the fur's edge is crossed."""
 
 import numpy as np
-from scipy.ndimage import gaussian_filter1d
+import pytest
 
-from pipeline.kinematics.follicle import _Slide
+from pipeline.kinematics.follicle import FollicleFinder
+from pipeline.session.parameters import KinematicsParams
+from pipeline.tables.centrelines import Centrelines
 
-FRAMES, CHUNK = 1000, 500
-LIMIT, ORDINARY = 12.5, 1.1  # px: 0.5 and 0.045 mm at 25 px/mm
-HALVES = slice(0, CHUNK), slice(CHUNK, FRAMES)
-slide_tolerance = 0.4  # px
-jump_tolerance = 0.5  # px
-
-
-def wandering(rng, sd):
-    """A smooth path of SD `sd` [px] that changes over some hundred frames."""
-    path = gaussian_filter1d(rng.normal(size=FRAMES + 800), 120)[400:-400]
-    return path * sd / path.std()
+PX_PER_M = 25e3
+HIDDEN = 35.0  # px: 1.4 mm
+N_NODES = 300
+LENGTH_ERROR = 0.05  # px, of the hidden length
+PLACE_ERROR = 0.05  # px
 
 
-def in_chunks(slide, sway, size=CHUNK):
-    followed = _Slide(LIMIT, ORDINARY)
-    parts = [
-        followed.follow(slide[i : i + size], sway[i : i + size]) for i in range(0, FRAMES, size)
-    ]
-    return np.concatenate(parts)
+def lines_from(angles, first):
+    """Arcs through the follicle at (0, 0), `first` px of arc hidden, of base angle `angles`."""
+    s = np.arange(N_NODES)[None, :] + np.asarray(first)[:, None]
+    bend = 4e-4  # 1/px
+    turned = np.asarray(angles)[:, None] + bend * s
+    start = np.asarray(angles)[:, None]
+    x, y = (np.sin(turned) - np.sin(start)) / bend, (np.cos(turned) - np.cos(start)) / bend
+    rows = len(angles)
+    return Centrelines(
+        names=("C2",),
+        frame=np.arange(rows, dtype=np.int32),
+        whisker=np.zeros(rows, np.int32),
+        offsets=np.arange(rows + 1, dtype=np.int64) * N_NODES,
+        x_px=x.ravel().astype(np.float32),
+        y_px=y.ravel().astype(np.float32),
+        se_px=np.full(x.size, 0.05, np.float32),
+        confidence=np.ones(rows, np.float32),
+        offset_px=np.zeros(x.size, np.float32),
+        information=np.full(x.size, 400.0, np.float32),
+        thickness_px=np.full(x.size, 2.0, np.float32),
+    )
 
 
-def test_nothing_jumps_where_a_chunk_ends():
-    """Also where only part of the slide is believed, and one chunk's own slide is small."""
-    together, apart = [], []
-    for seed in range(8):
-        rng = np.random.default_rng(seed)
-        slide = wandering(rng, 2.5) + rng.normal(0, 0.5, FRAMES)
-        slide[CHUNK:] = slide[CHUNK] + 0.3 * (slide[CHUNK:] - slide[CHUNK])
-        sway = wandering(rng, 0.5)
-        together.append(np.diff(in_chunks(slide, sway))[CHUNK - 1])
-        alone = [_Slide(LIMIT, ORDINARY).follow(slide[s], sway[s]) for s in HALVES]
-        apart.append(np.diff(np.concatenate(alone))[CHUNK - 1])
-    jump, jump_apart = (np.sqrt(np.mean(np.square(each))) for each in (together, apart))
-    assert jump < jump_tolerance
-    assert jump < jump_apart / 2
+@pytest.fixture
+def finder():
+    """Anchored on whiskers at all angles that are hidden as session.toml says."""
+    angles = np.linspace(-0.4, 0.4, 15)
+    return FollicleFinder(lines_from(angles, np.full(15, HIDDEN)), [HIDDEN], PX_PER_M)
 
 
-def test_a_slide_no_larger_than_the_sway_is_believed():
-    rng = np.random.default_rng(7)
-    true = wandering(rng, 1.5)
-    found = in_chunks(true + rng.normal(0, 1, FRAMES), wandering(rng, 1.5))
-    assert np.sqrt(np.mean((found - true) ** 2)) < slide_tolerance
+def test_the_fur_s_edge_may_be_crossed_elsewhere_in_every_frame(finder):
+    hidden = HIDDEN + np.array([-8.0, -3.0, 0.0, 5.0, 12.0])
+    found = finder.place(lines_from(np.linspace(-0.3, 0.3, 5), hidden))
+    np.testing.assert_allclose(found.hidden_px, hidden, atol=LENGTH_ERROR)
+    np.testing.assert_allclose(found.follicle[:, :2], 0.0, atol=PLACE_ERROR)
 
 
-def test_a_slide_far_above_the_sway_is_noise():
-    rng = np.random.default_rng(8)
-    found = in_chunks(wandering(rng, 6.0), wandering(rng, 0.3))
-    assert np.std(found) < 1.5  # of 6 px
+def test_the_follicle_is_not_deeper_than_the_thickest_fur(finder):
+    finder.params = KinematicsParams(hidden_most_mm=1.0)
+    found = finder.place(lines_from([0.1], [HIDDEN]))
+    assert found.hidden_px[0] == pytest.approx(25.0)
 
 
-def test_an_unknown_slide_is_none():
-    found = in_chunks(np.full(FRAMES, np.nan), np.zeros(FRAMES))
-    np.testing.assert_array_equal(found, 0.0)
+def test_a_row_too_short_to_tell_keeps_the_session_s_length(finder):
+    line = lines_from([0.1], [HIDDEN])
+    short = Centrelines(
+        **{
+            name: value[:8] if name.endswith("_px") or name == "information" else value
+            for name, value in vars(line).items()
+            if name not in ("offsets", "hidden_px", "follicle")
+        },
+        offsets=np.array([0, 8]),
+    )
+    assert finder.place(short).hidden_px[0] == HIDDEN

@@ -9,7 +9,6 @@ from pipeline.scene.background import (
     estimate_background,
     sort_over_time,
     thin_dark_lines,
-    uncovered,
     without_whiskers,
 )
 from pipeline.scene.illumination import fill, frame_gains, light_without_objects
@@ -104,26 +103,6 @@ class TestOverTime:
         # near the follicle, it covers the same pixels at all angles
         at_rest = place_of_whisker(0.1) & (scene > 60) & (np.arange(WIDTH) < 190)
         assert abs((background.image - scene)[at_rest].mean()) < BURNED_IN
-
-    @pytest.mark.parametrize("times", [2, 4])
-    def test_whisker_that_has_seldom_moved_shows_what_is_behind(self, times):
-        scene, _ = still_scene()
-        angles = np.where(np.arange(32) % (32 // times) == 3, 0.25, 0.0)
-        frames = movie(angles)
-        background = estimate_background(frames, SCALE)
-        clear = uncovered(background, frames, face_of(scene), SCALE).image
-        place = place_of_whisker(0.0) & ~place_of_whisker(0.25)
-        place[:, 228:] = False  # the fur stays as it is
-        assert np.median(np.abs(background.image - scene)[place]) > 10 * BURNED_IN
-        assert np.percentile(np.abs(clear - scene)[place], 95) < 2 * BURNED_IN  # of few samples
-        assert np.array_equal(clear[:, 236:], background.image[:, 236:])
-
-    def test_nothing_is_uncovered_where_nothing_moves(self):
-        scene, _ = still_scene()
-        frames = movie(np.zeros(32))
-        background = estimate_background(frames, SCALE)
-        clear = uncovered(background, frames, face_of(scene), SCALE).image
-        assert np.mean(clear != background.image) < 1e-3
 
     def test_hairs_and_edges_stay(self):
         scene, _ = still_scene()

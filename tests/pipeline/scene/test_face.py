@@ -4,7 +4,11 @@ import pytest
 from contourpy import contour_generator
 
 from pipeline.scene.background import estimate_background
-from pipeline.scene.face import SIDES, border, face_side, find_face
+from pipeline.scene.estimate import scene_from_frames
+from pipeline.scene.face import SIDES, border, face_side, find_face, thickening_towards
+from pipeline.session.recording import Recording
+from pipeline.tracking.registry import find_roster
+from pipeline.tracking.tracker import options_for
 from synthetic.fur import distance_from_pad, pad_centre
 from synthetic.presets import make_trial
 from synthetic.render import Renderer
@@ -113,3 +117,15 @@ class TestFur:
             area.append(mask.sum())
             length.append(sum(len(curve) for curve in face_edge(mask)))
         assert abs(area[0] - area[1]) / length[0] < STEADY
+
+
+def test_an_object_on_the_wrong_side_is_no_face():
+    trial = make_trial("row", seed=3, trial=0)
+    renderer = Renderer(trial.scene, trial.motion)
+    video = np.array([renderer.frame(i) for i in range(0, len(renderer), 40)])
+    video = np.ascontiguousarray(video[:, :, :320])
+    video[:, :, -25:] = 10  # dark, where the whiskers reach it
+    scene = scene_from_frames(video, Recording(1000.0, SCALE, "right"))
+    roster = find_roster(video, scene, options_for(Recording(1000.0, SCALE, "right")))
+    assert scene.likelier_side is None  # it passes for a face
+    assert thickening_towards(roster) == "left"

@@ -159,6 +159,20 @@ def test_any_settings_survive_the_way_to_the_file_and_back(fps, scale, length, h
             document(whisker=[{"length_mm": 5}]),
             ["curvature_at_mm = 5.5", "length_mm = 5", "visible place"],
         ),
+        (
+            document(advanced={"scene": {"cel_mm": 0.3}}),
+            ["[advanced.scene] cel_mm: unknown key; did you mean cell_mm?"],
+        ),
+        (
+            document(advanced={"scene": {"cell_mm": 300}}),
+            ["[advanced.scene] cell_mm = 300: expected 0.05 to 5 mm"],
+        ),
+        (
+            document(advanced={"scene": {"cell_mm": "0.3"}}),
+            ["[advanced.scene] cell_mm = '0.3'", "(0.05 to 5 mm)", "not text"],
+        ),
+        (document(advanced={"scenes": {}}), ["[advanced] scenes: unknown", "mean scene?"]),
+        (document(advanced={"scene": 3}), ["[advanced] scene = 3: expected a table with"]),
         (document(pole={"x_px": 3}), ["[pole] y_px is missing", "neither"]),
         (document(pole={"diameter_mm": 500}), ["is it in µm", "write 0.5"]),
         (document(analysis=3), ["[analysis] = 3", "expected a table"]),

@@ -1,0 +1,68 @@
+"""Numbers with a unit and a plausible range, for the declaration of settings and parameters."""
+
+from typing import Annotated, NamedTuple
+
+from pydantic import AfterValidator, ConfigDict, Field
+from pydantic_core import PydanticCustomError
+
+TABLE = ConfigDict(extra="forbid")  # an unknown key is an error
+
+
+class Range(NamedTuple):
+    """Plausible values of a quantity, and factors from units it is often given in by mistake."""
+
+    low: float
+    high: float
+    unit: str
+    mistaken_units: dict[str, float]
+
+    def check(self, value: float) -> float:
+        """Return the value; PydanticCustomError with advice where it is not plausible."""
+        if self.low <= value <= self.high:
+            return value
+        raise PydanticCustomError("implausible", "{advice}", {"advice": self.advice(value)})
+
+    def advice(self, value: float) -> str:
+        """What was expected in place of `value`, and what to do."""
+        unit = f" {self.unit}" if self.unit else ""
+        text = f"expected {self.low:g} to {self.high:g}{unit}"
+        for mistaken, factor in self.mistaken_units.items():
+            if self.low <= value * factor <= self.high:
+                return f"{text}; is it in {mistaken}? then write {value * factor:.6g}"
+        return f"{text}; correct the value"
+
+
+def quantity(low, high, unit, mistaken_units=None):
+    """Type of a float that must lie in [low, high] `unit`."""
+    limits = Range(low, high, unit, mistaken_units or {})
+    return Annotated[float, Field(strict=True), AfterValidator(limits.check)]
+
+
+def parameter(default, meaning: str, source: str):
+    """Declare a parameter of the analysis.
+
+    Parameters
+    ----------
+    default : the value used unless session.toml gives another, in the unit of its `quantity`
+    meaning : what it is, for docs/parameters.md
+    source : where the default comes from: "measured …", "literature …" or "chosen …"
+    """
+    return Field(default, description=meaning, json_schema_extra={"source": source})
+
+
+def fields_of(table) -> dict:
+    """Declared fields of a table of settings or of parameters, by key."""
+    fields = getattr(table, "model_fields", None)  # a pydantic model's
+    return table.__pydantic_fields__ if fields is None else fields
+
+
+def limits_of(field) -> Range | None:
+    """Plausible range of a numeric field, also inside `… | None`."""
+    parts = [*field.metadata]
+    for member in getattr(field.annotation, "__args__", ()):
+        parts += getattr(member, "__metadata__", ())
+    for part in parts:
+        owner = getattr(getattr(part, "func", None), "__self__", None)
+        if isinstance(owner, Range):
+            return owner
+    return None
