@@ -1,6 +1,7 @@
 """The house keeps its plan: imports run down the list of rooms, and the map names every file."""
 
 import ast
+import importlib
 import re
 from pathlib import Path
 
@@ -56,6 +57,16 @@ def test_imports_run_down_the_list_of_rooms(room):
                 continue
             allowed = room_of(other) in below or (room == "app" and other in WHOLE_WAY)
             assert allowed, f"{module} imports {other}"
+
+
+@pytest.mark.parametrize("room", ROOMS)
+def test_a_room_hands_on_names_that_are_there_and_hide_no_file(room):
+    module = importlib.import_module(f"pipeline.{room}")
+    files = {file.stem for file in (ROOT / "pipeline" / room).glob("*.py")}
+    names = [name for name in dir(module) if not name.startswith("_")]
+    for name in names:
+        getattr(module, name)
+    assert not set(module.__all__ if hasattr(module, "__all__") else ()) & files
 
 
 @pytest.mark.parametrize(

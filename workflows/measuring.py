@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from pipeline.contacts.analysis import retouch
+from pipeline.contacts.analysis import find_touches
 from pipeline.run import analyse
 from pipeline.runtime.workers import THREADS
 from pipeline.session.session_file import read_session
@@ -205,7 +205,7 @@ def measure(preset: str, path, session) -> Measured:
     for method in ("shape", "point"):
         frames, contacts = analysis.frames, analysis.contacts
         if method == "point":
-            touch = retouch(
+            touch = find_touches(
                 frames, analysis.evidence, settings.recording.si(), whiskers,
                 curvature_at=at, method=method, video=stem,
             )  # fmt: skip

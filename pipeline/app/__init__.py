@@ -1,1 +1,1 @@
-"""The command line: arguments, processes, exit status; no science."""
+"""The command line: arguments, processes, exit status."""

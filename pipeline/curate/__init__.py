@@ -6,6 +6,6 @@ in any order), desk.py (what the person sees and does), page.py with picture.py,
 panels.py (how it is shown), server.py.
 """
 
-from pipeline.curate.server import curate
+import lazy_loader
 
-__all__ = ["curate"]
+__getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={"server": ["curate"]})

@@ -84,7 +84,7 @@ class VideoUnderReview:
 
     def refresh(self) -> None:
         """Make contacts, forces, pulses and base loads anew from the corrections so far."""
-        self.touch = analysis.retouch(
+        self.touch = analysis.find_touches(
             self.touch.frames,
             self.touch.evidence,
             self.recording,

@@ -1,1 +1,13 @@
-"""Centreline → numbers: follicle, angle, curvature, distance to the pole."""
+"""Follicle, angle, curvature and distance to the pole, from centrelines."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach(
+    __name__,
+    submod_attrs={
+        "fur_noise": ["locate_follicles"],
+        "measure": ["Kinematics", "KinematicsMeter"],
+        "resampled": ["Stations", "measure_stations"],
+        "resampled_store": ["StationStore"],
+    },
+)

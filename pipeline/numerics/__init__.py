@@ -1,1 +1,11 @@
-"""Numerical parts that know nothing of whiskers: splines, polylines, angles, runs."""
+"""Splines, polylines, statistics: numerical parts that know nothing of whiskers."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach(
+    __name__,
+    submod_attrs={
+        "angles": ["wrapped"],
+        "runs": ["stretches"],
+    },
+)

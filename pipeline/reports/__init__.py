@@ -1,1 +1,12 @@
 """What people look at: figures, report, overlay."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach(
+    __name__,
+    submod_attrs={
+        "figures": ["write_fig3"],
+        "overlay": ["write_overlay"],
+        "report": ["write_report"],
+    },
+)

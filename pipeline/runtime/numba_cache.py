@@ -10,6 +10,7 @@ folder. `NUMBA_CACHE_DIR`, if set, comes first.
 """
 
 import atexit
+import contextlib
 import hashlib
 import json
 import os
@@ -94,10 +95,8 @@ def _is_writable(folder) -> bool:
 def _folder_elsewhere() -> Path:
     """The user's folder for compiled code, or, without one, a folder until the program ends."""
     user = _user_caches() / "whiskerforce"
-    try:
+    with contextlib.suppress(OSError):
         user.mkdir(parents=True, exist_ok=True)
-    except OSError:
-        pass
     if _is_writable(user):
         return user
     passing = Path(tempfile.mkdtemp(prefix="whiskerforce-"))

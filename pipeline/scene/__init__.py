@@ -1,1 +1,13 @@
 """What does not move: background, noise, face, pole."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach(
+    __name__,
+    submod_attrs={
+        "dust": ["is_passed_over"],
+        "estimate": ["Epoch", "find_scenes", "scene_from_frames", "survey"],
+        "over_time": ["face_side_of", "pole_track"],
+        "pole_runs": ["pole_at"],
+    },
+)

@@ -1,1 +1,14 @@
 """session.toml, and which videos it holds for."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach(
+    __name__,
+    submod_attrs={
+        "inputs": ["find_inputs"],
+        "parameters": ["DEFAULTS", "KinematicsParams", "Parameters", "SceneParams"],
+        "recording": ["Recording"],
+        "schema": ["Settings"],
+        "session_file": ["SettingsError", "read_session", "settings_from", "write_session"],
+    },
+)

@@ -44,3 +44,7 @@ def data_dictionary() -> str:
     lines += ["", "## Flags of contacts", "", "| flag | meaning |", "|---|---|"]
     lines += [f"| `{flag}` | {meaning} |" for flag, meaning in CONTACT_FLAGS.items()]
     return "\n".join(lines) + "\n"
+
+
+if __name__ == "__main__":
+    print(data_dictionary(), end="")

@@ -1,4 +1,4 @@
-"""What `contact.measure_touch` measured, kept beside the tables.
+"""What `forces.estimate_forces` measured, kept beside the tables.
 
 From it contacts and forces are made anew when a person corrects contacts, without the video.
 """

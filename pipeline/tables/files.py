@@ -1,4 +1,4 @@
-"""Tables on disk: parquet and CSV, each whole or not at all, and the dictionary of columns."""
+"""Tables on disk: parquet and CSV, each whole or not at all."""
 
 import contextlib
 import json
@@ -14,7 +14,6 @@ from pipeline.tables.columns import (
     Column,
     as_table,
 )
-from pipeline.tables.dictionary import data_dictionary
 
 ROWS_PER_GROUP = 8192
 
@@ -207,13 +206,3 @@ def read_frames(path, columns=None, filters=None) -> pd.DataFrame:
     import pyarrow.parquet as pq
 
     return pq.read_table(path, columns=columns, filters=filters).to_pandas()
-
-
-# --- how a video was processed (run.json in its folder) -----------------------------------
-
-
-# --- the dictionary of columns -----------------------------------------------------------
-
-
-if __name__ == "__main__":
-    print(data_dictionary(), end="")

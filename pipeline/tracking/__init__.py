@@ -1,1 +1,14 @@
 """Lines from frame to frame."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach(
+    __name__,
+    submod_attrs={
+        "registry": ["find_roster"],
+        "stationary_whiskers": ["behind_whiskers"],
+        "track_video": ["CHUNK_FRAMES", "sample_lines", "track"],
+        "tracker": ["options_for"],
+        "whiskers": ["Cast", "find_cast", "nominal_whisker", "roster_frames", "tracing_options"],
+    },
+)

@@ -1,1 +1,11 @@
 """Any input → grey frames."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach(
+    __name__,
+    submod_attrs={
+        "base": ["Video"],
+        "open": ["find_videos", "open_video"],
+    },
+)

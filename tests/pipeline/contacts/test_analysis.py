@@ -16,6 +16,7 @@ from scipy.stats import norm
 from pipeline.contacts import analysis
 from pipeline.contacts.intervals import find_contacts, in_contact
 from pipeline.contacts.probability import _log_odds, _log_skewed, add_probability, posterior
+from pipeline.forces import estimate
 from pipeline.kinematics import resampled
 from pipeline.tables.columns import CONTACT_FLAGS, CORRECTION_COLUMNS, as_table, split_flags
 from synthetic.presets import make_trial
@@ -177,8 +178,8 @@ def test_what_a_whisker_passes_over_it_does_not_touch():
 def test_free_frames_near_the_pole_tell_the_rest_shape_where_most_are_there(monkeypatch):
     traced = traced_motion.trace(make_trial("resting", 20, 1, 400).motion, noise_px=0.03)
     near, far = [], []
-    for share, found in ((analysis.MUCH_MORE, near), (np.inf, far)):
-        monkeypatch.setattr(analysis, "MUCH_MORE", share)
+    for share, found in ((estimate.MUCH_MORE, near), (np.inf, far)):
+        monkeypatch.setattr(estimate, "MUCH_MORE", share)
         touch = analysis.analyse_touch(
             traced.frames, traced.places, traced.recording, traced.whiskers
         )
@@ -369,13 +370,13 @@ def test_corrections_change_contacts_but_no_evidence():
         ),
         CORRECTION_COLUMNS,
     )
-    again = analysis.retouch(
+    again = analysis.find_touches(
         touch.frames, touch.evidence, traced.recording, traced.whiskers, corrections=corrections
     )
     assert len(again.contacts) == len(touch.contacts) - 1
     assert onset not in set(again.contacts["onset_frame"])
     pd.testing.assert_frame_equal(again.evidence, touch.evidence)
-    same = analysis.retouch(touch.frames, touch.evidence, traced.recording, traced.whiskers)
+    same = analysis.find_touches(touch.frames, touch.evidence, traced.recording, traced.whiskers)
     pd.testing.assert_frame_equal(same.frames, touch.frames)
     pd.testing.assert_frame_equal(
         same.contacts.drop(columns="video"), touch.contacts.drop(columns="video")

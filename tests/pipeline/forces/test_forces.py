@@ -11,9 +11,9 @@ import traced_motion
 from pipeline.contacts import analysis
 from pipeline.contacts.summary import contact_table, peak_errors
 from pipeline.forces import forces
-from pipeline.kinematics import resampled
+from pipeline.kinematics import Kinematics, resampled
 from pipeline.reports.error_budget import taper_share
-from pipeline.run import Followed, find_touches
+from pipeline.run import forces_of, touches_of
 from pipeline.session.recording import Recording
 from pipeline.session.session_file import settings_from
 from pipeline.tables.columns import CONTACT_COLUMNS, FRAME_COLUMNS, as_table
@@ -281,12 +281,13 @@ def test_friction_of_the_session_is_taken_out():
     """Loads where a true friction of 0.3 acts, without and with `[analysis] friction`."""
     traced = traced_motion.trace(rubbing_motion(0.3), noise_px=0.02)
     cast = SimpleNamespace(whiskers=traced.whiskers)
-    followed = Followed(cast, traced.frames, traced.places, traced.pole, len(traced.frames))
+    kinematics = Kinematics(cast, traced.frames, traced.places, traced.pole, len(traced.frames))
     recording = {"frames_per_second": 1000, "pixels_per_mm": 25, "face": "left"}
     truth, error = traced.true_frames, {}
     for friction in (0.0, 0.3):
         settings = settings_from({"recording": recording, "analysis": {"friction": friction}})
-        frames = find_touches(followed, settings).frames
+        found = forces_of(kinematics, settings)
+        frames = touches_of(kinematics, *found, settings).frames
         pushed = (truth["contact_force_uN"] > 3).to_numpy() & frames["in_contact"].to_numpy()
         assert pushed.sum() > 50
         off = {

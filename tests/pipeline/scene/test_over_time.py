@@ -1,11 +1,11 @@
-"""Pieces of `analyse`; the whole of it is in tests/test_end_to_end.py."""
+"""A video's epochs as one."""
 
 from types import SimpleNamespace
 
 import numpy as np
 
 from pipeline.detection.static_scene import PoleTrack
-from pipeline.run import pole_track
+from pipeline.scene import pole_track
 
 
 def _epoch(start, stop, pole):

@@ -1,0 +1,95 @@
+"""Angle, curvature and distance to the pole of a whole video's lines, chunk by chunk."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from pipeline.detection.static_scene import PoleTrack
+from pipeline.kinematics import curvature, resampled
+from pipeline.kinematics.resampled_store import StationStore
+from pipeline.session.parameters import DEFAULTS, KinematicsParams
+from pipeline.session.recording import Recording
+from pipeline.tables.columns import FRAME_COLUMNS, as_table
+from pipeline.tracking.whiskers import Cast
+
+
+@dataclass(frozen=True)
+class Kinematics:
+    """What is known of a video's whiskers before forces.
+
+    Attributes
+    ----------
+    cast : the whiskers
+    frames : table of FRAME_COLUMNS with the kinematics, a row per frame and whisker
+    places : `Stations` of all traced rows, by whisker
+    pole : where the pole was; None if it was never seen
+    n_frames : frames read
+    """
+
+    cast: Cast
+    frames: pd.DataFrame
+    places: StationStore
+    pole: PoleTrack | None
+    n_frames: int
+
+
+class KinematicsMeter:
+    """Takes a video's `Centrelines` in chunks, keeps what forces and tables need of them.
+
+    Parameters
+    ----------
+    cast : the whiskers
+    recording : frame rate and scale
+    curvature_at : arc length from the follicle at which curvature is taken [m]
+    pole : where the pole is; None where there is none
+    params : the room's parameters
+    """
+
+    def __init__(
+        self,
+        cast: Cast,
+        recording: Recording,
+        curvature_at: float,
+        pole: PoleTrack | None,
+        params: KinematicsParams = DEFAULTS.kinematics,
+    ):
+        self.cast, self.recording, self.curvature_at = cast, recording, curvature_at
+        self.pole, self.params = pole, params
+        self._tables, self._places = [], StationStore()
+
+    def add(self, chunk, interpolated=frozenset()) -> None:
+        """Measure the next chunk; `interpolated` as for `measure_stations`."""
+        self.cast = self.cast.of(chunk.names)
+        hidden = self.cast.hidden_lengths
+        table = curvature.measure(
+            chunk, self.recording, hidden, self.curvature_at, self.pole, self.params
+        )
+        self._tables.append(table.assign(confidence=chunk.confidence))
+        self._places.add(
+            resampled.measure_stations(
+                chunk, self.recording, self.cast.nominal, hidden, self.pole, interpolated,
+                self.params,
+            )
+        )  # fmt: skip
+
+    def result(self, n_frames: int) -> Kinematics:
+        """All that was measured, of a video of `n_frames`."""
+        table = frame_table(self._tables, self.cast, n_frames, self.recording)
+        return Kinematics(self.cast, table, self._places, self.pole, n_frames)
+
+
+def frame_table(tables, cast: Cast, n_frames: int, recording: Recording) -> pd.DataFrame:
+    """Table of FRAME_COLUMNS with a row per frame and whisker, kinematics where it is tracked.
+
+    `tables` are as of `curvature.measure`, whose `whisker` indexes `cast.found`.
+    """
+    every = pd.MultiIndex.from_product([range(n_frames), cast.names], names=["frame", "whisker"])
+    nothing = pd.DataFrame({"frame": [], "whisker": []}, dtype=int)
+    found = pd.concat(tables or [nothing], ignore_index=True)
+    found["whisker"] = np.asarray(cast.found, object)[found["whisker"].to_numpy(int)]
+    found["tracked"] = True
+    table = found.set_index(["frame", "whisker"]).reindex(every).reset_index()
+    table["tracked"] = table["tracked"].notna()
+    table["time_s"] = table["frame"] / recording.frames_per_second
+    return as_table(table, FRAME_COLUMNS)

@@ -1,0 +1,28 @@
+"""A video's epochs as one: the pole from frame to frame, the side of the face."""
+
+import numpy as np
+
+from pipeline.detection.static_scene import PoleTrack, StaticScene
+
+
+def face_side_of(scene) -> str:
+    """Side of the picture with the face, of a StaticScene or of a video's epochs."""
+    scenes = [scene] if isinstance(scene, StaticScene) else [e.scene for e in scene if e.scene]
+    return scenes[0].face_side
+
+
+def pole_track(epochs) -> PoleTrack | None:
+    """The pole from frame to frame, NaN where it is away or moving; None if never seen.
+
+    What holds at the last entry holds to the video's end.
+    """
+    n_frames = epochs[-1].start + 1
+    x, y = np.full((2, n_frames), np.nan)
+    radii = []
+    for epoch in epochs:
+        pole = epoch.scene.pole if epoch.scene else None
+        if pole is not None:
+            part = slice(epoch.start, epoch.stop)
+            x[part], y[part] = pole.x_px[0], pole.y_px[0]
+            radii.append(pole.radius_px)
+    return PoleTrack(x, y, float(np.median(radii))) if radii else None
