@@ -21,6 +21,7 @@ from pipeline.scene.noise_model import (
 from pipeline.session.parameters import DEFAULTS, SceneParams
 
 SHORTEST_BASE_MM = 0.3  # without fur: a base that stays where it is while the rest moves
+AT_THING_MM = 0.25  # from a thing on which a line ends
 BRIGHT_RANK = 0.85  # of the samples of a pixel: free of whiskers that rest there up to this share
 DARK_SD = 4.0  # by so much darker is a whisker; its flanks, which are not, reach FLANK_PX farther
 FLANK_PX = 2
@@ -230,6 +231,7 @@ def without_whiskers(
     pixels_per_mm,
     fur=True,
     pole=None,
+    things=None,
     params: SceneParams = DEFAULTS.scene,
 ):
     """Return the image with whiskers that never moved filled from their surroundings.
@@ -238,6 +240,7 @@ def without_whiskers(
     fur, and lines elsewhere scratches and wires: these stay, as they should in a background.
     Where there is no `fur`, shorter ones are the whiskers' bases, about which they turn. What
     leaves the `pole` (bool mask) on which such a line ends is the same whisker's other part.
+    Lines that never move and end on other `things` (bool mask) are parts of them: they stay.
     """
     movie = background.n_frames >= MOVIE_FRAMES
     share = 1 / background.n_frames if movie else 1.0  # of the variance left in the average
@@ -251,6 +254,9 @@ def without_whiskers(
         else thin | _surroundings(pole, params.thickest_whisker_mm * pixels_per_mm)
     )
     whiskers = thin & _long_lines_at(face, lines, pixels_per_mm, shortest * pixels_per_mm)
+    if movie and things is not None:
+        near = cv2.dilate(things.astype(np.uint8), _square(AT_THING_MM * pixels_per_mm)) > 0
+        whiskers &= ~_long_parts(whiskers, 0, whiskers & near)
     whiskers |= _long_parts(background.covered | whiskers, 0, whiskers) & ~face
     if not movie:
         return smooth_flat_parts(background.image, whiskers, pixels_per_mm, noise)

@@ -15,6 +15,7 @@ from pipeline.scene.epochs import Survey, periods
 from pipeline.scene.face import face_side, find_face, likelier_side, opened
 from pipeline.scene.pole_search import PoleFollower, find_pole
 from pipeline.scene.virtual_face import mask_behind_whiskers
+from pipeline.scene.whisker_pad import face_of
 from pipeline.session.parameters import DEFAULTS, SceneParams
 from pipeline.session.recording import Recording
 
@@ -123,9 +124,11 @@ def scene_from_frames(
     background = estimate_background(frames, scale, params)
     transmission = background.transmission
     side = recording.face or face_side(transmission, params)
-    face = find_face(transmission, side, scale, params)
+    animal = face = find_face(transmission, side, scale, params)
     fur, likelier = face.any(), None
-    if not fur:
+    if fur:
+        face = _bearing_whiskers(animal, frames, background, side, scale, params)
+    else:
         side, face, thick_side = mask_behind_whiskers(frames, recording.face, scale, params)
         likelier = likelier_side(transmission, side, thick_side, scale, params)
     pole = None
@@ -135,11 +138,12 @@ def scene_from_frames(
         passed_over = partial(
             is_passed_over, background=background.image, noise=noise, frames=frames
         )
-        pole = find_pole(transmission, radius_px, pole_xy, face, passed_over)
+        pole = find_pole(transmission, radius_px, pole_xy, face | animal, passed_over)
     obstacles = find_obstacles(transmission, face, pole, scale, params)
     disc = _disc(pole, face.shape)
+    things = _apart_from(obstacles, disc)
     return StaticScene(
-        background=without_whiskers(background, face, scale, fur, disc, params),
+        background=without_whiskers(background, face, scale, fur, disc, things, params),
         noise_gain=background.noise_gain,
         noise_floor=background.noise_floor,
         face_mask=face,
@@ -149,6 +153,20 @@ def scene_from_frames(
         noise_excess=noise_excess(background, frames, obstacles, face),
         likelier_side=likelier,
     )
+
+
+def _bearing_whiskers(animal, frames, background, side, scale, params):
+    """The part of the animal's mask that whiskers come out of."""
+    seen = StaticScene(
+        background=without_whiskers(background, animal, scale, params=params),
+        noise_gain=background.noise_gain,
+        noise_floor=background.noise_floor,
+        face_mask=animal,
+        obstacle_mask=find_obstacles(background.transmission, animal, None, scale, params),
+        pole=None,
+        face_side=side,
+    )
+    return face_of(animal, frames, seen)
 
 
 def find_obstacles(transmission, face, pole, pixels_per_mm, params=DEFAULTS.scene) -> np.ndarray:
@@ -178,6 +196,14 @@ def _disc(pole, shape):
     around = np.zeros(shape, np.uint8)
     sixteenths = (round(16 * pole.x_px), round(16 * pole.y_px)), round(16 * pole.radius_px)
     return cv2.circle(around, *sixteenths, 1, cv2.FILLED, shift=4) > 0
+
+
+def _apart_from(obstacles, disc):
+    """Obstacles that are not connected with the pole's disc, bool (height, width)."""
+    if disc is None:
+        return obstacles
+    _, labels = cv2.connectedComponents((obstacles | disc).astype(np.uint8))
+    return obstacles & ~np.isin(labels, np.unique(labels[disc]))
 
 
 def _constant_track(pole, n_frames):

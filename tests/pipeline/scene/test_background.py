@@ -196,6 +196,15 @@ class TestOneFrame:
         image = without_whiskers(background, face_of(clean), SCALE)  # a line of its own
         assert (clean - image)[beyond].mean() > 10 * BURNED_IN
 
+    def test_a_tube_between_face_and_apparatus_is_no_resting_whisker(self):
+        background = estimate_background(movie([0.1] * 32), SCALE)
+        whisker = background.image - without_whiskers(background, face_of(still_scene()[0]), SCALE)
+        apparatus = np.zeros(whisker.shape, bool)
+        apparatus[90:150, 50:80] = True  # about its far end
+        image = without_whiskers(background, face_of(still_scene()[0]), SCALE, things=apparatus)
+        assert np.abs(whisker).max() > 10 * BURNED_IN
+        assert np.abs(image - background.image).max() < BURNED_IN
+
     def test_short_hairs_and_lines_away_from_the_face_stay(self):
         scene, _ = still_scene()
         cv2.line(scene, (100, 180), (200, 170), 60, 2, cv2.LINE_AA)  # a scratch

@@ -1,0 +1,221 @@
+"""The part of the animal from which whiskers grow: the face. The rest of it is body.
+
+Face and body are one dark mass in many pictures. A long posterior whisker leaves the face and
+ends before the body, so that both of its ends lie at the edge of the mass. Whiskers are darker at
+the base than at the tip: their dark ends show which part of the edge is face.
+"""
+
+from itertools import pairwise
+
+import cv2
+import numpy as np
+from scipy.spatial import cKDTree
+
+from pipeline.detection import ridges
+from pipeline.detection.image_model import ImageModel, absorbance_image
+from pipeline.detection.static_scene import StaticScene
+
+LOOKED_AT = 10  # frames
+FEWEST_FRAMES = 3  # fewer do not show what moves
+DEEP = 0.15  # of the picture's size: shallower hollows of the edge hold no whisker's tip
+SHORTEST = 0.07  # of the picture's size; shorter lines are fur
+REACH = 0.04  # of the picture's size, between a line's end and the edge it belongs to
+DARKER = 1.2  # a line's third at the base over that at the tip, absorbance
+STILL = 0.5  # of a line's absorbance: what stays as dark in the usual frame does not move
+SWITCH = 3.0  # of the shortest whiskers must speak for a change from face to body on the edge
+SWITCH_SHARE = 0.1  # the same, as a share of all whiskers seen
+FEWEST_BASES = 0.1  # of the best part's: a part of the mass with fewer is no face
+
+
+def face_of(mask, frames, scene: StaticScene) -> np.ndarray:
+    """Return the part of the animal's `mask` that bears whiskers, bool (height, width).
+
+    Parameters
+    ----------
+    mask : bool (height, width), the animal as one dark mass
+    frames : uint8 (k, height, width)
+    scene : what does not move, with `mask` as its face
+
+    The whole mask is returned where its edge has no hollow in which a whisker could end, and
+    where no whisker is seen to move.
+    """
+    size = float(np.sqrt(mask.size))
+    if len(frames) < FEWEST_FRAMES or not _may_hold_tips(mask, DEEP * size):
+        return mask
+    edges = _edges(mask)
+    votes = _votes(edges, _whiskers(frames, scene, SHORTEST * size), REACH * size)
+    if not any(np.any(vote > 0) for _, vote in votes):
+        return mask
+    labels = _labels(edges, votes, SWITCH * SHORTEST * size)
+    return mask & _nearest_label(edges, labels, mask.shape)
+
+
+def _may_hold_tips(mask, depth_px) -> bool:
+    """Whether the mask has several parts, or one with a hollow of at least `depth_px`."""
+    contours, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    return len(contours) > 1 or any(_hollow(each, mask.shape) > depth_px for each in contours)
+
+
+def _hollow(contour, shape) -> float:
+    """How far a contour stays inside of its convex hull at the most [px]."""
+    hull = np.zeros((shape[0] + 2, shape[1] + 2), np.uint8)
+    cv2.fillConvexPoly(hull, cv2.convexHull(contour) + 1, 1)
+    x, y = contour[:, 0].T + 1
+    return float(cv2.distanceTransform(hull, cv2.DIST_L2, 5)[y, x].max())
+
+
+# ---- whiskers -----------------------------------------------------------------------------
+
+
+def _whiskers(frames, scene, shortest_px):
+    """Of the lines that move, in some of the frames: x, y of base and of tip, length; (n, 5)."""
+    model = ImageModel.from_scene(scene)
+    step = max(len(frames) // LOOKED_AT, 1)
+    dark = np.stack([absorbance_image(each, model, model.gain(each)) for each in frames[::step]])
+    usual = np.median(dark, axis=0)
+    found = [
+        (*ends, _length(curve))
+        for image in dark
+        for curve in _curves(image, model.noise, shortest_px)
+        if (ends := _base_and_tip(curve, image, usual)) is not None
+    ]
+    return np.array(found, float).reshape(-1, 5)
+
+
+def _curves(image, noise, shortest_px):
+    """Dark lines of an absorbance image, points (n, 2) each."""
+    index, points = ridges.ridge_points(image, noise)
+    curves = ridges.join(ridges.link(index, points, shortest=10))
+    return [curve for curve in curves if _length(curve) > shortest_px]
+
+
+def _length(curve) -> float:
+    return float(np.hypot(*np.diff(curve, axis=0).T).sum())
+
+
+def _base_and_tip(curve, image, usual):
+    """x, y of the dark and of the pale end; None where none is darker, or it does not move."""
+    x, y = np.asarray(curve, np.float32).T
+    now, mostly = (
+        cv2.remap(each, x[None], y[None], cv2.INTER_LINEAR)[0] for each in (image, usual)
+    )
+    if np.median(mostly) > STILL * np.median(now):
+        return None
+    third = len(curve) // 3
+    first, last = np.median(now[:third]), np.median(now[-third:])
+    if max(first, last) < DARKER * min(first, last):
+        return None
+    return (*curve[0], *curve[-1]) if first > last else (*curve[-1], *curve[0])
+
+
+# ---- the edge -----------------------------------------------------------------------------
+
+
+def _edges(mask) -> list[np.ndarray]:
+    """Edges of the mask's parts inside the picture, int (n, 2) of x, y each, in order."""
+    contours, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    last = np.array(mask.shape[::-1]) - 1
+    edges = []
+    for contour in contours:
+        points = contour[:, 0]
+        inside = np.all((points > 0) & (points < last), axis=1)
+        if inside.all():
+            edges.append(points)
+        elif inside.any():
+            start = int(np.argmin(inside))  # on the border
+            points, inside = np.roll(points, -start, axis=0), np.roll(inside, -start)
+            edges += [part for part in _runs(points, inside) if len(part) > 1]
+    return edges
+
+
+def _runs(points, inside):
+    """Consecutive points that are inside."""
+    cuts = np.flatnonzero(np.diff(inside.astype(int))) + 1
+    return [points[a:b] for a, b in pairwise([0, *cuts, len(points)]) if inside[a]]
+
+
+def _votes(edges, whiskers, reach_px):
+    """For each edge, places along it, and the length of the whisker whose base is there.
+
+    Tips count as negative lengths. Only whiskers whose base lies at an edge are taken.
+    """
+    owner = np.repeat(np.arange(len(edges)), [len(edge) for edge in edges])
+    place = np.concatenate([np.arange(len(edge)) for edge in edges])
+    tree = cKDTree(np.concatenate(edges))
+    (base_gap, base), (tip_gap, tip) = (tree.query(whiskers[:, k : k + 2]) for k in (0, 2))
+    rooted, length = base_gap < reach_px, whiskers[:, 4]
+    ending = rooted & (tip_gap < reach_px)
+    at = np.concatenate([base[rooted], tip[ending]])
+    vote = np.concatenate([length[rooted], -length[ending]])
+    order = np.argsort(place[at], kind="stable")
+    at, vote = at[order], vote[order]
+    return [(place[at[owner[at] == k]], vote[owner[at] == k]) for k in range(len(edges))]
+
+
+def _labels(edges, votes, least_cost) -> list[np.ndarray]:
+    """For each edge, which of its points are face, bool (n,)."""
+    cost = max(least_cost, SWITCH_SHARE * sum(np.abs(vote).sum() for _, vote in votes))
+    labels, bases = [], []
+    for edge, (place, vote) in zip(edges, votes, strict=True):
+        face = _likeliest(vote, cost)
+        labels.append(_along(edge, place, vote, face, least_cost))
+        bases.append(np.maximum(vote[face], 0).sum())
+    enough = np.array(bases) >= FEWEST_BASES * max(bases)
+    return [label & ok for label, ok in zip(labels, enough, strict=True)]
+
+
+def _likeliest(vote, cost) -> np.ndarray:
+    """Face (True) or body along the votes: fewest contradicted, with `cost` for each change."""
+    best, came_from = np.zeros(2), []
+    for each in vote:
+        changed = best[::-1] + cost
+        came_from.append(np.where(changed < best, [1, 0], [0, 1]))
+        best = np.minimum(best, changed) + np.maximum([each, -each], 0.0)
+    state = int(best[1] <= best[0])
+    out = []
+    for previous in reversed(came_from):
+        out.append(state)
+        state = previous[state]
+    return np.array(out[::-1], bool)
+
+
+def _along(edge, place, vote, face, slack) -> np.ndarray:
+    """Carry the labels `face` of the votes along an edge to all of its points, bool (n,)."""
+    out = np.zeros(len(edge), bool)
+    if not len(place):
+        return out
+    starts = np.flatnonzero(np.diff(face)) + 1
+    middles = [(a + b - 1) // 2 for a, b in pairwise([0, *starts, len(face)])]
+    cuts = [
+        _cut(edge, place[a : b + 1], np.where(face[a], vote, -vote)[a : b + 1], slack)
+        for a, b in pairwise(middles)
+    ]
+    for state, (a, b) in zip(face[middles], pairwise([0, *cuts, len(edge)]), strict=True):
+        out[a:b] = state
+    return out
+
+
+def _cut(edge, place, vote, slack) -> int:
+    """Where an edge changes its label, among votes that are positive before and negative after.
+
+    It is in the corner between face and body, which is farthest from the straight line from the
+    first to the last of these votes, but contradicts at most `slack` more than the best place.
+    """
+    contradicted = np.cumsum(-vote[:-1])  # if it is cut after each of the votes
+    allowed = np.flatnonzero(contradicted <= contradicted.min() + slack)
+    points = np.concatenate([np.arange(place[k], place[k + 1] + 1) for k in allowed])
+    chord, offset = edge[place[-1]] - edge[place[0]], edge[points] - edge[place[0]]
+    return int(points[np.argmax(np.abs(offset[:, 0] * chord[1] - offset[:, 1] * chord[0]))])
+
+
+def _nearest_label(edges, labels, shape) -> np.ndarray:
+    """Label of the nearest point of an edge, for every pixel, bool (height, width)."""
+    points, face = np.concatenate(edges), np.concatenate(labels)
+    seeds = np.ones(shape, np.uint8)
+    seeds[points[:, 1], points[:, 0]] = 0
+    _, nearest = cv2.distanceTransformWithLabels(
+        seeds, cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL
+    )
+    known = np.zeros(nearest.max() + 1, bool)
+    known[nearest[points[:, 1], points[:, 0]]] = face
+    return known[nearest]

@@ -1,0 +1,75 @@
+"""Face and body in one dark mass: whiskers that end before the body do not make it face."""
+
+import cv2
+import numpy as np
+import pytest
+
+from pipeline.scene.estimate import scene_from_frames
+from pipeline.session.recording import Recording
+
+HEIGHT, WIDTH = 240, 320
+SIDES = ("top", "left", "bottom", "right")  # from one to the next by a quarter turn
+CORNER = (60, 70)  # x, y [px] of the corner between body and face
+SCALE = 16.0  # px/mm
+AT_CORNER = 12  # px, tolerance of where face and body part
+
+
+def picture(phase, body=True):
+    """A face along the top, a body along the left, five whiskers from one towards the other."""
+    rows, columns = np.mgrid[:HEIGHT, :WIDTH]
+    image = np.full((HEIGHT, WIDTH), 180.0)
+    image[(rows < CORNER[1]) | (body & (columns < CORNER[0]))] = 10
+    for k in range(5):
+        base = 85 + 35 * k, CORNER[1] - 8
+        length = 150.0
+        angle = 2.2 - 0.3 * k + 0.25 * np.sin(phase + 0.2 * k)
+        _draw(image, base, angle, length)
+    image[columns < CORNER[0] * body] = 10  # whiskers are not seen before it
+    image = cv2.GaussianBlur(image, (0, 0), 0.8)
+    noise = np.random.default_rng(int(1e3 * phase)).normal(0, 1.5, image.shape)
+    return np.clip(image + noise, 0, 255).astype(np.uint8)
+
+
+def _draw(image, base, angle, length):
+    """A whisker that gets paler towards its tip."""
+    steps = np.arange(0, length, 10.0)
+    for s in steps:
+        a, b = (
+            (int(16 * (base[0] + t * np.cos(angle))), int(16 * (base[1] + t * np.sin(angle))))
+            for t in (s, s + 10)
+        )
+        line = np.zeros(image.shape, np.float32)
+        cv2.line(line, a, b, 1.0, 2, cv2.LINE_AA, 4)
+        image -= (0.7 - 0.55 * s / length) * np.minimum(line, 1) * image
+
+
+def scene(body=True, side="top", turns=0):
+    frames = np.stack([picture(phase, body) for phase in np.linspace(0, 6, 16)])
+    frames = np.ascontiguousarray(np.rot90(frames, turns, axes=(1, 2)))
+    return scene_from_frames(frames, Recording(1000.0, SCALE, side), None)
+
+
+@pytest.mark.parametrize(("turns", "side"), list(enumerate(SIDES)))
+def test_the_body_is_no_face(turns, side):
+    found = scene(side=side, turns=turns)
+    face, obstacle = (np.rot90(m, -turns) for m in (found.face_mask, found.obstacle_mask))
+    assert face[CORNER[1] - 4, CORNER[0] + AT_CORNER : -10].all()
+    assert not face[CORNER[1] + AT_CORNER :].any()
+    assert obstacle[CORNER[1] + AT_CORNER :, : CORNER[0] - 4].all()
+
+
+def test_a_face_alone_stays_whole():
+    found = scene(body=False)
+    assert found.face_mask[: CORNER[1] - 4].all()
+    assert not found.obstacle_mask.any()
+
+
+def test_apparatus_beside_the_face_is_no_face():
+    frames = np.stack([picture(phase, False) for phase in np.linspace(0, 6, 16)])
+    frames[:, : CORNER[1] + 10, 240:255] = 180  # light between the face and
+    frames[:, : CORNER[1] + 10, 255:] = 10  # apparatus from which no whisker comes
+    frames[:, CORNER[1] + 10 :, 255:] = 180
+    found = scene_from_frames(frames, Recording(1000.0, SCALE, "top"), None)
+    assert found.face_mask[: CORNER[1] - 4, 20:230].all()
+    assert not found.face_mask[:, 250:].any()
+    assert found.obstacle_mask[10 : CORNER[1], 262:].all()
