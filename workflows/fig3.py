@@ -25,7 +25,7 @@ import numpy as np
 import pages
 import pandas as pd
 
-from pipeline.reports import figures
+from pipeline.reports.session_numbers import read_contacts
 from pipeline.tables import files
 from pipeline.tables.columns import CONTACT_COLUMNS, VIDEO_COLUMNS
 from synthetic.scoring.table_scoring import ContactMatch, match_contacts
@@ -163,7 +163,7 @@ def processing_seconds(results, outcomes) -> dict:
 def found_and_true(results, videos):
     """Contacts of the results and of the truth, also of videos that have no results."""
     truth = files.read_csv(videos / "truth" / "contacts.csv", CONTACT_COLUMNS)
-    return figures.read_contacts(results), truth
+    return read_contacts(results), truth
 
 
 # Comparing -----------------------------------------------------------------------------------

@@ -206,6 +206,16 @@ def figures(
     truth: Annotated[
         Path | None, typer.Option(help="Truth folder of `synth`, to put beside the results.")
     ] = None,
+    video: Annotated[
+        str | None, typer.Option(help="Name of the video that panels a and b show.")
+    ] = None,
+    whisker: Annotated[str | None, typer.Option(help="Whisker that panels a and b show.")] = None,
+    contact: Annotated[
+        int | None,
+        typer.Option(
+            min=1, help="Number of the contact that they show.  [default: a typical one]"
+        ),
+    ] = None,
     debug: Debug = False,
 ):
     """Draw the paper's figure 3 from the tables.
@@ -214,7 +224,7 @@ def figures(
     """
     from pipeline.reports.figures import write_fig3
 
-    for path in write_fig3(results, truth):
+    for path in write_fig3(results, truth, video, whisker, contact):
         _say(str(path))
 
 

@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.app import batch, warm_up
-from pipeline.reports import figures
+from pipeline.reports.figures import write_fig3
+from pipeline.reports.session_numbers import read_contacts, read_truth
 from pipeline.runtime.progress import duration
 
 DEMO_PRESET, DEMO_TRIALS, DEMO_SEED = "fig3", 4, 1
@@ -55,9 +56,9 @@ def run_demo(out, jobs, progress, say) -> bool:
         compiling.join()
     say("processing it …")
     summary = batch.run([videos], results, jobs=jobs, overwrite=True, progress=progress)
-    figures.write_fig3(results)
+    write_fig3(results)
     write_report(results)
-    contacts, truth = figures.read_contacts(results), figures.read_truth(results)
+    contacts, truth = read_contacts(results), read_truth(results)
     for line in comparison(contacts, truth):
         say(line)
     for each in summary.of("failed"):

@@ -1,32 +1,25 @@
-"""Findings drawn into the picture: centreline, contact state, pole, force arrow."""
+"""Videos and stills with the findings drawn in."""
 
 import itertools
 from pathlib import Path
 
 import cv2
 import numpy as np
-import pandas as pd
 
+from pipeline.reports.drawing import COLUMNS, View, draw
+from pipeline.runtime.timing import Counted
 from pipeline.scene import pole_runs
 from pipeline.session.session_file import Settings, read_session
 from pipeline.tables import centrelines, files
 from pipeline.video.open import open_video
 
-FREE, TOUCHING, POLE, INK = (255, 150, 0), (40, 40, 230), (60, 180, 60), (30, 30, 30)  # BGR
-DOUBTFUL = (150, 130, 110)  # a line of which it is not known which whisker it is
-MM_PER_UN = 0.15  # length of the force arrow
-SMALL_PX = 480  # narrower pictures are drawn enlarged, for the text
 PLAYBACK_RATE = 25  # frames/s: slow motion
-SURE = 0.5  # confidence from which a name is taken for known
-SHIFT = 4  # binary digits after the point in OpenCV's coordinates
-COLUMNS = [
-    "frame", "time_s", "whisker", "follicle_x_px", "follicle_y_px", "base_angle_deg",
-    "in_contact", "contact_force_uN", "axial_force_uN", "lateral_force_uN",
-    "contact_arc_length_mm", "confidence",
-]  # fmt: skip
+KEY_FRAMES = 50  # from one to the next: a browser that is sent to a contact is there at once
+STILL_MM = 10.0, 7.5  # shown about the pole
+STILL_PX = 640  # width as drawn
 
 
-def write_overlay(video_path, folder, settings: Settings | None = None) -> Path:
+def write_overlay(video_path, folder, settings: Settings | None = None, progress=None) -> Path:
     """Write overlay.mp4 (overlay.png for a single frame) into a video's results folder.
 
     Parameters
@@ -34,6 +27,7 @@ def write_overlay(video_path, folder, settings: Settings | None = None) -> Path:
     video_path : the input that the results are of
     folder : its results folder, with centrelines.parquet and frames.parquet
     settings : None: those in the results folder
+    progress : called with (frames done, frames expected), often
 
     Returns
     -------
@@ -42,7 +36,8 @@ def write_overlay(video_path, folder, settings: Settings | None = None) -> Path:
     folder = Path(folder)
     settings = settings or read_session(folder / "session.toml")
     with open_video(video_path) as video:
-        pictures = drawn_frames(video, folder, settings)
+        pictures = Counted(drawn_frames(video, folder, settings), video.n_frames, progress)
+        pictures = iter(pictures)
         first = list(itertools.islice(pictures, 2))
         if len(first) == 1:
             return _write_png(folder / "overlay.png", first[0])
@@ -55,10 +50,11 @@ def drawn_frames(video, folder, settings: Settings):
         yield picture
 
 
-def _drawn(images, folder, settings, inside=None):
+def _drawn(images, folder, settings, inside=None, part=None):
     """Yield (number, picture) for `images`, which are (number, frame), in ascending order.
 
     inside : filters of the tables' rows, which hold those of all these frames; None: all
+    part : gives the `View` for an image, its lines and the pole; None: the whole picture
     """
     frames = files.read_frames(folder / "frames.parquet", COLUMNS, inside)
     places = frames["frame"].to_numpy()
@@ -70,7 +66,9 @@ def _drawn(images, folder, settings, inside=None):
             here = next(lines, None)
         shown = here[1] if here is not None and here[0] == number else {}
         rows = frames.iloc[slice(*np.searchsorted(places, [number, number + 1]))]
-        yield number, draw(image, shown, rows, pole_runs.pole_at(state, number), settings)
+        pole = pole_runs.pole_at(state, number)
+        view = part and part(image, shown, pole)
+        yield number, draw(image, shown, rows, pole, settings, view)
 
 
 def _by_frame(chunks):
@@ -82,110 +80,6 @@ def _by_frame(chunks):
     )
     for frame, group in itertools.groupby(rows, key=lambda row: row[0]):
         yield frame, {name: points for _, name, points in group}
-
-
-def draw(image, lines: dict, rows: pd.DataFrame, pole, settings: Settings) -> np.ndarray:
-    """One frame with its findings, uint8 (height, width, 3), BGR.
-
-    Parameters
-    ----------
-    image : uint8 (height, width)
-    lines : whisker → points (n, 2) [px]
-    rows : this frame's rows of frames.parquet, with COLUMNS
-    pole : (x, y, radius) [px] or None
-    """
-    zoom = 2 if image.shape[1] < SMALL_PX else 1
-    canvas = cv2.cvtColor(image, cv2.COLOR_GRAY2BGR)
-    if zoom > 1:
-        canvas = cv2.resize(canvas, None, fx=zoom, fy=zoom, interpolation=cv2.INTER_CUBIC)
-    table = {row["whisker"]: row for row in rows.to_dict("records")}
-    if pole is not None:
-        x, y, radius = pole
-        centre = _pixels(np.array([[x, y]]), zoom)[0]
-        cv2.circle(canvas, centre, round(radius * zoom * 2**SHIFT), POLE, 1, cv2.LINE_AA, SHIFT)
-    for name, points in lines.items():
-        row = table.get(name)
-        place, colour = _pixels(points, zoom), _colour(row)
-        cv2.polylines(canvas, [place], False, colour, 1, cv2.LINE_AA, SHIFT)
-        if len(table or lines) > 1:
-            _put_text(canvas, name, tuple(place[-1] // 2**SHIFT + 3), colour)
-        if colour == TOUCHING:
-            _draw_force(canvas, points, row, settings, zoom)
-    _write_state(canvas, table, lines)
-    return canvas
-
-
-def _colour(row):
-    """Of a whisker in a frame, from its row of frames.parquet (None: there is none)."""
-    if row is None:
-        return FREE
-    if row["in_contact"]:
-        return TOUCHING
-    return DOUBTFUL if row["confidence"] < SURE else FREE
-
-
-def _put_text(canvas, words, place, colour):
-    cv2.putText(canvas, words, place, cv2.FONT_HERSHEY_SIMPLEX, 0.45, colour, 1, cv2.LINE_AA)
-
-
-def _pixels(points, zoom):
-    """Image points as OpenCV's fixed-point coordinates on the enlarged canvas."""
-    return np.round(((np.asarray(points) + 0.5) * zoom - 0.5) * 2**SHIFT).astype(np.int32)
-
-
-def _draw_force(canvas, points, row, settings, zoom):
-    """Arrow of the force on the whisker, its head at the contact point."""
-    scale = settings.recording.pixels_per_mm
-    angle = np.radians(row["base_angle_deg"])
-    along, across = row["axial_force_uN"], row["lateral_force_uN"]
-    # base tangent (cos, −sin) and normal (−sin, −cos) in image axes, y down
-    force = np.array(
-        [along * np.cos(angle) - across * np.sin(angle),
-         -along * np.sin(angle) - across * np.cos(angle)]
-    )  # fmt: skip
-    head = _point_at(points, row, scale)
-    if head is None or not np.isfinite(force).all():
-        return
-    tail, head = _pixels(np.array([head - MM_PER_UN * scale * force, head]), zoom)
-    if np.hypot(*(head - tail)) > 2**SHIFT:
-        cv2.line(canvas, tail, head, TOUCHING, 2, cv2.LINE_AA, SHIFT)
-        barb = (tail - head) / np.hypot(*(tail - head)) * 7 * zoom * 2**SHIFT
-        for turn in (0.4, -0.4):
-            c, s = np.cos(turn), np.sin(turn)
-            end = head + np.array([c * barb[0] - s * barb[1], s * barb[0] + c * barb[1]])
-            cv2.line(canvas, head, end.astype(np.int32), TOUCHING, 2, cv2.LINE_AA, SHIFT)
-
-
-def _point_at(points, row, scale):
-    """The centreline's point at the contact's arc length, None if that is not known."""
-    arc = row["contact_arc_length_mm"]
-    if not np.isfinite(arc):
-        return None
-    steps = np.hypot(*np.diff(points, axis=0).T)
-    follicle = np.array([row["follicle_x_px"], row["follicle_y_px"]])
-    s = np.hypot(*(points[0] - follicle)) + np.concatenate([[0], np.cumsum(steps)])
-    return np.array([np.interp(arc * scale, s, points[:, axis]) for axis in (0, 1)])
-
-
-def _write_state(canvas, table, lines):
-    """Frame, time, and each whisker's state in the picture's corner."""
-    text = []
-    for name in table or lines:
-        row = table.get(name)
-        if name not in lines:
-            text.append((f"{name} -", INK))
-        elif _colour(row) == TOUCHING:
-            text.append((f"{name} {row['contact_force_uN']:.1f} uN", TOUCHING))
-        else:
-            text.append((name, _colour(row)))
-    first = next(iter(table.values()), None)
-    head = "" if first is None else f"{first['frame']}  {1e3 * first['time_s']:.0f} ms"
-    text = [(head, INK), *text]
-    width = 12 + 8 * max(len(words) for words, _ in text)
-    box = canvas[: 10 + 15 * len(text), :width]
-    box[:] = (0.35 * box + 0.65 * 255).astype(np.uint8)
-    for i, (words, colour) in enumerate(text):
-        _put_text(canvas, words, (6, 16 + 15 * i), colour)
 
 
 def _write_png(path, picture) -> Path:
@@ -201,7 +95,7 @@ def _write_video(folder, pictures) -> Path:
     try:
         av.codec.Codec("libx264", "w")
         path, codec, pixels = folder / "overlay.mp4", "libx264", "yuv420p"
-        options = {"crf": "20", "preset": "veryfast"}
+        options = {"crf": "20", "preset": "veryfast", "g": str(KEY_FRAMES)}
     except ValueError:
         path, codec, pixels = folder / "overlay.avi", "mjpeg", "yuvj420p"
         options = {"qmin": "3", "qmax": "3"}
@@ -218,8 +112,8 @@ def _write_video(folder, pictures) -> Path:
     return path
 
 
-def pictures_of(results_folder, video_path, frames, settings: Settings) -> list:
-    """Some frames of a processed video with its findings.
+def stills(results_folder, video_path, frames, settings: Settings) -> list:
+    """Some frames of a processed video, cut out about the pole, with the findings.
 
     Returns
     -------
@@ -230,8 +124,25 @@ def pictures_of(results_folder, video_path, frames, settings: Settings) -> list:
     VideoError
         If the video cannot be opened.
     """
+
+    def part(image, lines, pole):
+        return _still_view(image, lines, pole, settings.recording.pixels_per_mm)
+
     numbers = [int(each) for each in frames]
     inside = [("frame", "in", sorted(set(numbers)))]
     with open_video(video_path) as video:
-        drawn = dict(_drawn(video.some(numbers), Path(results_folder), settings, inside))
+        images = video.some(numbers)
+        drawn = dict(_drawn(images, Path(results_folder), settings, inside, part))
     return [drawn.get(number) for number in numbers]
+
+
+def _still_view(image, lines, pole, pixels_per_mm) -> View:
+    """What a still shows: the surroundings of the pole, or else of the whiskers."""
+    if pole is not None:
+        centre = pole[:2]
+    elif lines:
+        centre = np.median(np.concatenate(list(lines.values())), axis=0)
+    else:
+        centre = image.shape[1] / 2, image.shape[0] / 2
+    size = [mm * pixels_per_mm for mm in STILL_MM]
+    return View.around(image, centre, size, STILL_PX)

@@ -1,76 +1,72 @@
-"""report.html: one self-contained page on a session, for a screen and for paper."""
+"""report.html: one page on a session, for a screen and for paper; a page more for every video."""
 
-import base64
-import io
-from collections import Counter, defaultdict
+import os
+from collections import defaultdict
 from pathlib import Path
+from urllib.parse import quote
 
 import numpy as np
 import pandas as pd
 
-from pipeline.contacts.base_moments import RINGING_S
-from pipeline.errors import VideoError
-from pipeline.reports import figures
+from pipeline.reports import plots
 from pipeline.reports.error_budget import session_budget
 from pipeline.reports.examples import Effort, choose_examples, choose_flagged
+from pipeline.reports.session_numbers import fig3_numbers, read_contacts, read_truth
+from pipeline.reports.stills import contact_stills, with_peaks
+from pipeline.reports.time_courses import Courses, read_courses, time_courses
+from pipeline.reports.trials import OnsetAverage, raster
+from pipeline.reports.vibration_map import vibration
 from pipeline.session.session_file import read_session
 from pipeline.tables import files
 from pipeline.tables.columns import CONTACT_FLAGS, VIDEO_COLUMNS, split_flags
+from pipeline.tables.result_exchange import OVERLAYS
 
-PICTURES = 6  # example overlays
+PICTURES = 6  # examples of contacts
 STILLS = 12  # of flagged contacts, over all flags
-NAMED = 5  # contacts named for every flag, and of those that ring
-RINGS = 1.0  # vibrational over steady moment
-NOTICEABLE = 0.1
-LEAST = 0.01  # that is told apart
-MAP_STEP = 2e-5  # s: a tenth of the highest mode's period, enough for a map's colours
-TICKS_MS = (0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000)
-JPEG_QUALITY = 80
+NAMED = 5  # contacts named for every flag
+STACKS = 6  # videos whose time courses are on the page itself
+COURSES_FOLDER = Path("figures", "courses")
+PANELS = {
+    "a": "the whisker around one contact; dots are the follicle and, in colour, the pole",
+    "b": "the force of that contact",
+    "c": "diameters of the whiskers, as the settings have them",
+    "d": "peak forces of all contacts",
+    "e": "durations of all contacts",
+    "f": "one against the other",
+}
+COMMON_NAMES = {"videos", "video", "movies", "films", "raw", "data", "results", "out", "output"}
+TABLES = ("contacts.csv", "videos.csv", "session.toml", "run.json", "run.log")
 
 
 def write_report(results) -> Path:
-    """Write report.html into a results folder, from its tables and figures; return its path."""
+    """Write report.html into a results folder, from its tables and figures; return its path.
+
+    The time courses of each video are in figures/courses/<video>.html.
+    """
     results = Path(results)
-    contacts = figures.read_contacts(results)
+    contacts = with_peaks(results, read_contacts(results))
     record = files.read_json(results / "run.json", {})
     videos = files.read_csv(results / "videos.csv", VIDEO_COLUMNS)
-    truth = figures.read_truth(results)
-    settings = results / "session.toml"
-    contacts = with_peaks(results, contacts)
-    flags = _by_flag(contacts)
-    effort = Effort(contacts, record.get("inputs", {}))
-    flagged = choose_flagged(flags.values(), STILLS, NAMED, effort)
-    examples = choose_examples(contacts, PICTURES, effort, flagged)
-    flagged = [index for index in flagged if index not in examples]
-    drawn = _stills(results, contacts, record, [*examples, *flagged])
-    page = _template().render(
-        title=results.resolve().name,
-        version=record.get("version", ""),
-        finished=record.get("finished", "").replace("T", " ").replace("+00:00", " UTC"),
-        tiles=_tiles(videos, contacts, record),
-        pictures=[drawn[index] for index in examples if index in drawn],
-        fig3=_data_uri(results / "figures" / "fig3.svg", "image/svg+xml"),
-        numbers=figures.fig3_numbers(contacts, truth).to_dict("records"),
+    truth = read_truth(results)
+    whiskers = _whiskers(results, contacts)
+    seen = _look_through(results, videos, contacts)
+    page = _template("report.html").render(
+        **_head(results, record, videos, contacts),
+        **_pictures(results, contacts, record),
+        **seen,
+        numbers=fig3_numbers(contacts, truth).to_dict("records"),
         has_truth=truth is not None,
-        per_trial=_per_trial(videos, contacts),
-        vibration=_vibration(results, contacts),
-        budget=session_budget(contacts, _whiskers(results, contacts)),
+        trials=raster(videos.loc[videos["frames"] > 0, "video"], contacts),
+        vibration=vibration(contacts, whiskers),
+        budget=session_budget(contacts, whiskers),
         has_contacts=len(contacts) > 0,
-        videos=list(_video_rows(results, videos, contacts)),
-        flags=[_flag_row(*item, contacts, drawn) for item in flags.items()],
-        stills=[drawn[index] for index in flagged if index in drawn],
-        shown=set(drawn),
-        stages=_stages(record),
-        settings=settings.read_text("utf-8") if settings.exists() else "",
-        command=" ".join(["whiskerforce", *record["command"]]) if "command" in record else "",
-        python=record.get("python", ""),
-        platform=record.get("platform", ""),
+        **_making(results, record),
     )
     files.write_text(results / "report.html", page)
     return results / "report.html"
 
 
-def _template():
+def _template(name):
     import jinja2
 
     environment = jinja2.Environment(
@@ -81,7 +77,7 @@ def _template():
     )
     environment.filters["number"] = _number
     environment.filters["percent"] = lambda v: "" if pd.isna(v) else f"{100 * v:.1f} %"
-    return environment.get_template("report.html")
+    return environment.get_template(name)
 
 
 def _number(value) -> str:
@@ -91,13 +87,35 @@ def _number(value) -> str:
     return f"{value:.3g}" if abs(value) < 1000 else f"{value:.0f}"
 
 
-def _data_uri(source, kind) -> str:
-    """A file (or bytes) as a data URI; empty where there is no such file."""
-    if isinstance(source, Path):
-        if not source.is_file():
-            return ""
-        source = source.read_bytes()
-    return f"data:{kind};base64,{base64.b64encode(source).decode()}"
+# --- the head -----------------------------------------------------------------------------
+
+
+def _head(results, record, videos, contacts) -> dict:
+    """Title, where all lies, and what the session comes to."""
+    return {
+        "title": session_name(results, record),
+        "version": record.get("version", ""),
+        "finished": record.get("finished", "").replace("T", " ").replace("+00:00", " UTC"),
+        "folder": str(results.resolve()),
+        "tables": [name for name in TABLES if (results / name).is_file()],
+        "tiles": list(_tiles(videos, contacts, record)),
+    }
+
+
+def session_name(results, record) -> str:
+    """Name of the session: of the folder that its videos lie in.
+
+    Folders called "videos" or the like are passed over; the results folder's name where there
+    is no other.
+    """
+    paths = [each["path"] for each in record.get("inputs", {}).values() if each.get("path")]
+    own = Path(results).resolve()
+    places = [own, *own.parents]
+    if paths:
+        common = Path(os.path.commonpath([os.path.dirname(path) for path in paths]))
+        places = [common, *common.parents, *places]
+    names = (place.name for place in places)
+    return next((n for n in names if n and n.casefold() not in COMMON_NAMES), own.name)
 
 
 def _tiles(videos, contacts, record):
@@ -113,46 +131,11 @@ def _tiles(videos, contacts, record):
     yield f"{frames:,}", "frames"
     yield f"{len(contacts):,}", "contacts"
     if contacts["peak_force_uN"].notna().any():
-        yield f"{contacts['peak_force_uN'].median():.1f} µN", "median peak force"
+        yield f"{_number(contacts['peak_force_uN'].median())} µN", "median peak force"
     if len(contacts):
-        yield f"{contacts['duration_ms'].median():.0f} ms", "median duration"
+        yield f"{_number(contacts['duration_ms'].median())} ms", "median duration"
     if seconds:
         yield f"{frames / seconds:.0f}", "frames/s on one core"
-
-
-def _video_rows(results, videos, contacts):
-    """Rows of videos.csv with frames lost, the share tracked and the number of contacts."""
-    counts = contacts["video"].value_counts()
-    for row in videos.to_dict("records"):
-        frames = results / row["video"] / "frames.parquet"
-        tracked = lost = np.nan
-        if row["frames"] and frames.exists():
-            found = files.read_frames(frames, ["tracked"])["tracked"]
-            tracked, lost = found.mean(), int((~found).sum())
-        yield {**row, "tracked": tracked, "lost": lost, "contacts": counts.get(row["video"], 0)}
-
-
-# --- what the tables hold of each contact ---------------------------------------------------
-
-
-def with_peaks(results, contacts: pd.DataFrame) -> pd.DataFrame:
-    """The table of contacts with `peak_frame`, that of largest force in the table of frames.
-
-    The contact's middle where no force is known.
-    """
-    onset, offset = (contacts[c].to_numpy() for c in ("onset_frame", "offset_frame"))
-    peak = (onset + offset) // 2
-    for (video, whisker), places in contacts.groupby(["video", "whisker"]).indices.items():
-        path = Path(results) / video / "frames.parquet"
-        if not path.is_file():
-            continue
-        wanted, inside = ["frame", "contact_force_uN"], [("whisker", "==", whisker)]
-        frame, force = files.read_frames(path, wanted, inside).to_numpy(float).T
-        for i in places:
-            first, last = np.searchsorted(frame, [onset[i], offset[i]])
-            if np.isfinite(force[first:last]).any():
-                peak[i] = frame[first + np.nanargmax(force[first:last])]
-    return contacts.assign(peak_frame=peak)
 
 
 def _whiskers(results, contacts) -> dict:
@@ -165,179 +148,92 @@ def _whiskers(results, contacts) -> dict:
     return out
 
 
-# --- pictures -----------------------------------------------------------------------------
+# --- video after video --------------------------------------------------------------------
 
 
-def _stills(results, contacts, record, indices) -> dict:
-    """Contact → picture of its peak, with a caption, of those whose videos can be read."""
-    pictures = {}
-    for video, rows in contacts.loc[indices].groupby("video"):
-        state = record.get("inputs", {}).get(video)
-        if state:
-            frames = rows["peak_frame"].astype(int)
-            pictures |= _drawn(results / video, state["path"], frames)
+def _look_through(results, videos, contacts) -> dict:
+    """Read the frames of each video once: its row of the table, time courses, mean force."""
+    average, stacks, rows = OnsetAverage(), [], []
+    groups = dict(list(contacts.groupby("video")))
+    for row in videos.to_dict("records"):
+        own = groups.get(row["video"], contacts.iloc[:0])
+        frames = read_courses(results, row["video"]) if row["frames"] else pd.DataFrame()
+        shown = len(frames) > 0
+        rows.append(_video_row(results, row, frames, own))
+        if shown:
+            average.add(frames, own)
+            stack = _write_courses(results, row["video"], frames, own)
+            stacks += [stack] if len(stacks) < STACKS else []
+    figure = average.draw()
     return {
-        index: {"data": data, "caption": _caption(contacts.loc[index]), "index": index}
-        for index, data in pictures.items()
+        "videos": rows,
+        "stacks": stacks,
+        "stacked_of": sum(bool(row["courses"]) for row in rows),
+        "onset_average": None if figure is None else plots.svg(figure),
     }
 
 
-def _drawn(folder, path, frames) -> dict:
-    """Contact → its frame with the findings as a data URI, of those that can be read."""
-    import cv2
-
-    from pipeline.reports.overlay import pictures_of
-
-    try:
-        pictures = pictures_of(folder, path, frames, read_session(folder / "session.toml"))
-    except (VideoError, OSError):
-        return {}
-    jpeg = [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY]
+def _video_row(results, row, frames, contacts) -> dict:
+    """A row of videos.csv with frames lost, the share tracked, contacts and where all lies."""
+    tracked = lost = np.nan
+    folder = results / row["video"]
+    if len(frames):
+        tracked, lost = frames["tracked"].mean(), int((~frames["tracked"].astype(bool)).sum())
+    links = [name for name in ("contacts.csv", "frames.parquet") if (folder / name).is_file()]
     return {
-        index: _data_uri(cv2.imencode(".jpg", picture, jpeg)[1].tobytes(), "image/jpeg")
-        for index, picture in zip(frames.index, pictures, strict=True)
-        if picture is not None
+        **row,
+        "tracked": tracked,
+        "lost": lost,
+        "contacts": len(contacts),
+        "links": [(name, f"{quote(row['video'])}/{name}") for name in links],
+        "overlay": _overlay(results, row["video"]),
+        "courses": f"figures/courses/{quote(row['video'])}.html" if len(frames) else "",
     }
 
 
-def _caption(row) -> str:
-    caption = f"{row['video']}, frame {row['peak_frame']:.0f}: {row['whisker']}, contact "
-    caption += f"{row['contact']}, "
-    if np.isfinite(row["peak_force_uN"]):
-        caption += f"peak {row['peak_force_uN']:.1f} µN, "
-    caption += f"{row['duration_ms']:.0f} ms"
-    if row["flags"]:
-        caption += f"; {', '.join(split_flags(row['flags']))}"
-    return caption
+def _overlay(results, video) -> str:
+    """The overlay of a video, seen from the results folder; "" where there is none."""
+    found = sorted((results / video).glob(OVERLAYS))
+    return f"{video}/{found[0].name}" if found else ""
 
 
-# --- plots --------------------------------------------------------------------------------
+def _write_courses(results, video, frames, contacts) -> Courses:
+    """Write the page of a video's time courses; return what the report shows of them."""
+    overlay = _overlay(results, video)
+    (results / COURSES_FOLDER).mkdir(parents=True, exist_ok=True)
+    there = time_courses(frames, contacts, video, overlay and f"../../{overlay}")
+    page = _template("courses.html").render(courses=there, contacts=contacts.to_dict("records"))
+    files.write_text(results / COURSES_FOLDER / f"{video}.html", page)
+    return time_courses(frames, contacts, video, overlay)
 
 
-def _axes(height):
-    """A plot that can be read on a telephone too."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(4.8, height), dpi=150)  # of what is drawn as an image
-    figure.subplots_adjust(left=0.13, right=0.97, bottom=0.5 / height, top=1 - 0.1 / height)
-    axis = figure.subplots()
-    axis.spines[["top", "right"]].set_visible(False)
-    return figure, axis
+# --- pictures and flags --------------------------------------------------------------------
 
 
-def _svg(figure) -> str:
-    from matplotlib.backends.backend_svg import FigureCanvasSVG
-
-    buffer = io.BytesIO()
-    FigureCanvasSVG(figure).print_svg(buffer)  # `savefig` draws everything twice
-    return _data_uri(buffer.getvalue(), "image/svg+xml")
-
-
-def _per_trial(videos, contacts) -> dict | None:
-    """Contacts of every video that was processed: plot and numbers; None of one alone."""
-    made = videos.loc[videos["frames"] > 0, "video"]
-    if len(made) < 2 or contacts.empty:
-        return None
-    counts = contacts["video"].value_counts().reindex(made, fill_value=0).to_numpy()
-    figure, axis = _axes(2.6)
-    width = 0.8 * min(1, len(counts) / 8)
-    axis.bar(np.arange(1, len(counts) + 1), counts, width=width, color="#5d7f9e")
-    axis.axhline(counts.mean(), color=figures.ACCENT, lw=1)
-    axis.xaxis.get_major_locator().set_params(integer=True)
-    axis.yaxis.get_major_locator().set_params(integer=True)
-    axis.set(xlabel="video, in the order of the table below", ylabel="contacts")
-    axis.set(xlim=(0.4, len(counts) + 0.6), ylim=(0, 1.1 * counts.max()))
-    numbers = {"mean": counts.mean(), "least": int(counts.min()), "most": int(counts.max())}
-    return {"plot": _svg(figure), "none": int((counts == 0).sum()), **numbers}
-
-
-def _vibration(results, contacts) -> dict | None:
-    """Which contacts ring: the map, counts, and those that ring most; None where not known."""
-    known = contacts[np.isfinite(contacts["vibration_ratio"])]
-    if known.empty:
-        return None
-    most = known.sort_values("vibration_ratio", ascending=False).head(NAMED)
-    ratio = known["vibration_ratio"]
+def _pictures(results, contacts, record) -> dict:
+    """Examples of contacts, Fig. 3, and flags with stills."""
+    flags = _by_flag(contacts)
+    effort = Effort(contacts, record.get("inputs", {}))
+    flagged = choose_flagged(flags.values(), STILLS, NAMED, effort)
+    examples = choose_examples(contacts, PICTURES, effort, flagged)
+    flagged = [index for index in flagged if index not in examples]
+    drawn = contact_stills(results, contacts, record, [*examples, *flagged])
     return {
-        "plot": _vibration_map(known, _usual_whisker(results, known)),
-        "known": len(known),
-        "ring": int((ratio > RINGS).sum()),
-        "noticeable": int(((ratio > NOTICEABLE) & (ratio <= RINGS)).sum()),
-        "most": [{"index": index, **row} for index, row in most.iterrows()],
+        "pictures": [drawn[index] for index in examples if index in drawn],
+        "panels": list(_panels(results)),
+        "flags": [_flag_row(*item, contacts, drawn) for item in flags.items()],
+        "stills": [drawn[index] for index in flagged if index in drawn],
+        "shown": set(drawn),
     }
 
 
-def _usual_whisker(results, contacts):
-    """The whisker of most of these contacts, None where no dimensions are known."""
-    whiskers = _whiskers(results, contacts)
-    keys = zip(contacts["video"], contacts["whisker"], strict=True)
-    count = Counter(whiskers.get(key) for key in keys)
-    count.pop(None, None)
-    return count.most_common(1)[0][0] if count else None
-
-
-def ratio_grid(whisker, durations_ms, contacts_mm, dt=1e-5) -> np.ndarray:
-    """Largest |vibrational| over peak |steady| base moment of half-Gaussians, as in Fig. 11.
-
-    A pulse moves every mode in the same way wherever it acts (Eq. 49): the places differ by the
-    modes' weights only (Eq. 55).
-
-    Parameters
-    ----------
-    durations_ms, contacts_mm : of the pulses, and where they act
-    dt : step [s] of the force, linear in between
-
-    Returns
-    -------
-    (contacts, durations)
-    """
-    from whiskermodel.force_profiles import half_gaussian
-    from whiskermodel.modal_filter import modal_filters
-    from whiskermodel.response import Response
-
-    response, places = Response(whisker), 1e-3 * np.asarray(contacts_mm, float)
-    weights = response.base_moment_weights(places).T
-    filters = modal_filters(response.angular_frequency, whisker.damping_rate, dt)
-    ratios = np.empty((len(places), len(durations_ms)))
-    for column, duration in enumerate(1e-3 * np.asarray(durations_ms, float)):
-        force = half_gaussian(np.arange(0, duration + RINGING_S, dt), duration, 1.0)
-        change = np.stack([force - mode(force) for mode in filters])
-        ratios[:, column] = np.abs(weights @ change).max(axis=1) / places
-    return ratios
-
-
-def _vibration_map(contacts, whisker) -> str:
-    """Contacts by duration and place on the model's map of vibrational over steady moment."""
-    from matplotlib.colors import LogNorm
-
-    figure, axis = _axes(3.4)
-    norm = LogNorm(LEAST, 3)
-    duration, place = contacts["duration_ms"], contacts["contact_arc_length_mm"]
-    if whisker is not None:
-        longest = max(120.0, 1.1 * duration.max())
-        durations = np.geomspace(min(1.0, 0.9 * duration.min()), longest, 32)
-        places = np.linspace(0.1, 0.97, 28) * 1e3 * whisker.length
-        grid = ratio_grid(whisker, durations, places, MAP_STEP)
-        axis.contourf(durations, places, grid, np.geomspace(LEAST, 3, 22), norm=norm,
-                      cmap="cividis", extend="both")  # fmt: skip
-        lines = axis.contour(durations, places, grid, [LEAST, NOTICEABLE, RINGS],
-                             linewidths=[0.5, 0.8, 1.6],
-                             colors=["white", "white", figures.ACCENT])  # fmt: skip
-        axis.clabel(lines, fmt="%g", fontsize=8)  # a colour bar would take longer than all else
-    axis.scatter(
-        duration, place, c=contacts["vibration_ratio"], norm=norm, cmap="cividis",
-        s=float(np.clip(400 / np.sqrt(len(contacts)), 5, 36)), edgecolors="white",
-        linewidths=0.7 if len(contacts) < 1000 else 0.2, rasterized=len(contacts) > 2000,
-    )  # fmt: skip
-    axis.set(xscale="log", xlabel="contact duration (ms)", ylabel="follicle to contact (mm)")
-    axis.xaxis.set_major_formatter("{x:g}")  # powers of ten take a parser of formulae: 0.3 s
-    low, high = axis.get_xlim()
-    axis.set_xticks([x for x in TICKS_MS if low <= x <= high])
-    axis.minorticks_off()  # every tick is two lines and two texts
-    return _svg(figure)
-
-
-# --- flags and times ----------------------------------------------------------------------
+def _panels(results):
+    """The panels of Fig. 3 that there are, with captions."""
+    for letter, caption in PANELS.items():
+        path = results / "figures" / f"fig3{letter}.svg"
+        if path.is_file():
+            picture = plots.data_uri(path.read_bytes(), "image/svg+xml")
+            yield {"letter": letter, "picture": picture, "caption": caption}
 
 
 def _by_flag(contacts) -> dict:
@@ -358,6 +254,21 @@ def _flag_row(flag, labels, contacts, shown):
     ]
     meaning = CONTACT_FLAGS.get(flag, "")
     return {"flag": flag, "meaning": meaning, "count": len(labels), "places": places}
+
+
+# --- how it was made ----------------------------------------------------------------------
+
+
+def _making(results, record) -> dict:
+    """Command, machine, times and settings."""
+    settings = results / "session.toml"
+    return {
+        "stages": _stages(record),
+        "settings": settings.read_text("utf-8") if settings.exists() else "",
+        "command": " ".join(["whiskerforce", *record["command"]]) if "command" in record else "",
+        "python": record.get("python", ""),
+        "platform": record.get("platform", ""),
+    }
 
 
 def _stages(record):

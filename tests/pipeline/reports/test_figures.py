@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from results_folder import CONTACTS, contact, make_results
 
-from pipeline.reports import figures
+from pipeline.reports import fig3_tables, figures, session_numbers
 from pipeline.tables import files
 from pipeline.tables.columns import CONTACT_COLUMNS
 
@@ -23,7 +23,8 @@ def results(tmp_path):
 def test_all_files_are_written(results):
     written = figures.write_fig3(results)
     names = {path.name for path in written}
-    assert names == {"fig3.png", "fig3.svg", "fig3.csv"} | {f"fig3{p}.csv" for p in "abcdef"}
+    whole = {"fig3.png", "fig3.svg", "fig3.csv"}
+    assert names == whole | {f"fig3{p}.{kind}" for p in "abcdef" for kind in ("csv", "svg")}
     assert {p.name for p in (results / "figures").iterdir()} == names
     picture = cv2.imread(str(results / "figures" / "fig3.png"))
     assert picture.shape[0] > 600
@@ -81,7 +82,7 @@ def test_truth_beside_the_videos_is_found(results, tmp_path):
     place = tmp_path / "session" / "truth" / "film"
     place.mkdir(parents=True)
     files.write_csv(place / "contacts.csv", pd.DataFrame([CONTACTS[0]]), CONTACT_COLUMNS)
-    truth = figures.read_truth(results)
+    truth = session_numbers.read_truth(results)
     assert list(truth["video"]) == ["one"]
 
 
@@ -93,10 +94,10 @@ def test_typical_touch_is_near_the_medians_and_clean(tmp_path):
         contact("two", 2, 80, 30, 30.0),
     ]
     results = make_results(tmp_path / "results", rows)
-    touch = figures.typical_touch(results, figures.read_contacts(results))
+    touch = fig3_tables.typical_touch(results, session_numbers.read_contacts(results))
     assert (touch.contact["video"], touch.contact["contact"]) == ("one", 2)
     assert touch.pole == (230, 240, 6.25)
-    margin = figures.BEFORE_AFTER_MS
+    margin = fig3_tables.BEFORE_AFTER_MS
     assert list(touch.frames["frame"]) == list(range(60 - int(margin), 80 + int(margin)))
     assert len(touch.centrelines) == len(touch.frames)
 
@@ -119,26 +120,63 @@ def test_panels_a_and_b_show_the_touch(results):
 
 
 def test_diameters_follow_the_cone(results):
-    table = figures.diameters(results)
+    table = fig3_tables.diameters(results)
     assert table["whisker"].unique() == ["1 C2"]
     expected = 2 * 37 * (1 - table["arc_length_mm"] / 18.947)
     np.testing.assert_allclose(table["diameter_um"], expected)
     assert table["arc_length_mm"].max() == pytest.approx(18)
 
 
-@given(st.lists(st.floats(0, 300), min_size=1, max_size=50), st.sampled_from([2.0, 5.0]))
-def test_histograms_lose_no_contact(values, width):
-    table = figures.histogram(pd.Series([*values, np.nan]), width, "x")
+@given(st.lists(st.floats(0.1, 300), min_size=1, max_size=50), st.sampled_from([0.0, 1.0, 2.0]))
+def test_histograms_lose_no_contact(values, step):
+    table = fig3_tables.histogram(pd.Series([*values, np.nan]), "x", step)
     assert table["contacts"].sum() == len(values)
-    assert (table["x_to"] - table["x_from"]).to_numpy() == pytest.approx(width)
+    widths = (table["x_to"] - table["x_from"]).to_numpy()
+    assert widths == pytest.approx(widths[0])
+    assert step == 0 or widths[0] / step == pytest.approx(round(widths[0] / step))
     assert table["x_from"].iloc[0] == 0
+
+
+def test_bins_are_narrower_the_more_contacts_there_are():
+    draw = np.random.default_rng(0).gamma(2, 10, 12417)  # µN
+    widths = [fig3_tables.bin_width(draw[:n]) for n in (20, 300, 12417)]
+    assert widths[0] > widths[1] > widths[2] > 0
+    assert 20 < 100 / widths[2] < 200  # bins for the full session
+
+
+def test_bins_of_durations_are_whole_frames():
+    rows = [contact("one", k, 10, d, 5.0) for k, d in enumerate((6, 8, 12, 40, 90))]
+    table = pd.DataFrame(rows).assign(duration_ms=[3.0, 4.0, 6.0, 20.0, 45.0])  # 2000 frames/s
+    assert fig3_tables.frame_ms(table) == 0.5
+    assert fig3_tables.bin_width(table["duration_ms"], 0.5) % 0.5 == 0
+
+
+def test_the_contact_shown_can_be_chosen(results):
+    figures.write_fig3(results, video="one", contact=1)
+    b = pd.read_csv(results / "figures" / "fig3b.csv")
+    assert b["force_uN"][b["time_ms"].between(0, 10)].max() == pytest.approx(4, rel=0.03)
+    texts = ElementTree.parse(results / "figures" / "fig3.svg").findall(".//{*}text")
+    assert {"one", "C2, contact 1"} <= {"".join(text.itertext()) for text in texts}
+
+
+@pytest.mark.parametrize(
+    ("wanted", "message"),
+    [
+        ({"video": "four"}, "--video four: no such contact; expected one of one, two"),
+        ({"whisker": "D1"}, "--whisker D1: .* one of C2"),
+        ({"video": "two", "contact": 7}, "--contact 7: .* one of 1"),
+    ],
+)
+def test_a_contact_that_there_is_not_is_refused(results, wanted, message):
+    with pytest.raises(ValueError, match=message):
+        figures.write_fig3(results, **wanted)
 
 
 def test_r_squared_needs_three_points_that_differ():
     x = pd.Series([1.0, 2, 3, np.nan])
-    assert figures.r_squared(x, pd.Series([2.0, 4, 6, 1])) == pytest.approx(1)
-    assert np.isnan(figures.r_squared(x[:2], x[:2]))
-    assert np.isnan(figures.r_squared(x, pd.Series([1.0, 1, 1, 1])))
+    assert session_numbers.r_squared(x, pd.Series([2.0, 4, 6, 1])) == pytest.approx(1)
+    assert np.isnan(session_numbers.r_squared(x[:2], x[:2]))
+    assert np.isnan(session_numbers.r_squared(x, pd.Series([1.0, 1, 1, 1])))
 
 
 @pytest.mark.parametrize("videos", [("one",), ()])

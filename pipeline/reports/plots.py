@@ -1,0 +1,39 @@
+"""Plots of the report: small figures that can be read on a telephone and on paper."""
+
+import base64
+import io
+
+GREY, INK = "#6b6b6b", "#1a1a1a"
+SIZE_IN = 4.8
+STYLE = {"font.size": 10, "axes.spines.top": False, "axes.spines.right": False}
+MARGINS_IN = {"left": 0.66, "right": 0.12, "bottom": 0.5, "top": 0.1}
+
+
+def axes(height: float, right=MARGINS_IN["right"], top=MARGINS_IN["top"]):
+    """(figure, axis) of a plot `height` inches high; `right`, `top` are margins [inches]."""
+    import matplotlib as mpl
+    from matplotlib.figure import Figure
+
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(SIZE_IN, height), dpi=150)  # of what is drawn as an image
+        figure.subplots_adjust(
+            left=MARGINS_IN["left"] / SIZE_IN,
+            right=1 - right / SIZE_IN,
+            bottom=MARGINS_IN["bottom"] / height,
+            top=1 - top / height,
+        )
+        return figure, figure.subplots()
+
+
+def svg(figure) -> str:
+    """A figure as a data URI."""
+    from matplotlib.backends.backend_svg import FigureCanvasSVG
+
+    buffer = io.BytesIO()
+    FigureCanvasSVG(figure).print_svg(buffer)  # `savefig` draws everything twice
+    return data_uri(buffer.getvalue(), "image/svg+xml")
+
+
+def data_uri(content: bytes, kind: str) -> str:
+    """Bytes as a data URI of a media type."""
+    return f"data:{kind};base64,{base64.b64encode(content).decode()}"

@@ -1,0 +1,93 @@
+"""The contacts of a session, the truth where it is known, and their numbers beside the paper's."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from pipeline.tables import files
+from pipeline.tables.columns import CONTACT_COLUMNS
+
+# Hires, Efros & Svoboda 2013, Results: 12,417 contacts of mouse C2 whiskers.
+PAPER = {
+    ("contacts", "number"): 12417,
+    ("peak force", "5 %"): 1.8,
+    ("peak force", "median"): 16.1,
+    ("peak force", "mean"): 19.6,
+    ("peak force", "95 %"): 44.4,
+    ("duration", "5 %"): 5.0,
+    ("duration", "median"): 16.0,
+    ("duration", "mean"): 30.9,
+    ("duration", "95 %"): 113.0,
+    ("peak force and duration", "r²"): 0.368,
+}
+UNITS = {"peak force": "µN", "duration": "ms"}
+
+
+def read_contacts(results) -> pd.DataFrame:
+    """contacts.csv of a results folder; ValueError if there is none."""
+    path = Path(results) / "contacts.csv"
+    if not path.is_file():
+        raise ValueError(
+            f"{results}: no contacts.csv in it; expected a results folder of `whiskerforce run`"
+        )
+    return files.read_csv(path, CONTACT_COLUMNS)
+
+
+def read_truth(results, truth=None) -> pd.DataFrame | None:
+    """True contacts of the videos of a results folder, None where they are not known.
+
+    `video` is the name of the results folder of each. `truth` as in `write_fig3`.
+    """
+    inputs = files.read_json(Path(results) / "run.json", {}).get("inputs", {})
+    parts = []
+    for video, state in inputs.items():
+        path = Path(state["path"])
+        places = [Path(truth)] if truth else [p / "truth" for p in list(path.parents)[:2]]
+        for place in places:
+            table = place / path.stem / "contacts.csv"
+            if state["frames"] and table.is_file():
+                parts.append(files.read_csv(table, CONTACT_COLUMNS).assign(video=video))
+                break
+    return pd.concat(parts, ignore_index=True) if parts else None
+
+
+def statistics(contacts: pd.DataFrame) -> dict:
+    """The numbers the paper gives of its contacts, keyed as in `PAPER`."""
+    out = {("contacts", "number"): len(contacts)}
+    for what, column in (("peak force", "peak_force_uN"), ("duration", "duration_ms")):
+        values = contacts[column].dropna().to_numpy()
+        some = len(values) > 0
+        low, middle, high = np.percentile(values, [5, 50, 95]) if some else [np.nan] * 3
+        out[what, "5 %"], out[what, "median"], out[what, "95 %"] = low, middle, high
+        out[what, "mean"] = values.mean() if some else np.nan
+    out["peak force and duration", "r²"] = r_squared(
+        contacts["duration_ms"], contacts["peak_force_uN"]
+    )
+    return out
+
+
+def r_squared(x, y) -> float:
+    """Squared correlation of two columns, NaN with fewer than three pairs."""
+    both = np.isfinite(x) & np.isfinite(y)
+    if both.sum() < 3 or np.ptp(x[both]) == 0 or np.ptp(y[both]) == 0:
+        return np.nan
+    return float(np.corrcoef(x[both], y[both])[0, 1] ** 2)
+
+
+def fig3_numbers(contacts, true_contacts=None) -> pd.DataFrame:
+    """Recovered, published and (where there is one) true statistics side by side."""
+    recovered = statistics(contacts)
+    true = statistics(true_contacts) if true_contacts is not None else {}
+    rows = [
+        {
+            "quantity": what,
+            "statistic": which,
+            "unit": UNITS.get(what, ""),
+            "recovered": recovered[what, which],
+            "truth": true.get((what, which), np.nan),
+            "paper": published,
+        }
+        for (what, which), published in PAPER.items()
+    ]
+    return pd.DataFrame(rows)

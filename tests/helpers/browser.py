@@ -1,0 +1,97 @@
+"""A headless Chromium, and what is wrong with the words of the page that it shows."""
+
+import base64
+import shutil
+
+import pytest
+
+NAMES = ("chromium", "chromium-browser", "google-chrome", "chrome")
+ARGUMENTS = (
+    "--headless=new", "--no-sandbox", "--disable-gpu", "--disable-background-networking",
+    "--disable-component-update", "--disable-sync", "--no-first-run", "--window-size=1440,960",
+)  # fmt: skip
+A4_IN = 8.27, 11.69
+WORDS = """
+const walker = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
+const found = [];
+for (let node; (node = walker.nextNode()); ) {
+  const parent = node.parentElement;
+  if (!node.data.trim() || parent.closest("script, style, title")) continue;
+  const range = document.createRange();
+  range.selectNodeContents(node);
+  let room = [0, document.documentElement.clientWidth];
+  for (let box = parent; box !== document.body; box = box.parentElement) {
+    if (getComputedStyle(box).overflowX === "visible") continue;
+    const place = box.getBoundingClientRect();
+    room = [Math.max(room[0], place.left), Math.min(room[1], place.right)];
+  }
+  const hides = parent.closest(".tall, pre");
+  const ground = hides ? hides.getBoundingClientRect() : null;
+  for (const r of range.getClientRects()) {
+    const scrolled = ground && (r.bottom > ground.bottom + 1 || r.top < ground.top - 1);
+    if (r.width < 1 || scrolled) continue;
+    const text = node.data.trim().slice(0, 40);
+    found.push([text, r.left, r.top, r.right, r.bottom, ...room]);
+  }
+}
+return found;
+"""
+SLACK_PX, SLACK_LINE = 1.5, 0.35  # share of a line's height in which boxes may lie upon each other
+
+
+def chromium(profile):
+    """A browser; the test is skipped where this computer has none."""
+    webdriver = pytest.importorskip("selenium.webdriver", reason="selenium is not installed")
+    binary = next(filter(None, map(shutil.which, NAMES)), None)
+    chromedriver = shutil.which("chromedriver")
+    if binary is None or chromedriver is None:
+        pytest.skip("no chromium with its chromedriver on this computer")
+    options = webdriver.ChromeOptions()
+    options.binary_location = binary
+    for argument in (*ARGUMENTS, f"--user-data-dir={profile}"):
+        options.add_argument(argument)
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
+    service = webdriver.ChromeService(executable_path=chromedriver)
+    return webdriver.Chrome(options=options, service=service)
+
+
+def show(driver, url, width: int) -> None:
+    """Open a page in a window of this width [px]."""
+    size = {"width": width, "height": 900, "deviceScaleFactor": 1, "mobile": False}
+    driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+    driver.get(url)
+
+
+def word_faults(driver) -> list[str]:
+    """Words of the page that are cut at the side, or lie upon others."""
+    words = driver.execute_script(WORDS)
+    assert words
+    cut = [
+        f"{text!r} is cut"
+        for text, left, _, right, _, low, high in words
+        if left < low - SLACK_PX or right > high + SLACK_PX
+    ]
+    return cut + overlapping([word[:5] for word in words])
+
+
+def overlapping(words) -> list[str]:
+    """Which of (text, left, top, right, bottom) lie upon others."""
+    faults = []
+    words = sorted(words, key=lambda word: word[2])
+    for k, (text, left, top, right, bottom) in enumerate(words):
+        for other in words[k + 1 :]:
+            if other[2] >= bottom:
+                break
+            line = SLACK_LINE * min(bottom - top, other[4] - other[2])
+            across = min(right, other[3]) - max(left, other[1])
+            along = min(bottom, other[4]) - max(top, other[2])
+            if across > SLACK_PX and along > line:
+                faults.append(f"{text!r} is upon {other[0]!r}")
+    return faults
+
+
+def write_pdf(driver, path) -> None:
+    """Print the page on A4."""
+    options = {"paperWidth": A4_IN[0], "paperHeight": A4_IN[1], "preferCSSPageSize": True}
+    printed = driver.execute_cdp_cmd("Page.printToPDF", {**options, "printBackground": False})
+    path.write_bytes(base64.b64decode(printed["data"]))

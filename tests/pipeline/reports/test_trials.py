@@ -1,0 +1,89 @@
+"""Contacts over the trials: where the bars lie, and the mean force from the onsets on."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from results_folder import CONTACTS, make_results
+
+from pipeline.reports import trials
+from pipeline.reports.time_courses import (
+    HIGH,
+    MOST_POINTS,
+    WIDE,
+    overlay_link,
+    read_courses,
+    thinned,
+    time_courses,
+)
+from pipeline.tables import files
+from pipeline.tables.columns import CONTACT_COLUMNS
+
+
+def table(rows=CONTACTS):
+    return files.as_table(pd.DataFrame(rows), CONTACT_COLUMNS)
+
+
+def test_bars_begin_with_the_first_contact_of_their_trial():
+    figure = trials.draw_raster(["two", "one"], table())
+    (bars,) = figure.axes[0].collections
+    ends = [segment[:, 0] for segment in bars.get_segments()]
+    np.testing.assert_allclose(ends, [[0, 10], [30, 50], [0, 40]], atol=1e-9)  # ms
+    assert [segment[0, 1] for segment in bars.get_segments()] == [2, 2, 1]  # trials
+
+
+def test_mean_force_is_that_of_the_contacts(tmp_path):
+    results = make_results(tmp_path / "r")
+    average = trials.OnsetAverage()
+    for video in ("one", "two"):
+        average.add(read_courses(results, video), table().query("video == @video"))
+    (line,) = [each for each in average.draw().axes[0].lines if "n = 3" in str(each.get_label())]
+    time, mean = line.get_data()
+    at = {t: m for t, m in zip(time, mean, strict=True)}
+    assert at[-5] == 0
+    forces = [  # µN, 5 ms behind each onset
+        read_courses(results, video).set_index("frame")["contact_force_uN"][onset + 5]
+        for video, onset in (("one", 30), ("one", 60), ("two", 30))
+    ]
+    assert at[5] == pytest.approx(np.mean(forces))
+    assert at[80] == pytest.approx(0)  # of those contacts only whose video goes on so long
+
+
+def test_time_courses_lie_where_their_values_are(tmp_path):
+    results = make_results(tmp_path / "r")
+    courses = time_courses(read_courses(results, "one"), table(CONTACTS[:2]), "one", "one/o.mp4")
+    assert [panel.name for panel in courses.panels] == ["angle", "force"]  # all that is known
+    ((_, path),) = courses.panels[1].paths
+    points = np.array([p.split() for p in path[1:].replace("M", "L").split("L")], float)
+    peak = points[np.argmin(points[:, 1])]
+    assert peak[0] == pytest.approx(WIDE * 70 / 119, abs=0.1)  # frame 70 of 0 to 119
+    half = points[np.argmin(abs(points[:, 1] - (peak[1] + points[:, 1].max()) / 2))]
+    (tick,) = courses.panels[1].ticks
+    assert tick[1] == "5"  # µN, of 10
+    assert half[1] == pytest.approx(HIGH / 100 * tick[0], abs=HIGH / 20)
+    second = courses.contacts[1]
+    assert (second.left, second.width) == pytest.approx((WIDE * 60 / 119, WIDE * 20 / 119))
+    assert second.link == "one/o.mp4#t=1.80,3.80"  # frames 45 to 95 at 25 frames/s
+    assert "frames 60 to 80, 20 ms, peak 10 µN" in second.words
+
+
+def test_links_to_other_overlays_name_no_time():
+    assert overlay_link("a b/overlay.avi", 10, 20) == "a%20b/overlay.avi"
+
+
+def test_unknown_stretches_break_the_curve(tmp_path):
+    frames = read_courses(make_results(tmp_path / "r"), "one")
+    frames.loc[20:30, "base_angle_deg"] = np.nan
+    frames["base_angle_deg"] += np.arange(len(frames))
+    courses = time_courses(frames, table([]), "one")
+    assert courses.panels[0].paths[0][1].count("M") == 2
+
+
+def test_thinning_keeps_extremes():
+    time = np.arange(20_000) / 1000
+    values = np.sin(time)
+    values[12_345], values[777] = 5.0, -5.0
+    shorter_time, shorter = thinned(time, values)
+    assert len(shorter) <= 1.05 * MOST_POINTS
+    assert (shorter.max(), shorter.min()) == (5.0, -5.0)
+    assert np.all(np.diff(shorter_time) >= 0)
+    assert abs(shorter_time[np.argmax(shorter)] - 12.345) < 0.05  # s
