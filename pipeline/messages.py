@@ -27,6 +27,20 @@ def messages(settings, touch, video, epochs, followed):
     if not cast.roster:
         yield "no whisker found in any frame" + ("" if doubt else _why_none(settings, scenes))
         return
+    yield from _of_whiskers(settings, touch, followed)
+
+
+def line_messages(settings, touch, followed):
+    """Sentences on what is missing or doubtful in the lines that another program traced."""
+    if followed.cast.roster:
+        yield from _of_whiskers(settings, touch, followed)
+    else:
+        yield "no line is a whisker's: all are too short, or have no name"
+
+
+def _of_whiskers(settings, touch, followed):
+    """What is missing or doubtful of the whiskers themselves, the pole and the forces."""
+    cast = followed.cast
     lost = [name for name in cast.names if name not in cast.found]
     if lost:
         yield f"not found in any frame: {', '.join(lost)}"

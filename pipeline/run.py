@@ -1,24 +1,30 @@
 """The whole way for one video: `analyse`, one call per step, top to bottom."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
+import numpy as np
 import pandas as pd
 
 from pipeline.contacts import Touch, find_touches, no_touches, surely_free
 from pipeline.detection import PoleTrack
+from pipeline.errors import InputError
 from pipeline.forces import estimate_forces
 from pipeline.identity import assign_identities
-from pipeline.kinematics import Kinematics, KinematicsMeter, locate_follicles
-from pipeline.messages import messages
+from pipeline.kinematics import Kinematics, KinematicsMeter, given_lines, locate_follicles
+from pipeline.messages import line_messages, messages
 from pipeline.runtime import Clock, Counted
 from pipeline.scene import face_side_of, find_scenes, pole_track, survey
 from pipeline.session import DEFAULTS, Settings
+from pipeline.tables import Centrelines
 from pipeline.tracking import (
     CHUNK_FRAMES,
     behind_whiskers,
+    cast_of,
     find_cast,
+    options_for,
     roster_frames,
     sample_lines,
+    slots_of,
     tracing_options,
     track,
 )  # fmt: skip
@@ -80,13 +86,48 @@ def analyse(
         frames, evidence = forces_of(kinematics, settings)
     with clock("contacts"):
         touch = touches_of(kinematics, frames, evidence, settings, corrections)
+    notes = messages(settings, touch, video, epochs, kinematics)
+    return _analysis(kinematics, touch, notes, clock)
+
+
+def analyse_lines(
+    lines: Centrelines, settings: Settings, pole=None, n_frames=0, keep=None, corrections=None
+) -> Analysis:
+    """As `analyse`, from lines that another program traced: the video is not needed.
+
+    Parameters
+    ----------
+    lines : of the whole video, follicle side → tip, with the settings' names; raw offsets and
+        information are told from how the points scatter where the lines lack them
+    settings, keep, corrections : as for `analyse`
+    pole : `PoleTrack`; None: the place that the settings give, if they do
+    n_frames : of the video, where it goes on after the last line
+
+    Raises
+    ------
+    InputError
+        If a line has a name that no [[whisker]] table has.
+    """
+    clock = Clock()
+    kinematics = measure_lines(
+        lines, settings, pole or _given_pole(settings), n_frames, keep, clock
+    )
+    with clock("forces"):
+        frames, evidence = forces_of(kinematics, settings)
+    with clock("contacts"):
+        touch = touches_of(kinematics, frames, evidence, settings, corrections)
+    return _analysis(kinematics, touch, line_messages(settings, touch, kinematics), clock)
+
+
+def _analysis(kinematics, touch, notes, clock) -> Analysis:
+    """What was found, with the notes to a person."""
     return Analysis(
         frames=touch.frames,
         contacts=touch.contacts,
         evidence=touch.evidence,
         pole=kinematics.pole,
         n_frames=kinematics.n_frames,
-        messages=tuple(messages(settings, touch, video, epochs, kinematics)),
+        messages=tuple(notes),
         seconds=clock.seconds,
     )
 
@@ -118,6 +159,47 @@ def follow(video, epochs, cast, settings, clock, keep=None, progress=None) -> Ki
                 keep(chunk)
     clock.seconds["centrelines"] -= clock.seconds["decoding"]
     return meter.result(frames.count)
+
+
+def measure_lines(lines, settings, pole, n_frames, keep, clock) -> Kinematics:
+    """Follicle, angle, curvature and distance to the pole of given lines; see `analyse_lines`."""
+    recording, params = settings.recording.si(), settings.advanced.kinematics
+    _check_names(lines.names, settings)
+    with clock("centrelines"):
+        lines = given_lines.as_centrelines(lines)
+        cast = cast_of(slots_of(lines), settings)
+    hidden = tuple(length * recording.pixels_per_m for length in cast.hidden_lengths)
+    options = replace(options_for(recording), hidden_px=hidden)
+    chunks = given_lines.chunks_of(lines, CHUNK_FRAMES)
+    chunks = locate_follicles(chunks, given_lines.sample_of(lines), options, params)
+    meter = KinematicsMeter(cast, recording, settings.analysis.curvature_at, pole, params)
+    for chunk in clock.each("centrelines", chunks):
+        with clock("kinematics"):
+            meter.add(chunk)
+        with clock("storing"):
+            if keep is not None:
+                keep(chunk)
+    return meter.result(max(n_frames, int(lines.frame.max(initial=-1)) + 1))
+
+
+def _check_names(names, settings):
+    """Raise where lines have names that the settings do not know."""
+    known = [w.name for w in settings.whisker]
+    unknown = [name for name in names if name not in known]
+    if known and unknown:
+        raise InputError(
+            f"whisker {', '.join(unknown)} has no [[whisker]] table in session.toml, which names "
+            f"{', '.join(known)}: add one, or correct the names"
+        )
+
+
+def _given_pole(settings) -> PoleTrack | None:
+    """The pole where the settings say that it stands; None where they do not."""
+    if settings.pole.position_px is None:
+        return None
+    radius_px = 0.5 * settings.pole.diameter * settings.recording.si().pixels_per_m
+    x, y = settings.pole.position_px
+    return PoleTrack(np.array([x]), np.array([y]), radius_px)
 
 
 def trace(

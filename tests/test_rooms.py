@@ -10,8 +10,8 @@ import pytest
 ROOT = Path(__file__).parents[1]
 PAGE = (ROOT / "docs" / "code.md").read_text(encoding="utf-8")
 ROOMS = (
-    "app", "curate", "reports", "contacts", "forces", "kinematics", "identity", "tracking",
-    "scene", "detection", "session", "video", "tables", "runtime", "numerics",
+    "app", "convert", "curate", "reports", "contacts", "forces", "kinematics", "identity",
+    "tracking", "scene", "detection", "session", "video", "tables", "runtime", "numerics",
 )  # fmt: skip
 ANYWHERE = {"pipeline.errors"}
 WHOLE_WAY = {"pipeline", "pipeline.run", "pipeline.messages"}  # for the command line alone

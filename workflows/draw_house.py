@@ -18,7 +18,7 @@ from matplotlib.patches import FancyBboxPatch
 
 ROOT = Path(__file__).parents[1]
 ORDER = (
-    "app", "curate", "reports", "contacts", "forces", "kinematics", "identity", "tracking",
+    "app", "convert", "curate", "reports", "contacts", "forces", "kinematics", "identity", "tracking",
     "scene", "detection", "session", "video", "tables", "runtime", "numerics",
 )  # fmt: skip
 RESULTS = {  # what leaves the house, and from which room

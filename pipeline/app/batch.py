@@ -5,6 +5,7 @@ import hashlib
 import platform
 import sys
 import time
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -40,6 +41,24 @@ RESULT_FILES = (
 )
 
 
+def analyse_video(task, keep, report, corrections):
+    """Analyse the video of a `Task`; the other arguments are those of `pipeline.run.analyse`."""
+    from pipeline.run import analyse
+
+    return analyse(task.path, task.settings, keep, report, corrections, task.threads)
+
+
+@dataclass(frozen=True)
+class Source:
+    """What is processed: `find(paths, out)` gives the `Input`s, `analyse` works as above."""
+
+    find: Callable
+    analyse: Callable
+
+
+VIDEOS = Source(find_inputs, analyse_video)
+
+
 @dataclass(frozen=True)
 class Task:
     """One video to process into `folder`; if its tables are `finished`, only to draw it.
@@ -54,6 +73,7 @@ class Task:
     threads: int = 1
     finished: "Outcome | None" = None
     earlier: int = 0
+    analyse: Callable = analyse_video
 
 
 @dataclass(frozen=True)
@@ -102,12 +122,14 @@ class Summary:
         return [each for each in self.outcomes if each.status == status]
 
 
-def run(paths, out, config=None, jobs=1, overwrite=False, overlay=False, progress=None):
+def run(
+    paths, out, config=None, jobs=1, overwrite=False, overlay=False, progress=None, source=VIDEOS
+):
     """Process videos and folders of videos into the results folder `out`; return a `Summary`.
 
     Videos whose results are there, from the same input, settings and version, are not
     processed again unless `overwrite`. `progress(names)` returns a
-    `pipeline.runtime.progress.Progress`.
+    `pipeline.runtime.progress.Progress`. Another `source` than videos are files of other programs.
 
     Raises
     ------
@@ -116,7 +138,7 @@ def run(paths, out, config=None, jobs=1, overwrite=False, overlay=False, progres
     """
     started = time.monotonic()
     out = Path(out)
-    inputs = find_inputs(paths, out)
+    inputs = source.find(paths, out)
     settings = settings_of(inputs, config)
     _make_folder(out)
     with locked(out):
@@ -124,6 +146,7 @@ def run(paths, out, config=None, jobs=1, overwrite=False, overlay=False, progres
         settle_all(out)
         names = results_folders(inputs, out)
         tasks = _tasks(inputs, settings, names, out, overwrite, overlay)
+        tasks = [replace(task, analyse=source.analyse) for task in tasks]
         outcomes = _unusable(inputs, names, out)
         due = [t for t in tasks if not t.finished or (overlay and not has_overlay(t.folder))]
         skipped = [t for t in tasks if t not in due]
@@ -225,14 +248,13 @@ def process_video(task: Task, report=None) -> Outcome:
         return _with_overlay(task, outcome, task.folder / READY) if task.overlay else outcome
     except VideoError as error:
         return _failed(task, error.problem)
-    except (OSError, CorrectionsError) as error:
+    except (OSError, CorrectionsError, InputError) as error:
         return _failed(task, str(error))
 
 
 def _analyse_and_save(task, report) -> Outcome:
     """The straight way; the state file says how the results were made."""
     from pipeline.contacts.corrections import read_corrections
-    from pipeline.run import analyse
     from pipeline.tables.evidence import write_evidence
 
     started = time.perf_counter()
@@ -240,7 +262,7 @@ def _analyse_and_save(task, report) -> Outcome:
     corrections = read_corrections(task.folder)
     with draft(task.folder) as new:
         with centrelines.centreline_file(new / "centrelines.parquet") as keep:
-            analysis = analyse(task.path, task.settings, keep, report, corrections, task.threads)
+            analysis = task.analyse(task, keep, report, corrections)
         contacts = analysis.contacts.assign(video=task.folder.name)
         files.write_frames(new / "frames.parquet", analysis.frames)
         files.write_csv(new / "contacts.csv", contacts, CONTACT_COLUMNS)

@@ -13,6 +13,8 @@ from typing import Annotated
 
 import typer
 
+from pipeline.app import convert
+
 app = typer.Typer(
     name="whiskerforce",
     help="High-speed videos of rodent whiskers in, forces at the follicle out.",
@@ -21,6 +23,9 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
+
+app.add_typer(convert.importing, name="import")
+app.add_typer(convert.exporting, name="export")
 
 FAILED, UNUSABLE, INTERRUPTED = 1, 2, 130
 

@@ -1,12 +1,15 @@
 """Centrelines of all whiskers and frames as one ragged table, in memory and on disk."""
 
 import contextlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from pipeline.tables.columns import CENTRELINE_COLUMNS
 from pipeline.tables.files import ROWS_PER_GROUP, _parquet_writer
+
+PER_ROW = ("frame", "whisker", "confidence", "hidden_px", "follicle")
+PER_POINT = ("x_px", "y_px", "se_px", "offset_px", "information", "thickness_px")
 
 
 @dataclass
@@ -64,6 +67,16 @@ class Centrelines:
         """Points of row `i`, float32 (points, 2)."""
         part = slice(self.offsets[i], self.offsets[i + 1])
         return np.column_stack([self.x_px[part], self.y_px[part]])
+
+    def rows(self, rows) -> "Centrelines":
+        """Return the rows of these numbers, in their order."""
+        counts = np.diff(self.offsets)[rows]
+        offsets = np.append(0, np.cumsum(counts)).astype(np.int64)
+        points = np.repeat(self.offsets[rows] - offsets[:-1], counts) + np.arange(offsets[-1])
+        taken = {name: rows for name in PER_ROW} | {name: points for name in PER_POINT}
+        values = {name: getattr(self, name) for name in taken}
+        values = {n: v if v is None else v[taken[n]] for n, v in values.items()}
+        return replace(self, offsets=offsets, **values)
 
 
 @contextlib.contextmanager

@@ -5,10 +5,17 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
-        "registry": ["find_roster"],
+        "registry": ["find_roster", "slots_of"],
         "stationary_whiskers": ["behind_whiskers"],
         "track_video": ["CHUNK_FRAMES", "sample_lines", "track"],
         "tracker": ["options_for"],
-        "whiskers": ["Cast", "find_cast", "nominal_whisker", "roster_frames", "tracing_options"],
+        "whiskers": [
+            "Cast",
+            "cast_of",
+            "find_cast",
+            "nominal_whisker",
+            "roster_frames",
+            "tracing_options",
+        ],
     },
 )

@@ -10,6 +10,7 @@ from pipeline.detection.detect import TracingOptions
 from pipeline.detection.image_model import ImageModel
 from pipeline.detection.line import Line, Workspace
 from pipeline.detection.static_scene import StaticScene
+from pipeline.tables.centrelines import Centrelines
 from pipeline.tracking import matching
 from pipeline.tracking.matching import Ruler
 
@@ -71,6 +72,18 @@ class _Group:
     @property
     def strength(self):
         return usual_strength(self.lines)
+
+
+def slots_of(lines: Centrelines) -> tuple[Slot, ...]:
+    """Slots of the whiskers in lines that are named already, of those that have any."""
+    slots = []
+    for k in np.unique(lines.whisker):
+        rows = np.flatnonzero(lines.whisker == k)
+        base = lines.offsets[rows]
+        place = np.median(lines.x_px[base]), np.median(lines.y_px[base])
+        length = np.median(np.diff(lines.offsets)[rows])
+        slots.append(Slot(lines.names[k], np.array(place), float(length)))
+    return tuple(slots)
 
 
 def usual_strength(lines) -> float:

@@ -58,9 +58,15 @@ def roster_frames(settings) -> int:
 
 def find_cast(indices, frames, epochs, settings: Settings) -> Cast:
     """Find the whiskers in some frames and bring them together with the settings' ones."""
-    options = tracing_options(settings)
+    names = [w.name for w in settings.whisker] or None
+    return cast_of(
+        find_roster(frames, epochs, tracing_options(settings), names, indices), settings
+    )
+
+
+def cast_of(roster, settings: Settings) -> Cast:
+    """Bring the whiskers found in a video, `Slot`s, together with the settings' ones."""
     given = {w.name: w for w in settings.whisker}
-    roster = find_roster(frames, epochs, options, list(given) or None, indices)
     names = tuple(given) or tuple(slot.name for slot in roster)
     given = {name: given.get(name) or WhiskerSettings(name=name) for name in names}
     whiskers = {name: each.si() for name, each in given.items()}

@@ -1,0 +1,102 @@
+"""A results folder as the formats' writers want it: its finished videos, one by one."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from pipeline.detection.static_scene import PoleTrack
+from pipeline.errors import InputError
+from pipeline.scene import pole_runs
+from pipeline.session.inputs import STATE_FILE
+from pipeline.session.session_file import Settings, read_session
+from pipeline.tables import files
+from pipeline.tables.centrelines import Centrelines, read_centrelines
+from pipeline.tables.columns import CONTACT_COLUMNS, VIDEO_COLUMNS
+
+
+@dataclass(frozen=True)
+class VideoResults:
+    """The tables of one video, read when they are wanted; `path` is the video's."""
+
+    name: str
+    folder: Path
+    path: str
+
+    @cached_property
+    def settings(self) -> Settings:
+        """The settings that the results were made with."""
+        return read_session(self.folder / "session.toml")
+
+    @cached_property
+    def frames(self) -> pd.DataFrame:
+        """The table frames.parquet."""
+        return files.read_frames(self.folder / "frames.parquet")
+
+    @cached_property
+    def contacts(self) -> pd.DataFrame:
+        """The table contacts.csv."""
+        return files.read_csv(self.folder / "contacts.csv", CONTACT_COLUMNS)
+
+    @cached_property
+    def whiskers(self) -> tuple[str, ...]:
+        """Names, in the order of the tables."""
+        return tuple(dict.fromkeys(self.frames["whisker"]))
+
+    @cached_property
+    def n_frames(self) -> int:
+        """Frames of which there are results."""
+        return int(self.frames["frame"].max()) + 1 if len(self.frames) else 0
+
+    def of(self, whisker) -> pd.DataFrame:
+        """Rows of one whisker in frames.parquet, by frame."""
+        return self.frames[self.frames["whisker"] == whisker].sort_values("frame")
+
+    def lines(self) -> Centrelines:
+        """The centrelines."""
+        return read_centrelines(self.folder / "centrelines.parquet")
+
+    def pole(self) -> PoleTrack | None:
+        """Where the pole was, NaN while it was away; None: never seen."""
+        state = files.read_json(self.folder / STATE_FILE, {})
+        places = [pole_runs.pole_at(state, frame) for frame in range(self.n_frames)]
+        known = [place for place in places if place is not None]
+        if not known:
+            return None
+        away = (np.nan, np.nan, known[0][2])
+        x, y, radius = np.array([place or away for place in places]).T
+        return PoleTrack(x, y, float(radius[0]))
+
+
+def read_results(folder) -> list[VideoResults]:
+    """The finished videos of a results folder; InputError where there is none."""
+    folder = Path(folder)
+    if not (folder / "videos.csv").is_file():
+        raise InputError(
+            f"{folder}: no videos.csv in it, so it is no results folder; give the --out folder of "
+            "`whiskerforce run` or `import`"
+        )
+    videos = files.read_csv(folder / "videos.csv", VIDEO_COLUMNS)
+    done = videos[videos["frames"] > 0]
+    if not len(done):
+        raise InputError(f"{folder}: no finished video in it; videos.csv says why")
+    rows = zip(done["video"], done["path"], strict=True)
+    return [VideoResults(str(name), folder / str(name), str(path)) for name, path in rows]
+
+
+def lines_of_rows(names, keys, rows) -> Centrelines:
+    """`Centrelines` of rows of points (n, 2); `keys` are (frame, number of the name)."""
+    frame, whisker = np.array(keys, np.int32).reshape(-1, 2).T
+    x, y = np.concatenate([np.empty((0, 2)), *rows]).astype(np.float32).T
+    return Centrelines(
+        names=tuple(names),
+        frame=frame,
+        whisker=whisker,
+        offsets=np.cumsum([0, *map(len, rows)]).astype(np.int64),
+        x_px=x.copy(),
+        y_px=y.copy(),
+        se_px=np.full(len(x), np.nan, np.float32),
+        confidence=np.ones(len(rows), np.float32),
+    )
