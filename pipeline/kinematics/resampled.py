@@ -250,7 +250,7 @@ def _bin(x, y, s, offset, info, start, spacing, px, py, clear, out_x, out_y, out
     per_station, clear2 = 1 / spacing, clear * clear
     for i in range(len(x)):
         k = int(s[i] * per_station + 0.5)
-        if s[i] < start or k >= n or not info[i] > 0:
+        if not (start <= s[i] and 0 <= k < n and info[i] > 0):  # nor where one of them is NaN
             continue
         if (x[i] - px) ** 2 + (y[i] - py) ** 2 < clear2:
             continue

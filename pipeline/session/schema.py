@@ -1,6 +1,5 @@
 """The tables of session.toml as types: what each key may hold, and the same in SI units."""
 
-import math
 from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
@@ -44,7 +43,7 @@ class WhiskerSettings(_Table):
     length_mm: quantity(1, 200, "mm", {"m": 1e3, "µm": 1e-3}) | None = Field(
         None, description="follicle to (cut) tip"
     )
-    cone_length_mm: quantity(1, math.inf, "mm", {"m": 1e3}) | None = Field(
+    cone_length_mm: quantity(1, 10_000, "mm", {"m": 1e3, "µm": 1e-3}) | None = Field(
         None, description="follicle to the extrapolated apex"
     )
     base_radius_um: quantity(2, 500, "µm", {"mm": 1e3, "m": 1e6, "nm": 1e-3}) | None = Field(

@@ -150,6 +150,15 @@ def test_arguments_must_match_the_names():
         resampled.measure_stations(lines_of(arc(0.001)), RECORDING, [], [HIDDEN])
 
 
+@pytest.mark.parametrize("hidden", [np.nan, np.inf, -np.inf, 1e300, -1e300])
+def test_an_impossible_hidden_length_gives_no_places(hidden):
+    """It once became a negative station, written outside of the table."""
+    lines = replace(lines_of(arc(0.002)), hidden_px=np.array([hidden]))
+    places = measure(lines, PoleTrack(np.array([300.0]), np.array([150.0]), 6.0))
+    assert not places.information.any()
+    assert np.isnan(places.x).all()
+
+
 def test_no_whisker_at_all():
     nothing = replace(lines_of(arc(0.002)), names=(), whisker=np.zeros(0, np.int32),
                       frame=np.zeros(0, np.int32), offsets=np.zeros(1, np.int64))  # fmt: skip
