@@ -1,18 +1,27 @@
 """Many videos: which are due, each in a worker process, results of all in one folder."""
 
 import contextlib
-import hashlib
+import os
 import platform
 import sys
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 
 import pandas as pd
 
 from pipeline import __version__
+from pipeline.app.outcome import (
+    PARQUETS,
+    Outcome,
+    earlier_results,
+    failure,
+    finished_outcome,
+    kept_outcome,
+    save_state,
+)
 from pipeline.errors import InputError
 from pipeline.runtime.folder_lock import locked
 from pipeline.runtime.workers import run_tasks
@@ -30,15 +39,8 @@ from pipeline.session.inputs import (
 from pipeline.session.session_file import Settings, session_text, write_session
 from pipeline.tables import centrelines, files
 from pipeline.tables.columns import CONTACT_COLUMNS, VIDEO_COLUMNS
-from pipeline.tables.result_exchange import OVERLAYS, READY, draft, is_settled, settle, settle_all
-
-RESULT_FILES = (
-    "centrelines.parquet",
-    "frames.parquet",
-    "contacts.csv",
-    "evidence.parquet",
-    "session.toml",
-)
+from pipeline.tables.result_exchange import OVERLAYS, READY, draft, settle, settle_all
+from pipeline.tables.run_record import recorded_path
 
 
 def analyse_video(task, keep, report, corrections):
@@ -77,45 +79,28 @@ class Task:
 
 
 @dataclass(frozen=True)
-class Outcome:
-    """What became of one video: a row of videos.csv, and for run.json how it was made.
-
-    `status` is "done", "warning" or "failed"; `details` is the traceback of a fault. `frames` is
-    0 where there are no results; where a video failed, those of before may be there.
-    """
-
-    video: str
-    path: str
-    status: str
-    frames: int = 0
-    frames_per_s: float = 0.0
-    message: str = ""
-    contacts: int = 0
-    stages: dict = field(default_factory=dict)
-    sha256: str = ""
-    pole: dict | None = None
-    details: str = ""
-
-    def line(self) -> str:
-        """The outcome in one line."""
-        if self.status == "failed":
-            return f"failed: {self.message}"
-        message = f"; {self.message}" if self.message else ""
-        return (
-            f"{self.status}, {self.frames} frames, {self.frames_per_s:.0f} frames/s, "
-            f"{self.contacts} contacts{message}"
-        )
-
-
-@dataclass(frozen=True)
 class Summary:
-    """What a run did: all outcomes of the results folder, of which `skipped` were there before."""
+    """What a run did: all outcomes of the results folder, of which `skipped` were there before.
+
+    `lost` are videos that have gone from the folders of this run: their results stay, but are not
+    in the session's tables.
+    """
 
     out: Path
     outcomes: tuple[Outcome, ...]
     skipped: int
     seconds: float
     interrupted: bool = False
+    lost: tuple[str, ...] = ()
+
+    @property
+    def copies(self) -> tuple[tuple[str, ...], ...]:
+        """Videos of one and the same content, by their names: their contacts count twice."""
+        same = {}
+        for each in self.outcomes:
+            if each.frames and each.sha256:
+                same.setdefault(each.sha256, []).append(each.video)
+        return tuple(tuple(names) for names in same.values() if len(names) > 1)
 
     def of(self, status) -> list[Outcome]:
         """Outcomes of one status."""
@@ -154,9 +139,10 @@ def run(
         interrupted = _process(due, outcomes, jobs, progress)
         outcomes |= _left(due, outcomes)
         ordered = [outcomes[name] for name in names.values() if name in outcomes]
-        ordered += _earlier(out, set(names.values()))
+        others, lost = _without_lost(_earlier(out, set(names.values())), paths)
         seconds = time.monotonic() - started
-        summary = Summary(out, tuple(ordered), len(skipped), seconds, interrupted)
+        every = (*ordered, *others)
+        summary = Summary(out, every, len(skipped), seconds, interrupted, tuple(lost))
         _write_session(out, list(settings.values()), config)
         _write_tables(summary, jobs)
     return summary
@@ -169,14 +155,15 @@ def _tasks(inputs, settings, names, out, overwrite, overlay) -> list[Task]:
         if not each.fault:
             path, folder = each.path.resolve(), out / names[each.path]
             task = Task(path, folder, settings[each.path], overlay, earlier=_written(folder))
-            tasks.append(task if overwrite else replace(task, finished=finished_outcome(task)))
+            finished = None if overwrite else finished_outcome(path, folder, task.settings)
+            tasks.append(replace(task, finished=finished))
     return tasks
 
 
 def _unusable(inputs, names, out) -> dict:
     """Outcomes of the inputs that cannot be opened, by the name of their folder."""
     faulty = [(names[each.path], each) for each in inputs if each.fault]
-    return {name: _failed_in(out / name, readable(each.path), each.fault) for name, each in faulty}
+    return {name: failure(out / name, readable(each.path), each.fault) for name, each in faulty}
 
 
 def _left(tasks, outcomes) -> dict:
@@ -269,7 +256,7 @@ def _analyse_and_save(task, report) -> Outcome:
         write_evidence(new, analysis.evidence)
         write_session(new / "session.toml", task.settings)
         outcome = _outcome_of(task, analysis, time.perf_counter() - started)
-        _save_state(new, task, outcome, before)
+        save_state(new, outcome, task.settings, before)
     return outcome
 
 
@@ -334,7 +321,9 @@ def _settled(task, outcome) -> Outcome:
 def _died(task, reason) -> Outcome:
     """A fault of the program, or of the process it ran in."""
     last = reason.strip().splitlines()[-1]
-    if "Traceback" in reason:
+    if "MemoryError" in last:
+        last = f"out of memory ({last}); use fewer --jobs, end other programs, or cut the video"
+    elif "Traceback" in reason:
         last = f"unexpected fault of the program: {last}; --debug shows where"
     return replace(_new_or(task, last) or _failed(task, last), details=reason)
 
@@ -346,7 +335,7 @@ def _interrupted(task) -> Outcome | None:
     new = _new_or(task)
     if new:
         return new
-    kept = _kept(task.folder)
+    kept = kept_outcome(task.folder)
     message = f"interrupted before new results were made; {_earlier_results(task)}"
     return kept and replace(kept, status="warning", message=message)
 
@@ -356,90 +345,55 @@ def _new_or(task, message="") -> Outcome | None:
     with contextlib.suppress(OSError):
         settle(task.folder)
     made = _written(task.folder) > task.earlier
-    outcome = task.finished or (_kept(task.folder) if made else None)
+    outcome = task.finished or (kept_outcome(task.folder) if made else None)
     return _warned(outcome, message) if outcome and message else outcome
 
 
 def _failed(task, message, details="") -> Outcome:
-    outcome = _failed_in(task.folder, str(task.path), message, _earlier_results(task))
+    outcome = failure(task.folder, str(task.path), message, _earlier_results(task))
     return replace(outcome, details=details)
 
 
-def _failed_in(folder, path, message, kept_results="earlier results kept") -> Outcome:
-    """A failure; results of before stay, and the message says so."""
-    kept = _kept(folder)
-    message = " ".join(message.split())
-    if kept is None:
-        return Outcome(folder.name, path, "failed", message=message)
-    message = f"{message}; {kept_results}"
-    return replace(kept, path=path, status="failed", message=message)
-
-
-def _kept(folder) -> Outcome | None:
-    """The outcome that whole results in a folder came from, of whatever settings and version."""
-    state = files.read_json(folder / STATE_FILE, {})
-    whole = {"version", "video"} <= state.keys() and is_settled(folder)
-    if not whole or not all((folder / name).is_file() for name in RESULT_FILES):
-        return None
-    return _outcome(state)
-
-
 def _earlier_results(task) -> str:
-    """Say that earlier results are kept, and what they differ in from those that are due."""
-    state = files.read_json(task.folder / STATE_FILE, {})
-    if state.get("version") != __version__:
-        return f"earlier results kept, made by version {state.get('version')}"
-    if state.get("settings_sha256") != _settings_digest(task.settings):
-        return "earlier results kept, made with other settings"
-    if not _same_input(state, task.path):
-        return "earlier results kept, made of the video before it changed"
-    return "earlier results kept"
-
-
-# --- resumption --------------------------------------------------------------------------
-
-
-def _settings_digest(settings) -> str:
-    return hashlib.sha256(settings.model_dump_json().encode()).hexdigest()
-
-
-def _save_state(folder, task, outcome, before):
-    state = {
-        "version": __version__,
-        **{k: v for k, v in asdict(outcome).items() if k != "details"},
-        "settings_sha256": _settings_digest(task.settings),
-        "input": before,
-    }
-    files.write_json(folder / STATE_FILE, state)
-
-
-def finished_outcome(task: Task) -> Outcome | None:
-    """The outcome of an earlier run whose results still hold for this task, or None.
-
-    They hold while version, settings and the input's content are the same and all files are
-    there. The content is read only where size or times differ.
-    """
-    state = files.read_json(task.folder / STATE_FILE, {})
-    if state.get("version") != __version__ or _kept(task.folder) is None:
-        return None
-    if state.get("settings_sha256") != _settings_digest(task.settings):
-        return None
-    return _outcome(state) if _same_input(state, task.path) else None
-
-
-def _same_input(state, path) -> bool:
-    return state["input"] == stamp(path) or state["sha256"] == sha256(path)
-
-
-def _outcome(state) -> Outcome:
-    return Outcome(**{k: v for k, v in state.items() if k in Outcome.__dataclass_fields__})
+    return earlier_results(task.folder, task.path, task.settings)
 
 
 def _earlier(out, names) -> list[Outcome]:
-    """Whole results in `out` of videos that are not among this run's inputs."""
+    """Outcomes of results in `out` of videos that are not among this run's inputs."""
     folders = [path.parent for path in sorted(out.glob(f"*/{STATE_FILE}"))]
-    # a state without a video is of a whole results folder that lies in this one
-    return [kept for folder in folders if folder.name not in names and (kept := _kept(folder))]
+    others = [folder for folder in folders if folder.name not in names and _is_video(folder)]
+    return [kept_outcome(folder) or _damaged(folder) for folder in others]
+
+
+def _is_video(folder) -> bool:
+    """A video's results, not another program's, nor a whole results folder within this one."""
+    return (
+        any((folder / name).exists() for name in PARQUETS) and not (folder / "videos.csv").exists()
+    )
+
+
+def _damaged(folder) -> Outcome:
+    return Outcome(
+        folder.name,
+        recorded_path(folder),
+        "failed",
+        message=f"its results are damaged: run the video again ({folder} holds what is left)",
+    )
+
+
+def _without_lost(outcomes, paths):
+    """Outcomes to keep in the tables, and the names of videos that a searched folder has lost.
+
+    The results of those stay where they are, for they may be all that is left of the video.
+    """
+    searched = [path.resolve() for path in map(Path, paths) if path.is_dir()]
+    lost = [
+        each.video
+        for each in outcomes
+        if not os.path.exists(each.path)
+        and any(folder in Path(each.path).parents for folder in searched)
+    ]
+    return [each for each in outcomes if each.video not in lost], lost
 
 
 # --- the whole folder --------------------------------------------------------------------

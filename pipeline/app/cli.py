@@ -125,6 +125,13 @@ def _finish_run(summary, debug):
         + f"; {frames} frames, {contacts} contacts, in {duration(summary.seconds)}"
     )
     _say(f"results: {summary.out}" + (", report: report.html there" if frames else ""))
+    for names in summary.copies:
+        _say(f"warning: {' and '.join(names)} are the same video: its contacts count twice")
+    if summary.lost:
+        _say(
+            f"no longer there: {', '.join(summary.lost)}; left out of videos.csv and "
+            "contacts.csv, their own results stay"
+        )
     for each in summary.of("warning"):
         _say(f"warning: {each.video}: {each.message}")
     for each in failed:
@@ -228,9 +235,11 @@ def figures(
     The numbers behind it are written too, as CSV.
     """
     from pipeline.reports.figures import write_fig3
+    from pipeline.tables.result_exchange import settled
 
-    for path in write_fig3(results, truth, video, whisker, contact):
-        _say(str(path))
+    with settled(results):
+        for path in write_fig3(results, truth, video, whisker, contact):
+            _say(str(path))
 
 
 @app.command()

@@ -18,11 +18,11 @@ from pipeline.curate.items import Item, items_of, probabilities
 from pipeline.curate.review import Review
 from pipeline.errors import InputError, VideoError
 from pipeline.scene import pole_runs
-from pipeline.session.inputs import STATE_FILE
 from pipeline.session.session_file import read_session
 from pipeline.tables import centrelines, files
 from pipeline.tables.columns import CONTACT_COLUMNS, VIDEO_COLUMNS
 from pipeline.tables.evidence import EVIDENCE_FILE, read_evidence
+from pipeline.tables.run_record import read_pole, recorded_path
 from pipeline.video.open import open_video
 
 LINES_AROUND = 256  # frames whose centrelines are read together
@@ -58,7 +58,7 @@ class VideoUnderReview:
     def __init__(self, folder: Path, changed=None):
         self.folder = Path(folder)
         self.name = self.folder.name
-        self._state = files.read_json(self.folder / STATE_FILE, {})
+        self._pole = read_pole(self.folder)
         self.settings = read_session(self.folder / "session.toml")
         self.recording = self.settings.recording.si()
         evidence = read_evidence(self.folder)
@@ -141,7 +141,7 @@ class VideoUnderReview:
 
     def pole(self, frame: int):
         """(x, y, radius) [px] of the pole, or None while it is not in view."""
-        return pole_runs.pole_at(self._state, frame)
+        return pole_runs.pole_at(self._pole, frame)
 
     def centrelines(self, frame: int) -> dict[str, np.ndarray]:
         """Traced whiskers of one frame: name → points (n, 2) [px]."""
@@ -177,7 +177,7 @@ class VideoUnderReview:
 
     def _video_path(self):
         """Where the video was when it was processed; else beside the results."""
-        path = Path(self._state.get("path", self.name))
+        path = Path(recorded_path(self.folder) or self.name)
         nearby = (self.folder.parent / path.name, self.folder.parent.parent / path.name)
         return next((p for p in (path, *nearby) if p.exists()), path)
 

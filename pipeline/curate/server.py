@@ -7,11 +7,9 @@ import socket
 import threading
 import time
 import webbrowser
-from pathlib import Path
 
 from pipeline.curate.results import Results
-from pipeline.runtime.folder_lock import locked
-from pipeline.tables.result_exchange import settle_all
+from pipeline.tables.result_exchange import settled
 
 HOST = "127.0.0.1"
 GOODBYE_S = 0.5  # for the last words to reach the browser
@@ -56,9 +54,7 @@ def curate(results, port=0, open_browser=True, block=True, say=print):
 def _server(results, port):
     """A server of results that are whole, and nobody else's until it stops."""
     with contextlib.ExitStack() as held:
-        if (Path(results) / "videos.csv").is_file():  # else it is no results folder
-            held.enter_context(locked(results))
-            settle_all(results)
+        held.enter_context(settled(results))
         server = Server(Results(results), port)
         server.on_stop(held.pop_all().close)
     return server

@@ -10,6 +10,7 @@ from pipeline.scene import pole_runs
 from pipeline.session.session_file import Settings, read_session
 from pipeline.tables import centrelines, files
 from pipeline.tables.centrelines import Centrelines
+from pipeline.tables.run_record import read_pole
 from whiskermodel.force_profiles import half_gaussian
 
 BEFORE_AFTER_MS = 25.0  # shown around the touch
@@ -148,7 +149,7 @@ def load_touch(results, contact) -> ShownTouch:
         files.read_frames(folder / "frames.parquet", filters=inside),
         centrelines.read_centrelines(folder / "centrelines.parquet", filters=inside),
         settings,
-        pole_runs.pole_at(files.read_json(folder / "run.json", {}), int(contact["onset_frame"])),
+        pole_runs.pole_at(read_pole(folder), int(contact["onset_frame"])),
     )
 
 

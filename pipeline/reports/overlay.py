@@ -11,6 +11,7 @@ from pipeline.runtime.timing import Counted
 from pipeline.scene import pole_runs
 from pipeline.session.session_file import Settings, read_session
 from pipeline.tables import centrelines, files
+from pipeline.tables.run_record import read_pole
 from pipeline.video.open import open_video
 
 PLAYBACK_RATE = 25  # frames/s: slow motion
@@ -59,7 +60,7 @@ def _drawn(images, folder, settings, inside=None, part=None):
     frames = files.read_frames(folder / "frames.parquet", COLUMNS, inside)
     places = frames["frame"].to_numpy()
     lines = _by_frame(centrelines.centreline_chunks(folder / "centrelines.parquet", inside))
-    state = files.read_json(folder / "run.json", {})
+    state = read_pole(folder)
     here = next(lines, None)
     for number, image in images:
         while here is not None and here[0] < number:

@@ -20,6 +20,7 @@ from pipeline.session.session_file import read_session
 from pipeline.tables import files
 from pipeline.tables.columns import CONTACT_FLAGS, VIDEO_COLUMNS, split_flags
 from pipeline.tables.result_exchange import OVERLAYS
+from pipeline.tables.run_record import read_run
 
 PICTURES = 6  # examples of contacts
 STILLS = 12  # of flagged contacts, over all flags
@@ -45,7 +46,7 @@ def write_report(results) -> Path:
     """
     results = Path(results)
     contacts = with_peaks(results, read_contacts(results))
-    record = files.read_json(results / "run.json", {})
+    record = read_run(results)
     videos = files.read_csv(results / "videos.csv", VIDEO_COLUMNS)
     truth = read_truth(results)
     whiskers = _whiskers(results, contacts)
@@ -108,7 +109,7 @@ def session_name(results, record) -> str:
     Folders called "videos" or the like are passed over; the results folder's name where there
     is no other.
     """
-    paths = [each["path"] for each in record.get("inputs", {}).values() if each.get("path")]
+    paths = [each["path"] for each in record["inputs"].values() if each.get("path")]
     own = Path(results).resolve()
     places = [own, *own.parents]
     if paths:
@@ -121,7 +122,7 @@ def session_name(results, record) -> str:
 def _tiles(videos, contacts, record):
     """(number, what) for the head of the page."""
     failed = int((videos["status"] == "failed").sum())
-    seconds = sum(sum(each["stages"].values()) for each in record.get("inputs", {}).values())
+    seconds = sum(sum(each["stages"].values()) for each in record["inputs"].values())
     frames = int(videos["frames"].sum())
     made = len(videos) - failed
     yield (
@@ -213,7 +214,7 @@ def _write_courses(results, video, frames, contacts) -> Courses:
 def _pictures(results, contacts, record) -> dict:
     """Examples of contacts, Fig. 3, and flags with stills."""
     flags = _by_flag(contacts)
-    effort = Effort(contacts, record.get("inputs", {}))
+    effort = Effort(contacts, record["inputs"])
     flagged = choose_flagged(flags.values(), STILLS, NAMED, effort)
     examples = choose_examples(contacts, PICTURES, effort, flagged)
     flagged = [index for index in flagged if index not in examples]
@@ -265,16 +266,23 @@ def _making(results, record) -> dict:
     return {
         "stages": _stages(record),
         "settings": settings.read_text("utf-8") if settings.exists() else "",
-        "command": " ".join(["whiskerforce", *record["command"]]) if "command" in record else "",
+        "command": " ".join(["whiskerforce", *map(str, record["command"])])
+        if "command" in record
+        else "",
         "python": record.get("python", ""),
         "platform": record.get("platform", ""),
     }
 
 
+def _command(record) -> str:
+    """The command line that made the results; "" where it is not known."""
+    return " ".join(["whiskerforce", *map(str, record["command"])]) if "command" in record else ""
+
+
 def _stages(record):
     """Time by stage over all videos."""
     total, frames = defaultdict(float), 0
-    for each in record.get("inputs", {}).values():
+    for each in record["inputs"].values():
         frames += each["frames"]
         for stage, seconds in each["stages"].items():
             total[stage] += seconds

@@ -7,6 +7,7 @@ import pandas as pd
 
 from pipeline.tables import files
 from pipeline.tables.columns import CONTACT_COLUMNS
+from pipeline.tables.run_record import read_run
 
 # Hires, Efros & Svoboda 2013, Results: 12,417 contacts of mouse C2 whiskers.
 PAPER = {
@@ -39,7 +40,7 @@ def read_truth(results, truth=None) -> pd.DataFrame | None:
 
     `video` is the name of the results folder of each. `truth` as in `write_fig3`.
     """
-    inputs = files.read_json(Path(results) / "run.json", {}).get("inputs", {})
+    inputs = read_run(results)["inputs"]
     parts = []
     for video, state in inputs.items():
         path = Path(state["path"])

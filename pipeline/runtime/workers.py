@@ -8,7 +8,7 @@ import threading
 import time
 import traceback
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from multiprocessing.connection import wait
 from typing import Any
 
@@ -34,7 +34,8 @@ def run_tasks(function, tasks, on_event, jobs=1) -> None:
     `report(value)` makes a "progress" event; it may be called often. With `jobs` = 1 all
     happens in this process; with more, in that many spawned ones, and `function` and the tasks
     must then be importable and picklable. An exception that leaves `function` becomes a "died"
-    event with its traceback.
+    event with its traceback. A task whose process dies is begun once more when the others have
+    been: it may have lacked the memory that they took.
 
     Ctrl-C (or an exception in `on_event`) ends the workers; what they have finished stays.
     """
@@ -48,7 +49,7 @@ def run_tasks(function, tasks, on_event, jobs=1) -> None:
         return
     workers = [_Worker(function) for _ in range(min(jobs, len(tasks)))]
     try:
-        _feed(workers, deque(enumerate(tasks)), on_event)
+        _feed(workers, tasks, on_event)
     finally:
         for worker in workers:
             worker.stop()
@@ -112,11 +113,11 @@ class _Worker:
         self.connection.send((task,))
 
     def receive(self):
-        """The next event; if the process has died, start another."""
+        """The next event, "ended" where the process has died: another is started."""
         try:
             kind, value = self.connection.recv()
         except (EOFError, OSError):
-            kind, value = "died", self._restart()
+            kind, value = "ended", self._restart()
         event = Event(kind, self.task, value)
         if kind != "progress":
             self.task = None
@@ -154,14 +155,22 @@ def _one_thread():
                 os.environ.pop(name, None)
 
 
-def _feed(workers, waiting, on_event):
+def _feed(workers, tasks, on_event):
     """Keep every worker busy until no task waits and none is under way."""
+    waiting = deque(enumerate(tasks))
+    again = set()  # tasks whose process has died once
     while waiting or any(w.task is not None for w in workers):
         for worker in workers:
             if worker.task is None and waiting:
                 number, task = waiting.popleft()
                 worker.give(number, task)
-                on_event(Event("start", number))
+                if number not in again:
+                    on_event(Event("start", number))
         busy = {w.connection: w for w in workers if w.task is not None}
         for connection in wait(list(busy), timeout=0.5):
-            on_event(busy[connection].receive())
+            event = busy[connection].receive()
+            if event.kind == "ended" and event.task not in again:
+                again.add(event.task)
+                waiting.append((event.task, tasks[event.task]))
+            else:
+                on_event(replace(event, kind="died") if event.kind == "ended" else event)

@@ -1,14 +1,15 @@
 """Which videos to process, where their settings and results lie, and whether they changed."""
 
 import hashlib
+import os
 import re
 from dataclasses import dataclass
 from pathlib import Path
 
 from pipeline.errors import InputError, VideoError
 from pipeline.session.session_file import SettingsError, read_session
-from pipeline.tables.files import read_json
 from pipeline.tables.result_exchange import STATE_FILE
+from pipeline.tables.run_record import read_run, read_state, recorded_path
 from pipeline.video.open import RESULT_FOLDERS, find_videos, is_result_folder, open_video
 
 SETTINGS_NAME = "session.toml"
@@ -23,6 +24,7 @@ SESSION_FILES = (
     PREVIEW_NAME,
 )
 RESERVED_NAMES = (*RESULT_FOLDERS, *SESSION_FILES)  # no video's results folder may be called so
+LEFT_OVER = ("corrections.csv", "frames.parquet")  # these tell a video's folder without record
 UNSAFE = re.compile(r"[/\\\x00-\x1f\x7f]")  # path separators, control characters
 
 
@@ -143,23 +145,67 @@ def results_folders(inputs, out) -> dict:
 
     The name is the stem, made safe; where two inputs share one (whatever the case of its
     letters) or something else has it, the later becomes stem_2, stem_3, … An input keeps the
-    folder that an earlier run gave it.
+    folder that an earlier run gave it, also where it has been moved or renamed since.
     """
     out = Path(out)
-    paths = {str(each.path.resolve()) for each in inputs}
-    before = read_json(out / STATE_FILE, {}).get("inputs", {})
-    owner = {state["path"]: name for name, state in before.items() if state["path"] in paths}
-    for state in out.glob(f"*/{STATE_FILE}"):  # the last run may have been killed
-        owner[read_json(state, {}).get("path")] = state.parent.name
+    owner = _owners(inputs, out)
+    owner |= _moved([each for each in inputs if _resolved(each) not in owner], owner, out)
     owner = {path: name for path, name in owner.items() if _is_safe(name)}
     taken = {name.casefold() for name in (*RESERVED_NAMES, *owner.values())}
-    taken.update(entry.name.casefold() for entry in out.iterdir())
+    taken.update(entry.name.casefold() for entry in out.iterdir() if not _is_left_over(entry))
     names = {}
     for each in inputs:
-        name = owner.get(str(each.path.resolve()))
+        name = owner.get(_resolved(each))
         names[each.path] = name or _free_name(_stem(each.path), taken)
         taken.add(names[each.path].casefold())
     return names
+
+
+def _resolved(each: Input) -> str:
+    return str(each.path.resolve())
+
+
+def _owners(inputs, out) -> dict:
+    """Names of the folders that an earlier run gave to these inputs, by the inputs' paths."""
+    paths = {_resolved(each) for each in inputs}
+    before = read_run(out)["inputs"]
+    owner = {state["path"]: name for name, state in before.items() if state["path"] in paths}
+    for state in out.glob(f"*/{STATE_FILE}"):  # the last run may have been killed
+        owner[recorded_path(state.parent)] = state.parent.name
+    owner.pop("", None)
+    return owner
+
+
+def _moved(inputs, owner, out) -> dict:
+    """Folders of inputs that lay elsewhere when they were processed: the content tells.
+
+    A copy is no move: where the file of before is still there, it keeps its results.
+    """
+    states = {name: read_state(out / name) for path, name in owner.items() if _is_gone(path)}
+    found = {}
+    for each in inputs if states else ():
+        if each.fault:
+            continue
+        size = stamp(each.path)["bytes"]
+        for name in [n for n, s in states.items() if s and s["input"].get("bytes") == size]:
+            if states[name]["sha256"] == sha256(each.path):
+                found[_resolved(each)] = name
+                del states[name]
+                break
+    return found
+
+
+def _is_gone(path) -> bool:
+    return not os.path.exists(path)
+
+
+def _is_left_over(folder) -> bool:
+    """A video's results whose record is lost; its corrections belong to the video of its name."""
+    return (
+        not recorded_path(folder)
+        and not (folder / "videos.csv").exists()
+        and any((folder / name).is_file() for name in LEFT_OVER)
+    )
 
 
 def _stem(path) -> str:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pipeline.tables.columns import CENTRELINE_COLUMNS
-from pipeline.tables.files import ROWS_PER_GROUP, _parquet_writer
+from pipeline.tables.files import ROWS_PER_GROUP, _parquet_writer, read_rows, whole_parquet
 
 PER_ROW = ("frame", "whisker", "confidence", "hidden_px", "follicle")
 PER_POINT = ("x_px", "y_px", "se_px", "offset_px", "information", "thickness_px")
@@ -125,10 +125,17 @@ def centreline_chunks(path, filters=None):
 
     expression = None if filters is None else pq.filters_to_expression(filters)
     # starting threads takes longer than what they would do
-    batches = ds.dataset(path).to_batches(filter=expression, batch_size=1024, use_threads=False)
-    for batch in batches:
-        if len(batch):
-            yield _centrelines(batch)
+    checked = ds.ParquetFragmentScanOptions(page_checksum_verification=True)
+    with whole_parquet(path):
+        batches = ds.dataset(path).to_batches(
+            filter=expression,
+            batch_size=1024,
+            use_threads=False,
+            fragment_scan_options=checked,
+        )
+        for batch in batches:
+            if len(batch):
+                yield _centrelines(batch)
 
 
 def read_centrelines(path, filters=None) -> Centrelines:
@@ -136,9 +143,7 @@ def read_centrelines(path, filters=None) -> Centrelines:
 
     Standard error and confidence, which the file lacks, are NaN.
     """
-    import pyarrow.parquet as pq
-
-    return _centrelines(pq.read_table(path, filters=filters).combine_chunks())
+    return _centrelines(read_rows(path, filters=filters).combine_chunks())
 
 
 def _centrelines(table) -> Centrelines:

@@ -8,7 +8,7 @@ from pathlib import Path
 import pandas as pd
 
 from pipeline.tables.columns import EVIDENCE_COLUMNS
-from pipeline.tables.files import write_rows
+from pipeline.tables.files import read_rows, write_rows
 
 EVIDENCE_FILE = "evidence.parquet"
 
@@ -23,7 +23,7 @@ def read_evidence(folder) -> pd.DataFrame:
 
     Raises
     ------
-    FileNotFoundError
-        Where there is none.
+    FileNotFoundError, ValueError
+        Where there is none, or it is damaged.
     """
-    return pd.read_parquet(Path(folder) / EVIDENCE_FILE)
+    return read_rows(Path(folder) / EVIDENCE_FILE).to_pandas()

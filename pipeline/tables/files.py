@@ -16,6 +16,7 @@ from pipeline.tables.columns import (
 )
 
 ROWS_PER_GROUP = 8192
+SHOWN = 40  # characters of a wrong value
 
 
 @contextlib.contextmanager
@@ -32,9 +33,21 @@ def whole_file(path):
     try:
         yield temporary
         temporary.chmod(0o666 & ~_umask())
+        to_disk(temporary)
         os.replace(temporary, path)
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def to_disk(path) -> None:
+    """Wait until a file, or a folder's list of files, is on the disk: power may fail."""
+    if os.name == "nt" and Path(path).is_dir():
+        return  # Windows opens no folder, and keeps their lists by itself
+    handle = os.open(path, os.O_RDONLY if os.name != "nt" else os.O_RDWR)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
 
 
 def _umask() -> int:
@@ -56,10 +69,10 @@ def write_json(path, value) -> None:
 
 
 def read_json(path, default=None):
-    """Read a JSON object from a file; `default` where there is none."""
+    """Read a JSON object from a file; `default` where there is none that can be read."""
     try:
         value = json.loads(Path(path).read_text(encoding="utf-8"))
-    except (FileNotFoundError, NotADirectoryError, ValueError):
+    except (OSError, ValueError, RecursionError):
         return default
     return value if isinstance(value, dict) else default
 
@@ -126,13 +139,21 @@ def _parsed(text: pd.Series, column: Column):
     values = []
     for line, value in enumerate(text, start=2):
         try:
-            values.append(int(value) if whole else float(value or "nan"))
+            values.append(_whole(value, column) if whole else float(value or "nan"))
         except ValueError:
             raise ValueError(
-                f"line {line}: {column.name} is {value!r}, expected a "
+                f"line {line}: {column.name} is {value[:SHOWN]!r}, expected a "
                 f"{'whole ' if whole else ''}number"
             ) from None
     return values
+
+
+def _whole(text, column) -> int:
+    """A whole number that the column can hold; ValueError else."""
+    limits = np.iinfo(column.dtype)
+    if limits.min <= (value := int(text)) <= limits.max:
+        return value
+    raise ValueError("too large")
 
 
 # --- parquet -----------------------------------------------------------------------------
@@ -172,6 +193,7 @@ def _parquet_writer(path, columns):
         "column_encoding": dict.fromkeys(numbers, "BYTE_STREAM_SPLIT"),
         # least and greatest serve filters, and nobody asks for rows by their points
         "write_statistics": [c.name for c in columns if not c.dtype.startswith("list")],
+        "write_page_checksum": True,
     }
     with (
         whole_file(path) as temporary,
@@ -203,6 +225,57 @@ def read_frames(path, columns=None, filters=None) -> pd.DataFrame:
 
     `filters` as pyarrow takes them, e.g. ``[("frame", ">=", 100), ("whisker", "==", "C2")]``.
     """
+    return read_rows(path, columns, filters).to_pandas()
+
+
+def read_rows(path, columns=None, filters=None):
+    """Read an arrow table from a parquet file, as `read_frames` does.
+
+    Raises
+    ------
+    ValueError
+        Where the file is damaged: it names the file.
+    """
     import pyarrow.parquet as pq
 
-    return pq.read_table(path, columns=columns, filters=filters).to_pandas()
+    with whole_parquet(path):
+        return pq.read_table(
+            path, columns=columns, filters=filters, page_checksum_verification=True
+        )
+
+
+@contextlib.contextmanager
+def whole_parquet(path):
+    """Turn what pyarrow raises at a damaged file into a ValueError that names it."""
+    import pyarrow as pa
+
+    try:
+        yield
+    except FileNotFoundError:
+        raise
+    except (OSError, pa.ArrowException) as error:
+        reason = " ".join(str(error).split())[: 5 * SHOWN]
+        raise ValueError(
+            f"{path}: damaged, or no table of whiskerforce ({reason}); run its video again"
+        ) from None
+
+
+def check_parquet(path, columns, thorough=False) -> int:
+    """Check that a parquet file holds the declared `columns`; return the number of its rows.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        Where it is missing or damaged. Only a `thorough` check reads all of it, and finds any
+        byte that has changed.
+    """
+    import pyarrow.parquet as pq
+
+    with whole_parquet(path), pq.ParquetFile(path, page_checksum_verification=True) as file:
+        schema = file.schema_arrow
+        for column in _arrow_schema(columns):
+            if column.name not in schema.names or schema.field(column.name).type != column.type:
+                raise ValueError(f"{path}: expected column {column.name} of type {column.type}")
+        for group in range(file.num_row_groups if thorough else 0):
+            file.read_row_group(group, use_threads=False)
+        return file.metadata.num_rows

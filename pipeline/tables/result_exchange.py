@@ -12,6 +12,9 @@ import shutil
 import tempfile
 from pathlib import Path
 
+from pipeline.runtime.folder_lock import locked
+from pipeline.tables.files import to_disk
+
 DRAFT = ".whiskerforce-draft-"  # and random letters: two processes never share a draft
 READY = ".whiskerforce-ready"
 STATE_FILE = "run.json"
@@ -28,7 +31,9 @@ def draft(folder):
     new = Path(tempfile.mkdtemp(prefix=DRAFT, dir=folder))
     try:
         yield new
+        to_disk(new)
         new.rename(folder / READY)
+        to_disk(folder)
     except BaseException:
         _remove(new, folder)
         raise
@@ -48,6 +53,19 @@ def settle(folder) -> None:
         _move_in(folder / READY, folder)
     for left in folder.glob(f"{DRAFT}*"):
         _remove(left, folder)
+
+
+@contextlib.contextmanager
+def settled(out):
+    """Keep others out of a results folder while the block lasts; its results are whole then.
+
+    A folder that holds no results stays as it is.
+    """
+    with contextlib.ExitStack() as held:
+        if (Path(out) / "videos.csv").is_file():
+            held.enter_context(locked(out))
+            settle_all(out)
+        yield
 
 
 def settle_all(out) -> None:

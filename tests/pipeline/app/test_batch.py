@@ -13,13 +13,13 @@ import pytest
 from killed_task import killed
 
 import pipeline.run
-from pipeline.app import batch
+from pipeline.app import batch, outcome
 from pipeline.detection.static_scene import PoleTrack
 from pipeline.errors import InputError, VideoError
 from pipeline.runtime.folder_lock import LOCK_FILE, locked
 from pipeline.session import inputs
 from pipeline.session.session_file import read_session, settings_from, write_session
-from pipeline.tables import files, result_exchange
+from pipeline.tables import files, result_exchange, run_record
 from pipeline.tables.columns import CONTACT_COLUMNS, VIDEO_COLUMNS
 
 SETTINGS = settings_from(
@@ -50,6 +50,8 @@ def calls(monkeypatch):
             raise VideoError(path, "frame 3 is broken: record it again", 3)
         if content.startswith(b"fault"):
             raise ZeroDivisionError("oops")
+        if content.startswith(b"large"):
+            np.empty((10**7, 10**7, 10**4))
         if content.startswith(b"stop"):
             raise KeyboardInterrupt
         if progress:
@@ -137,6 +139,14 @@ def test_failures_do_not_stop_the_others(folder, calls, tmp_path):
     assert "empty" in messages["empty"]
     assert sorted(p.name for p in out.iterdir() if p.is_dir()) == ["b", "d"]
     assert "\n" not in "".join(messages.values())
+
+
+def test_too_little_memory_is_no_fault_of_the_program(folder, calls, tmp_path):
+    (folder / "a.avi").write_bytes(b"large")
+    (failed,) = batch.run([folder], tmp_path / "results").of("failed")
+    assert "out of memory" in failed.message
+    assert "fewer --jobs" in failed.message
+    assert "fault of the program" not in failed.message
 
 
 def test_a_broken_corrections_file_fails_its_video_only(folder, calls, tmp_path):
@@ -233,7 +243,7 @@ def test_changed_settings_version_or_overwrite_process_again(folder, calls, tmp_
     (folder / "session.toml").write_text(text.replace("5.5", "5.6"))
     batch.run([folder], out)
     assert len(calls) == 4
-    monkeypatch.setattr(batch, "__version__", "99")
+    monkeypatch.setattr(outcome, "__version__", "99")
     batch.run([folder], out)
     assert len(calls) == 6
     batch.run([folder], out, overwrite=True)
@@ -259,6 +269,88 @@ def test_failed_videos_are_tried_again_and_those_gone_forgotten(folder, calls, t
     (folder / "a.avi").unlink()
     batch.run([folder], out)
     assert statuses(out) == {"b": "done"}
+
+
+def test_a_moved_or_renamed_video_keeps_its_results(folder, calls, tmp_path):
+    out = tmp_path / "results"
+    batch.run([folder], out)
+    (out / "a" / "corrections.csv").write_text(CORRECTIONS)
+    (folder / "a.avi").rename(folder / "better_name.avi")
+    elsewhere = folder.rename(tmp_path / "archive")
+    batch.run([elsewhere], out)
+    assert calls == ["a.avi", "b.avi"]
+    assert contact_videos(out) == ["b", "a"]
+    assert (out / "a" / "corrections.csv").read_text() == CORRECTIONS
+    assert run_record.recorded_path(out / "a") == str(elsewhere / "better_name.avi")
+    batch.run([elsewhere], out)
+    assert len(calls) == 2
+
+
+def test_a_copy_is_a_video_of_its_own_and_is_said(folder, calls, tmp_path):
+    out = tmp_path / "results"
+    batch.run([folder], out)
+    shutil.copy2(folder / "a.avi", folder / "c.avi")
+    summary = batch.run([folder], out)
+    assert contact_videos(out) == ["a", "b", "c"]
+    assert summary.copies == (("a", "c"),)
+
+
+def test_a_video_that_was_removed_leaves_the_tables_but_not_the_folder(folder, calls, tmp_path):
+    out = tmp_path / "results"
+    batch.run([folder], out)
+    (folder / "a.avi").unlink()
+    summary = batch.run([folder], out)
+    assert summary.lost == ("a",)
+    assert contact_videos(out) == ["b"]
+    assert (out / "a" / "frames.parquet").is_file()
+
+
+def test_results_stay_in_the_tables_where_a_whole_folder_of_videos_is_gone(
+    folder, calls, tmp_path
+):
+    out = tmp_path / "results"
+    batch.run([folder], out)
+    other = shutil.copytree(folder, tmp_path / "day2")
+    for name in "ab":
+        (other / f"{name}.avi").write_bytes(f"{name} of day 2".encode())
+    shutil.rmtree(folder)
+    batch.run([other], out)
+    assert contact_videos(out) == ["a_2", "b_2", "a", "b"]
+
+
+@pytest.mark.parametrize("name", ["frames.parquet", "contacts.csv", "run.json", "session.toml"])
+@pytest.mark.parametrize("damage", ["cut", "emptied", "flipped", "replaced"])
+def test_damaged_results_are_made_again_and_corrections_stay(
+    folder, calls, tmp_path, name, damage
+):
+    out = tmp_path / "results"
+    change_settings(folder)
+    batch.run([folder], out)
+    (out / "a" / "corrections.csv").write_text(CORRECTIONS)
+    (out / "run.json").unlink()
+    good = (out / "a" / name).read_bytes()
+    middle = len(good) // 2
+    bad = {
+        "cut": good[:middle],
+        "emptied": b"",
+        "flipped": good[:4] + bytes(255 - b for b in good[4:middle]) + good[middle:],
+        "replaced": b"\x00\xff of another program",
+    }
+    (out / "a" / name).write_bytes(bad[damage])
+    summary = batch.run([folder], out)
+    assert calls == ["a.avi", "b.avi", "a.avi"]
+    assert [each.status for each in summary.outcomes] == ["done", "done"]
+    assert (out / "a" / "corrections.csv").read_text() == CORRECTIONS
+    assert sorted(p.name for p in out.iterdir() if p.is_dir()) == ["a", "b"]
+
+
+def test_damaged_results_of_a_video_that_is_not_there_are_said(folder, calls, tmp_path):
+    out = tmp_path / "results"
+    batch.run([folder / "a.avi"], out)
+    (out / "a" / "contacts.csv").write_text("not,a\ntable,of,contacts\n")
+    summary = batch.run([folder / "b.avi"], out)
+    assert statuses(out) == {"b": "done", "a": "failed"}
+    assert "damaged" in summary.of("failed")[0].message
 
 
 def test_results_of_other_inputs_stay(folder, calls, tmp_path):

@@ -54,6 +54,21 @@ def test_tasks_in_processes(jobs, tasks):
         assert kinds[-1] in ("done", "died")
 
 
+def _dies_at_first(task, report):
+    first = not task.exists()
+    task.touch()
+    if first:
+        os._exit(7)
+    return task.name
+
+
+def test_a_task_whose_process_dies_is_begun_once_more(tmp_path):
+    events = []
+    run_tasks(_dies_at_first, [tmp_path / "a", tmp_path / "b"], events.append, 2)
+    assert sorted(e.value for e in events if e.kind == "done") == ["a", "b"]
+    assert sorted(e.kind for e in events) == ["done", "done", "start", "start"]
+
+
 def test_jobs_must_be_positive():
     with pytest.raises(ValueError, match="jobs must be at least 1, got 0"):
         run_tasks(_square, [1], print, 0)

@@ -141,7 +141,10 @@ def test_any_settings_survive_the_way_to_the_file_and_back(fps, scale, length, h
         (document(whisker=[{"youngs_modulus_GPa": 3e9}]), ["is it in Pa", "write 3"]),
         (document(whisker=[{"density_kg_per_m3": 1.0}]), ["is it in g/cm³", "write 1000"]),
         (document(whisker=[{"damping_per_s": float("nan")}]), ["damping_per_s = nan"]),
-        (document(whisker=[{"cone_length_mm": float("inf")}]), ["cone_length_mm = inf", "1 to 1000"]),
+        (
+            document(whisker=[{"cone_length_mm": float("inf")}]),
+            ["cone_length_mm = inf", "1 to 1000"],
+        ),
         (document(whisker=[{"cone_length_mm": 1e308}]), ["1e+308", "1 to 10000 mm"]),
         (document(whisker=[{"length_mm": "18"}]), ["length_mm = '18'", "a number", "not text"]),
         (document(whisker=[{"length_mm": True}]), ["length_mm", "not true/false"]),

@@ -1,5 +1,6 @@
 """Tables on disk: whole or not at all, columns as promised, the same when read back."""
 
+import os
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,7 @@ from pipeline.detection.static_scene import PoleTrack
 from pipeline.scene import pole_runs
 from pipeline.tables import centrelines, dictionary, files
 from pipeline.tables.centrelines import Centrelines
-from pipeline.tables.columns import CONTACT_COLUMNS, as_table
+from pipeline.tables.columns import CONTACT_COLUMNS, CORRECTION_COLUMNS, FRAME_COLUMNS, as_table
 
 CONTACT_NAMES = (
     "video,whisker,contact,onset_frame,offset_frame,onset_s,duration_ms,peak_force_uN,"
@@ -233,3 +234,42 @@ def test_every_column_has_a_meaning():
         for column in columns:
             assert column.meaning
             assert column.unit or column.name.split("_")[-1] not in units
+
+
+def test_a_file_is_on_the_disk_before_it_takes_the_old_ones_place(tmp_path, monkeypatch):
+    """Else a power failure leaves an empty file with the good one's name."""
+    steps = []
+    for name in ("fsync", "replace"):
+        original = getattr(os, name)
+        monkeypatch.setattr(
+            os, name, lambda *a, name=name, do=original: (steps.append(name), do(*a))
+        )
+    files.write_text(tmp_path / "a.txt", "whole")
+    assert steps == ["fsync", "replace"]
+
+
+@pytest.mark.parametrize("where", [0.1, 0.3, 0.5, 0.9])
+def test_a_changed_byte_in_a_parquet_is_found(tmp_path, where):
+    path = tmp_path / "frames.parquet"
+    rng = np.random.default_rng(0)
+    frames = pd.DataFrame({"frame": range(3000), "whisker": "C2", "time_s": rng.random(3000)})
+    files.write_frames(path, frames)
+    assert files.check_parquet(path, FRAME_COLUMNS, thorough=True) == 3000
+    content = bytearray(path.read_bytes())
+    content[int(where * len(content))] ^= 4
+    path.write_bytes(content)
+    with pytest.raises(ValueError, match=r"frames\.parquet"):
+        files.check_parquet(path, FRAME_COLUMNS, thorough=True)
+    if where < 0.9:
+        with pytest.raises(ValueError, match=r"frames.parquet: damaged"):
+            files.read_frames(path)
+
+
+def test_whole_numbers_beyond_their_column_are_named(tmp_path):
+    path = tmp_path / "corrections.csv"
+    path.write_text(
+        "whisker,verdict,onset_frame,offset_frame,covers_from,covers_to,saved_at\n"
+        "C2,free,2,99999999999999999999,1,5,\n"
+    )
+    with pytest.raises(ValueError, match="line 2: offset_frame is '99999999999999999999'"):
+        files.read_csv(path, CORRECTION_COLUMNS)

@@ -7,8 +7,9 @@ import shutil
 
 import pytest
 
+from pipeline.errors import InputError
 from pipeline.tables import result_exchange
-from pipeline.tables.result_exchange import draft, is_settled, settle, settle_all
+from pipeline.tables.result_exchange import draft, is_settled, settle, settle_all, settled
 
 STEPS = (os, "replace"), (pathlib.Path, "unlink"), (pathlib.Path, "rename"), (shutil, "rmtree")
 PERSON = {"corrections.csv": "a day's work"}
@@ -105,6 +106,20 @@ def test_what_is_not_ours_stays(tmp_path):
     settle_all(tmp_path)
     assert (tmp_path / "empty").is_dir()
     assert (tmp_path / "theirs" / ".hidden.part1.rar").exists()
+
+
+def test_who_reads_a_results_folder_finds_it_settled_and_its_own(tmp_path):
+    """As `figures` does after a run was killed while it moved new results in."""
+    write(tmp_path / "a", results("old"))
+    with draft(tmp_path / "a") as new:
+        write(new, results("new"))
+    with settled(tmp_path):
+        assert not is_settled(tmp_path / "a")  # not known to be a results folder
+    (tmp_path / "videos.csv").touch()
+    with settled(tmp_path):
+        assert visible(tmp_path / "a") == results("new")
+        with pytest.raises(InputError, match="another whiskerforce"), settled(tmp_path):
+            pass
 
 
 def test_a_folder_that_cannot_be_written_waits(tmp_path, monkeypatch):

@@ -1,0 +1,154 @@
+"""What became of one video, and what earlier runs left of it: whole, and of which input."""
+
+import contextlib
+import hashlib
+from dataclasses import asdict, dataclass, field, replace
+
+from pipeline import __version__
+from pipeline.session.inputs import sha256, stamp
+from pipeline.session.session_file import SettingsError, read_session
+from pipeline.tables import files
+from pipeline.tables.columns import (
+    CENTRELINE_COLUMNS,
+    CONTACT_COLUMNS,
+    EVIDENCE_COLUMNS,
+    FRAME_COLUMNS,
+)
+from pipeline.tables.result_exchange import STATE_FILE, is_settled
+from pipeline.tables.run_record import read_state, write_state
+
+PARQUETS = {
+    "centrelines.parquet": CENTRELINE_COLUMNS,
+    "frames.parquet": FRAME_COLUMNS,
+    "evidence.parquet": EVIDENCE_COLUMNS,
+}
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of one video: a row of videos.csv, and for run.json how it was made.
+
+    `status` is "done", "warning" or "failed"; `details` is the traceback of a fault. `frames` is
+    0 where there are no results; where a video failed, those of before may be there.
+    """
+
+    video: str
+    path: str
+    status: str
+    frames: int = 0
+    frames_per_s: float = 0.0
+    message: str = ""
+    contacts: int = 0
+    stages: dict = field(default_factory=dict)
+    sha256: str = ""
+    pole: dict | None = None
+    details: str = ""
+
+    def line(self) -> str:
+        """The outcome in one line."""
+        if self.status == "failed":
+            return f"failed: {self.message}"
+        message = f"; {self.message}" if self.message else ""
+        return (
+            f"{self.status}, {self.frames} frames, {self.frames_per_s:.0f} frames/s, "
+            f"{self.contacts} contacts{message}"
+        )
+
+
+# --- what earlier runs left ----------------------------------------------------------------
+
+
+def finished_outcome(path, folder, settings) -> Outcome | None:
+    """The outcome of an earlier run whose results still hold for a video, or None.
+
+    They hold while version, settings and the input's content are the same and all files are
+    there and whole. The content is read only where size or times differ. A video that has been
+    moved keeps its results: their record learns where it lies now.
+    """
+    state = read_state(folder)
+    if state.get("version") != __version__ or kept_outcome(folder) is None:
+        return None
+    if state["settings_sha256"] != settings_digest(settings) or not _same_input(state, path):
+        return None
+    now = {"path": str(path), "input": stamp(path)}
+    if state | now != state:
+        state |= now
+        with contextlib.suppress(OSError):  # to be told again costs time only
+            write_state(folder, state)
+    return _outcome(state)
+
+
+def kept_outcome(folder) -> Outcome | None:
+    """The outcome that whole results in a folder came from, of whatever settings and version."""
+    state = read_state(folder)
+    return _outcome(state) if state and is_settled(folder) and not damage(folder, state) else None
+
+
+def damage(folder, state) -> str:
+    """What is wrong with the files of a video's results, '' if nothing.
+
+    Only what was written after the video was finished (by a curation, or by a fault of the disk)
+    is read throughout; of other tables, beginning and end.
+    """
+    written = (folder / STATE_FILE).stat().st_mtime_ns
+    try:
+        for name, columns in PARQUETS.items():
+            changed = (folder / name).stat().st_mtime_ns > written
+            known = columns if state["version"] == __version__ else ()
+            files.check_parquet(folder / name, known, thorough=changed)
+        files.read_csv(folder / "contacts.csv", CONTACT_COLUMNS)
+        if (folder / "session.toml").stat().st_mtime_ns > written:
+            settings = read_session(folder / "session.toml")
+            if settings_digest(settings) != state["settings_sha256"]:
+                return f"{folder / 'session.toml'}: not the settings of these results"
+    except (OSError, ValueError, SettingsError) as error:
+        return " ".join(str(error).split())
+    return ""
+
+
+def earlier_results(folder, path, settings) -> str:
+    """Say that earlier results are kept, and what they differ in from those that are due."""
+    state = read_state(folder)
+    if state.get("version") != __version__:
+        return f"earlier results kept, made by version {state.get('version')}"
+    if state["settings_sha256"] != settings_digest(settings):
+        return "earlier results kept, made with other settings"
+    if not _same_input(state, path):
+        return "earlier results kept, made of the video before it changed"
+    return "earlier results kept"
+
+
+def failure(folder, path, message, kept_results="earlier results kept") -> Outcome:
+    """A failure; results of before stay, and the message says so."""
+    kept = kept_outcome(folder)
+    message = " ".join(message.split())
+    if kept is None:
+        return Outcome(folder.name, path, "failed", message=message)
+    return replace(kept, path=path, status="failed", message=f"{message}; {kept_results}")
+
+
+def save_state(folder, outcome, settings, before) -> None:
+    """Write how the results in `folder` were made; `before`: the input's `stamp` at the start."""
+    state = {
+        "version": __version__,
+        **{key: value for key, value in asdict(outcome).items() if key != "details"},
+        "settings_sha256": settings_digest(settings),
+        "input": before,
+    }
+    write_state(folder, state)
+
+
+def settings_digest(settings) -> str:
+    """Hash of all settings."""
+    return hashlib.sha256(settings.model_dump_json().encode()).hexdigest()
+
+
+def _same_input(state, path) -> bool:
+    try:
+        return state["input"] == stamp(path) or state["sha256"] == sha256(path)
+    except OSError:
+        return False  # it has gone, or cannot be read
+
+
+def _outcome(state) -> Outcome:
+    return Outcome(**{k: v for k, v in state.items() if k in Outcome.__dataclass_fields__})

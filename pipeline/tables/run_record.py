@@ -1,0 +1,95 @@
+"""run.json of one video, which says how its results were made; read with distrust."""
+
+from pathlib import Path
+
+from pipeline.tables.files import read_json, write_json
+from pipeline.tables.result_exchange import STATE_FILE
+
+KINDS = {
+    "version": str,
+    "video": str,
+    "path": str,
+    "status": str,
+    "frames": int,
+    "frames_per_s": (int, float),
+    "message": str,
+    "contacts": int,
+    "stages": dict,
+    "sha256": str,
+    "pole": (dict, type(None)),
+    "settings_sha256": str,
+    "input": dict,
+}
+
+
+OF_INPUT = ("path", "status", "frames", "stages")  # of these, what the session's record repeats
+OF_RUN = {
+    "version": str,
+    "finished": str,
+    "command": list,
+    "python": str,
+    "platform": str,
+    "inputs": dict,
+}
+
+
+def read_state(folder) -> dict:
+    """The record in a video's results folder; {} where there is none, or it is damaged."""
+    state = read_json(Path(folder) / STATE_FILE, {})
+    return state if _has(state, KINDS) and _is_pole(state["pole"]) else {}
+
+
+def write_state(folder, state: dict) -> None:
+    """Write the record, whole or not at all."""
+    write_json(Path(folder) / STATE_FILE, state)
+
+
+def recorded_path(folder) -> str:
+    """Where the video of a results folder lay, of whatever version or state; '' if not known."""
+    path = read_json(Path(folder) / STATE_FILE, {}).get("path")
+    return path if isinstance(path, str) else ""
+
+
+def read_pole(folder) -> dict:
+    """The record's `pole` alone, {"pole": …}, None in it where it was never seen or is damaged."""
+    pole = read_json(Path(folder) / STATE_FILE, {}).get("pole")
+    return {"pole": pole if isinstance(pole, dict) and _is_pole(pole) else None}
+
+
+def read_run(results) -> dict:
+    """run.json of a whole results folder; `inputs`, by video, is always there."""
+    record = read_json(Path(results) / STATE_FILE, {})
+    sound = {key: record[key] for key, kind in OF_RUN.items() if isinstance(record.get(key), kind)}
+    inputs = sound.get("inputs", {})
+    sound["inputs"] = {name: state for name, state in inputs.items() if _has(state, OF_INPUT)}
+    return sound
+
+
+def _has(state, keys) -> bool:
+    """The record has these keys, each with a value of its kind."""
+    return isinstance(state, dict) and all(
+        key in state and _is_a(state[key], KINDS[key]) for key in keys
+    )
+
+
+def _is_a(value, kind) -> bool:
+    if kind is dict:
+        return isinstance(value, dict) and all(_is_a(v, (int, float)) for v in value.values())
+    return isinstance(value, kind) and not isinstance(value, bool)
+
+
+def _is_pole(pole) -> bool:
+    """None, or {radius_px, runs}, a run being [first frame, x, y], x and y None while away."""
+    if pole is None:
+        return True
+    runs, radius = pole.get("runs"), pole.get("radius_px")
+    if not (isinstance(radius, (int, float)) and isinstance(runs, list) and runs):
+        return False
+    return all(
+        isinstance(run, list)
+        and len(run) == 3
+        and isinstance(run[0], int)
+        and all(value is None or isinstance(value, (int, float)) for value in run[1:])
+        and (run[1] is None) == (run[2] is None)
+        for run in runs
+    )
