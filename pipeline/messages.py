@@ -5,29 +5,29 @@ from collections import defaultdict
 import numpy as np
 
 from pipeline.scene.face import thickening_towards
+from pipeline.scene.what_was_seen import seen_instead_of_pole, seen_instead_of_whiskers
 
 SELDOM_TRACKED = 0.8  # a whisker seen in less than this part of the frames is worth a message
 OTHER_THICKNESS = 0.12  # of the pole, relative: more is no error of measurement
+KNOWN = 0.5  # confidence in a name; below, it is not known
+MOST_UNKNOWN = 0.2  # of what is tracked: more is worth the first message
+MOST_NAMED = 3  # whiskers in that message
 DARK = 64  # grey levels of 255, median: no light behind the whiskers
 SELDOM_ACROSS = 1  # frame may be a mistake; a whisker more often across the pole is worth one
 
 
 def messages(settings, touch, video, epochs, followed):
-    """Sentences on what is missing or doubtful in one video."""
+    """Sentences on what is missing or doubtful in one video, the main doubt first."""
     cast = followed.cast
     scenes = [epoch.scene for epoch in epochs if epoch.scene]
     doubt = face_message(scenes, cast.roster, settings.recording.face)
     if doubt:
         yield doubt
-    count = followed.n_frames
-    if video.exact_count and count < video.n_frames:
-        yield f"only {count} of {video.n_frames} frames could be read: is it cut short?"
-    if count == 1:
-        yield "one frame only: no movement to learn from, no contacts"
+    yield from _too_few_frames(video, followed.n_frames)
     if not cast.roster:
-        yield "no whisker found in any frame" + ("" if doubt else _why_none(settings, scenes))
+        yield _no_whiskers(settings, scenes) if not doubt else "no whiskers found"
         return
-    yield from _of_whiskers(settings, touch, followed)
+    yield from _of_whiskers(settings, touch, followed, scenes)
 
 
 def line_messages(settings, touch, followed):
@@ -38,33 +38,77 @@ def line_messages(settings, touch, followed):
         yield "no line is a whisker's: all are too short, or have no name"
 
 
-def _of_whiskers(settings, touch, followed):
+def _of_whiskers(settings, touch, followed, scenes=()):
     """What is missing or doubtful of the whiskers themselves, the pole and the forces."""
-    cast = followed.cast
+    yield from _unknown_names(touch.frames)
+    yield from _seldom_tracked(touch.frames, followed.cast)
+    yield from _of_another_size(settings, followed.pole)
+    yield from _passes_over(settings, touch, followed.pole)
+    if followed.pole is None:
+        yield _no_pole(settings, scenes)
+    yield from _without_forces(settings, followed.cast)
+
+
+def _too_few_frames(video, count):
+    """A video that is cut short, or is one picture."""
+    if video.exact_count and count < video.n_frames:
+        yield f"only {count} of {video.n_frames} frames could be read: is it cut short?"
+    if count == 1:
+        yield "one frame only: no movement to learn from, no contacts"
+
+
+def _no_whiskers(settings, scenes) -> str:
+    """What was seen where no whisker is found, and what to look at."""
+    if scenes and max(np.median(scene.background) for scene in scenes) < DARK:
+        return (
+            "no whiskers found; the picture is mostly dark, and whiskers must be darker than what "
+            "is behind them: if they are bright, make it a negative (ffmpeg -i IN -vf negate OUT)"
+        )
+    return (
+        f"no whiskers found; what was seen is {seen_instead_of_whiskers(scenes)}; if there are "
+        f'whiskers, is [recording] face = "{settings.recording.face}" where they come from?'
+    )
+
+
+def _no_pole(settings, scenes) -> str:
+    """What was seen where no pole is found, and what to do."""
+    size = settings.pole.diameter_mm * settings.recording.pixels_per_mm
+    seen = f"what was seen is {seen_instead_of_pole(scenes)}; " if scenes else ""
+    return (
+        f"no pole of {settings.pole.diameter_mm:g} mm ({size:.0f} px) found, so no contacts; "
+        f"{seen}if there is one, check [recording] pixels_per_mm and give [pole] x_px, y_px"
+    )
+
+
+def _unknown_names(frames):
+    """Which whisker is which is not known in many of the frames: all that follows is in doubt."""
+    tracked = frames[frames["tracked"]]
+    unknown = (tracked["confidence"] < KNOWN).groupby(tracked["whisker"], sort=False)
+    if not len(tracked) or unknown.sum().sum() <= MOST_UNKNOWN * len(tracked):
+        return
+    share = unknown.sum().sum() / len(tracked)
+    worst = ", ".join(
+        f"{name} {100 * part:.0f} %" for name, part in unknown.mean().nlargest(MOST_NAMED).items()
+    )
+    yield (
+        f"in {100 * share:.0f} % of the frames it is not known which whisker is which "
+        f"(confidence below {KNOWN:g}; most of all {worst}): use the rows with more only"
+    )
+
+
+def _seldom_tracked(frames, cast):
+    """Whiskers that are lost, in many frames or in all."""
     lost = [name for name in cast.names if name not in cast.found]
     if lost:
         yield f"not found in any frame: {', '.join(lost)}"
-    if followed.pole is None:
-        yield (
-            f"no pole of {settings.pole.diameter_mm:g} mm found, so no contacts; if there is "
-            "one, check [recording] pixels_per_mm and give [pole] x_px, y_px"
-        )
-    yield from _of_another_size(settings, followed.pole)
-    yield from _passes_over(settings, touch, followed.pole)
-    for name, tracked in touch.frames.groupby("whisker", sort=False)["tracked"].mean().items():
-        if name in cast.found and tracked < SELDOM_TRACKED:
-            yield f"{name} is tracked in {100 * tracked:.0f} % of the frames only"
-    yield from _without_forces(settings, cast)
-
-
-def _why_none(settings, scenes):
-    """What to look at where no whisker is found."""
-    if scenes and max(np.median(scene.background) for scene in scenes) < DARK:
-        return (
-            "; the picture is mostly dark, and whiskers must be darker than what is behind them: "
-            "if they are bright, make it a negative (ffmpeg -i IN -vf negate OUT)"
-        )
-    return f'; is [recording] face = "{settings.recording.face}" where they come from?'
+    share = frames.groupby("whisker", sort=False)["tracked"].mean()
+    seldom = [
+        f"{name} in {100 * part:.0f} %"
+        for name, part in share.items()
+        if name in cast.found and part < SELDOM_TRACKED
+    ]
+    if seldom:
+        yield f"tracked in a part of the frames only: {', '.join(seldom)}"
 
 
 def _of_another_size(settings, pole):

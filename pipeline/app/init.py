@@ -26,9 +26,6 @@ FRAMES_PER_SECOND = 1000.0
 FIELD_OF_VIEW_MM = 25.0  # a usual width of the image, where no pole gives the scale
 POLE_DIAMETER_MM = 0.5
 SCALES = (1.0, 0.6, 1.6, 0.4, 2.5)  # of the usual one, tried in this order for the pole
-OFF_THE_FACE = 5.0  # radii, at least, between a pole's centre and the face
-FREE_AROUND = 0.55  # share of the circle around a pole that its rod leaves free
-UNEVEN = 0.03  # share of a wide circle that may be hidden beyond what the rod hides near by
 COLOURS = [(200, 90, 0), (40, 40, 220), (0, 140, 60), (170, 0, 150), (0, 130, 200)]  # BGR
 
 
@@ -115,7 +112,7 @@ def _scene_and_scale(video):
         seen = survey(video, recording)
         epochs = find_scenes(video, recording, 1e-3 * POLE_DIAMETER_MM, seen=seen)
         scene, frames = _typical_frames(video, seen, epochs, ROSTER_FRAMES)
-        if scene.pole is not None and _stands_free(scene) and not _is_passed_over(scene, frames):
+        if scene.pole is not None and not _is_passed_over(scene, frames):
             return scene, frames, 2 * scene.pole.radius_px / POLE_DIAMETER_MM
         first = first or (replace(scene, pole=None), frames, usual)
     return first
@@ -134,40 +131,11 @@ def _typical_frames(video, seen, epochs, n: int):
     return scene, frames[inside] if any(inside) else frames
 
 
-def _stands_free(scene) -> bool:
-    """Off the face, light around most of it, and more farther out: no part of something larger.
-
-    At the face, tufts of fur pass for poles. What hides the light around a pole is its rod, which
-    fills less of a wider circle.
-    """
-    pole = scene.pole
-    x, y = round(float(pole.x_px[0])), round(float(pole.y_px[0]))
-    to_face = cv2.distanceTransform((~scene.face_mask).astype(np.uint8), cv2.DIST_L2, 5)
-    if to_face[y, x] < OFF_THE_FACE * pole.radius_px:
-        return False
-    near, middle, far = (_light_around(scene, reach) for reach in (1.5, 2.0, 5.0))
-    return near > FREE_AROUND and far > middle - UNEVEN
-
-
 def _is_passed_over(scene, frames) -> bool:
     """Whether whiskers pass over what was taken for the pole: it may be dust on a window."""
     place = (float(v) for v in (scene.pole.x_px[0], scene.pole.y_px[0], scene.pole.radius_px))
     noise = scene.noise_floor, scene.noise_gain
     return is_passed_over(*place, scene.background, noise, frames)
-
-
-def _light_around(scene, reach) -> float:
-    """Bright share of a circle of `reach` radii about the pole, without the face; 1 for none."""
-    pole, (height, width) = scene.pole, scene.background.shape
-    angles = np.linspace(0, 2 * np.pi, 90, endpoint=False)
-    radius = reach * pole.radius_px + 2
-    x = np.rint(pole.x_px[0] + radius * np.cos(angles)).astype(int)
-    y = np.rint(pole.y_px[0] + radius * np.sin(angles)).astype(int)
-    inside = (x >= 0) & (x < width) & (y >= 0) & (y < height)
-    x, y = x[inside], y[inside]
-    bright = scene.background[y, x] > 0.5 * np.percentile(scene.background, 90)
-    bright = bright[~scene.face_mask[y, x]]
-    return float(bright.mean()) if len(bright) else 1.0
 
 
 def _lines(frame, scene, roster, options):

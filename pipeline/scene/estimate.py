@@ -13,7 +13,9 @@ from pipeline.scene.codec_noise import noise_excess
 from pipeline.scene.dust import is_passed_over
 from pipeline.scene.epochs import Survey, periods
 from pipeline.scene.face import face_side, find_face, likelier_side, opened
+from pipeline.scene.pole_doubts import doubt
 from pipeline.scene.pole_search import PoleFollower, find_pole
+from pipeline.scene.scale import working_scale
 from pipeline.scene.virtual_face import mask_behind_whiskers
 from pipeline.scene.whisker_pad import face_of
 from pipeline.session.parameters import DEFAULTS, SceneParams
@@ -37,7 +39,7 @@ class Epoch:
 
 def survey(video, recording: Recording, params: SceneParams = DEFAULTS.scene) -> Survey:
     """Look at some frames of the whole video, once for all that is to be learnt from them."""
-    seen = Survey(video.shape, recording.pixels_per_mm, params)
+    seen = Survey(video.shape, working_scale(video.shape, recording.pixels_per_mm), params)
     for index, frame in video.sampled(_sample_size(video.n_frames)):
         seen.add(index, frame)
     return seen
@@ -120,7 +122,7 @@ def scene_from_frames(
     params: SceneParams = DEFAULTS.scene,
 ) -> StaticScene:
     """The scene of a few frames, uint8 (k, height, width), in which only whiskers move."""
-    scale = recording.pixels_per_mm
+    scale = working_scale(frames.shape[1:], recording.pixels_per_mm)
     background = estimate_background(frames, scale, params)
     transmission = background.transmission
     side = recording.face or face_side(transmission, params)
@@ -131,14 +133,10 @@ def scene_from_frames(
     else:
         side, face, thick_side = mask_behind_whiskers(frames, recording.face, scale, params)
         likelier = likelier_side(transmission, side, thick_side, scale, params)
-    pole = None
+    pole, refused = None, ()
     if pole_diameter_m is not None:
-        radius_px = 0.5e3 * pole_diameter_m * scale
-        noise = background.noise_floor, background.noise_gain
-        passed_over = partial(
-            is_passed_over, background=background.image, noise=noise, frames=frames
-        )
-        pole = find_pole(transmission, radius_px, pole_xy, face | animal, passed_over)
+        radius_px = 0.5e3 * pole_diameter_m * recording.pixels_per_mm
+        pole, refused = _pole(background, frames, radius_px, pole_xy, (face, animal))
     obstacles = find_obstacles(transmission, face, pole, scale, params)
     disc = _disc(pole, face.shape)
     things = _apart_from(obstacles, disc)
@@ -152,7 +150,27 @@ def scene_from_frames(
         face_side=side,
         noise_excess=noise_excess(background, frames, obstacles, face),
         likelier_side=likelier,
+        refused_poles=refused,
     )
+
+
+def _pole(background, frames, radius_px, pole_xy, masks):
+    """The pole, None where none is seen; and what was refused, in words.
+
+    `masks`: bool (height, width), of what stands for the face and of the animal.
+    """
+    face, animal = masks
+    transmission, reasons = background.transmission, []
+    noise = background.noise_floor, background.noise_gain
+    passed_over = partial(is_passed_over, background=background.image, noise=noise, frames=frames)
+
+    def refused(pole):
+        reason = doubt(pole, transmission, animal)
+        reasons.extend([reason] if reason else [])
+        return reason is not None
+
+    pole = find_pole(transmission, radius_px, pole_xy, face | animal, passed_over, refused)
+    return pole, tuple(reasons) if pole is None else ()
 
 
 def _bearing_whiskers(animal, frames, background, side, scale, params):

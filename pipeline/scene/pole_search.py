@@ -1,5 +1,7 @@
 """The pole: a round dark disc seen end on, found and measured by itself, watched over time."""
 
+from itertools import filterfalse
+
 import cv2
 import numpy as np
 
@@ -26,7 +28,7 @@ SURE = 0.45  # likeness; an opaque disc on a rod has 0.6, sharp dust of its size
 
 
 def find_pole(
-    transmission, radius_px: float, near_xy=None, exclude=None, passed_over=None
+    transmission, radius_px: float, near_xy=None, exclude=None, passed_over=None, refused=None
 ) -> Pole | None:
     """Find a dark disc of about the given radius, to a few hundredths of a pixel.
 
@@ -38,6 +40,7 @@ def find_pole(
     exclude : bool (height, width) or None; where it is not (the face)
     passed_over : function of x, y, radius, or None; whether whiskers pass over a disc: then any
         other disc is rather the pole
+    refused : function of a Pole, or None; whether a disc is no pole, where no person says so
 
     Returns
     -------
@@ -52,7 +55,10 @@ def find_pole(
         circle = _rough_circle(image, x, y, radius_px)
         if circle is not None and plausible(circle[:3], radius_px, near_xy):
             rough.append(circle)
-    found = _first_firm(_likeliest_first(image, rough, radius_px), passed_over)
+    poles = _likeliest_first(image, rough, radius_px)
+    if near_xy is None and refused is not None:
+        poles = filterfalse(refused, poles)
+    found = _first_firm(poles, passed_over)
     shade = 0.0 if near_xy is None else _shade(image, *near_xy, radius_px)
     if found is None and shade > LEAST_SHADE:
         return Pole(*map(float, near_xy), float(radius_px), 1.0, 0.0, np.nan, shade)

@@ -28,7 +28,8 @@ def told(whiskers=({**WHISKER, "name": "C2"},), pole_xy=None, **changes):
     """Messages of a video of one whisker in which nothing is wrong, but for the `changes`."""
     given = {
         "n_frames": 100, "exact_count": True, "read": 100, "found": ("C2",), "pole": POLE,
-        "tracked": 1.0, "across": 0, "contacts": ("C2",), "light": 200,
+        "tracked": 1.0, "known": 1.0, "across": 0, "contacts": ("C2",), "light": 200,
+        "refused": (), "thing": False,
     } | changes  # fmt: skip
     settings = settings_from(
         {
@@ -39,7 +40,13 @@ def told(whiskers=({**WHISKER, "name": "C2"},), pole_xy=None, **changes):
     )
     tracked = np.arange(100) < 100 * given["tracked"]
     touch = SimpleNamespace(
-        frames=pd.DataFrame({"whisker": "C2", "tracked": tracked}),
+        frames=pd.DataFrame(
+            {
+                "whisker": "C2",
+                "tracked": tracked,
+                "confidence": np.where(np.arange(100) < 100 * given["known"], 0.9, 0.2),
+            }
+        ),
         evidence=pd.DataFrame({"whisker": "C2", "across": np.arange(100) < given["across"]}),
         contacts=pd.DataFrame({"whisker": list(given["contacts"])}),
     )
@@ -48,7 +55,13 @@ def told(whiskers=({**WHISKER, "name": "C2"},), pole_xy=None, **changes):
     cast = SimpleNamespace(names=names, found=given["found"], roster=roster)
     followed = SimpleNamespace(cast=cast, n_frames=given["read"], pole=given["pole"])
     video = SimpleNamespace(n_frames=given["n_frames"], exact_count=given["exact_count"])
-    scene = SimpleNamespace(background=np.full((4, 4), given["light"]), likelier_side=None)
+    face, thing = np.zeros((2, 40, 60), bool)
+    face[:, :12] = True
+    thing[10:20, 40:44] = given["thing"]
+    scene = SimpleNamespace(
+        background=np.full((40, 60), given["light"]), likelier_side=None, face_side="left",
+        face_mask=face, obstacle_mask=thing, refused_poles=given["refused"],
+    )  # fmt: skip
     return list(messages(settings, touch, video, (SimpleNamespace(scene=scene),), followed))
 
 
@@ -61,12 +74,18 @@ def test_where_nothing_is_wrong_nothing_is_said():
     [
         ({"read": 60}, "only 60 of 100 frames could be read"),
         ({"read": 1, "n_frames": 1}, "one frame only"),
-        ({"found": ()}, 'no whisker found in any frame; is [recording] face = "left"'),
-        ({"found": (), "light": 40}, "no whisker found in any frame; the picture is mostly dark"),
-        ({"pole": None}, "no pole of 0.5 mm found, so no contacts"),
+        ({"found": ()}, "no whiskers found; what was seen is something dark at the left (20 % of"),
+        ({"found": (), "light": 40}, "no whiskers found; the picture is mostly dark"),
+        ({"pole": None}, "no pole of 0.5 mm (12 px) found, so no contacts; what was seen is "
+                         "nothing dark and round; if there is one"),
+        ({"pole": None, "thing": True}, "no pole of 0.5 mm (12 px) found, so no contacts; what "
+                                        "was seen is a dark thing of 4 × 10 px about (42, 14)"),
+        ({"pole": None, "refused": ("a tuft",)},
+         "no pole of 0.5 mm (12 px) found, so no contacts; what was seen is a tuft; "),
+        ({"known": 0.23}, "in 77 % of the frames it is not known which whisker is which"),
         ({"pole": PoleTrack(POLE.x_px, POLE.y_px, 0.3 * SCALE)}, "the pole looks 0.6 mm thick"),
         ({"across": 2, "contacts": ()}, "C2 passes over the pole at (300, 200) px in 2 frames"),
-        ({"tracked": 0.5}, "C2 is tracked in 50 % of the frames only"),
+        ({"tracked": 0.5}, "tracked in a part of the frames only: C2 in 50 %"),
         ({"whiskers": ()}, "no forces: there is no [[whisker]] table"),
         ({"whiskers": ({"name": "C2"},)}, "no forces for C2: no length_mm, cone_length_mm"),
         ({"whiskers": ({**WHISKER, "name": "C2"}, {**WHISKER, "name": "D2"})},
@@ -86,10 +105,17 @@ def test_each_fault_is_told_alone(changes, said):
         {"across": 50},  # it does touch
         {"across": 50, "contacts": (), "pole_xy": (300, 200)},  # a person says it is the pole
         {"tracked": 0.85},
+        {"known": 0.85},
     ],
 )
 def test_what_is_no_fault_is_not_told(changes):
     assert told(**changes) == []
+
+
+def test_the_main_doubt_comes_first():
+    first, *rest = told(known=0.2, tracked=0.7, pole=None, whiskers=())
+    assert "not known which whisker is which" in first
+    assert len(rest) == 3
 
 
 # --- the side of the face, on rendered videos -------------------------------------------------

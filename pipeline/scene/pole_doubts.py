@@ -1,0 +1,55 @@
+"""Why a round dark disc is no pole: what stands at the animal, or is part of something larger."""
+
+import cv2
+import numpy as np
+
+from pipeline.scene.circle_fit import Pole
+
+OFF_THE_ANIMAL = 5.0  # radii, at least, between a pole's centre and the animal
+OFF_SHARE = 0.04  # of the picture's size, at least: fur reaches so far
+FREE_AROUND = 0.55  # share of the circle around a pole that its rod leaves free
+UNEVEN = 0.03  # share of a wide circle that may be hidden beyond what the rod hides near by
+NEAR, MIDDLE, FAR = 1.5, 2.0, 5.0  # radii of the circles that are looked at
+BRIGHT = 0.5  # of the light that passes elsewhere
+N_ANGLES = 90
+
+
+def doubt(pole: Pole, transmission, animal) -> str | None:
+    """Return what speaks against a pole, or None.
+
+    Parameters
+    ----------
+    pole : a measured disc
+    transmission : float32 (height, width), share of the light that passes
+    animal : bool (height, width), face and body with their fur
+
+    At the animal, tufts of fur pass for poles. What hides the light around a pole is its rod,
+    which fills less of a wider circle; other things fill more.
+    """
+    x, y = round(pole.x_px), round(pole.y_px)
+    off = max(OFF_THE_ANIMAL * pole.radius_px, OFF_SHARE * np.sqrt(animal.size))
+    if animal.any() and _distance(animal)[y, x] < off:
+        return f"a dark spot at ({x}, {y}) px, but it is at the animal"
+    near, middle, far = (_light_around(pole, transmission, animal, r) for r in (NEAR, MIDDLE, FAR))
+    if near > FREE_AROUND and far > middle - UNEVEN:
+        return None
+    return f"a round end at ({x}, {y}) px, but it is part of something larger"
+
+
+def _distance(mask):
+    """Distance from a mask [px]."""
+    return cv2.distanceTransform((~mask).astype(np.uint8), cv2.DIST_L2, 5)
+
+
+def _light_around(pole, transmission, animal, reach) -> float:
+    """Bright share of a circle of `reach` radii about the pole, off the animal; 1 for none."""
+    height, width = transmission.shape
+    angles = np.linspace(0, 2 * np.pi, N_ANGLES, endpoint=False)
+    radius = reach * pole.radius_px + 2
+    x = np.rint(pole.x_px + radius * np.cos(angles)).astype(int)
+    y = np.rint(pole.y_px + radius * np.sin(angles)).astype(int)
+    inside = (x >= 0) & (x < width) & (y >= 0) & (y < height)
+    x, y = x[inside], y[inside]
+    bright = transmission[y, x] > BRIGHT
+    bright = bright[~animal[y, x]]
+    return float(bright.mean()) if len(bright) else 1.0

@@ -1,0 +1,23 @@
+"""The scale by which the scene tells thin from thick: near the picture's own.
+
+A scale in session.toml may be wrong by a factor of two, or not be measured yet. What is measured
+in mm must follow it; which pixels are face, fur, or a whisker must not. Pictures of whisking
+animals show a field of about FIELD_MM, so lengths in the scene are counted in that scale.
+"""
+
+import numpy as np
+
+FIELD_MM = 22.2  # square root of the area that a picture shows, at the most
+CLOSEST = 1.6  # times as near may the camera be
+
+
+def working_scale(shape, pixels_per_mm: float) -> float:
+    """Return the scale [px/mm] for lengths in the scene.
+
+    Parameters
+    ----------
+    shape : height and width of the picture [px]
+    pixels_per_mm : as session.toml gives it
+    """
+    usual = np.sqrt(shape[0] * shape[1]) / FIELD_MM
+    return float(np.clip(pixels_per_mm, usual, CLOSEST * usual))
