@@ -1,5 +1,6 @@
 """`whiskerforce import` and `export`: other programs' files in, and results out as theirs."""
 
+import re
 from functools import partial
 from pathlib import Path
 from typing import Annotated
@@ -38,9 +39,8 @@ def import_janelia(
     debug: Debug = False,
 ):
     """Lines of the Janelia Whisker Tracker: .whiskers, .measurements, and .bar for the pole."""
-    _import(
-        (".whiskers",), partial(_janelia, names=_split(names)), (paths, out, config, jobs, debug)
-    )
+    read = partial(_janelia, names=_split(names))
+    _import(r"\.whiskers$", read, (paths, out, config, jobs, debug))
 
 
 def _janelia(path, settings, names):
@@ -49,22 +49,87 @@ def _janelia(path, settings, names):
     return read_tracked(path, settings, names)
 
 
+@importing.command("dlc")
+def import_dlc(
+    paths: Paths,
+    out: Out,
+    config: Config = None,
+    names: Names = "",
+    jobs: Jobs = None,
+    debug: Debug = False,
+):
+    """Key points along whiskers from DeepLabCut, CSV or HDF5 (which needs the extra formats)."""
+    read = partial(_key_points, program="dlc", names=_split(names))
+    _import(r"DLC.*\.(csv|h5)$", read, (paths, out, config, jobs, debug))
+
+
+@importing.command("sleap")
+def import_sleap(
+    paths: Paths,
+    out: Out,
+    config: Config = None,
+    names: Names = "",
+    jobs: Jobs = None,
+    debug: Debug = False,
+):
+    """Key points along whiskers from SLEAP's analysis files, CSV or HDF5 (extra formats)."""
+    read = partial(_key_points, program="sleap", names=_split(names))
+    _import(r"analysis.*\.(csv|h5)$", read, (paths, out, config, jobs, debug))
+
+
+def _key_points(path, settings, program, names):
+    from pipeline.convert.deeplabcut import read_deeplabcut
+    from pipeline.convert.keypoints import lines_of
+    from pipeline.convert.sleap import read_sleap
+
+    points = {"dlc": read_deeplabcut, "sleap": read_sleap}[program](path)
+    return lines_of(points, settings, path, names), None, len(points.xy)
+
+
+@importing.command("whacc")
+def import_whacc(
+    path: Annotated[Path, typer.Argument(help="WhACC's HDF5 file.")],
+    out: Annotated[
+        Path, typer.Option("--out", help="Results folder that has the same videos' whiskers.")
+    ],
+    whisker: Annotated[str, typer.Option(help="Whose contacts.  [default: the only one]")] = "",
+    debug: Debug = False,
+):
+    """Contacts of WhACC, put in place of those found in the results of the same videos.
+
+    They are written as corrections, and forces are computed for them.
+    """
+    from pipeline.convert.results import read_results
+    from pipeline.convert.whacc import take_contacts
+    from pipeline.curate.results import Results
+    from pipeline.runtime.folder_lock import locked
+
+    videos = read_results(out)
+    with locked(out):
+        for written in take_contacts(path, videos, whisker):
+            typer.echo(str(written))
+        Results(out).close()  # which brings the tables up to the corrections
+
+
 # --- one way in --------------------------------------------------------------------------
 
 
-def _import(suffixes, read, options):
-    """Analyse the lines that `read(path, settings)` gives of each file with these suffixes."""
+def _import(pattern, read, options):
+    """Analyse the lines that `read(path, settings)` gives of each file."""
     from pipeline.app import batch, cli
 
     paths, out, config, jobs, debug = options
-    source = batch.Source(partial(_find, suffixes=suffixes), partial(_analyse, read=read))
+    source = batch.Source(partial(_find, pattern=pattern), partial(_analyse, read=read))
     progress = cli._progress_of_run
     jobs = jobs or cli._cores()
     cli._finish_run(batch.run(paths, out, config, jobs, True, False, progress, source), debug)
 
 
-def _find(paths, out, suffixes):
-    """The files that `paths` stand for: themselves, or those with the suffixes in a folder."""
+def _find(paths, out, pattern):
+    """The files that `paths` stand for: themselves, or those in a folder with such names.
+
+    Of a file there as CSV and as HDF5, the CSV.
+    """
     from pipeline.errors import InputError
     from pipeline.session.inputs import Input
 
@@ -72,10 +137,11 @@ def _find(paths, out, suffixes):
     for root in paths:
         if not root.exists():
             raise InputError(f"no such file or folder: {root}; check the spelling")
-        inside = [p for p in sorted(root.rglob("*")) if p.name.lower().endswith(suffixes)]
+        inside = [p for p in sorted(root.rglob("*")) if re.search(pattern, p.name)]
         inside = [p for p in inside if out.resolve() not in p.resolve().parents]
+        inside = [p for p in inside if p.suffix != ".h5" or p.with_suffix(".csv") not in inside]
         if root.is_dir() and not inside:
-            raise InputError(f"{root}: no {' or '.join(suffixes)} file in it; name their folder")
+            raise InputError(f"{root}: no file like {pattern} in it; name the files themselves")
         found += [Input(path, root) for path in (inside if root.is_dir() else [root])]
     return found
 
@@ -106,13 +172,76 @@ def export_janelia(results: Results, out: Out, debug: Debug = False):
 def _export(results, out, write):
     """Write every finished video with `write(folder, video)`, which returns the files' paths."""
     from pipeline.convert.results import read_results
-    from pipeline.errors import InputError
 
     videos = read_results(results)
+    _make_folder(out)
+    for video in videos:
+        for path in write(out, video):
+            typer.echo(str(path))
+
+
+def _make_folder(out):
+    from pipeline.errors import InputError
+
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"--out {out}: cannot write there ({error}); choose a folder") from None
-    for video in videos:
-        for path in write(out, video):
-            typer.echo(str(path))
+
+
+@exporting.command("mat")
+def export_mat(
+    results: Results,
+    out: Out,
+    protraction: Annotated[
+        str,
+        typer.Option(
+            help="Where whiskers protract to in the picture: upward, downward, leftward, "
+            "rightward.  [default: counter-clockwise]"
+        ),
+    ] = "",
+    debug: Debug = False,
+):
+    """MATLAB files by the names of the Hires lab's WhiskerTrialLite, one per video."""
+    from pipeline.convert.matlab import write_matlab
+
+    _export(results, out, partial(write_matlab, protraction=protraction))
+
+
+@exporting.command("nwb")
+def export_nwb(
+    results: Results,
+    out: Out,
+    start: Annotated[
+        str, typer.Option(help="When the recording began, ISO 8601.  [default: the file's time]")
+    ] = "",
+    subject: Annotated[str, typer.Option(help="Name of the animal.")] = "",
+    species: Annotated[str, typer.Option(help='E.g. "Mus musculus".')] = "",
+    sex: Annotated[str, typer.Option(help="F, M, O or U.")] = "",
+    age: Annotated[str, typer.Option(help="ISO 8601, e.g. P90D.")] = "",
+    debug: Debug = False,
+):
+    """Neurodata Without Borders, a file per video (needs the extra nwb)."""
+    from pipeline.convert.nwb import write_nwb
+
+    animal = {"subject_id": subject, "species": species, "sex": sex, "age": age}
+    _export(results, out, partial(write_nwb, start=start, **animal))
+
+
+@exporting.command("movement")
+def export_movement(results: Results, out: Out, debug: Debug = False):
+    """netCDF poses for `movement`, a file per video (needs the extra formats)."""
+    from pipeline.convert.movement import write_movement
+
+    _export(results, out, write_movement)
+
+
+@exporting.command("whacc")
+def export_whacc(results: Results, out: Out, debug: Debug = False):
+    """Contacts of all videos as WhACC's HDF5 file (needs the extra formats)."""
+    from pipeline.convert.results import read_results
+    from pipeline.convert.whacc import write_whacc
+
+    videos = read_results(results)
+    _make_folder(out)
+    typer.echo(str(write_whacc(out / "whacc.h5", videos)))

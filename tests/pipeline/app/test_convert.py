@@ -1,10 +1,17 @@
 """`whiskerforce import` and `export` as a user calls them."""
 
+import shutil
+
+import h5py
+import numpy as np
 import pandas as pd
 import pytest
-from tracked_files import write_tracked
+import traced_motion
+from tracked_files import settings_of, write_tracked
 
 from pipeline.app.cli import main
+from pipeline.convert.keypoints import points_along
+from pipeline.session.session_file import write_session
 from synthetic.presets import make_trial
 
 FEWEST_CONTACTS_IN_300_FRAMES = 3
@@ -62,7 +69,7 @@ def test_a_damaged_file_fails_by_itself(tracked, tmp_path, capsys):
     ("arguments", "message"),
     [
         (("import", "janelia", "nowhere", "--out", "o"), "no such file or folder: nowhere"),
-        (("import", "janelia", ".", "--out", "o"), "no .whiskers file in it"),
+        (("import", "janelia", ".", "--out", "o"), r"no file like \.whiskers$ in it"),
         (("export", "janelia", ".", "--out", "o"), "no videos.csv in it"),
     ],
 )
@@ -74,3 +81,94 @@ def test_what_cannot_be_used_is_said_in_one_line(
     said = capsys.readouterr().err.strip()
     assert message in said
     assert len(said.splitlines()) == 1
+
+
+# --- every other format through the command ---------------------------------------------
+
+
+def true_points(motion, rng):
+    """Ten noisy points along every true line."""
+    lines = traced_motion.trace_lines(motion, rng, 0.001)
+    xy = np.stack([points_along(lines.row(i), 10) for i in range(len(lines))])
+    return xy + rng.normal(0, 0.3, xy.shape)
+
+
+@pytest.fixture(scope="module")
+def motion():
+    return make_trial("noisy", 0, 0, 300).motion
+
+
+@pytest.fixture
+def session(tmp_path, motion):
+    """A folder with the motion's session.toml, the pole in it."""
+    x, y = motion.scene.to_pixels(motion.pole_x[:1], motion.pole_y[:1])
+    settings = settings_of(motion)
+    place = {"x_px": float(x[0]), "y_px": float(y[0])}
+    pole = settings.pole.model_copy(update=place)
+    folder = tmp_path / "session"
+    folder.mkdir()
+    write_session(folder / "session.toml", settings.model_copy(update={"pole": pole}))
+    return folder
+
+
+@pytest.mark.parametrize("program", ["dlc", "sleap"])
+def test_key_points_become_results(session, motion, tmp_path, program):
+    xy = true_points(motion, np.random.default_rng(0))
+    if program == "dlc":
+        path = session / "trialDLC_resnet50.csv"
+        columns = {
+            ("DLC", f"C2_{p}", c): xy[:, p, "xy".index(c)] if c in "xy" else np.ones(len(xy))
+            for p in range(10)
+            for c in ("x", "y", "likelihood")
+        }
+        table = pd.DataFrame(columns)
+        table.columns = table.columns.set_names(["scorer", "bodyparts", "coords"])
+        table.to_csv(path)
+    else:
+        path = session / "trial.analysis.csv"
+        places = {f"C2_{p}.{c}": xy[:, p, i] for p in range(10) for i, c in enumerate("xy")}
+        pd.DataFrame({"track": "", "frame_idx": range(len(xy)), **places}).to_csv(
+            path, index=False
+        )
+    out = tmp_path / "out"
+    assert run("import", program, session, "--out", out, "--jobs", 1) == 0
+    contacts = pd.read_csv(out / "contacts.csv")
+    assert len(contacts) >= FEWEST_CONTACTS_IN_300_FRAMES - 1
+    frames = pd.read_parquet(out / path.stem / "frames.parquet")
+    assert frames["tracked"].all()
+    assert len(frames) == 300
+
+
+@pytest.mark.parametrize(
+    ("form", "name"),
+    [
+        ("mat", "trial_WL.mat"),
+        ("nwb", "trial.nwb"),
+        ("movement", "trial.nc"),
+        ("whacc", "whacc.h5"),
+    ],
+)
+def test_every_format_is_written(results, tmp_path, capsys, form, name):
+    assert run("export", form, results, "--out", tmp_path / "new" / "folder") == 0
+    written = tmp_path / "new" / "folder" / name
+    assert capsys.readouterr().out.split() == [str(written)]
+    assert written.stat().st_size > 1000
+
+
+def test_contacts_of_whacc_take_the_place_of_those_found(results, tmp_path):
+    out = tmp_path / "results"
+    shutil.copytree(results, out)
+    before = pd.read_csv(out / "contacts.csv")
+    with h5py.File(tmp_path / "w.h5", "w") as file:
+        labels = np.zeros(300)
+        first = before.iloc[0]
+        labels[first["onset_frame"] + 1 : first["offset_frame"]] = 1
+        file["labels"], file["frame_nums"] = labels, [300]
+        file["full_file_names"] = [b"C:\\videos\\trial.mp4"]
+    assert run("import", "whacc", tmp_path / "w.h5", "--out", out) == 0
+    (after,) = pd.read_csv(out / "contacts.csv").to_dict("records")
+    assert after["onset_frame"] == first["onset_frame"] + 1
+    assert after["offset_frame"] == first["offset_frame"]
+    assert after["curated"]
+    assert after["peak_force_uN"] == pytest.approx(first["peak_force_uN"], rel=0.05)
+    assert run("import", "whacc", tmp_path / "w.h5", "--out", out) == 2

@@ -273,3 +273,14 @@ def test_whole_numbers_beyond_their_column_are_named(tmp_path):
     )
     with pytest.raises(ValueError, match="line 2: offset_frame is '99999999999999999999'"):
         files.read_csv(path, CORRECTION_COLUMNS)
+
+
+def test_pandas_reads_centrelines_as_an_array_per_row(tmp_path):
+    written = lines([3, 5, 2, 4])
+    centrelines.write_centrelines(tmp_path / "c.parquet", written)
+    table = pd.read_parquet(tmp_path / "c.parquet")
+    assert list(table["whisker"]) == ["C2", "D1", "C2", "D1"]
+    for row in range(4):
+        points = np.column_stack([table["x_px"][row], table["y_px"][row]])
+        assert points.dtype == np.float32
+        np.testing.assert_array_equal(points, written.row(row))

@@ -1,0 +1,80 @@
+"""Key points of DeepLabCut: CSV and HDF5, of one animal or several."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from pipeline.convert.keypoints import MOST_FRAMES, KeyPoints
+from pipeline.convert.optional import library
+from pipeline.errors import InputError
+
+COORDINATES = ("x", "y", "likelihood")
+
+
+def read_deeplabcut(path) -> KeyPoints:
+    """Read a DeepLabCut table: columns scorer, (individuals,) bodyparts, coords; a row per frame.
+
+    Raises
+    ------
+    InputError
+        Where it is something else, or damaged.
+    """
+    path = Path(path)
+    table = _read_hdf5(path) if path.suffix.lower() in (".h5", ".hdf5") else _read_csv(path)
+    table.columns = table.columns.droplevel(0)  # the scorer
+    if "individuals" not in table.columns.names:
+        table = pd.concat({"": table}, axis=1, names=["individuals"])
+    individuals = tuple(dict.fromkeys(map(str, table.columns.get_level_values("individuals"))))
+    parts = tuple(dict.fromkeys(map(str, table.columns.get_level_values("bodyparts"))))
+    rows = _frames(table, path)
+    values = np.full((int(rows.max(initial=-1)) + 1, len(individuals), len(parts), 3), np.nan)
+    for i, individual in enumerate(individuals):
+        for p, part in enumerate(parts):
+            for c, coordinate in enumerate(COORDINATES):
+                column = (individual, part, coordinate)
+                if column in table:
+                    values[rows, i, p, c] = table[column].to_numpy(float)
+    return KeyPoints(individuals, parts, values[..., :2], np.nan_to_num(values[..., 2]))
+
+
+def _read_csv(path):
+    try:
+        with open(path, encoding="utf-8-sig") as file:
+            names = [file.readline().split(",")[0].strip() for _ in range(4)]
+        levels = 4 if "individuals" in names else 3
+        if names[0] != "scorer" or names[levels - 1] != "coords":
+            raise ValueError(f"its first column begins {names}")
+        return pd.read_csv(path, header=list(range(levels)), index_col=0).astype(float)
+    except (ValueError, UnicodeDecodeError, OSError, IndexError) as error:
+        raise _fault(path, error) from None
+
+
+def _read_hdf5(path):
+    library("tables", "formats")
+    try:
+        table = pd.read_hdf(path)
+        if not isinstance(table, pd.DataFrame) or table.columns.names[-1] != "coords":
+            raise ValueError("its columns are no key points")
+        return table
+    except Exception as error:  # the library raises many kinds on a broken file
+        raise _fault(path, error) from None
+
+
+def _frames(table, path):
+    """Frame numbers of the rows."""
+    try:
+        rows = table.index.to_numpy(dtype=np.int64)
+        if ((rows < 0) | (rows > MOST_FRAMES)).any() or len(np.unique(rows)) < len(rows):
+            raise ValueError(f"a frame is there twice, or not 0 to {MOST_FRAMES}")
+    except (ValueError, TypeError) as error:
+        raise _fault(path, error) from None
+    return rows
+
+
+def _fault(path, error) -> InputError:
+    reason = " ".join(str(error).split())[:120]
+    return InputError(
+        f"{path}: cannot be read as key points of DeepLabCut ({reason}): expected a table with "
+        "scorer, bodyparts and coords on top and a row per frame; analyse the video again"
+    )

@@ -1,0 +1,162 @@
+"""Key points along whiskers, as DeepLabCut and SLEAP give them, ↔ centrelines.
+
+A few points with errors of a pixel or so become a smooth line through them: a polynomial, as a
+whisker bends. How far the points are off tells their noise, and with it what the line is worth.
+"""
+
+import re
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import chi2
+
+from pipeline.convert.results import lines_of_rows
+from pipeline.errors import InputError
+from pipeline.tables.centrelines import Centrelines
+
+LEAST_SCORE = 0.6  # of a point that is used; DeepLabCut's own limit for drawing
+FEWEST_POINTS = 4
+HIGHEST_DEGREE = 4
+USUAL_NOISE_PX = 1.0  # where too few frames tell it
+LEAST_NOISE_PX = 0.05
+FEWEST_ROWS = 10  # that tell the noise
+MOST_FRAMES = 10_000_000  # a larger number is damage
+DENSE = 400  # places along a line at which its length is taken
+LAST_PART = re.compile(r"[\W_]*(\d+|base|root|follicle|mid(dle)?|tip|end)$", re.IGNORECASE)
+
+
+@dataclass(frozen=True)
+class KeyPoints:
+    """Points of individuals (animals, instances, tracks) in every frame.
+
+    Attributes
+    ----------
+    individuals, parts : names
+    xy : float64 (frames, individuals, parts, 2) [px], NaN where a point is not there
+    score : float64 (frames, individuals, parts), 0 to 1
+    """
+
+    individuals: tuple[str, ...]
+    parts: tuple[str, ...]
+    xy: np.ndarray
+    score: np.ndarray
+
+
+def lines_of(points: KeyPoints, settings, source, names=()) -> Centrelines:
+    """Centrelines through the key points of every whisker, follicle side → tip.
+
+    A whisker is an individual with all its points, or, where there is one individual, the parts
+    whose names begin alike (C2_0, C2_1, …; C2_base, C2_mid, C2_tip); the points follow each other
+    along it in the order of the file.
+
+    Parameters
+    ----------
+    names : of the whiskers, in the file's order; empty: as in the file or, if none of these is in
+        the settings, those of the settings
+    source : the file, for messages
+
+    Raises
+    ------
+    InputError
+        Where there are too few points, or not as many names as whiskers.
+    """
+    whiskers = _whiskers(points)
+    names = _names(tuple(whiskers), tuple(names), settings, source)
+    rows, keys, information, confidence = [], [], [], []
+    for k, (xy, score) in enumerate(whiskers.values()):
+        if xy.shape[1] < FEWEST_POINTS:
+            raise InputError(
+                f"{source}: {names[k]} has {xy.shape[1]} key points, expected at least "
+                f"{FEWEST_POINTS} along the whisker; its points' names must begin with its name"
+            )
+        xy = _from_face(xy, settings.recording.face)
+        fitted = {f: fit for f in range(len(xy)) if (fit := _fit(xy[f], score[f])) is not None}
+        noise = _noise([fit for _, fit, _ in fitted.values()])
+        for frame, (line, (_, count, _), sure) in fitted.items():
+            rows.append(line)
+            keys.append((frame, k))
+            information.append(np.full(len(line), count / len(line) / noise**2))
+            confidence.append(sure)
+    return _with_information(lines_of_rows(names, keys, rows), information, confidence)
+
+
+def _whiskers(points: KeyPoints) -> dict:
+    """Name in the file → places (frames, points, 2) and scores (frames, points)."""
+    if len(points.individuals) > 1:
+        each = enumerate(points.individuals)
+        return {name: (points.xy[:, i], points.score[:, i]) for i, name in each}
+    groups = {}
+    for i, part in enumerate(points.parts):
+        groups.setdefault(LAST_PART.sub("", part), []).append(i)
+    return {name: (points.xy[:, 0, i], points.score[:, 0, i]) for name, i in groups.items()}
+
+
+def _names(found, given, settings, source):
+    """The whiskers' names: those given, or found in the file, or those of the settings."""
+    known = tuple(w.name for w in settings.whisker)
+    if not given and (not known or set(found) <= set(known)):
+        return found
+    given = given or known
+    if len(given) != len(found):
+        raise InputError(
+            f"{source}: holds {len(found)} whiskers ({', '.join(found)}), but there are "
+            f"{len(given)} names ({', '.join(given)}); name the key points C2_0, C2_1, … in "
+            "the other program, or give --names"
+        )
+    return given
+
+
+def _from_face(xy, face):
+    """The points of a whisker with the end first that is nearer to the face."""
+    axis, sign = {"left": (0, 1), "right": (0, -1), "top": (1, 1), "bottom": (1, -1)}[face]
+    along = sign * np.nanmedian(xy[:, [0, -1], axis] - xy[:, [-1, 0], axis], axis=0)
+    return xy[:, ::-1] if along[0] > 0 else xy
+
+
+def _fit(xy, score):
+    """A line's nodes 1 px apart, (misfit [px²], points, free ones), its score; None: too few."""
+    used = np.isfinite(xy).all(axis=1) & (score >= LEAST_SCORE)
+    xy, n = xy[used], int(used.sum())
+    if n < FEWEST_POINTS:
+        return None
+    t = np.append(0, np.cumsum(np.hypot(*np.diff(xy, axis=0).T)))
+    if t[-1] < n:  # all upon each other
+        return None
+    t /= t[-1]
+    degree = min(n - 2, HIGHEST_DEGREE)
+    basis = np.polynomial.legendre.legvander(2 * t - 1, degree)
+    fitted, *_ = np.linalg.lstsq(basis, xy, rcond=None)
+    dense = np.polynomial.legendre.legvander(np.linspace(-1, 1, DENSE), degree) @ fitted
+    s = np.append(0, np.cumsum(np.hypot(*np.diff(dense, axis=0).T)))
+    line = np.column_stack([np.interp(np.arange(int(s[-1]) + 1), s, v) for v in dense.T])
+    slope = np.gradient(dense, axis=0)
+    tangent = np.column_stack([np.interp(t, np.linspace(0, 1, DENSE), v) for v in slope.T])
+    tangent /= np.hypot(*tangent.T)[:, None]
+    away = xy - basis @ fitted
+    misfit = np.sum((away[:, 0] * tangent[:, 1] - away[:, 1] * tangent[:, 0]) ** 2)
+    return line, (misfit, n, n - degree - 1), float(score[used].mean())
+
+
+def _noise(fits) -> float:
+    """Standard deviation of a key point across the whisker [px]."""
+    if len(fits) < FEWEST_ROWS:
+        return USUAL_NOISE_PX
+    misfit, _, free = np.array(fits, float).T
+    return max(float(np.sqrt(np.median(misfit / chi2.median(free)))), LEAST_NOISE_PX)
+
+
+def _with_information(lines, information, confidence) -> Centrelines:
+    """The lines with what they are worth; a line through few points has no raw offsets."""
+    information = np.concatenate([np.empty(0), *information]).astype(np.float32)
+    lines.information, lines.se_px = information, information**-0.5
+    lines.offset_px = np.zeros_like(information)
+    lines.thickness_px = np.full_like(information, np.nan)
+    lines.confidence = np.array(confidence, np.float32)
+    return lines
+
+
+def points_along(line: np.ndarray, count: int) -> np.ndarray:
+    """`count` points (count, 2) of a line (n, 2), at even distances, its ends among them."""
+    s = np.append(0, np.cumsum(np.hypot(*np.diff(line, axis=0).T)))
+    at = np.linspace(0, s[-1], count)
+    return np.column_stack([np.interp(at, s, values) for values in line.T])

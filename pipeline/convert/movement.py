@@ -1,0 +1,62 @@
+"""Whiskers as poses for `movement` (neuroinformatics-unit): netCDF by way of xarray.
+
+An individual is a whisker, its key points lie at even distances from the first visible point to
+the tip.
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from pipeline.convert.keypoints import points_along
+from pipeline.convert.optional import library
+from pipeline.tables.files import whole_file
+
+KEY_POINTS = 20
+
+
+def as_poses(video, count: int = KEY_POINTS):
+    """The whiskers as an xarray.Dataset as `movement` has it: position and confidence."""
+    xarray = library("xarray", "formats")
+    position, confidence = key_points(video, count)
+    rate = video.settings.recording.frames_per_second
+    return xarray.Dataset(
+        {
+            "position": (("time", "space", "keypoints", "individuals"), position),
+            "confidence": (("time", "keypoints", "individuals"), confidence),
+        },
+        {
+            "time": np.arange(video.n_frames) / rate,
+            "space": ["x", "y"],
+            "keypoints": [f"point_{i}" for i in range(count)],
+            "individuals": list(video.whiskers),
+        },
+        {
+            "source_software": "whiskerforce",
+            "ds_type": "poses",
+            "fps": rate,
+            "time_unit": "seconds",
+            "source_file": video.path,
+        },
+    )
+
+
+def key_points(video, count: int = KEY_POINTS):
+    """Places (frames, 2, points, whiskers) [px] and confidences (frames, points, whiskers)."""
+    lines, names = video.lines(), list(video.whiskers)
+    position = np.full((video.n_frames, 2, count, len(names)), np.nan, np.float32)
+    for row in range(len(lines)):
+        whisker = names.index(lines.names[lines.whisker[row]])
+        position[lines.frame[row], :, :, whisker] = points_along(lines.row(row), count).T
+    sure = np.stack([video.of(name)["confidence"].to_numpy(np.float32) for name in names], axis=1)
+    return position, np.repeat(sure[:, None], count, axis=1)
+
+
+def write_movement(folder, video) -> list[Path]:
+    """Write NAME.nc; return its path in a list."""
+    library("h5netcdf", "formats")
+    path = Path(folder) / f"{video.name}.nc"
+    poses = as_poses(video)
+    with whole_file(path) as temporary:
+        poses.to_netcdf(temporary, engine="h5netcdf")
+    return [path]

@@ -1,0 +1,195 @@
+"""Results as Neurodata Without Borders, a file per video, in SI units.
+
+Only types of the core are used. `ndx-whisk` has a table of the Janelia tracker's measures and none
+for forces, and needs pynwb older than 3; `ndx-pose` wants body parts, of which a line has none
+(`export movement` makes some).
+"""
+
+import os
+from datetime import UTC, datetime
+from pathlib import Path
+from uuid import uuid4
+
+import numpy as np
+
+from pipeline.convert.optional import library
+from pipeline.errors import InputError
+from pipeline.session.session_file import session_text
+from pipeline.tables.columns import CONTACT_COLUMNS, FRAME_COLUMNS
+from pipeline.tables.files import whole_file
+from pipeline.video.open import TIFF_SUFFIXES, VIDEO_SUFFIXES
+
+SI = {  # unit of a column: of the file, factor
+    "deg": ("radians", np.pi / 180),
+    "1/m": ("1/meters", 1.0),
+    "mm": ("meters", 1e-3),
+    "µN": ("newtons", 1e-6),
+    "nN m": ("newton meters", 1e-9),
+    "px": ("pixels", 1.0),
+    "": ("a.u.", 1.0),
+}
+SUFFIXES = ("_deg", "_per_m", "_mm", "_uN", "_nN_m")
+NO_SERIES = ("frame", "time_s", "whisker")
+
+
+def write_nwb(folder, video, start: str = "", **subject) -> list[Path]:
+    """Write NAME.nwb; return its path in a list.
+
+    Parameters
+    ----------
+    folder : where to
+    video : `VideoResults`
+    start : date and time of the recording's first frame, as ISO 8601; empty: when the video's file
+        was last written, or the results where it is gone
+    subject : of the animal, as `pynwb.file.Subject` has it: subject_id, species, sex, age
+
+    Raises
+    ------
+    InputError
+        Where pynwb is not installed, or `start` is no date.
+    """
+    pynwb = library("pynwb", "nwb")
+    path = Path(folder) / f"{video.name}.nwb"
+    file = pynwb.NWBFile(
+        session_description=f"Whiskers, contacts and forces in {Path(video.path).name}",
+        identifier=str(uuid4()),
+        session_start_time=_start_time(start, video),
+        keywords=["whisker", "touch", "contact force"],
+        subject=_subject(pynwb, subject),
+        experiment_description="high-speed video of whiskers, analysed with whiskerforce",
+    )
+    _add_video(pynwb, file, video, path.parent)
+    module = file.create_processing_module("behavior", "whiskers as whiskerforce measured them")
+    _add_courses(pynwb, module, video)
+    _add_pole(pynwb, module, video)
+    module.add(_centrelines(library("hdmf.common", "nwb"), video))
+    _add_contacts(pynwb, file, video)
+    file.add_scratch(
+        session_text(video.settings), name="session_toml", description="settings of the analysis"
+    )
+    with whole_file(path) as temporary, pynwb.NWBHDF5IO(temporary, "w") as out:
+        out.write(file)
+    return [path]
+
+
+def _subject(pynwb, known):
+    """The animal; what is not known of it says so, where the format asks for it."""
+    known = {key: value for key, value in known.items() if value}
+    return pynwb.file.Subject(**{"subject_id": "unknown", "sex": "U", **known})
+
+
+def _start_time(start, video) -> datetime:
+    if start:
+        try:
+            time = datetime.fromisoformat(start)
+        except ValueError:
+            raise InputError(
+                f"--start {start}: is no date and time; expected e.g. 2024-05-31T14:30:00+02:00"
+            ) from None
+        return time if time.tzinfo else time.astimezone()
+    source = Path(video.path) if Path(video.path).exists() else video.folder
+    return datetime.fromtimestamp(source.stat().st_mtime, UTC)
+
+
+def _add_video(pynwb, file, video, folder):
+    """Refer to the video, where it still is."""
+    source = Path(video.path)
+    if not source.is_file() or source.suffix.lower() not in VIDEO_SUFFIXES | TIFF_SUFFIXES:
+        return
+    file.add_acquisition(
+        pynwb.image.ImageSeries(
+            name="video",
+            description="high-speed video of the whiskers",
+            external_file=[os.path.relpath(source, folder)],
+            starting_frame=[0],
+            format="external",
+            unit="n.a.",
+            num_samples=video.n_frames,
+            rate=video.settings.recording.frames_per_second,
+        )
+    )
+
+
+def _add_courses(pynwb, module, video):
+    """A time series per whisker and quantity, NaN where it is not known."""
+    rate = video.settings.recording.frames_per_second
+    courses = pynwb.behavior.BehavioralTimeSeries(name="whiskers")
+    for whisker in video.whiskers:
+        table = video.of(whisker)
+        for column in FRAME_COLUMNS:
+            if column.name in NO_SERIES:
+                continue
+            unit, factor = SI[column.unit]
+            courses.add_timeseries(
+                pynwb.TimeSeries(
+                    name=f"{whisker}_{_without_unit(column.name)}".replace("/", "_"),
+                    description=f"whisker {whisker}: {column.meaning}",
+                    data=table[column.name].to_numpy(float) * factor,
+                    unit=unit,
+                    rate=rate,
+                    starting_time=0.0,
+                )
+            )
+    module.add(courses)
+
+
+def _without_unit(name) -> str:
+    """The name of a column without its unit."""
+    stem, se = (name[:-3], "_se") if name.endswith("_se") else (name, "")
+    unit = next((suffix for suffix in SUFFIXES if stem.endswith(suffix)), "")
+    return stem.removesuffix(unit) + se
+
+
+def _add_pole(pynwb, module, video):
+    """The pole's place in the picture."""
+    pole = video.pole()
+    if pole is None:
+        return
+    series = pynwb.behavior.SpatialSeries(
+        name="pole",
+        description="centre of the pole; NaN while it is away",
+        data=np.column_stack([pole.x_px, pole.y_px]),
+        reference_frame="centre of the picture's top left pixel; x right, y down",
+        unit="pixels",
+        rate=video.settings.recording.frames_per_second,
+        starting_time=0.0,
+    )
+    module.add(pynwb.behavior.Position(name="pole_position", spatial_series=series))
+
+
+def _centrelines(common, video):
+    """The centrelines as a table with a ragged list of points per row."""
+    lines = video.lines()
+    names = np.asarray(lines.names, object)[lines.whisker]
+    columns = [
+        common.VectorData(name="frame", description="frame number, from 0", data=lines.frame),
+        common.VectorData(name="whisker", description="name", data=[str(n) for n in names]),
+    ]
+    for axis in "xy":
+        values = getattr(lines, f"{axis}_px")
+        data = common.VectorData(
+            name=f"{axis}_px", description=f"{axis} [pixels], follicle side to tip", data=values
+        )
+        ends = common.VectorIndex(name=f"{axis}_px_index", data=lines.offsets[1:], target=data)
+        columns += [data, ends]
+    return common.DynamicTable(
+        name="centrelines",
+        description="traced whiskers",
+        columns=columns,
+        colnames=["frame", "whisker", "x_px", "y_px"],
+    )
+
+
+def _add_contacts(pynwb, file, video):
+    """The contacts as intervals of time, with all that contacts.csv says of them, in its units."""
+    contacts = video.contacts
+    if not len(contacts):
+        return
+    table = pynwb.epoch.TimeIntervals(name="contacts", description="touches of the pole")
+    for column in CONTACT_COLUMNS:
+        unit = f" [{column.unit}]" if column.unit else ""
+        table.add_column(column.name, column.meaning + unit)
+    for row in contacts[[c.name for c in CONTACT_COLUMNS]].to_dict("records"):
+        start = row["onset_s"]
+        table.add_row(start_time=start, stop_time=start + 1e-3 * row["duration_ms"], **row)
+    file.add_time_intervals(table)

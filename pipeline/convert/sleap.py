@@ -1,0 +1,88 @@
+"""Key points of SLEAP: analysis files, HDF5 or CSV."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from pipeline.convert.keypoints import MOST_FRAMES, KeyPoints
+from pipeline.convert.optional import library
+from pipeline.errors import InputError
+
+NEEDED = ("track", "frame_idx")
+
+
+def read_sleap(path) -> KeyPoints:
+    """Read a SLEAP analysis file; a track is an individual, a node is a part.
+
+    Raises
+    ------
+    InputError
+        Where it is something else, or damaged.
+    """
+    path = Path(path)
+    return _read_csv(path) if path.suffix.lower() == ".csv" else _read_hdf5(path)
+
+
+def _read_hdf5(path) -> KeyPoints:
+    h5py = library("h5py", "formats")
+    try:
+        with h5py.File(path) as file:
+            xy = np.asarray(file["tracks"], float).transpose(3, 0, 2, 1)
+            parts = _texts(file["node_names"])
+            tracks = _texts(file["track_names"]) if "track_names" in file else ()
+            scores = np.asarray(file["point_scores"], float) if "point_scores" in file else None
+    except (OSError, KeyError, ValueError, TypeError) as error:
+        raise _fault(path, error) from None
+    there = np.isfinite(xy).all(axis=-1)
+    score = there.astype(float) if scores is None else np.nan_to_num(scores.transpose(2, 0, 1))
+    if xy.shape[1:] != (xy.shape[1], len(parts), 2) or score.shape != xy.shape[:3]:
+        raise _fault(path, f"tracks are of shape {xy.shape}, scores {score.shape}")
+    return KeyPoints(_tracks(tracks, xy.shape[1]), parts, xy, np.where(there, score, 0))
+
+
+def _tracks(names, count):
+    return tuple(names) if len(names) == count else tuple(f"track_{i}" for i in range(count))
+
+
+def _texts(values):
+    return tuple(v.decode() if isinstance(v, bytes) else str(v) for v in values[()])
+
+
+def _read_csv(path) -> KeyPoints:
+    try:
+        table = pd.read_csv(path)
+        missing = [name for name in NEEDED if name not in table]
+        if missing:
+            raise ValueError(f"no column {missing[0]}")
+        stems = [name[:-2] for name in table if name.endswith(".x")]
+        parts = tuple(stem for stem in stems if f"{stem}.y" in table)
+        table["track"] = table["track"].astype("object").fillna("track_0").astype(str)
+        frame = table["frame_idx"].to_numpy(np.int64)
+        if not parts or ((frame < 0) | (frame > MOST_FRAMES)).any():
+            raise ValueError(f"no points, or a frame that is not 0 to {MOST_FRAMES}")
+        return _points(table, parts, frame)
+    except (ValueError, UnicodeDecodeError, OSError) as error:
+        raise _fault(path, error) from None
+
+
+def _points(table, parts, frame) -> KeyPoints:
+    """Key points of a table with a row per frame and instance."""
+    tracks = tuple(dict.fromkeys(table["track"]))
+    track = table["track"].map({name: i for i, name in enumerate(tracks)}).to_numpy(int)
+    shape = int(frame.max(initial=-1)) + 1, len(tracks), len(parts)
+    xy, score = np.full((*shape, 2), np.nan), np.zeros(shape)
+    for p, part in enumerate(parts):
+        xy[frame, track, p] = table[[f"{part}.x", f"{part}.y"]].to_numpy(float)
+        given = table.get(f"{part}.score")
+        score[frame, track, p] = 1.0 if given is None else given.to_numpy(float)
+    there = np.isfinite(xy).all(axis=-1)
+    return KeyPoints(tracks, parts, xy, np.where(there, np.nan_to_num(score), 0))
+
+
+def _fault(path, error) -> InputError:
+    reason = " ".join(str(error).split())[:120]
+    return InputError(
+        f"{path}: cannot be read as a SLEAP analysis file ({reason}): expected HDF5 with tracks "
+        "and node_names, or CSV with track and frame_idx; export it again (Analysis HDF5 or CSV)"
+    )

@@ -1,0 +1,156 @@
+"""Contacts of WhACC (hireslab/whacc): frame by frame, all videos of a session in one HDF5 file.
+
+`full_file_names` are the videos, `frame_nums` how many frames each has, `labels` 1 for touch, 0
+for none and −1 where nobody looked, `yhat` what WhACC predicts. There is one whisker.
+"""
+
+from datetime import UTC, datetime
+from pathlib import Path, PureWindowsPath
+from typing import NamedTuple
+
+import numpy as np
+
+from pipeline.contacts.corrections import (
+    CONTACT,
+    CORRECTIONS_FILE,
+    FREE,
+    Verdict,
+    table_of,
+    write_corrections,
+)
+from pipeline.convert.optional import library
+from pipeline.errors import InputError
+from pipeline.tables.files import whole_file
+
+TOUCH, NONE, UNKNOWN = 1, 0, -1
+
+
+class Labels(NamedTuple):
+    """A video's name without its suffix, and int8 (frames,) of TOUCH, NONE, UNKNOWN."""
+
+    video: str
+    touch: np.ndarray
+
+
+def read_whacc(path) -> list[Labels]:
+    """Read the contacts of every video; a person's `labels` come before WhACC's own `yhat`.
+
+    Raises
+    ------
+    InputError
+        Where it is something else, or damaged.
+    """
+    h5py = library("h5py", "formats")
+    try:
+        with h5py.File(path) as file:
+            names = [_text(name) for name in np.ravel(file["full_file_names"][()])]
+            counts = np.ravel(file["frame_nums"][()]).astype(np.int64)
+            given = [np.ravel(file[key][()]) for key in ("labels", "yhat") if key in file]
+    except (OSError, KeyError, ValueError, TypeError, AttributeError) as error:
+        raise _fault(path, error) from None
+    total = int(counts.sum())
+    if not given or len(names) != len(counts) or (counts < 0).any():
+        raise _fault(path, f"{len(names)} names, {len(counts)} counts of frames, no labels")
+    if any(len(values) != total for values in given):
+        raise _fault(path, f"{len(given[0])} labels, {total} frames")
+    touch = np.full(total, UNKNOWN, np.int8)
+    for values in given:
+        touch = np.where((touch == UNKNOWN) & np.isin(values, [NONE, TOUCH]), values, touch)
+    parts = np.split(touch.astype(np.int8), np.cumsum(counts)[:-1])
+    return [Labels(PureWindowsPath(n).stem, part) for n, part in zip(names, parts, strict=True)]
+
+
+def _text(name) -> str:
+    return name.decode() if isinstance(name, bytes) else str(name)
+
+
+def corrections_of(touch, whisker: str):
+    """Labels as a table of corrections: a verdict per stretch, none where nobody looked."""
+    edges = np.flatnonzero(np.diff(touch)) + 1
+    starts, stops = np.append(0, edges), np.append(edges, len(touch))
+    verdicts = {TOUCH: CONTACT, NONE: FREE}
+    now = datetime.now(UTC).isoformat(timespec="seconds")
+    spans = [(int(a), int(b)) for a, b in zip(starts, stops, strict=True)]
+    return table_of(
+        Verdict(whisker, verdicts[int(touch[a])], a, b, a, b, now)
+        for a, b in spans
+        if b > a and touch[a] != UNKNOWN
+    )
+
+
+def take_contacts(path, videos, whisker: str = "") -> list[Path]:
+    """Write WhACC's contacts beside the results of its videos, as corrections; return the files.
+
+    Parameters
+    ----------
+    path : the HDF5 file
+    videos : `VideoResults`; those of which the file knows nothing stay as they are
+    whisker : whose contacts they are; empty: the only one
+
+    Raises
+    ------
+    InputError
+        Where no video is in both, one has corrections already or several whiskers.
+    """
+    known = {labels.video: labels for labels in read_whacc(path)}
+    both = [video for video in videos if video.name in known]
+    if not both:
+        raise InputError(
+            f"{path}: knows {', '.join(known)}, the results are of "
+            f"{', '.join(v.name for v in videos)}: no video is in both; `run` or import them first"
+        )
+    tables = [(v, _checked(v, known[v.name], whisker, path)) for v in both]
+    for video, corrections in tables:
+        write_corrections(video.folder, corrections)
+    return [video.folder / CORRECTIONS_FILE for video in both]
+
+
+def _checked(video, labels, whisker, path):
+    """The corrections of one video, if they can be taken."""
+    if (video.folder / CORRECTIONS_FILE).exists():
+        raise InputError(
+            f"{video.folder / CORRECTIONS_FILE}: holds corrections already, which WhACC's would "
+            "replace; move it away first"
+        )
+    if whisker not in video.whiskers and (whisker or len(video.whiskers) != 1):
+        raise InputError(
+            f"{video.folder}: has whiskers {', '.join(video.whiskers)}; say whose contacts "
+            f"{path} holds with --whisker"
+        )
+    if len(labels.touch) != video.n_frames:
+        raise InputError(
+            f"{path}: has {len(labels.touch)} frames of {video.name}, its results "
+            f"{video.n_frames}: these are not of the same video, or one is cut off"
+        )
+    return corrections_of(labels.touch, whisker or video.whiskers[0])
+
+
+def write_whacc(path, videos) -> Path:
+    """Write the contacts of all videos, of any whisker, as WhACC's file; return its path."""
+    h5py = library("h5py", "formats")
+    touching = [v.frames.groupby("frame")["in_contact"].any() for v in videos]
+    likely = [v.frames.groupby("frame")["contact_probability"].max() for v in videos]
+    labels = np.concatenate([t.to_numpy(float) for t in touching])
+    counts = np.array([len(t) for t in touching])
+    names = [Path(v.path).with_name(v.name + Path(v.path).suffix).name for v in videos]
+    values = {
+        "full_file_names": np.array([name.encode() for name in names], "S"),
+        "frame_nums": counts,
+        "trial_nums_and_frame_nums": np.stack([1 + np.arange(len(counts)), counts]),
+        "in_range": np.ones(len(labels)),
+        "labels": labels,
+        "yhat": labels.astype(int),
+        "yhat_proba": np.nan_to_num(np.concatenate([p.to_numpy(float) for p in likely])),
+    }
+    with whole_file(path) as temporary, h5py.File(temporary, "w") as file:
+        for name, value in values.items():
+            file.create_dataset(name, data=value)
+    return Path(path)
+
+
+def _fault(path, error) -> InputError:
+    reason = " ".join(str(error).split())[:120]
+    return InputError(
+        f"{path}: cannot be read as WhACC's file ({reason}): expected HDF5 with full_file_names, "
+        "frame_nums and labels or yhat; copy it again, or let WhACC predict again"
+    )

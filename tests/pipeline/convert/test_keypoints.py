@@ -1,0 +1,200 @@
+"""Key points of DeepLabCut and SLEAP become lines that are worth what the points are."""
+
+import h5py
+import numpy as np
+import pandas as pd
+import pytest
+import traced_motion
+from hypothesis import given
+from hypothesis import strategies as st
+from tracked_files import settings_of
+
+from pipeline.convert import keypoints
+from pipeline.convert.deeplabcut import read_deeplabcut
+from pipeline.convert.keypoints import KeyPoints, lines_of, points_along
+from pipeline.convert.sleap import read_sleap
+from pipeline.errors import InputError
+from pipeline.run import analyse_lines
+from synthetic.presets import make_trial
+from synthetic.truth import contact_table
+
+NOISE_PX, POINTS = 0.4, 10
+noise_tolerance = 0.2  # relative
+line_tolerance = 0.6  # px, root mean square
+edge_tolerance = 2  # frames
+peak_force_tolerance = 0.15  # relative, of strong touches
+STRONG_UN = 3.0
+
+
+@pytest.fixture(scope="module")
+def motion():
+    return make_trial("noisy", 0, 0, 400).motion
+
+
+@pytest.fixture(scope="module")
+def true_lines(motion):
+    return traced_motion.trace_lines(motion, np.random.default_rng(0), 0.001)
+
+
+@pytest.fixture(scope="module")
+def points(true_lines):
+    """Noisy points at even distances along every line, (frames, 1, parts, 2)."""
+    rng = np.random.default_rng(1)
+    xy = np.stack([points_along(true_lines.row(i), POINTS) for i in range(len(true_lines))])
+    xy = (xy + rng.normal(0, NOISE_PX, xy.shape))[:, None]
+    parts = tuple(f"C2_{i}" for i in range(POINTS))
+    return KeyPoints(("",), parts, xy, np.ones(xy.shape[:3]))
+
+
+def deeplabcut_table(points):
+    """The table that DeepLabCut writes."""
+    levels = ["scorer", "individuals", "bodyparts", "coords"]
+    one = len(points.individuals) == 1
+    columns = {}
+    for i, individual in enumerate(points.individuals):
+        for p, part in enumerate(points.parts):
+            for c, values in enumerate([*points.xy[:, i, p].T, points.score[:, i, p]]):
+                name = ("DLC", individual, part, ("x", "y", "likelihood")[c])
+                columns[name] = values
+    table = pd.DataFrame(columns)
+    table.columns = table.columns.set_names(levels)
+    return table.droplevel("individuals", axis=1) if one else table
+
+
+def sleap_file(path, points):
+    """The analysis file that SLEAP writes."""
+    with h5py.File(path, "w") as file:
+        file["tracks"] = points.xy.transpose(1, 3, 2, 0)
+        file["point_scores"] = points.score.transpose(1, 2, 0)
+        file["node_names"] = np.array(points.parts, "S")
+        file["track_names"] = np.array(points.individuals, "S")
+
+
+def sleap_table(points):
+    """The CSV that SLEAP writes."""
+    rows = []
+    for f, i in np.ndindex(points.xy.shape[:2]):
+        row = {"track": points.individuals[i], "frame_idx": f, "instance.score": 0.9}
+        for p, part in enumerate(points.parts):
+            row[f"{part}.x"], row[f"{part}.y"] = points.xy[f, i, p]
+            row[f"{part}.score"] = points.score[f, i, p]
+        rows.append(row)
+    return pd.DataFrame(rows)
+
+
+def several(individuals=("a", "b"), frames=3):
+    rng = np.random.default_rng(0)
+    xy = rng.uniform(0, 99, (frames, len(individuals), 5, 2)).round(3)
+    parts = tuple(f"p{i}" for i in range(5))
+    return KeyPoints(individuals, parts, xy, rng.uniform(0, 1, xy.shape[:3]).round(3))
+
+
+def check(found, expected):
+    assert found.parts == expected.parts
+    if len(expected.individuals) > 1:
+        assert found.individuals == expected.individuals
+    np.testing.assert_allclose(found.xy, expected.xy)
+    np.testing.assert_allclose(found.score, expected.score)
+
+
+@pytest.mark.parametrize("individuals", [("a",), ("a", "b")])
+def test_deeplabcut_files(tmp_path, individuals):
+    expected = several(individuals)
+    table = deeplabcut_table(expected)
+    table.to_csv(tmp_path / "a.csv")
+    table.to_hdf(tmp_path / "a.h5", key="df_with_missing", format="table", mode="w")
+    check(read_deeplabcut(tmp_path / "a.csv"), expected)
+    check(read_deeplabcut(tmp_path / "a.h5"), expected)
+
+
+@pytest.mark.parametrize("individuals", [("a",), ("a", "b")])
+def test_sleap_files(tmp_path, individuals):
+    expected = several(individuals)
+    sleap_file(tmp_path / "a.h5", expected)
+    sleap_table(expected).to_csv(tmp_path / "a.csv", index=False)
+    check(read_sleap(tmp_path / "a.h5"), expected)
+    check(read_sleap(tmp_path / "a.csv"), expected)
+
+
+def test_lines_pass_where_the_whisker_was(motion, points, true_lines):
+    lines = lines_of(points, settings_of(motion), "a.csv")
+    assert lines.names == ("C2",)
+    np.testing.assert_array_equal(lines.frame, np.arange(400))
+    noise = np.sqrt(POINTS / np.diff(lines.offsets) / lines.information[lines.offsets[:-1]])
+    np.testing.assert_allclose(noise, NOISE_PX, rtol=noise_tolerance)
+    off = []
+    for i in range(0, 400, 20):
+        line, true = lines.row(i), true_lines.row(i)
+        off += [np.hypot(*(true - point).T).min() for point in line[5:-5:10]]
+    assert np.sqrt(np.mean(np.square(off))) < line_tolerance
+
+
+def test_contacts_and_forces_from_key_points(motion, points):
+    settings = settings_of(motion)
+    x, y = motion.scene.to_pixels(motion.pole_x[:1], motion.pole_y[:1])
+    pole = settings.pole.model_copy(update={"x_px": float(x[0]), "y_px": float(y[0])})
+    settings = settings.model_copy(update={"pole": pole})
+    found = analyse_lines(lines_of(points, settings, "a.csv"), settings).contacts
+    truth = contact_table(motion, "trial")
+    truth = truth[truth["peak_force_uN"] > STRONG_UN]
+    assert len(truth) > 1
+    for _, one in truth.iterrows():
+        near = found.iloc[(found["onset_frame"] - one["onset_frame"]).abs().argmin()]
+        assert abs(near["onset_frame"] - one["onset_frame"]) <= edge_tolerance
+        assert near["peak_force_uN"] == pytest.approx(
+            one["peak_force_uN"], rel=peak_force_tolerance
+        )
+
+
+def test_points_run_from_the_face_and_doubtful_ones_are_left_out(motion, points):
+    turned = KeyPoints(("",), points.parts, points.xy[:, :, ::-1], points.score.copy())
+    turned.score[3, 0, 1] = 0.2
+    turned.score[4, 0, 2:] = 0.2
+    lines = lines_of(turned, settings_of(motion), "a.csv")
+    first = lines.offsets[:-1]
+    assert (lines.x_px[first] < lines.x_px[lines.offsets[1:] - 1]).all()
+    assert 3 in lines.frame
+    assert 4 not in lines.frame
+
+
+@pytest.mark.parametrize(
+    ("part", "whisker"),
+    [("C2_0", "C2"), ("C2-11", "C2"), ("w 1", "w"), ("D1_base", "D1"), ("D1_tip", "D1")],
+)
+def test_whiskers_are_told_by_how_the_parts_are_called(part, whisker):
+    assert keypoints.LAST_PART.sub("", part) == whisker
+
+
+def test_another_number_of_whiskers_is_told(motion, points):
+    with pytest.raises(InputError, match=r"a\.csv: holds 1 whiskers \(C2\).* 2 names \(D1, D2\)"):
+        lines_of(points, settings_of(motion), "a.csv", ["D1", "D2"])
+    few = KeyPoints(("",), points.parts[:3], points.xy[:, :, :3], points.score[..., :3])
+    with pytest.raises(InputError, match="C2 has 3 key points, expected at least 4"):
+        lines_of(few, settings_of(motion), "a.csv")
+
+
+@pytest.mark.parametrize("read", [read_deeplabcut, read_sleap])
+@pytest.mark.parametrize("suffix", ["csv", "h5"])
+@given(content=st.binary(max_size=60))
+def test_other_files_are_named_in_one_line(tmp_path_factory, read, suffix, content):
+    path = tmp_path_factory.mktemp("k") / f"a.{suffix}"
+    path.write_bytes(content)
+    with pytest.raises(InputError, match=r"cannot be read as") as caught:
+        read(path)
+    assert str(path) in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("suffix", ["csv", "h5"])
+@pytest.mark.parametrize("program", ["dlc", "sleap"])
+def test_a_cut_file_is_named(tmp_path, program, suffix):
+    path, expected = tmp_path / f"a.{suffix}", several()
+    if program == "sleap":
+        sleap_file(path, expected) if suffix == "h5" else sleap_table(expected).to_csv(path)
+    elif suffix == "h5":
+        deeplabcut_table(expected).to_hdf(path, key="df_with_missing", format="table", mode="w")
+    else:
+        deeplabcut_table(expected).to_csv(path)
+    path.write_bytes(path.read_bytes()[: 40 if suffix == "csv" else path.stat().st_size // 2])
+    with pytest.raises(InputError, match=r"a\.\w+: cannot be read as"):
+        (read_sleap if program == "sleap" else read_deeplabcut)(path)

@@ -1,0 +1,93 @@
+"""WhACC's file of contacts, in and out."""
+
+import h5py
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pipeline.contacts.corrections import read_corrections
+from pipeline.convert.whacc import corrections_of, read_whacc, take_contacts, write_whacc
+from pipeline.errors import InputError
+
+
+def write(path, names, parts, key="labels", **more):
+    with h5py.File(path, "w") as file:
+        file["full_file_names"] = np.array(names, "S")
+        file["frame_nums"] = [len(part) for part in parts]
+        file[key] = np.concatenate(parts)
+        for name, values in more.items():
+            file[name] = values
+    return path
+
+
+def test_contacts_there_and_back(videos, tmp_path):
+    labels = read_whacc(write_whacc(tmp_path / "w.h5", videos))
+    assert [each.video for each in labels] == ["one", "two"]
+    for each, video in zip(labels, videos, strict=True):
+        np.testing.assert_array_equal(each.touch, video.frames["in_contact"])
+
+
+def test_a_person_s_labels_come_before_the_prediction(tmp_path):
+    labels, predicted = np.array([-1, 0, 1, -1.0]), np.array([1, 1, 0, 0])
+    path = write(tmp_path / "w.h5", [b"C:\\data\\a.mp4"], [labels], yhat=predicted)
+    (found,) = read_whacc(path)
+    assert found.video == "a"
+    np.testing.assert_array_equal(found.touch, [1, 0, 1, 0])
+    (found,) = read_whacc(write(tmp_path / "v.h5", [b"/data/a.mp4"], [labels]))
+    np.testing.assert_array_equal(found.touch, [-1, 0, 1, -1])
+
+
+@given(touch=st.lists(st.sampled_from([-1, 0, 1]), min_size=1, max_size=30))
+def test_every_stretch_is_a_verdict(touch):
+    table = corrections_of(np.array(touch), "C2")
+    back = np.full(len(touch), -1)
+    for row in table.itertuples():
+        back[row.onset_frame : row.offset_frame] = row.verdict == "contact"
+        assert (row.covers_from, row.covers_to) == (row.onset_frame, row.offset_frame)
+    np.testing.assert_array_equal(back, touch)
+
+
+def test_contacts_are_taken_as_corrections(videos, tmp_path):
+    touch = np.zeros(120)
+    touch[10:20] = 1
+    path = write(tmp_path / "w.h5", [b"one.mp4", b"other.mp4"], [touch, touch])
+    (written,) = take_contacts(path, videos)
+    assert written == videos[0].folder / "corrections.csv"
+    table = read_corrections(videos[0].folder)
+    assert list(table["verdict"]) == ["free", "contact", "free"]
+    assert list(table["onset_frame"]) == [0, 10, 20]
+    with pytest.raises(InputError, match="holds corrections already"):
+        take_contacts(path, videos)
+
+
+@pytest.mark.parametrize(
+    ("names", "count", "whisker", "message"),
+    [
+        ([b"x.mp4"], 120, "", "no video is in both"),
+        ([b"one.mp4"], 99, "", "has 99 frames of one, its results 120"),
+        ([b"one.mp4"], 120, "D1", "has whiskers C2; say whose contacts"),
+    ],
+)
+def test_what_does_not_fit_is_told(videos, tmp_path, names, count, whisker, message):
+    path = write(tmp_path / "w.h5", names, [np.zeros(count)])
+    with pytest.raises(InputError, match=message):
+        take_contacts(path, videos, whisker)
+
+
+def test_other_files_are_told(tmp_path):
+    path = tmp_path / "w.h5"
+    for content in (b"", b"no HDF5"):
+        path.write_bytes(content)
+        with pytest.raises(InputError, match=r"w\.h5: cannot be read as WhACC's file"):
+            read_whacc(path)
+    write(path, [b"a.mp4"], [np.zeros(3)])
+    with h5py.File(path, "a") as file:
+        del file["labels"]
+        file["labels"] = np.zeros(2)
+    with pytest.raises(InputError, match="2 labels, 3 frames"):
+        read_whacc(path)
+    whole = write(path, [b"a.mp4"], [np.zeros(3)]).read_bytes()
+    path.write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(InputError, match="copy it again"):
+        read_whacc(path)
