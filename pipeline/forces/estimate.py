@@ -35,8 +35,8 @@ def estimate_forces(
 
     Returns
     -------
-    frames : the table with distance, rest curvature and curvature change filled; base angle,
-        curvature and, where the scale is given, follicle as the fitted rods have them
+    frames : the table with distance, rest curvature and curvature change filled; curvature as the
+        fitted rods have it, and, where they are steady, base angle and (given the scale) follicle
     evidence : EVIDENCE_COLUMNS, aligned with `frames`; NaN in frames without a trace
     """
     frames = frames.reset_index(drop=True).copy()

@@ -18,7 +18,7 @@ from pipeline.forces.rest_shape import RestModel
 from pipeline.forces.rod_fit import RestPrior, ShapeFit
 from pipeline.kinematics import resampled
 from pipeline.kinematics.resampled import Stations
-from pipeline.numerics.angles import wrapped
+from pipeline.numerics.angles import jitter, wrapped
 from whiskermodel.whisker import Whisker
 
 METHODS = ("point", "shape")
@@ -26,8 +26,11 @@ SLIDING_FRAMES = 3
 SHORTEST_LEVER_M = 0.3e-3  # a contact nearer to the point of curvature tells nothing there
 LEAST_NOISE = 0.5  # of the fit's standard error: free frames are no witness of smaller ones
 FARTHEST_TURN_RAD = 0.2  # of a fitted rod's base from the traced part's continuation
+STEADY_RAD = 5e-3  # jitter of base angles up to here is a clean picture's, or a touch's
+LESS_STEADY = 1.2  # than the traced base angles: rods are preferred as long as they are not
 FEWEST_WITNESSES = 20  # free frames that can tell how much the force scatters
 CALIBRATION_REACH_M = 3e-3  # free frames with the pole this near tell the force's true noise
+ERROR = "base_angle_se_deg"
 _EVIDENCE_OF_FIT = {
     "gap": "gap_m",
     "clear_gap": "clear_gap_m",
@@ -75,12 +78,12 @@ def measure_forces(
     Returns
     -------
     evidence : table aligned with `places`, SI units
-    measured : table aligned with `places`: `base_angle_deg`, `follicle_x_m`, `follicle_y_m` (y up)
-        and `curvature_per_m` with the help of the fitted rod, rest curvature and curvature
-        change, with their standard errors
+    measured : table aligned with `places`: `base_angle_deg`, `base_angle_se_deg`, `follicle_x_m`,
+        `follicle_y_m` (y up) and `curvature_per_m` with the help of the fitted rod, rest curvature
+        and curvature change, with their standard errors
     """
     time = kinematics["time_s"].to_numpy(float)
-    angle = np.radians(kinematics["base_angle_deg"].to_numpy(float))
+    angle = wrapped(np.radians(kinematics["base_angle_deg"].to_numpy(float)))  # as rods have it
     if free is None:
         free = far_from_pole(places)
     fit, origin, model = _fit_rods(places, whisker, curvature_at, angle, time, free, friction)
@@ -90,7 +93,7 @@ def measure_forces(
     (basis,) = rod_fit.rest_basis(whisker, [curvature_at])
     shape = _turned_to(model, basis, angle, time)
     measured = _rest_columns(*_curvature(kinematics, fit, origin), shape, angle, time, free)
-    measured = measured.join(_base(kinematics, fit))
+    measured = measured.join(_base(kinematics, fit, origin.se))
     point, error = point_force(measured, fit)
     evidence["point_force_N"] = point
     stiffer = 4 / (whisker.cone_length - curvature_at)  # E I goes with (cone length − s)⁴
@@ -242,23 +245,34 @@ def _excess(ratio, free):
     return max(LEAST_NOISE, 1.4826 * float(np.median(np.abs(ratio))))
 
 
-def _base(kinematics, fit) -> pd.DataFrame:
+def _base(kinematics, fit, origin_se) -> pd.DataFrame:
     """Base angle and follicle of the fitted rods; where there is none, the angle as it was.
 
-    A rod that leaves the traced part's continuation by far lies upon something else.
+    A rod that leaves the traced part's continuation by far lies upon something else; rods that
+    are unsteady from frame to frame follow noise. Full turns are as the traced angle has them.
     """
-    traced = np.radians(kinematics["base_angle_deg"].to_numpy(float))
-    off = wrapped(fit["angle"] - traced)
+    traced = kinematics[["base_angle_deg"]].assign(**{ERROR: kinematics.get(ERROR, np.nan)})
+    angle, error = np.radians(traced.to_numpy(float).T)
+    off = wrapped(fit["angle"] - angle)
     with np.errstate(invalid="ignore"):
-        apart = np.abs(off) > FARTHEST_TURN_RAD
-    found = np.where(np.isnan(off) | apart, traced, fit["angle"])
+        found = np.abs(off) <= FARTHEST_TURN_RAD
+    found &= _steady(angle, angle + off, kinematics)
+    rod_error = np.hypot(np.sqrt(fit["angle_var"]), fit["base_curvature"] * origin_se)
     return pd.DataFrame(
         {
-            "base_angle_deg": np.degrees(wrapped(found)),
-            "follicle_x_m": np.where(apart, np.nan, fit["follicle_x"]),
-            "follicle_y_m": np.where(apart, np.nan, fit["follicle_y"]),
+            "base_angle_deg": np.degrees(angle + np.where(found, off, 0.0)),
+            ERROR: np.degrees(np.where(found, rod_error, error)),
+            "follicle_x_m": np.where(found, fit["follicle_x"], np.nan),
+            "follicle_y_m": np.where(found, fit["follicle_y"], np.nan),
         }
     )
+
+
+def _steady(traced, rods, kinematics) -> bool:
+    """Whether the rods' base angles are steady, or at least not less so than the traced ones."""
+    frame = kinematics["frame"] if "frame" in kinematics else np.arange(len(kinematics))
+    unsteady = jitter(rods, frame)
+    return not unsteady > max(STEADY_RAD, LESS_STEADY * jitter(traced, frame))
 
 
 def _curvature(kinematics, fit, origin):

@@ -37,7 +37,7 @@ from pipeline.forces.rod_integration import (
     polynomials,
     unit_force,
 )
-from pipeline.forces.rod_outputs import COLUMNS, report_curvature, report_loads
+from pipeline.forces.rod_outputs import COLUMNS, report_base, report_curvature, report_loads
 from pipeline.kinematics.resampled import N_STATIONS, Stations
 from whiskermodel.whisker import Whisker
 
@@ -77,6 +77,8 @@ class ShapeFit:
         curvature, curvature_var, curvature_slope : at `curvature_at`: the rod's, and what a
             parabola through the stations' misfits about it adds, so that neither the kink at a
             contact nor the taper biases it; variance [1/m², of noise alone] and slope [1/m²]
+        angle_var, base_curvature : variance of `angle` [rad², of noise alone]; the rod's curvature
+            at the follicle [1/m]
     rest : (rows, N_REST) rest-shape coefficients a_j [1/m]
     rest_cov : (rows, N_REST, N_REST)
     """
@@ -229,6 +231,7 @@ def _fit_rows(
                 o, seen, chi2, cov, arc, rod, load, pole, radius, at, place, p, laid, nudged,
                 sums, precision[row], influence[row : row + 1],
             )  # fmt: skip
+        report_base(o, cov, size, (p, rod, load, arc, place, laid), sums.mean)
         report_curvature(o, seen, chi2, arc, rod, load, at, place, p, laid, sums)
         for each in misfit[row : row + 1]:
             for k in range(m):

@@ -30,6 +30,7 @@ COLUMNS = (
     "moment_var", "axial_var", "lateral_var",
     "force_by_origin", "moment_by_origin", "axial_by_origin", "lateral_by_origin",
     "origin_pull", "origin_bend", "curvature", "curvature_var", "curvature_slope",
+    "angle_var", "base_curvature",
 )  # fmt: skip
 
 
@@ -68,6 +69,17 @@ def report_curvature(o, seen, chi2, arc, rod, load, at, place, p, laid, sums):
     ) / h
     more, o[30] = _more_curvature(seen, chi2, laid, h, near, sums)
     o[29] = _rod_curvature(rod_now, near, sums.mean) + more
+
+
+@njit(cache=True)
+def report_base(o, cov, size, rod_now, values):
+    """Fill one row's variance of the base angle, and the curvature at the follicle."""
+    base, total = rod_now[5].base, 0.0
+    for a in range(size):
+        for b in range(size):
+            total += base[2, a] * cov[a, b] * base[2, b]
+    o[32] = total
+    o[33] = _rod_curvature(rod_now, -rod_now[3][0], values)
 
 
 @njit(cache=True)

@@ -7,6 +7,7 @@ import pandas as pd
 
 from pipeline.detection.static_scene import PoleTrack
 from pipeline.kinematics import curvature, resampled
+from pipeline.kinematics.base_angle import add_bases
 from pipeline.kinematics.resampled_store import StationStore
 from pipeline.session.parameters import DEFAULTS, KinematicsParams
 from pipeline.session.recording import Recording
@@ -76,6 +77,7 @@ class KinematicsMeter:
     def result(self, n_frames: int) -> Kinematics:
         """All that was measured, of a video of `n_frames`."""
         table = frame_table(self._tables, self.cast, n_frames, self.recording)
+        table = add_bases(table, self._places, self.recording.pixels_per_m, self.params)
         return Kinematics(self.cast, table, self._places, self.pole, n_frames)
 
 

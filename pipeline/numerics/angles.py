@@ -1,4 +1,4 @@
-"""Angles that go round."""
+"""Angles that go round, and how steady they are."""
 
 import numpy as np
 from numba import njit
@@ -8,3 +8,34 @@ from numba import njit
 def wrapped(angle, turn=2 * np.pi):
     """The same angle between minus half a `turn` and half a turn [rad, or as the turn]."""
     return np.mod(angle + turn / 2, turn) - turn / 2
+
+
+def continuous(angle, turn=2 * np.pi) -> np.ndarray:
+    """Add full turns so that each angle is within half a turn of the last known one.
+
+    After a gap, too. NaN stays; the median is within half a turn of zero.
+    """
+    angle = np.array(angle, float)
+    known = np.isfinite(angle)
+    if known.any():
+        path = np.unwrap(angle[known], period=turn)
+        angle[known] = path - turn * np.round(np.median(path) / turn)
+    return angle
+
+
+def second_differences(angle, frame) -> np.ndarray:
+    """Second differences of `angle` where three frames follow each other, NaN left out."""
+    angle, frame = np.asarray(angle, float), np.asarray(frame)
+    following = (np.diff(frame[:-1]) == 1) & (np.diff(frame[1:]) == 1)
+    change = angle[2:] - 2 * angle[1:-1] + angle[:-2]
+    return change[following & np.isfinite(change)]
+
+
+def jitter(angle, frame) -> float:
+    """Robust SD of an angle's error in one frame, as second differences show it; NaN without any.
+
+    The second difference of independent errors has six times their variance. Motion that is
+    fast beside the frames is in it, too.
+    """
+    change = second_differences(angle, frame)
+    return float(1.4826 * np.median(np.abs(change)) / np.sqrt(6)) if len(change) else np.nan

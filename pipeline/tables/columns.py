@@ -52,7 +52,23 @@ FRAME_COLUMNS = tuple(
                 "base_angle_deg",
                 "float64",
                 "deg",
-                "whisker's angle at the follicle, counter-clockwise on the screen from +x",
+                "whisker's angle at the follicle, counter-clockwise on the screen from +x; "
+                "continuous in time, so it may pass ±180",
+            ),
+            Column(
+                "base_angle_se_deg",
+                "float64",
+                "deg",
+                "standard error of base_angle_deg, at the scale and hidden length given",
+            ),
+            Column(
+                "visible_angle_deg",
+                "float64",
+                "deg",
+                "mean direction of the first 4.5 mm (80 px at least) beyond the fur, likewise",
+            ),
+            Column(
+                "visible_angle_se_deg", "float64", "deg", "standard error of visible_angle_deg"
             ),
             Column("curvature_per_m", "float64", "1/m", "measured curvature at curvature_at_mm"),
             Column("rest_curvature_per_m", "float64", "1/m", "measured curvature when untouched"),

@@ -19,6 +19,12 @@ class KinematicsParams:
     base_window_mm: quantity(1, 20, "mm") = parameter(
         4.5, "part of the whisker from which the hidden piece is extrapolated", "chosen"
     )
+    base_window_least_px: quantity(20, 500, "px") = parameter(
+        80.0, "or this much at least, if that is more", "measured on real recordings"
+    )
+    base_skip_least_px: quantity(0, 100, "px") = parameter(
+        8.0, "first visible part that base angles do not use", "chosen"
+    )
     fur_reach_mm: quantity(0.2, 5, "mm") = parameter(
         1.2, "moving fur draws the trace aside up to here", "chosen"
     )

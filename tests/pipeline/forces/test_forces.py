@@ -119,9 +119,12 @@ def test_a_rod_that_turns_away_is_not_the_base():
         "angle": np.radians([-179.0, 40.0, np.nan]),
         "follicle_x": np.ones(3),
         "follicle_y": np.ones(3),
+        "angle_var": np.full(3, np.radians(0.3) ** 2),
+        "base_curvature": np.full(3, 10.0),
     }
-    base = forces._base(kinematics, fit)
-    np.testing.assert_allclose(base["base_angle_deg"], [-179.0, 10.0, 10.0])
+    base = forces._base(kinematics.assign(base_angle_se_deg=1.0), fit, np.radians(0.04))
+    np.testing.assert_allclose(base["base_angle_deg"], [181.0, 10.0, 10.0])  # does not wrap
+    np.testing.assert_allclose(base["base_angle_se_deg"], [0.5, 1.0, 1.0])
     assert np.isnan(base["follicle_x_m"][1])
 
 

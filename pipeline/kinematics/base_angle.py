@@ -1,0 +1,297 @@
+"""Base angle and follicle of every row, extrapolated only as far as the video's data carry.
+
+The base is measured beyond the fur (`base_curves`); the follicle lies before it. What one frame
+shows of the bend there may be exact (a clean picture, a long whisker) or worthless (codec, fur, a
+few dozen pixels). So each row's bend, its change along the whisker and the distance at which the
+curve passes the follicle's usual place are drawn towards what is usual for this whisker at this
+angle, by as much as the video shows them to be noise:
+
+- the usual and its spread are learnt from all frames (expectation–maximisation), the spread is
+  at most what touch and roll do to a whisker;
+- noise that changes from one frame to the next is told from what lasts by the covariance of
+  neighbouring frames, and smoothed (Kalman); where the bend jumps by more than its noise, as in
+  a touch, nothing is smoothed.
+
+The angle at which the visible part lies is not drawn anywhere and not smoothed in time.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pandas as pd
+from numba import njit
+
+from pipeline.kinematics.base_curves import BaseCurves, fit_base_curves, lay_to
+from pipeline.numerics.angles import continuous
+from pipeline.session.parameters import DEFAULTS, KinematicsParams
+
+FEWEST_ROWS = 12  # that tell what is usual
+LEARNING_ROWS = 400
+PASSES = 30  # of expectation–maximisation
+LEAST_SUDDEN = 0.05  # of the noise changes at once, whatever the video seems to say
+MOST_STAYS = 0.99  # of what lasts, from one frame to the next
+JUMP_SD = 10.0  # a change by more than so many standard errors is no drift
+FREEDOM = 5.0  # of Student's t: rows that are farther off tell less of what is usual
+LEAST_SWING = 0.1  # rad: in less, nothing tells how the bend goes with the angle
+LEAST_SD = 1e-4  # rad, of what is usual
+BENDS_PER_M = 40.0  # SD of what touch and roll may bend a mouse's or rat's whisker by, and …
+BENDS_PER_M2 = 5e3  # … how that may change along it: to nothing at a contact 8 mm away
+
+
+@dataclass(frozen=True)
+class Base:
+    """Base of one whisker, (rows,) each; NaN where a row is too short to tell.
+
+    Attributes
+    ----------
+    angle, angle_se : at the follicle, counter-clockwise, continuous in time [rad]
+    visible, visible_se : mean direction over the visible window, likewise [rad]
+    x, y : follicle [m, y up]
+    """
+
+    angle: np.ndarray
+    angle_se: np.ndarray
+    visible: np.ndarray
+    visible_se: np.ndarray
+    x: np.ndarray
+    y: np.ndarray
+
+
+def add_bases(
+    frames, store, pixels_per_m: float, params: KinematicsParams = DEFAULTS.kinematics
+) -> pd.DataFrame:
+    """The table of FRAME_COLUMNS with base angle and follicle of all whiskers in `store`.
+
+    Parameters
+    ----------
+    frames : a row per frame and whisker
+    store : `StationStore` of the whole video
+    pixels_per_m : scale
+    params : the room's parameters
+    """
+    frames = frames.copy()
+    row_of = frames.reset_index().set_index(["whisker", "frame"])["index"]
+    for name in store.names:
+        places = store.of(name)
+        if len(places) == 0:
+            continue
+        base = measure_base(places, pixels_per_m, params)
+        rows = row_of[name].loc[places.frame].to_numpy()
+        for column, values in {
+            "follicle_x_px": pixels_per_m * base.x,
+            "follicle_y_px": -pixels_per_m * base.y,
+            "base_angle_deg": np.degrees(base.angle),
+            "base_angle_se_deg": np.degrees(base.angle_se),
+            "visible_angle_deg": np.degrees(base.visible),
+            "visible_angle_se_deg": np.degrees(base.visible_se),
+        }.items():
+            frames.loc[rows, column] = values
+    return frames
+
+
+def measure_base(
+    places, pixels_per_m: float, params: KinematicsParams = DEFAULTS.kinematics
+) -> Base:
+    """Base angle and follicle of one whisker's `Stations`, rows in the order of their frames."""
+    out = Base(*np.full((6, len(places)), np.nan))
+    curves = fit_base_curves(places, pixels_per_m, params)
+    if curves is None:
+        return out
+    rows = np.flatnonzero(np.isfinite(curves.x))
+    own = curves.rows(rows)
+    own.shape[:, 0] = continuous(own.shape[:, 0])
+    base = _regularised(own, places.frame[rows], 1e-3 * params.hidden_most_mm)
+    turns = 2 * np.pi * np.round(np.median(base.angle) / (2 * np.pi)) if len(rows) else 0.0
+    base = replace(base, angle=base.angle - turns, visible=base.visible - turns)
+    for name, values in vars(base).items():
+        getattr(out, name)[rows] = values
+    return out
+
+
+# Extrapolation -------------------------------------------------------------------------------
+
+
+def _regularised(curves: BaseCurves, frame, farthest) -> Base:
+    """Curves drawn towards the usual: first their bend, then with the follicle's place."""
+    q = np.column_stack([np.zeros(len(frame)), curves.shape])
+    stiff = 1 / (np.array([BENDS_PER_M, BENDS_PER_M2]) * curves.half ** np.array([1, 2])) ** 2
+    bend = np.broadcast_to(np.eye(4)[1:], (len(q), 3, 4))
+    first, _ = _drawn(q, curves.cov, bend, np.zeros((len(q), 3)), stiff, frame)
+    z, aside = _beside_anchor(curves, first, farthest)
+    across = np.stack([np.ones_like(z), z, z**2 / 2, z**3 / 6], axis=1)
+    known = np.zeros((len(q), 4))
+    known[:, 1] = aside - (across * first).sum(axis=1)
+    features = np.concatenate([bend[:, :1], across[:, None], bend[:, 1:]], axis=1)
+    last, cov = _drawn(q, curves.cov, features, known, np.append(0.0, stiff), frame)
+    x, y, angle = _curves_at(curves, last, z)
+    zero, one = np.zeros_like(z), np.ones_like(z)
+    at_base, in_view = (np.column_stack([zero, one, *t]) for t in ((z, z**2 / 2), (zero, one / 6)))
+    visible = (in_view * last).sum(axis=1)
+    return Base(angle, _error(at_base, cov), visible, _error(in_view, cov), x, y)
+
+
+def _beside_anchor(curves, q, farthest):
+    """Where on each curve the follicle is, and how far the curve passes beside its usual place.
+
+    In half-widths of the window, from its middle; (rows,) each.
+    """
+    z = np.full(len(q), -curves.middle / curves.half)
+    x, y, angle = _curves_at(curves, q, z)
+    anchor_x, anchor_y = np.median(x), np.median(y)
+    along = (anchor_x - x) * np.cos(angle) + (anchor_y - y) * np.sin(angle)
+    z = np.clip(z + along / curves.half, -1 - (curves.middle + farthest) / curves.half, -1.0)
+    x, y, angle = _curves_at(curves, q, z)
+    aside = (y - anchor_y) * np.cos(angle) - (x - anchor_x) * np.sin(angle)
+    return z, aside / curves.half
+
+
+def _curves_at(curves, q, z):
+    """x, y [m] and angle [rad] at `z` of curves of parameters `q` (rows, 4)."""
+    aside = curves.half * q[:, 0]
+    x = curves.x - aside * np.sin(curves.shape[:, 0])
+    y = curves.y + aside * np.cos(curves.shape[:, 0])
+    return lay_to(x, y, q[:, 1:], curves.half, z)
+
+
+def _error(weights, cov):
+    """Standard error of a linear measure of the parameters, (rows,)."""
+    return np.sqrt(np.einsum("na,nab,nb->n", weights, cov, weights))
+
+
+# What is usual -------------------------------------------------------------------------------
+
+
+def _drawn(q, cov, design, constant, stiff, frame):
+    """Parameters drawn towards what is usual, and their covariance.
+
+    Parameters
+    ----------
+    q, cov : (rows, 4), (rows, 4, 4), as measured
+    design, constant : the features that have something usual are `design` q + `constant`, (rows,
+        features); the first is the angle, which is given
+    stiff : (features − 1,) 1/variance that the others have at most
+    frame : (rows,) numbers of the frames
+    """
+    seen = np.einsum("nab,nb->na", design, q) + constant
+    mean, spread = _usual(seen, design @ cov @ design.transpose(0, 2, 1))
+    spread[0, 0] += LEAST_SWING**2
+    inverse = np.linalg.inv(spread)
+    rest = np.linalg.inv(inverse[1:, 1:] + np.diag(stiff))
+    by_angle = -rest @ inverse[1:, 0]
+    off = seen[:, 1:] - mean[1:] - (seen[:, :1] - mean[0]) * by_angle
+    part = design[:, 1:] - by_angle[:, None] * design[:, :1]
+    noise = part @ cov @ part.transpose(0, 2, 1)
+    likely, left = _denoised(off, noise, rest, frame)
+    gain = cov @ part.transpose(0, 2, 1) @ np.linalg.inv(noise)
+    drawn = q - np.einsum("nab,nb->na", gain, off - likely)
+    return drawn, cov - gain @ (noise - left) @ gain.transpose(0, 2, 1)
+
+
+def _usual(seen, noise):
+    """Mean and covariance of features that are `seen` (rows, k) with `noise` (rows, k, k)."""
+    few = np.unique(np.linspace(0, len(seen) - 1, LEARNING_ROWS).astype(int))
+    seen, noise, k = seen[few], noise[few], seen.shape[1]
+    mean = np.median(seen, axis=0)
+    if len(seen) < FEWEST_ROWS:
+        return mean, np.eye(k)
+    spread = np.diag((1.4826 * np.median(np.abs(seen - mean), axis=0)) ** 2 + LEAST_SD**2)
+    for _ in range(PASSES):
+        total = np.linalg.inv(noise + spread)
+        off = seen - mean
+        weight = (FREEDOM + k) / (FREEDOM + np.einsum("na,nab,nb->n", off, total, off))
+        gain = spread @ total
+        likely = np.einsum("nab,nb->na", gain, off)
+        left = spread - gain @ spread
+        each = left + likely[:, :, None] * likely[:, None, :] * weight[:, None, None]
+        mean = mean + (weight[:, None] * likely).sum(axis=0) / weight.sum()
+        spread = each.mean(axis=0) + LEAST_SD**2 * np.eye(k)
+    return mean, spread
+
+
+# Noise from frame to frame -------------------------------------------------------------------
+
+
+def _denoised(off, noise, spread, frame):
+    """Likely true values of what is seen to be `off` (rows, k) the usual, and their covariance.
+
+    Told apart in the directions in which noise and spread are independent.
+    """
+    lower = np.linalg.cholesky(np.linalg.inv(np.linalg.inv(noise).mean(axis=0)))
+    white = np.linalg.inv(lower)
+    size, axes = np.linalg.eigh(white @ spread @ white.T)
+    to, back = axes.T @ white, lower @ axes
+    channels, share = off @ to.T, np.einsum("ka,nab,kb->nk", to, noise, to)
+    likely, left = np.empty_like(channels), np.empty_like(channels)
+    for k in range(len(size)):
+        likely[:, k], left[:, k] = _channel(channels[:, k], share[:, k], max(size[k], 1e-9), frame)
+    return likely @ back.T, np.einsum("ak,nk,bk->nab", back, left, back)
+
+
+def _channel(seen, noise, true, frame):
+    """Values of variance `true` that are `seen` with `noise`, and what is left of it.
+
+    Seen is the true value, an error that lasts and an error of the moment. The first two change
+    as slowly as the channel is seen to, and what they have in common is shared out between them.
+    """
+    lasting, stays = _lasting(seen, frame)
+    typical = np.median(noise)
+    wrong = np.clip(lasting - true, 0.0, (1 - LEAST_SUDDEN) * typical)
+    part, sudden = true / (true + wrong), noise * (1 - wrong / typical)
+    slow, left = _smooth(seen, sudden, true + wrong, stays, np.asarray(frame, float))
+    return part * slow, part**2 * left + true * (1 - part)
+
+
+def _lasting(seen, frame):
+    """Variance of what lasts from one frame to the next, and the part of it that stays."""
+    one, two = (_covariance(seen, frame, lag) for lag in (1, 2))
+    if not one > 0:  # or not known
+        return 0.0, 0.0
+    if not 0 < two < MOST_STAYS * one:
+        return one, MOST_STAYS
+    return one**2 / two, two / one
+
+
+def _covariance(seen, frame, lag):
+    """Robust covariance of values `lag` frames apart; NaN where there are too few."""
+    later = np.searchsorted(frame, frame + lag)
+    at = np.flatnonzero(np.append(frame, -1)[later] == frame + lag)
+    if len(at) < FEWEST_ROWS:
+        return np.nan
+    early, late = seen[at], seen[later[at]]
+    return (_variance(early + late) - _variance(early - late)) / 4
+
+
+def _variance(values):
+    return (1.4826 * np.median(np.abs(values))) ** 2
+
+
+@njit(cache=True)
+def _smooth(seen, noise, variance, stays, frame):
+    """Kalman smoother of a stationary process that keeps `stays` of itself from frame to frame.
+
+    Where it jumps it begins anew. Returns its mean and variance, (rows,) each, for `seen` with
+    `noise`, a variance per row.
+    """
+    n = len(seen)
+    mean, var, ahead, spread, keep = (
+        np.empty(n),
+        np.empty(n),
+        np.empty(n),
+        np.empty(n),
+        np.empty(n),
+    )
+    m, v = 0.0, variance
+    for i in range(n):
+        keep[i] = stays ** (frame[i] - frame[i - 1]) if i else 0.0
+        m, v = keep[i] * m, keep[i] ** 2 * v + variance * (1 - keep[i] ** 2)
+        if (seen[i] - m) ** 2 > JUMP_SD**2 * (v + noise[i]):
+            keep[i], m, v = 0.0, 0.0, variance
+        ahead[i], spread[i] = m, v
+        gain = v / (v + noise[i])
+        m, v = m + gain * (seen[i] - m), (1 - gain) * v
+        mean[i], var[i] = m, v
+    for i in range(n - 2, -1, -1):
+        back = var[i] * keep[i + 1] / spread[i + 1]
+        mean[i] += back * (mean[i + 1] - ahead[i + 1])
+        var[i] += back**2 * (var[i + 1] - spread[i + 1])
+    return mean, var

@@ -1,0 +1,145 @@
+"""Base angles of whiskers known in closed form: in noise, under fur, at a wrong scale, in time."""
+
+import numpy as np
+import pytest
+from scipy.ndimage import gaussian_filter1d
+
+from pipeline.kinematics.base_angle import measure_base
+from pipeline.kinematics.resampled import measure_stations
+from pipeline.numerics.angles import continuous, jitter
+from pipeline.session.recording import Recording
+from pipeline.tables.centrelines import Centrelines
+from pipeline.tracking.whiskers import nominal_whisker
+
+PX_PER_MM = 16.0
+HIDDEN_MM, VISIBLE_PX = 1.4, 260
+FRAMES = 300
+BENT = 25.0  # 1/m
+SD = 0.1  # px, of a point
+FUR_PX = 12.0  # of the first visible part
+clean_angle = 0.02  # degrees
+noisy_angle = 0.3  # degrees, SD
+steady_angle = 0.3  # degrees, of one frame beside its neighbours
+follicle_tolerance = 1.0  # px
+
+
+def swing(frames=FRAMES, about=-40.0, by=25.0):
+    """Base angle [rad] of a whisker that whisks."""
+    return np.radians(about + by * np.sin(2 * np.pi * np.arange(frames) / 90))
+
+
+def whisker_lines(rng, angle, sd=0.0, fur=0.0, bent=BENT, frame=None):
+    """Visible parts of a whisker of constant curvature `bent` [1/m], one or (frames,).
+
+    It turns about its follicle at (60, 200) px. Fur draws the first part aside by `fur` px at
+    the first point, differently every few frames.
+    """
+    frames, n = len(angle), VISIBLE_PX
+    s = HIDDEN_MM * PX_PER_MM + np.arange(n)
+    kappa = np.broadcast_to(bent, frames)[:, None] / (1e3 * PX_PER_MM)
+    turned = kappa * s / 2
+    chord = s * np.sinc(turned / np.pi)
+    x = 60 + chord * np.cos(angle[:, None] + turned)
+    y = 200 - chord * np.sin(angle[:, None] + turned)
+    drawn = gaussian_filter1d(rng.normal(size=frames), 3) * fur * 3.3
+    clings = np.exp(-2 * (np.arange(n) / FUR_PX) ** 2)
+    offset = rng.normal(0, sd, (frames, n)) + np.outer(drawn, clings)
+    return Centrelines(
+        names=("C2",),
+        frame=np.arange(frames) if frame is None else frame,
+        whisker=np.zeros(frames, np.int32),
+        offsets=n * np.arange(frames + 1),
+        x_px=x.ravel(),
+        y_px=y.ravel(),
+        se_px=np.full(frames * n, max(sd, 0.01)),
+        confidence=np.ones(frames),
+        offset_px=offset.ravel(),
+        information=np.full(frames * n, max(sd, 0.01) ** -2),
+    )
+
+
+def measured(lines, scale=1.0):
+    """The base as measured at a scale that is `scale` times the true one."""
+    recording = Recording(1000.0, PX_PER_MM * scale, "left")
+    whisker = nominal_whisker("C2", VISIBLE_PX / recording.pixels_per_m, 1e-3 * HIDDEN_MM)
+    places = measure_stations(lines, recording, [whisker], [1e-3 * HIDDEN_MM]).of("C2")
+    return measure_base(places, recording.pixels_per_m), recording.pixels_per_m
+
+
+def errors(base, px_per_m, angle, bent=BENT):
+    """Error of the angle [degrees] where the whisker passes the reported follicle."""
+    s = np.linspace(-2.5, 2.5, 501) * PX_PER_MM
+    turned = bent / (1e3 * PX_PER_MM) * s / 2
+    chord = s * np.sinc(turned / np.pi)
+    x = 60 + chord * np.cos(angle[:, None] + turned)
+    y = 200 - chord * np.sin(angle[:, None] + turned)
+    away = np.hypot(x - px_per_m * base.x[:, None], y + px_per_m * base.y[:, None])
+    nearest = away.argmin(axis=1)
+    return np.degrees(base.angle - angle - 2 * turned[nearest]), away.min(axis=1)
+
+
+def test_a_clean_whisker_is_measured_exactly():
+    angle = swing()
+    base, px_per_m = measured(whisker_lines(np.random.default_rng(0), angle))
+    off, _ = errors(base, px_per_m, angle)
+    assert np.abs(off).max() < clean_angle
+    away = np.hypot(px_per_m * base.x - 60, px_per_m * base.y + 200)
+    assert away.max() < 0.2  # px
+
+
+@pytest.mark.parametrize("scale", [0.5, 1.0, 2.0])
+@pytest.mark.parametrize("fur", [0.0, 0.5])
+def test_noise_fur_and_a_wrong_scale_are_in_the_standard_error(scale, fur):
+    angle = swing()
+    lines = whisker_lines(np.random.default_rng(1), angle, SD, fur)
+    base, px_per_m = measured(lines, scale)
+    off, away = errors(base, px_per_m, angle)
+    assert off.std() < noisy_angle
+    assert np.degrees(jitter(base.angle, lines.frame)) < steady_angle
+    assert np.mean(np.abs(off) < 1.96 * np.degrees(base.angle_se)) > 0.9
+    assert np.sqrt(np.mean(away**2)) < follicle_tolerance
+
+
+def test_a_resting_whisker_changes_by_no_more_than_its_standard_error():
+    angle = np.full(FRAMES, np.radians(30.0))
+    base, _ = measured(whisker_lines(np.random.default_rng(2), angle, SD, 0.5))
+    change, error = np.diff(base.angle), base.angle_se
+    assert np.mean(np.abs(change) < 1.96 * np.hypot(error[1:], error[:-1])) > 0.95
+    assert np.degrees(error.max()) < 5.0
+    assert np.degrees(jitter(base.angle, np.arange(FRAMES))) < steady_angle
+
+
+def test_a_touch_stays_sudden():
+    """Bent from one frame to the next in a clean picture: nothing is smoothed."""
+    rng, angle = np.random.default_rng(3), swing()
+    bent = BENT + np.where(np.arange(FRAMES) % 100 < 80, 0.0, 30.0)
+    base, _ = measured(whisker_lines(rng, angle, 0.01, bent=bent))
+    assert np.degrees(np.abs(base.angle - angle).max()) < 0.2
+
+
+def test_the_angle_is_continuous_where_the_whisker_points_left_and_after_gaps():
+    angle = swing(about=175.0)
+    frame = np.arange(FRAMES) + 40 * (np.arange(FRAMES) >= 150)
+    base, _ = measured(whisker_lines(np.random.default_rng(4), angle, SD, frame=frame))
+    np.testing.assert_allclose(np.degrees(base.angle), np.degrees(angle), atol=5 * noisy_angle)
+
+
+def test_continuous_leaves_unknown_angles_and_lies_about_zero():
+    got = np.degrees(continuous(np.radians([350, np.nan, 10, 20, 170, -170])))
+    np.testing.assert_allclose(got, [-10, np.nan, 10, 20, 170, 190])
+
+
+def test_few_frames_and_short_lines_are_measured_as_far_as_they_tell():
+    angle = swing(4)
+    lines = whisker_lines(np.random.default_rng(5), angle, SD)
+    base, _ = measured(lines)
+    assert np.isfinite(base.angle).all()
+    assert np.degrees(np.abs(base.angle - angle).max()) < 5.0
+
+
+def test_jitter_is_the_error_of_one_frame():
+    rng = np.random.default_rng(6)
+    smooth = swing(20000, by=5.0)
+    seen = smooth + rng.normal(0, 0.1, 20000)
+    assert jitter(seen, np.arange(20000)) == pytest.approx(0.1, rel=0.05)
+    assert np.isnan(jitter(smooth[:40], 2 * np.arange(40)))
