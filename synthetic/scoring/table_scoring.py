@@ -37,6 +37,8 @@ def error_figures(joined: pd.DataFrame, column: str, where=None) -> dict:
     """
     part = joined if where is None else joined[where]
     error = (part[column] - part[f"true_{column}"]).to_numpy(float)
+    if column.endswith("_deg"):
+        error = np.mod(error + 180, 360) - 180  # full turns are no error
     valid = np.isfinite(error) & part["tracked"].to_numpy(bool)
     error = error[valid]
     if not len(error):
@@ -45,7 +47,8 @@ def error_figures(joined: pd.DataFrame, column: str, where=None) -> dict:
             "outliers": 0,
         }
     robust = (np.percentile(error, 75) - np.percentile(error, 25)) / 1.349
-    se = part.get(f"{column}_se")
+    stem = column.removesuffix("_deg")
+    se = part.get(f"{column}_se" if stem == column else f"{stem}_se_deg")
     return {
         "count": len(error),
         "bias": float(error.mean()),

@@ -39,6 +39,15 @@ def test_error_figures_of_gaussian_errors():
     assert contact_agreement(joined) == 1
 
 
+def test_full_turns_are_no_error_of_an_angle():
+    truth = pd.DataFrame({"frame": [0, 1, 2], "whisker": "A", "base_angle_deg": [170.0, 180, 190]})
+    found = truth.assign(base_angle_deg=[171.0, -180, -171], base_angle_se_deg=1.0, tracked=True)
+    figures = error_figures(join_frames(found, truth), "base_angle_deg")
+    assert figures["bias"] == pytest.approx(0.0)
+    assert figures["sd"] == pytest.approx(np.sqrt(2 / 3))
+    assert figures["coverage"] == 1.0
+
+
 def test_untracked_frames_disagree_only_in_contact():
     truth = pd.DataFrame({"frame": [0, 1, 2, 3], "whisker": "A", "in_contact": [0, 1, 1, 0]})
     result = pd.DataFrame({"frame": [0, 1], "whisker": "A", "tracked": True, "in_contact": True})
