@@ -8,6 +8,7 @@ import pandas as pd
 from pipeline.contacts.probability import FEWEST_SURE
 from pipeline.forces import forces
 from pipeline.forces.rest_shape import FREE_DISTANCE_M
+from pipeline.numerics.robust import MAD_TO_SD, robust_sd
 from pipeline.numerics.runs import stretches
 
 LEAST_EVIDENCE = 12.0  # summed log-likelihood ratio below which a contact is noise
@@ -98,7 +99,7 @@ def _touching_place(part, runs):
     if len(gap) < FEWEST_SURE:
         return None
     place = np.median(gap)
-    return place, 1.4826 * np.median(np.abs(gap - place))
+    return place, robust_sd(gap, place)
 
 
 def _is_held(part, start, stop, place, spread):
@@ -155,7 +156,7 @@ def _is_pushed_more_than_beside(part, start, stop):
     )
     if min(len(beside), len(inside)) < FEWEST_HELD:
         return False
-    noise = 1.4826 * np.nanmedian(np.abs(np.diff(free))) / np.sqrt(2)
+    noise = MAD_TO_SD * np.nanmedian(np.abs(np.diff(free))) / np.sqrt(2)
     shares = sum(1 / min(len(some), BESIDE_FRAMES) for some in (beside, inside))
     return inside.mean() - beside.mean() > LEAST_PEAK_SD * noise * np.sqrt(shares)
 
@@ -167,7 +168,7 @@ def _stands_out(part, rows, column):
     if free.sum() < FEWEST_SURE or not np.isfinite(force[rows]).any():
         return False
     middle = np.median(force[free])
-    scatter = 1.4826 * np.median(np.abs(force[free] - middle))
+    scatter = robust_sd(force[free], middle)
     return np.nanmax(force[rows]) - middle > CLEAR_PEAK_SCATTER * scatter
 
 

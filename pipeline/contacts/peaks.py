@@ -10,6 +10,8 @@ in the table of frames.
 import numpy as np
 from numba import njit
 
+from pipeline.numerics.robust import MAD_TO_SD
+
 HALF_WIDTHS = (2, 3, 4, 6, 8, 11, 15, 20)  # frames to both sides of a parabola's middle
 PART = 6  # of a course, at least, for each half-width
 NEAR_TOP = 0.8  # of the peak: what is lower does not decide
@@ -17,7 +19,6 @@ HIGH, FEWEST_HIGH = 0.5, 8  # of the peak, frames: where the noise is told from
 LEAST_LIFT = 0.01  # of the peak, by noise: less is left as it is
 LARGEST_CHANGE = 4.0  # standard errors of a change that noise explains
 FIRM_SD = 2.0  # standard errors: what is surely reached
-MEDIAN_TO_SD = 1.4826  # of a normal distribution's magnitudes
 SINGULAR = 1e-9  # of a parabola's normal equations
 
 
@@ -109,7 +110,7 @@ def _noise(values, errors):
     course = _local(seen, error, HALF_WIDTHS[0])[0][1:-2]
     high = course > HIGH * course.max()
     scatter = scatter[high] if high.sum() >= FEWEST_HIGH else scatter
-    return np.maximum(MEDIAN_TO_SD * np.median(scatter), 1e-12) * errors
+    return np.maximum(MAD_TO_SD * np.median(scatter), 1e-12) * errors
 
 
 def _local(values, errors, half):

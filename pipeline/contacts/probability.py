@@ -9,9 +9,10 @@ per frame.
 
 import numpy as np
 import pandas as pd
-from numba import njit
 from scipy.special import erfcx, log_ndtr
 
+from pipeline.numerics.chains import state_probabilities, two_states
+from pipeline.numerics.robust import robust_sd
 from pipeline.numerics.runs import stretches
 from pipeline.session.recording import Recording
 
@@ -85,7 +86,7 @@ def frame_log_odds(part, pixels_per_m):
             if own.sum() < FEWEST_SURE:
                 continue
             middle = np.median(gap[own])
-            spread = 1.4826 * np.median(np.abs(gap[own] - middle))
+            spread = robust_sd(gap[own], middle)
             offset[side == s] = middle
             extra[side == s] = np.sqrt(max(spread**2 - np.median(gap_sd[own]) ** 2, least**2))
         sd = np.hypot(gap_sd, extra)
@@ -161,23 +162,6 @@ def _log_skewed(x, sd, scale):
     return np.where(z > 0, tail, body) - np.log(scale)
 
 
-@njit(cache=True)
 def posterior(log_odds, starts, ends):
-    """Forward–backward probability of contact in a chain of two states."""
-    n = len(log_odds)
-    forward = np.empty(n)
-    probability = np.empty(n)
-    last = starts / (starts + ends)
-    for i in range(n):
-        ahead = last * (1 - ends) + (1 - last) * starts if i else last
-        odds = np.exp(min(max(log_odds[i], -600.0), 600.0)) * ahead / (1 - ahead)
-        last = min(max(odds / (1 + odds), 1e-15), 1 - 1e-15)
-        forward[i] = last
-    back = 1.0  # likelihood of what follows in contact over that when free
-    for i in range(n - 1, -1, -1):
-        odds = forward[i] / (1 - forward[i]) * back
-        probability[i] = odds / (1 + odds) if odds < 1e300 else 1.0
-        ratio = np.exp(min(max(log_odds[i], -600.0), 600.0)) * back
-        ratio = min(max(ratio, 1e-250), 1e250)
-        back = ((1 - ends) * ratio + ends) / (starts * ratio + 1 - starts)
-    return probability
+    """Probability of contact (n,), of frames whose contacts begin and end as `two_states` do."""
+    return state_probabilities(two_states(np.asarray(log_odds, float), starts, ends))[:, 1]

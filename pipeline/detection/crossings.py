@@ -9,9 +9,10 @@ crossing decides, and the whole lines only where they cross too flatly for that.
 import numpy as np
 from numba import njit
 
+from pipeline.numerics.polyline import nearest_nodes
+
 NEAR_PX = 4.0  # nearer, lines cross or touch; exchanged ones keep each other a little off
 LEAST = 12  # nodes on either side of the crossing
-BESIDE = 16  # nodes, in which the next nearest one is sought
 GAP = 3  # nodes left out where both lie upon each other
 LOCAL = 40  # nodes on either side that decide where they can, then twice as many, then all
 MUCH_BETTER = 0.5  # part of the other way's misfit: that much less decides
@@ -23,7 +24,7 @@ PER_NODE = ("x", "y", "amplitude", "information", "score", "thickness")
 @njit(cache=True)
 def tails_exchanged(x, y, n, other_x, other_y, m):
     """Nodes (i, j) after which two lines have each other's far parts; (−1, −1) for none."""
-    i, j = _nearest(x, y, n, other_x, other_y, m)
+    i, j = nearest_nodes(x, y, n, other_x, other_y, m, NEAR_PX, LEAST)
     if i < 0 or min(i, j, n - i, m - j) < LEAST:
         return -1, -1
     for reach in (LOCAL, 2 * LOCAL, max(n, m)):
@@ -41,28 +42,6 @@ def tails_exchanged(x, y, n, other_x, other_y, m):
         if now < MUCH_BETTER * then:
             break
     return -1, -1
-
-
-@njit(cache=True)
-def _nearest(x, y, n, other_x, other_y, m):
-    """Nodes at which two lines come nearest to each other; (−1, −1) where that is not near."""
-    best, at, to = NEAR_PX, -1, -1
-    least, node = np.inf, 0
-    i = LEAST
-    while i < n - 1:
-        # beside a near one, the next is near to the same part
-        first, last = (max(node - BESIDE, 0), min(node + BESIDE, m)) if least < BESIDE else (0, m)
-        least = np.inf
-        j = first
-        while j < last:
-            d = np.sqrt((x[i] - other_x[j]) ** 2 + (y[i] - other_y[j]) ** 2)
-            if d < least:
-                least, node = d, j
-            j += max(int(d - least), 1)  # nodes are 1 px apart: none before can be nearer
-        if least < best:
-            best, at, to = least, i, node
-        i += max(int(least - best), 1)  # none before comes nearer
-    return at, to
 
 
 @njit(cache=True)

@@ -123,7 +123,7 @@ def uncrossed(lines) -> list[Line]:
     changed = []
     for k, one in enumerate(lines):
         for other in lines[:k]:
-            near = line_profile.come_near(
+            near = polyline.come_near(
                 one.x, one.y, one.n, other.x, other.y, other.n, crossings.NEAR_PX
             )
             if near and crossings.uncross(one, other):
@@ -279,18 +279,5 @@ def without_doubles(lines: list[Line], near_px: float = 3.0) -> list[Line]:
 
 def shared_fraction(line: Line, other: Line, near_px: float = 3.0) -> float:
     """Fraction of `line`'s nodes within `near_px` of `other`."""
-    return _shared(line.x, line.y, line.n, other.x, other.y, other.n, near_px)
-
-
-@njit(cache=True)
-def _shared(x, y, n, other_x, other_y, other_n, near):
-    """As `shared_fraction`, of every third node, to every second one of the other."""
-    if n == 0 or other_n == 0:
-        return 0.0
-    near_ones = 0
-    for i in range(0, n, 3):
-        for j in range(0, other_n, 2):
-            if (x[i] - other_x[j]) ** 2 + (y[i] - other_y[j]) ** 2 < near * near:
-                near_ones += 1
-                break
-    return near_ones / ((n + 2) // 3)
+    lines = line.x, line.y, line.n, other.x, other.y, other.n
+    return polyline.share_near(*lines, near_px, (3, 2))

@@ -10,6 +10,7 @@ import numpy as np
 from numba import njit
 
 from pipeline.numerics.bsplines import FAST
+from pipeline.numerics.robust import robust_sd
 
 SCALE_PX = 1.6  # SD of the differentiating Gaussian
 LOW, HIGH = 2.5, 5.0  # standard deviations of the noise: to go on along a line, to start one
@@ -117,7 +118,7 @@ def _excess_noise(response, noise, absorbance) -> float:
     sample = (response / noise)[absorbance != 0]
     if sample.size < 100:
         return 1.0
-    return max(1.0, float(1.4826 * np.median(np.abs(sample))))
+    return max(1.0, float(robust_sd(sample, about=0.0)))
 
 
 @njit(cache=True)

@@ -25,6 +25,7 @@ from scipy import sparse
 from pipeline.forces import rest_shape, rod_fit
 from pipeline.forces.rod_fit import N_REST, RestPrior
 from pipeline.kinematics.resampled import N_STATIONS, Stations
+from pipeline.numerics.robust import robust_sd
 from whiskermodel.whisker import Whisker
 
 HIDDEN_LENGTH_SD_M = 0.12e-3  # how well a hidden length is known beforehand
@@ -179,7 +180,7 @@ def _noise(share, pull, bend):
         return 1.0
     answer = (share * pull)[good].sum() / (share * bend)[good].sum()
     deviation = (pull - bend * answer)[good] / np.sqrt(bend[good])
-    limit = 3 * 1.4826 * np.median(np.abs(deviation))
+    limit = 3 * robust_sd(deviation, about=0.0)
     return TOGETHER * max(0.5, float(np.mean(np.clip(deviation, -limit, limit) ** 2)))
 
 
@@ -254,7 +255,7 @@ def _trust(pull, bend):
     """Weight of each row: less where it wants to go much farther than its fellows."""
     with np.errstate(all="ignore"):
         wish = np.where(bend > 0, pull / bend, 0.0)
-    spread = max(1.4826 * float(np.median(np.abs(wish - np.median(wish)))), 1e-6)
+    spread = max(float(robust_sd(wish)), 1e-6)
     return 1 / np.maximum(1, np.abs(wish - np.median(wish)) / (3 * spread))
 
 
@@ -294,7 +295,7 @@ def _tip_places(places, whisker):
     usual = np.median(end[known & (np.abs(end - usual) < TIP_WINDOW_M)])
     good = known & (np.abs(end - usual) < TIP_WINDOW_M)
     steps = np.diff(end[good])
-    scatter = 1.4826 * float(np.median(np.abs(steps - np.median(steps)))) / np.sqrt(2)
+    scatter = float(robust_sd(steps)) / np.sqrt(2)
     scatter = max(scatter, float(np.std(steps[np.abs(steps) < TIP_NOISE_M * 3])) / np.sqrt(2))
     if (
         good.mean() < TIP_PART

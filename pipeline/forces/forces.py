@@ -19,6 +19,7 @@ from pipeline.forces.rod_fit import RestPrior, ShapeFit
 from pipeline.kinematics import resampled
 from pipeline.kinematics.resampled import Stations
 from pipeline.numerics.angles import jitter, wrapped
+from pipeline.numerics.robust import robust_sd
 from whiskermodel.whisker import Whisker
 
 METHODS = ("point", "shape")
@@ -174,7 +175,7 @@ def sliding(place) -> np.ndarray:
         return out
     smooth = gaussian_filter1d(place[known], SLIDING_FRAMES)
     rate = np.gradient(smooth)
-    scatter = 1.4826 * np.median(np.abs(place[known] - smooth)) / SLIDING_FRAMES**1.5
+    scatter = robust_sd(place[known], smooth) / SLIDING_FRAMES**1.5
     out[known] = np.sign(rate) * (np.abs(rate) > scatter)
     return out
 
@@ -242,7 +243,7 @@ def _excess(ratio, free):
     ratio = ratio[free & np.isfinite(ratio)]
     if len(ratio) < FEWEST_WITNESSES:
         return 1.0
-    return max(LEAST_NOISE, 1.4826 * float(np.median(np.abs(ratio))))
+    return max(LEAST_NOISE, float(robust_sd(ratio, about=0.0)))
 
 
 def _base(kinematics, fit, origin_se) -> pd.DataFrame:

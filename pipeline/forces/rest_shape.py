@@ -16,6 +16,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.ndimage import median_filter
 
+from pipeline.numerics.robust import robust_sd
+
 FREE_DISTANCE_M = 0.2e-3  # surface to surface; farther than any tracing error
 CLEAR_DISTANCE_M = 0.06e-3  # beyond the nearest frames': free where hardly any is farther off
 LEAST_CLEAR_M = 0.015e-3  # the same, where none is: a whisker that hardly leaves the pole
@@ -210,7 +212,7 @@ def _clear_distance(distance, least):
     known = distance[np.isfinite(distance)]
     if len(known) < 3:
         return FREE_DISTANCE_M
-    noise = 1.4826 * np.median(np.abs(np.diff(known, 2))) / np.sqrt(6)
+    noise = robust_sd(np.diff(known, 2), about=0.0) / np.sqrt(6)
     reach = max(least, CLEAR_SD * noise)
     # a single frame that went astray is not the nearest
     return min(FREE_DISTANCE_M, _nearest(median_filter(known, 5, mode="nearest"), reach) + reach)
@@ -242,7 +244,7 @@ def _robust_polynomial(powers, values, precision, floor, weights=None):
         weights = _robust_start(powers, values, np.mean(floor**2) * precision)
     for _ in range(2 if begun else 8):
         residual = values - powers @ weights
-        spread = np.maximum(1.4826 * np.median(np.abs(residual), axis=0), floor)
+        spread = np.maximum(robust_sd(residual, about=0.0, axis=0), floor)
         away = (residual / np.maximum(spread, 1e-12)) ** 2
         worst = np.sqrt(away.max(axis=1)) / TUKEY
         share = np.where(worst < 1, (1 - worst**2) ** 2, 0.0)

@@ -18,9 +18,7 @@ from numba import njit
 
 from pipeline.forces.normal_equations import (
     empty_sums,
-    factorise,
     fill_equations,
-    invert,
     misfit_of,
     take_step,
     weigh,
@@ -39,6 +37,7 @@ from pipeline.forces.rod_integration import (
 )
 from pipeline.forces.rod_outputs import COLUMNS, report_base, report_curvature, report_loads
 from pipeline.kinematics.resampled import N_STATIONS, Stations
+from pipeline.numerics.cholesky import factorise, invert
 from whiskermodel.whisker import Whisker
 
 ITERATIONS = 12

@@ -6,7 +6,7 @@ A row of results has the COLUMNS; `shape_fit.ShapeFit` says what they mean.
 import numpy as np
 from numba import njit
 
-from pipeline.forces.normal_equations import factorise, invert, misfit_of, robust_weight
+from pipeline.forces.normal_equations import misfit_of, robust_weight
 from pipeline.forces.rod_integration import (
     LOADED,
     along_normal,
@@ -17,6 +17,7 @@ from pipeline.forces.rod_integration import (
     softness,
     unit_force,
 )
+from pipeline.numerics.cholesky import factorise, invert
 
 ORIGIN_STEP_M = 1e-5  # of the derivatives by the origin
 CURVATURE_REACH_M = 2.5e-3  # stations this near tell how a curvature differs from the rod's

@@ -12,6 +12,7 @@ import numpy as np
 from numba import njit
 
 from pipeline.identity.features import N_FEATURES
+from pipeline.numerics.chains import likeliest_path, state_probabilities
 
 TAIL = 4.0  # degrees of freedom of a motion's distribution: jumps happen
 SEEN_AGAIN = 6.0  # cost of a whisker that is seen again after a gap
@@ -89,7 +90,7 @@ def certainty(evidence: Evidence, names, trust=TRUST) -> np.ndarray:
     sure = np.ones(len(names))
     for a in range(len(rows_of)):
         for b in range(a):
-            right = 1 - _exchanged(trust * _pair_steps(evidence, rows_of, a, b))
+            right = state_probabilities(trust * _pair_steps(evidence, rows_of, a, b))[:, 0]
             for rows in (rows_of[a], rows_of[b]):
                 seen = rows >= 0
                 sure[rows[seen]] *= right[seen]
@@ -257,54 +258,7 @@ def _claimed(evidence, a, own, other, before, again):
     return _best_states(steps)
 
 
-@njit(cache=True)
 def _best_states(steps):
-    """Exchanged or not in every frame (Viterbi), and the gain over nothing exchanged."""
-    n = len(steps)
-    came = np.zeros((n, 2), np.int64)
-    cost = steps[0, 0].copy()
-    plain = steps[0, 0, 0]
-    for t in range(1, n):
-        new = np.empty(2)
-        for now in range(2):
-            keep = cost[now] + steps[t, now, now]
-            change = cost[1 - now] + steps[t, 1 - now, now]
-            came[t, now] = now if keep <= change else 1 - now
-            new[now] = min(keep, change)
-        cost = new
-        plain += steps[t, 0, 0]
-    states = np.zeros(n, np.int64)
-    states[-1] = 0 if cost[0] <= cost[1] else 1
-    for t in range(n - 1, 0, -1):
-        states[t - 1] = came[t, states[t]]
-    return states, plain - min(cost[0], cost[1])
-
-
-@njit(cache=True)
-def _add(a, b):
-    """Minus log of the sum of two probabilities, from their minus logs."""
-    low = min(a, b)
-    return low - np.log1p(np.exp(-abs(a - b)))
-
-
-@njit(cache=True)
-def _exchanged(steps):
-    """Probability in every frame that both are exchanged."""
-    n = len(steps)
-    forward, backward = np.empty((n, 2)), np.zeros((n, 2))
-    forward[0] = steps[0, 0]
-    for t in range(1, n):
-        for now in range(2):
-            forward[t, now] = _add(
-                forward[t - 1, 0] + steps[t, 0, now], forward[t - 1, 1] + steps[t, 1, now]
-            )
-    for t in range(n - 1, 0, -1):
-        for before in range(2):
-            backward[t - 1, before] = _add(
-                backward[t, 0] + steps[t, before, 0], backward[t, 1] + steps[t, before, 1]
-            )
-    out = np.empty(n)
-    for t in range(n):
-        odds = forward[t, 1] + backward[t, 1] - forward[t, 0] - backward[t, 0]
-        out[t] = 1.0 / (1.0 + np.exp(min(max(odds, -700.0), 700.0)))
-    return out
+    """Exchanged or not in every frame, and the gain over nothing exchanged."""
+    states, cost = likeliest_path(steps)
+    return states, steps[:, 0, 0].sum() - cost

@@ -7,6 +7,7 @@ from scipy.ndimage import median_filter
 from pipeline.identity.appearance import LEAST_SLOPE, FanModel
 from pipeline.identity.features import ANGLE, BEND, N_FEATURES
 from pipeline.identity.label_swaps import TAKEN, Evidence, link
+from pipeline.numerics.robust import robust_sd
 
 WEIGHT = 0.3  # of one frame's look: errors of neighbouring frames are alike
 QUIET_WEIGHT = 0.05  # of that, while the whiskers rest: all frames show the same
@@ -153,21 +154,17 @@ def _spread(step, before, turn):
         seen = np.isfinite(x) & np.isfinite(y)
         if seen.sum() < FEWEST:
             continue
-        limit = FARTHEST * max(_robust_sd(y[seen]), LEAST_MOTION[j])
+        limit = FARTHEST * max(robust_sd(y[seen], about=0.0), LEAST_MOTION[j])
         seen &= (np.abs(x) < limit) & (np.abs(y) < limit)
         again = float(np.clip(x[seen] @ y[seen] / max(x[seen] @ x[seen], 1e-12), 0.0, 1.0))
         drift[:, j] = again * np.clip(np.nan_to_num(step[:, j]), -limit, limit)
         rest = y - again * x
         slow, quick = np.quantile(turn[seen], [SLOW, QUICK])
-        sd[j] = max(_robust_sd(rest[seen & (turn <= slow)]), LEAST_MOTION[j])
+        sd[j] = max(robust_sd(rest[seen & (turn <= slow)], about=0.0), LEAST_MOTION[j])
         fast_part = seen & (turn >= quick)
-        more = _robust_sd(rest[fast_part]) ** 2 - sd[j] ** 2
+        more = robust_sd(rest[fast_part], about=0.0) ** 2 - sd[j] ** 2
         fast[j] = np.sqrt(max(more, 0.0) / max(np.mean(turn[fast_part] ** 2), 1e-12))
     return drift, sd, fast
-
-
-def _robust_sd(values):
-    return 1.4826 * float(np.median(np.abs(values)))
 
 
 @njit(cache=True)

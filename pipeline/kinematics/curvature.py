@@ -15,6 +15,7 @@ from pipeline.detection.static_scene import PoleTrack
 from pipeline.kinematics.follicle import FEWEST_NODES, follicles
 from pipeline.numerics.angles import wrapped
 from pipeline.numerics.bsplines import FAST
+from pipeline.numerics.polyline import nearest_node
 from pipeline.session.parameters import DEFAULTS, KinematicsParams
 from pipeline.session.recording import Recording
 from pipeline.tables.centrelines import Centrelines
@@ -180,18 +181,6 @@ def _curvature(x, y, offset, information, at, beyond, first, last, degree):
 
 
 @njit(cache=True)
-def _nearest_node(x, y, px, py):
-    best = 0
-    least = 1e18
-    for i in range(len(x)):
-        d = (x[i] - px) ** 2 + (y[i] - py) ** 2
-        if d < least:
-            least = d
-            best = i
-    return best, np.sqrt(least)
-
-
-@njit(cache=True)
 def _measure_rows(
     offsets, xs, ys, raw, info, hidden, at_px, window, skip, pole_x, pole_y, near, n_whiskers, out
 ):  # fmt: skip
@@ -212,7 +201,7 @@ def _measure_rows(
         last = min(at + window, n)
         end = int(0.9 * n)
         if not np.isnan(pole_x[row]):
-            node, distance = _nearest_node(x, y, pole_x[row], pole_y[row])
+            node, distance = nearest_node(x, y, pole_x[row], pole_y[row])
             if distance < near and node > at:
                 last = min(last, node)
                 end = min(end, node)

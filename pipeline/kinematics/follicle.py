@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 from numba import njit
 
+from pipeline.numerics.cholesky import factorise, solve
 from pipeline.session.parameters import DEFAULTS, KinematicsParams
 from pipeline.tables.centrelines import Centrelines
 
@@ -26,22 +27,6 @@ def _turned(cos, sin, by):
     c = 1.0 - square * (0.5 - square / 24)
     s = by * (1.0 - square * (1 / 6 - square / 120))
     return cos * c - sin * s, sin * c + cos * s
-
-
-@njit(cache=True)
-def _solve(matrix, rhs):
-    """Solve the symmetric positive definite `matrix` (its upper part) for `rhs`, in place."""
-    n = len(rhs)
-    for i in range(n):
-        for k in range(i + 1, n):
-            factor = matrix[i, k] / matrix[i, i]
-            for m in range(k, n):
-                matrix[k, m] -= factor * matrix[i, m]
-            rhs[k] -= factor * rhs[i]
-    for i in range(n - 1, -1, -1):
-        for k in range(i + 1, n):
-            rhs[i] -= matrix[i, k] * rhs[k]
-        rhs[i] /= matrix[i, i]
 
 
 @njit(cache=True)
@@ -63,7 +48,7 @@ def _base_equations(x, y, offset, information, first, last, curve, matrix, rhs):
         for k in range(4):
             weighted = information[i] * row[k]
             rhs[k] += weighted * r
-            for m in range(k, 4):
+            for m in range(k + 1):
                 matrix[k, m] += weighted * row[m]
         # half a node on is the chord's direction
         cos, sin = _turned(cos, sin, 0.5 * (k0 + k1 * (s + 0.25)))
@@ -88,12 +73,13 @@ def base_curve(x, y, offset, information, first, last):
     scale = max(last - first, 4) * 1.0
     k0 = 0.0
     k1 = 0.0
-    matrix = np.empty((4, 4))
+    matrix, lower = np.empty((2, 4, 4))
     step = np.empty(4)
     for _ in range(MOST_STEPS):
         curve = (px, py, theta, k0, k1)
         _base_equations(x, y, offset, information, first, last, curve, matrix, step)
-        _solve(matrix, step)
+        factorise(matrix, 4, lower)
+        solve(lower, 4, step)
         px -= step[0] * np.sin(theta)
         py -= step[0] * np.cos(theta)
         theta += step[1] / scale

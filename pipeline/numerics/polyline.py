@@ -1,10 +1,11 @@
-"""Polylines of nodes about one pixel apart: arc length, normals, resampling."""
+"""Polylines of nodes about one pixel apart: arc length, normals, resampling, distances."""
 
 import numpy as np
 from numba import njit
 
 from pipeline.numerics.bsplines import FAST
 
+BESIDE = 16  # nodes, in which the next nearest one is sought
 NARROWEST = 1e-18  # px²: keeps two coinciding nodes from dividing by zero
 
 
@@ -73,3 +74,83 @@ def normals(x, y, n, nx, ny):
         shrink = 1.0 / np.sqrt(nx[i] * nx[i] + ny[i] * ny[i] + NARROWEST)
         nx[i] *= shrink
         ny[i] *= shrink
+
+
+@njit(cache=True)
+def nearest_node(x, y, px, py):
+    """Number of the node nearest to the point (px, py), and its distance."""
+    best = 0
+    least = np.inf
+    for i in range(len(x)):
+        d = (x[i] - px) ** 2 + (y[i] - py) ** 2
+        if d < least:
+            least = d
+            best = i
+    return best, np.sqrt(least)
+
+
+@njit(cache=True)
+def share_near(x, y, n, other_x, other_y, m, near, steps):
+    """Share of a line's nodes within `near` px of another line.
+
+    steps : every how many-th node of the one is looked at, and of the other
+    """
+    step, other_step = steps
+    count, total = 0, 0
+    for i in range(0, n, step):
+        total += 1
+        for j in range(0, m, other_step):
+            dx, dy = x[i] - other_x[j], y[i] - other_y[j]
+            if dx * dx + dy * dy < near * near:
+                count += 1
+                break
+    return count / max(total, 1)
+
+
+@njit(cache=True)
+def nearest_nodes(x, y, n, other_x, other_y, m, near, skip):
+    """Nodes at which two lines come nearest to each other; (−1, −1) where not within `near` px.
+
+    The first `skip` nodes and the last one of the first line are left out.
+    """
+    best, at, to = near, -1, -1
+    least, node = np.inf, 0
+    i = skip
+    while i < n - 1:
+        # beside a near one, the next is near to the same part
+        first, last = (max(node - BESIDE, 0), min(node + BESIDE, m)) if least < BESIDE else (0, m)
+        least = np.inf
+        j = first
+        while j < last:
+            d = np.sqrt((x[i] - other_x[j]) ** 2 + (y[i] - other_y[j]) ** 2)
+            if d < least:
+                least, node = d, j
+            j += max(int(d - least), 1)  # nodes are 1 px apart: none before can be nearer
+        if least < best:
+            best, at, to = least, i, node
+        i += max(int(least - best), 1)  # none before comes nearer
+    return at, to
+
+
+@njit(cache=True)
+def come_near(x1, y1, n1, x2, y2, n2, near):
+    """Whether two lines may come within `near` px of each other; never wrong where they do."""
+    step = 8
+    reach = near + 1.1 * step  # of nodes 1 px apart, the nearest looked at is so far away
+    if _apart(x1, n1, x2, n2, step) >= reach or _apart(y1, n1, y2, n2, step) >= reach:
+        return False
+    for i in range(0, n1, step):
+        for j in range(0, n2, step):
+            dx = x1[i] - x2[j]
+            dy = y1[i] - y2[j]
+            if dx * dx + dy * dy < reach * reach:
+                return True
+    return False
+
+
+@njit(cache=True)
+def _apart(a, n, b, m, step):
+    """Gap between the ranges of every `step`-th value; negative where they overlap."""
+    low = a[:n:step].min() if n > 0 else np.inf
+    high = a[:n:step].max() if n > 0 else -np.inf
+    return max(b[:m:step].min() - high, low - b[:m:step].max()) if m > 0 else np.inf

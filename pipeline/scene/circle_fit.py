@@ -7,6 +7,8 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.special import erfc
 
+from pipeline.numerics.robust import robust_sd
+
 RADIUS_TRUST = 0.05  # SD of the expected radius, relative: counts only where little edge is free
 PIXEL_SD = 0.015  # of a pixel's misfit, share of the light: weighs the expected radius
 N_RAYS = 180
@@ -176,7 +178,7 @@ def _unshaded(p, image, angles, used, touched):
     light = cv2.remap(image, px, py, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT).mean(1)
     lightest = light[light >= np.quantile(light, 2 / 3)]
     shaded = light < np.median(lightest) - max(3 * lightest.std(), 3 * INTERPOLATION)
-    scatter = 1.4826 * np.median(np.abs(excess[used]))
+    scatter = robust_sd(excess[used], about=0.0)
     shaded |= excess < -2.5 * max(scatter, 0.5 * INTERPOLATION)
     margin = _with_margin(shaded)
     untouched = ~(margin | _between_shades(shaded))

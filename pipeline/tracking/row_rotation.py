@@ -9,6 +9,7 @@ from numba import njit
 
 from pipeline.numerics.angles import wrapped
 from pipeline.numerics.polyline import bilinear
+from pipeline.numerics.robust import robust_sd
 
 TURNS = np.radians(np.arange(-16.0, 16.5, 1.0))
 SLOPES = np.radians(np.arange(-6.0, 6.5, 1.5))  # half of how much more the last one turns
@@ -76,7 +77,7 @@ def even_turns(place, turn) -> np.ndarray:
         slope = u @ v / (u @ u + EVEN)
         even = turn[keep].mean() + slope * (place - place[keep].mean())
         off = np.abs(turn - even)
-        again = known & (off < max(2.5 * 1.4826 * np.median(off[known]), LEAST_OFF))
+        again = known & (off < max(2.5 * robust_sd(off[known], about=0.0), LEAST_OFF))
         if again.sum() < FEWEST_TOGETHER or np.array_equal(again, keep):
             break
         keep = again

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from pipeline.detection import detect, image_model, line_fit, line_profile, tails
+from pipeline.detection import detect, image_model, line_fit, tails
 from pipeline.detection.detect import TracingOptions
 from pipeline.detection.image_model import ImageModel
 from pipeline.detection.line import Line, Workspace
@@ -365,12 +365,12 @@ class Tracer:
 
 def _come_near(a: Line, b: Line, near_px: float) -> bool:
     """Whether two lines may come within `near_px` of each other."""
-    return line_profile.come_near(a.x, a.y, a.n, b.x, b.y, b.n, near_px)
+    return polyline.come_near(a.x, a.y, a.n, b.x, b.y, b.n, near_px)
 
 
 def _near(a: Line, b: Line, near_px: float) -> float:
     """Fraction of line `a` within `near_px` of line `b`."""
-    return line_profile.closeness(a.x, a.y, a.n, b.x, b.y, b.n, near_px, 4)
+    return polyline.share_near(a.x, a.y, a.n, b.x, b.y, b.n, near_px, (4, 4))
 
 
 @njit(cache=True)

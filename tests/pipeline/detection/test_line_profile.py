@@ -127,29 +127,3 @@ def test_frame_gain_sees_through_whiskers_and_flicker():
     points = line_profile.gain_points(background, mask, 3)
     gain = line_profile.frame_gain(np.clip(image, 0, 255).astype(np.uint8), *points)
     assert gain == pytest.approx(0.93, abs=0.006)
-
-
-def test_closeness_is_the_share_of_near_nodes():
-    x = np.arange(100.0)
-    y = np.zeros(100)
-    other = np.where(x < 50, 0.5, 30.0)
-    assert line_profile.closeness(x, y, 100, x, other, 100, 3.0, 1) == pytest.approx(0.5, abs=0.05)
-
-
-@settings(deadline=None)
-@given(
-    apart=st.floats(0, 60),
-    turn=st.floats(-3, 3),
-    shift=st.floats(-80, 80),
-    near=st.floats(1, 20),
-)
-def test_come_near_never_misses_lines_that_do(apart, turn, shift, near):
-    t = np.arange(120.0)
-    first = np.array([t, 0 * t])
-    second = np.array([shift + t * np.cos(turn), apart + t * np.sin(turn)])
-    least = np.hypot(*(first[:, :, None] - second[:, None, :])).min()
-    said = line_profile.come_near(*first, len(t), *second, len(t), near)
-    if least <= near:
-        assert said
-    if least > near + 18:
-        assert not said

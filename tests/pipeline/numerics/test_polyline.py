@@ -1,0 +1,71 @@
+"""Distances between polylines, beside their definitions."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pipeline.numerics import polyline
+
+X = np.arange(120.0)
+LINES = given(
+    apart=st.floats(0, 60),
+    turn=st.floats(-3, 3),
+    shift=st.floats(-80, 80),
+    near=st.floats(1, 20),
+)
+
+
+def two_lines(apart, turn, shift):
+    """A straight line along x, and another one."""
+    return np.array([X, 0 * X]), np.array([shift + X * np.cos(turn), apart + X * np.sin(turn)])
+
+
+def distances(first, second):
+    return np.hypot(*(first[:, :, None] - second[:, None, :]))
+
+
+@settings(deadline=None)
+@LINES
+def test_share_near_is_that_of_the_nodes(apart, turn, shift, near):
+    first, second = two_lines(apart, turn, shift)
+    share = polyline.share_near(*first, len(X), *second, len(X), near, (1, 1))
+    assert share == pytest.approx(np.mean(distances(first, second).min(axis=1) < near))
+
+
+def test_share_near_of_nothing():
+    assert polyline.share_near(X, X, 0, X, X, 5, 3.0, (4, 4)) == 0
+    assert polyline.share_near(X, X, 5, X, X, 0, 3.0, (4, 4)) == 0
+
+
+@settings(deadline=None)
+@LINES
+def test_come_near_never_misses_lines_that_do(apart, turn, shift, near):
+    first, second = two_lines(apart, turn, shift)
+    least = distances(first, second).min()
+    found = polyline.come_near(*first, len(X), *second, len(X), near)
+    if least <= near:
+        assert found
+    if least > near + 18:
+        assert not found
+
+
+@settings(deadline=None)
+@given(x=st.floats(-50, 200), y=st.floats(-50, 50))
+def test_nearest_node(x, y):
+    node, distance = polyline.nearest_node(X, 0.1 * X, x, y)
+    every = np.hypot(X - x, 0.1 * X - y)
+    assert every[node] == pytest.approx(every.min())
+    assert distance == pytest.approx(every.min())
+
+
+@settings(deadline=None)
+@LINES
+def test_nearest_nodes_are_nearest(apart, turn, shift, near):
+    first, second = two_lines(apart, turn, shift)
+    every = distances(first, second)[:-1]
+    i, j = polyline.nearest_nodes(*first, len(X), *second, len(X), near, 0)
+    if every.min() < near - 1e-9:
+        assert every[i, j] == pytest.approx(every.min(), abs=1.0)  # px: of an oblique crossing
+    elif every.min() > near:
+        assert (i, j) == (-1, -1)
