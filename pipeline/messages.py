@@ -1,4 +1,4 @@
-"""What a person should know of one video: what is missing or doubtful, and what to do."""
+"""Messages about one video: what is missing or doubtful, and what to do."""
 
 from collections import defaultdict
 
@@ -151,7 +151,7 @@ def _without_forces(settings, cast):
 
 
 def face_message(scenes, roster, side: str) -> str | None:
-    """What to tell of the face's given `side` where video and whiskers speak against it, or None.
+    """Message about the face's given `side` where video and whiskers contradict it, or None.
 
     Parameters
     ----------
@@ -165,5 +165,5 @@ def face_message(scenes, roster, side: str) -> str | None:
         return None
     return (
         f'[recording] face = "{side}", but the whiskers are thicker towards the {other}: if the '
-        f'face is there, write face = "{other}" and run again; forces are wrong else'
+        f'face is there, write face = "{other}" and run again; otherwise forces are wrong'
     )

@@ -1,4 +1,4 @@
-"""Many videos: which are due, each in a worker process, results of all in one folder."""
+"""Many videos: which need processing, each in a worker process, all results in one folder."""
 
 import contextlib
 import os
@@ -180,7 +180,7 @@ def _make_folder(out):
 
 
 def _check_folder(out):
-    """Tables of the session can be written."""
+    """Check that the session's tables can be written."""
     for name in SESSION_FILES:
         if (out / name).is_dir():
             raise InputError(f"--out {out}: {name} in it is a folder; move it away")
@@ -207,7 +207,7 @@ def _process(tasks, outcomes, jobs, progress) -> bool:
             if event.kind == "done":
                 event = replace(event, value=_settled(tasks[event.task], event.value))
                 outcomes[names[event.task]] = event.value
-            shown.tell(event)
+            shown.receive(event)
 
         try:
             run_tasks(process_video, tasks, take, jobs)
@@ -240,7 +240,7 @@ def process_video(task: Task, report=None) -> Outcome:
 
 
 def _analyse_and_save(task, report) -> Outcome:
-    """The straight way; the state file says how the results were made."""
+    """Analyse and write all tables; the state file records how they were made."""
     from pipeline.contacts.corrections import read_corrections
     from pipeline.tables.evidence import write_evidence
 
@@ -329,7 +329,7 @@ def _died(task, reason) -> Outcome:
 
 
 def _interrupted(task) -> Outcome | None:
-    """The outcome of a video whose turn had not ended; None if it has no results."""
+    """The outcome of a video that was interrupted; None if it has no results."""
     if task.finished:
         return task.finished
     new = _new_or(task)
@@ -430,7 +430,7 @@ def _write_tables(summary, jobs):
 
 
 def _run_record(summary, jobs) -> dict:
-    """How the results came about: run.json."""
+    """How the results were made: run.json."""
     kept = ("path", "sha256", "status", "frames", "stages")
     return {
         "program": "whiskerforce",

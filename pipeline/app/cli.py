@@ -109,7 +109,7 @@ def _say(line: str):
 
 
 def _finish_run(summary, debug):
-    """Say what came of it, failures last, and leave with the exit status."""
+    """Print a summary, failures last, and exit with the status."""
     from pipeline.runtime.progress import duration
 
     for problem in _write_pictures(summary, debug):

@@ -15,12 +15,12 @@ LEAST_MS = 5.0  # shorter contacts are shown, but not counted as missed
 
 
 def render(folder, preset, seed, trials, jobs, say) -> list[Path]:
-    """Render the videos of a preset into a folder; `say` is told of each.
+    """Render the videos of a preset into a folder; `say` gets a line for each.
 
     Raises
     ------
     ValueError
-        For a preset that there is not; the message lists them.
+        If the preset does not exist; the message lists those that do.
     """
     from synthetic.presets import PRESETS
     from synthetic.session import render_session
@@ -100,7 +100,7 @@ def comparison(contacts, truth):
 
 
 def _summary(match, pairs):
-    """What the table comes to."""
+    """A summary of the table."""
     missed = match.missed
     long = int((missed["duration_ms"] >= LEAST_MS).sum())
     yield (

@@ -47,7 +47,7 @@ class Look:
 
 
 def init_folder(folder, overwrite: bool = False) -> list[str]:
-    """Write session.toml and a preview PNG into a folder of videos; return what to tell.
+    """Write session.toml and a preview PNG into a folder of videos; return the messages to print.
 
     Raises
     ------
@@ -166,7 +166,7 @@ def findings(looks):
         else f"GUESS from the image's width, taken to be {FIELD_OF_VIEW_MM:g} mm"
     )
     notes = {
-        "recording.frames_per_second": "GUESS, the files do not tell",
+        "recording.frames_per_second": "GUESS, the files do not say",
         "recording.pixels_per_mm": f"{how}; measure it: forces depend on it",
         "recording.face": "found in the picture",
         "whisker.name": "found in the picture, anterior to posterior",
@@ -229,7 +229,7 @@ def _write(picture, words, place, colour):
 
 
 def _words(looks, document, target) -> list[str]:
-    """What to tell the user."""
+    """Lines to print for the user."""
     pole = "a pole" if looks[0].pole else "no pole"
     names = ", ".join(look.path.name for look in looks)
     count = len(document["whisker"])

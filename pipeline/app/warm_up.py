@@ -1,4 +1,4 @@
-"""Compile the numeric kernels ahead of need, on a drawn video that nobody looks at.
+"""Compile the numeric kernels in advance, on a small drawn video.
 
 Compiled code is kept beside the source files, so this matters once, on a fresh machine: `demo`
 does it on one core while the other renders.
@@ -32,7 +32,7 @@ def draw(folder: Path) -> None:
 
 
 def warm_up() -> None:
-    """Analyse the drawn video once, so that all that `run` needs is compiled and kept."""
+    """Analyse the drawn video once, so that everything `run` needs is compiled and cached."""
     from pipeline.contacts.pulses import fit_pulse
     from pipeline.run import analyse
     from pipeline.session.session_file import settings_from
@@ -61,7 +61,7 @@ def warm_up() -> None:
 
 
 def start() -> multiprocessing.Process:
-    """Begin to warm up in a process of its own; `join` it before the compiled code is needed."""
+    """Warm up in a separate process; `join` it before the compiled code is needed."""
     process = multiprocessing.get_context("spawn").Process(target=warm_up, daemon=True)
     process.start()
     return process

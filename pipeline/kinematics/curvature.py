@@ -237,7 +237,7 @@ def measure(
     Returns
     -------
     Table with `frame`, `whisker` (index), `follicle_x_px`, `follicle_y_px`, `base_angle_deg`,
-    `curvature_per_m`, `curvature_per_m_se`; NaN where the whisker is too short to tell.
+    `curvature_per_m`, `curvature_per_m_se`; NaN where the whisker is too short.
     """
     scale, per_mm = recording.pixels_per_m, recording.pixels_per_mm
     hidden = centrelines.hidden_of(np.asarray(hidden_lengths, float) * scale)

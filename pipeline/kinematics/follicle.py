@@ -16,7 +16,7 @@ from pipeline.numerics.cholesky import factorise, solve
 from pipeline.session.parameters import DEFAULTS, KinematicsParams
 from pipeline.tables.centrelines import Centrelines
 
-FEWEST_NODES = 12  # of a row that tells where the follicle is
+FEWEST_NODES = 12  # of a row whose follicle can be estimated
 MOST_STEPS, SHORT_STEP_PX = 4, 1e-3  # of Gauss–Newton; what follows is far shorter
 
 
@@ -175,7 +175,7 @@ def _feet(curves, anchors, farthest, out):
 def base_curves(lines: Centrelines, pixels_per_m: float, params=DEFAULTS.kinematics) -> np.ndarray:
     """Every row's first node of the base window, and `base_curve` there; (rows, 6).
 
-    NaN where the row is too short to tell.
+    NaN where the row is too short.
     """
     per_mm = 1e-3 * pixels_per_m
     skip, window = round(params.base_skip_mm * per_mm), round(params.base_window_mm * per_mm)
@@ -187,7 +187,7 @@ def follicles(
 ) -> np.ndarray:
     """Place [px] and angle [rad] of every row's follicle, (rows, 3), `hidden` px before the row.
 
-    NaN where the row is too short to tell.
+    NaN where the row is too short.
     """
     return _ends(base_curves(lines, pixels_per_m, params), hidden)
 

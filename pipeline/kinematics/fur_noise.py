@@ -1,7 +1,7 @@
-"""How far fur clings to the first visible part of a whisker: what is measured there counts less.
+"""Errors that fur makes in the first visible part of a whisker, which therefore counts less.
 
-Fur that moves with the whisker, or lies across it, draws the trace by some hundredths of a pixel
-up to a millimetre from where the whisker comes out; extrapolated into the hidden part that turns
+Fur that moves with the whisker, or lies across it, shifts the trace by some hundredths of a pixel
+up to a millimetre from where the whisker comes out; extrapolated into the hidden part, that turns
 the base by a degree. It shows as a misfit that changes from frame to frame: the whisker's curve
 is fitted beyond, continued towards the face, and the misfit there is compared with that of the
 same continuation done one reach farther out, where there is no fur. So neither noise (a codec's
@@ -25,7 +25,7 @@ TRIMMED, TRIMMED_MEAN = 0.9, 0.623  # part of the rows that count; their mean of
 def locate_follicles(chunks, samples: Centrelines, options, params=DEFAULTS.kinematics):
     """Yield the chunks with every row's follicle and hidden length.
 
-    What fur draws aside counts less from here on (`FurTrust`). The chunks stay as they are where
+    What fur shifts counts less from here on (`FurTrust`). The chunks stay as they are where
     the hidden lengths are not known, or a whisker has no sample.
 
     Parameters
@@ -46,7 +46,7 @@ def locate_follicles(chunks, samples: Centrelines, options, params=DEFAULTS.kine
 
 
 class FurTrust:
-    """How much less the points of each whisker's first visible part tell than their noise says.
+    """How much less to trust the first visible part of each whisker than its noise suggests.
 
     Parameters
     ----------
@@ -80,7 +80,7 @@ class FurTrust:
         self.excess = np.repeat(np.reshape(excess, (-1, blocks)), block, axis=1)
 
     def weigh(self, lines: Centrelines) -> Centrelines:
-        """Return the lines with the information of their first points as it is."""
+        """Return the lines with the information of their first points reduced where fur errs."""
         if not (self.excess > 1).any():
             return lines
         information = lines.information.copy()

@@ -1,7 +1,7 @@
-"""Centrelines boiled down to places at fixed arc lengths, and to their distance from the pole.
+"""Centrelines resampled at fixed arc lengths, and their distance from the pole.
 
-A chunk of centrelines goes in, some sixty numbers per whisker and frame come out, so that the
-mechanics of a long video fits in memory. Metres, y up, counter-clockwise positive.
+A whisker in a frame becomes some sixty numbers, so that the mechanics of a long video fit in
+memory. Metres, y up, counter-clockwise positive.
 """
 
 from dataclasses import dataclass, fields, replace
@@ -69,7 +69,7 @@ class Stations:
         return len(self.frame)
 
     def rather_shown(self, rows, enough) -> np.ndarray:
-        """Those of `rows` (numbers) whose frames no codec made up; all, where not `enough` are."""
+        """Those of `rows` (numbers) in frames that no codec interpolated; all, if not `enough`."""
         shown = rows[~self.interpolated[rows]]
         return shown if len(shown) >= enough else rows
 
@@ -98,7 +98,7 @@ class Stations:
 
 
 def beside_doubt(information, variance):
-    """Information (rows, stations) [1/m²] of places whose errors are larger by `variance` [m²]."""
+    """Information (rows, stations) [1/m²] of places with a further error of `variance` [m²]."""
     return information / (1 + information * variance)
 
 
@@ -165,7 +165,7 @@ def measure_stations(
 def _measure_px(centrelines, whiskers, hidden_lengths, spacing, pole_rows, scale, params):
     """Stations' x, y and information, (rows, stations) each, and `near` of every row [px].
 
-    `near` (rows, 6): first and last traced point, then what `_approach` tells of the pole.
+    `near` (rows, 6): first and last traced point, then what `_approach` finds of the pole.
     """
     rows = len(centrelines)
     pole_x, pole_y, pole_radius = pole_rows
@@ -340,7 +340,7 @@ def _approach(x, y, s, more, px, py, pole_radius, base_radius, taper, out):
 
 
 def lies_across(places) -> np.ndarray:
-    """Tell in which rows of `Stations` the whisker lies over the pole's inner half, bool (rows,).
+    """Rows of `Stations` in which the whisker lies over the pole's inner half, bool (rows,).
 
     It must have been seen on both sides.
     """

@@ -1,4 +1,4 @@
-"""Stations of a whole video: what there is much of lies in files, so that memory stays flat.
+"""Stations of a whole video: the bulky arrays are kept in files, so that memory stays flat.
 
 Chunks go in as they are measured; the `StoredStations` of each whisker come out, whose places are
 read a few rows at a time: `stored.rows(slice(0, 2000)).loaded()`.

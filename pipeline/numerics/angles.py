@@ -1,4 +1,4 @@
-"""Angles that go round, and how steady they are."""
+"""Angles modulo a turn, and how steady they are."""
 
 import numpy as np
 from numba import njit

@@ -14,12 +14,12 @@ SHOWN = 200  # characters of the lock file
 
 @contextlib.contextmanager
 def locked(folder):
-    """Keep other runs and curations out of a results folder while the block lasts.
+    """Keep other runs and curations out of a results folder during the block.
 
     Raises
     ------
     InputError
-        Where another one is at work there, or the folder cannot be locked.
+        If another program is using the folder, or it cannot be locked.
     """
     from filelock import FileLock, Timeout
 

@@ -1,4 +1,4 @@
-"""Compiled code that Numba keeps on disk: where it lies, and dropped where its source changed.
+"""Compiled code that Numba keeps on disk: where it is kept, and when it is dropped.
 
 Numba compiles a function again when its own file has changed. It does not see that a function
 in another file, which the first one calls, has changed: after an update of the program, old and
@@ -68,7 +68,7 @@ def drop_stale(root=ROOT, packages=PACKAGES) -> list[Path]:
 
 
 def _stamps(root, package) -> Path:
-    """File with the times of all sources when they were last looked at."""
+    """File with the modification times of all sources at the last check."""
     if VARIABLE not in os.environ:
         return root / package / "__pycache__" / "compiled_from.json"
     installation = hashlib.sha256(str(root).encode()).hexdigest()[:12]
@@ -83,7 +83,7 @@ def _indexes(file):
 
 
 def _is_writable(folder) -> bool:
-    """Whether a file can be made in the folder; it is made where it is not there."""
+    """Whether files can be created in the folder, which is created if it is missing."""
     try:
         folder.mkdir(exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
@@ -93,7 +93,7 @@ def _is_writable(folder) -> bool:
 
 
 def _folder_elsewhere() -> Path:
-    """The user's folder for compiled code, or, without one, a folder until the program ends."""
+    """The user's folder for compiled code; if there is none, a temporary one."""
     user = _user_caches() / "whiskerforce"
     with contextlib.suppress(OSError):
         user.mkdir(parents=True, exist_ok=True)
@@ -105,7 +105,7 @@ def _folder_elsewhere() -> Path:
 
 
 def _user_caches() -> Path:
-    """Folder in which programs keep what they can make again."""
+    """The user's cache folder."""
     if sys.platform == "win32":
         return Path(os.environ.get("LOCALAPPDATA", Path.home() / "AppData" / "Local"))
     if sys.platform == "darwin":
@@ -126,7 +126,7 @@ def _read(stamps) -> dict:
 
 
 def _callers(sources, changed) -> set:
-    """Files of compiled functions that import from changed ones, at first or second hand.
+    """Files of compiled functions that import from changed ones, directly or not.
 
     What is imported from a package may come from any of its files.
     """

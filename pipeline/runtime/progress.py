@@ -1,14 +1,14 @@
-"""How far a run has got: a bar on a terminal, plain lines elsewhere."""
+"""Progress of a run: a bar on a terminal, plain lines elsewhere."""
 
 import time
 
-LEAST_DONE = 0.02  # of all frames, before the time left is told: compiling takes a while
+LEAST_DONE = 0.02  # of all frames, before the time left is shown: compiling takes a while
 
 
 class Progress:
     """Frames done over several videos at once, with speed and time left.
 
-    `tell` is called with each event of `pipeline.runtime.workers`; what is shown is up to the
+    `receive` is called with each event of `pipeline.runtime.workers`; what is shown is up to the
     subclasses. `clock` returns seconds.
     """
 
@@ -19,8 +19,8 @@ class Progress:
         self.frames = {}  # of each video begun: (done, total)
         self.finished = 0
 
-    def tell(self, event):
-        """Take in one event."""
+    def receive(self, event):
+        """Update the state by one event, and show it."""
         if event.kind == "start":
             self.frames[event.task] = (0, 0)
         elif event.kind == "progress":
@@ -54,7 +54,7 @@ class Progress:
 
     @property
     def seconds_left(self) -> float | None:
-        """Expected time to the end, None while too little is done to tell."""
+        """Expected time to the end, None while too little is done to estimate it."""
         if self.frames_done <= LEAST_DONE * self.frames_expected:
             return None
         return max(self.frames_expected - self.frames_done, 0) / self.frames_per_s
@@ -75,7 +75,7 @@ class Progress:
 
 
 class Lines(Progress):
-    """A line per finished video, and one on the whole every `every` seconds."""
+    """A line per finished video, and one for the whole run every `every` seconds."""
 
     def __init__(self, names, write, every=10.0, clock=time.monotonic):
         super().__init__(names, clock)
@@ -130,7 +130,7 @@ class Bar(Progress):
 
 
 def duration(seconds: float) -> str:
-    """Seconds as people say them: "45 s", "3 min 5 s", "2 h 10 min".
+    """Seconds in words: "45 s", "3 min 5 s", "2 h 10 min".
 
     >>> duration(185)
     '3 min 5 s'

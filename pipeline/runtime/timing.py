@@ -6,7 +6,7 @@ from contextlib import contextmanager
 
 
 class Counted:
-    """Frames handed on one by one and counted; `progress(done, expected)` is told."""
+    """Frames handed on one by one and counted; calls `progress((done, expected))`."""
 
     def __init__(self, frames, expected: int | None, progress=None):
         self.frames = frames

@@ -1,4 +1,4 @@
-"""Tasks in worker processes, one at a time each; a process that dies costs its task only."""
+"""Tasks in worker processes, one at a time each; if a process dies, only its task is lost."""
 
 import contextlib
 import multiprocessing
@@ -29,7 +29,7 @@ class Event:
 
 
 def run_tasks(function, tasks, on_event, jobs=1) -> None:
-    """Run ``function(task, report)`` for every task and tell `on_event` each `Event`.
+    """Run ``function(task, report)`` for every task and call `on_event` with each `Event`.
 
     `report(value)` makes a "progress" event; it may be called often. With `jobs` = 1 all
     happens in this process; with more, in that many spawned ones, and `function` and the tasks
@@ -78,7 +78,7 @@ def _call(function, task, send):
 
 
 def _serve(connection, function):
-    """Body of a worker process: take tasks until told None."""
+    """Body of a worker process: take tasks until None comes."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides what Ctrl-C means
     threading.Thread(target=_end_with_parent, daemon=True).start()
     with contextlib.suppress(EOFError, OSError):
@@ -156,7 +156,7 @@ def _one_thread():
 
 
 def _feed(workers, tasks, on_event):
-    """Keep every worker busy until no task waits and none is under way."""
+    """Keep every worker busy until all tasks are done."""
     waiting = deque(enumerate(tasks))
     again = set()  # tasks whose process has died once
     while waiting or any(w.task is not None for w in workers):

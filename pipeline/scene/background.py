@@ -1,4 +1,4 @@
-"""The picture without whiskers, its noise, and the light on it.
+"""The picture without whiskers, its noise and its illumination.
 
 Lengths that decide what is thin (a whisker) and what is not are those of `SceneParams`.
 """
@@ -26,22 +26,22 @@ BRIGHT_RANK = 0.85  # of the samples of a pixel: free of whiskers that rest ther
 DARK_SD = 4.0  # by so much darker is a whisker; its flanks, which are not, reach FLANK_PX farther
 FLANK_PX = 2
 FLANK_SAMPLES = 64  # looked at for whiskers' flanks, at the most
-FEWEST_CLEAR = 3  # samples without a whisker near, to tell a pixel's light
+FEWEST_CLEAR = 3  # samples without a whisker near, to know a pixel's light
 MOVIE_FRAMES = 3  # with fewer, nothing can be learnt from motion
 
 
 @dataclass(frozen=True)
 class Background:
-    """What stays when the whiskers are taken away.
+    """What is left when the whiskers are removed.
 
     Attributes
     ----------
     image : float32 (height, width) [grey]
     noise_floor, noise_gain : a pixel's variance = floor + gain × intensity [grey²], [grey]
-    illumination : float32 (height, width), the light as if nothing stood in it [grey]
+    illumination : float32 (height, width), the light without any objects [grey]
     black : grey level of opaque things
     n_frames : of how many frames it was made; of fewer than MOVIE_FRAMES, it still holds whiskers
-    covered : bool (height, width), what whiskers leave free so seldom that they may shade it
+    covered : bool (height, width), pixels that whiskers uncover so seldom that they may be shaded
     """
 
     image: np.ndarray
@@ -120,9 +120,9 @@ def _equalised(frames, gains):
 
 
 def _without_flanks(image, frames, gains, noise, darkest):
-    """The background without the flanks of whiskers that pass, and what they leave too seldom.
+    """The background without flanks of passing whiskers, and pixels that they seldom uncover.
 
-    They are too faint to be told from noise, but draw a pixel's mean down, the more so where the
+    They are too faint to be distinguished from noise, but lower a pixel's mean, most where the
     whisker is in most samples. So only those samples count that are dark nowhere near.
     """
     sd = np.sqrt(noise[0] + noise[1] * np.maximum(image, 0))
@@ -143,7 +143,7 @@ def _without_flanks(image, frames, gains, noise, darkest):
 
 
 def _clear_mean(frames, image, sd):
-    """Of the samples without anything dark near: how many there are, and their mean, per pixel."""
+    """Per pixel, number and mean of the samples with nothing dark nearby."""
     dark, low, high = (
         np.clip(np.rint(image + k * sd), 0, 255).astype(np.uint8)
         for k in (-DARK_SD, -WINDOW_SD, WINDOW_SD)
@@ -210,7 +210,7 @@ def thin_dark_lines(image, pixels_per_mm, noise, face=None, params=DEFAULTS.scen
 
 
 def _square(half_width):
-    """Square for dilation by so many pixels to all sides."""
+    """Square for dilation by `half_width` pixels on all sides."""
     size = 2 * round(half_width) + 1
     return np.ones((size, size), np.uint8)
 

@@ -1,4 +1,4 @@
-"""A disc measured to a part of a pixel, beside the shades of whiskers and rod."""
+"""Subpixel measurement of a disc that whiskers and a rod partly shade."""
 
 from dataclasses import dataclass
 
@@ -45,7 +45,7 @@ def measure_disc(image, x: float, y: float, radius: float, expected: float) -> P
     The edge of a disc of radius R blurred with SD σ has its half level σ²/2R inside R (to first
     order in σ/R), and falls off as erfc; both are in the model, so the radius is the disc's own.
     Rays that are shaded by the rod or by a whisker are left out in the next round; `expected`
-    [px] counts where the arc that is left is too short to tell the radius.
+    [px] counts where the visible arc is too short to measure the radius.
     """
     plain, untouched = (
         _measure(image, x, y, radius, expected, touched) for touched in (False, True)
@@ -107,7 +107,7 @@ def ray_points(x, y, angles, distances):
 
 
 def _free_rays(image, x, y, radius, angles):
-    """Tell along which angles the disc ends against the light, bool (angles,)."""
+    """Angles along which the disc ends against the light, bool (angles,)."""
     width = max(0.25 * radius, 2.0)
     px, py = ray_points(x, y, angles, radius + width * np.array([1.0, 1.25, 1.5]))
     outside = cv2.remap(image, px, py, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT).min(1)
@@ -216,7 +216,7 @@ def _between_shades(shaded):
 
 
 def _misfit(p, image, used):
-    """Root mean square misfit, but for the MISFITS worst pixels: a hair may lie on some."""
+    """Root mean square misfit without the MISFITS worst pixels, where a hair may lie."""
     px, py, values = _edge_pixels(image, *p[:3], used)
     square = np.sort((values - _model(p, px, py)) ** 2)
     return float(np.sqrt(np.mean(square[: int(np.ceil((1 - MISFITS) * len(square)))])))

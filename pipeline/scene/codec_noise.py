@@ -1,7 +1,7 @@
-"""Noise beside obstacles, where codecs err by more than elsewhere.
+"""Noise beside obstacles, where codecs make larger errors than elsewhere.
 
 At the out-of-focus edges of a rod, the errors of H.264 and MJPG are larger than a pixel's
-brightness tells, and they run along the edge as whiskers run: a faint tip that emerges there must
+brightness suggests, and run along the edge as whiskers do: a faint tip that emerges there must
 not go on along the rod. What is measured is what stands still there; where a whisker moves, the
 codec follows it, and errs by less. So the geometric mean of both is taken.
 """
@@ -20,7 +20,7 @@ MEDIAN_OF_SQUARES = 0.455  # of a unit normal variable: whiskers that pass do no
 
 
 def noise_excess(background: Background, frames, obstacles, face) -> np.ndarray | None:
-    """Return by how much the variance beside obstacles is larger than by the noise model.
+    """Return the ratio of the variance beside obstacles to that of the noise model.
 
     Parameters
     ----------
@@ -31,7 +31,7 @@ def noise_excess(background: Background, frames, obstacles, face) -> np.ndarray 
     Returns
     -------
     float32 (height, width), a ratio, 1 far from obstacles and where nothing is unusual; None where
-    it would be 1 everywhere, or there are too few frames to tell.
+    it would be 1 everywhere, or there are too few frames.
     """
     if len(frames) < FEWEST_FRAMES or not obstacles.any():
         return None

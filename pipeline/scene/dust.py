@@ -1,7 +1,7 @@
-"""Whiskers that pass over a round dark spot: what they pass over unbent is no pole.
+"""A round dark spot that whiskers pass over without bending is not a pole.
 
-Dust on a window may look as the end of a pole does. A whisker that lies across it, and is seen on
-both sides, is not held up by it; nor is one that moves before or behind a pole.
+Dust on a window may look like the end of a pole. A whisker that lies across it and is seen on both
+sides is not bent by it; nor is one that moves in front of or behind a pole.
 """
 
 import cv2
@@ -20,7 +20,7 @@ FEWEST = 2  # frames: one may be a mistake
 
 
 def is_passed_over(x, y, radius, background, noise, frames) -> bool:
-    """Tell whether whiskers cross the inner half of a disc at (x, y) of `radius` [px].
+    """Whether whiskers cross the inner half of a disc at (x, y) of `radius` [px].
 
     A whisker shows at two places on a circle about the disc: opposite each other where it passes
     over the disc, nearer together where it is bent by it or stays beside.

@@ -1,4 +1,4 @@
-"""When large things move: a video cut into periods in which all but the whiskers is still.
+"""When large things move: the video is cut into periods in which only whiskers move.
 
 A pole on a motor comes in, stays and leaves; a paw reaches in. Frames are compared in cells of
 `cell_mm`: whiskers are too thin to darken a 2 × 2 block of them, everything else is not.
@@ -51,13 +51,13 @@ class Cells:
         return cells * (self.light / level)
 
     def alike(self, a: np.ndarray, b: np.ndarray) -> bool:
-        """Tell whether no large thing differs between two frames' cells."""
+        """Whether no large thing differs between two frames' cells."""
         limit = self.change * self.light
         return not (_blocks(a - b > limit) or _blocks(b - a > limit))
 
 
 def _blocks(changed):
-    """Tell whether any 2 × 2 block has changed; one sign at a time, as a whisker that moves by
+    """Whether any 2 × 2 block has changed; one sign at a time, as a whisker that moves by
     a cell darkens one row and clears the next.
     """
     return bool((changed[1:, 1:] & changed[1:, :-1] & changed[:-1, 1:] & changed[:-1, :-1]).any())
@@ -100,7 +100,7 @@ class Survey:
         states : int (k,), numbered from 0; −1 while things move
         frames : for each state, uint8 (n, height, width)
         """
-        states = self._likest()
+        states = self._most_similar()
         of_sample = dict(zip(self.indices, states, strict=True))
         items = [item for kept in self._kept for item in kept.items]
         held = np.bincount([of_sample[i] for i, _ in items], minlength=len(self._references))
@@ -120,9 +120,9 @@ class Survey:
         return states, [np.stack([frame for _, frame in some]) for some in of_state]
 
     def _at_rest(self, items, states) -> list:
-        """Return the items of one state in which all is where it mostly is; −1 in `states` else.
+        """Return the items of one state with nothing out of place; the others get −1 in `states`.
 
-        A thing that is about to come to rest may differ by less than the cells tell.
+        A thing that is about to come to rest may differ by less than the cells resolve.
         """
         frames = [frame for _, frame in items]
         typical = np.median(frames[:: 1 + len(frames) // TYPICAL], axis=0).astype(np.uint8)
@@ -137,8 +137,8 @@ class Survey:
         states[np.isin(self.indices, [index for index, _ in moving])] = -1
         return resting
 
-    def _likest(self) -> np.ndarray:
-        """Return the state of each sample, int (k,): of those it could be in, the likest.
+    def _most_similar(self) -> np.ndarray:
+        """Return the state of each sample, int (k,): of those possible, the most similar.
 
         A frame in which a thing was about to come to rest may have been the first of a state
         that many a frame after it could be in, too.
@@ -198,7 +198,7 @@ def periods(video, survey: Survey, states, in_place, settled_frames: int) -> lis
     video : pipeline.video.open.Video
     survey : of its samples
     states : their states, as `survey.settled` gives them
-    in_place : for each state, a function of a frame that tells more finely than the cells do
+    in_place : for each state, a function of a frame that checks more finely than the cells do
         whether all is where it belongs in that state (the pole)
     settled_frames : a state that has lasted so long has begun
 

@@ -1,4 +1,4 @@
-"""A video's static scene: background, face, pole, obstacles."""
+"""The static scene of a video: background, face, pole, obstacles."""
 
 from dataclasses import dataclass
 from functools import partial
@@ -29,7 +29,7 @@ FRAMES_PER_SAMPLE = 50
 class Epoch:
     """Frames [start, stop) with what stood still in them; stop None: to the video's end.
 
-    `scene` is None while something large moved: there, nothing can be said for sure.
+    `scene` is None while something large moved: nothing is certain there.
     """
 
     start: int
@@ -38,7 +38,7 @@ class Epoch:
 
 
 def survey(video, recording: Recording, params: SceneParams = DEFAULTS.scene) -> Survey:
-    """Look at some frames of the whole video, once for all that is to be learnt from them."""
+    """Sample frames of the whole video, once, for scene and whiskers."""
     seen = Survey(video.shape, working_scale(video.shape, recording.pixels_per_mm), params)
     for index, frame in video.sampled(_sample_size(video.n_frames)):
         seen.add(index, frame)
@@ -53,14 +53,14 @@ def find_scenes(
     seen: Survey | None = None,
     params: SceneParams = DEFAULTS.scene,
 ) -> tuple[Epoch, ...]:
-    """Find what does not move in a video, in each period between moves of large things.
+    """Find what does not move in a video, in each period between movements of large things.
 
     Parameters
     ----------
     video : pipeline.video.open.Video
     recording : frame rate, scale, side of the face (None: find it)
     pole_diameter_m : [m]; None: there is no pole
-    pole_xy : (x, y) [px] of the pole where a person gave it
+    pole_xy : (x, y) [px] of the pole where session.toml gives it
     seen : the video's `survey`; made where it is not given
     params : the room's parameters
 
@@ -89,7 +89,7 @@ def find_scenes(
 
 
 def _check_place(video, pole_xy):
-    """Raise if a person's place of the pole is outside of the picture."""
+    """Raise if the pole's place in session.toml is outside the picture."""
     height, width = video.shape
     if pole_xy is not None and not (0 <= pole_xy[0] < width and 0 <= pole_xy[1] < height):
         raise VideoError(

@@ -61,7 +61,7 @@ def _blurred(image, sd):
 
 
 def _without_holes(mask, side):
-    """Fill what the face encloses: bright pixels without a way to the other sides."""
+    """Fill bright pixels that the face encloses."""
     _, labels = cv2.connectedComponents((~mask).astype(np.uint8))
     enclosed = np.ones(labels.max() + 1, bool)
     for other in SIDES:
@@ -73,7 +73,7 @@ def _without_holes(mask, side):
 
 OPPOSITE = {"left": "right", "right": "left", "top": "bottom", "bottom": "top"}
 INWARD = {"left": (1, 0), "right": (-1, 0), "top": (0, 1), "bottom": (0, -1)}  # x, y
-FEWEST_NODES = 45  # of a line that tells its taper
+FEWEST_NODES = 45  # of a line whose taper can be measured
 LEAST_WIDTH = 0.2  # of the picture's side: a face is wider than apparatus
 THICKER = 1.2  # the far third's thickness over the near one's: of a whisker it is 0.2 to 0.6
 
@@ -81,12 +81,12 @@ THICKER = 1.2  # the far third's thickness over the near one's: of a whisker it 
 def likelier_side(
     transmission, side: str, thick_side: str | None, pixels_per_mm, params=DEFAULTS.scene
 ) -> str | None:
-    """Side on which the face rather is, where none is seen on the given `side`; None: no doubt.
+    """Side on which the face more likely is, if none is seen on the given `side`; None: no doubt.
 
     Parameters
     ----------
     transmission : share of the light that passes, (height, width)
-    thick_side : where the whiskers' thicker ends are (`faceless.mask_behind_whiskers`)
+    thick_side : where the whiskers' thicker ends are (`virtual_face.mask_behind_whiskers`)
 
     The whiskers of a picture without a face may come from beside a corner: without a face on the
     side of their thicker ends, only the opposite side is in doubt.

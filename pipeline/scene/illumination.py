@@ -1,4 +1,4 @@
-"""The light behind the whiskers: per frame, and across a picture with objects in it."""
+"""The light behind the whiskers: per frame, and across a picture with objects."""
 
 import cv2
 import numpy as np
@@ -53,8 +53,8 @@ def light_without_objects(
 
     Pixels of `thin` lines (bool (h, w) or None) are left out.
 
-    Light fades smoothly, even into a dark corner; objects end at an edge. So the light is what
-    can be reached from bright places without crossing an edge.
+    Light fades smoothly, even into a dark corner; objects end at an edge. So the light is
+    measured wherever a path from bright places crosses no edge.
     """
     height, width = image.shape
     cells = _cells(image, thin)

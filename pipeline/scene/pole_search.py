@@ -1,4 +1,4 @@
-"""The pole: a round dark disc seen end on, found and measured by itself, watched over time."""
+"""The pole: a round dark disc seen end on, found, measured, and checked over time."""
 
 from itertools import filterfalse
 
@@ -36,16 +36,16 @@ def find_pole(
     ----------
     transmission : float32 (height, width), share of the light that passes
     radius_px : expected radius [px]
-    near_xy : (x, y) or None; where a person says that the pole is
+    near_xy : (x, y) or None; place of the pole in session.toml
     exclude : bool (height, width) or None; where it is not (the face)
     passed_over : function of x, y, radius, or None; whether whiskers pass over a disc: then any
-        other disc is rather the pole
+        other disc is more likely the pole
     refused : function of a Pole, or None; whether a disc is no pole, where no person says so
 
     Returns
     -------
-    Pole, or None where no disc with at least 55 % of its edge in view is seen. Where a person
-    says that there is one, a darker place is enough; what cannot be measured of it is believed.
+    Pole, or None where no disc with at least 55 % of its edge in view is seen. Where
+    `near_xy` is given, a darker place is enough, and what cannot be measured is assumed.
     """
     if not radius_px > 0:
         raise ValueError(f"radius_px must be > 0, got {radius_px!r}")
@@ -88,7 +88,7 @@ def _likeliest_first(image, rough, radius_px):
 
 
 def _likeness(pole, radius_px):
-    """How much a measured disc is like a pole's end: round, opaque, of the expected radius.
+    """How similar a measured disc is to a pole's end: round, opaque, of the expected radius.
 
     Dust is paler, and of any size.
     """
@@ -134,28 +134,28 @@ def _candidates(image, radius_px, near_xy, exclude, most=10):
         edge &= np.hypot(columns - near_xy[0], rows - near_xy[1]) < 2.5 * radius_px
     y, x = np.nonzero(edge)
     strength = slope[y, x]
-    votes = _votes(
+    hough = _hough(
         image.shape, x, y, gx[y, x] / strength, gy[y, x] / strength, strength, radius_px
     )
-    votes *= smooth < 1 - LEAST_CONTRAST  # a centre is dark
+    hough *= smooth < 1 - LEAST_CONTRAST  # a centre is dark
     for _ in range(most):
-        _, peak, _, (px, py) = cv2.minMaxLoc(votes)
+        _, peak, _, (px, py) = cv2.minMaxLoc(hough)
         if peak <= 0:
             return
         yield float(px), float(py)
-        cv2.circle(votes, (px, py), max(int(0.7 * radius_px), 1), 0.0, -1)
+        cv2.circle(hough, (px, py), max(int(0.7 * radius_px), 1), 0.0, -1)
 
 
-def _votes(shape, x, y, ux, uy, strength, radius_px):
-    """Votes of the gradients for the centres of discs of all allowed radii."""
+def _hough(shape, x, y, ux, uy, strength, radius_px):
+    """Hough transform: gradients summed up at the centres of discs of all allowed radii."""
     radii = np.arange(RADIUS_RANGE[0], RADIUS_RANGE[1], 0.1)[:, None] * radius_px
     columns = np.rint(x - radii * ux).astype(np.int64)
     rows = np.rint(y - radii * uy).astype(np.int64)
     inside = (columns >= 0) & (columns < shape[1]) & (rows >= 0) & (rows < shape[0])
     weight = np.broadcast_to(strength, inside.shape)[inside]
     flat = np.bincount(rows[inside] * shape[1] + columns[inside], weight, shape[0] * shape[1])
-    votes = flat.reshape(shape).astype(np.float32)
-    return cv2.GaussianBlur(votes, (0, 0), max(0.12 * radius_px, 1.0))
+    hough = flat.reshape(shape).astype(np.float32)
+    return cv2.GaussianBlur(hough, (0, 0), max(0.12 * radius_px, 1.0))
 
 
 def _rough_circle(image, x, y, radius_px):
@@ -198,7 +198,7 @@ def _disc(shape, x, y, radius):
 
 
 class PoleFollower:
-    """Tells frame by frame whether a pole is in its place, while a video streams by.
+    """Checks frame by frame whether a pole is in its place, while a video streams by.
 
     Parameters
     ----------

@@ -18,7 +18,7 @@ from pipeline.session.parameters import DEFAULTS, SceneParams
 LOOKED_AT = 48  # frames
 SHORTEST_MM = 4.0  # shorter lines are no whiskers
 BIN_MM = 0.25  # along the face, in which starts are put together
-INSIDE_PX = (4, 24)  # nodes from its end that tell how dark a line is there
+INSIDE_PX = (4, 24)  # nodes from its end, between which a line's darkness is measured
 BEYOND_PX = 12  # how far behind its end a line may begin in truth
 MOVED = 0.8  # of the most light that a line's places ever get: what is lighter may be a rod
 GAP_MM = 1.0  # between the parts of a whisker that something hides, e.g. the pole
@@ -39,7 +39,7 @@ def mask_behind_whiskers(
 
     Returns
     -------
-    side : str; "left" where neither given nor to be told
+    side : str; "left" where neither given nor found
     mask : bool (height, width), what is nearer to that side than the whiskers' first visible
         points; all False where no whisker is seen
     thick_side : where the thicker ends of whiskers that move are; None where none is seen

@@ -9,7 +9,7 @@ TABLE = ConfigDict(extra="forbid")  # an unknown key is an error
 
 
 class Range(NamedTuple):
-    """Plausible values of a quantity, and factors from units it is often given in by mistake."""
+    """Plausible values of a quantity, and factors of units often used by mistake."""
 
     low: float
     high: float

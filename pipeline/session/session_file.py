@@ -29,7 +29,7 @@ class SettingsError(ValueError):
 
 
 def read_session(path) -> Settings:
-    """Read and check a session.toml; SettingsError tells everything that is wrong with it."""
+    """Read and check a session.toml; a SettingsError lists all that is wrong with it."""
     path = Path(path)
     try:
         document = tomllib.loads(path.read_text(encoding="utf-8-sig"))

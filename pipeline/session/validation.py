@@ -13,7 +13,7 @@ UNKNOWN = ("extra_forbidden", "unexpected_keyword_argument")
 
 
 def faults_of(document, errors) -> list[str]:
-    """All that is wrong with a parsed session.toml, a sentence or two each.
+    """All problems of a parsed session.toml, a sentence or two each.
 
     Parameters
     ----------
@@ -25,7 +25,7 @@ def faults_of(document, errors) -> list[str]:
 
 
 def _without(places, document):
-    """The document without the values at `places`, which are already found to be wrong."""
+    """The document without the values at `places`, which are already known to be wrong."""
     document = copy.deepcopy(document)
     for *above, key in places:
         table = document

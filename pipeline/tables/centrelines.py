@@ -29,7 +29,7 @@ class Centrelines:
     thickness_px : float32 (points,) or None; absorbance integrated across the line, NaN where
         it cannot be measured
     hidden_px : float64 (rows,) or None; arc length from the follicle to the row's first point
-    follicle : float64 (rows, 3) or None; x, y [px] and angle [rad] of the follicle, told from
+    follicle : float64 (rows, 3) or None; x, y [px] and angle [rad] of the follicle, estimated from
         the fields above; NaN where the row is too short
     """
 

@@ -1,4 +1,4 @@
-"""The few types that travel through the pipeline, and every table column declared once."""
+"""Every table column, declared once."""
 
 from dataclasses import dataclass
 
@@ -144,12 +144,12 @@ CONTACT_FLAGS = {
     "starts_before": "touches in the video's first frame: its onset is not seen",
     "ends_after": "touches in the video's last frame: its end is not seen",
     "slip": "ended by slipping past the pole",
-    "no_rest_curvature": "too few free frames tell the whisker's shape at rest: no force is known",
+    "no_rest_curvature": "too few free frames to know the whisker's shape at rest: no force",
     "large_deflection": "the force is tilted by more than 34° against the follicle's normal",
     "contact_near_curvature_window": "less than 1 mm beyond curvature_at_mm: little is bent there",
     "bends_unlike_rod": "bends as no rod of its dimensions does: another whisker, or wrong ones",
     "gaps_in_trace": "not traced in some of its frames",
-    "faint_force": "the force is within its error; told by the distance",
+    "faint_force": "the force is within its error; the contact was found by the distance",
     "doubtful": "in no frame is the probability of contact 0.99",
     "not_half_gaussian": "the fitted pulse is poor; base loads are of the measured force",
 }
@@ -189,7 +189,7 @@ EVIDENCE_COLUMNS = (
     Column("pole_known", "bool", "", "the pole is in view and at rest"),
     Column("extended", "bool", "", "the nearest point lies beyond the traced part"),
     Column("across", "bool", "", "seen to lie across the pole: in another plane, or it is dust"),
-    Column("rest_known", "bool", "", "enough free frames tell the rest shape"),
+    Column("rest_known", "bool", "", "the rest shape is known from enough free frames"),
     Column("origin_m", "float64", "m", "added to arc lengths: error of the hidden length"),
     Column("origin_se_m", "float64", "m", "standard error of origin_m"),
     Column("gap_m", "float64", "m", "surface of the fitted rod to the pole's"),

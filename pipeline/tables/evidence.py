@@ -1,6 +1,7 @@
 """What `forces.estimate_forces` measured, kept beside the tables.
 
-From it contacts and forces are made anew when a person corrects contacts, without the video.
+Contacts and forces are recomputed from it when a person corrects contacts; the video is not
+needed.
 """
 
 from pathlib import Path

@@ -21,7 +21,7 @@ SHOWN = 40  # characters of a wrong value
 
 @contextlib.contextmanager
 def whole_file(path):
-    """Yield a temporary path beside `path` that replaces it when the block ends well.
+    """Yield a temporary path beside `path` that replaces it when the block succeeds.
 
     Readers see the old file or the new one, never a part; if the block fails, the temporary
     file goes and `path` stays as it was.
@@ -86,7 +86,7 @@ def _digits(column: Column) -> str:
 
 
 def _csv_text(values: pd.Series, column: Column):
-    """Values of one column as they stand in a CSV."""
+    """Values of one column as text for a CSV."""
     if column.dtype == "bool":
         return values.map({True: "true", False: "false"})
     if column.dtype == "float64":

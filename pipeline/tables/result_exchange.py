@@ -1,4 +1,4 @@
-"""New results of a video take the place of the old ones: all or none, whatever ends the program.
+"""New results of a video replace the old ones: all or none, however the program ends.
 
 New results are written into a hidden draft inside the video's results folder. Renaming the
 finished draft to READY is the one moment at which they become the video's results; their files
@@ -23,7 +23,7 @@ OVERLAYS = "overlay.*"
 
 @contextlib.contextmanager
 def draft(folder):
-    """Yield an empty folder for a video's new results; they are ready when the block ends well.
+    """Yield an empty folder for a video's new results; they are ready when the block succeeds.
 
     `settle` then puts them in place. If the block fails, the draft goes and old results stay.
     """
@@ -40,7 +40,7 @@ def draft(folder):
 
 
 def is_settled(folder) -> bool:
-    """Tell whether the files of a results folder are all of one generation."""
+    """Whether the files of a results folder are all of one generation."""
     return not (folder / READY).exists()
 
 
@@ -69,7 +69,7 @@ def settled(out):
 
 
 def settle_all(out) -> None:
-    """Settle every results folder in `out`; one that cannot be written stays as it is."""
+    """Settle every results folder in `out`; one that cannot be written is left as it is."""
     for folder in [each for each in Path(out).iterdir() if each.is_dir()]:
         with contextlib.suppress(OSError):
             settle(folder)

@@ -1,4 +1,4 @@
-"""What every kind of video has in common: grey frames one after the other, and a few of them."""
+"""What all kinds of video share: grey frames in order, and samples of them."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -18,7 +18,7 @@ class Video:
     path : Path
     width, height : int [px]
     n_frames : int or None
-        What the container says or lets us estimate; only iterating tells for certain.
+        What the container states, or an estimate; only reading all frames is certain.
     exact_count : bool
         `n_frames` is the container's own count, not an estimate from duration and rate.
     interpolated : set of int
@@ -50,7 +50,7 @@ class Video:
         return f"<Video {self.path.name}: {self.n_frames} frames of {self.width}×{self.height}>"
 
     def close(self):
-        """Let go of open files."""
+        """Close open files."""
 
     def frames(self, start: int = 0, stop: int | None = None) -> Iterator[np.ndarray]:
         """Yield the frames [start, stop), uint8 (height, width), each in memory of its own.
@@ -65,7 +65,7 @@ class Video:
         return self._read(start, stop)
 
     def lent(self) -> Iterator[np.ndarray]:
-        """Yield all frames as `frames` does, but for reading only: quicker for some codecs.
+        """Yield all frames as `frames` does, but read-only: faster for some codecs.
 
         They may lie in the decoder's memory, and other frames may refer to them.
         """
@@ -158,7 +158,7 @@ class RandomAccessVideo(Video):
         raise NotImplementedError
 
     def starts(self, numbers):
-        """Each of them: nothing else need be read."""
+        """The frames themselves: nothing else needs to be read."""
         return list(numbers)
 
     def _read(self, start, stop):

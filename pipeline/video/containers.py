@@ -232,7 +232,7 @@ class ContainerVideo(Video):
                     return
 
     def _key_frame_before(self, container, stream, number):
-        """Time of the key frame at which decoding towards a frame begins; None if not told."""
+        """Time of the key frame at which decoding towards a frame begins; None if unknown."""
         container.seek(self._pts(number), stream=stream)
         packet = next(container.demux(stream), None)
         return packet.pts if packet is not None and packet.is_keyframe else None
@@ -330,7 +330,7 @@ class ContainerVideo(Video):
 
 
 def _ahead(frames, count):
-    """Hand on frames one by one, decoded `count` at a time; a failure comes after the good."""
+    """Yield frames one by one, decoded `count` at a time; a failure comes after the good ones."""
     failure = None
     while failure is None:
         some = []
@@ -434,7 +434,7 @@ class OpenCvVideo(Video):
 
 
 def _backend_for(path):
-    """Return the first of OpenCV's backends that opens the file, FFmpeg left out: it was tried."""
+    """Return the first OpenCV backend that opens the file; FFmpeg was tried already."""
     logging = cv2 if hasattr(cv2, "setLogLevel") else cv2.utils.logging  # OpenCV 4, 5
     level = logging.setLogLevel(0)
     try:
@@ -456,7 +456,7 @@ def open_container(path, threads: int = 1) -> Video:
     Raises
     ------
     VideoError
-        If neither can read it; the message tells what the file looks like.
+        If neither can read it; the message says what the file looks like.
     """
     try:
         return ContainerVideo(path, threads)
@@ -469,7 +469,7 @@ def open_container(path, threads: int = 1) -> Video:
 
 
 def _looks(path):
-    """Say what a file that is no video looks like, and what to do."""
+    """Describe a file that is not a video, and say what to do."""
     with open(path, "rb") as file:
         head = file.read(512)
     if not head:

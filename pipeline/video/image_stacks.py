@@ -14,7 +14,7 @@ PROBES = 16  # frames looked at to find the bit depth of a 16-bit stack
 
 
 class ImageStack(RandomAccessVideo):
-    """Images of one size; 16-bit ones all scaled by one power of two.
+    """Images of one size; 16-bit images are all scaled by the same power of two.
 
     `true_bits` says how many of the 16 the camera fills, where that is known.
     """
@@ -87,7 +87,7 @@ class TiffVideo(ImageStack):
 
 
 def _unpacked(page):
-    """Image of a page whose pixels of 10 to 14 bits follow upon each other without gaps."""
+    """Image of a page with packed pixels of 10 to 14 bits."""
     bits, file, data = page.bitspersample, page.parent.filehandle, bytearray()
     for start, size in zip(page.dataoffsets, page.databytecounts, strict=True):
         file.seek(start)
@@ -145,7 +145,7 @@ def _grey(image, path, index, conversion):
 
 
 def is_stack(path: Path) -> bool | None:
-    """Tell whether a TIFF file holds more than one image; None if it cannot be read."""
+    """Whether a TIFF file holds more than one image; None if it cannot be read."""
     try:
         with tifffile.TiffFile(path) as tiff:
             if len(tiff.pages) > 1:

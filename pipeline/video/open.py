@@ -1,4 +1,4 @@
-"""Any input → grey frames, streamed: videos, TIFF stacks, image folders; and finding them."""
+"""Finds inputs and opens them as streams of grey frames: videos, TIFF stacks, image folders."""
 
 import re
 from collections import Counter
@@ -114,7 +114,7 @@ def find_videos(paths) -> list[Path]:
 
 
 def is_result_folder(folder) -> bool:
-    """Tell whether a folder holds what was made of videos, by its name or by what is in it."""
+    """Whether a folder holds results, by its name or its contents."""
     return folder.name in RESULT_FOLDERS or any((folder / name).exists() for name in RESULT_MARKS)
 
 
@@ -126,7 +126,7 @@ def _inputs_in(folder):
 
 
 def _is_input(item):
-    """Tell whether something in a folder is an input of its own."""
+    """Whether something in a folder is an input of its own."""
     if item.is_dir():
         return _is_image_folder(item) or not any(item.iterdir())
     if RESULT_VIDEO.search(item.stem):
@@ -136,7 +136,7 @@ def _is_input(item):
 
 
 def _is_image_folder(folder):
-    """Tell whether a folder's input is its images: some images, no video, no TIFF stack."""
+    """Whether a folder's images are one input: some images, no video, no TIFF stack."""
     if is_result_folder(folder):
         return False
     items = _listing(folder)

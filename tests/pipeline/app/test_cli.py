@@ -182,19 +182,19 @@ def test_plain_lines_of_progress():
     now = [0.0]
     said = []
     lines = progress.Lines(["a", "b"], said.append, every=10, clock=lambda: now[0])
-    lines.tell(Event("start", 0))
+    lines.receive(Event("start", 0))
     now[0] = 5
-    lines.tell(Event("progress", 0, (50, 100)))
+    lines.receive(Event("progress", 0, (50, 100)))
     assert said == []
     assert lines.frames_per_s == 10
     assert lines.seconds_left == pytest.approx(15)  # b is taken to be as long as a
     now[0] = 10
-    lines.tell(Event("progress", 0, (100, 100)))
+    lines.receive(Event("progress", 0, (100, 100)))
     assert said == ["0/2 videos, 100 frames, 10 frames/s, 10 s left"]
-    lines.tell(Event("done", 0, Outcome("a", "a.avi", "done", 100, 10.0, "", 3)))
+    lines.receive(Event("done", 0, Outcome("a", "a.avi", "done", 100, 10.0, "", 3)))
     assert said[1:] == ["a: done, 100 frames, 10 frames/s, 3 contacts"]
-    lines.tell(Event("start", 1))
-    lines.tell(Event("done", 1, Outcome("b", "b.avi", "failed", message="no good")))
+    lines.receive(Event("start", 1))
+    lines.receive(Event("done", 1, Outcome("b", "b.avi", "failed", message="no good")))
     assert said[2:] == ["b: failed: no good"]
     assert lines.finished == 2
 
@@ -207,9 +207,9 @@ def test_progress_bar_draws_on_a_terminal():
     screen = io.StringIO()
     console = Console(file=screen, force_terminal=True, width=100)
     with progress.Bar(["a"], console) as bar:
-        bar.tell(Event("start", 0))
-        bar.tell(Event("progress", 0, (50, 100)))
-        bar.tell(Event("done", 0, Outcome("a", "a.avi", "done", 100, 10.0, "", 3)))
+        bar.receive(Event("start", 0))
+        bar.receive(Event("progress", 0, (50, 100)))
+        bar.receive(Event("done", 0, Outcome("a", "a.avi", "done", 100, 10.0, "", 3)))
     assert "a: done, 100 frames" in screen.getvalue()
     assert "frames/s" in screen.getvalue()
 
