@@ -16,6 +16,8 @@ from pipeline.tables.columns import CONTACT_COLUMNS, VIDEO_COLUMNS
 from synthetic.encode import write_video
 from synthetic.scene import Codec
 
+pytestmark = pytest.mark.e2e
+
 EDGE_FRAMES = 1  # of onset and offset
 FORCE = 0.05  # relative, of the peak force
 FORCE_UN = 0.5  # or this much

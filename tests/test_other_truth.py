@@ -7,6 +7,8 @@ import other_truth
 import plain_video as plain
 import pytest
 
+pytestmark = pytest.mark.e2e
+
 SEEDS = (3, 8)  # a face on the left; no face, from above
 PEAK = 0.015  # relative, of the peak force and moment
 ARC_MM = 0.06  # of the place of touch

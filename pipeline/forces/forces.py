@@ -125,7 +125,7 @@ def _fit_rods(places, whisker, curvature_at, angle, time, free, friction):
 
 
 def _without_bias(places, whisker, curvature_at, angle, time, free):
-    """Return the stations, those less trusted that fur and face draw aside (`base_bias`)."""
+    """Return the stations, those less trusted that fur and face draw aside (`fur_bias`)."""
 
     def rest_prior(places, angle, time, free):
         model = _rest_shape(places, whisker, curvature_at, time, free)

@@ -1,8 +1,8 @@
 """The lines of a crowd in a whole video, named when all has been seen.
 
-The tracer follows lines without names (`crowd_tracer`). Here they wait in a file until the video
-has ended; in memory there are a few numbers per line. How every whisker looks is learned from all
-frames, and the names are those that looks and motions together make likeliest (`exchanges`).
+The tracker follows lines without names (`tracking.unlabelled_tracker`). Here they wait in a file
+until the video has ended; in memory there are a few numbers per line. How every whisker looks is learned from all
+frames, and the names are those that looks and motions together make likeliest (`label_swaps`).
 """
 
 import tempfile

@@ -144,6 +144,7 @@ def doubt(video, side, names):
     return face_message([scene], find_roster(video, scene, options, names), side)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("turns", range(4))
 def test_a_face_at_its_place_is_not_doubted(seen, turns):
     preset, video = seen
@@ -151,6 +152,7 @@ def test_a_face_at_its_place_is_not_doubted(seen, turns):
     assert doubt(turned, SIDES[turns], NAMES[preset]) is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("side", ["right", "top", "bottom"])
 def test_a_face_elsewhere_is_reported(seen, side):
     preset, video = seen
@@ -159,12 +161,14 @@ def test_a_face_elsewhere_is_reported(seen, side):
     assert 'write face = "left"' in message
 
 
+@pytest.mark.slow
 def test_whiskers_without_a_face_in_view_show_the_opposite_side():
     video = np.ascontiguousarray(frames("single")[:, :, 140:])  # without face and fur
     assert doubt(video, "left", ["C2"]) is None
     assert 'write face = "left"' in doubt(video, "right", ["C2"])
 
 
+@pytest.mark.e2e
 @pytest.mark.parametrize(
     ("side", "scale", "words"),
     [

@@ -14,6 +14,8 @@ from synthetic.staging import Setting, c2_scene, touching_motion
 from synthetic.touches import Touch
 from whiskermodel.whisker import Whisker, mouse_c2
 
+pytestmark = pytest.mark.slow
+
 centre_tolerance = 0.01  # px, the promise of the renderer
 composed_tolerance = 0.005  # share of the light
 FINE = 10  # sub-pixels of the brute-force picture

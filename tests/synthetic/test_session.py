@@ -19,6 +19,8 @@ from whiskermodel.pulse_response import half_gaussian_extremes
 from whiskermodel.response import Response
 from whiskermodel.rod import contact_shape
 
+pytestmark = pytest.mark.slow
+
 FRAMES = 130
 
 

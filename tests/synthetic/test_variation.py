@@ -7,6 +7,8 @@ from synthetic.presets import make_trial
 from synthetic.truth import contact_table, frame_table
 from synthetic.variation import PIXELS_PER_MM, varied_motion
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def motion():

@@ -7,6 +7,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
+pytestmark = pytest.mark.e2e
+
 SEED = "6"  # whose first trial is short
 SECTIONS = ("Paper, truth, recovered", "Contact by contact", "What it costs")
 

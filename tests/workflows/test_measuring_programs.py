@@ -16,6 +16,8 @@ from peer_tracker import NoPeerError, find_peer, read_whiskers
 from synthetic.presets import PRESETS
 from synthetic.session import render_session
 
+pytestmark = pytest.mark.e2e
+
 
 def whiskers_bytes(*lines):
     """A binary .whiskers file of lines (number, frame, x, y)."""

@@ -10,6 +10,8 @@ import pytest
 from pipeline.tables.centrelines import read_centrelines
 from synthetic.session import render_session
 
+pytestmark = pytest.mark.e2e
+
 FRAMES = 60
 EXCHANGED = 30  # from this frame on
 LOST = slice(10, 15)  # frames without a line of the second whisker

@@ -2,8 +2,12 @@
 
 import multiprocessing
 
+import pytest
+
 from pipeline import analyse
 from pipeline.app import warm_up
+
+pytestmark = pytest.mark.e2e
 
 
 def test_whisker_pole_and_rod_are_found_in_the_drawn_video(monkeypatch):

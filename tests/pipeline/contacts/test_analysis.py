@@ -21,6 +21,8 @@ from pipeline.kinematics import resampled
 from pipeline.tables.columns import CONTACT_FLAGS, CORRECTION_COLUMNS, as_table, split_flags
 from synthetic.presets import make_trial
 
+pytestmark = pytest.mark.slow
+
 edge_tolerance = 1  # frames
 frames_in_agreement = 0.995
 peak_force_tolerance = 0.03  # relative, or

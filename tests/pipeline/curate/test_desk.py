@@ -2,11 +2,14 @@
 
 from pathlib import Path
 
+import pytest
 from curated import opened
 
 from pipeline.contacts.corrections import read_corrections
 from pipeline.curate.desk import Desk
 from pipeline.curate.keys import COMMANDS, KEYS, shown
+
+pytestmark = pytest.mark.e2e
 
 
 def test_every_key_has_its_command():

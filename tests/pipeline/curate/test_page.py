@@ -19,6 +19,8 @@ from pipeline.errors import InputError
 from pipeline.runtime.folder_lock import locked
 from pipeline.tables.result_exchange import draft, is_settled
 
+pytestmark = pytest.mark.e2e
+
 
 @pytest.fixture
 def served(results):

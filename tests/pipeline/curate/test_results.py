@@ -14,6 +14,8 @@ from pipeline.errors import InputError
 from pipeline.session.session_file import read_session
 from pipeline.tables import files
 
+pytestmark = pytest.mark.e2e
+
 
 def test_results_are_of_the_kind_that_run_makes(session):
     """What the other tests stand on: contacts were found in both videos, and doubts are few."""

@@ -11,6 +11,8 @@ from pipeline.kinematics import resampled
 from synthetic.presets import make_trial
 from whiskermodel.whisker import mouse_c2
 
+pytestmark = pytest.mark.slow
+
 origin_tolerance = 0.02e-3  # m
 AT = 5.5e-3
 

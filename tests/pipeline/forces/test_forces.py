@@ -24,6 +24,8 @@ from synthetic.touches import Touch, drive_touches, grazing_angle
 from whiskermodel import rod
 from whiskermodel.whisker import mouse_c2
 
+pytestmark = pytest.mark.slow
+
 AT = 5.5e-3
 RECORDING = Recording(1000.0, 25.0, "left")
 median_force_error = {"shape": 0.01, "point": 0.02}  # relative, pushes above 3 µN

@@ -10,6 +10,8 @@ from pipeline.forces import forces, fur_bias
 from synthetic.presets import make_trial
 from whiskermodel.whisker import mouse_c2
 
+pytestmark = pytest.mark.slow
+
 AT = 5.5e-3
 FUR_PX, FUR_REACH_M = 0.3, 0.25e-3  # by how much, and how far out, stations are drawn aside
 FORCE_ERROR = 0.01  # relative, of the peak forces' median

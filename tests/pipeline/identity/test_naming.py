@@ -13,6 +13,8 @@ from pipeline.tables.centrelines import Centrelines
 from pipeline.tracking.matching import Ruler
 from pipeline.tracking.tracker import options_for
 
+pytestmark = pytest.mark.slow
+
 OPTIONS = options_for(Recording(500.0, 8.0, "left"))
 RULER = Ruler.of("left", OPTIONS)
 #    near bend, angle [rad], logs of thickness and length, bends [rad]

@@ -8,6 +8,8 @@ import pytest
 
 from pipeline.runtime.numba_cache import drop_stale
 
+pytestmark = pytest.mark.slow
+
 COMPILED = (
     "from numba import njit\n{imports}\n\n@njit(cache=True)\ndef {name}():\n    return {value}\n"
 )

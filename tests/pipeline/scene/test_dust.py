@@ -9,6 +9,8 @@ from pipeline.session.recording import Recording
 from pipeline.session.session_file import settings_from
 from pipeline.video.base import RandomAccessVideo
 
+pytestmark = pytest.mark.slow
+
 SHAPE, LIGHT, NOISE_SD = (240, 320), 180.0, 2.0  # px, grey
 FACE_PX, BASE = 40.0, (40.0, 120.0)
 NEAR = 0.5  # px

@@ -90,6 +90,7 @@ def rendered(request):
     return trial.scene, np.stack([renderer.frame(i) for i in range(0, len(renderer), 25)])
 
 
+@pytest.mark.slow
 class TestFur:
     """Against rendered fur, whose solid edge is known."""
 
@@ -119,6 +120,7 @@ class TestFur:
         assert abs(area[0] - area[1]) / length[0] < STEADY
 
 
+@pytest.mark.slow
 def test_an_object_on_the_wrong_side_is_no_face():
     trial = make_trial("row", seed=3, trial=0)
     renderer = Renderer(trial.scene, trial.motion)

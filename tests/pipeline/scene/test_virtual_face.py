@@ -13,6 +13,8 @@ from pipeline.tracking.tracker import options_for
 from synthetic.presets import make_trial
 from synthetic.render import Renderer
 
+pytestmark = pytest.mark.slow
+
 SCALE = 25.0  # px/mm
 FOLLICLE = 50.0, 120.0  # px
 START_PX = 0.7  # error of the edge where whiskers come over it

@@ -7,6 +7,8 @@ import pytest
 from pipeline.scene.estimate import scene_from_frames
 from pipeline.session.recording import Recording
 
+pytestmark = pytest.mark.slow
+
 HEIGHT, WIDTH = 240, 320
 SIDES = ("top", "left", "bottom", "right")  # from one to the next by a quarter turn
 CORNER = (60, 70)  # x, y [px] of the corner between body and face

@@ -18,6 +18,8 @@ from synthetic.render import Renderer
 from synthetic.scoring import line_scoring
 from synthetic.truth import centreline_table, visibility_table
 
+pytestmark = pytest.mark.slow
+
 FRAMES = 180
 NOISE_SD = 1.5  # grey levels, as in the preset
 HIDDEN = 1.4e-3  # m

@@ -15,6 +15,8 @@ from synthetic.presets import make_trial
 from synthetic.render import Renderer
 from synthetic.truth import frame_table
 
+pytestmark = pytest.mark.slow
+
 FRAMES = range(40, 200)  # holds two touches of `noisy`, trial 0
 HIDDEN = 1.32e-3  # m, as written in the preset's session.toml
 

@@ -12,6 +12,8 @@ from pipeline.tracking.unlabelled_tracker import CrowdTracer
 from synthetic.presets import make_trial
 from synthetic.render import Renderer
 
+pytestmark = pytest.mark.slow
+
 FRAMES = range(100, 180)
 ON = 1.5  # px from a true centreline
 
