@@ -6,13 +6,10 @@ import re
 from pathlib import Path
 
 import pytest
+from draw_house import ORDER as ROOMS
 
 ROOT = Path(__file__).parents[1]
 PAGE = (ROOT / "docs" / "code.md").read_text(encoding="utf-8")
-ROOMS = (
-    "app", "convert", "curate", "reports", "contacts", "forces", "kinematics", "identity",
-    "tracking", "scene", "detection", "session", "video", "tables", "runtime", "numerics",
-)  # fmt: skip
 ANYWHERE = {"pipeline.errors"}
 WHOLE_WAY = {"pipeline", "pipeline.run", "pipeline.messages"}  # for the command line alone
 

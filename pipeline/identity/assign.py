@@ -1,8 +1,9 @@
-"""The lines of a crowd in a whole video, named when all has been seen.
+"""Labels of lines in a whole video, given when all of it has been tracked.
 
-The tracker follows lines without names (`tracking.unlabelled_tracker`). Here they wait in a file
-until the video has ended; in memory there are a few numbers per line. How every whisker looks is learned from all
-frames, and the names are those that looks and motions together make likeliest (`label_swaps`).
+The tracker follows lines without labels (`tracking.unlabelled_tracker`). Here they wait in a file
+until the video has ended; in memory there are a few numbers per line. The appearance of every
+whisker is learnt from all frames; the labels are those that appearance and motion together make
+most likely (`label_swaps`).
 """
 
 import tempfile

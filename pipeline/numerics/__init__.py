@@ -1,4 +1,4 @@
-"""Splines, polylines, statistics: numerical parts that know nothing of whiskers."""
+"""Splines, polylines, chains, statistics: nothing of whiskers."""
 
 import lazy_loader
 
