@@ -12,7 +12,7 @@ from numba import njit
 
 from pipeline.identity.features import ANGLE, N_FEATURES
 from pipeline.numerics.angles import wrapped
-from pipeline.numerics.robust import robust_sd
+from pipeline.numerics.robust import MAD_TO_SD
 
 FARTHEST = np.array([3.0, 6.0, 3.0, 3.0, 3.0, 3.0])  # SDs in a feature count as no more
 MOST_SD = 1.5  # of the usual whisker's SD: what is wider is several whiskers
@@ -98,7 +98,7 @@ def _robust_line(x, y, least_sd):
         slope = (n * suv - su * sv) / (n * suu - su * su)
         middle = (sv - slope * su) / n
         off = y - middle - slope * x
-        sd = max(robust_sd(off, np.median(off[keep])), least_sd)
+        sd = max(MAD_TO_SD * np.median(np.abs(off - np.median(off[keep]))), least_sd)
         again = np.abs(off) < 2.5 * sd
         if again.sum() < FEWEST // 2 or np.array_equal(again, keep):
             break

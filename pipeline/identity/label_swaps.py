@@ -258,6 +258,7 @@ def _claimed(evidence, a, own, other, before, again):
     return _best_states(steps)
 
 
+@njit(cache=True)
 def _best_states(steps):
     """Exchanged or not in every frame, and the gain over nothing exchanged."""
     states, cost = likeliest_path(steps)
