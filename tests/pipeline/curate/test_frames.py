@@ -9,6 +9,8 @@ from curated import PATIENCE_S
 from pipeline.curate.frames import BLOCK, FrameReader
 from pipeline.errors import VideoError
 
+pytestmark = pytest.mark.e2e
+
 
 def test_frames_in_any_order_are_the_videos_own(video):
     path, frames = video

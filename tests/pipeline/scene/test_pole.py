@@ -57,6 +57,7 @@ def test_pole_on_a_rod_is_found_and_measured(direction, radius):
     assert 0.55 < pole.arc < 0.8
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=20)
 @given(seed=st.integers(0, 2**32 - 1), radius=st.floats(3.5, 7.0))
 @example(seed=1350, radius=4.0)  # these hold sharp dust as large as the pole, 80 % dark
