@@ -241,7 +241,7 @@ def process_video(task: Task, report=None) -> Outcome:
 
 def _analyse_and_save(task, report) -> Outcome:
     """Analyse and write all tables; the state file records how they were made."""
-    from pipeline.contacts.corrections import read_corrections
+    from pipeline.contacts.corrections import left_out, read_corrections
     from pipeline.tables.evidence import write_evidence
 
     started = time.perf_counter()
@@ -256,6 +256,9 @@ def _analyse_and_save(task, report) -> Outcome:
         write_evidence(new, analysis.evidence)
         write_session(new / "session.toml", task.settings)
         outcome = _outcome_of(task, analysis, time.perf_counter() - started)
+        whiskers = tuple(dict.fromkeys(analysis.frames["whisker"]))
+        for problem in left_out(corrections, whiskers, analysis.n_frames):
+            outcome = _warned(outcome, problem)
         save_state(new, outcome, task.settings, before)
     return outcome
 

@@ -131,8 +131,10 @@ def surely_free(evidence, pixels_per_m) -> np.ndarray:
 
 def _correct(intervals, corrections, evidence):
     """Apply a person's corrections; fill what an added contact does not know of itself."""
-    from pipeline.contacts.corrections import apply
+    from pipeline.contacts.corrections import applicable, apply
 
+    n_frames = int(evidence["frame"].max()) + 1 if len(evidence) else 0
+    corrections = applicable(corrections, set(evidence["whisker"]), n_frames)
     intervals = apply(intervals, corrections).reset_index(drop=True)
     for i in intervals.index[intervals["curated"]]:
         row = intervals.loc[i]

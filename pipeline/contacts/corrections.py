@@ -94,6 +94,34 @@ def _fault(verdict):
     return ""
 
 
+def applicable(corrections: pd.DataFrame, whiskers, n_frames: int) -> pd.DataFrame:
+    """Return those corrections that speak of these whiskers, cut at the video's end."""
+    rows = [
+        row._replace(
+            offset_frame=min(row.offset_frame, n_frames), covers_to=min(row.covers_to, n_frames)
+        )
+        for row in verdicts(corrections)
+        if row.whisker in whiskers and row.onset_frame < n_frames
+    ]
+    return table_of(rows)
+
+
+def left_out(corrections: pd.DataFrame, whiskers, n_frames: int):
+    """Yield sentences on corrections that cannot be applied; the file keeps them."""
+    rows = verdicts(corrections)
+    for name in dict.fromkeys(row.whisker for row in rows if row.whisker not in whiskers):
+        count = sum(row.whisker == name for row in rows)
+        yield (
+            f"{CORRECTIONS_FILE}: {count} of {name!r}, which is no whisker of this video "
+            f"({', '.join(map(str, whiskers)) or 'none'}): not applied; use one name in both"
+        )
+    late = sum(row.offset_frame > n_frames for row in rows)
+    if late:
+        yield (
+            f"{CORRECTIONS_FILE}: {late} reach beyond the video's end (it has {n_frames} frames)"
+        )
+
+
 def apply(intervals: pd.DataFrame, corrections: pd.DataFrame) -> pd.DataFrame:
     """Return the contact intervals with a person's corrections on top.
 

@@ -6,6 +6,7 @@ Knows nothing of browsers: a command goes in by name, what is to be shown is in 
 from pipeline.curate.items import Item
 from pipeline.curate.results import Results, VideoUnderReview
 from pipeline.curate.review import EditError, Span
+from pipeline.errors import InputError
 
 WIDTHS = (50, 100, 200, 400, 800, 1600, 3200, 6400, 12800, 25600)  # frames in the time window
 FIRST_WIDTH = 400
@@ -38,7 +39,7 @@ class Desk:
         self.finishing = False
         self._asked = 0  # commands for which the question whether to finish stands
         self.video = None
-        self._enter(results.names[0])
+        self._enter_first()
         self._to_doubtful()
 
     # ---- questions ------------------------------------------------------------------------
@@ -98,6 +99,20 @@ class Desk:
             self._to_doubtful()
         except EditError as error:
             self.message, self.is_error = str(error), True
+
+    def _enter_first(self):
+        """Open the first video that can be opened; say which cannot."""
+        problems = []
+        for name in self.results.names:
+            try:
+                self._enter(name)
+            except EditError as error:
+                problems.append(str(error))
+            else:
+                break
+        if self.video is None:
+            raise InputError("; ".join(problems))
+        self.message, self.is_error = "; ".join(problems), bool(problems)
 
     def _enter(self, name):
         try:

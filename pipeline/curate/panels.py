@@ -61,7 +61,7 @@ def panels(desk, no_picture="") -> dict[str, str]:
     """HTML of every part of the page that changes, by the element's id."""
     video, item = desk.video, desk.current
     macro = environment().get_template("panels.html").module
-    fault = desk.results.faults.get(video.name, "")
+    fault = desk.results.faults.get(video.name) or video.no_lines
     return {
         "video": macro.video(desk),
         "progress": macro.progress(_count(desk.items)),

@@ -70,7 +70,7 @@ class VideoUnderReview:
         contacts = files.read_csv(self.folder / "contacts.csv", CONTACT_COLUMNS)
         self.touch = analysis.Touch(frames, contacts, detected, evidence)
         self._changed = changed
-        self.review = Review(detected, corrections, self.n_frames, self._corrected)
+        self.review = Review(detected, corrections, self.n_frames, self._corrected, self.whiskers)
         self._lines = OrderedDict()
         # as last made, with what they were made of
         self._traces = self._items = self._probability = None
@@ -153,13 +153,20 @@ class VideoUnderReview:
         self._lines.move_to_end(block)
         return self._lines[block].get(frame, {})
 
+    no_lines = ""  # why there are none
+
     def _read_lines(self, block):
         start = block * LINES_AROUND
         inside = [("frame", ">=", start), ("frame", "<", start + LINES_AROUND)]
-        rows = centrelines.read_centrelines(self.folder / "centrelines.parquet", inside)
+        try:
+            rows = centrelines.read_centrelines(self.folder / "centrelines.parquet", inside)
+        except (OSError, ValueError, KeyError) as error:
+            self.no_lines = f"whiskers cannot be drawn: {error}"
+            return {}
         lines = {}
         for i, (frame, whisker) in enumerate(zip(rows.frame, rows.whisker, strict=True)):
-            lines.setdefault(int(frame), {})[rows.names[whisker]] = rows.row(i)
+            if rows.names[whisker] in self.whiskers:
+                lines.setdefault(int(frame), {})[rows.names[whisker]] = rows.row(i)
         return lines
 
     @cached_property

@@ -10,6 +10,7 @@ from pipeline.contacts.corrections import (
     CONTACT,
     FREE,
     Verdict,
+    applicable,
     apply,
     overlap,
     table_of,
@@ -44,19 +45,29 @@ class Review:
     corrections : table of the verdicts so far
     n_frames : of the video
     save : called with the table of corrections after every change, to store it
+    whiskers : names; verdicts on others are kept, but not shown. None: all there are
     """
 
-    def __init__(self, detected: pd.DataFrame, corrections: pd.DataFrame, n_frames: int, save):
+    def __init__(
+        self, detected: pd.DataFrame, corrections: pd.DataFrame, n_frames: int, save, whiskers=None
+    ):
         self.detected = detected
         self.n_frames = n_frames
+        self._whiskers = whiskers
         self._save = save
         self._past, self._future = [], []
         self._set(verdicts(corrections))
 
     def _set(self, rows):
         self.verdicts = tuple(rows)
-        self.intervals = apply(self.detected, table_of(self.verdicts))
+        self.intervals = self._applied(self.verdicts)
         self.spans = spans_of(self.intervals)
+
+    def _applied(self, rows):
+        corrections = table_of(rows)
+        if self._whiskers is not None:
+            corrections = applicable(corrections, self._whiskers, self.n_frames)
+        return apply(self.detected, corrections)
 
     @property
     def corrections(self) -> pd.DataFrame:
@@ -110,7 +121,7 @@ class Review:
         """Say that there is no such contact."""
         stated = self.verdict_on(span)
         others = [v for v in self.verdicts if v is not stated]
-        left = spans_of(apply(self.detected, table_of(others)))
+        left = spans_of(self._applied(others))
         if stated and set(left) <= set(self.spans) - {span}:
             self._change(others)  # an added contact leaves nothing to deny
         else:

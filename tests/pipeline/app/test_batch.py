@@ -141,6 +141,18 @@ def test_failures_do_not_stop_the_others(folder, calls, tmp_path):
     assert "\n" not in "".join(messages.values())
 
 
+def test_corrections_that_do_not_fit_the_video_are_said_and_kept(folder, calls, tmp_path):
+    out = tmp_path / "results"
+    batch.run([folder], out)
+    text = CORRECTIONS + "B1,contact,3,4,3,4,\nB1,free,5,6,5,6,\nC2,contact,7,99,7,99,\n"
+    (out / "a" / "corrections.csv").write_text(text)
+    batch.run([folder], out, overwrite=True)
+    message = files.read_csv(out / "videos.csv", VIDEO_COLUMNS)["message"][0]
+    assert "2 of 'B1', which is no whisker of this video (C2)" in message
+    assert "1 reach beyond the video's end (it has 10 frames)" in message
+    assert (out / "a" / "corrections.csv").read_text() == text
+
+
 def test_too_little_memory_is_no_fault_of_the_program(folder, calls, tmp_path):
     (folder / "a.avi").write_bytes(b"large")
     (failed,) = batch.run([folder], tmp_path / "results").of("failed")

@@ -9,7 +9,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pipeline.contacts import corrections
-from pipeline.contacts.corrections import CONFIRMED, CONTACT, FREE, Verdict, apply, table_of
+from pipeline.contacts.corrections import (
+    CONFIRMED,
+    CONTACT,
+    FREE,
+    Verdict,
+    applicable,
+    apply,
+    table_of,
+    verdicts,
+)
 from pipeline.curate.review import EditError, Review, Span
 from pipeline.errors import CorrectionsError
 
@@ -297,3 +306,13 @@ def _try(edited, kind, index, onset, offset):
             assert span in edited.spans
     except EditError:
         pass
+
+
+def test_corrections_of_no_whisker_of_the_video_wait_and_late_ones_end_with_it():
+    rows = [
+        Verdict("C2", CONTACT, 5, 50, 0, 60),
+        Verdict("B1", FREE, 5, 50, 0, 60),
+        Verdict("C2", FREE, 30, 40, 30, 2**62),
+    ]
+    kept = applicable(table_of(rows), {"C2", "C1"}, 30)
+    assert verdicts(kept) == (Verdict("C2", CONTACT, 5, 30, 0, 30),)

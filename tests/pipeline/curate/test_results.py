@@ -8,6 +8,7 @@ import pytest
 from curated import FRAMES, contacts_of, edges, opened, process
 
 from pipeline.curate.desk import Desk
+from pipeline.curate.panels import panels
 from pipeline.curate.results import Results
 from pipeline.curate.review import Span
 from pipeline.errors import InputError
@@ -124,3 +125,48 @@ def test_a_second_run_keeps_corrections(session, tmp_path):
     pd.testing.assert_frame_equal(contacts_of(results), curated)
     again = files.read_frames(results / desk.video.name / "frames.parquet")
     pd.testing.assert_frame_equal(again, frames)
+
+
+def test_a_whisker_renamed_after_curation_hides_its_corrections_and_keeps_them(results):
+    name = sorted(p.parent.name for p in results.glob("*/evidence.parquet"))[0]
+    text = (
+        "whisker,verdict,onset_frame,offset_frame,covers_from,covers_to,saved_at\n"
+        "old_name,contact,20,40,20,40,\n"
+    )
+    (results / name / "corrections.csv").write_text(text)
+    with opened(results) as session:
+        desk = Desk(session)
+        desk.open_video(name)
+        session.settle()
+        assert not session.faults
+        assert "old_name" not in {span.whisker for span in desk.video.review.spans}
+        whisker = desk.video.whiskers[0]
+        added = desk.video.review.add(whisker, 0, 2)
+        session.settle()
+        assert added in desk.video.review.spans
+    lines = (results / name / "corrections.csv").read_text().splitlines()
+    assert lines[1].startswith("old_name,contact,20,40")
+    assert len(lines) == 3
+
+
+@pytest.mark.parametrize("table", ["centrelines.parquet", "frames.parquet", "evidence.parquet"])
+def test_damaged_tables_are_said_and_the_page_goes_on(results, table):
+    first, second = sorted(p.parent.name for p in results.glob("*/evidence.parquet"))
+    content = (results / first / table).read_bytes()
+    (results / first / table).write_bytes(content[: len(content) // 2])
+    with opened(results) as session:
+        desk = Desk(session)
+        if table == "centrelines.parquet":
+            assert desk.video.centrelines(5) == {}
+            assert "centrelines.parquet: damaged" in panels(desk)["saved"]
+        else:
+            assert f"{first} cannot be opened" in desk.message
+            assert f"{table}: damaged" in desk.message
+            assert desk.video.name == second
+
+
+def test_where_no_video_can_be_opened_the_reason_is_told(results):
+    for path in results.glob("*/frames.parquet"):
+        path.write_bytes(b"")
+    with opened(results) as session, pytest.raises(InputError, match=r"frames\.parquet: damaged"):
+        Desk(session)
