@@ -24,6 +24,7 @@ def messages(settings, touch, video, epochs, followed):
     if doubt:
         yield doubt
     yield from _too_few_frames(video, followed.n_frames)
+    yield from video.problems()
     if not cast.roster:
         yield _no_whiskers(settings, scenes) if not doubt else "no whiskers found"
         return

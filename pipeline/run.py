@@ -146,7 +146,7 @@ def follow(video, epochs, cast, settings, clock, keep=None, progress=None) -> Ki
     length of the video.
     """
     recording, params = settings.recording.si(), settings.advanced.kinematics
-    frames = Counted(clock.each("decoding", video.lent()), video.n_frames, progress)
+    frames = Counted(clock.each("decoding", video.watched()), video.n_frames, progress)
     options, open_ended = tracing_options(settings), not settings.whisker
     lines = trace(frames, epochs, list(cast.roster), options, CHUNK_FRAMES, open_ended, params)
     at = settings.analysis.curvature_at

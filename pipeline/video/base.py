@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.errors import VideoError
+from pipeline.video.frame_faults import FrameFaults
 
 BIT_DEPTHS = (8, 10, 12, 14, 16)
 
@@ -23,6 +24,8 @@ class Video:
         `n_frames` is the container's own count, not an estimate from duration and rate.
     interpolated : set of int
         Those of the frames read until now that the codec made out of frames before and after.
+    faults : FrameFaults
+        What is wrong with single frames, as far as they have been `watched`.
     """
 
     def __init__(self, path, width: int, height: int, n_frames: int | None, exact_count=True):
@@ -31,6 +34,8 @@ class Video:
         self.n_frames = n_frames
         self.exact_count = exact_count and n_frames is not None
         self.interpolated = set()
+        self.faults = FrameFaults()
+        self.notes = ()  # sentences on the input as a whole
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -70,6 +75,18 @@ class Video:
         They may lie in the decoder's memory, and other frames may refer to them.
         """
         return self.frames()
+
+    def watched(self) -> Iterator[np.ndarray]:
+        """Yield all frames as `lent` does, and take note of what is wrong with them."""
+        self.faults = FrameFaults()
+        for image in self.lent():
+            self.faults.see(image)
+            yield image
+
+    def problems(self) -> Iterator[str]:
+        """Yield sentences on what is wrong with the input, after a `watched` pass."""
+        yield from self.notes
+        yield from self.faults.sentences()
 
     def some(self, numbers) -> Iterator[tuple[int, np.ndarray]]:
         """Yield (number, frame) in ascending order, for those of `numbers` that can be read."""

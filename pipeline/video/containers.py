@@ -16,11 +16,14 @@ from av.video.frame import PictureType
 
 from pipeline.errors import VideoError
 from pipeline.video.base import Video, bits_to_drop, to_8_bit
+from pipeline.video.endings import is_cut
+from pipeline.video.listening import ENDED_EARLY, listening
 
 # Byte offset of the first luma sample and step to the next in packed formats.
 PACKED_LUMA = {"yuyv422": (0, 2), "yvyu422": (0, 2), "uyvy422": (1, 2), "ya8": (0, 2)}
 PLANAR_LUMA = ("yuv4", "yuvj4", "yuva4", "gray", "nv12", "nv21", "nv16")
 NOT_VIDEO_CODECS = ("ansi", "xbin", "bintext", "idf")
+COUNTED_BY_DURATION = ("mxf",)  # containers whose duration is a number of frames
 BURST_STEP = 3  # in long bursts, every third frame: whiskers must have moved in between
 LONGEST_BURST = 3  # samples; more of them would show the same posture again
 FEWEST_SAMPLES = 24  # but a background takes so many
@@ -95,6 +98,7 @@ class ContainerVideo(Video):
             self._step = _frame_duration(stream)
             self._last_pts = _last_pts(container, stream, self._step)
             count, exact = _frame_count(container, stream)
+            self._format, self._indexed = container.format.name, stream.frames > 0
             super().__init__(path, first.width, first.height, count, exact)
         if self._luma.largest(first) is not None:
             some = [first, *(frame for _, frame in self._some_frames(16))]
@@ -106,6 +110,8 @@ class ContainerVideo(Video):
             if not container.streams.video:
                 raise VideoError(path, "holds no video stream: expected one; name a video file")
             stream = container.streams.video[0]
+            if stream.codec_context is None:
+                raise VideoError(path, "has an unknown codec; export it as AVI or MP4")
             if stream.codec_context.name in NOT_VIDEO_CODECS:
                 raise VideoError(path, "is a text file, not a video; name a video file")
             stream.thread_type = "AUTO" if self._threads != 1 else "NONE"
@@ -122,9 +128,9 @@ class ContainerVideo(Video):
         return self._read(0, None, lend=True)
 
     def _read(self, start, stop, lend=False):
-        with self._open(self.path) as container:
+        with self._open(self.path) as container, listening(self._threads) as complaints:
             stream = container.streams.video[0]
-            index, pts = start, None
+            index, pts, self._ended_early = start, None, False
             try:
                 frames = self._decode_from(container, stream, start)
                 for frame in _ahead(frames, FRAMES_AHEAD) if lend else frames:
@@ -132,15 +138,36 @@ class ContainerVideo(Video):
                         return
                     if (frame.height, frame.width) != self.shape:
                         self.check_size(np.empty((frame.height, frame.width)), index)
+                    self._note(frame, index, pts, complaints)
                     pts = frame.pts
-                    if frame.pict_type == PictureType.B:
-                        self.interpolated.add(index)
                     yield self._luma(frame, lend)
                     index += 1
             except av.FFmpegError as error:
                 raise self._broken(index, error) from error
-            if stop is None or index < stop:
-                self._check_end(index, pts)
+            self._hear(complaints, index - 1)
+        if stop is None or index < stop:
+            self._check_end(index, pts)
+
+    def _note(self, frame, index, before, complaints):
+        """Keep in mind what is peculiar about a frame."""
+        if frame.pict_type == PictureType.B:
+            self.interpolated.add(index)
+        if frame.is_corrupt:
+            self.faults.damaged.append(index)
+        self._hear(complaints, index)
+        if self._timed and before is not None and frame.pts is not None:
+            missing = round((frame.pts - before) / self._step) - 1
+            if missing > 0:
+                self.faults.gaps.append((index, missing))
+
+    def _hear(self, complaints, index):
+        """Take what the decoder said for a fault of the frame that came out of it next."""
+        for text in complaints.new():
+            if ENDED_EARLY in text:
+                self._ended_early = True
+            elif index >= 0:
+                self.faults.damaged.append(index)
+                self.faults.said = self.faults.said or text
 
     @property
     def _timed(self) -> bool:
@@ -165,18 +192,32 @@ class ContainerVideo(Video):
         """Raise if the file ended long before the count or duration that its header gives."""
         missing = None
         if self.exact_count and index < self.n_frames - max(1, self.n_frames // 200):
-            missing = f"{self.n_frames} frames"
+            missing = None if self._reaches_end(pts) else f"{self.n_frames} frames"
         elif not self.exact_count and pts is not None and self._last_pts is not None:
             expected = self._last_pts - self._first_pts
             if pts - self._first_pts < 0.9 * expected - 3 * self._step:
                 missing = f"about {self.n_frames} frames"
         if missing:
-            raise VideoError(
-                self.path,
-                f"gives {index} frames, its header says {missing}: the file is cut off or "
-                f"damaged; copy it again from the recording computer",
-                index,
-            )
+            raise self._cut(index, f"its header says {missing}")
+        if self._ended_early or is_cut(self.path, self._format):
+            about = f" (of about {self.n_frames})" if (self.n_frames or 0) > index else ""
+            raise self._cut(index, f"then it ends within the data{about}")
+        if self.faults.damaged and max(self.faults.damaged) >= index - 1 and not self._indexed:
+            raise self._cut(index, "the last one is damaged")
+
+    def _reaches_end(self, pts) -> bool:
+        """The last frame is shown at the end that the header gives: those missing were dropped."""
+        if not self._timed or pts is None:
+            return False
+        return pts - self._first_pts >= (self.n_frames - 1.5) * self._step
+
+    def _cut(self, index, why):
+        return VideoError(
+            self.path,
+            f"gives {index} frames, {why}: the file is cut off or damaged; copy it again from "
+            "the recording computer",
+            index,
+        )
 
     def _broken(self, index, error):
         return VideoError(
@@ -386,6 +427,8 @@ def _frame_count(container, stream):
     """Number of frames and whether the container itself counts them."""
     if stream.frames > 0:
         return stream.frames, True
+    if container.format.name in COUNTED_BY_DURATION and _frame_duration(stream):
+        return max(1, round(stream.duration / _frame_duration(stream))), True
     if stream.duration and stream.average_rate:
         return max(1, round(stream.duration * stream.time_base * stream.average_rate)), False
     if container.duration and stream.average_rate:
@@ -396,8 +439,8 @@ def _frame_count(container, stream):
 
 def _no_frames_message(container):
     return (
-        f"holds no frames (container {container.format.name}): expected at least one; "
-        f"record or export it again"
+        f"holds no frames (container {container.format.name}): expected at least one; it is "
+        "empty or cut off, record or export it again"
     )
 
 

@@ -8,6 +8,8 @@ import tifffile
 
 from pipeline.errors import VideoError
 from pipeline.video.base import RandomAccessVideo, bits_to_drop, to_8_bit
+from pipeline.video.frame_faults import SHOWN, missing_numbers
+from pipeline.video.listening import lost_pages
 
 PACKED_BITS = (10, 12, 14)
 PROBES = 16  # frames looked at to find the bit depth of a 16-bit stack
@@ -50,14 +52,18 @@ class TiffVideo(ImageStack):
     def __init__(self, path):
         self._path = path
         try:
-            self._tiff = tifffile.TiffFile(path)
-            n_pages = len(self._tiff.pages)
-            self._volume = self._mapped() if n_pages == 1 else None
+            with lost_pages() as lost:
+                self._tiff = tifffile.TiffFile(path)
+                self._pages = len(self._tiff.pages)
+                self._volume = self._mapped() if self._pages == 1 and not lost else None
         except Exception as error:  # tifffile raises many kinds on a broken file
             raise VideoError(
                 path, f"cannot be read as TIFF ({error}): damaged or no TIFF; export it again"
             ) from error
-        super().__init__(path, n_pages if self._volume is None else len(self._volume))
+        if self._volume is not None:
+            self._pages = len(self._volume)
+        self._lost = lost[0] if lost else ""
+        super().__init__(path, self._pages + bool(lost))
 
     def _mapped(self):
         """Memory-map a volume stored behind one page (as ImageJ does beyond 4 GB), or None."""
@@ -68,6 +74,13 @@ class TiffVideo(ImageStack):
         return volume.reshape(-1, *volume.shape[-2:])
 
     def _image(self, index):
+        if index >= self._pages:
+            raise VideoError(
+                self._path,
+                f"gives {self._pages} pages, then no more can be found ({self._lost}): the file "
+                "is cut off or damaged; copy it again from the recording computer",
+                int(index),
+            )
         try:
             image = self._page(int(index)) if self._volume is None else self._volume[index]
         except Exception as error:
@@ -105,6 +118,13 @@ class ImageFolderVideo(ImageStack):
         self._path = path
         self._files = list(files)
         super().__init__(path, len(self._files))
+        missing = missing_numbers([file.name for file in self._files])
+        if missing:
+            self.notes = (
+                f"the numbers of the images leave out {len(missing)} "
+                f"({', '.join(map(str, missing[:SHOWN]))}{', …' * (len(missing) > SHOWN)}): "
+                "times behind them are too early",
+            )
 
     def _image(self, index):
         file = self._files[index]
@@ -147,10 +167,10 @@ def _grey(image, path, index, conversion):
 def is_stack(path: Path) -> bool | None:
     """Whether a TIFF file holds more than one image; None if it cannot be read."""
     try:
-        with tifffile.TiffFile(path) as tiff:
+        with lost_pages() as lost, tifffile.TiffFile(path) as tiff:
             if len(tiff.pages) > 1:
                 return True
             shape = tiff.series[0].shape
-            return len(shape) > 2 and shape[-1] > 4
+        return None if lost else len(shape) > 2 and shape[-1] > 4
     except Exception:  # tifffile raises many kinds on a broken file
         return None

@@ -29,7 +29,7 @@ def told(whiskers=({**WHISKER, "name": "C2"},), pole_xy=None, **changes):
     given = {
         "n_frames": 100, "exact_count": True, "read": 100, "found": ("C2",), "pole": POLE,
         "tracked": 1.0, "known": 1.0, "across": 0, "contacts": ("C2",), "light": 200,
-        "refused": (), "thing": False,
+        "refused": (), "thing": False, "problems": (),
     } | changes  # fmt: skip
     settings = settings_from(
         {
@@ -55,6 +55,7 @@ def told(whiskers=({**WHISKER, "name": "C2"},), pole_xy=None, **changes):
     cast = SimpleNamespace(names=names, found=given["found"], roster=roster)
     followed = SimpleNamespace(cast=cast, n_frames=given["read"], pole=given["pole"])
     video = SimpleNamespace(n_frames=given["n_frames"], exact_count=given["exact_count"])
+    video.problems = lambda: iter(given["problems"])
     face, thing = np.zeros((2, 40, 60), bool)
     face[:, :12] = True
     thing[10:20, 40:44] = given["thing"]

@@ -1,0 +1,101 @@
+"""Frames that are not what the camera saw: damaged, repeated, black, missing; in sentences."""
+
+import re
+from itertools import pairwise
+
+import numpy as np
+
+SHOWN = 6  # stretches of frames that a sentence names
+MOST = 0.5  # more repeated frames than this part: nothing moves, and there is no noise
+MOST_GAPS = 0.05  # more gaps than this part: the times are uneven, nothing is missing
+STEP = 8  # px between the pixels that are compared first
+BLACK = 20  # grey levels of 255: nothing in a black frame is brighter
+
+
+class FrameFaults:
+    """What is wrong with single frames of a video, told from one pass over it.
+
+    Attributes
+    ----------
+    damaged, repeated, black : lists of frame numbers
+    gaps : list of (frame, number of frames that are missing before it)
+    said : the decoder's first words on damage
+    """
+
+    def __init__(self):
+        self.damaged, self.repeated, self.black, self.gaps = [], [], [], []
+        self.said = ""
+        self.count = 0
+        self._before = None
+
+    def see(self, image) -> None:
+        """Look at the next frame."""
+        few = image[::STEP, ::STEP]
+        before, self._before = self._before, image
+        if int(few.max()) < BLACK and int(image.max()) < BLACK:
+            self.black.append(self.count)
+        if before is not None and np.array_equal(few, before[::STEP, ::STEP]):
+            self.repeated += [self.count] if np.array_equal(image, before) else []
+        self.count += 1
+
+    def sentences(self):
+        """Yield what a person should know."""
+        if self.damaged:
+            said = f" (the decoder: {self.said})" if self.said else ""
+            yield (
+                f"damaged at or near {_frames(self.damaged)}{said}: copy the video again; until "
+                "then trust no contact there"
+            )
+        if self.repeated and len(self.repeated) < MOST * self.count:
+            yield f"{_frames(self.repeated)} repeat the one before: were frames dropped?"
+        if self.black and len(self.black) < self.count:
+            yield f"{_frames(self.black)} black: no whisker can be seen there"
+        if self.gaps and len(self.gaps) < max(MOST_GAPS * self.count, 2):
+            missing = sum(number for _, number in self.gaps)
+            yield (
+                f"{missing} missing by the file's own times, before "
+                f"{_frames([at for at, _ in self.gaps])}: times behind are too early"
+            )
+
+
+def missing_numbers(names) -> list[int]:
+    """Numbers that a series of file names leaves out, by the last number in each.
+
+    >>> missing_numbers(["a_01.png", "a_02.png", "a_04.png", "a_05.png"])
+    [3]
+    """
+    found = [re.findall(r"\d+", name.rsplit(".", 1)[0]) for name in names]
+    if not all(found):
+        return []
+    numbers = sorted(int(each[-1]) for each in found)
+    steps = [b - a for a, b in pairwise(numbers)]
+    usual = int(np.median(steps)) if steps else 0
+    if usual < 1 or any(step % usual for step in steps):
+        return []
+    gaps = [(a, b) for a, b in pairwise(numbers) if b - a > usual]
+    if len(gaps) > max(MOST_GAPS * len(numbers), 2):
+        return []  # no series
+    return [number for a, b in gaps for number in range(a + usual, min(b, a + 10_000), usual)]
+
+
+def _frames(numbers) -> str:
+    """Frame numbers as words: "frame 3", "frames 3–5, 9 and 12 others"."""
+    runs = stretches(numbers)
+    shown = ", ".join(f"{a}–{b}" if b > a else f"{a}" for a, b in runs[:SHOWN])
+    others = sum(b - a + 1 for a, b in runs[SHOWN:])
+    more = f" and {others} others" if others else ""
+    return f"frame{'s' if len(numbers) > 1 else ''} {shown}{more}"
+
+
+def stretches(numbers) -> list[tuple[int, int]]:
+    """First and last of every run of consecutive numbers.
+
+    >>> stretches([3, 4, 5, 9])
+    [(3, 5), (9, 9)]
+    """
+    numbers = np.unique(np.asarray(list(numbers), np.int64))
+    if not len(numbers):
+        return []
+    ends = np.flatnonzero(np.diff(numbers) > 1)
+    firsts, lasts = numbers[np.r_[0, ends + 1]], numbers[np.r_[ends, len(numbers) - 1]]
+    return list(zip(firsts.tolist(), lasts.tolist(), strict=True))

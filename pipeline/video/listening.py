@@ -1,0 +1,83 @@
+"""What the libraries that decode say of damage: they guess, go on, and write it in their log."""
+
+import contextlib
+import logging
+import threading
+import time
+from typing import ClassVar
+
+import av
+import av.logging
+
+ENDED_EARLY = "ended prematurely"  # what demuxers say of a file that is cut off
+HARMLESS = ("Warning MVs not available",)  # said of every stream that begins within a group
+OF_PAGES = ("page", "corrupted")  # words of tifffile where pages are lost; others do not matter
+LET_GO_S = 0.01  # for decoding threads to finish a sentence: they need the interpreter for it
+
+
+class Complaints:
+    """Sentences of FFmpeg, from all threads and all passes that are under way, as they come."""
+
+    _captured: ClassVar[list] = []
+    _listeners: ClassVar[int] = 0
+    _held: ClassVar = contextlib.ExitStack()
+    _lock: ClassVar = threading.Lock()
+
+    def __init__(self):
+        self._read = len(self._captured)
+
+    def new(self) -> list[str]:
+        """What has been said since the last call."""
+        some = [text.strip() for _, _, text in self._captured[self._read :]]
+        self._read += len(some)
+        if some and Complaints._listeners == 1:  # nobody else has to read them
+            del self._captured[: self._read]
+            self._read = 0
+        return [text for text in some if text and not text.startswith(HARMLESS)]
+
+    @classmethod
+    def begin(cls) -> "Complaints":
+        """Listen; FFmpeg is silent while nobody does."""
+        with cls._lock:
+            cls._listeners += 1
+            if cls._listeners == 1:
+                av.logging.set_level(av.logging.ERROR)
+                av.logging.set_skip_repeated(False)
+                cls._captured = cls._held.enter_context(av.logging.Capture(local=False))
+            return cls()
+
+    @classmethod
+    def end(cls) -> None:
+        """Listen no longer."""
+        with cls._lock:
+            cls._listeners -= 1
+            if not cls._listeners:
+                av.logging.set_level(None)
+                cls._held.close()
+
+
+@contextlib.contextmanager
+def listening(threads: int = 1):
+    """Yield the `Complaints` of FFmpeg while the block lasts."""
+    complaints = Complaints.begin()
+    try:
+        yield complaints
+    finally:
+        complaints.end()
+        if threads != 1:  # a thread that waits to speak would keep the decoder from closing
+            time.sleep(LET_GO_S)
+
+
+@contextlib.contextmanager
+def lost_pages():
+    """Yield a list that takes what tifffile says of pages that it cannot find."""
+    said = []
+    handler = logging.Handler(logging.ERROR)
+    handler.emit = lambda record: said.append(record.getMessage())
+    logger = logging.getLogger("tifffile")
+    logger.addHandler(handler)
+    try:
+        yield said
+    finally:
+        logger.removeHandler(handler)
+        said[:] = [text for text in said if any(word in text for word in OF_PAGES)]

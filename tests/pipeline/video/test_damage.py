@@ -1,0 +1,225 @@
+"""Cut, damaged and incomplete inputs: an error or a sentence says so, never silence."""
+
+import threading
+
+import av
+import cv2
+import numpy as np
+import pytest
+import tifffile
+
+from pipeline.errors import VideoError
+from pipeline.video.containers import ContainerVideo
+from pipeline.video.endings import is_cut
+from pipeline.video.frame_faults import FrameFaults, missing_numbers
+from pipeline.video.image_stacks import is_stack
+from pipeline.video.listening import listening
+from pipeline.video.open import find_videos, open_video
+
+SIZE = (96, 128)  # px
+FRAMES = 40
+
+
+def picture(i, noise=True):
+    """A dark line that swings, and the camera's noise."""
+    rng = np.random.default_rng(i)
+    y, x = np.mgrid[: SIZE[0], : SIZE[1]]
+    line = 80 * np.exp(-((y - 48 - 15 * np.sin(i / 5) - 0.1 * x) ** 2) / 8)
+    return (200 - line + noise * rng.normal(0, 2, SIZE)).clip(0, 255).astype(np.uint8)
+
+
+def write(path, codec, pixels="yuv420p", images=None, times=None, options=None):
+    images = [picture(i) for i in range(FRAMES)] if images is None else images
+    with av.open(str(path), "w") as file:
+        stream = file.add_stream(codec, rate=25, options=options or {})
+        stream.height, stream.width, stream.pix_fmt = *SIZE, pixels
+        for i, image in enumerate(images):
+            frame = av.VideoFrame.from_ndarray(image, format="gray").reformat(format=pixels)
+            frame.pts = i if times is None else times[i]
+            file.mux(stream.encode(frame))
+        file.mux(stream.encode())
+    return path
+
+
+def cut(path, share):
+    data = path.read_bytes()
+    path.write_bytes(data[: int(share * len(data))])
+
+
+def problems_of(path, **options):
+    """What is said of an input that can be read to its end."""
+    with open_video(path, **options) as video:
+        assert sum(1 for _ in video.watched()) > 0
+        return list(video.problems())
+
+
+CONTAINERS = [
+    ("a.mkv", "libx264", "yuv420p"),
+    ("a.webm", "libvpx-vp9", "yuv420p"),
+    ("a.mxf", "mpeg2video", "yuv420p"),
+    ("a.wmv", "wmv2", "yuv420p"),
+    ("a.gif", "gif", "rgb8"),
+    ("a.y4m", "wrapped_avframe", "yuv420p"),
+    ("a.avi", "libx264", "yuv420p"),
+    ("a.ts", "libx264", "yuv420p"),
+    ("a.mpg", "mpeg2video", "yuv420p"),
+]
+
+
+@pytest.mark.parametrize(("name", "codec", "pixels"), CONTAINERS)
+def test_a_file_that_lacks_its_end_is_not_taken_for_whole(tmp_path, name, codec, pixels):
+    path = write(tmp_path / name, codec, pixels)
+    assert problems_of(path) == []
+    whole = path.read_bytes()
+    for share in (0.9, 0.5):
+        path.write_bytes(whole[: int(share * len(whole))])
+        if name == "a.mpg" and share == 0.9:
+            continue  # what it lacks is padding
+        with pytest.raises(VideoError, match=r"cut off|damaged") as caught:
+            list(open_video(path))
+        assert name in str(caught.value)
+
+
+@pytest.mark.parametrize("threads", [1, 0])
+def test_flipped_bits_are_heard_from_the_decoder(tmp_path, threads):
+    """Three in the pictures: the decoder guesses and goes on."""
+    path = write(tmp_path / "a.avi", "libx264", options={"crf": "12"})
+    good = np.stack(list(open_video(path)))
+    content = path.read_bytes()
+    rng = np.random.default_rng(0)
+    silent = changed = failed = 0
+    for _ in range(20):
+        bad = bytearray(content)
+        for at in rng.integers(len(bad) // 4, len(bad) * 3 // 4, 3):
+            bad[at] ^= 1 << rng.integers(8)
+        path.write_bytes(bad)
+        try:
+            said = problems_of(path, threads=threads)
+            images = np.stack(list(open_video(path)))
+        except VideoError:
+            failed += 1
+            continue
+        if images.shape != good.shape or (images != good).any():
+            changed += 1
+            silent += not any("damaged at or near frame" in each for each in said)
+    assert changed > 0
+    assert changed + failed > 10
+    assert silent <= 1
+
+
+def test_listeners_of_several_passes_hear_and_leave_in_any_order():
+    first, second = listening(), listening()
+    one, two = first.__enter__(), second.__enter__()
+    with pytest.raises(av.FFmpegError):
+        av.open(b"nothing".hex() + "/nowhere.avi")
+    thread = threading.Thread(target=lambda: _log("from another thread"))
+    thread.start()
+    thread.join()
+    assert "from another thread" in one.new()
+    first.__exit__(None, None, None)
+    _log("later")
+    assert two.new()[-2:] == ["from another thread", "later"]
+    second.__exit__(None, None, None)
+    assert av.logging.get_level() is None
+
+
+def _log(text):
+    av.logging.log(av.logging.ERROR, "test", text)
+
+
+TIFFS = {
+    "plain": {},
+    "imagej": {"imagej": True},
+    "ome": {"ome": True},
+    "big": {"bigtiff": True},
+    "zlib": {"compression": "zlib"},
+}
+
+
+@pytest.mark.parametrize("kind", TIFFS)
+@pytest.mark.parametrize("share", [0.98, 0.5, 0.2])
+def test_a_cut_tiff_stack_is_an_input_that_fails(tmp_path, kind, share):
+    stack = np.stack([picture(i) for i in range(FRAMES)])
+    names = [tmp_path / f"trial{k}.tif" for k in range(3)]
+    for path in names:
+        tifffile.imwrite(path, stack, photometric="minisblack", **TIFFS[kind])
+        assert is_stack(path)
+        cut(path, share)
+    assert find_videos([tmp_path]) == names  # not one video of three images
+    with pytest.raises(VideoError, match=r"cut off or damaged|damaged or no TIFF|cannot be read"):
+        list(open_video(names[0]))
+
+
+def test_numbers_that_are_missing_in_a_folder_of_images(tmp_path):
+    for i in range(30):
+        if i not in (7, 12, 13):
+            cv2.imwrite(str(tmp_path / f"day2_frame{i:04}.png"), picture(i))
+    assert "leave out 3 (7, 12, 13)" in problems_of(tmp_path)[0]
+
+
+@pytest.mark.parametrize(
+    ("numbers", "missing"),
+    [([1, 2, 3], []), ([0, 2, 4, 8], [6]), ([1, 5, 9, 30, 31], []), ([5], [])],
+)
+def test_missing_numbers(numbers, missing):
+    assert missing_numbers([f"a{n:05}.png" for n in numbers]) == missing
+
+
+def test_names_without_numbers_miss_none():
+    assert missing_numbers(["a.png", "b.png"]) == []
+    assert len(missing_numbers(["a1.png", "a999999999.png", "a2.png"])) <= 10_000
+
+
+def test_repeated_and_black_frames_are_said(tmp_path):
+    images = [picture(i) for i in range(FRAMES)]
+    images[11] = images[10]
+    images[20] = images[21] = np.full(SIZE, 3, np.uint8)
+    said = problems_of(write(tmp_path / "a.avi", "ffv1", "gray", images))
+    assert said == [
+        "frames 11, 21 repeat the one before: were frames dropped?",
+        "frames 20–21 black: no whisker can be seen there",
+    ]
+
+
+def test_a_scene_without_noise_in_which_nothing_moves_repeats_nothing():
+    faults = FrameFaults()
+    for _ in range(20):
+        faults.see(picture(0, noise=False))
+    assert list(faults.sentences()) == []
+
+
+@pytest.mark.parametrize("name", ["a.mkv", "a.mp4"])
+def test_frames_that_the_files_times_leave_out(tmp_path, name):
+    times = [i + 2 * (i >= 15) for i in range(FRAMES)]
+    said = problems_of(write(tmp_path / name, "libx264", times=times))
+    assert said == [
+        "2 missing by the file's own times, before frame 15: times behind are too early"
+    ]
+
+
+def test_a_codec_that_is_not_known(tmp_path):
+    path = write(tmp_path / "a.avi", "mjpeg", "yuvj420p")
+    path.write_bytes(path.read_bytes().replace(b"MJPG", b"QQQQ"))
+    with pytest.raises(VideoError, match=r"a\.avi: "):
+        list(ContainerVideo(path))
+
+
+Y4M = b"YUV4MPEG2 W4 H2 F25:1 Cmono\n" + (b"FRAME\n" + bytes(8)) * 3
+
+
+@pytest.mark.parametrize(
+    ("container", "content", "lacks"),
+    [
+        ("gif", b"GIF89a" + bytes(50) + b";", False),
+        ("gif", b"GIF89a" + bytes(50), True),
+        ("mpegts", bytes(188 * 5), False),
+        ("mpegts", bytes(188 * 5 + 7), True),
+        ("yuv4mpegpipe", Y4M, False),
+        ("yuv4mpegpipe", Y4M + b"F", True),
+        ("yuv4mpegpipe", b"YUV4MPEG2 W4 H2 C420p10\nFRAME\n" + bytes(5), False),
+        ("avi", b"", False),
+    ],
+)  # fmt: skip
+def test_ends_of_containers(tmp_path, container, content, lacks):
+    (tmp_path / "a").write_bytes(content)
+    assert is_cut(tmp_path / "a", container) is lacks
