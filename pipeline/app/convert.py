@@ -11,6 +11,12 @@ GROUP = {"no_args_is_help": True, "rich_markup_mode": None}
 importing = typer.Typer(help="Make results of what another program has tracked.", **GROUP)
 exporting = typer.Typer(help="Write results in another program's format.", **GROUP)
 
+FILES = {  # what a program's files are called: a pattern, and in words
+    "janelia": (r"\.whiskers$", "NAME.whiskers"),
+    "dlc": (r"DLC.*\.(csv|h5)$", "NAMEDLC_….csv or .h5"),
+    "sleap": (r"analysis.*\.(csv|h5)$", "NAME.analysis.h5 or .csv"),
+}
+
 Paths = Annotated[list[Path], typer.Argument(metavar="PATH...", help="Files, or their folders.")]
 Results = Annotated[Path, typer.Argument(help="Results folder of `whiskerforce run`.")]
 Out = Annotated[Path, typer.Option("--out", help="Folder to write into.")]
@@ -40,7 +46,7 @@ def import_janelia(
 ):
     """Lines of the Janelia Whisker Tracker: .whiskers, .measurements, and .bar for the pole."""
     read = partial(_janelia, names=_split(names))
-    _import(r"\.whiskers$", read, (paths, out, config, jobs, debug))
+    _import("janelia", read, (paths, out, config, jobs, debug))
 
 
 def _janelia(path, settings, names):
@@ -60,7 +66,7 @@ def import_dlc(
 ):
     """Key points along whiskers from DeepLabCut, CSV or HDF5 (which needs the extra formats)."""
     read = partial(_key_points, program="dlc", names=_split(names))
-    _import(r"DLC.*\.(csv|h5)$", read, (paths, out, config, jobs, debug))
+    _import("dlc", read, (paths, out, config, jobs, debug))
 
 
 @importing.command("sleap")
@@ -74,7 +80,7 @@ def import_sleap(
 ):
     """Key points along whiskers from SLEAP's analysis files, CSV or HDF5 (extra formats)."""
     read = partial(_key_points, program="sleap", names=_split(names))
-    _import(r"analysis.*\.(csv|h5)$", read, (paths, out, config, jobs, debug))
+    _import("sleap", read, (paths, out, config, jobs, debug))
 
 
 def _key_points(path, settings, program, names):
@@ -114,26 +120,26 @@ def import_whacc(
 # --- one way in --------------------------------------------------------------------------
 
 
-def _import(pattern, read, options):
+def _import(program, read, options):
     """Analyse the lines that `read(path, settings)` gives of each file."""
     from pipeline.app import batch, cli
 
     paths, out, config, jobs, debug = options
-    source = batch.Source(partial(_find, pattern=pattern), partial(_analyse, read=read))
+    source = batch.Source(partial(_find, program=program), partial(_analyse, read=read))
     progress = cli._progress_of_run
     jobs = jobs or cli._cores()
     cli._finish_run(batch.run(paths, out, config, jobs, True, False, progress, source), debug)
 
 
-def _find(paths, out, pattern):
-    """The files that `paths` stand for: themselves, or those in a folder with such names.
+def _find(paths, out, program):
+    """The files that `paths` stand for: themselves, or those in a folder with a program's names.
 
     Of a file there as CSV and as HDF5, the CSV.
     """
     from pipeline.errors import InputError
     from pipeline.session.inputs import Input
 
-    found = []
+    found, (pattern, names) = [], FILES[program]
     for root in paths:
         if not root.exists():
             raise InputError(f"no such file or folder: {root}; check the spelling")
@@ -141,7 +147,7 @@ def _find(paths, out, pattern):
         inside = [p for p in inside if out.resolve() not in p.resolve().parents]
         inside = [p for p in inside if p.suffix != ".h5" or p.with_suffix(".csv") not in inside]
         if root.is_dir() and not inside:
-            raise InputError(f"{root}: no file like {pattern} in it; name the files themselves")
+            raise InputError(f"{root}: no file called {names} in it; name the files themselves")
         found += [Input(path, root) for path in (inside if root.is_dir() else [root])]
     return found
 

@@ -69,7 +69,7 @@ def test_a_damaged_file_fails_by_itself(tracked, tmp_path, capsys):
     ("arguments", "message"),
     [
         (("import", "janelia", "nowhere", "--out", "o"), "no such file or folder: nowhere"),
-        (("import", "janelia", ".", "--out", "o"), r"no file like \.whiskers$ in it"),
+        (("import", "janelia", ".", "--out", "o"), "no file called NAME.whiskers in it"),
         (("export", "janelia", ".", "--out", "o"), "no videos.csv in it"),
     ],
 )
