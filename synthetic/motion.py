@@ -138,9 +138,13 @@ class Motion:
             for p in (self.pole_x, self.pole_y)
         )
 
-    def strip(self, hair: int, frame: int):
+    def moments(self, frame: int) -> int:
+        """Moments of the exposure that a frame's light is the mean of."""
+        return 1
+
+    def strip(self, hair: int, frame: int, moment: int = 0):
         """What `cover_strip` draws: x, y [px], angle, curvature [1/px], radius, smear [px]."""
-        x, y, angle, curvature, smear = self._shape(hair, frame)
+        x, y, angle, curvature, smear = self._shape(hair, frame, moment)
         camera, s = self.scene.camera, self._nodes[hair]
         radius = self.scene.hairs[hair].whisker.radius(s) * camera.pixels_per_m
         px, py = self.scene.to_pixels(x, y)
@@ -165,7 +169,11 @@ class Motion:
         x, y = (np.concatenate(p) for p in zip(*parts, strict=True))
         return self.scene.to_pixels(x, y)
 
-    def _shape(self, hair, frame):
+    def curvature(self, hair: int, s):
+        """True curvature [1/m], (frames, points), at arc lengths `s` (points,) [m]."""
+        return curvature_along(self.scene.hairs[hair].whisker, self.hairs[hair].contact, s)
+
+    def _shape(self, hair, frame, moment=0):
         """x, y [m], angle, curvature [1/m], smear [px] of one frame at the nodes."""
         block = self._block(hair, frame // _BLOCK)
         return tuple(part[frame % _BLOCK] for part in block)

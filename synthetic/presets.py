@@ -11,6 +11,7 @@ import numpy as np
 
 from synthetic.motion import Motion, pole_visits, smooth_noise, whisking
 from synthetic.paper_session import paper_place, paper_trial
+from synthetic.ringing import ringing_motion
 from synthetic.scene import Camera, Codec, Face, Hair, Lights, Pole, Scene
 from synthetic.staging import (
     CURVED,
@@ -185,6 +186,30 @@ def _slip_off(setting):
     phase = 2 * np.pi * np.cumsum(pace) / setting.rng.uniform(160, 320)
     turn = -0.3 + (far + 0.3) * 0.5 * (1 - np.cos(phase))
     return driven_motion(scene, [(*base, graze + side * turn)])
+
+
+def _ringdown(setting):
+    """The whisker slips off a near pole again and again, and rings; 150 µs exposure."""
+    camera = Camera(exposure_s=150e-6).with_noise_sd(NOISE)
+    of_session = np.random.default_rng([setting.seed, 13])
+    whisker = replace(
+        mouse_c2(),
+        youngs_modulus=of_session.uniform(2e9, 4e9),
+        damping_rate=of_session.uniform(150, 260),
+    )
+    arc_length = setting.rng.uniform(9.5e-3, 12e-3)
+    scene = c2_scene(
+        setting, arc_length, -0.25 * setting.side, camera=camera, hair={"whisker": whisker}
+    )
+    hair, pole, side = scene.hairs[0], scene.pole, setting.side
+    base = base_path(scene, hair, setting.frames, setting.rng)
+    table = force_table(hair, hair.follicle_x, hair.follicle_y, pole.x, pole.y, pole.radius, side)
+    graze = grazing_angle(hair, pole.x - base[0], pole.y - base[1], pole.radius, side)
+    far = table.turn[-1] + setting.rng.uniform(0.15, 0.3)
+    pace = 1 + 0.15 * smooth_noise(setting.frames, 1e3, 0.3, setting.rng)
+    phase = 2 * np.pi * np.cumsum(pace) / setting.rng.uniform(300, 400)
+    turn = -far * np.cos(phase)
+    return ringing_motion(driven_motion(scene, [(*base, graze + side * turn)]))
 
 
 def _near_miss(setting):
@@ -450,6 +475,7 @@ PRESETS = {
     "h264": Preset(_h264, 2, "H.264 at ordinary quality"),
     "mjpeg": Preset(_mjpeg, 2, "MJPG"),
     "slip_off": Preset(_slip_off, 2, "the whisker slips past the pole and comes back"),
+    "ringdown": Preset(_ringdown, 4, "the whisker slips off the pole and rings"),
     "large_deflection": Preset(_large_deflection, 2, "forces near the largest possible"),
     "coarse": Preset(_coarse, 2, "18 px/mm"),
     "moving_pole": Preset(_moving_pole, 2, "the pole comes late and leaves"),

@@ -14,7 +14,7 @@ from scipy.optimize import curve_fit
 from pipeline.tables.centrelines import Centrelines, write_centrelines
 from pipeline.tables.columns import CONTACT_COLUMNS, FRAME_COLUMNS, Column, as_table, empty_table
 from pipeline.tables.files import whole_file, write_csv, write_frames
-from synthetic.motion import curvature_along, take_frames
+from synthetic.motion import take_frames
 from synthetic.strips import step_table
 from synthetic.touches import unit_half_gaussian
 from synthetic.vibration import true_moments
@@ -61,7 +61,7 @@ def _frames_of(motion, h, arc_length):
     contact, hair = motion.hairs[h].contact, motion.scene.hairs[h]
     n = len(contact)
     s = np.array([arc_length])
-    curvature = curvature_along(hair.whisker, contact, s)[:, 0]
+    curvature = motion.curvature(h, s)[:, 0]
     rest = (s[:, None] ** np.arange(len(hair.intrinsic_curvature))) @ hair.intrinsic_curvature
     x, y = motion.scene.to_pixels(contact.base_x, contact.base_y)
     return pd.DataFrame(

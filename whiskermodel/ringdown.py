@@ -2,9 +2,11 @@
 
 A sin(p_d t + φ) e^(−dt) is fitted by least squares. The frequency that swings is the damped one;
 the modes' own is √(p_d² + d²), and E follows from it (Eq. 39). The paper leaves that step out.
+Higher modes die away no faster than the first. They may be fitted beside it: their frequencies
+are known multiples of its own, each adds two amplitudes and no other unknown.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -50,24 +52,33 @@ class RingdownFit:
     offset: Estimate
     residual_sd: float
     start: float
+    _curve: object
 
     def __call__(self, time):
-        """The fitted curve at `time` [s]."""
-        t = np.asarray(time, dtype=float) - self.start
-        swing = np.sin(self.angular_frequency.value * t + self.phase.value)
-        decay = np.exp(-self.damping_rate.value * t)
-        return self.amplitude.value * swing * decay + self.offset.value
+        """The fitted curve at `time` [s], with all that was fitted."""
+        return self._curve(np.asarray(time, dtype=float) - self.start)
 
 
-def fit_ringdown(time, signal, with_offset=False):
+def fit_ringdown(
+    time, signal, with_offset=False, overtones=(), signal_se=None, frequency_range=None
+):
     """Fit a decaying swing to `signal` (n,) at `time` (n,) [s]; curvature change, for instance.
 
     Parameters
     ----------
     time, signal : (n,) arrays
-        Ascending times, even or not, from after the slip on; n ≥ 6 (7 with an offset).
-    with_offset : bool
-        Fit a constant too: what the signal swings about, if that is not zero.
+        Ascending times, even or not, from after the slip on; at least two more than unknowns.
+    with_offset : bool or int
+        Fit a constant too: what the signal swings about, if that is not zero; 2: a constant and
+        a drift.
+    overtones : floats
+        Undamped frequencies of higher modes over that of the first (`modes(...).p_prime`), which
+        are fitted as well.
+    signal_se : (n,) array, optional
+        Standard errors of the signal, up to a common factor; even where they are not given.
+    frequency_range : (low, high), optional
+        Where the damped angular frequency [rad/s] is looked for; by default up to half the
+        sampling rate.
 
     Returns
     -------
@@ -78,24 +89,33 @@ def fit_ringdown(time, signal, with_offset=False):
     ValueError
         Where the input is not finite, too short or not ascending, or does not swing.
     """
-    time, signal = _checked(time, signal, with_offset)
+    overtones = tuple(float(ratio) for ratio in overtones)
+    time, signal = _checked(time, signal, 6 + int(with_offset) + 2 * len(overtones))
     scale = (time[-1] - time[0]) / 2
     t = (time - time[0]) / scale
-    unit = np.abs(signal - signal.mean() * with_offset).max()
+    unit = np.abs(signal - signal.mean() * bool(with_offset)).max()
     if not unit > 0:
         raise ValueError("signal must swing, got a constant")
-    start = _starting_values(t, signal / unit, with_offset)
-    # unknowns: d, p (per scale), cosine and sine amplitudes, offset
+    weight = _weights(signal_se, len(t))
+    basis = _Basis(overtones, int(with_offset))
+    wanted = weight * signal / unit
+    limits = [1.0, np.pi / np.median(np.diff(t))]
+    if frequency_range is not None:
+        limits = [bound * scale for bound in frequency_range]
+    start = _starting_values(basis, t, wanted, weight, limits)
+    # unknowns: d, p (per scale), cosine and sine amplitudes of every mode, offset and drift
     solution = least_squares(
-        lambda q: _curve(q, t) - signal / unit, start, jac=lambda q: _slopes(q, t), method="lm"
+        lambda q: weight * basis.curve(q, t) - wanted,
+        start,
+        jac=lambda q: weight[:, None] * basis.slopes(q, t),
+        method="lm",
     )
     free = len(t) - len(start)
     variance = 2 * solution.cost / free
     covariance = np.linalg.inv(solution.jac.T @ solution.jac) * variance
     width = stdtrit(free, (1 + CONFIDENCE) / 2)
-    return _described(
-        solution.x, covariance, width, scale, unit, np.sqrt(variance) * unit, time[0]
-    )
+    fitted = _Fitted(basis, solution.x, covariance, width, scale, unit)
+    return fitted.described(np.sqrt(variance) * unit, time[0])
 
 
 def youngs_modulus(fit, whisker, boundary="fixed", length_se=0.0, base_radius_se=0.0):
@@ -143,9 +163,8 @@ def mean_estimate(estimates):
     return Estimate(values.mean(), values.mean() - half, values.mean() + half)
 
 
-def _checked(time, signal, with_offset):
+def _checked(time, signal, least):
     time, signal = finite_array("time", time), finite_array("signal", signal)
-    least = 7 if with_offset else 6
     if time.ndim != 1 or time.shape != signal.shape or len(time) < least:
         raise ValueError(
             f"time and signal must be rows of one length >= {least}, "
@@ -156,61 +175,113 @@ def _checked(time, signal, with_offset):
     return time, signal
 
 
-def _curve(q, t):
-    d, p, cosine, sine = q[:4]
-    swing = np.exp(-d * t) * (cosine * np.cos(p * t) + sine * np.sin(p * t))
-    return swing + (q[4] if len(q) > 4 else 0.0)
+def _weights(signal_se, n):
+    """Weights (n,) of the residuals, 1 on average in the square."""
+    if signal_se is None:
+        return np.ones(n)
+    se = finite_array("signal_se", signal_se)
+    if se.shape != (n,) or not (se > 0).all():
+        raise ValueError(f"signal_se must be {n} numbers > 0, got {signal_se!r}")
+    return (1 / se) / np.sqrt(np.mean(1 / se**2))
 
 
-def _slopes(q, t):
-    d, p, cosine, sine = q[:4]
-    decay = np.exp(-d * t)
-    c, s = decay * np.cos(p * t), decay * np.sin(p * t)
-    columns = [-t * (cosine * c + sine * s), t * (sine * c - cosine * s), c, s]
-    return np.stack([*columns, np.ones_like(t)][: len(q)], axis=1)
+@dataclass(frozen=True)
+class _Basis:
+    """What the signal is a sum of, at given d and p: swings of all modes, offset, drift."""
+
+    overtones: tuple[float, ...]
+    background: int
+
+    def columns(self, d, p, t):
+        """The summands (..., len(t), m) at d and p of any one shape."""
+        d, p = np.asarray(d)[..., None], np.asarray(p)[..., None]
+        decay = np.exp(-d * t)
+        parts = []
+        for ratio in (1.0, *self.overtones):
+            swing = self._frequency(ratio, d, p) * t
+            parts += [decay * np.cos(swing), decay * np.sin(swing)]
+        parts += [t**k + 0 * decay for k in range(self.background)]
+        return np.stack(parts, axis=-1)
+
+    def curve(self, q, t):
+        """The signal of the unknowns (2 + m,)."""
+        return self.columns(q[0], q[1], t) @ q[2:]
+
+    def slopes(self, q, t):
+        """Its derivatives by the unknowns, (len(t), 2 + m)."""
+        d, p = q[:2]
+        columns = self.columns(d, p, t)
+        by_d, by_p = np.zeros_like(t), np.zeros_like(t)
+        for k, ratio in enumerate((1.0, *self.overtones)):
+            c, s = columns[:, 2 * k], columns[:, 2 * k + 1]
+            cosine, sine = q[2 + 2 * k : 4 + 2 * k]
+            swing, turned = cosine * c + sine * s, t * (sine * c - cosine * s)
+            frequency = self._frequency(ratio, d, p)
+            by_d += -t * swing + turned * (ratio**2 - 1) * d / frequency
+            by_p += turned * ratio**2 * p / frequency
+        return np.column_stack([by_d, by_p, columns])
+
+    def _frequency(self, ratio, d, p):
+        """Damped frequency of a mode: √(ratio² (p² + d²) − d²)."""
+        return np.sqrt(ratio**2 * (p**2 + d**2) - d**2)
 
 
-def _starting_values(t, signal, with_offset):
+def _starting_values(basis, t, wanted, weight, limits):
     """Best of a grid of damping and frequency, the amplitudes solved for at each point."""
-    highest = np.pi / np.median(np.diff(t))
-    d, p = np.meshgrid(np.linspace(0, 8, 9), np.linspace(1.0, highest, 4 * len(t)), indexing="ij")
+    d, p = np.meshgrid(np.linspace(0, 8, 9), np.linspace(*limits, 4 * len(t)), indexing="ij")
     d, p = d.ravel(), p.ravel()
-    decay = np.exp(-d[:, None] * t)
-    columns = [decay * np.cos(p[:, None] * t), decay * np.sin(p[:, None] * t)]
-    if with_offset:
-        columns.append(np.ones_like(decay))
-    basis, triangle = np.linalg.qr(np.stack(columns, axis=2))
-    projected = np.einsum("gnk,n->gk", basis, signal)
+    orthogonal, triangle = np.linalg.qr(weight[:, None] * basis.columns(d, p, t))
+    projected = np.einsum("gnk,n->gk", orthogonal, wanted)
     sound = np.abs(np.diagonal(triangle, axis1=1, axis2=2)).min(axis=1) > 1e-6
     best = np.argmax(np.where(sound, (projected**2).sum(axis=1), -1.0))
     return np.array([d[best], p[best], *np.linalg.solve(triangle[best], projected[best])])
 
 
-def _described(q, covariance, width, scale, unit, residual_sd, start):
-    """RingdownFit of the unknowns in physical units; intervals by the delta method."""
-    d, p, cosine, sine = q[:4]
-    if p < 0:  # the same curve, told the other way round
-        p, sine = -p, -sine
-        flip = np.diag([1.0, -1.0, 1.0, -1.0, 1.0][: len(q)])
-        covariance = flip @ covariance @ flip
-    amplitude, undamped = np.hypot(cosine, sine), np.hypot(d, p)
+@dataclass(frozen=True)
+class _Fitted:
+    """Unknowns in units of `scale` and `unit`, their covariance, half-width of intervals in SE."""
 
-    def estimate(value, gradient, factor):
-        gradient = np.pad(gradient, (0, len(q) - len(gradient)))
-        half = width * np.sqrt(gradient @ covariance @ gradient)
+    basis: _Basis
+    q: np.ndarray
+    covariance: np.ndarray
+    width: float
+    scale: float
+    unit: float
+
+    def described(self, residual_sd, start):
+        """RingdownFit in physical units; intervals by the delta method."""
+        if self.q[1] < 0:  # the same curve with the other sign of p
+            return self._turned().described(residual_sd, start)
+        d, p, cosine, sine = self.q[:4]
+        amplitude, undamped = np.hypot(cosine, sine), np.hypot(d, p)
+        turn = np.array([0, 0, sine, -cosine]) / amplitude**2  # of φ = atan2(cosine, sine)
+        offset = Estimate(0.0, 0.0, 0.0)
+        if self.basis.background:
+            at = 4 + 2 * len(self.basis.overtones)
+            offset = self._estimate(self.q[at], np.eye(len(self.q))[at], self.unit)
+        per_s, unit, q = 1 / self.scale, self.unit, self.q
+        return RingdownFit(
+            damping_rate=self._estimate(d, [1.0], per_s),
+            angular_frequency=self._estimate(p, [0, 1.0], per_s),
+            undamped_angular_frequency=self._estimate(
+                undamped, [d / undamped, p / undamped], per_s
+            ),
+            amplitude=self._estimate(
+                amplitude, [0, 0, cosine / amplitude, sine / amplitude], unit
+            ),
+            phase=self._estimate(np.arctan2(cosine, sine), turn, 1.0),
+            offset=offset,
+            residual_sd=float(residual_sd),
+            start=float(start),
+            _curve=lambda t: unit * self.basis.curve(q, t * per_s),
+        )
+
+    def _turned(self):
+        sign = np.ones(len(self.q))
+        sign[1] = -1.0
+        return replace(self, q=sign * self.q, covariance=sign[:, None] * self.covariance * sign)
+
+    def _estimate(self, value, gradient, factor):
+        gradient = np.pad(gradient, (0, len(self.q) - len(gradient)))
+        half = self.width * np.sqrt(gradient @ self.covariance @ gradient)
         return Estimate(*(float(factor * v) for v in (value, value - half, value + half)))
-
-    turn = np.array([0, 0, sine, -cosine]) / amplitude**2  # of φ = atan2(cosine, sine)
-    offset = Estimate(0.0, 0.0, 0.0)
-    if len(q) > 4:
-        offset = estimate(q[4], np.array([0, 0, 0, 0, 1.0]), unit)
-    return RingdownFit(
-        damping_rate=estimate(d, np.array([1.0, 0]), 1 / scale),
-        angular_frequency=estimate(p, np.array([0, 1.0]), 1 / scale),
-        undamped_angular_frequency=estimate(undamped, np.array([d, p]) / undamped, 1 / scale),
-        amplitude=estimate(amplitude, np.array([0, 0, cosine, sine]) / amplitude, unit),
-        phase=estimate(np.arctan2(cosine, sine), turn, 1.0),
-        offset=offset,
-        residual_sd=float(residual_sd),
-        start=float(start),
-    )

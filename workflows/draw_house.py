@@ -18,8 +18,9 @@ from matplotlib.patches import FancyBboxPatch
 
 ROOT = Path(__file__).parents[1]
 ORDER = (
-    "app", "convert", "curate", "reports", "contacts", "forces", "kinematics", "identity",
-    "tracking", "scene", "detection", "session", "video", "tables", "runtime", "numerics",
+    "app", "convert", "calibrate", "curate", "reports", "contacts", "forces", "kinematics",
+    "identity", "tracking", "scene", "detection", "session", "video", "tables", "runtime",
+    "numerics",
 )  # fmt: skip
 RESULTS = {  # what leaves the house, and from which room
     "reports": "report.html, figures, overlay.mp4",

@@ -14,6 +14,7 @@ from typing import Annotated
 import typer
 
 from pipeline.app import convert
+from pipeline.app.calibrate import calibrate
 
 app = typer.Typer(
     name="whiskerforce",
@@ -23,7 +24,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-
+app.add_typer(calibrate, name="calibrate")
 app.add_typer(convert.importing, name="import")
 app.add_typer(convert.exporting, name="export")
 

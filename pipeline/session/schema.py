@@ -9,6 +9,7 @@ from pipeline.session.quantities import quantity
 from pipeline.session.recording import Recording
 from whiskermodel.whisker import Whisker
 
+LONGEST_CONE_MM = 10_000  # all but a cylinder
 DIMENSIONS = ("length_mm", "cone_length_mm", "base_radius_um")
 
 
@@ -35,7 +36,7 @@ class RecordingSettings(_Table):
 
 
 class WhiskerSettings(_Table):
-    """One [[whisker]] table; the forces need length, cone length and base radius."""
+    """One [[whisker]] table; the forces need length, base radius, cone length or tip radius."""
 
     name: Annotated[str, Field(strict=True, min_length=1)] = Field(
         description="what the lab calls it"
@@ -43,8 +44,11 @@ class WhiskerSettings(_Table):
     length_mm: quantity(1, 200, "mm", {"m": 1e3, "µm": 1e-3}) | None = Field(
         None, description="follicle to (cut) tip"
     )
-    cone_length_mm: quantity(1, 10_000, "mm", {"m": 1e3, "µm": 1e-3}) | None = Field(
+    cone_length_mm: quantity(1, LONGEST_CONE_MM, "mm", {"m": 1e3, "µm": 1e-3}) | None = Field(
         None, description="follicle to the extrapolated apex"
+    )
+    tip_radius_um: quantity(0, 500, "µm") | None = Field(
+        None, description="at the (cut) tip; in place of cone_length_mm"
     )
     base_radius_um: quantity(2, 500, "µm", {"mm": 1e3, "m": 1e6, "nm": 1e-3}) | None = Field(
         None, description="at the follicle; the force goes with its fourth power"
@@ -65,7 +69,20 @@ class WhiskerSettings(_Table):
     @property
     def missing_dimensions(self) -> tuple[str, ...]:
         """Keys without which no force can be computed and that are not given."""
-        return tuple(key for key in DIMENSIONS if getattr(self, key) is None)
+        missing = [key for key in DIMENSIONS if getattr(self, key) is None]
+        if self.tip_radius_um is not None:
+            missing = [key for key in missing if key != "cone_length_mm"]
+        return tuple(missing)
+
+    @property
+    def cone_length(self) -> float | None:
+        """Follicle to the extrapolated apex [m], from the tip's radius where that is given."""
+        if self.cone_length_mm is not None:
+            return 1e-3 * self.cone_length_mm
+        if self.missing_dimensions:
+            return None
+        lost = max(1 - self.tip_radius_um / self.base_radius_um, self.length_mm / LONGEST_CONE_MM)
+        return 1e-3 * self.length_mm / lost
 
     @property
     def hidden_length(self) -> float:
@@ -78,7 +95,7 @@ class WhiskerSettings(_Table):
             return None
         return Whisker(
             length=1e-3 * self.length_mm,
-            cone_length=1e-3 * self.cone_length_mm,
+            cone_length=self.cone_length,
             base_radius=1e-6 * self.base_radius_um,
             youngs_modulus=1e9 * self.youngs_modulus_GPa,
             density=self.density_kg_per_m3,

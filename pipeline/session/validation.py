@@ -148,7 +148,18 @@ def _contradictions(document) -> list[str]:
 def _whisker_contradictions(table, place) -> list[str]:
     length, cone = _number(table, "length_mm"), _number(table, "cone_length_mm")
     hidden = _number(table, "hidden_length_mm")
+    base, tip = _number(table, "base_radius_um"), _number(table, "tip_radius_um")
     problems = []
+    if cone is not None and tip is not None:
+        problems.append(
+            f"{place} cone_length_mm and tip_radius_um are both given; each follows from the "
+            "other: remove one of them"
+        )
+    if base is not None and tip is not None and tip > base:
+        problems.append(
+            f"{place} tip_radius_um = {tip!r}: expected at most base_radius_um = {base!r}; "
+            "correct one of them"
+        )
     if length is not None and cone is not None and cone < length:
         problems.append(
             f"{place} cone_length_mm = {cone!r}: expected at least length_mm = {length!r} "

@@ -217,6 +217,59 @@ EVIDENCE_COLUMNS = (
 )
 
 
+def _each_with(suffixes, columns):
+    """Every column followed by one more per suffix: (suffix, what it means)."""
+    for column in columns:
+        yield column
+        for suffix, meaning in suffixes:
+            name = f"{column.name}_{suffix}"
+            yield Column(name, "float64", column.unit, f"{meaning} of {column.name}")
+
+
+GEOMETRY_COLUMNS = (
+    Column("image", "string", "", "file of the micrograph"),
+    *_each_with(
+        [("se", "standard error")],
+        (
+            Column("length_mm", "float64", "mm", "base to (cut) tip, along the whisker"),
+            Column("base_radius_um", "float64", "µm", "of the fitted cone at the base"),
+            Column("tip_radius_um", "float64", "µm", "of the fitted cone at the tip"),
+            Column("cone_length_mm", "float64", "mm", "base to the extrapolated apex"),
+        ),
+    ),
+)
+DENSITY_COLUMNS = tuple(
+    _each_with(
+        [("se", "standard error")],
+        (Column("density_kg_per_m3", "float64", "kg/m³", "mass over volume, where one is given"),),
+    )
+)
+PROFILE_COLUMNS = (
+    Column("arc_length_mm", "float64", "mm", "from the base, along the whisker"),
+    Column("diameter_um", "float64", "µm", "edge to edge"),
+    Column("diameter_um_se", "float64", "µm", "standard error of diameter_um"),
+    Column("cone_um", "float64", "µm", "diameter of the fitted cone"),
+    Column("left_x_px", "float64", "px", "x of the left edge, seen from base to tip"),
+    Column("left_y_px", "float64", "px", "y of the left edge"),
+    Column("right_x_px", "float64", "px", "x of the right edge"),
+    Column("right_y_px", "float64", "px", "y of the right edge"),
+    Column("used", "bool", "", "the cone was fitted to it; false: dust, root"),
+)
+RINGDOWN_COLUMNS = (
+    Column("video", "string", "", "stem of the video; `pooled` in the last row"),
+    Column("whisker", "string", "", "name of the whisker"),
+    Column("frame", "int64", "", "first frame of the ring-down; number of slips where pooled"),
+    *_each_with(
+        [("low", "lower end of the 95 % interval"), ("high", "upper end of the 95 % interval")],
+        (
+            Column("angular_frequency_rad_per_s", "float64", "rad/s", "damped, of the first mode"),
+            Column("damping_per_s", "float64", "1/s", "decay rate d"),
+            Column("youngs_modulus_GPa", "float64", "GPa", "from frequency and dimensions"),
+        ),
+    ),
+)
+
+
 def split_flags(flags: str) -> list[str]:
     """CONTACT_FLAGS of a contact, from its column `flags`."""
     return [flag.strip() for flag in flags.split(";") if flag.strip()]

@@ -5,8 +5,12 @@ from pipeline.tables.columns import (
     CONTACT_COLUMNS,
     CONTACT_FLAGS,
     CORRECTION_COLUMNS,
+    DENSITY_COLUMNS,
     EVIDENCE_COLUMNS,
     FRAME_COLUMNS,
+    GEOMETRY_COLUMNS,
+    PROFILE_COLUMNS,
+    RINGDOWN_COLUMNS,
     VIDEO_COLUMNS,
 )
 
@@ -22,6 +26,18 @@ FILES = {
     "evidence.parquet": (
         "What the contacts of a video rest on, a row per whisker and frame, in SI units.",
         EVIDENCE_COLUMNS,
+    ),
+    "geometry.csv": (
+        "Of `calibrate geometry`, a row per micrograph; density only where a mass is given.",
+        (*GEOMETRY_COLUMNS, *DENSITY_COLUMNS),
+    ),
+    "<micrograph>_profile.csv": (
+        "Of `calibrate geometry`, a row per cross-section of a whisker.",
+        PROFILE_COLUMNS,
+    ),
+    "ringdown.csv": (
+        "Of `calibrate ringdown`, a row per slip, then one of all together.",
+        RINGDOWN_COLUMNS,
     ),
 }
 

@@ -84,12 +84,12 @@ def tracing_options(settings) -> TracingOptions:
     recording, whiskers = settings.recording.si(), settings.whisker
     if any(w.length_mm is None for w in whiskers):
         return options_for(recording)
-    cones = [w.cone_length_mm for w in whiskers]
+    cones = [w.cone_length for w in whiskers]
     return options_for(
         recording,
         [1e-3 * w.length_mm for w in whiskers],
         [w.hidden_length for w in whiskers],
-        () if None in cones else [1e-3 * cone for cone in cones],
+        () if None in cones else cones,
     )
 
 

@@ -225,7 +225,7 @@ def test_every_preset_makes_a_trial_that_can_be_drawn(preset):
         "crossing", "dense_row", "orientation", "near_miss", "free", "border", "passing",
     }  # fmt: skip
     assert (touched == 0) == (preset in without)
-    if preset != "slip_off":
+    if preset not in ("slip_off", "ringdown"):
         assert all(h.slips == () for h in trial.motion.hairs)
 
 

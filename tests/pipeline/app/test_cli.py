@@ -13,9 +13,9 @@ from pipeline.runtime.workers import Event
 
 HEAVY = (
     "av", "bokeh", "cv2", "jinja2", "matplotlib", "numba", "numpy", "pandas", "pyarrow",
-    "pydantic", "rich", "scipy", "tifffile", "tomlkit",
+    "pydantic", "rich", "scipy", "skimage", "tifffile", "tomlkit",
 )  # fmt: skip
-COMMANDS = ("run", "init", "demo", "synth", "figures", "paper", "curate")
+COMMANDS = ("run", "init", "demo", "synth", "figures", "paper", "curate", "calibrate")
 
 
 def exit_code(*arguments) -> int:

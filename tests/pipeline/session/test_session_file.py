@@ -77,6 +77,21 @@ def test_whisker_without_dimensions_has_no_si_form():
     assert settings.whisker[1].si() is None
 
 
+@pytest.mark.parametrize(("tip", "cone"), [(1.85, 18 / 0.95), (0, 18.0), (37, 10_000.0)])
+def test_tip_radius_in_place_of_the_cone_length(tip, cone):
+    dimensions = {"length_mm": 18, "base_radius_um": 37, "tip_radius_um": tip}
+    (whisker,) = settings_from(document(whisker=[dimensions])).whisker
+    assert whisker.missing_dimensions == ()
+    assert 1e3 * whisker.si().cone_length == pytest.approx(cone)
+    assert 1e6 * whisker.si().radius(18e-3) == pytest.approx(tip, abs=0.1)
+
+
+def test_tip_radius_needs_the_other_dimensions():
+    (whisker,) = settings_from(document(whisker=[{"tip_radius_um": 2}])).whisker
+    assert whisker.missing_dimensions == ("length_mm", "base_radius_um")
+    assert whisker.cone_length is None
+
+
 def test_pole_position():
     settings = settings_from(document(pole={"x_px": 3, "y_px": 4.5}))
     assert settings.pole.position_px == (3, 4.5)
@@ -155,6 +170,14 @@ def test_any_settings_survive_the_way_to_the_file_and_back(fps, scale, length, h
         (
             document(whisker=[{"length_mm": 18, "cone_length_mm": 17}]),
             ["cone_length_mm = 17", "at least length_mm = 18"],
+        ),
+        (
+            document(whisker=[{"length_mm": 18, "cone_length_mm": 19, "tip_radius_um": 2}]),
+            ["cone_length_mm and tip_radius_um", "remove one"],
+        ),
+        (
+            document(whisker=[{"base_radius_um": 37, "tip_radius_um": 74}]),
+            ["tip_radius_um = 74", "at most base_radius_um = 37"],
         ),
         (
             document(whisker=[{"length_mm": 8, "hidden_length_mm": 9}]),

@@ -1,0 +1,90 @@
+"""`whiskerforce calibrate`: measurements that fill session.toml."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+calibrate = typer.Typer(
+    help="Measure what session.toml wants: whiskers' dimensions, Young's modulus, damping.",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+
+Out = Annotated[Path, typer.Option("--out", help="Folder for the results.")]
+Into = Annotated[
+    Path | None, typer.Option("--into", help="A session.toml to write the results into.")
+]
+Whisker = Annotated[str | None, typer.Option("--whisker", help="Name of the whisker there.")]
+Debug = Annotated[bool, typer.Option("--debug", help="Show tracebacks.")]
+
+
+@calibrate.command()
+def geometry(
+    images: Annotated[
+        list[Path], typer.Argument(metavar="IMAGE...", help="Micrographs, one whisker in each.")
+    ],
+    pixels_per_mm: Annotated[float, typer.Option(help="Scale of the micrographs.")],
+    out: Out,
+    mass_ug: Annotated[
+        list[float] | None,
+        typer.Option(help="Mass [µg] of each whisker, in the order of the images: its density."),
+    ] = None,
+    into: Into = None,
+    whisker: Whisker = None,
+    debug: Debug = False,
+):
+    """Measure plucked whiskers in micrographs.
+
+    Length, base radius, tip radius and cone length of each, with standard errors; of several,
+    their mean. See docs/calibrate_geometry.md.
+    """
+    from pipeline.app.calibrate_geometry import run_geometry
+
+    run_geometry(images, pixels_per_mm, out, mass_ug or (), _target(into, whisker), typer.echo)
+
+
+@calibrate.command()
+def ringdown(
+    results: Annotated[Path, typer.Argument(help="Results folder of `whiskerforce run`.")],
+    out: Out,
+    frames: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="VIDEO:WHISKER:FRAME",
+            help="First free frame after a slip, once per slip.  [default: the slips found]",
+        ),
+    ] = None,
+    follicle: Annotated[
+        str, typer.Option(help="The base's end: fixed, pinned, or a stiffness in E I0/L.")
+    ] = "fixed",
+    into: Into = None,
+    whisker: Whisker = None,
+    debug: Debug = False,
+):
+    """Measure Young's modulus and damping from slips.
+
+    A whisker that slips past the pole rings; its frequency tells Young's modulus. See
+    docs/calibrate_ringdown.md.
+    """
+    from pipeline.app.calibrate_ringdown import run_ringdown
+
+    if into is not None:
+        _target(into, whisker)
+    run_ringdown(results, out, frames or (), follicle, into, whisker, typer.echo)
+
+
+def _target(into, whisker):
+    """Where results go, (session.toml, whisker's name), checked before any work; or None."""
+    from pipeline.session.edit import check_whisker
+
+    if into is None and whisker is None:
+        return None
+    if into is None or whisker is None:
+        raise ValueError(
+            "--into and --whisker: expected both or neither; give the session.toml and the name "
+            "of the whisker in it"
+        )
+    check_whisker(into, whisker)
+    return into, whisker

@@ -1,0 +1,81 @@
+"""`whiskerforce calibrate geometry`: micrographs in, dimensions out."""
+
+import math
+
+from pipeline.calibrate.geometry import measure_geometry
+from pipeline.calibrate.geometry_files import pooled, remarks, write_geometry, write_into
+
+LENGTH_MM, BASE_RADIUS_UM = (1.0, 200.0), (2.0, 500.0)  # plausible
+SHOWN = (("length_mm", "length", "mm"), ("base_radius_um", "base radius", "µm"),
+         ("tip_radius_um", "tip radius", "µm"), ("cone_length_mm", "cone length", "mm"),
+         ("density_kg_per_m3", "density", "kg/m³"))  # fmt: skip
+
+
+def run_geometry(images, pixels_per_mm, out, masses, target, say) -> None:
+    """Measure all whiskers, write the results, then the session; nothing where one fails.
+
+    Parameters
+    ----------
+    target : (session.toml, name of the whisker in it), or None
+    say : prints a line
+    """
+    _check(images, pixels_per_mm, masses)
+    geometries = []
+    for image in images:
+        geometry = measure_geometry(image, pixels_per_mm)
+        _check_scale(geometry)
+        geometries.append(geometry)
+        say(
+            f"{image}: length {geometry.length} mm, base radius {geometry.base_radius} µm, "
+            f"tip radius {geometry.tip_radius} µm, cone length {geometry.cone_length} mm"
+        )
+        for remark in remarks(geometry):
+            say(f"  {remark}")
+    written = write_geometry(out, geometries, masses)
+    _say_pooled(pooled(geometries, masses), say)
+    say(f"tables and pictures: {written[-1].parent}")
+    if target:
+        values = write_into(*target, geometries, masses)
+        text = ", ".join(f"{key} = {value:g}" for key, value in values.items())
+        say(f"{target[0]}, whisker {target[1]}: {text}")
+
+
+def _check(images, pixels_per_mm, masses):
+    if not (math.isfinite(pixels_per_mm) and pixels_per_mm > 0):
+        raise ValueError(f"--pixels-per-mm {pixels_per_mm}: expected a number above 0")
+    if masses and len(masses) != len(images):
+        raise ValueError(
+            f"--mass-ug: expected one per image ({len(images)}), got {len(masses)}; repeat the "
+            "option in the order of the images"
+        )
+    for mass in masses:
+        if not (math.isfinite(mass) and mass > 0):
+            raise ValueError(f"--mass-ug {mass}: expected a number above 0")
+
+
+def _check_scale(geometry):
+    """ValueError where no whisker is of the size that the scale makes it."""
+    length, radius = geometry.length.value, geometry.base_radius.value
+    if LENGTH_MM[0] <= length <= LENGTH_MM[1] and BASE_RADIUS_UM[0] <= radius <= BASE_RADIUS_UM[1]:
+        return
+    scale = geometry.pixels_per_mm
+    hint = "measure the scale again"
+    for factor, unit in ((1e3, "pixels per µm"), (1e-3, "pixels per m")):
+        if LENGTH_MM[0] <= length / factor <= LENGTH_MM[1]:
+            hint = f"is it in {unit}? then give {scale * factor:g}"
+    raise ValueError(
+        f"{geometry.path}: at --pixels-per-mm {scale:g} the whisker would be {length:.4g} mm long "
+        f"and {radius:.4g} µm in radius at its base; expected {LENGTH_MM[0]:g} to "
+        f"{LENGTH_MM[1]:g} mm and {BASE_RADIUS_UM[0]:g} to {BASE_RADIUS_UM[1]:g} µm: {hint}"
+    )
+
+
+def _say_pooled(values, say):
+    count = values["length_mm"].n
+    if count > 1:
+        parts = [
+            f"{word} {values[key].mean:.4g} ± {values[key].sd:.2g} {unit}"
+            for key, word, unit in SHOWN
+            if key in values
+        ]
+        say(f"{count} whiskers, mean ± SD: {', '.join(parts)}")

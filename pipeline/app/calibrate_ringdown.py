@@ -1,0 +1,104 @@
+"""`whiskerforce calibrate ringdown`: slips in, Young's modulus and damping out."""
+
+from pipeline.calibrate.ringdown import (
+    TooShortError,
+    check_frame_rate,
+    fit_slip,
+    pool,
+    whisker_of,
+)
+from pipeline.calibrate.ringdown_files import write_into, write_ringdown
+from pipeline.calibrate.slips import find_slips, named_slips, settings_of
+
+
+def run_ringdown(results, out, places, follicle, into, name, say) -> None:
+    """Fit all slips, write the results, then the session; nothing where no slip can be fitted.
+
+    Parameters
+    ----------
+    places : what --frames names, or empty: the slips that `run` found
+    follicle : "fixed", "pinned" or a number, as text
+    into, name : a session.toml to write to, or None; the whisker's name, or None for the only one
+    say : prints a line
+    """
+    boundary = _boundary(follicle)
+    slips = named_slips(results, places) if places else find_slips(results)
+    slips = _of_one_whisker(slips, name)
+    settings = settings_of(results, slips[0].video)
+    whisker = whisker_of(settings, slips[0].whisker)
+    check_frame_rate(settings.recording.frames_per_second, whisker, boundary)
+    fits = _fitted(results, slips, whisker, boundary, say)
+    together = pool(fits, whisker, boundary)
+    written = write_ringdown(out, results, fits, together, whisker, boundary)
+    _say_pooled(together, follicle, say)
+    say(f"tables and figure: {written[0].parent}")
+    if into:
+        values = write_into(into, name, together)
+        text = ", ".join(f"{key} = {value:g}" for key, value in values.items())
+        say(f"{into}, whisker {name}: {text}")
+
+
+def _boundary(follicle):
+    """The follicle's end as `whiskermodel.modes` takes it."""
+    if follicle in ("fixed", "pinned"):
+        return follicle
+    try:
+        stiffness = float(follicle)
+    except ValueError:
+        stiffness = -1.0
+    if not stiffness > 0:
+        raise ValueError(
+            f"--follicle {follicle}: expected fixed, pinned, or its torsional stiffness in units "
+            "of E I0/L, a number above 0"
+        )
+    return stiffness
+
+
+def _of_one_whisker(slips, name):
+    """The slips of whisker `name`, or of the only one; ValueError otherwise."""
+    names = sorted({slip.whisker for slip in slips})
+    if name is None and len(names) > 1:
+        raise ValueError(
+            f"slips of several whiskers ({', '.join(names)}), each with a Young's modulus of its "
+            "own: name one with --whisker"
+        )
+    own = [slip for slip in slips if name in (None, slip.whisker)]
+    if not own:
+        raise ValueError(f"--whisker {name}: no slip of it; there are slips of {', '.join(names)}")
+    return own
+
+
+def _fitted(results, slips, whisker, boundary, say):
+    """Fits of all slips that carry one; says why the others do not."""
+    fits, faults = [], []
+    for slip in slips:
+        try:
+            fits.append(fit_slip(results, slip, boundary))
+        except TooShortError as error:
+            faults.append(f"{slip}: {error}")
+            say(f"left out: {faults[-1]}")
+            continue
+        say(f"{slip}: {_sentence(fits[-1], fits[-1].youngs_modulus(whisker, boundary))}")
+    if not fits:
+        raise ValueError(
+            f"{results}: none of {len(slips)} slips can be fitted; the first: {faults[0]}"
+        )
+    return fits
+
+
+def _sentence(each, modulus):
+    """Frequency, damping and Young's modulus, of a slip or of all, in words."""
+    low, value, high = (1e-9 * part for part in (modulus.low, modulus.value, modulus.high))
+    return (
+        f"{each.angular_frequency} rad/s, damping {each.damping} 1/s, "
+        f"E {value:.4g} ({low:.4g} to {high:.4g}) GPa"
+    )
+
+
+def _say_pooled(together, follicle, say):
+    count = f"{together.n} slip{'' if together.n == 1 else 's'}"
+    say(f"{count}, {follicle} follicle: {_sentence(together, together.youngs_modulus)}")
+    say(
+        "  with the whisker's dimensions as in session.toml: 1 % of length is 4 % of E, 1 % of "
+        "base radius 2 %"
+    )

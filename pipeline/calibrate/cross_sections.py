@@ -1,0 +1,306 @@
+"""Cross-sections of a whisker in a micrograph: both edges, to a hundredth of a pixel.
+
+Across a straightened whisker the grey level is that of a strip behind a Gaussian blur,
+
+    I(u) = b0 + b1 u − C [Φ((u − c + r)/σ) − Φ((u − c − r)/σ)],
+
+with centre c and half-width r. Where the whisker is thick, its edges stand where the grey level is
+halfway; where it is as thin as the blur, only C r shows, and r follows from the contrast C of the
+thick part. What lies more than 3 σ inside the edges, a bright core for instance, is left out.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.ndimage import map_coordinates, spline_filter
+from scipy.special import ndtr
+
+from pipeline.calibrate.find_whisker import NoWhiskerError, Trace, smooth_line
+
+SECTION_PX = 10  # along the whisker that one section is the mean of
+FLANK_PX = 10.0  # ground on both sides that is fitted
+BEYOND_PX = 60  # beyond both ends that the straightened picture shows
+KNOT_PX = 90.0  # of the centreline's spline
+ROUNDS = 3  # of centreline and sections
+STEPS = 14  # of Gauss–Newton
+THICK_BLURS = 2.0  # half-width from which a section tells its own contrast
+CORE_BLURS = 3.0
+LEAST_HALF_WIDTH_PX = 3.0  # of the thickest part
+CONTRAST_SD = 0.02  # least scatter of the contrast along a whisker
+HUBER_SDS = 2.5
+
+
+@dataclass(frozen=True)
+class Straightened:
+    """The picture along a whisker's centreline.
+
+    Attributes
+    ----------
+    grey : (points, across) grey levels; row k is `s[k]` px along the centreline
+    s : (points,) [px], below 0 and above the line's length beyond its ends
+    u : (across,) [px] from the centreline, to the right of the way in the picture
+    x, y : (points,) centreline [px]
+    """
+
+    grey: np.ndarray
+    s: np.ndarray
+    u: np.ndarray
+    x: np.ndarray
+    y: np.ndarray
+
+    def place(self, s, u):
+        """x, y [px] in the picture at `s` along and `u` across the centreline."""
+        tx, ty = np.gradient(self.x), np.gradient(self.y)
+        norm = np.hypot(tx, ty)
+        x, y, nx, ny = (
+            np.interp(s, self.s, part) for part in (self.x, self.y, -ty / norm, tx / norm)
+        )
+        return x + u * nx, y + u * ny
+
+
+@dataclass(frozen=True)
+class Sections:
+    """Cross-sections of a whisker, each (sections,).
+
+    Attributes
+    ----------
+    s : middle, along the centreline [px]
+    centre : of the edges, from the centreline [px]
+    half_width, half_width_se : [px]
+    contrast : C/b0
+    blur : σ [px], one number
+    usual_contrast, usual_contrast_se : of the thick part, two numbers
+    """
+
+    s: np.ndarray
+    centre: np.ndarray
+    half_width: np.ndarray
+    half_width_se: np.ndarray
+    contrast: np.ndarray
+    blur: float
+    usual_contrast: float
+    usual_contrast_se: float
+
+    def __len__(self):
+        return len(self.s)
+
+
+def cut_sections(trace: Trace):
+    """Straighten the whisker and fit its sections, centreline and edges in turn.
+
+    Returns
+    -------
+    Straightened, Sections
+
+    Raises
+    ------
+    NoWhiskerError
+        Where the whisker is too thin in the picture for its edges to be seen.
+    """
+    coefficients = spline_filter(trace.image, order=3, mode="mirror").astype(np.float32)
+    line = smooth_line(trace.points, KNOT_PX)
+    width = 1.6 * trace.half_width + FLANK_PX + 6
+    for _ in range(ROUNDS):
+        straight = straighten(coefficients, line, width)
+        sections = fit_sections(straight)
+        line = _recentred(straight, sections)
+    straight = straighten(coefficients, line, width)
+    return straight, fit_sections(straight)
+
+
+def straighten(coefficients, line, half_width) -> Straightened:
+    """Sample a picture's cubic-spline `coefficients` along and across a line (points, 2) [px]."""
+    s = np.arange(-BEYOND_PX, len(line) + BEYOND_PX).astype(float)
+    ends = [_beyond(line[:40][::-1]), _beyond(line[-40:])]
+    x, y = np.concatenate([ends[0][::-1], line, ends[1]]).T
+    tx, ty = np.gradient(x), np.gradient(y)
+    norm = np.hypot(tx, ty)
+    u = np.arange(-np.ceil(half_width), np.ceil(half_width) + 1)
+    column = x[:, None] - u * (ty / norm)[:, None]
+    row = y[:, None] + u * (tx / norm)[:, None]
+    grey = map_coordinates(coefficients, [row, column], order=3, prefilter=False, mode="mirror")
+    return Straightened(grey, s, u, x, y)
+
+
+def _beyond(points):
+    """BEYOND_PX points straight on from the last of some."""
+    direction = points[-1] - points[0]
+    step = direction / np.hypot(*direction)
+    return points[-1] + np.arange(1, BEYOND_PX + 1)[:, None] * step
+
+
+def _recentred(straight, sections):
+    """The line moved onto the sections' centres, smoothed."""
+    points = np.column_stack(straight.place(sections.s, sections.centre))
+    keep = np.abs(sections.centre) < 3 + 0.5 * sections.half_width
+    inside = (straight.s >= 0) & (straight.s <= straight.s[-1] - BEYOND_PX)
+    shift = np.interp(straight.s[inside], sections.s[keep], sections.centre[keep])
+    points = np.column_stack(straight.place(straight.s[inside], shift))
+    return smooth_line(points, KNOT_PX)
+
+
+# Fits ----------------------------------------------------------------------------------------
+
+
+def fit_sections(straight: Straightened) -> Sections:
+    """Both edges of all sections, with one blur and, where it is thin, one contrast."""
+    s, grey = _sections_of(straight)
+    start = _starting_values(grey, straight.u)
+    widest = np.quantile(start[:, 4], 0.95)
+    if widest < LEAST_HALF_WIDTH_PX:
+        raise NoWhiskerError(
+            f"shows a whisker of only {2 * widest:.1f} px at its base: expected at least "
+            f"{2 * LEAST_HALF_WIDTH_PX:g} px; photograph it at a higher magnification"
+        )
+    blur, usual, scatter = 1.0, None, None
+    thick = start[:, 4] > THICK_BLURS * blur
+    free, _, _ = _fit(grey[thick], straight.u, start[thick], np.full(thick.sum(), blur), True)
+    blur = float(np.clip(np.median(free[:, 5]), 0.4, 0.4 * widest))
+    values, errors, _ = _fit(grey, straight.u, start, np.full(len(start), blur))
+    thick = values[:, 4] > THICK_BLURS * blur
+    if thick.sum() < 8:
+        raise NoWhiskerError(
+            f"shows too little of a thick whisker: expected at least {8 * SECTION_PX} px of its "
+            f"length more than {2 * THICK_BLURS * blur:.1f} px wide; photograph it in focus and "
+            "at a higher magnification"
+        )
+    shares = values[thick, 2] / values[thick, 0]
+    usual = float(np.median(shares))
+    scatter = max(1.4826 * float(np.median(np.abs(shares - usual))), CONTRAST_SD * usual)
+    values, errors, _ = _fit(
+        grey, straight.u, values, np.full(len(start), blur), contrast=(usual, scatter)
+    )
+    return Sections(
+        s=s,
+        centre=values[:, 3],
+        half_width=values[:, 4],
+        half_width_se=errors[:, 4],
+        contrast=values[:, 2] / values[:, 0],
+        blur=blur,
+        usual_contrast=usual,
+        usual_contrast_se=1.25 * scatter / np.sqrt(thick.sum()),
+    )
+
+
+def _sections_of(straight):
+    """Middles [px] and mean grey levels (sections, across) of the sections between the ends."""
+    first = np.searchsorted(straight.s, 0.0)
+    count = (len(straight.s) - 2 * BEYOND_PX) // SECTION_PX
+    rows = slice(first, first + count * SECTION_PX)
+    grey = straight.grey[rows].reshape(count, SECTION_PX, -1)
+    s = straight.s[rows].reshape(count, SECTION_PX).mean(axis=1)
+    return s, grey.mean(axis=1).astype(float)
+
+
+def _starting_values(grey, u):
+    """b0, b1, C, c, r of every section, from the darkness and where it lies."""
+    flank = np.abs(u) > np.abs(u).max() - FLANK_PX / 2
+    ground = np.median(grey[:, flank], axis=1)
+    dark = np.maximum(ground[:, None] - grey, 0)
+    dark[dark < 0.1 * dark.max(axis=1, keepdims=True)] = 0
+    usual = np.quantile(dark.max(axis=1), 0.9)
+    near = dark * (np.abs(u) < np.abs(u).max() - FLANK_PX)
+    area = near.sum(axis=1)
+    centre = (near * u).sum(axis=1) / np.maximum(area, 1e-9)
+    half = np.clip(0.5 * area / usual, 0.15, None)
+    zeros = np.zeros_like(ground)
+    return np.column_stack([ground, zeros, zeros + usual, centre, half])
+
+
+def _fit(grey, u, start, blur, free_blur=False, contrast=None):
+    """Gauss–Newton for all sections at once.
+
+    Parameters
+    ----------
+    grey : (sections, across); start : (sections, 5); blur : (sections,)
+    free_blur : fit it as well, as the sixth unknown
+    contrast : (share of the ground, its SD) that C is held to, weakly
+
+    Returns
+    -------
+    values, standard errors : (sections, 5 or 6)
+    sd : (sections,) of the residuals
+    """
+    q = np.column_stack([start, blur]) if free_blur else start.copy()
+    weight = np.ones_like(grey)
+    damping = 1e-3
+    for step in range(STEPS):
+        model, slopes = _strip(q, u, blur)
+        window = _window(q, u, blur)
+        residual = grey - model
+        sd = _scatter(residual, window)
+        far = np.abs(residual) / (HUBER_SDS * sd[:, None])
+        weight = window * np.where(far > 1, 1 / np.maximum(far, 1e-9), 1.0)
+        matrix = np.einsum("nuk,nu,num->nkm", slopes, weight, slopes)
+        rhs = np.einsum("nuk,nu->nk", slopes, weight * residual)
+        if contrast is not None:
+            share, spread = contrast
+            held = (sd / (spread * q[:, 0])) ** 2
+            matrix[:, 2, 2] += held
+            rhs[:, 2] += held * (share * q[:, 0] - q[:, 2])
+        diagonal = np.einsum("nkk->nk", matrix)
+        diagonal += damping * diagonal + 1e-9
+        move = np.linalg.solve(matrix, rhs[..., None])[..., 0]
+        q = _bounded(q, move, step)
+        damping = max(damping / 10, 1e-9)
+    errors = np.sqrt(np.einsum("nkk->nk", np.linalg.inv(matrix))) * sd[:, None]
+    return q, errors, sd
+
+
+def _bounded(q, move, step):
+    """Unknowns after a step that is not too large; half-widths stay positive."""
+    largest = np.full(q.shape[1], np.inf)
+    largest[3], largest[4] = 1.0, 0.8
+    if q.shape[1] > 5:
+        largest[5] = 0.2
+    q = q + np.clip(move, -largest, largest)
+    q[:, 4] = np.maximum(q[:, 4], 0.02)
+    if q.shape[1] > 5:
+        q[:, 5] = np.clip(q[:, 5], 0.3, None)
+    return q
+
+
+def _strip(q, u, blur):
+    """The strip's grey levels (sections, across) and their slopes by the unknowns."""
+    b0, b1, dark, c, r = (q[:, [k]] for k in range(5))
+    sigma = q[:, [5]] if q.shape[1] > 5 else blur[:, None]
+    left, right = (u - c + r) / sigma, (u - c - r) / sigma
+    cover = ndtr(left) - ndtr(right)
+    at_left, at_right = _bell(left) / sigma, _bell(right) / sigma
+    slopes = [
+        np.ones_like(cover), u + 0 * cover, -cover,
+        dark * (at_left - at_right), -dark * (at_left + at_right),
+    ]  # fmt: skip
+    if q.shape[1] > 5:
+        slopes.append(dark * (left * at_left - right * at_right))
+    return b0 + b1 * u - dark * cover, np.stack(slopes, axis=-1)
+
+
+def _bell(z):
+    return np.exp(-0.5 * z**2) / np.sqrt(2 * np.pi)
+
+
+def _window(q, u, blur):
+    """1 where a section is fitted: its edges and the ground beside them, not its core."""
+    sigma = q[:, [5]] if q.shape[1] > 5 else blur[:, None]
+    away = np.abs(u - q[:, [3]])
+    r = q[:, [4]]
+    return ((away < r + 3 * sigma + FLANK_PX) & (away > r - CORE_BLURS * sigma - 1)).astype(float)
+
+
+def _scatter(residual, window):
+    """Robust SD of the residuals within the window, (sections,)."""
+    inside = np.where(window > 0, np.abs(residual), np.nan)
+    return np.maximum(1.4826 * np.nanmedian(inside, axis=1), 1e-3)
+
+
+def profile_of(radius, u, blur):
+    """Cover of strips of half-width `radius` (n,) about 0 at `u` (across,), (n, across)."""
+    radius = np.asarray(radius)[:, None]
+    return ndtr((u + radius) / blur) - ndtr((u - radius) / blur)
+
+
+def without(sections: Sections, keep) -> Sections:
+    """The sections where `keep` holds."""
+    parts = ("s", "centre", "half_width", "half_width_se", "contrast")
+    return replace(sections, **{name: getattr(sections, name)[keep] for name in parts})

@@ -1,0 +1,63 @@
+"""New values for a whisker of a session.toml; comments and order stay as they are."""
+
+import re
+from pathlib import Path
+
+from pipeline.session.session_file import SettingsError, read_session, settings_from
+
+
+def check_whisker(path, name: str) -> None:
+    """Raise SettingsError where a session.toml cannot be used or has no whisker of this name."""
+    names = [whisker.name for whisker in read_session(path).whisker]
+    if name not in names:
+        known = ", ".join(names) or "no [[whisker]] at all"
+        raise SettingsError(
+            path, [f'has no whisker named "{name}" (found: {known}); correct --whisker']
+        )
+
+
+def set_whisker_values(path, name: str, values: dict[str, float]) -> None:
+    """Write `values` into the [[whisker]] table `name` of a session.toml, or nothing at all.
+
+    Keys that stand there as comments to be filled in are filled in.
+
+    Raises
+    ------
+    SettingsError
+        Where there is no such whisker, or the file would no longer be right.
+    """
+    import tomlkit
+
+    from pipeline.tables.files import write_text
+
+    path = Path(path)
+    check_whisker(path, name)
+    index = [whisker.name for whisker in read_session(path).whisker].index(name)
+    text = path.read_text(encoding="utf-8-sig")
+    document = tomlkit.parse(_filled_in(text, index, values))
+    table = document["whisker"][index]
+    for key, value in values.items():
+        table[key] = float(value)
+    text = tomlkit.dumps(document)
+    settings_from(document.unwrap(), path)
+    write_text(path, text)
+
+
+def whisker_has(path, name: str, key: str) -> bool:
+    """Whether a whisker of a session.toml has a value for `key`."""
+    (whisker,) = [each for each in read_session(path).whisker if each.name == name]
+    return getattr(whisker, key) is not None
+
+
+def _filled_in(text, index, keys):
+    """The text with `# key =` of whisker table number `index` made into `key = 0.0`."""
+    lines, table = text.split("\n"), -1
+    for i, line in enumerate(lines):
+        if line.lstrip().startswith("["):
+            table += line.replace(" ", "").startswith("[[whisker]]")
+            here = table == index and line.replace(" ", "").startswith("[[whisker]]")
+            continue
+        empty = re.match(r"#\s*(\w+)\s*=\s*(#.*)?$", line)
+        if table >= 0 and here and empty and empty[1] in keys:
+            lines[i] = f"{empty[1]} = 0.0   {empty[2] or ''}".rstrip()
+    return "\n".join(lines)

@@ -1,0 +1,125 @@
+"""`calibrate geometry` as a user runs it: files, pooled whiskers, session.toml, refusals."""
+
+import re
+
+import cv2
+import numpy as np
+import pytest
+
+from pipeline.app import cli
+from pipeline.session.session_file import read_session
+from pipeline.tables.columns import DENSITY_COLUMNS, GEOMETRY_COLUMNS
+from pipeline.tables.files import read_csv
+from synthetic.micrograph import Micrograph
+from whiskermodel.whisker import Whisker
+
+LENGTHS = 4.0, 4.4  # mm
+SESSION = """[recording]
+frames_per_second = 1000.0   # camera
+pixels_per_mm = 25.0
+face = "left"
+
+[[whisker]]
+name = "C2"
+# cone_length_mm =   # to be measured
+hidden_length_mm = 0.5
+[analysis]
+curvature_at_mm = 2.0
+"""
+
+
+@pytest.fixture(scope="module")
+def pictures(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("micrographs")
+    for k, length in enumerate(LENGTHS):
+        whisker = Whisker(1e-3 * length, 1.1e-3 * length, 35e-6)
+        picture = Micrograph(whisker, pixels_per_mm=140.0, seed=k).picture()
+        cv2.imwrite(str(folder / f"w{k}.png"), picture)
+    cv2.imwrite(str(folder / "empty.png"), np.full((200, 300), 180, np.uint8))
+    return folder
+
+
+@pytest.fixture
+def session(tmp_path):
+    (tmp_path / "session.toml").write_text(SESSION, encoding="utf-8")
+    return tmp_path / "session.toml"
+
+
+def run(*arguments) -> int:
+    with pytest.raises(SystemExit) as caught:
+        cli.main(["calibrate", "geometry", *(str(a) for a in arguments)])
+    return caught.value.code or 0
+
+
+def test_two_whiskers_into_a_session(pictures, session, tmp_path, capsys):
+    images, out = [pictures / "w0.png", pictures / "w1.png"], tmp_path / "out"
+    code = run(
+        *images, "--pixels-per-mm", 140, "--out", out, "--into", session, "--whisker", "C2",
+        "--mass-ug", 7, "--mass-ug", 7.7,
+    )  # fmt: skip
+    assert code == 0
+    table = read_csv(out / "geometry.csv", GEOMETRY_COLUMNS + DENSITY_COLUMNS)
+    assert list(table["image"]) == ["w0.png", "w1.png"]
+    np.testing.assert_allclose(table["length_mm"], LENGTHS, rtol=2e-3)
+    np.testing.assert_allclose(table["base_radius_um"], 35, rtol=5e-3)
+    assert (table.filter(like="_se") > 0).all(axis=None)
+    assert (table["length_mm_se"] < 1e-3 * table["length_mm"]).all()
+    (whisker,) = read_session(session).whisker
+    assert whisker.length_mm == pytest.approx(np.mean(LENGTHS), rel=2e-3)
+    assert whisker.cone_length_mm == pytest.approx(1.1 * np.mean(LENGTHS), rel=5e-3)
+    assert whisker.density_kg_per_m3 == pytest.approx(table["density_kg_per_m3"].mean(), rel=1e-4)
+    text = session.read_text(encoding="utf-8")
+    assert "# camera" in text
+    assert "# to be measured" in text
+    said = capsys.readouterr().out
+    assert re.search("2 whiskers, mean ± SD: length 4.(199|2|201) ± 0.28 mm", said)
+    names = {path.name for path in out.iterdir()}
+    assert names == {
+        "geometry.csv", "geometry.png", "pooled.csv", "w0.png", "w0_profile.csv", "w1.png",
+        "w1_profile.csv",
+    }  # fmt: skip
+
+
+def test_a_session_that_has_the_tips_radius_keeps_it(pictures, session, tmp_path):
+    text = session.read_text(encoding="utf-8").replace(
+        "# cone_length_mm = ", "tip_radius_um = 9.0"
+    )
+    session.write_text(text.replace("hidden", "base_radius_um = 30.0\nhidden"), encoding="utf-8")
+    image, out = pictures / "w0.png", tmp_path / "out"
+    into = "--into", session, "--whisker", "C2"
+    assert run(image, "--pixels-per-mm", 140, "--out", out, *into) == 0
+    (whisker,) = read_session(session).whisker
+    assert whisker.cone_length_mm is None
+    assert whisker.tip_radius_um == pytest.approx(35 * (1 - 1 / 1.1), abs=0.15)
+    assert set(out.iterdir()) == {out / n for n in ("geometry.csv", "w0.png", "w0_profile.csv")}
+    assert list(read_csv(out / "geometry.csv", GEOMETRY_COLUMNS)["image"]) == ["w0.png"]
+
+
+@pytest.mark.parametrize(
+    ("images", "options", "expected"),
+    [
+        (["w0.png"], {"--pixels-per-mm": 140e3}, ["w0.png", "pixels per m", "give 140"]),
+        (["w0.png"], {"--pixels-per-mm": 0.14}, ["mm long", "pixels per µm", "give 140"]),
+        (["w0.png"], {"--pixels-per-mm": -1}, ["--pixels-per-mm -1.0", "above 0"]),
+        (["w0.png", "empty.png"], {}, ["empty.png", "shows no whisker"]),
+        (["w0.png"], {"--whisker": "D4"}, ["session.toml", '"D4"', "found: C2"]),
+        (["w0.png", "w1.png"], {"--mass-ug": 3}, ["--mass-ug", "one per image (2), got 1"]),
+    ],
+)
+def test_what_cannot_be_measured_leaves_all_as_it_was(
+    pictures, session, tmp_path, capsys, images, options, expected
+):
+    given = {"--pixels-per-mm": 140, "--into": session, "--whisker": "C2", **options}
+    out = tmp_path / "out"
+    words = [word for pair in given.items() for word in pair]
+    assert run(*(pictures / image for image in images), "--out", out, *words) == 2
+    said = capsys.readouterr().err
+    assert all(part in said for part in expected), said
+    assert session.read_text(encoding="utf-8") == SESSION
+    assert not out.exists()
+
+
+def test_into_needs_a_whisker(pictures, session, tmp_path, capsys):
+    image = pictures / "w0.png"
+    assert run(image, "--pixels-per-mm", 140, "--out", tmp_path / "o", "--into", session) == 2
+    assert "--into and --whisker: expected both or neither" in capsys.readouterr().err
