@@ -189,17 +189,18 @@ def _bearing_whiskers(animal, frames, background, side, scale, params):
 
 def find_obstacles(transmission, face, pole, pixels_per_mm, params=DEFAULTS.scene) -> np.ndarray:
     """Pixels of dark static things that are neither face nor thin, bool (height, width)."""
-    size = 2 * round(0.5 * params.thinnest_obstacle_mm * pixels_per_mm) + 1
-    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
-    dark = cv2.morphologyEx((transmission < params.opaque).astype(np.uint8), cv2.MORPH_OPEN, disc)
-    dark[face] = 0
-    _, labels, stats, _ = cv2.connectedComponentsWithStats(dark)
-    keep = stats[:, cv2.CC_STAT_AREA] > params.least_obstacle_mm2 * pixels_per_mm**2
+    from skimage.measure import label
+    from skimage.morphology import isotropic_dilation, isotropic_opening
+
+    radius = round(0.5 * params.thinnest_obstacle_mm * pixels_per_mm)
+    dark = isotropic_opening(transmission < params.opaque, radius) & ~face
+    labels = label(dark)
+    keep = np.bincount(labels.ravel()) > params.least_obstacle_mm2 * pixels_per_mm**2
     # along the face there is always a fringe of fur, half dark: only what is thick counts there
-    at_face, thick = np.zeros((2, len(stats)), bool)
-    at_face[labels[cv2.dilate(face.astype(np.uint8), disc) > 0]] = True
-    thick[labels[opened(dark, params.tuft_mm * pixels_per_mm)]] = True
-    keep &= ~at_face | thick
+    fringe = np.zeros(len(keep), bool)
+    fringe[labels[isotropic_dilation(face, radius)]] = True
+    fringe[labels[opened(dark, params.tuft_mm * pixels_per_mm)]] = False
+    keep &= ~fringe
     keep[0] = False
     mask = keep[labels]
     if pole is not None:

@@ -34,9 +34,11 @@ def find_face(
     transmission: np.ndarray, side: str, pixels_per_mm: float, params=DEFAULTS.scene
 ) -> np.ndarray:
     """Return the face's mask, bool (height, width); all False where no face is in view."""
+    from skimage.measure import label
+
     smooth = _blurred(transmission, params.fur_average_mm * pixels_per_mm)
     dark = opened(smooth < params.face_edge, params.tuft_mm * pixels_per_mm)
-    _, labels = cv2.connectedComponents(dark.astype(np.uint8))
+    labels = label(dark)
     on_border = np.bincount(border(labels, side), minlength=labels.max() + 1)
     on_border[0] = 0
     if not on_border.any():
@@ -47,13 +49,11 @@ def find_face(
 
 def opened(mask, thinnest_px):
     """Remove what is thinner than `thinnest_px`; the picture's border is no edge."""
-    size = max(3, 2 * round(thinnest_px / 2) + 1)
-    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
-    padded = cv2.copyMakeBorder(
-        mask.astype(np.uint8), size, size, size, size, cv2.BORDER_REPLICATE
-    )
-    inner = np.s_[size:-size, size:-size]
-    return cv2.morphologyEx(padded, cv2.MORPH_OPEN, disc)[inner] > 0
+    from skimage.morphology import isotropic_opening
+
+    radius = max(round(thinnest_px / 2), 1)
+    inner = np.s_[2 * radius : -2 * radius, 2 * radius : -2 * radius]
+    return isotropic_opening(np.pad(mask, 2 * radius, mode="edge"), radius)[inner]
 
 
 def _blurred(image, sd):
@@ -61,8 +61,10 @@ def _blurred(image, sd):
 
 
 def _without_holes(mask, side):
-    """Fill bright pixels that the face encloses."""
-    _, labels = cv2.connectedComponents((~mask).astype(np.uint8))
+    """Fill bright pixels that the face encloses, together with its side of the picture."""
+    from skimage.measure import label
+
+    labels = label(~mask)
     enclosed = np.ones(labels.max() + 1, bool)
     for other in SIDES:
         if other != side:
