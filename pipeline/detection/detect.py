@@ -10,11 +10,17 @@ from pipeline.detection.image_model import ImageModel, absorbance_image, lines_i
 from pipeline.detection.line import Line
 from pipeline.numerics import polyline
 
+FEWEST_FITS, MOST_FITS = 4, 12  # of a new line: until it gets no longer
+SAME_LENGTH = 2  # px
+THICKENS = 1.1  # a whisker's far half takes less light than its near one
 FAINTEST = 0.012  # absorbance below which nothing is called seen
-THINNEST_SIGMA, BROADEST_SIGMA = 0.6, 2.5  # px, of a line's half-width
+THINNEST_SIGMA, BROADEST_SIGMA = 0.6, 6.0  # px, of a line's half-width; broad ones move
+SURE_GROWTH_SE, LEAST_GROWTH = 4.0, 0.05  # of the log of the half-width towards the tip
 SAME_MM = 0.12  # lines so near to each other, in a crowd, are of one whisker
-GHOST_SHARE = 0.5  # of a line's darkness: what is fainter and runs along it (3 px) is its blur
+GHOSTS = (0.5, 3.0), (0.35, 6.0)  # of a line's darkness, within so many px: its blur, its ringing
 MOST_LOOKS = 3  # at a frame with many whiskers
+COARSE_PX = 3.2  # the same, for lines that motion has made broad
+ONE_LINE = 0.97  # of what several lines explain, by one broad one in their place
 FINE_PX = 1.1  # SD of the differentiating Gaussian where whiskers lie close together
 
 
@@ -48,19 +54,32 @@ def detect(
     are those of one `scale` [px]; lines nearer to each other than `near_px` are one.
     """
     absorbance = absorbance_image(image, model, gain)
-    index, points = ridges.ridge_points(absorbance, model.noise, scale)
-    curves = ridges.join(ridges.link(index, points, shortest=10))
+    curves = ridges.curves_of(absorbance, model.noise, scale)
+    lines = _whiskers_along(curves, image, model, gain, options, workspace)
+    lines = without_doubles(lines, near_px)
+    return _uncrossed_anew(image, model, gain, options, workspace, lines)
+
+
+def detect_blurred(image, model: ImageModel, gain, options, workspace) -> list[Line]:
+    """Find lines that motion has made broad, best first; sharp ones are found as well."""
+    absorbance = absorbance_image(image, model, gain)
+    curves = ridges.curves_of(absorbance, model.noise, COARSE_PX)
+    return without_doubles(_whiskers_along(curves, image, model, gain, options, workspace))
+
+
+def _whiskers_along(curves, image, model, gain, options, workspace) -> list[Line]:
+    """Lines fitted along rough curves, those that may be whiskers, best first."""
     lines = []
     for curve in curves:
         rooted = root(curve, model, options)
         if rooted is None:
             continue
         line = settle(image, model, gain, rooted, options, workspace)
+        if thickens(line) and ends_at_face(line, model, options):
+            line = settle(image, model, gain, rooted[::-1], options, workspace)
         if _is_whisker(line, model, options):
             lines.append(line)
-    lines.sort(key=lambda line: -contrast_length(line))
-    lines = without_doubles(lines, near_px)
-    return _uncrossed_anew(image, model, gain, options, workspace, lines)
+    return sorted(lines, key=lambda line: -contrast_length(line))
 
 
 def same_px(options: TracingOptions) -> float:
@@ -79,9 +98,12 @@ def detect_crowded(
     """
     lines: list[Line] = []
     near_px = same_px(options)
-    for _ in range(MOST_LOOKS):
+    for look in range(MOST_LOOKS):
         with lines_in_background(model, [*known, *lines]):
             more = detect(image, model, gain, options, workspace, FINE_PX, near_px)
+            if look == 0:
+                broad = detect_blurred(image, model, gain, options, workspace)
+                more = with_blurred(more, broad, image, model, gain)
         others = (*known, *lines)
         more = [
             line
@@ -103,6 +125,35 @@ def detect_crowded(
     lines = _uncrossed_anew(image, model, gain, options, workspace, lines, known)
     lines.sort(key=lambda line: -contrast_length(line))
     return without_doubles(lines, near_px)
+
+
+def with_blurred(sharp, broad, image, model, gain) -> list[Line]:
+    """Lines found at both scales: a broad one in place of several sharp ones that it explains.
+
+    The two edges of a whisker that moves while the shutter is open pass for two whiskers; one
+    broad line takes nearly as much light as they do. Of two whiskers it would not.
+    """
+    out = list(sharp)
+    for line in broad:
+        along = [s for s in out if shared_fraction(s, line, _reach(line)) > 0.5]
+        mine = _explained(line, [line], image, model, gain)
+        if mine > ONE_LINE * _explained(line, along, image, model, gain):
+            out = [line, *(s for s in out if all(s is not other for other in along))]
+    return sorted(out, key=lambda line: -contrast_length(line))
+
+
+def _reach(line) -> float:
+    """How far a line's darkness reaches to either side [px]."""
+    return max(3.0, 2.0 * float(line.sigma[line.n // 2]))
+
+
+def _explained(strip, lines, image, model, gain) -> float:
+    """By how much `lines` lessen the misfit of the pixels about the line `strip`."""
+    about = strip.x, strip.y, strip.n, strip.sigma
+    pixels = image, model.background, model.weight, gain
+    before = line_profile.strip_misfit(*pixels, *about)
+    with lines_in_background(model, lines):
+        return before - line_profile.strip_misfit(*pixels, *about)
 
 
 def _uncrossed_anew(image, model, gain, options, workspace, lines, known=()) -> list[Line]:
@@ -148,37 +199,66 @@ def _without_broad(image, model, gain, options, workspace, lines, others) -> lis
                 refine(image, model, gain, one, options, workspace)
 
         pair = splitting.split(line, usual, fit, lambda one: _is_whisker(one, model, options))
-        if pair is None:
-            pair = [splitting.narrowed(line, usual)]
-            fit(pair[0], [])
+        if pair is None:  # one, on the darker of two, or broad by itself
+            narrow = splitting.narrowed(line, usual)
+            fit(narrow, [])
+            with lines_in_background(model, beside):
+                broad = _explained(line, [line], image, model, gain)
+                slim = _explained(line, [narrow], image, model, gain)
+            pair = [narrow if slim > ONE_LINE * broad else line]
         out += pair
     return out
 
 
 def is_ghost(line: Line, others) -> bool:
-    """Whether a line is what is left of a darker one that was not lines_in_background well."""
-    strength = np.median(line.amplitude[: line.n])
-    return any(
-        _is_darker(other.amplitude[: line.n], strength / GHOST_SHARE)
-        and shared_fraction(line, other) > 0.5
-        for other in others
-    )
+    """Whether a line is what is left of a darker one: its blur, or the codec's ringing beside it.
+
+    The fainter it is, the farther from the darker one.
+    """
+    return any(_is_ghost_of(line, other) for other in others)
+
+
+def _is_ghost_of(line, other):
+    darker = _median_of(line.amplitude, line.n) / _median_of(other.amplitude, line.n)
+    near = [near_px for share, near_px in GHOSTS if darker < share]
+    if not near or not polyline.come_near(
+        line.x, line.y, line.n, other.x, other.y, other.n, max(near[-1], _reach(other))
+    ):
+        return False
+    return shared_fraction(line, other, max(near[-1], _reach(other))) > 0.5
 
 
 @njit(cache=True)
-def _is_darker(amplitude, than):
-    return np.median(amplitude) > than
+def _median_of(values, n):
+    """Median of the first `n` values, by half of them: enough for a comparison."""
+    return np.median(values[0:n:2])
 
 
 def _is_whisker(line: Line, model, options) -> bool:
     """Whether a line is long and clear and leaves the face."""
     long_and_clear = line.n >= options.shortest_px and line.quality > 0.3
-    return long_and_clear and leaves_face(line, model.outside)
+    return long_and_clear and line_fit.is_clear(line.x, line.y, line.n, model.clear)
 
 
-def leaves_face(line: Line, outside) -> bool:
-    """Whether a line goes away from the face, and does not run along the fur's dark edge."""
-    return line_fit.leaves_face(line.x, line.y, line.n, outside)
+def thickens(line: Line) -> bool:
+    """Whether a line takes more light in its far half than in its near one: it is turned round."""
+    thickness = line.thickness[: line.n]
+    near, far = thickness[: line.n // 2], thickness[line.n // 2 :]
+    return line.n > 0 and _median_of_known(far) > THICKENS * _median_of_known(near)
+
+
+@njit(cache=True)
+def _median_of_known(values):
+    known = values[np.isfinite(values)]
+    return np.median(known) if len(known) else 0.0
+
+
+def ends_at_face(line: Line, model, options) -> bool:
+    """Whether a line's far end, too, is as near to the face or the body as a base may be."""
+    column, row = round(line.x[line.n - 1]), round(line.y[line.n - 1])
+    height, width = model.outside.shape
+    inside = 0 <= column < width and 0 <= row < height
+    return inside and model.outside[row, column] < options.base_gap_px
 
 
 def contrast_length(line: Line) -> float:
@@ -215,9 +295,12 @@ def settle(image, model: ImageModel, gain, curve, options: TracingOptions, works
     n = polyline.resample(line.x, line.y, n, workspace.work[8:10])
     line.amplitude[:] = 0.5
     line.n = n
-    for _ in range(4):
+    for step in range(MOST_FITS):
+        before = line.n
         refine(image, model, gain, line, options, workspace, widths=True)
         if line.n < line_fit.SHORTEST:
+            break
+        if step >= FEWEST_FITS and abs(line.n - before) <= SAME_LENGTH:
             break
         fit_width(line, workspace)
         # no history to average with: the absorbance is what was measured last
@@ -233,21 +316,28 @@ def fit_width(line: Line, workspace) -> None:
 
 @njit(cache=True)
 def _fit_width(sigma, n, sums, work):
-    """Each half of the line has a width of its own; it does not grow towards the tip."""
+    """Each half of the line has a width of its own.
+
+    It grows towards the tip only where that is sure: a whisker that turns while the shutter is
+    open is blurred the more the farther out.
+    """
     middle = n // 2
     near, far = middle / 2, (middle + n) / 2
-    near_sigma = _corrected(sigma[int(near)], sums, work, 0, middle)
-    far_sigma = _corrected(sigma[int(far)], sums, work, middle, n)
-    slope = min((far_sigma - near_sigma) / max(far - near, 1.0), 0.0)
+    near_sigma, near_se = _corrected(sigma[int(near)], sums, work, 0, middle)
+    far_sigma, far_se = _corrected(sigma[int(far)], sums, work, middle, n)
+    slope = (far_sigma - near_sigma) / max(far - near, 1.0)
+    if np.log(far_sigma / near_sigma) < SURE_GROWTH_SE * np.hypot(near_se, far_se) + LEAST_GROWTH:
+        slope = min(slope, 0.0)
     for i in range(len(sigma)):
         sigma[i] = min(max(near_sigma + slope * (i - near), THINNEST_SIGMA), BROADEST_SIGMA)
 
 
 @njit(cache=True)
 def _corrected(sigma, sums, work, first, last):
-    change = line_profile.width_correction(sums, work[2], first, last)
+    """Half-width σ [px] as it is measured over some nodes, and the standard error of its log."""
+    change, se = line_profile.width_correction(sums, work[2], first, last)
     corrected = sigma * np.exp(min(max(change, -0.3), 0.3))
-    return min(max(corrected, THINNEST_SIGMA), BROADEST_SIGMA)
+    return min(max(corrected, THINNEST_SIGMA), BROADEST_SIGMA), se
 
 
 def refine(

@@ -13,6 +13,7 @@ from pipeline.detection.static_scene import StaticScene
 
 TRANSLUCENT = 0.25  # of the light that passes beside it: a whisker is seen through such a thing
 THINNEST_PX = 9  # thinner bright parts of obstacles are rims
+CLEAR_PX = 6.0  # from the edges of face and obstacles, which pass for lines when they tremble
 TREMBLING_PX = 0.15  # obstacles may move so far, unnoticed
 
 
@@ -20,6 +21,7 @@ TREMBLING_PX = 0.15  # obstacles may move so far, unnoticed
 class ImageModel:
     """The static scene as the tracer uses it: arrays of float32 (height, width).
 
+    `clear`, bool, is farther than CLEAR_PX from face and obstacles;
     `gain_points` are those of profiles.frame_gain, on pixels that are free of all things.
     """
 
@@ -28,6 +30,7 @@ class ImageModel:
     outside: np.ndarray
     noise: np.ndarray
     usable: np.ndarray
+    clear: np.ndarray
     gain_points: tuple[np.ndarray, np.ndarray]
 
     @classmethod
@@ -46,11 +49,13 @@ class ImageModel:
         usable = bright & ~scene.obstacle_mask
         seen = usable | bright & translucent(background, variance, scene.obstacle_mask)
         weight = np.where(seen, 1 / variance, 0).astype(np.float32)
-        noise = (np.sqrt(variance) / np.maximum(background, 12)).astype(np.float32)
+        trembling = TREMBLING_PX * gradient(background)
+        noise = np.sqrt(variance + trembling**2) / np.maximum(background, 12)
         kernel = np.ones((9, 9), np.uint8)
         free = cv2.erode(usable.astype(np.uint8), kernel).astype(bool)
+        clear = cv2.distanceTransform(seen.astype(np.uint8), cv2.DIST_L2, 5) > CLEAR_PX
         points = line_profile.gain_points(background, free)
-        return cls(background, weight, outside, noise, usable, points)
+        return cls(background, weight, outside, noise.astype(np.float32), usable, clear, points)
 
     def gain(self, image) -> float:
         """Brightness of a frame over the background's."""
@@ -62,11 +67,15 @@ def translucent(background, variance, obstacles) -> np.ndarray:
 
     There it is bright, and so far from edges that their trembling does not outdo the noise.
     """
-    gradient = np.hypot(*np.gradient(cv2.GaussianBlur(background, (0, 0), 1.0)))
     bright = background > TRANSLUCENT * np.percentile(background[::4, ::4], 90)
-    through = obstacles & bright & ((TREMBLING_PX * gradient) ** 2 < variance)
+    through = obstacles & bright & ((TREMBLING_PX * gradient(background)) ** 2 < variance)
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (THINNEST_PX, THINNEST_PX))
     return cv2.morphologyEx(through.astype(np.uint8), cv2.MORPH_OPEN, disc).astype(bool)
+
+
+def gradient(background) -> np.ndarray:
+    """By how much the light changes from pixel to pixel, noise left out [grey/px]."""
+    return np.hypot(*np.gradient(cv2.GaussianBlur(background, (0, 0), 1.0)))
 
 
 def signed_distance(mask) -> np.ndarray:

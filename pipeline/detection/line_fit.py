@@ -119,8 +119,8 @@ def start_at_face(x, y, n, outside):
         if n == before:
             return n
     cut = 0
-    # the last crossing from inside to outside on the proximal part
-    for i in range(min(n - 8, n // 2 + 40)):
+    # the last crossing from inside to outside on the proximal part; the tip may reach the body
+    for i in range(min(n - 8, n // 2)):
         inside = bilinear(outside, x[i], y[i])
         if inside <= 0:
             cut = i + 1
@@ -140,13 +140,17 @@ def start_at_face(x, y, n, outside):
 
 
 @njit(cache=True)
-def leaves_face(x, y, n, outside):
-    """Whether a line goes away from the face, and does not run along the fur's dark edge."""
-    middle, tip = n // 2, n - 1
-    return (
-        bilinear(outside, x[middle], y[middle]) > 3 + 0.12 * middle
-        and bilinear(outside, x[tip], y[tip]) > 3 + 0.15 * tip
-    )
+def is_clear(x, y, n, clear):
+    """Whether a line does not run along an edge: half of its nodes lie on `clear` pixels.
+
+    It may come back to the face, or end at the animal's body.
+    """
+    height, width = clear.shape
+    count = 0
+    for i in range(n):
+        column, row = int(x[i] + 0.5), int(y[i] + 0.5)
+        count += 0 <= row < height and 0 <= column < width and clear[row, column]
+    return 2 * count > n
 
 
 @njit(cache=True)

@@ -113,7 +113,7 @@ def offset_information(sums, n, amplitude, baseline, information, score):
 
 @njit(cache=True)
 def width_correction(sums, amplitude, first, last):
-    """Least-squares relative change of σ over the nodes first … last − 1."""
+    """Least-squares relative change of σ over the nodes first … last − 1, and its SE."""
     top = 0.0
     bottom = 1e-12
     for i in range(first, last):
@@ -123,7 +123,7 @@ def width_correction(sums, amplitude, first, last):
         slope_y = (sums[SY, i] - mix * sums[GY, i]) - a * (sums[SG, i] - mix * sums[GG, i])
         top += a * slope_y
         bottom += a * a * (sums[SS, i] - mix * sums[SG, i])
-    return top / bottom
+    return top / bottom, 1.0 / np.sqrt(bottom)
 
 
 def gain_points(background, mask, rows=24, columns=6):
@@ -172,6 +172,25 @@ def _mean_near(values, n, centre, reach):
         total += near * values[i]
         count += near
     return total / max(count, 1.0), count
+
+
+@njit(cache=True)
+def strip_misfit(image, background, weight, gain, x, y, n, sigma):
+    """Weighted squares of image − gain × background over the sections within 3 σ of a line."""
+    height, width = background.shape
+    total = 0.0
+    for i in range(n):
+        columns, fixed, centre, scale = _section(x, y, i, n)
+        limit = height if columns else width
+        if scale == 0.0 or not 0 <= fixed < (width if columns else height):
+            continue
+        span = (3.0 * sigma[i] + 1.0) / abs(scale)
+        for moving in range(max(int(centre - span), 0), min(int(centre + span) + 1, limit)):
+            row = moving if columns else fixed
+            column = fixed if columns else moving
+            off = image[row, column] - gain * background[row, column]
+            total += weight[row, column] * off * off
+    return total
 
 
 @njit(cache=True)

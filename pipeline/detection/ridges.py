@@ -13,9 +13,23 @@ from pipeline.numerics.bsplines import FAST
 from pipeline.numerics.robust import robust_sd
 
 SCALE_PX = 1.6  # SD of the differentiating Gaussian
+COARSE_PX = 2.5  # scales from here on are looked for on a smaller picture
+PYRAMID_NOISE = 0.27  # SD of white noise after cv2.pyrDown
 LOW, HIGH = 2.5, 5.0  # standard deviations of the noise: to go on along a line, to start one
 DIRECTION_REACH = 14  # points that tell an end's direction
 LEAST_COSINE, LEAST_COSINE_HIDDEN = 0.9, 0.866  # of what a line may turn by across a gap
+
+
+def curves_of(absorbance, noise_sd, scale=SCALE_PX, shortest=10):
+    """Ridges of an absorbance image as curves, float64 (n, 2) of (x, y) [px].
+
+    Broad ones are found on the picture at half its size, in a quarter of the time.
+    """
+    if scale < COARSE_PX:
+        return join(link(*ridge_points(absorbance, noise_sd, scale), shortest))
+    noise = np.ascontiguousarray(noise_sd[::2, ::2]) * PYRAMID_NOISE
+    points = ridge_points(cv2.pyrDown(absorbance), noise, scale / 2)
+    return [2 * curve for curve in join(link(*points, shortest // 2))]
 
 
 def gaussian_kernels(scale: float):

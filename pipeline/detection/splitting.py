@@ -9,6 +9,7 @@ import numpy as np
 
 LEAST_LINES = 4  # from which the usual breadth is told
 USUAL_QUANTILE = 0.25  # of the lines' breadths: broader ones may be of two whiskers
+BLURRED = 1.2  # times as broad at the tip as at the base
 BROAD = 1.25  # times the usual σ, over the proximal half: two whiskers
 THICKEST_M = 50e-6  # radius of a whisker: some are broader than others by themselves
 ROUNDS = 3  # of fitting two lines, each beside the other
@@ -23,13 +24,23 @@ def usual_sigma(lines) -> float | None:
     return float(np.quantile([breadth(line) for line in lines], USUAL_QUANTILE))
 
 
+def growth(line) -> float:
+    """Half-width of a line at its tip over that at its base: above 1 where motion blurs it."""
+    return float(line.sigma[line.n - 1] / line.sigma[0])
+
+
 def breadth(line) -> float:
     """Half-width σ [px] of a line, root mean square over its proximal half."""
     return float(np.sqrt(np.mean(line.sigma[: max(line.n // 2, 1)] ** 2)))
 
 
 def is_broad(line, usual, pixels_per_m) -> bool:
-    """Whether a line is broader [px] than the usual σ and a whisker's own thickness make it."""
+    """Whether a line is broader [px] than the usual σ and a whisker's own thickness make it.
+
+    One that gets broader towards its tip is blurred by its own motion.
+    """
+    if growth(line) > BLURRED:
+        return False
     sigma = breadth(line)
     excess = sigma**2 - usual**2
     return sigma > BROAD * usual and excess > (THICKEST_M * pixels_per_m) ** 2 / 3

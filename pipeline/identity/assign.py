@@ -29,6 +29,8 @@ NEARLY = 1.05  # of its cost: those that cost more are not
 # after: what is left is less than an even chance
 DOUBT = 0.55
 PER_POINT = ("x_px", "y_px", "se_px", "offset_px", "information", "thickness_px")
+FEWEST_FRAMES = 5  # of a line that is no labelled whisker's, to be kept
+UNNAMED = 0.4  # its confidence, times that of the line
 SELDOM = 0.1  # of the frames: what is seen in fewer is not named, where no names are given
 
 
@@ -81,6 +83,7 @@ def name_lines(chunks, roster, ruler, pixels_per_m, open_ended=False) -> Iterato
         whisker, sure = names(frame, track, features, wanted, _runs_along(roster, dial))
         called = tuple(slot.name for slot in roster)
         if open_ended:
+            whisker, sure = with_unnamed(frame, track, whisker, sure)
             called = tuple(f"w{k + 1}" for k in range(whisker.max(initial=-1) + 1))
         file.seek(0)
         first = 0
@@ -113,6 +116,26 @@ def names(frame, track, features, wanted=None, direction=1):
     whisker, sure[order] = _all_names(*rows)
     named[order] = _in_order(whisker, *rows[:2], wanted, direction)
     return named, sure
+
+
+def with_unnamed(frame, track, whisker, sure):
+    """Give lines that are no named whisker's a place of their own beside the named ones.
+
+    They are seen, but not known: their confidence says so. Tracks that do not overlap in time
+    share a place; those of a few frames only are left out. Returns `whisker` and `sure` anew.
+    """
+    whisker, sure = whisker.copy(), sure.copy()
+    first = whisker.max(initial=-1) + 1
+    ends = []  # last frame of each place beside the named ones
+    unnamed = np.flatnonzero(whisker < 0)
+    unnamed = unnamed[np.lexsort((frame[unnamed], track[unnamed]))]
+    parts = np.split(unnamed, np.flatnonzero(np.diff(track[unnamed])) + 1)
+    least = min(FEWEST_FRAMES, len(np.unique(frame)))
+    for rows in sorted((p for p in parts if len(p) >= least), key=lambda p: frame[p[0]]):
+        free = next((k for k, end in enumerate(ends) if end < frame[rows[0]]), len(ends))
+        ends[free : free + 1] = [frame[rows[-1]]]
+        whisker[rows], sure[rows] = first + free, UNNAMED
+    return whisker, sure
 
 
 def _all_names(features, frame, track):

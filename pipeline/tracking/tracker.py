@@ -31,6 +31,7 @@ NEAR_SHIFTS = np.radians([-8, -4, 0, 4, 8])  # of all angles, where some whisker
 KEPT = 0.95  # part of two lines that must still be found when they have exchanged far parts
 CHECK_EVERY = 5  # frames between two checks of who is who
 RELIT = 0.3  # change of the light from one frame to the next: what was too dark may be seen
+LASTING = 10  # frames that a line was seen in
 SEARCH_EVERY = 20  # frames between two full detections while a whisker is missing
 
 
@@ -51,6 +52,7 @@ class Track:
     doubtful: bool = False
     turn: tuple[float, float] = (0.0, 0.0)
     number: int = 0
+    age: int = 0
 
     def __post_init__(self):
         self.whole = max(self.slot.samples, key=lambda line: line.n, default=None)
@@ -229,10 +231,11 @@ class Tracer:
             self._give_up_if_poor(track)
 
     def _part_crowd(self, present: list[Track]) -> None:
-        """Give up what is another whisker's blur."""
+        """Give up what is another whisker's blur; a line that has lasted is none."""
         for track in present:
             others = [t.line for t in present if t is not track and t.line is not None]
-            if track.line is not None and detect.is_ghost(track.line, others):
+            young = track.line is not None and track.age < LASTING
+            if young and detect.is_ghost(track.line, others):
                 track.lose()
 
     def _follow(self, track: Track, image, gain, line: Line) -> None:
@@ -252,7 +255,12 @@ class Tracer:
             if half:
                 self._capture(line, image, gain, half)
             farthest = np.inf if half else FORETOLD_PX
-            detect.refine(image, self.model, gain, line, self.options, self.workspace, farthest)
+            detect.refine(
+                image, self.model, gain, line, self.options, self.workspace, farthest,
+                widths=self.crowded,
+            )  # fmt: skip
+            if self.crowded and line.n >= line_fit.SHORTEST:
+                detect.fit_width(line, self.workspace)
             if best is None or self._worth(line, track) > self._worth(best, track):
                 best = line
             if best.quality > GOOD_QUALITY and best.n > 0.8 * present.n:
@@ -284,7 +292,7 @@ class Tracer:
             line.n < 0.4 * options.shortest_px
             or line.quality < LOST_QUALITY
             or not _is_like_a_whisker(
-                line.x, line.y, line.n, before.x, before.y, self.model.outside,
+                line.x, line.y, line.n, before.x, before.y, before.n, self.model.clear,
                 0.5 * options.base_gap_px, self.hook,
             )
         ):  # fmt: skip
@@ -374,17 +382,31 @@ def _near(a: Line, b: Line, near_px: float) -> float:
 
 
 @njit(cache=True)
-def _is_like_a_whisker(x, y, n, before_x, before_y, outside, farthest, hook):
+def _is_like_a_whisker(x, y, n, before_x, before_y, m, clear, farthest, hook):
     """Whether a line leaves the face, is bent as whiskers are, and begins where it was before.
 
-    farthest : that its first point may have moved from `before` [px]; hook : as in `hooked`
+    farthest : that its base may have moved from the line `before`, of m nodes [px]: not along it,
+        where the fur's edge decides; hook : as in `hooked`
     """
     return (
-        np.hypot(x[0] - before_x[0], y[0] - before_y[0]) <= farthest
+        min(
+            _distance(x[0], y[0], before_x, before_y, m),
+            _distance(before_x[0], before_y[0], x, y, n),
+        )
+        <= farthest
         and turning_range(x, y, n) <= LARGEST_TURN
         and not hooked(x, y, n, hook)
-        and line_fit.leaves_face(x, y, n, outside)
+        and line_fit.is_clear(x, y, n, clear)
     )
+
+
+@njit(cache=True)
+def _distance(x, y, line_x, line_y, n):
+    """Distance of a point from the nodes of a line's nearer half [px]."""
+    least = np.inf
+    for i in range(n // 2 + 1):
+        least = min(least, np.hypot(x - line_x[i], y - line_y[i]))
+    return least
 
 
 @njit(cache=True)

@@ -16,15 +16,13 @@ from pipeline.numerics.angles import wrapped
 from pipeline.tracking import row_rotation
 from pipeline.tracking.matching import crowded
 from pipeline.tracking.registry import Slot, usual_strength
-from pipeline.tracking.tracker import SEARCH_EVERY, Tracer, Track, foretold, turning_range
+from pipeline.tracking.tracker import LASTING, SEARCH_EVERY, Tracer, Track, foretold
 
 SPARE = 6  # tracks at most beside one for each whisker: some lines are nobody's
 FAINT = 0.5  # of the faintest whisker's length × absorbance: less is a hair of the fur
 PIVOT_M = 1.25e-3  # behind a line's first point
 ASTRAY_SD = np.radians(4.0)  # of a line about the one that was expected
 YOUNG = 5.0  # frames, in which a track's claim to a line grows to half
-BASE_M = 6e-3  # from the face
-MOST_BENT = np.radians(32)  # over that: what bends more goes from the fur's edge onto a whisker
 SEARCH_EVERY_CROWDED = 5  # frames between two full detections while lines are missing
 
 
@@ -33,7 +31,6 @@ class LineTrack(Track):
     """A line that is followed: the one expected in this frame, and how many frames it was seen."""
 
     expected: Line | None = None
-    age: int = 0
 
 
 class CrowdTracer(Tracer):
@@ -51,17 +48,15 @@ class CrowdTracer(Tracer):
         self.tracks = []
         self.lost_at = -2
         self.pivot = PIVOT_M * options.pixels_per_m
-        self.base = int(BASE_M * options.pixels_per_m)
 
     def step(self, image) -> list[LineTrack]:
         """Advance by one frame; return the tracks of all lines that are seen."""
         self.frame += 1
         gain = self.model.gain(image)
         self._follow_all(image, gain)
-        before = len(self.tracks)
-        self.tracks = [t for t in self.tracks if t.line is not None]
-        if len(self.tracks) < before:
+        if any(t.line is None and t.age >= LASTING for t in self.tracks):
             self.lost_at = self.frame
+        self.tracks = [t for t in self.tracks if t.line is not None]
         self.since_search += 1
         every = SEARCH_EVERY_CROWDED if len(self.tracks) < self.usual else SEARCH_EVERY
         if self.frame - self.lost_at < 2 or self.since_search >= every:
@@ -76,7 +71,7 @@ class CrowdTracer(Tracer):
         for line in found:  # the strongest first
             if len(self.tracks) >= self.most:
                 break
-            if detect.contrast_length(line) >= self.faintest and not self._is_bent(line):
+            if detect.contrast_length(line) >= self.faintest:
                 track = LineTrack(self.slot, number=next(self.number))
                 track.take(line)
                 self.tracks.append(track)
@@ -111,15 +106,6 @@ class CrowdTracer(Tracer):
 
     def _claim(self, track) -> float:
         return self._worth(track.line, track) * (1 - 0.5 ** (track.age / YOUNG))
-
-    def _give_up_if_poor(self, track: Track) -> None:
-        super()._give_up_if_poor(track)
-        if track.line is not None and self._is_bent(track.line):
-            track.lose()
-
-    def _is_bent(self, line) -> bool:
-        """Whether a line bends as no whisker does near its base: it follows the fur's edge."""
-        return turning_range(line.x, line.y, min(line.n, self.base)) > MOST_BENT
 
 
 def is_crowd(roster, options) -> bool:

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.detection.detect import GHOST_SHARE, is_ghost, shared_fraction
+from pipeline.detection.detect import GHOSTS, is_ghost, shared_fraction
 from pipeline.detection.line import Line
 
 LIMIT = 120
@@ -47,10 +47,10 @@ def test_no_nodes_are_near_nothing():
 
 @pytest.mark.parametrize(
     ("strength", "away_px", "ghost"),
-    [(0.9, 1.0, True), (1.1, 1.0, False), (0.9, 5.0, False)],  # of GHOST_SHARE
+    [(0.9, 1.0, True), (1.1, 1.0, False), (0.9, 5.0, False), (0.5, 5.0, True), (0.5, 9.0, False)],
 )
 def test_a_ghost_is_faint_and_beside_a_dark_line(strength, away_px, ghost):
     dark = line(straight(0.2, 80), 0.6)
-    faint = line(straight(0.2, 60, (0, away_px)), strength * GHOST_SHARE * 0.6)
+    faint = line(straight(0.2, 60, (0, away_px)), strength * GHOSTS[0][0] * 0.6)
     assert is_ghost(faint, [line(straight(-1, 80)), dark]) == ghost
     assert not is_ghost(dark, [faint])

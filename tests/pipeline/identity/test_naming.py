@@ -5,7 +5,7 @@ import pytest
 
 from pipeline.identity import appearance, label_swaps, motion_model
 from pipeline.identity.appearance import FanModel
-from pipeline.identity.assign import LEAST_SD, name_lines, names
+from pipeline.identity.assign import LEAST_SD, UNNAMED, name_lines, names, with_unnamed
 from pipeline.identity.features import ANGLE, BEND, DISTANCES_M, Dial, line_features
 from pipeline.identity.motion_model import LASTING
 from pipeline.session.recording import Recording
@@ -366,3 +366,16 @@ def test_no_look_is_so_wide_that_any_line_is_like_it():
     model = looks().fitted(features, mixed, 0.4 * np.sin(frame / 6))
     usual = np.median(model.sd[:, ANGLE])
     assert model.sd[2, ANGLE] <= appearance.MOST_SD * usual * (1 + 1e-9)
+
+
+def test_lines_without_a_name_keep_a_place_that_is_not_known():
+    """Tracks that overlap get places of their own; later ones may share them."""
+    frame = np.array([*range(10), *range(5, 15), *range(20, 30), 40])
+    track = np.repeat([0, 1, 2, 3], [10, 10, 10, 1])
+    whisker = np.where(track == 0, 0, -1)
+    named, sure = with_unnamed(frame, track, whisker, np.ones(len(frame)))
+    assert (named[track == 0] == 0).all()
+    assert (named[track == 1] == 1).all()
+    assert (named[track == 2] == 1).all()
+    assert (named[track == 3] == -1).all()  # one frame is no whisker
+    assert (sure[(track == 1) | (track == 2)] == UNNAMED).all()

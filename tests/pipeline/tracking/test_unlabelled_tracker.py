@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from pipeline.detection.line import Line
 from pipeline.scene.estimate import scene_from_frames
 from pipeline.session.recording import Recording
 from pipeline.tracking.registry import find_roster
@@ -63,13 +62,3 @@ def test_it_goes_on_where_all_lines_are_lost_for_some_frames(crowd):
     seen = [len(tracer.step(image)) for image in (*images[:3], empty, empty, empty, *images[3:12])]
     assert seen[5] == 0
     assert seen[-1] >= len(roster) - 2
-
-
-@pytest.mark.parametrize(("curvature", "bent"), [(60.0, False), (150.0, True)])
-def test_what_bends_more_than_a_whisker_can_near_its_base_is_none(crowd, curvature, bent):
-    _, scene, roster, options, _ = crowd
-    line = Line.empty(400)
-    line.n = int(12e-3 * options.pixels_per_m)
-    angle = curvature / options.pixels_per_m * np.arange(line.n)  # 1/m × m
-    line.x[: line.n], line.y[: line.n] = np.cumsum(np.cos(angle)), np.cumsum(np.sin(angle))
-    assert CrowdTracer(scene, roster, options)._is_bent(line) == bent
