@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pandas as pd
 
-from pipeline.contacts import Touch, find_touches, no_touches, surely_free
+from pipeline.contacts import Touch, TouchOptions, find_touches, no_touches, surely_free
 from pipeline.detection import PoleTrack
 from pipeline.errors import InputError
 from pipeline.forces import estimate_forces
@@ -227,15 +227,16 @@ def trace(
 
 def forces_of(kinematics: Kinematics, settings):
     """Frames with rest curvature, and the evidence of touch, as of `forces.estimate_forces`."""
-    scale, analysis = settings.recording.si().pixels_per_m, settings.analysis
+    recording, analysis, params = settings.recording.si(), settings.analysis, settings.advanced
     return estimate_forces(
         kinematics.frames,
         kinematics.places,
         kinematics.cast.whiskers,
         analysis.curvature_at,
         analysis.friction,
-        scale,
-        lambda evidence: surely_free(evidence, scale),
+        recording.pixels_per_m,
+        lambda evidence: surely_free(evidence, recording, params.contacts),
+        params.forces,
     )
 
 
@@ -248,6 +249,6 @@ def touches_of(kinematics: Kinematics, frames, evidence, settings, corrections=N
         evidence,
         settings.recording.si(),
         kinematics.cast.whiskers,
-        curvature_at=settings.analysis.curvature_at,
-        corrections=corrections,
+        TouchOptions(settings.analysis.curvature_at, params=settings.advanced),
+        corrections,
     )

@@ -89,6 +89,15 @@ def trial_place(preset: str, seed: int, trial: int) -> tuple[str, str]:
     return find_preset(preset).place(Setting(preset, seed, trial))
 
 
+def noisy_with(codec: Codec) -> Preset:
+    """The preset `noisy`, the same scenes and motion, stored by another codec."""
+
+    def make(setting):
+        return _c2_touching(setting, codec=codec)
+
+    return Preset(make, 4, f"as noisy, {codec.name}")
+
+
 def find_preset(preset: str) -> Preset:
     """Return the preset of that name; ValueError names those that exist."""
     if preset not in PRESETS:
@@ -122,7 +131,7 @@ def _coarse(setting):
 
 
 def _h264(setting):
-    return _c2_touching(setting, codec=Codec("h264", crf=21))
+    return _c2_touching(setting, codec=Codec("h264", crf=23))
 
 
 def _mjpeg(setting):
@@ -472,7 +481,7 @@ PRESETS = {
     "faint_touch": Preset(_faint_touch, 2, "faint touches near the tip"),
     "close_touches": Preset(_close_touches, 2, "touches three or four frames apart"),
     "resting": Preset(_resting, 3, "a whisker almost at rest, a few touches"),
-    "h264": Preset(_h264, 2, "H.264 at ordinary quality"),
+    "h264": Preset(_h264, 2, "H.264 at the quality that x264 takes by itself (crf 23)"),
     "mjpeg": Preset(_mjpeg, 2, "MJPG"),
     "slip_off": Preset(_slip_off, 2, "the whisker slips past the pole and comes back"),
     "ringdown": Preset(_ringdown, 4, "the whisker slips off the pole and rings"),

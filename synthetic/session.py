@@ -30,7 +30,7 @@ class RenderError(RuntimeError):
 
 
 def render_session(
-    out_dir, preset="single", seed=0, trials=None, jobs=1, progress=None, frames=1000
+    out_dir, preset="single", seed=0, trials=None, jobs=1, progress=None, frames=1000, first=0
 ) -> list[Path]:
     """Render the trials of a preset, with session.toml and truth, into `out_dir`.
 
@@ -45,6 +45,7 @@ def render_session(
     jobs : processes; the result does not depend on it
     progress : called with (done, total, path of the video) after each video
     frames : of each video (`fig3` takes what its touches need)
+    first : number of the first trial: side of the pole, direction and kind follow the number
 
     Returns
     -------
@@ -62,7 +63,8 @@ def render_session(
         if value < 1:
             raise ValueError(f"{argument} must be at least 1, got {value!r}")
     out_dir.mkdir(parents=True, exist_ok=True)
-    tasks = [(out_dir, preset, seed, trial, frames) for trial in range(trials)]
+    numbers = range(first, first + trials)
+    tasks = [(out_dir, preset, seed, trial, frames, first) for trial in numbers]
     paths, faults = _render_all(tasks, jobs, progress or (lambda *_: None))
     _write_all_contacts(out_dir, sorted(p.stem for p in paths))
     for folder in {path.parent for path in paths}:
@@ -71,10 +73,10 @@ def render_session(
             continue  # its first trial failed
         _settle_hidden_lengths(folder / "session.toml", [out_dir / "truth" / s for s in stems])
     if faults:
-        trial = min(faults)
+        fault = min(faults)
         raise RenderError(
-            f"{len(faults)} of {trials} videos could not be rendered, first trial {trial}: "
-            f"{faults[trial]}; the same command tries only these again"
+            f"{len(faults)} of {trials} videos could not be rendered, first trial "
+            f"{numbers[fault]}: {faults[fault]}; the same command tries only these again"
         )
     return paths
 
@@ -117,7 +119,7 @@ def _render_task(task, report):
     return render_trial(*task)
 
 
-def render_trial(out_dir, preset, seed, trial, frames=1000) -> Path:
+def render_trial(out_dir, preset, seed, trial, frames=1000, first=0) -> Path:
     """Render one trial with its truth unless both are there; returns the path of its video.
 
     The first trial of a sub-folder writes the session.toml; its hidden lengths are settled when
@@ -128,11 +130,11 @@ def render_trial(out_dir, preset, seed, trial, frames=1000) -> Path:
     folder, truth = out_dir / group, out_dir / "truth" / stem
     identity = {"preset": preset, "seed": seed, "trial": trial, "frames": frames}
     known = read_json(truth / "scene.json", {})
-    first = all(trial_place(preset, seed, t)[0] != group for t in range(trial))
+    opens = all(trial_place(preset, seed, t)[0] != group for t in range(first, trial))
     settings = folder / "session.toml"
     if (
         known.get("made_from") == identity
-        and (settings.exists() or not first)
+        and (settings.exists() or not opens)
         and (folder / known["video"]).exists()
     ):
         return folder / known["video"]
@@ -142,7 +144,7 @@ def render_trial(out_dir, preset, seed, trial, frames=1000) -> Path:
     with _timed(seconds, "drawing"):
         renderer = Renderer(made.scene, made.motion, seed=1000 * seed + trial)
     folder.mkdir(parents=True, exist_ok=True)
-    if first:
+    if opens:
         write_session(settings, session_settings(made, renderer))
     with _timed(seconds, "truth"):
         write_truth(truth, made.motion, renderer, stem, 1e-3 * _CURVATURE_AT_MM)

@@ -72,7 +72,11 @@ FLOOR = (
     Target("force SD in free frames, shape", "shape_noise_uN", 0.05, unit="µN"),
     Target("force SD in free frames, point", "point_noise_uN", 0.1, unit="µN"),
 )
-COVERAGE = (  # over the videos of all presets: errors of one video have much in common
+HARD_FORCES = (
+    Target("peak force: median error", "shape_force_median", 0.01),
+    Target("peak force: within 4 % or 0.1 µN", "shape_force_within_4", least=0.95),
+)
+COVERAGE = (  # of every preset on its own: mean over videos, whose errors have much in common
     Target("curvature: truths in the 95 % intervals", "curvature_coverage", 0.97, 0.93),
     Target("peak force: truths in the 95 % intervals", "shape_peak_coverage", 0.97, 0.93),
     Target("force: truths in the 95 % intervals", "shape_force_coverage", 0.97, 0.93),
@@ -83,15 +87,15 @@ NO_TOUCH = (Target("contacts invented", "invented", 0),)
 TARGETS = {
     "single": (*FIRST, *TOUCH, *FORCES),
     "noisy": (*FIRST, *LINES, BESIDE_POLE, *TOUCH, *FORCES, *FLOOR),
-    "low_contrast": (COVERED, *TOUCH, *FORCES, *FLOOR),
+    "low_contrast": (COVERED, *TOUCH, *HARD_FORCES, *FLOOR),
     "row": (*ROWS, COVERED, *TOUCH, *FORCES, *FLOOR),
     "crossing": ROWS,
-    "moving_fur": (COVERED, *TOUCH, *FORCES, *FLOOR),
+    "moving_fur": (COVERED, *TOUCH, *HARD_FORCES, *FLOOR),
     "orientation": LINES,
     "faint_touch": (*TOUCH, *FORCES),
     "close_touches": (*TOUCH, *FORCES),
     "resting": (*TOUCH, *FORCES),
-    "h264": (*TOUCH, *FORCES, *FLOOR),
+    "h264": (*TOUCH, *HARD_FORCES, *FLOOR),
     "mjpeg": (*TOUCH, *FORCES, *FLOOR),
     "slip_off": (*ROWS, *TOUCH, *FORCES),
     "large_deflection": (*TOUCH, *FORCES),
@@ -102,7 +106,8 @@ TARGETS = {
     "border": ROWS,
     "passing": (*NO_TOUCH, COVERED),
     "fig3": (*TOUCH, *FORCES, *FLOOR),
-    "varied": (*ROWS, *TOUCH),
+    "dense_row": ROWS,
+    "varied": (*ROWS, *TOUCH, *HARD_FORCES),
 }
 
 
@@ -125,11 +130,11 @@ def checks(preset, pooled: dict, each: dict[str, dict]) -> list[dict]:
                 "video": where,
             }
         )
-    return rows
+    return rows + coverage_checks(preset, list(each.values()))
 
 
-def coverage_checks(each: list[dict]) -> list[dict]:
-    """The targets for standard errors: means over videos, with the mean's own standard error."""
+def coverage_checks(preset, each: list[dict]) -> list[dict]:
+    """The targets for a preset's standard errors: means over videos, with their own error."""
     rows = []
     for target in COVERAGE:
         shares = np.array([figures[target.figure] for figures in each])
@@ -139,7 +144,7 @@ def coverage_checks(each: list[dict]) -> list[dict]:
         error = shares.std(ddof=1) / np.sqrt(len(shares))
         rows.append(
             {
-                "preset": "all",
+                "preset": preset,
                 "what": f"{target.what} (± {error:.3f}, {len(shares)} videos)",
                 "value": shares.mean(),
                 "unit": "",

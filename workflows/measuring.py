@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from pipeline.contacts.analysis import find_touches
+from pipeline.contacts import TouchOptions, find_touches
 from pipeline.run import analyse
 from pipeline.runtime.workers import THREADS
 from pipeline.session.session_file import read_session
@@ -189,10 +189,10 @@ class Forces:
     free_force: np.ndarray = field(default_factory=lambda: np.empty(0))
 
 
-def measure(preset: str, path, session) -> Measured:
-    """Process one rendered video and put the results beside the truth."""
+def measure(preset: str, path, session, settings=None) -> Measured:
+    """Process one rendered video, by its own or other settings, beside the truth."""
     video = RenderedVideo.of(path, session)
-    settings, chunks = video.settings, []
+    settings, chunks = settings or video.settings, []
     at = settings.analysis.curvature_at
     analysis = analyse(path, settings, keep=chunks.append)
     truth = video.lines()
@@ -207,7 +207,7 @@ def measure(preset: str, path, session) -> Measured:
         if method == "point":
             touch = find_touches(
                 frames, analysis.evidence, settings.recording.si(), whiskers,
-                curvature_at=at, method=method, video=stem,
+                TouchOptions(at, method, video=stem, params=settings.advanced),
             )  # fmt: skip
             frames, contacts = touch.frames, touch.contacts
         joined = add_least_sd(table_scoring.join_frames(frames, true_frames), video, at)

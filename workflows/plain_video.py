@@ -48,6 +48,10 @@ class Whisker:
         point = self._circle(self.touching, self.arc)
         return point - _off(self.arc) * _left(self.touching + self.curvature * self.arc)
 
+    def stiffness(self, s):
+        """E I(s) [N m²] at arc lengths s [m]: a cone's, of one Young's modulus."""
+        return YOUNG * np.pi / 4 * radius(s) ** 4
+
     def free(self, angle):
         """Points (arc lengths, 2) [m] without a force."""
         return self._circle(angle, ARC)
@@ -105,8 +109,8 @@ class Whisker:
         def slope(s, state):
             x, y, turned = state
             moment = force * ((contact[0] - x) * push[1] - (contact[1] - y) * push[0])
-            stiffness = YOUNG * np.pi / 4 * radius(s) ** 4
-            return np.cos(turned), np.sin(turned), self.curvature + moment / stiffness
+            bent = self.curvature + moment / self.stiffness(s)
+            return np.cos(turned), np.sin(turned), bent
 
         start = [*contact, direction]
         return solve_ivp(slope, (arc, 0.0), start, t_eval=at, rtol=1e-9, atol=1e-12).y

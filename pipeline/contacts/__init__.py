@@ -5,7 +5,14 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
-        "analysis": ["Touch", "analyse_touch", "find_touches", "no_touches", "surely_free"],
+        "analysis": [
+            "Touch",
+            "TouchOptions",
+            "analyse_touch",
+            "find_touches",
+            "no_touches",
+            "surely_free",
+        ],
         "corrections": ["apply", "read_corrections", "write_corrections"],
     },
 )

@@ -8,9 +8,8 @@ from scipy.ndimage import binary_dilation
 
 from pipeline.contacts.intervals import INTERVAL_COLUMNS, find_contacts, in_contact
 from pipeline.contacts.probability import (
-    CONTACT_ENDS,
-    CONTACT_STARTS,
     add_probability,
+    changes_per_frame,
     frame_log_odds,
     posterior,
 )
@@ -18,6 +17,7 @@ from pipeline.contacts.summary import PEAK_ERROR_COLUMNS, contact_table, peak_er
 from pipeline.forces import forces
 from pipeline.forces.estimate import estimate_forces
 from pipeline.kinematics.resampled import Stations
+from pipeline.session.parameters import DEFAULTS, Parameters
 from pipeline.session.recording import Recording
 from pipeline.tables.columns import (
     CONTACT_COLUMNS,
@@ -47,39 +47,49 @@ class Touch:
     evidence: pd.DataFrame
 
 
+@dataclass(frozen=True)
+class TouchOptions:
+    """What `analyse_touch` and `find_touches` take beside measurements.
+
+    Attributes
+    ----------
+    curvature_at : arc length of the curvature in the table of frames [m]
+    method : of the force, "shape" or "point"
+    friction : coefficient of friction between whisker and pole, >= 0
+    video : name for the contacts' column `video`
+    params : parameters of all rooms
+    """
+
+    curvature_at: float = 5.5e-3
+    method: str = "shape"
+    friction: float = 0.0
+    video: str = ""
+    params: Parameters = DEFAULTS
+
+
 def analyse_touch(
     frames: pd.DataFrame,
     places: Stations,
     recording: Recording,
     whiskers: dict,
-    *,
-    curvature_at: float = 5.5e-3,
-    method: str = "shape",
-    friction: float = 0.0,
+    options: TouchOptions = TouchOptions(),
     corrections=None,
-    video: str = "",
 ) -> Touch:
     """Rest shape, contacts, forces, pulses and base loads of one video.
 
     Parameters
     ----------
-    frames : records.FRAME_COLUMNS with the kinematics; a row per whisker and frame, any order
+    frames : FRAME_COLUMNS with the kinematics; a row per whisker and frame, any order
     places : `Stations` of all tracked rows, in any order
     whiskers : name → Whisker, or None: contacts are found all the same, forces are not
-    curvature_at : arc length of the curvature in `frames` [m]
-    method : "shape" or "point"
-    friction : coefficient of friction between whisker and pole, >= 0
     corrections : table of a person's corrections (pipeline.contacts.corrections), or None
     """
-    scale = recording.pixels_per_m
+    params = options.params
     frames, evidence = estimate_forces(
-        frames, places, whiskers, curvature_at, friction, scale,
-        lambda evidence: surely_free(evidence, scale),
+        frames, places, whiskers, options.curvature_at, options.friction, recording.pixels_per_m,
+        lambda evidence: surely_free(evidence, recording, params.contacts), params.forces,
     )  # fmt: skip
-    return find_touches(
-        frames, evidence, recording, whiskers,
-        curvature_at=curvature_at, method=method, corrections=corrections, video=video,
-    )  # fmt: skip
+    return find_touches(frames, evidence, recording, whiskers, options, corrections)
 
 
 def no_touches(frames) -> Touch:
@@ -97,17 +107,16 @@ def find_touches(
     evidence: pd.DataFrame,
     recording: Recording,
     whiskers: dict,
-    *,
-    curvature_at: float = 5.5e-3,
-    method: str = "shape",
+    options: TouchOptions = TouchOptions(),
     corrections=None,
-    video: str = "",
 ) -> Touch:
     """Contacts, a person's corrections, forces, pulses and base loads, from the evidence."""
     from pipeline.contacts import base_moments, pulses
 
-    evidence = add_probability(evidence, recording)
-    intervals = find_contacts(evidence, curvature_at)
+    params, method = options.params.contacts, options.method
+    evidence = add_probability(evidence, recording, params)
+    rate = recording.frames_per_second
+    intervals = find_contacts(evidence, options.curvature_at, rate, params)
     intervals["curated"] = False
     if corrections is not None:
         intervals = _correct(intervals, corrections, evidence)
@@ -115,17 +124,18 @@ def find_touches(
     frames["in_contact"] = in_contact(frames, intervals)
     frames["contact_probability"] = evidence["probability"].to_numpy()
     frames = forces.add_forces(frames, evidence, whiskers, method)
-    contacts = contact_table(frames, intervals, recording, video)
+    contacts = contact_table(frames, intervals, recording, options.video)
     contacts = pulses.add_pulses(contacts, frames, recording)
     contacts = base_moments.add_base_moments(contacts, frames, whiskers, recording)
-    contacts[list(PEAK_ERROR_COLUMNS)] = peak_errors(contacts, evidence, whiskers)
+    contacts[list(PEAK_ERROR_COLUMNS)] = peak_errors(contacts, evidence, whiskers, method)
     return Touch(as_table(frames, FRAME_COLUMNS), contacts, intervals, evidence)
 
 
-def surely_free(evidence, pixels_per_m) -> np.ndarray:
+def surely_free(evidence, recording, params=DEFAULTS.contacts) -> np.ndarray:
     """Frames of one whisker that are free of touch, and not next to one, bool (rows,)."""
-    log_odds = frame_log_odds(evidence, pixels_per_m)
-    touching = posterior(log_odds, CONTACT_STARTS, CONTACT_ENDS) > SURELY_FREE
+    rate = recording.frames_per_second
+    log_odds = frame_log_odds(evidence, rate, params)
+    touching = posterior(log_odds, *changes_per_frame(rate, params)) > SURELY_FREE
     return ~binary_dilation(touching)
 
 

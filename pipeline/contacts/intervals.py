@@ -7,20 +7,15 @@ import pandas as pd
 
 from pipeline.contacts.probability import FEWEST_SURE
 from pipeline.forces import forces
-from pipeline.forces.rest_shape import FREE_DISTANCE_M
 from pipeline.numerics.robust import MAD_TO_SD, robust_sd
 from pipeline.numerics.runs import stretches
+from pipeline.session.parameters import DEFAULTS, ContactParams
 
 LEAST_EVIDENCE = 12.0  # summed log-likelihood ratio below which a contact is noise
 LEAST_PEAK_SD = 3.5  # peak force in standard errors
 CLEAR_PEAK_SCATTER = 8.0  # or, of both estimates, in what they scatter by in free frames
 BESIDE_FRAMES, FEWEST_HELD = 6, 3  # before and after a contact; as many as count, and as must
 AT_PLACE_SD = 2.0  # as far from the place of other touches a touch may be
-SLIP_LOOK_FRAMES = 4  # so many frames after the end in which the pole has changed sides
-LARGE_DEFLECTION_RAD = 0.6
-NEAR_CURVATURE_M = 1.0e-3
-# a rod that fits so much worse (χ²) under its largest loads than free ones do is another whisker's
-UNLIKE_ROD = 4.0
 HIGH_LOAD = 0.5  # of a contact's largest
 
 INTERVAL_COLUMNS = (
@@ -34,14 +29,20 @@ INTERVAL_COLUMNS = (
 )
 
 
-def find_contacts(evidence: pd.DataFrame, curvature_at: float = 5.5e-3) -> pd.DataFrame:
+def find_contacts(
+    evidence: pd.DataFrame,
+    curvature_at: float = 5.5e-3,
+    frames_per_second: float = 1000.0,
+    params: ContactParams = DEFAULTS.contacts,
+) -> pd.DataFrame:
     """Contact intervals from evidence with `probability`: INTERVAL_COLUMNS, half-open frames."""
+    look = curvature_at, max(round(params.slip_s * frames_per_second), 1), params
     rows = []
     for name in evidence["whisker"].unique():
         part = _columns(evidence[evidence["whisker"] == name].sort_values("frame"))
         usual = _usual_misfit(part)
-        for start, stop in _real_runs(part):
-            rows.append(_interval(part, name, start, stop, curvature_at, usual))
+        for start, stop in _real_runs(part, 1e-3 * params.near_pole_mm):
+            rows.append(_interval(part, name, start, stop, look, usual))
     table = pd.DataFrame(rows, columns=list(INTERVAL_COLUMNS))
     return table.astype({"onset_frame": int, "offset_frame": int, "side": int, "slip": bool})
 
@@ -64,13 +65,14 @@ def _runs(part):
         yield first, stop
 
 
-def _real_runs(part):
+def _real_runs(part, near_pole):
     """Runs with enough evidence, and a push at their peak; or held at a place of such ones."""
     odds = part["log_odds"]
     runs = [
         run
         for run in _runs(part)
-        if odds[slice(*run)].sum() >= LEAST_EVIDENCE and _is_near(part["distance_m"][slice(*run)])
+        if odds[slice(*run)].sum() >= LEAST_EVIDENCE
+        and _is_near(part["distance_m"][slice(*run)], near_pole)
     ]
     sides = [np.sign(part["side"][slice(*run)].sum()) for run in runs]
     firm = [_is_pushed(part, *run) for run in runs]
@@ -86,10 +88,10 @@ def _real_runs(part):
     ]
 
 
-def _is_near(distance):
+def _is_near(distance, near_pole):
     """Whether a whisker is by the pole in half of the frames; one that is not touches nothing."""
     known = distance[np.isfinite(distance)]
-    return len(known) == 0 or np.median(known) < FREE_DISTANCE_M
+    return len(known) == 0 or np.median(known) < near_pole
 
 
 def _touching_place(part, runs):
@@ -179,38 +181,41 @@ def _usual_misfit(part):
     return max(float(np.median(free)), 1.0) if len(free) >= FEWEST_SURE else np.inf
 
 
-def _bends_otherwise(part, rows, usual):
-    """Whether the whisker bends as the rod does not, where it is loaded most."""
+def _bends_otherwise(part, rows, limit):
+    """Whether the rods fit worse than a `limit` (of χ²) where the whisker is loaded most."""
     force, misfit = part["shape_force_N"][rows], part["chi2"][rows]
     known = np.isfinite(force) & np.isfinite(misfit)
     high = known & (force >= HIGH_LOAD * np.max(force[known], initial=0.0))
-    return bool(high.any()) and np.median(misfit[high]) > UNLIKE_ROD * usual
+    return bool(high.any()) and np.median(misfit[high]) > limit
 
 
-def _interval(part, name, start, stop, curvature_at, usual_misfit):
+def _interval(part, name, start, stop, look, usual_misfit):
     rows = slice(start, stop)
     frame = part["frame"]
     sides = part["side"]
     side = int(np.sign(sides[rows].sum())) or 1
-    after = sides[stop : stop + SLIP_LOOK_FRAMES]
+    after = sides[stop : stop + look[1]]
     slip = len(after) > 0 and np.any(after == -side)
     probability = part["probability"][rows]
-    flags = _flags(part, start, stop, curvature_at, slip, usual_misfit)
+    flags = _flags(part, rows, look, slip, usual_misfit)
     return (
         name, frame[start], frame[stop - 1] + 1, probability.mean(), side, slip, ";".join(flags)
     )  # fmt: skip
 
 
-def _flags(part, start, stop, curvature_at, slip, usual_misfit):
-    """What to be careful about in one contact."""
-    rows = slice(start, stop)
+def _flags(part, rows, look, slip, usual_misfit):
+    """What to be careful about in one contact; `look` as in `find_contacts`."""
+    (curvature_at, _, params), start, stop = look, rows.start, rows.stop
     frame = part["frame"]
     contact = part["contact_m"][rows]
     lateral = part["lateral_per_force"][rows]
     with np.errstate(invalid="ignore"):
-        tilted = np.nanmin(np.abs(lateral), initial=1.0) < np.cos(LARGE_DEFLECTION_RAD)
-        near = np.nanmin(contact, initial=np.inf) < curvature_at + NEAR_CURVATURE_M
+        tilted = np.nanmin(np.abs(lateral), initial=1.0) < np.cos(
+            np.deg2rad(params.large_deflection_deg)
+        )
+        near = np.nanmin(contact, initial=np.inf) < curvature_at + 1e-3 * params.near_curvature_mm
     probability = part["probability"][rows]
+    asked = np.abs(part["bending_origin_m"][rows])
     rest_known = part["rest_known"][rows].astype(bool)
     # without a rest shape no rod is loaded, so that none has a contact
     lost = np.isnan(part["base_angle_rad"][rows]) | (rest_known & np.isnan(contact))
@@ -221,7 +226,8 @@ def _flags(part, start, stop, curvature_at, slip, usual_misfit):
         "no_rest_curvature": not rest_known.any(),
         "large_deflection": tilted,
         "contact_near_curvature_window": near,
-        "bends_unlike_rod": _bends_otherwise(part, rows, usual_misfit),
+        "bends_unlike_rod": _bends_otherwise(part, rows, params.unlike_rod * usual_misfit),
+        "base_contradicted": bool(np.any(asked > 1e-3 * params.contradicted_mm)),
         "gaps_in_trace": lost.any(),
         "faint_force": not _pushes(part, rows),
         "doubtful": probability.max() < 0.99,

@@ -14,23 +14,21 @@ from scipy.special import erfcx, log_ndtr
 from pipeline.numerics.chains import state_probabilities, two_states
 from pipeline.numerics.robust import robust_sd
 from pipeline.numerics.runs import stretches
+from pipeline.session.parameters import DEFAULTS, ContactParams
 from pipeline.session.recording import Recording
 
-GAP_SCALE_M = 1e-3  # typical gap of a free whisker
-FORCE_SCALE_N = 8e-6  # typical force of a touch
-CONTACT_STARTS, CONTACT_ENDS = 0.01, 0.03  # probabilities per frame
+MOST_LIKELY_CHANGE = 0.3  # per frame, at low frame rates
 UNSEEN_LOG_ODDS = -0.5  # of a frame without a trace: some are bridged in a contact, many are not
 # share of frames whose force, or gap, says nothing: the other one still tells
 FORCE_OUTLIERS, GAP_OUTLIERS = 1e-4, 1e-5
-LEAST_GAP_SD_PX = 0.04
 SURE_PUSH_SD = 6.0  # a force of so many standard errors is no noise
 STRONG_SHARE = 0.1  # of the largest: where faint pushes may be errors, the strong ones tell
 FEWEST_SURE = 10
-FARTHEST_OFFSET_PX = 4.0  # of the pole's surface from where it was measured
-SHORTEST_S = 1.5e-3  # what has begun and is over sooner is a slip of the tracer
 
 
-def add_probability(evidence: pd.DataFrame, recording: Recording) -> pd.DataFrame:
+def add_probability(
+    evidence: pd.DataFrame, recording: Recording, params: ContactParams = DEFAULTS.contacts
+) -> pd.DataFrame:
     """Fill `probability` of contact and its `log_odds` (of the frame alone) in every frame."""
     evidence = evidence.copy()
     evidence["probability"] = 0.0
@@ -40,10 +38,11 @@ def add_probability(evidence: pd.DataFrame, recording: Recording) -> pd.DataFram
         part = evidence.loc[rows].sort_values("frame")
         if not part["pole_known"].any():
             continue
-        log_odds = frame_log_odds(part, recording.pixels_per_m)
+        rate = recording.frames_per_second
+        log_odds = frame_log_odds(part, rate, params)
         evidence.loc[part.index, "log_odds"] = log_odds
-        probability = posterior(log_odds, CONTACT_STARTS, CONTACT_ENDS)
-        shortest = SHORTEST_S * recording.frames_per_second
+        probability = posterior(log_odds, *changes_per_frame(rate, params))
+        shortest = params.shortest_s * rate
         for start, stop in stretches(probability > 0.5):
             whole = 0 < start and stop < len(probability)
             if whole and stop - start < shortest:
@@ -59,21 +58,27 @@ def _passes_over(part, probability):
     return np.count_nonzero(part["across"]) > np.count_nonzero(probability > 0.5)
 
 
-def frame_log_odds(part, pixels_per_m):
+def changes_per_frame(frames_per_second, params) -> tuple[float, float]:
+    """Probabilities per frame that a contact starts, and that it ends."""
+    rates = params.starts_per_s, params.ends_per_s
+    return tuple(min(rate / frames_per_second, MOST_LIKELY_CHANGE) for rate in rates)
+
+
+def frame_log_odds(part, frames_per_second, params: ContactParams = DEFAULTS.contacts):
     """Log-likelihood ratio of contact to no contact of every frame on its own.
 
     The gap's offset (radius of the pole, blur) and scatter in contact are learnt from the
     video, for both sides, together with the frames that touch.
     """
-    gap, gap_sd, force, force_sd, cov = _observations(part, pixels_per_m)
+    gap, gap_sd, force, force_sd, cov = _observations(part, params)
     # an untraced frame says nothing, one without a pole that there is no touch
     side = part["side"].to_numpy()
     absent = ~part["pole_known"].to_numpy(bool) & part["nearest_m"].isna().to_numpy()
     absent &= part["base_angle_rad"].notna().to_numpy()
-    least = LEAST_GAP_SD_PX / pixels_per_m
+    least, changes = 1e-3 * params.least_gap_sd_mm, changes_per_frame(frames_per_second, params)
     with np.errstate(invalid="ignore"):
         pushed = force > SURE_PUSH_SD * force_sd
-        near = pushed & (np.abs(gap) < FARTHEST_OFFSET_PX / pixels_per_m)
+        near = pushed & (np.abs(gap) < 1e-3 * params.pole_error_mm)
     # before anything is known: what is strongly pushed, and not far, touches
     sure = np.zeros(len(part), bool)
     for s in (-1, 1):
@@ -90,39 +95,39 @@ def frame_log_odds(part, pixels_per_m):
             offset[side == s] = middle
             extra[side == s] = np.sqrt(max(spread**2 - np.median(gap_sd[own]) ** 2, least**2))
         sd = np.hypot(gap_sd, extra)
-        odds = _log_odds(gap - offset, sd, force, force_sd, cov)
+        odds = _log_odds(gap - offset, sd, force, force_sd, cov, params)
         odds = np.where(np.isfinite(odds), odds, UNSEEN_LOG_ODDS)
         odds = np.where(absent, -50.0, odds)
-        sure = pushed & (posterior(odds, CONTACT_STARTS, CONTACT_ENDS) > 0.9)
+        sure = pushed & (posterior(odds, *changes) > 0.9)
     return odds
 
 
-def _observations(part, pixels_per_m):
+def _observations(part, params):
     """Gap and force with standard deviations and covariance, in metres and newtons.
 
     Where no rod could be fitted the traced distance stands in, and no force.
     """
     column = {c: part[c].to_numpy(float) for c in part if c != "whisker"}
-    traced_sd = 0.4 / pixels_per_m
     fitted = np.isfinite(column["gap_m"]) & np.isfinite(column["shape_force_se_N"])
     fitted &= column["rest_known"] == 1
     gap = np.where(fitted, column["gap_m"], column["distance_m"])
-    gap_sd = np.where(fitted, column["gap_se_m"], traced_sd)
+    gap_sd = np.where(fitted, column["gap_se_m"], 1e-3 * params.traced_gap_sd_mm)
     force = np.where(fitted, column["shape_force_N"], np.nan)
     cov = np.where(fitted, column["gap_force_cov"], 0.0)
     return gap, gap_sd, force, column["shape_force_se_N"], cov
 
 
-def _log_odds(gap, gap_sd, force, force_sd, cov):
+def _log_odds(gap, gap_sd, force, force_sd, cov, params=DEFAULTS.contacts):
     """log p(d, F | contact) − log p(d, F | free), bivariate normal errors and outliers."""
-    any_gap = np.log(GAP_OUTLIERS / (2 * GAP_SCALE_M))
-    any_force = np.log(FORCE_OUTLIERS / (2 * 5 * FORCE_SCALE_N))
+    gaps, forces = 1e-3 * params.gap_scale_mm, 1e-6 * params.force_scale_uN
+    any_gap = np.log(GAP_OUTLIERS / (2 * gaps))
+    any_force = np.log(FORCE_OUTLIERS / (2 * 5 * forces))
     with np.errstate(all="ignore"):
-        free = _truly_zero(force, force_sd, any_force, gap, gap_sd, any_gap, GAP_SCALE_M, cov)
-        contact = _truly_zero(gap, gap_sd, any_gap, force, force_sd, any_force, FORCE_SCALE_N, cov)
+        free = _truly_zero(force, force_sd, any_force, gap, gap_sd, any_gap, gaps, cov)
+        contact = _truly_zero(gap, gap_sd, any_gap, force, force_sd, any_force, forces, cov)
         odds = contact - free
         # without a force the gap alone has to tell
-        alone = _log_normal(gap, gap_sd) - _log_skewed(gap, gap_sd, GAP_SCALE_M)
+        alone = _log_normal(gap, gap_sd) - _log_skewed(gap, gap_sd, gaps)
         alone = np.clip(alone, -12.0, 6.0)
     return np.where(np.isfinite(force), odds, alone)
 

@@ -75,12 +75,14 @@ def contact_table(frames: pd.DataFrame, intervals: pd.DataFrame, recording: Reco
     return as_table(pd.DataFrame(rows), CONTACT_COLUMNS)
 
 
-def peak_errors(contacts: pd.DataFrame, evidence: pd.DataFrame, whiskers: dict) -> pd.DataFrame:
+def peak_errors(
+    contacts: pd.DataFrame, evidence: pd.DataFrame, whiskers: dict, method: str = "shape"
+) -> pd.DataFrame:
     """What the peak force of each contact is uncertain by, and why.
 
     Parameters
     ----------
-    contacts : records.CONTACT_COLUMNS with forces of method "shape"
+    contacts : CONTACT_COLUMNS with forces of `method`, "shape" or "point"
     evidence : as of `measure_forces`, with `frame` and `whisker`
     whiskers : name → Whisker
 
@@ -91,7 +93,8 @@ def peak_errors(contacts: pd.DataFrame, evidence: pd.DataFrame, whiskers: dict) 
     `radius_uN_per_percent` (the fourth power), `modulus_uN_per_percent`, `scale_uN_per_percent`
     (pixels per mm: curvature, lever and stiffness at the middle of the bent part).
     """
-    measured = {name: _Measured.of(evidence, name) for name in contacts["whisker"].unique()}
+    names = contacts["whisker"].unique()
+    measured = {name: _Measured.of(evidence, name, method) for name in names}
     rows = []
     for contact in contacts.to_dict("records"):
         name, force = contact["whisker"], contact["peak_force_uN"]
@@ -116,6 +119,12 @@ def peak_errors(contacts: pd.DataFrame, evidence: pd.DataFrame, whiskers: dict) 
     return pd.DataFrame(rows, index=contacts.index, columns=list(PEAK_ERROR_COLUMNS), dtype=float)
 
 
+_FORCE_COLUMNS = {  # of the evidence, by method: force, standard error, the origin's part of it
+    "shape": ("shape_force_N", "shape_force_se_N", "origin_force_se_N"),
+    "point": ("point_force_N", "point_force_se_N", "point_origin_force_se_N"),
+}
+
+
 class _Measured(NamedTuple):
     """Forces and errors of one whisker in the order of its frames [µN], each (frames,)."""
 
@@ -125,9 +134,9 @@ class _Measured(NamedTuple):
     origin: np.ndarray
 
     @classmethod
-    def of(cls, evidence, name):
+    def of(cls, evidence, name, method):
         own = evidence[evidence["whisker"] == name].sort_values("frame")
-        columns = ("shape_force_N", "shape_force_se_N", "origin_force_se_N")
+        columns = _FORCE_COLUMNS[method]
         return cls(own["frame"].to_numpy(), *(1e6 * own[c].to_numpy(float) for c in columns))
 
     def at_peak(self, onset, offset):

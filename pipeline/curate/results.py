@@ -89,9 +89,12 @@ class VideoUnderReview:
             self.touch.evidence,
             self.recording,
             {w.name: w.si() for w in self.settings.whisker},
-            curvature_at=self.settings.analysis.curvature_at,
-            corrections=self.review.corrections,
-            video=self.name,
+            analysis.TouchOptions(
+                curvature_at=self.settings.analysis.curvature_at,
+                video=self.name,
+                params=self.settings.advanced,
+            ),
+            self.review.corrections,
         )
 
     def write(self) -> None:

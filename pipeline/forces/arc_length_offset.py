@@ -12,9 +12,11 @@ turns back where it is in the mean of these, short of its turning point: by a hu
 pixel only, but in all touches alike, which the bending takes for another origin. So such frames
 are not asked.
 
-The bending is a strong witness of a good model only: a cone length that is 1 % off or a pole that
-is put a pixel wrong move its answer by 0.2 mm. So it counts less where the pole is not where the
-whisker bends, and not at all where it contradicts the session.
+The bending is right where the model is: a cone length that is 1 % off or a pole that is put a
+pixel wrong move its answer by 0.2 mm. So it counts less where the pole is not where the whisker
+bends. Where its answer contradicts the session, it is used all the same: forces are nearer to the
+truth with it than without (docs/assumptions.md). Their standard error grows with the
+contradiction.
 """
 
 from dataclasses import dataclass, replace
@@ -26,16 +28,12 @@ from pipeline.forces import rest_shape, rod_fit
 from pipeline.forces.rod_fit import N_REST, RestPrior
 from pipeline.kinematics.resampled import N_STATIONS, Stations
 from pipeline.numerics.robust import robust_sd
+from pipeline.session.parameters import DEFAULTS, RodParams
 from whiskermodel.whisker import Whisker
 
-HIDDEN_LENGTH_SD_M = 0.12e-3  # how well a hidden length is known beforehand
-VARIATION_SD_M = 0.06e-3  # how much it changes with angle and time, about
 LOCAL_SD_M = 3e-6  # what a smooth function cannot follow
-KNOT_S = 0.06
 MOST_KNOTS = 400
 ANGLE_TERMS = 3
-TIP_WINDOW_M = 0.3e-3  # traces that end farther from the usual place have lost the tip
-TIP_NOISE_M = 0.1e-3  # ends that scatter more than this tell nothing
 TIP_PART = 0.3  # of the frames in which the tip must be seen at least
 TIP_FRAMES = 2.0  # neighbouring frames whose ends err together, at least
 TIP_LAGS = 8  # frames over which ends of a codec's pictures err together
@@ -51,16 +49,20 @@ LASTING_SHARE = 0.1
 LASTING_REACH_M = 1.5e-3
 ROUNDS = 3  # of Gauss–Newton
 BENDING_SD_M = 0.003e-3  # of the bending's answer, even where all is well
+DOUBTED = 0.8  # of the largest answer that is taken: from here on it counts less
 POLE_LEVER = 6.0  # how much farther a misplaced pole moves the answer
-TRUSTED_M, DOUBTED_M = 0.2e-3, 0.4e-3  # answers up to here are taken; from here on not at all
 
 
 @dataclass(frozen=True)
 class Origin:
-    """What to add to the arc lengths of each row, and its standard error [m], both (rows,)."""
+    """What to add to the arc lengths of each row, and its standard error [m], both (rows,).
+
+    `by_bending` [m] is what the bending alone would add on average; NaN where it tells nothing.
+    """
 
     per_row: np.ndarray
     se: np.ndarray
+    by_bending: float = np.nan
 
 
 @dataclass
@@ -70,6 +72,7 @@ class _Votes:
     design: sparse.csr_matrix
     matrix: np.ndarray
     rhs: np.ndarray
+    params: RodParams
 
     def weights(self) -> np.ndarray:
         return np.linalg.solve(self.matrix, self.rhs)
@@ -87,11 +90,13 @@ class _Votes:
     def loosely(self) -> "_Votes":
         """Return the same with next to no prior on the constant."""
         matrix = self.matrix.copy()
-        matrix[0, 0] += 1e-3**-2 - HIDDEN_LENGTH_SD_M**-2
+        matrix[0, 0] += 1e-3**-2 - (1e-3 * self.params.hidden_length_sd_mm) ** -2
         return replace(self, matrix=matrix)
 
 
-def origin_from_tip(places: Stations, whisker: Whisker, angle, time) -> tuple[Origin, _Votes]:
+def origin_from_tip(
+    places: Stations, whisker: Whisker, angle, time, params: RodParams = DEFAULTS.forces
+) -> tuple[Origin, _Votes]:
     """Origin of each row from the prior and, as far as the tip is seen, from the trace's end.
 
     Parameters
@@ -99,12 +104,12 @@ def origin_from_tip(places: Stations, whisker: Whisker, angle, time) -> tuple[Or
     places : rows of one whisker in the order of their frames
     angle, time : (rows,) base angle [rad] and time [s]
     """
-    design = _design(angle, time)
-    terms = design.shape[1]
-    prior = np.full(terms, VARIATION_SD_M**-2)
-    prior[0] = HIDDEN_LENGTH_SD_M**-2
-    votes = _Votes(design, np.diag(prior), np.zeros(terms))
-    tip, sd = _tip_places(places, whisker)
+    design = _design(angle, time, params.hidden_length_knot_s)
+    terms, varies = design.shape[1], 1e-3 * params.hidden_length_varies_mm
+    prior = np.full(terms, varies**-2)
+    prior[0] = (1e-3 * params.hidden_length_sd_mm) ** -2
+    votes = _Votes(design, np.diag(prior), np.zeros(terms), params)
+    tip, sd = _tip_places(places, whisker, params)
     good = np.isfinite(tip)
     if good.any():
         part = design[good]
@@ -117,15 +122,15 @@ def origin_from_tip(places: Stations, whisker: Whisker, angle, time) -> tuple[Or
             matrix -= np.outer(total, total) / (weight.sum() / variance)
             away = np.average(tip[good], weights=weight) - tip[good]
             rhs = weighted.T @ away
-            found = _Votes(design, votes.matrix + matrix, rhs)
+            found = replace(votes, matrix=votes.matrix + matrix, rhs=rhs)
             left = away - part @ found.weights()
             left -= np.average(left, weights=weight)
             weight = 1 / np.maximum(1, np.abs(left) / (2 * sd))
             variance = max(TIP_FRAMES * sd**2, _lasting_variance(np.clip(left, -3 * sd, 3 * sd)))
         # an end that wanders more than the fur's edge does is seen so by light and motion
-        wander = np.average((away - left) ** 2, weights=weight) - VARIATION_SD_M**2
+        wander = np.average((away - left) ** 2, weights=weight) - varies**2
         matrix, rhs = _doubted(matrix, rhs, max(wander, 0.0))
-        votes = _Votes(design, votes.matrix + matrix, rhs)
+        votes = replace(votes, matrix=votes.matrix + matrix, rhs=rhs)
     return votes.solve(), votes
 
 
@@ -143,7 +148,8 @@ def origin_from_bending(
     what tells. `places.origin` is where the search starts; `friction` as in `fit_loaded`.
     """
     friction = np.broadcast_to(np.asarray(friction, float), len(places))
-    rows = _loaded_rows(places, whisker, curvature_at, prior, friction)
+    near = _near_rows(places, votes.params)
+    rows = _loaded_rows(near, places, whisker, curvature_at, prior, friction)
     if len(rows) < 5:
         return votes.solve()
     part = places.rows(rows).loaded()
@@ -162,12 +168,16 @@ def origin_from_bending(
         witness = design, share * bend, share * (pull + bend * here)
         try:
             alone = _with_bending(votes.loosely(), *witness, common)
-            sd = np.hypot(common, _doubt(alone.weights()[0], fit["gap"], part.side))
+            doubt = _doubt(alone.weights()[0], fit["gap"], part.side, votes.params)
+            sd = np.hypot(common, doubt)
             found = _with_bending(votes, *witness, sd).solve()
         except np.linalg.LinAlgError:
             return votes.solve()
         here = found.per_row[rows]
-    return found
+    answer = float(alone.weights()[0])
+    # a session so wrong may be wrong in other ways, which the bending takes for the origin, too
+    beyond = max(abs(answer) - 1e-3 * votes.params.bending_trusted_mm, 0.0)
+    return replace(found, se=np.hypot(found.se, beyond), by_bending=answer)
 
 
 def _noise(share, pull, bend):
@@ -213,9 +223,9 @@ def _common_sd(share, bend, influence, part, fit, rest, whisker, apart):
 
 def _apart_sd(votes, rows, places):
     """Standard error [m] of the mean origin of `rows` beside that of the free frames."""
-    free = rest_shape.free_frames(places.distance, np.isfinite(places.pole_x))
+    free = rest_shape.free_frames(places.distance, np.isfinite(places.pole_x), votes.params)
     if not free.any():
-        return HIDDEN_LENGTH_SD_M
+        return 1e-3 * votes.params.hidden_length_sd_mm
     gap = np.asarray(
         votes.design[rows].mean(axis=0) - votes.design[np.flatnonzero(free)].mean(axis=0)
     )
@@ -229,7 +239,7 @@ def _with_bending(votes, design, bend, pull, sd):
     matrix = votes.matrix + matrix - np.outer(common, common) / own
     rhs = votes.rhs + design.T @ pull - common * pull.sum() / own
     np.linalg.cholesky(matrix)  # a bent parabola is no witness
-    return _Votes(votes.design, matrix, rhs)
+    return replace(votes, matrix=matrix, rhs=rhs)
 
 
 def _doubted(matrix, rhs, variance):
@@ -242,12 +252,13 @@ def _doubted(matrix, rhs, variance):
     return (kept[:, :-1] + kept[:, :-1].T) / 2, kept[:, -1]
 
 
-def _doubt(answer, gap, side):
+def _doubt(answer, gap, side, params):
     """Standard deviation [m] to give to the bending's answer."""
     sides = [np.nanmedian(gap[side == s]) for s in (-1, 1) if np.isfinite(gap[side == s]).any()]
     misplaced = max(map(abs, sides), default=0.0)
-    trust = np.interp(abs(answer), [TRUSTED_M, DOUBTED_M], [1.0, 1e-6])
-    beyond = HIDDEN_LENGTH_SD_M * np.sqrt(1 / trust - 1)
+    limit = 1e-3 * params.bending_most_mm
+    trust = np.interp(abs(answer), [DOUBTED * limit, limit], [1.0, 1e-6])
+    beyond = 1e-3 * params.hidden_length_sd_mm * np.sqrt(1 / trust - 1)
     return float(np.sqrt(BENDING_SD_M**2 + (POLE_LEVER * misplaced) ** 2 + beyond**2))
 
 
@@ -259,14 +270,14 @@ def _trust(pull, bend):
     return 1 / np.maximum(1, np.abs(wish - np.median(wish)) / (3 * spread))
 
 
-def _design(angle, time):
+def _design(angle, time, knot_s):
     """Columns: 1, powers of the base angle, hats in time; sparse (rows, terms)."""
     known = np.isfinite(angle)
     low, high = np.percentile(angle[known], [2, 98]) if known.any() else (0.0, 1.0)
     u = np.clip((angle - (low + high) / 2) / max((high - low) / 2, 0.02), -1.5, 1.5)
     u = np.where(known, u, 0.0)
     span = float(np.ptp(time)) if len(time) else 0.0
-    knots = int(np.clip(span / KNOT_S, 1, MOST_KNOTS)) + 1
+    knots = int(np.clip(span / knot_s, 1, MOST_KNOTS)) + 1
     place = (time - time.min()) / max(span, 1e-9) * (knots - 1) if len(time) else time
     low = np.minimum(place.astype(int), knots - 2)
     part = place - low
@@ -284,35 +295,41 @@ def _lasting_variance(errors):
     return float(np.mean(errors**2) + 2 * sum(np.mean(errors[k:] * errors[:-k]) for k in lags))
 
 
-def _tip_places(places, whisker):
+def _tip_places(places, whisker, params):
     """Arc length [m] of the trace's end where that is the tip (NaN elsewhere), and its scatter."""
     nothing = np.full(len(places), np.nan), np.nan
+    window, noise = 1e-3 * params.tip_window_mm, 1e-3 * params.tip_noise_mm
     end = places.last
     known = np.isfinite(end)
     if known.sum() < 30:
         return nothing
     usual = np.percentile(end[known], 90)
-    usual = np.median(end[known & (np.abs(end - usual) < TIP_WINDOW_M)])
-    good = known & (np.abs(end - usual) < TIP_WINDOW_M)
+    usual = np.median(end[known & (np.abs(end - usual) < window)])
+    good = known & (np.abs(end - usual) < window)
     steps = np.diff(end[good])
     scatter = float(robust_sd(steps)) / np.sqrt(2)
-    scatter = max(scatter, float(np.std(steps[np.abs(steps) < TIP_NOISE_M * 3])) / np.sqrt(2))
+    scatter = max(scatter, float(np.std(steps[np.abs(steps) < noise * 3])) / np.sqrt(2))
     if (
         good.mean() < TIP_PART
         or abs(usual / whisker.length - 1) > LENGTH_MATCH
-        or not scatter < TIP_NOISE_M
+        or not scatter < noise
     ):
         return nothing
     return np.where(good, end, np.nan), max(scatter, 10e-6)
 
 
-def _loaded_rows(places, whisker, curvature_at, prior, friction):
-    """Rows that are surely and strongly bent by the pole, spread over the video."""
+def _near_rows(places, params):
+    """Rows that may touch, rather of frames that no codec made up."""
     with np.errstate(invalid="ignore"):
-        near = np.flatnonzero((places.side != 0) & (places.distance < 0.1e-3) & ~places.extended)
+        touching = places.distance < 1e-3 * params.loaded_distance_mm
+    near = np.flatnonzero((places.side != 0) & touching & ~places.extended)
+    return places.rather_shown(near, ENOUGH_ROWS)
+
+
+def _loaded_rows(near, places, whisker, curvature_at, prior, friction):
+    """Rows of `near` that are surely and strongly bent by the pole, spread over the video."""
     if len(near) == 0:
         return near
-    near = places.rather_shown(near, ENOUGH_ROWS)
     near = near[:: max(1, len(near) // (2 * MOST_ROWS))]
     rest = replace(prior, drift=prior.drift[near], cov=prior.cov[near])
     fit = rod_fit.fit_loaded(places.rows(near), whisker, curvature_at, rest, friction[near])

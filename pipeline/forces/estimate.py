@@ -5,6 +5,7 @@ import pandas as pd
 
 from pipeline.forces import forces
 from pipeline.kinematics.resampled import N_STATIONS, Stations
+from pipeline.session.parameters import DEFAULTS, RodParams
 from pipeline.tables.columns import EVIDENCE_COLUMNS, as_table
 from pipeline.tracking.whiskers import nominal_whisker
 
@@ -19,6 +20,7 @@ def estimate_forces(
     friction: float = 0.0,
     pixels_per_m: float | None = None,
     surely_free=None,
+    params: RodParams = DEFAULTS.forces,
 ):
     """Rest curvature and evidence of touch for all whiskers of a video.
 
@@ -32,6 +34,7 @@ def estimate_forces(
     pixels_per_m : scale; None: the follicle stays as it is in `frames`
     surely_free : function of a whisker's evidence, bool (rows,): frames that are free of touch
         although the pole is near; None: only those far from the pole count as free
+    params : the room's parameters
 
     Returns
     -------
@@ -49,7 +52,7 @@ def estimate_forces(
         length = (N_STATIONS - 1) * places.spacing[index]
         whisker = whiskers.get(name) or nominal_whisker(name, length / 1.03, 0.0)
         rod = own, whisker, frames.loc[rows], curvature_at, friction
-        evidence, measured = _measure(*rod, surely_free)
+        evidence, measured = _measure(rod, surely_free, params)
         if whiskers.get(name) is None:
             evidence["chi2"] = np.nan  # what stands in for the whisker need not bend as it does
         _fill(frames, rows, measured, pixels_per_m)
@@ -64,17 +67,17 @@ def _rows_of(frames, name, numbers):
     return pd.Series(rows, index=frames.loc[rows, "frame"]).loc[numbers].to_numpy()
 
 
-def _measure(own, whisker, kinematics, curvature_at, friction, surely_free):
+def _measure(rod, surely_free, params):
     """Forces of one whisker; again, if free frames near the pole say more of its rest shape."""
-    rod = own, whisker, kinematics, curvature_at, friction
-    evidence, measured = forces.measure_forces(*rod)
+    own = rod[0]
+    evidence, measured = forces.measure_forces(*rod, params=params)
     if surely_free is None or not np.isfinite(own.pole_x).any():
         return evidence, measured
-    far = forces.far_from_pole(own)
+    far = forces.far_from_pole(own, params)
     free = np.isfinite(own.last) & surely_free(evidence)
     if np.count_nonzero(free & ~far) < MUCH_MORE * np.count_nonzero(far):
         return evidence, measured
-    return forces.measure_forces(*rod, free | far)
+    return forces.measure_forces(*rod, free | far, params)
 
 
 def _fill(frames, rows, measured, pixels_per_m):

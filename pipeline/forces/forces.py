@@ -20,17 +20,16 @@ from pipeline.kinematics import resampled
 from pipeline.kinematics.resampled import Stations
 from pipeline.numerics.angles import jitter, wrapped
 from pipeline.numerics.robust import robust_sd
+from pipeline.session.parameters import DEFAULTS, RodParams
 from whiskermodel.whisker import Whisker
 
 METHODS = ("point", "shape")
 SLIDING_FRAMES = 3
-SHORTEST_LEVER_M = 0.3e-3  # a contact nearer to the point of curvature tells nothing there
 LEAST_NOISE = 0.5  # of the fit's standard error: free frames are no witness of smaller ones
 FARTHEST_TURN_RAD = 0.2  # of a fitted rod's base from the traced part's continuation
 STEADY_RAD = 5e-3  # jitter of base angles up to here is a clean picture's, or a touch's
 LESS_STEADY = 1.2  # than the traced base angles: rods are preferred as long as they are not
 FEWEST_WITNESSES = 20  # free frames that can tell how much the force scatters
-CALIBRATION_REACH_M = 3e-3  # free frames with the pole this near tell the force's true noise
 ERROR = "base_angle_se_deg"
 _EVIDENCE_OF_FIT = {
     "gap": "gap_m",
@@ -62,7 +61,13 @@ _LOADS = {  # column of the frames: its unit, and in the evidence its share of t
 
 
 def measure_forces(
-    places: Stations, whisker: Whisker, kinematics, curvature_at: float, friction=0.0, free=None
+    places: Stations,
+    whisker: Whisker,
+    kinematics,
+    curvature_at: float,
+    friction=0.0,
+    free=None,
+    params: RodParams = DEFAULTS.forces,
 ):
     """What one whisker's force would be in every frame, if the pole's nearest point touched it.
 
@@ -75,6 +80,7 @@ def measure_forces(
     curvature_at : arc length of the curvature [m]
     friction : coefficient of friction between whisker and pole, >= 0
     free : bool (rows,), frames that tell the rest shape; None: those `far_from_pole`
+    params : the room's parameters
 
     Returns
     -------
@@ -86,32 +92,34 @@ def measure_forces(
     time = kinematics["time_s"].to_numpy(float)
     angle = wrapped(np.radians(kinematics["base_angle_deg"].to_numpy(float)))  # as rods have it
     if free is None:
-        free = far_from_pole(places)
-    fit, origin, model = _fit_rods(places, whisker, curvature_at, angle, time, free, friction)
-    evidence = _evidence(places, fit, origin, model is not None, free)
+        free = far_from_pole(places, params)
+    rods = places, whisker, curvature_at, angle, time, free, friction, params
+    fit, origin, model = _fit_rods(*rods)
+    evidence = _evidence(places, fit, origin, model is not None, free, params)
     # its hidden part is bent by the load as the rod is
     angle = np.where(np.isfinite(fit["angle"]), fit["angle"], angle)
     (basis,) = rod_fit.rest_basis(whisker, [curvature_at])
     shape = _turned_to(model, basis, angle, time)
     measured = _rest_columns(*_curvature(kinematics, fit, origin), shape, angle, time, free)
     measured = measured.join(_base(kinematics, fit, origin.se))
-    point, error = point_force(measured, fit)
+    point, error = point_force(measured, fit, params)
     evidence["point_force_N"] = point
     stiffer = 4 / (whisker.cone_length - curvature_at)  # E I goes with (cone length − s)⁴
-    evidence["point_force_se_N"] = np.hypot(error, stiffer * origin.se * point)
+    evidence["point_origin_force_se_N"] = np.abs(stiffer * origin.se * point)
+    evidence["point_force_se_N"] = np.hypot(error, evidence["point_origin_force_se_N"])
     return evidence, measured
 
 
-def far_from_pole(places) -> np.ndarray:
+def far_from_pole(places, params: RodParams = DEFAULTS.forces) -> np.ndarray:
     """Frames in which the whisker is so far off that nothing touches it, bool (rows,)."""
-    free = rest_shape.free_frames(places.distance, np.isfinite(places.pole_x))
+    free = rest_shape.free_frames(places.distance, np.isfinite(places.pole_x), params)
     return free & np.isfinite(places.last)
 
 
-def _fit_rods(places, whisker, curvature_at, angle, time, free, friction):
+def _fit_rods(places, whisker, curvature_at, angle, time, free, friction, params):
     """Loaded rods of all rows, the `Origin` of their arc lengths, and the `RestModel` or None."""
     places = _without_bias(places, whisker, curvature_at, angle, time, free)
-    origin, votes = arc_length_offset.origin_from_tip(places, whisker, angle, time)
+    origin, votes = arc_length_offset.origin_from_tip(places, whisker, angle, time, params)
     places = replace(places, origin=origin.per_row)
     model = _rest_shape(places, whisker, curvature_at, time, free)
     if model is None:
@@ -134,7 +142,7 @@ def _without_bias(places, whisker, curvature_at, angle, time, free):
     return fur_bias.without_bias(places, whisker, curvature_at, angle, time, free, rest_prior)
 
 
-def _evidence(places, fit, origin, rest_known, free) -> pd.DataFrame:
+def _evidence(places, fit, origin, rest_known, free, params) -> pd.DataFrame:
     """What places and fitted rods tell, errors brought to what free frames show."""
     evidence = pd.DataFrame(
         {
@@ -147,11 +155,12 @@ def _evidence(places, fit, origin, rest_known, free) -> pd.DataFrame:
             "rest_known": rest_known,
             "origin_m": origin.per_row,
             "origin_se_m": origin.se,
+            "bending_origin_m": origin.by_bending,
         }
     )
     for name, column in _EVIDENCE_OF_FIT.items():
         evidence[column] = fit[name]
-    noise = _force_noise(fit["force"], np.sqrt(fit["force_var"]), places, free)
+    noise = _force_noise(fit["force"], np.sqrt(fit["force_var"]), places, free, params)
     for name in ("gap", "clear_gap"):
         evidence[f"{name}_se_m"] = np.sqrt(fit[f"{name}_var"]) * noise
     evidence["gap_force_cov"] *= noise**2
@@ -180,13 +189,13 @@ def sliding(place) -> np.ndarray:
     return out
 
 
-def point_force(rest: pd.DataFrame, fit: ShapeFit):
+def point_force(rest: pd.DataFrame, fit: ShapeFit, params: RodParams = DEFAULTS.forces):
     """F = E I(s_p) Δκ / |(r_c − r_p) × n̂| and its standard error [N].
 
     Positive pushes away from the pole. NaN where the contact lies before or just beyond s_p.
     """
     with np.errstate(all="ignore"):
-        usable = np.abs(fit["lever_at_curvature"]) > SHORTEST_LEVER_M
+        usable = np.abs(fit["lever_at_curvature"]) > 1e-3 * params.shortest_lever_mm
         change = fit["curvature_per_force"]
         force = rest["curvature_change_per_m"].to_numpy() / change
         error = rest["curvature_change_per_m_se"].to_numpy() / np.abs(change)
@@ -232,10 +241,11 @@ def _rest_prior(model, angle, time) -> RestPrior:
     )
 
 
-def _force_noise(force, error, places, free):
+def _force_noise(force, error, places, free, params):
     """Scatter of the force in free frames, where it is zero, over its standard error."""
     with np.errstate(invalid="ignore", divide="ignore"):
-        return _excess(force / error, free & (places.distance < CALIBRATION_REACH_M))
+        near = places.distance < 1e-3 * params.calibration_mm
+        return _excess(force / error, free & near)
 
 
 def _excess(ratio, free):

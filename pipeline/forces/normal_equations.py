@@ -55,7 +55,7 @@ def fill_equations(seen, laid, size, precision, p, sums, chi2, robust):
 @njit(cache=True, error_model="numpy")
 def weigh(seen, laid, chi2, robust, misfit, weight):
     """Fill misfit [m] and weight [1/m²] of every station, 0 where none was seen; returns χ²."""
-    info = seen[2]
+    info = seen.information
     total, count = 0.0, 0
     for k in range(len(info)):
         known = info[k] > 0
@@ -102,7 +102,7 @@ def robust_weight(info, misfit, scale):
 @njit(cache=True, inline="always")
 def misfit_of(seen, laid, k):
     """How far station `k` was seen to lie beside the rod, along its normal [m]."""
-    return along_normal(laid, k, seen[0][k] - laid.x[k], seen[1][k] - laid.y[k])
+    return along_normal(laid, k, seen.x[k] - laid.x[k], seen.y[k] - laid.y[k])
 
 
 @njit(cache=True)

@@ -17,12 +17,10 @@ import numpy as np
 from scipy.ndimage import median_filter
 
 from pipeline.numerics.robust import robust_sd
+from pipeline.session.parameters import DEFAULTS
 
-FREE_DISTANCE_M = 0.2e-3  # surface to surface; farther than any tracing error
-CLEAR_DISTANCE_M = 0.06e-3  # beyond the nearest frames': free where hardly any is farther off
-LEAST_CLEAR_M = 0.015e-3  # the same, where none is: a whisker that hardly leaves the pole
 CLEAR_SD = 8.0  # as many times the distance's noise
-PLENTY, PLENTY_SHARE = 20, 0.25  # frames beyond FREE_DISTANCE_M, of those clear of a touch
+PLENTY, PLENTY_SHARE = 20, 0.25  # frames beyond free_distance_mm, of those clear of a touch
 ASTRAY_SHARE = 0.1  # of the most frames that lie together before the pole: fewer went astray
 FEWEST_FRAMES = 3
 LARGEST_DEGREE = 2
@@ -188,44 +186,46 @@ def by_leaning_angle(model: RestModel, lean) -> RestModel:
     return replace(model, weights=weights, centre=centre)
 
 
-def free_frames(distance, pole_known) -> np.ndarray:
+def free_frames(distance, pole_known, params=DEFAULTS.forces) -> np.ndarray:
     """Frames in which the whisker is surely untouched, bool (frames,).
 
     `distance` [m] from the pole's surface to the whisker's, frame after frame, NaN where unknown;
-    `pole_known` is False where no pole is in view. Where few frames are FREE_DISTANCE_M off, those
-    count that clearly are farther off than the nearest ones.
+    `pole_known` is False where no pole is in view. Where few frames are `free_distance_mm` off,
+    those count that clearly are farther off than the nearest ones.
     """
     distance, away = np.asarray(distance, float), ~np.asarray(pole_known)
     with np.errstate(invalid="ignore"):
-        far = away | (distance > FREE_DISTANCE_M)
-        clear = away | (distance > _clear_distance(distance, CLEAR_DISTANCE_M))
+        far = away | (distance > 1e-3 * params.free_distance_mm)
+        clear = away | (distance > _clear_distance(distance, params.clear_distance_mm, params))
         if clear.sum() < FEWEST_FRAMES:
-            clear = away | (distance > _clear_distance(distance, LEAST_CLEAR_M))
+            clear = away | (distance > _clear_distance(distance, params.least_clear_mm, params))
     return far if far.sum() >= max(PLENTY, PLENTY_SHARE * clear.sum()) else clear
 
 
-def _clear_distance(distance, least):
+def _clear_distance(distance, least_mm, params):
     """Distance [m] that is no touch's: those of one video's touches are nearly the same.
 
-    It is at least `least` [m] beyond the nearest.
+    It is at least `least_mm` beyond the nearest.
     """
+    free = 1e-3 * params.free_distance_mm
     known = distance[np.isfinite(distance)]
     if len(known) < 3:
-        return FREE_DISTANCE_M
+        return free
     noise = robust_sd(np.diff(known, 2), about=0.0) / np.sqrt(6)
-    reach = max(least, CLEAR_SD * noise)
+    reach = max(1e-3 * least_mm, CLEAR_SD * noise)
     # a single frame that went astray is not the nearest
-    return min(FREE_DISTANCE_M, _nearest(median_filter(known, 5, mode="nearest"), reach) + reach)
+    nearest = _nearest(median_filter(known, 5, mode="nearest"), reach, free)
+    return min(free, nearest + reach)
 
 
-def _nearest(distance, reach):
+def _nearest(distance, reach, free):
     """Least distance [m] but for stretches that went astray: at which others within `reach` lie.
 
     Touches lie closely together; a line that followed something else does not lie with them.
     """
     distance = np.sort(distance)
     company = np.searchsorted(distance, distance + reach, "right") - np.arange(len(distance))
-    most = company[distance < FREE_DISTANCE_M].max(initial=1)
+    most = company[distance < free].max(initial=1)
     return distance[np.argmax(company >= ASTRAY_SHARE * most)]
 
 

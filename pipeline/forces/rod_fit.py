@@ -6,9 +6,9 @@ polynomials, and the bending of a unit force at the point nearest to the pole, a
     g(s) = (r_c − r(s)) × f̂ / (E I(s)) for s < c,   f̂ = −side (n̂_c − µ side t̂_c).
 
 The rod is laid with its derivatives by (offset and direction at the contact, a_j, F) in one pass
-(rod_laying.py): Gauss–Newton on the misfit across the whisker (rod_equations.py). A prior on a_j
-(from free frames, rest_curvature.py) makes the rest shape's uncertainty part of the force's
-standard error; what else the fitted rod tells is in rod_results.py.
+(rod_integration.py): Gauss–Newton on the misfit across the whisker (normal_equations.py). A prior
+on a_j (from free frames, rest_shape.py) makes the rest shape's uncertainty part of the force's
+standard error; what else the fitted rod tells is in rod_outputs.py.
 """
 
 from dataclasses import dataclass
@@ -35,7 +35,22 @@ from pipeline.forces.rod_integration import (
     polynomials,
     unit_force,
 )
-from pipeline.forces.rod_outputs import COLUMNS, report_base, report_curvature, report_loads
+from pipeline.forces.rod_outputs import report_base, report_curvature, report_loads
+from pipeline.forces.rod_types import (
+    OUTPUT_ROW,
+    OUTPUTS,
+    Arc,
+    Beam,
+    Filled,
+    Fitted,
+    Load,
+    Pole,
+    Prior,
+    Problem,
+    Rows,
+    Seen,
+    Setup,
+)
 from pipeline.kinematics.resampled import N_STATIONS, Stations
 from pipeline.numerics.cholesky import factorise, invert
 from whiskermodel.whisker import Whisker
@@ -118,7 +133,7 @@ def fit_free(stations: Stations, whisker: Whisker, curvature_at: float) -> Shape
     """Fit pose and rest shape, no force: for frames in which the whisker touches nothing."""
     n = len(stations)
     prior = RestPrior(np.zeros((1, N_REST)), 0.0, 1.0, np.zeros((n, N_REST)), _vague(n))
-    return _fit(stations, whisker, curvature_at, prior, loaded=False, friction=0.0)
+    return _fit(stations, whisker, curvature_at, prior)
 
 
 def fit_loaded(
@@ -142,7 +157,8 @@ def fit_loaded(
     how far stations lie beside the rod, along its normal [m], and the variance of the rod's place
     there [m²]; those without information, too.
     """
-    return _fit(stations, whisker, curvature_at, prior, True, friction, shift, influence, misfit)
+    load = friction, shift
+    return _fit(stations, whisker, curvature_at, prior, load, influence, misfit)
 
 
 def _vague(n):
@@ -150,142 +166,156 @@ def _vague(n):
     return np.broadcast_to(np.eye(N_REST) * 300.0**2, (n, N_REST, N_REST))
 
 
-def _fit(
-    stations,
-    whisker,
-    curvature_at,
-    prior,
-    loaded,
-    friction,
-    shift=0.0,
-    influence=None,
-    misfit=None,
-):
+def _fit(stations, whisker, curvature_at, prior, load=None, influence=None, misfit=None):
+    """Fit all rows; `load` is (friction, shift), None where no pole is touched."""
     n, m = len(stations), N_STATIONS
+    friction, shift = (0.0, 0.0) if load is None else load
     settled = SETTLED_SD if influence is None else FINE_SETTLED_SD
-    influence = np.empty((0, m + N_REST)) if influence is None else influence
-    misfit = np.empty((0, 2, m)) if misfit is None else misfit
-    s = np.arange(m) * whisker.length / (m - 1)
-    out = np.full((n, len(COLUMNS)), np.nan)
-    rest = np.full((n, N_REST), np.nan)
-    rest_cov = np.full((n, N_REST, N_REST), np.nan)
-    # the very tip of a full cone has no stiffness; nothing touches there
-    stiffness = np.maximum(whisker.flexural_rigidity(s), 1e-7 * whisker.base_flexural_rigidity)
+    out = Filled(
+        np.full(n, np.nan, OUTPUT_ROW),
+        np.full((n, N_REST), np.nan),
+        np.full((n, N_REST, N_REST), np.nan),
+        np.empty((0, m + N_REST)) if influence is None else influence,
+        np.empty((0, 2, m)) if misfit is None else misfit,
+    )
     shift, friction = (np.broadcast_to(np.asarray(a, float), n).copy() for a in (shift, friction))
-    rod = (whisker.length, whisker.cone_length, whisker.base_flexural_rigidity)
     with np.errstate(invalid="ignore"):
-        side = np.where(loaded & np.isfinite(stations.pole_x), stations.side, 0)
-    side, basis = side.astype(np.float64), rest_basis(whisker, s)
-    radius = np.array([whisker.base_radius, whisker.base_radius / whisker.cone_length])
-    weights, drift = np.ascontiguousarray(prior.weights), np.ascontiguousarray(prior.drift)
+        side = np.where(np.isfinite(stations.pole_x) & (load is not None), stations.side, 0)
+    setup = _setup(whisker, stations.pole_radius, curvature_at, settled)
     for start in range(0, n, BLOCK_ROWS):
         rows = slice(start, start + BLOCK_ROWS)
         part = stations.rows(rows).loaded()
-        _fit_rows(
-            part.x, part.y, part.information, part.origin + shift[rows], s[1], rod,
-            stiffness, basis, side[rows], part.pole_x, part.pole_y, part.pole_radius,
-            part.nearest, radius, curvature_at, shift[rows], weights, prior.centre, prior.scale,
-            drift[rows], np.linalg.inv(prior.cov[rows]), friction[rows], settled,
-            out[rows], rest[rows], rest_cov[rows], influence[rows], misfit[rows],
+        block = Rows(
+            part.x, part.y, part.information, part.origin + shift[rows], shift[rows],
+            side[rows].astype(np.float64), friction[rows], part.pole_x, part.pole_y, part.nearest,
         )  # fmt: skip
-    table = {name: out[:, k] for k, name in enumerate(COLUMNS)}
-    return ShapeFit(table, rest, rest_cov)
+        known = Prior(
+            np.ascontiguousarray(prior.weights), np.ascontiguousarray(prior.drift)[rows],
+            prior.centre, prior.scale, np.linalg.inv(prior.cov[rows]),
+        )  # fmt: skip
+        _fit_rows(block, setup, known, Filled(*(each[rows] for each in out)))
+    return ShapeFit({name: out.table[name] for name in OUTPUTS}, out.rest, out.rest_cov)
+
+
+def _setup(whisker, pole_radius, curvature_at, settled):
+    """What all rows of a whisker share."""
+    s = np.arange(N_STATIONS) * whisker.length / (N_STATIONS - 1)
+    # the very tip of a full cone has no stiffness; nothing touches there
+    stiffness = np.maximum(whisker.flexural_rigidity(s), 1e-7 * whisker.base_flexural_rigidity)
+    return Setup(
+        s[1],
+        Beam(whisker.length, whisker.cone_length, whisker.base_flexural_rigidity),
+        stiffness,
+        rest_basis(whisker, s),
+        (whisker.base_radius, whisker.base_radius / whisker.cone_length),
+        pole_radius,
+        curvature_at,
+        settled,
+    )
 
 
 @njit(cache=True)
-def _fit_rows(
-    xs, ys, info, origin, h, rod, stiffness, basis, side, pole_x, pole_y, pole_radius, nearest,
-    radius, at, moved, weights, centre, scale, drift, precision, friction, settled, out, rest,
-    rest_cov, influence, misfit,
-):  # fmt: skip
-    m, terms = basis.shape
-    laid, nudged, sums = empty_rod(m), empty_rod(m), empty_sums(m, terms)
-    p = np.zeros(LOADED)
-    for row in range(len(xs)):
-        seen, arc = (xs[row], ys[row], info[row]), (origin[row], moved[row], h)
-        pole = pole_x[row], pole_y[row], pole_radius
-        prior = weights, drift[row], centre, scale, precision[row]
-        first, count = _span(info[row])
+def _fit_rows(rows, setup, priors, out):
+    """Fit every one of the `Rows`; `priors` is a `Prior` whose drift and precision have rows."""
+    (m, terms), h = setup.basis.shape, setup.spacing
+    laid, nudged, sums, p = empty_rod(m), empty_rod(m), empty_sums(m, terms), np.zeros(LOADED)
+    for row in range(len(rows.x)):
+        first, count = _span(rows.information[row])
         if count < FEWEST_STATIONS:
             continue
-        loaded = side[row] != 0 and nearest[row] > (first + 2) * h
+        seen = Seen(rows.x[row], rows.y[row], rows.information[row])
+        loaded = rows.side[row] != 0 and rows.nearest[row] > (first + 2) * h
         size = LOADED if loaded else FREE
-        load = (side[row], friction[row]) if loaded else (0.0, 0.0)
-        c = min(nearest[row], (m - 1) * h) if loaded else (first + count // 2) * h
-        known, chi2, place = _solve(
-            seen, first, arc, rod, load, pole, c, prior, stiffness, basis, settled, p, laid, sums
+        problem = Problem(
+            seen,
+            Arc(rows.origin[row], rows.moved[row], h),
+            setup.beam,
+            Load(rows.side[row], rows.friction[row]) if loaded else Load(0.0, 0.0),
+            Pole(rows.pole_x[row], rows.pole_y[row], setup.pole_radius),
         )
+        precision = priors.precision[row]
+        prior = Prior(priors.weights, priors.drift[row], priors.centre, priors.scale, precision)
+        c = min(rows.nearest[row], (m - 1) * h) if loaded else (first + count // 2) * h
+        known, chi2, place = _solve(problem, (first, c), prior, setup, p, laid, sums)
         if not known:
             continue
-        cov = sums.inverse[:size, :size] * max(chi2, 1.0)
-        rest[row] = p[2 : 2 + terms]
-        rest_cov[row] = cov[2 : 2 + terms, 2 : 2 + terms]
-        o = out[row]
-        o[7], o[8], o[9] = laid.follicle[2], laid.follicle[0], laid.follicle[1]
-        polynomials(2 * (at - moved[row]) / rod[0] - 1, sums.mean)
-        o[15] = (sums.mean * rest[row]).sum()
-        o[16], o[17] = chi2, count
+        fitted = Fitted(p, sums.inverse[:size, :size] * max(chi2, 1.0), chi2, place, laid, sums)
+        o = out.table[row]
+        o.chi2, o.count = chi2, count
+        _report_shape(o, problem, fitted, setup.at, out.rest[row], out.rest_cov[row])
         if loaded:
-            report_loads(
-                o, seen, chi2, cov, arc, rod, load, pole, radius, at, place, p, laid, nudged,
-                sums, precision[row], influence[row : row + 1],
-            )  # fmt: skip
-        report_base(o, cov, size, (p, rod, load, arc, place, laid), sums.mean)
-        report_curvature(o, seen, chi2, arc, rod, load, at, place, p, laid, sums)
-        for each in misfit[row : row + 1]:
-            for k in range(m):
-                each[0, k] = misfit_of(seen, laid, k)
-                each[1, k] = 0.0
-                for a in range(size):
-                    for b in range(size):
-                        each[1, k] += laid.shift[a, k] * cov[a, b] * laid.shift[b, k]
+            told = out.influence[row : row + 1]
+            report_loads(o, problem, fitted, setup.at, setup.taper, nudged, precision, told)
+        report_base(o, problem, fitted)
+        report_curvature(o, problem, fitted, setup.at)
+        for each in out.misfit[row : row + 1]:
+            _report_misfit(seen, fitted, each)
 
 
 @njit(cache=True)
-def _solve(seen, first, arc, rod, load, pole, c, prior, stiffness, basis, settled, p, laid, sums):
+def _report_shape(o, problem, fitted, at, rest, rest_cov):
+    """Fill pose and rest shape of one row."""
+    follicle, mean, terms = fitted.laid.follicle, fitted.sums.mean, len(rest)
+    rest[:] = fitted.p[2 : 2 + terms]
+    rest_cov[:] = fitted.cov[2 : 2 + terms, 2 : 2 + terms]
+    o.follicle_x, o.follicle_y, o.angle = follicle[0], follicle[1], follicle[2]
+    polynomials(2 * (at - problem.arc.moved) / problem.beam.length - 1, mean)
+    o.rest_curvature = (mean * rest).sum()
+
+
+@njit(cache=True)
+def _report_misfit(seen, fitted, out):
+    """Fill how far stations lie beside the rod, and the variance of the rod's place."""
+    shift, cov = fitted.laid.shift, fitted.cov
+    for k in range(len(seen.x)):
+        out[0, k] = misfit_of(seen, fitted.laid, k)
+        out[1, k] = 0.0
+        for a in range(len(cov)):
+            for b in range(len(cov)):
+                out[1, k] += shift[a, k] * cov[a, b] * shift[b, k]
+
+
+@njit(cache=True)
+def _solve(problem, start, prior, setup, p, laid, sums):
     """Gauss–Newton into `p`, `laid` and `sums`; returns whether it got there, χ², and the place.
 
-    `seen`: x, y and information of the stations, the `first` of which is the first measured;
-    `arc`: origin, what of it came after the rest shape was measured, and the stations' spacing;
-    `load`: side and friction; `pole`: x, y, radius; `prior`: weights, drift, centre, scale,
-    precision; `c`: grid place from which to lay at first; `settled`: step in SD that is the last.
+    `start`: the first measured station, and the grid place from which to lay at first.
     """
-    weights, drift, centre, scale, precision = prior
-    h, loaded, terms = arc[2], load[0] != 0, len(sums.mean)
+    (first, c), (seen, arc, beam, load, pole) = start, problem
+    h, loaded, terms = arc.spacing, load.side != 0, len(sums.mean)
     size = LOADED if loaded else FREE
     x, y, angle = laid.x, laid.y, laid.angle
     p[:] = 0.0
     chi2, known = 1.0, False
-    _trace(seen[0], seen[1], seen[2], first, h, x, y, angle)
+    _trace(seen.x, seen.y, seen.information, first, h, x, y, angle)
     ref_x, ref_y, p[1] = point_at(x, y, angle, h, c)
     laid.follicle[2] = angle[0]
     for iteration in range(ITERATIONS):
-        _prior_mean(weights, drift, (laid.follicle[2] - centre) / scale, sums.mean)
+        u = (laid.follicle[2] - prior.centre) / prior.scale
+        _prior_mean(prior.weights, prior.drift, u, sums.mean)
         again = iteration == 0
         if iteration == 0:
             p[2 : 2 + terms] = sums.mean
             if loaded:
-                p[size - 1] = _first_force(
-                    x, y, angle, seen[2], basis, sums.mean, stiffness, h, c, load[0], load[1]
-                )
+                p[size - 1] = _first_force(laid, seen.information, sums.mean, setup, c, load)
         elif loaded:
-            nearest_now = nearest_to(x, y, laid.cos, laid.sin, h, c, pole[0], pole[1])
+            nearest_now = nearest_to(x, y, laid.cos, laid.sin, h, c, pole.x, pole.y)
             if abs(nearest_now - c) > ANCHOR_MOVES_M:
                 again, c = True, nearest_now
                 ref_x, ref_y, p[1] = point_at(x, y, angle, h, c)
                 p[0] = 0.0
         place = Place(c, ref_x, ref_y)
         if again:
-            lay(p, rod, load, arc, place, laid, True)
+            lay(p, beam, load, arc, place, laid, True)
         if iteration == 1:  # from here on, stations count less by what is usual of all
             chi2 = weigh(seen, laid, chi2, False, sums.misfit, sums.weight)
-        chi2 = fill_equations(seen, laid, size, precision, p, sums, chi2, iteration > 0)
+        chi2 = fill_equations(seen, laid, size, prior.precision, p, sums, chi2, iteration > 0)
         known = np.isfinite(chi2) and factorise(sums.normal, size, sums.lower)
         if not known:
             break
         change = take_step(size, p, sums.lower, sums.rhs) / np.sqrt(max(chi2, 1.0))
-        lay(p, rod, load, arc, place, laid, True)
-        if iteration > 0 and change < settled:
+        lay(p, beam, load, arc, place, laid, True)
+        if iteration > 0 and change < setup.settled:
             break  # so short a step changes nothing that the equations tell
     if known:
         invert(sums.lower, size, sums.inverse)
@@ -348,26 +378,27 @@ def _turn(across, along):
 
 
 @njit(cache=True)
-def _first_force(x, y, angle, info, basis, mean, stiffness, h, c, side, friction):
+def _first_force(laid, info, mean, setup, c, load):
     """Start force from the measured directions, which are linear in it and in one start angle."""
+    x, y, angle, h = laid.x, laid.y, laid.angle, setup.spacing
     c_x, c_y, c_angle = point_at(x, y, angle, h, c)
-    fx, fy = unit_force(c_angle, side, friction)
-    rest, load, g, bend = 0.0, 0.0, 0.0, 0.0
+    fx, fy = unit_force(c_angle, load.side, load.friction)
+    rest, turn, g, bend = 0.0, 0.0, 0.0, 0.0
     n, sum_g, sum_gg, sum_d, sum_gd = 0, 0.0, 0.0, 0.0, 0.0
     for k in range(len(angle)):
         before = g
-        g = ((c_x - x[k]) * fy - (c_y - y[k]) * fx) / stiffness[k] if k * h < c else 0.0
+        g = ((c_x - x[k]) * fy - (c_y - y[k]) * fx) / setup.stiffness[k] if k * h < c else 0.0
         bent, bend = bend, 0.0
         for j in range(len(mean)):
-            bend += mean[j] * basis[k, j]
+            bend += mean[j] * setup.basis[k, j]
         if k > 0:
-            load += 0.5 * h * (g + before)
+            turn += 0.5 * h * (g + before)
             rest += 0.5 * h * (bend + bent)
         if info[k] > 0:
             d = angle[k] - rest
             n += 1
-            sum_g, sum_gg = sum_g + load, sum_gg + load * load
-            sum_d, sum_gd = sum_d + d, sum_gd + load * d
+            sum_g, sum_gg = sum_g + turn, sum_gg + turn * turn
+            sum_d, sum_gd = sum_d + d, sum_gd + turn * d
     spread = sum_gg - sum_g**2 / n
     return (sum_gd - sum_g * sum_d / n) / spread if spread > 0 else 0.0
 

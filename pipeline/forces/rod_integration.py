@@ -65,26 +65,23 @@ def laid_from(p, place):
 
 
 @njit(cache=True, fastmath=FAST, error_model="numpy")
-def lay(p, rod, load, arc, place, laid, answers):
+def lay(p, beam, load, arc, place, laid, answers):
     """Lay the rod from its place both ways, with its derivatives by all parameters if `answers`.
 
     p : offset [m] and direction [rad] at the place, rest coefficients [1/m], force [N] if loaded
-    rod : length [m], cone length [m], base rigidity [N m²]
-    load : side (0: no load) and friction
-    arc : origin, moved, h [m]. Station k is at arc length k h + origin, of which `moved` came
-        after the rest shape was measured
+    beam, load, arc, place : `Beam`, `Load`, `Arc`, `Place`
     """
-    m, loaded = len(laid.x), load[0] != 0
+    m, loaded = len(laid.x), load.side != 0
     sin, cos = np.sin(p[1]), np.cos(p[1])
     x, y = laid_from(p, place)
-    fx, fy = unit_force(p[1], load[0], load[1]) if loaded else (0.0, 0.0)
+    fx, fy = unit_force(p[1], load.side, load.friction) if loaded else (0.0, 0.0)
     pull = p[2 + N_REST] if loaded else 0.0, fx, fy
     begin = place.c, x, y, cos, sin
-    before = min(int(np.ceil(place.c / arc[2])) - 1, m - 1)
+    before = min(int(np.ceil(place.c / arc.spacing)) - 1, m - 1)
     for direction in (-1, 1):  # as a variable: one version is compiled, not two
         k, bends = (before, loaded) if direction < 0 else (before + 1, False)
         at_x, at_y, angle = _lay_one_way(
-            direction, k, p, rod, bends, pull, arc, begin, laid, answers
+            direction, k, p, beam, bends, pull, arc, begin, laid, answers
         )
         if direction < 0:
             laid.follicle[0], laid.follicle[1], laid.follicle[2] = at_x, at_y, angle
@@ -95,7 +92,7 @@ def lay(p, rod, load, arc, place, laid, answers):
 
 
 @njit(cache=True, fastmath=FAST, error_model="numpy")
-def _lay_one_way(direction, k, p, rod, bends, pull, arc, begin, laid, answers):
+def _lay_one_way(direction, k, p, beam, bends, pull, arc, begin, laid, answers):
     """Lay stations k, k + direction, …, and before station 0 the follicle; returns its pose.
 
     `bends`: the load bends the rod on this side of its place; `pull`: force [N] and its
@@ -103,12 +100,12 @@ def _lay_one_way(direction, k, p, rod, bends, pull, arc, begin, laid, answers):
     the derivatives of x, y, angle and curvature by the rest terms and the force at the end.
     """
     (force, fx, fy), (origin, moved, h), (s, start_x, start_y, cos, sin) = pull, arc, begin
-    d, middle, high, m, per_half = laid.d, laid.middle, laid.high, len(laid.x), 2 / rod[0]
+    d, middle, high, m, per_half = laid.d, laid.middle, laid.high, len(laid.x), 2 / beam.length
     at_x, at_y, theta, heading = start_x, start_y, p[1], (cos, sin)
     rest = _rest_curvature((s + origin - moved) * per_half - 1, p, high)
     d[:, :] = 0.0
     d[3, :N_REST] = high
-    soft = softness(s + origin, rod) if bends else 0.0
+    soft = softness(s + origin, beam) if bends else 0.0
     bend, slope = rest, -soft * force * (cos * fy - sin * fx)
     while -1 <= k < m:
         # past station 0 comes the follicle itself
@@ -116,18 +113,22 @@ def _lay_one_way(direction, k, p, rod, bends, pull, arc, begin, laid, answers):
         end = s + step + origin
         middle_rest = _rest_curvature((end - moved - step / 2) * per_half - 1, p, middle)
         next_rest = _rest_curvature((end - moved) * per_half - 1, p, high)
-        middle_soft = softness(end - step / 2, rod) if bends else 0.0
-        next_soft = softness(end, rod) if bends else 0.0
+        middle_soft = softness(end - step / 2, beam) if bends else 0.0
+        next_soft = softness(end, beam) if bends else 0.0
         turn, new_x, new_y, new_heading, bent, bend = _stretch(
-            step, rest, middle_rest, next_rest, soft * force, middle_soft * force,
-            next_soft * force, fx, fy, start_x - at_x, start_y - at_y, heading, bend, slope,
-        )  # fmt: skip
+            step,
+            (rest, middle_rest, next_rest),
+            (soft * force, middle_soft * force, next_soft * force),
+            (fx, fy),
+            (start_x - at_x, start_y - at_y),
+            heading,
+            bend,
+            slope,
+        )
         slope = (bend - bent) / step if step != 0 else slope  # a station may lie at the place
         if answers:
-            _advance(
-                step, heading, new_heading, next_soft, force, fx, fy, start_x - at_x - new_x,
-                start_y - at_y - new_y, high, d,
-            )  # fmt: skip
+            arm = start_x - at_x - new_x, start_y - at_y - new_y
+            _advance(step, (heading, new_heading), (next_soft, force), (fx, fy), arm, high, d)
         theta, at_x, at_y, heading = theta + turn, at_x + new_x, at_y + new_y, new_heading
         s, soft, rest = s + step, next_soft, next_rest
         if k < 0:
@@ -177,10 +178,10 @@ def polynomials(u, values):
 
 
 @njit(cache=True, fastmath=FAST, error_model="numpy", inline="always")
-def softness(s, rod):
+def softness(s, beam):
     """1/(E I(s)) [1/(N m²)]; the very tip of a full cone, which has none, is stiffened."""
-    square = (1 - s / rod[1]) ** 2
-    return 1 / (rod[2] * max(square * square, 1e-7))
+    square = (1 - s / beam.cone_length) ** 2
+    return 1 / (beam.rigidity * max(square * square, 1e-7))
 
 
 @njit(cache=True, inline="always")
@@ -197,15 +198,16 @@ def _turned(heading, turn):
 
 
 @njit(cache=True, inline="always")
-def _stretch(step, k0, k1, k2, f0, f1, f2, fx, fy, arm_x, arm_y, heading, bend, slope):
+def _stretch(step, rest, soft, push, arm, heading, bend, slope):
     """Fourth-order step of angle and place, by Simpson's rule.
 
-    k: rest curvature at start, middle, end; f: force over rigidity there; arm: from the place
-    to the contact; heading: cosine and sine; `bend` and `slope`: curvature at the start and its
-    change per length, as known so far, by which the way to middle and end is bent where the
-    lever is asked for. Returns the turn, the way made in x and y, the new heading, and the
-    curvature at start and end.
+    rest: curvature at start, middle, end; soft: force over rigidity there; push: the force's
+    direction; arm: from the place to the contact; heading: cosine and sine; `bend` and `slope`:
+    curvature at the start and its change per length, as known so far, by which the way to middle
+    and end is bent where the lever is asked for. Returns the turn, the way made in x and y, the
+    new heading, and the curvature at start and end.
     """
+    (k0, k1, k2), (f0, f1, f2), (fx, fy), (arm_x, arm_y) = rest, soft, push, arm
     half, sixth = step / 2, step / 6
     c1, s1 = heading
     lever, along, across = arm_x * fy - arm_y * fx, c1 * fy - s1 * fx, -s1 * fy - c1 * fx
@@ -223,10 +225,10 @@ def _stretch(step, k0, k1, k2, f0, f1, f2, fx, fy, arm_x, arm_y, heading, bend, 
 
 
 @njit(cache=True)
-def _advance(step, heading, new_heading, soft, force, fx, fy, arm_x, arm_y, basis, d):
+def _advance(step, headings, bends, push, arm, basis, d):
     """Second-order step of the derivatives `d` of x, y, angle and curvature."""
-    cos, sin = heading
-    new_cos, new_sin = new_heading
+    (cos, sin), (new_cos, new_sin) = headings
+    (soft, force), (fx, fy), (arm_x, arm_y) = bends, push, arm
     lever = arm_x * fy - arm_y * fx
     for q in range(N_REST + 1):
         turned = d[2, q] + 0.5 * step * d[3, q]

@@ -6,7 +6,14 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
         "inputs": ["find_inputs"],
-        "parameters": ["DEFAULTS", "KinematicsParams", "Parameters", "SceneParams"],
+        "parameters": [
+            "DEFAULTS",
+            "ContactParams",
+            "KinematicsParams",
+            "Parameters",
+            "RodParams",
+            "SceneParams",
+        ],
         "recording": ["Recording"],
         "schema": ["Settings"],
         "session_file": ["SettingsError", "read_session", "settings_from", "write_session"],

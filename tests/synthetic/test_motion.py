@@ -206,3 +206,19 @@ def test_whisking_is_whisking():
     assert 10 < peak / 4 < 20  # Hz
     assert abs(angle.mean() - 0.3) < 0.1
     assert np.ptp(angle) < 1.0
+
+
+def test_smear_is_the_way_across_the_whisker_and_none_where_it_jumps():
+    """Turned by 0.01 rad per frame about its follicle, and by 0.3 rad once: a slip."""
+    scene = Scene(hairs=(Hair(mouse_c2(), (0.0, 0.0), 2.3e-3, -9e-3),))
+    turn = 0.01 * np.arange(12.0)
+    turn[6:] += 0.3
+    still = np.full(12, 2.3e-3), np.full(12, -9e-3)
+    nowhere = np.full(12, np.nan)
+    hair = solve_motion(scene.hairs[0], *still, turn, nowhere, nowhere, 0.0, 1)
+    motion, camera = Motion(scene, [hair], nowhere, nowhere), scene.camera
+    exposed = camera.exposure_s * camera.frames_per_second
+    arc = np.linspace(0, 18e-3, len(motion.strip(0, 3)[5]))
+    for frame in (3, 5, 6, 9):
+        expected = 0.01 * arc * camera.pixels_per_m * exposed
+        np.testing.assert_allclose(motion.strip(0, frame)[5], expected, rtol=2e-2, atol=1e-6)

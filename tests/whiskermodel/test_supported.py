@@ -122,3 +122,17 @@ def test_impossible_supports_are_named():
         supported_modes(0.95, 1.0)
     with pytest.raises(ValueError, match="contact_arc_length must lie between"):
         SupportedResponse(mouse_c2(), 18e-3)
+
+
+@pytest.mark.parametrize("boundary", ["fixed", "pinned"])
+def test_finer_samples_of_the_same_force_give_the_same_loads(boundary):
+    """A force linear between coarse samples: release and all that follows are the same."""
+    coarse = np.interp(np.arange(60), [0, 7, 15, 20, 59], [0, 4e-6, 4e-6, 0, 0])
+    fine = np.interp(np.arange(4 * 59 + 1) / 4, np.arange(60), coarse)
+    response = SupportedResponse(mouse_c2(), 9e-3, boundary)
+    here, there = response.loads(coarse, DT), response.loads(fine, DT / 4)
+    assert (here.release, there.release) == (20, 80)
+    inside = np.arange(60) != here.release  # where the pole lets go its force jumps
+    np.testing.assert_allclose(here.pole_force[inside], there.pole_force[::4][inside], atol=1e-12)
+    size = np.abs(here.steady_moment).max()
+    np.testing.assert_allclose(here.moment, there.moment[::4], atol=1e-6 * size)

@@ -2,19 +2,20 @@
 
 import struct
 import sys
-from functools import partial
 
 import accuracy
 import false_contacts
 import numpy as np
 import pytest
+import wrong_settings
 from accuracy_targets import TARGETS, Target
 from benchmark_tracking import _fitted_curvature
+from over_videos import spread
 from pages import write_between
 from peer_tracker import NoPeerError, find_peer, read_whiskers
 
+from pipeline.session.session_file import settings_from
 from synthetic.presets import PRESETS
-from synthetic.session import render_session
 
 pytestmark = pytest.mark.e2e
 
@@ -81,14 +82,65 @@ def test_every_preset_with_targets_exists():
     assert set(TARGETS) <= set(PRESETS)
 
 
+def test_videos_have_seeds_of_their_own_that_the_printed_one_makes_again(tmp_path):
+    seeds = {}
+    for name in ("noisy", "h264"):
+        args = accuracy.arguments(["--presets", name, "--videos", "5", "--seed", "11"])
+        seeds[name] = [task.seed for task in accuracy.tasks_of(name, tmp_path, args)]
+        assert seeds[name] == [task.seed for task in accuracy.tasks_of(name, tmp_path, args)]
+    assert len({*seeds["noisy"], *seeds["h264"]}) == 10
+    drawn = {accuracy.arguments([]).seed for _ in range(3)}
+    assert len(drawn) == 3
+
+
+def test_intervals_resample_videos_and_not_contacts():
+    """Contacts of a video err alike: 400 contacts of 10 videos tell no more than 10 numbers do."""
+    rng = np.random.default_rng(4)
+    of_videos = rng.normal(0.0, 1.0, 10)
+    samples = [np.full(40, own) for own in of_videos]
+    found = spread(samples, np.mean, rng)
+    assert found.value == pytest.approx(of_videos.mean())
+    assert (found.least, found.most) == pytest.approx((of_videos.min(), of_videos.max()))
+    half = 1.96 * of_videos.std() / np.sqrt(10)
+    assert (found.high - found.low) / 2 == pytest.approx(half, rel=0.15)
+    assert spread([np.array([np.nan])], np.mean, rng).videos == 0
+
+
+def test_settings_are_as_wrong_as_is_stated():
+    table = {"name": "C2", "length_mm": 18.0, "cone_length_mm": 24.0, "base_radius_um": 37.0}
+    settings = settings_from(
+        {
+            "recording": {"frames_per_second": 1000.0, "pixels_per_mm": 25.0, "face": "left"},
+            "whisker": [table | {"hidden_length_mm": 1.4}],
+        },
+        "here",
+    )
+    rng = np.random.default_rng(1)
+    found = []
+    for _ in range(500):
+        wrong = wrong_settings.with_wrong_hidden_lengths(settings, rng)
+        wrong = wrong_settings.with_wrong_dimensions(wrong, rng)
+        (whisker,) = wrong.whisker
+        found.append(
+            (
+                whisker.hidden_length_mm - 1.4,
+                whisker.base_radius_um / 37 - 1,
+                whisker.cone_length_mm / 24 - 1,
+                whisker.youngs_modulus_GPa / settings.whisker[0].youngs_modulus_GPa - 1,
+                wrong.recording.pixels_per_mm / 25 - 1,
+            )
+        )
+    assert np.std(found, axis=0) == pytest.approx([0.12, 0.01, 0.02, 0.05, 0.005], rel=0.15)
+
+
 @pytest.mark.slow
-def test_accuracy_of_one_video_is_printed(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr(accuracy, "render_session", partial(render_session, frames=300))
-    status = accuracy.main(["--presets", "single", "--trials", "1", "--out", str(tmp_path)])
+def test_accuracy_of_two_videos_is_printed(tmp_path, capsys):
+    asked = ["--presets", "single", "--videos", "2", "--frames", "200", "--out", str(tmp_path)]
+    status = accuracy.main(asked)
     said = capsys.readouterr().out
     assert status in (0, 1)
     assert ("MISSED" in said) == bool(status)
-    for heading in ("Tracking", "Contacts", "Forces by `shape`", "Targets"):
+    for heading in ("Tracking", "Contacts", "Forces by `shape`", "Over videos", "Targets"):
         assert f"### {heading}" in said
     assert (tmp_path / "accuracy.csv").exists()
     assert (tmp_path / "worst.csv").exists()

@@ -8,11 +8,20 @@ name, one field each: plausible range and unit, default, meaning, and where the 
 
 from pydantic.dataclasses import dataclass
 
+from pipeline.session.parameters.contacts import ContactParams
+from pipeline.session.parameters.forces import RodParams
 from pipeline.session.parameters.kinematics import KinematicsParams
 from pipeline.session.parameters.scene import SceneParams
 from pipeline.session.quantities import TABLE
 
-__all__ = ["DEFAULTS", "KinematicsParams", "Parameters", "SceneParams"]
+__all__ = [
+    "DEFAULTS",
+    "ContactParams",
+    "KinematicsParams",
+    "Parameters",
+    "RodParams",
+    "SceneParams",
+]
 
 
 @dataclass(frozen=True, config=TABLE)
@@ -21,6 +30,8 @@ class Parameters:
 
     scene: SceneParams = SceneParams()
     kinematics: KinematicsParams = KinematicsParams()
+    forces: RodParams = RodParams()
+    contacts: ContactParams = ContactParams()
 
 
 DEFAULTS = Parameters()

@@ -34,7 +34,11 @@ def analysed(preset, trial=0, frames=500, noise_px=0.02):
     motion = make_trial(preset, 0, trial, frames).motion
     traced = traced_motion.trace(motion, noise_px=noise_px)
     touch = analysis.analyse_touch(
-        traced.frames, traced.places, traced.recording, traced.whiskers, video="test"
+        traced.frames,
+        traced.places,
+        traced.recording,
+        traced.whiskers,
+        analysis.TouchOptions(video="test"),
     )
     return traced, touch
 
@@ -345,7 +349,11 @@ def test_rows_in_any_order_and_input_unchanged():
     shuffled = traced.frames.iloc[order]
     before = shuffled.copy()
     again = analysis.analyse_touch(
-        shuffled, traced.places, traced.recording, traced.whiskers, video="test"
+        shuffled,
+        traced.places,
+        traced.recording,
+        traced.whiskers,
+        analysis.TouchOptions(video="test"),
     )
     pd.testing.assert_frame_equal(shuffled, before)
     pd.testing.assert_frame_equal(again.contacts, touch.contacts)
@@ -465,3 +473,22 @@ def test_in_contact_is_what_counting_frames_says(spans):
     touched = {(w, f) for w, on, n in spans for f in range(on, on + n)}
     expected = [(w, f) in touched for f, w in frames.itertuples(index=False)]
     np.testing.assert_array_equal(in_contact(frames, intervals), expected)
+
+
+@pytest.mark.parametrize("wrong_by_mm", [0.0, 0.45, -0.45])
+def test_a_hidden_length_that_the_bending_contradicts_is_corrected_and_flagged(wrong_by_mm):
+    """Uncorrected, 0.45 mm would move the forces by more than 10 %."""
+    traced, _ = analysed("noisy")
+    hidden = traced_motion.HIDDEN + 1e-3 * wrong_by_mm
+    places = resampled.measure_stations(
+        traced.lines, traced.recording, list(traced.whiskers.values()), [hidden], traced.pole
+    )
+    found = analysis.analyse_touch(
+        traced.frames, places, traced.recording, traced.whiskers
+    ).contacts
+    strong = (traced.true_contacts["peak_force_uN"] > 3).to_numpy()
+    error = found["peak_force_uN"] / traced.true_contacts["peak_force_uN"] - 1
+    assert np.median(np.abs(error[strong])) < 0.03
+    off = (found["peak_force_uN"] - traced.true_contacts["peak_force_uN"])[strong]
+    assert (np.abs(off) < 1.96 * found["peak_force_se_uN"][strong]).mean() > 0.9
+    assert (found["flags"].str.contains("base_contradicted") == (wrong_by_mm != 0)).all()

@@ -96,3 +96,18 @@ def test_alike_errors_are_those_of_the_peak():
     assert (at, error) == (pytest.approx(29.5, abs=0.5), pytest.approx(NOISE))
     assert value == pytest.approx(1.0, abs=BIAS)
     assert np.isnan(firm_peak(course, 0, np.full(60, np.nan))[2])
+
+
+def test_the_peak_is_where_a_force_is_surely_reached():
+    """A plateau of which the first half is seen ten times as well as the second."""
+    rng = np.random.default_rng(5)
+    errors = np.where(np.arange(100) < 50, 0.02, 0.2)
+    first = []
+    for _ in range(40):
+        at, value, _ = firm_peak(1 + errors * rng.normal(size=100), 0, errors)
+        first.append(at < 50)
+        assert value == pytest.approx(1.0, abs=0.08) or not first[-1]
+    # the largest of 50 values is 2.2 SD above the plateau: half of the time not surely so
+    assert np.mean(first) > 0.3
+    at, _, error = firm_peak(np.ones(100), 0, errors)
+    assert (at < 50, error) == (True, 0.02)

@@ -8,6 +8,7 @@ import traced_motion
 
 from pipeline.forces import arc_length_offset, forces, rest_shape
 from pipeline.kinematics import resampled
+from pipeline.session.parameters import DEFAULTS
 from synthetic.presets import make_trial
 from whiskermodel.whisker import mouse_c2
 
@@ -97,7 +98,7 @@ def test_without_touches_the_session_is_believed():
     evidence, _ = forces.measure_forces(traced.places, mouse_c2(), traced.frames, AT)
     assert evidence["origin_m"].abs().max() < 0.05e-3
     assert evidence["origin_se_m"].median() == pytest.approx(
-        arc_length_offset.HIDDEN_LENGTH_SD_M, rel=0.2
+        1e-3 * DEFAULTS.forces.hidden_length_sd_mm, rel=0.2
     )
 
 

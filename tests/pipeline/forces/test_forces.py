@@ -10,7 +10,7 @@ import traced_motion
 
 from pipeline.contacts import analysis
 from pipeline.contacts.summary import contact_table, peak_errors
-from pipeline.forces import forces
+from pipeline.forces import estimate_forces, forces
 from pipeline.kinematics import Kinematics, resampled
 from pipeline.reports.error_budget import taper_share
 from pipeline.run import forces_of, touches_of
@@ -41,7 +41,11 @@ def traced():
 def touch(traced):
     return {
         method: analysis.analyse_touch(
-            traced.frames, traced.places, RECORDING, traced.whiskers, method=method, video="v"
+            traced.frames,
+            traced.places,
+            RECORDING,
+            traced.whiskers,
+            analysis.TouchOptions(method=method, video="v"),
         )
         for method in forces.METHODS
     }
@@ -68,7 +72,11 @@ def test_noise_floor_of_free_frames(method):
     setting = make_trial("near_miss", 0, 0, 400)
     free = traced_motion.trace(setting.motion, noise_px=0.02)
     result = analysis.analyse_touch(
-        free.frames, free.places, free.recording, free.whiskers, method=method
+        free.frames,
+        free.places,
+        free.recording,
+        free.whiskers,
+        analysis.TouchOptions(method=method),
     )
     near = result.evidence["contact_m"].between(9e-3, 13e-3)
     force = 1e6 * result.evidence.loc[near, f"{method}_force_N"]
@@ -243,7 +251,11 @@ def test_still_whisker_and_one_touch(method, seed):
     """The touch turns the base by far more than the free frames ever were."""
     traced = traced_motion.trace(still_then_touch(), seed=seed, noise_px=0.02)
     touch = analysis.analyse_touch(
-        traced.frames, traced.places, RECORDING, traced.whiskers, method=method
+        traced.frames,
+        traced.places,
+        RECORDING,
+        traced.whiskers,
+        analysis.TouchOptions(method=method),
     )
     found, truth = touch.contacts, traced.true_contacts
     assert list(found["onset_frame"]) == list(truth["onset_frame"]) == [180]
@@ -348,10 +360,15 @@ def test_peak_errors(traced, touch, monkeypatch):
     n = len(traced.places)
     two_zeros = np.zeros(n), np.zeros(n)
 
-    def peaks(scale=1.0, cone=1.0):
+    def peaks(scale=1.0, cone=1.0, radius=1.0, modulus=1.0):
         recording = Recording(1000.0, 25.0 * scale, "left")
         whiskers = {
-            name: replace(each, cone_length=cone * each.cone_length)
+            name: replace(
+                each,
+                cone_length=cone * each.cone_length,
+                base_radius=radius * each.base_radius,
+                youngs_modulus=modulus * each.youngs_modulus,
+            )
             for name, each in traced.whiskers.items()
         }
         places = resampled.measure_stations(
@@ -364,8 +381,48 @@ def test_peak_errors(traced, touch, monkeypatch):
     strong = usual > 3
     by_scale = (peaks(scale=1.01) - usual)[strong]
     np.testing.assert_allclose(by_scale, budget["scale_uN_per_percent"][strong], rtol=0.15)
+    for name in ("radius", "modulus"):
+        change = (peaks(**{name: 1.01}) - usual)[strong]
+        np.testing.assert_allclose(change, budget[f"{name}_uN_per_percent"][strong], rtol=0.03)
     share = taper_share(mouse_c2().cone_length, 1e-3 * shape.contacts["contact_arc_length_mm"])
     by_cone = (peaks(cone=1.01) / usual - 1)[strong]
     np.testing.assert_allclose(by_cone, 0.01 * share[strong], rtol=0.1)
     nothing = peak_errors(shape.contacts, shape.evidence, {"C2": None})
     assert nothing["peak_force_se_uN"].isna().all()
+
+
+def test_point_force_and_its_error_follow_the_hidden_length(traced, monkeypatch):
+    """0.1 mm of hidden length moves the stiffness at 5.5 mm, and so the force, by 3 %."""
+    shift, n = 0.1e-3, len(traced.places)
+
+    def point(hidden, se):
+        for name in ("origin_from_tip", "origin_from_bending"):
+            origin = forces.arc_length_offset.Origin(np.zeros(n), np.full(n, se))
+            found = (origin, None) if name == "origin_from_tip" else origin
+            monkeypatch.setattr(forces.arc_length_offset, name, lambda *_, found=found: found)
+        places = resampled.measure_stations(
+            traced.lines, RECORDING, list(traced.whiskers.values()), [hidden], traced.pole
+        )
+        _, evidence = estimate_forces(traced.frames, places, traced.whiskers, AT)
+        return evidence["point_force_N"].to_numpy(), evidence["point_force_se_N"].to_numpy()
+
+    force, sure = point(traced_motion.HIDDEN, 0.0)
+    _, unsure = point(traced_motion.HIDDEN, shift)
+    moved, _ = point(traced_motion.HIDDEN + shift, 0.0)
+    pushed = (traced.true_frames["contact_force_uN"] > 5).to_numpy() & (force > 0)
+    by_length = np.median((np.sqrt(unsure**2 - sure**2) / force)[pushed])
+    assert by_length == pytest.approx(np.median(np.abs(moved / force - 1)[pushed]), rel=0.25)
+
+
+@pytest.mark.parametrize("method", forces.METHODS)
+def test_a_peak_has_the_standard_error_of_its_own_method(touch, method):
+    contacts, evidence = touch[method].contacts, touch[method].evidence
+    own = evidence.set_index("frame")
+    stated, expected = [], []
+    for contact in contacts.to_dict("records"):
+        part = own.loc[contact["onset_frame"] : contact["offset_frame"] - 1]
+        peak = part[f"{method}_force_N"].idxmax()
+        stated.append(contact["peak_force_se_uN"])
+        expected.append(1e6 * part.loc[peak, f"{method}_force_se_N"])
+    assert len(stated) >= 3
+    np.testing.assert_allclose(np.median(np.divide(stated, expected)), 1.0, atol=0.2)

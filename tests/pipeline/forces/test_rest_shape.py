@@ -48,7 +48,7 @@ def test_touched_frames_among_the_free_do_not_matter():
 
 def test_errors_cover_and_grow_where_nothing_was_seen():
     z, inside, outside = [], [], []
-    for seed in range(60):
+    for seed in range(40):
         rng = np.random.default_rng(seed)
         time, angle = whisking(400, rng)
         # true scatter of the rest value, changing slowly as real ones do, on top of the noise
@@ -216,3 +216,18 @@ def test_frames_clear_of_a_touch_are_free_where_none_is_far():
     assert not free_frames(distance, np.full(300, True))[touching & (distance > -0.1e-3)].any()
     always = level + rng.normal(0, 5e-6, 300)
     assert not free_frames(always, np.full(300, True)).any()
+
+
+def test_errors_of_the_drift_are_those_of_correlated_frames():
+    """Ten neighbouring frames share an error; the drift, of which there is none, scatters so."""
+    n, sd, found, stated = 5000, 0.5, [], []
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        time, angle = whisking(n, rng)
+        values = np.repeat(rng.normal(0, sd, n // 10), 10)
+        model = rest_shape.fit_rest(values, np.full(n, sd**2), angle, time, np.ones(n, bool))
+        middle = time[n // 2 : n // 2 + 1]
+        found.append(model.drift(middle)[0, 0])
+        _, cov = model.predict(np.array([model.centre]), middle)
+        stated.append((cov[0] - model.scatter - model.weights_cov[0, :, 0])[0, 0])
+    assert 0.6 < np.sqrt(np.mean(stated)) / np.std(found) < 2.5

@@ -224,6 +224,26 @@ def test_standard_errors_cover():
     )
 
 
+@pytest.mark.parametrize("side", [1, -1])
+def test_errors_of_strong_bends_are_those_of_many_draws(side):
+    """At 0.4 rad, with a rest shape known to 1 1/m: SDs and covariances of 2000 draws, ± 10 %."""
+    n, rng = 2000, np.random.default_rng(8)
+    _, places = touching(np.full(n, 0.4), side=side)
+    prior = known_rest(n, sd=1.0)
+    shapes = rng.normal(0, 1.0, (n, rod_fit.N_REST))
+    prior = replace(prior, drift=prior.drift + shapes)
+    fit = rod_fit.fit_loaded(noisy(places, rng), mouse_c2(), CURVATURE_AT, prior)
+    for load in ("moment", "axial", "lateral"):
+        found = np.std(fit["force"] * fit[f"{load}_per_force"])
+        stated = np.sqrt(np.mean(fit[f"{load}_var"]))
+        assert stated == pytest.approx(found, rel=0.1), load
+    both = np.cov(fit["gap"], fit["force"])
+    assert np.mean(fit["gap_var"]) == pytest.approx(both[0, 0], rel=0.2)
+    assert np.mean(fit["force_var"]) == pytest.approx(both[1, 1], rel=0.2)
+    limit = 0.1 * np.sqrt(both[0, 0] * both[1, 1])
+    assert np.mean(fit["gap_force_cov"]) == pytest.approx(both[0, 1], abs=limit)
+
+
 def test_uncertain_rest_shape_widens_the_error():
     _, places = touching([0.03])
     sure = rod_fit.fit_loaded(places, mouse_c2(), CURVATURE_AT, known_rest(1))

@@ -1,0 +1,135 @@
+"""What a rod is fitted to, one video row at a time, and what comes out: named parts."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+OUTPUTS = (
+    "force", "force_var", "gap", "gap_var", "gap_force_cov", "compliance", "contact",
+    "angle", "follicle_x", "follicle_y", "moment_per_force", "axial_per_force",
+    "lateral_per_force", "curvature_per_force", "lever_at_curvature", "rest_curvature",
+    "chi2", "count", "clear_gap", "clear_gap_var",
+    "moment_var", "axial_var", "lateral_var",
+    "force_by_origin", "moment_by_origin", "axial_by_origin", "lateral_by_origin",
+    "origin_pull", "origin_bend", "curvature", "curvature_var", "curvature_slope",
+    "angle_var", "base_curvature",
+)  # fmt: skip
+OUTPUT_ROW = np.dtype([(name, np.float64) for name in OUTPUTS])  # `rod_fit.ShapeFit` explains
+
+
+class Beam(NamedTuple):
+    """A cone: length and cone length [m], flexural rigidity at the base [N m²]."""
+
+    length: float
+    cone_length: float
+    rigidity: float
+
+
+class Load(NamedTuple):
+    """Side of the whisker that the pole is on (0: no load), and signed friction."""
+
+    side: float
+    friction: float
+
+
+class Arc(NamedTuple):
+    """Station k is at arc length k `spacing` + `origin` [m].
+
+    Of the origin, `moved` came after the rest shape was measured.
+    """
+
+    origin: float
+    moved: float
+    spacing: float
+
+
+class Seen(NamedTuple):
+    """Stations of one row: places [m] and information across the whisker [1/m²], 0 unseen."""
+
+    x: np.ndarray
+    y: np.ndarray
+    information: np.ndarray
+
+
+class Pole(NamedTuple):
+    """Centre and radius [m]."""
+
+    x: float
+    y: float
+    radius: float
+
+
+class Prior(NamedTuple):
+    """Rest shape of one row, as `rod_fit.RestPrior` has it, with the precision of its drift."""
+
+    weights: np.ndarray
+    drift: np.ndarray
+    centre: float
+    scale: float
+    precision: np.ndarray
+
+
+class Problem(NamedTuple):
+    """One row to be fitted."""
+
+    seen: Seen
+    arc: Arc
+    beam: Beam
+    load: Load
+    pole: Pole
+
+
+class Fitted(NamedTuple):
+    """One fitted row: parameters, their covariance, reduced χ², place, laid rod, equations."""
+
+    p: np.ndarray
+    cov: np.ndarray
+    chi2: float
+    place: tuple
+    laid: tuple
+    sums: tuple
+
+
+class Rows(NamedTuple):
+    """What differs from row to row, each with the rows first; metres."""
+
+    x: np.ndarray
+    y: np.ndarray
+    information: np.ndarray
+    origin: np.ndarray
+    moved: np.ndarray
+    side: np.ndarray
+    friction: np.ndarray
+    pole_x: np.ndarray
+    pole_y: np.ndarray
+    nearest: np.ndarray
+
+
+class Setup(NamedTuple):
+    """What all rows share.
+
+    `stiffness` (stations,) [N m²], `basis` (stations, rest terms), `taper`: radius at the base
+    [m] and its loss per length, `at`: arc length of the curvature [m], `settled`: the last step.
+    """
+
+    spacing: float
+    beam: Beam
+    stiffness: np.ndarray
+    basis: np.ndarray
+    taper: tuple
+    pole_radius: float
+    at: float
+    settled: float
+
+
+class Filled(NamedTuple):
+    """Where results go: OUTPUT_ROWs, rest shapes, their covariances, influence and misfit.
+
+    The last two have no rows where they were not asked for.
+    """
+
+    table: np.ndarray
+    rest: np.ndarray
+    rest_cov: np.ndarray
+    influence: np.ndarray
+    misfit: np.ndarray

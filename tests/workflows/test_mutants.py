@@ -1,0 +1,46 @@
+"""Changes of one line: found where they are, and written as code that still parses."""
+
+import ast
+
+import mutants
+import numpy as np
+
+CODE = '''"""Some code."""
+import numpy as np
+
+
+def f(a, b):
+    total = a + b
+    if a < 2.5:
+        return np.minimum(a, b)
+    return max(total, 1)
+'''
+
+
+def test_every_kind_of_change_is_found():
+    changes = mutants.changes_of("f.py", CODE)
+    assert {c.line: c.after.strip() for c in changes} == {
+        5: "total = a - b",
+        6: "if a < 5.0:",
+        7: "return np.maximum(a, b)",
+        8: "return min(total, 1)",
+    }
+    for change in changes:
+        lines = CODE.splitlines()
+        assert lines[change.line] == change.before
+        lines[change.line] = change.after
+        ast.parse("\n".join(lines))
+
+
+def test_random_changes_of_the_code_parse_and_change_something():
+    drawn = mutants.random_mutants(200, np.random.default_rng(0))
+    assert len(set(drawn)) == 200
+    for mutant in drawn:
+        lines = (mutants.ROOT / mutant.path).read_text("utf-8").splitlines()
+        assert lines[mutant.line] == mutant.before != mutant.after
+        lines[mutant.line] = mutant.after
+        ast.parse("\n".join(lines))
+
+
+def test_named_changes_are_lines_of_the_code():
+    assert len(mutants.named_mutants()) == len(mutants.NAMED)
