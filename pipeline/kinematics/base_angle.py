@@ -29,7 +29,9 @@ FEWEST_ROWS = 12  # that tell what is usual
 LEARNING_ROWS = 400
 PASSES = 30  # of expectation–maximisation
 LEAST_SUDDEN = 0.05  # of the noise changes at once, whatever the video seems to say
-MOST_STAYS = 0.99  # of what lasts, from one frame to the next
+LAGS = (2, 4)  # frames: what is alike over these lasts; noise may be alike in neighbours
+STAYS = (0.9, 0.99)  # of what lasts, from one frame to the next
+LEAST_TRUE = 0.1  # of the spread is true, whatever lasts
 JUMP_SD = 10.0  # a change by more than so many standard errors is no drift
 FREEDOM = 5.0  # of Student's t: rows that are farther off tell less of what is usual
 LEAST_SWING = 0.1  # rad: in less, nothing tells how the bend goes with the angle
@@ -232,23 +234,33 @@ def _channel(seen, noise, true, frame):
 
     Seen is the true value, an error that lasts and an error of the moment. The first two change
     as slowly as the channel is seen to, and what they have in common is shared out between them.
+    What is left includes the error of the usual, which is a mean of all rows.
     """
-    lasting, stays = _lasting(seen, frame)
     typical = np.median(noise)
-    wrong = np.clip(lasting - true, 0.0, (1 - LEAST_SUDDEN) * typical)
-    part, sudden = true / (true + wrong), noise * (1 - wrong / typical)
+    lasting, stays = _lasting(seen, frame)
+    if np.isfinite(lasting):
+        moment = max(_variance(seen) - lasting, 0.0)
+        true = np.clip(lasting, LEAST_TRUE * true, true)
+        wrong = np.clip(lasting - true, 0.0, (1 - LEAST_SUDDEN) * typical)
+    else:
+        wrong = moment = 0.0
+    part, sudden = true / (true + wrong), noise * max(1 - wrong / typical, moment / typical)
     slow, left = _smooth(seen, sudden, true + wrong, stays, np.asarray(frame, float))
-    return part * slow, part**2 * left + true * (1 - part)
+    of_usual = (np.median(sudden) + (true + wrong) * (1 + stays) / (1 - stays)) / len(seen)
+    return part * slow, part**2 * left + true * (1 - part) + of_usual
 
 
 def _lasting(seen, frame):
-    """Variance of what lasts from one frame to the next, and the part of it that stays."""
-    one, two = (_covariance(seen, frame, lag) for lag in (1, 2))
-    if not one > 0:  # or not known
-        return 0.0, 0.0
-    if not 0 < two < MOST_STAYS * one:
-        return one, MOST_STAYS
-    return one**2 / two, two / one
+    """Variance of what lasts for more than a few frames, and the part that stays in each frame.
+
+    NaN and 0 where too few frames follow each other.
+    """
+    early, late = (_covariance(seen, frame, lag) for lag in LAGS)
+    if np.isnan(early + late):
+        return np.nan, 0.0
+    share = max(late, 0.0) / early if early > 0 else 0.0
+    stays = np.clip(share ** (1 / (LAGS[1] - LAGS[0])), *STAYS)
+    return max(early, 0.0) / stays ** LAGS[0], stays
 
 
 def _covariance(seen, frame, lag):
