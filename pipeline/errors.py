@@ -36,3 +36,16 @@ class CorrectionsError(ValueError):
 
 class InputError(ValueError):
     """Unusable arguments; the message names them and says what to do."""
+
+
+def why(error: OSError) -> str:
+    """What the system says is wrong, in words and without its number.
+
+    >>> why(FileExistsError(17, "File exists", "notes.txt"))
+    'notes.txt is a file, not a folder'
+    """
+    place = f"{error.filename}" if error.filename is not None else ""
+    if isinstance(error, (FileExistsError, NotADirectoryError)):
+        return f"{place} is a file, not a folder".strip()
+    words = error.strerror or str(error)
+    return f"{place}: {words}" if place else words

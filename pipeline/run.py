@@ -12,7 +12,7 @@ from pipeline.forces import estimate_forces
 from pipeline.identity import assign_identities
 from pipeline.kinematics import Kinematics, KinematicsMeter, given_lines, locate_follicles
 from pipeline.messages import line_messages, messages
-from pipeline.runtime import Clock, Counted
+from pipeline.runtime import Clock, Counted, Step
 from pipeline.scene import face_side_of, find_scenes, pole_track, survey
 from pipeline.session import DEFAULTS, Settings
 from pipeline.tables import Centrelines
@@ -65,7 +65,7 @@ def analyse(
     settings : the session's settings
     keep : called with the centrelines (`tables.Centrelines`) of some hundred frames at a time,
         to store them: they are not held together in memory
-    progress : called with (frames done, frames expected), often
+    progress : called with a `runtime.Step` at the start of each stage, and with every frame
     corrections : table of a person's corrections (`pipeline.contacts.corrections`)
     threads : for decoding; 0: as the codec thinks best
 
@@ -74,17 +74,21 @@ def analyse(
     VideoError
         If the video cannot be read to its end.
     """
-    clock = Clock()
+    clock, say = Clock(), progress or (lambda step: None)
     with open_video(path, threads) as video:
         with clock("scene"):
+            say(Step("scene"))
             seen, epochs = look_at(video, settings)
         with clock("roster"):
+            say(Step("whiskers"))
             cast = find_cast(*seen.sample(roster_frames(settings)), epochs, settings)
             epochs = behind_whiskers(epochs, cast.roster, settings.recording.pixels_per_mm)
-        kinematics = follow(video, epochs, cast, settings, clock, keep, progress)
+        kinematics = follow(video, epochs, cast, settings, clock, keep, say)
     with clock("forces"):
+        say(Step("forces"))
         frames, evidence = forces_of(kinematics, settings)
     with clock("contacts"):
+        say(Step("contacts"))
         touch = touches_of(kinematics, frames, evidence, settings, corrections)
     notes = messages(settings, touch, video, epochs, kinematics)
     return _analysis(kinematics, touch, notes, clock)
@@ -139,14 +143,15 @@ def look_at(video, settings):
     return seen, find_scenes(video, recording, pole.diameter, pole.position_px, seen, params)
 
 
-def follow(video, epochs, cast, settings, clock, keep=None, progress=None) -> Kinematics:
+def follow(video, epochs, cast, settings, clock, keep=None, say=lambda step: None) -> Kinematics:
     """Follow the whiskers through all frames, and measure angle, curvature, distance to the pole.
 
     Frames, lines and measurements pass through in chunks, so that memory does not grow with the
     length of the video.
     """
     recording, params = settings.recording.si(), settings.advanced.kinematics
-    frames = Counted(clock.each("decoding", video.watched()), video.n_frames, progress)
+    decoded = clock.each("decoding", video.watched())
+    frames = Counted(decoded, video.n_frames, lambda *done: say(Step("following", *done)))
     options, open_ended = tracing_options(settings), not settings.whisker
     lines = trace(frames, epochs, list(cast.roster), options, CHUNK_FRAMES, open_ended, params)
     at = settings.analysis.curvature_at

@@ -8,6 +8,7 @@ from time import perf_counter
 import numpy as np
 import pandas as pd
 
+from pipeline.runtime.progress import Step
 from pipeline.runtime.workers import run_tasks
 from pipeline.session.session_file import read_session, settings_from, write_session
 from pipeline.tables.files import read_json, write_json, write_text
@@ -43,7 +44,7 @@ def render_session(
     seed : int
     trials : how many videos; None: as many as show all that the preset has
     jobs : processes; the result does not depend on it
-    progress : called with (done, total, path of the video) after each video
+    progress : called with each `Event` of `pipeline.runtime.workers`; its messages are `Step`
     frames : of each video (`fig3` takes what its touches need)
     first : number of the first trial: side of the pole, direction and kind follow the number
 
@@ -65,7 +66,7 @@ def render_session(
     out_dir.mkdir(parents=True, exist_ok=True)
     numbers = range(first, first + trials)
     tasks = [(out_dir, preset, seed, trial, frames, first) for trial in numbers]
-    paths, faults = _render_all(tasks, jobs, progress or (lambda *_: None))
+    paths, faults = _render_all(tasks, jobs, progress or (lambda event: None))
     _write_all_contacts(out_dir, sorted(p.stem for p in paths))
     for folder in {path.parent for path in paths}:
         stems = [path.stem for path in paths if path.parent == folder]
@@ -107,23 +108,24 @@ def _render_all(tasks, jobs, progress):
     def take(event):
         if event.kind == "done":
             paths.append(event.value)
-            progress(len(paths), len(tasks), event.value)
         elif event.kind == "died":
             faults[event.task] = event.value.strip().splitlines()[-1]
+        progress(event)
 
     run_tasks(_render_task, tasks, take, jobs)
     return sorted(paths), faults
 
 
 def _render_task(task, report):
-    return render_trial(*task)
+    return render_trial(*task, report)
 
 
-def render_trial(out_dir, preset, seed, trial, frames=1000, first=0) -> Path:
+def render_trial(out_dir, preset, seed, trial, frames=1000, first=0, report=None) -> Path:
     """Render one trial with its truth unless both are there; returns the path of its video.
 
     The first trial of a sub-folder writes the session.toml; its hidden lengths are settled when
-    all trials are there. scene.json says how many `seconds` each stage took.
+    all trials are there. scene.json says how many `seconds` each stage took. `report` is called
+    with a `Step` at the start of the motion, and for every frame that is drawn.
     """
     out_dir = Path(out_dir)
     group, stem = trial_place(preset, seed, trial)
@@ -138,7 +140,8 @@ def render_trial(out_dir, preset, seed, trial, frames=1000, first=0) -> Path:
         and (folder / known["video"]).exists()
     ):
         return folder / known["video"]
-    seconds = dict.fromkeys(STAGES, 0.0)
+    seconds, say = dict.fromkeys(STAGES, 0.0), report or (lambda step: None)
+    say(Step("motion"))
     with _timed(seconds, "motion"):
         made = make_trial(preset, seed, trial, frames)
     with _timed(seconds, "drawing"):
@@ -150,7 +153,7 @@ def render_trial(out_dir, preset, seed, trial, frames=1000, first=0) -> Path:
         write_truth(truth, made.motion, renderer, stem, 1e-3 * _CURVATURE_AT_MM)
     video = folder / f"{stem}{video_suffix(made.scene.codec)}"
     with _timed(seconds, "encoding"):
-        write_video(video, _timed_frames(renderer, seconds), made.scene.codec)
+        write_video(video, _timed_frames(renderer, seconds, say), made.scene.codec)
     seconds["encoding"] -= seconds["drawing_frames"] + seconds["noise"]
     seconds["drawing"] += seconds.pop("drawing_frames")
     # written last: without it the trial does not count as done
@@ -167,13 +170,14 @@ def _timed(seconds, stage):
     seconds[stage] = seconds.get(stage, 0.0) + perf_counter() - started
 
 
-def _timed_frames(renderer, seconds):
+def _timed_frames(renderer, seconds, say):
     """Yield the frames one after another."""
     for i in range(len(renderer)):
         with _timed(seconds, "drawing_frames"):
             light = renderer.light(i)
         with _timed(seconds, "noise"):
             frame = renderer.expose(light, i)
+        say(Step("drawing", i + 1, len(renderer)))
         yield frame
 
 

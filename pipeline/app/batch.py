@@ -5,6 +5,7 @@ import os
 import platform
 import sys
 import time
+import traceback
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
@@ -22,8 +23,10 @@ from pipeline.app.outcome import (
     kept_outcome,
     save_state,
 )
-from pipeline.errors import InputError
+from pipeline.errors import InputError, why
 from pipeline.runtime.folder_lock import locked
+from pipeline.runtime.progress import Progress, Step, duration
+from pipeline.runtime.run_log import RunLog
 from pipeline.runtime.workers import run_tasks
 from pipeline.scene import pole_runs
 from pipeline.session.inputs import (
@@ -41,6 +44,14 @@ from pipeline.tables import centrelines, files
 from pipeline.tables.columns import CONTACT_COLUMNS, VIDEO_COLUMNS
 from pipeline.tables.result_exchange import OVERLAYS, READY, draft, settle, settle_all
 from pipeline.tables.run_record import recorded_path
+
+# What a video goes through, and the time that each takes, beside that of following its whiskers
+STAGES = {
+    "scene": 0.2, "whiskers": 0.4, "following": 1.0, "forces": 0.2, "contacts": 0.2,
+    "tables": 0.05, "overlay": 1.2,
+}  # fmt: skip
+COUNTED = "following"
+AFTER = {"figures": 400, "report": 600}  # with the frames that are processed in such a time
 
 
 def analyse_video(task, keep, report, corrections):
@@ -92,6 +103,7 @@ class Summary:
     seconds: float
     interrupted: bool = False
     lost: tuple[str, ...] = ()
+    problems: tuple[str, ...] = ()  # of figures and report
 
     @property
     def copies(self) -> tuple[tuple[str, ...], ...]:
@@ -106,6 +118,18 @@ class Summary:
         """Outcomes of one status."""
         return [each for each in self.outcomes if each.status == status]
 
+    def line(self) -> str:
+        """What it did, in one line."""
+        count, frames = len(self.outcomes), sum(each.frames for each in self.outcomes)
+        contacts = sum(each.contacts for each in self.outcomes)
+        return (
+            f"{count} video{'' if count == 1 else 's'}: {len(self.of('done'))} done, "
+            f"{len(self.of('warning'))} with a warning, {len(self.of('failed'))} failed"
+            + (f" ({self.skipped} finished before)" if self.skipped else "")
+            + f"; {frames} frames, {contacts} contacts, in {duration(self.seconds)}"
+            + ("; interrupted" if self.interrupted else "")
+        )
+
 
 def run(
     paths, out, config=None, jobs=1, overwrite=False, overlay=False, progress=None, source=VIDEOS
@@ -113,8 +137,9 @@ def run(
     """Process videos and folders of videos into the results folder `out`; return a `Summary`.
 
     Videos whose results are there, from the same input, settings and version, are not
-    processed again unless `overwrite`. `progress(names)` returns a
-    `pipeline.runtime.progress.Progress`. Another `source` than videos are files of other programs.
+    processed again unless `overwrite`. Figures and report are made of all. `progress` makes a
+    `pipeline.runtime.Progress` of the same arguments. Another `source` than videos are files of
+    other programs.
 
     Raises
     ------
@@ -124,6 +149,7 @@ def run(
     started = time.monotonic()
     out = Path(out)
     inputs = source.find(paths, out)
+    _check_inputs(inputs)
     settings = settings_of(inputs, config)
     _make_folder(out)
     with locked(out):
@@ -136,15 +162,20 @@ def run(
         due = [t for t in tasks if not t.finished or (overlay and not has_overlay(t.folder))]
         skipped = [t for t in tasks if t not in due]
         outcomes |= {t.folder.name: t.finished for t in skipped}
-        interrupted = _process(due, outcomes, jobs, progress)
-        outcomes |= _left(due, outcomes)
-        ordered = [outcomes[name] for name in names.values() if name in outcomes]
-        others, lost = _without_lost(_earlier(out, set(names.values())), paths)
-        seconds = time.monotonic() - started
-        every = (*ordered, *others)
-        summary = Summary(out, every, len(skipped), seconds, interrupted, tuple(lost))
-        _write_session(out, list(settings.values()), config)
-        _write_tables(summary, jobs)
+        log = RunLog(out)
+        log.write(_begun(inputs, due))
+        with _shown(due, progress) as shown:
+            interrupted = _process(due, outcomes, jobs, shown, log)
+            outcomes |= _left(due, outcomes)
+            ordered = [outcomes[name] for name in names.values() if name in outcomes]
+            others, lost = _without_lost(_earlier(out, set(names.values())), paths)
+            seconds = time.monotonic() - started
+            every = (*ordered, *others)
+            summary = Summary(out, every, len(skipped), seconds, interrupted, tuple(lost))
+            _write_session(out, list(settings.values()), config)
+            _write_tables(summary, jobs)
+            summary = replace(summary, problems=tuple(_write_pictures(summary, shown, log)))
+        log.write(f"ended: {summary.line()}")
     return summary
 
 
@@ -172,11 +203,19 @@ def _left(tasks, outcomes) -> dict:
     return {task.folder.name: outcome for task in left if (outcome := _interrupted(task))}
 
 
+def _check_inputs(inputs):
+    """There is a video, or at least a file, to be processed: not only folders without any."""
+    if all(each.fault and each.path.is_dir() for each in inputs):
+        raise InputError("\n".join(f"{readable(each.path)}: {each.fault}" for each in inputs))
+
+
 def _make_folder(out):
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise InputError(f"--out {out}: cannot write there ({error}); choose a folder") from None
+        raise InputError(
+            f"--out {out}: cannot write there ({why(error)}); choose another folder"
+        ) from None
 
 
 def _check_folder(out):
@@ -189,31 +228,66 @@ def _check_folder(out):
             temporary.write_text("")
         (out / "videos.csv.try").unlink()
     except OSError as error:
-        raise InputError(f"--out {out}: cannot write there ({error}); choose a folder") from None
+        raise InputError(
+            f"--out {out}: cannot write there ({why(error)}); choose another folder"
+        ) from None
 
 
-def _process(tasks, outcomes, jobs, progress) -> bool:
+def _shown(tasks, progress):
+    """A `Progress` of the tasks, whose stages are those that they go through."""
+    stages = {name: each for name, each in STAGES.items() if name != "overlay"}
+    if any(task.overlay for task in tasks):
+        stages = STAGES
+    names = [task.folder.name for task in tasks]
+    return (progress or Progress)(names, stages, COUNTED, AFTER)
+
+
+def _begun(inputs, due) -> str:
+    """The first lines of a run in its log."""
+    command = " ".join(["whiskerforce", *(readable(argument) for argument in sys.argv[1:])])
+    return (
+        f"{command}\nwhiskerforce {__version__}, Python {platform.python_version()}, "
+        f"{platform.platform()}\n{len(inputs)} inputs, {len(due)} to be processed"
+    )
+
+
+def _process(tasks, outcomes, jobs, shown, log) -> bool:
     """Run the tasks and put their outcomes in; True if the user interrupted."""
-    from pipeline.runtime.progress import Progress
-
     if jobs == 1 or len(tasks) == 1:
         tasks = [replace(task, threads=0) for task in tasks]
     names = [task.folder.name for task in tasks]
-    with (progress or Progress)(names) as shown:
 
-        def take(event):
-            if event.kind == "died":
-                event = replace(event, kind="done", value=_died(tasks[event.task], event.value))
-            if event.kind == "done":
-                event = replace(event, value=_settled(tasks[event.task], event.value))
-                outcomes[names[event.task]] = event.value
-            shown.receive(event)
+    def take(event):
+        if event.kind == "died":
+            event = replace(event, kind="done", value=_died(tasks[event.task], event.value))
+        if event.kind == "done":
+            event = replace(event, value=_settled(tasks[event.task], event.value))
+            outcomes[names[event.task]] = event.value
+        log.record(event, names)
+        shown.receive(event)
 
-        try:
-            run_tasks(process_video, tasks, take, jobs)
-        except KeyboardInterrupt:
-            return True
+    try:
+        run_tasks(process_video, tasks, take, jobs)
+    except KeyboardInterrupt:
+        log.write("interrupted")
+        return True
     return False
+
+
+def _write_pictures(summary, shown, log):
+    """Figures and report from the tables; a fault there leaves the tables as they are."""
+    from pipeline.reports import figures, report
+
+    if not any(each.frames for each in summary.outcomes):
+        return
+    for what, write in (("figures", figures.write_fig3), ("report", report.write_report)):
+        shown.doing(what)
+        log.write(f"{what}: started")
+        try:
+            write(summary.out)
+        except Exception as error:
+            log.write(traceback.format_exc())
+            yield f"the {what} could not be made ({type(error).__name__}: {error})"
 
 
 # --- one video ---------------------------------------------------------------------------
@@ -222,20 +296,24 @@ def _process(tasks, outcomes, jobs, progress) -> bool:
 def process_video(task: Task, report=None) -> Outcome:
     """Analyse one video and save its results; a failure is an outcome, not an exception.
 
-    `report((frames done, frames))` is called now and then. The new results are ready then, not
+    `report` is called with a `Step`, often. The new results are ready then, not
     in their place: see `result_exchange`.
     """
     from pipeline.errors import CorrectionsError, VideoError
 
     try:
         if task.finished:
-            return _with_overlay(task, task.finished, task.folder)
+            return _with_overlay(task, task.finished, task.folder, report)
         settle(task.folder)
         outcome = _analyse_and_save(task, report)
-        return _with_overlay(task, outcome, task.folder / READY) if task.overlay else outcome
+        if not task.overlay:
+            return outcome
+        return _with_overlay(task, outcome, task.folder / READY, report)
     except VideoError as error:
         return _failed(task, error.problem)
-    except (OSError, CorrectionsError, InputError) as error:
+    except OSError as error:
+        return _failed(task, why(error))
+    except (CorrectionsError, InputError) as error:
         return _failed(task, str(error))
 
 
@@ -250,6 +328,8 @@ def _analyse_and_save(task, report) -> Outcome:
     with draft(task.folder) as new:
         with centrelines.centreline_file(new / "centrelines.parquet") as keep:
             analysis = task.analyse(task, keep, report, corrections)
+        if report:
+            report(Step("tables"))
         contacts = analysis.contacts.assign(video=task.folder.name)
         files.write_frames(new / "frames.parquet", analysis.frames)
         files.write_csv(new / "contacts.csv", contacts, CONTACT_COLUMNS)
@@ -283,12 +363,13 @@ def has_overlay(folder) -> bool:
     return any(folder.glob(OVERLAYS))
 
 
-def _with_overlay(task, outcome, folder) -> Outcome:
+def _with_overlay(task, outcome, folder, report=None) -> Outcome:
     """Draw the overlay of the results in `folder`; a fault there leaves the tables as they are."""
     from pipeline.reports.overlay import write_overlay
 
+    say = report or (lambda step: None)
     try:
-        write_overlay(task.path, folder, task.settings)
+        write_overlay(task.path, folder, task.settings, lambda *done: say(Step("overlay", *done)))
     except Exception as error:
         reason = " ".join(f"{type(error).__name__}: {error}".split())
         return _warned(outcome, f"the overlay could not be drawn ({reason}); all tables are there")
@@ -316,7 +397,8 @@ def _settled(task, outcome) -> Outcome:
         settle(task.folder)
     except OSError as error:
         return _failed(
-            task, f"its new results are whole but cannot replace the old ones ({error}): run again"
+            task,
+            f"its new results are whole but cannot replace the old ones ({why(error)}): run again",
         )
     return outcome
 

@@ -5,6 +5,7 @@ Exit status: 0 all done; 1 some videos failed; 2 unusable arguments or settings.
 
 import gc
 import os
+import shlex
 import signal
 import sys
 import traceback
@@ -42,9 +43,15 @@ def _show_version(wanted: bool):
 @app.callback()
 def _options(
     version: Annotated[
-        bool, typer.Option("--version", callback=_show_version, is_eager=True, help="Print it.")
+        bool,
+        typer.Option(
+            "--version", callback=_show_version, is_eager=True, help="Print the version and end."
+        ),
     ] = False,
-    debug: Annotated[bool, typer.Option("--debug", help="Show tracebacks.")] = False,
+    debug: Annotated[
+        bool,
+        typer.Option("--debug", help="Show where in the program an error came from (traceback)."),
+    ] = False,
 ):
     pass
 
@@ -56,11 +63,21 @@ def _cores() -> int:
     return os.cpu_count() or 1
 
 
-Out = Annotated[Path, typer.Option("--out", help="Folder for the results.")]
-Jobs = Annotated[
-    int | None, typer.Option("--jobs", min=1, help="Processes at once.  [default: all cores]")
+Out = Annotated[
+    Path, typer.Option("--out", help="Folder to write into; made where it is missing.")
 ]
-Debug = Annotated[bool, typer.Option("--debug", help="Show tracebacks.")]
+Jobs = Annotated[
+    int | None,
+    typer.Option(
+        "--jobs", min=1, help="Number of processes that work at once.  [default: one per core]"
+    ),
+]
+Quiet = Annotated[
+    bool, typer.Option("--quiet", help="Print only warnings and failures; no progress.")
+]
+Debug = Annotated[
+    bool, typer.Option("--debug", help="Show where in the program an error came from (traceback).")
+]
 
 
 @app.command()
@@ -71,15 +88,17 @@ def run(
     out: Out,
     config: Annotated[
         Path | None,
-        typer.Option(help="Settings.  [default: the session.toml beside the videos]"),
+        typer.Option(help="Settings file to use.  [default: the session.toml beside the videos]"),
     ] = None,
     jobs: Jobs = None,
     overwrite: Annotated[
-        bool, typer.Option("--overwrite", help="Process finished videos again.")
+        bool, typer.Option("--overwrite", help="Process all videos again, the finished ones too.")
     ] = False,
     overlay: Annotated[
-        bool, typer.Option("--overlay", help="Also write videos with the findings drawn in.")
+        bool,
+        typer.Option("--overlay", help="Write each video once more, with the findings drawn in."),
     ] = False,
+    quiet: Quiet = False,
     debug: Debug = False,
 ):
     """Turn videos into tables, figures and a report.
@@ -89,19 +108,20 @@ def run(
     from pipeline.app import batch
 
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # end as with Ctrl-C
-    summary = batch.run(paths, out, config, jobs or _cores(), overwrite, overlay, _progress_of_run)
-    _finish_run(summary, debug)
+    jobs, shown = jobs or _cores(), None if quiet else _progress
+    summary = batch.run(paths, out, config, jobs, overwrite, overlay, shown)
+    _finish_run(summary, debug, _say_nothing if quiet else _say)
 
 
-def _progress_of_run(names):
-    """A bar on a terminal, plain lines elsewhere."""
+def _progress(*what):
+    """A bar on a terminal, plain lines elsewhere; `what` as of `pipeline.runtime.Progress`."""
     from pipeline.runtime import progress
 
     if not sys.stdout.isatty():
-        return progress.Lines(names, _say)
+        return progress.Lines(*what, write=_say)
     from rich.console import Console
 
-    return progress.Bar(names, Console())
+    return progress.Bar(*what, console=Console())
 
 
 def _say(line: str):
@@ -109,23 +129,27 @@ def _say(line: str):
     sys.stdout.flush()
 
 
-def _finish_run(summary, debug):
-    """Print a summary, failures last, and exit with the status."""
-    from pipeline.runtime.progress import duration
+def _say_nothing(line: str):
+    pass
 
-    for problem in _write_pictures(summary, debug):
-        _say(problem)
-    frames = sum(each.frames for each in summary.outcomes)
-    contacts = sum(each.contacts for each in summary.outcomes)
+
+def _finish_run(summary, debug, say):
+    """Say what came of it, failures last, and leave with the exit status."""
+    say(summary.line())
+    for name, path in (("report", "report.html"), ("contacts", "contacts.csv")):
+        if (summary.out / path).is_file():
+            say(f"{name}: {(summary.out / path).resolve()}")
+    overlays = sorted(summary.out.glob("*/overlay.*"))
+    if overlays:
+        more = f" and {len(overlays) - 1} more" if len(overlays) > 1 else ""
+        say(f"overlay: {overlays[0].resolve()}{more}")
+    if any(each.contacts for each in summary.outcomes):
+        say(
+            f"next: look at the report, then `whiskerforce curate {shlex.quote(str(summary.out))}`"
+        )
+    for problem in summary.problems:
+        _say(f"warning: {problem}")
     failed = summary.of("failed")
-    count = len(summary.outcomes)
-    _say(
-        f"{count} video{'' if count == 1 else 's'}: {len(summary.of('done'))} done, "
-        f"{len(summary.of('warning'))} with a warning, {len(failed)} failed"
-        + (f" ({summary.skipped} finished before)" if summary.skipped else "")
-        + f"; {frames} frames, {contacts} contacts, in {duration(summary.seconds)}"
-    )
-    _say(f"results: {summary.out}" + (", report: report.html there" if frames else ""))
     for names in summary.copies:
         _say(f"warning: {' and '.join(names)} are the same video: its contacts count twice")
     if summary.lost:
@@ -145,27 +169,11 @@ def _finish_run(summary, debug):
     raise typer.Exit(FAILED if failed else 0)
 
 
-def _write_pictures(summary, debug):
-    """Figures and report from the tables; a fault there leaves the tables as they are."""
-    from pipeline.reports.figures import write_fig3
-    from pipeline.reports.report import write_report
-
-    if not any(each.frames for each in summary.outcomes):
-        return
-    for what, write in (("figures", write_fig3), ("report", write_report)):
-        try:
-            write(summary.out)
-        except Exception as error:
-            if debug:
-                raise
-            yield f"warning: the {what} could not be made ({type(error).__name__}: {error})"
-
-
 @app.command()
 def init(
-    folder: Annotated[Path, typer.Argument(help="Folder of videos.")],
+    folder: Annotated[Path, typer.Argument(help="Folder with the videos.")],
     overwrite: Annotated[
-        bool, typer.Option("--overwrite", help="Replace a session.toml that is there.")
+        bool, typer.Option("--overwrite", help="Replace the session.toml that is there.")
     ] = False,
     debug: Debug = False,
 ):
@@ -175,49 +183,72 @@ def init(
     """
     from pipeline.app.init import init_folder
 
-    for line in init_folder(folder, overwrite):
+    for line in init_folder(folder, overwrite, _say):
         _say(line)
 
 
 @app.command()
 def demo(
-    out: Annotated[Path, typer.Option("--out", help="Folder to work in.")] = Path(
-        "whiskerforce-demo"
-    ),
+    out: Annotated[
+        Path,
+        typer.Option("--out", help="Folder for videos and results; made where it is missing."),
+    ] = Path("whiskerforce-demo"),
     jobs: Jobs = None,
     debug: Debug = False,
 ):
     """Render a small session, process it, compare with its truth."""
     from pipeline.app.demo import run_demo
 
-    raise typer.Exit(FAILED if run_demo(out, jobs or _cores(), _progress_of_run, _say) else 0)
+    raise typer.Exit(FAILED if run_demo(out, jobs or _cores(), _progress, _say) else 0)
 
 
 @app.command()
 def synth(
-    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Where to put the videos.")],
-    preset: Annotated[str, typer.Option(help="What to render; a wrong one lists them all.")],
-    seed: Annotated[int, typer.Option(min=0, help="Of the random numbers.")] = 0,
+    folder: Annotated[
+        Path,
+        typer.Argument(metavar="DIR", help="Folder for the videos; made where it is missing."),
+    ],
+    preset: Annotated[
+        str, typer.Option(help="Name of what to render; `--preset list` lists the names.")
+    ],
+    seed: Annotated[
+        int,
+        typer.Option(
+            min=0, help="Seed of the random numbers: the same seed renders the same videos."
+        ),
+    ] = 0,
     trials: Annotated[
-        int | None, typer.Option(min=1, help="Number of videos.  [default: by preset]")
+        int | None,
+        typer.Option(
+            min=1, help="Number of videos to render.  [default: as many as the preset has]"
+        ),
     ] = None,
     jobs: Jobs = None,
+    quiet: Quiet = False,
     debug: Debug = False,
 ):
     """Render videos with known truth.
 
     With them come session.toml and truth tables of the same columns as the results.
     """
-    from pipeline.app.demo import render
+    from pipeline.app.demo import preset_lines, render
 
-    render(folder, preset, seed, trials, jobs or _cores(), _say)
+    if preset == "list":
+        for line in preset_lines():
+            _say(line)
+        return
+    shown, say = (None, _say_nothing) if quiet else (_progress, _say)
+    render(folder, preset, seed, trials, jobs or _cores(), shown, say)
 
 
 @app.command()
 def figures(
     results: Annotated[Path, typer.Argument(help="Results folder of `whiskerforce run`.")],
     truth: Annotated[
-        Path | None, typer.Option(help="Truth folder of `synth`, to put beside the results.")
+        Path | None,
+        typer.Option(
+            help="Folder of true tables, written by `synth`, to compare the results with."
+        ),
     ] = None,
     video: Annotated[
         str | None, typer.Option(help="Name of the video that panels a and b show.")
@@ -246,8 +277,10 @@ def figures(
 @app.command()
 def curate(
     results: Annotated[Path, typer.Argument(help="Results folder of `whiskerforce run`.")],
-    port: Annotated[int, typer.Option(min=0, help="Of the page; 0: any free one.")] = 0,
-    browser: Annotated[bool, typer.Option(help="Open the page in the browser.")] = True,
+    port: Annotated[
+        int, typer.Option(min=0, help="Port that the page is served at; 0 takes any that is free.")
+    ] = 0,
+    browser: Annotated[bool, typer.Option(help="Open the page in the browser at once.")] = True,
     debug: Debug = False,
 ):
     """Correct contacts in the browser."""
@@ -308,8 +341,10 @@ def _is_unusable(error) -> bool:
 
 
 def _explain(error) -> str:
+    from pipeline.errors import why
+
     if _is_unusable(error):
-        return f"error: {error}"
+        return f"error: {why(error) if isinstance(error, OSError) else error}"
     return f"error: {type(error).__name__}: {error} (a fault of the program; --debug shows where)"
 
 

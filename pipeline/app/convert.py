@@ -21,12 +21,18 @@ Paths = Annotated[list[Path], typer.Argument(metavar="PATH...", help="Files, or 
 Results = Annotated[Path, typer.Argument(help="Results folder of `whiskerforce run`.")]
 Out = Annotated[Path, typer.Option("--out", help="Folder to write into.")]
 Config = Annotated[
-    Path | None, typer.Option(help="Settings.  [default: the session.toml beside the files]")
+    Path | None,
+    typer.Option(help="Settings file to use.  [default: the session.toml beside the files]"),
 ]
 Jobs = Annotated[
-    int | None, typer.Option("--jobs", min=1, help="Processes at once.  [default: all cores]")
+    int | None,
+    typer.Option(
+        "--jobs", min=1, help="Number of processes that work at once.  [default: one per core]"
+    ),
 ]
-Debug = Annotated[bool, typer.Option("--debug", help="Show tracebacks.")]
+Debug = Annotated[
+    bool, typer.Option("--debug", help="Show where in the program an error came from (traceback).")
+]
 Names = Annotated[
     str,
     typer.Option(
@@ -126,9 +132,9 @@ def _import(program, read, options):
 
     paths, out, config, jobs, debug = options
     source = batch.Source(partial(_find, program=program), partial(_analyse, read=read))
-    progress = cli._progress_of_run
-    jobs = jobs or cli._cores()
-    cli._finish_run(batch.run(paths, out, config, jobs, True, False, progress, source), debug)
+    jobs, shown = jobs or cli._cores(), cli._progress
+    summary = batch.run(paths, out, config, jobs, True, False, shown, source)
+    cli._finish_run(summary, debug, cli._say)
 
 
 def _find(paths, out, program):
@@ -187,12 +193,13 @@ def _export(results, out, write):
 
 
 def _make_folder(out):
-    from pipeline.errors import InputError
+    from pipeline.errors import InputError, why
 
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise InputError(f"--out {out}: cannot write there ({error}); choose a folder") from None
+        message = f"--out {out}: cannot write there ({why(error)}); choose another folder"
+        raise InputError(message) from None
 
 
 @exporting.command("mat")

@@ -6,16 +6,23 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.app import batch, warm_up
-from pipeline.reports.figures import write_fig3
 from pipeline.reports.session_numbers import read_contacts, read_truth
-from pipeline.runtime.progress import duration
+from pipeline.runtime.progress import Progress, duration
 
 DEMO_PRESET, DEMO_TRIALS, DEMO_SEED = "fig3", 4, 1
+RENDERING = {"motion": 0.3, "drawing": 1.0}  # stages of a video, and the time that each takes
 LEAST_MS = 5.0  # shorter contacts are shown, but not counted as missed
 
 
-def render(folder, preset, seed, trials, jobs, say) -> list[Path]:
-    """Render the videos of a preset into a folder; `say` gets a line for each.
+def preset_lines() -> list[str]:
+    """Every preset and what it renders."""
+    from synthetic.presets import PRESETS
+
+    return [f"  {name}: {each.meaning}" for name, each in PRESETS.items()]
+
+
+def render(folder, preset, seed, trials, jobs, progress, say) -> list[Path]:
+    """Render the videos of a preset into a folder; `progress` as in `batch.run`.
 
     Raises
     ------
@@ -26,17 +33,14 @@ def render(folder, preset, seed, trials, jobs, say) -> list[Path]:
     from synthetic.session import render_session
 
     if preset not in PRESETS:
-        known = "".join(f"\n  {name}: {each.meaning}" for name, each in PRESETS.items())
-        raise ValueError(f"--preset {preset}: expected one of{known}")
-    paths = render_session(
-        folder,
-        preset,
-        seed,
-        trials,
-        jobs=jobs,
-        progress=lambda done, total, path: say(f"{done}/{total} rendered: {path}"),
-    )
-    say(f"videos, session.toml and truth tables: {folder}")
+        known = "\n".join(preset_lines())
+        raise ValueError(f"--preset {preset}: no such preset; expected one of\n{known}")
+    trials = trials or PRESETS[preset].trials
+    names = [f"trial {trial}" for trial in range(trials)]
+    say(f"rendering {trials} video{'' if trials == 1 else 's'} …")
+    with (progress or Progress)(names, RENDERING, "drawing") as shown:
+        paths = render_session(folder, preset, seed, trials, jobs=jobs, progress=shown.receive)
+    say(f"videos, session.toml and truth tables: {Path(folder).resolve()}")
     return paths
 
 
@@ -45,19 +49,15 @@ def run_demo(out, jobs, progress, say) -> bool:
 
     Returns True if a video failed. `progress` as in `batch.run`.
     """
-    from pipeline.reports.report import write_report
-
     started = time.monotonic()
     videos, results = Path(out) / "videos", Path(out) / "results"
     say("rendering a small pole-localization session (the first time, some of it is compiling) …")
     compiling = warm_up.start() if jobs > 1 else None
-    render(videos, DEMO_PRESET, DEMO_SEED, DEMO_TRIALS, max(jobs - 1, 1), say)
+    render(videos, DEMO_PRESET, DEMO_SEED, DEMO_TRIALS, max(jobs - 1, 1), progress, say)
     if compiling is not None:
         compiling.join()
     say("processing it …")
     summary = batch.run([videos], results, jobs=jobs, overwrite=True, progress=progress)
-    write_fig3(results)
-    write_report(results)
     contacts, truth = read_contacts(results), read_truth(results)
     for line in comparison(contacts, truth):
         say(line)
@@ -70,7 +70,7 @@ def run_demo(out, jobs, progress, say) -> bool:
         ("figures", results / "figures" / "fig3.png"),
         ("report", results / "report.html"),
     ):
-        say(f"{what:<17} {path}")
+        say(f"{what:<17} {path.resolve()}")
     say(f"done in {duration(time.monotonic() - started)}; next: whiskerforce init YOUR_FOLDER")
     return bool(summary.of("failed"))
 

@@ -46,8 +46,10 @@ class Look:
         return None if pole is None else (pole.x_px[0], pole.y_px[0], pole.radius_px)
 
 
-def init_folder(folder, overwrite: bool = False) -> list[str]:
-    """Write session.toml and a preview PNG into a folder of videos; return the messages to print.
+def init_folder(folder, overwrite: bool = False, say=lambda line: None) -> list[str]:
+    """Write session.toml and a preview PNG into a folder of videos; return what to tell.
+
+    `say` is called with a line before each video that is looked at.
 
     Raises
     ------
@@ -60,7 +62,7 @@ def init_folder(folder, overwrite: bool = False) -> list[str]:
     target = folder / "session.toml"
     if target.exists() and not overwrite:
         raise InputError(f"{target} is there already; --overwrite replaces it")
-    looks = _look_at_some(folder)
+    looks = _look_at_some(folder, say)
     document, notes = findings(looks)
     write_session(target, settings_from(document, target), notes)
     with files.whole_file(folder / PREVIEW_NAME) as temporary:
@@ -68,15 +70,17 @@ def init_folder(folder, overwrite: bool = False) -> list[str]:
     return _words(looks, document, target)
 
 
-def _look_at_some(folder) -> list[Look]:
+def _look_at_some(folder, say) -> list[Look]:
     """Look at the first, middle and last readable videos."""
     inputs = [each for each in find_inputs([folder]) if not each.fault]
-    looks, problems = [], []
+    looks = []
+    problems = [] if inputs else [f"{each.path}: {each.fault}" for each in find_inputs([folder])]
     places = np.unique(np.linspace(0, len(inputs) - 1, LOOKED_AT).astype(int)) if inputs else []
     rest = [i for i in range(len(inputs)) if i not in places]
     for i in (*places, *rest):
         if len(looks) == LOOKED_AT or (looks and i in rest):
             break
+        say(f"looking at {inputs[i].path.name} …")
         try:
             looks.append(look_at(inputs[i].path))
         except VideoError as error:

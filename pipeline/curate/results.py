@@ -18,6 +18,7 @@ from pipeline.curate.items import Item, items_of, probabilities
 from pipeline.curate.review import Review
 from pipeline.errors import InputError, VideoError
 from pipeline.scene import pole_runs
+from pipeline.session.inputs import need_results
 from pipeline.session.session_file import read_session
 from pipeline.tables import centrelines, files
 from pipeline.tables.columns import CONTACT_COLUMNS, VIDEO_COLUMNS
@@ -313,11 +314,7 @@ class Results:
 
 def _curatable(folder) -> list[str]:
     """Names of the videos that can be curated; InputError where there is none."""
-    if not (folder / "videos.csv").is_file():
-        raise InputError(
-            f"{folder}: no videos.csv in it, so it is no results folder; "
-            "give the --out folder of `whiskerforce run`"
-        )
+    need_results(folder)
     videos = files.read_csv(folder / "videos.csv", VIDEO_COLUMNS)
     done = [str(name) for name in videos.loc[videos["frames"] > 0, "video"]]
     names = [name for name in done if (folder / name / EVIDENCE_FILE).is_file()]

@@ -146,14 +146,16 @@ class Server:
 
 
 def _bound_socket(port):
-    from pipeline.errors import InputError
+    from pipeline.errors import InputError, why
 
     bound = socket.socket()
     bound.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
         bound.bind((HOST, port))
     except OSError as error:
-        raise InputError(f"--port {port}: cannot serve there ({error}); leave it out") from None
+        raise InputError(
+            f"--port {port}: cannot serve there ({why(error)}); leave it out"
+        ) from None
     bound.listen(64)
     bound.setblocking(False)
     return bound

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from pipeline.session.inputs import need_results
 from pipeline.tables import files
 from pipeline.tables.columns import CONTACT_COLUMNS
 from pipeline.tables.run_record import read_run
@@ -26,13 +27,9 @@ UNITS = {"peak force": "µN", "duration": "ms"}
 
 
 def read_contacts(results) -> pd.DataFrame:
-    """contacts.csv of a results folder; ValueError if there is none."""
-    path = Path(results) / "contacts.csv"
-    if not path.is_file():
-        raise ValueError(
-            f"{results}: no contacts.csv in it; expected a results folder of `whiskerforce run`"
-        )
-    return files.read_csv(path, CONTACT_COLUMNS)
+    """contacts.csv of a results folder; InputError if it is none."""
+    need_results(results)
+    return files.read_csv(Path(results) / "contacts.csv", CONTACT_COLUMNS)
 
 
 def read_truth(results, truth=None) -> pd.DataFrame | None:

@@ -7,7 +7,8 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     submod_attrs={
         "folder_lock": ["locked"],
         "numba_cache": ["prepare_cache"],
-        "progress": ["Progress"],
+        "progress": ["Progress", "Step"],
+        "run_log": ["RunLog"],
         "timing": ["Clock", "Counted"],
         "workers": ["run_tasks"],
     },

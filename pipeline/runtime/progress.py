@@ -1,51 +1,117 @@
 """Progress of a run: a bar on a terminal, plain lines elsewhere."""
 
+import threading
 import time
+from collections import Counter
+from typing import NamedTuple
 
-LEAST_DONE = 0.02  # of all frames, before the time left is shown: compiling takes a while
+LEAST_DONE = 0.02  # of all work, before the time left is shown: compiling takes a while
+TYPICAL_FRAMES = 500  # of a video, before any is opened
+REDRAWN_PER_S = 4  # bar
+
+
+class Step(NamedTuple):
+    """Progress within a task: the stage that it is in, and how much of that is done."""
+
+    stage: str
+    done: int = 0
+    expected: int = 0
 
 
 class Progress:
-    """Frames done over several videos at once, with speed and time left.
+    """Work done over several tasks at once, with stages, speed and time left.
 
-    `receive` is called with each event of `pipeline.runtime.workers`; what is shown is up to the
-    subclasses. `clock` returns seconds.
+    `receive` is called with each event of `pipeline.runtime.workers`, whose progress messages are
+    `Step`; `doing` with what follows all tasks. What is shown is up to the subclasses.
+
+    Parameters
+    ----------
+    names : of the tasks
+    stages : what a task goes through, in order, with the time that each takes beside the others
+    counted : the stage in which a task's frames are counted
+    after : what follows all tasks, with the frames that could be processed in that time
+    clock : returns seconds
     """
 
-    def __init__(self, names, clock=time.monotonic):
+    def __init__(self, names, stages, counted, after=None, clock=time.monotonic):
         self.names = list(names)
         self.clock = clock
         self.started = clock()
-        self.frames = {}  # of each video begun: (done, total)
         self.finished = 0
+        self._stages, self._counted, self._after = dict(stages), counted, dict(after or {})
+        self._steps = {}  # of each task under way
+        self._frames = {}  # of each task begun: (done, expected)
+        self._ended, self._closing = set(), None
+        self._lock = threading.RLock()  # a timer looks, too
+        self._at = self.started, 0.0  # time of the last event, and the share done by then
 
     def receive(self, event):
         """Update the state by one event, and show it."""
-        if event.kind == "start":
-            self.frames[event.task] = (0, 0)
-        elif event.kind == "progress":
-            self.frames[event.task] = event.value
-        else:
-            self.finished += 1
-            total = max(self.frames.get(event.task, (0, 0)))
-            self.frames[event.task] = (total, total)
+        with self._lock:
+            if event.kind == "start":
+                self._frames[event.task] = 0, 0
+            elif event.kind == "progress":
+                self._take(event.task, event.value)
+            else:
+                self._end(event.task)
+            self._at = self.clock(), self.share
         self.show(event)
 
+    def doing(self, what: str) -> None:
+        """All tasks have ended; `what` (one of `after`) begins."""
+        with self._lock:
+            self._closing = what
+            self._at = self.clock(), self.share
+        self.show(None)
+
+    def _take(self, task, step):
+        self._steps[task] = step
+        if step.stage == self._counted:
+            self._frames[task] = step.done, max(step.expected, step.done)
+
+    def _end(self, task):
+        self.finished += 1
+        self._steps.pop(task, None)
+        self._ended.add(task)
+        total = max(self._frames.get(task, (0, 0)))
+        self._frames[task] = total, total
+
     def show(self, event):
-        """Show the state after `event`."""
+        """Show the state after `event`; None: after `doing`."""
+
+    # ---- numbers --------------------------------------------------------------------------
 
     @property
     def frames_done(self) -> int:
         """Frames processed so far."""
-        return sum(done for done, _ in self.frames.values())
+        return sum(done for done, _ in self._frames.values())
 
     @property
-    def frames_expected(self) -> float:
-        """Frames of all videos, those not yet opened taken to be like the others."""
-        totals = [total for _, total in self.frames.values() if total]
-        if not totals:
+    def share(self) -> float:
+        """Part of all work that is done, 0 to 1."""
+        known = [total for _, total in self._frames.values() if total]
+        usual = sum(known) / len(known) if known else TYPICAL_FRAMES
+        whole = sum(self._after.values())
+        done = 0.0
+        for task in range(len(self.names)):
+            frames = self._frames.get(task, (0, 0))[1] or usual
+            whole += frames
+            done += frames * self._share_of(task)
+        if self._closing is not None:
+            before = list(self._after)[: list(self._after).index(self._closing)]
+            done += sum(self._after[what] for what in before)
+        return done / whole if whole else 1.0
+
+    def _share_of(self, task) -> float:
+        if task in self._ended:
+            return 1.0
+        step = self._steps.get(task)
+        if step is None or step.stage not in self._stages:
             return 0.0
-        return sum(totals) + (len(self.names) - len(self.frames)) * sum(totals) / len(totals)
+        names = list(self._stages)
+        behind = sum(self._stages[name] for name in names[: names.index(step.stage)])
+        part = min(step.done / step.expected, 1.0) if step.expected else 0.0
+        return (behind + part * self._stages[step.stage]) / sum(self._stages.values())
 
     @property
     def frames_per_s(self) -> float:
@@ -54,18 +120,36 @@ class Progress:
 
     @property
     def seconds_left(self) -> float | None:
-        """Expected time to the end, None while too little is done to estimate it."""
-        if self.frames_done <= LEAST_DONE * self.frames_expected:
+        """Expected time to the end, None while too little is done to estimate it.
+
+        It counts down between events, and stays above 0 while there is work left.
+        """
+        then, share = self._at
+        if share <= LEAST_DONE:
             return None
-        return max(self.frames_expected - self.frames_done, 0) / self.frames_per_s
+        left = (then - self.started) * (1 - share) / share - (self.clock() - then)
+        return max(left, 0.0 if share >= 1 else 1.0)
+
+    @property
+    def stage(self) -> str:
+        """What is being done, "overlay" or "following ×2, overlay"."""
+        if self._closing is not None:
+            return self._closing
+        count = Counter(step.stage for step in self._steps.values())
+        return ", ".join(name if n == 1 else f"{name} ×{n}" for name, n in count.items())
 
     def line(self) -> str:
         """The state in one line."""
-        left = "" if self.seconds_left is None else f", {duration(self.seconds_left)} left"
-        return (
-            f"{self.finished}/{len(self.names)} videos, {self.frames_done} frames, "
-            f"{self.frames_per_s:.0f} frames/s{left}"
-        )
+        with self._lock:
+            frames = f"{self.frames_done} frames, {self.frames_per_s:.0f} frames/s"
+            left = self.seconds_left
+            parts = (
+                f"{self.finished}/{len(self.names)} videos",
+                frames if self._counted else "",
+                self.stage,
+                "" if left is None else f"{duration(left)} left",
+            )
+            return ", ".join(part for part in parts if part)
 
     def __enter__(self):
         return self
@@ -75,51 +159,72 @@ class Progress:
 
 
 class Lines(Progress):
-    """A line per finished video, and one for the whole run every `every` seconds."""
+    """A line per finished task, and one on the whole every `every` seconds."""
 
-    def __init__(self, names, write, every=10.0, clock=time.monotonic):
-        super().__init__(names, clock)
+    def __init__(self, *what, write, every=10.0, clock=time.monotonic):
+        super().__init__(*what, clock=clock)
         self.write = write
         self.every = every
         self.last = self.started
+        self._over = threading.Event()
+        self._timer = threading.Thread(target=self._run, daemon=True)
 
     def show(self, event):
         """Write what is new."""
-        if event.kind == "done":
-            self.write(f"{self.names[event.task]}: {event.value.line()}")
-        if self.clock() - self.last >= self.every:
-            self.last = self.clock()
-            self.write(self.line())
+        if event is not None and event.kind == "done":
+            self.write(f"{self.names[event.task]}: {outcome_line(event.value)}")
+        self.tick()
+
+    def tick(self) -> None:
+        """Write how far all is, if it is time."""
+        with self._lock:
+            if self.clock() - self.last >= self.every:
+                self.last = self.clock()
+                self.write(self.line())
+
+    def _run(self):
+        while not self._over.wait(self.every / 10):
+            self.tick()
+
+    def __enter__(self):
+        self._timer.start()
+        return self
+
+    def __exit__(self, *exception):
+        self._over.set()
+        self._timer.join()
 
 
 class Bar(Progress):
-    """A rich progress bar."""
+    """A rich progress bar, drawn anew by a timer."""
 
-    def __init__(self, names, console, clock=time.monotonic):
-        super().__init__(names, clock)
+    def __init__(self, *what, console, clock=time.monotonic):
+        super().__init__(*what, clock=clock)
         from rich import progress
+        from rich.text import Text
+
+        class State(progress.ProgressColumn):
+            """The state in words, made when it is drawn."""
+
+            def render(column, task):
+                return Text(self.line())
 
         self.bar = progress.Progress(
-            progress.TextColumn("{task.description}"),
-            progress.BarColumn(),
-            progress.TextColumn("{task.fields[state]}"),
+            progress.SpinnerColumn(),
+            progress.BarColumn(bar_width=20),
+            State(),
             console=console,
             transient=True,
+            refresh_per_second=REDRAWN_PER_S,
         )
-        self.task = self.bar.add_task("processing", total=None, state="")
+        self.task = self.bar.add_task("", total=1.0)
 
     def show(self, event):
-        """Redraw."""
-        self.bar.update(
-            self.task,
-            total=self.frames_expected or None,
-            completed=self.frames_done,
-            state=self.line(),
-        )
-        if event.kind == "done":
-            self.bar.console.print(
-                f"{self.names[event.task]}: {event.value.line()}", markup=False, highlight=False
-            )
+        """Move the bar; say what has ended."""
+        self.bar.update(self.task, completed=self.share)
+        if event is not None and event.kind == "done":
+            said = f"{self.names[event.task]}: {outcome_line(event.value)}"
+            self.bar.console.print(said, markup=False, highlight=False)
 
     def __enter__(self):
         self.bar.start()
@@ -127,6 +232,11 @@ class Bar(Progress):
 
     def __exit__(self, *exception):
         self.bar.stop()
+
+
+def outcome_line(value) -> str:
+    """What became of a task, in one line."""
+    return value.line() if hasattr(value, "line") else str(value)
 
 
 def duration(seconds: float) -> str:

@@ -6,7 +6,7 @@ from contextlib import contextmanager
 
 
 class Counted:
-    """Frames handed on one by one and counted; calls `progress((done, expected))`."""
+    """Frames handed on one by one and counted; `progress(done, expected)` is called."""
 
     def __init__(self, frames, expected: int | None, progress=None):
         self.frames = frames
@@ -19,7 +19,7 @@ class Counted:
             yield frame
             self.count += 1
             if self.progress is not None:
-                self.progress((self.count, max(self.expected or 0, self.count)))
+                self.progress(self.count, max(self.expected or 0, self.count))
 
 
 class Clock:

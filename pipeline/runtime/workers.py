@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from multiprocessing.connection import wait
 from typing import Any
 
-REPORT_EVERY = 0.1  # s between progress messages of one worker
+REPORT_EVERY = 0.1  # s between progress messages of one worker and stage
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
@@ -31,11 +31,12 @@ class Event:
 def run_tasks(function, tasks, on_event, jobs=1) -> None:
     """Run ``function(task, report)`` for every task and call `on_event` with each `Event`.
 
-    `report(value)` makes a "progress" event; it may be called often. With `jobs` = 1 all
-    happens in this process; with more, in that many spawned ones, and `function` and the tasks
-    must then be importable and picklable. An exception that leaves `function` becomes a "died"
-    event with its traceback. A task whose process dies is begun once more when the others have
-    been: it may have lacked the memory that they took.
+    `report(value)` makes a "progress" event; it may be called often: only some values are passed
+    on, but of a `progress.Step` the first of every stage. With `jobs` = 1 all happens in this
+    process; with more, in that many spawned ones, and `function` and the tasks must then be
+    importable and picklable. An exception that leaves `function` becomes a "died" event with its
+    traceback. A task whose process dies is begun once more when the others have been: it may have
+    lacked the memory that they took.
 
     Ctrl-C (or an exception in `on_event`) ends the workers; what they have finished stays.
     """
@@ -62,12 +63,13 @@ def _event(message, number) -> Event:
 
 def _call(function, task, send):
     """Call `function` and send its progress and then its result, or why there is none."""
-    last = 0.0
+    last, stage = 0.0, None
 
     def report(value):
-        nonlocal last
-        if time.monotonic() - last >= REPORT_EVERY:
-            last = time.monotonic()
+        nonlocal last, stage
+        here = getattr(value, "stage", None)
+        if time.monotonic() - last >= REPORT_EVERY or here != stage:
+            last, stage = time.monotonic(), here
             send(("progress", value))
 
     try:

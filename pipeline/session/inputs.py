@@ -230,6 +230,18 @@ def _free_name(stem, taken) -> str:
     return name
 
 
+def need_results(folder) -> None:
+    """InputError unless a folder holds results of `whiskerforce run`."""
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise InputError(f"{folder}: no such folder; give the --out folder of `whiskerforce run`")
+    if not all((folder / name).is_file() for name in ("contacts.csv", "videos.csv")):
+        raise InputError(
+            f"{folder}: no results in it (contacts.csv, videos.csv); "
+            "give the --out folder of `whiskerforce run`"
+        )
+
+
 def stamp(path) -> dict:
     """Size and times of a file, or of all files of a folder: changes with the content."""
     files = sorted(p for p in path.iterdir() if p.is_file()) if path.is_dir() else [path]

@@ -6,6 +6,7 @@ import pandas as pd
 import pytest
 
 import synthetic.session
+from pipeline.runtime.workers import Event
 from pipeline.session.session_file import read_session
 from pipeline.tables.centrelines import read_centrelines
 from pipeline.tables.columns import CONTACT_COLUMNS, FRAME_COLUMNS
@@ -31,7 +32,10 @@ def session(tmp_path_factory):
     paths = render_session(
         folder, "single", seed=3, trials=1, frames=FRAMES, progress=lambda *a: seen.append(a)
     )
-    assert seen == [(1, 1, paths[0])]
+    events = [event for (event,) in seen]
+    assert events[-1] == Event("done", 0, paths[0])
+    stages = [event.value.stage for event in events if event.kind == "progress"]
+    assert list(dict.fromkeys(stages)) == ["motion", "drawing"]
     return folder, paths[0]
 
 

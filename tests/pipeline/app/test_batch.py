@@ -12,10 +12,13 @@ import pandas as pd
 import pytest
 from killed_task import killed
 
+import pipeline.reports.figures
+import pipeline.reports.report
 import pipeline.run
 from pipeline.app import batch, outcome
 from pipeline.detection.static_scene import PoleTrack
 from pipeline.errors import InputError, VideoError
+from pipeline.runtime import Progress, Step
 from pipeline.runtime.folder_lock import LOCK_FILE, locked
 from pipeline.session import inputs
 from pipeline.session.session_file import read_session, settings_from, write_session
@@ -55,7 +58,7 @@ def calls(monkeypatch):
         if content.startswith(b"stop"):
             raise KeyboardInterrupt
         if progress:
-            progress((10, 10))
+            progress(Step("following", 10, 10))
         row = {"whisker": "C2", "contact": 1, "onset_frame": 2, "peak_force_uN": 4.0}
         frames = pd.DataFrame({"frame": range(10), "whisker": "C2", "tracked": True})
         return pipeline.run.Analysis(
@@ -69,6 +72,8 @@ def calls(monkeypatch):
         )
 
     monkeypatch.setattr(pipeline.run, "analyse", analyse)
+    monkeypatch.setattr(pipeline.reports.figures, "write_fig3", lambda out: None)
+    monkeypatch.setattr(pipeline.reports.report, "write_report", lambda out: None)
     return calls
 
 
@@ -96,6 +101,51 @@ def change_settings(folder):
 def statuses(out):
     videos = files.read_csv(out / "videos.csv", VIDEO_COLUMNS)
     return dict(zip(videos["video"], videos["status"], strict=True))
+
+
+# --- log and pictures ------------------------------------------------------------------------
+
+
+def test_the_log_says_what_happened(folder, calls, tmp_path):
+    (folder / "c.avi").write_bytes(b"fault")
+    out = tmp_path / "results"
+    batch.run([folder], out)
+    said = [line.split("  ", 1)[1] for line in (out / "run.log").read_text().splitlines()]
+    assert said[0].startswith("whiskerforce")
+    assert said[2] == "3 inputs, 3 to be processed"
+    wanted = ("a: started", "a: done, 10 frames", "c: failed: unexpected", "Traceback",
+              "figures: started", "report: started", "ended: 3 videos: 2 done")  # fmt: skip
+    places = [next(k for k, line in enumerate(said) if line.startswith(w)) for w in wanted]
+    assert places == sorted(places)
+    batch.run([folder], out)
+    again = (out / "run.log").read_text().splitlines()
+    assert "1 to be processed" in again[len(said) + 2]
+
+
+def test_a_figure_that_cannot_be_made_costs_no_table(folder, calls, tmp_path, monkeypatch):
+    def fault(out):
+        raise ZeroDivisionError("oops")
+
+    monkeypatch.setattr(pipeline.reports.figures, "write_fig3", fault)
+    out = tmp_path / "results"
+    summary = batch.run([folder], out)
+    assert summary.problems == ("the figures could not be made (ZeroDivisionError: oops)",)
+    assert contact_videos(out) == ["a", "b"]
+    assert "ZeroDivisionError" in (out / "run.log").read_text()
+
+
+def test_stages_come_in_order(folder, calls, tmp_path):
+    seen = []
+
+    class Shown(Progress):
+        def show(self, event):
+            seen.append((self.stage, self.share))
+
+    batch.run([folder], tmp_path / "results", progress=Shown)
+    stages = [stage for stage, _ in seen if stage]
+    assert list(dict.fromkeys(stages)) == ["following", "tables", "figures", "report"]
+    shares = [share for _, share in seen]
+    assert shares == sorted(shares)
 
 
 # --- results ---------------------------------------------------------------------------------
@@ -444,7 +494,7 @@ def test_overlay_alone_does_not_analyse_again(folder, calls, tmp_path, monkeypat
 
     drawn = []
 
-    def write_overlay(path, folder, settings):
+    def write_overlay(path, folder, settings, progress):
         drawn.append(path.name)
         (folder / "overlay.mp4").touch()
 
@@ -461,7 +511,7 @@ def test_overlay_alone_does_not_analyse_again(folder, calls, tmp_path, monkeypat
 def test_a_fault_of_the_overlay_costs_no_table(folder, calls, tmp_path, monkeypatch, first):
     import pipeline.reports.overlay
 
-    def write_overlay(path, folder, settings):
+    def write_overlay(path, folder, settings, progress):
         if path.name == "a.avi":
             raise OSError("disk full")
         (folder / "overlay.mp4").touch()

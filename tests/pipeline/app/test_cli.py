@@ -8,8 +8,6 @@ import pytest
 
 from pipeline.app import batch, cli
 from pipeline.app.batch import Outcome, Summary
-from pipeline.runtime import progress
-from pipeline.runtime.workers import Event
 
 HEAVY = (
     "av", "bokeh", "cv2", "jinja2", "matplotlib", "numba", "numpy", "pandas", "pyarrow",
@@ -34,11 +32,10 @@ def summary(tmp_path, *statuses, interrupted=False):
 
 @pytest.fixture
 def ran(monkeypatch, tmp_path):
-    """Let `run` come to a given summary; pictures are left out."""
+    """Let `run` come to a given summary."""
 
     def put(*statuses, **options):
         monkeypatch.setattr(batch, "run", lambda *_: summary(tmp_path, *statuses, **options))
-        monkeypatch.setattr(cli, "_write_pictures", lambda *_: [])
 
     return put
 
@@ -68,6 +65,86 @@ def test_last_lines_say_what_failed_and_why(ran, capsys):
         "failed: v3 (/in/v3.avi): message 3",
     ]
     assert lines[-3] == "warning: v2: message 2"
+
+
+def test_quiet_says_only_what_went_wrong(ran, capsys):
+    ran("failed", "done", "warning")
+    exit_code("run", "x", "--out", "y", "--quiet")
+    assert capsys.readouterr().out.splitlines() == [
+        "warning: v2: message 2",
+        "failed: v0 (/in/v0.avi): message 0",
+    ]
+
+
+def test_last_lines_lead_to_report_and_overlay(ran, capsys, tmp_path):
+    ran("done")
+    (tmp_path / "v0").mkdir()
+    for name in ("report.html", "contacts.csv", "v0/overlay.mp4"):
+        (tmp_path / name).touch()
+    exit_code("run", "x", "--out", "y")
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[1:] == [
+        f"report: {tmp_path / 'report.html'}",
+        f"contacts: {tmp_path / 'contacts.csv'}",
+        f"overlay: {tmp_path / 'v0' / 'overlay.mp4'}",
+        f"next: look at the report, then `whiskerforce curate {tmp_path}`",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("command", "message"),
+    [
+        (["run", "empty", "--out", "out"], "empty: is an empty folder"),
+        (["init", "empty"], "empty: is an empty folder"),
+        (["figures", "empty"], "empty: no results in it"),
+        (["curate", "empty"], "empty: no results in it"),
+        (["figures", "gone"], "gone: no such folder"),
+        (["curate", "gone"], "gone: no such folder"),
+    ],
+)
+def test_an_empty_folder_gets_the_same_message_everywhere(
+    command, message, capsys, tmp_path, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "empty").mkdir()
+    assert exit_code(*command) == 2
+    assert capsys.readouterr().err.startswith(f"error: {message}")
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ["paper", "--out", "file"],
+        ["synth", "file", "--preset", "single"],
+        ["demo", "--out", "file"],
+        ["run", "a.avi", "--out", "file"],
+    ],
+)
+def test_a_file_in_place_of_a_folder_gets_a_message_in_words(
+    command, capsys, tmp_path, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    for name in ("file", "a.avi"):
+        (tmp_path / name).touch()
+    recording = 'frames_per_second = 1000\npixels_per_mm = 25\nface = "left"\n'
+    (tmp_path / "session.toml").write_text(f"[recording]\n{recording}")
+    assert exit_code(*command) == 2
+    message = capsys.readouterr().err
+    assert "file is a file, not a folder" in message or "file/videos is a file" in message
+    assert "Errno" not in message
+
+
+def test_presets_are_listed(capsys):
+    assert exit_code("synth", "nowhere", "--preset", "list") == 0
+    assert "  single: " in capsys.readouterr().out
+
+
+def test_help_is_in_whole_words(capsys):
+    for command in COMMANDS:
+        exit_code(command, "--help")
+        for text in (" Of the ", "a wrong one", "0: any", "tracebacks"):
+            assert text not in capsys.readouterr().out
 
 
 def test_interruption_says_how_to_go_on(ran, capsys):
@@ -138,7 +215,7 @@ def test_a_console_without_the_letters_of_a_name_gets_the_rest(tmp_path):
     environment = {**os.environ, "PYTHONIOENCODING": "cp1252:strict", "PYTHONUTF8": "0"}
     out = subprocess.run(command, env=environment, capture_output=True)
     assert out.returncode == 2
-    assert b"??: no contacts.csv in it" in out.stderr
+    assert b"??: no such folder" in out.stderr
 
 
 def test_help_and_version(capsys):
@@ -173,50 +250,3 @@ def test_synth_renders_a_preset(monkeypatch, tmp_path, capsys):
     (positional, named) = asked[0]
     assert positional == (tmp_path, "noisy", 3, 2)
     assert named["jobs"] == 1
-
-
-# --- progress --------------------------------------------------------------------------------
-
-
-def test_plain_lines_of_progress():
-    now = [0.0]
-    said = []
-    lines = progress.Lines(["a", "b"], said.append, every=10, clock=lambda: now[0])
-    lines.receive(Event("start", 0))
-    now[0] = 5
-    lines.receive(Event("progress", 0, (50, 100)))
-    assert said == []
-    assert lines.frames_per_s == 10
-    assert lines.seconds_left == pytest.approx(15)  # b is taken to be as long as a
-    now[0] = 10
-    lines.receive(Event("progress", 0, (100, 100)))
-    assert said == ["0/2 videos, 100 frames, 10 frames/s, 10 s left"]
-    lines.receive(Event("done", 0, Outcome("a", "a.avi", "done", 100, 10.0, "", 3)))
-    assert said[1:] == ["a: done, 100 frames, 10 frames/s, 3 contacts"]
-    lines.receive(Event("start", 1))
-    lines.receive(Event("done", 1, Outcome("b", "b.avi", "failed", message="no good")))
-    assert said[2:] == ["b: failed: no good"]
-    assert lines.finished == 2
-
-
-def test_progress_bar_draws_on_a_terminal():
-    import io
-
-    from rich.console import Console
-
-    screen = io.StringIO()
-    console = Console(file=screen, force_terminal=True, width=100)
-    with progress.Bar(["a"], console) as bar:
-        bar.receive(Event("start", 0))
-        bar.receive(Event("progress", 0, (50, 100)))
-        bar.receive(Event("done", 0, Outcome("a", "a.avi", "done", 100, 10.0, "", 3)))
-    assert "a: done, 100 frames" in screen.getvalue()
-    assert "frames/s" in screen.getvalue()
-
-
-def test_durations_as_people_say_them():
-    assert [progress.duration(s) for s in (3.4, 65, 3600 + 61)] == [
-        "3 s",
-        "1 min 5 s",
-        "1 h 1 min",
-    ]

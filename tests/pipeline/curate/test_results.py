@@ -87,7 +87,7 @@ def test_what_an_interrupted_curation_left_behind_is_made_up_for(results):
 
 
 def test_folders_with_nothing_to_curate_are_told(results, tmp_path):
-    with pytest.raises(InputError, match=r"no videos\.csv in it.*--out folder"):
+    with pytest.raises(InputError, match=r"no results in it.*--out folder"):
         Results(tmp_path)
     for file in results.glob("*/evidence.parquet"):
         file.unlink()

@@ -199,5 +199,5 @@ def test_contacts_without_forces_are_counted_and_drawn(tmp_path):
 
 
 def test_a_folder_without_results_is_refused(tmp_path):
-    with pytest.raises(ValueError, match=r"no contacts\.csv .*whiskerforce run"):
+    with pytest.raises(ValueError, match=r"no results in it .*whiskerforce run"):
         figures.write_fig3(tmp_path)

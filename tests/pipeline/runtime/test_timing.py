@@ -5,7 +5,7 @@ from pipeline.runtime.timing import Clock, Counted
 
 def test_frames_are_counted_and_told():
     told = []
-    counted = Counted(iter("abc"), 2, told.append)
+    counted = Counted(iter("abc"), 2, lambda *done: told.append(done))
     assert list(counted) == ["a", "b", "c"]
     assert counted.count == 3
     assert told == [(1, 2), (2, 2), (3, 3)]
