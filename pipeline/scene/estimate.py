@@ -151,7 +151,8 @@ def scene_from_frames(
     animal = face = find_face(transmission, side, scale, params)
     fur, likelier = face.any(), None
     if fur:
-        face = _bearing_whiskers(animal, frames, background, side, scale, params)
+        face, behind = _bearing_whiskers(animal, frames, background, side, scale, params)
+        side = recording.face or behind or side
     else:
         side, face, thick_side = mask_behind_whiskers(frames, recording.face, scale, params)
         likelier = likelier_side(transmission, side, thick_side, scale, params)
@@ -197,7 +198,7 @@ def _pole(background, frames, radius_px, pole_xy, masks):
 
 
 def _bearing_whiskers(animal, frames, background, side, scale, params):
-    """The part of the animal's mask that whiskers come out of."""
+    """The part of the animal's mask that whiskers come out of, and its side, as `face_of`."""
     seen = StaticScene(
         background=without_whiskers(background, animal, scale, params=params),
         noise_gain=background.noise_gain,
