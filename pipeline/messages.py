@@ -25,7 +25,7 @@ def messages(settings, touch, video, epochs, followed):
         yield doubt
     yield from _too_few_frames(video, followed.n_frames)
     yield from video.problems()
-    if not cast.roster:
+    if not cast.roster and not settings.analysis.follow:
         yield _no_whiskers(settings, scenes) if not doubt else "no whiskers found"
         return
     yield from _of_whiskers(settings, touch, followed, scenes)
@@ -42,7 +42,7 @@ def line_messages(settings, touch, followed):
 def _of_whiskers(settings, touch, followed, scenes=()):
     """What is missing or doubtful of the whiskers themselves, the pole and the forces."""
     yield from _unknown_names(touch.frames)
-    yield from _seldom_tracked(touch.frames, followed.cast)
+    yield from _seldom_tracked(touch.frames, followed.cast, settings.analysis.follow)
     yield from _of_another_size(settings, followed.pole)
     yield from _passes_over(settings, touch, followed.pole)
     if followed.pole is None:
@@ -62,8 +62,8 @@ def _no_whiskers(settings, scenes) -> str:
     """What was seen where no whisker is found, and what to look at."""
     if scenes and max(np.median(scene.background) for scene in scenes) < DARK:
         return (
-            "no whiskers found; the picture is mostly dark, and whiskers must be darker than what "
-            "is behind them: if they are bright, make it a negative (ffmpeg -i IN -vf negate OUT)"
+            "no whiskers found; the picture is mostly dark, and whiskers were taken to be darker "
+            'than what is behind them: if they are bright, write [image] polarity = "bright"'
         )
     return (
         f"no whiskers found; what was seen is {seen_instead_of_whiskers(scenes)}; if there are "
@@ -97,9 +97,9 @@ def _unknown_names(frames):
     )
 
 
-def _seldom_tracked(frames, cast):
+def _seldom_tracked(frames, cast, follow=None):
     """Whiskers that are lost, in many frames or in all."""
-    lost = [name for name in cast.names if name not in cast.found]
+    lost = [name for name in follow or cast.names if name not in cast.found]
     if lost:
         yield f"not found in any frame: {', '.join(lost)}"
     share = frames.groupby("whisker", sort=False)["tracked"].mean()

@@ -13,7 +13,14 @@ from pipeline.identity import assign_identities
 from pipeline.kinematics import Kinematics, KinematicsMeter, given_lines, locate_follicles
 from pipeline.messages import line_messages, messages
 from pipeline.runtime import Clock, Counted, Step
-from pipeline.scene import face_side_of, find_scenes, pole_track, survey
+from pipeline.scene import (
+    face_side_of,
+    find_scenes,
+    part_of,
+    pole_track,
+    survey,
+    whiskers_are_bright,
+)
 from pipeline.session import DEFAULTS, Settings
 from pipeline.tables import Centrelines
 from pipeline.tracking import (
@@ -28,7 +35,9 @@ from pipeline.tracking import (
     tracing_options,
     track,
 )  # fmt: skip
-from pipeline.video import open_video
+from pipeline.video import Negative, open_video
+
+FRAMES_FOR_POLARITY = 8
 
 
 @dataclass(frozen=True)
@@ -78,7 +87,7 @@ def analyse(
     with open_video(path, threads) as video:
         with clock("scene"):
             say(Step("scene"))
-            seen, epochs = look_at(video, settings)
+            video, seen, epochs = look_at(video, settings)
         with clock("roster"):
             say(Step("whiskers"))
             cast = find_cast(*seen.sample(roster_frames(settings)), epochs, settings)
@@ -137,17 +146,32 @@ def _analysis(kinematics, touch, notes, clock) -> Analysis:
 
 
 def look_at(video, settings):
-    """The video's `Survey`, and its epochs: what stands still, and until when."""
+    """The video, or its negative; its `Survey`, and its epochs: what stands still, until when."""
     recording, pole, params = settings.recording.si(), settings.pole, settings.advanced.scene
-    seen = survey(video, recording, params)
-    return seen, find_scenes(video, recording, pole.diameter, pole.position_px, seen, params)
+    part = part_of(settings.image, video)
+    seen = survey(video, recording, params, part)
+    if _is_bright(settings, seen):
+        video = Negative(video)
+        seen = survey(video, recording, params, part)
+    epochs = find_scenes(video, recording, pole.diameter, pole.position_px, seen, params)
+    return video, seen, epochs
+
+
+def _is_bright(settings, seen) -> bool:
+    """Whether whiskers are bright on a dark ground: as the settings say, or as it looks."""
+    if settings.image.polarity is not None:
+        return settings.image.polarity == "bright"
+    return whiskers_are_bright(
+        seen.sample(FRAMES_FOR_POLARITY)[1], settings.recording.pixels_per_mm
+    )
 
 
 def follow(video, epochs, cast, settings, clock, keep=None, say=lambda step: None) -> Kinematics:
     """Follow the whiskers through all frames, and measure angle, curvature, distance to the pole.
 
     Frames, lines and measurements pass through in chunks, so that memory does not grow with the
-    length of the video.
+    length of the video. All whiskers are tracked; measured are those that `follow` in [analysis]
+    names.
     """
     recording, params = settings.recording.si(), settings.advanced.kinematics
     decoded = clock.each("decoding", video.watched())
@@ -155,8 +179,10 @@ def follow(video, epochs, cast, settings, clock, keep=None, say=lambda step: Non
     options, open_ended = tracing_options(settings), not settings.whisker
     lines = trace(frames, epochs, list(cast.roster), options, CHUNK_FRAMES, open_ended, params)
     at = settings.analysis.curvature_at
-    meter = KinematicsMeter(cast, recording, at, pole_track(epochs), params)
+    names = settings.analysis.follow
+    meter = KinematicsMeter(cast.only(names), recording, at, pole_track(epochs), params)
     for chunk in clock.each("centrelines", lines):
+        chunk = chunk.of(names)
         with clock("kinematics"):
             meter.add(chunk, video.interpolated)
         with clock("storing"):

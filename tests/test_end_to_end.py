@@ -220,9 +220,16 @@ def test_init_then_run(rendered, video, tmp_path, capsys):
     assert exit_code("run", folder, "--out", tmp_path / "out") == 0
     frames = files.read_frames(tmp_path / "out" / video.stem / "frames.parquet")
     assert frames["tracked"].mean() > 0.95
+    corrected = text.replace('name = "w1"', 'name = "C2"')
+    (folder / "session.toml").write_text(corrected, "utf-8")
+    (folder / "session_preview.png").unlink()
     capsys.readouterr()
-    assert exit_code("init", folder) == 2
-    assert "--overwrite" in capsys.readouterr().err
+    assert exit_code("init", folder) == 0  # shows what the corrected settings find
+    said = capsys.readouterr().out
+    assert "--overwrite" in said
+    assert "1 whisker (C2)" in said
+    assert (folder / "session.toml").read_text("utf-8") == corrected
+    assert cv2.imread(str(folder / "session_preview.png")) is not None
 
 
 def test_demo_prints_contacts_beside_the_truth(rendered, tmp_path, monkeypatch):

@@ -175,15 +175,19 @@ def init(
     overwrite: Annotated[
         bool, typer.Option("--overwrite", help="Replace the session.toml that is there.")
     ] = False,
+    config: Annotated[
+        Path | None, typer.Option(help="Settings to show in a preview; nothing else is written.")
+    ] = None,
     debug: Debug = False,
 ):
     """Write a first session.toml from a look at the videos.
 
-    It is commented, and lies in their folder, with a preview picture of what was found.
+    It is commented, and lies in their folder, with a preview picture of what was found. Where
+    there is one already, the picture shows what it finds, with the names that `run` will give.
     """
     from pipeline.app.init import init_folder
 
-    for line in init_folder(folder, overwrite, _say):
+    for line in init_folder(folder, overwrite, config, _say):
         _say(line)
 
 

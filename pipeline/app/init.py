@@ -4,20 +4,21 @@ from collections import defaultdict
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import cv2
 import numpy as np
 
+from pipeline.app.preview import preview_of, write_preview
 from pipeline.detection.static_scene import StaticScene
 from pipeline.errors import InputError, VideoError
-from pipeline.run import trace
+from pipeline.run import FRAMES_FOR_POLARITY
 from pipeline.scene.dust import is_passed_over
 from pipeline.scene.estimate import find_scenes, survey
-from pipeline.session.inputs import PREVIEW_NAME, find_inputs
+from pipeline.scene.polarity import whiskers_are_bright
+from pipeline.session.inputs import PREVIEW_NAME, SETTINGS_NAME, find_inputs
 from pipeline.session.recording import Recording
-from pipeline.session.session_file import settings_from, write_session
-from pipeline.tables import files
+from pipeline.session.session_file import read_session, settings_from, write_session
 from pipeline.tracking.registry import find_roster
 from pipeline.tracking.tracker import options_for
+from pipeline.video.negative import Negative
 from pipeline.video.open import open_video
 
 LOOKED_AT = 3  # videos
@@ -26,18 +27,16 @@ FRAMES_PER_SECOND = 1000.0
 FIELD_OF_VIEW_MM = 25.0  # a usual width of the image, where no pole gives the scale
 POLE_DIAMETER_MM = 0.5
 SCALES = (1.0, 0.6, 1.6, 0.4, 2.5)  # of the usual one, tried in this order for the pole
-COLOURS = [(200, 90, 0), (40, 40, 220), (0, 140, 60), (170, 0, 150), (0, 130, 200)]  # BGR
 
 
 @dataclass(frozen=True)
 class Look:
-    """What was found in one video; `lines` are whiskers in `frame`, name → (n, 2) [px]."""
+    """What was found in one video: what stands still, the scale, and how many whiskers."""
 
     path: Path
     scene: StaticScene
     pixels_per_mm: float
-    frame: np.ndarray
-    lines: dict[str, np.ndarray]
+    whiskers: int
 
     @property
     def pole(self) -> tuple[float, float, float] | None:
@@ -46,43 +45,60 @@ class Look:
         return None if pole is None else (pole.x_px[0], pole.y_px[0], pole.radius_px)
 
 
-def init_folder(folder, overwrite: bool = False, say=lambda line: None) -> list[str]:
-    """Write session.toml and a preview PNG into a folder of videos; return what to tell.
+def init_folder(folder, overwrite=False, config=None, say=lambda line: None) -> list[str]:
+    """Write session.toml and a preview PNG into a folder of videos; return lines to print.
 
-    `say` is called with a line before each video that is looked at.
+    Where there is a session.toml already, or one is given (`config`), it is kept, and the preview
+    shows what it finds. `say` is called with a line before each video that is looked at.
 
     Raises
     ------
     InputError
-        Where there is no readable video, or a session.toml already.
+        Where there is no readable video.
+    SettingsError
+        Where the session.toml that is there cannot be used.
     """
     folder = Path(folder)
     if not folder.is_dir():
         raise InputError(f"{folder}: no such folder; give a folder of videos")
-    target = folder / "session.toml"
-    if target.exists() and not overwrite:
-        raise InputError(f"{target} is there already; --overwrite replaces it")
-    looks = _look_at_some(folder, say)
+    target = folder / SETTINGS_NAME
+    if config is not None or (target.exists() and not overwrite):
+        return _show(folder, Path(config or target), say)
+    looks = _look_at_some(folder, look_at, say)
     document, notes = findings(looks)
-    write_session(target, settings_from(document, target), notes)
-    with files.whole_file(folder / PREVIEW_NAME) as temporary:
-        temporary.write_bytes(cv2.imencode(".png", preview(looks[0], document))[1])
-    return _words(looks, document, target)
+    settings = settings_from(document, target)
+    write_session(target, settings, notes)
+    preview = preview_of(looks[0].path, settings)
+    write_preview(folder / PREVIEW_NAME, preview)
+    return _words(looks, preview, target)
 
 
-def _look_at_some(folder, say) -> list[Look]:
-    """Look at the first, middle and last readable videos."""
-    inputs = [each for each in find_inputs([folder]) if not each.fault]
-    looks = []
-    problems = [] if inputs else [f"{each.path}: {each.fault}" for each in find_inputs([folder])]
-    places = np.unique(np.linspace(0, len(inputs) - 1, LOOKED_AT).astype(int)) if inputs else []
+def _show(folder, session, say) -> list[str]:
+    """Show what a session.toml finds that a person may have corrected."""
+    settings = read_session(session)
+    (preview,) = _look_at_some(folder, lambda path: preview_of(path, settings), say, 1)
+    write_preview(folder / PREVIEW_NAME, preview)
+    return [
+        f"{session} is kept as it is; --overwrite writes {folder / SETTINGS_NAME} anew",
+        f"looked at {preview.path.name} with these settings",
+        preview.words(),
+        f"wrote {folder / PREVIEW_NAME}",
+    ]
+
+
+def _look_at_some(folder, look, say, most=LOOKED_AT) -> list:
+    """What `look` finds in the first, middle and last readable videos."""
+    found = find_inputs([folder])
+    inputs = [each for each in found if not each.fault]
+    looks, problems = [], [] if inputs else [f"{each.path}: {each.fault}" for each in found]
+    places = np.unique(np.linspace(0, len(inputs) - 1, most).astype(int)) if inputs else []
     rest = [i for i in range(len(inputs)) if i not in places]
     for i in (*places, *rest):
-        if len(looks) == LOOKED_AT or (looks and i in rest):
+        if len(looks) == most or (looks and i in rest):
             break
         say(f"looking at {inputs[i].path.name} …")
         try:
-            looks.append(look_at(inputs[i].path))
+            looks.append(look(inputs[i].path))
         except VideoError as error:
             problems.append(str(error))
     if not looks:
@@ -91,17 +107,19 @@ def _look_at_some(folder, say) -> list[Look]:
 
 
 def look_at(path) -> Look:
-    """Find face, pole, scale and whiskers in one video."""
+    """Find face, pole, scale and the number of whiskers in one video."""
     with open_video(path) as video:
+        video = _dark_on_light(video)
         scene, sample, scale = _scene_and_scale(video)
-        options = options_for(Recording(FRAMES_PER_SECOND, scale, scene.face_side))
-    roster = find_roster(sample, scene, options)
-    best, lines = sample[0], {}
-    for frame in sample:
-        found = _lines(frame, scene, roster, options) if roster else {}
-        if len(found) > len(lines):
-            best, lines = frame, found
-    return Look(Path(path), scene, scale, best, lines)
+    options = options_for(Recording(FRAMES_PER_SECOND, scale, scene.face_side))
+    return Look(Path(path), scene, scale, len(find_roster(sample, scene, options)))
+
+
+def _dark_on_light(video):
+    """The video, or its negative where whiskers are bright."""
+    _, frames = video.sample(FRAMES_FOR_POLARITY)
+    usual = max(video.width, video.height) / FIELD_OF_VIEW_MM
+    return Negative(video) if whiskers_are_bright(frames, usual) else video
 
 
 def _scene_and_scale(video):
@@ -142,17 +160,10 @@ def _is_passed_over(scene, frames) -> bool:
     return is_passed_over(*place, scene.background, noise, frames)
 
 
-def _lines(frame, scene, roster, options):
-    chunks = trace([frame], scene, roster, options)
-    return {
-        chunk.names[chunk.whisker[i]]: chunk.row(i) for chunk in chunks for i in range(len(chunk))
-    }
-
-
 def findings(looks):
     """What was found, in session.toml's shape, and a note for every value that is a guess."""
     first = looks[0]
-    count = max(len(look.lines) for look in looks)
+    count = max(look.whiskers for look in looks)
     poles = [look.pole for look in looks if look.pole]
     scale = np.median([look.pixels_per_mm for look in looks if look.pole or not poles])
     document = {
@@ -194,53 +205,13 @@ def _pole_note(looks) -> str:
     return f"here: {', '.join(found)}"
 
 
-def preview(look: Look, document) -> np.ndarray:
-    """The video's frame with face, pole and whiskers drawn in, uint8 (height, width, 3), BGR."""
-    zoom = max(1, round(900 / look.frame.shape[1]))
-    picture = cv2.cvtColor(look.frame, cv2.COLOR_GRAY2BGR)
-    picture = cv2.resize(picture, None, fx=zoom, fy=zoom, interpolation=cv2.INTER_CUBIC)
-
-    def pixels(points):
-        return np.round(((np.asarray(points) + 0.5) * zoom - 0.5) * 16).astype(np.int32)
-
-    face = cv2.resize(look.scene.face_mask.astype(np.uint8), picture.shape[1::-1])
-    edges, _ = cv2.findContours(face, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
-    cv2.drawContours(picture, edges, -1, (0, 170, 230), 2, cv2.LINE_AA)
-    if look.pole is not None:
-        x, y, radius = look.pole
-        centre = pixels([[x, y]])[0]
-        cv2.circle(picture, centre, round(radius * zoom * 16), (60, 180, 60), 2, cv2.LINE_AA, 4)
-    for i, (name, line) in enumerate(look.lines.items()):
-        colour = COLOURS[i % len(COLOURS)]
-        cv2.polylines(picture, [pixels(line)], False, colour, 2, cv2.LINE_AA, 4)
-        place = pixels(line[len(line) // 2 : len(line) // 2 + 1])[0] // 16 + (4, -8)
-        _write(picture, name, place, colour)
-    recording = document["recording"]
-    _write(picture, look.path.name, (8, 22), (30, 30, 30))
-    words = f"face {recording['face']}, {recording['pixels_per_mm']:g} px/mm (guess)"
-    _write(picture, words, (8, 44), (30, 30, 30))
-    return picture
-
-
-def _write(picture, words, place, colour):
-    """Put words on a light ground into a picture."""
-    font, size = cv2.FONT_HERSHEY_SIMPLEX, 0.6
-    (width, height), _ = cv2.getTextSize(words, font, size, 1)
-    x, y = (int(v) for v in place)
-    ground = picture[max(y - height - 3, 0) : y + 5, max(x - 3, 0) : x + width + 3]
-    ground[:] = (0.3 * ground + 0.7 * 255).astype(np.uint8)
-    cv2.putText(picture, words, (x, y), font, size, colour, 1, cv2.LINE_AA)
-
-
-def _words(looks, document, target) -> list[str]:
+def _words(looks, preview, target) -> list[str]:
     """Lines to print for the user."""
-    pole = "a pole" if looks[0].pole else "no pole"
     names = ", ".join(look.path.name for look in looks)
-    count = len(document["whisker"])
     return [
         f"looked at {names}",
-        f"found: face at the {document['recording']['face']}, {pole}, "
-        f"{count} {'whisker' if count == 1 else 'whiskers'}",
+        preview.words(),
         f"wrote {target} and {target.parent / PREVIEW_NAME}",
-        "now check the lines marked GUESS, and give the whiskers' dimensions to get forces",
+        "now check the lines marked GUESS, and give the whiskers' dimensions to get forces; "
+        "`init` again shows what the corrected file finds",
     ]

@@ -3,6 +3,7 @@
 import contextlib
 import hashlib
 from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
 
 from pipeline import __version__
 from pipeline.session.inputs import sha256, stamp
@@ -140,7 +141,11 @@ def save_state(folder, outcome, settings, before) -> None:
 
 def settings_digest(settings) -> str:
     """Hash of all settings."""
-    return hashlib.sha256(settings.model_dump_json().encode()).hexdigest()
+    image = settings.image
+    mask = "" if image.mask is None else sha256(Path(image.mask))  # its content, wherever it lies
+    image = image.model_copy(update={"mask": mask})
+    content = settings.model_copy(update={"image": image}).model_dump_json()
+    return hashlib.sha256(content.encode()).hexdigest()
 
 
 def _same_input(state, path) -> bool:

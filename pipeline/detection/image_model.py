@@ -67,7 +67,9 @@ def translucent(background, variance, obstacles) -> np.ndarray:
 
     There it is bright, and so far from edges that their trembling does not outdo the noise.
     """
-    bright = background > TRANSLUCENT * np.percentile(background[::4, ::4], 90)
+    few = background[::4, ::4]
+    few = few[few > 0]  # not what is outside of [image] region_px and mask
+    bright = background > TRANSLUCENT * (np.percentile(few, 90) if len(few) else 0)
     through = obstacles & bright & ((TREMBLING_PX * gradient(background)) ** 2 < variance)
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (THINNEST_PX, THINNEST_PX))
     return cv2.morphologyEx(through.astype(np.uint8), cv2.MORPH_OPEN, disc).astype(bool)

@@ -33,7 +33,7 @@ class StaticScene:
         `noise_floor`; None where it is 1 everywhere
     likelier_side : that of the whiskers' thicker ends, where no face is seen on the side that was
         given; None: there is no such doubt
-    refused_poles : what looked like a pole, and why it is none, in words
+    refused_poles : x, y [px] of what looked like a pole, and why it is none, in words
     """
 
     background: np.ndarray
@@ -45,4 +45,4 @@ class StaticScene:
     face_side: str
     noise_excess: np.ndarray | None = None
     likelier_side: str | None = None
-    refused_poles: tuple[str, ...] = ()
+    refused_poles: tuple[tuple[float, float, str], ...] = ()

@@ -36,7 +36,10 @@ class Period:
 class Cells:
     """Frames reduced to cells [grey], with flicker taken out, and their comparison."""
 
-    def __init__(self, shape, pixels_per_mm: float, params: SceneParams = DEFAULTS.scene):
+    def __init__(
+        self, shape, pixels_per_mm: float, params: SceneParams = DEFAULTS.scene, part=None
+    ):
+        self.part = part
         side = max(params.cell_mm * pixels_per_mm, LEAST_CELL_PX)
         self.change = params.change
         self.size = (max(round(shape[1] / side), 2), max(round(shape[0] / side), 2))
@@ -44,6 +47,7 @@ class Cells:
 
     def of(self, frame: np.ndarray) -> np.ndarray:
         """Return the cells of a frame, float32, brought to the first frame's brightness."""
+        frame = frame if self.part is None else self.part.shown(frame)
         cells = cv2.resize(frame, self.size, interpolation=cv2.INTER_AREA).astype(np.float32)
         level = max(float(np.percentile(cells[::3, ::3], 90)), 1.0)
         if self.light is None:
@@ -68,11 +72,14 @@ class Survey:
 
     Frames belong to one state if no large thing differs, wherever they are in the video. Of each
     state only some full frames are kept, evenly spread, so that memory does not grow with the
-    length of the video.
+    length of the video. Of a `PicturePart`, only what is in it counts.
     """
 
-    def __init__(self, shape, pixels_per_mm: float, params: SceneParams = DEFAULTS.scene):
-        self.compare = Cells(shape, pixels_per_mm, params)
+    def __init__(
+        self, shape, pixels_per_mm: float, params: SceneParams = DEFAULTS.scene, part=None
+    ):
+        self.part = part
+        self.compare = Cells(shape, pixels_per_mm, params, part)
         size = max(2 * round(0.5 * params.cell_mm * pixels_per_mm) + 1, LEAST_DISC_PX)
         self._disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
         self.indices, self.cells = [], []
@@ -80,6 +87,7 @@ class Survey:
 
     def add(self, index: int, frame: np.ndarray) -> None:
         """Take the next sampled frame, uint8 (height, width), with its number in the video."""
+        frame = frame if self.part is None else self.part.shown(frame)
         cells = self.compare.of(frame)
         alike = (s for s, r in enumerate(self._references) if self.compare.alike(cells, r))
         state = next(alike, len(self._references))

@@ -37,9 +37,13 @@ class Epoch:
     scene: StaticScene | None
 
 
-def survey(video, recording: Recording, params: SceneParams = DEFAULTS.scene) -> Survey:
-    """Sample frames of the whole video, once, for scene and whiskers."""
-    seen = Survey(video.shape, working_scale(video.shape, recording.pixels_per_mm), params)
+def survey(video, recording: Recording, params: SceneParams = DEFAULTS.scene, part=None) -> Survey:
+    """Sample frames of the whole video, once, for scene and whiskers.
+
+    `part`: the `PicturePart` that is looked at; None: all of the picture.
+    """
+    scale = working_scale(video.shape, recording.pixels_per_mm)
+    seen = Survey(video.shape, scale, params, part)
     for index, frame in video.sampled(_sample_size(video.n_frames)):
         seen.add(index, frame)
     return seen
@@ -79,13 +83,27 @@ def find_scenes(
     states, frames = seen.settled()
     pole = pole_diameter_m, pole_xy
     n_frames = video.n_frames or 1
-    scenes = [scene_from_frames(some, recording, *pole, n_frames, params) for some in frames]
+    scenes = [
+        _scene_of_part(seen.part, some, recording, pole, n_frames, params) for some in frames
+    ]
     settled = round(params.settled_s * recording.frames_per_second)
     parts = periods(video, seen, states, [_pole_check(scene) for scene in scenes], settled)
     return tuple(
         Epoch(part.start, part.stop, None if part.state is None else scenes[part.state])
         for part in parts
     )
+
+
+def _scene_of_part(part, frames, recording, pole, n_frames, params):
+    """As `scene_from_frames`, of the part of the picture that is looked at; None: of all."""
+    if part is None:
+        return scene_from_frames(frames, recording, *pole, n_frames, params)
+    diameter, place = pole
+    if place is not None:
+        place = place[0] - part.corner[0], place[1] - part.corner[1]
+    scale = working_scale(part.used.shape, recording.pixels_per_mm)
+    cut = part.cut(frames)
+    return part.whole(scene_from_frames(cut, recording, diameter, place, n_frames, params, scale))
 
 
 def _check_place(video, pole_xy):
@@ -120,16 +138,21 @@ def scene_from_frames(
     pole_xy=None,
     n_frames: int = 1,
     params: SceneParams = DEFAULTS.scene,
+    scale: float | None = None,
 ) -> StaticScene:
-    """The scene of a few frames, uint8 (k, height, width), in which only whiskers move."""
-    scale = working_scale(frames.shape[1:], recording.pixels_per_mm)
+    """The scene of a few frames, uint8 (k, height, width), in which only whiskers move.
+
+    `scale`: for lengths in the scene [px/mm]; that of the picture where it is not given.
+    """
+    scale = scale or working_scale(frames.shape[1:], recording.pixels_per_mm)
     background = estimate_background(frames, scale, params)
     transmission = background.transmission
     side = recording.face or face_side(transmission, params)
     animal = face = find_face(transmission, side, scale, params)
     fur, likelier = face.any(), None
     if fur:
-        face = _bearing_whiskers(animal, frames, background, side, scale, params)
+        face, behind = _bearing_whiskers(animal, frames, background, side, scale, params)
+        side = recording.face or behind or side
     else:
         side, face, thick_side = mask_behind_whiskers(frames, recording.face, scale, params)
         likelier = likelier_side(transmission, side, thick_side, scale, params)
@@ -155,7 +178,7 @@ def scene_from_frames(
 
 
 def _pole(background, frames, radius_px, pole_xy, masks):
-    """The pole, None where none is seen; and what was refused, in words.
+    """The pole, None where none is seen; and what was refused: x, y [px] and why.
 
     `masks`: bool (height, width), of what stands for the face and of the animal.
     """
@@ -166,7 +189,8 @@ def _pole(background, frames, radius_px, pole_xy, masks):
 
     def refused(pole):
         reason = doubt(pole, transmission, animal)
-        reasons.extend([reason] if reason else [])
+        if reason:
+            reasons.append((pole.x_px, pole.y_px, reason))
         return reason is not None
 
     pole = find_pole(transmission, radius_px, pole_xy, face | animal, passed_over, refused)
@@ -174,7 +198,7 @@ def _pole(background, frames, radius_px, pole_xy, masks):
 
 
 def _bearing_whiskers(animal, frames, background, side, scale, params):
-    """The part of the animal's mask that whiskers come out of."""
+    """The part of the animal's mask that whiskers come out of, and its side, as `face_of`."""
     seen = StaticScene(
         background=without_whiskers(background, animal, scale, params=params),
         noise_gain=background.noise_gain,

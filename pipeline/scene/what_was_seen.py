@@ -9,7 +9,13 @@ LEAST_SHARE = 0.0005  # of the picture: smaller things are not worth a word
 
 def seen_instead_of_pole(scenes) -> str:
     """What was seen where no pole is found, to follow "what was seen is "."""
-    refused = list(dict.fromkeys(why for scene in scenes for why in scene.refused_poles))
+    refused = list(
+        dict.fromkeys(
+            f"{why} (at {x:.0f}, {y:.0f} px)"
+            for each in scenes
+            for x, y, why in each.refused_poles
+        )
+    )
     return "; ".join(refused[:MOST]) or " and ".join(_things(scenes)) or "nothing dark and round"
 
 

@@ -14,6 +14,7 @@ from scipy.spatial import cKDTree
 from pipeline.detection import ridges
 from pipeline.detection.image_model import ImageModel, absorbance_image
 from pipeline.detection.static_scene import StaticScene
+from pipeline.scene.face import INWARD, SIDES
 
 LOOKED_AT = 10  # frames
 FEWEST_FRAMES = 3  # fewer do not show what moves
@@ -27,8 +28,8 @@ SWITCH_SHARE = 0.1  # the same, as a share of all whiskers seen
 FEWEST_BASES = 0.1  # of the best part's: a part of the mass with fewer is no face
 
 
-def face_of(mask, frames, scene: StaticScene) -> np.ndarray:
-    """Return the part of the animal's `mask` that bears whiskers, bool (height, width).
+def face_of(mask, frames, scene: StaticScene) -> tuple[np.ndarray, str | None]:
+    """Return the part of the animal's `mask` that bears whiskers, and the side that it is on.
 
     Parameters
     ----------
@@ -36,18 +37,23 @@ def face_of(mask, frames, scene: StaticScene) -> np.ndarray:
     frames : uint8 (k, height, width)
     scene : what does not move, with `mask` as its face
 
-    The whole mask is returned where its edge has no hollow in which a whisker could end, and
-    where no whisker is seen to move.
+    Returns
+    -------
+    face : bool (height, width); the whole mask where its edge has no hollow in which a whisker
+        could end, and where no whisker is seen to move
+    side : side of the picture that lies behind the whiskers' bases; None where that is not looked
+        at
     """
     size = float(np.sqrt(mask.size))
     if len(frames) < FEWEST_FRAMES or not _may_hold_tips(mask, DEEP * size):
-        return mask
+        return mask, None
     edges = _edges(mask)
     votes = _votes(edges, _whiskers(frames, scene, SHORTEST * size), REACH * size)
     if not any(np.any(vote > 0) for _, vote in votes):
-        return mask
+        return mask, None
     labels = _labels(edges, votes, SWITCH * SHORTEST * size)
-    return mask & _nearest_label(edges, labels, mask.shape)
+    side = _side(mask, edges, labels, votes, REACH * size)
+    return mask & _nearest_label(edges, labels, mask.shape), side
 
 
 def _may_hold_tips(mask, depth_px) -> bool:
@@ -206,6 +212,17 @@ def _cut(edge, place, vote, slack) -> int:
     points = np.concatenate([np.arange(place[k], place[k + 1] + 1) for k in allowed])
     chord, offset = edge[place[-1]] - edge[place[0]], edge[points] - edge[place[0]]
     return int(points[np.argmax(np.abs(offset[:, 0] * chord[1] - offset[:, 1] * chord[0]))])
+
+
+def _side(mask, edges, labels, votes, reach_px) -> str:
+    """Side of the picture behind the bases: against it, the face's edge looks into the picture."""
+    smooth = cv2.GaussianBlur(mask.astype(np.float32), (0, 0), reach_px)
+    outward = np.stack([-cv2.Sobel(smooth, cv2.CV_32F, *order) for order in ((1, 0), (0, 1))])
+    total = np.zeros(2)
+    for edge, label, (place, vote) in zip(edges, labels, votes, strict=True):
+        x, y = edge[place[(vote > 0) & label[place]]].T
+        total += (outward[:, y, x] / np.maximum(np.hypot(*outward[:, y, x]), 1e-9)).sum(axis=1)
+    return max(SIDES, key=lambda side: float(np.dot(INWARD[side], total)))
 
 
 def _nearest_label(edges, labels, shape) -> np.ndarray:

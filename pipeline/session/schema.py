@@ -2,8 +2,10 @@
 
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+from pydantic_core import PydanticCustomError
 
+from pipeline.session.image import ImageSettings
 from pipeline.session.parameters import Parameters
 from pipeline.session.quantities import quantity
 from pipeline.session.recording import Recording
@@ -126,6 +128,15 @@ class PoleSettings(_Table):
         return None if self.x_px is None else (self.x_px, self.y_px)
 
 
+def _check_names(value):
+    """Names as a tuple; PydanticCustomError with advice where it is no list of them."""
+    texts = isinstance(value, (list, tuple)) and all(isinstance(n, str) and n for n in value)
+    if texts and value and len(set(value)) == len(value):
+        return tuple(value)
+    advice = 'expected a list of distinct names, as ["C1", "C2"]; correct it, or leave it out'
+    raise PydanticCustomError("implausible", "{advice}", {"advice": advice})
+
+
 class AnalysisSettings(_Table):
     """[analysis]: choices of method."""
 
@@ -134,6 +145,10 @@ class AnalysisSettings(_Table):
     )
     friction: quantity(0, 2, "") = Field(
         0.0, description="coefficient of friction between whisker and pole; 0: none"
+    )
+
+    follow: Annotated[tuple[str, ...] | None, BeforeValidator(_check_names)] = Field(
+        None, description="tables for these whiskers only; the others are tracked all the same"
     )
 
     @property
@@ -152,5 +167,6 @@ class Settings(_Table):
     recording: RecordingSettings
     whisker: tuple[WhiskerSettings, ...] = ()
     pole: PoleSettings = PoleSettings()
+    image: ImageSettings = ImageSettings()
     analysis: AnalysisSettings = AnalysisSettings()
     advanced: Parameters = Parameters()

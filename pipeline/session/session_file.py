@@ -40,7 +40,12 @@ def read_session(path) -> Settings:
         raise SettingsError(path, [f"not valid TOML: {error}; correct that line"]) from None
     except (OSError, UnicodeDecodeError) as error:
         raise SettingsError(path, [f"cannot be read as UTF-8 text: {error}"]) from None
-    return settings_from(document, path)
+    settings = settings_from(document, path)
+    settings = settings.model_copy(update={"image": settings.image.beside(path.parent)})
+    problem = settings.image.mask_problem()
+    if problem:
+        raise SettingsError(path, [problem])
+    return settings
 
 
 def settings_from(document: dict[str, Any], source="session.toml") -> Settings:
@@ -83,6 +88,7 @@ def session_text(settings: Settings, notes: dict[str, str] | None = None) -> str
     for table in settings.whisker:
         lines += _table_lines("[[whisker]]", "whisker", table, notes)
     lines += _table_lines("[pole]", "pole", settings.pole, notes)
+    lines += _table_lines("[image]", "image", settings.image, notes)
     lines += _table_lines("[analysis]", "analysis", settings.analysis, notes)
     for room in fields_of(type(settings.advanced)):
         table = getattr(settings.advanced, room)
@@ -113,6 +119,8 @@ def _toml_value(value) -> str:
         import tomlkit
 
         return tomlkit.item(value).as_string()
+    if isinstance(value, tuple):
+        return f"[{', '.join(map(_toml_value, value))}]"
     return repr(float(value))
 
 

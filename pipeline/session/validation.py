@@ -6,9 +6,8 @@ import math
 from typing import get_args
 
 from pipeline.session.quantities import fields_of, limits_of
-from pipeline.session.schema import AnalysisSettings, RecordingSettings, Settings
+from pipeline.session.schema import AnalysisSettings, Settings
 
-FACES = get_args(RecordingSettings.model_fields["face"].annotation)
 UNKNOWN = ("extra_forbidden", "unexpected_keyword_argument")
 
 
@@ -64,7 +63,7 @@ def _explain(error, document) -> str:
     if kind == "implausible":
         return f"{place} = {value!r}: {error['ctx']['advice']}"
     if kind == "literal_error":
-        return f"{place} = {value!r}: expected one of {', '.join(FACES)}; correct the value"
+        return f"{place} = {value!r}: {_wanted(error['loc'])}; correct the value"
     if error["loc"] == ("whisker",):
         return "[whisker]: expected one [[whisker]] table (double brackets) per tracked whisker"
     return f"{place} = {value!r}: {_wanted(error['loc'])}, not {_toml_type(value)}"
@@ -111,9 +110,16 @@ def _wanted(location) -> str:
     limits = limits_of(field)
     if limits:
         return f"expected a number ({limits.low:g} to {limits.high:g} {limits.unit})"
-    if field.annotation is str:
-        return "expected a text in quotes, not empty"
-    return f"expected one of {', '.join(FACES)}"
+    choices = _choices(field.annotation)
+    return f"expected one of {', '.join(choices)}" if choices else "expected a text, not empty"
+
+
+def _choices(annotation) -> list[str]:
+    """Texts that a key may hold, also inside `… | None`; none where any text may stand."""
+    inside = [each for each in get_args(annotation) if each is not type(None)]
+    if inside and all(isinstance(each, str) for each in inside):
+        return inside
+    return next((found for each in inside if (found := _choices(each))), [])
 
 
 def _toml_type(value) -> str:
@@ -138,6 +144,7 @@ def _contradictions(document) -> list[str]:
     tables = [table for table in tables if isinstance(table, dict)]
     problems += _repeated_names(tables)
     problems += _curvature_contradictions(document, tables)
+    problems += _unknown_names(document, tables)
     pole = document.get("pole", {})
     if isinstance(pole, dict) and ("x_px" in pole) != ("y_px" in pole):
         absent = "y_px" if "x_px" in pole else "x_px"
@@ -179,6 +186,20 @@ def _repeated_names(tables) -> list[str]:
     return [
         f'[[whisker]] name = "{name}" is given {names.count(name)} times; expected distinct names'
         for name in repeated
+    ]
+
+
+def _unknown_names(document, tables) -> list[str]:
+    """Whiskers that are to be followed, but have no table while others have one."""
+    analysis = document.get("analysis", {})
+    follow = analysis.get("follow") if isinstance(analysis, dict) else None
+    names = [table.get("name") for table in tables]
+    unknown = [n for n in follow or () if n not in names] if isinstance(follow, list) else []
+    if not names or not unknown:
+        return []
+    return [
+        f"[analysis] follow = {follow!r}: {', '.join(map(repr, unknown))} has no [[whisker]] "
+        f"table; known are {', '.join(map(str, names))}; correct the name or add its table"
     ]
 
 

@@ -68,6 +68,15 @@ class Centrelines:
         part = slice(self.offsets[i], self.offsets[i + 1])
         return np.column_stack([self.x_px[part], self.y_px[part]])
 
+    def of(self, names) -> "Centrelines":
+        """Return the rows of the whiskers with these names, numbered anew; None: all."""
+        if names is None:
+            return self
+        kept = [k for k, name in enumerate(self.names) if name in names]
+        part = self.rows(np.flatnonzero(np.isin(self.whisker, kept)))
+        number = np.searchsorted(kept, part.whisker).astype(np.int32)
+        return replace(part, names=tuple(self.names[k] for k in kept), whisker=number)
+
     def rows(self, rows) -> "Centrelines":
         """Return the rows of these numbers, in their order."""
         counts = np.diff(self.offsets)[rows]

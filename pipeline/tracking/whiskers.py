@@ -36,10 +36,25 @@ class Cast:
         """Names of the whiskers found in the video, in the tracer's order."""
         return tuple(slot.name for slot in self.roster)
 
+    def only(self, names) -> "Cast":
+        """The cast of some of the whiskers; None: of all."""
+        if names is None:
+            return self
+        kept = [k for k, slot in enumerate(self.roster) if slot.name in names]
+        return Cast(
+            names=tuple(name for name in self.names if name in names),
+            roster=tuple(self.roster[k] for k in kept),
+            whiskers={name: w for name, w in self.whiskers.items() if name in names},
+            nominal=tuple(self.nominal[k] for k in kept),
+            hidden_lengths=tuple(self.hidden_lengths[k] for k in kept),
+        )
+
     def of(self, found) -> "Cast":
         """The cast of whiskers named when the whole video has been seen; these may be more."""
         if tuple(found) == self.found:
             return self
+        if not found:
+            return self.only(())
         typical, hidden = self.nominal[0], self.hidden_lengths[0]
         count = len(found)
         return Cast(

@@ -81,8 +81,8 @@ def test_where_nothing_is_wrong_nothing_is_said():
                          "nothing dark and round; if there is one"),
         ({"pole": None, "thing": True}, "no pole of 0.5 mm (12 px) found, so no contacts; what "
                                         "was seen is a dark thing of 4 × 10 px about (42, 14)"),
-        ({"pole": None, "refused": ("a tuft",)},
-         "no pole of 0.5 mm (12 px) found, so no contacts; what was seen is a tuft; "),
+        ({"pole": None, "refused": ((3.0, 4.0, "a tuft"),)},
+         "no pole of 0.5 mm (12 px) found, so no contacts; what was seen is a tuft (at 3, 4 px)"),
         ({"known": 0.23}, "in 77 % of the frames it is not known which whisker is which"),
         ({"pole": PoleTrack(POLE.x_px, POLE.y_px, 0.3 * SCALE)}, "the pole looks 0.6 mm thick"),
         ({"across": 2, "contacts": ()}, "C2 passes over the pole at (300, 200) px in 2 frames"),

@@ -31,11 +31,11 @@ def test_a_pole_is_not_doubted_with_its_rod_or_without():
 
 
 def test_a_screw_on_something_larger_is_no_pole():
-    assert "a round end at (200, 90) px, but it is part of something larger" in why(BLOCK)
+    assert why(BLOCK) == "a round end, but it is part of something larger"
 
 
 def test_a_tuft_of_fur_at_the_face_is_no_pole():
-    assert "a dark spot at (200, 90) px, but it is at the animal" in why(NOTHING, face_to=185)
+    assert why(NOTHING, face_to=185) == "a dark spot, but it is at the animal"
 
 
 def in_scene(dark, pole_xy=None, face_to=100):
@@ -49,8 +49,9 @@ def in_scene(dark, pole_xy=None, face_to=100):
 def test_a_scene_refuses_what_is_doubted_and_says_what_it_was():
     scene = in_scene(BLOCK)
     assert scene.pole is None
-    assert scene.refused_poles
-    assert "part of something larger" in scene.refused_poles[0]
+    x, y, reason = scene.refused_poles[0]
+    assert np.hypot(x - 200, y - 90) < 0.3
+    assert "part of something larger" in reason
     scene = in_scene(NOTHING)
     assert scene.pole is not None
     assert scene.refused_poles == ()

@@ -60,6 +60,11 @@ def test_the_body_is_no_face(turns, side):
     assert obstacle[CORNER[1] + AT_CORNER :, : CORNER[0] - 4].all()
 
 
+def test_the_side_is_where_whiskers_have_their_bases():
+    assert scene(side=None).face_side == "top"  # the body darkens as much of the left border
+    assert scene(side=None, turns=1).face_side == "left"
+
+
 def test_a_face_alone_stays_whole():
     found = scene(body=False)
     assert found.face_mask[: CORNER[1] - 4].all()

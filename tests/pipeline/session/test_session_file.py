@@ -2,6 +2,8 @@
 
 import re
 
+import cv2
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -201,6 +203,18 @@ def test_any_settings_survive_the_way_to_the_file_and_back(fps, scale, length, h
         ),
         (document(advanced={"scenes": {}}), ["[advanced] scenes: unknown", "mean scene?"]),
         (document(advanced={"scene": 3}), ["[advanced] scene = 3: expected a table with"]),
+        (
+            document(image={"region_px": [0, 0, 640]}),
+            ["[image] region_px = [0, 0, 640]", "x0 < x1"],
+        ),
+        (document(image={"region_px": [9, 0, 3, 5]}), ["[image] region_px", "x0 < x1"]),
+        (document(image={"polarity": "pale"}), ["[image] polarity = 'pale'", "dark, bright"]),
+        (document(image={"mask": 3}), ["[image] mask = 3", "expected a text"]),
+        (document(analysis={"follow": "C2"}), ["[analysis] follow = 'C2'", 'as ["C1", "C2"]']),
+        (
+            document(analysis={"follow": ["C9"]}, whisker=[{"name": "C1"}, {"name": "C2"}]),
+            ["[analysis] follow", "'C9' has no [[whisker]] table", "known are C1, C2"],
+        ),
         (document(pole={"x_px": 3}), ["[pole] y_px is missing", "neither"]),
         (document(pole={"diameter_mm": 500}), ["is it in µm", "write 0.5"]),
         (document(analysis=3), ["[analysis] = 3", "expected a table"]),
@@ -258,3 +272,20 @@ def test_unreadable_files(tmp_path, content, expected):
 def test_byte_order_mark_of_windows_editors_is_no_mistake(tmp_path):
     (tmp_path / "session.toml").write_text(EXAMPLE, encoding="utf-8-sig")
     assert read_session(tmp_path / "session.toml").recording.face == "left"
+
+
+def test_the_mask_lies_beside_the_session(tmp_path):
+    text = EXAMPLE + '[image]\nmask = "mask.png"\nregion_px = [10, 20, 300, 200]\n'
+    (tmp_path / "session.toml").write_text(text)
+    with pytest.raises(SettingsError, match=r"\[image\] mask: there is no file .*mask.png"):
+        read_session(tmp_path / "session.toml")
+    (tmp_path / "mask.png").write_bytes(b"no picture")
+    with pytest.raises(SettingsError, match="is no picture"):
+        read_session(tmp_path / "session.toml")
+    cv2.imwrite(str(tmp_path / "mask.png"), np.full((4, 4), 255, np.uint8))
+    settings = read_session(tmp_path / "session.toml")
+    assert settings.image.mask == str(tmp_path / "mask.png")
+    other = tmp_path / "results"
+    other.mkdir()
+    write(other / "session.toml", settings)
+    assert read_session(other / "session.toml") == settings

@@ -1,0 +1,170 @@
+"""A picture of what the settings in force find in a video, with the names that a run gives."""
+
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from pipeline.detection.static_scene import StaticScene
+from pipeline.run import look_at, trace
+from pipeline.scene.picture_part import part_of
+from pipeline.session.session_file import Settings
+from pipeline.tables import files
+from pipeline.tracking.whiskers import find_cast, roster_frames, tracing_options
+from pipeline.video.negative import Negative
+from pipeline.video.open import open_video
+
+STRETCH = 48  # frames that are traced for the picture
+KNOWN = 0.5  # confidence in a name; below, a line is drawn in grey
+GREY = (130, 130, 130)  # BGR, as those that follow
+COLOURS = [(200, 90, 0), (40, 40, 220), (0, 140, 60), (170, 0, 150), (0, 130, 200)]
+FACE, POLE, REGION, INK = (0, 170, 230), (60, 180, 60), (160, 60, 160), (30, 30, 30)
+WIDTH = 900  # px, about that of the picture
+
+
+@dataclass(frozen=True)
+class Preview:
+    """What the settings find in one video.
+
+    Attributes
+    ----------
+    path, settings : of which video, with which settings
+    scene : what stands still
+    frame : uint8 (height, width), the frame in which most is found
+    lines : name → points (n, 2) of a whisker in that frame [px]
+    known : names that are sure
+    names : all whiskers that are followed
+    """
+
+    path: Path
+    settings: Settings
+    scene: StaticScene
+    frame: np.ndarray
+    lines: dict[str, np.ndarray]
+    known: frozenset[str]
+    names: tuple[str, ...]
+
+    def words(self) -> str:
+        """What was found, in a sentence."""
+        pole = self.scene.pole
+        place = (
+            "no pole" if pole is None else f"a pole at ({pole.x_px[0]:.0f}, {pole.y_px[0]:.0f})"
+        )
+        count = f"{len(self.names)} whisker{'' if len(self.names) == 1 else 's'}"
+        names = f" ({', '.join(self.names)})" if self.names else ""
+        return f"found: face at the {self.scene.face_side}, {place}, {count}{names}"
+
+
+def preview_of(path, settings: Settings) -> Preview:
+    """Look at a video as `run` does, and follow the whiskers through a stretch of it."""
+    with open_video(path) as video:
+        video, seen, epochs = look_at(video, settings)
+        indices, frames = seen.sample(roster_frames(settings))
+        cast = find_cast(indices, frames, epochs, settings)
+        start, scene = _stretch(indices, epochs)
+        stretch = list(islice(video.frames(start), STRETCH))
+        options = tracing_options(settings)
+        chunks = trace(
+            iter(stretch), scene, list(cast.roster), options, STRETCH, not settings.whisker
+        )
+        found = [_lines_by_frame(chunk) for chunk in chunks] if cast.roster else []
+        part = part_of(settings.image, video)
+    rows = {frame: lines for each in found for frame, lines in each.items()}
+    best = max(rows, key=lambda k: _known_and_all(rows[k]), default=0)
+    lines = rows.get(best, {})
+    frame = np.invert(stretch[best]) if isinstance(video, Negative) else stretch[best]
+    frame = frame if part is None else part.shown(frame)
+    return Preview(
+        path=Path(path),
+        settings=settings,
+        scene=scene,
+        frame=frame,
+        lines={name: points for name, (points, _) in lines.items()},
+        known=frozenset(name for name, (_, c) in lines.items() if c >= KNOWN),
+        names=cast.names,
+    )
+
+
+def _known_and_all(lines):
+    """How many lines have a name that is sure, and how many there are."""
+    return sum(confidence >= KNOWN for _, confidence in lines.values()), len(lines)
+
+
+def _stretch(indices, epochs):
+    """Frame at which to begin, in the middle of the epoch that holds longest; its scene."""
+    starts = np.array([epoch.start for epoch in epochs])
+    owner = np.searchsorted(starts, indices, side="right") - 1
+    held = [np.sum(owner == k) if epoch.scene else -1 for k, epoch in enumerate(epochs)]
+    longest = int(np.argmax(held))
+    own = indices[owner == longest]
+    start = int(own[len(own) // 2]) if len(own) else int(starts[longest])
+    stop = epochs[longest].stop
+    if stop is not None:
+        start = max(min(start, stop - STRETCH), int(starts[longest]))
+    return start, epochs[longest].scene
+
+
+def _lines_by_frame(chunk):
+    """Frame → name → points (n, 2) and confidence, of centrelines."""
+    out = {}
+    for i in range(len(chunk)):
+        name = chunk.names[chunk.whisker[i]]
+        out.setdefault(int(chunk.frame[i]), {})[name] = chunk.row(i), float(chunk.confidence[i])
+    return out
+
+
+# ---- the picture --------------------------------------------------------------------------
+
+
+def write_preview(path, preview: Preview) -> None:
+    """Write the picture as PNG, whole or not at all."""
+    with files.whole_file(path) as temporary:
+        temporary.write_bytes(cv2.imencode(".png", draw(preview))[1])
+
+
+def draw(preview: Preview) -> np.ndarray:
+    """The frame with face, pole and whiskers drawn in, uint8 (height, width, 3), BGR."""
+    zoom = max(1, round(WIDTH / preview.frame.shape[1]))
+    picture = cv2.cvtColor(preview.frame, cv2.COLOR_GRAY2BGR)
+    picture = cv2.resize(picture, None, fx=zoom, fy=zoom, interpolation=cv2.INTER_CUBIC)
+    _draw_scene(picture, preview, zoom)
+    for i, (name, line) in enumerate(preview.lines.items()):
+        colour = COLOURS[i % len(COLOURS)] if name in preview.known else GREY
+        cv2.polylines(picture, [_pixels(line, zoom)], False, colour, 2, cv2.LINE_AA, 4)
+        place = _pixels(line[len(line) // 2 : len(line) // 2 + 1], zoom)[0] // 16 + (4, -8)
+        _write(picture, name, place, colour)
+    recording = preview.settings.recording
+    _write(picture, preview.path.name, (8, 22), INK)
+    _write(picture, f"face {recording.face}, {recording.pixels_per_mm:g} px/mm", (8, 44), INK)
+    return picture
+
+
+def _draw_scene(picture, preview, zoom):
+    """Edge of the face, pole, region."""
+    face = cv2.resize(preview.scene.face_mask.astype(np.uint8), picture.shape[1::-1])
+    edges, _ = cv2.findContours(face, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    cv2.drawContours(picture, edges, -1, FACE, 2, cv2.LINE_AA)
+    pole, region = preview.scene.pole, preview.settings.image.region_px
+    if pole is not None:
+        centre = _pixels([[pole.x_px[0], pole.y_px[0]]], zoom)[0]
+        cv2.circle(picture, centre, round(pole.radius_px * zoom * 16), POLE, 2, cv2.LINE_AA, 4)
+    if region is not None:
+        corners = _pixels([region[:2], region[2:]], zoom)
+        cv2.rectangle(picture, corners[0], corners[1], REGION, 1, cv2.LINE_AA, 4)
+
+
+def _pixels(points, zoom):
+    """Points of the video in sixteenths of the picture's pixels."""
+    return np.round(((np.asarray(points) + 0.5) * zoom - 0.5) * 16).astype(np.int32)
+
+
+def _write(picture, words, place, colour):
+    """Put words on a light ground into a picture."""
+    font, size = cv2.FONT_HERSHEY_SIMPLEX, 0.6
+    (width, height), _ = cv2.getTextSize(words, font, size, 1)
+    x, y = (int(v) for v in place)
+    ground = picture[max(y - height - 3, 0) : y + 5, max(x - 3, 0) : x + width + 3]
+    ground[:] = (0.3 * ground + 0.7 * 255).astype(np.uint8)
+    cv2.putText(picture, words, (x, y), font, size, colour, 1, cv2.LINE_AA)

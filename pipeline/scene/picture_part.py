@@ -1,0 +1,104 @@
+"""The part of the picture that is looked at: a region, a mask, or both."""
+
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+
+from pipeline.detection.static_scene import StaticScene
+from pipeline.errors import VideoError
+from pipeline.session.image import ImageSettings
+
+LIGHT_RANK = 90  # percentile of a frame that stands for light
+EVERY = 7  # pixel, for that
+
+
+@dataclass(frozen=True)
+class PicturePart:
+    """What is looked at: `used`, bool (height, width), and the `box` about it, two slices.
+
+    What is not looked at is shown as evenly light, and hides what is there. Coordinates stay those
+    of the whole picture.
+    """
+
+    used: np.ndarray
+    box: tuple[slice, slice]
+
+    @property
+    def corner(self) -> tuple[int, int]:
+        """x, y of the box's first pixel."""
+        return self.box[1].start, self.box[0].start
+
+    def shown(self, frame: np.ndarray) -> np.ndarray:
+        """Return a frame in which all but the part is evenly light."""
+        light = np.percentile(frame[self.used][::EVERY], LIGHT_RANK)
+        return np.where(self.used, frame, np.uint8(light))
+
+    def cut(self, frames: np.ndarray) -> np.ndarray:
+        """Return the frames' boxes, (k, height, width)."""
+        return np.ascontiguousarray(frames[(slice(None), *self.box)])
+
+    def whole(self, scene: StaticScene) -> StaticScene:
+        """Return a scene of the box as one of the whole picture, dark where none looks."""
+        used, (x, y) = self.used[self.box], self.corner
+        pole, excess = scene.pole, scene.noise_excess
+        return replace(
+            scene,
+            background=self._set(np.where(used, scene.background, 0), 0),
+            face_mask=self._set(scene.face_mask & used, False),
+            obstacle_mask=self._set(scene.obstacle_mask | ~used, True),
+            noise_excess=excess if excess is None else self._set(excess, 1),
+            pole=pole and replace(pole, x_px=pole.x_px + x, y_px=pole.y_px + y),
+            refused_poles=tuple((px + x, py + y, why) for px, py, why in scene.refused_poles),
+        )
+
+    def _set(self, values, elsewhere):
+        """Put values of the box into the whole picture."""
+        out = np.full(self.used.shape, elsewhere, values.dtype)
+        out[self.box] = values
+        return out
+
+
+def part_of(image: ImageSettings, video) -> PicturePart | None:
+    """Return the part of a video's picture that the settings speak of; None: all of it.
+
+    Raises
+    ------
+    VideoError
+        If nothing of the picture is left, or the mask is of another size.
+    """
+    if image.region_px is None and image.mask is None:
+        return None
+    used = _inside(image.region_px, video.shape) & _white(image.mask, video)
+    if not used.any():
+        raise VideoError(
+            video.path,
+            f"its picture is {video.width}×{video.height} px, and [image] region_px and mask "
+            "leave nothing of it; correct them, or leave them out",
+        )
+    rows, columns = (np.flatnonzero(used.any(axis)) for axis in (1, 0))
+    return PicturePart(used, (slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)))
+
+
+def _inside(region, shape):
+    """Pixels of the picture that are in a region [x0, y0, x1, y1), bool (height, width)."""
+    if region is None:
+        return np.ones(shape, bool)
+    rows, columns = np.ogrid[: shape[0], : shape[1]]
+    x0, y0, x1, y1 = region
+    return (columns >= x0) & (columns < x1) & (rows >= y0) & (rows < y1)
+
+
+def _white(mask, video):
+    """Pixels that are not black in the mask's file, bool (height, width)."""
+    if mask is None:
+        return np.ones(video.shape, bool)
+    picture = cv2.imread(mask, cv2.IMREAD_GRAYSCALE)
+    if picture is None or picture.shape != video.shape:
+        size = "no picture" if picture is None else f"{picture.shape[1]}×{picture.shape[0]} px"
+        raise VideoError(
+            video.path,
+            f"its picture is {video.width}×{video.height} px, but [image] mask {mask} is {size}: "
+            "expected a picture of the same size",
+        )
+    return picture > 0

@@ -1,0 +1,65 @@
+"""Whether whiskers are dark on a light ground, or bright on a dark one."""
+
+import cv2
+import numpy as np
+
+from pipeline.detection import ridges
+from pipeline.scene.scale import working_scale
+
+THICKEST_MM = 0.4  # thicker lines are no whiskers
+EVERY = 4  # pixel, to see what is ground
+CLEARLY = 1.5  # times as much must speak for bright lines
+SHORTEST = 0.07  # of the picture's size: shorter lines may be gleams
+MOVED_SD, MOVED_GREY = 5.0, 4.0  # by more than so many SD and grey levels, a pixel has changed
+FEWEST_FRAMES = 3  # with fewer, everything may be a whisker
+
+
+def whiskers_are_bright(frames: np.ndarray, pixels_per_mm: float) -> bool:
+    """Whether the long thin lines that move are brighter than what is beside them.
+
+    Parameters
+    ----------
+    frames : uint8 (k, height, width), some from the whole video
+    pixels_per_mm : scale of the image
+    """
+    size = 2 * round(0.5 * THICKEST_MM * working_scale(frames.shape[1:], pixels_per_mm)) + 1
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
+    few = np.median(frames[:, 1::EVERY, 1::EVERY], axis=0)
+    if few.mean() <= np.median(few):
+        return False  # most of the picture is ground, and it is light: things are darker
+    usual = np.median(frames, axis=0).astype(np.float32)
+    smooth = [cv2.GaussianBlur(frame, (0, 0), 1.0) for frame in frames]
+    moved = [_moved(each, usual) if len(frames) >= FEWEST_FRAMES else None for each in smooth]
+    hats = [
+        [_masked(cv2.morphologyEx(each, kind, disc), where) for kind in _HATS]
+        for each, where in zip(smooth, moved, strict=True)
+    ]
+    dark, bright = np.sum([[hat.sum(dtype=float) for hat in pair] for pair in hats], axis=0)
+    if bright <= CLEARLY * dark:
+        return False
+    shortest = SHORTEST * np.sqrt(usual.size)
+    dark, bright = np.sum([[_line_length(hat, shortest) for hat in pair] for pair in hats], axis=0)
+    return bool(bright > CLEARLY * dark)
+
+
+_HATS = (cv2.MORPH_BLACKHAT, cv2.MORPH_TOPHAT)
+
+
+def _moved(frame, usual):
+    """Pixels that differ from the usual frame by more than noise, bool (height, width)."""
+    change = np.abs(frame - usual)
+    sd = 1.4826 * float(np.median(change[::3, ::3]))
+    return change > MOVED_SD * sd + MOVED_GREY
+
+
+def _masked(image, where):
+    return image if where is None else np.where(where, image, 0)
+
+
+def _line_length(hat, shortest_px) -> float:
+    """Length of the long lines in a picture of thin things [px]."""
+    noise = np.full(hat.shape, max(float(hat.mean()), 1.0) / 255, np.float32)
+    index, points = ridges.ridge_points(hat.astype(np.float32) / 255, noise)
+    curves = ridges.join(ridges.link(index, points, shortest=10))
+    lengths = [np.hypot(*np.diff(curve, axis=0).T).sum() for curve in curves]
+    return float(sum(length for length in lengths if length > shortest_px))
