@@ -7,7 +7,7 @@ import pandas as pd
 
 from pipeline.contacts import Touch, find_touches, no_touches, surely_free
 from pipeline.detection import PoleTrack
-from pipeline.errors import InputError
+from pipeline.errors import InputError, VideoError
 from pipeline.forces import estimate_forces
 from pipeline.identity import assign_identities
 from pipeline.kinematics import Kinematics, KinematicsMeter, given_lines, locate_follicles
@@ -29,6 +29,8 @@ from pipeline.tracking import (
     track,
 )  # fmt: skip
 from pipeline.video import open_video
+
+LEAST_PX = 16  # height and width of a frame
 
 
 @dataclass(frozen=True)
@@ -134,6 +136,13 @@ def _analysis(kinematics, touch, notes, clock) -> Analysis:
 
 def look_at(video, settings):
     """The video's `Survey`, and its epochs: what stands still, and until when."""
+    if min(video.shape) < LEAST_PX:
+        raise VideoError(
+            video.path,
+            f"has frames of {video.width}×{video.height} px: expected at least {LEAST_PX} px "
+            "either way, or no whisker can be seen",
+            0,
+        )
     recording, pole, params = settings.recording.si(), settings.pole, settings.advanced.scene
     seen = survey(video, recording, params)
     return seen, find_scenes(video, recording, pole.diameter, pole.position_px, seen, params)

@@ -2,14 +2,27 @@
 
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+from pydantic_core import PydanticCustomError
 
 from pipeline.session.parameters import Parameters
 from pipeline.session.quantities import quantity
 from pipeline.session.recording import Recording
 from whiskermodel.whisker import Whisker
 
+FORMULA = ("=", "+", "-", "@")  # spreadsheets compute what begins so
 DIMENSIONS = ("length_mm", "cone_length_mm", "base_radius_um")
+
+
+def plain_name(name: str) -> str:
+    """Return a name that tables can hold; PydanticCustomError where it is none."""
+    if name.isprintable() and name.strip() == name and not name.startswith(FORMULA):
+        return name
+    advice = (
+        "expected a name without spaces around it that does not begin with = + - @, which "
+        "spreadsheets compute; choose another"
+    )
+    raise PydanticCustomError("implausible", "{advice}", {"advice": advice})
 
 
 class _Table(BaseModel):
@@ -37,7 +50,7 @@ class RecordingSettings(_Table):
 class WhiskerSettings(_Table):
     """One [[whisker]] table; the forces need length, cone length and base radius."""
 
-    name: Annotated[str, Field(strict=True, min_length=1)] = Field(
+    name: Annotated[str, Field(strict=True, min_length=1), AfterValidator(plain_name)] = Field(
         description="what the lab calls it"
     )
     length_mm: quantity(1, 200, "mm", {"m": 1e3, "µm": 1e-3}) | None = Field(
