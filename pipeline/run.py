@@ -7,7 +7,7 @@ import pandas as pd
 
 from pipeline.contacts import Touch, TouchOptions, find_touches, no_touches, surely_free
 from pipeline.detection import PoleTrack
-from pipeline.errors import InputError
+from pipeline.errors import InputError, VideoError
 from pipeline.forces import estimate_forces
 from pipeline.identity import assign_identities
 from pipeline.kinematics import Kinematics, KinematicsMeter, given_lines, locate_follicles
@@ -38,6 +38,7 @@ from pipeline.tracking import (
 from pipeline.video import Negative, open_video
 
 FRAMES_FOR_POLARITY = 8
+LEAST_PX = 16  # height and width of a frame
 
 
 @dataclass(frozen=True)
@@ -147,6 +148,13 @@ def _analysis(kinematics, touch, notes, clock) -> Analysis:
 
 def look_at(video, settings):
     """The video, or its negative; its `Survey`, and its epochs: what stands still, until when."""
+    if min(video.shape) < LEAST_PX:
+        raise VideoError(
+            video.path,
+            f"has frames of {video.width}×{video.height} px: expected at least {LEAST_PX} px "
+            "either way, or no whisker can be seen",
+            0,
+        )
     recording, pole, params = settings.recording.si(), settings.pole, settings.advanced.scene
     part = part_of(settings.image, video)
     seen = survey(video, recording, params, part)

@@ -406,7 +406,7 @@ def _settled(task, outcome) -> Outcome:
 def _died(task, reason) -> Outcome:
     """A fault of the program, or of the process it ran in."""
     last = reason.strip().splitlines()[-1]
-    if "MemoryError" in last:
+    if "MemoryError" in last or "Insufficient memory" in last:
         last = f"out of memory ({last}); use fewer --jobs, end other programs, or cut the video"
     elif "Traceback" in reason:
         last = f"unexpected fault of the program: {last}; --debug shows where"

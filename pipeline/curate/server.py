@@ -12,6 +12,7 @@ from pipeline.curate.results import Results
 from pipeline.tables.result_exchange import settled
 
 HOST = "127.0.0.1"
+NAMES = (HOST, "localhost")
 GOODBYE_S = 0.5  # for the last words to reach the browser
 
 
@@ -102,7 +103,6 @@ class Server:
         from bokeh.application import Application
         from bokeh.application.handlers import FunctionHandler
         from bokeh.server.server import BaseServer
-        from bokeh.server.tornado import BokehTornado
         from tornado.httpserver import HTTPServer
         from tornado.ioloop import IOLoop
 
@@ -110,10 +110,13 @@ class Server:
         self._loop = IOLoop.current()
         place = f"{HOST}:{self._socket.getsockname()[1]}"
         application = Application(FunctionHandler(self._open))
-        tornado = BokehTornado(
+        tornado = local_pages()(
             {self._path: application},
             extra_websocket_origins=[place],
             use_index=False,
+            # a session's token is made here, and for this page
+            secret_key=secrets.token_bytes(32),
+            sign_sessions=True,
             # a laptop that sleeps must not lose its page
             unused_session_lifetime_milliseconds=600_000,
         )
@@ -143,6 +146,23 @@ class Server:
             page.doc.add_next_tick_callback(lambda page=page: page.show_state("finished"))
         time.sleep(GOODBYE_S)
         self._ended.set()
+
+
+def local_pages():
+    """Return the class of an application that answers only who calls it by this computer's name.
+
+    A page from elsewhere whose name is made to lead here (DNS rebinding) calls it by that name.
+    """
+    from bokeh.server.tornado import BokehTornado
+    from tornado.web import ErrorHandler
+
+    class LocalPages(BokehTornado):
+        def find_handler(self, request, **kwargs):
+            if request.host_name in NAMES:
+                return super().find_handler(request, **kwargs)
+            return self.get_handler_delegate(request, ErrorHandler, {"status_code": 403})
+
+    return LocalPages
 
 
 def _bound_socket(port):

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pipeline.errors import InputError, VideoError
+from pipeline.session.schema import FORMULA
 from pipeline.session.session_file import SettingsError, read_session
 from pipeline.tables.result_exchange import STATE_FILE
 from pipeline.tables.run_record import read_run, read_state, recorded_path
@@ -59,13 +60,19 @@ def find_inputs(paths, out=None) -> list[Input]:
     return list(found.values())
 
 
-def _videos_in(folder, out) -> list[Path]:
-    """Videos in a folder and in the subfolders that are no videos themselves."""
+def _videos_in(folder, out, above=()) -> list[Path]:
+    """Videos in a folder and in the subfolders that are no videos themselves.
+
+    Links that lead to one of the folders `above` are not followed.
+    """
     here = find_videos([folder])
-    below = []
+    below, above = [], (*above, folder.resolve())
     for entry in sorted(folder.iterdir()):
         if entry.is_dir() and entry not in here and not _is_result(entry, out):
-            below += [path for path in _videos_in(entry, out) if path != entry or not _fault(path)]
+            if entry.resolve() in above:
+                continue
+            inside = _videos_in(entry, out, above)
+            below += [path for path in inside if path != entry or not _fault(path)]
     if below and here == [folder] and _fault(folder):
         return below
     return here + below
@@ -80,7 +87,7 @@ def _fault(path) -> str:
     """Why a folder or a name is no input; files are only opened when their turn comes."""
     if readable(path.resolve()) != str(path.resolve()):
         return "has a name that is no text (a wrong character set?): rename it"
-    if not path.is_dir():
+    if path.is_file():
         return ""
     try:
         open_video(path).close()
@@ -211,7 +218,8 @@ def _is_left_over(folder) -> bool:
 def _stem(path) -> str:
     """Name for results of `path`; the folder's own name where the path is `.`."""
     path = path if path.name not in ("", "..") else path.resolve()
-    return _safe_name(readable(path.name if path.is_dir() else path.stem))
+    name = _safe_name(readable(path.name if path.is_dir() else path.stem))
+    return f"_{name}" if name.startswith(FORMULA) else name
 
 
 def _safe_name(name) -> str:

@@ -2,7 +2,7 @@
 
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
 from pydantic_core import PydanticCustomError
 
 from pipeline.session.image import ImageSettings
@@ -12,7 +12,19 @@ from pipeline.session.recording import Recording
 from whiskermodel.whisker import Whisker
 
 LONGEST_CONE_MM = 10_000  # all but a cylinder
+FORMULA = ("=", "+", "-", "@")  # spreadsheets compute what begins so
 DIMENSIONS = ("length_mm", "cone_length_mm", "base_radius_um")
+
+
+def plain_name(name: str) -> str:
+    """Return a name that tables can hold; PydanticCustomError where it is none."""
+    if name.isprintable() and name.strip() == name and not name.startswith(FORMULA):
+        return name
+    advice = (
+        "expected a name without spaces around it that does not begin with = + - @, which "
+        "spreadsheets compute; choose another"
+    )
+    raise PydanticCustomError("implausible", "{advice}", {"advice": advice})
 
 
 class _Table(BaseModel):
@@ -40,7 +52,7 @@ class RecordingSettings(_Table):
 class WhiskerSettings(_Table):
     """One [[whisker]] table; the forces need length, base radius, cone length or tip radius."""
 
-    name: Annotated[str, Field(strict=True, min_length=1)] = Field(
+    name: Annotated[str, Field(strict=True, min_length=1), AfterValidator(plain_name)] = Field(
         description="what the lab calls it"
     )
     length_mm: quantity(1, 200, "mm", {"m": 1e3, "µm": 1e-3}) | None = Field(

@@ -9,6 +9,7 @@ from pipeline.errors import VideoError
 from pipeline.video.frame_faults import FrameFaults
 
 BIT_DEPTHS = (8, 10, 12, 14, 16)
+MOST_PIXELS = 2**25  # of a frame: more than any high-speed camera has; they take some 2 GB
 
 
 class Video:
@@ -30,6 +31,7 @@ class Video:
 
     def __init__(self, path, width: int, height: int, n_frames: int | None, exact_count=True):
         self.path = Path(path)
+        check_pixels(path, width, height)
         self.width, self.height = int(width), int(height)
         self.n_frames = n_frames
         self.exact_count = exact_count and n_frames is not None
@@ -166,6 +168,17 @@ class Video:
                 f"at that frame",
                 index,
             )
+
+
+def check_pixels(path, width, height) -> None:
+    """Raise a VideoError where frames of this size would take all memory."""
+    if not 0 < width * height <= MOST_PIXELS:
+        raise VideoError(
+            path,
+            f"has frames of {width}×{height} px: expected at most {MOST_PIXELS / 1e6:.0f} "
+            "megapixels; it is damaged, or must be cut or made smaller",
+            0,
+        )
 
 
 class RandomAccessVideo(Video):

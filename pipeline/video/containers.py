@@ -15,7 +15,7 @@ import numpy as np
 from av.video.frame import PictureType
 
 from pipeline.errors import VideoError
-from pipeline.video.base import Video, bits_to_drop, to_8_bit
+from pipeline.video.base import Video, bits_to_drop, check_pixels, to_8_bit
 from pipeline.video.endings import is_cut
 from pipeline.video.listening import ENDED_EARLY, listening
 
@@ -90,6 +90,8 @@ class ContainerVideo(Video):
         self._luma = LumaReader()
         with self._open(path) as container:
             stream = container.streams.video[0]
+            if stream.codec_context.width:  # a raw stream does not say before it is decoded
+                check_pixels(path, stream.codec_context.width, stream.codec_context.height)
             first = next(container.decode(stream), None)
             if first is None:
                 raise VideoError(path, _no_frames_message(container), 0)

@@ -1,5 +1,6 @@
 """TIFF stacks and folders of images as videos, read page by page."""
 
+import struct
 from pathlib import Path
 
 import cv2
@@ -7,10 +8,11 @@ import numpy as np
 import tifffile
 
 from pipeline.errors import VideoError
-from pipeline.video.base import RandomAccessVideo, bits_to_drop, to_8_bit
+from pipeline.video.base import RandomAccessVideo, bits_to_drop, check_pixels, to_8_bit
 from pipeline.video.frame_faults import SHOWN, missing_numbers
 from pipeline.video.listening import lost_pages
 
+PNG = b"\x89PNG\r\n\x1a\n"  # a file of that kind begins so; width and height are at byte 16
 PACKED_BITS = (10, 12, 14)
 PROBES = 16  # frames looked at to find the bit depth of a 16-bit stack
 
@@ -83,12 +85,15 @@ class TiffVideo(ImageStack):
             )
         try:
             image = self._page(int(index)) if self._volume is None else self._volume[index]
+        except VideoError:
+            raise
         except Exception as error:
             raise _unreadable(self._path, index, f"page {index}", error) from error
         return _grey(image, self._path, index, cv2.COLOR_RGB2GRAY)
 
     def _page(self, index):
         page = self._tiff.pages[index]
+        check_pixels(self._path, page.imagewidth, page.imagelength)
         if page.bitspersample in PACKED_BITS and page.compression == 1 and page.fillorder == 1:
             return _unpacked(page)
         return page.asarray()
@@ -128,12 +133,24 @@ class ImageFolderVideo(ImageStack):
 
     def _image(self, index):
         file = self._files[index]
-        data = np.fromfile(file, np.uint8)  # imread cannot open every Unicode path
-        image = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if len(data) else None
+        image = self._decoded(file)
         if image is None:
             what = file.name if file != self._path else "it"
             raise _unreadable(self._path, index, what, "damaged or no image")
         return _grey(image, file, index, cv2.COLOR_BGR2GRAY)
+
+    def _decoded(self, file):
+        """The image in a file, None where it holds none."""
+        try:
+            data = np.fromfile(file, np.uint8)  # imread cannot open every Unicode path
+        except OSError:
+            return None
+        if data[:8].tobytes() == PNG:
+            check_pixels(file, *struct.unpack(">II", data[16:24].tobytes().ljust(8, b"\1")))
+        try:
+            return cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if len(data) else None
+        except cv2.error:  # a size beyond all bounds
+            return None
 
 
 def _unreadable(path, index, what, reason):

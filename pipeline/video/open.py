@@ -72,6 +72,8 @@ def open_video(path, threads: int = 1) -> Video:
         return ImageFolderVideo(path, _images_of(path))
     if not path.exists():
         raise VideoError(path, "does not exist; check the name")
+    if not path.is_file():
+        raise VideoError(path, "is a pipe or a device, no file; save the video first")
     suffix = path.suffix.lower()
     if suffix in TIFF_SUFFIXES:
         from pipeline.video.image_stacks import TiffVideo
@@ -129,7 +131,7 @@ def _is_input(item):
     """Whether something in a folder is an input of its own."""
     if item.is_dir():
         return _is_image_folder(item) or not any(item.iterdir())
-    if RESULT_VIDEO.search(item.stem):
+    if RESULT_VIDEO.search(item.stem) or not item.is_file():
         return False
     suffix = item.suffix.lower()
     return suffix in VIDEO_SUFFIXES or (suffix in TIFF_SUFFIXES and _is_stack(item))

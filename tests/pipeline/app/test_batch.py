@@ -4,8 +4,10 @@ import json
 import os
 import pathlib
 import shutil
+import struct
 import sys
 import tempfile
+import zlib
 
 import numpy as np
 import pandas as pd
@@ -201,6 +203,30 @@ def test_corrections_that_do_not_fit_the_video_are_said_and_kept(folder, calls, 
     assert "2 of 'B1', which is no whisker of this video (C2)" in message
     assert "1 reach beyond the video's end (it has 10 frames)" in message
     assert (out / "a" / "corrections.csv").read_text() == text
+
+
+def test_links_that_lead_back_pipes_and_names_like_formulas(folder, calls, tmp_path):
+    for name in ("one", "two"):
+        (folder / name).symlink_to(folder, target_is_directory=True)
+    (folder / "=1+1.avi").write_bytes(b"formula")
+    os.mkfifo(folder / "pipe.tif")
+    os.mkfifo(folder / "pipe.avi")
+    out = tmp_path / "results"
+    batch.run([folder], out)
+    assert statuses(out) == {"_=1+1": "done", "a": "done", "b": "done"}
+    (failed,) = batch.run([folder / "pipe.avi"], tmp_path / "other").of("failed")
+    assert "is a pipe or a device" in failed.message
+
+
+def test_an_image_that_claims_a_huge_size_costs_its_folder_only(folder, calls, tmp_path):
+    (folder / "trial").mkdir()
+    chunk = b"IHDR" + struct.pack(">IIBBBBB", 100_000, 100_000, 8, 0, 0, 0, 0)
+    head = b"\x89PNG\r\n\x1a\n" + struct.pack(">I", 13) + chunk
+    (folder / "trial" / "f1.png").write_bytes(head + struct.pack(">I", zlib.crc32(chunk)))
+    out = tmp_path / "results"
+    (failed,) = batch.run([folder], out).of("failed")
+    assert statuses(out) == {"a": "done", "b": "done", "trial": "failed"}
+    assert "100000×100000 px: expected at most 34 megapixels" in failed.message
 
 
 def test_too_little_memory_is_no_fault_of_the_program(folder, calls, tmp_path):

@@ -1,6 +1,7 @@
 """The page, served and in a real browser."""
 
 import http.client
+import re
 import shutil
 import socket
 import subprocess
@@ -41,23 +42,68 @@ def test_served_on_this_computer_only(served):
             assert probe.connect_ex((other, port)) != 0
 
 
+def _asked(served, path="", **headers):
+    """Answer to a GET request: (connection, response)."""
+    url = urlsplit(served[0].url)
+    connection = http.client.HTTPConnection(url.hostname, url.port, timeout=PATIENCE_S)
+    connection.request("GET", url.path + path, headers=headers)
+    return connection, connection.getresponse()
+
+
+def _websocket(served, origin, token):
+    """Status of the answer to a websocket's request, and the first byte that came after it."""
+    url = urlsplit(served[0].url)
+    connection, response = _asked(
+        served, "/ws", Origin=origin.format(port=url.port), Upgrade="websocket",
+        Connection="Upgrade", **{
+            "Sec-WebSocket-Version": "13", "Sec-WebSocket-Key": "AAAAAAAAAAAAAAAAAAAAAA==",
+            "Sec-WebSocket-Protocol": f"bokeh, {token}",
+        },
+    )  # fmt: skip
+    first = response.fp.raw._sock.recv(1) if response.status == 101 else b""
+    connection.close()
+    return response.status, first
+
+
+TEXT, CLOSE = b"\x81", b"\x88"  # kinds of websocket messages
+
+
 @pytest.mark.parametrize(
     ("origin", "status"), [("http://127.0.0.1:{port}", 101), ("http://elsewhere.example", 403)]
 )
 def test_pages_from_elsewhere_get_no_websocket(served, origin, status):
+    page = _asked(served)[1].read().decode()
+    token = re.search(r'"token":"([^"]+)"', page)[1]
+    assert _websocket(served, origin, token) == (status, TEXT if status == 101 else b"")
+
+
+def test_forged_session_tokens_are_refused(served):
     from bokeh.util.token import generate_jwt_token, generate_session_id
 
-    url = urlsplit(served[0].url)
-    connection = http.client.HTTPConnection(url.hostname, url.port, timeout=PATIENCE_S)
-    token = generate_jwt_token(generate_session_id())
-    headers = {
-        "Origin": origin.format(port=url.port), "Upgrade": "websocket", "Connection": "Upgrade",
-        "Sec-WebSocket-Version": "13", "Sec-WebSocket-Key": "AAAAAAAAAAAAAAAAAAAAAA==",
-        "Sec-WebSocket-Protocol": f"bokeh, {token}",
-    }  # fmt: skip
-    connection.request("GET", url.path + "/ws", headers=headers)
-    assert connection.getresponse().status == status
-    connection.close()
+    forged = generate_jwt_token(generate_session_id())
+    signed = generate_jwt_token(
+        generate_session_id(secret_key=b"mine", signed=True), secret_key=b"mine", signed=True
+    )
+    for token in (forged, signed):
+        status, first = _websocket(served, "http://127.0.0.1:{port}", token)
+        assert (status, first) in [(101, CLOSE), (101, b""), (403, b"")]
+
+
+@pytest.mark.parametrize(
+    ("host", "status"),
+    [("127.0.0.1:{port}", 200), ("localhost:{port}", 200), ("evil.example", 403)],
+)
+def test_only_who_calls_this_computer_by_its_name_is_answered(served, host, status):
+    port = urlsplit(served[0].url).port
+    assert _asked(served, Host=host.format(port=port))[1].status == status
+
+
+@pytest.mark.parametrize(
+    "path",
+    ["/../run.json", "/..%2f..%2frun.json", "//etc/passwd", "/static/js/../../../../etc/passwd"],
+)
+def test_no_file_of_the_disk_is_served(served, path):
+    assert _asked(served, path)[1].status in (400, 403, 404)
 
 
 def test_the_page_needs_nothing_from_the_internet(served):

@@ -165,6 +165,8 @@ def test_any_settings_survive_the_way_to_the_file_and_back(fps, scale, length, h
         (document(whisker=[{"cone_length_mm": 1e308}]), ["1e+308", "1 to 10000 mm"]),
         (document(whisker=[{"length_mm": "18"}]), ["length_mm = '18'", "a number", "not text"]),
         (document(whisker=[{"length_mm": True}]), ["length_mm", "not true/false"]),
+        (document(whisker=[{"name": "=1+1"}]), ["name = '=1+1'", "spreadsheets compute"]),
+        (document(whisker=[{"name": "C2\t"}]), ["name = 'C2\\t'", "without spaces around"]),
         (document(whisker=[{"name": ""}]), ["name", "not empty"]),
         (document(whisker={"name": "C2"}), ["[[whisker]]", "double brackets"]),
         (document(whisker=[3]), ["[[whisker]] 1 = 3", "expected a table"]),

@@ -9,6 +9,9 @@ import pytest
 import tifffile
 
 from pipeline.errors import VideoError
+from pipeline.run import analyse
+from pipeline.session.session_file import settings_from
+from pipeline.video import base
 from pipeline.video.containers import ContainerVideo
 from pipeline.video.endings import is_cut
 from pipeline.video.frame_faults import FrameFaults, missing_numbers
@@ -223,3 +226,27 @@ Y4M = b"YUV4MPEG2 W4 H2 F25:1 Cmono\n" + (b"FRAME\n" + bytes(8)) * 3
 def test_ends_of_containers(tmp_path, container, content, lacks):
     (tmp_path / "a").write_bytes(content)
     assert is_cut(tmp_path / "a", container) is lacks
+
+
+@pytest.mark.parametrize("kind", ["png", "jpg", "bmp", "tif", "avi", "pgm"])
+def test_frames_beyond_all_memory_are_refused(tmp_path, kind, monkeypatch):
+    """The bound is lowered here; a real picture of that size would be slow to write."""
+    monkeypatch.setattr(base, "MOST_PIXELS", SIZE[0] * SIZE[1] - 1)
+    path = tmp_path / f"a.{kind}"
+    if kind == "avi":
+        write(path, "mjpeg", "yuvj420p")
+    else:
+        cv2.imwrite(str(path), picture(0))
+    with pytest.raises(VideoError, match=r"128×96 px: expected at most"):
+        list(open_video(path))
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (48, 2), (1, 10_000), (15, 64)])
+def test_frames_too_small_for_a_whisker_are_refused(tmp_path, shape):
+    settings = settings_from(
+        {"recording": {"frames_per_second": 1000, "pixels_per_mm": 25, "face": "left"}}
+    )
+    stack = np.random.default_rng(0).integers(0, 255, (5, *shape), dtype=np.uint8)
+    tifffile.imwrite(tmp_path / "a.tif", stack, photometric="minisblack")
+    with pytest.raises(VideoError, match=f"{shape[1]}×{shape[0]} px: expected at least 16"):
+        analyse(tmp_path / "a.tif", settings)
