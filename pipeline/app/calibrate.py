@@ -25,8 +25,12 @@ def geometry(
     images: Annotated[
         list[Path], typer.Argument(metavar="IMAGE...", help="Micrographs, one whisker in each.")
     ],
-    pixels_per_mm: Annotated[float, typer.Option(help="Scale of the micrographs.")],
     out: Out,
+    pixels_per_mm: Annotated[float | None, typer.Option(help="Scale of the micrographs.")] = None,
+    scale_bar_mm: Annotated[
+        float | None,
+        typer.Option(help="Length of the scale bar in each micrograph, in place of the scale."),
+    ] = None,
     mass_ug: Annotated[
         list[float] | None,
         typer.Option(help="Mass [µg] of each whisker, in the order of the images: its density."),
@@ -42,7 +46,8 @@ def geometry(
     """
     from pipeline.app.calibrate_geometry import run_geometry
 
-    run_geometry(images, pixels_per_mm, out, mass_ug or (), _target(into, whisker), typer.echo)
+    scale = {"--pixels-per-mm": pixels_per_mm, "--scale-bar-mm": scale_bar_mm}
+    run_geometry(images, scale, out, mass_ug or (), _target(into, whisker), typer.echo)
 
 
 @calibrate.command()

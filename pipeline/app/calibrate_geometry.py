@@ -11,18 +11,19 @@ SHOWN = (("length_mm", "length", "mm"), ("base_radius_um", "base radius", "µm")
          ("density_kg_per_m3", "density", "kg/m³"))  # fmt: skip
 
 
-def run_geometry(images, pixels_per_mm, out, masses, target, say) -> None:
+def run_geometry(images, scale, out, masses, target, say) -> None:
     """Measure all whiskers, write the results, then the session; nothing where one fails.
 
     Parameters
     ----------
+    scale : {"--pixels-per-mm": scale or None, "--scale-bar-mm": length of a bar or None}
     target : (session.toml, name of the whisker in it), or None
     say : prints a line
     """
-    _check(images, pixels_per_mm, masses)
+    _check(images, scale, masses)
     geometries = []
     for image in images:
-        geometry = measure_geometry(image, pixels_per_mm)
+        geometry = measure_geometry(image, *scale.values())
         _check_scale(geometry)
         geometries.append(geometry)
         say(
@@ -40,9 +41,16 @@ def run_geometry(images, pixels_per_mm, out, masses, target, say) -> None:
         say(f"{target[0]}, whisker {target[1]}: {text}")
 
 
-def _check(images, pixels_per_mm, masses):
-    if not (math.isfinite(pixels_per_mm) and pixels_per_mm > 0):
-        raise ValueError(f"--pixels-per-mm {pixels_per_mm}: expected a number above 0")
+def _check(images, scale, masses):
+    given = {option: value for option, value in scale.items() if value is not None}
+    if len(given) != 1:
+        raise ValueError(
+            "--pixels-per-mm and --scale-bar-mm: expected one of them, the scale of the pictures "
+            "or the length of the scale bar in them"
+        )
+    for option, value in given.items():
+        if not (math.isfinite(value) and value > 0):
+            raise ValueError(f"{option} {value}: expected a number above 0")
     if masses and len(masses) != len(images):
         raise ValueError(
             f"--mass-ug: expected one per image ({len(images)}), got {len(masses)}; repeat the "
@@ -62,9 +70,9 @@ def _check_scale(geometry):
     hint = "measure the scale again"
     for factor, unit in ((1e3, "pixels per µm"), (1e-3, "pixels per m")):
         if LENGTH_MM[0] <= length / factor <= LENGTH_MM[1]:
-            hint = f"is it in {unit}? then give {scale * factor:g}"
+            hint = f"is it in {unit}? then give --pixels-per-mm {scale * factor:g}"
     raise ValueError(
-        f"{geometry.path}: at --pixels-per-mm {scale:g} the whisker would be {length:.4g} mm long "
+        f"{geometry.path}: at {scale:g} pixels per mm the whisker would be {length:.4g} mm long "
         f"and {radius:.4g} µm in radius at its base; expected {LENGTH_MM[0]:g} to "
         f"{LENGTH_MM[1]:g} mm and {BASE_RADIUS_UM[0]:g} to {BASE_RADIUS_UM[1]:g} µm: {hint}"
     )

@@ -9,6 +9,7 @@ import numpy as np
 from pipeline.calibrate.cone import ConeFit, fit_cone, students_factor
 from pipeline.calibrate.cross_sections import Sections, Straightened, cut_sections, without
 from pipeline.calibrate.find_whisker import NoWhiskerError, find_whisker, read_micrograph
+from pipeline.calibrate.scale_bar import LENGTH_SE_PX, scale_bar_px
 from pipeline.calibrate.whisker_ends import End, find_end, leaves_the_picture
 
 BROKEN_UM = 5.0  # radius of a tip that grew whole is less
@@ -64,8 +65,13 @@ class Geometry:
         return Measured(value, value * self.volume.se / self.volume.value)
 
 
-def measure_geometry(path, pixels_per_mm) -> Geometry:
+def measure_geometry(path, pixels_per_mm=None, scale_bar_mm=None) -> Geometry:
     """Measure the one whisker in a micrograph.
+
+    Parameters
+    ----------
+    path : picture file
+    pixels_per_mm : its scale; None: by the scale bar in it, which is `scale_bar_mm` long
 
     Raises
     ------
@@ -77,14 +83,22 @@ def measure_geometry(path, pixels_per_mm) -> Geometry:
     path = Path(path)
     image = read_micrograph(path)
     try:
+        scale = _scale(image, pixels_per_mm, scale_bar_mm)
         trace = find_whisker(image)
         straight, sections = cut_sections(trace)
-        return _measured(path, pixels_per_mm, trace.image, straight, sections)
+        return _measured(path, scale, trace.image, straight, sections)
     except NoWhiskerError as error:
         raise NoWhiskerError(f"{path}: {error}") from None
 
 
-def _measured(path, pixels_per_mm, image, straight, sections) -> Geometry:
+def _scale(image, pixels_per_mm, scale_bar_mm) -> Measured:
+    """Pixels per mm: as given, taken as exact, or by the scale bar."""
+    if pixels_per_mm is not None:
+        return Measured(pixels_per_mm, 0.0)
+    return Measured(scale_bar_px(image) / scale_bar_mm, LENGTH_SE_PX / scale_bar_mm)
+
+
+def _measured(path, scale, image, straight, sections) -> Geometry:
     """Ends, cone and dimensions of a whisker that is straightened and cut."""
     rough = fit_cone(sections.s, sections.half_width, sections.half_width_se)
     if rough.slope == 0 or abs(rough.slope) * np.ptp(sections.s) < 3 * rough.scatter:
@@ -105,18 +119,18 @@ def _measured(path, pixels_per_mm, image, straight, sections) -> Geometry:
     cone = fit_cone(along[inside], sections.half_width, sections.half_width_se)
     return Geometry(
         path=path,
-        pixels_per_mm=pixels_per_mm,
+        pixels_per_mm=scale.value,
         image=image,
         straight=straight,
         sections=sections,
         cone=cone,
         base_at=base_at,
         tip_at=tip_at,
-        **_dimensions(sections, cone, base_at, tip_at, pixels_per_mm, _seams(image, straight)),
+        **_dimensions(sections, cone, base_at, tip_at, scale, _seams(image, straight)),
     )
 
 
-def _dimensions(sections, cone, base_at, tip_at, pixels_per_mm, seams):
+def _dimensions(sections, cone, base_at, tip_at, scale, seams):
     """The dimensions of a whisker, Measured each, from its cone and ends [px].
 
     `seams` is what stitching adds to the variance of the length [px²].
@@ -131,14 +145,20 @@ def _dimensions(sections, cone, base_at, tip_at, pixels_per_mm, seams):
     apex = cone.base / cone.slope
     # of where the half-width is 0
     apex_se = np.hypot(wider * cone.se_at(apex), MODEL_SE_PX) / cone.slope
-    um, mm = 1e3 / pixels_per_mm, 1 / pixels_per_mm
+    um, mm = 1e3 / scale.value, 1 / scale.value
+    doubt = scale.se / scale.value
     return {
-        "length": Measured(length * mm, length_se * mm),
-        "base_radius": Measured(cone.base * um, base_se * um),
-        "tip_radius": Measured(max(tip, 0.0) * um, tip_se * um),
-        "cone_length": Measured(max(apex, length) * mm, np.sqrt(apex_se**2 + length_se**2) * mm),
-        "volume": _volume(cone, length, length_se, mm),
+        "length": _scaled(length, length_se, mm, doubt),
+        "base_radius": _scaled(cone.base, base_se, um, doubt),
+        "tip_radius": _scaled(max(tip, 0.0), tip_se, um, doubt),
+        "cone_length": _scaled(max(apex, length), np.hypot(apex_se, length_se), mm, doubt),
+        "volume": _scaled(*_volume(cone, length, length_se), mm**3, 3 * doubt),
     }
+
+
+def _scaled(value, se, unit, doubt) -> Measured:
+    """A value and its standard error [px] in another unit, of which a share is in doubt."""
+    return Measured(value * unit, float(np.hypot(se, value * doubt)) * unit)
 
 
 def _jumps(sections, cone):
@@ -170,8 +190,8 @@ def _seams(image, straight):
     return count * SEAM_PX**2
 
 
-def _volume(cone, length, length_se, mm):
-    """Volume [mm³] of the cone up to the tip."""
+def _volume(cone, length, length_se):
+    """Volume of the cone up to the tip, and its standard error [px³]."""
     base, tip = cone.base, max(float(cone(length)), 0.0)
     value = np.pi * length * (base**2 + base * tip + tip**2) / 3
     # of base and slope: dV = 2π ∫ r dr ds
@@ -179,4 +199,4 @@ def _volume(cone, length, length_se, mm):
     by_slope = -2 * np.pi * length**2 * (base / 2 - cone.slope * length / 3)
     row = np.array([by_base, by_slope])
     se = np.sqrt(row @ cone.covariance @ row + (np.pi * tip**2 * length_se) ** 2)
-    return Measured(value * mm**3, float(se) * mm**3)
+    return value, float(se)

@@ -58,6 +58,23 @@ def test_a_bright_core_leaves_the_base_radius_as_it_is(tmp_path):
     assert found.length.value == pytest.approx(6, rel=LENGTH)
 
 
+@pytest.mark.parametrize("bright", [False, True])
+def test_scale_by_a_scale_bar(tmp_path, bright):
+    path = tmp_path / "whisker.png"
+    cv2.imwrite(str(path), small(scale_bar_mm=1.0, bright=bright, curvature=(60.0,)).picture())
+    found = measure_geometry(path, scale_bar_mm=1.0)
+    assert found.pixels_per_mm == pytest.approx(130)
+    assert found.length.value == pytest.approx(6, rel=LENGTH)
+    assert found.length.se > 6 * 0.3 / 130  # the bar's ends are known to a part of a pixel
+
+
+def test_a_picture_without_a_scale_bar_is_refused(tmp_path):
+    path = tmp_path / "whisker.png"
+    cv2.imwrite(str(path), small().picture())
+    with pytest.raises(NoWhiskerError, match=r"no scale bar.*--pixels-per-mm"):
+        measure_geometry(path, scale_bar_mm=1.0)
+
+
 @pytest.mark.slow
 def test_intervals_cover(tmp_path):
     """Of 20 small micrographs drawn at random, 95 % intervals hold at least 85 % of the truths."""

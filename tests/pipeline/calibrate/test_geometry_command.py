@@ -98,10 +98,19 @@ def test_a_session_that_has_the_tips_radius_keeps_it(pictures, session, tmp_path
 @pytest.mark.parametrize(
     ("images", "options", "expected"),
     [
-        (["w0.png"], {"--pixels-per-mm": 140e3}, ["w0.png", "pixels per m", "give 140"]),
-        (["w0.png"], {"--pixels-per-mm": 0.14}, ["mm long", "pixels per µm", "give 140"]),
+        (
+            ["w0.png"],
+            {"--pixels-per-mm": 140e3},
+            ["pixels per m?", "--pixels-per-mm 140"],
+        ),
+        (
+            ["w0.png"],
+            {"--pixels-per-mm": 0.14},
+            ["pixels per µm?", "--pixels-per-mm 140"],
+        ),
         (["w0.png"], {"--pixels-per-mm": -1}, ["--pixels-per-mm -1.0", "above 0"]),
         (["w0.png", "empty.png"], {}, ["empty.png", "shows no whisker"]),
+        (["w0.png"], {"--scale-bar-mm": 1}, ["--scale-bar-mm", "expected one of them"]),
         (["w0.png"], {"--whisker": "D4"}, ["session.toml", '"D4"', "found: C2"]),
         (["w0.png", "w1.png"], {"--mass-ug": 3}, ["--mass-ug", "one per image (2), got 1"]),
     ],
