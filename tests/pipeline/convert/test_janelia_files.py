@@ -13,27 +13,29 @@ from pipeline.convert.janelia_files import Measurements, Segment
 from pipeline.errors import InputError
 
 counts = st.integers(0, 2**31 - 1)
-floats = st.floats(allow_nan=False, width=32)
 
 
 @st.composite
 def segments(draw):
+    """A segment of up to 6 points, each any float32 there is."""
     n = draw(st.integers(0, 6))
-    values = draw(arrays(np.float32, (4, n), elements=floats))
-    return Segment(draw(counts), draw(counts), *values)
+    values = np.frombuffer(draw(st.binary(min_size=16 * n, max_size=16 * n)), "<f4")
+    return Segment(draw(counts), draw(counts), *values.reshape(4, n))
 
 
 @st.composite
 def measurements(draw):
+    """A table of up to 5 rows, with any float64 there is."""
     rows, columns = draw(st.integers(1, 5)), draw(st.integers(6, 9))
-    whole = arrays(np.int32, rows, elements=st.integers(-1, 2**31 - 1))
+    size = 16 * rows * columns
+    content = np.frombuffer(draw(st.binary(min_size=size, max_size=size)), "<f8")
+    values, velocity = content.reshape(2, rows, columns)
+    rng = np.random.default_rng(draw(counts))
     return Measurements(
-        frame=draw(whole),
-        segment=draw(whole),
-        label=draw(whole),
-        values=draw(arrays(np.float64, (rows, columns))),
-        velocity=draw(arrays(np.float64, (rows, columns))),
-        velocity_known=draw(arrays(bool, rows)),
+        *rng.integers(-1, 2**31 - 1, (3, rows)).astype(np.int32),
+        values=values,
+        velocity=velocity,
+        velocity_known=rng.random(rows) < 0.5,
         face=(draw(counts), draw(counts)),
         face_axis=draw(st.sampled_from("xy")),
     )
