@@ -6,6 +6,7 @@ in a limited-range video are 14 % lower, which nothing downstream depends on. On
 a luma plane (RGB, palettes) are converted.
 """
 
+import contextlib
 from fractions import Fraction
 from itertools import groupby, islice
 
@@ -106,9 +107,9 @@ class ContainerVideo(Video):
             some = [first, *(frame for _, frame in self._some_frames(16))]
             self._luma.drop = bits_to_drop(max(map(self._luma.largest, some)))
 
+    @contextlib.contextmanager
     def _open(self, path):
-        container = av.open(str(path))
-        try:
+        with av.open(str(path)) as container:
             if not container.streams.video:
                 raise VideoError(path, "holds no video stream: expected one; name a video file")
             stream = container.streams.video[0]
@@ -118,10 +119,12 @@ class ContainerVideo(Video):
                 raise VideoError(path, "is a text file, not a video; name a video file")
             stream.thread_type = "AUTO" if self._threads != 1 else "NONE"
             stream.codec_context.thread_count = self._threads
-        except Exception:
-            container.close()
-            raise
-        return container
+            try:
+                yield container
+            finally:
+                # A decoding thread that has something to log waits for the interpreter, and who
+                # frees the decoder holds it while waiting for the thread: neither would go on.
+                stream.codec_context.flush_buffers()
 
     # ---- all frames -----------------------------------------------------------------------
 
@@ -130,7 +133,7 @@ class ContainerVideo(Video):
         return self._read(0, None, lend=True)
 
     def _read(self, start, stop, lend=False):
-        with self._open(self.path) as container, listening(self._threads) as complaints:
+        with listening() as complaints, self._open(self.path) as container:
             stream = container.streams.video[0]
             index, pts, self._ended_early = start, None, False
             try:

@@ -3,7 +3,6 @@
 import contextlib
 import logging
 import threading
-import time
 from typing import ClassVar
 
 import av
@@ -12,7 +11,7 @@ import av.logging
 ENDED_EARLY = "ended prematurely"  # what demuxers say of a file that is cut off
 HARMLESS = ("Warning MVs not available",)  # said of every stream that begins within a group
 OF_PAGES = ("page", "corrupted")  # words of tifffile where pages are lost; others do not matter
-LET_GO_S = 0.01  # for decoding threads to finish a sentence: they need the interpreter for it
+SILENT = av.logging.PANIC  # a number: threads that are about to speak compare with it
 
 
 class Complaints:
@@ -52,20 +51,18 @@ class Complaints:
         with cls._lock:
             cls._listeners -= 1
             if not cls._listeners:
-                av.logging.set_level(None)
+                av.logging.set_level(SILENT)
                 cls._held.close()
 
 
 @contextlib.contextmanager
-def listening(threads: int = 1):
+def listening():
     """Yield the `Complaints` of FFmpeg while the block lasts."""
     complaints = Complaints.begin()
     try:
         yield complaints
     finally:
         complaints.end()
-        if threads != 1:  # a thread that waits to speak would keep the decoder from closing
-            time.sleep(LET_GO_S)
 
 
 @contextlib.contextmanager
