@@ -7,7 +7,7 @@ does it.
 import numpy as np
 from numba import njit
 
-from synthetic.strips import absorb, blank, cover_disc, cover_strip, step_table
+from synthetic.strips import Strip, absorb, blank, cover_disc, cover_strip, step_table
 
 TILE = 16  # px, tiles in which meeting objects are composed
 _SUBPIXELS = 8
@@ -20,11 +20,10 @@ class FinePatch:
 
     def __init__(self, blur):
         self.blur = blur
-        self.fine_blur = _FINE_BLUR * blur * _SUBPIXELS
         rest = np.sqrt(1 - _FINE_BLUR**2) * blur * _SUBPIXELS
         self.margin = int(np.ceil(4 * rest / _SUBPIXELS)) + 1
         self.size = (TILE + 2 * self.margin) * _SUBPIXELS
-        self.table = step_table(self.fine_blur)
+        self.steps = step_table(_FINE_BLUR * blur * _SUBPIXELS)
         self.filter = _to_pixels(self.size, self.margin, rest)
         self.cover, self.touched = blank(self.size, self.size)
         self.clear = np.ones((self.size, self.size), np.float32)
@@ -37,7 +36,7 @@ class FinePatch:
             fine = self._to_fine(strip, left, top)
             if fine is None:
                 continue
-            count = cover_strip(self.cover, self.touched, 0, *fine, self.fine_blur, *self.table)
+            count = cover_strip(self.cover, self.touched, 0, fine, self.steps)
             absorb(through, self.cover, self.touched, count, opacity)
         return self.filter @ through @ self.filter.T
 
@@ -50,7 +49,7 @@ class FinePatch:
         if (left, top) not in self.tiles:
             cover = np.zeros_like(self.clear)
             x, y = self._place(disc[0], left), self._place(disc[1], top)
-            cover_disc(cover, x, y, disc[2] * _SUBPIXELS, self.fine_blur, *self.table)
+            cover_disc(cover, x, y, disc[2] * _SUBPIXELS, self.steps)
             passes = 1 - (1 - POLE_TRANSMISSION) * cover
             self.tiles[left, top] = passes if cover.any() else self.clear
         return self.tiles[left, top]
@@ -68,7 +67,7 @@ class FinePatch:
         if len(rows) == 0:
             return None
         part = slice(max(rows[0] - 1, 0), rows[-1] + 2)
-        return (
+        return Strip(
             self._place(x[part], left),
             self._place(y[part], top),
             angle[part],

@@ -7,7 +7,7 @@ from numba import njit
 from scipy.special import ndtr
 
 from synthetic.scene import Face, Scene
-from synthetic.strips import absorb, blank, cover_strip, step_table
+from synthetic.strips import Strip, absorb, blank, cover_strip, step_table
 
 _HAIR_STEP = 0.8  # px between the nodes of a fur hair
 _BLURS = (1.0, 1.4, 2.0, 2.9)  # multiples of the optics' blur: fur lies before and behind focus
@@ -168,10 +168,10 @@ def draw_hairs(transmission, hairs, sway=0.0, shift=(0.0, 0.0)) -> None:
     """
     cover, touched = blank(*transmission.shape)
     for blur in np.unique(hairs[:, 7]):
-        table = step_table(float(blur))
+        steps = step_table(float(blur))
         some = hairs[hairs[:, 7] == blur]
-        some = some[_in_picture(some, transmission.shape, table[1])]
-        _draw_alike(transmission, cover, touched, some, sway, *shift, blur, *table)
+        some = some[_in_picture(some, transmission.shape, steps.reach)]
+        _draw_alike(transmission, cover, touched, some, sway, shift, steps)
 
 
 def _in_picture(hairs, shape, reach):
@@ -182,31 +182,26 @@ def _in_picture(hairs, shape, reach):
 
 
 @njit(cache=True, nogil=True)
-def _draw_alike(light, cover, touched, hairs, sway, dx, dy, blur, table, reach, per_px):
+def _draw_alike(light, cover, touched, hairs, sway, shift, steps):
     """Multiply `light` by hairs of one blur; rows of `hairs` as in FurHair."""
     for k in range(len(hairs)):
         x0, y0, direction, bend, length, radius, opacity = hairs[k, :7]
-        n = max(int(length / max(_HAIR_STEP, blur)) + 1, 3)
+        n = max(int(length / max(_HAIR_STEP, steps.blur)) + 1, 3)
         s = np.linspace(0.0, length, n)
         angle = direction + sway * hairs[k, 8] + bend * s
         step = s[1]
-        x = x0 + dx + step * (np.cumsum(np.cos(angle)) - 0.5 * (np.cos(angle) + np.cos(angle[0])))
-        y = y0 + dy - step * (np.cumsum(np.sin(angle)) - 0.5 * (np.sin(angle) + np.sin(angle[0])))
+        x = (
+            x0
+            + shift[0]
+            + step * (np.cumsum(np.cos(angle)) - 0.5 * (np.cos(angle) + np.cos(angle[0])))
+        )
+        y = (
+            y0
+            + shift[1]
+            - step * (np.cumsum(np.sin(angle)) - 0.5 * (np.sin(angle) + np.sin(angle[0])))
+        )
         half_width = radius * (1 - 0.93 * s / length)
         curvature, smear = np.full(n, bend), np.zeros(n)
-        count = cover_strip(
-            cover,
-            touched,
-            0,
-            x,
-            y,
-            angle,
-            curvature,
-            half_width,
-            smear,
-            blur,
-            table,
-            reach,
-            per_px,
-        )
+        strip = Strip(x, y, angle, curvature, half_width, smear)
+        count = cover_strip(cover, touched, 0, strip, steps)
         absorb(light, cover, touched, count, opacity)

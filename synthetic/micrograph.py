@@ -10,7 +10,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
-from synthetic.strips import absorb, blank, cover_disc, cover_strip, step_table
+from synthetic.strips import Strip, absorb, blank, cover_disc, cover_strip, step_table
 from whiskermodel.rod import free_shape
 from whiskermodel.whisker import Whisker, mouse_c2
 
@@ -122,17 +122,17 @@ class Micrograph:
         """Share of the light that passes whisker and dust."""
         passed = np.ones(shape, np.float32)
         cover, touched = blank(*shape)
-        table = step_table(self.blur_px)
+        steps = step_table(self.blur_px)
         still = np.zeros_like(radius)
         parts = [(radius, self.opacity)]
         if self.core:  # light that goes through the middle
             parts.append((0.5 * radius, -self.core * self.opacity / (1 - self.opacity)))
         for width, opacity in parts:
-            count = cover_strip(cover, touched, 0, *line, width, still, self.blur_px, *table)
+            count = cover_strip(cover, touched, 0, Strip(*line, width, still), steps)
             absorb(passed, cover, touched, count, opacity)
         dust = np.zeros(shape, np.float32)
         for speck in zip(*specks, strict=True):
-            cover_disc(dust, *speck, self.blur_px, *table)
+            cover_disc(dust, *speck, steps)
         return passed * (1 - 0.7 * dust)
 
     def _exposed(self, passed, rng):

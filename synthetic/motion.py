@@ -10,6 +10,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
 from synthetic.scene import Hair, Scene
+from synthetic.strips import Strip
 from whiskermodel.rod import RodContact, contact_shape, free_shape, solve_contact
 
 _NODE_STEP_PX = 1.4
@@ -58,14 +59,13 @@ class HairMotion:
     slips: tuple[int, ...] = ()
 
 
-def solve_motion(
-    hair: Hair, base_x, base_y, base_angle, pole_x, pole_y, pole_radius, side, guess=None
-):
+def solve_motion(hair: Hair, base, pole, side, guess=None):
     """Quasi-static equilibria of a driven whisker; it changes the pole's side where it slips.
 
     Parameters
     ----------
-    base_x, base_y, base_angle, pole_x, pole_y : (frames,); a NaN pole is out of view
+    base : (x, y, angle), each (frames,) [m, m, rad]
+    pole : (x, y, radius) [m], the first two (frames,); a NaN pole is out of view
     side : +1, −1: on which side of the whisker the pole is at first
     guess : (contact arc length [m], force [N]), each (frames,), NaN for none: saves time
 
@@ -73,6 +73,8 @@ def solve_motion(
     -------
     HairMotion
     """
+    base_x, base_y, base_angle = base
+    pole_x, pole_y, pole_radius = pole
     n, first, slips, parts = len(base_x), 0, [], []
     seen = np.isfinite(pole_x)
     while first < n:
@@ -82,7 +84,7 @@ def solve_motion(
         x = np.where(seen[rest], pole_x[rest], base_x[rest] + _FAR * np.cos(aside))
         y = np.where(seen[rest], pole_y[rest], base_y[rest] + _FAR * np.sin(aside))
         solved = solve_contact(
-            hair.whisker, base_x[rest], base_y[rest], base_angle[rest], x, y, pole_radius, side,
+            hair.whisker, [part[rest] for part in base], (x, y, pole_radius), side,
             hair.intrinsic_curvature, guess=guess and tuple(part[rest] for part in guess),
         )  # fmt: skip
         lost = np.flatnonzero(solved.state == "slipped")
@@ -142,13 +144,13 @@ class Motion:
         """Moments of the exposure that a frame's light is the mean of."""
         return 1
 
-    def strip(self, hair: int, frame: int, moment: int = 0):
-        """What `cover_strip` draws: x, y [px], angle, curvature [1/px], radius, smear [px]."""
+    def strip(self, hair: int, frame: int, moment: int = 0) -> Strip:
+        """Nodes of a whisker's picture."""
         x, y, angle, curvature, smear = self._shape(hair, frame, moment)
         camera, s = self.scene.camera, self._nodes[hair]
         radius = self.scene.hairs[hair].whisker.radius(s) * camera.pixels_per_m
         px, py = self.scene.to_pixels(x, y)
-        return px, py, angle, curvature / camera.pixels_per_m, radius, smear
+        return Strip(px, py, angle, curvature / camera.pixels_per_m, radius, smear)
 
     def centrelines(self, hair: int, frames=None):
         """True centrelines [px], follicle → tip, 1 px apart: x, y (frames, points)."""

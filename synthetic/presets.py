@@ -336,7 +336,7 @@ def _row(setting, count=4, spacing=1.3e-3, fan=0.2, own=0.05):
     )
     touches = draw_touches(rng, frames, 7, table_of(scene, c2), durations=(4, 60))
     base = base_path(scene, c2, frames, rng)
-    angle, _ = drive_touches(c2, *base, (*place, scene.pole.radius), 1, touches, rng, rest=0.35)
+    angle, _ = drive_touches(c2, base, (*place, scene.pole.radius), 1, touches, rng, rest=0.35)
     drives = []
     for hair in hairs:
         if hair is c2:

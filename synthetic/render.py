@@ -40,7 +40,7 @@ class Renderer:
         self.seed = scene.seed if seed is None else seed
         self._open, self.background, self._fur = _still_picture(_without_pole(scene))
         self._cover, self._touched = blank(*self._open.shape)
-        self._table = step_table(scene.camera.blur_px)
+        self._steps = step_table(scene.camera.blur_px)
         self._fine = FinePatch(scene.camera.blur_px)
         self._flicker = _flicker(scene, len(motion), np.random.default_rng([scene.seed, 2]))
         self._shade, self._opened = (None, ()), (None, self._open)
@@ -110,8 +110,7 @@ class Renderer:
         return self._opened[1]
 
     def _draw(self, light, strip, opacity):
-        blur = self.scene.camera.blur_px
-        count = cover_strip(self._cover, self._touched, 0, *strip, blur, *self._table)
+        count = cover_strip(self._cover, self._touched, 0, strip, self._steps)
         absorb(light, self._cover, self._touched, count, opacity)
 
     def _with_pole(self, opened, x, y):
@@ -133,7 +132,7 @@ class Renderer:
         if pole.rod_direction is not None:
             sizes = np.array([pole.radius, pole.rod_radius]) * scale
             _draw_rod(rod, px, py, pole.rod_direction, *sizes, pole.rod_blur_px)
-        cover_disc(disc, px, py, pole.radius * scale, self.scene.camera.blur_px, *self._table)
+        cover_disc(disc, px, py, pole.radius * scale, self._steps)
         return rod, 1 - (1 - POLE_TRANSMISSION) * disc
 
     def _compose(self, light, behind_rod, strips, pole_x, pole_y):

@@ -161,9 +161,10 @@ def _release(hair, contact, slip):
         part = (low + high) / 2
         names = "base_x", "base_y", "base_angle", "pole_x", "pole_y"
         pairs = (getattr(contact, name)[slip - 1 : slip + 1] for name in names)
+        *base, pole_x, pole_y = ((1 - part) * a + part * b for a, b in pairs)
         solved = solve_contact(
-            hair.whisker, *((1 - part) * a + part * b for a, b in pairs),
-            last.pole_radius[0], int(last.side[0]), hair.intrinsic_curvature, guess=held,
+            hair.whisker, base, (pole_x, pole_y, last.pole_radius[0]), int(last.side[0]),
+            hair.intrinsic_curvature, guess=held,
         )  # fmt: skip
         if solved.touching[0]:
             held, low = solved, part

@@ -134,7 +134,7 @@ def touching_motion(setting, scene, touches, pole_path=None, rest=0.18) -> Motio
     base = base_path(scene, hair, setting.frames, setting.rng)
     place = pole.x, pole.y, pole.radius
     angle, guess = drive_touches(
-        hair, *base, place, setting.side, touches, setting.rng, rest, table_of(scene)
+        hair, base, place, setting.side, touches, setting.rng, rest, table_of(scene)
     )
     pole_path = pole_path or still_pole(scene, setting.frames)
     motion = driven_motion(scene, [(*base, angle)], pole_path, [guess])
@@ -165,11 +165,11 @@ def _solve(scene, h, drive, pole_path, guess=None):
     hair, (x, y, angle) = scene.hairs[h], drive
     if scene.pole is None or not hair.touches:
         nowhere = np.full_like(x, np.nan)
-        return solve_motion(hair, x, y, angle, nowhere, nowhere, 0.0, 1)
+        return solve_motion(hair, drive, (nowhere, nowhere, 0.0), 1)
     seen = int(np.argmax(np.isfinite(pole_path[0])))
     place = scene.pole.x, scene.pole.y
     side = side_of_pole(hair, x[seen], y[seen], angle[seen], *place)
-    return solve_motion(hair, x, y, angle, *pole_path, scene.pole.radius, side, guess)
+    return solve_motion(hair, drive, (*pole_path, scene.pole.radius), side, guess)
 
 
 def scene_touches(setting, scene, count=9, **limits):

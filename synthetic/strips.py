@@ -11,6 +11,7 @@ bent edge moves by κ (σ² + 1/12)/2 towards its inner side when blur and pixel
 """
 
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -22,20 +23,72 @@ _REACH = 4.0  # blur SDs beyond which an edge is complete
 _GAUSS_POINTS = 12
 
 
+class Steps(NamedTuple):
+    """S of one blur.
+
+    Attributes
+    ----------
+    blur : SD of the optics' Gaussian [px]
+    table : float32 (33, steps), S at edge direction i × 45°/32 and distance −reach + j × step
+    reach : distance beyond which S is 0 or 1 [px]
+    per_px : steps per pixel
+    """
+
+    blur: float
+    table: np.ndarray
+    reach: float
+    per_px: float
+
+
+class Strip(NamedTuple):
+    """Evenly spaced nodes of a strip, each (nodes,).
+
+    Attributes
+    ----------
+    x, y : centreline [px], y down
+    angle : tangent's direction on the screen, counter-clockwise [rad]
+    curvature : counter-clockwise on the screen [1/px]
+    radius : half-width [px]
+    smear : way across the tangent during the exposure [px]
+    """
+
+    x: np.ndarray
+    y: np.ndarray
+    angle: np.ndarray
+    curvature: np.ndarray
+    radius: np.ndarray
+    smear: np.ndarray
+
+
+class _Node(NamedTuple):
+    """One node of a `Strip`, `slope` of its radius, and what lies nearest to it.
+
+    That is so far `across`, `before` and `after` it; `from_start`, `to_end`: its way to the
+    strip's ends. All in px.
+    """
+
+    x: float
+    y: float
+    angle: float
+    curvature: float
+    radius: float
+    slope: float
+    smear: float
+    across: float
+    before: float
+    after: float
+    from_start: float
+    to_end: float
+
+
 @lru_cache(maxsize=64)
-def step_table(blur: float, pixel: float = 1.0):
+def step_table(blur: float, pixel: float = 1.0) -> Steps:
     """Tabulate S over distance and edge direction.
 
     Parameters
     ----------
     blur : SD of the optics' Gaussian [px]
     pixel : side of the light-gathering square [px], 0 for a point sample
-
-    Returns
-    -------
-    table : float32 (33, steps), S at edge direction i × 45°/32 and distance −reach + j × step
-    reach : distance beyond which S is 0 or 1 [px]
-    per_px : steps per pixel
     """
     if not blur > 0:
         raise ValueError(f"blur must be > 0 px, got {blur!r}")
@@ -49,17 +102,18 @@ def step_table(blur: float, pixel: float = 1.0):
         for nj, wj in zip(node, weight, strict=True):
             offset = pixel / 2 * (ni * np.cos(angle) + nj * np.sin(angle))
             table += wi * wj / 4 * ndtr((distance + offset[:, None]) / blur)
-    return table.astype(np.float32), float(reach), float(per_px)
+    return Steps(float(blur), table.astype(np.float32), float(reach), float(per_px))
 
 
 @njit(cache=True, inline="always")
-def _edge(table, row, mix, reach, per_px, distance):
+def _edge(steps, row, mix, distance):
     """S at `distance`, between two neighbouring rows of the table."""
-    if distance <= -reach:
+    if distance <= -steps.reach:
         return 0.0
-    if distance >= reach:
+    if distance >= steps.reach:
         return 1.0
-    place = (distance + reach) * per_px
+    table = steps.table
+    place = (distance + steps.reach) * steps.per_px
     j = int(place)
     f = place - j
     low = table[row, j] + f * (table[row, j + 1] - table[row, j])
@@ -79,52 +133,47 @@ def _direction_row(nx, ny, rows):
 
 
 @njit(cache=True, nogil=True)
-def cover_strip(
-    cover, touched, n_touched, x, y, angle, curvature, radius, smear, blur, table, reach, per_px
-):
+def cover_strip(cover, touched, n_touched, strip, steps):
     """Write the light share taken by one strip into `cover` where it exceeds what is there.
 
     Parameters
     ----------
     cover : float32 (height, width), zeros where no strip is
     touched, n_touched : int32 (pixels,) list of flat indices of pixels made non-zero, its length
-    x, y : (nodes,) centreline in pixels, y down, evenly spaced
-    angle : (nodes,) tangent's direction on the screen, counter-clockwise [rad]
-    curvature : (nodes,) counter-clockwise on the screen [1/px]
-    radius : (nodes,) half-width [px]
-    smear : (nodes,) way across the tangent during the exposure [px]
-    blur : SD of the optics [px]; `table`, `reach`, `per_px` are step_table(blur)
+    strip : Strip
+    steps : step_table of the optics' blur
 
     Returns
     -------
     The new length of the list; overlap of a strip with itself counts once.
     """
+    x, y, radius = strip.x, strip.y, strip.radius
     n = len(x)
     step = np.hypot(x[1] - x[0], y[1] - y[0])
     for k in range(n):
         low, high = max(k - 1, 0), min(k + 1, n - 1)
         slope = (radius[high] - radius[low]) / (step * (high - low))
         half = 0.5 * step + 0.02  # neighbours overlap a little, so that no pixel falls between
-        across = radius[k] + reach + 0.5 * smear[k]
-        n_touched = _cover_piece(
-            cover, touched, n_touched, x[k], y[k], angle[k], curvature[k], radius[k], slope,
-            smear[k], across, across if k == 0 else half, across if k == n - 1 else half,
-            k * step, (n - 1 - k) * step, blur, table, reach, per_px,
+        across = radius[k] + steps.reach + 0.5 * strip.smear[k]
+        node = _Node(
+            x[k], y[k], strip.angle[k], strip.curvature[k], radius[k], slope, strip.smear[k],
+            across, across if k == 0 else half, across if k == n - 1 else half,
+            k * step, (n - 1 - k) * step,
         )  # fmt: skip
+        n_touched = _cover_piece(cover, touched, n_touched, node, steps)
     return n_touched
 
 
 @njit(cache=True, nogil=True)
-def _cover_piece(
-    cover, touched, n_touched, x, y, angle, curvature, radius, slope, smear, across, before,
-    after, from_start, to_end, blur, table, reach, per_px,
-):  # fmt: skip
-    """Write the pixels whose closest point lies from `before` to `after` [px] of one node."""
+def _cover_piece(cover, touched, n_touched, node, steps):
+    """Write the pixels whose closest point lies from `before` to `after` one node."""
+    x, y, angle, curvature, radius, slope, smear, across, before, after, from_start, to_end = node
+    blur = steps.blur
     height, width = cover.shape
     c, s = np.cos(angle), np.sin(angle)
-    row, mix = _direction_row(s, c, table.shape[0])
+    row, mix = _direction_row(s, c, steps.table.shape[0])
     drift = 0.5 * curvature * (blur * blur + 1.0 / 12.0)
-    near_an_end = min(from_start, to_end) < reach + 1.0
+    near_an_end = min(from_start, to_end) < steps.reach + 1.0
     smears = 1 + int(2.0 * smear / blur) if smear > 0.1 * blur else 1
     along_box = max(before, after)
     bx, by = abs(s) * across + abs(c) * along_box, abs(c) * across + abs(s) * along_box
@@ -141,12 +190,12 @@ def _cover_piece(
             a = 0.0
             for m in range(smears):
                 d = delta + smear * ((m + 0.5) / smears - 0.5)
-                a += _edge(table, row, mix, reach, per_px, d + r)
-                a -= _edge(table, row, mix, reach, per_px, d - r)
+                a += _edge(steps, row, mix, d + r)
+                a -= _edge(steps, row, mix, d - r)
             a /= smears
             if near_an_end:
-                a *= _edge(table, row, mix, reach, per_px, from_start + along)
-                a *= _edge(table, row, mix, reach, per_px, to_end - along)
+                a *= _edge(steps, row, mix, from_start + along)
+                a *= _edge(steps, row, mix, to_end - along)
             if a > cover[j, i]:
                 if cover[j, i] == 0.0:
                     touched[n_touched] = j * width + i
@@ -166,20 +215,20 @@ def absorb(transmission, cover, touched, n_touched, opacity):
 
 
 @njit(cache=True, nogil=True)
-def cover_disc(cover, x, y, radius, blur, table, reach, per_px):
+def cover_disc(cover, x, y, radius, steps):
     """Write the light share taken by a disc into `cover` where it exceeds what is there."""
     height, width = cover.shape
-    outside = radius + reach
+    blur, outside = steps.blur, radius + steps.reach
     for j in range(max(0, int(y - outside)), min(height, int(y + outside) + 2)):
         for i in range(max(0, int(x - outside)), min(width, int(x + outside) + 2)):
             dx, dy = i - x, j - y
             distance = np.hypot(dx, dy)
             if distance >= outside:
                 continue
-            row, mix = _direction_row(dx, dy, table.shape[0])
+            row, mix = _direction_row(dx, dy, steps.table.shape[0])
             # a blurred round edge moves inwards by σ²/2r at its own radius
             drift = 0.5 * (blur * blur + 1.0 / 12.0) / radius
-            a = _edge(table, row, mix, reach, per_px, radius - drift - distance)
+            a = _edge(steps, row, mix, radius - drift - distance)
             if a > cover[j, i]:
                 cover[j, i] = a
 

@@ -121,8 +121,8 @@ def force_table(hair: Hair, base_x, base_y, pole_x, pole_y, pole_radius, side) -
     for first in range(0, len(turns), _TABLE_PART):  # beyond the fold each turn costs much
         part = turns[first : first + _TABLE_PART]
         solved = solve_contact(
-            hair.whisker, base_x, base_y, graze + side * part, pole_x, pole_y, pole_radius, side,
-            hair.intrinsic_curvature,
+            hair.whisker, (base_x, base_y, graze + side * part), (pole_x, pole_y, pole_radius),
+            side, hair.intrinsic_curvature,
         )  # fmt: skip
         place = solved.contact_arc_length
         good = solved.touching & ~(place > _ON_THE_WHISKER * hair.whisker.length)
@@ -172,7 +172,7 @@ def angles_for_forces(hair: Hair, base_x, base_y, pole, side, force, table=None)
     step = turn.copy()  # of the turn, since `made` was the force
     for _ in range(_TRIES):
         solved = solve_contact(
-            hair.whisker, base_x[rows], base_y[rows], graze[rows] + side * turn[rows], *pole,
+            hair.whisker, (base_x[rows], base_y[rows], graze[rows] + side * turn[rows]), pole,
             side, hair.intrinsic_curvature, guess=(contact[rows], force[rows]),
         )  # fmt: skip
         missing = force[rows] - solved.contact_force
@@ -192,12 +192,12 @@ def angles_for_forces(hair: Hair, base_x, base_y, pole, side, force, table=None)
     )
 
 
-def drive_touches(hair, base_x, base_y, pole, side, touches, rng, rest=0.18, table=None):
+def drive_touches(hair, base, pole, side, touches, rng, rest=0.18, table=None):
     """Base angle over a whole trial that makes the wanted touches and none besides.
 
     Parameters
     ----------
-    base_x, base_y : (frames,) follicle [m]
+    base : (x, y), each (frames,): follicle [m]
     pole : (x, y, radius) [m], at rest
     side : +1: protraction towards a pole on the whisker's left
     touches : list of Touch, apart from each other, in order
@@ -210,6 +210,7 @@ def drive_touches(hair, base_x, base_y, pole, side, touches, rng, rest=0.18, tab
     touch : (contact arc length [m], force [N]), each (frames,), NaN in the gaps: a start for
         `solve_motion`
     """
+    base_x, base_y = base
     n = len(base_x)
     graze = grazing_angle(hair, pole[0] - base_x, pole[1] - base_y, pole[2], side)
     _check_order(touches, n)

@@ -237,7 +237,7 @@ def _visibility(motion, renderer, lines, row):
 
 def _peak_cover(radius_px, camera):
     """Light share taken on the centreline of a strip along an image axis."""
-    table, reach, per_px = step_table(camera.blur_px)
+    _, table, reach, per_px = step_table(camera.blur_px)
     distance = np.arange(table.shape[1]) / per_px - reach
     step = table[0].astype(float)
     return np.interp(radius_px, distance, step) - np.interp(-radius_px, distance, step)

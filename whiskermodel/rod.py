@@ -110,12 +110,8 @@ def free_shape(whisker, base_x, base_y, base_angle, arc_length, intrinsic_curvat
 
 def solve_contact(
     whisker: Whisker,
-    base_x,
-    base_y,
-    base_angle,
-    pole_x,
-    pole_y,
-    pole_radius,
+    base,
+    pole,
     side,
     intrinsic_curvature=(0.0,),
     friction=0.0,
@@ -126,9 +122,9 @@ def solve_contact(
     Parameters
     ----------
     whisker : Whisker
-    base_x, base_y, base_angle : float or (frames,)
+    base : (x, y, angle), each a float or (frames,)
         Clamped base pose [m, m, rad].
-    pole_x, pole_y, pole_radius : float or (frames,)
+    pole : (x, y, radius), each a float or (frames,)
         The pole's centre and radius [m].
     side : +1, −1 or (frames,) of them
         +1: the pole lies to the left of the whisker, seen from follicle to tip.
@@ -149,6 +145,8 @@ def solve_contact(
     ValueError
         Where an argument is not possible; it names the argument, its value and the rule.
     """
+    base_x, base_y, base_angle = base
+    pole_x, pole_y, pole_radius = pole
     inputs = _one_length(
         base_x=base_x,
         base_y=base_y,

@@ -31,7 +31,7 @@ def line_profile(radius_px, blur_px, direction=0.0):
     """
     if not radius_px > 0:
         raise ValueError(f"radius_px must be > 0 px, got {radius_px!r}")
-    table, reach, per_px = step_table(float(blur_px))
+    _, table, reach, per_px = step_table(float(blur_px))
     folded = abs((direction + np.pi / 4) % (np.pi / 2) - np.pi / 4)  # 0 along an axis … 45°
     place = folded / (np.pi / 4) * (len(table) - 1)
     row = min(int(place), len(table) - 2)

@@ -43,9 +43,10 @@ def driven(side, touches, n=200):
     dx, dy = follicle_drift(n, 1000.0, rng)
     base = HAIR.follicle_x + dx, HAIR.follicle_y + dy
     pole = scene.pole.x, scene.pole.y, RADIUS
-    angle, _ = drive_touches(HAIR, *base, pole, side, touches, rng)
+    angle, _ = drive_touches(HAIR, base, pole, side, touches, rng)
     path = still_pole(scene, n)
-    return scene, Motion(scene, [solve_motion(HAIR, *base, angle, *path, RADIUS, side)], *path)
+    hairs = [solve_motion(HAIR, (*base, angle), (*path, RADIUS), side)]
+    return scene, Motion(scene, hairs, *path)
 
 
 @pytest.fixture(scope="module", params=[1, -1])
@@ -131,10 +132,8 @@ def test_grazing_angle_is_where_touch_begins(side):
     base = np.full(2, HAIR.follicle_x), np.full(2, HAIR.follicle_y)
     angles = graze + side * angle_tolerance * np.array([-1, 1])
     path = np.full(2, pole.x), np.full(2, pole.y)
-    assert solve_motion(HAIR, *base, angles, *path, RADIUS, side).contact.touching.tolist() == [
-        False,
-        True,
-    ]
+    moving = solve_motion(HAIR, (*base, angles), (*path, RADIUS), side)
+    assert moving.contact.touching.tolist() == [False, True]
 
 
 def test_grazing_angle_out_of_reach_is_nan():
@@ -151,7 +150,7 @@ def test_slip_off_is_recognised_and_the_whisker_comes_back_on_the_other_side():
         [np.linspace(-0.1, table.turn[-1] + 0.2, 80), np.linspace(table.turn[-1] + 0.2, -0.9, 120)]
     )
     base = np.full(200, HAIR.follicle_x), np.full(200, HAIR.follicle_y)
-    moving = solve_motion(HAIR, *base, graze + turn, *still_pole(scene, 200), RADIUS, 1)
+    moving = solve_motion(HAIR, (*base, graze + turn), (*still_pole(scene, 200), RADIUS), 1)
     first, second = moving.slips
     assert moving.contact.touching[first - 1]
     assert not moving.contact.touching[first]
@@ -177,7 +176,7 @@ def test_pole_out_of_view_is_never_touched():
     nowhere = np.full(10, np.nan)
     base = np.zeros(10), np.zeros(10), np.linspace(-1.5, 1.5, 10)
     for side in (1, -1):
-        moving = solve_motion(HAIR, *base, nowhere, nowhere, RADIUS, side)
+        moving = solve_motion(HAIR, base, (nowhere, nowhere, RADIUS), side)
         assert set(moving.contact.state) == {"free"}
 
 
@@ -215,7 +214,7 @@ def test_smear_is_the_way_across_the_whisker_and_none_where_it_jumps():
     turn[6:] += 0.3
     still = np.full(12, 2.3e-3), np.full(12, -9e-3)
     nowhere = np.full(12, np.nan)
-    hair = solve_motion(scene.hairs[0], *still, turn, nowhere, nowhere, 0.0, 1)
+    hair = solve_motion(scene.hairs[0], (*still, turn), (nowhere, nowhere, 0.0), 1)
     motion, camera = Motion(scene, [hair], nowhere, nowhere), scene.camera
     exposed = camera.exposure_s * camera.frames_per_second
     arc = np.linspace(0, 18e-3, len(motion.strip(0, 3)[5]))

@@ -26,8 +26,8 @@ def still_motion(scene, angles, n=2):
     nowhere = np.full(n, np.nan)
     hairs = [
         solve_motion(
-            hair, np.full(n, hair.follicle_x), np.full(n, hair.follicle_y), np.full(n, angle),
-            nowhere, nowhere, 0.0, 1,
+            hair, (np.full(n, hair.follicle_x), np.full(n, hair.follicle_y), np.full(n, angle)),
+            (nowhere, nowhere, 0.0), 1,
         )
         for hair, angle in zip(scene.hairs, angles, strict=True)
     ]  # fmt: skip
@@ -213,7 +213,8 @@ def test_moving_fur_moves_and_flicker_flickers():
     scene = Scene(hairs=(hair,), face=Face(moving=0.2e-3), lights=Lights(flicker=0.05))
     n, nowhere = 40, np.full(40, np.nan)
     base = np.full(n, 2.3e-3), np.full(n, -9.6e-3), 0.4 * np.sin(np.arange(n) / 5)
-    motion = Motion(scene, [solve_motion(hair, *base, nowhere, nowhere, 0.0, 1)], nowhere, nowhere)
+    hairs = [solve_motion(hair, base, (nowhere, nowhere, 0.0), 1)]
+    motion = Motion(scene, hairs, nowhere, nowhere)
     renderer = Renderer(scene, motion, seed=0)
     frames = np.stack([renderer.frame(i) for i in range(len(renderer))]).astype(float)
     assert frames.shape == (40, 480, 640)

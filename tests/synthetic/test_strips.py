@@ -5,7 +5,7 @@ import pytest
 from scipy.ndimage import gaussian_filter
 from scipy.spatial import cKDTree
 
-from synthetic.strips import absorb, blank, cover_disc, cover_strip, step_table
+from synthetic.strips import Strip, absorb, blank, cover_disc, cover_strip, step_table
 
 FINE = 8  # sub-pixels per pixel of the brute-force picture
 cover_tolerance = 5e-3  # share of the light, brute force's own grain included
@@ -30,10 +30,8 @@ def draw(start, direction, curvature, length, radii, blur, smear=0.0):
     s, x, y, angle = curve(start, direction, curvature, length, int(length / 0.7) + 2)
     radius = np.interp(s, [0, length], radii)
     cover, touched = blank(*SIZE)
-    cover_strip(
-        cover, touched, 0, x, y, angle, np.full(len(s), curvature), radius,
-        np.full(len(s), smear), blur, *step_table(blur),
-    )  # fmt: skip
+    strip = Strip(x, y, angle, np.full(len(s), curvature), radius, np.full(len(s), smear))
+    cover_strip(cover, touched, 0, strip, step_table(blur))
     return cover
 
 
@@ -117,7 +115,7 @@ def test_smear_widens_without_shifting():
 def test_disc_equals_supersampled_disc():
     x, y, radius, blur = 33.3, 27.8, 6.25, 0.7
     cover, _ = blank(*SIZE)
-    cover_disc(cover, x, y, radius, blur, *step_table(blur))
+    cover_disc(cover, x, y, radius, step_table(blur))
     row, column = np.mgrid[: SIZE[0] * FINE, : SIZE[1] * FINE]
     distance = np.hypot((column + 0.5) / FINE - 0.5 - x, (row + 0.5) / FINE - 0.5 - y)
     reference = to_pixels(np.clip((radius - distance) * FINE + 0.5, 0, 1), blur)
@@ -127,10 +125,9 @@ def test_disc_equals_supersampled_disc():
 def test_absorb_multiplies_and_clears():
     cover, touched = blank(*SIZE)
     n = 40
-    count = cover_strip(
-        cover, touched, 0, np.linspace(10, 40, n), np.full(n, 20.0), np.zeros(n), np.zeros(n),
-        np.full(n, 1.5), np.zeros(n), 0.7, *step_table(0.7),
-    )  # fmt: skip
+    still = np.zeros(n)
+    strip = Strip(np.linspace(10, 40, n), np.full(n, 20.0), still, still, np.full(n, 1.5), still)
+    count = cover_strip(cover, touched, 0, strip, step_table(0.7))
     peak = cover.max()
     light = np.full(SIZE, 100.0, np.float32)
     absorb(light, cover, touched, count, 0.5)

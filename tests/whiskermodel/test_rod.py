@@ -23,7 +23,7 @@ def turned_into_pole(push, distance=9e-3, side=1, whisker=None, **kwargs):
     pole_y = side * (POLE_RADIUS + float(whisker.radius(distance)))
     angle = side * np.atleast_1d(push)
     return whisker, solve_contact(
-        whisker, 0, 0, angle, distance, pole_y, POLE_RADIUS, side, **kwargs
+        whisker, (0, 0, angle), (distance, pole_y, POLE_RADIUS), side, **kwargs
     )
 
 
@@ -90,7 +90,7 @@ def rod_bvp(whisker, angle, pole_x, pole_y, side, curvature, guess, friction=0.0
 )
 def test_agrees_with_general_solver(angle, pole_x, side, curvature, friction):
     whisker = mouse_c2()
-    place = (0.0, 0.0, angle, pole_x, 0.3e-3, POLE_RADIUS, side)
+    place = (0.0, 0.0, angle), (pole_x, 0.3e-3, POLE_RADIUS), side
     ours = solve_contact(whisker, *place, intrinsic_curvature=curvature, friction=friction)
     assert ours.state[0] == "contact"
     c, force, moment = rod_bvp(
@@ -239,12 +239,8 @@ def test_moves_with_the_camera(turn, dx, dy, push):
     px, py = here.pole_x[0], here.pole_y[0]
     there = solve_contact(
         whisker,
-        dx,
-        dy,
-        push + turn,
-        dx + cos * px - sin * py,
-        dy + sin * px + cos * py,
-        POLE_RADIUS,
+        (dx, dy, push + turn),
+        (dx + cos * px - sin * py, dy + sin * px + cos * py, POLE_RADIUS),
         1,
         intrinsic_curvature=(20.0, -500.0),
     )
@@ -260,12 +256,8 @@ def test_states():
     # turned away; touching; pushed past the pole; pole in the follicle's mouth
     ours = solve_contact(
         whisker,
-        0,
-        0,
-        [-0.1, 0.1, 1.4, 0.1],
-        [9e-3, 9e-3, 9e-3, 1e-4],
-        [0.3e-3, 0.3e-3, 0.3e-3, 0.0],
-        POLE_RADIUS,
+        (0, 0, [-0.1, 0.1, 1.4, 0.1]),
+        ([9e-3, 9e-3, 9e-3, 1e-4], [0.3e-3, 0.3e-3, 0.3e-3, 0.0], POLE_RADIUS),
         1,
     )
     assert list(ours.state) == ["free", "contact", "slipped", "unreachable"]
@@ -287,7 +279,7 @@ def test_free_starts_where_contact_ends():
 
 def test_beyond_the_tip_is_slipped():
     whisker = mouse_c2()
-    ours = solve_contact(whisker, 0, 0, [0.05, -0.5], 18.3e-3, 0.26e-3, POLE_RADIUS, 1)
+    ours = solve_contact(whisker, (0, 0, [0.05, -0.5]), (18.3e-3, 0.26e-3, POLE_RADIUS), 1)
     assert list(ours.state) == ["slipped", "free"]
 
 
@@ -351,22 +343,18 @@ def test_free_shape_of_constant_curvature_is_a_circle():
     ("change", "named"),
     [
         ({"side": 0}, "side must be"),
-        ({"pole_radius": -1e-3}, "pole_radius must be >= 0"),
-        ({"pole_x": np.nan}, "pole_x must be finite"),
-        ({"base_angle": [[0.1]]}, "base_angle must be a number or"),
-        ({"base_x": [0.0, 0.0], "base_y": [0.0, 0.0, 0.0]}, "of one length"),
+        ({"pole": (9e-3, 0.0, -1e-3)}, "pole_radius must be >= 0"),
+        ({"pole": (np.nan, 0.0, POLE_RADIUS)}, "pole_x must be finite"),
+        ({"base": (0.0, 0.0, [[0.1]])}, "base_angle must be a number or"),
+        ({"base": ([0.0, 0.0], [0.0, 0.0, 0.0], 0.1)}, "of one length"),
         ({"intrinsic_curvature": [[1.0], [2.0]]}, "intrinsic_curvature must be"),
         ({"guess": ([1.0, 2.0], [1.0, 2.0])}, "guess must be"),
     ],
 )
 def test_refuses_what_is_not_possible(change, named):
     arguments = {
-        "base_x": 0.0,
-        "base_y": 0.0,
-        "base_angle": 0.1,
-        "pole_x": 9e-3,
-        "pole_y": 0.0,
-        "pole_radius": POLE_RADIUS,
+        "base": (0.0, 0.0, 0.1),
+        "pole": (9e-3, 0.0, POLE_RADIUS),
         "side": 1,
     }
     with pytest.raises(ValueError, match=named):

@@ -238,7 +238,7 @@ def still_then_touch(turned=0.1, first=180):
     base = np.full(220, hair.follicle_x), np.full(220, hair.follicle_y)
     wanted = [Touch(first, 20, 15e-6)]
     angle, guess = drive_touches(
-        hair, *base, pole, trial.side, wanted, trial.rng, turned, table_of(scene)
+        hair, base, pole, trial.side, wanted, trial.rng, turned, table_of(scene)
     )
     graze = grazing_angle(hair, pole[0] - base[0], pole[1] - base[1], pole[2], trial.side)
     angle[: first - 3] = graze[0] - trial.side * turned
@@ -287,9 +287,9 @@ def rubbing_motion(coefficient):
     # nearly at rest it sticks, with whatever friction that takes
     friction = coefficient * np.tanh(np.nan_to_num(np.gradient(place)) / 2e-6)
     solved = rod.solve_contact(
-        hair.whisker, smooth.base_x, smooth.base_y, smooth.base_angle, motion.pole_x,
-        motion.pole_y, motion.scene.pole.radius, smooth.side, hair.intrinsic_curvature,
-        friction=friction,
+        hair.whisker, (smooth.base_x, smooth.base_y, smooth.base_angle),
+        (motion.pole_x, motion.pole_y, motion.scene.pole.radius), smooth.side,
+        hair.intrinsic_curvature, friction=friction,
     )  # fmt: skip
     return Motion(motion.scene, [HairMotion(solved)], motion.pole_x, motion.pole_y)
 

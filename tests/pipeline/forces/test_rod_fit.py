@@ -27,7 +27,7 @@ def touching(push, distance=9e-3, side=1, origin=0.0, friction=0.0, whisker=None
     reach = side * (POLE_RADIUS + whisker.radius(distance))
     pole = x[0] - reach * np.sin(angle[0]), y[0] + reach * np.cos(angle[0])
     truth = rod.solve_contact(
-        whisker, 0, 0, side * push, *pole, POLE_RADIUS, side, REST, friction=friction
+        whisker, (0, 0, side * push), (*pole, POLE_RADIUS), side, REST, friction=friction
     )
     s = np.linspace(0, whisker.length, N_STATIONS)
     x, y, _ = rod.contact_shape(whisker, truth, np.clip(s + origin, 0, whisker.length))

@@ -7,7 +7,7 @@ from scipy.special import ndtr
 
 from synthetic.scene import Camera, Hair
 from synthetic.scoring import cramer_rao
-from synthetic.strips import absorb, blank, cover_strip, step_table
+from synthetic.strips import Strip, absorb, blank, cover_strip, step_table
 
 HEIGHT, WIDTH = 90, 260
 LIGHT, OPACITY = 176.0, 0.95
@@ -82,10 +82,9 @@ def picture(coefficients):
     curvature = shape.deriv(2)(x) / (1 + slope**2) ** 1.5
     radius = np.interp(x, ARC[[0, -1]], RADII)
     cover, touched = blank(HEIGHT, WIDTH)
-    count = cover_strip(
-        cover, touched, 0, x, HEIGHT / 2 - shape(x), np.arctan(slope), curvature, radius,
-        np.zeros(len(x)), CAMERA.blur_px, *step_table(CAMERA.blur_px),
-    )  # fmt: skip
+    still = np.zeros(len(x))
+    strip = Strip(x, HEIGHT / 2 - shape(x), np.arctan(slope), curvature, radius, still)
+    count = cover_strip(cover, touched, 0, strip, step_table(CAMERA.blur_px))
     light = np.full((HEIGHT, WIDTH), LIGHT, np.float32)
     absorb(light, cover, touched, count, OPACITY)
     return light[:, 30:231].astype(float).ravel()

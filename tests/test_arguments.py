@@ -1,0 +1,49 @@
+"""Functions take few arguments: what belongs together is handed on together, by name."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+MOST, MOST_COMPILED = 8, 12
+TOO_MANY = {  # compiled functions that still take more, and how many: the list may only shrink
+    "pipeline/detection/line_fit.py:refine": 23,
+    "pipeline/kinematics/resampled.py:_measure_rows": 20,
+    "pipeline/kinematics/resampled.py:_bin": 13,
+    "pipeline/kinematics/curvature.py:_measure_rows": 14,
+    "pipeline/tracking/search.py:strip_gains": 14,
+    "pipeline/tracking/row_rotation.py:_add_scores": 13,
+}
+
+
+def functions(package):
+    """File and syntax tree of every function of a package."""
+    for file in sorted((ROOT / package).rglob("*.py")):
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.FunctionDef):
+                yield f"{file.relative_to(ROOT).as_posix()}:{node.name}", node
+
+
+def count(function):
+    """How many arguments a function takes, beside the object that it belongs to."""
+    arguments = function.args
+    names = [a.arg for a in (*arguments.posonlyargs, *arguments.args, *arguments.kwonlyargs)]
+    return len(names) - (names[:1] in (["self"], ["cls"]))
+
+
+def is_compiled(function):
+    return any("njit" in ast.unparse(each) for each in function.decorator_list)
+
+
+@pytest.mark.parametrize("package", ["pipeline", "whiskermodel", "synthetic", "workflows"])
+def test_functions_take_few_arguments(package):
+    for name, function in functions(package):
+        most = TOO_MANY.get(name, MOST_COMPILED if is_compiled(function) else MOST)
+        assert count(function) <= most, f"{name} takes {count(function)} arguments"
+
+
+def test_the_list_of_those_that_take_more_is_true():
+    known = dict(functions("pipeline"))
+    assert TOO_MANY == {name: count(known[name]) for name in TOO_MANY}
+    assert min(TOO_MANY.values(), default=MOST_COMPILED + 1) > MOST_COMPILED
