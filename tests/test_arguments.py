@@ -9,9 +9,6 @@ ROOT = Path(__file__).parents[1]
 MOST, MOST_COMPILED = 8, 12
 TOO_MANY = {  # compiled functions that still take more, and how many: the list may only shrink
     "pipeline/detection/line_fit.py:refine": 23,
-    "pipeline/kinematics/resampled.py:_measure_rows": 20,
-    "pipeline/kinematics/resampled.py:_bin": 13,
-    "pipeline/kinematics/curvature.py:_measure_rows": 14,
     "pipeline/tracking/search.py:strip_gains": 14,
     "pipeline/tracking/row_rotation.py:_add_scores": 13,
 }

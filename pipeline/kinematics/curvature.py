@@ -7,12 +7,15 @@ them comes what the codec's noise, which runs along the whisker, adds, and the p
 curvature changes along the whisker, it is known no better than the hidden length.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 import pandas as pd
 from numba import njit
 
 from pipeline.detection.static_scene import PoleTrack
 from pipeline.kinematics.follicle import FEWEST_NODES, follicles
+from pipeline.kinematics.resampled import Lines
 from pipeline.numerics.angles import wrapped
 from pipeline.numerics.bsplines import FAST
 from pipeline.numerics.polyline import nearest_node
@@ -24,6 +27,22 @@ BLOCK_PX = 24  # longer than the noise of compressed video is correlated
 RED_DEGREE = 6  # of the polynomial that this correlation is looked for about
 RED_EVERY = 12  # rows between two in which it is
 RED_SKEW = 1.5  # mean over median of such variances, and what is longer still than a block
+
+
+class _Window(NamedTuple):
+    """Where curvature is taken and how far to both sides; first nodes left out otherwise [px]."""
+
+    at: float
+    half: int
+    skip: int
+
+
+class _Pole(NamedTuple):
+    """Centre by row, NaN where it is not, and how near to it a touch is [px]."""
+
+    x: np.ndarray
+    y: np.ndarray
+    near: float
 
 
 @njit(cache=True, fastmath=FAST, error_model="numpy")
@@ -181,38 +200,40 @@ def _curvature(x, y, offset, information, at, beyond, first, last, degree):
 
 
 @njit(cache=True)
-def _measure_rows(
-    offsets, xs, ys, raw, info, hidden, at_px, window, skip, pole_x, pole_y, near, n_whiskers, out
-):  # fmt: skip
-    for row in range(len(offsets) - 1):
-        a = offsets[row]
-        b = offsets[row + 1]
-        x, y = xs[a:b].astype(np.float64), ys[a:b].astype(np.float64)
-        offset, information = raw[a:b].astype(np.float64), info[a:b].astype(np.float64)
+def _measure_rows(lines, window, pole, n_whiskers, out):
+    """Fill `out` (rows, 4): curvature [1/px], its error, its slope [1/px²], `redness`."""
+    half = window.half
+    for row in range(len(lines.start) - 1):
+        a = lines.start[row]
+        b = lines.start[row + 1]
+        x, y = lines.x[a:b].astype(np.float64), lines.y[a:b].astype(np.float64)
+        offset = lines.offset[a:b].astype(np.float64)
+        information = lines.information[a:b].astype(np.float64)
         n = b - a
         out[row, :] = np.nan
         if n < FEWEST_NODES:
             continue
-        at = int(np.floor(at_px - hidden[row] + 0.5))
-        beyond = at_px - hidden[row] - at
+        at_node = window.at - lines.hidden[row]
+        at = int(np.floor(at_node + 0.5))
+        beyond = at_node - at
         if at < 4 or at > n - 5:
             continue
-        first = max(at - window, 0)
-        last = min(at + window, n)
+        first = max(at - half, 0)
+        last = min(at + half, n)
         end = int(0.9 * n)
-        if not np.isnan(pole_x[row]):
-            node, distance = nearest_node(x, y, pole_x[row], pole_y[row])
-            if distance < near and node > at:
+        if not np.isnan(pole.x[row]):
+            node, distance = nearest_node(x, y, pole.x[row], pole.y[row])
+            if distance < pole.near and node > at:
                 last = min(last, node)
                 end = min(end, node)
-        degree = 4 if last - first > 1.4 * window and last - at > window // 4 else 3
+        degree = 4 if last - first > 1.4 * half and last - at > half // 4 else 3
         if last - first < 12 or last - at < 4:
             continue
         out[row, 0], out[row, 1], out[row, 2] = _curvature(
             x, y, offset, information, at, beyond, first, last, degree
         )
         if row // n_whiskers % RED_EVERY == 0:
-            out[row, 3] = redness(x, y, offset, information, skip, end)
+            out[row, 3] = redness(x, y, offset, information, window.skip, end)
 
 
 def measure(
@@ -246,15 +267,13 @@ def measure(
         follicle = follicles(centrelines, hidden, scale, params)
     out = np.empty((len(centrelines), 4))
     _measure_rows(
-        centrelines.offsets,
-        centrelines.x_px,
-        centrelines.y_px,
-        *centrelines.raw(),
-        hidden,
-        curvature_at * scale,
-        round(params.curvature_half_window_mm * per_mm),
-        round(params.base_skip_mm * per_mm),
-        *_pole_of(centrelines, pole, params.curvature_pole_gap_mm * per_mm),
+        Lines.of(centrelines, hidden),
+        _Window(
+            curvature_at * scale,
+            round(params.curvature_half_window_mm * per_mm),
+            round(params.base_skip_mm * per_mm),
+        ),
+        _pole_of(centrelines, pole, params.curvature_pole_gap_mm * per_mm),
         len(centrelines.names),
         out,
     )
@@ -274,16 +293,13 @@ def measure(
     )
 
 
-def _pole_of(centrelines, pole: PoleTrack | None, gap):
-    """Where the pole is, x and y for every row, NaN where it is not; and how near a touch is.
-
-    `gap` [px] between the whisker and the pole's edge is near.
-    """
+def _pole_of(centrelines, pole: PoleTrack | None, gap) -> _Pole:
+    """Where the pole is in every row; `gap` [px] between whisker and its edge is near."""
     if pole is None:
         nowhere = np.full(len(centrelines), np.nan)
-        return nowhere, nowhere, 0.0
+        return _Pole(nowhere, nowhere, 0.0)
     frame = np.minimum(centrelines.frame, len(pole.x_px) - 1)
-    return pole.x_px[frame], pole.y_px[frame], pole.radius_px + gap
+    return _Pole(pole.x_px[frame], pole.y_px[frame], float(pole.radius_px + gap))
 
 
 def _noise_factor(centrelines, redness):

@@ -5,6 +5,7 @@ memory. Metres, y up, counter-clockwise positive.
 """
 
 from dataclasses import dataclass, fields, replace
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -97,6 +98,71 @@ class Stations:
         return replace(self, information=beside_doubt(self.information, variance))
 
 
+class Lines(NamedTuple):
+    """Lines of a chunk one behind the other, for compiled code [px].
+
+    Row k has the nodes `start[k]` to `start[k + 1]`; `x`, `y`, raw `offset` and `information` are
+    one per node, `hidden` (length before the first node) and `whisker` one per row.
+    """
+
+    start: np.ndarray
+    x: np.ndarray
+    y: np.ndarray
+    offset: np.ndarray
+    information: np.ndarray
+    hidden: np.ndarray
+    whisker: np.ndarray
+
+    @classmethod
+    def of(cls, lines: Centrelines, hidden) -> "Lines":
+        """Those of `lines`; `hidden` (rows,) [px]."""
+        whisker = lines.whisker.astype(np.int64)
+        return cls(lines.offsets, lines.x_px, lines.y_px, *lines.raw(), hidden, whisker)
+
+
+class _Whiskers(NamedTuple):
+    """By whisker: distance between stations, length and radius at the base [px], and taper."""
+
+    spacing: np.ndarray
+    length: np.ndarray
+    base_radius: np.ndarray
+    taper: np.ndarray
+
+
+class _Pole(NamedTuple):
+    """Centre by row, y up, NaN where there is none, and radius [px].
+
+    Nearer to the centre than `clear` the trace is not relied upon.
+    """
+
+    x: np.ndarray
+    y: np.ndarray
+    radius: float
+    clear: float
+
+
+class _Line(NamedTuple):
+    """Nodes of one line, y up: place, arc length, raw offset [px], information [1/px²]."""
+
+    x: np.ndarray
+    y: np.ndarray
+    s: np.ndarray
+    offset: np.ndarray
+    information: np.ndarray
+
+
+class _Places(NamedTuple):
+    """What is measured: x, y and information at the stations [px], and of the pole.
+
+    `near` (rows, 6): first and last traced point, then what `_approach` finds.
+    """
+
+    x: np.ndarray
+    y: np.ndarray
+    information: np.ndarray
+    near: np.ndarray
+
+
 def beside_doubt(information, variance):
     """Information (rows, stations) [1/m²] of places with a further error of `variance` [m²]."""
     return information / (1 + information * variance)
@@ -163,37 +229,24 @@ def measure_stations(
 
 
 def _measure_px(centrelines, whiskers, hidden_lengths, spacing, pole_rows, scale, params):
-    """Stations' x, y and information, (rows, stations) each, and `near` of every row [px].
-
-    `near` (rows, 6): first and last traced point, then what `_approach` finds of the pole.
-    """
+    """`_Places` of every row."""
     rows = len(centrelines)
     pole_x, pole_y, pole_radius = pole_rows
-    x, y, information = np.full((3, rows, N_STATIONS), np.nan)
-    near = np.full((rows, 6), np.nan)
-    radii = [[w.base_radius, w.base_radius / w.cone_length] for w in whiskers]
+    places = _Places(*np.full((3, rows, N_STATIONS), np.nan), np.full((rows, 6), np.nan))
+    hidden = centrelines.hidden_of(np.asarray(hidden_lengths, float) * scale)
+    length, radius, cone = (
+        np.array([getattr(w, name) for w in whiskers], float)
+        for name in ("length", "base_radius", "cone_length")
+    )
     _measure_rows(
-        centrelines.offsets,
-        *centrelines.raw(),
-        centrelines.x_px,
-        centrelines.y_px,
-        centrelines.whisker.astype(np.int64),
-        centrelines.hidden_of(np.asarray(hidden_lengths, float) * scale),
-        spacing * scale,
-        np.array([w.length for w in whiskers]) * scale,
-        np.reshape(radii, (-1, 2)) * np.array([scale, 1.0]),
-        pole_x,
-        -pole_y,
-        pole_radius,
-        pole_radius + POLE_BLURS_PX,
+        Lines.of(centrelines, hidden),
+        _Whiskers(spacing * scale, length * scale, radius * scale, radius / cone),
+        _Pole(pole_x, -pole_y, pole_radius, pole_radius + POLE_BLURS_PX),
         1e-3 * params.station_skip_mm * scale,
         1e-3 * params.extension_mm * scale,
-        x,
-        y,
-        information,
-        near,
+        places,
     )
-    return x, y, information, near
+    return places
 
 
 def _pole_rows(pole, frame):
@@ -209,28 +262,26 @@ def _pole_rows(pole, frame):
 
 
 @njit(cache=True)
-def _measure_rows(
-    offsets, offset, info, xs, ys, whisker, hidden, spacing, length, radii, pole_x, pole_y,
-    pole_radius, clear, skip, extension, out_x, out_y, out_information, near,
-):  # fmt: skip
-    for row in range(len(offsets) - 1):
-        a, b = offsets[row], offsets[row + 1]
-        out_information[row, :] = 0.0
+def _measure_rows(lines, whiskers, pole, skip, extension, places):
+    near = places.near
+    for row in range(len(lines.start) - 1):
+        a, b = lines.start[row], lines.start[row + 1]
+        places.information[row, :] = 0.0
         if b - a < 2 * END_FIT_PX + 1:
             continue
-        w = whisker[row]
-        x, y = xs[a:b].astype(np.float64), -ys[a:b].astype(np.float64)
-        s = _arc_lengths(x, y, hidden[row])
+        w, hidden = lines.whisker[row], lines.hidden[row]
+        x, y = lines.x[a:b].astype(np.float64), -lines.y[a:b].astype(np.float64)
+        s = _arc_lengths(x, y, hidden)
+        offset = lines.offset[a:b].astype(np.float64)
+        line = _Line(x, y, s, offset, lines.information[a:b].astype(np.float64))
         near[row, 0], near[row, 1] = s[0], s[-1]
-        px, py = pole_x[row], pole_y[row]
-        _bin(
-            x, y, s, offset[a:b].astype(np.float64), info[a:b].astype(np.float64),
-            hidden[row] + skip, spacing[w], px, py, clear,
-            out_x[row], out_y[row], out_information[row],
-        )  # fmt: skip
+        px, py = pole.x[row], pole.y[row]
+        own = places.x[row], places.y[row], places.information[row]
+        _bin(line, hidden + skip, whiskers.spacing[w], px, py, pole.clear, own)
         if not np.isnan(px):
-            more = min(max(length[w] - s[-1], 0.0), extension)
-            _approach(x, y, s, more, px, py, pole_radius, radii[w, 0], radii[w, 1], near[row, 2:])
+            more = min(max(whiskers.length[w] - s[-1], 0.0), extension)
+            cone = whiskers.base_radius[w], whiskers.taper[w]
+            _approach(line, more, px, py, pole.radius, cone, near[row, 2:])
 
 
 @njit(cache=True)
@@ -241,11 +292,16 @@ def _arc_lengths(x, y, first):
 
 
 @njit(cache=True)
-def _bin(x, y, s, offset, info, start, spacing, px, py, clear, out_x, out_y, out_information):
-    """Weighted mean of the raw points around every station, moved along the whisker to it."""
+def _bin(line, start, spacing, px, py, clear, out):
+    """Weighted mean of the raw points around every station, moved along the whisker to it.
+
+    Fills `out`: x, y and information, each (stations,).
+    """
+    x, y, s, info = line.x, line.y, line.s, line.information
+    out_x, out_y, out_information = out
     n = len(out_x)
     points = np.empty((5, len(x)))
-    _raw_places(x, y, offset, points)
+    _raw_places(x, y, line.offset, points)
     sums = np.zeros((n, 8))  # information, then x, y, s, tangent, s², curvature
     per_station, clear2 = 1 / spacing, clear * clear
     for i in range(len(x)):
@@ -316,8 +372,10 @@ def _curvatures(x, y, out):
 
 
 @njit(cache=True, error_model="numpy")
-def _approach(x, y, s, more, px, py, pole_radius, base_radius, taper, out):
+def _approach(line, more, px, py, pole_radius, cone, out):
     """Least distance between the surfaces, its arc length, the pole's side, beyond the trace?"""
+    x, y, s = line.x, line.y, line.s
+    base_radius, taper = cone
     n, m = len(x), len(x) - 1 - END_FIT_PX
     best = np.inf
     norm = more / np.sqrt((x[-1] - x[m]) ** 2 + (y[-1] - y[m]) ** 2)
