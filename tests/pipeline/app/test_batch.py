@@ -500,6 +500,7 @@ def test_a_second_run_in_the_same_folder_is_refused(folder, calls, tmp_path):
     assert contents(out) == {**before, LOCK_FILE: contents(out)[LOCK_FILE]}
 
 
+@pytest.mark.slow
 def test_a_killed_process_costs_only_its_video(folder, calls, tmp_path, monkeypatch):
     out = tmp_path / "results"
     batch.run([folder / "a.avi"], out)

@@ -38,6 +38,7 @@ def results(tracked, tmp_path_factory):
     return out
 
 
+@pytest.mark.slow
 def test_a_tracked_folder_becomes_results(results):
     contacts = pd.read_csv(results / "contacts.csv")
     assert len(contacts) >= FEWEST_CONTACTS_IN_300_FRAMES
@@ -49,6 +50,7 @@ def test_a_tracked_folder_becomes_results(results):
         assert (results / name).is_file()
 
 
+@pytest.mark.slow
 def test_janelia_files_there_and_back(results, tmp_path, capsys):
     assert run("export", "janelia", results, "--out", tmp_path) == 0
     said = capsys.readouterr().out.split()
@@ -111,6 +113,7 @@ def session(tmp_path, motion):
     return folder
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("program", ["dlc", "sleap"])
 def test_key_points_become_results(session, motion, tmp_path, program):
     xy = true_points(motion, np.random.default_rng(0))
@@ -139,6 +142,7 @@ def test_key_points_become_results(session, motion, tmp_path, program):
     assert len(frames) == 300
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("form", "name"),
     [
@@ -155,6 +159,7 @@ def test_every_format_is_written(results, tmp_path, capsys, form, name):
     assert written.stat().st_size > 1000
 
 
+@pytest.mark.slow
 def test_contacts_of_whacc_take_the_place_of_those_found(results, tmp_path):
     out = tmp_path / "results"
     shutil.copytree(results, out)

@@ -27,6 +27,7 @@ def test_dust_and_root_do_not_count():
     assert fit.used.mean() > 0.9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("share", "smooth"), [(0.0, 1), (0.01, 1), (0.01, 8)])
 def test_standard_errors_cover(share, smooth):
     """Of 200 cones, some in bumps: 95 % intervals hold the base in at least 90 %."""

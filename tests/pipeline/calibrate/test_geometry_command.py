@@ -51,6 +51,7 @@ def run(*arguments) -> int:
     return caught.value.code or 0
 
 
+@pytest.mark.slow
 def test_two_whiskers_into_a_session(pictures, session, tmp_path, capsys):
     images, out = [pictures / "w0.png", pictures / "w1.png"], tmp_path / "out"
     code = run(

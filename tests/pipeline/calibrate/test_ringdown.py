@@ -112,6 +112,7 @@ def test_youngs_modulus_and_damping_of_eight_slips(tmp_path, boundary):
     assert together.angular_frequency.value == pytest.approx(damped, rel=MODULUS / 2)
 
 
+@pytest.mark.slow
 def test_intervals_of_single_slips_cover(tmp_path):
     """Of 40 slips, 95 % intervals of E hold the truth in at least 90 %."""
     inside = []

@@ -269,6 +269,7 @@ def test_edits_that_make_no_sense_are_refused_and_change_nothing(edit, message):
     assert [s[1:] for s in edited.spans] == [(10, 20), (30, 45)]
 
 
+@pytest.mark.slow
 @settings(deadline=None)
 @given(
     st.lists(stretch, max_size=3),

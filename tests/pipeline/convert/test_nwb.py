@@ -70,6 +70,7 @@ def test_centrelines_and_pole_read_back_equal(written):
         np.testing.assert_array_equal(pole[5], [230, 240])
 
 
+@pytest.mark.slow
 def test_valid_and_nothing_wrong_for_the_inspector(written):
     path, _ = written
     assert not pynwb.validate(path=str(path))
@@ -80,6 +81,7 @@ def test_valid_and_nothing_wrong_for_the_inspector(written):
     assert bad == []
 
 
+@pytest.mark.slow
 def test_the_video_is_referred_to_where_it_is(videos, tmp_path):
     (tmp_path / "films").mkdir()
     (tmp_path / "films" / "one.avi").write_bytes(b"")

@@ -56,6 +56,7 @@ def test_names_and_looks_without_any_tracks():
     assert middle - middle[0] == pytest.approx(FAN[:, ANGLE] - FAN[0, ANGLE], abs=ANGLE_PRECISION)
 
 
+@pytest.mark.slow
 def test_names_hold_forwards_and_backwards_though_tracks_go_on_with_neighbours():
     frame, true, features = whisking(np.random.default_rng(2))
     piece = frame // 12  # frames after which all tracks break off

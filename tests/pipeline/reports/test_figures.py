@@ -20,8 +20,15 @@ def results(tmp_path):
     return make_results(tmp_path / "results")
 
 
-def test_all_files_are_written(results):
-    written = figures.write_fig3(results)
+@pytest.fixture(scope="module")
+def drawn(tmp_path_factory):
+    """A results folder with Fig. 3, to be read, and the files that were written."""
+    results = make_results(tmp_path_factory.mktemp("drawn") / "results")
+    return results, figures.write_fig3(results)
+
+
+def test_all_files_are_written(drawn):
+    results, written = drawn
     names = {path.name for path in written}
     whole = {"fig3.png", "fig3.svg", "fig3.csv"}
     assert names == whole | {f"fig3{p}.{kind}" for p in "abcdef" for kind in ("csv", "svg")}
@@ -35,8 +42,8 @@ def test_all_files_are_written(results):
     assert {"before", "during", "after", "contact duration (ms)"} <= shown
 
 
-def test_numbers_stand_beside_the_papers(results):
-    figures.write_fig3(results)
+def test_numbers_stand_beside_the_papers(drawn):
+    results, _ = drawn
     numbers = pd.read_csv(results / "figures" / "fig3.csv").set_index(["quantity", "statistic"])
     force, duration = np.array([4.0, 10, 30]), np.array([10.0, 20, 40])
     expected = {
@@ -102,8 +109,8 @@ def test_typical_touch_is_near_the_medians_and_clean(tmp_path):
     assert len(touch.centrelines) == len(touch.frames)
 
 
-def test_panels_a_and_b_show_the_touch(results):
-    figures.write_fig3(results)
+def test_panels_a_and_b_show_the_touch(drawn):
+    results, _ = drawn
     a = pd.read_csv(results / "figures" / "fig3a.csv")
     b = pd.read_csv(results / "figures" / "fig3b.csv")
     shown = a.drop_duplicates("frame").set_index("frame")["in_contact"]

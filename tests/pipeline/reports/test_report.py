@@ -17,11 +17,19 @@ from pipeline.tables import files
 from pipeline.tables.columns import CONTACT_COLUMNS
 
 
-@pytest.fixture
-def page(tmp_path):
-    results = make_results(tmp_path / "results")
+@pytest.fixture(scope="module")
+def results(tmp_path_factory):
+    """A results folder with figures and report, to be read."""
+    results = make_results(tmp_path_factory.mktemp("reported") / "results")
     figures.write_fig3(results)
-    return report.write_report(results).read_text("utf-8")
+    report.write_report(results)
+    return results
+
+
+@pytest.fixture(scope="module")
+def page(results):
+    """Its report."""
+    return (results / "report.html").read_text("utf-8")
 
 
 def test_nothing_comes_from_outside(page):
@@ -30,12 +38,12 @@ def test_nothing_comes_from_outside(page):
     assert not re.search(r"src=[\"'](?!data:)", page)
 
 
-def test_links_lead_to_files_of_the_results(page, tmp_path):
+def test_links_lead_to_files_of_the_results(page, results):
     links = re.findall(r"href=[\"'](?!#)([^\"'#]*)", page)
     assert {"contacts.csv", "videos.csv", "one/frames.parquet", "figures/courses/one.html"} <= set(
         links
     )
-    assert all((tmp_path / "results" / unquote(link)).is_file() for link in links)
+    assert all((results / unquote(link)).is_file() for link in links)
 
 
 def test_videos_with_their_messages(page):

@@ -13,6 +13,8 @@ from pipeline.reports import figures, overlay, report
 from pipeline.tables import files
 from pipeline.tables.columns import CONTACT_FLAGS, VIDEO_COLUMNS
 
+pytestmark = pytest.mark.slow
+
 WIDTHS = 1300, 420  # px
 NAMES = ("mouse_0123456789_2024-11-22_session_3_trial_0042", "b", "c", "d")
 WHISKERS = ("C1", "C2", "C3", "Delta")
