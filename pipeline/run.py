@@ -112,7 +112,7 @@ def analyse_lines(
     Parameters
     ----------
     lines : of the whole video, follicle side → tip, with the settings' names; raw offsets and
-        information are told from how the points scatter where the lines lack them
+        information follow from the points' scatter where the lines lack them
     settings, keep, corrections : as for `analyse`
     pole : `PoleTrack`; None: the place that the settings give, if they do
     n_frames : of the video, where it goes on after the last line

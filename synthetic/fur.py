@@ -46,8 +46,8 @@ def distance_from_pad(face: Face, scale: float, centre, x_px, y_px):
     """Distance of points from the pad's wedge [px], negative inside, and place across it [px].
 
     The wedge {u ≤ −slope · max(|v| − pad/2, 0)}, u along the face's axis, v across, holds the
-    follicles on its blunt edge; whoever leaves it within the slope's angle has the same way to
-    any curve of constant distance.
+    follicles on its blunt edge; within the slope's angle, all ways from it to a curve of
+    constant distance are alike.
     """
     cos, sin = np.cos(face.axis), np.sin(face.axis)
     dx, dy = x_px - centre[0], -(y_px - centre[1])

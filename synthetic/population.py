@@ -41,7 +41,7 @@ DURATION_MS = Published(2.6, 5.0, 16.0, 113.0, 260.0, 30.9)
 def quantile_function(published: Published):
     """Smooth quantile function of a published distribution, of normal deviates z.
 
-    Its 80 % point, which the paper does not tell, is set so that the mean is the published one.
+    Its 80 % point, which the paper does not give, is set so that the mean is the published one.
     """
     z = ndtri(_PROBABILITIES)
     grid = np.linspace(*z[[0, -1]], 4001)

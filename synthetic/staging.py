@@ -53,7 +53,7 @@ def pole_for_touch(hair: Hair, base_angle, arc_length, side, radius=0.25e-3):
 def draw_touches(rng, frames, count, table, durations=(3, 80), forces=(1.5e-6, 35e-6)):
     """Draw touches: log-uniform durations [frames] and peak forces [N], at random times.
 
-    `table` is the ForceTable of the whisker and pole; no touch asks for more than it bears.
+    `table` is the ForceTable of the whisker and pole; no touch needs more than it bears.
     """
     lengths = np.exp(rng.uniform(*np.log(durations), count)).round().astype(int)
     lengths = lengths[: np.searchsorted(np.cumsum(lengths + 6), frames - 2 * MARGIN)]

@@ -1,6 +1,6 @@
 """Touches made to measure: the follicle's motion that makes wanted forces, and none besides.
 
-A touch is asked for by its force in every frame; what is returned is the base angle that, through
+A touch is given by its force in every frame; what is returned is the base angle that, through
 the mechanics of the large-angle rod, gives this force.
 """
 

@@ -14,7 +14,7 @@ from scipy import special
 from scipy.optimize import brentq
 
 _SHARP_TIP = 1e-9  # below this ξ at the tip the singular solutions' share is under rounding
-_SMALLEST_Z = 0.05  # below, the four solutions are too alike to tell apart in 16 digits
+_SMALLEST_Z = 0.05  # below, the four solutions are too alike to distinguish in 16 digits
 
 
 @lru_cache(maxsize=64)

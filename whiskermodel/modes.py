@@ -159,7 +159,7 @@ def supported_modes(taper, support, boundary="fixed", n_modes=10, n_terms=None):
 
 
 def _complete(taper, kappa, n_modes, n_terms):
-    # two terms a mode and a margin: rounding error in every mode asked for
+    # two terms a mode and a margin: rounding error in every mode wanted
     least = n_modes + 3
     n_terms = max(40, 2 * n_modes + 30) if n_terms is None else n_terms
     n_terms = whole_number("n_terms", n_terms, least)

@@ -1,7 +1,7 @@
 """Shapes of a rod, free and loaded; the loaded ones seen from the contact, by two parameters.
 
-See `rod` for the equations. The place c of a contact is told by u (`to_u`); its force by the push,
-the angle by which it would turn a straight whisker's base at small angles.
+See `rod` for the equations. The place c of a contact is given by u (`to_u`); its force by the
+push, the angle by which it would turn a straight whisker's base at small angles.
 """
 
 from functools import lru_cache

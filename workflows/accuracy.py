@@ -145,7 +145,7 @@ def preamble(args) -> str:
 
 
 def main(argv=None) -> int:
-    """Measure the presets asked for; 1 where a target was missed."""
+    """Measure the presets; 1 where a target was missed."""
     measuring.limit_threads()
     args = arguments(argv)
     print(f"seed {args.seed}", file=sys.stderr)

@@ -20,7 +20,7 @@ class Target:
     each_video: bool = False
 
     def met(self, value) -> bool:
-        """Whether a value meets the target; a figure that could not be told does not."""
+        """Whether a value meets the target; a figure that is unknown does not."""
         return bool(self.least <= value <= self.most)
 
     @property

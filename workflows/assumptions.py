@@ -160,7 +160,7 @@ def analysed(seed, case: Case):
 
 def figures(case: Case, seeds) -> dict:
     """Errors, coverage and flags over all contacts of the scenes."""
-    errors, covered, flags, asked, found, true = [], [], [], [], 0, 0
+    errors, covered, flags, correction, found, true = [], [], [], [], 0, 0
     for seed in seeds:
         if truth_of(seed, case.stiffness) is None:
             continue
@@ -175,13 +175,13 @@ def figures(case: Case, seeds) -> dict:
             peak = 1e6 * max(touch.force for touch in touches[a:b])
             errors.append(got["peak_force_uN"] / peak - 1)
             covered.append(abs(got["peak_force_uN"] - peak) < 1.96 * got["peak_force_se_uN"])
-            asked.append(1e3 * np.nanmedian(evidence["bending_origin_m"]))
+            correction.append(1e3 * np.nanmedian(evidence["bending_origin_m"]))
             flags.append([f for f in split_flags(got["flags"]) if f not in HARMLESS])
     return {
         "errors": np.array(errors),
         "covered": covered,
         "flags": flags,
-        "asked": asked,
+        "correction": correction,
         "of": (found, true),
     }
 
@@ -195,7 +195,7 @@ def row_of(case: Case, seeds) -> list[str]:
     return [
         case.name, "{} of {}".format(*got["of"]), f"{100 * middle:+.1f} %",
         f"{100 * low:+.1f} to {100 * high:+.1f} %", f"{100 * np.mean(got['covered']):.0f} %",
-        f"{np.median(got['asked']):+.2f}", f"{100 * np.mean(flagged):.0f} %",
+        f"{np.median(got['correction']):+.2f}", f"{100 * np.mean(flagged):.0f} %",
         ", ".join(f"`{name}`" for name in names),
     ]  # fmt: skip
 

@@ -7,7 +7,7 @@
 Everything sees the same rendered H.264 videos, on one core, in one run. Decoding alone takes the
 luma plane; `trace` is decoding, finding the scene and tracing; `run` the whole command with its
 tables, figures and report. What a command needs for a video of two frames is its start-up: it is
-told apart and taken off the rates of `run` and of the peer. Rates by CPU time hold on a busy
+separated and taken off the rates of `run` and of the peer. Rates by CPU time hold on a busy
 machine, too. Without the peer (see workflows/peer_tracker.py) its columns stay empty.
 """
 
@@ -60,7 +60,7 @@ START_UP_TARGET_S = 5.0
 SPEED_TARGETS = {1: 30.0, 4: 15.0}  # times the peer's optimised rate, by number of whiskers
 DECODING_TARGET = 0.5
 REPEATS = 3
-BRIEF = 2  # frames of the video that tells the start-up
+BRIEF = 2  # frames of the video that measures the start-up
 
 
 # Videos --------------------------------------------------------------------------------------
@@ -176,7 +176,7 @@ def trace(clip: Clip, path=None):
         yield from trace_frames(video.lent(), epochs, list(cast.roster), tracing_options(settings))
 
 
-# The peak is the program's own: what the system tells of a child holds its parent's, too.
+# The peak is the program's own: what the system reports of a child holds its parent's, too.
 RUN = """
 import re, resource, sys
 from pathlib import Path

@@ -152,7 +152,7 @@ def ringdown_text(count: int, seed: int) -> str:
 
 
 def main(argv=None) -> None:
-    """Measure, print, and write where asked to."""
+    """Measure, print, and write with --write."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     parser.add_argument("what", choices=("geometry", "ringdown"))
     parser.add_argument("--count", type=int, default=3, help="micrographs, or sessions")

@@ -5,7 +5,7 @@
     python workflows/fig3.py --out fig3 --full --write docs/fig3.md  # all 12,417 contacts, hours
 
 Renders a session of the `fig3` preset, processes it by `whiskerforce run` with figures and
-report, and compares the tables. The same command goes on where it was stopped: what is
+report, and compares the tables. The same command resumes a run that was stopped: what is
 rendered or processed is not made again, and its time is remembered. The exit status is 1 where
 a target is missed or a video failed.
 """
@@ -46,7 +46,7 @@ class Size:
 
     Attributes
     ----------
-    trials, jobs : as asked for
+    trials, jobs : as on the command line
     frames : of all videos that were processed
     video_bytes, all_bytes : of the videos, and of all that lies in the folder
     rendering, processing : seconds by stage, summed over all videos
@@ -114,7 +114,7 @@ def say_some(done, total, path):
 
 
 def run_command(videos, results, jobs) -> None:
-    """`whiskerforce run`; RuntimeError where it does not come to its end."""
+    """`whiskerforce run`; RuntimeError where it fails."""
     command = ["run", str(videos), "--out", str(results), "--jobs", str(jobs)]
     program = [sys.executable, "-m", "pipeline.app.cli"]
     status = subprocess.run([*program, *command], stdout=2).returncode  # tables alone on stdout

@@ -21,7 +21,7 @@ from whiskermodel.whisker import Whisker
 NOISE_FLOOR_AT_M = 10e-3
 NOISE_FLOOR_M = (7.5e-3, 13e-3)  # where the pole is nearest in the free frames that count
 BESIDE_POLE_PX = 12.0  # from the pole's edge
-LIGHT = 176.0  # grey levels above black, where a picture's noise is asked for
+LIGHT = 176.0  # grey levels above black, where a picture's noise is measured
 ONE_THREAD = (*THREADS, "NUMBA_NUM_THREADS")
 
 
@@ -263,7 +263,7 @@ def beside_pole(scores, truth: line_scoring.Truth, video: RenderedVideo) -> np.n
 def free_force(evidence, true_frames, method, curvature_at) -> np.ndarray:
     """What the force would be [µN] in truly free frames, as if the pole were at 10 mm.
 
-    A force is told from the moment behind it, so that its noise falls with the lever: each is
+    A force follows from the moment behind it, so that its noise falls with the lever: each is
     multiplied by (c − s_p) / (10 mm − s_p) with c the place nearest to the pole.
     """
     column = f"{method}_force_N"

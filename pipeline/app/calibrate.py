@@ -70,7 +70,7 @@ def ringdown(
 ):
     """Measure Young's modulus and damping from slips.
 
-    A whisker that slips past the pole rings; its frequency tells Young's modulus. See
+    A whisker that slips past the pole rings; its frequency gives Young's modulus. See
     docs/calibrate_ringdown.md.
     """
     from pipeline.app.calibrate_ringdown import run_ringdown

@@ -74,7 +74,7 @@ def finished_outcome(path, folder, settings) -> Outcome | None:
     now = {"path": str(path), "input": stamp(path)}
     if state | now != state:
         state |= now
-        with contextlib.suppress(OSError):  # to be told again costs time only
+        with contextlib.suppress(OSError):  # hearing it twice does no harm
             write_state(folder, state)
     return _outcome(state)
 

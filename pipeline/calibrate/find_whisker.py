@@ -1,7 +1,7 @@
 """A plucked whisker in a micrograph: its picture, and a centreline to about a pixel.
 
 Threshold, the largest long thin region, the longest way through its skeleton, and from there on
-along the whisker until it can no longer be told from the ground.
+along the whisker until it can no longer be distinguished from the ground.
 """
 
 from dataclasses import dataclass

@@ -194,13 +194,13 @@ def _ratios(whisker, boundary):
 
 
 def _check_fit(fit, modulus):
-    """TooShortError where the frames do not tell the frequency."""
+    """TooShortError where the frames do not determine the frequency."""
     if fit.damping.low <= 0:
         raise TooShortError("no swing that clearly dies away; does the whisker slip there?")
     half = (modulus.high - modulus.low) / 2
     if not (half < WIDEST * modulus.value and MODULI[0] < modulus.value < MODULI[1]):
         raise TooShortError(
-            f"the frames do not tell its frequency: E {1e-9 * modulus.value:.2f} ± "
+            f"the frames do not determine its frequency: E {1e-9 * modulus.value:.2f} ± "
             f"{1e-9 * half:.2f} GPa"
         )
 

@@ -60,7 +60,7 @@ def leaves_the_picture(straight: Straightened, s, shape) -> bool:
 
 
 def _widths(grey, u, radius, sections):
-    """Width [px] that the darkness of every row comes to, and the SD of its noise."""
+    """Width [px] equivalent to the darkness of every row, and the SD of its noise."""
     profile = profile_of(radius, u, sections.blur)
     ground, dark = _darkness(grey, profile, _ground_and_line(grey, u, radius))
     width = 2 * radius * dark / (sections.usual_contrast * np.median(ground))

@@ -27,7 +27,7 @@ from pipeline.tables.columns import (
     empty_table,
 )
 
-SURELY_FREE = 1e-3  # probability of contact below which a frame tells the rest shape
+SURELY_FREE = 1e-3  # probability of contact below which a frame shows the rest shape
 
 
 @dataclass(frozen=True)

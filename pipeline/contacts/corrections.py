@@ -1,7 +1,7 @@
 """A person's corrections of contacts, as data: corrections.csv, and contacts with them applied.
 
 A correction is a verdict over a stretch of one whisker's frames: in [covers_from, covers_to)
-there is this contact and no other, or there is none. It does not speak of the contact's number
+there is this contact and no other, or there is none. It does not name the contact's number
 or of how the program came to its own opinion, so it holds when the video is processed again.
 """
 
@@ -95,7 +95,7 @@ def _fault(verdict):
 
 
 def applicable(corrections: pd.DataFrame, whiskers, n_frames: int) -> pd.DataFrame:
-    """Return those corrections that speak of these whiskers, cut at the video's end."""
+    """Return those corrections of these whiskers, cut at the video's end."""
     rows = [
         row._replace(
             offset_frame=min(row.offset_frame, n_frames), covers_to=min(row.covers_to, n_frames)

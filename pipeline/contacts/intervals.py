@@ -95,7 +95,7 @@ def _is_near(distance, near_pole):
 
 
 def _touching_place(part, runs):
-    """Gap [m] in touches, and how far it scatters; None where too few frames tell."""
+    """Gap [m] in touches, and how far it scatters; None where too few frames show it."""
     gap = np.concatenate([part["gap_m"][slice(*run)] for run in runs]) if runs else np.empty(0)
     gap = gap[np.isfinite(gap)]
     if len(gap) < FEWEST_SURE:
@@ -215,7 +215,7 @@ def _flags(part, rows, look, slip, usual_misfit):
         )
         near = np.nanmin(contact, initial=np.inf) < curvature_at + 1e-3 * params.near_curvature_mm
     probability = part["probability"][rows]
-    asked = np.abs(part["bending_origin_m"][rows])
+    correction = np.abs(part["bending_origin_m"][rows])
     rest_known = part["rest_known"][rows].astype(bool)
     # without a rest shape no rod is loaded, so that none has a contact
     lost = np.isnan(part["base_angle_rad"][rows]) | (rest_known & np.isnan(contact))
@@ -227,7 +227,7 @@ def _flags(part, rows, look, slip, usual_misfit):
         "large_deflection": tilted,
         "contact_near_curvature_window": near,
         "bends_unlike_rod": _bends_otherwise(part, rows, params.unlike_rod * usual_misfit),
-        "base_contradicted": bool(np.any(asked > 1e-3 * params.contradicted_mm)),
+        "base_contradicted": bool(np.any(correction > 1e-3 * params.contradicted_mm)),
         "gaps_in_trace": lost.any(),
         "faint_force": not _pushes(part, rows),
         "doubtful": probability.max() < 0.99,

@@ -15,7 +15,7 @@ from pipeline.numerics.robust import MAD_TO_SD
 HALF_WIDTHS = (2, 3, 4, 6, 8, 11, 15, 20)  # frames to both sides of a parabola's middle
 PART = 6  # of a course, at least, for each half-width
 NEAR_TOP = 0.8  # of the peak: what is lower does not decide
-HIGH, FEWEST_HIGH = 0.5, 8  # of the peak, frames: where the noise is told from
+HIGH, FEWEST_HIGH = 0.5, 8  # of the peak, frames: where the noise is estimated
 LEAST_LIFT = 0.01  # of the peak, by noise: less is left as it is
 LARGEST_CHANGE = 4.0  # standard errors of a change that noise explains
 FIRM_SD = 2.0  # standard errors: what is surely reached
@@ -29,7 +29,7 @@ def half_width(values, errors) -> int:
     ----------
     values : (frames,), NaN where missing
     errors : (frames,) their standard errors, of which only the course matters: how large the
-        noise is, the values tell
+        noise is, the values show
     """
     values, errors = np.asarray(values, float), _usable(values, errors)
     known = np.flatnonzero(np.isfinite(values))
@@ -124,7 +124,7 @@ def _local(values, errors, half):
 
 @njit(cache=True)
 def _fit_parabolas(values, weight, half, course, left):
-    """Fill `course` and its variance where the 2 half + 1 values about a frame tell a parabola.
+    """Fill `course` and its variance where 2 half + 1 values about a frame make a parabola.
 
     At the ends these are the first and last ones.
     """

@@ -19,10 +19,10 @@ from pipeline.session.recording import Recording
 
 MOST_LIKELY_CHANGE = 0.3  # per frame, at low frame rates
 UNSEEN_LOG_ODDS = -0.5  # of a frame without a trace: some are bridged in a contact, many are not
-# share of frames whose force, or gap, says nothing: the other one still tells
+# share of frames whose force, or gap, says nothing: the other one still counts
 FORCE_OUTLIERS, GAP_OUTLIERS = 1e-4, 1e-5
 SURE_PUSH_SD = 6.0  # a force of so many standard errors is no noise
-STRONG_SHARE = 0.1  # of the largest: where faint pushes may be errors, the strong ones tell
+STRONG_SHARE = 0.1  # of the largest: where faint pushes may be errors, the strong ones count
 FEWEST_SURE = 10
 
 
@@ -126,7 +126,7 @@ def _log_odds(gap, gap_sd, force, force_sd, cov, params=DEFAULTS.contacts):
         free = _truly_zero(force, force_sd, any_force, gap, gap_sd, any_gap, gaps, cov)
         contact = _truly_zero(gap, gap_sd, any_gap, force, force_sd, any_force, forces, cov)
         odds = contact - free
-        # without a force the gap alone has to tell
+        # without a force the gap alone decides
         alone = _log_normal(gap, gap_sd) - _log_skewed(gap, gap_sd, gaps)
         alone = np.clip(alone, -12.0, 6.0)
     return np.where(np.isfinite(force), odds, alone)
@@ -135,7 +135,7 @@ def _log_odds(gap, gap_sd, force, force_sd, cov, params=DEFAULTS.contacts):
 def _truly_zero(zero, zero_sd, any_zero, other, other_sd, any_other, scale, cov):
     """log likelihood of two measurements, of which the first is of nothing but error.
 
-    The other one, of this `scale`, is told from what the first one leaves of it. any_zero,
+    Of the other one, of this `scale`, counts what the first one does not explain. any_zero,
     any_other : log likelihoods of either as an outlier
     """
     left = other - cov / zero_sd**2 * zero

@@ -1,4 +1,4 @@
-"""Rows of contacts.csv: what a contact's forces come to, and what its peak is uncertain by."""
+"""Rows of contacts.csv: forces of each contact, and the uncertainty of its peak."""
 
 from typing import NamedTuple
 
@@ -11,8 +11,8 @@ from pipeline.tables.columns import CONTACT_COLUMNS, as_table, empty_table
 from whiskermodel.force_profiles import half_gaussian_shape
 
 WILD, WILD_SHARE = 4.0, 0.1  # times the usual standard error, plus this part of the force
-LARGEST_GAP = 0.8  # of a contact, about its peak: what lies in a longer one is not told
-_CONTACT_COURSES = (  # columns of the frames that a contact's row is told from
+LARGEST_GAP = 0.8  # of a contact, about its peak: what lies in a longer one is unknown
+_CONTACT_COURSES = (  # columns of the frames that a contact's row is made from
     "contact_force_uN",
     "contact_force_uN_se",
     "base_moment_nN_m",

@@ -16,7 +16,7 @@ from pipeline.tables.centrelines import Centrelines
 
 SUFFIX, TABLE_SUFFIX, BAR_SUFFIX = ".whiskers", ".measurements", ".bar"
 FACE_AXIS = {"left": "y", "right": "y", "top": "x", "bottom": "x"}
-FIT_DEGREE = 3  # of the polynomial by which the tracker tells angle and curvature
+FIT_DEGREE = 3  # of the polynomial that gives the tracker's angle and curvature
 
 
 def read_tracked(path, settings, names=()) -> tuple[Centrelines, PoleTrack | None, int]:

@@ -160,7 +160,7 @@ def _follicle_columns(first, rows, path):
 
 
 def _rows(data, version, path):
-    """Rows as a structured array; how long they are is told by the file's length.
+    """Rows as a structured array; their length follows from the file's.
 
     Version 2 depends on the computer that wrote it: 44 or 48 bytes come before the values.
     """

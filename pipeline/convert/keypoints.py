@@ -1,7 +1,7 @@
 """Key points along whiskers, as DeepLabCut and SLEAP give them, ↔ centrelines.
 
 A few points with errors of a pixel or so become a smooth line through them: a polynomial, as a
-whisker bends. How far the points are off tells their noise, and with it what the line is worth.
+whisker bends. The points' scatter about it is their noise, from which the line's errors follow.
 """
 
 import re
@@ -17,9 +17,9 @@ from pipeline.tables.centrelines import Centrelines
 LEAST_SCORE = 0.6  # of a point that is used; DeepLabCut's own limit for drawing
 FEWEST_POINTS = 4
 HIGHEST_DEGREE = 4
-USUAL_NOISE_PX = 1.0  # where too few frames tell it
+USUAL_NOISE_PX = 1.0  # where too few frames show it
 LEAST_NOISE_PX = 0.05
-FEWEST_ROWS = 10  # that tell the noise
+FEWEST_ROWS = 10  # from which the noise is estimated
 MOST_FRAMES = 10_000_000  # a larger number is damage
 DENSE = 400  # places along a line at which its length is taken
 LAST_PART = re.compile(r"[\W_]*(\d+|base|root|follicle|mid(dle)?|tip|end)$", re.IGNORECASE)

@@ -73,7 +73,7 @@ def write_nwb(folder, video, start: str = "", **subject) -> list[Path]:
 
 
 def _subject(pynwb, known):
-    """The animal; what is not known of it says so, where the format asks for it."""
+    """The animal; what the format requires and is not known is given as unknown."""
     known = {key: value for key, value in known.items() if value}
     return pynwb.file.Subject(**{"subject_id": "unknown", "sex": "U", **known})
 
@@ -181,7 +181,7 @@ def _centrelines(common, video):
 
 
 def _add_contacts(pynwb, file, video):
-    """The contacts as intervals of time, with all that contacts.csv says of them, in its units."""
+    """The contacts as intervals of time, with all columns of contacts.csv, in its units."""
     contacts = video.contacts
     if not len(contacts):
         return

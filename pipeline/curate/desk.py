@@ -22,7 +22,7 @@ class Desk:
     ----------
     video : the video looked at
     frame, whisker : the present frame, the whisker that new contacts belong to
-    selected : `Span` of the contact (or possible contact) that edits speak of, or None
+    selected : `Span` of the contact (or possible contact) that edits apply to, or None
     adding : first frame of a contact that is being added, or None
     start, width : of the time window, in frames
     message, is_error : the answer to the last command
@@ -62,7 +62,7 @@ class Desk:
     # ---- doing ----------------------------------------------------------------------------
 
     def do(self, command: str) -> None:
-        """Obey a command of keys.py; what makes no sense changes nothing and is told."""
+        """Carry out a command of keys.py; what makes no sense is reported and ignored."""
         self.message, self.is_error = "", False
         self._asked -= bool(self._asked)
         try:
@@ -79,7 +79,7 @@ class Desk:
         self._fit_window()
 
     def look_at(self, frame: int) -> None:
-        """Go to a frame that was pointed at, and select what lies there."""
+        """Go to a frame that was clicked, and select the contact there."""
         self.go(frame)
         here = [item for item in self.items if self.frame in item.span]
         own = [item for item in here if item.span.whisker == self.whisker]
@@ -237,7 +237,7 @@ class Desk:
         self.go(span.offset if self.frame == span.onset else span.onset)
 
     def next_whisker(self):
-        """Speak of the next whisker."""
+        """Go on to the next whisker."""
         names = self.video.whiskers
         self._need_whisker()
         self.whisker = names[(names.index(self.whisker) + 1) % len(names)]
@@ -372,7 +372,7 @@ class Desk:
         self.helps = not self.helps
 
     def finish(self):
-        """End, if asked twice in a row."""
+        """End, if the command comes twice in a row."""
         if self._asked:
             self.finish_now()
         self._asked = 2

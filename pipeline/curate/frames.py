@@ -195,11 +195,11 @@ class FrameReader:
                 held -= len(self._blocks.pop(old))
 
     def _tell(self):
-        """Wake those who wait, and call those who asked to be called."""
+        """Wake waiting threads, and run the callbacks of frames that are there."""
         with self._changed:
             due = [who for who, (i, _) in self._callbacks.items() if self._settled(i)]
             calls = [self._callbacks.pop(who)[1] for who in due]
             self._changed.notify_all()
         for call in calls:
-            with contextlib.suppress(RuntimeError):  # the page that asked has been closed
+            with contextlib.suppress(RuntimeError):  # the page has been closed
                 call()

@@ -18,10 +18,10 @@ UNSURE = 0.05, 0.95  # probabilities between which a frame is neither free nor i
 EDGE_FRAMES = 3
 POSSIBLE = 0.2  # probability that a stretch must reach to be shown
 
-# What a flag of contacts.csv means to someone who has to decide, and how doubtful it makes it.
+# What a flag of contacts.csv means to a person who decides, and how doubtful it makes a contact.
 FLAGS = {
     "doubtful": (0.9, "evidence is thin"),
-    "faint_force": (0.6, "force is within its error: told from the distance"),
+    "faint_force": (0.6, "force is within its error: found by the distance"),
     "gaps_in_trace": (0.6, "trace has gaps"),
     "bends_unlike_rod": (0.5, "bends as its rod does not: the right whisker?"),
     "no_rest_curvature": (0.5, "rest shape unknown"),

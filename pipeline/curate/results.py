@@ -214,7 +214,7 @@ class Results:
         self.folder = Path(folder)
         self.names = _curatable(self.folder)
         for name in self.names:
-            read_corrections(self.folder / name)  # a broken file is told before all else
+            read_corrections(self.folder / name)  # a broken file is reported first
         self.listeners = []
         self.faults = {}  # video → what went wrong when its tables were made
         self._videos = weakref.WeakValueDictionary()

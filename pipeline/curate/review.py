@@ -199,7 +199,7 @@ class Review:
         self._change([v for v in self.verdicts if v not in replaced] + [new])
 
     def _is_all_detected(self, span, start, stop):
-        """Tell whether a contact is just what was detected between two frames."""
+        """Whether a contact is just what was detected between two frames."""
         there = Span(span.whisker, start, stop)
         return [s for s in spans_of(self.detected) if _collide(s, there)] == [span]
 

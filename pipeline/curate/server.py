@@ -26,7 +26,7 @@ def curate(results, port=0, open_browser=True, block=True, say=print):
     open_browser : open the page there
     block : return when the person has finished (in the page, or with Ctrl-C), with all tables
         written; else at once, with a `Server` to be stopped
-    say : told where the page is
+    say : called with the address of the page
 
     Returns
     -------
@@ -79,7 +79,7 @@ class Server:
 
     def wait(self) -> None:
         """Wait until the person has finished."""
-        while not self._ended.wait(0.2):  # in short turns, so that Ctrl-C is heard
+        while not self._ended.wait(0.2):  # briefly, so that Ctrl-C takes effect
             pass
 
     def on_stop(self, callback) -> None:
@@ -137,7 +137,7 @@ class Server:
         doc.on_session_destroyed(lambda context: self._pages.remove(page))
 
     def _finish(self):
-        """The person wants to end: write everything (elsewhere), tell the pages, then stop."""
+        """The person wants to end: write everything (elsewhere), notify the pages, then stop."""
         threading.Thread(target=self._settle_and_end, daemon=True).start()
 
     def _settle_and_end(self):
@@ -149,7 +149,7 @@ class Server:
 
 
 def local_pages():
-    """Return the class of an application that answers only who calls it by this computer's name.
+    """Return the class of an application that answers only requests to this computer's own name.
 
     A page from elsewhere whose name is made to lead here (DNS rebinding) calls it by that name.
     """

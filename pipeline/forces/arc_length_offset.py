@@ -2,7 +2,7 @@
 
 The force goes with the fourth power of the radius, so a first traced point that is taken 0.1 mm
 too near to the follicle costs 4 % in force. Beside the hidden length as it was given (on average
-right to 0.1 mm or so) two things tell where the trace begins: the tip, from which the trace's
+right to 0.1 mm or so) two things show where the trace begins: the tip, from which the trace's
 length counts back, frame by frame (relative only: how far the thin end is seen is not relied
 on), and the bending itself, whose distribution along the whisker depends on where its stiff base
 is. Both go into one estimate, a smooth function of base angle and time.
@@ -10,7 +10,7 @@ is. Both go into one estimate, a smooth function of base angle and time.
 Frames that a codec made out of those before and after (B frames of H.264) show a whisker that
 turns back where it is in the mean of these, short of its turning point: by a hundredth of a
 pixel only, but in all touches alike, which the bending takes for another origin. So such frames
-are not asked.
+are not used.
 
 The bending is right where the model is: a cone length that is 1 % off or a pole that is put a
 pixel wrong move its answer by 0.2 mm. So it counts less where the pole is not where the whisker
@@ -38,8 +38,8 @@ TIP_PART = 0.3  # of the frames in which the tip must be seen at least
 TIP_FRAMES = 2.0  # neighbouring frames whose ends err together, at least
 TIP_LAGS = 8  # frames over which ends of a codec's pictures err together
 LENGTH_MATCH = 0.05  # a tip farther from the whisker's length than this part is none
-MOST_ROWS = 240  # loaded frames that the bending is asked about
-ENOUGH_ROWS = 20  # of frames that were not interpolated; with fewer, all are asked
+MOST_ROWS = 240  # loaded frames whose bending is used
+ENOUGH_ROWS = 20  # of frames that were not interpolated; with fewer, all are used
 LEAST_PUSH_SD = 15.0
 CLEAN = 4.0  # times the usual misfit: something else lies upon the whisker
 TOGETHER = 5.0  # rows that count as one: those of a contact err together
@@ -57,7 +57,7 @@ POLE_LEVER = 6.0  # how much farther a misplaced pole moves the answer
 class Origin:
     """What to add to the arc lengths of each row, and its standard error [m], both (rows,).
 
-    `by_bending` [m] is what the bending alone would add on average; NaN where it tells nothing.
+    `by_bending` [m] is what the bending alone would add on average; NaN where it shows nothing.
     """
 
     per_row: np.ndarray
@@ -66,7 +66,7 @@ class Origin:
 
 
 @dataclass
-class _Votes:
+class _Evidence:
     """Normal equations A w = b of the weights of the sparse `design`, with the priors in."""
 
     design: sparse.csr_matrix
@@ -87,7 +87,7 @@ class _Votes:
         se = np.sqrt(np.maximum(variance, 0.0) + LOCAL_SD_M**2)
         return Origin(self.design @ self.weights(), se)
 
-    def loosely(self) -> "_Votes":
+    def loosely(self) -> "_Evidence":
         """Return the same with next to no prior on the constant."""
         matrix = self.matrix.copy()
         matrix[0, 0] += 1e-3**-2 - (1e-3 * self.params.hidden_length_sd_mm) ** -2
@@ -96,7 +96,7 @@ class _Votes:
 
 def origin_from_tip(
     places: Stations, whisker: Whisker, angle, time, params: RodParams = DEFAULTS.forces
-) -> tuple[Origin, _Votes]:
+) -> tuple[Origin, _Evidence]:
     """Origin of each row from the prior and, as far as the tip is seen, from the trace's end.
 
     Parameters
@@ -108,7 +108,7 @@ def origin_from_tip(
     terms, varies = design.shape[1], 1e-3 * params.hidden_length_varies_mm
     prior = np.full(terms, varies**-2)
     prior[0] = (1e-3 * params.hidden_length_sd_mm) ** -2
-    votes = _Votes(design, np.diag(prior), np.zeros(terms), params)
+    evidence = _Evidence(design, np.diag(prior), np.zeros(terms), params)
     tip, sd = _tip_places(places, whisker, params)
     good = np.isfinite(tip)
     if good.any():
@@ -122,7 +122,7 @@ def origin_from_tip(
             matrix -= np.outer(total, total) / (weight.sum() / variance)
             away = np.average(tip[good], weights=weight) - tip[good]
             rhs = weighted.T @ away
-            found = replace(votes, matrix=votes.matrix + matrix, rhs=rhs)
+            found = replace(evidence, matrix=evidence.matrix + matrix, rhs=rhs)
             left = away - part @ found.weights()
             left -= np.average(left, weights=weight)
             weight = 1 / np.maximum(1, np.abs(left) / (2 * sd))
@@ -130,8 +130,8 @@ def origin_from_tip(
         # an end that wanders more than the fur's edge does is seen so by light and motion
         wander = np.average((away - left) ** 2, weights=weight) - varies**2
         matrix, rhs = _doubted(matrix, rhs, max(wander, 0.0))
-        votes = replace(votes, matrix=votes.matrix + matrix, rhs=rhs)
-    return votes.solve(), votes
+        evidence = replace(evidence, matrix=evidence.matrix + matrix, rhs=rhs)
+    return evidence.solve(), evidence
 
 
 def origin_from_bending(
@@ -139,7 +139,7 @@ def origin_from_bending(
     whisker: Whisker,
     curvature_at: float,
     prior: RestPrior,
-    votes: _Votes,
+    evidence: _Evidence,
     friction=0.0,
 ) -> Origin:
     """Origin of each row from tip and bending together.
@@ -148,14 +148,14 @@ def origin_from_bending(
     what tells. `places.origin` is where the search starts; `friction` as in `fit_loaded`.
     """
     friction = np.broadcast_to(np.asarray(friction, float), len(places))
-    near = _near_rows(places, votes.params)
+    near = _near_rows(places, evidence.params)
     rows = _loaded_rows(near, places, whisker, curvature_at, prior, friction)
     if len(rows) < 5:
-        return votes.solve()
+        return evidence.solve()
     part = places.rows(rows).loaded()
     rest = replace(prior, drift=prior.drift[rows], cov=prior.cov[rows])
-    here, design = part.origin, votes.design[rows]
-    apart = _apart_sd(votes, rows, places)
+    here, design = part.origin, evidence.design[rows]
+    apart = _apart_sd(evidence, rows, places)
     influence = np.zeros((len(rows), N_STATIONS + N_REST))
     for _ in range(ROUNDS):
         fit = rod_fit.fit_loaded(
@@ -165,23 +165,23 @@ def origin_from_bending(
         share = _trust(pull, bend) * (fit["chi2"] < CLEAN * float(np.nanmedian(fit["chi2"])))
         share /= _noise(share, pull, bend)
         common = _common_sd(share, bend, influence, part, fit, rest, whisker, apart)
-        witness = design, share * bend, share * (pull + bend * here)
+        bending = design, share * bend, share * (pull + bend * here)
         try:
-            alone = _with_bending(votes.loosely(), *witness, common)
-            doubt = _doubt(alone.weights()[0], fit["gap"], part.side, votes.params)
+            alone = _with_bending(evidence.loosely(), *bending, common)
+            doubt = _doubt(alone.weights()[0], fit["gap"], part.side, evidence.params)
             sd = np.hypot(common, doubt)
-            found = _with_bending(votes, *witness, sd).solve()
+            found = _with_bending(evidence, *bending, sd).solve()
         except np.linalg.LinAlgError:
-            return votes.solve()
+            return evidence.solve()
         here = found.per_row[rows]
     answer = float(alone.weights()[0])
     # a session so wrong may be wrong in other ways, which the bending takes for the origin, too
-    beyond = max(abs(answer) - 1e-3 * votes.params.bending_trusted_mm, 0.0)
+    beyond = max(abs(answer) - 1e-3 * evidence.params.bending_trusted_mm, 0.0)
     return replace(found, se=np.hypot(found.se, beyond), by_bending=answer)
 
 
 def _noise(share, pull, bend):
-    """Variance of the rows' pulls over that which the stations' information tells.
+    """Variance of the rows' pulls over the one expected from the stations' information.
 
     The pulls of neighbouring rows err together, most so a codec's: counted are independent ones.
     """
@@ -221,29 +221,29 @@ def _common_sd(share, bend, influence, part, fit, rest, whisker, apart):
     return float(np.sqrt(variance) / total) if total > 0 else np.inf
 
 
-def _apart_sd(votes, rows, places):
+def _apart_sd(evidence, rows, places):
     """Standard error [m] of the mean origin of `rows` beside that of the free frames."""
-    free = rest_shape.free_frames(places.distance, np.isfinite(places.pole_x), votes.params)
+    free = rest_shape.free_frames(places.distance, np.isfinite(places.pole_x), evidence.params)
     if not free.any():
-        return 1e-3 * votes.params.hidden_length_sd_mm
+        return 1e-3 * evidence.params.hidden_length_sd_mm
     gap = np.asarray(
-        votes.design[rows].mean(axis=0) - votes.design[np.flatnonzero(free)].mean(axis=0)
+        evidence.design[rows].mean(axis=0) - evidence.design[np.flatnonzero(free)].mean(axis=0)
     )
-    return float(np.sqrt(gap[0] @ np.linalg.solve(votes.matrix, gap[0])))
+    return float(np.sqrt(gap[0] @ np.linalg.solve(evidence.matrix, gap[0])))
 
 
-def _with_bending(votes, design, bend, pull, sd):
-    """Votes with those of the bending, whose common error of `sd` [m] is eliminated."""
+def _with_bending(evidence, design, bend, pull, sd):
+    """Evidence with that of the bending, whose common error of `sd` [m] is eliminated."""
     matrix = (design.T @ design.multiply(bend[:, None]).tocsr()).toarray()
     common, own = design.T @ bend, bend.sum() + sd**-2
-    matrix = votes.matrix + matrix - np.outer(common, common) / own
-    rhs = votes.rhs + design.T @ pull - common * pull.sum() / own
-    np.linalg.cholesky(matrix)  # a bent parabola is no witness
-    return replace(votes, matrix=matrix, rhs=rhs)
+    matrix = evidence.matrix + matrix - np.outer(common, common) / own
+    rhs = evidence.rhs + design.T @ pull - common * pull.sum() / own
+    np.linalg.cholesky(matrix)  # fails where the parabola bends upwards
+    return replace(evidence, matrix=matrix, rhs=rhs)
 
 
 def _doubted(matrix, rhs, variance):
-    """What votes A w = b are worth where each of the answers w errs by `variance` [m²] beside.
+    """The evidence A w = b, where each of the answers w errs by a further `variance` [m²].
 
     A (A + A S A)⁻¹ A = (1 + A S)⁻¹ A with S = variance · 1, and the same of b.
     """

@@ -25,11 +25,11 @@ from whiskermodel.whisker import Whisker
 
 METHODS = ("point", "shape")
 SLIDING_FRAMES = 3
-LEAST_NOISE = 0.5  # of the fit's standard error: free frames are no witness of smaller ones
+LEAST_NOISE = 0.5  # of the fit's standard error: free frames cannot show smaller ones
 FARTHEST_TURN_RAD = 0.2  # of a fitted rod's base from the traced part's continuation
 STEADY_RAD = 5e-3  # jitter of base angles up to here is a clean picture's, or a touch's
 LESS_STEADY = 1.2  # than the traced base angles: rods are preferred as long as they are not
-FEWEST_WITNESSES = 20  # free frames that can tell how much the force scatters
+FEWEST_FREE = 20  # free frames from which the scatter of the force is estimated
 ERROR = "base_angle_se_deg"
 _EVIDENCE_OF_FIT = {
     "gap": "gap_m",
@@ -79,7 +79,7 @@ def measure_forces(
         `base_angle_deg`
     curvature_at : arc length of the curvature [m]
     friction : coefficient of friction between whisker and pole, >= 0
-    free : bool (rows,), frames that tell the rest shape; None: those `far_from_pole`
+    free : bool (rows,), frames to learn the rest shape from; None: those `far_from_pole`
     params : the room's parameters
 
     Returns
@@ -119,7 +119,7 @@ def far_from_pole(places, params: RodParams = DEFAULTS.forces) -> np.ndarray:
 def _fit_rods(places, whisker, curvature_at, angle, time, free, friction, params):
     """Loaded rods of all rows, the `Origin` of their arc lengths, and the `RestModel` or None."""
     places = _without_bias(places, whisker, curvature_at, angle, time, free)
-    origin, votes = arc_length_offset.origin_from_tip(places, whisker, angle, time, params)
+    origin, by_tip = arc_length_offset.origin_from_tip(places, whisker, angle, time, params)
     places = replace(places, origin=origin.per_row)
     model = _rest_shape(places, whisker, curvature_at, time, free)
     if model is None:
@@ -127,7 +127,7 @@ def _fit_rods(places, whisker, curvature_at, angle, time, free, friction, params
     prior = _rest_prior(model, angle, time)
     rod = places, whisker, curvature_at, prior
     rubbing = friction * sliding(rod_fit.fit_loaded(*rod)["contact"]) if friction else 0.0
-    origin = arc_length_offset.origin_from_bending(*rod, votes, rubbing)
+    origin = arc_length_offset.origin_from_bending(*rod, by_tip, rubbing)
     shift = origin.per_row - places.origin
     return rod_fit.fit_loaded(*rod, rubbing, shift), origin, model
 
@@ -143,7 +143,7 @@ def _without_bias(places, whisker, curvature_at, angle, time, free):
 
 
 def _evidence(places, fit, origin, rest_known, free, params) -> pd.DataFrame:
-    """What places and fitted rods tell, errors brought to what free frames show."""
+    """Measurements of places and fitted rods, with errors scaled to what free frames show."""
     evidence = pd.DataFrame(
         {
             "distance_m": places.distance,
@@ -220,7 +220,7 @@ def _rest_shape(places, whisker, curvature_at, time, free) -> RestModel | None:
 def _lean(places, whisker):
     """How far the line through the visible part is turned from the follicle's axis, by shape.
 
-    (N_REST,) [rad m] per rest coefficient. The follicle's angle is told from the shape, and errs
+    (N_REST,) [rad m] per rest coefficient. The follicle's angle depends on the shape, and errs
     with it; the direction of the straight line through all that is seen does not.
     """
     s = np.linspace(0, whisker.length, 200)
@@ -251,7 +251,7 @@ def _force_noise(force, error, places, free, params):
 def _excess(ratio, free):
     """Scatter of the free frames' deviations, given in standard errors."""
     ratio = ratio[free & np.isfinite(ratio)]
-    if len(ratio) < FEWEST_WITNESSES:
+    if len(ratio) < FEWEST_FREE:
         return 1.0
     return max(LEAST_NOISE, float(robust_sd(ratio, about=0.0)))
 
@@ -337,7 +337,7 @@ def _rest_columns(curvature, noise, place, shape, angle, time, free):
 def _rest_curvature(curvature, error, shape, angle, time, free):
     """Rest curvature and its standard error in all frames; NaN where it is not known.
 
-    It follows base angle and time as the rest shape does (`_turned_to`); free frames tell by how
+    It follows base angle and time as the rest shape does (`_turned_to`); free frames show by how
     much the two differ.
     """
     rest, rest_error = np.full((2, len(curvature)), np.nan)

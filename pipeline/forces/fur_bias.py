@@ -1,9 +1,9 @@
-"""What fur and face draw the first visible part of a whisker aside by, alike in frame after frame.
+"""Bias of the first visible part of a whisker, which fur and face shift alike in every frame.
 
 Still fur and the face's shadow draw the first millimetre of a trace aside by up to some tenths of
 a pixel: by the same wherever the whisker lies alike, so that no mean over frames removes it, and
-often by the opposite when it touches, which looks like bending. The elastic rod tells: fitted to
-what lies farther out, and continued towards the face, it must meet what was measured there, as
+often by the opposite when it touches, which looks like bending. The elastic rod shows it: fitted
+to what lies farther out, and continued towards the face, it must meet what was measured there, as
 well as fit and noise allow. Where it does not, the stations count less, in all frames.
 
 Judged are short steps, from outside inwards, each by all that lies beyond it. The outermost step
@@ -39,7 +39,7 @@ def without_bias(
     ----------
     places : rows of one whisker in the order of their frames
     angle, time : (rows,) base angle [rad] and time [s]
-    free : bool (rows,), frames that tell the rest shape
+    free : bool (rows,), frames to learn the rest shape from
     rest_prior : function of (stations, angle, time, free) that returns a `RestPrior` or None
     """
     rows = _sample(places, free, angle)

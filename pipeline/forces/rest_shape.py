@@ -169,7 +169,7 @@ def _drift_and_rest(powers, values, time, precision, floor):
 def _noise(left, covs, share):
     """Covariance (values, values) of a frame about the model, and that of its measurement."""
     measured = np.average(covs, axis=0, weights=share)
-    # a few frames do not tell how they scatter: then what the measurement says of it counts
+    # a few frames do not show their scatter: then the measurement's own error counts
     noise = (left * share[:, None]).T @ left + CORRELATED_FRAMES * measured
     noise /= share.sum() + CORRELATED_FRAMES
     return noise + np.eye(len(noise)) * LEAST_SD**2, measured

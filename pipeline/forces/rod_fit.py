@@ -8,7 +8,7 @@ polynomials, and the bending of a unit force at the point nearest to the pole, a
 The rod is laid with its derivatives by (offset and direction at the contact, a_j, F) in one pass
 (rod_integration.py): Gauss–Newton on the misfit across the whisker (normal_equations.py). A prior
 on a_j (from free frames, rest_shape.py) makes the rest shape's uncertainty part of the force's
-standard error; what else the fitted rod tells is in rod_outputs.py.
+standard error; what else follows from the fitted rod is in rod_outputs.py.
 """
 
 from dataclasses import dataclass
@@ -57,7 +57,7 @@ from whiskermodel.whisker import Whisker
 
 ITERATIONS = 12
 SETTLED_SD = 0.2  # length of a step from which on Gauss–Newton has arrived (to 0.02 SD); …
-FINE_SETTLED_SD = 1e-4  # … where the likelihood's slope by the origin is asked for
+FINE_SETTLED_SD = 1e-4  # … where the likelihood's slope by the origin is needed
 FEWEST_STATIONS = 10
 BLOCK_ROWS = 2048  # held in memory at a time
 ANCHOR_MOVES_M = 2e-6  # the contact point is moved along the whisker in steps above this
@@ -107,7 +107,7 @@ class ShapeFit:
 
 @dataclass(frozen=True)
 class RestPrior:
-    """What free frames tell of the rest shape: a = weights · (1, u, u², …) + drift, ± cov.
+    """The rest shape as free frames show it: a = weights · (1, u, u², …) + drift, ± cov.
 
     `u` is (base angle − centre)/scale. `weights` (terms, N_REST), `drift` (rows, N_REST) or
     zeros, `cov` (rows, N_REST, N_REST). Errors of the weights are common to all rows: their
@@ -244,8 +244,8 @@ def _fit_rows(rows, setup, priors, out):
         o.chi2, o.count = chi2, count
         _report_shape(o, problem, fitted, setup.at, out.rest[row], out.rest_cov[row])
         if loaded:
-            told = out.influence[row : row + 1]
-            report_loads(o, problem, fitted, setup.at, setup.taper, nudged, precision, told)
+            influence = out.influence[row : row + 1]
+            report_loads(o, problem, fitted, setup.at, setup.taper, nudged, precision, influence)
         report_base(o, problem, fitted)
         report_curvature(o, problem, fitted, setup.at)
         for each in out.misfit[row : row + 1]:
@@ -316,7 +316,7 @@ def _solve(problem, start, prior, setup, p, laid, sums):
         change = take_step(size, p, sums.lower, sums.rhs) / np.sqrt(max(chi2, 1.0))
         lay(p, beam, load, arc, place, laid, True)
         if iteration > 0 and change < setup.settled:
-            break  # so short a step changes nothing that the equations tell
+            break  # so short a step changes nothing
     if known:
         invert(sums.lower, size, sums.inverse)
     return known, chi2, place

@@ -204,7 +204,7 @@ def _stretch(step, rest, soft, push, arm, heading, bend, slope):
     rest: curvature at start, middle, end; soft: force over rigidity there; push: the force's
     direction; arm: from the place to the contact; heading: cosine and sine; `bend` and `slope`:
     curvature at the start and its change per length, as known so far, by which the way to middle
-    and end is bent where the lever is asked for. Returns the turn, the way made in x and y, the
+    and end is bent where the lever is wanted. Returns the turn, the way made in x and y, the
     new heading, and the curvature at start and end.
     """
     (k0, k1, k2), (f0, f1, f2), (fx, fy), (arm_x, arm_y) = rest, soft, push, arm

@@ -1,4 +1,4 @@
-"""What a fitted rod tells: contact force, base loads and curvature, with their variances.
+"""What follows from a fitted rod: contact force, base loads and curvature, with their variances.
 
 A row of results is an `OUTPUT_ROW`; `rod_fit.ShapeFit` says what its fields mean.
 """
@@ -21,7 +21,7 @@ from pipeline.forces.rod_types import Arc
 from pipeline.numerics.cholesky import factorise, invert
 
 ORIGIN_STEP_M = 1e-5  # of the derivatives by the origin
-CURVATURE_REACH_M = 2.5e-3  # stations this near tell how a curvature differs from the rod's
+CURVATURE_REACH_M = 2.5e-3  # stations this near show how a curvature differs from the rod's
 FEWEST_NEAR = 8
 
 

@@ -125,7 +125,7 @@ class Setup(NamedTuple):
 class Filled(NamedTuple):
     """Where results go: OUTPUT_ROWs, rest shapes, their covariances, influence and misfit.
 
-    The last two have no rows where they were not asked for.
+    The last two have no rows where they are not wanted.
     """
 
     table: np.ndarray

@@ -8,7 +8,7 @@ angle, by as much as the video shows them to be noise:
 
 - the usual and its spread are learnt from all frames (expectation–maximisation), the spread is
   at most what touch and roll do to a whisker;
-- noise that changes from one frame to the next is told from what lasts by the covariance of
+- noise that changes from one frame to the next is separated from what lasts by the covariance of
   neighbouring frames, and smoothed (Kalman); where the bend jumps by more than its noise, as in
   a touch, nothing is smoothed.
 
@@ -25,7 +25,7 @@ from pipeline.kinematics.base_curves import BaseCurves, fit_base_curves, lay_to
 from pipeline.numerics.angles import continuous
 from pipeline.session.parameters import DEFAULTS, KinematicsParams
 
-FEWEST_ROWS = 12  # that tell what is usual
+FEWEST_ROWS = 12  # from which the usual is learnt
 LEARNING_ROWS = 400
 PASSES = 30  # of expectation–maximisation
 LEAST_SUDDEN = 0.05  # of the noise changes at once, whatever the video seems to say
@@ -33,8 +33,8 @@ LAGS = (2, 4)  # frames: what is alike over these lasts; noise may be alike in n
 STAYS = (0.9, 0.99)  # of what lasts, from one frame to the next
 LEAST_TRUE = 0.1  # of the spread is true, whatever lasts
 JUMP_SD = 10.0  # a change by more than so many standard errors is no drift
-FREEDOM = 5.0  # of Student's t: rows that are farther off tell less of what is usual
-LEAST_SWING = 0.1  # rad: in less, nothing tells how the bend goes with the angle
+FREEDOM = 5.0  # of Student's t: rows that are farther off count less for what is usual
+LEAST_SWING = 0.1  # rad: in less, the bend's dependence on the angle is unknown
 LEAST_SD = 1e-4  # rad, of what is usual
 BENDS_PER_M = 40.0  # SD of what touch and roll may bend a mouse's or rat's whisker by, and …
 BENDS_PER_M2 = 5e3  # … how that may change along it: to nothing at a contact 8 mm away
@@ -42,7 +42,7 @@ BENDS_PER_M2 = 5e3  # … how that may change along it: to nothing at a contact 
 
 @dataclass(frozen=True)
 class Base:
-    """Base of one whisker, (rows,) each; NaN where a row is too short to tell.
+    """Base of one whisker, (rows,) each; NaN where a row is too short.
 
     Attributes
     ----------
@@ -216,7 +216,7 @@ def _usual(seen, noise):
 def _denoised(off, noise, spread, frame):
     """Likely true values of what is seen to be `off` (rows, k) the usual, and their covariance.
 
-    Told apart in the directions in which noise and spread are independent.
+    They are separated in the directions in which noise and spread are independent.
     """
     lower = np.linalg.cholesky(np.linalg.inv(np.linalg.inv(noise).mean(axis=0)))
     white = np.linalg.inv(lower)

@@ -18,7 +18,7 @@ from pipeline.session.parameters import DEFAULTS, KinematicsParams
 
 FEWEST_STATIONS = 8
 STEPS = 4  # of Gauss–Newton
-LEARNING_ROWS, LEARNING_PASSES = 600, 4  # frames that tell what fur adds
+LEARNING_ROWS, LEARNING_PASSES = 600, 4  # frames from which fur's part is learnt
 TRIMMED, TRIMMED_MEAN = 0.9, 0.623  # part of the rows that count; their mean of a unit χ²
 TOLD_BY = (4, 5, 6)  # degrees that only noise has
 MOST_GROWTH = 1.6  # of the noise's SD from one degree to the next lower one
@@ -117,7 +117,7 @@ class _Grid:
 
 
 def _window(places, pixels_per_m, params):
-    """First and one-past-last station that the base is told from; None where there are none."""
+    """First and one-past-last station of the base; None where there are none."""
     spacing = places.spacing[places.whisker[0]]
     reach = max(1e-3 * params.base_window_mm, params.base_window_least_px / pixels_per_m)
     few = np.unique(np.linspace(0, len(places) - 1, LEARNING_ROWS).astype(int))
@@ -163,7 +163,7 @@ def _excess(sample, grid, excess):
 def _redness(sample, grid, excess):
     """SD of the noise in polynomials of degree 0 … 3, over what white noise would have there.
 
-    Told by the next degrees, which a whisker's base does not have: where noise runs along the
+    Seen in the next degrees, which a whisker's base does not have: where noise runs along the
     line it is the larger the lower the degree.
     """
     _, _, _, misfit, known = _fit(sample, grid, excess)

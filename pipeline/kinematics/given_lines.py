@@ -2,7 +2,7 @@
 
 These have nodes 1 px apart on a smooth curve, and beside each node the unsmoothed measurement with
 its Fisher information. Another program's points are smoothed over a third of a millimetre or so to
-get the curve; how much the points scatter about it tells the information.
+get the curve; the points' scatter about it gives the information.
 """
 
 from dataclasses import replace
@@ -18,8 +18,8 @@ FEWEST_NODES = SMOOTHED_NODES + 4  # of a line that is used
 BLOCK_NODES = 24  # longer than the noise of a tracer is correlated
 NOISE_DEGREE = 6  # of the polynomial that noise is looked for about
 FREE_BLOCKS = 3  # at least, beyond those that the polynomial takes
-NOISY_ROWS = 200  # of each whisker: enough to tell its noise
-USUAL_NOISE_PX = 0.3  # where the lines are too short to tell
+NOISY_ROWS = 200  # of each whisker: enough to estimate its noise
+USUAL_NOISE_PX = 0.3  # where the lines are too short to show it
 LEAST_NOISE_PX = 0.02
 
 

@@ -1,8 +1,8 @@
 """One frame with its findings: centrelines, names, pole, force arrows, and a strip of words below.
 
 The strip lies below the picture, so that no word is ever on a whisker or the face. What colours
-say is said by words or dashes, too: the colours stay apart for people who do not tell red from
-green.
+mean, words or dashes show, too; the colours differ also for people who cannot distinguish red
+from green.
 """
 
 from dataclasses import dataclass

@@ -12,7 +12,7 @@ class Assumed(NamedTuple):
     """A quantity no table has an error of: what is taken for it (one standard error), and why.
 
     `effect` is how far it moves the peak force: 1 % of it by 1 % times that. A column of the
-    contacts tells it, or, where it is None, the taper.
+    contacts gives it, or, where it is None, the taper.
     """
 
     source: str

@@ -66,7 +66,7 @@ def _write(path, table):
 def _save(figure, folder, name, kinds) -> list[Path]:
     """Save a figure as "png" or "svg", its text as text.
 
-    The canvases are asked directly: `savefig` draws everything once more beforehand.
+    The canvases draw themselves: `savefig` draws everything once more beforehand.
     """
     import matplotlib as mpl
     from matplotlib.backends.backend_agg import FigureCanvasAgg

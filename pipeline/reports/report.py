@@ -92,7 +92,7 @@ def _number(value) -> str:
 
 
 def _head(results, record, videos, contacts) -> dict:
-    """Title, where all lies, and what the session comes to."""
+    """Title, where the files are, and the session's numbers."""
     return {
         "title": session_name(results, record),
         "version": record.get("version", ""),

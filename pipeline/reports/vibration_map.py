@@ -10,7 +10,7 @@ from pipeline.reports import plots
 
 RINGS = 1.0  # vibrational over steady moment
 NOTICEABLE = 0.1
-LEAST, MOST = 0.01, 3.0  # that are told apart by colour
+LEAST, MOST = 0.01, 3.0  # that differ in colour
 MAP_STEP = 2e-5  # s: a tenth of the highest mode's period, enough for a map's colours
 TICKS_MS = (0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000)
 RATIOS = (0.01, 0.03, 0.1, 0.3, 1, 3)  # of the colour bar

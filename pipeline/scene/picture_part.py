@@ -60,7 +60,7 @@ class PicturePart:
 
 
 def part_of(image: ImageSettings, video) -> PicturePart | None:
-    """Return the part of a video's picture that the settings speak of; None: all of it.
+    """Return the part of a video's picture that the settings select; None: all of it.
 
     Raises
     ------

@@ -8,7 +8,7 @@ from pipeline.scene.scale import working_scale
 
 THICKEST_MM = 0.4  # thicker lines are no whiskers
 EVERY = 4  # pixel, to see what is ground
-CLEARLY = 1.5  # times as much must speak for bright lines
+CLEARLY = 1.5  # times as much evidence is needed for bright lines
 SHORTEST = 0.07  # of the picture's size: shorter lines may be gleams
 MOVED_SD, MOVED_GREY = 5.0, 4.0  # by more than so many SD and grey levels, a pixel has changed
 FEWEST_FRAMES = 3  # with fewer, everything may be a whisker

@@ -15,7 +15,7 @@ N_ANGLES = 90
 
 
 def doubt(pole: Pole, transmission, animal) -> str | None:
-    """Return what speaks against a pole, or None.
+    """Return the reason to doubt a pole, or None.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The scale by which the scene tells thin from thick: near the picture's own.
+"""The scale that separates thin from thick in a scene: near the picture's own.
 
 A scale in session.toml may be wrong by a factor of two, or not be measured yet. What is measured
 in mm must follow it; which pixels are face, fur, or a whisker must not. Pictures of whisking

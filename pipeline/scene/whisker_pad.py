@@ -48,11 +48,11 @@ def face_of(mask, frames, scene: StaticScene) -> tuple[np.ndarray, str | None]:
     if len(frames) < FEWEST_FRAMES or not _may_hold_tips(mask, DEEP * size):
         return mask, None
     edges = _edges(mask)
-    votes = _votes(edges, _whiskers(frames, scene, SHORTEST * size), REACH * size)
-    if not any(np.any(vote > 0) for _, vote in votes):
+    scores = _scores(edges, _whiskers(frames, scene, SHORTEST * size), REACH * size)
+    if not any(np.any(score > 0) for _, score in scores):
         return mask, None
-    labels = _labels(edges, votes, SWITCH * SHORTEST * size)
-    side = _side(mask, edges, labels, votes, REACH * size)
+    labels = _labels(edges, scores, SWITCH * SHORTEST * size)
+    side = _side(mask, edges, labels, scores, REACH * size)
     return mask & _nearest_label(edges, labels, mask.shape), side
 
 
@@ -140,7 +140,7 @@ def _runs(points, inside):
     return [points[a:b] for a, b in pairwise([0, *cuts, len(points)]) if inside[a]]
 
 
-def _votes(edges, whiskers, reach_px):
+def _scores(edges, whiskers, reach_px):
     """For each edge, places along it, and the length of the whisker whose base is there.
 
     Tips count as negative lengths. Only whiskers whose base lies at an edge are taken.
@@ -152,28 +152,28 @@ def _votes(edges, whiskers, reach_px):
     rooted, length = base_gap < reach_px, whiskers[:, 4]
     ending = rooted & (tip_gap < reach_px)
     at = np.concatenate([base[rooted], tip[ending]])
-    vote = np.concatenate([length[rooted], -length[ending]])
+    score = np.concatenate([length[rooted], -length[ending]])
     order = np.argsort(place[at], kind="stable")
-    at, vote = at[order], vote[order]
-    return [(place[at[owner[at] == k]], vote[owner[at] == k]) for k in range(len(edges))]
+    at, score = at[order], score[order]
+    return [(place[at[owner[at] == k]], score[owner[at] == k]) for k in range(len(edges))]
 
 
-def _labels(edges, votes, least_cost) -> list[np.ndarray]:
+def _labels(edges, scores, least_cost) -> list[np.ndarray]:
     """For each edge, which of its points are face, bool (n,)."""
-    cost = max(least_cost, SWITCH_SHARE * sum(np.abs(vote).sum() for _, vote in votes))
+    cost = max(least_cost, SWITCH_SHARE * sum(np.abs(score).sum() for _, score in scores))
     labels, bases = [], []
-    for edge, (place, vote) in zip(edges, votes, strict=True):
-        face = _likeliest(vote, cost)
-        labels.append(_along(edge, place, vote, face, least_cost))
-        bases.append(np.maximum(vote[face], 0).sum())
+    for edge, (place, score) in zip(edges, scores, strict=True):
+        face = _likeliest(score, cost)
+        labels.append(_along(edge, place, score, face, least_cost))
+        bases.append(np.maximum(score[face], 0).sum())
     enough = np.array(bases) >= FEWEST_BASES * max(bases)
     return [label & ok for label, ok in zip(labels, enough, strict=True)]
 
 
-def _likeliest(vote, cost) -> np.ndarray:
-    """Face (True) or body along the votes: fewest contradicted, with `cost` for each change."""
+def _likeliest(score, cost) -> np.ndarray:
+    """Face (True) or body along the scores: fewest contradicted, with `cost` for each change."""
     best, came_from = np.zeros(2), []
-    for each in vote:
+    for each in score:
         changed = best[::-1] + cost
         came_from.append(np.where(changed < best, [1, 0], [0, 1]))
         best = np.minimum(best, changed) + np.maximum([each, -each], 0.0)
@@ -185,15 +185,15 @@ def _likeliest(vote, cost) -> np.ndarray:
     return np.array(out[::-1], bool)
 
 
-def _along(edge, place, vote, face, slack) -> np.ndarray:
-    """Carry the labels `face` of the votes along an edge to all of its points, bool (n,)."""
+def _along(edge, place, score, face, slack) -> np.ndarray:
+    """Carry the labels `face` of the scores along an edge to all of its points, bool (n,)."""
     out = np.zeros(len(edge), bool)
     if not len(place):
         return out
     starts = np.flatnonzero(np.diff(face)) + 1
     middles = [(a + b - 1) // 2 for a, b in pairwise([0, *starts, len(face)])]
     cuts = [
-        _cut(edge, place[a : b + 1], np.where(face[a], vote, -vote)[a : b + 1], slack)
+        _cut(edge, place[a : b + 1], np.where(face[a], score, -score)[a : b + 1], slack)
         for a, b in pairwise(middles)
     ]
     for state, (a, b) in zip(face[middles], pairwise([0, *cuts, len(edge)]), strict=True):
@@ -201,26 +201,26 @@ def _along(edge, place, vote, face, slack) -> np.ndarray:
     return out
 
 
-def _cut(edge, place, vote, slack) -> int:
-    """Where an edge changes its label, among votes that are positive before and negative after.
+def _cut(edge, place, score, slack) -> int:
+    """Where an edge changes its label, among scores that are positive before and negative after.
 
     It is in the corner between face and body, which is farthest from the straight line from the
-    first to the last of these votes, but contradicts at most `slack` more than the best place.
+    first to the last of these scores, but contradicts at most `slack` more than the best place.
     """
-    contradicted = np.cumsum(-vote[:-1])  # if it is cut after each of the votes
+    contradicted = np.cumsum(-score[:-1])  # if it is cut after each of the scores
     allowed = np.flatnonzero(contradicted <= contradicted.min() + slack)
     points = np.concatenate([np.arange(place[k], place[k + 1] + 1) for k in allowed])
     chord, offset = edge[place[-1]] - edge[place[0]], edge[points] - edge[place[0]]
     return int(points[np.argmax(np.abs(offset[:, 0] * chord[1] - offset[:, 1] * chord[0]))])
 
 
-def _side(mask, edges, labels, votes, reach_px) -> str:
+def _side(mask, edges, labels, scores, reach_px) -> str:
     """Side of the picture behind the bases: against it, the face's edge looks into the picture."""
     smooth = cv2.GaussianBlur(mask.astype(np.float32), (0, 0), reach_px)
     outward = np.stack([-cv2.Sobel(smooth, cv2.CV_32F, *order) for order in ((1, 0), (0, 1))])
     total = np.zeros(2)
-    for edge, label, (place, vote) in zip(edges, labels, votes, strict=True):
-        x, y = edge[place[(vote > 0) & label[place]]].T
+    for edge, label, (place, score) in zip(edges, labels, scores, strict=True):
+        x, y = edge[place[(score > 0) & label[place]]].T
         total += (outward[:, y, x] / np.maximum(np.hypot(*outward[:, y, x]), 1e-9)).sum(axis=1)
     return max(SIDES, key=lambda side: float(np.dot(INWARD[side], total)))
 

@@ -39,7 +39,7 @@ class ImageSettings(BaseModel):
     )
 
     def beside(self, folder) -> "ImageSettings":
-        """The same, with the mask's place told from a folder, that of session.toml."""
+        """The same, with the mask's path relative to a folder, that of session.toml."""
         if self.mask is None:
             return self
         return self.model_copy(update={"mask": str(Path(folder).absolute() / self.mask)})

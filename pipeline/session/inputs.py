@@ -25,7 +25,7 @@ SESSION_FILES = (
     PREVIEW_NAME,
 )
 RESERVED_NAMES = (*RESULT_FOLDERS, *SESSION_FILES)  # no video's results folder may be called so
-LEFT_OVER = ("corrections.csv", "frames.parquet")  # these tell a video's folder without record
+LEFT_OVER = ("corrections.csv", "frames.parquet")  # these mark a video's folder without record
 UNSAFE = re.compile(r"[/\\\x00-\x1f\x7f]")  # path separators, control characters
 
 
@@ -184,7 +184,7 @@ def _owners(inputs, out) -> dict:
 
 
 def _moved(inputs, owner, out) -> dict:
-    """Folders of inputs that lay elsewhere when they were processed: the content tells.
+    """Folders of inputs that lay elsewhere when they were processed: recognised by their content.
 
     A copy is no move: where the file of before is still there, it keeps its results.
     """

@@ -11,7 +11,7 @@ Y4M_SAMPLES = {"mono": 1, "420": 1.5, "422": 2, "444": 3, "411": 1.5}
 
 
 def is_cut(path, container: str) -> bool:
-    """Tell whether a file lacks its end, as far as the container (FFmpeg's name) lets one know."""
+    """Whether a file lacks its end, as far as the container (FFmpeg's name) lets one know."""
     size = os.path.getsize(path)
     if container == "gif":
         return GIF_END not in _tail(path, GIF_TAIL)

@@ -13,7 +13,7 @@ BLACK = 20  # grey levels of 255: nothing in a black frame is brighter
 
 
 class FrameFaults:
-    """What is wrong with single frames of a video, told from one pass over it.
+    """What is wrong with single frames of a video, found in one pass over it.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What the libraries that decode say of damage: they guess, go on, and write it in their log."""
+"""Damage that decoders only report in their log, while they guess and go on."""
 
 import contextlib
 import logging
@@ -8,14 +8,14 @@ from typing import ClassVar
 import av
 import av.logging
 
-ENDED_EARLY = "ended prematurely"  # what demuxers say of a file that is cut off
-HARMLESS = ("Warning MVs not available",)  # said of every stream that begins within a group
+ENDED_EARLY = "ended prematurely"  # what demuxers log of a file that is cut off
+HARMLESS = ("Warning MVs not available",)  # logged for every stream that begins within a group
 OF_PAGES = ("page", "corrupted")  # words of tifffile where pages are lost; others do not matter
 SILENT = av.logging.PANIC  # a number: threads that are about to speak compare with it
 
 
 class Complaints:
-    """Sentences of FFmpeg, from all threads and all passes that are under way, as they come."""
+    """Messages of FFmpeg, from all threads and all passes that are under way, as they come."""
 
     _captured: ClassVar[list] = []
     _listeners: ClassVar[int] = 0
@@ -26,7 +26,7 @@ class Complaints:
         self._read = len(self._captured)
 
     def new(self) -> list[str]:
-        """What has been said since the last call."""
+        """Messages since the last call."""
         some = [text.strip() for _, _, text in self._captured[self._read :]]
         self._read += len(some)
         if some and Complaints._listeners == 1:  # nobody else has to read them
@@ -67,7 +67,7 @@ def listening():
 
 @contextlib.contextmanager
 def lost_pages():
-    """Yield a list that takes what tifffile says of pages that it cannot find."""
+    """Yield a list that takes what tifffile logs of pages that it cannot find."""
     said = []
     handler = logging.Handler(logging.ERROR)
     handler.emit = lambda record: said.append(record.getMessage())

@@ -1,1 +1,1 @@
-"""Results beside the truth, and what a picture can tell."""
+"""Results beside the truth, and the limits set by a picture's noise."""

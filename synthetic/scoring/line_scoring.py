@@ -42,7 +42,7 @@ def visible_truth(
     """Join true centrelines and their visibility table (synthetic.truth) into a `Truth`.
 
     A point can be seen where it is out of the fur, in the picture, and darker than the noise's
-    standard deviation `noise_sd` [grey levels]: fainter ends can hardly be told from nothing.
+    standard deviation `noise_sd` [grey levels]: fainter ends can hardly be seen.
 
     Raises ValueError where the two do not have the same rows.
     """

@@ -1,6 +1,6 @@
 """Each published number of the model beside ours: `published.csv`, the tables of docs/paper.md.
 
-Every value under "ours" is computed here, when asked for.
+Every value under "ours" is computed here, when it is needed.
 """
 
 from dataclasses import dataclass
