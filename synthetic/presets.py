@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from synthetic.cheek import dusty_motion
 from synthetic.motion import Motion, pole_visits, smooth_noise, whisking
 from synthetic.paper_session import paper_place, paper_trial
 from synthetic.ringing import ringing_motion
@@ -485,6 +486,7 @@ PRESETS = {
     "mjpeg": Preset(_mjpeg, 2, "MJPG"),
     "slip_off": Preset(_slip_off, 2, "the whisker slips past the pole and comes back"),
     "ringdown": Preset(_ringdown, 4, "the whisker slips off the pole and rings"),
+    "dust": Preset(dusty_motion, 4, "a dust particle on the whisker, a cheek that moves"),
     "large_deflection": Preset(_large_deflection, 2, "forces near the largest possible"),
     "coarse": Preset(_coarse, 2, "18 px/mm"),
     "moving_pole": Preset(_moving_pole, 2, "the pole comes late and leaves"),

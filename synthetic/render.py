@@ -87,6 +87,9 @@ class Renderer:
         for hair, strip in zip(self.scene.hairs, strips, strict=True):
             self._draw(light, strip, hair.opacity)
         self._compose(light, behind_rod, strips, pole_x, pole_y)
+        for hair, strip in zip(self.scene.hairs, strips, strict=True):
+            if hair.particle is not None and i < (hair.particle.falls_off or i + 1):
+                self._draw_particle(light, hair, strip)
         return light
 
     def without_whiskers(self, i: int) -> np.ndarray:
@@ -112,6 +115,24 @@ class Renderer:
     def _draw(self, light, strip, opacity):
         count = cover_strip(self._cover, self._touched, 0, strip, self._steps)
         absorb(light, self._cover, self._touched, count, opacity)
+
+    def _draw_particle(self, light, hair, strip):
+        """Multiply `light` by the particle that sticks to a whisker."""
+        particle, scale = hair.particle, self.scene.camera.pixels_per_m
+        x, y, angle = strip[:3]
+        share = particle.arc_length / hair.whisker.length * (len(x) - 1)
+        px, py, turn = (np.interp(share, np.arange(len(x)), part) for part in (x, y, angle))
+        radius = particle.radius * scale
+        px, py = (
+            px + particle.aside * radius * np.sin(turn),
+            py + particle.aside * radius * np.cos(turn),
+        )
+        reach = int(np.ceil(radius + 5 * self.scene.camera.blur_px)) + 1
+        left, top = max(int(px) - reach, 0), max(int(py) - reach, 0)
+        part = light[top : int(py) + reach + 1, left : int(px) + reach + 1]
+        cover = np.zeros_like(part)
+        cover_disc(cover, px - left, py - top, radius, self.scene.camera.blur_px, *self._table)
+        part *= 1 - hair.opacity * cover
 
     def _with_pole(self, opened, x, y):
         """Light behind the rod, and behind rod and pole, at (x, y) [m]; NaN: out of view."""

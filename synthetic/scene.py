@@ -148,6 +148,27 @@ class Pole:
 
 
 @dataclass(frozen=True)
+class Particle:
+    """A dust particle that sticks to a whisker.
+
+    Parameters
+    ----------
+    arc_length : where it sticks [m]
+    radius : [m]
+    aside : of its centre from the centreline, in its radii
+    falls_off : first frame without it; None: it stays
+    """
+
+    arc_length: float
+    radius: float = 80e-6
+    aside: float = 0.5
+    falls_off: int | None = None
+
+    def __post_init__(self):
+        _require(self.radius > 0, "radius", self.radius, "> 0 m")
+
+
+@dataclass(frozen=True)
 class Hair:
     """One whisker of the scene.
 
@@ -158,6 +179,7 @@ class Hair:
     follicle_x, follicle_y : mean place of the follicle [m]
     opacity : share of the light that the hair takes away
     touches : lies in the plane of the pole; False: passes before or behind it
+    particle : dust that sticks to it, or None
     """
 
     whisker: Whisker = field(default_factory=mouse_c2)
@@ -166,6 +188,7 @@ class Hair:
     follicle_y: float = 0.0
     opacity: float = 0.95
     touches: bool = True
+    particle: Particle | None = None
 
     def __post_init__(self):
         _require(0 < self.opacity <= 1, "opacity", self.opacity, "in (0, 1]")

@@ -1,12 +1,15 @@
-"""How exact `calibrate geometry` and `calibrate ringdown` are, on pictures of known truth.
+"""How exact the `calibrate` commands are, on pictures of known truth.
 
     python workflows/calibration.py geometry --count 60
     python workflows/calibration.py ringdown --count 3
+    python workflows/calibration.py dust --count 2
     python workflows/calibration.py ringdown --count 3 --write docs/calibrate_ringdown.md
 
 `geometry` renders micrographs drawn at random and measures each. `ringdown` renders sessions of
 two videos in which a whisker slips, each with a Young's modulus and a damping of its own, which
-session.toml does not hold, and processes them by the commands. Prints a table in Markdown.
+session.toml does not hold; `dust` sessions of two videos with a particle on the whisker, in the
+second of which the follicle gives way. Both process them by the commands. Prints a table in
+Markdown.
 """
 
 import argparse
@@ -18,12 +21,21 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pages
+import pandas as pd
 
 from pipeline.app import cli
 from pipeline.calibrate.find_whisker import NoWhiskerError
+from pipeline.calibrate.follicle_motion import contact_row, slope_of
 from pipeline.calibrate.geometry import measure_geometry
-from pipeline.tables.columns import RINGDOWN_COLUMNS
-from pipeline.tables.files import read_csv
+from pipeline.tables.columns import (
+    CONTACT_COLUMNS,
+    DUST_COLUMNS,
+    DUST_CONTACT_COLUMNS,
+    DUST_VIDEO_COLUMNS,
+    RINGDOWN_COLUMNS,
+    as_table,
+)
+from pipeline.tables.files import read_csv, read_frames
 from synthetic.micrograph import random_micrograph
 from synthetic.presets import make_trial
 from synthetic.session import render_session
@@ -103,18 +115,20 @@ def ringdown_of_session(seed: int, folder: Path) -> dict:
     videos, results, out = folder / "videos", folder / "results", folder / "out"
     render_session(videos, "ringdown", seed, trials=2)
     _forget_truth(videos / "session.toml")
-    for arguments in (
-        ["run", str(videos), "--out", str(results), "--jobs", "1"],
-        ["calibrate", "ringdown", str(results), "--out", str(out)],
-    ):
-        try:
-            cli.main(arguments)
-        except SystemExit as stopped:
-            if stopped.code:
-                raise
+    command("run", videos, "--out", results, "--jobs", 1)
+    command("calibrate", "ringdown", results, "--out", out)
     table = read_csv(out / "ringdown.csv", RINGDOWN_COLUMNS)
     whisker = make_trial("ringdown", seed, 0, 40).scene.hairs[0].whisker
     return {"seed": seed, "slips": table.iloc[:-1], "pooled": table.iloc[-1], "whisker": whisker}
+
+
+def command(*arguments) -> None:
+    """Run a command of whiskerforce as a user would; SystemExit where it fails."""
+    try:
+        cli.main([str(each) for each in arguments])
+    except SystemExit as stopped:
+        if stopped.code:
+            raise
 
 
 def _forget_truth(session: Path) -> None:
@@ -151,15 +165,74 @@ def ringdown_text(count: int, seed: int) -> str:
     )
 
 
+def dust_text(count: int, seed: int) -> str:
+    """Videos with a particle: the follicle's motion beside the truth, as Markdown."""
+    rows = []
+    for k in range(count):
+        with tempfile.TemporaryDirectory() as folder:
+            videos, results, out = (Path(folder) / name for name in ("videos", "results", "out"))
+            render_session(videos, "dust", seed + k, trials=2)
+            command("run", videos, "--out", results, "--jobs", 1)
+            command("calibrate", "dust", results, "--out", out)
+            rows += [[f"{seed + k}", *row] for row in dust_rows(videos / "truth", out)]
+    header = ["session", "video", "range found", "true", "error of its course", "slope (95 %)"]
+    held = sum(row[-1] == "yes" for row in rows)
+    return (
+        f"{pages.table([*header, 'true slope', 'held'], rows)}\n\nThe course's error is its SD. "
+        "Slopes in µm per 1/m of curvature change; true slopes are those of the "
+        f"rendered motion over the true contacts. {held} of {len(rows)} intervals hold them."
+    )
+
+
+def dust_rows(truth: Path, out: Path):
+    """Cells of each video that `calibrate dust` wrote, beside the truth."""
+    frames = read_csv(out / "dust.csv", DUST_COLUMNS)
+    found = read_csv(out / "dust_videos.csv", DUST_VIDEO_COLUMNS)
+    for row in found[found["video"] != "pooled"].itertuples():
+        own = frames[frames["video"] == row.video]
+        true = _true_course(truth / row.video, own)
+        slope = slope_of(_true_contacts(truth / row.video, true))
+        true_slope = 1e3 * slope.slope
+        yield [
+            row.video[-3:],
+            f"{row.radial_range_mm:.3f} mm",
+            f"{np.ptp(true['radial_mm']):.3f} mm",
+            f"{1e3 * np.std(own['radial_mm'].to_numpy() - true['radial_mm'].to_numpy()):.1f} µm",
+            f"{row.slope_um_m:.2f} ({row.slope_um_m_low:.2f} to {row.slope_um_m_high:.2f})",
+            f"{true_slope:.2f}",
+            "yes" if row.slope_um_m_low < true_slope < row.slope_um_m_high else "no",
+        ]
+
+
+def _true_course(truth, own):
+    """The rows of dust.csv as they are in truth."""
+    table = read_frames(truth / "frames.parquet").set_index("frame").loc[own["frame"]]
+    scale = 1e-3 * make_trial("dust", 0, 0, 40).scene.camera.pixels_per_m
+    axis = np.deg2rad(table["base_angle_deg"].median())
+    x, y = (table[f"follicle_{c}_px"] - table[f"follicle_{c}_px"].median() for c in "xy")
+    radial = (x * np.cos(axis) - y * np.sin(axis)) / scale
+    return table.assign(radial_mm=radial).reset_index()
+
+
+def _true_contacts(truth, course):
+    """What the follicle truly does in the true contacts."""
+    rows = read_csv(truth / "contacts.csv", CONTACT_COLUMNS)
+    changes = [contact_row(course, each) for each in rows.itertuples()]
+    return as_table(pd.DataFrame(changes), DUST_CONTACT_COLUMNS)
+
+
+TEXTS = {"geometry": geometry_text, "ringdown": ringdown_text, "dust": dust_text}
+
+
 def main(argv=None) -> None:
     """Measure, print, and write with --write."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
-    parser.add_argument("what", choices=("geometry", "ringdown"))
+    parser.add_argument("what", choices=tuple(TEXTS))
     parser.add_argument("--count", type=int, default=3, help="micrographs, or sessions")
     parser.add_argument("--seed", type=int, default=0, help="of the first")
     parser.add_argument("--write", type=Path, help="a Markdown file to put the table into")
     args = parser.parse_args(argv)
-    text = {"geometry": geometry_text, "ringdown": ringdown_text}[args.what](args.count, args.seed)
+    text = TEXTS[args.what](args.count, args.seed)
     print(text)
     if args.write:
         pages.write_between(args.write, args.what, text)

@@ -18,7 +18,7 @@ from matplotlib.patches import FancyBboxPatch
 
 ROOT = Path(__file__).parents[1]
 ORDER = (
-    "app", "convert", "calibrate", "curate", "reports", "contacts", "forces", "kinematics",
+    "app", "calibrate", "convert", "curate", "reports", "contacts", "forces", "kinematics",
     "identity", "tracking", "scene", "detection", "session", "video", "tables", "runtime",
     "numerics",
 )  # fmt: skip

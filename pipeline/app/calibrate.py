@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 calibrate = typer.Typer(
-    help="Measure what session.toml wants: whiskers' dimensions, Young's modulus, damping.",
+    help="Measure whiskers' dimensions, Young's modulus, damping, and how the follicle moves.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
@@ -78,6 +78,30 @@ def ringdown(
     if into is not None:
         _target(into, whisker)
     run_ringdown(results, out, frames or (), follicle, into, whisker, typer.echo)
+
+
+@calibrate.command()
+def dust(
+    results: Annotated[Path, typer.Argument(help="Results folder of `whiskerforce run`.")],
+    out: Out,
+    whisker: Annotated[
+        str | None,
+        typer.Option("--whisker", help="Whisker with the particle.  [default: the only one]"),
+    ] = None,
+    at_mm: Annotated[
+        float | None,
+        typer.Option(help="About where it sits, from the follicle [mm].  [default: found]"),
+    ] = None,
+    debug: Debug = False,
+):
+    """Measure how the follicle moves, from a dust particle on the whisker.
+
+    How far it moves in and out of the face, and whether bending moves it. See
+    docs/calibrate_dust.md.
+    """
+    from pipeline.app.calibrate_dust import run_dust
+
+    run_dust(results, out, whisker, at_mm, typer.echo)
 
 
 def _target(into, whisker):

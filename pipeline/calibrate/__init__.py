@@ -1,10 +1,12 @@
-"""Measurements that fill session.toml: whiskers' dimensions, ring-downs."""
+"""Measurements beside the videos' own: whiskers' dimensions, ring-downs, the follicle's motion."""
 
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
+        "dust_files": ["write_dust"],
+        "follicle_motion": ["measure_follicle_motion"],
         "geometry": ["measure_geometry"],
         "geometry_files": ["write_geometry"],
         "ringdown": ["fit_slip"],

@@ -273,6 +273,42 @@ RINGDOWN_COLUMNS = (
     ),
 )
 
+DUST_COLUMNS = (
+    Column("video", "string", "", "stem of the video"),
+    Column("whisker", "string", "", "name of the whisker"),
+    Column("frame", "int64", "", "frame number, from 0"),
+    Column("time_s", "float64", "s", "time of the frame"),
+    Column("particle_x_px", "float64", "px", "x of the centreline where the particle sits"),
+    Column("particle_y_px", "float64", "px", "y of it"),
+    Column("radial_mm", "float64", "mm", "follicle out of the face, from its median place"),
+    Column("radial_mm_se", "float64", "mm", "standard error of radial_mm"),
+    Column("in_contact", "bool", "", "the frame belongs to a contact"),
+    Column("curvature_change_per_m", "float64", "1/m", "as in frames.parquet"),
+)
+DUST_CONTACT_COLUMNS = (
+    Column("video", "string", "", "stem of the video"),
+    Column("whisker", "string", "", "name of the whisker"),
+    Column("contact", "int64", "", "its number in contacts.csv"),
+    Column("curvature_change_per_m", "float64", "1/m", "largest of the contact, signed"),
+    Column("radial_change_mm", "float64", "mm", "follicle out of the face from before to there"),
+    Column("radial_range_mm", "float64", "mm", "follicle's largest less least place in contact"),
+)
+DUST_VIDEO_COLUMNS = (
+    Column("video", "string", "", "stem of the video; `pooled` in the last row"),
+    Column("whisker", "string", "", "name of the whisker"),
+    Column("particle_mm", "float64", "mm", "follicle to particle, along the whisker"),
+    Column("seen", "float64", "", "share of the traced frames in which the particle is seen"),
+    Column("radial_range_mm", "float64", "mm", "follicle's largest less least place"),
+    Column("contacts", "int64", "", "contacts with both changes"),
+    *_each_with(
+        [("low", "lower end of the 95 % interval"), ("high", "upper end of the 95 % interval")],
+        (
+            Column("slope_um_m", "float64", "µm m", "radial change per size of curvature change"),
+            Column("correlation", "float64", "", "of these, over contacts"),
+        ),
+    ),
+)
+
 
 def split_flags(flags: str) -> list[str]:
     """CONTACT_FLAGS of a contact, from its column `flags`."""

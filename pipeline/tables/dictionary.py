@@ -6,6 +6,9 @@ from pipeline.tables.columns import (
     CONTACT_FLAGS,
     CORRECTION_COLUMNS,
     DENSITY_COLUMNS,
+    DUST_COLUMNS,
+    DUST_CONTACT_COLUMNS,
+    DUST_VIDEO_COLUMNS,
     EVIDENCE_COLUMNS,
     FRAME_COLUMNS,
     GEOMETRY_COLUMNS,
@@ -34,6 +37,12 @@ FILES = {
     "<micrograph>_profile.csv": (
         "Of `calibrate geometry`, a row per cross-section of a whisker.",
         PROFILE_COLUMNS,
+    ),
+    "dust.csv": ("Of `calibrate dust`, a row per frame.", DUST_COLUMNS),
+    "dust_contacts.csv": ("Of `calibrate dust`, a row per contact.", DUST_CONTACT_COLUMNS),
+    "dust_videos.csv": (
+        "Of `calibrate dust`, a row per video, then one of all together.",
+        DUST_VIDEO_COLUMNS,
     ),
     "ringdown.csv": (
         "Of `calibrate ringdown`, a row per slip, then one of all together.",

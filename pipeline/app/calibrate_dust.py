@@ -1,0 +1,76 @@
+"""`whiskerforce calibrate dust`: a particle on the whisker in, the follicle's motion out."""
+
+from pipeline.calibrate.dust_files import pooled_slope, write_dust
+from pipeline.calibrate.follicle_motion import measure_follicle_motion
+from pipeline.calibrate.particle import NoParticleError
+from pipeline.convert.results import read_results
+
+
+def run_dust(results, out, whisker, at_mm, say) -> None:
+    """Follow the particle through all videos and write the results; nothing where none has one.
+
+    Parameters
+    ----------
+    results : folder of `whiskerforce run`
+    whisker : its name, or None for the only one
+    at_mm : about where the particle sits, from the follicle; None: found
+    say : prints a line
+    """
+    if at_mm is not None and not 0 < at_mm < 100:
+        raise ValueError(f"--at-mm {at_mm}: expected a distance from the follicle in mm, above 0")
+    videos = read_results(results)
+    name = _whisker(videos, whisker)
+    motions, faults = [], []
+    for video in videos:
+        try:
+            motions.append(measure_follicle_motion(video, name, at_mm))
+        except NoParticleError as error:
+            faults.append(f"{video.name}, whisker {name}: {error}")
+            say(f"left out: {faults[-1]}")
+            continue
+        say(_sentence(motions[-1]))
+    if not motions:
+        raise ValueError(
+            f"{results}: a particle can be followed in none of {len(videos)} videos; the first: "
+            f"{faults[0]}"
+        )
+    written = write_dust(out, motions)
+    say(slope_sentence(pooled_slope(motions)))
+    say(f"tables and figures: {written[0].parent}")
+
+
+def _whisker(videos, wanted):
+    names = sorted({name for video in videos for name in video.whiskers})
+    if wanted is None and len(names) == 1:
+        return names[0]
+    if wanted is None or wanted not in names:
+        raise ValueError(
+            f"--whisker {wanted or ''}: expected the whisker that the particle sits on, one of "
+            f"{', '.join(names)}"
+        )
+    return wanted
+
+
+def _sentence(motion):
+    contacts = motion.contacts["radial_range_mm"].dropna()
+    within = f", by up to {contacts.max():.2f} mm in a contact" if len(contacts) else ""
+    return (
+        f"{motion.video}, whisker {motion.whisker}: particle {motion.particle_mm:.2f} mm from the "
+        f"follicle; the follicle moves in and out by {motion.radial_range_mm:.2f} mm{within}"
+    )
+
+
+def slope_sentence(slope) -> str:
+    """What the contacts say about whether bending moves the follicle."""
+    if slope is None:
+        return "too few contacts to say whether bending moves the follicle"
+    numbers = (
+        f"{slope.n} contacts: {1e3 * slope.slope:.2f} ({1e3 * slope.low:.2f} to "
+        f"{1e3 * slope.high:.2f}) µm per 1/m of curvature change, correlation {slope.r:.2f} "
+        f"({slope.r_low:.2f} to {slope.r_high:.2f})"
+    )
+    if slope.high < 0:
+        return f"{numbers}: bending pushes the follicle into the face"
+    if slope.low > 0:
+        return f"{numbers}: the follicle comes out of the face as the whisker bends"
+    return f"{numbers}: no sign that bending moves the follicle"
