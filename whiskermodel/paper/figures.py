@@ -6,7 +6,9 @@ import matplotlib
 import numpy as np
 from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
+from matplotlib.patheffects import withStroke
 from matplotlib.ticker import FuncFormatter
 
 from whiskermodel.paper import figure_data
@@ -14,6 +16,7 @@ from whiskermodel.whisker import mouse_c2, rat_c2
 
 INK, GREY, BLUE, ORANGE, GREEN = "#222222", "#8a8a8a", "#0072b2", "#d55e00", "#009e73"
 SEQUENCE = ("#3b1f6b", "#2f6aa8", "#1f9e89", "#7cb342", "#e0a100")
+ON_ANY_GROUND = [withStroke(linewidth=2.2, foreground="#000000c0")]  # a dark rim for light ink
 STYLE = {
     "font.family": "DejaVu Sans",
     "font.size": 8.5,
@@ -56,9 +59,11 @@ def _styled(draw):
     return styled
 
 
-def _letter(axes, letter):
-    axes.text(-0.02, 1.06, letter, transform=axes.transAxes, fontweight="bold", fontsize=11,
-              ha="right", va="bottom")  # fmt: skip
+def _panel(axes, letter, words=""):
+    """Put the panel's letter, the paper's where it has one, before its title."""
+    axes.set_title(words)
+    axes.annotate(letter, (0, 1), (-4, 6), xycoords="axes fraction", textcoords="offset points",
+                  fontweight="bold", fontsize=10, ha="right", va="baseline")  # fmt: skip
 
 
 def _zero(axes):
@@ -90,10 +95,11 @@ def draw_fig2(table):
     columns = ("displacement", "slope", "curvature", "third_derivative")
     rows = (("fixed", 0.0), ("fixed", 1.0), ("pinned", 0.0), ("pinned", 1.0))
     axes = figure.subplots(4, 4, sharex=True)
-    for row, (boundary, taper) in zip(axes, rows, strict=True):
+    for k, (row, (boundary, taper)) in enumerate(zip(axes, rows, strict=True)):
         here = (table["boundary"] == boundary) & (table["taper"] == taper)
-        for panel, column in zip(row, columns, strict=True):
+        for i, (panel, column) in enumerate(zip(row, columns, strict=True), 1):
             _mode_curves(panel, table, here, column)
+            _panel(panel, f"{'ab'[k // 2]}{i + 4 * (k % 2)}")
         row[0].set_ylabel(f"{boundary}\n{'cone' if taper else 'cylinder'}", fontsize=10)
     for panel, title in zip(axes[0], ("φ", "φ′", "φ″", "φ‴"), strict=True):
         panel.set_title(title, fontsize=12, loc="center")
@@ -101,8 +107,6 @@ def draw_fig2(table):
         panel.set_xlabel("x / L")
     handles, labels = axes[3, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="upper right", ncols=4)
-    _letter(axes[0, 0], "a")
-    _letter(axes[2, 0], "b")
     return figure
 
 
@@ -137,16 +141,18 @@ def draw_fig5(traces, fits):
     left.plot(time, curvature, "o", color=INK, markersize=3.5, label="film, 1000 frames/s")
     left.plot(*_fitted_curve(time, traces["fitted_per_m"][pick], first), color=ORANGE, label="fit")
     _zero(left)
-    left.set(xlabel="after the slip (ms)", ylabel="curvature change at 6 mm (1/m)", title="b")
+    left.set(xlabel="after the slip (ms)", ylabel="curvature change at 6 mm (1/m)")
+    _panel(left, "b")
     left.legend()
-    for panel, name, label, mean, spread in (
-        (middle, "angular_frequency_rad_per_s", "angular frequency (rad/s)", 938, 27),
-        (right, "damping_per_s", "damping (1/s)", 215, 45),
+    for panel, letter, name, label, mean, spread in (
+        (middle, "c1", "angular_frequency_rad_per_s", "angular frequency (rad/s)", 938, 27),
+        (right, "c2", "damping_per_s", "damping (1/s)", 215, 45),
     ):
         _intervals(panel, fits, name)
         panel.axhspan(mean - spread, mean + spread, color=GREY, alpha=0.25, linewidth=0)
         panel.axhline(mean, color=GREY, linewidth=1)
-        panel.set(xlabel="slip", ylabel=label, title="c" if panel is middle else "")
+        panel.set(xlabel="slip", ylabel=label)
+        _panel(panel, letter)
     return figure
 
 
@@ -181,20 +187,21 @@ def draw_fig6(motions):
     fixed = motions[0]
     force = axes[0, 0]
     force.plot(fixed.time * figure_data.MILLI, fixed.force * figure_data.MICRO, color=INK)
-    force.set(ylabel="force (µN)", xlabel="time (ms)", title="a  force", xlim=(0, 40))
+    force.set(ylabel="force (µN)", xlabel="time (ms)", xlim=(0, 40))
+    _panel(force, "a", "force")
     for panel in (axes[0, 1], axes[0, 2], axes[2, 0]):
         panel.axis("off")
     _space_time(axes[1, 0], fixed, fixed.steady, 2.0)
-    axes[1, 0].set_title("b  steady")
+    _panel(axes[1, 0], "b1", "steady")
     _shapes(axes[3, 0], fixed, fixed.steady)
-    axes[3, 0].set_title("steady shapes, every ms")
-    for column, motion in zip(axes.T[1:], motions, strict=True):
+    _panel(axes[3, 0], "b2", "steady shapes, every ms")
+    for k, (column, motion) in enumerate(zip(axes.T[1:], motions, strict=True)):
         image = _space_time(column[1], motion, motion.steady + motion.vibrational, 2.0)
-        column[1].set_title(f"c  base {motion.boundary}: steady and vibrational")
+        _panel(column[1], f"c{3 * k + 1}", f"base {motion.boundary}: steady and vibrational")
         small = _space_time(column[2], motion, motion.vibrational, 0.2)
-        column[2].set_title("vibrational alone")
+        _panel(column[2], f"c{3 * k + 2}", f"base {motion.boundary}: vibrational alone")
         _shapes(column[3], motion, motion.vibrational)
-        column[3].set_title("vibrational shapes, every ms")
+        _panel(column[3], f"c{3 * k + 3}", "vibrational shapes, every ms")
     figure.colorbar(image, ax=axes[1, :], label="y (mm)", aspect=12)
     figure.colorbar(small, ax=axes[2, :], label="y (mm)", aspect=12, extend="both")
     scale = matplotlib.cm.ScalarMappable(Normalize(0, 40), "viridis")
@@ -237,17 +244,20 @@ def draw_fig7(table, cases):
     grid = figure.add_gridspec(3, 4, height_ratios=(0.55, 1, 1.25))
     outline = figure.add_subplot(grid[0, :])
     _outline(outline, mouse_c2(), [c for c, _, _ in cases], SEQUENCE)
-    outline.set_title("a")
+    _panel(outline, "a", "the whisker, 30 times as thick, and where it is touched")
     for i, (contact, _, loads) in enumerate(cases):
         panel = figure.add_subplot(grid[1, i])
         _moment_trace(panel, loads, SEQUENCE[i], 40)
         force = loads.force.max() * figure_data.MICRO
-        panel.set_title(f"{'b  ' if i == 0 else ''}{contact * 1e3:.0f} mm, {force:g} µN")
+        _panel(panel, f"b{i + 1}", f"{contact * 1e3:.0f} mm, {force:g} µN")
         panel.set_ylabel("moment (nN m)" if i == 0 else "")
+        if i == 0:
+            panel.legend(loc="lower right")
     ratio = figure.add_subplot(grid[2, :])
     marks = [c * figure_data.MILLI for c, _, _ in cases]
     _ratio_curves(ratio, table, "contact_mm", marks)
-    ratio.set(xlabel="contact from the follicle (mm)", title="c", ylim=(-1.6, 1.6))
+    ratio.set(xlabel="contact from the follicle (mm)", ylim=(-1.6, 1.6))
+    _panel(ratio, "c")
     return figure
 
 
@@ -259,11 +269,14 @@ def draw_fig8(table, cases):
     for i, (_, duration, loads) in enumerate(cases):
         panel = figure.add_subplot(grid[0, i])
         _moment_trace(panel, loads, SEQUENCE[i], 40)
-        panel.set_title(f"{'a  ' if i == 0 else ''}{duration * 1e3:g} ms")
+        _panel(panel, f"a{i + 1}", f"{duration * 1e3:g} ms")
         panel.set_ylabel("moment (nN m)" if i == 0 else "")
+        if i == 0:
+            panel.legend(loc="upper right")
     ratio = figure.add_subplot(grid[1, :])
     _ratio_curves(ratio, table, "duration_ms", [t * figure_data.MILLI for _, t, _ in cases])
-    ratio.set(xlabel="contact duration (ms)", title="b", xscale="log", ylim=(-3, 3))
+    ratio.set(xlabel="contact duration (ms)", xscale="log", ylim=(-3, 3))
+    _panel(ratio, "b")
     ratio.set_xticks([1, 2, 2.5, 5, 10, 20, 50], ["1", "2", "", "5", "10", "20", "50"])
     ratio.minorticks_off()
     return figure
@@ -282,15 +295,12 @@ def _moment_trace(panel, loads, colour, end_ms):
 
 def _ratio_curves(panel, table, abscissa, marks):
     """Peak + and − of vibrational over steady moment, both frames; dots at the paper's cases."""
-    for frame, style, label in (("chord", "-", "chord frame (the paper's)"),
-                                ("clamped", "--", "follicle clamped in the lab")):  # fmt: skip
+    for frame, style in (("chord", "-"), ("clamped", "--")):
         pick = table["frame"] == frame
         x = table[abscissa][pick]
         for name, colour in (("vibration_max_ratio", ORANGE), ("vibration_min_ratio", BLUE)):
             y = table[name][pick]
-            upper = label if name == "vibration_max_ratio" else None
-            panel.plot(x, y, style, color=colour, label=upper,
-                       linewidth=1.4 if style == "-" else 1)  # fmt: skip
+            panel.plot(x, y, style, color=colour, linewidth=1.4 if style == "-" else 1)
             if frame == "chord":
                 dots = [int(np.argmin(np.abs(x - mark))) for mark in marks]
                 panel.plot(x[dots], y[dots], "o", color=colour, markersize=5)
@@ -298,7 +308,20 @@ def _ratio_curves(panel, table, abscissa, marks):
         panel.axhline(level, color=GREY, linewidth=0.6, linestyle=":")
     _zero(panel)
     panel.set_ylabel("peak vibrational / peak steady")
-    panel.legend(loc="upper left" if abscissa == "contact_mm" else "upper right")
+    place = "upper left" if abscissa == "contact_mm" else "upper right"
+    panel.legend(handles=_ratio_key(), loc=place, ncols=2)
+
+
+def _ratio_key():
+    """What colours, lines and dots of `_ratio_curves` mean."""
+    lines = (
+        ("positive peak", {"color": ORANGE}),
+        ("negative peak", {"color": BLUE}),
+        ("cases drawn above", {"color": INK, "linestyle": "", "marker": "o", "markersize": 5}),
+        ("chord frame (the paper's)", {"color": INK}),
+        ("follicle clamped in the lab", {"color": INK, "linestyle": "--", "linewidth": 1}),
+    )
+    return [Line2D([], [], label=label, **style) for label, style in lines]
 
 
 @_styled
@@ -308,18 +331,19 @@ def draw_fig9(table, cases, single, deflections):
     grid = figure.add_gridspec(3, 6, height_ratios=(0.5, 1, 2.2))
     outline = figure.add_subplot(grid[0, :3])
     _outline(outline, rat_c2(), [figure_data.FIGURE_9_CONTACT])
-    outline.set_title("a")
+    _panel(outline, "a", "the whisker, 30 times as thick, and where it sticks")
     deflection = figure.add_subplot(grid[:2, 3:])
     for i, (slip, y) in enumerate(deflections):
         time = np.arange(len(y)) * figure_data.DT * figure_data.MILLI
         deflection.plot(
             time, y * figure_data.MILLI, color=SEQUENCE[i], label=f"slip {slip * 1e3:g} ms"
         )
-    deflection.set(xlim=(0, 45), xlabel="time (ms)", ylabel="y at 16 mm (mm)", title="b")
+    deflection.set(xlim=(0, 45), xlabel="time (ms)", ylabel="y at 16 mm (mm)")
+    _panel(deflection, "b")
     deflection.legend(loc="upper right")
     ratio = figure.add_subplot(grid[1, :3])
     _slip_ratios(ratio, table)
-    ratio.set_title("peak ratios")
+    _panel(ratio, "d", "peak ratios of c")
     inner = grid[2, :].subgridspec(2, 3)
     for i, ((_, slip, loads), (*_, alone)) in enumerate(zip(cases, single, strict=True)):
         panel = figure.add_subplot(inner[i // 3, i % 3])
@@ -327,7 +351,7 @@ def draw_fig9(table, cases, single, deflections):
         panel.plot(time, alone.vibrational_moment * figure_data.NANO, color=GREY, linewidth=0.8,
                    label="without the second stick")  # fmt: skip
         _moment_trace(panel, loads, SEQUENCE[i], 45)
-        panel.set_title(f"{'c  ' if i == 0 else ''}slip {slip * 1e3:g} ms")
+        _panel(panel, f"c{i + 1}", f"slip {slip * 1e3:g} ms")
         panel.set_ylabel("moment (nN m)" if i % 3 == 0 else "")
     key = figure.add_subplot(inner[1, 2])
     key.axis("off")
@@ -359,7 +383,7 @@ def draw_fig10(cases):
     figure = _figure(10, 6.2, "Fig. 10  Ramp-and-hold, 12° at 10 mm, rat whisker cut at 13 mm")
     (outline, moved), (moment, close) = figure.subplots(2, 2, height_ratios=(1, 1.5))
     _outline(outline, rat_c2(length=13e-3), [figure_data.FIGURE_10_CONTACT])
-    outline.set_title("a")
+    _panel(outline, "a", "the whisker, 30 times as thick, and where it is pushed")
     for i, (contact, ramp, loads) in enumerate(cases):
         time, share = loads.time * figure_data.MILLI, loads.force / loads.force.max()
         reach = contact * np.tan(figure_data.FIGURE_10_ANGLE) * figure_data.MILLI
@@ -370,18 +394,20 @@ def draw_fig10(cases):
         )
         for panel in (moment, close):
             panel.plot(time, loads.vibrational_moment * figure_data.NANO, color=SEQUENCE[i])
-    moved.set(xlabel="time (ms)", ylabel="displacement at 10 mm (mm)", title="b", xlim=(0, 80))
+    moved.set(xlabel="time (ms)", ylabel="displacement at 10 mm (mm)", xlim=(0, 80))
+    _panel(moved, "b", "ramps")
     moved.legend(loc="lower right")
-    moment.set(xlabel="time (ms)", ylabel="base moment (nN m)", xlim=(0, 80),
-               title="c  steady (dotted), vibrational (solid)")  # fmt: skip
-    close.set(xlabel="time (ms)", title="d  vibrational, magnified", xlim=(0, 80))
+    _panel(moment, "c", "steady (dotted) and vibrational (solid), colours as in b")
+    _panel(close, "d", "vibrational, magnified, colours as in b")
     for panel in (moment, close):
+        panel.set(xlabel="time (ms)", ylabel="base moment (nN m)", xlim=(0, 80))
         _zero(panel)
     return figure
 
 
 # The map, and the contact-consistent model -------------------------------------------------------
 
+LABELS_AT_MS = 1.5, 50.0  # where the lines of the map are labelled; those below 0.1 later
 # label, contact mm and duration ms (low, high), where the label stands and its alignment; the
 # ranges are those the paper's text gives
 TASKS = {
@@ -402,27 +428,46 @@ TASKS = {
 @_styled
 def draw_fig11(table):
     """Ratio over contact position and duration, rat and mouse, with where tasks lie."""
-    shade = {"facecolor": "#000000a0", "edgecolor": "none", "pad": 1.5}
     figure = _figure(11, 5, "Fig. 11  Peak vibrational over peak steady base moment")
-    for panel, species in zip(figure.subplots(1, 2), ("rat", "mouse"), strict=True):
+    panels = figure.subplots(1, 2)
+    for letter, panel, species in zip("ab", panels, ("rat", "mouse"), strict=True):
         pick = table["species"] == species
         c, duration = (np.unique(table[n][pick]) for n in ("contact_mm", "duration_ms"))
         ratio = table["vibration_ratio"][pick].reshape(len(c), len(duration)).T
         image = panel.pcolormesh(c, duration, ratio, cmap="magma", norm=LogNorm(1e-3, 30),
                                  shading="nearest", rasterized=True)  # fmt: skip
-        levels = [0.01, 0.1, 0.3, 1, 3, 10]
-        lines = panel.contour(c, duration, ratio, levels, colors="white", linewidths=0.8)
-        panel.clabel(lines, fmt="%g", fontsize=8)
-        for label, (x0, x1), (y0, y1), place, side in TASKS[species]:
-            panel.add_patch(Rectangle((x0, y0), x1 - x0, y1 - y0, fill=False, edgecolor="#7de3ff",
-                                      linewidth=1.3))  # fmt: skip
-            panel.text(*place, label, fontsize=7.5, color="#d6f6ff", va="center", ha=side,
-                       bbox=shade)  # fmt: skip
-        panel.set(yscale="log", xlabel="contact from the follicle (mm)", title=f"{species} C2",
-                  ylabel="contact duration (ms)", ylim=(0.5, 120))  # fmt: skip
+        panel.set(yscale="log", xlabel="contact from the follicle (mm)", ylim=(0.5, 120),
+                  ylabel="contact duration (ms)")  # fmt: skip
         panel.yaxis.set_major_formatter(FuncFormatter(lambda v, _: f"{v:g}"))
+        _panel(panel, letter, f"{species} C2")
+        _levels(panel, c, duration, ratio)
+        _tasks(panel, species)
     figure.colorbar(image, ax=figure.axes, label="peak |vibrational| / peak |steady|", aspect=30)
     return figure
+
+
+def _levels(panel, c, duration, ratio):
+    """Lines of equal ratio, labelled where the tasks' names do not stand."""
+    levels = [0.01, 0.1, 0.3, 1, 3, 10]
+    lines = panel.contour(c, duration, ratio, levels, colors="white", linewidths=0.8)
+    lines.set_path_effects(ON_ANY_GROUND)
+    places = []
+    for level in levels:
+        row = int(np.argmin(np.abs(np.log(duration / LABELS_AT_MS[level < 0.1]))))
+        if ratio[row].min() < level < ratio[row].max():
+            places.append((np.interp(np.log(level), np.log(ratio[row]), c), duration[row]))
+    for label in panel.clabel(lines, fmt="%g", fontsize=8, manual=places):
+        label.set_path_effects(ON_ANY_GROUND)
+
+
+def _tasks(panel, species):
+    """Where tasks lie on the map."""
+    shade = {"facecolor": "#000000d0", "edgecolor": "none", "pad": 1.5}
+    for label, (x0, x1), (y0, y1), place, side in TASKS[species]:
+        box = Rectangle((x0, y0), x1 - x0, y1 - y0, fill=False, edgecolor="#7de3ff", linewidth=1.3)
+        box.set_path_effects(ON_ANY_GROUND)
+        panel.add_patch(box)
+        panel.text(*place, label, fontsize=7.5, color="#d6f6ff", va="center", ha=side, bbox=shade)
 
 
 @_styled
@@ -430,7 +475,7 @@ def draw_supported(comparisons):
     """The paper's model against one in which the pole holds the whisker during the contact."""
     figure = _figure(10, 9, "Beyond the paper: the pole holds the whisker, then lets go")
     axes = figure.subplots(len(comparisons), 2, sharex=True, width_ratios=(1.6, 1))
-    for (moment, force), case in zip(axes, comparisons, strict=True):
+    for k, ((moment, force), case) in enumerate(zip(axes, comparisons, strict=True)):
         peak = np.abs(case.paper.steady_moment).max()
         time, until = case.paper.time * figure_data.MILLI, case.duration * figure_data.MILLI
         moment.plot(time, case.paper.vibrational_moment / peak, color=BLUE, label="the paper's")
@@ -444,7 +489,8 @@ def draw_supported(comparisons):
         for panel in (moment, force):
             panel.axvspan(0, until, color=GREY, alpha=0.12, linewidth=0)
             _zero(panel)
-        moment.set_title(f"{case.contact * 1e3:g} mm, {until:g} ms")
+        for letter, panel in (("a", moment), ("b", force)):
+            _panel(panel, f"{letter}{k + 1}", f"{case.contact * 1e3:g} mm, {until:g} ms")
         moment.set_ylabel("vibrational /\npeak steady moment")
         force.set_ylabel("force (µN)")
     axes[0, 0].legend(loc="upper right")

@@ -8,16 +8,9 @@ import pytest
 
 from whiskermodel import Response, mouse_c2, rat_c2
 from whiskermodel.paper import figure_data, published
-from whiskermodel.paper.files import write_paper
 from whiskermodel.pulse_response import half_gaussian_extremes
 
 DOCS = Path(__file__).parents[3] / "docs" / "paper.md"
-
-
-@pytest.fixture(scope="module")
-def written(tmp_path_factory):
-    out, said = tmp_path_factory.mktemp("paper") / "new" / "folder", []
-    return out, write_paper(out, progress=said.append, grid=(7, 6)), said
 
 
 def read(path):
