@@ -285,14 +285,24 @@ def curate(
         int, typer.Option(min=0, help="Port that the page is served at; 0 takes any that is free.")
     ] = 0,
     browser: Annotated[bool, typer.Option(help="Open the page in the browser at once.")] = True,
+    name: Annotated[
+        str | None,
+        typer.Option(
+            help="Name of who curates, saved with every correction.  "
+            "[default: the user's name on this computer]"
+        ),
+    ] = None,
     debug: Debug = False,
 ):
-    """Correct contacts in the browser."""
+    """Correct contacts in the browser.
+
+    decisions.csv in the results folder lists what was decided, by whom and when.
+    """
     from pipeline.curate import curate as open_page
     from pipeline.reports.figures import write_fig3
     from pipeline.reports.report import write_report
 
-    open_page(results, port=port, open_browser=browser, say=_say)
+    open_page(results, port=port, open_browser=browser, say=_say, name=name)
     write_fig3(results)
     write_report(results)
 

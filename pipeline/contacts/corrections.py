@@ -30,6 +30,7 @@ class Verdict(NamedTuple):
     covers_from: int
     covers_to: int
     saved_at: str = ""
+    saved_by: str = ""
 
     @property
     def span(self):

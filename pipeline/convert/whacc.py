@@ -72,7 +72,7 @@ def corrections_of(touch, whisker: str):
     now = datetime.now(UTC).isoformat(timespec="seconds")
     spans = [(int(a), int(b)) for a, b in zip(starts, stops, strict=True)]
     return table_of(
-        Verdict(whisker, verdicts[int(touch[a])], a, b, a, b, now)
+        Verdict(whisker, verdicts[int(touch[a])], a, b, a, b, now, "WhACC")
         for a, b in spans
         if b > a and touch[a] != UNKNOWN
     )

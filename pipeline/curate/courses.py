@@ -4,7 +4,16 @@ import numpy as np
 from bokeh.models import ColumnDataSource, FixedTicker, Range1d, Span
 from bokeh.plotting import figure
 
-from pipeline.curate.colours import CURSOR, GRID, INK, SOFT, STATES, WHISKERS, state_of
+from pipeline.curate.colours import (
+    CURSOR,
+    GRID,
+    HATCHED,
+    INK,
+    SOFT,
+    STATES,
+    WHISKERS,
+    state_of,
+)
 
 MARGIN = 1.0  # of the window, loaded on either side of it
 MOST_POINTS = 3000  # of a line; longer ones are thinned to their extremes
@@ -41,7 +50,6 @@ class Courses:
             self._cursors.append(cursor)
             plot.on_event("tap", lambda event: point(round(event.x)))
         self.plots["force"].xaxis.visible = True
-        self.plots["force"].xaxis.axis_label = None
         self.plots["overview"].add_glyph(
             self._box, _strip_glyph(fill_alpha=0.10, fill_color=INK, line_color=INK)
         )
@@ -67,7 +75,8 @@ class Courses:
         plot.quad(
             left="left", right="right", top="top", bottom="bottom", source=self._strips,
             fill_color="colour", fill_alpha="solid", line_color="edge", line_width="edge_width",
-            line_dash="dash",
+            line_dash="dash", hatch_pattern="hatch", hatch_color="#ffffff", hatch_scale=6,
+            hatch_weight=1.5,
         )  # fmt: skip
         plot.add_glyph(self._ghost, _strip_glyph(fill_color=STATES["adding"], fill_alpha=0.35))
 
@@ -75,6 +84,8 @@ class Courses:
         """Make ready for a video."""
         n = len(video.whiskers)
         self._whole.update(start=-0.5, end=video.n_frames - 0.5)
+        frame_ms = 1e3 / video.recording.frames_per_second
+        self.plots["force"].xaxis.axis_label = f"frame  ({frame_ms:.4g} ms each)"
         for name in ("lanes", "overview"):
             self.plots[name].y_range.update(start=n - 0.5, end=-0.5)
             self.plots[name].yaxis.ticker = FixedTicker(ticks=list(range(n)))
@@ -172,10 +183,10 @@ def _course_figure(name, x_range):
     plot.axis.major_label_text_font_size = "10px"
     plot.axis.axis_line_color = plot.axis.major_tick_line_color = None
     plot.axis.minor_tick_line_color = None
-    plot.yaxis.axis_label_text_font_style = "normal"
-    plot.yaxis.axis_label_text_font_size = "11px"
-    plot.yaxis.axis_label_text_color = INK
-    plot.yaxis.axis_label_standoff = 2
+    plot.axis.axis_label_text_font_style = "normal"
+    plot.axis.axis_label_text_font_size = "11px"
+    plot.axis.axis_label_text_color = INK
+    plot.axis.axis_label_standoff = 2
     plot.yaxis.ticker.desired_num_ticks = 4
     plot.xaxis.formatter.use_scientific = False
     return plot
@@ -195,6 +206,7 @@ def _strip_data(items, whiskers=(), selected=None):
         "colour": [STATES[name] for name in names],
         "edge": [INK if c else STATES[name] for c, name in zip(chosen, names, strict=True)],
         "edge_width": [1.6 if c else 1.0 for c in chosen],
+        "hatch": ["right_diagonal_line" if name == HATCHED else "blank" for name in names],
         "dash": [[] if f else [3, 2] for f in filled],
         "solid": [0.9 if f else 0.0 for f in filled],
         "wash": [_wash(f, c) for f, c in zip(filled, chosen, strict=True)],

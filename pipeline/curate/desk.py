@@ -3,6 +3,7 @@
 Knows nothing of browsers: a command goes in by name, what is to be shown is in the attributes.
 """
 
+from pipeline.curate.decisions import name_of
 from pipeline.curate.items import Item
 from pipeline.curate.results import Results, VideoUnderReview
 from pipeline.curate.review import EditError, Span
@@ -29,10 +30,13 @@ class Desk:
     helps : the help is shown
     lines : findings are drawn on the picture
     finishing : the person wants to end
+    person : name of who sits here, saved with every correction
     """
 
-    def __init__(self, results: Results):
+    def __init__(self, results: Results, person: str = ""):
         self.results = results
+        self.person = name_of(person)
+        self._rank, self._ranked_by = 0, ""  # how often the same ranking was asked for in a row
         self.width = FIRST_WIDTH
         self.message, self.is_error = "", False
         self.helps, self.lines = False, True
@@ -65,6 +69,9 @@ class Desk:
         """Carry out a command of keys.py; what makes no sense is reported and ignored."""
         self.message, self.is_error = "", False
         self._asked -= bool(self._asked)
+        self.video.review.person = self.person
+        self._rank = self._rank + 1 if command == self._ranked_by else 0
+        self._ranked_by = command
         try:
             getattr(self, command)()
         except EditError as error:
@@ -77,6 +84,22 @@ class Desk:
         if not self.start + margin <= self.frame < self.stop - margin:
             self.start = self.frame - self.width // 2
         self._fit_window()
+
+    def go_to(self, text: str) -> None:
+        """Go to the frame of this number, as a person typed it."""
+        last = self.video.n_frames - 1
+        self.message, self.is_error = "", False
+        if text.isdecimal() and int(text) <= last:
+            self.look_at(int(text))
+        else:
+            self.message = f"no frame {text}: the video has frames 0 to {last}"
+            self.is_error = True
+
+    def be(self, person: str) -> None:
+        """Save corrections under this name from now on."""
+        self.person = name_of(person)
+        self.is_error = False
+        self.message = f"corrections are saved under the name {self.person or '(none)'}"
 
     def look_at(self, frame: int) -> None:
         """Go to a frame that was clicked, and select the contact there."""
@@ -206,7 +229,7 @@ class Desk:
         self._neighbour(-1)
 
     def _neighbour(self, step):
-        contacts = [item for item in self.items if item.is_contact]
+        contacts = self._contacts()
         spans = [item.span for item in contacts]
         if self.selected in spans:
             index = spans.index(self.selected) + step
@@ -230,6 +253,36 @@ class Desk:
         after = [item for item in left if item.span.onset >= self.frame]
         self._select((doubtful or after or left)[0])
         return True
+
+    def next_slip(self):
+        """Go to the next contact that ends by slipping past the pole."""
+        start = self.frame if self.selected is None else self.selected.onset
+        slips = [i for i in self._contacts() if i.values.get("slip") and i.span.onset > start]
+        if not slips:
+            raise EditError("no later contact of this video ends by slipping; v: next video")
+        self._select(slips[0])
+
+    def strongest(self):
+        """Go to the contact of the largest peak force, or to the next in strength."""
+        self._ranked("peak_force_uN", largest_first=True, unit="µN")
+
+    def shortest(self):
+        """Go to the shortest contact, or to the next in length."""
+        self._ranked("duration_ms", largest_first=False, unit="ms")
+
+    def _ranked(self, name, largest_first, unit):
+        known = [i for i in self._contacts() if i.values.get(name, float("nan")) >= 0]
+        known.sort(key=lambda item: item.values[name], reverse=largest_first)
+        if self._rank >= len(known):
+            self._ranked_by = ""  # the next time begins anew
+            raise EditError("that was the last one" if known else "no contact has been measured")
+        item = known[self._rank]
+        self._select(item)
+        order = "strongest" if largest_first else "shortest"
+        self.message = f"{order}: {item.values[name]:.3g} {unit}, {self._rank + 1} of {len(known)}"
+
+    def _contacts(self):
+        return [item for item in self.items if item.is_contact]
 
     def other_edge(self):
         """Go to the selected contact's onset, or from there to its end."""
@@ -370,6 +423,11 @@ class Desk:
     def show_help(self):
         """Show or hide the keys."""
         self.helps = not self.helps
+
+    def export(self):
+        """Write what was decided in all videos."""
+        path, count = self.results.write_decisions()
+        self.message = f"{count} decision{'' if count == 1 else 's'} written to {path.resolve()}"
 
     def finish(self):
         """End, if the command comes twice in a row."""

@@ -28,6 +28,10 @@ KEYS = (
     Key("Go to", "next_contact", ("ArrowDown", "n"), "next contact"),
     Key("Go to", "previous_contact", ("ArrowUp", "p"), "previous contact"),
     Key("Go to", "next_doubtful", ("d",), "most doubtful contact that is left"),
+    Key("Go to", "next_slip", ("s",), "next contact that ends by slipping past the pole"),
+    Key("Go to", "strongest", ("f",), "strongest contact; again: the next in strength"),
+    Key("Go to", "shortest", ("t",), "shortest contact; again: the next in length"),
+    Key("Go to", "go_to_frame", ("g",), "a frame by its number, which you type; Enter goes there"),
     Key("Go to", "other_edge", ("e",), "onset, end of the selected contact by turns"),
     Key("Go to", "next_whisker", ("w",), "next whisker"),
     Key("Go to", "next_video", ("v",), "next video"),
@@ -45,6 +49,7 @@ KEYS = (
     Key("Decide", "redo", ("r", "Shift+u", "Ctrl+y", "Ctrl+Shift+z"), "redo"),
     Key("Page", "escape", ("Escape",), "leave off adding; select nothing; close the help"),
     Key("Page", "show_help", ("?", "h"), "show or hide this list"),
+    Key("Page", "export", ("Shift+e",), "write what was decided, by whom and when"),
     Key("Page", "finish", ("q",), "twice: finish, write the tables and end"),
 )
 

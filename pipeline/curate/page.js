@@ -27,15 +27,22 @@
     at("cover").hidden = !at("cover").textContent.trim();
     document.documentElement.style.setProperty("--aspect", aspect);
     document.documentElement.style.setProperty("--lanes", lanes);
-    if ("items" in parts) {
-      at("items").querySelector(".selected")?.scrollIntoView({ block: "nearest" });
-    }
+    if ("items" in parts) showSelected(at("items"));
     if (ended) stop();
     if (n >= awaited) {
       awaited = 0;
       document.body.dataset.answered = n;
       flush();
     }
+  }
+
+  // In its own box only: the page stays where it is.
+  function showSelected(box) {
+    const row = box.querySelector(".selected"), head = box.querySelector("thead");
+    if (!row) return;
+    const top = row.offsetTop - head.offsetHeight, bottom = row.offsetTop + row.offsetHeight;
+    if (top < box.scrollTop) box.scrollTop = top;
+    else if (bottom > box.scrollTop + box.clientHeight) box.scrollTop = bottom - box.clientHeight;
   }
 
   function play() {
@@ -50,8 +57,11 @@
     document.body.classList.remove("playing");
   }
 
+  const field = (id) => document.querySelector(`#${id} input`);
+
   function act(command) {
     if (command === "play") return play();
+    if (command === "go_to_frame") return field("go_to").select();
     stop();
     send(command);
   }
@@ -84,7 +94,21 @@
     } else if (event.target.closest("#help")) act("show_help");
   });
 
+  at("go_to").addEventListener("submit", (event) => {
+    event.preventDefault();
+    const place = field("go_to");
+    place.blur();
+    if (place.value) act("frame:" + place.value);
+  });
+
+  for (const id of ["go_to", "person"]) {
+    at(id).addEventListener("keydown", (event) => {
+      if (event.key === "Escape" || (event.key === "Enter" && id === "person")) event.target.blur();
+    });
+  }
+
   document.addEventListener("change", (event) => {
+    if (event.target === field("person")) act("person:" + event.target.value);
     if (event.target.closest("#video")) {
       event.target.blur();
       act("video:" + event.target.value);
@@ -92,10 +116,12 @@
   });
 
   at("traces").addEventListener("wheel", (event) => {
+    const page = document.documentElement; // where it is longer than the window, it scrolls
+    if (page.scrollHeight > page.clientHeight + 1 && !event.shiftKey) return;
     event.preventDefault();
     if (Date.now() - wheeled < WHEEL_MS) return;
     wheeled = Date.now();
-    act(event.deltaY < 0 ? "zoom_in" : "zoom_out");
+    act((event.deltaY || event.deltaX) < 0 ? "zoom_in" : "zoom_out");
   }, { passive: false });
 
   setInterval(() => {

@@ -20,12 +20,13 @@ ALLOWED = frozenset(COMMANDS.values()) | {"finish_now"}
 class Page:
     """Brings a `Desk` to a Bokeh document: commands come in, what has changed goes out.
 
-    `finish` is called when the person wants to end.
+    `finish` is called when the person wants to end; `person` is the name that is saved with
+    corrections until another is given.
     """
 
-    def __init__(self, doc, results, finish):
+    def __init__(self, doc, results, finish, person=""):
         self.doc, self.results, self.finish = doc, results, finish
-        self.desk = Desk(results)
+        self.desk = Desk(results, person)
         self.picture = Picture()
         self.courses = Courses(self._pointed)
         self._inbox, self._panel = TextInput(name="inbox"), Div(name="panel")
@@ -42,7 +43,7 @@ class Page:
         doc = self.doc
         doc.title = f"{self.results.folder.resolve().name} · whiskerforce curate"
         doc.template = panels.environment().get_template("page.html")
-        doc.template_variables.update(panels.template_variables())
+        doc.template_variables.update(panels.template_variables(), person=self.desk.person)
         wires = column(self._inbox, self._panel, name="wires", visible=False)
         plots = (self.picture.whole, self.picture.close, *self.courses.plots.values())
         for root in (*plots, wires):
@@ -80,6 +81,10 @@ class Page:
             self.desk.select(self.desk.items[int(value)].span)
         elif what == "video":
             self.desk.open_video(value)
+        elif what == "frame":
+            self.desk.go_to(value)
+        elif what == "person":
+            self.desk.be(value)
         elif command in ALLOWED and hasattr(self.desk, command):
             self.desk.do(command)
 

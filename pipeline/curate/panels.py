@@ -14,6 +14,7 @@ MOST_ROWS = 120  # of the list of contacts: in a longer list those around the pr
 
 BUTTONS = (
     (("previous_contact", "Previous"), ("next_contact", "Next"), ("next_doubtful", "Doubtful")),
+    (("next_slip", "Slip"), ("strongest", "Strongest"), ("shortest", "Shortest")),
     (("confirm", "Right"), ("delete", "No contact"), ("add", "Add")),
     (("onset", "Begins here"), ("offset", "Over here"), ("merge", "Merge")),
     (("undo", "Undo"), ("redo", "Redo")),

@@ -13,6 +13,7 @@ import pandas as pd
 
 from pipeline.contacts import analysis, intervals
 from pipeline.contacts.corrections import CORRECTIONS_FILE, read_corrections, write_corrections
+from pipeline.curate.decisions import write_decisions
 from pipeline.curate.frames import FrameReader
 from pipeline.curate.items import Item, items_of, probabilities
 from pipeline.curate.review import Review
@@ -243,9 +244,15 @@ class Results:
         with self._changed:
             self._changed.wait_for(lambda: not self._due)
 
+    def write_decisions(self) -> tuple[Path, int]:
+        """Write what was decided so far, by whom and when: (path, how many decisions)."""
+        return write_decisions(self.folder, self.names)
+
     def close(self) -> None:
         """Write what is due; let go of files and thread."""
         self.settle()
+        if any((self.folder / name / CORRECTIONS_FILE).exists() for name in self.names):
+            self.write_decisions()
         with self._changed:
             self._closed = True
             self._changed.notify_all()

@@ -46,6 +46,10 @@ class Review:
     n_frames : of the video
     save : called with the table of corrections after every change, to store it
     whiskers : names; verdicts on others are kept, but not shown. None: all there are
+
+    Attributes
+    ----------
+    person : name of who makes the edits, kept with each
     """
 
     def __init__(
@@ -55,6 +59,7 @@ class Review:
         self.n_frames = n_frames
         self._whiskers = whiskers
         self._save = save
+        self.person = ""
         self._past, self._future = [], []
         self._set(verdicts(corrections))
 
@@ -195,7 +200,7 @@ class Review:
         if verdict == FREE:
             span = Span(span.whisker, start, stop)
         now = datetime.now(UTC).isoformat(timespec="seconds")
-        new = Verdict(*span[:1], verdict, *span[1:], start, stop, now)
+        new = Verdict(*span[:1], verdict, *span[1:], start, stop, now, self.person)
         self._change([v for v in self.verdicts if v not in replaced] + [new])
 
     def _is_all_detected(self, span, start, stop):

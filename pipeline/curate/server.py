@@ -8,6 +8,7 @@ import threading
 import time
 import webbrowser
 
+from pipeline.curate.decisions import user_name
 from pipeline.curate.results import Results
 from pipeline.tables.result_exchange import settled
 
@@ -16,7 +17,7 @@ NAMES = (HOST, "localhost")
 GOODBYE_S = 0.5  # for the last words to reach the browser
 
 
-def curate(results, port=0, open_browser=True, block=True, say=print):
+def curate(results, port=0, open_browser=True, block=True, say=print, name=None):
     """Let a person correct the contacts of a results folder in the browser.
 
     Parameters
@@ -27,6 +28,7 @@ def curate(results, port=0, open_browser=True, block=True, say=print):
     block : return when the person has finished (in the page, or with Ctrl-C), with all tables
         written; else at once, with a `Server` to be stopped
     say : called with the address of the page
+    name : of who curates, saved with every correction; None: the user's on this computer
 
     Returns
     -------
@@ -38,7 +40,7 @@ def curate(results, port=0, open_browser=True, block=True, say=print):
         Where there is nothing to curate in the folder, another `whiskerforce` is at work in it,
         or the port is taken.
     """
-    server = _server(results, port)
+    server = _server(results, port, user_name() if name is None else name)
     say(f"curate: {server.url}")
     say("Finish in the page, or here with Ctrl-C; every correction is saved at once.")
     if open_browser:
@@ -52,11 +54,11 @@ def curate(results, port=0, open_browser=True, block=True, say=print):
     return server
 
 
-def _server(results, port):
+def _server(results, port, person):
     """A server of results that are whole, and nobody else's until it stops."""
     with contextlib.ExitStack() as held:
         held.enter_context(settled(results))
-        server = Server(Results(results), port)
+        server = Server(Results(results), port, person)
         server.on_stop(held.pop_all().close)
     return server
 
@@ -64,8 +66,8 @@ def _server(results, port):
 class Server:
     """Serves the page from a thread of its own; `url` is where."""
 
-    def __init__(self, results: Results, port: int = 0):
-        self.results = results
+    def __init__(self, results: Results, port: int = 0, person: str = ""):
+        self.results, self.person = results, person
         self._callbacks = []
         self._socket = _bound_socket(port)
         self._pages = []
@@ -132,7 +134,7 @@ class Server:
     def _open(self, doc):
         from pipeline.curate.page import Page
 
-        page = Page(doc, self.results, self._finish)
+        page = Page(doc, self.results, self._finish, self.person)
         self._pages.append(page)
         doc.on_session_destroyed(lambda context: self._pages.remove(page))
 

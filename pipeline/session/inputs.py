@@ -18,6 +18,7 @@ PREVIEW_NAME = "session_preview.png"
 SESSION_FILES = (
     "videos.csv",
     "contacts.csv",
+    "decisions.csv",
     "run.json",
     "run.log",
     "report.html",

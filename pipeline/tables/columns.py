@@ -8,12 +8,16 @@ import pandas as pd
 
 @dataclass(frozen=True)
 class Column:
-    """One table column: its name, pandas dtype, unit ("" where none) and meaning."""
+    """One table column: its name, pandas dtype, unit ("" where none) and meaning.
+
+    Files of earlier versions may be without a column that is `later`.
+    """
 
     name: str
     dtype: str
     unit: str
     meaning: str
+    later: bool = False
 
 
 def _with_errors(columns):
@@ -180,6 +184,19 @@ CORRECTION_COLUMNS = (
     Column("covers_from", "int64", "", "first frame for which the verdict holds"),
     Column("covers_to", "int64", "", "first frame for which it no longer does"),
     Column("saved_at", "string", "", "date and time of the correction, UTC"),
+    Column("saved_by", "string", "", "who made it: a person's name, or a program's", later=True),
+)
+
+DECISION_COLUMNS = (
+    Column("video", "string", "", "name of the video's results folder"),
+    Column("whisker", "string", "", "name of the whisker"),
+    Column("decision", "string", "", "added or moved, confirmed, or no contact"),
+    Column("onset_frame", "int64", "", "first frame of touch (or of the stretch without)"),
+    Column("offset_frame", "int64", "", "first frame after it (half-open)"),
+    Column("onset_s", "float64", "s", "onset_frame / frames_per_second"),
+    Column("duration_ms", "float64", "ms", "from onset to offset"),
+    Column("decided_by", "string", "", "name of the person, or of the program"),
+    Column("decided_at", "string", "", "date and time, UTC"),
 )
 
 EVIDENCE_COLUMNS = (

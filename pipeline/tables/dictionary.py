@@ -5,6 +5,7 @@ from pipeline.tables.columns import (
     CONTACT_COLUMNS,
     CONTACT_FLAGS,
     CORRECTION_COLUMNS,
+    DECISION_COLUMNS,
     DENSITY_COLUMNS,
     DUST_COLUMNS,
     DUST_CONTACT_COLUMNS,
@@ -25,6 +26,10 @@ FILES = {
     "corrections.csv": (
         "What a person said of a video's contacts (docs/curate.md), a row per verdict.",
         CORRECTION_COLUMNS,
+    ),
+    "decisions.csv": (
+        "Of `curate`: the corrections of all videos, a row per decision.",
+        DECISION_COLUMNS,
     ),
     "evidence.parquet": (
         "What the contacts of a video rest on, a row per whisker and frame, in SI units.",

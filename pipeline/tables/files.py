@@ -117,11 +117,11 @@ def read_csv(path, columns) -> pd.DataFrame:
     except ValueError as error:  # no table at all, or a line of too many values
         raise ValueError(f"{path}: {' '.join(str(error).split())}") from None
     table = table.fillna("")  # a line of too few values
-    missing = [c.name for c in columns if c.name not in table]
+    missing = [c.name for c in columns if c.name not in table and not c.later]
     if missing:
         raise ValueError(f"{path}: expected column {missing[0]}, found {list(table.columns)}")
     out = {}
-    for c in columns:
+    for c in [c for c in columns if c.name in table]:
         try:
             out[c.name] = _parsed(table[c.name], c)
         except ValueError as error:

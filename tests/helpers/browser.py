@@ -19,16 +19,18 @@ for (let node; (node = walker.nextNode()); ) {
   if (!node.data.trim() || parent.closest("script, style, title")) continue;
   const range = document.createRange();
   range.selectNodeContents(node);
-  let room = [0, document.documentElement.clientWidth];
+  let room = [0, document.documentElement.clientWidth], seen = [-Infinity, Infinity];
   for (let box = parent; box !== document.body; box = box.parentElement) {
-    if (getComputedStyle(box).overflowX === "visible") continue;
-    const place = box.getBoundingClientRect();
-    room = [Math.max(room[0], place.left), Math.min(room[1], place.right)];
+    const style = getComputedStyle(box), place = box.getBoundingClientRect();
+    if (style.overflowX !== "visible") {
+      room = [Math.max(room[0], place.left), Math.min(room[1], place.right)];
+    }
+    if (/auto|scroll/.test(style.overflowY)) {
+      seen = [Math.max(seen[0], place.top), Math.min(seen[1], place.bottom)];
+    }
   }
-  const hides = parent.closest(".tall, pre");
-  const ground = hides ? hides.getBoundingClientRect() : null;
   for (const r of range.getClientRects()) {
-    const scrolled = ground && (r.bottom > ground.bottom + 1 || r.top < ground.top - 1);
+    const scrolled = r.bottom > seen[1] + 1 || r.top < seen[0] - 1;
     if (r.width < 1 || scrolled) continue;
     const text = node.data.trim().slice(0, 40);
     found.push([text, r.left, r.top, r.right, r.bottom, ...room]);
@@ -60,6 +62,11 @@ def show(driver, url, width: int) -> None:
     size = {"width": width, "height": 900, "deviceScaleFactor": 1, "mobile": False}
     driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
     driver.get(url)
+
+
+def show_as_before(driver) -> None:
+    """Give the window its own width again."""
+    driver.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
 
 
 def word_faults(driver) -> list[str]:

@@ -8,12 +8,14 @@ from curated import opened
 from pipeline.contacts.corrections import read_corrections
 from pipeline.curate.desk import Desk
 from pipeline.curate.keys import COMMANDS, KEYS, shown
+from pipeline.tables import files
+from pipeline.tables.columns import CONTACT_COLUMNS, VIDEO_COLUMNS
 
 pytestmark = pytest.mark.e2e
 
 
 def test_every_key_has_its_command():
-    by_page = {"play"}  # which the browser does, by stepping
+    by_page = {"play", "go_to_frame"}  # which the browser does
     assert all(hasattr(Desk, key.command) for key in KEYS if key.command not in by_page)
     assert len(COMMANDS) == sum(len(key.keys) for key in KEYS)
 
@@ -59,3 +61,62 @@ def test_commands_without_sense_are_told_and_change_nothing(results):
             assert desk.is_error, command
             assert desk.message, command
         assert read_corrections(results / desk.video.name).empty
+
+
+def test_search_by_force_and_length_goes_through_all_in_order(results):
+    with opened(results) as folder:
+        desk = Desk(folder)
+        count = sum(item.is_contact for item in desk.items)
+        for command, column, sign in (("strongest", "peak_force_uN", -1),
+                                      ("shortest", "duration_ms", 1)):  # fmt: skip
+            found = []
+            for _ in range(count):
+                desk.do(command)
+                found.append(sign * desk.current.values[column])
+                assert desk.frame == desk.selected.onset
+            assert found == sorted(found)
+            assert f"{count} of {count}" in desk.message
+            desk.do(command)
+            assert desk.is_error
+            desk.do(command)
+            assert f"1 of {count}" in desk.message
+
+
+def test_search_for_slips(results):
+    name = files.read_csv(results / "videos.csv", VIDEO_COLUMNS)["video"].iloc[0]
+    contacts = files.read_csv(results / name / "contacts.csv", CONTACT_COLUMNS)
+    slips = [0, len(contacts) - 1]
+    contacts["slip"] = contacts.index.isin(slips)
+    files.write_csv(results / name / "contacts.csv", contacts, CONTACT_COLUMNS)
+    with opened(results) as folder:
+        desk = Desk(folder)
+        desk.go(0)
+        desk.do("escape")
+        for row in slips:
+            desk.do("next_slip")
+            assert desk.selected.onset == contacts["onset_frame"][row]
+        desk.do("next_slip")
+        assert desk.is_error
+
+
+def test_corrections_bear_the_name_of_who_made_them(results):
+    with opened(results) as folder:
+        desk = Desk(folder, "Ada")
+        desk.do("confirm")
+        desk.be("Grace")
+        desk.do("confirm")
+        saved = read_corrections(results / desk.video.name)["saved_by"]
+        assert saved.tolist() == ["Ada", "Grace"]
+        desk.do("export")
+        assert f"2 decisions written to {results.resolve() / 'decisions.csv'}" in desk.message
+
+
+def test_a_frame_is_reached_by_its_number(results):
+    with opened(results) as folder:
+        desk = Desk(folder)
+        desk.go_to("17")
+        assert (desk.frame, desk.is_error) == (17, False)
+        for text in (str(desk.video.n_frames), "-1", "1.5", ""):
+            desk.go_to(text)
+            assert (desk.frame, desk.is_error) == (17, True)
+            assert f"frames 0 to {desk.video.n_frames - 1}" in desk.message

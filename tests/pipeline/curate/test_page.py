@@ -1,6 +1,7 @@
 """The page, served and in a real browser."""
 
 import http.client
+import itertools
 import re
 import shutil
 import socket
@@ -11,10 +12,12 @@ from urllib.parse import urlsplit
 
 import numpy as np
 import pytest
+from browser import show, show_as_before, word_faults
 from curated import FRAMES, PATIENCE_S, contacts_of, edges
 
 from pipeline.contacts.corrections import read_corrections
 from pipeline.curate import curate
+from pipeline.curate.decisions import user_name
 from pipeline.curate.keys import KEYS
 from pipeline.errors import InputError
 from pipeline.runtime.folder_lock import locked
@@ -382,6 +385,54 @@ def test_help_and_videos(tab, served):
     assert "last video" in tab.message
     tab.press("V")
     assert tab.chosen_video() == names[0]
+
+
+PANELS = ("picture", "traces", "below", "items")
+
+
+@pytest.mark.parametrize(("width", "stacked"), [(1200, False), (1199, True), (420, True)])
+def test_below_1200_px_the_panels_stack(tab, served, width, stacked):
+    try:
+        show(tab.driver, served[0].url, width)
+        tab.wait(lambda: tab.answered() > 0)
+        script = """return arguments[0].map(id => {
+            const r = document.getElementById(id).getBoundingClientRect();
+            return [r.left, r.right, r.top, r.bottom]; })"""
+        places = tab.driver.execute_script(script, list(PANELS))
+        below = [b[2] >= a[3] for a, b in itertools.pairwise(places)]
+        assert all(below) == stacked
+        assert all(left >= 0 and right <= width for left, right, *_ in places)
+        assert tab.driver.execute_script("return scrollY") == 0
+        scrolled = tab.driver.execute_script("return document.documentElement.scrollWidth")
+        assert scrolled <= width
+        assert word_faults(tab.driver) == []
+    finally:
+        show_as_before(tab.driver)
+
+
+def test_a_frame_and_a_name_are_typed(tab, served):
+    from selenium.webdriver.common.action_chains import ActionChains
+    from selenium.webdriver.common.keys import Keys
+
+    results = served[1]
+    ActionChains(tab.driver).send_keys("g").send_keys("37", Keys.ENTER).perform()
+    tab.wait(lambda: tab.frame == 37)
+    tab.press(Keys.ARROW_RIGHT)  # keys speak to the page again
+    assert tab.frame == 38
+    field = tab.driver.find_element("css selector", "#person input")
+    assert field.get_attribute("value") == user_name()
+    field.clear()
+    field.send_keys("Ada", Keys.ENTER)
+    tab.wait(lambda: "name Ada" in tab.message)
+    tab.press("f")
+    assert "strongest" in tab.message
+    tab.press(Keys.ENTER)
+    assert read_corrections(results / first_video(results))["saved_by"].tolist() == ["Ada"]
+    tab.click('button[data-do="export"]')
+    assert "1 decision written to" in tab.message
+    assert tab.driver.execute_script(
+        "return Bokeh.documents[0].get_model_by_name('force').below[0].axis_label"
+    ) == "frame  (1 ms each)"  # fmt: skip
 
 
 def test_two_tabs_see_the_same_corrections(tab, served, driver):

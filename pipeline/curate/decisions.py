@@ -1,0 +1,69 @@
+"""What people decided in a whole session, by whom and when: decisions.csv."""
+
+import getpass
+from pathlib import Path
+
+import pandas as pd
+
+from pipeline.contacts.corrections import CONFIRMED, CONTACT, FREE, read_corrections
+from pipeline.session.schema import FORMULA
+from pipeline.session.session_file import read_session
+from pipeline.tables.columns import DECISION_COLUMNS, as_table
+from pipeline.tables.files import write_csv
+
+DECISIONS_FILE = "decisions.csv"
+WORDS = {CONTACT: "added or moved", CONFIRMED: "confirmed", FREE: "no contact"}
+LONGEST_NAME = 60  # characters of a person's name
+
+
+def user_name() -> str:
+    """The user's name on this computer, "" where it has none."""
+    try:
+        return getpass.getuser()
+    except (KeyError, OSError):
+        return ""
+
+
+def name_of(text: str) -> str:
+    """A person's name as tables can hold it, without what spreadsheets would compute.
+
+    >>> name_of("  =Ada \\n Lovelace ")
+    'Ada Lovelace'
+    """
+    printed = "".join(c if c.isprintable() else " " for c in text)
+    return " ".join(printed.split()).lstrip("".join(FORMULA)).strip()[:LONGEST_NAME]
+
+
+def decisions_of(folder, names) -> pd.DataFrame:
+    """Return the corrections of some videos of a results folder, as DECISION_COLUMNS."""
+    parts = [_of_video(Path(folder) / name) for name in names]
+    table = pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
+    return as_table(table, DECISION_COLUMNS)
+
+
+def write_decisions(folder, names) -> tuple[Path, int]:
+    """Write decisions.csv into a results folder; return (its path, how many there are)."""
+    table, path = decisions_of(folder, names), Path(folder) / DECISIONS_FILE
+    write_csv(path, table, DECISION_COLUMNS)
+    return path, len(table)
+
+
+def _of_video(folder) -> pd.DataFrame:
+    corrections = read_corrections(folder)
+    if corrections.empty:
+        return as_table(pd.DataFrame(), DECISION_COLUMNS)
+    rate = read_session(folder / "session.toml").recording.frames_per_second
+    onset, offset = corrections["onset_frame"], corrections["offset_frame"]
+    table = pd.DataFrame(
+        {
+            "whisker": corrections["whisker"],
+            "decision": corrections["verdict"].map(WORDS),
+            "onset_frame": onset,
+            "offset_frame": offset,
+            "onset_s": onset / rate,
+            "duration_ms": 1e3 * (offset - onset) / rate,
+            "decided_by": corrections["saved_by"],
+            "decided_at": corrections["saved_at"],
+        }
+    )
+    return table.assign(video=folder.name).sort_values("onset_frame", kind="stable")
