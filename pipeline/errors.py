@@ -1,5 +1,7 @@
 """What can go wrong with an input, in words that help."""
 
+from pathlib import Path
+
 
 class VideoError(Exception):
     """An input that cannot be read (on); the message names it, what is wrong and what to do.
@@ -36,6 +38,22 @@ class CorrectionsError(ValueError):
 
 class InputError(ValueError):
     """Unusable arguments; the message names them and says what to do."""
+
+
+def need_content(folder, expected: str) -> None:
+    """InputError where `folder` is one with nothing in it, hidden files apart."""
+    folder = Path(folder)
+    if folder.is_dir() and all(entry.name.startswith(".") for entry in folder.iterdir()):
+        raise InputError(f"{folder}: is an empty folder: expected {expected} in it")
+
+
+def in_words(error: Exception | str) -> str:
+    """The message of an error in one line; the system's without its number.
+
+    >>> in_words(ValueError("of two\\nlines"))
+    'of two lines'
+    """
+    return " ".join((why(error) if isinstance(error, OSError) else str(error)).split())
 
 
 def why(error: OSError) -> str:

@@ -23,7 +23,7 @@ from pipeline.app.outcome import (
     kept_outcome,
     save_state,
 )
-from pipeline.errors import InputError, why
+from pipeline.errors import InputError, in_words, why
 from pipeline.runtime.folder_lock import locked
 from pipeline.runtime.progress import Progress, Step, duration
 from pipeline.runtime.run_log import RunLog
@@ -287,7 +287,7 @@ def _write_pictures(summary, shown, log):
             write(summary.out)
         except Exception as error:
             log.write(traceback.format_exc())
-            yield f"the {what} could not be made ({type(error).__name__}: {error})"
+            yield f"the {what} could not be made ({type(error).__name__}: {in_words(error)})"
 
 
 # --- one video ---------------------------------------------------------------------------
@@ -371,7 +371,7 @@ def _with_overlay(task, outcome, folder, report=None) -> Outcome:
     try:
         write_overlay(task.path, folder, task.settings, lambda *done: say(Step("overlay", *done)))
     except Exception as error:
-        reason = " ".join(f"{type(error).__name__}: {error}".split())
+        reason = f"{type(error).__name__}: {in_words(error)}"
         return _warned(outcome, f"the overlay could not be drawn ({reason}); all tables are there")
     return outcome
 

@@ -12,12 +12,19 @@ calibrate = typer.Typer(
     rich_markup_mode=None,
 )
 
-Out = Annotated[Path, typer.Option("--out", help="Folder for the results.")]
-Into = Annotated[
-    Path | None, typer.Option("--into", help="A session.toml to write the results into.")
+Out = Annotated[
+    Path, typer.Option("--out", help="Folder for the results; made where it is missing.")
 ]
-Whisker = Annotated[str | None, typer.Option("--whisker", help="Name of the whisker there.")]
-Debug = Annotated[bool, typer.Option("--debug", help="Show tracebacks.")]
+Into = Annotated[
+    Path | None,
+    typer.Option("--into", help="Settings file (session.toml) to write the results into."),
+]
+Whisker = Annotated[
+    str | None, typer.Option("--whisker", help="Name of the whisker in that settings file.")
+]
+Debug = Annotated[
+    bool, typer.Option("--debug", help="Show where in the program an error came from (traceback).")
+]
 
 
 @calibrate.command()
@@ -26,14 +33,20 @@ def geometry(
         list[Path], typer.Argument(metavar="IMAGE...", help="Micrographs, one whisker in each.")
     ],
     out: Out,
-    pixels_per_mm: Annotated[float | None, typer.Option(help="Scale of the micrographs.")] = None,
+    pixels_per_mm: Annotated[
+        float | None, typer.Option(help="Scale of the micrographs: pixels per millimetre.")
+    ] = None,
     scale_bar_mm: Annotated[
         float | None,
-        typer.Option(help="Length of the scale bar in each micrograph, in place of the scale."),
+        typer.Option(
+            help="Length of the scale bar in each micrograph, if the scale is not known."
+        ),
     ] = None,
     mass_ug: Annotated[
         list[float] | None,
-        typer.Option(help="Mass [µg] of each whisker, in the order of the images: its density."),
+        typer.Option(
+            help="Mass of each whisker [µg], in the order of the images; gives the density too."
+        ),
     ] = None,
     into: Into = None,
     whisker: Whisker = None,
@@ -58,11 +71,16 @@ def ringdown(
         list[str] | None,
         typer.Option(
             metavar="VIDEO:WHISKER:FRAME",
-            help="First free frame after a slip, once per slip.  [default: the slips found]",
+            help="First frame in which the whisker is free after a slip; repeat the option for "
+            "every slip.  [default: the slips that `run` found]",
         ),
     ] = None,
     follicle: Annotated[
-        str, typer.Option(help="The base's end: fixed, pinned, or a stiffness in E I0/L.")
+        str,
+        typer.Option(
+            help="How the follicle holds the whisker's base: fixed, pinned, or a number, its "
+            "rotational stiffness in units of E I/L (at the base)."
+        ),
     ] = "fixed",
     into: Into = None,
     whisker: Whisker = None,
@@ -90,7 +108,7 @@ def dust(
     ] = None,
     at_mm: Annotated[
         float | None,
-        typer.Option(help="About where it sits, from the follicle [mm].  [default: found]"),
+        typer.Option(help="Rough distance of the particle from the follicle [mm].  [default: found]"),
     ] = None,
     debug: Debug = False,
 ):

@@ -92,11 +92,11 @@ def run(
     ] = None,
     jobs: Jobs = None,
     overwrite: Annotated[
-        bool, typer.Option("--overwrite", help="Process all videos again, the finished ones too.")
+        bool, typer.Option("--overwrite", help="Process finished videos again, too.")
     ] = False,
     overlay: Annotated[
         bool,
-        typer.Option("--overlay", help="Write each video once more, with the findings drawn in."),
+        typer.Option("--overlay", help="Write a copy of each video with the findings drawn in."),
     ] = False,
     quiet: Quiet = False,
     debug: Debug = False,
@@ -176,14 +176,16 @@ def init(
         bool, typer.Option("--overwrite", help="Replace the session.toml that is there.")
     ] = False,
     config: Annotated[
-        Path | None, typer.Option(help="Settings to show in a preview; nothing else is written.")
+        Path | None,
+        typer.Option(help="Settings file to draw a preview from; nothing else is written."),
     ] = None,
     debug: Debug = False,
 ):
     """Write a first session.toml from a look at the videos.
 
-    It is commented, and lies in their folder, with a preview picture of what was found. Where
-    there is one already, the picture shows what it finds, with the names that `run` will give.
+    It lies in their folder, has a comment for every setting, and comes with a preview picture of
+    what was found. Where there is one already, it is kept, and the picture shows what its settings
+    find, with the names that `run` will give.
     """
     from pipeline.app.init import init_folder
 
@@ -233,7 +235,7 @@ def synth(
 ):
     """Render videos with known truth.
 
-    With them come session.toml and truth tables of the same columns as the results.
+    Beside the videos lie their session.toml and truth tables with the columns of the results.
     """
     from pipeline.app.demo import preset_lines, render
 

@@ -17,9 +17,13 @@ FILES = {  # what a program's files are called: a pattern, and in words
     "sleap": (r"analysis.*\.(csv|h5)$", "NAME.analysis.h5 or .csv"),
 }
 
-Paths = Annotated[list[Path], typer.Argument(metavar="PATH...", help="Files, or their folders.")]
+Paths = Annotated[
+    list[Path], typer.Argument(metavar="PATH...", help="Files, or folders with such files.")
+]
 Results = Annotated[Path, typer.Argument(help="Results folder of `whiskerforce run`.")]
-Out = Annotated[Path, typer.Option("--out", help="Folder to write into.")]
+Out = Annotated[
+    Path, typer.Option("--out", help="Folder to write into; made where it is missing.")
+]
 Config = Annotated[
     Path | None,
     typer.Option(help="Settings file to use.  [default: the session.toml beside the files]"),
@@ -36,7 +40,8 @@ Debug = Annotated[
 Names = Annotated[
     str,
     typer.Option(
-        help="Whiskers, in the other program's order, with commas.  [default: as in session.toml]"
+        help="Names of the whiskers, in the other program's order, separated by commas.  "
+        "[default: as in session.toml]"
     ),
 ]
 
@@ -100,11 +105,13 @@ def _key_points(path, settings, program, names):
 
 @importing.command("whacc")
 def import_whacc(
-    path: Annotated[Path, typer.Argument(help="WhACC's HDF5 file.")],
+    path: Annotated[Path, typer.Argument(help="HDF5 file that WhACC wrote.")],
     out: Annotated[
         Path, typer.Option("--out", help="Results folder that has the same videos' whiskers.")
     ],
-    whisker: Annotated[str, typer.Option(help="Whose contacts.  [default: the only one]")] = "",
+    whisker: Annotated[
+        str, typer.Option(help="Whisker that the contacts belong to.  [default: the only one]")
+    ] = "",
     debug: Debug = False,
 ):
     """Contacts of WhACC, put in place of those found in the results of the same videos.
@@ -114,8 +121,10 @@ def import_whacc(
     from pipeline.convert.results import read_results
     from pipeline.convert.whacc import take_contacts
     from pipeline.curate.results import Results
+    from pipeline.errors import need_content
     from pipeline.runtime.folder_lock import locked
 
+    need_content(path, "WhACC's HDF5 file, named,")
     videos = read_results(out)
     with locked(out):
         for written in take_contacts(path, videos, whisker):
@@ -142,13 +151,14 @@ def _find(paths, out, program):
 
     Of a file there as CSV and as HDF5, the CSV.
     """
-    from pipeline.errors import InputError
+    from pipeline.errors import InputError, need_content
     from pipeline.session.inputs import Input
 
     found, (pattern, names) = [], FILES[program]
     for root in paths:
         if not root.exists():
             raise InputError(f"no such file or folder: {root}; check the spelling")
+        need_content(root, f"files called {names}")
         inside = [p for p in sorted(root.rglob("*")) if re.search(pattern, p.name)]
         inside = [p for p in inside if out.resolve() not in p.resolve().parents]
         inside = [p for p in inside if p.suffix != ".h5" or p.with_suffix(".csv") not in inside]
@@ -209,8 +219,8 @@ def export_mat(
     protraction: Annotated[
         str,
         typer.Option(
-            help="Where whiskers protract to in the picture: upward, downward, leftward, "
-            "rightward.  [default: counter-clockwise]"
+            help="Direction in the picture in which whiskers protract: upward, downward, "
+            "leftward or rightward.  [default: counter-clockwise]"
         ),
     ] = "",
     debug: Debug = False,
@@ -226,12 +236,22 @@ def export_nwb(
     results: Results,
     out: Out,
     start: Annotated[
-        str, typer.Option(help="When the recording began, ISO 8601.  [default: the file's time]")
+        str,
+        typer.Option(
+            help="Date and time at which the recording began, as 2024-11-22T10:30:00+00:00.  "
+            "[default: the file's time]"
+        ),
     ] = "",
     subject: Annotated[str, typer.Option(help="Name of the animal.")] = "",
-    species: Annotated[str, typer.Option(help='E.g. "Mus musculus".')] = "",
-    sex: Annotated[str, typer.Option(help="F, M, O or U.")] = "",
-    age: Annotated[str, typer.Option(help="ISO 8601, e.g. P90D.")] = "",
+    species: Annotated[
+        str, typer.Option(help='Latin name of the species, such as "Mus musculus".')
+    ] = "",
+    sex: Annotated[
+        str, typer.Option(help="Sex of the animal: F (female), M (male), O (other), U (unknown).")
+    ] = "",
+    age: Annotated[
+        str, typer.Option(help="Age of the animal as an ISO 8601 duration: P90D is 90 days.")
+    ] = "",
     debug: Debug = False,
 ):
     """Neurodata Without Borders, a file per video (needs the extra nwb)."""
@@ -243,7 +263,7 @@ def export_nwb(
 
 @exporting.command("movement")
 def export_movement(results: Results, out: Out, debug: Debug = False):
-    """netCDF poses for `movement`, a file per video (needs the extra formats)."""
+    """Poses for the library `movement` as netCDF, a file per video (needs the extra formats)."""
     from pipeline.convert.movement import write_movement
 
     _export(results, out, write_movement)

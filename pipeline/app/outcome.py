@@ -6,6 +6,7 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
 from pipeline import __version__
+from pipeline.errors import in_words
 from pipeline.session.inputs import sha256, stamp
 from pipeline.session.session_file import SettingsError, read_session
 from pipeline.tables import files
@@ -103,7 +104,7 @@ def damage(folder, state) -> str:
             if settings_digest(settings) != state["settings_sha256"]:
                 return f"{folder / 'session.toml'}: not the settings of these results"
     except (OSError, ValueError, SettingsError) as error:
-        return " ".join(str(error).split())
+        return in_words(error)
     return ""
 
 

@@ -16,7 +16,7 @@ from skimage.graph import MCP_Geometric
 from skimage.measure import label, regionprops
 from skimage.morphology import skeletonize
 
-from pipeline.errors import VideoError
+from pipeline.errors import VideoError, need_content
 
 REDUCED = 8  # the ground is found in a picture reduced so many times
 GROUND_REDUCED_PX = 31  # over which the ground's median is taken there
@@ -59,6 +59,7 @@ def read_micrograph(path) -> np.ndarray:
     VideoError
         If the file is no picture.
     """
+    need_content(path, "micrographs, named one by one,")
     try:
         data = np.fromfile(path, np.uint8)  # imread cannot open every Unicode path
     except OSError as error:

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from pipeline.session.inputs import need_results
 from pipeline.session.session_file import Settings, read_session
 from pipeline.tables.columns import CONTACT_COLUMNS
 from pipeline.tables.files import read_csv, read_frames
@@ -71,12 +72,8 @@ def settings_of(results, video) -> Settings:
 
 
 def _contacts(results):
-    path = Path(results) / "contacts.csv"
-    if not path.is_file():
-        raise ValueError(
-            f"{results}: no contacts.csv in it; expected a results folder of `whiskerforce run`"
-        )
-    return read_csv(path, CONTACT_COLUMNS)
+    need_results(results)
+    return read_csv(Path(results) / "contacts.csv", CONTACT_COLUMNS)
 
 
 def _videos(results):

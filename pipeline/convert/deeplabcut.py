@@ -7,7 +7,7 @@ import pandas as pd
 
 from pipeline.convert.keypoints import MOST_FRAMES, KeyPoints
 from pipeline.convert.optional import library
-from pipeline.errors import InputError
+from pipeline.errors import InputError, in_words
 
 COORDINATES = ("x", "y", "likelihood")
 
@@ -73,7 +73,7 @@ def _frames(table, path):
 
 
 def _fault(path, error) -> InputError:
-    reason = " ".join(str(error).split())[:120]
+    reason = in_words(error)[:120]
     return InputError(
         f"{path}: cannot be read as key points of DeepLabCut ({reason}): expected a table with "
         "scorer, bodyparts and coords on top and a row per frame; analyse the video again"

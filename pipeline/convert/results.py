@@ -10,7 +10,7 @@ import pandas as pd
 from pipeline.detection.static_scene import PoleTrack
 from pipeline.errors import InputError
 from pipeline.scene import pole_runs
-from pipeline.session.inputs import STATE_FILE
+from pipeline.session.inputs import STATE_FILE, need_results
 from pipeline.session.session_file import Settings, read_session
 from pipeline.tables import files
 from pipeline.tables.centrelines import Centrelines, read_centrelines
@@ -73,11 +73,7 @@ class VideoResults:
 def read_results(folder) -> list[VideoResults]:
     """The finished videos of a results folder; InputError where there is none."""
     folder = Path(folder)
-    if not (folder / "videos.csv").is_file():
-        raise InputError(
-            f"{folder}: no videos.csv in it, so it is no results folder; give the --out folder of "
-            "`whiskerforce run` or `import`"
-        )
+    need_results(folder)
     videos = files.read_csv(folder / "videos.csv", VIDEO_COLUMNS)
     done = videos[videos["frames"] > 0]
     if not len(done):

@@ -7,7 +7,7 @@ import pandas as pd
 
 from pipeline.convert.keypoints import MOST_FRAMES, KeyPoints
 from pipeline.convert.optional import library
-from pipeline.errors import InputError
+from pipeline.errors import InputError, in_words
 
 NEEDED = ("track", "frame_idx")
 
@@ -81,7 +81,7 @@ def _points(table, parts, frame) -> KeyPoints:
 
 
 def _fault(path, error) -> InputError:
-    reason = " ".join(str(error).split())[:120]
+    reason = in_words(error)[:120]
     return InputError(
         f"{path}: cannot be read as a SLEAP analysis file ({reason}): expected HDF5 with tracks "
         "and node_names, or CSV with track and frame_idx; export it again (Analysis HDF5 or CSV)"

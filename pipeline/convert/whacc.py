@@ -19,7 +19,7 @@ from pipeline.contacts.corrections import (
     write_corrections,
 )
 from pipeline.convert.optional import library
-from pipeline.errors import InputError
+from pipeline.errors import InputError, in_words
 from pipeline.tables.files import whole_file
 
 TOUCH, NONE, UNKNOWN = 1, 0, -1
@@ -149,7 +149,7 @@ def write_whacc(path, videos) -> Path:
 
 
 def _fault(path, error) -> InputError:
-    reason = " ".join(str(error).split())[:120]
+    reason = in_words(error)[:120]
     return InputError(
         f"{path}: cannot be read as WhACC's file ({reason}): expected HDF5 with full_file_names, "
         "frame_nums and labels or yhat; copy it again, or let WhACC predict again"

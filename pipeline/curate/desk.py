@@ -7,7 +7,7 @@ from pipeline.curate.decisions import name_of
 from pipeline.curate.items import Item
 from pipeline.curate.results import Results, VideoUnderReview
 from pipeline.curate.review import EditError, Span
-from pipeline.errors import InputError
+from pipeline.errors import InputError, in_words
 
 WIDTHS = (50, 100, 200, 400, 800, 1600, 3200, 6400, 12800, 25600)  # frames in the time window
 FIRST_WIDTH = 400
@@ -141,7 +141,7 @@ class Desk:
         try:
             video = self.results.video(name)
         except (OSError, ValueError) as error:
-            raise EditError(f"{name} cannot be opened: {error}") from error
+            raise EditError(f"{name} cannot be opened: {in_words(error)}") from error
         if self.video is not None:
             self.video.close()
         self.video: VideoUnderReview = video

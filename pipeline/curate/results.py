@@ -17,7 +17,7 @@ from pipeline.curate.decisions import write_decisions
 from pipeline.curate.frames import FrameReader
 from pipeline.curate.items import Item, items_of, probabilities
 from pipeline.curate.review import Review
-from pipeline.errors import InputError, VideoError
+from pipeline.errors import InputError, VideoError, in_words
 from pipeline.scene import pole_runs
 from pipeline.session.inputs import need_results
 from pipeline.session.session_file import read_session
@@ -166,7 +166,7 @@ class VideoUnderReview:
         try:
             rows = centrelines.read_centrelines(self.folder / "centrelines.parquet", inside)
         except (OSError, ValueError, KeyError) as error:
-            self.no_lines = f"whiskers cannot be drawn: {error}"
+            self.no_lines = f"whiskers cannot be drawn: {in_words(error)}"
             return {}
         lines = {}
         for i, (frame, whisker) in enumerate(zip(rows.frame, rows.whisker, strict=True)):
@@ -298,7 +298,7 @@ class Results:
             self._replace_rows(name, video.touch.contacts)
             self.faults.pop(name, None)
         except Exception as error:  # the thread must live; corrections.csv is safe
-            self.faults[name] = f"{type(error).__name__}: {error}"
+            self.faults[name] = f"{type(error).__name__}: {in_words(error)}"
 
     def _replace_rows(self, name, contacts):
         parts = dict(list(self._contacts.groupby("video", sort=False)))

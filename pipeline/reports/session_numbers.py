@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from pipeline.errors import InputError, need_content
 from pipeline.session.inputs import need_results
 from pipeline.tables import files
 from pipeline.tables.columns import CONTACT_COLUMNS
@@ -35,8 +36,11 @@ def read_contacts(results) -> pd.DataFrame:
 def read_truth(results, truth=None) -> pd.DataFrame | None:
     """True contacts of the videos of a results folder, None where they are not known.
 
-    `video` is the name of the results folder of each. `truth` as in `write_fig3`.
+    `video` is the name of the results folder of each. `truth` as in `write_fig3`; InputError where
+    it holds none of these videos.
     """
+    if truth:
+        need_content(truth, "true tables of `whiskerforce synth`")
     inputs = read_run(results)["inputs"]
     parts = []
     for video, state in inputs.items():
@@ -47,6 +51,11 @@ def read_truth(results, truth=None) -> pd.DataFrame | None:
             if state["frames"] and table.is_file():
                 parts.append(files.read_csv(table, CONTACT_COLUMNS).assign(video=video))
                 break
+    if truth and not parts:
+        raise InputError(
+            f"--truth {truth}: no true tables of these videos in it; give the `truth` folder that "
+            "`whiskerforce synth` wrote beside them"
+        )
     return pd.concat(parts, ignore_index=True) if parts else None
 
 

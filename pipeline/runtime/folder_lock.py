@@ -5,7 +5,7 @@ import os
 import socket
 from pathlib import Path
 
-from pipeline.errors import InputError
+from pipeline.errors import InputError, in_words
 
 LOCK_FILE = ".whiskerforce-lock"
 EVERYBODY = 0o666  # a colleague may go on with the folder
@@ -34,7 +34,9 @@ def locked(folder):
             "or choose another folder"
         ) from None
     except (OSError, NotImplementedError) as error:
-        raise InputError(f"{folder}: cannot lock it ({error}); choose another folder") from None
+        raise InputError(
+            f"{folder}: cannot lock it ({in_words(error)}); choose another folder"
+        ) from None
     try:
         with contextlib.suppress(OSError):  # for the other one's message only
             path.write_text(f"process {os.getpid()} on {socket.gethostname()}\n", "utf-8")

@@ -6,7 +6,7 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
-from pipeline.errors import InputError, VideoError
+from pipeline.errors import InputError, VideoError, need_content
 from pipeline.session.schema import FORMULA
 from pipeline.session.session_file import SettingsError, read_session
 from pipeline.tables.result_exchange import STATE_FILE
@@ -244,6 +244,7 @@ def need_results(folder) -> None:
     folder = Path(folder)
     if not folder.is_dir():
         raise InputError(f"{folder}: no such folder; give the --out folder of `whiskerforce run`")
+    need_content(folder, "results of `whiskerforce run`")
     if not all((folder / name).is_file() for name in ("contacts.csv", "videos.csv")):
         raise InputError(
             f"{folder}: no results in it (contacts.csv, videos.csv); "

@@ -1,10 +1,13 @@
 """The command: exit status, messages, quick start, and no traceback unless asked for."""
 
 import os
+import re
 import subprocess
 import sys
 
 import pytest
+from results_folder import make_results
+from typer.main import get_command
 
 from pipeline.app import batch, cli
 from pipeline.app.batch import Outcome, Summary
@@ -94,21 +97,52 @@ def test_last_lines_lead_to_report_and_overlay(ran, capsys, tmp_path):
 @pytest.mark.parametrize(
     ("command", "message"),
     [
-        (["run", "empty", "--out", "out"], "empty: is an empty folder"),
-        (["init", "empty"], "empty: is an empty folder"),
-        (["figures", "empty"], "empty: no results in it"),
-        (["curate", "empty"], "empty: no results in it"),
         (["figures", "gone"], "gone: no such folder"),
         (["curate", "gone"], "gone: no such folder"),
+        (["init", "gone"], "gone: no such folder"),
+        (["calibrate", "ringdown", "gone", "--out", "out"], "gone: no such folder"),
+        (["export", "mat", "gone", "--out", "out"], "gone: no such folder"),
+    ],
+)
+def test_a_folder_that_is_not_there_is_named(command, message, capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert exit_code(*command) == 2
+    assert capsys.readouterr().err.startswith(f"error: {message}")
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("hidden", [(), (".DS_Store",)])
+@pytest.mark.parametrize(
+    "command",
+    [
+        "run empty --out out",
+        "init empty",
+        "figures empty",
+        "curate empty",
+        "calibrate geometry empty --out out --pixels-per-mm 100",
+        "calibrate ringdown empty --out out",
+        "import janelia empty --out out",
+        "import dlc empty --out out",
+        "import sleap empty --out out",
+        "import whacc empty --out out",
+        "export janelia empty --out out",
+        "export mat empty --out out",
+        "export nwb empty --out out",
+        "export movement empty --out out",
+        "export whacc empty --out out",
     ],
 )
 def test_an_empty_folder_gets_the_same_message_everywhere(
-    command, message, capsys, tmp_path, monkeypatch
+    command, hidden, capsys, tmp_path, monkeypatch
 ):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "empty").mkdir()
-    assert exit_code(*command) == 2
-    assert capsys.readouterr().err.startswith(f"error: {message}")
+    for name in hidden:
+        (tmp_path / "empty" / name).touch()
+    assert exit_code(*command.split()) == 2
+    assert re.match(
+        r"error: empty: is an empty folder: expected .+ in it\n$", capsys.readouterr().err
+    )
     assert not (tmp_path / "out").exists()
 
 
@@ -119,6 +153,7 @@ def test_an_empty_folder_gets_the_same_message_everywhere(
         ["synth", "file", "--preset", "single"],
         ["demo", "--out", "file"],
         ["run", "a.avi", "--out", "file"],
+        ["export", "mat", "results", "--out", "file"],
     ],
 )
 def test_a_file_in_place_of_a_folder_gets_a_message_in_words(
@@ -127,6 +162,7 @@ def test_a_file_in_place_of_a_folder_gets_a_message_in_words(
     monkeypatch.chdir(tmp_path)
     for name in ("file", "a.avi"):
         (tmp_path / name).touch()
+    make_results(tmp_path / "results")
     recording = 'frames_per_second = 1000\npixels_per_mm = 25\nface = "left"\n'
     (tmp_path / "session.toml").write_text(f"[recording]\n{recording}")
     assert exit_code(*command) == 2
@@ -140,11 +176,24 @@ def test_presets_are_listed(capsys):
     assert "  single: " in capsys.readouterr().out
 
 
-def test_help_is_in_whole_words(capsys):
-    for command in COMMANDS:
-        exit_code(command, "--help")
-        for text in (" Of the ", "a wrong one", "0: any", "tracebacks"):
-            assert text not in capsys.readouterr().out
+def helps(command, name="whiskerforce"):
+    """Every command and group with its help, every option and argument with its own."""
+    yield name, command.help
+    for each in command.params:
+        if getattr(each, "help", None) is not None or each.name != "help":
+            yield f"{name} {each.name}", getattr(each, "help", None)
+    for own, inner in getattr(command, "commands", {}).items():
+        yield from helps(inner, f"{name} {own}")
+
+
+def test_help_is_in_whole_sentences():
+    for name, text in helps(get_command(cli.app)):
+        assert text, name
+        first = text.split("  [default")[0].split("\n")[0]
+        assert len(first.split()) >= 3, (name, first)
+        assert first[0].isupper(), (name, first)
+        assert first.endswith((".", ")")), (name, first)
+        assert not re.match(r"(Of|At|Whose|E\.g\.)\b", first), (name, first)
 
 
 def test_interruption_says_how_to_go_on(ran, capsys):

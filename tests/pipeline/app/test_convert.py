@@ -71,8 +71,8 @@ def test_a_damaged_file_fails_by_itself(tracked, tmp_path, capsys):
     ("arguments", "message"),
     [
         (("import", "janelia", "nowhere", "--out", "o"), "no such file or folder: nowhere"),
-        (("import", "janelia", ".", "--out", "o"), "no file called NAME.whiskers in it"),
-        (("export", "janelia", ".", "--out", "o"), "no videos.csv in it"),
+        (("import", "janelia", ".", "--out", "o"), "files called NAME.whiskers"),
+        (("export", "janelia", ".", "--out", "o"), "results of `whiskerforce run`"),
     ],
 )
 def test_what_cannot_be_used_is_said_in_one_line(

@@ -200,4 +200,4 @@ def test_what_cannot_be_fitted_is_said_and_nothing_written(
 
 def test_a_folder_without_results_is_refused(tmp_path, capsys):
     assert run(tmp_path, "--out", tmp_path / "out") == 2
-    assert "no contacts.csv in it" in capsys.readouterr().err
+    assert "is an empty folder: expected results" in capsys.readouterr().err
