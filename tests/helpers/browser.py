@@ -1,15 +1,10 @@
 """A headless Chromium, and what is wrong with the words of the page that it shows."""
 
 import base64
-import shutil
 
+import headless
 import pytest
 
-NAMES = ("chromium", "chromium-browser", "google-chrome", "chrome")
-ARGUMENTS = (
-    "--headless=new", "--no-sandbox", "--disable-gpu", "--disable-background-networking",
-    "--disable-component-update", "--disable-sync", "--no-first-run", "--window-size=1440,960",
-)  # fmt: skip
 A4_IN = 8.27, 11.69
 WORDS = """
 const walker = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
@@ -43,25 +38,10 @@ SLACK_PX, SLACK_LINE = 1.5, 0.35  # share of a line's height in which boxes may 
 
 def chromium(profile):
     """A browser; the test is skipped where this computer has none."""
-    webdriver = pytest.importorskip("selenium.webdriver", reason="selenium is not installed")
-    binary = next(filter(None, map(shutil.which, NAMES)), None)
-    chromedriver = shutil.which("chromedriver")
-    if binary is None or chromedriver is None:
-        pytest.skip("no chromium with its chromedriver on this computer")
-    options = webdriver.ChromeOptions()
-    options.binary_location = binary
-    for argument in (*ARGUMENTS, f"--user-data-dir={profile}"):
-        options.add_argument(argument)
-    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
-    service = webdriver.ChromeService(executable_path=chromedriver)
-    return webdriver.Chrome(options=options, service=service)
-
-
-def show(driver, url, width: int) -> None:
-    """Open a page in a window of this width [px]."""
-    size = {"width": width, "height": 900, "deviceScaleFactor": 1, "mobile": False}
-    driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
-    driver.get(url)
+    try:
+        return headless.chromium(profile)
+    except headless.NoBrowserError as error:
+        pytest.skip(str(error))
 
 
 def show_as_before(driver) -> None:

@@ -12,8 +12,9 @@ from urllib.parse import urlsplit
 
 import numpy as np
 import pytest
-from browser import show, show_as_before, word_faults
+from browser import show_as_before, word_faults
 from curated import FRAMES, PATIENCE_S, contacts_of, edges
+from headless import show
 
 from pipeline.contacts.corrections import read_corrections
 from pipeline.curate import curate

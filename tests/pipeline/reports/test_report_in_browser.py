@@ -5,7 +5,8 @@ import re
 import numpy as np
 import pandas as pd
 import pytest
-from browser import overlapping, show, word_faults, write_pdf
+from browser import overlapping, word_faults, write_pdf
+from headless import show
 from printed import filled, ink_below, need_poppler, pages_of
 from results_folder import contact, frame_table, make_results
 
