@@ -43,7 +43,7 @@ def main(arguments=None) -> None:
     with tempfile.TemporaryDirectory() as profile:
         driver = chromium(profile)
         try:
-            small(report(driver, results), args.out / "report.png")
+            report(driver, results).save(args.out / "report.jpg", quality=85)
             curate_page(driver, results).save(args.out / "curate.jpg", quality=85)
         finally:
             driver.quit()
@@ -84,6 +84,7 @@ def curate_page(driver, results) -> Image.Image:
 
 def photograph(driver) -> Image.Image:
     """What the window shows, `SHOWN_PX` wide."""
+    driver.execute_cdp_cmd("Emulation.setScrollbarsHidden", {"hidden": True})
     picture = Image.open(io.BytesIO(driver.get_screenshot_as_png())).convert("RGB")
     height = round(picture.height * SHOWN_PX / picture.width)
     return picture.resize((SHOWN_PX, height), Image.Resampling.LANCZOS)
