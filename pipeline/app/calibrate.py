@@ -108,7 +108,9 @@ def dust(
     ] = None,
     at_mm: Annotated[
         float | None,
-        typer.Option(help="Rough distance of the particle from the follicle [mm].  [default: found]"),
+        typer.Option(
+            help="Rough distance of the particle from the follicle [mm].  [default: found]"
+        ),
     ] = None,
     debug: Debug = False,
 ):
