@@ -206,5 +206,14 @@ def test_contacts_without_forces_are_counted_and_drawn(tmp_path):
 
 
 def test_a_folder_without_results_is_refused(tmp_path):
-    with pytest.raises(ValueError, match=r"no results in it .*whiskerforce run"):
+    with pytest.raises(ValueError, match="is an empty folder: expected results"):
         figures.write_fig3(tmp_path)
+
+
+def test_a_folder_without_these_videos_truth_is_refused(tmp_path):
+    results = make_results(tmp_path / "results")
+    (tmp_path / "empty").mkdir()
+    for folder, message in ((tmp_path / "empty", "is an empty folder: expected true tables"),
+                            (tmp_path, "no true tables of these videos in it")):  # fmt: skip
+        with pytest.raises(ValueError, match=message):
+            figures.write_fig3(results, folder)
