@@ -184,7 +184,7 @@ def follow(video, epochs, cast, settings, clock, keep=None, say=lambda step: Non
     recording, params = settings.recording.si(), settings.advanced.kinematics
     decoded = clock.each("decoding", video.watched())
     frames = Counted(decoded, video.n_frames, lambda *done: say(Step("following", *done)))
-    options, open_ended = tracing_options(settings), not settings.whisker
+    options, open_ended = tracing_options(settings, video.shape), not settings.whisker
     lines = trace(frames, epochs, list(cast.roster), options, CHUNK_FRAMES, open_ended, params)
     at = settings.analysis.curvature_at
     names = settings.analysis.follow

@@ -173,7 +173,8 @@ def trace(clip: Clip, path=None):
         epochs = estimate.find_scenes(video, recording, diameter, seen=seen)
         cast = find_cast(*seen.sample(roster_frames(settings)), epochs, settings)
         epochs = behind_whiskers(epochs, cast.roster, recording.pixels_per_mm)
-        yield from trace_frames(video.lent(), epochs, list(cast.roster), tracing_options(settings))
+        options = tracing_options(settings, video.shape)
+        yield from trace_frames(video.lent(), epochs, list(cast.roster), options)
 
 
 # The peak is the program's own: what the system reports of a child holds its parent's, too.

@@ -83,7 +83,7 @@ def make(folder, trials, seed, jobs) -> Size:
     videos, results, faults = folder / "videos", folder / "results", []
     with wall_time(folder, "render", "videos/truth/*/scene.json"):
         try:
-            render_session(videos, "fig3", seed, trials, jobs, say_some)
+            render_session(videos, "fig3", seed, trials, jobs, _Rendered(trials))
         except RenderError as error:
             faults.append(str(error))
     with wall_time(folder, "run", "results/*/run.json"):
@@ -107,10 +107,17 @@ def make(folder, trials, seed, jobs) -> Size:
     )
 
 
-def say_some(done, total, path):
+@dataclass
+class _Rendered:
     """Progress of rendering, every tenth video."""
-    if done % 10 == 0 or done == total:
-        print(f"{done}/{total} rendered", file=sys.stderr)
+
+    total: int
+    done: int = 0
+
+    def __call__(self, event):
+        self.done += event.kind == "done"
+        if event.kind == "done" and (self.done % 10 == 0 or self.done == self.total):
+            print(f"{self.done}/{self.total} rendered", file=sys.stderr)
 
 
 def run_command(videos, results, jobs) -> None:

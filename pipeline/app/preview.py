@@ -65,7 +65,7 @@ def preview_of(path, settings: Settings) -> Preview:
         cast = find_cast(indices, frames, epochs, settings)
         start, scene = _stretch(indices, epochs)
         stretch = list(islice(video.frames(start), STRETCH))
-        options = tracing_options(settings)
+        options = tracing_options(settings, frames.shape[1:])
         chunks = trace(
             iter(stretch), scene, list(cast.roster), options, STRETCH, not settings.whisker
         )

@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from pipeline.detection.detect import TracingOptions
 from pipeline.session.schema import Settings, WhiskerSettings
 from pipeline.tracking.registry import Slot, find_roster
@@ -10,6 +12,7 @@ from whiskermodel.whisker import Whisker
 
 ROSTER_FRAMES = 24
 ENOUGH_FRAMES = 12  # to find a lone whisker, which is not to be told from others
+FIELD_MM = 35.0  # square root of the area that a picture usually shows
 
 
 @dataclass(frozen=True)
@@ -74,9 +77,8 @@ def roster_frames(settings) -> int:
 def find_cast(indices, frames, epochs, settings: Settings) -> Cast:
     """Find the whiskers in some frames and bring them together with the settings' ones."""
     names = [w.name for w in settings.whisker] or None
-    return cast_of(
-        find_roster(frames, epochs, tracing_options(settings), names, indices), settings
-    )
+    options = tracing_options(settings, frames.shape[1:])
+    return cast_of(find_roster(frames, epochs, options, names, indices), settings)
 
 
 def cast_of(roster, settings: Settings) -> Cast:
@@ -94,11 +96,15 @@ def cast_of(roster, settings: Settings) -> Cast:
     return Cast(names, tuple(roster), whiskers, tuple(nominal), hidden)
 
 
-def tracing_options(settings) -> TracingOptions:
-    """The tracer's lengths; the whiskers' own ones only if those of all are known."""
+def tracing_options(settings, shape) -> TracingOptions:
+    """The tracer's lengths, from the whiskers' own ones if those of all are known.
+
+    Else nothing is traced for the sake of its length in mm. Then the scale may be a guess, and
+    the lengths suit the picture, `shape` (height, width): a wrong scale changes no line.
+    """
     recording, whiskers = settings.recording.si(), settings.whisker
-    if any(w.length_mm is None for w in whiskers):
-        return options_for(recording)
+    if not whiskers or any(w.length_mm is None for w in whiskers):
+        return options_for(replace(recording, pixels_per_mm=np.sqrt(np.prod(shape)) / FIELD_MM))
     cones = [w.cone_length for w in whiskers]
     return options_for(
         recording,
