@@ -20,6 +20,7 @@ from pipeline.scene import (
     pole_track,
     survey,
     whiskers_are_bright,
+    working_scale,
 )
 from pipeline.session import DEFAULTS, Settings
 from pipeline.tables import Centrelines
@@ -92,7 +93,8 @@ def analyse(
         with clock("roster"):
             say(Step("whiskers"))
             cast = find_cast(*seen.sample(roster_frames(settings)), epochs, settings)
-            epochs = behind_whiskers(epochs, cast.roster, settings.recording.pixels_per_mm)
+            scale = working_scale(video.shape, settings.recording.pixels_per_mm)
+            epochs = behind_whiskers(epochs, cast.roster, scale)
         kinematics = follow(video, epochs, cast, settings, clock, keep, say)
     with clock("forces"):
         say(Step("forces"))

@@ -14,9 +14,10 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from pipeline.identity import label_swaps, motion_model, seeds
-from pipeline.identity.features import ANGLE, LENGTH, NEAR_BEND, THICKNESS, Dial, line_features
+from pipeline.identity.features import ANGLE, LENGTH, NEAR_BEND, THICKNESS
 from pipeline.identity.motion_model import LASTING
 from pipeline.identity.ordered_assignment import Lines, looks_and_phases, named_in_order
+from pipeline.identity.sides import Sides
 from pipeline.tables.centrelines import Centrelines
 from pipeline.tracking.matching import Ruler
 from pipeline.tracking.unlabelled_tracker import is_crowd
@@ -29,7 +30,7 @@ NEARLY = 1.05  # of its cost: those that cost more are not
 # after: what is left is less than an even chance
 DOUBT = 0.55
 PER_POINT = ("x_px", "y_px", "se_px", "offset_px", "information", "thickness_px")
-FEWEST_FRAMES = 5  # of a line that is no labelled whisker's, to be kept
+FEWEST_FRAMES = 2  # of a line that is no labelled whisker's, to be kept
 UNNAMED = 0.4  # its confidence, times that of the line
 SELDOM = 0.1  # of the frames: what is seen in fewer is not named, where no names are given
 
@@ -54,10 +55,11 @@ def assign_identities(
     if not is_crowd(roster, options):
         return iter(chunks)
     ruler = Ruler.of(face_side, options)
-    return name_lines(chunks, roster, ruler, options.pixels_per_m, open_ended)
+    sides = Sides.of(roster, ruler, face_side, options.pixels_per_m, may_be_two=open_ended)
+    return name_lines(chunks, roster, sides, open_ended)
 
 
-def name_lines(chunks, roster, ruler, pixels_per_m, open_ended=False) -> Iterator[Centrelines]:
+def name_lines(chunks, roster, sides, open_ended=False) -> Iterator[Centrelines]:
     """Hand on the chunks of a video with the names that suit the whole of it best.
 
     Lines that are no named whisker's are left out. The confidence is that of the line times the
@@ -66,25 +68,23 @@ def name_lines(chunks, roster, ruler, pixels_per_m, open_ended=False) -> Iterato
     Parameters
     ----------
     chunks, roster, open_ended : as for `assign_identities`
-    ruler : `Ruler` of the face
-    pixels_per_m : scale
+    sides : the rows in which they stand (`Sides`)
     """
-    dial = Dial.of([slot.base_xy for slot in roster], ruler, pixels_per_m)
     with tempfile.TemporaryFile() as file:
         found, count = [], 0
         for chunk in chunks:
             _store(chunk, file)
-            found.append((chunk.frame, chunk.whisker, line_features(chunk, dial)))
+            found.append((chunk.frame, chunk.whisker, *sides.features(chunk)))
             count += 1
         if not found:
             return
-        frame, track, features = (np.concatenate(each) for each in zip(*found, strict=True))
-        wanted = None if open_ended else len(roster)
-        whisker, sure = names(frame, track, features, wanted, _runs_along(roster, dial))
-        called = tuple(slot.name for slot in roster)
+        frame, track, side, features = (np.concatenate(each) for each in zip(*found, strict=True))
         if open_ended:
-            whisker, sure = with_unnamed(frame, track, whisker, sure)
-            called = tuple(f"w{k + 1}" for k in range(whisker.max(initial=-1) + 1))
+            whisker, sure, called = _all_rows(frame, track, side, features, roster, sides)
+        else:
+            direction = _runs_along(roster, sides.dials[0])
+            whisker, sure = names(frame, track, features, len(roster), direction)
+            called = tuple(slot.name for slot in roster)
         file.seek(0)
         first = 0
         for _ in range(count):
@@ -92,6 +92,19 @@ def name_lines(chunks, roster, ruler, pixels_per_m, open_ended=False) -> Iterato
             own = slice(first, first + len(chunk))
             first += len(chunk)
             yield _named(chunk, called, whisker[own], sure[own])
+
+
+def _all_rows(frame, track, side, features, roster, sides):
+    """Whisker of every line and how sure it is, row by row of the face; what they are called."""
+    whisker, sure, called = np.full(len(frame), -1), np.ones(len(frame)), ()
+    for number, name in enumerate(sides.names):
+        own = np.flatnonzero(side == number)
+        direction = 1 if len(sides.names) > 1 else _runs_along(roster, sides.dials[0])
+        named, known = names(frame[own], track[own], features[own], None, direction)
+        named, sure[own] = with_unnamed(frame[own], track[own], named, known)
+        whisker[own] = np.where(named < 0, -1, named + len(called))
+        called += tuple(f"{name}{k + 1}" for k in range(named.max(initial=-1) + 1))
+    return whisker, sure, called
 
 
 def names(frame, track, features, wanted=None, direction=1):

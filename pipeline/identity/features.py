@@ -26,10 +26,10 @@ class Dial:
     distances: np.ndarray
 
     @classmethod
-    def of(cls, bases, ruler, pixels_per_m) -> "Dial":
-        """Behind the whiskers' bases (whiskers, 2) [px]; `ruler` is an `identities.Ruler`."""
+    def of(cls, bases, along, outward, pixels_per_m) -> "Dial":
+        """Behind the whiskers' bases (whiskers, 2) [px], in the directions of the face."""
         middle = np.median(np.asarray(bases, float).reshape(-1, 2), axis=0)
-        along, outward = np.asarray(ruler.along, float), np.asarray(ruler.outward, float)
+        along, outward = np.asarray(along, float), np.asarray(outward, float)
         behind = BEHIND_M * pixels_per_m
         return cls(middle - behind * outward, along, outward, DISTANCES_M * pixels_per_m)
 

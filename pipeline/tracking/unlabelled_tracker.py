@@ -16,14 +16,12 @@ from pipeline.numerics.angles import wrapped
 from pipeline.tracking import row_rotation
 from pipeline.tracking.matching import crowded
 from pipeline.tracking.registry import Slot, usual_strength
-from pipeline.tracking.tracker import LASTING, SEARCH_EVERY, Tracer, Track, foretold
+from pipeline.tracking.tracker import Tracer, Track, foretold
 
-SPARE = 6  # tracks at most beside one for each whisker: some lines are nobody's
 FAINT = 0.5  # of the faintest whisker's length × absorbance: less is a hair of the fur
 PIVOT_M = 1.25e-3  # behind a line's first point
 ASTRAY_SD = np.radians(4.0)  # of a line about the one that was expected
 YOUNG = 5.0  # frames, in which a track's claim to a line grows to half
-SEARCH_EVERY_CROWDED = 5  # frames between two full detections while lines are missing
 
 
 @dataclass
@@ -40,13 +38,10 @@ class CrowdTracer(Tracer):
 
     def __init__(self, scene, roster, options):
         super().__init__(scene, roster, options)
-        self.most = len(roster) + SPARE
-        self.usual = len(roster)
         self.faintest = FAINT * min(usual_strength(slot.samples) for slot in roster)
         self.slot = Slot("", np.zeros(2), options.shortest_px, longest_px=options.longest_px)
         self.number = itertools.count()
         self.tracks = []
-        self.lost_at = -2
         self.pivot = PIVOT_M * options.pixels_per_m
 
     def step(self, image) -> list[LineTrack]:
@@ -54,23 +49,15 @@ class CrowdTracer(Tracer):
         self.frame += 1
         gain = self.model.gain(image)
         self._follow_all(image, gain)
-        if any(t.line is None and t.age >= LASTING for t in self.tracks):
-            self.lost_at = self.frame
         self.tracks = [t for t in self.tracks if t.line is not None]
-        self.since_search += 1
-        every = SEARCH_EVERY_CROWDED if len(self.tracks) < self.usual else SEARCH_EVERY
-        if self.frame - self.lost_at < 2 or self.since_search >= every:
-            self._search_all(image, gain)
-            self.since_search = 0
+        self._search_all(image, gain)
         return self.tracks
 
     def _search_all(self, image, gain) -> None:
         """Begin a track for every line that has none."""
         lines = [t.line for t in self.tracks]
         found = detect.detect_crowded(image, self.model, gain, self.options, self.workspace, lines)
-        for line in found:  # the strongest first
-            if len(self.tracks) >= self.most:
-                break
+        for line in found:
             if detect.contrast_length(line) >= self.faintest:
                 track = LineTrack(self.slot, number=next(self.number))
                 track.take(line)

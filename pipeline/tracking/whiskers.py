@@ -99,12 +99,11 @@ def cast_of(roster, settings: Settings) -> Cast:
 def tracing_options(settings, shape) -> TracingOptions:
     """The tracer's lengths, from the whiskers' own ones if those of all are known.
 
-    Else nothing is traced for the sake of its length in mm. Then the scale may be a guess, and
-    the lengths suit the picture, `shape` (height, width): a wrong scale changes no line.
+    Else they suit the picture, `shape` (height, width).
     """
     recording, whiskers = settings.recording.si(), settings.whisker
     if not whiskers or any(w.length_mm is None for w in whiskers):
-        return options_for(replace(recording, pixels_per_mm=np.sqrt(np.prod(shape)) / FIELD_MM))
+        return options_for_picture(recording, shape)
     cones = [w.cone_length for w in whiskers]
     return options_for(
         recording,
@@ -112,6 +111,15 @@ def tracing_options(settings, shape) -> TracingOptions:
         [w.hidden_length for w in whiskers],
         () if None in cones else cones,
     )
+
+
+def options_for_picture(recording, shape) -> TracingOptions:
+    """The tracer's lengths for a picture (height, width) whose scale may be a guess.
+
+    Nothing that is traced depends on the scale, then.
+    """
+    usual = np.sqrt(shape[0] * shape[1]) / FIELD_MM
+    return options_for(replace(recording, pixels_per_mm=usual))
 
 
 def nominal_whisker(name: str, visible_length: float, hidden_length: float) -> Whisker:

@@ -8,6 +8,7 @@ from pipeline.identity.appearance import FanModel
 from pipeline.identity.assign import LEAST_SD, UNNAMED, name_lines, names, with_unnamed
 from pipeline.identity.features import ANGLE, BEND, DISTANCES_M, Dial, line_features
 from pipeline.identity.motion_model import LASTING
+from pipeline.identity.sides import Sides
 from pipeline.session.recording import Recording
 from pipeline.tables.centrelines import Centrelines
 from pipeline.tracking.matching import Ruler
@@ -280,7 +281,7 @@ def test_features_of_straight_lines_and_arcs():
     radius = 200.0  # px
     t = np.arange(120) / radius  # from the centre on: the chord's direction is half the arc's
     arc = np.column_stack([radius * np.sin(t), 100 + radius * (1 - np.cos(t))])
-    dial = Dial.of([[24.0, 100.0]], RULER, 8e3)
+    dial = Dial.of([[24.0, 100.0]], RULER.along, RULER.outward, 8e3)
     assert dial.centre == pytest.approx([0, 100])
     lines = centrelines([0, 0], [0, 1], [straight(0.3, 80), arc])
     near, angle, thickness, length, bend, far = line_features(lines, dial).T
@@ -294,7 +295,7 @@ def test_features_of_straight_lines_and_arcs():
 
 
 def test_a_line_that_begins_and_ends_between_the_distances_is_carried_on():
-    dial = Dial.of([[24.0, 100.0]], RULER, 8e3)
+    dial = Dial.of([[24.0, 100.0]], RULER.along, RULER.outward, 8e3)
     whole, part = straight(0.2, 80), straight(0.2, 80)[22:50]  # from 48 px on: 44 is the second
     (one, two) = line_features(centrelines([0, 0], [0, 1], [whole, part]), dial)
     assert two[:2] == pytest.approx(one[:2], abs=1e-5)
@@ -314,8 +315,12 @@ class Drawn:
     """As much of a `detection.Line` as its features are taken from."""
 
     def __init__(self, points):
-        self.x, self.y = points.T.copy()
+        self.points, (self.x, self.y) = points, points.T.copy()
         self.n, self.thickness = len(points), np.full(len(points), 0.3)
+
+
+def one_row(roster):
+    return Sides.of(roster, RULER, "left", OPTIONS.pixels_per_m, may_be_two=False)
 
 
 @pytest.mark.parametrize("direction", [1, -1])
@@ -325,7 +330,7 @@ def test_a_few_frames_are_named_after_the_roster(direction):
     roster = roster[::direction]  # thicker ones at the other end
     lines = [straight(a, 60 + 10 * k) for k, a in enumerate(angles)]
     chunks = [centrelines([f] * 3, [2, 0, 5], [lines[1], lines[0], lines[2]]) for f in range(4)]
-    got = list(name_lines(iter(chunks), roster, RULER, OPTIONS.pixels_per_m))
+    got = list(name_lines(iter(chunks), roster, one_row(roster)))
     assert len(got) == 4
     for before, after in zip(chunks, got, strict=True):
         assert np.array_equal(after.frame, before.frame)
@@ -339,7 +344,7 @@ def test_a_single_frame_is_named(open_ended):
     angles = [-0.3, 0.1, 0.4]
     roster = [Slot(n, a, 60) for n, a in zip("abc", angles, strict=True)]
     lines = centrelines([0, 0, 0], [2, 0, 1], [straight(a, 60) for a in angles])
-    (got,) = name_lines(iter([lines]), roster, RULER, OPTIONS.pixels_per_m, open_ended)
+    (got,) = name_lines(iter([lines]), roster, one_row(roster), open_ended)
     assert got.names == (("w1", "w2", "w3") if open_ended else ("a", "b", "c"))
     assert np.array_equal(got.confidence, lines.confidence)
     assert list(got.whisker) == [0, 1, 2]
