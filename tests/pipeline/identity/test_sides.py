@@ -12,7 +12,11 @@ from pipeline.tracking.tracker import options_for
 
 OPTIONS = options_for(Recording(500.0, 16.0, "top"))
 RULER = Ruler.of("top", OPTIONS)
-SNOUT = np.array([300.0, 200.0])  # px
+
+
+def at(x, y):
+    """A place [px] beside the tip of the snout."""
+    return np.array([300.0 + x, 200.0 + y])
 
 
 class Drawn:
@@ -28,7 +32,7 @@ class Slot:
 
 def row(side, directions):
     """Whiskers 5 px apart from snout to eye, on the left (−1) or right (1) of a snout."""
-    bases = [SNOUT + (side * (60 + 5 * k), -8 * k) for k in range(len(directions))]
+    bases = [at(side * (60 + 5 * k), -8 * k) for k in range(len(directions))]
     return [Slot(base, side * d) for base, d in zip(bases, directions, strict=True)]
 
 
@@ -61,12 +65,12 @@ def test_two_sides_are_two_rows_whose_angles_grow_towards_the_eye():
 
 
 def test_a_fan_on_one_side_is_one_row():
-    fan = [Slot(SNOUT + (8 * k, 0), np.radians(30 * (k - 2))) for k in range(5)]
+    fan = [Slot(at(8 * k, 0), np.radians(30 * (k - 2))) for k in range(5)]
     assert sides_of(fan).names == ("w",)
 
 
 def test_two_groups_that_grow_the_same_way_are_one_row():
-    fan = [Slot(SNOUT + (x, 0), 0.02 * k) for k, x in enumerate([0, 10, 20, 120, 130, 140])]
+    fan = [Slot(at(x, 0), 0.02 * k) for k, x in enumerate([0, 10, 20, 120, 130, 140])]
     assert sides_of(fan).names == ("w",)
 
 
