@@ -55,6 +55,6 @@ def _touching(setting, scene, x, y):
         for touch in scene_touches(setting, scene, 12, durations=(8, 60))
     ]
     angle, guess = drive_touches(
-        scene.hairs[0], x, y, place, setting.side, touches, setting.rng, 0.18, table_of(scene)
+        scene.hairs[0], (x, y), place, setting.side, touches, setting.rng, 0.18, table_of(scene)
     )
     return driven_motion(scene, [(x, y, angle)], guesses=[guess])

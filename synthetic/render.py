@@ -131,7 +131,7 @@ class Renderer:
         left, top = max(int(px) - reach, 0), max(int(py) - reach, 0)
         part = light[top : int(py) + reach + 1, left : int(px) + reach + 1]
         cover = np.zeros_like(part)
-        cover_disc(cover, px - left, py - top, radius, self.scene.camera.blur_px, *self._table)
+        cover_disc(cover, px - left, py - top, radius, self._steps)
         part *= 1 - hair.opacity * cover
 
     def _with_pole(self, opened, x, y):
