@@ -5,7 +5,6 @@ phase of the whisk. What is left beside that is small, and differs from whisker 
 """
 
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 from numba import njit
@@ -60,8 +59,16 @@ class FanModel:
         """Phase of every frame from its lines' angles (rows,) and names (rows,)."""
         slope = np.maximum(self.slope[whisker, ANGLE], LEAST_SLOPE)
         off = wrapped(angle - self.middle[whisker, ANGLE]) / slope
-        spans = pairwise(starts)
-        return np.array([np.median(off[a:b]) for a, b in spans])
+        return medians(off, np.asarray(starts))
+
+
+@njit(cache=True)
+def medians(values, starts):
+    """Median of every part of some values, from its start to the next one's."""
+    out = np.empty(len(starts) - 1)
+    for k in range(len(out)):
+        out[k] = np.median(values[starts[k] : starts[k + 1]])
+    return out
 
 
 @njit(cache=True)

@@ -4,7 +4,7 @@ import numpy as np
 from numba import njit
 from scipy.ndimage import median_filter
 
-from pipeline.identity.appearance import LEAST_SLOPE, FanModel
+from pipeline.identity.appearance import LEAST_SLOPE, FanModel, medians
 from pipeline.identity.features import ANGLE, BEND, N_FEATURES
 from pipeline.identity.label_swaps import TAKEN, Evidence, link
 from pipeline.numerics.robust import robust_sd
@@ -116,9 +116,7 @@ def common_turns(features, frame, before, slope=1.0) -> np.ndarray:
     known = np.flatnonzero(np.isfinite(turn))
     out = np.zeros(frame[-1] + 1)
     present, starts = np.unique(frame[known], return_index=True)
-    pieces = np.split(turn[known], starts)[1:]  # none where no line was seen before
-    for t, each in zip(present, pieces, strict=True):
-        out[t] = np.median(each)
+    out[present] = medians(turn[known], np.append(starts, len(known)))
     return out
 
 

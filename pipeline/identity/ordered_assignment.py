@@ -221,15 +221,22 @@ def _align_frames(cost, angle, starts, phase, middle, slope, names, total):
 def _along_tracks(cost, order, first, last):
     """Costs (rows, whiskers), averaged over neighbouring frames of every row's track."""
     out = np.empty_like(cost)
+    total = np.empty(cost.shape[1])
     for piece in range(len(first)):
         a, b = first[piece], last[piece]
+        low, high = a, a
+        total[:] = 0.0
         for i in range(a, b):
-            low, high = max(a, i - ALONG_TRACK), min(b, i + ALONG_TRACK + 1)
-            for k in range(cost.shape[1]):
-                total = 0.0
-                for j in range(low, high):
-                    total += cost[order[j], k]
-                out[order[i], k] = total / (high - low)
+            while high < min(b, i + ALONG_TRACK + 1):
+                for k in range(len(total)):
+                    total[k] += cost[order[high], k]
+                high += 1
+            while low < i - ALONG_TRACK:
+                for k in range(len(total)):
+                    total[k] -= cost[order[low], k]
+                low += 1
+            for k in range(len(total)):
+                out[order[i], k] = total[k] / (high - low)
     return out
 
 
