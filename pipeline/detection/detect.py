@@ -13,6 +13,7 @@ from pipeline.numerics import polyline
 FEWEST_FITS, MOST_FITS = 4, 12  # of a new line: until it gets no longer
 SAME_LENGTH = 2  # px
 THICKENS = 1.1  # a whisker's far half takes less light than its near one
+WORTH_FITTING = 0.5  # of the darkness wanted of a line, along the ridge that leads to it
 FAINTEST = 0.012  # absorbance below which nothing is called seen
 THINNEST_SIGMA, BROADEST_SIGMA = 0.6, 6.0  # px, of a line's half-width; broad ones move
 SURE_GROWTH_SE, LEAST_GROWTH = 4.0, 0.05  # of the log of the half-width towards the tip
@@ -46,40 +47,53 @@ class TracingOptions:
 
 def detect(
     image, model: ImageModel, gain, options: TracingOptions, workspace,
-    scale=ridges.SCALE_PX, near_px=3.0,
+    scale=ridges.SCALE_PX, near_px=3.0, least=0.0,
 ) -> list[Line]:  # fmt: skip
     """Find all whiskers in one frame, best first.
 
     A whisker comes out of the face and is visible over at least `options.shortest_px`. Ridges
-    are those of one `scale` [px]; lines nearer to each other than `near_px` are one.
+    are those of one `scale` [px]; lines nearer to each other than `near_px` are one. What has
+    less than the `least` length × absorbance [px] is left out.
     """
-    absorbance = absorbance_image(image, model, gain)
-    curves = ridges.curves_of(absorbance, model.noise, scale)
-    lines = _whiskers_along(curves, image, model, gain, options, workspace)
+    lines = _lines_at(scale, image, model, gain, options, workspace, least)
     lines = without_doubles(lines, near_px)
     return _uncrossed_anew(image, model, gain, options, workspace, lines)
 
 
-def detect_blurred(image, model: ImageModel, gain, options, workspace) -> list[Line]:
+def detect_blurred(image, model: ImageModel, gain, options, workspace, least=0.0) -> list[Line]:
     """Find lines that motion has made broad, best first; sharp ones are found as well."""
+    lines = _lines_at(COARSE_PX, image, model, gain, options, workspace, least)
+    return without_doubles(lines)
+
+
+def _lines_at(scale, image, model, gain, options, workspace, least) -> list[Line]:
+    """Lines fitted along the ridges of one scale [px], those that may be whiskers, best first."""
     absorbance = absorbance_image(image, model, gain)
-    curves = ridges.curves_of(absorbance, model.noise, COARSE_PX)
-    return without_doubles(_whiskers_along(curves, image, model, gain, options, workspace))
-
-
-def _whiskers_along(curves, image, model, gain, options, workspace) -> list[Line]:
-    """Lines fitted along rough curves, those that may be whiskers, best first."""
     lines = []
-    for curve in curves:
+    for curve in ridges.curves_of(absorbance, model.noise, scale):
         rooted = root(curve, model, options)
-        if rooted is None:
+        if rooted is None or _darkness(absorbance, rooted) < WORTH_FITTING * least:
             continue
         line = settle(image, model, gain, rooted, options, workspace)
         if thickens(line) and ends_at_face(line, model, options):
             line = settle(image, model, gain, rooted[::-1], options, workspace)
-        if _is_whisker(line, model, options):
+        if contrast_length(line) >= least and _is_whisker(line, model, options):
             lines.append(line)
     return sorted(lines, key=lambda line: -contrast_length(line))
+
+
+@njit(cache=True)
+def _darkness(absorbance, curve):
+    """Absorbance summed along a curve (n, 2) [px]."""
+    height, width = absorbance.shape
+    total, length = 0.0, 0.0
+    for i in range(len(curve)):
+        column = min(max(int(curve[i, 0] + 0.5), 0), width - 1)
+        row = min(max(int(curve[i, 1] + 0.5), 0), height - 1)
+        if i > 0:
+            length = np.hypot(curve[i, 0] - curve[i - 1, 0], curve[i, 1] - curve[i - 1, 1])
+        total += length * max(absorbance[row, column], 0.0)
+    return total
 
 
 def same_px(options: TracingOptions) -> float:
@@ -88,21 +102,22 @@ def same_px(options: TracingOptions) -> float:
 
 
 def detect_crowded(
-    image, model: ImageModel, gain, options: TracingOptions, workspace, known=(), enough=np.inf
-) -> list[Line]:
+    image, model: ImageModel, gain, options: TracingOptions, workspace, known=(), enough=np.inf,
+    least=0.0,
+) -> list[Line]:  # fmt: skip
     """As `detect`, for whiskers that lie close together: those found hide no others.
 
     What was found is held in the background, and the frame looked at again, until nothing new
     is found, or `enough` lines are; then every line is fitted beside the others. `known` lines
-    are not looked for.
+    are not looked for, nor those of less than the `least` length × absorbance [px].
     """
     lines: list[Line] = []
     near_px = same_px(options)
     for look in range(MOST_LOOKS):
         with lines_in_background(model, [*known, *lines]):
-            more = detect(image, model, gain, options, workspace, FINE_PX, near_px)
+            more = detect(image, model, gain, options, workspace, FINE_PX, near_px, least)
             if look == 0:
-                broad = detect_blurred(image, model, gain, options, workspace)
+                broad = detect_blurred(image, model, gain, options, workspace, least)
                 more = with_blurred(more, broad, image, model, gain)
         others = (*known, *lines)
         more = [

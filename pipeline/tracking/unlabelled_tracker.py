@@ -56,12 +56,12 @@ class CrowdTracer(Tracer):
     def _search_all(self, image, gain) -> None:
         """Begin a track for every line that has none."""
         lines = [t.line for t in self.tracks]
-        found = detect.detect_crowded(image, self.model, gain, self.options, self.workspace, lines)
-        for line in found:
-            if detect.contrast_length(line) >= self.faintest:
-                track = LineTrack(self.slot, number=next(self.number))
-                track.take(line)
-                self.tracks.append(track)
+        for line in detect.detect_crowded(
+            image, self.model, gain, self.options, self.workspace, lines, least=self.faintest
+        ):
+            track = LineTrack(self.slot, number=next(self.number))
+            track.take(line)
+            self.tracks.append(track)
 
     def _foresee(self, present, image, gain) -> None:
         """Tell the tracks how the row turns, which is surer than each line's own motion."""
