@@ -426,7 +426,10 @@ class Desk:
 
     def export(self):
         """Write what was decided in all videos."""
-        path, count = self.results.write_decisions()
+        try:
+            path, count = self.results.write_decisions()
+        except (OSError, ValueError) as error:
+            raise EditError(f"decisions.csv cannot be written: {in_words(error)}") from error
         self.message = f"{count} decision{'' if count == 1 else 's'} written to {path.resolve()}"
 
     def finish(self):

@@ -251,14 +251,14 @@ class Results:
     def close(self) -> None:
         """Write what is due; let go of files and thread."""
         self.settle()
-        if any((self.folder / name / CORRECTIONS_FILE).exists() for name in self.names):
-            self.write_decisions()
         with self._changed:
             self._closed = True
             self._changed.notify_all()
         self._thread.join()
         for video in list(self._videos.values()):
             video.close()
+        if any((self.folder / name / CORRECTIONS_FILE).exists() for name in self.names):
+            self.write_decisions()
 
     @property
     def busy(self) -> bool:

@@ -172,6 +172,18 @@ def test_a_file_in_place_of_a_folder_gets_a_message_in_words(
     assert "Errno" not in message
 
 
+def test_curate_is_told_who_curates(monkeypatch, tmp_path):
+    from pipeline import curate
+    from pipeline.reports import figures, report
+
+    called = []
+    monkeypatch.setattr(curate, "curate", lambda *a, **options: called.append(options))
+    for module, name in ((figures, "write_fig3"), (report, "write_report")):
+        monkeypatch.setattr(module, name, lambda results: None)
+    exit_code("curate", tmp_path, "--name", "Ada", "--no-browser")
+    assert (called[0]["name"], called[0]["open_browser"]) == ("Ada", False)
+
+
 def test_presets_are_listed(capsys):
     assert exit_code("synth", "nowhere", "--preset", "list") == 0
     assert "  single: " in capsys.readouterr().out

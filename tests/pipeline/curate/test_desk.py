@@ -111,6 +111,16 @@ def test_corrections_bear_the_name_of_who_made_them(results):
         assert f"2 decisions written to {results.resolve() / 'decisions.csv'}" in desk.message
 
 
+def test_decisions_that_cannot_be_written_are_said_in_words(results):
+    (results / "decisions.csv").mkdir()
+    with opened(results) as folder:
+        desk = Desk(folder)
+        desk.do("export")
+        assert desk.is_error
+        assert "decisions.csv cannot be written" in desk.message
+        assert "Errno" not in desk.message
+
+
 def test_a_frame_is_reached_by_its_number(results):
     with opened(results) as folder:
         desk = Desk(folder)
