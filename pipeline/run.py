@@ -86,6 +86,7 @@ def analyse(
         If the video cannot be read to its end.
     """
     clock, say = Clock(), progress or (lambda step: None)
+    settings = settings.without_bare_whiskers()
     with open_video(path, threads) as video:
         with clock("scene"):
             say(Step("scene"))

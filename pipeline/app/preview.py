@@ -59,6 +59,7 @@ class Preview:
 
 def preview_of(path, settings: Settings) -> Preview:
     """Look at a video as `run` does, and follow the whiskers through a stretch of it."""
+    settings = settings.without_bare_whiskers()
     with open_video(path) as video:
         video, seen, epochs = look_at(video, settings)
         indices, frames = seen.sample(roster_frames(settings))

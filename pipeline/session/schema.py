@@ -182,3 +182,12 @@ class Settings(_Table):
     image: ImageSettings = ImageSettings()
     analysis: AnalysisSettings = AnalysisSettings()
     advanced: Parameters = Parameters()
+
+    def without_bare_whiskers(self) -> "Settings":
+        """The settings without [[whisker]] tables where these hold nothing but w1, w2, ….
+
+        So `init` writes them. They say how many whiskers it saw in a few frames, not that there
+        are no others.
+        """
+        bare = tuple(WhiskerSettings(name=f"w{k + 1}") for k in range(len(self.whisker)))
+        return self.model_copy(update={"whisker": ()}) if self.whisker == bare else self
