@@ -72,6 +72,7 @@ def distances(rows, others):
     )
 
 
+@pytest.mark.e2e
 def test_a_region_hides_what_moves_outside_and_keeps_coordinates(monkeypatch, whole):
     session = settings(image={"region_px": REGION})
     rows, analysis = traced(monkeypatch, Rendered(disturbed=True), session)
@@ -81,6 +82,7 @@ def test_a_region_hides_what_moves_outside_and_keeps_coordinates(monkeypatch, wh
     assert np.nanmax(np.abs(analysis.pole.x_px - whole[1].pole.x_px)) < SAME
 
 
+@pytest.mark.e2e
 def test_a_mask_is_a_region_of_any_shape(monkeypatch, whole, tmp_path):
     mask = np.full((480, 640), 255, np.uint8)
     mask[BLOCK] = 0
@@ -93,12 +95,14 @@ def test_a_mask_is_a_region_of_any_shape(monkeypatch, whole, tmp_path):
     assert epochs[0].scene.obstacle_mask[BLOCK].all()
 
 
+@pytest.mark.e2e
 def test_bright_whiskers_are_found_as_dark_ones(monkeypatch, whole):
     rows, analysis = traced(monkeypatch, Rendered(bright=True), settings())
     assert distances(rows, whole[0]) < AS_DARK
     assert len(analysis.contacts) == len(whole[1].contacts)
 
 
+@pytest.mark.e2e
 def test_a_person_says_which_polarity(monkeypatch, whole):
     video, _, _ = look_at(Rendered(), settings(image={"polarity": "dark"}))
     assert isinstance(video, Rendered)
@@ -106,6 +110,7 @@ def test_a_person_says_which_polarity(monkeypatch, whole):
     assert np.array_equal(next(video.frames()), np.invert(next(Rendered().frames())))
 
 
+@pytest.mark.e2e
 def test_followed_whiskers_alone_are_in_the_tables(monkeypatch):
     trial = make_trial("row", 3, 0)
     renderer = Renderer(trial.scene, trial.motion)

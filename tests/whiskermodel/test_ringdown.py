@@ -32,6 +32,7 @@ def test_noiseless_decay_is_recovered(d, p, phase, amplitude, with_offset):
     np.testing.assert_allclose(fit(TIME + 3.7), signal, atol=1e-5 * amplitude)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("with_offset", [False, True])
 def test_intervals_cover_as_often_as_they_say(with_offset):
     """95 % intervals of 500 noisy decays: 95 ± 3 % hold the truth (3 binomial standard errors)."""
@@ -145,6 +146,7 @@ def test_overtones_are_told_from_the_first_mode():
     np.testing.assert_allclose(fit(TIME), signal, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_intervals_cover_with_overtones_and_uneven_errors():
     """95 % intervals of 300 noisy decays: 95 ± 4 % hold the truth (3 binomial standard errors)."""
     rng = np.random.default_rng(2)

@@ -4,6 +4,7 @@ import ast
 
 import mutants
 import numpy as np
+import pytest
 
 CODE = '''"""Some code."""
 import numpy as np
@@ -32,6 +33,7 @@ def test_every_kind_of_change_is_found():
         ast.parse("\n".join(lines))
 
 
+@pytest.mark.slow
 def test_random_changes_of_the_code_parse_and_change_something():
     drawn = mutants.random_mutants(200, np.random.default_rng(0))
     assert len(set(drawn)) == 200

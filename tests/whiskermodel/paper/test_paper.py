@@ -229,6 +229,7 @@ def test_fig11_slips_on_textures_ring_louder_than_they_bend():
 # Files ---------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_every_figure_is_written_as_picture_and_numbers(written):
     out, paths, said = written
     names = {p.name for p in paths}
