@@ -307,7 +307,7 @@ def settle(image, model: ImageModel, gain, curve, options: TracingOptions, works
     line = Line.empty(workspace.limit)
     n = min(len(curve), workspace.limit)
     line.x[:n], line.y[:n] = curve[:n].T
-    n = polyline.resample(line.x, line.y, n, workspace.work[8:10])
+    n = polyline.resample(line.x, line.y, n, workspace.scratch.room)
     line.amplitude[:] = 0.5
     line.n = n
     for step in range(MOST_FITS):
@@ -319,18 +319,19 @@ def settle(image, model: ImageModel, gain, curve, options: TracingOptions, works
             break
         fit_width(line, workspace)
         # no history to average with: the absorbance is what was measured last
-        line.amplitude[: line.n] = np.maximum(workspace.work[2, : line.n], FAINTEST)
+        measured = workspace.scratch.amplitude[: line.n]
+        line.amplitude[: line.n] = np.maximum(measured, FAINTEST)
         line.amplitude[line.n :] = line.amplitude[line.n - 1]
     return line
 
 
 def fit_width(line: Line, workspace) -> None:
     """Update the half-width σ along the line, linear in arc length, from its last measurement."""
-    _fit_width(line.sigma, line.n, workspace.sums, workspace.work)
+    _fit_width(line.sigma, line.n, workspace.scratch)
 
 
 @njit(cache=True)
-def _fit_width(sigma, n, sums, work):
+def _fit_width(sigma, n, scratch):
     """Each half of the line has a width of its own.
 
     It grows towards the tip only where that is sure: a whisker that turns while the shutter is
@@ -338,8 +339,8 @@ def _fit_width(sigma, n, sums, work):
     """
     middle = n // 2
     near, far = middle / 2, (middle + n) / 2
-    near_sigma, near_se = _corrected(sigma[int(near)], sums, work, 0, middle)
-    far_sigma, far_se = _corrected(sigma[int(far)], sums, work, middle, n)
+    near_sigma, near_se = _corrected(sigma[int(near)], scratch, 0, middle)
+    far_sigma, far_se = _corrected(sigma[int(far)], scratch, middle, n)
     slope = (far_sigma - near_sigma) / max(far - near, 1.0)
     if np.log(far_sigma / near_sigma) < SURE_GROWTH_SE * np.hypot(near_se, far_se) + LEAST_GROWTH:
         slope = min(slope, 0.0)
@@ -348,9 +349,9 @@ def _fit_width(sigma, n, sums, work):
 
 
 @njit(cache=True)
-def _corrected(sigma, sums, work, first, last):
+def _corrected(sigma, scratch, first, last):
     """Half-width σ [px] as it is measured over some nodes, and the standard error of its log."""
-    change, se = line_profile.width_correction(sums, work[2], first, last)
+    change, se = line_profile.width_correction(scratch.sums, scratch.amplitude, first, last)
     corrected = sigma * np.exp(min(max(change, -0.3), 0.3))
     return min(max(corrected, THINNEST_SIGMA), BROADEST_SIGMA), se
 
@@ -363,14 +364,13 @@ def refine(
 
     A line that is `farthest` [px] or more from them is not found. `widths`: for `fit_width`.
     """
-    w = workspace
+    longest = min(options.longest_px, line.longest)
+    fit = line_fit.Fit(
+        float(options.spacing_px), options.bridge_px, float(longest), float(farthest), widths
+    )
     line.n, line.quality = line_fit.refine(
-        image, model.background, model.weight, model.outside, gain,
-        line.x, line.y, line.n, line.amplitude, line.sigma, line.information, line.score,
-        line.thickness,
-        options.spacing_px, options.bridge_px, min(options.longest_px, line.longest), farthest,
-        widths, w.sums, w.work, w.cap, w.band, w.rhs,
-    )  # fmt: skip
+        model.picture(image, gain), line.nodes, line.n, fit, workspace.scratch
+    )
 
 
 def without_doubles(lines: list[Line], near_px: float = 3.0) -> list[Line]:

@@ -2,6 +2,7 @@
 
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -15,6 +16,23 @@ TRANSLUCENT = 0.25  # of the light that passes beside it: a whisker is seen thro
 THINNEST_PX = 9  # thinner bright parts of obstacles are rims
 CLEAR_PX = 6.0  # from the edges of face and obstacles, which pass for lines when they tremble
 TREMBLING_PX = 0.15  # obstacles may move so far, unnoticed
+
+
+class Picture(NamedTuple):
+    """A frame, what it would be without whiskers, and how much brighter it is, for compiled code.
+
+    Attributes
+    ----------
+    image : uint8 (height, width)
+    background, weight, outside : as in `ImageModel`
+    gain : brightness over the background's
+    """
+
+    image: np.ndarray
+    background: np.ndarray
+    weight: np.ndarray
+    outside: np.ndarray
+    gain: float
 
 
 @dataclass
@@ -56,6 +74,10 @@ class ImageModel:
         clear = cv2.distanceTransform(seen.astype(np.uint8), cv2.DIST_L2, 5) > CLEAR_PX
         points = line_profile.gain_points(background, free)
         return cls(background, weight, outside, noise.astype(np.float32), usable, clear, points)
+
+    def picture(self, image, gain) -> Picture:
+        """Return a frame of this scene for compiled code."""
+        return Picture(image, self.background, self.weight, self.outside, gain)
 
     def gain(self, image) -> float:
         """Brightness of a frame over the background's."""

@@ -1,6 +1,7 @@
 """A line in one frame, and room to work on it."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -9,16 +10,59 @@ from pipeline.detection import line_profile
 START_SIGMA_PX = 1.1
 
 
+class Scratch(NamedTuple):
+    """What a fit measures at the nodes of a line, and room to work; (nodes,) each but for three.
+
+    Attributes
+    ----------
+    normal_x, normal_y : unit normals
+    amplitude, baseline, amplitude_se : absorbance, error of the background, error of the former
+    information, score : of the offset
+    offset : along the normals [px]
+    smooth_x, smooth_y : spline coefficients of the line
+    cap : largest believable absorbance
+    rhs : of the spline's normal equations, `band` (nodes, 4)
+    room : (2, nodes), to resample in
+    sums : (N_SUMS, nodes), as of `cross_sections.accumulate`
+    """
+
+    normal_x: np.ndarray
+    normal_y: np.ndarray
+    amplitude: np.ndarray
+    baseline: np.ndarray
+    amplitude_se: np.ndarray
+    information: np.ndarray
+    score: np.ndarray
+    offset: np.ndarray
+    smooth_x: np.ndarray
+    smooth_y: np.ndarray
+    cap: np.ndarray
+    rhs: np.ndarray
+    band: np.ndarray
+    room: np.ndarray
+    sums: np.ndarray
+
+
 class Workspace:
     """Scratch arrays for lines of up to `limit` nodes, allocated once."""
 
     def __init__(self, limit: int):
         self.limit = limit
-        self.sums = np.zeros((line_profile.N_SUMS, limit))
-        self.work = np.zeros((12, limit))
-        self.cap = np.zeros(limit)
-        self.band = np.zeros((limit, 4))
-        self.rhs = np.zeros(limit)
+        band, room = np.zeros((limit, 4)), np.zeros((2, limit))
+        sums = np.zeros((line_profile.N_SUMS, limit))
+        self.scratch = Scratch(*np.zeros((12, limit)), band, room, sums)
+
+
+class Nodes(NamedTuple):
+    """Arrays of a `Line`, for compiled code."""
+
+    x: np.ndarray
+    y: np.ndarray
+    amplitude: np.ndarray
+    sigma: np.ndarray
+    information: np.ndarray
+    score: np.ndarray
+    thickness: np.ndarray
 
 
 @dataclass
@@ -50,9 +94,12 @@ class Line:
 
     def copy(self) -> "Line":
         """Return an independent copy."""
-        arrays = (self.x, self.y, self.amplitude, self.sigma)
-        arrays += (self.information, self.score, self.thickness)
-        return Line(*(a.copy() for a in arrays), self.n, self.quality, self.longest)
+        return Line(*(a.copy() for a in self.nodes), self.n, self.quality, self.longest)
+
+    @property
+    def nodes(self) -> Nodes:
+        """All arrays."""
+        return Nodes(*(getattr(self, name) for name in Nodes._fields))
 
     @property
     def points(self) -> np.ndarray:

@@ -6,6 +6,8 @@ of "a line of the known absorbance here". *Refinement*: Gauss–Newton on the ra
 (sections.py) for a spline offset, until it hardly moves the line.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 
@@ -23,6 +25,25 @@ SAME_TIP = 1  # … unless it was within so many nodes where it is now the step 
 OVERSHOOT = 4  # nodes by which the windowed absorbance reaches over a line's end
 WIDEST_GAP = 8  # bridges: longer stretches without pixels are not crossed
 FLOAT, HALF = np.float32, np.float32(0.5)
+
+
+class Fit(NamedTuple):
+    """How a line is fitted.
+
+    Attributes
+    ----------
+    spacing : between the spline's knots [px]
+    bridge : nodes without pixels that are crossed
+    longest : nodes that the line may have
+    farthest : largest first step [px]
+    widths : whether `Scratch.sums` are filled for the half-width, too
+    """
+
+    spacing: float
+    bridge: int
+    longest: float
+    farthest: float
+    widths: bool
 
 
 @njit(cache=True)
@@ -206,32 +227,32 @@ def visible_end(amplitude, amplitude_se, sums, n, threshold, bridge):
 
 
 @njit(cache=True)
-def measure(image, background, weight, gain, x, y, n, cap, sigma, widths, sums, work):
-    """What the pixels say of a line where it lies now (sections.py).
+def measure(picture, nodes, n, widths, scratch):
+    """Absorbance, information and score of a line where it lies now, into `scratch`.
 
-    work : float64 (12, nodes). Rows filled: 2 absorbance, 3 background error, 4 standard error
-    of the absorbance, 5 information and 6 score of the offset.
+    See cross_sections.py.
     """
-    amplitude, baseline = work[2], work[3]
+    p, s = picture, scratch
     cross_sections.accumulate(
-        image, background, weight, gain, x, y, n, cap, sigma, 3.0, widths, sums
-    )
-    line_profile.window_amplitudes(sums, n, 7, amplitude, baseline, work[4])
+        p.image, p.background, p.weight, p.gain, nodes.x, nodes.y, n, s.cap, nodes.sigma, 3.0,
+        widths, s.sums,
+    )  # fmt: skip
+    line_profile.window_amplitudes(s.sums, n, 7, s.amplitude, s.baseline, s.amplitude_se)
     for i in range(n):
-        amplitude[i] = min(amplitude[i], cap[i])
-    line_profile.offset_information(sums, n, amplitude, baseline, work[5], work[6])
+        s.amplitude[i] = min(s.amplitude[i], s.cap[i])
+    line_profile.offset_information(s.sums, n, s.amplitude, s.baseline, s.information, s.score)
 
 
 @njit(cache=True)
-def fit_offset(x, y, n, spacing, stiffness, work, band, rhs):
-    """Gauss–Newton's spline offset along the normals (rows 0, 1 of `work`), into row 7.
-
-    Rows 5, 6 hold the measured information and score, 10, 11 the line's own coefficients.
-    """
-    nx, ny, offset = work[0], work[1], work[7]
-    k = bsplines.normal_equations(work[5], work[6], n, spacing, band, rhs)
+def fit_offset(x, y, n, spacing, stiffness, scratch):
+    """Gauss–Newton's spline offset along the normals, from the measured information and score."""
+    nx, ny, offset, band, rhs = (
+        scratch.normal_x, scratch.normal_y, scratch.offset, scratch.band, scratch.rhs,
+    )  # fmt: skip
+    k = bsplines.normal_equations(scratch.information, scratch.score, n, spacing, band, rhs)
     normals(x, y, n, nx, ny)
-    bsplines.add_smoothness_prior(band, rhs, k, work[10], work[11], nx, ny, n, spacing, stiffness)
+    smooth_x, smooth_y = scratch.smooth_x, scratch.smooth_y
+    bsplines.add_smoothness_prior(band, rhs, k, smooth_x, smooth_y, nx, ny, n, spacing, stiffness)
     bsplines.add_second_difference_penalty(band, k, 0.02 * stiffness)
     for i in range(k):
         band[i, 0] += 1e-3
@@ -243,9 +264,10 @@ def fit_offset(x, y, n, spacing, stiffness, work, band, rhs):
 
 
 @njit(cache=True)
-def move(x, y, n, work):
+def move(x, y, n, scratch):
     """Move nodes along the normals by the fitted offset, in place; `score` changes with it."""
-    nx, ny, information, score, offset = work[0], work[1], work[5], work[6], work[7]
+    nx, ny, offset = scratch.normal_x, scratch.normal_y, scratch.offset
+    information, score = scratch.information, scratch.score
     for i in range(n):
         x[i] += offset[i] * nx[i]
         y[i] += offset[i] * ny[i]
@@ -269,59 +291,64 @@ def set_cap(amplitude, n, cap):
 
 
 @njit(cache=True)
-def refine(
-    image, background, weight, outside, gain,
-    x, y, n, amplitude, sigma, information, score, thickness,
-    spacing, bridge, longest, farthest, widths,
-    sums, work, cap, band, rhs,
-):  # fmt: skip
+def refine(picture, nodes, n, fit, scratch):
     """Gauss–Newton steps on the nodes until they stay, then base, visible end and quality.
 
-    Where the first step is larger than `farthest` [px], or less of the line is seen than there
-    was, it is not so near: nothing is found then, and the nodes are anywhere. `widths`: whether
-    `sums` shall tell of the half-width, too.
+    Where the first step is larger than `fit.farthest`, or less of the line is seen than there
+    was, it is not so near: nothing is found then, and the nodes are anywhere.
 
-    x, y, amplitude, information, score, thickness are changed in place; returns the number of
-    nodes and the quality: the part of the line's expected contrast that was found. The last step
-    is so short that information stays and the score follows; nothing is measured again.
+    The first `n` nodes are changed in place, but for sigma; returns their number and the quality:
+    the part of the line's expected contrast that was found. The last step is so short that
+    information stays and the score follows; nothing is measured again.
     """
     if n < SHORTEST:
         return 0, 0.0
+    x, y, amplitude, work = nodes.x, nodes.y, nodes.amplitude, scratch
     end, before, known = 0, 0, n
-    n = start_at_face(x, y, n, outside)
-    n = extend(x, y, n, False, bridge + 12, 40)
-    set_cap(amplitude, n, cap)
+    n = start_at_face(x, y, n, picture.outside)
+    n = extend(x, y, n, False, fit.bridge + 12, 40)
+    set_cap(amplitude, n, work.cap)
     for step in range(MOST_STEPS):
-        bsplines.smooth(x, y, n, spacing, band, work[10], work[11])
-        n = start_at_face(x, y, n, outside)
-        n = resample(x, y, n, work[8:10])
+        bsplines.smooth(x, y, n, fit.spacing, work.band, work.smooth_x, work.smooth_y)
+        n = start_at_face(x, y, n, picture.outside)
+        n = resample(x, y, n, work.room)
         if n < SHORTEST:
             return 0, 0.0
-        measure(image, background, weight, gain, x, y, n, cap, sigma, widths, sums, work)
-        seen = max(min(n, int(min(longest, n))), 2)
+        measure(picture, nodes, n, fit.widths, work)
+        seen = max(min(n, int(min(fit.longest, n))), 2)
         before = end
-        end = visible_end(work[2], work[4], sums, seen, 4.0, WIDEST_GAP * bridge)
-        fit_offset(x, y, n, spacing, STIFFNESS, work, band, rhs)
+        bridge = WIDEST_GAP * fit.bridge
+        end = visible_end(work.amplitude, work.amplitude_se, work.sums, seen, 4.0, bridge)
+        fit_offset(x, y, n, fit.spacing, STIFFNESS, work)
         move(x, y, n, work)
         tip = min(end + BEYOND_TIP, n)
-        largest = _largest(work[7], end)
+        largest = _largest(work.offset, end)
         stays = step > 0 and abs(end - before) <= SAME_TIP
-        if largest < SHORT_STEP and (stays or _largest(work[7], tip) < TIP_STEP):
+        if largest < SHORT_STEP and (stays or _largest(work.offset, tip) < TIP_STEP):
             break
-        if step == 0 and farthest < np.inf and (largest > farthest or end < STILL_SEEN * known):
+        far = largest > fit.farthest or end < STILL_SEEN * known
+        if step == 0 and fit.farthest < np.inf and far:
             return 0, 0.0
     if end < SHORTEST:
         return 0, 0.0
-    information[:end] = work[5, :end]
-    score[:end] = work[6, :end]
+    return end, _keep_measured(nodes, end, work)
+
+
+@njit(cache=True)
+def _keep_measured(nodes, end, work):
+    """Take over what was measured last at the first `end` nodes; return the quality."""
+    amplitude, sums = nodes.amplitude, work.sums
+    nodes.information[:end] = work.information[:end]
+    nodes.score[:end] = work.score[:end]
     found = 0.0
     expected = 1e-9
     for i in range(end):
         a = max(amplitude[i], 0.02)
         expected += a * a * sums[line_profile.GG, i]
-        found += a * max(work[2, i], 0.0) * sums[line_profile.GG, i]
-        amplitude[i] = 0.7 * amplitude[i] + 0.3 * max(work[2, i], 0.0)
-        thickness[i] = work[2, i] * sigma[i] * 2.5066 if work[4, i] < 0.05 else np.nan
+        found += a * max(work.amplitude[i], 0.0) * sums[line_profile.GG, i]
+        amplitude[i] = 0.7 * amplitude[i] + 0.3 * max(work.amplitude[i], 0.0)
+        area = work.amplitude[i] * nodes.sigma[i] * 2.5066
+        nodes.thickness[i] = area if work.amplitude_se[i] < 0.05 else np.nan
     for i in range(end, len(amplitude)):
         amplitude[i] = amplitude[end - 1]
-    return end, min(found / expected, 1.0)
+    return min(found / expected, 1.0)

@@ -37,13 +37,10 @@ def common_turns(image, background, weight, gain, lines, pivot=0.0) -> np.ndarra
     pivot : how far behind their bases they turn [px]
     """
     scores = np.zeros((len(lines), len(TURNS)))
-    cosines, sines = np.cos(TURNS), np.sin(TURNS)
+    picture, turns = (image, background, weight, gain), (np.cos(TURNS), np.sin(TURNS))
     most = np.full((len(lines), 1), 1e-9)
     for k, (line, score) in enumerate(zip(lines, scores, strict=True)):
-        most[k] += _add_scores(
-            image, background, weight, gain, line.x, line.y, line.n, line.amplitude,
-            *_behind(line, pivot), cosines, sines, score,
-        )  # fmt: skip
+        most[k] += _add_scores(picture, line.nodes, line.n, _behind(line, pivot), turns, score)
     row = _most_likely(scores / most.sum(), places(lines))
     return _own_turns(scores / most, row)
 
@@ -117,10 +114,14 @@ def _peak(score, k) -> float:
 
 
 @njit(cache=True)
-def _add_scores(
-    image, background, weight, gain, x, y, n, amplitude, pivot_x, pivot_y, cosines, sines, score
-):
-    """Add amplitude × absorbance along a turned line to every turn's score; return the most."""
+def _add_scores(picture, nodes, n, pivot, turns, score):
+    """Add amplitude × absorbance along a turned line to every turn's score; return the most.
+
+    pivot : x, y [px]; turns : cosines and sines
+    """
+    image, background, weight, gain = picture
+    x, y, amplitude = nodes.x, nodes.y, nodes.amplitude
+    (pivot_x, pivot_y), (cosines, sines) = pivot, turns
     height, width = background.shape
     most = 0.0
     for i in range(12, n, STEP):

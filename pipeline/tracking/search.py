@@ -12,21 +12,23 @@ REACH = 3  # half-width of the line's profile in it [px]
 
 
 @njit(cache=True, fastmath=line_profile.FAST, error_model="numpy")
-def strip_gains(image, background, weight, gain, x, y, nx, ny, n, amplitude, sigma, half, out, at):
+def strip_gains(picture, nodes, nx, ny, n, half, out, at):
     """Likelihood gain of a line at every station and integer offset −half … half.
 
     The nearest pixels are taken as they are. out : float32 (stations, `strip_width(half)`); at :
     likewise, the offset at which the pixel's centre really lies. Returns the number of stations
     and the gain that a perfect line would bring in all.
     """
-    width, height = np.int32(image.shape[1]), np.int32(image.shape[0])
-    images, lights, weights = image.ravel(), background.ravel(), weight.ravel()
+    x, y, amplitude, sigma = nodes.x, nodes.y, nodes.amplitude, nodes.sigma
+    width, height = np.int32(picture.image.shape[1]), np.int32(picture.image.shape[0])
+    images, lights = picture.image.ravel(), picture.background.ravel()
+    weights = picture.weight.ravel()
     offsets = out.shape[1]
     size = offsets + line_profile.LANES
     place, off = np.empty(size, np.int32), np.empty(size, FLOAT)
     pixel, light, trust = np.empty(size, FLOAT), np.empty(size, FLOAT), np.empty(size, FLOAT)
     value, power = np.empty(size, FLOAT), np.empty(size, FLOAT)
-    level, middle = FLOAT(gain), half + REACH
+    level, middle = FLOAT(picture.gain), half + REACH
     stations = (n - 1) // STATION + 1
     expected = 0.0
     for station in range(stations):
@@ -136,18 +138,15 @@ def _peak(gains, at, j, last):
 
 
 @njit(cache=True)
-def capture(image, background, weight, gain, x, y, n, amplitude, sigma, half, work):
+def capture(picture, nodes, n, half, scratch):
     """Move the nodes onto the best path of the strip; return gain found / gain expected."""
     if n < SHORTEST:
         return 0.0
-    nx = work[0]
-    ny = work[1]
+    x, y, nx, ny = nodes.x, nodes.y, scratch.normal_x, scratch.normal_y
     normals(x, y, n, nx, ny)
     gains = np.empty(((n - 1) // STATION + 1, strip_width(half)), FLOAT)
     at = np.empty_like(gains)
-    stations, expected = strip_gains(
-        image, background, weight, gain, x, y, nx, ny, n, amplitude, sigma, half, gains, at
-    )
+    stations, expected = strip_gains(picture, nodes, nx, ny, n, half, gains, at)
     path = np.empty(stations)
     found = best_path(gains, stations, half, 3.0, 0.002, path)
     for i in range(stations):

@@ -300,12 +300,9 @@ class Tracer:
 
     def _capture(self, line: Line, image, gain, half) -> None:
         """Move a line onto the best path of a strip of `half` px to both sides."""
-        m, w = self.model, self.workspace
-        search.capture(
-            image, m.background, m.weight, gain, line.x, line.y, line.n,
-            line.amplitude, line.sigma, half, w.work,
-        )  # fmt: skip
-        line.n = polyline.resample(line.x, line.y, line.n, w.work[8:10])
+        scratch = self.workspace.scratch
+        search.capture(self.model.picture(image, gain), line.nodes, line.n, half, scratch)
+        line.n = polyline.resample(line.x, line.y, line.n, scratch.room)
 
     def _search(self, missing: list[Track], image, gain) -> None:
         """Look at the whole frame for the missing whiskers."""
