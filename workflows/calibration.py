@@ -3,39 +3,33 @@
     python workflows/calibration.py geometry --count 60
     python workflows/calibration.py ringdown --count 3
     python workflows/calibration.py dust --count 2
+    python workflows/calibration.py views --count 2
+    python workflows/calibration.py all --count 1
     python workflows/calibration.py ringdown --count 3 --write docs/calibrate_ringdown.md
 
 `geometry` renders micrographs drawn at random and measures each. `ringdown` renders sessions of
 two videos in which a whisker slips, each with a Young's modulus and a damping of its own, which
 session.toml does not hold; `dust` sessions of two videos with a particle on the whisker, in the
-second of which the follicle gives way. Both process them by the commands. Prints a table in
-Markdown.
+second of which the follicle gives way; `views` sessions in two views, as two videos or in one
+picture. All are processed by the commands. `all` sums up all four beside their aims. Prints tables
+in Markdown.
 """
 
 import argparse
 import re
 import sys
-import tempfile
+from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pages
-import pandas as pd
+from calibration_motion import command, dust_text, views_text, work_folder
 
-from pipeline.app import cli
 from pipeline.calibrate.find_whisker import NoWhiskerError
-from pipeline.calibrate.follicle_motion import contact_row, slope_of
 from pipeline.calibrate.geometry import measure_geometry
-from pipeline.tables.columns import (
-    CONTACT_COLUMNS,
-    DUST_COLUMNS,
-    DUST_CONTACT_COLUMNS,
-    DUST_VIDEO_COLUMNS,
-    RINGDOWN_COLUMNS,
-    as_table,
-)
-from pipeline.tables.files import read_csv, read_frames
+from pipeline.tables.columns import RINGDOWN_COLUMNS
+from pipeline.tables.files import read_csv
 from synthetic.micrograph import random_micrograph
 from synthetic.presets import make_trial
 from synthetic.session import render_session
@@ -46,6 +40,9 @@ QUANTITIES = {
     "tip_radius": ("tip radius", 1e6),
     "cone_length": ("cone length", 1e3),
 }
+GEOMETRY_AIMS = (("length", "length", 0.2), ("base_radius", "base radius", 0.5))  # %
+MODULUS_AIM = 2.0  # %, of eight slips
+MICROGRAPHS = 20  # for each session of the other commands, where all are measured
 COLUMNS = {
     "youngs_modulus_GPa": ("Young's modulus [GPa]", 1e-9, "youngs_modulus"),
     "damping_per_s": ("damping [1/s]", 1.0, "damping_rate"),
@@ -76,10 +73,10 @@ def measured_against_truth(seed: int, folder: Path):
     } | {"rough": micrograph.roughness > 0}
 
 
-def geometry_text(count: int, seed: int) -> str:
-    """Errors of random micrographs, as Markdown."""
-    with tempfile.TemporaryDirectory() as folder:
-        cases = [measured_against_truth(seed + k, Path(folder)) for k in range(count)]
+def geometry_text(count: int, seed: int, keep=None):
+    """Errors of random micrographs, as Markdown, and aims."""
+    with work_folder(keep, "geometry") as folder:
+        cases = [measured_against_truth(seed + k, folder) for k in range(count)]
     kept = [case for case in cases if case]
     groups = {
         "smooth": [case for case in kept if not case["rough"]],
@@ -91,10 +88,19 @@ def geometry_text(count: int, seed: int) -> str:
         for name, (word, _) in QUANTITIES.items()
     ]
     header = ["whiskers", "", "median error", "95 % of errors within", "within 1.96 SE"]
-    return (
+    text = (
         f"{pages.table(header, rows)}\n\n{count} micrographs, {count - len(kept)} refused; "
         f"{len(groups['smooth'])} whiskers are smooth cones, of the others the radius varies."
     )
+    return text, [_geometry_aim(kept, *aim) for aim in GEOMETRY_AIMS]
+
+
+def _geometry_aim(cases, name, what, percent):
+    """A row of the table of aims: what, aim, median and 95 % of errors, intervals that hold."""
+    error, se, truth = np.array([case[name] for case in cases]).T
+    off = 100 * np.abs(error / truth)
+    cells = (f"{part:.2f} %" for part in (percent, np.median(off), np.quantile(off, 0.95)))
+    return ["geometry", what, *cells, f"{100 * np.mean(np.abs(error) < 1.96 * se):.0f} %"]
 
 
 def _error_cells(values, name):
@@ -122,15 +128,6 @@ def ringdown_of_session(seed: int, folder: Path) -> dict:
     return {"seed": seed, "slips": table.iloc[:-1], "pooled": table.iloc[-1], "whisker": whisker}
 
 
-def command(*arguments) -> None:
-    """Run a command of whiskerforce as a user would; SystemExit where it fails."""
-    try:
-        cli.main([str(each) for each in arguments])
-    except SystemExit as stopped:
-        if stopped.code:
-            raise
-
-
 def _forget_truth(session: Path) -> None:
     """Put the paper's Young's modulus and damping in place of the true ones."""
     text = session.read_text("utf-8")
@@ -138,12 +135,12 @@ def _forget_truth(session: Path) -> None:
     session.write_text(re.sub(r"(damping_per_s = )[\d.]+", r"\g<1>215.0", text), "utf-8")
 
 
-def ringdown_text(count: int, seed: int) -> str:
-    """Sessions with their pooled Young's modulus and damping beside the truth, as Markdown."""
+def ringdown_text(count: int, seed: int, keep=None):
+    """Sessions with their Young's modulus and damping beside the truth, as Markdown, and aims."""
     sessions = []
     for k in range(count):
-        with tempfile.TemporaryDirectory() as folder:
-            sessions.append(ringdown_of_session(seed + k, Path(folder)))
+        with work_folder(keep, f"ringdown_{seed + k}") as folder:
+            sessions.append(ringdown_of_session(seed + k, folder))
     rows, inside = [], []
     for each in sessions:
         row = [str(each["seed"]), str(len(each["slips"]))]
@@ -159,80 +156,59 @@ def ringdown_text(count: int, seed: int) -> str:
     for word, *_ in COLUMNS.values():
         header += [f"true {word}", "found (95 %)", "error"]
     covered = 100 * np.concatenate(inside).mean()
-    return (
+    text = (
         f"{pages.table(header, rows)}\n\nOf the single slips' 95 % intervals, {covered:.0f} % "
         "hold the truth."
     )
+    return text, [_ringdown_aim(sessions)]
 
 
-def dust_text(count: int, seed: int) -> str:
-    """Videos with a particle: the follicle's motion beside the truth, as Markdown."""
-    rows = []
-    for k in range(count):
-        with tempfile.TemporaryDirectory() as folder:
-            videos, results, out = (Path(folder) / name for name in ("videos", "results", "out"))
-            render_session(videos, "dust", seed + k, trials=2)
-            command("run", videos, "--out", results, "--jobs", 1)
-            command("calibrate", "dust", results, "--out", out)
-            rows += [[f"{seed + k}", *row] for row in dust_rows(videos / "truth", out)]
-    header = ["session", "video", "range found", "true", "error of its course", "slope (95 %)"]
-    held = sum(row[-1] == "yes" for row in rows)
-    return (
-        f"{pages.table([*header, 'true slope', 'held'], rows)}\n\nThe course's error is its SD. "
-        "Slopes in µm per 1/m of curvature change; true slopes are those of the "
-        f"rendered motion over the true contacts. {held} of {len(rows)} intervals hold them."
-    )
+def _ringdown_aim(sessions):
+    """The row of the table of aims: Young's modulus of each session, all slips pooled."""
+    off, held = [], []
+    for each in sessions:
+        true, pooled = 1e-9 * each["whisker"].youngs_modulus, each["pooled"]
+        off.append(100 * abs(pooled["youngs_modulus_GPa"] / true - 1))
+        low, high = (pooled[f"youngs_modulus_GPa_{end}"] for end in ("low", "high"))
+        held.append(low < true < high)
+    cells = (f"{part:.2f} %" for part in (MODULUS_AIM, np.median(off), max(off)))
+    return ["ringdown", "Young's modulus, slips pooled", *cells, f"{sum(held)} of {len(held)}"]
 
 
-def dust_rows(truth: Path, out: Path):
-    """Cells of each video that `calibrate dust` wrote, beside the truth."""
-    frames = read_csv(out / "dust.csv", DUST_COLUMNS)
-    found = read_csv(out / "dust_videos.csv", DUST_VIDEO_COLUMNS)
-    for row in found[found["video"] != "pooled"].itertuples():
-        own = frames[frames["video"] == row.video]
-        true = _true_course(truth / row.video, own)
-        slope = slope_of(_true_contacts(truth / row.video, true))
-        true_slope = 1e3 * slope.slope
-        yield [
-            row.video[-3:],
-            f"{row.radial_range_mm:.3f} mm",
-            f"{np.ptp(true['radial_mm']):.3f} mm",
-            f"{1e3 * np.std(own['radial_mm'].to_numpy() - true['radial_mm'].to_numpy()):.1f} µm",
-            f"{row.slope_um_m:.2f} ({row.slope_um_m_low:.2f} to {row.slope_um_m_high:.2f})",
-            f"{true_slope:.2f}",
-            "yes" if row.slope_um_m_low < true_slope < row.slope_um_m_high else "no",
-        ]
+TEXTS = {
+    "geometry": geometry_text,
+    "ringdown": ringdown_text,
+    "views": views_text,
+    "dust": dust_text,
+}
 
 
-def _true_course(truth, own):
-    """The rows of dust.csv as they are in truth."""
-    table = read_frames(truth / "frames.parquet").set_index("frame").loc[own["frame"]]
-    scale = 1e-3 * make_trial("dust", 0, 0, 40).scene.camera.pixels_per_m
-    axis = np.deg2rad(table["base_angle_deg"].median())
-    x, y = (table[f"follicle_{c}_px"] - table[f"follicle_{c}_px"].median() for c in "xy")
-    radial = (x * np.cos(axis) - y * np.sin(axis)) / scale
-    return table.assign(radial_mm=radial).reset_index()
-
-
-def _true_contacts(truth, course):
-    """What the follicle truly does in the true contacts."""
-    rows = read_csv(truth / "contacts.csv", CONTACT_COLUMNS)
-    changes = [contact_row(course, each) for each in rows.itertuples()]
-    return as_table(pd.DataFrame(changes), DUST_CONTACT_COLUMNS)
-
-
-TEXTS = {"geometry": geometry_text, "ringdown": ringdown_text, "dust": dust_text}
+def all_text(count: int, seed: int, keep=None, jobs=1):
+    """All four measurements beside their aims, then each one's own table, as Markdown."""
+    counts = {name: count * (MICROGRAPHS if name == "geometry" else 1) for name in TEXTS}
+    with ProcessPoolExecutor(jobs) as pool:
+        ways = {name: pool.submit(TEXTS[name], counts[name], seed, keep) for name in TEXTS}
+        parts = {name: way.result() for name, way in ways.items()}
+    aims = [row for _, rows in parts.values() for row in rows]
+    header = ["command", "", "aim", "median error", "95 % or largest", "intervals that hold"]
+    tables = (f"### calibrate {name}\n\n{text}" for name, (text, _) in parts.items())
+    return "\n\n".join([pages.table(header, aims), *tables])
 
 
 def main(argv=None) -> None:
     """Measure, print, and write with --write."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
-    parser.add_argument("what", choices=tuple(TEXTS))
+    parser.add_argument("what", choices=("all", *TEXTS))
     parser.add_argument("--count", type=int, default=3, help="micrographs, or sessions")
     parser.add_argument("--seed", type=int, default=0, help="of the first")
+    parser.add_argument("--jobs", type=int, default=1, help="processes, for all")
+    parser.add_argument("--keep", type=Path, help="a folder that keeps videos and results")
     parser.add_argument("--write", type=Path, help="a Markdown file to put the table into")
     args = parser.parse_args(argv)
-    text = TEXTS[args.what](args.count, args.seed)
+    if args.what == "all":
+        text = all_text(args.count, args.seed, args.keep, args.jobs)
+    else:
+        text, _ = TEXTS[args.what](args.count, args.seed, args.keep)
     print(text)
     if args.write:
         pages.write_between(args.write, args.what, text)

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 calibrate = typer.Typer(
-    help="Measure whiskers' dimensions, Young's modulus, damping, and how the follicle moves.",
+    help="Measure dimensions, Young's modulus, damping; use two views, or dust on a whisker.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
@@ -122,6 +122,26 @@ def dust(
     from pipeline.app.calibrate_dust import run_dust
 
     run_dust(results, out, whisker, at_mm, typer.echo)
+
+
+@calibrate.command()
+def views(
+    first: Annotated[Path, typer.Argument(help="Results of `run` of the view from above.")],
+    second: Annotated[Path, typer.Argument(help="Results of `run` of the second view.")],
+    points: Annotated[Path, typer.Option(help="CSV file of points that both views show.")],
+    out: Out,
+    whisker: Annotated[
+        str | None, typer.Option("--whisker", help="Name of the whisker.  [default: the only one]")
+    ] = None,
+    debug: Debug = False,
+):
+    """Measure elevation, and what one view's projection does to path and force.
+
+    The two views lie at right angles, in two videos or in one. See docs/calibrate_views.md.
+    """
+    from pipeline.app.calibrate_views import run_views
+
+    run_views(first, second, points, out, whisker, typer.echo)
 
 
 def _target(into, whisker):

@@ -17,8 +17,10 @@ LEAST_MS = 5.0  # shorter contacts are shown, but not counted as missed
 def preset_lines() -> list[str]:
     """Every preset and what it renders."""
     from synthetic.presets import PRESETS
+    from synthetic.two_view_session import PRESETS as TWO_VIEWS
 
-    return [f"  {name}: {each.meaning}" for name, each in PRESETS.items()]
+    meanings = {name: each.meaning for name, each in PRESETS.items()} | TWO_VIEWS
+    return [f"  {name}: {meaning}" for name, meaning in meanings.items()]
 
 
 def render(folder, preset, seed, trials, jobs, progress, say) -> list[Path]:
@@ -31,7 +33,14 @@ def render(folder, preset, seed, trials, jobs, progress, say) -> list[Path]:
     """
     from synthetic.presets import PRESETS
     from synthetic.session import render_session
+    from synthetic.two_view_session import PRESETS as TWO_VIEWS
+    from synthetic.two_view_session import render_two_views
 
+    if preset in TWO_VIEWS:
+        say("rendering two views …")
+        paths = render_two_views(folder, preset, seed, trials or 2)
+        say(f"videos, settings, points and truth tables: {Path(folder).resolve()}")
+        return paths
     if preset not in PRESETS:
         known = "\n".join(preset_lines())
         raise ValueError(f"--preset {preset}: no such preset; expected one of\n{known}")

@@ -1,4 +1,4 @@
-"""Measurements beside the videos' own: whiskers' dimensions, ring-downs, the follicle's motion."""
+"""Measurements beside the videos' own: whiskers' dimensions, ring-downs, follicles, two views."""
 
 import lazy_loader
 
@@ -12,5 +12,8 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "ringdown": ["fit_slip"],
         "ringdown_files": ["write_ringdown"],
         "slips": ["find_slips"],
+        "two_views": ["fit_views"],
+        "views": ["measure_views"],
+        "views_files": ["write_views"],
     },
 )

@@ -90,7 +90,7 @@ def measure_follicle_motion(video, name, near_mm=None) -> FollicleMotion:
     known = table[table["tracked"]]
     follicle = known[["follicle_x_px", "follicle_y_px"]].mean().to_numpy()
     seen = map_thickness(video, name, follicle, scale)
-    if near_mm is not None:
+    if near_mm is not None and len(seen.frame):
         near_mm -= np.hypot(*(seen.lines[0][0] - follicle)) / scale
     particle = follow_particle(seen, scale, near_mm)
     hidden = _hidden_px(video.settings, name, seen, follicle)

@@ -48,6 +48,8 @@ def map_thickness(video, name, follicle, pixels_per_mm) -> ThicknessMap:
     lines = video.lines().of((name,))
     rows = {int(frame): lines.row(i).astype(float) for i, frame in enumerate(lines.frame)}
     rows = {frame: line for frame, line in rows.items() if len(line) > 3}
+    if not rows:
+        return ThicknessMap(np.empty(0, int), [], np.empty(0), np.empty((0, 0)))
     distance = {frame: np.hypot(*(line - follicle).T) for frame, line in rows.items()}
     radius = np.quantile([d[0] for d in distance.values()], 0.95) + 1.0
     reach = max(REACH_MM * pixels_per_mm, LEAST_REACH_PX)

@@ -326,6 +326,71 @@ DUST_VIDEO_COLUMNS = (
     ),
 )
 
+_VIEW_COLUMNS = (
+    *_each_with(
+        [("se", "standard error")],
+        (
+            Column("elevation_deg", "float64", "deg", "follicle to contact, above the horizontal"),
+            Column(
+                "projection_error_percent",
+                "float64",
+                "%",
+                "by how much the apparent path is short",
+            ),
+        ),
+    ),
+    Column("azimuth_deg", "float64", "deg", "follicle to contact, as base_angle_deg"),
+    Column("apparent_path_mm", "float64", "mm", "follicle to contact along the first view's line"),
+    Column("true_path_mm", "float64", "mm", "follicle to contact in space"),
+    Column("elevation_part_percent", "float64", "%", "of the error, from elevation alone"),
+    Column("droop_part_percent", "float64", "%", "of the error, the rest"),
+)
+VIEW_FRAME_COLUMNS = (
+    Column("video", "string", "", "stem of the first view's video"),
+    Column("whisker", "string", "", "name of the whisker"),
+    Column("frame", "int64", "", "frame number, from 0"),
+    Column("time_s", "float64", "s", "time of the frame"),
+    Column("in_contact", "bool", "", "the frame belongs to a contact; else to the nearest point"),
+    *_VIEW_COLUMNS,
+    *_each_with(
+        [("se", "standard error")],
+        (
+            Column("first_view_force_uN", "float64", "µN", "contact force by the first view"),
+            Column("own_plane_force_uN", "float64", "µN", "in the whisker's own plane"),
+        ),
+    ),
+)
+VIEW_CONTACT_COLUMNS = (
+    Column("video", "string", "", "stem of the first view's video"),
+    Column("whisker", "string", "", "name of the whisker"),
+    Column("contact", "int64", "", "its number in contacts.csv; values are medians over it"),
+    *_VIEW_COLUMNS,
+    Column("first_view_peak_uN", "float64", "µN", "largest contact force by the first view"),
+    Column("own_plane_peak_uN", "float64", "µN", "largest in the whisker's own plane"),
+    Column("force_effect_percent", "float64", "%", "own plane's force over the first view's"),
+)
+SPACE_LINE_COLUMNS = (
+    Column("video", "string", "", "stem of the first view's video"),
+    Column("whisker", "string", "", "name of the whisker"),
+    Column("frame", "int64", "", "frame number, from 0"),
+    Column("x_mm", "list<float32>", "mm", "x of its points, follicle → tip, right in the picture"),
+    Column("y_mm", "list<float32>", "mm", "y of its points, up in the first picture"),
+    Column("z_mm", "list<float32>", "mm", "height above the follicle"),
+)
+CALIBRATED_VIEW_COLUMNS = (
+    *_each_with(
+        [("se", "standard error")],
+        (
+            Column("second_pixels_per_mm", "float64", "px/mm", "scale of the second view"),
+            Column("shared_axis_deg", "float64", "deg", "of the shared axis in the first picture"),
+            Column(
+                "second_axis_deg", "float64", "deg", "of the shared axis in the second picture"
+            ),
+        ),
+    ),
+    Column("points_rms_px", "float64", "px", "how far matched points disagree"),
+)
+
 
 def split_flags(flags: str) -> list[str]:
     """CONTACT_FLAGS of a contact, from its column `flags`."""

@@ -1,6 +1,7 @@
 """The dictionary of tables, columns and flags: docs/tables.md."""
 
 from pipeline.tables.columns import (
+    CALIBRATED_VIEW_COLUMNS,
     CENTRELINE_COLUMNS,
     CONTACT_COLUMNS,
     CONTACT_FLAGS,
@@ -15,7 +16,10 @@ from pipeline.tables.columns import (
     GEOMETRY_COLUMNS,
     PROFILE_COLUMNS,
     RINGDOWN_COLUMNS,
+    SPACE_LINE_COLUMNS,
     VIDEO_COLUMNS,
+    VIEW_CONTACT_COLUMNS,
+    VIEW_FRAME_COLUMNS,
 )
 
 FILES = {
@@ -48,6 +52,16 @@ FILES = {
     "dust_videos.csv": (
         "Of `calibrate dust`, a row per video, then one of all together.",
         DUST_VIDEO_COLUMNS,
+    ),
+    "views.csv": ("Of `calibrate views`, a row per frame.", VIEW_FRAME_COLUMNS),
+    "view_contacts.csv": ("Of `calibrate views`, a row per contact.", VIEW_CONTACT_COLUMNS),
+    "calibration.csv": (
+        "Of `calibrate views`, how the two views belong together.",
+        CALIBRATED_VIEW_COLUMNS,
+    ),
+    "lines_3d.parquet": (
+        "Of `calibrate views`, a row per frame that both views show.",
+        SPACE_LINE_COLUMNS,
     ),
     "ringdown.csv": (
         "Of `calibrate ringdown`, a row per slip, then one of all together.",

@@ -1,0 +1,79 @@
+"""`whiskerforce calibrate views`: two views in, elevation, projection error and force out."""
+
+import numpy as np
+
+from pipeline.calibrate.two_views import ViewsError, fit_views, read_points
+from pipeline.calibrate.views import measure_views
+from pipeline.calibrate.views_files import write_views
+from pipeline.convert.results import read_results
+
+
+def run_views(first, second, points, out, whisker, say) -> None:
+    """Put two views together and write what they show; nothing where they do not match.
+
+    Parameters
+    ----------
+    first, second : folders of `whiskerforce run`, of the view from above and of the other
+    points : CSV file of points seen in both
+    whisker : its name, or None for the only one
+    say : prints a line
+    """
+    from pipeline.run import analyse_lines
+
+    pairs = _pairs(read_results(first), read_results(second), first, second)
+    name = _whisker(pairs, whisker)
+    views = fit_views(read_points(points), pairs[0][0].settings.recording.pixels_per_mm)
+    say(
+        f"second view: {views.second_scale:.2f} ± {views.second_se:.2f} pixels per mm; matched "
+        f"points agree to {views.rms_px:.2f} px"
+    )
+    measured, faults = [], []
+    for ours, theirs in pairs:
+        try:
+            measured.append(measure_views(ours, theirs, views, name, analyse_lines))
+        except ViewsError as error:
+            faults.append(str(error))
+            say(f"left out: {error}")
+            continue
+        say(_sentence(measured[-1]))
+    if not measured:
+        raise ViewsError(f"{first}: no video can be put together with {second}: {faults[0]}")
+    written = write_views(out, views, measured)
+    say(f"tables and figure: {written[0].parent}")
+
+
+def _pairs(ours, theirs, first, second):
+    """Videos that belong together: of the same name, or one and one."""
+    if len(ours) == len(theirs) == 1:
+        return [(ours[0], theirs[0])]
+    known = {video.name: video for video in theirs}
+    pairs = [(video, known[video.name]) for video in ours if video.name in known]
+    if not pairs:
+        raise ViewsError(
+            f"{first} and {second}: no video has the same name in both ({ours[0].name}, … and "
+            f"{theirs[0].name}, …); name the two views' videos alike"
+        )
+    return pairs
+
+
+def _whisker(pairs, wanted):
+    names = sorted({name for video, _ in pairs for name in video.whiskers})
+    if wanted is None and len(names) == 1:
+        return names[0]
+    if wanted is None or wanted not in names:
+        raise ViewsError(f"--whisker {wanted or ''}: expected one of {', '.join(names)}")
+    return wanted
+
+
+def _sentence(measured):
+    touching = measured.frames[measured.frames["in_contact"]].dropna(subset=["true_path_mm"])
+    if not len(touching):
+        return f"{measured.video}, whisker {measured.whisker}: no contact in both views"
+    elevation, error = touching["elevation_deg"], touching["projection_error_percent"]
+    effect = measured.contacts["force_effect_percent"].median()
+    force = f", force in its own plane {effect:+.1f} %" if np.isfinite(effect) else ""
+    return (
+        f"{measured.video}, whisker {measured.whisker}: {len(touching)} contact frames, elevation "
+        f"{elevation.min():.1f} to {elevation.max():.1f}°, path short by {error.median():.2f} % "
+        f"(99 % below {error.quantile(0.99):.2f} %){force}"
+    )

@@ -1,0 +1,61 @@
+"""What `calibrate views` writes: tables of frames, contacts, lines in space, and a figure."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from pipeline.calibrate.two_views import TwoViews
+from pipeline.calibrate.views import ViewsMeasurement
+from pipeline.calibrate.views_picture import draw_views
+from pipeline.tables.columns import (
+    CALIBRATED_VIEW_COLUMNS,
+    SPACE_LINE_COLUMNS,
+    VIEW_CONTACT_COLUMNS,
+    VIEW_FRAME_COLUMNS,
+    as_table,
+)
+from pipeline.tables.files import write_csv, write_rows
+
+
+def write_views(out, views: TwoViews, measured: list[ViewsMeasurement]) -> list[Path]:
+    """Write calibration.csv, views.csv, view_contacts.csv, lines_3d.parquet and fig4.png."""
+    out = Path(out)
+    out.mkdir(parents=True, exist_ok=True)
+    draw_views(out / "fig4.png", measured)
+    tables = {
+        "calibration.csv": (_calibration(views), CALIBRATED_VIEW_COLUMNS),
+        "views.csv": (pd.concat([each.frames for each in measured]), VIEW_FRAME_COLUMNS),
+        "view_contacts.csv": (pd.concat([e.contacts for e in measured]), VIEW_CONTACT_COLUMNS),
+    }
+    for name, (table, columns) in tables.items():
+        write_csv(out / name, as_table(table, columns), columns)
+    lines = pd.DataFrame([row for each in measured for row in _line_rows(each, views)])
+    write_rows(out / "lines_3d.parquet", lines, SPACE_LINE_COLUMNS)
+    return [out / "fig4.png", *(out / name for name in tables), out / "lines_3d.parquet"]
+
+
+def _calibration(views) -> pd.DataFrame:
+    angles = (np.rad2deg(np.arctan2(a[1], a[0])) for a in (views.shared, views.second_shared))
+    first, second = angles
+    se = np.rad2deg(views.angle_se)
+    row = {
+        "second_pixels_per_mm": views.second_scale,
+        "second_pixels_per_mm_se": views.second_se,
+        "shared_axis_deg": first,
+        "shared_axis_deg_se": se,
+        "second_axis_deg": second,
+        "second_axis_deg_se": se,
+        "points_rms_px": views.rms_px,
+    }
+    return pd.DataFrame([row])
+
+
+def _line_rows(measured, views):
+    """Rows of lines_3d.parquet of one video."""
+    for frame, line in measured.lines.items():
+        x, y = (line.first * (1, -1) / views.first_scale).T
+        yield {
+            "video": measured.video, "whisker": measured.whisker, "frame": frame,
+            "x_mm": x, "y_mm": y, "z_mm": line.height,
+        }  # fmt: skip

@@ -1,0 +1,279 @@
+"""Two views put together: from points, from straight lines, and from rendered motion's truth."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from pipeline.app import cli
+from pipeline.calibrate.lines_3d import contact_place, space_line, unroll
+from pipeline.calibrate.two_views import ViewsError, fit_views
+from pipeline.calibrate.views import _lag
+from pipeline.convert.results import lines_of_rows
+from pipeline.session.inputs import STATE_FILE
+from pipeline.session.session_file import settings_from, write_session
+from pipeline.tables import centrelines, files
+from pipeline.tables.columns import (
+    CALIBRATED_VIEW_COLUMNS,
+    CONTACT_COLUMNS,
+    FRAME_COLUMNS,
+    VIDEO_COLUMNS,
+    VIEW_CONTACT_COLUMNS,
+    VIEW_FRAME_COLUMNS,
+    as_table,
+)
+from synthetic.staging import Setting
+from synthetic.two_view_session import matched_points, true_rows
+from synthetic.two_views import whisker_in_space
+
+FIRST, SECOND = 25.0, 22.0  # px/mm
+AXIS, ROLL = np.deg2rad(20.0), np.deg2rad(-2.0)
+CLICK_PX = 0.3
+
+
+def seen(x, y, z):
+    """Points in space [mm] in both pictures [px], (n, 4)."""
+    along = x * np.cos(AXIS) + y * np.sin(AXIS)
+    right = along * np.cos(ROLL) - z * np.sin(ROLL)
+    up = along * np.sin(ROLL) + z * np.cos(ROLL)
+    return np.column_stack([FIRST * x, -FIRST * y, 30 + SECOND * right, 150 - SECOND * up])
+
+
+def points(rng, n=12, height=4.0, click=CLICK_PX):
+    x, y, z = (rng.uniform(*side, n) for side in ((4, 20), (-12, -2), (-height, height)))
+    return seen(x, y, z) + rng.normal(scale=click, size=(n, 4))
+
+
+def test_views_are_put_together_with_errors_that_hold():
+    off = []
+    for seed in range(60):
+        found = fit_views(points(np.random.default_rng(seed)), FIRST)
+        turned = np.arctan2(found.second_shared[1], found.second_shared[0]) - ROLL
+        off.append([(found.second_scale - SECOND) / found.second_se, turned / found.angle_se])
+    assert found.second_scale == pytest.approx(SECOND, rel=0.01)
+    covered = np.mean(np.abs(off) < 1.96, axis=0)
+    assert (covered > 0.85).all()
+
+
+def test_a_mirrored_second_view_is_told_from_the_points():
+    given = points(np.random.default_rng(1), click=0.0)
+    given[:, 2] = 640 - given[:, 2]
+    found = fit_views(given, FIRST)
+    along, height = found.in_second(given[:, 2:])
+    np.testing.assert_allclose(along, found.along_first(given[:, :2]), atol=1e-9)
+    true = fit_views(points(np.random.default_rng(1), click=0.0), FIRST)
+    other = points(np.random.default_rng(1), click=0.0)
+    np.testing.assert_allclose(np.ptp(height), np.ptp(true.in_second(other[:, 2:])[1]), rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("given", "expected"),
+    [
+        (points(np.random.default_rng(0), n=5), "5 matched points; expected at least 6"),
+        (points(np.random.default_rng(0), height=0.0), "lie in a plane"),
+        (np.random.default_rng(0).uniform(0, 600, (12, 4)), "do not match: .* px apart"),
+    ],
+)
+def test_points_that_are_no_good_are_refused(given, expected):
+    with pytest.raises(ViewsError, match=expected):
+        fit_views(given, FIRST)
+
+
+@pytest.fixture(scope="module")
+def views():
+    return fit_views(points(np.random.default_rng(3), click=0.0), FIRST)
+
+
+def straight(elevation, azimuth=0.2, n=300, droop=0.0):
+    """Both pictures' lines of a whisker of 16 mm, from 1.4 mm beyond its follicle on."""
+    s = np.linspace(1.4, 16.0, n)
+    climb = s * np.sin(elevation) + droop * s**2
+    x, y = (
+        2 + s * np.cos(elevation) * np.cos(azimuth),
+        -8 + s * np.cos(elevation) * np.sin(azimuth),
+    )
+    both = seen(x, y, climb)
+    return both[:, :2], both[:, 2:], seen(*np.array([[2.0], [-8.0], [0.0]]))[0, :2]
+
+
+@pytest.mark.parametrize("degrees", [-14.0, 0.0, 9.0])
+def test_a_straight_whisker_is_short_by_the_cosine_of_its_elevation(views, degrees):
+    elevation = np.deg2rad(degrees)
+    line = space_line(views, *straight(elevation))
+    place = contact_place(line, FIRST * 9.0 * np.cos(elevation), FIRST)
+    assert np.rad2deg(place.elevation) == pytest.approx(degrees, abs=0.01)
+    assert place.true == pytest.approx(9.0, abs=0.01)
+    assert place.error == pytest.approx(1 - np.cos(elevation), abs=1e-5)
+    assert place.error - place.elevation_part == pytest.approx(0, abs=1e-5)
+    unrolled, pole = unroll(line, line.first[150], FIRST)
+    length = np.hypot(*np.diff(unrolled, axis=0).T).sum() / FIRST
+    assert length == pytest.approx(14.6, abs=0.01)
+    np.testing.assert_allclose(pole, unrolled[149], atol=1e-3)
+
+
+def test_droop_is_what_elevation_leaves(views):
+    line = space_line(views, *straight(0.1, droop=0.01))
+    place = contact_place(line, FIRST * 9.0, FIRST)
+    assert 0.0005 < place.error - place.elevation_part < 0.002
+
+
+def test_lines_that_share_too_little_are_left_out(views):
+    first, second, follicle = straight(0.1)
+    assert space_line(views, first[:40], second[200:], follicle) is None
+
+
+@pytest.mark.parametrize("lag", [-7, 0, 3])
+def test_views_out_of_step_are_noticed(lag):
+    rng = np.random.default_rng(5)
+    course = np.cumsum(np.convolve(rng.normal(size=300), np.ones(9) / 9, "same"))
+    first, second = course[20:220], course[20 - lag : 220 - lag]
+    assert _lag(first, second + rng.normal(scale=0.05, size=200)) == lag
+
+
+# As a user runs it ---------------------------------------------------------------------------
+
+NOISE_PX = 0.04
+FRAMES = 70
+HIDDEN_MM = 1.4
+HOLDS = 3.0  # standard errors
+FORCE = 0.03  # relative error of the force in the whisker's own plane
+
+
+@pytest.fixture(scope="module")
+def space():
+    return whisker_in_space(Setting("two_views", 4, 0, np.random.default_rng(10), FRAMES))
+
+
+@pytest.fixture(scope="module")
+def session(space, tmp_path_factory):
+    """Results of both views as `run` would write them, and the points."""
+    folder = tmp_path_factory.mktemp("views")
+    rng = np.random.default_rng(1)
+    x, y, z = space.places
+    pictures = {
+        "first": space.motion.scene.to_pixels(x, y),
+        "second": space.second.project(x, y, z),
+    }
+    for name, (px, py) in pictures.items():
+        _write_results(folder / name, space, px, py, rng, name == "first")
+    columns = ["first_x_px", "first_y_px", "second_x_px", "second_y_px"]
+    given = pd.DataFrame(matched_points(space, rng), columns=columns)
+    given.to_csv(folder / "points.csv", index=False)
+    return folder
+
+
+def _write_results(folder, space, x, y, rng, above):
+    own = folder / "one"
+    own.mkdir(parents=True)
+    scale = space.motion.scene.camera.pixels_per_mm
+    hidden = np.searchsorted(space.arc_length, 1e-3 * HIDDEN_MM)
+    lines = [_traced(px[hidden:], py[hidden:], rng) for px, py in zip(x, y, strict=True)]
+    keys = [(k, 0) for k in range(len(lines))]
+    centrelines.write_centrelines(own / "centrelines.parquet", lines_of_rows(["C2"], keys, lines))
+    touching = space.contact.touching
+    frames = pd.DataFrame(
+        {
+            "frame": np.arange(len(lines)), "time_s": 1e-3 * np.arange(len(lines)),
+            "whisker": "C2", "tracked": True, "follicle_x_px": x[:, 0],
+            "follicle_y_px": y[:, 0], "in_contact": touching,
+        }
+    )  # fmt: skip
+    files.write_frames(own / "frames.parquet", as_table(frames, FRAME_COLUMNS))
+    edges = np.flatnonzero(np.diff(touching.astype(int), prepend=0, append=0)).reshape(-1, 2)
+    contacts = [
+        {"video": "one", "whisker": "C2", "contact": k, "onset_frame": a, "offset_frame": b}
+        for k, (a, b) in enumerate(edges, 1)
+    ]
+    table = as_table(pd.DataFrame(contacts), CONTACT_COLUMNS)
+    for place in (own, folder):
+        files.write_csv(place / "contacts.csv", table, CONTACT_COLUMNS)
+    pole = space.motion.scene.pole
+    px, py = space.motion.scene.to_pixels(pole.x, pole.y)
+    runs = [[0, float(px), float(py)]]
+    state = {"pole": {"radius_px": 1e3 * pole.radius * scale, "runs": runs}}
+    files.write_json(own / STATE_FILE, state if above else {})
+    whisker = {
+        "name": "C2", "length_mm": 18.0, "cone_length_mm": 18 / 0.95, "base_radius_um": 37.0,
+        "hidden_length_mm": HIDDEN_MM,
+    }  # fmt: skip
+    recording = {"frames_per_second": 1e3, "pixels_per_mm": scale, "face": "left"}
+    write_session(
+        own / "session.toml", settings_from({"recording": recording, "whisker": [whisker]})
+    )
+    video = {"video": "one", "path": "one.avi", "status": "done", "frames": len(lines)}
+    files.write_csv(
+        folder / "videos.csv", as_table(pd.DataFrame([video]), VIDEO_COLUMNS), VIDEO_COLUMNS
+    )
+
+
+def _traced(x, y, rng):
+    """A line as it is traced: 1 px apart, with errors that run along it."""
+    arc = np.concatenate([[0], np.cumsum(np.hypot(np.diff(x), np.diff(y)))])
+    at = np.arange(0, arc[-1], 1.0)
+    knots = np.arange(0, at[-1] + 8, 8)
+    off = np.interp(at, knots, rng.normal(scale=NOISE_PX, size=len(knots)))
+    return np.column_stack([np.interp(at, arc, x), np.interp(at, arc, y) + off])
+
+
+def run(*arguments) -> int:
+    with pytest.raises(SystemExit) as caught:
+        cli.main(["calibrate", "views", *(str(a) for a in arguments)])
+    return caught.value.code or 0
+
+
+def test_elevation_paths_and_force_are_found(space, session, tmp_path, capsys):
+    out, given = tmp_path / "out", session / "points.csv"
+    assert run(session / "first", session / "second", "--points", given, "--out", out) == 0
+    found = files.read_csv(out / "views.csv", VIEW_FRAME_COLUMNS).set_index("frame")
+    true = true_rows(space).set_index("frame")
+    found = found.loc[true.index]
+    for name in ("elevation_deg", "projection_error_percent"):
+        off = (found[name] - true[name]) / found[f"{name}_se"]
+        assert off.abs().max() < HOLDS, name
+    np.testing.assert_allclose(found["true_path_mm"], true["true_path_mm"], atol=0.06)
+    strong = true["contact_force_uN"] > 0.5 * true["contact_force_uN"].max()
+    force = true["contact_force_uN"][strong]
+    own = (found["own_plane_force_uN"][strong] / force - 1).median()
+    assert abs(own) < FORCE
+    (camera,) = files.read_csv(out / "calibration.csv", CALIBRATED_VIEW_COLUMNS).itertuples()
+    assert camera.second_pixels_per_mm == pytest.approx(
+        space.second.camera.pixels_per_mm, abs=HOLDS * camera.second_pixels_per_mm_se
+    )
+    contacts = files.read_csv(out / "view_contacts.csv", VIEW_CONTACT_COLUMNS)
+    assert contacts["force_effect_percent"].notna().all()
+    names = {path.name for path in out.iterdir()}
+    assert names == {
+        "calibration.csv", "fig4.png", "lines_3d.parquet", "view_contacts.csv", "views.csv",
+    }  # fmt: skip
+    assert "contact frames, elevation" in capsys.readouterr().out
+
+
+def _shuffled(table):
+    names = ["second_x_px", "second_y_px"]
+    table[names] = table[names].to_numpy()[::-1]
+    return table
+
+
+@pytest.mark.parametrize(
+    ("change", "options", "expected"),
+    [
+        (_shuffled, (), ["do not match", "row"]),
+        (lambda t: t.drop(columns="second_x_px"), (), ["second_x_px missing"]),
+        (lambda t: t.head(4), (), ["4 matched points"]),
+        (
+            lambda t: t.assign(second_x_px=t["second_x_px"] + 90),
+            (),
+            ["leaves the face", "do the points belong"],
+        ),
+        (lambda t: t, ("--whisker", "D1"), ["--whisker D1", "one of C2"]),
+    ],
+)
+def test_views_that_do_not_match_leave_nothing_behind(
+    session, tmp_path, capsys, change, options, expected
+):
+    given, out = tmp_path / "points.csv", tmp_path / "out"
+    change(pd.read_csv(session / "points.csv")).to_csv(given, index=False)
+    folders = session / "first", session / "second"
+    assert run(*folders, "--points", given, "--out", out, *options) == 2
+    said = "".join(capsys.readouterr())
+    assert all(part in said for part in expected), said
+    assert not out.exists()
