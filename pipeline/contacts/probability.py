@@ -13,7 +13,6 @@ from scipy.special import erfcx, log_ndtr
 
 from pipeline.numerics.chains import state_probabilities, two_states
 from pipeline.numerics.robust import robust_sd
-from pipeline.numerics.runs import stretches
 from pipeline.session.parameters import DEFAULTS, ContactParams
 from pipeline.session.recording import Recording
 
@@ -42,11 +41,6 @@ def add_probability(
         log_odds = frame_log_odds(part, rate, params)
         evidence.loc[part.index, "log_odds"] = log_odds
         probability = posterior(log_odds, *changes_per_frame(rate, params))
-        shortest = params.shortest_s * rate
-        for start, stop in stretches(probability > 0.5):
-            whole = 0 < start and stop < len(probability)
-            if whole and stop - start < shortest:
-                probability[start:stop] = 0.5
         if _passes_over(part, probability):
             probability[:] = 0.0
         evidence.loc[part.index, "probability"] = probability

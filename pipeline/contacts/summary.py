@@ -166,7 +166,10 @@ def _hidden_top(known, peak):
 
 
 def _without_wild(force, error):
-    """Force (frames,) of one contact, NaN where something else lies upon the whisker."""
+    """Force (frames,) of one contact, NaN where something else lies upon the whisker.
+
+    Else a single frame of a crossing, with ten times the usual error, may be the peak.
+    """
     if not np.isfinite(error).any():
         return force
     return np.where(error > WILD * np.nanmedian(error) + WILD_SHARE * force, np.nan, force)

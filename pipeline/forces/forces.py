@@ -242,7 +242,11 @@ def _rest_prior(model, angle, time) -> RestPrior:
 
 
 def _force_noise(force, error, places, free, params):
-    """Scatter of the force in free frames, where it is zero, over its standard error."""
+    """Scatter of the force in free frames, where it is zero, over its standard error.
+
+    Rendered pictures need no such factor; on real recordings the fit's own error covers the zero
+    force of free frames too seldom (64 % instead of 99 % beside one rat's whisker).
+    """
     with np.errstate(invalid="ignore", divide="ignore"):
         near = places.distance < 1e-3 * params.calibration_mm
         return _excess(force / error, free & near)

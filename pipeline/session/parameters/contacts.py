@@ -22,9 +22,6 @@ class ContactParams:
         30.0, "touches that end, per second of touch",
         "literature: a mean duration of 30.9 ms (Hires et al. 2013)",
     )  # fmt: skip
-    shortest_s: quantity(0, 0.1, "s") = parameter(
-        0.0015, "what has begun and ended sooner is an error of the trace", "chosen"
-    )
     near_pole_mm: quantity(0.01, 5, "mm") = parameter(
         0.2, "a whisker farther off in half of the frames touches nothing", "chosen"
     )
