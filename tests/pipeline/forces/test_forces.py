@@ -100,8 +100,8 @@ def test_errors_that_run_along_the_line_widen_standard_errors(traced):
     rng, lines = np.random.default_rng(4), traced.lines
     off = []  # px
     for n in np.diff(lines.offsets):
-        knots = np.arange(0, n + 40, 40)
-        off.append(np.interp(np.arange(n), knots, rng.normal(0, 0.1, len(knots))))
+        knots = np.arange(0, n + 120, 120)
+        off.append(np.interp(np.arange(n), knots, rng.normal(0, 0.3, len(knots))))
     (whisker,) = traced.whiskers.values()
     places = resampled.measure_stations(
         replace(lines, y_px=lines.y_px + np.concatenate(off).astype(np.float32)),
@@ -110,7 +110,7 @@ def test_errors_that_run_along_the_line_widen_standard_errors(traced):
     evidence, _ = forces.measure_forces(places, whisker, traced.frames, 5.5e-3)
     free = ~traced.true_frames["in_contact"].to_numpy(bool) & (evidence["distance_m"] < 3e-3)
     force, error = (evidence[f"shape_force_{name}"][free] for name in ("N", "se_N"))
-    assert np.mean(np.abs(force) < 1.96 * error) > 0.85
+    assert np.mean(np.abs(force) < 1.96 * error) > 0.9  # by the fit's own errors: 0.73
 
 
 def test_curvature_change_is_that_of_the_rod(traced, touch):
