@@ -1,16 +1,34 @@
-"""How whiskerforce does on real recordings, of which no truth is known.
+"""How whiskerforce does on real recordings, beside whiskers followed by eye and backwards in time.
 
-    python workflows/real_recordings.py VIDEO:left VIDEO:top --scales 12,16,25
+    python workflows/real_recordings.py VIDEO:left VIDEO:top --scales 12,16,25,init \\
+        --labels whiskers_by_eye.json --backwards
 
 Each video is processed as `whiskerforce run` does, with only the frame rate, the face's side
-(after the colon) and the scale given. Printed for every video and scale:
+(after the colon) and the scale given; the scale `init` stands for the session.toml that
+`whiskerforce init` writes for this video, unchanged. `--backwards` processes the frames in reverse
+order, too, from a lossless copy. A first table is of lines and names:
 
+- *lines / frame*: all lines, over all frames. *known*: those of them with a confidence ≥ 0.5.
+- *clear*, *faint* (with `--labels`, in the frames followed by eye; the format is in
+  `real_lines.py`): whiskers found. 60 % of the whisker beyond its first 15 px lie within 2.5 px
+  of one line. Lines of up to 60 px are left out here and in the next two.
+- *wrong / frame*: lines of which less than half lies within 2.5 px of what was followed by eye.
+  What lies in ignored polygons is not judged, nor is a line with less than 30 px outside of them.
+- *distance*: median [px] from the whisker by eye to the line, where it is within 2.5 px.
+- *CPU*: time per frame [ms] of decoding, following, naming and measuring. Start-up is left out:
+  scene, roster, and compilation, for which the first video is first processed once more.
+- *names agree*: of the lines known in both directions, those with the same name. Lines of the two
+  are the same where 60 % of the shorter lies within 2.5 px of the other; names are paired one to
+  one so that most agree.
+
+A second table is of base angles, forwards:
+
+- *known*: lines known by name (confidence ≥ 0.5), to which all figures refer.
 - *base*, *visible*, *first 40 px*: jitter [degrees] of `base_angle_deg`, of `visible_angle_deg`
   and of the slope of the first 40 px of the same centrelines. It is the median size of second
-  differences over frames that follow each other, all known by name (confidence ≥ 0.5), pooled
-  over whiskers; *of one frame*: as the SD of one frame's error, 1.4826/√6 of it. What a whisker
-  really does within three frames is in it; *slow*: in the half of the frames in which the visible
-  part turns least.
+  differences over frames that follow each other, pooled over whiskers; *of one frame*: as the SD
+  of one frame's error, 1.4826/√6 of it. What a whisker really does within three frames is in it;
+  *slow*: in the half of the frames in which the visible part turns least.
 - *steps*: of more than 10° from one frame to the next, per 1000; *smooth*: those where the
   centreline itself does not jump (its first 40 px turn by less than 10°).
 - *resting*: part of the neighbouring frames, in the slow half, whose difference lies within 1.96
@@ -20,128 +38,118 @@ Each video is processed as `whiskerforce run` does, with only the frame rate, th
 import argparse
 import sys
 import tempfile
+import time
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import measuring
 import numpy as np
 import pages
 import pandas as pd
+import real_angles
+import real_directions
+import real_lines
 
-from pipeline.numerics.angles import second_differences
+from pipeline.app.init import findings, look_at
 from pipeline.run import analyse
-from pipeline.session.session_file import read_session
+from pipeline.session.session_file import settings_from
+from pipeline.tables import Centrelines
 
-KNOWN = 0.5  # confidence from which on a name counts
-SLOPE_PX = 40  # of the centreline whose slope stands beside the base angle
-STEP_DEG = 10.0
 SIDES = ("left", "right", "top", "bottom")
+INIT = "init"  # in the place of a scale
 HEADER = [
-    "video", "px/mm", "frames", "base", "base, slow", "base, of one frame", "visible",
-    "first 40 px", "steps / 1000", "smooth", "resting",
+    "video", "px/mm", "direction", "lines / frame", "known", "clear", "faint", "wrong / frame",
+    "distance", "CPU", "names agree",
 ]  # fmt: skip
 
 
-def processed(video: Path, face: str, pixels_per_mm: float, frames_per_second: float):
-    """The frames table of a video, with `slope_deg` of every centreline."""
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "session.toml"
-        path.write_text(
-            f"[recording]\nframes_per_second = {frames_per_second}\n"
-            f'pixels_per_mm = {pixels_per_mm}\nface = "{face}"\n'
-        )
-        settings = read_session(path)
-    slopes = []
-    frames = analyse(video, settings, keep=lambda lines: slopes.append(first_slopes(lines))).frames
-    if not slopes:
-        return frames.assign(slope_deg=np.nan)
-    return frames.merge(pd.concat(slopes), on=["frame", "whisker"], how="left")
+@dataclass(frozen=True)
+class Run:
+    """What was found in one video: lines, frames table, number of frames, CPU time a frame [s]."""
+
+    lines: Centrelines
+    frames: pd.DataFrame
+    n_frames: int
+    cpu: float
 
 
-def first_slopes(lines) -> pd.DataFrame:
-    """Direction [degrees] of a straight line through the first SLOPE_PX of every centreline."""
-    slope = np.full(len(lines), np.nan)
-    for row in range(len(lines)):
-        points = lines.row(row)[:SLOPE_PX].astype(float)
-        if len(points) == SLOPE_PX:
-            along = np.linalg.svd(points - points.mean(axis=0))[2][0]
-            along *= np.sign(along @ (points[-1] - points[0]))
-            slope[row] = np.degrees(np.arctan2(-along[1], along[0]))
-    names = np.asarray(lines.names, object)[lines.whisker]
-    return pd.DataFrame({"frame": lines.frame, "whisker": names, "slope_deg": slope})
+class FollowingClock:
+    """CPU time [s] from the first frame that is followed until all lines have names.
+
+    It is a `progress` of `pipeline.run.analyse`.
+    """
+
+    def __init__(self):
+        self.begun = self.ended = np.nan
+
+    def __call__(self, step):
+        """Note the time at the steps that begin and end what is measured."""
+        if step.stage == "following" and step.done == 1:
+            self.begun = time.process_time()
+        elif step.stage == "forces":
+            self.ended = time.process_time()
 
 
-def angle_figures(frames: pd.DataFrame) -> dict:
-    """Jitter, steps and coverage of the base angles in a frames table with `slope_deg`."""
-    known = frames[frames["tracked"] & (frames["confidence"] >= KNOWN)]
-    whiskers = [_of_whisker(part.sort_values("frame")) for _, part in known.groupby("whisker")]
-    pooled = {key: np.concatenate([w[key] for w in whiskers]) for key in _of_whisker(known[:0])}
-    with np.errstate(invalid="ignore"):
-        stepped = np.abs(pooled["step"]) > STEP_DEG
-        smooth = stepped & (np.abs(pooled["slope_step"]) < STEP_DEG)
-    slow = pooled["speed"] <= np.median(pooled["speed"]) if len(pooled["speed"]) else []
-    within = np.abs(pooled["step"]) < 1.96 * pooled["step_se"]
-    out = {key: _median(pooled[key]) for key in ("base", "visible", "slope", "slow")}
-    out |= {"frames": len(known), "one_frame": 1.4826 / np.sqrt(6) * out["base"]}
-    out |= {"steps": 1e3 * _mean(stepped), "smooth": 1e3 * _mean(smooth)}
-    return out | {"resting": _mean(within[slow])}
+def processed(video: Path, settings) -> Run:
+    """Process a video as `whiskerforce run` does."""
+    chunks, clock = [], FollowingClock()
+    found = analyse(video, settings, keep=chunks.append, progress=clock)
+    after_the_first = max(found.n_frames - 1, 1)
+    cpu = (clock.ended - clock.begun) / after_the_first
+    return Run(measuring.join_chunks(chunks), found.frames, found.n_frames, cpu)
 
 
-def _of_whisker(part) -> dict:
-    """Second differences and steps of one whisker's known rows, in order of their frames."""
-    frame = part["frame"].to_numpy()
-    turned = {name: _unwrapped(part[f"{name}_deg"]) for name in ("base_angle", "visible_angle")}
-    base, visible, slope = *turned.values(), _unwrapped(part["slope_deg"])
-    following = np.flatnonzero(np.diff(frame) == 1)
-    step, seen = (np.diff(each)[following] for each in (base, visible))
-    error = part["base_angle_se_deg"].to_numpy()
-    valid = np.isfinite(step)
-    second = np.abs(second_differences(base, frame))
-    quiet = np.abs(_central(visible, frame))
-    return {
-        "base": second,
-        "visible": np.abs(second_differences(visible, frame)),
-        "slope": np.abs(second_differences(slope, frame)),
-        "slow": second[quiet <= np.median(quiet)] if len(quiet) == len(second) > 0 else second[:0],
-        "step": step[valid],
-        "slope_step": np.diff(slope)[following][valid],
-        "speed": np.abs(seen)[valid],
-        "step_se": np.hypot(error[1:], error[:-1])[following][valid],
-    }
+def settings_for(video: Path, face: str, scale: str, frames_per_second: float):
+    """The settings of a scale, or those that `whiskerforce init` writes."""
+    if scale == INIT:
+        return settings_from(findings([look_at(video)])[0])
+    recording = {"frames_per_second": frames_per_second, "pixels_per_mm": float(scale)}
+    return settings_from({"recording": recording | {"face": face}})
 
 
-def _unwrapped(angle):
-    """Angles without wraps, NaN where they are not known."""
-    angle = angle.to_numpy(float).copy()
-    known = np.isfinite(angle)
-    angle[known] = np.unwrap(angle[known], period=360)
-    return angle
-
-
-def _central(angle, frame):
-    """Half the change over two frames, where `second_differences` has a value."""
-    following = (np.diff(frame[:-1]) == 1) & (np.diff(frame[1:]) == 1)
-    change = (angle[2:] - angle[:-2]) / 2
-    return change[following & np.isfinite(change + angle[1:-1])]
-
-
-def _median(values):
-    return float(np.median(values)) if len(values) else np.nan
-
-
-def _mean(values):
-    return float(np.mean(values)) if len(values) else np.nan
-
-
-def angle_row(video, scale, frames) -> list[str]:
-    """One row of the table."""
-    figures = angle_figures(frames)
-    sizes = ("base", "slow", "one_frame", "visible", "slope")
+def line_row(run: Run, labelled, names_agree="–") -> list[str]:
+    """One row of the first table, without video, scale and direction."""
+    lines = run.lines
+    known = lines.confidence >= real_angles.KNOWN
     return [
-        video.name, f"{scale:g}", str(figures["frames"]),
-        *(pages.cell("{:.2f}°", figures[key]) for key in sizes),
-        *(pages.cell("{:.1f}", figures[key]) for key in ("steps", "smooth")),
-        pages.cell("{:.1%}", figures["resting"]),
-    ]  # fmt: skip
+        pages.cell("{:.1f}", len(lines) / max(run.n_frames, 1)),
+        pages.cell("{:.0%}", known.mean() if len(known) else np.nan),
+        *real_lines.score(labelled, real_lines.lines_of(lines)).cells(),
+        pages.cell("{:.1f}", 1e3 * run.cpu),
+        names_agree,
+    ]
+
+
+def rows_of(video: Path, settings, labelled, backwards: Path | None):
+    """Rows of the first table, with their directions, and the run forwards.
+
+    backwards : the same video in reverse order; None: forwards alone
+    """
+    run = processed(video, settings)
+    rows = [["forwards", *line_row(run, labelled)]]
+    if backwards is not None:
+        other = processed(backwards, settings)
+        other = replace(other, lines=real_directions.turned_back(other.lines, other.n_frames))
+        agree = real_lines.of(*real_directions.names_agree(run.lines, other.lines))
+        rows.append(["backwards", *line_row(other, labelled, agree)])
+    return rows, run
+
+
+def tables_of(video: Path, face: str, labelled, args):
+    """Rows of both tables for one video, all scales."""
+    lines, angles = [], []
+    with tempfile.TemporaryDirectory() as folder:
+        reverse = real_directions.write_backwards(video, folder) if args.backwards else None
+        for scale in args.scales:
+            settings = settings_for(video, face, scale, args.frames_per_second)
+            number = f"{settings.recording.pixels_per_mm:g}"
+            named = f"{INIT}: {number}" if scale == INIT else number
+            rows, run = rows_of(video, settings, labelled, reverse)
+            lines += [[video.stem, named, *row] for row in rows]
+            angles.append(real_angles.angle_row(video.stem, named, run.frames, run.lines))
+            for row in (*lines[-len(rows) :], angles[-1]):
+                print(" | ".join(row), file=sys.stderr, flush=True)
+    return lines, angles
 
 
 def video_and_face(text: str) -> tuple[Path, str]:
@@ -154,21 +162,45 @@ def video_and_face(text: str) -> tuple[Path, str]:
     return Path(path), face
 
 
-def main(argv=None) -> int:
-    """Print the table of all videos and scales."""
-    measuring.limit_threads()
+def scales(text: str) -> list[str]:
+    """Scales [px/mm], and `init`, of a list with commas."""
+    for each in (given := text.split(",")):
+        try:
+            good = each == INIT or float(each) > 0
+        except ValueError:
+            good = False
+        if not good:
+            raise argparse.ArgumentTypeError(
+                f"{each!r}: expected pixels per mm or {INIT}, with commas between them"
+            )
+    return given
+
+
+def arguments(argv=None):
+    """The command line's arguments."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     parser.add_argument("videos", type=video_and_face, nargs="+", metavar="VIDEO:SIDE")
-    parser.add_argument("--scales", default="12,16,25", help="pixels per mm, one after the other")
+    parser.add_argument(
+        "--scales", type=scales, default="12,16,25", help=f"pixels per mm, or {INIT}"
+    )
+    parser.add_argument("--labels", type=Path, help="JSON of whiskers followed by eye")
+    parser.add_argument("--backwards", action="store_true", help="process them backwards, too")
     parser.add_argument("--frames-per-second", type=float, default=1000.0)
-    args = parser.parse_args(argv)
-    rows = []
+    return parser.parse_args(argv)
+
+
+def main(argv=None) -> int:
+    """Print the tables of all videos and scales."""
+    measuring.limit_threads()
+    args = arguments(argv)
+    labels = real_lines.read_labels(args.labels) if args.labels else {}
+    video, face = args.videos[0]
+    processed(video, settings_for(video, face, args.scales[0], args.frames_per_second))  # compiles
+    lines, angles = [], []
     for video, face in args.videos:
-        for scale in map(float, args.scales.split(",")):
-            frames = processed(video, face, scale, args.frames_per_second)
-            rows.append(angle_row(video, scale, frames))
-            print(" ".join(rows[-1]), file=sys.stderr, flush=True)
-    print(pages.table(HEADER, rows))
+        rows = tables_of(video, face, labels.get(video.stem, ()), args)
+        lines, angles = lines + rows[0], angles + rows[1]
+    print(pages.table(HEADER, lines), pages.table(real_angles.HEADER, angles), sep="\n\n")
     return 0
 
 

@@ -1,59 +1,84 @@
-"""What is said of base angles on real recordings, on tables whose answer is known."""
+"""The program for real recordings: what it is given, and one rendered video with true labels."""
 
+import argparse
+import json
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import pytest
 import real_recordings
 
-FRAMES = 4000
-
-
-def frames_table(rng, sd, se, whisker="C1"):
-    """A resting whisker of which base angles err by `sd` degrees, with standard error `se`."""
-    angle = 175 + rng.normal(0, sd, FRAMES)
-    return pd.DataFrame(
-        {
-            "frame": np.arange(FRAMES),
-            "whisker": whisker,
-            "tracked": True,
-            "confidence": 1.0,
-            "base_angle_deg": angle,
-            "base_angle_se_deg": se,
-            "visible_angle_deg": 175 + rng.normal(0, 0.1, FRAMES),
-            "slope_deg": (175 + rng.normal(0, 3, FRAMES) + 180) % 360 - 180,
-        }
-    )
-
-
-def test_jitter_and_coverage_of_a_resting_whisker():
-    figures = real_recordings.angle_figures(frames_table(np.random.default_rng(0), 0.5, 0.5))
-    assert figures["one_frame"] == pytest.approx(0.5, rel=0.05)
-    assert figures["base"] == pytest.approx(0.5 * np.sqrt(6) / 1.4826, rel=0.05)
-    assert figures["slope"] == pytest.approx(3 * np.sqrt(6) / 1.4826, rel=0.05)  # no wraps
-    assert figures["resting"] == pytest.approx(0.95, abs=0.015)
-    too_small = real_recordings.angle_figures(frames_table(np.random.default_rng(0), 0.5, 0.2))
-    assert too_small["resting"] < 0.7
-
-
-def test_steps_are_counted_and_those_of_the_centreline_told_apart():
-    frames = frames_table(np.random.default_rng(1), 0.1, 0.1).assign(slope_deg=0.0)
-    frames.loc[1000:, "base_angle_deg"] += 30.0
-    frames.loc[2000:, ["base_angle_deg", "slope_deg"]] += 30.0
-    figures = real_recordings.angle_figures(frames)
-    assert figures["steps"] == pytest.approx(2e3 / (FRAMES - 1))
-    assert figures["smooth"] == pytest.approx(1e3 / (FRAMES - 1))
-
-
-def test_unknown_names_do_not_count():
-    rng = np.random.default_rng(2)
-    unknown = frames_table(rng, 20.0, 0.1, "C2").assign(confidence=0.3)
-    both = pd.concat([frames_table(rng, 0.5, 0.5), unknown])
-    assert real_recordings.angle_figures(both)["one_frame"] == pytest.approx(0.5, rel=0.05)
+from pipeline.runtime import Step
+from pipeline.tables.centrelines import read_centrelines
 
 
 def test_video_and_face():
     assert real_recordings.video_and_face("a:b.mp4:top") == (Path("a:b.mp4"), "top")
-    with pytest.raises(Exception, match="expected VIDEO:SIDE"):
+    with pytest.raises(argparse.ArgumentTypeError, match="expected VIDEO:SIDE"):
         real_recordings.video_and_face("a.mp4")
+
+
+def test_scales():
+    assert real_recordings.arguments(["a.mp4:top"]).scales == ["12", "16", "25"]
+    assert real_recordings.scales("12.5,init") == ["12.5", "init"]
+    for wrong in ("12,", "-3", "nan", "guess"):
+        with pytest.raises(argparse.ArgumentTypeError, match="expected pixels per mm or init"):
+            real_recordings.scales(wrong)
+
+
+def test_only_face_scale_and_rate_are_given():
+    settings = real_recordings.settings_for(Path("a.mp4"), "top", "12", 500.0)
+    recording = settings.recording
+    assert (recording.face, recording.pixels_per_mm) == ("top", 12.0)
+    assert recording.frames_per_second == 500.0
+    assert settings.whisker == ()
+
+
+def test_time_is_counted_from_the_first_frame_to_the_last_name(monkeypatch):
+    times = iter(range(10, 100))
+    monkeypatch.setattr(real_recordings.time, "process_time", lambda: next(times))
+    clock = real_recordings.FollowingClock()
+    for stage, done in (("scene", 0), ("whiskers", 0), ("following", 1), ("following", 2)):
+        clock(Step(stage, done, 2))
+    clock(Step("forces"))
+    clock(Step("contacts"))
+    assert (clock.begun, clock.ended) == (10, 11)
+
+
+def labels_of(video, folder, frames):
+    """The true whisker in some frames, clear, and beside it one that is not there, faint."""
+    truth = read_centrelines(video.parent / "truth" / video.stem / "centrelines.parquet")
+    entries = []
+    for frame in frames:
+        line = truth.row(int(np.flatnonzero(truth.frame == frame)[0])).astype(float)
+        whiskers = [
+            {"kind": kind, "xy": (line[40:-60] + np.array([0, shift])).tolist()}
+            for kind, shift in (("clear", 0), ("faint", 40))
+        ]
+        entry = {"video": video.stem, "frame": frame, "whiskers": whiskers, "ignore": []}
+        entries.append(entry)
+    path = folder / "labels.json"
+    path.write_text(json.dumps(entries), "utf-8")
+    return path
+
+
+@pytest.mark.slow
+@pytest.mark.e2e
+def test_a_rendered_whisker_is_found_in_both_directions(video, tmp_path, capsys):
+    labels = labels_of(video, tmp_path, [20, 130, 250])
+    given = [f"{video}:left", "--scales", "25", "--labels", str(labels), "--backwards"]
+    assert real_recordings.main(given) == 0
+    lines = capsys.readouterr().out.splitlines()
+    table = [[cell.strip() for cell in line.split("|")[1:-1]] for line in lines]
+    header, _, forwards, backwards, _, angles, *_ = table
+    assert header == real_recordings.HEADER
+    assert angles == real_recordings.real_angles.HEADER
+    for row, direction in ((forwards, "forwards"), (backwards, "backwards")):
+        cells = dict(zip(header, row, strict=True))
+        assert cells["direction"] == direction
+        assert cells["clear"] == "3 of 3 (100%)"
+        assert cells["faint"] == "0 of 3 (0%)"
+        assert cells["wrong / frame"] == "0.00"
+        assert float(cells["distance"]) < 0.1  # px
+        assert float(cells["CPU"]) > 0
+    assert cells["names agree"].endswith("(100%)")

@@ -1,0 +1,73 @@
+"""What is said of base angles on real recordings, on tables whose answer is known."""
+
+import numpy as np
+import pandas as pd
+import pytest
+import real_angles
+
+from pipeline.tables import Centrelines
+
+FRAMES = 4000
+
+
+def frames_table(rng, sd, se, whisker="C1"):
+    """A resting whisker of which base angles err by `sd` degrees, with standard error `se`."""
+    angle = 175 + rng.normal(0, sd, FRAMES)
+    return pd.DataFrame(
+        {
+            "frame": np.arange(FRAMES),
+            "whisker": whisker,
+            "tracked": True,
+            "confidence": 1.0,
+            "base_angle_deg": angle,
+            "base_angle_se_deg": se,
+            "visible_angle_deg": 175 + rng.normal(0, 0.1, FRAMES),
+            "slope_deg": (175 + rng.normal(0, 3, FRAMES) + 180) % 360 - 180,
+        }
+    )
+
+
+def test_jitter_and_coverage_of_a_resting_whisker():
+    figures = real_angles.angle_figures(frames_table(np.random.default_rng(0), 0.5, 0.5))
+    assert figures["one_frame"] == pytest.approx(0.5, rel=0.05)
+    assert figures["base"] == pytest.approx(0.5 * np.sqrt(6) / 1.4826, rel=0.05)
+    assert figures["slope"] == pytest.approx(3 * np.sqrt(6) / 1.4826, rel=0.05)  # no wraps
+    assert figures["resting"] == pytest.approx(0.95, abs=0.015)
+    too_small = real_angles.angle_figures(frames_table(np.random.default_rng(0), 0.5, 0.2))
+    assert too_small["resting"] < 0.7
+
+
+def test_steps_are_counted_and_those_of_the_centreline_told_apart():
+    frames = frames_table(np.random.default_rng(1), 0.1, 0.1).assign(slope_deg=0.0)
+    frames.loc[1000:, "base_angle_deg"] += 30.0
+    frames.loc[2000:, ["base_angle_deg", "slope_deg"]] += 30.0
+    figures = real_angles.angle_figures(frames)
+    assert figures["steps"] == pytest.approx(2e3 / (FRAMES - 1))
+    assert figures["smooth"] == pytest.approx(1e3 / (FRAMES - 1))
+
+
+def test_unknown_names_do_not_count():
+    rng = np.random.default_rng(2)
+    unknown = frames_table(rng, 20.0, 0.1, "C2").assign(confidence=0.3)
+    both = pd.concat([frames_table(rng, 0.5, 0.5), unknown])
+    assert real_angles.angle_figures(both)["one_frame"] == pytest.approx(0.5, rel=0.05)
+
+
+def test_slopes_are_those_of_the_first_points():
+    along = np.arange(60.0)
+    x = np.where(along < real_angles.SLOPE_PX, along, 100.0)  # what comes after does not count
+    tilted = np.array([0, 100])
+    lines = Centrelines(
+        names=("w1", "w2"),
+        frame=np.array([3, 4]),
+        whisker=np.array([1, 0]),
+        offsets=np.array([0, 60, 80]),
+        x_px=np.concatenate([x, np.linspace(*tilted, 20)]),
+        y_px=np.concatenate([-x * np.tan(np.radians(30)), np.linspace(*tilted, 20)]),
+        se_px=np.zeros(80),
+        confidence=np.ones(2),
+    )
+    slopes = real_angles.first_slopes(lines)
+    assert slopes["whisker"].tolist() == ["w2", "w1"]
+    assert slopes["slope_deg"][0] == pytest.approx(30.0)  # up on the screen
+    assert np.isnan(slopes["slope_deg"][1])  # of 20 points only
