@@ -176,6 +176,23 @@ def scales(text: str) -> list[str]:
     return given
 
 
+def labels_for(path: Path | None, videos) -> dict:
+    """The labelled frames by the video's stem; none without a file of labels.
+
+    Raises ValueError where the file has labels of none of the videos.
+    """
+    if path is None:
+        return {}
+    labels = real_lines.read_labels(path)
+    stems = [video.stem for video in videos]
+    if not set(stems) & set(labels):
+        raise ValueError(
+            f"{path}: labels of {', '.join(labels)}, expected some of {', '.join(stems)}; "
+            "give videos under the names that they had when they were labelled"
+        )
+    return labels
+
+
 def arguments(argv=None):
     """The command line's arguments."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
@@ -186,6 +203,7 @@ def arguments(argv=None):
     parser.add_argument("--labels", type=Path, help="JSON of whiskers followed by eye")
     parser.add_argument("--backwards", action="store_true", help="process them backwards, too")
     parser.add_argument("--frames-per-second", type=float, default=1000.0)
+    parser.add_argument("--write", type=Path, help="a Markdown file to put the tables into")
     return parser.parse_args(argv)
 
 
@@ -193,14 +211,17 @@ def main(argv=None) -> int:
     """Print the tables of all videos and scales."""
     measuring.limit_threads()
     args = arguments(argv)
-    labels = real_lines.read_labels(args.labels) if args.labels else {}
+    labels = labels_for(args.labels, [video for video, _ in args.videos])
     video, face = args.videos[0]
     processed(video, settings_for(video, face, args.scales[0], args.frames_per_second))  # compiles
     lines, angles = [], []
     for video, face in args.videos:
         rows = tables_of(video, face, labels.get(video.stem, ()), args)
         lines, angles = lines + rows[0], angles + rows[1]
-    print(pages.table(HEADER, lines), pages.table(real_angles.HEADER, angles), sep="\n\n")
+    text = f"{pages.table(HEADER, lines)}\n\n{pages.table(real_angles.HEADER, angles)}"
+    print(text)
+    if args.write:
+        pages.write_between(args.write, "real recordings", text)
     return 0
 
 

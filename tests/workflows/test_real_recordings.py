@@ -62,6 +62,15 @@ def labels_of(video, folder, frames):
     return path
 
 
+def test_labels_of_other_videos_are_refused(tmp_path):
+    assert real_recordings.labels_for(None, [Path("a.mp4")]) == {}
+    path = tmp_path / "labels.json"
+    path.write_text('[{"video": "b", "frame": 1, "whiskers": []}]', "utf-8")
+    assert set(real_recordings.labels_for(path, [Path("a.mp4"), Path("b.mkv")])) == {"b"}
+    with pytest.raises(ValueError, match=r"labels of b, expected some of a;"):
+        real_recordings.labels_for(path, [Path("a.mp4")])
+
+
 @pytest.mark.slow
 @pytest.mark.e2e
 def test_a_rendered_whisker_is_found_in_both_directions(video, tmp_path, capsys):
