@@ -1,15 +1,22 @@
-"""The program for real recordings: what it is given, and one rendered video with true labels."""
+"""The program for real recordings: what it is given, and its tables of lines that are known."""
 
 import argparse
 import json
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
+import pandas as pd
 import pytest
 import real_recordings
 
 from pipeline.runtime import Step
-from pipeline.tables.centrelines import read_centrelines
+from pipeline.tables import Centrelines
+from pipeline.video import open_video
+from synthetic.encode import write_video
+from synthetic.scene import Codec
+
+FRAMES = 10
 
 
 def test_video_and_face():
@@ -45,49 +52,48 @@ def test_time_is_counted_from_the_first_frame_to_the_last_name(monkeypatch):
     assert (clock.begun, clock.ended) == (10, 11)
 
 
-def labels_of(video, folder, frames):
-    """The true whisker in some frames, clear, and beside it one that is not there, faint."""
-    truth = read_centrelines(video.parent / "truth" / video.stem / "centrelines.parquet")
-    entries = []
-    for frame in frames:
-        line = truth.row(int(np.flatnonzero(truth.frame == frame)[0])).astype(float)
-        whiskers = [
-            {"kind": kind, "xy": (line[40:-60] + np.array([0, shift])).tolist()}
-            for kind, shift in (("clear", 0), ("faint", 40))
-        ]
-        entry = {"video": video.stem, "frame": frame, "whiskers": whiskers, "ignore": []}
-        entries.append(entry)
-    path = folder / "labels.json"
-    path.write_text(json.dumps(entries), "utf-8")
-    return path
+def follow_two(video, settings, keep, progress):
+    """What `analyse` would find: a whisker that is known, and one that is known in some frames."""
+    with open_video(video) as source:
+        down = float(next(iter(source)).flat[0])  # 0 in the first frame forwards
+    x = np.tile(np.arange(100, dtype=np.float32), 2 * FRAMES)
+    y = np.repeat(np.tile([10.0, 40.0], FRAMES), 100) + (1.0 if down else 0.0)
+    frame, whisker = np.repeat(np.arange(FRAMES), 2), np.tile([0, 1], FRAMES)
+    confidence = np.where((whisker == 1) & (frame < 5), 0.3, 0.9)
+    offsets = np.arange(2 * FRAMES + 1) * 100
+    names = ("w1", "w2") if down else ("w2", "w1")
+    progress(Step("following", 1, FRAMES))
+    lines = Centrelines(names, frame, whisker, offsets, x, y, 0 * x, confidence)
+    keep(lines)
+    progress(Step("forces"))
+    angles = dict.fromkeys(("base_angle_deg", "base_angle_se_deg", "visible_angle_deg"), 90.0)
+    frames = pd.DataFrame({"frame": frame, "whisker": np.array(names)[whisker], "tracked": True})
+    frames = frames.assign(confidence=confidence, **angles)
+    return SimpleNamespace(frames=frames, n_frames=FRAMES)
 
 
-def test_labels_of_other_videos_are_refused(tmp_path):
-    assert real_recordings.labels_for(None, [Path("a.mp4")]) == {}
-    path = tmp_path / "labels.json"
-    path.write_text('[{"video": "b", "frame": 1, "whiskers": []}]', "utf-8")
-    assert set(real_recordings.labels_for(path, [Path("a.mp4"), Path("b.mkv")])) == {"b"}
-    with pytest.raises(ValueError, match=r"labels of b, expected some of a;"):
-        real_recordings.labels_for(path, [Path("a.mp4")])
-
-
-@pytest.mark.slow
-@pytest.mark.e2e
-def test_a_rendered_whisker_is_found_in_both_directions(video, tmp_path, capsys):
-    labels = labels_of(video, tmp_path, [20, 130, 250])
-    given = [f"{video}:left", "--scales", "25", "--labels", str(labels), "--backwards"]
-    assert real_recordings.main(given) == 0
-    lines = capsys.readouterr().out.splitlines()
-    table = [[cell.strip() for cell in line.split("|")[1:-1]] for line in lines]
-    header, _, forwards, backwards, _, angles, *_ = table
-    assert header == real_recordings.HEADER
-    assert angles == real_recordings.real_angles.HEADER
-    for row, direction in ((forwards, "forwards"), (backwards, "backwards")):
-        cells = dict(zip(header, row, strict=True))
-        assert cells["direction"] == direction
-        assert cells["clear"] == "3 of 3 (100%)"
-        assert cells["faint"] == "0 of 3 (0%)"
-        assert cells["wrong / frame"] == "0.00"
-        assert float(cells["distance"]) < 0.1  # px
-        assert float(cells["CPU"]) > 0
-    assert cells["names agree"].endswith("(100%)")
+def test_tables_of_what_was_found(tmp_path, monkeypatch, capsys):
+    frames = (np.full((64, 128), 10 * k, np.uint8) for k in range(FRAMES))
+    write_video(tmp_path / "a.avi", frames, Codec("ffv1"))
+    whiskers = [{"kind": "clear", "xy": [[0, y], [99, y]]} for y in (10, 25)]
+    entry = {"video": "a", "frame": 2, "whiskers": whiskers}
+    (tmp_path / "labels.json").write_text(json.dumps([entry]), "utf-8")
+    page = tmp_path / "page.md"
+    page.write_text("<!-- real recordings: begin --><!-- real recordings: end -->", "utf-8")
+    monkeypatch.setattr(real_recordings, "analyse", follow_two)
+    monkeypatch.setattr(real_recordings.measuring, "limit_threads", lambda: None)
+    given = f"{tmp_path / 'a.avi'}:left --scales 12 --labels {tmp_path / 'labels.json'}"
+    assert real_recordings.main([*given.split(), "--backwards", "--write", str(page)]) == 0
+    said = capsys.readouterr().out
+    assert said.strip() in page.read_text("utf-8")
+    table = [[c.strip() for c in line.split("|")[1:-1]] for line in said.splitlines()]
+    forwards, backwards = (dict(zip(table[0], row, strict=True)) for row in table[2:4])
+    for row in (forwards, backwards):
+        assert float(row.pop("CPU")) >= 0
+    same = {"video": "a", "px/mm": "12", "lines / frame": "2.0", "known": "75%"}
+    same |= {"clear": "1 of 2 (50%)", "faint": "–", "wrong / frame": "1.00"}
+    assert forwards == same | {"direction": "forwards", "distance": "0.00", "names agree": "–"}
+    # of the second whisker, five frames are unknown forwards, and five others backwards
+    agree = {"distance": "1.00", "names agree": "10 of 10 (100%)"}
+    assert backwards == same | {"direction": "backwards"} | agree
+    assert dict(zip(*table[5:8:2], strict=True))["known"] == "15"
