@@ -52,6 +52,15 @@ def test_time_is_counted_from_the_first_frame_to_the_last_name(monkeypatch):
     assert (clock.begun, clock.ended) == (10, 11)
 
 
+def test_labels_of_other_videos_are_refused(tmp_path):
+    assert real_recordings.labels_for(None, [Path("a.mp4")]) == {}
+    path = tmp_path / "labels.json"
+    path.write_text('[{"video": "b", "frame": 1, "whiskers": []}]', "utf-8")
+    assert set(real_recordings.labels_for(path, [Path("a.mp4"), Path("b.mkv")])) == {"b"}
+    with pytest.raises(ValueError, match=r"labels of b, expected some of a;"):
+        real_recordings.labels_for(path, [Path("a.mp4")])
+
+
 def follow_two(video, settings, keep, progress):
     """What `analyse` would find: a whisker that is known, and one that is known in some frames."""
     with open_video(video) as source:
