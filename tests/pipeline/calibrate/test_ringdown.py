@@ -10,7 +10,13 @@ from pipeline.calibrate.slips import Slip, find_slips, named_slips
 from pipeline.session.session_file import read_session, settings_from, write_session
 from pipeline.tables import centrelines, files
 from pipeline.tables.centrelines import Centrelines
-from pipeline.tables.columns import CONTACT_COLUMNS, FRAME_COLUMNS, RINGDOWN_COLUMNS, as_table
+from pipeline.tables.columns import (
+    CONTACT_COLUMNS,
+    FRAME_COLUMNS,
+    RINGDOWN_COLUMNS,
+    VIDEO_COLUMNS,
+    as_table,
+)
 from whiskermodel.modes import modes
 from whiskermodel.ringdown import Estimate
 from whiskermodel.whisker import Whisker
@@ -89,6 +95,8 @@ def make_results(folder, rate=1000.0, boundary="fixed", seed=0, slip=True, whisk
     files.write_frames(folder / "one" / "frames.parquet", frame_table(rate, boundary, seed))
     centrelines.write_centrelines(folder / "one" / "centrelines.parquet", lines())
     files.write_csv(folder / "contacts.csv", contact_rows(slip), CONTACT_COLUMNS)
+    videos = as_table(pd.DataFrame([{"video": "one", "status": "done"}]), VIDEO_COLUMNS)
+    files.write_csv(folder / "videos.csv", videos, VIDEO_COLUMNS)
     return folder
 
 

@@ -167,5 +167,5 @@ def test_angles_are_from_the_face_s_axis(face, direction, angle):
 
 
 def test_an_empty_folder_is_no_results(tmp_path):
-    with pytest.raises(InputError, match=r"no videos\.csv"):
+    with pytest.raises(InputError, match="is an empty folder"):
         read_results(tmp_path)
