@@ -119,10 +119,11 @@ def _error_cells(values, name):
 def ringdown_of_session(seed: int, folder: Path) -> dict:
     """Render, process and fit one session; its pooled row beside the truth."""
     videos, results, out = folder / "videos", folder / "results", folder / "out"
-    render_session(videos, "ringdown", seed, trials=2)
-    _forget_truth(videos / "session.toml")
-    command("run", videos, "--out", results, "--jobs", 1)
-    command("calibrate", "ringdown", results, "--out", out)
+    if not out.exists():
+        render_session(videos, "ringdown", seed, trials=2)
+        _forget_truth(videos / "session.toml")
+        command("run", videos, "--out", results, "--jobs", 1)
+        command("calibrate", "ringdown", results, "--out", out)
     table = read_csv(out / "ringdown.csv", RINGDOWN_COLUMNS)
     whisker = make_trial("ringdown", seed, 0, 40).scene.hairs[0].whisker
     return {"seed": seed, "slips": table.iloc[:-1], "pooled": table.iloc[-1], "whisker": whisker}
