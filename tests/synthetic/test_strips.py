@@ -64,6 +64,7 @@ def shift_across(picture, reference, direction):
     return -np.sum((picture - reference) * along_normal) / np.sum(along_normal**2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("direction", np.deg2rad([0, 2, 17, 45, 90, 133, -88]))
 @pytest.mark.parametrize("curvature", [0.004, -0.004])  # 1/px: 100 1/m at 25 px/mm
 def test_strip_equals_supersampled_polygon(direction, curvature):
@@ -76,6 +77,7 @@ def test_strip_equals_supersampled_polygon(direction, curvature):
     assert abs(shift_across(picture, reference, direction)) < centreline_tolerance
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("blur", [0.5, 1.0, 1.8])
 def test_other_blurs(blur):
     problem = ((-10.0, 45.0), 0.35, -0.003, 120, (0.7, 0.4), blur)

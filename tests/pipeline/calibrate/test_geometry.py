@@ -26,6 +26,7 @@ def measure(tmp_path, micrograph, picture=None):
     return measure_geometry(path, micrograph.pixels_per_mm)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "changes",
     [
