@@ -1,39 +1,25 @@
-"""From a video of whiskers to contacts, forces and base moments."""
+"""From a video of whiskers to contacts, forces and base moments.
 
-from importlib import import_module
+What users call, and the types that travel between the rooms, are listed in `__init__.pyi`; they
+are imported when they are used, for importing them all takes a second.
+"""
+
+import lazy_loader
 
 __version__ = "0.1.0"
 
-_FROM = {  # what users call, and the types that travel between the rooms
-    "analyse": "pipeline.run",
-    "Analysis": "pipeline.run",
-    "read_session": "pipeline.session",
-    "Settings": "pipeline.session",
-    "Recording": "pipeline.session",
-    "Parameters": "pipeline.session",
-    "open_video": "pipeline.video",
-    "Video": "pipeline.video",
-    "StaticScene": "pipeline.detection",
-    "PoleTrack": "pipeline.detection",
-    "Line": "pipeline.detection",
-    "Centrelines": "pipeline.tables",
-    "Stations": "pipeline.kinematics",
-    "Kinematics": "pipeline.kinematics",
-    "Touch": "pipeline.contacts",
-}
-__all__ = list(_FROM)
+_attribute, _names, __all__ = lazy_loader.attach_stub(__name__, __file__)
+_COMPILED = ("analyse", "analyse_lines")
 
 
 def __getattr__(name):
-    """Import public names when they are used: importing them all takes a second."""
-    if name not in _FROM:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    if _FROM[name] == "pipeline.run":
+    """Import a public name; before numeric code, drop what was compiled of other versions."""
+    if name in _COMPILED:
         from pipeline.runtime.numba_cache import prepare_cache
 
         prepare_cache()
-    return getattr(import_module(_FROM[name]), name)
+    return _attribute(name)
 
 
 def __dir__():
-    return sorted([*_FROM, "__version__"])
+    return sorted([*_names(), "__version__"])

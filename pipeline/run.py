@@ -1,10 +1,11 @@
 """The whole way for one video: `analyse`, one call per step, top to bottom."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 
+from pipeline.analysis import Analysis
 from pipeline.contacts import Touch, TouchOptions, find_touches, no_touches, surely_free
 from pipeline.detection import PoleTrack
 from pipeline.errors import InputError, VideoError
@@ -22,8 +23,9 @@ from pipeline.scene import (
     whiskers_are_bright,
     working_scale,
 )
-from pipeline.session import DEFAULTS, Settings
-from pipeline.tables import Centrelines
+from pipeline.session import DEFAULTS, settings_given
+from pipeline.tables import CONTACT_COLUMNS, FRAME_COLUMNS, Centrelines, with_units
+from pipeline.tables.centrelines import lines_of_table
 from pipeline.tracking import (
     CHUNK_FRAMES,
     behind_whiskers,
@@ -42,40 +44,19 @@ FRAMES_FOR_POLARITY = 8
 LEAST_PX = 16  # height and width of a frame
 
 
-@dataclass(frozen=True)
-class Analysis:
-    """All that `analyse` found in one video.
-
-    Attributes
-    ----------
-    frames, contacts : tables of FRAME_COLUMNS and CONTACT_COLUMNS
-    evidence : the measurements behind the contacts, aligned with `frames`, SI units
-    pole : where the pole was; None if it was never seen
-    n_frames : frames read
-    messages : what a person should know of: missing whiskers, no pole, no forces and why
-    seconds : time spent, by stage
-    """
-
-    frames: pd.DataFrame
-    contacts: pd.DataFrame
-    evidence: pd.DataFrame
-    pole: PoleTrack | None
-    n_frames: int
-    messages: tuple[str, ...] = ()
-    seconds: dict[str, float] = field(default_factory=dict)
-
-
 def analyse(
-    path, settings: Settings, keep=None, progress=None, corrections=None, threads=1
+    video, settings=None, keep=None, progress=None, corrections=None, threads=1
 ) -> Analysis:
     """Frames → scene → tracks → identities → kinematics → forces → contacts → tables.
 
     Parameters
     ----------
-    path : a video, TIFF stack or folder of images
-    settings : the session's settings
+    video : path of a video, TIFF stack or folder of images; an array of frames (n, height,
+        width); or lines traced before: `Centrelines`, or a table as in centrelines.parquet
+    settings : `Settings`, path of a session.toml, or a dictionary of its content; None: the
+        session.toml beside the video
     keep : called with the centrelines (`tables.Centrelines`) of some hundred frames at a time,
-        to store them: they are not held together in memory
+        to store them; None: they are in the `Analysis`
     progress : called with a `runtime.Step` at the start of each stage, and with every frame
     corrections : table of a person's corrections (`pipeline.contacts.corrections`)
     threads : for decoding; 0: as the codec thinks best
@@ -85,9 +66,13 @@ def analyse(
     VideoError
         If the video cannot be read to its end.
     """
-    clock, say = Clock(), progress or (lambda step: None)
-    settings = settings.without_bare_whiskers()
-    with open_video(path, threads) as video:
+    given = settings_given(settings, video)
+    if isinstance(video, (pd.DataFrame, Centrelines)):
+        return analyse_lines(video, given, keep=keep, corrections=corrections)
+    clock, say, stored = Clock(), progress or (lambda step: None), []
+    settings = given.without_bare_whiskers()
+    keep = keep or (lambda chunk: stored.append(chunk.points_only()))
+    with open_video(video, threads) as video:
         with clock("scene"):
             say(Step("scene"))
             video, seen, epochs = look_at(video, settings)
@@ -104,18 +89,17 @@ def analyse(
         say(Step("contacts"))
         touch = touches_of(kinematics, frames, evidence, settings, corrections)
     notes = messages(settings, touch, video, epochs, kinematics)
-    return _analysis(kinematics, touch, notes, clock)
+    return _analysis(kinematics, touch, notes, clock, given, stored)
 
 
-def analyse_lines(
-    lines: Centrelines, settings: Settings, pole=None, n_frames=0, keep=None, corrections=None
-) -> Analysis:
+def analyse_lines(lines, settings, pole=None, n_frames=0, keep=None, corrections=None) -> Analysis:
     """As `analyse`, from lines that another program traced: the video is not needed.
 
     Parameters
     ----------
-    lines : of the whole video, follicle side → tip, with the settings' names; raw offsets and
-        information follow from the points' scatter where the lines lack them
+    lines : `Centrelines`, or a table as in centrelines.parquet, of the whole video, follicle
+        side → tip, with the settings' names; raw offsets and information follow from the points'
+        scatter where the lines lack them
     settings, keep, corrections : as for `analyse`
     pole : `PoleTrack`; None: the place that the settings give, if they do
     n_frames : of the video, where it goes on after the last line
@@ -125,7 +109,9 @@ def analyse_lines(
     InputError
         If a line has a name that no [[whisker]] table has.
     """
-    clock = Clock()
+    clock, settings, stored = Clock(), settings_given(settings), []
+    keep = keep or (lambda chunk: stored.append(chunk.points_only()))
+    lines = lines_of_table(lines) if isinstance(lines, pd.DataFrame) else lines
     kinematics = measure_lines(
         lines, settings, pole or _given_pole(settings), n_frames, keep, clock
     )
@@ -133,19 +119,22 @@ def analyse_lines(
         frames, evidence = forces_of(kinematics, settings)
     with clock("contacts"):
         touch = touches_of(kinematics, frames, evidence, settings, corrections)
-    return _analysis(kinematics, touch, line_messages(settings, touch, kinematics), clock)
+    notes = line_messages(settings, touch, kinematics)
+    return _analysis(kinematics, touch, notes, clock, settings, stored)
 
 
-def _analysis(kinematics, touch, notes, clock) -> Analysis:
+def _analysis(kinematics, touch, notes, clock, settings, stored) -> Analysis:
     """What was found, with the notes to a person."""
     return Analysis(
-        frames=touch.frames,
-        contacts=touch.contacts,
+        frames=with_units(touch.frames, FRAME_COLUMNS),
+        contacts=with_units(touch.contacts, CONTACT_COLUMNS),
         evidence=touch.evidence,
         pole=kinematics.pole,
         n_frames=kinematics.n_frames,
         messages=tuple(notes),
         seconds=clock.seconds,
+        settings=settings,
+        lines=tuple(stored),
     )
 
 

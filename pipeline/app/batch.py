@@ -39,7 +39,7 @@ from pipeline.session.inputs import (
     sha256,
     stamp,
 )
-from pipeline.session.session_file import Settings, session_text, write_session
+from pipeline.session.session_file import Settings, session_text
 from pipeline.tables import centrelines, files
 from pipeline.tables.columns import CONTACT_COLUMNS, VIDEO_COLUMNS
 from pipeline.tables.result_exchange import OVERLAYS, READY, draft, settle, settle_all
@@ -320,7 +320,6 @@ def process_video(task: Task, report=None) -> Outcome:
 def _analyse_and_save(task, report) -> Outcome:
     """Analyse and write all tables; the state file records how they were made."""
     from pipeline.contacts.corrections import left_out, read_corrections
-    from pipeline.tables.evidence import write_evidence
 
     started = time.perf_counter()
     before = stamp(task.path)
@@ -330,11 +329,7 @@ def _analyse_and_save(task, report) -> Outcome:
             analysis = task.analyse(task, keep, report, corrections)
         if report:
             report(Step("tables"))
-        contacts = analysis.contacts.assign(video=task.folder.name)
-        files.write_frames(new / "frames.parquet", analysis.frames)
-        files.write_csv(new / "contacts.csv", contacts, CONTACT_COLUMNS)
-        write_evidence(new, analysis.evidence)
-        write_session(new / "session.toml", task.settings)
+        analysis.save(new, task.folder.name)
         outcome = _outcome_of(task, analysis, time.perf_counter() - started)
         whiskers = tuple(dict.fromkeys(analysis.frames["whisker"]))
         for problem in left_out(corrections, whiskers, analysis.n_frames):

@@ -21,7 +21,7 @@ app = typer.Typer(
     name="whiskerforce",
     help="High-speed videos of rodent whiskers in, forces at the follicle out.",
     no_args_is_help=True,
-    add_completion=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
@@ -229,6 +229,7 @@ def synth(
             min=1, help="Number of videos to render.  [default: as many as the preset has]"
         ),
     ] = None,
+    frames: Annotated[int, typer.Option(min=50, help="Length of each video.")] = 1000,
     jobs: Jobs = None,
     quiet: Quiet = False,
     debug: Debug = False,
@@ -244,7 +245,7 @@ def synth(
             _say(line)
         return
     shown, say = (None, _say_nothing) if quiet else (_progress, _say)
-    render(folder, preset, seed, trials, jobs or _cores(), shown, say)
+    render(folder, preset, seed, trials, jobs or _cores(), shown, say, frames)
 
 
 @app.command()

@@ -23,7 +23,7 @@ def preset_lines() -> list[str]:
     return [f"  {name}: {meaning}" for name, meaning in meanings.items()]
 
 
-def render(folder, preset, seed, trials, jobs, progress, say) -> list[Path]:
+def render(folder, preset, seed, trials, jobs, progress, say, frames=1000) -> list[Path]:
     """Render the videos of a preset into a folder; `progress` as in `batch.run`.
 
     Raises
@@ -48,7 +48,8 @@ def render(folder, preset, seed, trials, jobs, progress, say) -> list[Path]:
     names = [f"trial {trial}" for trial in range(trials)]
     say(f"rendering {trials} video{'' if trials == 1 else 's'} …")
     with (progress or Progress)(names, RENDERING, "drawing") as shown:
-        paths = render_session(folder, preset, seed, trials, jobs=jobs, progress=shown.receive)
+        options = {"jobs": jobs, "progress": shown.receive, "frames": frames}
+        paths = render_session(folder, preset, seed, trials, **options)
     say(f"videos, session.toml and truth tables: {Path(folder).resolve()}")
     return paths
 

@@ -5,6 +5,7 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
+        "given": ["settings_given"],
         "inputs": ["find_inputs"],
         "parameters": [
             "DEFAULTS",

@@ -12,6 +12,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
             "FRAME_COLUMNS",
             "VIDEO_COLUMNS",
             "as_table",
+            "with_units",
             "empty_table",
         ],
         "evidence": ["read_evidence", "write_evidence"],

@@ -4,8 +4,9 @@ import contextlib
 from dataclasses import dataclass, replace
 
 import numpy as np
+import pandas as pd
 
-from pipeline.tables.columns import CENTRELINE_COLUMNS
+from pipeline.tables.columns import CENTRELINE_COLUMNS, as_table, with_units
 from pipeline.tables.files import ROWS_PER_GROUP, _parquet_writer, read_rows, whole_parquet
 
 PER_ROW = ("frame", "whisker", "confidence", "hidden_px", "follicle")
@@ -77,6 +78,11 @@ class Centrelines:
         number = np.searchsorted(kept, part.whisker).astype(np.int32)
         return replace(part, names=tuple(self.names[k] for k in kept), whisker=number)
 
+    def points_only(self) -> "Centrelines":
+        """Return the same lines without what only the following steps need."""
+        left_out = ("offset_px", "information", "thickness_px", "hidden_px", "follicle")
+        return replace(self, **dict.fromkeys(left_out))
+
     def rows(self, rows) -> "Centrelines":
         """Return the rows of these numbers, in their order."""
         counts = np.diff(self.offsets)[rows]
@@ -125,6 +131,53 @@ def _centreline_rows(centrelines, start, stop, schema):
         pa.ListArray.from_arrays(offsets, pa.array(centrelines.y_px[points], pa.float32())),
     ]
     return pa.Table.from_arrays(columns, schema=schema)
+
+
+def centreline_table(chunks) -> pd.DataFrame:
+    """Centrelines as a table: a row per whisker and frame, the points as an array each."""
+    table = {c.name: [] for c in CENTRELINE_COLUMNS}
+    for lines in chunks:
+        table["frame"].extend(lines.frame.tolist())
+        table["whisker"].extend(lines.names[k] for k in lines.whisker)
+        table["x_px"].extend(np.split(lines.x_px, lines.offsets[1:-1]) if len(lines) else [])
+        table["y_px"].extend(np.split(lines.y_px, lines.offsets[1:-1]) if len(lines) else [])
+    return with_units(as_table(pd.DataFrame(table), CENTRELINE_COLUMNS), CENTRELINE_COLUMNS)
+
+
+def lines_of_table(table: pd.DataFrame) -> Centrelines:
+    """`Centrelines` of a table with the columns of centrelines.parquet, in any order of rows.
+
+    Raises
+    ------
+    ValueError
+        Where a column is missing, or x and y of a row differ in length.
+    """
+    for column in CENTRELINE_COLUMNS:
+        if column.name not in table:
+            raise ValueError(
+                f"a table of centrelines needs the column {column.name} ({column.meaning}); this "
+                f"one has {', '.join(map(str, table.columns))}"
+            )
+    x, y = ([np.asarray(v, np.float32) for v in table[name]] for name in ("x_px", "y_px"))
+    for row, (one, other) in enumerate(zip(x, y, strict=True)):
+        if one.ndim != 1 or one.shape != other.shape:
+            raise ValueError(
+                f"row {row}: x_px has the shape {one.shape}, y_px {other.shape}: expected a list "
+                "of as many numbers in both"
+            )
+    names = tuple(dict.fromkeys(table["whisker"]))
+    empty = [np.empty(0, np.float32)]
+    points = np.concatenate([*x, *empty])
+    return Centrelines(
+        names=names,
+        frame=table["frame"].to_numpy(np.int32),
+        whisker=np.array([names.index(name) for name in table["whisker"]], np.int32),
+        offsets=np.cumsum([0, *map(len, x)]).astype(np.int64),
+        x_px=points,
+        y_px=np.concatenate([*y, *empty]),
+        se_px=np.full(len(points), np.nan, np.float32),
+        confidence=np.ones(len(x), np.float32),
+    )
 
 
 def centreline_chunks(path, filters=None):

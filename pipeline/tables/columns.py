@@ -397,6 +397,19 @@ def split_flags(flags: str) -> list[str]:
     return [flag.strip() for flag in flags.split(";") if flag.strip()]
 
 
+def units_of(columns) -> dict[str, str]:
+    """Unit of each declared column, "" where there is none."""
+    return {c.name: c.unit for c in columns}
+
+
+def with_units(table: pd.DataFrame, columns) -> pd.DataFrame:
+    """Return the table with the units of its columns in `attrs["units"]`."""
+    units = units_of(columns)
+    named = table.copy(deep=False)
+    named.attrs = {"units": {name: units[name] for name in table.columns if name in units}}
+    return named
+
+
 def empty_table(columns) -> pd.DataFrame:
     """Return a table of no rows with the declared columns and dtypes."""
     dtypes = {c.name: "object" if c.dtype.startswith("list") else c.dtype for c in columns}

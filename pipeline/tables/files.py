@@ -13,6 +13,7 @@ from pipeline.tables.columns import (
     FRAME_COLUMNS,
     Column,
     as_table,
+    units_of,
 )
 
 ROWS_PER_GROUP = 8192
@@ -160,7 +161,10 @@ def _whole(text, column) -> int:
 
 
 def _arrow_schema(columns):
-    """Arrow schema of declared columns; unit and meaning travel as field metadata."""
+    """Arrow schema of declared columns; unit and meaning travel as field metadata.
+
+    What `pandas.read_parquet` puts into `attrs` travels under a key of pandas.
+    """
     import pyarrow as pa
 
     types = {
@@ -175,7 +179,8 @@ def _arrow_schema(columns):
         [
             pa.field(c.name, types[c.dtype], metadata={"unit": c.unit, "meaning": c.meaning})
             for c in columns
-        ]
+        ],
+        metadata={"PANDAS_ATTRS": json.dumps({"units": units_of(columns)})},
     )
 
 

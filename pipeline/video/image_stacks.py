@@ -89,7 +89,7 @@ class TiffVideo(ImageStack):
             raise
         except Exception as error:
             raise _unreadable(self._path, index, f"page {index}", error) from error
-        return _grey(image, self._path, index, cv2.COLOR_RGB2GRAY)
+        return grey(image, self._path, index, cv2.COLOR_RGB2GRAY)
 
     def _page(self, index):
         page = self._tiff.pages[index]
@@ -137,7 +137,7 @@ class ImageFolderVideo(ImageStack):
         if image is None:
             what = file.name if file != self._path else "it"
             raise _unreadable(self._path, index, what, "damaged or no image")
-        return _grey(image, file, index, cv2.COLOR_BGR2GRAY)
+        return grey(image, file, index, cv2.COLOR_BGR2GRAY)
 
     def _decoded(self, file):
         """The image in a file, None where it holds none."""
@@ -161,7 +161,7 @@ def _unreadable(path, index, what, reason):
     )
 
 
-def _grey(image, path, index, conversion):
+def grey(image, path, index, conversion):
     """Return a (height, width) uint8 or uint16 image of a grey or colour one."""
     if image.dtype == bool:
         image = image.astype(np.uint8) * 255

@@ -56,7 +56,7 @@ def open_video(path, threads: int = 1) -> Video:
 
     Parameters
     ----------
-    path : str or Path
+    path : str or Path; or an array of frames (n, height, width); or an open `Video`, as it is
     threads : int
         For decoding; 1 keeps to one core, 0 takes what the codec thinks best.
 
@@ -65,6 +65,12 @@ def open_video(path, threads: int = 1) -> Video:
     VideoError
         If it does not exist, cannot be read, or has no frame; the message says what to do.
     """
+    if isinstance(path, Video):
+        return path
+    if hasattr(path, "shape") or isinstance(path, (list, tuple)):
+        from pipeline.video.arrays import ArrayVideo
+
+        return ArrayVideo(path)
     path = Path(path)
     if path.is_dir():
         from pipeline.video.image_stacks import ImageFolderVideo

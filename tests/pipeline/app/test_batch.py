@@ -71,6 +71,7 @@ def calls(monkeypatch):
             n_frames=10,
             messages=("beware",) if content.startswith(b"odd") else (),
             seconds={"centrelines": 0.5},
+            settings=settings,
         )
 
     monkeypatch.setattr(pipeline.run, "analyse", analyse)

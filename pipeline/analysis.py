@@ -1,0 +1,97 @@
+"""`Analysis`: what `analyse` found in one video, to look at, to plot and to save."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import pandas as pd
+
+from pipeline.detection import PoleTrack
+from pipeline.session import Settings, write_session
+from pipeline.tables import (
+    CONTACT_COLUMNS,
+    Centrelines,
+    write_csv,
+    write_evidence,
+    write_frames,
+)
+from pipeline.tables.centrelines import centreline_file, centreline_table
+
+
+@dataclass(frozen=True, repr=False)
+class Analysis:
+    """All that `analyse` found in one video.
+
+    Attributes
+    ----------
+    frames, contacts : tables of FRAME_COLUMNS and CONTACT_COLUMNS; units in `attrs["units"]`
+    evidence : the measurements behind the contacts, aligned with `frames`, SI units
+    pole : where the pole was; None if it was never seen
+    n_frames : frames read
+    messages : what a person should know of: missing whiskers, no pole, no forces and why
+    seconds : time spent, by stage
+    settings : the settings in force
+    lines : the traced lines, chunk by chunk; empty if they went to `keep`
+    """
+
+    frames: pd.DataFrame
+    contacts: pd.DataFrame
+    evidence: pd.DataFrame
+    pole: PoleTrack | None
+    n_frames: int
+    messages: tuple[str, ...] = ()
+    seconds: dict[str, float] = field(default_factory=dict)
+    settings: Settings | None = None
+    lines: tuple[Centrelines, ...] = ()
+
+    @property
+    def whiskers(self) -> tuple[str, ...]:
+        """Names, in the order of the tables."""
+        return tuple(dict.fromkeys(self.frames["whisker"]))
+
+    @property
+    def centrelines(self) -> pd.DataFrame:
+        """A row per whisker and frame: frame, whisker, x_px, y_px (an array each)."""
+        return centreline_table(self.lines)
+
+    def save(self, folder, video=None) -> Path:
+        """Write the tables and settings into a folder, as `whiskerforce run` does for a video.
+
+        Parameters
+        ----------
+        folder : made where it is missing
+        video : its name in contacts.csv; None: the folder's
+        """
+        folder = Path(folder)
+        folder.mkdir(parents=True, exist_ok=True)
+        if self.lines:
+            with centreline_file(folder / "centrelines.parquet") as keep:
+                for chunk in self.lines:
+                    keep(chunk)
+        write_frames(folder / "frames.parquet", self.frames)
+        contacts = self.contacts.assign(video=video or folder.name)
+        write_csv(folder / "contacts.csv", contacts, CONTACT_COLUMNS)
+        write_evidence(folder, self.evidence)
+        write_session(folder / "session.toml", self.settings)
+        return folder
+
+    def plot(self, column="contact_force_uN", whisker=None, ax=None):
+        """Draw a column of `frames` over time; see `pipeline.plot_course`."""
+        from pipeline.reports import plot_course
+
+        return plot_course(self.frames, column, whisker, ax)
+
+    def plot_centrelines(self, ax=None, step=None):
+        """Draw the traced lines; see `pipeline.plot_centrelines`."""
+        from pipeline.reports import plot_centrelines
+
+        return plot_centrelines(self.centrelines, ax, step)
+
+    def __repr__(self):
+        names = ", ".join(self.whiskers) or "no whisker"
+        return f"<Analysis: {self.n_frames} frames of {names}; {len(self.contacts)} contacts>"
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows."""
+        from pipeline.reports.notebook_view import notebook_view
+
+        return notebook_view(self)

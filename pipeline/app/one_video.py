@@ -1,0 +1,108 @@
+"""One video by itself, as a job of a cluster: `python -m pipeline.app.one_video VIDEO --out DIR`.
+
+Several jobs may work in one results folder at once. When all have ended, `whiskerforce run` with
+the same `--out` skips what they have finished, and writes the session's tables, figures, report.
+
+Exit status: 0 the results are there; 1 the video cannot be processed, `whiskerforce run` will list
+why; 2 unusable arguments or settings; 3 out of memory. Anything else: the job was killed.
+"""
+
+import argparse
+import sys
+import traceback
+from pathlib import Path
+
+from pipeline.errors import InputError
+from pipeline.session.inputs import results_folders
+from pipeline.session.session_file import SettingsError
+
+JOBS = ".jobs"  # folder in the results folder, for what jobs leave
+NAMES = "names.json"
+FAILED, UNUSABLE, NO_MEMORY = 1, 2, 3
+
+
+def job_folder(out, name) -> Path:
+    """Where the job of a video keeps its log and its mark."""
+    return Path(out) / JOBS / name
+
+
+def planned_names(inputs, out) -> dict:
+    """Name of each input's results folder, by its path: as `run` gives them, and then for good.
+
+    They are decided once and written down, for jobs that begin while others are at work.
+    """
+    from pipeline.tables.files import read_json, write_json
+
+    plan = Path(out) / JOBS / NAMES
+    plan.parent.mkdir(parents=True, exist_ok=True)
+    known = read_json(plan, {})
+    paths = {each.path: str(each.path.resolve()) for each in inputs}
+    if not set(paths.values()) <= set(known):
+        names = results_folders(inputs, out)
+        known |= {resolved: names[path] for path, resolved in paths.items()}
+        write_json(plan, known)
+    return {path: known[resolved] for path, resolved in paths.items()}
+
+
+def process(video, out, name=None, config=None) -> int:
+    """Process one video into its folder in `out`, unless its results are there; exit status."""
+    from pipeline.app import batch
+    from pipeline.app.outcome import finished_outcome
+    from pipeline.runtime.folder_lock import locked
+    from pipeline.session.inputs import find_inputs, session_of
+    from pipeline.session.session_file import read_session
+    from pipeline.tables.result_exchange import settle
+
+    (each,) = _only(find_inputs([video], out), video)
+    settings = read_session(session_of(each, config))
+    path = each.path.resolve()
+    name = name or planned_names([each], out)[each.path]
+    job = job_folder(out, name)
+    job.mkdir(parents=True, exist_ok=True)
+    folder = Path(out) / name
+    with locked(job):
+        if folder.is_dir():
+            settle(folder)
+        outcome = finished_outcome(path, folder, settings)
+        if outcome is None:
+            outcome = batch.process_video(batch.Task(path, folder, settings))
+            if folder.is_dir():
+                settle(folder)
+    print(f"{name}: {outcome.line()}", flush=True)
+    return FAILED if outcome.status == "failed" else 0
+
+
+def _only(inputs, video):
+    """The inputs, of which there must be one."""
+    if len(inputs) != 1 or inputs[0].fault:
+        reason = inputs[0].fault if len(inputs) == 1 else f"holds {len(inputs)} videos"
+        raise InputError(f"{video}: expected one video ({reason})")
+    return inputs
+
+
+def main(arguments=None) -> int:
+    """Process the video that the command line names."""
+    from pipeline.runtime.numba_cache import prepare_cache
+
+    prepare_cache()
+    parser = argparse.ArgumentParser(prog="python -m pipeline.app.one_video", description=__doc__)
+    parser.add_argument("video", type=Path)
+    parser.add_argument("--out", type=Path, required=True, help="results folder")
+    parser.add_argument("--name", help="of the video's folder in it, where that is planned")
+    parser.add_argument("--config", type=Path, help="the session.toml to use")
+    args = parser.parse_args(arguments)
+    try:
+        return process(args.video, args.out, args.name, args.config)
+    except MemoryError:
+        traceback.print_exc()
+        return NO_MEMORY
+    except (InputError, SettingsError) as error:
+        print(f"error: {error}", file=sys.stderr)
+        return UNUSABLE
+    except Exception:  # `run` will list it as a fault of the program
+        traceback.print_exc()
+        return FAILED
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,130 @@
+"""Plots for notebooks and papers: each takes an `ax`, and returns it."""
+
+import numpy as np
+import pandas as pd
+
+from pipeline.reports.time_courses import COLOURS
+from pipeline.tables.columns import CONTACT_COLUMNS, FRAME_COLUMNS
+
+LINES = 60  # centrelines that are drawn, if no step is given
+Z95 = 1.96
+SHADE = "#d9d9d9"
+
+
+def plot_course(frames: pd.DataFrame, column="contact_force_uN", whisker=None, ax=None):
+    """Draw a column of frames.parquet over time, with its 95 % interval; contacts are shaded.
+
+    Parameters
+    ----------
+    frames : rows of frames.parquet
+    column : what is drawn
+    whisker : one name, or several; None: all
+    ax : matplotlib axes to draw on; None: the current ones
+    """
+    if column not in frames:
+        raise ValueError(f"column must be one of {', '.join(frames.columns)}, got {column!r}")
+    names = _chosen(frames, whisker)
+    ax = ax or _current_axes()
+    for k, name in enumerate(names):
+        rows = frames[frames["whisker"] == name].sort_values("frame")
+        colour = COLOURS[k % len(COLOURS)]
+        time, value = rows["time_s"].to_numpy(), rows[column].to_numpy(float)
+        ax.plot(time, value, color=colour, lw=1, label=name)
+        if (error := _error_column(column)) in rows:
+            half = Z95 * rows[error].to_numpy(float)
+            ax.fill_between(time, value - half, value + half, color=colour, alpha=0.25, lw=0)
+        if len(names) == 1:
+            _shade(ax, time, rows["in_contact"].to_numpy(bool))
+    ax.set(xlabel="time (s)", ylabel=label_of(column))
+    if len(names) > 1:
+        ax.legend(frameon=False)
+    return ax
+
+
+def plot_centrelines(centrelines: pd.DataFrame, ax=None, step=None):
+    """Draw traced lines in image coordinates, y down, a colour per whisker.
+
+    Parameters
+    ----------
+    centrelines : rows of centrelines.parquet
+    ax : matplotlib axes to draw on; None: the current ones
+    step : every how many frames; None: some 60 of each whisker
+    """
+    ax = ax or _current_axes()
+    for k, (name, rows) in enumerate(centrelines.groupby("whisker", sort=False)):
+        every = step or max(1, len(rows) // LINES)
+        for i, (x, y) in enumerate(zip(rows["x_px"][::every], rows["y_px"][::every], strict=True)):
+            label = "" if i else str(name)
+            ax.plot(x, y, color=COLOURS[k % len(COLOURS)], lw=0.6, alpha=0.6, label=label)
+    ax.set(xlabel="x (px)", ylabel="y (px)", aspect="equal")
+    if not ax.yaxis_inverted():
+        ax.invert_yaxis()
+    if centrelines["whisker"].nunique() > 1:
+        ax.legend(frameon=False)
+    return ax
+
+
+def plot_contacts(contacts: pd.DataFrame, x="duration_ms", y="peak_force_uN", ax=None):
+    """Draw a point per contact, one column of contacts.csv against another.
+
+    Parameters
+    ----------
+    contacts : rows of contacts.csv
+    x, y : columns
+    ax : matplotlib axes to draw on; None: the current ones
+    """
+    for column in (x, y):
+        if column not in contacts:
+            raise ValueError(
+                f"column must be one of {', '.join(contacts.columns)}, got {column!r}"
+            )
+    ax = ax or _current_axes()
+    for k, (name, rows) in enumerate(contacts.groupby("whisker", sort=False)):
+        ax.plot(rows[x], rows[y], "o", ms=4, color=COLOURS[k % len(COLOURS)], label=str(name))
+    ax.set(xlabel=label_of(x), ylabel=label_of(y))
+    if contacts["whisker"].nunique() > 1:
+        ax.legend(frameon=False)
+    return ax
+
+
+def label_of(column) -> str:
+    """A column's name and unit in words.
+
+    >>> label_of("contact_force_uN"), label_of("vibration_ratio")
+    ('contact force (µN)', 'vibration ratio')
+    """
+    units = {c.name: c.unit for c in (*CONTACT_COLUMNS, *FRAME_COLUMNS)}
+    unit = units.get(column, "")
+    ending = "_" + unit.replace("µ", "u").replace("1/", "per_").replace(" ", "_")
+    words = column.removesuffix(ending).replace("_", " ") if unit else column.replace("_", " ")
+    return f"{words} ({unit})" if unit else words
+
+
+def _error_column(column) -> str:
+    """The column of a column's standard error, whether it exists or not."""
+    if column.endswith("_deg"):
+        return f"{column.removesuffix('_deg')}_se_deg"
+    return f"{column}_se"
+
+
+def _chosen(frames, whisker) -> list:
+    names = list(dict.fromkeys(frames["whisker"]))
+    wanted = names if whisker is None else [whisker] if isinstance(whisker, str) else list(whisker)
+    for name in wanted:
+        if name not in names:
+            raise ValueError(f"whisker must be one of {', '.join(names)}, got {name!r}")
+    return wanted
+
+
+def _shade(ax, time, touching):
+    """Shade the frames in contact."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], touching.astype(int), [0]])))
+    for onset, offset in edges.reshape(-1, 2):
+        end = time[min(offset, len(time) - 1)]
+        ax.axvspan(time[onset], end, color=SHADE, lw=0, zorder=0)
+
+
+def _current_axes():
+    import matplotlib.pyplot as plt
+
+    return plt.gca()

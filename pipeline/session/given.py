@@ -1,0 +1,35 @@
+"""Settings as Python code gives them: `Settings`, a file, a dictionary, or none."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from pipeline.errors import InputError
+from pipeline.session.inputs import Input, session_of
+from pipeline.session.schema import Settings
+from pipeline.session.session_file import read_session, settings_from
+
+
+def settings_given(settings, video=None) -> Settings:
+    """Return the `Settings` that are meant.
+
+    Parameters
+    ----------
+    settings : `Settings`, path of a session.toml, dictionary of its content, or None: the
+        session.toml beside the video
+    video : path of the video, or something else than a path
+
+    Raises
+    ------
+    SettingsError, InputError
+        If they cannot be used, or there are none.
+    """
+    if isinstance(settings, Settings):
+        return settings
+    if isinstance(settings, Mapping):
+        return settings_from(dict(settings), "settings")
+    if settings is not None:
+        return read_session(settings)
+    if not isinstance(video, (str, Path)):
+        raise InputError("no settings: give `Settings`, or the path of a session.toml")
+    path = Path(video)
+    return read_session(session_of(Input(path, path if path.is_dir() else path.parent)))

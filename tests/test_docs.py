@@ -1,0 +1,87 @@
+"""The documentation site builds without a warning; its tutorial works as it stands."""
+
+import contextlib
+import io
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import matplotlib as mpl
+import pytest
+from tutorial import blocks
+
+import pipeline
+import synthetic
+import whiskermodel
+from pipeline.app import cli
+
+ROOT = Path(__file__).parents[1]
+DOCS = ROOT / "docs"
+
+
+def follow(page) -> str:
+    """Do what a page says, in the current folder, as a reader would; what that printed."""
+    names, said = {}, io.StringIO()
+    with contextlib.redirect_stdout(said), mpl.rc_context({"backend": "agg"}):
+        for language, code in blocks(DOCS / page):
+            if language == "python":
+                exec(compile(code, page, "exec"), names)
+                continue
+            for line in code.splitlines():
+                program, *arguments = shlex.split(line)
+                assert program == "whiskerforce"
+                with pytest.raises(SystemExit) as ended:
+                    cli.main(arguments)
+                assert not ended.value.code, line
+    return said.getvalue()
+
+
+@pytest.mark.e2e
+def test_the_tutorial_works_word_for_word(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(cli, "_cores", lambda: 1)  # processes of their own would load all again
+    said = follow("tutorial.md")
+    found, true = map(int, re.search(r"(\d+) contacts found, (\d+) true ones", said).groups())
+    assert found == true >= 3
+    assert float(re.search(r"off by ([\d.]+) % at most", said)[1]) < 5
+    assert (tmp_path / "my_figure.png").stat().st_size > 20_000
+    assert (tmp_path / "my_videos" / "session_preview.png").is_file()
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory):
+    """The site, built in a process of its own; a warning counts as an error."""
+    out = tmp_path_factory.mktemp("site")
+    command = [sys.executable, "-m", "sphinx", "-q", "-W", "--keep-going", "-b", "html", "-d"]
+    command += [str(out / "doctrees"), str(DOCS), str(out / "html")]
+    built = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, timeout=300)
+    assert built.returncode == 0, built.stderr
+    return out / "html"
+
+
+def test_every_page_is_on_the_site(site):
+    contents = (site / "index.html").read_text(encoding="utf-8")
+    for page in DOCS.glob("*.md"):
+        assert f'href="{page.stem}.html"' in contents or page.stem == "index", page.name
+
+
+@pytest.mark.parametrize("package", [pipeline, pipeline.calibrate, whiskermodel, synthetic])
+def test_every_public_name_is_explained_on_the_site(site, package):
+    text = (site / "api.html").read_text(encoding="utf-8")
+    for name in package.__all__:
+        if not callable(getattr(package, name)):
+            continue  # a module has a section of its own, and PRESETS a sentence
+        assert f'id="{package.__name__}.{name}"' in text, name
+
+
+def test_links_of_pages_outside_lead_to_pages(site):
+    for page in ("quickstart", "contributing", "changelog"):
+        text = (site / f"{page}.html").read_text(encoding="utf-8")
+        assert not re.findall(r'href="(?!https?:)[^"#]*\.md', text), page
+
+
+def test_formulas_are_set(site):
+    text = (site / "forces.html").read_text(encoding="utf-8")
+    assert text.count('class="math notranslate nohighlight"') > 15

@@ -1,0 +1,53 @@
+"""What is declared for pip, conda and type checkers agrees."""
+
+import re
+import tomllib
+from pathlib import Path
+
+import yaml
+
+import pipeline
+import synthetic
+import whiskermodel
+
+ROOT = Path(__file__).parents[1]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+RECIPE = yaml.safe_load((ROOT / "conda" / "recipe.yaml").read_text("utf-8"))
+IN_CONDA = {"opencv-python-headless": "py-opencv", "matplotlib": "matplotlib-base"}
+
+
+def versions(requirements):
+    """Name → least version."""
+    return dict(re.fullmatch(r"([\w-]+) ?>=([\d.]+)", each).groups() for each in requirements)
+
+
+def test_conda_wants_what_pip_wants():
+    pip = {IN_CONDA.get(k, k): v for k, v in versions(PROJECT["dependencies"]).items()}
+    conda = versions(RECIPE["requirements"]["run"])
+    assert conda.pop("python") == PROJECT["requires-python"].removeprefix(">=")
+    assert conda == pip
+
+
+def test_conda_has_the_version_and_the_command():
+    assert RECIPE["context"]["version"] == pipeline.__version__
+    (entry,) = RECIPE["build"]["python"]["entry_points"]
+    assert entry == f"whiskerforce = {PROJECT['scripts']['whiskerforce']}"
+
+
+def test_packages_are_typed():
+    for package in (pipeline, synthetic, whiskermodel):
+        assert (Path(package.__file__).parent / "py.typed").is_file()
+
+
+def test_workflow_calls_what_is_run_here():
+    workflow = yaml.safe_load((ROOT / ".github" / "workflows" / "ci.yml").read_text("utf-8"))
+    steps = [step for job in workflow["jobs"].values() for step in job["steps"]]
+    commands = [step["run"] for step in steps if "run" in step]
+    assert ".ci/run" in commands
+    for command in commands:
+        for path in re.findall(r"[\w.]+/[\w./]+", command):
+            assert (ROOT / path).is_file(), path
+
+
+def test_urls_are_given():
+    assert {"Homepage", "Documentation", "Changelog", "Issues"} <= set(PROJECT["urls"])

@@ -1,0 +1,179 @@
+"""What Python users have: what `analyse` takes and gives, plots, units, completion."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pandas as pd
+import pytest
+from matplotlib.figure import Figure
+
+import pipeline
+import synthetic
+from pipeline import analyse, open_video, read_session
+from pipeline.errors import InputError, VideoError
+from pipeline.reports.axes_plots import plot_centrelines, plot_contacts, plot_course
+from pipeline.tables import CONTACT_COLUMNS, FRAME_COLUMNS, files
+
+pytestmark = pytest.mark.e2e
+
+FORCE = 0.05  # relative, of the peak force, from lines instead of the video
+EDGE_FRAMES = 2
+SAME = {"follicle_x_px": 0.2, "base_angle_deg": 0.2, "contact_force_uN": 0.3}  # px, deg, µN
+
+WRITES = """
+import os, sys
+sys.dont_write_bytecode = True
+writes = []
+def hook(event, arguments):
+    if event == "open" and isinstance(arguments[2], int):
+        if arguments[2] & (os.O_WRONLY | os.O_RDWR | os.O_CREAT):
+            writes.append(arguments[0])
+    if event in ("os.mkdir", "os.rename", "os.remove", "os.rmdir"):
+        writes.append(arguments[0])
+sys.addaudithook(hook)
+open(sys.argv[1], "w").close()
+import pipeline
+dir(pipeline)
+print(len(writes), *(name for name in ("numpy", "pandas", "numba") if name in sys.modules))
+"""
+
+
+@pytest.fixture(scope="module")
+def frames(rendered):
+    """The rendered video as an array."""
+    with open_video(next(rendered.glob("*.avi"))) as video:
+        return np.stack(list(video.frames()))
+
+
+@pytest.fixture(scope="module")
+def analysis(rendered, frames):
+    """What is found in the array, with the settings' path."""
+    return analyse(frames, rendered / "session.toml")
+
+
+@pytest.fixture
+def axis():
+    return Figure().subplots()
+
+
+def test_an_array_of_frames_gives_what_the_video_gives(analysis, video):
+    """But for which frames the background is seen in: a file's are not found as quickly."""
+    of_video = analyse(video)  # session.toml lies beside it
+    for column, tolerance in SAME.items():
+        np.testing.assert_allclose(
+            analysis.frames[column], of_video.frames[column], atol=tolerance, err_msg=column
+        )
+    for edge in ("onset_frame", "offset_frame"):
+        np.testing.assert_allclose(analysis.contacts[edge], of_video.contacts[edge], atol=1)
+    assert of_video.settings == read_session(video.parent / "session.toml")
+
+
+def test_a_table_of_lines_gives_the_same_contacts(analysis):
+    settings = analysis.settings
+    x, y = analysis.pole.x_px[0], analysis.pole.y_px[0]
+    pole = settings.pole.model_copy(update={"x_px": float(x), "y_px": float(y)})
+    settings = settings.model_copy(update={"pole": pole})
+    found = analyse(analysis.centrelines, settings)
+    assert len(found.contacts) == len(analysis.contacts) >= 2
+    np.testing.assert_allclose(
+        found.contacts["onset_frame"], analysis.contacts["onset_frame"], atol=EDGE_FRAMES
+    )
+    np.testing.assert_allclose(
+        found.contacts["peak_force_uN"], analysis.contacts["peak_force_uN"], rtol=FORCE
+    )
+
+
+def test_saved_tables_are_those_of_the_analysis(analysis, tmp_path):
+    folder = analysis.save(tmp_path / "new" / "trial")
+    pd.testing.assert_frame_equal(
+        pd.read_parquet(folder / "frames.parquet"), analysis.frames, check_dtype=False
+    )
+    contacts = files.read_csv(folder / "contacts.csv", CONTACT_COLUMNS)
+    assert set(contacts["video"]) == {"trial"}
+    np.testing.assert_allclose(
+        contacts["peak_force_uN"], analysis.contacts["peak_force_uN"], rtol=1e-5
+    )
+    lines = pd.read_parquet(folder / "centrelines.parquet")  # list columns: an array per row
+    assert len(lines) == len(analysis.centrelines) == analysis.frames["tracked"].sum()
+    for name in ("x_px", "y_px"):
+        assert lines[name][7].dtype == np.float32
+        np.testing.assert_array_equal(lines[name][7], analysis.centrelines[name][7])
+    assert read_session(folder / "session.toml") == analysis.settings
+
+
+def test_units_travel_with_the_tables(analysis, tmp_path):
+    folder = analysis.save(tmp_path / "trial")
+    expected = {c.name: c.unit for c in FRAME_COLUMNS}
+    assert analysis.frames.attrs["units"] == expected
+    assert pd.read_parquet(folder / "frames.parquet").attrs["units"] == expected
+    assert analysis.contacts.attrs["units"]["peak_force_uN"] == "µN"
+    assert pd.read_parquet(folder / "centrelines.parquet").attrs["units"]["x_px"] == "px"
+
+
+def test_a_notebook_shows_contacts_and_messages(analysis):
+    shown = analysis._repr_html_()
+    assert f"{len(analysis.contacts)} contacts" in shown
+    assert "data:image/svg+xml" in shown
+    for force in analysis.contacts["peak_force_uN"][:10]:
+        assert f"{force:.4g}" in shown
+    assert repr(analysis) == (
+        f"<Analysis: {analysis.n_frames} frames of C2; {len(analysis.contacts)} contacts>"
+    )
+
+
+def test_a_course_is_drawn_on_the_axes_given(analysis, axis):
+    assert plot_course(analysis.frames, "base_angle_deg", "C2", axis) is axis
+    time, angle = axis.lines[0].get_data()
+    np.testing.assert_array_equal(time, analysis.frames["time_s"])
+    np.testing.assert_array_equal(angle, analysis.frames["base_angle_deg"])
+    assert axis.get_ylabel() == "base angle (deg)"
+    assert len(axis.collections) == 1  # the 95 % interval
+    assert len(axis.patches) == len(analysis.contacts)  # shaded
+
+
+def test_contacts_and_centrelines_are_drawn_on_the_axes_given(analysis, axis):
+    assert plot_contacts(analysis.contacts, ax=axis) is axis
+    np.testing.assert_array_equal(axis.lines[0].get_ydata(), analysis.contacts["peak_force_uN"])
+    other = Figure().subplots()
+    assert analysis.plot_centrelines(other, step=20) is other
+    assert len(other.lines) == -(-len(analysis.centrelines) // 20)
+    assert other.yaxis_inverted()
+    assert plot_centrelines(analysis.centrelines[:0], other) is other
+
+
+def test_wrong_names_are_told_with_those_there_are(analysis, axis):
+    with pytest.raises(ValueError, match="whisker must be one of C2, got 'C3'"):
+        plot_course(analysis.frames, whisker="C3", ax=axis)
+    with pytest.raises(ValueError, match=r"contact_force_uN.*got 'force'"):
+        plot_course(analysis.frames, "force", ax=axis)
+
+
+@pytest.mark.parametrize(
+    ("video", "settings", "error", "words"),
+    [
+        (np.zeros((5, 40), np.uint8), "session.toml", VideoError, r"shape \(5, 40\)"),
+        (np.zeros((5, 40, 40)), "session.toml", VideoError, "float64 pixels"),
+        (np.zeros((5, 40, 40), np.uint8), None, InputError, "no settings"),
+        (pd.DataFrame({"frame": [0]}), "session.toml", ValueError, "needs the column whisker"),
+    ],
+)
+def test_what_cannot_be_analysed_gets_a_message(rendered, video, settings, error, words):
+    with pytest.raises(error, match=words):
+        analyse(video, settings and rendered / settings)
+
+
+def test_importing_is_quick_and_writes_nothing(tmp_path):
+    """The hook sees a write: that of the file that the child opens itself, and no other."""
+    command = [sys.executable, "-c", WRITES, str(tmp_path / "seen")]
+    child = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert child.stdout.split() == ["1"]  # and neither NumPy nor pandas nor Numba is loaded
+
+
+@pytest.mark.parametrize("package", [pipeline, synthetic, pipeline.calibrate])
+def test_every_public_name_is_there_and_documented(package):
+    names = [name for name in dir(package) if not name.startswith("_")]
+    assert set(package.__all__) <= set(names)
+    assert len(names) >= 5
+    for name in names:
+        assert getattr(package, name).__doc__, name
