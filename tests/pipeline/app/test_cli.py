@@ -312,3 +312,22 @@ def test_synth_renders_a_preset(monkeypatch, tmp_path, capsys):
     (positional, named) = asked[0]
     assert positional == (tmp_path, "noisy", 3, 2)
     assert named["jobs"] == 1
+    assert named["frames"] == 1000
+
+
+@pytest.mark.parametrize("command", [(), ("run",), ("calibrate", "geometry"), ("export", "nwb")])
+def test_h_is_help(command, capsys):
+    assert exit_code(*command, "-h") == 0
+    short = capsys.readouterr().out
+    assert exit_code(*command, "--help") == 0
+    assert capsys.readouterr().out == short
+
+
+def test_the_shell_completes_commands():
+    asked = {"_WHISKERFORCE_COMPLETE": "complete_zsh", "_TYPER_COMPLETE_ARGS": "whiskerforce ca"}
+    code = "import sys; sys.argv = ['whiskerforce']; from pipeline.app.cli import main; main()"
+    child = subprocess.run(
+        [sys.executable, "-c", code], env=os.environ | asked, capture_output=True, text=True
+    )
+    assert "calibrate" in child.stdout
+    assert "export" not in child.stdout
