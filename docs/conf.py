@@ -41,7 +41,7 @@ html_title = "whiskerforce"
 
 
 def take_text(app, page, source):
-    """Put in the text of pages that lie outside, and pages that the index leaves out; set links."""
+    """Put in the text of pages that lie outside, pages that the index leaves out, and links."""
     if page in OUTSIDE:
         source[0] = (ROOT / OUTSIDE[page]).read_text(encoding="utf-8")
         source[0] = source[0].replace("](docs/", "](").replace("](CITATION", "](path:../CITATION")

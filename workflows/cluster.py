@@ -35,6 +35,7 @@ TIMES = {  # what states how long something took, or when or where: left out of 
     },
 }  # fmt: skip
 LOGS = {"run.log"}
+REPORT = "report.html"  # states times and the command
 JOB = "pipeline.app.one_video"
 PATIENCE_S = 1800
 ENVIRONMENT = os.environ | {
@@ -102,6 +103,8 @@ def content(path):
     left_out = TIMES.get(path.name)
     if path.name in LOGS:
         return None
+    if path.name == REPORT:
+        return re.findall(r'src="data:[^"]+"', path.read_text("utf-8"))
     if left_out is None:
         return path.read_bytes()
     if path.suffix == ".csv":
@@ -139,6 +142,8 @@ def note(kind) -> str:
     name = kind.rsplit("/", 1)[-1]
     if name in LOGS:
         return "is there"
+    if name == REPORT:
+        return "its plots"
     return "without times" if name in TIMES else "byte by byte"
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from pipeline.reports import fig3_panels
 from pipeline.reports.fig3_tables import chosen, panel_tables, typical_touch
+from pipeline.reports.plots import NO_DATE, SVG_IDS
 from pipeline.reports.session_numbers import fig3_numbers, read_contacts, read_truth
 from pipeline.tables import files
 
@@ -75,10 +76,10 @@ def _save(figure, folder, name, kinds) -> list[Path]:
     for kind in kinds:
         with (
             files.whole_file(folder / f"{name}.{kind}") as temporary,
-            mpl.rc_context({"svg.fonttype": "none"}),
+            mpl.rc_context({"svg.fonttype": "none", **SVG_IDS}),
         ):
             if kind == "png":
                 FigureCanvasAgg(figure).print_png(temporary)
             else:
-                FigureCanvasSVG(figure).print_svg(temporary)
+                FigureCanvasSVG(figure).print_svg(temporary, metadata=NO_DATE)
     return [folder / f"{name}.{kind}" for kind in kinds]

@@ -5,6 +5,8 @@ import io
 
 GREY, INK = "#6b6b6b", "#1a1a1a"
 SIZE_IN = 4.8
+NO_DATE = {"Date": None}  # in an SVG: the same results make the same file
+SVG_IDS = {"svg.hashsalt": "whiskerforce"}  # likewise
 STYLE = {"font.size": 10, "axes.spines.top": False, "axes.spines.right": False}
 MARGINS_IN = {"left": 0.66, "right": 0.12, "bottom": 0.5, "top": 0.1}
 
@@ -27,10 +29,12 @@ def axes(height: float, right=MARGINS_IN["right"], top=MARGINS_IN["top"]):
 
 def svg(figure) -> str:
     """A figure as a data URI."""
+    import matplotlib as mpl
     from matplotlib.backends.backend_svg import FigureCanvasSVG
 
     buffer = io.BytesIO()
-    FigureCanvasSVG(figure).print_svg(buffer)  # `savefig` draws everything twice
+    with mpl.rc_context(SVG_IDS):  # `savefig` draws everything twice
+        FigureCanvasSVG(figure).print_svg(buffer, metadata=NO_DATE)
     return data_uri(buffer.getvalue(), "image/svg+xml")
 
 
