@@ -46,7 +46,11 @@ def take_text(app, page, source):
         source[0] = (ROOT / OUTSIDE[page]).read_text(encoding="utf-8")
         source[0] = source[0].replace("](docs/", "](").replace("](CITATION", "](path:../CITATION")
     if page == "index":
-        more = sorted(p.stem for p in (ROOT / "docs").glob("*.md") if p.stem not in source[0])
+        more = sorted(
+            p.stem
+            for p in (ROOT / "docs").glob("*.md")
+            if p.stem not in ("index", *source[0].split())
+        )
         source[0] = source[0].replace("changelog\n", "\n".join(["changelog", *more, ""]))
     for name, file in OUTSIDE.items():
         source[0] = re.sub(rf"\]\((\.\./)?{re.escape(file)}", f"]({name}.md", source[0])

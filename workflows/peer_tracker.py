@@ -22,6 +22,7 @@ import numpy as np
 from pipeline.tables.centrelines import Centrelines
 
 OPTIMISED = 3.3  # a build with optimisation is so many times faster than the wheel's
+PROGRAMS = ("trace", "measure", "classify", "whisker_convert", "measurements_convert")
 _MAGIC = b"bwhiskbin1\0\0"
 _LOCATE = """
 import importlib.util as u
@@ -41,6 +42,10 @@ class Peer:
 
     folder: Path
     environment: dict
+
+    def run(self, program, *arguments) -> None:
+        """Run one of PROGRAMS; RuntimeError where it fails."""
+        timed([str(self.folder / program), *map(str, arguments)], self)
 
     def trace(self, video) -> tuple[Centrelines, float, float]:
         """Trace a video; lines, wall and CPU time [s]. Lines are all called "peer"."""
@@ -69,8 +74,9 @@ def find_peer(python=None, banks_video=None) -> Peer:
             "av==12.3.0 into an environment and give its python with --peer-python"
         )
     folder = Path(tempfile.mkdtemp(prefix="peer_"))
-    shutil.copy(binary, folder / "trace")
-    (folder / "trace").chmod(0o755)
+    for program in (*PROGRAMS, *(p.name for p in binary.parent.glob("lib*.so"))):
+        shutil.copy(binary.with_name(program), folder / program)
+        (folder / program).chmod(0o755)
     peer = Peer(folder, _environment(folder, decoder))
     try:
         peer.trace(banks_video)
