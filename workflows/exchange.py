@@ -5,7 +5,7 @@
 
 A short video is rendered and processed. What we export is read by the other program, and what it
 makes of it by us; what it makes of the video itself, or of numbers, is imported. Where a program
-is not installed, its rows say so. `--measurements FILE` adds a file that someone else has recorded.
+is not installed, its rows say so. `--measurements FILE` adds a file that someone has recorded.
 """
 
 import argparse
