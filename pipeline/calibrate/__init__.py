@@ -1,4 +1,4 @@
-"""Measurements beside the videos' own: whiskers' dimensions, ring-downs, follicles, two views."""
+"""Whiskers' dimensions, ring-downs, follicles; two views together."""
 
 import lazy_loader
 
