@@ -222,11 +222,13 @@ def rows_of(check, *arguments):
         yield check.__name__.replace("_", " "), "", "", f"not tried: {words}"
 
 
-def try_all(folder, python, measurements):
+def try_all(folder, python, measurements, results=None):
     """Rows of the table."""
-    (path,) = render_session(folder / "videos", "single", seed=3, trials=1, frames=FRAMES)
-    batch.run([path.parent], folder / "results")
-    (video,) = read_results(folder / "results")
+    if results is None:
+        (path,) = render_session(folder / "videos", "single", seed=3, trials=1, frames=FRAMES)
+        results = folder / "results"
+        batch.run([path.parent], results)
+    video = read_results(results)[0]
     yield from rows_of(neurodata, video, folder)
     for check in (poses, matlab):
         yield from rows_of(check, video, folder, python)
@@ -234,7 +236,7 @@ def try_all(folder, python, measurements):
     if measurements:
         yield from recorded(measurements)
     try:
-        peer = find_peer(python, path)
+        peer = find_peer(python)
     except NoPeerError as error:
         yield "Janelia", "", "", f"not tried: {error}"
         return
@@ -246,11 +248,12 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--peer-python", default="python", help="of the other programs")
     parser.add_argument("--measurements", type=Path, help="a recorded .measurements file")
+    parser.add_argument("--results", type=Path, help="of `run`, instead of rendering a video")
     parser.add_argument("--write", action="store_true", help="write into docs/formats.md")
     args = parser.parse_args()
     rows = []
     with tempfile.TemporaryDirectory() as folder:
-        for row in try_all(Path(folder), args.peer_python, args.measurements):
+        for row in try_all(Path(folder), args.peer_python, args.measurements, args.results):
             rows.append(list(row))
             print(" | ".join(row), flush=True)
     if args.write:

@@ -58,7 +58,8 @@ class Peer:
 def find_peer(python=None, banks_video=None) -> Peer:
     """Set the peer up in a folder of its own, from the environment of `python` or this one.
 
-    `banks_video` is a short video: the first run makes filter banks, which later ones read.
+    `banks_video` is a short video: the first run makes filter banks, which later ones read; with
+    none, nothing is tried.
     NoPeerError where it is not there or does not start.
     """
     where = subprocess.run(
@@ -78,6 +79,8 @@ def find_peer(python=None, banks_video=None) -> Peer:
         shutil.copy(binary.with_name(program), folder / program)
         (folder / program).chmod(0o755)
     peer = Peer(folder, _environment(folder, decoder))
+    if banks_video is None:
+        return peer
     try:
         peer.trace(banks_video)
     except (OSError, RuntimeError, ValueError) as error:
