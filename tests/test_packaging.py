@@ -50,4 +50,4 @@ def test_workflow_calls_what_is_run_here():
 
 
 def test_urls_are_given():
-    assert {"Homepage", "Documentation", "Changelog", "Issues"} <= set(PROJECT["urls"])
+    assert PROJECT["urls"]["Paper"].startswith("https://doi.org/")
