@@ -121,7 +121,7 @@ def views_text(count: int, seed: int, keep=None):
             preset = ("mirror", "two_views")[(seed + k) % 2]
             out = measured_views(folder, preset, seed + k)
             for video, table in _beside_truth(folder / "videos" / "truth", out):
-                rows.append([f"{seed + k}, {preset}", video[-3:], *_view_cells(table)])
+                rows.append([f"{seed + k}, {video[:-4]}", video[-3:], *_view_cells(table)])
                 frames.append(table)
     header = ["session", "video", "elevation", "its error", "projection error", "found"]
     header += ["first view's force", "own plane's"]
