@@ -137,7 +137,8 @@ def run(
     """Process videos and folders of videos into the results folder `out`; return a `Summary`.
 
     Videos whose results are there, from the same input, settings and version, are not
-    processed again unless `overwrite`. Figures and report are made of all. `progress` makes a
+    processed again unless `overwrite`. Figures and report are made of all, but not where a person
+    interrupts. `progress` makes a
     `pipeline.runtime.Progress` of the same arguments. Another `source` than videos are files of
     other programs.
 
@@ -174,7 +175,8 @@ def run(
             summary = Summary(out, every, len(skipped), seconds, interrupted, tuple(lost))
             _write_session(out, list(settings.values()), config)
             _write_tables(summary, jobs)
-            summary = replace(summary, problems=tuple(_write_pictures(summary, shown, log)))
+            if not interrupted:  # who presses Ctrl-C does not want to wait for them
+                summary = replace(summary, problems=tuple(_write_pictures(summary, shown, log)))
         log.write(f"ended: {summary.line()}")
     return summary
 
@@ -223,10 +225,11 @@ def _check_folder(out):
     for name in SESSION_FILES:
         if (out / name).is_dir():
             raise InputError(f"--out {out}: {name} in it is a folder; move it away")
+    tried = out / f"{files.PART}try{files.PART_END}"
     try:
-        with files.whole_file(out / "videos.csv.try") as temporary:
+        with files.whole_file(tried) as temporary:
             temporary.write_text("")
-        (out / "videos.csv.try").unlink()
+        tried.unlink()
     except OSError as error:
         raise InputError(
             f"--out {out}: cannot write there ({why(error)}); choose another folder"

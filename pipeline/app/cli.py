@@ -164,7 +164,10 @@ def _finish_run(summary, debug, say):
             typer.echo(each.details, err=True)
         _say(f"failed: {each.video} ({each.path}): {each.message}")
     if summary.interrupted:
-        _say("interrupted; what is finished is kept, the same command goes on from here")
+        _say(
+            "interrupted; what is finished is kept, the same command goes on from here and makes "
+            "figures and report"
+        )
         raise typer.Exit(INTERRUPTED)
     raise typer.Exit(FAILED if failed else 0)
 

@@ -6,7 +6,8 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
 from pipeline import __version__
-from pipeline.errors import in_words
+from pipeline.contacts.corrections import read_corrections
+from pipeline.errors import CorrectionsError, in_words
 from pipeline.session.inputs import sha256, stamp
 from pipeline.session.session_file import SettingsError, read_session
 from pipeline.tables import files
@@ -64,14 +65,16 @@ def finished_outcome(path, folder, settings) -> Outcome | None:
     """The outcome of an earlier run whose results still hold for a video, or None.
 
     They hold while version, settings and the input's content are the same and all files are
-    there and whole. The content is read only where size or times differ. A video that has been
-    moved keeps its results: their record learns where it lies now.
+    there and whole, a person's corrections, too. The content is read only where size or times
+    differ. A video that has been moved keeps its results: their record learns where it lies now.
     """
     state = read_state(folder)
     if state.get("version") != __version__ or kept_outcome(folder) is None:
         return None
     if state["settings_sha256"] != settings_digest(settings) or not _same_input(state, path):
         return None
+    if not _has_sound_corrections(folder):
+        return None  # to process it anew says why not
     now = {"path": str(path), "input": stamp(path)}
     if state | now != state:
         state |= now
@@ -147,6 +150,13 @@ def settings_digest(settings) -> str:
     image = image.model_copy(update={"mask": mask})
     content = settings.model_copy(update={"image": image}).model_dump_json()
     return hashlib.sha256(content.encode()).hexdigest()
+
+
+def _has_sound_corrections(folder) -> bool:
+    with contextlib.suppress(CorrectionsError):
+        read_corrections(folder)
+        return True
+    return False
 
 
 def _same_input(state, path) -> bool:

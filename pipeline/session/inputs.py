@@ -208,12 +208,19 @@ def _is_gone(path) -> bool:
 
 
 def _is_left_over(folder) -> bool:
-    """A video's results whose record is lost; its corrections belong to the video of its name."""
+    """A video's results whose record is lost; its corrections belong to the video of its name.
+
+    So does an empty folder: the run that made it was killed.
+    """
     return (
         not recorded_path(folder)
         and not (folder / "videos.csv").exists()
-        and any((folder / name).is_file() for name in LEFT_OVER)
+        and (any((folder / name).is_file() for name in LEFT_OVER) or _is_empty(folder))
     )
+
+
+def _is_empty(folder) -> bool:
+    return folder.is_dir() and not any(folder.iterdir())
 
 
 def _stem(path) -> str:

@@ -38,8 +38,10 @@ def read_session(path) -> Settings:
         raise SettingsError(path, [hint]) from None
     except tomllib.TOMLDecodeError as error:
         raise SettingsError(path, [f"not valid TOML: {error}; correct that line"]) from None
-    except (OSError, UnicodeDecodeError) as error:
+    except UnicodeDecodeError as error:
         raise SettingsError(path, [f"cannot be read as UTF-8 text: {error}"]) from None
+    except OSError as error:
+        raise SettingsError(path, [f"cannot be read: {error.strerror}"]) from None
     settings = settings_from(document, path)
     settings = settings.model_copy(update={"image": settings.image.beside(path.parent)})
     problem = settings.image.mask_problem()

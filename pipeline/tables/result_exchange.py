@@ -13,7 +13,7 @@ import tempfile
 from pathlib import Path
 
 from pipeline.runtime.folder_lock import locked
-from pipeline.tables.files import to_disk
+from pipeline.tables.files import remove_unfinished, to_disk
 
 DRAFT = ".whiskerforce-draft-"  # and random letters: two processes never share a draft
 READY = ".whiskerforce-ready"
@@ -51,6 +51,7 @@ def settle(folder) -> None:
     """
     if not is_settled(folder):
         _move_in(folder / READY, folder)
+    remove_unfinished(folder)
     for left in folder.glob(f"{DRAFT}*"):
         _remove(left, folder)
 
@@ -70,6 +71,8 @@ def settled(out):
 
 def settle_all(out) -> None:
     """Settle every results folder in `out`; one that cannot be written is left as it is."""
+    for unfinished in (out, *Path(out).glob("figures/*/")):
+        remove_unfinished(unfinished)
     for folder in [each for each in Path(out).iterdir() if each.is_dir()]:
         with contextlib.suppress(OSError):
             settle(folder)
@@ -78,7 +81,7 @@ def settle_all(out) -> None:
 def _move_in(ready, folder):
     """Move tables, then what calls them whole, then drawings: so the next call knows how far."""
     if (ready / STATE_FILE).exists():
-        for old in (*folder.glob(OVERLAYS), *folder.glob(".*.part*")):
+        for old in folder.glob(OVERLAYS):
             old.unlink()
         drawn = set(ready.glob(OVERLAYS))
         for path in sorted(set(_files(ready)) - drawn, key=lambda p: p.name == STATE_FILE):

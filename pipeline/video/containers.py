@@ -109,7 +109,7 @@ class ContainerVideo(Video):
 
     @contextlib.contextmanager
     def _open(self, path):
-        with av.open(str(path)) as container:
+        with av.open(str(path), metadata_errors="replace") as container:
             if not container.streams.video:
                 raise VideoError(path, "holds no video stream: expected one; name a video file")
             stream = container.streams.video[0]

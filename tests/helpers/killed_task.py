@@ -9,5 +9,5 @@ def killed(task, report):
     """As when the memory runs out, in the middle of a video."""
     with draft(task.folder) as new:
         (new / "frames.parquet").write_text("half a ta")
-        (new / ".x.part.parquet").touch()
+        (new / ".whiskerforce-x.part.parquet").touch()
         os._exit(9)

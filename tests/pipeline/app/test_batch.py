@@ -238,6 +238,37 @@ def test_too_little_memory_is_no_fault_of_the_program(folder, calls, tmp_path):
     assert "fault of the program" not in failed.message
 
 
+def test_broken_corrections_of_a_finished_video_are_said(folder, calls, tmp_path):
+    out = tmp_path / "results"
+    batch.run([folder], out)
+    (out / "a" / "corrections.csv").write_text(CORRECTIONS.replace("free", "freed"))
+    (failed,) = batch.run([folder], out).of("failed")
+    assert "verdict is 'freed'" in failed.message
+    assert "earlier results kept" in failed.message
+    assert contact_videos(out) == ["a", "b"]
+
+
+def test_what_a_killed_run_left_is_used_or_removed(folder, calls, tmp_path):
+    out = tmp_path / "results"
+    (out / "a").mkdir(parents=True)
+    (out / ".whiskerforce-x1.part.csv").touch()
+    (out / "figures").mkdir()
+    batch.run([folder], out)
+    assert statuses(out) == {"a": "done", "b": "done"}
+    assert not list(out.rglob("*.part*"))
+
+
+def test_figures_are_not_waited_for_after_an_interruption(folder, calls, tmp_path, monkeypatch):
+    drawn = []
+    monkeypatch.setattr(pipeline.reports.figures, "write_fig3", drawn.append)
+    (folder / "b.avi").write_bytes(b"stop")
+    assert batch.run([folder], tmp_path / "results").interrupted
+    assert drawn == []
+    (folder / "b.avi").write_bytes(b"b.avi")
+    batch.run([folder], tmp_path / "results")
+    assert drawn == [tmp_path / "results"]
+
+
 def test_a_broken_corrections_file_fails_its_video_only(folder, calls, tmp_path):
     out = tmp_path / "results"
     batch.run([folder], out)
