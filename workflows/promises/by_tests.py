@@ -49,5 +49,5 @@ escaped = functools.partial(
 )
 bounds = functools.partial(
     try_bounds,
-    [f"tests/pipeline/{room}" for room in ("numerics", "kinematics", "forces", "contacts")],
+    [f"tests/pipeline/{room}" for room in ("numerics", "forces", "contacts")],
 )

@@ -96,7 +96,7 @@ def _write_report(results):
 
 def make_videos(folder, count=3) -> Path:
     """A folder of "videos", whose content is not looked at, with a session.toml."""
-    folder.mkdir(parents=True)
+    folder.mkdir(parents=True, exist_ok=True)
     write_session(folder / "session.toml", SETTINGS)
     for k in range(count):
         (folder / f"video{k}.avi").write_bytes(b"content %d" % k)
