@@ -27,11 +27,15 @@ def test_promise_is_kept(promise, tmp_path):
     assert tried.broken == []
 
 
-def test_every_promise_stands_in_the_page_and_is_kept():
+def test_every_promise_of_the_page_is_kept_or_named_as_not_tried():
     table = PAGE.read_text("utf-8").partition("reliability: begin")[2]
+    not_tried = table.partition(reliability.NOT_TRIED)[2].partition(".\n")[0]
     for promise in PROMISES:
-        (row,) = (line for line in table.splitlines() if f"| {promise.name}, " in line)
-        sentence, _, cases, _, result = (cell.strip() for cell in row.strip("|").split(" | "))
+        rows = [line for line in table.splitlines() if f"| {promise.name}, " in line]
+        if not rows:
+            assert promise.name in not_tried
+            continue
+        sentence, _, cases, _, result = map(str.strip, rows[0].strip("|").split(" | "))
         assert sentence == promise.sentence
         assert int(cases) > 0
         assert result.startswith("kept")

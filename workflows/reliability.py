@@ -23,6 +23,7 @@ from promises.trial import Effort, Promise, attempt
 
 IN_MEMORY = Path("/dev/shm")
 BROKEN_SHOWN = 20
+NOT_TRIED = "Not tried this time"
 
 
 def main(argv=None) -> int:
@@ -90,8 +91,11 @@ def table_of(results, promises=PROMISES) -> str:
         if rows:
             header = ["promise", "test", "cases", "in CI", "result"]
             parts.append(f"### {group}\n\n{pages.table(header, rows)}")
+    left = [promise.name for promise in promises if promise.name not in results]
+    if left:
+        parts.append(f"{NOT_TRIED}: {', '.join(left)}.")
     minutes = sum(each["cpu"] for each in results.values()) / 60
-    parts.append(f"All of it takes {minutes:.0f} minutes of one core's time.")
+    parts.append(f"All of this takes {minutes:.0f} minutes of one core's time.")
     return "\n\n".join(parts)
 
 

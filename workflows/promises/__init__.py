@@ -42,7 +42,6 @@ PROMISES = (
         INTERRUPTIONS,
         "The same holds for whole runs over curated results, killed (SIGKILL) at random moments",
         try_kills,
-        in_ci=0.06,
     ),
     Promise(
         "interrupts",
