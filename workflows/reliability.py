@@ -103,7 +103,7 @@ def _row(promise, result) -> list[str]:
     count = len(result["broken"])
     kept = f"**broken in {count}**: {result['broken'][0]}" if count else "kept"
     said = "; ".join(filter(None, (kept, result["said"])))
-    in_ci = f"{100 * promise.in_ci:.0f} %" if promise.in_ci else "–"
+    in_ci = f"{100 * promise.in_ci:g} %" if promise.in_ci else "–"
     return [
         promise.sentence,
         f"{promise.name}, {promise.place}",

@@ -312,7 +312,7 @@ def check_parquet(path, columns, thorough=False) -> int:
     ------
     FileNotFoundError, ValueError
         Where it is missing or damaged. Only a `thorough` check reads all of it, and finds any
-        byte that has changed.
+        byte of the values that has changed.
     """
     import pyarrow.parquet as pq
 
