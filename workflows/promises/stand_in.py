@@ -58,6 +58,7 @@ def analyse(task, keep, report, corrections) -> Analysis:
         pole=PoleTrack(np.full(1, 3.0), np.full(1, 4.0), 6.0),
         n_frames=FRAMES,
         messages=(),
+        settings=task.settings,
     )
 
 
@@ -132,6 +133,8 @@ def copy_of(folder, to) -> Path:
 
 def tables(out) -> dict:
     """Content of all tables of a results folder; videos.csv without times and folders."""
+    if not videos_in(out):
+        raise RuntimeError(f"{out} holds no results")
     found = {}
     for path in sorted(out.rglob("*")):
         name = str(path.relative_to(out))
