@@ -90,7 +90,7 @@ def table_of(results, promises=PROMISES) -> str:
         ]
         if rows:
             header = ["promise", "test", "cases", "in CI", "result"]
-            parts.append(f"### {group}\n\n{pages.table(header, rows)}")
+            parts.append(f"## {group}\n\n{pages.table(header, rows)}")
     left = [promise.name for promise in promises if promise.name not in results]
     if left:
         parts.append(f"{NOT_TRIED}: {', '.join(left)}.")

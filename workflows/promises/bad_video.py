@@ -190,7 +190,7 @@ def try_container(kind, folder, effort: Effort) -> Tried:
         cases, each_in_child(ending_of, cases, LONGEST_S, _bound_memory), strict=True
     ):
         tried.cases += 1
-        most = max(most, ending.peak)
+        most = max(most, ending.added)
         if ending.fault:
             tried.check(False, f"{kind}, {case}: {last_line(ending.fault)}")
             continue

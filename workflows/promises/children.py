@@ -26,11 +26,18 @@ class Ending:
     value : what it returned
     fault : '' where it returned, else the traceback, `CRASHED` with the signal, or `TOO_LONG`
     peak : greatest resident memory of the process [bytes]
+    inherited : what it was forked with of that [bytes]
     """
 
     value: Any = None
     fault: str = ""
     peak: int = 0
+    inherited: int = 0
+
+    @property
+    def added(self) -> int:
+        """Memory that the function itself took, at most [bytes]."""
+        return self.peak - self.inherited
 
 
 def in_child(function, *arguments, seconds=60, setup=None) -> Ending:
@@ -108,10 +115,11 @@ def _serve(writer, function, cases, setup):
     try:
         os.setsid()
         _silence()
+        inherited = _most_memory()
         if setup is not None:
             setup()
         for case in cases:
-            data = pickle.dumps(_called(function, case))
+            data = pickle.dumps(_called(function, case, inherited))
             os.write(writer, LENGTH.pack(len(data)))
             while data:
                 data = data[os.write(writer, data) :]
@@ -119,13 +127,17 @@ def _serve(writer, function, cases, setup):
         os._exit(0)
 
 
-def _called(function, case) -> Ending:
+def _called(function, case, inherited) -> Ending:
     try:
         value, fault = function(case), ""
     except BaseException:
         value, fault = None, traceback.format_exc()
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
-    return Ending(value, fault, peak)
+    return Ending(value, fault, _most_memory(), inherited)
+
+
+def _most_memory() -> int:
+    """Greatest resident memory of this process so far [bytes]."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
 
 
 def _silence():

@@ -79,7 +79,7 @@ def try_many_videos(folder, effort: Effort) -> Tried:
         tried.check(done == tried.cases, f"{done} are done")
         tried.check(analysed == due, f"{analysed} are analysed, {due} are due")
         tried.check(files <= MOST_OPEN, f"{files} files are open at a time")
-        tried.check(ending.peak < most, f"{ending.peak / MB:.0f} MB are taken")
+        tried.check(ending.added < most, f"{ending.peak / MB:.0f} MB are taken")
         tried.said = (
             f"{due} of them new, by a stand-in for the analysis: {seconds:.0f} s, "
             f"{ending.peak / MB:.0f} MB, {files} open files"
@@ -160,7 +160,7 @@ def try_long(folder, effort: Effort) -> Tried:
         files, rows = ending.value
         tried.check(rows == count, f"{rows} frames are in the tables")
         tried.check(files <= MOST_OPEN, f"{files} files are open at a time")
-        tried.check(ending.peak < BASE + MOST_PER_FRAME * count, f"{ending.peak / MB:.0f} MB")
+        tried.check(ending.added < BASE + MOST_PER_FRAME * count, f"{ending.peak / MB:.0f} MB")
         tried.said = f"{count} frames: {ending.peak / MB:.0f} MB, {files} open files"
     return tried
 
@@ -190,7 +190,7 @@ def try_many_whiskers(folder, effort: Effort) -> Tried:
     if not ending.fault:
         files, names, seconds = ending.value
         tried.check(files <= MOST_OPEN, f"{files} files are open at a time")
-        tried.check(ending.peak < BASE, f"{ending.peak / MB:.0f} MB are taken")
+        tried.check(ending.added < BASE, f"{ending.peak / MB:.0f} MB are taken")
         tried.check(names >= MANY // 2, f"{names} whiskers are in the tables")
         tried.said = (
             f"{count} frames of {MANY} whiskers, {names} of them found: "
