@@ -5,6 +5,8 @@ from typing import Annotated
 
 import typer
 
+from pipeline.app.options import Debug
+
 calibrate = typer.Typer(
     help="Measure dimensions, Young's modulus, damping; use two views, or dust on a whisker.",
     no_args_is_help=True,
@@ -21,9 +23,6 @@ Into = Annotated[
 ]
 Whisker = Annotated[
     str | None, typer.Option("--whisker", help="Name of the whisker in that settings file.")
-]
-Debug = Annotated[
-    bool, typer.Option("--debug", help="Show where in the program an error came from (traceback).")
 ]
 
 

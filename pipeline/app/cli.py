@@ -16,6 +16,7 @@ import typer
 
 from pipeline.app import convert
 from pipeline.app.calibrate import calibrate
+from pipeline.app.options import Debug, Jobs, Out
 
 app = typer.Typer(
     name="whiskerforce",
@@ -48,10 +49,7 @@ def _options(
             "--version", callback=_show_version, is_eager=True, help="Print the version and end."
         ),
     ] = False,
-    debug: Annotated[
-        bool,
-        typer.Option("--debug", help="Show where in the program an error came from (traceback)."),
-    ] = False,
+    debug: Debug = False,
 ):
     pass
 
@@ -63,20 +61,8 @@ def _cores() -> int:
     return os.cpu_count() or 1
 
 
-Out = Annotated[
-    Path, typer.Option("--out", help="Folder to write into; made where it is missing.")
-]
-Jobs = Annotated[
-    int | None,
-    typer.Option(
-        "--jobs", min=1, help="Number of processes that work at once.  [default: one per core]"
-    ),
-]
 Quiet = Annotated[
     bool, typer.Option("--quiet", help="Print only warnings and failures; no progress.")
-]
-Debug = Annotated[
-    bool, typer.Option("--debug", help="Show where in the program an error came from (traceback).")
 ]
 
 

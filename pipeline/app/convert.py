@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from pipeline.app.options import Debug, Jobs, Out
+
 GROUP = {"no_args_is_help": True, "rich_markup_mode": None}
 importing = typer.Typer(help="Make results of what another program has tracked.", **GROUP)
 exporting = typer.Typer(help="Write results in another program's format.", **GROUP)
@@ -21,21 +23,9 @@ Paths = Annotated[
     list[Path], typer.Argument(metavar="PATH...", help="Files, or folders with such files.")
 ]
 Results = Annotated[Path, typer.Argument(help="Results folder of `whiskerforce run`.")]
-Out = Annotated[
-    Path, typer.Option("--out", help="Folder to write into; made where it is missing.")
-]
 Config = Annotated[
     Path | None,
     typer.Option(help="Settings file to use.  [default: the session.toml beside the files]"),
-]
-Jobs = Annotated[
-    int | None,
-    typer.Option(
-        "--jobs", min=1, help="Number of processes that work at once.  [default: one per core]"
-    ),
-]
-Debug = Annotated[
-    bool, typer.Option("--debug", help="Show where in the program an error came from (traceback).")
 ]
 Names = Annotated[
     str,

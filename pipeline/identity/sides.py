@@ -38,11 +38,11 @@ class Sides:
         """
         bases = np.array([slot.base_xy for slot in roster], float).reshape(-1, 2)
         along, outward = np.asarray(ruler.along, float), np.asarray(ruler.outward, float)
-        cut = _cut(bases @ along, _directions(roster)) if may_be_two else None
+        ahead = _directions(roster)
+        cut = _cut(bases @ along, ahead) if may_be_two else None
         if cut is None:
             return cls(along, (), (Dial.of(bases, along, outward, pixels_per_m),), ("w",))
         second = bases @ along > cut
-        ahead = _directions(roster)
         dials = []
         for own in (~second, second):
             out = ahead[own].mean(axis=0)

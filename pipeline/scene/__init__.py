@@ -11,6 +11,6 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "picture_part": ["part_of"],
         "polarity": ["whiskers_are_bright"],
         "pole_runs": ["pole_at"],
-        "scale": ["working_scale"],
+        "scale": ["scale_of", "working_scale"],
     },
 )

@@ -19,5 +19,10 @@ def working_scale(shape, pixels_per_mm: float) -> float:
     shape : height and width of the picture [px]
     pixels_per_mm : as session.toml gives it
     """
-    usual = np.sqrt(shape[0] * shape[1]) / FIELD_MM
+    usual = scale_of(shape, FIELD_MM)
     return float(np.clip(pixels_per_mm, usual, CLOSEST * usual))
+
+
+def scale_of(shape, field_mm: float) -> float:
+    """Return the scale [px/mm] of a picture (height, width) that shows field_mm × field_mm."""
+    return float(np.sqrt(shape[0] * shape[1]) / field_mm)

@@ -2,9 +2,8 @@
 
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from pipeline.detection.detect import TracingOptions
+from pipeline.scene.scale import scale_of
 from pipeline.session.schema import Settings, WhiskerSettings
 from pipeline.tracking.registry import Slot, find_roster
 from pipeline.tracking.tracker import options_for
@@ -118,8 +117,7 @@ def options_for_picture(recording, shape) -> TracingOptions:
 
     Nothing that is traced depends on the scale, then.
     """
-    usual = np.sqrt(shape[0] * shape[1]) / FIELD_MM
-    return options_for(replace(recording, pixels_per_mm=usual))
+    return options_for(replace(recording, pixels_per_mm=scale_of(shape, FIELD_MM)))
 
 
 def nominal_whisker(name: str, visible_length: float, hidden_length: float) -> Whisker:
