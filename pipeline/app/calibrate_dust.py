@@ -1,5 +1,6 @@
 """`whiskerforce calibrate dust`: a particle on the whisker in, the follicle's motion out."""
 
+from pipeline.app.calibrate_each import each, one_whisker
 from pipeline.calibrate.dust_files import pooled_slope, write_dust
 from pipeline.calibrate.follicle_motion import measure_follicle_motion
 from pipeline.calibrate.particle import NoParticleError
@@ -19,16 +20,15 @@ def run_dust(results, out, whisker, at_mm, say) -> None:
     if at_mm is not None and not 0 < at_mm < 100:
         raise ValueError(f"--at-mm {at_mm}: expected a distance from the follicle in mm, above 0")
     videos = read_results(results)
-    name = _whisker(videos, whisker)
-    motions, faults = [], []
-    for video in videos:
-        try:
-            motions.append(measure_follicle_motion(video, name, at_mm))
-        except NoParticleError as error:
-            faults.append(f"{video.name}, whisker {name}: {error}")
-            say(f"left out: {faults[-1]}")
-            continue
-        say(_sentence(motions[-1]))
+    name = one_whisker(videos, whisker, "the whisker that the particle sits on, one")
+    motions, faults = each(
+        videos,
+        lambda video: measure_follicle_motion(video, name, at_mm),
+        NoParticleError,
+        _sentence,
+        say,
+        label=lambda video: f"{video.name}, whisker {name}: ",
+    )
     if not motions:
         raise ValueError(
             f"{results}: a particle can be followed in none of {len(videos)} videos; the first: "
@@ -37,18 +37,6 @@ def run_dust(results, out, whisker, at_mm, say) -> None:
     written = write_dust(out, motions)
     say(slope_sentence(pooled_slope(motions)))
     say(f"tables and figures: {written[0].parent}")
-
-
-def _whisker(videos, wanted):
-    names = sorted({name for video in videos for name in video.whiskers})
-    if wanted is None and len(names) == 1:
-        return names[0]
-    if wanted is None or wanted not in names:
-        raise ValueError(
-            f"--whisker {wanted or ''}: expected the whisker that the particle sits on, one of "
-            f"{', '.join(names)}"
-        )
-    return wanted
 
 
 def _sentence(motion):

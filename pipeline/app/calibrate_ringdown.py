@@ -1,5 +1,6 @@
 """`whiskerforce calibrate ringdown`: slips in, Young's modulus and damping out."""
 
+from pipeline.app.calibrate_each import each
 from pipeline.calibrate.ringdown import (
     TooShortError,
     check_frame_rate,
@@ -70,15 +71,14 @@ def _of_one_whisker(slips, name):
 
 def _fitted(results, slips, whisker, boundary, say):
     """Fits of all slips that carry one; says why the others do not."""
-    fits, faults = [], []
-    for slip in slips:
-        try:
-            fits.append(fit_slip(results, slip, boundary))
-        except TooShortError as error:
-            faults.append(f"{slip}: {error}")
-            say(f"left out: {faults[-1]}")
-            continue
-        say(f"{slip}: {_sentence(fits[-1], fits[-1].youngs_modulus(whisker, boundary))}")
+    fits, faults = each(
+        slips,
+        lambda slip: fit_slip(results, slip, boundary),
+        TooShortError,
+        lambda fit: f"{fit.slip}: {_sentence(fit, fit.youngs_modulus(whisker, boundary))}",
+        say,
+        label=lambda slip: f"{slip}: ",
+    )
     if not fits:
         raise ValueError(
             f"{results}: none of {len(slips)} slips can be fitted; the first: {faults[0]}"

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from pipeline.app.calibrate_each import each, one_whisker
 from pipeline.calibrate.two_views import ViewsError, fit_views, read_points
 from pipeline.calibrate.views import measure_views
 from pipeline.calibrate.views_files import write_views
@@ -21,21 +22,19 @@ def run_views(first, second, points, out, whisker, say) -> None:
     from pipeline.run import analyse_lines
 
     pairs = _pairs(read_results(first), read_results(second), first, second)
-    name = _whisker(pairs, whisker)
+    name = one_whisker([video for video, _ in pairs], whisker)
     views = fit_views(read_points(points), pairs[0][0].settings.recording.pixels_per_mm)
     say(
         f"second view: {views.second_scale:.2f} ± {views.second_se:.2f} pixels per mm; matched "
         f"points agree to {views.rms_px:.2f} px"
     )
-    measured, faults = [], []
-    for ours, theirs in pairs:
-        try:
-            measured.append(measure_views(ours, theirs, views, name, analyse_lines))
-        except ViewsError as error:
-            faults.append(str(error))
-            say(f"left out: {error}")
-            continue
-        say(_sentence(measured[-1]))
+    measured, faults = each(
+        pairs,
+        lambda pair: measure_views(*pair, views, name, analyse_lines),
+        ViewsError,
+        _sentence,
+        say,
+    )
     if not measured:
         raise ViewsError(f"{first}: no video can be put together with {second}: {faults[0]}")
     written = write_views(out, views, measured)
@@ -54,15 +53,6 @@ def _pairs(ours, theirs, first, second):
             f"{theirs[0].name}, …); name the two views' videos alike"
         )
     return pairs
-
-
-def _whisker(pairs, wanted):
-    names = sorted({name for video, _ in pairs for name in video.whiskers})
-    if wanted is None and len(names) == 1:
-        return names[0]
-    if wanted is None or wanted not in names:
-        raise ViewsError(f"--whisker {wanted or ''}: expected one of {', '.join(names)}")
-    return wanted
 
 
 def _sentence(measured):

@@ -1,0 +1,36 @@
+"""What the `calibrate` commands share: the whisker that is meant, and case after case."""
+
+
+def one_whisker(videos, wanted, which="one") -> str:
+    """The whisker of that name in some videos, or the only one where no name is given.
+
+    which : what it must be, in words, for the message
+
+    Raises ValueError where it is not there, or is not clear.
+    """
+    names = sorted({name for video in videos for name in video.whiskers})
+    if wanted is None and len(names) == 1:
+        return names[0]
+    if wanted is None or wanted not in names:
+        raise ValueError(f"--whisker {wanted or ''}: expected {which} of {', '.join(names)}")
+    return wanted
+
+
+def each(cases, measure, refusal, sentence, say, label=lambda case: ""):
+    """Measure all cases that can be; return the measurements, and why others are left out.
+
+    measure : called with a case; raises `refusal`, an exception, where it cannot be measured
+    sentence : a measurement in words
+    label : what stands before a refusal, of a case
+    say : prints a line, for every case
+    """
+    measured, faults = [], []
+    for case in cases:
+        try:
+            measured.append(measure(case))
+        except refusal as error:
+            faults.append(f"{label(case)}{error}")
+            say(f"left out: {faults[-1]}")
+        else:
+            say(sentence(measured[-1]))
+    return measured, faults
