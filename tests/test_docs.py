@@ -61,12 +61,14 @@ def site(tmp_path_factory):
     return out / "html"
 
 
+@pytest.mark.slow
 def test_every_page_is_on_the_site(site):
     contents = (site / "index.html").read_text(encoding="utf-8")
     for page in DOCS.glob("*.md"):
         assert f'href="{page.stem}.html"' in contents or page.stem == "index", page.name
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("package", [pipeline, pipeline.calibrate, whiskermodel, synthetic])
 def test_every_public_name_is_explained_on_the_site(site, package):
     text = (site / "api.html").read_text(encoding="utf-8")
@@ -76,12 +78,14 @@ def test_every_public_name_is_explained_on_the_site(site, package):
         assert f'id="{package.__name__}.{name}"' in text, name
 
 
+@pytest.mark.slow
 def test_links_of_pages_outside_lead_to_pages(site):
     for page in ("quickstart", "contributing", "changelog"):
         text = (site / f"{page}.html").read_text(encoding="utf-8")
         assert not re.findall(r'href="(?!https?:)[^"#]*\.md', text), page
 
 
+@pytest.mark.slow
 def test_formulas_are_set(site):
     text = (site / "forces.html").read_text(encoding="utf-8")
     assert text.count('class="math notranslate nohighlight"') > 15

@@ -241,6 +241,7 @@ def test_every_figure_is_written_as_picture_and_numbers(written):
     assert {p.name for p in out.iterdir()} == names
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("figure", ["fig7", "fig8", "fig9", "fig10"])
 def test_ratio_tables_have_their_columns(written, figure):
     rows = read(written[0] / f"{figure}.csv")
@@ -252,6 +253,7 @@ def test_ratio_tables_have_their_columns(written, figure):
     assert all(float(row["vibration_min_ratio"]) <= 0 for row in rows)
 
 
+@pytest.mark.slow
 def test_the_papers_cases_are_rows(written):
     def cases(figure):
         rows = read(written[0] / f"{figure}.csv")
@@ -263,6 +265,7 @@ def test_the_papers_cases_are_rows(written):
     assert {(32, t, 5) for t in (0.25, 0.5, 1, 2, 4)} == cases("fig9")
 
 
+@pytest.mark.slow
 def test_mode_and_map_tables_have_their_columns(written):
     rows = read(written[0] / "modes.csv")
     assert tuple(rows[0]) == ("boundary", "taper", "basis", "mode", "p_prime_half")
