@@ -173,14 +173,14 @@ def follow(video, epochs, cast, settings, clock, keep=None, say=lambda step: Non
     length of the video. All whiskers are tracked; measured are those that `follow` in [analysis]
     names.
     """
-    recording, params = settings.recording.si(), settings.advanced.kinematics
+    recording, params = settings.recording.si(), settings.advanced
     decoded = clock.each("decoding", video.watched())
     frames = Counted(decoded, video.n_frames, lambda *done: say(Step("following", *done)))
     options, open_ended = tracing_options(settings, video.shape), not settings.whisker
     lines = trace(frames, epochs, list(cast.roster), options, CHUNK_FRAMES, open_ended, params)
     at = settings.analysis.curvature_at
     names = settings.analysis.follow
-    meter = KinematicsMeter(cast.only(names), recording, at, pole_track(epochs), params)
+    meter = KinematicsMeter(cast.only(names), recording, at, pole_track(epochs), params.kinematics)
     for chunk in clock.each("centrelines", lines):
         chunk = chunk.of(names)
         with clock("kinematics"):
@@ -240,7 +240,7 @@ def trace(
     options,
     chunk_frames=CHUNK_FRAMES,
     open_ended=False,
-    params=DEFAULTS.kinematics,
+    params=DEFAULTS,
 ):
     """Yield centrelines chunk by chunk: tracks → identities → follicles.
 
@@ -249,11 +249,12 @@ def trace(
     frames, scene, roster, options, chunk_frames : as for `pipeline.tracking.track`
     open_ended : no whiskers are given: where they stand close together, all that are seen over
         the whole video are named, else as many as the roster has; the roster is a first guess
-    params : `KinematicsParams`
+    params : `Parameters` of all rooms
     """
     tracks = track(frames, scene, roster, options, chunk_frames)
-    lines = assign_identities(tracks, roster, options, face_side_of(scene), open_ended)
-    return locate_follicles(lines, sample_lines(roster, options), options, params)
+    face = face_side_of(scene)
+    lines = assign_identities(tracks, roster, options, face, open_ended, params.identity)
+    return locate_follicles(lines, sample_lines(roster, options), options, params.kinematics)
 
 
 def forces_of(kinematics: Kinematics, settings):

@@ -43,6 +43,7 @@ class TracingOptions:
     hidden_px: tuple[float, ...] = ()
     cone_px: tuple[float, ...] = ()
     pixels_per_m: float = 25e3
+    frames_per_second: float = 1000.0
 
 
 def detect(

@@ -15,9 +15,10 @@ from scipy.optimize import linear_sum_assignment
 
 from pipeline.identity import label_swaps, motion_model, seeds
 from pipeline.identity.features import ANGLE, LENGTH, NEAR_BEND, THICKNESS
-from pipeline.identity.motion_model import LASTING
+from pipeline.identity.limits import USUAL, Limits
 from pipeline.identity.ordered_assignment import Lines, looks_and_phases, named_in_order
 from pipeline.identity.sides import Sides
+from pipeline.session.parameters import DEFAULTS
 from pipeline.tables.centrelines import Centrelines
 from pipeline.tracking.matching import Ruler
 from pipeline.tracking.unlabelled_tracker import is_crowd
@@ -26,17 +27,17 @@ LEAST_SD = np.array([0.01, np.radians(1.5), 0.05, 0.03, 0.007, 0.005])  # of a l
 ROUNDS = 2  # of naming all lines and learning the looks from them
 OTHERS = 3  # numbers of whiskers, at most, that are tried beside the likeliest
 NEARLY = 1.05  # of its cost: those that cost more are not
-# of a name that one of them does not lead to, or that the track's line had not just before or
-# after: what is left is less than an even chance
-DOUBT = 0.55
 PER_POINT = ("x_px", "y_px", "se_px", "offset_px", "information", "thickness_px")
 FEWEST_FRAMES = 2  # of a line that is no labelled whisker's, to be kept
-UNNAMED = 0.4  # its confidence, times that of the line
-SELDOM = 0.1  # of the frames: what is seen in fewer is not named, where no names are given
 
 
 def assign_identities(
-    chunks: Iterable[Centrelines], roster, options, face_side, open_ended=False
+    chunks: Iterable[Centrelines],
+    roster,
+    options,
+    face_side,
+    open_ended=False,
+    params=DEFAULTS.identity,
 ) -> Iterator[Centrelines]:
     """Hand on the chunks of a video with a name for every line.
 
@@ -51,15 +52,19 @@ def assign_identities(
     face_side : side of the picture with the face
     open_ended : name all whiskers that the video shows, w1, w2, …; else as many as the roster
         has, after its slots
+    params : the room's parameters
     """
     if not is_crowd(roster, options):
         return iter(chunks)
     ruler = Ruler.of(face_side, options)
-    sides = Sides.of(roster, ruler, face_side, options.pixels_per_m, may_be_two=open_ended)
-    return name_lines(chunks, roster, sides, open_ended)
+    sides = Sides.of(roster, ruler, face_side, options.pixels_per_m, open_ended, params)
+    limits = Limits(params, options.frames_per_second)
+    return name_lines(chunks, roster, sides, open_ended, limits)
 
 
-def name_lines(chunks, roster, sides, open_ended=False) -> Iterator[Centrelines]:
+def name_lines(
+    chunks, roster, sides, open_ended=False, limits: Limits = USUAL
+) -> Iterator[Centrelines]:
     """Hand on the chunks of a video with the names that suit the whole of it best.
 
     Lines that are no named whisker's are left out. The confidence is that of the line times the
@@ -69,6 +74,7 @@ def name_lines(chunks, roster, sides, open_ended=False) -> Iterator[Centrelines]
     ----------
     chunks, roster, open_ended : as for `assign_identities`
     sides : the rows in which they stand (`Sides`)
+    limits : the room's parameters
     """
     with tempfile.TemporaryFile() as file:
         found, count = [], 0
@@ -80,10 +86,11 @@ def name_lines(chunks, roster, sides, open_ended=False) -> Iterator[Centrelines]
             return
         frame, track, side, features = (np.concatenate(each) for each in zip(*found, strict=True))
         if open_ended:
-            whisker, sure, called = _all_rows(frame, track, side, features, roster, sides)
+            rows = frame, track, side, features
+            whisker, sure, called = _all_rows(rows, roster, sides, limits)
         else:
             direction = _runs_along(roster, sides.dials[0])
-            whisker, sure = names(frame, track, features, len(roster), direction)
+            whisker, sure = names(frame, track, features, len(roster), direction, limits)
             called = tuple(slot.name for slot in roster)
         file.seek(0)
         first = 0
@@ -94,20 +101,25 @@ def name_lines(chunks, roster, sides, open_ended=False) -> Iterator[Centrelines]
             yield _named(chunk, called, whisker[own], sure[own])
 
 
-def _all_rows(frame, track, side, features, roster, sides):
-    """Whisker of every line and how sure it is, row by row of the face; what they are called."""
+def _all_rows(rows, roster, sides, limits):
+    """Whisker of every line and how sure it is, row by row of the face; what they are called.
+
+    rows : frame, track, side and features of the lines
+    """
+    frame, track, side, features = rows
     whisker, sure, called = np.full(len(frame), -1), np.ones(len(frame)), ()
     for number, name in enumerate(sides.names):
         own = np.flatnonzero(side == number)
         direction = 1 if len(sides.names) > 1 else _runs_along(roster, sides.dials[0])
-        named, known = names(frame[own], track[own], features[own], None, direction)
-        named, sure[own] = with_unnamed(frame[own], track[own], named, known)
+        named, known = names(frame[own], track[own], features[own], None, direction, limits)
+        unnamed = limits.params.nameless_confidence
+        named, sure[own] = with_unnamed(frame[own], track[own], named, known, unnamed)
         whisker[own] = np.where(named < 0, -1, named + len(called))
         called += tuple(f"{name}{k + 1}" for k in range(named.max(initial=-1) + 1))
     return whisker, sure, called
 
 
-def names(frame, track, features, wanted=None, direction=1):
+def names(frame, track, features, wanted=None, direction=1, limits: Limits = USUAL):
     """Whisker of every line (rows,), −1 for none, and how sure it is (rows,), 0 to 1.
 
     Whiskers are numbered along the face.
@@ -119,22 +131,25 @@ def names(frame, track, features, wanted=None, direction=1):
     wanted : how many whiskers to name, those most and best seen; None: all that are not seldom
         seen
     direction : 1: in ascending order of their directions; −1: descending
+    limits : the room's parameters
     """
     named, sure = np.full(len(frame), -1), np.ones(len(frame))
     usable = np.flatnonzero(np.isfinite(features[:, ANGLE]))
     if not len(usable):
         return named, sure
     order = usable[np.lexsort((track[usable], frame[usable]))]
-    rows = features[order], frame[order].astype(int), track[order].astype(int)
-    whisker, sure[order] = _all_names(*rows)
-    named[order] = _in_order(whisker, *rows[:2], wanted, direction)
+    lines = Lines(features[order], frame[order].astype(int), track[order].astype(int), limits)
+    whisker, sure[order] = _all_names(lines)
+    named[order] = _in_order(whisker, lines, wanted, direction)
     return named, sure
 
 
-def with_unnamed(frame, track, whisker, sure):
+def with_unnamed(
+    frame, track, whisker, sure, unnamed_confidence=DEFAULTS.identity.nameless_confidence
+):
     """Give lines that are no named whisker's a place of their own beside the named ones.
 
-    They are seen, but not known: their confidence says so. Tracks that do not overlap in time
+    They are seen, but not known: their confidence, `unnamed_confidence`, says so. Tracks that do not overlap in time
     share a place; those of a few frames only are left out. Returns `whisker` and `sure` anew.
     """
     whisker, sure = whisker.copy(), sure.copy()
@@ -147,37 +162,38 @@ def with_unnamed(frame, track, whisker, sure):
     for rows in sorted((p for p in parts if len(p) >= least), key=lambda p: frame[p[0]]):
         free = next((k for k, end in enumerate(ends) if end < frame[rows[0]]), len(ends))
         ends[free : free + 1] = [frame[rows[-1]]]
-        whisker[rows], sure[rows] = first + free, UNNAMED
+        whisker[rows], sure[rows] = first + free, unnamed_confidence
     return whisker, sure
 
 
-def _all_names(features, frame, track):
+def _all_names(lines):
     """Names, as whiskers were found, and their probability."""
-    if frame[0] == frame[-1]:  # in a single frame every line is a whisker by itself
-        return np.arange(len(frame)), np.ones(len(frame))
-    lines = Lines(features, frame, track)
+    if lines.frame[0] == lines.frame[-1]:  # in a single frame every line is a whisker by itself
+        return np.arange(len(lines.frame)), np.ones(len(lines.frame))
+    certain = 1 - lines.limits.params.doubt
     first, *others = named_in_order(lines, LEAST_SD)
     named, evidence = _likeliest(lines, first)
     sure = label_swaps.certainty(evidence, named)
     for naming in [each for each in others[:OTHERS] if each.cost < NEARLY * first.cost]:
         other, _ = _likeliest(lines, naming)
-        sure = sure * np.where(_renamed(other, named) == named, 1.0, 1 - DOUBT)
-    return named, sure * np.where(_beside_new_name(lines, named), 1 - DOUBT, 1.0)
+        sure = sure * np.where(_renamed(other, named) == named, 1.0, certain)
+    return named, sure * np.where(_beside_new_name(lines, named), certain, 1.0)
 
 
 def _beside_new_name(lines, named):
-    """Rows (rows,) up to LASTING frames before and after another name on their own track, bool.
+    """Rows (rows,) shortly before and after another name on their own track, bool.
 
     Either the track went on with another line there, or one of the names is wrong.
     """
+    near = lines.limits.lasting
     order = np.lexsort((lines.frame, lines.track))
-    place = (lines.track * (lines.frame[-1] + 2 * LASTING) + lines.frame)[order]  # tracks apart
+    place = (lines.track * (lines.frame[-1] + 2 * near) + lines.frame)[order]  # tracks apart
     known = order[named[order] >= 0]
     last, next_ = known[:-1], known[1:]
     new = (lines.track[last] == lines.track[next_]) & (named[last] != named[next_])
     rank = np.argsort(order)
-    begin = np.searchsorted(place, place[rank[last[new]]] - LASTING)
-    end = np.searchsorted(place, place[rank[next_[new]]] + LASTING, side="right")
+    begin = np.searchsorted(place, place[rank[last[new]]] - near)
+    end = np.searchsorted(place, place[rank[next_[new]]] + near, side="right")
     inside = np.zeros(len(order) + 1, np.int64)
     np.add.at(inside, begin, 1)
     np.add.at(inside, end, -1)
@@ -186,13 +202,14 @@ def _beside_new_name(lines, named):
 
 def _likeliest(lines, naming):
     """Names that looks and motions make likeliest, from first ones on, and the evidence."""
-    rows = lines.features, lines.frame, lines.track
     model, named = naming.model, naming.names
     for number in range(ROUNDS):
         if number:
-            model, named = seeds.with_more(model, named, *rows)
+            model, named = seeds.with_more(model, named, lines, lines.limits.long_track)
         model, phase = looks_and_phases(lines, model, named)
-        evidence = motion_model.evidence_of(model, *rows, phase)
+        evidence = motion_model.evidence_of(
+            model, lines.features, lines.frame, lines.track, phase, lines.limits
+        )
         named = label_swaps.improved(evidence, named, lines.track)
     return named, evidence
 
@@ -209,11 +226,13 @@ def _renamed(names, like):
     return number[names]
 
 
-def _in_order(whisker, features, frame, wanted, direction):
+def _in_order(whisker, lines, wanted, direction):
     """The same names numbered along the face, −1 for those of whiskers that are left out."""
+    features = lines.features
     count = np.bincount(whisker[whisker >= 0], minlength=1)
     if wanted is None:
-        chosen = np.flatnonzero(count >= max(SELDOM * len(np.unique(frame)), 1))
+        seldom = lines.limits.params.seldom
+        chosen = np.flatnonzero(count >= max(seldom * len(np.unique(lines.frame)), 1))
     else:
         strength = np.exp(_medians(features[:, LENGTH] + features[:, THICKNESS], whisker, count))
         chosen = np.argsort(-count * np.sqrt(np.nan_to_num(strength)))[:wanted]

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
+from pipeline.session.parameters import DEFAULTS
+
 NEAR_BEND, ANGLE, THICKNESS, LENGTH, BEND, FAR_BEND = range(6)
 N_FEATURES = 6
-BEHIND_M = 3e-3  # centre's distance behind the middle of the bases
-DISTANCES_M = np.array([4.0e-3, 5.5e-3, 8.0e-3, 12.0e-3])  # from the centre
 PIECE = 6  # nodes, the least that give a direction
 
 
@@ -26,12 +26,13 @@ class Dial:
     distances: np.ndarray
 
     @classmethod
-    def of(cls, bases, along, outward, pixels_per_m) -> "Dial":
+    def of(cls, bases, along, outward, pixels_per_m, params=DEFAULTS.identity) -> "Dial":
         """Behind the whiskers' bases (whiskers, 2) [px], in the directions of the face."""
         middle = np.median(np.asarray(bases, float).reshape(-1, 2), axis=0)
         along, outward = np.asarray(along, float), np.asarray(outward, float)
-        behind = BEHIND_M * pixels_per_m
-        return cls(middle - behind * outward, along, outward, DISTANCES_M * pixels_per_m)
+        behind = 1e-3 * params.centre_mm * pixels_per_m
+        at = np.array([params.near_mm, params.angle_mm, params.far_mm, params.farthest_mm])
+        return cls(middle - behind * outward, along, outward, 1e-3 * at * pixels_per_m)
 
 
 def line_features(lines, dial: Dial) -> np.ndarray:

@@ -7,24 +7,23 @@ from scipy.ndimage import median_filter
 from pipeline.identity.appearance import LEAST_SLOPE, FanModel, medians
 from pipeline.identity.features import ANGLE, BEND, N_FEATURES
 from pipeline.identity.label_swaps import TAKEN, Evidence, link
+from pipeline.identity.limits import USUAL, Limits
 from pipeline.numerics.robust import robust_sd
 
 WEIGHT = 0.3  # of one frame's look: errors of neighbouring frames are alike
 QUIET_WEIGHT = 0.05  # of that, while the whiskers rest: all frames show the same
-FULL_TURN = np.radians(2.0)  # from frame to frame, from which a look counts in full
 STRANGER = 20.0  # cost of a look that is no whisker's
 LEAST_MOTION = np.array([0.002, np.radians(0.15), 0.01, 0.005, 0.001, 0.001])
 FEWEST = 50  # motions that tell how motions are
 FEWEST_TURNING = 3  # lines that tell what all turn by
 FARTHEST = 4.0  # standard deviations: what is farther off is a jump
-APART = np.radians(4.0)  # a line with no other one nearer is seen to go on
-STEADY = np.radians(2.0)  # beside the turn of all: a line that moves more may be another one
-LASTING = 15  # frames; a line that moves steadily for so long is one whisker's
 RENAMED = 40.0  # cost of a new name for a line that is seen to go on
 SLOW, QUICK = 0.5, 0.8  # quantiles of the turn, below and above which motions are compared
 
 
-def evidence_of(model: FanModel, features, frame, track, phase) -> Evidence:
+def evidence_of(
+    model: FanModel, features, frame, track, phase, limits: Limits = USUAL
+) -> Evidence:
     """What the names of a video's lines are told from.
 
     Parameters
@@ -32,6 +31,7 @@ def evidence_of(model: FanModel, features, frame, track, phase) -> Evidence:
     model : the whiskers' looks
     features, frame, track : (rows, 6), (rows,), (rows,), ordered by frame; tracks as traced
     phase : (frames,) at which the lines are looked at
+    limits : the room's parameters
     """
     look = model.costs(features, phase[frame])
     before = row_before(frame, track)
@@ -43,9 +43,9 @@ def evidence_of(model: FanModel, features, frame, track, phase) -> Evidence:
     most = np.sqrt(2) * np.where(
         np.isfinite(model.sd), model.sd, np.nanmedian(model.sd, axis=0, keepdims=True)
     )
-    weight = WEIGHT * np.clip(np.abs(turn) / FULL_TURN, QUIET_WEIGHT, 1.0)[frame]
-    steady = _goes_on(frame, before, step[:, ANGLE], turn)
-    alone = _alone(features, frame, before)
+    weight = WEIGHT * np.clip(np.abs(turn) / limits.moving, QUIET_WEIGHT, 1.0)[frame]
+    steady = _goes_on(frame, before, step[:, ANGLE], turn, limits.own_turn)
+    alone = _alone(features, frame, before, limits.alone)
     evidence = Evidence(
         features=features,
         drift=drift,
@@ -59,37 +59,37 @@ def evidence_of(model: FanModel, features, frame, track, phase) -> Evidence:
         most_sd=np.nan_to_num(most, nan=1.0),
         source=before,
         price=np.where(steady, np.where(alone, RENAMED, TAKEN), 0.0),
-        lasting=_lasting(before, steady),
+        lasting=_lasting(before, steady, limits.lasting),
     )
     return evidence._replace(nobody=evidence.nobody + _own_motion(evidence, likely))
 
 
-def _goes_on(frame, before, step, turn):
+def _goes_on(frame, before, step, turn, own_turn):
     """Rows whose line moves on as all do from that of its track in the frame before, bool.
 
     step : (rows,) change of the angle since then, less the turn of all
     turn : (frames,) which is even itself, or the whole row may have moved on by one
     """
-    return (before >= 0) & (np.abs(step) < STEADY) & _is_even(turn)[frame]
+    return (before >= 0) & (np.abs(step) < own_turn) & _is_even(turn, own_turn)[frame]
 
 
-def _is_even(turn):
+def _is_even(turn, own_turn):
     """Frames in which the turn of all is about that of those beside, bool (frames,)."""
-    return np.abs(turn - median_filter(turn, 3, mode="nearest")) < STEADY
+    return np.abs(turn - median_filter(turn, 3, mode="nearest")) < own_turn
 
 
-def _alone(features, frame, before):
+def _alone(features, frame, before, apart):
     """Rows whose line has no other one near, neither now nor in the frame before, bool."""
     gap = _gaps(features, frame)
-    return (before >= 0) & (np.minimum(gap, gap[before]) > APART)
+    return (before >= 0) & (np.minimum(gap, gap[before]) > apart)
 
 
-def _lasting(before, steady):
-    """Rows that are part of at least LASTING rows of one track, each steady beside the last."""
+def _lasting(before, steady, count):
+    """Rows that are part of at least `count` rows of one track, each steady beside the last."""
     run = np.arange(len(before))
     for j in np.flatnonzero(steady):  # by frame: the row before is known
         run[j] = run[before[j]]
-    return np.bincount(run, minlength=len(run))[run] >= LASTING
+    return np.bincount(run, minlength=len(run))[run] >= count
 
 
 def phases(model: FanModel, features, frame, names) -> np.ndarray:
@@ -120,12 +120,12 @@ def common_turns(features, frame, before, slope=1.0) -> np.ndarray:
     return out
 
 
-def sure_turns(features, frame, before, slope=1.0) -> np.ndarray:
+def sure_turns(features, frame, before, slope=1.0, own_turn=USUAL.own_turn) -> np.ndarray:
     """The same, NaN where few lines tell it or tracks seem to have gone on with other lines."""
     turn = common_turns(features, frame, before, slope)
     seen = np.isfinite(_steps(features, before)[:, ANGLE] / slope)
     many = np.bincount(frame[seen], minlength=len(turn)) >= FEWEST_TURNING
-    return np.where(many & _is_even(turn), turn, np.nan)
+    return np.where(many & _is_even(turn, own_turn), turn, np.nan)
 
 
 def _steps(features, before):

@@ -17,12 +17,11 @@ from scipy.ndimage import uniform_filter1d
 from pipeline.identity import motion_model, seeds
 from pipeline.identity.appearance import LEAST_SLOPE, FanModel
 from pipeline.identity.features import ANGLE
+from pipeline.identity.limits import USUAL, Limits
 
 SELDOM = 0.02  # of the frames: numbers of lines that fewer have are not tried
-STEADY = 301  # frames, over which whiskers are taken to whisk about one angle, at first
 UNSEEN = 4.0  # cost of a whisker that has no line in a frame
 NOBODY = 16.0  # cost of a line that is nobody's
-ALONG_TRACK = 7  # frames before and after, over which the cost of a track's lines is averaged
 SHIFTS = (  # tried beside the last phase: in the first round, in the next two, later
     np.radians(np.arange(-60.0, 61.0, 6.0)),
     *2 * (np.radians(np.arange(-24.0, 25.0, 3.0)),),
@@ -46,11 +45,13 @@ class Lines:
     ----------
     features : float64 (rows, 6) as of `line_features`
     frame, track : int64 (rows,)
+    limits : the room's parameters
     """
 
     features: np.ndarray
     frame: np.ndarray
     track: np.ndarray
+    limits: Limits = USUAL
 
     @property
     def starts(self):
@@ -85,7 +86,7 @@ def named_in_order(lines: Lines, least_sd) -> list[Naming]:
     """
     before = motion_model.row_before(lines.frame, lines.track)
     phase = np.cumsum(motion_model.common_turns(lines.features, lines.frame, before))
-    phase -= uniform_filter1d(phase, STEADY)
+    phase -= uniform_filter1d(phase, lines.limits.same_mean)
     frames = np.bincount(np.diff(lines.starts))
     frames[0] = 0
     often = np.flatnonzero(frames >= max(SELDOM * frames.sum(), 1))
@@ -132,7 +133,9 @@ def _settled(lines, model, phase) -> Naming:
     came = motion_model.row_before(lines.frame, lines.track)
     slope = 1.0
     for number in range(MOST_ROUNDS):
-        turn = motion_model.sure_turns(lines.features, lines.frame, came, slope)
+        turn = motion_model.sure_turns(
+            lines.features, lines.frame, came, slope, lines.limits.own_turn
+        )
         shifts = SHIFTS[min(number, len(SHIFTS) - 1)]
         names, cost = _in_order(lines, model, phase, turn, shifts)
         settled = number >= len(SHIFTS) and (names != before).mean() < SETTLED
@@ -157,7 +160,8 @@ def _in_order(lines, model, phase, turn, shifts):
     for k, shift in enumerate(shifts):
         cost[:, k] = _at_phases(lines, model, phase + shift, starts, pieces)[1]
         cost[:, k] += 0.5 * (shift / SHIFT_SD) ** 2
-    weight = np.clip(np.nan_to_num(np.abs(turn) / motion_model.FULL_TURN, nan=1.0), QUIET, 1.0)
+    moved = np.nan_to_num(np.abs(turn) / lines.limits.moving, nan=1.0)
+    weight = np.clip(moved, QUIET, 1.0)
     tried = phase[:, None] + shifts
     path = _likeliest_path(weight[:, None] * cost, tried, turn)
     names, cost = _at_phases(lines, model, tried[np.arange(len(path)), path], starts, pieces)
@@ -166,7 +170,8 @@ def _in_order(lines, model, phase, turn, shifts):
 
 def _at_phases(lines, model, phase, starts, pieces):
     """Names (rows,) of lines in order at given phases (frames,), and the cost (frames,)."""
-    cost = _along_tracks(model.costs(lines.features, phase[lines.frame]), *pieces)
+    cost = model.costs(lines.features, phase[lines.frame])
+    cost = _along_tracks(cost, *pieces, lines.limits.along_track)
     names, total = np.full(len(lines.frame), -1), np.zeros(len(phase))
     _align_frames(
         cost, lines.features[:, ANGLE], starts, phase, model.middle[:, ANGLE],
@@ -218,8 +223,8 @@ def _align_frames(cost, angle, starts, phase, middle, slope, names, total):
 
 
 @njit(cache=True)
-def _along_tracks(cost, order, first, last):
-    """Costs (rows, whiskers), averaged over neighbouring frames of every row's track."""
+def _along_tracks(cost, order, first, last, reach):
+    """Costs (rows, whiskers), averaged over ±`reach` rows of every row's track."""
     out = np.empty_like(cost)
     total = np.empty(cost.shape[1])
     for piece in range(len(first)):
@@ -227,11 +232,11 @@ def _along_tracks(cost, order, first, last):
         low, high = a, a
         total[:] = 0.0
         for i in range(a, b):
-            while high < min(b, i + ALONG_TRACK + 1):
+            while high < min(b, i + reach + 1):
                 for k in range(len(total)):
                     total[k] += cost[order[high], k]
                 high += 1
-            while low < i - ALONG_TRACK:
+            while low < i - reach:
                 for k in range(len(total)):
                     total[k] -= cost[order[low], k]
                 low += 1

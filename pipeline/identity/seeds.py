@@ -8,18 +8,24 @@ import numpy as np
 from pipeline.identity import label_swaps, motion_model
 from pipeline.identity.appearance import FanModel
 from pipeline.identity.features import ANGLE, N_FEATURES
+from pipeline.identity.limits import USUAL
 
-LONG = 40  # frames that a line must be followed through to be a whisker's
 MOST_NEW = 3  # whiskers at a time
 MOST = 20  # whiskers
 
 
-def with_more(model: FanModel, names, features, frame, track) -> tuple[FanModel, np.ndarray]:
-    """The model with a few more whiskers from nobody's long tracks, and the names with them."""
+def with_more(
+    model: FanModel, names, lines, long_track=USUAL.long_track
+) -> tuple[FanModel, np.ndarray]:
+    """The model with a few more whiskers from nobody's long tracks, and the names with them.
+
+    lines : `Lines`; long_track : frames that such a track has, at least
+    """
+    features, frame, track = lines.features, lines.frame, lines.track
     known = len(model.middle)
     long = sorted(label_swaps.runs(names, track, frame), key=len, reverse=True)
     names = names.copy()
-    new = [rows for rows in long[: min(MOST_NEW, MOST - known)] if len(rows) >= LONG]
+    new = [rows for rows in long[: min(MOST_NEW, MOST - known)] if len(rows) >= long_track]
     for number, rows in enumerate(new):
         names[rows] = known + number
     if not new:

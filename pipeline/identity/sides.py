@@ -5,10 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.identity.features import Dial, line_features
+from pipeline.session.parameters import DEFAULTS
 
-APART = 1 / 3  # of the width of all bases, between those of two sides
 FEWEST = 3  # whiskers on a side
-AWAY = np.radians(45)  # between the directions in which two sides grow
 NAMES = {"top": ("left", "right"), "bottom": ("left", "right")}
 UPRIGHT = ("upper", "lower")
 
@@ -31,7 +30,9 @@ class Sides:
     names: tuple[str, ...]
 
     @classmethod
-    def of(cls, roster, ruler, face_side, pixels_per_m, may_be_two) -> "Sides":
+    def of(
+        cls, roster, ruler, face_side, pixels_per_m, may_be_two, params=DEFAULTS.identity
+    ) -> "Sides":
         """The rows in which a roster's whiskers stand.
 
         Two, where their bases are in two groups far apart that grow away from each other.
@@ -39,9 +40,10 @@ class Sides:
         bases = np.array([slot.base_xy for slot in roster], float).reshape(-1, 2)
         along, outward = np.asarray(ruler.along, float), np.asarray(ruler.outward, float)
         ahead = _directions(roster)
-        cut = _cut(bases @ along, ahead) if may_be_two else None
+        cut = _cut(bases @ along, ahead, params) if may_be_two else None
         if cut is None:
-            return cls(along, (), (Dial.of(bases, along, outward, pixels_per_m),), ("w",))
+            dial = Dial.of(bases, along, outward, pixels_per_m, params)
+            return cls(along, (), (dial,), ("w",))
         second = bases @ along > cut
         dials = []
         for own in (~second, second):
@@ -49,7 +51,7 @@ class Sides:
             out /= np.hypot(*out)
             across = np.array([out[1], -out[0]])
             across *= -np.sign(outward @ across or 1.0)  # from the snout to the back of the head
-            dials.append(Dial.of(bases[own], across, out, pixels_per_m))
+            dials.append(Dial.of(bases[own], across, out, pixels_per_m, params))
         names = tuple(f"{name}_w" for name in NAMES.get(face_side, UPRIGHT))
         return cls(along, (cut,), tuple(dials), names)
 
@@ -69,16 +71,16 @@ def _directions(roster):
     return chords / np.maximum(np.hypot(*chords.T), 1e-9)[:, None]
 
 
-def _cut(places, ahead) -> float | None:
+def _cut(places, ahead, params) -> float | None:
     """Middle of the gap between two sides, None where there is one side only."""
     order = np.argsort(places)
     inner = range(FEWEST, len(places) - FEWEST + 1)
     gaps = {k: places[order[k]] - places[order[k - 1]] for k in inner}
-    if not gaps or max(gaps.values()) < APART * np.ptp(places):
+    if not gaps or max(gaps.values()) < params.side_gap * np.ptp(places):
         return None
     k = max(gaps, key=gaps.get)
     one, other = (ahead[part].mean(axis=0) for part in (order[:k], order[k:]))
     cosine = one @ other / max(np.hypot(*one) * np.hypot(*other), 1e-9)
-    if cosine > np.cos(AWAY):
+    if cosine > np.cos(np.radians(params.sides_apart_deg)):
         return None
     return float(places[order[k - 1 : k + 1]].mean())

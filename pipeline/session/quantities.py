@@ -6,6 +6,7 @@ from pydantic import AfterValidator, ConfigDict, Field
 from pydantic_core import PydanticCustomError
 
 TABLE = ConfigDict(extra="forbid")  # an unknown key is an error
+FEWEST_PER_S = 1000.0  # frames that a time counts as, at least
 
 
 class Range(NamedTuple):
@@ -48,6 +49,14 @@ def parameter(default, meaning: str, source: str):
     source : where the default comes from: "measured …", "literature …" or "chosen …"
     """
     return Field(default, description=meaning, json_schema_extra={"source": source})
+
+
+def frames_in(seconds: float, frames_per_second: float) -> int:
+    """Frames that show as much as so long a time: at low frame rates as many as at 1000 per s.
+
+    How sure one can be depends on how often one has looked.
+    """
+    return round(seconds * max(frames_per_second, FEWEST_PER_S))
 
 
 def fields_of(table) -> dict:

@@ -95,6 +95,7 @@ def options_for(recording: Recording, lengths_m=(), hidden_m=(), cone_m=()) -> T
         hidden_px=tuple(scale * h for h in hidden_m),
         cone_px=tuple(scale * c for c in cone_m),
         pixels_per_m=scale,
+        frames_per_second=recording.frames_per_second,
     )
 
 

@@ -10,6 +10,7 @@ from pydantic.dataclasses import dataclass
 
 from pipeline.session.parameters.contacts import ContactParams
 from pipeline.session.parameters.forces import RodParams
+from pipeline.session.parameters.identity import IdentityParams
 from pipeline.session.parameters.kinematics import KinematicsParams
 from pipeline.session.parameters.scene import SceneParams
 from pipeline.session.quantities import TABLE
@@ -17,6 +18,7 @@ from pipeline.session.quantities import TABLE
 __all__ = [
     "DEFAULTS",
     "ContactParams",
+    "IdentityParams",
     "KinematicsParams",
     "Parameters",
     "RodParams",
@@ -29,6 +31,7 @@ class Parameters:
     """The parameters of all rooms."""
 
     scene: SceneParams = SceneParams()
+    identity: IdentityParams = IdentityParams()
     kinematics: KinematicsParams = KinematicsParams()
     forces: RodParams = RodParams()
     contacts: ContactParams = ContactParams()

@@ -2,10 +2,11 @@
 
 import numpy as np
 
-from pipeline.identity.assign import DOUBT, _beside_new_name, names
+from pipeline.identity.assign import _beside_new_name, names
 from pipeline.identity.features import ANGLE
-from pipeline.identity.motion_model import LASTING
+from pipeline.identity.limits import USUAL, Limits
 from pipeline.identity.ordered_assignment import Lines
+from pipeline.session.parameters import IdentityParams
 
 FRAMES = 300
 #    near bend, angle [rad], logs of thickness and length, bends [rad]
@@ -30,7 +31,7 @@ def test_frames_beside_a_new_name_are_found_on_that_track_only():
     lines = Lines(np.zeros((300, 6)), frame, track)
     found = _beside_new_name(lines, name)
     assert not found[track != 7].any()
-    assert frame[found].tolist() == list(range(49 - LASTING, 52 + LASTING + 1))
+    assert frame[found].tolist() == list(range(49 - USUAL.lasting, 52 + USUAL.lasting + 1))
 
 
 def test_nobodys_frames_and_ends_of_tracks_are_no_new_names():
@@ -52,6 +53,30 @@ def test_a_name_that_the_track_had_not_before_is_doubted_for_some_frames():
     track[later & (true == 1)], track[later & (true == 2)] = 2, 1
     found, sure = names(frame, track, features.reshape(-1, 6))
     assert (found == true).all()
-    near = np.isin(track, (1, 2)) & (frame >= HOP - 1 - LASTING) & (frame <= HOP + LASTING)
-    assert sure[near].max() <= 1 - DOUBT
+    near = (frame >= HOP - 1 - USUAL.lasting) & (frame <= HOP + USUAL.lasting)
+    near &= np.isin(track, (1, 2))
+    assert sure[near].max() <= 1 - USUAL.params.doubt
     assert np.median(sure[~near]) > 0.9
+
+
+def test_times_are_frames_of_the_recording_but_never_fewer_than_at_1000_per_s():
+    params = IdentityParams(lasting_s=0.015, same_mean_s=0.3, along_track_s=0.014)
+    for rate, lasting, same_mean, along in ((2000.0, 30, 601, 14), (100.0, 15, 301, 7)):
+        limits = Limits(params, rate)
+        assert (limits.lasting, limits.same_mean, limits.along_track) == (
+            lasting,
+            same_mean,
+            along,
+        )
+
+
+def test_a_whisker_seen_less_often_than_the_parameter_says_gets_no_name():
+    rng = np.random.default_rng(7)
+    features = FAN + NOISE * rng.normal(size=(FRAMES, *FAN.shape))
+    features[..., ANGLE] += (0.3 * np.sin(np.arange(FRAMES) / 4))[:, None]
+    frame, true = np.divmod(np.arange(FRAMES * len(FAN)), len(FAN))
+    seen = (true > 0) | (frame < 0.3 * FRAMES)
+    frame, true, features = frame[seen], true[seen], features.reshape(-1, 6)[seen]
+    for seldom, first in ((0.1, 0), (0.5, -1)):
+        named, _ = names(frame, true, features, limits=Limits(IdentityParams(seldom=seldom)))
+        assert set(named[true == 0]) == {first}

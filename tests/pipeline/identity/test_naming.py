@@ -5,9 +5,9 @@ import pytest
 
 from pipeline.identity import appearance, label_swaps, motion_model
 from pipeline.identity.appearance import FanModel
-from pipeline.identity.assign import LEAST_SD, UNNAMED, name_lines, names, with_unnamed
-from pipeline.identity.features import ANGLE, BEND, DISTANCES_M, Dial, line_features
-from pipeline.identity.motion_model import LASTING
+from pipeline.identity.assign import LEAST_SD, name_lines, names, with_unnamed
+from pipeline.identity.features import ANGLE, BEND, Dial, line_features
+from pipeline.identity.limits import USUAL
 from pipeline.identity.sides import Sides
 from pipeline.session.recording import Recording
 from pipeline.tables.centrelines import Centrelines
@@ -79,7 +79,7 @@ def test_lines_that_the_tracer_exchanged_are_told_apart(wanted):
     named, sure = names(frame, track, features, wanted)
     assert np.array_equal(named, true)
     assert (sure > 0.4).mean() > 0.98
-    beside = np.abs(frame[:, None] - [60, 180, 200, 230, 250]).min(axis=1) <= LASTING
+    beside = np.abs(frame[:, None] - [60, 180, 200, 230, 250]).min(axis=1) <= USUAL.lasting
     assert (sure > 0.9)[~beside].mean() > 0.98
 
 
@@ -200,7 +200,7 @@ def test_lines_far_from_others_that_move_evenly_are_seen_to_go_on():
     far = np.minimum(far, np.abs(bent[:, None] - bent[None, :]))
     far[known.frame[:, None] != known.frame[None, :]] = np.inf
     np.fill_diagonal(far, np.inf)
-    assert not priced[far.min(axis=1) < motion_model.APART].any()
+    assert not priced[far.min(axis=1) < USUAL.alone].any()
 
 
 def test_looks_of_resting_whiskers_count_less():
@@ -289,7 +289,7 @@ def test_features_of_straight_lines_and_arcs():
     assert [near[0], bend[0], far[0]] == pytest.approx([0, 0, 0], abs=1e-5)
     assert thickness == pytest.approx(np.log(0.3))
     assert np.exp(length) == pytest.approx([80, 120])
-    chords = np.arcsin(8e3 * DISTANCES_M / 2 / radius)
+    chords = np.arcsin(dial.distances / 2 / radius)
     expected = [chords[0] - chords[1], chords[1], chords[2] - chords[1], chords[3] - chords[2]]
     assert [near[1], angle[1], bend[1], far[1]] == pytest.approx(expected, abs=1e-3)
 
@@ -383,4 +383,4 @@ def test_lines_without_a_name_keep_a_place_that_is_not_known():
     assert (named[track == 1] == 1).all()
     assert (named[track == 2] == 1).all()
     assert (named[track == 3] == -1).all()  # one frame is no whisker
-    assert (sure[(track == 1) | (track == 2)] == UNNAMED).all()
+    assert (sure[(track == 1) | (track == 2)] == USUAL.params.nameless_confidence).all()
