@@ -16,7 +16,7 @@ from pipeline.numerics.robust import MAD_TO_SD
 FARTHEST = np.array([3.0, 6.0, 3.0, 3.0, 3.0, 3.0])  # SDs in a feature count as no more
 MOST_SD = 1.5  # of the usual whisker's SD: what is wider is several whiskers
 UNSEEN = 0.5  # cost of a feature that a line does not show
-FEWEST = 12  # lines that tell how a feature goes with the phase
+FEWEST = 12  # lines needed to fit how a feature varies with the phase
 LEAST_SLOPE = 0.5  # of a whisker's angle with the phase
 
 

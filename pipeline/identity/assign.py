@@ -25,10 +25,10 @@ from pipeline.tracking.unlabelled_tracker import is_crowd
 
 LEAST_SD = np.array([0.01, np.radians(1.5), 0.05, 0.03, 0.007, 0.005])  # of a look
 ROUNDS = 2  # of naming all lines and learning the looks from them
-OTHERS = 3  # numbers of whiskers, at most, that are tried beside the likeliest
-NEARLY = 1.05  # of its cost: those that cost more are not
+OTHERS = 3  # numbers of whiskers tried besides the likeliest, at most
+NEARLY = 1.05  # of its cost: numbers of whiskers that cost more are not tried
 PER_POINT = ("x_px", "y_px", "se_px", "offset_px", "information", "thickness_px")
-FEWEST_FRAMES = 2  # of a line that is no labelled whisker's, to be kept
+FEWEST_FRAMES = 2  # shorter tracks that belong to no named whisker are dropped
 
 
 def assign_identities(
@@ -147,10 +147,10 @@ def names(frame, track, features, wanted=None, direction=1, limits: Limits = USU
 def with_unnamed(
     frame, track, whisker, sure, unnamed_confidence=DEFAULTS.identity.nameless_confidence
 ):
-    """Give lines that are no named whisker's a place of their own beside the named ones.
+    """Give lines that belong to no named whisker a place of their own beside the named ones.
 
-    They are seen, but not known: their confidence, `unnamed_confidence`, says so. Tracks that do not overlap in time
-    share a place; those of a few frames only are left out. Returns `whisker` and `sure` anew.
+    They keep `unnamed_confidence` as their confidence. Tracks that do not overlap in time share a
+    place; those of a few frames only are left out. Returns `whisker` and `sure` anew.
     """
     whisker, sure = whisker.copy(), sure.copy()
     first = whisker.max(initial=-1) + 1

@@ -1,4 +1,4 @@
-"""What tells one whisker's lines from another's, a few numbers per traced line.
+"""What distinguishes the lines of different whiskers: a few numbers per traced line.
 
 Directions are those in which a centre behind the fur sees the line at fixed distances: there a
 line is measured well, while its first millimetre is drawn aside by fur.
@@ -36,7 +36,7 @@ class Dial:
 
 
 def line_features(lines, dial: Dial) -> np.ndarray:
-    """Features of every row of `records.Centrelines`, float64 (rows, 6), NaN where not seen.
+    """Features of every row of `Centrelines`, float64 (rows, 6), NaN where not seen.
 
     ANGLE is the direction [rad, 0 outward, positive along the face] of the line at the second
     distance from the dial's centre; NEAR_BEND that at the first less that, BEND and FAR_BEND the

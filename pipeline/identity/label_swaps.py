@@ -26,7 +26,7 @@ MOST_LIKE = 4  # whiskers, for each, with which it may have changed places
 
 
 class Evidence(NamedTuple):
-    """What the names are told from; compiled functions take it whole.
+    """What the names are inferred from; compiled functions take it whole.
 
     Attributes
     ----------

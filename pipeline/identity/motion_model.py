@@ -14,8 +14,8 @@ WEIGHT = 0.3  # of one frame's look: errors of neighbouring frames are alike
 QUIET_WEIGHT = 0.05  # of that, while the whiskers rest: all frames show the same
 STRANGER = 20.0  # cost of a look that is no whisker's
 LEAST_MOTION = np.array([0.002, np.radians(0.15), 0.01, 0.005, 0.001, 0.001])
-FEWEST = 50  # motions that tell how motions are
-FEWEST_TURNING = 3  # lines that tell what all turn by
+FEWEST = 50  # motions needed to estimate their spread
+FEWEST_TURNING = 3  # lines needed to estimate the turn of the whole row
 FARTHEST = 4.0  # standard deviations: what is farther off is a jump
 RENAMED = 40.0  # cost of a new name for a line that is seen to go on
 SLOW, QUICK = 0.5, 0.8  # quantiles of the turn, below and above which motions are compared
@@ -24,7 +24,7 @@ SLOW, QUICK = 0.5, 0.8  # quantiles of the turn, below and above which motions a
 def evidence_of(
     model: FanModel, features, frame, track, phase, limits: Limits = USUAL
 ) -> Evidence:
-    """What the names of a video's lines are told from.
+    """What the names of a video's lines are inferred from.
 
     Parameters
     ----------
@@ -121,7 +121,7 @@ def common_turns(features, frame, before, slope=1.0) -> np.ndarray:
 
 
 def sure_turns(features, frame, before, slope=1.0, own_turn=USUAL.own_turn) -> np.ndarray:
-    """The same, NaN where few lines tell it or tracks seem to have gone on with other lines."""
+    """The same, NaN where few lines show it or tracks seem to have gone on with other lines."""
     turn = common_turns(features, frame, before, slope)
     seen = np.isfinite(_steps(features, before)[:, ANGLE] / slope)
     many = np.bincount(frame[seen], minlength=len(turn)) >= FEWEST_TURNING

@@ -1,4 +1,4 @@
-"""Looks of a crowd's whiskers, learned from lines that keep their order along the face.
+"""Appearance of a crowd's whiskers, learned from lines that keep their order along the face.
 
 Frame by frame, lines in their order along the face are given to whiskers in theirs, at a phase of
 the whisk; some lines are nobody's, some whiskers are not seen (alignment of two sequences,
@@ -69,7 +69,7 @@ class Lines:
 
 @dataclass(frozen=True)
 class Naming:
-    """Names (rows,), −1 for nobody, the looks that they are told by, and the cost of all."""
+    """Names (rows,), −1 for nobody, the appearance that they follow from, and their total cost."""
 
     names: np.ndarray
     model: FanModel

@@ -1,6 +1,6 @@
-"""Whiskers of a crowd that tracks tell of: their first looks, and those that were overlooked.
+"""First appearance of each whisker of a crowd, and whiskers that were overlooked.
 
-Long tracks that turn out to be nobody's are more whiskers.
+A long track that matches no whisker is a whisker more.
 """
 
 import numpy as np
