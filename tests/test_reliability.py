@@ -1,5 +1,6 @@
 """Promises of docs/reliability.md: some cases of each, and the form of the page."""
 
+import ast
 import re
 import sys
 from pathlib import Path
@@ -58,3 +59,33 @@ def test_a_broken_promise_is_said(capsys):
     results = {"sky": reliability.tried(promise, None, for_ci(promise))}
     assert "**broken in 2**: the sky fell; 3 looks" in reliability.table_of(results, [promise])
     assert "sky: the sky fell" in capsys.readouterr().err
+
+
+READS_CODE = {"pickle", "marshal", "shelve", "dill", "joblib"}
+RUNS_CODE = {"eval", "exec", "read_pickle", "unsafe_load"}
+
+
+def _faults(tree):
+    """Yield what reads objects or runs code that may come out of a file."""
+    for node in ast.walk(tree):
+        if isinstance(node, (ast.Import, ast.ImportFrom)):
+            names = {alias.name for alias in node.names} | {getattr(node, "module", None)}
+            yield from names & READS_CODE
+        elif isinstance(node, ast.Call):
+            name = getattr(node.func, "id", getattr(node.func, "attr", ""))
+            yield from {name} & RUNS_CODE
+            given = {k.arg: getattr(k.value, "value", True) for k in node.keywords}
+            yield from ["allow_pickle"] if given.get("allow_pickle") else []
+
+
+@pytest.mark.parametrize("package", ["pipeline", "synthetic", "whiskermodel"])
+def test_no_file_is_read_by_pickle_or_run_as_code(package):
+    files = list((PAGE.parents[1] / package).rglob("*.py"))
+    assert files
+    found = {f.name: fault for f in files for fault in _faults(ast.parse(f.read_text("utf-8")))}
+    assert found == {}
+
+
+def test_pickles_and_code_are_found_where_there_are_some():
+    code = "import pickle\nfrom shelve import open\nnp.load(f, allow_pickle=True)\neval('1')"
+    assert set(_faults(ast.parse(code))) == {"pickle", "shelve", "allow_pickle", "eval"}

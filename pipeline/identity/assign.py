@@ -277,13 +277,12 @@ def _named(chunk: Centrelines, called, whisker, sure) -> Centrelines:
 
 def _store(chunk: Centrelines, file) -> None:
     for each in fields(Centrelines):
-        np.save(file, np.asarray(getattr(chunk, each.name)), allow_pickle=True)
+        value = getattr(chunk, each.name)
+        np.save(file, np.array(np.nan if value is None else value), allow_pickle=False)
 
 
 def _load(file) -> Centrelines:
-    values = {}
-    for each in fields(Centrelines):
-        value = np.load(file, allow_pickle=True)
-        values[each.name] = None if value.dtype == object else value
+    stored = {each.name: np.load(file) for each in fields(Centrelines)}
+    values = {name: value if value.ndim else None for name, value in stored.items()}
     values["names"] = tuple(str(name) for name in values["names"])
     return Centrelines(**values)

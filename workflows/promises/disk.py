@@ -31,16 +31,15 @@ TOLD = (InputError, OSError)  # what the command turns into one line
 def try_full_disk(folder, effort: Effort) -> Tried:
     """Let the disk take only so many bytes: of each file, and (where it can be made) of all."""
     tried, disk = Tried(), folder / "disk"
-    small = _small_disk(disk)
-    hindrance = Hindrance(disk / "work", tried)
-    for size in np.linspace(0, LARGEST, effort.cases(LIMITS, 3)).astype(int):
-        limit = functools.partial(_limit, resource.RLIMIT_FSIZE, int(size))
-        hindrance.attempt(f"files of at most {size} bytes", limit)
-    for free in np.linspace(0, MOST_LEFT, effort.cases(LIMITS, 3)).astype(int) if small else ():
-        fill = functools.partial(_fill, disk, free)
-        hindrance.attempt(f"{free} bytes left", fill, (disk / "filling").unlink)
-    if small:
-        subprocess.run(["umount", disk], check=True)
+    with _small_disk(disk) as small:
+        hindrance = Hindrance(disk / "work", tried)
+        for size in np.linspace(0, LARGEST, effort.cases(LIMITS, 3)).astype(int):
+            limit = functools.partial(_limit, resource.RLIMIT_FSIZE, int(size))
+            hindrance.attempt(f"files of at most {size} bytes", limit)
+        left = np.linspace(0, MOST_LEFT, effort.cases(LIMITS, 3)).astype(int) if small else ()
+        for free in left:
+            fill = functools.partial(_fill, disk, free)
+            hindrance.attempt(f"{free} bytes left", fill, (disk / "filling").unlink)
     kinds = "limits of files' sizes" + (" and a small disk" if small else "")
     tried.said = f"{kinds}; {hindrance.told} runs met the limit and said so"
     return tried
@@ -108,10 +107,19 @@ def _limit(what, value):
     resource.setrlimit(what, (value, resource.getrlimit(what)[1]))
 
 
-def _small_disk(place) -> bool:
-    """Mount a disk of half a megabyte; False where this may not be done."""
+@contextlib.contextmanager
+def _small_disk(place):
+    """Mount a disk of half a megabyte for a while; yield False where this may not be done."""
     place.mkdir()
-    command = ["mount", "-t", "tmpfs", "-o", "size=512k", "none", str(place)]
+    mounted = _succeeds("mount", "-t", "tmpfs", "-o", "size=512k", "none", place)
+    try:
+        yield mounted
+    finally:
+        if mounted:
+            subprocess.run(["umount", place], check=True)
+
+
+def _succeeds(*command) -> bool:
     try:
         return subprocess.run(command, capture_output=True).returncode == 0
     except OSError:
