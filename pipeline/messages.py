@@ -16,11 +16,17 @@ DARK = 64  # grey levels of 255, median: no light behind the whiskers
 SELDOM_ACROSS = 1  # frame may be a mistake; a whisker more often across the pole is worth one
 
 
-def messages(settings, touch, video, epochs, followed):
-    """Sentences on what is missing or doubtful in one video, the main doubt first."""
+def messages(settings, touch, video, epochs, followed, odd=None):
+    """Sentences on what is missing or doubtful in one video, the main doubt first.
+
+    `odd` is a `SeenLength` that contradicts the settings, as of `tracking.odd_length`, or None.
+    """
     cast = followed.cast
     scenes = [epoch.scene for epoch in epochs if epoch.scene]
-    doubt = face_message(scenes, cast.roster, settings.recording.face)
+    if odd is not None:
+        doubt = _of_another_length(settings, odd)
+    else:
+        doubt = face_message(scenes, cast.roster, settings.recording.face)
     if doubt:
         yield doubt
     yield from _too_few_frames(video, followed.n_frames)
@@ -110,6 +116,20 @@ def _seldom_tracked(frames, cast, follow=None):
     ]
     if seldom:
         yield f"tracked in a part of the frames only: {', '.join(seldom)}"
+
+
+def _of_another_length(settings, odd) -> str:
+    """A whisker that is not as long as the settings say: its length or the scale must be wrong."""
+    scale = settings.recording.pixels_per_mm
+    given = {w.name: w.length_mm for w in settings.whisker if w.length_mm is not None}
+    lengths = sorted({given[odd.name]} if odd.name in given else {*given.values()})
+    listed = " to ".join(f"{length:g}" for length in dict.fromkeys(lengths[:1] + lengths[-1:]))
+    given_as = f", but [[whisker]] length_mm = {listed}" if lengths else ""
+    return (
+        f"{odd.name or 'the longest whisker'} is seen {float(f'{odd.px / scale:.2g}'):g} mm long "
+        f"({odd.px:.0f} px){given_as}: correct {'it or ' if lengths else ''}[recording] "
+        f"pixels_per_mm = {scale:g}, on which lengths and forces depend"
+    )
 
 
 def _of_another_size(settings, pole):

@@ -31,6 +31,7 @@ from pipeline.tracking import (
     behind_whiskers,
     cast_of,
     find_cast,
+    odd_length,
     options_for,
     roster_frames,
     sample_lines,
@@ -78,7 +79,9 @@ def analyse(
             video, seen, epochs = look_at(video, settings)
         with clock("roster"):
             say(Step("whiskers"))
-            cast = find_cast(*seen.sample(roster_frames(settings)), epochs, settings)
+            sample = seen.sample(roster_frames(settings))
+            cast = find_cast(*sample, epochs, settings)
+            odd = odd_length(*sample, epochs, cast.roster, settings)
             scale = working_scale(video.shape, settings.recording.pixels_per_mm)
             epochs = behind_whiskers(epochs, cast.roster, scale)
         kinematics = follow(video, epochs, cast, settings, clock, keep, say)
@@ -88,7 +91,7 @@ def analyse(
     with clock("contacts"):
         say(Step("contacts"))
         touch = touches_of(kinematics, frames, evidence, settings, corrections)
-    notes = messages(settings, touch, video, epochs, kinematics)
+    notes = messages(settings, touch, video, epochs, kinematics, odd)
     return _analysis(kinematics, touch, notes, clock, given, stored)
 
 

@@ -6,6 +6,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
         "registry": ["find_roster", "slots_of"],
+        "seen_lengths": ["odd_length"],
         "stationary_whiskers": ["behind_whiskers"],
         "track_video": ["CHUNK_FRAMES", "sample_lines", "track"],
         "tracker": ["options_for"],

@@ -15,6 +15,7 @@ from pipeline.scene.estimate import scene_from_frames
 from pipeline.session.recording import Recording
 from pipeline.session.session_file import settings_from
 from pipeline.tracking.registry import find_roster
+from pipeline.tracking.seen_lengths import SeenLength
 from pipeline.tracking.tracker import options_for
 from synthetic.presets import make_trial
 from synthetic.render import Renderer
@@ -29,7 +30,7 @@ def told(whiskers=({**WHISKER, "name": "C2"},), pole_xy=None, **changes):
     given = {
         "n_frames": 100, "exact_count": True, "read": 100, "found": ("C2",), "pole": POLE,
         "tracked": 1.0, "known": 1.0, "across": 0, "contacts": ("C2",), "light": 200,
-        "refused": (), "thing": False, "problems": (),
+        "refused": (), "thing": False, "problems": (), "odd": None, "side": None,
     } | changes  # fmt: skip
     settings = settings_from(
         {
@@ -60,10 +61,11 @@ def told(whiskers=({**WHISKER, "name": "C2"},), pole_xy=None, **changes):
     face[:, :12] = True
     thing[10:20, 40:44] = given["thing"]
     scene = SimpleNamespace(
-        background=np.full((40, 60), given["light"]), likelier_side=None, face_side="left",
-        face_mask=face, obstacle_mask=thing, refused_poles=given["refused"],
+        background=np.full((40, 60), given["light"]), likelier_side=given["side"],
+        face_side="left", face_mask=face, obstacle_mask=thing, refused_poles=given["refused"],
     )  # fmt: skip
-    return list(messages(settings, touch, video, (SimpleNamespace(scene=scene),), followed))
+    epochs = (SimpleNamespace(scene=scene),)
+    return list(messages(settings, touch, video, epochs, followed, given["odd"]))
 
 
 def test_where_nothing_is_wrong_nothing_is_said():
@@ -117,6 +119,72 @@ def test_the_main_doubt_comes_first():
     first, *rest = told(known=0.2, tracked=0.7, pole=None, whiskers=())
     assert "not known which whisker is which" in first
     assert len(rest) == 3
+
+
+def test_a_length_that_contradicts_the_settings_is_doubted_in_place_of_the_face():
+    (doubt,) = told(side="right", odd=SeenLength(420.0, "C2"))
+    assert doubt == (
+        "C2 is seen 17 mm long (420 px), but [[whisker]] length_mm = 18: correct it or "
+        "[recording] pixels_per_mm = 25, on which lengths and forces depend"
+    )
+    (doubt,) = told(side="right")
+    assert 'write face = "right"' in doubt
+
+
+def test_a_scale_is_doubted_without_lengths():
+    doubt, *_ = told(odd=SeenLength(4200.0), whiskers=({"name": "C2"},))
+    assert doubt == (
+        "the longest whisker is seen 170 mm long (4200 px): correct [recording] pixels_per_mm = "
+        "25, on which lengths and forces depend"
+    )
+
+
+# --- length and scale, on a rendered video ----------------------------------------------------
+
+VISIBLE_MM = 16.6  # of 18 mm, at the true scale
+LENGTH_ERROR = 0.03  # of it, as printed
+
+
+@pytest.fixture(scope="module")
+def one_whisker():
+    return frames("single")
+
+
+def _first_message(video, length_mm, scale):
+    whisker = {**WHISKER, "name": "C2", "length_mm": length_mm, "cone_length_mm": length_mm + 1}
+    recording = {"frames_per_second": 1000, "pixels_per_mm": scale, "face": "left"}
+    said = analyse(video, {"recording": recording, "whisker": [whisker]}).messages
+    assert not any("face =" in message for message in said)
+    return said[0] if said else ""
+
+
+@pytest.mark.parametrize(
+    ("length_mm", "scale", "who"),
+    [(18, 10 * SCALE, "the longest whisker"), (18, SCALE / 10, "C2"), (6, SCALE, "C2")],
+)
+def test_a_wrong_length_or_scale_is_the_main_doubt(one_whisker, length_mm, scale, who):
+    said = _first_message(one_whisker, length_mm, scale)
+    seen_mm = float(re.match(f"{who} is seen (.*) mm long", said)[1])
+    assert seen_mm == pytest.approx(VISIBLE_MM * SCALE / scale, rel=LENGTH_ERROR)
+    assert f"length_mm = {length_mm}: correct it or [recording] pixels_per_mm = {scale:g}" in said
+
+
+@pytest.mark.parametrize("length_mm", [16, 22])
+def test_a_length_as_wrong_as_people_measure_is_not_doubted(one_whisker, length_mm):
+    assert "is seen" not in _first_message(one_whisker, length_mm, SCALE)
+
+
+@pytest.mark.slow
+def test_of_a_row_the_whisker_with_the_wrong_length_is_named():
+    whiskers = [hair.whisker for hair in make_trial("row", 3, 0).scene.hairs]
+    lengths = {w.name: 1e3 * w.length for w in whiskers} | {"C2": 6.0}
+    tables = [
+        {**WHISKER, "name": name, "length_mm": length, "cone_length_mm": 1.1 * length}
+        for name, length in lengths.items()
+    ]
+    recording = {"frames_per_second": 1000, "pixels_per_mm": SCALE, "face": "left"}
+    settings = settings_from({"recording": recording, "whisker": tables})
+    assert analyse(frames("row", every=120), settings).messages[0].startswith("C2 is seen ")
 
 
 # --- the side of the face, on rendered videos -------------------------------------------------

@@ -1,0 +1,73 @@
+"""How long whiskers are seen, whatever lengths and scale are given: one of them may be wrong.
+
+Lines are followed no farther than the lengths given allow. Where they go so far, and where no
+line is found at all, whiskers are looked for once more with lengths that suit the picture.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from pipeline.tracking.registry import find_roster
+from pipeline.tracking.whiskers import options_for_picture, tracing_options
+
+AT_THE_LIMIT = 0.97  # of the longest line that a length allows: the whisker may go on
+LONGER = 1.3  # times the length given: the length or the scale is wrong
+SHORTEST_MM, LONGEST_MM = 2.5, 120.0  # that whiskers are seen
+
+
+class SeenLength(NamedTuple):
+    """Length at which a whisker is seen [px]; `name` is None where it is not known which."""
+
+    px: float
+    name: str | None = None
+
+
+def odd_length(indices, frames, epochs, roster, settings) -> SeenLength | None:
+    """The whisker whose length in the picture contradicts the settings; None: none does.
+
+    Parameters
+    ----------
+    indices, frames : from the whole video, in which the roster was found
+    epochs : the video's epochs
+    roster : its `Slot`s
+    settings : `Settings`
+    """
+    recording, shape = settings.recording.si(), frames.shape[1:]
+    limited = [s for s in roster if s.visible_px > AT_THE_LIMIT * s.longest_px]
+    odd = None
+    if limited or not roster:
+        options = options_for_picture(recording, shape)
+        again = find_roster(frames, epochs, options, indices=indices)
+        shortest_px = tracing_options(settings, shape).shortest_px
+        odd = _longer(limited, again) if roster else _too_short(again, shortest_px)
+    return odd or _implausible(roster, recording.pixels_per_mm)
+
+
+def _longer(limited, again):
+    """Of the slots whose lines could not be longer, the one that is seen longest."""
+    seen = [(slot, _nearest(slot, again).visible_px) for slot in limited if again]
+    ratios = [px / slot.longest_px for slot, px in seen]
+    if max(ratios, default=0) < LONGER:
+        return None
+    slot, px = seen[int(np.argmax(ratios))]
+    return SeenLength(px, slot.name)
+
+
+def _nearest(slot, others):
+    """The slot whose base is nearest to that of another."""
+    return min(others, key=lambda other: np.hypot(*(other.base_xy - slot.base_xy)))
+
+
+def _too_short(again, shortest_px):
+    """The longest whisker, where it is too short for the lengths given."""
+    longest = max((slot.visible_px for slot in again), default=np.inf)
+    return SeenLength(longest) if longest < shortest_px else None
+
+
+def _implausible(roster, pixels_per_mm):
+    """The longest whisker, where none is so short or so long."""
+    longest = max(roster, key=lambda slot: slot.visible_px, default=None)
+    if longest is None or SHORTEST_MM < longest.visible_px / pixels_per_mm < LONGEST_MM:
+        return None
+    return SeenLength(longest.visible_px, longest.name)
