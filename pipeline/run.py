@@ -83,7 +83,7 @@ def analyse(
             cast = find_cast(*sample, epochs, settings)
             odd = odd_length(*sample, epochs, cast.roster, settings)
             scale = working_scale(video.shape, settings.recording.pixels_per_mm)
-            epochs = behind_whiskers(epochs, cast.roster, scale)
+            epochs = behind_whiskers(epochs, cast.roster, scale, settings.advanced.tracking)
         kinematics = follow(video, epochs, cast, settings, clock, keep, say)
     with clock("forces"):
         say(Step("forces"))

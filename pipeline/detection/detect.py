@@ -9,6 +9,7 @@ from pipeline.detection import crossings, line_fit, line_profile, ridges, splitt
 from pipeline.detection.image_model import ImageModel, absorbance_image, lines_in_background
 from pipeline.detection.line import Line
 from pipeline.numerics import polyline
+from pipeline.session.parameters import DEFAULTS, Parameters
 
 FEWEST_FITS, MOST_FITS = 4, 12  # of a new line: until it gets no longer
 SAME_LENGTH = 2  # px
@@ -31,7 +32,8 @@ class TracingOptions:
 
     `longest_px` is the largest visible length of an expected whisker (inf where unknown),
     `visible_px` the largest ones of all (empty where unknown),
-    `hidden_px` and `cone_px` their hidden and cone lengths (empty where unknown).
+    `hidden_px` and `cone_px` their hidden and cone lengths (empty where unknown);
+    `params` are the `Parameters` of all rooms.
     """
 
     spacing_px: float
@@ -44,6 +46,11 @@ class TracingOptions:
     cone_px: tuple[float, ...] = ()
     pixels_per_m: float = 25e3
     frames_per_second: float = 1000.0
+    params: Parameters = DEFAULTS
+
+    def px(self, length_mm: float) -> float:
+        """A length in pixels."""
+        return length_mm / 1e3 * self.pixels_per_m
 
 
 def detect(

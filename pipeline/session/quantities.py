@@ -7,6 +7,7 @@ from pydantic_core import PydanticCustomError
 
 TABLE = ConfigDict(extra="forbid")  # an unknown key is an error
 FEWEST_PER_S = 1000.0  # frames that a time counts as, at least
+FEWEST_PER_MM = 25.0  # pixels that a length counts as, at least
 
 
 class Range(NamedTuple):
@@ -57,6 +58,14 @@ def frames_in(seconds: float, frames_per_second: float) -> int:
     How sure one can be depends on how often one has looked.
     """
     return round(seconds * max(frames_per_second, FEWEST_PER_S))
+
+
+def pixels_in(length_mm: float, pixels_per_m: float) -> float:
+    """Pixels that show as much as so long a length: at low resolution as many as at 25 px/mm.
+
+    Whiskers are some pixels wide at any resolution.
+    """
+    return length_mm * max(pixels_per_m / 1e3, FEWEST_PER_MM)
 
 
 def fields_of(table) -> dict:

@@ -1,4 +1,4 @@
-"""Which line is which whisker: told from where it leaves the face, its angle, thickness, length.
+"""Which line is which whisker, by where it leaves the face, its angle, thickness and length.
 
 Whiskers whisk together: between two frames all angles change by about the same, which is found
 out first. What remains is compared whisker by whisker, and the lines are given out so that all
@@ -16,24 +16,17 @@ from pipeline.detection.line import Line
 from pipeline.numerics.angles import wrapped
 
 OUTWARD = {"left": (1, 0), "right": (-1, 0), "top": (0, 1), "bottom": (0, -1)}
-PIVOT_M = 1.4e-3  # behind the fur's edge: there, a whisker stays in place while it whisks
-ORDER_M = 1.5e-3  # outside of the fur: bases may be too close together to tell their order
-BASE_M = 4e-3  # part of a whisker that tells its angle
-PLACE_SD_M = 0.35e-3
-ANGLE_SD = np.radians(5.0)
 THICKNESS_SD, LENGTH_SD = 0.35, 0.35  # of their logarithms
 FARTHEST = 3.0  # standard deviations in one feature count as no more
 MISFIT = 10.0  # a line less like a whisker than this (sum of squares) is another one
-NEIGHBOURS_M = 2e-3  # whiskers farther apart are not taken for each other
 WEIGHT = 0.1  # of one look's evidence: errors last for some looks
 FRESH = 0.7  # log-odds of the same, at least, where a whisker is found beside another
 DOUBT = 1.0  # log-odds, below which it is known who is who
 FORGETTING = 0.985  # per look
 SURE = 6.0  # log-odds that two whiskers have changed places, to put them back
 STEP_LIMIT = 15.0  # log-odds that one frame can bring
-FEWEST_WITNESSES = 2  # present neighbours that tell where an absent whisker is
+FEWEST_BESIDE = 2  # present neighbours from which the place of an absent whisker is inferred
 PRIOR_FRAMES = 2  # weight of the general standard deviations beside those of the samples
-CROWDED_M = 1e-3  # apart, or less, most whiskers of a crowd leave the face
 SHIFTS = np.radians(np.arange(-60, 61, 4))  # tried changes of all angles
 MOST_TRIED = 4
 SHIFT_SD = np.radians(30.0)
@@ -57,10 +50,12 @@ class Ruler:
         outward = np.array(OUTWARD[face_side], float)
         along = np.abs(outward[::-1])
         hidden = np.median(options.hidden_px) if options.hidden_px else None
-        scale = options.pixels_per_m
-        sd = np.array([max(PLACE_SD_M * scale, 2.0), ANGLE_SD, THICKNESS_SD, LENGTH_SD])
-        pivot = PIVOT_M * scale if hidden is None else hidden
-        return cls(along, outward, float(pivot), ORDER_M * scale, int(max(BASE_M * scale, 20)), sd)
+        params, px = options.params.tracking, options.px
+        angle_sd = np.radians(params.angle_sd_deg)
+        sd = np.array([max(px(params.place_sd_mm), 2.0), angle_sd, THICKNESS_SD, LENGTH_SD])
+        pivot = px(params.pivot_mm) if hidden is None else hidden
+        base = int(max(px(params.base_chord_mm), 20))
+        return cls(along, outward, float(pivot), px(params.base_order_mm), base, sd)
 
     def signature(self, line: Line) -> np.ndarray:
         """Place along the face [px], angle [rad], logs of thickness and length [px]."""
@@ -179,14 +174,14 @@ def crowded(signatures, options: TracingOptions) -> bool:
     if len(signatures) < 3:
         return False
     gaps = np.diff(np.sort([signature[PLACE] for signature in signatures]))
-    return bool(np.median(gaps) < CROWDED_M * options.pixels_per_m)
+    return bool(np.median(gaps) < options.px(options.params.tracking.crowded_mm))
 
 
 class PairEvidence:
     """Log-odds, for every two neighbours, that each is on the other's line.
 
-    Two whiskers are told apart by their differences in place, angle, thickness and length, as
-    they were when both were seen in a sample frame.
+    Two whiskers differ in place, angle, thickness and length, as they did when both were seen in
+    a sample frame.
 
     Parameters
     ----------
@@ -204,7 +199,7 @@ class PairEvidence:
                 self.sd[i, j] = self.sd[j, i] = np.sqrt(np.diag(spread))
                 pull = np.linalg.solve(spread, mean)
                 self.pull[i, j], self.pull[j, i] = pull, -pull
-        near = np.abs(self.mean[..., PLACE]) < NEIGHBOURS_M * options.pixels_per_m
+        near = np.abs(self.mean[..., PLACE]) < options.px(options.params.tracking.neighbours_mm)
         self.near = near & ~np.eye(n, dtype=bool)
         self.sd[~self.near] = 1.0
         self.log_odds = np.where(self.near, -2 * FRESH, -SURE)
@@ -244,7 +239,7 @@ class PairEvidence:
     def _both(self, seen):
         """Log-odds of a frame where both are present: their difference has the other's sign.
 
-        A difference far from both tells of a bad line, and not of who is who.
+        A difference far from both means a bad line, whichever whisker it belongs to.
         """
         apart = seen[:, None, :] - seen[None, :, :]
         most = np.abs(self.mean) + self.sd
@@ -255,12 +250,12 @@ class PairEvidence:
         out = np.zeros(self.near.shape)
         present = np.isfinite(seen[:, ANGLE])
         for i, j in zip(*np.nonzero(self.near & present[:, None] & ~present), strict=True):
-            witnesses = self.near[j] & present
-            witnesses[i] = False
-            if witnesses.sum() < FEWEST_WITNESSES:
+            beside = self.near[j] & present
+            beside[i] = False
+            if beside.sum() < FEWEST_BESIDE:
                 continue
             own, other = (
-                np.nanmedian(seen[witnesses] + self.mean[k, witnesses], axis=0) for k in (i, j)
+                np.nanmedian(seen[beside] + self.mean[k, beside], axis=0) for k in (i, j)
             )
             sd = self.sd[i, j]
             gain = 0.5 * (((seen[i] - own) / sd) ** 2 - ((seen[i] - other) / sd) ** 2)

@@ -14,11 +14,9 @@ from pipeline.tables.centrelines import Centrelines
 from pipeline.tracking import matching
 from pipeline.tracking.matching import Ruler
 
-FUR_SHARE = 0.18  # of the strongest line's length × absorbance: less is a hair of the fur
 SEEN_TOGETHER = 3.0  # frames: two whiskers that would so often by chance are, at least once
-SEEN_SHARE = 0.4  # of the frames, in which a whisker must be seen to be one
 BORDER_PX = 12  # a line that ends nearer to the border may go on beyond it
-FEWEST_WHOLE = 3  # lines that tell a whisker's length
+FEWEST_WHOLE = 3  # lines needed for a whisker's length
 SURE_OF_LENGTHS = 0.03  # by which lengths fit better in one order than in the other
 
 
@@ -26,7 +24,7 @@ SURE_OF_LENGTHS = 0.03  # by which lengths fit better in one order than in the o
 class Slot:
     """What is known beforehand of one whisker: where it leaves the face, how long it is seen.
 
-    `signature` is as of identities.Ruler, less the turn of all whiskers; `seen` holds it as it
+    `signature` is as of matching.Ruler, less the turn of all whiskers; `seen` holds it as it
     was in the sample frames. No line of this whisker is longer than `longest_px`.
     """
 
@@ -117,7 +115,9 @@ def find_roster(frames, scene, options: TracingOptions, names=None, indices=None
     if names:
         chosen = np.argsort(-share * np.sqrt(strength))[: len(names)]
     else:
-        chosen = np.flatnonzero((share >= SEEN_SHARE) & (strength >= FUR_SHARE * strength.max()))
+        least = options.params.tracking.fur_share * strength.max()
+        often = share >= options.params.tracking.seen_share
+        chosen = np.flatnonzero(often & (strength >= least))
     slots = [_slot(groups[k]) for k in chosen]
     slots.sort(key=lambda slot: ruler.order_place(slot.signature))
     if _posterior_first(slots, options.visible_px, frames.shape[1:]):
@@ -216,9 +216,9 @@ def _by_scene(frames, scene, indices):
 def _posterior_first(slots: list[Slot], given_px, shape) -> bool:
     """Whether the order along the face runs posterior → anterior.
 
-    The lengths [px] of the named whiskers tell, anterior → posterior, where they are given and
-    differ, by those whose tips are inside the picture, (height, width). Else whiskers are taken
-    to get thinner anteriorly: thickness tells better than length, which the border may cut.
+    Where the lengths [px] of the named whiskers are given, anterior → posterior, and differ,
+    those whose tips lie inside the picture, (height, width), decide. Else whiskers are assumed to
+    get thinner anteriorly: thickness is surer than length, which the border may cut.
     """
     if len(slots) < 2:
         return False

@@ -13,25 +13,26 @@ import numpy as np
 from pipeline.detection.image_model import signed_distance
 from pipeline.detection.static_scene import StaticScene
 from pipeline.scene.illumination import fill
+from pipeline.session.parameters import DEFAULTS
 
 RESTS, MOSTLY = 0.8, 0.7  # of the sample frames: to call a whisker resting, and to fill in
-RESTING_MM = 3.0  # it is on the same pixels up to here from the face, or farther
 CORE_PX, HALF_WIDTH_PX = 3.0, 4.0  # half-widths of a whisker: the dark part, and all of it
-FUR_MM = 1.0  # nearer to the face there is fur, which is background
 FEWEST_SAMPLES = 4
 
 
-def behind_whiskers(epochs, roster, pixels_per_mm):
-    """The epochs with backgrounds in which no resting whisker is left."""
+def behind_whiskers(epochs, roster, pixels_per_mm, params=DEFAULTS.tracking):
+    """The epochs with backgrounds in which no resting whisker is left; `params` of the room."""
     scenes = {id(e.scene): e.scene for e in epochs if e.scene is not None}
     cleared = {
-        key: without_resting_whiskers(scene, roster, pixels_per_mm)
+        key: without_resting_whiskers(scene, roster, pixels_per_mm, params)
         for key, scene in scenes.items()
     }
     return tuple(replace(e, scene=cleared.get(id(e.scene))) for e in epochs)
 
 
-def without_resting_whiskers(scene: StaticScene, roster, pixels_per_mm) -> StaticScene:
+def without_resting_whiskers(
+    scene: StaticScene, roster, pixels_per_mm, params=DEFAULTS.tracking
+) -> StaticScene:
     """Return the scene with the background filled in where it is mostly behind resting whiskers.
 
     Parameters
@@ -39,6 +40,7 @@ def without_resting_whiskers(scene: StaticScene, roster, pixels_per_mm) -> Stati
     scene : StaticScene
     roster : `roster.Slot`s, with the lines of the sample frames
     pixels_per_mm : scale
+    params : the room's parameters
     """
     hidden = np.zeros(scene.background.shape, bool)
     covered = scene.face_mask | scene.obstacle_mask
@@ -46,9 +48,9 @@ def without_resting_whiskers(scene: StaticScene, roster, pixels_per_mm) -> Stati
     for slot in roster:
         if len(slot.samples) >= FEWEST_SAMPLES:
             still = _share_covered(slot.samples, hidden.shape, CORE_PX) >= RESTS
-            if (still & ~covered & (outside > RESTING_MM)).any():
+            if (still & ~covered & (outside > params.resting_mm)).any():
                 hidden |= _share_covered(slot.samples, hidden.shape, HALF_WIDTH_PX) >= MOSTLY
-    hidden &= ~covered & (outside > FUR_MM)
+    hidden &= ~covered & (outside > params.resting_fur_mm)
     if not hidden.any():
         return scene
     filled = fill(scene.background, hidden | covered)

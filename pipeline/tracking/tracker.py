@@ -1,6 +1,7 @@
 """Whiskers followed from frame to frame, identities kept: `Tracer` holds the state."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -11,28 +12,18 @@ from pipeline.detection.image_model import ImageModel
 from pipeline.detection.line import Line, Workspace
 from pipeline.detection.static_scene import StaticScene
 from pipeline.numerics import polyline
+from pipeline.session.parameters import DEFAULTS
+from pipeline.session.quantities import frames_in, pixels_in
 from pipeline.session.recording import Recording
 from pipeline.tracking import matching, row_rotation, search
 from pipeline.tracking.matching import Ruler
 from pipeline.tracking.registry import Slot
 
-SHORTEST_M = 3.5e-3  # a line that is seen over less is no whisker, where no lengths are given
-GOOD_QUALITY = 0.6  # part of the expected contrast found: below, the wider search is tried
-LOST_QUALITY = 0.35
-NARROW_MM, WIDE_MM = 0.4, 1.2  # half-width of the search strip
 FORETOLD_PX = 1.0  # a line that is nearer to its prediction is fitted without a search
-BESIDE_PX = 18.0  # nearer whiskers are seen in the search strip
-SHARED_PX = 8.0  # nearer ones share pixels of their cross-sections
 DOUBLE_SHARE = 0.6  # part of two lines that may coincide before one of them is given up
-LARGEST_TURN = np.radians(150)  # no whisker bends further from its base to its tip
-SHARPEST_BASE = np.radians(35)  # turn within HOOK_M of the base: beyond, it follows the fur's edge
-HOOK_M = 2.5e-3
 NEAR_SHIFTS = np.radians([-8, -4, 0, 4, 8])  # of all angles, where some whiskers are followed
 KEPT = 0.95  # part of two lines that must still be found when they have exchanged far parts
-CHECK_EVERY = 5  # frames between two checks of who is who
 RELIT = 0.3  # change of the light from one frame to the next: what was too dark may be seen
-LASTING = 10  # frames that a line was seen in
-SEARCH_EVERY = 20  # frames between two full detections while a whisker is missing
 
 
 @dataclass
@@ -68,7 +59,17 @@ class Track:
         self.line, self.lost_for = None, 1
 
 
-def options_for(recording: Recording, lengths_m=(), hidden_m=(), cone_m=()) -> TracingOptions:
+class Bends(NamedTuple):
+    """How far a whisker's line may turn: in all, and in its first `hook` nodes [rad]."""
+
+    largest: float
+    hook: int
+    at_hook: float
+
+
+def options_for(
+    recording: Recording, lengths_m=(), hidden_m=(), cone_m=(), params=DEFAULTS
+) -> TracingOptions:
     """Derive the tracer's lengths from the scale and, where known, the whiskers' own lengths.
 
     Parameters
@@ -77,25 +78,27 @@ def options_for(recording: Recording, lengths_m=(), hidden_m=(), cone_m=()) -> T
     lengths_m, hidden_m : follicle-to-tip lengths of the expected whiskers and their parts
         hidden in the fur [m]; empty where unknown
     cone_m : their follicle-to-apex lengths [m]; empty where unknown
+    params : `Parameters` of all rooms
     """
-    scale = recording.pixels_per_m
+    scale, own = recording.pixels_per_m, params.tracking
     visible = [(a - b) * scale for a, b in zip(lengths_m, hidden_m, strict=True)]
     longest = [1.03 * length + 4 for length in visible]
     if visible:
         shortest = max(min(5e-3 * scale, 0.35 * min(visible)), 30.0)
     else:
-        shortest = max(SHORTEST_M * scale, 40.0)
+        shortest = max(own.shortest_line_mm / 1e3 * scale, 40.0)
     return TracingOptions(
-        spacing_px=max(0.64e-3 * scale, 8.0),
+        spacing_px=max(own.knot_spacing_mm / 1e3 * scale, 8.0),
         shortest_px=shortest,
-        base_gap_px=max(2.0e-3 * scale, 25.0),
-        bridge_px=int(max(1.2e-3 * scale, 15)),
+        base_gap_px=max(own.base_gap_mm / 1e3 * scale, 25.0),
+        bridge_px=int(max(own.bridge_mm / 1e3 * scale, 15)),
         longest_px=max(longest, default=np.inf),
         visible_px=tuple(longest),
         hidden_px=tuple(scale * h for h in hidden_m),
         cone_px=tuple(scale * c for c in cone_m),
         pixels_per_m=scale,
         frames_per_second=recording.frames_per_second,
+        params=params,
     )
 
 
@@ -111,17 +114,30 @@ class Tracer:
         height, width = scene.background.shape
         self.workspace = Workspace(int(1.6 * np.hypot(height, width)))
         self.change_scene(scene)
-        self.since_search = SEARCH_EVERY
+        self.params = options.params.tracking
+        self._set_limits(options)
+        self.since_search = self.search_every
         self.since_check = 0
         self.gain = 1.0
         self.frame = -1
         self.exchanges = []  # (one, other, first frame) of whiskers that had changed places
         self.ruler = Ruler.of(scene.face_side, options)
         self.evidence = matching.PairEvidence([slot.seen for slot in roster], self.ruler, options)
-        scale = 1e-3 * options.pixels_per_m
-        self.narrow = int(np.clip(NARROW_MM * scale, 4, 10))
-        self.wide = int(np.clip(WIDE_MM * scale, 10, 30))
-        self.hook = int(max(HOOK_M * options.pixels_per_m, 30))
+
+    def _set_limits(self, options):
+        """The room's parameters in pixels, frames and radians."""
+        params, scale = self.params, options.pixels_per_m
+        self.narrow = int(np.clip(1e-3 * scale * params.narrow_strip_mm, 4, 10))
+        self.wide = int(np.clip(1e-3 * scale * params.wide_strip_mm, 10, 30))
+        self.neighbour_px = pixels_in(params.neighbour_mm, scale)
+        self.shared_px = pixels_in(params.shared_pixels_mm, scale)
+        self.same_px = pixels_in(params.same_line_mm, scale)
+        hook = int(max(options.px(params.hook_mm), 30))
+        turns = np.radians([params.largest_turn_deg, params.hook_deg])
+        self.bends = Bends(float(turns[0]), hook, float(turns[1]))
+        times = params.check_every_s, params.search_every_s, params.established_s
+        frames = [max(frames_in(time, options.frames_per_second), 1) for time in times]
+        self.check_every, self.search_every, self.established = frames
 
     def change_scene(self, scene: StaticScene) -> None:
         """Go on before another background: something large has moved."""
@@ -136,11 +152,11 @@ class Tracer:
         missing = [t for t in self.tracks if t.line is None]
         self.since_search += 1
         just_lost = any(t.lost_for in (1, 2) for t in missing)
-        if missing and (just_lost or relit or self.since_search >= SEARCH_EVERY):
+        if missing and (just_lost or relit or self.since_search >= self.search_every):
             self._search(missing, image, gain)
             self.since_search = 0
         self.since_check += 1
-        if len(self.tracks) > 1 and self.since_check >= CHECK_EVERY:
+        if len(self.tracks) > 1 and self.since_check >= self.check_every:
             self._check_identities()
             self.since_check = 0
         return self.tracks
@@ -150,7 +166,7 @@ class Tracer:
         present = [t for t in self.tracks if t.line is not None]
         self._foresee(present, image, gain)
         lines = {id(t): predicted(t, True) for t in present}
-        beside = _neighbours(present, lines)
+        beside = _neighbours(present, lines, self.neighbour_px)
         for track in present:
             with image_model.lines_in_background(
                 self.model, [lines[id(t)] for t in beside[id(track)]]
@@ -163,7 +179,7 @@ class Tracer:
             sharing = [
                 lines[id(t)]
                 for t in beside[id(track)]
-                if track.line is not None and _come_near(track.line, lines[id(t)], SHARED_PX)
+                if track.line is not None and _come_near(track.line, lines[id(t)], self.shared_px)
             ]
             if sharing:
                 crossing = True
@@ -196,15 +212,16 @@ class Tracer:
                     line.n = max(again, 1)
 
     def _foresee(self, present: list[Track], image, gain) -> None:
-        """Tell the tracks what they turn by, where more than a line's own motion tells it."""
+        """Set what the tracks turn by, where more is known than each line's own motion."""
 
     def _drop_doubles(self, present: list[Track]) -> None:
         """Of two tracks on one whisker, give up the one that fits worse."""
+        near = self.same_px
         for i, a in enumerate(present):
             for b in present[i + 1 :]:
-                if a.line is None or b.line is None or not _come_near(a.line, b.line, 2.0):
+                if a.line is None or b.line is None or not _come_near(a.line, b.line, near):
                     continue
-                if min(_near(a.line, b.line, 2.0), _near(b.line, a.line, 2.0)) > DOUBLE_SHARE:
+                if min(_near(a.line, b.line, near), _near(b.line, a.line, near)) > DOUBLE_SHARE:
                     min((a, b), key=self._claim).lose()
 
     def _claim(self, track: Track) -> float:
@@ -228,14 +245,14 @@ class Tracer:
                 track.line = line
             return
         for track, _ in pairs:
-            track.before = None  # it tells nothing of the far part's motion
+            track.before = None  # the far part's motion is unknown
             self._give_up_if_poor(track)
 
     def _part_crowd(self, present: list[Track]) -> None:
         """Give up what is another whisker's blur; a line that has lasted is none."""
         for track in present:
             others = [t.line for t in present if t is not track and t.line is not None]
-            young = track.line is not None and track.age < LASTING
+            young = track.line is not None and track.age < self.established
             if young and detect.is_ghost(track.line, others):
                 track.lose()
 
@@ -264,7 +281,7 @@ class Tracer:
                 detect.fit_width(line, self.workspace)
             if best is None or self._worth(line, track) > self._worth(best, track):
                 best = line
-            if best.quality > GOOD_QUALITY and best.n > 0.8 * present.n:
+            if best.quality > self.params.good_quality and best.n > 0.8 * present.n:
                 break
         track.before, track.line, track.lost_for = present, best, 0
         self._give_up_if_poor(track)
@@ -291,10 +308,10 @@ class Tracer:
             before = line
         if (
             line.n < 0.4 * options.shortest_px
-            or line.quality < LOST_QUALITY
+            or line.quality < self.params.lost_quality
             or not _is_like_a_whisker(
                 line.x, line.y, line.n, before.x, before.y, before.n, self.model.clear,
-                0.5 * options.base_gap_px, self.hook,
+                0.5 * options.base_gap_px, self.bends,
             )
         ):  # fmt: skip
             track.lose()
@@ -336,7 +353,7 @@ class Tracer:
             found = detect.detect(image, self.model, gain, self.options, self.workspace)
         found = [c for c in found if all(detect.shared_fraction(c, p) < 0.4 for p in known)]
         found = [c for c in found if not detect.is_ghost(c, known)]
-        return [c for c in found if turning_range(c.x, c.y, c.n) < LARGEST_TURN]
+        return [c for c in found if turning_range(c.x, c.y, c.n) < self.bends.largest]
 
     def _expected_shift(self, present):
         """Shifts of all angles to try, and the one to try them around [rad]."""
@@ -380,11 +397,11 @@ def _near(a: Line, b: Line, near_px: float) -> float:
 
 
 @njit(cache=True)
-def _is_like_a_whisker(x, y, n, before_x, before_y, m, clear, farthest, hook):
+def _is_like_a_whisker(x, y, n, before_x, before_y, m, clear, farthest, bends):
     """Whether a line leaves the face, is bent as whiskers are, and begins where it was before.
 
     farthest : that its base may have moved from the line `before`, of m nodes [px]: not along it,
-        where the fur's edge decides; hook : as in `hooked`
+        where the fur's edge decides; bends : `Bends`
     """
     return (
         min(
@@ -392,8 +409,8 @@ def _is_like_a_whisker(x, y, n, before_x, before_y, m, clear, farthest, hook):
             _distance(before_x[0], before_y[0], x, y, n),
         )
         <= farthest
-        and turning_range(x, y, n) <= LARGEST_TURN
-        and not hooked(x, y, n, hook)
+        and turning_range(x, y, n) <= bends.largest
+        and not hooked(x, y, n, bends)
         and line_fit.is_clear(x, y, n, clear)
     )
 
@@ -408,9 +425,9 @@ def _distance(x, y, line_x, line_y, n):
 
 
 @njit(cache=True)
-def hooked(x, y, n, hook):
-    """Whether a line turns sharply in its first `hook` nodes: there it is no whisker, but fur."""
-    return turning_range(x, y, min(n, hook)) > SHARPEST_BASE
+def hooked(x, y, n, bends):
+    """Whether a line turns sharply near its base: there it follows fur, not a whisker."""
+    return turning_range(x, y, min(n, bends.hook)) > bends.at_hook
 
 
 @njit(cache=True)
@@ -435,12 +452,12 @@ def turning_range(x, y, n):
     return high - low
 
 
-def _neighbours(present: list[Track], lines: dict[int, Line]) -> dict[int, list[Track]]:
+def _neighbours(present: list[Track], lines: dict[int, Line], near_px) -> dict[int, list[Track]]:
     """By a track's id, the tracks whose lines come near to its own."""
     beside = {id(track): [] for track in present}
     for k, one in enumerate(present):
         for other in present[k + 1 :]:
-            if _come_near(lines[id(one)], lines[id(other)], BESIDE_PX):
+            if _come_near(lines[id(one)], lines[id(other)], near_px):
                 beside[id(one)].append(other)
                 beside[id(other)].append(one)
     return beside

@@ -2,7 +2,7 @@
 
 Every line that leaves the face and is strong enough gets a track of its own, with a number that
 no other track ever has; where a line is lost, its track ends. Which tracks are which whisker's is
-decided when the whole video has been seen (`whole_video`).
+decided when the whole video has been seen (`pipeline.identity`).
 """
 
 import itertools
@@ -13,15 +13,11 @@ import numpy as np
 from pipeline.detection import detect
 from pipeline.detection.line import Line
 from pipeline.numerics.angles import wrapped
+from pipeline.session.quantities import frames_in
 from pipeline.tracking import row_rotation
 from pipeline.tracking.matching import crowded
 from pipeline.tracking.registry import Slot, usual_strength
 from pipeline.tracking.tracker import Tracer, Track, foretold
-
-FAINT = 0.5  # of the faintest whisker's length × absorbance: less is a hair of the fur
-PIVOT_M = 1.25e-3  # behind a line's first point
-ASTRAY_SD = np.radians(4.0)  # of a line about the one that was expected
-YOUNG = 5.0  # frames, in which a track's claim to a line grows to half
 
 
 @dataclass
@@ -38,11 +34,14 @@ class CrowdTracer(Tracer):
 
     def __init__(self, scene, roster, options):
         super().__init__(scene, roster, options)
-        self.faintest = FAINT * min(usual_strength(slot.samples) for slot in roster)
+        params = options.params.tracking
+        self.faintest = params.faint_share * min(usual_strength(slot.samples) for slot in roster)
         self.slot = Slot("", np.zeros(2), options.shortest_px, longest_px=options.longest_px)
         self.number = itertools.count()
         self.tracks = []
-        self.pivot = PIVOT_M * options.pixels_per_m
+        self.pivot = options.px(params.crowd_pivot_mm)
+        self.astray_sd = np.radians(params.astray_deg)
+        self.young = max(frames_in(params.young_s, options.frames_per_second), 1)
 
     def step(self, image) -> list[LineTrack]:
         """Advance by one frame; return the tracks of all lines that are seen."""
@@ -64,7 +63,7 @@ class CrowdTracer(Tracer):
             self.tracks.append(track)
 
     def _foresee(self, present, image, gain) -> None:
-        """Tell the tracks how the row turns, which is surer than each line's own motion."""
+        """Predict the tracks by the turn of the whole row, surer than each line's own motion."""
         if not present:
             return
         lines = [foretold(track.line, None) for track in present]
@@ -88,11 +87,11 @@ class CrowdTracer(Tracer):
         super()._follow(track, image, gain, line)
 
     def _worth(self, line, track) -> float:
-        off = _turned(line, track.expected) / ASTRAY_SD
+        off = _turned(line, track.expected) / self.astray_sd
         return super()._worth(line, track) * np.exp(-0.5 * off**2)
 
     def _claim(self, track) -> float:
-        return self._worth(track.line, track) * (1 - 0.5 ** (track.age / YOUNG))
+        return self._worth(track.line, track) * (1 - 0.5 ** (track.age / self.young))
 
 
 def is_crowd(roster, options) -> bool:

@@ -4,14 +4,14 @@ from dataclasses import dataclass, replace
 
 from pipeline.detection.detect import TracingOptions
 from pipeline.scene.scale import scale_of
+from pipeline.session.parameters import DEFAULTS
 from pipeline.session.schema import Settings, WhiskerSettings
 from pipeline.tracking.registry import Slot, find_roster
 from pipeline.tracking.tracker import options_for
 from whiskermodel.whisker import Whisker
 
 ROSTER_FRAMES = 24
-ENOUGH_FRAMES = 12  # to find a lone whisker, which is not to be told from others
-FIELD_MM = 35.0  # square root of the area that a picture usually shows
+ENOUGH_FRAMES = 12  # to find a lone whisker, which cannot be mistaken for another
 
 
 @dataclass(frozen=True)
@@ -102,28 +102,30 @@ def tracing_options(settings, shape) -> TracingOptions:
     """
     recording, whiskers = settings.recording.si(), settings.whisker
     if not whiskers or any(w.length_mm is None for w in whiskers):
-        return options_for_picture(recording, shape)
+        return options_for_picture(recording, shape, settings.advanced)
     cones = [w.cone_length for w in whiskers]
     return options_for(
         recording,
         [1e-3 * w.length_mm for w in whiskers],
         [w.hidden_length for w in whiskers],
         () if None in cones else cones,
+        settings.advanced,
     )
 
 
-def options_for_picture(recording, shape) -> TracingOptions:
+def options_for_picture(recording, shape, params=DEFAULTS) -> TracingOptions:
     """The tracer's lengths for a picture (height, width) whose scale may be a guess.
 
     Nothing that is traced depends on the scale, then.
     """
-    return options_for(replace(recording, pixels_per_mm=scale_of(shape, FIELD_MM)))
+    scale = scale_of(shape, params.tracking.field_mm)
+    return options_for(replace(recording, pixels_per_mm=scale), params=params)
 
 
 def nominal_whisker(name: str, visible_length: float, hidden_length: float) -> Whisker:
     """Return a stand-in of mouse-like proportions for a whisker whose dimensions are unknown.
 
-    Contacts can be told with it (they do not depend on its stiffness), forces cannot.
+    It is enough to find contacts, which do not depend on its stiffness, but not for forces.
     """
     length = 1.03 * visible_length + hidden_length
     radius = 37e-6 * length / 18e-3

@@ -13,6 +13,7 @@ from pipeline.session.parameters.forces import RodParams
 from pipeline.session.parameters.identity import IdentityParams
 from pipeline.session.parameters.kinematics import KinematicsParams
 from pipeline.session.parameters.scene import SceneParams
+from pipeline.session.parameters.tracking import TrackerParams
 from pipeline.session.quantities import TABLE
 
 __all__ = [
@@ -23,6 +24,7 @@ __all__ = [
     "Parameters",
     "RodParams",
     "SceneParams",
+    "TrackerParams",
 ]
 
 
@@ -31,6 +33,7 @@ class Parameters:
     """The parameters of all rooms."""
 
     scene: SceneParams = SceneParams()
+    tracking: TrackerParams = TrackerParams()
     identity: IdentityParams = IdentityParams()
     kinematics: KinematicsParams = KinematicsParams()
     forces: RodParams = RodParams()

@@ -163,4 +163,4 @@ def test_a_line_that_turns_sharply_at_its_base_is_no_whisker(kappa, hook):
         40 + np.cumsum(np.cos(angle)),
         50 + np.cumsum(np.sin(angle)),
     )
-    assert tracker.hooked(line.x, line.y, line.n, follow.hook) == hook
+    assert tracker.hooked(line.x, line.y, line.n, follow.bends) == hook

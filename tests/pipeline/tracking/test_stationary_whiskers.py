@@ -3,14 +3,15 @@
 import numpy as np
 
 from pipeline.scene.estimate import scene_from_frames
+from pipeline.session.parameters import DEFAULTS
 from pipeline.session.recording import Recording
 from pipeline.tracking.registry import find_roster
-from pipeline.tracking.stationary_whiskers import FUR_MM, without_resting_whiskers
+from pipeline.tracking.stationary_whiskers import without_resting_whiskers
 from pipeline.tracking.tracker import options_for
 
 SCALE = 25.0  # px/mm
 FACE_PX, PIVOT = 40, (10.0, 120.0)
-FUR_PX = FACE_PX + int(FUR_MM * SCALE) + 2  # as far as fur reaches
+FUR_PX = FACE_PX + int(DEFAULTS.tracking.resting_fur_mm * SCALE) + 2  # as far as fur reaches
 LIGHT = 200.0  # grey
 SHADE, CLEAN = 8.0, 3.5  # grey
 
