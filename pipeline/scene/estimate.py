@@ -12,7 +12,8 @@ from pipeline.scene.background import estimate_background, without_whiskers
 from pipeline.scene.codec_noise import noise_excess
 from pipeline.scene.dust import is_passed_over
 from pipeline.scene.epochs import Survey, periods
-from pipeline.scene.face import face_side, find_face, likelier_side, opened
+from pipeline.scene.face import face_side, find_face, likelier_side
+from pipeline.scene.masks import dilated, opened, opened_beyond_border, regions
 from pipeline.scene.pole_doubts import doubt
 from pipeline.scene.pole_search import PoleFollower, find_pole
 from pipeline.scene.scale import working_scale
@@ -213,17 +214,14 @@ def _bearing_whiskers(animal, frames, background, side, scale, params):
 
 def find_obstacles(transmission, face, pole, pixels_per_mm, params=DEFAULTS.scene) -> np.ndarray:
     """Pixels of dark static things that are neither face nor thin, bool (height, width)."""
-    from skimage.measure import label
-    from skimage.morphology import isotropic_dilation, isotropic_opening
-
     radius = round(0.5 * params.thinnest_obstacle_mm * pixels_per_mm)
-    dark = isotropic_opening(transmission < params.opaque, radius) & ~face
-    labels = label(dark)
+    dark = opened(transmission < params.opaque, radius) & ~face
+    labels = regions(dark)
     keep = np.bincount(labels.ravel()) > params.least_obstacle_mm2 * pixels_per_mm**2
     # along the face there is always a fringe of fur, half dark: only what is thick counts there
     fringe = np.zeros(len(keep), bool)
-    fringe[labels[isotropic_dilation(face, radius)]] = True
-    fringe[labels[opened(dark, params.tuft_mm * pixels_per_mm)]] = False
+    fringe[labels[dilated(face, radius)]] = True
+    fringe[labels[opened_beyond_border(dark, params.tuft_mm * pixels_per_mm)]] = False
     keep &= ~fringe
     keep[0] = False
     mask = keep[labels]

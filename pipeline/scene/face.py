@@ -7,6 +7,7 @@ that of the fur as a whole, averaged over `fur_average_mm`, not of single hairs.
 import cv2
 import numpy as np
 
+from pipeline.scene.masks import opened_beyond_border, regions
 from pipeline.session.parameters import DEFAULTS
 
 SIDES = ("left", "right", "top", "bottom")
@@ -34,11 +35,9 @@ def find_face(
     transmission: np.ndarray, side: str, pixels_per_mm: float, params=DEFAULTS.scene
 ) -> np.ndarray:
     """Return the face's mask, bool (height, width); all False where no face is in view."""
-    from skimage.measure import label
-
     smooth = _blurred(transmission, params.fur_average_mm * pixels_per_mm)
-    dark = opened(smooth < params.face_edge, params.tuft_mm * pixels_per_mm)
-    labels = label(dark)
+    dark = opened_beyond_border(smooth < params.face_edge, params.tuft_mm * pixels_per_mm)
+    labels = regions(dark)
     on_border = np.bincount(border(labels, side), minlength=labels.max() + 1)
     on_border[0] = 0
     if not on_border.any():
@@ -47,24 +46,13 @@ def find_face(
     return _without_holes(mask, side)
 
 
-def opened(mask, thinnest_px):
-    """Remove what is thinner than `thinnest_px`; the picture's border is no edge."""
-    from skimage.morphology import isotropic_opening
-
-    radius = max(round(thinnest_px / 2), 1)
-    inner = np.s_[2 * radius : -2 * radius, 2 * radius : -2 * radius]
-    return isotropic_opening(np.pad(mask, 2 * radius, mode="edge"), radius)[inner]
-
-
 def _blurred(image, sd):
     return cv2.GaussianBlur(image, (0, 0), sd, borderType=cv2.BORDER_REPLICATE)
 
 
 def _without_holes(mask, side):
     """Fill bright pixels that the face encloses, together with its side of the picture."""
-    from skimage.measure import label
-
-    labels = label(~mask)
+    labels = regions(~mask)
     enclosed = np.ones(labels.max() + 1, bool)
     for other in SIDES:
         if other != side:
