@@ -22,6 +22,7 @@ LEAST_NOISE_PX = 0.05
 FEWEST_ROWS = 10  # from which the noise is estimated
 MOST_FRAMES = 10_000_000  # a larger number is damage
 DENSE = 400  # places along a line at which its length is taken
+SHORTER = 0.97  # a path through the points is another one's right order if it is shorter by this
 LAST_PART = re.compile(r"[\W_]*(\d+|base|root|follicle|mid(dle)?|tip|end)$", re.IGNORECASE)
 
 
@@ -46,8 +47,8 @@ def lines_of(points: KeyPoints, settings, source, names=()) -> Centrelines:
     """Centrelines through the key points of every whisker, follicle side → tip.
 
     A whisker is an individual with all its points, or, where there is one individual, the parts
-    whose names begin alike (C2_0, C2_1, …; C2_base, C2_mid, C2_tip); the points follow each other
-    along it in the order of the file.
+    whose names begin alike (C2_0, C2_1, …; C2_base, C2_mid, C2_tip). The order of the points
+    along it is that of the file, unless another one makes a clearly shorter path.
 
     Parameters
     ----------
@@ -69,7 +70,8 @@ def lines_of(points: KeyPoints, settings, source, names=()) -> Centrelines:
                 f"{source}: {names[k]} has {xy.shape[1]} key points, expected at least "
                 f"{FEWEST_POINTS} along the whisker; its points' names must begin with its name"
             )
-        xy = _from_face(xy, settings.recording.face)
+        order = _order_along(xy, score)
+        xy, score = _from_face(xy[:, order], score[:, order], settings.recording.face)
         fitted = {f: fit for f in range(len(xy)) if (fit := _fit(xy[f], score[f])) is not None}
         noise = _noise([fit for _, fit, _ in fitted.values()])
         for frame, (line, (_, count, _), sure) in fitted.items():
@@ -106,11 +108,36 @@ def _names(found, given, settings, source):
     return given
 
 
-def _from_face(xy, face):
-    """The points of a whisker with the end first that is nearer to the face."""
+def _order_along(xy, score):
+    """Indices of a whisker's points along it.
+
+    Programs that sort points by name mix them up: C2_10 comes before C2_2, mid before root. Such a
+    path runs to and fro, and is longer than that through the points by their place along the
+    whisker's main direction.
+    """
+    there = np.isfinite(xy).all(axis=2) & (score >= LEAST_SCORE)
+    whole, as_given = xy[there.all(axis=1)], np.arange(xy.shape[1])
+    if not len(whole):
+        return as_given
+    centred = whole - whole.mean(axis=1, keepdims=True)
+    direction = np.linalg.svd(centred, full_matrices=False)[2][:, 0]
+    place = np.einsum("fpk,fk->fp", centred, direction)
+    place *= np.sign(place @ place[0])[:, None]  # a direction has no sign of its own
+    by_place = np.argsort(np.median(place, axis=0), kind="stable")
+    given, sorted_one = (_path(whole[:, order]) for order in (as_given, by_place))
+    return by_place if sorted_one < SHORTER * given else as_given
+
+
+def _path(xy) -> float:
+    """Median length of the path through the points of each frame [px]."""
+    return float(np.median(np.hypot(*np.diff(xy, axis=1).T).sum(axis=0)))
+
+
+def _from_face(xy, score, face):
+    """Points and scores of a whisker with the end first that is nearer to the face."""
     axis, sign = {"left": (0, 1), "right": (0, -1), "top": (1, 1), "bottom": (1, -1)}[face]
     along = sign * np.nanmedian(xy[:, [0, -1], axis] - xy[:, [-1, 0], axis], axis=0)
-    return xy[:, ::-1] if along[0] > 0 else xy
+    return (xy[:, ::-1], score[:, ::-1]) if along[0] > 0 else (xy, score)
 
 
 def _fit(xy, score):

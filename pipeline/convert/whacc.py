@@ -1,9 +1,12 @@
 """Contacts of WhACC (hireslab/whacc): frame by frame, all videos of a session in one HDF5 file.
 
-`full_file_names` are the videos, `frame_nums` how many frames each has, `labels` 1 for touch, 0
-for none and −1 where nobody looked, `yhat` what WhACC predicts. There is one whisker.
+`full_file_names` are the videos, `frame_nums` how many frames each has, `file_name_nums` the
+trial's number in every frame. `labels` are a person's: 1 touch, 0 none, −1 where nobody looked.
+`yhat` is what WhACC predicts; where `in_range` is known, it counts only while the pole is within
+reach. There is one whisker.
 """
 
+import re
 from datetime import UTC, datetime
 from pathlib import Path, PureWindowsPath
 from typing import NamedTuple
@@ -23,6 +26,8 @@ from pipeline.errors import InputError, in_words
 from pipeline.tables.files import whole_file
 
 TOUCH, NONE, UNKNOWN = 1, 0, -1
+KEYS = "labels", "yhat", "in_range"  # a number per frame
+TRIAL_NUMBER = re.compile(r".*[-_](\d{1,18})$")  # of a video's name, as WhACC finds it
 
 
 class Labels(NamedTuple):
@@ -45,19 +50,36 @@ def read_whacc(path) -> list[Labels]:
         with h5py.File(path) as file:
             names = [_text(name) for name in np.ravel(file["full_file_names"][()])]
             counts = np.ravel(file["frame_nums"][()]).astype(np.int64)
-            given = [np.ravel(file[key][()]) for key in ("labels", "yhat") if key in file]
+            given = {key: np.ravel(file[key][()]).astype(float) for key in KEYS if key in file}
     except (OSError, KeyError, ValueError, TypeError, AttributeError) as error:
         raise _fault(path, error) from None
     total = int(counts.sum())
-    if not given or len(names) != len(counts) or (counts < 0).any():
+    if not {"labels", "yhat"} & set(given) or len(names) != len(counts) or (counts < 0).any():
         raise _fault(path, f"{len(names)} names, {len(counts)} counts of frames, no labels")
-    if any(len(values) != total for values in given):
-        raise _fault(path, f"{len(given[0])} labels, {total} frames")
-    touch = np.full(total, UNKNOWN, np.int8)
-    for values in given:
-        touch = np.where((touch == UNKNOWN) & np.isin(values, [NONE, TOUCH]), values, touch)
-    parts = np.split(touch.astype(np.int8), np.cumsum(counts)[:-1])
+    for key, values in given.items():
+        if len(values) != total:
+            raise _fault(path, f"{len(values)} {key}, {total} frames")
+    parts = np.split(_touch(given, total), np.cumsum(counts)[:-1])
     return [Labels(PureWindowsPath(n).stem, part) for n, part in zip(names, parts, strict=True)]
+
+
+def _touch(given, total) -> np.ndarray:
+    """TOUCH, NONE or UNKNOWN of every frame: a person's labels, else WhACC's prediction."""
+    touch = _known(given.get("labels"), total)
+    predicted = _known(given.get("yhat"), total)
+    within_reach = given.get("in_range", np.full(total, np.nan))
+    if (within_reach == 1).any():
+        predicted[within_reach == 0] = NONE
+    return np.where(touch == UNKNOWN, predicted, touch)
+
+
+def _known(values, total):
+    """Numbers as WhACC's own page shows them: touch above one half, −1 (and NaN) unknown."""
+    touch = np.full(total, UNKNOWN, np.int8)
+    if values is not None:
+        known = np.isfinite(values) & (values >= 0)
+        touch[known] = np.where(values[known] > 0.5, TOUCH, NONE)
+    return touch
 
 
 def _text(name) -> str:
@@ -133,10 +155,12 @@ def write_whacc(path, videos) -> Path:
     labels = np.concatenate([t.to_numpy(float) for t in touching])
     counts = np.array([len(t) for t in touching])
     names = [Path(v.path).with_name(v.name + Path(v.path).suffix).name for v in videos]
+    trials = trial_numbers([v.name for v in videos])
     values = {
         "full_file_names": np.array([name.encode() for name in names], "S"),
         "frame_nums": counts,
-        "trial_nums_and_frame_nums": np.stack([1 + np.arange(len(counts)), counts]),
+        "file_name_nums": np.repeat(trials, counts),
+        "trial_nums_and_frame_nums": np.stack([trials, counts]),
         "in_range": np.ones(len(labels)),
         "labels": labels,
         "yhat": labels.astype(int),
@@ -146,6 +170,13 @@ def write_whacc(path, videos) -> Path:
         for name, value in values.items():
             file.create_dataset(name, data=value)
     return Path(path)
+
+
+def trial_numbers(names) -> np.ndarray:
+    """The number at the end of each name, after the last - or _; 1, 2, 3, … unless all differ."""
+    found = [TRIAL_NUMBER.match(name) for name in names]
+    numbers = [int(match[1]) for match in found if match]
+    return np.array(numbers) if len(set(numbers)) == len(names) else 1 + np.arange(len(names))
 
 
 def _fault(path, error) -> InputError:

@@ -158,6 +158,30 @@ def test_points_run_from_the_face_and_doubtful_ones_are_left_out(motion, points)
 
 
 @pytest.mark.parametrize(
+    "shuffled", [[0, 9, 1, 2, 3, 4, 5, 6, 7, 8], [4, 2, 9, 0, 7, 1, 8, 5, 3, 6]]
+)
+def test_points_that_a_program_has_sorted_by_name_follow_each_other_again(
+    motion, points, shuffled
+):
+    settings = settings_of(motion)
+    first = KeyPoints(("",), points.parts, points.xy[:50], points.score[:50].copy())
+    first.score[7, 0, 4] = 0.1  # belongs to its point
+    parts = tuple(points.parts[i] for i in shuffled)
+    mixed = KeyPoints(("",), parts, first.xy[:, :, shuffled], first.score[:, :, shuffled])
+    expected, found = (lines_of(each, settings, "a.csv") for each in (first, mixed))
+    np.testing.assert_allclose(found.x_px, expected.x_px, atol=1e-3)
+    np.testing.assert_allclose(found.y_px, expected.y_px, atol=1e-3)
+
+
+def test_a_whisker_that_curls_keeps_the_order_of_the_file():
+    turn = np.linspace(0, 1.5 * np.pi, POINTS)
+    circle = 50 * np.column_stack([np.sin(turn), 1 - np.cos(turn)])
+    xy = np.random.default_rng(0).normal(circle, NOISE_PX, (30, POINTS, 2))
+    order = keypoints._order_along(xy, np.ones((30, POINTS)))
+    np.testing.assert_array_equal(order, np.arange(POINTS))
+
+
+@pytest.mark.parametrize(
     ("part", "whisker"),
     [("C2_0", "C2"), ("C2-11", "C2"), ("w 1", "w"), ("D1_base", "D1"), ("D1_tip", "D1")],
 )

@@ -7,7 +7,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.contacts.corrections import read_corrections
-from pipeline.convert.whacc import corrections_of, read_whacc, take_contacts, write_whacc
+from pipeline.convert.whacc import (
+    corrections_of,
+    read_whacc,
+    take_contacts,
+    trial_numbers,
+    write_whacc,
+)
 from pipeline.errors import InputError
 
 
@@ -36,6 +42,44 @@ def test_a_person_s_labels_come_before_the_prediction(tmp_path):
     np.testing.assert_array_equal(found.touch, [1, 0, 1, 0])
     (found,) = read_whacc(write(tmp_path / "v.h5", [b"/data/a.mp4"], [labels]))
     np.testing.assert_array_equal(found.touch, [-1, 0, 1, -1])
+
+
+def test_a_prediction_counts_while_the_pole_is_within_reach(tmp_path):
+    labels, predicted = np.array([-1, -1, 1, -1.0]), np.array([1, 1, 0, 1])
+    for in_range, expected in (
+        ([0, 1, 0, 1], [0, 1, 1, 1]),
+        ([np.nan] * 4, [1, 1, 1, 1]),  # as long as nobody has said when it is
+        ([0, 0, 0, 0], [1, 1, 1, 1]),
+    ):
+        more = {"yhat": predicted, "in_range": np.array(in_range, float)}
+        (found,) = read_whacc(write(tmp_path / "w.h5", [b"a.mp4"], [labels], **more))
+        np.testing.assert_array_equal(found.touch, expected)
+
+
+def test_labels_between_none_and_touch_are_read_as_whacc_draws_them(tmp_path):
+    labels = np.array([0.2, 0.5, 0.8, -1, np.nan])
+    (found,) = read_whacc(write(tmp_path / "w.h5", [b"a.mp4"], [labels]))
+    np.testing.assert_array_equal(found.touch, [0, 0, 1, -1, -1])
+
+
+@pytest.mark.parametrize(
+    ("names", "numbers"),
+    [
+        (["AH0407x160609-12", "AH0407x160609-3"], [12, 3]),
+        (["a_1-007", "b"], [1, 2]),  # one has none
+        (["a_5", "b_5"], [1, 2]),  # twice the same
+        ([f"a_{10**30}", "a_2"], [1, 2]),
+    ],
+)
+def test_trials_have_the_numbers_of_their_files(names, numbers):
+    np.testing.assert_array_equal(trial_numbers(names), numbers)
+
+
+def test_every_frame_is_written_with_its_trial(videos, tmp_path):
+    with h5py.File(write_whacc(tmp_path / "w.h5", videos)) as file:
+        counts = file["frame_nums"][:]
+        np.testing.assert_array_equal(file["file_name_nums"], np.repeat([1, 2], counts))
+        np.testing.assert_array_equal(file["trial_nums_and_frame_nums"], [[1, 2], counts])
 
 
 @given(touch=st.lists(st.sampled_from([-1, 0, 1]), min_size=1, max_size=30))

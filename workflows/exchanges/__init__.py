@@ -1,0 +1,1 @@
+"""Our files beside other programs, a module per kind; `workflows/exchange.py` runs all."""
