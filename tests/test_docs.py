@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 
 import matplotlib as mpl
+import numpy as np
 import pytest
 from tutorial import blocks
 
@@ -19,6 +20,9 @@ from pipeline.app import cli
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
+SHOWN = re.compile(r"^```text\n(.*?)^```", re.DOTALL | re.MULTILINE)
+NUMBER = re.compile(r"\d+(?:\.\d+)?")
+ALIKE = 0.15  # relative, or in the unit shown: other machines and versions may give other digits
 
 
 def follow(page) -> str:
@@ -38,6 +42,25 @@ def follow(page) -> str:
     return said.getvalue()
 
 
+def printed_as_shown(page, said):
+    """Assert that the lines that a page shows were printed, with numbers like these."""
+    lines = [(_words(line), _numbers(line)) for line in said.splitlines()]
+    for block in SHOWN.findall((DOCS / page).read_text("utf-8")):
+        for line in block.splitlines():
+            alike = [numbers for words, numbers in lines if words == _words(line)]
+            assert any(
+                np.allclose(numbers, _numbers(line), rtol=ALIKE, atol=ALIKE) for numbers in alike
+            ), line
+
+
+def _words(line):
+    return NUMBER.sub("#", line).split()
+
+
+def _numbers(line):
+    return [float(number) for number in NUMBER.findall(line)]
+
+
 @pytest.mark.e2e
 def test_the_tutorial_works_word_for_word(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
@@ -45,6 +68,7 @@ def test_the_tutorial_works_word_for_word(tmp_path, monkeypatch):
     said = follow("tutorial.md")
     found, true = map(int, re.search(r"(\d+) contacts found, (\d+) true ones", said).groups())
     assert found == true >= 3
+    printed_as_shown("tutorial.md", said)
     assert float(re.search(r"off by ([\d.]+) % at most", said)[1]) < 5
     assert (tmp_path / "my_figure.png").stat().st_size > 20_000
     assert (tmp_path / "my_videos" / "session_preview.png").is_file()

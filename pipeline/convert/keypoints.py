@@ -112,7 +112,7 @@ def _order_along(xy, score):
     """Indices of a whisker's points along it.
 
     Programs that sort points by name mix them up: C2_10 comes before C2_2, mid before root. Such a
-    path runs to and fro, and is longer than that through the points by their place along the
+    path runs back and forth, and is longer than that through the points by their place along the
     whisker's main direction.
     """
     there = np.isfinite(xy).all(axis=2) & (score >= LEAST_SCORE)

@@ -64,23 +64,26 @@ def toolbox(video, folder, others):
 
 
 def tiff(video, folder, others):
-    """Stacks of 8, 12 and 16 bits that ImageMagick writes."""
+    """Stacks of 8, 12 and 16 bits that ImageMagick writes, as we and as it read them."""
     for bits in (8, 12, 16):
-        pixels, names = _pixels(bits), []
-        for i, frame in enumerate(pixels):
-            names.append(str(folder / f"{bits}_{i}.png"))
-            scaled = np.minimum((frame + 0.25) * 65535 / ((1 << bits) - 1), 65535)
-            cv2.imwrite(names[-1], scaled.astype(np.uint16))
-        stack = folder / f"stack{bits}.tif"
-        command = [others.imagemagick, *names, "-depth", str(bits), "-compress", "none", stack]
-        done = subprocess.run(command, capture_output=True, text=True)
-        if done.returncode:
-            raise NoPeerError(done.stderr.strip().splitlines()[-1])
-        expected = (pixels >> (bits - 8)).astype(np.uint8)
+        names = [str(folder / f"{bits}_{i}.png") for i in range(SHAPE[0])]
+        for name, frame in zip(names, _pixels(16), strict=True):
+            cv2.imwrite(name, frame)
+        stack, raw = folder / f"stack{bits}.tif", folder / f"stack{bits}.gray"
+        _run(others.imagemagick, *names, "-depth", bits, "-compress", "none", stack)
+        _run(others.imagemagick, stack, "-depth", 16, "-endian", "LSB", raw)
+        whole = np.fromfile(raw, "<u2").reshape(SHAPE).astype(float) * ((1 << bits) - 1) / 65535
+        expected = (np.round(whole).astype(int) >> (bits - 8)).astype(np.uint8)
         found = _frames(stack)
-        yield f"TIFF, {bits} bits", "in", "written by ImageMagick", (
+        yield f"TIFF, {bits} bits", "in", "written and read by ImageMagick", (
             f"{len(found)} frames; {_verdict(np.array_equal(found, expected))}"
         )  # fmt: skip
+
+
+def _run(*command):
+    done = subprocess.run(list(map(str, command)), capture_output=True, text=True)
+    if done.returncode:
+        raise NoPeerError(done.stderr.strip().splitlines()[-1])
 
 
 def _pixels(bits):
