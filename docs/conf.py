@@ -41,6 +41,8 @@ napoleon_use_rtype = False
 html_theme = "furo"
 html_copy_source = False
 html_title = "whiskerforce"
+html_static_path = ["site.css"]
+html_css_files = ["site.css"]
 
 
 def take_text(app, page, source):
