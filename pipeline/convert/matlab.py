@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 from scipy.io import savemat
 
+from pipeline.convert.results import trial_number
 from pipeline.errors import InputError
 from pipeline.tables.columns import CONTACT_COLUMNS
 from pipeline.tables.files import whole_file
@@ -88,8 +89,13 @@ def _direction(face, protraction):
 
 def _about(video):
     """What does not change in time."""
-    recording = video.settings.recording
+    recording, number = video.settings.recording, trial_number(video.name)
     return {
+        "trialNum": np.nan if number is None else float(number),
+        "trialType": np.nan,
+        "useFlag": 1.0,
+        "mouseName": "",
+        "sessionName": "",
         "trackerFileName": video.name,
         "whiskerNames": _cells(video.whiskers),
         "trajectoryIDs": np.arange(len(video.whiskers), dtype=float),

@@ -1,5 +1,6 @@
 """A results folder as the formats' writers want it: its finished videos, one by one."""
 
+import re
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -15,6 +16,8 @@ from pipeline.session.session_file import Settings, read_session
 from pipeline.tables import files
 from pipeline.tables.centrelines import Centrelines, read_centrelines
 from pipeline.tables.columns import CONTACT_COLUMNS, VIDEO_COLUMNS
+
+TRIAL_NUMBER = re.compile(r".*[-_](\d{1,18})$")  # of a video's name
 
 
 @dataclass(frozen=True)
@@ -68,6 +71,16 @@ class VideoResults:
         away = (np.nan, np.nan, known[0][2])
         x, y, radius = np.array([place or away for place in places]).T
         return PoleTrack(x, y, float(radius[0]))
+
+
+def trial_number(name: str) -> int | None:
+    """The number at the end of a video's name, after the last - or _; None where there is none.
+
+    >>> trial_number("AH0407x160609-12"), trial_number("trial_0007"), trial_number("C2")
+    (12, 7, None)
+    """
+    found = TRIAL_NUMBER.match(name)
+    return int(found[1]) if found else None
 
 
 def read_results(folder) -> list[VideoResults]:

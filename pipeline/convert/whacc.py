@@ -6,7 +6,6 @@ trial's number in every frame. `labels` are a person's: 1 touch, 0 none, −1 wh
 reach. There is one whisker.
 """
 
-import re
 from datetime import UTC, datetime
 from pathlib import Path, PureWindowsPath
 from typing import NamedTuple
@@ -22,12 +21,12 @@ from pipeline.contacts.corrections import (
     write_corrections,
 )
 from pipeline.convert.optional import library
+from pipeline.convert.results import trial_number
 from pipeline.errors import InputError, in_words
 from pipeline.tables.files import whole_file
 
 TOUCH, NONE, UNKNOWN = 1, 0, -1
 KEYS = "labels", "yhat", "in_range"  # a number per frame
-TRIAL_NUMBER = re.compile(r".*[-_](\d{1,18})$")  # of a video's name, as WhACC finds it
 
 
 class Labels(NamedTuple):
@@ -173,9 +172,8 @@ def write_whacc(path, videos) -> Path:
 
 
 def trial_numbers(names) -> np.ndarray:
-    """The number at the end of each name, after the last - or _; 1, 2, 3, … unless all differ."""
-    found = [TRIAL_NUMBER.match(name) for name in names]
-    numbers = [int(match[1]) for match in found if match]
+    """The number at the end of each name, as WhACC finds it; 1, 2, 3, … unless all differ."""
+    numbers = [number for number in map(trial_number, names) if number is not None]
     return np.array(numbers) if len(set(numbers)) == len(names) else 1 + np.arange(len(names))
 
 

@@ -1,5 +1,6 @@
 """MATLAB files by WhiskerTrialLite's names: units and signs of that code."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -40,6 +41,14 @@ def test_courses_in_its_units(videos, tmp_path):
     contacts = w["contacts"][0, 0]
     np.testing.assert_allclose(contacts["peak_force_uN"][0], videos[0].contacts["peak_force_uN"])
     assert contacts["whisker"][0, 0][0] == "C2"
+
+
+@pytest.mark.parametrize(("name", "number"), [("AH0407x160609-0012", 12), ("one", np.nan)])
+def test_trials_have_the_number_of_their_video(videos, tmp_path, name, number):
+    (path,) = write_matlab(tmp_path, replace(videos[0], name=name))
+    w = read(path)
+    np.testing.assert_array_equal(w["trialNum"], [[number]])
+    assert w["trackerFileName"][0] == name
 
 
 @pytest.mark.parametrize("face", ["left", "right", "top", "bottom"])
