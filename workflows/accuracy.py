@@ -5,8 +5,8 @@
     python workflows/accuracy.py --full                         # so many and so long, all presets
 
 Every video has a seed of its own, drawn from a seed that is printed: `--seed` makes the same
-videos again, without it each run makes others. Every hidden length in session.toml is wrong by
-its stated uncertainty, and each video is processed once more with dimensions, modulus and scale
+videos again, without it each run makes others. Every hidden length and length in session.toml is
+wrong by its stated uncertainty, and each video is processed once more with dimensions, modulus and scale
 wrong by theirs. Prints tables in Markdown (docs/accuracy.md holds a run's), then every target
 with the value that was reached; the exit status is 1 where one was missed. With --out the videos
 and their truth are kept, with `accuracy.csv` (all figures) and `worst.csv` (where to look).
@@ -71,7 +71,7 @@ def measure_task(task: Task) -> tuple[measuring.Measured, dict]:
     )
     rng = np.random.default_rng([task.seed, 1])
     exact = measuring.RenderedVideo.of(path, task.folder).settings
-    settings = wrong_settings.with_wrong_hidden_lengths(exact, rng)
+    settings = wrong_settings.with_wrong_lengths(exact, rng)
     found = measuring.measure(task.preset, path, task.folder, settings)
     samples = samples_of(found)
     if task.dimensions and len(found.shape.true_contacts):
@@ -138,8 +138,8 @@ def preamble(args) -> str:
     again = f"--seed {args.seed} --videos {args.videos} --frames {args.frames}"
     return (
         f"{args.videos} videos of {args.frames} frames per preset, drawn from seed {args.seed} "
-        f"(`python workflows/accuracy.py {again}` makes the same). Hidden lengths in session.toml "
-        "are wrong by their stated uncertainty; *wrong dimensions*: radius, cone length, modulus "
+        f"(`python workflows/accuracy.py {again}` makes the same). Hidden lengths and lengths in "
+        "session.toml are wrong by their stated uncertainty; *wrong dimensions*: radius, cone length, modulus "
         "and scale are, too. Intervals resample videos."
     )
 

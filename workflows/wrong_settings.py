@@ -15,14 +15,17 @@ SHORTEST_HIDDEN_MM = 0.1
 SIZES = {each.source: each.size for each in ASSUMED}
 
 
-def with_wrong_hidden_lengths(settings, rng):
-    """The settings with each hidden length off by what the forces' standard errors assume."""
+def with_wrong_lengths(settings, rng):
+    """The settings with hidden lengths and lengths off by what the standard errors assume."""
+    assumed = DEFAULTS.forces
 
     def changed(whisker):
-        hidden = (
-            whisker.hidden_length_mm + DEFAULTS.forces.hidden_length_sd_mm * rng.standard_normal()
-        )
-        return {"hidden_length_mm": max(hidden, SHORTEST_HIDDEN_MM)}
+        hidden = whisker.hidden_length_mm + assumed.hidden_length_sd_mm * rng.standard_normal()
+        length = whisker.length_mm + assumed.tip_sd_mm * rng.standard_normal()
+        return {
+            "hidden_length_mm": max(hidden, SHORTEST_HIDDEN_MM),
+            "length_mm": min(length, whisker.cone_length_mm),
+        }
 
     return _with_whiskers(settings, changed)
 

@@ -16,6 +16,7 @@ CLEAR_PEAK_SCATTER = 8.0  # or, of both estimates, in what they scatter by in fr
 BESIDE_FRAMES, FEWEST_HELD = 6, 3  # before and after a contact; as many as count, and as must
 AT_PLACE_SD = 2.0  # as far from the place of other touches a touch may be
 HIGH_LOAD = 0.5  # of a contact's largest
+SURELY_SD = 3.0  # standard errors of what is no error
 
 INTERVAL_COLUMNS = (
     "whisker",
@@ -212,7 +213,8 @@ def _flags(part, rows, look, slip, usual_misfit):
         )
         near = np.nanmin(contact, initial=np.inf) < curvature_at + 1e-3 * params.near_curvature_mm
     probability = part["probability"][rows]
-    correction = np.abs(part["bending_origin_m"][rows])
+    correction, error = np.abs(part["bending_origin_m"][rows]), part["bending_origin_se_m"][rows]
+    contradicted = correction > np.maximum(1e-3 * params.contradicted_mm, SURELY_SD * error)
     rest_known = part["rest_known"][rows].astype(bool)
     # without a rest shape no rod is loaded, so that none has a contact
     lost = np.isnan(part["base_angle_rad"][rows]) | (rest_known & np.isnan(contact))
@@ -224,7 +226,7 @@ def _flags(part, rows, look, slip, usual_misfit):
         "large_deflection": tilted,
         "contact_near_curvature_window": near,
         "bends_unlike_rod": _bends_otherwise(part, rows, params.unlike_rod * usual_misfit),
-        "base_contradicted": bool(np.any(correction > 1e-3 * params.contradicted_mm)),
+        "base_contradicted": bool(np.any(contradicted)),
         "gaps_in_trace": lost.any(),
         "faint_force": not _pushes(part, rows),
         "doubtful": probability.max() < 0.99,

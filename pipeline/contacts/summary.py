@@ -103,7 +103,9 @@ def peak_errors(
             rows.append({})
             continue
         total, origin = errors
-        middle = 0.6e-3 * contact["contact_arc_length_mm"]
+        middle, whisker = 0.6e-3 * contact["contact_arc_length_mm"], whiskers[name]
+        # a larger scale moves all places towards the base; as far as the tip holds it, the base
+        moved = middle - measured[name].per_tip * whisker.length
         rows.append(
             {
                 "peak_force_se_uN": total,
@@ -113,7 +115,7 @@ def peak_errors(
                 "modulus_uN_per_percent": 0.01 * force,
                 "scale_uN_per_percent": 0.01
                 * force
-                * (2 + 4 * middle / (whiskers[name].cone_length - middle)),
+                * (2 + 4 * moved / (whisker.cone_length - middle)),
             }
         )
     return pd.DataFrame(rows, index=contacts.index, columns=list(PEAK_ERROR_COLUMNS), dtype=float)
@@ -126,18 +128,22 @@ _FORCE_COLUMNS = {  # of the evidence, by method: force, standard error, the ori
 
 
 class _Measured(NamedTuple):
-    """Forces and errors of one whisker in the order of its frames [µN], each (frames,)."""
+    """Forces and errors of one whisker in the order of its frames [µN], each (frames,).
+
+    `per_tip`: how far its arc lengths move with the place of its tip.
+    """
 
     frame: np.ndarray
     force: np.ndarray
     total: np.ndarray
     origin: np.ndarray
+    per_tip: float
 
     @classmethod
     def of(cls, evidence, name, method):
         own = evidence[evidence["whisker"] == name].sort_values("frame")
-        columns = _FORCE_COLUMNS[method]
-        return cls(own["frame"].to_numpy(), *(1e6 * own[c].to_numpy(float) for c in columns))
+        courses = (1e6 * own[c].to_numpy(float) for c in _FORCE_COLUMNS[method])
+        return cls(own["frame"].to_numpy(), *courses, np.nanmedian(own["origin_per_tip"]))
 
     def at_peak(self, onset, offset):
         """Total and origin's standard error about the peak; None where no force is known."""

@@ -2,10 +2,13 @@
 
 The force goes with the fourth power of the radius, so a first traced point that is taken 0.1 mm
 too near to the follicle costs 4 % in force. Beside the hidden length as it was given (on average
-right to 0.1 mm or so) two things show where the trace begins: the tip, from which the trace's
-length counts back, frame by frame (relative only: how far the thin end is seen is not relied
-on), and the bending itself, whose distribution along the whisker depends on where its stiff base
-is. Both go into one estimate, a smooth function of base angle and time.
+right to 0.1 mm or so) two things show where the trace begins: the tip, which lies at the
+whisker's length, and the bending itself, whose distribution along the whisker depends on where
+its stiff base is. All go into one estimate, a smooth function of base angle and time.
+
+The trace ends short of the tip by up to half a millimetre, where the thin end drowns in noise.
+By how much, its fading shows (`kinematics/tip.py`); where that is not known, the trace's end
+only shows how the origin changes from frame to frame.
 
 Frames that a codec made out of those before and after (B frames of H.264) show a whisker that
 turns back where it is in the mean of these, short of its turning point: by a hundredth of a
@@ -14,9 +17,12 @@ are not used.
 
 The bending is right where the model is: a cone length that is 1 % off or a pole that is put a
 pixel wrong move its answer by 0.2 mm. So it counts less where the pole is not where the whisker
-bends. Where its answer contradicts the session, it is used all the same: forces are nearer to the
-truth with it than without (docs/assumptions.md). Their standard error grows with the
-contradiction.
+bends. Where its answer contradicts the session and the tip, it is used all the same: forces are
+nearer to the truth with it than without (docs/assumptions.md). Where they differ by more than
+twice what their errors explain, the standard error grows.
+
+No source is believed against all others: a length that contradicts the hidden length by more than
+twice its error counts less, so that a whisker that has grown does not shift the base.
 """
 
 from dataclasses import dataclass, replace
@@ -49,7 +55,7 @@ LASTING_SHARE = 0.1
 LASTING_REACH_M = 1.5e-3
 ROUNDS = 3  # of Gauss–Newton
 BENDING_SD_M = 0.003e-3  # of the bending's answer, even where all is well
-DOUBTED = 0.8  # of the largest answer that is taken: from here on it counts less
+EXPLAINED_SD = 2.0  # standard errors by which bending, tip and session may differ
 POLE_LEVER = 6.0  # how much farther a misplaced pole moves the answer
 
 
@@ -57,21 +63,29 @@ POLE_LEVER = 6.0  # how much farther a misplaced pole moves the answer
 class Origin:
     """What to add to the arc lengths of each row, and its standard error [m], both (rows,).
 
-    `by_bending` [m] is what the bending alone would add on average; NaN where it shows nothing.
+    `by_bending` and `bending_se` [m]: what the bending alone would add on average, and its
+    standard error; NaN where it shows nothing. `per_tip`: how far the origin moves with a place
+    of the tip that is wrong, as a part of that.
     """
 
     per_row: np.ndarray
     se: np.ndarray
+    per_tip: float = 0.0
     by_bending: float = np.nan
+    bending_se: float = np.nan
 
 
 @dataclass
 class _Evidence:
-    """Normal equations A w = b of the weights of the sparse `design`, with the priors in."""
+    """Normal equations A w = b of the weights of the sparse `design`, with the priors in.
+
+    `tip` is how b changes with the tip's place.
+    """
 
     design: sparse.csr_matrix
     matrix: np.ndarray
     rhs: np.ndarray
+    tip: np.ndarray
     params: RodParams
 
     def weights(self) -> np.ndarray:
@@ -85,19 +99,31 @@ class _Evidence:
             part = self.design[first : first + 4096]
             variance[first : first + 4096] = np.asarray(part.multiply(part @ inverse).sum(1))[:, 0]
         se = np.sqrt(np.maximum(variance, 0.0) + LOCAL_SD_M**2)
-        return Origin(self.design @ self.weights(), se)
+        per_tip = float(np.mean(self.design @ (inverse @ self.tip)))
+        return Origin(self.design @ self.weights(), se, per_tip)
 
-    def loosely(self) -> "_Evidence":
-        """Return the same with next to no prior on the constant."""
-        matrix = self.matrix.copy()
-        matrix[0, 0] += 1e-3**-2 - (1e-3 * self.params.hidden_length_sd_mm) ** -2
-        return replace(self, matrix=matrix)
+    def mean(self, rows, weight):
+        """Weighted mean of the `rows`' origins, and its variance [m, m²]."""
+        part = weight @ self.design[rows] / weight.sum()
+        return part @ self.weights(), part @ np.linalg.solve(self.matrix, part)
+
+    def beside(self, design, bend, pull, sd) -> "_Evidence":
+        """With that of rows of `design`, whose common error of `sd` [m] is eliminated.
+
+        Each has the slope `pull` and the curvature `bend` of its log-likelihood at origin 0.
+        """
+        matrix = (design.T @ design.multiply(bend[:, None]).tocsr()).toarray()
+        common, own = design.T @ bend, bend.sum() + sd**-2
+        matrix = self.matrix + matrix - np.outer(common, common) / own
+        rhs = self.rhs + design.T @ pull - common * pull.sum() / own
+        np.linalg.cholesky(matrix)  # fails where the parabola bends upwards
+        return replace(self, matrix=matrix, rhs=rhs)
 
 
 def origin_from_tip(
     places: Stations, whisker: Whisker, angle, time, params: RodParams = DEFAULTS.forces
 ) -> tuple[Origin, _Evidence]:
-    """Origin of each row from the prior and, as far as the tip is seen, from the trace's end.
+    """Origin of each row from the prior and, as far as the tip is seen, from its place.
 
     Parameters
     ----------
@@ -108,29 +134,31 @@ def origin_from_tip(
     terms, varies = design.shape[1], 1e-3 * params.hidden_length_varies_mm
     prior = np.full(terms, varies**-2)
     prior[0] = (1e-3 * params.hidden_length_sd_mm) ** -2
-    evidence = _Evidence(design, np.diag(prior), np.zeros(terms), params)
-    tip, sd = _tip_places(places, whisker, params)
-    good = np.isfinite(tip)
+    evidence = _Evidence(design, np.diag(prior), *np.zeros((2, terms)), params)
+    end, sd = _trace_ends(places, whisker, params)
+    good = np.isfinite(end)
     if good.any():
-        part = design[good]
+        tip, common = _tip_place(places.to_tip[good], end[good], sd, whisker, params)
+        away, part = tip - end[good], design[good]
+        # a length that the hidden length contradicts may be wrong itself, by what is unexplained
+        unexplained = abs(np.mean(away)) - EXPLAINED_SD * prior[0] ** -0.5
+        common = np.hypot(common, max(unexplained, 0.0))
         weight, variance = np.ones(good.sum()), TIP_FRAMES * sd**2
         for _ in range(4):
-            # the tip's own place is unknown: a free constant, eliminated
-            weighted = part.multiply(weight[:, None] / variance).tocsr()
-            total = np.asarray(weighted.sum(0))[0]
-            matrix = (weighted.T @ part).toarray()
-            matrix -= np.outer(total, total) / (weight.sum() / variance)
-            away = np.average(tip[good], weights=weight) - tip[good]
-            rhs = weighted.T @ away
-            found = replace(evidence, matrix=evidence.matrix + matrix, rhs=rhs)
+            bend = weight / variance
+            found = evidence.beside(part, bend, bend * away, common)
             left = away - part @ found.weights()
             left -= np.average(left, weights=weight)
             weight = 1 / np.maximum(1, np.abs(left) / (2 * sd))
             variance = max(TIP_FRAMES * sd**2, _lasting_variance(np.clip(left, -3 * sd, 3 * sd)))
         # an end that wanders more than the fur's edge does is seen so by light and motion
-        wander = np.average((away - left) ** 2, weights=weight) - varies**2
-        matrix, rhs = _doubted(matrix, rhs, max(wander, 0.0))
-        evidence = replace(evidence, matrix=evidence.matrix + matrix, rhs=rhs)
+        moved = away - left - np.average(away - left, weights=weight)
+        wander = np.average(moved**2, weights=weight) - varies**2
+        moved = evidence.beside(part, bend, bend, common).rhs  # by a tip 1 m farther out
+        both = np.column_stack([found.rhs, moved])
+        matrix, both = _doubted(found.matrix - evidence.matrix, both, max(wander, 0.0))
+        rhs, moved = both.T
+        evidence = replace(evidence, matrix=evidence.matrix + matrix, rhs=rhs, tip=moved)
     return evidence.solve(), evidence
 
 
@@ -164,20 +192,21 @@ def origin_from_bending(
         bend, pull = (np.nan_to_num(fit[f"origin_{k}"]) for k in ("bend", "pull"))
         share = _trust(pull, bend) * (fit["chi2"] < CLEAN * float(np.nanmedian(fit["chi2"])))
         share /= _noise(share, pull, bend)
+        weight, wish = share * bend, share * (pull + bend * here)
         common = _common_sd(share, bend, influence, part, fit, rest, whisker, apart)
-        bending = design, share * bend, share * (pull + bend * here)
+        sd = float(np.hypot(common, _misplaced_sd(fit["gap"], part.side)))
         try:
-            alone = _with_bending(evidence.loosely(), *bending, common)
-            doubt = _doubt(alone.weights()[0], fit["gap"], part.side, evidence.params)
-            sd = np.hypot(common, doubt)
-            found = _with_bending(evidence, *bending, sd).solve()
+            found = evidence.beside(design, weight, wish, sd).solve()
         except np.linalg.LinAlgError:
             return evidence.solve()
         here = found.per_row[rows]
-    answer = float(alone.weights()[0])
-    # a session so wrong may be wrong in other ways, which the bending takes for the origin, too
-    beyond = max(abs(answer) - 1e-3 * evidence.params.bending_trusted_mm, 0.0)
-    return replace(found, se=np.hypot(found.se, beyond), by_bending=answer)
+    answer, own = wish.sum() / weight.sum(), np.hypot(sd, weight.sum() ** -0.5)
+    if abs(answer) > 1e-3 * evidence.params.bending_most_mm:
+        found = evidence.solve()
+    other, variance = evidence.mean(rows, weight)
+    surprise = abs(answer - other) / np.sqrt(own**2 + variance)
+    se = found.se * max(surprise / EXPLAINED_SD, 1.0)
+    return Origin(found.per_row, se, found.per_tip, float(answer), float(own))
 
 
 def _noise(share, pull, bend):
@@ -232,34 +261,21 @@ def _apart_sd(evidence, rows, places):
     return float(np.sqrt(gap[0] @ np.linalg.solve(evidence.matrix, gap[0])))
 
 
-def _with_bending(evidence, design, bend, pull, sd):
-    """Evidence with that of the bending, whose common error of `sd` [m] is eliminated."""
-    matrix = (design.T @ design.multiply(bend[:, None]).tocsr()).toarray()
-    common, own = design.T @ bend, bend.sum() + sd**-2
-    matrix = evidence.matrix + matrix - np.outer(common, common) / own
-    rhs = evidence.rhs + design.T @ pull - common * pull.sum() / own
-    np.linalg.cholesky(matrix)  # fails where the parabola bends upwards
-    return replace(evidence, matrix=matrix, rhs=rhs)
-
-
 def _doubted(matrix, rhs, variance):
-    """The evidence A w = b, where each of the answers w errs by a further `variance` [m²].
+    """The evidence A w = b, b of one or more columns; answers w err by a further `variance` [m²].
 
     A (A + A S A)⁻¹ A = (1 + A S)⁻¹ A with S = variance · 1, and the same of b.
     """
     total = np.eye(len(matrix)) + matrix * variance
     kept = np.linalg.solve(total, np.column_stack([matrix, rhs]))
-    return (kept[:, :-1] + kept[:, :-1].T) / 2, kept[:, -1]
+    n = len(matrix)
+    return (kept[:, :n] + kept[:, :n].T) / 2, kept[:, n:]
 
 
-def _doubt(answer, gap, side, params):
-    """Standard deviation [m] to give to the bending's answer."""
+def _misplaced_sd(gap, side):
+    """Standard error [m] of the bending's answer from where the pole is taken to be."""
     sides = [np.nanmedian(gap[side == s]) for s in (-1, 1) if np.isfinite(gap[side == s]).any()]
-    misplaced = max(map(abs, sides), default=0.0)
-    limit = 1e-3 * params.bending_most_mm
-    trust = np.interp(abs(answer), [DOUBTED * limit, limit], [1.0, 1e-6])
-    beyond = 1e-3 * params.hidden_length_sd_mm * np.sqrt(1 / trust - 1)
-    return float(np.sqrt(BENDING_SD_M**2 + (POLE_LEVER * misplaced) ** 2 + beyond**2))
+    return np.hypot(BENDING_SD_M, POLE_LEVER * max(map(abs, sides), default=0.0))
 
 
 def _trust(pull, bend):
@@ -295,7 +311,20 @@ def _lasting_variance(errors):
     return float(np.mean(errors**2) + 2 * sum(np.mean(errors[k:] * errors[:-k]) for k in lags))
 
 
-def _tip_places(places, whisker, params):
+def _tip_place(to_tip, end, sd, whisker, params):
+    """Arc length [m] at which traces should end, and its standard error.
+
+    The mean of many ends errs about as much as one of them scatters (`sd`): noise that makes them
+    scatter makes them end early, too. Where nothing is known of how they fade, their mean end is
+    returned, and an error without bounds.
+    """
+    if not np.isfinite(to_tip).any():
+        return end.mean(), np.inf
+    short = float(np.nanmean(to_tip))
+    return whisker.length - short, np.hypot(1e-3 * params.tip_sd_mm, sd)
+
+
+def _trace_ends(places, whisker, params):
     """Arc length [m] of the trace's end where that is the tip (NaN elsewhere), and its scatter."""
     nothing = np.full(len(places), np.nan), np.nan
     window, noise = 1e-3 * params.tip_window_mm, 1e-3 * params.tip_noise_mm

@@ -1,5 +1,7 @@
 """Rods fitted to the whiskers of a video: the force of every frame."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 
@@ -50,7 +52,10 @@ def estimate_forces(
             continue
         rows = _rows_of(frames, name, own.frame)
         length = (N_STATIONS - 1) * places.spacing[index]
-        whisker = whiskers.get(name) or nominal_whisker(name, length / 1.03, 0.0)
+        whisker = whiskers.get(name)
+        if whisker is None:
+            whisker = nominal_whisker(name, length / 1.03, 0.0)
+            own = replace(own, to_tip=np.full(len(own), np.nan))  # of no known length
         rod = own, whisker, frames.loc[rows], curvature_at, friction
         evidence, measured = _measure(rod, surely_free, params)
         if whiskers.get(name) is None:

@@ -155,7 +155,9 @@ def _evidence(places, fit, origin, rest_known, free, params) -> pd.DataFrame:
             "rest_known": rest_known,
             "origin_m": origin.per_row,
             "origin_se_m": origin.se,
+            "origin_per_tip": origin.per_tip,
             "bending_origin_m": origin.by_bending,
+            "bending_origin_se_m": origin.bending_se,
         }
     )
     for name, column in _EVIDENCE_OF_FIT.items():

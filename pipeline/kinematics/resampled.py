@@ -11,6 +11,7 @@ import numpy as np
 from numba import njit
 
 from pipeline.detection.static_scene import PoleTrack
+from pipeline.kinematics.tip import nodes_to_tip
 from pipeline.numerics import polyline
 from pipeline.numerics.bsplines import FAST
 from pipeline.scene.dust import INNER
@@ -45,6 +46,7 @@ class Stations:
     side : (rows,) +1 where the pole is on the side of the whisker's normal, −1; 0 without pole
     extended : (rows,) bool, the nearest point lies beyond the traced part
     interpolated : (rows,) bool, the codec made the frame out of frames before and after
+    to_tip : (rows,) how far the tip is beyond the last traced point [m], NaN where not known
     """
 
     names: tuple[str, ...]
@@ -65,6 +67,7 @@ class Stations:
     side: np.ndarray
     extended: np.ndarray
     interpolated: np.ndarray
+    to_tip: np.ndarray
 
     def __len__(self):
         return len(self.frame)
@@ -225,6 +228,7 @@ def measure_stations(
         side=np.nan_to_num(near[:, 4]).astype(np.int64),
         extended=near[:, 5] == 1,
         interpolated=np.array([f in interpolated for f in centrelines.frame.tolist()], bool),
+        to_tip=nodes_to_tip(centrelines) / scale,
     )
 
 

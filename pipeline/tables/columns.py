@@ -152,8 +152,8 @@ CONTACT_FLAGS = {
     "large_deflection": "the force is tilted by more than 34° against the follicle's normal",
     "contact_near_curvature_window": "less than 1 mm beyond curvature_at_mm: little is bent there",
     "bends_unlike_rod": "bends as no rod of its dimensions does: another whisker, or wrong ones",
-    "base_contradicted": "bends as if the hidden length were off by over 0.3 mm: so it is, or "
-    "the dimensions, or the whisker is seen at a slant",
+    "base_contradicted": "bends as if the hidden length were off by surely over 0.3 mm: so it is, "
+    "or the dimensions, or the whisker is seen at a slant",
     "gaps_in_trace": "not traced in some of its frames",
     "faint_force": "the force is within its error; the contact was found by the distance",
     "doubtful": "in no frame is the probability of contact 0.99",
@@ -230,7 +230,9 @@ EVIDENCE_COLUMNS = (
     Column("axial_se_N", "float64", "N", "standard error of the axial force"),
     Column("lateral_se_N", "float64", "N", "standard error of the lateral force"),
     Column("point_force_N", "float64", "N", "force if the pole were touched, by the curvature"),
+    Column("origin_per_tip", "float64", "ratio", "how far origin_m moves with the tip's place"),
     Column("bending_origin_m", "float64", "m", "origin_m that the bending alone would have"),
+    Column("bending_origin_se_m", "float64", "m", "its standard error"),
     Column("point_origin_force_se_N", "float64", "N", "of point_force_se_N, from origin_se_m"),
     Column("point_force_se_N", "float64", "N", "standard error of point_force_N"),
     Column("probability", "float64", "", "that the frame belongs to a contact"),

@@ -118,7 +118,7 @@ def test_settings_are_as_wrong_as_is_stated():
     rng = np.random.default_rng(1)
     found = []
     for _ in range(500):
-        wrong = wrong_settings.with_wrong_hidden_lengths(settings, rng)
+        wrong = wrong_settings.with_wrong_lengths(settings, rng)
         wrong = wrong_settings.with_wrong_dimensions(wrong, rng)
         (whisker,) = wrong.whisker
         found.append(

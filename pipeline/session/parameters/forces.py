@@ -22,15 +22,15 @@ class RodParams:
         0.3, "traces that end farther from the usual place have lost the tip", "chosen"
     )
     tip_noise_mm: quantity(0.01, 2, "mm") = parameter(
-        0.1, "ends that scatter more than this are not used", "chosen"
+        0.3, "ends that scatter more than this are not used", "chosen"
     )
+    tip_sd_mm: quantity(0.001, 5, "mm") = parameter(
+        0.03, "standard error of the tip's place beside what the ends scatter",
+        "measured: `calibrate geometry`, rendered videos",
+    )  # fmt: skip
     loaded_distance_mm: quantity(0.01, 2, "mm") = parameter(
         0.1, "whisker to pole: frames that may touch, which show the bending", "chosen"
     )
-    bending_trusted_mm: quantity(0.01, 5, "mm") = parameter(
-        0.2, "what the bending adds to the hidden length beyond this counts as a standard error",
-        "chosen",
-    )  # fmt: skip
     bending_most_mm: quantity(0.01, 5, "mm") = parameter(
         1.0, "where the bending would add more than this it is not used", "chosen"
     )

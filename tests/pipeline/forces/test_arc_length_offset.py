@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import traced_motion
 
-from pipeline.forces import arc_length_offset, forces, rest_shape
+from pipeline.forces import arc_length_offset, estimate_forces, forces, rest_shape
 from pipeline.kinematics import resampled
 from pipeline.session.parameters import DEFAULTS
 from synthetic.presets import make_trial
@@ -15,6 +15,7 @@ from whiskermodel.whisker import mouse_c2
 pytestmark = pytest.mark.slow
 
 origin_tolerance = 0.02e-3  # m
+tip_tolerance = 0.04e-3  # m; the hidden length that was given counts, too
 AT = 5.5e-3
 
 
@@ -63,8 +64,52 @@ def test_first_points_that_wander_are_told_by_the_tip(touching):
     origin, _ = arc_length_offset.origin_from_tip(wandered, mouse_c2(), angle, time)
     error = origin.per_row - slow
     assert np.std(error) < 0.2 * np.std(slow)
-    # how far out the tip is seen is no evidence: the mean stays where the session put it
+    # how far out the tip is seen is no evidence where the line's fading is not known
     assert abs(np.mean(origin.per_row)) < 0.01e-3
+
+
+def at_rest(touching):
+    """Base angle [rad] and time [s] of the frames."""
+    frames = touching.frames
+    return np.radians(frames["base_angle_deg"].to_numpy()), frames["time_s"].to_numpy()
+
+
+def fading(places, short=traced_motion.TIP_UNSEEN):
+    """The places with ends that are known to lie `short` [m] of the tip."""
+    return replace(places, to_tip=np.full(len(places), short))
+
+
+@pytest.mark.parametrize("wrong_by", [-0.2e-3, 0.1e-3])
+def test_a_tip_whose_fading_is_known_corrects_the_hidden_length(touching, wrong_by):
+    places = fading(measured_again(touching, traced_motion.HIDDEN - wrong_by))
+    origin, _ = arc_length_offset.origin_from_tip(places, mouse_c2(), *at_rest(touching))
+    assert np.median(origin.per_row) == pytest.approx(wrong_by, abs=tip_tolerance)
+    assert 0.02e-3 < np.median(origin.se) < 0.05e-3
+
+
+def test_a_length_that_contradicts_the_hidden_length_is_hardly_believed(touching):
+    """A whisker that has grown by 0.7 mm since it was measured."""
+    grown = fading(touching.places, traced_motion.TIP_UNSEEN + 0.7e-3)
+    origin, _ = arc_length_offset.origin_from_tip(grown, mouse_c2(), *at_rest(touching))
+    assert abs(np.median(origin.per_row)) < 0.1e-3
+
+
+def test_bending_and_tip_that_disagree_make_the_standard_error_larger(touching):
+    """An end 0.2 mm nearer to the tip than it is: more than both errors explain."""
+    errors = [
+        forces.measure_forces(places, mouse_c2(), touching.frames, AT)[0]["origin_se_m"].median()
+        for places in (fading(touching.places), fading(touching.places, 0.1e-3))
+    ]
+    assert errors[1] > 1.5 * errors[0]
+
+
+def test_a_whisker_of_unknown_dimensions_has_no_tip_to_go_by(touching):
+    places = fading(touching.places, 0.8e-3)
+    evidence = [
+        estimate_forces(touching.frames, own, {"C2": None}, AT)[1]
+        for own in (places, touching.places)
+    ]
+    np.testing.assert_array_equal(*(each["origin_m"] for each in evidence))
 
 
 def test_an_end_that_light_moves_is_not_taken_for_the_tip(touching):

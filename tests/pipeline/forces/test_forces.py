@@ -182,6 +182,7 @@ def frames_by_hand():
             "axial_se_N": np.full(6, 2e-8),
             "lateral_se_N": np.full(6, 5e-8),
             "moment_se_N_m": np.full(6, 3e-10),
+            "origin_per_tip": np.zeros(6),
         }
     )
     return as_table(frames, FRAME_COLUMNS), evidence
@@ -407,6 +408,29 @@ def test_peak_errors(traced, touch, monkeypatch):
     np.testing.assert_allclose(by_cone, 0.01 * share[strong], rtol=0.1)
     nothing = peak_errors(shape.contacts, shape.evidence, {"C2": None})
     assert nothing["peak_force_se_uN"].isna().all()
+
+
+def test_a_scale_that_is_wrong_moves_places_about_the_tip_where_that_is_seen(traced, monkeypatch):
+    """The taper's share of the change turns round: the whisker's base moves, not its tip."""
+    monkeypatch.setattr(
+        forces.arc_length_offset, "origin_from_bending", lambda *given: given[4].solve()
+    )
+
+    def found(scale):
+        recording = Recording(1000.0, 25.0 * scale, "left")
+        places = resampled.measure_stations(
+            traced.lines, recording, [mouse_c2()], [traced_motion.HIDDEN], traced.pole
+        )
+        places = replace(places, to_tip=np.full(len(places), traced_motion.TIP_UNSEEN))
+        return analysis.analyse_touch(traced.frames, places, recording, traced.whiskers)
+
+    usual = found(1.0)
+    strong = usual.contacts["peak_force_uN"] > 3
+    budget = peak_errors(usual.contacts, usual.evidence, traced.whiskers)[strong]
+    change = (found(1.01).contacts["peak_force_uN"] - usual.contacts["peak_force_uN"])[strong]
+    tolerance = 0.004 * usual.contacts["peak_force_uN"][strong]  # µN
+    assert (np.abs(change - budget["scale_uN_per_percent"]) < tolerance).all()
+    assert usual.evidence["origin_per_tip"].median() > 0.7
 
 
 def test_point_force_and_its_error_follow_the_hidden_length(traced, monkeypatch):

@@ -55,6 +55,7 @@ def touching(push, distance=9e-3, side=1, origin=0.0, friction=0.0, whisker=None
         side=np.full(n, side),
         extended=np.zeros(n, bool),
         interpolated=np.zeros(n, bool),
+        to_tip=np.full(n, np.nan),
     )
     return truth, places
 
