@@ -5,11 +5,12 @@
     python workflows/accuracy.py --full                         # so many and so long, all presets
 
 Every video has a seed of its own, drawn from a seed that is printed: `--seed` makes the same
-videos again, without it each run makes others. Every hidden length and length in session.toml is
-wrong by its stated uncertainty, and each video is processed once more with dimensions, modulus and scale
-wrong by theirs. Prints tables in Markdown (docs/accuracy.md holds a run's), then every target
-with the value that was reached; the exit status is 1 where one was missed. With --out the videos
-and their truth are kept, with `accuracy.csv` (all figures) and `worst.csv` (where to look).
+videos again, without it each run makes others. Every hidden length and length in
+session.toml is wrong by its stated uncertainty, and each video is processed once more with
+dimensions, modulus and scale wrong by theirs. Prints tables in Markdown (docs/accuracy.md holds a
+run's), then every target with the value that was reached; the exit status is 1 where one was
+missed. With --out the videos and their truth are kept, with `accuracy.csv` (all figures) and
+`worst.csv` (where to look).
 """
 
 import argparse
@@ -139,8 +140,8 @@ def preamble(args) -> str:
     return (
         f"{args.videos} videos of {args.frames} frames per preset, drawn from seed {args.seed} "
         f"(`python workflows/accuracy.py {again}` makes the same). Hidden lengths and lengths in "
-        "session.toml are wrong by their stated uncertainty; *wrong dimensions*: radius, cone length, modulus "
-        "and scale are, too. Intervals resample videos."
+        "session.toml are wrong by their stated uncertainty; *wrong dimensions*: radius, cone "
+        "length, modulus and scale are, too. Intervals resample videos."
     )
 
 
