@@ -1,8 +1,8 @@
 """Normal equations of all cross-sections of a line, many nodes at a time.
 
-The model is that of profiles.py. Vector instructions run along the line, from node to node, and
-the pixels of the sections are taken one after the other: every quantity has a row of BLOCK nodes
-in one array, at distances that the compiler knows.
+The model is that of line_profile.py. Vector instructions run along the line, from node to node,
+and the pixels of the sections are taken one after the other: every quantity has a row of BLOCK
+nodes in one array, at distances that the compiler knows.
 """
 
 import numpy as np
@@ -38,7 +38,7 @@ def accumulate(image, background, weight, gain, x, y, n, cap, sigma, reach, widt
     x, y : nodes of the reference line, about 1 px apart [px]
     cap : largest believable absorbance at each node; darker pixels are cut to it
     sigma : half-width of the line at each node [px]; reach : half-width of the section / sigma
-    widths : whether to fill the sums that tell of the half-width, too
+    widths : whether to fill the sums for the half-width, too
     """
     images, lights, weights = image.ravel(), background.ravel(), weight.ravel()
     height, width = image.shape
@@ -170,7 +170,7 @@ def _add_pixels(rows, gain, m):
 
 @njit(cache=True, fastmath=FAST, error_model="numpy")
 def _add_widths(rows, gain, m):
-    """Add the pixels taken to those sums of each of m nodes that tell of the half-width."""
+    """Add the pixels taken to those sums of each of m nodes that are for the half-width."""
     for j in range(m):
         node = np.uint64(j)
         v, value, u, g = _pixel(rows, gain, node)

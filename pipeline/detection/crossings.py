@@ -6,35 +6,68 @@ the pole bends is no parabola, yet smooth on either side of the crossing; so wha
 crossing decides, and the whole lines only where they cross too flatly for that.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 
 from pipeline.numerics.polyline import nearest_nodes
+from pipeline.session.parameters import DEFAULTS
+from pipeline.session.quantities import pixels_in
 
-NEAR_PX = 4.0  # nearer, lines cross or touch; exchanged ones keep each other a little off
-LEAST = 12  # nodes on either side of the crossing
-GAP = 3  # nodes left out where both lie upon each other
-LOCAL = 40  # nodes on either side that decide where they can, then twice as many, then all
 MUCH_BETTER = 0.5  # part of the other way's misfit: that much less decides
 LEAST_MISFIT = 0.02  # px², mean square: less is noise
 TERMS = 4  # of the polynomial along the chord
 PER_NODE = ("x", "y", "amplitude", "information", "score", "thickness")
+STRIDE = 40  # nodes, from which on not all are looked at
+
+
+class Reach(NamedTuple):
+    """How much of two lines about their crossing counts.
+
+    Attributes
+    ----------
+    near : distance at which lines cross or touch [px]
+    least : nodes on either side of the crossing
+    gap : nodes left out where both lie upon each other
+    local : nodes on either side that decide where they can, then twice as many, then all
+    """
+
+    near: float
+    least: int
+    gap: int
+    local: int
+
+    @classmethod
+    def of(cls, params, pixels_per_m) -> "Reach":
+        """As the room's parameters say, for a scale."""
+        lengths = params.crossing_least_mm, params.crossing_hidden_mm, params.crossing_reach_mm
+        least, gap, local = (round(pixels_in(each, pixels_per_m)) for each in lengths)
+        least = max(least, 2 * gap, 4)  # something is left on either side
+        return cls(pixels_in(params.crossing_mm, pixels_per_m), least, gap, max(local, least))
+
+
+USUAL = Reach.of(DEFAULTS.detection, 25e3)
 
 
 @njit(cache=True)
-def tails_exchanged(x, y, n, other_x, other_y, m):
-    """Nodes (i, j) after which two lines have each other's far parts; (−1, −1) for none."""
-    i, j = nearest_nodes(x, y, n, other_x, other_y, m, NEAR_PX, LEAST)
-    if i < 0 or min(i, j, n - i, m - j) < LEAST:
+def tails_exchanged(x, y, n, other_x, other_y, m, near):
+    """Nodes (i, j) after which two lines have each other's far parts; (−1, −1) for none.
+
+    near : `Reach`
+    """
+    i, j = nearest_nodes(x, y, n, other_x, other_y, m, near.near, near.least)
+    if i < 0 or min(i, j, n - i, m - j) < near.least:
         return -1, -1
-    for reach in (LOCAL, 2 * LOCAL, max(n, m)):
-        stride = max(reach // LOCAL, 1)
+    gap = near.gap
+    for reach in (near.local, 2 * near.local, max(n, m)):
+        stride = max(reach // STRIDE, 1)
         one, one_tail = max(i - reach, 0), min(i + reach, n)
         two, two_tail = max(j - reach, 0), min(j + reach, m)
-        now = _misfit(x, y, one, i, x, y, i, one_tail, stride)
-        now += _misfit(other_x, other_y, two, j, other_x, other_y, j, two_tail, stride)
-        then = _misfit(x, y, one, i, other_x, other_y, j, two_tail, stride)
-        then += _misfit(other_x, other_y, two, j, x, y, i, one_tail, stride)
+        now = _misfit(x, y, one, i, x, y, i, one_tail, gap, stride)
+        now += _misfit(other_x, other_y, two, j, other_x, other_y, j, two_tail, gap, stride)
+        then = _misfit(x, y, one, i, other_x, other_y, j, two_tail, gap, stride)
+        then += _misfit(other_x, other_y, two, j, x, y, i, one_tail, gap, stride)
         if max(now, then) < LEAST_MISFIT:
             continue
         if then < MUCH_BETTER * now:
@@ -45,12 +78,12 @@ def tails_exchanged(x, y, n, other_x, other_y, m):
 
 
 @njit(cache=True)
-def _misfit(x, y, start, i, tail_x, tail_y, j, end, stride):
+def _misfit(x, y, start, i, tail_x, tail_y, j, end, gap, stride):
     """Mean square distance [px²] of nodes start … i and j … end from a smooth curve.
 
-    Every `stride`-th node is looked at.
+    `gap` nodes beside i and j are left out; every `stride`-th other one is looked at.
     """
-    first, second = i - GAP - start, j + GAP
+    first, second = i - gap - start, j + gap
     count = 0
     x0, y0 = x[start], y[start]
     ux, uy = tail_x[end - 1] - x0, tail_y[end - 1] - y0
@@ -79,9 +112,9 @@ def _misfit(x, y, start, i, tail_x, tail_y, j, end, stride):
     return max(total - np.dot(found, right), 0.0) / count
 
 
-def uncross(one, other) -> bool:
-    """Give two `detection.Line`s their own far parts back, in place; whether they had not them."""
-    i, j = tails_exchanged(one.x, one.y, one.n, other.x, other.y, other.n)
+def uncross(one, other, reach: Reach = USUAL) -> bool:
+    """Give two `detection.Line`s their own far parts back, in place; True if exchanged."""
+    i, j = tails_exchanged(one.x, one.y, one.n, other.x, other.y, other.n, reach)
     if i < 0:
         return False
     n, m = one.n, other.n

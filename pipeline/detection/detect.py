@@ -10,20 +10,14 @@ from pipeline.detection.image_model import ImageModel, absorbance_image, lines_i
 from pipeline.detection.line import Line
 from pipeline.numerics import polyline
 from pipeline.session.parameters import DEFAULTS, Parameters
+from pipeline.session.quantities import pixels_in
 
 FEWEST_FITS, MOST_FITS = 4, 12  # of a new line: until it gets no longer
 SAME_LENGTH = 2  # px
-THICKENS = 1.1  # a whisker's far half takes less light than its near one
 WORTH_FITTING = 0.5  # of the darkness wanted of a line, along the ridge that leads to it
-FAINTEST = 0.012  # absorbance below which nothing is called seen
 THINNEST_SIGMA, BROADEST_SIGMA = 0.6, 6.0  # px, of a line's half-width; broad ones move
 SURE_GROWTH_SE, LEAST_GROWTH = 4.0, 0.05  # of the log of the half-width towards the tip
-SAME_MM = 0.12  # lines so near to each other, in a crowd, are of one whisker
-GHOSTS = (0.5, 3.0), (0.35, 6.0)  # of a line's darkness, within so many px: its blur, its ringing
 MOST_LOOKS = 3  # at a frame with many whiskers
-COARSE_PX = 3.2  # the same, for lines that motion has made broad
-ONE_LINE = 0.97  # of what several lines explain, by one broad one in their place
-FINE_PX = 1.1  # SD of the differentiating Gaussian where whiskers lie close together
 
 
 @dataclass(frozen=True)
@@ -55,14 +49,18 @@ class TracingOptions:
 
 def detect(
     image, model: ImageModel, gain, options: TracingOptions, workspace,
-    scale=ridges.SCALE_PX, near_px=3.0, least=0.0,
+    scale=None, near_px=None, least=0.0,
 ) -> list[Line]:  # fmt: skip
     """Find all whiskers in one frame, best first.
 
     A whisker comes out of the face and is visible over at least `options.shortest_px`. Ridges
-    are those of one `scale` [px]; lines nearer to each other than `near_px` are one. What has
-    less than the `least` length × absorbance [px] is left out.
+    are those of one `scale` [px]; lines nearer to each other than `near_px` are one. Both are the
+    room's parameters where they are not given. What has less than the `least` length × absorbance
+    [px] is left out.
     """
+    own = options.params.detection
+    scale = scale or own.sharp_sd_px
+    near_px = near_px or pixels_in(own.same_whisker_mm, options.pixels_per_m)
     lines = _lines_at(scale, image, model, gain, options, workspace, least)
     lines = without_doubles(lines, near_px)
     return _uncrossed_anew(image, model, gain, options, workspace, lines)
@@ -70,20 +68,22 @@ def detect(
 
 def detect_blurred(image, model: ImageModel, gain, options, workspace, least=0.0) -> list[Line]:
     """Find lines that motion has made broad, best first; sharp ones are found as well."""
-    lines = _lines_at(COARSE_PX, image, model, gain, options, workspace, least)
-    return without_doubles(lines)
+    own = options.params.detection
+    coarse = own.blurred_sd_px
+    lines = _lines_at(coarse, image, model, gain, options, workspace, least)
+    return without_doubles(lines, pixels_in(own.same_whisker_mm, options.pixels_per_m))
 
 
 def _lines_at(scale, image, model, gain, options, workspace, least) -> list[Line]:
     """Lines fitted along the ridges of one scale [px], those that may be whiskers, best first."""
-    absorbance = absorbance_image(image, model, gain)
+    absorbance, own = absorbance_image(image, model, gain), options.params.detection
     lines = []
     for curve in ridges.curves_of(absorbance, model.noise, scale):
         rooted = root(curve, model, options)
         if rooted is None or _darkness(absorbance, rooted) < WORTH_FITTING * least:
             continue
         line = settle(image, model, gain, rooted, options, workspace)
-        if thickens(line) and ends_at_face(line, model, options):
+        if thickens(line, own.thickens) and ends_at_face(line, model, options):
             line = settle(image, model, gain, rooted[::-1], options, workspace)
         if contrast_length(line) >= least and _is_whisker(line, model, options):
             lines.append(line)
@@ -106,7 +106,7 @@ def _darkness(absorbance, curve):
 
 def same_px(options: TracingOptions) -> float:
     """How near to each other lines of one whisker are, in a crowd [px]."""
-    return float(np.clip(1e-3 * SAME_MM * options.pixels_per_m, 1.2, 3.0))
+    return float(np.clip(options.px(options.params.detection.same_whisker_mm), 1.2, 3.0))
 
 
 def detect_crowded(
@@ -120,19 +120,19 @@ def detect_crowded(
     are not looked for, nor those of less than the `least` length × absorbance [px].
     """
     lines: list[Line] = []
-    near_px = same_px(options)
+    near_px, own = same_px(options), options.params.detection
     for look in range(MOST_LOOKS):
         with lines_in_background(model, [*known, *lines]):
-            more = detect(image, model, gain, options, workspace, FINE_PX, near_px, least)
+            more = detect(image, model, gain, options, workspace, own.fine_sd_px, near_px, least)
             if look == 0:
                 broad = detect_blurred(image, model, gain, options, workspace, least)
-                more = with_blurred(more, broad, image, model, gain)
+                more = with_blurred(more, broad, image, model, gain, own.one_line)
         others = (*known, *lines)
         more = [
             line
             for line in more
             if all(shared_fraction(line, other, near_px) < 0.5 for other in others)
-            and not is_ghost(line, others)
+            and not is_ghost(line, others, own)
         ]
         if not more:
             break
@@ -150,17 +150,18 @@ def detect_crowded(
     return without_doubles(lines, near_px)
 
 
-def with_blurred(sharp, broad, image, model, gain) -> list[Line]:
+def with_blurred(sharp, broad, image, model, gain, one_line) -> list[Line]:
     """Lines found at both scales: a broad one in place of several sharp ones that it explains.
 
     The two edges of a whisker that moves while the shutter is open pass for two whiskers; one
-    broad line takes nearly as much light as they do. Of two whiskers it would not.
+    broad line takes nearly as much light as they do, the part `one_line` at least. Of two whiskers
+    it would not.
     """
     out = list(sharp)
     for line in broad:
         along = [s for s in out if shared_fraction(s, line, _reach(line)) > 0.5]
         mine = _explained(line, [line], image, model, gain)
-        if mine > ONE_LINE * _explained(line, along, image, model, gain):
+        if mine > one_line * _explained(line, along, image, model, gain):
             out = [line, *(s for s in out if all(s is not other for other in along))]
     return sorted(out, key=lambda line: -contrast_length(line))
 
@@ -181,7 +182,7 @@ def _explained(strip, lines, image, model, gain) -> float:
 
 def _uncrossed_anew(image, model, gain, options, workspace, lines, known=()) -> list[Line]:
     """The same lines, of which crossing ones that have changed far parts are fitted again."""
-    changed = uncrossed(lines)
+    changed = uncrossed(lines, options)
     if not changed:
         return lines
     for line in changed:
@@ -192,27 +193,26 @@ def _uncrossed_anew(image, model, gain, options, workspace, lines, known=()) -> 
     return [line for line in lines if _is_whisker(line, model, options)]
 
 
-def uncrossed(lines) -> list[Line]:
+def uncrossed(lines, options: TracingOptions) -> list[Line]:
     """Give crossing lines their own far parts back, in place; those that have changed."""
+    reach = crossings.Reach.of(options.params.detection, options.pixels_per_m)
     changed = []
     for k, one in enumerate(lines):
         for other in lines[:k]:
-            near = polyline.come_near(
-                one.x, one.y, one.n, other.x, other.y, other.n, crossings.NEAR_PX
-            )
-            if near and crossings.uncross(one, other):
+            near = polyline.come_near(one.x, one.y, one.n, other.x, other.y, other.n, reach.near)
+            if near and crossings.uncross(one, other, reach):
                 changed += [line for line in (one, other) if all(line is not c for c in changed)]
     return changed
 
 
 def _without_broad(image, model, gain, options, workspace, lines, others) -> list[Line]:
     """The same lines, but two in the place of each that is as broad as two whiskers."""
-    usual = splitting.usual_sigma([*lines, *others])
+    usual, own = splitting.usual_sigma([*lines, *others]), options.params.detection
     if usual is None:
         return lines
     out = []
     for k, line in enumerate(lines):
-        if not splitting.is_broad(line, usual, options.pixels_per_m):
+        if not splitting.is_broad(line, usual, own.broad, options.px(own.thickest_radius_mm)):
             out.append(line)
             continue
         beside = [*others, *out, *lines[k + 1 :]]
@@ -228,22 +228,23 @@ def _without_broad(image, model, gain, options, workspace, lines, others) -> lis
             with lines_in_background(model, beside):
                 broad = _explained(line, [line], image, model, gain)
                 slim = _explained(line, [narrow], image, model, gain)
-            pair = [narrow if slim > ONE_LINE * broad else line]
+            pair = [narrow if slim > own.one_line * broad else line]
         out += pair
     return out
 
 
-def is_ghost(line: Line, others) -> bool:
+def is_ghost(line: Line, others, params=DEFAULTS.detection) -> bool:
     """Whether a line is what is left of a darker one: its blur, or the codec's ringing beside it.
 
     The fainter it is, the farther from the darker one.
     """
-    return any(_is_ghost_of(line, other) for other in others)
+    ghosts = (params.blur_share, params.blur_px), (params.ringing_share, params.ringing_px)
+    return any(_is_ghost_of(line, other, ghosts) for other in others)
 
 
-def _is_ghost_of(line, other):
+def _is_ghost_of(line, other, ghosts):
     darker = _median_of(line.amplitude, line.n) / _median_of(other.amplitude, line.n)
-    near = [near_px for share, near_px in GHOSTS if darker < share]
+    near = [near_px for share, near_px in ghosts if darker < share]
     if not near or not polyline.come_near(
         line.x, line.y, line.n, other.x, other.y, other.n, max(near[-1], _reach(other))
     ):
@@ -259,15 +260,16 @@ def _median_of(values, n):
 
 def _is_whisker(line: Line, model, options) -> bool:
     """Whether a line is long and clear and leaves the face."""
-    long_and_clear = line.n >= options.shortest_px and line.quality > 0.3
+    clear = line.quality > options.params.detection.least_quality
+    long_and_clear = line.n >= options.shortest_px and clear
     return long_and_clear and line_fit.is_clear(line.x, line.y, line.n, model.clear)
 
 
-def thickens(line: Line) -> bool:
+def thickens(line: Line, factor=DEFAULTS.detection.thickens) -> bool:
     """Whether a line takes more light in its far half than in its near one: it is turned round."""
     thickness = line.thickness[: line.n]
     near, far = thickness[: line.n // 2], thickness[line.n // 2 :]
-    return line.n > 0 and _median_of_known(far) > THICKENS * _median_of_known(near)
+    return line.n > 0 and _median_of_known(far) > factor * _median_of_known(near)
 
 
 @njit(cache=True)
@@ -318,6 +320,7 @@ def settle(image, model: ImageModel, gain, curve, options: TracingOptions, works
     n = polyline.resample(line.x, line.y, n, workspace.scratch.room)
     line.amplitude[:] = 0.5
     line.n = n
+    faintest = options.params.detection.faintest
     for step in range(MOST_FITS):
         before = line.n
         refine(image, model, gain, line, options, workspace, widths=True)
@@ -328,7 +331,7 @@ def settle(image, model: ImageModel, gain, curve, options: TracingOptions, works
         fit_width(line, workspace)
         # no history to average with: the absorbance is what was measured last
         measured = workspace.scratch.amplitude[: line.n]
-        line.amplitude[: line.n] = np.maximum(measured, FAINTEST)
+        line.amplitude[: line.n] = np.maximum(measured, faintest)
         line.amplitude[line.n :] = line.amplitude[line.n - 1]
     return line
 
@@ -372,10 +375,12 @@ def refine(
 
     A line that is `farthest` [px] or more from them is not found. `widths`: for `fit_width`.
     """
-    longest = min(options.longest_px, line.longest)
+    longest, own = min(options.longest_px, line.longest), options.params.detection
+    unseen = round(pixels_in(own.unseen_gap_mm, options.pixels_per_m))
     fit = line_fit.Fit(
-        float(options.spacing_px), options.bridge_px, float(longest), float(farthest), widths
-    )
+        float(options.spacing_px), options.bridge_px, float(longest), float(farthest), widths,
+        own.faintest, unseen,
+    )  # fmt: skip
     line.n, line.quality = line_fit.refine(
         model.picture(image, gain), line.nodes, line.n, fit, workspace.scratch
     )

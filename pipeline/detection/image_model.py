@@ -11,11 +11,9 @@ from numba import njit
 from pipeline.detection import line_profile
 from pipeline.detection.line import Line
 from pipeline.detection.static_scene import StaticScene
+from pipeline.session.parameters import DEFAULTS
 
 TRANSLUCENT = 0.25  # of the light that passes beside it: a whisker is seen through such a thing
-THINNEST_PX = 9  # thinner bright parts of obstacles are rims
-CLEAR_PX = 6.0  # from the edges of face and obstacles, which pass for lines when they tremble
-TREMBLING_PX = 0.15  # obstacles may move so far, unnoticed
 
 
 class Picture(NamedTuple):
@@ -39,8 +37,8 @@ class Picture(NamedTuple):
 class ImageModel:
     """The static scene as the tracer uses it: arrays of float32 (height, width).
 
-    `clear`, bool, is farther than CLEAR_PX from face and obstacles;
-    `gain_points` are those of profiles.frame_gain, on pixels that are free of all things.
+    `clear`, bool, is farther than `edge_px` from face and obstacles;
+    `gain_points` are those of line_profile.frame_gain, on pixels that are free of all things.
     """
 
     background: np.ndarray
@@ -52,7 +50,9 @@ class ImageModel:
     gain_points: tuple[np.ndarray, np.ndarray]
 
     @classmethod
-    def from_scene(cls, scene: StaticScene, margin_px: float = 1.5) -> "ImageModel":
+    def from_scene(
+        cls, scene: StaticScene, params=DEFAULTS.detection, margin_px: float = 1.5
+    ) -> "ImageModel":
         """Face and opaque things get no weight; `outside` is signed, from the fur's edge [px].
 
         Nothing is looked for before obstacles (`usable`), but a whisker is followed across those
@@ -65,13 +65,13 @@ class ImageModel:
         outside = signed_distance(scene.face_mask)
         bright = ~scene.face_mask & (background > 12) & (outside > -margin_px)
         usable = bright & ~scene.obstacle_mask
-        seen = usable | bright & translucent(background, variance, scene.obstacle_mask)
+        seen = usable | bright & translucent(background, variance, scene.obstacle_mask, params)
         weight = np.where(seen, 1 / variance, 0).astype(np.float32)
-        trembling = TREMBLING_PX * gradient(background)
+        trembling = params.trembling_px * gradient(background)
         noise = np.sqrt(variance + trembling**2) / np.maximum(background, 12)
         kernel = np.ones((9, 9), np.uint8)
         free = cv2.erode(usable.astype(np.uint8), kernel).astype(bool)
-        clear = cv2.distanceTransform(seen.astype(np.uint8), cv2.DIST_L2, 5) > CLEAR_PX
+        clear = cv2.distanceTransform(seen.astype(np.uint8), cv2.DIST_L2, 5) > params.edge_px
         points = line_profile.gain_points(background, free)
         return cls(background, weight, outside, noise.astype(np.float32), usable, clear, points)
 
@@ -84,7 +84,7 @@ class ImageModel:
         return line_profile.frame_gain(image, *self.gain_points)
 
 
-def translucent(background, variance, obstacles) -> np.ndarray:
+def translucent(background, variance, obstacles, params=DEFAULTS.detection) -> np.ndarray:
     """Pixels of obstacles that let light through: out-of-focus rods, not the rims of others.
 
     There it is bright, and so far from edges that their trembling does not outdo the noise.
@@ -92,8 +92,9 @@ def translucent(background, variance, obstacles) -> np.ndarray:
     few = background[::4, ::4]
     few = few[few > 0]  # not what is outside of [image] region_px and mask
     bright = background > TRANSLUCENT * (np.percentile(few, 90) if len(few) else 0)
-    through = obstacles & bright & ((TREMBLING_PX * gradient(background)) ** 2 < variance)
-    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (THINNEST_PX, THINNEST_PX))
+    trembling = params.trembling_px * gradient(background)
+    through = obstacles & bright & (trembling**2 < variance)
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, 2 * [max(round(params.rim_px), 1)])
     return cv2.morphologyEx(through.astype(np.uint8), cv2.MORPH_OPEN, disc).astype(bool)
 
 

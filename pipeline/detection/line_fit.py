@@ -3,7 +3,7 @@
 Two steps. *Capture*: the best smooth path through a strip of cross-sections around the
 prediction, found for the whole whisker at once by dynamic programming over the likelihood gain
 of "a line of the known absorbance here". *Refinement*: Gauss–Newton on the raw pixels
-(sections.py) for a spline offset, until it hardly moves the line.
+(cross_sections.py) for a spline offset, until it hardly moves the line.
 """
 
 from typing import NamedTuple
@@ -37,6 +37,8 @@ class Fit(NamedTuple):
     longest : nodes that the line may have
     farthest : largest first step [px]
     widths : whether `Scratch.sums` are filled for the half-width, too
+    faintest : absorbance below which nothing is seen
+    unseen : nodes in a row that may not be seen, though there are pixels
     """
 
     spacing: float
@@ -44,6 +46,8 @@ class Fit(NamedTuple):
     longest: float
     farthest: float
     widths: bool
+    faintest: float
+    unseen: int
 
 
 @njit(cache=True)
@@ -184,14 +188,14 @@ def _blocked(sums, i, n):
 
 
 @njit(cache=True)
-def visible_end(amplitude, amplitude_se, sums, n, threshold, bridge):
+def visible_end(amplitude, amplitude_se, sums, n, threshold, bridge, faintest, most_unseen):
     """Index one past the last node that is still seen; 0 where nothing is.
 
     The search starts at the clearest node of the proximal half, since fur may cover the first
     ones. A node is seen where its windowed absorbance is `threshold` standard errors above
-    zero; unseen stretches up to `bridge` nodes are crossed where pixels are missing (pole,
-    border), shorter ones where they are not. The more pixels are missing, the longer must be
-    what is seen beyond.
+    zero, and above `faintest`; unseen stretches up to `bridge` nodes are crossed where pixels are
+    missing (pole, border), up to `most_unseen` where they are not. The more pixels are missing,
+    the longer must be what is seen beyond.
     """
     first = 0
     clearest = 0.0
@@ -212,7 +216,7 @@ def visible_end(amplitude, amplitude_se, sums, n, threshold, bridge):
             if blind > bridge:
                 break
             continue
-        if amplitude[i] > threshold * amplitude_se[i] and amplitude[i] > 0.012:
+        if amplitude[i] > threshold * amplitude_se[i] and amplitude[i] > faintest:
             run += 1
             if blind + unseen == 0 or run >= 8 + blind // 2:
                 end = i + 1
@@ -221,7 +225,7 @@ def visible_end(amplitude, amplitude_se, sums, n, threshold, bridge):
         else:
             run = 0
             unseen += 1
-            if unseen > 12:
+            if unseen > most_unseen:
                 break
     return max(end - OVERSHOOT, 0) if end < n else end
 
@@ -318,7 +322,10 @@ def refine(picture, nodes, n, fit, scratch):
         seen = max(min(n, int(min(fit.longest, n))), 2)
         before = end
         bridge = WIDEST_GAP * fit.bridge
-        end = visible_end(work.amplitude, work.amplitude_se, work.sums, seen, 4.0, bridge)
+        end = visible_end(
+            work.amplitude, work.amplitude_se, work.sums, seen, 4.0, bridge, fit.faintest,
+            fit.unseen,
+        )  # fmt: skip
         fit_offset(x, y, n, fit.spacing, STIFFNESS, work)
         move(x, y, n, work)
         tip = min(end + BEYOND_TIP, n)

@@ -16,7 +16,7 @@ SCALE_PX = 1.6  # SD of the differentiating Gaussian
 COARSE_PX = 2.5  # scales from here on are looked for on a smaller picture
 PYRAMID_NOISE = 0.27  # SD of white noise after cv2.pyrDown
 LOW, HIGH = 2.5, 5.0  # standard deviations of the noise: to go on along a line, to start one
-DIRECTION_REACH = 14  # points that tell an end's direction
+DIRECTION_REACH = 14  # points that give an end's direction
 LEAST_COSINE, LEAST_COSINE_HIDDEN = 0.9, 0.866  # of what a line may turn by across a gap
 
 
@@ -81,7 +81,7 @@ def ridge_points(absorbance, noise_sd, scale=SCALE_PX):
 def _may_be_strong(xx, yy, xy, noise_sd, limit, out):
     """Fill `out`: whether the response at a row's pixels is above `limit` SDs, rounding left out.
 
-    Most pixels are below, and that is told without a root, many at a time.
+    Most pixels are below, which many at a time can show without a square root.
     """
     half, nearly = np.float32(0.5), np.float32(1 - 1e-4)
     for i in range(len(out)):
@@ -254,7 +254,7 @@ def link(index, points, shortest=8):
 def _ends(curves, unsure=0):
     """Ends (2n, 2) of the curves, first and last in turn, and the unit directions out of them.
 
-    The last `unsure` points do not tell a direction.
+    The last `unsure` points are left out of the direction.
     """
     lengths = np.array([len(curve) for curve in curves])
     points, last = np.concatenate(curves), np.cumsum(lengths) - 1

@@ -7,11 +7,9 @@ two more.
 
 import numpy as np
 
-LEAST_LINES = 4  # from which the usual breadth is told
+LEAST_LINES = 4  # needed to know the usual breadth
 USUAL_QUANTILE = 0.25  # of the lines' breadths: broader ones may be of two whiskers
 BLURRED = 1.2  # times as broad at the tip as at the base
-BROAD = 1.25  # times the usual σ, over the proximal half: two whiskers
-THICKEST_M = 50e-6  # radius of a whisker: some are broader than others by themselves
 ROUNDS = 3  # of fitting two lines, each beside the other
 EVEN = 0.5  # the fainter one's part of the darker one's absorbance, at least
 CLEAR = 0.85  # quality of both, at least: what is expected of them is there
@@ -34,8 +32,8 @@ def breadth(line) -> float:
     return float(np.sqrt(np.mean(line.sigma[: max(line.n // 2, 1)] ** 2)))
 
 
-def is_broad(line, usual, pixels_per_m) -> bool:
-    """Whether a line is broader [px] than the usual σ and a whisker's own thickness make it.
+def is_broad(line, usual, factor, thickest_px) -> bool:
+    """Whether a line is broader than `factor` times the usual σ, and than a whisker's radius adds.
 
     One that gets broader towards its tip is blurred by its own motion.
     """
@@ -43,7 +41,7 @@ def is_broad(line, usual, pixels_per_m) -> bool:
         return False
     sigma = breadth(line)
     excess = sigma**2 - usual**2
-    return sigma > BROAD * usual and excess > (THICKEST_M * pixels_per_m) ** 2 / 3
+    return sigma > factor * usual and excess > thickest_px**2 / 3
 
 
 def split(line, sigma, refine, like_whisker):

@@ -189,7 +189,7 @@ def _lines_of(frames, scene, options, names, indices):
     several, enough = names is None or len(names) > 1, len(names) if names else np.inf
     found, side = [], "left"
     for present, chosen in _by_scene(frames, scene, indices):
-        model = ImageModel.from_scene(present)
+        model = ImageModel.from_scene(present, options.params.detection)
         workspace = Workspace(int(1.6 * np.hypot(*present.background.shape)))
         for image in chosen:
             gain = model.gain(image)

@@ -141,7 +141,7 @@ class Tracer:
 
     def change_scene(self, scene: StaticScene) -> None:
         """Go on before another background: something large has moved."""
-        self.model = ImageModel.from_scene(scene)
+        self.model = ImageModel.from_scene(scene, self.options.params.detection)
 
     def step(self, image) -> list[Track]:
         """Advance by one frame; return the tracks, `line` None where a whisker is lost."""
@@ -232,7 +232,7 @@ class Tracer:
         """Let lines that have turned off onto each other go on with their own far parts."""
         tracks = [t for t in present if t.line is not None]
         known = [t.line.copy() for t in tracks]
-        changed = detect.uncrossed([t.line for t in tracks])
+        changed = detect.uncrossed([t.line for t in tracks], self.options)
         for line in changed:
             others = [t.line for t in tracks if t.line is not line]
             with image_model.lines_in_background(self.model, others):
@@ -253,7 +253,7 @@ class Tracer:
         for track in present:
             others = [t.line for t in present if t is not track and t.line is not None]
             young = track.line is not None and track.age < self.established
-            if young and detect.is_ghost(track.line, others):
+            if young and detect.is_ghost(track.line, others, self.options.params.detection):
                 track.lose()
 
     def _follow(self, track: Track, image, gain, line: Line) -> None:
@@ -352,7 +352,7 @@ class Tracer:
         with image_model.lines_in_background(self.model, known):
             found = detect.detect(image, self.model, gain, self.options, self.workspace)
         found = [c for c in found if all(detect.shared_fraction(c, p) < 0.4 for p in known)]
-        found = [c for c in found if not detect.is_ghost(c, known)]
+        found = [c for c in found if not detect.is_ghost(c, known, self.options.params.detection)]
         return [c for c in found if turning_range(c.x, c.y, c.n) < self.bends.largest]
 
     def _expected_shift(self, present):

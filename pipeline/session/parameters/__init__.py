@@ -9,6 +9,7 @@ name, one field each: plausible range and unit, default, meaning, and where the 
 from pydantic.dataclasses import dataclass
 
 from pipeline.session.parameters.contacts import ContactParams
+from pipeline.session.parameters.detection import DetectionParams
 from pipeline.session.parameters.forces import RodParams
 from pipeline.session.parameters.identity import IdentityParams
 from pipeline.session.parameters.kinematics import KinematicsParams
@@ -19,6 +20,7 @@ from pipeline.session.quantities import TABLE
 __all__ = [
     "DEFAULTS",
     "ContactParams",
+    "DetectionParams",
     "IdentityParams",
     "KinematicsParams",
     "Parameters",
@@ -33,6 +35,7 @@ class Parameters:
     """The parameters of all rooms."""
 
     scene: SceneParams = SceneParams()
+    detection: DetectionParams = DetectionParams()
     tracking: TrackerParams = TrackerParams()
     identity: IdentityParams = IdentityParams()
     kinematics: KinematicsParams = KinematicsParams()

@@ -89,4 +89,6 @@ def test_lines_that_are_right_are_left(seed, make):
 def test_lines_that_do_not_come_near_each_other_are_left():
     rng = np.random.default_rng(9)
     one, other = parabola(100, 0.1, 0.0, 120, rng), parabola(90, 0.05, 0.0, 120, rng)
-    assert crossings.tails_exchanged(one.x, one.y, 120, other.x, other.y, 120) == (-1, -1)
+    assert crossings.tails_exchanged(
+        one.x, one.y, 120, other.x, other.y, 120, crossings.USUAL
+    ) == (-1, -1)

@@ -5,8 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.detection.detect import GHOSTS, is_ghost, shared_fraction
+from pipeline.detection.detect import is_ghost, shared_fraction
 from pipeline.detection.line import Line
+from pipeline.session.parameters import DEFAULTS
 
 LIMIT = 120
 
@@ -51,6 +52,6 @@ def test_no_nodes_are_near_nothing():
 )
 def test_a_ghost_is_faint_and_beside_a_dark_line(strength, away_px, ghost):
     dark = line(straight(0.2, 80), 0.6)
-    faint = line(straight(0.2, 60, (0, away_px)), strength * GHOSTS[0][0] * 0.6)
+    faint = line(straight(0.2, 60, (0, away_px)), strength * DEFAULTS.detection.blur_share * 0.6)
     assert is_ghost(faint, [line(straight(-1, 80)), dark]) == ghost
     assert not is_ghost(dark, [faint])

@@ -99,7 +99,7 @@ def test_the_wider_a_gap_the_more_must_be_seen_beyond_it(seen, end):
     sums[line_profile.G11, 100:140] = 0  # behind a rod
     amplitude = np.zeros(n)
     amplitude[:100] = amplitude[140 : 140 + seen] = 0.5
-    found = line_fit.visible_end(amplitude, np.full(n, 0.02), sums, n, 4.0, 100)
+    found = line_fit.visible_end(amplitude, np.full(n, 0.02), sums, n, 4.0, 100, 0.012, 12)
     assert found == pytest.approx(end, abs=line_fit.OVERSHOOT)
 
 
