@@ -1,5 +1,7 @@
 """Key points of DeepLabCut and SLEAP become lines that are worth what the points are."""
 
+from pathlib import Path
+
 import h5py
 import numpy as np
 import pandas as pd
@@ -18,6 +20,7 @@ from pipeline.run import analyse_lines
 from synthetic.presets import make_trial
 from synthetic.truth import contact_table
 
+DATA = Path(__file__).parents[2] / "data"
 NOISE_PX, POINTS = 0.4, 10
 noise_tolerance = 0.2  # relative
 line_tolerance = 0.6  # px, root mean square
@@ -114,6 +117,21 @@ def test_sleap_files(tmp_path, individuals):
     sleap_table(expected).to_csv(tmp_path / "a.csv", index=False)
     check(read_sleap(tmp_path / "a.h5"), expected)
     check(read_sleap(tmp_path / "a.csv"), expected)
+
+
+@pytest.mark.parametrize(
+    ("read", "file"), [(read_sleap, "sleap_io.csv"), (read_deeplabcut, "deeplabcut.csv")]
+)
+def test_files_that_the_programs_wrote(motion, read, file):
+    found = read(DATA / file)
+    frame, i = np.arange(4)[:, None], np.arange(12)
+    expected = np.stack([100 + 30 * i + frame, 200 - 10 * i + frame / 2], axis=-1)
+    expected[2, 5] = np.nan
+    order = [found.parts.index(f"point_{part}") for part in i]
+    np.testing.assert_array_equal(found.xy[:, 0, order], expected)
+    lines = lines_of(found, settings_of(motion), file, ["C2"])
+    ends = np.stack([lines.offsets[:-1], lines.offsets[1:] - 1])
+    np.testing.assert_allclose(lines.x_px[ends].T, expected[:, [0, -1], 0], atol=1)  # px
 
 
 def test_lines_pass_where_the_whisker_was(motion, points, true_lines):

@@ -1,5 +1,7 @@
 """WhACC's file of contacts, in and out."""
 
+from pathlib import Path
+
 import h5py
 import numpy as np
 import pytest
@@ -15,6 +17,8 @@ from pipeline.convert.whacc import (
     write_whacc,
 )
 from pipeline.errors import InputError
+
+DATA = Path(__file__).parents[2] / "data"
 
 
 def write(path, names, parts, key="labels", **more):
@@ -42,6 +46,15 @@ def test_a_person_s_labels_come_before_the_prediction(tmp_path):
     np.testing.assert_array_equal(found.touch, [1, 0, 1, 0])
     (found,) = read_whacc(write(tmp_path / "v.h5", [b"/data/a.mp4"], [labels]))
     np.testing.assert_array_equal(found.touch, [-1, 0, 1, -1])
+
+
+def test_a_file_that_whacc_wrote():
+    first, second = read_whacc(DATA / "whacc.h5")
+    assert [first.video, second.video] == ["trial_0007", "trial_0012"]
+    touching = np.isin(np.arange(40), np.arange(16, 30))
+    np.testing.assert_array_equal(first.touch, touching)
+    np.testing.assert_array_equal(second.touch[:-1], touching[:-1])
+    assert second.touch[-1] == 1  # so a person said
 
 
 def test_a_prediction_counts_while_the_pole_is_within_reach(tmp_path):
