@@ -3,6 +3,7 @@
 So memory does not grow with the video's length.
 """
 
+import itertools
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
@@ -120,6 +121,8 @@ def _followed(frames, scenes, tracer, chunk_frames) -> Iterator[Centrelines]:
     spacing = tracer.options.spacing_px
     trust = 1.0
     index = -1
+    if tracer.crowded:
+        frames = _settled_in(tracer, iter(frames))
     for index, image in enumerate(frames):
         if index in scenes:
             present, trust = scenes[index]
@@ -136,6 +139,14 @@ def _followed(frames, scenes, tracer, chunk_frames) -> Iterator[Centrelines]:
             yield collector.take(spacing)
     if collector.rows or index < 0:
         yield collector.take(spacing)
+
+
+def _settled_in(tracer, frames):
+    """The same frames, when the tracer has seen the first ones, there and back."""
+    first = [image.copy() for image in itertools.islice(frames, tracer.first_frames)]
+    if len(first) > 1:
+        tracer.settle_in(first)
+    return itertools.chain(first, frames)
 
 
 def sample_lines(roster: list[Slot], options: TracingOptions) -> Centrelines:

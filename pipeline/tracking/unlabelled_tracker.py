@@ -39,6 +39,7 @@ class CrowdTracer(Tracer):
         self.slot = Slot("", np.zeros(2), options.shortest_px, longest_px=options.longest_px)
         self.number = itertools.count()
         self.tracks = []
+        self.first_frames = frames_in(params.first_frames_s, options.frames_per_second)
         self.pivot = options.px(params.crowd_pivot_mm)
         self.astray_sd = np.radians(params.astray_deg)
         self.young = max(frames_in(params.young_s, options.frames_per_second), 1)
@@ -51,6 +52,33 @@ class CrowdTracer(Tracer):
         self.tracks = [t for t in self.tracks if t.line is not None]
         self._search_all(image, gain)
         return self.tracks
+
+    def settle_in(self, frames) -> None:
+        """Learn how the lines move in the first frames, there and back, before these are tracked.
+
+        A row that is seen in one frame alone fits the next one nearly as well when it has moved
+        on by a whisker.
+        """
+        for image in (*frames, *frames[-2:0:-1]):
+            self.step(image)
+        second = {t.number: t.line.copy() for t in self.tracks}
+        self.step(frames[0])
+        lines = [t.line for t in self.tracks]
+        turn = [
+            _turned(second[t.number], t.line) if t.number in second else np.nan
+            for t in self.tracks
+        ]
+        if lines:
+            turn = row_rotation.even_turns(row_rotation.places(lines), np.array(turn))
+        for track, angle in zip(self.tracks, turn, strict=True):
+            track.line, track.before = (self._turned_back(track.line, k * angle) for k in (1, 2))
+        self.frame = -1
+
+    def _turned_back(self, line, angle) -> Line:
+        """A copy of the line, turned against the row's turn."""
+        back = foretold(line, None)
+        row_rotation.turn_line(back, -angle, self.pivot)
+        return back
 
     def _search_all(self, image, gain) -> None:
         """Begin a track for every line that has none."""

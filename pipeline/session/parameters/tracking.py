@@ -79,6 +79,10 @@ class TrackerParams:
     crowd_pivot_mm: quantity(0, 10, "mm") = parameter(
         1.25, "the same for the prediction of a row's common turn", "chosen for mice"
     )
+    first_frames_s: quantity(0, 1, "s") = parameter(
+        0.008, "first part of a video with many whiskers, in which the row's motion is learnt "
+        "there and back before they are followed", "chosen on real recordings",
+    )  # fmt: skip
     base_order_mm: quantity(0, 10, "mm") = parameter(
         1.5, "so far outside the fur, whiskers lie in the order of their follicles", "chosen"
     )

@@ -1,11 +1,14 @@
 """Lines of a crowd through rendered frames in which neighbours stand closer than they move."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from pipeline.scene.estimate import scene_from_frames
 from pipeline.session.recording import Recording
 from pipeline.tracking.registry import find_roster
+from pipeline.tracking.track_video import track
 from pipeline.tracking.tracker import options_for
 from pipeline.tracking.unlabelled_tracker import CrowdTracer
 from synthetic.presets import make_trial
@@ -62,3 +65,18 @@ def test_it_goes_on_where_all_lines_are_lost_for_some_frames(crowd):
     seen = [len(tracer.step(image)) for image in (*images[:3], empty, empty, empty, *images[3:12])]
     assert seen[5] == 0
     assert seen[-1] >= len(roster) - 2
+
+
+@pytest.mark.parametrize("start", [27, 45])
+def test_lines_stay_with_their_whiskers_in_a_video_that_begins_amid_a_whisk(crowd, start):
+    trial, scene, roster, options, images = crowd
+    coarse = slice(start, start + 32, 4)  # a quarter of the frame rate
+    lines = next(track(images[coarse], scene, roster, options))
+    seen = {}
+    for row, (frame, number) in enumerate(zip(lines.frame, lines.whisker, strict=True)):
+        line = SimpleNamespace(points=lines.row(row).astype(float), n=len(lines.row(row)))
+        true = whisker_at(trial, FRAMES[coarse][frame], line)
+        if frame < 6 and true >= 0:
+            seen.setdefault(number, set()).add(true)
+    assert len(seen) >= len(trial.scene.hairs) - 1
+    assert all(len(whiskers) == 1 for whiskers in seen.values())
