@@ -11,6 +11,7 @@ were noticed. A change that alters no number (an equivalent one) counts as survi
 import argparse
 import ast
 import os
+import re
 import secrets
 import shutil
 import subprocess
@@ -29,6 +30,12 @@ TESTS = {  # folder of the changed file: where its tests are
     "pipeline/forces": ("tests/pipeline/forces",),
     "pipeline/contacts": ("tests/pipeline/contacts", "tests/pipeline/forces/test_forces.py"),
     "synthetic": ("tests/synthetic",),
+}
+INSIDE = {  # of which file's tests theirs are a part
+    **dict.fromkeys(
+        ("rod_integration", "rod_outputs", "rod_types", "normal_equations"), "rod_fit"
+    ),
+    **dict.fromkeys(("intervals", "probability"), "analysis"),
 }
 ROOMS = ("whiskermodel", "pipeline/forces", "pipeline/contacts")  # of random changes
 WANTED = 0.95
@@ -156,13 +163,28 @@ def survives(mutant: Mutant, copy: Path) -> bool:
         os.utime(path, ns=(times.st_atime_ns, times.st_mtime_ns))
 
 
-def _tests_pass(path, copy) -> bool:
+def tests_of(path: str, root: Path) -> list[Path]:
+    """Test files of a file's room, those first that name it most: there changes are noticed."""
     room = next(room for room in TESTS if path.startswith(f"{room}/"))
-    stem = f"test_{Path(path).stem}.py"
-    # the file's own tests first: most changes are noticed there
-    places = sorted(p.as_posix() for place in TESTS[room] for p in copy.glob(f"{place}/**/{stem}"))
-    command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", *places]
-    command += [str(copy / place) for place in TESTS[room]]
+    name = re.compile(rf"\b(test_)?{INSIDE.get(Path(path).stem, Path(path).stem)}\b")
+    files = []
+    for place in TESTS[room]:
+        files += (
+            [root / place] if place.endswith(".py") else sorted((root / place).glob("**/*.py"))
+        )
+    files = [file for file in dict.fromkeys(files) if file.name.startswith("test_")]
+
+    def mentions(file):
+        return len(name.findall(f"{file.stem} {file.read_text('utf-8')}"))
+
+    return sorted(
+        files, key=lambda file: (f"test_{Path(path).stem}" != file.stem, -mentions(file))
+    )
+
+
+def _tests_pass(path, copy) -> bool:
+    command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider"]
+    command += [str(file) for file in tests_of(path, copy)]
     environment = {**os.environ, "PYTHONPATH": str(copy), "OMP_NUM_THREADS": "1"}
     try:
         done = subprocess.run(

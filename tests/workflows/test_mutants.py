@@ -46,3 +46,18 @@ def test_random_changes_of_the_code_parse_and_change_something():
 
 def test_named_changes_are_lines_of_the_code():
     assert len(mutants.named_mutants()) == len(mutants.NAMED)
+
+
+@pytest.mark.parametrize(
+    ("path", "first"),
+    [
+        ("pipeline/forces/rod_outputs.py", "test_rod_fit.py"),
+        ("pipeline/forces/forces.py", "test_forces.py"),
+        ("pipeline/contacts/intervals.py", "test_analysis.py"),
+        ("whiskermodel/supported.py", "test_supported.py"),
+    ],
+)
+def test_the_tests_that_know_a_file_best_come_first(path, first):
+    files = mutants.tests_of(path, mutants.ROOT)
+    assert files[0].name == first
+    assert len(files) > 4
