@@ -410,6 +410,19 @@ def test_peak_errors(traced, touch, monkeypatch):
     assert nothing["peak_force_se_uN"].isna().all()
 
 
+def test_errors_and_covariances_grow_with_the_scatter_of_free_frames(traced, monkeypatch):
+    """Twice the standard errors are four times the covariance of gap and force."""
+    found = []
+    for noise in (1.0, 2.0):
+        monkeypatch.setattr(forces, "_force_noise", lambda *_, noise=noise: noise)
+        found.append(forces.measure_forces(traced.places, mouse_c2(), traced.frames, 5.5e-3)[0])
+    plain, noisy = found
+    for column, factor in (("gap_se_m", 2), ("clear_gap_se_m", 2), ("gap_force_cov", 4)):
+        np.testing.assert_allclose(noisy[column], factor * plain[column], rtol=1e-9)
+    own = [np.square(f["shape_force_se_N"]) - np.square(f["origin_force_se_N"]) for f in found]
+    np.testing.assert_allclose(own[1], 4 * own[0], rtol=1e-6)
+
+
 def test_a_scale_that_is_wrong_moves_places_about_the_tip_where_that_is_seen(traced, monkeypatch):
     """The taper's share of the change turns round: the whisker's base moves, not its tip."""
     monkeypatch.setattr(
