@@ -106,6 +106,10 @@ def draw(results: dict[str, dict], path: Path) -> None:
             if kind != "lossless":
                 axes.annotate(label, (x, y), (4, 4), textcoords="offset points", fontsize=7)
     axes.set(xscale="log", yscale="log", xlabel="file size [kB per frame]")
+    axes.set_yticks([0.1, 0.2, 0.5, 1, 2, 5, 10])
+    axes.minorticks_off()
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_formatter("{x:g}")
     axes.set_ylabel("median error of the peak force [%]")
     axes.legend(frameon=False)
     figure.savefig(path, dpi=150)
