@@ -24,6 +24,7 @@ from pipeline.app.outcome import (
     save_state,
 )
 from pipeline.errors import InputError, in_words, why
+from pipeline.runtime import interrupts
 from pipeline.runtime.folder_lock import locked
 from pipeline.runtime.progress import Progress, Step, duration
 from pipeline.runtime.run_log import RunLog
@@ -284,6 +285,7 @@ def _write_pictures(summary, shown, log):
     if not any(each.frames for each in summary.outcomes):
         return
     for what, write in (("figures", figures.write_fig3), ("report", report.write_report)):
+        interrupts.check()
         shown.doing(what)
         log.write(f"{what}: started")
         try:

@@ -6,7 +6,6 @@ Exit status: 0 all done; 1 some videos failed; 2 unusable arguments or settings.
 import gc
 import os
 import shlex
-import signal
 import sys
 import traceback
 from pathlib import Path
@@ -92,8 +91,9 @@ def run(
     Finished videos are skipped on the next run unless settings, input or version changed.
     """
     from pipeline.app import batch
+    from pipeline.runtime import interrupts
 
-    signal.signal(signal.SIGTERM, signal.default_int_handler)  # end as with Ctrl-C
+    interrupts.listen()
     jobs, shown = jobs or _cores(), None if quiet else _progress
     summary = batch.run(paths, out, config, jobs, overwrite, overlay, shown)
     _finish_run(summary, debug, _say_nothing if quiet else _say)

@@ -12,6 +12,8 @@ from dataclasses import dataclass, replace
 from multiprocessing.connection import wait
 from typing import Any
 
+from pipeline.runtime import interrupts
+
 REPORT_EVERY = 0.1  # s between progress messages of one worker and stage
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
@@ -46,7 +48,7 @@ def run_tasks(function, tasks, on_event, jobs=1) -> None:
     if jobs == 1 or len(tasks) < 2:
         for number, task in enumerate(tasks):
             on_event(Event("start", number))
-            _call(function, task, lambda message, n=number: on_event(_event(message, n)))
+            _call(function, task, lambda message, n=number: _here(on_event, message, n))
         return
     workers = [_Worker(function) for _ in range(min(jobs, len(tasks)))]
     try:
@@ -56,9 +58,10 @@ def run_tasks(function, tasks, on_event, jobs=1) -> None:
             worker.stop()
 
 
-def _event(message, number) -> Event:
-    kind, value = message
-    return Event(kind, number, value)
+def _here(on_event, message, number):
+    """Hand on what a task in this process says."""
+    on_event(Event(message[0], number, message[1]))
+    interrupts.check()
 
 
 def _call(function, task, send):
@@ -169,6 +172,7 @@ def _feed(workers, tasks, on_event):
                 if number not in again:
                     on_event(Event("start", number))
         busy = {w.connection: w for w in workers if w.task is not None}
+        interrupts.check()
         for connection in wait(list(busy), timeout=0.5):
             event = busy[connection].receive()
             if event.kind == "ended" and event.task not in again:

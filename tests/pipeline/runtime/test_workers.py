@@ -9,6 +9,7 @@ import time
 import endless_tasks
 import pytest
 
+from pipeline.runtime import interrupts
 from pipeline.runtime.workers import run_tasks
 
 THREADS = "OPENBLAS_NUM_THREADS"
@@ -110,3 +111,37 @@ def test_workers_end_with_a_program_that_is_killed(tmp_path):
     finally:
         for pid in filter(_runs, workers):
             os.kill(pid, signal.SIGKILL)
+
+
+class _PressesWhenDeleted:
+    """Ctrl-C at a moment at which Python ignores exceptions."""
+
+    def __del__(self):
+        os.kill(os.getpid(), signal.SIGINT)
+
+
+def _presses(task, report):
+    _PressesWhenDeleted()
+    report(task)
+    return task
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+def test_an_interrupt_that_python_ignores_still_ends_the_run():
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    events = []
+    interrupts.listen()
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            run_tasks(_presses, [1, 2], events.append)
+    finally:
+        interrupts.listen()
+        for number, handler in before.items():
+            signal.signal(number, handler)
+    assert [event.task for event in events if event.kind == "start"] == [0]
+
+
+def test_an_interrupt_of_before_does_not_end_the_next_run():
+    events = []
+    run_tasks(_square, [1], events.append)
+    assert events[-1].value == 1
