@@ -6,7 +6,9 @@ import numpy as np
 import pandas as pd
 
 from pipeline.forces import forces
-from pipeline.kinematics.resampled import N_STATIONS, Stations
+from pipeline.kinematics.base_angle import rows_of
+from pipeline.kinematics.resampled import N_STATIONS, PART_ROWS, Stations
+from pipeline.numerics.runs import parts
 from pipeline.session.parameters import DEFAULTS, RodParams
 from pipeline.tables.columns import EVIDENCE_COLUMNS, as_table
 from pipeline.tracking.whiskers import nominal_whisker
@@ -45,31 +47,25 @@ def estimate_forces(
     evidence : EVIDENCE_COLUMNS, aligned with `frames`; NaN in frames without a trace
     """
     frames = frames.reset_index(drop=True).copy()
-    parts = []
+    every = []
     for index, name in enumerate(places.names):
-        own = places.of(name)
-        if len(own) == 0:
-            continue
-        rows = _rows_of(frames, name, own.frame)
+        all_rows = places.of(name)
         length = (N_STATIONS - 1) * places.spacing[index]
         whisker = whiskers.get(name)
         if whisker is None:
             whisker = nominal_whisker(name, length / 1.03, 0.0)
-            own = replace(own, to_tip=np.full(len(own), np.nan))  # of no known length
-        rod = own, whisker, frames.loc[rows], curvature_at, friction
-        evidence, measured = _measure(rod, surely_free, params)
-        if whiskers.get(name) is None:
-            evidence["chi2"] = np.nan  # what stands in for the whisker need not bend as it does
-        _fill(frames, rows, measured, pixels_per_m)
-        frames.loc[rows, "pole_distance_mm"] = 1e3 * evidence["distance_m"].to_numpy()
-        parts.append(evidence.set_index(rows))
-    return frames, _of_all_rows(parts, frames)
-
-
-def _rows_of(frames, name, numbers):
-    """Index in `frames` of one whisker's frames with these numbers."""
-    rows = frames.index[frames["whisker"] == name].to_numpy()
-    return pd.Series(rows, index=frames.loc[rows, "frame"]).loc[numbers].to_numpy()
+            all_rows = replace(all_rows, to_tip=np.full(len(all_rows), np.nan))  # unknown length
+        for part in parts(len(all_rows), PART_ROWS):
+            own = all_rows.rows(part)
+            rows = rows_of(frames, name, own.frame)
+            rod = own, whisker, frames.loc[rows], curvature_at, friction
+            evidence, measured = _measure(rod, surely_free, params)
+            if whiskers.get(name) is None:
+                evidence["chi2"] = np.nan  # what stands in for the whisker may bend otherwise
+            _fill(frames, rows, measured, pixels_per_m)
+            frames.loc[rows, "pole_distance_mm"] = 1e3 * evidence["distance_m"].to_numpy()
+            every.append(evidence.set_index(rows))
+    return frames, _of_all_rows(every, frames)
 
 
 def _measure(rod, surely_free, params):
@@ -96,12 +92,14 @@ def _fill(frames, rows, measured, pixels_per_m):
         frames.loc[rows[known], "follicle_y_px"] = -pixels_per_m * y[known]
 
 
-def _of_all_rows(parts, frames):
-    """Evidence of all whiskers as one table, aligned with `frames`."""
-    evidence = pd.concat(parts) if parts else pd.DataFrame()
-    evidence = evidence.reindex(frames.index)
-    evidence["whisker"], evidence["frame"] = frames["whisker"], frames["frame"]
+def _of_all_rows(every, frames):
+    """Evidence of all whiskers and parts as one table, aligned with `frames`."""
+    columns = {"frame": frames["frame"], "whisker": frames["whisker"]}
     for column in EVIDENCE_COLUMNS:
-        if column.name in evidence and column.dtype in ("bool", "int64"):
-            evidence[column.name] = evidence[column.name].astype(float).fillna(0)
-    return as_table(evidence, EVIDENCE_COLUMNS)
+        if every and column.name in every[0]:
+            missing = 0.0 if column.dtype in ("bool", "int64") else np.nan
+            values = np.full(len(frames), missing)
+            for part in every:
+                values[part.index] = part.pop(column.name)
+            columns[column.name] = values
+    return as_table(pd.DataFrame(columns), EVIDENCE_COLUMNS)

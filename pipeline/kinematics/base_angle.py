@@ -15,16 +15,22 @@ angle, by as much as the video shows them to be noise:
 The angle at which the visible part lies is not drawn anywhere and not smoothed in time.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import astuple, dataclass, replace
 
 import numpy as np
 import pandas as pd
 from numba import njit
 
 from pipeline.kinematics.base_curves import BaseCurves, fit_base_curves, lay_to
+from pipeline.kinematics.resampled import PART_ROWS
 from pipeline.numerics.angles import continuous
+from pipeline.numerics.runs import parts
 from pipeline.session.parameters import DEFAULTS, KinematicsParams
 
+BASE_COLUMNS = (
+    "follicle_x_px", "follicle_y_px", "base_angle_deg", "base_angle_se_deg",
+    "visible_angle_deg", "visible_angle_se_deg",
+)  # fmt: skip
 FEWEST_ROWS = 12  # from which the usual is learnt
 LEARNING_ROWS = 400
 PASSES = 30  # of expectation–maximisation
@@ -71,30 +77,51 @@ def add_bases(
     pixels_per_m : scale
     params : the room's parameters
     """
-    frames = frames.copy()
-    row_of = frames.reset_index().set_index(["whisker", "frame"])["index"]
+    new = {name: frames[name].to_numpy(float, copy=True) for name in BASE_COLUMNS}
     for name in store.names:
         places = store.of(name)
         if len(places) == 0:
             continue
         base = measure_base(places, pixels_per_m, params)
-        rows = row_of[name].loc[places.frame].to_numpy()
-        for column, values in {
-            "follicle_x_px": pixels_per_m * base.x,
-            "follicle_y_px": -pixels_per_m * base.y,
-            "base_angle_deg": np.degrees(base.angle),
-            "base_angle_se_deg": np.degrees(base.angle_se),
-            "visible_angle_deg": np.degrees(base.visible),
-            "visible_angle_se_deg": np.degrees(base.visible_se),
-        }.items():
-            frames.loc[rows, column] = values
-    return frames
+        follicle = pixels_per_m * base.x, -pixels_per_m * base.y
+        angles = map(np.degrees, (base.angle, base.angle_se, base.visible, base.visible_se))
+        rows = rows_of(frames, name, places.frame)
+        for column, values in zip(BASE_COLUMNS, (*follicle, *angles), strict=True):
+            new[column][rows] = values
+    return frames.assign(**new)
+
+
+def rows_of(frames, name: str, numbers) -> np.ndarray:
+    """Places of a whisker's frames of these `numbers` in the table of FRAME_COLUMNS."""
+    rows = np.flatnonzero(frames["whisker"].to_numpy(object) == name)
+    frame = frames["frame"].to_numpy()[rows]
+    order = np.argsort(frame, kind="stable")
+    return rows[order[np.searchsorted(frame, numbers, sorter=order)]]
 
 
 def measure_base(
     places, pixels_per_m: float, params: KinematicsParams = DEFAULTS.kinematics
 ) -> Base:
-    """Base angle and follicle of one whisker's `Stations`, rows in the order of their frames."""
+    """Base angle and follicle of one whisker's `Stations`, rows in the order of their frames.
+
+    Very long recordings are measured part by part.
+    """
+    every = [
+        _measure_part(places.rows(part), pixels_per_m, params)
+        for part in parts(len(places), PART_ROWS)
+    ]
+    return _joined(every) if len(every) > 1 else every[0]
+
+
+def _joined(every) -> Base:
+    """The bases of all parts, one after the other, whose angles go on where the last ones end."""
+    whole = Base(*(np.concatenate(each) for each in zip(*map(astuple, every), strict=True)))
+    turns = continuous(whole.angle) - whole.angle
+    return replace(whole, angle=whole.angle + turns, visible=whole.visible + turns)
+
+
+def _measure_part(places, pixels_per_m, params) -> Base:
+    """`measure_base` of a part of a recording."""
     out = Base(*np.full((6, len(places)), np.nan))
     curves = fit_base_curves(places, pixels_per_m, params)
     if curves is None:

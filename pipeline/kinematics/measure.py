@@ -86,12 +86,21 @@ def frame_table(tables, cast: Cast, n_frames: int, recording: Recording) -> pd.D
 
     `tables` are as of `curvature.measure`, whose `whisker` indexes `cast.found`.
     """
-    every = pd.MultiIndex.from_product([range(n_frames), cast.names], names=["frame", "whisker"])
-    nothing = pd.DataFrame({"frame": [], "whisker": []}, dtype=int)
-    found = pd.concat(tables or [nothing], ignore_index=True)
-    found["whisker"] = np.asarray(cast.found, object)[found["whisker"].to_numpy(int)]
-    found["tracked"] = True
-    table = found.set_index(["frame", "whisker"]).reindex(every).reset_index()
-    table["tracked"] = table["tracked"].notna()
-    table["time_s"] = table["frame"] / recording.frames_per_second
-    return as_table(table, FRAME_COLUMNS)
+    count = len(cast.names)
+    number = np.array([cast.names.index(name) for name in cast.found], int)
+    rows = [t["frame"].to_numpy() * count + number[t["whisker"].to_numpy(int)] for t in tables]
+    frame = np.repeat(np.arange(n_frames, dtype=np.int32), count)
+    tracked = np.zeros(n_frames * count, bool)
+    for own in rows:
+        tracked[own] = True
+    columns = {
+        "frame": frame,
+        "time_s": frame / recording.frames_per_second,
+        "whisker": np.tile(np.asarray(cast.names, object), n_frames),
+        "tracked": tracked,
+    }
+    for name in tables[0].columns.difference(["frame", "whisker"]) if tables else ():
+        columns[name] = np.full(n_frames * count, np.nan)
+        for table, own in zip(tables, rows, strict=True):
+            columns[name][own] = table[name]
+    return as_table(pd.DataFrame(columns), FRAME_COLUMNS)

@@ -19,6 +19,7 @@ from pipeline.session.parameters import DEFAULTS, KinematicsParams
 from pipeline.session.recording import Recording
 from pipeline.tables.centrelines import Centrelines
 
+PART_ROWS = 100_000  # of a whisker, measured together: more than show how it lies and bends
 N_STATIONS = 73  # over the whisker's length: 0.25 mm apart on a mouse's C2
 POLE_BLURS_PX = 6.0  # from the pole's edge on: the trace is drawn towards the dark disc
 SHARED = ("names", "spacing", "pole_radius", "file", "doubt")  # fields that are not one per row

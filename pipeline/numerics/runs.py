@@ -1,4 +1,6 @@
-"""Runs of consecutive frames in which a condition holds."""
+"""Runs of consecutive frames in which a condition holds, and parts of long recordings."""
+
+from itertools import pairwise
 
 import numpy as np
 
@@ -8,3 +10,13 @@ def stretches(mask) -> list[tuple[int, int]]:
     change = np.diff(np.concatenate([[False], np.asarray(mask, bool), [False]]).astype(np.int8))
     starts, stops = np.flatnonzero(change == 1), np.flatnonzero(change == -1)
     return list(zip(starts.tolist(), stops.tolist(), strict=True))
+
+
+def parts(count: int, most: int) -> list[slice]:
+    """Return slices of much the same length, at most `most`, that make up ``range(count)``.
+
+    >>> parts(5, 2)
+    [slice(0, 2, None), slice(2, 3, None), slice(3, 5, None)]
+    """
+    ends = np.linspace(0, count, -(-count // most) + 1).round().astype(int).tolist()
+    return [slice(start, stop) for start, stop in pairwise(ends)]

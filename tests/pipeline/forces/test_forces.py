@@ -469,6 +469,18 @@ def test_point_force_and_its_error_follow_the_hidden_length(traced, monkeypatch)
     assert by_length == pytest.approx(np.median(np.abs(moved / force - 1)[pushed]), rel=0.25)
 
 
+def test_a_long_recording_is_measured_part_by_part(traced, touch, monkeypatch):
+    monkeypatch.setattr("pipeline.forces.estimate.PART_ROWS", 200)
+    whole = touch["shape"]
+    got = analysis.analyse_touch(traced.frames, traced.places, RECORDING, traced.whiskers)
+    edges = ["whisker", "onset_frame", "offset_frame"]
+    pd.testing.assert_frame_equal(got.contacts[edges], whole.contacts[edges])
+    force, error = (whole.frames[f"contact_force_uN{end}"].to_numpy() for end in ("", "_se"))
+    change = got.frames["contact_force_uN"].to_numpy() - force
+    assert np.abs(change[force > 0]).max() > 0  # each part has a rest shape of its own
+    assert np.mean(np.abs(change) < 1.96 * error) > 0.95
+
+
 @pytest.mark.parametrize("method", forces.METHODS)
 def test_a_peak_has_the_standard_error_of_its_own_method(touch, method):
     contacts, evidence = touch[method].contacts, touch[method].evidence

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter1d
 
+from pipeline.kinematics import base_angle
 from pipeline.kinematics.base_angle import measure_base
 from pipeline.kinematics.resampled import measure_stations
-from pipeline.numerics.angles import continuous, jitter
+from pipeline.numerics.angles import continuous, jitter, wrapped
 from pipeline.session.recording import Recording
 from pipeline.tables.centrelines import Centrelines
 from pipeline.tracking.whiskers import nominal_whisker
@@ -122,6 +123,16 @@ def test_the_angle_is_continuous_where_the_whisker_points_left_and_after_gaps():
     frame = np.arange(FRAMES) + 40 * (np.arange(FRAMES) >= 150)
     base, _ = measured(whisker_lines(np.random.default_rng(4), angle, SD, frame=frame))
     np.testing.assert_allclose(np.degrees(base.angle), np.degrees(angle), atol=5 * noisy_angle)
+
+
+def test_a_long_recording_is_measured_part_by_part_with_a_continuous_angle(monkeypatch):
+    angle = swing(about=180.0)
+    lines = whisker_lines(np.random.default_rng(6), angle, SD)
+    monkeypatch.setattr(base_angle, "PART_ROWS", 110)
+    base, _ = measured(lines)
+    np.testing.assert_allclose(np.degrees(np.diff(base.angle - angle)), 0, atol=5 * noisy_angle)
+    off = np.degrees(wrapped(base.angle - angle))
+    np.testing.assert_allclose(off, 0, atol=5 * noisy_angle)
 
 
 def test_continuous_leaves_unknown_angles_and_lies_about_zero():
