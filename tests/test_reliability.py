@@ -36,7 +36,7 @@ def test_every_promise_of_the_page_is_kept_or_named_as_not_tried():
         if not rows:
             assert promise.name in not_tried
             continue
-        sentence, _, cases, _, result = map(str.strip, rows[0].strip("|").split(" | "))
+        sentence, _, cases, _, _, result = map(str.strip, rows[0].strip("|").split(" | "))
         assert sentence == promise.sentence
         assert int(cases) > 0
         assert result.startswith("kept")

@@ -31,16 +31,16 @@ PROMISES = (
     Promise(
         "steps",
         INTERRUPTIONS,
-        "Killed before any change of a file, or in the middle of writing one, a run leaves whole "
-        "files, all results of before and all corrections; the next run computes no finished "
-        "video again, and its tables are those of an undisturbed one",
+        "A run killed before any change of a file, or while writing one, leaves whole files "
+        "only, all earlier results and all corrections; the next run computes no finished "
+        "video again, and its tables are those of an undisturbed run",
         try_steps,
         in_ci=0.04,
     ),
     Promise(
         "kills",
         INTERRUPTIONS,
-        "The same holds for whole runs over curated results, killed (SIGKILL) at random moments",
+        "The same for whole runs over curated results, killed (SIGKILL) at random moments",
         try_kills,
     ),
     Promise(
@@ -52,43 +52,43 @@ PROMISES = (
     Promise(
         "workers",
         INTERRUPTIONS,
-        "A worker process that dies costs no video; one that dies of the same video twice costs "
-        "that video only, and it is said",
+        "A worker process that dies costs no video; if two die on the same video, that video "
+        "alone fails, with a message",
         try_dying_workers,
     ),
     Promise(
         "full disk",
         DISK,
-        "A full disk, or a limit on files, is told in a line; nothing is lost, and the next run "
-        "mends all",
+        "A full disk, or a limit on file sizes, gives one line of message; nothing is lost, "
+        "and the next run completes the results",
         try_full_disk,
         in_ci=0.1,
     ),
     Promise(
         "read-only",
         DISK,
-        "So is a results folder, a video's folder or a file that may not be written",
+        "The same for a results folder, a video's folder or a file without write permission",
         try_read_only,
         in_ci=1,
     ),
     Promise(
         "no handles",
         DISK,
-        "So is a system that opens no more files",
+        "The same where the system opens no more files",
         try_no_handles,
         in_ci=0.25,
     ),
     Promise(
         "removed",
         DISK,
-        "So are results and videos that are removed in the middle of a run",
+        "The same where results or videos are removed during a run",
         try_removed,
         in_ci=0.1,
     ),
     Promise(
         "two runs",
         DISK,
-        "Of two runs begun at once into one folder one does all, the other is refused",
+        "Of two runs started at once on one folder, one does everything and the other is refused",
         try_two_runs,
         in_ci=0.2,
     ),
@@ -96,8 +96,9 @@ PROMISES = (
         Promise(
             f"damaged {kind}",
             BAD_VIDEO,
-            f"{kind}: whatever is cut, flipped, overwritten, lost or absurd ends in frames or one "
-            "line, without a crash, a hang, or more than 1 GB; what a cut has taken is said",
+            f"{kind}: any cut, flipped bit, overwritten or lost stretch and absurd number ends in "
+            "frames or one line of message, without a crash, a hang, or more than 1 GB; frames "
+            "that a cut removed are reported",
             functools.partial(try_container, kind),
             in_ci=0.2,
         )
@@ -106,52 +107,52 @@ PROMISES = (
     Promise(
         "odd video",
         BAD_VIDEO,
-        "Empty files, wrong suffixes, 1×1 to 10,000×1 px, 16 bits, colour, sizes that change and "
-        "headers that lie end in tables or one line, through the whole analysis",
+        "Empty files, wrong suffixes, 1×1 to 10,000×1 px, 16 bits, colour, changing sizes and "
+        "false headers go through the whole analysis and end in tables or one line of message",
         try_odd,
         in_ci=0.5,
     ),
     Promise(
         "own formats",
         BAD_FILES,
-        "session.toml, corrections.csv, run.json and .seq are read or refused in a line, whatever "
-        "they hold (changed at random, led by the lines of code that they reach)",
+        "session.toml, corrections.csv, run.json and .seq files with any content are read, or "
+        "refused in one line (random changes, guided by the lines of code they reach)",
         try_own,
         in_ci=0.1,
     ),
     Promise(
         "tables",
         BAD_FILES,
-        "A damaged parquet table is refused; no other numbers than were written are ever read",
+        "A damaged parquet table is refused; values that were never written are never read",
         try_tables,
         in_ci=0.3,
     ),
     Promise(
         "results",
         BAD_FILES,
-        "A file of a results folder that is damaged is made again, or named; it ends no run",
+        "A damaged file in a results folder is made again or named; it stops no run",
         try_folders,
         in_ci=0.1,
     ),
     Promise(
         "scenes",
         SCENES,
-        "Scenes in which nothing can be measured, or not all the time, are said; no contact and "
-        "no force is invented",
+        "Scenes in which nothing, or not everything, can be measured are flagged; no contact "
+        "and no force is invented",
         try_scenes,
     ),
     Promise(
         "random scenes",
         SCENES,
-        "In scenes drawn at random, in each of which something happens, every number is finite, "
-        "or empty with a flag, and no contact is far from a true one",
+        "In random scenes, each with a disturbance, every number is finite or empty with a "
+        "flag, and no contact is far from a true one",
         try_random,
     ),
     Promise(
         "many videos",
         LOAD,
-        "10,000 short videos in one folder: memory and open files are bounded, and those that are "
-        "finished cost milliseconds",
+        "10,000 short videos in one folder: memory and open files are bounded, and finished "
+        "videos cost milliseconds",
         try_many_videos,
         in_ci=0.005,
     ),
@@ -170,21 +171,23 @@ PROMISES = (
     Promise(
         "same bytes",
         OTHERS,
-        "Same input, same settings: same bytes in all tables, on one or two jobs (times aside)",
+        "The same input and settings give the same bytes in all tables, with one job or two "
+        "(times aside)",
         try_same,
     ),
     Promise(
         "page",
         OTHERS,
-        "The curation page is served to this computer only, refuses other hosts, origins, forged "
-        "sessions and files of the disk, and two tabs see the same corrections, none of which is "
-        "lost",
+        "The curation page answers this computer only; it refuses other hosts, other origins, "
+        "forged sessions and paths outside the results; two tabs see the same corrections, "
+        "and none is lost",
         page,
     ),
     Promise(
         "names",
         OTHERS,
-        "Names of files and whiskers are escaped in every page, and no name is a formula",
+        "Names of files and whiskers are escaped in every page and table, and none is read as "
+        "a formula",
         escaped,
     ),
     Promise(

@@ -2,6 +2,7 @@
 
 import resource
 import time
+import traceback
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
@@ -73,7 +74,11 @@ class Result:
 def attempt(promise: Promise, folder, effort: Effort) -> Result:
     """Try a promise in an empty folder."""
     started, before = time.monotonic(), _cpu()
-    tried = promise.try_it(folder, effort)
+    try:
+        tried = promise.try_it(folder, effort)
+    except Exception as error:
+        traceback.print_exc()
+        tried = Tried(broken=[f"the trial ended with {type(error).__name__}: {error}"])
     return Result(promise, tried, time.monotonic() - started, _cpu() - before)
 
 

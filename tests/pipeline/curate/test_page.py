@@ -64,7 +64,8 @@ def _websocket(served, origin, token):
             "Sec-WebSocket-Protocol": f"bokeh, {token}",
         },
     )  # fmt: skip
-    first = response.fp.raw._sock.recv(1) if response.status == 101 else b""
+    # through the buffer: the first message may have come together with the header
+    first = response.fp.read(1) if response.status == 101 else b""
     connection.close()
     return response.status, first
 
