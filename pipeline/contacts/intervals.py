@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 import pandas as pd
 
-from pipeline.contacts.probability import FEWEST_SURE
+from pipeline.contacts.probability import FEWEST_SURE, of_whisker
 from pipeline.forces import forces
 from pipeline.numerics.robust import MAD_TO_SD, robust_sd
 from pipeline.numerics.runs import stretches
@@ -39,7 +39,7 @@ def find_contacts(
     look = curvature_at, max(round(params.slip_s * frames_per_second), 1), params
     rows = []
     for name in evidence["whisker"].unique():
-        part = _columns(evidence[evidence["whisker"] == name].sort_values("frame"))
+        part = _columns(of_whisker(evidence, name))
         usual = _usual_misfit(part)
         for start, stop in _real_runs(part, 1e-3 * params.near_pole_mm):
             rows.append(_interval(part, name, start, stop, look, usual))

@@ -33,8 +33,7 @@ def add_probability(
     evidence["probability"] = 0.0
     evidence["log_odds"] = 0.0
     for name in evidence["whisker"].unique():
-        rows = evidence.index[evidence["whisker"] == name]
-        part = evidence.loc[rows].sort_values("frame")
+        part = of_whisker(evidence, name)
         if not part["pole_known"].any():
             continue
         rate = recording.frames_per_second
@@ -45,6 +44,12 @@ def add_probability(
             probability[:] = 0.0
         evidence.loc[part.index, "probability"] = probability
     return evidence
+
+
+def of_whisker(table, name):
+    """Rows of one whisker in the order of their frames."""
+    own = table[table["whisker"] == name]
+    return own if own["frame"].is_monotonic_increasing else own.sort_values("frame")
 
 
 def _passes_over(part, probability):
