@@ -1,4 +1,4 @@
-"""What became of one video, and what earlier runs left of it: whole, and of which input."""
+"""The outcome of one video, and whether results of earlier runs are whole and still hold."""
 
 import contextlib
 import hashlib

@@ -12,6 +12,8 @@ from scipy.linalg import toeplitz
 from scipy.special import stdtrit
 from skimage.measure import LineModelND, ransac
 
+from pipeline.numerics.robust import robust_sd
+
 TUKEY_SDS = 4.5
 ROUNDS = 30
 LEAST_SECTIONS = 12
@@ -90,14 +92,14 @@ def students_factor(independent) -> float:
 def _spread(residual, cone, se):
     """SD (sections,) of half-widths about the cone: of the fit, and a share of the radius."""
     thick = cone > np.median(cone)
-    share = 1.4826 * np.median(np.abs(residual[thick]) / np.maximum(cone[thick], 0.1))
+    share = robust_sd(residual[thick] / np.maximum(cone[thick], 0.1), about=0.0)
     return np.sqrt(se**2 + (share * np.maximum(cone, 0.0)) ** 2 + LEAST_SD_PX**2)
 
 
 def _start(s, half_width):
     """Base and slope of the line that most sections lie near."""
     points = np.column_stack([s, half_width])
-    spread = 1.4826 * np.median(np.abs(half_width - np.median(half_width)))
+    spread = robust_sd(half_width)
     model, _ = ransac(points, LineModelND, 2, max(0.03 * spread, 0.02), max_trials=TRIALS, rng=0)
     low, high = model.predict_y(np.array([0.0, s[-1]]))
     return np.array([low, (low - high) / s[-1]])

@@ -11,6 +11,7 @@ from pipeline.calibrate.cross_sections import Sections, Straightened, cut_sectio
 from pipeline.calibrate.find_whisker import NoWhiskerError, find_whisker, read_micrograph
 from pipeline.calibrate.scale_bar import LENGTH_SE_PX, scale_bar_px
 from pipeline.calibrate.whisker_ends import End, find_end, leaves_the_picture
+from pipeline.numerics.robust import robust_sd
 
 BROKEN_UM = 5.0  # radius of a tip that grew whole is less
 MODEL_SE_PX = 0.005  # what half-widths are off by where pictures are rendered exactly
@@ -167,7 +168,7 @@ def _jumps(sections, cone):
     A step seen across the whisker stands for one that is not seen along it.
     """
     steps = np.diff(sections.centre)[cone.used[1:] & cone.used[:-1]]
-    noise = 1.4826 * np.median(np.abs(steps))
+    noise = robust_sd(steps, about=0.0)
     return float(np.sum(steps[np.abs(steps) > JUMP_SDS * noise] ** 2))
 
 
@@ -182,7 +183,7 @@ def _seams(image, straight):
     count = 0
     for axis in (0, 1):
         steps = np.diff(image, axis=1 - axis)
-        usual = 1.4826 * np.median(np.abs(steps)) + 1.0
+        usual = robust_sd(steps, about=0.0) + 1.0
         clear = np.delete(ground, 0, axis=1 - axis) * (np.abs(steps) < SEAM_SDS * usual)
         step = (steps * clear).sum(axis=axis) / np.maximum(clear.sum(axis=axis), 1)
         noise = usual / np.sqrt(np.maximum(clear.sum(axis=axis), 1))

@@ -2,9 +2,9 @@
 
 Both are taken as parallel projections: cameras far away beside what moves. The first looks down
 on the whisker, the second along the horizon. They share one horizontal axis: how far a point lies
-along it shows in both. So matched points tell the direction of that axis in either picture and the
+along it shows in both. So matched points give the direction of that axis in either picture and the
 second view's scale; the height is what is left in the second view. That the views are at right
-angles must be given: no number of matched points tells it.
+angles must be given: it does not follow from matched points, however many.
 """
 
 from dataclasses import dataclass

@@ -12,6 +12,7 @@ from scipy.optimize import least_squares
 from scipy.special import ndtr
 
 from pipeline.calibrate.cross_sections import BEYOND_PX, Sections, Straightened, profile_of
+from pipeline.numerics.robust import MAD_TO_SD, robust_sd
 
 INSIDE_PX = 60  # of the whisker that is fitted, or, of one that ends gradually, more
 END_SE_PX = 0.1  # what ends are off by where pictures are rendered exactly
@@ -65,7 +66,7 @@ def _widths(grey, u, radius, sections):
     ground, dark = _darkness(grey, profile, _ground_and_line(grey, u, radius))
     width = 2 * radius * dark / (sections.usual_contrast * np.median(ground))
     beyond = width[-BEYOND_PX + 15 :]
-    sd = 1.4826 * np.median(np.abs(beyond - np.median(beyond)))
+    sd = float(robust_sd(beyond))
     return width, max(sd, 1e-4)
 
 
@@ -74,7 +75,7 @@ def _ground_and_line(grey, u, radius):
     beside = (np.abs(u) > radius[:, None] + 4) & (np.abs(u) < radius[:, None] + FLANK_PX)
     ground = np.where(beside, grey, np.nan)
     level = np.nanmedian(ground, axis=1, keepdims=True)
-    sd = 1.4826 * np.nanmedian(np.abs(ground - level))
+    sd = MAD_TO_SD * np.nanmedian(np.abs(ground - level))
     dust = binary_dilation(beside & (np.abs(grey - level) > DUST_SDS * sd), iterations=2)
     near = np.abs(u) < radius[:, None] + FLANK_PX
     return (near & ~dust).astype(float)
@@ -110,7 +111,7 @@ def _fit_end(s, width, sd, blur):
         f_scale=SOFT_SDS,
         x_scale=[1.0, 0.1, 0.01],
     )  # fmt: skip
-    spread = max(1.0, 1.4826 * float(np.median(np.abs(solved.fun))))
+    spread = max(1.0, float(robust_sd(solved.fun, about=0.0)))
     covariance = np.linalg.pinv(solved.jac.T @ solved.jac) * _together(solved.fun)
     se = np.hypot(spread * np.sqrt(covariance[0, 0]), END_SE_PX)
     return End(float(solved.x[0]), float(se))

@@ -1,8 +1,8 @@
 """A person's corrections of contacts, as data: corrections.csv, and contacts with them applied.
 
 A correction is a verdict over a stretch of one whisker's frames: in [covers_from, covers_to)
-there is this contact and no other, or there is none. It does not name the contact's number
-or of how the program came to its own opinion, so it holds when the video is processed again.
+there is this contact and no other, or there is none. It refers neither to the contact's number
+nor to how the program found it, so it holds when the video is processed again.
 """
 
 from pathlib import Path

@@ -172,8 +172,8 @@ def origin_from_bending(
 ) -> Origin:
     """Origin of each row from tip and bending together.
 
-    The rest shape moves along with a row's origin, so that the stiffness along the whisker is
-    what tells. `places.origin` is where the search starts; `friction` as in `fit_loaded`.
+    The rest shape moves along with a row's origin, so that the stiffness along the whisker
+    decides. `places.origin` is where the search starts; `friction` as in `fit_loaded`.
     """
     friction = np.broadcast_to(np.asarray(friction, float), len(places))
     near = _near_rows(places, evidence.params)

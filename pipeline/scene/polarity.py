@@ -4,6 +4,7 @@ import cv2
 import numpy as np
 
 from pipeline.detection import ridges
+from pipeline.numerics.robust import robust_sd
 from pipeline.scene.scale import working_scale
 
 THICKEST_MM = 0.4  # thicker lines are no whiskers
@@ -48,7 +49,7 @@ _HATS = (cv2.MORPH_BLACKHAT, cv2.MORPH_TOPHAT)
 def _moved(frame, usual):
     """Pixels that differ from the usual frame by more than noise, bool (height, width)."""
     change = np.abs(frame - usual)
-    sd = 1.4826 * float(np.median(change[::3, ::3]))
+    sd = robust_sd(change[::3, ::3], about=0.0)
     return change > MOVED_SD * sd + MOVED_GREY
 
 

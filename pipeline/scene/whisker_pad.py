@@ -23,7 +23,7 @@ SHORTEST = 0.07  # of the picture's size; shorter lines are fur
 REACH = 0.04  # of the picture's size, between a line's end and the edge it belongs to
 DARKER = 1.2  # a line's third at the base over that at the tip, absorbance
 STILL = 0.5  # of a line's absorbance: what stays as dark in the usual frame does not move
-SWITCH = 3.0  # of the shortest whiskers must speak for a change from face to body on the edge
+SWITCH = 3.0  # of the shortest whiskers must support a change from face to body on the edge
 SWITCH_SHARE = 0.1  # the same, as a share of all whiskers seen
 FEWEST_BASES = 0.1  # of the best part's: a part of the mass with fewer is no face
 

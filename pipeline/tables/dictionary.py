@@ -28,7 +28,7 @@ FILES = {
     "contacts.csv": ("A row per contact.", CONTACT_COLUMNS),
     "videos.csv": ("A row per input video.", VIDEO_COLUMNS),
     "corrections.csv": (
-        "What a person said of a video's contacts (docs/curate.md), a row per verdict.",
+        "A person's verdicts on a video's contacts (docs/curate.md), a row each.",
         CORRECTION_COLUMNS,
     ),
     "decisions.csv": (

@@ -222,7 +222,7 @@ def _parquet_writer(path, columns):
         "compression": "zstd",
         "use_dictionary": [c.name for c in columns if c.dtype == "string"],
         "column_encoding": dict.fromkeys(numbers, "BYTE_STREAM_SPLIT"),
-        # least and greatest serve filters, and nobody asks for rows by their points
+        # minima and maxima serve filters, and nobody filters rows by their points
         "write_statistics": [c.name for c in columns if not c.dtype.startswith("list")],
         "write_page_checksum": True,
     }
@@ -293,7 +293,7 @@ def whole_parquet(path):
 
 
 def _check_extent(path, metadata) -> None:
-    """Raise a ValueError where a parquet file's end does not speak of all that the file holds.
+    """Raise a ValueError where a parquet file's end does not list all that the file holds.
 
     Checksums protect its pages, but not the list of them.
     """

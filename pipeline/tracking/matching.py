@@ -19,14 +19,6 @@ OUTWARD = {"left": (1, 0), "right": (-1, 0), "top": (0, 1), "bottom": (0, -1)}
 THICKNESS_SD, LENGTH_SD = 0.35, 0.35  # of their logarithms
 FARTHEST = 3.0  # standard deviations in one feature count as no more
 MISFIT = 10.0  # a line less like a whisker than this (sum of squares) is another one
-WEIGHT = 0.1  # of one look's evidence: errors last for some looks
-FRESH = 0.7  # log-odds of the same, at least, where a whisker is found beside another
-DOUBT = 1.0  # log-odds, below which it is known who is who
-FORGETTING = 0.985  # per look
-SURE = 6.0  # log-odds that two whiskers have changed places, to put them back
-STEP_LIMIT = 15.0  # log-odds that one frame can bring
-FEWEST_BESIDE = 2  # present neighbours from which the place of an absent whisker is inferred
-PRIOR_FRAMES = 2  # weight of the general standard deviations beside those of the samples
 SHIFTS = np.radians(np.arange(-60, 61, 4))  # tried changes of all angles
 MOST_TRIED = 4
 SHIFT_SD = np.radians(30.0)
@@ -133,7 +125,7 @@ def match(seen, known, sd, shifts=SHIFTS, middle=0.0) -> Match:
     if not len(seen) or not len(known):
         return best
     tried = middle + np.asarray(shifts)
-    # as if a whisker could have several lines: what comes to nothing even so is not tried
+    # as if a whisker could have several lines: shifts that gain nothing even so are not tried
     nearest = misfits(seen, known, sd, tried).min(axis=-1)
     hope = (MISFIT - np.minimum(nearest, MISFIT)).sum(axis=-1)
     hope -= ((tried - middle) / SHIFT_SD) ** 2
@@ -175,108 +167,3 @@ def crowded(signatures, options: TracingOptions) -> bool:
         return False
     gaps = np.diff(np.sort([signature[PLACE] for signature in signatures]))
     return bool(np.median(gaps) < options.px(options.params.tracking.crowded_mm))
-
-
-class PairEvidence:
-    """Log-odds, for every two neighbours, that each is on the other's line.
-
-    Two whiskers differ in place, angle, thickness and length, as they did when both were seen in
-    a sample frame.
-
-    Parameters
-    ----------
-    samples : per whisker, dict of sample frame → signature (4,)
-    ruler : the signatures' standard deviations
-    """
-
-    def __init__(self, samples: list[dict], ruler: Ruler, options: TracingOptions):
-        n = len(samples)
-        self.mean, self.sd, self.pull = np.zeros((3, n, n, 4))
-        for i in range(n):
-            for j in range(i):
-                mean, spread = _difference(samples[i], samples[j], ruler.sd)
-                self.mean[i, j], self.mean[j, i] = mean, -mean
-                self.sd[i, j] = self.sd[j, i] = np.sqrt(np.diag(spread))
-                pull = np.linalg.solve(spread, mean)
-                self.pull[i, j], self.pull[j, i] = pull, -pull
-        near = np.abs(self.mean[..., PLACE]) < options.px(options.params.tracking.neighbours_mm)
-        self.near = near & ~np.eye(n, dtype=bool)
-        self.sd[~self.near] = 1.0
-        self.log_odds = np.where(self.near, -2 * FRESH, -SURE)
-        self.since = np.zeros((n, n), int)
-
-    def look(self, frame: int, seen, found=()) -> list[tuple[int, int, int]]:
-        """Take the signatures (whiskers, 4) of a frame, NaN where absent.
-
-        Where one of two whiskers is absent, the other may be on its line. `found`: whiskers that
-        were found anew in this frame; what was thought of them does not count any more.
-
-        Returns
-        -------
-        (one, other, since) of whiskers that have changed places, and from which frame on
-        """
-        both = self._both(seen)
-        step = WEIGHT * np.clip(both + self._one(seen), -STEP_LIMIT, STEP_LIMIT) * self.near
-        self.log_odds = np.clip(FORGETTING * self.log_odds + step, -SURE, 2 * SURE)
-        self.log_odds[~self.near] = -SURE
-        self.since[(step < 0) & (self.log_odds < 0)] = frame
-        for k in found:
-            self.log_odds[k] = self.log_odds[:, k] = np.clip(both[k], -SURE, SURE) - FRESH
-            self.since[k] = self.since[:, k] = frame
-        self.log_odds[~self.near] = -SURE
-        swaps = []
-        limit = np.full(len(seen), SURE)
-        limit[list(found)] = FRESH
-        limits = np.minimum(limit[:, None], limit[None, :])
-        while ((self.log_odds - limits).max(initial=-1.0)) >= 0:
-            i, j = np.unravel_index(np.argmax(self.log_odds - limits), self.near.shape)
-            swaps.append((int(i), int(j), int(self.since[i, j])))
-            self.log_odds[[i, j], :] = self.log_odds[:, [i, j]] = -FRESH
-            self.log_odds[~self.near] = -SURE
-            self.since[i, j] = self.since[j, i] = frame
-        return swaps
-
-    def _both(self, seen):
-        """Log-odds of a frame where both are present: their difference has the other's sign.
-
-        A difference far from both means a bad line, whichever whisker it belongs to.
-        """
-        apart = seen[:, None, :] - seen[None, :, :]
-        most = np.abs(self.mean) + self.sd
-        return np.nansum(-2 * np.clip(apart, -most, most) * self.pull, axis=-1)
-
-    def _one(self, seen):
-        """Log-odds where one is absent: the other is where the absent one should be."""
-        out = np.zeros(self.near.shape)
-        present = np.isfinite(seen[:, ANGLE])
-        for i, j in zip(*np.nonzero(self.near & present[:, None] & ~present), strict=True):
-            beside = self.near[j] & present
-            beside[i] = False
-            if beside.sum() < FEWEST_BESIDE:
-                continue
-            own, other = (
-                np.nanmedian(seen[beside] + self.mean[k, beside], axis=0) for k in (i, j)
-            )
-            sd = self.sd[i, j]
-            gain = 0.5 * (((seen[i] - own) / sd) ** 2 - ((seen[i] - other) / sd) ** 2)
-            out[i, j] = out[j, i] = np.nansum(gain)
-        return out
-
-    def doubtful(self) -> np.ndarray:
-        """Whiskers of which it is not known whether they are on another's line, bool."""
-        return (self.log_odds > -DOUBT).any(axis=1)
-
-
-def _difference(one: dict, other: dict, sd):
-    """Mean (4,) and covariance (4, 4) of the difference of two whiskers' signatures."""
-    general = np.diag(2 * np.square(sd))
-    apart = np.array([one[f] - other[f] for f in sorted(set(one) & set(other))]).reshape(-1, 4)
-    apart = apart[np.isfinite(apart).all(axis=1)]
-    if len(apart) < 3:
-        medians = [np.nanmedian(list(each.values()), axis=0) for each in (one, other)]
-        return np.nan_to_num(medians[0] - medians[1]), 2 * general
-    off = apart - apart.mean(axis=0)
-    spread = (off.T @ off + PRIOR_FRAMES * general) / (len(apart) + PRIOR_FRAMES)
-    spread[THICKNESS:] *= 2.0  # both are unreliable where whiskers lie upon each other
-    spread[:, THICKNESS:] *= 2.0
-    return apart.mean(axis=0), spread

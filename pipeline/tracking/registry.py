@@ -24,8 +24,8 @@ SURE_OF_LENGTHS = 0.03  # by which lengths fit better in one order than in the o
 class Slot:
     """What is known beforehand of one whisker: where it leaves the face, how long it is seen.
 
-    `signature` is as of matching.Ruler, less the turn of all whiskers; `seen` holds it as it
-    was in the sample frames. No line of this whisker is longer than `longest_px`.
+    `signature` is as of matching.Ruler, less the turn of all whiskers. No line of this whisker is
+    longer than `longest_px`.
     """
 
     name: str
@@ -33,7 +33,6 @@ class Slot:
     visible_px: float
     samples: tuple = ()  # detection.Line
     signature: np.ndarray | None = None
-    seen: dict = field(default_factory=dict)
     longest_px: float = np.inf
 
 
@@ -44,11 +43,9 @@ class _Group:
     frames: list = field(default_factory=list)
     lines: list = field(default_factory=list)
     signatures: list = field(default_factory=list)
-    raw: dict = field(default_factory=dict)
 
     def add(self, frame, line, signature, shift):
         self.__dict__.pop("signature", None)  # of those before
-        self.raw[int(frame)] = signature
         signature = signature.copy()
         signature[matching.ANGLE] -= shift
         self.frames.append(frame)
@@ -60,7 +57,6 @@ class _Group:
             self.frames + other.frames,
             self.lines + other.lines,
             self.signatures + other.signatures,
-            self.raw | other.raw,
         )
 
     @cached_property
@@ -133,7 +129,7 @@ def find_roster(frames, scene, options: TracingOptions, names=None, indices=None
 def _slot(group: _Group) -> Slot:
     base = np.median([line.points[0] for line in group.lines], axis=0)
     length = float(np.median([line.n for line in group.lines]))
-    return Slot("", base, length, tuple(group.lines), group.signature, group.raw)
+    return Slot("", base, length, tuple(group.lines), group.signature)
 
 
 def gather(found: list[list[Line]], ruler: Ruler) -> list[_Group]:

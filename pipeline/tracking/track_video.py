@@ -19,7 +19,6 @@ from pipeline.tracking.tracker import Tracer
 from pipeline.tracking.unlabelled_tracker import CrowdTracer, is_crowd
 
 CHUNK_FRAMES = 500
-DOUBTFUL = 0.4  # confidence is lowered to this part while it is not known who is who
 
 
 class _Collector:
@@ -40,15 +39,6 @@ class _Collector:
         )  # fmt: skip
         self.filled += line.n
         self.rows.append((frame, whisker, trust * line.quality, line.n))
-
-    def exchange(self, one: int, other: int, since: int) -> None:
-        """Give two whiskers each other's rows from frame `since` on."""
-        new = {one: other, other: one}
-        for i in range(len(self.rows) - 1, -1, -1):
-            frame, whisker, confidence, n = self.rows[i]
-            if frame < since:
-                break
-            self.rows[i] = (frame, new.get(whisker, whisker), confidence, n)
 
     def take(self, spacing: float) -> Centrelines:
         rows, self.rows = self.rows, []
@@ -129,12 +119,9 @@ def _followed(frames, scenes, tracer, chunk_frames) -> Iterator[Centrelines]:
             if index:
                 tracer.change_scene(present)
         tracks = tracer.step(image)
-        while tracer.exchanges:
-            collector.exchange(*tracer.exchanges.pop(0))
         for track in tracks:
             if track.line is not None:
-                trusted = DOUBTFUL * trust if track.doubtful else trust
-                collector.add(index, track.number, track.line, trusted)
+                collector.add(index, track.number, track.line, trust)
         if (index + 1) % chunk_frames == 0:
             yield collector.take(spacing)
     if collector.rows or index < 0:

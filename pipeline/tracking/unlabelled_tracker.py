@@ -1,4 +1,4 @@
-"""Following the lines of whiskers that stand close together, whichever whisker each is.
+"""Follow the lines of whiskers that stand close together, not knowing which is which.
 
 Every line that leaves the face and is strong enough gets a track of its own, with a number that
 no other track ever has; where a line is lost, its track ends. Which tracks are which whisker's is

@@ -1,4 +1,4 @@
-"""The whiskers of one video: those that the settings speak of, and those found in it."""
+"""The whiskers of one video: those that the settings name, and those found in it."""
 
 from dataclasses import dataclass, replace
 
@@ -20,7 +20,7 @@ class Cast:
 
     Attributes
     ----------
-    names : all that the tables speak of: those of the settings, or else those found
+    names : all that appear in the tables: those of the settings, or else those found
     roster : `Slot`s of those found in the video
     whiskers : name → `Whisker`, None where its dimensions are not given
     nominal, hidden_lengths : one per slot; a stand-in where the whisker is None, and follicle to

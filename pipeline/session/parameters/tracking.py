@@ -57,9 +57,6 @@ class TrackerParams:
     lost_quality: quantity(0, 1, "of the contrast") = parameter(
         0.35, "the same below which a whisker is lost", "chosen"
     )
-    check_every_s: quantity(0.0005, 1, "s") = parameter(
-        0.005, "time between two checks whether whiskers have changed places", "chosen"
-    )
     search_every_s: quantity(0.0005, 10, "s") = parameter(
         0.02, "time between two searches of the whole picture for a lost whisker", "chosen"
     )
@@ -94,9 +91,6 @@ class TrackerParams:
     )
     angle_sd_deg: quantity(0.1, 45, "°") = parameter(
         5.0, "SD of a whisker's angle beside the turn of the whole row", "chosen"
-    )
-    neighbours_mm: quantity(0.1, 10, "mm") = parameter(
-        2.0, "whiskers whose bases are farther apart are not taken for each other", "chosen"
     )
     crowded_mm: quantity(0.05, 10, "mm") = parameter(
         1.0, "bases this near, in the median: a crowd, in which names are given at the end",

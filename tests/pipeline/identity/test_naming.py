@@ -308,7 +308,7 @@ class Slot:
     def __init__(self, name, angle, length):
         points = straight(angle, length)
         self.name, self.base_xy = name, points[0]
-        self.seen, self.samples = {0: None}, (Drawn(points),)
+        self.samples = (Drawn(points),)
 
 
 class Drawn:

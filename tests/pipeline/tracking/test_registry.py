@@ -10,6 +10,7 @@ from pipeline.detection.line import Line
 from pipeline.run import trace
 from pipeline.scene.estimate import scene_from_frames
 from pipeline.session.recording import Recording
+from pipeline.tracking import registry
 from pipeline.tracking.matching import Ruler, crowded
 from pipeline.tracking.registry import Slot, _posterior_first, find_roster, gather
 from pipeline.tracking.tracker import options_for
@@ -83,7 +84,7 @@ def test_it_is_sure_mostly_and_then_right(row):
     assert wrong[~unsure].mean() < 0.015
 
 
-def test_whiskers_beside_each_other_are_not_taken_for_one_broad_one():
+def test_whiskers_beside_each_other_are_not_taken_for_one_broad_one(monkeypatch):
     n = 1000
     trial = make_trial("dense_row", 1, 0, n)
     renderer = Renderer(trial.scene, trial.motion)
@@ -94,13 +95,15 @@ def test_whiskers_beside_each_other_are_not_taken_for_one_broad_one():
     scene = scene_from_frames(images, recording, None, None, n)
     lengths = [hair.whisker.length for hair in trial.scene.hairs]
     options = options_for(recording, lengths, [HIDDEN] * len(lengths))
+    groups = []
+    monkeypatch.setattr(registry, "gather", lambda *a: groups.extend(gather(*a)) or groups)
     roster = find_roster(images, scene, options, list(trial.scene.names), chosen)
+    frame_of = {
+        id(line): chosen[k] for g in groups for k, line in zip(g.frames, g.lines, strict=True)
+    }
     truth = centreline_table(trial.motion)
     for slot in roster:
-        true = [
-            _nearest(line, truth, chosen[k])
-            for k, line in zip(slot.seen, slot.samples, strict=True)
-        ]
+        true = [_nearest(line, truth, frame_of[id(line)]) for line in slot.samples]
         assert true.count(slot.name) > 0.8 * len(true), slot.name
 
 
