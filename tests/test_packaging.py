@@ -1,10 +1,15 @@
 """What is declared for pip, conda and type checkers agrees."""
 
 import re
+import subprocess
+import sys
 import tomllib
+import zipfile
 from pathlib import Path
 
+import pytest
 import yaml
+from built_package import check_wheel, copy_source
 
 import pipeline
 import synthetic
@@ -14,6 +19,9 @@ ROOT = Path(__file__).parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
 RECIPE = yaml.safe_load((ROOT / "conda" / "recipe.yaml").read_text("utf-8"))
 IN_CONDA = {"opencv-python-headless": "py-opencv", "matplotlib": "matplotlib-base"}
+
+
+BUILD = "import sys; from setuptools import build_meta; build_meta.build_wheel(sys.argv[1])"
 
 
 def versions(requirements):
@@ -51,3 +59,19 @@ def test_workflow_calls_what_is_run_here():
 
 def test_urls_are_given():
     assert PROJECT["urls"]["Paper"].startswith("https://doi.org/")
+
+
+@pytest.mark.slow
+def test_the_wheel_holds_all_that_the_command_needs(tmp_path):
+    """`workflows/built_package.py` installs it into a bare environment, with all it depends on."""
+    pytest.importorskip("setuptools", "77")  # as pyproject.toml wants it
+    source, out = copy_source(tmp_path / "source"), tmp_path / "out"
+    subprocess.run([sys.executable, "-c", BUILD, str(out)], cwd=source, check=True)
+    (wheel,) = out.glob("*.whl")
+    check_wheel(wheel)
+    zipfile.ZipFile(wheel).extractall(tmp_path / "installed")
+    command = [sys.executable, "-m", "pipeline", "--version"]
+    child = subprocess.run(
+        command, cwd=tmp_path / "installed", check=True, capture_output=True, text=True
+    )
+    assert pipeline.__version__ in child.stdout

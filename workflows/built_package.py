@@ -46,10 +46,14 @@ def step(words, do) -> None:
     print(f"{words}: done in {time.monotonic() - started:.0f} s", flush=True)
 
 
+def copy_source(folder) -> Path:
+    """Copy the repository into a new folder, without what other programs left in it."""
+    return Path(shutil.copytree(ROOT, folder, ignore=shutil.ignore_patterns(*LEFT_OUT)))
+
+
 def build(work) -> None:
     """Build sdist and wheel into work/dist."""
-    source = work / "source"
-    shutil.copytree(ROOT, source, ignore=shutil.ignore_patterns(*LEFT_OUT))
+    source = copy_source(work / "source")
     python = python_of(work / "builder")
     run(python, "-m", "pip", "install", "--quiet", "build")
     run(python, "-m", "build", "--outdir", work / "dist", source)
