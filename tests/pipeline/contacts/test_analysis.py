@@ -492,3 +492,13 @@ def test_a_hidden_length_that_the_bending_contradicts_is_corrected_and_flagged(w
     off = (found["peak_force_uN"] - traced.true_contacts["peak_force_uN"])[strong]
     assert (np.abs(off) < 1.96 * found["peak_force_se_uN"][strong]).mean() > 0.9
     assert (found["flags"].str.contains("base_contradicted") == (wrong_by_mm != 0)).all()
+
+
+@pytest.mark.parametrize(("error_mm", "flagged"), [(0.5, False), (0.05, True)])
+def test_a_correction_that_its_own_error_explains_contradicts_nothing(error_mm, flagged):
+    """As of touches so near the face that hardly anything visible is bent."""
+    _, touch = analysed("noisy")
+    evidence = touch.evidence.assign(bending_origin_m=1.1e-3, bending_origin_se_m=1e-3 * error_mm)
+    found = find_contacts(evidence)
+    assert len(found) > 5
+    assert (found["flags"].str.contains("base_contradicted") == flagged).all()
