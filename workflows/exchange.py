@@ -12,7 +12,7 @@ DeepLabCut into another:
         matplotlib tqdm natsort==7.1.1 ipython scikit-learn lightgbm pytz seaborn
     whacc/bin/pip install --no-deps whacc
     poses/bin/pip install sleap-io tables scipy matplotlib tqdm opencv-python-headless \
-        scikit-image ruamel.yaml pydantic filterpy networkx
+        scikit-image ruamel.yaml pydantic filterpy networkx numba
     poses/bin/pip install --no-deps deeplabcut
 
 WhACC's page wants a screen; `xvfb-run -a` before the command makes one. Octave, ImageMagick and
