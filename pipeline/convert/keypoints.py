@@ -8,7 +8,7 @@ import re
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from pipeline.convert.results import lines_of_rows
 from pipeline.errors import InputError
@@ -169,7 +169,7 @@ def _noise(fits) -> float:
     if len(fits) < FEWEST_ROWS:
         return USUAL_NOISE_PX
     misfit, _, free = np.array(fits, float).T
-    return max(float(np.sqrt(np.median(misfit / chi2.median(free)))), LEAST_NOISE_PX)
+    return max(float(np.sqrt(np.median(misfit / chdtri(free, 0.5)))), LEAST_NOISE_PX)
 
 
 def _with_information(lines, information, confidence) -> Centrelines:

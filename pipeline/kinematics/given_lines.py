@@ -8,8 +8,7 @@ get the curve; the points' scatter about it gives the information.
 from dataclasses import replace
 
 import numpy as np
-from scipy.signal import savgol_filter
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from pipeline.tables.centrelines import Centrelines
 
@@ -58,6 +57,8 @@ def _distinct(points):
 
 def _smoothed(points):
     """A smooth curve's nodes 1 px apart, x and y [px], and each node's raw offset; (3, nodes)."""
+    from scipy.signal import savgol_filter  # takes half a second, which other runs need not spend
+
     curve = savgol_filter(points, SMOOTHED_NODES, SMOOTHED_DEGREE, axis=0)
     tangent = np.gradient(curve, axis=0)
     tangent /= np.hypot(*tangent.T)[:, None]
@@ -114,7 +115,7 @@ def _row_variance(lines, i):
     n = blocks * BLOCK_NODES
     means = away[:n].reshape(blocks, -1).mean(axis=1)
     taken = BLOCK_NODES * np.sum(basis[:n].reshape(blocks, BLOCK_NODES, -1).mean(axis=1) ** 2)
-    return BLOCK_NODES * np.sum(means**2) / chi2.median(blocks - taken)  # so its median is right
+    return BLOCK_NODES * np.sum(means**2) / chdtri(blocks - taken, 0.5)  # so its median is right
 
 
 def sample_of(lines: Centrelines, most: int = 48) -> Centrelines:

@@ -1,9 +1,14 @@
-"""Spread of values of which some are far off."""
+"""Spread of values of which some are far off.
+
+In place of `scipy.stats.median_abs_deviation`: importing scipy.stats takes as long as tracking
+some hundred frames.
+"""
 
 import numpy as np
-from scipy.stats import median_abs_deviation, norm
+from scipy.special import ndtri
 
-MAD_TO_SD = 1 / norm.ppf(0.75)  # of a normal distribution
+QUARTILE = ndtri(0.75)  # of a standard normal distribution
+MAD_TO_SD = 1 / QUARTILE
 
 
 def robust_sd(values, about=None, axis=None):
@@ -20,6 +25,8 @@ def robust_sd(values, about=None, axis=None):
     >>> round(float(robust_sd([-1.0, 0.0, 1.0, 50.0], about=0.0)), 4)
     1.4826
     """
+    values = np.asarray(values)
     if about is None:
-        return median_abs_deviation(values, axis=axis, scale="normal")
-    return MAD_TO_SD * np.median(np.abs(np.asarray(values) - about), axis=axis)
+        middle = np.median(values, axis=axis, keepdims=True)
+        return np.median(np.abs(values - middle), axis=axis) / QUARTILE
+    return MAD_TO_SD * np.median(np.abs(values - about), axis=axis)
