@@ -185,7 +185,7 @@ def try_container(kind, folder, effort: Effort) -> Tried:
     seeds = range(effort.seed, effort.seed + effort.cases(DAMAGES, len(DAMAGED_BY)))
     cases = [Case(DAMAGED_BY[seed % len(DAMAGED_BY)].__name__, seed) for seed in seeds]
     ending_of = functools.partial(_damaged, folder / "whole" / name, folder)
-    silent, most, failed, told = 0, 0, 0, 0
+    silent, most, failed, warned = 0, 0, 0, 0
     for case, ending in zip(
         cases, each_in_child(ending_of, cases, LONGEST_S, _bound_memory), strict=True
     ):
@@ -196,14 +196,14 @@ def try_container(kind, folder, effort: Effort) -> Tried:
             continue
         count, error, said = ending.value
         failed += bool(error)
-        told += bool(said)
+        warned += bool(said)
         tried.check("\n" not in error + said, f"{kind}, {case}: many lines: {error + said}")
         if case.what == "cut" and not error and not said and count < FRAMES:
             silent += 1
             tried.check(False, f"{kind}, {case}: {FRAMES - count} frames are missing, unsaid")
-    whole = tried.cases - failed - told
+    whole = tried.cases - failed - warned
     tried.said = (
-        f"{failed} end in an error, {told} are read with a warning, {whole} as if whole; "
+        f"{failed} end in an error, {warned} are read with a warning, {whole} as if whole; "
         f"{most / 2**20:.0f} MB at most"
     )
     return tried

@@ -24,8 +24,8 @@ HANDLES, MOST_HANDLES = 12, 256
 MOST_LEFT = 120_000  # bytes on the small disk
 RACES, REMOVALS = 10, 45
 LONGEST_S = 300  # of a run, on a busy machine
-ONE_FAULT = "1 problem\n"  # settings are told by their faults, a line each
-TOLD = (InputError, OSError)  # what the command turns into one line
+ONE_FAULT = "1 problem\n"  # each fault in the settings has a line
+REPORTED = (InputError, OSError)  # what the command turns into one line
 
 
 def try_full_disk(folder, effort: Effort) -> Tried:
@@ -41,7 +41,7 @@ def try_full_disk(folder, effort: Effort) -> Tried:
             fill = functools.partial(_fill, disk, free)
             hindrance.attempt(f"{free} bytes left", fill, (disk / "filling").unlink)
     kinds = "limits of files' sizes" + (" and a small disk" if small else "")
-    tried.said = f"{kinds}; {hindrance.told} runs met the limit and said so"
+    tried.said = f"{kinds}; {hindrance.reported} runs met the limit and said so"
     return tried
 
 
@@ -55,11 +55,11 @@ def _start(work) -> Path:
 class Hindrance:
     """A run under a hindrance, and the next run, which has to mend all.
 
-    `told` counts the runs that said that something was in their way.
+    `reported` counts the runs that said that something was in their way.
     """
 
     def __init__(self, work, tried):
-        self.work, self.start, self.tried, self.told = work, _start(work), tried, 0
+        self.work, self.start, self.tried, self.reported = work, _start(work), tried, 0
         _must_succeed(work)
         self.expected = stand_in.tables(work / "results")
         stand_in.copy_of(self.start, work)
@@ -69,8 +69,8 @@ class Hindrance:
         ending = in_child(_hindered, self.work, setup, seconds=LONGEST_S)
         clear()
         self.tried.cases += 1
-        fault, told = (ending.fault, False) if ending.fault else ending.value
-        self.told += told
+        fault, reported = (ending.fault, False) if ending.fault else ending.value
+        self.reported += reported
         for each in (fault, *self._damage(self.work)):
             self.tried.check(not each, f"{what}: {last_line(each)}")
         stand_in.copy_of(self.start, self.work)
@@ -90,11 +90,11 @@ def _must_succeed(work) -> None:
 
 
 def _hindered(work, setup):
-    """Run under a hindrance; (what is wrong with what is said, whether it is told of)."""
+    """Run under a hindrance; (what is wrong with what is said, whether it is reported)."""
     setup()
     try:
         summary = stand_in.run(work / "videos", work / "results")
-    except TOLD as error:
+    except REPORTED as error:
         return f"many lines: {error}" if "\n" in str(error).replace(ONE_FAULT, "") else "", True
     failed = [each.message for each in summary.outcomes if each.status != "done"]
     said = [*failed, *summary.problems]
@@ -142,7 +142,7 @@ def try_read_only(folder, effort: Effort) -> Tried:
             path.chmod(0o555)
         give_back = functools.partial(_give_back, paths)
         hindrance.attempt(f"no right to write {place}", _lose_rights, give_back)
-    tried.check(hindrance.told == tried.cases, f"only {hindrance.told} runs said so")
+    tried.check(hindrance.reported == tried.cases, f"only {hindrance.reported} runs said so")
     return tried
 
 
@@ -161,7 +161,7 @@ def _give_back(paths) -> None:
 
 def try_removed(folder, effort: Effort) -> Tried:
     """Remove the results folder, a video's, or a video itself in the middle of a run."""
-    tried, told, work = Tried(), 0, folder / "work" / "work"
+    tried, reported, work = Tried(), 0, folder / "work" / "work"
     start = _start(work)
     for k in range(effort.cases(REMOVALS, 3)):
         what, step = ("results", "results/video0", "videos/video1.avi")[k % 3], 5 + 3 * k
@@ -170,9 +170,9 @@ def try_removed(folder, effort: Effort) -> Tried:
         ending = in_child(_hindered, work, setup, seconds=LONGEST_S)
         tried.cases += 1
         fault, said = (ending.fault, False) if ending.fault else ending.value
-        told += said
+        reported += said
         tried.check(not fault, f"{what} removed at step {step}: {last_line(fault)}")
-    tried.said = f"{told} runs said that something was gone"
+    tried.said = f"{reported} runs said that something was gone"
     return tried
 
 
@@ -235,7 +235,7 @@ def try_no_handles(folder, effort: Effort) -> Tried:
     for free in np.unique(np.linspace(0, HANDLES, effort.cases(HANDLES, 3)).astype(int)):
         leave = functools.partial(_leave_handles, int(free))
         hindrance.attempt(f"{free} free handles", leave)
-    tried.said = f"{hindrance.told} runs lacked one and said so"
+    tried.said = f"{hindrance.reported} runs lacked one and said so"
     return tried
 
 

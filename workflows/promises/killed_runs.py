@@ -109,7 +109,7 @@ def _lives(pid) -> bool:
 
 
 def try_interrupts(folder, effort: Effort) -> Tried:
-    """Press Ctrl-C at random moments; how long it takes is told for runs of one process."""
+    """Press Ctrl-C at random moments; how long it takes is printed for runs of one process."""
     tried, rng = Tried(), np.random.default_rng(effort.seed)
     (start, work), longest = real_session.curated(folder), 0.0
     for number in range(effort.cases(INTERRUPTS)):
