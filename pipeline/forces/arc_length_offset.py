@@ -18,8 +18,8 @@ are not used.
 The bending is right where the model is: a cone length that is 1 % off or a pole that is put a
 pixel wrong move its answer by 0.2 mm. So it counts less where the pole is not where the whisker
 bends. Where its answer contradicts the session and the tip, it is used all the same: forces are
-nearer to the truth with it than without (docs/assumptions.md). Where they differ by more than
-twice what their errors explain, the standard error grows.
+nearer to the truth with it than without (docs/assumptions.md). By how much they differ beyond
+twice what their errors explain counts as a standard error.
 
 No source is believed against all others: a length that contradicts the hidden length by more than
 twice its error counts less, so that a whisker that has grown does not shift the base.
@@ -204,8 +204,8 @@ def origin_from_bending(
     if abs(answer) > 1e-3 * evidence.params.bending_most_mm:
         found = evidence.solve()
     other, variance = evidence.mean(rows, weight)
-    surprise = abs(answer - other) / np.sqrt(own**2 + variance)
-    se = found.se * max(surprise / EXPLAINED_SD, 1.0)
+    unexplained = abs(answer - other) - EXPLAINED_SD * np.hypot(own, np.sqrt(variance))
+    se = np.hypot(found.se, max(unexplained, 0.0))
     return Origin(found.per_row, se, found.per_tip, float(answer), float(own))
 
 
