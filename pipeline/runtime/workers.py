@@ -9,6 +9,7 @@ import time
 import traceback
 from collections import deque
 from dataclasses import dataclass, replace
+from multiprocessing import resource_tracker
 from multiprocessing.connection import wait
 from typing import Any
 
@@ -109,7 +110,7 @@ class _Worker:
         context = multiprocessing.get_context("spawn")
         self.connection, other = context.Pipe()
         self.process = context.Process(target=_serve, args=(other, self.function), daemon=True)
-        with _one_thread():
+        with _one_thread(), _deaf_to_interrupts():
             self.process.start()
         other.close()
 
@@ -158,6 +159,20 @@ def _one_thread():
         for name in THREADS:
             if name not in before:
                 os.environ.pop(name, None)
+
+
+@contextlib.contextmanager
+def _deaf_to_interrupts():
+    """Let processes started inside never hear Ctrl-C, from their first moment on."""
+    if not hasattr(signal, "pthread_sigmask"):  # Windows
+        yield
+        return
+    resource_tracker.ensure_running()  # where it is started, it lets interrupts through again
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _feed(workers, tasks, on_event):

@@ -145,3 +145,27 @@ def test_an_interrupt_of_before_does_not_end_the_next_run():
     events = []
     run_tasks(_square, [1], events.append)
     assert events[-1].value == 1
+
+
+DEAF = """
+import signal
+from pipeline.runtime.workers import run_tasks
+
+def is_deaf(task, report):
+    return signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, ())
+
+if __name__ == "__main__":
+    run_tasks(is_deaf, [1, 2], lambda event: print(event.value) if event.kind == "done" else 0, 2)
+    print(is_deaf(None, None))
+"""
+
+
+@pytest.mark.skipif(not hasattr(signal, "pthread_sigmask"), reason="Windows")
+def test_workers_hear_no_interrupt_even_while_they_start(tmp_path):
+    """In a program of its own, whose first workers they are."""
+    (tmp_path / "deaf.py").write_text(DEAF)
+    said = subprocess.run(
+        [sys.executable, tmp_path / "deaf.py"], capture_output=True, text=True, timeout=60,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}, check=True,
+    ).stdout  # fmt: skip
+    assert said.split() == ["True", "True", "False"]
