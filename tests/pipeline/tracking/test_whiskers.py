@@ -1,0 +1,42 @@
+"""The tracer's lengths: from the whiskers, the picture, and the parameters in session.toml."""
+
+import pytest
+
+from pipeline.session.quantities import pixels_in
+from pipeline.session.session_file import settings_from
+from pipeline.tracking.matching import Ruler
+from pipeline.tracking.whiskers import tracing_options
+
+RECORDING = {"frames_per_second": 2000, "pixels_per_mm": 25, "face": "left"}
+SHAPE = (480, 640)
+WHISKER = {"name": "C2", "length_mm": 18, "hidden_length_mm": 1.4}
+
+
+def options_of(whisker=(), **advanced):
+    document = {"recording": RECORDING, "whisker": list(whisker), "advanced": advanced}
+    return tracing_options(settings_from(document), SHAPE)
+
+
+@pytest.mark.parametrize("whisker", [(), (WHISKER,)])
+def test_parameters_of_session_toml_reach_the_tracer(whisker):
+    usual = options_of(whisker)
+    options = options_of(
+        whisker, tracking={"bridge_mm": 2.4, "base_chord_mm": 8}, detection={"broad": 2}
+    )
+    assert options.bridge_px == pytest.approx(2 * usual.bridge_px, abs=1)
+    assert Ruler.of("left", options).base_px == pytest.approx(
+        2 * Ruler.of("left", usual).base_px, abs=1
+    )
+    assert options.params.detection.broad == 2
+    assert options.frames_per_second == 2000
+
+
+def test_without_lengths_the_picture_gives_the_scale():
+    assert options_of().shortest_px == pytest.approx(3.5 * (480 * 640) ** 0.5 / 35)
+    shown = options_of(tracking={"field_mm": 20}).shortest_px
+    assert shown == pytest.approx(3.5 * (480 * 640) ** 0.5 / 20)
+
+
+def test_lengths_between_lines_are_at_least_as_many_pixels_as_at_25_per_mm():
+    assert pixels_in(0.72, 50e3) == pytest.approx(36)
+    assert pixels_in(0.72, 8e3) == pytest.approx(18)
