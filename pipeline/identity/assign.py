@@ -18,6 +18,7 @@ from pipeline.identity.features import ANGLE, LENGTH, NEAR_BEND, THICKNESS
 from pipeline.identity.limits import USUAL, Limits
 from pipeline.identity.ordered_assignment import Lines, looks_and_phases, named_in_order
 from pipeline.identity.sides import Sides
+from pipeline.identity.tracklets import named_by_tracklets, often_seen
 from pipeline.session.parameters import DEFAULTS
 from pipeline.tables.centrelines import Centrelines
 from pipeline.tracking.matching import Ruler
@@ -27,6 +28,8 @@ LEAST_SD = np.array([0.01, np.radians(1.5), 0.05, 0.03, 0.007, 0.005])  # of a l
 ROUNDS = 2  # of naming all lines and learning the looks from them
 OTHERS = 3  # numbers of whiskers tried besides the likeliest, at most
 NEARLY = 1.05  # of its cost: numbers of whiskers that cost more are not tried
+LESS_OF_LOOKS = 0.2  # another way to the names: how lines move counts more
+SHARES = 0.15, 0.3  # of the frames, in which a whisker is seen that tracklets lead to
 PER_POINT = ("x_px", "y_px", "se_px", "offset_px", "information", "thickness_px")
 FEWEST_FRAMES = 2  # shorter tracks that belong to no named whisker are dropped
 
@@ -167,48 +170,47 @@ def with_unnamed(
 
 
 def _all_names(lines):
-    """Names, as whiskers were found, and their probability."""
+    """Names, as whiskers were found, and how sure they are.
+
+    That is the probability that no two whiskers have changed names, times the share of all ways
+    to the names that lead to this one (`_other_ways`).
+    """
     if lines.frame[0] == lines.frame[-1]:  # in a single frame every line is a whisker by itself
         return np.arange(len(lines.frame)), np.ones(len(lines.frame))
-    certain = 1 - lines.limits.params.doubt
     first, *others = named_in_order(lines, LEAST_SD)
-    named, evidence = _likeliest(lines, first)
+    named, evidence = _likeliest(lines, first.model, first.names)
+    others = [each for each in others[:OTHERS] if each.cost < NEARLY * first.cost]
+    agree = [_renamed(other, named) == named for other in _other_ways(lines, first, others)]
     sure = label_swaps.certainty(evidence, named)
-    for naming in [each for each in others[:OTHERS] if each.cost < NEARLY * first.cost]:
-        other, _ = _likeliest(lines, naming)
-        sure = sure * np.where(_renamed(other, named) == named, 1.0, certain)
-    return named, sure * np.where(_beside_new_name(lines, named), certain, 1.0)
+    return named, sure * (1 + np.sum(agree, axis=0)) / (1 + len(agree))
 
 
-def _beside_new_name(lines, named):
-    """Rows (rows,) shortly before and after another name on their own track, bool.
+def _other_ways(lines, first, others):
+    """Names (rows,) by other ways: other numbers of whiskers, less of looks, first tracklets."""
+    for naming in others:
+        yield _likeliest(lines, naming.model, naming.names)[0]
+    yield _likeliest(lines, first.model, first.names, LESS_OF_LOOKS)[0]
+    by_tracklets = named_by_tracklets(lines)
+    for share in SHARES:
+        names = often_seen(by_tracklets, lines.frame, share)
+        if names.max(initial=-1) < 0:
+            continue
+        model = seeds.looks_of(lines, names, LEAST_SD)
+        for looks in (1.0, LESS_OF_LOOKS):
+            yield _likeliest(lines, model, names, looks)[0]
 
-    Either the track went on with another line there, or one of the names is wrong.
+
+def _likeliest(lines, model, named, looks=1.0):
+    """Names that looks and motions make likeliest, from first ones on, and the evidence.
+
+    looks : how much looks count beside motions
     """
-    near = lines.limits.lasting
-    order = np.lexsort((lines.frame, lines.track))
-    place = (lines.track * (lines.frame[-1] + 2 * near) + lines.frame)[order]  # tracks apart
-    known = order[named[order] >= 0]
-    last, next_ = known[:-1], known[1:]
-    new = (lines.track[last] == lines.track[next_]) & (named[last] != named[next_])
-    rank = np.argsort(order)
-    begin = np.searchsorted(place, place[rank[last[new]]] - near)
-    end = np.searchsorted(place, place[rank[next_[new]]] + near, side="right")
-    inside = np.zeros(len(order) + 1, np.int64)
-    np.add.at(inside, begin, 1)
-    np.add.at(inside, end, -1)
-    return np.cumsum(inside)[rank] > 0
-
-
-def _likeliest(lines, naming):
-    """Names that looks and motions make likeliest, from first ones on, and the evidence."""
-    model, named = naming.model, naming.names
     for number in range(ROUNDS):
         if number:
             model, named = seeds.with_more(model, named, lines, lines.limits.long_track)
         model, phase = looks_and_phases(lines, model, named)
         evidence = motion_model.evidence_of(
-            model, lines.features, lines.frame, lines.track, phase, lines.limits
+            model, lines.features, lines.frame, lines.track, phase, lines.limits, looks
         )
         named = label_swaps.improved(evidence, named, lines.track)
     return named, evidence

@@ -22,7 +22,7 @@ SLOW, QUICK = 0.5, 0.8  # quantiles of the turn, below and above which motions a
 
 
 def evidence_of(
-    model: FanModel, features, frame, track, phase, limits: Limits = USUAL
+    model: FanModel, features, frame, track, phase, limits: Limits = USUAL, looks=1.0
 ) -> Evidence:
     """What the names of a video's lines are inferred from.
 
@@ -32,6 +32,7 @@ def evidence_of(
     features, frame, track : (rows, 6), (rows,), (rows,), ordered by frame; tracks as traced
     phase : (frames,) at which the lines are looked at
     limits : the room's parameters
+    looks : how much looks count beside motions
     """
     look = model.costs(features, phase[frame])
     before = row_before(frame, track)
@@ -43,7 +44,7 @@ def evidence_of(
     most = np.sqrt(2) * np.where(
         np.isfinite(model.sd), model.sd, np.nanmedian(model.sd, axis=0, keepdims=True)
     )
-    weight = WEIGHT * np.clip(np.abs(turn) / limits.moving, QUIET_WEIGHT, 1.0)[frame]
+    weight = looks * WEIGHT * np.clip(np.abs(turn) / limits.moving, QUIET_WEIGHT, 1.0)[frame]
     steady = _goes_on(frame, before, step[:, ANGLE], turn, limits.own_turn)
     alone = _alone(features, frame, before, limits.alone)
     evidence = Evidence(

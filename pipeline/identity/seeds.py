@@ -25,7 +25,7 @@ def with_more(
     known = len(model.middle)
     long = sorted(label_swaps.runs(names, track, frame), key=len, reverse=True)
     names = names.copy()
-    new = [rows for rows in long[: min(MOST_NEW, MOST - known)] if len(rows) >= long_track]
+    new = [rows for rows in long[: max(min(MOST_NEW, MOST - known), 0)] if len(rows) >= long_track]
     for number, rows in enumerate(new):
         names[rows] = known + number
     if not new:
@@ -40,6 +40,18 @@ def with_more(
         for part in ("middle", "slope", "sd")
     ]
     return FanModel(*parts, model.least_sd), names
+
+
+def looks_of(lines, names, least_sd) -> FanModel:
+    """The model of whiskers of which some lines are known, before any phase is.
+
+    lines : `Lines`; names : (rows,) −1 for nobody; least_sd : (6,) of a look
+    """
+    before = motion_model.row_before(lines.frame, lines.track)
+    phase = np.cumsum(motion_model.common_turns(lines.features, lines.frame, before))
+    known = np.flatnonzero(names >= 0)
+    phase = (phase - np.median(phase))[lines.frame[known]]
+    return first_looks(lines.features[known], names[known], phase, names.max() + 1, least_sd)
 
 
 def first_looks(features, whisker, phase, count, least_sd):

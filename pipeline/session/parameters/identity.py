@@ -56,10 +56,6 @@ class IdentityParams:
     nameless_confidence: quantity(0, 1, "ratio") = parameter(
         0.4, "confidence in a line without a known whisker, times that in the line", "chosen"
     )
-    doubt: quantity(0, 1, "ratio") = parameter(
-        0.55, "part of the confidence lost where a track's name changes or is ambiguous",
-        "chosen: the rest is less than even",
-    )  # fmt: skip
     side_gap: quantity(0.05, 1, "of the width") = parameter(
         1 / 3, "two sides of a face are at least this part of all bases' width apart", "chosen"
     )

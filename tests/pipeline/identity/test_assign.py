@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from pipeline.identity.assign import _beside_new_name, names
+from pipeline.identity import assign
+from pipeline.identity.assign import names
 from pipeline.identity.features import ANGLE
-from pipeline.identity.limits import USUAL, Limits
-from pipeline.identity.ordered_assignment import Lines
+from pipeline.identity.limits import Limits
 from pipeline.session.parameters import IdentityParams
 
 FRAMES = 300
@@ -23,40 +23,36 @@ NOISE = np.array([0.005, 0.01, 0.04, 0.02, 0.004, 0.003])
 HOP = 150  # frame from which two tracks go on with each other's lines
 
 
-def test_frames_beside_a_new_name_are_found_on_that_track_only():
-    frame = np.repeat(np.arange(100), 3)
-    track = np.tile([2, 7, 8], 100)
-    name = np.where(track == 7, np.where(frame < 52, 4, 5), track)
-    name[(track == 7) & (frame >= 50) & (frame < 52)] = -1  # nobody's, in between
-    lines = Lines(np.zeros((300, 6)), frame, track)
-    found = _beside_new_name(lines, name)
-    assert not found[track != 7].any()
-    assert frame[found].tolist() == list(range(49 - USUAL.lasting, 52 + USUAL.lasting + 1))
-
-
-def test_nobodys_frames_and_ends_of_tracks_are_no_new_names():
-    frame = np.repeat(np.arange(60), 2)
-    track = np.tile([0, 1], 60)
-    name = np.where((frame > 20) & (frame < 30), -1, track)
-    other = np.where(frame < 40, track, track + 2)  # tracks 2 and 3 begin in frame 40
-    assert not _beside_new_name(Lines(np.zeros((120, 6)), frame, other), name).any()
-
-
-def test_a_name_that_the_track_had_not_before_is_doubted_for_some_frames():
-    rng = np.random.default_rng(6)
+def whisking(seed):
+    """Features (rows, 6), frames and whiskers (rows,) of a fan that whisks."""
     phase = 0.3 * np.sin(np.arange(FRAMES) / 4)
-    features = FAN + NOISE * rng.normal(size=(FRAMES, *FAN.shape))
+    features = FAN + NOISE * np.random.default_rng(seed).normal(size=(FRAMES, *FAN.shape))
     features[..., ANGLE] += phase[:, None]
-    frame, true = np.divmod(np.arange(FRAMES * len(FAN)), len(FAN))
+    return features.reshape(-1, 6), *np.divmod(np.arange(FRAMES * len(FAN)), len(FAN))
+
+
+def test_a_name_is_as_sure_as_the_share_of_ways_that_lead_to_it(monkeypatch):
+    features, frame, true = whisking(6)
+    wrong = np.where((frame < 60) & (true < 2), 1 - true, true)
+
+    def ways(lines, first, others):
+        yield from (true + 1, wrong, true)  # numbers of whiskers do not matter
+
+    monkeypatch.setattr(assign, "_other_ways", ways)
+    found, sure = names(frame, true, features)
+    assert (found == true).all()
+    assert sure[wrong != true].max() <= 3 / 4
+    assert np.median(sure[wrong == true]) > 0.9
+
+
+def test_ways_agree_where_tracks_have_gone_on_with_each_others_lines():
+    features, frame, true = whisking(7)
     track = true.copy()
     later = frame >= HOP
     track[later & (true == 1)], track[later & (true == 2)] = 2, 1
-    found, sure = names(frame, track, features.reshape(-1, 6))
+    found, sure = names(frame, track, features)
     assert (found == true).all()
-    near = (frame >= HOP - 1 - USUAL.lasting) & (frame <= HOP + USUAL.lasting)
-    near &= np.isin(track, (1, 2))
-    assert sure[near].max() <= 1 - USUAL.params.doubt
-    assert np.median(sure[~near]) > 0.9
+    assert np.median(sure) > 0.9
 
 
 def test_times_are_frames_of_the_recording_but_never_fewer_than_at_1000_per_s():

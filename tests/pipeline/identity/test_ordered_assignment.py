@@ -68,7 +68,7 @@ def test_names_hold_forwards_and_backwards_though_tracks_go_on_with_neighbours()
     backwards[back], _ = names(FRAMES - 1 - frame[back], track[back], features[back])
     assert (forwards == true).mean() > 0.97
     assert (backwards == true).mean() > 0.97
-    assert (forwards == true)[sure > 0.9].mean() > 0.98
+    assert (forwards == true)[sure > 0.9].mean() > 0.97
 
 
 def test_alignment_is_the_cheapest_of_all_in_order():
