@@ -172,8 +172,8 @@ def with_unnamed(
 def _all_names(lines):
     """Names, as whiskers were found, and how sure they are.
 
-    That is the probability that no two whiskers have changed names, times the share of all ways
-    to the names that lead to this one (`_other_ways`).
+    That is the probability that no two whiskers have changed names, times the square of the share
+    of ways that lead to this name (`_other_ways`): ways that share lines share errors, too.
     """
     if lines.frame[0] == lines.frame[-1]:  # in a single frame every line is a whisker by itself
         return np.arange(len(lines.frame)), np.ones(len(lines.frame))
@@ -182,7 +182,8 @@ def _all_names(lines):
     others = [each for each in others[:OTHERS] if each.cost < NEARLY * first.cost]
     agree = [_renamed(other, named) == named for other in _other_ways(lines, first, others)]
     sure = label_swaps.certainty(evidence, named)
-    return named, sure * (1 + np.sum(agree, axis=0)) / (1 + len(agree))
+    share = (1 + np.sum(agree, axis=0)) / (1 + len(agree))
+    return named, sure * share**2
 
 
 def _other_ways(lines, first, others):

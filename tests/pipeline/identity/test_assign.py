@@ -31,7 +31,7 @@ def whisking(seed):
     return features.reshape(-1, 6), *np.divmod(np.arange(FRAMES * len(FAN)), len(FAN))
 
 
-def test_a_name_is_as_sure_as_the_share_of_ways_that_lead_to_it(monkeypatch):
+def test_a_name_is_the_surer_the_more_ways_lead_to_it(monkeypatch):
     features, frame, true = whisking(6)
     wrong = np.where((frame < 60) & (true < 2), 1 - true, true)
 
@@ -41,7 +41,7 @@ def test_a_name_is_as_sure_as_the_share_of_ways_that_lead_to_it(monkeypatch):
     monkeypatch.setattr(assign, "_other_ways", ways)
     found, sure = names(frame, true, features)
     assert (found == true).all()
-    assert sure[wrong != true].max() <= 3 / 4
+    assert sure[wrong != true].max() <= (3 / 4) ** 2
     assert np.median(sure[wrong == true]) > 0.9
 
 
