@@ -208,11 +208,9 @@ def _likeliest(lines, model, named, looks=1.0):
     """
     for number in range(ROUNDS):
         if number:
-            model, named = seeds.with_more(model, named, lines, lines.limits.long_track)
+            model, named = seeds.with_more(model, named, lines)
         model, phase = looks_and_phases(lines, model, named)
-        evidence = motion_model.evidence_of(
-            model, lines.features, lines.frame, lines.track, phase, lines.limits, looks
-        )
+        evidence = motion_model.evidence_of(model, lines, phase, looks)
         named = label_swaps.improved(evidence, named, lines.track)
     return named, evidence
 

@@ -7,7 +7,7 @@ from scipy.ndimage import median_filter
 from pipeline.identity.appearance import LEAST_SLOPE, FanModel, medians
 from pipeline.identity.features import ANGLE, BEND, N_FEATURES
 from pipeline.identity.label_swaps import TAKEN, Evidence, link
-from pipeline.identity.limits import USUAL, Limits
+from pipeline.identity.limits import USUAL
 from pipeline.numerics.robust import robust_sd
 
 WEIGHT = 0.3  # of one frame's look: errors of neighbouring frames are alike
@@ -21,19 +21,17 @@ RENAMED = 40.0  # cost of a new name for a line that is seen to go on
 SLOW, QUICK = 0.5, 0.8  # quantiles of the turn, below and above which motions are compared
 
 
-def evidence_of(
-    model: FanModel, features, frame, track, phase, limits: Limits = USUAL, looks=1.0
-) -> Evidence:
+def evidence_of(model: FanModel, lines, phase, looks=1.0) -> Evidence:
     """What the names of a video's lines are inferred from.
 
     Parameters
     ----------
     model : the whiskers' looks
-    features, frame, track : (rows, 6), (rows,), (rows,), ordered by frame; tracks as traced
+    lines : `ordered_assignment.Lines`; tracks as traced
     phase : (frames,) at which the lines are looked at
-    limits : the room's parameters
     looks : how much looks count beside motions
     """
+    features, frame, track, limits = lines.features, lines.frame, lines.track, lines.limits
     look = model.costs(features, phase[frame])
     before = row_before(frame, track)
     slope = np.nan_to_num(model.slope)

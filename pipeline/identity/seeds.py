@@ -8,24 +8,25 @@ import numpy as np
 from pipeline.identity import label_swaps, motion_model
 from pipeline.identity.appearance import FanModel
 from pipeline.identity.features import ANGLE, N_FEATURES
-from pipeline.identity.limits import USUAL
 
 MOST_NEW = 3  # whiskers at a time
 MOST = 20  # whiskers
 
 
-def with_more(
-    model: FanModel, names, lines, long_track=USUAL.long_track
-) -> tuple[FanModel, np.ndarray]:
+def with_more(model: FanModel, names, lines) -> tuple[FanModel, np.ndarray]:
     """The model with a few more whiskers from nobody's long tracks, and the names with them.
 
-    lines : `Lines`; long_track : frames that such a track has, at least
+    lines : `Lines`, whose limits say how long such a track is
     """
     features, frame, track = lines.features, lines.frame, lines.track
     known = len(model.middle)
     long = sorted(label_swaps.runs(names, track, frame), key=len, reverse=True)
     names = names.copy()
-    new = [rows for rows in long[: max(min(MOST_NEW, MOST - known), 0)] if len(rows) >= long_track]
+    new = [
+        rows
+        for rows in long[: max(min(MOST_NEW, MOST - known), 0)]
+        if len(rows) >= lines.limits.long_track
+    ]
     for number, rows in enumerate(new):
         names[rows] = known + number
     if not new:

@@ -8,6 +8,7 @@ from pipeline.identity.appearance import FanModel
 from pipeline.identity.assign import LEAST_SD, name_lines, names, with_unnamed
 from pipeline.identity.features import ANGLE, BEND, Dial, line_features
 from pipeline.identity.limits import USUAL
+from pipeline.identity.ordered_assignment import Lines
 from pipeline.identity.sides import Sides
 from pipeline.session.recording import Recording
 from pipeline.tables.centrelines import Centrelines
@@ -140,7 +141,7 @@ def evidence(rng):
     """Evidence of the whisking fan, its tracks, and its true names."""
     frame, track, features, true = rows(whisking(rng), exchanged([(1, 2, 100, 200)]))
     model, phase = looks(), 0.4 * np.sin(np.arange(FRAMES) / 6)
-    return motion_model.evidence_of(model, features, frame, track, phase), track, true
+    return motion_model.evidence_of(model, Lines(features, frame, track), phase), track, true
 
 
 def test_exchanges_lead_from_any_names_to_the_likeliest():
@@ -209,7 +210,7 @@ def test_looks_of_resting_whiskers_count_less():
         np.concatenate([still, moving]), np.tile(np.arange(len(FAN)), (350, 1))
     )
     phase = np.zeros(350)
-    known = motion_model.evidence_of(looks(), features, frame, track, phase)
+    known = motion_model.evidence_of(looks(), Lines(features, frame, track), phase)
     cost = looks().costs(features, phase[frame])
     share = (known.look / cost).max(axis=1)
     assert share[(frame > 0) & (frame < 50)] == pytest.approx(
