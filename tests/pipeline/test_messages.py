@@ -158,6 +158,7 @@ def _first_message(video, length_mm, scale):
     return said[0] if said else ""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("length_mm", "scale", "who"),
     [(18, 10 * SCALE, "the longest whisker"), (18, SCALE / 10, "C2"), (6, SCALE, "C2")],
@@ -169,6 +170,7 @@ def test_a_wrong_length_or_scale_is_the_main_doubt(one_whisker, length_mm, scale
     assert f"length_mm = {length_mm}: correct it or [recording] pixels_per_mm = {scale:g}" in said
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("length_mm", [16, 22])
 def test_a_length_as_wrong_as_people_measure_is_not_doubted(one_whisker, length_mm):
     assert "is seen" not in _first_message(one_whisker, length_mm, SCALE)

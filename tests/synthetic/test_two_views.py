@@ -76,6 +76,7 @@ def test_matched_points_are_the_same_points(space):
     )
 
 
+@pytest.mark.slow
 def test_both_views_in_one_picture(tmp_path):
     (path,) = render_two_views(tmp_path, "mirror", seed=2, trials=1, frames=25)
     shapes = []

@@ -33,7 +33,7 @@ def test_exact_and_complete_agree_to_ten_digits(taper, boundary):
     np.testing.assert_allclose(complete, exact, rtol=TEN_DIGITS, atol=0)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=10, deadline=None)
 @given(st.floats(0.05, 1.0), st.floats(0.01, 100.0))
 def test_exact_and_complete_agree_for_any_follicle(taper, stiffness):
     exact = modes(taper, stiffness, 6, "exact").p_prime

@@ -427,6 +427,7 @@ def test_results_stay_in_the_tables_where_a_whole_folder_of_videos_is_gone(
     assert contact_videos(out) == ["a_2", "b_2", "a", "b"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["frames.parquet", "contacts.csv", "run.json", "session.toml"])
 @pytest.mark.parametrize("damage", ["cut", "emptied", "flipped", "replaced"])
 def test_damaged_results_are_made_again_and_corrections_stay(

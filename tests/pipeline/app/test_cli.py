@@ -1,5 +1,6 @@
 """The command: exit status, messages, quick start, and no traceback unless asked for."""
 
+import io
 import os
 import re
 import subprocess
@@ -272,12 +273,12 @@ def test_debug_leaves_the_exit_status_as_it_is(capsys, tmp_path):
     assert "Traceback" in capsys.readouterr().err
 
 
-def test_a_console_without_the_letters_of_a_name_gets_the_rest(tmp_path):
-    command = [sys.executable, "-m", "pipeline.app.cli", "figures", str(tmp_path / "漢字")]
-    environment = {**os.environ, "PYTHONIOENCODING": "cp1252:strict", "PYTHONUTF8": "0"}
-    out = subprocess.run(command, env=environment, capture_output=True)
-    assert out.returncode == 2
-    assert b"??: no such folder" in out.stderr
+def test_a_console_without_the_letters_of_a_name_gets_the_rest(tmp_path, monkeypatch):
+    console = io.TextIOWrapper(io.BytesIO(), encoding="cp1252", errors="strict")
+    monkeypatch.setattr(sys, "stderr", console)
+    assert exit_code("figures", tmp_path / "漢字") == 2
+    console.flush()
+    assert b"??: no such folder" in console.buffer.getvalue()
 
 
 def test_help_and_version(capsys):

@@ -96,6 +96,7 @@ def test_unusable_arguments_and_lack_of_memory_have_their_own_status(videos, tmp
     assert one_video.main([str(videos / "x/d.avi"), *out, *session]) == 3
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(
     importlib.util.find_spec("snakemake") is None, reason="the extra `cluster` is not installed"
 )

@@ -185,6 +185,7 @@ def run(*arguments) -> int:
     return caught.value.code or 0
 
 
+@pytest.mark.slow
 def test_the_follicles_motion_from_a_particle(tmp_path, capsys):
     results, out = write_results(tmp_path), tmp_path / "out"
     assert run(results, "--out", out) == 0

@@ -52,6 +52,7 @@ def test_dimensions_of_rendered_whiskers(tmp_path, changes):
     assert found.volume.value == pytest.approx(1e9 * volume * whisker.length, rel=0.01)
 
 
+@pytest.mark.slow
 def test_a_bright_core_leaves_the_base_radius_as_it_is(tmp_path):
     micrograph = small(core=0.3, opacity=0.7, pixels_per_mm=300.0)
     found = measure(tmp_path, micrograph)
@@ -110,6 +111,7 @@ def test_edges_lie_half_a_diameter_off_the_true_centreline(tmp_path):
         assert np.median(off) < 0.3  # px, most of it along the whisker
 
 
+@pytest.mark.slow
 def test_a_cut_tip_and_a_root_are_remarked_upon(tmp_path):
     cut = measure(tmp_path, small(whisker=Whisker(6e-3, 9e-3, 40e-6)))
     assert any("cut or broken" in remark for remark in remarks(cut))
@@ -141,6 +143,7 @@ def test_pictures_that_show_no_whisker_are_refused(tmp_path):
         assert "whisker.png" in str(caught.value)
 
 
+@pytest.mark.slow
 def test_a_whisker_that_is_cut_off_or_too_small_is_refused(tmp_path):
     picture = small().picture()
     with pytest.raises(NoWhiskerError, match="cuts the whisker off at its base"):

@@ -81,6 +81,7 @@ def test_two_whiskers_into_a_session(pictures, session, tmp_path, capsys):
     }  # fmt: skip
 
 
+@pytest.mark.slow
 def test_a_session_that_has_the_tips_radius_keeps_it(pictures, session, tmp_path):
     text = session.read_text(encoding="utf-8").replace(
         "# cone_length_mm = ", "tip_radius_um = 9.0"

@@ -142,6 +142,7 @@ def test_pooling_adds_what_slips_differ_beyond_their_errors():
     assert pooled_estimate(same[:1]) is same[0]
 
 
+@pytest.mark.slow
 def test_command_writes_tables_figure_and_session(tmp_path, capsys):
     results, out, session = make_results(tmp_path / "r"), tmp_path / "out", tmp_path / "s.toml"
     write_session(session, read_session(results / "one" / "session.toml"))

@@ -220,6 +220,7 @@ def run(*arguments) -> int:
     return caught.value.code or 0
 
 
+@pytest.mark.slow
 def test_elevation_paths_and_force_are_found(space, session, tmp_path, capsys):
     out, given = tmp_path / "out", session / "points.csv"
     assert run(session / "first", session / "second", "--points", given, "--out", out) == 0

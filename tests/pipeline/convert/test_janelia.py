@@ -37,6 +37,7 @@ def tracked(tmp_path_factory):
     return folder
 
 
+@pytest.mark.slow
 def test_contacts_and_forces_without_the_video(tracked):
     settings = read_session(tracked / "session.toml")
     lines, pole, n_frames = janelia.read_tracked(tracked / "trial.whiskers", settings)

@@ -147,6 +147,7 @@ def test_lines_pass_where_the_whisker_was(motion, points, true_lines):
     assert np.sqrt(np.mean(np.square(off))) < line_tolerance
 
 
+@pytest.mark.slow
 def test_contacts_and_forces_from_key_points(motion, points):
     settings = settings_of(motion)
     x, y = motion.scene.to_pixels(motion.pole_x[:1], motion.pole_y[:1])

@@ -225,6 +225,7 @@ def test_standard_errors_cover():
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("side", [1, -1])
 def test_errors_of_strong_bends_are_those_of_many_draws(side):
     """At 0.4 rad, with a rest shape known to 1 1/m: SDs and covariances of 2000 draws, ± 10 %."""

@@ -66,6 +66,7 @@ def test_numbers_stand_beside_the_papers(drawn):
     assert numbers["truth"].isna().all()
 
 
+@pytest.mark.slow
 def test_truth_is_put_beside_where_there_is_one(results, tmp_path):
     truth = tmp_path / "truth"
     for video in ("one", "two"):
@@ -158,6 +159,7 @@ def test_bins_of_durations_are_whole_frames():
     assert fig3_tables.bin_width(table["duration_ms"], 0.5) % 0.5 == 0
 
 
+@pytest.mark.slow
 def test_the_contact_shown_can_be_chosen(results):
     figures.write_fig3(results, video="one", contact=1)
     b = pd.read_csv(results / "figures" / "fig3b.csv")
@@ -186,6 +188,7 @@ def test_r_squared_needs_three_points_that_differ():
     assert np.isnan(session_numbers.r_squared(x, pd.Series([1.0, 1, 1, 1])))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("videos", [("one",), ()])
 def test_without_contacts_there_are_still_figures(tmp_path, videos):
     results = make_results(tmp_path / "results", (), videos)
@@ -196,6 +199,7 @@ def test_without_contacts_there_are_still_figures(tmp_path, videos):
     assert pd.read_csv(results / "figures" / "fig3f.csv").empty
 
 
+@pytest.mark.slow
 def test_contacts_without_forces_are_counted_and_drawn(tmp_path):
     rows = [contact("one", 1, 30, 10, np.nan, pulse_r2=np.nan)]
     results = make_results(tmp_path / "results", rows)

@@ -32,6 +32,7 @@ def many(n=400):
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "contacts",
     [CONTACTS, [{**CONTACTS[0], "video": LONG_NAME}], many(), ()],

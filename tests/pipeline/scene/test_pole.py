@@ -92,6 +92,7 @@ def test_a_speck_is_no_pole_where_a_broad_rod_hides_much_of_the_pole(direction):
     assert np.hypot(pole.x_px - x, pole.y_px - y) < 0.5
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=20)
 @given(
     x=st.floats(60, 100),

@@ -1,6 +1,7 @@
 """Which round dark things are poles: not those at the animal, nor parts of something larger."""
 
 import numpy as np
+import pytest
 
 from pipeline.scene.circle_fit import Pole
 from pipeline.scene.estimate import scene_from_frames
@@ -46,6 +47,7 @@ def in_scene(dark, pole_xy=None, face_to=100):
     return scene_from_frames(frames, Recording(1000.0, SCALE, "left"), 0.5e-3, pole_xy)
 
 
+@pytest.mark.slow
 def test_a_scene_refuses_what_is_doubted_and_says_what_it_was():
     scene = in_scene(BLOCK)
     assert scene.pole is None

@@ -1,5 +1,7 @@
 """Backgrounds of whiskers that hardly move, against the light that is behind them."""
 
+import functools
+
 import numpy as np
 
 from pipeline.scene.estimate import scene_from_frames
@@ -27,6 +29,7 @@ def picture(angle, seed):
     return np.clip(np.rint(image), 0, 255).astype(np.uint8)
 
 
+@functools.cache
 def backgrounds(swing):
     """Scene and cleared scene of a whisker that turns by ±swing [rad]."""
     angles = swing * np.sin(np.linspace(0, 12, 24))

@@ -84,6 +84,7 @@ def test_a_file_that_lacks_its_end_is_not_taken_for_whole(tmp_path, name, codec,
         assert name in str(caught.value)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("threads", [1, 0])
 def test_flipped_bits_are_heard_from_the_decoder(tmp_path, threads):
     """Three in the pictures: the decoder guesses and goes on."""
@@ -111,6 +112,7 @@ def test_flipped_bits_are_heard_from_the_decoder(tmp_path, threads):
     assert silent <= 1
 
 
+@pytest.mark.slow
 def test_damaged_videos_can_be_read_from_several_threads_that_all_decode_in_threads(tmp_path):
     """A decoder was freed while its threads waited to log: none of them went on, ever."""
     path = write(tmp_path / "a.avi", "libx264", options={"crf": "12", "g": "10"})

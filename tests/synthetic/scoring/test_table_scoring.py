@@ -98,7 +98,7 @@ def test_contacts_of_another_whisker_do_not_match():
 intervals = st.lists(st.tuples(st.integers(0, 30), st.integers(1, 8)), min_size=1, max_size=4)
 
 
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=25)
 @given(intervals, intervals)
 def test_matching_is_the_best_of_all(true, found):
     true, found = (contacts(*[(a, a + n) for a, n in each]) for each in (true, found))

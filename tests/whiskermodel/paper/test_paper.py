@@ -296,11 +296,13 @@ def letters_of(panel):
     return [t.get_text() for t in panel.texts if t.get_fontweight() == "bold"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FIGURES)
 def test_words_are_whole_and_apart(drawn, name):
     assert faults(drawn[name]) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FIGURES)
 def test_every_panel_has_a_letter_of_its_own(drawn, name):
     letters = [letters_of(panel) for panel in panels_of(drawn[name])]
@@ -308,6 +310,7 @@ def test_every_panel_has_a_letter_of_its_own(drawn, name):
     assert len({each[0] for each in letters}) == len(letters)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FIGURES)
 def test_every_panel_says_what_is_along_its_axes(drawn, name):
     for panel in panels_of(drawn[name]):
@@ -316,6 +319,7 @@ def test_every_panel_says_what_is_along_its_axes(drawn, name):
             assert panel.get_ylabel(), letters_of(panel)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "letter", "words"),
     [
@@ -338,6 +342,7 @@ def test_lines_and_colours_are_explained(drawn, name, letter, words):
     assert {legend[w].get_color() for w in words & {"positive peak", "negative peak"}} <= colours
 
 
+@pytest.mark.slow
 def test_light_words_of_the_map_have_a_dark_ground_or_rim(drawn):
     for panel in panels_of(drawn["fig11"]):
         for text in [t for t in panel.texts if t.get_fontweight() != "bold"]:
@@ -347,6 +352,7 @@ def test_light_words_of_the_map_have_a_dark_ground_or_rim(drawn):
             assert grounds or [type(rim).__name__ for rim in rims] == ["withStroke"]
 
 
+@pytest.mark.slow
 def test_the_map_names_every_level_it_crosses(drawn):
     for panel in panels_of(drawn["fig11"]):
         labels = {t.get_text() for t in panel.texts}
