@@ -120,9 +120,10 @@ def find_touches(
     intervals["curated"] = False
     if corrections is not None:
         intervals = _correct(intervals, corrections, evidence)
-    frames = frames.copy()
-    frames["in_contact"] = in_contact(frames, intervals)
-    frames["contact_probability"] = evidence["probability"].to_numpy()
+    frames = frames.assign(
+        in_contact=in_contact(frames, intervals),
+        contact_probability=evidence["probability"].to_numpy(),
+    )
     frames = forces.add_forces(frames, evidence, whiskers, method)
     contacts = contact_table(frames, intervals, recording, options.video)
     contacts = pulses.add_pulses(contacts, frames, recording)

@@ -17,6 +17,7 @@ SUBSTEPS = 2  # results per fine step: the modes ring at up to some kHz
 RINGING_S = 25e-3  # how long the vibration is followed after the contact
 LARGEST_PART = 0.995  # of the length, the farthest contact that the model takes
 NOT_A_PULSE = "not_half_gaussian"
+_COURSE = ["frame", "contact_force_uN"]  # of the frames
 _COLUMNS = ("steady_peak_nN_m", "vibration_max_nN_m", "vibration_min_nN_m")
 
 
@@ -45,7 +46,7 @@ def add_base_moments(
         pulse = usable & ~odd & part["pulse_peak_uN"].notna()
         extremes[:, part.index[pulse]] = _of_pulses(response, part[pulse])
         measured = usable & ~pulse & part["peak_force_uN"].notna()
-        own = frames[frames["whisker"] == name].sort_values("frame")
+        own = frames.loc[frames["whisker"] == name, _COURSE].sort_values("frame")
         for i, row in part[measured].iterrows():
             force = _measured_force(own, row)
             at = 1e-3 * row["contact_arc_length_mm"]

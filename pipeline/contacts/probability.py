@@ -29,21 +29,19 @@ def add_probability(
     evidence: pd.DataFrame, recording: Recording, params: ContactParams = DEFAULTS.contacts
 ) -> pd.DataFrame:
     """Fill `probability` of contact and its `log_odds` (of the frame alone) in every frame."""
-    evidence = evidence.copy()
-    evidence["probability"] = 0.0
-    evidence["log_odds"] = 0.0
+    new = pd.DataFrame(0.0, evidence.index, ["probability", "log_odds"])
     for name in evidence["whisker"].unique():
         part = of_whisker(evidence, name)
         if not part["pole_known"].any():
             continue
         rate = recording.frames_per_second
         log_odds = frame_log_odds(part, rate, params)
-        evidence.loc[part.index, "log_odds"] = log_odds
+        new.loc[part.index, "log_odds"] = log_odds
         probability = posterior(log_odds, *changes_per_frame(rate, params))
         if _passes_over(part, probability):
             probability[:] = 0.0
-        evidence.loc[part.index, "probability"] = probability
-    return evidence
+        new.loc[part.index, "probability"] = probability
+    return evidence.assign(**new)
 
 
 def of_whisker(table, name):

@@ -19,6 +19,7 @@ from whiskermodel.force_profiles import half_gaussian
 FEWEST_FRAMES = 3
 PAD_FRAMES = 1  # free frames at either end, where the force is zero
 STARTS = (0.85, 1.1, 1.5)  # of the contact's duration
+_COURSES = ["frame", "contact_force_uN", "contact_force_uN_se"]  # of the frames
 _COLUMNS = ("pulse_peak_uN", "pulse_duration_ms", "pulse_centre_s", "pulse_r2")
 POOR_R2 = 0.95
 POOR_MISFIT = 3.0  # misfit in standard errors of the force that makes a poor r² mean something
@@ -170,7 +171,7 @@ def add_pulses(contacts: pd.DataFrame, frames: pd.DataFrame, recording: Recordin
     fits = np.full((len(contacts), len(_COLUMNS)), np.nan)
     onsets, offsets = (contacts[c].to_numpy() for c in ("onset_frame", "offset_frame"))
     for name, places in contacts.reset_index(drop=True).groupby("whisker").indices.items():
-        own = frames[frames["whisker"] == name].sort_values("frame")
+        own = frames.loc[frames["whisker"] == name, _COURSES].sort_values("frame")
         frame = own["frame"].to_numpy()
         force = 1e-6 * own["contact_force_uN"].to_numpy(float)
         error = 1e-6 * own["contact_force_uN_se"].to_numpy(float)

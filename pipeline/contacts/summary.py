@@ -41,9 +41,10 @@ def contact_table(frames: pd.DataFrame, intervals: pd.DataFrame, recording: Reco
     """
     if len(intervals) == 0:
         return empty_table(CONTACT_COLUMNS)
+    courses = frames[["frame", "whisker", *_CONTACT_COURSES]]
     by_whisker = {
         name: {c: part[c].to_numpy() for c in ("frame", *_CONTACT_COURSES)}
-        for name, part in frames.sort_values("frame", kind="stable").groupby("whisker")
+        for name, part in courses.sort_values("frame", kind="stable").groupby("whisker")
     }
     rows, numbers = [], {}
     ordered = intervals.sort_values(["whisker", "onset_frame"], kind="stable")
@@ -141,7 +142,8 @@ class _Measured(NamedTuple):
 
     @classmethod
     def of(cls, evidence, name, method):
-        own = evidence[evidence["whisker"] == name].sort_values("frame")
+        columns = ["frame", *_FORCE_COLUMNS[method], "origin_per_tip"]
+        own = evidence.loc[evidence["whisker"] == name, columns].sort_values("frame")
         courses = (1e6 * own[c].to_numpy(float) for c in _FORCE_COLUMNS[method])
         return cls(own["frame"].to_numpy(), *courses, np.nanmedian(own["origin_per_tip"]))
 

@@ -13,6 +13,11 @@ from pipeline.session.parameters import DEFAULTS, RodParams
 from pipeline.tables.columns import EVIDENCE_COLUMNS, as_table
 from pipeline.tracking.whiskers import nominal_whisker
 
+MEASURED = [  # columns of the frames in which the rods have the last word
+    "base_angle_deg", "base_angle_se_deg", "follicle_x_px", "follicle_y_px", "curvature_per_m",
+    "curvature_per_m_se", "rest_curvature_per_m", "rest_curvature_per_m_se",
+    "curvature_change_per_m", "curvature_change_per_m_se", "pole_distance_mm",
+]  # fmt: skip
 MUCH_MORE = 1.0  # near the pole than farther off, of free frames: worth another fit
 
 
@@ -46,8 +51,8 @@ def estimate_forces(
         fitted rods have it, and, where they are steady, base angle and (given the scale) follicle
     evidence : EVIDENCE_COLUMNS, aligned with `frames`; NaN in frames without a trace
     """
-    frames = frames.reset_index(drop=True).copy()
-    every = []
+    frames = frames.reset_index(drop=True)
+    new, of_touch = frames[MEASURED].copy(), {}
     for index, name in enumerate(places.names):
         all_rows = places.of(name)
         length = (N_STATIONS - 1) * places.spacing[index]
@@ -62,10 +67,12 @@ def estimate_forces(
             evidence, measured = _measure(rod, surely_free, params)
             if whiskers.get(name) is None:
                 evidence["chi2"] = np.nan  # what stands in for the whisker may bend otherwise
-            _fill(frames, rows, measured, pixels_per_m)
-            frames.loc[rows, "pole_distance_mm"] = 1e3 * evidence["distance_m"].to_numpy()
-            every.append(evidence.set_index(rows))
-    return frames, _of_all_rows(every, frames)
+            _fill(new, rows, measured, pixels_per_m)
+            new.loc[rows, "pole_distance_mm"] = 1e3 * evidence["distance_m"].to_numpy()
+            _gather(of_touch, rows, evidence, len(frames))
+    columns = {"frame": frames["frame"], "whisker": frames["whisker"], **of_touch}
+    evidence = as_table(pd.DataFrame(columns, copy=False), EVIDENCE_COLUMNS)
+    return frames.assign(**new), evidence
 
 
 def _measure(rod, surely_free, params):
@@ -92,14 +99,12 @@ def _fill(frames, rows, measured, pixels_per_m):
         frames.loc[rows[known], "follicle_y_px"] = -pixels_per_m * y[known]
 
 
-def _of_all_rows(every, frames):
-    """Evidence of all whiskers and parts as one table, aligned with `frames`."""
-    columns = {"frame": frames["frame"], "whisker": frames["whisker"]}
+def _gather(columns, rows, evidence, count):
+    """Put the evidence of some rows into arrays of all `count` rows, by column, in place."""
     for column in EVIDENCE_COLUMNS:
-        if every and column.name in every[0]:
+        if column.name not in evidence:
+            continue
+        if column.name not in columns:
             missing = 0.0 if column.dtype in ("bool", "int64") else np.nan
-            values = np.full(len(frames), missing)
-            for part in every:
-                values[part.index] = part.pop(column.name)
-            columns[column.name] = values
-    return as_table(pd.DataFrame(columns), EVIDENCE_COLUMNS)
+            columns[column.name] = np.full(count, missing)
+        columns[column.name][rows] = evidence[column.name]

@@ -374,18 +374,17 @@ def add_forces(
     """
     if method not in METHODS:
         raise ValueError(f"method must be one of {METHODS}, got {method!r}")
-    frames = frames.copy()
     touching = frames["in_contact"].to_numpy(bool)
     known = [name for name, whisker in whiskers.items() if whisker is not None]
     known = frames["whisker"].isin(known).to_numpy() & frames["tracked"].to_numpy(bool)
     force = evidence[f"{method}_force_N"].to_numpy(float)
     error = evidence[f"{method}_force_se_N"].to_numpy(float)
-    frames["contact_arc_length_mm"] = np.where(touching, 1e3 * evidence["contact_m"], np.nan)
+    new = {"contact_arc_length_mm": np.where(touching, 1e3 * evidence["contact_m"], np.nan)}
     for column, (unit, per_force, own_error) in _LOADS.items():
         share = evidence[per_force].to_numpy(float) if per_force else 1.0
         # noise may make a touch's first force negative; a pole does not pull
         value = np.where(touching, unit * share * np.maximum(force, 0.0), 0.0)
-        frames[column] = np.where(known, value, np.nan)
+        new[column] = np.where(known, value, np.nan)
         spread = evidence[own_error].to_numpy(float) if method == "shape" else abs(share) * error
-        frames[f"{column}_se"] = np.where(known, unit * spread, np.nan)
-    return frames
+        new[f"{column}_se"] = np.where(known, unit * spread, np.nan)
+    return frames.assign(**new)

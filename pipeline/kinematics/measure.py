@@ -103,4 +103,4 @@ def frame_table(tables, cast: Cast, n_frames: int, recording: Recording) -> pd.D
         columns[name] = np.full(n_frames * count, np.nan)
         for table, own in zip(tables, rows, strict=True):
             columns[name][own] = table[name]
-    return as_table(pd.DataFrame(columns), FRAME_COLUMNS)
+    return as_table(pd.DataFrame(columns, copy=False), FRAME_COLUMNS)

@@ -422,7 +422,8 @@ def as_table(table: pd.DataFrame, columns) -> pd.DataFrame:
     """Return `table` with exactly the declared columns, in order and of their dtypes.
 
     A declared column that is missing is filled with missing values (False for bool, "" for
-    string); an undeclared one raises a ValueError that names it.
+    string); an undeclared one raises a ValueError that names it. Values are not copied where they
+    need not change: long videos' tables are large.
     """
     extra = set(table.columns) - {c.name for c in columns}
     if extra:
@@ -434,4 +435,4 @@ def as_table(table: pd.DataFrame, columns) -> pd.DataFrame:
         out[c.name] = table[c.name] if known else pd.Series(fill.get(c.dtype, 0), table.index)
         if not c.dtype.startswith("list") and out[c.name].dtype != c.dtype:
             out[c.name] = out[c.name].astype(c.dtype)
-    return pd.DataFrame(out)
+    return pd.DataFrame(out, copy=False)
