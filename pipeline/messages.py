@@ -115,7 +115,7 @@ def _seldom_tracked(frames, cast, follow=None):
         if name in cast.found and part < SELDOM_TRACKED
     ]
     if seldom:
-        yield f"tracked in a part of the frames only: {', '.join(seldom)}"
+        yield f"tracked in only part of the frames: {', '.join(seldom)}"
 
 
 def _of_another_length(settings, odd) -> str:

@@ -142,7 +142,7 @@ def test_contacts_and_centrelines_are_drawn_on_the_axes_given(analysis, axis):
     assert plot_centrelines(analysis.centrelines[:0], other) is other
 
 
-def test_wrong_names_are_told_with_those_there_are(analysis, axis):
+def test_wrong_names_are_reported_with_those_there_are(analysis, axis):
     with pytest.raises(ValueError, match="whisker must be one of C2, got 'C3'"):
         plot_course(analysis.frames, whisker="C3", ax=axis)
     with pytest.raises(ValueError, match=r"contact_force_uN.*got 'force'"):

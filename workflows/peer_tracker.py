@@ -140,7 +140,7 @@ def read_whiskers(path) -> Centrelines:
     """
     data = Path(path).read_bytes()
     if not data.startswith(_MAGIC):
-        raise ValueError(f"{path} is no binary .whiskers file: it starts with {data[:12]!r}")
+        raise ValueError(f"{path} is not a binary .whiskers file: it starts with {data[:12]!r}")
     place, end, frames, lines = len(_MAGIC), len(data) - 4, [], []
     while place < end:
         _, frame, n = struct.unpack_from("<3i", data, place)

@@ -398,7 +398,7 @@ def _settled(task, outcome) -> Outcome:
     except OSError as error:
         return _failed(
             task,
-            f"its new results are whole but cannot replace the old ones ({why(error)}): run again",
+            f"new results are complete but cannot replace the old ones ({why(error)}): run again",
         )
     return outcome
 
@@ -407,9 +407,11 @@ def _died(task, reason) -> Outcome:
     """A fault of the program, or of the process it ran in."""
     last = reason.strip().splitlines()[-1]
     if "MemoryError" in last or "Insufficient memory" in last:
-        last = f"out of memory ({last}); use fewer --jobs, end other programs, or cut the video"
+        last = (
+            f"out of memory ({last}); use fewer --jobs, close other programs, or shorten the video"
+        )
     elif "Traceback" in reason:
-        last = f"unexpected fault of the program: {last}; --debug shows where"
+        last = f"unexpected error in the program: {last}; --debug shows where"
     return replace(_new_or(task, last) or _failed(task, last), details=reason)
 
 

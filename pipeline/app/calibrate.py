@@ -8,18 +8,16 @@ import typer
 from pipeline.app.options import Debug
 
 calibrate = typer.Typer(
-    help="Measure dimensions, Young's modulus, damping; use two views, or dust on a whisker.",
+    help="Measure whiskers, follicle motion and elevation.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
 
-Out = Annotated[
-    Path, typer.Option("--out", help="Folder for the results; made where it is missing.")
-]
+Out = Annotated[Path, typer.Option("--out", help="Folder for the results; created if missing.")]
 Into = Annotated[
     Path | None,
-    typer.Option("--into", help="Settings file (session.toml) to write the results into."),
+    typer.Option("--into", help="Settings file (session.toml) to write the results to."),
 ]
 Whisker = Annotated[
     str | None, typer.Option("--whisker", help="Name of the whisker in that settings file.")
@@ -38,13 +36,13 @@ def geometry(
     scale_bar_mm: Annotated[
         float | None,
         typer.Option(
-            help="Length of the scale bar in each micrograph, if the scale is not known."
+            help="Length of the scale bar in the micrographs, if their scale is not known."
         ),
     ] = None,
     mass_ug: Annotated[
         list[float] | None,
         typer.Option(
-            help="Mass of each whisker [µg], in the order of the images; gives the density too."
+            help="Mass of each whisker [µg], in the order of the images, for its density."
         ),
     ] = None,
     into: Into = None,
@@ -53,8 +51,8 @@ def geometry(
 ):
     """Measure plucked whiskers in micrographs.
 
-    Length, base radius, tip radius and cone length of each, with standard errors; of several,
-    their mean. See docs/calibrate_geometry.md.
+    Gives length, base radius, tip radius and cone length of each, with standard errors, and the
+    mean of several. See docs/calibrate_geometry.md.
     """
     from pipeline.app.calibrate_geometry import run_geometry
 
@@ -70,15 +68,15 @@ def ringdown(
         list[str] | None,
         typer.Option(
             metavar="VIDEO:WHISKER:FRAME",
-            help="First frame in which the whisker is free after a slip; repeat the option for "
-            "every slip.  [default: the slips that `run` found]",
+            help="First free frame after a slip; repeat the option for every slip.  "
+            "[default: the slips that `run` found]",
         ),
     ] = None,
     follicle: Annotated[
         str,
         typer.Option(
-            help="How the follicle holds the whisker's base: fixed, pinned, or a number, its "
-            "rotational stiffness in units of E I/L (at the base)."
+            help="How the follicle holds the base: fixed, pinned, or a rotational stiffness in "
+            "units of E I/L (at the base)."
         ),
     ] = "fixed",
     into: Into = None,
@@ -87,7 +85,7 @@ def ringdown(
 ):
     """Measure Young's modulus and damping from slips.
 
-    A whisker that slips past the pole rings; its frequency gives Young's modulus. See
+    A whisker rings after slipping past the pole; the frequency gives Young's modulus. See
     docs/calibrate_ringdown.md.
     """
     from pipeline.app.calibrate_ringdown import run_ringdown
@@ -113,9 +111,9 @@ def dust(
     ] = None,
     debug: Debug = False,
 ):
-    """Measure how the follicle moves, from a dust particle on the whisker.
+    """Measure follicle motion from dust on a whisker.
 
-    How far it moves in and out of the face, and whether bending moves it. See
+    Gives how far the follicle moves in and out of the face, and whether bending moves it. See
     docs/calibrate_dust.md.
     """
     from pipeline.app.calibrate_dust import run_dust
@@ -134,9 +132,10 @@ def views(
     ] = None,
     debug: Debug = False,
 ):
-    """Measure elevation, and what one view's projection does to path and force.
+    """Measure elevation from two views at right angles.
 
-    The two views lie at right angles, in two videos or in one. See docs/calibrate_views.md.
+    Gives also the errors of path length and force in a single view. The views may be in two
+    videos, or side by side in one. See docs/calibrate_views.md.
     """
     from pipeline.app.calibrate_views import run_views
 

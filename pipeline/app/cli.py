@@ -45,7 +45,7 @@ def _options(
     version: Annotated[
         bool,
         typer.Option(
-            "--version", callback=_show_version, is_eager=True, help="Print the version and end."
+            "--version", callback=_show_version, is_eager=True, help="Print the version and exit."
         ),
     ] = False,
     debug: Debug = False,
@@ -77,11 +77,11 @@ def run(
     ] = None,
     jobs: Jobs = None,
     overwrite: Annotated[
-        bool, typer.Option("--overwrite", help="Process finished videos again, too.")
+        bool, typer.Option("--overwrite", help="Process all videos again, even finished ones.")
     ] = False,
     overlay: Annotated[
         bool,
-        typer.Option("--overlay", help="Write a copy of each video with the findings drawn in."),
+        typer.Option("--overlay", help="Also write each video with the results drawn in."),
     ] = False,
     quiet: Quiet = False,
     debug: Debug = False,
@@ -141,7 +141,7 @@ def _finish_run(summary, debug, say):
     if summary.lost:
         _say(
             f"no longer there: {', '.join(summary.lost)}; left out of videos.csv and "
-            "contacts.csv, their own results stay"
+            "contacts.csv, but their own results are kept"
         )
     for each in summary.of("warning"):
         _say(f"warning: {each.video}: {each.message}")
@@ -151,8 +151,8 @@ def _finish_run(summary, debug, say):
         _say(f"failed: {each.video} ({each.path}): {each.message}")
     if summary.interrupted:
         _say(
-            "interrupted; what is finished is kept, the same command goes on from here and makes "
-            "figures and report"
+            "interrupted; finished videos are kept: the same command continues from here and "
+            "makes figures and report"
         )
         raise typer.Exit(INTERRUPTED)
     raise typer.Exit(FAILED if failed else 0)
@@ -162,19 +162,19 @@ def _finish_run(summary, debug, say):
 def init(
     folder: Annotated[Path, typer.Argument(help="Folder with the videos.")],
     overwrite: Annotated[
-        bool, typer.Option("--overwrite", help="Replace the session.toml that is there.")
+        bool, typer.Option("--overwrite", help="Replace an existing session.toml.")
     ] = False,
     config: Annotated[
         Path | None,
-        typer.Option(help="Settings file to draw a preview from; nothing else is written."),
+        typer.Option(help="Settings file to preview; only the picture is written."),
     ] = None,
     debug: Debug = False,
 ):
-    """Write a first session.toml from a look at the videos.
+    """Look at the videos and write a first session.toml.
 
-    It lies in their folder, has a comment for every setting, and comes with a preview picture of
-    what was found. Where there is one already, it is kept, and the picture shows what its settings
-    find, with the names that `run` will give.
+    It is written to their folder, with a comment on every setting and a preview picture of what
+    was found. An existing session.toml is kept; the picture then shows what is found with its
+    settings, under the names that `run` will use.
     """
     from pipeline.app.init import init_folder
 
@@ -186,12 +186,12 @@ def init(
 def demo(
     out: Annotated[
         Path,
-        typer.Option("--out", help="Folder for videos and results; made where it is missing."),
+        typer.Option("--out", help="Folder for videos and results; created if missing."),
     ] = Path("whiskerforce-demo"),
     jobs: Jobs = None,
     debug: Debug = False,
 ):
-    """Render a small session, process it, compare with its truth."""
+    """Render a short session, process it, compare with the truth."""
     from pipeline.app.demo import run_demo
 
     raise typer.Exit(FAILED if run_demo(out, jobs or _cores(), _progress, _say) else 0)
@@ -201,16 +201,14 @@ def demo(
 def synth(
     folder: Annotated[
         Path,
-        typer.Argument(metavar="DIR", help="Folder for the videos; made where it is missing."),
+        typer.Argument(metavar="DIR", help="Folder for the videos; created if missing."),
     ],
     preset: Annotated[
-        str, typer.Option(help="Name of what to render; `--preset list` lists the names.")
+        str, typer.Option(help="What to render; `--preset list` shows the choices.")
     ],
     seed: Annotated[
         int,
-        typer.Option(
-            min=0, help="Seed of the random numbers: the same seed renders the same videos."
-        ),
+        typer.Option(min=0, help="Random seed; the same seed renders the same videos."),
     ] = 0,
     trials: Annotated[
         int | None,
@@ -218,14 +216,15 @@ def synth(
             min=1, help="Number of videos to render.  [default: as many as the preset has]"
         ),
     ] = None,
-    frames: Annotated[int, typer.Option(min=50, help="Length of each video.")] = 1000,
+    frames: Annotated[int, typer.Option(min=50, help="Number of frames per video.")] = 1000,
     jobs: Jobs = None,
     quiet: Quiet = False,
     debug: Debug = False,
 ):
     """Render videos with known truth.
 
-    Beside the videos lie their session.toml and truth tables with the columns of the results.
+    Their session.toml is written beside them, and tables of the truth with the same columns as
+    the results.
     """
     from pipeline.app.demo import preset_lines, render
 
@@ -242,25 +241,19 @@ def figures(
     results: Annotated[Path, typer.Argument(help="Results folder of `whiskerforce run`.")],
     truth: Annotated[
         Path | None,
-        typer.Option(
-            help="Folder of true tables, written by `synth`, to compare the results with."
-        ),
+        typer.Option(help="Folder of truth tables, written by `synth`, to compare with."),
     ] = None,
-    video: Annotated[
-        str | None, typer.Option(help="Name of the video that panels a and b show.")
-    ] = None,
-    whisker: Annotated[str | None, typer.Option(help="Whisker that panels a and b show.")] = None,
+    video: Annotated[str | None, typer.Option(help="Video shown in panels a and b.")] = None,
+    whisker: Annotated[str | None, typer.Option(help="Whisker shown in panels a and b.")] = None,
     contact: Annotated[
         int | None,
-        typer.Option(
-            min=1, help="Number of the contact that they show.  [default: a typical one]"
-        ),
+        typer.Option(min=1, help="Number of the contact shown there.  [default: a typical one]"),
     ] = None,
     debug: Debug = False,
 ):
     """Draw the paper's figure 3 from the tables.
 
-    The numbers behind it are written too, as CSV.
+    The numbers behind it are written as CSV.
     """
     from pipeline.reports.figures import write_fig3
     from pipeline.tables.result_exchange import settled
@@ -274,14 +267,14 @@ def figures(
 def curate(
     results: Annotated[Path, typer.Argument(help="Results folder of `whiskerforce run`.")],
     port: Annotated[
-        int, typer.Option(min=0, help="Port that the page is served at; 0 takes any that is free.")
+        int, typer.Option(min=0, help="Port to serve the page on; 0: any free port.")
     ] = 0,
-    browser: Annotated[bool, typer.Option(help="Open the page in the browser at once.")] = True,
+    browser: Annotated[bool, typer.Option(help="Open the page in the browser.")] = True,
     name: Annotated[
         str | None,
         typer.Option(
-            help="Name of who curates, saved with every correction.  "
-            "[default: the user's name on this computer]"
+            help="Your name, saved with every correction.  "
+            "[default: your user name on this computer]"
         ),
     ] = None,
     debug: Debug = False,
@@ -306,7 +299,7 @@ def paper(
 ):
     """Draw the paper's model figures.
 
-    Each comes with its CSV; modes.csv and published.csv are beside them.
+    The numbers behind each are written as CSV, with modes.csv and published.csv.
     """
     from whiskermodel.paper.files import write_paper
 
@@ -351,7 +344,7 @@ def _explain(error) -> str:
 
     if _is_unusable(error):
         return f"error: {why(error) if isinstance(error, OSError) else error}"
-    return f"error: {type(error).__name__}: {error} (a fault of the program; --debug shows where)"
+    return f"error: {type(error).__name__}: {error} (an error in the program; --debug shows where)"
 
 
 if __name__ == "__main__":

@@ -10,7 +10,7 @@ import typer
 from pipeline.app.options import Debug, Jobs, Out
 
 GROUP = {"no_args_is_help": True, "rich_markup_mode": None}
-importing = typer.Typer(help="Make results of what another program has tracked.", **GROUP)
+importing = typer.Typer(help="Analyse what another program has tracked.", **GROUP)
 exporting = typer.Typer(help="Write results in another program's format.", **GROUP)
 
 FILES = {  # what a program's files are called: a pattern, and in words
@@ -30,7 +30,7 @@ Config = Annotated[
 Names = Annotated[
     str,
     typer.Option(
-        help="Names of the whiskers, in the other program's order, separated by commas.  "
+        help="Names of the whiskers in the other program's order, with commas between.  "
         "[default: as in session.toml]"
     ),
 ]
@@ -45,7 +45,10 @@ def import_janelia(
     jobs: Jobs = None,
     debug: Debug = False,
 ):
-    """Lines of the Janelia Whisker Tracker: .whiskers, .measurements, and .bar for the pole."""
+    """Lines of the Janelia Whisker Tracker.
+
+    NAME.whiskers with NAME.measurements and, for the pole, NAME.bar.
+    """
     read = partial(_janelia, names=_split(names))
     _import("janelia", read, (paths, out, config, jobs, debug))
 
@@ -65,7 +68,10 @@ def import_dlc(
     jobs: Jobs = None,
     debug: Debug = False,
 ):
-    """Key points along whiskers from DeepLabCut, CSV or HDF5 (which needs the extra formats)."""
+    """Key points along whiskers, from DeepLabCut.
+
+    CSV, or HDF5, which needs the extra `formats`.
+    """
     read = partial(_key_points, program="dlc", names=_split(names))
     _import("dlc", read, (paths, out, config, jobs, debug))
 
@@ -79,7 +85,10 @@ def import_sleap(
     jobs: Jobs = None,
     debug: Debug = False,
 ):
-    """Key points along whiskers from SLEAP's analysis files, CSV or HDF5 (extra formats)."""
+    """Key points along whiskers, from SLEAP.
+
+    Analysis files as CSV, or HDF5, which needs the extra `formats`.
+    """
     read = partial(_key_points, program="sleap", names=_split(names))
     _import("sleap", read, (paths, out, config, jobs, debug))
 
@@ -96,17 +105,16 @@ def _key_points(path, settings, program, names):
 @importing.command("whacc")
 def import_whacc(
     path: Annotated[Path, typer.Argument(help="HDF5 file that WhACC wrote.")],
-    out: Annotated[
-        Path, typer.Option("--out", help="Results folder that has the same videos' whiskers.")
-    ],
+    out: Annotated[Path, typer.Option("--out", help="Results folder of the same videos.")],
     whisker: Annotated[
         str, typer.Option(help="Whisker that the contacts belong to.  [default: the only one]")
     ] = "",
     debug: Debug = False,
 ):
-    """Contacts of WhACC, put in place of those found in the results of the same videos.
+    """Contacts of WhACC, for videos already processed.
 
-    They are written as corrections, and forces are computed for them.
+    They replace the contacts that were found: they are written as corrections, and forces are
+    computed for them.
     """
     from pipeline.convert.results import read_results
     from pipeline.convert.whacc import take_contacts
@@ -175,7 +183,10 @@ def _split(names):
 
 @exporting.command("janelia")
 def export_janelia(results: Results, out: Out, debug: Debug = False):
-    """Lines as .whiskers, .measurements and .bar, a set per video."""
+    """Files of the Janelia Whisker Tracker.
+
+    For each video .whiskers, .measurements and .bar.
+    """
     from pipeline.convert.janelia import write_tracked
 
     _export(results, out, write_tracked)
@@ -209,13 +220,16 @@ def export_mat(
     protraction: Annotated[
         str,
         typer.Option(
-            help="Direction in the picture in which whiskers protract: upward, downward, "
-            "leftward or rightward.  [default: counter-clockwise]"
+            help="Direction of protraction in the picture: upward, downward, leftward or "
+            "rightward.  [default: counter-clockwise]"
         ),
     ] = "",
     debug: Debug = False,
 ):
-    """MATLAB files by the names of the Hires lab's WhiskerTrialLite, one per video."""
+    """MATLAB files like the Hires lab's WhiskerTrialLite.
+
+    One per video, with the names used there.
+    """
     from pipeline.convert.matlab import write_matlab
 
     _export(results, out, partial(write_matlab, protraction=protraction))
@@ -228,7 +242,7 @@ def export_nwb(
     start: Annotated[
         str,
         typer.Option(
-            help="Date and time at which the recording began, as 2024-11-22T10:30:00+00:00.  "
+            help="Date and time of the recording's start, as 2024-11-22T10:30:00+00:00.  "
             "[default: the file's time]"
         ),
     ] = "",
@@ -240,11 +254,14 @@ def export_nwb(
         str, typer.Option(help="Sex of the animal: F (female), M (male), O (other), U (unknown).")
     ] = "",
     age: Annotated[
-        str, typer.Option(help="Age of the animal as an ISO 8601 duration: P90D is 90 days.")
+        str, typer.Option(help="Age of the animal as an ISO 8601 duration (P90D: 90 days).")
     ] = "",
     debug: Debug = False,
 ):
-    """Neurodata Without Borders, a file per video (needs the extra nwb)."""
+    """Neurodata Without Borders.
+
+    One file per video; needs the extra `nwb`.
+    """
     from pipeline.convert.nwb import write_nwb
 
     animal = {"subject_id": subject, "species": species, "sex": sex, "age": age}
@@ -253,7 +270,10 @@ def export_nwb(
 
 @exporting.command("movement")
 def export_movement(results: Results, out: Out, debug: Debug = False):
-    """Poses for the library `movement` as netCDF, a file per video (needs the extra formats)."""
+    """Poses for the library `movement`.
+
+    One netCDF file per video; needs the extra `formats`.
+    """
     from pipeline.convert.movement import write_movement
 
     _export(results, out, write_movement)
@@ -261,7 +281,10 @@ def export_movement(results: Results, out: Out, debug: Debug = False):
 
 @exporting.command("whacc")
 def export_whacc(results: Results, out: Out, debug: Debug = False):
-    """Contacts of all videos as WhACC's HDF5 file (needs the extra formats)."""
+    """Contacts in WhACC's format.
+
+    One HDF5 file for all videos; needs the extra `formats`.
+    """
     from pipeline.convert.results import read_results
     from pipeline.convert.whacc import write_whacc
 

@@ -79,7 +79,7 @@ def _show(folder, session, say) -> list[str]:
     (preview,) = _look_at_some(folder, lambda path: preview_of(path, settings), say, 1)
     write_preview(folder / PREVIEW_NAME, preview)
     return [
-        f"{session} is kept as it is; --overwrite writes {folder / SETTINGS_NAME} anew",
+        f"{session} is kept; --overwrite replaces {folder / SETTINGS_NAME} anew",
         f"looked at {preview.path.name} with these settings",
         preview.words(),
         f"wrote {folder / PREVIEW_NAME}",
@@ -186,7 +186,7 @@ def findings(looks):
         "recording.pixels_per_mm": f"{how}; measure it: forces depend on it",
         "recording.face": "found in the picture",
         "whisker.name": "found in the picture, anterior to posterior",
-        "whisker.length_mm": "needed for forces, as the next two",
+        "whisker.length_mm": "needed for forces, like the next two",
         "pole.diameter_mm": "GUESS",
         "pole.x_px": _pole_note(looks),
     }

@@ -70,7 +70,8 @@ def read_micrograph(path) -> np.ndarray:
             image = tifffile.imread(path)
         except Exception as error:  # tifffile raises many kinds on a broken file
             raise VideoError(
-                path, "cannot be read as a picture: damaged or no image; export it as PNG or TIFF"
+                path,
+                "cannot be read as a picture: damaged or not an image; export it as PNG or TIFF",
             ) from error
     if image.ndim == 3 and image.shape[2] in (3, 4):
         image = cv2.cvtColor(np.ascontiguousarray(image[..., :3]), cv2.COLOR_BGR2GRAY)

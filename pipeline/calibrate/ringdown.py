@@ -2,8 +2,8 @@
 
 The curvature at one place swings at the frequency of the first mode, with the next ones beside it,
 which die away no faster: they are fitted too. E follows from the frequency and the dimensions.
-There are more modes than frames can tell apart; what one overtone less would change counts as an
-error that all slips share.
+There are more modes than the frames resolve; the change that one overtone less makes counts as an
+error common to all slips.
 """
 
 from dataclasses import dataclass

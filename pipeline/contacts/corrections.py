@@ -113,7 +113,7 @@ def left_out(corrections: pd.DataFrame, whiskers, n_frames: int):
     for name in dict.fromkeys(row.whisker for row in rows if row.whisker not in whiskers):
         count = sum(row.whisker == name for row in rows)
         yield (
-            f"{CORRECTIONS_FILE}: {count} of {name!r}, which is no whisker of this video "
+            f"{CORRECTIONS_FILE}: {count} of {name!r}, which is not a whisker of this video "
             f"({', '.join(map(str, whiskers)) or 'none'}): not applied; use one name in both"
         )
     late = sum(row.offset_frame > n_frames for row in rows)

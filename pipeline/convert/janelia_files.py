@@ -81,7 +81,7 @@ def read_whiskers(path) -> list[Segment]:
     data = _bytes(path)
     if not data.startswith(WHISKERS_MAGIC):
         raise InputError(
-            f"{path}: is no binary .whiskers file (it begins with {data[:12]!r}, expected "
+            f"{path}: is not a binary .whiskers file (it begins with {data[:12]!r}, expected "
             f"{WHISKERS_MAGIC!r}); convert it with `whisker_convert IN OUT whiskbin1`"
         )
     place, end, segments = len(WHISKERS_MAGIC), len(data) - 4, []
@@ -131,7 +131,7 @@ def read_measurements(path) -> Measurements:
     version = MEASUREMENTS_MAGIC.get(data[:8])
     if version is None:
         raise InputError(
-            f"{path}: is no .measurements file of version 1 to 3 (it begins with {data[:8]!r}); "
+            f"{path}: is not a .measurements file of version 1 to 3 (begins with {data[:8]!r}); "
             "convert it with `measurements_convert IN OUT v3`"
         )
     rows = _rows(data, version, path)[::-1]  # the last row comes first in the file

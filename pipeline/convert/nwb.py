@@ -84,7 +84,7 @@ def _start_time(start, video) -> datetime:
             time = datetime.fromisoformat(start)
         except ValueError:
             raise InputError(
-                f"--start {start}: is no date and time; expected e.g. 2024-05-31T14:30:00+02:00"
+                f"--start {start}: is not a date and time; expected e.g. 2024-05-31T14:30:00+02:00"
             ) from None
         return time if time.tzinfo else time.astimezone()
     source = Path(video.path) if Path(video.path).exists() else video.folder

@@ -9,7 +9,7 @@ STATES = {
     "dismissed": "#9aa5b1",
     "adding": "#d1345b",
 }
-HATCHED = "curated"  # which red-green blind people cannot tell from "detected" by its colour
+HATCHED = "curated"  # whose colour looks like that of "detected" to red-green blind people
 WHISKERS = ("#1d5fa8", "#c2571a", "#3c7d3c", "#8a3f92", "#8a6d1f", "#287f86")
 LINES = ("#35c4ff", "#ffb02e", "#7be05a", "#ff7bd5", "#f4f06a", "#58e6d2")  # on the picture
 TOUCH, POLE, CURSOR = "#ff4f79", "#ffd54a", "#d1345b"

@@ -366,7 +366,7 @@ class Desk:
             self.adding, self.selected = self.frame, None
             self.message = (
                 f"new contact of {self.whisker} from frame {self.frame}: step to the first "
-                "frame without touch, then a again (Esc: leave off)"
+                "frame without touch, then a again (Esc: cancel)"
             )
             return
         self.selected = self.video.review.add(self.whisker, self.adding, self.frame)
@@ -437,7 +437,7 @@ class Desk:
         if self._asked:
             self.finish_now()
         self._asked = 2
-        self.message = "q again to finish and write the tables; any other key goes on"
+        self.message = "q again to finish and write the tables; any other key continues"
 
     def finish_now(self):
         """End."""

@@ -155,7 +155,7 @@ class FrameReader:
             self._forget_stream()
             with self._changed:
                 self._faults[start // BLOCK] = error
-        self._tell()
+        self._notify()
 
     def _frames_from(self, start):
         """Yield (index, image) from `start` on; go on reading where that is quicker."""
@@ -183,7 +183,7 @@ class FrameReader:
             self._give_up_old(block, image.nbytes)
             wish = self._wished_run()
             going_on = not self._closed and (wish is None or wish[0] // BLOCK == block)
-        self._tell()
+        self._notify()
         return going_on
 
     def _give_up_old(self, block, frame_bytes):
@@ -194,7 +194,7 @@ class FrameReader:
             if abs(old - self._centre // BLOCK) > 1 and old != block:
                 held -= len(self._blocks.pop(old))
 
-    def _tell(self):
+    def _notify(self):
         """Wake waiting threads, and run the callbacks of frames that are there."""
         with self._changed:
             due = [who for who, (i, _) in self._callbacks.items() if self._settled(i)]

@@ -32,7 +32,7 @@ KEYS = (
     Key("Go to", "strongest", ("f",), "strongest contact; again: the next in strength"),
     Key("Go to", "shortest", ("t",), "shortest contact; again: the next in length"),
     Key("Go to", "go_to_frame", ("g",), "a frame by its number, which you type; Enter goes there"),
-    Key("Go to", "other_edge", ("e",), "onset, end of the selected contact by turns"),
+    Key("Go to", "other_edge", ("e",), "onset or end of the selected contact, in turn"),
     Key("Go to", "next_whisker", ("w",), "next whisker"),
     Key("Go to", "next_video", ("v",), "next video"),
     Key("Go to", "previous_video", ("Shift+v",), "previous video"),
@@ -43,14 +43,14 @@ KEYS = (
     ),
     Key("Decide", "offset", ("o",), "the contact is over in this frame (first without touch)"),
     Key("Decide", "add", ("a",), "a new contact begins here; again: it is over here"),
-    Key("Decide", "accept", ("c",), "make a contact of the selected possible one"),
-    Key("Decide", "merge", ("m",), "make one of this contact and the next"),
+    Key("Decide", "accept", ("c",), "make the selected possible contact a contact"),
+    Key("Decide", "merge", ("m",), "merge this contact with the next"),
     Key("Decide", "undo", ("u", "Ctrl+z"), "undo"),
     Key("Decide", "redo", ("r", "Shift+u", "Ctrl+y", "Ctrl+Shift+z"), "redo"),
-    Key("Page", "escape", ("Escape",), "leave off adding; select nothing; close the help"),
+    Key("Page", "escape", ("Escape",), "stop adding; deselect; close the help"),
     Key("Page", "show_help", ("?", "h"), "show or hide this list"),
     Key("Page", "export", ("Shift+e",), "write what was decided, by whom and when"),
-    Key("Page", "finish", ("q",), "twice: finish, write the tables and end"),
+    Key("Page", "finish", ("q",), "twice: write the tables and finish"),
 )
 
 COMMANDS = {key: each.command for each in KEYS for key in each.keys}

@@ -66,7 +66,7 @@ class Page:
                 self._obey(command)
         except Exception as error:  # the page must go on answering
             traceback.print_exc()
-            self.desk.message = f"fault of the program: {type(error).__name__}: {error}"
+            self.desk.message = f"error in the program: {type(error).__name__}: {error}"
             self.desk.is_error = True
         self._answer = message["n"]
         self.render()

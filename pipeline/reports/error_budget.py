@@ -26,7 +26,7 @@ ASSUMED = (
         "base radius",
         "radius_uN_per_percent",
         0.01,
-        "a good micrograph; force goes with its fourth power",
+        "a good micrograph; force scales with its fourth power",
     ),
     Assumed("cone length (taper)", None, 0.02, "a tip radius known to about 0.7 µm"),
     Assumed("Young's modulus", "modulus_uN_per_percent", 0.05, "a ring-down of the same whisker"),

@@ -30,7 +30,7 @@ def locked(folder):
         lock.acquire(blocking=False)
     except Timeout:
         raise InputError(
-            f"{folder}: another whiskerforce is at work there{holder}; wait until it has ended, "
+            f"{folder}: another whiskerforce is using it{holder}; wait until it has ended, "
             "or choose another folder"
         ) from None
     except (OSError, NotImplementedError) as error:

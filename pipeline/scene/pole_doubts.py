@@ -29,11 +29,11 @@ def doubt(pole: Pole, transmission, animal) -> str | None:
     x, y = round(pole.x_px), round(pole.y_px)
     off = max(OFF_THE_ANIMAL * pole.radius_px, OFF_SHARE * np.sqrt(animal.size))
     if animal.any() and _distance(animal)[y, x] < off:
-        return "a dark spot, but it is at the animal"
+        return "a dark spot, but part of the animal"
     near, middle, far = (_light_around(pole, transmission, animal, r) for r in (NEAR, MIDDLE, FAR))
     if near > FREE_AROUND and far > middle - UNEVEN:
         return None
-    return "a round end, but it is part of something larger"
+    return "a round end, but part of something larger"
 
 
 def _distance(mask):

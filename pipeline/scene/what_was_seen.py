@@ -23,10 +23,10 @@ def seen_instead_of_whiskers(scenes) -> str:
     """What was seen where no whisker is found, to follow "what was seen is "."""
     scene = max(scenes, key=lambda each: each.face_mask.mean(), default=None)
     if scene is None:
-        return "a picture that never rests"
+        return "a picture in which everything moves"
     face = (
         f"something dark at the {scene.face_side} ({100 * scene.face_mask.mean():.0f} % of the "
-        "picture), from which nothing thin comes that moves"
+        "picture), with nothing thin moving out of it"
         if scene.face_mask.any()
         else f"nothing dark at the {scene.face_side}, where the face should be"
     )

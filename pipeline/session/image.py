@@ -30,12 +30,12 @@ class ImageSettings(BaseModel):
 
     region_px: Annotated[
         tuple[float, float, float, float] | None, BeforeValidator(_check_region)
-    ] = Field(None, description="[x0, y0, x1, y1]: only what is inside is looked at")
+    ] = Field(None, description="[x0, y0, x1, y1]: only this part is analysed")
     mask: Annotated[str, Field(strict=True, min_length=1)] | None = Field(
-        None, description="a picture of the video's size: what is black in it is not looked at"
+        None, description="image of the video's size; its black parts are ignored"
     )
     polarity: Literal["dark", "bright"] | None = Field(
-        None, description="dark or bright whiskers; found by itself where it is not given"
+        None, description="dark or bright whiskers; found automatically if not given"
     )
 
     def beside(self, folder) -> "ImageSettings":
@@ -51,5 +51,5 @@ class ImageSettings(BaseModel):
         if not Path(self.mask).is_file():
             return f"[image] mask: there is no file {self.mask}; correct its name, or leave it out"
         if cv2.imread(self.mask, cv2.IMREAD_GRAYSCALE) is None:
-            return f"[image] mask: {self.mask} is no picture; save it as PNG"
+            return f"[image] mask: {self.mask} is not a picture; save it as PNG"
         return None

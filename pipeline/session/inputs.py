@@ -87,7 +87,7 @@ def _is_result(folder, out) -> bool:
 def _fault(path) -> str:
     """Why a folder or a name is no input; files are only opened when their turn comes."""
     if readable(path.resolve()) != str(path.resolve()):
-        return "has a name that is no text (a wrong character set?): rename it"
+        return "has a name that is not text (a wrong character set?): rename it"
     if path.is_file():
         return ""
     try:

@@ -53,7 +53,7 @@ class WhiskerSettings(_Table):
     """One [[whisker]] table; the forces need length, base radius, cone length or tip radius."""
 
     name: Annotated[str, Field(strict=True, min_length=1), AfterValidator(plain_name)] = Field(
-        description="what the lab calls it"
+        description="the lab's name for it"
     )
     length_mm: quantity(1, 200, "mm", {"m": 1e3, "µm": 1e-3}) | None = Field(
         None, description="follicle to (cut) tip"
@@ -65,7 +65,7 @@ class WhiskerSettings(_Table):
         None, description="at the (cut) tip; in place of cone_length_mm"
     )
     base_radius_um: quantity(2, 500, "µm", {"mm": 1e3, "m": 1e6, "nm": 1e-3}) | None = Field(
-        None, description="at the follicle; the force goes with its fourth power"
+        None, description="at the follicle; force scales with its fourth power"
     )
     youngs_modulus_GPa: quantity(0.05, 50, "GPa", {"MPa": 1e-3, "Pa": 1e-9}) = Field(
         3.0, description="the paper's mouse whiskers: 3"
@@ -125,7 +125,7 @@ class PoleSettings(_Table):
         0.5, description="diameter of the pole"
     )
     x_px: quantity(-20_000, 20_000, "px") | None = Field(
-        None, description="its centre; found by itself where it is not given"
+        None, description="its centre; found automatically if not given"
     )
     y_px: quantity(-20_000, 20_000, "px") | None = Field(None, description="")
 
@@ -160,7 +160,7 @@ class AnalysisSettings(_Table):
     )
 
     follow: Annotated[tuple[str, ...] | None, BeforeValidator(_check_names)] = Field(
-        None, description="tables for these whiskers only; the others are tracked all the same"
+        None, description="tables for these whiskers only; the others are still tracked"
     )
 
     @property

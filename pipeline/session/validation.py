@@ -111,7 +111,7 @@ def _wanted(location) -> str:
     if limits:
         return f"expected a number ({limits.low:g} to {limits.high:g} {limits.unit})"
     choices = _choices(field.annotation)
-    return f"expected one of {', '.join(choices)}" if choices else "expected a text, not empty"
+    return f"expected one of {', '.join(choices)}" if choices else "expected a non-empty text"
 
 
 def _choices(annotation) -> list[str]:

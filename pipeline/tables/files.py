@@ -288,7 +288,7 @@ def whole_parquet(path):
     except (OSError, pa.ArrowException) as error:
         reason = " ".join(str(error).split())[: 5 * SHOWN]
         raise ValueError(
-            f"{path}: damaged, or no table of whiskerforce ({reason}); run its video again"
+            f"{path}: damaged, or not a table of whiskerforce ({reason}); run its video again"
         ) from None
 
 

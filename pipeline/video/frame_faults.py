@@ -54,7 +54,7 @@ class FrameFaults:
             missing = sum(number for _, number in self.gaps)
             yield (
                 f"{missing} missing by the file's own times, before "
-                f"{_frames([at for at, _ in self.gaps])}: times behind are too early"
+                f"{_frames([at for at, _ in self.gaps])}: later times are too early"
             )
 
 

@@ -60,7 +60,8 @@ class TiffVideo(ImageStack):
                 self._volume = self._mapped() if self._pages == 1 and not lost else None
         except Exception as error:  # tifffile raises many kinds on a broken file
             raise VideoError(
-                path, f"cannot be read as TIFF ({error}): damaged or no TIFF; export it again"
+                path,
+                f"cannot be read as TIFF ({error}): damaged or not a TIFF file; export it again",
             ) from error
         if self._volume is not None:
             self._pages = len(self._volume)
@@ -128,7 +129,7 @@ class ImageFolderVideo(ImageStack):
             self.notes = (
                 f"the numbers of the images leave out {len(missing)} "
                 f"({', '.join(map(str, missing[:SHOWN]))}{', …' * (len(missing) > SHOWN)}): "
-                "times behind them are too early",
+                "later times are too early",
             )
 
     def _image(self, index):

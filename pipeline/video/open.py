@@ -79,7 +79,7 @@ def open_video(path, threads: int = 1) -> Video:
     if not path.exists():
         raise VideoError(path, "does not exist; check the name")
     if not path.is_file():
-        raise VideoError(path, "is a pipe or a device, no file; save the video first")
+        raise VideoError(path, "is a pipe or a device, not a file; save the video first")
     suffix = path.suffix.lower()
     if suffix in TIFF_SUFFIXES:
         from pipeline.video.image_stacks import TiffVideo

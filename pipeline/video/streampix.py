@@ -59,7 +59,7 @@ class StreamPixVideo(ImageStack):
         count = header.frames or self._stored  # a recording that was broken off counts none
         if self._stored == 0:
             raise VideoError(
-                path, "holds no whole frame: it is cut off; copy or record it again", 0
+                path, "holds no complete frame: it is cut off; copy or record it again", 0
             )
         super().__init__(path, count, true_bits=header.true_bit_depth)
 
@@ -86,7 +86,9 @@ def read_header(path) -> Header:
     with open(path, "rb") as file:
         head = file.read(FIELDS.size)
     if len(head) < FIELDS.size or head[:4] != struct.pack("<I", MAGIC):
-        raise VideoError(path, "is no StreamPix sequence, or damaged; copy it again, or rename it")
+        raise VideoError(
+            path, "is not a StreamPix sequence, or is damaged; copy it again, or rename it"
+        )
     header = Header(*FIELDS.unpack(head))
     if header.compression or header.image_format != MONO:
         raise VideoError(

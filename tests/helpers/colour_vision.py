@@ -1,4 +1,4 @@
-"""How far apart colours are, also for people who do not tell red from green.
+"""How far apart colours are, also for people who cannot distinguish red from green.
 
 Simulation after Machado, Oliveira & Fernandes 2009 (severity 1), differences as CIEDE2000.
 """

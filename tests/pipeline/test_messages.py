@@ -25,7 +25,7 @@ WHISKER = {"length_mm": 18.0, "cone_length_mm": 19.0, "base_radius_um": 37.0}
 POLE = PoleTrack(np.full(1, 300.0), np.full(1, 200.0), 0.25 * SCALE)
 
 
-def told(whiskers=({**WHISKER, "name": "C2"},), pole_xy=None, **changes):
+def said_of(whiskers=({**WHISKER, "name": "C2"},), pole_xy=None, **changes):
     """Messages of a video of one whisker in which nothing is wrong, but for the `changes`."""
     given = {
         "n_frames": 100, "exact_count": True, "read": 100, "found": ("C2",), "pole": POLE,
@@ -69,7 +69,7 @@ def told(whiskers=({**WHISKER, "name": "C2"},), pole_xy=None, **changes):
 
 
 def test_where_nothing_is_wrong_nothing_is_said():
-    assert told() == []
+    assert said_of() == []
 
 
 @pytest.mark.parametrize(
@@ -88,15 +88,15 @@ def test_where_nothing_is_wrong_nothing_is_said():
         ({"known": 0.23}, "in 77 % of the frames it is not known which whisker is which"),
         ({"pole": PoleTrack(POLE.x_px, POLE.y_px, 0.3 * SCALE)}, "the pole looks 0.6 mm thick"),
         ({"across": 2, "contacts": ()}, "C2 passes over the pole at (300, 200) px in 2 frames"),
-        ({"tracked": 0.5}, "tracked in a part of the frames only: C2 in 50 %"),
+        ({"tracked": 0.5}, "tracked in only part of the frames: C2 in 50 %"),
         ({"whiskers": ()}, "no forces: there is no [[whisker]] table"),
         ({"whiskers": ({"name": "C2"},)}, "no forces for C2: no length_mm, cone_length_mm"),
         ({"whiskers": ({**WHISKER, "name": "C2"}, {**WHISKER, "name": "D2"})},
          "not found in any frame: D2"),
     ],
 )  # fmt: skip
-def test_each_fault_is_told_alone(changes, said):
-    (message,) = told(**changes)
+def test_each_fault_is_reported_alone(changes, said):
+    (message,) = said_of(**changes)
     assert message.startswith(said)
 
 
@@ -111,28 +111,28 @@ def test_each_fault_is_told_alone(changes, said):
         {"known": 0.85},
     ],
 )
-def test_what_is_no_fault_is_not_told(changes):
-    assert told(**changes) == []
+def test_what_is_no_fault_is_not_said_of(changes):
+    assert said_of(**changes) == []
 
 
 def test_the_main_doubt_comes_first():
-    first, *rest = told(known=0.2, tracked=0.7, pole=None, whiskers=())
+    first, *rest = said_of(known=0.2, tracked=0.7, pole=None, whiskers=())
     assert "not known which whisker is which" in first
     assert len(rest) == 3
 
 
 def test_a_length_that_contradicts_the_settings_is_doubted_in_place_of_the_face():
-    (doubt,) = told(side="right", odd=SeenLength(420.0, "C2"))
+    (doubt,) = said_of(side="right", odd=SeenLength(420.0, "C2"))
     assert doubt == (
         "C2 is seen 17 mm long (420 px), but [[whisker]] length_mm = 18: correct it or "
         "[recording] pixels_per_mm = 25, on which lengths and forces depend"
     )
-    (doubt,) = told(side="right")
+    (doubt,) = said_of(side="right")
     assert 'write face = "right"' in doubt
 
 
 def test_a_scale_is_doubted_without_lengths():
-    doubt, *_ = told(odd=SeenLength(4200.0), whiskers=({"name": "C2"},))
+    doubt, *_ = said_of(odd=SeenLength(4200.0), whiskers=({"name": "C2"},))
     assert doubt == (
         "the longest whisker is seen 170 mm long (4200 px): correct [recording] pixels_per_mm = "
         "25, on which lengths and forces depend"

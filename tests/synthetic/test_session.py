@@ -55,7 +55,7 @@ def test_files_of_a_session(session):
     assert capture.get(cv2.CAP_PROP_FRAME_COUNT) == FRAMES
 
 
-def test_settings_tell_the_scene(session):
+def test_settings_are_those_of_the_scene(session):
     settings = read_session(session[0] / "session.toml")
     scene = make_trial("single", 3, 0, FRAMES).scene
     assert settings.recording.pixels_per_mm == scene.camera.pixels_per_mm
@@ -83,7 +83,7 @@ def test_truth_tables_have_the_results_columns(session):
     )
 
 
-def test_visibility_tells_what_can_be_seen(session):
+def test_visibility_is_what_can_be_seen(session):
     table = pd.read_parquet(session[0] / "truth" / "single_000" / "visibility.parquet")
     lines = read_centrelines(session[0] / "truth" / "single_000" / "centrelines.parquet")
     assert table.first_visible_mm.std() < 0.15  # mm: nearly constant over the motion
@@ -188,9 +188,9 @@ def test_a_trial_that_fails_does_not_stop_the_others(tmp_path, monkeypatch):
     kept = (tmp_path / "single_002.avi").stat().st_mtime_ns
     assert len(render_session(tmp_path, "single", trials=3, frames=20)) == 3
     assert (tmp_path / "single_002.avi").stat().st_mtime_ns == kept
-    told = read_json(tmp_path / "truth" / "single_001" / "scene.json")["seconds"]
-    assert set(told) == set(STAGES)
-    assert all(seconds >= 0 for seconds in told.values())
+    times = read_json(tmp_path / "truth" / "single_001" / "scene.json")["seconds"]
+    assert set(times) == set(STAGES)
+    assert all(seconds >= 0 for seconds in times.values())
 
 
 def test_videos_do_not_depend_on_jobs_or_order(tmp_path):
@@ -202,7 +202,7 @@ def test_videos_do_not_depend_on_jobs_or_order(tmp_path):
         assert one == two
 
 
-def test_slip_ends_a_contact_and_is_told():
+def test_slip_ends_a_contact_and_is_flagged():
     motion = make_trial("slip_off", 0, 0, 400).motion
     contacts = contact_table(motion, "v")
     assert contacts.slip.any()

@@ -29,7 +29,7 @@ def test_the_whisker_keeps_its_length(space):
     np.testing.assert_allclose(steps.sum(axis=1), space.whisker.length, rtol=LENGTH)
 
 
-def test_truth_tells_elevation_and_path(space):
+def test_truth_has_elevation_and_path(space):
     true = true_rows(space)
     assert len(true) == space.contact.touching.sum() > 0
     at_base = np.rad2deg(space.tilt.elevation[true["frame"]])

@@ -22,7 +22,7 @@ def test_the_motion_stays(motion, seed):
     one, other = frame_table(varied), frame_table(motion)
     for column in ("base_angle_deg", "curvature_per_m", "contact_force_uN"):
         np.testing.assert_array_equal(one[column], other[column])
-    # told from the drawn points, which lie a pixel apart
+    # from the drawn points, which lie a pixel apart
     np.testing.assert_allclose(one["pole_distance_mm"], other["pole_distance_mm"], atol=1e-4)
 
 

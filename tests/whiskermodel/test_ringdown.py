@@ -134,7 +134,7 @@ def with_overtones(time, d=DAMPING, p=FREQUENCY, parts=((0.5, 0.3), (-0.4, 1.1))
     return out
 
 
-def test_overtones_are_told_from_the_first_mode():
+def test_overtones_are_distinguished_from_the_first_mode():
     """Without them the frequency is off by percents; with them it is exact, drift and all."""
     signal = with_overtones(TIME) + 0.2 + 3.0 * TIME
     near = 0.8 * FREQUENCY, 1.25 * FREQUENCY

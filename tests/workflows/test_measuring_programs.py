@@ -59,7 +59,7 @@ def test_curvature_of_a_quadratic_keeps_its_sign_and_direction():
     assert _fitted_curvature(line[::-1]) == pytest.approx(-0.002, rel=1e-6)
 
 
-def test_targets_are_missed_by_what_could_not_be_told():
+def test_targets_are_missed_by_what_could_not_be_measured():
     most, between = Target("error", "rms", 0.03), Target("coverage", "c", 0.97, 0.93)
     assert most.met(0.03)
     assert not most.met(0.031)
@@ -94,7 +94,7 @@ def test_videos_have_seeds_of_their_own_that_the_printed_one_makes_again(tmp_pat
 
 
 def test_intervals_resample_videos_and_not_contacts():
-    """Contacts of a video err alike: 400 contacts of 10 videos tell no more than 10 numbers do."""
+    """Contacts of a video err alike: 400 contacts of 10 videos hold no more than 10 numbers do."""
     rng = np.random.default_rng(4)
     of_videos = rng.normal(0.0, 1.0, 10)
     samples = [np.full(40, own) for own in of_videos]

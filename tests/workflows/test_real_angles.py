@@ -37,7 +37,7 @@ def test_jitter_and_coverage_of_a_resting_whisker():
     assert too_small["resting"] < 0.7
 
 
-def test_steps_are_counted_and_those_of_the_centreline_told_apart():
+def test_steps_are_counted_and_those_of_the_centreline_apart():
     frames = frames_table(np.random.default_rng(1), 0.1, 0.1).assign(slope_deg=0.0)
     frames.loc[1000:, "base_angle_deg"] += 30.0
     frames.loc[2000:, ["base_angle_deg", "slope_deg"]] += 30.0

@@ -190,7 +190,7 @@ def test_corrections_that_do_not_fit_the_video_are_said_and_kept(folder, calls, 
     (out / "a" / "corrections.csv").write_text(text)
     batch.run([folder], out, overwrite=True)
     message = files.read_csv(out / "videos.csv", VIDEO_COLUMNS)["message"][0]
-    assert "2 of 'B1', which is no whisker of this video (C2)" in message
+    assert "2 of 'B1', which is not a whisker of this video (C2)" in message
     assert "1 reach beyond the video's end (it has 10 frames)" in message
     assert (out / "a" / "corrections.csv").read_text() == text
 
@@ -287,7 +287,7 @@ def test_a_video_that_fails_now_keeps_its_results_of_before(folder, calls, tmp_p
         assert contact_videos(out) == ["a", "b"]
 
 
-def test_a_failed_video_is_told_apart_from_its_results_of_other_settings(folder, calls, tmp_path):
+def test_a_failed_video_keeps_apart_its_results_of_other_settings(folder, calls, tmp_path):
     out = tmp_path / "results"
     batch.run([folder], out)
     change_settings(folder)

@@ -173,7 +173,7 @@ def test_a_file_in_place_of_a_folder_gets_a_message_in_words(
     assert "Errno" not in message
 
 
-def test_curate_is_told_who_curates(monkeypatch, tmp_path):
+def test_curate_gets_the_name_of_the_curator(monkeypatch, tmp_path):
     from pipeline import curate
     from pipeline.reports import figures, report
 
@@ -213,7 +213,7 @@ def test_help_is_in_whole_sentences():
 def test_interruption_says_how_to_go_on(ran, capsys):
     ran("done", interrupted=True)
     assert exit_code("run", "x", "--out", "y") == 130
-    assert "goes on from here" in capsys.readouterr().out
+    assert "continues from here" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(

@@ -54,7 +54,7 @@ def test_views_are_put_together_with_errors_that_hold():
     assert (covered > 0.85).all()
 
 
-def test_a_mirrored_second_view_is_told_from_the_points():
+def test_a_mirrored_second_view_is_seen_from_the_points():
     given = points(np.random.default_rng(1), click=0.0)
     given[:, 2] = 640 - given[:, 2]
     found = fit_views(given, FIRST)

@@ -144,7 +144,7 @@ def test_touched_throughout_has_no_rest_shape_but_no_gaps():
     assert touch.contacts["peak_force_uN"].isna().all()
 
 
-def test_a_force_that_errs_leaves_the_gap_to_tell():
+def test_a_force_that_errs_leaves_the_gap_to_decide():
     sd = np.full(3, 1e-6), np.full(3, 0.01e-6)
     gap = np.array([40e-6, 40e-6, 0.5e-6])
     force = np.array([-0.3e-6, 0.0, -0.3e-6])  # a pole does not pull
@@ -181,7 +181,7 @@ def test_what_a_whisker_passes_over_it_does_not_touch():
     assert len(dropped) == 0
 
 
-def test_free_frames_near_the_pole_tell_the_rest_shape_where_most_are_there(monkeypatch):
+def test_free_frames_near_the_pole_give_the_rest_shape_where_most_are_there(monkeypatch):
     traced = traced_motion.trace(make_trial("resting", 20, 1, 400).motion, noise_px=0.03)
     near, far = [], []
     for share, found in ((estimate.MUCH_MORE, near), (np.inf, far)):
@@ -198,7 +198,7 @@ def test_free_frames_near_the_pole_tell_the_rest_shape_where_most_are_there(monk
 
 @pytest.mark.parametrize("shorter", [1.0, 0.85])
 def test_a_whisker_that_bends_as_another_is_flagged(shorter):
-    """Loads of a C2 told with the dimensions of a whisker that is 15 % shorter."""
+    """Loads of a C2 given the dimensions of a whisker that is 15 % shorter."""
     traced, _ = analysed("noisy")
     (whisker,) = traced.whiskers.values()
     taken_for = replace(

@@ -29,7 +29,7 @@ def test_exact_pulses_are_recovered(peak, duration, phase, start):
     pulse = fit_pulse(start + t, force)
     if len(t) < 4:  # three numbers from three: nothing left over
         return
-    # the first frame of a 3 ms touch tells little of where its force began
+    # the first frame of a 3 ms touch shows little of where its force began
     tolerance = 1e-4 if len(t) > 6 else 0.1
     assert pulse.peak == pytest.approx(peak, rel=tolerance)
     assert pulse.duration == pytest.approx(duration, rel=tolerance)
@@ -73,7 +73,7 @@ def test_standard_errors_cover():
     assert np.all(held < 0.985)
 
 
-def test_r2_tells_pulses_from_plateaus():
+def test_r2_distinguishes_pulses_from_plateaus():
     t = frames_of(0.05)
     plateau = fit_pulse(t, 10e-6 * (1 - np.abs(2 * t / 0.05 - 1) ** 5))
     pulse = fit_pulse(t, half_gaussian(t, 0.05, 10e-6))

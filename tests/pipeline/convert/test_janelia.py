@@ -73,7 +73,7 @@ def test_without_names_in_the_session_whiskers_are_numbered(tracked):
     assert lines.names == ("D3",)
 
 
-def test_a_whisker_of_another_name_is_told(tracked):
+def test_a_whisker_of_another_name_is_reported(tracked):
     settings = settings_of(motion())
     lines, _, _ = janelia.read_tracked(tracked / "trial.whiskers", settings, ["D3"])
     with pytest.raises(InputError, match=r"D3 has no \[\[whisker\]\] table"):
@@ -162,8 +162,8 @@ def test_angles_are_from_the_face_s_axis(face, direction, angle):
     ones = np.ones_like(t)
     line = Segment(0, 0, 50 + direction[0] * t, 60 + direction[1] * t, ones, ones)
     table = janelia.measured([line], face)
-    length, _, told, curvature, *ends = table.values[0]
-    assert (length, told, curvature) == pytest.approx((29, angle, 0), abs=1e-4)
+    length, _, found, curvature, *ends = table.values[0]
+    assert (length, found, curvature) == pytest.approx((29, angle, 0), abs=1e-4)
     np.testing.assert_allclose(ends[:2], [50, 60])
 
 

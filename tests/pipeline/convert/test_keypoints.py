@@ -204,11 +204,11 @@ def test_a_whisker_that_curls_keeps_the_order_of_the_file():
     ("part", "whisker"),
     [("C2_0", "C2"), ("C2-11", "C2"), ("w 1", "w"), ("D1_base", "D1"), ("D1_tip", "D1")],
 )
-def test_whiskers_are_told_by_how_the_parts_are_called(part, whisker):
+def test_whiskers_are_found_by_the_names_of_their_parts(part, whisker):
     assert keypoints.LAST_PART.sub("", part) == whisker
 
 
-def test_another_number_of_whiskers_is_told(motion, points):
+def test_another_number_of_whiskers_is_reported(motion, points):
     with pytest.raises(InputError, match=r"a\.csv: holds 1 whiskers \(C2\).* 2 names \(D1, D2\)"):
         lines_of(points, settings_of(motion), "a.csv", ["D1", "D2"])
     few = KeyPoints(("",), points.parts[:3], points.xy[:, :, :3], points.score[..., :3])

@@ -86,6 +86,6 @@ def by_hand(face, angle, curvature):
     return video
 
 
-def test_another_protraction_is_told(videos, tmp_path):
+def test_another_protraction_is_reported(videos, tmp_path):
     with pytest.raises(InputError, match="face at the left protract upward or downward"):
         write_matlab(tmp_path, videos[0], "leftward")

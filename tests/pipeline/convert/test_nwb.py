@@ -96,6 +96,6 @@ def test_the_video_is_referred_to_where_it_is(videos, tmp_path):
     assert [m for m in found if m.importance.value >= Importance.CRITICAL.value] == []
 
 
-def test_a_wrong_date_is_told(videos, tmp_path):
-    with pytest.raises(InputError, match="--start yesterday: is no date"):
+def test_a_wrong_date_is_reported(videos, tmp_path):
+    with pytest.raises(InputError, match="--start yesterday: is not a date"):
         write_nwb(tmp_path, videos[0], "yesterday")

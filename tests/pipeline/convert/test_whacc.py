@@ -126,13 +126,13 @@ def test_contacts_are_taken_as_corrections(videos, tmp_path):
         ([b"one.mp4"], 120, "D1", "has whiskers C2; say whose contacts"),
     ],
 )
-def test_what_does_not_fit_is_told(videos, tmp_path, names, count, whisker, message):
+def test_what_does_not_fit_is_reported(videos, tmp_path, names, count, whisker, message):
     path = write(tmp_path / "w.h5", names, [np.zeros(count)])
     with pytest.raises(InputError, match=message):
         take_contacts(path, videos, whisker)
 
 
-def test_other_files_are_told(tmp_path):
+def test_other_files_are_reported(tmp_path):
     path = tmp_path / "w.h5"
     for content in (b"", b"no HDF5"):
         path.write_bytes(content)

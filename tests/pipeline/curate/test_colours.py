@@ -12,7 +12,7 @@ FILLED = ("detected", "doubtful", "confirmed", "curated", "dismissed")  # "possi
 
 
 @pytest.mark.parametrize("sight", SIGHTS)
-def test_states_are_told_apart_by_colour_or_hatching(sight):
+def test_states_differ_in_colour_or_hatching(sight):
     for one, other in itertools.combinations(FILLED, 2):
         if HATCHED not in (one, other):
             assert difference(STATES[one], STATES[other], sight) > TOLD_APART, (one, other)

@@ -33,8 +33,8 @@ def test_all_decisions_are_listed(folder):
     path, count = write_decisions(folder, ("one", "two", "three"))
     table = files.read_csv(path, DECISION_COLUMNS)
     assert count == len(table) == 4
-    told = ["video", "decision", "onset_frame", "offset_frame", "decided_by", "decided_at"]
-    assert table[told].values.tolist() == [
+    names = ["video", "decision", "onset_frame", "offset_frame", "decided_by", "decided_at"]
+    assert table[names].values.tolist() == [
         ["one", "confirmed", 30, 40, "Ada", WHEN],
         ["one", "added or moved", 60, 80, "Ada", WHEN],
         ["one", "no contact", 90, 95, "Grace", WHEN],

@@ -52,7 +52,7 @@ def test_confirming_goes_through_all_contacts_the_doubtful_first(results):
         assert len(verdicts) == todo
 
 
-def test_commands_without_sense_are_told_and_change_nothing(results):
+def test_commands_without_sense_are_reported_and_change_nothing(results):
     with opened(results) as folder:
         desk = Desk(folder)
         desk.do("escape")

@@ -73,7 +73,7 @@ def test_weak_short_and_flagged_contacts_are_doubtful(column, value, reason):
     assert reason in item.reasons
 
 
-def test_a_flag_on_the_force_alone_is_told_but_not_doubtful():
+def test_a_flag_on_the_force_alone_is_shown_but_not_doubtful():
     review, table, probability = review_with(course(a=(50, 80)), (50, 80))
     (item,) = items_of(review, table.assign(flags="large_deflection"), probability)
     assert not item.is_doubtful

@@ -86,7 +86,7 @@ def test_what_an_interrupted_curation_left_behind_is_made_up_for(results):
     assert len(contacts_of(results, video.name)) == n - 1
 
 
-def test_folders_with_nothing_to_curate_are_told(results, tmp_path):
+def test_folders_with_nothing_to_curate_are_reported(results, tmp_path):
     with pytest.raises(InputError, match=r"no results in it.*--out folder"):
         Results(tmp_path)
     for file in results.glob("*/evidence.parquet"):
@@ -165,7 +165,7 @@ def test_damaged_tables_are_said_and_the_page_goes_on(results, table):
             assert desk.video.name == second
 
 
-def test_where_no_video_can_be_opened_the_reason_is_told(results):
+def test_where_no_video_can_be_opened_the_reason_is_given(results):
     for path in results.glob("*/frames.parquet"):
         path.write_bytes(b"")
     with opened(results) as session, pytest.raises(InputError, match=r"frames\.parquet: damaged"):

@@ -84,7 +84,7 @@ def hooked_part(start, end, turn, hook=12):
     return start + np.cumsum(steps, axis=0)
 
 
-def test_parts_that_turn_into_what_hides_them_are_joined_where_that_is_told():
+def test_parts_that_turn_into_what_hides_them_are_joined_where_that_is_given():
     near = hooked_part((0, 100), (200, 100), np.radians(50))
     far = hooked_part((410, 110), (210, 110), np.radians(-50))
     assert len(ridges.join([near, far])) == 2

@@ -1,4 +1,4 @@
-"""Where the trace begins: recovered from tip and bending; left alone where nothing tells."""
+"""Where the trace begins: recovered from tip and bending; left alone where nothing shows it."""
 
 from dataclasses import replace
 
@@ -50,7 +50,7 @@ def test_a_wrong_hidden_length_is_found_from_the_bending(touching, wrong_by):
     assert np.abs(np.median(found) - wrong_by) < 3 * evidence["origin_se_m"].median()
 
 
-def test_first_points_that_wander_are_told_by_the_tip(touching):
+def test_first_points_that_wander_are_seen_from_the_tip(touching):
     """Traces that begin anywhere within 0.15 mm: each row's origin follows, from the far end."""
     rng = np.random.default_rng(0)
     t = np.arange(len(touching.places))
@@ -124,7 +124,7 @@ def test_an_end_that_light_moves_is_not_taken_for_the_tip(touching):
     assert np.std(origin.per_row) < 0.7 * np.std(light)
 
 
-def test_a_tip_out_of_view_tells_nothing(touching):
+def test_a_tip_out_of_view_shows_nothing(touching):
     rng = np.random.default_rng(1)
     n = len(touching.places)
     angle = np.radians(touching.frames["base_angle_deg"].to_numpy())
@@ -160,14 +160,14 @@ def test_frames_that_a_codec_interpolated_are_not_asked(touching):
     x, y = places.x - back * steps[1] / length, places.y + back * steps[0] / length
     drawn = replace(places, x=x, y=y, information=np.where(np.isfinite(x), places.information, 0))
     error = {}
-    for told in (False, True):
-        drawn = replace(drawn, interpolated=interpolated & told)
+    for given in (False, True):
+        drawn = replace(drawn, interpolated=interpolated & given)
         evidence, _ = forces.measure_forces(drawn, mouse_c2(), touching.frames, AT)
-        error[told] = abs(np.median(evidence["origin_m"]))
+        error[given] = abs(np.median(evidence["origin_m"]))
     assert error[True] < origin_tolerance < error[False]
 
 
-def test_how_far_touches_begin_from_free_frames_is_known_as_well_as_the_tip_tells(touching):
+def test_how_far_touches_begin_from_free_frames_is_known_as_well_as_the_tip_shows(touching):
     """Ends of the trace that scatter by 0.05 mm, drawn again and again."""
     rng = np.random.default_rng(2)
     places, whisker = touching.places, mouse_c2()
@@ -175,15 +175,15 @@ def test_how_far_touches_begin_from_free_frames_is_known_as_well_as_the_tip_tell
     time = touching.frames["time_s"].to_numpy()
     rows = np.flatnonzero(touching.true_frames["in_contact"].to_numpy(bool))
     free = rest_shape.free_frames(places.distance, np.isfinite(places.pole_x))
-    found, told = [], []
+    found, stated = [], []
     for _ in range(12):
         ends = places.last + rng.normal(0, 0.05e-3, len(places))
         seen = replace(places, last=ends)
         origin, votes = arc_length_offset.origin_from_tip(seen, whisker, angle, time)
         found.append(origin.per_row[rows].mean() - origin.per_row[free].mean())
-        told.append(arc_length_offset._apart_sd(votes, rows, places))
-    # the wandering that is thought possible does not happen here: less scatter than told
-    assert 0.3 < np.sqrt(np.mean(np.square(found))) / np.mean(told) < 1.2
+        stated.append(arc_length_offset._apart_sd(votes, rows, places))
+    # the wandering that is thought possible does not happen here: less scatter than stated
+    assert 0.3 < np.sqrt(np.mean(np.square(found))) / np.mean(stated) < 1.2
 
 
 def test_the_standard_error_holds_what_is_common_to_all_frames():

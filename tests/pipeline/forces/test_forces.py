@@ -289,7 +289,7 @@ def test_still_whisker_and_one_touch(method, seed):
 
 
 def test_friction_pulls_against_the_sliding():
-    """Towards the tip while the contact moves out along the whisker; not told apart at rest."""
+    """Towards the tip while the contact moves out along the whisker; not distinguished at rest."""
     place = 9e-3 + 0.2e-3 * np.sin(np.arange(200) / 30)
     found = forces.sliding(place)
     moving = np.abs(np.cos(np.arange(200) / 30)) > 0.2

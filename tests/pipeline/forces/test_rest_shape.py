@@ -108,7 +108,7 @@ def test_free_frames_of_a_whisker_that_hardly_leaves_the_pole():
     distance = 12e-6 + away + rng.normal(0, 0.5e-6, 300)
     known = np.full(300, True)
     np.testing.assert_array_equal(free_frames(distance, known), away > 0)
-    # a force that moves it by as little as that tells of no free frames
+    # a force that moves it by so little says nothing of free frames
     swaying = 12e-6 + 5e-6 * np.sin(np.arange(300) / 9) + rng.normal(0, 0.5e-6, 300)
     assert not free_frames(swaying, known).any()
 
@@ -148,7 +148,7 @@ def test_errors_cover_whiskers_that_roll(turn):
 
 @pytest.mark.parametrize("n", [3, 5, 12])
 def test_a_handful_of_free_frames_is_enough(n):
-    error, told = [], []
+    error, stated = [], []
     for seed in range(40):
         rng = np.random.default_rng(seed)
         time, angle = at_rest(n, rng)
@@ -156,10 +156,10 @@ def test_a_handful_of_free_frames_is_enough(n):
         model = fit_rest(measured, np.full(n, noise**2), angle, time, np.full(n, True))
         values, cov = model.predict(np.array([0.1]), time[-1:])
         error.append(values[0, 0] - 12.0)
-        told.append(np.sqrt(cov[0, 0, 0]))
+        stated.append(np.sqrt(cov[0, 0, 0]))
     assert np.std(error) < 1.5 * noise
-    assert np.mean(np.abs(error) < 1.96 * np.array(told)) >= 0.9
-    assert np.max(told) < 5 * noise
+    assert np.mean(np.abs(error) < 1.96 * np.array(stated)) >= 0.9
+    assert np.max(stated) < 5 * noise
 
 
 def test_many_angles_override_the_prior():
@@ -180,8 +180,8 @@ def test_noise_that_two_values_share_is_no_scatter():
     cov = np.array([[1.01, -1.0], [-1.0, 1.01]])
     time, angle = whisking(800, rng)
     model = fit_rest(values, np.tile(cov, (800, 1, 1)), angle, time, np.full(800, True))
-    _, told = model.predict(np.zeros(1), time[400:401])
-    assert np.sqrt(told[0].sum()) < 0.1  # 1/m, of the sum
+    _, stated = model.predict(np.zeros(1), time[400:401])
+    assert np.sqrt(stated[0].sum()) < 0.1  # 1/m, of the sum
     assert np.sqrt(np.linalg.eigvalsh(model.scatter).max()) < 0.4
 
 

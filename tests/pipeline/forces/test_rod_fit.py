@@ -180,7 +180,7 @@ def test_an_origin_that_is_known_costs_nothing(origin):
 
 @pytest.mark.parametrize("load", ["force", "moment", "axial", "lateral"])
 def test_how_loads_follow_the_origin(load):
-    """Beside the difference of two fits; the rest shape is told loosely, as by free frames."""
+    """Beside the difference of two fits; the rest shape is known loosely, as from free frames."""
     _, places = touching([0.05, 0.3], distance=8e-3)
 
     def loads(shift):
@@ -294,14 +294,16 @@ def test_rows_that_cannot_be_fitted_are_missing_values():
     np.testing.assert_array_equal(np.isnan(fit["force"]), [True, True, False])
 
 
-def test_the_origins_pull_follows_stations_and_rest_shape_as_told():
+def test_the_origins_pull_follows_stations_and_rest_shape_as_influence():
     """`influence` beside differences of two fits, one with a station or the rest shape moved."""
     _, places = touching([0.2], distance=8e-3)
     # a rest shape that is neither given nor free, so that both answer to each other
     prior = known_rest(1, sd=0.5)
-    told = np.zeros((1, N_STATIONS + rod_fit.N_REST))
-    fine = {"influence": np.zeros_like(told)}  # rods are settled the finer where it is asked for
-    start = rod_fit.fit_loaded(places, mouse_c2(), CURVATURE_AT, prior, influence=told)
+    influence = np.zeros((1, N_STATIONS + rod_fit.N_REST))
+    fine = {
+        "influence": np.zeros_like(influence)
+    }  # rods are settled the finer where it is asked for
+    start = rod_fit.fit_loaded(places, mouse_c2(), CURVATURE_AT, prior, influence=influence)
     for k in (10, 20, 30):
         x, y = places.x.copy(), places.y.copy()
         along = np.arctan2(y[0, k + 1] - y[0, k - 1], x[0, k + 1] - x[0, k - 1])
@@ -310,11 +312,11 @@ def test_the_origins_pull_follows_stations_and_rest_shape_as_told():
         moved = replace(places, x=x, y=y)
         fit = rod_fit.fit_loaded(moved, mouse_c2(), CURVATURE_AT, prior, **fine)
         change = (fit["origin_pull"] - start["origin_pull"]) / SD
-        np.testing.assert_allclose(change, told[:, k], rtol=0.02)
+        np.testing.assert_allclose(change, influence[:, k], rtol=0.02)
     for j in range(rod_fit.N_REST):
         step = 0.02 * np.eye(rod_fit.N_REST)[j]
         fit = rod_fit.fit_loaded(
             places, mouse_c2(), CURVATURE_AT, replace(prior, drift=prior.drift + step), **fine
         )
         change = (fit["origin_pull"] - start["origin_pull"]) / 0.02
-        np.testing.assert_allclose(change, told[:, N_STATIONS + j], rtol=0.02)
+        np.testing.assert_allclose(change, influence[:, N_STATIONS + j], rtol=0.02)

@@ -48,7 +48,7 @@ def whisking(rng, seen=0.75):
 
 def test_names_and_looks_without_any_tracks():
     frame, true, features = whisking(np.random.default_rng(1))
-    track = np.arange(len(frame))  # every line's its own: nothing tells how the fan turns
+    track = np.arange(len(frame))  # a track per line: nothing shows how the fan turns
     found = named_in_order(Lines(features, frame, track), LEAST_SD)[0]
     assert len(found.model.middle) == len(FAN)
     assert (found.names == true).mean() > 0.99

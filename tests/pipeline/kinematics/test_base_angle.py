@@ -140,7 +140,7 @@ def test_continuous_leaves_unknown_angles_and_lies_about_zero():
     np.testing.assert_allclose(got, [-10, np.nan, 10, 20, 170, 190])
 
 
-def test_few_frames_and_short_lines_are_measured_as_far_as_they_tell():
+def test_few_frames_and_short_lines_are_measured_as_far_as_they_go():
     angle = swing(4)
     lines = whisker_lines(np.random.default_rng(5), angle, SD)
     base, _ = measured(lines)

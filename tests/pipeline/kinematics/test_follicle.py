@@ -57,7 +57,7 @@ def test_the_follicle_is_not_deeper_than_the_thickest_fur(finder):
     assert found.hidden_px[0] == pytest.approx(25.0)
 
 
-def test_a_row_too_short_to_tell_keeps_the_session_s_length(finder):
+def test_a_row_too_short_to_decide_keeps_the_session_s_length(finder):
     line = lines_from([0.1], [HIDDEN])
     short = Centrelines(
         **{

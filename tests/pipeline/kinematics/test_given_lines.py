@@ -30,7 +30,7 @@ def traced(noise, step_px=1.0):
 
 @pytest.mark.parametrize("sd", [0.05, 0.2])
 @pytest.mark.parametrize("step_px", [0.8, 1.3])
-def test_nodes_lie_evenly_on_the_curve_and_tell_the_noise(sd, step_px):
+def test_nodes_lie_evenly_on_the_curve_and_show_the_noise(sd, step_px):
     rng = np.random.default_rng(0)
     lines = as_centrelines(traced(lambda n: rng.normal(0, sd, n), step_px))
     points = np.column_stack([lines.x_px, lines.y_px]).astype(float)
@@ -43,7 +43,7 @@ def test_nodes_lie_evenly_on_the_curve_and_tell_the_noise(sd, step_px):
     np.testing.assert_allclose(lines.information, lines.se_px**-2.0, rtol=1e-4)
 
 
-def test_noise_that_runs_along_the_line_tells_less():
+def test_noise_that_runs_along_the_line_leaves_less_known():
     rng = np.random.default_rng(0)
     sd, sigma = 0.1, 3.0
     white = 2 * np.sqrt(np.pi) * sigma  # variance that the filter takes away

@@ -129,7 +129,7 @@ def test_a_trace_that_ends_early_is_continued_straight():
     assert places.side[0] == 1
 
 
-def test_short_traces_and_absent_poles_are_told():
+def test_short_traces_and_absent_poles_are_reported():
     pole = PoleTrack(np.array([np.nan, 300.0]), np.array([np.nan, 100.0]), 5.0)
     places = measure(lines_of(arc(0.001), arc(0.001, points=20)), pole)
     assert np.isnan(places.distance).all()

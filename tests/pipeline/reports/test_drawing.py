@@ -12,7 +12,7 @@ from pipeline.reports import drawing, lettering
 from pipeline.tables import files
 
 BLEND = 60  # grey levels: lines are smoothed into the picture
-APART = 20.0  # ΔE 2000 of lines that are to be told apart by their colour
+APART = 20.0  # ΔE 2000 of lines that must differ in colour
 POLE = (230, 240, 6.25)
 
 
@@ -102,7 +102,7 @@ def test_a_line_in_doubt_is_dashed(tmp_path):
 
 
 @pytest.mark.parametrize("sight", ["normal", "protan", "deutan"])
-def test_colours_stay_apart_for_people_who_do_not_tell_red_from_green(sight):
+def test_colours_differ_for_people_who_cannot_distinguish_red_from_green(sight):
     colours = {"free": drawing.FREE, "touching": drawing.TOUCHING, "pole": drawing.POLE}
     for (a, one), (b, other) in itertools.combinations(colours.items(), 2):
         assert difference(one[::-1], other[::-1], sight) > APART, (a, b)

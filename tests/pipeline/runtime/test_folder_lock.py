@@ -19,7 +19,7 @@ with locked(sys.argv[1]):
 """
 
 
-def test_a_second_one_is_refused_and_told_of_the_first(tmp_path):
+def test_a_second_one_is_refused_and_the_first_named(tmp_path):
     with locked(tmp_path):
         for _ in range(2):
             with (

@@ -1,14 +1,14 @@
-"""Frames counted and time told by stage."""
+"""Frames counted, and time by stage."""
 
 from pipeline.runtime.timing import Clock, Counted
 
 
-def test_frames_are_counted_and_told():
-    told = []
-    counted = Counted(iter("abc"), 2, lambda *done: told.append(done))
+def test_frames_are_counted_and_calls():
+    calls = []
+    counted = Counted(iter("abc"), 2, lambda *done: calls.append(done))
     assert list(counted) == ["a", "b", "c"]
     assert counted.count == 3
-    assert told == [(1, 2), (2, 2), (3, 3)]
+    assert calls == [(1, 2), (2, 2), (3, 3)]
 
 
 def test_clock_counts_by_stage(monkeypatch):

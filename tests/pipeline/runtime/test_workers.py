@@ -20,7 +20,7 @@ def _threads(task, report):
 
 
 @pytest.mark.parametrize(("given", "expected"), [(None, "1"), ("3", "3")])
-def test_processes_compute_with_one_thread_unless_told(monkeypatch, given, expected):
+def test_processes_compute_with_one_thread_unless_set(monkeypatch, given, expected):
     monkeypatch.delenv(THREADS, raising=False)
     if given:
         monkeypatch.setenv(THREADS, given)

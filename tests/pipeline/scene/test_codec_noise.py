@@ -1,4 +1,4 @@
-"""What is told of the noise beside a rod, in pictures whose noise is known."""
+"""The noise estimated beside a rod, in pictures whose noise is known."""
 
 import numpy as np
 import pytest
@@ -48,7 +48,7 @@ def test_the_geometric_mean_of_model_and_measurement(whisker):
     assert np.all(excess[:, 214 + far :] == 1)
 
 
-def test_few_frames_tell_nothing():
+def test_few_frames_show_nothing():
     assert excess_of(*scene(TRIPLED, n=5))[1] is None
 
 

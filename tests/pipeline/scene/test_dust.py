@@ -49,7 +49,7 @@ def frames(light, angles, opacity=0.6, seed=0):
 
 
 @pytest.mark.parametrize("opacity", [0.15, 0.6])
-def test_a_whisker_across_the_disc_is_told_from_one_beside(opacity):
+def test_a_whisker_across_the_disc_is_distinguished_from_one_beside(opacity):
     light = discs(DUST)
     noise = (NOISE_SD**2, 0.0)
     through = np.arctan2(DUST[1] - BASE[1], DUST[0] - BASE[0])
@@ -103,7 +103,7 @@ class Passing(RandomAccessVideo):
         return frames(discs(DUST), self.angles[index : index + 1], seed=index)[0]
 
 
-def test_a_speck_taken_for_the_pole_is_told_and_not_touched(monkeypatch):
+def test_a_speck_taken_for_the_pole_is_reported_and_not_touched(monkeypatch):
     monkeypatch.setattr(pipeline.run, "open_video", lambda *_: Passing())
     recording = {"frames_per_second": 1000.0, "pixels_per_mm": 25.0, "face": "left"}
     whisker = {"name": "C2", "length_mm": 10.5, "cone_length_mm": 12.0, "base_radius_um": 30.0}

@@ -45,7 +45,7 @@ def light(pole=None, whisker=None, paw=None):
 
 
 class MadeUp(RandomAccessVideo):
-    """A video of `n` frames: `picture(i)` tells what is in frame i."""
+    """A video of `n` frames: `picture(i)` gives frame i."""
 
     def __init__(self, n, picture, noise=1.5):
         super().__init__("made up", WIDTH, HEIGHT, n)
@@ -114,7 +114,7 @@ class TestOneScene:
         video = MadeUp(50, lambda i: {"pole": POLE})
         assert the_scene(video, RECORDING, pole_diameter_m=None).pole is None
 
-    def test_a_pole_outside_of_the_picture_is_told(self):
+    def test_a_pole_outside_of_the_picture_is_reported(self):
         with pytest.raises(VideoError, match=r"x_px, y_px = 9999, 50 is outside .* 0 to "):
             find_scenes(MadeUp(40, lambda i: {}), RECORDING, pole_xy=(9999, 50))
 
@@ -201,7 +201,7 @@ class TestSurvey:
         assert [len(some) for some in kept] == [6, 12]
 
     def test_a_pole_that_is_still_arriving_is_left_out(self):
-        near = POLE[0], POLE[1] - 0.3 * SCALE  # 0.3 mm: the cells do not tell
+        near = POLE[0], POLE[1] - 0.3 * SCALE  # 0.3 mm: the cells do not resolve it
         poles = [None] * 6 + [near] * 2 + [POLE] * 6
         states, kept = survey([light(pole=pole) for pole in poles])
         assert list(states) == [0] * 6 + [-1] * 2 + [1] * 6

@@ -32,11 +32,11 @@ def test_a_pole_is_not_doubted_with_its_rod_or_without():
 
 
 def test_a_screw_on_something_larger_is_no_pole():
-    assert why(BLOCK) == "a round end, but it is part of something larger"
+    assert why(BLOCK) == "a round end, but part of something larger"
 
 
 def test_a_tuft_of_fur_at_the_face_is_no_pole():
-    assert why(NOTHING, face_to=185) == "a dark spot, but it is at the animal"
+    assert why(NOTHING, face_to=185) == "a dark spot, but part of the animal"
 
 
 def in_scene(dark, pole_xy=None, face_to=100):

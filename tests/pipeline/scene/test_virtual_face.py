@@ -40,11 +40,11 @@ FRAMES = np.stack([drawn(angle) for angle in np.linspace(-0.3, 0.2, 9)])
 
 class TestMask:
     @pytest.mark.parametrize("turns", range(4))
-    @pytest.mark.parametrize("told", [True, False])
-    def test_begins_where_the_whisker_does(self, turns, told):
+    @pytest.mark.parametrize("given", [True, False])
+    def test_begins_where_the_whisker_does(self, turns, given):
         side = ("left", "bottom", "right", "top")[turns]
         frames = np.ascontiguousarray(np.rot90(FRAMES, turns, axes=(1, 2)))
-        found, mask, thick = mask_behind_whiskers(frames, side if told else None, SCALE)
+        found, mask, thick = mask_behind_whiskers(frames, side if given else None, SCALE)
         assert found == thick == side
         widths = np.rot90(mask, -turns).sum(axis=1)
         assert np.abs(widths - 0.5 - FOLLICLE[0]).max() < START_PX
@@ -68,7 +68,7 @@ class TestMask:
         _, mask, _ = mask_behind_whiskers(frames, "left", SCALE)
         assert np.abs(mask.sum(axis=1) - 0.5 - FOLLICLE[0]).max() < START_PX
 
-    def test_whiskers_that_never_move_tell_no_side_for_sure(self):
+    def test_whiskers_that_never_move_show_no_side_for_sure(self):
         found, mask, thick = mask_behind_whiskers(FRAMES[:1], None, SCALE)
         assert found == "left"
         assert mask.any()

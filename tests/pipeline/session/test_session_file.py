@@ -211,7 +211,7 @@ def test_any_settings_survive_the_way_to_the_file_and_back(fps, scale, length, h
         ),
         (document(image={"region_px": [9, 0, 3, 5]}), ["[image] region_px", "x0 < x1"]),
         (document(image={"polarity": "pale"}), ["[image] polarity = 'pale'", "dark, bright"]),
-        (document(image={"mask": 3}), ["[image] mask = 3", "expected a text"]),
+        (document(image={"mask": 3}), ["[image] mask = 3", "expected a non-empty text"]),
         (document(analysis={"follow": "C2"}), ["[analysis] follow = 'C2'", 'as ["C1", "C2"]']),
         (
             document(analysis={"follow": ["C9"]}, whisker=[{"name": "C1"}, {"name": "C2"}]),
@@ -241,7 +241,7 @@ def test_every_mistake_is_named_with_what_to_do(tables, expected):
         assert part in message
 
 
-def test_all_mistakes_are_told_at_once():
+def test_all_mistakes_are_reported_at_once():
     message = problems_of(
         {
             "recording": {"frames_per_second": 1.0, "fase": "left", "pixels_per_mm": 25},
@@ -282,7 +282,7 @@ def test_the_mask_lies_beside_the_session(tmp_path):
     with pytest.raises(SettingsError, match=r"\[image\] mask: there is no file .*mask.png"):
         read_session(tmp_path / "session.toml")
     (tmp_path / "mask.png").write_bytes(b"no picture")
-    with pytest.raises(SettingsError, match="is no picture"):
+    with pytest.raises(SettingsError, match="is not a picture"):
         read_session(tmp_path / "session.toml")
     cv2.imwrite(str(tmp_path / "mask.png"), np.full((4, 4), 255, np.uint8))
     settings = read_session(tmp_path / "session.toml")

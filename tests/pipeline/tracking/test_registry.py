@@ -60,7 +60,7 @@ def test_all_whiskers_are_in_the_roster_in_order(row):
     assert crowded([slot.signature for slot in row.roster], row.options)
 
 
-def test_lengths_that_are_given_tell_the_order_whatever_the_thickness(row):
+def test_lengths_that_are_given_decide_the_order_whatever_the_thickness(row):
     options = replace(row.options, visible_px=row.options.visible_px[::-1])
     roster = find_roster(row.images[::8], row.scene, options, row.names[::-1])
     bases = {slot.name: slot.base_xy for slot in roster}
@@ -140,7 +140,7 @@ def straight(follicle_y, angle, length, thickness):
 
 
 @pytest.mark.parametrize(("width", "turned"), [(500, True), (180, False)])
-def test_a_whisker_that_the_border_cuts_does_not_tell_the_order(width, turned):
+def test_a_whisker_that_the_border_cuts_does_not_decide_the_order(width, turned):
     slots = []
     for y, length, thickness in ((100, 150, 1.0), (150, 120, 1.2)):
         line = straight(y, 0.0, length, thickness)

@@ -68,6 +68,6 @@ def test_moving_whiskers_change_nothing():
     assert cleared is scene
 
 
-def test_few_samples_tell_nothing():
+def test_few_samples_show_nothing():
     scene, _ = backgrounds(np.radians(1.0))
     assert without_resting_whiskers(scene, [], SCALE) is scene

@@ -107,7 +107,7 @@ def test_chunks_hold_the_same_as_one_piece(noisy):
 
 
 def test_follicles_are_those_of_the_finished_lines(noisy):
-    """What the tracer tells of them is what the lines that it hands out say."""
+    """What the tracer reports of them is what its lines show."""
     lines = noisy.lines
     again = follicles(lines, lines.hidden_px, noisy.recording.pixels_per_m)
     np.testing.assert_allclose(lines.follicle, again, rtol=0, atol=1e-9)  # px, rad

@@ -94,7 +94,7 @@ class TestContainers:
         assert np.abs(got.astype(int) - frames).mean() < CODEC_LOSS
 
     @pytest.mark.parametrize("between", [0, 2])
-    def test_frames_made_out_of_others_are_told(self, tmp_path, between):
+    def test_frames_made_out_of_others_are_reported(self, tmp_path, between):
         """With so many B frames between any two others, at fixed places."""
         fixed = {"x264-params": f"b-adapt=0:bframes={between}:scenecut=0", "g": "300"}
         write(tmp_path / "a.mp4", n=31, codec="libx264", pixels="yuv420p", options=fixed)
@@ -426,7 +426,7 @@ class TestTiffStacks:
 
     def test_no_tiff(self, tmp_path):
         (tmp_path / "a.tif").write_text("hello")
-        assert "damaged or no TIFF" in str(error_of(tmp_path / "a.tif"))
+        assert "damaged or not a TIFF file" in str(error_of(tmp_path / "a.tif"))
 
     def test_floating_point_pixels_are_refused_with_advice(self, tmp_path):
         tifffile.imwrite(tmp_path / "a.tif", picture(0).astype(np.float32))

@@ -111,7 +111,7 @@ def test_a_line_that_takes_the_wrong_branch_has_strayed():
     assert scores.rows["worst_px"][0] == pytest.approx(25, abs=0.01)
 
 
-def test_hairs_and_long_false_lines_are_told_apart():
+def test_hairs_and_long_false_lines_are_distinguished():
     hairs = [(f, "A", straight(100, 0, 20)) for f in range(3)]
     result = centrelines([*hairs, (1, "B", straight(120))])
     figures = line_figures(score_lines(result, two_whiskers()), 3, 100)
