@@ -62,7 +62,7 @@ def _explain(error, document) -> str:
         return f"{place} is missing; {_wanted(error['loc'])}; add it"
     if kind == "implausible":
         return f"{place} = {value!r}: {error['ctx']['advice']}"
-    if kind == "literal_error":
+    if kind in ("literal_error", "string_too_short"):
         return f"{place} = {value!r}: {_wanted(error['loc'])}; correct the value"
     if error["loc"] == ("whisker",):
         return "[whisker]: expected one [[whisker]] table (double brackets) per tracked whisker"

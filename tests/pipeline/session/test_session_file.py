@@ -167,7 +167,7 @@ def test_any_settings_survive_the_way_to_the_file_and_back(fps, scale, length, h
         (document(whisker=[{"length_mm": True}]), ["length_mm", "not true/false"]),
         (document(whisker=[{"name": "=1+1"}]), ["name = '=1+1'", "spreadsheets compute"]),
         (document(whisker=[{"name": "C2\t"}]), ["name = 'C2\\t'", "without spaces around"]),
-        (document(whisker=[{"name": ""}]), ["name", "not empty"]),
+        (document(whisker=[{"name": ""}]), ["name = '':", "non-empty text; correct"]),
         (document(whisker={"name": "C2"}), ["[[whisker]]", "double brackets"]),
         (document(whisker=[3]), ["[[whisker]] 1 = 3", "expected a table"]),
         (document(whisker=[{"name": "a"}, {"name": "a"}]), ['"a"', "2 times", "distinct"]),
