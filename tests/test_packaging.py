@@ -1,5 +1,6 @@
 """What is declared for pip, conda and type checkers agrees."""
 
+import ast
 import re
 import subprocess
 import sys
@@ -29,6 +30,30 @@ def versions(requirements):
     return dict(re.fullmatch(r"([\w-]+) ?>=([\d.]+)", each).groups() for each in requirements)
 
 
+PACKAGES = (pipeline, synthetic, whiskermodel)
+IMPORTED_AS = {"opencv-python-headless": "cv2", "scikit-image": "skimage", "pillow": "PIL"}
+IMPORTED_AS |= {"lazy-loader": "lazy_loader"}
+PARTS = {"pydantic_core"}  # of pydantic, which wants the very version that suits it
+
+
+def imported(package):
+    """Names of the top-level packages that the files of a package import, wherever they do."""
+    for path in Path(package.__file__).parent.rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+            if isinstance(node, ast.Import):
+                yield from (alias.name.partition(".")[0] for alias in node.names)
+            elif isinstance(node, ast.ImportFrom) and not node.level:
+                yield node.module.partition(".")[0]
+
+
+def test_every_library_that_is_imported_is_declared():
+    """Those that only some need are extras, imported by `convert.optional`, by name."""
+    declared = {IMPORTED_AS.get(name, name) for name in versions(PROJECT["dependencies"])}
+    own = {package.__name__ for package in PACKAGES}
+    found = {name for package in PACKAGES for name in imported(package)}
+    assert found - own - set(sys.stdlib_module_names) - declared == PARTS
+
+
 def test_conda_wants_what_pip_wants():
     pip = {IN_CONDA.get(k, k): v for k, v in versions(PROJECT["dependencies"]).items()}
     conda = versions(RECIPE["requirements"]["run"])
@@ -43,7 +68,7 @@ def test_conda_has_the_version_and_the_command():
 
 
 def test_packages_are_typed():
-    for package in (pipeline, synthetic, whiskermodel):
+    for package in PACKAGES:
         assert (Path(package.__file__).parent / "py.typed").is_file()
 
 

@@ -84,6 +84,24 @@ def test_a_file_that_lacks_its_end_is_not_taken_for_whole(tmp_path, name, codec,
         assert name in str(caught.value)
 
 
+LAST_BYTES = (0.999, 0.99, 0.97, 0.7, 0.3)  # shares that are left of a file
+WITH_LENGTH = [c for c in CONTAINERS if c[0] != "a.mpg"]  # which does not say how long it is
+WITH_LENGTH += [(f"a.{end}", "libx264", "yuv420p") for end in ("mp4", "mov")]
+
+
+@pytest.mark.parametrize(("name", "codec", "pixels"), WITH_LENGTH)
+def test_no_frame_is_lost_in_silence_wherever_a_file_is_cut(tmp_path, name, codec, pixels):
+    path = write(tmp_path / name, codec, pixels)
+    whole, kept = path.read_bytes(), []
+    for share in LAST_BYTES:
+        path.write_bytes(whole[: int(share * len(whole))])
+        with contextlib.suppress(VideoError), open_video(path) as video:
+            frames = sum(1 for _ in video.watched())
+            kept.append(frames == FRAMES or any(video.problems()))
+    assert all(kept)
+    assert len(kept) < len(LAST_BYTES)  # some cuts are errors
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("threads", [1, 0])
 def test_flipped_bits_are_heard_from_the_decoder(tmp_path, threads):
