@@ -36,6 +36,7 @@ from pipeline.session.inputs import (
     find_inputs,
     readable,
     results_folders,
+    same_input,
     settings_of,
     sha256,
     stamp,
@@ -44,7 +45,7 @@ from pipeline.session.session_file import Settings, session_text
 from pipeline.tables import centrelines, files
 from pipeline.tables.columns import CONTACT_COLUMNS, VIDEO_COLUMNS
 from pipeline.tables.result_exchange import OVERLAYS, READY, draft, settle, settle_all
-from pipeline.tables.run_record import recorded_path
+from pipeline.tables.run_record import read_state, recorded_path
 
 # What a video goes through, and the time that each takes, beside that of following its whiskers
 STAGES = {
@@ -52,6 +53,7 @@ STAGES = {
     "tables": 0.05, "overlay": 1.2,
 }  # fmt: skip
 COUNTED = "following"
+OTHER_CONTENT = "corrections.csv was made before the video changed: check its contacts"
 AFTER = {"figures": 400, "report": 600}  # with the frames that are processed in such a time
 
 
@@ -328,7 +330,7 @@ def _analyse_and_save(task, report) -> Outcome:
 
     started = time.perf_counter()
     before = stamp(task.path)
-    corrections = read_corrections(task.folder)
+    corrections, earlier = read_corrections(task.folder), read_state(task.folder)
     with draft(task.folder) as new:
         with centrelines.centreline_file(new / "centrelines.parquet") as keep:
             analysis = task.analyse(task, keep, report, corrections)
@@ -339,6 +341,8 @@ def _analyse_and_save(task, report) -> Outcome:
         whiskers = tuple(dict.fromkeys(analysis.frames["whisker"]))
         for problem in left_out(corrections, whiskers, analysis.n_frames):
             outcome = _warned(outcome, problem)
+        if len(corrections) and earlier and not same_input(earlier, task.path):
+            outcome = _warned(outcome, OTHER_CONTENT)
         save_state(new, outcome, task.settings, before)
     return outcome
 

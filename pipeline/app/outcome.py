@@ -8,7 +8,7 @@ from pathlib import Path
 from pipeline import __version__
 from pipeline.contacts.corrections import read_corrections
 from pipeline.errors import CorrectionsError, in_words
-from pipeline.session.inputs import sha256, stamp
+from pipeline.session.inputs import same_input, sha256, stamp
 from pipeline.session.session_file import SettingsError, read_session
 from pipeline.tables import files
 from pipeline.tables.columns import (
@@ -71,7 +71,7 @@ def finished_outcome(path, folder, settings) -> Outcome | None:
     state = read_state(folder)
     if state.get("version") != __version__ or kept_outcome(folder) is None:
         return None
-    if state["settings_sha256"] != settings_digest(settings) or not _same_input(state, path):
+    if state["settings_sha256"] != settings_digest(settings) or not same_input(state, path):
         return None
     if not _has_sound_corrections(folder):
         return None  # to process it anew says why not
@@ -118,7 +118,7 @@ def earlier_results(folder, path, settings) -> str:
         return f"earlier results kept, made by version {state.get('version')}"
     if state["settings_sha256"] != settings_digest(settings):
         return "earlier results kept, made with other settings"
-    if not _same_input(state, path):
+    if not same_input(state, path):
         return "earlier results kept, made of the video before it changed"
     return "earlier results kept"
 
@@ -157,13 +157,6 @@ def _has_sound_corrections(folder) -> bool:
         read_corrections(folder)
         return True
     return False
-
-
-def _same_input(state, path) -> bool:
-    try:
-        return state["input"] == stamp(path) or state["sha256"] == sha256(path)
-    except OSError:
-        return False  # it has gone, or cannot be read
 
 
 def _outcome(state) -> Outcome:

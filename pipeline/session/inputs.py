@@ -1,7 +1,6 @@
 """Which videos to process, where their settings and results lie, and whether they changed."""
 
 import hashlib
-import os
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -157,7 +156,8 @@ def results_folders(inputs, out) -> dict:
     """
     out = Path(out)
     owner = _owners(inputs, out)
-    owner |= _moved([each for each in inputs if _resolved(each) not in owner], owner, out)
+    moved = _moved(inputs, owner, out)
+    owner = {path: name for path, name in owner.items() if name not in moved.values()} | moved
     owner = {path: name for path, name in owner.items() if _is_safe(name)}
     taken = {name.casefold() for name in (*RESERVED_NAMES, *owner.values())}
     taken.update(entry.name.casefold() for entry in out.iterdir() if not _is_left_over(entry))
@@ -189,22 +189,30 @@ def _moved(inputs, owner, out) -> dict:
 
     A copy is no move: where the file of before is still there, it keeps its results.
     """
-    states = {name: read_state(out / name) for path, name in owner.items() if _is_gone(path)}
-    found = {}
-    for each in inputs if states else ():
-        if each.fault:
+    records = {path: read_state(out / name) for path, name in owner.items()}
+    homeless = [each for each in inputs if not each.fault and not _is_at_home(each, records)]
+    found, left = {}, _without_video(records) if homeless else {}
+    sizes = {record["input"].get("bytes") for record in left.values()}
+    for each in homeless:
+        if stamp(each.path)["bytes"] not in sizes:
             continue
-        size = stamp(each.path)["bytes"]
-        for name in [n for n, s in states.items() if s and s["input"].get("bytes") == size]:
-            if states[name]["sha256"] == sha256(each.path):
-                found[_resolved(each)] = name
-                del states[name]
-                break
+        content = sha256(each.path)
+        path = next((path for path, record in left.items() if record["sha256"] == content), None)
+        if path is not None:
+            found[_resolved(each)] = owner[path]
+            del left[path]
     return found
 
 
-def _is_gone(path) -> bool:
-    return not os.path.exists(path)
+def _is_at_home(each, records) -> bool:
+    """An earlier run processed this content at this place."""
+    record = records.get(_resolved(each))
+    return bool(record) and same_input(record, each.path)
+
+
+def _without_video(records) -> dict:
+    """Records, by path, of videos that are no longer there, or have another content."""
+    return {path: s for path, s in records.items() if s and not same_input(s, Path(path))}
 
 
 def _is_left_over(folder) -> bool:
@@ -268,6 +276,17 @@ def stamp(path) -> dict:
         "modified_ns": max((s.st_mtime_ns for s in stats), default=0),
         "changed_ns": max((s.st_ctime_ns for s in stats), default=0),
     }
+
+
+def same_input(state, path) -> bool:
+    """Whether a video's content is that of its record; read only where size or times differ."""
+    try:
+        now = stamp(path)
+        if state["input"] == now:
+            return True
+        return state["input"].get("bytes") == now["bytes"] and state["sha256"] == sha256(path)
+    except OSError:
+        return False  # it has gone, or cannot be read
 
 
 def sha256(path) -> str:

@@ -395,6 +395,49 @@ def test_a_moved_or_renamed_video_keeps_its_results(folder, calls, tmp_path):
     assert len(calls) == 2
 
 
+def test_videos_that_change_names_take_their_results_with_them(folder, calls, tmp_path):
+    out = tmp_path / "results"
+    batch.run([folder], out)
+    (out / "a" / "corrections.csv").write_text(CORRECTIONS)
+    for old, new in [("a", "c"), ("b", "a"), ("c", "b")]:
+        (folder / f"{old}.avi").rename(folder / f"{new}.avi")
+    batch.run([folder], out)
+    assert calls == ["a.avi", "b.avi"]
+    assert run_record.recorded_path(out / "a") == str(folder / "b.avi")
+    assert run_record.recorded_path(out / "b") == str(folder / "a.avi")
+    assert (out / "a" / "corrections.csv").read_text() == CORRECTIONS
+    batch.run([folder], out)
+    assert len(calls) == 2
+
+
+def test_a_new_video_gets_no_corrections_of_the_one_that_had_its_name(folder, calls, tmp_path):
+    out = tmp_path / "results"
+    batch.run([folder], out)
+    (out / "a" / "corrections.csv").write_text(CORRECTIONS)
+    (folder / "a.avi").rename(folder / "old.avi")
+    (folder / "a.avi").write_bytes(b"recorded later")
+    for _ in range(2):
+        batch.run([folder], out)
+        assert calls == ["a.avi", "b.avi", "a.avi"]
+        assert run_record.recorded_path(out / "a") == str(folder / "old.avi")
+        assert run_record.recorded_path(out / "a_2") == str(folder / "a.avi")
+        assert not (out / "a_2" / "corrections.csv").exists()
+        assert statuses(out) == {"a": "done", "a_2": "done", "b": "done"}
+
+
+def test_corrections_of_a_video_whose_content_has_changed_are_said(folder, calls, tmp_path):
+    out = tmp_path / "results"
+    batch.run([folder], out)
+    (out / "a" / "corrections.csv").write_text(CORRECTIONS)
+    for name in "ab":
+        (folder / f"{name}.avi").write_bytes(f"{name}, exported again".encode())
+    batch.run([folder], out)
+    assert statuses(out) == {"a": "warning", "b": "done"}
+    message = files.read_csv(out / "videos.csv", VIDEO_COLUMNS)["message"][0]
+    assert message == "corrections.csv was made before the video changed: check its contacts"
+    assert (out / "a" / "corrections.csv").read_text() == CORRECTIONS
+
+
 def test_a_copy_is_a_video_of_its_own_and_is_said(folder, calls, tmp_path):
     out = tmp_path / "results"
     batch.run([folder], out)
