@@ -35,16 +35,16 @@ class FanModel:
     sd: np.ndarray
     least_sd: np.ndarray
 
-    def fitted(self, features, whisker, phase) -> "FanModel":
-        """The model of lines (rows, 6) of known whiskers (rows,) and phases (rows,)."""
+    def fitted(self, features, whisker, phase, weight) -> "FanModel":
+        """The model of lines (rows, 6) of known whiskers, phases and weights, (rows,) each."""
         out = replace(self, middle=self.middle.copy(), slope=self.slope.copy(), sd=self.sd.copy())
         for k in range(len(self.middle)):
             own = whisker == k
             for j in range(N_FEATURES):
-                y, p = features[own, j], phase[own]
+                y, p, w = features[own, j], phase[own], weight[own]
                 good = np.isfinite(y) & np.isfinite(p)
                 if good.sum() >= FEWEST:
-                    line = _robust_line(p[good], y[good], self.least_sd[j])
+                    line = _robust_line(p[good], y[good], w[good], self.least_sd[j])
                     out.middle[k, j], out.slope[k, j], out.sd[k, j] = line
         known = np.isfinite(out.middle).any(axis=1)
         most = MOST_SD * np.median(out.sd[known], axis=0) if known.any() else np.inf
@@ -75,37 +75,45 @@ def medians(values, starts):
 def _costs(features, phase, middle, slope, sd, least_sd):
     """Costs (rows, whiskers) as of `FanModel.costs`."""
     out = np.zeros((len(features), len(middle)))
-    wide = np.log(sd / least_sd)
+    wide, per_sd, most = np.log(sd / least_sd), 1.0 / sd, 0.5 * FARTHEST**2
     for row in range(len(features)):
         for k in range(len(middle)):
             for j in range(N_FEATURES):
                 if np.isnan(features[row, j]):
                     out[row, k] += UNSEEN
                 elif np.isnan(middle[k, j]):
-                    out[row, k] += 0.5 * FARTHEST[j] ** 2
+                    out[row, k] += most[j]
                 else:
                     off = features[row, j] - middle[k, j] - slope[k, j] * phase[row]
-                    if j == ANGLE:
+                    if j == ANGLE and abs(off) > np.pi:
                         off = wrapped(off)
-                    far = min(abs(off) / sd[k, j], FARTHEST[j])
-                    out[row, k] += 0.5 * far * far + wide[k, j]
+                    out[row, k] += min(0.5 * (off * per_sd[k, j]) ** 2, most[j]) + wide[k, j]
     return out
 
 
 @njit(cache=True)
-def _robust_line(x, y, least_sd):
-    """Value at 0, slope, SD of y over x: least squares, what lies far off left out."""
+def weighted_median(values, weight):
+    """Value that half of the weight lies below."""
+    order = np.argsort(values)
+    upto = np.cumsum(weight[order])
+    return values[order[np.searchsorted(upto, 0.5 * upto[-1])]]
+
+
+@njit(cache=True)
+def _robust_line(x, y, weight, least_sd):
+    """Value at 0, slope, SD of y over x: weighted least squares, what lies far off left out."""
     keep = np.ones(len(x), np.bool_)
     middle, slope, sd = 0.0, 0.0, least_sd
     for _ in range(6):
-        u, v = x[keep], y[keep]
-        spread = max(np.std(u), 1e-3)
-        n, su, suu = len(u), u.sum(), (u * u).sum() + 0.02 * (0.05 / spread) ** 2 * len(u)
-        sv, suv = v.sum(), (u * v).sum()
-        slope = (n * suv - su * sv) / (n * suu - su * su)
-        middle = (sv - slope * su) / n
+        u, v, w = x[keep], y[keep], weight[keep] / weight[keep].sum()
+        mean, level = (w * u).sum(), (w * v).sum()
+        square = max((w * (u - mean) ** 2).sum(), 1e-6)
+        held = 0.02 * 0.05**2 / square
+        slope = (w * (u - mean) * (v - level)).sum() / (square + held)
+        middle = level - slope * mean
         off = y - middle - slope * x
-        sd = max(MAD_TO_SD * np.median(np.abs(off - np.median(off[keep]))), least_sd)
+        centre = weighted_median(off[keep], w)
+        sd = max(MAD_TO_SD * weighted_median(np.abs(off - centre), weight), least_sd)
         again = np.abs(off) < 2.5 * sd
         if again.sum() < FEWEST // 2 or np.array_equal(again, keep):
             break

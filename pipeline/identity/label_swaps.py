@@ -14,7 +14,7 @@ from numba import njit
 from pipeline.identity.features import N_FEATURES
 from pipeline.numerics.chains import likeliest_path, state_probabilities
 
-TAIL = 4.0  # degrees of freedom of a motion's distribution: jumps happen
+TAIL = 4  # degrees of freedom of a motion's distribution: jumps happen
 SEEN_AGAIN = 6.0  # cost of a whisker that is seen again after a gap
 TAKEN = 15.0  # cost of a line that was another's, for a whisker that had none or a brief one
 LEAST_GAIN = 1e-6
@@ -67,10 +67,11 @@ def improved(evidence: Evidence, names, track) -> np.ndarray:
     track : (rows,) the tracer's tracks, in which lines of nobody are taken together
     """
     rows_of = _table(evidence, names)
+    pairs = _alike(evidence, rows_of)
     changed = np.ones(len(rows_of), bool)
     for number in range(MOST_ROUNDS):
         before, changed = changed, np.zeros(len(rows_of), bool)
-        for a, b in _alike(evidence, rows_of):
+        for a, b in pairs:
             if before[[a, b]].any() or changed[[a, b]].any():
                 changed[[a, b]] |= _exchange(evidence, rows_of, a, b)
         if number < CLAIM_ROUNDS:
@@ -143,11 +144,7 @@ def _pair_steps(evidence, rows_of, a, b):
 def _exchange(evidence, rows_of, a, b) -> bool:
     """Exchange two whiskers' rows, in place, where that is likelier; whether it was."""
     states, gain = _best_states(_pair_steps(evidence, rows_of, a, b))
-    if gain < LEAST_GAIN:
-        return False
-    at = states > 0
-    rows_of[a, at], rows_of[b, at] = rows_of[b, at], rows_of[a, at]
-    return True
+    return gain >= LEAST_GAIN and _exchange_parts(evidence, a, b, rows_of[a], rows_of[b], states)
 
 
 def _claims(evidence, rows_of, names, track, changed):
@@ -167,7 +164,7 @@ def _claims(evidence, rows_of, names, track, changed):
                 break
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")  # a call hands on all arrays of the evidence
 def link(evidence, a, i, j):
     """Cost of whisker `a` to go on from row i to row j (−1: not seen)."""
     if j < 0:
@@ -180,19 +177,20 @@ def link(evidence, a, i, j):
     if i < 0:
         return SEEN_AGAIN + renamed
     turn = e.phase[e.frame[j]] - e.phase[e.frame[i]]
-    square, count, wider = 0.0, 0, 1.0
+    square, freedom, wider, usual = 0.0, TAIL, 1.0, 1.0
     for f in range(N_FEATURES):
         step = e.features[j, f] - e.features[i, f] - e.slope[a, f] * turn
         if np.isnan(step):
             continue
         if gap == 1:
             step -= e.drift[i, f]
-        s = np.sqrt((e.sd[f] * gap) ** 2 + (e.fast[f] * turn) ** 2)
-        s = min(s, max(e.most_sd[a, f], e.sd[f]))
-        wider *= s / e.sd[f]
-        square += (step / s) ** 2
-        count += 1
-    cost = 0.5 * (TAIL + count) * np.log(1.0 + square / TAIL) + np.log(wider)
+        sd, most = e.sd[f], max(e.most_sd[a, f], e.sd[f])
+        variance = min((sd * gap) ** 2 + (e.fast[f] * turn) ** 2, most**2)
+        square += step**2 / variance
+        freedom += 1
+        wider *= variance
+        usual *= sd**2
+    cost = 0.5 * np.log((1.0 + square / TAIL) ** freedom * (wider / usual))
     return cost + (SEEN_AGAIN if gap > 1 else 0.0) + renamed
 
 
@@ -235,6 +233,66 @@ def _steps(evidence, a, b, one, other, before_one, before_other):
                     cost += link(evidence, b, strange, theirs)
                 out[t, before, now] = seen + cost
     return out
+
+
+@njit(cache=True)
+def _exchange_parts(evidence, a, b, one, other, states):
+    """Exchange rows, in place, in those unbroken parts where it is likelier; whether in any.
+
+    In `_steps`, a whisker that is not seen counts as exchanged with the other one; the costs
+    compared here are those of the names themselves.
+
+    one, other, states : (frames,) rows of whiskers a and b, −1 where not seen; 1: to exchange
+    """
+    last_one, last_other, any_part, t = -1, -1, False, 0
+    while t < len(one):
+        end = t + 1
+        while end < len(one) and states[end] == states[t]:
+            end += 1
+        if states[t] > 0:
+            both = _both_seen(one, other, end)
+            kept = _cost(evidence, a, last_one, one[t:both])
+            kept += _cost(evidence, b, last_other, other[t:both])
+            _swap(one[t:end], other[t:end])
+            exchanged = _cost(evidence, a, last_one, one[t:both])
+            exchanged += _cost(evidence, b, last_other, other[t:both])
+            if exchanged < kept - LEAST_GAIN:
+                any_part = True
+            else:
+                _swap(one[t:end], other[t:end])
+        for i in range(t, end):
+            last_one = one[i] if one[i] >= 0 else last_one
+            last_other = other[i] if other[i] >= 0 else last_other
+        t = end
+    return any_part
+
+
+@njit(cache=True)
+def _both_seen(one, other, first):
+    """The frame by which both have been seen again from the `first` one on."""
+    again, seen_one, seen_other = first, False, False
+    while again < len(one) and not (seen_one and seen_other):
+        seen_one |= one[again] >= 0
+        seen_other |= other[again] >= 0
+        again += 1
+    return again
+
+
+@njit(cache=True)
+def _cost(evidence, a, last, rows):
+    """Cost of some `rows` (frames,) as whisker a's, after it was `last` seen in that row."""
+    total = 0.0
+    for row in rows:
+        if row >= 0:
+            total += evidence.look[row, a] + link(evidence, a, last, row)
+            last = row
+    return total
+
+
+@njit(cache=True)
+def _swap(one, other):
+    for i in range(len(one)):
+        one[i], other[i] = other[i], one[i]
 
 
 @njit(cache=True)

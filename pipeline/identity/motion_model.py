@@ -11,7 +11,7 @@ from pipeline.identity.limits import USUAL
 from pipeline.numerics.robust import robust_sd
 
 WEIGHT = 0.3  # of one frame's look: errors of neighbouring frames are alike
-QUIET_WEIGHT = 0.05  # of that, while the whiskers rest: all frames show the same
+QUIET = 0.02  # weight of a frame in which the whiskers rest: all such frames show the same
 STRANGER = 20.0  # cost of a look that is no whisker's
 LEAST_MOTION = np.array([0.002, np.radians(0.15), 0.01, 0.005, 0.001, 0.001])
 FEWEST = 50  # motions needed to estimate their spread
@@ -42,7 +42,7 @@ def evidence_of(model: FanModel, lines, phase, looks=1.0) -> Evidence:
     most = np.sqrt(2) * np.where(
         np.isfinite(model.sd), model.sd, np.nanmedian(model.sd, axis=0, keepdims=True)
     )
-    weight = looks * WEIGHT * np.clip(np.abs(turn) / limits.moving, QUIET_WEIGHT, 1.0)[frame]
+    weight = looks * WEIGHT * newness(turn, limits)[frame]
     steady = _goes_on(frame, before, step[:, ANGLE], turn, limits.own_turn)
     alone = _alone(features, frame, before, limits.alone)
     evidence = Evidence(
@@ -61,6 +61,15 @@ def evidence_of(model: FanModel, lines, phase, looks=1.0) -> Evidence:
         lasting=_lasting(before, steady, limits.lasting),
     )
     return evidence._replace(nobody=evidence.nobody + _own_motion(evidence, likely))
+
+
+def newness(turn, limits) -> np.ndarray:
+    """Weight of every frame (frames,), by what all whiskers turn by [rad]; 1 where not known.
+
+    While they rest, frame after frame shows the same.
+    """
+    moved = np.nan_to_num(np.abs(turn) / limits.moving, nan=1.0)
+    return np.clip(moved, QUIET, 1.0)
 
 
 def _goes_on(frame, before, step, turn, own_turn):

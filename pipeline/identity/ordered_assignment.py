@@ -29,7 +29,6 @@ SHIFTS = (  # tried beside the last phase: in the first round, in the next two, 
 )
 SHIFT_SD = np.radians(16.0)
 MOST_ROUNDS = 10
-QUIET = 0.02  # weight of a frame in which the whiskers rest: all such frames show the same
 SURE_TURN = np.radians(1.0)  # from frame to frame, to which the row's turn is known
 OFF_TURN = 6.0 / np.radians(1.0)  # cost of a phase that changes by more or less
 UNSURE = 0.3 / np.radians(1.0)  # the same, where the turn is not known
@@ -85,7 +84,8 @@ def named_in_order(lines: Lines, least_sd) -> list[Naming]:
     least_sd : (6,) of a look
     """
     before = motion_model.row_before(lines.frame, lines.track)
-    phase = np.cumsum(motion_model.common_turns(lines.features, lines.frame, before))
+    turn = motion_model.common_turns(lines.features, lines.frame, before)
+    weight, phase = motion_model.newness(turn, lines.limits), np.cumsum(turn)
     phase -= uniform_filter1d(phase, lines.limits.same_mean)
     frames = np.bincount(np.diff(lines.starts))
     frames[0] = 0
@@ -95,7 +95,7 @@ def named_in_order(lines: Lines, least_sd) -> list[Naming]:
 
     def cost(k):
         if k not in found:
-            looks = _first_looks(lines, often[k], phase, least_sd)
+            looks = _first_looks(lines, often[k], phase, weight, least_sd)
             found[k] = _settled(lines, looks, phase)
         return found[k].cost
 
@@ -107,24 +107,24 @@ def named_in_order(lines: Lines, least_sd) -> list[Naming]:
     return sorted(found.values(), key=lambda each: each.cost)
 
 
-def _first_looks(lines, count, phase, least_sd) -> FanModel:
+def _first_looks(lines, count, phase, weight, least_sd) -> FanModel:
     """Looks of the first, second, … line along the face in all frames with `count` lines."""
     own = np.repeat(np.diff(lines.starts), np.diff(lines.starts)) == count
     features, frame = lines.features[own], lines.frame[own]
     along = np.lexsort((features[:, ANGLE], frame))
     place = np.empty(len(frame), np.int64)
     place[along] = np.arange(len(frame)) % count
-    return seeds.first_looks(features, place, phase[frame], count, least_sd)
+    return seeds.first_looks(features, place, phase[frame], weight[frame], count, least_sd)
 
 
 def looks_and_phases(lines: Lines, model: FanModel, names) -> tuple[FanModel, np.ndarray]:
     """Looks of all whiskers and phases (frames,) as of the names (rows,)."""
     known = names >= 0
     phase = motion_model.phases(model, lines.features, lines.frame, names)
-    return (
-        model.fitted(lines.features[known], names[known], phase[lines.frame[known]]),
-        phase,
-    )
+    weight = motion_model.newness(np.diff(phase, prepend=np.nan), lines.limits)
+    frame = lines.frame[known]
+    fitted = model.fitted(lines.features[known], names[known], phase[frame], weight[frame])
+    return fitted, phase
 
 
 def _settled(lines, model, phase) -> Naming:
@@ -160,8 +160,7 @@ def _in_order(lines, model, phase, turn, shifts):
     for k, shift in enumerate(shifts):
         cost[:, k] = _at_phases(lines, model, phase + shift, starts, pieces)[1]
         cost[:, k] += 0.5 * (shift / SHIFT_SD) ** 2
-    moved = np.nan_to_num(np.abs(turn) / lines.limits.moving, nan=1.0)
-    weight = np.clip(moved, QUIET, 1.0)
+    weight = motion_model.newness(turn, lines.limits)
     tried = phase[:, None] + shifts
     path = _likeliest_path(weight[:, None] * cost, tried, turn)
     names, cost = _at_phases(lines, model, tried[np.arange(len(path)), path], starts, pieces)

@@ -32,10 +32,12 @@ def with_more(model: FanModel, names, lines) -> tuple[FanModel, np.ndarray]:
     if not new:
         return model, names
     phase = motion_model.phases(model, features, frame, np.where(names < known, names, -1))
+    weight = motion_model.newness(np.diff(phase, prepend=np.nan), lines.limits)
     rows = np.concatenate(new)
     more = first_looks(
-        features[rows], names[rows] - known, phase[frame[rows]], len(new), model.least_sd
-    )
+        features[rows], names[rows] - known, phase[frame[rows]], weight[frame[rows]],
+        len(new), model.least_sd,
+    )  # fmt: skip
     parts = [
         np.concatenate([getattr(model, part), getattr(more, part)])
         for part in ("middle", "slope", "sd")
@@ -49,14 +51,18 @@ def looks_of(lines, names, least_sd) -> FanModel:
     lines : `Lines`; names : (rows,) −1 for nobody; least_sd : (6,) of a look
     """
     before = motion_model.row_before(lines.frame, lines.track)
-    phase = np.cumsum(motion_model.common_turns(lines.features, lines.frame, before))
+    turn = motion_model.common_turns(lines.features, lines.frame, before)
+    phase, weight = np.cumsum(turn), motion_model.newness(turn, lines.limits)
+    phase -= np.median(phase)
     known = np.flatnonzero(names >= 0)
-    phase = (phase - np.median(phase))[lines.frame[known]]
-    return first_looks(lines.features[known], names[known], phase, names.max() + 1, least_sd)
+    frame = lines.frame[known]
+    return first_looks(
+        lines.features[known], names[known], phase[frame], weight[frame], names.max() + 1, least_sd
+    )
 
 
-def first_looks(features, whisker, phase, count, least_sd):
-    """Model of `count` whiskers from rows of known whiskers and phases."""
+def first_looks(features, whisker, phase, weight, count, least_sd):
+    """Model of `count` whiskers from rows of known whiskers, phases and weights."""
     middle = np.full((count, N_FEATURES), np.nan)
     slope = np.zeros((count, N_FEATURES))
     slope[:, ANGLE] = 1.0
@@ -66,4 +72,4 @@ def first_looks(features, whisker, phase, count, least_sd):
         seen = np.isfinite(own).any(axis=0)
         middle[k, seen] = np.nanmedian(own[:, seen], axis=0)
     sd = np.tile(3.0 * least_sd, (count, 1))
-    return FanModel(middle, slope, sd, least_sd).fitted(features, whisker, phase)
+    return FanModel(middle, slope, sd, least_sd).fitted(features, whisker, phase, weight)

@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from pipeline.identity import appearance, label_swaps, motion_model
 from pipeline.identity.appearance import FanModel
@@ -67,9 +69,26 @@ def test_looks_are_learned_from_the_rows_of_a_name():
     rng = np.random.default_rng(1)
     frame, _, features, true = rows(whisking(rng), exchanged([]))
     phase = 0.4 * np.sin(frame / 6)
-    model = looks(FAN + 0.1).fitted(features, true, phase)
+    model = looks(FAN + 0.1).fitted(features, true, phase, np.ones(len(true)))
     assert model.middle == pytest.approx(FAN, abs=0.02)  # rad, or of logarithms
     assert model.slope[:, ANGLE] == pytest.approx(np.linspace(0.9, 1.1, 5), abs=0.02)
+
+
+def test_frames_at_rest_are_learned_from_as_one():
+    """In 4 of 5 frames the whiskers rest, bent by 0.1: the looks are those of the others."""
+    rng = np.random.default_rng(1)
+    frame, _, features, true = rows(whisking(rng), exchanged([]))
+    phase, rests = 0.4 * np.sin(frame / 6), frame % 5 > 0
+    features[:, BEND] += 0.1 * rests
+    model = looks().fitted(features, true, phase, np.where(rests, motion_model.QUIET, 1.0))
+    assert model.middle[:, BEND] == pytest.approx(FAN[:, BEND], abs=0.03)
+
+
+@given(st.lists(st.tuples(st.floats(-9, 9), st.integers(1, 5)), min_size=1, max_size=30))
+def test_a_weight_counts_as_often(drawn):
+    values, weight = np.array(drawn).T
+    often = np.sort(np.repeat(values, weight.astype(int)))
+    assert appearance.weighted_median(values, weight) == often[(len(often) - 1) // 2]
 
 
 @pytest.mark.parametrize("wanted", [len(FAN), None])
@@ -154,6 +173,22 @@ def test_exchanges_lead_from_any_names_to_the_likeliest():
     assert np.array_equal(label_swaps.improved(known, start, track), true)
 
 
+@pytest.mark.parametrize("seed", range(5))
+def test_no_exchange_makes_names_dearer_where_whiskers_are_often_not_seen(seed):
+    rng = np.random.default_rng(seed)
+    frame, track, features, true = rows(whisking(rng), exchanged([(1, 2, 100, 200)]))
+    seen = rng.random(len(frame)) < 0.4
+    lines = Lines(features[seen], frame[seen], track[seen])
+    known = motion_model.evidence_of(looks(), lines, 0.4 * np.sin(np.arange(FRAMES) / 6))
+    named = (true[seen] + frame[seen] // 40) % len(FAN)
+    table = label_swaps._table(known, named)
+    for a, b in [(1, 0), (2, 1), (3, 2), (4, 0), (4, 3)]:
+        before = cost_of(known, label_swaps._names(table, len(named)))
+        took = label_swaps._exchange(known, table, a, b)
+        after = cost_of(known, label_swaps._names(table, len(named)))
+        assert after < before if took else after == before
+
+
 def test_a_line_that_is_seen_to_go_on_keeps_its_name():
     known, track, true = evidence(np.random.default_rng(9))
     alike = (known.frame >= 120) & (known.frame < 130)  # for so long, two look like each other
@@ -205,7 +240,7 @@ def test_lines_far_from_others_that_move_evenly_are_seen_to_go_on():
 def test_looks_of_resting_whiskers_count_less():
     rng = np.random.default_rng(11)
     moving = whisking(rng)
-    still = moving[[0] * 50] + 0.1 * NOISE * rng.normal(size=(50, *FAN.shape))
+    still = moving[[0] * 50] + 0.02 * NOISE * rng.normal(size=(50, *FAN.shape))
     frame, track, features, _ = rows(
         np.concatenate([still, moving]), np.tile(np.arange(len(FAN)), (350, 1))
     )
@@ -214,7 +249,7 @@ def test_looks_of_resting_whiskers_count_less():
     cost = looks().costs(features, phase[frame])
     share = (known.look / cost).max(axis=1)
     assert share[(frame > 0) & (frame < 50)] == pytest.approx(
-        motion_model.WEIGHT * motion_model.QUIET_WEIGHT, rel=0.6
+        motion_model.WEIGHT * motion_model.QUIET, rel=0.6
     )
     assert share[frame > 50].max() == pytest.approx(motion_model.WEIGHT)
 
@@ -367,7 +402,7 @@ def test_no_look_is_so_wide_that_any_line_is_like_it():
     rng = np.random.default_rng(10)
     frame, _, features, true = rows(whisking(rng), exchanged([]))
     mixed = np.where((true == 2) & (frame % 2 == 0), 4, np.where(true == 4, 2, true))
-    model = looks().fitted(features, mixed, 0.4 * np.sin(frame / 6))
+    model = looks().fitted(features, mixed, 0.4 * np.sin(frame / 6), np.ones(len(true)))
     usual = np.median(model.sd[:, ANGLE])
     assert model.sd[2, ANGLE] <= appearance.MOST_SD * usual * (1 + 1e-9)
 
