@@ -5,11 +5,19 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.detection.detect import is_ghost, shared_fraction
-from pipeline.detection.line import Line
+from pipeline.detection.detect import detect_crowded, is_ghost, shared_fraction
+from pipeline.detection.image_model import ImageModel
+from pipeline.detection.line import Line, Workspace
+from pipeline.scene.estimate import scene_from_frames
 from pipeline.session.parameters import DEFAULTS
+from pipeline.session.recording import Recording
+from pipeline.tracking.tracker import options_for
+from synthetic.presets import make_trial
+from synthetic.render import Renderer
 
 LIMIT = 120
+AT_CROSSING = (694, 912)  # frames of a rendered trial in which two ridges turn off onto each other
+ON_WHISKER_PX = 2.0
 
 
 def line(points, amplitude=0.5):
@@ -55,3 +63,26 @@ def test_a_ghost_is_faint_and_beside_a_dark_line(strength, away_px, ghost):
     faint = line(straight(0.2, 60, (0, away_px)), strength * DEFAULTS.detection.blur_share * 0.6)
     assert is_ghost(faint, [line(straight(-1, 80)), dark]) == ghost
     assert not is_ghost(dark, [faint])
+
+
+@pytest.mark.slow
+def test_whiskers_that_cross_are_found_with_their_own_far_parts():
+    trial = make_trial("crossing", 100, 0)
+    renderer, scale = Renderer(trial.scene, trial.motion), trial.scene.camera.pixels_per_mm
+    still = np.array([renderer.frame(i) for i in range(0, 1000, 100)])
+    recording = Recording(1000.0, scale, "left")
+    lengths = [hair.whisker.length for hair in trial.scene.hairs]
+    model = ImageModel.from_scene(scene_from_frames(still, recording, None))
+    options, workspace = options_for(recording, lengths, [1.4e-3] * 3), Workspace(1200)
+    for frame in AT_CROSSING:
+        image = renderer.frame(frame)
+        found = detect_crowded(image, model, model.gain(image), options, workspace, enough=3)
+        whiskers = [np.vstack(trial.motion.centrelines(k, [frame])).T for k in range(3)]
+        assert sorted(nearest_whisker(each.points, whiskers) for each in found) == [0, 1, 2]
+
+
+def nearest_whisker(points, whiskers):
+    """The whisker that nearly all of a line lies on; −1 where there is none."""
+    apart = [np.hypot(*(w[:, None] - points).transpose(2, 0, 1)).min(axis=0) for w in whiskers]
+    share = [np.mean(each < ON_WHISKER_PX) for each in apart]
+    return int(np.argmax(share)) if max(share) > 0.95 else -1
