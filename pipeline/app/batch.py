@@ -1,6 +1,7 @@
 """Many videos: which need processing, each in a worker process, all results in one folder."""
 
 import contextlib
+import hashlib
 import os
 import platform
 import sys
@@ -32,6 +33,7 @@ from pipeline.runtime.workers import run_tasks
 from pipeline.scene import pole_runs
 from pipeline.session.inputs import (
     SESSION_FILES,
+    SETTINGS_NAME,
     STATE_FILE,
     find_inputs,
     readable,
@@ -45,7 +47,7 @@ from pipeline.session.session_file import Settings, session_text
 from pipeline.tables import centrelines, files
 from pipeline.tables.columns import CONTACT_COLUMNS, VIDEO_COLUMNS
 from pipeline.tables.result_exchange import OVERLAYS, READY, draft, settle, settle_all
-from pipeline.tables.run_record import read_state, recorded_path
+from pipeline.tables.run_record import read_run, read_state, recorded_path
 
 # What a video goes through, and the time that each takes, beside that of following its whiskers
 STAGES = {
@@ -179,7 +181,7 @@ def run(
             _write_session(out, list(settings.values()), config)
             _write_tables(summary, jobs)
             if not interrupted:  # who presses Ctrl-C does not want to wait for them
-                summary = replace(summary, problems=tuple(_write_pictures(summary, shown, log)))
+                summary = _with_pictures(summary, due, shown, log)
         log.write(f"ended: {summary.line()}")
     return summary
 
@@ -278,6 +280,27 @@ def _process(tasks, outcomes, jobs, shown, log) -> bool:
         log.write("interrupted")
         return True
     return False
+
+
+def _with_pictures(summary, due, shown, log) -> Summary:
+    """The summary, when figures and report show what the tables hold: if they do not already."""
+    out, made_of = summary.out, _digest(summary.out)
+    record = files.read_json(out / STATE_FILE, {})
+    there = all((out / name).exists() for name in ("figures", "report.html"))
+    if there and not due and record.get("pictures_of") == made_of:
+        return summary
+    problems = tuple(_write_pictures(summary, shown, log))
+    if not problems:
+        files.write_json(out / STATE_FILE, record | {"pictures_of": made_of})
+    return replace(summary, problems=problems)
+
+
+def _digest(out) -> str:
+    """Hash of the tables that figures and report are made of, and of where they lie."""
+    whole = hashlib.sha256(str(out.resolve()).encode())
+    for path in (out / name for name in ("contacts.csv", "videos.csv", SETTINGS_NAME)):
+        whole.update(path.read_bytes() if path.is_file() else b"")
+    return whole.hexdigest()
 
 
 def _write_pictures(summary, shown, log):
@@ -533,6 +556,7 @@ def _run_record(summary, jobs) -> dict:
         "jobs": jobs,
         "seconds": round(summary.seconds, 3),
         "interrupted": summary.interrupted,
+        "pictures_of": read_run(summary.out).get("pictures_of", ""),
         "inputs": {
             each.video: {key: getattr(each, key) for key in kept} for each in summary.outcomes
         },

@@ -1,5 +1,6 @@
 """report.html: one page on a session, for a screen and for paper; a page more for every video."""
 
+import functools
 import os
 from collections import defaultdict
 from pathlib import Path
@@ -67,6 +68,7 @@ def write_report(results) -> Path:
     return results / "report.html"
 
 
+@functools.cache
 def _template(name):
     import jinja2
 

@@ -30,6 +30,7 @@ OF_RUN = {
     "python": str,
     "platform": str,
     "inputs": dict,
+    "pictures_of": str,
 }
 
 

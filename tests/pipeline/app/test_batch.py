@@ -380,6 +380,43 @@ def test_failed_videos_are_tried_again_and_those_gone_forgotten(folder, calls, t
     assert statuses(out) == {"b": "done"}
 
 
+def test_figures_and_report_are_made_anew_only_where_tables_have_changed(
+    folder, calls, tmp_path, monkeypatch
+):
+    out, drawn = tmp_path / "results", []
+
+    def draw(results):
+        drawn.append("figures")
+        (results / "figures").mkdir(exist_ok=True)
+
+    def write(results):
+        drawn.append("report")
+        (results / "report.html").touch()
+
+    monkeypatch.setattr(pipeline.reports.figures, "write_fig3", draw)
+    monkeypatch.setattr(pipeline.reports.report, "write_report", write)
+
+    def drawn_by_a_run(**options):
+        drawn.clear()
+        batch.run([folder], out, **options)
+        return drawn == ["figures", "report"]
+
+    assert drawn_by_a_run()
+    assert not drawn_by_a_run()
+    assert drawn == []
+    table = out / "a" / "contacts.csv"
+    table.write_text(table.read_text().replace(",2,", ",3,", 1))  # as a curation would
+    assert drawn_by_a_run()
+    (out / "report.html").unlink()
+    assert drawn_by_a_run()
+    assert drawn_by_a_run(overwrite=True)
+    (folder / "a.avi").unlink()
+    assert drawn_by_a_run()
+    assert not drawn_by_a_run()
+    out = out.rename(tmp_path / "moved")
+    assert drawn_by_a_run()
+
+
 def test_a_moved_or_renamed_video_keeps_its_results(folder, calls, tmp_path):
     out = tmp_path / "results"
     batch.run([folder], out)
