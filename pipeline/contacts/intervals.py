@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 import pandas as pd
 
-from pipeline.contacts.probability import FEWEST_SURE, of_whisker
+from pipeline.contacts.probability import FEWEST_SURE, force_noise, of_whisker
 from pipeline.forces import forces
 from pipeline.numerics.robust import MAD_TO_SD, robust_sd
 from pipeline.numerics.runs import stretches
@@ -138,7 +138,7 @@ def _is_pushed(part, start, stop):
 def _pushes(part, rows):
     """Whether a force is above its standard error at its peak; True where none is known."""
     with np.errstate(invalid="ignore"):
-        push = part["shape_force_N"][rows] / part["shape_force_se_N"][rows]
+        push = part["shape_force_N"][rows] / force_noise(part)[rows]
     return not np.isfinite(push).any() or np.nanmax(push) > LEAST_PEAK_SD
 
 

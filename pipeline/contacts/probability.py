@@ -111,7 +111,16 @@ def _observations(part, params):
     gap_sd = np.where(fitted, column["gap_se_m"], 1e-3 * params.traced_gap_sd_mm)
     force = np.where(fitted, column["shape_force_N"], np.nan)
     cov = np.where(fitted, column["gap_force_cov"], 0.0)
-    return gap, gap_sd, force, column["shape_force_se_N"], cov
+    return gap, gap_sd, force, force_noise(column), cov
+
+
+def force_noise(column):
+    """Standard error (rows,) [N] of the force `shape`, but for that of where arc length begins.
+
+    A wrong beginning changes forces by a share of them: it makes none where there is none.
+    """
+    total, share = column["shape_force_se_N"], column["origin_force_se_N"]
+    return np.sqrt(np.maximum(total**2 - share**2, 0.0))
 
 
 def _log_odds(gap, gap_sd, force, force_sd, cov, params=DEFAULTS.contacts):

@@ -94,17 +94,19 @@ def peak_errors(
     `radius_uN_per_percent` (the fourth power), `modulus_uN_per_percent`, `scale_uN_per_percent`
     (pixels per mm: curvature, lever and stiffness at the middle of the bent part).
     """
-    names = contacts["whisker"].unique()
-    measured = {name: _Measured.of(evidence, name, method) for name in names}
+    names = contacts["whisker"].to_numpy(object)
+    measured = {name: _Measured.of(evidence, name, method) for name in np.unique(names)}
+    wanted = ("onset_frame", "offset_frame", "peak_force_uN", "contact_arc_length_mm")
     rows = []
-    for contact in contacts.to_dict("records"):
-        name, force = contact["whisker"], contact["peak_force_uN"]
-        errors = measured[name].at_peak(contact["onset_frame"], contact["offset_frame"])
+    for name, onset, offset, force, place in zip(
+        names, *(contacts[c].to_numpy() for c in wanted), strict=True
+    ):
+        errors = measured[name].at_peak(onset, offset)
         if errors is None or whiskers.get(name) is None:
             rows.append({})
             continue
         total, origin = errors
-        middle, whisker = 0.6e-3 * contact["contact_arc_length_mm"], whiskers[name]
+        middle, whisker = 0.6e-3 * place, whiskers[name]
         # a larger scale moves all places towards the base; as far as the tip holds it, the base
         moved = middle - measured[name].per_tip * whisker.length
         rows.append(

@@ -8,7 +8,8 @@ well as fit and noise allow. Where it does not, the stations count less, in all 
 
 Judged are short steps, from outside inwards, each by all that lies beyond it. The outermost step
 is too far out for fur: what it is missed by more than expected (a codec's noise runs along the
-line; the rest shape is no polynomial) is expected nearer to the face, too.
+line; the rest shape is no polynomial) is expected nearer to the face, too. What is found fades
+outwards over a step: the stations just beyond, which no longer stand out, are drawn aside, too.
 """
 
 from dataclasses import replace
@@ -25,7 +26,7 @@ STEP_M = 0.3e-3
 STEPS = 4  # the last of which is the outermost
 MOST_ROWS = 40  # of free frames, and as many of touching ones
 FEWEST_ROWS = 10  # of each
-SURE = 2.5  # times the variance that is expected
+SURE = 4.0  # times the variance that is expected
 NEAR_M = 0.1e-3  # whisker to pole, of frames that may touch
 MEDIAN_SQUARE = 0.455  # of a unit normal deviate
 
@@ -63,6 +64,8 @@ def without_bias(
         else:
             doubt[judged] = CORRELATED_FRAMES * _bias(found, usual)
     doubt = np.maximum.accumulate(doubt[::-1])[::-1]  # the nearer to the face the more fur
+    fading = np.exp(2 * arc / STEP_M)  # whose reach has no sharp end: a step farther out, an e-th
+    doubt = np.maximum.accumulate(doubt * fading) / fading
     return places.doubted(doubt) if doubt.any() else places
 
 

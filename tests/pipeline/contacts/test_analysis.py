@@ -15,7 +15,13 @@ from scipy.stats import norm
 
 from pipeline.contacts import analysis
 from pipeline.contacts.intervals import find_contacts, in_contact
-from pipeline.contacts.probability import _log_odds, _log_skewed, add_probability, posterior
+from pipeline.contacts.probability import (
+    _log_odds,
+    _log_skewed,
+    add_probability,
+    force_noise,
+    posterior,
+)
 from pipeline.forces import estimate
 from pipeline.kinematics import resampled
 from pipeline.tables.columns import CONTACT_FLAGS, CORRECTION_COLUMNS, as_table, split_flags
@@ -267,6 +273,18 @@ def test_contact_does_not_hang_on_the_forces_standard_error():
     # nor does a push that no force shows make one
     none = evidence.assign(shape_force_N=1e-12, point_force_N=1e-12)
     assert len(find_contacts(none)) == 0
+
+
+def test_a_hidden_length_that_is_hardly_known_makes_no_force_faint():
+    """It changes forces by a share of them: what pushes clearly pushes all the same."""
+    traced, touch = analysed("noisy")
+    evidence = touch.evidence.copy()
+    share = 0.5 * evidence["shape_force_N"].abs()
+    own = force_noise(evidence)
+    evidence["origin_force_se_N"], evidence["shape_force_se_N"] = share, np.hypot(own, share)
+    found = find_contacts(add_probability(evidence, traced.recording))
+    assert found["onset_frame"].tolist() == touch.intervals["onset_frame"].tolist()
+    assert found["flags"].tolist() == touch.intervals["flags"].tolist()
 
 
 @pytest.mark.parametrize("preset", ["noisy", "faint_touch", "large_deflection"])
