@@ -159,6 +159,8 @@ SPREADS = {  # figure: name of its samples, statistic, format
     "peak force: coverage": ("peak_covered", np.mean, "{:.1%}"),
     "force per frame: coverage": ("frames_covered", np.mean, "{:.1%}"),
     "point: peak coverage": ("point_covered", np.mean, "{:.1%}"),
+    "exact settings: median error": ("exact_peak", np.median, "{:.2%}"),
+    "exact settings: coverage": ("exact_covered", np.mean, "{:.1%}"),
     "wrong dimensions: median error": ("wrong_peak", np.median, "{:.2%}"),
     "wrong dimensions: coverage by the budget": ("wrong_covered", np.mean, "{:.1%}"),
     "curvature: coverage": ("curvature_covered", np.mean, "{:.1%}"),
