@@ -99,7 +99,10 @@ class Line:
     @property
     def nodes(self) -> Nodes:
         """All arrays."""
-        return Nodes(*(getattr(self, name) for name in Nodes._fields))
+        return Nodes(
+            self.x, self.y, self.amplitude, self.sigma, self.information, self.score,
+            self.thickness,
+        )  # fmt: skip
 
     @property
     def points(self) -> np.ndarray:

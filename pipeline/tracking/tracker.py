@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from pipeline.detection import detect, image_model, line_fit
+from pipeline.detection import detect, image_model, line_fit, tails
 from pipeline.detection.detect import TracingOptions
 from pipeline.detection.image_model import ImageModel
 from pipeline.detection.line import Line, Workspace
@@ -178,12 +178,32 @@ class Tracer:
                     detect.refine(
                         image, self.model, gain, track.line, self.options, self.workspace
                     )
+                    if not self.crowded:  # there, whiskers do lie upon each other
+                        self._untangle(track, sharing, image, gain)
                 self._give_up_if_poor(track)
         self._drop_doubles(present)
         if crossing:
             self._uncross(present, image, gain)
         if self.crowded:
             self._part_crowd(present)
+
+    def _untangle(self, track: Track, beside: list[Line], image, gain) -> None:
+        """Take a line back from another whisker's far part, onto which it went at a crossing.
+
+        Without it, a rendered row's line stays there for up to ten frames (test_tracker).
+        """
+        line, known = track.line, track.before
+        for other in beside:
+            start = tails.shared_tail(line.x, line.y, line.n, other.x, other.y, other.n)
+            if known is None or line.n - start < tails.LEAST:
+                continue
+            n = tails.regrow(line.x, line.y, line.n, start, known.x, known.y, known.n)
+            if n > 0:
+                line.n = n
+                detect.refine(image, self.model, gain, line, self.options, self.workspace)
+                again = tails.shared_tail(line.x, line.y, line.n, other.x, other.y, other.n)
+                if line.n - again >= tails.LEAST:
+                    line.n = max(again, 1)
 
     def _foresee(self, present: list[Track], image, gain) -> None:
         """Set what the tracks turn by, where more is known than each line's own motion."""

@@ -161,7 +161,7 @@ class ContainerVideo(Video):
             self.faults.damaged.append(index)
         self._hear(complaints, index)
         if self._timed and before is not None and frame.pts is not None:
-            missing = round((frame.pts - before) / self._step) - 1
+            missing = round((frame.pts - before) / float(self._step)) - 1
             if missing > 0:
                 self.faults.gaps.append((index, missing))
 

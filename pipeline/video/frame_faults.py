@@ -26,15 +26,16 @@ class FrameFaults:
         self.damaged, self.repeated, self.black, self.gaps = [], [], [], []
         self.said = ""
         self.count = 0
-        self._before = None
+        self._before = self._few = None
 
     def see(self, image) -> None:
         """Look at the next frame."""
-        few = image[::STEP, ::STEP]
+        few = image[::STEP, ::STEP].copy()
         before, self._before = self._before, image
+        few_before, self._few = self._few, few
         if int(few.max()) < BLACK and int(image.max()) < BLACK:
             self.black.append(self.count)
-        if before is not None and np.array_equal(few, before[::STEP, ::STEP]):
+        if before is not None and np.array_equal(few, few_before):
             self.repeated += [self.count] if np.array_equal(image, before) else []
         self.count += 1
 

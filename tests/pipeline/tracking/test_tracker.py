@@ -165,3 +165,19 @@ def test_whiskers_that_cross_at_the_face_when_the_video_begins(first):
         off = (y - bases[which]) * np.cos(angle) - (x - start) * np.sin(angle)
         assert np.abs(off[5:]).max() < 1.0  # px
         assert len(x) > 250
+
+
+def test_a_line_comes_back_from_another_whiskers_far_part_after_a_crossing():
+    trial = make_trial("row", 20261123, 1, 400)  # C3 and C2 cross in frame 25
+    renderer, camera = Renderer(trial.scene, trial.motion), trial.scene.camera
+    images = np.array([renderer.frame(i) for i in range(40)])
+    recording = Recording(camera.frames_per_second, camera.pixels_per_mm, trial.scene.face.side)
+    scene = scene_from_frames(images, recording, None)
+    hairs = trial.scene.hairs
+    options = options_for(recording, [h.whisker.length for h in hairs], [HIDDEN] * len(hairs))
+    roster = find_roster(images[::4], scene, options, [h.whisker.name for h in hairs])
+    (lines,) = trace(images, scene, roster, options)
+    for row in range(len(lines)):
+        x, y = trial.motion.centrelines(lines.whisker[row], [lines.frame[row]])
+        away, _ = cKDTree(np.vstack([x, y]).T).query(lines.row(row))
+        assert away.max() < 30, lines.frame[row]  # px; on C2's far part it would be 49
