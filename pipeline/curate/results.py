@@ -1,5 +1,6 @@
 """A results folder under curation: its videos, and their tables kept in step with corrections."""
 
+import contextlib
 import threading
 import time
 import weakref
@@ -258,7 +259,8 @@ class Results:
         for video in list(self._videos.values()):
             video.close()
         if any((self.folder / name / CORRECTIONS_FILE).exists() for name in self.names):
-            self.write_decisions()
+            with contextlib.suppress(OSError):  # each corrections.csv has them, too
+                self.write_decisions()
 
     @property
     def busy(self) -> bool:

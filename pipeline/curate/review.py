@@ -16,10 +16,11 @@ from pipeline.contacts.corrections import (
     table_of,
     verdicts,
 )
+from pipeline.errors import why
 
 
 class EditError(ValueError):
-    """An edit that makes no sense; the message says why, for the person at the keys."""
+    """An edit that makes no sense, or cannot be saved; the message says why, for the person."""
 
 
 class Span(NamedTuple):
@@ -178,16 +179,27 @@ class Review:
     def _step(self, source, target):
         if not source:
             return False
-        target.append(self.verdicts)
-        self._set(source.pop())
-        self._save(self.corrections)
+        before = self.verdicts
+        self._put(source[-1])
+        source.pop()
+        target.append(before)
         return True
 
     def _change(self, rows):
-        self._past.append(self.verdicts)
+        before = self.verdicts
+        self._put(rows)
+        self._past.append(before)
         self._future.clear()
+
+    def _put(self, rows):
+        """Take these verdicts and save them; where that fails, all is as it was before."""
+        before = self.verdicts
         self._set(rows)
-        self._save(self.corrections)
+        try:
+            self._save(self.corrections)
+        except OSError as error:
+            self._set(before)
+            raise EditError(f"not changed: it cannot be saved ({why(error)})") from error
 
     def _state(self, span, verdict, about):
         """Put a verdict in place of those in `about`, over the frames of everything in it."""

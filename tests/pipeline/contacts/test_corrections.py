@@ -195,6 +195,31 @@ def test_every_edit_is_saved_and_can_be_undone_and_redone():
     assert again.spans == after
 
 
+def test_an_edit_that_cannot_be_saved_changes_nothing_and_is_said():
+    edited, saved = review((10, 20), (30, 45))
+    edited.delete(Span("C2", 10, 20))
+    edited.delete(Span("C2", 30, 45))
+    edited.undo()
+    before, save = edited.spans, edited._save
+
+    def refuse(corrections):
+        raise OSError(28, "No space left on device")
+
+    edited._save = refuse
+    for edit in (edited.undo, edited.redo, lambda: edited.add("C2", 50, 60)):
+        with pytest.raises(EditError, match=r"cannot be saved \(No space left on device\)"):
+            edit()
+        assert edited.spans == before
+    edited._save = save
+    assert edited.redo()
+    assert not edited.spans
+    assert edited.undo()
+    assert edited.undo()
+    assert not edited.undo()
+    assert [s[1:] for s in edited.spans] == [(10, 20), (30, 45)]
+    assert saved[-1].empty
+
+
 def test_a_new_edit_forgets_what_was_undone():
     edited, _ = review((10, 20))
     edited.delete(Span("C2", 10, 20))
