@@ -307,7 +307,11 @@ def _bin(line, start, spacing, px, py, clear, out):
     n = len(out_x)
     points = np.empty((5, len(x)))
     _raw_places(x, y, line.offset, points)
-    sums = np.zeros((n, 8))  # information, then x, y, s, tangent, s², curvature
+    raw_x, raw_y, tangent_x, tangent_y, kappa = (
+        points[0], points[1], points[2], points[3], points[4],
+    )  # fmt: skip
+    total, sum_x, sum_y, sum_s = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
+    sum_s2, sum_tx, sum_ty, sum_kappa = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
     per_station, clear2 = 1 / spacing, clear * clear
     for i in range(len(x)):
         k = int(s[i] * per_station + 0.5)
@@ -315,26 +319,25 @@ def _bin(line, start, spacing, px, py, clear, out):
             continue
         if (x[i] - px) ** 2 + (y[i] - py) ** 2 < clear2:
             continue
-        weight, own = info[i], sums[k]
-        own[0] += weight
-        own[1] += weight * points[0, i]
-        own[2] += weight * points[1, i]
-        own[3] += weight * s[i]
-        own[4] += weight * points[2, i]
-        own[5] += weight * points[3, i]
-        own[6] += weight * s[i] * s[i]
-        own[7] += weight * points[4, i]
+        weight = info[i]
+        total[k] += weight
+        sum_x[k] += weight * raw_x[i]
+        sum_y[k] += weight * raw_y[i]
+        sum_s[k] += weight * s[i]
+        sum_s2[k] += weight * s[i] * s[i]
+        sum_tx[k] += weight * tangent_x[i]
+        sum_ty[k] += weight * tangent_y[i]
+        sum_kappa[k] += weight * kappa[i]
     for k in range(n):
-        total = sums[k, 0]
-        if total > 0:
-            each = 1 / total
-            s_mean, tx, ty = sums[k, 3] * each, sums[k, 4] * each, sums[k, 5] * each
+        if total[k] > 0:
+            each = 1 / total[k]
+            s_mean, tx, ty = sum_s[k] * each, sum_tx[k] * each, sum_ty[k] * each
             along = k * spacing - s_mean
             # points of an arc lie, in the mean, inside of it
-            inside = sums[k, 7] * each * (sums[k, 6] * each - s_mean**2 - along**2) / 2
-            out_x[k] = sums[k, 1] * each + along * tx + inside * ty
-            out_y[k] = sums[k, 2] * each + along * ty - inside * tx
-            out_information[k] = total
+            inside = sum_kappa[k] * each * (sum_s2[k] * each - s_mean**2 - along**2) / 2
+            out_x[k] = sum_x[k] * each + along * tx + inside * ty
+            out_y[k] = sum_y[k] * each + along * ty - inside * tx
+            out_information[k] = total[k]
 
 
 @njit(cache=True, fastmath=FAST, error_model="numpy")

@@ -1,6 +1,7 @@
 """Subpixel measurement of a disc that whiskers and a rod partly shade."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -70,29 +71,29 @@ def _measure(image, x, y, radius, expected, touched):
         if used.mean() < LEAST_FITTED_ARC:
             return None
         fit = _fit_edge(image, x, y, radius, used, expected)
-        if fit is None or not plausible(fit[:3], expected, None):
+        if fit is None or not plausible((fit.x, fit.y, fit.radius), expected, None):
             return None
-        x, y, radius = fit[:3]
+        x, y, radius = fit.x, fit.y, fit.radius
         before, used = used, _unshaded(fit, image, angles, used, touched)
         if np.array_equal(before, used):
             break
     arc = at_edge(half_levels(image, x, y, radius), radius).mean()
-    contrast = fit[5] - fit[4]
+    contrast = fit.outside - fit.inside
     residual = _misfit(fit, image, before) / max(contrast, 1e-6)
     if arc < LEAST_ARC or contrast < LEAST_CONTRAST or residual > MOST_RESIDUAL:
         return None
     if contrast < OPAQUE and before.mean() < GREY_ARC:
         return None
-    return Pole(*map(float, (x, y, radius, abs(fit[3]), arc, residual, _opacity(fit))))
+    return Pole(*map(float, (x, y, radius, fit.blur, arc, residual, _opacity(fit))))
 
 
-def _opacity(p):
+def _opacity(disc):
     """Share of the light that a fitted disc takes as far inside as it was fitted.
 
     The level farther in is not seen where a small disc is much blurred.
     """
-    inmost = max(p[2] - _edge_width(p[2]), 0.0)
-    return 1 - max(blurred_edge(inmost, p[2], abs(p[3]) + 1e-3, p[4], p[5]) / p[5], 0.0)
+    inmost = max(disc.radius - _edge_width(disc.radius), 0.0)
+    return 1 - max(disc.light(disc.x + inmost, disc.y) / disc.outside, 0.0)
 
 
 def _rays():
@@ -133,10 +134,26 @@ def _annulus(image, x, y, radius, angles):
     return px, py, cv2.remap(image, px, py, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
 
 
-def _model(p, px, py):
-    """Blurred disc: p = x, y, radius, blur, inside, outside."""
-    distance = np.hypot(px - p[0], py - p[1])
-    return blurred_edge(distance, p[2], abs(p[3]) + 1e-3, p[4], p[5])
+class Disc(NamedTuple):
+    """A blurred disc: centre, radius and blur [px], the light inside and outside."""
+
+    x: float
+    y: float
+    radius: float
+    blur: float
+    inside: float
+    outside: float
+
+    @classmethod
+    def of(cls, parameters) -> "Disc":
+        """The disc of a fit's parameters, in which the blur's sign means nothing."""
+        x, y, radius, blur, inside, outside = parameters
+        return cls(x, y, radius, abs(blur), inside, outside)
+
+    def light(self, px, py):
+        """The light at pixels."""
+        distance = np.hypot(px - self.x, py - self.y)
+        return blurred_edge(distance, self.radius, self.blur + 1e-3, self.inside, self.outside)
 
 
 def _edge_pixels(image, x, y, radius, used):
@@ -153,28 +170,29 @@ def _edge_pixels(image, x, y, radius, used):
 
 
 def _fit_edge(image, x, y, radius, used, expected):
-    """Least squares of the model over the pixels around the used arc; parameters or None."""
+    """Least squares over the pixels around the used arc: the `Disc`, or None."""
     px, py, values = _edge_pixels(image, x, y, radius, used)
 
     def residuals(p):
-        prior = PIXEL_SD * (p[2] - expected) / (RADIUS_TRUST * expected)
-        return np.append(_model(p, px, py) - values, prior)
+        disc = Disc.of(p)
+        prior = PIXEL_SD * (disc.radius - expected) / (RADIUS_TRUST * expected)
+        return np.append(disc.light(px, py) - values, prior)
 
     if len(values) < 12:
         return None
     start = [x, y, radius, 1.0, np.quantile(values, 0.1), np.quantile(values, 0.9)]
-    fit = least_squares(residuals, start, x_scale="jac", method="lm", max_nfev=200)
-    return fit.x if np.isfinite(fit.x).all() and fit.x[2] > 0 else None
+    fit = Disc.of(least_squares(residuals, start, x_scale="jac", method="lm", max_nfev=200).x)
+    return fit if np.isfinite(fit).all() and fit.radius > 0 else None
 
 
-def _unshaded(p, image, angles, used, touched):
+def _unshaded(disc, image, angles, used, touched):
     """Rays on which no shade of rod or whisker falls: as light outside the edge as the lightest
     third, and no darker than the model by more than the used ones' scatter; bool (angles,).
     """
-    px, py, values = _annulus(image, *p[:3], angles)
-    excess = (values - _model(p, px, py))[:, values.shape[1] // 3 :].mean(1)
-    beyond = p[2] + 2.5 * abs(p[3]) + np.array([0.5, 1.0, 1.5, 2.0, 2.5])
-    px, py = ray_points(p[0], p[1], angles, beyond)
+    px, py, values = _annulus(image, disc.x, disc.y, disc.radius, angles)
+    excess = (values - disc.light(px, py))[:, values.shape[1] // 3 :].mean(1)
+    beyond = disc.radius + 2.5 * disc.blur + np.array([0.5, 1.0, 1.5, 2.0, 2.5])
+    px, py = ray_points(disc.x, disc.y, angles, beyond)
     light = cv2.remap(image, px, py, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT).mean(1)
     lightest = light[light >= np.quantile(light, 2 / 3)]
     shaded = light < np.median(lightest) - max(3 * lightest.std(), 3 * INTERPOLATION)
@@ -215,10 +233,10 @@ def _between_shades(shaded):
     return between
 
 
-def _misfit(p, image, used):
+def _misfit(disc, image, used):
     """Root mean square misfit without the MISFITS worst pixels, where a hair may lie."""
-    px, py, values = _edge_pixels(image, *p[:3], used)
-    square = np.sort((values - _model(p, px, py)) ** 2)
+    px, py, values = _edge_pixels(image, disc.x, disc.y, disc.radius, used)
+    square = np.sort((values - disc.light(px, py)) ** 2)
     return float(np.sqrt(np.mean(square[: int(np.ceil((1 - MISFITS) * len(square)))])))
 
 
