@@ -1,5 +1,7 @@
 """What can go wrong with an input, in words that help."""
 
+import errno
+import os
 from pathlib import Path
 
 
@@ -61,9 +63,12 @@ def why(error: OSError) -> str:
 
     >>> why(FileExistsError(17, "File exists", "notes.txt"))
     'notes.txt is a file, not a folder'
+    >>> why(OSError(errno.ENOSPC, "Error writing bytes to file. Detail: [errno 28] No space left"))
+    'No space left on device'
     """
     place = f"{error.filename}" if error.filename is not None else ""
     if isinstance(error, (FileExistsError, NotADirectoryError)):
         return f"{place} is a file, not a folder".strip()
-    words = error.strerror or str(error)
+    known = error.errno in errno.errorcode  # libraries add words of their own
+    words = os.strerror(error.errno) if known else error.strerror or str(error)
     return f"{place}: {words}" if place else words
