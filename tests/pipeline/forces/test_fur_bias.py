@@ -82,5 +82,12 @@ def test_what_few_frames_show_nearest_to_the_face_counts_no_more_than_what_lies_
     assert np.nanmax(part) < 0.1
 
 
+def test_misfits_that_a_codec_brings_are_no_fur():
+    """Squared misfits of three and of six times the expected variance: H.264 makes three."""
+    square, expected = np.array([3.0, 6.0]), np.ones(2)
+    kinds = [(square, expected)] * 2
+    np.testing.assert_allclose(fur_bias._bias(kinds, usual=1.0), [0.0, 5.0])
+
+
 def test_without_fur_nothing_changes(traced):
     assert np.array_equal(judged(traced, traced.places).information, traced.places.information)
