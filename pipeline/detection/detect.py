@@ -80,7 +80,9 @@ def _lines_at(scale, image, model, gain, options, workspace, least) -> list[Line
     lines = []
     for curve in ridges.curves_of(absorbance, model.noise, scale):
         rooted = root(curve, model, options)
-        if rooted is None or _darkness(absorbance, rooted) < WORTH_FITTING * least:
+        if rooted is None or not line_fit.is_clear(*rooted.T, len(rooted), model.clear):
+            continue
+        if _darkness(absorbance, rooted) < WORTH_FITTING * least:
             continue
         line = settle(image, model, gain, rooted, options, workspace)
         if thickens(line, own.thickens) and ends_at_face(line, model, options):
@@ -119,15 +121,23 @@ def detect_crowded(
     is found, or `enough` lines are; then every line is fitted beside the others. `known` lines
     are not looked for, nor those of less than the `least` length × absorbance [px].
     """
+    with lines_in_background(model, known):
+        lines = _beside(known, image, model, gain, options, workspace, enough, least)
+    lines.sort(key=lambda line: -contrast_length(line))
+    return without_doubles(lines, same_px(options))
+
+
+def _beside(known, image, model, gain, options, workspace, enough, least) -> list[Line]:
+    """Lines of `detect_crowded`, with doubles; the `known` ones are in the background."""
     lines: list[Line] = []
     near_px, own = same_px(options), options.params.detection
     for look in range(MOST_LOOKS):
-        with lines_in_background(model, [*known, *lines]):
+        with lines_in_background(model, lines):
             more = detect(image, model, gain, options, workspace, own.fine_sd_px, near_px, least)
             if look == 0:
                 broad = detect_blurred(image, model, gain, options, workspace, least)
                 more = with_blurred(more, broad, image, model, gain, own.one_line)
-        others = (*known, *lines)
+        others = *known, *lines
         more = [
             line
             for line in more
@@ -136,18 +146,15 @@ def detect_crowded(
         ]
         if not more:
             break
-        lines += _without_broad(image, model, gain, options, workspace, more, others)
+        usual = splitting.usual_sigma([*more, *others])
+        lines += _without_broad(image, model, gain, options, workspace, more, lines, usual)
         if len(lines) >= enough:
             break
-        for line in lines:
-            with lines_in_background(
-                model, [*known, *(other for other in lines if other is not line)]
-            ):
-                refine(image, model, gain, line, options, workspace)
+        with lines_in_background(model, lines) as held:
+            for line in lines:
+                refine_held(held, image, model, gain, line, options, workspace)
         lines = [line for line in lines if _is_whisker(line, model, options)]
-    lines = _uncrossed_anew(image, model, gain, options, workspace, lines, known)
-    lines.sort(key=lambda line: -contrast_length(line))
-    return without_doubles(lines, near_px)
+    return _uncrossed_anew(image, model, gain, options, workspace, lines)
 
 
 def with_blurred(sharp, broad, image, model, gain, one_line) -> list[Line]:
@@ -180,7 +187,7 @@ def _explained(strip, lines, image, model, gain) -> float:
         return before - line_profile.strip_misfit(*pixels, *about)
 
 
-def _uncrossed_anew(image, model, gain, options, workspace, lines, known=()) -> list[Line]:
+def _uncrossed_anew(image, model, gain, options, workspace, lines) -> list[Line]:
     """The same lines, of which crossing ones that have changed far parts are fitted again.
 
     Lost whiskers that cross need it when they are found again by `detect` (test_tracker), and
@@ -190,11 +197,9 @@ def _uncrossed_anew(image, model, gain, options, workspace, lines, known=()) -> 
     changed = uncrossed(lines, options)
     if not changed:
         return lines
-    for line in changed:
-        with lines_in_background(
-            model, [*known, *(other for other in lines if other is not line)]
-        ):
-            refine(image, model, gain, line, options, workspace)
+    with lines_in_background(model, lines) as held:
+        for line in changed:
+            refine_held(held, image, model, gain, line, options, workspace)
     return [line for line in lines if _is_whisker(line, model, options)]
 
 
@@ -210,32 +215,39 @@ def uncrossed(lines, options: TracingOptions) -> list[Line]:
     return changed
 
 
-def _without_broad(image, model, gain, options, workspace, lines, others) -> list[Line]:
-    """The same lines, but two in the place of each that is as broad as two whiskers."""
-    usual, own = splitting.usual_sigma([*lines, *others]), options.params.detection
+def _without_broad(image, model, gain, options, workspace, lines, others, usual) -> list[Line]:
+    """The same lines, but two in the place of each that is as broad as two `usual` whiskers.
+
+    others : lines of the frame that are not in the background yet
+    """
+    own = options.params.detection
     if usual is None:
         return lines
     out = []
     for k, line in enumerate(lines):
-        if not splitting.is_broad(line, usual, own.broad, options.px(own.thickest_radius_mm)):
+        if splitting.is_broad(line, usual, own.broad, options.px(own.thickest_radius_mm)):
+            with lines_in_background(model, [*others, *out, *lines[k + 1 :]]):
+                out += _one_or_two(line, usual, image, model, gain, options, workspace)
+        else:
             out.append(line)
-            continue
-        beside = [*others, *out, *lines[k + 1 :]]
-
-        def fit(one, more, beside=beside):
-            with lines_in_background(model, [*beside, *more]):
-                refine(image, model, gain, one, options, workspace)
-
-        pair = splitting.split(line, usual, fit, lambda one: _is_whisker(one, model, options))
-        if pair is None:  # one, on the darker of two, or broad by itself
-            narrow = splitting.narrowed(line, usual)
-            fit(narrow, [])
-            with lines_in_background(model, beside):
-                broad = _explained(line, [line], image, model, gain)
-                slim = _explained(line, [narrow], image, model, gain)
-            pair = [narrow if slim > own.one_line * broad else line]
-        out += pair
     return out
+
+
+def _one_or_two(line, usual, image, model, gain, options, workspace) -> list[Line]:
+    """What a broad line is: two whiskers, a slim one, or one broad by itself."""
+
+    def fit(one, more):
+        with lines_in_background(model, more):
+            refine(image, model, gain, one, options, workspace)
+
+    pair = splitting.split(line, usual, fit, lambda one: _is_whisker(one, model, options))
+    if pair is not None:
+        return pair
+    narrow = splitting.narrowed(line, usual)  # on the darker of two
+    fit(narrow, [])
+    broad = _explained(line, [line], image, model, gain)
+    slim = _explained(line, [narrow], image, model, gain)
+    return [narrow if slim > options.params.detection.one_line * broad else line]
 
 
 def is_ghost(line: Line, others, params=DEFAULTS.detection) -> bool:
@@ -389,6 +401,13 @@ def refine(
     line.n, line.quality = line_fit.refine(
         model.picture(image, gain), line.nodes, line.n, fit, workspace.scratch
     )
+
+
+def refine_held(held, image, model: ImageModel, gain, line: Line, options, workspace) -> None:
+    """`refine` one of the lines that are held in the background, before the others."""
+    held.take_out(line)
+    refine(image, model, gain, line, options, workspace)
+    held.put_in(line)
 
 
 def without_doubles(lines: list[Line], near_px: float = 3.0) -> list[Line]:

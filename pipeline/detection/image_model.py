@@ -1,6 +1,6 @@
 """The static scene as lines are measured before it: background, noise, what hides them."""
 
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -132,21 +132,40 @@ def _absorbance(image, background, usable, gain):
     return out
 
 
-def lines_in_background(model: ImageModel, lines: list[Line]):
-    """Hold whiskers, if there are any, in the background of a with block."""
-    return _composite(model, lines) if lines else nullcontext()
-
-
 @contextmanager
-def _composite(model, lines):
-    size = sum(16 * line.n for line in lines)
-    pixels, values, count = np.zeros(size, np.int64), np.zeros(size, np.float32), 0
-    for line in lines:
-        count = line_profile.paint(
-            model.background, line.x, line.y, line.n, line.amplitude, line.sigma,
-            pixels, values, count,
-        )  # fmt: skip
+def lines_in_background(model: ImageModel, lines=()):
+    """Hold whiskers in the background of a with block, as `HeldLines`; afterwards it is as before.
+
+    lines : those that are held from the start
+    """
+    held = HeldLines(model.background)
     try:
-        yield
+        for line in lines:
+            held.put_in(line)
+        yield held
     finally:
-        line_profile.unpaint(model.background, pixels, values, count)
+        held.undo()
+
+
+class HeldLines:
+    """Lines whose transmission is multiplied into a background."""
+
+    def __init__(self, background):
+        self.background, self.changes = background, []
+
+    def put_in(self, line: Line) -> None:
+        """Hold a line, too."""
+        self._paint(line, False)
+
+    def take_out(self, line: Line) -> None:
+        """Hold a line no longer, which has not changed since it was put in."""
+        self._paint(line, True)
+
+    def _paint(self, line, out):
+        nodes = line.x, line.y, line.n, line.amplitude, line.sigma
+        self.changes.append(line_profile.paint(self.background, *nodes, out))
+
+    def undo(self) -> None:
+        """Hold none; the background has the very same values as before."""
+        while self.changes:
+            line_profile.unpaint(self.background, *self.changes.pop())

@@ -194,13 +194,17 @@ def strip_misfit(image, background, weight, gain, x, y, n, sigma):
 
 
 @njit(cache=True)
-def paint(background, x, y, n, amplitude, sigma, pixels, values, count):
-    """Multiply a line's transmission 1 − a G into `background`; return the new list length.
+def paint(background, x, y, n, amplitude, sigma, out):
+    """Multiply a line's transmission 1 − a G into `background`; divide by it to take it `out`.
 
-    `pixels` (flat indices) and `values` remember what was there, for `unpaint`. Another whisker
-    is then measured against a background that holds this one.
+    Another whisker is then measured against a background that holds this one. Returns the pixels
+    (flat indices) and the values that were there, for `unpaint`.
     """
     height, width = background.shape
+    size = 0
+    for i in range(n):
+        size += int(6.0 * np.sqrt(2.0) * sigma[i]) + 2
+    pixels, values, count = np.empty(size, np.int64), np.empty(size, np.float32), 0
     last_column = -1
     last_row = -1
     for i in range(n):
@@ -226,20 +230,19 @@ def paint(background, x, y, n, amplitude, sigma, pixels, values, count):
         for moving in range(first, last + 1):
             row = moving if columns else fixed
             column = fixed if columns else moving
-            if count >= len(pixels):
-                return count
             pixels[count] = row * width + column
             values[count] = background[row, column]
             count += 1
-            background[row, column] *= 1.0 - absorbance * gauss
+            passing = 1.0 - absorbance * gauss
+            background[row, column] *= 1.0 / passing if out else passing
             gauss *= ratio
             ratio *= change
-    return count
+    return pixels[:count], values[:count]
 
 
 @njit(cache=True)
-def unpaint(background, pixels, values, count):
+def unpaint(background, pixels, values):
     """Undo `paint`, last pixel first."""
     width = background.shape[1]
-    for k in range(count - 1, -1, -1):
+    for k in range(len(pixels) - 1, -1, -1):
         background[pixels[k] // width, pixels[k] % width] = values[k]

@@ -158,34 +158,42 @@ class Tracer:
         self._foresee(present, image, gain)
         lines = {id(t): predicted(t, True) for t in present}
         beside = _neighbours(present, lines, self.neighbour_px)
-        for track in present:
-            with image_model.lines_in_background(
-                self.model, [lines[id(t)] for t in beside[id(track)]]
-            ):
+        near = [lines[id(t)] for t in present if beside[id(t)]]
+        with image_model.lines_in_background(self.model, near) as held:
+            for track in present:
+                if beside[id(track)]:
+                    held.take_out(lines[id(track)])
                 self._follow(track, image, gain, lines[id(track)])
-            lines[id(track)] = track.line or foretold(track.before, None)
-        crossing = False
-        for track in present:
+                lines[id(track)] = track.line or foretold(track.before, None)
+                if beside[id(track)]:
+                    held.put_in(lines[id(track)])
             # again beside those whose lines are known now, where their pixels are shared
-            sharing = [
-                lines[id(t)]
-                for t in beside[id(track)]
-                if track.line is not None and _come_near(track.line, lines[id(t)], self.shared_px)
+            crossing = [
+                self._refine_shared(track, lines, beside[id(track)], image, gain, held)
+                for track in present
             ]
-            if sharing:
-                crossing = True
-                with image_model.lines_in_background(self.model, sharing):
-                    detect.refine(
-                        image, self.model, gain, track.line, self.options, self.workspace
-                    )
-                    if not self.crowded:  # there, whiskers do lie upon each other
-                        self._untangle(track, sharing, image, gain)
-                self._give_up_if_poor(track)
         self._drop_doubles(present)
-        if crossing:
+        if any(crossing):
             self._uncross(present, image, gain)
         if self.crowded:
             self._part_crowd(present)
+
+    def _refine_shared(self, track: Track, lines, beside, image, gain, held) -> bool:
+        """Fit a track's line again if it may share pixels with others; whether it may.
+
+        lines : by the track's id, all held in the background; beside : the tracks to look at
+        """
+        near = [] if track.line is None else [lines[id(t)] for t in beside]
+        sharing = [line for line in near if _come_near(track.line, line, self.shared_px)]
+        if not sharing:
+            return False
+        held.take_out(track.line)
+        detect.refine(image, self.model, gain, track.line, self.options, self.workspace)
+        if not self.crowded:  # there, whiskers do lie upon each other
+            self._untangle(track, sharing, image, gain)
+        held.put_in(track.line)
+        self._give_up_if_poor(track)
+        return True
 
     def _untangle(self, track: Track, beside: list[Line], image, gain) -> None:
         """Take a line back from another whisker's far part, onto which it went at a crossing.
@@ -231,10 +239,13 @@ class Tracer:
         tracks = [t for t in present if t.line is not None]
         known = [t.line.copy() for t in tracks]
         changed = detect.uncrossed([t.line for t in tracks], self.options)
-        for line in changed:
-            others = [t.line for t in tracks if t.line is not line]
-            with image_model.lines_in_background(self.model, others):
-                detect.refine(image, self.model, gain, line, self.options, self.workspace)
+        if not changed:
+            return
+        with image_model.lines_in_background(self.model, [t.line for t in tracks]) as held:
+            for line in changed:
+                detect.refine_held(
+                    held, image, self.model, gain, line, self.options, self.workspace
+                )
         pairs = [
             (t, k) for t, k in zip(tracks, known, strict=True) if any(t.line is c for c in changed)
         ]

@@ -107,15 +107,15 @@ def test_paint_takes_a_line_out_and_unpaint_restores():
     before = background.copy()
     image = line_image(0.7, 1.1, 0.5)
     x, y = nodes(0.7)
-    pixels, values = np.zeros(5000, np.int64), np.zeros(5000, np.float32)
-    n = len(x)
-    count = line_profile.paint(
-        background, x, y, n, np.full(n, 0.5), np.full(n, 1.1), pixels, values, 0
-    )
+    line = x, y, len(x), np.full(len(x), 0.5), np.full(len(x), 1.1)
+    there = line_profile.paint(background, *line, False)
     middle = slice(22, 39), slice(22, 39)
     assert np.abs(background - image)[middle].max() < 1.5  # grey levels; 3σ are painted
-    line_profile.unpaint(background, pixels, values, count)
+    line_profile.unpaint(background, *there)
     np.testing.assert_array_equal(background, before)
+    line_profile.paint(background, *line, False)
+    line_profile.paint(background, *line, True)
+    assert background == pytest.approx(before, rel=1e-6)
 
 
 def test_frame_gain_sees_through_whiskers_and_flicker():
