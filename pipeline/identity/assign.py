@@ -258,7 +258,7 @@ def _runs_along(roster, dial) -> int:
 
 
 def _named(chunk: Centrelines, called, whisker, sure) -> Centrelines:
-    """The chunk's lines that are somebody's, with their names."""
+    """The chunk's lines that have a name, with their names."""
     kept = whisker >= 0
     counts = np.diff(chunk.offsets)
     points = np.repeat(kept, counts)

@@ -20,7 +20,7 @@ TAKEN = 15.0  # cost of a line that was another's, for a whisker that had none o
 LEAST_GAIN = 1e-6
 TRUST = 0.2  # of the costs, in probabilities: errors of neighbouring frames are alike
 MOST_ROUNDS = 12
-CLAIM_ROUNDS = 6  # of them, in which whiskers may claim lines that are nobody's
+CLAIM_ROUNDS = 6  # of them, in which whiskers may claim lines without a name
 MOST_CLAIMING = 4  # whiskers, for one line
 MOST_LIKE = 4  # whiskers, for each, with which it may have changed places
 
@@ -34,7 +34,7 @@ class Evidence(NamedTuple):
     drift : (rows, 6) what a row's features are expected to change by to the next frame, beside
         the turn of all
     look : (rows, whiskers) cost of every name by the row's own look
-    nobody : (rows,) cost of none of these names
+    nameless : (rows,) cost of none of these names
     frame : int64 (rows,), from 0, ascending
     phase : (frames,) turn of all whiskers
     slope : (whiskers, 6) change of the features with the phase
@@ -49,7 +49,7 @@ class Evidence(NamedTuple):
     features: np.ndarray
     drift: np.ndarray
     look: np.ndarray
-    nobody: np.ndarray
+    nameless: np.ndarray
     frame: np.ndarray
     phase: np.ndarray
     slope: np.ndarray
@@ -62,9 +62,9 @@ class Evidence(NamedTuple):
 
 
 def improved(evidence: Evidence, names, track) -> np.ndarray:
-    """Names (rows,) after all exchanges that make them likelier, −1 for nobody.
+    """Names (rows,) after all exchanges that make them likelier, −1 for none.
 
-    track : (rows,) the tracer's tracks, in which lines of nobody are taken together
+    track : (rows,) the tracer's tracks, in which nameless lines are taken together
     """
     rows_of = _table(evidence, names)
     pairs = _alike(evidence, rows_of)
@@ -82,7 +82,7 @@ def improved(evidence: Evidence, names, track) -> np.ndarray:
 
 
 def certainty(evidence: Evidence, names, trust=TRUST) -> np.ndarray:
-    """Probability of every row's name (rows,), 1 for nobody.
+    """Probability of every row's name (rows,), 1 where there is none.
 
     trust : part of the costs that counts
     """
@@ -114,7 +114,7 @@ def _alike(evidence, rows_of):
 
 
 def runs(names, track, frame):
-    """Rows of nobody's lines: a list of arrays, one per unbroken run of a track."""
+    """Rows of nameless lines: a list of arrays, one per unbroken run of a track."""
     rows = np.flatnonzero(names < 0)
     rows = rows[np.lexsort((frame[rows], track[rows]))]
     cut = (np.diff(track[rows]) != 0) | (np.diff(frame[rows]) != 1)
@@ -148,14 +148,14 @@ def _exchange(evidence, rows_of, a, b) -> bool:
 
 
 def _claims(evidence, rows_of, names, track, changed):
-    """Give nobody's rows, run by run, to the likeliest looking whisker that takes some."""
-    nobodys = runs(names, track, evidence.frame)
-    if not nobodys:
+    """Give nameless rows, run by run, to the likeliest looking whisker that takes some."""
+    unnamed = runs(names, track, evidence.frame)
+    if not unnamed:
         return
-    rows, first = np.concatenate(nobodys), np.cumsum([0, *map(len, nobodys[:-1])])
-    cost = np.add.reduceat(evidence.look[rows] - evidence.nobody[rows, None], first, axis=0)
+    rows, first = np.concatenate(unnamed), np.cumsum([0, *map(len, unnamed[:-1])])
+    cost = np.add.reduceat(evidence.look[rows] - evidence.nameless[rows, None], first, axis=0)
     likely = np.argsort(cost, axis=1)[:, :MOST_CLAIMING]
-    for number, run in enumerate(nobodys):
+    for number, run in enumerate(unnamed):
         for a in likely[number]:
             if cost[number, a] >= 0:
                 break
@@ -210,7 +210,7 @@ def _last_seen(rows):
 def _steps(evidence, a, b, one, other, before_one, before_other):
     """Cost (frames, 2, 2) of every step from (not) exchanged to (not) exchanged.
 
-    one, other : (frames,) rows of whiskers a and b, −1 where not seen; b < 0: rows of nobody
+    one, other : (frames,) rows of whiskers a and b, −1 where not seen; b < 0: nameless rows
     before_one, before_other : the rows where they were seen last
     """
     out = np.zeros((len(one), 2, 2))
@@ -223,7 +223,7 @@ def _steps(evidence, a, b, one, other, before_one, before_other):
             if mine >= 0:
                 seen += evidence.look[mine, a]
             if theirs >= 0:
-                seen += evidence.look[theirs, b] if b >= 0 else evidence.nobody[theirs]
+                seen += evidence.look[theirs, b] if b >= 0 else evidence.nameless[theirs]
             for before in range(2):
                 own, strange = before_one[t], before_other[t]
                 if before == 1:
@@ -297,7 +297,7 @@ def _swap(one, other):
 
 @njit(cache=True)
 def _claimed(evidence, a, own, other, before, again):
-    """States and gain as of `_best_states`, for a whisker beside a line of nobody.
+    """States and gain as of `_best_states`, for a whisker beside a nameless line.
 
     Neither is exchanged before, nor where the whisker is seen `again` in the last frame.
     """
@@ -310,7 +310,7 @@ def _claimed(evidence, a, own, other, before, again):
     # what is exchanged from the first frame on goes on from where the whisker itself was
     if other[0] >= 0:
         first = evidence.look[other[0], a] + link(evidence, a, before, other[0])
-        steps[0, 0, 1] = first + (evidence.nobody[own[0]] if own[0] >= 0 else 0.0)
+        steps[0, 0, 1] = first + (evidence.nameless[own[0]] if own[0] >= 0 else 0.0)
     if again:
         steps[-1, :, 1] = np.inf
     return _best_states(steps)
@@ -318,7 +318,7 @@ def _claimed(evidence, a, own, other, before, again):
 
 @njit(cache=True)
 def _claim(evidence, seen, a, rows):
-    """Give rows of nobody's line to whisker a, in place, where that is likelier; whether it was.
+    """Give rows of a nameless line to whisker a, in place, where that is likelier; whether it was.
 
     seen : (frames,) the whisker's rows
     """

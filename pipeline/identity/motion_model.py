@@ -49,7 +49,7 @@ def evidence_of(model: FanModel, lines, phase, looks=1.0) -> Evidence:
         features=features,
         drift=drift,
         look=weight[:, None] * look,
-        nobody=weight * STRANGER,
+        nameless=weight * STRANGER,
         frame=frame.astype(np.int64),
         phase=np.cumsum(turn),
         slope=slope,
@@ -60,7 +60,7 @@ def evidence_of(model: FanModel, lines, phase, looks=1.0) -> Evidence:
         price=np.where(steady, np.where(alone, RENAMED, TAKEN), 0.0),
         lasting=_lasting(before, steady, limits.lasting),
     )
-    return evidence._replace(nobody=evidence.nobody + _own_motion(evidence, likely))
+    return evidence._replace(nameless=evidence.nameless + _own_motion(evidence, likely))
 
 
 def newness(turn, limits) -> np.ndarray:

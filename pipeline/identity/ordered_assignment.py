@@ -1,7 +1,7 @@
 """Appearance of a crowd's whiskers, learned from lines that keep their order along the face.
 
 Frame by frame, lines in their order along the face are given to whiskers in theirs, at a phase of
-the whisk; some lines are nobody's, some whiskers are not seen (alignment of two sequences,
+the whisk; some lines get no name, some whiskers are not seen (alignment of two sequences,
 Needleman & Wunsch, J. Mol. Biol. 48:443, 1970). A row that has moved on by one whisker looks much
 the same at another phase: the phases are those that suit the whole video best, as they change by
 what the lines are seen to turn (Viterbi). Names and looks are found in turn; at first, the k-th
@@ -21,7 +21,7 @@ from pipeline.identity.limits import USUAL, Limits
 
 SELDOM = 0.02  # of the frames: numbers of lines that fewer have are not tried
 UNSEEN = 4.0  # cost of a whisker that has no line in a frame
-NOBODY = 16.0  # cost of a line that is nobody's
+NAMELESS = 16.0  # cost of a line without a name
 SHIFTS = (  # tried beside the last phase: in the first round, in the next two, later
     np.radians(np.arange(-60.0, 61.0, 6.0)),
     *2 * (np.radians(np.arange(-24.0, 25.0, 3.0)),),
@@ -68,7 +68,7 @@ class Lines:
 
 @dataclass(frozen=True)
 class Naming:
-    """Names (rows,), −1 for nobody, the appearance that they follow from, and their total cost."""
+    """Names (rows,), −1 for none, the appearance that they follow from, and their total cost."""
 
     names: np.ndarray
     model: FanModel
@@ -256,8 +256,8 @@ def aligned(cost, rows, whiskers):
     least[0, 0] = 0.0
     for i in range(n + 1):
         for k in range(m + 1):
-            if i > 0 and least[i - 1, k] + NOBODY < least[i, k]:
-                least[i, k], came[i, k] = least[i - 1, k] + NOBODY, 1
+            if i > 0 and least[i - 1, k] + NAMELESS < least[i, k]:
+                least[i, k], came[i, k] = least[i - 1, k] + NAMELESS, 1
             if k > 0 and least[i, k - 1] + UNSEEN < least[i, k]:
                 least[i, k], came[i, k] = least[i, k - 1] + UNSEEN, 2
             if i > 0 and k > 0:

@@ -14,7 +14,7 @@ MOST = 20  # whiskers
 
 
 def with_more(model: FanModel, names, lines) -> tuple[FanModel, np.ndarray]:
-    """The model with a few more whiskers from nobody's long tracks, and the names with them.
+    """The model with a few more whiskers from long tracks without a name, and the names with them.
 
     lines : `Lines`, whose limits say how long such a track is
     """
@@ -48,7 +48,7 @@ def with_more(model: FanModel, names, lines) -> tuple[FanModel, np.ndarray]:
 def looks_of(lines, names, least_sd) -> FanModel:
     """The model of whiskers of which some lines are known, before any phase is.
 
-    lines : `Lines`; names : (rows,) −1 for nobody; least_sd : (6,) of a look
+    lines : `Lines`; names : (rows,) −1 for none; least_sd : (6,) of a look
     """
     before = motion_model.row_before(lines.frame, lines.track)
     turn = motion_model.common_turns(lines.features, lines.frame, before)

@@ -18,7 +18,7 @@ from pipeline.session.parameters import DEFAULTS, KinematicsParams
 
 FEWEST_STATIONS = 8
 STEPS = 4  # of Gauss–Newton
-LEARNING_ROWS, LEARNING_PASSES = 600, 4  # frames from which fur's part is learnt
+LEARNING_ROWS, LEARNING_PASSES = 300, 4  # frames from which fur's part is learnt
 TRIMMED, TRIMMED_MEAN = 0.9, 0.623  # part of the rows that count; their mean of a unit χ²
 TOLD_BY = (4, 5, 6)  # degrees that only noise has
 MOST_GROWTH = 1.6  # of the noise's SD from one degree to the next lower one

@@ -134,10 +134,10 @@ def test_a_folder_is_curated_by_one_and_not_while_a_run_is_at_work(results):
     def open_page():
         return curate(results, open_browser=False, block=False, say=lambda line: None)
 
-    with locked(results), pytest.raises(InputError, match="another whiskerforce is at work"):
+    with locked(results), pytest.raises(InputError, match="another whiskerforce is using it"):
         open_page()
     server = open_page()
-    with pytest.raises(InputError, match="another whiskerforce is at work"):
+    with pytest.raises(InputError, match="another whiskerforce is using it"):
         open_page()
     server.stop()
     open_page().stop()

@@ -261,7 +261,7 @@ def test_the_probability_of_a_name_is_that_of_all_ways_that_agree():
     part = known.frame < few
     two = part & (true < 2)
     short = label_swaps.Evidence(
-        known.features[two], known.drift[two], 0.2 * known.look[two, :2], known.nobody[two],
+        known.features[two], known.drift[two], 0.2 * known.look[two, :2], known.nameless[two],
         known.frame[two], known.phase[:few], known.slope[:2], 20 * known.sd, known.fast,
         40 * known.most_sd[:2], np.full(two.sum(), -1), np.zeros(two.sum()),
         np.ones(two.sum(), bool),

@@ -10,7 +10,7 @@ from pipeline.identity.assign import LEAST_SD, names
 from pipeline.identity.features import ANGLE
 from pipeline.identity.ordered_assignment import (
     JUMP,
-    NOBODY,
+    NAMELESS,
     OFF_TURN,
     SURE_TURN,
     UNSEEN,
@@ -78,7 +78,7 @@ def test_alignment_is_the_cheapest_of_all_in_order():
         rows, whiskers = rng.permutation(3), rng.permutation(4)
         least = min(
             sum(cost[rows[i], whiskers[k]] for i, k in zip(some, which, strict=True))
-            + NOBODY * (3 - n)
+            + NAMELESS * (3 - n)
             + UNSEEN * (4 - n)
             for n in range(4)
             for some in itertools.combinations(range(3), n)
@@ -86,7 +86,7 @@ def test_alignment_is_the_cheapest_of_all_in_order():
         )
         found, total = aligned(cost, rows, whiskers)
         given = found >= 0
-        again = cost[given, found[given]].sum() + NOBODY * (~given).sum()
+        again = cost[given, found[given]].sum() + NAMELESS * (~given).sum()
         again += UNSEEN * (4 - given.sum())
         assert total == pytest.approx(least)
         assert again == pytest.approx(least)
