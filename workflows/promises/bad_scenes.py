@@ -127,7 +127,7 @@ MUST_SAY = {  # words of which one is in the messages of such a video
     white: ("no whiskers",),
     noise: ("whiskers", "tracked", "not known"),
     no_whisker: ("no whiskers", "not found"),
-    leaving: ("tracked in a part",),
+    leaving: ("in only part of the frames",),
     hand: (),
     bump: (),
     flicker: (),
