@@ -24,6 +24,7 @@ from numba import njit
 from pipeline.kinematics.base_curves import BaseCurves, fit_base_curves, lay_to
 from pipeline.kinematics.resampled import PART_ROWS
 from pipeline.numerics.angles import continuous
+from pipeline.numerics.cholesky import factorise, invert
 from pipeline.numerics.runs import parts
 from pipeline.session.parameters import DEFAULTS, KinematicsParams
 
@@ -225,16 +226,45 @@ def _usual(seen, noise):
         return mean, np.eye(k)
     spread = np.diag((1.4826 * np.median(np.abs(seen - mean), axis=0)) ** 2 + LEAST_SD**2)
     for _ in range(PASSES):
-        total = np.linalg.inv(noise + spread)
-        off = seen - mean
-        weight = (FREEDOM + k) / (FREEDOM + np.einsum("na,nab,nb->n", off, total, off))
-        gain = spread @ total
-        likely = np.einsum("nab,nb->na", gain, off)
-        left = spread - gain @ spread
-        each = left + likely[:, :, None] * likely[:, None, :] * weight[:, None, None]
-        mean = mean + (weight[:, None] * likely).sum(axis=0) / weight.sum()
-        spread = each.mean(axis=0) + LEAST_SD**2 * np.eye(k)
+        mean, spread = _expected(seen, noise, mean, spread)
     return mean, spread
+
+
+@njit(cache=True)
+def _expected(seen, noise, mean, spread):
+    """One pass of `_usual`: mean and covariance of what is likely, given those of before."""
+    n, k = seen.shape
+    new, total_mean, weights = np.zeros((k, k)), np.zeros(k), 0.0
+    lower, inverse = np.zeros((k, k)), np.zeros((k, k))
+    for i in range(n):
+        off = seen[i] - mean
+        factorise(noise[i] + spread, k, lower)
+        invert(lower, k, inverse)
+        gain = _product(spread, inverse)
+        likely, misfit = np.zeros(k), 0.0
+        for a in range(k):
+            for b in range(k):
+                likely[a] += gain[a, b] * off[b]
+                misfit += off[a] * inverse[a, b] * off[b]
+        weight = (FREEDOM + k) / (FREEDOM + misfit)
+        explained = _product(gain, spread)
+        for a in range(k):
+            total_mean[a] += weight * likely[a]
+            for b in range(k):
+                new[a, b] += spread[a, b] - explained[a, b] + weight * likely[a] * likely[b]
+        weights += weight
+    return mean + total_mean / weights, new / n + LEAST_SD**2 * np.eye(k)
+
+
+@njit(cache=True)
+def _product(one, other):
+    """The product of two small matrices."""
+    out = np.zeros((len(one), other.shape[1]))
+    for a in range(out.shape[0]):
+        for b in range(out.shape[1]):
+            for c in range(len(other)):
+                out[a, b] += one[a, c] * other[c, b]
+    return out
 
 
 # Noise from frame to frame -------------------------------------------------------------------
@@ -312,13 +342,7 @@ def _smooth(seen, noise, variance, stays, frame):
     `noise`, a variance per row.
     """
     n = len(seen)
-    mean, var, ahead, spread, keep = (
-        np.empty(n),
-        np.empty(n),
-        np.empty(n),
-        np.empty(n),
-        np.empty(n),
-    )
+    mean, var, ahead, spread, keep = np.empty((5, n))
     m, v = 0.0, variance
     for i in range(n):
         keep[i] = stays ** (frame[i] - frame[i - 1]) if i else 0.0

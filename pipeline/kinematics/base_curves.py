@@ -13,6 +13,7 @@ are angles [rad].
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 
 from pipeline.session.parameters import DEFAULTS, KinematicsParams
 
@@ -102,18 +103,33 @@ class _Grid:
         self.basis = np.stack([np.ones_like(self.z), self.z, self.z**2 / 2, self.z**3 / 6], axis=1)
         self.products = (self.basis[:, :, None] * self.basis[:, None, :]).reshape(-1, 16)
 
-    def lay(self, place, shape):
-        """Curves through `place` (rows, 2) at the middle: x, y and angle, (rows, stations)."""
-        between = (self.z[1:] + self.z[:-1]) / 2
-        angle = shape[:, :1] + between * (shape[:, 1:2] + 0.5 * between * shape[:, 2:])
-        out = []
-        for k, step in enumerate((np.cos(angle), np.sin(angle))):
-            along = np.zeros((len(place), len(self.z)))
-            np.cumsum(self.spacing * step, axis=1, out=along[:, 1:])
-            before = (len(self.z) - 1) // 2
-            centre = (along[:, before] + along[:, len(self.z) // 2]) / 2
-            out.append(along + (place[:, k] - centre)[:, None])
-        return *out, shape[:, :1] + self.z * (shape[:, 1:2] + 0.5 * self.z * shape[:, 2:])
+
+@njit(cache=True)
+def _beside_curves(x, y, z, spacing, place, shape, out):
+    """Fill `out` (2, rows, stations): how far places lie along and beside their curves [m].
+
+    x, y : (rows, stations) [m]
+    z : (stations,) in half-widths from the middle, `spacing` [m] apart
+    place, shape : (rows, 2) [m], (rows, 3) [rad] of the curves, which pass `place` at the middle
+    """
+    n = len(z)
+    lx, ly = np.zeros(n), np.zeros(n)
+    before, after = (n - 1) // 2, n // 2
+    for i in range(len(place)):
+        turn, bend, change = shape[i]
+        for k in range(1, n):
+            between = (z[k] + z[k - 1]) / 2
+            angle = turn + between * (bend + 0.5 * between * change)
+            lx[k] = lx[k - 1] + spacing * np.cos(angle)
+            ly[k] = ly[k - 1] + spacing * np.sin(angle)
+        to_x = place[i, 0] - (lx[before] + lx[after]) / 2
+        to_y = place[i, 1] - (ly[before] + ly[after]) / 2
+        for k in range(n):
+            angle = turn + z[k] * (bend + 0.5 * z[k] * change)
+            cos, sin = np.cos(angle), np.sin(angle)
+            dx, dy = x[i, k] - (lx[k] + to_x), y[i, k] - (ly[k] + to_y)
+            out[0, i, k] = dx * cos + dy * sin
+            out[1, i, k] = dy * cos - dx * sin
 
 
 def _window(places, pixels_per_m, params):
@@ -145,19 +161,29 @@ def _excess(sample, grid, excess):
     rows = np.isfinite(cov[:, 0, 0])
     known, misfit = known[rows], misfit[rows]
     leverage = np.einsum("ka,nab,kb->nk", grid.basis, cov[rows], grid.basis) * grid.half**2
-    out = np.zeros(len(excess))
-    for k in range(len(excess)):
-        at = known[:, k]
-        if at.sum() < FEWEST_STATIONS:
-            continue
-        square = np.sort(misfit[at, k] ** 2)[: max(int(TRIMMED * at.sum()), 1)]
-        total = square.mean() / TRIMMED_MEAN
-        noise = np.median(1 / sample[2][rows][at, k])
-        out[k] = max(total + np.median(leverage[at, k]) - noise, 0.0)
+    out = _scatter_beyond(misfit, known, leverage, sample[2][rows])
     fur = out > FUR * np.median(out)
     return np.where(
         fur, out * np.sqrt(fur.sum()), out
     )  # fur moves them together, as if they were one
+
+
+@njit(cache=True)
+def _scatter_beyond(misfit, known, leverage, information):
+    """Trimmed variance [m²] of each station's misfits beyond that of the picture's noise.
+
+    All are (rows, stations); `leverage` [m²] is what the fit takes out of the misfits.
+    """
+    out = np.zeros(misfit.shape[1])
+    for k in range(len(out)):
+        at = np.flatnonzero(known[:, k])
+        if len(at) < FEWEST_STATIONS:
+            continue
+        square = np.sort(misfit[at, k] ** 2)[: max(int(TRIMMED * len(at)), 1)]
+        total = square.mean() / TRIMMED_MEAN
+        noise = np.median(1 / information[at, k])
+        out[k] = max(total + np.median(leverage[at, k]) - noise, 0.0)
+    return out
 
 
 def _redness(sample, grid, excess):
@@ -199,12 +225,11 @@ def _fit(seen, grid, excess):
     enough = known.sum(axis=1) >= FEWEST_STATIONS
     weight = np.where(enough[:, None], weight, 0.0)
     place, shape = _start(x, y, weight, grid)
-    robust, chi2 = weight, np.ones(len(x))
+    robust, chi2, beside = weight, np.ones(len(x)), np.empty((2, *x.shape))
     loose = np.diag(1 / (LOOSE * grid.half) ** 2)
     for step in range(STEPS + 1):
-        lx, ly, angle = grid.lay(place, shape)
-        along = (x - lx) * np.cos(angle) + (y - ly) * np.sin(angle)
-        misfit = (y - ly) * np.cos(angle) - (x - lx) * np.sin(angle)
+        _beside_curves(x, y, grid.z, grid.spacing, place, shape, beside)
+        along, misfit = beside
         if step:
             chi2 = (robust * misfit**2).sum(axis=1) / np.maximum(known.sum(axis=1) - 4, 1)
             off = np.abs(misfit) * np.sqrt(weight / np.maximum(chi2, 1.0)[:, None])
