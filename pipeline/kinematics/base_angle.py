@@ -235,36 +235,33 @@ def _expected(seen, noise, mean, spread):
     """One pass of `_usual`: mean and covariance of what is likely, given those of before."""
     n, k = seen.shape
     new, total_mean, weights = np.zeros((k, k)), np.zeros(k), 0.0
-    lower, inverse = np.zeros((k, k)), np.zeros((k, k))
+    total, lower, inverse, gain = np.zeros((4, k, k))
+    off, likely = np.zeros((2, k))
     for i in range(n):
-        off = seen[i] - mean
-        factorise(noise[i] + spread, k, lower)
-        invert(lower, k, inverse)
-        gain = _product(spread, inverse)
-        likely, misfit = np.zeros(k), 0.0
         for a in range(k):
+            off[a] = seen[i, a] - mean[a]
             for b in range(k):
+                total[a, b] = noise[i, a, b] + spread[a, b]
+        factorise(total, k, lower)
+        invert(lower, k, inverse)
+        misfit = 0.0
+        for a in range(k):
+            likely[a] = 0.0
+            for b in range(k):
+                gain[a, b] = 0.0
+                for c in range(k):
+                    gain[a, b] += spread[a, c] * inverse[c, b]
                 likely[a] += gain[a, b] * off[b]
                 misfit += off[a] * inverse[a, b] * off[b]
         weight = (FREEDOM + k) / (FREEDOM + misfit)
-        explained = _product(gain, spread)
+        weights += weight
         for a in range(k):
             total_mean[a] += weight * likely[a]
             for b in range(k):
-                new[a, b] += spread[a, b] - explained[a, b] + weight * likely[a] * likely[b]
-        weights += weight
+                new[a, b] += spread[a, b] + weight * likely[a] * likely[b]
+                for c in range(k):
+                    new[a, b] -= gain[a, c] * spread[c, b]
     return mean + total_mean / weights, new / n + LEAST_SD**2 * np.eye(k)
-
-
-@njit(cache=True)
-def _product(one, other):
-    """The product of two small matrices."""
-    out = np.zeros((len(one), other.shape[1]))
-    for a in range(out.shape[0]):
-        for b in range(out.shape[1]):
-            for c in range(len(other)):
-                out[a, b] += one[a, c] * other[c, b]
-    return out
 
 
 # Noise from frame to frame -------------------------------------------------------------------

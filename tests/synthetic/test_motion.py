@@ -72,6 +72,7 @@ def test_base_angle_turns_without_jumps(touching):
     assert np.abs(np.diff(angle)).max() < largest_turn
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("gap", [1, 3, 8, 40, 49, 50, 51, 54, 90, 200])
 def test_free_stretches_of_any_length_leave_the_pole(gap):
     second = 60 + gap

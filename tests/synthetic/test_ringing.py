@@ -56,6 +56,7 @@ def test_whisker_keeps_its_length_while_it_rings(motion, ringing):
         assert length == pytest.approx(whisker.length * camera.pixels_per_m, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_exposure_blurs_what_moves_and_leaves_the_base(motion, ringing):
     """Light of the frame after the slip is spread over many more pixels than later on."""
     renderer = Renderer(motion.scene, motion)

@@ -152,6 +152,7 @@ def test_soft_follicle_swings_as_a_rigid_body():
     assert modes(1.0, 1e-8, 2).p_prime[0] == pytest.approx(np.sqrt(30e-8), rel=1e-6)
 
 
+@pytest.mark.slow
 def test_many_modes():
     complete, exact = (modes(0.95, "fixed", 80, basis).p_prime for basis in ("complete", "exact"))
     np.testing.assert_allclose(complete, exact, rtol=1e-9)

@@ -161,6 +161,7 @@ def test_ratios_of_figures_7_and_8(c_mm, duration_ms, expected):
 # Laws ---------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @settings(max_examples=20, deadline=None)
 @given(st.floats(0.3, 0.99), st.floats(0.1, 0.8), st.sampled_from(["fixed", 0.5, 20.0]))
 def test_vibrational_moments_sum_to_the_static_moment_in_the_clamped_frame(taper, c, boundary):

@@ -60,6 +60,7 @@ def test_a_bright_core_leaves_the_base_radius_as_it_is(tmp_path):
     assert found.length.value == pytest.approx(6, rel=LENGTH)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("bright", [False, True])
 def test_scale_by_a_scale_bar(tmp_path, bright):
     path = tmp_path / "whisker.png"
@@ -97,6 +98,7 @@ def test_intervals_cover(tmp_path):
     assert np.mean(inside) > 0.85
 
 
+@pytest.mark.slow
 def test_edges_lie_half_a_diameter_off_the_true_centreline(tmp_path):
     micrograph = small(curvature=(200.0, 0.0))
     found = measure(tmp_path, micrograph)

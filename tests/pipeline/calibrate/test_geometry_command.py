@@ -97,6 +97,7 @@ def test_a_session_that_has_the_tips_radius_keeps_it(pictures, session, tmp_path
     assert list(read_csv(out / "geometry.csv", GEOMETRY_COLUMNS)["image"]) == ["w0.png"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("images", "options", "expected"),
     [

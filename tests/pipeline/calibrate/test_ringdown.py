@@ -106,6 +106,7 @@ def run(*arguments) -> int:
     return caught.value.code or 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("boundary", ["fixed", "pinned", 5.0])
 def test_youngs_modulus_and_damping_of_eight_slips(tmp_path, boundary):
     results = make_results(tmp_path / "results", boundary=boundary)

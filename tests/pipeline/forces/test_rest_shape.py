@@ -132,6 +132,7 @@ def test_shape_is_kept_at_angles_that_no_free_frame_had():
     assert rest_shape.SLOPE_SD * 0.8 / 3 < error[-1] < rest_shape.SLOPE_SD * 0.8 * 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("turn", [0.0, 0.15, 0.4])
 def test_errors_cover_whiskers_that_roll(turn):
     z = []

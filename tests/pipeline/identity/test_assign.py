@@ -1,6 +1,7 @@
 """How sure the names of a crowd's lines are, once the whole video has been seen."""
 
 import numpy as np
+import pytest
 
 from pipeline.identity import assign
 from pipeline.identity.assign import names
@@ -66,6 +67,7 @@ def test_times_are_frames_of_the_recording_but_never_fewer_than_at_1000_per_s():
         )
 
 
+@pytest.mark.slow
 def test_a_whisker_seen_less_often_than_the_parameter_says_gets_no_name():
     rng = np.random.default_rng(7)
     features = FAN + NOISE * rng.normal(size=(FRAMES, *FAN.shape))

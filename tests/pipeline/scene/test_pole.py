@@ -46,6 +46,7 @@ def scene(
     return (image + np.random.default_rng(seed).normal(0, noise, shape)).astype(np.float32)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("direction", np.arange(0, 6.2, 0.9))
 @pytest.mark.parametrize("radius", [4.5, 6.25, 14.6])  # 0.5 mm at 18, 25, 58 px/mm
 def test_pole_on_a_rod_is_found_and_measured(direction, radius):
@@ -117,6 +118,7 @@ def test_noise_of_one_frame():
     assert np.std(errors, axis=0) == pytest.approx(0, abs=ONE_FRAME)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("factor", [0.8, 0.9, 1.1, 1.25])
 def test_scale_may_be_a_little_off(factor):
     pole = find_pole(scene(83.37, 59.81, 6.25), factor * 6.25)
@@ -131,6 +133,7 @@ def test_a_whisker_that_rests_on_the_pole_does_not_pull_it():
     assert abs(pole.radius_px - 6.25) < HALF_HIDDEN
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("direction", np.arange(0, 6.2, 0.7))
 def test_a_whisker_that_never_leaves_the_pole_is_no_part_of_it(direction):
     x, y, radius, half_width, opacity = 83.37, 59.81, 10.0, 0.6, 0.9

@@ -3,6 +3,7 @@
 import functools
 
 import numpy as np
+import pytest
 
 from pipeline.scene.estimate import scene_from_frames
 from pipeline.session.parameters import DEFAULTS
@@ -45,12 +46,14 @@ def shade(scene):
     return np.abs(scene.background[60:180, FUR_PX:300] - LIGHT).max()
 
 
+@pytest.mark.slow
 def test_resting_whiskers_leave_no_shade():
     scene, cleared = backgrounds(np.radians(2.5))
     assert shade(scene) > SHADE
     assert shade(cleared) < CLEAN
 
 
+@pytest.mark.slow
 def test_whiskers_that_never_leave_their_place_are_filled_with_their_flanks():
     for swing in np.radians([0.2, 0.6, 1.0]):
         scene, _ = backgrounds(swing)

@@ -120,6 +120,7 @@ def test_bound_agrees_with_the_pixels_fisher_matrix(model):
     assert sd == pytest.approx(analytic_bound(), rel=pixel_tolerance)
 
 
+@pytest.mark.slow
 def test_maximum_likelihood_reaches_the_bound_and_not_more(model):
     light, variance, jacobian = model
     rng = np.random.default_rng(11)
