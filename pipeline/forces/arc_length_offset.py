@@ -7,8 +7,12 @@ whisker's length, and the bending itself, whose distribution along the whisker d
 its stiff base is. All go into one estimate, a smooth function of base angle and time.
 
 The trace ends short of the tip by up to half a millimetre, where the thin end drowns in noise.
-By how much, its fading shows (`kinematics/tip.py`); where that is not known, the trace's end
-only shows how the origin changes from frame to frame.
+By how much, two things show: its fading (`kinematics/tip.py`), and how far the ends scatter. They
+lie where what is seen has fallen to SEEN_SD standard errors, one of which moves them by their
+scatter: so they are short by SEEN_SD times that, less what the window of the tracer reaches over
+the tip. A codec that stores differences between frames erases a part of the tip, and the fading
+of what it leaves says nothing. Where the fading is not known at all (lines of other programs), the
+end only shows how the origin changes from frame to frame.
 
 Frames that a codec made out of those before and after (B frames of H.264) show a whisker that
 turns back where it is in the mean of these, short of its turning point: by a hundredth of a
@@ -41,6 +45,8 @@ LOCAL_SD_M = 3e-6  # what a smooth function cannot follow
 MOST_KNOTS = 400
 ANGLE_TERMS = 3
 TIP_PART = 0.3  # of the frames in which the tip must be seen at least
+SEEN_SD = 4.0  # standard errors by which a trace's last point is seen (`detection/line_fit.py`)
+OVER_TIP_PX = 2.2  # from the tip to where nothing would be seen: measured, rendered videos
 TIP_FRAMES = 2.0  # neighbouring frames whose ends err together, at least
 TIP_LAGS = 8  # frames over which ends of a codec's pictures err together
 LENGTH_MATCH = 0.05  # a tip farther from the whisker's length than this part is none
@@ -138,7 +144,7 @@ def origin_from_tip(
     end, sd = _trace_ends(places, whisker, params)
     good = np.isfinite(end)
     if good.any():
-        tip, common = _tip_place(places.to_tip[good], end[good], sd, whisker, params)
+        tip, common = _tip_place(places.rows(good), sd, whisker, params)
         away, part = tip - end[good], design[good]
         # a length that the hidden length contradicts may be wrong itself, by what is unexplained
         unexplained = abs(np.mean(away)) - EXPLAINED_SD * prior[0] ** -0.5
@@ -311,16 +317,19 @@ def _lasting_variance(errors):
     return float(np.mean(errors**2) + 2 * sum(np.mean(errors[k:] * errors[:-k]) for k in lags))
 
 
-def _tip_place(to_tip, end, sd, whisker, params):
-    """Arc length [m] at which traces should end, and its standard error.
+def _tip_place(places, sd, whisker, params):
+    """Arc length [m] at which the traces of `places` should end, and its standard error.
 
     The mean of many ends errs about as much as one of them scatters (`sd`): noise that makes them
     scatter makes them end early, too. Where nothing is known of how they fade, their mean end is
     returned, and an error without bounds.
     """
-    if not np.isfinite(to_tip).any():
-        return end.mean(), np.inf
-    short = float(np.nanmean(to_tip))
+    if not np.isfinite(places.to_tip).any():
+        return places.last.mean(), np.inf
+    short = float(np.nanmean(places.to_tip))
+    if sd > places.pixel:  # ends are whole points: a smaller scatter is none
+        by_scatter = SEEN_SD * sd - OVER_TIP_PX * places.pixel
+        short = by_scatter if places.interpolated.any() else (short + by_scatter) / 2
     return whisker.length - short, np.hypot(1e-3 * params.tip_sd_mm, sd)
 
 

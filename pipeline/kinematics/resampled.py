@@ -22,7 +22,8 @@ from pipeline.tables.centrelines import Centrelines
 PART_ROWS = 100_000  # of a whisker, measured together: more than show how it lies and bends
 N_STATIONS = 73  # over the whisker's length: 0.25 mm apart on a mouse's C2
 POLE_BLURS_PX = 6.0  # from the pole's edge on: the trace is drawn towards the dark disc
-SHARED = ("names", "spacing", "pole_radius", "file", "doubt")  # fields that are not one per row
+# fields that are not one per row
+SHARED = ("names", "spacing", "pole_radius", "pixel", "file", "doubt")
 END_FIT_PX = 12  # the last points, which give the direction of that continuation
 
 
@@ -42,6 +43,7 @@ class Stations:
         point is farther from the follicle than was thought
     pole_x, pole_y : (rows,) [m], NaN while the pole is not in view
     pole_radius : [m]
+    pixel : size of one [m]; the points of a trace are so far apart
     distance : (rows,) whisker surface to pole surface [m], negative where they overlap
     nearest : (rows,) arc length of the point nearest to the pole [m]
     side : (rows,) +1 where the pole is on the side of the whisker's normal, −1; 0 without pole
@@ -63,6 +65,7 @@ class Stations:
     pole_x: np.ndarray
     pole_y: np.ndarray
     pole_radius: float
+    pixel: float
     distance: np.ndarray
     nearest: np.ndarray
     side: np.ndarray
@@ -224,6 +227,7 @@ def measure_stations(
         pole_x=pole_x / scale,
         pole_y=-pole_y / scale,
         pole_radius=pole_radius / scale,
+        pixel=1 / scale,
         distance=near[:, 2] / scale,
         nearest=near[:, 3] / scale,
         side=np.nan_to_num(near[:, 4]).astype(np.int64),

@@ -61,7 +61,7 @@ class StationStore:
 
     def __init__(self):
         self.names, self.spacing = (), np.empty(0)
-        self._pole_radius = 0.0
+        self._sizes = {}
         self._files, self._columns = [], []
 
     def add(self, chunk: Stations) -> None:
@@ -74,7 +74,7 @@ class StationStore:
         """
         if not self._files:
             self.names, self.spacing = chunk.names, chunk.spacing
-            self._pole_radius = chunk.pole_radius
+            self._sizes = {"pole_radius": chunk.pole_radius, "pixel": chunk.pixel}
             self._files = [tempfile.TemporaryFile() for _ in chunk.names]  # noqa: SIM115
             self._columns = [{name: [] for name in _per_row()} for _ in chunk.names]
         if chunk.names != self.names or not np.array_equal(chunk.spacing, self.spacing):
@@ -97,7 +97,7 @@ class StationStore:
         return StoredStations(
             names=self.names,
             spacing=self.spacing,
-            pole_radius=self._pole_radius,
+            **self._sizes,
             **per_row,
             **dict.fromkeys(BULKY),
             file=file,

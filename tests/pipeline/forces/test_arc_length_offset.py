@@ -5,7 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import traced_motion
+from scipy.ndimage import uniform_filter1d
 
+from pipeline.detection import line_profile
+from pipeline.detection.line_fit import visible_end
 from pipeline.forces import arc_length_offset, estimate_forces, forces, rest_shape
 from pipeline.kinematics import resampled
 from pipeline.session.parameters import DEFAULTS
@@ -85,6 +88,41 @@ def test_a_tip_whose_fading_is_known_corrects_the_hidden_length(touching, wrong_
     origin, _ = arc_length_offset.origin_from_tip(places, mouse_c2(), *at_rest(touching))
     assert np.median(origin.per_row) == pytest.approx(wrong_by, abs=tip_tolerance)
     assert 0.02e-3 < np.median(origin.se) < 0.05e-3
+
+
+def drowned_ends(noise, count, rng):
+    """How many points before its tip the trace of a cut cone ends in white noise, (count,).
+
+    `noise` of a point is in units of what is seen at the tip.
+    """
+    points, tip, to_apex, window = 300, 260, 24, 15
+    place = np.arange(points)
+    line = np.where(place < tip, (tip + to_apex - place) / to_apex, 0.0)
+    sums = np.zeros((20, points))
+    sums[line_profile.G11] = 1.0  # pixels everywhere
+    error = np.full(points, noise / np.sqrt(window))
+    ends = [
+        visible_end(uniform_filter1d(line + rng.normal(0, noise, points), window), error, sums,
+                    points, 4.0, 0, 0.0, 8)
+        for _ in range(count)
+    ]  # fmt: skip
+    return tip - np.array(ends)
+
+
+@pytest.mark.parametrize(("noise", "seen_fading"), [(0.7, 0.0), (0.8, 0.0), (0.7, 1.0)])
+def test_ends_are_as_far_from_the_tip_as_their_scatter_says(touching, noise, seen_fading):
+    """Where a codec makes up frames the fading counts for nothing, else for a half."""
+    places = touching.places
+    n, pixel = len(places), places.pixel
+    short = pixel * drowned_ends(noise, n, np.random.default_rng(2))
+    drowned = replace(
+        places,
+        last=mouse_c2().length - short,
+        to_tip=np.full(n, seen_fading * short.mean()),
+        interpolated=np.arange(n) % 3 > 0 if seen_fading == 0 else np.zeros(n, bool),
+    )
+    origin, _ = arc_length_offset.origin_from_tip(drowned, mouse_c2(), *at_rest(touching))
+    assert np.median(origin.per_row) == pytest.approx(0.0, abs=tip_tolerance)
 
 
 def test_a_length_that_contradicts_the_hidden_length_is_hardly_believed(touching):

@@ -50,6 +50,7 @@ def touching(push, distance=9e-3, side=1, origin=0.0, friction=0.0, whisker=None
         pole_x=np.full(n, pole[0]),
         pole_y=np.full(n, pole[1]),
         pole_radius=POLE_RADIUS,
+        pixel=40e-6,
         distance=np.zeros(n),
         nearest=nearest,
         side=np.full(n, side),

@@ -22,7 +22,9 @@ def drawn(rows, seed=0, first=0, names=NAMES) -> Stations:
     numbers["whisker"] = rng.integers(0, len(names), rows)
     numbers["extended"] = rng.random(rows) < 0.5
     numbers |= {name: rng.normal(scale=0.02, size=(rows, N_STATIONS)) for name in BULKY}
-    return Stations(names=names, spacing=np.full(len(names), 2e-4), pole_radius=1e-4, **numbers)
+    return Stations(
+        names=names, spacing=np.full(len(names), 2e-4), pole_radius=1e-4, pixel=4e-5, **numbers
+    )
 
 
 @settings(max_examples=20, deadline=None)

@@ -85,6 +85,7 @@ def test_lies_across_wants_the_middle_and_both_sides():
         distance=distance,
         extended=np.array([False, False, False, False, True, False]),
         pole_radius=radius,
+        pixel=40e-6,
         **rest,
     )
     assert lies_across(places).tolist() == [True, False, False, False, False, False]
