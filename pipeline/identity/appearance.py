@@ -17,6 +17,7 @@ FARTHEST = np.array([3.0, 6.0, 3.0, 3.0, 3.0, 3.0])  # SDs in a feature count as
 MOST_SD = 1.5  # of the usual whisker's SD: what is wider is several whiskers
 UNSEEN = 0.5  # cost of a feature that a line does not show
 FEWEST = 12  # lines needed to fit how a feature varies with the phase
+ENOUGH = 600  # lines of a whisker that are fitted, spread over the video
 LEAST_SLOPE = 0.5  # of a whisker's angle with the phase
 
 
@@ -39,7 +40,8 @@ class FanModel:
         """The model of lines (rows, 6) of known whiskers, phases and weights, (rows,) each."""
         out = replace(self, middle=self.middle.copy(), slope=self.slope.copy(), sd=self.sd.copy())
         for k in range(len(self.middle)):
-            own = whisker == k
+            own = np.flatnonzero(whisker == k)
+            own = own[:: 1 + len(own) // ENOUGH]
             for j in range(N_FEATURES):
                 y, p, w = features[own, j], phase[own], weight[own]
                 good = np.isfinite(y) & np.isfinite(p)
@@ -64,10 +66,13 @@ class FanModel:
 
 @njit(cache=True)
 def medians(values, starts):
-    """Median of every part of some values, from its start to the next one's."""
-    out = np.empty(len(starts) - 1)
+    """Median of every part of some values, from its start to the next one's, NaN left out."""
+    out = np.full(len(starts) - 1, np.nan)
     for k in range(len(out)):
-        out[k] = np.median(values[starts[k] : starts[k + 1]])
+        part = values[starts[k] : starts[k + 1]]
+        part = part[~np.isnan(part)]
+        if len(part):
+            out[k] = np.median(part)
     return out
 
 

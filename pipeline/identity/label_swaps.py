@@ -68,14 +68,14 @@ def improved(evidence: Evidence, names, track) -> np.ndarray:
     """
     rows_of = _table(evidence, names)
     pairs = _alike(evidence, rows_of)
-    changed = np.ones(len(rows_of), bool)
+    changed, fresh = np.ones(len(rows_of), bool), np.ones(len(names), bool)
     for number in range(MOST_ROUNDS):
         before, changed = changed, np.zeros(len(rows_of), bool)
         for a, b in pairs:
             if before[[a, b]].any() or changed[[a, b]].any():
                 changed[[a, b]] |= _exchange(evidence, rows_of, a, b)
         if number < CLAIM_ROUNDS:
-            _claims(evidence, rows_of, _names(rows_of, len(names)), track, changed)
+            changed |= _claims(evidence, rows_of, track, before | changed, fresh)
         if not changed.any():
             break
     return _names(rows_of, len(names))
@@ -147,21 +147,24 @@ def _exchange(evidence, rows_of, a, b) -> bool:
     return gain >= LEAST_GAIN and _exchange_parts(evidence, a, b, rows_of[a], rows_of[b], states)
 
 
-def _claims(evidence, rows_of, names, track, changed):
-    """Give nameless rows, run by run, to the likeliest looking whisker that takes some."""
-    unnamed = runs(names, track, evidence.frame)
-    if not unnamed:
-        return
-    rows, first = np.concatenate(unnamed), np.cumsum([0, *map(len, unnamed[:-1])])
-    cost = np.add.reduceat(evidence.look[rows] - evidence.nameless[rows, None], first, axis=0)
-    likely = np.argsort(cost, axis=1)[:, :MOST_CLAIMING]
-    for number, run in enumerate(unnamed):
-        for a in likely[number]:
-            if cost[number, a] >= 0:
-                break
-            if _claim(evidence, rows_of[a], a, run):
-                changed[a] = True
-                break
+def _claims(evidence, rows_of, track, changed, fresh):
+    """Give nameless rows, run by run, to the likeliest looking whisker that takes some.
+
+    changed : (whiskers,) those that may claim more than they did in the last round
+    fresh : (rows,) those that all whiskers may claim; those that none does are fresh no longer
+
+    Returns the whiskers that claimed some (whiskers,).
+    """
+    names = _names(rows_of, len(fresh))
+    fresh[names >= 0] = True
+    claimed, unnamed = np.zeros(len(rows_of), bool), runs(names, track, evidence.frame)
+    if unnamed:
+        rows, first = np.concatenate(unnamed), np.cumsum([0, *map(len, unnamed)])
+        cost = evidence.look[rows] - evidence.nameless[rows, None]
+        cost = np.add.reduceat(cost, first[:-1], axis=0)
+        likely = np.argsort(cost, axis=1)[:, :MOST_CLAIMING]
+        _claim_runs(evidence, rows_of, cost, likely, rows, first, changed, fresh, claimed)
+    return claimed
 
 
 @njit(cache=True, inline="always")  # a call hands on all arrays of the evidence
@@ -341,6 +344,25 @@ def _claim(evidence, seen, a, rows):
         if states[t] > 0:
             own[t] = other[t]
     return True
+
+
+@njit(cache=True)
+def _claim_runs(evidence, rows_of, cost, likely, rows, first, changed, fresh, claimed):
+    """As `_claims`, for the runs of `rows` from every `first` one to the next.
+
+    cost : (runs, whiskers) of every name, less that of none
+    likely : (runs, k) the whiskers that may claim them
+    """
+    for number in range(len(likely)):
+        run = rows[first[number] : first[number + 1]]
+        all_may, taken = fresh[run].any(), False
+        for a in likely[number]:
+            if cost[number, a] >= 0 or taken:
+                break
+            if all_may or changed[a] or claimed[a]:
+                taken = _claim(evidence, rows_of[a], a, run)
+                claimed[a] |= taken
+        fresh[run] = taken
 
 
 @njit(cache=True)

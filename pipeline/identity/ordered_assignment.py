@@ -24,8 +24,8 @@ UNSEEN = 4.0  # cost of a whisker that has no line in a frame
 NAMELESS = 16.0  # cost of a line without a name
 SHIFTS = (  # tried beside the last phase: in the first round, in the next two, later
     np.radians(np.arange(-60.0, 61.0, 6.0)),
-    *2 * (np.radians(np.arange(-24.0, 25.0, 3.0)),),
-    np.radians(np.arange(-12.0, 13.0, 2.0)),
+    *2 * (np.radians(np.arange(-24.0, 25.0, 4.0)),),
+    np.radians(np.arange(-9.0, 10.0, 3.0)),
 )
 SHIFT_SD = np.radians(16.0)
 MOST_ROUNDS = 10
@@ -33,7 +33,7 @@ SURE_TURN = np.radians(1.0)  # from frame to frame, to which the row's turn is k
 OFF_TURN = 6.0 / np.radians(1.0)  # cost of a phase that changes by more or less
 UNSURE = 0.3 / np.radians(1.0)  # the same, where the turn is not known
 JUMP = 500.0  # cost of any change, at most
-SETTLED = 0.002  # of the lines change their names in a round: the last one
+SETTLED = 0.01  # of the lines change their names in a round: the last one
 
 
 @dataclass(frozen=True)

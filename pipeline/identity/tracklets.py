@@ -13,6 +13,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import min_weight_full_bipartite_matching
 from scipy.sparse.linalg import LinearOperator, cg
 
+from pipeline.identity.appearance import medians
 from pipeline.identity.features import ANGLE, LENGTH, THICKNESS
 from pipeline.numerics.robust import robust_sd
 
@@ -158,7 +159,7 @@ def _links(tracklets, lines, motion):
     looks[[len(rows) < LONG for rows in tracklets]] = np.nan
     first, last = (np.array([frame[rows[end]] for rows in tracklets]) for end in (0, -1))
     begins, ends = (
-        np.array([_medians(features, rows[part]) for rows in tracklets])
+        _medians(features, [rows[part] for rows in tracklets])
         for part in (slice(None, END), slice(-END, None))
     )
     direction = np.array([features[rows[0], ANGLE] for rows in tracklets])
@@ -178,9 +179,11 @@ def _links(tracklets, lines, motion):
     return (np.concatenate(each) for each in zip(*parts, strict=True))
 
 
-def _medians(features, rows):
-    """Median log length and log thickness of some rows."""
-    return np.nanmedian(features[rows][:, [LENGTH, THICKNESS]], axis=0)
+def _medians(features, parts):
+    """Median log length and log thickness (parts, 2) of every part of the rows."""
+    rows = np.concatenate(parts)
+    starts = np.cumsum([0, *map(len, parts)])
+    return np.column_stack([medians(features[rows, j], starts) for j in (LENGTH, THICKNESS)])
 
 
 def _unlike(one, others):
@@ -236,7 +239,7 @@ def _looks(paths, lines):
         maxiter=MOST_STEPS,
         M=LinearOperator((count, count), lambda v: v.ravel() / lines_of, dtype=float),
     )
-    return np.column_stack([mean, [_medians(lines.features, each) for each in paths]])
+    return np.column_stack([mean, _medians(lines.features, paths)])
 
 
 def _second_of_a_frame(frame, named):
