@@ -1,8 +1,8 @@
-"""How exact whiskerforce is: rendered videos, processed as `run` does, compared with the truth.
+"""How accurate whiskerforce is: rendered videos, processed as by `run`, compared with the truth.
 
     python workflows/accuracy.py                                # every preset, a few short videos
     python workflows/accuracy.py --presets noisy,h264 --videos 20 --frames 1000 --jobs 2
-    python workflows/accuracy.py --full                         # so many and so long, all presets
+    python workflows/accuracy.py --full                         # all presets, 20 long videos each
 
 Every video has a seed of its own, drawn from a seed that is printed: `--seed` makes the same
 videos again, without it each run makes others. Every hidden length and length in

@@ -1,4 +1,4 @@
-"""What the forces assume, and what it costs where it is not so.
+"""What the forces assume, and the errors where an assumption is wrong.
 
     python workflows/assumptions.py --scenes 12 --write docs/assumptions.md
 

@@ -1,4 +1,4 @@
-"""Contacts per second of the dynamic model, beside convolution, FFT and PyElastica, in one run.
+"""Contacts per second of the dynamic model, compared with convolution, FFT and PyElastica.
 
     python workflows/benchmark_model.py
     python workflows/benchmark_model.py --elastica-python elastica/bin/python

@@ -1,4 +1,4 @@
-"""Speed and exactness of the tracker beside the Janelia Whisker Tracker and beside decoding.
+"""Speed and accuracy of the tracker, compared with the Janelia Whisker Tracker and with decoding.
 
     python workflows/benchmark_tracking.py
     python workflows/benchmark_tracking.py --peer-python peer/bin/python
@@ -6,9 +6,10 @@
 
 Everything sees the same rendered H.264 videos, on one core, in one run. Decoding alone takes the
 luma plane; `trace` is decoding, finding the scene and tracing; `run` the whole command with its
-tables, figures and report. What a command needs for a video of two frames is its start-up: it is
-separated and taken off the rates of `run` and of the peer. Rates by CPU time hold on a busy
-machine, too. Without the peer (see workflows/peer_tracker.py) its columns stay empty.
+tables, figures and report. The time that a command takes for a video of two frames is its
+start-up: it is printed separately and subtracted in the rates of `run` and of the peer. Rates by
+CPU time are valid on a busy machine, too. Without the peer (see workflows/peer_tracker.py) its
+columns stay empty.
 """
 
 import argparse

@@ -2,9 +2,9 @@
 
     python workflows/built_package.py
 
-Needs nothing but Python and network. Builds sdist and wheel from a copy of the repository, looks
-at what is in them, installs the wheel into a bare environment, runs the command there, follows the
-tutorial word for word, and installs the sdist. Exit status 1 where a step fails.
+Needs only Python and a network connection. Builds sdist and wheel from a copy of the repository,
+looks at what is in them, installs the wheel into a bare environment, runs the command there,
+follows the tutorial word for word, and installs the sdist. Exit status 1 where a step fails.
 """
 
 import shutil
@@ -32,7 +32,7 @@ def python_of(folder) -> Path:
 
 
 def run(*command, cwd=None) -> None:
-    """Run a command; CalledProcessError where it fails, with what it said."""
+    """Run a command; CalledProcessError where it fails, with its output."""
     done = subprocess.run(list(map(str, command)), cwd=cwd, capture_output=True, text=True)
     if done.returncode:
         print(done.stdout, done.stderr, file=sys.stderr)
@@ -40,7 +40,7 @@ def run(*command, cwd=None) -> None:
 
 
 def step(words, do) -> None:
-    """Do something and say how long it took."""
+    """Do one step and print how long it took."""
     started = time.monotonic()
     do()
     print(f"{words}: done in {time.monotonic() - started:.0f} s", flush=True)

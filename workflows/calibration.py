@@ -1,4 +1,4 @@
-"""How exact the `calibrate` commands are, on pictures of known truth.
+"""How accurate the `calibrate` commands are, on pictures of known truth.
 
     python workflows/calibration.py geometry --count 60
     python workflows/calibration.py ringdown --count 3
@@ -8,8 +8,8 @@
     python workflows/calibration.py ringdown --count 3 --write docs/calibrate_ringdown.md
 
 `geometry` renders micrographs drawn at random and measures each. `ringdown` renders sessions of
-two videos in which a whisker slips, each with a Young's modulus and a damping of its own, which
-session.toml does not hold; `dust` sessions of two videos with a particle on the whisker, in the
+two videos in which a whisker slips, each with its own Young's modulus and damping, which
+session.toml does not contain; `dust` sessions of two videos with a particle on the whisker, in the
 second of which the follicle gives way; `views` sessions in two views, as two videos or in one
 picture. All are processed by the commands. `all` sums up all four beside their aims. Prints tables
 in Markdown.

@@ -1,4 +1,4 @@
-"""How exact `calibrate dust` and `calibrate views` are, on rendered sessions of known truth."""
+"""How accurate `calibrate dust` and `calibrate views` are, on rendered sessions of known truth."""
 
 import tempfile
 from contextlib import contextmanager

@@ -1,4 +1,4 @@
-"""What a video's compression costs in force: the same scenes without loss, as H.264 and MJPG.
+"""How compression changes the forces: the same scenes without loss, as H.264 and as MJPG.
 
     python workflows/codec_sweep.py                      # a few short videos per codec
     python workflows/codec_sweep.py --videos 20 --frames 1000 --write docs/accuracy.md

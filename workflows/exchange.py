@@ -1,10 +1,10 @@
-"""Each format both ways, on files that another program made or reads; prints a table.
+"""Tests each format in both directions with the other program itself; prints a table.
 
     python -m venv peer && peer/bin/pip install whisk-janelia av==12.3.0 movement pims
     python workflows/exchange.py --peer-python peer/bin/python --write
 
-A short video is rendered and processed. What we export is read by the other program, and what it
-makes of it by us; what it makes of the video itself, or of numbers, is imported. Where a program
+A short video is rendered and processed. The other program reads what we export, and we
+read its output; its own results from the video, or from numbers, are imported. Where a program
 is not installed, its rows say so. WhACC goes into an environment of its own, SLEAP's reader and
 DeepLabCut into another:
 
@@ -15,7 +15,7 @@ DeepLabCut into another:
         scikit-image ruamel.yaml pydantic filterpy networkx numba
     poses/bin/pip install --no-deps deeplabcut
 
-WhACC's page wants a screen; `xvfb-run -a` before the command makes one. Octave, ImageMagick and
+WhACC's page needs a screen; `xvfb-run -a` before the command provides one. Octave, ImageMagick and
 Piotr's Computer Vision Matlab Toolbox (for StreamPix files) are used where they are found.
 `--measurements FILE` adds a Janelia file that someone has recorded.
 """

@@ -1,10 +1,10 @@
-"""How many contacts are found where there is none: free frames rendered and processed.
+"""How many contacts are found where there are none: free frames, rendered and processed.
 
     python workflows/false_contacts.py --frames 100000 --jobs 2
 
 Free whisking beside a pole, near-misses (down to 0.02 mm), and a whisker that passes over the
 pole take turns, on both sides of the pole. Prints a table in Markdown; the exit status is 1 where
-a contact was found. A session's videos are removed when they have been looked at.
+a contact was found. A session's videos are deleted once they have been processed.
 """
 
 import argparse

@@ -1,4 +1,4 @@
-"""One rendered video, processed as `whiskerforce run` does, beside its truth."""
+"""One rendered video, processed as by `whiskerforce run`, compared with its truth."""
 
 import os
 from dataclasses import dataclass, field

@@ -1,11 +1,12 @@
-"""Whether the tests notice: one line at a time is changed on a copy, and its tests are run.
+"""Whether the tests notice changes: one line of a copy is changed at a time, and tests are run.
 
     python workflows/mutants.py                  # the changes that once survived the suite
     python workflows/mutants.py --random 40      # and forty drawn at random, by a printed seed
 
 A change is a sign, a comparison, a minimum for a maximum, or a number twice as large. It is
 noticed when a test of its room fails. Prints a table; the exit status is 1 where fewer than 95 %
-were noticed. A change that alters no number (an equivalent one) counts as survived: look at it.
+were noticed. A change that alters no number (an equivalent mutant) counts as survived: check it
+by eye.
 """
 
 import argparse

@@ -1,4 +1,4 @@
-"""How whiskerforce does on real recordings, beside whiskers followed by eye and backwards in time.
+"""How whiskerforce does on real recordings: against whiskers followed by eye, and time reversed.
 
     python workflows/real_recordings.py VIDEO:left VIDEO:top --scales 12,16,25,init \\
         --labels whiskers_by_eye.json --backwards
@@ -27,8 +27,8 @@ A second table is of base angles, forwards:
 - *base*, *visible*, *first 40 px*: jitter [degrees] of `base_angle_deg`, of `visible_angle_deg`
   and of the slope of the first 40 px of the same centrelines. It is the median size of second
   differences over frames that follow each other, pooled over whiskers; *of one frame*: as the SD
-  of one frame's error, 1.4826/√6 of it. What a whisker really does within three frames is in it;
-  *slow*: in the half of the frames in which the visible part turns least.
+  of one frame's error, 1.4826/√6 of it. It includes what the whisker really does within three
+  frames; *slow*: in the half of the frames in which the visible part turns least.
 - *steps*: of more than 10° from one frame to the next, per 1000; *smooth*: those where the
   centreline itself does not jump (its first 40 px turn by less than 10°).
 - *resting*: part of the neighbouring frames, in the slow half, whose difference lies within 1.96

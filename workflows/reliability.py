@@ -3,10 +3,10 @@
     python workflows/reliability.py --write docs/reliability.md
     python workflows/reliability.py --only steps kills --results results.json
 
-Each promise is tried in a folder of its own, in memory where the system has such a place: what is
-tried is the order of what happens on the disk, not its speed. Two are tried at a time where there
-are two cores (`--jobs`). Parts can be tried one by one: `--results` keeps what came of them, and
-the table is made of all that is kept there. The exit status is 1 where a promise was broken.
+Each promise is tried in a folder of its own, in memory where the system allows it: what matters is
+the order of events on the disk, not its speed. Two are tried at a time where there are two cores
+(`--jobs`). Promises can be tried one by one: `--results` stores their outcomes, and the table is
+made from all outcomes stored there. The exit status is 1 where a promise was broken.
 """
 
 import argparse

@@ -2,8 +2,8 @@
 
     python workflows/tutorial.py FOLDER
 
-The folder should be empty. Commands are run by the shell, Python in one process of its own, as a
-reader would do it; exit status 1 where one of them fails.
+The folder should be empty. Commands are run by the shell, Python in a single process, as a
+reader would; exit status 1 where one of them fails.
 """
 
 import os
@@ -22,7 +22,7 @@ def blocks(page=PAGE) -> list[tuple[str, str]]:
 
 
 def follow(folder) -> int:
-    """Do all that the page says; the exit status of what fails first, else 0."""
+    """Do everything that the page says; returns the exit status of the first failure, else 0."""
     found = blocks()
     shell = [code for language, code in found if language == "sh"]
     python = "\n".join(code for language, code in found if language == "python")

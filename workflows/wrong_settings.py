@@ -1,4 +1,4 @@
-"""Settings as wrong as a lab's are: a rendered whisker is known exactly, a plucked one is not."""
+"""Settings with errors like a lab's: a rendered whisker is known exactly, a plucked one is not."""
 
 import numpy as np
 

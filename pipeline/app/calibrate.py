@@ -134,7 +134,7 @@ def views(
 ):
     """Measure elevation from two views at right angles.
 
-    Gives also the errors of path length and force in a single view. The views may be in two
+    Also gives the errors of path length and force in a single view. The views may be in two
     videos, or side by side in one. See docs/calibrate_views.md.
     """
     from pipeline.app.calibrate_views import run_views

@@ -30,7 +30,7 @@ Config = Annotated[
 Names = Annotated[
     str,
     typer.Option(
-        help="Names of the whiskers in the other program's order, with commas between.  "
+        help="Names of the whiskers in the other program's order, separated by commas.  "
         "[default: as in session.toml]"
     ),
 ]
@@ -45,7 +45,7 @@ def import_janelia(
     jobs: Jobs = None,
     debug: Debug = False,
 ):
-    """Lines of the Janelia Whisker Tracker.
+    """Lines from the Janelia Whisker Tracker.
 
     NAME.whiskers with NAME.measurements and, for the pole, NAME.bar.
     """
@@ -111,7 +111,7 @@ def import_whacc(
     ] = "",
     debug: Debug = False,
 ):
-    """Contacts of WhACC, for videos already processed.
+    """Contacts from WhACC, for videos already processed.
 
     They replace the contacts that were found: they are written as corrections, and forces are
     computed for them.
@@ -183,7 +183,7 @@ def _split(names):
 
 @exporting.command("janelia")
 def export_janelia(results: Results, out: Out, debug: Debug = False):
-    """Files of the Janelia Whisker Tracker.
+    """Files for the Janelia Whisker Tracker.
 
     For each video .whiskers, .measurements and .bar.
     """
@@ -242,7 +242,7 @@ def export_nwb(
     start: Annotated[
         str,
         typer.Option(
-            help="Date and time of the recording's start, as 2024-11-22T10:30:00+00:00.  "
+            help="Date and time of the recording's start, such as 2024-11-22T10:30:00+00:00.  "
             "[default: the file's time]"
         ),
     ] = "",

@@ -1,8 +1,8 @@
-"""The cone r(s) = r0 (1 − s/L_in) through a whisker's half-widths, with errors that hold.
+"""The cone r(s) = r0 (1 − s/L_in) through a whisker's half-widths, with realistic standard errors.
 
-Sections that do not belong (dust, a narrowing root) count little or nothing; what is left lies
-about the cone not at random but in bumps, so the errors are those of as many sections as there are
-independent bumps.
+Sections that do not belong (dust, a narrowing root) count little or nothing. The others deviate
+from the cone in bumps, not independently, so the errors are those of as many sections as there
+are independent bumps.
 """
 
 from dataclasses import dataclass
@@ -28,8 +28,8 @@ class ConeFit:
 
     Attributes
     ----------
-    base, slope : half-width at s = 0 [px], and what it loses per px
-    covariance : (2, 2) of them
+    base, slope : half-width at s = 0 [px], and its decrease per px
+    covariance : (2, 2) of both
     used : bool (sections,)
     scatter : SD of the used half-widths about the cone [px]
     independent : how many independent sections the used ones are worth

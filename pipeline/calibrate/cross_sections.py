@@ -4,9 +4,9 @@ Across a straightened whisker the grey level is that of a strip behind a Gaussia
 
     I(u) = b0 + b1 u − C [Φ((u − c + r)/σ) − Φ((u − c − r)/σ)],
 
-with centre c and half-width r. Where the whisker is thick, its edges stand where the grey level is
+with centre c and half-width r. Where the whisker is thick, its edges lie where the grey level is
 halfway; where it is as thin as the blur, only C r shows, and r follows from the contrast C of the
-thick part. What lies more than 3 σ inside the edges, a bright core for instance, is left out.
+thick part. Anything more than 3 σ inside the edges, such as a bright core, is left out.
 """
 
 from dataclasses import dataclass, replace
@@ -38,7 +38,7 @@ class Straightened:
     ----------
     grey : (points, across) grey levels; row k is `s[k]` px along the centreline
     s : (points,) [px], below 0 and above the line's length beyond its ends
-    u : (across,) [px] from the centreline, to the right of the way in the picture
+    u : (across,) [px] from the centreline, positive to the right of its direction in the picture
     x, y : (points,) centreline [px]
     """
 
@@ -123,7 +123,7 @@ def straighten(coefficients, line, half_width) -> Straightened:
 
 
 def _beyond(points):
-    """BEYOND_PX points straight on from the last of some."""
+    """BEYOND_PX more points, straight on from the last one."""
     direction = points[-1] - points[0]
     step = direction / np.hypot(*direction)
     return points[-1] + np.arange(1, BEYOND_PX + 1)[:, None] * step

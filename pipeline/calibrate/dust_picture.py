@@ -1,4 +1,4 @@
-"""What `calibrate dust` saw: the particle, its way along the whisker, the follicle's motion."""
+"""What `calibrate dust` saw: the particle, its path along the whisker, the follicle's motion."""
 
 import numpy as np
 

@@ -1,7 +1,7 @@
 """A plucked whisker in a micrograph: its picture, and a centreline to about a pixel.
 
-Threshold, the largest long thin region, the longest way through its skeleton, and from there on
-along the whisker until it can no longer be distinguished from the ground.
+Threshold, take the largest long thin region and the longest path through its skeleton, and follow
+the whisker beyond that path until it can no longer be distinguished from the background.
 """
 
 from dataclasses import dataclass
@@ -32,7 +32,7 @@ LINE_SDS = 3.5
 
 
 class NoWhiskerError(ValueError):
-    """The picture does not show what can be measured; the message says what to do."""
+    """The picture shows no whisker that can be measured; the message says what to do."""
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,7 @@ def read_micrograph(path) -> np.ndarray:
 
 
 def find_whisker(image) -> Trace:
-    """Find the one whisker in a micrograph; it may be darker or brighter than the ground.
+    """Find the one whisker in a micrograph; it may be darker or brighter than the background.
 
     Raises
     ------
@@ -111,7 +111,7 @@ def find_whisker(image) -> Trace:
 
 
 def _ground(image):
-    """The ground's brightness, (height, width)."""
+    """Brightness of the background, (height, width)."""
     height, width = image.shape
     size = max(width // REDUCED, 4), max(height // REDUCED, 4)
     small = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
@@ -148,7 +148,7 @@ def _slenderness(region):
 
 
 def _longest_way(region):
-    """Pixels of the longest way through a region's skeleton, (points, 2) x, y."""
+    """Pixels of the longest path through a region's skeleton, (points, 2) x, y."""
     skeleton = skeletonize(np.pad(region.image, 1))
     costs = np.where(skeleton, 1.0, -1.0)  # −1: no way
     start = tuple(np.argwhere(skeleton)[0])
@@ -188,7 +188,7 @@ def arc_lengths(points):
 
 
 def _to_its_end(line, contrast):
-    """The line, carried on beyond its last point for as long as there is a whisker."""
+    """The line, extended beyond its last point for as long as there is a whisker."""
     noise = 1.4826 * np.median(np.abs(contrast)) / np.sqrt(STEP_PX)
     lost, known = 0, len(line)
     while lost < LOST_STEPS:
@@ -206,7 +206,7 @@ def _to_its_end(line, contrast):
 
 
 def _ahead(line, known):
-    """The next points of a line by the bend of its last ones, and the normal there."""
+    """The next points of a line, extrapolated from its last ones, and the normal there."""
     behind = line[max(known - BEHIND_PX, 0) : known]
     t = np.arange(len(behind)) - len(behind) + 1.0
     degree = 2 if len(behind) >= BEHIND_PX else 1

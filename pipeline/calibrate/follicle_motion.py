@@ -1,7 +1,7 @@
 """How the follicle moves in and out of the face, from a particle that sticks to the whisker.
 
-The particle keeps its distance from the follicle along the whisker. So the follicle is where the
-whisker, followed from the particle into the face, has that length. Whether the follicle gives way
+The particle keeps its distance from the follicle along the whisker. So the follicle lies that far
+from the particle, along the whisker continued into the face. Whether the follicle gives way
 to force shows in its motion during contacts, against the change of curvature.
 """
 
@@ -33,8 +33,8 @@ class FollicleMotion:
     video, whisker : names
     frames : table of DUST_COLUMNS
     contacts : table of DUST_CONTACT_COLUMNS
-    seen, particle : the whisker's thickness, and where the particle is in it
-    particle_mm : its distance from the follicle along the whisker, by the hidden length given
+    seen, particle : the whisker's thickness map, and the particle's place in it
+    particle_mm : its distance from the follicle along the whisker, for the hidden length given
     """
 
     video: str
@@ -72,13 +72,13 @@ class Slope:
 
 
 def measure_follicle_motion(video, name, near_mm=None) -> FollicleMotion:
-    """Follow the particle on a whisker, and the follicle by it.
+    """Follow the particle on a whisker, and compute the follicle's place from it.
 
     Parameters
     ----------
     video : `convert.results.VideoResults`
-    name : of the whisker
-    near_mm : about where the particle sits, from the follicle; None: found
+    name : the whisker's name
+    near_mm : rough distance of the particle from the follicle; None: it is searched for
 
     Raises
     ------
@@ -108,7 +108,7 @@ def measure_follicle_motion(video, name, near_mm=None) -> FollicleMotion:
 
 
 def _hidden_px(settings, name, seen, follicle):
-    """Length of the whisker before the first traced point [px], as session.toml has it or seen."""
+    """Length of the whisker before the first traced point [px], from session.toml or the video."""
     given = {w.name: w.hidden_length_mm for w in settings.whisker}
     if given.get(name) is not None:
         return given[name] * settings.recording.pixels_per_mm

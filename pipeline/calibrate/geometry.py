@@ -33,7 +33,7 @@ class Measured:
 
 @dataclass(frozen=True)
 class Geometry:
-    """Dimensions of one plucked whisker, and what they were read from.
+    """Dimensions of one plucked whisker, and what they were measured from.
 
     Attributes
     ----------
@@ -72,7 +72,7 @@ def measure_geometry(path, pixels_per_mm=None, scale_bar_mm=None) -> Geometry:
     Parameters
     ----------
     path : picture file
-    pixels_per_mm : its scale; None: by the scale bar in it, which is `scale_bar_mm` long
+    pixels_per_mm : its scale; None: from the scale bar in it, which is `scale_bar_mm` long
 
     Raises
     ------
@@ -93,7 +93,7 @@ def measure_geometry(path, pixels_per_mm=None, scale_bar_mm=None) -> Geometry:
 
 
 def _scale(image, pixels_per_mm, scale_bar_mm) -> Measured:
-    """Pixels per mm: as given, taken as exact, or by the scale bar."""
+    """Pixels per mm: as given (assumed exact), or from the scale bar."""
     if pixels_per_mm is not None:
         return Measured(pixels_per_mm, 0.0)
     return Measured(scale_bar_px(image) / scale_bar_mm, LENGTH_SE_PX / scale_bar_mm)
@@ -158,7 +158,7 @@ def _dimensions(sections, cone, base_at, tip_at, scale, seams):
 
 
 def _scaled(value, se, unit, doubt) -> Measured:
-    """A value and its standard error [px] in another unit, of which a share is in doubt."""
+    """A value and its standard error [px] in another unit, whose own relative error is given."""
     return Measured(value * unit, float(np.hypot(se, value * doubt)) * unit)
 
 

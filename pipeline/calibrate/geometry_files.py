@@ -118,7 +118,7 @@ def profile(geometry: Geometry) -> pd.DataFrame:
 
 
 def remarks(geometry: Geometry) -> list[str]:
-    """What a person should know of one whisker beyond its dimensions."""
+    """What a person should know about one whisker beyond its dimensions."""
     out = []
     tip, base = geometry.tip_radius, geometry.base_radius
     if tip.value - 2 * tip.se > BROKEN_UM:
@@ -135,7 +135,7 @@ def remarks(geometry: Geometry) -> list[str]:
 def write_into(session, name, geometries, masses=()) -> dict[str, float]:
     """Write the (mean) dimensions into a whisker of session.toml; returns what was written.
 
-    A whisker described by its tip's radius stays so; any other gets a cone length.
+    A whisker described by its tip radius keeps that key; any other gets a cone length.
     """
     values = {key: round(value.mean, 4) for key, value in pooled(geometries, masses).items()}
     by_tip = whisker_has(session, name, "tip_radius_um")

@@ -1,8 +1,8 @@
-"""A whisker in space from its lines in two views: elevation, paths, and the plane of its own.
+"""A whisker in space from its lines in two views: elevation, path lengths, and its own plane.
 
 Each point of the first view's line gets the height that the second view's line has at the same
-place along the shared axis. Unrolled along the horizontal normal, so that what it climbs counts as
-length, the whisker lies in a plane of its own, in which a force of an upright pole bends it.
+place along the shared axis. Unrolled along the horizontal normal, so that its rise counts as
+length, the whisker lies in its own plane, in which the force of an upright pole bends it.
 """
 
 from dataclasses import dataclass
@@ -36,7 +36,7 @@ class SpaceLine:
 
 
 def space_line(views: TwoViews, first, second, follicle) -> SpaceLine | None:
-    """Put a whisker's lines of one frame together; None where they show too little in common.
+    """Combine a whisker's lines of one frame; None where they share too little of the whisker.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ def space_line(views: TwoViews, first, second, follicle) -> SpaceLine | None:
 
 
 def _continued(curve, place, low, high):
-    """A curve within its range, and straight on beyond, by its slope over BASE_MM."""
+    """A curve within its range, extended straight beyond it, with its slope over BASE_MM."""
     inside = np.clip(place, low, high)
     value = curve(inside)
     for end, inner in ((low, low + BASE_MM), (high, high - BASE_MM)):
@@ -74,7 +74,7 @@ def _continued(curve, place, low, high):
 
 @dataclass(frozen=True)
 class ContactPlace:
-    """A whisker's way to the pole in one frame.
+    """A whisker's path to the pole in one frame.
 
     Attributes
     ----------
@@ -83,7 +83,7 @@ class ContactPlace:
     apparent, true : path from follicle to contact in the first view and in space [mm]
     elevation_se : [rad]
     error, error_se : 1 − apparent/true
-    elevation_part : what of it a straight whisker of this elevation would have
+    elevation_part : the part of it that a straight whisker of this elevation would have
     """
 
     elevation: float
@@ -97,7 +97,7 @@ class ContactPlace:
 
 
 def contact_place(line: SpaceLine, apparent_px, scale) -> ContactPlace:
-    """The way to a contact `apparent_px` from the follicle along the first view's line."""
+    """The path to a contact `apparent_px` from the follicle along the first view's line."""
     arc = arc_along(line.first)
     at = np.append(arc[arc < apparent_px], min(apparent_px, arc[-1]))
     x, y = (np.interp(at, arc, part) / scale for part in upright(line.first).T)

@@ -1,7 +1,7 @@
 """A particle that sticks to a whisker, followed along it from frame to frame.
 
-It shows as a thick place that stays on the whisker: first the path of places along which the
-whisker is thickest, then in each frame the particle's usual profile fitted about that path.
+It shows as a thick place that stays on the whisker: first the path of thickest places is
+found, then the particle's median profile is fitted about that path in each frame.
 """
 
 from dataclasses import dataclass
@@ -34,7 +34,7 @@ class ParticlePath:
     ----------
     frame : int (rows,)
     place_px, se_px : (rows,) beyond the circle of the thickness map; NaN where it is not seen
-    size : (rows,) of the particle, of the usual
+    size : (rows,) of the particle, relative to its usual size
     profile : usual thickness about its middle, 1 px apart [px]
     """
 
@@ -56,7 +56,7 @@ def follow_particle(seen: ThicknessMap, pixels_per_mm, near_mm=None) -> Particle
     Parameters
     ----------
     seen : the whisker's thickness
-    near_mm : about where on the whisker it sits, from the circle; None: found
+    near_mm : rough distance of the particle from the circle; None: it is searched for
 
     Raises
     ------

@@ -1,9 +1,9 @@
 """Young's modulus and damping from how a whisker rings after slips (Hires et al. 2013, Fig. 5).
 
-The curvature at one place swings at the frequency of the first mode, with the next ones beside it,
-which die away no faster: they are fitted too. E follows from the frequency and the dimensions.
-There are more modes than the frames resolve; the change that one overtone less makes counts as an
-error common to all slips.
+The curvature at one place oscillates at the frequency of the first mode. Higher modes, which
+decay no faster, are superimposed and fitted too. E follows from the frequency and the dimensions.
+There are more modes than the frames resolve; the change caused by leaving out one overtone counts
+as an error common to all slips.
 """
 
 from dataclasses import dataclass
@@ -30,7 +30,7 @@ LEAST_SE = 0.05  # 1/m, of a curvature
 
 
 class TooShortError(ValueError):
-    """A slip whose frames cannot carry a fit; the message says why."""
+    """A slip with too few frames for a fit; the message says why."""
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ class Pooled:
 
 
 def check_frame_rate(frames_per_second, whisker: Whisker, boundary) -> None:
-    """ValueError where the frame rate cannot carry a ring-down of this whisker."""
+    """ValueError where the frame rate is too low for the ring-down of this whisker."""
     frequency = first_frequency(whisker, boundary, USUAL_MODULUS) / (2 * np.pi)
     least = LEAST_FRAMES_PER_PERIOD * frequency
     if frames_per_second < least:
@@ -92,7 +92,7 @@ def check_frame_rate(frames_per_second, whisker: Whisker, boundary) -> None:
 
 
 def first_frequency(whisker: Whisker, boundary, modulus) -> float:
-    """Undamped angular frequency [rad/s] of the first mode that swings, at E = `modulus` [Pa]."""
+    """Undamped angular frequency [rad/s] of the first oscillating mode, at E = `modulus` [Pa]."""
     shapes = modes(whisker.taper, boundary, 2)
     usual = shapes.angular_frequency(whisker)
     first = usual[0] if usual[0] > 0 else usual[1]
@@ -110,7 +110,7 @@ def fit_slip(results, slip: Slip, boundary="fixed") -> SlipFit:
     Raises
     ------
     TooShortError
-        Where its frames cannot carry the fit.
+        Where its frames are too few for the fit.
     """
     settings = settings_of(results, slip.video)
     whisker = whisker_of(settings, slip.whisker)
@@ -170,7 +170,7 @@ def _fit_first(time, curvature, se, whisker, boundary):
 
 
 def _fit_all(time, curvature, se, first, ratios):
-    """The first mode with as many overtones as the frames carry, and with one more: two fits."""
+    """The first mode with as many overtones as the frames resolve, and with one more: two fits."""
     count = min(OVERTONES, max((len(time) - 6 - BACKGROUND) // 2, 0))
     near = [share * first.angular_frequency.value for share in NEAR]
     return [
@@ -187,7 +187,7 @@ def _widened(estimate, other) -> Estimate:
 
 
 def _ratios(whisker, boundary):
-    """Frequencies of the overtones over that of the first mode that swings."""
+    """Frequencies of the overtones over that of the first mode that oscillates."""
     p = modes(whisker.taper, boundary, OVERTONES + 2).p_prime
     p = p[p > 0]
     return tuple(p[1 : OVERTONES + 1] / p[0])
@@ -250,7 +250,8 @@ def pooled_estimate(estimates) -> Estimate:
 def moduli_by_follicle(together: Pooled, whisker: Whisker, stiffnesses):
     """Yield (κ, Young's modulus [Pa]) for each follicle stiffness κ in units of E I0/L.
 
-    What swings is the first mode that has a frequency; at κ = 0, the pinned end, the second.
+    The first mode that oscillates is the first of non-zero frequency: for κ = 0, the pinned end,
+    the second.
     """
     for stiffness in stiffnesses:
         yield stiffness, youngs_modulus(together.undamped, whisker, stiffness)

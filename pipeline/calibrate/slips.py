@@ -14,7 +14,7 @@ from pipeline.tables.files import read_csv, read_frames
 
 @dataclass(frozen=True)
 class Slip:
-    """A slip: the free frames after it (half-open) of one whisker in one video."""
+    """A slip of one whisker in one video, with the free frames after it (half-open)."""
 
     video: str
     whisker: str
@@ -48,7 +48,10 @@ def find_slips(results) -> list[Slip]:
 
 
 def named_slips(results, places) -> list[Slip]:
-    """The slips at `places`, each "VIDEO:WHISKER:FRAME"; what there is one of may be left out."""
+    """The slips at `places`, each "VIDEO:WHISKER:FRAME".
+
+    Video and whisker may be left out where there is only one.
+    """
     contacts, folders = _contacts(results), _videos(results)
     slips = []
     for place in places:
@@ -81,7 +84,7 @@ def _videos(results):
 
 
 def _one_of(place, what, given, known):
-    """The one name given or, of one that is known, that one; ValueError names all."""
+    """The name given or, if only one is known, that one; ValueError lists all."""
     if not given and len(known) == 1:
         return known[0]
     if not given or given[0] not in known:

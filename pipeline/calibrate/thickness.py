@@ -1,6 +1,6 @@
 """How thick a whisker looks along its centreline, in every frame of a video.
 
-Arc length is counted from a circle about the mean follicle, so that it does not depend on how far
+Arc length is measured from a circle about the mean follicle, so that it does not depend on how far
 into the fur the line was traced.
 """
 
@@ -24,7 +24,7 @@ class ThicknessMap:
     frame : int (rows,) frames in which it was traced
     lines : the centreline of each row (points, 2) [px], follicle side → tip
     start_px : (rows,) arc length along each line of the circle
-    thickness : (rows, places) share of light taken, summed across [px]; place k is k px beyond
+    thickness : (rows, places) share of light absorbed, summed across [px]; place k is k px beyond
         the circle; NaN where it cannot be seen
     picture : the video's frame of the first row
     """
@@ -42,7 +42,7 @@ def map_thickness(video, name, follicle, pixels_per_mm) -> ThicknessMap:
     Parameters
     ----------
     video : `convert.results.VideoResults`
-    name : of the whisker
+    name : the whisker's name
     follicle : its mean place [px]
     """
     lines = video.lines().of((name,))
@@ -101,7 +101,7 @@ def _along(picture, line, start, reach):
 
 
 def _taken(light):
-    """Share of the light taken at each place, summed across; NaN where it is dark beside it."""
+    """Share of the light absorbed at each place, summed across; NaN where it is dark beside it."""
     sides = light[:, :2].mean(axis=1), light[:, -2:].mean(axis=1)
     beside = np.minimum(*sides)
     usual = np.median(beside)

@@ -1,10 +1,11 @@
-"""How two views at right angles belong together, from points that were seen in both.
+"""How two views at right angles fit together, from points visible in both.
 
-Both are taken as parallel projections: cameras far away beside what moves. The first looks down
-on the whisker, the second along the horizon. They share one horizontal axis: how far a point lies
-along it shows in both. So matched points give the direction of that axis in either picture and the
-second view's scale; the height is what is left in the second view. That the views are at right
-angles must be given: it does not follow from matched points, however many.
+Both are taken as parallel projections: cameras far away compared with the motion. The first looks
+down on the whisker, the second along the horizon. They share one horizontal axis: the position of
+a point along it is visible in both. So matched points give the direction of that axis in either
+picture and the second view's scale; the height is the remaining coordinate of the second view.
+That the views are at right angles must be given: it does not follow from matched points, however
+many.
 """
 
 from dataclasses import dataclass
@@ -19,12 +20,12 @@ LEAST_SPREAD_PX = 5.0  # SD of the points in each of the three directions
 
 
 class ViewsError(ValueError):
-    """Views that cannot be put together; the message says why."""
+    """Views that cannot be combined; the message says why."""
 
 
 @dataclass(frozen=True)
 class TwoViews:
-    """Two views put together.
+    """Two views combined.
 
     Attributes
     ----------
@@ -33,7 +34,7 @@ class TwoViews:
     second_shared : likewise in the second; height is at right angles to it, upwards
     offset_mm : along the shared axis, of the second picture's origin
     angle_se : standard error of either direction [rad]
-    rms_px : how far matched points disagree
+    rms_px : RMS disagreement of matched points
     """
 
     first_scale: float
@@ -64,7 +65,7 @@ def upright(points_px) -> np.ndarray:
 
 
 def read_points(path) -> np.ndarray:
-    """Matched points (n, 4) of a CSV file with COLUMNS; ViewsError where they are no good."""
+    """Matched points (n, 4) of a CSV file with COLUMNS; ViewsError where they cannot be used."""
     try:
         table = pd.read_csv(path)
     except FileNotFoundError:
@@ -84,7 +85,7 @@ def read_points(path) -> np.ndarray:
 
 
 def fit_views(points, first_scale) -> TwoViews:
-    """Put two views together.
+    """Combine two views.
 
     Parameters
     ----------

@@ -42,19 +42,19 @@ class ViewsMeasurement:
 
 
 def measure_views(first, second, views: TwoViews, name, analyse) -> ViewsMeasurement:
-    """Put a whisker's lines of two views together, frame by frame.
+    """Combine a whisker's lines of two views, frame by frame.
 
     Parameters
     ----------
     first, second : `convert.results.VideoResults` of the same frames
-    views : how they belong together
-    name : of the whisker in the first view
+    views : how they fit together
+    name : the whisker's name in the first view
     analyse : `pipeline.run.analyse_lines`
 
     Raises
     ------
     ViewsError
-        Where the views do not match, or show too little in common.
+        Where the views do not match, or share too little of the whisker.
     """
     table = first.of(name).set_index("frame", drop=False)
     lines = _space_lines(first, second, views, name, table)
@@ -121,7 +121,7 @@ def _name_in(second, name):
 
 
 def _check_in_step(video, ours, theirs, views, both):
-    """ViewsError where the whisker's ends lie or move otherwise in the other view."""
+    """ViewsError where the whisker's ends lie or move differently in the other view."""
     ends = np.array(
         [
             (views.along_first(ours[f][[-1]])[0], views.in_second(theirs[f][[-1]])[0][0])
@@ -169,7 +169,7 @@ def _pole_at(pole: PoleTrack, frame):
 
 
 def _place_row(line, pole, scale) -> dict:
-    """Columns of the way to the pole in one frame."""
+    """Columns of the path to the pole in one frame."""
     if pole is None:
         return {}
     nearest = int(np.argmin(np.hypot(*(line.first - pole).T)))
@@ -188,7 +188,7 @@ def _place_row(line, pole, scale) -> dict:
 
 
 def _forces(first, lines, pole, name, scale, analyse) -> pd.DataFrame:
-    """Force from the first view alone and in the whisker's own plane, treated alike."""
+    """Force from the first view alone and in the whisker's own plane, computed in the same way."""
     n = first.n_frames
     unrolled = {frame: unroll(line, _pole_at(pole, frame), scale) for frame, line in lines.items()}
     tracks = np.full((2, n), np.nan)

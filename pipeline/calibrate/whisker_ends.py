@@ -1,7 +1,7 @@
 """Where a whisker begins and ends along its centreline, to a fraction of a pixel.
 
-The darkness across the whisker, in units of its width, is α + β (s − e) inside of the end e and 0
-beyond, behind the blur; it is fitted over a short stretch about the end.
+The darkness across the whisker, in units of its width, is α + β (s − e) inside the end e and 0
+beyond, blurred; it is fitted over a short stretch about the end.
 """
 
 from typing import NamedTuple
@@ -71,7 +71,7 @@ def _widths(grey, u, radius, sections):
 
 
 def _ground_and_line(grey, u, radius):
-    """1 where a row shows the whisker or the ground beside it, 0 far off and at dust."""
+    """1 where a row shows the whisker or the background beside it, 0 far off and at dust."""
     beside = (np.abs(u) > radius[:, None] + 4) & (np.abs(u) < radius[:, None] + FLANK_PX)
     ground = np.where(beside, grey, np.nan)
     level = np.nanmedian(ground, axis=1, keepdims=True)
@@ -82,7 +82,7 @@ def _ground_and_line(grey, u, radius):
 
 
 def _darkness(grey, profile, window):
-    """Least squares of every row: ground with a slope, less so much of the profile."""
+    """Least squares in every row: a sloping background minus a multiple of the profile."""
     u = np.linspace(-1, 1, grey.shape[1]) + 0 * grey
     basis = np.stack([np.ones_like(grey), u, -profile], axis=-1)
     matrix = np.einsum("nuk,nu,num->nkm", basis, window, basis) + 1e-6 * np.eye(3)
@@ -118,7 +118,7 @@ def _fit_end(s, width, sd, blur):
 
 
 def _linear_start(s, width, end):
-    """End, width and slope there, by a line through the widths inside of `end`."""
+    """End, width and slope there, from a line through the widths inside `end`."""
     rows = s < end
     basis = np.column_stack([np.ones(rows.sum()), end - s[rows]])
     (at_end, slope), *_ = np.linalg.lstsq(basis, width[rows], rcond=None)

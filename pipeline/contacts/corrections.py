@@ -44,7 +44,7 @@ class Verdict(NamedTuple):
 
 
 def read_corrections(folder) -> pd.DataFrame:
-    """Read corrections.csv of a video's results folder; no rows where nobody curated.
+    """Read corrections.csv of a video's results folder; no rows if nobody has curated the video.
 
     Raises
     ------
@@ -135,9 +135,9 @@ def apply(intervals: pd.DataFrame, corrections: pd.DataFrame) -> pd.DataFrame:
     Returns
     -------
     The same columns and `curated` (bool), by whisker and onset. A detected contact that lies
-    mostly in what a verdict covers gives way to it; of others only the covered frames are taken
-    away. A moved contact keeps the other columns of the detected one it stands for; those of an
-    added one are missing ("" for text, False for bool).
+    mostly in what a verdict covers gives way to it; others lose only the covered frames. A moved
+    contact keeps the other columns of the detected one it stands for; those of an added one are
+    missing ("" for text, False for bool).
     """
     rows = verdicts(corrections)
     detected = [Interval.of(row) for row in intervals.to_dict("records")]

@@ -66,10 +66,10 @@ def _runs(part):
 
 
 def _real_runs(part, near_pole):
-    """Runs by the pole with a push at their peak; or held at a place of such ones.
+    """Runs near the pole with a force at their peak, or with the gap of such runs.
 
-    Rendered whiskers need neither: free ones are never taken to touch. Real ones that pass within
-    0.2 mm of a pole are, without both, for a frame or four, 5 times in 9700 frames.
+    Rendered whiskers need neither test: free ones are never taken to touch. Real ones that pass
+    within 0.2 mm of a pole are, without both tests, 5 times in 9700 frames, for 1 to 4 frames.
     """
     runs = [run for run in _runs(part) if _is_near(part["distance_m"][slice(*run)], near_pole)]
     sides = [np.sign(part["side"][slice(*run)].sum()) for run in runs]
@@ -87,13 +87,13 @@ def _real_runs(part, near_pole):
 
 
 def _is_near(distance, near_pole):
-    """Whether a whisker is by the pole in half of the frames; one that is not touches nothing."""
+    """Whether a whisker is near the pole in half of the frames; if not, it cannot touch."""
     known = distance[np.isfinite(distance)]
     return len(known) == 0 or np.median(known) < near_pole
 
 
 def _touching_place(part, runs):
-    """Gap [m] in touches, and how far it scatters; None where too few frames show it."""
+    """Median gap [m] in touches, and its scatter; None where too few frames show it."""
     gap = np.concatenate([part["gap_m"][slice(*run)] for run in runs]) if runs else np.empty(0)
     gap = gap[np.isfinite(gap)]
     if len(gap) < FEWEST_SURE:
@@ -105,7 +105,7 @@ def _touching_place(part, runs):
 def _is_held(part, start, stop, place, spread):
     """Whether a whisker is held at the `place` of other touches, gaps of ± `spread` [m].
 
-    It is pushed more there than in the free frames beside, or stops as no free whisker would.
+    The force there is larger than in neighbouring free frames, or the whisker stops abruptly.
     """
     sd = np.maximum(spread, part["gap_se_m"][start:stop])
     at_place = np.abs(part["gap_m"][start:stop] - place) < AT_PLACE_SD * sd
@@ -115,7 +115,7 @@ def _is_held(part, start, stop, place, spread):
 
 
 def _is_stopped(part, start, stop, spread):
-    """Whether the gap is no smooth function of time: a cubic, from some frames before to after."""
+    """Whether the gap deviates from a smooth course, a cubic from some frames before to after."""
     first = max(start - BESIDE_FRAMES, 0)
     gap, gap_sd = (part[name][first : stop + BESIDE_FRAMES] for name in ("gap_m", "gap_se_m"))
     time, known = np.arange(len(gap)), np.isfinite(gap) & np.isfinite(gap_sd)
@@ -128,7 +128,7 @@ def _is_stopped(part, start, stop, spread):
 
 
 def _is_pushed(part, start, stop):
-    """Whether a force stands out at its peak, by its error or among those of free frames."""
+    """Whether the peak force exceeds its own error, or the forces of free frames."""
     rows = slice(start, stop)
     return _pushes(part, rows) or all(
         _stands_out(part, rows, f"{method}_force_N") for method in forces.METHODS
@@ -145,8 +145,8 @@ def _pushes(part, rows):
 def _is_pushed_more_than_beside(part, start, stop):
     """Whether the force is clearly larger than just before and after.
 
-    Where the rest shape is not well known, neither is the force; but its errors are those of the
-    free frames beside, too.
+    Where the rest shape is not well known, neither is the force; but neighbouring free frames
+    have the same errors.
     """
     force = part["shape_force_N"]
     free = np.where(part["probability"] < 0.5, force, np.nan)
@@ -162,7 +162,7 @@ def _is_pushed_more_than_beside(part, start, stop):
 
 
 def _stands_out(part, rows, column):
-    """Whether a force is far above that of free frames, however wrong the rest shape may be."""
+    """Whether a force is far above those of free frames, which share the rest shape's error."""
     force, free = part[column], part["probability"] < 0.5
     free = free & np.isfinite(force)
     if free.sum() < FEWEST_SURE or not np.isfinite(force[rows]).any():
@@ -180,7 +180,7 @@ def _usual_misfit(part):
 
 
 def _bends_otherwise(part, rows, limit):
-    """Whether the rods fit worse than a `limit` (of χ²) where the whisker is loaded most."""
+    """Whether χ² of the rods exceeds `limit` where the whisker is loaded most."""
     force, misfit = part["shape_force_N"][rows], part["chi2"][rows]
     known = np.isfinite(force) & np.isfinite(misfit)
     high = known & (force >= HIGH_LOAD * np.max(force[known], initial=0.0))

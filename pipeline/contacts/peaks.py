@@ -1,10 +1,10 @@
-"""The peak of a noisy time course: the largest of many noisy values is too large by their noise.
+"""The peak of a noisy time course: the largest of many noisy values overestimates it.
 
 A course is smoothed by local parabolas (Savitzky and Golay 1964), weighted by the values' errors,
 over as many frames as its own noise allows (Lepski's rule): wider, as long as nothing near the
-top is moved by more than noise explains. So a brief peak stays as it is, and a long plateau is no
-longer its noisiest frame. Where noise lifts the peak by less than 1 %, it is the largest value, as
-in the table of frames.
+top is moved by more than noise explains. So a brief peak stays as it is, and the peak of a long
+plateau is no longer its noisiest frame. Where noise lifts the peak by less than 1 %, it is the
+largest value, as in the table of frames.
 """
 
 import numpy as np
@@ -28,8 +28,8 @@ def half_width(values, errors) -> int:
     Parameters
     ----------
     values : (frames,), NaN where missing
-    errors : (frames,) their standard errors, of which only the course matters: how large the
-        noise is, the values show
+    errors : (frames,) their standard errors, of which only the relative sizes matter: the size of
+        the noise is estimated from the values
     """
     values, errors = np.asarray(values, float), _usable(values, errors)
     known = np.flatnonzero(np.isfinite(values))
@@ -52,8 +52,8 @@ def smoothed(values, half: int, errors=None) -> np.ndarray:
 def firm_peak(values, half: int, errors):
     """Frame, value and standard error of a smoothed course's peak.
 
-    The peak is where value less FIRM_SD errors is largest: frames that are seen badly, among
-    others that are seen well, make none. `errors` (frames,) are taken to be common to neighbouring
+    The peak is where the value minus FIRM_SD errors is largest: poorly measured frames among
+    well measured ones make no peak. `errors` (frames,) are taken to be common to neighbouring
     frames, so that smoothing does not lessen them; NaN where not known.
     """
     usable = _usable(values, errors)

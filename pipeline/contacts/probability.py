@@ -51,7 +51,7 @@ def of_whisker(table, name):
 
 
 def _passes_over(part, probability):
-    """Whether a whisker rather passes over the pole than touches it: another plane, or dust."""
+    """Whether a whisker passes over the pole rather than touching it: another plane, or dust."""
     return np.count_nonzero(part["across"]) > np.count_nonzero(probability > 0.5)
 
 
@@ -115,9 +115,9 @@ def _observations(part, params):
 
 
 def force_noise(column):
-    """Standard error (rows,) [N] of the force `shape`, but for that of where arc length begins.
+    """Standard error (rows,) [N] of the force `shape`, without that of the arc-length offset.
 
-    A wrong beginning changes forces by a share of them: it makes none where there is none.
+    A wrong offset scales forces: it makes none where there is none.
     """
     total, share = column["shape_force_se_N"], column["origin_force_se_N"]
     return np.sqrt(np.maximum(total**2 - share**2, 0.0))
@@ -139,10 +139,10 @@ def _log_odds(gap, gap_sd, force, force_sd, cov, params=DEFAULTS.contacts):
 
 
 def _truly_zero(zero, zero_sd, any_zero, other, other_sd, any_other, scale, cov):
-    """log likelihood of two measurements, of which the first is of nothing but error.
+    """Log likelihood of two measurements where the first one's true value is zero.
 
-    Of the other one, of this `scale`, counts what the first one does not explain. any_zero,
-    any_other : log likelihoods of either as an outlier
+    The other one has an exponential prior of mean `scale`; what it shares with the first one's
+    error is subtracted. any_zero, any_other : log likelihoods of either as an outlier
     """
     left = other - cov / zero_sd**2 * zero
     left_sd = np.sqrt(np.maximum(other_sd**2 - (cov / zero_sd) ** 2, (0.1 * other_sd) ** 2))

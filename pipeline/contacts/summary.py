@@ -79,7 +79,7 @@ def contact_table(frames: pd.DataFrame, intervals: pd.DataFrame, recording: Reco
 def peak_errors(
     contacts: pd.DataFrame, evidence: pd.DataFrame, whiskers: dict, method: str = "shape"
 ) -> pd.DataFrame:
-    """What the peak force of each contact is uncertain by, and why.
+    """The uncertainty of each contact's peak force, and its sources.
 
     Parameters
     ----------
@@ -90,7 +90,7 @@ def peak_errors(
     Returns
     -------
     Table aligned with `contacts` [µN]: `peak_force_se_uN`, of which `tracking_se_uN` and
-    `hidden_length_se_uN`; and how far the peak moves for 1 % more in what the session says,
+    `hidden_length_se_uN`; and how much the peak changes for 1 % more in a value of session.toml,
     `radius_uN_per_percent` (the fourth power), `modulus_uN_per_percent`, `scale_uN_per_percent`
     (pixels per mm: curvature, lever and stiffness at the middle of the bent part).
     """
@@ -176,9 +176,9 @@ def _hidden_top(known, peak):
 
 
 def _without_wild(force, error):
-    """Force (frames,) of one contact, NaN where something else lies upon the whisker.
+    """Force (frames,) of one contact, NaN where something else overlaps the whisker.
 
-    Else a single frame of a crossing, with ten times the usual error, may be the peak.
+    Otherwise a single frame of a crossing, with ten times the usual error, may be the peak.
     """
     if not np.isfinite(error).any():
         return force

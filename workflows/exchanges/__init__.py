@@ -1,1 +1,1 @@
-"""Our files beside other programs, a module per kind; `workflows/exchange.py` runs all."""
+"""Our files tested with other programs, a module per kind; `workflows/exchange.py` runs all."""

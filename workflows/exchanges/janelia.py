@@ -41,7 +41,7 @@ print(json.dumps([[read[i].time, read[i].x, read[i].y] for i in range(count.valu
 
 
 def rows(video, folder, others):
-    """All that its programs make of our files, and we of theirs."""
+    """What its programs read from our files, and we from theirs."""
     peer = find_peer(others.peer_python)
     yield from _out(video, folder, peer)
     yield from _bars(video, folder, peer, others.peer_python)
@@ -72,7 +72,7 @@ def _out(video, folder, peer):
 
 
 def compared(table, found) -> str:
-    """Our measures of the same lines beside the tracker's."""
+    """Our measurements of the same lines compared with the tracker's."""
     ours, theirs = (in_order(each) for each in (table, found))
     length, angle = (np.median(np.abs(ours[:, k] - theirs[:, k])) for k in (0, 2))
     return (
@@ -113,7 +113,7 @@ def _bars(video, folder, peer, python):
 
 
 def _in(video, folder, peer):
-    """What we make of what the tracker traces, measures and labels in the same video."""
+    """Our results from the tracker's lines, measurements and labels of the same video."""
     peer.run("trace", video.path, folder / "t.whiskers")
     peer.run("measure", "--face", "left", folder / "t.whiskers", folder / "t.measurements")
     scale = video.settings.recording.pixels_per_mm

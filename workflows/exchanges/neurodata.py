@@ -1,4 +1,4 @@
-"""NWB: the inspector has nothing severe to say; pynwb reads what was written."""
+"""NWB: the inspector reports nothing severe; pynwb reads what was written."""
 
 import numpy as np
 

@@ -19,7 +19,7 @@ INTERRUPTED = 130
 
 
 def try_kills(folder, effort: Effort) -> Tried:
-    """Kill re-runs of curated results until they are through, and compare the tables."""
+    """Kill re-runs of curated results until one completes, and compare the tables."""
     tried, rng = Tried(), np.random.default_rng(effort.seed)
     start, work = real_session.curated(folder)
     expected, duration = _undisturbed(start, work)
@@ -101,7 +101,7 @@ def _program_killed(work, moment) -> bool:
 
 
 def _lives(pid) -> bool:
-    """Whether a process is there and no zombie."""
+    """Whether a process exists and is not a zombie."""
     try:
         return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
     except OSError:
@@ -132,13 +132,13 @@ def try_interrupts(folder, effort: Effort) -> Tried:
 
 
 def _children_cpu() -> float:
-    """Time of the processors in processes of this one that have ended [s]."""
+    """CPU time of the finished children of this process [s]."""
     used = resource.getrusage(resource.RUSAGE_CHILDREN)
     return used.ru_utime + used.ru_stime
 
 
 def _cpu_of(process) -> float:
-    """Time of the processors in a process that is alive [s]."""
+    """CPU time of a process that is alive [s]."""
     fields = Path(f"/proc/{process.pid}/stat").read_text().rsplit(")", 1)[1].split()
     return sum(map(int, fields[11:13])) / os.sysconf("SC_CLK_TCK")
 

@@ -48,18 +48,18 @@ class Watched:
         self._ended = threading.Event()
 
     def watch(self) -> None:
-        """Look again and again until it is ended."""
+        """Poll until it is stopped."""
         while not self._ended.wait(0.05):
             self.files = max(self.files, len(set(os.listdir("/dev/fd")) - self._before))
 
     def end(self) -> None:
-        """Look no more."""
+        """Stop polling."""
         self._ended.set()
 
 
 @contextmanager
 def watched():
-    """Yield what watches this process's open files."""
+    """Yield a watcher of this process's open files."""
     watch = Watched()
     thread = threading.Thread(target=watch.watch)
     thread.start()

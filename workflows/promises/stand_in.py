@@ -1,4 +1,4 @@
-"""Runs whose analysis is quick: what is tried are the files, not the science."""
+"""Runs with a quick stand-in for the analysis: they test the handling of files only."""
 
 import hashlib
 import os
@@ -80,7 +80,7 @@ STAND_IN = batch.Source(find_inputs, analyse)
 
 
 def run(videos, out, jobs=1, **options) -> batch.Summary:
-    """As `batch.run`, by the quick analysis and with a report that is written quickly."""
+    """As `batch.run`, with the quick analysis and a short report."""
     draw_quickly()
     return batch.run([videos], out, jobs=jobs, source=STAND_IN, **options)
 

@@ -1,4 +1,4 @@
-"""What a promise is, and what came of trying it."""
+"""A promise, how it is tried, and the outcome."""
 
 import resource
 import time
@@ -21,12 +21,12 @@ class Effort:
 
 @dataclass
 class Tried:
-    """What came of trying a promise.
+    """The outcome of trying a promise.
 
     Attributes
     ----------
     cases : how many were tried
-    broken : what was found against the promise, a sentence each
+    broken : violations of the promise that were found, a sentence each
     said : what was measured
     """
 
@@ -63,7 +63,7 @@ class Promise:
 
 @dataclass(frozen=True)
 class Result:
-    """A promise, what came of trying it, and how long that took [s]."""
+    """A promise, its outcome, and how long the trial took [s]."""
 
     promise: Promise
     tried: Tried
@@ -88,6 +88,6 @@ def for_ci(promise: Promise) -> Effort:
 
 
 def _cpu() -> float:
-    """Time of the processors in this process and in its children that have ended [s]."""
+    """CPU time of this process and of its finished children [s]."""
     used = (resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
     return sum(each.ru_utime + each.ru_stime for each in used)
