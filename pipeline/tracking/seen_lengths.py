@@ -1,7 +1,8 @@
 """How long whiskers are seen, whatever lengths and scale are given: one of them may be wrong.
 
 Lines are followed no farther than the lengths given allow. Where they go so far, and where no
-line is found at all, whiskers are looked for once more with lengths that suit the picture.
+line is found at all, whiskers are looked for once more with lengths that suit the picture, in
+fewer frames.
 """
 
 from typing import NamedTuple
@@ -9,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pipeline.tracking.registry import find_roster
-from pipeline.tracking.whiskers import options_for_picture, tracing_options
+from pipeline.tracking.whiskers import ENOUGH_FRAMES, options_for_picture, tracing_options
 
 AT_THE_LIMIT = 0.97  # of the longest line that a length allows: the whisker may go on
 LONGER = 1.3  # times the length given: the length or the scale is wrong
@@ -38,7 +39,8 @@ def odd_length(indices, frames, epochs, roster, settings) -> SeenLength | None:
     odd = None
     if limited or not roster:
         options = options_for_picture(recording, shape)
-        again = find_roster(frames, epochs, options, indices=indices)
+        few = np.unique(np.linspace(0, len(frames) - 1, ENOUGH_FRAMES).astype(int))
+        again = find_roster(frames[few], epochs, options, indices=np.asarray(indices)[few])
         shortest_px = tracing_options(settings, shape).shortest_px
         odd = _longer(limited, again) if roster else _too_short(again, shortest_px)
     return odd or _implausible(roster, recording.pixels_per_mm)
