@@ -12,6 +12,7 @@ paper
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.special import roots_legendre
@@ -68,7 +69,11 @@ class Modes:
 
     def at_base(self, derivative):
         """The derivative's values at the base, (n_modes,)."""
-        return self.shape(np.zeros(()), derivative)
+        return self._at_base[derivative].copy()
+
+    @cached_property
+    def _at_base(self):
+        return [self.shape(np.zeros(()), derivative) for derivative in range(4)]
 
     def angular_frequency(self, whisker):
         """Undamped p_k = p'_k/L² √(E I0/ρ0) [rad/s] of a whisker of this taper (Eq. 39)."""

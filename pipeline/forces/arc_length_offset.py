@@ -41,7 +41,6 @@ from pipeline.numerics.robust import robust_sd
 from pipeline.session.parameters import DEFAULTS, RodParams
 from whiskermodel.whisker import Whisker
 
-LOCAL_SD_M = 3e-6  # what a smooth function cannot follow
 MOST_KNOTS = 400
 ANGLE_TERMS = 3
 TIP_PART = 0.3  # of the frames in which the tip must be seen at least
@@ -60,7 +59,6 @@ TOGETHER = 5.0  # rows that count as one: those of a contact err together
 LASTING_SHARE = 0.1
 LASTING_REACH_M = 1.5e-3
 ROUNDS = 3  # of Gauss–Newton
-BENDING_SD_M = 0.003e-3  # of the bending's answer, even where all is well
 EXPLAINED_SD = 2.0  # standard errors by which bending, tip and session may differ
 POLE_LEVER = 6.0  # how much farther a misplaced pole moves the answer
 
@@ -104,7 +102,7 @@ class _Evidence:
         for first in range(0, n, 4096):  # rows by terms would not fit into memory
             part = self.design[first : first + 4096]
             variance[first : first + 4096] = np.asarray(part.multiply(part @ inverse).sum(1))[:, 0]
-        se = np.sqrt(np.maximum(variance, 0.0) + LOCAL_SD_M**2)
+        se = np.sqrt(np.maximum(variance, 0.0))
         per_tip = float(np.mean(self.design @ (inverse @ self.tip)))
         return Origin(self.design @ self.weights(), se, per_tip)
 
@@ -281,7 +279,7 @@ def _doubted(matrix, rhs, variance):
 def _misplaced_sd(gap, side):
     """Standard error [m] of the bending's answer from where the pole is taken to be."""
     sides = [np.nanmedian(gap[side == s]) for s in (-1, 1) if np.isfinite(gap[side == s]).any()]
-    return np.hypot(BENDING_SD_M, POLE_LEVER * max(map(abs, sides), default=0.0))
+    return POLE_LEVER * max(map(abs, sides), default=0.0)
 
 
 def _trust(pull, bend):

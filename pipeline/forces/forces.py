@@ -206,7 +206,7 @@ def point_force(rest: pd.DataFrame, fit: ShapeFit, params: RodParams = DEFAULTS.
 
 def _rest_shape(places, whisker, curvature_at, time, free) -> RestModel | None:
     """Rest shape, by the angle of the follicle, from the free frames."""
-    rows = places.rather_shown(np.flatnonzero(free), rest_shape.PLENTY)
+    rows = rest_shape.enough(places.rather_shown(np.flatnonzero(free), rest_shape.PLENTY))
     if len(rows) < rest_shape.FEWEST_FRAMES:
         return None
     places = places.rows(rows)

@@ -32,6 +32,8 @@ LEAST_SD = 1e-6  # [1/m]
 CORRELATED_FRAMES = 10  # neighbouring frames share their errors: how many count as one
 # frames at one place share theirs too, of pixels and background: a pixel's way at 5 mm, about
 SAME_ANGLE_RAD = 0.008
+MANY_FRAMES = 1000  # are left at least where not all free frames are looked at,
+NEIGHBOURS = 3  # but one of so many
 DRIFT_TIME_S = 0.3  # drift is followed over times longer than this
 DRIFT_SHRINK_FRAMES = 8  # so many frames of zero drift are added everywhere
 START_DRAWS = 100  # random small samples of frames, the best of which starts the robust fit
@@ -173,6 +175,14 @@ def _noise(left, covs, share):
     noise = (left * share[:, None]).T @ left + CORRELATED_FRAMES * measured
     noise /= share.sum() + CORRELATED_FRAMES
     return noise + np.eye(len(noise)) * LEAST_SD**2, measured
+
+
+def enough(rows) -> np.ndarray:
+    """Those of `rows`, frames in order, that show the rest shape about as well as all do.
+
+    Neighbouring frames lie and err alike: of many, up to NEIGHBOURS count as one.
+    """
+    return rows[:: int(np.clip(len(rows) // MANY_FRAMES, 1, NEIGHBOURS))]
 
 
 def by_leaning_angle(model: RestModel, lean) -> RestModel:

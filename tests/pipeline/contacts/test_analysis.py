@@ -252,15 +252,17 @@ def test_a_touch_is_found_where_the_rest_shape_hides_its_force():
     assert shortest["onset_frame"] not in find_contacts(evidence)["onset_frame"].tolist()
 
 
-def test_what_is_far_from_the_pole_touches_nothing():
+@pytest.mark.parametrize(("distance", "more"), [(0.17e-3, 1), (0.25e-3, 0)])
+def test_what_is_far_from_the_pole_touches_nothing(distance, more):
     """A force that seems there for some frames, as where the rest shape drifts, needs a pole."""
     traced, touch = analysed("noisy")
     evidence = touch.evidence.copy()
     far = evidence["distance_m"] > 0.5e-3
     start = next(i for i in evidence.index if far.loc[i : i + 11].sum() == 12)
-    evidence.loc[start : start + 11, ["log_odds", "probability"]] = 2.0, 1.0
-    evidence.loc[start : start + 11, "shape_force_N"] = 9 * evidence["shape_force_se_N"].median()
-    assert len(find_contacts(evidence)) == len(traced.true_contacts)
+    seeming = slice(start, start + 11)
+    evidence.loc[seeming, ["log_odds", "probability", "distance_m"]] = 2.0, 1.0, distance
+    evidence.loc[seeming, "shape_force_N"] = 9 * evidence["shape_force_se_N"].median()
+    assert len(find_contacts(evidence)) == len(traced.true_contacts) + more
 
 
 def test_contact_does_not_hang_on_the_forces_standard_error():

@@ -36,6 +36,15 @@ def test_noise_does_not_lift_the_peak(course, growing):
         assert abs(found / course.max() - 1) < 2 * BIAS
 
 
+def test_noise_is_judged_where_the_force_is_large():
+    """Noise of the upper half only, of which the errors say nothing."""
+    rng = np.random.default_rng(6)
+    course = half_gaussian(100)
+    seen = course + np.where(course > 0.6, NOISE, 0.1 * NOISE) * rng.normal(size=(60, 100))
+    found = np.mean([peak_of(each, np.full(100, NOISE)) for each in seen])
+    assert found < 1 + 0.4 * (seen.max(axis=1).mean() - 1)
+
+
 @pytest.mark.parametrize("n", [5, 20, 60, 250])
 def test_without_noise_the_peak_is_the_largest_value(n):
     course = half_gaussian(n)

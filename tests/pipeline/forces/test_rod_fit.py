@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from pipeline.forces import rod_fit
+from pipeline.forces.rod_integration import nearest_to
 from pipeline.forces.rod_outputs import CURVATURE_REACH_M
 from pipeline.kinematics.resampled import N_STATIONS, Stations
 from whiskermodel import rod
@@ -287,6 +288,20 @@ def test_one_wild_station_does_little():
     assert fit["force"][0] == pytest.approx(truth.contact_force[0], rel=0.02)
 
 
+def test_a_wild_station_moves_the_force_by_some_errors_only():
+    """Sixty errors off, of a whisker as noisy as its stations' information says."""
+    _, places = touching([0.2])
+    places = noisy(places, np.random.default_rng(4))
+
+    def force(off):
+        y = places.y.copy()
+        y[0, 30] += off * SD
+        moved = replace(places, y=y)
+        return rod_fit.fit_loaded(moved, mouse_c2(), CURVATURE_AT, known_rest(1))["force"][0]
+
+    assert 1 < (force(60) - force(0)) / (force(3) - force(0)) < 7
+
+
 def test_rows_that_cannot_be_fitted_are_missing_values():
     _, places = touching([0.1, 0.1, 0.1])
     places.information[0] = 0.0  # nothing measured
@@ -321,3 +336,14 @@ def test_the_origins_pull_follows_stations_and_rest_shape_as_influence():
         )
         change = (fit["origin_pull"] - start["origin_pull"]) / 0.02
         np.testing.assert_allclose(change, influence[:, N_STATIONS + j], rtol=0.02)
+
+
+@pytest.mark.parametrize(("start", "found"), [(6e-3, 6.93e-3), (12e-3, 11.07e-3)])
+def test_of_two_places_square_to_the_pole_the_one_near_the_start_is_found(start, found):
+    """A wave beneath a pole: two of its flanks face it alike."""
+    h = 0.25e-3
+    s = np.arange(73) * h
+    x, y = s, 1e-3 * np.cos(2 * np.pi * s / 6e-3)
+    angle = np.arctan(np.gradient(y, x))
+    place = nearest_to(x, y, np.cos(angle), np.sin(angle), h, start, 9e-3, 3e-3)
+    assert place == pytest.approx(found, abs=0.02e-3)
