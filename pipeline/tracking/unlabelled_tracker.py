@@ -43,14 +43,19 @@ class CrowdTracer(Tracer):
         self.pivot = options.px(params.crowd_pivot_mm)
         self.astray_sd = np.radians(params.astray_deg)
         self.young = max(frames_in(params.young_s, options.frames_per_second), 1)
+        self.rest = max(frames_in(params.rest_s, options.frames_per_second), 1)
+        self.unchanged = 0  # frames since a track began or ended
 
     def step(self, image) -> list[LineTrack]:
         """Advance by one frame; return the tracks of all lines that are seen."""
         self.frame += 1
         gain = self.model.gain(image)
+        before = len(self.tracks)
         self._follow_all(image, gain)
         self.tracks = [t for t in self.tracks if t.line is not None]
-        self._search_all(image, gain)
+        self.unchanged = self.unchanged + 1 if len(self.tracks) == before else 0
+        if self.unchanged < self.rest or self.unchanged % self.rest == 0:
+            self._search_all(image, gain)
         return self.tracks
 
     def settle_in(self, frames) -> None:
@@ -89,6 +94,7 @@ class CrowdTracer(Tracer):
             track = LineTrack(self.slot, number=next(self.number))
             track.take(line)
             self.tracks.append(track)
+            self.unchanged = 0
 
     def _foresee(self, present, image, gain) -> None:
         """Predict the tracks by the turn of the whole row, surer than each line's own motion."""
