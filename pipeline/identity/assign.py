@@ -29,7 +29,8 @@ ROUNDS = 2  # of naming all lines and learning the looks from them
 OTHERS = 3  # numbers of whiskers tried besides the likeliest, at most
 NEARLY = 1.05  # of its cost: numbers of whiskers that cost more are not tried
 LESS_OF_LOOKS = 0.2  # another way to the names: how lines move counts more
-OFTEN = 0.15  # of the frames: whiskers that tracklets lead to are seen in so many at least
+# whiskers that tracklets lead to are seen in so many of the frames; what looks count then
+BY_TRACKLETS = (0.15, 1.0), (0.3, LESS_OF_LOOKS)
 PER_POINT = ("x_px", "y_px", "se_px", "offset_px", "information", "thickness_px")
 FEWEST_FRAMES = 2  # shorter tracks that belong to no named whisker are dropped
 
@@ -191,9 +192,12 @@ def _other_ways(lines, first, others):
     for naming in others:
         yield _likeliest(lines, naming.model, naming.names)[0]
     yield _likeliest(lines, first.model, first.names, LESS_OF_LOOKS)[0]
-    names = often_seen(named_by_tracklets(lines), lines.frame, OFTEN)
-    if names.max(initial=-1) >= 0:
-        yield _likeliest(lines, seeds.looks_of(lines, names, LEAST_SD), names)[0]
+    by_tracklets = named_by_tracklets(lines)
+    for share, looks in BY_TRACKLETS:
+        names = often_seen(by_tracklets, lines.frame, share)
+        if names.max(initial=-1) >= 0:
+            model = seeds.looks_of(lines, names, LEAST_SD)
+            yield _likeliest(lines, model, names, looks)[0]
 
 
 def _likeliest(lines, model, named, looks=1.0):

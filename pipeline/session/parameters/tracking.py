@@ -67,7 +67,7 @@ class TrackerParams:
         0.005, "time in which the claim of a new track to its line grows to half", "chosen"
     )
     rest_s: quantity(0.0005, 1, "s") = parameter(
-        0.004, "after so long without a change, the lines of many whiskers are at rest; new ones "
+        0.003, "after so long without a change, the lines of many whiskers are at rest; new ones "
         "are then looked for as seldom", "chosen on real recordings",
     )  # fmt: skip
     astray_deg: quantity(0.1, 45, "°") = parameter(

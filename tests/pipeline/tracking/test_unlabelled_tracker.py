@@ -67,7 +67,7 @@ def test_it_goes_on_where_all_lines_are_lost_for_some_frames(crowd):
     assert seen[-1] >= len(roster) - 2
 
 
-def test_while_lines_rest_new_ones_are_looked_for_every_four_ms_and_found(crowd, monkeypatch):
+def test_while_lines_rest_new_ones_are_looked_for_every_3_ms_and_found(crowd, monkeypatch):
     _, scene, roster, options, images = crowd
     tracer = CrowdTracer(scene, roster, options)
     searched, search = [], tracer._search_all
@@ -75,8 +75,8 @@ def test_while_lines_rest_new_ones_are_looked_for_every_four_ms_and_found(crowd,
     empty = np.clip(scene.background, 0, 255).astype(np.uint8)
     for _ in range(20):
         assert tracer.step(empty) == []
-    assert len(searched) == 3 + 5  # before it counts as rest, and then in every fourth frame
-    seen = [len(tracer.step(images[0])) for _ in range(4)]
+    assert len(searched) == 2 + 6  # before it counts as rest, and then in every third frame
+    seen = [len(tracer.step(images[0])) for _ in range(3)]
     assert seen[-1] >= len(roster) - 2
 
 
