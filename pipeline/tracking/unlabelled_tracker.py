@@ -65,6 +65,7 @@ class CrowdTracer(Tracer):
         on by a whisker.
         """
         for image in (*frames, *frames[-2:0:-1]):
+            self.unchanged = 0  # every frame is searched
             self.step(image)
         second = {t.number: t.line.copy() for t in self.tracks}
         self.step(frames[0])
@@ -77,7 +78,7 @@ class CrowdTracer(Tracer):
             turn = row_rotation.even_turns(row_rotation.places(lines), np.array(turn))
         for track, angle in zip(self.tracks, turn, strict=True):
             track.line, track.before = (self._turned_back(track.line, k * angle) for k in (1, 2))
-        self.frame = -1
+        self.frame, self.unchanged = -1, 0
 
     def _turned_back(self, line, angle) -> Line:
         """A copy of the line, turned against the row's turn."""
