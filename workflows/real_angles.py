@@ -31,8 +31,9 @@ def first_slopes(lines) -> pd.DataFrame:
 def angle_figures(frames: pd.DataFrame) -> dict:
     """Jitter, steps and coverage of the base angles in a frames table with `slope_deg`."""
     known = frames[frames["tracked"] & (frames["confidence"] >= KNOWN)]
+    none = _of_whisker(known[:0])
     whiskers = [_of_whisker(part.sort_values("frame")) for _, part in known.groupby("whisker")]
-    pooled = {key: np.concatenate([w[key] for w in whiskers]) for key in _of_whisker(known[:0])}
+    pooled = {key: np.concatenate([w[key] for w in (none, *whiskers)]) for key in none}
     with np.errstate(invalid="ignore"):
         stepped = np.abs(pooled["step"]) > STEP_DEG
         smooth = stepped & (np.abs(pooled["slope_step"]) < STEP_DEG)

@@ -71,3 +71,10 @@ def test_slopes_are_those_of_the_first_points():
     assert slopes["whisker"].tolist() == ["w2", "w1"]
     assert slopes["slope_deg"][0] == pytest.approx(30.0)  # up on the screen
     assert np.isnan(slopes["slope_deg"][1])  # of 20 points only
+
+
+def test_a_video_without_a_known_line_has_no_figures():
+    frames = frames_table(np.random.default_rng(0), 0.2, 0.2).assign(confidence=0.1)
+    figures = real_angles.angle_figures(frames)
+    assert figures.pop("frames") == 0
+    assert all(np.isnan(value) for value in figures.values())
