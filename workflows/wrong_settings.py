@@ -59,7 +59,8 @@ def budget_covers(pairs, cone_lengths_mm: dict) -> np.ndarray:
 
     `pairs` as of `match_contacts`; `cone_lengths_mm` by whisker.
     """
-    cone, place = pairs["whisker"].map(cone_lengths_mm), pairs["contact_arc_length_mm"]
+    cone = pairs["whisker"].map(cone_lengths_mm).astype(float)  # of no contacts, too
+    place = pairs["contact_arc_length_mm"]
     by_taper = 0.01 * pairs["peak_force_uN"] * taper_share(cone, place)
     parts = [pairs["peak_force_se_uN"]]
     for each in ASSUMED:

@@ -6,6 +6,7 @@ import sys
 import accuracy
 import false_contacts
 import numpy as np
+import pandas as pd
 import pytest
 import wrong_settings
 from accuracy_targets import TARGETS, Target
@@ -14,6 +15,7 @@ from over_videos import spread
 from pages import write_between
 from peer_tracker import NoPeerError, find_peer, read_whiskers
 
+from pipeline.reports.error_budget import ASSUMED
 from pipeline.session.session_file import settings_from
 from synthetic.presets import PRESETS
 
@@ -145,6 +147,14 @@ def test_accuracy_of_two_videos_is_printed(tmp_path, capsys):
         assert f"### {heading}" in said
     assert (tmp_path / "accuracy.csv").exists()
     assert (tmp_path / "worst.csv").exists()
+
+
+def test_no_contacts_are_no_fault_of_the_error_budget():
+    columns = ["peak_force_uN", "peak_force_se_uN", "true_peak_force_uN", "contact_arc_length_mm"]
+    columns += [each.column for each in ASSUMED if each.column]
+    none = pd.DataFrame({name: pd.Series(dtype=float) for name in columns})
+    none["whisker"] = pd.Series(dtype="string")
+    assert len(wrong_settings.budget_covers(none, {"C1": 20.0})) == 0
 
 
 def test_free_frames_are_shared_among_presets_and_added_up():
