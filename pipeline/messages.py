@@ -26,7 +26,7 @@ def messages(settings, touch, video, epochs, followed, odd=None):
     if odd is not None:
         doubt = _of_another_length(settings, odd)
     else:
-        doubt = face_message(scenes, cast.roster, settings.recording.face)
+        doubt = face_message(scenes, (*cast.roster, *cast.refused), settings.recording.face)
     if doubt:
         yield doubt
     yield from _too_few_frames(video, followed.n_frames)
@@ -177,7 +177,7 @@ def face_message(scenes, roster, side: str) -> str | None:
     Parameters
     ----------
     scenes : the video's `StaticScene`s
-    roster : its whiskers, `Slot`s
+    roster : `Slot`s of its whiskers, and of what was refused as such
     """
     other = thickening_towards(roster) or next(
         (scene.likelier_side for scene in scenes if scene.likelier_side), None

@@ -17,6 +17,7 @@ from pipeline.session.inputs import PREVIEW_NAME, SETTINGS_NAME, find_inputs
 from pipeline.session.recording import Recording
 from pipeline.session.session_file import read_session, settings_from, write_session
 from pipeline.tracking.registry import find_roster
+from pipeline.tracking.whisker_evidence import whisker_like
 from pipeline.tracking.whiskers import options_for_picture
 from pipeline.video.negative import Negative
 from pipeline.video.open import open_video
@@ -113,7 +114,9 @@ def look_at(path) -> Look:
         scene, sample, scale = _scene_and_scale(video)
     recording = Recording(FRAMES_PER_SECOND, scale, scene.face_side)
     options = options_for_picture(recording, sample.shape[1:])
-    return Look(Path(path), scene, scale, len(find_roster(sample, scene, options)))
+    roster = find_roster(sample, scene, options)
+    likely, _ = whisker_like(roster, len(sample), sample.shape[1:])
+    return Look(Path(path), scene, scale, len(likely))
 
 
 def _dark_on_light(video):

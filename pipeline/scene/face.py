@@ -99,14 +99,14 @@ def thickening_towards(roster) -> str | None:
 def _thickens(lines) -> str | None:
     """Side towards which most `lines` of one whisker run if they get thicker, else None."""
     lines = [line for line in lines if line.n >= FEWEST_NODES]
-    ratios = np.array([_far_over_near(line.thickness[: line.n]) for line in lines])
+    ratios = np.array([far_over_near(line.thickness[: line.n]) for line in lines])
     if not np.isfinite(ratios).any() or np.nanmedian(ratios) < THICKER:
         return None
     x, y = np.sum([line.points[-1] - line.points[0] for line in lines], axis=0)
     return min(SIDES, key=lambda side: np.dot(INWARD[side], (x, y)))
 
 
-def _far_over_near(thickness):
+def far_over_near(thickness):
     """Median thickness of a line's last third over that of its first, NaN where unknown."""
     third = len(thickness) // 3
     near, far = thickness[:third], thickness[-third:]

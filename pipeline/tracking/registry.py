@@ -13,9 +13,9 @@ from pipeline.detection.static_scene import StaticScene
 from pipeline.tables.centrelines import Centrelines
 from pipeline.tracking import matching
 from pipeline.tracking.matching import Ruler
+from pipeline.tracking.whisker_evidence import ends_inside
 
 SEEN_TOGETHER = 3.0  # frames: two whiskers that would so often by chance are, at least once
-BORDER_PX = 12  # a line that ends nearer to the border may go on beyond it
 FEWEST_WHOLE = 3  # lines needed for a whisker's length
 SURE_OF_LENGTHS = 0.03  # by which lengths fit better in one order than in the other
 
@@ -237,8 +237,7 @@ def _posterior_first(slots: list[Slot], given_px, shape) -> bool:
 
 def _whole_length(lines, shape) -> float:
     """Median length [px] of lines that end inside the picture, NaN where hardly one does."""
-    ends = np.array([line.points[-1] for line in lines])
-    inside = np.all((ends > BORDER_PX) & (ends < np.array(shape[::-1]) - 1 - BORDER_PX), axis=1)
+    inside = ends_inside(lines, shape)
     if inside.sum() < FEWEST_WHOLE:
         return np.nan
     return float(np.median([line.n for line, whole in zip(lines, inside, strict=True) if whole]))

@@ -8,6 +8,7 @@ from pipeline.session.parameters import DEFAULTS
 from pipeline.session.schema import Settings, WhiskerSettings
 from pipeline.tracking.registry import Slot, find_roster
 from pipeline.tracking.tracker import options_for
+from pipeline.tracking.whisker_evidence import whisker_like
 from whiskermodel.whisker import Whisker
 
 ROSTER_FRAMES = 24
@@ -25,6 +26,7 @@ class Cast:
     whiskers : name → `Whisker`, None where its dimensions are not given
     nominal, hidden_lengths : one per slot; a stand-in where the whisker is None, and follicle to
         first visible point [m]
+    refused : `Slot`s of lines that are no whiskers' (`whisker_evidence`)
     """
 
     names: tuple[str, ...]
@@ -32,6 +34,7 @@ class Cast:
     whiskers: dict[str, Whisker | None]
     nominal: tuple[Whisker, ...]
     hidden_lengths: tuple[float, ...]
+    refused: tuple[Slot, ...] = ()
 
     @property
     def found(self) -> tuple[str, ...]:
@@ -43,7 +46,8 @@ class Cast:
         if names is None:
             return self
         kept = [k for k, slot in enumerate(self.roster) if slot.name in names]
-        return Cast(
+        return replace(
+            self,
             names=tuple(name for name in self.names if name in names),
             roster=tuple(self.roster[k] for k in kept),
             whiskers={name: w for name, w in self.whiskers.items() if name in names},
@@ -59,7 +63,8 @@ class Cast:
             return self.only(())
         typical, hidden = self.nominal[0], self.hidden_lengths[0]
         count = len(found)
-        return Cast(
+        return replace(
+            self,
             names=tuple(found),
             roster=tuple(replace(self.roster[0], name=name) for name in found),
             whiskers=dict.fromkeys(found),
@@ -77,7 +82,9 @@ def find_cast(indices, frames, epochs, settings: Settings) -> Cast:
     """Find the whiskers in some frames and bring them together with the settings' ones."""
     names = [w.name for w in settings.whisker] or None
     options = tracing_options(settings, frames.shape[1:])
-    return cast_of(find_roster(frames, epochs, options, names, indices), settings)
+    roster = find_roster(frames, epochs, options, names, indices)
+    likely, refused = whisker_like(roster, len(frames), frames.shape[1:])
+    return replace(cast_of(likely, settings), refused=tuple(refused))
 
 
 def cast_of(roster, settings: Settings) -> Cast:

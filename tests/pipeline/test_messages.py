@@ -53,7 +53,7 @@ def said_of(whiskers=({**WHISKER, "name": "C2"},), pole_xy=None, **changes):
     )
     names = tuple(w.name for w in settings.whisker) or given["found"]
     roster = [SimpleNamespace(samples=()) for _ in given["found"]]
-    cast = SimpleNamespace(names=names, found=given["found"], roster=roster)
+    cast = SimpleNamespace(names=names, found=given["found"], roster=roster, refused=())
     followed = SimpleNamespace(cast=cast, n_frames=given["read"], pole=given["pole"])
     video = SimpleNamespace(n_frames=given["n_frames"], exact_count=given["exact_count"])
     video.problems = lambda: iter(given["problems"])

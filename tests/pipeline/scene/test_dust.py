@@ -42,7 +42,7 @@ def frames(light, angles, opacity=0.6, seed=0):
     out = []
     for angle in angles:
         off = (rows - BASE[1]) * np.cos(angle) - (columns - BASE[0]) * np.sin(angle)
-        seen = np.hypot(columns - BASE[0], rows - BASE[1]) < 230
+        seen = np.clip(1.2 - np.hypot(columns - BASE[0], rows - BASE[1]) / 230, 0, 1)
         image = light * (1 - opacity * seen * np.exp(-0.5 * off**2))
         out.append(np.clip(np.rint(image + NOISE_SD * rng.normal(size=SHAPE)), 0, 255))
     return np.array(out, np.uint8)

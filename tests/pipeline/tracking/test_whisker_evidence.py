@@ -1,0 +1,84 @@
+"""Whiskers are told from walls, edges and scratches that come out of something dark."""
+
+import numpy as np
+import pytest
+
+from pipeline.run import analyse
+from pipeline.scene.estimate import scene_from_frames
+from pipeline.session.recording import Recording
+from pipeline.session.session_file import settings_from
+from pipeline.tracking.registry import find_roster
+from pipeline.tracking.tracker import options_for
+from pipeline.tracking.whisker_evidence import whisker_like
+
+SCALE, FRAMES = 20.0, 24  # px/mm
+FACE_PX, LIGHT = 40, 200.0  # grey
+RECORDING = {"frames_per_second": 1000.0, "pixels_per_mm": SCALE, "face": "left"}
+
+
+def picture(angle, near, far, length, seed):
+    """A dark face at the left, and a line out of it.
+
+    angle : of the line [rad]
+    near, far : absorbance summed across it at the face and at its end [px]
+    length : [px]
+    """
+    y, x = np.mgrid[:240, :400].astype(float)
+    along = (x - 10) * np.cos(angle) + (y - 120) * np.sin(angle)
+    across = (y - 120) * np.cos(angle) - (x - 10) * np.sin(angle)
+    thickness = (near + (far - near) * along / length) * (along < length)
+    dark = thickness / (1.2 * np.sqrt(2 * np.pi)) * np.exp(-(across**2) / (2 * 1.2**2))
+    image = np.where(x < FACE_PX, 10.0, LIGHT * np.exp(-dark))
+    image += np.random.default_rng(seed).normal(0, 2, image.shape)
+    return np.clip(np.rint(image), 0, 255).astype(np.uint8)
+
+
+def frames_of(swing, near, far, length=250):
+    """Frames in which a line turns by ±swing [rad]."""
+    angles = swing * np.sin(np.linspace(0, 12, FRAMES))
+    return np.stack([picture(angle, near, far, length, i) for i, angle in enumerate(angles)])
+
+
+def told_apart(frames):
+    recording = Recording(1000.0, SCALE, "left")
+    scene = scene_from_frames(frames, recording, None)
+    roster = find_roster(frames, scene, options_for(recording))
+    assert roster, "no line is found at all"
+    return whisker_like(roster, len(frames), frames.shape[1:])
+
+
+@pytest.mark.parametrize(
+    ("what", "swing", "near", "far", "length"),
+    [
+        ("a whisker that whisks", 0.1, 1.5, 0.2, 250),
+        ("a whisker that rests", 0.0, 1.5, 0.2, 250),
+        ("a whisker that whisks, trimmed to a third", 0.1, 1.5, 1.1, 120),
+        ("a whisker that whisks, its end out of the picture", 0.1, 1.5, 0.8, 500),
+    ],
+)
+def test_whiskers_are_kept(what, swing, near, far, length):
+    kept, refused = told_apart(frames_of(swing, near, far, length))
+    assert len(kept) == 1, what
+    assert not refused, what
+
+
+@pytest.mark.parametrize(
+    ("what", "swing", "near", "far", "length"),
+    [
+        ("a wall that leans", 0.0, 0.4, 1.4, 300),
+        ("a scratch", 0.0, 0.8, 0.8, 200),
+        ("an edge from side to side", 0.0, 1.5, 1.0, 500),
+        ("what turns about its far end", 0.1, 0.5, 1.5, 250),
+    ],
+)
+def test_other_things_are_refused(what, swing, near, far, length):
+    kept, refused = told_apart(frames_of(swing, near, far, length))
+    assert not kept, what
+    assert refused, what
+
+
+def test_a_wall_gives_no_whisker_and_the_face_is_doubted():
+    found = analyse(frames_of(0.0, 0.4, 1.4, 300), settings_from({"recording": RECORDING}))
+    assert found.frames.empty
+    assert 'write face = "right"' in found.messages[0]
+    assert "no whiskers found" in found.messages[1]
