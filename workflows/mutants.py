@@ -3,29 +3,30 @@
     python workflows/mutants.py                  # the changes that once survived the suite
     python workflows/mutants.py --random 40      # and forty drawn at random, by a printed seed
 
-A change is a sign, a comparison, a minimum for a maximum, or a number twice as large. It is
-noticed when a test of its room fails. Prints a table; the exit status is 1 where fewer than 95 %
-were noticed. A change that alters no number (an equivalent mutant) counts as survived: check it
-by eye.
+A change is a sign, a comparison, a minimum for a maximum, or a number twice as large; messages of
+errors are left alone. It is noticed when a test of its room fails; without it, all must pass.
+Functions that Numba compiles are first tested as plain Python, as far as that is quick.
+Prints a table; the exit status is 1 where fewer than 95 % were noticed. A change that alters no
+number (an equivalent mutant) counts as survived: check it by eye.
 """
 
 import argparse
 import ast
+import json
+import multiprocessing
 import os
 import re
 import secrets
 import shutil
-import subprocess
 import sys
 import tempfile
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-import pages
 
 ROOT = Path(__file__).resolve().parents[1]
-PACKAGES = ("pipeline", "whiskermodel", "synthetic", "tests", "workflows")
+PACKAGES = ("pipeline", "whiskermodel", "synthetic", "tests", "workflows", "docs")
 TESTS = {  # folder of the changed file: where its tests are
     "whiskermodel": ("tests/whiskermodel",),
     "pipeline/forces": ("tests/pipeline/forces",),
@@ -41,6 +42,10 @@ INSIDE = {  # of which file's tests theirs are a part
 ROOMS = ("whiskermodel", "pipeline/forces", "pipeline/contacts")  # of random changes
 WANTED = 0.95
 TIMEOUT_S = 1800
+LONG_S = 0.5  # tests that take longer come last
+SECONDS = "seconds.jsonl"
+UNCOMPILED_S = 60  # of tests without compiling: Numba takes minutes for a changed rod
+LIBRARIES = ("numba", "pandas", "pytest", "scipy.optimize", "scipy.stats")  # imported once
 NAMED = (  # file, line as it is, changed line
     (
         "pipeline/contacts/summary.py",
@@ -79,6 +84,9 @@ SWAPS = {
     ast.LtE: ">",
     ast.GtE: "<",
 }
+METHODS = multiprocessing.get_all_start_methods()
+_PROCESSES = multiprocessing.get_context("forkserver" if "forkserver" in METHODS else "spawn")
+_PROCESSES.set_forkserver_preload(list(LIBRARIES))
 WORDS = {"min": "max", "max": "min", "minimum": "maximum", "maximum": "minimum"}
 
 
@@ -105,11 +113,11 @@ def named_mutants() -> list[Mutant]:
     return found
 
 
-def random_mutants(count: int, rng) -> list[Mutant]:
-    """Changes drawn from all that `changes_of` finds in the ROOMS, at most one per line."""
+def random_mutants(count: int, rng, rooms=ROOMS) -> list[Mutant]:
+    """Changes drawn from all that `changes_of` finds in the rooms, at most one per line."""
     every = [
         change
-        for room in ROOMS
+        for room in rooms
         for path in sorted((ROOT / room).glob("*.py"))
         for change in changes_of(path.relative_to(ROOT).as_posix(), path.read_text("utf-8"))
     ]
@@ -118,10 +126,13 @@ def random_mutants(count: int, rng) -> list[Mutant]:
 
 def changes_of(path: str, text: str) -> list[Mutant]:
     """Every line's possible change (the last one found on it)."""
-    lines, found = text.splitlines(), {}
-    for node in ast.walk(ast.parse(text)):
+    lines, found, tree = text.splitlines(), {}, ast.parse(text)
+    messages = {
+        part for node in ast.walk(tree) if isinstance(node, ast.Raise) for part in ast.walk(node)
+    }
+    for node in ast.walk(tree):
         change = _change(node, lines)
-        if change is not None:
+        if change is not None and node not in messages:
             line, first, last, new = change
             old = lines[line]
             found[line] = Mutant(path, line, old, old[:first] + new + old[last:])
@@ -150,23 +161,120 @@ def _change(node, lines):
     return None
 
 
-def survives(mutant: Mutant, copy: Path) -> bool:
-    """Whether the tests of the changed file's room pass in the `copy` of the code."""
-    path = copy / mutant.path
-    original, times = path.read_text("utf-8"), path.stat()
-    lines = original.splitlines()
-    lines[mutant.line] = mutant.after
-    path.write_text("\n".join(lines) + "\n", "utf-8")
-    try:
-        return _tests_pass(mutant.path, copy)
-    finally:
-        path.write_text(original, "utf-8")
-        os.utime(path, ns=(times.st_atime_ns, times.st_mtime_ns))
+class Copy:
+    """A copy of the code, its compiled code, and how long each test takes there."""
+
+    def __init__(self, folder: Path):
+        self.root, self.compiled, self.times = folder / "code", folder / "compiled", {}
+        for name in PACKAGES:
+            shutil.copytree(ROOT / name, self.root / name)
+        for name in ("pyproject.toml", "README.md"):
+            shutil.copy2(ROOT / name, self.root)
+
+    def prepare(self, room: str) -> None:
+        """Compile and time the tests of a room; ValueError where they fail as the code is."""
+        for _ in range(2):  # the first compiles, the second shows how long the tests take
+            if not self._pass(room, Run(self.compiled)):
+                said = (self.root / "said.txt").read_text("utf-8")
+                raise ValueError(f"tests of {room} must pass as the code is, got\n{said}")
+        self.times[room] = self._measured()
+        self._pass(room, Run(None, self.times[room]), UNCOMPILED_S)
+        self.times[room, "uncompiled"] = self._measured()
+
+    def survives(self, mutant: Mutant) -> bool:
+        """Whether the tests of the changed file's room pass."""
+        path, room = self.root / mutant.path, room_of(mutant.path)
+        original, times = path.read_text("utf-8"), path.stat()
+        lines = original.splitlines()
+        lines[mutant.line] = mutant.after
+        path.write_text("\n".join(lines) + "\n", "utf-8")
+        with tempfile.TemporaryDirectory(dir=self.root) as folder:
+            compiled = Path(folder) / "compiled"
+            shutil.copytree(self.compiled, compiled, copy_function=os.link)
+            plain = Run(None, self.times[room, "uncompiled"], only=True)
+            try:
+                return ("njit" not in original or self._pass(mutant.path, plain)) and (
+                    self._pass(mutant.path, Run(compiled, self.times[room]))
+                )
+            finally:
+                path.write_text(original, "utf-8")
+                os.utime(path, ns=(times.st_atime_ns, times.st_mtime_ns))
+
+    def _pass(self, path, run, most=TIMEOUT_S) -> bool:
+        files = [str(file) for file in tests_of(path, self.root)]
+        process = _PROCESSES.Process(target=_run, args=(self.root, run, files))
+        process.start()
+        process.join(most)
+        if process.exitcode is None:  # it no longer ends
+            process.kill()
+            process.join()
+        return process.exitcode == 0
+
+    def _measured(self):
+        """Seconds of every test that passed in the last run."""
+        lines = (self.root / SECONDS).read_text("utf-8").splitlines()
+        return dict(json.loads(line) for line in lines)
+
+
+@dataclass(frozen=True)
+class Run:
+    """How tests are run: Numba's folder (None: nothing is compiled), how long tests take by
+    their names (those that take long come last), and whether these are all to be run."""
+
+    compiled: Path | None
+    seconds: dict = field(default_factory=dict)
+    only: bool = False
+
+
+def _run(root, run, files):
+    """Tests in a process of its own, which ends with pytest's exit status."""
+    with open(root / "said.txt", "w") as said:
+        for stream in (1, 2):
+            os.dup2(said.fileno(), stream)
+    os.chdir(root)
+    sys.path.insert(0, str(root))
+    sys.dont_write_bytecode = True  # Python knows a changed file by the second only
+    os.environ["PYTHONPATH"] = str(root)
+    import numba
+    import pytest
+
+    if run.compiled is None:
+        numba.config.DISABLE_JIT = True
+    else:
+        os.environ["NUMBA_CACHE_DIR"] = numba.config.CACHE_DIR = str(run.compiled)
+    clock = _Clock(run, root / SECONDS)
+    sys.exit(int(pytest.main(["-x", "-q", "-p", "no:cacheprovider", *files], plugins=[clock])))
+
+
+class _Clock:
+    """Plugin of pytest: notes how long tests take, and puts those last that took long."""
+
+    def __init__(self, run, path):
+        self.run, self.path, self.spent = run, path, {}
+        path.write_text("", "utf-8")
+
+    def pytest_collection_modifyitems(self, items):
+        if self.run.only:
+            items[:] = [item for item in items if item.nodeid in self.run.seconds]
+        items.sort(key=lambda item: self.run.seconds.get(item.nodeid, 0.0) > LONG_S)
+
+    def pytest_runtest_logreport(self, report):
+        self.spent[report.nodeid] = self.spent.get(report.nodeid, 0.0) + report.duration
+        if report.failed and self.run.only and "ZeroDivisionError" in report.longreprtext:
+            os._exit(0)  # what Python refuses, compiled code may do
+        if report.passed and report.when == "teardown":
+            with self.path.open("a", encoding="utf-8") as file:
+                file.write(json.dumps([report.nodeid, self.spent[report.nodeid]]) + "\n")
+
+
+def room_of(path: str) -> str:
+    """The room of TESTS that a file (or the room itself) belongs to."""
+    return next(room for room in TESTS if f"{path}/".startswith(f"{room}/"))
 
 
 def tests_of(path: str, root: Path) -> list[Path]:
     """Test files of a file's room, those first that name it most: there changes are noticed."""
-    room = next(room for room in TESTS if path.startswith(f"{room}/"))
+    room = room_of(path)
     name = re.compile(rf"\b(test_)?{INSIDE.get(Path(path).stem, Path(path).stem)}\b")
     files = []
     for place in TESTS[room]:
@@ -183,49 +291,35 @@ def tests_of(path: str, root: Path) -> list[Path]:
     )
 
 
-def _tests_pass(path, copy) -> bool:
-    command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider"]
-    command += [str(file) for file in tests_of(path, copy)]
-    environment = {**os.environ, "PYTHONPATH": str(copy), "OMP_NUM_THREADS": "1"}
-    try:
-        done = subprocess.run(
-            command, cwd=copy, env=environment, capture_output=True, timeout=TIMEOUT_S
-        )
-    except subprocess.TimeoutExpired:
-        return False  # it no longer ends
-    return done.returncode == 0
-
-
-def copied(folder: Path) -> Path:
-    """The code and its tests in a folder, with compiled code and times as they are."""
-    for name in PACKAGES:
-        shutil.copytree(ROOT / name, folder / name)
-    for name in ("pyproject.toml", "README.md"):
-        shutil.copy2(ROOT / name, folder)
-    return folder
-
-
 def main(argv=None) -> int:
     """Change, test and count; 1 where too many changes survive."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     parser.add_argument("--random", type=int, default=0, help="changes drawn at random")
     parser.add_argument("--seed", type=int, help="of these (default: a new one)")
+    parser.add_argument("--room", choices=ROOMS, action="append", help="of these only")
     args = parser.parse_args(argv)
     seed = secrets.randbits(31) if args.seed is None else args.seed
-    mutants = named_mutants() + random_mutants(args.random, np.random.default_rng(seed))
+    rooms = tuple(args.room or ROOMS)
+    named = [m for m in named_mutants() if not args.room or m.path.startswith(rooms)]
+    mutants = named + random_mutants(args.random, np.random.default_rng(seed), rooms)
     rows, survived = [], 0
     with tempfile.TemporaryDirectory() as folder:
-        copy = copied(Path(folder))
+        copy = Copy(Path(folder))
+        for room in dict.fromkeys(room_of(mutant.path) for mutant in mutants):
+            copy.prepare(room)
         for mutant in mutants:
-            left = survives(mutant, copy)
+            left = copy.survives(mutant)
             survived += left
             place = f"{mutant.path}:{mutant.line + 1}"
             rows.append([place, f"`{mutant.after.strip()}`", "SURVIVED" if left else "noticed"])
             print(*rows[-1], file=sys.stderr)
+    import pages  # not in the processes that test: they take all packages from the copy
+
     print(pages.table(["where", "changed line", ""], rows))
     print(f"\n{len(rows) - survived} of {len(rows)} changes noticed; random ones of seed {seed}")
     return int(survived > (1 - WANTED) * len(rows))
 
 
 if __name__ == "__main__":
+    os.environ["OMP_NUM_THREADS"] = "1"
     sys.exit(main())

@@ -14,6 +14,8 @@ def f(a, b):
     total = a + b
     if a < 2.5:
         return np.minimum(a, b)
+    if b == 0:
+        raise ValueError(f"b must not be 0, got {2.0 * b}")
     return max(total, 1)
 '''
 
@@ -24,7 +26,7 @@ def test_every_kind_of_change_is_found():
         5: "total = a - b",
         6: "if a < 5.0:",
         7: "return np.maximum(a, b)",
-        8: "return min(total, 1)",
+        10: "return min(total, 1)",
     }
     for change in changes:
         lines = CODE.splitlines()
@@ -51,9 +53,10 @@ def test_named_changes_are_lines_of_the_code():
 @pytest.mark.parametrize(
     ("path", "first"),
     [
-        ("pipeline/forces/rod_outputs.py", "test_rod_fit.py"),
+        ("pipeline/forces/rod_outputs.py", "test_rod_outputs.py"),
+        ("pipeline/forces/normal_equations.py", "test_rod_fit.py"),
         ("pipeline/forces/forces.py", "test_forces.py"),
-        ("pipeline/contacts/intervals.py", "test_analysis.py"),
+        ("pipeline/contacts/intervals.py", "test_intervals.py"),
         ("whiskermodel/supported.py", "test_supported.py"),
     ],
 )

@@ -1,0 +1,257 @@
+"""What makes a contact of frames that probably touch, each rule on evidence made for it."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from pipeline.contacts.intervals import (
+    _is_held,
+    _is_pushed_more_than_beside,
+    _is_stopped,
+    find_contacts,
+)
+from pipeline.session.parameters import DEFAULTS
+from pipeline.tables.columns import split_flags
+
+PARAMS = DEFAULTS.contacts
+N, FIRST, LAST = 130, 50, 70  # frames, and those of a touch
+UN, UM = 1e-6, 1e-6
+
+
+def course(rows, value, rest=0.0):
+    out = np.full(N, rest)
+    out[rows] = value
+    return out
+
+
+def evidence(**columns):
+    """A whisker that is pushed by 5 µN in its touch and free before and after.
+
+    In free frames, forces of 0.1 µN and gaps of 10 µm alternate in sign.
+    """
+    inside, turn = slice(FIRST, LAST), np.where(np.arange(N) % 2, 1.0, -1.0)
+    table = {
+        "whisker": "C2",
+        "frame": np.arange(N),
+        "probability": course(inside, 0.995),
+        "side": course(inside, 1.0).astype(int),
+        "distance_m": course(inside, 0.0, 1e-3),
+        "gap_m": course(inside, 0.0, 1e-3) + 10 * UM * turn,
+        "gap_se_m": 5 * UM,
+        "shape_force_N": course(inside, 5 * UN) + 0.1 * UN * turn,
+        "shape_force_se_N": 0.1 * UN,
+        "point_force_N": course(inside, 5 * UN) + 0.1 * UN * turn,
+        "origin_force_se_N": 0.0,
+        "contact_m": 12e-3,
+        "lateral_per_force": 1.0,
+        "chi2": 1.0,
+        "bending_origin_m": 0.0,
+        "bending_origin_se_m": 10 * UM,
+        "rest_known": True,
+        "base_angle_rad": 0.0,
+    }
+    return pd.DataFrame(table | columns)
+
+
+def spans(table):
+    return list(zip(table["onset_frame"], table["offset_frame"], strict=True))
+
+
+def flags_of(**columns):
+    return split_flags(find_contacts(evidence(**columns)).iloc[0]["flags"])
+
+
+def test_a_plain_touch():
+    probability = course(slice(FIRST, LAST), 1.0)
+    probability[FIRST : FIRST + 10] = 0.9
+    found = find_contacts(evidence(probability=probability))
+    assert spans(found) == [(FIRST, LAST)]
+    row = found.iloc[0]
+    assert (row["side"], row["slip"], row["flags"]) == (1, False, "")
+    assert row["probability"] == pytest.approx(0.95)
+
+
+def test_a_touch_ends_where_the_pole_changes_sides():
+    """Frames in which no side is known belong to the touch before."""
+    side = course(slice(FIRST, LAST), 1).astype(int)
+    side[60:LAST], side[58:60] = -1, 0
+    found = find_contacts(evidence(side=side))
+    assert spans(found) == [(FIRST, 60), (60, LAST)]
+    assert found["side"].tolist() == [1, -1]
+    assert found["slip"].tolist() == [True, False]
+
+
+@pytest.mark.parametrize(("late", "slips"), [(0, True), (3, True), (4, False)])
+def test_a_slip_is_the_pole_on_the_other_side_within_4_ms(late, slips):
+    side = course(slice(FIRST, LAST), 1).astype(int)
+    side[LAST + late :] = -1
+    assert find_contacts(evidence(side=side))["slip"].tolist() == [slips]
+
+
+@pytest.mark.parametrize(("share", "number"), [(0.4, 0), (0.6, 1)])
+def test_half_of_a_touch_is_near_the_pole(share, number):
+    """Nearer than 0.2 mm."""
+    distance = course(slice(FIRST, LAST), 0.25e-3, 1e-3)
+    distance[FIRST : FIRST + round(share * (LAST - FIRST))] = 0.15e-3
+    assert len(find_contacts(evidence(distance_m=distance))) == number
+
+
+@pytest.mark.parametrize(
+    ("peak_in_errors", "scatter", "found"),
+    [
+        (6.0, 5.0, True),  # of its own errors, however forces of free frames scatter
+        (2.0, 1.0, False),
+        (2.0, 1 / 6, True),  # 12 times what free frames scatter by
+        (2.0, 1 / 3, False),  # 6 times
+    ],
+)
+def test_a_touch_pushes_by_its_error_or_by_others_scatter(peak_in_errors, scatter, found):
+    """`scatter`: of free frames, in errors of the force. The gap says nothing: it is far off."""
+    rng = np.random.default_rng(0)
+    force = 1 * UN * scatter * rng.normal(size=N)
+    force[FIRST:LAST] = peak_in_errors * UN
+    columns = {"shape_force_N": force, "point_force_N": force, "shape_force_se_N": 1 * UN}
+    assert len(find_contacts(evidence(**columns))) == found
+    if not found or peak_in_errors > 2.5:
+        return
+    columns["point_force_N"] = 0 * force  # both estimates have to stand out
+    assert len(find_contacts(evidence(**columns))) == 0
+
+
+def test_what_origin_and_base_add_to_the_error_makes_no_touch_faint():
+    wide = {"shape_force_se_N": 10 * UN, "origin_force_se_N": np.sqrt(100 - 1) * UN}
+    assert flags_of(**wide) == []
+    assert "faint_force" in flags_of(shape_force_se_N=10 * UN)
+
+
+def columns_of(**columns):
+    table = evidence(**columns)
+    return {name: table[name].to_numpy() for name in table}
+
+
+@pytest.mark.parametrize(("errors", "stops"), [(3.0, False), (4.0, True)])
+@pytest.mark.parametrize(("spread", "gap_se"), [(2 * UM, 5 * UM), (5 * UM, 2 * UM)])
+def test_a_gap_off_any_smooth_course_is_a_stop(errors, stops, spread, gap_se):
+    """`errors`: what a cubic through the touch and 6 frames on both sides leaves, per frame."""
+    time, frames = np.linspace(-1, 1, N), slice(FIRST - 6, LAST + 6)
+    kink = course(slice(FIRST + 4, LAST - 4), 1.0)
+    left = np.polyval(np.polyfit(time[frames], kink[frames], 3), time[frames]) - kink[frames]
+    usual = np.sqrt((left**2).sum() / (len(left) - 4))
+    gap = errors * 5 * UM / usual * kink + 1e-3 * np.polyval([3, -1, 2, 0.2], time)
+    gap[: FIRST - 6] = gap[LAST + 6 :] = 0.5e-3  # what is farther off does not count
+    assert _is_stopped(columns_of(gap_m=gap, gap_se_m=gap_se), FIRST, LAST, spread) == stops
+
+
+@pytest.mark.parametrize(("known", "enough"), [(2, False), (3, True)])
+def test_a_stop_is_seen_beside_some_frames_outside(known, enough):
+    gap = course(slice(FIRST, LAST, 2), 1e-3, -1e-3)
+    gap[: FIRST - known], gap[LAST:] = np.nan, np.nan
+    assert _is_stopped(columns_of(gap_m=gap), FIRST, LAST, 5 * UM) == enough
+
+
+@pytest.mark.parametrize(("errors", "pushed"), [(3.0, False), (4.0, True)])
+@pytest.mark.parametrize(("before", "after", "inside"), [(6, 6, 20), (3, 0, 20), (6, 6, 4)])
+def test_pushed_more_than_beside(errors, pushed, before, after, inside):
+    """By standard errors of the difference of two means; no mean is of more than 6 frames."""
+    stop, rng = FIRST + inside, np.random.default_rng(2)
+    free = np.ones(N, bool)
+    free[FIRST - 6 : stop + 6] = False
+    free[FIRST - before : FIRST] = free[stop : stop + after] = True
+    force = UN + 0.1 * UN * rng.normal(size=N)
+    noise = 1.4826 * np.nanmedian(np.abs(np.diff(np.where(free, force, np.nan)))) / np.sqrt(2)
+    error = noise * np.sqrt(1 / min(before + after, 6) + 1 / min(inside, 6))
+    beside = np.append(force[FIRST - before : FIRST], force[stop : stop + after]).mean()
+    force[FIRST:stop] = beside + errors * error
+    part = columns_of(shape_force_N=force, probability=np.where(free, 0.0, 0.9))
+    assert _is_pushed_more_than_beside(part, FIRST, stop) == pushed
+
+
+@pytest.mark.parametrize(("before", "inside"), [(2, 20), (6, 2)])
+def test_too_few_frames_say_nothing_of_a_push(before, inside):
+    probability = course(slice(FIRST - before), 0.0, 1.0)
+    probability[FIRST - before : FIRST] = 0.0
+    probability[: FIRST - 10] = 0.0
+    stop = FIRST + inside
+    probability[FIRST - 10 : FIRST - before] = 1.0
+    assert not _is_pushed_more_than_beside(columns_of(probability=probability), FIRST, stop)
+
+
+@pytest.mark.parametrize(("away", "held"), [(1.7, True), (2.3, False)])
+@pytest.mark.parametrize(("spread", "gap_se"), [(5 * UM, 10 * UM), (10 * UM, 5 * UM)])
+def test_a_touch_whose_force_is_hidden_lies_where_others_do(away, held, spread, gap_se):
+    """Within 2 of the larger error, in 3 frames; it is pushed more than its neighbours."""
+    place, gap = 30 * UM, np.full(N, 1e-3)
+    gap[FIRST : FIRST + 3] = place + away * 10 * UM
+    part = columns_of(gap_m=gap, gap_se_m=gap_se)
+    assert _is_held(part, FIRST, LAST, place, spread) == held
+    gap[FIRST] = 1e-3
+    assert not _is_held(columns_of(gap_m=gap, gap_se_m=gap_se), FIRST, LAST, place, spread)
+
+
+@pytest.mark.parametrize(("place", "number"), [(5 * UM, 2), (200 * UM, 1)])
+def test_a_hidden_touch_counts_where_firm_ones_show_the_place(place, number):
+    """A second stretch, in which the force's error is large, pushed more than beside it."""
+    second, error = slice(95, 105), np.full(N, 0.1 * UN)
+    probability, side = course(slice(FIRST, LAST), 1.0), course(slice(FIRST, LAST), 1)
+    force, gap = (evidence()[name].to_numpy(copy=True) for name in ("shape_force_N", "gap_m"))
+    probability[second], side[second], error[80:] = 1.0, 1, 5 * UN
+    force[second], gap[second] = UN, place
+    columns = {"shape_force_N": force, "point_force_N": 0 * force, "gap_m": gap, "side": side}
+    columns |= {"shape_force_se_N": error, "probability": probability, "distance_m": 0.0}
+    columns["side"] = side.astype(int)
+    found = find_contacts(evidence(**columns))
+    assert spans(found) == [(FIRST, LAST), (95, 105)][:number]
+
+
+@pytest.mark.parametrize(
+    ("misfit", "where", "flagged"),
+    [(6.0, 0.8, True), (3.0, 0.8, False), (6.0, 0.3, False)],
+)
+def test_a_misfit_under_load_is_flagged(misfit, where, flagged):
+    """χ² over that of free frames, 1.5, where the force is `where` of the largest."""
+    rows = slice(FIRST, LAST)
+    force, chi2 = course(rows, 5 * UN), np.full(N, 1.5)
+    loaded = slice(FIRST + 2, LAST - 2)
+    force[loaded], chi2[loaded] = where * 5 * UN, 1.5 * misfit
+    assert ("bends_unlike_rod" in flags_of(shape_force_N=force, chi2=chi2)) == flagged
+
+
+def test_free_frames_that_fit_too_well_lower_no_limit():
+    chi2 = course(slice(FIRST, LAST), 3.0, 0.2)
+    assert "bends_unlike_rod" not in flags_of(chi2=chi2)
+    assert "bends_unlike_rod" in flags_of(chi2=2 * chi2)
+
+
+def tilted(degrees):
+    return course(slice(FIRST, LAST), np.cos(np.deg2rad(degrees)), 0.1)
+
+
+@pytest.mark.parametrize(
+    ("columns", "flag", "flagged"),
+    [
+        ({"lateral_per_force": tilted(30.0)}, "large_deflection", False),
+        ({"lateral_per_force": -tilted(40.0)}, "large_deflection", True),
+        ({"contact_m": 6.6e-3}, "contact_near_curvature_window", False),
+        ({"contact_m": 6.4e-3}, "contact_near_curvature_window", True),
+        ({"bending_origin_m": -0.4e-3}, "base_contradicted", True),
+        ({"bending_origin_m": 0.2e-3}, "base_contradicted", False),
+        ({"bending_origin_m": 0.4e-3, "bending_origin_se_m": 0.2e-3}, "base_contradicted", False),
+        ({"bending_origin_m": 0.4e-3, "bending_origin_se_m": 0.1e-3}, "base_contradicted", True),
+        ({"probability": course(slice(FIRST, LAST), 0.98)}, "doubtful", True),
+        ({"probability": course(slice(FIRST, LAST), 0.995)}, "doubtful", False),
+        ({"rest_known": False}, "no_rest_curvature", True),
+        ({"base_angle_rad": course(60, np.nan)}, "gaps_in_trace", True),
+        ({"contact_m": course(60, np.nan, 12e-3)}, "gaps_in_trace", True),
+        ({"contact_m": np.nan, "rest_known": False}, "gaps_in_trace", False),
+    ],
+)
+def test_flags(columns, flag, flagged):
+    assert (flag in flags_of(**columns)) == flagged
+
+
+def test_touches_that_the_video_cuts():
+    table = evidence()
+    late, early = table.iloc[FIRST + 5 :], table.iloc[: LAST - 5]
+    for part, flag in ((late, "starts_before"), (early, "ends_after")):
+        (flags,) = find_contacts(part)["flags"]
+        assert split_flags(flags) == [flag]
