@@ -200,7 +200,7 @@ class _Basis:
         for ratio in (1.0, *self.overtones):
             swing = self._frequency(ratio, d, p) * t
             parts += [decay * np.cos(swing), decay * np.sin(swing)]
-        parts += [t**k + 0 * decay for k in range(self.background)]
+        parts += [np.broadcast_to(t**k, decay.shape) for k in range(self.background)]
         return np.stack(parts, axis=-1)
 
     def curve(self, q, t):

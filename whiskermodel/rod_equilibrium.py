@@ -95,7 +95,8 @@ def _grazing(whisker, pole_distance, pole_radius, side, curvature):
     """Where the free whisker would touch a pole at this distance from the base.
 
     Returns the contact's arc length [m] (extrapolated beyond the tip along the cone, NaN where
-    the pole is too near) and the direction of the pole from the base, against the base tangent.
+    the pole is too near) and the direction of the pole from the base, against the base tangent;
+    at one of 241 places, as equilibria are only followed from there.
     """
     n = len(pole_distance)
     end = min(whisker.cone_length * (1 - 1e-6), 1.3 * whisker.length)
@@ -108,12 +109,8 @@ def _grazing(whisker, pole_distance, pole_radius, side, curvature):
     beyond = distance >= pole_distance[:, None]
     first = np.argmax(beyond, axis=1)
     first = np.where(beyond.any(axis=1), first, 240)
-    i, j = np.arange(n), np.maximum(first - 1, 0)
-    with np.errstate(all="ignore"):
-        f = (pole_distance - distance[i, j]) / (distance[i, first] - distance[i, j])
-    f = np.where(beyond.any(axis=1), np.clip(f, 0, 1), 1.0)
-    mix = lambda a: a[i, j] + f * (a[i, first] - a[i, j])  # noqa: E731
-    return np.where(first == 0, np.nan, mix(s)), np.arctan2(mix(py), mix(px))
+    here = np.arange(n), first
+    return np.where(first == 0, np.nan, s[here]), np.arctan2(py[here], px[here])
 
 
 def _guess_in_family(whisker, guess_c, guess_force):

@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.optimize import curve_fit
+from scipy.stats import t as student
 
 from whiskermodel import Response, Whisker, half_gaussian, mouse_c2
 from whiskermodel.ringdown import Estimate, fit_ringdown, mean_estimate, youngs_modulus
@@ -30,6 +32,15 @@ def test_noiseless_decay_is_recovered(d, p, phase, amplitude, with_offset):
     assert fit.amplitude.value == pytest.approx(amplitude, rel=1e-5)
     assert np.cos(fit.phase.value - phase) == pytest.approx(1, abs=1e-6)
     np.testing.assert_allclose(fit(TIME + 3.7), signal, atol=1e-5 * amplitude)
+
+
+@pytest.mark.parametrize(("d", "p"), [(20.0, 0.95 * np.pi * 1e3), (60.0, 2000.0), (300.0, 130.0)])
+def test_swings_are_found_up_to_half_the_sampling_rate(d, p):
+    """In 120 ms, of up to 180 swings, or of less than one that is left over."""
+    time = np.arange(0, 120e-3, 1e-3)
+    fit = fit_ringdown(time, decay(time, d, p))
+    assert fit.angular_frequency.value == pytest.approx(p, rel=1e-6)
+    assert fit.damping_rate.value == pytest.approx(d, rel=1e-6)
 
 
 @pytest.mark.slow
@@ -144,6 +155,45 @@ def test_overtones_are_distinguished_from_the_first_mode():
     assert fit.angular_frequency.value == pytest.approx(FREQUENCY, rel=1e-6)
     assert fit.damping_rate.value == pytest.approx(DAMPING, rel=1e-5)
     np.testing.assert_allclose(fit(TIME), signal, atol=1e-6)
+
+
+@pytest.mark.parametrize("background", [0, 1, 2])
+@pytest.mark.parametrize("overtones", [(), OVERTONES])
+def test_every_interval_is_that_of_a_general_fit(overtones, background):
+    """SciPy's fit, which differentiates by steps, of the numbers as they are reported."""
+    rng = np.random.default_rng(4)
+    se = 0.02 * np.linspace(2, 0.5, len(TIME))
+    signal = (with_overtones(TIME) if overtones else decay(TIME)) + rng.normal(0, se)
+    signal += 0.2 * (background > 0) + 3 * TIME * (background > 1)
+    near = 0.8 * FREQUENCY, 1.25 * FREQUENCY
+    fit = fit_ringdown(TIME + 2, 7 * signal, background, overtones, 3 * se, near)
+
+    def curve(time, d, p, amplitude, phase, *rest):
+        out = decay(time, d, p, amplitude, phase)
+        for k, ratio in enumerate(overtones):
+            swing = np.sqrt(ratio**2 * (p**2 + d**2) - d**2)
+            out = out + np.exp(-d * time) * np.sin(swing * time) * rest[background + 2 * k]
+            out = out + np.exp(-d * time) * np.cos(swing * time) * rest[background + 2 * k + 1]
+        return out + sum(rest[k] * time**k for k in range(background))
+
+    start = [DAMPING, FREQUENCY, 7, 0.6, *np.zeros(background), *[1.0] * 2 * len(overtones)]
+    best, covariance = curve_fit(curve, TIME, 7 * signal, start, se, xtol=1e-12, ftol=1e-12)
+    width = student.ppf(0.975, len(TIME) - len(best)) * np.sqrt(np.diag(covariance))
+    names = ["damping_rate", "angular_frequency", "amplitude", "phase", "offset"]
+    for name, value, half in zip(names[: 4 + min(background, 1)], best, width, strict=False):
+        own = getattr(fit, name)
+        assert own.value == pytest.approx(value, rel=1e-4, abs=1e-4 * half), name
+        assert own.high - own.value == pytest.approx(half, rel=1e-3), name
+        assert own.value - own.low == pytest.approx(half, rel=1e-3), name
+    p = fit.undamped_angular_frequency
+    turn = best[:2] / np.hypot(*best[:2])
+    spread = width[0] * np.sqrt(turn @ covariance[:2, :2] @ turn / covariance[0, 0])
+    assert p.high - p.value == pytest.approx(spread, rel=1e-3)
+    residual = (signal * 7 - curve(TIME, *best)) / se
+    usual = 1 / np.sqrt(np.mean(1 / se**2))
+    expected = usual * np.sqrt((residual**2).sum() / (len(TIME) - len(best)))
+    assert fit.residual_sd == pytest.approx(expected, rel=1e-4)
+    np.testing.assert_allclose(fit(TIME + 2), curve(TIME, *best), atol=1e-4)
 
 
 @pytest.mark.slow
