@@ -233,7 +233,7 @@ def _starting_values(basis, t, wanted, weight, limits):
     orthogonal, triangle = np.linalg.qr(weight[:, None] * basis.columns(d, p, t))
     projected = np.einsum("gnk,n->gk", orthogonal, wanted)
     sound = np.abs(np.diagonal(triangle, axis1=1, axis2=2)).min(axis=1) > 1e-6
-    best = np.argmax(np.where(sound, (projected**2).sum(axis=1), -1.0))
+    best = np.argmax(sound * (projected**2).sum(axis=1))
     return np.array([d[best], p[best], *np.linalg.solve(triangle[best], projected[best])])
 
 

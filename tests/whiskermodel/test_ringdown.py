@@ -31,6 +31,8 @@ def test_noiseless_decay_is_recovered(d, p, phase, amplitude, with_offset):
     assert fit.undamped_angular_frequency.value == pytest.approx(np.hypot(p, d), rel=1e-6)
     assert fit.amplitude.value == pytest.approx(amplitude, rel=1e-5)
     assert np.cos(fit.phase.value - phase) == pytest.approx(1, abs=1e-6)
+    if not with_offset:
+        assert fit.offset == Estimate(0.0, 0.0, 0.0)
     np.testing.assert_allclose(fit(TIME + 3.7), signal, atol=1e-5 * amplitude)
 
 
