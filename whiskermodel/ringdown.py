@@ -6,7 +6,7 @@ Higher modes die away no faster than the first. They may be fitted beside it: th
 are known multiples of its own, each adds two amplitudes and no other unknown.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -250,8 +250,6 @@ class _Fitted:
 
     def described(self, residual_sd, start):
         """RingdownFit in physical units; intervals by the delta method."""
-        if self.q[1] < 0:  # the same curve with the other sign of p
-            return self._turned().described(residual_sd, start)
         d, p, cosine, sine = self.q[:4]
         amplitude, undamped = np.hypot(cosine, sine), np.hypot(d, p)
         turn = np.array([0, 0, sine, -cosine]) / amplitude**2  # of φ = atan2(cosine, sine)
@@ -262,7 +260,7 @@ class _Fitted:
         per_s, unit, q = 1 / self.scale, self.unit, self.q
         return RingdownFit(
             damping_rate=self._estimate(d, [1.0], per_s),
-            angular_frequency=self._estimate(p, [0, 1.0], per_s),
+            angular_frequency=self._estimate(abs(p), [0, 1.0], per_s),  # the curve has p² only
             undamped_angular_frequency=self._estimate(
                 undamped, [d / undamped, p / undamped], per_s
             ),
@@ -275,11 +273,6 @@ class _Fitted:
             start=float(start),
             _curve=lambda t: unit * self.basis.curve(q, t * per_s),
         )
-
-    def _turned(self):
-        sign = np.ones(len(self.q))
-        sign[1] = -1.0
-        return replace(self, q=sign * self.q, covariance=sign[:, None] * self.covariance * sign)
 
     def _estimate(self, value, gradient, factor):
         gradient = np.pad(gradient, (0, len(self.q) - len(gradient)))

@@ -105,6 +105,17 @@ def test_modulus_from_the_models_own_ringing():
     assert pinned < whisker.youngs_modulus  # its first swing is faster, so E would be less
 
 
+def test_the_sign_of_a_frequency_means_nothing():
+    signal = decay(TIME) + np.random.default_rng(5).normal(0, 0.02, len(TIME))
+    ahead, back = (
+        fit_ringdown(TIME, signal, frequency_range=r) for r in ((800, 1100), (-1100, -800))
+    )
+    for name in ("damping_rate", "angular_frequency", "undamped_angular_frequency", "phase"):
+        one, other = getattr(ahead, name), getattr(back, name)
+        expected = [one.value, one.low, one.high]
+        np.testing.assert_allclose([other.value, other.low, other.high], expected, rtol=1e-5)
+
+
 def test_geometry_widens_the_interval():
     frequency = Estimate(960.0, 940.0, 980.0)
     narrow = youngs_modulus(frequency, mouse_c2())
