@@ -58,8 +58,8 @@ from pipeline.tables import Centrelines
 SIDES = ("left", "right", "top", "bottom")
 INIT = "init"  # in the place of a scale
 HEADER = [
-    "video", "px/mm", "direction", "lines / frame", "known", "clear", "faint", "wrong / frame",
-    "distance", "CPU", "names agree",
+    "video", "face", "px/mm", "direction", "lines / frame", "known", "clear", "faint",
+    "wrong / frame", "distance", "CPU", "names agree",
 ]  # fmt: skip
 
 
@@ -145,7 +145,8 @@ def tables_of(video: Path, face: str, labelled, args):
             number = f"{settings.recording.pixels_per_mm:g}"
             named = f"{INIT}: {number}" if scale == INIT else number
             rows, run = rows_of(video, settings, labelled, reverse)
-            lines += [[video.stem, named, *row] for row in rows]
+            side = settings.recording.face
+            lines += [[video.stem, side, named, *row] for row in rows]
             angles.append(real_angles.angle_row(video.stem, named, run.frames, run.lines))
             for row in (*lines[-len(rows) :], angles[-1]):
                 print(" | ".join(row), file=sys.stderr, flush=True)

@@ -14,6 +14,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from pipeline.identity import label_swaps, motion_model, seeds
+from pipeline.identity.appearance import medians
 from pipeline.identity.features import ANGLE, LENGTH, NEAR_BEND, THICKNESS
 from pipeline.identity.limits import USUAL, Limits
 from pipeline.identity.ordered_assignment import Lines, looks_and_phases, named_in_order
@@ -244,10 +245,10 @@ def _in_order(whisker, lines, wanted, direction):
 
 
 def _medians(values, whisker, count):
-    """Median of every whisker's rows, NaN of none."""
-    return np.array([
-        np.nanmedian(values[whisker == k]) if n else np.nan for k, n in enumerate(count)
-    ])  # fmt: skip
+    """Median of every whisker's rows, NaN of none; whisker: −1 where a row has none."""
+    order = np.argsort(whisker, kind="stable")
+    unnamed = len(whisker) - count.sum()
+    return medians(values[order], np.append(unnamed, unnamed + np.cumsum(count)))
 
 
 def _runs_along(roster, dial) -> int:

@@ -99,7 +99,7 @@ def test_tables_of_what_was_found(tmp_path, monkeypatch, capsys):
     forwards, backwards = (dict(zip(table[0], row, strict=True)) for row in table[2:4])
     for row in (forwards, backwards):
         assert float(row.pop("CPU")) >= 0
-    same = {"video": "a", "px/mm": "12", "lines / frame": "2.0", "known": "75%"}
+    same = {"video": "a", "face": "left", "px/mm": "12", "lines / frame": "2.0", "known": "75%"}
     same |= {"clear": "1 of 2 (50%)", "faint": "–", "wrong / frame": "1.00"}
     assert forwards == same | {"direction": "forwards", "distance": "0.00", "names agree": "–"}
     # of the second whisker, five frames are unknown forwards, and five others backwards
