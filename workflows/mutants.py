@@ -5,7 +5,7 @@
 
 A change is a sign, a comparison, a minimum for a maximum, or a number twice as large; messages of
 errors are left alone. It is noticed when a test of its room fails; without it, all must pass.
-Functions that Numba compiles are first tested as plain Python, as far as that is quick.
+Functions that take Numba minutes to compile are first tested as plain Python.
 A change of the whisker model that no test notices may alter no number: it is told apart where all
 numbers of random inputs (`mutant_numbers`, a seed of their own) stay within a millionth; elsewhere
 it counts as survived, check it by eye. Prints a table; the exit status is 1 where fewer than 95 %
@@ -14,6 +14,7 @@ of what is not told apart were noticed.
 
 import argparse
 import ast
+import hashlib
 import json
 import multiprocessing
 import os
@@ -23,7 +24,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -49,7 +50,12 @@ NOTICED, SURVIVED, SAME_NUMBERS = "noticed", "SURVIVED", "alters no number"
 TIMEOUT_S = 1800
 LONG_S = 0.5  # tests that take longer come last
 SECONDS = "seconds.jsonl"
-UNCOMPILED_S = 60  # of tests without compiling: Numba takes minutes for a changed rod
+UNCOMPILED = {  # of files that take minutes to compile: tests that are quick as plain Python
+    "rod_integration": "tests/pipeline/forces/test_rod_integration.py",
+    **dict.fromkeys(
+        ("normal_equations", "rod_fit", "rod_outputs"), "tests/pipeline/forces/test_rod_outputs.py"
+    ),
+}
 LIBRARIES = ("numba", "pandas", "pytest", "scipy.optimize", "scipy.stats")  # imported once
 NAMED = (  # file, line as it is, changed line
     (
@@ -170,38 +176,54 @@ class Copy:
     """A copy of the code, its compiled code, and how long each test takes there."""
 
     def __init__(self, folder: Path):
-        self.root, self.compiled, self.times = folder / "code", folder / "compiled", {}
+        self.root, self.compiled, self.seconds = folder / "code", folder / "compiled", {}
         self.seed = secrets.randbits(31)  # of the numbers
         for name in PACKAGES:
             shutil.copytree(ROOT / name, self.root / name)
         for name in ("pyproject.toml", "README.md"):
             shutil.copy2(ROOT / name, self.root)
+        self._take_compiled()
+
+    def _take_compiled(self):
+        """Compiled code as it is beside the sources, or where NUMBA_CACHE_DIR says."""
+        from pipeline.runtime import numba_cache
+
+        numba_cache.prepare_cache()
+        elsewhere = os.environ.get("NUMBA_CACHE_DIR")
+        os.environ["NUMBA_CACHE_DIR"] = str(self.compiled)
+        numba_cache.drop_stale(self.root)  # notes the sources' times
+        for folder in {file.parent for file in self.root.rglob("*.py")}:
+            own = ROOT / folder.relative_to(self.root)
+            old = Path(elsewhere) / _cached(own) if elsewhere else own / "__pycache__"
+            new = self.compiled / _cached(folder)
+            for file in [*old.glob("*.nbi"), *old.glob("*.nbc")]:
+                new.mkdir(exist_ok=True)
+                shutil.copy2(file, new)
 
     def prepare(self, room: str) -> None:
         """Compile and time the tests of a room; ValueError where they fail as the code is."""
-        for _ in range(2):  # the first compiles, the second shows how long the tests take
-            if not self._pass(room, Run(self.compiled)):
-                said = (self.root / "said.txt").read_text("utf-8")
-                raise ValueError(f"tests of {room} must pass as the code is, got\n{said}")
-        self.times[room] = self._measured()
-        self._pass(room, Run(None, self.times[room]), UNCOMPILED_S)
-        self.times[room, "uncompiled"] = self._measured()
+        files = tests_of(room, self.root)
+        uncompiled = {self.root / test for test in UNCOMPILED.values()} & {*files}
+        if not (self._pass(files, self.compiled) and self._pass(sorted(uncompiled), None)):
+            said = (self.root / "said.txt").read_text("utf-8")
+            raise ValueError(f"tests of {room} must pass as the code is, got\n{said}")
+        lines = (self.root / SECONDS).read_text("utf-8").splitlines()
+        self.seconds.update(json.loads(line) for line in lines)
 
     def verdict(self, mutant: Mutant) -> str:
         """Whether the tests of the changed file's room pass and, if so, numbers are as before."""
-        path, room = self.root / mutant.path, room_of(mutant.path)
+        path = self.root / mutant.path
         original, times = path.read_text("utf-8"), path.stat()
         lines = original.splitlines()
         lines[mutant.line] = mutant.after
+        first = [self.root / UNCOMPILED[path.stem]] if path.stem in UNCOMPILED else []
+        files = tests_of(mutant.path, self.root)
         with tempfile.TemporaryDirectory(dir=self.root) as folder:
             compiled = Path(folder) / "compiled"
             shutil.copytree(self.compiled, compiled, copy_function=os.link)
-            plain = Run(None, self.times[room, "uncompiled"], only=True)
             path.write_text("\n".join(lines) + "\n", "utf-8")
             try:
-                if "njit" in original and not self._pass(mutant.path, plain):
-                    return NOTICED
-                if not self._pass(mutant.path, Run(compiled, self.times[room])):
+                if not (self._pass(first, None) and self._pass(files, compiled)):
                     return NOTICED
                 changed = self._numbers(mutant.path, compiled)
             finally:
@@ -230,20 +252,18 @@ class Copy:
             return None
         return np.load(file) if file.exists() else None
 
-    def _pass(self, path, run, most=TIMEOUT_S) -> bool:
-        files = [str(file) for file in tests_of(path, self.root)]
-        process = _PROCESSES.Process(target=_run, args=(self.root, run, files))
+    def _pass(self, files, compiled) -> bool:
+        """Whether tests pass; `compiled`: Numba's folder, None where nothing is compiled."""
+        if not files:
+            return True
+        names = [str(file) for file in files]
+        process = _PROCESSES.Process(target=_run, args=(self.root, compiled, names, self.seconds))
         process.start()
-        process.join(most)
+        process.join(TIMEOUT_S)
         if process.exitcode is None:  # it no longer ends
             process.kill()
             process.join()
         return process.exitcode == 0
-
-    def _measured(self):
-        """Seconds of every test that passed in the last run."""
-        lines = (self.root / SECONDS).read_text("utf-8").splitlines()
-        return dict(json.loads(line) for line in lines)
 
 
 def same(changed: np.ndarray | None, numbers: np.ndarray | None) -> bool:
@@ -253,17 +273,12 @@ def same(changed: np.ndarray | None, numbers: np.ndarray | None) -> bool:
     return np.allclose(changed, numbers, rtol=0, atol=SAME, equal_nan=True)
 
 
-@dataclass(frozen=True)
-class Run:
-    """How tests are run: Numba's folder (None: nothing is compiled), how long tests take by
-    their names (those that take long come last), and whether these are all to be run."""
-
-    compiled: Path | None
-    seconds: dict = field(default_factory=dict)
-    only: bool = False
+def _cached(folder: Path) -> str:
+    """Name of the folder in NUMBA_CACHE_DIR that Numba has for a folder of sources."""
+    return f"{folder.name}_{hashlib.sha1(str(folder).encode()).hexdigest()}"
 
 
-def _run(root, run, files):
+def _run(root, compiled, files, seconds):
     """Tests in a process of its own, which ends with pytest's exit status."""
     with open(root / "said.txt", "w") as said:
         for stream in (1, 2):
@@ -275,30 +290,31 @@ def _run(root, run, files):
     import numba
     import pytest
 
-    if run.compiled is None:
+    if compiled is None:
         numba.config.DISABLE_JIT = True
     else:
-        os.environ["NUMBA_CACHE_DIR"] = numba.config.CACHE_DIR = str(run.compiled)
-    clock = _Clock(run, root / SECONDS)
+        os.environ["NUMBA_CACHE_DIR"] = numba.config.CACHE_DIR = str(compiled)
+    clock = _Clock(seconds, root / SECONDS, compiled is None)
     sys.exit(int(pytest.main(["-x", "-q", "-p", "no:cacheprovider", *files], plugins=[clock])))
 
 
 class _Clock:
     """Plugin of pytest: notes how long tests take, and puts those last that took long."""
 
-    def __init__(self, run, path):
-        self.run, self.path, self.spent = run, path, {}
-        path.write_text("", "utf-8")
+    def __init__(self, seconds, path, plain):
+        self.seconds, self.path, self.plain, self.spent = seconds, path, plain, {}
+        if not plain:
+            path.write_text("", "utf-8")
 
     def pytest_collection_modifyitems(self, items):
-        if self.run.only:
-            items[:] = [item for item in items if item.nodeid in self.run.seconds]
-        items.sort(key=lambda item: self.run.seconds.get(item.nodeid, 0.0) > LONG_S)
+        items.sort(key=lambda item: self.seconds.get(item.nodeid, 0.0) > LONG_S)
 
     def pytest_runtest_logreport(self, report):
+        if self.plain:
+            if report.failed and "ZeroDivisionError" in report.longreprtext:
+                os._exit(0)  # what Python refuses, compiled code may do
+            return
         self.spent[report.nodeid] = self.spent.get(report.nodeid, 0.0) + report.duration
-        if report.failed and self.run.only and "ZeroDivisionError" in report.longreprtext:
-            os._exit(0)  # what Python refuses, compiled code may do
         if report.passed and report.when == "teardown":
             with self.path.open("a", encoding="utf-8") as file:
                 file.write(json.dumps([report.nodeid, self.spent[report.nodeid]]) + "\n")

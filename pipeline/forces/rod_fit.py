@@ -172,7 +172,7 @@ def _fit(stations, whisker, curvature_at, prior, load=None, influence=None, misf
     friction, shift = (0.0, 0.0) if load is None else load
     settled = SETTLED_SD if influence is None else FINE_SETTLED_SD
     out = Filled(
-        np.full(n, np.nan, OUTPUT_ROW),
+        np.full(n, np.nan, OUTPUT_ROW).view(np.recarray),
         np.full((n, N_REST), np.nan),
         np.full((n, N_REST, N_REST), np.nan),
         np.empty((0, m + N_REST)) if influence is None else influence,
