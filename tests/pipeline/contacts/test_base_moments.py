@@ -87,6 +87,27 @@ def test_measured_force_of_a_pulse_gives_the_pulses_moments():
     assert measured["steady_peak_nN_m"] != pulse["steady_peak_nN_m"]
 
 
+@pytest.mark.parametrize(("before", "after"), [(0.3, 0.6), (1.0, 0.05)])
+def test_measured_forces_are_straight_between_frames_and_to_zero_beside_them(before, after):
+    """Moments of a trapezium that begins and ends within a frame; it slopes as its ends do."""
+    n, rise, contacts, frames = 30, 2e-6, *tables(0.03, flags="not_half_gaussian")
+    force = np.full(n, 4 * rise)
+    force[:2], force[-2:] = (
+        (before * rise, (1 + before) * rise),
+        ((1 + after) * rise, after * rise),
+    )
+    frames.loc[30 : 29 + n, "contact_force_uN"] = 1e6 * force
+    row = run(contacts, frames)
+    nodes = 1e-3 * np.array([-before, *range(n), n - 1 + after])
+    time = np.arange(-1e-3, 55e-3, 1e-6)
+    course = np.interp(time, nodes, [0.0, *force, 0.0], left=0.0, right=0.0)
+    loads = Response(mouse_c2()).base_loads(12e-3, course, 1e-6)
+    assert row["steady_peak_nN_m"] == pytest.approx(-1e9 * 12e-3 * 4 * rise, rel=1e-6)
+    for name in ("max", "min"):
+        expected = 1e9 * getattr(loads.vibrational_moment, name)()
+        assert row[f"vibration_{name}_nN_m"] == pytest.approx(expected, rel=0.02)
+
+
 def test_a_missing_frame_is_bridged():
     contacts, frames = tables(0.03, flags="not_half_gaussian")
     whole = run(contacts, frames)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pipeline.contacts.peaks import firm_peak, half_width, smoothed
+from pipeline.contacts.peaks import _noise, _smoothed, firm_peak, half_width, smoothed
 
 NOISE = 0.05  # of the peak
 BIAS = 0.01  # of the peak: of the mean over many courses
@@ -120,3 +120,46 @@ def test_the_peak_is_where_a_force_is_surely_reached():
     assert np.mean(first) > 0.3
     at, _, error = firm_peak(np.ones(100), 0, errors)
     assert (at < 50, error) == (True, 0.02)
+
+
+@pytest.mark.parametrize("half", [3, 8])
+def test_smoothed_values_and_variances_are_numpys_weighted_parabolas(half):
+    rng = np.random.default_rng(7)
+    n, width = 40, 2 * half + 1
+    errors, values = rng.uniform(0.5, 2, n), rng.normal(size=n)
+    values[17] = np.nan
+    course, variance = _smoothed(values, half, np.where(np.isnan(values), np.inf, errors))
+    for i in np.flatnonzero(np.isfinite(values)):
+        first = np.clip(i - half, 0, n - width)
+        near = np.arange(first, first + width)
+        near = near[np.isfinite(values[near])]
+        line, cov = np.polyfit(near - i, values[near], 2, w=1 / errors[near], cov="unscaled")
+        assert course[i] == pytest.approx(line[2], rel=1e-6, abs=1e-9)
+        assert variance[i] == pytest.approx(cov[2, 2], rel=1e-6)
+    assert np.isnan(course[17])
+    assert np.isnan(variance[17])
+
+
+@pytest.mark.parametrize("low_noise", [1.0, 0.1])
+def test_noise_is_found_in_units_of_the_errors(low_noise):
+    """Of the upper half of a course, whatever the noise of the lower half is."""
+    rng, course = np.random.default_rng(8), half_gaussian(400)
+    errors = rng.uniform(0.5, 2, 400)
+    values = course + 0.02 * np.where(course > 0.55, 1.0, low_noise) * errors * rng.normal(
+        size=400
+    )
+    values[30] = np.nan
+    found = _noise(values, np.where(np.isnan(values), np.inf, errors))
+    known = np.isfinite(values)
+    np.testing.assert_allclose(found[known], 0.02 * errors[known], rtol=0.12)
+    assert np.isinf(found[30])
+
+
+def test_a_peak_is_lowered_by_a_hundredth_or_left_as_it_is():
+    rng, lifts = np.random.default_rng(9), []
+    for noise in np.geomspace(1e-3, 0.03, 300):
+        values = plateau(80) + noise * rng.normal(size=80)
+        lifts.append(values.max() / peak_of(values, np.ones(80)) - 1)
+    lowered = np.array(lifts)[np.array(lifts) != 0]
+    assert 40 < len(lowered) < 260
+    assert lowered.min() == pytest.approx(0.01, abs=2e-3)

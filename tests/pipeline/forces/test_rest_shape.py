@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.stats import multivariate_normal
 
 from pipeline.forces import rest_shape
 from pipeline.forces.rest_shape import fit_rest, free_frames
@@ -238,3 +239,81 @@ def test_errors_of_the_drift_are_those_of_correlated_frames():
 def test_of_many_free_frames_one_of_some_neighbours_is_looked_at(frames, every):
     rows = np.arange(7, 7 + frames)
     np.testing.assert_array_equal(rest_shape.enough(rows), rows[::every])
+
+
+def test_the_drift_is_a_line_through_what_lies_near_in_time():
+    """Gaussian weights of 0.3 s; eight frames without a drift are added to level and slope."""
+    rng = np.random.default_rng(11)
+    time = np.sort(rng.uniform(0, 3, 700))
+    time = time[(time < 1.2) | (time > 2.0)]
+    residual = np.column_stack([np.sin(3 * time), 2 - time]) + rng.normal(0, 0.1, (len(time), 2))
+    share, at = rng.uniform(0.2, 1, len(time)), np.array([0.05, 0.7, 1.4, 1.7, 2.9])
+    found, frames = rest_shape._smooth(time, residual, share, at)
+    for k, middle in enumerate(at):
+        u = (time - middle) / 0.3
+        design = np.stack([np.ones(len(u)), u], axis=1)
+        weighted = design * (share * np.exp(-0.5 * u**2))[:, None]
+        square = weighted.T @ design + 8 * np.eye(2)
+        line = np.linalg.solve(square, weighted.T @ residual)
+        np.testing.assert_allclose(found[k], line[0], atol=0.02)  # bins are 0.06 s
+        assert frames[k] == pytest.approx(1 / np.linalg.inv(square)[0, 0], rel=0.03)
+
+
+def test_without_free_frames_there_is_no_drift():
+    drift, frames = rest_shape._smooth(np.zeros(0), np.zeros((0, 2)), np.zeros(0), np.arange(3.0))
+    np.testing.assert_array_equal(drift, np.zeros((3, 2)))
+    np.testing.assert_array_equal(frames, [8, 8, 8])
+
+
+def test_polynomials_are_averaged_by_the_probability_of_what_was_seen():
+    """Of all values at once; mean and covariance are those of the mixture."""
+    rng = np.random.default_rng(12)
+    n, share, precision = 14, rng.uniform(0.3, 1, 14), np.array([0.01, 0.5, 2.0])
+    noise = np.array([[0.3, 0.1], [0.1, 0.2]])
+    powers = rng.uniform(-1, 1, n)[:, None] ** np.arange(3)
+    values = powers @ np.array([[2.0, -1.0], [0.7, 0.2], [0.1, 0.3]])
+    values += rng.multivariate_normal(np.zeros(2), noise, n)
+    weights, cov = rest_shape._averaged(powers, values, share, noise, precision)
+    errors = np.kron(np.diag(1 / share), noise)
+    means, covs, density = np.zeros((3, 6)), np.zeros((3, 6, 6)), np.zeros(3)
+    for degree in range(3):
+        design = np.kron(powers[:, : degree + 1], np.eye(2))
+        prior = np.diag(np.repeat(1 / precision[: degree + 1], 2))
+        seen = design @ prior @ design.T + errors
+        gain, own = prior @ design.T @ np.linalg.inv(seen), slice(0, 2 * degree + 2)
+        means[degree, own] = gain @ values.ravel()
+        covs[degree, own, own] = prior - gain @ design @ prior
+        density[degree] = multivariate_normal.pdf(values.ravel(), np.zeros(2 * n), seen)
+    share_of = density / density.sum()
+    assert share_of.max() < 0.98
+    mean = share_of @ means
+    np.testing.assert_allclose(weights.ravel(), mean, rtol=1e-6)
+    spread = sum(
+        p * (c + np.outer(m - mean, m - mean))
+        for p, c, m in zip(share_of, covs, means, strict=True)
+    )
+    np.testing.assert_allclose(cov.reshape(6, 6), spread, rtol=1e-6, atol=1e-12)
+
+
+def test_what_is_predicted_has_all_its_errors():
+    """Of weights, of true scatter, and of a drift that ten frames show as one."""
+    rng = np.random.default_rng(13)
+    time, angle = whisking(600, rng)
+    values = np.column_stack([true_rest(angle, time), 3 + 5 * angle]) + rng.normal(
+        0, noise, (600, 2)
+    )
+    model = fit_rest(values, np.full((600, 2), 0.1), angle, time, np.ones(600, bool))
+    at, when = np.array([-0.2, 0.3]), np.array([0.1, 0.4])
+    found, cov = model.predict(at, when)
+    turning = model.turning_cov(at)
+    for k in range(2):
+        powers = ((at[k] - model.centre) / model.scale) ** np.arange(3)
+        design = np.kron(powers[:, None], np.eye(2))
+        known = model.weights_cov.reshape(6, 6)
+        _, frames = rest_shape._smooth(model.time, model.residual, model.share, when[k : k + 1])
+        expected = design.T @ known @ design + model.scatter + 10 / frames[0] * model.noise
+        np.testing.assert_allclose(cov[k], expected, rtol=1e-9)
+        np.testing.assert_allclose(turning[k], design[2:].T @ known[2:, 2:] @ design[2:])
+        np.testing.assert_allclose(found[k], powers @ model.weights + model.drift(when)[k])
+    np.testing.assert_allclose(np.diag(model.noise), noise**2, rtol=0.35)  # outliers count less
+    np.testing.assert_allclose(np.diag(model.noise - model.scatter), 0.1, rtol=0.01)
