@@ -10,7 +10,7 @@ import traced_motion
 
 from pipeline.contacts import analysis
 from pipeline.contacts.summary import contact_table, peak_errors
-from pipeline.forces import estimate_forces, forces
+from pipeline.forces import estimate_forces, forces, rod_fit
 from pipeline.kinematics import Kinematics, resampled
 from pipeline.reports.error_budget import taper_share
 from pipeline.run import forces_of, touches_of
@@ -493,3 +493,49 @@ def test_a_peak_has_the_standard_error_of_its_own_method(touch, method):
         expected.append(1e6 * part.loc[peak, f"{method}_force_se_N"])
     assert len(stated) >= 3
     np.testing.assert_allclose(np.median(np.divide(stated, expected)), 1.0, atol=0.2)
+
+
+def test_the_seen_line_leans_by_the_bending_of_its_shape():
+    """A straight line by least squares through the seen part of slightly bent whiskers."""
+    whisker, seen = mouse_c2(), (2.5e-3, 15e-3)
+    places = SimpleNamespace(first=np.array([seen[0], np.nan]), last=np.array([seen[1], np.nan]))
+    s = np.linspace(0, whisker.length, 20001)
+    for j, found in enumerate(forces._lean(places, whisker)):
+        curvature = 0.01 * rod_fit.rest_basis(whisker, s)[:, j]
+        slope = np.cumsum(curvature) * s[1]
+        y, part = np.cumsum(slope) * s[1], (s >= seen[0]) & (s <= seen[1])
+        assert found * 0.01 == pytest.approx(np.polyfit(s[part], y[part], 1)[0], rel=0.01)
+
+
+@pytest.mark.parametrize(("lever_mm", "known"), [(0.35, True), (-0.35, True), (0.25, False)])
+def test_point_force_is_bending_over_what_a_unit_force_bends(lever_mm, known):
+    rest = pd.DataFrame({"curvature_change_per_m": [6.0], "curvature_change_per_m_se": [0.3]})
+    lever, change = np.array([1e-3 * lever_mm]), np.array([-2e6])
+    fit = {"lever_at_curvature": lever, "curvature_per_force": change}
+    (force,), (error,) = forces.point_force(rest, fit)
+    expected = (-3e-6, 0.15e-6) if known else (np.nan, np.nan)
+    assert (force, error) == pytest.approx(expected, nan_ok=True)
+
+
+@pytest.mark.parametrize(("scatter", "factor"), [(3.0, 3.0), (0.8, 0.8), (0.1, 0.5)])
+def test_errors_are_scaled_by_the_scatter_of_free_frames(scatter, factor):
+    """But not to less than half, and not where fewer than 20 frames are free."""
+    rng, free = np.random.default_rng(3), np.arange(900) < 800
+    ratio = scatter * rng.normal(size=900)
+    ratio[free & (rng.random(900) < 0.02)] = 90.0
+    ratio[~free] = 50.0
+    assert forces._excess(ratio, free) == pytest.approx(factor, rel=0.1)
+    assert forces._excess(ratio, np.arange(900) < 19) == 1.0
+
+
+@pytest.mark.parametrize("speed", [0.0, 4e-6, -4e-6])
+def test_a_contact_that_wanders_slides(speed):
+    """Metres per frame; places scatter by 2 µm, from frame to frame."""
+    rng, frames = np.random.default_rng(2), np.arange(400)
+    place = 9e-3 + speed * frames + 2e-6 * rng.normal(size=400)
+    place[150:160] = np.nan
+    found = forces.sliding(place)
+    assert not found[150:160].any()
+    inside = np.delete(found, np.s_[150:160])
+    assert np.mean(inside == np.sign(speed)) > (0.95 if speed else 0.5)
+    assert not forces.sliding(np.where(frames < 6, place, np.nan)).any()

@@ -91,3 +91,29 @@ def test_misfits_that_a_codec_brings_are_no_fur():
 
 def test_without_fur_nothing_changes(traced):
     assert np.array_equal(judged(traced, traced.places).information, traced.places.information)
+
+
+def test_usual_misfits_are_variances_of_few_outliers():
+    """Of normal misfits, the median square stands for the variance; ten rows are needed."""
+    rng, sd = np.random.default_rng(4), np.array([1.0, 3.0, 2.0, 1.0])
+    square = (sd * rng.normal(size=(4000, 4))) ** 2
+    square[:400] = 1e4
+    expected = rng.uniform(0.9, 1.1, (4000, 4)) * sd**2 / 2
+    square[9:, 2], square[10:, 3] = np.nan, np.nan
+    found, usual = fur_bias._medians(square, expected)
+    np.testing.assert_allclose(found[:2], sd[:2] ** 2, rtol=0.35)  # a tenth is wild
+    np.testing.assert_allclose(usual[:2], sd[:2] ** 2 / 2, rtol=0.02)
+    np.testing.assert_array_equal(np.isnan(found), [False, False, True, False])
+    calm, _ = fur_bias._medians(square[400:], expected[400:])
+    np.testing.assert_allclose(calm[:2], sd[:2] ** 2, rtol=0.1)
+
+
+def test_what_both_kinds_of_frames_miss_alike_is_their_mean_beyond_what_is_usual():
+    """Misfits [µm²] count where they are four times the usual; unknown ones do not."""
+    free = np.array([9.0, 7.0, 20.0, np.nan]), np.array([1.0, 1.0, 2.0, 1.0])
+    touching = np.array([11.0, 9.0, np.nan, np.nan]), np.array([1.0, 1.0, 1.0, 1.0])
+    found = fur_bias._bias([free, touching], 2.0)
+    np.testing.assert_allclose(found, [(7 + 9) / 2, 7 / 2, 16.0, 0.0])
+    assert fur_bias._usual([free, touching]) == pytest.approx(9.0)  # median of 9, 7, 10, 11, 9
+    assert fur_bias._usual([(0.1 * free[0], free[1])]) == 1.0
+    assert fur_bias._usual([(np.full(2, np.nan), np.ones(2))]) == 1.0
