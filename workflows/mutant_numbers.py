@@ -7,6 +7,7 @@ what the model takes: cones and cylinders, any follicle, brief and long contacts
 """
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -28,6 +29,11 @@ from whiskermodel.modes import supported_modes
 from whiskermodel.rod import contact_shape, solve_contact
 
 CONTACTS, FITS, MODES, RESPONSES = 1000, 200, 40, 20  # inputs of each kind
+
+
+def all_of(result) -> list[np.ndarray]:
+    """Every field of a result."""
+    return [np.asarray(value) for value in vars(result).values()]
 
 
 def whiskers(rng, count):
@@ -56,9 +62,8 @@ def contacts(rng):
         guessed = solve_contact(*args, bend, friction, guess=near)
         for one in (plain, guessed):
             names = ("free", "contact", "slipped", "unreachable")
-            out += [np.array([names.index(state) for state in one.state])]
-            out += [one.contact_arc_length, one.contact_force, one.axial_force]
-            out += [one.lateral_force, one.base_moment, one.contact_angle]
+            state = np.array([names.index(state) for state in one.state])
+            out += all_of(replace(one, state=state))
         out += contact_shape(whisker, plain, np.linspace(0, length, 7))
     return out
 
@@ -120,14 +125,12 @@ def responses(rng):
         x = np.linspace(0, whisker.length, 5)
         for force in (pulse, ramp_and_hold(time, 3e-3, 1.0), rng.normal(0, 1, 50)):
             loads = response.base_loads(c, force, dt, substeps=3)
-            out += [loads.moment, loads.shear, loads.vibrational_paper_shear, loads.angle]
-            out += [loads.steady_paper_shear, loads.vibration_extremes()]
-            out += [response.amplitude_rates(c, force, dt)]
-            out += [response.displacement(c, force, dt, x).total]
+            out += [*all_of(loads), loads.moment, loads.shear, loads.angle]
+            out += [loads.vibration_extremes(), response.amplitude_rates(c, force, dt)]
+            out += all_of(response.displacement(c, force, dt, x))
         held = SupportedResponse(whisker, c, boundary, frame)
         for force in (pulse, ramp_and_hold(time, 3e-3, 1.0)):
-            loads = held.loads(force, dt)
-            out += [loads.moment, loads.pole_force, held.displacement(force, dt, x).total]
+            out += all_of(held.loads(force, dt)) + all_of(held.displacement(force, dt, x))
         some = rng.uniform(0.5e-3, 40e-3, 6)
         out += half_gaussian_moments(response, c, np.ones(6), some, time)
         out += [half_gaussian_extremes(response, c, np.ones(6), some)]

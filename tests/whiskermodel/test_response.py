@@ -231,6 +231,8 @@ def test_response_does_not_depend_on_the_sampling_step(samples, boundary, factor
     response = Response(mouse_c2(), boundary)
     coarse = response.base_loads(11e-3, samples, 1e-3)
     fine = response.base_loads(11e-3, samples, 1e-3, substeps=factor)
+    np.testing.assert_allclose(coarse.time, np.arange(len(samples)) * 1e-3)  # s
+    np.testing.assert_allclose(fine.time[::factor], coarse.time, rtol=1e-12)
     scale = np.abs(samples).max() + 1e-12
     for part, unit in (("moment", 11e-3), ("shear", 1.0), ("angle", 1e4)):
         difference = getattr(coarse, part) - getattr(fine, part)[::factor]
@@ -326,8 +328,10 @@ def test_many_forces_and_contacts_are_one_call():
 
 def test_displacement_vanishes_at_the_contact_in_the_static_part():
     response = Response(mouse_c2())
-    force = half_gaussian(np.arange(0, 20e-3, DT), 12e-3, 20e-6)
+    time = np.arange(0, 20e-3, DT)
+    force = half_gaussian(time, 12e-3, 20e-6)
     y = response.displacement(9e-3, force, DT, np.array([0.0, 9e-3, 18e-3]))
+    np.testing.assert_allclose(y.time, time)
     assert y.steady.shape == (3, len(force))
     assert np.abs(y.steady[:2]).max() < 1e-12  # m
     assert np.abs(y.vibrational[0]).max() < 1e-12  # m

@@ -22,6 +22,27 @@ def test_supported_modes_are_orthonormal_and_held(boundary):
     assert (some.p_prime > 0).all()
 
 
+@pytest.mark.parametrize("share", [0.2, 0.8])
+def test_free_modes_take_over_what_the_supported_ones_are(share):
+    """∫ φ ψ (1 − λx)² dx, by Gauss on either side of the support, where the shear steps."""
+    whisker = mouse_c2()
+    both = SupportedResponse(whisker, share * whisker.length)
+    nodes, weights = roots_legendre(80)
+    x = np.concatenate([share / 2 * (nodes + 1), share + (1 - share) / 2 * (nodes + 1)])
+    w = np.concatenate([share / 2 * weights, (1 - share) / 2 * weights])
+    free, held = both.free.modes.shape(x), both.held.modes.shape(x)
+    expected = (free * w * (1 - whisker.taper * x) ** 2) @ held.T
+    np.testing.assert_allclose(both._overlap(), expected, atol=1e-10)
+
+
+def test_times_are_those_of_the_samples():
+    time = np.arange(0, 8e-3, DT)
+    force = half_gaussian(time, 5e-3, 1e-6)
+    both = SupportedResponse(mouse_c2(), 9e-3)
+    np.testing.assert_allclose(both.loads(force, DT).time, time)
+    np.testing.assert_allclose(both.displacement(force, DT, np.array([9e-3])).time, time)
+
+
 def test_supported_cylinder_is_the_textbook_beam():
     """Clamped and supported at the far end: k tan … = tanh …, k₁L = 3.9266 (support → tip)."""
     some = supported_modes(0.0, 1 - 1e-9, "fixed", 2)

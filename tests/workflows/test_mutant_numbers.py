@@ -5,7 +5,7 @@ import mutants
 import numpy as np
 import pytest
 
-from whiskermodel import ringdown, rod_equilibrium, rod_shapes
+from whiskermodel import BaseLoads, response, ringdown, rod_equilibrium, rod_shapes
 
 
 @pytest.fixture(autouse=True)
@@ -38,6 +38,12 @@ def test_inputs_differ_by_seed_only(stem):
     assert mutants.same(first, again)
     assert not mutants.same(first, other)
     assert np.isfinite(first).mean() > 0.9
+
+
+def test_every_field_counts(monkeypatch):
+    whole = mutant_numbers.numbers("whiskermodel/response.py", 3)
+    monkeypatch.setattr(response, "BaseLoads", lambda time, *rest: BaseLoads(2 * time, *rest))
+    assert not mutants.same(mutant_numbers.numbers("whiskermodel/response.py", 3), whole)
 
 
 def test_what_has_no_numbers_is_not_the_same():
