@@ -86,6 +86,23 @@ def test_displacement_and_velocity_are_carried_over(boundary):
     assert (mass * (before - after) ** 2).sum() < 0.02 * (mass * before**2).sum()
 
 
+def test_the_poles_force_balances_angular_momentum():
+    """M(0) = −c F − ∫x ρA (ÿ + 2d ẏ) dx about the base, F the pole's, by differences."""
+    whisker, c, dt = mouse_c2(), 9e-3, 2e-6
+    force = ramp_and_hold(np.arange(0, 12e-3, dt), 4e-3, 1e-6)
+    response = SupportedResponse(whisker, c, n_modes=30)
+    nodes, weights = roots_legendre(60)
+    x, w = whisker.length * (nodes + 1) / 2, whisker.length * weights / 2
+    lever = w * x * whisker.density * np.pi * whisker.radius(x) ** 2
+    y = response.displacement(force, dt, x).total
+    momentum = lever @ np.gradient(y, dt, axis=1)
+    loads = response.loads(force, dt)
+    turning = np.gradient(momentum, dt) + 2 * whisker.damping_rate * momentum
+    expected = -(loads.moment + turning) / c
+    assert np.abs(loads.pole_force - expected)[5:-5].max() < 1e-3 * force.max()
+    assert np.abs(loads.pole_force - force).max() > 0.05 * force.max()
+
+
 def test_the_pole_holds_the_whisker_and_lets_go():
     response = SupportedResponse(mouse_c2(), 9e-3)
     force = half_gaussian(np.arange(0, 30e-3, DT), 12e-3, 10e-6)
