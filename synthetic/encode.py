@@ -12,6 +12,8 @@ import numpy as np
 from pipeline.tables.files import whole_file
 from synthetic.scene import Codec
 
+_LONGEST = 20000  # frames, beyond them quality no longer changes
+_POOR = 0.5  # share of the bits that a poor stretch gets
 _PLAYBACK_RATE = 25  # the container's; high-speed cameras write slow-motion files
 _SUFFIX = {"ffv1": ".avi", "h264": ".mp4", "mjpeg": ".avi", "tiff": ".tif"}
 
@@ -101,7 +103,7 @@ def _add_stream(container, shape, codec):
         )
     name, pixel_format, options = {
         "ffv1": ("ffv1", "gray", {"level": "3", "slices": "4"}),
-        "h264": ("libx264", "yuv420p", {"crf": str(codec.crf), "preset": codec.speed}),
+        "h264": ("libx264", "yuv420p", _h264_options(codec)),
         "mjpeg": ("mjpeg", "yuvj420p", {"qmin": str(codec.quality), "qmax": str(codec.quality)}),
     }[codec.name]
     stream = container.add_stream(name, rate=_PLAYBACK_RATE, options=options)
@@ -110,6 +112,17 @@ def _add_stream(container, shape, codec):
     stream.codec_context.color_range = 2  # full ("jpeg")
     stream.codec_context.thread_count = 1
     return stream
+
+
+def _h264_options(codec: Codec) -> dict[str, str]:
+    """x264's options; zones [frames] of fewer bits where the quality is to change."""
+    options = {"crf": str(codec.crf), "preset": codec.speed}
+    if codec.uneven_frames:
+        stretch = codec.uneven_frames
+        poor = range(stretch, _LONGEST, 2 * stretch)
+        zones = "/".join(f"{first},{first + stretch - 1},b={_POOR}" for first in poor)
+        options |= {"g": str(stretch), "x264-params": f"zones={zones}"}
+    return options
 
 
 def _grey_picture(shape, pixel_format):

@@ -6,6 +6,7 @@ import numpy as np
 from numba import njit
 from scipy.special import ndtr
 
+from synthetic.outlines import along_outline, distance_from_outline
 from synthetic.scene import Face, Scene
 from synthetic.strips import Strip, absorb, blank, cover_strip, step_table
 
@@ -13,6 +14,7 @@ _HAIR_STEP = 0.8  # px between the nodes of a fur hair
 _BLURS = (1.0, 1.4, 2.0, 2.9)  # multiples of the optics' blur: fur lies before and behind focus
 _MASS_BLUR = 1.6  # px, edge of the mass itself
 _MASS_TRANSMISSION = 0.006
+_RIM, _RIM_DEPTH = 0.9, 1.2e-3  # pale fur is brighter at the face's edge, so much and so far [m]
 
 
 class FurHair(NamedTuple):
@@ -82,6 +84,8 @@ def _edge_point(face: Face, scale: float, centre, along, offset):
 def face_transmission(scene: Scene, rng) -> np.ndarray:
     """Light that passes the face's solid mass, float32 (height, width), 0–1."""
     face, scale = scene.face, scene.camera.pixels_per_m
+    if face.outline is not None:
+        return outlined_transmission(scene)
     rows, columns = np.mgrid[: scene.camera.height, : scene.camera.width].astype(float)
     distance, v = distance_from_pad(face, scale, pad_centre(scene), columns, rows)
     # the edge wanders only where no whisker comes out
@@ -96,9 +100,53 @@ def face_transmission(scene: Scene, rng) -> np.ndarray:
     return (_MASS_TRANSMISSION + (1 - _MASS_TRANSMISSION) * clear).astype(np.float32)
 
 
+def outlined_transmission(scene: Scene) -> np.ndarray:
+    """Light that passes a mass with an outline of its own, float32 (height, width), 0–1."""
+    face, camera = scene.face, scene.camera
+    blur = np.hypot(face.edge_blur * camera.pixels_per_m, np.hypot(_MASS_BLUR, camera.blur_px))
+    distance = distance_from_outline(scene, face.outline)
+    clear = ndtr(distance / blur)
+    return (_MASS_TRANSMISSION + (1 - _MASS_TRANSMISSION) * clear).astype(np.float32)
+
+
+def face_glow(scene: Scene, covered, rng) -> np.ndarray:
+    """Light that a pale face throws back, float32 (height, width) in grey levels.
+
+    `covered` (height, width), 0–1, is the share of the backlight that it takes away. Hairs of
+    its coat lie on it, combed back.
+    """
+    face, scale = scene.face, scene.camera.pixels_per_m
+    glow = (face.glow * scene.lights.level * covered).astype(np.float32)
+    if face.outline is not None:
+        depth = np.maximum(-distance_from_outline(scene, face.outline), 0.0)
+        glow *= (1 + _RIM * np.exp(-depth / (_RIM_DEPTH * scale))).astype(np.float32)
+    rows, columns = np.nonzero(covered > 0.5)
+    count = rng.poisson(face.coat_per_mm2 * 1e6 * len(rows) / scale**2)
+    back = face.axis + np.pi
+    coat = [
+        FurHair(
+            columns[k],
+            rows[k],
+            back + 0.5 * np.sin((columns[k] + rows[k]) / (2.5e-3 * scale)) + rng.normal(0, 0.2),
+            rng.normal(0, 150.0) / scale,
+            face.hair_length * rng.gamma(4.0, 0.6) * scale,
+            rng.uniform(15e-6, 45e-6) * scale,
+            rng.uniform(0.1, 0.6),
+            scene.camera.blur_px * _BLURS[rng.integers(2)],
+            0.0,
+            0.0,
+        )
+        for k in rng.integers(0, max(len(rows), 1), count)
+    ]
+    draw_hairs(glow, np.array(coat, float).reshape(-1, len(FurHair._fields)))
+    return glow
+
+
 def grow_fur(scene: Scene, rng) -> np.ndarray:
     """Draw the fur hairs of the face: a row each, columns as in FurHair."""
     face, scale = scene.face, scene.camera.pixels_per_m
+    if face.outline is not None:
+        return _outlined_fur(scene, rng)
     span = 1.2 * (scene.camera.width + scene.camera.height)
     count = rng.poisson(face.hairs_per_mm * span / scale * 1e3)
     lean = rng.choice([-1, 1]) * rng.uniform(0.25, 0.6)
@@ -106,6 +154,29 @@ def grow_fur(scene: Scene, rng) -> np.ndarray:
     near = face.pad * scale / 2 + 3e-3 * scale
     for _ in range(face.long_hairs):
         hairs.append(_long_hair(scene, rng, rng.uniform(-near, near), lean))
+    return np.array(hairs).reshape(-1, len(FurHair._fields))
+
+
+def _outlined_fur(scene, rng):
+    """Hairs at a face's outline, as likely everywhere along it, that lean back from its axis."""
+    face, scale = scene.face, scene.camera.pixels_per_m
+    x, y, normal, length = along_outline(scene, face.outline)
+    hairs = []
+    for _ in range(rng.poisson(face.hairs_per_mm * 1e3 * length / scale)):
+        k = rng.integers(len(x))
+        # halfway between straight out and straight back
+        out = np.array([np.cos(normal[k]), np.sin(normal[k])])
+        back = -np.array([np.cos(face.axis), np.sin(face.axis)])
+        combed = np.arctan2(*(out + back + 1e-6)[::-1])
+        depth = rng.uniform(0.05e-3, 0.4e-3) * scale
+        hair = _fur_hair(scene, rng, 0.0, 0.0)
+        hairs.append(
+            hair._replace(
+                x=x[k] - depth * np.cos(combed),
+                y=y[k] + depth * np.sin(combed),
+                direction=combed + rng.normal(0, 0.25),
+            )
+        )
     return np.array(hairs).reshape(-1, len(FurHair._fields))
 
 

@@ -35,6 +35,26 @@ def whisking(n, rate, rng, set_point=0.0, amplitude=0.25, frequency=14.0):
     return set_point + drift + amplitude * strength * whisk
 
 
+def whisking_bouts(n, rate, rng, amplitude, frequency, rest_s, haste=0.0):
+    """Swing from the rest angle in bouts with rests between them [rad], (n,), 0 at rest.
+
+    `amplitude` [rad] is the half-range of a full whisk, `frequency` [Hz] its mean rate, `rest_s`
+    the mean length of bouts and rests. With `haste`, turns are quick and the whisker dwells at
+    both ends: most speed is (1 + haste) times that of a sine.
+    """
+    pace = frequency * (1 + 0.15 * smooth_noise(n, rate, 0.15, rng))
+    phase = 2 * np.pi * np.cumsum(pace) / rate + rng.uniform(0, 2 * np.pi)
+    wave = np.sin(phase)
+    if haste:
+        wave = np.tanh((1 + haste) * wave) / np.tanh(1 + haste)
+    # on and off within half of a whisk
+    lengths = rest_s * rate * rng.gamma(4.0, 0.25, int(n / (0.2 * rest_s * rate)) + 8)
+    begun = np.searchsorted(np.cumsum(lengths), np.arange(n), "right") + rng.integers(2)
+    strength = gaussian_filter1d((begun % 2).astype(float), 0.15 * rate / frequency)
+    drift = 0.1 * amplitude * smooth_noise(n, rate, 0.25, rng)
+    return drift + amplitude * strength * (1 + wave)
+
+
 def smooth_noise(n, rate, time_constant, rng):
     """Gaussian noise (n,) of about unit SD that changes over `time_constant` [s]."""
     width = time_constant * rate

@@ -33,6 +33,7 @@ from synthetic.staging import (
 )
 from synthetic.touches import Touch, drive_touches, force_table, grazing_angle
 from synthetic.variation import varied_motion
+from synthetic.whole_faces import mouse_face_on_top, rat_both_sides
 from whiskermodel.whisker import Whisker, mouse_c2
 
 
@@ -493,6 +494,12 @@ PRESETS = {
     "near_miss": Preset(_near_miss, 2, "near the pole, never touching"),
     "free": Preset(_free, 2, "free whisking beside a pole"),
     "dense_row": Preset(_dense_row, 2, "eleven whiskers, coarsely seen, in fast whisking"),
+    "mouse_face_on_top": Preset(
+        mouse_face_on_top, 4, "twelve untrimmed whiskers below a black face, body, bar, H.264"
+    ),
+    "rat_both_sides": Preset(
+        rat_both_sides, 4, "pale snout from above, twelve untrimmed whiskers a side, H.264"
+    ),
     "border": Preset(_border, 2, "whiskers cut by the border, out of view at times"),
     "passing": Preset(_passing, 2, "a whisker that passes before the pole and its rod"),
     "varied": Preset(_varied, 8, "cameras, light, dust and codecs at random", _varied_place),

@@ -14,7 +14,8 @@ from scipy.ndimage import gaussian_filter
 from scipy.special import ndtr, ndtri
 
 from synthetic.composing import POLE_TRANSMISSION, TILE, FinePatch, meeting_tiles
-from synthetic.fur import draw_hairs, face_transmission, grow_fur, stray_hairs
+from synthetic.fur import draw_hairs, face_glow, face_transmission, grow_fur, stray_hairs
+from synthetic.outlines import shape_transmission
 from synthetic.scene import Codec, Scene
 from synthetic.strips import absorb, blank, cover_disc, cover_strip, step_table
 
@@ -38,7 +39,7 @@ class Renderer:
     def __init__(self, scene: Scene, motion, seed: int | None = None):
         self.scene, self.motion = scene, motion
         self.seed = scene.seed if seed is None else seed
-        self._open, self.background, self._fur = _still_picture(_without_pole(scene))
+        self._open, self.background, self._fur, self._glow = _still_picture(_without_pole(scene))
         self._cover, self._touched = blank(*self._open.shape)
         self._steps = step_table(scene.camera.blur_px)
         self._fine = FinePatch(scene.camera.blur_px)
@@ -90,10 +91,15 @@ class Renderer:
         for hair, strip in zip(self.scene.hairs, strips, strict=True):
             if hair.particle is not None and i < (hair.particle.falls_off or i + 1):
                 self._draw_particle(light, hair, strip)
+        if self._glow is not None:
+            light += self._glow
         return light
 
     def without_whiskers(self, i: int) -> np.ndarray:
-        """Light of frame `i` with pole and rod but without whiskers, float32 (height, width)."""
+        """Light of frame `i` with pole and rod but without whiskers, float32 (height, width).
+
+        What a pale face throws back is left out: it does not pass whiskers.
+        """
         still = self._still_pole
         place = self.motion.pole_x[i], self.motion.pole_y[i]
         return (still or self._with_pole(self.opened(i), *place))[1]
@@ -182,9 +188,10 @@ def _without_pole(scene: Scene) -> Scene:
 
 @lru_cache(maxsize=8)
 def _still_picture(scene: Scene):
-    """Light without pole and whiskers, without anything at all, and the fur (rows as FurHair).
+    """Light without pole and whiskers, without anything at all, the fur, and what a face glows.
 
-    The first holds the fur where it does not move. Sessions share it among trials.
+    The first holds the fur where it does not move; the fur's rows are as FurHair; the last is
+    None for a black face. Sessions share it among trials.
     """
     rng = np.random.default_rng([scene.seed, 1])
     background = _background(scene, rng)
@@ -195,9 +202,23 @@ def _still_picture(scene: Scene):
     _draw_dust(opened, scene, rng)
     if not scene.face.moving:
         draw_hairs(opened, fur)
-    for each in (opened, background, fur):
-        each.flags.writeable = False
-    return opened, background, fur
+    for shape in scene.shapes:
+        opened *= shape_transmission(scene, shape)
+    glow = _glow(scene, fur, rng) if scene.face.glow else None
+    for each in (opened, background, fur, glow):
+        if each is not None:
+            each.flags.writeable = False
+    return opened, background, fur, glow
+
+
+def _glow(scene: Scene, fur, rng) -> np.ndarray:
+    """Light that a pale face throws back, where no other thing is before it."""
+    passing = face_transmission(scene, rng)
+    draw_hairs(passing, fur)
+    glow = face_glow(scene, 1 - passing, rng)
+    for shape in scene.shapes:
+        glow *= shape_transmission(scene, shape)
+    return glow
 
 
 def _background(scene: Scene, rng) -> np.ndarray:

@@ -97,6 +97,12 @@ class Face:
     hair_length : typical length of a fur hair beyond the edge [m]
     long_hairs : number of thin longer hairs, up to some millimetres
     moving : amplitude of the fur's own motion [m]; 0 keeps it still
+    outline : corners ((x, y), …) [m] of the whole mass in place of the wedge that follows from
+        direction, hidden length, pad and slope; its fur is combed back, against `direction`
+    edge_blur : SD over which the mass of an outline fades at its edge [m]
+    glow : light that pale fur throws back, as a share of the backlight; 0: a black face. It
+        hides whiskers as a black face does. Only for fur that keeps still
+    coat_per_mm2 : hairs that can be told apart on a pale face
     """
 
     side: str = "left"
@@ -108,9 +114,18 @@ class Face:
     hair_length: float = 0.5e-3
     long_hairs: int = 6
     moving: float = 0.0
+    outline: tuple[tuple[float, float], ...] | None = None
+    edge_blur: float = 0.0
+    glow: float = 0.0
+    coat_per_mm2: float = 0.0
 
     def __post_init__(self):
         _require(self.side in FACES, "side", self.side, f"one of {FACES}")
+        _require(
+            self.outline is None or len(self.outline) > 2, "outline", self.outline, "3 corners"
+        )
+        _require(0 <= self.glow < 1, "glow", self.glow, "in [0, 1)")
+        _require(not (self.glow and self.moving), "glow", self.glow, "0 where fur moves")
         _require(self.hidden_length >= 0, "hidden_length", self.hidden_length, ">= 0 m")
 
     @property
@@ -145,6 +160,27 @@ class Pole:
 
     def __post_init__(self):
         _require(self.radius > 0, "radius", self.radius, "> 0 m")
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A still thing in view that is neither face nor pole: a body, a bar, a spout, an eye.
+
+    Parameters
+    ----------
+    corners : ((x, y), …) of a polygon [m]
+    transmission : share of the light that passes
+    blur_px : SD of its edge's blur [px]
+    """
+
+    corners: tuple[tuple[float, float], ...]
+    transmission: float = 0.02
+    blur_px: float = 1.5
+
+    def __post_init__(self):
+        _require(len(self.corners) > 2, "corners", self.corners, "3 corners or more")
+        _require(0 <= self.transmission < 1, "transmission", self.transmission, "in [0, 1)")
+        _require(self.blur_px > 0, "blur_px", self.blur_px, "> 0 px")
 
 
 @dataclass(frozen=True)
@@ -198,17 +234,22 @@ class Hair:
 class Codec:
     """How the video is stored: "ffv1", "h264", "mjpeg" (quality 2 best – 31) or "tiff".
 
-    `crf` and `speed` are x264's constant rate factor and preset.
+    `crf` and `speed` are x264's constant rate factor and preset. Where `uneven_frames` is not 0,
+    every other stretch of so many frames gets only half of the bits, and each stretch
+    begins with a key frame: quality that changes while nothing in the picture does.
     """
 
     name: str = "ffv1"
     crf: int = 20
     quality: int = 3
     speed: str = "veryfast"
+    uneven_frames: int = 0
 
     def __post_init__(self):
         _require(self.name in CODECS, "name", self.name, f"one of {CODECS}")
         _require(self.speed in SPEEDS, "speed", self.speed, f"one of {SPEEDS}")
+        uneven = self.uneven_frames
+        _require(uneven == 0 or self.name == "h264", "uneven_frames", uneven, "0, or h264's")
 
 
 @dataclass(frozen=True)
@@ -225,6 +266,7 @@ class Scene:
     hairs: tuple[Hair, ...] = (Hair(),)
     pole: Pole | None = None
     codec: Codec = field(default_factory=Codec)
+    shapes: tuple[Shape, ...] = ()
     clutter: int = 0
     stray_hairs: int = 0
     seed: int = 0

@@ -24,6 +24,7 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import NamedTuple
 
+import accuracy_crowds
 import measuring
 import numpy as np
 import pages
@@ -65,8 +66,8 @@ def tasks_of(preset, folder, args) -> list[Task]:
     ]  # fmt: skip
 
 
-def measure_task(task: Task) -> tuple[measuring.Measured, dict]:
-    """Render a video and measure it; and what it adds to the figures over videos."""
+def measure_task(task: Task) -> tuple[measuring.Measured, dict, dict]:
+    """Render a video and measure it; what it adds to the figures over videos, and of crowds."""
     (path,) = render_session(
         task.folder, task.preset, task.seed, 1, frames=task.frames, first=task.number
     )
@@ -74,14 +75,16 @@ def measure_task(task: Task) -> tuple[measuring.Measured, dict]:
     exact = measuring.RenderedVideo.of(path, task.folder).settings
     settings = wrong_settings.with_wrong_lengths(exact, rng)
     found = measuring.measure(task.preset, path, task.folder, settings)
-    samples = samples_of(found)
+    samples, crowds = samples_of(found), {}
+    if task.preset in accuracy_crowds.CROWDS:
+        crowds = accuracy_crowds.both_samples(found, path, task.folder, exact)
     if task.dimensions and len(found.shape.true_contacts):
         samples |= exact_samples(measuring.measure(task.preset, path, task.folder, exact))
         wrong = wrong_settings.with_wrong_dimensions(settings, rng)
         samples |= wrong_samples(measuring.measure(task.preset, path, task.folder, wrong), wrong)
     if not task.keep:
         path.unlink()
-    return found, samples
+    return found, samples, crowds
 
 
 def exact_samples(video: measuring.Measured) -> dict[str, np.ndarray]:
@@ -102,7 +105,7 @@ def wrong_samples(video: measuring.Measured, settings) -> dict[str, np.ndarray]:
 
 
 def run_preset(preset, folder, args):
-    """Render a preset's videos and measure them all: `Measured`, and samples, of each."""
+    """Render a preset's videos and measure them all: what `measure_task` returns, of each."""
     started, tasks = time.monotonic(), tasks_of(preset, folder, args)
     if args.jobs == 1:
         found = [measure_task(task) for task in tasks]
@@ -160,18 +163,19 @@ def main(argv=None) -> int:
     measuring.limit_threads()
     args = arguments(argv)
     print(f"seed {args.seed}", file=sys.stderr)
-    results, rows, worst, samples = {}, [], [], {}
+    results, rows, worst, samples, crowds = {}, [], [], {}, {}
     with tempfile.TemporaryDirectory() as temporary:
         for preset in args.presets:
             folder = (args.out or Path(temporary)) / preset
-            videos, samples[preset] = run_preset(preset, folder, args)
+            videos, samples[preset], crowds[preset] = run_preset(preset, folder, args)
             scale = videos[0].pixels_per_mm
             results[preset] = figures_of(videos, scale)
             rows += checks(
                 preset, results[preset], {v.video: figures_of([v], scale) for v in videos}
             )
             worst.append(worst_of(videos))
-    tables = tables_text(results, samples, np.random.default_rng(args.seed))
+    rng = np.random.default_rng(args.seed)
+    tables = tables_text(results, samples, rng) + accuracy_crowds.crowds_text(crowds, rng)
     text = "\n\n".join([preamble(args), tables, checks_text(rows)])
     print(text)
     if args.write:

@@ -107,6 +107,8 @@ TARGETS = {
     "passing": (*NO_TOUCH, COVERED),
     "fig3": (*TOUCH, *FORCES, *FLOOR),
     "dense_row": ROWS,
+    "mouse_face_on_top": ROWS,
+    "rat_both_sides": ROWS,
     "varied": (*ROWS, *TOUCH, *HARD_FORCES),
 }
 

@@ -158,6 +158,7 @@ class Measured:
     n_frames, messages, seconds : as in pipeline.run.Analysis
     least_sd : bounds on the curvature's SD [1/m] by whisker and model
     scores : of the centrelines
+    lines : a row per traced line, scores.rows with `confidence` and `angle_error_deg`
     beside_pole : bool, aligned with scores.distance_px
     shape, point : the two force estimates, as `Forces`
     """
@@ -170,6 +171,7 @@ class Measured:
     seconds: dict
     least_sd: dict[str, dict[str, float]]
     scores: line_scoring.LineScores
+    lines: pd.DataFrame
     beside_pole: np.ndarray
     shape: "Forces"
     point: "Forces"
@@ -196,7 +198,8 @@ def measure(preset: str, path, session, settings=None) -> Measured:
     at = settings.analysis.curvature_at
     analysis = analyse(path, settings, keep=chunks.append)
     truth = video.lines()
-    scores = line_scoring.score_lines(join_chunks(chunks), truth)
+    traced = join_chunks(chunks)
+    scores = line_scoring.score_lines(traced, truth)
     true_frames, true_contacts = video.frames(), video.contacts()
     least = least_curvature_sd(video, at)
     whiskers = {w.name: w.si() for w in settings.whisker}
@@ -226,9 +229,32 @@ def measure(preset: str, path, session, settings=None) -> Measured:
         seconds=dict(analysis.seconds),
         least_sd=least,
         scores=scores,
+        lines=line_table(scores, traced, analysis.frames, true_frames),
         beside_pole=beside_pole(scores, truth, video),
         **found,
     )
+
+
+def line_table(scores, traced: Centrelines, frames, true_frames) -> pd.DataFrame:
+    """`scores.rows` with each line's `confidence` and `angle_error_deg`, −180 to 180.
+
+    The base angle is compared with that of the whisker that the line lies on, whatever it is
+    called; NaN where the line lies on none or has no base angle.
+    """
+    columns = ["frame", "whisker", "base_angle_deg"]
+    rows = scores.rows.assign(confidence=traced.confidence)
+    rows = rows.merge(_plain(frames[columns]), on=["frame", "whisker"], how="left")
+    true = _plain(true_frames[columns]).rename(
+        columns={"whisker": "nearest", "base_angle_deg": "true_angle_deg"}
+    )
+    rows = rows.merge(true, on=["frame", "nearest"], how="left")
+    error = rows["base_angle_deg"] - rows["true_angle_deg"]
+    return rows.assign(angle_error_deg=(error.astype(float) + 180) % 360 - 180)
+
+
+def _plain(angles):
+    """Frames and whiskers as plain integers and text, so that tables can be joined."""
+    return angles.astype({"frame": int, "whisker": object, "base_angle_deg": float})
 
 
 def join_chunks(chunks: list[Centrelines]) -> Centrelines:

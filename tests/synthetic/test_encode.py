@@ -39,6 +39,25 @@ def test_round_trip(tmp_path, frames, codec):
         assert difference.std() <= loss_sd[codec.name]
 
 
+def test_uneven_quality_changes_from_stretch_to_stretch(tmp_path):
+    rng, stretch = np.random.default_rng(1), 10
+    still = np.clip(128 + np.cumsum(rng.normal(0, 3, (64, 96)), axis=1), 0, 255)
+    frames = [
+        np.clip(still + rng.normal(0, 2, still.shape), 0, 255).astype(np.uint8) for _ in range(40)
+    ]
+    loss = {}
+    for uneven in (0, stretch):
+        path = tmp_path / f"{uneven}.mp4"
+        write_video(path, frames, Codec("h264", crf=10, uneven_frames=uneven))
+        difference = np.stack(by_luma_plane(path)).astype(float) - np.stack(frames)
+        loss[uneven] = difference.reshape(4, stretch, -1).std(axis=(1, 2))
+        with av.open(str(path)) as container:
+            keys = [k for k, frame in enumerate(container.decode(video=0)) if frame.key_frame]
+        assert keys == ([0, 10, 20, 30] if uneven else [0])
+    assert loss[stretch][1::2].min() > 1.3 * loss[stretch][::2].max()
+    assert loss[0].max() < 1.15 * loss[0].min()
+
+
 def by_luma_plane(path):
     with av.open(str(path)) as container:
         planes = [(f.planes[0], f.height, f.width) for f in container.decode(video=0)]

@@ -227,6 +227,7 @@ def test_every_preset_makes_a_trial_that_can_be_drawn(preset):
     touched = sum(h.contact.touching.any() for h in trial.motion.hairs)
     without = {
         "crossing", "dense_row", "orientation", "near_miss", "free", "border", "passing",
+        "mouse_face_on_top", "rat_both_sides",
     }  # fmt: skip
     assert (touched == 0) == (preset in without)
     if preset not in ("slip_off", "ringdown"):
