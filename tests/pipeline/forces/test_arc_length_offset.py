@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import traced_motion
+from scipy import sparse
 from scipy.ndimage import uniform_filter1d
 
 from pipeline.detection import line_profile
@@ -249,3 +250,83 @@ def test_the_standard_error_holds_what_is_common_to_all_frames():
         change = evidence["origin_m"] - plain["origin_m"]
         share.append(np.median(change / evidence["origin_se_m"]))
     assert 0.3 < np.sqrt(np.mean(np.square(share))) < 1.3  # and it is not simply large
+
+
+def some_evidence(rng, rows=12, terms=4):
+    """Evidence of random, sparse design, its dense form, matrix and right-hand side."""
+    dense = rng.normal(size=(rows, terms)) * (rng.random((rows, terms)) < 0.7)
+    root = rng.normal(size=(terms, terms))
+    matrix, rhs, tip = root @ root.T + np.eye(terms), rng.normal(size=terms), rng.random(terms)
+    params = DEFAULTS.forces
+    design = sparse.csr_matrix(dense)
+    return arc_length_offset._Evidence(design, matrix, rhs, tip, params), dense
+
+
+def test_origins_and_their_errors_are_those_of_the_normal_equations():
+    evidence, dense = some_evidence(np.random.default_rng(0))
+    inverse = np.linalg.inv(evidence.matrix)
+    origin, weight = evidence.solve(), np.linspace(0.2, 1, 5)
+    np.testing.assert_allclose(origin.per_row, dense @ inverse @ evidence.rhs)
+    np.testing.assert_allclose(origin.se**2, np.diag(dense @ inverse @ dense.T))
+    assert origin.per_tip == pytest.approx(np.mean(dense @ inverse @ evidence.tip))
+    rows = np.arange(3, 8)
+    part = weight @ dense[rows] / weight.sum()
+    expected = part @ inverse @ evidence.rhs, part @ inverse @ part
+    assert evidence.mean(rows, weight) == pytest.approx(expected)
+
+
+def test_a_common_error_is_one_more_unknown():
+    """Beside the system with that error in it, solved as a whole."""
+    rng = np.random.default_rng(1)
+    evidence, dense = some_evidence(rng)
+    bend, pull, sd = rng.uniform(0.5, 2, 12), rng.normal(size=12), 0.3
+    wider = np.column_stack([dense, np.ones(12)])
+    matrix = wider.T @ (bend[:, None] * wider)
+    matrix[:-1, :-1] += evidence.matrix
+    matrix[-1, -1] += sd**-2
+    whole = np.linalg.solve(matrix, wider.T @ pull + np.append(evidence.rhs, 0.0))
+    found = evidence.beside(evidence.design, bend, pull, sd)
+    np.testing.assert_allclose(found.weights(), whole[:-1])
+    np.testing.assert_allclose(np.linalg.inv(found.matrix), np.linalg.inv(matrix)[:-1, :-1])
+
+
+def test_errors_that_last_count_as_fewer():
+    """Of means over 10 alike, the variance is that of ten times as large a one."""
+    rng = np.random.default_rng(4)
+    errors = np.repeat(rng.normal(0, 2.0, 4000), 10)
+    assert arc_length_offset._lasting_variance(errors) == pytest.approx(10 * 4.0, rel=0.15)
+    alone = rng.normal(0, 2.0, 40000)
+    assert arc_length_offset._lasting_variance(alone) == pytest.approx(4.0, rel=0.25)
+
+
+def test_rows_that_want_to_go_far_count_less():
+    """Beyond three of their fellows' standard deviations, as far as they are off."""
+    rng = np.random.default_rng(5)
+    wish = 1e-4 * rng.normal(size=2000)
+    wish[0], wish[1] = 12e-4, 0.5e-4
+    bend = rng.uniform(0.5, 2, 2000)
+    share = arc_length_offset._trust(wish * bend, bend)
+    assert share[0] == pytest.approx(0.25, rel=0.1)
+    assert share[1] == 1.0
+    assert (share == 1).mean() > 0.99
+
+
+def test_pulls_that_scatter_more_than_they_say_count_less():
+    rng = np.random.default_rng(6)
+    bend = rng.uniform(0.5, 2, 4000)
+    pull = 0.7 * bend + 3 * np.sqrt(bend) * rng.normal(size=4000)
+    share = np.ones(4000)
+    wide, usual = (
+        arc_length_offset._noise(share, some, bend)
+        for some in (pull, 0.7 * bend + (pull - 0.7 * bend) / 3)
+    )
+    assert wide == pytest.approx(9 * usual, rel=0.01)
+    assert usual == pytest.approx(arc_length_offset.TOGETHER, rel=0.1)
+    calm = arc_length_offset._noise(share, 0.7 * bend, bend)
+    assert calm == pytest.approx(0.5 * usual, rel=0.1)
+
+
+def test_a_pole_that_is_off_moves_the_answer_by_six_times_as_much():
+    gap, side = np.array([2e-6, 2e-6, -5e-6, np.nan]), np.array([1, 1, -1, 1])
+    assert arc_length_offset._misplaced_sd(gap, side) == pytest.approx(30e-6)
+    assert arc_length_offset._misplaced_sd(np.full(4, np.nan), side) == 0.0
