@@ -23,6 +23,7 @@ SHORT_STEP = 0.1  # px: what this leaves out is some thousandths of a pixel's er
 BEYOND_TIP, TIP_STEP = 30, 0.4  # nodes, px: where it moves more there, the tip is still sought, …
 SAME_TIP = 1  # … unless it was within so many nodes where it is now the step before
 OVERSHOOT = 4  # nodes by which the windowed absorbance reaches over a line's end
+SEEN_SD = 4.0  # standard errors by which a trace's last node is seen
 WIDEST_GAP = 8  # bridges: longer stretches without pixels are not crossed
 FLOAT, HALF = np.float32, np.float32(0.5)
 
@@ -323,7 +324,7 @@ def refine(picture, nodes, n, fit, scratch):
         before = end
         bridge = WIDEST_GAP * fit.bridge
         end = visible_end(
-            work.amplitude, work.amplitude_se, work.sums, seen, 4.0, bridge, fit.faintest,
+            work.amplitude, work.amplitude_se, work.sums, seen, SEEN_SD, bridge, fit.faintest,
             fit.unseen,
         )  # fmt: skip
         fit_offset(x, y, n, fit.spacing, STIFFNESS, work)

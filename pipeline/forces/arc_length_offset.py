@@ -34,21 +34,21 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import sparse
 
+from pipeline.detection.line_fit import SEEN_SD
 from pipeline.forces import rest_shape, rod_fit
 from pipeline.forces.rod_fit import N_REST, RestPrior
 from pipeline.kinematics.resampled import N_STATIONS, Stations
 from pipeline.numerics.robust import robust_sd
+from pipeline.numerics.runs import evenly
 from pipeline.session.parameters import DEFAULTS, RodParams
 from whiskermodel.whisker import Whisker
 
 MOST_KNOTS = 400
 ANGLE_TERMS = 3
 TIP_PART = 0.3  # of the frames in which the tip must be seen at least
-SEEN_SD = 4.0  # standard errors by which a trace's last point is seen (`detection/line_fit.py`)
 OVER_TIP_PX = 2.2  # from the tip to where nothing would be seen: measured, rendered videos
 TIP_FRAMES = 2.0  # neighbouring frames whose ends err together, at least
 TIP_LAGS = 8  # frames over which ends of a codec's pictures err together
-LENGTH_MATCH = 0.05  # a tip farther from the whisker's length than this part is none
 MOST_ROWS = 240  # loaded frames whose bending is used
 ENOUGH_ROWS = 20  # of frames that were not interpolated; with fewer, all are used
 LEAST_PUSH_SD = 15.0
@@ -58,7 +58,7 @@ TOGETHER = 5.0  # rows that count as one: those of a contact err together
 # upon the same pixels; and how far along the whisker such errors are alike
 LASTING_SHARE = 0.1
 LASTING_REACH_M = 1.5e-3
-ROUNDS = 3  # of Gauss–Newton
+ROUNDS = 2  # of Gauss–Newton
 EXPLAINED_SD = 2.0  # standard errors by which bending, tip and session may differ
 POLE_LEVER = 6.0  # how much farther a misplaced pole moves the answer
 
@@ -139,7 +139,7 @@ def origin_from_tip(
     prior = np.full(terms, varies**-2)
     prior[0] = (1e-3 * params.hidden_length_sd_mm) ** -2
     evidence = _Evidence(design, np.diag(prior), *np.zeros((2, terms)), params)
-    end, sd = _trace_ends(places, whisker, params)
+    end, sd = _trace_ends(places, params)
     good = np.isfinite(end)
     if good.any():
         tip, common = _tip_place(places.rows(good), sd, whisker, params)
@@ -331,7 +331,7 @@ def _tip_place(places, sd, whisker, params):
     return whisker.length - short, np.hypot(1e-3 * params.tip_sd_mm, sd)
 
 
-def _trace_ends(places, whisker, params):
+def _trace_ends(places, params):
     """Arc length [m] of the trace's end where that is the tip (NaN elsewhere), and its scatter."""
     nothing = np.full(len(places), np.nan), np.nan
     window, noise = 1e-3 * params.tip_window_mm, 1e-3 * params.tip_noise_mm
@@ -345,11 +345,7 @@ def _trace_ends(places, whisker, params):
     steps = np.diff(end[good])
     scatter = float(robust_sd(steps)) / np.sqrt(2)
     scatter = max(scatter, float(np.std(steps[np.abs(steps) < noise * 3])) / np.sqrt(2))
-    if (
-        good.mean() < TIP_PART
-        or abs(usual / whisker.length - 1) > LENGTH_MATCH
-        or not scatter < noise
-    ):
+    if good.mean() < TIP_PART or not scatter < noise:
         return nothing
     return np.where(good, end, np.nan), max(scatter, 10e-6)
 
@@ -372,8 +368,4 @@ def _loaded_rows(near, places, whisker, curvature_at, prior, friction):
     with np.errstate(invalid="ignore"):
         push = np.nan_to_num(fit["force"] / np.sqrt(fit["force_var"]))
     near = near[push > LEAST_PUSH_SD]
-    return (
-        near[np.unique(np.linspace(0, len(near) - 1, MOST_ROWS).astype(int))]
-        if len(near)
-        else near
-    )
+    return near[evenly(len(near), MOST_ROWS)]

@@ -19,6 +19,7 @@ import numpy as np
 from pipeline.forces import rod_fit
 from pipeline.forces.rest_shape import CORRELATED_FRAMES
 from pipeline.kinematics.resampled import Stations
+from pipeline.numerics.runs import evenly
 from whiskermodel.whisker import Whisker
 
 FUR_CLINGS_M = 0.4e-3  # first visible part that is not used
@@ -79,7 +80,7 @@ def _sample(places, free, angle):
         if len(own) < FEWEST_ROWS:
             return np.empty(0, int)
         own = places.rather_shown(own, MOST_ROWS)
-        out.append(own[np.unique(np.linspace(0, len(own) - 1, MOST_ROWS).astype(int))])
+        out.append(own[evenly(len(own), MOST_ROWS)])
     return np.sort(np.concatenate(out))
 
 

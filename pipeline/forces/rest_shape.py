@@ -17,6 +17,7 @@ import numpy as np
 from scipy.ndimage import median_filter
 
 from pipeline.numerics.robust import robust_sd
+from pipeline.numerics.runs import evenly
 from pipeline.session.parameters import DEFAULTS
 
 CLEAR_SD = 8.0  # as many times the distance's noise
@@ -275,7 +276,7 @@ def _robust_start(powers, values, prior):
     part = powers[rows]
     square = np.swapaxes(part, 1, 2) @ part + np.diag(prior + 1e-9)
     trials = np.linalg.solve(square, np.swapaxes(part, 1, 2) @ values[rows])
-    judges = np.unique(np.linspace(0, n - 1, 400).astype(int))
+    judges = evenly(n, 400)
     misfit = np.abs(values[judges] - powers[judges] @ trials)
     middle = np.median(misfit, axis=1)
     return trials[np.argmin((middle / np.maximum(middle.min(axis=0), 1e-12)).sum(axis=1))]

@@ -25,7 +25,7 @@ from pipeline.kinematics.base_curves import BaseCurves, fit_base_curves, lay_to
 from pipeline.kinematics.resampled import PART_ROWS
 from pipeline.numerics.angles import continuous
 from pipeline.numerics.cholesky import factorise, invert
-from pipeline.numerics.runs import parts
+from pipeline.numerics.runs import evenly, parts
 from pipeline.session.parameters import DEFAULTS, KinematicsParams
 
 BASE_COLUMNS = (
@@ -219,7 +219,7 @@ def _drawn(q, cov, design, constant, stiff, frame):
 
 def _usual(seen, noise):
     """Mean and covariance of features that are `seen` (rows, k) with `noise` (rows, k, k)."""
-    few = np.unique(np.linspace(0, len(seen) - 1, LEARNING_ROWS).astype(int))
+    few = evenly(len(seen), LEARNING_ROWS)
     seen, noise, k = seen[few], noise[few], seen.shape[1]
     mean = np.median(seen, axis=0)
     if len(seen) < FEWEST_ROWS:

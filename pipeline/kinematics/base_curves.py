@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
+from pipeline.numerics.runs import evenly
 from pipeline.session.parameters import DEFAULTS, KinematicsParams
 
 FEWEST_STATIONS = 8
@@ -80,7 +81,7 @@ def fit_base_curves(
     spacing, (first, last) = places.spacing[places.whisker[0]], span
     grid = _Grid(spacing * np.arange(first, last))
     excess = np.zeros(last - first)
-    few = np.unique(np.linspace(0, len(places) - 1, LEARNING_ROWS).astype(int))
+    few = evenly(len(places), LEARNING_ROWS)
     sample = _seen(places.rows(few).loaded(), span)
     for _ in range(LEARNING_PASSES):
         excess = _excess(sample, grid, excess)
@@ -136,7 +137,7 @@ def _window(places, pixels_per_m, params):
     """First and one-past-last station of the base; None where there are none."""
     spacing = places.spacing[places.whisker[0]]
     reach = max(1e-3 * params.base_window_mm, params.base_window_least_px / pixels_per_m)
-    few = np.unique(np.linspace(0, len(places) - 1, LEARNING_ROWS).astype(int))
+    few = evenly(len(places), LEARNING_ROWS)
     seen = places.rows(few).loaded().information > 0
     rows = seen.sum(axis=1) >= FEWEST_STATIONS
     if not rows.any():

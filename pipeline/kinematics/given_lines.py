@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.special import chdtri
 
+from pipeline.numerics.runs import evenly
 from pipeline.tables.centrelines import Centrelines
 
 SMOOTHED_NODES, SMOOTHED_DEGREE = 21, 3  # the curve is a running cubic
@@ -123,8 +124,7 @@ def sample_of(lines: Centrelines, most: int = 48) -> Centrelines:
     rows = []
     for k in range(len(lines.names)):
         own = np.flatnonzero(lines.whisker == k)
-        if len(own):
-            rows.append(own[np.unique(np.linspace(0, len(own) - 1, most).round().astype(int))])
+        rows.append(own[evenly(len(own), most)])
     return lines.rows(np.concatenate([np.empty(0, int), *rows]))
 
 

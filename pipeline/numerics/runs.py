@@ -1,4 +1,4 @@
-"""Runs of consecutive frames in which a condition holds, and parts of long recordings."""
+"""Runs of consecutive frames in which a condition holds, parts and samples of long recordings."""
 
 from itertools import pairwise
 
@@ -10,6 +10,15 @@ def stretches(mask) -> list[tuple[int, int]]:
     change = np.diff(np.concatenate([[False], np.asarray(mask, bool), [False]]).astype(np.int8))
     starts, stops = np.flatnonzero(change == 1), np.flatnonzero(change == -1)
     return list(zip(starts.tolist(), stops.tolist(), strict=True))
+
+
+def evenly(count: int, most: int) -> np.ndarray:
+    """At most `most` of the numbers below `count`, evenly spread from the first to the last.
+
+    >>> evenly(9, 3)
+    array([0, 4, 8])
+    """
+    return np.unique(np.linspace(0, count - 1, most).astype(int)) if count else np.empty(0, int)
 
 
 def parts(count: int, most: int) -> list[slice]:

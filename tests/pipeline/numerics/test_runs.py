@@ -1,9 +1,11 @@
-"""Stretches of frames beside a walk from frame to frame."""
+"""Stretches of frames beside a walk from frame to frame; samples that reach from end to end."""
+
+from itertools import pairwise
 
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.numerics.runs import stretches
+from pipeline.numerics.runs import evenly, stretches
 
 
 @given(st.lists(st.booleans()))
@@ -16,3 +18,14 @@ def test_stretches_are_those_of_a_walk(mask):
             found.append((begun, frame))
             begun = None
     assert stretches(mask) == found
+
+
+@given(st.integers(0, 500), st.integers(2, 50))
+def test_a_spread_sample_reaches_from_the_first_to_the_last_in_even_steps(count, most):
+    found = evenly(count, most).tolist()
+    if count <= most:
+        assert found == list(range(count))
+    else:
+        steps = [after - before for before, after in pairwise(found)]
+        assert (found[0], found[-1], len(found)) == (0, count - 1, most)
+        assert max(steps) - min(steps) <= 1
