@@ -4,7 +4,9 @@ The force goes with the fourth power of the radius, so a first traced point that
 too near to the follicle costs 4 % in force. Beside the hidden length as it was given (on average
 right to 0.1 mm or so) two things show where the trace begins: the tip, which lies at the
 whisker's length, and the bending itself, whose distribution along the whisker depends on where
-its stiff base is. All go into one estimate, a smooth function of base angle and time.
+its stiff base is. All go into one estimate, a function of time, as
+smooth as makes the ends of the traces likeliest (type II maximum likelihood): the ends show a fur
+that moves, but those of a codec wander about a fur that keeps still.
 
 The trace ends short of the tip by up to half a millimetre, where the thin end drowns in noise.
 By how much, two things show: its fading (`kinematics/tip.py`), and how far the ends scatter. They
@@ -44,7 +46,7 @@ from pipeline.session.parameters import DEFAULTS, RodParams
 from whiskermodel.whisker import Whisker
 
 MOST_KNOTS = 400
-ANGLE_TERMS = 3
+STEADY = 1.0, 0.5, 0.25, 0.125, 0.0625  # of the most that the origin varies in time
 TIP_PART = 0.3  # of the frames in which the tip must be seen at least
 OVER_TIP_PX = 2.2  # from the tip to where nothing would be seen: measured, rendered videos
 TIP_FRAMES = 2.0  # neighbouring frames whose ends err together, at least
@@ -106,6 +108,20 @@ class _Evidence:
         per_tip = float(np.mean(self.design @ (inverse @ self.tip)))
         return Origin(self.design @ self.weights(), se, per_tip)
 
+    def as_steady_as(self, seen, most) -> "_Evidence":
+        """With the prior in time, of an SD of `most` [m] or less, that makes `seen` likeliest.
+
+        `seen` is this evidence beside others'.
+        """
+        data, rhs, found = seen.matrix - self.matrix, seen.rhs - self.rhs, []
+        for part in STEADY:
+            prior = np.diag(self.matrix).copy()
+            prior[1:] = (part * most) ** -2
+            total = data + np.diag(prior)
+            volume = np.log(prior).sum() - np.linalg.slogdet(total)[1]
+            found.append((volume + rhs @ np.linalg.solve(total, rhs), prior))
+        return replace(self, matrix=np.diag(max(found, key=lambda each: each[0])[1]))
+
     def mean(self, rows, weight):
         """Weighted mean of the `rows`' origins, and its variance [m, m²]."""
         part = weight @ self.design[rows] / weight.sum()
@@ -125,16 +141,16 @@ class _Evidence:
 
 
 def origin_from_tip(
-    places: Stations, whisker: Whisker, angle, time, params: RodParams = DEFAULTS.forces
+    places: Stations, whisker: Whisker, time, params: RodParams = DEFAULTS.forces
 ) -> tuple[Origin, _Evidence]:
     """Origin of each row from the prior and, as far as the tip is seen, from its place.
 
     Parameters
     ----------
     places : rows of one whisker in the order of their frames
-    angle, time : (rows,) base angle [rad] and time [s]
+    time : (rows,) [s]
     """
-    design = _design(angle, time, params.hidden_length_knot_s)
+    design = _design(time, params.hidden_length_knot_s)
     terms, varies = design.shape[1], 1e-3 * params.hidden_length_varies_mm
     prior = np.full(terms, varies**-2)
     prior[0] = (1e-3 * params.hidden_length_sd_mm) ** -2
@@ -151,18 +167,14 @@ def origin_from_tip(
         for _ in range(4):
             bend = weight / variance
             found = evidence.beside(part, bend, bend * away, common)
+            evidence = evidence.as_steady_as(found, varies)
+            found = evidence.beside(part, bend, bend * away, common)
             left = away - part @ found.weights()
             left -= np.average(left, weights=weight)
             weight = 1 / np.maximum(1, np.abs(left) / (2 * sd))
             variance = max(TIP_FRAMES * sd**2, _lasting_variance(np.clip(left, -3 * sd, 3 * sd)))
-        # an end that wanders more than the fur's edge does is seen so by light and motion
-        moved = away - left - np.average(away - left, weights=weight)
-        wander = np.average(moved**2, weights=weight) - varies**2
         moved = evidence.beside(part, bend, bend, common).rhs  # by a tip 1 m farther out
-        both = np.column_stack([found.rhs, moved])
-        matrix, both = _doubted(found.matrix - evidence.matrix, both, max(wander, 0.0))
-        rhs, moved = both.T
-        evidence = replace(evidence, matrix=evidence.matrix + matrix, rhs=rhs, tip=moved)
+        evidence = replace(found, tip=moved)
     return evidence.solve(), evidence
 
 
@@ -265,17 +277,6 @@ def _apart_sd(evidence, rows, places):
     return float(np.sqrt(gap[0] @ np.linalg.solve(evidence.matrix, gap[0])))
 
 
-def _doubted(matrix, rhs, variance):
-    """The evidence A w = b, b of one or more columns; answers w err by a further `variance` [m²].
-
-    A (A + A S A)⁻¹ A = (1 + A S)⁻¹ A with S = variance · 1, and the same of b.
-    """
-    total = np.eye(len(matrix)) + matrix * variance
-    kept = np.linalg.solve(total, np.column_stack([matrix, rhs]))
-    n = len(matrix)
-    return (kept[:, :n] + kept[:, :n].T) / 2, kept[:, n:]
-
-
 def _misplaced_sd(gap, side):
     """Standard error [m] of the bending's answer from where the pole is taken to be."""
     sides = [np.nanmedian(gap[side == s]) for s in (-1, 1) if np.isfinite(gap[side == s]).any()]
@@ -290,23 +291,19 @@ def _trust(pull, bend):
     return 1 / np.maximum(1, np.abs(wish - np.median(wish)) / (3 * spread))
 
 
-def _design(angle, time, knot_s):
-    """Columns: 1, powers of the base angle, hats in time; sparse (rows, terms)."""
-    known = np.isfinite(angle)
-    low, high = np.percentile(angle[known], [2, 98]) if known.any() else (0.0, 1.0)
-    u = np.clip((angle - (low + high) / 2) / max((high - low) / 2, 0.02), -1.5, 1.5)
-    u = np.where(known, u, 0.0)
+def _design(time, knot_s):
+    """Columns: 1, hats in time; sparse (rows, terms)."""
     span = float(np.ptp(time)) if len(time) else 0.0
     knots = int(np.clip(span / knot_s, 1, MOST_KNOTS)) + 1
     place = (time - time.min()) / max(span, 1e-9) * (knots - 1) if len(time) else time
     low = np.minimum(place.astype(int), knots - 2)
     part = place - low
-    every = np.arange(len(u))
+    every = np.arange(len(time))
     hats = sparse.csr_matrix(
         (np.concatenate([1 - part, part]), (np.tile(every, 2), np.concatenate([low, low + 1]))),
-        shape=(len(u), knots),
+        shape=(len(time), knots),
     )
-    return sparse.hstack([u[:, None] ** np.arange(ANGLE_TERMS + 1), hats]).tocsr()
+    return sparse.hstack([np.ones((len(time), 1)), hats]).tocsr()
 
 
 def _lasting_variance(errors):

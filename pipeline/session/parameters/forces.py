@@ -13,7 +13,7 @@ class RodParams:
         0.12, "standard error of the hidden length in session.toml", "chosen: a fur's edge by eye"
     )
     hidden_length_varies_mm: quantity(0.001, 2, "mm") = parameter(
-        0.06, "SD by which it changes with base angle and time", "chosen"
+        0.06, "SD by which it changes with time, at most", "chosen"
     )
     hidden_length_knot_s: quantity(0.005, 10, "s") = parameter(
         0.06, "time over which it may change", "chosen: about half a whisk"

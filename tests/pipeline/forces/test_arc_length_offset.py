@@ -54,6 +54,15 @@ def test_a_wrong_hidden_length_is_found_from_the_bending(touching, wrong_by):
     assert np.abs(np.median(found) - wrong_by) < 3 * evidence["origin_se_m"].median()
 
 
+def test_ends_that_scatter_move_no_origin_where_the_fur_keeps_still(touching):
+    """Ends that scatter by 0.07 mm, as those of H.264: origins follow by a tenth of it at most."""
+    places = touching.places
+    ends = places.last + np.random.default_rng(4).normal(0, 0.07e-3, len(places))
+    blurred = replace(places, last=ends)
+    origin, _ = arc_length_offset.origin_from_tip(blurred, mouse_c2(), times(touching))
+    assert np.std(origin.per_row) < 0.007e-3
+
+
 def test_first_points_that_wander_are_seen_from_the_tip(touching):
     """Traces that begin anywhere within 0.15 mm: each row's origin follows, from the far end."""
     rng = np.random.default_rng(0)
@@ -63,19 +72,16 @@ def test_first_points_that_wander_are_seen_from_the_tip(touching):
     wandered = replace(
         places, first=places.first - slow, last=places.last - slow + rng.normal(0, 1e-5, len(t))
     )
-    angle = np.radians(touching.frames["base_angle_deg"].to_numpy())
-    time = touching.frames["time_s"].to_numpy()
-    origin, _ = arc_length_offset.origin_from_tip(wandered, mouse_c2(), angle, time)
+    origin, _ = arc_length_offset.origin_from_tip(wandered, mouse_c2(), times(touching))
     error = origin.per_row - slow
     assert np.std(error) < 0.2 * np.std(slow)
     # how far out the tip is seen is no evidence where the line's fading is not known
     assert abs(np.mean(origin.per_row)) < 0.01e-3
 
 
-def at_rest(touching):
-    """Base angle [rad] and time [s] of the frames."""
-    frames = touching.frames
-    return np.radians(frames["base_angle_deg"].to_numpy()), frames["time_s"].to_numpy()
+def times(touching):
+    """Time [s] of the frames."""
+    return touching.frames["time_s"].to_numpy()
 
 
 def fading(places, short=traced_motion.TIP_UNSEEN):
@@ -86,7 +92,7 @@ def fading(places, short=traced_motion.TIP_UNSEEN):
 @pytest.mark.parametrize("wrong_by", [-0.2e-3, 0.1e-3])
 def test_a_tip_whose_fading_is_known_corrects_the_hidden_length(touching, wrong_by):
     places = fading(measured_again(touching, traced_motion.HIDDEN - wrong_by))
-    origin, _ = arc_length_offset.origin_from_tip(places, mouse_c2(), *at_rest(touching))
+    origin, _ = arc_length_offset.origin_from_tip(places, mouse_c2(), times(touching))
     assert np.median(origin.per_row) == pytest.approx(wrong_by, abs=tip_tolerance)
     assert 0.02e-3 < np.median(origin.se) < 0.05e-3
 
@@ -122,14 +128,14 @@ def test_ends_are_as_far_from_the_tip_as_their_scatter_says(touching, noise, see
         to_tip=np.full(n, seen_fading * short.mean()),
         interpolated=np.arange(n) % 3 > 0 if seen_fading == 0 else np.zeros(n, bool),
     )
-    origin, _ = arc_length_offset.origin_from_tip(drowned, mouse_c2(), *at_rest(touching))
+    origin, _ = arc_length_offset.origin_from_tip(drowned, mouse_c2(), times(touching))
     assert np.median(origin.per_row) == pytest.approx(0.0, abs=tip_tolerance)
 
 
 def test_a_length_that_contradicts_the_hidden_length_is_hardly_believed(touching):
     """A whisker that has grown by 0.7 mm since it was measured."""
     grown = fading(touching.places, traced_motion.TIP_UNSEEN + 0.7e-3)
-    origin, _ = arc_length_offset.origin_from_tip(grown, mouse_c2(), *at_rest(touching))
+    origin, _ = arc_length_offset.origin_from_tip(grown, mouse_c2(), times(touching))
     assert abs(np.median(origin.per_row)) < 0.1e-3
 
 
@@ -155,23 +161,20 @@ def test_an_end_that_light_moves_is_not_taken_for_the_tip(touching):
     """The trace's end is seen farther out by up to 0.55 mm where the angle is large."""
     places = touching.places
     angle = np.radians(touching.frames["base_angle_deg"].to_numpy())
-    time = touching.frames["time_s"].to_numpy()
     light = 0.55e-3 * (angle - angle.min()) / np.ptp(angle)
     rng = np.random.default_rng(3)
     lit = replace(places, last=places.last + light + rng.normal(0, 1e-5, len(angle)))
-    origin, _ = arc_length_offset.origin_from_tip(lit, mouse_c2(), angle, time)
+    origin, _ = arc_length_offset.origin_from_tip(lit, mouse_c2(), times(touching))
     assert np.std(origin.per_row) < 0.7 * np.std(light)
 
 
 def test_a_tip_out_of_view_shows_nothing(touching):
     rng = np.random.default_rng(1)
     n = len(touching.places)
-    angle = np.radians(touching.frames["base_angle_deg"].to_numpy())
-    time = touching.frames["time_s"].to_numpy()
     cut = replace(touching.places, last=touching.places.last - rng.uniform(0, 6e-3, n))
     short = replace(touching.places, last=np.full(n, 15e-3))
     for places in (cut, short):
-        origin, _ = arc_length_offset.origin_from_tip(places, mouse_c2(), angle, time)
+        origin, _ = arc_length_offset.origin_from_tip(places, mouse_c2(), times(touching))
         np.testing.assert_array_equal(origin.per_row, 0.0)
         assert (origin.se > 0.1e-3).all()
 
@@ -207,22 +210,21 @@ def test_frames_that_a_codec_interpolated_are_not_asked(touching):
 
 
 def test_how_far_touches_begin_from_free_frames_is_known_as_well_as_the_tip_shows(touching):
-    """Ends of the trace that scatter by 0.05 mm, drawn again and again."""
+    """Traces of a fur that wanders, with ends that scatter by 0.05 mm, drawn again and again."""
     rng = np.random.default_rng(2)
     places, whisker = touching.places, mouse_c2()
-    angle = np.radians(touching.frames["base_angle_deg"].to_numpy())
-    time = touching.frames["time_s"].to_numpy()
+    slow = 0.05e-3 * np.sin(2 * np.pi * np.arange(len(places)) / 300)
     rows = np.flatnonzero(touching.true_frames["in_contact"].to_numpy(bool))
     free = rest_shape.free_frames(places.distance, np.isfinite(places.pole_x))
     found, stated = [], []
     for _ in range(12):
-        ends = places.last + rng.normal(0, 0.05e-3, len(places))
-        seen = replace(places, last=ends)
-        origin, votes = arc_length_offset.origin_from_tip(seen, whisker, angle, time)
-        found.append(origin.per_row[rows].mean() - origin.per_row[free].mean())
+        ends = places.last - slow + rng.normal(0, 0.05e-3, len(places))
+        seen = replace(places, first=places.first - slow, last=ends)
+        origin, votes = arc_length_offset.origin_from_tip(seen, whisker, times(touching))
+        error = origin.per_row - slow
+        found.append(error[rows].mean() - error[free].mean())
         stated.append(arc_length_offset._apart_sd(votes, rows, places))
-    # the wandering that is thought possible does not happen here: less scatter than stated
-    assert 0.3 < np.sqrt(np.mean(np.square(found))) / np.mean(stated) < 1.2
+    assert 0.6 < np.sqrt(np.mean(np.square(found))) / np.mean(stated) < 1.2
 
 
 def test_the_standard_error_holds_what_is_common_to_all_frames():
