@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import traced_motion
+from rod_scenes import CURVATURE_AT, SD, known_rest, noisy, touching
 
-from pipeline.forces import forces, fur_bias
+from pipeline.forces import forces, fur_bias, rod_fit
 from synthetic.presets import make_trial
 from whiskermodel.whisker import mouse_c2
 
@@ -117,3 +118,22 @@ def test_what_both_kinds_of_frames_miss_alike_is_their_mean_beyond_what_is_usual
     assert fur_bias._usual([free, touching]) == pytest.approx(9.0)  # median of 9, 7, 10, 11, 9
     assert fur_bias._usual([(0.1 * free[0], free[1])]) == 1.0
     assert fur_bias._usual([(np.full(2, np.nan), np.ones(2))]) == 1.0
+
+
+@pytest.mark.parametrize("noise", [0, 9])
+def test_a_misfit_is_expected_of_the_rod_and_of_the_station(noise):
+    """As large as said, or as χ² shows where that is more; unknown where nothing was seen."""
+    rng, whisker, prior = np.random.default_rng(7), mouse_c2(), known_rest(3)
+    _, places = touching(np.full(3, 0.2))
+    for _ in range(noise):
+        places = noisy(places, rng)
+    judged, misfit = np.array([3, 9, 20, 30]), np.empty((3, 2, places.x.shape[1]))
+    fit = rod_fit.fit_loaded(places, whisker, CURVATURE_AT, prior, misfit=misfit)
+    square, expected = fur_bias._misfits(
+        places, places.information, judged, whisker, CURVATURE_AT, prior
+    )
+    own = SD**2 * np.maximum(fit["chi2"], 1.0)[:, None]
+    assert (fit["chi2"] > 4).all() == (noise > 0)
+    np.testing.assert_array_equal(np.isnan(expected[:, 0]), True)
+    np.testing.assert_allclose(expected[:, 1:], (misfit[:, 1, judged] + own)[:, 1:])
+    np.testing.assert_allclose(square, misfit[:, 0, judged] ** 2)

@@ -317,3 +317,12 @@ def test_what_is_predicted_has_all_its_errors():
         np.testing.assert_allclose(found[k], powers @ model.weights + model.drift(when)[k])
     np.testing.assert_allclose(np.diag(model.noise), noise**2, rtol=0.35)  # outliers count less
     np.testing.assert_allclose(np.diag(model.noise - model.scatter), 0.1, rtol=0.01)
+
+
+@pytest.mark.parametrize(("astray", "nearest"), [(6, 0.01e-3), (15, -0.2e-3)])
+def test_the_nearest_distance_is_one_that_many_frames_have(astray, nearest):
+    """Of 100 touches; what fewer than a tenth as many show went astray."""
+    rng = np.random.default_rng(14)
+    parts = np.full(100, 0.01e-3), np.full(astray, -0.2e-3), rng.uniform(0.3e-3, 3e-3, 400)
+    distance = rng.permutation(np.concatenate(parts))
+    assert rest_shape._nearest(distance, 20e-6, 0.5e-3) == pytest.approx(nearest)
