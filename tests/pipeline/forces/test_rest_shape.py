@@ -326,3 +326,16 @@ def test_the_nearest_distance_is_one_that_many_frames_have(astray, nearest):
     parts = np.full(100, 0.01e-3), np.full(astray, -0.2e-3), rng.uniform(0.3e-3, 3e-3, 400)
     distance = rng.permutation(np.concatenate(parts))
     assert rest_shape._nearest(distance, 20e-6, 0.5e-3) == pytest.approx(nearest)
+
+
+def test_a_prior_draws_the_polynomial_to_zero_by_the_errors_of_frames():
+    """Ridge regression, where no frame lies far off; errors are 2 1/m, of one value 1 1/m."""
+    u, precision = np.linspace(-1, 1, 9), np.array([0.02, 0.5, 1.0])
+    powers, errors = u[:, None] ** np.arange(3), np.array([2.0, 1.0])
+    values = np.column_stack([0.5 + 0.3 * u, 0.2 - 0.2 * u])
+    weights, share = rest_shape._robust_polynomial(powers, values, precision, errors)
+    np.testing.assert_allclose(share, 1.0, atol=0.05)
+    for k, error in enumerate(errors):
+        square = powers.T @ powers + error**2 * np.diag(precision)
+        expected = np.linalg.solve(square, powers.T @ values[:, k])
+        np.testing.assert_allclose(weights[:, k], expected, atol=0.01)
