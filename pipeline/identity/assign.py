@@ -23,6 +23,7 @@ from pipeline.identity.tracklets import named_by_tracklets, often_seen
 from pipeline.session.parameters import DEFAULTS
 from pipeline.tables.centrelines import Centrelines
 from pipeline.tracking.matching import Ruler
+from pipeline.tracking.two_sides import names_by_side
 from pipeline.tracking.unlabelled_tracker import is_crowd
 
 LEAST_SD = np.array([0.01, np.radians(1.5), 0.05, 0.03, 0.007, 0.005])  # of a look
@@ -62,7 +63,9 @@ def assign_identities(
     if not is_crowd(roster, options):
         return iter(chunks)
     ruler = Ruler.of(face_side, options)
-    sides = Sides.of(roster, ruler, face_side, options.pixels_per_m, open_ended, params)
+    named = [slot.name for slot in roster]
+    may_be_two = open_ended or names_by_side(named, face_side) is not None
+    sides = Sides.of(roster, ruler, face_side, options.pixels_per_m, may_be_two, params)
     limits = Limits(params, options.frames_per_second)
     return name_lines(chunks, roster, sides, open_ended, limits)
 
@@ -90,13 +93,8 @@ def name_lines(
         if not found:
             return
         frame, track, side, features = (np.concatenate(each) for each in zip(*found, strict=True))
-        if open_ended:
-            rows = frame, track, side, features
-            whisker, sure, called = _all_rows(rows, roster, sides, limits)
-        else:
-            direction = _runs_along(roster, sides.dials[0])
-            whisker, sure = names(frame, track, features, len(roster), direction, limits)
-            called = tuple(slot.name for slot in roster)
+        rows = frame, track, side, features
+        whisker, sure, called = _all_rows(rows, roster, sides, open_ended, limits)
         file.seek(0)
         first = 0
         for _ in range(count):
@@ -106,21 +104,27 @@ def name_lines(
             yield _named(chunk, called, whisker[own], sure[own])
 
 
-def _all_rows(rows, roster, sides, limits):
+def _all_rows(rows, roster, sides, open_ended, limits):
     """Whisker of every line and how sure it is, row by row of the face; what they are called.
 
     rows : frame, track, side and features of the lines
     """
     frame, track, side, features = rows
     whisker, sure, called = np.full(len(frame), -1), np.ones(len(frame)), ()
-    for number, name in enumerate(sides.names):
+    for number, side_name in enumerate(sides.names):
         own = np.flatnonzero(side == number)
-        direction = 1 if len(sides.names) > 1 else _runs_along(roster, sides.dials[0])
-        named, known = names(frame[own], track[own], features[own], None, direction, limits)
-        unnamed = limits.params.nameless_confidence
-        named, sure[own] = with_unnamed(frame[own], track[own], named, known, unnamed)
+        row = [slot for slot in roster if slot.name.startswith(side_name)]
+        given = tuple(slot.name for slot in row)
+        both = open_ended and len(sides.names) > 1
+        direction = 1 if both else _runs_along(row, sides.dials[number])
+        wanted = None if open_ended else len(given)
+        named, sure[own] = names(frame[own], track[own], features[own], wanted, direction, limits)
+        if open_ended:
+            unnamed = limits.params.nameless_confidence
+            named, sure[own] = with_unnamed(frame[own], track[own], named, sure[own], unnamed)
+            given = tuple(f"{side_name}w{k + 1}" for k in range(named.max(initial=-1) + 1))
         whisker[own] = np.where(named < 0, -1, named + len(called))
-        called += tuple(f"{name}{k + 1}" for k in range(named.max(initial=-1) + 1))
+        called += given
     return whisker, sure, called
 
 

@@ -218,11 +218,9 @@ def _posterior_first(slots: list[Slot], given_px, shape) -> bool:
     """
     if len(slots) < 2:
         return False
-    if len(given_px) == len(slots):
-        whole = np.array([_whole_length(slot.samples, shape) for slot in slots])
-        off = [_unlike(whole, order) for order in (given_px, given_px[::-1])]
-        if abs(off[0] - off[1]) > SURE_OF_LENGTHS:
-            return off[1] < off[0]
+    order = order_by_lengths(slots, given_px, shape)
+    if order:
+        return order < 0
     lengths = [slot.visible_px for slot in slots]
     thickness = [
         np.median([np.nanmedian(line.thickness[10 : line.n // 3]) for line in slot.samples])
@@ -233,6 +231,15 @@ def _posterior_first(slots: list[Slot], given_px, shape) -> bool:
         if abs(slope) > least * np.mean(values):
             return slope < 0
     return False
+
+
+def order_by_lengths(slots, given_px, shape) -> int:
+    """1 where lengths [px] that are given in order fit the slots', −1 reversed, 0: not sure."""
+    if len(slots) < 2 or len(given_px) != len(slots):
+        return 0
+    whole = np.array([_whole_length(slot.samples, shape) for slot in slots])
+    off = [_unlike(whole, order) for order in (given_px, given_px[::-1])]
+    return int(np.sign(off[1] - off[0])) if abs(off[0] - off[1]) > SURE_OF_LENGTHS else 0
 
 
 def _whole_length(lines, shape) -> float:

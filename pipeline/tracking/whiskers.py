@@ -8,6 +8,7 @@ from pipeline.session.parameters import DEFAULTS
 from pipeline.session.schema import Settings, WhiskerSettings
 from pipeline.tracking.registry import Slot, find_roster
 from pipeline.tracking.tracker import options_for
+from pipeline.tracking.two_sides import named_by_side, names_by_side
 from pipeline.tracking.whisker_evidence import whisker_like
 from whiskermodel.whisker import Whisker
 
@@ -82,8 +83,16 @@ def find_cast(indices, frames, epochs, settings: Settings) -> Cast:
     """Find the whiskers in some frames and bring them together with the settings' ones."""
     names = [w.name for w in settings.whisker] or None
     options = tracing_options(settings, frames.shape[1:])
-    roster = find_roster(frames, epochs, options, names, indices)
-    likely, refused = whisker_like(roster, len(frames), frames.shape[1:])
+    face_side = next((epoch.scene.face_side for epoch in epochs if epoch.scene), "left")
+    by_side, likely = names_by_side(names, face_side), None
+    if by_side:
+        roster = find_roster(frames, epochs, replace(options, visible_px=()), None, indices)
+        likely, refused = whisker_like(roster, len(frames), frames.shape[1:])
+        longest = dict(zip(names, options.visible_px, strict=False))
+        likely = named_by_side(likely, by_side, face_side, options, longest, frames.shape[1:])
+    if likely is None:  # one row
+        roster = find_roster(frames, epochs, options, names, indices)
+        likely, refused = whisker_like(roster, len(frames), frames.shape[1:])
     return replace(cast_of(likely, settings), refused=tuple(refused))
 
 

@@ -56,7 +56,7 @@ def test_two_sides_are_two_rows_whose_angles_grow_towards_the_eye():
     directions = np.radians([40, 60, 80, 95, 110])
     left, right = row(-1, directions), row(1, directions)
     sides = sides_of([*left, *right])
-    assert sides.names == ("left_w", "right_w")
+    assert sides.names == ("left_", "right_")
     side, features = sides.features(lines_of([*left, *right]))
     assert side.tolist() == [0] * 5 + [1] * 5
     for own in (slice(0, 5), slice(5, 10)):
@@ -66,14 +66,14 @@ def test_two_sides_are_two_rows_whose_angles_grow_towards_the_eye():
 
 def test_a_fan_on_one_side_is_one_row():
     fan = [Slot(at(8 * k, 0), np.radians(30 * (k - 2))) for k in range(5)]
-    assert sides_of(fan).names == ("w",)
+    assert sides_of(fan).names == ("",)
 
 
 def test_two_groups_that_grow_the_same_way_are_one_row():
     fan = [Slot(at(x, 0), 0.02 * k) for k, x in enumerate([0, 10, 20, 120, 130, 140])]
-    assert sides_of(fan).names == ("w",)
+    assert sides_of(fan).names == ("",)
 
 
 def test_named_whiskers_are_one_row():
     directions = np.radians([40, 60, 80, 95, 110])
-    assert sides_of([*row(-1, directions), *row(1, directions)], False).names == ("w",)
+    assert sides_of([*row(-1, directions), *row(1, directions)], False).names == ("",)

@@ -1,0 +1,105 @@
+"""The two sides of a face: rows of whiskers that grow away from each other, named apart."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from pipeline.session.parameters import DEFAULTS
+from pipeline.tracking.matching import Ruler
+from pipeline.tracking.registry import order_by_lengths, usual_strength
+
+FEWEST = 3  # whiskers on a side
+UPRIGHT = ("upper", "lower")
+
+
+def side_names(face_side: str) -> tuple[str, str]:
+    """What the two sides of a face are called, in the order of the picture."""
+    return ("left", "right") if face_side in ("top", "bottom") else UPRIGHT
+
+
+def names_by_side(names, face_side: str):
+    """Names of each of the two sides, in their order; None where one belongs to no side.
+
+    The whisker `left_C1` is one of the left side.
+    """
+    sides = side_names(face_side)
+    if not names or not all(name.startswith(tuple(f"{s}_" for s in sides)) for name in names):
+        return None
+    return tuple([name for name in names if name.startswith(f"{side}_")] for side in sides)
+
+
+def cut_between(roster, along, params=DEFAULTS.identity) -> float | None:
+    """Place along the face [px] between the two sides of a roster; None where there is but one.
+
+    Two, where the bases are in two groups far apart that grow away from each other.
+    """
+    ahead = directions(roster)
+    places = np.array([slot.base_xy @ along for slot in roster])
+    order = np.argsort(places)
+    inner = range(FEWEST, len(places) - FEWEST + 1)
+    gaps = {k: places[order[k]] - places[order[k - 1]] for k in inner}
+    if not gaps or max(gaps.values()) < params.side_gap * np.ptp(places):
+        return None
+    k = max(gaps, key=gaps.get)
+    one, other = (ahead[part].mean(axis=0) for part in (order[:k], order[k:]))
+    cosine = one @ other / max(np.hypot(*one) * np.hypot(*other), 1e-9)
+    if cosine > np.cos(np.radians(params.sides_apart_deg)):
+        return None
+    return float(places[order[k - 1 : k + 1]].mean())
+
+
+def directions(roster) -> np.ndarray:
+    """Unit vectors (whiskers, 2) from base to tip, of each whisker's sample lines."""
+    chords = [np.sum([line.points[-1] - line.points[0] for line in s.samples], 0) for s in roster]
+    chords = np.array(chords, float).reshape(-1, 2)
+    return chords / np.maximum(np.hypot(*chords.T), 1e-9)[:, None]
+
+
+def row_directions(roster, outward) -> tuple[np.ndarray, np.ndarray]:
+    """Unit vectors of one side's row: from the snout to the back of the head, and out of the fur.
+
+    outward : direction out of the face as a whole, (x, y)
+    """
+    out = directions(roster).mean(axis=0)
+    out /= np.hypot(*out)
+    across = np.array([out[1], -out[0]])
+    return -np.sign(outward @ across or 1.0) * across, out
+
+
+def named_by_side(roster, names, face_side, options, longest, shape):
+    """The roster's `Slot`s with names of their own side, anterior → posterior.
+
+    Of each side those that are mostly and best seen; in reverse order where the lengths of its
+    names tell so. None where the roster has one side only.
+
+    Parameters
+    ----------
+    names : of the one side and of the other (`names_by_side`)
+    options : `TracingOptions`
+    longest : visible length of each name [px], where it is known
+    shape : of the picture, (height, width)
+    """
+    ruler = Ruler.of(face_side, options)
+    along, outward = np.asarray(ruler.along, float), np.asarray(ruler.outward, float)
+    cut = cut_between(roster, along, options.params.identity)
+    if cut is None:
+        return None
+    named = []
+    for number, own in enumerate(names):
+        row = [slot for slot in roster if (slot.base_xy @ along > cut) == number]
+        row = sorted(row, key=_seen, reverse=True)[: len(own)]
+        across, _ = row_directions(row, outward)
+        row.sort(key=lambda slot, across=across: slot.base_xy @ across)
+        lengths = [longest[name] for name in own if name in longest]
+        if order_by_lengths(row, lengths, shape) < 0:
+            row.reverse()
+        named += [
+            replace(slot, name=name, longest_px=longest.get(name, np.inf))
+            for slot, name in zip(row, own, strict=False)
+        ]
+    return named
+
+
+def _seen(slot) -> float:
+    """How often and how well a whisker is seen."""
+    return len(slot.samples) * np.sqrt(usual_strength(slot.samples))

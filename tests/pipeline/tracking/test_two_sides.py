@@ -1,0 +1,96 @@
+"""Rows on both sides of a face, each with names of its own."""
+
+import measuring
+import numpy as np
+import pytest
+
+from pipeline.detection.line import Line
+from pipeline.run import analyse
+from pipeline.session.recording import Recording
+from pipeline.session.session_file import read_session
+from pipeline.tables import Centrelines
+from pipeline.tracking import two_sides
+from pipeline.tracking.registry import Slot
+from pipeline.tracking.tracker import options_for
+from synthetic.scoring import line_scoring
+from synthetic.session import render_session
+
+OPTIONS = options_for(Recording(500.0, 16.0, "top"))
+SHAPE = 500, 720  # px
+
+
+def slot(base, direction, length, seen=6):
+    """A straight whisker, `length` [px] long; its direction [rad] is 0 downwards."""
+    along = np.arange(length)[:, None] * [np.sin(direction), np.cos(direction)]
+    line = Line.empty(400)
+    line.x[:length], line.y[:length] = (base + along).T
+    line.n, line.amplitude[:length] = length, 0.1
+    return Slot("", np.array(base, float), float(length), (line,) * seen)
+
+
+def row(side, lengths):
+    """Whiskers from snout to eye, on the left (−1) or right (1) of a snout at (360, 200)."""
+    places = [(360 + side * (60 + 5 * k), 200 - 8 * k) for k in range(len(lengths))]
+    directions = side * np.radians(np.linspace(40, 110, len(lengths)))
+    return [slot(*each) for each in zip(places, directions, lengths, strict=True)]
+
+
+LENGTHS = 60, 80, 110, 150, 200  # px, anterior to posterior
+
+
+def named(roster, names, longest=None):
+    sides = two_sides.names_by_side(names, "top")
+    return two_sides.named_by_side(roster, sides, "top", OPTIONS, longest or {}, SHAPE)
+
+
+def test_names_tell_the_side():
+    names = ["right_C1", "left_w1", "right_w2"]
+    assert two_sides.names_by_side(names, "top") == (["left_w1"], ["right_C1", "right_w2"])
+    assert two_sides.names_by_side(["upper_a", "lower_b"], "left") == (["upper_a"], ["lower_b"])
+    assert two_sides.names_by_side(["left_w1", "C2"], "top") is None
+    assert two_sides.names_by_side(["left_w1"], "left") is None
+    assert two_sides.names_by_side(None, "top") is None
+
+
+def test_each_side_has_its_own_names_from_snout_to_eye():
+    left, right = row(-1, LENGTHS), row(1, LENGTHS)
+    names = [f"{side}_{k}" for side in ("right", "left") for k in range(5)]
+    found = {each.name: each for each in named([*right[::-1], *left], names)}
+    for side, slots in (("left", left), ("right", right)):
+        for k, each in enumerate(slots):
+            assert found[f"{side}_{k}"].base_xy == pytest.approx(each.base_xy)
+
+
+def test_lengths_tell_where_names_run_the_other_way():
+    left, right = row(-1, LENGTHS), row(1, LENGTHS)
+    names = [f"{side}_{k}" for side in ("left", "right") for k in range(5)]
+    longest = {f"left_{k}": float(px) for k, px in enumerate(LENGTHS[::-1])}
+    longest |= {f"right_{k}": float(px) for k, px in enumerate(LENGTHS)}
+    found = {each.name: each for each in named([*left, *right], names, longest)}
+    for name, each in found.items():
+        assert each.visible_px == longest[name] == each.longest_px
+
+
+def test_of_each_side_the_best_seen_are_named():
+    left, right = row(-1, LENGTHS), row(1, LENGTHS)
+    seldom = slot((290, 215), -1.2, 150, seen=1)
+    found = named([seldom, *left, *right], ["left_a", "right_a", "right_b"])
+    assert [each.name for each in found] == ["left_a", "right_a", "right_b"]
+    assert found[0].visible_px == 200
+
+
+def test_one_row_is_not_two():
+    names = ["left_a", "right_a", "right_b"]
+    assert named(row(1, LENGTHS), names) is None
+
+
+@pytest.mark.slow
+def test_all_whiskers_of_a_rendered_rat_get_their_own_names(tmp_path):
+    (path,) = render_session(tmp_path, "rat_both_sides", 11, 1, frames=40)
+    video, chunks = measuring.RenderedVideo.of(path, tmp_path), []
+    analyse(path, read_session(tmp_path / "session.toml"), keep=chunks.append)
+    lines: Centrelines = measuring.join_chunks(chunks)
+    near = np.array(line_scoring.score_lines(lines, video.lines()).rows["nearest"])
+    right = np.array(lines.names)[lines.whisker] == near
+    assert right[lines.confidence >= 0.5].mean() > 0.95
+    assert (lines.confidence >= 0.5).sum() > 0.8 * 24 * 40
