@@ -339,10 +339,13 @@ def _trace_ends(places, params):
     usual = np.percentile(end[known], 90)
     usual = np.median(end[known & (np.abs(end - usual) < window)])
     good = known & (np.abs(end - usual) < window)
+    if good.mean() < TIP_PART:
+        return nothing
     steps = np.diff(end[good])
     scatter = float(robust_sd(steps)) / np.sqrt(2)
-    scatter = max(scatter, float(np.std(steps[np.abs(steps) < noise * 3])) / np.sqrt(2))
-    if good.mean() < TIP_PART or not scatter < noise:
+    if scatter < noise:
+        scatter = max(scatter, float(np.std(steps[np.abs(steps) < noise * 3])) / np.sqrt(2))
+    if not scatter < noise:
         return nothing
     return np.where(good, end, np.nan), max(scatter, 10e-6)
 
