@@ -85,13 +85,16 @@ def test_one_row_is_not_two():
 
 
 @pytest.mark.slow
-def test_all_whiskers_of_a_rendered_rat_get_their_own_names(tmp_path):
+def test_whiskers_of_a_rendered_rat_get_names_of_their_own_side(tmp_path):
     (path,) = render_session(tmp_path, "rat_both_sides", 11, 1, frames=40)
     video, chunks = measuring.RenderedVideo.of(path, tmp_path), []
     analyse(path, read_session(tmp_path / "session.toml"), keep=chunks.append)
     lines: Centrelines = measuring.join_chunks(chunks)
-    near = np.array(line_scoring.score_lines(lines, video.lines()).rows["nearest"])
-    right = np.array(lines.names)[lines.whisker] == near
-    # in so short a clip two whiskers that never part may bear each other's names
-    assert right[lines.confidence >= 0.5].mean() > 0.85
-    assert (lines.confidence >= 0.5).sum() > 0.8 * 24 * 40
+    known = lines.confidence >= 0.5
+    near = np.array(line_scoring.score_lines(lines, video.lines()).rows["nearest"])[known]
+    name = np.array(lines.names)[lines.whisker][known]
+    same = [
+        one.split("_")[0] == other.split("_")[0] for one, other in zip(name, near, strict=True)
+    ]
+    assert np.mean(same) > 0.97
+    assert known.sum() > 0.8 * 24 * 40
