@@ -38,8 +38,7 @@ class Sides:
             dial = Dial.of(bases, along, outward, pixels_per_m, params)
             return cls(along, (), (dial,), ("",))
         dials = []
-        for second in (False, True):
-            own = [slot for slot in roster if (slot.base_xy @ along > cut) == second]
+        for own in two_sides.sides_of(roster, along, cut):
             across, out = two_sides.row_directions(own, outward)
             bases = np.array([slot.base_xy for slot in own])
             dials.append(Dial.of(bases, across, out, pixels_per_m, params))

@@ -48,6 +48,15 @@ def cut_between(roster, along, params=DEFAULTS.identity) -> float | None:
     return float(places[order[k - 1 : k + 1]].mean())
 
 
+def sides_of(roster, along, cut) -> tuple[list, list]:
+    """The `Slot`s of each side, by where they stand along the face (`cut_between`)."""
+    second = [slot.base_xy @ along > cut for slot in roster]
+    return tuple(
+        [slot for slot, other in zip(roster, second, strict=True) if other == side]
+        for side in (False, True)
+    )
+
+
 def directions(roster) -> np.ndarray:
     """Unit vectors (whiskers, 2) from base to tip, of each whisker's sample lines."""
     chords = [np.sum([line.points[-1] - line.points[0] for line in s.samples], 0) for s in roster]
@@ -85,8 +94,7 @@ def named_by_side(roster, names, face_side, options, longest, shape):
     if cut is None:
         return None
     named = []
-    for number, own in enumerate(names):
-        row = [slot for slot in roster if (slot.base_xy @ along > cut) == number]
+    for row, own in zip(sides_of(roster, along, cut), names, strict=True):
         row = sorted(row, key=_seen, reverse=True)[: len(own)]
         across, _ = row_directions(row, outward)
         row.sort(key=lambda slot, across=across: slot.base_xy @ across)

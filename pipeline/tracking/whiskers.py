@@ -82,18 +82,22 @@ def roster_frames(settings) -> int:
 def find_cast(indices, frames, epochs, settings: Settings) -> Cast:
     """Find the whiskers in some frames and bring them together with the settings' ones."""
     names = [w.name for w in settings.whisker] or None
-    options = tracing_options(settings, frames.shape[1:])
+    shape = frames.shape[1:]
+    options = tracing_options(settings, shape)
     face_side = next((epoch.scene.face_side for epoch in epochs if epoch.scene), "left")
-    by_side, likely = names_by_side(names, face_side), None
+
+    def seen(wanted, options):
+        roster = find_roster(frames, epochs, options, wanted, indices)
+        return whisker_like(roster, len(frames), shape)
+
+    by_side, named = names_by_side(names, face_side), None
     if by_side:
-        roster = find_roster(frames, epochs, replace(options, visible_px=()), None, indices)
-        likely, refused = whisker_like(roster, len(frames), frames.shape[1:])
+        likely, refused = seen(None, replace(options, visible_px=()))
         longest = dict(zip(names, options.visible_px, strict=False))
-        likely = named_by_side(likely, by_side, face_side, options, longest, frames.shape[1:])
-    if likely is None:  # one row
-        roster = find_roster(frames, epochs, options, names, indices)
-        likely, refused = whisker_like(roster, len(frames), frames.shape[1:])
-    return replace(cast_of(likely, settings), refused=tuple(refused))
+        named = named_by_side(likely, by_side, face_side, options, longest, shape)
+    if named is None:  # one row
+        named, refused = seen(names, options)
+    return replace(cast_of(named, settings), refused=tuple(refused))
 
 
 def cast_of(roster, settings: Settings) -> Cast:
