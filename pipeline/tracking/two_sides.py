@@ -95,6 +95,8 @@ def named_by_side(roster, names, face_side, options, longest, shape):
         return None
     named = []
     for row, own in zip(sides_of(roster, along, cut), names, strict=True):
+        if not own:  # nothing is asked of this side
+            continue
         row = sorted(row, key=_seen, reverse=True)[: len(own)]
         across, _ = row_directions(row, outward)
         row.sort(key=lambda slot, across=across: slot.base_xy @ across)

@@ -79,6 +79,13 @@ def test_of_each_side_the_best_seen_are_named():
     assert found[0].visible_px == 200
 
 
+@pytest.mark.filterwarnings("error")
+def test_one_side_alone_may_be_named():
+    found = named([*row(-1, LENGTHS), *row(1, LENGTHS)], ["left_a", "left_b"])
+    assert [each.name for each in found] == ["left_a", "left_b"]
+    assert all(each.base_xy[0] < 360 for each in found)
+
+
 def test_one_row_is_not_two():
     names = ["left_a", "right_a", "right_b"]
     assert named(row(1, LENGTHS), names) is None
