@@ -110,11 +110,13 @@ def fit_ringdown(
         jac=lambda q: weight[:, None] * basis.slopes(q, t),
         method="lm",
     )
+    if not np.isfinite(solution.jac).all():
+        raise ValueError("signal must swing, got one that no decaying swing describes")
     free = len(t) - len(start)
     variance = 2 * solution.cost / free
-    covariance = np.linalg.inv(solution.jac.T @ solution.jac) * variance
     width = stdtrit(free, (1 + CONFIDENCE) / 2)
-    fitted = _Fitted(basis, solution.x, covariance, width, scale, unit)
+    spread = _spread(solution.jac) * np.sqrt(variance)
+    fitted = _Fitted(basis, solution.x, spread, width, scale, unit)
     return fitted.described(np.sqrt(variance) * unit, time[0])
 
 
@@ -237,13 +239,23 @@ def _starting_values(basis, t, wanted, weight, limits):
     return np.array([d[best], p[best], *np.linalg.solve(triangle[best], projected[best])])
 
 
+def _spread(slopes):
+    """A root R of the covariance R Rᵀ of the unknowns (m,), for noise of SD 1; (m, m).
+
+    By singular values: what the signal does not determine gets a wide interval, not NaN.
+    """
+    _, singular, axes = np.linalg.svd(slopes, full_matrices=False)
+    return axes.T / np.maximum(singular, np.finfo(float).eps * singular[0])
+
+
 @dataclass(frozen=True)
 class _Fitted:
-    """Unknowns in units of `scale` and `unit`, their covariance, half-width of intervals in SE."""
+    """Unknowns in units of `scale` and `unit`, a root of their covariance, half-width of intervals
+    in SE."""
 
     basis: _Basis
     q: np.ndarray
-    covariance: np.ndarray
+    spread: np.ndarray
     width: float
     scale: float
     unit: float
@@ -276,5 +288,5 @@ class _Fitted:
 
     def _estimate(self, value, gradient, factor):
         gradient = np.pad(gradient, (0, len(self.q) - len(gradient)))
-        half = self.width * np.sqrt(gradient @ self.covariance @ gradient)
+        half = self.width * np.linalg.norm(gradient @ self.spread)
         return Estimate(*(float(factor * v) for v in (value, value - half, value + half)))

@@ -105,6 +105,23 @@ def test_modulus_from_the_models_own_ringing():
     assert pinned < whisker.youngs_modulus  # its first swing is faster, so E would be less
 
 
+@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("with_offset", [False, True])
+def test_what_hardly_swings_has_wide_intervals_not_none(seed, with_offset):
+    """Pure decays and straight lines: frequency and phase mean nothing, and the intervals say so."""
+    rng = np.random.default_rng(seed)
+    still = rng.choice([np.exp(-rng.uniform(50, 2000) * TIME), 1 + rng.uniform(-20, 20) * TIME])
+    try:
+        fit = fit_ringdown(TIME, still, with_offset)
+    except ValueError as error:
+        assert "must swing" in str(error)
+        return
+    for name in ("damping_rate", "angular_frequency", "amplitude", "phase", "offset"):
+        estimate = getattr(fit, name)
+        assert np.isfinite([estimate.value, estimate.low, estimate.high]).all(), name
+        assert estimate.low <= estimate.value <= estimate.high
+
+
 def test_the_sign_of_a_frequency_means_nothing():
     signal = decay(TIME) + np.random.default_rng(5).normal(0, 0.02, len(TIME))
     ahead, back = (
