@@ -49,6 +49,7 @@ MOST_KNOTS = 400
 STEADY = 1.0, 0.5, 0.25, 0.125, 0.0625  # of the most that the origin varies in time
 TIP_PART = 0.3  # of the frames in which the tip must be seen at least
 OVER_TIP_PX = 2.2  # from the tip to where nothing would be seen: measured, rendered videos
+TIP_RULE_PX = 1.5  # standard error of that rule, of ends that fade: 1 px is measured, at most
 TIP_FRAMES = 2.0  # neighbouring frames whose ends err together, at least
 TIP_LAGS = 8  # frames over which ends of a codec's pictures err together
 MOST_ROWS = 240  # loaded frames whose bending is used
@@ -315,8 +316,9 @@ def _lasting_variance(errors):
 def _tip_place(places, sd, whisker, params):
     """Arc length [m] at which the traces of `places` should end, and its standard error.
 
-    The mean of many ends errs about as much as one of them scatters (`sd`): noise that makes them
-    scatter makes them end early, too. Where nothing is known of how they fade, their mean end is
+    In pictures that are stored one by one the rule is right to TIP_RULE_PX. Where a codec stores
+    differences, the mean of many ends errs about as much as one of them scatters (`sd`): what is
+    erased makes them scatter, and end early. Where nothing is known of how they fade, their mean end is
     returned, and an error without bounds.
     """
     if not np.isfinite(places.to_tip).any():
@@ -325,7 +327,8 @@ def _tip_place(places, sd, whisker, params):
     if sd > places.pixel:  # ends are whole points: a smaller scatter is none
         by_scatter = SEEN_SD * sd - OVER_TIP_PX * places.pixel
         short = by_scatter if places.interpolated.any() else (short + by_scatter) / 2
-    return whisker.length - short, np.hypot(1e-3 * params.tip_sd_mm, sd)
+    error = sd if places.interpolated.any() else min(sd, TIP_RULE_PX * places.pixel)
+    return whisker.length - short, np.hypot(1e-3 * params.tip_sd_mm, error)
 
 
 def _trace_ends(places, params):
