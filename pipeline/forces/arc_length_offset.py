@@ -318,8 +318,8 @@ def _tip_place(places, sd, whisker, params):
 
     In pictures that are stored one by one the rule is right to TIP_RULE_PX. Where a codec stores
     differences, the mean of many ends errs about as much as one of them scatters (`sd`): what is
-    erased makes them scatter, and end early. Where nothing is known of how they fade, their mean end is
-    returned, and an error without bounds.
+    erased makes them scatter, and end early. Where nothing is known of how they fade, their mean
+    end is returned, and an error without bounds.
     """
     if not np.isfinite(places.to_tip).any():
         return places.last.mean(), np.inf

@@ -33,9 +33,7 @@ FEWEST_FREE = 20  # free frames from which the scatter of the force is estimated
 ERROR = "base_angle_se_deg"
 _EVIDENCE_OF_FIT = {
     "gap": "gap_m",
-    "clear_gap": "clear_gap_m",
     "gap_force_cov": "gap_force_cov",
-    "compliance": "compliance_m_per_N",
     "contact": "contact_m",
     "angle": "base_angle_rad",
     "moment_per_force": "moment_per_force_m",
@@ -163,8 +161,7 @@ def _evidence(places, fit, origin, rest_known, free, params) -> pd.DataFrame:
     for name, column in _EVIDENCE_OF_FIT.items():
         evidence[column] = fit[name]
     noise = _force_noise(fit["force"], np.sqrt(fit["force_var"]), places, free, params)
-    for name in ("gap", "clear_gap"):
-        evidence[f"{name}_se_m"] = np.sqrt(fit[f"{name}_var"]) * noise
+    evidence["gap_se_m"] = np.sqrt(fit["gap_var"]) * noise
     evidence["gap_force_cov"] *= noise**2
     for load, column in _ERROR_COLUMNS.items():
         # a first traced point that is off along the whisker changes the loads by its share

@@ -38,13 +38,16 @@ def empty_sums(m, terms):
 
 @njit(cache=True)
 def fill_equations(seen, laid, size, precision, p, sums, chi2, robust):
-    """Fill Gauss–Newton's normal equations; returns the reduced χ² of the misfit."""
+    """Fill Gauss–Newton's normal equations; returns the reduced χ² of the misfit.
+
+    `chi2` is what it was before, or, of a first guess that is not `robust`, what is usual.
+    """
     mean, normal, rhs = sums.mean, sums.normal, sums.rhs
-    terms = len(mean)
+    terms, usual = len(mean), chi2
     chi2 = weigh(seen, laid, chi2, robust, sums.misfit, sums.weight)
     _products(laid.shift, sums.misfit, sums.weight, size, sums.share, normal, rhs)
     # the covariance is scaled by χ² afterwards, the prior must not be
-    inflate = max(chi2, 1.0) if robust else 1.0
+    inflate = max(chi2 if robust else usual, 1.0)
     for a in range(terms):
         for b in range(terms):
             normal[2 + a, 2 + b] += precision[a, b] * inflate
@@ -113,7 +116,6 @@ def take_step(size, p, lower, rhs):
     """
     square = solve(lower, size, rhs)
     # half a radian at most: the model is laid again before it goes on
-    factor = min(1.0, 0.5 / max(abs(rhs[1]), 1e-9))
-    for a in range(size):
-        p[a] += factor * rhs[a]
+    rhs[:size] *= min(1.0, 0.5 / max(abs(rhs[1]), 1e-9))
+    p[:size] += rhs[:size]
     return np.sqrt(square)

@@ -33,8 +33,7 @@ LEAST_SD = 1e-6  # [1/m]
 CORRELATED_FRAMES = 10  # neighbouring frames share their errors: how many count as one
 # frames at one place share theirs too, of pixels and background: a pixel's way at 5 mm, about
 SAME_ANGLE_RAD = 0.008
-MANY_FRAMES = 1000  # are left at least where not all free frames are looked at,
-NEIGHBOURS = 3  # but one of so many
+MANY_FRAMES = 1000  # are left at least where not all free frames are looked at
 DRIFT_TIME_S = 0.3  # drift is followed over times longer than this
 DRIFT_SHRINK_FRAMES = 8  # so many frames of zero drift are added everywhere
 START_DRAWS = 100  # random small samples of frames, the best of which starts the robust fit
@@ -181,9 +180,9 @@ def _noise(left, covs, share):
 def enough(rows) -> np.ndarray:
     """Those of `rows`, frames in order, that show the rest shape about as well as all do.
 
-    Neighbouring frames lie and err alike: of many, up to NEIGHBOURS count as one.
+    Neighbouring frames lie and err alike.
     """
-    return rows[:: int(np.clip(len(rows) // MANY_FRAMES, 1, NEIGHBOURS))]
+    return rows[:: int(np.clip(len(rows) // MANY_FRAMES, 1, CORRELATED_FRAMES))]
 
 
 def by_leaning_angle(model: RestModel, lean) -> RestModel:

@@ -30,6 +30,7 @@ from pipeline.forces.rod_integration import (
     Place,
     empty_rod,
     lay,
+    move,
     nearest_to,
     point_at,
     polynomials,
@@ -56,11 +57,14 @@ from pipeline.numerics.cholesky import factorise, invert
 from whiskermodel.whisker import Whisker
 
 ITERATIONS = 12
-SETTLED_SD = 0.2  # length of a step from which on Gauss–Newton has arrived (to 0.02 SD); …
+SETTLED_SD = 0.5  # length of a step after which Gauss–Newton has arrived (to some 0.02 SD); …
 FINE_SETTLED_SD = 1e-4  # … where the likelihood's slope by the origin is needed
+PLACE_MOVES_M = 2e-6  # the contact point is moved along the whisker in steps above this, …
+PLACE_SD = 0.02  # … and the rod laid again where that may change the force by so many SD
+FORCE_BY_PLACE = 10.0  # relative changes of the force and of the contact's arc length, at most
 FEWEST_STATIONS = 10
 BLOCK_ROWS = 2048  # held in memory at a time
-ANCHOR_MOVES_M = 2e-6  # the contact point is moved along the whisker in steps above this
+CHORD = 3  # stations either side whose chord has a station's direction
 ANCHOR_SPAN = 6  # stations whose chord continues the trace into the fur
 
 
@@ -74,7 +78,6 @@ class ShapeFit:
         force, force_var : what the contact force would be if the whisker touched the pole at its
             nearest point, positive pushes the whisker away from the pole [N, N²]
         gap, gap_var, gap_force_cov : surface distance of the fitted rod from the pole
-        compliance : gap opened per force at a fixed base [m/N]
         contact : arc length of the nearest point [m]
         angle, follicle_x, follicle_y : pose of the follicle
         moment_per_force, axial_per_force, lateral_per_force : base loads per contact force
@@ -82,7 +85,6 @@ class ShapeFit:
         lever_at_curvature : moment there per force [m]
         rest_curvature : of the fitted rest shape at `curvature_at` [1/m]
         chi2, count : reduced χ² of the stations, their number
-        clear_gap, clear_gap_var : gap that the whisker would have without the force
         moment_var, axial_var, lateral_var : of the base loads, (moment_per_force · force) …
         force_by_origin, moment_by_origin, axial_by_origin, lateral_by_origin : how force and
             base loads change with `Stations.origin`, the rest shape moving along [N/m, N, N/m]
@@ -218,7 +220,7 @@ def _setup(whisker, pole_radius, curvature_at, settled):
 def _fit_rows(rows, setup, priors, out):
     """Fit every one of the `Rows`; `priors` is a `Prior` whose drift and precision have rows."""
     (m, terms), h = setup.basis.shape, setup.spacing
-    laid, nudged, sums, p = empty_rod(m), empty_rod(m), empty_sums(m, terms), np.zeros(LOADED)
+    laid, sums, p, usual = empty_rod(m), empty_sums(m, terms), np.zeros(LOADED), 1.0
     for row in range(len(rows.x)):
         first, count = _span(rows.information[row])
         if count < FEWEST_STATIONS:
@@ -236,17 +238,18 @@ def _fit_rows(rows, setup, priors, out):
         precision = priors.precision[row]
         prior = Prior(priors.weights, priors.drift[row], priors.centre, priors.scale, precision)
         c = min(rows.nearest[row], (m - 1) * h) if loaded else (first + count // 2) * h
-        known, chi2, place = _solve(problem, (first, c), prior, setup, p, laid, sums)
+        known, chi2, place = _solve(problem, (first, c, usual), prior, setup, p, laid, sums)
         if not known:
             continue
+        usual = chi2
         fitted = Fitted(p, sums.inverse[:size, :size] * max(chi2, 1.0), chi2, place, laid, sums)
         o = out.table[row]
         o.chi2, o.count = chi2, count
         _report_shape(o, problem, fitted, setup.at, out.rest[row], out.rest_cov[row])
         if loaded:
             influence = out.influence[row : row + 1]
-            report_loads(o, problem, fitted, setup.at, setup.taper, nudged, precision, influence)
-        report_base(o, problem, fitted)
+            report_loads(o, problem, fitted, setup.at, setup.taper, precision, influence)
+        report_base(o, fitted)
         report_curvature(o, problem, fitted, setup.at)
         for each in out.misfit[row : row + 1]:
             _report_misfit(seen, fitted, each)
@@ -279,34 +282,30 @@ def _report_misfit(seen, fitted, out):
 def _solve(problem, start, prior, setup, p, laid, sums):
     """Gauss–Newton into `p`, `laid` and `sums`; returns whether it got there, χ², and the place.
 
-    `start`: the first measured station, and the grid place from which to lay at first.
+    `start`: the first measured station, the grid place from which to lay at first, usual χ².
     """
-    (first, c), (seen, arc, beam, load, pole) = start, problem
+    (first, c, chi2), (seen, arc, beam, load, pole) = start, problem
     h, loaded, terms = arc.spacing, load.side != 0, len(sums.mean)
     size = LOADED if loaded else FREE
-    x, y, angle = laid.x, laid.y, laid.angle
     p[:] = 0.0
-    chi2, known = 1.0, False
-    _trace(seen.x, seen.y, seen.information, first, h, x, y, angle)
-    ref_x, ref_y, p[1] = point_at(x, y, angle, h, c)
-    laid.follicle[2] = angle[0]
+    known = False
+    _trace(seen.x, seen.y, seen.information, first, h, laid.x, laid.y, laid.angle)
+    ref_x, ref_y, p[1] = point_at(laid.x, laid.y, laid.angle, h, c)
+    place = Place(c, ref_x, ref_y)
+    laid.follicle[2] = laid.angle[0]
     for iteration in range(ITERATIONS):
         u = (laid.follicle[2] - prior.centre) / prior.scale
         _prior_mean(prior.weights, prior.drift, u, sums.mean)
-        again = iteration == 0
         if iteration == 0:
             p[2 : 2 + terms] = sums.mean
             if loaded:
                 p[size - 1] = _first_force(laid, seen.information, sums.mean, setup, c, load)
-        elif loaded:
-            nearest_now = nearest_to(x, y, laid.cos, laid.sin, h, c, pole.x, pole.y)
-            if abs(nearest_now - c) > ANCHOR_MOVES_M:
-                again, c = True, nearest_now
-                ref_x, ref_y, p[1] = point_at(x, y, angle, h, c)
-                p[0] = 0.0
-        place = Place(c, ref_x, ref_y)
-        if again:
-            lay(p, beam, load, arc, place, laid, True)
+        lay(p, beam, load, arc, place, laid)
+        if loaded and iteration > 0:
+            c, place = place.c, _nearest_place(laid, place, h, pole, p)
+            force_sd = sums.lower[size - 1, size - 1] * np.sqrt(max(chi2, 1.0))
+            if FORCE_BY_PLACE * abs(p[size - 1] * (place.c - c)) > PLACE_SD * force_sd * c:
+                lay(p, beam, load, arc, place, laid)
         if iteration == 1:  # from here on, stations count less by what is usual of all
             chi2 = weigh(seen, laid, chi2, False, sums.misfit, sums.weight)
         chi2 = fill_equations(seen, laid, size, prior.precision, p, sums, chi2, iteration > 0)
@@ -314,12 +313,25 @@ def _solve(problem, start, prior, setup, p, laid, sums):
         if not known:
             break
         change = take_step(size, p, sums.lower, sums.rhs) / np.sqrt(max(chi2, 1.0))
-        lay(p, beam, load, arc, place, laid, True)
+        move(laid, sums.rhs[:size])
         if iteration > 0 and change < setup.settled:
-            break  # so short a step changes nothing
+            break  # the next step would change nothing
     if known:
         invert(sums.lower, size, sums.inverse)
     return known, chi2, place
+
+
+@njit(cache=True)
+def _nearest_place(laid, place, h, pole, p):
+    """The place of the rod nearest to the pole; `p` is changed to count from there."""
+    x, y, angle = laid.x, laid.y, laid.angle
+    c = nearest_to(x, y, laid.cos, laid.sin, h, place.c, pole.x, pole.y)
+    if abs(c - place.c) < PLACE_MOVES_M:
+        return place
+    at_x, at_y, direction = point_at(x, y, angle, h, c)
+    p[0] = 0.0
+    p[1] += direction - point_at(x, y, angle, h, place.c)[2]
+    return Place(c, at_x, at_y)
 
 
 @njit(cache=True)
@@ -357,11 +369,11 @@ def _trace(xs, ys, info, first, h, x, y, angle):
     for k in range(first):
         x[k] = x[first] - (first - k) * h * np.cos(start)
         y[k] = y[first] - (first - k) * h * np.sin(start)
-    angle[0] = np.arctan2(y[1] - y[0], x[1] - x[0])
-    before_x, before_y = x[1] - x[0], y[1] - y[0]
+    before_x, before_y = x[CHORD] - x[0], y[CHORD] - y[0]
+    angle[0] = np.arctan2(before_y, before_x)
     for k in range(1, m):
-        q = min(k + 1, m - 1)
-        now_x, now_y = x[q] - x[k - 1], y[q] - y[k - 1]
+        q, back = min(k + CHORD, m - 1), max(k - CHORD, 0)
+        now_x, now_y = x[q] - x[back], y[q] - y[back]
         across, along = before_x * now_y - before_y * now_x, before_x * now_x + before_y * now_y
         angle[k] = angle[k - 1] + _turn(across, along)
         before_x, before_y = now_x, now_y

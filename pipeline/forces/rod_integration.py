@@ -1,8 +1,9 @@
 """The elastic rod, laid from one place both ways: where it lies, and how it answers.
 
 Laid from the contact towards the follicle, every place depends only on what has been laid, so
-the rod and its derivatives by (offset and direction at the contact, rest shape, force) come in
-one pass. Angles by Simpson's rule, places and derivatives to fourth and second order.
+the rod and its derivatives by (offset and direction at the contact, rest shape, force, origin of
+the arc length) come in one pass. Angles by Simpson's rule, places and derivatives to fourth and
+second order.
 """
 
 from typing import NamedTuple
@@ -14,6 +15,7 @@ from pipeline.numerics.bsplines import FAST
 
 N_REST = 4  # Legendre polynomials of the rest curvature
 FREE, LOADED = N_REST + 2, N_REST + 3  # numbers of parameters
+ORIGIN = LOADED  # whose answers come behind those of the parameters
 SMALL_TURN = 0.2  # rad: up to here a series of eight terms gives sine and cosine to 1e-11
 
 
@@ -21,9 +23,9 @@ class Rod(NamedTuple):
     """A rod as laid, and how it answers to its parameters: what `lay` fills.
 
     x, y, angle, cos, sin : (stations,) places [m] and directions
-    shift : (parameters, stations) how far a station moves along its normal per unit
-    base : (3, parameters) how the follicle moves (x, y) and turns per unit
-    follicle : (3,) its place and angle
+    shift : (parameters and origin, stations) how far a station moves along its normal per unit
+    base : (3, parameters and origin) how the follicle moves (x, y) and turns per unit
+    follicle : (4,) its place and angle, and the curvature there
     d, middle, high : scratch
     """
 
@@ -52,9 +54,9 @@ class Place(NamedTuple):
 def empty_rod(m):
     """A Rod of `m` stations to be laid."""
     return Rod(
-        np.zeros(m), np.zeros(m), np.zeros(m), np.zeros(m), np.zeros(m), np.zeros((LOADED, m)),
-        np.zeros((3, LOADED)), np.zeros(3), np.zeros((4, N_REST + 1)), np.zeros(N_REST),
-        np.zeros(N_REST),
+        np.zeros(m), np.zeros(m), np.zeros(m), np.zeros(m), np.zeros(m),
+        np.zeros((ORIGIN + 1, m)), np.zeros((3, ORIGIN + 1)), np.zeros(4),
+        np.zeros((4, N_REST + 2)), np.zeros(N_REST), np.zeros(N_REST),
     )  # fmt: skip
 
 
@@ -65,8 +67,10 @@ def laid_from(p, place):
 
 
 @njit(cache=True, fastmath=FAST, error_model="numpy")
-def lay(p, beam, load, arc, place, laid, answers):
-    """Lay the rod from its place both ways, with its derivatives by all parameters if `answers`.
+def lay(p, beam, load, arc, place, laid):
+    """Lay the rod from its place both ways, with its derivatives by all parameters and the origin.
+
+    The rest shape moves along with the origin: the stiffness changes, and the follicle's place.
 
     p : offset [m] and direction [rad] at the place, rest coefficients [1/m], force [N] if loaded
     beam, load, arc, place : `Beam`, `Load`, `Arc`, `Place`
@@ -80,24 +84,40 @@ def lay(p, beam, load, arc, place, laid, answers):
     before = min(int(np.ceil(place.c / arc.spacing)) - 1, m - 1)
     for direction in (-1, 1):  # as a variable: one version is compiled, not two
         k, bends = (before, loaded) if direction < 0 else (before + 1, False)
-        at_x, at_y, angle = _lay_one_way(
-            direction, k, p, beam, bends, pull, arc, begin, laid, answers
-        )
+        end = _lay_one_way(direction, k, p, beam, bends, pull, arc, begin, laid)
         if direction < 0:
-            laid.follicle[0], laid.follicle[1], laid.follicle[2] = at_x, at_y, angle
-            base = laid.base
+            at_x, at_y, angle, bend, heading = end
+            follicle, base = laid.follicle, laid.base
+            follicle[0], follicle[1], follicle[2], follicle[3] = at_x, at_y, angle, bend
             base[0, 0], base[1, 0], base[2, 0] = -sin, cos, 0.0
             base[0, 1], base[1, 1], base[2, 1] = -(at_y - y), at_x - x, 1.0
             base[:, 2:] = laid.d[:3]
+            base[0, ORIGIN] -= heading[0]
+            base[1, ORIGIN] -= heading[1]
+            base[2, ORIGIN] -= bend
 
 
 @njit(cache=True, fastmath=FAST, error_model="numpy")
-def _lay_one_way(direction, k, p, beam, bends, pull, arc, begin, laid, answers):
-    """Lay stations k, k + direction, …, and before station 0 the follicle; returns its pose.
+def move(laid, step):
+    """Move a laid rod by a small `step` of its parameters, as it answers to them."""
+    shift, base, follicle = laid.shift, laid.base, laid.follicle
+    for a in range(len(step)):
+        for k in range(len(laid.x)):
+            laid.x[k] -= step[a] * shift[a, k] * laid.sin[k]
+            laid.y[k] += step[a] * shift[a, k] * laid.cos[k]
+        for j in range(3):
+            follicle[j] += step[a] * base[j, a]
+
+
+@njit(cache=True, fastmath=FAST, error_model="numpy")
+def _lay_one_way(direction, k, p, beam, bends, pull, arc, begin, laid):
+    """Lay stations k, k + direction, …, and before station 0 the follicle.
+
+    Returns the end's place, angle, curvature, and heading.
 
     `bends`: the load bends the rod on this side of its place; `pull`: force [N] and its
     direction; `begin`: grid place, x, y, cosine and sine where it starts. `laid.d` is left with
-    the derivatives of x, y, angle and curvature by the rest terms and the force at the end.
+    the derivatives of x, y, angle and curvature by rest terms, force and origin at the end.
     """
     (force, fx, fy), (origin, moved, h), (s, start_x, start_y, cos, sin) = pull, arc, begin
     d, middle, high, m, per_half = laid.d, laid.middle, laid.high, len(laid.x), 2 / beam.length
@@ -126,19 +146,18 @@ def _lay_one_way(direction, k, p, beam, bends, pull, arc, begin, laid, answers):
             slope,
         )
         slope = (bend - bent) / step if step != 0 else slope  # a station may lie at the place
-        if answers:
-            arm = start_x - at_x - new_x, start_y - at_y - new_y
-            _advance(step, (heading, new_heading), (next_soft, force), (fx, fy), arm, high, d)
+        arm = start_x - at_x - new_x, start_y - at_y - new_y
+        softer = 4 * next_soft / (beam.cone_length - end)
+        _advance(step, (heading, new_heading), (next_soft, softer, force), (fx, fy), arm, high, d)
         theta, at_x, at_y, heading = theta + turn, at_x + new_x, at_y + new_y, new_heading
         s, soft, rest = s + step, next_soft, next_rest
         if k < 0:
             break
         laid.x[k], laid.y[k], laid.angle[k] = at_x, at_y, theta
         laid.cos[k], laid.sin[k] = heading
-        if answers:
-            _answer(laid.shift, k, heading, cos, sin, at_x - start_x, at_y - start_y, d)
+        _answer(laid.shift, k, heading, cos, sin, at_x - start_x, at_y - start_y, d)
         k += direction
-    return at_x, at_y, theta
+    return at_x, at_y, theta, bend, heading
 
 
 @njit(cache=True, fastmath=FAST, inline="always")
@@ -147,7 +166,7 @@ def _answer(shift, k, heading, cos, sin, dx, dy, d):
     nx, ny = -heading[1], heading[0]
     shift[0, k] = -sin * nx + cos * ny
     shift[1, k] = -dy * nx + dx * ny
-    for q in range(N_REST + 1):
+    for q in range(N_REST + 2):
         shift[2 + q, k] = d[0, q] * nx + d[1, q] * ny
 
 
@@ -228,13 +247,14 @@ def _stretch(step, rest, soft, push, arm, heading, bend, slope):
 def _advance(step, headings, bends, push, arm, basis, d):
     """Second-order step of the derivatives `d` of x, y, angle and curvature."""
     (cos, sin), (new_cos, new_sin) = headings
-    (soft, force), (fx, fy), (arm_x, arm_y) = bends, push, arm
+    (soft, softer, force), (fx, fy), (arm_x, arm_y) = bends, push, arm
     lever = arm_x * fy - arm_y * fx
-    for q in range(N_REST + 1):
+    more = lever * soft, lever * softer * force  # of the curvature, by force and origin
+    for q in range(N_REST + 2):
         turned = d[2, q] + 0.5 * step * d[3, q]
         dx, dy = d[0, q] - step * sin * turned, d[1, q] + step * cos * turned
         rate = force * soft * (dy * fx - dx * fy)
-        rate += basis[q] if q < N_REST else lever * soft
+        rate += basis[q] if q < N_REST else more[q - N_REST]
         new_turn = d[2, q] + 0.5 * step * (d[3, q] + rate)
         d[0, q] -= 0.5 * step * (sin * d[2, q] + new_sin * new_turn)
         d[1, q] += 0.5 * step * (cos * d[2, q] + new_cos * new_turn)

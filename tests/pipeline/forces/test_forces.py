@@ -417,7 +417,7 @@ def test_errors_and_covariances_grow_with_the_scatter_of_free_frames(traced, mon
         monkeypatch.setattr(forces, "_force_noise", lambda *_, noise=noise: noise)
         found.append(forces.measure_forces(traced.places, mouse_c2(), traced.frames, 5.5e-3)[0])
     plain, noisy = found
-    for column, factor in (("gap_se_m", 2), ("clear_gap_se_m", 2), ("gap_force_cov", 4)):
+    for column, factor in (("gap_se_m", 2), ("gap_force_cov", 4)):
         np.testing.assert_allclose(noisy[column], factor * plain[column], rtol=1e-9)
     own = [np.square(f["shape_force_se_N"]) - np.square(f["origin_force_se_N"]) for f in found]
     np.testing.assert_allclose(own[1], 4 * own[0], rtol=1e-6)
