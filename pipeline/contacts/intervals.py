@@ -17,6 +17,7 @@ BESIDE_FRAMES, FEWEST_HELD = 6, 3  # before and after a contact; as many as coun
 AT_PLACE_SD = 2.0  # as far from the place of other touches a touch may be
 HIGH_LOAD = 0.5  # of a contact's largest
 SURELY_SD = 3.0  # standard errors of what is no error
+PUSH_COLUMNS = "shape_force_N", "shape_force_se_N", "origin_force_se_N"
 
 INTERVAL_COLUMNS = (
     "whisker",
@@ -137,8 +138,9 @@ def _is_pushed(part, start, stop):
 
 def _pushes(part, rows):
     """Whether a force is above its standard error at its peak; True where none is known."""
+    part = {name: part[name][rows] for name in PUSH_COLUMNS}
     with np.errstate(invalid="ignore"):
-        push = part["shape_force_N"][rows] / force_noise(part)[rows]
+        push = part["shape_force_N"] / force_noise(part)
     return not np.isfinite(push).any() or np.nanmax(push) > LEAST_PEAK_SD
 
 
@@ -219,8 +221,8 @@ def _flags(part, rows, look, slip, usual_misfit):
     # without a rest shape no rod is loaded, so that none has a contact
     lost = np.isnan(part["base_angle_rad"][rows]) | (rest_known & np.isnan(contact))
     applies = {
-        "starts_before": frame[start] == part["frame"].min(),
-        "ends_after": frame[stop - 1] == part["frame"].max(),
+        "starts_before": start == 0,
+        "ends_after": stop == len(frame),
         "slip": slip,
         "no_rest_curvature": not rest_known.any(),
         "large_deflection": tilted,

@@ -31,13 +31,19 @@ def half_width(values, errors) -> int:
     errors : (frames,) their standard errors, of which only the relative sizes matter: the size of
         the noise is estimated from the values
     """
-    values, errors = np.asarray(values, float), _usable(values, errors)
-    known = np.flatnonzero(np.isfinite(values))
-    if len(known) < PART * HALF_WIDTHS[0]:
+    return _half_width(np.asarray(values, float), _usable(values, errors))
+
+
+@njit(cache=True)
+def _half_width(values, errors):
+    """`half_width` of values with usable errors."""
+    known = np.isfinite(values)
+    if known.sum() < PART * HALF_WIDTHS[0]:
         return 0
-    values, errors = np.where(np.isfinite(values), values, 0.0), _noise(values, errors)
+    errors, values = _noise(values, errors), np.where(known, values, 0.0)
     half = _widest(values, errors)
-    lifted = values[known].max() > (1 + LEAST_LIFT) * _local(values, errors, half)[0][known].max()
+    course = _local(values, errors, half)[0]
+    lifted = values[known].max() > (1 + LEAST_LIFT) * course[known].max()
     return half if lifted else 0
 
 
@@ -46,7 +52,7 @@ def smoothed(values, half: int, errors=None) -> np.ndarray:
 
     NaN where the value itself is missing; `errors` (frames,) weigh the values.
     """
-    return _smoothed(values, half, _usable(values, errors))[0]
+    return _smoothed(np.asarray(values, float), half, _usable(values, errors))[0]
 
 
 def firm_peak(values, half: int, errors):
@@ -56,20 +62,28 @@ def firm_peak(values, half: int, errors):
     well measured ones make no peak. `errors` (frames,) are taken to be common to neighbouring
     frames, so that smoothing does not lessen them; NaN where not known.
     """
-    usable = _usable(values, errors)
+    values, usable = np.asarray(values, float), _usable(values, errors)
+    at, value, error = _firm_peak(values, half, usable)
+    return at, value, error if np.isfinite(errors[at]) else np.nan
+
+
+@njit(cache=True, error_model="numpy")
+def _firm_peak(values, half, usable):
+    """`firm_peak` of values with usable errors."""
     course, variance = _smoothed(values, half, usable)
     alike = _smoothed(values, half, np.where(np.isfinite(usable), 1.0, np.inf))[1]
-    with np.errstate(invalid="ignore", divide="ignore"):
-        error = np.sqrt(variance / alike)
-        least = course - FIRM_SD * error
-    firm = np.isfinite(least) & (least > 0)
-    at = int(np.nanargmax(np.where(firm, least, np.nan) if firm.any() else course))
-    return at, course[at], error[at] if np.isfinite(errors[at]) else np.nan
+    error = np.sqrt(variance / alike)
+    least = course - FIRM_SD * error
+    firm = least > 0
+    judged = np.where(firm, least, np.nan) if firm.any() else course
+    at = int(np.argmax(np.where(np.isfinite(judged), judged, -np.inf)))
+    return at, course[at], error[at]
 
 
+@njit(cache=True)
 def _smoothed(values, half, errors):
     """Smoothed course and its variance (frames,); NaN where the value is missing."""
-    missing = ~np.isfinite(np.asarray(values, float))
+    missing = ~np.isfinite(values)
     course, left = _local(np.where(missing, 0.0, values), errors, half)
     return np.where(missing, np.nan, course), np.where(missing, np.nan, left)
 
@@ -83,12 +97,13 @@ def _usable(values, errors):
     return np.where(known, errors, np.inf)
 
 
+@njit(cache=True)
 def _widest(values, errors):
     """Largest half-width at which nothing near the top changes by more than noise explains."""
     best, tried = 0, [(values, errors**2)]
     known = np.isfinite(errors)
     for half in HALF_WIDTHS:
-        if PART * half > np.count_nonzero(known):
+        if PART * half > known.sum():
             break
         wider, left = _local(values, errors, half)
         top = known & (wider > NEAR_TOP * wider[known].max())
@@ -101,24 +116,26 @@ def _widest(values, errors):
     return best
 
 
+@njit(cache=True)
 def _noise(values, errors):
     """Standard deviation of each value's noise near the top, as `errors` go; infinite alike."""
     known = np.isfinite(values)
     seen, error = values[known], errors[known]
-    variance = np.convolve(error**2, [1.0, 9.0, 9.0, 1.0], "valid")  # of third differences
-    scatter = np.abs(np.diff(seen, 3)) / np.sqrt(variance)
+    square = error**2
+    variance = square[3:] + 9 * square[2:-1] + 9 * square[1:-2] + square[:-3]
+    scatter = np.abs(np.diff(np.diff(np.diff(seen)))) / np.sqrt(variance)
     course = _local(seen, error, HALF_WIDTHS[0])[0][1:-2]
     high = course > HIGH * course.max()
     scatter = scatter[high] if high.sum() >= FEWEST_HIGH else scatter
     return np.maximum(MAD_TO_SD * np.median(scatter), 1e-12) * errors
 
 
+@njit(cache=True)
 def _local(values, errors, half):
     """Weighted local parabolas (frames,) and their variances; values as they are for `half` 0."""
     course, left = values.copy(), errors**2
     if half > 0:
-        with np.errstate(divide="ignore"):
-            _fit_parabolas(values, 1 / errors**2, half, course, left)
+        _fit_parabolas(values, 1 / errors**2, half, course, left)
     return course, left
 
 
