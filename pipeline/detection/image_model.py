@@ -37,7 +37,7 @@ class Picture(NamedTuple):
 class ImageModel:
     """The static scene as the tracer uses it: arrays of float32 (height, width).
 
-    `clear`, bool, is farther than `edge_px` from face and obstacles;
+    `clear`, bool, is farther than `edge_px` from face and obstacles, and off moving fur;
     `gain_points` are those of line_profile.frame_gain, on pixels that are free of all things.
     """
 
@@ -72,6 +72,8 @@ class ImageModel:
         kernel = np.ones((9, 9), np.uint8)
         free = cv2.erode(usable.astype(np.uint8), kernel).astype(bool)
         clear = cv2.distanceTransform(seen.astype(np.uint8), cv2.DIST_L2, 5) > params.edge_px
+        if scene.moving_fur is not None:
+            clear &= ~scene.moving_fur
         points = line_profile.gain_points(background, free)
         return cls(background, weight, outside, noise.astype(np.float32), usable, clear, points)
 

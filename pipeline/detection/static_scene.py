@@ -33,6 +33,8 @@ class StaticScene:
         `noise_floor`; None where it is 1 everywhere
     likelier_side : that of the whiskers' thicker ends, where no face is seen on the side that was
         given; None: there is no such doubt
+    moving_fur : bool (height, width), outside of the face, where its fur comes and goes; None:
+        nowhere
     refused_poles : x, y [px] of what looked like a pole, and why it is none, in words
     """
 
@@ -46,3 +48,4 @@ class StaticScene:
     noise_excess: np.ndarray | None = None
     likelier_side: str | None = None
     refused_poles: tuple[tuple[float, float, str], ...] = ()
+    moving_fur: np.ndarray | None = None

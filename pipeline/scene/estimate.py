@@ -14,6 +14,7 @@ from pipeline.scene.dust import is_passed_over
 from pipeline.scene.epochs import Survey, periods
 from pipeline.scene.face import face_side, find_face, likelier_side
 from pipeline.scene.masks import dilated, opened, opened_beyond_border, regions
+from pipeline.scene.moving_fur import moving_fur
 from pipeline.scene.pole_doubts import doubt
 from pipeline.scene.pole_search import PoleFollower, find_pole
 from pipeline.scene.scale import working_scale
@@ -164,8 +165,9 @@ def scene_from_frames(
     obstacles = find_obstacles(transmission, face, pole, scale, params)
     disc = _disc(pole, face.shape)
     things = _apart_from(obstacles, disc)
+    light = without_whiskers(background, face, scale, fur, disc, things, params)
     return StaticScene(
-        background=without_whiskers(background, face, scale, fur, disc, things, params),
+        background=light,
         noise_gain=background.noise_gain,
         noise_floor=background.noise_floor,
         face_mask=face,
@@ -175,6 +177,7 @@ def scene_from_frames(
         noise_excess=noise_excess(background, frames, obstacles, face),
         likelier_side=likelier,
         refused_poles=refused,
+        moving_fur=moving_fur(light, frames, face | obstacles, scale, params),
     )
 
 

@@ -41,13 +41,14 @@ class PicturePart:
     def whole(self, scene: StaticScene) -> StaticScene:
         """Return a scene of the box as one of the whole picture, dark where none looks."""
         used, (x, y) = self.used[self.box], self.corner
-        pole, excess = scene.pole, scene.noise_excess
+        pole, excess, fur = scene.pole, scene.noise_excess, scene.moving_fur
         return replace(
             scene,
             background=self._set(np.where(used, scene.background, 0), 0),
             face_mask=self._set(scene.face_mask & used, False),
             obstacle_mask=self._set(scene.obstacle_mask | ~used, True),
             noise_excess=excess if excess is None else self._set(excess, 1),
+            moving_fur=fur if fur is None else self._set(fur, False),
             pole=pole and replace(pole, x_px=pole.x_px + x, y_px=pole.y_px + y),
             refused_poles=tuple((px + x, py + y, why) for px, py, why in scene.refused_poles),
         )

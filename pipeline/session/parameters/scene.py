@@ -26,6 +26,12 @@ class SceneParams:
     tuft_mm: quantity(0.05, 5, "mm") = parameter(
         0.5, "thinner dark parts at the face are tufts or whiskers", "chosen"
     )
+    fur_darkens: quantity(0.01, 0.9, "of the light") = parameter(
+        0.1, "moving fur takes more of it", "chosen"
+    )
+    fur_moves_share: quantity(0, 1, "of the frames") = parameter(
+        0.1, "it is there in so many", "chosen"
+    )
     face_edge: quantity(0.05, 0.95, "of the light") = parameter(
         0.45, "light that passes at the face's edge", "chosen"
     )

@@ -1,0 +1,38 @@
+"""Where the face's fur comes and goes: skin that whisks carries it out over the background.
+
+Its edge and its hairs are as thin and dark as whiskers, but what is beside them is dark, too, and
+broader than any whisker.
+"""
+
+import numpy as np
+
+from pipeline.scene.illumination import frame_gains
+from pipeline.scene.masks import opened
+from pipeline.session.parameters import DEFAULTS, SceneParams
+
+MOST_FRAMES = 24  # that are looked at
+
+
+def moving_fur(
+    background, frames, masked, pixels_per_mm, params: SceneParams = DEFAULTS.scene
+) -> np.ndarray:
+    """Return the pixels that something broader than whiskers darkens in some of the frames.
+
+    Parameters
+    ----------
+    background : (height, width), the light without whiskers [grey]
+    frames : uint8 (k, height, width)
+    masked : bool (height, width), what is dark in all frames: it is left out
+    pixels_per_mm : scale
+
+    Returns
+    -------
+    bool (height, width)
+    """
+    few = frames[:: -(-len(frames) // MOST_FRAMES)]
+    radius = 0.5 * params.thickest_whisker_mm * pixels_per_mm
+    seldom = np.zeros(masked.shape)
+    for frame, gain in zip(few, frame_gains(few), strict=True):
+        light = (1 - params.fur_darkens) * gain * background
+        seldom += opened((frame < light) & ~masked, radius)
+    return seldom >= max(params.fur_moves_share * len(few), 1)
