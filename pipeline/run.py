@@ -21,6 +21,7 @@ from pipeline.scene import (
     pole_track,
     survey,
     whiskers_are_bright,
+    without_poles,
     working_scale,
 )
 from pipeline.session import DEFAULTS, settings_given
@@ -80,7 +81,7 @@ def analyse(
         with clock("roster"):
             say(Step("whiskers"))
             sample = seen.sample(roster_frames(settings))
-            cast = find_cast(*sample, epochs, settings)
+            cast, epochs = find_whiskers(sample, epochs, settings)
             odd = odd_length(*sample, epochs, cast.roster, settings)
             scale = working_scale(video.shape, settings.recording.pixels_per_mm)
             epochs = behind_whiskers(epochs, cast.roster, scale, settings.advanced.tracking)
@@ -158,6 +159,17 @@ def look_at(video, settings):
         seen = survey(video, recording, params, part)
     epochs = find_scenes(video, recording, pole.diameter, pole.position_px, seen, params)
     return video, seen, epochs
+
+
+def find_whiskers(sample, epochs, settings):
+    """The whiskers of a video, and its epochs: with a pole only where a whisker may touch it.
+
+    sample : numbers of some frames and the frames, as of `Survey.sample`; a pole that a person has
+        given a place is kept in any case
+    """
+    cast = find_cast(*sample, epochs, settings)
+    is_touchable = cast.roster or settings.pole.position_px is not None
+    return cast, epochs if is_touchable else without_poles(epochs)
 
 
 def _is_bright(settings, seen) -> bool:

@@ -12,6 +12,7 @@ from pipeline.errors import InputError, VideoError
 from pipeline.run import FRAMES_FOR_POLARITY
 from pipeline.scene.dust import is_passed_over
 from pipeline.scene.estimate import find_scenes, survey
+from pipeline.scene.over_time import without_pole
 from pipeline.scene.polarity import whiskers_are_bright
 from pipeline.session.inputs import PREVIEW_NAME, SETTINGS_NAME, find_inputs
 from pipeline.session.recording import Recording
@@ -116,14 +117,20 @@ def look_at(path) -> Look:
     options = options_for_picture(recording, sample.shape[1:])
     roster = find_roster(sample, scene, options)
     likely, _ = whisker_like(roster, len(sample), sample.shape[1:])
+    if not likely:
+        scene, scale = without_pole(scene), _usual_scale(video)
     return Look(Path(path), scene, scale, len(likely))
 
 
 def _dark_on_light(video):
     """The video, or its negative where whiskers are bright."""
     _, frames = video.sample(FRAMES_FOR_POLARITY)
-    usual = max(video.width, video.height) / FIELD_OF_VIEW_MM
-    return Negative(video) if whiskers_are_bright(frames, usual) else video
+    return Negative(video) if whiskers_are_bright(frames, _usual_scale(video)) else video
+
+
+def _usual_scale(video) -> float:
+    """Pixels per mm where the picture is as wide as is usual."""
+    return max(video.width, video.height) / FIELD_OF_VIEW_MM
 
 
 def _scene_and_scale(video):
@@ -131,8 +138,7 @@ def _scene_and_scale(video):
 
     The scale is from the pole's thickness, or else from the image's width.
     """
-    usual = max(video.width, video.height) / FIELD_OF_VIEW_MM
-    first = None
+    usual, first = _usual_scale(video), None
     for factor in SCALES:
         recording = Recording(FRAMES_PER_SECOND, usual * factor, None)
         seen = survey(video, recording)

@@ -8,11 +8,11 @@ import cv2
 import numpy as np
 
 from pipeline.detection.static_scene import StaticScene
-from pipeline.run import look_at, trace
+from pipeline.run import find_whiskers, look_at, trace
 from pipeline.scene.picture_part import part_of
 from pipeline.session.session_file import Settings
 from pipeline.tables import files
-from pipeline.tracking.whiskers import find_cast, roster_frames, tracing_options
+from pipeline.tracking.whiskers import roster_frames, tracing_options
 from pipeline.video.negative import Negative
 from pipeline.video.open import open_video
 
@@ -63,7 +63,7 @@ def preview_of(path, settings: Settings) -> Preview:
     with open_video(path) as video:
         video, seen, epochs = look_at(video, settings)
         indices, frames = seen.sample(roster_frames(settings))
-        cast = find_cast(indices, frames, epochs, settings)
+        cast, epochs = find_whiskers((indices, frames), epochs, settings)
         start, scene = _stretch(indices, epochs)
         stretch = list(islice(video.frames(start), STRETCH))
         options = tracing_options(settings, frames.shape[1:])

@@ -9,14 +9,7 @@ LEAST_SHARE = 0.0005  # of the picture: smaller things are not worth a word
 
 def seen_instead_of_pole(scenes) -> str:
     """What was seen where no pole is found, to follow "what was seen is "."""
-    refused = list(
-        dict.fromkeys(
-            f"{why} (at {x:.0f}, {y:.0f} px)"
-            for each in scenes
-            for x, y, why in each.refused_poles
-        )
-    )
-    return "; ".join(refused[:MOST]) or " and ".join(_things(scenes)) or "nothing dark and round"
+    return "; ".join(_refused(scenes)) or " and ".join(_things(scenes)) or "nothing dark and round"
 
 
 def seen_instead_of_whiskers(scenes) -> str:
@@ -30,7 +23,15 @@ def seen_instead_of_whiskers(scenes) -> str:
         if scene.face_mask.any()
         else f"nothing dark at the {scene.face_side}, where the face should be"
     )
-    return " and ".join([face, *_things(scenes)])
+    return " and ".join([face, *_refused(scenes), *_things(scenes)])
+
+
+def _refused(scenes) -> list[str]:
+    """What looked like a pole, and why it is none, each in some words."""
+    refused = [
+        f"{why} (at {x:.0f}, {y:.0f} px)" for each in scenes for x, y, why in each.refused_poles
+    ]
+    return list(dict.fromkeys(refused))[:MOST]
 
 
 def _things(scenes) -> list[str]:
