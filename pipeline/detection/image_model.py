@@ -11,6 +11,7 @@ from numba import njit
 from pipeline.detection import line_profile
 from pipeline.detection.line import Line
 from pipeline.detection.static_scene import StaticScene
+from pipeline.numerics.bsplines import FAST
 from pipeline.session.parameters import DEFAULTS
 
 TRANSLUCENT = 0.25  # of the light that passes beside it: a whisker is seen through such a thing
@@ -122,15 +123,17 @@ def absorbance_image(image, model: ImageModel, gain: float) -> np.ndarray:
     return _absorbance(image, model.background, model.usable, np.float32(gain))
 
 
-@njit(cache=True)
+@njit(cache=True, fastmath=FAST, error_model="numpy")
 def _absorbance(image, background, usable, gain):
-    out = np.zeros(image.shape, np.float32)
-    one, low = np.float32(1.0), np.float32(-0.3)
+    out = np.empty(image.shape, np.float32)
+    one, low, none = np.float32(1.0), np.float32(-0.3), np.float32(0.0)
     for row in range(image.shape[0]):
-        for column in range(image.shape[1]):
-            expected = max(gain * background[row, column], one)
-            value = one - np.float32(image[row, column]) / expected
-            out[row, column] = min(max(value, low), one) if usable[row, column] else 0
+        pixels, lights, free, absorbed = image[row], background[row], usable[row], out[row]
+        for column in range(len(pixels)):
+            expected = gain * lights[column]
+            value = one - np.float32(pixels[column]) / (expected if expected > one else one)
+            value = value if value > low else low
+            absorbed[column] = value if free[column] else none
     return out
 
 
