@@ -1,22 +1,19 @@
 """All whiskers in one frame, with no knowledge of the frames before."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numba import njit
 
-from pipeline.detection import crossings, line_fit, line_profile, ridges, splitting
+from pipeline.detection import crossings, line_fit, line_profile, ridges, settling, splitting
 from pipeline.detection.image_model import ImageModel, absorbance_image, lines_in_background
 from pipeline.detection.line import Line
 from pipeline.numerics import polyline
 from pipeline.session.parameters import DEFAULTS, Parameters
 from pipeline.session.quantities import pixels_in
 
-FEWEST_FITS, MOST_FITS = 4, 12  # of a new line: until it gets no longer
-SAME_LENGTH = 2  # px
 WORTH_FITTING = 0.5  # of the darkness wanted of a line, along the ridge that leads to it
-THINNEST_SIGMA, BROADEST_SIGMA = 0.6, 6.0  # px, of a line's half-width; broad ones move
-SURE_GROWTH_SE, LEAST_GROWTH = 4.0, 0.05  # of the log of the half-width towards the tip
 MOST_LOOKS = 3  # at a frame with many whiskers
 
 
@@ -42,6 +39,22 @@ class TracingOptions:
     frames_per_second: float = 1000.0
     params: Parameters = DEFAULTS
 
+    def fit(
+        self, longest=np.inf, farthest=np.inf, widths=False, steps=line_fit.MOST_STEPS
+    ) -> line_fit.Fit:
+        """How a line is fitted that may have `longest` nodes; the others as of `Fit`."""
+        longest = float(min(self.longest_px, longest))
+        return line_fit.Fit(*self._lengths, longest, float(farthest), widths, *self._unseen, steps)
+
+    @cached_property
+    def _lengths(self):
+        return float(self.spacing_px), self.bridge_px
+
+    @cached_property
+    def _unseen(self):
+        own = self.params.detection
+        return own.faintest, round(pixels_in(own.unseen_gap_mm, self.pixels_per_m))
+
     def px(self, length_mm: float) -> float:
         """A length in pixels."""
         return length_mm / 1e3 * self.pixels_per_m
@@ -49,47 +62,81 @@ class TracingOptions:
 
 def detect(
     image, model: ImageModel, gain, options: TracingOptions, workspace,
-    scale=None, near_px=None, least=0.0,
+    scale=None, near_px=None, least=0.0, tried=None,
 ) -> list[Line]:  # fmt: skip
     """Find all whiskers in one frame, best first.
 
     A whisker comes out of the face and is visible over at least `options.shortest_px`. Ridges
     are those of one `scale` [px]; lines nearer to each other than `near_px` are one. Both are the
     room's parameters where they are not given. What has less than the `least` length × absorbance
-    [px] is left out.
+    [px] is left out, and what is in vain as of `tried`.
     """
     own = options.params.detection
     scale = scale or own.sharp_sd_px
     near_px = near_px or pixels_in(own.same_whisker_mm, options.pixels_per_m)
-    lines = _lines_at(scale, image, model, gain, options, workspace, least)
+    lines = _lines_at(scale, image, model, gain, options, workspace, least, tried)
     lines = without_doubles(lines, near_px)
     return _uncrossed_anew(image, model, gain, options, workspace, lines)
 
 
-def detect_blurred(image, model: ImageModel, gain, options, workspace, least=0.0) -> list[Line]:
+def detect_blurred(
+    image, model: ImageModel, gain, options, workspace, least=0.0, tried=None
+) -> list[Line]:
     """Find lines that motion has made broad, best first; sharp ones are found as well."""
     own = options.params.detection
     coarse = own.blurred_sd_px
-    lines = _lines_at(coarse, image, model, gain, options, workspace, least)
+    lines = _lines_at(coarse, image, model, gain, options, workspace, least, tried)
     return without_doubles(lines, pixels_in(own.same_whisker_mm, options.pixels_per_m))
 
 
-def _lines_at(scale, image, model, gain, options, workspace, least) -> list[Line]:
+def _lines_at(scale, image, model, gain, options, workspace, least, tried) -> list[Line]:
     """Lines fitted along the ridges of one scale [px], those that may be whiskers, best first."""
     absorbance, own = absorbance_image(image, model, gain), options.params.detection
-    lines = []
+    picture, fit, lines = model.picture(image, gain), options.fit(widths=True, steps=1), []
+    limits = 0.6 * options.shortest_px, float(options.base_gap_px), WORTH_FITTING * least
     for curve in ridges.curves_of(absorbance, model.noise, scale):
-        rooted = root(curve, model, options)
-        if rooted is None or not line_fit.is_clear(*rooted.T, len(rooted), model.clear):
+        sense = _sense(curve, absorbance, model.outside, model.clear, limits)
+        if not sense:
             continue
-        if _darkness(absorbance, rooted) < WORTH_FITTING * least:
+        rooted = curve[::sense]
+        if tried is not None and tried.in_vain(scale, rooted):
             continue
-        line = settle(image, model, gain, rooted, options, workspace)
+        line = settling.settle(picture, rooted, fit, workspace)
         if thickens(line, own.thickens) and ends_at_face(line, model, options):
-            line = settle(image, model, gain, rooted[::-1], options, workspace)
+            line = settling.settle(picture, rooted[::-1], fit, workspace)
         if contrast_length(line) >= least and _is_whisker(line, model, options):
             lines.append(line)
+        elif tried is not None:
+            tried.note(scale, rooted)
     return sorted(lines, key=lambda line: -contrast_length(line))
+
+
+@njit(cache=True)
+def _sense(curve, absorbance, outside, clear, limits):
+    """1 where a curve (n, 2) is worth fitting, −1 where it is from its last point on, else 0.
+
+    It begins at the face. limits : least length [px], farthest base from the face [px], least
+    length × absorbance [px]
+    """
+    shortest, base_gap, darkness = limits
+    if _length(curve) < shortest:
+        return 0
+    first, last = _value_at(outside, curve[0]), _value_at(outside, curve[len(curve) - 1])
+    if min(first, last) >= base_gap:
+        return 0
+    if not line_fit.is_clear(curve[:, 0], curve[:, 1], len(curve), clear):
+        return 0
+    if _darkness(absorbance, curve) < darkness:
+        return 0
+    return -1 if last < first else 1
+
+
+@njit(cache=True)
+def _value_at(values, place):
+    """The value of an image (height, width) at a place (x, y), or at the edge nearest to it."""
+    height, width = values.shape
+    column = min(max(int(np.rint(place[0])), 0), width - 1)
+    return values[min(max(int(np.rint(place[1])), 0), height - 1), column]
 
 
 @njit(cache=True)
@@ -113,31 +160,36 @@ def same_px(options: TracingOptions) -> float:
 
 def detect_crowded(
     image, model: ImageModel, gain, options: TracingOptions, workspace, known=(), enough=np.inf,
-    least=0.0,
+    least=0.0, tried=None,
 ) -> list[Line]:  # fmt: skip
     """As `detect`, for whiskers that lie close together: those found hide no others.
 
     What was found is held in the background, and the frame looked at again, until nothing new
     is found, or `enough` lines are; then every line is fitted beside the others. `known` lines
-    are not looked for, nor those of less than the `least` length × absorbance [px].
+    are not looked for, nor those of less than the `least` length × absorbance [px]; `tried`, of
+    the frames before, tells what else need not be.
     """
     with lines_in_background(model, known):
-        lines = _beside(known, image, model, gain, options, workspace, enough, least)
+        lines = _beside(known, image, model, gain, options, workspace, enough, least, tried)
     lines.sort(key=lambda line: -contrast_length(line))
     return without_doubles(lines, same_px(options))
 
 
-def _beside(known, image, model, gain, options, workspace, enough, least) -> list[Line]:
+def _beside(known, image, model, gain, options, workspace, enough, least, tried) -> list[Line]:
     """Lines of `detect_crowded`, with doubles; the `known` ones are in the background."""
     lines: list[Line] = []
     near_px, own = same_px(options), options.params.detection
     for look in range(MOST_LOOKS):
-        with lines_in_background(model, lines):
-            more = detect(image, model, gain, options, workspace, own.fine_sd_px, near_px, least)
-            if look == 0:
-                broad = detect_blurred(image, model, gain, options, workspace, least)
-                more = with_blurred(more, broad, image, model, gain, own.one_line)
         others = *known, *lines
+        if tried is not None:
+            tried.look(others, look == 0)
+        with lines_in_background(model, lines):
+            more = detect(
+                image, model, gain, options, workspace, own.fine_sd_px, near_px, least, tried
+            )
+            if look == 0:
+                broad = detect_blurred(image, model, gain, options, workspace, least, tried)
+                more = with_blurred(more, broad, image, model, gain, own.one_line)
         more = [
             line
             for line in more
@@ -145,6 +197,8 @@ def _beside(known, image, model, gain, options, workspace, enough, least) -> lis
             and not is_ghost(line, others, own)
         ]
         if not more:
+            if tried is not None:
+                tried.remember()
             break
         usual = splitting.usual_sigma([*more, *others])
         lines += _without_broad(image, model, gain, options, workspace, more, lines, usual)
@@ -206,12 +260,15 @@ def _uncrossed_anew(image, model, gain, options, workspace, lines) -> list[Line]
 def uncrossed(lines, options: TracingOptions) -> list[Line]:
     """Give crossing lines their own far parts back, in place; those that have changed."""
     reach = crossings.Reach.of(options.params.detection, options.pixels_per_m)
+    near = polyline.near_pairs(lines, reach.near)
     changed = []
     for k, one in enumerate(lines):
-        for other in lines[:k]:
-            near = polyline.come_near(one.x, one.y, one.n, other.x, other.y, other.n, reach.near)
-            if near and crossings.uncross(one, other, reach):
-                changed += [line for line in (one, other) if all(line is not c for c in changed)]
+        for j in range(k):
+            if near[k, j] and crossings.uncross(one, lines[j], reach):
+                near[k] = near[j] = near[k] | near[j]
+                changed += [
+                    line for line in (one, lines[j]) if all(line is not c for c in changed)
+                ]
     return changed
 
 
@@ -257,6 +314,11 @@ def is_ghost(line: Line, others, params=DEFAULTS.detection) -> bool:
     """
     ghosts = (params.blur_share, params.blur_px), (params.ringing_share, params.ringing_px)
     return any(_is_ghost_of(line, other, ghosts) for other in others)
+
+
+def ghost_reach(params) -> float:
+    """Distance beyond which no line is a ghost of another one [px]."""
+    return max(params.blur_px, params.ringing_px, 2.0 * settling.BROADEST_SIGMA)
 
 
 def _is_ghost_of(line, other, ghosts):
@@ -308,18 +370,6 @@ def contrast_length(line: Line) -> float:
     return float(line.amplitude[: line.n].sum())
 
 
-def root(curve, model: ImageModel, options: TracingOptions):
-    """Turn a curve so that it begins at the face; None where it does not come out of it."""
-    if _length(curve) < 0.6 * options.shortest_px:
-        return None
-    height, width = model.outside.shape
-    ends = np.clip(np.rint(curve[[0, -1]]).astype(int), 0, [width - 1, height - 1])
-    distance = model.outside[ends[:, 1], ends[:, 0]]
-    if distance[1] < distance[0]:
-        curve, distance = curve[::-1], distance[::-1]
-    return curve if distance[0] < options.base_gap_px else None
-
-
 @njit(cache=True)
 def _length(curve):
     """Length of a curve (n, 2)."""
@@ -329,75 +379,16 @@ def _length(curve):
     return total
 
 
-def settle(image, model: ImageModel, gain, curve, options: TracingOptions, workspace) -> Line:
-    """Refine a rough curve into a line: centre, width, base and visible end."""
-    line = Line.empty(workspace.limit)
-    n = min(len(curve), workspace.limit)
-    line.x[:n], line.y[:n] = curve[:n].T
-    n = polyline.resample(line.x, line.y, n, workspace.scratch.room)
-    line.amplitude[:] = 0.5
-    line.n = n
-    faintest = options.params.detection.faintest
-    for step in range(MOST_FITS):
-        before = line.n
-        refine(image, model, gain, line, options, workspace, widths=True)
-        if line.n < line_fit.SHORTEST:
-            break
-        if step >= FEWEST_FITS and abs(line.n - before) <= SAME_LENGTH:
-            break
-        fit_width(line, workspace)
-        # no history to average with: the absorbance is what was measured last
-        measured = workspace.scratch.amplitude[: line.n]
-        line.amplitude[: line.n] = np.maximum(measured, faintest)
-        line.amplitude[line.n :] = line.amplitude[line.n - 1]
-    return line
-
-
-def fit_width(line: Line, workspace) -> None:
-    """Update the half-width σ along the line, linear in arc length, from its last measurement."""
-    _fit_width(line.sigma, line.n, workspace.scratch)
-
-
-@njit(cache=True)
-def _fit_width(sigma, n, scratch):
-    """Each half of the line has a width of its own.
-
-    It grows towards the tip only where that is sure: a whisker that turns while the shutter is
-    open is blurred the more the farther out.
-    """
-    middle = n // 2
-    near, far = middle / 2, (middle + n) / 2
-    near_sigma, near_se = _corrected(sigma[int(near)], scratch, 0, middle)
-    far_sigma, far_se = _corrected(sigma[int(far)], scratch, middle, n)
-    slope = (far_sigma - near_sigma) / max(far - near, 1.0)
-    if np.log(far_sigma / near_sigma) < SURE_GROWTH_SE * np.hypot(near_se, far_se) + LEAST_GROWTH:
-        slope = min(slope, 0.0)
-    for i in range(len(sigma)):
-        sigma[i] = min(max(near_sigma + slope * (i - near), THINNEST_SIGMA), BROADEST_SIGMA)
-
-
-@njit(cache=True)
-def _corrected(sigma, scratch, first, last):
-    """Half-width σ [px] as it is measured over some nodes, and the standard error of its log."""
-    change, se = line_profile.width_correction(scratch.sums, scratch.amplitude, first, last)
-    corrected = sigma * np.exp(min(max(change, -0.3), 0.3))
-    return min(max(corrected, THINNEST_SIGMA), BROADEST_SIGMA), se
-
-
 def refine(
     image, model: ImageModel, gain, line: Line, options: TracingOptions, workspace,
     farthest=np.inf, widths=False,
 ):  # fmt: skip
     """Gauss–Newton from the line's present nodes; base and tip found anew. In place.
 
-    A line that is `farthest` [px] or more from them is not found. `widths`: for `fit_width`.
+    A line that is `farthest` [px] or more from them is not found. `widths`: for
+    `settling.fit_width`.
     """
-    longest, own = min(options.longest_px, line.longest), options.params.detection
-    unseen = round(pixels_in(own.unseen_gap_mm, options.pixels_per_m))
-    fit = line_fit.Fit(
-        float(options.spacing_px), options.bridge_px, float(longest), float(farthest), widths,
-        own.faintest, unseen,
-    )  # fmt: skip
+    fit = options.fit(line.longest, farthest, widths)
     line.n, line.quality = line_fit.refine(
         model.picture(image, gain), line.nodes, line.n, fit, workspace.scratch
     )

@@ -39,7 +39,8 @@ class ImageModel:
     """The static scene as the tracer uses it: arrays of float32 (height, width).
 
     `clear`, bool, is farther than `edge_px` from face and obstacles, and off moving fur;
-    `gain_points` are those of line_profile.frame_gain, on pixels that are free of all things.
+    `gain_points` are those of line_profile.frame_gain, on pixels that are free of all things;
+    `held` are the lines that are in the background for a while (`lines_in_background`).
     """
 
     background: np.ndarray
@@ -49,6 +50,9 @@ class ImageModel:
     usable: np.ndarray
     clear: np.ndarray
     gain_points: tuple[np.ndarray, np.ndarray]
+
+    def __post_init__(self):
+        self.held = HeldLines(self.background)
 
     @classmethod
     def from_scene(
@@ -141,36 +145,61 @@ def _absorbance(image, background, usable, gain):
 def lines_in_background(model: ImageModel, lines=()):
     """Hold whiskers in the background of a with block, as `HeldLines`; afterwards it is as before.
 
-    lines : those that are held from the start
+    lines : those that are held from the start, beside those of blocks around this one
     """
-    held = HeldLines(model.background)
+    held = model.held
+    before = dict(held.shadows)
     try:
         for line in lines:
             held.put_in(line)
         yield held
     finally:
-        held.undo()
+        held.go_back(before)
 
 
 class HeldLines:
-    """Lines whose transmission is multiplied into a background."""
+    """Lines whose transmission is multiplied into a background.
+
+    `shadows` are, by the line's id, the line, its pixels and the transmission there as it was
+    when it was put in.
+    """
 
     def __init__(self, background):
-        self.background, self.changes = background, []
+        self.background, self.free = background, background.copy()
+        self.shadows, self.touched = {}, []
+
+    def hold(self, lines) -> None:
+        """Hold these lines and no others; those held before as they were put in."""
+        wanted = {id(line) for line in lines}
+        self.go_back({key: each for key, each in self.shadows.items() if key in wanted})
+        for line in lines:
+            self.put_in(line)
 
     def put_in(self, line: Line) -> None:
-        """Hold a line, too."""
-        self._paint(line, False)
+        """Hold a line, too, if it is not held yet."""
+        if id(line) in self.shadows:
+            return
+        shape = self.background.shape
+        parts = line_profile.shadow(line.x, line.y, line.n, line.amplitude, line.sigma, shape)
+        line_profile.darken(self.background, *parts)
+        self.shadows[id(line)] = (line, *parts)
+        self.touched.append(parts[0])
 
     def take_out(self, line: Line) -> None:
-        """Hold a line no longer, which has not changed since it was put in."""
-        self._paint(line, True)
+        """Hold a line no longer, as it was when it was put in."""
+        line_profile.lighten(self.background, *self.shadows.pop(id(line))[1:])
 
-    def _paint(self, line, out):
-        nodes = line.x, line.y, line.n, line.amplitude, line.sigma
-        self.changes.append(line_profile.paint(self.background, *nodes, out))
-
-    def undo(self) -> None:
-        """Hold none; the background has the very same values as before."""
-        while self.changes:
-            line_profile.unpaint(self.background, *self.changes.pop())
+    def go_back(self, shadows) -> None:
+        """Hold the lines of these shadows, no others; of none, the very background is there."""
+        if not shadows:
+            for pixels in self.touched:
+                line_profile.restore(self.background, pixels, self.free)
+            self.touched = []
+        else:
+            for key, each in self.shadows.items():
+                if shadows.get(key) is not each:
+                    line_profile.lighten(self.background, *each[1:])
+            for key, each in shadows.items():
+                if self.shadows.get(key) is not each:
+                    line_profile.darken(self.background, *each[1:])
+        self.shadows = dict(shadows)

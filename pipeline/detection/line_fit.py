@@ -40,6 +40,7 @@ class Fit(NamedTuple):
     widths : whether `Scratch.sums` are filled for the half-width, too
     faintest : absorbance below which nothing is seen
     unseen : nodes in a row that may not be seen, though there are pixels
+    steps : of Gauss–Newton, at most
     """
 
     spacing: float
@@ -49,6 +50,7 @@ class Fit(NamedTuple):
     widths: bool
     faintest: float
     unseen: int
+    steps: int
 
 
 @njit(cache=True)
@@ -280,12 +282,12 @@ def move(x, y, n, scratch):
 
 
 @njit(cache=True)
-def _largest(values, n):
+def largest(values, n):
     """Largest magnitude of the first `n` values; infinity of none."""
-    largest = 0.0 if n > 0 else np.inf
+    most = 0.0 if n > 0 else np.inf
     for i in range(n):
-        largest = max(largest, abs(values[i]))
-    return largest
+        most = max(most, abs(values[i]))
+    return most
 
 
 @njit(cache=True)
@@ -313,7 +315,7 @@ def refine(picture, nodes, n, fit, scratch):
     n = start_at_face(x, y, n, picture.outside)
     n = extend(x, y, n, False, fit.bridge + 12, 40)
     set_cap(amplitude, n, work.cap)
-    for step in range(MOST_STEPS):
+    for step in range(fit.steps):
         bsplines.smooth(x, y, n, fit.spacing, work.band, work.smooth_x, work.smooth_y)
         n = start_at_face(x, y, n, picture.outside)
         n = resample(x, y, n, work.room)
@@ -330,11 +332,11 @@ def refine(picture, nodes, n, fit, scratch):
         fit_offset(x, y, n, fit.spacing, STIFFNESS, work)
         move(x, y, n, work)
         tip = min(end + BEYOND_TIP, n)
-        largest = _largest(work.offset, end)
+        farthest = largest(work.offset, end)
         stays = step > 0 and abs(end - before) <= SAME_TIP
-        if largest < SHORT_STEP and (stays or _largest(work.offset, tip) < TIP_STEP):
+        if farthest < SHORT_STEP and (stays or largest(work.offset, tip) < TIP_STEP):
             break
-        far = largest > fit.farthest or end < STILL_SEEN * known
+        far = farthest > fit.farthest or end < STILL_SEEN * known
         if step == 0 and fit.farthest < np.inf and far:
             return 0, 0.0
     if end < SHORTEST:

@@ -194,17 +194,16 @@ def strip_misfit(image, background, weight, gain, x, y, n, sigma):
 
 
 @njit(cache=True)
-def paint(background, x, y, n, amplitude, sigma, out):
-    """Multiply a line's transmission 1 − a G into `background`; divide by it to take it `out`.
+def shadow(x, y, n, amplitude, sigma, shape):
+    """Transmission 1 − a G of a line: the pixels about it (flat indices) and what passes there.
 
-    Another whisker is then measured against a background that holds this one. Returns the pixels
-    (flat indices) and the values that were there, for `unpaint`.
+    A pixel that two sections share is there twice. shape : height and width of the picture
     """
-    height, width = background.shape
+    height, width = shape
     size = 0
     for i in range(n):
         size += int(6.0 * np.sqrt(2.0) * sigma[i]) + 2
-    pixels, values, count = np.empty(size, np.int64), np.empty(size, np.float32), 0
+    pixels, passing, count = np.empty(size, np.int32), np.empty(size, np.float32), 0
     last_column = -1
     last_row = -1
     for i in range(n):
@@ -227,22 +226,36 @@ def paint(background, x, y, n, amplitude, sigma, out):
         u = (first - centre) * step
         gauss, ratio = np.exp(-0.5 * u * u), np.exp(-step * (u + 0.5 * step))
         change = np.exp(-step * step)
-        for moving in range(first, last + 1):
-            row = moving if columns else fixed
-            column = fixed if columns else moving
-            pixels[count] = row * width + column
-            values[count] = background[row, column]
+        place, stride = (first * width + fixed, width) if columns else (fixed * width + first, 1)
+        for _ in range(first, last + 1):
+            pixels[count], passing[count] = place, 1.0 - absorbance * gauss
             count += 1
-            passing = 1.0 - absorbance * gauss
-            background[row, column] *= 1.0 / passing if out else passing
+            place += stride
             gauss *= ratio
             ratio *= change
-    return pixels[:count], values[:count]
+    return pixels[:count], passing[:count]
 
 
 @njit(cache=True)
-def unpaint(background, pixels, values):
-    """Undo `paint`, last pixel first."""
-    width = background.shape[1]
-    for k in range(len(pixels) - 1, -1, -1):
-        background[pixels[k] // width, pixels[k] % width] = values[k]
+def darken(background, pixels, passing):
+    """Multiply a line's transmission into a background, of which it hides that much."""
+    light = background.ravel()
+    for k in range(len(pixels)):
+        light[np.uint64(pixels[k])] *= passing[k]
+
+
+@njit(cache=True)
+def lighten(background, pixels, passing):
+    """Undo `darken`, to rounding."""
+    light = background.ravel()
+    for k in range(len(pixels)):
+        light[np.uint64(pixels[k])] /= passing[k]
+
+
+@njit(cache=True)
+def restore(background, pixels, before):
+    """Give pixels the values that they have in `before`."""
+    light, known = background.ravel(), before.ravel()
+    for k in range(len(pixels)):
+        at = np.uint64(pixels[k])
+        light[at] = known[at]

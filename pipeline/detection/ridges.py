@@ -96,7 +96,7 @@ def _may_be_strong(above, row, below, noise_sd, limit, out):
 
 @njit(cache=True)
 def _points(smooth, noise_sd, response_sd, index, points):
-    """Fill `index` and `points` (see ridge_points) from the smoothed image; return their number."""
+    """Fill `index` and `points` (see ridge_points) from a smoothed image; return their number."""
     height, width = index.shape
     count = 0
     strong = np.empty(width - 2, np.bool_)

@@ -6,6 +6,7 @@ from numba import njit
 from pipeline.numerics.bsplines import FAST
 
 BESIDE = 16  # nodes, in which the next nearest one is sought
+COARSE = 8  # nodes between two that are looked at for whether lines come near to each other
 NARROWEST = 1e-18  # px²: keeps two coinciding nodes from dividing by zero
 
 
@@ -97,6 +98,10 @@ def share_near(x, y, n, other_x, other_y, m, near, steps):
     """
     step, other_step = steps
     count, total = 0, 0
+    if _apart(x, n, other_x, m, COARSE) >= near + COARSE:
+        return 0.0  # nodes are 1 px apart
+    if _apart(y, n, other_y, m, COARSE) >= near + COARSE:
+        return 0.0
     for i in range(0, n, step):
         total += 1
         for j in range(0, m, other_step):
@@ -135,7 +140,7 @@ def nearest_nodes(x, y, n, other_x, other_y, m, near, skip):
 @njit(cache=True)
 def come_near(x1, y1, n1, x2, y2, n2, near):
     """Whether two lines may come within `near` px of each other; never wrong where they do."""
-    step = 8
+    step = COARSE
     reach = near + 1.1 * step  # of nodes 1 px apart, the nearest looked at is so far away
     if _apart(x1, n1, x2, n2, step) >= reach or _apart(y1, n1, y2, n2, step) >= reach:
         return False
@@ -143,6 +148,48 @@ def come_near(x1, y1, n1, x2, y2, n2, near):
         for j in range(0, n2, step):
             dx = x1[i] - x2[j]
             dy = y1[i] - y2[j]
+            if dx * dx + dy * dy < reach * reach:
+                return True
+    return False
+
+
+def near_pairs(lines, near) -> np.ndarray:
+    """Of lines with nodes `x`, `y` and their number `n`, which two may come near: bool, (n, n).
+
+    As of `come_near`, for all at once; no line is near to itself.
+    """
+    x = np.concatenate([np.empty(0), *(line.x[: line.n : COARSE] for line in lines)])
+    y = np.concatenate([np.empty(0), *(line.y[: line.n : COARSE] for line in lines)])
+    counts = [len(range(0, line.n, COARSE)) for line in lines]
+    return _near_pairs(x, y, np.cumsum([0, *counts]), near + 1.1 * COARSE)
+
+
+@njit(cache=True)
+def _near_pairs(x, y, starts, reach):
+    """`near_pairs` of some nodes of all lines, of each from its start to the next one's."""
+    count = len(starts) - 1
+    out = np.zeros((count, count), np.bool_)
+    low, high = np.full((count, 2), np.inf), np.full((count, 2), -np.inf)
+    for a in range(count):
+        for i in range(starts[a], starts[a + 1]):
+            low[a, 0], high[a, 0] = min(low[a, 0], x[i]), max(high[a, 0], x[i])
+            low[a, 1], high[a, 1] = min(low[a, 1], y[i]), max(high[a, 1], y[i])
+    for a in range(count):
+        for b in range(a):
+            apart = max(low[a, 0] - high[b, 0], low[b, 0] - high[a, 0])
+            apart = max(apart, low[a, 1] - high[b, 1], low[b, 1] - high[a, 1])
+            if apart < reach:
+                ours, theirs = (starts[a], starts[a + 1]), (starts[b], starts[b + 1])
+                out[a, b] = out[b, a] = _any_near(x, y, ours, theirs, reach)
+    return out
+
+
+@njit(cache=True)
+def _any_near(x, y, ours, theirs, reach):
+    """Whether any of the nodes of one range is within `reach` of any of another range's."""
+    for i in range(ours[0], ours[1]):
+        for j in range(theirs[0], theirs[1]):
+            dx, dy = x[i] - x[j], y[i] - y[j]
             if dx * dx + dy * dy < reach * reach:
                 return True
     return False

@@ -4,11 +4,12 @@ Whiskers stand closer than they move from frame to frame in fast whisking: looke
 a whisker is taken for its neighbour. All together, they fit at one turn only.
 """
 
+import math
+
 import numpy as np
 from numba import njit
 
 from pipeline.numerics.angles import wrapped
-from pipeline.numerics.polyline import bilinear
 from pipeline.numerics.robust import robust_sd
 
 TURNS = np.radians(np.arange(-16.0, 16.5, 1.0))
@@ -19,7 +20,7 @@ FEWEST_TOGETHER = 3  # whiskers needed to estimate a common turn
 EVEN = 0.3  # squares of places: weight of no difference along the face
 LEAST_OFF = np.radians(0.5)  # from the turns of the others
 AHEAD = 24  # nodes from the base that give its direction
-STEP = 3  # nodes between two places that are looked at
+FIRST, STEP = 12, 3  # of the nodes that are looked at, and how many on to the next
 LIKELY_SD = np.radians(6.0)  # of what the motion before does not foretell
 SLOPE_SD = np.radians(3.0)
 
@@ -36,13 +37,21 @@ def common_turns(image, background, weight, gain, lines, pivot=0.0) -> np.ndarra
     lines : `detection.Line`s as they are predicted
     pivot : how far behind their bases they turn [px]
     """
-    scores = np.zeros((len(lines), len(TURNS)))
     picture, turns = (image, background, weight, gain), (np.cos(TURNS), np.sin(TURNS))
-    most = np.full((len(lines), 1), 1e-9)
-    for k, (line, score) in enumerate(zip(lines, scores, strict=True)):
-        most[k] += _add_scores(picture, line.nodes, line.n, _behind(line, pivot), turns, score)
+    pivots = np.array([_behind(line, pivot) for line in lines])
+    inner = [slice(FIRST, max(line.n, FIRST), STEP) for line in lines]
+    nodes = np.array(
+        [
+            np.concatenate(
+                [getattr(line, name)[part] for line, part in zip(lines, inner, strict=True)]
+            )
+            for name in ("x", "y", "amplitude")
+        ]
+    )
+    starts = np.cumsum([0, *(len(range(part.start, part.stop, STEP)) for part in inner)])
+    scores, most = _scores(picture, nodes, starts, pivots, turns)
     row = _most_likely(scores / most.sum(), places(lines))
-    return _own_turns(scores / most, row)
+    return _own_turns(scores / most[:, None], row)
 
 
 def places(lines) -> np.ndarray:
@@ -56,7 +65,7 @@ def places(lines) -> np.ndarray:
 def direction(line, most=np.inf) -> float:
     """Direction from a line's base to its middle [rad, from +x to +y], as if `most` nodes long."""
     k = int(min(line.n, most)) // 2
-    return float(np.arctan2(line.y[k] - line.y[0], line.x[k] - line.x[0]))
+    return math.atan2(line.y[k] - line.y[0], line.x[k] - line.x[0])
 
 
 def even_turns(place, turn) -> np.ndarray:
@@ -83,18 +92,25 @@ def even_turns(place, turn) -> np.ndarray:
 
 def _most_likely(scores, place) -> np.ndarray:
     """Turn of every line for the mean turn and slope of the highest sum of scores."""
-    best, found = -np.inf, None
-    for slope in SLOPES:
-        shifted = [
-            np.interp(TURNS + slope * u, TURNS, score)
-            for u, score in zip(place, scores, strict=True)
-        ]
-        total = np.sum(shifted, axis=0) - 0.02 * (TURNS / LIKELY_SD) ** 2
-        k = int(np.argmax(total))
-        value = total[k] - 0.02 * (slope / SLOPE_SD) ** 2
-        if value > best:
-            best, found = value, _peak(total, k) + slope * place
-    return found
+    total = _sums(scores, place) - 0.02 * (TURNS / LIKELY_SD) ** 2
+    value = total.max(axis=1) - 0.02 * (SLOPES / SLOPE_SD) ** 2
+    best = int(np.argmax(value))
+    return _peak(total[best], int(np.argmax(total[best]))) + SLOPES[best] * place
+
+
+@njit(cache=True)
+def _sums(scores, place):
+    """Sums over the lines (lines, turns) at every slope and mean turn, (slopes, turns)."""
+    count, last = len(TURNS), len(TURNS) - 1
+    out = np.zeros((len(SLOPES), count))
+    for s in range(len(SLOPES)):
+        for j in range(len(place)):
+            shift = SLOPES[s] * place[j] / (TURNS[1] - TURNS[0])
+            for k in range(count):
+                at = min(max(k + shift, 0.0), float(last))
+                low = min(int(at), last - 1)
+                out[s, k] += scores[j, low] + (at - low) * (scores[j, low + 1] - scores[j, low])
+    return out
 
 
 def _own_turns(scores, row) -> np.ndarray:
@@ -113,32 +129,35 @@ def _peak(score, k) -> float:
     return float(TURNS[k] + shift * (TURNS[1] - TURNS[0]))
 
 
-@njit(cache=True)
-def _add_scores(picture, nodes, n, pivot, turns, score):
-    """Add amplitude × absorbance along a turned line to every turn's score; return the most.
+@njit(cache=True, error_model="numpy")
+def _scores(picture, nodes, starts, pivots, turns):
+    """Amplitude × absorbance along turned lines (lines, turns), and the most of it (lines,).
 
-    pivot : x, y [px]; turns : cosines and sines
+    nodes : x, y [px] and amplitude of some nodes (3, nodes), of each line from its start to the
+    next one's; pivots : x, y [px] (lines, 2); turns : cosines and sines
+
+    Of the pixel nearest to a node: one turn moves it by more.
     """
     image, background, weight, gain = picture
-    x, y, amplitude = nodes.x, nodes.y, nodes.amplitude
-    (pivot_x, pivot_y), (cosines, sines) = pivot, turns
+    cosines, sines = turns
     height, width = background.shape
-    most = 0.0
-    for i in range(12, n, STEP):
-        dx, dy = x[i] - pivot_x, y[i] - pivot_y
-        a = amplitude[i]
-        most += a * a
-        for k in range(len(score)):
-            px = pivot_x + cosines[k] * dx - sines[k] * dy
-            py = pivot_y + sines[k] * dx + cosines[k] * dy
-            if not (0 <= px < width - 1 and 0 <= py < height - 1):
-                continue
-            if weight[int(py + 0.5), int(px + 0.5)] <= 0:
-                continue
-            light = max(gain * bilinear(background, px, py), 1.0)
-            seen = 1.0 - bilinear(image, px, py) / light
-            score[k] += a * min(max(seen, 0.0), 1.3 * a)
-    return most
+    scores, most = np.zeros((len(pivots), len(cosines))), np.full(len(pivots), 1e-9)
+    for line in range(len(pivots)):
+        pivot_x, pivot_y = pivots[line]
+        for i in range(starts[line], starts[line + 1]):
+            dx, dy, a = nodes[0, i] - pivot_x, nodes[1, i] - pivot_y, nodes[2, i]
+            most[line] += a * a
+            for k in range(len(cosines)):
+                px = pivot_x + cosines[k] * dx - sines[k] * dy + 0.5
+                py = pivot_y + sines[k] * dx + cosines[k] * dy + 0.5
+                if not (0 <= px < width and 0 <= py < height):
+                    continue
+                column, row = np.uint64(px), np.uint64(py)
+                if weight[row, column] > 0:
+                    light = max(gain * background[row, column], 1.0)
+                    seen = 1.0 - image[row, column] / light
+                    scores[line, k] += a * min(max(seen, 0.0), 1.3 * a)
+    return scores, most
 
 
 def _behind(line, pivot):

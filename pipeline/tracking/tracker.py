@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from pipeline.detection import detect, image_model, line_fit, tails
+from pipeline.detection import detect, image_model, line_fit, settling, tails
 from pipeline.detection.detect import TracingOptions
 from pipeline.detection.image_model import ImageModel
 from pipeline.detection.line import Line, Workspace
@@ -143,54 +143,60 @@ class Tracer:
         self.frame += 1
         gain, before = self.model.gain(image), self.gain
         relit, self.gain = abs(gain - before) > RELIT * max(gain, before), gain
-        self._follow_all(image, gain)
-        missing = [t for t in self.tracks if t.line is None]
-        self.since_search += 1
-        just_lost = any(t.lost_for in (1, 2) for t in missing)
-        if missing and (just_lost or relit or self.since_search >= self.search_every):
-            self._search(missing, image, gain)
-            self.since_search = 0
+        with image_model.lines_in_background(self.model):
+            self._follow_all(image, gain)
+            missing = [t for t in self.tracks if t.line is None]
+            self.since_search += 1
+            just_lost = any(t.lost_for in (1, 2) for t in missing)
+            if missing and (just_lost or relit or self.since_search >= self.search_every):
+                self._search(missing, image, gain)
+                self.since_search = 0
         return self.tracks
 
     def _follow_all(self, image, gain) -> None:
-        """Follow every present whisker, each against a background that holds its neighbours."""
+        """Follow every present whisker, each against a background that holds its neighbours.
+
+        Afterwards it still holds them.
+        """
         present = [t for t in self.tracks if t.line is not None]
         self._foresee(present, image, gain)
         lines = {id(t): predicted(t, True) for t in present}
-        beside = _neighbours(present, lines, self.neighbour_px)
-        near = [lines[id(t)] for t in present if beside[id(t)]]
-        with image_model.lines_in_background(self.model, near) as held:
-            for track in present:
-                if beside[id(track)]:
-                    held.take_out(lines[id(track)])
-                self._follow(track, image, gain, lines[id(track)])
-                lines[id(track)] = track.line or foretold(track.before, None)
-                if beside[id(track)]:
-                    held.put_in(lines[id(track)])
-            # again beside those whose lines are known now, where their pixels are shared
-            crossing = [
-                self._refine_shared(track, lines, beside[id(track)], image, gain, held)
-                for track in present
-            ]
+        beside = _beside(present, list(lines.values()), self.neighbour_px)
+        held = self.model.held
+        held.hold([lines[id(t)] for t in present if beside[id(t)]])
+        for track in present:
+            if beside[id(track)]:
+                held.take_out(lines[id(track)])
+            self._follow(track, image, gain, lines[id(track)])
+            lines[id(track)] = track.line or foretold(track.before, None)
+            if beside[id(track)]:
+                held.put_in(lines[id(track)])
+        # again beside those whose lines are known now, where their pixels are shared
+        sharing = _beside(present, list(lines.values()), self.shared_px)
+        for track in present:
+            if sharing[id(track)]:
+                held.put_in(lines[id(track)])
+        crossing = [
+            self._refine_shared(track, lines, sharing[id(track)], image, gain) for track in present
+        ]
         self._drop_doubles(present)
         if any(crossing):
             self._uncross(present, image, gain)
         if self.crowded:
             self._part_crowd(present)
 
-    def _refine_shared(self, track: Track, lines, beside, image, gain, held) -> bool:
+    def _refine_shared(self, track: Track, lines, beside, image, gain) -> bool:
         """Fit a track's line again if it may share pixels with others; whether it may.
 
-        lines : by the track's id, all held in the background; beside : the tracks to look at
+        lines : by the track's id, all held in the background; beside : the tracks of those others
         """
-        near = [] if track.line is None else [lines[id(t)] for t in beside]
-        sharing = [line for line in near if _come_near(track.line, line, self.shared_px)]
-        if not sharing:
+        if track.line is None or not beside:
             return False
+        held = self.model.held
         held.take_out(track.line)
         detect.refine(image, self.model, gain, track.line, self.options, self.workspace)
         if not self.crowded:  # there, whiskers do lie upon each other
-            self._untangle(track, sharing, image, gain)
+            self._untangle(track, [lines[id(t)] for t in beside], image, gain)
         held.put_in(track.line)
         self._give_up_if_poor(track)
         return True
@@ -218,13 +224,14 @@ class Tracer:
 
     def _drop_doubles(self, present: list[Track]) -> None:
         """Of two tracks on one whisker, give up the one that fits worse."""
+        tracks = [t for t in present if t.line is not None]
         near = self.same_px
-        for i, a in enumerate(present):
-            for b in present[i + 1 :]:
-                if a.line is None or b.line is None or not _come_near(a.line, b.line, near):
-                    continue
-                if min(_near(a.line, b.line, near), _near(b.line, a.line, near)) > DOUBLE_SHARE:
-                    min((a, b), key=self._claim).lose()
+        for i, j in np.argwhere(np.triu(polyline.near_pairs([t.line for t in tracks], near))):
+            a, b = tracks[i], tracks[j]
+            if a.line is None or b.line is None:
+                continue
+            if min(_near(a.line, b.line, near), _near(b.line, a.line, near)) > DOUBLE_SHARE:
+                min((a, b), key=self._claim).lose()
 
     def _claim(self, track: Track) -> float:
         """How rightly a track is on its line, to be compared with another one on the same."""
@@ -241,6 +248,7 @@ class Tracer:
         changed = detect.uncrossed([t.line for t in tracks], self.options)
         if not changed:
             return
+        self.model.held.hold([])
         with image_model.lines_in_background(self.model, [t.line for t in tracks]) as held:
             for line in changed:
                 detect.refine_held(
@@ -259,11 +267,14 @@ class Tracer:
 
     def _part_crowd(self, present: list[Track]) -> None:
         """Give up what is another whisker's blur; a line that has lasted is none."""
-        for track in present:
-            others = [t.line for t in present if t is not track and t.line is not None]
-            young = track.line is not None and track.age < self.established
-            if young and detect.is_ghost(track.line, others, self.options.params.detection):
-                track.lose()
+        params = self.options.params.detection
+        tracks = [t for t in present if t.line is not None]
+        near = polyline.near_pairs([t.line for t in tracks], detect.ghost_reach(params))
+        for track, beside in zip(tracks, near, strict=True):
+            if track.age < self.established:
+                others = [tracks[k].line for k in np.flatnonzero(beside) if tracks[k].line]
+                if detect.is_ghost(track.line, others, params):
+                    track.lose()
 
     def _follow(self, track: Track, image, gain, line: Line) -> None:
         """Find the track's whisker where it is foretold, else in a strip about it, or a wider.
@@ -287,7 +298,7 @@ class Tracer:
                 widths=self.crowded,
             )  # fmt: skip
             if self.crowded and line.n >= line_fit.SHORTEST:
-                detect.fit_width(line, self.workspace)
+                settling.fit_width(line, self.workspace)
             if best is None or self._worth(line, track) > self._worth(best, track):
                 best = line
             if best.quality > self.params.good_quality and best.n > 0.8 * present.n:
@@ -359,6 +370,7 @@ class Tracer:
 
     def _unknown(self, known: list[Line], image, gain) -> list[Line]:
         """Lines in the whole frame beside known ones, which would cut off those they cross."""
+        self.model.held.hold([])
         with image_model.lines_in_background(self.model, known):
             found = detect.detect(image, self.model, gain, self.options, self.workspace)
         found = [c for c in found if all(detect.shared_fraction(c, p) < 0.4 for p in known)]
@@ -376,11 +388,6 @@ class Tracer:
         seen = self.ruler.signatures([t.line for t in tracks])
         known = np.array([t.slot.signature for t in tracks])
         return matching.common_turn(seen, known)
-
-
-def _come_near(a: Line, b: Line, near_px: float) -> bool:
-    """Whether two lines may come within `near_px` of each other."""
-    return polyline.come_near(a.x, a.y, a.n, b.x, b.y, b.n, near_px)
 
 
 def _near(a: Line, b: Line, near_px: float) -> float:
@@ -447,15 +454,13 @@ def turning_range(x, y, n):
     return high - low
 
 
-def _neighbours(present: list[Track], lines: dict[int, Line], near_px) -> dict[int, list[Track]]:
+def _beside(tracks: list[Track], lines: list[Line], near_px) -> dict[int, list[Track]]:
     """By a track's id, the tracks whose lines come near to its own."""
-    beside = {id(track): [] for track in present}
-    for k, one in enumerate(present):
-        for other in present[k + 1 :]:
-            if _come_near(lines[id(one)], lines[id(other)], near_px):
-                beside[id(one)].append(other)
-                beside[id(other)].append(one)
-    return beside
+    near = polyline.near_pairs(lines, near_px)
+    return {
+        id(track): [tracks[k] for k in np.flatnonzero(row)]
+        for track, row in zip(tracks, near, strict=True)
+    }
 
 
 def predicted(track: Track, with_velocity: bool) -> Line:

@@ -11,7 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.detection import detect
+from pipeline.detection.image_model import lines_in_background
 from pipeline.detection.line import Line
+from pipeline.detection.tried import Tried
 from pipeline.numerics.angles import wrapped
 from pipeline.session.quantities import frames_in
 from pipeline.tracking import row_rotation
@@ -44,6 +46,7 @@ class CrowdTracer(Tracer):
         self.astray_sd = np.radians(params.astray_deg)
         self.young = max(frames_in(params.young_s, options.frames_per_second), 1)
         self.rest = max(frames_in(params.rest_s, options.frames_per_second), 1)
+        self.tried = Tried(scene.background.shape, detect.same_px(options))
         self.unchanged = 0  # frames since a track began or ended
 
     def step(self, image) -> list[LineTrack]:
@@ -51,11 +54,12 @@ class CrowdTracer(Tracer):
         self.frame += 1
         gain = self.model.gain(image)
         before = len(self.tracks)
-        self._follow_all(image, gain)
-        self.tracks = [t for t in self.tracks if t.line is not None]
-        self.unchanged = self.unchanged + 1 if len(self.tracks) == before else 0
-        if self.unchanged < self.rest or self.unchanged % self.rest == 0:
-            self._search_all(image, gain)
+        with lines_in_background(self.model):
+            self._follow_all(image, gain)
+            self.tracks = [t for t in self.tracks if t.line is not None]
+            self.unchanged = self.unchanged + 1 if len(self.tracks) == before else 0
+            if self.unchanged < self.rest or self.unchanged % self.rest == 0:
+                self._search_all(image, gain)
         return self.tracks
 
     def settle_in(self, frames) -> None:
@@ -89,9 +93,11 @@ class CrowdTracer(Tracer):
     def _search_all(self, image, gain) -> None:
         """Begin a track for every line that has none."""
         lines = [t.line for t in self.tracks]
+        self.model.held.hold(lines)
         for line in detect.detect_crowded(
-            image, self.model, gain, self.options, self.workspace, lines, least=self.faintest
-        ):
+            image, self.model, gain, self.options, self.workspace, lines, least=self.faintest,
+            tried=self.tried,
+        ):  # fmt: skip
             track = LineTrack(self.slot, number=next(self.number))
             track.take(line)
             self.tracks.append(track)

@@ -102,19 +102,20 @@ def test_width_correction_has_the_right_sign_and_size():
         assert change == pytest.approx(np.log(1.2 / assumed), abs=0.05)
 
 
-def test_paint_takes_a_line_out_and_unpaint_restores():
+def test_a_shadow_takes_a_line_out_and_the_background_is_restored():
     background = np.full((61, 61), 180.0, np.float32)
     before = background.copy()
     image = line_image(0.7, 1.1, 0.5)
     x, y = nodes(0.7)
     line = x, y, len(x), np.full(len(x), 0.5), np.full(len(x), 1.1)
-    there = line_profile.paint(background, *line, False)
+    shadow = line_profile.shadow(*line, background.shape)
+    line_profile.darken(background, *shadow)
     middle = slice(22, 39), slice(22, 39)
     assert np.abs(background - image)[middle].max() < 1.5  # grey levels; 3σ are painted
-    line_profile.unpaint(background, *there)
+    line_profile.restore(background, shadow[0], before)
     np.testing.assert_array_equal(background, before)
-    line_profile.paint(background, *line, False)
-    line_profile.paint(background, *line, True)
+    line_profile.darken(background, *shadow)
+    line_profile.lighten(background, *shadow)
     assert background == pytest.approx(before, rel=1e-6)
 
 

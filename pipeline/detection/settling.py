@@ -1,0 +1,79 @@
+"""A rough curve becomes a line: its centre, width, base and visible end, one after the other."""
+
+import numpy as np
+from numba import njit
+
+from pipeline.detection import line_fit, line_profile
+from pipeline.detection.line import Line
+from pipeline.detection.line_fit import SHORT_STEP, largest
+from pipeline.numerics import polyline
+
+FEWEST_FITS, MOST_FITS = 4, 12  # of a new line: until it gets no longer
+SAME_LENGTH = 2  # px
+FIRST_ABSORBANCE = 0.5  # until it is measured
+THINNEST_SIGMA, BROADEST_SIGMA = 0.6, 6.0  # px, of a line's half-width; broad ones move
+SURE_GROWTH_SE, LEAST_GROWTH = 4.0, 0.05  # of the log of the half-width towards the tip
+
+
+def settle(picture, curve, fit: line_fit.Fit, workspace) -> Line:
+    """Fit a line to a rough curve (n, 2): centre, width, base and visible end.
+
+    picture : `Picture`
+    """
+    line = Line.empty(workspace.limit)
+    n = min(len(curve), workspace.limit)
+    line.x[:n], line.y[:n] = curve[:n].T
+    line.n, line.quality = _settle(picture, line.nodes, n, fit, workspace.scratch)
+    return line
+
+
+@njit(cache=True)
+def _settle(picture, nodes, n, fit, scratch):
+    """Fit nodes until the line gets no longer; returns how many they are, and the quality."""
+    n, quality = polyline.resample(nodes.x, nodes.y, n, scratch.room), 0.0
+    amplitude = nodes.amplitude
+    amplitude[:] = FIRST_ABSORBANCE
+    for step in range(MOST_FITS):
+        before = n
+        n, quality = line_fit.refine(picture, nodes, n, fit, scratch)
+        if n < line_fit.SHORTEST:
+            break
+        stays = abs(n - before) <= SAME_LENGTH
+        if step >= FEWEST_FITS and stays and largest(scratch.offset, n) < SHORT_STEP:
+            break
+        _fit_width(nodes.sigma, n, scratch)
+        # no history to average with: the absorbance is what was measured last
+        for i in range(len(amplitude)):
+            amplitude[i] = max(scratch.amplitude[min(i, n - 1)], fit.faintest)
+    return n, quality
+
+
+def fit_width(line: Line, workspace) -> None:
+    """Update the half-width σ along the line, linear in arc length, from its last measurement."""
+    _fit_width(line.sigma, line.n, workspace.scratch)
+
+
+@njit(cache=True)
+def _fit_width(sigma, n, scratch):
+    """Each half of the line has a width of its own.
+
+    It grows towards the tip only where that is sure: a whisker that turns while the shutter is
+    open is blurred the more the farther out.
+    """
+    middle = n // 2
+    near, far = middle / 2, (middle + n) / 2
+    near_sigma, near_se = _corrected(sigma[int(near)], scratch, 0, middle)
+    far_sigma, far_se = _corrected(sigma[int(far)], scratch, middle, n)
+    slope = (far_sigma - near_sigma) / max(far - near, 1.0)
+    if np.log(far_sigma / near_sigma) < SURE_GROWTH_SE * np.hypot(near_se, far_se) + LEAST_GROWTH:
+        slope = min(slope, 0.0)
+    for i in range(len(sigma)):
+        sigma[i] = min(max(near_sigma + slope * (i - near), THINNEST_SIGMA), BROADEST_SIGMA)
+
+
+@njit(cache=True)
+def _corrected(sigma, scratch, first, last):
+    """Half-width σ [px] as it is measured over some nodes, and the standard error of its log."""
+    change, se = line_profile.width_correction(scratch.sums, scratch.amplitude, first, last)
+    corrected = sigma * np.exp(min(max(change, -0.3), 0.3))
+    return min(max(corrected, THINNEST_SIGMA), BROADEST_SIGMA), se
