@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 
 MOSTLY = 0.5  # part of a curve that lies where nothing is to be fitted
-REMEMBERED = 4  # searches, until what led to nothing is tried again
+REMEMBERED = 1  # searches after which what led to nothing is still left out
 
 
 class Tried:
