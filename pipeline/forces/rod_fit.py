@@ -282,6 +282,8 @@ def _report_misfit(seen, fitted, out):
 def _solve(problem, start, prior, setup, p, laid, sums):
     """Gauss–Newton into `p`, `laid` and `sums`; returns whether it got there, χ², and the place.
 
+    It does not where a trace jumps from line to line: there is no such rod.
+
     `start`: the first measured station, the grid place from which to lay at first, usual χ².
     """
     (first, c, chi2), (seen, arc, beam, load, pole) = start, problem
@@ -316,9 +318,16 @@ def _solve(problem, start, prior, setup, p, laid, sums):
         move(laid, sums.rhs[:size])
         if iteration > 0 and change < setup.settled:
             break  # the next step would change nothing
+    known = known and _lies_there(sums.misfit, sums.weight, h)
     if known:
         invert(sums.lower, size, sums.inverse)
     return known, chi2, place
+
+
+@njit(cache=True)
+def _lies_there(misfit, weight, spacing):
+    """Whether a rod misses its stations by less than they lie apart, RMS."""
+    return (weight * misfit * misfit).sum() < spacing * spacing * weight.sum()
 
 
 @njit(cache=True)

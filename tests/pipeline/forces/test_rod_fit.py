@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from rod_scenes import CURVATURE_AT, REST, SD, known_rest, noisy, touching
 
-from pipeline.forces import rod_fit
+from pipeline.forces import rest_shape, rod_fit
 from pipeline.forces.rod_integration import nearest_to
 from pipeline.forces.rod_outputs import CURVATURE_REACH_M
 from pipeline.kinematics.resampled import N_STATIONS
@@ -292,3 +292,22 @@ def test_of_two_places_square_to_the_pole_the_one_near_the_start_is_found(start,
     angle = np.arctan(np.gradient(y, x))
     place = nearest_to(x, y, np.cos(angle), np.sin(angle), h, start, 9e-3, 3e-3)
     assert place == pytest.approx(found, abs=0.02e-3)
+
+
+def test_a_trace_that_jumps_from_line_to_line_has_no_rod():
+    """Nor does the shape at rest overflow by what a wild rod would make of it."""
+    _, places = touching(np.full(40, -0.2))
+    y = places.y.copy()
+    jumps = np.random.default_rng(3).normal(0, 3e-3, (10, 11))
+    y[:10] += np.repeat(jumps, 7, axis=1)[:, :N_STATIONS]
+    wild = replace(places, y=y)
+    fit = rod_fit.fit_free(wild, mouse_c2(), CURVATURE_AT)
+    assert np.isnan(fit["angle"][:10]).all()
+    with np.errstate(over="raise", invalid="raise", divide="raise"):
+        model = rest_shape.fit_rest(
+            fit.rest, fit.rest_cov, fit["angle"], np.arange(40.0), np.ones(40, bool)
+        )
+    assert model.frames == 30
+    loaded = rod_fit.fit_loaded(wild, mouse_c2(), CURVATURE_AT, known_rest(40))
+    assert np.isnan(loaded["force"][:10]).all()
+    assert np.isfinite(loaded["force"][10:]).all()
