@@ -22,7 +22,8 @@ FIRM_SD = 2.0  # standard errors: what is surely reached
 SINGULAR = 1e-9  # of a parabola's normal equations
 
 
-def half_width(values, errors) -> int:
+@njit(cache=True)
+def half_width(values, errors):
     """Frames to both sides over which a course is to be smoothed; 0 for not at all.
 
     Parameters
@@ -31,45 +32,34 @@ def half_width(values, errors) -> int:
     errors : (frames,) their standard errors, of which only the relative sizes matter: the size of
         the noise is estimated from the values
     """
-    return _half_width(np.asarray(values, float), _usable(values, errors))
-
-
-@njit(cache=True)
-def _half_width(values, errors):
-    """`half_width` of values with usable errors."""
     known = np.isfinite(values)
     if known.sum() < PART * HALF_WIDTHS[0]:
         return 0
-    errors, values = _noise(values, errors), np.where(known, values, 0.0)
-    half = _widest(values, errors)
-    course = _local(values, errors, half)[0]
+    noise, values = _noise(values, _usable(values, errors)), np.where(known, values, 0.0)
+    half = _widest(values, noise)
+    course = _local(values, noise, half)[0]
     lifted = values[known].max() > (1 + LEAST_LIFT) * course[known].max()
     return half if lifted else 0
 
 
-def smoothed(values, half: int, errors=None) -> np.ndarray:
+@njit(cache=True)
+def smoothed(values, half, errors=None):
     """Local parabolas' values (frames,) over 2 `half` + 1 frames, as near to each as they lie.
 
     NaN where the value itself is missing; `errors` (frames,) weigh the values.
     """
-    return _smoothed(np.asarray(values, float), half, _usable(values, errors))[0]
+    return _smoothed(values, half, _usable(values, errors))[0]
 
 
-def firm_peak(values, half: int, errors):
+@njit(cache=True, error_model="numpy")
+def firm_peak(values, half, errors):
     """Frame, value and standard error of a smoothed course's peak.
 
     The peak is where the value minus FIRM_SD errors is largest: poorly measured frames among
     well measured ones make no peak. `errors` (frames,) are taken to be common to neighbouring
     frames, so that smoothing does not lessen them; NaN where not known.
     """
-    values, usable = np.asarray(values, float), _usable(values, errors)
-    at, value, error = _firm_peak(values, half, usable)
-    return at, value, error if np.isfinite(errors[at]) else np.nan
-
-
-@njit(cache=True, error_model="numpy")
-def _firm_peak(values, half, usable):
-    """`firm_peak` of values with usable errors."""
+    usable = _usable(values, errors)
     course, variance = _smoothed(values, half, usable)
     alike = _smoothed(values, half, np.where(np.isfinite(usable), 1.0, np.inf))[1]
     error = np.sqrt(variance / alike)
@@ -77,7 +67,7 @@ def _firm_peak(values, half, usable):
     firm = least > 0
     judged = np.where(firm, least, np.nan) if firm.any() else course
     at = int(np.argmax(np.where(np.isfinite(judged), judged, -np.inf)))
-    return at, course[at], error[at]
+    return at, course[at], error[at] if np.isfinite(errors[at]) else np.nan
 
 
 @njit(cache=True)
@@ -88,12 +78,12 @@ def _smoothed(values, half, errors):
     return np.where(missing, np.nan, course), np.where(missing, np.nan, left)
 
 
+@njit(cache=True)
 def _usable(values, errors):
     """Errors (frames,): infinite for missing values; all alike where one is not known."""
-    known = np.isfinite(np.asarray(values, float))
-    errors = np.ones(len(known)) if errors is None else np.asarray(errors, float)
-    if not np.all(errors[known] > 0):  # or unknown
-        errors = np.ones(len(known))
+    known = np.isfinite(values)
+    if errors is None or not np.all(errors[known] > 0):  # or unknown
+        return np.where(known, 1.0, np.inf)
     return np.where(known, errors, np.inf)
 
 

@@ -116,7 +116,7 @@ def far_from_pole(places, params: RodParams = DEFAULTS.forces) -> np.ndarray:
 
 def _fit_rods(places, whisker, curvature_at, angle, time, free, friction, params):
     """Loaded rods of all rows, the `Origin` of their arc lengths, and the `RestModel` or None."""
-    places = _without_bias(places, whisker, curvature_at, angle, time, free)
+    places = _without_bias(places, whisker, curvature_at, angle, time, free, params)
     origin, by_tip = arc_length_offset.origin_from_tip(places, whisker, time, params)
     places = replace(places, origin=origin.per_row)
     model = _rest_shape(places, whisker, curvature_at, time, free)
@@ -130,14 +130,15 @@ def _fit_rods(places, whisker, curvature_at, angle, time, free, friction, params
     return rod_fit.fit_loaded(*rod, rubbing, shift), origin, model
 
 
-def _without_bias(places, whisker, curvature_at, angle, time, free):
+def _without_bias(places, whisker, curvature_at, angle, time, free, params):
     """Return the stations, those less trusted that fur and face draw aside (`fur_bias`)."""
 
     def rest_prior(places, angle, time, free):
         model = _rest_shape(places, whisker, curvature_at, time, free)
         return model and _rest_prior(model, angle, time)
 
-    return fur_bias.without_bias(places, whisker, curvature_at, angle, time, free, rest_prior)
+    rods = places, whisker, curvature_at, angle, time, free, rest_prior
+    return fur_bias.without_bias(*rods, 1e-3 * params.loaded_distance_mm)
 
 
 def _evidence(places, fit, origin, rest_known, free, params) -> pd.DataFrame:

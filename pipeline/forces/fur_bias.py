@@ -19,6 +19,7 @@ import numpy as np
 from pipeline.forces import rod_fit
 from pipeline.forces.rest_shape import CORRELATED_FRAMES
 from pipeline.kinematics.resampled import Stations
+from pipeline.numerics.robust import MAD_TO_SD
 from pipeline.numerics.runs import evenly
 from whiskermodel.whisker import Whisker
 
@@ -28,12 +29,10 @@ STEPS = 4  # the last of which is the outermost
 MOST_ROWS = 40  # of free frames, and as many of touching ones
 FEWEST_ROWS = 10  # of each
 SURE = 4.0  # times the variance that is expected
-NEAR_M = 0.1e-3  # whisker to pole, of frames that may touch
-MEDIAN_SQUARE = 0.455  # of a unit normal deviate
 
 
 def without_bias(
-    places: Stations, whisker: Whisker, curvature_at: float, angle, time, free, rest_prior
+    places: Stations, whisker: Whisker, curvature_at: float, angle, time, free, rest_prior, near_m
 ) -> Stations:
     """Return the stations with the information of biased ones near the face as it is.
 
@@ -43,8 +42,9 @@ def without_bias(
     angle, time : (rows,) base angle [rad] and time [s]
     free : bool (rows,), frames to learn the rest shape from
     rest_prior : function of (stations, angle, time, free) that returns a `RestPrior` or None
+    near_m : whisker to pole [m], of frames that may touch
     """
-    rows = _sample(places, free, angle)
+    rows = _sample(places, free, angle, near_m)
     if len(rows) == 0:
         return places
     part, angle, time, free = places.rows(rows).loaded(), angle[rows], time[rows], free[rows]
@@ -70,10 +70,10 @@ def without_bias(
     return places.doubted(doubt) if doubt.any() else places
 
 
-def _sample(places, free, angle):
+def _sample(places, free, angle, near_m):
     """Numbers of free and of touching rows, spread over the video; none where none touch."""
     with np.errstate(invalid="ignore"):
-        near = (places.side != 0) & (places.distance < NEAR_M) & ~places.extended & ~free
+        near = (places.side != 0) & (places.distance < near_m) & ~places.extended & ~free
     out = []
     for kind in (near, free):
         own = np.flatnonzero(kind & np.isfinite(angle) & np.isfinite(places.first))
@@ -103,7 +103,7 @@ def _medians(square, expected):
     for k, known in enumerate(np.isfinite(square + expected).T):
         if known.sum() >= FEWEST_ROWS:
             out[:, k] = np.median(square[known, k]), np.median(expected[known, k])
-    out[0] /= MEDIAN_SQUARE
+    out[0] *= MAD_TO_SD**2
     return out
 
 

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from pipeline.forces.rod_integration import LOADED, along_normal
+from pipeline.forces.rod_integration import LOADED
 from pipeline.numerics.bsplines import FAST
 from pipeline.numerics.cholesky import solve
 
@@ -105,7 +105,7 @@ def robust_weight(info, misfit, scale):
 @njit(cache=True, inline="always")
 def misfit_of(seen, laid, k):
     """How far station `k` was seen to lie beside the rod, along its normal [m]."""
-    return along_normal(laid, k, seen.x[k] - laid.x[k], seen.y[k] - laid.y[k])
+    return (seen.y[k] - laid.y[k]) * laid.cos[k] - (seen.x[k] - laid.x[k]) * laid.sin[k]
 
 
 @njit(cache=True)

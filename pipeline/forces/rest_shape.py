@@ -178,10 +178,7 @@ def _noise(left, covs, share):
 
 
 def enough(rows) -> np.ndarray:
-    """Those of `rows`, frames in order, that show the rest shape about as well as all do.
-
-    Neighbouring frames lie and err alike.
-    """
+    """Those of `rows`, frames in order, that show about as much as all: neighbours err alike."""
     return rows[:: int(np.clip(len(rows) // MANY_FRAMES, 1, CORRELATED_FRAMES))]
 
 

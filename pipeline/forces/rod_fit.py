@@ -33,10 +33,9 @@ from pipeline.forces.rod_integration import (
     move,
     nearest_to,
     point_at,
-    polynomials,
     unit_force,
 )
-from pipeline.forces.rod_outputs import report_base, report_curvature, report_loads
+from pipeline.forces.rod_outputs import report_curvature, report_loads, report_pose, variance
 from pipeline.forces.rod_types import (
     OUTPUT_ROW,
     OUTPUTS,
@@ -60,12 +59,10 @@ ITERATIONS = 12
 SETTLED_SD = 0.5  # length of a step after which Gauss–Newton has arrived (to some 0.02 SD); …
 FINE_SETTLED_SD = 1e-4  # … where the likelihood's slope by the origin is needed
 PLACE_MOVES_M = 2e-6  # the contact point is moved along the whisker in steps above this, …
-PLACE_SD = 0.02  # … and the rod laid again where that may change the force by so many SD
-FORCE_BY_PLACE = 10.0  # relative changes of the force and of the contact's arc length, at most
+PLACE_SD = 0.002  # … and the rod laid again where that is more, in arc lengths and SD of the force
 FEWEST_STATIONS = 10
 BLOCK_ROWS = 2048  # held in memory at a time
 CHORD = 3  # stations either side whose chord has a station's direction
-ANCHOR_SPAN = 6  # stations whose chord continues the trace into the fur
 
 
 @dataclass(frozen=True)
@@ -245,25 +242,13 @@ def _fit_rows(rows, setup, priors, out):
         fitted = Fitted(p, sums.inverse[:size, :size] * max(chi2, 1.0), chi2, place, laid, sums)
         o = out.table[row]
         o.chi2, o.count = chi2, count
-        _report_shape(o, problem, fitted, setup.at, out.rest[row], out.rest_cov[row])
+        report_pose(o, problem, fitted, setup.at, out.rest[row], out.rest_cov[row])
         if loaded:
             influence = out.influence[row : row + 1]
             report_loads(o, problem, fitted, setup.at, setup.taper, precision, influence)
-        report_base(o, fitted)
         report_curvature(o, problem, fitted, setup.at)
         for each in out.misfit[row : row + 1]:
             _report_misfit(seen, fitted, each)
-
-
-@njit(cache=True)
-def _report_shape(o, problem, fitted, at, rest, rest_cov):
-    """Fill pose and rest shape of one row."""
-    follicle, mean, terms = fitted.laid.follicle, fitted.sums.mean, len(rest)
-    rest[:] = fitted.p[2 : 2 + terms]
-    rest_cov[:] = fitted.cov[2 : 2 + terms, 2 : 2 + terms]
-    o.follicle_x, o.follicle_y, o.angle = follicle[0], follicle[1], follicle[2]
-    polynomials(2 * (at - problem.arc.moved) / problem.beam.length - 1, mean)
-    o.rest_curvature = (mean * rest).sum()
 
 
 @njit(cache=True)
@@ -272,10 +257,7 @@ def _report_misfit(seen, fitted, out):
     shift, cov = fitted.laid.shift, fitted.cov
     for k in range(len(seen.x)):
         out[0, k] = misfit_of(seen, fitted.laid, k)
-        out[1, k] = 0.0
-        for a in range(len(cov)):
-            for b in range(len(cov)):
-                out[1, k] += shift[a, k] * cov[a, b] * shift[b, k]
+        out[1, k] = variance(shift[:, k], cov)
 
 
 @njit(cache=True)
@@ -306,7 +288,7 @@ def _solve(problem, start, prior, setup, p, laid, sums):
         if loaded and iteration > 0:
             c, place = place.c, _nearest_place(laid, place, h, pole, p)
             force_sd = sums.lower[size - 1, size - 1] * np.sqrt(max(chi2, 1.0))
-            if FORCE_BY_PLACE * abs(p[size - 1] * (place.c - c)) > PLACE_SD * force_sd * c:
+            if abs(p[size - 1] * (place.c - c)) > PLACE_SD * force_sd * c:
                 lay(p, beam, load, arc, place, laid)
         if iteration == 1:  # from here on, stations count less by what is usual of all
             chi2 = weigh(seen, laid, chi2, False, sums.misfit, sums.weight)
@@ -373,7 +355,7 @@ def _trace(xs, ys, info, first, h, x, y, angle):
         for q in range(before + 1, min(k + 1, m)):
             x[q], y[q] = x[before] + (q - before) * step_x, y[before] + (q - before) * step_y
         before = k
-    reach = min(first + ANCHOR_SPAN, m - 1)
+    reach = min(first + 2 * CHORD, m - 1)
     start = np.arctan2(y[reach] - y[first], x[reach] - x[first])
     for k in range(first):
         x[k] = x[first] - (first - k) * h * np.cos(start)

@@ -287,9 +287,3 @@ def point_at(x, y, angle, h, s):
     direction = angle[k] + t * turned
     sagitta = -0.5 * turned * h * t * (1 - t)  # κ/2 · t(1 − t) h² off the chord
     return chord_x - sagitta * np.sin(direction), chord_y + sagitta * np.cos(direction), direction
-
-
-@njit(cache=True, inline="always")
-def along_normal(laid, k, dx, dy):
-    """Part of (dx, dy) along the rod's normal at station `k`."""
-    return dy * laid.cos[k] - dx * laid.sin[k]

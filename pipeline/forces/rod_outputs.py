@@ -34,11 +34,9 @@ def report_loads(o, problem, fitted, at, taper, precision, influence):
     _loads(o, problem, fitted, contact, at, taper)
     gradient, follows = np.zeros((3, ORIGIN + 1)), np.zeros(ORIGIN + 1)
     _load_gradients(o, force, unit, fitted.laid.base, gradient)
-    o.moment_var, o.axial_var, o.lateral_var = (
-        _variance(gradient[0], fitted.cov),
-        _variance(gradient[1], fitted.cov),
-        _variance(gradient[2], fitted.cov),
-    )
+    o.moment_var = variance(gradient[0], fitted.cov)
+    o.axial_var = variance(gradient[1], fitted.cov)
+    o.lateral_var = variance(gradient[2], fitted.cov)
     _follow(problem.seen, fitted, follows, o)
     for each in influence:
         _influence(problem.seen, fitted, follows, precision, each)
@@ -62,10 +60,15 @@ def report_curvature(o, problem, fitted, at):
 
 
 @njit(cache=True)
-def report_base(o, fitted):
-    """Fill one row's variance of the base angle, and the curvature at the follicle."""
-    o.angle_var = _variance(fitted.laid.base[2], fitted.cov)
-    o.base_curvature = fitted.laid.follicle[3]
+def report_pose(o, problem, fitted, at, rest, rest_cov):
+    """Fill one row's pose, with its error and the curvature there, and rest shape."""
+    laid, mean, terms = fitted.laid, fitted.sums.mean, len(rest)
+    rest[:] = fitted.p[2 : 2 + terms]
+    rest_cov[:] = fitted.cov[2 : 2 + terms, 2 : 2 + terms]
+    o.follicle_x, o.follicle_y, o.angle, o.base_curvature = laid.follicle
+    o.angle_var = variance(laid.base[2], fitted.cov)
+    polynomials(2 * (at - problem.arc.moved) / problem.beam.length - 1, mean)
+    o.rest_curvature = (mean * rest).sum()
 
 
 @njit(cache=True)
@@ -105,7 +108,7 @@ def _load_gradients(o, force, unit, base, gradient):
 
 
 @njit(cache=True)
-def _variance(gradient, cov):
+def variance(gradient, cov):
     """Variance of what has this gradient, by parameters of covariance `cov`."""
     total = 0.0
     for a in range(len(cov)):

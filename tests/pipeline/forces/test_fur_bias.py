@@ -8,6 +8,7 @@ import traced_motion
 from rod_scenes import CURVATURE_AT, SD, known_rest, noisy, touching
 
 from pipeline.forces import forces, fur_bias, rod_fit
+from pipeline.session.parameters import DEFAULTS
 from synthetic.presets import make_trial
 from whiskermodel.whisker import mouse_c2
 
@@ -51,7 +52,7 @@ def judged(traced, places):
     angle = np.radians(traced.frames["base_angle_deg"].to_numpy())
     time = traced.frames["time_s"].to_numpy()
     free = forces.far_from_pole(places)
-    return forces._without_bias(places, mouse_c2(), AT, angle, time, free)
+    return forces._without_bias(places, mouse_c2(), AT, angle, time, free, DEFAULTS.forces)
 
 
 def test_forces_are_those_without_the_fur(traced, furry, monkeypatch):
