@@ -30,7 +30,7 @@ def moving_fur(
     bool (height, width)
     """
     few = frames[:: -(-len(frames) // MOST_FRAMES)]
-    radius = 0.5 * params.thickest_whisker_mm * pixels_per_mm
+    radius = 0.5 * params.fur_breadth_mm * pixels_per_mm
     seldom = np.zeros(masked.shape)
     for frame, gain in zip(few, frame_gains(few), strict=True):
         light = (1 - params.fur_darkens) * gain * background

@@ -26,6 +26,10 @@ class SceneParams:
     tuft_mm: quantity(0.05, 5, "mm") = parameter(
         0.5, "thinner dark parts at the face are tufts or whiskers", "chosen"
     )
+    fur_breadth_mm: quantity(0.05, 5, "mm") = parameter(
+        0.4, "moving fur is broader: two whiskers side by side are not",
+        "chosen on real recordings",
+    )  # fmt: skip
     fur_darkens: quantity(0.01, 0.9, "of the light") = parameter(
         0.1, "moving fur takes more of it", "chosen"
     )
