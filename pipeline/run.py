@@ -192,7 +192,9 @@ def follow(video, epochs, cast, settings, clock, keep=None, say=lambda step: Non
     decoded = clock.each("decoding", video.watched())
     frames = Counted(decoded, video.n_frames, lambda *done: say(Step("following", *done)))
     options, open_ended = tracing_options(settings, video.shape), not settings.whisker
-    lines = trace(frames, epochs, list(cast.roster), options, CHUNK_FRAMES, open_ended, params)
+    lines = trace(
+        frames, epochs, list(cast.roster), options, CHUNK_FRAMES, open_ended, params, cast.beside
+    )
     at = settings.analysis.curvature_at
     names = settings.analysis.follow
     meter = KinematicsMeter(cast.only(names), recording, at, pole_track(epochs), params.kinematics)
@@ -256,6 +258,7 @@ def trace(
     chunk_frames=CHUNK_FRAMES,
     open_ended=False,
     params=DEFAULTS,
+    beside=(),
 ):
     """Yield centrelines chunk by chunk: tracks → identities → follicles.
 
@@ -265,10 +268,11 @@ def trace(
     open_ended : no whiskers are given: where they stand close together, all that are seen over
         the whole video are named, else as many as the roster has; the roster is a first guess
     params : `Parameters` of all rooms
+    beside : `Slot`s of a side of the face without names
     """
     tracks = track(frames, scene, roster, options, chunk_frames)
     face = face_side_of(scene)
-    lines = assign_identities(tracks, roster, options, face, open_ended, params.identity)
+    lines = assign_identities(tracks, roster, options, face, open_ended, params.identity, beside)
     return locate_follicles(lines, sample_lines(roster, options), options, params.kinematics)
 
 

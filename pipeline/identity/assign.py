@@ -44,6 +44,7 @@ def assign_identities(
     face_side,
     open_ended=False,
     params=DEFAULTS.identity,
+    beside=(),
 ) -> Iterator[Centrelines]:
     """Hand on the chunks of a video with a name for every line.
 
@@ -59,13 +60,16 @@ def assign_identities(
     open_ended : name all whiskers that the video shows, w1, w2, …; else as many as the roster
         has, after its slots
     params : the room's parameters
+    beside : `Slot`s of a side of the face without names: its lines get none
     """
     if not is_crowd(roster, options):
         return iter(chunks)
     ruler = Ruler.of(face_side, options)
     named = [slot.name for slot in roster]
     may_be_two = open_ended or names_by_side(named, face_side) is not None
-    sides = Sides.of(roster, ruler, face_side, options.pixels_per_m, may_be_two, params)
+    sides = Sides.of(
+        [*roster, *beside], ruler, face_side, options.pixels_per_m, may_be_two, params
+    )
     limits = Limits(params, options.frames_per_second)
     return name_lines(chunks, roster, sides, open_ended, limits)
 

@@ -79,7 +79,8 @@ def named_by_side(roster, names, face_side, options, longest, shape):
     """The roster's `Slot`s with names of their own side, anterior → posterior.
 
     Of each side those that are mostly and best seen; in reverse order where the lengths of its
-    names tell so. None where the roster has one side only.
+    names tell so. None where the roster has one side only. Returns the `Slot`s of a side without
+    names, too.
 
     Parameters
     ----------
@@ -92,10 +93,11 @@ def named_by_side(roster, names, face_side, options, longest, shape):
     along, outward = np.asarray(ruler.along, float), np.asarray(ruler.outward, float)
     cut = cut_between(roster, along, options.params.identity)
     if cut is None:
-        return None
-    named = []
+        return None, ()
+    named, beside = [], ()
     for row, own in zip(sides_of(roster, along, cut), names, strict=True):
         if not own:  # nothing is asked of this side
+            beside = row
             continue
         row = sorted(row, key=_seen, reverse=True)[: len(own)]
         across, _ = row_directions(row, outward)
@@ -107,7 +109,7 @@ def named_by_side(roster, names, face_side, options, longest, shape):
             replace(slot, name=name, longest_px=longest.get(name, np.inf))
             for slot, name in zip(row, own, strict=False)
         ]
-    return named
+    return named, beside
 
 
 def _seen(slot) -> float:

@@ -28,6 +28,7 @@ class Cast:
     nominal, hidden_lengths : one per slot; a stand-in where the whisker is None, and follicle to
         first visible point [m]
     refused : `Slot`s of lines that are no whiskers' (`whisker_evidence`)
+    beside : `Slot`s of the other side of the face, where the names are of one side only
     """
 
     names: tuple[str, ...]
@@ -36,6 +37,7 @@ class Cast:
     nominal: tuple[Whisker, ...]
     hidden_lengths: tuple[float, ...]
     refused: tuple[Slot, ...] = ()
+    beside: tuple[Slot, ...] = ()
 
     @property
     def found(self) -> tuple[str, ...]:
@@ -90,14 +92,14 @@ def find_cast(indices, frames, epochs, settings: Settings) -> Cast:
         roster = find_roster(frames, epochs, options, wanted, indices)
         return whisker_like(roster, len(frames), shape)
 
-    by_side, named = names_by_side(names, face_side), None
+    by_side, named, beside = names_by_side(names, face_side), None, ()
     if by_side:
         likely, refused = seen(None, replace(options, visible_px=()))
         longest = dict(zip(names, options.visible_px, strict=False))
-        named = named_by_side(likely, by_side, face_side, options, longest, shape)
+        named, beside = named_by_side(likely, by_side, face_side, options, longest, shape)
     if named is None:  # one row
         named, refused = seen(names, options)
-    return replace(cast_of(named, settings), refused=tuple(refused))
+    return replace(cast_of(named, settings), refused=tuple(refused), beside=tuple(beside))
 
 
 def cast_of(roster, settings: Settings) -> Cast:
