@@ -62,34 +62,32 @@ class TracingOptions:
 
 def detect(
     image, model: ImageModel, gain, options: TracingOptions, workspace,
-    scale=None, near_px=None, least=0.0, tried=None,
+    scale=None, near_px=None, least=0.0,
 ) -> list[Line]:  # fmt: skip
     """Find all whiskers in one frame, best first.
 
     A whisker comes out of the face and is visible over at least `options.shortest_px`. Ridges
     are those of one `scale` [px]; lines nearer to each other than `near_px` are one. Both are the
     room's parameters where they are not given. What has less than the `least` length × absorbance
-    [px] is left out, and what is in vain as of `tried`.
+    [px] is left out.
     """
     own = options.params.detection
     scale = scale or own.sharp_sd_px
     near_px = near_px or pixels_in(own.same_whisker_mm, options.pixels_per_m)
-    lines = _lines_at(scale, image, model, gain, options, workspace, least, tried)
+    lines = _lines_at(scale, image, model, gain, options, workspace, least)
     lines = without_doubles(lines, near_px)
     return _uncrossed_anew(image, model, gain, options, workspace, lines)
 
 
-def detect_blurred(
-    image, model: ImageModel, gain, options, workspace, least=0.0, tried=None
-) -> list[Line]:
+def detect_blurred(image, model: ImageModel, gain, options, workspace, least=0.0) -> list[Line]:
     """Find lines that motion has made broad, best first; sharp ones are found as well."""
     own = options.params.detection
     coarse = own.blurred_sd_px
-    lines = _lines_at(coarse, image, model, gain, options, workspace, least, tried)
+    lines = _lines_at(coarse, image, model, gain, options, workspace, least)
     return without_doubles(lines, pixels_in(own.same_whisker_mm, options.pixels_per_m))
 
 
-def _lines_at(scale, image, model, gain, options, workspace, least, tried) -> list[Line]:
+def _lines_at(scale, image, model, gain, options, workspace, least) -> list[Line]:
     """Lines fitted along the ridges of one scale [px], those that may be whiskers, best first."""
     absorbance, own = absorbance_image(image, model, gain), options.params.detection
     picture, fit, lines = model.picture(image, gain), options.fit(widths=True, steps=1), []
@@ -99,15 +97,11 @@ def _lines_at(scale, image, model, gain, options, workspace, least, tried) -> li
         if not sense:
             continue
         rooted = curve[::sense]
-        if tried is not None and tried.in_vain(scale, rooted):
-            continue
         line = settling.settle(picture, rooted, fit, workspace)
         if thickens(line, own.thickens) and ends_at_face(line, model, options):
             line = settling.settle(picture, rooted[::-1], fit, workspace)
         if contrast_length(line) >= least and _is_whisker(line, model, options):
             lines.append(line)
-        elif tried is not None:
-            tried.note(scale, rooted)
     return sorted(lines, key=lambda line: -contrast_length(line))
 
 
@@ -160,35 +154,30 @@ def same_px(options: TracingOptions) -> float:
 
 def detect_crowded(
     image, model: ImageModel, gain, options: TracingOptions, workspace, known=(), enough=np.inf,
-    least=0.0, tried=None,
+    least=0.0,
 ) -> list[Line]:  # fmt: skip
     """As `detect`, for whiskers that lie close together: those found hide no others.
 
     What was found is held in the background, and the frame looked at again, until nothing new
     is found, or `enough` lines are; then every line is fitted beside the others. `known` lines
-    are not looked for, nor those of less than the `least` length × absorbance [px]; `tried`, of
-    the frames before, tells what else need not be.
+    are not looked for, nor those of less than the `least` length × absorbance [px].
     """
     with lines_in_background(model, known):
-        lines = _beside(known, image, model, gain, options, workspace, enough, least, tried)
+        lines = _beside(known, image, model, gain, options, workspace, enough, least)
     lines.sort(key=lambda line: -contrast_length(line))
     return without_doubles(lines, same_px(options))
 
 
-def _beside(known, image, model, gain, options, workspace, enough, least, tried) -> list[Line]:
+def _beside(known, image, model, gain, options, workspace, enough, least) -> list[Line]:
     """Lines of `detect_crowded`, with doubles; the `known` ones are in the background."""
     lines: list[Line] = []
     near_px, own = same_px(options), options.params.detection
     for look in range(MOST_LOOKS):
         others = *known, *lines
-        if tried is not None:
-            tried.look(others, look == 0)
         with lines_in_background(model, lines):
-            more = detect(
-                image, model, gain, options, workspace, own.fine_sd_px, near_px, least, tried
-            )
+            more = detect(image, model, gain, options, workspace, own.fine_sd_px, near_px, least)
             if look == 0:
-                broad = detect_blurred(image, model, gain, options, workspace, least, tried)
+                broad = detect_blurred(image, model, gain, options, workspace, least)
                 more = with_blurred(more, broad, image, model, gain, own.one_line)
         more = [
             line
@@ -197,8 +186,6 @@ def _beside(known, image, model, gain, options, workspace, enough, least, tried)
             and not is_ghost(line, others, own)
         ]
         if not more:
-            if tried is not None:
-                tried.remember()
             break
         usual = splitting.usual_sigma([*more, *others])
         lines += _without_broad(image, model, gain, options, workspace, more, lines, usual)

@@ -13,7 +13,6 @@ import numpy as np
 from pipeline.detection import detect
 from pipeline.detection.image_model import lines_in_background
 from pipeline.detection.line import Line
-from pipeline.detection.tried import Tried
 from pipeline.numerics.angles import wrapped
 from pipeline.session.quantities import frames_in
 from pipeline.tracking import row_rotation
@@ -46,7 +45,6 @@ class CrowdTracer(Tracer):
         self.astray_sd = np.radians(params.astray_deg)
         self.young = max(frames_in(params.young_s, options.frames_per_second), 1)
         self.rest = max(frames_in(params.rest_s, options.frames_per_second), 1)
-        self.tried = Tried(scene.background.shape, detect.same_px(options))
         self.unchanged = 0  # frames since a track began or ended
 
     def step(self, image) -> list[LineTrack]:
@@ -96,7 +94,6 @@ class CrowdTracer(Tracer):
         self.model.held.hold(lines)
         for line in detect.detect_crowded(
             image, self.model, gain, self.options, self.workspace, lines, least=self.faintest,
-            tried=self.tried,
         ):  # fmt: skip
             track = LineTrack(self.slot, number=next(self.number))
             track.take(line)
