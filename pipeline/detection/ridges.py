@@ -15,8 +15,6 @@ from pipeline.numerics.robust import robust_sd
 SCALE_PX = 1.6  # SD of the differentiating Gaussian
 COARSE_PX = 2.5  # scales from here on are looked for on a smaller picture
 PYRAMID_NOISE = 0.27  # SD of white noise after cv2.pyrDown
-FIRST, SECOND = (0.5, 0.0, -0.5), (1.0, -2.0, 1.0)  # differences, as convolved with
-DIFFERENCE_VARIANCE = 1 / 6  # px², by which a second difference blurs
 LOW, HIGH = 2.5, 5.0  # standard deviations of the noise: to go on along a line, to start one
 DIRECTION_REACH = 14  # points that give an end's direction
 LEAST_COSINE, LEAST_COSINE_HIDDEN = 0.9, 0.866  # of what a line may turn by across a gap
@@ -35,16 +33,14 @@ def curves_of(absorbance, noise_sd, scale=SCALE_PX, shortest=10):
 
 
 def gaussian_kernels(scale: float):
-    """Return a Gaussian and what it is with its first two differences, sampled, float32.
-
-    The second difference of a picture so smoothed is its second derivative at the SD `scale` [px].
-    """
-    sd = np.sqrt(scale**2 - DIFFERENCE_VARIANCE)
-    u = np.arange(-int(np.ceil(4 * sd)) - 1, int(np.ceil(4 * sd)) + 2, dtype=float)
-    g = np.exp(-(u**2) / (2 * sd**2))
-    g[[0, -1]] = 0
+    """Return the Gaussian of SD `scale` [px] and its first two derivatives, sampled, float32."""
+    reach = int(np.ceil(4 * scale))
+    u = np.arange(-reach, reach + 1, dtype=float)
+    g = np.exp(-(u**2) / (2 * scale**2))
     g /= g.sum()
-    first, second = np.convolve(g, FIRST, "same"), np.convolve(g, SECOND, "same")
+    first = -u / scale**2 * g
+    second = (u**2 / scale**4 - 1 / scale**2) * g
+    second -= second.mean()
     return g.astype(np.float32), first.astype(np.float32), second.astype(np.float32)
 
 
@@ -62,55 +58,51 @@ def ridge_points(absorbance, noise_sd, scale=SCALE_PX):
     index : int32 (height, width), number of the point in that pixel, −1 where there is none
     points : float64 (n, 5): x, y [px], tangent (tx, ty), strength in SDs of its noise
     """
-    g, _, second = gaussian_kernels(scale)
-    smooth = cv2.sepFilter2D(absorbance, cv2.CV_32F, g[1:-1], g[1:-1])
-    response_sd = np.sqrt((second.astype(float) ** 2).sum() * (g.astype(float) ** 2).sum())
-    few = np.s_[3:-1:7, 3:-1:7]
-    curved = smooth[3:-1:7, 4::7] - 2 * smooth[few] + smooth[3:-1:7, 2:-2:7]
-    response_sd *= _excess_noise(curved, response_sd * noise_sd[few], absorbance[few])
+    g, g1, g2 = gaussian_kernels(scale)
+
+    def filtered(kernel_x, kernel_y):
+        # cv2 correlates: odd kernels are flipped to convolve
+        return cv2.sepFilter2D(
+            absorbance, cv2.CV_32F, kernel_x[::-1].copy(), kernel_y[::-1].copy()
+        )
+
+    ax, ay = filtered(g1, g), filtered(g, g1)
+    axx, ayy, axy = filtered(g2, g), filtered(g, g2), filtered(g1, g1)
+    response_sd = np.sqrt((g2.astype(float) ** 2).sum() * (g.astype(float) ** 2).sum())
+    few = np.s_[3::7, 3::7]
+    response_sd *= _excess_noise(axx[few], response_sd * noise_sd[few], absorbance[few])
     index = np.full(absorbance.shape, -1, np.int32)
     points = np.empty((absorbance.size, 5))
-    count = _points(smooth, noise_sd, response_sd, index, points)
+    count = _points(ax, ay, axx, ayy, axy, noise_sd, response_sd, index, points)
     return index, points[:count]
 
 
 @njit(cache=True, fastmath=FAST)
-def _may_be_strong(above, row, below, noise_sd, limit, out):
-    """Fill `out`: whether the response inside a row is above `limit` SDs, rounding left out.
+def _may_be_strong(xx, yy, xy, noise_sd, limit, out):
+    """Fill `out`: whether the response at a row's pixels is above `limit` SDs, rounding left out.
 
     Most pixels are below, which many at a time can show without a square root.
     """
-    half, quarter, nearly = np.float32(0.5), np.float32(0.25), np.float32(1 - 1e-4)
-    inside = len(out)
-    left, here, right = row[:inside], row[1 : inside + 1], row[2:]
-    above_left, over, above_right = above[:inside], above[1 : inside + 1], above[2:]
-    below_left, under, below_right = below[:inside], below[1 : inside + 1], below[2:]
-    noise = noise_sd[1 : inside + 1]
-    for i in range(inside):
-        across, along = left[i] + right[i], over[i] + under[i]
-        least = half * (across + along) - here[i] - here[i] + limit * noise[i]
-        apart = half * (across - along)
-        xy = quarter * (above_left[i] + below_right[i] - above_right[i] - below_left[i])
-        out[i] = (least <= 0) | (apart * apart + xy * xy >= nearly * least * least)
+    half, nearly = np.float32(0.5), np.float32(1 - 1e-4)
+    for i in range(len(out)):
+        least = half * (xx[i] + yy[i]) + limit * noise_sd[i]
+        apart = half * (xx[i] - yy[i])
+        out[i] = (least <= 0) | (apart * apart + xy[i] * xy[i] >= nearly * least * least)
 
 
 @njit(cache=True)
-def _points(smooth, noise_sd, response_sd, index, points):
-    """Fill `index` and `points` (see ridge_points) from a smoothed image; return their number."""
+def _points(ax, ay, axx, ayy, axy, noise_sd, response_sd, index, points):
+    """Fill `index` and `points` (see ridge_points) from the derivatives; return their number."""
     height, width = index.shape
     count = 0
-    strong = np.empty(width - 2, np.bool_)
+    strong = np.empty(width, np.bool_)
     limit = np.float32(LOW * response_sd)
-    for row in range(1, height - 1):
-        above, here, below = smooth[row - 1], smooth[row], smooth[row + 1]
-        _may_be_strong(above, here, below, noise_sd[row], limit, strong)
-        for column in range(1, width - 1):
-            if not strong[column - 1]:
+    for row in range(height):
+        _may_be_strong(axx[row], ayy[row], axy[row], noise_sd[row], limit, strong)
+        for column in range(width):
+            if not strong[column]:
                 continue
-            before, after = column - 1, column + 1
-            xx = here[before] - 2 * here[column] + here[after]
-            yy = above[column] - 2 * here[column] + below[column]
-            xy = 0.25 * (above[before] + below[after] - above[after] - below[before])
+            xx, yy, xy = axx[row, column], ayy[row, column], axy[row, column]
             # the more negative eigenvalue: across a line of absorbance
             lam = 0.5 * (xx + yy) - np.sqrt((0.5 * (xx - yy)) ** 2 + xy * xy)
             strength = -lam / (response_sd * noise_sd[row, column])
@@ -122,8 +114,7 @@ def _points(smooth, noise_sd, response_sd, index, points):
                 nx, ny = lam - yy, xy
             norm = max(np.sqrt(nx * nx + ny * ny), 1e-30)
             nx, ny = nx / norm, ny / norm
-            t = -0.5 * ((here[after] - here[before]) * nx + (below[column] - above[column]) * ny)
-            t /= lam
+            t = -(ax[row, column] * nx + ay[row, column] * ny) / lam
             if not (abs(t * nx) <= 0.6 and abs(t * ny) <= 0.6):
                 continue
             index[row, column] = count
