@@ -173,12 +173,12 @@ def _beside(known, image, model, gain, options, workspace, enough, least) -> lis
     lines: list[Line] = []
     near_px, own = same_px(options), options.params.detection
     for look in range(MOST_LOOKS):
-        others = *known, *lines
         with lines_in_background(model, lines):
             more = detect(image, model, gain, options, workspace, own.fine_sd_px, near_px, least)
             if look == 0:
                 broad = detect_blurred(image, model, gain, options, workspace, least)
                 more = with_blurred(more, broad, image, model, gain, own.one_line)
+        others = *known, *lines
         more = [
             line
             for line in more

@@ -144,13 +144,7 @@ def come_near(x1, y1, n1, x2, y2, n2, near):
     reach = near + 1.1 * step  # of nodes 1 px apart, the nearest looked at is so far away
     if _apart(x1, n1, x2, n2, step) >= reach or _apart(y1, n1, y2, n2, step) >= reach:
         return False
-    for i in range(0, n1, step):
-        for j in range(0, n2, step):
-            dx = x1[i] - x2[j]
-            dy = y1[i] - y2[j]
-            if dx * dx + dy * dy < reach * reach:
-                return True
-    return False
+    return _any_near(x1[:n1:step], y1[:n1:step], x2[:n2:step], y2[:n2:step], reach)
 
 
 def near_pairs(lines, near) -> np.ndarray:
@@ -179,17 +173,18 @@ def _near_pairs(x, y, starts, reach):
             apart = max(low[a, 0] - high[b, 0], low[b, 0] - high[a, 0])
             apart = max(apart, low[a, 1] - high[b, 1], low[b, 1] - high[a, 1])
             if apart < reach:
-                ours, theirs = (starts[a], starts[a + 1]), (starts[b], starts[b + 1])
-                out[a, b] = out[b, a] = _any_near(x, y, ours, theirs, reach)
+                ours, theirs = slice(starts[a], starts[a + 1]), slice(starts[b], starts[b + 1])
+                near = _any_near(x[ours], y[ours], x[theirs], y[theirs], reach)
+                out[a, b] = out[b, a] = near
     return out
 
 
 @njit(cache=True)
-def _any_near(x, y, ours, theirs, reach):
-    """Whether any of the nodes of one range is within `reach` of any of another range's."""
-    for i in range(ours[0], ours[1]):
-        for j in range(theirs[0], theirs[1]):
-            dx, dy = x[i] - x[j], y[i] - y[j]
+def _any_near(x1, y1, x2, y2, reach):
+    """Whether any of the first nodes is within `reach` of any of the second ones."""
+    for i in range(len(x1)):
+        for j in range(len(x2)):
+            dx, dy = x1[i] - x2[j], y1[i] - y2[j]
             if dx * dx + dy * dy < reach * reach:
                 return True
     return False

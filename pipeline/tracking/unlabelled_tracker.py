@@ -93,8 +93,8 @@ class CrowdTracer(Tracer):
         lines = [t.line for t in self.tracks]
         self.model.held.hold(lines)
         for line in detect.detect_crowded(
-            image, self.model, gain, self.options, self.workspace, lines, least=self.faintest,
-        ):  # fmt: skip
+            image, self.model, gain, self.options, self.workspace, lines, least=self.faintest
+        ):
             track = LineTrack(self.slot, number=next(self.number))
             track.take(line)
             self.tracks.append(track)

@@ -1,5 +1,7 @@
 """Distances between polylines, beside their definitions."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -48,6 +50,27 @@ def test_come_near_never_misses_lines_that_do(apart, turn, shift, near):
         assert found
     if least > near + 18:
         assert not found
+
+
+@settings(deadline=None)
+@LINES
+def test_near_pairs_are_those_that_come_near(apart, turn, shift, near):
+    first, second = two_lines(apart, turn, shift)
+    lines = [
+        SimpleNamespace(x=each[0], y=each[1], n=n)
+        for each, n in ((first, len(X)), (second, len(X)), (second + near, 50), (first, 0))
+    ]
+    found = polyline.near_pairs(lines, near)
+    for a, one in enumerate(lines):
+        for b, other in enumerate(lines):
+            ours, theirs = (one.x, one.y, one.n), (other.x, other.y, other.n)
+            expected = a != b and one.n * other.n > 0
+            expected = expected and polyline.come_near(*ours, *theirs, near)
+            assert found[a, b] == expected
+
+
+def test_of_no_lines_none_are_near():
+    assert polyline.near_pairs([], 3.0).shape == (0, 0)
 
 
 @settings(deadline=None)
