@@ -15,7 +15,7 @@ from pipeline.detection.image_model import lines_in_background
 from pipeline.detection.line import Line
 from pipeline.numerics.angles import wrapped
 from pipeline.session.quantities import frames_in
-from pipeline.tracking import row_rotation
+from pipeline.tracking import row_rotation, two_sides
 from pipeline.tracking.matching import crowded
 from pipeline.tracking.registry import Slot, usual_strength
 from pipeline.tracking.tracker import Tracer, Track, foretold
@@ -42,6 +42,9 @@ class CrowdTracer(Tracer):
         self.tracks = []
         self.first_frames = frames_in(params.first_frames_s, options.frames_per_second)
         self.pivot = options.px(params.crowd_pivot_mm)
+        self.along = np.asarray(self.ruler.along, float)
+        cut = two_sides.cut_between(roster, self.along, options.params.identity)
+        self.cuts = () if cut is None else (cut,)
         self.astray_sd = np.radians(params.astray_deg)
         self.young = max(frames_in(params.young_s, options.frames_per_second), 1)
         self.rest = max(frames_in(params.rest_s, options.frames_per_second), 1)
@@ -76,8 +79,7 @@ class CrowdTracer(Tracer):
             _turned(second[t.number], t.line) if t.number in second else np.nan
             for t in self.tracks
         ]
-        if lines:
-            turn = row_rotation.even_turns(row_rotation.places(lines), np.array(turn))
+        turn = self._even_turns(lines, np.array(turn))
         for track, angle in zip(self.tracks, turn, strict=True):
             track.line, track.before = (self._turned_back(track.line, k * angle) for k in (1, 2))
         self.frame, self.unchanged = -1, 0
@@ -108,16 +110,32 @@ class CrowdTracer(Tracer):
         known = [t.before is not None for t in present]
         last = np.full(len(present), np.nan)
         last[known] = [_turned(t.line, t.before) for t in present if t.before is not None]
-        turn = row_rotation.even_turns(row_rotation.places(lines), last)
+        turn = self._even_turns(lines, last)
         for line, angle in zip(lines, turn, strict=True):
             row_rotation.turn_line(line, angle, self.pivot)
         m = self.model
-        if len(lines) >= row_rotation.FEWEST_TOGETHER:
-            turn = turn + row_rotation.common_turns(
-                image, m.background, m.weight, gain, lines, self.pivot
-            )
+        for row in self._rows(lines):
+            if len(row) >= row_rotation.FEWEST_TOGETHER:
+                turn[row] += row_rotation.common_turns(
+                    image, m.background, m.weight, gain, [lines[k] for k in row], self.pivot
+                )
         for track, angle in zip(present, turn, strict=True):
             track.turn, track.before = (float(angle), self.pivot), None
+
+    def _even_turns(self, lines, turn) -> np.ndarray:
+        """Turns of all lines as `row_rotation.even_turns`, side by side of the face."""
+        even = np.zeros(len(lines))
+        for row in self._rows(lines):
+            even[row] = row_rotation.even_turns(
+                row_rotation.places([lines[k] for k in row]), turn[row]
+            )
+        return even
+
+    def _rows(self, lines) -> list[np.ndarray]:
+        """Indices of the lines of each side of the face: the sides turn against each other."""
+        place = [line.points[0] @ self.along for line in lines]
+        side = np.searchsorted(self.cuts, place)
+        return [own for k in range(len(self.cuts) + 1) if len(own := np.flatnonzero(side == k))]
 
     def _follow(self, track, image, gain, line) -> None:
         track.expected = line.copy()
