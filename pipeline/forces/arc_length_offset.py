@@ -47,6 +47,7 @@ from whiskermodel.whisker import Whisker
 
 MOST_KNOTS = 400
 STEADY = 1.0, 0.5, 0.25, 0.125, 0.0625  # of the most that the origin varies in time
+LENGTH_WRONG = 0.1  # lengths that have changed since they were measured: chosen
 TIP_PART = 0.3  # of the frames in which the tip must be seen at least
 OVER_TIP_PX = 2.2  # from the tip to where nothing would be seen: measured, rendered videos
 TIP_RULE_PX = 1.5  # standard error of that rule, of ends that fade: 1 px is measured, at most
@@ -57,9 +58,10 @@ ENOUGH_ROWS = 20  # of frames that were not interpolated; with fewer, all are us
 LEAST_PUSH_SD = 15.0
 CLEAN = 4.0  # times the usual misfit: something else lies upon the whisker
 TOGETHER = 5.0  # rows that count as one: those of a contact err together
-# error of a station in the mean of a whole video, in its noise: a touching whisker lies still
-# upon the same pixels; and how far along the whisker such errors are alike
-LASTING_SHARE = 0.1
+# error of a station in the mean of a whole video: a touching whisker lies still upon the same
+# pixels. A share of its noise, and what is left in a clean picture (measured, rendered videos);
+# and how far along the whisker such errors are alike
+LASTING_SHARE, LASTING_PX = 0.1, 1.6e-3
 LASTING_REACH_M = 1.5e-3
 ROUNDS = 2  # of Gauss–Newton
 EXPLAINED_SD = 2.0  # standard errors by which bending, tip and session may differ
@@ -161,9 +163,8 @@ def origin_from_tip(
     if good.any():
         tip, common = _tip_place(places.rows(good), sd, whisker, params)
         away, part = tip - end[good], design[good]
-        # a length that the hidden length contradicts may be wrong itself, by what is unexplained
-        unexplained = abs(np.mean(away)) - EXPLAINED_SD * prior[0] ** -0.5
-        common = np.hypot(common, max(unexplained, 0.0))
+        hidden, common = _believed(abs(np.mean(away)), prior[0] ** -0.5, common)
+        evidence.matrix[0, 0] = hidden**-2
         weight, variance = np.ones(good.sum()), TIP_FRAMES * sd**2
         for _ in range(4):
             bend = weight / variance
@@ -200,7 +201,7 @@ def origin_from_bending(
     part = places.rows(rows).loaded()
     rest = replace(prior, drift=prior.drift[rows], cov=prior.cov[rows])
     here, design = part.origin, evidence.design[rows]
-    apart = _apart_sd(evidence, rows, places)
+    apart, touch = _apart_sd(evidence, rows, places), np.cumsum(~_touching(places, evidence.params))
     influence = np.zeros((len(rows), N_STATIONS + N_REST))
     for _ in range(ROUNDS):
         fit = rod_fit.fit_loaded(
@@ -208,7 +209,7 @@ def origin_from_bending(
         )
         bend, pull = (np.nan_to_num(fit[f"origin_{k}"]) for k in ("bend", "pull"))
         share = _trust(pull, bend) * (fit["chi2"] < CLEAN * float(np.nanmedian(fit["chi2"])))
-        share /= _noise(share, pull, bend)
+        share /= _noise(share, pull, bend, touch[rows])
         weight, wish = share * bend, share * (pull + bend * here)
         common = _common_sd(share, bend, influence, part, fit, rest, whisker, apart)
         sd = float(np.hypot(common, _misplaced_sd(fit["gap"], part.side)))
@@ -226,18 +227,28 @@ def origin_from_bending(
     return Origin(found.per_row, se, found.per_tip, float(answer), float(own))
 
 
-def _noise(share, pull, bend):
-    """Variance of the rows' pulls over the one expected from the stations' information.
+def _noise(share, pull, bend, touch):
+    """Variance of the rows' pulls over the one expected from the stations' information, (rows,).
 
     The pulls of neighbouring rows err together, most so a codec's: counted are independent ones.
+    Those of one `touch` (its number, (rows,)) may share an error of their own, of the rest shape
+    where the whisker lies then, or of the fur: touches show it by how much they differ from one
+    another (DerSimonian & Laird 1986, Control. Clin. Trials 7, 177).
     """
     good = (share > 0) & (bend > 0)
     if good.sum() < 2:
-        return 1.0
+        return np.ones(len(share))
     answer = (share * pull)[good].sum() / (share * bend)[good].sum()
     deviation = (pull - bend * answer)[good] / np.sqrt(bend[good])
     limit = 3 * robust_sd(deviation, about=0.0)
-    return TOGETHER * max(0.5, float(np.mean(np.clip(deviation, -limit, limit) ** 2)))
+    usual = TOGETHER * max(0.5, float(np.mean(np.clip(deviation, -limit, limit) ** 2)))
+    _, touch = np.unique(touch, return_inverse=True)
+    weight = np.bincount(touch, good * share * bend) / usual
+    away = np.bincount(touch, good * share * (pull - bend * answer)) / usual  # weight x deviation
+    touches, known = np.count_nonzero(weight), weight > 0
+    excess = np.sum(away[known] ** 2 / weight[known]) - (touches - 1)
+    apart = max(excess, 0.0) / max(weight.sum() - np.sum(weight**2) / weight.sum(), 1e-9 * weight.sum())
+    return usual * (1 + apart * weight[touch])
 
 
 def _common_sd(share, bend, influence, part, fit, rest, whisker, apart):
@@ -252,7 +263,8 @@ def _common_sd(share, bend, influence, part, fit, rest, whisker, apart):
     known = (part.information / np.fmax(fit["chi2"], 1.0)[:, None]).sum(axis=0)
     known /= np.maximum((part.information > 0).sum(axis=0), 1)
     noise = np.where(known > 0, 1 / np.sqrt(np.maximum(known, 1e-30)), 0.0)
-    lasting = LASTING_SHARE * noise * rows[:, :N_STATIONS].sum(axis=0)
+    lasting = np.hypot(LASTING_SHARE * noise, LASTING_PX * part.pixel)
+    lasting *= rows[:, :N_STATIONS].sum(axis=0)
     spacing = part.spacing[part.whisker[0]]
     away = np.subtract.outer(np.arange(N_STATIONS), np.arange(N_STATIONS))
     alike = np.exp(-0.5 * (away * spacing / LASTING_REACH_M) ** 2)
@@ -307,6 +319,25 @@ def _design(time, knot_s):
     return sparse.hstack([np.ones((len(time), 1)), hats]).tocsr()
 
 
+def _believed(away, hidden, tip):
+    """Standard errors [m] of hidden length and tip's place where they are `away` from each other.
+
+    `hidden` and `tip` are those that they should have. Or else the length is wrong, by what these
+    do not explain. Both explanations are averaged by their posterior probabilities: the errors
+    returned are of two sources that give the average, and its variance.
+    """
+    expected = np.hypot(hidden, tip)
+    if not expected < away < np.inf:
+        return hidden, tip
+    surprise = away / expected
+    right = 1 / (1 + LENGTH_WRONG * np.exp(0.5 * (surprise**2 - 1)) / surprise)
+    follows = (hidden / np.array([expected, away])) ** 2  # the tip, if all is right or else
+    variances = follows * np.array([tip**2, away**2 - hidden**2])
+    each = np.array([right, 1 - right])
+    variance = each @ variances + right * (1 - right) * (np.diff(follows)[0] * away) ** 2
+    return np.sqrt(variance / (1 - each @ follows)), np.sqrt(variance / (each @ follows))
+
+
 def _lasting_variance(errors):
     """Variance that independent errors would have to have so that means scatter as these do's."""
     lags = range(1, min(TIP_LAGS, len(errors) - 1) + 1)
@@ -353,11 +384,15 @@ def _trace_ends(places, params):
     return np.where(good, end, np.nan), max(scatter, 10e-6)
 
 
+def _touching(places, params):
+    """Rows in which the pole may touch the whisker, bool (rows,)."""
+    with np.errstate(invalid="ignore"):
+        return (places.side != 0) & (places.distance < 1e-3 * params.loaded_distance_mm)
+
+
 def _near_rows(places, params):
     """Rows that may touch, rather of frames that no codec made up."""
-    with np.errstate(invalid="ignore"):
-        touching = places.distance < 1e-3 * params.loaded_distance_mm
-    near = np.flatnonzero((places.side != 0) & touching & ~places.extended)
+    near = np.flatnonzero(_touching(places, params) & ~places.extended)
     return places.rather_shown(near, ENOUGH_ROWS)
 
 
