@@ -27,8 +27,9 @@ bends. Where its answer contradicts the session and the tip, it is used all the 
 nearer to the truth with it than without (docs/assumptions.md). By how much they differ beyond
 twice what their errors explain counts as a standard error.
 
-No source is believed against all others: a length that contradicts the hidden length by more than
-twice its error counts less, so that a whisker that has grown does not shift the base.
+No source is believed against all others: a length that contradicts the hidden length may be
+wrong, as likely as Bayes' rule has it, so that a whisker that has grown does not shift the base.
+Touches that contradict each other share errors that no number of frames takes away.
 """
 
 from dataclasses import dataclass, replace
@@ -47,7 +48,7 @@ from whiskermodel.whisker import Whisker
 
 MOST_KNOTS = 400
 STEADY = 1.0, 0.5, 0.25, 0.125, 0.0625  # of the most that the origin varies in time
-LENGTH_WRONG = 0.1  # lengths that have changed since they were measured: chosen
+LENGTH_WRONG = 0.05  # of lengths: have changed since they were measured; chosen
 TIP_PART = 0.3  # of the frames in which the tip must be seen at least
 OVER_TIP_PX = 2.2  # from the tip to where nothing would be seen: measured, rendered videos
 TIP_RULE_PX = 1.5  # standard error of that rule, of ends that fade: 1 px is measured, at most
@@ -201,7 +202,10 @@ def origin_from_bending(
     part = places.rows(rows).loaded()
     rest = replace(prior, drift=prior.drift[rows], cov=prior.cov[rows])
     here, design = part.origin, evidence.design[rows]
-    apart, touch = _apart_sd(evidence, rows, places), np.cumsum(~_touching(places, evidence.params))
+    apart, touch = (
+        _apart_sd(evidence, rows, places),
+        np.cumsum(~_touching(places, evidence.params)),
+    )
     influence = np.zeros((len(rows), N_STATIONS + N_REST))
     for _ in range(ROUNDS):
         fit = rod_fit.fit_loaded(
@@ -247,7 +251,9 @@ def _noise(share, pull, bend, touch):
     away = np.bincount(touch, good * share * (pull - bend * answer)) / usual  # weight x deviation
     touches, known = np.count_nonzero(weight), weight > 0
     excess = np.sum(away[known] ** 2 / weight[known]) - (touches - 1)
-    apart = max(excess, 0.0) / max(weight.sum() - np.sum(weight**2) / weight.sum(), 1e-9 * weight.sum())
+    apart = max(excess, 0.0) / max(
+        weight.sum() - np.sum(weight**2) / weight.sum(), 1e-9 * weight.sum()
+    )
     return usual * (1 + apart * weight[touch])
 
 

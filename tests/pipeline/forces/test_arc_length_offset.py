@@ -315,17 +315,83 @@ def test_rows_that_want_to_go_far_count_less():
 
 def test_pulls_that_scatter_more_than_they_say_count_less():
     rng = np.random.default_rng(6)
-    bend = rng.uniform(0.5, 2, 4000)
+    bend, one = rng.uniform(0.5, 2, 4000), np.zeros(4000)
     pull = 0.7 * bend + 3 * np.sqrt(bend) * rng.normal(size=4000)
     share = np.ones(4000)
     wide, usual = (
-        arc_length_offset._noise(share, some, bend)
+        arc_length_offset._noise(share, some, bend, one)[0]
         for some in (pull, 0.7 * bend + (pull - 0.7 * bend) / 3)
     )
     assert wide == pytest.approx(9 * usual, rel=0.01)
     assert usual == pytest.approx(arc_length_offset.TOGETHER, rel=0.1)
-    calm = arc_length_offset._noise(share, 0.7 * bend, bend)
+    calm = arc_length_offset._noise(share, 0.7 * bend, bend, one)[0]
     assert calm == pytest.approx(0.5 * usual, rel=0.1)
+
+
+@pytest.mark.parametrize("apart", [0.0, 30e-6])
+def test_the_error_of_touches_that_share_one_is_as_large_as_it_is_said_to_be(apart):
+    """Touches of 3 to 60 rows, each with an origin of its own, `apart` [m] SD from the true one.
+
+    The weighted mean of many drawn videos scatters as its standard error says, and not more than
+    that of rows which take no notice of touches.
+    """
+    rng = np.random.default_rng(8)
+    lengths = np.array([60, 3, 12, 40, 5, 25, 8, 50, 4])
+    touch = np.repeat(np.arange(len(lengths)), lengths)
+    error, stated, plain = [], [], []
+    for _ in range(400):
+        bend = rng.uniform(0.5, 2, len(touch)) / (60e-6) ** 2
+        # rows in fives err alike
+        alike = np.repeat(rng.normal(size=len(touch) // 5 + 1), 5)[: len(touch)]
+        own = apart * rng.normal(size=len(lengths))[touch]
+        pull = bend * own + np.sqrt(bend) * alike
+        weight = bend / arc_length_offset._noise(np.ones(len(touch)), pull, bend, touch)
+        error.append(weight @ (pull / bend) / weight.sum())
+        stated.append(weight.sum() ** -0.5)
+        plain.append(pull.sum() / bend.sum())
+    scatter = np.std(error)
+    assert scatter == pytest.approx(np.sqrt(np.mean(np.square(stated))), rel=0.15)
+    assert scatter < (1.0 if apart else 1.1) * np.std(plain)
+
+
+def test_clean_pictures_err_by_thousandths_of_a_pixel_in_all_frames(touching):
+    """Stations without noise: the bending's answer is as uncertain as their pixels make it."""
+    places, found = touching.places, []
+    for sharper in (1, 100):
+        seen = replace(places, information=sharper * places.information)
+        evidence, _ = forces.measure_forces(seen, mouse_c2(), touching.frames, AT)
+        found.append(evidence["bending_origin_se_m"].median())
+    assert found[1] > 0.3 * found[0]  # a tenth, if noise were all
+
+
+@pytest.mark.parametrize("away", [0.05e-3, 0.3e-3, 0.45e-3, 1.5e-3])
+def test_a_contradicted_length_is_believed_as_far_as_it_is_likely_to_be_right(away):
+    """Beside the posterior of the origin on a grid, mean and SD within 1 µm.
+
+    Prior: hidden length; likelihood: a tip that is right, or wrong by an SD that explains `away`.
+    """
+    hidden, tip, wrong = 0.12e-3, 0.06e-3, arc_length_offset.LENGTH_WRONG
+    grid = np.linspace(-1e-3, 3e-3, 40001)
+
+    def bell(x, sd):
+        return np.exp(-0.5 * (x / sd) ** 2) / sd
+
+    wild = max(np.sqrt(max(away**2 - hidden**2, 0)), tip)
+    likely = bell(grid - away, tip) + wrong * bell(grid - away, wild)
+    posterior = bell(grid, hidden) * (
+        likely if away > np.hypot(hidden, tip) else bell(grid - away, tip)
+    )
+    posterior /= posterior.sum()
+    mean = posterior @ grid
+    spread = np.sqrt(posterior @ (grid - mean) ** 2)
+    sources = np.array(arc_length_offset._believed(away, hidden, tip))
+    weight = sources**-2
+    assert weight[1] * away / weight.sum() == pytest.approx(mean, abs=1e-6)
+    assert weight.sum() ** -0.5 == pytest.approx(spread, abs=1e-6)
+
+
+def test_a_tip_that_is_nowhere_contradicts_nothing():
+    assert arc_length_offset._believed(1e-3, 0.12e-3, np.inf) == (0.12e-3, np.inf)
 
 
 def test_a_pole_that_is_off_moves_the_answer_by_six_times_as_much():
