@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
+from numba import njit
 
 from pipeline.contacts.peaks import firm_peak, half_width, smoothed
 from pipeline.session.recording import Recording
@@ -175,14 +176,14 @@ def _hidden_top(known, peak):
     return 1 / top - 1 if gap > 0 else 0.0
 
 
+@njit(cache=True)
 def _without_wild(force, error):
     """Force (frames,) of one contact, NaN where something else overlaps the whisker.
 
     Otherwise a single frame of a crossing, with ten times the usual error, may be the peak.
     """
-    if not np.isfinite(error).any():
-        return force
-    return np.where(error > WILD * np.nanmedian(error) + WILD_SHARE * force, np.nan, force)
+    usual = np.nanmedian(error)  # where nothing is known no comparison holds
+    return np.where(error > WILD * usual + WILD_SHARE * force, np.nan, force)
 
 
 def _contact_row(part: dict[str, np.ndarray], recording: Recording) -> dict:
@@ -208,12 +209,13 @@ def _contact_row(part: dict[str, np.ndarray], recording: Recording) -> dict:
     }
 
 
+@njit(cache=True)
 def _largest(signed, half, force, error):
     """Value of largest magnitude, with its sign, of a load that goes with the force; (frames,)."""
     signed = np.where(np.isfinite(force), signed, np.nan)
     course = smoothed(signed, half, error)
     if not np.isfinite(course).any():
         return np.nan
-    sign = np.sign(course[np.nanargmax(np.abs(course))]) or 1.0
+    sign = 1.0 if np.nanmax(course) >= -np.nanmin(course) else -1.0
     share = np.nanmean(np.abs(signed)) / max(np.nanmean(force), 1e-12)
     return sign * firm_peak(sign * signed, half, share * error)[1]
