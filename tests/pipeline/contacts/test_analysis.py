@@ -413,6 +413,25 @@ def test_corrections_change_contacts_but_no_evidence():
     )
 
 
+def test_a_touch_that_a_person_adds_is_certain():
+    traced, touch = analysed("noisy")
+    free = np.flatnonzero(~touch.frames["in_contact"].to_numpy(bool))
+    onset = int(free[np.flatnonzero(np.diff(free, 4) == 0)[0]])
+    added = {
+        "whisker": "C2",
+        "verdict": "contact",
+        "onset_frame": onset,
+        "offset_frame": onset + 3,
+    }
+    covers = {"covers_from": onset, "covers_to": onset + 3}
+    again = analysis.find_touches(
+        touch.frames, touch.evidence, traced.recording, traced.whiskers,
+        corrections=as_table(pd.DataFrame([added | covers]), CORRECTION_COLUMNS),
+    )  # fmt: skip
+    assert len(again.intervals) == len(touch.intervals) + 1
+    assert again.intervals.loc[again.intervals["curated"], "probability"].tolist() == [1.0]
+
+
 # Parts ---------------------------------------------------------------------------------------
 
 

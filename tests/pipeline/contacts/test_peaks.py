@@ -163,3 +163,11 @@ def test_a_peak_is_lowered_by_a_hundredth_or_left_as_it_is():
     lowered = np.array(lifts)[np.array(lifts) != 0]
     assert 40 < len(lowered) < 260
     assert lowered.min() == pytest.approx(0.01, abs=2e-3)
+
+
+@pytest.mark.parametrize(("error", "peak"), [(0.7, 1), (0.9, 0)])
+def test_a_peak_is_where_two_standard_errors_below_it_is_highest(error, peak):
+    """8 ± 0.1 is surely above 7.8; 9.5 ± 0.7 above 8.1, but 9.5 ± 0.9 above 7.7 only."""
+    values, errors = np.array([8.0, 9.5]), np.array([0.1, error])
+    at, value, its_error = firm_peak(values, 0, errors)
+    assert (at, value, its_error) == (peak, values[peak], pytest.approx(errors[peak]))

@@ -130,8 +130,25 @@ def test_what_is_pushed_far_from_the_pole_does_not_say_where_it_is():
     touching, evidence = simulated((20e-6, 20e-6), 5e-6)
     rows = np.flatnonzero(~touching)[:1500]
     evidence.loc[rows, "gap_m"] = 0.25e-3 + 5e-6 * np.random.default_rng(1).normal(size=1500)
-    evidence.loc[rows, "shape_force_N"] = 5e-6
-    assert (frame_log_odds(evidence, 1000.0)[touching] > 0).mean() > 0.98
+    evidence.loc[rows, "shape_force_N"] = 15e-6
+    found = frame_log_odds(evidence, 1000.0)
+    force = evidence["shape_force_N"].to_numpy()
+    gap = evidence["gap_m"].to_numpy() - 20e-6
+    known = _log_odds(gap, np.hypot(3e-6, 5e-6), force, 0.05e-6, 0.0)
+    assert (found[touching] > 0).mean() > 0.98
+    assert np.median(np.abs(found - known)[touching]) < 0.1 * np.median(known[touching])
+
+
+def test_pushes_of_nine_standard_errors_say_where_the_pole_is():
+    """Touches 40 µm short of it, none stronger: as where that is known, odds within a tenth."""
+    touching, evidence = simulated((-40e-6, -40e-6), 0.0, n=2000, gap_sd=1e-6)
+    rng = np.random.default_rng(3)
+    force = np.where(touching, 9 * 0.05e-6, 0.0) + 0.05e-6 * rng.normal(size=2000)
+    evidence["shape_force_N"] = force
+    found = frame_log_odds(evidence, 1000.0)
+    gap = evidence["gap_m"].to_numpy() + 40e-6
+    known = _log_odds(gap, np.hypot(1e-6, 1.6e-6), force, 0.05e-6, 0.0)
+    np.testing.assert_allclose(found[touching], known[touching], rtol=0.1, atol=0.5)
 
 
 def test_where_no_rod_is_fitted_the_traced_distance_decides():

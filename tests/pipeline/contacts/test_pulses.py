@@ -149,3 +149,14 @@ def test_table_of_contacts():
     assert out["pulse_centre_s"][0] == pytest.approx(0.0095 + 0.02, abs=1e-5)
     assert list(out["flags"]) == ["", "not_half_gaussian", ""]
     assert np.isnan(out["pulse_peak_uN"][2])
+
+
+@pytest.mark.parametrize(("error_uN", "flagged"), [(0.12, True), (0.25, False)])
+def test_a_misfit_that_noise_explains_makes_no_odd_pulse(error_uN, flagged):
+    """A straight rise, 0.54 µN RMS from any half-Gaussian: three times 0.18 µN."""
+    ramp = 8e-6 * np.linspace(0.05, 1, 40)
+    contacts, frames = tables(ramp)
+    assert 1e6 * fit_pulse(np.arange(40) / RATE, ramp).misfit == pytest.approx(0.54, abs=0.02)
+    frames["contact_force_uN_se"] = error_uN
+    out = add_pulses(contacts, frames, Recording(RATE, 25.0, "left"))
+    assert list(out["flags"]) == ["not_half_gaussian" if flagged else ""]
