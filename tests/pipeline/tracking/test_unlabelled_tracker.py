@@ -5,8 +5,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from pipeline.detection.static_scene import StaticScene
+from pipeline.numerics.angles import wrapped
 from pipeline.scene.estimate import scene_from_frames
 from pipeline.session.recording import Recording
+from pipeline.tracking import row_rotation
 from pipeline.tracking.registry import find_roster
 from pipeline.tracking.track_video import track
 from pipeline.tracking.tracker import options_for
@@ -93,3 +96,47 @@ def test_lines_stay_with_their_whiskers_in_a_video_that_begins_amid_a_whisk(crow
             seen.setdefault(number, set()).add(true)
     assert len(seen) >= len(trial.scene.hairs) - 1
     assert all(len(whiskers) == 1 for whiskers in seen.values())
+
+
+SNOUT = 180, 320, 280  # its columns, and the row to which it reaches [px]
+SPACING, TURN = np.radians([9.0, 7.0])  # of whiskers, and of each side's in a frame
+FAN = np.arange(-3, 4) * SPACING
+LEFT, RIGHT = np.radians([160.0, 20.0])  # mean directions: the row of both has none
+
+
+def snout_with_whiskers(turn):
+    """A dark snout, and the directions [rad, from +x to +y] of the whiskers that leave it.
+
+    The left side's whiskers are turned by `turn`, the right side's as much the other way.
+    """
+    image, shadow = np.full((400, 500), 200.0), np.zeros((400, 500))
+    rows, columns = np.mgrid[:400, :500]
+    left, right = LEFT + FAN + turn, RIGHT + FAN - turn
+    bases = [(SNOUT[0], 150 - 12 * k) for k in range(-3, 4)]
+    bases += [(SNOUT[1], 150 + 12 * k) for k in range(-3, 4)]
+    for (x, y), angle in zip(bases, [*left, *right], strict=True):
+        along = (columns - x) * np.cos(angle) + (rows - y) * np.sin(angle)
+        across = (columns - x) * np.sin(angle) - (rows - y) * np.cos(angle)
+        shadow += 0.3 * np.exp(-0.5 * across**2) * ((along >= 0) & (along < 130))
+    image *= np.exp(-shadow)
+    image[: SNOUT[2], SNOUT[0] : SNOUT[1]] = 20
+    return image.astype(np.uint8), np.array([*left, *right])
+
+
+def test_the_sides_of_a_face_turn_against_each_other():
+    face = np.zeros((400, 500), bool)
+    face[: SNOUT[2], SNOUT[0] : SNOUT[1]] = True
+    empty = np.where(face, 20, 200).astype(np.float32)
+    scene = StaticScene(empty, 0.0, 4.0, face, np.zeros_like(face), None, "top")
+    turns = np.cumsum([0, 0, 1, 1, 1, 1]) * TURN - 2 * TURN
+    drawn = [snout_with_whiskers(turn) for turn in turns]
+    options = options_for(Recording(500.0, 12.0, "top"))
+    first = np.array([drawn[0][0]] * 3)
+    tracer = CrowdTracer(scene, find_roster(first, scene, options), options)
+    seen = []
+    for image, directions in drawn:
+        tracks = tracer.step(image)
+        off = [np.abs(wrapped(row_rotation.direction(t.line) - directions)) for t in tracks]
+        seen.append({t.number: int(np.argmin(o)) for t, o in zip(tracks, off, strict=True)})
+    assert len(seen[0]) == 14
+    assert seen[-1] == seen[0]
