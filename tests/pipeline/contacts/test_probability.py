@@ -151,6 +151,16 @@ def test_pushes_of_nine_standard_errors_say_where_the_pole_is():
     np.testing.assert_allclose(found[touching], known[touching], rtol=0.1, atol=0.5)
 
 
+def test_pushes_of_a_seventh_of_the_largest_say_where_the_pole_is():
+    """Touches 60 µm beyond it; three strong ones are too few to show that."""
+    touching, evidence = simulated((60e-6, 60e-6), 0.0, n=1000, gap_sd=1e-6)
+    rng = np.random.default_rng(3)
+    pushes = np.where(touching, 8 * 0.05e-6, 0.0)
+    pushes[np.flatnonzero(touching)[:3]] *= 7
+    evidence["shape_force_N"] = pushes + 0.05e-6 * rng.normal(size=1000)
+    assert ((frame_log_odds(evidence, 1000.0) > 0) == touching).mean() > 0.99
+
+
 def test_where_no_rod_is_fitted_the_traced_distance_decides():
     """It errs by 0.016 mm; what is pushed shows more, here nothing is: 0.0064 mm are allowed."""
     _, evidence = simulated((0.0, 0.0), 16e-6, n=40)
