@@ -311,3 +311,29 @@ def test_a_trace_that_jumps_from_line_to_line_has_no_rod():
     loaded = rod_fit.fit_loaded(wild, mouse_c2(), CURVATURE_AT, known_rest(40))
     assert np.isnan(loaded["force"][:10]).all()
     assert np.isfinite(loaded["force"][10:]).all()
+
+
+def test_a_straight_trace_goes_on_straight_across_gaps_and_beyond_its_ends():
+    h, m, turn = 0.25e-3, 73, -0.6
+    along = np.arange(m) * h
+    x, y = 1e-3 + along * np.cos(turn), -2e-3 + along * np.sin(turn)
+    seen = (along > 2e-3) & (along < 14e-3) & ~((along > 5e-3) & (along < 7e-3))
+    first = int(np.argmax(seen))
+    found = np.full((3, m), np.nan)
+    hidden_x, hidden_y = (np.where(seen, each, np.nan) for each in (x, y))
+    rod_fit._trace(hidden_x, hidden_y, seen.astype(float), first, h, *found)
+    np.testing.assert_allclose(found, [x, y, np.full(m, turn)], atol=1e-12)
+
+
+def test_a_pole_beyond_the_tip_is_one_at_the_tip():
+    """As far as rods go there: the nearest place that a trace may have is the last station."""
+    _, places = touching(np.full(3, -0.2))
+    last = (N_STATIONS - 1) * places.spacing[0]
+    at_tip, beyond = (
+        rod_fit.fit_loaded(
+            replace(places, nearest=np.full(3, nearest)), mouse_c2(), CURVATURE_AT, known_rest(3)
+        )
+        for nearest in (last, last + 3 * places.spacing[0])
+    )
+    for name in rod_fit.OUTPUTS:
+        np.testing.assert_array_equal(at_tip[name], beyond[name])
