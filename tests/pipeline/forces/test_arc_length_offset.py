@@ -132,6 +132,15 @@ def test_ends_are_as_far_from_the_tip_as_their_scatter_says(touching, noise, see
     assert np.median(origin.per_row) == pytest.approx(0.0, abs=tip_tolerance)
 
 
+@pytest.mark.parametrize(("scatter_px", "error_px"), [(1.2, 1.2), (4.0, 1.5)])
+def test_ends_that_fade_show_the_tip_to_one_and_a_half_pixels(touching, scatter_px, error_px):
+    """Or as well as one of them is known; 0.03 mm of the length come to that."""
+    places = fading(touching.places)
+    sd = scatter_px * places.pixel
+    _, error = arc_length_offset._tip_place(places, sd, mouse_c2(), DEFAULTS.forces)
+    assert error == pytest.approx(np.hypot(0.03e-3, error_px * 40e-6), rel=1e-6)
+
+
 def test_a_length_that_contradicts_the_hidden_length_is_hardly_believed(touching):
     """A whisker that has grown by 0.7 mm since it was measured."""
     grown = fading(touching.places, traced_motion.TIP_UNSEEN + 0.7e-3)

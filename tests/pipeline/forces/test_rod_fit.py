@@ -337,3 +337,28 @@ def test_a_pole_beyond_the_tip_is_one_at_the_tip():
     )
     for name in rod_fit.OUTPUTS:
         np.testing.assert_array_equal(at_tip[name], beyond[name])
+
+
+@pytest.mark.parametrize("push", [0.01, 0.03])
+def test_the_first_guess_of_the_force_is_near_where_turns_are_small(push):
+    truth, places = touching(push)
+    whisker, m = mouse_c2(), N_STATIONS
+    setup = rod_fit._setup(whisker, places.pole_radius, CURVATURE_AT, rod_fit.SETTLED_SD)
+    laid, h = rod_fit.empty_rod(m), setup.spacing
+    information = places.information[0]
+    first = int(np.argmax(information > 0))
+    rod_fit._trace(places.x[0], places.y[0], information, first, h, laid.x, laid.y, laid.angle)
+    mean, load = known_rest(1).weights[0], rod_fit.Load(1.0, 0.0)
+    force = rod_fit._first_force(laid, information, mean, setup, places.nearest[0], load)
+    assert force == pytest.approx(truth.contact_force[0], abs=0.15e-6)  # N
+
+
+def test_the_rest_curvature_is_that_of_the_place_before_it_moved():
+    _, places = touching(np.full(2, 0.1))
+    shift = 0.3e-3
+    fit = rod_fit.fit_loaded(places, mouse_c2(), CURVATURE_AT, known_rest(2), shift=shift)
+    basis = rod_fit.rest_basis(mouse_c2(), [CURVATURE_AT - shift])[0]
+    np.testing.assert_allclose(fit["rest_curvature"], fit.rest @ basis, rtol=1e-9)
+    assert fit["rest_curvature"] == pytest.approx(
+        REST[0] + REST[1] * (CURVATURE_AT - shift), abs=0.01
+    )
