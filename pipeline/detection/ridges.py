@@ -9,12 +9,14 @@ import cv2
 import numpy as np
 from numba import njit
 
+from pipeline.detection import derivatives
 from pipeline.numerics.bsplines import FAST
 from pipeline.numerics.robust import robust_sd
 
 SCALE_PX = 1.6  # SD of the differentiating Gaussian
 COARSE_PX = 2.5  # scales from here on are looked for on a smaller picture
 PYRAMID_NOISE = 0.27  # SD of white noise after cv2.pyrDown
+FEW_FROM, FEW = 3, 7  # of the pixels that the noise is measured at
 LOW, HIGH = 2.5, 5.0  # standard deviations of the noise: to go on along a line, to start one
 DIRECTION_REACH = 14  # points that give an end's direction
 LEAST_COSINE, LEAST_COSINE_HIDDEN = 0.9, 0.866  # of what a line may turn by across a gap
@@ -32,18 +34,6 @@ def curves_of(absorbance, noise_sd, scale=SCALE_PX, shortest=10):
     return [2 * curve for curve in join(link(*points, shortest // 2))]
 
 
-def gaussian_kernels(scale: float):
-    """Return the Gaussian of SD `scale` [px] and its first two derivatives, sampled, float32."""
-    reach = int(np.ceil(4 * scale))
-    u = np.arange(-reach, reach + 1, dtype=float)
-    g = np.exp(-(u**2) / (2 * scale**2))
-    g /= g.sum()
-    first = -u / scale**2 * g
-    second = (u**2 / scale**4 - 1 / scale**2) * g
-    second -= second.mean()
-    return g.astype(np.float32), first.astype(np.float32), second.astype(np.float32)
-
-
 def ridge_points(absorbance, noise_sd, scale=SCALE_PX):
     """Return the ridge points of an absorbance image.
 
@@ -58,22 +48,17 @@ def ridge_points(absorbance, noise_sd, scale=SCALE_PX):
     index : int32 (height, width), number of the point in that pixel, −1 where there is none
     points : float64 (n, 5): x, y [px], tangent (tx, ty), strength in SDs of its noise
     """
-    g, g1, g2 = gaussian_kernels(scale)
-
-    def filtered(kernel_x, kernel_y):
-        # cv2 correlates: odd kernels are flipped to convolve
-        return cv2.sepFilter2D(
-            absorbance, cv2.CV_32F, kernel_x[::-1].copy(), kernel_y[::-1].copy()
-        )
-
-    ax, ay = filtered(g1, g), filtered(g, g1)
-    axx, ayy, axy = filtered(g2, g), filtered(g, g2), filtered(g1, g1)
+    g, g1, g2 = derivatives.gaussian_kernels(scale)
+    kernels = derivatives.halves((g, g1, g2))
+    rows = derivatives.along_rows(absorbance, kernels)
     response_sd = np.sqrt((g2.astype(float) ** 2).sum() * (g.astype(float) ** 2).sum())
-    few = np.s_[3::7, 3::7]
-    response_sd *= _excess_noise(axx[few], response_sd * noise_sd[few], absorbance[few])
-    index = np.full(absorbance.shape, -1, np.int32)
+    few = np.s_[FEW_FROM::FEW, FEW_FROM::FEW]
+    response = derivatives.second_along_rows(rows, kernels, FEW_FROM, FEW)
+    response_sd *= _excess_noise(response, response_sd * noise_sd[few], absorbance[few])
+    height, width = absorbance.shape
+    index = np.empty((height, width), np.int32)
     points = np.empty((absorbance.size, 5))
-    count = _points(ax, ay, axx, ayy, axy, noise_sd, response_sd, index, points)
+    count = _points(rows, kernels, noise_sd, response_sd, index, points)
     return index, points[:count]
 
 
@@ -91,37 +76,78 @@ def _may_be_strong(xx, yy, xy, noise_sd, limit, out):
 
 
 @njit(cache=True)
-def _points(ax, ay, axx, ayy, axy, noise_sd, response_sd, index, points):
-    """Fill `index` and `points` (see ridge_points) from the derivatives; return their number."""
+def _points(rows, kernels, noise_sd, response_sd, index, points):
+    """Fill `index` and `points` (see ridge_points) from `rows`; return their number.
+
+    rows, kernels : as of `derivatives.along_rows`
+    """
     height, width = index.shape
     count = 0
-    strong = np.empty(width, np.bool_)
-    limit = np.float32(LOW * response_sd)
+    of_row, of_strong = np.empty((5, width), np.float32), np.empty((6, width), np.float32)
+    strong, columns = np.zeros(8 * (width // 8 + 1), np.bool_), np.empty(width, np.int32)
+    limit, response = np.float32(LOW * response_sd), np.float32(response_sd)
     for row in range(height):
-        _may_be_strong(axx[row], ayy[row], axy[row], noise_sd[row], limit, strong)
-        for column in range(width):
-            if not strong[column]:
+        index[row] = -1
+        axx, ayy, axy = of_row[2], of_row[3], of_row[4]
+        derivatives.second_derivatives(rows, row, kernels, axx, ayy, axy)
+        _may_be_strong(axx, ayy, axy, noise_sd[row], limit, strong[:width])
+        found = _places(strong, columns)
+        if found == 0:
+            continue
+        derivatives.first_derivatives(rows, row, kernels, of_row[0], of_row[1])
+        for k in range(5):
+            for i in range(found):
+                of_strong[k, i] = of_row[k, np.uint64(columns[i])]
+        for i in range(found):
+            of_strong[5, i] = response * noise_sd[row, np.uint64(columns[i])]
+        _crests(of_strong, found)
+        for i in range(found):
+            x, y, strength = of_strong[0, i], of_strong[1, i], of_strong[4, i]
+            if not (strength > LOW and abs(x) <= 0.6 and abs(y) <= 0.6):
                 continue
-            xx, yy, xy = axx[row, column], ayy[row, column], axy[row, column]
-            # the more negative eigenvalue: across a line of absorbance
-            lam = 0.5 * (xx + yy) - np.sqrt((0.5 * (xx - yy)) ** 2 + xy * xy)
-            strength = -lam / (response_sd * noise_sd[row, column])
-            if not strength > LOW or count == len(points):
-                continue
-            # its eigenvector: (xy, lam − xx) or (lam − yy, xy), whichever is longer
-            nx, ny = xy, lam - xx
-            if abs(lam - xx) <= abs(lam - yy):
-                nx, ny = lam - yy, xy
-            norm = max(np.sqrt(nx * nx + ny * ny), 1e-30)
-            nx, ny = nx / norm, ny / norm
-            t = -(ax[row, column] * nx + ay[row, column] * ny) / lam
-            if not (abs(t * nx) <= 0.6 and abs(t * ny) <= 0.6):
-                continue
+            column = columns[i]
             index[row, column] = count
-            points[count, 0], points[count, 1] = column + t * nx, row + t * ny
-            points[count, 2], points[count, 3], points[count, 4] = -ny, nx, strength
+            points[count, 0], points[count, 1] = column + np.float64(x), row + np.float64(y)
+            points[count, 2], points[count, 3] = of_strong[2, i], of_strong[3, i]
+            points[count, 4] = strength
             count += 1
     return count
+
+
+@njit(cache=True)
+def _places(marks, places):
+    """Fill in the places of the marks, eight of which are looked at at a time; their number."""
+    count, words = 0, marks.view(np.uint64)
+    for word in range(len(words)):
+        if words[word] != 0:
+            for place in range(8 * word, 8 * word + 8):
+                if marks[place]:
+                    places[count] = place
+                    count += 1
+    return count
+
+
+@njit(cache=True, fastmath=FAST, error_model="numpy")
+def _crests(values, n):
+    """Of derivatives x, y, xx, yy, xy and noise, rows of `values`, the ridge's point and strength.
+
+    In their place: where it is beside the pixel's centre (x, y), tangent (x, y), SDs of the noise.
+    """
+    half, least = np.float32(0.5), np.float32(1e-30)
+    ax, ay, axx, ayy, axy, noise = values[0], values[1], values[2], values[3], values[4], values[5]
+    for i in range(n):
+        xx, yy, xy = axx[i], ayy[i], axy[i]
+        # the more negative eigenvalue: across a line of absorbance
+        apart = half * (xx - yy)
+        lam = half * (xx + yy) - np.sqrt(apart * apart + xy * xy)
+        # its eigenvector: (xy, lam − xx) or (lam − yy, xy), whichever is longer
+        first = abs(lam - xx) > abs(lam - yy)
+        nx, ny = (xy, lam - xx) if first else (lam - yy, xy)
+        norm = np.sqrt(nx * nx + ny * ny)
+        shrink = np.float32(1) / (norm if norm > least else least)
+        nx, ny = nx * shrink, ny * shrink
+        t = -(ax[i] * nx + ay[i] * ny) / lam
+        ax[i], ay[i], axx[i], ayy[i], axy[i] = t * nx, t * ny, -ny, nx, -lam / noise[i]
 
 
 def _excess_noise(response, noise, absorbance) -> float:
@@ -248,7 +274,8 @@ def link(index, points, shortest=8):
     offsets = np.zeros(len(points) + 1, np.int64)
     n = _link(index, points, order, chain, offsets)
     long = np.flatnonzero(np.diff(offsets[: n + 1]) >= shortest)
-    return [points[chain[offsets[i] : offsets[i + 1]], :2] for i in long]
+    places = points[chain[: offsets[n]], :2]
+    return [places[offsets[i] : offsets[i + 1]] for i in long]
 
 
 def _ends(curves, unsure=0):

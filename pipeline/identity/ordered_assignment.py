@@ -58,6 +58,12 @@ class Lines:
         return np.searchsorted(self.frame, np.arange(self.frame[-1] + 2))
 
     @property
+    def along(self):
+        """Every frame's rows in their order along the face, counted from its first (rows,)."""
+        order = np.lexsort((self.features[:, ANGLE], self.frame))
+        return order - self.starts[self.frame]
+
+    @property
     def pieces(self):
         """Rows ordered by track and frame (rows,), and where unbroken pieces begin and end."""
         order = np.lexsort((self.frame, self.track))
@@ -155,26 +161,25 @@ def _in_order(lines, model, phase, turn, shifts):
         NaN where that is not known
     shifts : (k,) of the phases, that are tried [rad]
     """
-    starts, pieces = lines.starts, lines.pieces
+    order = lines.starts, lines.along, lines.pieces
     cost = np.zeros((len(phase), len(shifts)))
     for k, shift in enumerate(shifts):
-        cost[:, k] = _at_phases(lines, model, phase + shift, starts, pieces)[1]
+        cost[:, k] = _at_phases(lines, model, phase + shift, *order)[1]
         cost[:, k] += 0.5 * (shift / SHIFT_SD) ** 2
     weight = motion_model.newness(turn, lines.limits)
     tried = phase[:, None] + shifts
     path = _likeliest_path(weight[:, None] * cost, tried, turn)
-    names, cost = _at_phases(lines, model, tried[np.arange(len(path)), path], starts, pieces)
+    names, cost = _at_phases(lines, model, tried[np.arange(len(path)), path], *order)
     return names, float(cost.sum())
 
 
-def _at_phases(lines, model, phase, starts, pieces):
+def _at_phases(lines, model, phase, starts, along, pieces):
     """Names (rows,) of lines in order at given phases (frames,), and the cost (frames,)."""
     cost = model.costs(lines.features, phase[lines.frame])
     cost = _along_tracks(cost, *pieces, lines.limits.along_track)
     names, total = np.full(len(lines.frame), -1), np.zeros(len(phase))
     _align_frames(
-        cost, lines.features[:, ANGLE], starts, phase, model.middle[:, ANGLE],
-        model.slope[:, ANGLE], names, total,
+        cost, along, starts, phase, model.middle[:, ANGLE], model.slope[:, ANGLE], names, total,
     )  # fmt: skip
     return names, total
 
@@ -211,14 +216,18 @@ def _likeliest_path(cost, phase, turn):
 
 
 @njit(cache=True)
-def _align_frames(cost, angle, starts, phase, middle, slope, names, total):
-    """Fill in the names (rows,) and the cost (frames,) of every frame at a given phase."""
+def _align_frames(cost, along, starts, phase, middle, slope, names, total):
+    """Fill in the names (rows,) and the cost (frames,) of every frame at a given phase.
+
+    along : (rows,) every frame's rows in their order along the face, counted from its first
+    """
+    n, m = np.diff(starts).max(), len(middle)
+    room = np.empty((n + 1, m + 1)), np.empty((n + 1, m + 1), np.int8)
     for t in range(len(starts) - 1):
         a, b = starts[t], starts[t + 1]
-        if a == b:
-            continue
-        whiskers = np.argsort(middle + slope * phase[t])
-        names[a:b], total[t] = aligned(cost[a:b], np.argsort(angle[a:b]), whiskers)
+        if a < b:
+            whiskers = np.argsort(middle + slope * phase[t])
+            total[t] = _aligned(cost[a:b], along[a:b], whiskers, room, names[a:b])
 
 
 @njit(cache=True)
@@ -232,40 +241,59 @@ def _along_tracks(cost, order, first, last, reach):
         total[:] = 0.0
         for i in range(a, b):
             while high < min(b, i + reach + 1):
+                come = cost[order[high]]
                 for k in range(len(total)):
-                    total[k] += cost[order[high], k]
+                    total[k] += come[k]
                 high += 1
             while low < i - reach:
+                gone = cost[order[low]]
                 for k in range(len(total)):
-                    total[k] -= cost[order[low], k]
+                    total[k] -= gone[k]
                 low += 1
+            mean, count = out[order[i]], float(high - low)
             for k in range(len(total)):
-                out[order[i], k] = total[k] / (high - low)
+                mean[k] = total[k] / count
     return out
 
 
-@njit(cache=True)
 def aligned(cost, rows, whiskers):
     """Whisker of every line (rows,), −1 for none, so that both are in order, and the cost.
 
     cost : (rows, whiskers) of every line as every whisker
     rows, whiskers : both in order along the face
     """
+    size = len(rows) + 1, len(whiskers) + 1
+    names = np.empty(len(rows), np.int64)
+    room = np.empty(size), np.empty(size, np.int8)
+    total = _aligned(np.asarray(cost, float), np.asarray(rows), np.asarray(whiskers), room, names)
+    return names, total
+
+
+@njit(cache=True, error_model="numpy")
+def _aligned(cost, rows, whiskers, room, names):
+    """Fill in the names (rows,) of `aligned`; returns the cost.
+
+    room : least costs and where they came from, at least (rows + 1, whiskers + 1)
+    """
+    least, came = room
     n, m = len(rows), len(whiskers)
-    least, came = np.full((n + 1, m + 1), np.inf), np.zeros((n + 1, m + 1), np.int64)
-    least[0, 0] = 0.0
-    for i in range(n + 1):
-        for k in range(m + 1):
-            if i > 0 and least[i - 1, k] + NAMELESS < least[i, k]:
-                least[i, k], came[i, k] = least[i - 1, k] + NAMELESS, 1
-            if k > 0 and least[i, k - 1] + UNSEEN < least[i, k]:
-                least[i, k], came[i, k] = least[i, k - 1] + UNSEEN, 2
-            if i > 0 and k > 0:
-                both = least[i - 1, k - 1] + cost[rows[i - 1], whiskers[k - 1]]
-                if both < least[i, k]:
-                    least[i, k], came[i, k] = both, 3
-    out = np.full(n, -1)
+    least[0, 0], came[0, 0] = 0.0, 0
+    for k in range(1, m + 1):
+        least[0, k], came[0, k] = least[0, k - 1] + UNSEEN, 2
+    for i in range(1, n + 1):
+        row, above, now, step = cost[rows[i - 1]], least[i - 1], least[i], came[i]
+        now[0], step[0] = above[0] + NAMELESS, 1
+        last = now[0]
+        for k in range(1, m + 1):
+            best, way = above[k] + NAMELESS, np.int8(1)
+            unseen, both = last + UNSEEN, above[k - 1] + row[whiskers[k - 1]]
+            if unseen < best:
+                best, way = unseen, np.int8(2)
+            if both < best:
+                best, way = both, np.int8(3)
+            now[k], step[k], last = best, way, best
     i, k = n, m
+    names[:] = -1
     while i > 0 or k > 0:
         step = came[i, k]
         if step != 2:
@@ -273,5 +301,5 @@ def aligned(cost, rows, whiskers):
         if step != 1:
             k -= 1
         if step == 3:
-            out[rows[i]] = whiskers[k]
-    return out, least[n, m]
+            names[rows[i]] = whiskers[k]
+    return least[n, m]
