@@ -539,3 +539,15 @@ def test_a_contact_that_wanders_slides(speed):
     inside = np.delete(found, np.s_[150:160])
     assert np.mean(inside == np.sign(speed)) > (0.95 if speed else 0.5)
     assert not forces.sliding(np.where(frames < 6, place, np.nan)).any()
+
+
+@pytest.mark.parametrize(("rods_rad", "steady"), [(0.0104, True), (0.0152, False), (0.0, True)])
+def test_rods_are_steady_where_they_jitter_by_a_fifth_more_than_the_traces(rods_rad, steady):
+    """Traces of 0.01 rad: rods of 0.012 rad and more are unsteady; clean ones never are."""
+    rng = np.random.default_rng(1)
+    table = pd.DataFrame({"frame": np.arange(4000)})
+    traced, rods = rng.normal(size=(2, 4000)) * [[0.01], [rods_rad]]
+    assert forces._steady(traced, rods, table) == steady
+    calm = 0.002 / 0.01 * traced
+    assert forces._steady(calm, 2 * calm, table)  # 0.004 rad are a clean picture's
+    assert not forces._steady(calm, 3 * calm, table)
