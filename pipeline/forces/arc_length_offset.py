@@ -202,10 +202,8 @@ def origin_from_bending(
     part = places.rows(rows).loaded()
     rest = replace(prior, drift=prior.drift[rows], cov=prior.cov[rows])
     here, design = part.origin, evidence.design[rows]
-    apart, touch = (
-        _apart_sd(evidence, rows, places),
-        np.cumsum(~_touching(places, evidence.params)),
-    )
+    apart = _apart_sd(evidence, rows, places)
+    touch = np.cumsum(~_touching(places, evidence.params))
     influence = np.zeros((len(rows), N_STATIONS + N_REST))
     for _ in range(ROUNDS):
         fit = rod_fit.fit_loaded(
