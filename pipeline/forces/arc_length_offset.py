@@ -36,6 +36,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import sparse
+from scipy.special import expit
 
 from pipeline.detection.line_fit import SEEN_SD
 from pipeline.forces import rest_shape, rod_fit
@@ -334,7 +335,7 @@ def _believed(away, hidden, tip):
     if not expected < away < np.inf:
         return hidden, tip
     surprise = away / expected
-    right = 1 / (1 + LENGTH_WRONG * np.exp(0.5 * (surprise**2 - 1)) / surprise)
+    right = expit(np.log(surprise / LENGTH_WRONG) - 0.5 * (surprise**2 - 1))
     follows = (hidden / np.array([expected, away])) ** 2  # the tip, if all is right or else
     variances = follows * np.array([tip**2, away**2 - hidden**2])
     each = np.array([right, 1 - right])
