@@ -79,7 +79,7 @@ class CrowdTracer(Tracer):
             _turned(second[t.number], t.line) if t.number in second else np.nan
             for t in self.tracks
         ]
-        turn = self._even_turns(lines, np.array(turn))
+        turn = _even_turns(lines, self._rows(lines), np.array(turn))
         for track, angle in zip(self.tracks, turn, strict=True):
             track.line, track.before = (self._turned_back(track.line, k * angle) for k in (1, 2))
         self.frame, self.unchanged = -1, 0
@@ -110,11 +110,12 @@ class CrowdTracer(Tracer):
         known = [t.before is not None for t in present]
         last = np.full(len(present), np.nan)
         last[known] = [_turned(t.line, t.before) for t in present if t.before is not None]
-        turn = self._even_turns(lines, last)
+        rows = self._rows(lines)
+        turn = _even_turns(lines, rows, last)
         for line, angle in zip(lines, turn, strict=True):
             row_rotation.turn_line(line, angle, self.pivot)
         m = self.model
-        for row in self._rows(lines):
+        for row in rows:
             if len(row) >= row_rotation.FEWEST_TOGETHER:
                 turn[row] += row_rotation.common_turns(
                     image, m.background, m.weight, gain, [lines[k] for k in row], self.pivot
@@ -122,18 +123,9 @@ class CrowdTracer(Tracer):
         for track, angle in zip(present, turn, strict=True):
             track.turn, track.before = (float(angle), self.pivot), None
 
-    def _even_turns(self, lines, turn) -> np.ndarray:
-        """Turns of all lines as `row_rotation.even_turns`, side by side of the face."""
-        even = np.zeros(len(lines))
-        for row in self._rows(lines):
-            even[row] = row_rotation.even_turns(
-                row_rotation.places([lines[k] for k in row]), turn[row]
-            )
-        return even
-
     def _rows(self, lines) -> list[np.ndarray]:
         """Indices of the lines of each side of the face: the sides turn against each other."""
-        place = [line.points[0] @ self.along for line in lines]
+        place = [self.along @ (line.x[0], line.y[0]) for line in lines]
         side = np.searchsorted(self.cuts, place)
         return [own for k in range(len(self.cuts) + 1) if len(own := np.flatnonzero(side == k))]
 
@@ -153,6 +145,16 @@ class CrowdTracer(Tracer):
 def is_crowd(roster, options) -> bool:
     """Whether a roster's whiskers stand so close that they pass for each other."""
     return crowded([slot.signature for slot in roster], options)
+
+
+def _even_turns(lines, rows, turn) -> np.ndarray:
+    """Turns of all lines as of `row_rotation.even_turns`, of each side's row by itself."""
+    even = np.zeros(len(lines))
+    for row in rows:
+        even[row] = row_rotation.even_turns(
+            row_rotation.places([lines[k] for k in row]), turn[row]
+        )
+    return even
 
 
 def _turned(line, before) -> float:
