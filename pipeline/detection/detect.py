@@ -92,17 +92,26 @@ def _lines_at(scale, image, model, gain, options, workspace, least) -> list[Line
     absorbance, own = absorbance_image(image, model, gain), options.params.detection
     picture, fit, lines = model.picture(image, gain), options.fit(widths=True, steps=1), []
     limits = 0.6 * options.shortest_px, float(options.base_gap_px), WORTH_FITTING * least
-    for curve in ridges.curves_of(absorbance, model.noise, scale):
-        sense = _sense(curve, absorbance, model.outside, model.clear, limits)
-        if not sense:
-            continue
-        rooted = curve[::sense]
+    curves = ridges.curves_of(absorbance, model.noise, scale)
+    senses = _senses(*curves, absorbance, model.outside, model.clear, limits)
+    for k in np.flatnonzero(senses):
+        rooted = curves.curve(k)[:: senses[k]]
         line = settling.settle(picture, rooted, fit, workspace)
         if thickens(line, own.thickens) and ends_at_face(line, model, options):
             line = settling.settle(picture, rooted[::-1], fit, workspace)
         if contrast_length(line) >= least and _is_whisker(line, model, options):
             lines.append(line)
     return sorted(lines, key=lambda line: -contrast_length(line))
+
+
+@njit(cache=True)
+def _senses(places, offsets, absorbance, outside, clear, limits):
+    """Of all curves, end to end, what `_sense` says of each, int8 (curves,)."""
+    senses = np.empty(len(offsets) - 1, np.int8)
+    for k in range(len(senses)):
+        curve = places[offsets[k] : offsets[k + 1]]
+        senses[k] = _sense(curve, absorbance, outside, clear, limits)
+    return senses
 
 
 @njit(cache=True)

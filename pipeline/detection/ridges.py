@@ -10,6 +10,7 @@ import numpy as np
 from numba import njit
 
 from pipeline.detection import derivatives
+from pipeline.detection.curves import Curves, join
 from pipeline.numerics.bsplines import FAST
 from pipeline.numerics.robust import robust_sd
 
@@ -18,12 +19,10 @@ COARSE_PX = 2.5  # scales from here on are looked for on a smaller picture
 PYRAMID_NOISE = 0.27  # SD of white noise after cv2.pyrDown
 FEW_FROM, FEW = 3, 7  # of the pixels that the noise is measured at
 LOW, HIGH = 2.5, 5.0  # standard deviations of the noise: to go on along a line, to start one
-DIRECTION_REACH = 14  # points that give an end's direction
-LEAST_COSINE, LEAST_COSINE_HIDDEN = 0.9, 0.866  # of what a line may turn by across a gap
 
 
-def curves_of(absorbance, noise_sd, scale=SCALE_PX, shortest=10):
-    """Ridges of an absorbance image as curves, float64 (n, 2) of (x, y) [px].
+def curves_of(absorbance, noise_sd, scale=SCALE_PX, shortest=10) -> Curves:
+    """Ridges of an absorbance image as curves, joined across gaps.
 
     Broad ones are found on the picture at half its size, in a quarter of the time.
     """
@@ -31,7 +30,8 @@ def curves_of(absorbance, noise_sd, scale=SCALE_PX, shortest=10):
         return join(link(*ridge_points(absorbance, noise_sd, scale), shortest))
     noise = np.ascontiguousarray(noise_sd[::2, ::2]) * PYRAMID_NOISE
     points = ridge_points(cv2.pyrDown(absorbance), noise, scale / 2)
-    return [2 * curve for curve in join(link(*points, shortest // 2))]
+    half = join(link(*points, shortest // 2))
+    return half._replace(places=2 * half.places)
 
 
 def ridge_points(absorbance, noise_sd, scale=SCALE_PX):
@@ -234,127 +234,33 @@ def _mark_beside(index, points, used, p):
                 used[q] = 2
 
 
+def link(index, points, shortest=8) -> Curves:
+    """Link ridge points into curves; those of fewer than `shortest` points are left out."""
+    return Curves(*_linked(index, points, shortest))
+
+
 @njit(cache=True)
-def _link(index, points, seeds, chain, offsets):
-    """Follow the ridges from `seeds`; fill `chain` and its `offsets`, return their number."""
+def _linked(index, points, shortest):
+    """Places and offsets of `link`: ridges are followed from the strongest points on."""
+    seeds = np.flatnonzero(points[:, 4] >= HIGH)
+    order = seeds[np.argsort(-points[seeds, 4], kind="mergesort")]
     used = np.zeros(len(points), np.uint8)
-    forward = np.empty(len(points), np.int32)
-    backward = np.empty(len(points), np.int32)
-    n_chains = 0
-    total = 0
-    for seed in seeds:
+    forward, backward = np.empty(len(points), np.int32), np.empty(len(points), np.int32)
+    places, offsets = np.empty((len(points), 2)), np.zeros(len(order) + 1, np.int64)
+    count = 0
+    for seed in order:
         if used[seed]:
             continue
         used[seed] = 1
         a = _grow(index, points, used, seed, 1.0, forward)
         b = _grow(index, points, used, seed, -1.0, backward)
-        for i in range(b - 1, -1, -1):
-            chain[total] = backward[i]
-            total += 1
-        chain[total] = seed
-        total += 1
-        for i in range(a):
-            chain[total] = forward[i]
-            total += 1
-        n_chains += 1
-        offsets[n_chains] = total
-    return n_chains
-
-
-def link(index, points, shortest=8):
-    """Link ridge points into curves; return a list of float64 (n, 2) arrays of (x, y) [px].
-
-    Curves of fewer than `shortest` points are left out.
-    """
-    if not len(points):
-        return []
-    seeds = np.flatnonzero(points[:, 4] >= HIGH)
-    order = seeds[np.argsort(-points[seeds, 4])]
-    chain = np.empty(len(points), np.int64)
-    offsets = np.zeros(len(points) + 1, np.int64)
-    n = _link(index, points, order, chain, offsets)
-    long = np.flatnonzero(np.diff(offsets[: n + 1]) >= shortest)
-    places = points[chain[: offsets[n]], :2]
-    return [places[offsets[i] : offsets[i + 1]] for i in long]
-
-
-def _ends(curves, unsure=0):
-    """Ends (2n, 2) of the curves, first and last in turn, and the unit directions out of them.
-
-    The last `unsure` points are left out of the direction.
-    """
-    lengths = np.array([len(curve) for curve in curves])
-    points, last = np.concatenate(curves), np.cumsum(lengths) - 1
-    first = last - lengths + 1
-    ends = np.column_stack([first, last]).ravel()
-    near, far = (np.minimum(n, lengths - 1) for n in (unsure, unsure + DIRECTION_REACH))
-    near = np.where(near < far, near, 0)
-    ahead, behind = (np.column_stack([first + n, last - n]).ravel() for n in (near, far))
-    directions = points[ahead] - points[behind]
-    norm = np.linalg.norm(directions, axis=1, keepdims=True)
-    return points[ends], directions / np.maximum(norm, 1e-9)
-
-
-@njit(cache=True)
-def _gap_costs(places, directions, longest_gap, least_cosine, hidden):
-    """Pairs (a, b) of ends of different curves that may be bridged, and the cost of each."""
-    pairs, costs = [], []
-    for a in range(len(places)):
-        for b in range(a + 2 - a % 2, len(places)):
-            gx, gy = places[b, 0] - places[a, 0], places[b, 1] - places[a, 1]
-            if gx * gx + gy * gy > longest_gap * longest_gap:
-                continue
-            length = np.sqrt(gx * gx + gy * gy)
-            ax, ay = directions[a]
-            bx, by = directions[b]
-            if ax * bx + ay * by > -least_cosine:
-                continue
-            across = max(abs(ax * gy - ay * gx), abs(bx * gy - by * gx))
-            # both look along the gap
-            along = length <= 2 or min(ax * gx + ay * gy, -bx * gx - by * gy) >= 0.5 * length
-            if hidden or (along and across <= 1.5 + 0.2 * length):
-                pairs.append((a, b))
-                costs.append(length + 4 * across)
-    return pairs, costs
-
-
-def join(curves, longest_gap=45.0, hidden=0):
-    """Join curves whose ends look at each other, best pair first; return the joined curves.
-
-    A gap of g px is bridged where both ends point along it to about 11° (more for short gaps,
-    whose direction is uncertain). Every end is used once, and no ring is closed.
-
-    hidden : of what lies over the gaps, half the size [px]: it draws the curves' last points
-        aside, so that ends need not point along the gap; what goes on may turn by 30°
-    """
-    if len(curves) < 2:
-        return list(curves)
-    least_cosine = LEAST_COSINE_HIDDEN if hidden else LEAST_COSINE
-    pairs, costs = _gap_costs(*_ends(curves, hidden), longest_gap, least_cosine, hidden > 0)
-    partner = np.full(2 * len(curves), -1)
-    group = np.arange(len(curves))
-    for k in np.argsort(np.array(costs), kind="stable"):
-        a, b = pairs[k]
-        if partner[a] < 0 and partner[b] < 0 and group[a // 2] != group[b // 2]:
-            partner[a], partner[b] = b, a
-            group[group == group[b // 2]] = group[a // 2]
-    return [_walk(curves, partner, start) for start in _starts(partner, group)]
-
-
-def _starts(partner, group):
-    """One loose end per group of joined curves."""
-    seen = set()
-    for end in range(len(partner)):
-        if partner[end] < 0 and group[end // 2] not in seen:
-            seen.add(group[end // 2])
-            yield end
-
-
-def _walk(curves, partner, end):
-    """Points of joined curves, from the loose end `end` to the other."""
-    pieces = []
-    while end >= 0:
-        curve = curves[end // 2]
-        pieces.append(curve if end % 2 == 0 else curve[::-1])
-        end = partner[end ^ 1]
-    return np.concatenate(pieces) if len(pieces) > 1 else pieces[0]
+        n = b + 1 + a
+        if n < shortest:
+            continue
+        first = offsets[count]
+        for i in range(n):
+            p = backward[b - 1 - i] if i < b else seed if i == b else forward[i - b - 1]
+            places[first + i, 0], places[first + i, 1] = points[p, 0], points[p, 1]
+        count += 1
+        offsets[count] = first + n
+    return places[: offsets[count]], offsets[: count + 1]

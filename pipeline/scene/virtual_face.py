@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 
 from pipeline.detection import ridges
+from pipeline.detection.curves import Curves, join
 from pipeline.scene.background import thin_dark_lines
 from pipeline.scene.face import SIDES
 from pipeline.scene.illumination import light_without_objects
@@ -75,10 +76,10 @@ def _whiskers(image, pixels_per_mm, params):
     index, points = ridges.ridge_points(
         np.where(thin, dark, 0).astype(np.float32), sd.astype(np.float32)
     )
-    curves = ridges.join(ridges.link(index, points, shortest=10))
-    curves = [curve for curve in curves if _length(curve) > SHORTEST_MM * pixels_per_mm]
+    curves = join(ridges.link(index, points, shortest=10)).each()
+    long = Curves.of([each for each in curves if _length(each) > SHORTEST_MM * pixels_per_mm])
     hidden = round(HIDDEN_MM * pixels_per_mm)
-    return [(curve, dark) for curve in ridges.join(curves, GAP_MM * pixels_per_mm, hidden)]
+    return [(curve, dark) for curve in join(long, GAP_MM * pixels_per_mm, hidden).each()]
 
 
 def _length(curve):

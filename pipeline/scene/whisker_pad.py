@@ -12,6 +12,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from pipeline.detection import ridges
+from pipeline.detection.curves import join
 from pipeline.detection.image_model import ImageModel, absorbance_image
 from pipeline.detection.static_scene import StaticScene
 from pipeline.scene.face import INWARD, SIDES
@@ -91,7 +92,7 @@ def _whiskers(frames, scene, shortest_px):
 def _curves(image, noise, shortest_px):
     """Dark lines of an absorbance image, points (n, 2) each."""
     index, points = ridges.ridge_points(image, noise)
-    curves = ridges.join(ridges.link(index, points, shortest=10))
+    curves = join(ridges.link(index, points, shortest=10)).each()
     return [curve for curve in curves if _length(curve) > shortest_px]
 
 

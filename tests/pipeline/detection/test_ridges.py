@@ -3,6 +3,7 @@
 import numpy as np
 
 from pipeline.detection import ridges
+from pipeline.detection.curves import Curves, join
 
 
 def absorbance_of(curve, shape=(120, 160), sigma=1.1, amplitude=0.4):
@@ -21,7 +22,11 @@ def arc(n=400):
 
 def find(image, noise=0.02):
     index, points = ridges.ridge_points(image, np.full(image.shape, noise, np.float32))
-    return ridges.link(index, points)
+    return ridges.link(index, points).each()
+
+
+def joined(curves, **gaps):
+    return join(Curves.of(curves), **gaps).each()
 
 
 def test_curve_is_found_once_and_on_the_spot():
@@ -44,7 +49,7 @@ def test_crossing_lines_stay_two():
     a = np.column_stack([10 + 140 * t, 20 + 80 * t])
     b = np.column_stack([10 + 140 * t, 100 - 80 * t])
     image = np.maximum(absorbance_of(a), absorbance_of(b))
-    curves = sorted(ridges.join(find(image)), key=len)[-2:]
+    curves = sorted(joined(find(image)), key=len)[-2:]
     for curve in curves:
         end_to_end = curve[-1] - curve[0]
         assert abs(end_to_end[0]) > 110  # px: right across
@@ -58,27 +63,6 @@ def test_gap_is_joined_but_not_to_a_line_beside():
     image[:, 70:90] = 0
     pieces = find(image)
     assert len(pieces) == 2
-    assert len(ridges.join(pieces)) == 1
+    assert len(joined(pieces)) == 1
     shifted = [pieces[0], pieces[1] + [0, 25]]
-    assert len(ridges.join(shifted)) == 2
-
-
-def hooked_part(start, end, turn, hook=12):
-    """A straight line of points 1 px apart, the last `hook` turned aside by `turn` [rad]."""
-    start, end = np.array(start, float), np.array(end, float)
-    length = int(np.hypot(*(end - start)))
-    bend = np.r_[np.zeros(length - hook), np.linspace(0, turn, hook)]
-    angles = np.arctan2(*(end - start)[::-1]) + bend
-    steps = np.column_stack([np.cos(angles), np.sin(angles)])
-    return start + np.cumsum(steps, axis=0)
-
-
-def test_parts_that_turn_into_what_hides_them_are_joined_where_that_is_given():
-    near = hooked_part((0, 100), (200, 100), np.radians(50))
-    far = hooked_part((410, 110), (210, 110), np.radians(-50))
-    assert len(ridges.join([near, far])) == 2
-    (whole,) = ridges.join([near, far], longest_gap=25.0, hidden=18)
-    assert len(whole) == len(near) + len(far)
-    assert np.hypot(*np.diff(whole, axis=0).T).max() < 25
-    turned = hooked_part((350, 250), (210, 110), np.radians(-50))  # by 45°
-    assert len(ridges.join([near, turned], longest_gap=25.0, hidden=18)) == 2
+    assert len(joined(shifted)) == 2
