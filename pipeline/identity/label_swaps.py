@@ -68,12 +68,13 @@ def improved(evidence: Evidence, names, track) -> np.ndarray:
     """
     rows_of = _table(evidence, names)
     pairs = _alike(evidence, rows_of)
+    kept = {pair: _nothing_kept(rows_of.shape[1]) for pair in pairs}
     changed, fresh = np.ones(len(rows_of), bool), np.ones(len(names), bool)
     for number in range(MOST_ROUNDS):
         before, changed = changed, np.zeros(len(rows_of), bool)
         for a, b in pairs:
             if before[[a, b]].any() or changed[[a, b]].any():
-                changed[[a, b]] |= _exchange(evidence, rows_of, a, b)
+                changed[[a, b]] |= _exchange(evidence, rows_of, a, b, kept[a, b])
         if number < CLAIM_ROUNDS:
             changed |= _claims(evidence, rows_of, track, before | changed, fresh)
         if not changed.any():
@@ -89,7 +90,8 @@ def certainty(evidence: Evidence, names, trust=TRUST) -> np.ndarray:
     rows_of = _table(evidence, names)
     sure = np.ones(len(names))
     for a, b in _alike(evidence, rows_of):
-        right = state_probabilities(trust * _pair_steps(evidence, rows_of, a, b))[:, 0]
+        steps, *_ = _renewed(evidence, rows_of, a, b, _nothing_kept(rows_of.shape[1]))
+        right = state_probabilities(trust * steps)[:, 0]
         for rows in (rows_of[a], rows_of[b]):
             seen = rows >= 0
             sure[rows[seen]] *= right[seen]
@@ -136,14 +138,27 @@ def _names(rows_of, count):
     return names
 
 
-def _pair_steps(evidence, rows_of, a, b):
-    one, other = rows_of[a], rows_of[b]
-    return _steps(evidence, a, b, one, other, _last_seen(one), _last_seen(other))
+def _nothing_kept(frames):
+    """Room for a pair's steps (frames, 2, 2), and for the rows (frames,) that they are of."""
+    return np.zeros((frames, 2, 2)), *np.full((2, frames), -2, np.int32)
 
 
-def _exchange(evidence, rows_of, a, b) -> bool:
-    """Exchange two whiskers' rows, in place, where that is likelier; whether it was."""
-    states, gain = _best_states(_pair_steps(evidence, rows_of, a, b))
+def _renewed(evidence, rows_of, a, b, kept):
+    """The steps of whiskers a and b as of `_steps`, and the rows that they are of.
+
+    kept : the same as of other rows, which is renewed where they differ
+    """
+    _renew(evidence, a, b, rows_of[a], rows_of[b], *kept)
+    return kept
+
+
+def _exchange(evidence, rows_of, a, b, kept) -> bool:
+    """Exchange two whiskers' rows, in place, where that is likelier; whether it was.
+
+    kept : as for `_renewed`
+    """
+    steps, *_ = _renewed(evidence, rows_of, a, b, kept)
+    states, gain = _best_states(steps)
     return gain >= LEAST_GAIN and _exchange_parts(evidence, a, b, rows_of[a], rows_of[b], states)
 
 
@@ -210,6 +225,30 @@ def _last_seen(rows):
 
 
 @njit(cache=True)
+def _renew(evidence, a, b, one, other, steps, known_one, known_other):
+    """Bring `steps`, which are of the `known` rows, and these up to date with one and other.
+
+    Exchanges change few frames: most steps stay as they are.
+    """
+    last, known_last = (-1, -1), (-1, -1)
+    for t in range(len(one)):
+        rows, known = (one[t], other[t]), (known_one[t], known_other[t])
+        if rows != known or last != known_last:
+            _step(evidence, a, b, rows, last, steps[t])
+            known_one[t], known_other[t] = rows
+        last, known_last = _seen_last(rows, last), _seen_last(known, known_last)
+
+
+@njit(cache=True)
+def _seen_last(rows, before):
+    """Rows where two whiskers were seen last, by those in a frame and those before."""
+    return (
+        rows[0] if rows[0] >= 0 else before[0],
+        rows[1] if rows[1] >= 0 else before[1],
+    )
+
+
+@njit(cache=True)
 def _steps(evidence, a, b, one, other, before_one, before_other):
     """Cost (frames, 2, 2) of every step from (not) exchanged to (not) exchanged.
 
@@ -218,24 +257,28 @@ def _steps(evidence, a, b, one, other, before_one, before_other):
     """
     out = np.zeros((len(one), 2, 2))
     for t in range(len(one)):
-        if one[t] < 0 and other[t] < 0:
-            continue
-        for now in range(2):
-            mine, theirs = (one[t], other[t]) if now == 0 else (other[t], one[t])
-            seen = 0.0
-            if mine >= 0:
-                seen += evidence.look[mine, a]
-            if theirs >= 0:
-                seen += evidence.look[theirs, b] if b >= 0 else evidence.nameless[theirs]
-            for before in range(2):
-                own, strange = before_one[t], before_other[t]
-                if before == 1:
-                    own, strange = strange, own
-                cost = link(evidence, a, own, mine)
-                if b >= 0:
-                    cost += link(evidence, b, strange, theirs)
-                out[t, before, now] = seen + cost
+        _step(evidence, a, b, (one[t], other[t]), (before_one[t], before_other[t]), out[t])
     return out
+
+
+@njit(cache=True)
+def _step(evidence, a, b, rows, last, out):
+    """Fill in the costs (2, 2) of `_steps` in one frame."""
+    out[:] = 0.0
+    if rows[0] < 0 and rows[1] < 0:
+        return
+    for now in range(2):
+        mine, theirs = rows[now], rows[1 - now]
+        seen = 0.0
+        if mine >= 0:
+            seen += evidence.look[mine, a]
+        if theirs >= 0:
+            seen += evidence.look[theirs, b] if b >= 0 else evidence.nameless[theirs]
+        for before in range(2):
+            cost = link(evidence, a, last[before], mine)
+            if b >= 0:
+                cost += link(evidence, b, last[1 - before], theirs)
+            out[before, now] = seen + cost
 
 
 @njit(cache=True)

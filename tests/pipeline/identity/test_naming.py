@@ -184,9 +184,29 @@ def test_no_exchange_makes_names_dearer_where_whiskers_are_often_not_seen(seed):
     table = label_swaps._table(known, named)
     for a, b in [(1, 0), (2, 1), (3, 2), (4, 0), (4, 3)]:
         before = cost_of(known, label_swaps._names(table, len(named)))
-        took = label_swaps._exchange(known, table, a, b)
+        kept = label_swaps._nothing_kept(table.shape[1])
+        took = label_swaps._exchange(known, table, a, b, kept)
         after = cost_of(known, label_swaps._names(table, len(named)))
         assert after < before if took else after == before
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_steps_that_are_kept_are_those_of_the_rows_as_they_are_now(seed):
+    rng = np.random.default_rng(seed)
+    known, _, true = evidence(rng)
+    table = label_swaps._table(known, true)
+    kept = label_swaps._nothing_kept(table.shape[1])
+    for _ in range(20):
+        first = rng.integers(FRAMES)
+        part = slice(first, first + rng.integers(1, 30))
+        if rng.random() < 0.5:
+            table[[0, 1], part] = table[[1, 0], part]
+        else:
+            table[rng.integers(2), part] = -1
+        steps, *_ = label_swaps._renewed(known, table, 1, 0, kept)
+        before = (label_swaps._last_seen(rows) for rows in (table[1], table[0]))
+        afresh = label_swaps._steps(known, 1, 0, table[1], table[0], *before)
+        assert np.array_equal(steps, afresh)
 
 
 def test_a_line_that_is_seen_to_go_on_keeps_its_name():
