@@ -33,9 +33,11 @@ Touches that contradict each other share errors that no number of frames takes a
 """
 
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 from scipy import sparse
+from scipy.linalg import cholesky, solve_triangular
 from scipy.special import expit
 
 from pipeline.detection.line_fit import SEEN_SD
@@ -49,12 +51,14 @@ from whiskermodel.whisker import Whisker
 
 MOST_KNOTS = 400
 STEADY = 1.0, 0.5, 0.25, 0.125, 0.0625  # of the most that the origin varies in time
+ALIKE = 0.0, 0.8, 0.95  # correlation of the origin at neighbouring knots
 LENGTH_WRONG = 0.05  # of lengths: have changed since they were measured; chosen
 TIP_PART = 0.3  # of the frames in which the tip must be seen at least
 OVER_TIP_PX = 2.2  # from the tip to where nothing would be seen: measured, rendered videos
 TIP_RULE_PX = 1.5  # standard error of that rule, of ends that fade: 1 px is measured, at most
 TIP_FRAMES = 2.0  # neighbouring frames whose ends err together, at least
 TIP_LAGS = 8  # frames over which ends of a codec's pictures err together
+LEAST_LEFT = 0.3  # of the errors' variance after a fit
 MOST_ROWS = 240  # loaded frames whose bending is used
 ENOUGH_ROWS = 20  # of frames that were not interpolated; with fewer, all are used
 LEAST_PUSH_SD = 15.0
@@ -118,14 +122,21 @@ class _Evidence:
 
         `seen` is this evidence beside others'.
         """
-        data, rhs, found = seen.matrix - self.matrix, seen.rhs - self.rhs, []
-        for part in STEADY:
-            prior = np.diag(self.matrix).copy()
-            prior[1:] = (part * most) ** -2
-            total = data + np.diag(prior)
-            volume = np.log(prior).sum() - np.linalg.slogdet(total)[1]
-            found.append((volume + rhs @ np.linalg.solve(total, rhs), prior))
-        return replace(self, matrix=np.diag(max(found, key=lambda each: each[0])[1]))
+        data, rhs = seen.matrix - self.matrix, seen.rhs - self.rhs
+        best, steady = -np.inf, self.matrix
+        for alike, part in product(ALIKE, STEADY):
+            prior = self.matrix.copy()
+            prior[1:, 1:], volume = _steadiness(len(rhs) - 1, alike, part * most)
+            lower = cholesky(data + prior, lower=True, check_finite=False)
+            likely = volume - 2 * np.log(np.diag(lower)).sum()
+            likely += np.sum(solve_triangular(lower, rhs, lower=True, check_finite=False) ** 2)
+            if likely > best:
+                best, steady = likely, prior
+        return replace(self, matrix=steady)
+
+    def freedom(self, before) -> float:
+        """How many numbers what was learnt since `before` may be said to have determined."""
+        return float(np.trace(np.linalg.solve(self.matrix, self.matrix - before.matrix)))
 
     def mean(self, rows, weight):
         """Weighted mean of the `rows`' origins, and its variance [m, m²]."""
@@ -143,6 +154,15 @@ class _Evidence:
         rhs = self.rhs + design.T @ pull - common * pull.sum() / own
         np.linalg.cholesky(matrix)  # fails where the parabola bends upwards
         return replace(self, matrix=matrix, rhs=rhs)
+
+
+def _steadiness(knots, alike, sd):
+    """Inverse of the covariance sd² alike^|j − k| of knots j and k, and its log determinant."""
+    free = sd**2 * (1 - alike**2)
+    diagonal = np.full(knots, 1 + alike**2)
+    diagonal[[0, -1]] = 1.0
+    inverse = np.diag(diagonal) - alike * (np.eye(knots, k=1) + np.eye(knots, k=-1))
+    return inverse / free, -2 * np.log(sd) - (knots - 1) * np.log(free)
 
 
 def origin_from_tip(
@@ -176,7 +196,8 @@ def origin_from_tip(
             left = away - part @ found.weights()
             left -= np.average(left, weights=weight)
             weight = 1 / np.maximum(1, np.abs(left) / (2 * sd))
-            variance = max(TIP_FRAMES * sd**2, _lasting_variance(np.clip(left, -3 * sd, 3 * sd)))
+            lasting = _lasting_variance(np.clip(left, -3 * sd, 3 * sd), found.freedom(evidence))
+            variance = max(TIP_FRAMES * sd**2, lasting)
         moved = evidence.beside(part, bend, bend, common).rhs  # by a tip 1 m farther out
         evidence = replace(found, tip=moved)
     return evidence.solve(), evidence
@@ -211,7 +232,7 @@ def origin_from_bending(
             part, whisker, curvature_at, rest, friction[rows], here - part.origin, influence
         )
         bend, pull = (np.nan_to_num(fit[f"origin_{k}"]) for k in ("bend", "pull"))
-        share = _trust(pull, bend) * (fit["chi2"] < CLEAN * float(np.nanmedian(fit["chi2"])))
+        share = 1.0 * (fit["chi2"] < CLEAN * float(np.nanmedian(fit["chi2"])))
         share /= _noise(share, pull, bend, touch[rows])
         weight, wish = share * bend, share * (pull + bend * here)
         common = _common_sd(share, bend, influence, part, fit, rest, whisker, apart)
@@ -301,14 +322,6 @@ def _misplaced_sd(gap, side):
     return POLE_LEVER * max(map(abs, sides), default=0.0)
 
 
-def _trust(pull, bend):
-    """Weight of each row: less where it wants to go much farther than its fellows."""
-    with np.errstate(all="ignore"):
-        wish = np.where(bend > 0, pull / bend, 0.0)
-    spread = max(float(robust_sd(wish)), 1e-6)
-    return 1 / np.maximum(1, np.abs(wish - np.median(wish)) / (3 * spread))
-
-
 def _design(time, knot_s):
     """Columns: 1, hats in time; sparse (rows, terms)."""
     span = float(np.ptp(time)) if len(time) else 0.0
@@ -343,10 +356,14 @@ def _believed(away, hidden, tip):
     return np.sqrt(variance / (1 - each @ follows)), np.sqrt(variance / (each @ follows))
 
 
-def _lasting_variance(errors):
-    """Variance that independent errors would have to have so that means scatter as these do's."""
+def _lasting_variance(errors, freedom=0.0):
+    """Variance that independent errors would have to have so that means scatter as these do's.
+
+    `freedom`: how many numbers were fitted, which follow the errors.
+    """
     lags = range(1, min(TIP_LAGS, len(errors) - 1) + 1)
-    return float(np.mean(errors**2) + 2 * sum(np.mean(errors[k:] * errors[:-k]) for k in lags))
+    variance = np.mean(errors**2) + 2 * sum(np.mean(errors[k:] * errors[:-k]) for k in lags)
+    return float(variance) / max(1 - freedom * (2 * TIP_LAGS + 1) / len(errors), LEAST_LEFT)
 
 
 def _tip_place(places, sd, whisker, params):

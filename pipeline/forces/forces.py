@@ -13,7 +13,7 @@ import pandas as pd
 from scipy.integrate import cumulative_trapezoid
 from scipy.ndimage import gaussian_filter1d
 
-from pipeline.forces import arc_length_offset, fur_bias, rest_shape, rod_fit
+from pipeline.forces import arc_length_offset, fur_bias, rest_shape, rod_fit, station_noise
 from pipeline.forces.rest_shape import RestModel
 from pipeline.forces.rod_fit import RestPrior, ShapeFit
 from pipeline.kinematics import resampled
@@ -116,6 +116,7 @@ def far_from_pole(places, params: RodParams = DEFAULTS.forces) -> np.ndarray:
 
 def _fit_rods(places, whisker, curvature_at, angle, time, free, friction, params):
     """Loaded rods of all rows, the `Origin` of their arc lengths, and the `RestModel` or None."""
+    places = station_noise.as_they_scatter(places, whisker, curvature_at, free)
     places = _without_bias(places, whisker, curvature_at, angle, time, free, params)
     origin, by_tip = arc_length_offset.origin_from_tip(places, whisker, time, params)
     places = replace(places, origin=origin.per_row)

@@ -128,11 +128,14 @@ def rest_basis(whisker: Whisker, arc_length) -> np.ndarray:
     return np.polynomial.legendre.legvander(u, N_REST - 1)
 
 
-def fit_free(stations: Stations, whisker: Whisker, curvature_at: float) -> ShapeFit:
-    """Fit pose and rest shape, no force: for frames in which the whisker touches nothing."""
+def fit_free(stations: Stations, whisker: Whisker, curvature_at: float, misfit=None) -> ShapeFit:
+    """Fit pose and rest shape, no force: for frames in which the whisker touches nothing.
+
+    `misfit` as in `fit_loaded`.
+    """
     n = len(stations)
     prior = RestPrior(np.zeros((1, N_REST)), 0.0, 1.0, np.zeros((n, N_REST)), _vague(n))
-    return _fit(stations, whisker, curvature_at, prior)
+    return _fit(stations, whisker, curvature_at, prior, misfit=misfit)
 
 
 def fit_loaded(

@@ -79,6 +79,19 @@ def test_first_points_that_wander_are_seen_from_the_tip(touching):
     assert abs(np.mean(origin.per_row)) < 0.01e-3
 
 
+def test_a_slow_wander_is_seen_through_a_codecs_ends(touching):
+    """Ends that scatter by 0.1 mm, and err alike for some frames, about a slow follicle."""
+    rng = np.random.default_rng(0)
+    n = len(touching.places)
+    slow = 0.08e-3 * np.sin(2 * np.pi * np.arange(n) / n)
+    ends = np.zeros(n)
+    for k, push in enumerate(rng.normal(0, 0.06e-3, n)):
+        ends[k] = 0.8 * ends[k - 1] + push
+    wandered = replace(touching.places, last=touching.places.last - slow + ends)
+    origin, _ = arc_length_offset.origin_from_tip(wandered, mouse_c2(), times(touching))
+    assert np.std(origin.per_row - slow) < 0.4 * np.std(slow)
+
+
 def times(touching):
     """Time [s] of the frames."""
     return touching.frames["time_s"].to_numpy()
@@ -310,16 +323,21 @@ def test_errors_that_last_count_as_fewer():
     assert arc_length_offset._lasting_variance(alone) == pytest.approx(4.0, rel=0.25)
 
 
-def test_rows_that_want_to_go_far_count_less():
-    """Beyond three of their fellows' standard deviations, as far as they are off."""
+def test_what_a_fit_follows_is_missing_from_the_errors():
+    """Means over 50 errors in turn, which a fit of as many numbers takes away."""
     rng = np.random.default_rng(5)
-    wish = 1e-4 * rng.normal(size=2000)
-    wish[0], wish[1] = 12e-4, 0.5e-4
-    bend = rng.uniform(0.5, 2, 2000)
-    share = arc_length_offset._trust(wish * bend, bend)
-    assert share[0] == pytest.approx(0.25, rel=0.1)
-    assert share[1] == 1.0
-    assert (share == 1).mean() > 0.99
+    errors = rng.normal(0, 2.0, (400, 50))
+    left = (errors - errors.mean(axis=1, keepdims=True)).ravel()
+    found = arc_length_offset._lasting_variance(left, len(errors))
+    assert found == pytest.approx(4.0, rel=0.15)
+
+
+def test_steadiness_is_the_inverse_of_a_covariance():
+    place = np.arange(6)
+    cov = 0.3**2 * 0.8 ** np.abs(np.subtract.outer(place, place))
+    inverse, volume = arc_length_offset._steadiness(6, 0.8, 0.3)
+    np.testing.assert_allclose(inverse @ cov, np.eye(6), atol=1e-12)
+    assert volume == pytest.approx(-np.linalg.slogdet(cov)[1])
 
 
 def test_pulls_that_scatter_more_than_they_say_count_less():

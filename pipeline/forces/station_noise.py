@@ -1,0 +1,52 @@
+"""What stations err by beside what the picture's noise explains, as free frames show it.
+
+A codec's errors are no noise of pixels: they grow less towards the thin tip, and pictures that it
+has smoothed seem the better for it. What rods miss stations by in free frames is a multiple of the
+expected variance, which all fits allow for, and a variance that is the same all along the whisker.
+"""
+
+import numpy as np
+from scipy.optimize import nnls
+
+from pipeline.forces import rod_fit
+from pipeline.kinematics.resampled import Stations
+from pipeline.numerics.robust import MAD_TO_SD
+from pipeline.numerics.runs import evenly
+from whiskermodel.whisker import Whisker
+
+MOST_ROWS = 60
+FEWEST_ROWS = 10  # in which a station was seen
+ROUNDS = 3  # a rod that relies on few stations misses them by too little
+
+
+def as_they_scatter(places: Stations, whisker: Whisker, curvature_at: float, free) -> Stations:
+    """Return the stations, all with that constant error beside those they know of.
+
+    `free`, bool (rows,): frames in which nothing touches the whisker.
+    """
+    rows = np.flatnonzero(free & np.isfinite(places.last))
+    part, doubt = places.rows(rows[evenly(len(rows), MOST_ROWS)]).loaded(), 0.0
+    for _ in range(ROUNDS):
+        misfit = np.full((len(part), 2, part.x.shape[1]), np.nan)
+        rod_fit.fit_free(part.doubted(doubt), whisker, curvature_at, misfit)
+        doubt = _constant(misfit[:, 0], part.information, doubt)
+    return places.doubted(doubt)
+
+
+def _constant(misfit, information, doubt):
+    """Variance [m²] beside the inverse of `information`, (rows, stations) as `misfit` [m].
+
+    `doubt` [m²]: what it is about, for the weights.
+    """
+    seen = (information > 0) & np.isfinite(misfit)
+    enough = seen.sum(axis=0) >= FEWEST_ROWS
+    if not enough.any():
+        return 0.0
+    square, expected = (
+        np.nanmedian(np.where(seen, each, np.nan)[:, enough], axis=0)
+        for each in (MAD_TO_SD**2 * misfit**2, 1 / np.where(seen, information, 1.0))
+    )
+    weight = 1 / (expected + doubt)
+    parts = np.stack([expected * weight, weight * np.median(expected)], axis=1)
+    multiple, constant = nnls(parts, square * weight)[0]
+    return float(constant / max(multiple, 1.0) * np.median(expected))
