@@ -17,7 +17,6 @@ import numpy as np
 from scipy.ndimage import median_filter
 
 from pipeline.numerics.robust import robust_sd
-from pipeline.numerics.runs import evenly
 from pipeline.session.parameters import DEFAULTS
 
 CLEAR_SD = 8.0  # as many times the distance's noise
@@ -36,7 +35,6 @@ SAME_ANGLE_RAD = 0.008
 MANY_FRAMES = 1000  # are left at least where not all free frames are looked at
 DRIFT_TIME_S = 0.3  # drift is followed over times longer than this
 DRIFT_SHRINK_FRAMES = 8  # so many frames of zero drift are added everywhere
-START_DRAWS = 100  # random small samples of frames, the best of which starts the robust fit
 TUKEY = 4.5  # SD beyond which a frame counts nothing
 
 
@@ -243,12 +241,13 @@ def _powers(u, degree):
 def _robust_polynomial(powers, values, precision, floor, weights=None):
     """Tukey-weighted least squares with a prior; weights (terms, values) and frames' shares.
 
-    `precision` (terms,) of the prior, `floor` (values,) the least spread of a frame. `weights` to
-    begin with are found among random ones where none are given.
+    `precision` (terms,) of the prior, `floor` (values,) the least spread of a frame. Where no
+    `weights` are given to begin with, the shape is the same at all angles at first.
     """
     begun = weights is not None
     if not begun:
-        weights = _robust_start(powers, values, np.mean(floor**2) * precision)
+        weights = np.zeros((powers.shape[1], values.shape[1]))
+        weights[0] = np.median(values, axis=0)
     for _ in range(2 if begun else 8):
         residual = values - powers @ weights
         spread = np.maximum(robust_sd(residual, about=0.0, axis=0), floor)
@@ -262,20 +261,6 @@ def _robust_polynomial(powers, values, precision, floor, weights=None):
         found = np.linalg.solve(weighted.T @ powers + prior, (weighted.T @ values).T[:, :, None])
         weights = found[:, :, 0].T
     return weights, share
-
-
-def _robust_start(powers, values, prior):
-    """Polynomial through a few frames that most frames are nearest to (least median)."""
-    n, terms = powers.shape
-    rng = np.random.default_rng(0)
-    rows = rng.integers(0, n, (START_DRAWS, terms + 1))
-    part = powers[rows]
-    square = np.swapaxes(part, 1, 2) @ part + np.diag(prior + 1e-9)
-    trials = np.linalg.solve(square, np.swapaxes(part, 1, 2) @ values[rows])
-    judges = evenly(n, 400)
-    misfit = np.abs(values[judges] - powers[judges] @ trials)
-    middle = np.median(misfit, axis=1)
-    return trials[np.argmin((middle / np.maximum(middle.min(axis=0), 1e-12)).sum(axis=1))]
 
 
 def _averaged(powers, values, share, noise, precision):
