@@ -3,7 +3,7 @@
 The tracker follows lines without labels (`tracking.unlabelled_tracker`). Here they wait in a file
 until the video has ended; in memory there are a few numbers per line. The appearance of every
 whisker is learnt from all frames; the labels are those that appearance and motion together make
-most likely (`label_swaps`).
+most likely, found in several ways (`ways`).
 """
 
 import tempfile
@@ -11,28 +11,19 @@ from collections.abc import Iterable, Iterator
 from dataclasses import fields, replace
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
-from pipeline.identity import label_swaps, motion_model, seeds
 from pipeline.identity.appearance import medians
 from pipeline.identity.features import ANGLE, LENGTH, NEAR_BEND, THICKNESS
 from pipeline.identity.limits import USUAL, Limits
-from pipeline.identity.ordered_assignment import Lines, looks_and_phases, named_in_order
+from pipeline.identity.ordered_assignment import Lines
 from pipeline.identity.sides import Sides
-from pipeline.identity.tracklets import named_by_tracklets, often_seen
+from pipeline.identity.ways import best_names
 from pipeline.session.parameters import DEFAULTS
 from pipeline.tables.centrelines import Centrelines
 from pipeline.tracking.matching import Ruler
 from pipeline.tracking.two_sides import names_by_side
 from pipeline.tracking.unlabelled_tracker import is_crowd
 
-LEAST_SD = np.array([0.01, np.radians(1.5), 0.05, 0.03, 0.007, 0.005])  # of a look
-ROUNDS = 2  # of naming all lines and learning the looks from them
-OTHERS = 3  # numbers of whiskers tried besides the likeliest, at most
-NEARLY = 1.05  # of its cost: numbers of whiskers that cost more are not tried
-LESS_OF_LOOKS = 0.2  # another way to the names: how lines move counts more
-# whiskers that tracklets lead to are seen in so many of the frames; what looks count then
-BY_TRACKLETS = (0.15, 1.0), (0.3, LESS_OF_LOOKS)
 PER_POINT = ("x_px", "y_px", "se_px", "offset_px", "information", "thickness_px")
 FEWEST_FRAMES = 2  # shorter tracks that belong to no named whisker are dropped
 
@@ -152,7 +143,7 @@ def names(frame, track, features, wanted=None, direction=1, limits: Limits = USU
         return named, sure
     order = usable[np.lexsort((track[usable], frame[usable]))]
     lines = Lines(features[order], frame[order].astype(int), track[order].astype(int), limits)
-    whisker, sure[order] = _all_names(lines)
+    whisker, sure[order] = best_names(lines)
     named[order] = _in_order(whisker, lines, wanted, direction)
     return named, sure
 
@@ -177,62 +168,6 @@ def with_unnamed(
         ends[free : free + 1] = [frame[rows[-1]]]
         whisker[rows], sure[rows] = first + free, unnamed_confidence
     return whisker, sure
-
-
-def _all_names(lines):
-    """Names, as whiskers were found, and how sure they are.
-
-    That is the probability that no two whiskers have changed names, times the square of the share
-    of ways that lead to this name (`_other_ways`): ways that share lines share errors, too.
-    """
-    if lines.frame[0] == lines.frame[-1]:  # in a single frame every line is a whisker by itself
-        return np.arange(len(lines.frame)), np.ones(len(lines.frame))
-    first, *others = named_in_order(lines, LEAST_SD)
-    named, evidence = _likeliest(lines, first.model, first.names)
-    others = [each for each in others[:OTHERS] if each.cost < NEARLY * first.cost]
-    agree = [_renamed(other, named) == named for other in _other_ways(lines, first, others)]
-    sure = label_swaps.certainty(evidence, named)
-    share = (1 + np.sum(agree, axis=0)) / (1 + len(agree))
-    return named, sure * share**2
-
-
-def _other_ways(lines, first, others):
-    """Names (rows,) by other ways: other numbers of whiskers, less of looks, first tracklets."""
-    for naming in others:
-        yield _likeliest(lines, naming.model, naming.names)[0]
-    yield _likeliest(lines, first.model, first.names, LESS_OF_LOOKS)[0]
-    by_tracklets = named_by_tracklets(lines)
-    for share, looks in BY_TRACKLETS:
-        names = often_seen(by_tracklets, lines.frame, share)
-        if names.max(initial=-1) >= 0:
-            model = seeds.looks_of(lines, names, LEAST_SD)
-            yield _likeliest(lines, model, names, looks)[0]
-
-
-def _likeliest(lines, model, named, looks=1.0):
-    """Names that looks and motions make likeliest, from first ones on, and the evidence.
-
-    looks : how much looks count beside motions
-    """
-    for number in range(ROUNDS):
-        if number:
-            model, named = seeds.with_more(model, named, lines)
-        model, phase = looks_and_phases(lines, model, named)
-        evidence = motion_model.evidence_of(model, lines, phase, looks)
-        named = label_swaps.improved(evidence, named, lines.track)
-    return named, evidence
-
-
-def _renamed(names, like):
-    """Names (rows,) with those numbers that agree most with the names `like`."""
-    both = (names >= 0) & (like >= 0)
-    count = np.zeros((names.max(initial=0) + 1, like.max(initial=0) + 1))
-    np.add.at(count, (names[both], like[both]), 1)
-    number = np.full(len(count) + 1, -2)
-    one, other = linear_sum_assignment(-count)
-    number[one] = other
-    number[-1] = -1
-    return number[names]
 
 
 def _in_order(whisker, lines, wanted, direction):

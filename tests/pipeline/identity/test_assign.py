@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pipeline.identity import assign
+from pipeline.identity import ways
 from pipeline.identity.assign import names
 from pipeline.identity.features import ANGLE
 from pipeline.identity.limits import Limits
@@ -36,10 +36,14 @@ def test_a_name_is_the_surer_the_more_ways_lead_to_it(monkeypatch):
     features, frame, true = whisking(6)
     wrong = np.where((frame < 60) & (true < 2), 1 - true, true)
 
-    def ways(lines, first, others):
-        yield from (true + 1, wrong, true)  # numbers of whiskers do not matter
+    usual = ways._ways
 
-    monkeypatch.setattr(assign, "_other_ways", ways)
+    def more(lines):
+        first, evidence = next(usual(lines))
+        # numbers of whiskers do not matter
+        yield from ((each, evidence) for each in (first, true + 1, wrong, true))
+
+    monkeypatch.setattr(ways, "_ways", more)
     found, sure = names(frame, true, features)
     assert (found == true).all()
     assert sure[wrong != true].max() <= (3 / 4) ** 2

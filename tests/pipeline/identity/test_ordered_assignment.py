@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pipeline.identity import ordered_assignment
-from pipeline.identity.assign import LEAST_SD, names
+from pipeline.identity.assign import names
 from pipeline.identity.features import ANGLE
 from pipeline.identity.ordered_assignment import (
     JUMP,
@@ -19,6 +19,7 @@ from pipeline.identity.ordered_assignment import (
     aligned,
     named_in_order,
 )
+from pipeline.identity.ways import LEAST_SD
 
 #    near bend, angle [rad], logs of thickness and length, bends [rad]
 FAN = np.array(

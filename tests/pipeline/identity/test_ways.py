@@ -1,0 +1,66 @@
+"""Which of several ways to name the lines of a video is believed."""
+
+import numpy as np
+import pytest
+
+from pipeline.identity import ways
+from pipeline.identity.features import ANGLE, BEND, LENGTH, N_FEATURES
+from pipeline.identity.ordered_assignment import Lines
+
+LENGTHS = np.array([65.0, 95, 140, 160, 100, 205, 90])  # px, of a row
+FRAMES, MOVES_ON = 120, 57  # the frame from which the row whisks
+
+
+def row(rng):
+    """Lines of a row that rests, then whisks by more than its whiskers are apart; true names."""
+    frame = np.repeat(np.arange(FRAMES), len(LENGTHS))
+    true = np.tile(np.arange(len(LENGTHS)), FRAMES)
+    phase = np.where(frame < MOVES_ON, 0.0, 0.3 * np.sin(0.8 * frame))
+    features = np.full((len(frame), N_FEATURES), np.nan)
+    features[:, ANGLE] = 0.15 * true + phase + rng.normal(0, 0.01, len(frame))
+    features[:, BEND] = 0.02 * true + 0.1 * phase
+    features[:, LENGTH] = np.log(LENGTHS[true]) + rng.normal(0, 0.03, len(frame))
+    return Lines(features, frame, true), true
+
+
+def moved_on(true):
+    """Names of a row that is taken for the row beside it from the first whisk on."""
+    later = np.repeat(np.arange(FRAMES), len(LENGTHS)) >= MOVES_ON
+    names = np.where(later, true - 1, true)
+    return np.where(names < 0, -1, names)
+
+
+def test_a_row_named_one_whisker_further_costs_more_than_the_true_names():
+    lines, true = row(np.random.default_rng(1))
+    assert ways._length_cost(lines, moved_on(true)) > 2 * ways._length_cost(lines, true)
+
+
+@pytest.mark.parametrize("wrong_first", [True, False])
+def test_the_way_that_keeps_lengths_is_believed_and_the_other_one_has_no_vote(
+    monkeypatch, wrong_first
+):
+    lines, true = row(np.random.default_rng(2))
+    found = [(moved_on(true), "wrong"), (true, "right")]
+    monkeypatch.setattr(ways, "_ways", lambda _: iter(found if wrong_first else found[::-1]))
+    certain = np.linspace(0.5, 1.0, len(true))
+    seen = []
+    monkeypatch.setattr(
+        ways.label_swaps, "certainty", lambda evidence, _: seen.append(evidence) or certain
+    )
+    names, sure = ways.best_names(lines)
+    assert np.array_equal(names, true)
+    assert seen == ["right"]
+    assert np.array_equal(sure, certain)
+
+
+def test_good_ways_that_disagree_take_confidence(monkeypatch):
+    lines, true = row(np.random.default_rng(3))
+    other = true.copy()
+    few = np.flatnonzero(lines.frame == 80)[:2]
+    other[few] = other[few[::-1]]
+    monkeypatch.setattr(ways, "_ways", lambda _: iter([(true, None), (other, None)]))
+    monkeypatch.setattr(ways.label_swaps, "certainty", lambda *_: np.ones(len(true)))
+    names, sure = ways.best_names(lines)
+    assert np.array_equal(names, true)
+    assert np.array_equal(np.flatnonzero(sure < 1), few)
+    assert np.allclose(sure[few], 0.25)  # one of two, squared
