@@ -23,7 +23,7 @@ BY_TRACKLETS = (0.15, 1.0), (0.3, LESS_OF_LOOKS)
 LENGTH_SD = 0.08  # of the logarithm of a whisker's length
 NO_NAME = 4.5  # cost of a line without a name, as of a length 3 SD off
 NO_LINE = 1.0  # cost of a whisker without a line in a frame
-WORSE = 0.15  # by so much per line a way may cost more than the best one and still vote
+WORSE = 1.1, 0.02  # a way that votes costs at most so many times the best one's, and more
 
 
 def best_names(lines) -> tuple[np.ndarray, np.ndarray]:
@@ -40,7 +40,7 @@ def best_names(lines) -> tuple[np.ndarray, np.ndarray]:
         ways.append(names)
         if costs[-1] == min(costs):
             named, evidence = names, each  # that of other ways is not kept: it is large
-    most = min(costs) + WORSE
+    most = WORSE[0] * min(costs) + WORSE[1]
     good = [way for way, cost in zip(ways, costs, strict=True) if cost <= most]
     agree = [_renamed(way, named) == named for way in good]
     share = np.mean(agree, axis=0)
