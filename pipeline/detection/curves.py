@@ -36,6 +36,11 @@ class Curves(NamedTuple):
         return self.places[self.offsets[k] : self.offsets[k + 1]]
 
 
+def length(curve) -> float:
+    """Length of a curve (n, 2) [px]."""
+    return float(np.hypot(*np.diff(curve, axis=0).T).sum())
+
+
 def join(curves: Curves, longest_gap=45.0, hidden=0) -> Curves:
     """Join curves whose ends look at each other, best pair first; return the joined curves.
 

@@ -59,7 +59,7 @@ def without_bias(
             return places
         judged = np.flatnonzero((step == now) | ((step < 0) & (now == 0)))
         square, expected = _misfits(held, part.information, judged, whisker, curvature_at, prior)
-        found = [_medians(square[kind], expected[kind]) for kind in (free, ~free)]
+        found = [usual_misfit(square[kind], expected[kind]) for kind in (free, ~free)]
         if now == STEPS - 1:
             usual = _usual(found)
         else:
@@ -97,8 +97,8 @@ def _misfits(held, information, judged, whisker, curvature_at, prior):
     return misfit[:, 0, judged] ** 2, expected
 
 
-def _medians(square, expected):
-    """Usual squared misfit and variance (stations,) of one kind of rows; NaN where too few."""
+def usual_misfit(square, expected):
+    """Usual squared misfit and variance (2, stations) of (rows, stations); NaN where too few."""
     out = np.full((2, square.shape[1]), np.nan)
     for k, known in enumerate(np.isfinite(square + expected).T):
         if known.sum() >= FEWEST_ROWS:

@@ -9,13 +9,12 @@ import numpy as np
 from scipy.optimize import nnls
 
 from pipeline.forces import rod_fit
+from pipeline.forces.fur_bias import usual_misfit
 from pipeline.kinematics.resampled import Stations
-from pipeline.numerics.robust import MAD_TO_SD
 from pipeline.numerics.runs import evenly
 from whiskermodel.whisker import Whisker
 
 MOST_ROWS = 60
-FEWEST_ROWS = 10  # in which a station was seen
 ROUNDS = 3  # a rod that relies on few stations misses them by too little
 
 
@@ -38,14 +37,12 @@ def _constant(misfit, information, doubt):
 
     `doubt` [m²]: what it is about, for the weights.
     """
-    seen = (information > 0) & np.isfinite(misfit)
-    enough = seen.sum(axis=0) >= FEWEST_ROWS
-    if not enough.any():
+    seen = information > 0
+    expected = np.where(seen, 1 / np.where(seen, information, 1.0), np.nan)
+    square, expected = usual_misfit(misfit**2, expected)
+    square, expected = (each[np.isfinite(square)] for each in (square, expected))
+    if not len(square):
         return 0.0
-    square, expected = (
-        np.nanmedian(np.where(seen, each, np.nan)[:, enough], axis=0)
-        for each in (MAD_TO_SD**2 * misfit**2, 1 / np.where(seen, information, 1.0))
-    )
     weight = 1 / (expected + doubt)
     parts = np.stack([expected * weight, weight * np.median(expected)], axis=1)
     multiple, constant = nnls(parts, square * weight)[0]

@@ -90,7 +90,7 @@ def certainty(evidence: Evidence, names, trust=TRUST) -> np.ndarray:
     rows_of = _table(evidence, names)
     sure = np.ones(len(names))
     for a, b in _alike(evidence, rows_of):
-        steps, *_ = _renewed(evidence, rows_of, a, b, _nothing_kept(rows_of.shape[1]))
+        steps = _steps(evidence, a, b, rows_of[a], rows_of[b], (-1, -1))
         right = state_probabilities(trust * steps)[:, 0]
         for rows in (rows_of[a], rows_of[b]):
             seen = rows >= 0
@@ -143,22 +143,13 @@ def _nothing_kept(frames):
     return np.zeros((frames, 2, 2)), *np.full((2, frames), -2, np.int32)
 
 
-def _renewed(evidence, rows_of, a, b, kept):
-    """The steps of whiskers a and b as of `_steps`, and the rows that they are of.
-
-    kept : the same as of other rows, which is renewed where they differ
-    """
-    _renew(evidence, a, b, rows_of[a], rows_of[b], *kept)
-    return kept
-
-
 def _exchange(evidence, rows_of, a, b, kept) -> bool:
     """Exchange two whiskers' rows, in place, where that is likelier; whether it was.
 
-    kept : as for `_renewed`
+    kept : as of `_nothing_kept`, which is brought up to date
     """
-    steps, *_ = _renewed(evidence, rows_of, a, b, kept)
-    states, gain = _best_states(steps)
+    _renew(evidence, a, b, rows_of[a], rows_of[b], *kept)
+    states, gain = _best_states(kept[0])
     return gain >= LEAST_GAIN and _exchange_parts(evidence, a, b, rows_of[a], rows_of[b], states)
 
 
@@ -213,18 +204,6 @@ def link(evidence, a, i, j):
 
 
 @njit(cache=True)
-def _last_seen(rows):
-    """Row of a whisker's last line before every frame, −1 for none; `rows` (frames,)."""
-    out = np.full(len(rows), -1)
-    last = -1
-    for t in range(len(rows)):
-        out[t] = last
-        if rows[t] >= 0:
-            last = rows[t]
-    return out
-
-
-@njit(cache=True)
 def _renew(evidence, a, b, one, other, steps, known_one, known_other):
     """Bring `steps`, which are of the `known` rows, and these up to date with one and other.
 
@@ -249,15 +228,17 @@ def _seen_last(rows, before):
 
 
 @njit(cache=True)
-def _steps(evidence, a, b, one, other, before_one, before_other):
+def _steps(evidence, a, b, one, other, last):
     """Cost (frames, 2, 2) of every step from (not) exchanged to (not) exchanged.
 
     one, other : (frames,) rows of whiskers a and b, −1 where not seen; b < 0: nameless rows
-    before_one, before_other : the rows where they were seen last
+    last : the two rows where they were seen last before, −1 for none
     """
     out = np.zeros((len(one), 2, 2))
     for t in range(len(one)):
-        _step(evidence, a, b, (one[t], other[t]), (before_one[t], before_other[t]), out[t])
+        rows = (one[t], other[t])
+        _step(evidence, a, b, rows, last, out[t])
+        last = _seen_last(rows, last)
     return out
 
 
@@ -347,12 +328,7 @@ def _claimed(evidence, a, own, other, before, again):
 
     Neither is exchanged before, nor where the whisker is seen `again` in the last frame.
     """
-    before_own = _last_seen(own)
-    for t in range(len(own)):
-        if before_own[t] < 0:
-            before_own[t] = before
-    before_other = _last_seen(other)
-    steps = _steps(evidence, a, -1, own, other, before_own, before_other)
+    steps = _steps(evidence, a, -1, own, other, (before, -1))
     # what is exchanged from the first frame on goes on from where the whisker itself was
     if other[0] >= 0:
         first = evidence.look[other[0], a] + link(evidence, a, before, other[0])

@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 
 from pipeline.detection import ridges
-from pipeline.detection.curves import join
+from pipeline.detection.curves import length
 from pipeline.numerics.robust import robust_sd
 from pipeline.scene.scale import working_scale
 
@@ -61,7 +61,5 @@ def _masked(image, where):
 def _line_length(hat, shortest_px) -> float:
     """Length of the long lines in a picture of thin things [px]."""
     noise = np.full(hat.shape, max(float(hat.mean()), 1.0) / 255, np.float32)
-    index, points = ridges.ridge_points(hat.astype(np.float32) / 255, noise)
-    curves = join(ridges.link(index, points, shortest=10)).each()
-    lengths = [np.hypot(*np.diff(curve, axis=0).T).sum() for curve in curves]
-    return float(sum(length for length in lengths if length > shortest_px))
+    curves = ridges.curves_of(hat.astype(np.float32) / 255, noise).each()
+    return float(sum(each for each in map(length, curves) if each > shortest_px))

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from pipeline.detection import ridges
-from pipeline.detection.curves import Curves, join
+from pipeline.detection.curves import Curves, join, length
 from pipeline.scene.background import thin_dark_lines
 from pipeline.scene.face import SIDES
 from pipeline.scene.illumination import light_without_objects
@@ -73,18 +73,11 @@ def _whiskers(image, pixels_per_mm, params):
     black, light = light_without_objects(image, pixels_per_mm, thin, params)
     dark = np.clip(1 - (image - black) / np.maximum(light - black, 1.0), -0.3, 1.0)
     sd = np.sqrt(noise[0] + noise[1] * np.maximum(image, 0)) / np.maximum(light - black, 1.0)
-    index, points = ridges.ridge_points(
-        np.where(thin, dark, 0).astype(np.float32), sd.astype(np.float32)
-    )
-    curves = join(ridges.link(index, points, shortest=10)).each()
-    long = Curves.of([each for each in curves if _length(each) > SHORTEST_MM * pixels_per_mm])
+    curves = ridges.curves_of(np.where(thin, dark, 0).astype(np.float32), sd.astype(np.float32))
+    least = SHORTEST_MM * pixels_per_mm
+    long = Curves.of([each for each in curves.each() if length(each) > least])
     hidden = round(HIDDEN_MM * pixels_per_mm)
     return [(curve, dark) for curve in join(long, GAP_MM * pixels_per_mm, hidden).each()]
-
-
-def _length(curve):
-    """Length of points (n, 2), one after the other."""
-    return np.hypot(*np.diff(curve, axis=0).T).sum()
 
 
 def _has_moved(curve, image, lightest) -> bool:

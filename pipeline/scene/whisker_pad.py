@@ -12,7 +12,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from pipeline.detection import ridges
-from pipeline.detection.curves import join
+from pipeline.detection.curves import length
 from pipeline.detection.image_model import ImageModel, absorbance_image
 from pipeline.detection.static_scene import StaticScene
 from pipeline.scene.face import INWARD, SIDES
@@ -81,23 +81,12 @@ def _whiskers(frames, scene, shortest_px):
     dark = np.stack([absorbance_image(each, model, model.gain(each)) for each in frames[::step]])
     usual = np.median(dark, axis=0)
     found = [
-        (*ends, _length(curve))
+        (*ends, length(curve))
         for image in dark
-        for curve in _curves(image, model.noise, shortest_px)
-        if (ends := _base_and_tip(curve, image, usual)) is not None
+        for curve in ridges.curves_of(image, model.noise).each()
+        if length(curve) > shortest_px and (ends := _base_and_tip(curve, image, usual)) is not None
     ]
     return np.array(found, float).reshape(-1, 5)
-
-
-def _curves(image, noise, shortest_px):
-    """Dark lines of an absorbance image, points (n, 2) each."""
-    index, points = ridges.ridge_points(image, noise)
-    curves = join(ridges.link(index, points, shortest=10)).each()
-    return [curve for curve in curves if _length(curve) > shortest_px]
-
-
-def _length(curve) -> float:
-    return float(np.hypot(*np.diff(curve, axis=0).T).sum())
 
 
 def _base_and_tip(curve, image, usual):

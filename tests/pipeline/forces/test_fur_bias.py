@@ -102,11 +102,11 @@ def test_usual_misfits_are_variances_of_few_outliers():
     square[:400] = 1e4
     expected = rng.uniform(0.9, 1.1, (4000, 4)) * sd**2 / 2
     square[9:, 2], square[10:, 3] = np.nan, np.nan
-    found, usual = fur_bias._medians(square, expected)
+    found, usual = fur_bias.usual_misfit(square, expected)
     np.testing.assert_allclose(found[:2], sd[:2] ** 2, rtol=0.35)  # a tenth is wild
     np.testing.assert_allclose(usual[:2], sd[:2] ** 2 / 2, rtol=0.02)
     np.testing.assert_array_equal(np.isnan(found), [False, False, True, False])
-    calm, _ = fur_bias._medians(square[400:], expected[400:])
+    calm, _ = fur_bias.usual_misfit(square[400:], expected[400:])
     np.testing.assert_allclose(calm[:2], sd[:2] ** 2, rtol=0.1)
 
 
