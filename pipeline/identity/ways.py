@@ -22,7 +22,7 @@ LESS_OF_LOOKS = 0.2  # another way to the names: how lines move counts more
 BY_TRACKLETS = (0.15, 1.0), (0.3, LESS_OF_LOOKS)
 LENGTH_SD = 0.08  # of the logarithm of a whisker's length
 NO_NAME = 4.5  # cost of a line without a name, as of a length 3 SD off
-NO_LINE = 1.0  # cost of a whisker without a line in a frame
+NO_LINE = 2.0  # cost of a whisker without a line in a frame
 WORSE = 1.1, 0.02  # a way that votes costs at most so many times the best one's, and more
 
 
@@ -34,21 +34,17 @@ def best_names(lines) -> tuple[np.ndarray, np.ndarray]:
     """
     if lines.frame[0] == lines.frame[-1]:  # in a single frame every line is a whisker by itself
         return np.arange(len(lines.frame)), np.ones(len(lines.frame))
-    costs, ways, evidence = [], [], None
-    for names, each in _ways(lines):
-        costs.append(_length_cost(lines, names))
-        ways.append(names)
-        if costs[-1] == min(costs):
-            named, evidence = names, each  # that of other ways is not kept: it is large
-    most = WORSE[0] * min(costs) + WORSE[1]
-    good = [way for way, cost in zip(ways, costs, strict=True) if cost <= most]
-    agree = [_renamed(way, named) == named for way in good]
-    share = np.mean(agree, axis=0)
+    ways = list(_ways(lines))
+    costs = np.array([_length_cost(lines, names) for names, *_ in ways])
+    named, model, phase = ways[int(np.argmin(costs))]
+    good = np.flatnonzero(costs <= WORSE[0] * costs.min() + WORSE[1])
+    share = np.mean([_renamed(ways[k][0], named) == named for k in good], axis=0)
+    evidence = motion_model.evidence_of(model, lines, phase)
     return named, label_swaps.certainty(evidence, named) * share**2
 
 
 def _ways(lines):
-    """Names (rows,) and their evidence, by numbers of whiskers, by motions and by tracklets."""
+    """Names (rows,) by numbers of whiskers, by motions and by tracklets, as of `_likeliest`."""
     first, *others = named_in_order(lines, LEAST_SD)
     yield _likeliest(lines, first.model, first.names)
     for other in others[:OTHERS]:
@@ -63,7 +59,7 @@ def _ways(lines):
 
 
 def _likeliest(lines, model, named, looks=1.0):
-    """Names that looks and motions make likeliest, from first ones on, and the evidence.
+    """Names that looks and motions make likeliest, from first ones on, and looks and phases.
 
     looks : how much looks count beside motions
     """
@@ -73,7 +69,7 @@ def _likeliest(lines, model, named, looks=1.0):
         model, phase = looks_and_phases(lines, model, named)
         evidence = motion_model.evidence_of(model, lines, phase, looks)
         named = label_swaps.improved(evidence, named, lines.track)
-    return named, evidence
+    return named, model, phase
 
 
 def _length_cost(lines, names) -> float:

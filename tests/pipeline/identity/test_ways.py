@@ -40,7 +40,8 @@ def test_the_way_that_keeps_lengths_is_believed_and_the_other_one_has_no_vote(
     monkeypatch, wrong_first
 ):
     lines, true = row(np.random.default_rng(2))
-    found = [(moved_on(true), "wrong"), (true, "right")]
+    found = [(moved_on(true), "wrong", None), (true, "right", None)]
+    monkeypatch.setattr(ways.motion_model, "evidence_of", lambda model, *_: model)
     monkeypatch.setattr(ways, "_ways", lambda _: iter(found if wrong_first else found[::-1]))
     certain = np.linspace(0.5, 1.0, len(true))
     seen = []
@@ -58,9 +59,28 @@ def test_good_ways_that_disagree_take_confidence(monkeypatch):
     other = true.copy()
     few = np.flatnonzero(lines.frame == 80)[:2]
     other[few] = other[few[::-1]]
-    monkeypatch.setattr(ways, "_ways", lambda _: iter([(true, None), (other, None)]))
+    monkeypatch.setattr(ways, "_ways", lambda _: iter([(true, None, None), (other, None, None)]))
+    monkeypatch.setattr(ways.motion_model, "evidence_of", lambda *_: None)
     monkeypatch.setattr(ways.label_swaps, "certainty", lambda *_: np.ones(len(true)))
     names, sure = ways.best_names(lines)
     assert np.array_equal(names, true)
     assert np.array_equal(np.flatnonzero(sure < 1), few)
     assert np.allclose(sure[few], 0.25)  # one of two, squared
+
+
+@pytest.mark.parametrize("less", [1.0, 0.2])
+def test_names_are_as_sure_where_a_way_to_them_counts_looks_less(monkeypatch, less):
+    lines, true = row(np.random.default_rng(4))
+    usual = ways._likeliest(lines, ways.seeds.looks_of(lines, true, ways.LEAST_SD), true)
+    found = ways._likeliest(lines, usual[1], true, less)
+    monkeypatch.setattr(ways, "_ways", lambda _: iter([found]))
+    names, sure = ways.best_names(lines)
+    assert np.array_equal(names, true)
+    assert np.median(sure) > 0.9
+
+
+def test_a_whisker_that_is_taken_for_two_in_turn_costs_more():
+    lines, true = row(np.random.default_rng(5))
+    lines.features[(true == 2) & (lines.frame % 40 < 20), LENGTH] -= 0.3  # its tip fades in turn
+    two = np.where((true == 2) & (lines.frame % 40 < 20), len(LENGTHS), true)
+    assert ways._length_cost(lines, two) > ways._length_cost(lines, true)
