@@ -18,6 +18,7 @@ MOST_SD = 1.5  # of the usual whisker's SD: what is wider is several whiskers
 UNSEEN = 0.5  # cost of a feature that a line does not show
 FEWEST = 12  # lines needed to fit how a feature varies with the phase
 ENOUGH = 600  # lines of a whisker that are fitted, spread over the video
+BLOCK = 256  # rows that are looked at together
 LEAST_SLOPE = 0.5  # of a whisker's angle with the phase
 
 
@@ -78,22 +79,58 @@ def medians(values, starts):
 
 @njit(cache=True)
 def _costs(features, phase, middle, slope, sd, least_sd):
-    """Costs (rows, whiskers) as of `FanModel.costs`."""
-    out = np.zeros((len(features), len(middle)))
-    wide, per_sd, most = np.log(sd / least_sd), 1.0 / sd, 0.5 * FARTHEST**2
-    for row in range(len(features)):
-        for k in range(len(middle)):
+    """Costs (rows, whiskers) as of `FanModel.costs`, of BLOCK rows at a time."""
+    out, most = np.empty((len(features), len(middle))), 0.5 * FARTHEST**2
+    wide, per_sd = np.log(sd / least_sd), 1.0 / sd
+    values, off, cost = np.empty((N_FEATURES, BLOCK)), np.zeros(BLOCK), np.empty(BLOCK)
+    for first in range(0, len(out), BLOCK):
+        n = min(len(out) - first, BLOCK)
+        for i in range(n):
             for j in range(N_FEATURES):
-                if np.isnan(features[row, j]):
-                    out[row, k] += UNSEEN
-                elif np.isnan(middle[k, j]):
-                    out[row, k] += most[j]
-                else:
-                    off = features[row, j] - middle[k, j] - slope[k, j] * phase[row]
-                    if j == ANGLE and abs(off) > np.pi:
-                        off = wrapped(off)
-                    out[row, k] += min(0.5 * (off * per_sd[k, j]) ** 2, most[j]) + wide[k, j]
+                values[j, i] = features[first + i, j]
+        for k in range(len(middle)):
+            cost[:] = 0.0
+            for j in range(N_FEATURES):
+                if np.isnan(middle[k, j]):  # never seen of this whisker
+                    off[:] = 0.0
+                    _add_costs(values[j], off, n, 0.0, most[j], most[j], cost)
+                    continue
+                _lay_off(values[j], phase[first:], n, middle[k, j], slope[k, j], off)
+                if j == ANGLE:
+                    _wrap(off, n)
+                _add_costs(values[j], off, n, per_sd[k, j], wide[k, j], most[j], cost)
+            for i in range(n):
+                out[first + i, k] = cost[i]
     return out
+
+
+@njit(cache=True)
+def _lay_off(values, phase, n, middle, slope, off):
+    """How far the first `n` values are off a whisker's at these phases."""
+    for i in range(n):
+        off[i] = values[i] - middle - slope * phase[i]
+
+
+@njit(cache=True)
+def _wrap(off, n):
+    """Bring the first `n` angles between −π and π, where any lies beyond."""
+    beyond = 0
+    for i in range(n):
+        beyond += abs(off[i]) > np.pi
+    if beyond > 0:
+        for i in range(n):
+            if abs(off[i]) > np.pi:
+                off[i] = wrapped(off[i])
+
+
+@njit(cache=True)
+def _add_costs(values, off, n, per_sd, wide, most, cost):
+    """Add what the first `n` values cost that are so far `off`; UNSEEN where they are NaN."""
+    for i in range(n):
+        scaled = off[i] * per_sd
+        square = 0.5 * (scaled * scaled)
+        known = (square if square < most else most) + wide
+        cost[i] += UNSEEN if np.isnan(values[i]) else known
 
 
 @njit(cache=True)

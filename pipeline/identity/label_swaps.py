@@ -344,24 +344,25 @@ def _claim(evidence, seen, a, rows):
 
     seen : (frames,) the whisker's rows
     """
-    first, end = evidence.frame[rows[0]], evidence.frame[rows[-1]] + 1
-    while end < len(seen) and seen[end] < 0:
-        end += 1
-    again = end < len(seen)
-    own = seen[first : end + again]
-    other = np.full(len(own), -1)
-    other[: len(rows)] = rows
-    before = -1
-    for t in range(first - 1, -1, -1):
-        if seen[t] >= 0:
-            before = seen[t]
-            break
-    states, gain = _claimed(evidence, a, own, other, before, again)
+    first, count = evidence.frame[rows[0]], len(rows)
+    before, next_ = first - 1, first + count
+    while before >= 0 and seen[before] < 0:
+        before -= 1
+    while next_ < len(seen) and seen[next_] < 0:
+        next_ += 1
+    # nothing happens until the whisker is seen again: one empty frame stands for all
+    empty, again = min(next_ - first - count, 1), next_ < len(seen)
+    own, other = np.full((2, count + empty + again), -1)
+    own[:count], other[:count] = seen[first : first + count], rows
+    if again:
+        own[-1] = seen[next_]
+    last = seen[before] if before >= 0 else -1
+    states, gain = _claimed(evidence, a, own, other, last, again)
     if gain < LEAST_GAIN:
         return False
-    for t in range(len(own)):
+    for t in range(count):
         if states[t] > 0:
-            own[t] = other[t]
+            seen[first + t] = other[t]
     return True
 
 

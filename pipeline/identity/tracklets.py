@@ -9,16 +9,18 @@ and have about the same direction in the row, length and thickness.
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import min_weight_full_bipartite_matching
 from scipy.sparse.linalg import LinearOperator, cg
 
 from pipeline.identity.appearance import medians
 from pipeline.identity.features import ANGLE, LENGTH, THICKNESS
-from pipeline.numerics.robust import robust_sd
+from pipeline.numerics.robust import MAD_TO_SD
 
 JUMP = np.radians(5.0)  # beside the row's motion, from frame to frame
 MEETING = np.radians(1.0)  # lines so near in direction may be taken for each other
+LEAST_SCALE = np.radians(0.1)  # of turns about the row's
 LONGEST_GAP = 40  # frames, over which a line may go on
 END = 5  # frames at a tracklet's end that give its length and thickness there
 LINK_SD, LINK_SD_PER_ROOT_FRAME = np.radians([1.0, 0.4])  # of a direction over a gap
@@ -88,19 +90,21 @@ class RowMotion:
         return out
 
 
+@njit(cache=True)
 def _robust_line(x, y):
     """Intercept and slope of y against x, by reweighting; the slope is held near zero."""
     if len(x) < 3:
-        return (float(np.median(y)) if len(y) else 0.0), 0.0
-    shift, gain = float(np.median(y)), 0.0
+        return (np.median(y) if len(y) else 0.0), 0.0
+    shift, gain = np.median(y), 0.0
     for _ in range(5):
         off = y - shift - gain * x
-        scale = max(robust_sd(off, about=0.0), np.radians(0.1))
+        scale = max(MAD_TO_SD * np.median(np.abs(off)), LEAST_SCALE)
         weight = 1 / (1 + (off / (2 * scale)) ** 2) ** 2
-        total, mean = weight.sum(), (weight * x).sum() / weight.sum()
+        total = weight.sum()
+        mean = (weight * x).sum() / total
         spread = (weight * (x - mean) ** 2).sum() + 0.02
-        gain = float((weight * (x - mean) * y).sum() / spread)
-        shift = float((weight * (y - gain * x)).sum() / total)
+        gain = (weight * (x - mean) * y).sum() / spread
+        shift = (weight * (y - gain * x)).sum() / total
     return shift, gain
 
 

@@ -17,16 +17,15 @@ def likeliest_path(steps):
     """
     n, size = len(steps), steps.shape[2]
     came = np.zeros((n, size), np.int64)
-    cost = steps[0, 0].copy()
+    cost, new = steps[0, 0].copy(), np.empty(size)
     for t in range(1, n):
-        new = np.empty(size)
         for now in range(size):
             new[now], came[t, now] = cost[now] + steps[t, now, now], now
             for before in range(size):
                 other = cost[before] + steps[t, before, now]
                 if other < new[now]:
                     new[now], came[t, now] = other, before
-        cost = new
+        cost, new = new, cost
     states = np.zeros(n, np.int64)
     states[-1] = np.argmin(cost)
     for t in range(n - 1, 0, -1):
