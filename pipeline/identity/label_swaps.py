@@ -116,11 +116,15 @@ def _alike(evidence, rows_of):
 
 
 def runs(names, track, frame):
-    """Rows of nameless lines: a list of arrays, one per unbroken run of a track."""
+    """Nameless rows, run by run of a track without a gap, and where each run begins, and the end.
+
+    Returns rows (n,) and their places (runs + 1,).
+    """
     rows = np.flatnonzero(names < 0)
     rows = rows[np.lexsort((frame[rows], track[rows]))]
     cut = (np.diff(track[rows]) != 0) | (np.diff(frame[rows]) != 1)
-    return [run for run in np.split(rows, np.flatnonzero(cut) + 1) if len(run)]
+    inner = np.flatnonzero(cut) + 1
+    return rows, np.concatenate([[0], inner, [len(rows)]]) if len(rows) else np.zeros(1, int)
 
 
 def _table(evidence, names):
@@ -163,9 +167,9 @@ def _claims(evidence, rows_of, track, changed, fresh):
     """
     names = _names(rows_of, len(fresh))
     fresh[names >= 0] = True
-    claimed, unnamed = np.zeros(len(rows_of), bool), runs(names, track, evidence.frame)
-    if unnamed:
-        rows, first = np.concatenate(unnamed), np.cumsum([0, *map(len, unnamed)])
+    claimed = np.zeros(len(rows_of), bool)
+    rows, first = runs(names, track, evidence.frame)
+    if len(rows):
         cost = evidence.look[rows] - evidence.nameless[rows, None]
         cost = np.add.reduceat(cost, first[:-1], axis=0)
         likely = np.argsort(cost, axis=1)[:, :MOST_CLAIMING]

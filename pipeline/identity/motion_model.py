@@ -120,7 +120,7 @@ def row_before(frame, track) -> np.ndarray:
 
 def common_turns(features, frame, before, slope=1.0) -> np.ndarray:
     """What all whiskers turn by from the frame before to every frame, (frames,) [rad]."""
-    turn = _steps(features, before)[:, ANGLE] / slope
+    turn = _steps(features[:, ANGLE], before) / slope
     known = np.flatnonzero(np.isfinite(turn))
     out = np.zeros(frame[-1] + 1)
     present, starts = np.unique(frame[known], return_index=True)
@@ -131,13 +131,13 @@ def common_turns(features, frame, before, slope=1.0) -> np.ndarray:
 def sure_turns(features, frame, before, slope=1.0, own_turn=USUAL.own_turn) -> np.ndarray:
     """The same, NaN where few lines show it or tracks seem to have gone on with other lines."""
     turn = common_turns(features, frame, before, slope)
-    seen = np.isfinite(_steps(features, before)[:, ANGLE] / slope)
+    seen = np.isfinite(_steps(features[:, ANGLE], before) / slope)
     many = np.bincount(frame[seen], minlength=len(turn)) >= FEWEST_TURNING
     return np.where(many & _is_even(turn, own_turn), turn, np.nan)
 
 
 def _steps(features, before):
-    """Change (rows, 6) of every row's features since the frame before, NaN where not seen."""
+    """Change of every row's features (rows, …) since the frame before, NaN where not seen."""
     out = np.full(features.shape, np.nan)
     on = before >= 0
     out[on] = features[on] - features[before[on]]

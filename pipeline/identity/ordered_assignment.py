@@ -9,6 +9,7 @@ line along the face is the k-th whisker's.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numba import njit
@@ -52,18 +53,18 @@ class Lines:
     track: np.ndarray
     limits: Limits = USUAL
 
-    @property
+    @cached_property
     def starts(self):
         """First row of every frame, and the number of rows."""
         return np.searchsorted(self.frame, np.arange(self.frame[-1] + 2))
 
-    @property
+    @cached_property
     def along(self):
         """Every frame's rows in their order along the face, counted from its first (rows,)."""
         order = np.lexsort((self.features[:, ANGLE], self.frame))
         return order - self.starts[self.frame]
 
-    @property
+    @cached_property
     def pieces(self):
         """Rows ordered by track and frame (rows,), and where unbroken pieces begin and end."""
         order = np.lexsort((self.frame, self.track))

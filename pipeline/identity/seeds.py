@@ -20,12 +20,12 @@ def with_more(model: FanModel, names, lines) -> tuple[FanModel, np.ndarray]:
     """
     features, frame, track = lines.features, lines.frame, lines.track
     known = len(model.middle)
-    long = sorted(label_swaps.runs(names, track, frame), key=len, reverse=True)
+    unnamed, first = label_swaps.runs(names, track, frame)
+    length = np.diff(first)
+    longest = np.argsort(-length, kind="stable")[: max(min(MOST_NEW, MOST - known), 0)]
     names = names.copy()
     new = [
-        rows
-        for rows in long[: max(min(MOST_NEW, MOST - known), 0)]
-        if len(rows) >= lines.limits.long_track
+        unnamed[first[k] : first[k + 1]] for k in longest if length[k] >= lines.limits.long_track
     ]
     for number, rows in enumerate(new):
         names[rows] = known + number

@@ -83,11 +83,18 @@ class RowMotion:
 
     def carried(self, angle, frame):
         """Directions [rad] in LONGEST_GAP frames from `frame` on of what moves on with the row."""
-        out = np.full(LONGEST_GAP, angle)
-        last = min(frame + LONGEST_GAP, len(self.shift)) - 1
-        for k, at in enumerate(range(frame, last)):
-            out[k + 1 :] = out[k] + self.shift[at] + self.gain[at] * out[k]
-        return out
+        return _carried(self.shift, self.gain, angle, frame)
+
+
+@njit(cache=True)
+def _carried(shift, gain, angle, frame):
+    """Directions as of `RowMotion.carried`."""
+    out = np.full(LONGEST_GAP, angle)
+    for k in range(1, LONGEST_GAP):
+        at = frame + k - 1
+        moves = at < len(shift) - 1
+        out[k] = out[k - 1] + (shift[at] + gain[at] * out[k - 1] if moves else 0.0)
+    return out
 
 
 @njit(cache=True)
