@@ -14,7 +14,6 @@ from numba import njit
 
 from pipeline.session.recording import Recording
 from pipeline.tables.columns import split_flags
-from whiskermodel.force_profiles import half_gaussian
 
 FEWEST_FRAMES = 3
 PAD_FRAMES = 1  # free frames at either end, where the force is zero
@@ -62,13 +61,9 @@ def fit_pulse(time, force) -> Pulse | None:
     t = np.concatenate([first + before, np.flatnonzero(known), last + after]).astype(float)
     scale = float(np.nanmax(force))
     f = np.concatenate([np.zeros(PAD_FRAMES), force[known] / scale, np.zeros(PAD_FRAMES)])
-    found, cov, total = _best_fit(t, f, first, last, np.array(STARTS))
-    inner = slice(PAD_FRAMES, len(t) - PAD_FRAMES)
+    found, variance, missing, spread = _best_fit(t, f, first, last, STARTS)
     peak, duration, centre = found
-    missing = f[inner] - half_gaussian(t[inner], duration, peak, centre - duration / 2)
-    spread = ((f[inner] - f[inner].mean()) ** 2).sum()
-    variance = total / max(len(t) - 3, 1)
-    peak_se, duration_se, centre_se = np.sqrt(np.maximum(np.diag(cov), 0.0) * variance)
+    peak_se, duration_se, centre_se = np.sqrt(np.maximum(variance, 0.0))
     return Pulse(
         peak=scale * peak,
         duration=step * duration,
@@ -76,16 +71,20 @@ def fit_pulse(time, force) -> Pulse | None:
         peak_se=scale * peak_se,
         duration_se=step * duration_se,
         centre_se=step * centre_se,
-        r2=1 - (missing**2).sum() / spread if spread > 0 else np.nan,
-        misfit=scale * float(np.sqrt((missing**2).mean())),
+        r2=1 - missing / spread if spread > 0 else np.nan,
+        misfit=scale * float(np.sqrt(missing / known.sum())),
     )
 
 
 @njit(cache=True)
 def _best_fit(t, f, first, last, starts):
-    """Levenberg–Marquardt from several durations; returns (peak, duration, centre), cov, Σ²."""
+    """Levenberg–Marquardt from several durations.
+
+    Returns (peak, duration, centre), their variances, and over the contact's own frames the sums
+    of squares of what is left, and about the mean.
+    """
     best_total = np.inf
-    best, best_cov = np.zeros(3), np.zeros((3, 3))
+    best, variance = np.zeros(3), np.zeros(3)
     weight = f.sum()
     for start in starts:
         p = np.array([1.0, start * (last - first + 1.0), (t * f).sum() / weight])
@@ -93,8 +92,11 @@ def _best_fit(t, f, first, last, starts):
         if total < best_total:
             best_total = total
             best[:] = p
-            best_cov[:, :] = cov
-    return best, best_cov, best_total
+            variance[:] = np.diag(cov) * (total / max(len(t) - 3, 1))
+    left, inner = np.zeros(len(t)), slice(PAD_FRAMES, len(t) - PAD_FRAMES)
+    _residuals(t, f, best, left, np.zeros((len(t), 3)))
+    own = f[inner]
+    return best, variance, (left[inner] ** 2).sum(), ((own - own.mean()) ** 2).sum()
 
 
 @njit(cache=True)

@@ -123,12 +123,13 @@ class _Evidence:
         `seen` is this evidence beside others'.
         """
         data, rhs = seen.matrix - self.matrix, seen.rhs - self.rhs
-        best, steady = -np.inf, self.matrix
-        for alike, part in product(ALIKE, STEADY):
-            prior = self.matrix.copy()
-            prior[1:, 1:], volume = _steadiness(len(rhs) - 1, alike, part * most)
+        best, steady, knots = -np.inf, self.matrix, len(rhs) - 1
+        steadiness = [_steadiness(knots, alike) for alike in ALIKE]
+        for (inverse, volume), part in product(steadiness, STEADY):
+            prior, sd = self.matrix.copy(), part * most
+            prior[1:, 1:] = inverse / sd**2
             lower = cholesky(data + prior, lower=True, check_finite=False)
-            likely = volume - 2 * np.log(np.diag(lower)).sum()
+            likely = volume - 2 * knots * np.log(sd) - 2 * np.log(np.diag(lower)).sum()
             likely += np.sum(solve_triangular(lower, rhs, lower=True, check_finite=False) ** 2)
             if likely > best:
                 best, steady = likely, prior
@@ -156,13 +157,13 @@ class _Evidence:
         return replace(self, matrix=matrix, rhs=rhs)
 
 
-def _steadiness(knots, alike, sd):
-    """Inverse of the covariance sd² alike^|j − k| of knots j and k, and its log determinant."""
-    free = sd**2 * (1 - alike**2)
+def _steadiness(knots, alike):
+    """Inverse of the correlations alike^|j − k| of knots j and k, and its log determinant."""
+    free = 1 - alike**2
     diagonal = np.full(knots, 1 + alike**2)
     diagonal[[0, -1]] = 1.0
     inverse = np.diag(diagonal) - alike * (np.eye(knots, k=1) + np.eye(knots, k=-1))
-    return inverse / free, -2 * np.log(sd) - (knots - 1) * np.log(free)
+    return inverse / free, -(knots - 1) * np.log(free)
 
 
 def origin_from_tip(

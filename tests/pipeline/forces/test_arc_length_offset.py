@@ -332,10 +332,10 @@ def test_what_a_fit_follows_is_missing_from_the_errors():
     assert found == pytest.approx(4.0, rel=0.15)
 
 
-def test_steadiness_is_the_inverse_of_a_covariance():
+def test_steadiness_is_the_inverse_of_correlations():
     place = np.arange(6)
-    cov = 0.3**2 * 0.8 ** np.abs(np.subtract.outer(place, place))
-    inverse, volume = arc_length_offset._steadiness(6, 0.8, 0.3)
+    cov = 0.8 ** np.abs(np.subtract.outer(place, place))
+    inverse, volume = arc_length_offset._steadiness(6, 0.8)
     np.testing.assert_allclose(inverse @ cov, np.eye(6), atol=1e-12)
     assert volume == pytest.approx(-np.linalg.slogdet(cov)[1])
 
