@@ -112,11 +112,15 @@ def _misfit(x, y, start, i, tail_x, tail_y, j, end, gap, stride):
     return max(total - np.dot(found, right), 0.0) / count
 
 
-def uncross(one, other, reach: Reach = USUAL) -> bool:
-    """Give two `detection.Line`s their own far parts back, in place; True if exchanged."""
+def uncross(one, other, reach: Reach = USUAL):
+    """Give two `detection.Line`s their own far parts back, in place.
+
+    Returns copies of both as they were; None where they have their own.
+    """
     i, j = tails_exchanged(one.x, one.y, one.n, other.x, other.y, other.n, reach)
     if i < 0:
-        return False
+        return None
+    before = one.copy(), other.copy()
     n, m = one.n, other.n
     for name in PER_NODE:
         mine, theirs = getattr(one, name), getattr(other, name)
@@ -126,4 +130,4 @@ def uncross(one, other, reach: Reach = USUAL) -> bool:
     one.n, other.n = i + m - j, j + n - i
     for line in (one, other):
         line.amplitude[line.n :] = line.amplitude[line.n - 1]
-    return True
+    return before

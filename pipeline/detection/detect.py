@@ -248,24 +248,27 @@ def _uncrossed_anew(image, model, gain, options, workspace, lines) -> list[Line]
     if not changed:
         return lines
     with lines_in_background(model, lines) as held:
-        for line in changed:
+        for line, _ in changed:
             refine_held(held, image, model, gain, line, options, workspace)
     return [line for line in lines if _is_whisker(line, model, options)]
 
 
-def uncrossed(lines, options: TracingOptions) -> list[Line]:
-    """Give crossing lines their own far parts back, in place; those that have changed."""
+def uncrossed(lines, options: TracingOptions) -> list[tuple[Line, Line]]:
+    """Give crossing lines their own far parts back, in place.
+
+    Returns those that have changed, each with a copy of what it was.
+    """
     reach = crossings.Reach.of(options.params.detection, options.pixels_per_m)
     near = polyline.near_pairs(lines, reach.near)
-    changed = []
+    changed = {}
     for k, one in enumerate(lines):
         for j in range(k):
-            if near[k, j] and crossings.uncross(one, lines[j], reach):
+            before = crossings.uncross(one, lines[j], reach) if near[k, j] else None
+            if before is not None:
                 near[k] = near[j] = near[k] | near[j]
-                changed += [
-                    line for line in (one, lines[j]) if all(line is not c for c in changed)
-                ]
-    return changed
+                for line, was in zip((one, lines[j]), before, strict=True):
+                    changed.setdefault(id(line), (line, was))
+    return list(changed.values())
 
 
 def _without_broad(image, model, gain, options, workspace, lines, others, usual) -> list[Line]:

@@ -5,6 +5,8 @@ the image is differentiated by Gaussians, and a point lies on a line where the d
 the line, along the Hessian's main direction, is zero within the pixel.
 """
 
+from functools import lru_cache
+
 import cv2
 import numpy as np
 from numba import njit
@@ -48,18 +50,24 @@ def ridge_points(absorbance, noise_sd, scale=SCALE_PX):
     index : int32 (height, width), number of the point in that pixel, −1 where there is none
     points : float64 (n, 5): x, y [px], tangent (tx, ty), strength in SDs of its noise
     """
-    g, g1, g2 = derivatives.gaussian_kernels(scale)
-    kernels = derivatives.halves((g, g1, g2))
+    kernels, response_sd = _filters(scale)
     rows = derivatives.along_rows(absorbance, kernels)
-    response_sd = np.sqrt((g2.astype(float) ** 2).sum() * (g.astype(float) ** 2).sum())
     few = np.s_[FEW_FROM::FEW, FEW_FROM::FEW]
     response = derivatives.second_along_rows(rows, kernels, FEW_FROM, FEW)
-    response_sd *= _excess_noise(response, response_sd * noise_sd[few], absorbance[few])
+    excess = _excess_noise(response, response_sd * noise_sd[few], absorbance[few])
     height, width = absorbance.shape
     index = np.empty((height, width), np.int32)
     points = np.empty((absorbance.size, 5))
-    count = _points(rows, kernels, noise_sd, response_sd, index, points)
+    count = _points(rows, kernels, noise_sd, response_sd * excess, index, points)
     return index, points[:count]
+
+
+@lru_cache
+def _filters(scale):
+    """Kernels as of `derivatives.halves`, and the SD of their response to white noise of SD 1."""
+    g, g1, g2 = derivatives.gaussian_kernels(scale)
+    response_sd = np.sqrt((g2.astype(float) ** 2).sum() * (g.astype(float) ** 2).sum())
+    return derivatives.halves((g, g1, g2)), response_sd
 
 
 @njit(cache=True, fastmath=FAST)

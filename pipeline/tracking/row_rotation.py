@@ -38,7 +38,7 @@ def common_turns(image, background, weight, gain, lines, pivot=0.0) -> np.ndarra
     pivot : how far behind their bases they turn [px]
     """
     picture, turns = (image, background, weight, gain), (np.cos(TURNS), np.sin(TURNS))
-    pivots = np.array([_behind(line, pivot) for line in lines])
+    pivots = np.array([_behind(line.x, line.y, line.n, pivot) for line in lines])
     inner = [slice(FIRST, max(line.n, FIRST), STEP) for line in lines]
     nodes = np.array(
         [
@@ -160,22 +160,24 @@ def _scores(picture, nodes, starts, pivots, turns):
     return scores, most
 
 
-def _behind(line, pivot):
-    """Point `pivot` [px] behind a line's base."""
-    k = min(AHEAD, line.n - 1)
-    dx, dy = line.x[k] - line.x[0], line.y[k] - line.y[0]
+@njit(cache=True)
+def _behind(x, y, n, pivot):
+    """Point `pivot` [px] behind the base of a line with `n` nodes."""
+    k = min(AHEAD, n - 1)
+    dx, dy = x[k] - x[0], y[k] - y[0]
     part = pivot / max(np.hypot(dx, dy), 1e-9)
-    return line.x[0] - part * dx, line.y[0] - part * dy
+    return x[0] - part * dx, y[0] - part * dy
 
 
 def turn_line(line, angle, pivot=0.0):
     """Turn a line about the point `pivot` [px] behind its base by `angle` [rad, from +x to +y]."""
-    _turn(line.x, line.y, line.n, angle, *_behind(line, pivot))
+    _turn(line.x, line.y, line.n, angle, pivot)
 
 
 @njit(cache=True)
-def _turn(x, y, n, angle, px, py):
+def _turn(x, y, n, angle, pivot):
     cos, sin = np.cos(angle), np.sin(angle)
+    px, py = _behind(x, y, n, pivot)
     for i in range(n):
         dx, dy = x[i] - px, y[i] - py
         x[i] = px + cos * dx - sin * dy

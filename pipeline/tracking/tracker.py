@@ -230,7 +230,8 @@ class Tracer:
             a, b = tracks[i], tracks[j]
             if a.line is None or b.line is None:
                 continue
-            if min(_near(a.line, b.line, near), _near(b.line, a.line, near)) > DOUBLE_SHARE:
+            both = (a.line, b.line), (b.line, a.line)
+            if all(_near(one, other, near) > DOUBLE_SHARE for one, other in both):
                 min((a, b), key=self._claim).lose()
 
     def _claim(self, track: Track) -> float:
@@ -244,19 +245,17 @@ class Tracer:
         followed are found (a mouse's 24 of 26 for 25, a rat's faint ones 8 of 12 for 10).
         """
         tracks = [t for t in present if t.line is not None]
-        known = [t.line.copy() for t in tracks]
         changed = detect.uncrossed([t.line for t in tracks], self.options)
         if not changed:
             return
         self.model.held.hold([])
         with image_model.lines_in_background(self.model, [t.line for t in tracks]) as held:
-            for line in changed:
+            for line, _ in changed:
                 detect.refine_held(
                     held, image, self.model, gain, line, self.options, self.workspace
                 )
-        pairs = [
-            (t, k) for t, k in zip(tracks, known, strict=True) if any(t.line is c for c in changed)
-        ]
+        known = {id(line): before for line, before in changed}
+        pairs = [(t, known[id(t.line)]) for t in tracks if id(t.line) in known]
         if sum(t.line.n * t.line.quality - KEPT * k.n * k.quality for t, k in pairs) < 0:
             for track, line in pairs:  # less is found of them so: they had their own
                 track.line = line
