@@ -40,15 +40,8 @@ class FanModel:
     def fitted(self, features, whisker, phase, weight) -> "FanModel":
         """The model of lines (rows, 6) of known whiskers, phases and weights, (rows,) each."""
         out = replace(self, middle=self.middle.copy(), slope=self.slope.copy(), sd=self.sd.copy())
-        for k in range(len(self.middle)):
-            own = np.flatnonzero(whisker == k)
-            own = own[:: 1 + len(own) // ENOUGH]
-            for j in range(N_FEATURES):
-                y, p, w = features[own, j], phase[own], weight[own]
-                good = np.isfinite(y) & np.isfinite(p)
-                if good.sum() >= FEWEST:
-                    line = _robust_line(p[good], y[good], w[good], self.least_sd[j])
-                    out.middle[k, j], out.slope[k, j], out.sd[k, j] = line
+        looks = out.middle, out.slope, out.sd
+        _fit(features, whisker, np.asarray(phase, float), weight, self.least_sd, *looks)
         known = np.isfinite(out.middle).any(axis=1)
         most = MOST_SD * np.median(out.sd[known], axis=0) if known.any() else np.inf
         return replace(out, sd=np.minimum(out.sd, most))
@@ -131,6 +124,19 @@ def _add_costs(values, off, n, per_sd, wide, most, cost):
         square = 0.5 * (scaled * scaled)
         known = (square if square < most else most) + wide
         cost[i] += UNSEEN if np.isnan(values[i]) else known
+
+
+@njit(cache=True)
+def _fit(features, whisker, phase, weight, least_sd, middle, slope, sd):
+    """Fill in (whiskers, 6) what is known of `FanModel.fitted`."""
+    for k in range(len(middle)):
+        own = np.flatnonzero(whisker == k)
+        own = own[:: 1 + len(own) // ENOUGH]
+        for j in range(N_FEATURES):
+            good = own[np.isfinite(features[own, j]) & np.isfinite(phase[own])]
+            if len(good) >= FEWEST:
+                line = _robust_line(phase[good], features[good, j], weight[good], least_sd[j])
+                middle[k, j], slope[k, j], sd[k, j] = line
 
 
 @njit(cache=True)
