@@ -91,19 +91,20 @@ def second_derivatives(rows, row, kernels, xx, yy, xy):
 
 
 @njit(cache=True, fastmath=FAST, error_model="numpy")
-def first_derivatives(rows, row, kernels, x, y):
-    """Fill the first derivatives of one row of the picture, (width,) each; see above."""
-    reach, width = kernels.shape[1] - 1, len(x)
+def first_derivatives(rows, row, kernels, columns, x, y):
+    """Fill the first derivatives at some columns of one row of the picture, (columns,) each."""
+    reach, count = kernels.shape[1] - 1, len(columns)
     smooth, first, here = rows[0], rows[1], row + reach
     f, even = first[here], kernels[0, 0]
-    for i in range(width):
-        x[i], y[i] = even * f[i], np.float32(0)
+    for i in range(count):
+        x[i], y[i] = even * f[np.uint64(columns[i])], np.float32(0)
     for k in range(1, reach + 1):
         even, odd = kernels[0, k], kernels[1, k]
         s, f, t, g = smooth[here - k], first[here - k], smooth[here + k], first[here + k]
-        for i in range(width):
-            x[i] += even * (f[i] + g[i])
-            y[i] += odd * (s[i] - t[i])
+        for i in range(count):
+            at = np.uint64(columns[i])
+            x[i] += even * (f[at] + g[at])
+            y[i] += odd * (s[at] - t[at])
 
 
 @njit(cache=True, error_model="numpy")

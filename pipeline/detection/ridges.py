@@ -91,31 +91,33 @@ def _points(rows, kernels, noise_sd, response_sd, index, points):
     """
     height, width = index.shape
     count = 0
-    of_row, of_strong = np.empty((5, width), np.float32), np.empty((6, width), np.float32)
+    of_row, of_strong = np.empty((3, width), np.float32), np.empty((6, width), np.float32)
     strong, columns = np.zeros(8 * (width // 8 + 1), np.bool_), np.empty(width, np.int32)
     limit, response = np.float32(LOW * response_sd), np.float32(response_sd)
     for row in range(height):
         index[row] = -1
-        axx, ayy, axy = of_row[2], of_row[3], of_row[4]
+        axx, ayy, axy = of_row[0], of_row[1], of_row[2]
         derivatives.second_derivatives(rows, row, kernels, axx, ayy, axy)
         _may_be_strong(axx, ayy, axy, noise_sd[row], limit, strong[:width])
         found = _places(strong, columns)
         if found == 0:
             continue
-        derivatives.first_derivatives(rows, row, kernels, of_row[0], of_row[1])
-        for k in range(5):
+        x, y = of_strong[0], of_strong[1]
+        derivatives.first_derivatives(rows, row, kernels, columns[:found], x, y)
+        for k in range(3):
             for i in range(found):
-                of_strong[k, i] = of_row[k, np.uint64(columns[i])]
+                of_strong[2 + k, i] = of_row[k, np.uint64(columns[i])]
         for i in range(found):
             of_strong[5, i] = response * noise_sd[row, np.uint64(columns[i])]
         _crests(of_strong, found)
         for i in range(found):
-            x, y, strength = of_strong[0, i], of_strong[1, i], of_strong[4, i]
-            if not (strength > LOW and abs(x) <= 0.6 and abs(y) <= 0.6):
+            aside, below, strength = x[i], y[i], of_strong[4, i]
+            if not (strength > LOW and abs(aside) <= 0.6 and abs(below) <= 0.6):
                 continue
             column = columns[i]
             index[row, column] = count
-            points[count, 0], points[count, 1] = column + np.float64(x), row + np.float64(y)
+            points[count, 0] = column + np.float64(aside)
+            points[count, 1] = row + np.float64(below)
             points[count, 2], points[count, 3] = of_strong[2, i], of_strong[3, i]
             points[count, 4] = strength
             count += 1

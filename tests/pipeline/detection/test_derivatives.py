@@ -32,8 +32,9 @@ def test_derivatives_of_all_rows_are_the_convolutions(scale, shape):
     kernels = derivatives.halves((g, g1, g2))
     rows = derivatives.along_rows(image, kernels)
     got = np.empty((5, *shape), np.float32)
+    columns = np.arange(shape[1], dtype=np.int32)
     for row in range(shape[0]):
-        derivatives.first_derivatives(rows, row, kernels, got[0, row], got[1, row])
+        derivatives.first_derivatives(rows, row, kernels, columns, got[0, row], got[1, row])
         derivatives.second_derivatives(rows, row, kernels, *got[2:, row])
     pairs = (g1, g), (g, g1), (g2, g), (g, g2), (g1, g1)
     for own, (along_x, along_y) in zip(got, pairs, strict=True):
