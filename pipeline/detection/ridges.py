@@ -190,7 +190,7 @@ def _grow(index, points, used, start, sign, out):
             column0 = int(np.floor(x + reach * tx + 0.5))
             for row in range(max(row0 - 1, 0), min(row0 + 2, height)):
                 for column in range(max(column0 - 1, 0), min(column0 + 2, width)):
-                    candidate = index[row, column]
+                    candidate = index[np.uint64(row), np.uint64(column)]
                     if candidate < 0 or candidate == current or used[candidate] == 1:
                         continue
                     dx = points[candidate, 0] - x
@@ -235,7 +235,7 @@ def _mark_beside(index, points, used, p):
     column0 = int(np.floor(x + 0.5))
     for row in range(max(row0 - 2, 0), min(row0 + 3, height)):
         for column in range(max(column0 - 2, 0), min(column0 + 3, width)):
-            q = index[row, column]
+            q = index[np.uint64(row), np.uint64(column)]
             if q < 0 or used[q] != 0:
                 continue
             dx = points[q, 0] - x
