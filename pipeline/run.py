@@ -193,8 +193,9 @@ def follow(video, epochs, cast, settings, clock, keep=None, say=lambda step: Non
     frames = Counted(decoded, video.n_frames, lambda *done: say(Step("following", *done)))
     options, open_ended = tracing_options(settings, video.shape), not settings.whisker
     lines = trace(
-        frames, epochs, list(cast.roster), options, CHUNK_FRAMES, open_ended, params, cast.beside
-    )
+        frames, epochs, list(cast.roster), options, CHUNK_FRAMES, open_ended, params, cast.beside,
+        cast.names,
+    )  # fmt: skip
     at = settings.analysis.curvature_at
     names = settings.analysis.follow
     meter = KinematicsMeter(cast.only(names), recording, at, pole_track(epochs), params.kinematics)
@@ -259,6 +260,7 @@ def trace(
     open_ended=False,
     params=DEFAULTS,
     beside=(),
+    names=(),
 ):
     """Yield centrelines chunk by chunk: tracks → identities → follicles.
 
@@ -269,10 +271,14 @@ def trace(
         the whole video are named, else as many as the roster has; the roster is a first guess
     params : `Parameters` of all rooms
     beside : `Slot`s of a side of the face without names
+    names : of all whiskers in session.toml, to which the lengths in `options` belong
     """
     tracks = track(frames, scene, roster, options, chunk_frames)
     face = face_side_of(scene)
-    lines = assign_identities(tracks, roster, options, face, open_ended, params.identity, beside)
+    given = dict(zip(names, options.visible_px, strict=False))
+    lines = assign_identities(
+        tracks, roster, options, face, open_ended, params.identity, beside, given
+    )
     return locate_follicles(lines, sample_lines(roster, options), options, params.kinematics)
 
 

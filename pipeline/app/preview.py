@@ -69,7 +69,7 @@ def preview_of(path, settings: Settings) -> Preview:
         options = tracing_options(settings, frames.shape[1:])
         chunks = trace(
             iter(stretch), scene, list(cast.roster), options, STRETCH, not settings.whisker,
-            beside=cast.beside,
+            beside=cast.beside, names=cast.names,
         )  # fmt: skip
         found = [_lines_by_frame(chunk) for chunk in chunks] if cast.roster else []
         part = part_of(settings.image, video)

@@ -20,6 +20,7 @@ from pipeline.identity.sides import Sides
 from pipeline.identity.ways import best_names
 from pipeline.session.parameters import DEFAULTS
 from pipeline.tables.centrelines import Centrelines
+from pipeline.tracking.given_lengths import numbers_in_order
 from pipeline.tracking.matching import Ruler
 from pipeline.tracking.two_sides import names_by_side
 from pipeline.tracking.unlabelled_tracker import is_crowd
@@ -36,6 +37,7 @@ def assign_identities(
     open_ended=False,
     params=DEFAULTS.identity,
     beside=(),
+    given=None,
 ) -> Iterator[Centrelines]:
     """Hand on the chunks of a video with a name for every line.
 
@@ -52,6 +54,8 @@ def assign_identities(
         has, after its slots
     params : the room's parameters
     beside : `Slot`s of a side of the face without names: its lines get none
+    given : name → length that is seen at most [px] of all whiskers in session.toml, in their
+        order: their lengths tell which of them are seen; None: the roster's
     """
     if not is_crowd(roster, options):
         return iter(chunks)
@@ -62,11 +66,11 @@ def assign_identities(
         [*roster, *beside], ruler, face_side, options.pixels_per_m, may_be_two, params
     )
     limits = Limits(params, options.frames_per_second)
-    return name_lines(chunks, roster, sides, open_ended, limits)
+    return name_lines(chunks, roster, sides, open_ended, limits, given)
 
 
 def name_lines(
-    chunks, roster, sides, open_ended=False, limits: Limits = USUAL
+    chunks, roster, sides, open_ended=False, limits: Limits = USUAL, given=None
 ) -> Iterator[Centrelines]:
     """Hand on the chunks of a video with the names that suit the whole of it best.
 
@@ -75,10 +79,11 @@ def name_lines(
 
     Parameters
     ----------
-    chunks, roster, open_ended : as for `assign_identities`
+    chunks, roster, open_ended, given : as for `assign_identities`
     sides : the rows in which they stand (`Sides`)
     limits : the room's parameters
     """
+    given = given or {slot.name: slot.longest_px for slot in roster}
     with tempfile.TemporaryFile() as file:
         found, count = [], 0
         for chunk in chunks:
@@ -89,7 +94,7 @@ def name_lines(
             return
         frame, track, side, features = (np.concatenate(each) for each in zip(*found, strict=True))
         rows = frame, track, side, features
-        whisker, sure, called = _all_rows(rows, roster, sides, open_ended, limits)
+        whisker, sure, called = _all_rows(rows, roster, given, sides, open_ended, limits)
         file.seek(0)
         first = 0
         for _ in range(count):
@@ -99,7 +104,7 @@ def name_lines(
             yield _named(chunk, called, whisker[own], sure[own])
 
 
-def _all_rows(rows, roster, sides, open_ended, limits):
+def _all_rows(rows, roster, given, sides, open_ended, limits):
     """Whisker of every line and how sure it is, row by row of the face; what they are called.
 
     rows : frame, track, side and features of the lines
@@ -109,18 +114,35 @@ def _all_rows(rows, roster, sides, open_ended, limits):
     for number, side_name in enumerate(sides.names):
         own = np.flatnonzero(side == number)
         row = [slot for slot in roster if slot.name.startswith(side_name)]
-        given = tuple(slot.name for slot in row)
         both = open_ended and len(sides.names) > 1
         direction = 1 if both else _runs_along(row, sides.dials[number])
-        wanted = None if open_ended else len(given)
+        wanted = None if open_ended else len(row)
         named, sure[own] = names(frame[own], track[own], features[own], wanted, direction, limits)
         if open_ended:
             unnamed = limits.params.nameless_confidence
             named, sure[own] = with_unnamed(frame[own], track[own], named, sure[own], unnamed)
-            given = tuple(f"{side_name}w{k + 1}" for k in range(named.max(initial=-1) + 1))
+            names_here = tuple(f"{side_name}w{k + 1}" for k in range(named.max(initial=-1) + 1))
+        else:
+            here = {name: px for name, px in given.items() if name.startswith(side_name)}
+            named, names_here = _as_given(named, features[own], here, [slot.name for slot in row])
         whisker[own] = np.where(named < 0, -1, named + len(called))
-        called += given
+        called += names_here
     return whisker, sure, called
+
+
+def _as_given(named, features, given, found):
+    """Number (rows,) of every line's whisker among some names, and these names.
+
+    named : (rows,) numbers in order along the face, −1 for none
+    given : name → length that is seen at most [px], in the same order
+    found : names that are among those in any case
+    """
+    count = np.bincount(named[named >= 0])
+    seen_px = np.exp(_medians(features[:, LENGTH], named, count))
+    numbers = numbers_in_order(seen_px, list(given.values()))
+    are = [name for k, name in enumerate(given) if name in found or k in numbers]
+    place = np.append([are.index(list(given)[k]) for k in numbers], -1).astype(int)
+    return place[named], tuple(are)
 
 
 def names(frame, track, features, wanted=None, direction=1, limits: Limits = USUAL):

@@ -12,12 +12,12 @@ from pipeline.detection.line import Line, Workspace
 from pipeline.detection.static_scene import StaticScene
 from pipeline.tables.centrelines import Centrelines
 from pipeline.tracking import matching
+from pipeline.tracking.given_lengths import numbers_in_order, runs_backwards
 from pipeline.tracking.matching import Ruler
 from pipeline.tracking.whisker_evidence import ends_inside
 
 SEEN_TOGETHER = 3.0  # frames: two whiskers that would so often by chance are, at least once
 FEWEST_WHOLE = 3  # lines needed for a whisker's length
-SURE_OF_LENGTHS = 0.03  # by which lengths fit better in one order than in the other
 
 
 @dataclass(frozen=True)
@@ -116,13 +116,31 @@ def find_roster(frames, scene, options: TracingOptions, names=None, indices=None
         chosen = np.flatnonzero(often & (strength >= least))
     slots = [_slot(groups[k]) for k in chosen]
     slots.sort(key=lambda slot: ruler.order_place(slot.signature))
-    if _posterior_first(slots, options.visible_px, frames.shape[1:]):
-        slots = slots[::-1]
     names = names or [f"w{i + 1}" for i in range(len(slots))]
-    longest = options.visible_px or [np.inf] * len(slots)
+    longest = options.visible_px or [np.inf] * len(names)
+    given = dict(zip(names, longest, strict=False))
+    return named_in_order(slots, given, frames.shape[1:], gets_thinner_backwards)
+
+
+def named_in_order(slots, given, shape, backwards=lambda slots: False) -> list[Slot]:
+    """The slots, in order along the face, as whiskers of session.toml, in the order of these.
+
+    Parameters
+    ----------
+    slots : no more than given
+    given : name → length that is seen at most [px], anterior → posterior
+    shape : of the picture, (height, width)
+    backwards : tells of slots whether they are in the reverse order, where lengths do not
+    """
+    longest = list(given.values())
+    whole = [_whole_length(slot.samples, shape) for slot in slots]
+    reverse = runs_backwards(whole, longest)
+    if backwards(slots) if reverse is None else reverse:
+        slots, whole = slots[::-1], whole[::-1]
+    names = list(given)
     return [
-        replace(slot, name=name, longest_px=most)
-        for name, slot, most in zip(names, slots, longest, strict=False)
+        replace(slot, name=names[k], longest_px=longest[k])
+        for slot, k in zip(slots, numbers_in_order(whole, longest), strict=True)
     ]
 
 
@@ -209,18 +227,13 @@ def _by_scene(frames, scene, indices):
     return [(s, f) for s, f in pairs if len(f)]
 
 
-def _posterior_first(slots: list[Slot], given_px, shape) -> bool:
-    """Whether the order along the face runs posterior → anterior.
+def gets_thinner_backwards(slots: list[Slot]) -> bool:
+    """Whether whiskers get thinner, or else shorter, in the reverse order along the face.
 
-    Where the lengths [px] of the named whiskers are given, anterior → posterior, and differ,
-    those whose tips lie inside the picture, (height, width), decide. Else whiskers are assumed to
-    get thinner anteriorly: thickness is surer than length, which the border may cut.
+    So they do anteriorly: thickness is surer than length, which the border may cut.
     """
     if len(slots) < 2:
         return False
-    order = order_by_lengths(slots, given_px, shape)
-    if order:
-        return order < 0
     lengths = [slot.visible_px for slot in slots]
     thickness = [
         np.median([np.nanmedian(line.thickness[10 : line.n // 3]) for line in slot.samples])
@@ -233,28 +246,9 @@ def _posterior_first(slots: list[Slot], given_px, shape) -> bool:
     return False
 
 
-def order_by_lengths(slots, given_px, shape) -> int:
-    """1 where lengths [px] that are given in order fit the slots', −1 reversed, 0: not sure."""
-    if len(slots) < 2 or len(given_px) != len(slots):
-        return 0
-    whole = np.array([_whole_length(slot.samples, shape) for slot in slots])
-    off = [_unlike(whole, order) for order in (given_px, given_px[::-1])]
-    return int(np.sign(off[1] - off[0])) if abs(off[0] - off[1]) > SURE_OF_LENGTHS else 0
-
-
 def _whole_length(lines, shape) -> float:
     """Median length [px] of lines that end inside the picture, NaN where hardly one does."""
     inside = ends_inside(lines, shape)
     if inside.sum() < FEWEST_WHOLE:
         return np.nan
     return float(np.median([line.n for line, whole in zip(lines, inside, strict=True) if whole]))
-
-
-def _unlike(lengths, others) -> float:
-    """How unlike the proportions of two sets of lengths are: mean deviation of logarithms.
-
-    0 where fewer than two lengths are known.
-    """
-    ratio = np.log(np.divide(lengths, others))
-    ratio = ratio[np.isfinite(ratio)]
-    return float(np.abs(ratio - np.median(ratio)).mean()) if len(ratio) > 1 else 0.0

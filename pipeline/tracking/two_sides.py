@@ -1,12 +1,10 @@
 """The two sides of a face: rows of whiskers that grow away from each other, named apart."""
 
-from dataclasses import replace
-
 import numpy as np
 
 from pipeline.session.parameters import DEFAULTS
 from pipeline.tracking.matching import Ruler
-from pipeline.tracking.registry import order_by_lengths, usual_strength
+from pipeline.tracking.registry import named_in_order, usual_strength
 
 FEWEST = 3  # whiskers on a side
 UPRIGHT = ("upper", "lower")
@@ -78,9 +76,9 @@ def row_directions(roster, outward) -> tuple[np.ndarray, np.ndarray]:
 def named_by_side(roster, names, face_side, options, longest, shape):
     """The roster's `Slot`s with names of their own side, anterior → posterior.
 
-    Of each side those that are mostly and best seen; in reverse order where the lengths of its
-    names tell so. None where the roster has one side only. Returns the `Slot`s of a side without
-    names, too.
+    Of each side those that are mostly and best seen, as their order and lengths tell
+    (`registry.named_in_order`). None where the roster has one side only. Returns the `Slot`s of
+    a side without names, too.
 
     Parameters
     ----------
@@ -102,13 +100,8 @@ def named_by_side(roster, names, face_side, options, longest, shape):
         row = sorted(row, key=_seen, reverse=True)[: len(own)]
         across, _ = row_directions(row, outward)
         row.sort(key=lambda slot, across=across: slot.base_xy @ across)
-        lengths = [longest[name] for name in own if name in longest]
-        if order_by_lengths(row, lengths, shape) < 0:
-            row.reverse()
-        named += [
-            replace(slot, name=name, longest_px=longest.get(name, np.inf))
-            for slot, name in zip(row, own, strict=False)
-        ]
+        given = {name: longest.get(name, np.inf) for name in own}
+        named += named_in_order(row, given, shape)
     return named, beside
 
 

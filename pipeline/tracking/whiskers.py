@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from pipeline.detection.detect import TracingOptions
 from pipeline.scene.scale import scale_of
 from pipeline.session.parameters import DEFAULTS
@@ -25,8 +27,8 @@ class Cast:
     names : all that appear in the tables: those of the settings, or else those found
     roster : `Slot`s of those found in the video
     whiskers : name → `Whisker`, None where its dimensions are not given
-    nominal, hidden_lengths : one per slot; a stand-in where the whisker is None, and follicle to
-        first visible point [m]
+    stand_ins : name → the `Whisker`, or one of usual proportions where that is None
+    hidden : name → follicle to first visible point [m]
     refused : `Slot`s of lines that are no whiskers' (`whisker_evidence`)
     beside : `Slot`s of the other side of the face, where the names are of one side only
     """
@@ -34,8 +36,8 @@ class Cast:
     names: tuple[str, ...]
     roster: tuple[Slot, ...]
     whiskers: dict[str, Whisker | None]
-    nominal: tuple[Whisker, ...]
-    hidden_lengths: tuple[float, ...]
+    stand_ins: dict[str, Whisker]
+    hidden: dict[str, float]
     refused: tuple[Slot, ...] = ()
     beside: tuple[Slot, ...] = ()
 
@@ -44,18 +46,25 @@ class Cast:
         """Names of the whiskers found in the video, in the tracer's order."""
         return tuple(slot.name for slot in self.roster)
 
+    @property
+    def nominal(self) -> tuple[Whisker, ...]:
+        """The whiskers found, or stand-ins."""
+        return tuple(self.stand_ins[name] for name in self.found)
+
+    @property
+    def hidden_lengths(self) -> tuple[float, ...]:
+        """From follicle to first visible point of the whiskers found [m]."""
+        return tuple(self.hidden[name] for name in self.found)
+
     def only(self, names) -> "Cast":
         """The cast of some of the whiskers; None: of all."""
         if names is None:
             return self
-        kept = [k for k, slot in enumerate(self.roster) if slot.name in names]
         return replace(
             self,
             names=tuple(name for name in self.names if name in names),
-            roster=tuple(self.roster[k] for k in kept),
+            roster=tuple(slot for slot in self.roster if slot.name in names),
             whiskers={name: w for name, w in self.whiskers.items() if name in names},
-            nominal=tuple(self.nominal[k] for k in kept),
-            hidden_lengths=tuple(self.hidden_lengths[k] for k in kept),
         )
 
     def of(self, found) -> "Cast":
@@ -64,15 +73,17 @@ class Cast:
             return self
         if not found:
             return self.only(())
-        typical, hidden = self.nominal[0], self.hidden_lengths[0]
-        count = len(found)
+        roster = tuple(replace(self.roster[0], name=name) for name in found)
+        if set(found) <= set(self.names):
+            return replace(self, roster=roster)
+        typical = self.nominal[0]
         return replace(
             self,
             names=tuple(found),
-            roster=tuple(replace(self.roster[0], name=name) for name in found),
+            roster=roster,
             whiskers=dict.fromkeys(found),
-            nominal=tuple(replace(typical, name=name) for name in found),
-            hidden_lengths=(hidden,) * count,
+            stand_ins={name: replace(typical, name=name) for name in found},
+            hidden=dict.fromkeys(found, self.hidden_lengths[0]),
         )
 
 
@@ -108,13 +119,15 @@ def cast_of(roster, settings: Settings) -> Cast:
     names = tuple(given) or tuple(slot.name for slot in roster)
     given = {name: given.get(name) or WhiskerSettings(name=name) for name in names}
     whiskers = {name: each.si() for name, each in given.items()}
-    hidden = tuple(given[slot.name].hidden_length for slot in roster)
+    hidden = {name: each.hidden_length for name, each in given.items()}
     scale = settings.recording.si().pixels_per_m
-    nominal = [
-        whiskers[slot.name] or nominal_whisker(slot.name, slot.visible_px / scale, each)
-        for slot, each in zip(roster, hidden, strict=True)
-    ]
-    return Cast(names, tuple(roster), whiskers, tuple(nominal), hidden)
+    seen = {slot.name: slot.visible_px / scale for slot in roster}
+    usual = float(np.median([*seen.values()] or [0.0]))
+    stand_ins = {
+        name: whiskers[name] or nominal_whisker(name, seen.get(name, usual), hidden[name])
+        for name in names
+    }
+    return Cast(names, tuple(roster), whiskers, stand_ins, hidden)
 
 
 def tracing_options(settings, shape) -> TracingOptions:

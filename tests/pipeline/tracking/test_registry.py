@@ -12,7 +12,13 @@ from pipeline.scene.estimate import scene_from_frames
 from pipeline.session.recording import Recording
 from pipeline.tracking import registry
 from pipeline.tracking.matching import Ruler, crowded
-from pipeline.tracking.registry import Slot, _posterior_first, find_roster, gather
+from pipeline.tracking.registry import (
+    Slot,
+    find_roster,
+    gather,
+    gets_thinner_backwards,
+    named_in_order,
+)
 from pipeline.tracking.tracker import options_for
 from synthetic.presets import make_trial
 from synthetic.render import Renderer
@@ -145,8 +151,12 @@ def test_a_whisker_that_the_border_cuts_does_not_decide_the_order(width, turned)
     for y, length, thickness in ((100, 150, 1.0), (150, 120, 1.2)):
         line = straight(y, 0.0, length, thickness)
         slots.append(Slot("", line.points[0], length, (line,) * 5))
-    given = 150.0, 300.0  # in the other order they would be more alike, seen 150 and 120 px long
-    assert _posterior_first(slots, given, (240, width)) == turned
+    # in the other order they would be more alike, seen 150 and 120 px long
+    given = {"a": 150.0, "b": 300.0}
+    found = named_in_order(slots, given, (240, width), gets_thinner_backwards)
+    assert [slot.name for slot in found] == ["a", "b"]
+    assert [slot.longest_px for slot in found] == [150.0, 300.0]
+    assert (found[0].visible_px == 120) == turned
 
 
 def test_a_whisker_that_moves_by_itself_is_one_whisker():

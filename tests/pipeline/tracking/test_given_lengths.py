@@ -1,0 +1,62 @@
+"""Which whiskers of session.toml were found, by their order and their lengths."""
+
+from itertools import combinations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pipeline.tracking.given_lengths import (
+    FADED,
+    FARTHEST,
+    MISSED,
+    numbers_in_order,
+    runs_backwards,
+)
+
+ROW = np.array([265, 251, 238, 230, 210, 203, 175, 150, 158, 124, 105, 93.0])  # px, as of a mouse
+
+
+@pytest.mark.parametrize("missing", [(), (0,), (4,), (10, 11), (2, 7), (0, 1, 2)])
+def test_lengths_tell_which_whiskers_are_missing(missing):
+    there = np.setdiff1d(np.arange(len(ROW)), missing)
+    assert numbers_in_order(0.88 * ROW[there], ROW).tolist() == there.tolist()
+
+
+def test_a_line_cut_short_shifts_none():
+    seen = 0.9 * ROW[1:]
+    seen[[2, 5]] = 80.0, np.nan
+    assert numbers_in_order(seen, ROW).tolist() == list(range(1, len(ROW)))
+
+
+@pytest.mark.parametrize("given_px", [(), (np.inf,) * 5, (100.0,) * 5])
+def test_where_lengths_tell_nothing_the_first_ones_are_there(given_px):
+    assert numbers_in_order([90.0, 80.0, 85.0], given_px).tolist() == [0, 1, 2]
+    assert runs_backwards([90.0, 80.0, 85.0], given_px) is None
+
+
+@pytest.mark.parametrize("missing", [(), (5,), (0, 11)])
+def test_the_reverse_order_is_seen(missing):
+    there = np.setdiff1d(np.arange(len(ROW)), missing)
+    assert runs_backwards(0.9 * ROW[there], ROW) is False
+    assert runs_backwards(0.9 * ROW[there][::-1], ROW) is True
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.data())
+def test_the_choice_is_the_cheapest_of_all(data):
+    length = st.floats(40.0, 400.0)
+    given_px = np.array(data.draw(st.lists(length, min_size=1, max_size=6)))
+    seen_px = np.array(data.draw(st.lists(length, max_size=len(given_px))))
+
+    def cost(chosen):
+        off = np.log(seen_px) - np.log(given_px[list(chosen)])
+        near = np.minimum(np.abs(off[:, None] - FADED), FARTHEST).sum(axis=0).min()
+        missed = np.delete(given_px, list(chosen)).sum() / given_px.mean()
+        return near + MISSED * missed
+
+    every = list(combinations(range(len(given_px)), len(seen_px)))
+    found = numbers_in_order(seen_px, given_px)
+    assert tuple(found) in every
+    assert cost(found) == pytest.approx(min(map(cost, every)), abs=1e-9)
