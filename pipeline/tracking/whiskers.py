@@ -31,6 +31,7 @@ class Cast:
     hidden : name → follicle to first visible point [m]
     refused : `Slot`s of lines that are no whiskers' (`whisker_evidence`)
     beside : `Slot`s of the other side of the face, where the names are of one side only
+    given : whether the names are those of session.toml
     """
 
     names: tuple[str, ...]
@@ -40,6 +41,7 @@ class Cast:
     hidden: dict[str, float]
     refused: tuple[Slot, ...] = ()
     beside: tuple[Slot, ...] = ()
+    given: bool = True
 
     @property
     def found(self) -> tuple[str, ...]:
@@ -68,21 +70,22 @@ class Cast:
         )
 
     def of(self, found) -> "Cast":
-        """The cast of whiskers named when the whole video has been seen; these may be more."""
+        """The cast of whiskers named when the whole video has been seen; these may be others."""
         if tuple(found) == self.found:
             return self
         if not found:
             return self.only(())
-        roster = tuple(replace(self.roster[0], name=name) for name in found)
-        if set(found) <= set(self.names):
+        if self.given:
+            known = {slot.name: slot for slot in self.roster}
+            unseen = Slot("", np.full(2, np.nan), np.nan)
+            roster = tuple(known.get(name) or replace(unseen, name=name) for name in found)
             return replace(self, roster=roster)
-        typical = self.nominal[0]
         return replace(
             self,
             names=tuple(found),
-            roster=roster,
+            roster=tuple(replace(self.roster[0], name=name) for name in found),
             whiskers=dict.fromkeys(found),
-            stand_ins={name: replace(typical, name=name) for name in found},
+            stand_ins={name: replace(self.nominal[0], name=name) for name in found},
             hidden=dict.fromkeys(found, self.hidden_lengths[0]),
         )
 
@@ -127,7 +130,7 @@ def cast_of(roster, settings: Settings) -> Cast:
         name: whiskers[name] or nominal_whisker(name, seen.get(name, usual), hidden[name])
         for name in names
     }
-    return Cast(names, tuple(roster), whiskers, stand_ins, hidden)
+    return Cast(names, tuple(roster), whiskers, stand_ins, hidden, given=bool(settings.whisker))
 
 
 def tracing_options(settings, shape) -> TracingOptions:

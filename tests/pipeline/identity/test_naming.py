@@ -361,7 +361,7 @@ class Slot:
 
     def __init__(self, name, angle, length):
         points = straight(angle, length)
-        self.name, self.base_xy = name, points[0]
+        self.name, self.base_xy, self.longest_px = name, points[0], np.inf
         self.samples = (Drawn(points),)
 
 
@@ -391,6 +391,17 @@ def test_a_few_frames_are_named_after_the_roster(direction):
         assert [after.names[k] for k in after.whisker] == ["b", "a", "c"]
         assert np.array_equal(after.y_px, before.y_px)
         assert after.information is None
+
+
+def test_lengths_tell_which_given_whiskers_were_seen():
+    angles, lengths = [-0.3, 0.1, 0.4], [58, 71, 80]
+    roster = [Slot(*each) for each in zip("abc", angles, lengths, strict=True)]
+    lines = [straight(*each) for each in zip(angles, lengths, strict=True)]
+    chunks = [centrelines([f] * 3, range(3), lines) for f in range(4)]
+    given_px = {"a": 40.0, "b": 62.0, "c": 75.0, "d": 85.0}
+    got = list(name_lines(iter(chunks), roster, one_row(roster), given=given_px))
+    for chunk in got:
+        assert [chunk.names[k] for k in chunk.whisker] == ["b", "c", "d"]
 
 
 @pytest.mark.parametrize("open_ended", [False, True])
