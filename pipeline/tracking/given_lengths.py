@@ -6,9 +6,7 @@ whisker would shift the names, and so the dimensions, of all that follow.
 
 import numpy as np
 
-FADED = np.linspace(
-    -0.4, 0.05, 19
-)  # logarithm of seen / given length, about that of all: tips fade
+FADED = np.linspace(-0.4, 0.05, 19)  # logarithms of seen over given lengths: tips fade
 MISSED = 0.2  # cost, as of a logarithm, of a whisker of mean length: short ones are rather missed
 FARTHEST = 0.5  # a logarithm that is farther off is a line cut short, and counts as no more
 SURE = 0.03  # mean logarithm by which lengths fit better in one order than in the other
