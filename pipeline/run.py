@@ -191,11 +191,10 @@ def follow(video, epochs, cast, settings, clock, keep=None, say=lambda step: Non
     recording, params = settings.recording.si(), settings.advanced
     decoded = clock.each("decoding", video.watched())
     frames = Counted(decoded, video.n_frames, lambda *done: say(Step("following", *done)))
-    options, open_ended = tracing_options(settings, video.shape), not settings.whisker
+    options = tracing_options(settings, video.shape)
     lines = trace(
-        frames, epochs, list(cast.roster), options, CHUNK_FRAMES, open_ended, params, cast.beside,
-        cast.names,
-    )  # fmt: skip
+        frames, epochs, list(cast.roster), options, CHUNK_FRAMES, cast.given, params, cast.beside
+    )
     at = settings.analysis.curvature_at
     names = settings.analysis.follow
     meter = KinematicsMeter(cast.only(names), recording, at, pole_track(epochs), params.kinematics)
@@ -257,27 +256,26 @@ def trace(
     roster,
     options,
     chunk_frames=CHUNK_FRAMES,
-    open_ended=False,
+    given=None,
     params=DEFAULTS,
     beside=(),
-    names=(),
 ):
     """Yield centrelines chunk by chunk: tracks → identities → follicles.
 
     Parameters
     ----------
     frames, scene, roster, options, chunk_frames : as for `pipeline.tracking.track`
-    open_ended : no whiskers are given: where they stand close together, all that are seen over
-        the whole video are named, else as many as the roster has; the roster is a first guess
+    given : names of all whiskers in session.toml, to which the lengths in `options` belong; ():
+        none are given, and where they stand close together, all that are seen over the whole
+        video are named: the roster is a first guess; None: those of the roster
     params : `Parameters` of all rooms
     beside : `Slot`s of a side of the face without names
-    names : of all whiskers in session.toml, to which the lengths in `options` belong
     """
     tracks = track(frames, scene, roster, options, chunk_frames)
     face = face_side_of(scene)
-    given = dict(zip(names, options.visible_px, strict=False))
+    lengths = dict(zip(given or (), options.visible_px, strict=False))
     lines = assign_identities(
-        tracks, roster, options, face, open_ended, params.identity, beside, given
+        tracks, roster, options, face, given == (), params.identity, beside, lengths
     )
     return locate_follicles(lines, sample_lines(roster, options), options, params.kinematics)
 

@@ -68,8 +68,8 @@ def preview_of(path, settings: Settings) -> Preview:
         stretch = list(islice(video.frames(start), STRETCH))
         options = tracing_options(settings, frames.shape[1:])
         chunks = trace(
-            iter(stretch), scene, list(cast.roster), options, STRETCH, not settings.whisker,
-            beside=cast.beside, names=cast.names,
+            iter(stretch), scene, list(cast.roster), options, STRETCH, cast.given,
+            beside=cast.beside,
         )  # fmt: skip
         found = [_lines_by_frame(chunk) for chunk in chunks] if cast.roster else []
         part = part_of(settings.image, video)

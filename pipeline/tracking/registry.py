@@ -117,8 +117,9 @@ def find_roster(frames, scene, options: TracingOptions, names=None, indices=None
     slots = [_slot(groups[k]) for k in chosen]
     slots.sort(key=lambda slot: ruler.order_place(slot.signature))
     names = names or [f"w{i + 1}" for i in range(len(slots))]
-    longest = options.visible_px or [np.inf] * len(names)
-    given = dict(zip(names, longest, strict=False))
+    known = len(options.visible_px) == len(names)
+    longest = options.visible_px if known else [np.inf] * len(names)
+    given = dict(zip(names, longest, strict=True))
     return named_in_order(slots, given, frames.shape[1:], gets_thinner_backwards)
 
 

@@ -31,7 +31,7 @@ class Cast:
     hidden : name → follicle to first visible point [m]
     refused : `Slot`s of lines that are no whiskers' (`whisker_evidence`)
     beside : `Slot`s of the other side of the face, where the names are of one side only
-    given : whether the names are those of session.toml
+    given : the names in session.toml
     """
 
     names: tuple[str, ...]
@@ -41,7 +41,7 @@ class Cast:
     hidden: dict[str, float]
     refused: tuple[Slot, ...] = ()
     beside: tuple[Slot, ...] = ()
-    given: bool = True
+    given: tuple[str, ...] = ()
 
     @property
     def found(self) -> tuple[str, ...]:
@@ -118,11 +118,11 @@ def find_cast(indices, frames, epochs, settings: Settings) -> Cast:
 
 def cast_of(roster, settings: Settings) -> Cast:
     """Bring the whiskers found in a video, `Slot`s, together with the settings' ones."""
-    given = {w.name: w for w in settings.whisker}
-    names = tuple(given) or tuple(slot.name for slot in roster)
-    given = {name: given.get(name) or WhiskerSettings(name=name) for name in names}
-    whiskers = {name: each.si() for name, each in given.items()}
-    hidden = {name: each.hidden_length for name, each in given.items()}
+    own = {w.name: w for w in settings.whisker}
+    names = tuple(own) or tuple(slot.name for slot in roster)
+    every = {name: own.get(name) or WhiskerSettings(name=name) for name in names}
+    whiskers = {name: each.si() for name, each in every.items()}
+    hidden = {name: each.hidden_length for name, each in every.items()}
     scale = settings.recording.si().pixels_per_m
     seen = {slot.name: slot.visible_px / scale for slot in roster}
     usual = float(np.median([*seen.values()] or [0.0]))
@@ -130,7 +130,7 @@ def cast_of(roster, settings: Settings) -> Cast:
         name: whiskers[name] or nominal_whisker(name, seen.get(name, usual), hidden[name])
         for name in names
     }
-    return Cast(names, tuple(roster), whiskers, stand_ins, hidden, given=bool(settings.whisker))
+    return Cast(names, tuple(roster), whiskers, stand_ins, hidden, given=tuple(own))
 
 
 def tracing_options(settings, shape) -> TracingOptions:
