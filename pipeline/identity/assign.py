@@ -140,9 +140,9 @@ def _as_given(named, features, given, found):
     count = np.bincount(named[named >= 0])
     seen_px = np.exp(_medians(features[:, LENGTH], named, count))
     numbers = numbers_in_order(seen_px, list(given.values()))
-    are = [name for k, name in enumerate(given) if name in found or k in numbers]
-    place = np.append([are.index(list(given)[k]) for k in numbers], -1).astype(int)
-    return place[named], tuple(are)
+    kept = [k for k, name in enumerate(given) if name in found or k in numbers]
+    place = np.append(np.searchsorted(kept, numbers), -1)
+    return place[named], tuple(list(given)[k] for k in kept)
 
 
 def names(frame, track, features, wanted=None, direction=1, limits: Limits = USUAL):

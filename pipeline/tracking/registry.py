@@ -120,10 +120,10 @@ def find_roster(frames, scene, options: TracingOptions, names=None, indices=None
     known = len(options.visible_px) == len(names)
     longest = options.visible_px if known else [np.inf] * len(names)
     given = dict(zip(names, longest, strict=True))
-    return named_in_order(slots, given, frames.shape[1:], gets_thinner_backwards)
+    return named_as_given(slots, given, frames.shape[1:], gets_thinner_backwards)
 
 
-def named_in_order(slots, given, shape, backwards=lambda slots: False) -> list[Slot]:
+def named_as_given(slots, given, shape, backwards=lambda slots: False) -> list[Slot]:
     """The slots, in order along the face, as whiskers of session.toml, in the order of these.
 
     Parameters

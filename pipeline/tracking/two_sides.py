@@ -4,7 +4,7 @@ import numpy as np
 
 from pipeline.session.parameters import DEFAULTS
 from pipeline.tracking.matching import Ruler
-from pipeline.tracking.registry import named_in_order, usual_strength
+from pipeline.tracking.registry import named_as_given, usual_strength
 
 FEWEST = 3  # whiskers on a side
 UPRIGHT = ("upper", "lower")
@@ -77,7 +77,7 @@ def named_by_side(roster, names, face_side, options, longest, shape):
     """The roster's `Slot`s with names of their own side, anterior → posterior.
 
     Of each side those that are mostly and best seen, as their order and lengths tell
-    (`registry.named_in_order`). None where the roster has one side only. Returns the `Slot`s of
+    (`registry.named_as_given`). None where the roster has one side only. Returns the `Slot`s of
     a side without names, too.
 
     Parameters
@@ -101,7 +101,7 @@ def named_by_side(roster, names, face_side, options, longest, shape):
         across, _ = row_directions(row, outward)
         row.sort(key=lambda slot, across=across: slot.base_xy @ across)
         given = {name: longest.get(name, np.inf) for name in own}
-        named += named_in_order(row, given, shape)
+        named += named_as_given(row, given, shape)
     return named, beside
 
 

@@ -27,7 +27,8 @@ class Cast:
     names : all that appear in the tables: those of the settings, or else those found
     roster : `Slot`s of those found in the video
     whiskers : name → `Whisker`, None where its dimensions are not given
-    stand_ins : name → the `Whisker`, or one of usual proportions where that is None
+    stand_ins : name → the `Whisker`, or one of usual proportions where that is None; none where
+        no whisker was found
     hidden : name → follicle to first visible point [m]
     refused : `Slot`s of lines that are no whiskers' (`whisker_evidence`)
     beside : `Slot`s of the other side of the face, where the names are of one side only
@@ -125,10 +126,10 @@ def cast_of(roster, settings: Settings) -> Cast:
     hidden = {name: each.hidden_length for name, each in every.items()}
     scale = settings.recording.si().pixels_per_m
     seen = {slot.name: slot.visible_px / scale for slot in roster}
-    usual = float(np.median([*seen.values()] or [0.0]))
+    usual = float(np.median(list(seen.values()))) if seen else np.nan
     stand_ins = {
         name: whiskers[name] or nominal_whisker(name, seen.get(name, usual), hidden[name])
-        for name in names
+        for name in (names if seen else ())
     }
     return Cast(names, tuple(roster), whiskers, stand_ins, hidden, given=tuple(own))
 

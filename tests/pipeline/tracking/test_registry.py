@@ -17,7 +17,7 @@ from pipeline.tracking.registry import (
     find_roster,
     gather,
     gets_thinner_backwards,
-    named_in_order,
+    named_as_given,
 )
 from pipeline.tracking.tracker import options_for
 from synthetic.presets import make_trial
@@ -153,7 +153,7 @@ def test_a_whisker_that_the_border_cuts_does_not_decide_the_order(width, turned)
         slots.append(Slot("", line.points[0], length, (line,) * 5))
     # in the other order they would be more alike, seen 150 and 120 px long
     given = {"a": 150.0, "b": 180.0}
-    found = named_in_order(slots, given, (240, width), gets_thinner_backwards)
+    found = named_as_given(slots, given, (240, width), gets_thinner_backwards)
     assert [slot.name for slot in found] == ["a", "b"]
     assert [slot.longest_px for slot in found] == [150.0, 180.0]
     assert (found[0].visible_px == 120) == turned

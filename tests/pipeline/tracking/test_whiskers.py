@@ -63,3 +63,8 @@ def test_without_tables_the_names_are_those_of_the_whole_video():
     cast = cast_with(["w1", "w2", "w3"]).of(["w1", "w2"])
     assert cast.names == cast.found == ("w1", "w2")
     assert set(cast.whiskers.values()) == {None}
+
+
+def test_where_no_whisker_is_found_none_needs_dimensions():
+    cast = cast_with([], [{"name": "C2", "hidden_length_mm": 0}])
+    assert (cast.names, cast.found, cast.nominal) == (("C2",), (), ())
