@@ -11,7 +11,7 @@ SELDOM_TRACKED = 0.8  # a whisker seen in less than this part of the frames is w
 OTHER_THICKNESS = 0.12  # of the pole, relative: more is no error of measurement
 KNOWN = 0.5  # confidence in a name; below, it is not known
 MOST_UNKNOWN = 0.2  # of what is tracked: more is worth the first message
-MOST_NAMED = 3  # whiskers in that message
+MOST_NAMED = 3  # whiskers in a message
 DARK = 64  # grey levels of 255, median: no light behind the whiskers
 SELDOM_ACROSS = 1  # frame may be a mistake; a whisker more often across the pole is worth one
 
@@ -99,7 +99,8 @@ def _unknown_names(frames):
     )
     yield (
         f"in {100 * share:.0f} % of the frames it is not known which whisker is which "
-        f"(confidence below {KNOWN:g}; most of all {worst}): use the rows with more only"
+        f"(confidence below {KNOWN:g}; most of all {worst}): use only rows of frames.parquet with "
+        f"confidence of {KNOWN:g} or more"
     )
 
 
@@ -109,13 +110,12 @@ def _seldom_tracked(frames, cast, follow=None):
     if lost:
         yield f"not found in any frame: {', '.join(lost)}"
     share = frames.groupby("whisker", sort=False)["tracked"].mean()
-    seldom = [
-        f"{name} in {100 * part:.0f} %"
-        for name, part in share.items()
-        if name in cast.found and part < SELDOM_TRACKED
-    ]
-    if seldom:
-        yield f"tracked in only part of the frames: {', '.join(seldom)}"
+    seldom = share[[name in cast.found for name in share.index] & (share < SELDOM_TRACKED)]
+    if len(seldom):
+        least = seldom.nsmallest(MOST_NAMED)
+        named = ", ".join(f"{name} in {100 * part:.0f} %" for name, part in least.items())
+        more = f"{len(seldom)} whiskers, least " if len(seldom) > MOST_NAMED else ""
+        yield f"tracked in only part of the frames: {more}{named}"
 
 
 def _of_another_length(settings, odd) -> str:

@@ -113,8 +113,8 @@ def _write_video(folder, pictures) -> Path:
     return path
 
 
-def stills(results_folder, video_path, frames, settings: Settings) -> list:
-    """Some frames of a processed video, cut out about the pole, with the findings.
+def stills(results_folder, video_path, frames, settings: Settings, whole=False) -> list:
+    """Some frames of a processed video with the findings, cut out about the pole or `whole`.
 
     Returns
     -------
@@ -133,7 +133,9 @@ def stills(results_folder, video_path, frames, settings: Settings) -> list:
     inside = [("frame", "in", sorted(set(numbers)))]
     with open_video(video_path) as video:
         images = video.some(numbers)
-        drawn = dict(_drawn(images, Path(results_folder), settings, inside, part))
+        drawn = dict(
+            _drawn(images, Path(results_folder), settings, inside, None if whole else part)
+        )
     return [drawn.get(number) for number in numbers]
 
 

@@ -13,7 +13,7 @@ from pipeline.reports import plots
 from pipeline.reports.error_budget import session_budget
 from pipeline.reports.examples import Effort, choose_examples, choose_flagged
 from pipeline.reports.session_numbers import fig3_numbers, read_contacts, read_truth
-from pipeline.reports.stills import contact_stills, with_peaks
+from pipeline.reports.stills import contact_stills, video_stills, with_peaks
 from pipeline.reports.time_courses import Courses, read_courses, time_courses
 from pipeline.reports.trials import OnsetAverage, raster
 from pipeline.reports.vibration_map import vibration
@@ -36,6 +36,7 @@ PANELS = {
     "e": "durations of all contacts",
     "f": "one against the other",
 }
+STAGES = {"roster": "whiskers"}  # in words, where a stage is called otherwise in run.json
 COMMON_NAMES = {"videos", "video", "movies", "films", "raw", "data", "results", "out", "output"}
 TABLES = ("contacts.csv", "videos.csv", "session.toml", "run.json", "run.log")
 
@@ -54,7 +55,7 @@ def write_report(results) -> Path:
     seen = _look_through(results, videos, contacts)
     page = _template("report.html").render(
         **_head(results, record, videos, contacts),
-        **_pictures(results, contacts, record),
+        **_pictures(results, videos, contacts, record),
         **seen,
         numbers=fig3_numbers(contacts, truth).to_dict("records"),
         has_truth=truth is not None,
@@ -213,16 +214,21 @@ def _write_courses(results, video, frames, contacts) -> Courses:
 # --- pictures and flags --------------------------------------------------------------------
 
 
-def _pictures(results, contacts, record) -> dict:
-    """Examples of contacts, Fig. 3, and flags with stills."""
+def _pictures(results, videos, contacts, record) -> dict:
+    """Examples of contacts, Fig. 3, and flags with stills; whole frames if there is no contact."""
     flags = _by_flag(contacts)
     effort = Effort(contacts, record["inputs"])
     flagged = choose_flagged(flags.values(), STILLS, NAMED, effort)
     examples = choose_examples(contacts, PICTURES, effort, flagged)
     flagged = [index for index in flagged if index not in examples]
     drawn = contact_stills(results, contacts, record, [*examples, *flagged])
+    pictures = [drawn[index] for index in examples if index in drawn]
+    if contacts.empty:
+        traced = [name for name in videos.loc[videos["frames"] > 0, "video"]
+                  if (results / name / "frames.parquet").is_file()]  # fmt: skip
+        pictures = video_stills(results, traced[:PICTURES], record)
     return {
-        "pictures": [drawn[index] for index in examples if index in drawn],
+        "pictures": pictures,
         "panels": list(_panels(results)),
         "flags": [_flag_row(*item, contacts, drawn) for item in flags.items()],
         "stills": [drawn[index] for index in flagged if index in drawn],
@@ -268,9 +274,7 @@ def _making(results, record) -> dict:
     return {
         "stages": _stages(record),
         "settings": settings.read_text("utf-8") if settings.exists() else "",
-        "command": " ".join(["whiskerforce", *map(str, record["command"])])
-        if "command" in record
-        else "",
+        "command": _command(record),
         "python": record.get("python", ""),
         "platform": record.get("platform", ""),
     }
@@ -289,6 +293,10 @@ def _stages(record):
         for stage, seconds in each["stages"].items():
             total[stage] += seconds
     return [
-        {"stage": stage, "seconds": s, "per_thousand": 1000 * s / max(frames, 1)}
+        {
+            "stage": STAGES.get(stage, stage),
+            "seconds": s,
+            "per_thousand": 1000 * s / max(frames, 1),
+        }
         for stage, s in total.items()
     ]

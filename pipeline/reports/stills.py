@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.errors import VideoError
+from pipeline.reports.drawing import SURE
 from pipeline.reports.plots import data_uri
 from pipeline.session.session_file import read_session
 from pipeline.tables import files
@@ -48,14 +49,42 @@ def contact_stills(results, contacts, record, indices) -> dict:
     }
 
 
-def _drawn(folder, path, frames) -> dict:
+def video_stills(results, videos, record) -> list:
+    """A picture of what was traced in each of some videos, of those that can be read.
+
+    Shown is the frame with most names that are sure.
+    """
+    pictures = []
+    for video in videos:
+        state = record.get("inputs", {}).get(video)
+        path = results / video / "frames.parquet"
+        rows = files.read_frames(path, ["frame", "tracked", "confidence"])
+        rows = rows[rows["tracked"]].assign(sure=lambda each: each["confidence"] >= SURE)
+        counts = rows.groupby("frame")["sure"].agg(["sum", "size"])
+        if not state or counts.empty:
+            continue
+        best = counts.sort_values(["sum", "size"], kind="stable").iloc[-1]
+        caption = f"{video}, frame {best.name}: {_count(best['size'], 'whisker')} traced"
+        if best["sum"] < best["size"]:
+            caption += f"; of {best['size'] - best['sum']} it is not sure which they are"
+        frame = pd.Series({video: best.name})
+        drawn = _drawn(results / video, state["path"], frame, whole=True)
+        pictures += [{"data": data, "caption": caption} for data in drawn.values()]
+    return pictures
+
+
+def _count(number, what) -> str:
+    return f"{number} {what}{'' if number == 1 else 's'}"
+
+
+def _drawn(folder, path, frames, **how) -> dict:
     """Contact → its frame with the findings as a data URI, of those that can be read."""
     import cv2
 
     from pipeline.reports.overlay import stills
 
     try:
-        pictures = stills(folder, path, frames, read_session(folder / "session.toml"))
+        pictures = stills(folder, path, frames, read_session(folder / "session.toml"), **how)
     except (VideoError, OSError):
         return {}
     jpeg = [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY]

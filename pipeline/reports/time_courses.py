@@ -18,7 +18,7 @@ WIDE, HIGH = 1000, 100
 MOST_POINTS = 900  # of a curve; a longer one is thinned to its extremes
 TICKS, TIME_TICKS = 3, 6
 EDGE = 10  # % of a panel at top and bottom, where a tick's number would meet the next panel's
-MARGIN = 0.12  # of a panel's range, left free
+MARGIN = 0.13  # of a panel's range, left free: with it, the number of a base line is beyond EDGE
 RARE = 0.2  # % of the values at either end that may lie beyond the panel
 AROUND_FRAMES = 15  # of the overlay, shown before and after a contact
 LEAST_WIDTH = 3.0  # of a contact, as it is drawn, so that it can be hit
@@ -44,7 +44,7 @@ class Panel:
 
 @dataclass(frozen=True)
 class Shown:
-    """A contact: place in the box, `lane` (number of its whisker), `link` ("": none), `words`."""
+    """A contact: place in the box, `lane` (from the top), `link` ("": none), `words`."""
 
     left: float
     width: float
@@ -55,10 +55,14 @@ class Shown:
 
 @dataclass(frozen=True)
 class Courses:
-    """All of one video: `whiskers` are (name, colour), `ticks` (from the left [%], text)."""
+    """All of one video: `ticks` are (from the left [%], text).
+
+    `whiskers` are (name, colour), `lanes` those of them that touch.
+    """
 
     video: str
     whiskers: list
+    lanes: list
     panels: list
     contacts: list
     ticks: list
@@ -90,10 +94,12 @@ def time_courses(frames: pd.DataFrame, contacts: pd.DataFrame, video, overlay=""
         for column, name, unit in QUANTITIES
         if np.isfinite(frames[column].to_numpy(float)).any()
     ]
-    shown = [_shown(row, span, names, overlay) for row in contacts.to_dict("records")]
+    touching = [name for name in names if name in set(contacts["whisker"])]
+    shown = [_shown(row, span, touching, overlay) for row in contacts.to_dict("records")]
     times = _ticks(*span, TIME_TICKS)
     ticks = [(100 * (t - span[0]) / (span[1] - span[0]), f"{t:g}") for t in times]
-    return Courses(video, list(colours.items()), panels, shown, ticks, bool(overlay))
+    lanes = [(name, colours[name]) for name in touching]
+    return Courses(video, list(colours.items()), lanes, panels, shown, ticks, bool(overlay))
 
 
 def _panel(column, name, unit, curves, colours, span) -> Panel:
@@ -107,9 +113,18 @@ def _panel(column, name, unit, curves, colours, span) -> Panel:
         (colours[whisker], _path(rows["time_s"], rows[column], span, (low, high)))
         for whisker, rows in curves.items()
     ]
-    places = [(100 * (high - v) / (high - low), _short(v)) for v in _ticks(low, high, TICKS)]
-    ticks = [place for place in places if EDGE < place[0] < 100 - EDGE]
-    return Panel(name, unit, ticks, paths)
+    return Panel(name, unit, _places(low, high), paths)
+
+
+def _places(low, high) -> list:
+    """(from the top [%], text) of the ticks of a panel: two or more, to tell the scale."""
+    for count in range(TICKS, 3 * TICKS):
+        values = _ticks(low, high, count)
+        places = [(100 * (high - v) / (high - low), _short(v)) for v in values]
+        ticks = [place for place in places if EDGE < place[0] < 100 - EDGE]
+        if len(ticks) > 1:
+            break
+    return ticks
 
 
 def _path(time, values, span, limits) -> str:

@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 from pipeline.detection.static_scene import PoleTrack
-from pipeline.messages import face_message, messages
+from pipeline.messages import _seldom_tracked, face_message, messages
 from pipeline.run import analyse
 from pipeline.scene.estimate import scene_from_frames
 from pipeline.session.recording import Recording
@@ -98,6 +98,20 @@ def test_where_nothing_is_wrong_nothing_is_said():
 def test_each_fault_is_reported_alone(changes, said):
     (message,) = said_of(**changes)
     assert message.startswith(said)
+
+
+def test_of_many_whiskers_that_are_seldom_tracked_the_least_are_named():
+    names = [f"w{k}" for k in range(6)]  # w0 always, w5 in half of the frames, the others between
+    frames = pd.DataFrame(
+        [(name, i >= 10 * k) for k, name in enumerate(names) for i in range(100)],
+        columns=["whisker", "tracked"],
+    )
+    cast = SimpleNamespace(names=names, found=names)
+    (some,) = _seldom_tracked(frames, cast)
+    assert some.endswith("frames: w5 in 50 %, w4 in 60 %, w3 in 70 %")
+    frames["tracked"] &= frames.groupby("whisker").cumcount() < 60
+    (many,) = _seldom_tracked(frames, cast)
+    assert many.endswith("frames: 6 whiskers, least w5 in 10 %, w4 in 20 %, w3 in 30 %")
 
 
 @pytest.mark.parametrize(

@@ -74,6 +74,30 @@ def test_without_contacts_and_figures(tmp_path):
     assert ">Contacts<" not in page
 
 
+def test_without_contacts_the_traced_frames_are_shown(tmp_path, monkeypatch):
+    results = make_results(tmp_path / "results", ())
+    path = results / "one" / "frames.parquet"
+    frames = pd.concat([files.read_frames(path).assign(whisker=name) for name in ("C1", "C2")])
+    sure = frames["frame"].between(50, 51) | (frames["frame"].eq(53) & frames["whisker"].eq("C1"))
+    frames["confidence"] = np.where(sure, 0.9, 0.1)
+    frames["tracked"] = frames["frame"] != 50
+    files.write_frames(path, frames)
+    asked = []
+
+    def stills(folder, path, frames, settings, whole):
+        asked.append((folder.name, list(frames), whole))
+        return [np.zeros((20, 30, 3), np.uint8)]
+
+    monkeypatch.setattr(overlay, "stills", stills)
+    figures.write_fig3(results)
+    page = report.write_report(results).read_text("utf-8")
+    assert asked[0] == ("one", [51], True)  # in 50 nothing is tracked
+    assert "one, frame 51: 2 whiskers traced<" in page
+    assert "No contact was found" in page
+    assert "image/svg+xml" not in page  # no empty plots
+    assert 'class="row lanes"' not in page
+
+
 def test_pictures_are_of_the_contacts(tmp_path, monkeypatch):
     asked = []
 
@@ -140,8 +164,8 @@ def test_ringing_contacts_are_counted_and_named(tmp_path):
     ]
     page = report.write_report(make_results(tmp_path / "r", contacts)).read_text("utf-8")
     text = " ".join(page.split())
-    assert "In 1 of 3 contacts the largest vibrational" in text
-    assert "In 1 more it is over a tenth" in text
+    assert "the largest steady one in 1 of 3 contacts: they ring." in text
+    assert "In 1 more it is more than a tenth" in text
     most = text[text.index("ringing most") :]
     assert most.index("one C2, contact 1") < most.index("two C2, contact 1")
     assert "two C2, contact 2" not in most

@@ -57,13 +57,30 @@ def test_time_courses_lie_where_their_values_are(tmp_path):
     peak = points[np.argmin(points[:, 1])]
     assert peak[0] == pytest.approx(WIDE * 70 / 119, abs=0.1)  # frame 70 of 0 to 119
     half = points[np.argmin(abs(points[:, 1] - (peak[1] + points[:, 1].max()) / 2))]
-    (tick,) = courses.panels[1].ticks
-    assert tick[1] == "5"  # µN, of 10
-    assert half[1] == pytest.approx(HIGH / 100 * tick[0], abs=HIGH / 20)
+    ticks = {text: HIGH / 100 * top for top, text in courses.panels[1].ticks}  # µN
+    assert half[1] == pytest.approx(ticks["5"], abs=HIGH / 20)  # the peak is 10
+    assert points[:, 1].max() == pytest.approx(ticks["0"], abs=0.1)
     second = courses.contacts[1]
     assert (second.left, second.width) == pytest.approx((WIDE * 60 / 119, WIDE * 20 / 119))
     assert second.link == "one/o.mp4#t=1.80,3.80"  # frames 45 to 95 at 25 frames/s
     assert "frames 60 to 80, 20 ms, peak 10 µN" in second.words
+
+
+def test_lanes_are_for_whiskers_that_touch(tmp_path):
+    frames = read_courses(make_results(tmp_path / "r"), "one")
+    frames = pd.concat([frames.assign(whisker=name) for name in ("C1", "C2", "C3")])
+    courses = time_courses(frames, table(CONTACTS[:2]), "one")
+    assert [name for name, _ in courses.lanes] == ["C2"]
+    assert courses.lanes[0] in courses.whiskers
+    assert {each.lane for each in courses.contacts} == {0}
+
+
+@pytest.mark.parametrize("turn", [0.7, 7.0, 70.0, 190.0, 700.0])  # degrees, either way
+def test_every_axis_tells_its_scale(tmp_path, turn):
+    frames = read_courses(make_results(tmp_path / "r"), "one")
+    frames["base_angle_deg"] = turn * np.sin(frames["frame"] / 10)
+    ticks = time_courses(frames, table([]), "one").panels[0].ticks
+    assert len({text for _, text in ticks}) >= 2
 
 
 def test_links_to_other_overlays_name_no_time():
