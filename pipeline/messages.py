@@ -110,7 +110,7 @@ def _seldom_tracked(frames, cast, follow=None):
     if lost:
         yield f"not found in any frame: {', '.join(lost)}"
     share = frames.groupby("whisker", sort=False)["tracked"].mean()
-    seldom = share[[name in cast.found for name in share.index] & (share < SELDOM_TRACKED)]
+    seldom = share[share.index.isin(cast.found) & (share < SELDOM_TRACKED)]
     if len(seldom):
         least = seldom.nsmallest(MOST_NAMED)
         named = ", ".join(f"{name} in {100 * part:.0f} %" for name, part in least.items())
