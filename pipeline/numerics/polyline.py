@@ -5,7 +5,6 @@ from numba import njit
 
 from pipeline.numerics.bsplines import FAST
 
-BESIDE = 16  # nodes, in which the next nearest one is sought
 COARSE = 8  # nodes between two that are looked at for whether lines come near to each other
 NARROWEST = 1e-18  # px²: keeps two coinciding nodes from dividing by zero
 
@@ -119,22 +118,26 @@ def nearest_nodes(x, y, n, other_x, other_y, m, near, skip):
     The first `skip` nodes and the last one of the first line are left out.
     """
     best, at, to = near, -1, -1
-    least, node = np.inf, 0
     i = skip
     while i < n - 1:
-        # beside a near one, the next is near to the same part
-        first, last = (max(node - BESIDE, 0), min(node + BESIDE, m)) if least < BESIDE else (0, m)
-        least = np.inf
-        j = first
-        while j < last:
-            d = np.sqrt((x[i] - other_x[j]) ** 2 + (y[i] - other_y[j]) ** 2)
-            if d < least:
-                least, node = d, j
-            j += max(int(d - least), 1)  # nodes are 1 px apart: none before can be nearer
+        least = np.sqrt(_least_square(other_x, other_y, m, x[i], y[i]))
         if least < best:
-            best, at, to = least, i, node
-        i += max(int(least - best), 1)  # none before comes nearer
+            best, at = least, i
+        i += max(int(least - best), 1)  # nodes are 1 px apart: none before comes nearer
+    if at >= 0:
+        to, _ = nearest_node(other_x[:m], other_y[:m], x[at], y[at])
     return at, to
+
+
+@njit(cache=True, fastmath=FAST | {"nnan"}, error_model="numpy")  # many nodes at a time
+def _least_square(x, y, n, px, py):
+    """Square of the least distance from the first `n` nodes to the point (px, py)."""
+    least = np.inf
+    for i in range(n):
+        dx, dy = x[i] - px, y[i] - py
+        square = dx * dx + dy * dy
+        least = square if square < least else least
+    return least
 
 
 @njit(cache=True)

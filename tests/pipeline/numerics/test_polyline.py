@@ -89,6 +89,6 @@ def test_nearest_nodes_are_nearest(apart, turn, shift, near):
     every = distances(first, second)[:-1]
     i, j = polyline.nearest_nodes(*first, len(X), *second, len(X), near, 0)
     if every.min() < near - 1e-9:
-        assert every[i, j] == pytest.approx(every.min(), abs=1.0)  # px: of an oblique crossing
+        assert every[i, j] == pytest.approx(every.min(), abs=1e-9)  # px
     elif every.min() > near:
         assert (i, j) == (-1, -1)
