@@ -32,23 +32,23 @@ class Sides:
     ) -> "Sides":
         """The rows in which a roster's whiskers stand."""
         along, outward = np.asarray(ruler.along, float), np.asarray(ruler.outward, float)
-        cut = two_sides.cut_between(roster, along, params) if may_be_two else None
-        if cut is None:
+        cuts = two_sides.cuts_between(roster, along, params) if may_be_two else ()
+        if not cuts:
             bases = np.array([slot.base_xy for slot in roster], float).reshape(-1, 2)
             dial = Dial.of(bases, along, outward, pixels_per_m, params)
             return cls(along, (), (dial,), ("",))
         dials = []
-        for own in two_sides.sides_of(roster, along, cut):
+        for own in two_sides.sides_of(roster, along, cuts):
             across, out = two_sides.row_directions(own, outward)
             bases = np.array([slot.base_xy for slot in own])
             dials.append(Dial.of(bases, across, out, pixels_per_m, params))
         names = tuple(f"{name}_" for name in two_sides.side_names(face_side))
-        return cls(along, (cut,), tuple(dials), names)
+        return cls(along, cuts, tuple(dials), names)
 
     def features(self, lines):
         """Row of every line (lines,), from 0, and its features (lines, 6)."""
         first = lines.offsets[:-1]
         place = lines.x_px[first] * self.along[0] + lines.y_px[first] * self.along[1]
-        row = np.searchsorted(self.cuts, place) if self.cuts else np.zeros(len(place), int)
+        row = two_sides.side_of(place, self.cuts)
         each = [line_features(lines, dial) for dial in self.dials]
         return row, np.choose(row[:, None], each)

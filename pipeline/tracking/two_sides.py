@@ -26,8 +26,8 @@ def names_by_side(names, face_side: str):
     return tuple([name for name in names if name.startswith(f"{side}_")] for side in sides)
 
 
-def cut_between(roster, along, params=DEFAULTS.identity) -> float | None:
-    """Place along the face [px] between the two sides of a roster; None where there is but one.
+def cuts_between(roster, along, params=DEFAULTS.identity) -> tuple[float, ...]:
+    """Place along the face [px] between the two sides of a roster; none where there is but one.
 
     Two, where the bases are in two groups far apart that grow away from each other.
     """
@@ -37,22 +37,27 @@ def cut_between(roster, along, params=DEFAULTS.identity) -> float | None:
     inner = range(FEWEST, len(places) - FEWEST + 1)
     gaps = {k: places[order[k]] - places[order[k - 1]] for k in inner}
     if not gaps or max(gaps.values()) < params.side_gap * np.ptp(places):
-        return None
+        return ()
     k = max(gaps, key=gaps.get)
     one, other = (ahead[part].mean(axis=0) for part in (order[:k], order[k:]))
     cosine = one @ other / max(np.hypot(*one) * np.hypot(*other), 1e-9)
     if cosine > np.cos(np.radians(params.sides_apart_deg)):
-        return None
-    return float(places[order[k - 1 : k + 1]].mean())
+        return ()
+    return (float(places[order[k - 1 : k + 1]].mean()),)
 
 
-def sides_of(roster, along, cut) -> tuple[list, list]:
-    """The `Slot`s of each side, by where they stand along the face (`cut_between`)."""
-    second = [slot.base_xy @ along > cut for slot in roster]
-    return tuple(
-        [slot for slot, other in zip(roster, second, strict=True) if other == side]
-        for side in (False, True)
-    )
+def side_of(places, cuts) -> np.ndarray:
+    """Number of the side on which each place along the face [px] lies (`cuts_between`)."""
+    return np.searchsorted(cuts, places)
+
+
+def sides_of(roster, along, cuts) -> list[list]:
+    """The `Slot`s of each side, by where they stand along the face (`cuts_between`)."""
+    side = side_of([slot.base_xy @ along for slot in roster], cuts)
+    return [
+        [slot for slot, own in zip(roster, side, strict=True) if own == k]
+        for k in range(len(cuts) + 1)
+    ]
 
 
 def directions(roster) -> np.ndarray:
@@ -89,11 +94,11 @@ def named_by_side(roster, names, face_side, options, longest, shape):
     """
     ruler = Ruler.of(face_side, options)
     along, outward = np.asarray(ruler.along, float), np.asarray(ruler.outward, float)
-    cut = cut_between(roster, along, options.params.identity)
-    if cut is None:
+    cuts = cuts_between(roster, along, options.params.identity)
+    if not cuts:
         return None, ()
     named, beside = [], ()
-    for row, own in zip(sides_of(roster, along, cut), names, strict=True):
+    for row, own in zip(sides_of(roster, along, cuts), names, strict=True):
         if not own:  # nothing is asked of this side
             beside = row
             continue

@@ -43,8 +43,7 @@ class CrowdTracer(Tracer):
         self.first_frames = frames_in(params.first_frames_s, options.frames_per_second)
         self.pivot = options.px(params.crowd_pivot_mm)
         self.along = np.asarray(self.ruler.along, float)
-        cut = two_sides.cut_between(roster, self.along, options.params.identity)
-        self.cuts = () if cut is None else (cut,)
+        self.cuts = two_sides.cuts_between(roster, self.along, options.params.identity)
         self.astray_sd = np.radians(params.astray_deg)
         self.young = max(frames_in(params.young_s, options.frames_per_second), 1)
         self.rest = max(frames_in(params.rest_s, options.frames_per_second), 1)
@@ -126,7 +125,7 @@ class CrowdTracer(Tracer):
     def _rows(self, lines) -> list[np.ndarray]:
         """Indices of the lines of each side of the face: the sides turn against each other."""
         place = [self.along @ (line.x[0], line.y[0]) for line in lines]
-        side = np.searchsorted(self.cuts, place)
+        side = two_sides.side_of(place, self.cuts)
         return [own for k in range(len(self.cuts) + 1) if len(own := np.flatnonzero(side == k))]
 
     def _follow(self, track, image, gain, line) -> None:

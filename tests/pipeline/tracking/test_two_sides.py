@@ -97,6 +97,16 @@ def test_one_row_is_not_two():
     assert named(row(1, LENGTHS), names) is None
 
 
+def test_a_place_belongs_to_the_side_that_its_base_is_on():
+    places = [3.0, 10.0, 10.1, -4.0]
+    assert list(two_sides.side_of(places, (10.0,))) == [0, 0, 1, 0]
+    assert list(two_sides.side_of(places, ())) == [0, 0, 0, 0]
+    left, right = row(-1, LENGTHS), row(1, LENGTHS)
+    along = np.array([1.0, 0.0])
+    cuts = two_sides.cuts_between([*right, *left], along)
+    assert two_sides.sides_of([*right, *left], along, cuts) == [left, right]
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("given", [("left", "right"), ("right",)])
 def test_whiskers_of_a_rendered_rat_get_names_of_their_own_side(tmp_path, given):
