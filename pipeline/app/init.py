@@ -18,13 +18,13 @@ from pipeline.session.inputs import PREVIEW_NAME, SETTINGS_NAME, find_inputs
 from pipeline.session.recording import Recording
 from pipeline.session.session_file import read_session, settings_from, write_session
 from pipeline.tracking.registry import find_roster
+from pipeline.tracking.two_sides import counted_names
 from pipeline.tracking.whisker_evidence import whisker_like
-from pipeline.tracking.whiskers import options_for_picture
+from pipeline.tracking.whiskers import ROSTER_FRAMES, options_for_picture
 from pipeline.video.negative import Negative
 from pipeline.video.open import open_video
 
 LOOKED_AT = 3  # videos
-ROSTER_FRAMES = 16
 FRAMES_PER_SECOND = 1000.0
 FIELD_OF_VIEW_MM = 25.0  # a usual width of the image, where no pole gives the scale
 POLE_DIAMETER_MM = 0.5
@@ -33,12 +33,12 @@ SCALES = (1.0, 0.6, 1.6, 0.4, 2.5)  # of the usual one, tried in this order for 
 
 @dataclass(frozen=True)
 class Look:
-    """What was found in one video: what stands still, the scale, and how many whiskers."""
+    """What was found in one video: what stands still, the scale, and names for the whiskers."""
 
     path: Path
     scene: StaticScene
     pixels_per_mm: float
-    whiskers: int
+    names: tuple[str, ...]
 
     @property
     def pole(self) -> tuple[float, float, float] | None:
@@ -109,7 +109,7 @@ def _look_at_some(folder, look, say, most=LOOKED_AT) -> list:
 
 
 def look_at(path) -> Look:
-    """Find face, pole, scale and the number of whiskers in one video."""
+    """Find face, pole, scale and whiskers in one video."""
     with open_video(path) as video:
         video = _dark_on_light(video)
         scene, sample, scale = _scene_and_scale(video)
@@ -119,7 +119,8 @@ def look_at(path) -> Look:
     likely, _ = whisker_like(roster, len(sample), sample.shape[1:])
     if not likely:
         scene, scale = without_pole(scene), _usual_scale(video)
-    return Look(Path(path), scene, scale, len(likely))
+    names = counted_names(likely, scene.face_side, options)
+    return Look(Path(path), scene, scale, names)
 
 
 def _dark_on_light(video):
@@ -173,7 +174,7 @@ def _is_passed_over(scene, frames) -> bool:
 def findings(looks):
     """What was found, in session.toml's shape, and a note for every value that is a guess."""
     first = looks[0]
-    count = max(look.whiskers for look in looks)
+    names = max((look.names for look in looks), key=len)
     poles = [look.pole for look in looks if look.pole]
     scale = np.median([look.pixels_per_mm for look in looks if look.pole or not poles])
     document = {
@@ -182,7 +183,7 @@ def findings(looks):
             "pixels_per_mm": round(float(scale), 2),
             "face": first.scene.face_side,
         },
-        "whisker": [{"name": f"w{i + 1}"} for i in range(count)],
+        "whisker": [{"name": name} for name in names],
         "pole": {"diameter_mm": POLE_DIAMETER_MM},
     }
     how = (
@@ -223,5 +224,5 @@ def _words(looks, preview, target) -> list[str]:
         preview.words(),
         f"wrote {target} and {target.parent / PREVIEW_NAME}",
         "now check the lines marked GUESS, and give the whiskers' dimensions to get forces; "
-        "`init` again shows what the corrected file finds",
+        "then `init` again shows what the corrected file finds, and which whisker has which name",
     ]

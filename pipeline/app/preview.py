@@ -8,11 +8,13 @@ import cv2
 import numpy as np
 
 from pipeline.detection.static_scene import StaticScene
+from pipeline.reports.drawing import INK, PAPER, View, name_boxes
+from pipeline.reports.lettering import line_height, put_text
 from pipeline.run import find_whiskers, look_at, trace
 from pipeline.scene.picture_part import part_of
 from pipeline.session.session_file import Settings
 from pipeline.tables import files
-from pipeline.tracking.whiskers import roster_frames, tracing_options
+from pipeline.tracking.whiskers import names_of, roster_frames, tracing_options
 from pipeline.video.negative import Negative
 from pipeline.video.open import open_video
 
@@ -20,7 +22,7 @@ STRETCH = 48  # frames that are traced for the picture
 KNOWN = 0.5  # confidence in a name; below, a line is drawn in grey
 GREY = (130, 130, 130)  # BGR, as those that follow
 COLOURS = [(200, 90, 0), (40, 40, 220), (0, 140, 60), (170, 0, 150), (0, 130, 200)]
-FACE, POLE, REGION, INK = (0, 170, 230), (60, 180, 60), (160, 60, 160), (30, 30, 30)
+FACE, POLE, REGION = (0, 170, 230), (60, 180, 60), (160, 60, 160)
 WIDTH = 900  # px, about that of the picture
 
 
@@ -54,7 +56,9 @@ class Preview:
         )
         count = f"{len(self.names)} whisker{'' if len(self.names) == 1 else 's'}"
         names = f" ({', '.join(self.names)})" if self.names else ""
-        return f"found: face at the {self.scene.face_side}, {place}, {count}{names}"
+        grey = self.lines.keys() - self.known
+        doubt = "; grey in the picture: not sure which whisker" if grey else ""
+        return f"found: face at the {self.scene.face_side}, {place}, {count}{names}{doubt}"
 
 
 def preview_of(path, settings: Settings) -> Preview:
@@ -73,6 +77,7 @@ def preview_of(path, settings: Settings) -> Preview:
         )  # fmt: skip
         found = [_lines_by_frame(chunk) for chunk in chunks] if cast.roster else []
         part = part_of(settings.image, video)
+        names = names_of(cast, settings, frames.shape[1:])
     rows = {frame: lines for each in found for frame, lines in each.items()}
     best = max(rows, key=lambda k: _known_and_all(rows[k]), default=0)
     lines = rows.get(best, {})
@@ -85,7 +90,7 @@ def preview_of(path, settings: Settings) -> Preview:
         frame=frame,
         lines={name: points for name, (points, _) in lines.items()},
         known=frozenset(name for name, (_, c) in lines.items() if c >= KNOWN),
-        names=cast.names,
+        names=names,
     )
 
 
@@ -132,14 +137,22 @@ def draw(preview: Preview) -> np.ndarray:
     picture = cv2.cvtColor(preview.frame, cv2.COLOR_GRAY2BGR)
     picture = cv2.resize(picture, None, fx=zoom, fy=zoom, interpolation=cv2.INTER_CUBIC)
     _draw_scene(picture, preview, zoom)
-    for i, (name, line) in enumerate(preview.lines.items()):
-        colour = COLOURS[i % len(COLOURS)] if name in preview.known else GREY
-        cv2.polylines(picture, [_pixels(line, zoom)], False, colour, 2, cv2.LINE_AA, 4)
-        place = _pixels(line[len(line) // 2 : len(line) // 2 + 1], zoom)[0] // 16 + (4, -8)
-        _write(picture, name, place, colour)
+    colours = {
+        name: COLOURS[i % len(COLOURS)] if name in preview.known else GREY
+        for i, name in enumerate(preview.lines)
+    }
+    view = View(0, 0, *preview.frame.shape[::-1], zoom)
+    for name, line in preview.lines.items():
+        cv2.polylines(picture, [_pixels(line, zoom)], False, colours[name], 2, cv2.LINE_AA, 4)
+    for name, (x, y, _, _) in name_boxes(
+        {name: view.places(line) for name, line in preview.lines.items()}, view
+    ).items():
+        put_text(picture, name, (x, y), colours[name], view.letters, PAPER)
     recording = preview.settings.recording
-    _write(picture, preview.path.name, (8, 22), INK)
-    _write(picture, f"face {recording.face}, {recording.pixels_per_mm:g} px/mm", (8, 44), INK)
+    size = view.letters
+    put_text(picture, preview.path.name, (8, 4), INK, size, PAPER)
+    words = f"face {recording.face}, {recording.pixels_per_mm:g} px/mm"
+    put_text(picture, words, (8, 4 + line_height(size)), INK, size, PAPER)
     return picture
 
 
@@ -160,13 +173,3 @@ def _draw_scene(picture, preview, zoom):
 def _pixels(points, zoom):
     """Points of the video in sixteenths of the picture's pixels."""
     return np.round(((np.asarray(points) + 0.5) * zoom - 0.5) * 16).astype(np.int32)
-
-
-def _write(picture, words, place, colour):
-    """Put words on a light ground into a picture."""
-    font, size = cv2.FONT_HERSHEY_SIMPLEX, 0.6
-    (width, height), _ = cv2.getTextSize(words, font, size, 1)
-    x, y = (int(v) for v in place)
-    ground = picture[max(y - height - 3, 0) : y + 5, max(x - 3, 0) : x + width + 3]
-    ground[:] = (0.3 * ground + 0.7 * 255).astype(np.uint8)
-    cv2.putText(picture, words, (x, y), font, size, colour, 1, cv2.LINE_AA)

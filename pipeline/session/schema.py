@@ -13,6 +13,7 @@ from whiskermodel.whisker import Whisker
 
 LONGEST_CONE_MM = 10_000  # all but a cylinder
 FORMULA = ("=", "+", "-", "@")  # spreadsheets compute what begins so
+SIDES, UPRIGHT = ("left", "right"), ("upper", "lower")  # of a face, in names of whiskers
 DIMENSIONS = ("length_mm", "cone_length_mm", "base_radius_um")
 
 
@@ -187,8 +188,13 @@ class Settings(_Table):
     def without_bare_whiskers(self) -> "Settings":
         """The settings without [[whisker]] tables where these hold nothing but w1, w2, ….
 
-        So `init` writes them. They say how many whiskers it saw in a few frames, not that there
-        are no others.
+        So `init` writes them, or left_w1, …, right_w1, … on two sides. They say how many whiskers
+        it saw in a few frames, not that there are no others.
         """
-        bare = tuple(WhiskerSettings(name=f"w{k + 1}") for k in range(len(self.whisker)))
-        return self.model_copy(update={"whisker": ()}) if self.whisker == bare else self
+        names = [whisker.name for whisker in self.whisker]
+        sides = [name.rpartition("w")[0] for name in names]
+        known = {"", *(f"{side}_" for side in (*SIDES, *UPRIGHT))}
+        counted = [f"{side}w{sides[: k + 1].count(side)}" for k, side in enumerate(sides)]
+        bare = tuple(WhiskerSettings(name=name) for name in counted)
+        is_bare = self.whisker == bare and known.issuperset(sides)
+        return self.model_copy(update={"whisker": ()}) if is_bare else self

@@ -3,16 +3,16 @@
 import numpy as np
 
 from pipeline.session.parameters import DEFAULTS
+from pipeline.session.schema import SIDES, UPRIGHT
 from pipeline.tracking.matching import Ruler
 from pipeline.tracking.registry import named_as_given, usual_strength
 
 FEWEST = 3  # whiskers on a side
-UPRIGHT = ("upper", "lower")
 
 
 def side_names(face_side: str) -> tuple[str, str]:
     """What the two sides of a face are called, in the order of the picture."""
-    return ("left", "right") if face_side in ("top", "bottom") else UPRIGHT
+    return SIDES if face_side in ("top", "bottom") else UPRIGHT
 
 
 def names_by_side(names, face_side: str):
@@ -58,6 +58,17 @@ def sides_of(roster, along, cuts) -> list[list]:
         [slot for slot, own in zip(roster, side, strict=True) if own == k]
         for k in range(len(cuts) + 1)
     ]
+
+
+def counted_names(roster, face_side, options) -> tuple[str, ...]:
+    """Names for a roster that has none: w1, w2, …, or left_w1, …, right_w1, … on two sides."""
+    along = np.asarray(Ruler.of(face_side, options).along, float)
+    cuts = cuts_between(roster, along, options.params.identity)
+    first = [f"{side}_w" for side in side_names(face_side)] if cuts else ["w"]
+    rows = sides_of(roster, along, cuts)
+    return tuple(
+        f"{start}{k + 1}" for start, row in zip(first, rows, strict=True) for k in range(len(row))
+    )
 
 
 def directions(roster) -> np.ndarray:

@@ -10,7 +10,7 @@ from pipeline.session.parameters import DEFAULTS
 from pipeline.session.schema import Settings, WhiskerSettings
 from pipeline.tracking.registry import Slot, find_roster
 from pipeline.tracking.tracker import options_for
-from pipeline.tracking.two_sides import named_by_side, names_by_side
+from pipeline.tracking.two_sides import counted_names, named_by_side, names_by_side
 from pipeline.tracking.whisker_evidence import whisker_like
 from whiskermodel.whisker import Whisker
 
@@ -132,6 +132,14 @@ def cast_of(roster, settings: Settings) -> Cast:
         for name in (names if seen else ())
     }
     return Cast(names, tuple(roster), whiskers, stand_ins, hidden, given=tuple(own))
+
+
+def names_of(cast, settings, shape) -> tuple[str, ...]:
+    """Names of a cast's whiskers as tables have them: found ones are counted on each side."""
+    if cast.given:
+        return cast.names
+    options = tracing_options(settings, shape)
+    return counted_names(cast.roster, settings.recording.face, options)
 
 
 def tracing_options(settings, shape) -> TracingOptions:

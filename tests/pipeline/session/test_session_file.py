@@ -297,6 +297,15 @@ def test_tables_that_only_count_whiskers_name_none():
     recording = {"frames_per_second": 500.0, "pixels_per_mm": 20.0, "face": "left"}
     counted = settings_from({"recording": recording, "whisker": [{"name": "w1"}, {"name": "w2"}]})
     assert counted.without_bare_whiskers().whisker == ()
-    for chosen in ({"name": "C2"}, {"name": "w2", "length_mm": 18.0}, {"name": "w3"}):
+    sides = [{"name": name} for name in ("left_w1", "left_w2", "right_w1")]
+    counted = settings_from({"recording": recording, "whisker": sides})
+    assert counted.without_bare_whiskers().whisker == ()
+    for chosen in (
+        {"name": "C2"},
+        {"name": "back_w1"},
+        {"name": "left_w2"},
+        {"name": "w2", "length_mm": 18.0},
+        {"name": "w3"},
+    ):
         named = settings_from({"recording": recording, "whisker": [{"name": "w1"}, chosen]})
         assert named.without_bare_whiskers() is named

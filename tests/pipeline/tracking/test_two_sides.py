@@ -107,6 +107,14 @@ def test_a_place_belongs_to_the_side_that_its_base_is_on():
     assert two_sides.sides_of([*right, *left], along, cuts) == [left, right]
 
 
+def test_whiskers_without_names_are_counted_on_each_side():
+    left, right = row(-1, LENGTHS[:3]), row(1, LENGTHS)
+    names = two_sides.counted_names([*right, *left], "top", OPTIONS)
+    assert names == ("left_w1", "left_w2", "left_w3", *(f"right_w{k}" for k in range(1, 6)))
+    assert two_sides.counted_names(left, "top", OPTIONS) == ("w1", "w2", "w3")
+    assert two_sides.counted_names([], "top", OPTIONS) == ()
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("given", [("left", "right"), ("right",)])
 def test_whiskers_of_a_rendered_rat_get_names_of_their_own_side(tmp_path, given):
