@@ -141,29 +141,65 @@ def _fit(features, whisker, phase, weight, least_sd, middle, slope, sd):
 
 @njit(cache=True)
 def weighted_median(values, weight):
-    """Value that half of the weight lies below."""
-    order = np.argsort(values)
-    upto = np.cumsum(weight[order])
-    return values[order[np.searchsorted(upto, 0.5 * upto[-1])]]
+    """Value that half of the weight lies below: that part is parted on which holds it."""
+    own, share = values.copy(), weight.copy()
+    first, last, below, half = 0, len(own) - 1, 0.0, 0.5 * share.sum()
+    while first < last:
+        middle, i, j, under = own[(first + last) // 2], first, last, below
+        while i <= j:
+            while own[i] < middle:
+                under += share[i]
+                i += 1
+            while own[j] > middle:
+                j -= 1
+            if i <= j:
+                own[i], own[j], share[i], share[j] = own[j], own[i], share[j], share[i]
+                under += share[i]
+                i, j = i + 1, j - 1
+        # up to j: at most the middle one; from i on: at least; between, it itself
+        upto = under - share[i - 1] if i - 1 > j else under
+        if upto >= half:
+            last = j
+        elif under >= half:
+            return middle
+        else:
+            first, below = i, under
+    return own[first]
 
 
 @njit(cache=True)
 def _robust_line(x, y, weight, least_sd):
     """Value at 0, slope, SD of y over x: weighted least squares, what lies far off left out."""
-    keep = np.ones(len(x), np.bool_)
+    keep, off = np.ones(len(x), np.bool_), np.empty(len(x))
     middle, slope, sd = 0.0, 0.0, least_sd
     for _ in range(6):
-        u, v, w = x[keep], y[keep], weight[keep] / weight[keep].sum()
-        mean, level = (w * u).sum(), (w * v).sum()
-        square = max((w * (u - mean) ** 2).sum(), 1e-6)
-        held = 0.02 * 0.05**2 / square
-        slope = (w * (u - mean) * (v - level)).sum() / (square + held)
+        mean, level, slope = _weighted_line(x, y, weight, keep)
         middle = level - slope * mean
-        off = y - middle - slope * x
-        centre = weighted_median(off[keep], w)
+        for i in range(len(x)):
+            off[i] = y[i] - middle - slope * x[i]
+        centre = weighted_median(off[keep], weight[keep])
         sd = max(MAD_TO_SD * weighted_median(np.abs(off - centre), weight), least_sd)
         again = np.abs(off) < 2.5 * sd
         if again.sum() < FEWEST // 2 or np.array_equal(again, keep):
             break
         keep = again
     return middle, slope, sd
+
+
+@njit(cache=True)
+def _weighted_line(x, y, weight, keep):
+    """Weighted means of x and y, and slope of y over x, of those to keep."""
+    total, mean, level, square, both = 0.0, 0.0, 0.0, 0.0, 0.0
+    for i in range(len(x)):
+        if keep[i]:
+            total += weight[i]
+            mean += weight[i] * x[i]
+            level += weight[i] * y[i]
+    mean, level = mean / total, level / total
+    for i in range(len(x)):
+        if keep[i]:
+            off = weight[i] / total * (x[i] - mean)
+            square += off * (x[i] - mean)
+            both += off * (y[i] - level)
+    square = max(square, 1e-6)
+    return mean, level, both / (square + 0.02 * 0.05**2 / square)

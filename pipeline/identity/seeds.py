@@ -6,7 +6,7 @@ A long track that matches no whisker is a whisker more.
 import numpy as np
 
 from pipeline.identity import label_swaps, motion_model
-from pipeline.identity.appearance import FanModel
+from pipeline.identity.appearance import FanModel, medians
 from pipeline.identity.features import ANGLE, N_FEATURES
 
 MOST_NEW = 3  # whiskers at a time
@@ -63,13 +63,13 @@ def looks_of(lines, names, least_sd) -> FanModel:
 
 def first_looks(features, whisker, phase, weight, count, least_sd):
     """Model of `count` whiskers from rows of known whiskers, phases and weights."""
-    middle = np.full((count, N_FEATURES), np.nan)
+    middle = np.empty((count, N_FEATURES))
     slope = np.zeros((count, N_FEATURES))
     slope[:, ANGLE] = 1.0
     level = features - slope[whisker] * phase[:, None]
-    for k in range(count):
-        own = level[whisker == k]
-        seen = np.isfinite(own).any(axis=0)
-        middle[k, seen] = np.nanmedian(own[:, seen], axis=0)
+    order = np.argsort(whisker, kind="stable")
+    starts = np.searchsorted(whisker[order], np.arange(count + 1))
+    for j in range(N_FEATURES):
+        middle[:, j] = medians(level[order, j], starts)
     sd = np.tile(3.0 * least_sd, (count, 1))
     return FanModel(middle, slope, sd, least_sd).fitted(features, whisker, phase, weight)
