@@ -4,6 +4,16 @@ import errno
 import os
 from pathlib import Path
 
+NO_ROOM = "make room on that disk and run again; what is finished is kept"
+NOT_ALLOWED = "allow it to you, or choose another place, and run again"
+ADVICE = {  # by the system's number of an error
+    errno.ENOSPC: NO_ROOM,
+    getattr(errno, "EDQUOT", errno.ENOSPC): NO_ROOM,
+    errno.EACCES: NOT_ALLOWED,
+    errno.EPERM: NOT_ALLOWED,
+    errno.EROFS: NOT_ALLOWED,
+}
+
 
 class VideoError(Exception):
     """An input that cannot be read (on); the message names it, what is wrong and what to do.
@@ -72,3 +82,13 @@ def why(error: OSError) -> str:
     known = error.errno in errno.errorcode  # libraries add words of their own
     words = os.strerror(error.errno) if known else error.strerror or str(error)
     return f"{place}: {words}" if place else words
+
+
+def with_advice(error: OSError) -> str:
+    """What the system says is wrong, and what to do.
+
+    >>> with_advice(PermissionError(errno.EACCES, "", "session.toml"))
+    'session.toml: Permission denied; allow it to you, or choose another place, and run again'
+    """
+    advice = ADVICE.get(error.errno)
+    return f"{why(error)}; {advice}" if advice else why(error)

@@ -24,7 +24,7 @@ from pipeline.app.outcome import (
     kept_outcome,
     save_state,
 )
-from pipeline.errors import InputError, in_words, why
+from pipeline.errors import InputError, in_words, why, with_advice
 from pipeline.runtime import interrupts
 from pipeline.runtime.folder_lock import locked
 from pipeline.runtime.progress import Progress, Step, duration
@@ -317,7 +317,10 @@ def _write_pictures(summary, shown, log):
             write(summary.out)
         except Exception as error:
             log.write(traceback.format_exc())
-            yield f"the {what} could not be made ({type(error).__name__}: {in_words(error)})"
+            if isinstance(error, OSError):
+                yield f"the {what} could not be made: {with_advice(error)}"
+            else:
+                yield f"the {what} could not be made ({type(error).__name__}: {in_words(error)})"
 
 
 # --- one video ---------------------------------------------------------------------------
@@ -342,7 +345,7 @@ def process_video(task: Task, report=None) -> Outcome:
     except VideoError as error:
         return _failed(task, error.problem)
     except OSError as error:
-        return _failed(task, why(error))
+        return _failed(task, with_advice(error))
     except (CorrectionsError, InputError) as error:
         return _failed(task, str(error))
 

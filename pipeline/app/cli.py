@@ -129,7 +129,8 @@ def _finish_run(summary, debug, say):
     if overlays:
         more = f" and {len(overlays) - 1} more" if len(overlays) > 1 else ""
         say(f"overlay: {overlays[0].resolve()}{more}")
-    if any(each.contacts for each in summary.outcomes):
+    is_shown = (summary.out / "report.html").is_file() and not summary.interrupted
+    if is_shown and any(each.contacts for each in summary.outcomes):
         say(
             f"next: look at the report, then `whiskerforce curate {shlex.quote(str(summary.out))}`"
         )
@@ -340,10 +341,10 @@ def _is_unusable(error) -> bool:
 
 
 def _explain(error) -> str:
-    from pipeline.errors import why
+    from pipeline.errors import with_advice
 
     if _is_unusable(error):
-        return f"error: {why(error) if isinstance(error, OSError) else error}"
+        return f"error: {with_advice(error) if isinstance(error, OSError) else error}"
     return f"error: {type(error).__name__}: {error} (an error in the program; --debug shows where)"
 
 

@@ -28,10 +28,14 @@ def whole_file(path):
     """Yield a temporary path beside `path` that replaces it when the block succeeds.
 
     Readers see the old file or the new one, never a part; if the block fails, the temporary
-    file goes and `path` stays as it was.
+    file goes and `path` stays as it was. An error of the system names `path`.
     """
     path = Path(path)
-    handle, name = tempfile.mkstemp(PART_END + path.suffix, PART, path.parent)
+    try:
+        handle, name = tempfile.mkstemp(PART_END + path.suffix, PART, path.parent)
+    except OSError as error:
+        error.filename = str(path)
+        raise
     os.close(handle)
     temporary = Path(name)
     try:
@@ -39,6 +43,10 @@ def whole_file(path):
         temporary.chmod(0o666 & ~_umask())
         to_disk(temporary)
         os.replace(temporary, path)
+    except OSError as error:
+        if error.filename is None or str(error.filename) == name:
+            error.filename, error.filename2 = str(path), None
+        raise
     finally:
         temporary.unlink(missing_ok=True)
 

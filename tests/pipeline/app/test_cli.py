@@ -80,6 +80,16 @@ def test_quiet_says_only_what_went_wrong(ran, capsys):
     ]
 
 
+def test_no_report_is_promised_where_there_is_none(ran, capsys, tmp_path):
+    ran("done")  # report.html could not be written
+    exit_code("run", "x", "--out", "y")
+    assert "report" not in capsys.readouterr().out
+    (tmp_path / "report.html").touch()  # of an earlier run
+    ran("done", interrupted=True)
+    exit_code("run", "x", "--out", "y")
+    assert "next: look" not in capsys.readouterr().out
+
+
 def test_last_lines_lead_to_report_and_overlay(ran, capsys, tmp_path):
     ran("done")
     (tmp_path / "v0").mkdir()

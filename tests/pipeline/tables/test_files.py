@@ -1,5 +1,6 @@
 """Tables on disk: whole or not at all, columns as promised, the same when read back."""
 
+import errno
 import os
 from pathlib import Path
 
@@ -12,6 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.detection.static_scene import PoleTrack
+from pipeline.errors import with_advice
 from pipeline.scene import pole_runs
 from pipeline.tables import centrelines, dictionary, files
 from pipeline.tables.centrelines import Centrelines
@@ -55,6 +57,28 @@ def lines(sizes, names=("C2", "D1"), rng=None):
         se_px=np.full(points, 0.05, np.float32),
         confidence=np.ones(rows, np.float32),
     )
+
+
+@pytest.mark.parametrize("fails", ["mkstemp", "block", "replace"])
+def test_a_file_that_cannot_be_written_is_named(tmp_path, monkeypatch, fails):
+    def full(*names, **_):
+        raise OSError(errno.ENOSPC, "no room", *names[:1])
+
+    owners = {"mkstemp": files.tempfile, "replace": files.os}
+    if fails in owners:
+        monkeypatch.setattr(owners[fails], fails, full)
+
+    def write():
+        with files.whole_file(tmp_path / "a.csv"):
+            if fails == "block":
+                full()
+
+    with pytest.raises(OSError, match="no room") as caught:
+        write()
+    expected = f"{tmp_path / 'a.csv'}: No space left on device; make room on that disk"
+    assert with_advice(caught.value).startswith(expected)
+    monkeypatch.undo()
+    assert fails == "mkstemp" or not list(tmp_path.iterdir())
 
 
 def test_a_file_that_could_not_be_finished_leaves_the_old_one(tmp_path):
