@@ -125,10 +125,10 @@ def find_touches(
         contact_probability=evidence["probability"].to_numpy(),
     )
     frames = forces.add_forces(frames, evidence, whiskers, method)
-    contacts = contact_table(frames, intervals, recording, options.video)
+    contacts = contact_table(frames, evidence, intervals, recording, options.video, method)
     contacts = pulses.add_pulses(contacts, frames, recording)
     contacts = base_moments.add_base_moments(contacts, frames, whiskers, recording)
-    contacts[list(PEAK_ERROR_COLUMNS)] = peak_errors(contacts, evidence, whiskers, method)
+    contacts[list(PEAK_ERROR_COLUMNS)] = peak_errors(contacts, evidence, whiskers)
     return Touch(as_table(frames, FRAME_COLUMNS), contacts, intervals, evidence)
 
 

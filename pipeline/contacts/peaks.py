@@ -1,152 +1,82 @@
-"""The peak of a noisy time course: the largest of many noisy values overestimates it.
+"""The course of a touch's force: the largest of many noisy frames overestimates its peak.
 
-A course is smoothed by local parabolas (Savitzky and Golay 1964), weighted by the values' errors,
-over as many frames as its own noise allows (Lepski's rule): wider, as long as nothing near the
-top is moved by more than noise explains. So a brief peak stays as it is, and the peak of a long
-plateau is no longer its noisiest frame. Where noise lifts the peak by less than 1 %, it is the
-largest value, as in the table of frames.
+A Gaussian process (Rasmussen & Williams 2006, eqs 2.23, 2.24, 2.30): a touch is a half-Gaussian
+and a constant, each of any size, and what is smooth beside them, over the likeliest of some
+times. Frames err together, as the rest shape drifts and as a codec leaves pictures as they were:
+the force of the free frames about a touch, where it is zero, shows by how much.
 """
 
 import numpy as np
-from numba import njit
+from scipy.linalg import cho_factor, cho_solve
 
-from pipeline.numerics.robust import MAD_TO_SD
+from whiskermodel.force_profiles import half_gaussian_shape
 
-HALF_WIDTHS = (2, 3, 4, 6, 8, 11, 15, 20)  # frames to both sides of a parabola's middle
-PART = 6  # of a course, at least, for each half-width
-NEAR_TOP = 0.8  # of the peak: what is lower does not decide
-HIGH, FEWEST_HIGH = 0.5, 8  # of the peak, frames: where the noise is estimated
-LEAST_LIFT = 0.01  # of the peak, by noise: less is left as it is
-LARGEST_CHANGE = 4.0  # standard errors of a change that noise explains
-FIRM_SD = 2.0  # standard errors: what is surely reached
-SINGULAR = 1e-9  # of a parabola's normal equations
+AROUND, MOST = 30, 160  # free frames on both sides; frames of a touch about its largest force
+SHARED, SHARED_FRAMES = 0.3, 40.0  # of the errors' variance, over so long: free frames of H.264
+INTERPOLATED = 2.0  # times the error: frames that a codec made out of others
+ANY_SIZE = 2.0  # of the largest force: SD of the half-Gaussian and the constant
+BESIDE, TIMES = 0.45, (2.0, 4.0, 8.0, 16.0, 32.0)  # SD of what is smooth, and frames
 
 
-@njit(cache=True)
-def half_width(values, errors):
-    """Frames to both sides over which a course is to be smoothed; 0 for not at all.
+def touch_course(force, error, free, interpolated, start, stop):
+    """Force of a touch, frame by frame, also where it was not measured, and its standard error.
 
     Parameters
     ----------
-    values : (frames,), NaN where missing
-    errors : (frames,) their standard errors, of which only the relative sizes matter: the size of
-        the noise is estimated from the values
+    force, error : (frames,) of a whisker, and its standard error; NaN where not known
+    free, interpolated : (frames,) bool, without touch; made by the codec out of others
+    start, stop : the touch's frames, half-open
+
+    Returns
+    -------
+    rows : the frames, all of the touch or MOST about its largest force
+    course, its standard error : (rows,) NaN where nothing is known of the touch
     """
-    known = np.isfinite(values)
-    if known.sum() < PART * HALF_WIDTHS[0]:
-        return 0
-    noise, values = _noise(values, _usable(values, errors)), np.where(known, values, 0.0)
-    half = _widest(values, noise)
-    course = _local(values, noise, half)[0]
-    lifted = values[known].max() > (1 + LEAST_LIFT) * course[known].max()
-    return half if lifted else 0
+    force = np.where(np.isfinite(error), force, np.nan)
+    first, last = _about_largest(force, start, stop)
+    frame = np.arange(max(first - AROUND, 0), min(last + AROUND, len(force)))
+    touching = (frame >= first) & (frame < last)
+    seen = np.isfinite(force[frame]) & (touching | free[frame])
+    if not seen[touching].any():
+        return frame[touching], *np.full((2, last - first), np.nan)
+    size = max(np.nanmax(force[first:last]), np.nanmin(error[first:last]))
+    noise = _noise(frame[seen], error[frame[seen]], interpolated[frame[seen]])
+    fits = [_fit(prior, force[frame], noise, seen) for prior in _priors(frame, start, stop, size)]
+    _, course, error = max(fits, key=lambda fit: fit[0])
+    return frame[touching], course[touching], error[touching]
 
 
-@njit(cache=True)
-def smoothed(values, half, errors=None):
-    """Local parabolas' values (frames,) over 2 `half` + 1 frames, as near to each as they lie.
-
-    NaN where the value itself is missing; `errors` (frames,) weigh the values.
-    """
-    return _smoothed(values, half, _usable(values, errors))[0]
-
-
-@njit(cache=True, error_model="numpy")
-def firm_peak(values, half, errors):
-    """Frame, value and standard error of a smoothed course's peak.
-
-    The peak is where the value minus FIRM_SD errors is largest: poorly measured frames among
-    well measured ones make no peak. `errors` (frames,) are taken to be common to neighbouring
-    frames, so that smoothing does not lessen them; NaN where not known.
-    """
-    usable = _usable(values, errors)
-    course, variance = _smoothed(values, half, usable)
-    alike = _smoothed(values, half, np.where(np.isfinite(usable), 1.0, np.inf))[1]
-    error = np.sqrt(variance / alike)
-    least = course - FIRM_SD * error
-    firm = least > 0
-    judged = np.where(firm, least, np.nan) if firm.any() else course
-    at = int(np.argmax(np.where(np.isfinite(judged), judged, -np.inf)))
-    return at, course[at], error[at] if np.isfinite(errors[at]) else np.nan
+def _about_largest(force, start, stop):
+    """First frame and end of at most MOST frames of a touch."""
+    if stop - start <= MOST or not np.isfinite(force[start:stop]).any():
+        return start, min(stop, start + MOST)
+    middle = start + int(np.nanargmax(force[start:stop]))
+    first = min(max(middle - MOST // 2, start), stop - MOST)
+    return first, first + MOST
 
 
-@njit(cache=True)
-def _smoothed(values, half, errors):
-    """Smoothed course and its variance (frames,); NaN where the value is missing."""
-    missing = ~np.isfinite(values)
-    course, left = _local(np.where(missing, 0.0, values), errors, half)
-    return np.where(missing, np.nan, course), np.where(missing, np.nan, left)
+def _noise(frame, error, interpolated):
+    """Covariance of the frames' errors."""
+    apart = np.abs(frame[:, None] - frame)
+    own = (1 - SHARED) * np.where(interpolated, INTERPOLATED, 1.0) ** 2
+    return np.outer(error, error) * (SHARED * np.exp(-apart / SHARED_FRAMES) + np.diag(own))
 
 
-@njit(cache=True)
-def _usable(values, errors):
-    """Errors (frames,): infinite for missing values; all alike where one is not known."""
-    known = np.isfinite(values)
-    if errors is None or not np.all(errors[known] > 0):  # or unknown
-        return np.where(known, 1.0, np.inf)
-    return np.where(known, errors, np.inf)
+def _priors(frame, start, stop, size):
+    """Covariances of the force by frame, one for each of TIMES; zero beyond the touch."""
+    place = 2 * (frame + 0.5 - start) / (stop - start) - 1
+    touching = np.abs(place) < 1
+    apart = frame[:, None] - frame
+    sizes = ANY_SIZE**2 * (1 + np.outer(*[half_gaussian_shape(place)] * 2))
+    for time in TIMES:
+        smooth = BESIDE**2 * np.exp(-0.5 * (apart / time) ** 2)
+        yield size**2 * np.outer(touching, touching) * (sizes + smooth)
 
 
-@njit(cache=True)
-def _widest(values, errors):
-    """Largest half-width at which nothing near the top changes by more than noise explains."""
-    best, tried = 0, [(values, errors**2)]
-    known = np.isfinite(errors)
-    for half in HALF_WIDTHS:
-        if PART * half > known.sum():
-            break
-        wider, left = _local(values, errors, half)
-        top = known & (wider > NEAR_TOP * wider[known].max())
-        for narrower, more in tried:
-            change, noise = np.abs(wider - narrower)[top], more[top] - left[top]
-            if np.any(change > LARGEST_CHANGE * np.sqrt(np.maximum(noise, 0.0))):
-                return best
-        tried.append((wider, left))
-        best = half
-    return best
-
-
-@njit(cache=True)
-def _noise(values, errors):
-    """Standard deviation of each value's noise near the top, as `errors` go; infinite alike."""
-    known = np.isfinite(values)
-    seen, error = values[known], errors[known]
-    square = error**2
-    variance = square[3:] + 9 * square[2:-1] + 9 * square[1:-2] + square[:-3]
-    scatter = np.abs(np.diff(np.diff(np.diff(seen)))) / np.sqrt(variance)
-    course = _local(seen, error, HALF_WIDTHS[0])[0][1:-2]
-    high = course > HIGH * course.max()
-    scatter = scatter[high] if high.sum() >= FEWEST_HIGH else scatter
-    return np.maximum(MAD_TO_SD * np.median(scatter), 1e-12) * errors
-
-
-@njit(cache=True)
-def _local(values, errors, half):
-    """Weighted local parabolas (frames,) and their variances; values as they are for `half` 0."""
-    course, left = values.copy(), errors**2
-    if half > 0:
-        _fit_parabolas(values, 1 / errors**2, half, course, left)
-    return course, left
-
-
-@njit(cache=True)
-def _fit_parabolas(values, weight, half, course, left):
-    """Fill `course` and its variance where 2 half + 1 values about a frame make a parabola.
-
-    At the ends these are the first and last ones.
-    """
-    n, width = len(values), 2 * half + 1
-    largest = weight.max()
-    for i in range(n if n >= width else 0):
-        first = min(max(i - half, 0), n - width)
-        s0, s1, s2, s3, s4, t0, t1, t2 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-        for j in range(first, first + width):
-            x, w = (j - i) / half, weight[j] / largest
-            s0, s1, s2, s3, s4 = s0 + w, s1 + w * x, s2 + w * x**2, s3 + w * x**3, s4 + w * x**4
-            v = w * values[j]
-            t0, t1, t2 = t0 + v, t1 + v * x, t2 + v * x**2
-        a, b, c = s2 * s4 - s3 * s3, s2 * s3 - s1 * s4, s1 * s3 - s2 * s2
-        determinant = s0 * a + s1 * b + s2 * c
-        if determinant > SINGULAR * s0**3:
-            course[i] = (a * t0 + b * t1 + c * t2) / determinant
-            left[i] = a / determinant / largest
+def _fit(prior, force, noise, seen):
+    """Log-likelihood, mean and standard error of a course given the forces that are seen."""
+    factor = cho_factor(prior[np.ix_(seen, seen)] + noise, lower=True)
+    solved = cho_solve(factor, force[seen])
+    likelihood = -0.5 * force[seen] @ solved - np.log(np.diag(factor[0])).sum()
+    left = np.diag(prior) - (prior[:, seen] * cho_solve(factor, prior[seen]).T).sum(axis=1)
+    return likelihood, prior[:, seen] @ solved, np.sqrt(np.maximum(left, 0.0))

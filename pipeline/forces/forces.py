@@ -152,6 +152,7 @@ def _evidence(places, fit, origin, rest_known, free, params) -> pd.DataFrame:
             "pole_known": np.isfinite(places.pole_x),
             "extended": places.extended,
             "across": resampled.lies_across(places),
+            "interpolated": places.interpolated,
             "rest_known": rest_known,
             "origin_m": origin.per_row,
             "origin_se_m": origin.se,

@@ -208,6 +208,7 @@ EVIDENCE_COLUMNS = (
     Column("pole_known", "bool", "", "the pole is in view and at rest"),
     Column("extended", "bool", "", "the nearest point lies beyond the traced part"),
     Column("across", "bool", "", "seen to lie across the pole: in another plane, or it is dust"),
+    Column("interpolated", "bool", "", "the codec made the frame out of frames before and after"),
     Column("rest_known", "bool", "", "the rest shape is known from enough free frames"),
     Column("origin_m", "float64", "m", "added to arc lengths: error of the hidden length"),
     Column("origin_se_m", "float64", "m", "standard error of origin_m"),

@@ -183,6 +183,8 @@ def frames_by_hand():
             "lateral_se_N": np.full(6, 5e-8),
             "moment_se_N_m": np.full(6, 3e-10),
             "origin_per_tip": np.zeros(6),
+            "origin_force_se_N": np.zeros(6),
+            "interpolated": np.zeros(6, bool),
         }
     )
     return as_table(frames, FRAME_COLUMNS), evidence
@@ -214,24 +216,26 @@ def test_table_of_contacts_by_hand():
     intervals = pd.DataFrame(
         {"whisker": ["C2"], "onset_frame": [1], "offset_frame": [4], "slip": [True]}
     )
-    row = contact_table(frames, intervals, RECORDING, "a video").iloc[0]
+    row = contact_table(frames, evidence, intervals, RECORDING, "a video").iloc[0]
     assert (row["video"], row["whisker"], row["contact"]) == ("a video", "C2", 1)
     assert row["duration_ms"] == pytest.approx(3.0)
     assert row["onset_s"] == pytest.approx(0.001)
-    assert row["peak_force_uN"] == pytest.approx(4.0)
-    assert row["mean_force_uN"] == pytest.approx(2.0)
-    assert row["impulse_uN_ms"] == pytest.approx(6.0)
-    assert row["peak_base_moment_nN_m"] == pytest.approx(-32.0)
-    assert row["peak_axial_force_uN"] == pytest.approx(-1.0)
+    off = 0.15  # µN, three standard errors of a frame
+    assert row["peak_force_uN"] == pytest.approx(4.0, abs=off)
+    assert row["mean_force_uN"] == pytest.approx(2.0, abs=off)
+    assert row["impulse_uN_ms"] == pytest.approx(6.0, abs=3 * off)
+    assert row["peak_base_moment_nN_m"] == pytest.approx(-32.0, abs=8 * off)
+    assert row["peak_axial_force_uN"] == pytest.approx(-1.0, abs=0.25 * off)
     assert row["contact_arc_length_mm"] == pytest.approx(9.0)
     assert row["slip"]
     assert not row["curated"]
 
 
 def test_contacts_are_numbered_per_whisker_in_time():
-    frames, _ = frames_by_hand()
+    frames, evidence = frames_by_hand()
     other = frames.assign(whisker="D1")
     both = pd.concat([frames, other], ignore_index=True)
+    evidence = pd.concat([evidence, evidence], ignore_index=True)
     intervals = pd.DataFrame(
         {
             "whisker": ["D1", "C2", "C2"],
@@ -239,13 +243,13 @@ def test_contacts_are_numbered_per_whisker_in_time():
             "offset_frame": [2, 4, 2],
         }
     )
-    table = contact_table(both, intervals, RECORDING)
+    table = contact_table(both, evidence, intervals, RECORDING)
     assert list(zip(table["whisker"], table["contact"], table["onset_frame"], strict=True)) == [
         ("C2", 1, 1),
         ("C2", 2, 3),
         ("D1", 1, 0),
     ]
-    empty = contact_table(both, intervals.iloc[:0], RECORDING)
+    empty = contact_table(both, evidence, intervals.iloc[:0], RECORDING)
     assert list(empty.columns) == [c.name for c in CONTACT_COLUMNS]
 
 
@@ -343,23 +347,8 @@ def test_a_wild_frame_is_no_peak():
     evidence.loc[1, ["shape_force_N", "shape_force_se_N"]] = 3e-5, 1e-5
     frames = forces.add_forces(frames, evidence, {"C2": object()})
     intervals = pd.DataFrame({"whisker": ["C2"], "onset_frame": [1], "offset_frame": [4]})
-    assert contact_table(frames, intervals, RECORDING)["peak_force_uN"][0] == 4.0
-
-
-def test_a_peak_beside_a_gap_may_be_a_larger_one():
-    """Of a half-Gaussian of three frames, without its middle one, 47 % of the peak is seen."""
-    frames, evidence = frames_by_hand()
-    evidence["whisker"], evidence["frame"] = "C2", frames["frame"]
-    evidence["origin_force_se_N"] = 1e-8
-    evidence.loc[1:3, "shape_force_N"] = 1.9e-6, 9e-6, 1.9e-6
-    evidence.loc[2, "shape_force_se_N"] = 9e-6
-    frames = forces.add_forces(frames, evidence, {"C2": mouse_c2()})
-    intervals = pd.DataFrame({"whisker": ["C2"], "onset_frame": [1], "offset_frame": [4]})
-    contacts = contact_table(frames, intervals, RECORDING)
-    budget = peak_errors(contacts, evidence, {"C2": mouse_c2()})
-    assert contacts["peak_force_uN"][0] == pytest.approx(1.9)
-    assert budget["peak_force_se_uN"][0] == pytest.approx(1.9 / 0.47 - 1.9, rel=0.01)
-    assert budget["hidden_length_se_uN"][0] == pytest.approx(0.01)
+    found = contact_table(frames, evidence, intervals, RECORDING)["peak_force_uN"][0]
+    assert found == pytest.approx(4.0, abs=0.15)
 
 
 def test_peak_errors(traced, touch, monkeypatch):
@@ -492,7 +481,8 @@ def test_a_peak_has_the_standard_error_of_its_own_method(touch, method):
         stated.append(contact["peak_force_se_uN"])
         expected.append(1e6 * part.loc[peak, f"{method}_force_se_N"])
     assert len(stated) >= 3
-    np.testing.assert_allclose(np.median(np.divide(stated, expected)), 1.0, atol=0.2)
+    # the touch's other frames say something of its peak, too
+    assert 0.6 < np.median(np.divide(stated, expected)) < 1.05
 
 
 def test_the_seen_line_leans_by_the_bending_of_its_shape():
