@@ -43,6 +43,7 @@ def main(arguments=None) -> None:
     with tempfile.TemporaryDirectory() as profile:
         driver = chromium(profile)
         try:
+            driver.execute_cdp_cmd("Emulation.setScrollbarsHidden", {"hidden": True})
             report(driver, results).save(args.out / "report.jpg", quality=85)
             curate_page(driver, results).save(args.out / "curate.jpg", quality=85)
         finally:
@@ -84,7 +85,6 @@ def curate_page(driver, results) -> Image.Image:
 
 def photograph(driver) -> Image.Image:
     """What the window shows, `SHOWN_PX` wide."""
-    driver.execute_cdp_cmd("Emulation.setScrollbarsHidden", {"hidden": True})
     picture = Image.open(io.BytesIO(driver.get_screenshot_as_png())).convert("RGB")
     height = round(picture.height * SHOWN_PX / picture.width)
     return picture.resize((SHOWN_PX, height), Image.Resampling.LANCZOS)

@@ -111,12 +111,12 @@ CONTACT_COLUMNS = (
     Column("onset_frame", "int64", "", "first frame of touch"),
     Column("offset_frame", "int64", "", "first frame after the touch (half-open)"),
     Column("onset_s", "float64", "s", "time of the onset frame"),
-    Column("duration_ms", "float64", "ms", "offset − onset"),
+    Column("duration_ms", "float64", "ms", "from onset to offset"),
     Column(
         "peak_force_uN",
         "float64",
         "µN",
-        "largest contact force, less noise (contacts.peaks)",
+        "largest contact force, less what noise adds to the largest value",
     ),
     Column("mean_force_uN", "float64", "µN", "mean contact force"),
     Column("impulse_uN_ms", "float64", "µN ms", "integral of the contact force"),
@@ -137,11 +137,11 @@ CONTACT_COLUMNS = (
     Column("curated", "bool", "", "added or moved by a person"),
     Column("flags", "string", "", "what to be careful about, separated by ';'"),
     Column("peak_force_se_uN", "float64", "µN", "standard error of the peak force"),
-    Column("tracking_se_uN", "float64", "µN", "of it, from tracking noise"),
-    Column("hidden_length_se_uN", "float64", "µN", "of it, from the follicle's place"),
-    Column("radius_uN_per_percent", "float64", "µN", "peak force per 1 % of base radius"),
-    Column("modulus_uN_per_percent", "float64", "µN", "peak force per 1 % of Young's modulus"),
-    Column("scale_uN_per_percent", "float64", "µN", "peak force per 1 % of pixels per mm"),
+    Column("tracking_se_uN", "float64", "µN", "part of peak_force_se_uN: tracking noise"),
+    Column("hidden_length_se_uN", "float64", "µN", "part of peak_force_se_uN: follicle's place"),
+    Column("radius_uN_per_percent", "float64", "µN", "peak force's change by 1 % more radius"),
+    Column("modulus_uN_per_percent", "float64", "µN", "its change by 1 % more Young's modulus"),
+    Column("scale_uN_per_percent", "float64", "µN", "its change by 1 % more pixels per mm"),
 )
 
 CONTACT_FLAGS = {
@@ -151,13 +151,13 @@ CONTACT_FLAGS = {
     "no_rest_curvature": "too few free frames to know the whisker's shape at rest: no force",
     "large_deflection": "the force is tilted by more than 34° against the follicle's normal",
     "contact_near_curvature_window": "less than 1 mm beyond curvature_at_mm: little is bent there",
-    "bends_unlike_rod": "bends as no rod of its dimensions does: another whisker, or wrong ones",
-    "base_contradicted": "bends as if the hidden length were off by surely over 0.3 mm: so it is, "
-    "or the dimensions, or the whisker is seen at a slant",
+    "bends_unlike_rod": "bends as no rod of its dimensions does: wrong ones, or another whisker",
+    "base_contradicted": "bends as if the hidden length were wrong by over 0.3 mm: correct it "
+    "or the dimensions, unless the whisker is out of the picture's plane",
     "gaps_in_trace": "not traced in some of its frames",
     "faint_force": "the force is within its error; the contact was found by the distance",
-    "doubtful": "in no frame is the probability of contact 0.99",
-    "not_half_gaussian": "the fitted pulse is poor; base loads are of the measured force",
+    "doubtful": "the probability of contact is below 0.99 in all frames",
+    "not_half_gaussian": "the half-Gaussian fits poorly: the measured force is used for vibration",
 }
 
 VIDEO_COLUMNS = (
@@ -350,7 +350,7 @@ VIEW_FRAME_COLUMNS = (
     Column("whisker", "string", "", "name of the whisker"),
     Column("frame", "int64", "", "frame number, from 0"),
     Column("time_s", "float64", "s", "time of the frame"),
-    Column("in_contact", "bool", "", "the frame belongs to a contact; else to the nearest point"),
+    Column("in_contact", "bool", "", "in contact; elsewhere paths end nearest to the pole"),
     *_VIEW_COLUMNS,
     *_each_with(
         [("se", "standard error")],
