@@ -5,9 +5,11 @@ from bokeh.models import ColumnDataSource, LinearColorMapper, Range1d
 from bokeh.plotting import figure
 
 from pipeline.curate.colours import LINES, POLE, TOUCH
+from pipeline.reports.drawing import View, name_boxes
 
 CLOSE_UP_MM = 1.25  # half the width of the close-up
 LARGEST_PX = 1100  # wider frames are sent shrunk; the close-up stays as it is
+SHOWN_PX = 580  # usual width of the picture on the page: names keep apart at it
 PATIENCE_S = 0.03  # longer a frame is not waited for: it comes when it is there
 
 
@@ -25,7 +27,7 @@ class Picture:
         for plot, image in ((self.whole, self._image), (self.close, self._crop)):
             self._draw(plot, image)
         self.whole.text(
-            "x", "y", "name", source=self._names, x_offset=5, text_baseline="middle",
+            "x", "y", "name", source=self._names, text_baseline="middle",
             text_color="colour", text_font_size="12px", text_font_style="bold",
             text_outline_color="#11161c",
         )  # fmt: skip
@@ -50,6 +52,7 @@ class Picture:
         """Fit ranges and contrast to a video by one of its frames, or None."""
         height, width = (480, 640) if image is None else image.shape
         self.aspect = width / height
+        self._view = View(0, 0, width, height, SHOWN_PX / width)
         self.whole.x_range.update(start=-0.5, end=width - 0.5)
         self.whole.y_range.update(start=height - 0.5, end=-0.5)
         if image is not None:
@@ -86,13 +89,12 @@ class Picture:
             "colour": colours,
             "width": [1.8 if name == whisker else 1.2 for name in lines],
         }
-        several = len(video.whiskers) > 1
-        named = {name: points[-1] for name, points in lines.items() if several}
+        named = name_places(lines, self._view) if len(video.whiskers) > 1 else {}
         self._names.data = {
             "x": [x for x, _ in named.values()],
             "y": [y for _, y in named.values()],
             "name": list(named),
-            "colour": colours[: len(named)],
+            "colour": [LINES[video.whiskers.index(name) % len(LINES)] for name in named],
         }
         x, y, radius = ([value] for value in pole) if pole else ([], [], [])
         self._pole.data = {"x": x, "y": y, "radius": radius}
@@ -103,6 +105,18 @@ class Picture:
             "y": [p[1] for p in places],
             "colour": [TOUCH] * len(places),
         }
+
+
+def name_places(lines, view: View) -> dict:
+    """Name → left end and middle of its line of text (x, y) [px of the image], none upon another.
+
+    `lines`: name → points (n, 2) [px].
+    """
+    boxes = name_boxes({name: view.places(points) for name, points in lines.items()}, view)
+    return {
+        name: ((x + 0.5) / view.zoom - 0.5, (y + height / 2 + 0.5) / view.zoom - 0.5)
+        for name, (x, y, _, height) in boxes.items()
+    }
 
 
 def _picture_figure(name):

@@ -412,6 +412,22 @@ def test_below_1200_px_the_panels_stack(tab, served, width, stacked):
         show_as_before(tab.driver)
 
 
+def test_panels_of_a_crowd_do_not_lie_upon_each_other(tab, served):
+    try:
+        show(tab.driver, served[0].url, 1440)
+        tab.wait(lambda: tab.answered() > 0)
+        script = """document.documentElement.style.setProperty("--lanes", 44);
+            return arguments[0].map(id => {
+            const r = document.getElementById(id).getBoundingClientRect();
+            return [r.top, r.bottom]; })"""
+        panels = ("lanes", "distance", "change", "force", "overview", "legend")
+        places = tab.driver.execute_script(script, list(panels))
+        assert all(bottom - top > 10 for top, bottom in places)  # px
+        assert all(b[0] >= a[1] - 1 for a, b in itertools.pairwise(places))
+    finally:
+        show_as_before(tab.driver)
+
+
 def test_a_frame_and_a_name_are_typed(tab, served):
     from selenium.webdriver.common.action_chains import ActionChains
     from selenium.webdriver.common.keys import Keys
