@@ -11,10 +11,10 @@ from scipy.linalg import cho_factor, cho_solve
 
 from whiskermodel.force_profiles import half_gaussian_shape
 
-AROUND, MOST = 30, 160  # free frames on both sides; frames of a touch about its largest force
-SHARED, SHARED_FRAMES = 0.3, 40.0  # of the errors' variance, over so long: free frames of H.264
+MOST = 160  # frames of a touch, about its largest force
+SHARED, SHARED_FRAMES = 0.3, 40  # of the errors' variance, over so long: free frames of H.264
 INTERPOLATED = 2.0  # times the error: frames that a codec made out of others
-ANY_SIZE = 2.0  # of the largest force: SD of the half-Gaussian and the constant
+ANY_SIZE = 4.0  # of the usual force: SD of the half-Gaussian and the constant
 BESIDE, TIMES = 0.45, (2.0, 4.0, 8.0, 16.0, 32.0)  # SD of what is smooth, and frames
 
 
@@ -34,12 +34,13 @@ def touch_course(force, error, free, interpolated, start, stop):
     """
     force = np.where(np.isfinite(error), force, np.nan)
     first, last = _about_largest(force, start, stop)
-    frame = np.arange(max(first - AROUND, 0), min(last + AROUND, len(force)))
+    frame = np.arange(max(first - SHARED_FRAMES, 0), min(last + SHARED_FRAMES, len(force)))
     touching = (frame >= first) & (frame < last)
     seen = np.isfinite(force[frame]) & (touching | free[frame])
     if not seen[touching].any():
         return frame[touching], *np.full((2, last - first), np.nan)
-    size = max(np.nanmax(force[first:last]), np.nanmin(error[first:last]))
+    weight = 1 / error[frame[seen & touching]] ** 2
+    size = np.sqrt(np.average(force[frame[seen & touching]] ** 2, weights=weight))
     noise = _noise(frame[seen], error[frame[seen]], interpolated[frame[seen]])
     fits = [_fit(prior, force[frame], noise, seen) for prior in _priors(frame, start, stop, size)]
     _, course, error = max(fits, key=lambda fit: fit[0])

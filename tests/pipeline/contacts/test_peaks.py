@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from pipeline.contacts.peaks import AROUND, MOST, _fit, _noise, _priors, touch_course
+from pipeline.contacts.peaks import MOST, SHARED_FRAMES, _fit, _noise, _priors, touch_course
 from whiskermodel.force_profiles import half_gaussian
 
 NOISE = 0.05  # of the peak
@@ -79,10 +79,10 @@ def test_what_all_frames_err_by_is_seen_where_nothing_touches():
     lifted = course_of(touch, NOISE, off)[1].max() - 1
     np.testing.assert_allclose(lifted, 0.0, atol=0.2 * off)
     # but not a touch's frames next to it, nor frames far away
-    force = np.full(3 * AROUND + 20, off)
+    force = np.full(3 * SHARED_FRAMES + 20, off)
     force[-20:] += touch
     start = len(force) - 20
-    free = np.arange(len(force)) < start - AROUND
+    free = np.arange(len(force)) < start - SHARED_FRAMES
     found = touch_course(
         force, np.full(len(force), NOISE), free, np.zeros(len(force), bool), start, len(force)
     )[1]
@@ -106,7 +106,17 @@ def test_a_gap_is_filled_with_a_larger_error(shape):
     rows, course, error = course_of(np.where(hidden, np.nan, touch), 0.01)
     assert len(rows) == 41
     assert abs(course[20] - 1) < 3 * error[20]
-    assert error[hidden].max() > error[~hidden].max()
+    assert error[20] > 1.2 * error[10] > 0  # a quarter of the touch from its start
+
+
+def test_a_wild_frame_is_no_peak():
+    """A crossing: one frame errs twenty times as much as the others, by two of its errors."""
+    touch, error = pulse(31), np.full(31 + 2 * FREE, 0.02)
+    touch[8] += 0.8
+    error[FREE + 8] = 0.4
+    _, course, left = course_of(touch, error)
+    assert course.max() == pytest.approx(1.0, abs=0.05)
+    assert left[course.argmax()] < 0.05
 
 
 def test_of_a_long_touch_the_frames_about_its_largest_force_are_used():
