@@ -25,6 +25,7 @@ from whiskermodel.whisker import Whisker
 
 METHODS = ("point", "shape")
 SLIDING_FRAMES = 3
+LEAST_NOISE = 0.5  # of the fit's standard error: free frames cannot show smaller ones
 FARTHEST_TURN_RAD = 0.2  # of a fitted rod's base from the traced part's continuation
 STEADY_RAD = 5e-3  # jitter of base angles up to here is a clean picture's, or a touch's
 LESS_STEADY = 1.2  # than the traced base angles: rods are preferred as long as they are not
@@ -258,7 +259,7 @@ def _excess(ratio, free):
     ratio = ratio[free & np.isfinite(ratio)]
     if len(ratio) < FEWEST_FREE:
         return 1.0
-    return float(robust_sd(ratio, about=0.0))
+    return max(LEAST_NOISE, float(robust_sd(ratio, about=0.0)))
 
 
 def _base(kinematics, fit, origin_se) -> pd.DataFrame:
