@@ -122,13 +122,9 @@ def test_two_processes_come_to_the_same(rendered, results, video, tmp_path):
         here = files.read_csv(tmp_path / "out" / name / "contacts.csv", CONTACT_COLUMNS)
         one = files.read_csv(results / video.stem / "contacts.csv", CONTACT_COLUMNS)
         assert set(here["video"]) == {name}
-        # code just compiled and code from numba's cache round differently (fastmath), and a
-        # fit then ends within its tolerance, not on the same digits
-        here, one = here.drop(columns="video"), one.drop(columns="video")
-        errors = [column for column in one if "_se" in column]
-        pd.testing.assert_frame_equal(here[errors], one[errors], rtol=1e-2, atol=1e-6)
-        here, one = here.drop(columns=errors), one.drop(columns=errors)
-        pd.testing.assert_frame_equal(here, one, rtol=1e-3, atol=1e-6)
+        pd.testing.assert_frame_equal(
+            here.drop(columns="video"), one.drop(columns="video"), check_exact=True
+        )
 
 
 def test_analyse_in_python_gives_the_same_tables(results, rendered, video):

@@ -7,13 +7,14 @@ the force of the free frames about a touch, where it is zero, shows by how much.
 """
 
 import numpy as np
+from scipy.linalg import cho_factor, cho_solve
 
 from whiskermodel.force_profiles import half_gaussian_shape
 
-MOST = 160  # frames of a touch, about its largest force
-SHARED, SHARED_FRAMES = 0.3, 40  # of the errors' variance, over so long: free frames of H.264
+AROUND, MOST = 30, 160  # free frames on both sides; frames of a touch about its largest force
+SHARED, SHARED_FRAMES = 0.3, 40.0  # of the errors' variance, over so long: free frames of H.264
 INTERPOLATED = 2.0  # times the error: frames that a codec made out of others
-ANY_SIZE = 4.0  # of the usual force: SD of the half-Gaussian and the constant
+ANY_SIZE = 2.0  # of the largest force: SD of the half-Gaussian and the constant
 BESIDE, TIMES = 0.45, (2.0, 4.0, 8.0, 16.0, 32.0)  # SD of what is smooth, and frames
 
 
@@ -31,23 +32,18 @@ def touch_course(force, error, free, interpolated, start, stop):
     rows : the frames, all of the touch or MOST about its largest force
     course, its standard error : (rows,) NaN where nothing is known of the touch
     """
-    force = np.where(error > 0, force, np.nan)
+    force = np.where(np.isfinite(error), force, np.nan)
     first, last = _about_largest(force, start, stop)
-    rows = np.arange(first, last)
-    seen = np.isfinite(force[rows])
-    if not seen.any():
-        return rows, *np.full((2, len(rows)), np.nan)
-    around = np.r_[max(first - SHARED_FRAMES, 0) : first, last : last + SHARED_FRAMES]
-    around = around[around < len(force)]
-    around = around[free[around] & np.isfinite(force[around])]
-    off, noise = _error_beside(rows[seen], around, force, error, interpolated)
-    own = force[rows[seen]] - off
-    size = np.sqrt(np.average(own**2, weights=error[rows[seen]] ** -2.0))
-    priors = _priors(rows, start, stop, size)
-    prior = max(priors, key=lambda each: _likelihood(each[np.ix_(seen, seen)] + noise, own))
-    gain = np.linalg.solve(prior[np.ix_(seen, seen)] + noise, prior[seen])
-    left = np.diag(prior) - (prior[seen] * gain).sum(axis=0)
-    return rows, own @ gain, np.sqrt(np.maximum(left, 0.0))
+    frame = np.arange(max(first - AROUND, 0), min(last + AROUND, len(force)))
+    touching = (frame >= first) & (frame < last)
+    seen = np.isfinite(force[frame]) & (touching | free[frame])
+    if not seen[touching].any():
+        return frame[touching], *np.full((2, last - first), np.nan)
+    size = max(np.nanmax(force[first:last]), np.nanmin(error[first:last]))
+    noise = _noise(frame[seen], error[frame[seen]], interpolated[frame[seen]])
+    fits = [_fit(prior, force[frame], noise, seen) for prior in _priors(frame, start, stop, size)]
+    _, course, error = max(fits, key=lambda fit: fit[0])
+    return frame[touching], course[touching], error[touching]
 
 
 def _about_largest(force, start, stop):
@@ -59,14 +55,6 @@ def _about_largest(force, start, stop):
     return first, first + MOST
 
 
-def _error_beside(rows, around, force, error, interpolated):
-    """Expected error of a touch's `rows` and its covariance, given the free frames `around`."""
-    both, n = np.concatenate([rows, around]), len(rows)
-    noise = _noise(both, error[both], interpolated[both])
-    share = np.linalg.solve(noise[n:, n:], noise[n:, :n])
-    return force[around] @ share, noise[:n, :n] - noise[:n, n:] @ share
-
-
 def _noise(frame, error, interpolated):
     """Covariance of the frames' errors."""
     apart = np.abs(frame[:, None] - frame)
@@ -74,15 +62,21 @@ def _noise(frame, error, interpolated):
     return np.outer(error, error) * (SHARED * np.exp(-apart / SHARED_FRAMES) + np.diag(own))
 
 
-def _priors(rows, start, stop, size):
-    """Covariances of a touch's force in its `rows`, one for each of TIMES."""
-    shape = half_gaussian_shape(2 * (rows + 0.5 - start) / (stop - start) - 1)
-    apart = rows[:, None] - rows
+def _priors(frame, start, stop, size):
+    """Covariances of the force by frame, one for each of TIMES; zero beyond the touch."""
+    place = 2 * (frame + 0.5 - start) / (stop - start) - 1
+    touching = np.abs(place) < 1
+    apart = frame[:, None] - frame
+    sizes = ANY_SIZE**2 * (1 + np.outer(*[half_gaussian_shape(place)] * 2))
     for time in TIMES:
         smooth = BESIDE**2 * np.exp(-0.5 * (apart / time) ** 2)
-        yield size**2 * (ANY_SIZE**2 * (1 + np.outer(shape, shape)) + smooth)
+        yield size**2 * np.outer(touching, touching) * (sizes + smooth)
 
 
-def _likelihood(cov, force):
-    """Logarithm of the density of `force` of mean zero, but for a constant."""
-    return -0.5 * (force @ np.linalg.solve(cov, force) + np.linalg.slogdet(cov)[1])
+def _fit(prior, force, noise, seen):
+    """Log-likelihood, mean and standard error of a course given the forces that are seen."""
+    factor = cho_factor(prior[np.ix_(seen, seen)] + noise, lower=True)
+    solved = cho_solve(factor, force[seen])
+    likelihood = -0.5 * force[seen] @ solved - np.log(np.diag(factor[0])).sum()
+    left = np.diag(prior) - (prior[:, seen] * cho_solve(factor, prior[seen]).T).sum(axis=1)
+    return likelihood, prior[:, seen] @ solved, np.sqrt(np.maximum(left, 0.0))

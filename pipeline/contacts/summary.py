@@ -8,6 +8,7 @@ from pipeline.contacts.peaks import touch_course
 from pipeline.session.recording import Recording
 from pipeline.tables.columns import CONTACT_COLUMNS, as_table, empty_table
 
+WILD, WILD_SHARE = 4.0, 0.1  # times the usual standard error, plus this part of the force
 _FORCE_COLUMNS = {  # of the evidence, by method: force, standard error, the origin's part of it
     "shape": ("shape_force_N", "shape_force_se_N", "origin_force_se_N"),
     "point": ("point_force_N", "point_force_se_N", "point_origin_force_se_N"),
@@ -99,15 +100,17 @@ def _courses(frames, evidence, method):
 def _contact_row(whisker: dict[str, np.ndarray], onset, offset, frame_ms) -> dict:
     """Peaks, mean and impulse of one contact; `whisker` has `_courses` of all its frames."""
     start, stop = np.searchsorted(whisker["frame"], [onset, offset])
-    force = np.maximum(whisker["force"][start:stop], 0.0)
-    place = whisker["place"][start:stop]
+    measured, errors = whisker["force"].copy(), whisker["error"]
+    measured[start:stop] = _without_wild(measured[start:stop], errors[start:stop])
+    force, place = np.maximum(measured[start:stop], 0.0), whisker["place"][start:stop]
     if not np.isfinite(force).any():
         return {
             "contact_arc_length_mm": np.nanmedian(place) if np.isfinite(place).any() else np.nan
         }
     free = ~binary_dilation(whisker["touching"])
-    measured = (whisker[c] for c in ("force", "error"))
-    rows, course, error = touch_course(*measured, free, whisker["interpolated"], start, stop)
+    rows, course, error = touch_course(
+        measured, errors, free, whisker["interpolated"], start, stop
+    )
     if np.isfinite(course).any():
         force[rows - start] = course = np.maximum(course, 0.0)
     else:  # forces without errors
@@ -127,6 +130,19 @@ def _contact_row(whisker: dict[str, np.ndarray], onset, offset, frame_ms) -> dic
         "tracking_se_uN": error[peak],
         "hidden_length_se_uN": origin[peak],
     }
+
+
+def _without_wild(force, error):
+    """Force (frames,) of one contact, NaN where something else overlaps the whisker.
+
+    Otherwise a single frame of a crossing, with ten times the usual error, may be the peak.
+    """
+    known = error[np.isfinite(error)]
+    if not len(known):
+        return force
+    return np.where(
+        error > WILD * np.median(known) + WILD_SHARE * np.maximum(force, 0), np.nan, force
+    )
 
 
 def _without_gaps(values):

@@ -10,7 +10,6 @@ from numba import njit
 
 from pipeline.detection import line_profile
 from pipeline.detection.line_profile import N_SUMS, SINGLE, bell
-from pipeline.numerics.bsplines import FAST
 from pipeline.numerics.polyline import NARROWEST
 
 BLOCK = 128  # nodes
@@ -70,7 +69,7 @@ def _keep(values, out, m):
         out[j] = values[j]
 
 
-@njit(cache=True, fastmath=FAST, error_model="numpy")
+@njit(cache=True, error_model="numpy")
 def _lay(x, y, m, cap, sigma, reach, width, height, rows):
     """The row or column of pixels that crosses the line at each of m nodes.
 
@@ -138,7 +137,7 @@ def _take_pixels(images, lights, weights, places, k, m, rows):
         rows[TRUST + node] = weights[at] if inside else SINGLE(0)
 
 
-@njit(cache=True, fastmath=FAST, error_model="numpy")
+@njit(cache=True, error_model="numpy")
 def _pixel(rows, gain, node):
     """Of a node's pixel: expected light, what is missing of it, distance/σ and the bell there."""
     v = gain * rows[LIGHT + node]
@@ -146,7 +145,7 @@ def _pixel(rows, gain, node):
     return v, min(v - rows[PIXEL + node], rows[CAP + node] * v), u, bell(u)
 
 
-@njit(cache=True, fastmath=FAST, error_model="numpy")
+@njit(cache=True, error_model="numpy")
 def _add_pixels(rows, gain, m):
     """Add the pixels taken to the sums of each of m nodes, and go on to the next."""
     for j in range(m):
@@ -168,7 +167,7 @@ def _add_pixels(rows, gain, m):
         rows[PLACE + node] = u + rows[STEP + node]
 
 
-@njit(cache=True, fastmath=FAST, error_model="numpy")
+@njit(cache=True, error_model="numpy")
 def _add_widths(rows, gain, m):
     """Add the pixels taken to those sums of each of m nodes that are for the half-width."""
     for j in range(m):

@@ -7,8 +7,6 @@ filtered at once; along columns row by row, as long as the rows about it are in 
 import numpy as np
 from numba import njit
 
-from pipeline.numerics.bsplines import FAST
-
 
 def gaussian_kernels(scale: float):
     """Return the Gaussian of SD `scale` [px] and its first two derivatives, sampled, float32."""
@@ -27,7 +25,7 @@ def halves(kernels):
     return np.array([kernel[len(kernel) // 2 :] for kernel in kernels])
 
 
-@njit(cache=True, fastmath=FAST, error_model="numpy")
+@njit(cache=True, error_model="numpy")
 def along_rows(image, kernels):
     """A picture's rows, float32 (height, width), by a Gaussian and its first two derivatives.
 
@@ -52,7 +50,7 @@ def along_rows(image, kernels):
     return out
 
 
-@njit(cache=True, fastmath=FAST, error_model="numpy")
+@njit(cache=True, error_model="numpy")
 def _filter(smooth, first, second, padded, kernels):
     """Fill three rows (width,) from a `padded` one (width + 2 reach,)."""
     reach, width = kernels.shape[1] - 1, len(smooth)
@@ -69,7 +67,7 @@ def _filter(smooth, first, second, padded, kernels):
             second[i] += bent * both
 
 
-@njit(cache=True, fastmath=FAST, error_model="numpy")
+@njit(cache=True, error_model="numpy")
 def second_derivatives(rows, row, kernels, xx, yy, xy):
     """Fill the second derivatives of one row of the picture, (width,) each.
 
@@ -90,7 +88,7 @@ def second_derivatives(rows, row, kernels, xx, yy, xy):
             xy[i] += odd * (f[i] - g[i])
 
 
-@njit(cache=True, fastmath=FAST, error_model="numpy")
+@njit(cache=True, error_model="numpy")
 def first_derivatives(rows, row, kernels, columns, x, y):
     """Fill the first derivatives at some columns of one row of the picture, (columns,) each."""
     reach, count = kernels.shape[1] - 1, len(columns)

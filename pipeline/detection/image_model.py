@@ -11,7 +11,6 @@ from numba import njit
 from pipeline.detection import line_profile
 from pipeline.detection.line import Line
 from pipeline.detection.static_scene import StaticScene
-from pipeline.numerics.bsplines import FAST
 from pipeline.session.parameters import DEFAULTS
 
 TRANSLUCENT = 0.25  # of the light that passes beside it: a whisker is seen through such a thing
@@ -127,7 +126,7 @@ def absorbance_image(image, model: ImageModel, gain: float) -> np.ndarray:
     return _absorbance(image, model.background, model.usable, np.float32(gain))
 
 
-@njit(cache=True, fastmath=FAST, error_model="numpy")
+@njit(cache=True, error_model="numpy")
 def _absorbance(image, background, usable, gain):
     out = np.empty(image.shape, np.float32)
     one, low, none = np.float32(1.0), np.float32(-0.3), np.float32(0.0)

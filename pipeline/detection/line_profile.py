@@ -13,8 +13,6 @@ them per node of the reference line, so that no interpolation biases the centre.
 import numpy as np
 from numba import njit
 
-from pipeline.numerics.bsplines import FAST
-
 # Rows of the `sums` array, which has a column per node: Σ over its pixels (sections.py).
 GG, G1, G11, GY, OY, DD, DY, DG, D1, SS, SY, SG = range(12)
 N_SUMS = 12
@@ -87,7 +85,7 @@ def _window_sums(sums, n, half, windows):
         total = t0, t1, t2, t3, t4
 
 
-@njit(cache=True, fastmath=FAST, error_model="numpy")
+@njit(cache=True, error_model="numpy")
 def _solve_windows(windows, n, amplitude, baseline, amplitude_se):
     """Absorbance, background error and the former's standard error, from `windows` (5, n)."""
     gg, g1, one, gy, oy = windows[0], windows[1], windows[2], windows[3], windows[4]
@@ -162,7 +160,7 @@ def frame_gain(image, places, per_light):
     return mean
 
 
-@njit(cache=True, fastmath=FAST)
+@njit(cache=True)
 def _mean_near(values, n, centre, reach):
     """Mean of those of the first `n` values within `reach` of `centre`, and how many they are."""
     total = 0.0

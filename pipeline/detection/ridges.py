@@ -13,7 +13,6 @@ from numba import njit
 
 from pipeline.detection import derivatives
 from pipeline.detection.curves import Curves, join
-from pipeline.numerics.bsplines import FAST
 from pipeline.numerics.robust import robust_sd
 
 SCALE_PX = 1.6  # SD of the differentiating Gaussian
@@ -70,7 +69,7 @@ def _filters(scale):
     return derivatives.halves((g, g1, g2)), response_sd
 
 
-@njit(cache=True, fastmath=FAST)
+@njit(cache=True)
 def _may_be_strong(xx, yy, xy, noise_sd, limit, out):
     """Fill `out`: whether the response at a row's pixels is above `limit` SDs, rounding left out.
 
@@ -137,7 +136,7 @@ def _places(marks, places):
     return count
 
 
-@njit(cache=True, fastmath=FAST, error_model="numpy")
+@njit(cache=True, error_model="numpy")
 def _crests(values, n):
     """Of derivatives x, y, xx, yy, xy and noise, rows of `values`, the ridge's point and strength.
 

@@ -56,6 +56,7 @@ LENGTH_WRONG = 0.05  # of lengths: have changed since they were measured; chosen
 TIP_PART = 0.3  # of the frames in which the tip must be seen at least
 OVER_TIP_PX = 2.2  # from the tip to where nothing would be seen: measured, rendered videos
 TIP_RULE_PX = 1.5  # standard error of that rule, of ends that fade: 1 px is measured, at most
+TIP_FRAMES = 2.0  # neighbouring frames whose ends err together, at least
 TIP_LAGS = 8  # frames over which ends of a codec's pictures err together
 LEAST_LEFT = 0.3  # of the errors' variance after a fit
 MOST_ROWS = 240  # loaded frames whose bending is used
@@ -187,7 +188,7 @@ def origin_from_tip(
         away, part = tip - end[good], design[good]
         hidden, common = _believed(abs(np.mean(away)), prior[0] ** -0.5, common)
         evidence.matrix[0, 0] = hidden**-2
-        weight, variance = np.ones(good.sum()), sd**2
+        weight, variance = np.ones(good.sum()), TIP_FRAMES * sd**2
         for _ in range(4):
             bend = weight / variance
             found = evidence.beside(part, bend, bend * away, common)
@@ -197,7 +198,7 @@ def origin_from_tip(
             left -= np.average(left, weights=weight)
             weight = 1 / np.maximum(1, np.abs(left) / (2 * sd))
             lasting = _lasting_variance(np.clip(left, -3 * sd, 3 * sd), found.freedom(evidence))
-            variance = max(sd**2, lasting)
+            variance = max(TIP_FRAMES * sd**2, lasting)
         moved = evidence.beside(part, bend, bend, common).rhs  # by a tip 1 m farther out
         evidence = replace(found, tip=moved)
     return evidence.solve(), evidence

@@ -6,7 +6,6 @@ import numpy as np
 from numba import njit
 
 from pipeline.forces.rod_integration import LOADED
-from pipeline.numerics.bsplines import FAST
 from pipeline.numerics.cholesky import solve
 
 HUBER = 3.0  # SD beyond which a station counts less
@@ -74,7 +73,7 @@ def weigh(seen, laid, chi2, robust, misfit, weight):
     return total / max(count - 4, 1)
 
 
-@njit(cache=True, fastmath=FAST)
+@njit(cache=True)
 def _products(shift, misfit, weight, size, share, normal, rhs):
     """Fill Σ weight shift shiftᵀ and Σ weight shift misfit of the first `size` parameters."""
     m = len(misfit)

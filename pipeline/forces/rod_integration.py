@@ -11,8 +11,6 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from pipeline.numerics.bsplines import FAST
-
 N_REST = 4  # Legendre polynomials of the rest curvature
 FREE, LOADED = N_REST + 2, N_REST + 3  # numbers of parameters
 ORIGIN = LOADED  # whose answers come behind those of the parameters
@@ -66,7 +64,7 @@ def laid_from(p, place):
     return place.x - p[0] * np.sin(p[1]), place.y + p[0] * np.cos(p[1])
 
 
-@njit(cache=True, fastmath=FAST, error_model="numpy")
+@njit(cache=True, error_model="numpy")
 def lay(p, beam, load, arc, place, laid):
     """Lay the rod from its place both ways, with its derivatives by all parameters and the origin.
 
@@ -97,7 +95,7 @@ def lay(p, beam, load, arc, place, laid):
             base[2, ORIGIN] -= bend
 
 
-@njit(cache=True, fastmath=FAST, error_model="numpy")
+@njit(cache=True, error_model="numpy")
 def move(laid, step):
     """Move a laid rod by a small `step` of its parameters, as it answers to them."""
     shift, base, follicle = laid.shift, laid.base, laid.follicle
@@ -109,7 +107,7 @@ def move(laid, step):
             follicle[j] += step[a] * base[j, a]
 
 
-@njit(cache=True, fastmath=FAST, error_model="numpy")
+@njit(cache=True, error_model="numpy")
 def _lay_one_way(direction, k, p, beam, bends, pull, arc, begin, laid):
     """Lay stations k, k + direction, …, and before station 0 the follicle.
 
@@ -160,7 +158,7 @@ def _lay_one_way(direction, k, p, beam, bends, pull, arc, begin, laid):
     return at_x, at_y, theta, bend, heading
 
 
-@njit(cache=True, fastmath=FAST, inline="always")
+@njit(cache=True, inline="always")
 def _answer(shift, k, heading, cos, sin, dx, dy, d):
     """Fill how far station k, (dx, dy) from the place, moves along its normal per parameter."""
     nx, ny = -heading[1], heading[0]
@@ -170,7 +168,7 @@ def _answer(shift, k, heading, cos, sin, dx, dy, d):
         shift[2 + q, k] = d[0, q] * nx + d[1, q] * ny
 
 
-@njit(cache=True, fastmath=FAST, inline="always")
+@njit(cache=True, inline="always")
 def _rest_curvature(u, p, values):
     """Rest curvature where the Legendre polynomials, put into `values`, have the argument `u`."""
     polynomials(u, values)
@@ -196,7 +194,7 @@ def polynomials(u, values):
         before, now = now, ((2 * j + 3) * u * now - (j + 1) * before) * (1 / (j + 2))
 
 
-@njit(cache=True, fastmath=FAST, error_model="numpy", inline="always")
+@njit(cache=True, error_model="numpy", inline="always")
 def softness(s, beam):
     """1/(E I(s)) [1/(N m²)]; the very tip of a full cone, which has none, is stiffened."""
     square = (1 - s / beam.cone_length) ** 2

@@ -17,7 +17,6 @@ from pipeline.detection.static_scene import PoleTrack
 from pipeline.kinematics.follicle import FEWEST_NODES, follicles
 from pipeline.kinematics.resampled import Lines
 from pipeline.numerics.angles import wrapped
-from pipeline.numerics.bsplines import FAST
 from pipeline.numerics.polyline import nearest_node
 from pipeline.session.parameters import DEFAULTS, KinematicsParams
 from pipeline.session.recording import Recording
@@ -45,7 +44,7 @@ class _Pole(NamedTuple):
     near: float
 
 
-@njit(cache=True, fastmath=FAST, error_model="numpy")
+@njit(cache=True, error_model="numpy")
 def _in_frame(x, y, offset, first, last, at, tx, ty):
     """Measured points of nodes first … last − 1 along and across the tangent at node `at` [px].
 

@@ -13,7 +13,6 @@ from numba import njit
 from pipeline.detection.static_scene import PoleTrack
 from pipeline.kinematics.tip import nodes_to_tip
 from pipeline.numerics import polyline
-from pipeline.numerics.bsplines import FAST
 from pipeline.scene.dust import INNER
 from pipeline.session.parameters import DEFAULTS, KinematicsParams
 from pipeline.session.recording import Recording
@@ -344,7 +343,7 @@ def _bin(line, start, spacing, px, py, clear, out):
             out_information[k] = total[k]
 
 
-@njit(cache=True, fastmath=FAST, error_model="numpy")
+@njit(cache=True, error_model="numpy")
 def _raw_places(x, y, offset, points):
     """Fill `points` (5, n): unsmoothed place of every point, unit tangent and curvature."""
     n = len(x)
@@ -362,7 +361,7 @@ def _raw_places(x, y, offset, points):
     _curvatures(x, y, kappa)
 
 
-@njit(cache=True, fastmath=FAST, error_model="numpy")
+@njit(cache=True, error_model="numpy")
 def _curvatures(x, y, out):
     """Curvature of the line over END_FIT_PX points either side of each; at its ends, the last."""
     n, reach = len(x), END_FIT_PX

@@ -9,8 +9,6 @@ import numpy as np
 from numba import njit
 
 BAND = 4  # diagonal and three above it
-# sums may be taken in any order, and so by vector instructions; NaN and infinity keep their sense
-FAST = {"reassoc", "contract", "nsz", "arcp"}
 
 
 @njit(cache=True, inline="always")
@@ -37,7 +35,7 @@ def _end(j, last, n, spacing):
     return n if j == last else min(int(np.ceil((j + 1) * spacing)), n)
 
 
-@njit(cache=True, fastmath=FAST)
+@njit(cache=True)
 def normal_equations(weight, target, n, spacing, band, rhs):
     """Fill `band` (k, 4) and `rhs` (k,) with Σ weight B Bᵀ and Σ B target; return k.
 
@@ -82,7 +80,7 @@ def normal_equations(weight, target, n, spacing, band, rhs):
     return k
 
 
-@njit(cache=True, fastmath=FAST)
+@njit(cache=True)
 def right_hand_side(target, n, spacing, rhs):
     """Fill `rhs` (k,) with Σ B target, as `normal_equations` does."""
     k = n_coefficients(n, spacing)
@@ -180,7 +178,7 @@ def solve_factorised(band, rhs, k):
                 rhs[i] -= band[i, p] * rhs[i + p]
 
 
-@njit(cache=True, fastmath=FAST)
+@njit(cache=True)
 def evaluate(coefficients, n, spacing, out):
     """Write the spline's values at nodes 0 … n − 1 into `out`."""
     per_node = 1.0 / spacing

@@ -3,8 +3,6 @@
 import numpy as np
 from numba import njit
 
-from pipeline.numerics.bsplines import FAST
-
 COARSE = 8  # nodes between two that are looked at for whether lines come near to each other
 NARROWEST = 1e-18  # px²: keeps two coinciding nodes from dividing by zero
 
@@ -28,7 +26,7 @@ def resample(x, y, n, spare):
     return count
 
 
-@njit(cache=True, fastmath=FAST, error_model="numpy")
+@njit(cache=True, error_model="numpy")
 def arc_lengths(x, y, n, s):
     """Length of a polyline from its first node to each of its first `n`, into `s` [px]."""
     steps, before_x, before_y, after_x, after_y = s[1:n], x[: n - 1], y[: n - 1], x[1:n], y[1:n]
@@ -60,7 +58,7 @@ def bilinear(image, x, y):
     )
 
 
-@njit(cache=True, fastmath=FAST, error_model="numpy")
+@njit(cache=True, error_model="numpy")
 def normals(x, y, n, nx, ny):
     """Unit normals, the tangent turned counter-clockwise on the screen: (ty, −tx)."""
     last = n - 1
@@ -129,7 +127,7 @@ def nearest_nodes(x, y, n, other_x, other_y, m, near, skip):
     return at, to
 
 
-@njit(cache=True, fastmath=FAST | {"nnan"}, error_model="numpy")  # many nodes at a time
+@njit(cache=True, fastmath={"nnan", "nsz"}, error_model="numpy")  # the least in any order
 def _least_square(x, y, n, px, py):
     """Square of the least distance from the first `n` nodes to the point (px, py)."""
     least = np.inf

@@ -11,7 +11,7 @@ STATION = 2  # nodes between two cross-sections of the capture step
 REACH = 3  # half-width of the line's profile in it [px]
 
 
-@njit(cache=True, fastmath=line_profile.FAST, error_model="numpy")
+@njit(cache=True, error_model="numpy")
 def strip_gains(picture, nodes, nx, ny, n, half, out, at):
     """Likelihood gain of a line at every station and integer offset −half … half.
 

@@ -9,6 +9,7 @@ from pipeline.contacts.summary import (
     _courses,
     _largest,
     _without_gaps,
+    _without_wild,
 )
 from whiskermodel.force_profiles import half_gaussian
 
@@ -81,6 +82,15 @@ def test_forces_without_errors_are_taken_as_they_are():
     assert np.isnan(row["peak_force_se_uN"])
     nothing = whisker(force=np.full(40, np.nan))
     assert list(_contact_row(nothing, 10, 30, 1.0)) == ["contact_arc_length_mm"]
+
+
+@pytest.mark.parametrize(("error", "kept"), [(0.9, True), (1.4, False)])
+def test_a_frame_that_errs_five_times_as_usual_and_by_a_tenth_is_left_out(error, kept):
+    """The usual error is 0.1 µN; of 8 µN, 0.8 more are allowed, and four times the usual."""
+    force, errors = pulse(21), np.full(21, 0.1)
+    errors[10] = error
+    assert np.isfinite(_without_wild(force, errors)[10]) == kept
+    np.testing.assert_array_equal(_without_wild(force, np.full(21, np.nan)), force)
 
 
 @pytest.mark.parametrize("sign", [1, -1])
