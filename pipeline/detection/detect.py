@@ -15,6 +15,7 @@ from pipeline.session.quantities import pixels_in
 
 WORTH_FITTING = 0.5  # of the darkness wanted of a line, along the ridge that leads to it
 MOST_LOOKS = 3  # at a frame with many whiskers
+WHOLE = np.s_[:, :]  # picture: rows, columns
 
 
 @dataclass(frozen=True)
@@ -62,19 +63,19 @@ class TracingOptions:
 
 def detect(
     image, model: ImageModel, gain, options: TracingOptions, workspace,
-    scale=None, near_px=None, least=0.0,
+    scale=None, near_px=None, least=0.0, part=WHOLE,
 ) -> list[Line]:  # fmt: skip
     """Find all whiskers in one frame, best first.
 
     A whisker comes out of the face and is visible over at least `options.shortest_px`. Ridges
     are those of one `scale` [px]; lines nearer to each other than `near_px` are one. Both are the
     room's parameters where they are not given. What has less than the `least` length × absorbance
-    [px] is left out.
+    [px] is left out. `part` is where they are looked for, slices of rows and columns.
     """
     own = options.params.detection
     scale = scale or own.sharp_sd_px
     near_px = near_px or pixels_in(own.same_whisker_mm, options.pixels_per_m)
-    lines = _lines_at(scale, image, model, gain, options, workspace, least)
+    lines = _lines_at(scale, image, model, gain, options, workspace, least, part)
     lines = without_doubles(lines, near_px)
     return _uncrossed_anew(image, model, gain, options, workspace, lines)
 
@@ -87,12 +88,12 @@ def detect_blurred(image, model: ImageModel, gain, options, workspace, least=0.0
     return without_doubles(lines, pixels_in(own.same_whisker_mm, options.pixels_per_m))
 
 
-def _lines_at(scale, image, model, gain, options, workspace, least) -> list[Line]:
+def _lines_at(scale, image, model, gain, options, workspace, least, part=WHOLE) -> list[Line]:
     """Lines fitted along the ridges of one scale [px], those that may be whiskers, best first."""
     absorbance, own = absorbance_image(image, model, gain), options.params.detection
     picture, fit, lines = model.picture(image, gain), options.fit(widths=True, steps=1), []
     limits = 0.6 * options.shortest_px, float(options.base_gap_px), WORTH_FITTING * least
-    curves = ridges.curves_of(absorbance, model.noise, scale)
+    curves = ridges.curves_in(part, absorbance, model.noise, scale)
     senses = _senses(*curves, absorbance, model.outside, model.clear, limits)
     for k in np.flatnonzero(senses):
         rooted = curves.curve(k)[:: senses[k]]
@@ -167,8 +168,9 @@ def detect_crowded(
 ) -> list[Line]:  # fmt: skip
     """As `detect`, for whiskers that lie close together: those found hide no others.
 
-    What was found is held in the background, and the frame looked at again, until nothing new
-    is found, or `enough` lines are; then every line is fitted beside the others. `known` lines
+    What was found is held in the background, and the frame about it, where it may have hidden
+    others, looked at again, until nothing new is found, or `enough` lines are; then every line is
+    fitted beside the others. `known` lines
     are not looked for, nor those of less than the `least` length × absorbance [px].
     """
     with lines_in_background(model, known):
@@ -180,10 +182,12 @@ def detect_crowded(
 def _beside(known, image, model, gain, options, workspace, enough, least) -> list[Line]:
     """Lines of `detect_crowded`, with doubles; the `known` ones are in the background."""
     lines: list[Line] = []
-    near_px, own = same_px(options), options.params.detection
+    near_px, own, part = same_px(options), options.params.detection, WHOLE
     for look in range(MOST_LOOKS):
         with lines_in_background(model, lines):
-            more = detect(image, model, gain, options, workspace, own.fine_sd_px, near_px, least)
+            more = detect(
+                image, model, gain, options, workspace, own.fine_sd_px, near_px, least, part
+            )
             if look == 0:
                 broad = detect_blurred(image, model, gain, options, workspace, least)
                 more = with_blurred(more, broad, image, model, gain, own.one_line)
@@ -204,7 +208,19 @@ def _beside(known, image, model, gain, options, workspace, enough, least) -> lis
             for line in lines:
                 refine_held(held, image, model, gain, line, options, workspace)
         lines = [line for line in lines if _is_whisker(line, model, options)]
+        if not lines:
+            break
+        part = _about(lines, options.shortest_px)
     return _uncrossed_anew(image, model, gain, options, workspace, lines)
+
+
+def _about(lines, margin_px) -> tuple[slice, slice]:
+    """Rows and columns of a picture that some lines lie in, and so many pixels about them."""
+    x, y = (np.concatenate([getattr(line, k)[: line.n] for line in lines]) for k in "xy")
+    return tuple(
+        slice(max(int(v.min() - margin_px), 0), max(int(v.max() + margin_px), 0) + 1)
+        for v in (y, x)
+    )
 
 
 def with_blurred(sharp, broad, image, model, gain, one_line) -> list[Line]:

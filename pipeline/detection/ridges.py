@@ -35,6 +35,14 @@ def curves_of(absorbance, noise_sd, scale=SCALE_PX, shortest=10) -> Curves:
     return half._replace(places=2 * half.places)
 
 
+def curves_in(part, absorbance, noise_sd, scale) -> Curves:
+    """`curves_of` a part of an image, slices of rows and columns, where they lie in the whole."""
+    corner = float(part[1].start or 0), float(part[0].start or 0)
+    parts = (np.ascontiguousarray(values[part]) for values in (absorbance, noise_sd))
+    curves = curves_of(*parts, scale)
+    return curves._replace(places=curves.places + corner)
+
+
 def ridge_points(absorbance, noise_sd, scale=SCALE_PX):
     """Return the ridge points of an absorbance image.
 

@@ -38,6 +38,14 @@ def test_curve_is_found_once_and_on_the_spot():
     assert len(curves[0]) > 110
 
 
+def test_a_curve_in_a_part_of_the_picture_lies_where_it_is_in_the_whole():
+    image, noise = absorbance_of(arc()), np.full((120, 160), 0.02, np.float32)
+    (found,) = ridges.curves_in(np.s_[55:200, 30:100], image, noise, ridges.SCALE_PX).each()
+    assert np.ptp(found[:, 0]) > 60  # px, of the 69 in that part
+    distance = np.sqrt(((found[:, None] - arc(20000)[::10]) ** 2).sum(-1).min(1))
+    assert np.sqrt((distance[5:-5] ** 2).mean()) < 0.05  # px
+
+
 def test_nothing_is_found_in_noise():
     rng = np.random.default_rng(1)
     image = rng.normal(0, 0.02, (120, 160)).astype(np.float32)
