@@ -170,8 +170,8 @@ def detect_crowded(
 
     What was found is held in the background, and the frame about it, where it may have hidden
     others, looked at again, until nothing new is found, or `enough` lines are; then every line is
-    fitted beside the others. `known` lines
-    are not looked for, nor those of less than the `least` length × absorbance [px].
+    fitted beside the others. `known` lines are not looked for, nor those of less than the `least`
+    length × absorbance [px].
     """
     with lines_in_background(model, known):
         lines = _beside(known, image, model, gain, options, workspace, enough, least)
