@@ -9,6 +9,7 @@ from pipeline.session.recording import Recording
 from pipeline.tables.columns import CONTACT_COLUMNS, as_table, empty_table
 
 WILD, WILD_SHARE = 4.0, 0.1  # times the usual standard error, plus this part of the force
+MAY_TOUCH = 0.5  # probability of contact: not free, whatever a person says
 _FORCE_COLUMNS = {  # of the evidence, by method: force, standard error, the origin's part of it
     "shape": ("shape_force_N", "shape_force_se_N", "origin_force_se_N"),
     "point": ("point_force_N", "point_force_se_N", "point_origin_force_se_N"),
@@ -77,6 +78,7 @@ def _courses(frames, evidence, method):
     """What a contact's row is made from, a row per frame and whisker, forces in µN."""
     force, total, origin = (1e6 * evidence[c].to_numpy(float) for c in _FORCE_COLUMNS[method])
     table = frames["contact_force_uN"].to_numpy(float)  # NaN without dimensions
+    may_touch = evidence["probability"].to_numpy(float) > MAY_TOUCH
     with np.errstate(divide="ignore", invalid="ignore"):
         shares = {
             load: frames[column].to_numpy(float) / table
@@ -89,7 +91,7 @@ def _courses(frames, evidence, method):
             "force": np.where(np.isfinite(table), force, np.nan),
             "error": np.sqrt(np.maximum(total**2 - origin**2, 0.0)),
             "origin": origin,
-            "touching": frames["in_contact"].to_numpy(bool),
+            "touching": frames["in_contact"].to_numpy(bool) | may_touch,
             "interpolated": evidence["interpolated"].to_numpy(bool),
             "place": frames["contact_arc_length_mm"].to_numpy(float),
             **shares,

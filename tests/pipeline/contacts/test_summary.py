@@ -123,6 +123,7 @@ def test_courses_are_forces_of_the_method_without_what_is_common():
             "point_force_se_N": [5e-8, 5e-8, 5e-8],
             "point_origin_force_se_N": [3e-8, 3e-8, 6e-8],
             "interpolated": [False, True, False],
+            "probability": [0.9, 1.0, 1.0],
         }
     )
     found = _courses(frames, evidence, "point")
@@ -131,3 +132,4 @@ def test_courses_are_forces_of_the_method_without_what_is_common():
     np.testing.assert_allclose(found["origin"], [0.03, 0.03, 0.06])
     np.testing.assert_allclose(found["moment"], [np.nan, -8, np.nan])
     np.testing.assert_allclose(found["axial"], [np.nan, 0.25, np.nan])
+    assert found["touching"].all()  # the first frame is free by a person's word alone
