@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -61,46 +62,60 @@ class TracingOptions:
         return length_mm / 1e3 * self.pixels_per_m
 
 
+class Search(NamedTuple):
+    """Where in a frame lines are looked for, and which.
+
+    Ridges are those of one `scale` [px]; lines nearer to each other than `near_px` are one; what
+    has less than the `least` length × absorbance [px] is left out; `part` is slices of rows and
+    columns.
+    """
+
+    scale: float
+    near_px: float
+    least: float = 0.0
+    part: tuple[slice, slice] = WHOLE
+
+
 def detect(
-    image, model: ImageModel, gain, options: TracingOptions, workspace,
-    scale=None, near_px=None, least=0.0, part=WHOLE,
-) -> list[Line]:  # fmt: skip
+    image, model: ImageModel, gain, options: TracingOptions, workspace, search=None
+) -> list[Line]:
     """Find all whiskers in one frame, best first.
 
-    A whisker comes out of the face and is visible over at least `options.shortest_px`. Ridges
-    are those of one `scale` [px]; lines nearer to each other than `near_px` are one. Both are the
-    room's parameters where they are not given. What has less than the `least` length × absorbance
-    [px] is left out. `part` is where they are looked for, slices of rows and columns.
+    A whisker comes out of the face and is visible over at least `options.shortest_px`. Without a
+    `Search`, sharp ones are looked for in the whole frame.
     """
-    own = options.params.detection
-    scale = scale or own.sharp_sd_px
-    near_px = near_px or pixels_in(own.same_whisker_mm, options.pixels_per_m)
-    lines = _lines_at(scale, image, model, gain, options, workspace, least, part)
-    lines = without_doubles(lines, near_px)
+    if search is None:
+        search = Search(options.params.detection.sharp_sd_px, _apart_px(options))
+    lines = _lines_at(search, image, model, gain, options, workspace)
+    lines = without_doubles(lines, search.near_px)
     return _uncrossed_anew(image, model, gain, options, workspace, lines)
+
+
+def _apart_px(options: TracingOptions) -> float:
+    """How near to each other lines of one whisker are, where whiskers stand apart [px]."""
+    return pixels_in(options.params.detection.same_whisker_mm, options.pixels_per_m)
 
 
 def detect_blurred(image, model: ImageModel, gain, options, workspace, least=0.0) -> list[Line]:
     """Find lines that motion has made broad, best first; sharp ones are found as well."""
-    own = options.params.detection
-    coarse = own.blurred_sd_px
-    lines = _lines_at(coarse, image, model, gain, options, workspace, least)
-    return without_doubles(lines, pixels_in(own.same_whisker_mm, options.pixels_per_m))
+    search = Search(options.params.detection.blurred_sd_px, _apart_px(options), least)
+    lines = _lines_at(search, image, model, gain, options, workspace)
+    return without_doubles(lines, search.near_px)
 
 
-def _lines_at(scale, image, model, gain, options, workspace, least, part=WHOLE) -> list[Line]:
-    """Lines fitted along the ridges of one scale [px], those that may be whiskers, best first."""
+def _lines_at(search: Search, image, model, gain, options, workspace) -> list[Line]:
+    """Lines fitted along the ridges of one scale, those that may be whiskers, best first."""
     absorbance, own = absorbance_image(image, model, gain), options.params.detection
     picture, fit, lines = model.picture(image, gain), options.fit(widths=True, steps=1), []
-    limits = 0.6 * options.shortest_px, float(options.base_gap_px), WORTH_FITTING * least
-    curves = ridges.curves_in(part, absorbance, model.noise, scale)
+    limits = 0.6 * options.shortest_px, float(options.base_gap_px), WORTH_FITTING * search.least
+    curves = ridges.curves_in(search.part, absorbance, model.noise, search.scale)
     senses = _senses(*curves, absorbance, model.outside, model.clear, limits)
     for k in np.flatnonzero(senses):
         rooted = curves.curve(k)[:: senses[k]]
         line = settling.settle(picture, rooted, fit, workspace)
         if thickens(line, own.thickens) and ends_at_face(line, model, options):
             line = settling.settle(picture, rooted[::-1], fit, workspace)
-        if contrast_length(line) >= least and _is_whisker(line, model, options):
+        if contrast_length(line) >= search.least and _is_whisker(line, model, options):
             lines.append(line)
     return sorted(lines, key=lambda line: -contrast_length(line))
 
@@ -182,12 +197,11 @@ def detect_crowded(
 def _beside(known, image, model, gain, options, workspace, enough, least) -> list[Line]:
     """Lines of `detect_crowded`, with doubles; the `known` ones are in the background."""
     lines: list[Line] = []
-    near_px, own, part = same_px(options), options.params.detection, WHOLE
+    near_px, own = same_px(options), options.params.detection
+    search = Search(own.fine_sd_px, near_px, least)
     for look in range(MOST_LOOKS):
         with lines_in_background(model, lines):
-            more = detect(
-                image, model, gain, options, workspace, own.fine_sd_px, near_px, least, part
-            )
+            more = detect(image, model, gain, options, workspace, search)
             if look == 0:
                 broad = detect_blurred(image, model, gain, options, workspace, least)
                 more = with_blurred(more, broad, image, model, gain, own.one_line)
@@ -210,7 +224,7 @@ def _beside(known, image, model, gain, options, workspace, enough, least) -> lis
         lines = [line for line in lines if _is_whisker(line, model, options)]
         if not lines:
             break
-        part = _about(lines, options.shortest_px)
+        search = search._replace(part=_about(lines, options.shortest_px))
     return _uncrossed_anew(image, model, gain, options, workspace, lines)
 
 
