@@ -185,6 +185,7 @@ def frames_by_hand():
             "origin_per_tip": np.zeros(6),
             "origin_force_se_N": np.zeros(6),
             "interpolated": np.zeros(6, bool),
+            "probability": [0.0, 1.0, 1.0, 1.0, 0.0, 0.0],
         }
     )
     return as_table(frames, FRAME_COLUMNS), evidence
