@@ -12,7 +12,7 @@ the true whisker that most of its known lines lie on, one to one. Figures:
 - *wrong name*: those on another whisker than the one that their name stands for. *exchanges*: how
   often a name goes from one whisker to another, per 1000 lines.
 - *base angle*: median and 95th percentile of the error's size, beside the truth of the whisker
-  that the line lies on.
+  that the line lies on; *coverage*: those whose 95 % interval holds the truth.
 """
 
 from typing import NamedTuple
@@ -21,6 +21,7 @@ import measuring
 import numpy as np
 import pages
 import pandas as pd
+from accuracy_figures import covered
 from over_videos import spread
 from scipy.optimize import linear_sum_assignment
 
@@ -103,6 +104,7 @@ def samples_of(each: Crowd) -> dict[str, np.ndarray]:
         "wrong": (known["nearest"] != known["meant"]).to_numpy(float),
         "exchanges": exchanges(known),
         "angle": np.abs(known["angle_error_deg"].to_numpy(float)),
+        "angle_covered": covered(known["angle_error_deg"], known["base_angle_se_deg"]),
     }
 
 
@@ -116,6 +118,7 @@ FIGURES = {  # name: sample, statistic, format
     "exchanges / 1000": ("exchanges", lambda each: 1000 * np.mean(each), "{:.2f}"),
     "base angle, median [°]": ("angle", np.median, "{:.2f}"),
     "base angle, 95 % [°]": ("angle", lambda each: np.quantile(each, 0.95), "{:.2f}"),
+    "base angle, coverage": ("angle_covered", np.nanmean, "{:.1%}"),
 }
 
 

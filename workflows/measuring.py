@@ -236,14 +236,15 @@ def measure(preset: str, path, session, settings=None) -> Measured:
 
 
 def line_table(scores, traced: Centrelines, frames, true_frames) -> pd.DataFrame:
-    """`scores.rows` with each line's `confidence` and `angle_error_deg`, −180 to 180.
+    """`scores.rows` with each line's `confidence`, base angle and its error, −180 to 180.
 
     The base angle is compared with that of the whisker that the line lies on, whatever it is
     called; NaN where the line lies on none or has no base angle.
     """
     columns = ["frame", "whisker", "base_angle_deg"]
+    measured = _plain(frames[[*columns, "base_angle_se_deg"]])
     rows = scores.rows.assign(confidence=traced.confidence)
-    rows = rows.merge(_plain(frames[columns]), on=["frame", "whisker"], how="left")
+    rows = rows.merge(measured, on=["frame", "whisker"], how="left")
     true = _plain(true_frames[columns]).rename(
         columns={"whisker": "nearest", "base_angle_deg": "true_angle_deg"}
     )
@@ -254,7 +255,8 @@ def line_table(scores, traced: Centrelines, frames, true_frames) -> pd.DataFrame
 
 def _plain(angles):
     """Frames and whiskers as plain integers and text, so that tables can be joined."""
-    return angles.astype({"frame": int, "whisker": object, "base_angle_deg": float})
+    measured = angles.columns.difference(["frame", "whisker"])
+    return angles.astype({"frame": int, "whisker": object} | dict.fromkeys(measured, float))
 
 
 def join_chunks(chunks: list[Centrelines]) -> Centrelines:

@@ -14,9 +14,9 @@ from synthetic.scoring.line_scoring import LineScores
 
 
 def lines(*rows):
-    """A crowd's lines of (frame, whisker, nearest, confidence, angle error)."""
+    """A crowd's lines of (frame, whisker, nearest, confidence, angle error), SE 1 degree."""
     columns = ["frame", "whisker", "nearest", "confidence", "angle_error_deg"]
-    return pd.DataFrame(rows, columns=columns)
+    return pd.DataFrame(rows, columns=columns).assign(base_angle_se_deg=1.0)
 
 
 def crowd(table, covered=(1.0,), frames=4):
@@ -32,6 +32,7 @@ def test_an_exchange_is_counted_twice_back_and_forth_and_wrong_once():
     assert len(found["exchanges"]) == 6
     assert found["exchanges"].sum() == 4  # there and back, both
     assert sorted(set(found["angle"])) == [1.0, 3.0]
+    assert found["angle_covered"].mean() == 0.5  # 3 degrees are more than 1.96 standard errors
 
 
 def test_a_name_stands_for_one_whisker_alone():
@@ -70,7 +71,7 @@ def test_a_video_without_a_known_line_has_figures_too():
 
 
 def test_angle_errors_are_of_the_whisker_that_a_line_lies_on():
-    angles = {"frame": [0, 0], "base_angle_deg": [179.0, 10.0]}
+    angles = {"frame": [0, 0], "base_angle_deg": [179.0, 10.0], "base_angle_se_deg": [0.5, 0.6]}
     frames = pd.DataFrame(angles | {"whisker": ["w1", "w2"]})
     true = pd.DataFrame({"frame": [0], "whisker": ["C1"], "base_angle_deg": [-179.0]})
     rows = pd.DataFrame({"frame": [0, 0], "whisker": ["w1", "w2"], "nearest": ["C1", ""]})
@@ -83,6 +84,7 @@ def test_angle_errors_are_of_the_whisker_that_a_line_lies_on():
     assert table["angle_error_deg"].iloc[0] == pytest.approx(-2.0)
     assert np.isnan(table["angle_error_deg"].iloc[1])
     assert table["confidence"].tolist() == [0.5, 0.5]
+    assert table["base_angle_se_deg"].tolist() == [0.5, 0.6]
 
 
 def test_bare_settings_keep_camera_and_face_alone():
