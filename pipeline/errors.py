@@ -52,6 +52,14 @@ class InputError(ValueError):
     """Unusable arguments; the message names them and says what to do."""
 
 
+def need_folder(path, expected: str) -> None:
+    """InputError where `path` is no folder."""
+    path = Path(path)
+    if not path.is_dir():
+        what = "a file, not a folder" if path.exists() else "no such folder"
+        raise InputError(f"{path}: {what}; give {expected}")
+
+
 def need_content(folder, expected: str) -> None:
     """InputError where `folder` is one with nothing in it, hidden files apart."""
     folder = Path(folder)

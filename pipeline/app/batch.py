@@ -36,6 +36,7 @@ from pipeline.session.inputs import (
     SETTINGS_NAME,
     STATE_FILE,
     find_inputs,
+    is_beside_videos,
     readable,
     results_folders,
     same_input,
@@ -178,7 +179,8 @@ def run(
             seconds = time.monotonic() - started
             every = (*ordered, *others)
             summary = Summary(out, every, len(skipped), seconds, interrupted, tuple(lost))
-            _write_session(out, list(settings.values()), config)
+            if not is_beside_videos(out, inputs):
+                _write_session(out, list(settings.values()), config)
             _write_tables(summary, jobs)
             if not interrupted:  # who presses Ctrl-C does not want to wait for them
                 summary = _with_pictures(summary, due, shown, log)

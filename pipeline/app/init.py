@@ -8,7 +8,7 @@ import numpy as np
 
 from pipeline.app.preview import preview_of, write_preview
 from pipeline.detection.static_scene import StaticScene
-from pipeline.errors import InputError, VideoError
+from pipeline.errors import InputError, VideoError, need_folder
 from pipeline.run import FRAMES_FOR_POLARITY
 from pipeline.scene.dust import is_passed_over
 from pipeline.scene.estimate import find_scenes, survey
@@ -61,8 +61,7 @@ def init_folder(folder, overwrite=False, config=None, say=lambda line: None) -> 
         Where the session.toml that is there cannot be used.
     """
     folder = Path(folder)
-    if not folder.is_dir():
-        raise InputError(f"{folder}: no such folder; give a folder of videos")
+    need_folder(folder, "a folder of videos")
     target = folder / SETTINGS_NAME
     if config is not None or (target.exists() and not overwrite):
         return _show(folder, Path(config or target), say)
@@ -81,7 +80,7 @@ def _show(folder, session, say) -> list[str]:
     (preview,) = _look_at_some(folder, lambda path: preview_of(path, settings), say, 1)
     write_preview(folder / PREVIEW_NAME, preview)
     return [
-        f"{session} is kept; --overwrite replaces {folder / SETTINGS_NAME} anew",
+        f"{session} is kept; --overwrite writes {folder / SETTINGS_NAME} anew",
         f"looked at {preview.path.name} with these settings",
         preview.words(),
         f"wrote {folder / PREVIEW_NAME}",

@@ -1,11 +1,12 @@
 """Which videos to process, where their settings and results lie, and whether they changed."""
 
+import contextlib
 import hashlib
 import re
 from dataclasses import dataclass
 from pathlib import Path
 
-from pipeline.errors import InputError, VideoError, need_content
+from pipeline.errors import InputError, VideoError, need_content, need_folder
 from pipeline.session.schema import FORMULA
 from pipeline.session.session_file import SettingsError, read_session
 from pipeline.tables.result_exchange import STATE_FILE
@@ -123,6 +124,18 @@ def session_of(each: Input, config=None) -> Path:
         f"no session.toml in {folder}, beside the videos; give one with --config, or let "
         f"`whiskerforce init {each.path.parent}` write one"
     )
+
+
+def is_beside_videos(out, inputs) -> bool:
+    """Whether `out` has the session.toml that a person wrote for some of the inputs."""
+    target = Path(out) / SETTINGS_NAME
+    if not target.is_file():
+        return False
+    for each in inputs:
+        with contextlib.suppress(InputError):
+            if session_of(each).samefile(target):
+                return True
+    return False
 
 
 def settings_of(inputs, config=None) -> dict:
@@ -257,8 +270,7 @@ def _free_name(stem, taken) -> str:
 def need_results(folder) -> None:
     """InputError unless a folder holds results of `whiskerforce run`."""
     folder = Path(folder)
-    if not folder.is_dir():
-        raise InputError(f"{folder}: no such folder; give the --out folder of `whiskerforce run`")
+    need_folder(folder, "the --out folder of `whiskerforce run`")
     need_content(folder, "results of `whiskerforce run`")
     if not all((folder / name).is_file() for name in ("contacts.csv", "videos.csv")):
         raise InputError(

@@ -10,6 +10,8 @@ from pipeline.session.quantities import fields_of
 from pipeline.session.schema import Settings
 from pipeline.session.validation import faults_of
 
+TOML_ADVICE = "correct that line: decimal points, no commas; texts between straight quotes"
+
 
 class SettingsError(ValueError):
     """Unusable settings; the message names file, key, value, what is expected, what to do.
@@ -37,11 +39,15 @@ def read_session(path) -> Settings:
         hint = "no such file; `whiskerforce init FOLDER` writes one beside the videos"
         raise SettingsError(path, [hint]) from None
     except tomllib.TOMLDecodeError as error:
-        raise SettingsError(path, [f"not valid TOML: {error}; correct that line"]) from None
+        raise SettingsError(path, [f"not valid TOML: {error}; {TOML_ADVICE}"]) from None
     except UnicodeDecodeError as error:
-        raise SettingsError(path, [f"cannot be read as UTF-8 text: {error}"]) from None
+        raise SettingsError(
+            path, [f"is no UTF-8 text at byte {error.start}; save it as UTF-8"]
+        ) from None
     except OSError as error:
-        raise SettingsError(path, [f"cannot be read: {error.strerror}"]) from None
+        raise SettingsError(
+            path, [f"cannot be read: {error.strerror}; give a file that can"]
+        ) from None
     settings = settings_from(document, path)
     settings = settings.model_copy(update={"image": settings.image.beside(path.parent)})
     problem = settings.image.mask_problem()

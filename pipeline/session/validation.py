@@ -66,7 +66,7 @@ def _explain(error, document) -> str:
         return f"{place} = {value!r}: {_wanted(error['loc'])}; correct the value"
     if error["loc"] == ("whisker",):
         return "[whisker]: expected one [[whisker]] table (double brackets) per tracked whisker"
-    return f"{place} = {value!r}: {_wanted(error['loc'])}, not {_toml_type(value)}"
+    return f"{place} = {value!r}: {_wanted(error['loc'])}, not {_toml_type(value)}; correct it"
 
 
 def _table_of(field):
@@ -184,7 +184,8 @@ def _repeated_names(tables) -> list[str]:
     names = [str(table.get("name")) for table in tables]
     repeated = sorted({name for name in names if names.count(name) > 1})
     return [
-        f'[[whisker]] name = "{name}" is given {names.count(name)} times; expected distinct names'
+        f'[[whisker]] name = "{name}" is given {names.count(name)} times; expected distinct names: '
+        "rename all but one"
         for name in repeated
     ]
 

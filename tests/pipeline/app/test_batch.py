@@ -796,6 +796,19 @@ def test_results_among_the_videos_are_no_input(folder, calls):
     assert (folder / "session.toml").read_text() == text
 
 
+@pytest.mark.parametrize("has_config", [False, True])
+def test_settings_beside_the_videos_stay_as_a_person_wrote_them(
+    folder, calls, tmp_path, has_config
+):
+    text = "# measured with callipers\n" + (folder / "session.toml").read_text()
+    (folder / "session.toml").write_text(text)
+    config = tmp_path / "other.toml"
+    write_session(config, SETTINGS)
+    batch.run([folder], folder, config=config if has_config else None)
+    assert (folder / "session.toml").read_text() == text
+    assert (folder / "a" / "session.toml").is_file()
+
+
 @pytest.mark.parametrize("name", [".trash", "truth", "figures", "out"])
 def test_some_folders_are_not_searched(folder, calls, name):
     (folder / name / "more").mkdir(parents=True)

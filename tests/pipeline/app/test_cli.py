@@ -111,12 +111,15 @@ def test_last_lines_lead_to_report_and_overlay(ran, capsys, tmp_path):
         (["figures", "gone"], "gone: no such folder"),
         (["curate", "gone"], "gone: no such folder"),
         (["init", "gone"], "gone: no such folder"),
+        (["init", "film.avi"], "film.avi: a file, not a folder; give a folder of videos"),
+        (["figures", "film.avi"], "film.avi: a file, not a folder; give the --out folder"),
         (["calibrate", "ringdown", "gone", "--out", "out"], "gone: no such folder"),
         (["export", "mat", "gone", "--out", "out"], "gone: no such folder"),
     ],
 )
 def test_a_folder_that_is_not_there_is_named(command, message, capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
+    (tmp_path / "film.avi").touch()
     assert exit_code(*command) == 2
     assert capsys.readouterr().err.startswith(f"error: {message}")
     assert not (tmp_path / "out").exists()

@@ -163,14 +163,20 @@ def test_any_settings_survive_the_way_to_the_file_and_back(fps, scale, length, h
             ["cone_length_mm = inf", "1 to 1000"],
         ),
         (document(whisker=[{"cone_length_mm": 1e308}]), ["1e+308", "1 to 10000 mm"]),
-        (document(whisker=[{"length_mm": "18"}]), ["length_mm = '18'", "a number", "not text"]),
+        (
+            document(whisker=[{"length_mm": "18"}]),
+            ["length_mm = '18'", "a number", "not text; correct it"],
+        ),
         (document(whisker=[{"length_mm": True}]), ["length_mm", "not true/false"]),
         (document(whisker=[{"name": "=1+1"}]), ["name = '=1+1'", "spreadsheets compute"]),
         (document(whisker=[{"name": "C2\t"}]), ["name = 'C2\\t'", "without spaces around"]),
         (document(whisker=[{"name": ""}]), ["name = '':", "non-empty text; correct"]),
         (document(whisker={"name": "C2"}), ["[[whisker]]", "double brackets"]),
         (document(whisker=[3]), ["[[whisker]] 1 = 3", "expected a table"]),
-        (document(whisker=[{"name": "a"}, {"name": "a"}]), ['"a"', "2 times", "distinct"]),
+        (
+            document(whisker=[{"name": "a"}, {"name": "a"}]),
+            ['"a"', "2 times", "distinct", "rename all but one"],
+        ),
         (
             document(whisker=[{"length_mm": 18, "cone_length_mm": 17}]),
             ["cone_length_mm = 17", "at least length_mm = 18"],
@@ -258,7 +264,11 @@ def test_all_mistakes_are_reported_at_once():
     [
         (b"[recording\n", "not valid TOML"),
         (b"[recording]\nface = left\n", "line 2"),
-        (b"\xff\xfe\x00", "UTF-8"),
+        (
+            b"[recording]\nframes_per_second = 1000,5\n",
+            "line 2, column .*decimal points, no commas",
+        ),
+        (b"\xff\xfe\x00", "at byte 0; save it as UTF-8"),
         (None, "no such file"),
     ],
 )
@@ -269,6 +279,11 @@ def test_unreadable_files(tmp_path, content, expected):
     with pytest.raises(SettingsError, match=expected) as caught:
         read_session(path)
     assert str(path) in str(caught.value)
+
+
+def test_a_folder_is_no_settings_file(tmp_path):
+    with pytest.raises(SettingsError, match="cannot be read: .*; give a file that can"):
+        read_session(tmp_path)
 
 
 def test_byte_order_mark_of_windows_editors_is_no_mistake(tmp_path):
