@@ -184,8 +184,8 @@ def _repeated_names(tables) -> list[str]:
     names = [str(table.get("name")) for table in tables]
     repeated = sorted({name for name in names if names.count(name) > 1})
     return [
-        f'[[whisker]] name = "{name}" is given {names.count(name)} times; expected distinct names: '
-        "rename all but one"
+        f'[[whisker]] name = "{name}" is given {names.count(name)} times; '
+        "expected distinct names: rename all but one"
         for name in repeated
     ]
 

@@ -282,7 +282,7 @@ def test_unreadable_files(tmp_path, content, expected):
 
 
 def test_a_folder_is_no_settings_file(tmp_path):
-    with pytest.raises(SettingsError, match="cannot be read: .*; give a file that can"):
+    with pytest.raises(SettingsError, match=r"cannot be read: .*; give a file that can"):
         read_session(tmp_path)
 
 
