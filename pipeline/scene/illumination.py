@@ -6,7 +6,10 @@ import numpy as np
 from pipeline.session.parameters import DEFAULTS
 
 EDGE_RATIO = 1.4  # of light within three cells: more is the edge of something
-CELL_PX = 8  # side of the cells in which light and coarse changes are looked at
+OPAQUE = 0.6  # of the light: the darkest thing is opaque up to so much, which haze adds to it
+NOTHING_DARK = 0.25  # of the light, taken for black where all things are lighter
+CELL_MM = 0.3  # side of the cells in which light and coarse changes are looked at
+LEAST_CELL_PX = 8  # in which noise averages out
 
 
 def frame_gains(frames: np.ndarray) -> np.ndarray:
@@ -54,13 +57,16 @@ def light_without_objects(
     Pixels of `thin` lines (bool (h, w) or None) are left out.
 
     Light fades smoothly, even into a dark corner; objects end at an edge. So the light is
-    measured wherever a path from bright places crosses no edge.
+    measured wherever a path from bright places crosses no edge. A path is at least three cells
+    wide: an edge that is soft in one place is still an edge.
     """
     height, width = image.shape
-    cells = _cells(image, thin)
+    cell = max(round(CELL_MM * pixels_per_mm), LEAST_CELL_PX)
+    cells = _cells(image, thin, cell)
     bright = np.percentile(cells, 95)
-    black = float(min(np.percentile(image[::2, ::2], 0.5), 0.25 * bright))
-    reach = max(params.illumination_mm * pixels_per_mm / CELL_PX, 1.5)
+    darkest = float(np.percentile(image[::2, ::2], 0.5))
+    black = darkest if darkest < OPAQUE * bright else NOTHING_DARK * bright
+    reach = max(params.illumination_mm * pixels_per_mm / cell, 1.5)
     labels, seeds = _edgeless_regions(cells - black, 0.5 * (bright - black))
     known = _any_of(labels, seeds)
     light = _spread(cells, known, reach)
@@ -70,10 +76,10 @@ def light_without_objects(
     return black, cv2.resize(light, (width, height), interpolation=cv2.INTER_LINEAR)
 
 
-def _cells(image, thin):
-    """Mean of every CELL_PX × CELL_PX pixels, of those that are not thin lines."""
+def _cells(image, thin, side):
+    """Mean of every side × side pixels, of those that are not thin lines."""
     height, width = image.shape
-    size = (max(width // CELL_PX, 1), max(height // CELL_PX, 1))
+    size = (max(width // side, 1), max(height // side, 1))
     if thin is None or not thin.any():
         return cv2.resize(image, size, interpolation=cv2.INTER_AREA)
     weight = 1 - thin.astype(np.float32)
@@ -87,8 +93,10 @@ def _edgeless_regions(cells, seed_level):
     """Label regions without edges between neighbours; and which labels hold seeds."""
     cross = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
     steep = cv2.dilate(cells, cross) > EDGE_RATIO * np.maximum(cv2.erode(cells, cross), 1.0)
-    _, labels = cv2.connectedComponents((~steep).astype(np.uint8), connectivity=4)
-    return labels, np.setdiff1d(labels[(cells > seed_level) & ~steep], 0)
+    square = np.ones((3, 3), np.uint8)
+    even = cv2.morphologyEx((~steep).astype(np.uint8), cv2.MORPH_OPEN, square)
+    _, labels = cv2.connectedComponents(even, connectivity=4)
+    return labels, np.setdiff1d(labels[cells > seed_level], 0)
 
 
 def _any_of(labels, chosen):

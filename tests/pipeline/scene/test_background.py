@@ -233,6 +233,24 @@ class TestLight:
         assert light[outside].min() < 0.1 * light.max()
         assert transmission[outside].min() > 0.6
 
+    @pytest.mark.parametrize(("zoom", "softer"), [(1, 12), (2, 8)])
+    def test_pale_fur_whose_edge_is_soft_in_one_place_is_an_object(self, zoom, softer):
+        rows, columns = np.mgrid[:HEIGHT, :WIDTH]
+        softness = 3 + softer * np.exp(-(((rows - 120) / 12) ** 2))
+        fur = 1 / (1 + np.exp((60 - columns) / softness))
+        image = (60 + 90 * fur).astype(np.float32)
+        image[:40, :40] = 15
+        image = cv2.resize(image, None, fx=zoom, fy=zoom)
+        black, light = light_without_objects(image, zoom * SCALE)
+        transmission = (image - black) / (light - black)
+        assert transmission[:, : 20 * zoom].max() < 0.45
+        assert transmission[:, 120 * zoom :].min() > 0.9
+
+    def test_haze_does_not_make_dark_things_pale(self):
+        scene, _ = still_scene()
+        black, _ = light_without_objects(64 + 0.5 * scene, SCALE)
+        assert black == pytest.approx(64 + 0.5 * 6, abs=1)
+
     def test_picture_without_any_dark_thing(self):
         image = np.full((HEIGHT, WIDTH), 150, np.float32)
         black, light = light_without_objects(image, SCALE)
