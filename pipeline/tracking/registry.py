@@ -111,9 +111,7 @@ def find_roster(frames, scene, options: TracingOptions, names=None, indices=None
     if names:
         chosen = np.argsort(-share * np.sqrt(strength))[: len(names)]
     else:
-        least = options.params.tracking.fur_share * strength.max()
-        often = share >= options.params.tracking.seen_share
-        chosen = np.flatnonzero(often & (strength >= least))
+        chosen = mostly_seen(share, strength, options.params.tracking)
     slots = [_slot(groups[k]) for k in chosen]
     slots.sort(key=lambda slot: ruler.order_place(slot.signature))
     names = names or [f"w{i + 1}" for i in range(len(slots))]
@@ -121,6 +119,18 @@ def find_roster(frames, scene, options: TracingOptions, names=None, indices=None
     longest = options.visible_px if known else [np.inf] * len(names)
     given = dict(zip(names, longest, strict=True))
     return named_as_given(slots, given, frames.shape[1:], gets_thinner_backwards)
+
+
+def mostly_seen(share, strength, params) -> np.ndarray:
+    """Numbers of the lines that are seen in enough frames, and are no fur beside the others.
+
+    share : of the frames in which each line is seen, (lines,)
+    strength : as of `usual_strength`, (lines,) [px]
+    params : `TrackerParams`
+    """
+    often = share >= params.seen_share
+    least = params.fur_share * strength[often].max(initial=0.0)
+    return np.flatnonzero(often & (strength >= least))
 
 
 def named_as_given(slots, given, shape, backwards=lambda slots: False) -> list[Slot]:

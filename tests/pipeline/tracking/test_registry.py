@@ -9,6 +9,7 @@ import pytest
 from pipeline.detection.line import Line
 from pipeline.run import trace
 from pipeline.scene.estimate import scene_from_frames
+from pipeline.session.parameters import DEFAULTS
 from pipeline.session.recording import Recording
 from pipeline.tracking import registry
 from pipeline.tracking.matching import Ruler, crowded
@@ -17,6 +18,7 @@ from pipeline.tracking.registry import (
     find_roster,
     gather,
     gets_thinner_backwards,
+    mostly_seen,
     named_as_given,
 )
 from pipeline.tracking.tracker import options_for
@@ -64,6 +66,11 @@ def test_all_whiskers_are_in_the_roster_in_order(row):
     bases = [slot.base_xy[1] for slot in row.roster]
     assert np.all(np.diff(bases) > -1.5)  # px: some leave the face at the same place
     assert crowded([slot.signature for slot in row.roster], row.options)
+
+
+def test_what_is_dark_in_a_few_damaged_frames_does_not_hide_whiskers():
+    share, strength = np.array([0.1, 0.9, 0.8, 1.0]), np.array([300.0, 10.0, 8.0, 1.0])
+    np.testing.assert_array_equal(mostly_seen(share, strength, DEFAULTS.tracking), [1, 2])
 
 
 def test_lengths_that_are_given_decide_the_order_whatever_the_thickness(row):
