@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.analysis import Analysis
-from pipeline.contacts import Touch, TouchOptions, find_touches, no_touches, surely_free
+from pipeline.contacts import Touch, TouchOptions, find_touches, no_touches
 from pipeline.detection import PoleTrack
 from pipeline.errors import InputError, VideoError
 from pipeline.forces import estimate_forces
@@ -290,7 +290,6 @@ def forces_of(kinematics: Kinematics, settings):
         analysis.curvature_at,
         analysis.friction,
         recording.pixels_per_m,
-        lambda evidence: surely_free(evidence, recording, params.contacts),
         params.forces,
     )
 

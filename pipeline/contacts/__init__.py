@@ -5,14 +5,7 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
-        "analysis": [
-            "Touch",
-            "TouchOptions",
-            "analyse_touch",
-            "find_touches",
-            "no_touches",
-            "surely_free",
-        ],
+        "analysis": ["Touch", "TouchOptions", "analyse_touch", "find_touches", "no_touches"],
         "corrections": ["apply", "read_corrections", "write_corrections"],
     },
 )

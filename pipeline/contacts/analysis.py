@@ -4,15 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
-from scipy.ndimage import binary_dilation
 
 from pipeline.contacts.intervals import INTERVAL_COLUMNS, find_contacts, in_contact
-from pipeline.contacts.probability import (
-    add_probability,
-    changes_per_frame,
-    frame_log_odds,
-    posterior,
-)
+from pipeline.contacts.probability import add_probability
 from pipeline.contacts.summary import PEAK_ERROR_COLUMNS, contact_table, peak_errors
 from pipeline.forces import forces
 from pipeline.forces.estimate import estimate_forces
@@ -26,8 +20,6 @@ from pipeline.tables.columns import (
     as_table,
     empty_table,
 )
-
-SURELY_FREE = 1e-3  # probability of contact below which a frame shows the rest shape
 
 
 @dataclass(frozen=True)
@@ -87,7 +79,7 @@ def analyse_touch(
     params = options.params
     frames, evidence = estimate_forces(
         frames, places, whiskers, options.curvature_at, options.friction, recording.pixels_per_m,
-        lambda evidence: surely_free(evidence, recording, params.contacts), params.forces,
+        params.forces,
     )  # fmt: skip
     return find_touches(frames, evidence, recording, whiskers, options, corrections)
 
@@ -130,14 +122,6 @@ def find_touches(
     contacts = base_moments.add_base_moments(contacts, frames, whiskers, recording)
     contacts[list(PEAK_ERROR_COLUMNS)] = peak_errors(contacts, evidence, whiskers)
     return Touch(as_table(frames, FRAME_COLUMNS), contacts, intervals, evidence)
-
-
-def surely_free(evidence, recording, params=DEFAULTS.contacts) -> np.ndarray:
-    """Frames of one whisker that are free of touch, and not next to one, bool (rows,)."""
-    rate = recording.frames_per_second
-    log_odds = frame_log_odds(evidence, rate, params)
-    touching = posterior(log_odds, *changes_per_frame(rate, params)) > SURELY_FREE
-    return ~binary_dilation(touching)
 
 
 def _correct(intervals, corrections, evidence):

@@ -29,7 +29,6 @@ twice what their errors explain counts as a standard error.
 
 No source is believed against all others: a length that contradicts the hidden length may be
 wrong, as likely as Bayes' rule has it, so that a whisker that has grown does not shift the base.
-Touches that contradict each other share errors that no number of frames takes away.
 """
 
 from dataclasses import dataclass, replace
@@ -41,7 +40,7 @@ from scipy.linalg import cholesky, solve_triangular
 from scipy.special import expit
 
 from pipeline.detection.line_fit import SEEN_SD
-from pipeline.forces import rest_shape, rod_fit
+from pipeline.forces import rod_fit
 from pipeline.forces.rod_fit import N_REST, RestPrior
 from pipeline.kinematics.resampled import N_STATIONS, Stations
 from pipeline.numerics.robust import robust_sd
@@ -50,7 +49,7 @@ from pipeline.session.parameters import DEFAULTS, RodParams
 from whiskermodel.whisker import Whisker
 
 MOST_KNOTS = 400
-STEADY = 1.0, 0.5, 0.25, 0.125, 0.0625  # of the most that the origin varies in time
+STEADY = 1.0, 0.25, 0.0625  # of the most that the origin varies in time
 ALIKE = 0.0, 0.8, 0.95  # correlation of the origin at neighbouring knots
 LENGTH_WRONG = 0.05  # of lengths: have changed since they were measured; chosen
 TIP_PART = 0.3  # of the frames in which the tip must be seen at least
@@ -58,7 +57,6 @@ OVER_TIP_PX = 2.2  # from the tip to where nothing would be seen: measured, rend
 TIP_RULE_PX = 1.5  # standard error of that rule, of ends that fade: 1 px is measured, at most
 TIP_FRAMES = 2.0  # neighbouring frames whose ends err together, at least
 TIP_LAGS = 8  # frames over which ends of a codec's pictures err together
-LEAST_LEFT = 0.3  # of the errors' variance after a fit
 MOST_ROWS = 240  # loaded frames whose bending is used
 ENOUGH_ROWS = 20  # of frames that were not interpolated; with fewer, all are used
 LEAST_PUSH_SD = 15.0
@@ -67,9 +65,8 @@ TOGETHER = 5.0  # rows that count as one: those of a contact err together
 # error of a station in the mean of a whole video: a touching whisker lies still upon the same
 # pixels. A share of its noise, and what is left in a clean picture (measured, rendered videos);
 # and how far along the whisker such errors are alike
-LASTING_SHARE, LASTING_PX = 0.1, 1.6e-3
+LASTING_SHARE, LASTING_PX = 0.2, 1.6e-3
 LASTING_REACH_M = 1.5e-3
-ROUNDS = 2  # of Gauss–Newton
 EXPLAINED_SD = 2.0  # standard errors by which bending, tip and session may differ
 POLE_LEVER = 6.0  # how much farther a misplaced pole moves the answer
 
@@ -135,10 +132,6 @@ class _Evidence:
                 best, steady = likely, prior
         return replace(self, matrix=steady)
 
-    def freedom(self, before) -> float:
-        """How many numbers what was learnt since `before` may be said to have determined."""
-        return float(np.trace(np.linalg.solve(self.matrix, self.matrix - before.matrix)))
-
     def mean(self, rows, weight):
         """Weighted mean of the `rows`' origins, and its variance [m, m²]."""
         part = weight @ self.design[rows] / weight.sum()
@@ -197,7 +190,7 @@ def origin_from_tip(
             left = away - part @ found.weights()
             left -= np.average(left, weights=weight)
             weight = 1 / np.maximum(1, np.abs(left) / (2 * sd))
-            lasting = _lasting_variance(np.clip(left, -3 * sd, 3 * sd), found.freedom(evidence))
+            lasting = _lasting_variance(np.clip(left, -3 * sd, 3 * sd))
             variance = max(TIP_FRAMES * sd**2, lasting)
         moved = evidence.beside(part, bend, bend, common).rhs  # by a tip 1 m farther out
         evidence = replace(found, tip=moved)
@@ -224,25 +217,21 @@ def origin_from_bending(
         return evidence.solve()
     part = places.rows(rows).loaded()
     rest = replace(prior, drift=prior.drift[rows], cov=prior.cov[rows])
-    here, design = part.origin, evidence.design[rows]
-    apart = _apart_sd(evidence, rows, places)
-    touch = np.cumsum(~_touching(places, evidence.params))
     influence = np.zeros((len(rows), N_STATIONS + N_REST))
-    for _ in range(ROUNDS):
-        fit = rod_fit.fit_loaded(
-            part, whisker, curvature_at, rest, friction[rows], here - part.origin, influence
-        )
-        bend, pull = (np.nan_to_num(fit[f"origin_{k}"]) for k in ("bend", "pull"))
-        share = 1.0 * (fit["chi2"] < CLEAN * float(np.nanmedian(fit["chi2"])))
-        share /= _noise(share, pull, bend, touch[rows])
-        weight, wish = share * bend, share * (pull + bend * here)
-        common = _common_sd(share, bend, influence, part, fit, rest, whisker, apart)
-        sd = float(np.hypot(common, _misplaced_sd(fit["gap"], part.side)))
-        try:
-            found = evidence.beside(design, weight, wish, sd).solve()
-        except np.linalg.LinAlgError:
-            return evidence.solve()
-        here = found.per_row[rows]
+    fit = rod_fit.fit_loaded(
+        part, whisker, curvature_at, rest, friction[rows], influence=influence
+    )
+    clean = fit["chi2"] < CLEAN * np.nanmedian(fit["chi2"])
+    influence[~clean] = 0.0
+    bend, pull = (np.where(clean, fit[f"origin_{k}"], 0.0) for k in ("bend", "pull"))
+    noise = _noise(pull, bend)
+    weight, wish = bend / noise, (pull + bend * part.origin) / noise
+    common = _common_sd(weight.sum() * noise, influence, part, fit, rest)
+    sd = float(np.hypot(common, _misplaced_sd(fit["gap"], part.side)))
+    try:
+        found = evidence.beside(evidence.design[rows], weight, wish, sd).solve()
+    except np.linalg.LinAlgError:
+        return evidence.solve()
     answer, own = wish.sum() / weight.sum(), np.hypot(sd, weight.sum() ** -0.5)
     if abs(answer) > 1e-3 * evidence.params.bending_most_mm:
         found = evidence.solve()
@@ -252,41 +241,27 @@ def origin_from_bending(
     return Origin(found.per_row, se, found.per_tip, float(answer), float(own))
 
 
-def _noise(share, pull, bend, touch):
-    """Variance of the rows' pulls over the one expected from the stations' information, (rows,).
+def _noise(pull, bend):
+    """Variance of the rows' pulls over the one expected from the stations' information.
 
     The pulls of neighbouring rows err together, most so a codec's: counted are independent ones.
-    Those of one `touch` (its number, (rows,)) may share an error of their own, of the rest shape
-    where the whisker lies then, or of the fur: touches show it by how much they differ from one
-    another (DerSimonian & Laird 1986, Control. Clin. Trials 7, 177).
     """
-    good = (share > 0) & (bend > 0)
+    good = bend > 0
     if good.sum() < 2:
-        return np.ones(len(share))
-    answer = (share * pull)[good].sum() / (share * bend)[good].sum()
-    deviation = (pull - bend * answer)[good] / np.sqrt(bend[good])
+        return 1.0
+    pull, bend = pull[good], bend[good]
+    deviation = (pull - bend * pull.sum() / bend.sum()) / np.sqrt(bend)
     limit = 3 * robust_sd(deviation, about=0.0)
-    usual = TOGETHER * max(0.5, float(np.mean(np.clip(deviation, -limit, limit) ** 2)))
-    _, touch = np.unique(touch, return_inverse=True)
-    weight = np.bincount(touch, good * share * bend) / usual
-    away = np.bincount(touch, good * share * (pull - bend * answer)) / usual  # weight x deviation
-    touches, known = np.count_nonzero(weight), weight > 0
-    excess = np.sum(away[known] ** 2 / weight[known]) - (touches - 1)
-    apart = max(excess, 0.0) / max(
-        weight.sum() - np.sum(weight**2) / weight.sum(), 1e-9 * weight.sum()
-    )
-    return usual * (1 + apart * weight[touch])
+    return TOGETHER * max(0.5, float(np.mean(np.clip(deviation, -limit, limit) ** 2)))
 
 
-def _common_sd(share, bend, influence, part, fit, rest, whisker, apart):
+def _common_sd(bend, influence, part, fit, rest):
     """Standard error [m] of the bending's answer from what is common to all of its rows.
 
-    Its parts are the stations' errors that do not average out, the errors of the rest shape's
-    weights (`RestPrior`), and the rest shape's place along the whisker, which is that of the free
-    frames and `apart` [m] off.
+    Its parts are the stations' errors that do not average out, and the errors of the rest shape's
+    weights (`RestPrior`). `bend` [1/m²]: of all rows together.
     """
-    total = (share * bend).sum()
-    rows = share[:, None] * np.nan_to_num(influence)
+    rows = np.nan_to_num(influence)
     known = (part.information / np.fmax(fit["chi2"], 1.0)[:, None]).sum(axis=0)
     known /= np.maximum((part.information > 0).sum(axis=0), 1)
     noise = np.where(known > 0, 1 / np.sqrt(np.maximum(known, 1e-30)), 0.0)
@@ -301,20 +276,7 @@ def _common_sd(share, bend, influence, part, fit, rest, whisker, apart):
         powers = u[:, None] ** np.arange(len(rest.weights))
         answers = powers.T @ rows[:, N_STATIONS:]
         variance += np.einsum("ka,kalb,lb->", answers, rest.weights_cov, answers)
-    slope = 2 / whisker.length * np.polynomial.legendre.legder(np.nan_to_num(fit.rest), axis=1)
-    variance += (apart * np.sum(rows[:, N_STATIONS:-1] * slope)) ** 2
-    return float(np.sqrt(variance) / total) if total > 0 else np.inf
-
-
-def _apart_sd(evidence, rows, places):
-    """Standard error [m] of the mean origin of `rows` beside that of the free frames."""
-    free = rest_shape.free_frames(places.distance, np.isfinite(places.pole_x), evidence.params)
-    if not free.any():
-        return 1e-3 * evidence.params.hidden_length_sd_mm
-    gap = np.asarray(
-        evidence.design[rows].mean(axis=0) - evidence.design[np.flatnonzero(free)].mean(axis=0)
-    )
-    return float(np.sqrt(gap[0] @ np.linalg.solve(evidence.matrix, gap[0])))
+    return float(np.sqrt(variance) / bend) if bend > 0 else np.inf
 
 
 def _misplaced_sd(gap, side):
@@ -357,14 +319,10 @@ def _believed(away, hidden, tip):
     return np.sqrt(variance / (1 - each @ follows)), np.sqrt(variance / (each @ follows))
 
 
-def _lasting_variance(errors, freedom=0.0):
-    """Variance that independent errors would have to have so that means scatter as these do's.
-
-    `freedom`: how many numbers were fitted, which follow the errors.
-    """
+def _lasting_variance(errors):
+    """Variance that independent errors would have to have so that means scatter as these do's."""
     lags = range(1, min(TIP_LAGS, len(errors) - 1) + 1)
-    variance = np.mean(errors**2) + 2 * sum(np.mean(errors[k:] * errors[:-k]) for k in lags)
-    return float(variance) / max(1 - freedom * (2 * TIP_LAGS + 1) / len(errors), LEAST_LEFT)
+    return float(np.mean(errors**2) + 2 * sum(np.mean(errors[k:] * errors[:-k]) for k in lags))
 
 
 def _tip_place(places, sd, whisker, params):

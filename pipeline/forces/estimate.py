@@ -18,7 +18,6 @@ MEASURED = [  # columns of the frames in which the rods have the last word
     "curvature_per_m_se", "rest_curvature_per_m", "rest_curvature_per_m_se",
     "curvature_change_per_m", "curvature_change_per_m_se", "pole_distance_mm",
 ]  # fmt: skip
-MUCH_MORE = 1.0  # near the pole than farther off, of free frames: worth another fit
 
 
 def estimate_forces(
@@ -28,7 +27,6 @@ def estimate_forces(
     curvature_at: float,
     friction: float = 0.0,
     pixels_per_m: float | None = None,
-    surely_free=None,
     params: RodParams = DEFAULTS.forces,
 ):
     """Rest curvature and evidence of touch for all whiskers of a video.
@@ -41,8 +39,6 @@ def estimate_forces(
     curvature_at : arc length of the curvature in `frames` [m]
     friction : coefficient of friction between whisker and pole, >= 0
     pixels_per_m : scale; None: the follicle stays as it is in `frames`
-    surely_free : function of a whisker's evidence, bool (rows,): frames that are free of touch
-        although the pole is near; None: only those far from the pole count as free
     params : the room's parameters
 
     Returns
@@ -63,8 +59,9 @@ def estimate_forces(
         for part in parts(len(all_rows), PART_ROWS):
             own = all_rows.rows(part)
             rows = rows_of(frames, name, own.frame)
-            rod = own, whisker, frames.loc[rows], curvature_at, friction
-            evidence, measured = _measure(rod, surely_free, params)
+            evidence, measured = forces.measure_forces(
+                own, whisker, frames.loc[rows], curvature_at, friction, params
+            )
             if whiskers.get(name) is None:
                 evidence["chi2"] = np.nan  # what stands in for the whisker may bend otherwise
             _fill(new, rows, measured, pixels_per_m)
@@ -73,19 +70,6 @@ def estimate_forces(
     columns = {"frame": frames["frame"], "whisker": frames["whisker"], **of_touch}
     evidence = as_table(pd.DataFrame(columns, copy=False), EVIDENCE_COLUMNS)
     return frames.assign(**new), evidence
-
-
-def _measure(rod, surely_free, params):
-    """Forces of one whisker; again, if free frames near the pole say more of its rest shape."""
-    own = rod[0]
-    evidence, measured = forces.measure_forces(*rod, params=params)
-    if surely_free is None or not np.isfinite(own.pole_x).any():
-        return evidence, measured
-    far = forces.far_from_pole(own, params)
-    free = np.isfinite(own.last) & surely_free(evidence)
-    if np.count_nonzero(free & ~far) < MUCH_MORE * np.count_nonzero(far):
-        return evidence, measured
-    return forces.measure_forces(*rod, free | far, params)
 
 
 def _fill(frames, rows, measured, pixels_per_m):

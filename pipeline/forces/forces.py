@@ -64,7 +64,6 @@ def measure_forces(
     kinematics,
     curvature_at: float,
     friction=0.0,
-    free=None,
     params: RodParams = DEFAULTS.forces,
 ):
     """What one whisker's force would be in every frame, if the pole's nearest point touched it.
@@ -77,7 +76,6 @@ def measure_forces(
         `base_angle_deg`
     curvature_at : arc length of the curvature [m]
     friction : coefficient of friction between whisker and pole, >= 0
-    free : bool (rows,), frames to learn the rest shape from; None: those `far_from_pole`
     params : the room's parameters
 
     Returns
@@ -89,8 +87,7 @@ def measure_forces(
     """
     time = kinematics["time_s"].to_numpy(float)
     angle = wrapped(np.radians(kinematics["base_angle_deg"].to_numpy(float)))  # as rods have it
-    if free is None:
-        free = far_from_pole(places, params)
+    free = far_from_pole(places, params)
     rods = places, whisker, curvature_at, angle, time, free, friction, params
     fit, origin, model = _fit_rods(*rods)
     evidence = _evidence(places, fit, origin, model is not None, free, params)

@@ -22,7 +22,6 @@ from pipeline.contacts.probability import (
     force_noise,
     posterior,
 )
-from pipeline.forces import estimate
 from pipeline.kinematics import resampled
 from pipeline.tables.columns import CONTACT_FLAGS, CORRECTION_COLUMNS, as_table, split_flags
 from synthetic.presets import make_trial
@@ -185,21 +184,6 @@ def test_what_a_whisker_passes_over_it_does_not_touch():
     )
     assert len(kept) == len(touch.contacts)
     assert len(dropped) == 0
-
-
-def test_free_frames_near_the_pole_give_the_rest_shape_where_most_are_there(monkeypatch):
-    traced = traced_motion.trace(make_trial("resting", 20, 1, 400).motion, noise_px=0.03)
-    near, far = [], []
-    for share, found in ((estimate.MUCH_MORE, near), (np.inf, far)):
-        monkeypatch.setattr(estimate, "MUCH_MORE", share)
-        touch = analysis.analyse_touch(
-            traced.frames, traced.places, traced.recording, traced.whiskers
-        )
-        error = touch.contacts["peak_force_uN"] - traced.true_contacts["peak_force_uN"]
-        se = touch.contacts["peak_force_se_uN"]
-        assert (np.abs(error) < 1.96 * se).all()
-        found.append(se.to_numpy())
-    assert (near[0] < 0.9 * far[0]).all()
 
 
 @pytest.mark.parametrize("shorter", [1.0, 0.85])

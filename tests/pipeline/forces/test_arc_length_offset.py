@@ -10,7 +10,7 @@ from scipy.ndimage import uniform_filter1d
 
 from pipeline.detection import line_profile
 from pipeline.detection.line_fit import visible_end
-from pipeline.forces import arc_length_offset, estimate_forces, forces, rest_shape
+from pipeline.forces import arc_length_offset, estimate_forces, forces
 from pipeline.kinematics import resampled
 from pipeline.session.parameters import DEFAULTS
 from synthetic.presets import make_trial
@@ -81,15 +81,16 @@ def test_first_points_that_wander_are_seen_from_the_tip(touching):
 
 def test_a_slow_wander_is_seen_through_a_codecs_ends(touching):
     """Ends that scatter by 0.1 mm, and err alike for some frames, about a slow follicle."""
-    rng = np.random.default_rng(0)
     n = len(touching.places)
-    slow = 0.08e-3 * np.sin(2 * np.pi * np.arange(n) / n)
-    ends = np.zeros(n)
-    for k, push in enumerate(rng.normal(0, 0.06e-3, n)):
-        ends[k] = 0.8 * ends[k - 1] + push
-    wandered = replace(touching.places, last=touching.places.last - slow + ends)
-    origin, _ = arc_length_offset.origin_from_tip(wandered, mouse_c2(), times(touching))
-    assert np.std(origin.per_row - slow) < 0.4 * np.std(slow)
+    slow, left = 0.08e-3 * np.sin(2 * np.pi * np.arange(n) / n), []
+    for seed in range(8):
+        ends = np.zeros(n)
+        for k, push in enumerate(np.random.default_rng(seed).normal(0, 0.06e-3, n)):
+            ends[k] = 0.8 * ends[k - 1] + push
+        wandered = replace(touching.places, last=touching.places.last - slow + ends)
+        origin, _ = arc_length_offset.origin_from_tip(wandered, mouse_c2(), times(touching))
+        left.append(np.std(origin.per_row - slow) / np.std(slow))
+    assert np.mean(left) < 0.55
 
 
 def times(touching):
@@ -231,24 +232,6 @@ def test_frames_that_a_codec_interpolated_are_not_asked(touching):
     assert error[True] < origin_tolerance < error[False]
 
 
-def test_how_far_touches_begin_from_free_frames_is_known_as_well_as_the_tip_shows(touching):
-    """Traces of a fur that wanders, with ends that scatter by 0.05 mm, drawn again and again."""
-    rng = np.random.default_rng(2)
-    places, whisker = touching.places, mouse_c2()
-    slow = 0.05e-3 * np.sin(2 * np.pi * np.arange(len(places)) / 300)
-    rows = np.flatnonzero(touching.true_frames["in_contact"].to_numpy(bool))
-    free = rest_shape.free_frames(places.distance, np.isfinite(places.pole_x))
-    found, stated = [], []
-    for _ in range(12):
-        ends = places.last - slow + rng.normal(0, 0.05e-3, len(places))
-        seen = replace(places, first=places.first - slow, last=ends)
-        origin, votes = arc_length_offset.origin_from_tip(seen, whisker, times(touching))
-        error = origin.per_row - slow
-        found.append(error[rows].mean() - error[free].mean())
-        stated.append(arc_length_offset._apart_sd(votes, rows, places))
-    assert 0.6 < np.sqrt(np.mean(np.square(found))) / np.mean(stated) < 1.2
-
-
 def test_the_standard_error_holds_what_is_common_to_all_frames():
     """Stations drawn aside alike in every touching frame: no number of frames takes that away."""
     noisy = traced_motion.trace(make_trial("noisy", 0, 0, 500).motion, noise_px=0.1)
@@ -323,15 +306,6 @@ def test_errors_that_last_count_as_fewer():
     assert arc_length_offset._lasting_variance(alone) == pytest.approx(4.0, rel=0.25)
 
 
-def test_what_a_fit_follows_is_missing_from_the_errors():
-    """Means over 50 errors in turn, which a fit of as many numbers takes away."""
-    rng = np.random.default_rng(5)
-    errors = rng.normal(0, 2.0, (400, 50))
-    left = (errors - errors.mean(axis=1, keepdims=True)).ravel()
-    found = arc_length_offset._lasting_variance(left, len(errors))
-    assert found == pytest.approx(4.0, rel=0.15)
-
-
 def test_steadiness_is_the_inverse_of_correlations():
     place = np.arange(6)
     cov = 0.8 ** np.abs(np.subtract.outer(place, place))
@@ -342,43 +316,16 @@ def test_steadiness_is_the_inverse_of_correlations():
 
 def test_pulls_that_scatter_more_than_they_say_count_less():
     rng = np.random.default_rng(6)
-    bend, one = rng.uniform(0.5, 2, 4000), np.zeros(4000)
+    bend = rng.uniform(0.5, 2, 4000)
     pull = 0.7 * bend + 3 * np.sqrt(bend) * rng.normal(size=4000)
-    share = np.ones(4000)
     wide, usual = (
-        arc_length_offset._noise(share, some, bend, one)[0]
+        arc_length_offset._noise(some, bend)
         for some in (pull, 0.7 * bend + (pull - 0.7 * bend) / 3)
     )
     assert wide == pytest.approx(9 * usual, rel=0.01)
     assert usual == pytest.approx(arc_length_offset.TOGETHER, rel=0.1)
-    calm = arc_length_offset._noise(share, 0.7 * bend, bend, one)[0]
+    calm = arc_length_offset._noise(0.7 * bend, bend)
     assert calm == pytest.approx(0.5 * usual, rel=0.1)
-
-
-@pytest.mark.parametrize("apart", [0.0, 30e-6])
-def test_the_error_of_touches_that_share_one_is_as_large_as_it_is_said_to_be(apart):
-    """Touches of 3 to 60 rows, each with an origin of its own, `apart` [m] SD from the true one.
-
-    The weighted mean of many drawn videos scatters as its standard error says, and not more than
-    that of rows which take no notice of touches.
-    """
-    rng = np.random.default_rng(8)
-    lengths = np.array([60, 3, 12, 40, 5, 25, 8, 50, 4])
-    touch = np.repeat(np.arange(len(lengths)), lengths)
-    error, stated, plain = [], [], []
-    for _ in range(400):
-        bend = rng.uniform(0.5, 2, len(touch)) / (60e-6) ** 2
-        # rows in fives err alike
-        alike = np.repeat(rng.normal(size=len(touch) // 5 + 1), 5)[: len(touch)]
-        own = apart * rng.normal(size=len(lengths))[touch]
-        pull = bend * own + np.sqrt(bend) * alike
-        weight = bend / arc_length_offset._noise(np.ones(len(touch)), pull, bend, touch)
-        error.append(weight @ (pull / bend) / weight.sum())
-        stated.append(weight.sum() ** -0.5)
-        plain.append(pull.sum() / bend.sum())
-    scatter = np.std(error)
-    assert scatter == pytest.approx(np.sqrt(np.mean(np.square(stated))), rel=0.15)
-    assert scatter < (1.0 if apart else 1.1) * np.std(plain)
 
 
 def test_clean_pictures_err_by_thousandths_of_a_pixel_in_all_frames(touching):
