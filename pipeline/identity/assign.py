@@ -20,7 +20,7 @@ from pipeline.identity.sides import Sides
 from pipeline.identity.ways import best_names
 from pipeline.session.parameters import DEFAULTS
 from pipeline.tables.centrelines import Centrelines
-from pipeline.tracking.given_lengths import numbers_in_order
+from pipeline.tracking.given_lengths import numbers_in_order, probabilities
 from pipeline.tracking.matching import Ruler
 from pipeline.tracking.two_sides import names_by_side
 from pipeline.tracking.unlabelled_tracker import is_crowd
@@ -75,7 +75,8 @@ def name_lines(
     """Hand on the chunks of a video with the names that suit the whole of it best.
 
     Lines that are no named whisker's are left out. The confidence is that of the line times the
-    probability of its name.
+    probability of its name; where lengths tell which of the given whiskers are seen, also times
+    the probability that this choice is right.
 
     Parameters
     ----------
@@ -124,14 +125,18 @@ def _all_rows(rows, roster, given, sides, open_ended, limits):
             names_here = tuple(f"{side_name}w{k + 1}" for k in range(named.max(initial=-1) + 1))
         else:
             here = {name: px for name, px in given.items() if name.startswith(side_name)}
-            named, names_here = _as_given(named, features[own], here, [slot.name for slot in row])
+            found = [slot.name for slot in row]
+            named, names_here, chosen = _as_given(named, features[own], here, found)
+            sure[own] *= chosen
         whisker[own] = np.where(named < 0, -1, named + len(called))
         called += names_here
     return whisker, sure, called
 
 
 def _as_given(named, features, given, found):
-    """Number (rows,) of every line's whisker among some names, and these names.
+    """Number (rows,) of every line's whisker among some names, these names, and how sure it is.
+
+    The last (rows,) is the probability that the whisker is the given one of that name.
 
     named : (rows,) numbers in order along the face, −1 for none
     given : name → length that is seen at most [px], in the same order
@@ -139,10 +144,12 @@ def _as_given(named, features, given, found):
     """
     count = np.bincount(named[named >= 0])
     seen_px = np.exp(_medians(features[:, LENGTH], named, count))
-    numbers = numbers_in_order(seen_px, list(given.values()))
+    given_px = list(given.values())
+    numbers = numbers_in_order(seen_px, given_px)
+    sure = np.append(probabilities(seen_px, given_px, numbers), 1.0)
     kept = [k for k, name in enumerate(given) if name in found or k in numbers]
     place = np.append(np.searchsorted(kept, numbers), -1)
-    return place[named], tuple(list(given)[k] for k in kept)
+    return place[named], tuple(list(given)[k] for k in kept), sure[named]
 
 
 def names(frame, track, features, wanted=None, direction=1, limits: Limits = USUAL):

@@ -9,6 +9,7 @@ import numpy as np
 FADED = np.linspace(-0.4, 0.05, 19)  # logarithms of seen over given lengths: tips fade
 MISSED = 0.2  # cost, as of a logarithm, of a whisker of mean length: short ones are rather missed
 FARTHEST = 0.5  # a logarithm that is farther off is a line cut short, and counts as no more
+USUAL = 0.04  # mean misfit of a logarithm: by so much more, a choice is e times less likely
 SURE = 0.03  # mean logarithm by which lengths fit better in one order than in the other
 
 
@@ -31,39 +32,72 @@ def runs_backwards(seen_px, given_px) -> bool | None:
     return bool(backwards < forwards) if abs(forwards - backwards) > SURE else None
 
 
+def probabilities(seen_px, given_px, numbers) -> np.ndarray:
+    """Probability (k,) that each of k seen whiskers is the given one of its number.
+
+    All choices in order count by their likelihoods (forward and backward sums); 1 where lengths
+    tell nothing.
+
+    Parameters
+    ----------
+    seen_px, given_px : as for `numbers_in_order`
+    numbers : (k,) ascending
+    """
+    costs, missed = _costs(seen_px, given_px)
+    k, m = costs.shape[1:]
+    before = _up_to(costs, missed, _of_either)
+    after = _up_to(costs[:, ::-1, ::-1], missed[::-1], _of_either)[:, ::-1, ::-1]
+    seen = np.arange(k)
+    with_it = before[:, seen, numbers] + costs[:, seen, numbers] + after[:, seen + 1, numbers + 1]
+    every = before[:, k, m, None]
+    least = every.min()
+    return np.exp((least - with_it) / USUAL).sum(axis=0) / np.exp((least - every) / USUAL).sum()
+
+
 def _likest(seen_px, given_px):
     """The numbers of `numbers_in_order`, and the mean misfit of the logarithms."""
-    seen, given = np.log(np.asarray(seen_px, float)), np.log(np.asarray(given_px, float))
-    off = seen[:, None] - given
-    known = np.isfinite(off)
-    if not np.isfinite(given).all() or not known.any():
-        return np.arange(len(seen)), 0.0
-    missed = MISSED * np.exp(given) / np.exp(given).mean()
-    found = [
-        _cheapest(np.where(known, np.minimum(np.abs(off - faded), FARTHEST), 0.0), missed)
-        for faded in FADED
-    ]
-    numbers, cost = min(found, key=lambda each: each[1])
-    return numbers, cost / known.any(axis=1).sum()
-
-
-def _cheapest(cost, missed):
-    """Numbers (k,), ascending, of the columns that rows of a cost (k, m) go to, and the cost.
-
-    missed : (m,) cost of a column to which none goes
-    """
-    k, m = cost.shape
-    least = np.full((k + 1, m + 1), np.inf)
-    least[0] = np.append(0.0, np.cumsum(missed))
-    for i in range(1, k + 1):
-        for j in range(i, m + 1):
-            least[i, j] = min(
-                least[i, j - 1] + missed[j - 1], least[i - 1, j - 1] + cost[i - 1, j - 1]
-            )
-    numbers, j = np.empty(k, int), m
+    costs, missed = _costs(seen_px, given_px)
+    k, m = costs.shape[1:]
+    least = _up_to(costs, missed, np.minimum)
+    best = int(np.argmin(least[:, k, m]))
+    least, numbers, j = least[best], np.empty(k, int), m
     for i in range(k, 0, -1):
         while j > i and least[i, j - 1] + missed[j - 1] <= least[i, j]:
             j -= 1
         j -= 1
         numbers[i - 1] = j
-    return numbers, least[k, m]
+    return numbers, least[k, m] / max(np.isfinite(seen_px).sum(), 1)
+
+
+def _costs(seen_px, given_px):
+    """Costs (fades, k, m) of every seen whisker as every given one, and (m,) of none as this one.
+
+    Where lengths are not known, the first ones are there.
+    """
+    seen, given = np.log(np.asarray(seen_px, float)), np.log(np.asarray(given_px, float))
+    off = seen[:, None] - given - FADED[:, None, None]
+    if not np.isfinite(given).all() or not np.isfinite(off).any():
+        first = np.where(np.eye(len(seen), max(len(given), len(seen))) > 0, 0.0, np.inf)
+        return first[None], np.zeros(first.shape[1])
+    costs = np.where(np.isfinite(off), np.minimum(np.abs(off), FARTHEST), 0.0)
+    return costs, MISSED * np.exp(given) / np.exp(given).mean()
+
+
+def _up_to(costs, missed, either):
+    """Cost (fades, k + 1, m + 1) of the first seen whiskers as some of the first given ones.
+
+    either : cost of two choices, of which each is possible
+    """
+    fades, k, m = costs.shape
+    out = np.full((fades, k + 1, m + 1), np.inf)
+    out[:, 0] = np.append(0.0, np.cumsum(missed))
+    for i in range(1, k + 1):
+        for j in range(i, m + 1):
+            one_more = out[:, i - 1, j - 1] + costs[:, i - 1, j - 1]
+            out[:, i, j] = either(out[:, i, j - 1] + missed[j - 1], one_more)
+    return out
+
+
+def _of_either(one, other):
+    """Cost of either of two choices by the sum of their likelihoods."""
+    return -USUAL * np.logaddexp(-one / USUAL, -other / USUAL)

@@ -398,10 +398,15 @@ def test_lengths_tell_which_given_whiskers_were_seen():
     roster = [Slot(*each) for each in zip("abc", angles, lengths, strict=True)]
     lines = [straight(*each) for each in zip(angles, lengths, strict=True)]
     chunks = [centrelines([f] * 3, range(3), lines) for f in range(4)]
-    given_px = {"a": 40.0, "b": 62.0, "c": 75.0, "d": 85.0}
-    got = list(name_lines(iter(chunks), roster, one_row(roster), given=given_px))
-    for chunk in got:
-        assert [chunk.names[k] for k in chunk.whisker] == ["b", "c", "d"]
+
+    def named(given_px):
+        return list(name_lines(iter(chunks), roster, one_row(roster), given=given_px))
+
+    clear = {"a": 40.0, "b": 62.0, "c": 75.0, "d": 85.0}
+    for one, other in zip(named(clear), named(clear | {"a": 62.0}), strict=True):
+        assert [one.names[k] for k in one.whisker] == ["b", "c", "d"]
+        share = other.confidence / one.confidence  # the first may be a as well as b
+        assert share == pytest.approx([0.5, 1.0, 1.0], abs=0.05)
 
 
 @pytest.mark.parametrize("open_ended", [False, True])

@@ -11,7 +11,9 @@ from pipeline.tracking.given_lengths import (
     FADED,
     FARTHEST,
     MISSED,
+    USUAL,
     numbers_in_order,
+    probabilities,
     runs_backwards,
 )
 
@@ -52,11 +54,29 @@ def test_the_choice_is_the_cheapest_of_all(data):
 
     def cost(chosen):
         off = np.log(seen_px) - np.log(given_px[list(chosen)])
-        near = np.minimum(np.abs(off[:, None] - FADED), FARTHEST).sum(axis=0).min()
+        near = np.minimum(np.abs(off[:, None] - FADED), FARTHEST).sum(axis=0)
         missed = np.delete(given_px, list(chosen)).sum() / given_px.mean()
         return near + MISSED * missed
 
     every = list(combinations(range(len(given_px)), len(seen_px)))
     found = numbers_in_order(seen_px, given_px)
     assert tuple(found) in every
-    assert cost(found) == pytest.approx(min(map(cost, every)), abs=1e-9)
+    assert cost(found).min() == pytest.approx(min(cost(each).min() for each in every), abs=1e-9)
+    likelihood = np.array([np.exp(-cost(each) / USUAL).sum() for each in every])
+    same = np.array(every).reshape(len(every), -1) == found
+    expected = likelihood @ same / likelihood.sum()
+    assert probabilities(seen_px, given_px, found) == pytest.approx(expected, abs=1e-9)
+
+
+def test_a_choice_between_whiskers_of_one_length_is_open():
+    given_px = [200.0, 150.0, 100.0, 100.0]
+    found = numbers_in_order([180.0, 135.0, 90.0], given_px)
+    sure = probabilities([180.0, 135.0, 90.0], given_px, found)
+    assert sure[:2].min() > 0.99
+    assert sure[2] == pytest.approx(0.5, abs=0.01)
+    assert probabilities([180.0, 135.0, 90.0, 90.0], given_px, np.arange(4)).min() > 0.999
+
+
+@pytest.mark.parametrize("given_px", [(), (np.inf,) * 5])
+def test_nothing_is_doubted_where_lengths_are_not_known(given_px):
+    assert probabilities([90.0, 80.0, 85.0], given_px, np.arange(3)).tolist() == [1, 1, 1]
