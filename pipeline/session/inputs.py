@@ -1,6 +1,5 @@
 """Which videos to process, where their settings and results lie, and whether they changed."""
 
-import contextlib
 import hashlib
 import re
 from dataclasses import dataclass
@@ -108,8 +107,18 @@ def session_of(each: Input, config=None) -> Path:
     That is: in a folder of images, beside the video, or above it up to the folder that the
     user named; of a link, there first, and then where it leads. InputError where there is none.
     """
-    if config is not None:
-        return Path(config)
+    found = Path(config) if config is not None else _session_beside(each)
+    if found is None:
+        folder = each.path.absolute().parent
+        raise InputError(
+            f"no session.toml in {folder}, beside the videos; give one with --config, or let "
+            f"`whiskerforce init {each.path.parent}` write one"
+        )
+    return found
+
+
+def _session_beside(each: Input) -> Path | None:
+    """The session.toml nearest to an input, up to the folder that the user named, if any."""
     for path, root in (
         (each.path.absolute(), each.root.absolute()),
         (each.path.resolve(), each.root.resolve()),
@@ -119,23 +128,14 @@ def session_of(each: Input, config=None) -> Path:
         for folder in places:
             if (folder / SETTINGS_NAME).is_file():
                 return folder / SETTINGS_NAME
-    folder = each.path.absolute().parent
-    raise InputError(
-        f"no session.toml in {folder}, beside the videos; give one with --config, or let "
-        f"`whiskerforce init {each.path.parent}` write one"
-    )
+    return None
 
 
 def is_beside_videos(out, inputs) -> bool:
     """Whether `out` has the session.toml that a person wrote for some of the inputs."""
     target = Path(out) / SETTINGS_NAME
-    if not target.is_file():
-        return False
-    for each in inputs:
-        with contextlib.suppress(InputError):
-            if session_of(each).samefile(target):
-                return True
-    return False
+    found = filter(None, map(_session_beside, inputs)) if target.is_file() else ()
+    return any(each.samefile(target) for each in found)
 
 
 def settings_of(inputs, config=None) -> dict:
