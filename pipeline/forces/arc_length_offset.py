@@ -226,7 +226,7 @@ def origin_from_bending(
     bend, pull = (np.where(clean, fit[f"origin_{k}"], 0.0) for k in ("bend", "pull"))
     noise = _noise(pull, bend)
     weight, wish = bend / noise, (pull + bend * part.origin) / noise
-    common = _common_sd(weight.sum() * noise, influence, part, fit, rest)
+    common = _common_sd(bend.sum(), influence, part, fit, rest)
     sd = float(np.hypot(common, _misplaced_sd(fit["gap"], part.side)))
     try:
         found = evidence.beside(evidence.design[rows], weight, wish, sd).solve()
