@@ -352,7 +352,10 @@ def _trace_ends(places, params):
     if known.sum() < 30:
         return nothing
     usual = np.percentile(end[known], 90)
-    usual = np.median(end[known & (np.abs(end - usual) < window)])
+    near = end[known & (np.abs(end - usual) < window)]
+    if not len(near):
+        return nothing
+    usual = np.median(near)
     good = known & (np.abs(end - usual) < window)
     if good.mean() < TIP_PART:
         return nothing

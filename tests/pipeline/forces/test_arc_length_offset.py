@@ -297,6 +297,16 @@ def test_a_common_error_is_one_more_unknown():
     np.testing.assert_allclose(np.linalg.inv(found.matrix), np.linalg.inv(matrix)[:-1, :-1])
 
 
+@pytest.mark.filterwarnings("error")
+def test_traces_that_end_anywhere_show_no_tip(touching):
+    """A tenth of the ends lie 4 mm farther out, and none about where that tenth begins."""
+    n = 30
+    places = touching.places.rows(slice(n))
+    last = np.where(np.arange(n) < 0.9 * n, 10e-3, 14e-3)
+    end, _ = arc_length_offset._trace_ends(replace(places, last=last), DEFAULTS.forces)
+    assert np.isnan(end).all()
+
+
 def test_errors_that_last_count_as_fewer():
     """Of means over 10 alike, the variance is that of ten times as large a one."""
     rng = np.random.default_rng(4)
