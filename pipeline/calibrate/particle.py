@@ -16,6 +16,7 @@ SIZES_PX = 1.5, 2.5, 4.0  # SDs of the bumps that are looked for
 SMOOTH_MM = 2.5  # the whisker's own thickness changes over more
 FARTHEST_STEP_PX = 3  # of the particle along the whisker, from frame to frame
 LEAST_SIGNAL = 4.0  # mean thickness along the path, of its noise
+LEAST_THICKER_PX = 0.2  # than the whisker: a still place without dust stays below 0.03
 ROUNDS = 3  # of fitting
 SEEN = (0.45, 1.8)  # share of the usual profile
 FEWEST_SHARE, FEWEST_FRAMES = 0.5, 50  # of the traced frames, that must show it
@@ -80,6 +81,12 @@ def follow_particle(seen: ThicknessMap, pixels_per_mm, near_mm=None) -> Particle
             f"(signal {strength:.1f} of the noise, expected at least {LEAST_SIGNAL:g})"
         )
     found = _fitted(above, path, int(np.ceil(4 * size)), seen.frame)
+    thicker = found.profile.max()
+    if thicker < LEAST_THICKER_PX:
+        raise NoParticleError(
+            f"no particle on it: its thickest place is {thicker:.2f} px thicker than its "
+            f"surroundings, expected at least {LEAST_THICKER_PX:g} px"
+        )
     _check_seen(found)
     return found
 

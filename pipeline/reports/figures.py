@@ -2,6 +2,7 @@
 
 import csv
 import io
+import warnings
 from pathlib import Path
 
 from pipeline.reports import fig3_panels
@@ -77,7 +78,9 @@ def _save(figure, folder, name, kinds) -> list[Path]:
         with (
             files.whole_file(folder / f"{name}.{kind}") as temporary,
             mpl.rc_context({"svg.fonttype": "none", **SVG_IDS}),
+            warnings.catch_warnings(),
         ):
+            warnings.filterwarnings("ignore", "Glyph .* missing")  # in a video's name
             if kind == "png":
                 FigureCanvasAgg(figure).print_png(temporary)
             else:

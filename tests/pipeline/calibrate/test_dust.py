@@ -28,13 +28,13 @@ SE_RATIO = 0.35  # by which standard errors may be off
 COURSE = 70 + 6 * np.sin(np.arange(FRAMES) / 15)  # px, of the particle
 
 
-def thickness_map(course=COURSE, height=2.5, seed=0, gone_from=FRAMES):
+def thickness_map(course=COURSE, height=2.5, seed=0, gone_from=FRAMES, noise=NOISE):
     rng = np.random.default_rng(seed)
     at = np.arange(PLACES)
     whisker = 2.5 * (1 - at / 400)
     bump = height * np.exp(-((at - course[:, None]) ** 2) / (2 * 2.0**2))
     bump[gone_from:] = 0
-    thickness = whisker + bump + rng.normal(scale=NOISE, size=bump.shape)
+    thickness = whisker + bump + rng.normal(scale=noise, size=bump.shape)
     return ThicknessMap(np.arange(FRAMES), [], np.zeros(FRAMES), thickness)
 
 
@@ -59,6 +59,7 @@ def test_of_two_particles_the_one_near_the_place_given_is_followed():
     ("seen", "expected"),
     [
         (thickness_map(height=0.0), "no particle on it"),
+        (thickness_map(height=0.02, noise=1e-4), "no particle on it: its thickest place is 0.0"),
         (thickness_map(gone_from=150), "gone from frame 150 on"),
         (
             ThicknessMap(np.arange(3), [], np.zeros(3), np.ones((3, PLACES))),

@@ -8,6 +8,7 @@ import pandas as pd
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from matplotlib.figure import Figure
 from results_folder import CONTACTS, contact, make_results
 
 from pipeline.reports import fig3_tables, figures, session_numbers
@@ -40,6 +41,15 @@ def test_all_files_are_written(drawn):
     shown = {"".join(text.itertext()) for text in texts}
     assert set("abcdef") <= shown
     assert {"before", "during", "after", "contact duration (ms)"} <= shown
+
+
+@pytest.mark.parametrize("kind", ["png", "svg"])
+def test_names_in_any_script_are_drawn_without_a_word(tmp_path, kind, recwarn):
+    figure = Figure()
+    figure.text(0.5, 0.5, "whisker \u65e5\u672c")  # in no font of Matplotlib's
+    (drawn,) = figures._save(figure, tmp_path, "name", [kind])
+    assert drawn.stat().st_size
+    assert not recwarn.list
 
 
 def test_numbers_stand_beside_the_papers(drawn):
