@@ -18,6 +18,8 @@ MEASURED = [  # columns of the frames in which the rods have the last word
     "curvature_per_m_se", "rest_curvature_per_m", "rest_curvature_per_m_se",
     "curvature_change_per_m", "curvature_change_per_m_se", "pole_distance_mm",
 ]  # fmt: skip
+# evidence on whether the whisker bends as its dimensions say
+OF_DIMENSIONS = ["chi2", "bending_origin_m", "bending_origin_se_m"]
 
 
 def estimate_forces(
@@ -63,7 +65,7 @@ def estimate_forces(
                 own, whisker, frames.loc[rows], curvature_at, friction, params
             )
             if whiskers.get(name) is None:
-                evidence["chi2"] = np.nan  # what stands in for the whisker may bend otherwise
+                evidence[OF_DIMENSIONS] = np.nan  # what stands in for it may bend otherwise
             _fill(new, rows, measured, pixels_per_m)
             new.loc[rows, "pole_distance_mm"] = 1e3 * evidence["distance_m"].to_numpy()
             _gather(of_touch, rows, evidence, len(frames))

@@ -180,6 +180,16 @@ def test_a_whisker_of_unknown_dimensions_has_no_tip_to_go_by(touching):
     np.testing.assert_array_equal(*(each["origin_m"] for each in evidence))
 
 
+@pytest.mark.parametrize("column", ["bending_origin_m", "bending_origin_se_m", "chi2"])
+def test_a_whisker_of_unknown_dimensions_cannot_bend_unlike_them(touching, column):
+    known, unknown = (
+        estimate_forces(touching.frames, touching.places, {"C2": whisker}, AT)[1][column]
+        for whisker in (mouse_c2(), None)
+    )
+    assert known.notna().any()
+    assert unknown.isna().all()
+
+
 def test_an_end_that_light_moves_is_not_taken_for_the_tip(touching):
     """The trace's end is seen farther out by up to 0.55 mm where the angle is large."""
     places = touching.places
