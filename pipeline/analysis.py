@@ -6,6 +6,7 @@ from pathlib import Path
 import pandas as pd
 
 from pipeline.detection import PoleTrack
+from pipeline.errors import counted
 from pipeline.session import Settings, write_session
 from pipeline.tables import (
     CONTACT_COLUMNS,
@@ -88,7 +89,8 @@ class Analysis:
 
     def __repr__(self):
         names = ", ".join(self.whiskers) or "no whisker"
-        return f"<Analysis: {self.n_frames} frames of {names}; {len(self.contacts)} contacts>"
+        contacts = counted(len(self.contacts), "contact")
+        return f"<Analysis: {counted(self.n_frames, 'frame')} of {names}; {contacts}>"
 
     def _repr_html_(self) -> str:
         """What a notebook shows."""

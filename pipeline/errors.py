@@ -52,6 +52,15 @@ class InputError(ValueError):
     """Unusable arguments; the message names them and says what to do."""
 
 
+def counted(number: int, thing: str) -> str:
+    """How many of something there are, in words.
+
+    >>> counted(1, "frame"), counted(2, "frame")
+    ('1 frame', '2 frames')
+    """
+    return f"{number} {thing}{'' if number == 1 else 's'}"
+
+
 def need_folder(path, expected: str) -> None:
     """InputError where `path` is no folder."""
     path = Path(path)

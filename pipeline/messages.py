@@ -4,6 +4,7 @@ from collections import defaultdict
 
 import numpy as np
 
+from pipeline.errors import counted
 from pipeline.scene.face import thickening_towards
 from pipeline.scene.what_was_seen import seen_instead_of_pole, seen_instead_of_whiskers
 
@@ -58,7 +59,7 @@ def _of_whiskers(settings, touch, followed, scenes=()):
 
 def _too_few_frames(video, count):
     """A video that is cut short, or is one picture."""
-    if video.exact_count and count < video.n_frames:
+    if video.ended_by is None and video.exact_count and count < video.n_frames:
         yield f"only {count} of {video.n_frames} frames could be read: is it cut short?"
     if count == 1:
         yield "one frame only: no movement to learn from, no contacts"
@@ -154,8 +155,9 @@ def _passes_over(settings, touch, pole):
     for name, frames in across.items():
         if frames > SELDOM_ACROSS and name not in set(touch.contacts["whisker"]):
             yield (
-                f"{name} passes over the pole at ({x:.0f}, {y:.0f}) px in {frames} frames without "
-                "touching it; if that is dust, give [pole] x_px, y_px"
+                f"{name} passes over the pole at ({x:.0f}, {y:.0f}) px in "
+                f"{counted(frames, 'frame')} without touching it; if that is dust, give [pole] "
+                "x_px, y_px"
             )
 
 

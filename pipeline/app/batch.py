@@ -24,7 +24,7 @@ from pipeline.app.outcome import (
     kept_outcome,
     save_state,
 )
-from pipeline.errors import InputError, in_words, why, with_advice
+from pipeline.errors import InputError, counted, in_words, why, with_advice
 from pipeline.runtime import interrupts
 from pipeline.runtime.folder_lock import locked
 from pipeline.runtime.progress import Progress, Step, duration
@@ -126,13 +126,13 @@ class Summary:
 
     def line(self) -> str:
         """What it did, in one line."""
-        count, frames = len(self.outcomes), sum(each.frames for each in self.outcomes)
-        contacts = sum(each.contacts for each in self.outcomes)
+        frames = counted(sum(each.frames for each in self.outcomes), "frame")
+        contacts = counted(sum(each.contacts for each in self.outcomes), "contact")
         return (
-            f"{count} video{'' if count == 1 else 's'}: {len(self.of('done'))} done, "
+            f"{counted(len(self.outcomes), 'video')}: {len(self.of('done'))} done, "
             f"{len(self.of('warning'))} with a warning, {len(self.of('failed'))} failed"
             + (f" ({self.skipped} finished before)" if self.skipped else "")
-            + f"; {frames} frames, {contacts} contacts, in {duration(self.seconds)}"
+            + f"; {frames}, {contacts}, in {duration(self.seconds)}"
             + ("; interrupted" if self.interrupted else "")
         )
 

@@ -5,6 +5,7 @@ from pipeline.calibrate.dust_files import pooled_slope, write_dust
 from pipeline.calibrate.follicle_motion import measure_follicle_motion
 from pipeline.calibrate.particle import NoParticleError
 from pipeline.convert.results import read_results
+from pipeline.errors import counted
 
 
 def run_dust(results, out, whisker, at_mm, say) -> None:
@@ -53,7 +54,7 @@ def slope_sentence(slope) -> str:
     if slope is None:
         return "too few contacts to say whether bending moves the follicle"
     numbers = (
-        f"{slope.n} contacts: {1e3 * slope.slope:.2f} ({1e3 * slope.low:.2f} to "
+        f"{counted(slope.n, 'contact')}: {1e3 * slope.slope:.2f} ({1e3 * slope.low:.2f} to "
         f"{1e3 * slope.high:.2f}) µm per 1/m of curvature change, correlation {slope.r:.2f} "
         f"({slope.r_low:.2f} to {slope.r_high:.2f})"
     )

@@ -10,6 +10,7 @@ from pipeline.calibrate.ringdown import (
 )
 from pipeline.calibrate.ringdown_files import write_into, write_ringdown
 from pipeline.calibrate.slips import find_slips, named_slips, settings_of
+from pipeline.errors import counted
 
 
 def run_ringdown(results, out, places, follicle, into, name, say) -> None:
@@ -96,7 +97,7 @@ def _sentence(each, modulus):
 
 
 def _say_pooled(together, follicle, say):
-    count = f"{together.n} slip{'' if together.n == 1 else 's'}"
+    count = f"{counted(together.n, 'slip')}"
     say(f"{count}, {follicle} follicle: {_sentence(together, together.youngs_modulus)}")
     say(
         "  with the whisker's dimensions as in session.toml: 1 % of length is 4 % of E, 1 % of "

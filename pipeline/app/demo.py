@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.app import batch, warm_up
+from pipeline.errors import counted
 from pipeline.reports.session_numbers import read_contacts, read_truth
 from pipeline.runtime.progress import Progress, duration
 
@@ -46,7 +47,7 @@ def render(folder, preset, seed, trials, jobs, progress, say, frames=1000) -> li
         raise ValueError(f"--preset {preset}: no such preset; expected one of\n{known}")
     trials = trials or PRESETS[preset].trials
     names = [f"trial {trial}" for trial in range(trials)]
-    say(f"rendering {trials} video{'' if trials == 1 else 's'} …")
+    say(f"rendering {counted(trials, 'video')} …")
     with (progress or Progress)(names, RENDERING, "drawing") as shown:
         options = {"jobs": jobs, "progress": shown.receive, "frames": frames}
         paths = render_session(folder, preset, seed, trials, **options)
@@ -114,7 +115,7 @@ def _summary(match, pairs):
     missed = match.missed
     long = int((missed["duration_ms"] >= LEAST_MS).sum())
     yield (
-        f"{len(pairs)} of {len(pairs) + len(missed)} contacts found "
+        f"{len(pairs)} of {counted(len(pairs) + len(missed), 'contact')} found "
         f"({long} of {LEAST_MS:g} ms or longer missed), {len(match.invented)} invented"
     )
     if pairs.empty:

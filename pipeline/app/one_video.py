@@ -12,7 +12,7 @@ import sys
 import traceback
 from pathlib import Path
 
-from pipeline.errors import InputError
+from pipeline.errors import InputError, counted
 from pipeline.session.inputs import results_folders
 from pipeline.session.session_file import SettingsError
 
@@ -75,7 +75,7 @@ def process(video, out, name=None, config=None) -> int:
 def _only(inputs, video):
     """The inputs, of which there must be one."""
     if len(inputs) != 1 or inputs[0].fault:
-        reason = inputs[0].fault if len(inputs) == 1 else f"holds {len(inputs)} videos"
+        reason = inputs[0].fault if len(inputs) == 1 else f"holds {counted(len(inputs), 'video')}"
         raise InputError(f"{video}: expected one video ({reason})")
     return inputs
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from pipeline import __version__
 from pipeline.contacts.corrections import read_corrections
-from pipeline.errors import CorrectionsError, in_words
+from pipeline.errors import CorrectionsError, counted, in_words
 from pipeline.session.inputs import same_input, sha256, stamp
 from pipeline.session.session_file import SettingsError, read_session
 from pipeline.tables import files
@@ -53,8 +53,8 @@ class Outcome:
             return f"failed: {self.message}"
         message = f"; {self.message}" if self.message else ""
         return (
-            f"{self.status}, {self.frames} frames, {self.frames_per_s:.0f} frames/s, "
-            f"{self.contacts} contacts{message}"
+            f"{self.status}, {counted(self.frames, 'frame')}, {self.frames_per_s:.0f} frames/s, "
+            f"{counted(self.contacts, 'contact')}{message}"
         )
 
 

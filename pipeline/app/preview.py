@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 
 from pipeline.detection.static_scene import StaticScene
+from pipeline.errors import counted
 from pipeline.reports.drawing import INK, PAPER, View, name_boxes
 from pipeline.reports.lettering import line_height, put_text
 from pipeline.run import find_whiskers, look_at, trace
@@ -54,7 +55,7 @@ class Preview:
         place = (
             "no pole" if pole is None else f"a pole at ({pole.x_px[0]:.0f}, {pole.y_px[0]:.0f})"
         )
-        count = f"{len(self.names)} whisker{'' if len(self.names) == 1 else 's'}"
+        count = f"{counted(len(self.names), 'whisker')}"
         names = f" ({', '.join(self.names)})" if self.names else ""
         grey = self.lines.keys() - self.known
         doubt = "; grey in the picture: not sure which whisker" if grey else ""

@@ -10,6 +10,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d, median_filter
 
 from pipeline.calibrate.thickness import ThicknessMap
+from pipeline.errors import counted
 from pipeline.numerics.robust import robust_sd
 
 SIZES_PX = 1.5, 2.5, 4.0  # SDs of the bumps that are looked for
@@ -66,7 +67,7 @@ def follow_particle(seen: ThicknessMap, pixels_per_mm, near_mm=None) -> Particle
     """
     if len(seen.frame) < FEWEST_FRAMES:
         raise NoParticleError(
-            f"traced in {len(seen.frame)} frames; expected at least {FEWEST_FRAMES}"
+            f"traced in {counted(len(seen.frame), 'frame')}; expected at least {FEWEST_FRAMES}"
         )
     above = _above_smooth(seen.thickness, SMOOTH_MM * pixels_per_mm)
     signal, size = max((_bumps(above, size) for size in SIZES_PX), key=_strength)

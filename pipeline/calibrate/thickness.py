@@ -5,6 +5,7 @@ into the fur the line was traced.
 """
 
 from dataclasses import dataclass
+from itertools import islice
 
 import cv2
 import numpy as np
@@ -55,7 +56,7 @@ def map_thickness(video, name, follicle, pixels_per_mm) -> ThicknessMap:
     reach = max(REACH_MM * pixels_per_mm, LEAST_REACH_PX)
     found, first = [], None
     with open_video(video.path) as pictures:
-        for frame, picture in enumerate(pictures.lent()):
+        for frame, picture in enumerate(islice(pictures.lent(), max(rows) + 1)):
             start = _crossing(rows.get(frame), distance.get(frame), radius)
             if start is not None:
                 line = rows[frame]

@@ -13,6 +13,7 @@ from pipeline.calibrate.thickness import arc_along
 from pipeline.calibrate.two_views import TwoViews, ViewsError
 from pipeline.convert.results import lines_of_rows
 from pipeline.detection.static_scene import PoleTrack
+from pipeline.errors import counted
 from pipeline.tables.columns import VIEW_CONTACT_COLUMNS, VIEW_FRAME_COLUMNS, as_table
 
 LEAST_TOGETHER = 0.5  # share of the first view's frames that both must show
@@ -85,8 +86,8 @@ def _space_lines(first, second, views, name, table):
     both = sorted(set(ours) & set(theirs) & set(places.index))
     if len(both) < LEAST_TOGETHER * max(len(ours), 1):
         raise ViewsError(
-            f"{first.name}: the whisker is followed in {len(ours)} frames of the first view, and "
-            f"in {len(both)} of these in the second; do the two results belong together?"
+            f"{first.name}: the whisker is followed in {counted(len(ours), 'frame')} of the first "
+            f"view, and in {len(both)} of these in the second; do the two results belong together?"
         )
     _check_in_step(first.name, ours, theirs, views, both)
     found = {

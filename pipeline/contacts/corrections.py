@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import pandas as pd
 
-from pipeline.errors import CorrectionsError
+from pipeline.errors import CorrectionsError, counted
 from pipeline.tables.columns import CORRECTION_COLUMNS, as_table, empty_table
 from pipeline.tables.files import read_csv, write_csv
 
@@ -119,7 +119,8 @@ def left_out(corrections: pd.DataFrame, whiskers, n_frames: int):
     late = sum(row.offset_frame > n_frames for row in rows)
     if late:
         yield (
-            f"{CORRECTIONS_FILE}: {late} reach beyond the video's end (it has {n_frames} frames)"
+            f"{CORRECTIONS_FILE}: {late} reach beyond the video's end "
+            f"(it has {counted(n_frames, 'frame')})"
         )
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.special import chdtri
 
 from pipeline.convert.results import lines_of_rows
-from pipeline.errors import InputError
+from pipeline.errors import InputError, counted
 from pipeline.tables.centrelines import Centrelines
 
 LEAST_SCORE = 0.6  # of a point that is used; DeepLabCut's own limit for drawing
@@ -67,7 +67,7 @@ def lines_of(points: KeyPoints, settings, source, names=()) -> Centrelines:
     for k, (xy, score) in enumerate(whiskers.values()):
         if xy.shape[1] < FEWEST_POINTS:
             raise InputError(
-                f"{source}: {names[k]} has {xy.shape[1]} key points, expected at least "
+                f"{source}: {names[k]} has {counted(xy.shape[1], 'key point')}, expected at least "
                 f"{FEWEST_POINTS} along the whisker; its points' names must begin with its name"
             )
         order = _order_along(xy, score)
@@ -101,9 +101,9 @@ def _names(found, given, settings, source):
     given = given or known
     if len(given) != len(found):
         raise InputError(
-            f"{source}: holds {len(found)} whiskers ({', '.join(found)}), but there are "
-            f"{len(given)} names ({', '.join(given)}); name the key points C2_0, C2_1, … in "
-            "the other program, or give --names"
+            f"{source}: holds {counted(len(found), 'whisker')} ({', '.join(found)}), but "
+            f"{counted(len(given), 'name')} given ({', '.join(given)}); name the key points C2_0, "
+            "C2_1, … in the other program, or give --names"
         )
     return given
 

@@ -22,7 +22,7 @@ from pipeline.contacts.corrections import (
 )
 from pipeline.convert.optional import library
 from pipeline.convert.results import trial_number
-from pipeline.errors import InputError, in_words
+from pipeline.errors import InputError, counted, in_words
 from pipeline.tables.files import whole_file
 
 TOUCH, NONE, UNKNOWN = 1, 0, -1
@@ -140,7 +140,7 @@ def _checked(video, labels, whisker, path):
         )
     if len(labels.touch) != video.n_frames:
         raise InputError(
-            f"{path}: has {len(labels.touch)} frames of {video.name}, its results "
+            f"{path}: has {counted(len(labels.touch), 'frame')} of {video.name}, its results "
             f"{video.n_frames}: these are not of the same video, or one is cut off"
         )
     return corrections_of(labels.touch, whisker or video.whiskers[0])

@@ -7,7 +7,7 @@ from pipeline.curate.decisions import name_of
 from pipeline.curate.items import Item
 from pipeline.curate.results import Results, VideoUnderReview
 from pipeline.curate.review import EditError, Span
-from pipeline.errors import InputError, in_words
+from pipeline.errors import InputError, counted, in_words
 
 WIDTHS = (50, 100, 200, 400, 800, 1600, 3200, 6400, 12800, 25600)  # frames in the time window
 FIRST_WIDTH = 400
@@ -430,7 +430,7 @@ class Desk:
             path, count = self.results.write_decisions()
         except (OSError, ValueError) as error:
             raise EditError(f"decisions.csv cannot be written: {in_words(error)}") from error
-        self.message = f"{count} decision{'' if count == 1 else 's'} written to {path.resolve()}"
+        self.message = f"{counted(count, 'decision')} written to {path.resolve()}"
 
     def finish(self):
         """End, if the command comes twice in a row."""

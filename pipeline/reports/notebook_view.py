@@ -2,6 +2,7 @@
 
 from html import escape
 
+from pipeline.errors import counted
 from pipeline.reports.axes_plots import plot_course
 from pipeline.reports.plots import axes, svg
 
@@ -16,7 +17,7 @@ PLOT_HEIGHT = 1.9  # inches
 def notebook_view(analysis) -> str:
     """HTML of an `Analysis`."""
     contacts = analysis.contacts
-    words = f"{analysis.n_frames} frames, {_count(len(contacts), 'contact')}"
+    words = f"{counted(analysis.n_frames, 'frame')}, {counted(len(contacts), 'contact')}"
     names = escape(", ".join(analysis.whiskers)) or "no whisker"
     parts = [f"<p><b>{names}</b>: {words}</p>"]
     parts += [f"<p>⚠ {escape(message)}</p>" for message in analysis.messages]
@@ -30,10 +31,6 @@ def notebook_view(analysis) -> str:
     if len(contacts) > ROWS:
         parts.append(f"<p>… and {len(contacts) - ROWS} more</p>")
     return "\n".join(parts)
-
-
-def _count(n, thing) -> str:
-    return f"{n} {thing}{'' if n == 1 else 's'}"
 
 
 def _plot(analysis, column="contact_force_uN") -> str:

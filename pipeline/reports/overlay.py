@@ -47,7 +47,7 @@ def write_overlay(video_path, folder, settings: Settings | None = None, progress
 
 def drawn_frames(video, folder, settings: Settings):
     """Yield all frames with findings, uint8 (height, width, 3), BGR."""
-    for _, picture in _drawn(enumerate(video.frames()), folder, settings):
+    for _, picture in _drawn(enumerate(video.watched()), folder, settings):
         yield picture
 
 

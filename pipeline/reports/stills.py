@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from pipeline.errors import VideoError
+from pipeline.errors import VideoError, counted
 from pipeline.reports.drawing import SURE
 from pipeline.reports.plots import data_uri
 from pipeline.session.session_file import read_session
@@ -64,17 +64,13 @@ def video_stills(results, videos, record) -> list:
         if not state or counts.empty:
             continue
         best = counts.sort_values(["sum", "size"], kind="stable").iloc[-1]
-        caption = f"{video}, frame {best.name}: {_count(best['size'], 'whisker')} traced"
+        caption = f"{video}, frame {best.name}: {counted(best['size'], 'whisker')} traced"
         if best["sum"] < best["size"]:
             caption += f"; of {best['size'] - best['sum']} it is not sure which they are"
         frame = pd.Series({video: best.name})
         drawn = _drawn(results / video, state["path"], frame, whole=True)
         pictures += [{"data": data, "caption": caption} for data in drawn.values()]
     return pictures
-
-
-def _count(number, what) -> str:
-    return f"{number} {what}{'' if number == 1 else 's'}"
 
 
 def _drawn(folder, path, frames, **how) -> dict:

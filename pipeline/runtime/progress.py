@@ -5,6 +5,8 @@ import time
 from collections import Counter
 from typing import NamedTuple
 
+from pipeline.errors import counted
+
 LEAST_DONE = 0.02  # of all work, before the time left is shown: compiling takes a while
 TYPICAL_FRAMES = 500  # of a video, before any is opened
 REDRAWN_PER_S = 4  # bar
@@ -141,10 +143,10 @@ class Progress:
     def line(self) -> str:
         """The state in one line."""
         with self._lock:
-            frames = f"{self.frames_done} frames, {self.frames_per_s:.0f} frames/s"
+            frames = f"{counted(self.frames_done, 'frame')}, {self.frames_per_s:.0f} frames/s"
             left = self.seconds_left
             parts = (
-                f"{self.finished}/{len(self.names)} videos",
+                f"{self.finished}/{counted(len(self.names), 'video')}",
                 frames if self._counted else "",
                 self.stage,
                 "" if left is None else f"{duration(left)} left",

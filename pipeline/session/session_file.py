@@ -6,6 +6,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from pipeline.errors import counted
 from pipeline.session.quantities import fields_of
 from pipeline.session.schema import Settings
 from pipeline.session.validation import faults_of
@@ -25,7 +26,7 @@ class SettingsError(ValueError):
     def __init__(self, source, problems):
         self.source = str(source)
         self.problems = tuple(problems)
-        count = "1 problem" if len(self.problems) == 1 else f"{len(self.problems)} problems"
+        count = counted(len(self.problems), "problem")
         lines = "".join(f"\n  - {problem}" for problem in self.problems)
         super().__init__(f"{self.source}: {count}{lines}")
 

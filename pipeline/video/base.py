@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.errors import VideoError
+from pipeline.errors import VideoError, counted
 from pipeline.video.frame_faults import FrameFaults
 
 BIT_DEPTHS = (8, 10, 12, 14, 16)
@@ -27,6 +27,8 @@ class Video:
         Those of the frames read until now that the codec made out of frames before and after.
     faults : FrameFaults
         What is wrong with single frames, as far as they have been `watched`.
+    ended_by : VideoError or None
+        Why no more frames could be read when they were last `watched`.
     """
 
     def __init__(self, path, width: int, height: int, n_frames: int | None, exact_count=True):
@@ -36,7 +38,7 @@ class Video:
         self.n_frames = n_frames
         self.exact_count = exact_count and n_frames is not None
         self.interpolated = set()
-        self.faults = FrameFaults()
+        self.faults, self.ended_by = FrameFaults(), None
         self.notes = ()  # sentences on the input as a whole
 
     @property
@@ -54,7 +56,8 @@ class Video:
         self.close()
 
     def __repr__(self):
-        return f"<Video {self.path.name}: {self.n_frames} frames of {self.width}×{self.height}>"
+        frames = counted(self.n_frames, "frame")
+        return f"<Video {self.path.name}: {frames} of {self.width}×{self.height}>"
 
     def close(self):
         """Close open files."""
@@ -79,14 +82,28 @@ class Video:
         return self.frames()
 
     def watched(self) -> Iterator[np.ndarray]:
-        """Yield all frames as `lent` does, and take note of what is wrong with them."""
-        self.faults = FrameFaults()
-        for image in self.lent():
-            self.faults.see(image)
-            yield image
+        """Yield all frames that can be read, as `lent` does; note what is wrong with them.
+
+        Raises
+        ------
+        VideoError
+            Where not even the first frame can be read.
+        """
+        self.faults, self.ended_by = FrameFaults(), None
+        try:
+            for image in self.lent():
+                self.faults.see(image)
+                yield image
+        except VideoError as error:
+            if not error.frame:
+                raise
+            self.ended_by = error
 
     def problems(self) -> Iterator[str]:
         """Yield sentences on what is wrong with the input, after a `watched` pass."""
+        if self.ended_by is not None:
+            read = counted(self.faults.count, "frame")
+            yield f"{self.ended_by.problem}; until then, results are of {read} only"
         yield from self.notes
         yield from self.faults.sentences()
 

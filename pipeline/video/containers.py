@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 from av.video.frame import PictureType
 
-from pipeline.errors import VideoError
+from pipeline.errors import VideoError, counted
 from pipeline.video.base import Video, bits_to_drop, check_pixels, to_8_bit
 from pipeline.video.endings import is_cut
 from pipeline.video.listening import ENDED_EARLY, listening
@@ -137,37 +137,37 @@ class ContainerVideo(Video):
             stream = container.streams.video[0]
             index, pts, self._ended_early = start, None, False
             try:
-                frames = self._decode_from(container, stream, start)
-                for frame in _ahead(frames, FRAMES_AHEAD) if lend else frames:
+                frames = _overheard(self._decode_from(container, stream, start), complaints)
+                for frame, said in _ahead(frames, FRAMES_AHEAD) if lend else frames:
                     if stop is not None and index >= stop:
                         return
                     if (frame.height, frame.width) != self.shape:
                         self.check_size(np.empty((frame.height, frame.width)), index)
-                    self._note(frame, index, pts, complaints)
+                    self._note(frame, index, pts, said)
                     pts = frame.pts
                     yield self._luma(frame, lend)
                     index += 1
             except av.FFmpegError as error:
                 raise self._broken(index, error) from error
-            self._hear(complaints, index - 1)
+            self._hear(complaints.new(), index - 1)
         if stop is None or index < stop:
             self._check_end(index, pts)
 
-    def _note(self, frame, index, before, complaints):
-        """Keep in mind what is peculiar about a frame."""
+    def _note(self, frame, index, before, said):
+        """Keep in mind what is peculiar about a frame, and what was `said` while it came."""
         if frame.pict_type == PictureType.B:
             self.interpolated.add(index)
         if frame.is_corrupt:
             self.faults.damaged.append(index)
-        self._hear(complaints, index)
+        self._hear(said, index)
         if self._timed and before is not None and frame.pts is not None:
             missing = round((frame.pts - before) / float(self._step)) - 1
             if missing > 0:
                 self.faults.gaps.append((index, missing))
 
-    def _hear(self, complaints, index):
+    def _hear(self, said, index):
         """Take what the decoder said for a fault of the frame that came out of it next."""
-        for text in complaints.new():
+        for text in said:
             if ENDED_EARLY in text:
                 self._ended_early = True
             elif index >= 0:
@@ -219,16 +219,16 @@ class ContainerVideo(Video):
     def _cut(self, index, why):
         return VideoError(
             self.path,
-            f"gives {index} frames, {why}: the file is cut off or damaged; copy it again from "
-            "the recording computer",
+            f"gives {counted(index, 'frame')}, {why}: the file is cut off or damaged; copy it "
+            "again from the recording computer",
             index,
         )
 
     def _broken(self, index, error):
         return VideoError(
             self.path,
-            f"frame {index} cannot be decoded ({_reason(error)}): the file is damaged there; "
-            f"copy it again, or cut it before that frame",
+            f"frame {index} cannot be decoded ({_reason(error)}): the file is cut off or damaged; "
+            "copy it again from the recording computer",
             index,
         )
 
@@ -373,6 +373,12 @@ class ContainerVideo(Video):
 
     def _pts(self, index):
         return int(self._first_pts + round(index * self._step))
+
+
+def _overheard(frames, complaints):
+    """Yield (frame, what the decoder said before it came)."""
+    for frame in frames:
+        yield frame, complaints.new()
 
 
 def _ahead(frames, count):

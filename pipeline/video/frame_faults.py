@@ -85,7 +85,7 @@ def _frames(numbers) -> str:
     shown = ", ".join(f"{a}–{b}" if b > a else f"{a}" for a, b in runs[:SHOWN])
     others = sum(b - a + 1 for a, b in runs[SHOWN:])
     more = f" and {others} others" if others else ""
-    return f"frame{'s' if len(numbers) > 1 else ''} {shown}{more}"
+    return f"frame{'s' if len(set(numbers)) > 1 else ''} {shown}{more}"
 
 
 def stretches(numbers) -> list[tuple[int, int]]:

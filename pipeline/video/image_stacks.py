@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 import tifffile
 
-from pipeline.errors import VideoError
+from pipeline.errors import VideoError, counted
 from pipeline.video.base import RandomAccessVideo, bits_to_drop, check_pixels, to_8_bit
 from pipeline.video.frame_faults import SHOWN, missing_numbers
 from pipeline.video.listening import lost_pages
@@ -80,8 +80,8 @@ class TiffVideo(ImageStack):
         if index >= self._pages:
             raise VideoError(
                 self._path,
-                f"gives {self._pages} pages, then no more can be found ({self._lost}): the file "
-                "is cut off or damaged; copy it again from the recording computer",
+                f"gives {counted(self._pages, 'page')}, then no more can be found ({self._lost}): "
+                "the file is cut off or damaged; copy it again from the recording computer",
                 int(index),
             )
         try:

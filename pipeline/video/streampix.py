@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pipeline.errors import VideoError
+from pipeline.errors import VideoError, counted
 from pipeline.video.image_stacks import ImageStack
 
 MAGIC = 0xFEED
@@ -68,8 +68,8 @@ class StreamPixVideo(ImageStack):
         if index >= self._stored:
             raise VideoError(
                 self._path,
-                f"holds {self._stored} frames, its header says {header.frames}: the file is cut "
-                "off or damaged; copy it again from the recording computer",
+                f"holds {counted(self._stored, 'frame')}, its header says {header.frames}: the "
+                "file is cut off or damaged; copy it again from the recording computer",
                 int(index),
             )
         dtype = np.dtype("u1" if header.bit_depth == 8 else "<u2")

@@ -55,7 +55,9 @@ def said_of(whiskers=({**WHISKER, "name": "C2"},), pole_xy=None, **changes):
     roster = [SimpleNamespace(samples=()) for _ in given["found"]]
     cast = SimpleNamespace(names=names, found=given["found"], roster=roster, refused=())
     followed = SimpleNamespace(cast=cast, n_frames=given["read"], pole=given["pole"])
-    video = SimpleNamespace(n_frames=given["n_frames"], exact_count=given["exact_count"])
+    video = SimpleNamespace(
+        n_frames=given["n_frames"], exact_count=given["exact_count"], ended_by=None
+    )
     video.problems = lambda: iter(given["problems"])
     face, thing = np.zeros((2, 40, 60), bool)
     face[:, :12] = True

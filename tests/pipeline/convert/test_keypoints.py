@@ -209,7 +209,9 @@ def test_whiskers_are_found_by_the_names_of_their_parts(part, whisker):
 
 
 def test_another_number_of_whiskers_is_reported(motion, points):
-    with pytest.raises(InputError, match=r"a\.csv: holds 1 whiskers \(C2\).* 2 names \(D1, D2\)"):
+    with pytest.raises(
+        InputError, match=r"a\.csv: holds 1 whisker \(C2\).* 2 names given \(D1, D2\)"
+    ):
         lines_of(points, settings_of(motion), "a.csv", ["D1", "D2"])
     few = KeyPoints(("",), points.parts[:3], points.xy[:, :, :3], points.score[..., :3])
     with pytest.raises(InputError, match="C2 has 3 key points, expected at least 4"):
