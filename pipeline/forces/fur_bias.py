@@ -24,8 +24,8 @@ from pipeline.numerics.runs import evenly
 from whiskermodel.whisker import Whisker
 
 FUR_CLINGS_M = 0.4e-3  # first visible part that is not used
-STEP_M = 0.3e-3
-STEPS = 4  # the last of which is the outermost
+STEP_M = 0.4e-3  # or a station's, where these lie farther apart
+STEPS = 3  # the last of which is the outermost
 MOST_ROWS = 40  # of free frames, and as many of touching ones
 FEWEST_ROWS = 10  # of each
 SURE = 4.0  # times the variance that is expected
@@ -48,8 +48,9 @@ def without_bias(
     if len(rows) == 0:
         return places
     part, angle, time, free = places.rows(rows).loaded(), angle[rows], time[rows], free[rows]
-    arc = np.arange(part.x.shape[1]) * part.spacing[part.whisker[0]]
-    step = np.floor((arc - np.nanmedian(part.first) - FUR_CLINGS_M) / STEP_M)
+    spacing = part.spacing[part.whisker[0]]
+    arc, width = np.arange(part.x.shape[1]) * spacing, max(STEP_M, spacing)
+    step = np.floor((arc - np.nanmedian(part.first) - FUR_CLINGS_M) / width)
     doubt, usual = np.zeros(len(arc)), 1.0
     for now in range(STEPS - 1, -1, -1):
         known = part.doubted(doubt)
@@ -65,7 +66,7 @@ def without_bias(
         else:
             doubt[judged] = CORRELATED_FRAMES * _bias(found, usual)
     doubt = np.maximum.accumulate(doubt[::-1])[::-1]  # the nearer to the face the more fur
-    fading = np.exp(2 * arc / STEP_M)  # whose reach has no sharp end: a step farther out, an e-th
+    fading = np.exp(2 * arc / width)  # whose reach has no sharp end: a step farther out, an e-th
     doubt = np.maximum.accumulate(doubt * fading) / fading
     return places.doubted(doubt) if doubt.any() else places
 

@@ -62,7 +62,7 @@ PLACE_MOVES_M = 2e-6  # the contact point is moved along the whisker in steps ab
 PLACE_SD = 0.002  # … and the rod laid again where that is more, in arc lengths and SD of the force
 FEWEST_STATIONS = 10
 BLOCK_ROWS = 2048  # held in memory at a time
-CHORD = 3  # stations either side whose chord has a station's direction
+CHORD = 2  # stations either side whose chord has a station's direction
 
 
 @dataclass(frozen=True)

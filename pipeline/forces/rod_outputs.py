@@ -19,7 +19,7 @@ from pipeline.forces.rod_integration import (
 from pipeline.numerics.cholesky import factorise, invert
 
 CURVATURE_REACH_M = 2.5e-3  # stations this near show how a curvature differs from the rod's
-FEWEST_NEAR = 8
+FEWEST_NEAR = 5
 
 
 @njit(cache=True)

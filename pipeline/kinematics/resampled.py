@@ -1,6 +1,6 @@
 """Centrelines resampled at fixed arc lengths, and their distance from the pole.
 
-A whisker in a frame becomes some sixty numbers, so that the mechanics of a long video fit in
+A whisker in a frame becomes some hundred numbers, so that the mechanics of a long video fit in
 memory. Metres, y up, counter-clockwise positive.
 """
 
@@ -19,7 +19,7 @@ from pipeline.session.recording import Recording
 from pipeline.tables.centrelines import Centrelines
 
 PART_ROWS = 100_000  # of a whisker, measured together: more than show how it lies and bends
-N_STATIONS = 73  # over the whisker's length: 0.25 mm apart on a mouse's C2
+N_STATIONS = 49  # over the whisker's length: 0.375 mm apart on a mouse's C2
 POLE_BLURS_PX = 6.0  # from the pole's edge on: the trace is drawn towards the dark disc
 # fields that are not one per row
 SHARED = ("names", "spacing", "pole_radius", "pixel", "file", "doubt")

@@ -22,10 +22,10 @@ from whiskermodel.whisker import mouse_c2
 WHISKER = mouse_c2()
 BEAM = Beam(WHISKER.length, WHISKER.cone_length, WHISKER.base_flexural_rigidity)
 H = WHISKER.length / (N_STATIONS - 1)
-C = 40.3 * H  # where the rod is laid from
-place_tolerance, angle_tolerance = 2e-8, 5e-6  # m, rad
-answer_tolerance = 3e-3  # of the largest
-FOURTH, SECOND = 13.0, 2.5  # times less an error of that order is, at least, in half the steps
+C = 10.08e-3  # m, where the rod is laid from: between two stations
+place_tolerance, angle_tolerance = 1e-7, 2e-5  # m, rad
+answer_tolerance = 7e-3  # of the largest
+FOURTH, SECOND = 12.0, 1.8  # times less an error of that order is, at least, in half the steps
 
 CASES = [  # side, friction, force [N], origin [m] and how much of it came later
     (1.0, 0.0, 60e-6, 0.0, 0.0),

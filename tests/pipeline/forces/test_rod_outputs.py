@@ -19,7 +19,7 @@ from whiskermodel.whisker import mouse_c2
 REST_SD = 0.4  # 1/m, of every coefficient: neither known nor free
 LOADS = ("moment", "axial", "lateral")
 part = 0.05  # of an error, by which things are moved
-tolerance = 0.01  # relative, of standard errors and derivatives
+tolerance = 0.015  # relative, of standard errors and derivatives
 pull_tolerance = 0.06  # Gauss and Newton's derivatives, where places do not fit quite
 
 
@@ -102,7 +102,10 @@ def test_loads_follow_the_origin_as_two_fits_differ(case):
     after, before, fit = at(step), at(-step), at(0.0)
     for load in ("force", *LOADS):
         change = (values(after)[load] - values(before)[load]) / (2 * step)
-        np.testing.assert_allclose(fit[f"{load}_by_origin"], change, rtol=2 * tolerance)
+        least = tolerance * abs(fit["force_by_origin"][0]) if load != "moment" else 0.0
+        np.testing.assert_allclose(
+            fit[f"{load}_by_origin"], change, rtol=2 * tolerance, atol=least
+        )
 
 
 @pytest.mark.parametrize("case", CASES)
