@@ -12,19 +12,20 @@ from pipeline.scene.background import estimate_background, without_whiskers
 from pipeline.scene.codec_noise import noise_excess
 from pipeline.scene.dust import is_passed_over
 from pipeline.scene.epochs import Survey, periods
-from pipeline.scene.face import face_side, find_face, likelier_side
+from pipeline.scene.face import border, face_side, find_face, likelier_side
 from pipeline.scene.masks import dilated, opened, opened_beyond_border, regions
 from pipeline.scene.moving_fur import moving_fur
 from pipeline.scene.pole_doubts import doubt
 from pipeline.scene.pole_search import PoleFollower, find_pole
 from pipeline.scene.scale import working_scale
 from pipeline.scene.virtual_face import mask_behind_whiskers
-from pipeline.scene.whisker_pad import face_of
+from pipeline.scene.whisker_pad import bears_whiskers, face_of
 from pipeline.session.parameters import DEFAULTS, SceneParams
 from pipeline.session.recording import Recording
 
 N_SAMPLES = (32, 1000)  # at least and at most
 FRAMES_PER_SAMPLE = 50
+NARROW = 0.3  # of the picture's side: what is wider there is no apparatus
 
 
 @dataclass(frozen=True)
@@ -150,7 +151,7 @@ def scene_from_frames(
     background = estimate_background(frames, scale, params)
     transmission = background.transmission
     side = recording.face or face_side(transmission, params)
-    animal = face = find_face(transmission, side, scale, params)
+    animal = face = _animal(background, frames, side, scale, params)
     fur, likelier = face.any(), None
     if fur:
         face, behind = _bearing_whiskers(animal, frames, background, side, scale, params)
@@ -201,9 +202,27 @@ def _pole(background, frames, radius_px, pole_xy, masks):
     return pole, tuple(reasons) if pole is None else ()
 
 
+def _animal(background, frames, side, scale, params):
+    """The animal's mask, as of `find_face`.
+
+    A narrow thing at the border, a bar or a screw, is no animal where whiskers that move have
+    their bases elsewhere.
+    """
+    mask = find_face(background.transmission, side, scale, params)
+    if border(mask, side).mean() > NARROW:
+        return mask
+    seen = _seen_with(mask, background, side, scale, params)
+    return mask if bears_whiskers(mask, frames, seen) else np.zeros_like(mask)
+
+
 def _bearing_whiskers(animal, frames, background, side, scale, params):
     """The part of the animal's mask that whiskers come out of, and its side, as `face_of`."""
-    seen = StaticScene(
+    return face_of(animal, frames, _seen_with(animal, background, side, scale, params))
+
+
+def _seen_with(animal, background, side, scale, params) -> StaticScene:
+    """What does not move, with a mask taken for the animal."""
+    return StaticScene(
         background=without_whiskers(background, animal, scale, params=params),
         noise_gain=background.noise_gain,
         noise_floor=background.noise_floor,
@@ -212,7 +231,6 @@ def _bearing_whiskers(animal, frames, background, side, scale, params):
         pole=None,
         face_side=side,
     )
-    return face_of(animal, frames, seen)
 
 
 def find_obstacles(transmission, face, pole, pixels_per_mm, params=DEFAULTS.scene) -> np.ndarray:

@@ -8,6 +8,7 @@ from pipeline.session.parameters import DEFAULTS
 EDGE_RATIO = 1.4  # of light within three cells: more is the edge of something
 OPAQUE = 0.6  # of the light: the darkest thing is opaque up to so much, which haze adds to it
 NOTHING_DARK = 0.25  # of the light, taken for black where all things are lighter
+LIT = 0.7  # of the brightest light somewhere in a region: with less, it may be pale fur
 CELL_MM = 0.3  # side of the cells in which light and coarse changes are looked at
 LEAST_CELL_PX = 8  # in which noise averages out
 
@@ -67,7 +68,7 @@ def light_without_objects(
     darkest = float(np.percentile(image[::2, ::2], 0.5))
     black = darkest if darkest < OPAQUE * bright else NOTHING_DARK * bright
     reach = max(params.illumination_mm * pixels_per_mm / cell, 1.5)
-    labels, seeds = _edgeless_regions(cells - black, 0.5 * (bright - black))
+    labels, seeds = _edgeless_regions(cells - black, LIT * (bright - black))
     known = _any_of(labels, seeds)
     light = _spread(cells, known, reach)
     # places cut off by a rod: as bright as the light that comes over from the other side

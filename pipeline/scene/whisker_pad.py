@@ -57,6 +57,20 @@ def face_of(mask, frames, scene: StaticScene) -> tuple[np.ndarray, str | None]:
     return mask & _nearest_label(edges, labels, mask.shape), side
 
 
+def bears_whiskers(mask, frames, scene: StaticScene) -> bool:
+    """Whether whiskers that move have their bases at the mask's edge; so, too, where none moves.
+
+    mask, frames, scene : as for `face_of`
+    """
+    size, edges = float(np.sqrt(mask.size)), _edges(mask)
+    if len(frames) < FEWEST_FRAMES or not edges:
+        return True
+    whiskers = _whiskers(frames, scene, SHORTEST * size)
+    gaps, _ = cKDTree(np.concatenate(edges)).query(whiskers[:, :2])
+    length = whiskers[:, 4]
+    return length[gaps < REACH * size].sum() >= FEWEST_BASES * length.sum()
+
+
 def _may_hold_tips(mask, depth_px) -> bool:
     """Whether the mask has several parts, or one with a hollow of at least `depth_px`."""
     contours, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)

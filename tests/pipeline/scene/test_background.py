@@ -246,6 +246,14 @@ class TestLight:
         assert transmission[:, : 20 * zoom].max() < 0.45
         assert transmission[:, 120 * zoom :].min() > 0.9
 
+    def test_fur_is_no_light_where_it_is_palest(self):
+        image = np.full((HEIGHT, WIDTH), 150, np.float32)
+        image[:, :100] = 65  # fur
+        image[80:120, 40:70] = 85  # its palest part
+        image[:40, :40] = 15
+        _, light = light_without_objects(image, SCALE)
+        assert (image / light)[:, 20:80].max() < 0.65
+
     def test_haze_does_not_make_dark_things_pale(self):
         scene, _ = still_scene()
         black, _ = light_without_objects(64 + 0.5 * scene, SCALE)

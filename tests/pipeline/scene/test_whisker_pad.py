@@ -80,3 +80,13 @@ def test_apparatus_beside_the_face_is_no_face():
     assert found.face_mask[: CORNER[1] - 4, 20:230].all()
     assert not found.face_mask[:, 250:].any()
     assert found.obstacle_mask[10 : CORNER[1], 262:].all()
+
+
+def test_a_bar_from_which_no_whisker_comes_is_no_face():
+    frames = np.stack([picture(phase, False) for phase in np.linspace(0, 6, 16)])
+    frames = frames[:, CORNER[1] + 5 :]  # the camera sees the whiskers, not the face
+    frames[:, :40, 290:310] = 10
+    found = scene_from_frames(frames, Recording(1000.0, SCALE, None), None)
+    assert found.face_side == "top"
+    assert found.obstacle_mask[5:35, 293:307].all()
+    assert not found.face_mask[10:].any()
