@@ -22,6 +22,7 @@ from pipeline.scene.virtual_face import mask_behind_whiskers
 from pipeline.scene.whisker_pad import bears_whiskers, face_of
 from pipeline.session.parameters import DEFAULTS, SceneParams
 from pipeline.session.recording import Recording
+from pipeline.video.frame_faults import is_black
 
 N_SAMPLES = (32, 1000)  # at least and at most
 FRAMES_PER_SAMPLE = 50
@@ -43,11 +44,15 @@ class Epoch:
 def survey(video, recording: Recording, params: SceneParams = DEFAULTS.scene, part=None) -> Survey:
     """Sample frames of the whole video, once, for scene and whiskers.
 
-    `part`: the `PicturePart` that is looked at; None: all of the picture.
+    `part`: the `PicturePart` that is looked at; None: all of the picture. Black frames, as before
+    the lamp is on, are left out where there are others.
     """
     scale = working_scale(video.shape, recording.pixels_per_mm)
     seen = Survey(video.shape, scale, params, part)
     for index, frame in video.sampled(_sample_size(video.n_frames)):
+        if not is_black(frame):
+            seen.add(index, frame)
+    if not seen.indices:
         seen.add(index, frame)
     return seen
 

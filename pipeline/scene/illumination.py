@@ -17,7 +17,7 @@ def frame_gains(frames: np.ndarray) -> np.ndarray:
     """Brightness of each frame relative to the typical one, float64 (k,), from a few pixels."""
     few = frames[:, 4::9, 4::9].reshape(len(frames), -1).astype(np.float32)
     typical = np.median(few, axis=0)
-    bright = typical > 0.5 * np.percentile(typical, 95)
+    bright = typical >= 0.5 * np.percentile(typical, 95)
     return np.median(few[:, bright] / np.maximum(typical[bright], 1), axis=1).astype(float)
 
 

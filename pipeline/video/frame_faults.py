@@ -8,7 +8,7 @@ import numpy as np
 SHOWN = 6  # stretches of frames that a sentence names
 MOST = 0.5  # more repeated frames than this part: nothing moves, and there is no noise
 MOST_GAPS = 0.05  # more gaps than this part: the times are uneven, nothing is missing
-EVERY = 32  # rows, of which one is compared first
+EVERY = 32  # rows, of which one is looked at first
 BLACK = 20  # grey levels of 255: nothing in a black frame is brighter
 
 
@@ -33,9 +33,9 @@ class FrameFaults:
         few = image[::EVERY].copy()
         before, self._before = self._before, image
         few_before, self._few = self._few, few
-        if int(few.max()) < BLACK and int(image.max()) < BLACK:
+        if is_black(image):
             self.black.append(self.count)
-        if before is not None and np.array_equal(few, few_before):
+        elif before is not None and np.array_equal(few, few_before):
             self.repeated += [self.count] if np.array_equal(image, before) else []
         self.count += 1
 
@@ -48,7 +48,8 @@ class FrameFaults:
                 "then trust no contact there"
             )
         if self.repeated and len(self.repeated) < MOST * self.count:
-            yield f"{_frames(self.repeated)} repeat the one before: were frames dropped?"
+            repeat = "repeats" if len(self.repeated) == 1 else "repeat"
+            yield f"{_frames(self.repeated)} {repeat} the one before: were frames dropped?"
         if self.black and len(self.black) < self.count:
             yield f"{_frames(self.black)} black: no whisker can be seen there"
         if self.gaps and len(self.gaps) < max(MOST_GAPS * self.count, 2):
@@ -57,6 +58,11 @@ class FrameFaults:
                 f"{missing} missing by the file's own times, before "
                 f"{_frames([at for at, _ in self.gaps])}: later times are too early"
             )
+
+
+def is_black(image) -> bool:
+    """Whether nothing can be seen in a frame, uint8 (height, width)."""
+    return int(image[::EVERY].max()) < BLACK and int(image.max()) < BLACK
 
 
 def missing_numbers(names) -> list[int]:

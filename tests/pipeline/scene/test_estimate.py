@@ -105,6 +105,17 @@ class TestOneScene:
         error = np.abs(scene.background - light(pole=POLE))[:, 20:195]
         assert np.quantile(error, 0.99) < 6
 
+    def test_black_frames_before_the_lamp_is_on_are_no_scene(self):
+        video = MadeUp(60, lambda i: {"whisker": swing(i)})
+        lit = video._load
+        video._load = lambda i: lit(i) if i >= 10 else np.zeros((HEIGHT, WIDTH), np.uint8)
+        assert the_scene(video, RECORDING).background.max() > 100
+
+    def test_a_video_that_is_black_throughout(self):
+        video = MadeUp(60, lambda i: {})
+        video._load = lambda i: np.zeros((HEIGHT, WIDTH), np.uint8)
+        assert not the_scene(video, RECORDING).obstacle_mask.any()
+
     def test_no_pole_no_whisker(self):
         scene = the_scene(MadeUp(50, lambda i: {}), RECORDING)
         assert scene.pole is None

@@ -260,7 +260,7 @@ def test_repeated_and_black_frames_are_said(tmp_path):
     images[20] = images[21] = np.full(SIZE, 3, np.uint8)
     said = problems_of(write(tmp_path / "a.avi", "ffv1", "gray", images))
     assert said == [
-        "frames 11, 21 repeat the one before: were frames dropped?",
+        "frame 11 repeats the one before: were frames dropped?",
         "frames 20–21 black: no whisker can be seen there",
     ]
 
