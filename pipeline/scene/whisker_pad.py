@@ -41,14 +41,14 @@ def face_of(mask, frames, scene: StaticScene) -> tuple[np.ndarray, str | None]:
     Returns
     -------
     face : bool (height, width); the whole mask where its edge has no hollow in which a whisker
-        could end, and where no whisker is seen to move
+        could end or is not in the picture, and where no whisker is seen to move
     side : side of the picture that lies behind the whiskers' bases; None where that is not looked
         at
     """
     size = float(np.sqrt(mask.size))
-    if len(frames) < FEWEST_FRAMES or not _may_hold_tips(mask, DEEP * size):
-        return mask, None
     edges = _edges(mask)
+    if len(frames) < FEWEST_FRAMES or not edges or not _may_hold_tips(mask, DEEP * size):
+        return mask, None
     scores = _scores(edges, _whiskers(frames, scene, SHORTEST * size), REACH * size)
     if not any(np.any(score > 0) for _, score in scores):
         return mask, None

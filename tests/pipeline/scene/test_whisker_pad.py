@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from pipeline.scene.estimate import scene_from_frames
+from pipeline.scene.whisker_pad import face_of
 from pipeline.session.recording import Recording
 
 pytestmark = pytest.mark.slow
@@ -90,3 +91,12 @@ def test_a_bar_from_which_no_whisker_comes_is_no_face():
     assert found.face_side == "top"
     assert found.obstacle_mask[5:35, 293:307].all()
     assert not found.face_mask[10:].any()
+
+
+def test_dark_places_on_the_border_alone_have_no_edge_in_the_picture():
+    mask = np.zeros((HEIGHT, WIDTH), bool)
+    mask[0, :40] = mask[0, -40:] = True
+    frames = np.full((16, HEIGHT, WIDTH), 180, np.uint8)
+    face, side = face_of(mask, frames, scene=None)
+    assert side is None
+    assert np.array_equal(face, mask)
