@@ -7,6 +7,7 @@ import numpy as np
 from pipeline.errors import counted
 from pipeline.scene.face import thickening_towards
 from pipeline.scene.what_was_seen import seen_instead_of_pole, seen_instead_of_whiskers
+from pipeline.video.negative import Negative
 
 SELDOM_TRACKED = 0.8  # a whisker seen in less than this part of the frames is worth a message
 OTHER_THICKNESS = 0.12  # of the pole, relative: more is no error of measurement
@@ -14,6 +15,7 @@ KNOWN = 0.5  # confidence in a name; below, it is not known
 MOST_UNKNOWN = 0.2  # of what is tracked: more is worth the first message
 MOST_NAMED = 3  # whiskers in a message
 DARK = 64  # grey levels of 255, median: no light behind the whiskers
+LIGHT = 128  # a picture of a lighter median is no dark ground for bright whiskers
 SELDOM_ACROSS = 1  # frame may be a mistake; a whisker more often across the pole is worth one
 
 
@@ -24,6 +26,7 @@ def messages(settings, touch, video, epochs, followed, odd=None):
     """
     cast = followed.cast
     scenes = [epoch.scene for epoch in epochs if epoch.scene]
+    bright = isinstance(video, Negative)
     if odd is not None:
         doubt = _of_another_length(settings, odd)
     else:
@@ -33,9 +36,9 @@ def messages(settings, touch, video, epochs, followed, odd=None):
     yield from _too_few_frames(video, followed.n_frames)
     yield from video.problems()
     if not cast.roster and not settings.analysis.follow:
-        yield _no_whiskers(settings, scenes) if not doubt else "no whiskers found"
+        yield _no_whiskers(settings, scenes, bright) if not doubt else "no whiskers found"
         return
-    yield from _of_whiskers(settings, touch, followed, scenes)
+    yield from _of_whiskers(settings, touch, followed, scenes, bright)
 
 
 def line_messages(settings, touch, followed):
@@ -46,14 +49,14 @@ def line_messages(settings, touch, followed):
         yield "no line is a whisker's: all are too short, or have no name"
 
 
-def _of_whiskers(settings, touch, followed, scenes=()):
+def _of_whiskers(settings, touch, followed, scenes=(), bright=False):
     """What is missing or doubtful of the whiskers themselves, the pole and the forces."""
     yield from _unknown_names(touch.frames)
     yield from _seldom_tracked(touch.frames, followed.cast, settings.analysis.follow)
     yield from _of_another_size(settings, followed.pole)
     yield from _passes_over(settings, touch, followed.pole)
     if followed.pole is None:
-        yield _no_pole(settings, scenes)
+        yield _no_pole(settings, scenes, bright)
     yield from _without_forces(settings, followed.cast)
 
 
@@ -65,23 +68,42 @@ def _too_few_frames(video, count):
         yield "one frame only: no movement to learn from, no contacts"
 
 
-def _no_whiskers(settings, scenes) -> str:
-    """What was seen where no whisker is found, and what to look at."""
-    if scenes and max(np.median(scene.background) for scene in scenes) < DARK:
-        return (
-            "no whiskers found; the picture is mostly dark, and whiskers were taken to be darker "
-            'than what is behind them: if they are bright, write [image] polarity = "bright"'
-        )
+def _no_whiskers(settings, scenes, bright) -> str:
+    """What was seen where no whisker is found, and what to look at.
+
+    `bright`: whiskers were taken to be brighter than the ground; the scenes are of the negative.
+    """
+    if scenes:
+        ground = max(_ground(scene.background) for scene in scenes)
+        if bright and 255 - ground > LIGHT:
+            return _other_polarity("light", "brighter", "dark")
+        if not bright and ground < DARK:
+            return _other_polarity("dark", "darker", "bright")
+    seen = seen_instead_of_whiskers(scenes, "bright" if bright else "dark")
     return (
-        f"no whiskers found; what was seen is {seen_instead_of_whiskers(scenes)}; if there are "
+        f"no whiskers found; what was seen is {seen}; if there are "
         f'whiskers, is [recording] face = "{settings.recording.face}" where they come from?'
     )
 
 
-def _no_pole(settings, scenes) -> str:
+def _ground(background) -> float:
+    """Usual grey level of what is looked at, which is more than 0."""
+    return float(np.median(background[background > 0])) if background.any() else 0.0
+
+
+def _other_polarity(picture, taken, write) -> str:
+    return (
+        f"no whiskers found; the picture is mostly {picture}, and whiskers were taken to be "
+        f"{taken} than what is behind them: if they are {write}, write [image] polarity = "
+        f'"{write}"'
+    )
+
+
+def _no_pole(settings, scenes, bright) -> str:
     """What was seen where no pole is found, and what to do."""
     size = settings.pole.diameter_mm * settings.recording.pixels_per_mm
-    seen = f"what was seen is {seen_instead_of_pole(scenes)}; " if scenes else ""
+    shade = "bright" if bright else "dark"
+    seen = f"what was seen is {seen_instead_of_pole(scenes, shade)}; " if scenes else ""
     return (
         f"no pole of {settings.pole.diameter_mm:g} mm ({size:.0f} px) found, so no contacts; "
         f"{seen}if there is one, check [recording] pixels_per_mm and give [pole] x_px, y_px"

@@ -9,6 +9,7 @@ from pipeline.convert.keypoints import MOST_FRAMES, KeyPoints
 from pipeline.convert.optional import library
 from pipeline.errors import InputError, in_words
 
+OTHER_SEPARATORS = {"tabs": "\t", "semicolons": ";", "spaces": " "}
 COORDINATES = ("x", "y", "likelihood")
 
 
@@ -41,13 +42,22 @@ def read_deeplabcut(path) -> KeyPoints:
 def _read_csv(path):
     try:
         with open(path, encoding="utf-8-sig") as file:
-            names = [file.readline().split(",")[0].strip() for _ in range(4)]
+            lines = [file.readline() for _ in range(4)]
+        _check_separator(lines[0])
+        names = [line.split(",")[0].strip() for line in lines]
         levels = 4 if "individuals" in names else 3
         if names[0] != "scorer" or names[levels - 1] != "coords":
             raise ValueError(f"its first column begins {names}")
         return pd.read_csv(path, header=list(range(levels)), index_col=0).astype(float)
     except (ValueError, UnicodeDecodeError, OSError, IndexError) as error:
         raise _fault(path, error) from None
+
+
+def _check_separator(line):
+    """ValueError where something other than commas separates the columns."""
+    for name, separator in OTHER_SEPARATORS.items():
+        if line.startswith("scorer" + separator):
+            raise ValueError(f"its columns are separated by {name}, not by commas")
 
 
 def _read_hdf5(path):
@@ -76,5 +86,6 @@ def _fault(path, error) -> InputError:
     reason = in_words(error)[:120]
     return InputError(
         f"{path}: cannot be read as key points of DeepLabCut ({reason}): expected a table with "
-        "scorer, bodyparts and coords on top and a row per frame; analyse the video again"
+        "scorer, bodyparts and coords on top and a row per frame; save it so, or analyse the "
+        "video again"
     )

@@ -101,6 +101,13 @@ def histogram(values, name: str, step=0.0) -> pd.DataFrame:
     return pd.DataFrame({f"{name}_from": edges[:-1], f"{name}_to": edges[1:], "contacts": counts})
 
 
+NOT_THERE = {  # by option
+    "video": "no video of this name has contacts",
+    "whisker": "no whisker of this name has contacts",
+    "contact": "no contact of this number is",
+}
+
+
 # --- the touch of panels a and b ---------------------------------------------------------
 
 
@@ -115,7 +122,10 @@ def chosen(contacts, video=None, whisker=None, contact=None) -> pd.DataFrame:
         if contacts.empty:
             some = ", ".join(str(each) for each in there[:12])
             more = ", …" if len(there) > 12 else ""
-            raise ValueError(f"--{column} {value}: no such contact; expected one of {some}{more}")
+            raise ValueError(
+                f"--{column} {value}: {NOT_THERE[column]} in contacts.csv; give one of {some}"
+                + more
+            )
     return contacts
 
 

@@ -100,6 +100,6 @@ def _white(mask, video):
         raise VideoError(
             video.path,
             f"its picture is {video.width}×{video.height} px, but [image] mask {mask} is {size}: "
-            "expected a picture of the same size",
+            "expected the same size; draw it on a frame of this video, or leave it out",
         )
     return picture > 0

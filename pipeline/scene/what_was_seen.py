@@ -3,27 +3,33 @@
 import cv2
 import numpy as np
 
+from pipeline.scene.face import SIDES, border
+
 MOST = 2  # things that are named
 LEAST_SHARE = 0.0005  # of the picture: smaller things are not worth a word
 
 
-def seen_instead_of_pole(scenes) -> str:
-    """What was seen where no pole is found, to follow "what was seen is "."""
-    return "; ".join(_refused(scenes)) or " and ".join(_things(scenes)) or "nothing dark and round"
+def seen_instead_of_pole(scenes, shade="dark") -> str:
+    """What was seen where no pole is found, to follow "what was seen is ".
+
+    `shade`: of the whiskers, "dark" or "bright", against the ground.
+    """
+    things = " and ".join(_things(scenes, shade))
+    return "; ".join(_refused(scenes)) or things or f"nothing {shade} and round"
 
 
-def seen_instead_of_whiskers(scenes) -> str:
+def seen_instead_of_whiskers(scenes, shade="dark") -> str:
     """What was seen where no whisker is found, to follow "what was seen is "."""
     scene = max(scenes, key=lambda each: each.face_mask.mean(), default=None)
     if scene is None:
         return "a picture in which everything moves"
     face = (
-        f"something dark at the {scene.face_side} ({100 * scene.face_mask.mean():.0f} % of the "
+        f"something {shade} at the {scene.face_side} ({100 * scene.face_mask.mean():.0f} % of the "
         "picture), with nothing thin moving out of it"
         if scene.face_mask.any()
-        else f"nothing dark at the {scene.face_side}, where the face should be"
+        else f"nothing {shade} at the {scene.face_side}, where the face should be"
     )
-    return " and ".join([face, *_refused(scenes), *_things(scenes)])
+    return " and ".join([face, *_refused(scenes), *_things(scenes, shade)])
 
 
 def _refused(scenes) -> list[str]:
@@ -34,17 +40,26 @@ def _refused(scenes) -> list[str]:
     return list(dict.fromkeys(refused))[:MOST]
 
 
-def _things(scenes) -> list[str]:
-    """The largest dark still things off the face, each in some words."""
+def _things(scenes, shade) -> list[str]:
+    """The largest still things of that shade off the face, each in some words."""
     if not scenes:
         return []
-    mask = np.any([scene.obstacle_mask for scene in scenes], axis=0)
-    _, _, stats, centres = cv2.connectedComponentsWithStats(mask.astype(np.uint8))
+    looked_at = [scene.obstacle_mask & (scene.background > 0) for scene in scenes]
+    mask = np.any(looked_at, axis=0)
+    _, labels, stats, centres = cv2.connectedComponentsWithStats(mask.astype(np.uint8))
     area = stats[:, cv2.CC_STAT_AREA].copy()
     area[0] = 0
     largest = [k for k in np.argsort(-area)[:MOST] if area[k] > LEAST_SHARE * mask.size]
-    return [
-        f"a dark thing of {stats[k, cv2.CC_STAT_WIDTH]} × {stats[k, cv2.CC_STAT_HEIGHT]} px about "
-        f"({centres[k, 0]:.0f}, {centres[k, 1]:.0f}) px"
-        for k in largest
-    ]
+    return [_thing(labels == k, stats[k], centres[k], shade) for k in largest]
+
+
+def _thing(mask, stats, centre, shade) -> str:
+    """One still thing: by its sides if it reaches into the picture, else by its size."""
+    sides = [side for side in SIDES if border(mask, side).any()]
+    if sides:
+        joined = ", ".join(sides[:-1]) + " and " * (len(sides) > 1) + sides[-1]
+        share = f"{100 * mask.mean():.0f} % of the picture"
+        return f"something {shade} that reaches in from the {joined} ({share})"
+    width, height = stats[[cv2.CC_STAT_WIDTH, cv2.CC_STAT_HEIGHT]]
+    x, y = centre
+    return f"a {shade} spot {width} px wide and {height} px high at ({x:.0f}, {y:.0f}) px"

@@ -144,7 +144,7 @@ def test_a_region_outside_of_the_picture_is_an_error(monkeypatch):
 
 def test_a_mask_of_another_size_is_an_error(tmp_path):
     cv2.imwrite(str(tmp_path / "mask.png"), np.full((48, 64), 255, np.uint8))
-    with pytest.raises(VideoError, match=r"is 64×48 px: expected a picture of the same size"):
+    with pytest.raises(VideoError, match=r"is 64×48 px: expected the same size; draw it"):
         look_at(Rendered(), settings(image={"mask": str(tmp_path / "mask.png")}))
 
 

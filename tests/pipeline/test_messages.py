@@ -17,6 +17,7 @@ from pipeline.session.session_file import settings_from
 from pipeline.tracking.registry import find_roster
 from pipeline.tracking.seen_lengths import SeenLength
 from pipeline.tracking.tracker import options_for
+from pipeline.video.negative import Negative
 from synthetic.presets import make_trial
 from synthetic.render import Renderer
 
@@ -30,7 +31,8 @@ def said_of(whiskers=({**WHISKER, "name": "C2"},), pole_xy=None, **changes):
     given = {
         "n_frames": 100, "exact_count": True, "read": 100, "found": ("C2",), "pole": POLE,
         "tracked": 1.0, "known": 1.0, "across": 0, "contacts": ("C2",), "light": 200,
-        "refused": (), "thing": False, "problems": (), "odd": None, "side": None,
+        "refused": (), "thing": np.s_[:0], "problems": (), "odd": None, "side": None,
+        "out": np.s_[:0], "bright": False,
     } | changes  # fmt: skip
     settings = settings_from(
         {
@@ -61,12 +63,15 @@ def said_of(whiskers=({**WHISKER, "name": "C2"},), pole_xy=None, **changes):
     video.problems = lambda: iter(given["problems"])
     face, thing = np.zeros((2, 40, 60), bool)
     face[:, :12] = True
-    thing[10:20, 40:44] = given["thing"]
+    thing[given["thing"]] = True
+    background = np.full((40, 60), given["light"])
+    thing[given["out"]], background[given["out"]] = True, 0
     scene = SimpleNamespace(
-        background=np.full((40, 60), given["light"]), likelier_side=given["side"],
+        background=background, likelier_side=given["side"],
         face_side="left", face_mask=face, obstacle_mask=thing, refused_poles=given["refused"],
     )  # fmt: skip
     epochs = (SimpleNamespace(scene=scene),)
+    video = Negative(video) if given["bright"] else video
     return list(messages(settings, touch, video, epochs, followed, given["odd"]))
 
 
@@ -80,11 +85,24 @@ def test_where_nothing_is_wrong_nothing_is_said():
         ({"read": 60}, "only 60 of 100 frames could be read"),
         ({"read": 1, "n_frames": 1}, "one frame only"),
         ({"found": ()}, "no whiskers found; what was seen is something dark at the left (20 % of"),
-        ({"found": (), "light": 40}, "no whiskers found; the picture is mostly dark"),
+        ({"found": (), "out": np.s_[:, 20:]},  # not looked at
+         "no whiskers found; what was seen is something dark at the left (20 % of the picture), "
+         "with nothing thin moving out of it; if"),
+        ({"found": (), "light": 40}, "no whiskers found; the picture is mostly dark, and whiskers "
+                                     "were taken to be darker"),
+        ({"found": (), "light": 55, "bright": True},
+         "no whiskers found; the picture is mostly light, and whiskers were taken to be brighter "
+         'than what is behind them: if they are dark, write [image] polarity = "dark"'),
+        ({"found": (), "light": 200, "bright": True},
+         "no whiskers found; what was seen is something bright at the left (20 % of"),
         ({"pole": None}, "no pole of 0.5 mm (12 px) found, so no contacts; what was seen is "
                          "nothing dark and round; if there is one"),
-        ({"pole": None, "thing": True}, "no pole of 0.5 mm (12 px) found, so no contacts; what "
-                                        "was seen is a dark thing of 4 × 10 px about (42, 14)"),
+        ({"pole": None, "thing": np.s_[10:20, 40:44]},
+         "no pole of 0.5 mm (12 px) found, so no contacts; what was seen is a dark spot 4 px wide "
+         "and 10 px high at (42, 14) px; if there is one"),
+        ({"pole": None, "thing": np.s_[30:, 20:]},
+         "no pole of 0.5 mm (12 px) found, so no contacts; what was seen is something dark that "
+         "reaches in from the right and bottom (17 % of the picture); if there is one"),
         ({"pole": None, "refused": ((3.0, 4.0, "a tuft"),)},
          "no pole of 0.5 mm (12 px) found, so no contacts; what was seen is a tuft (at 3, 4 px)"),
         ({"known": 0.23}, "in 77 % of the frames it is not known which whisker is which"),

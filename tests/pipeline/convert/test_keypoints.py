@@ -110,6 +110,13 @@ def test_deeplabcut_files(tmp_path, individuals):
     check(read_deeplabcut(tmp_path / "a.h5"), expected)
 
 
+@pytest.mark.parametrize(("separator", "name"), [("\t", "tabs"), (";", "semicolons")])
+def test_a_deeplabcut_table_without_commas_says_so(tmp_path, separator, name):
+    deeplabcut_table(several(("a",))).to_csv(tmp_path / "a.csv", sep=separator)
+    with pytest.raises(InputError, match=f"a.csv: .* separated by {name}, not .*save it so"):
+        read_deeplabcut(tmp_path / "a.csv")
+
+
 @pytest.mark.parametrize("individuals", [("a",), ("a", "b")])
 def test_sleap_files(tmp_path, individuals):
     expected = several(individuals)
