@@ -33,6 +33,7 @@ from pipeline.tracking import (
     cast_of,
     find_cast,
     odd_length,
+    open_ground,
     options_for,
     roster_frames,
     sample_lines,
@@ -275,8 +276,9 @@ def trace(
     face = face_side_of(scene)
     lengths = dict(zip(given or (), options.visible_px, strict=False))
     lines = assign_identities(
-        tracks, roster, options, face, given == (), params.identity, beside, lengths
-    )
+        tracks, roster, options, face, given == (), params.identity, beside, lengths,
+        open_ground(scene) if lengths else None,
+    )  # fmt: skip
     return locate_follicles(lines, sample_lines(roster, options), options, params.kinematics)
 
 

@@ -20,6 +20,7 @@ from pipeline.identity.sides import Sides
 from pipeline.identity.ways import best_names
 from pipeline.session.parameters import DEFAULTS
 from pipeline.tables.centrelines import Centrelines
+from pipeline.tracking import line_ends
 from pipeline.tracking.given_lengths import numbers_in_order, probabilities
 from pipeline.tracking.matching import Ruler
 from pipeline.tracking.two_sides import names_by_side
@@ -38,6 +39,7 @@ def assign_identities(
     params=DEFAULTS.identity,
     beside=(),
     given=None,
+    ground=None,
 ) -> Iterator[Centrelines]:
     """Hand on the chunks of a video with a name for every line.
 
@@ -56,6 +58,7 @@ def assign_identities(
     beside : `Slot`s of a side of the face without names: its lines get none
     given : name → length that is seen at most [px] of all whiskers in session.toml, in their
         order: their lengths tell which of them are seen; None: the roster's
+    ground : where a line that ends is a whole one (`line_ends.open_ground`); None: everywhere
     """
     if not is_crowd(roster, options):
         return iter(chunks)
@@ -66,11 +69,11 @@ def assign_identities(
         [*roster, *beside], ruler, face_side, options.pixels_per_m, may_be_two, params
     )
     limits = Limits(params, options.frames_per_second)
-    return name_lines(chunks, roster, sides, open_ended, limits, given)
+    return name_lines(chunks, roster, sides, open_ended, limits, given, ground)
 
 
 def name_lines(
-    chunks, roster, sides, open_ended=False, limits: Limits = USUAL, given=None
+    chunks, roster, sides, open_ended=False, limits: Limits = USUAL, given=None, ground=None
 ) -> Iterator[Centrelines]:
     """Hand on the chunks of a video with the names that suit the whole of it best.
 
@@ -80,7 +83,7 @@ def name_lines(
 
     Parameters
     ----------
-    chunks, roster, open_ended, given : as for `assign_identities`
+    chunks, roster, open_ended, given, ground : as for `assign_identities`
     sides : the rows in which they stand (`Sides`)
     limits : the room's parameters
     """
@@ -89,12 +92,13 @@ def name_lines(
         found, count = [], 0
         for chunk in chunks:
             _store(chunk, file)
-            found.append((chunk.frame, chunk.whisker, *sides.features(chunk)))
+            row, features = sides.features(chunk)
+            length = _whole_lengths(chunk, features[:, LENGTH], ground)
+            found.append((chunk.frame, chunk.whisker, row, features, length))
             count += 1
         if not found:
             return
-        frame, track, side, features = (np.concatenate(each) for each in zip(*found, strict=True))
-        rows = frame, track, side, features
+        rows = [np.concatenate(each) for each in zip(*found, strict=True)]
         whisker, sure, called = _all_rows(rows, roster, given, sides, open_ended, limits)
         file.seek(0)
         first = 0
@@ -108,9 +112,9 @@ def name_lines(
 def _all_rows(rows, roster, given, sides, open_ended, limits):
     """Whisker of every line and how sure it is, row by row of the face; what they are called.
 
-    rows : frame, track, side and features of the lines
+    rows : frame, track, side, features and `_whole_lengths` of the lines
     """
-    frame, track, side, features = rows
+    frame, track, side, features, length = rows
     whisker, sure, called = np.full(len(frame), -1), np.ones(len(frame)), ()
     for number, side_name in enumerate(sides.names):
         own = np.flatnonzero(side == number)
@@ -126,30 +130,40 @@ def _all_rows(rows, roster, given, sides, open_ended, limits):
         else:
             here = {name: px for name, px in given.items() if name.startswith(side_name)}
             found = [slot.name for slot in row]
-            named, names_here, chosen = _as_given(named, features[own], here, found)
+            named, names_here, chosen = _as_given(named, length[own], here, found)
             sure[own] *= chosen
         whisker[own] = np.where(named < 0, -1, named + len(called))
         called += names_here
     return whisker, sure, called
 
 
-def _as_given(named, features, given, found):
+def _as_given(named, length, given, found):
     """Number (rows,) of every line's whisker among some names, these names, and how sure it is.
 
     The last (rows,) is the probability that the whisker is the given one of that name.
 
     named : (rows,) numbers in order along the face, −1 for none
+    length : (rows,) logarithms of lengths [px], NaN where a line does not show it
     given : name → length that is seen at most [px], in the same order
     found : names that are among those in any case
     """
     count = np.bincount(named[named >= 0])
-    seen_px = np.exp(_medians(features[:, LENGTH], named, count))
+    seen_px = np.exp(_medians(length, named, count))
     given_px = list(given.values())
     numbers = numbers_in_order(seen_px, given_px)
     sure = np.append(probabilities(seen_px, given_px, numbers), 1.0)
     kept = [k for k, name in enumerate(given) if name in found or k in numbers]
     place = np.append(np.searchsorted(kept, numbers), -1)
     return place[named], tuple(list(given)[k] for k in kept), sure[named]
+
+
+def _whole_lengths(chunk, length, ground):
+    """Logarithms of the lines' lengths (lines,), NaN where a whisker goes on beyond its line."""
+    if ground is None:
+        return length
+    end = chunk.offsets[1:] - 1
+    whole = line_ends.whole(chunk.x_px[end], chunk.y_px[end], ground)
+    return np.where(whole, length, np.nan)
 
 
 def names(frame, track, features, wanted=None, direction=1, limits: Limits = USUAL):

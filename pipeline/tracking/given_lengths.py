@@ -1,12 +1,19 @@
 """Which whiskers of session.toml the found ones are, by their order along the face and lengths.
 
 Where fewer are found than given, the order alone does not tell which ones are missing: one hidden
-whisker would shift the names, and so the dimensions, of all that follow.
+whisker would shift the names, and so the dimensions, of all that follow. Whiskers of two rows may
+stand one behind the other: their order alone is not certain.
 """
+
+import re
+from functools import reduce
 
 import numpy as np
 
+NAME = re.compile(r"(?:.*_)?[A-Fa-f](\d)")  # row and arc; arc 1 is posterior (Brecht et al. 1997)
 FADED = np.linspace(-0.4, 0.05, 19)  # logarithms of seen over given lengths: tips fade
+FADING = 0.5  # cost of so much fading, per logarithm: 0.03 to 0.15 are usual
+EXCHANGED = 0.15  # cost of two neighbours that stand in the other order
 MISSED = 0.2  # cost, as of a logarithm, of a whisker of mean length: short ones are rather missed
 FARTHEST = 0.5  # a logarithm that is farther off is a line cut short, and counts as no more
 USUAL = 0.04  # mean misfit of a logarithm: by so much more, a choice is e times less likely
@@ -14,9 +21,10 @@ SURE = 0.03  # mean logarithm by which lengths fit better in one order than in t
 
 
 def numbers_in_order(seen_px, given_px) -> np.ndarray:
-    """Number (k,) of the given whisker that each of k seen ones is, ascending.
+    """Number (k,) of the given whisker that each of k seen ones is, ascending but for neighbours.
 
-    Of all choices in order that whose lengths are most alike; the first ones where all are.
+    Of all choices in order that whose lengths are most alike, some neighbours exchanged where
+    lengths say so; the first ones where all are alike.
 
     Parameters
     ----------
@@ -32,23 +40,36 @@ def runs_backwards(seen_px, given_px) -> bool | None:
     return bool(backwards < forwards) if abs(forwards - backwards) > SURE else None
 
 
+def posterior_first(names) -> bool:
+    """Whether names such as C1, C2, C3 run posterior → anterior, as their arcs are counted."""
+    arcs = [int(found[1]) for found in map(NAME.fullmatch, names) if found]
+    return len(set(arcs)) > 1 and bool(np.polyfit(np.arange(len(arcs)), arcs, 1)[0] > 0)
+
+
 def probabilities(seen_px, given_px, numbers) -> np.ndarray:
     """Probability (k,) that each of k seen whiskers is the given one of its number.
 
-    All choices in order count by their likelihoods (forward and backward sums); 1 where lengths
-    tell nothing.
+    All choices count by their likelihoods (forward and backward sums); 1 where lengths tell
+    nothing.
 
     Parameters
     ----------
     seen_px, given_px : as for `numbers_in_order`
-    numbers : (k,) ascending
+    numbers : (k,) as of `numbers_in_order`
     """
-    costs, missed = _costs(seen_px, given_px)
+    costs, missed, fading = _costs(seen_px, given_px)
     k, m = costs.shape[1:]
-    before = _up_to(costs, missed, _of_either)
+    before = _up_to(costs, missed, _of_either) + fading[:, None, None]
     after = _up_to(costs[:, ::-1, ::-1], missed[::-1], _of_either)[:, ::-1, ::-1]
-    seen = np.arange(k)
-    with_it = before[:, seen, numbers] + costs[:, seen, numbers] + after[:, seen + 1, numbers + 1]
+    pairs = _exchanged(costs)
+    with_it = np.full((len(costs), k), np.inf)
+    for i, j in enumerate(numbers):
+        ways = [before[:, i, j] + costs[:, i, j] + after[:, i + 1, j + 1]]
+        if i + 1 < k and j:  # exchanged with the one after it
+            ways.append(before[:, i, j - 1] + pairs[:, i, j - 1] + after[:, i + 2, j + 1])
+        if i and j + 1 < m:  # with the one before it
+            ways.append(before[:, i - 1, j] + pairs[:, i - 1, j] + after[:, i + 1, j + 2])
+        with_it[:, i] = reduce(_of_either, ways)
     every = before[:, k, m, None]
     least = every.min()
     return np.exp((least - with_it) / USUAL).sum(axis=0) / np.exp((least - every) / USUAL).sum()
@@ -56,31 +77,43 @@ def probabilities(seen_px, given_px, numbers) -> np.ndarray:
 
 def _likest(seen_px, given_px):
     """The numbers of `numbers_in_order`, and the mean misfit of the logarithms."""
-    costs, missed = _costs(seen_px, given_px)
+    costs, missed, fading = _costs(seen_px, given_px)
     k, m = costs.shape[1:]
     least = _up_to(costs, missed, np.minimum)
-    best = int(np.argmin(least[:, k, m]))
-    least, numbers, j = least[best], np.empty(k, int), m
-    for i in range(k, 0, -1):
-        while j > i and least[i, j - 1] + missed[j - 1] <= least[i, j]:
+    best = int(np.argmin(least[:, k, m] + fading))
+    numbers = _way_back(least[best], costs[best], missed)
+    return numbers, least[best, k, m] / max(np.isfinite(seen_px).sum(), 1)
+
+
+def _way_back(least, costs, missed):
+    """Numbers (k,) by which the least cost (k + 1, m + 1) of all was reached."""
+    k, m = costs.shape
+    numbers, i, j = np.empty(k, int), k, m
+    while i:
+        if j > i and least[i, j - 1] + missed[j - 1] <= least[i, j]:
             j -= 1
-        j -= 1
-        numbers[i - 1] = j
-    return numbers, least[k, m] / max(np.isfinite(seen_px).sum(), 1)
+        elif least[i - 1, j - 1] + costs[i - 1, j - 1] <= least[i, j]:
+            numbers[i - 1] = j - 1
+            i, j = i - 1, j - 1
+        else:  # two neighbours, exchanged
+            numbers[i - 2 : i] = j - 1, j - 2
+            i, j = i - 2, j - 2
+    return numbers
 
 
 def _costs(seen_px, given_px):
     """Costs (fades, k, m) of every seen whisker as every given one, and (m,) of none as this one.
 
-    Where lengths are not known, the first ones are there.
+    The last (fades,) is the cost of fading so much. Where lengths are not known, the first ones
+    are there.
     """
     seen, given = np.log(np.asarray(seen_px, float)), np.log(np.asarray(given_px, float))
     off = seen[:, None] - given - FADED[:, None, None]
     if not np.isfinite(given).all() or not np.isfinite(off).any():
         first = np.where(np.eye(len(seen), max(len(given), len(seen))) > 0, 0.0, np.inf)
-        return first[None], np.zeros(first.shape[1])
+        return first[None], np.zeros(first.shape[1]), np.zeros(1)
     costs = np.where(np.isfinite(off), np.minimum(np.abs(off), FARTHEST), 0.0)
-    return costs, MISSED * np.exp(given) / np.exp(given).mean()
+    return costs, MISSED * np.exp(given) / np.exp(given).mean(), FADING * np.abs(FADED)
 
 
 def _up_to(costs, missed, either):
@@ -89,13 +122,21 @@ def _up_to(costs, missed, either):
     either : cost of two choices, of which each is possible
     """
     fades, k, m = costs.shape
-    out = np.full((fades, k + 1, m + 1), np.inf)
+    out, pairs = np.full((fades, k + 1, m + 1), np.inf), _exchanged(costs)
     out[:, 0] = np.append(0.0, np.cumsum(missed))
     for i in range(1, k + 1):
         for j in range(i, m + 1):
             one_more = out[:, i - 1, j - 1] + costs[:, i - 1, j - 1]
             out[:, i, j] = either(out[:, i, j - 1] + missed[j - 1], one_more)
+            if i > 1:
+                two_more = out[:, i - 2, j - 2] + pairs[:, i - 2, j - 2]
+                out[:, i, j] = either(out[:, i, j], two_more)
     return out
+
+
+def _exchanged(costs):
+    """Cost (fades, k − 1, m − 1) of a seen whisker as the next given one, and the next as this."""
+    return costs[:, :-1, 1:] + costs[:, 1:, :-1] + EXCHANGED
 
 
 def _of_either(one, other):

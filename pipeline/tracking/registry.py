@@ -11,10 +11,9 @@ from pipeline.detection.image_model import ImageModel
 from pipeline.detection.line import Line, Workspace
 from pipeline.detection.static_scene import StaticScene
 from pipeline.tables.centrelines import Centrelines
-from pipeline.tracking import matching
-from pipeline.tracking.given_lengths import numbers_in_order, runs_backwards
+from pipeline.tracking import line_ends, matching
+from pipeline.tracking.given_lengths import numbers_in_order, posterior_first, runs_backwards
 from pipeline.tracking.matching import Ruler
-from pipeline.tracking.whisker_evidence import ends_inside
 
 SEEN_TOGETHER = 3.0  # frames: two whiskers that would so often by chance are, at least once
 FEWEST_WHOLE = 3  # lines needed for a whisker's length
@@ -118,7 +117,7 @@ def find_roster(frames, scene, options: TracingOptions, names=None, indices=None
     known = len(options.visible_px) == len(names)
     longest = options.visible_px if known else [np.inf] * len(names)
     given = dict(zip(names, longest, strict=True))
-    return named_as_given(slots, given, frames.shape[1:], gets_thinner_backwards)
+    return named_as_given(slots, given, line_ends.open_ground(scene), gets_thinner_backwards)
 
 
 def mostly_seen(share, strength, params) -> np.ndarray:
@@ -133,20 +132,23 @@ def mostly_seen(share, strength, params) -> np.ndarray:
     return np.flatnonzero(often & (strength >= least))
 
 
-def named_as_given(slots, given, shape, backwards=lambda slots: False) -> list[Slot]:
+def named_as_given(slots, given, ground, backwards=lambda slots: False) -> list[Slot]:
     """The slots, in order along the face, as whiskers of session.toml, in the order of these.
 
     Parameters
     ----------
     slots : no more than given
-    given : name → length that is seen at most [px], anterior → posterior
-    shape : of the picture, (height, width)
-    backwards : tells of slots whether they are in the reverse order, where lengths do not
+    given : name → length that is seen at most [px]
+    ground : where a line that ends is a whole one (`line_ends.open_ground`)
+    backwards : tells of slots whether they stand posterior → anterior; asked where lengths do
+        not tell the order
     """
     longest = list(given.values())
-    whole = [_whole_length(slot.samples, shape) for slot in slots]
+    whole = [_whole_length(slot.samples, ground) for slot in slots]
     reverse = runs_backwards(whole, longest)
-    if backwards(slots) if reverse is None else reverse:
+    if reverse is None:
+        reverse = backwards(slots) != posterior_first(given)
+    if reverse:
         slots, whole = slots[::-1], whole[::-1]
     names = list(given)
     return [
@@ -257,9 +259,8 @@ def gets_thinner_backwards(slots: list[Slot]) -> bool:
     return False
 
 
-def _whole_length(lines, shape) -> float:
-    """Median length [px] of lines that end inside the picture, NaN where hardly one does."""
-    inside = ends_inside(lines, shape)
-    if inside.sum() < FEWEST_WHOLE:
-        return np.nan
-    return float(np.median([line.n for line, whole in zip(lines, inside, strict=True) if whole]))
+def _whole_length(lines, ground) -> float:
+    """Median length [px] of lines that end where they can be seen, NaN where hardly one does."""
+    ends = np.array([line.points[-1] for line in lines])
+    lengths = np.array([line.n for line in lines])[line_ends.whole(*ends.T, ground)]
+    return float(np.median(lengths)) if len(lengths) >= FEWEST_WHOLE else np.nan

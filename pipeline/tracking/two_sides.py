@@ -89,7 +89,7 @@ def row_directions(roster, outward) -> tuple[np.ndarray, np.ndarray]:
     return -np.sign(outward @ across or 1.0) * across, out
 
 
-def named_by_side(roster, names, face_side, options, longest, shape):
+def named_by_side(roster, names, face_side, options, longest, ground):
     """The roster's `Slot`s with names of their own side, anterior → posterior.
 
     Of each side those that are mostly and best seen, as their order and lengths tell
@@ -101,7 +101,7 @@ def named_by_side(roster, names, face_side, options, longest, shape):
     names : of the one side and of the other (`names_by_side`)
     options : `TracingOptions`
     longest : visible length of each name [px], where it is known
-    shape : of the picture, (height, width)
+    ground : where a line that ends is a whole one (`line_ends.open_ground`)
     """
     ruler = Ruler.of(face_side, options)
     along, outward = np.asarray(ruler.along, float), np.asarray(ruler.outward, float)
@@ -117,7 +117,7 @@ def named_by_side(roster, names, face_side, options, longest, shape):
         across, _ = row_directions(row, outward)
         row.sort(key=lambda slot, across=across: slot.base_xy @ across)
         given = {name: longest.get(name, np.inf) for name in own}
-        named += named_as_given(row, given, shape)
+        named += named_as_given(row, given, ground)
     return named, beside
 
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from pipeline.detection import detect
 from pipeline.scene.face import THICKER, far_over_near
+from pipeline.tracking.line_ends import BORDER_PX
 
 # a whisker's far third is thinner than its near one by more than this for each clue that it lacks;
 # of 48 whiskers on three recordings 46 have 0.1 to 0.7, two that a body cuts short up to 1.1
@@ -15,7 +16,6 @@ THINNER = 0.6
 MOVES_PX = 1.5  # off the line where it lay before: compression shakes still things by less
 MOVED_LINES = 0.1  # part of the lines
 OFTEN = 0.5  # part of the frames
-BORDER_PX = 12  # a line that ends nearer to the border may go on beyond it
 
 
 def whisker_like(slots, n_frames: int, shape):
@@ -32,7 +32,7 @@ def whisker_like(slots, n_frames: int, shape):
     return [s for s, good in pairs if good], [s for s, good in pairs if not good]
 
 
-def ends_inside(lines, shape) -> np.ndarray:
+def _end_inside(lines, shape) -> np.ndarray:
     """Whether each line's far end lies inside the picture, (height, width)."""
     ends = np.array([line.points[-1] for line in lines])
     return np.all((ends > BORDER_PX) & (ends < np.array(shape[::-1]) - 1 - BORDER_PX), axis=1)
@@ -40,7 +40,7 @@ def ends_inside(lines, shape) -> np.ndarray:
 
 def _may_be_whisker(lines, n_frames, shape) -> bool:
     moves = _move(lines)
-    free = [line for line, inside in zip(lines, ends_inside(lines, shape), strict=True) if inside]
+    free = [line for line, inside in zip(lines, _end_inside(lines, shape), strict=True) if inside]
     if not free:
         return moves
     ratios = np.array([far_over_near(line.thickness[: line.n]) for line in free])

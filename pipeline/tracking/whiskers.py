@@ -8,6 +8,7 @@ from pipeline.detection.detect import TracingOptions
 from pipeline.scene.scale import scale_of
 from pipeline.session.parameters import DEFAULTS
 from pipeline.session.schema import Settings, WhiskerSettings
+from pipeline.tracking.line_ends import open_ground
 from pipeline.tracking.registry import Slot, find_roster
 from pipeline.tracking.tracker import options_for
 from pipeline.tracking.two_sides import counted_names, named_by_side, names_by_side
@@ -111,7 +112,8 @@ def find_cast(indices, frames, epochs, settings: Settings) -> Cast:
     if by_side:
         likely, refused = seen(None, replace(options, visible_px=()))
         longest = dict(zip(names, options.visible_px, strict=False))
-        named, beside = named_by_side(likely, by_side, face_side, options, longest, shape)
+        ground = open_ground(epochs)
+        named, beside = named_by_side(likely, by_side, face_side, options, longest, ground)
     if named is None:  # one row
         named, refused = seen(names, options)
     return replace(cast_of(named, settings), refused=tuple(refused), beside=tuple(beside))

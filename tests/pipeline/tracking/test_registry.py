@@ -160,9 +160,23 @@ def test_a_whisker_that_the_border_cuts_does_not_decide_the_order(width, turned)
         slots.append(Slot("", line.points[0], length, (line,) * 5))
     # in the other order they would be more alike, seen 150 and 120 px long
     given = {"a": 150.0, "b": 180.0}
-    found = named_as_given(slots, given, (240, width), gets_thinner_backwards)
+    ground = np.zeros((240, width), bool)
+    ground[12:-12, 12:-12] = True
+    found = named_as_given(slots, given, ground, gets_thinner_backwards)
     assert [slot.name for slot in found] == ["a", "b"]
     assert [slot.longest_px for slot in found] == [150.0, 180.0]
+    assert (found[0].visible_px == 120) == turned
+
+
+@pytest.mark.parametrize(("names", "turned"), [("ab", True), (("C1", "C2"), False)])
+def test_arcs_tell_the_order_of_whiskers_without_lengths(names, turned):
+    slots = []
+    for y, length, thickness in ((100, 150, 1.2), (150, 120, 1.0)):
+        line = straight(y, 0.0, length, thickness)
+        slots.append(Slot("", line.points[0], length, (line,) * 5))
+    given = dict.fromkeys(names, np.inf)  # by their letters: anterior to posterior
+    found = named_as_given(slots, given, np.ones((240, 500), bool), gets_thinner_backwards)
+    assert [slot.name for slot in found] == list(names)
     assert (found[0].visible_px == 120) == turned
 
 

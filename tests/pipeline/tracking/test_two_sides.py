@@ -16,7 +16,7 @@ from synthetic.scoring import line_scoring
 from synthetic.session import render_session
 
 OPTIONS = options_for(Recording(500.0, 16.0, "top"))
-SHAPE = 500, 720  # px
+EVERYWHERE = np.ones((500, 720), bool)
 
 
 def slot(base, direction, length, seen=6):
@@ -44,7 +44,7 @@ def named(roster, names, longest=None):
 
 def named_and_beside(roster, names, longest=None):
     sides = two_sides.names_by_side(names, "top")
-    return two_sides.named_by_side(roster, sides, "top", OPTIONS, longest or {}, SHAPE)
+    return two_sides.named_by_side(roster, sides, "top", OPTIONS, longest or {}, EVERYWHERE)
 
 
 def test_names_tell_the_side():
@@ -73,6 +73,14 @@ def test_lengths_tell_where_names_run_the_other_way():
     found = {each.name: each for each in named([*left, *right], names, longest)}
     for name, each in found.items():
         assert each.visible_px == longest[name] == each.longest_px
+
+
+def test_arcs_tell_where_the_lengths_are_not_known():
+    left, right = row(-1, LENGTHS), row(1, LENGTHS)
+    names = [f"{side}_C{k}" for side in ("left", "right") for k in range(1, 6)]
+    found = {each.name: each for each in named([*left, *right], names)}
+    for name, each in found.items():
+        assert each.visible_px == LENGTHS[::-1][int(name[-1]) - 1]
 
 
 def test_of_each_side_the_best_seen_are_named():

@@ -1,0 +1,28 @@
+"""Whether a line ends as its whisker does: not at the border, nor where something hides it."""
+
+import cv2
+import numpy as np
+
+from pipeline.detection.image_model import ImageModel
+from pipeline.detection.static_scene import StaticScene
+
+BORDER_PX = 12  # a line that ends nearer to the border may go on beyond it
+
+
+def open_ground(scene) -> np.ndarray:
+    """Where a line that ends is a whole one, bool (height, width): far from all that hides it.
+
+    scene : StaticScene, or the video's epochs; what is hidden in one of them counts
+    """
+    scenes = [scene] if isinstance(scene, StaticScene) else [e.scene for e in scene if e.scene]
+    seen = np.all([ImageModel.from_scene(each).weight > 0 for each in scenes], axis=0)
+    framed = cv2.copyMakeBorder(seen.astype(np.uint8), 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=0)
+    return cv2.distanceTransform(framed, cv2.DIST_L2, 5)[1:-1, 1:-1] > BORDER_PX
+
+
+def whole(x_px, y_px, ground) -> np.ndarray:
+    """Whether whiskers whose far ends are seen at these places end there."""
+    x, y = (np.rint(each).astype(int) for each in (x_px, y_px))
+    height, width = ground.shape
+    inside = (x >= 0) & (x < width) & (y >= 0) & (y < height)
+    return inside & ground[np.clip(y, 0, height - 1), np.clip(x, 0, width - 1)]
