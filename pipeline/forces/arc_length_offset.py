@@ -9,12 +9,11 @@ smooth as makes the ends of the traces likeliest (type II maximum likelihood): t
 that moves, but those of a codec wander about a fur that keeps still.
 
 The trace ends short of the tip by up to half a millimetre, where the thin end drowns in noise.
-By how much, two things show: its fading (`kinematics/tip.py`), and how far the ends scatter. They
-lie where what is seen has fallen to SEEN_SD standard errors, one of which moves them by their
-scatter: so they are short by SEEN_SD times that, less what the window of the tracer reaches over
-the tip. A codec that stores differences between frames erases a part of the tip, and the fading
-of what it leaves says nothing. Where the fading is not known at all (lines of other programs), the
-end only shows how the origin changes from frame to frame.
+By how much, its fading shows (`kinematics/tip.py`), to a tenth where the picture has noise only.
+A codec erases a part of the tip, the more the more the ends scatter, and the coarser the picture:
+so there the mean of both counts. That a codec errs shows in free frames: rods miss the stations
+by more than the noise explains (`station_noise.py`). Where the fading is not known at all (lines
+of other programs), the end only shows how the origin changes from frame to frame.
 
 Frames that a codec made out of those before and after (B frames of H.264) show a whisker that
 turns back where it is in the mean of these, short of its turning point: by a hundredth of a
@@ -39,7 +38,6 @@ from scipy import sparse
 from scipy.linalg import cholesky, solve_triangular
 from scipy.special import expit
 
-from pipeline.detection.line_fit import SEEN_SD
 from pipeline.forces import rod_fit
 from pipeline.forces.rod_fit import N_REST, RestPrior
 from pipeline.kinematics.resampled import N_STATIONS, Stations
@@ -53,8 +51,12 @@ STEADY = 1.0, 0.25, 0.0625  # of the most that the origin varies in time
 ALIKE = 0.0, 0.8, 0.95  # correlation of the origin at neighbouring knots
 LENGTH_WRONG = 0.05  # of lengths: have changed since they were measured; chosen
 TIP_PART = 0.3  # of the frames in which the tip must be seen at least
-OVER_TIP_PX = 2.2  # from the tip to where nothing would be seen: measured, rendered videos
-TIP_RULE_PX = 1.5  # standard error of that rule, of ends that fade: 1 px is measured, at most
+# how far the tip is beyond the mean end [px], measured in rendered videos: by how far it seems to
+# be; after a codec, by the ends' SD [px] and a pixel's size [mm], to these powers; and how wrong
+# that is, at least [px] and as a part of it, without and with a codec
+TIP_BY_FADING = 0.02, 1.0, -0.5
+TIP_BY_SCATTER = 290.0, 1.5, 1.7
+TIP_SE_PX, TIP_SE_SHARE = 0.25, (0.1, 0.3)
 TIP_FRAMES = 2.0  # neighbouring frames whose ends err together, at least
 TIP_LAGS = 8  # frames over which ends of a codec's pictures err together
 MOST_ROWS = 240  # loaded frames whose bending is used
@@ -160,7 +162,7 @@ def _steadiness(knots, alike):
 
 
 def origin_from_tip(
-    places: Stations, whisker: Whisker, time, params: RodParams = DEFAULTS.forces
+    places: Stations, whisker: Whisker, time, excess=1.0, params: RodParams = DEFAULTS.forces
 ) -> tuple[Origin, _Evidence]:
     """Origin of each row from the prior and, as far as the tip is seen, from its place.
 
@@ -168,6 +170,7 @@ def origin_from_tip(
     ----------
     places : rows of one whisker in the order of their frames
     time : (rows,) [s]
+    excess : variance of the stations' errors over the one that the noise explains
     """
     design = _design(time, params.hidden_length_knot_s)
     terms, varies = design.shape[1], 1e-3 * params.hidden_length_varies_mm
@@ -177,7 +180,7 @@ def origin_from_tip(
     end, sd = _trace_ends(places, params)
     good = np.isfinite(end)
     if good.any():
-        tip, common = _tip_place(places.rows(good), sd, whisker, params)
+        tip, common = _tip_place(places.rows(good), excess, whisker, params)
         away, part = tip - end[good], design[good]
         hidden, common = _believed(abs(np.mean(away)), prior[0] ** -0.5, common)
         evidence.matrix[0, 0] = hidden**-2
@@ -325,22 +328,21 @@ def _lasting_variance(errors):
     return float(np.mean(errors**2) + 2 * sum(np.mean(errors[k:] * errors[:-k]) for k in lags))
 
 
-def _tip_place(places, sd, whisker, params):
+def _tip_place(places, excess, whisker, params):
     """Arc length [m] at which the traces of `places` should end, and its standard error.
 
-    In pictures that are stored one by one the rule is right to TIP_RULE_PX. Where a codec stores
-    differences, the mean of many ends errs about as much as one of them scatters (`sd`): what is
-    erased makes them scatter, and end early. Where nothing is known of how they fade, their mean
-    end is returned, and an error without bounds.
+    Where nothing is known of how they fade, their mean end is returned, and an error without
+    bounds. `excess` as in `origin_from_tip`.
     """
     if not np.isfinite(places.to_tip).any():
         return places.last.mean(), np.inf
-    short = float(np.nanmean(places.to_tip))
-    if sd > places.pixel:  # ends are whole points: a smaller scatter is none
-        by_scatter = SEEN_SD * sd - OVER_TIP_PX * places.pixel
-        short = by_scatter if places.interpolated.any() else (short + by_scatter) / 2
-    error = sd if places.interpolated.any() else min(sd, TIP_RULE_PX * places.pixel)
-    return whisker.length - short, np.hypot(1e-3 * params.tip_sd_mm, error)
+    px, codec = places.pixel, 1 - 1 / max(excess, 1.0)
+    short = np.polyval(TIP_BY_FADING, np.nanmean(places.to_tip) / px)
+    factor, *powers = TIP_BY_SCATTER
+    erased = factor * np.prod(np.power([np.std(places.last) / px, 1e3 * px], powers))
+    short += codec * (erased - short) / 2
+    error = px * np.hypot(TIP_SE_PX, np.interp(codec, (0, 1), TIP_SE_SHARE) * short)
+    return whisker.length - px * short, np.hypot(1e-3 * params.tip_sd_mm, error)
 
 
 def _trace_ends(places, params):

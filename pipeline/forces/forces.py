@@ -113,9 +113,9 @@ def far_from_pole(places, params: RodParams = DEFAULTS.forces) -> np.ndarray:
 
 def _fit_rods(places, whisker, curvature_at, angle, time, free, friction, params):
     """Loaded rods of all rows, the `Origin` of their arc lengths, and the `RestModel` or None."""
-    places = station_noise.as_they_scatter(places, whisker, curvature_at, free)
+    places, excess = station_noise.as_they_scatter(places, whisker, curvature_at, free)
     places = _without_bias(places, whisker, curvature_at, angle, time, free, params)
-    origin, by_tip = arc_length_offset.origin_from_tip(places, whisker, time, params)
+    origin, by_tip = arc_length_offset.origin_from_tip(places, whisker, time, excess, params)
     places = replace(places, origin=origin.per_row)
     model = _rest_shape(places, whisker, curvature_at, time, free)
     if model is None:

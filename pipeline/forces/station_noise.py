@@ -18,32 +18,36 @@ MOST_ROWS = 60
 ROUNDS = 3  # a rod that relies on few stations misses them by too little
 
 
-def as_they_scatter(places: Stations, whisker: Whisker, curvature_at: float, free) -> Stations:
-    """Return the stations, all with that constant error beside those they know of.
+def as_they_scatter(
+    places: Stations, whisker: Whisker, curvature_at: float, free
+) -> tuple[Stations, float]:
+    """Return the stations, all with that constant error beside those they know of; the multiple.
 
-    `free`, bool (rows,): frames in which nothing touches the whisker.
+    `free`, bool (rows,): frames in which nothing touches the whisker; without any it is 1.
     """
     rows = np.flatnonzero(free & np.isfinite(places.last))
-    part, doubt = places.rows(rows[evenly(len(rows), MOST_ROWS)]).loaded(), 0.0
+    part = places.rows(rows[evenly(len(rows), MOST_ROWS)]).loaded()
+    doubt, multiple = 0.0, 1.0
     for _ in range(ROUNDS):
         misfit = np.full((len(part), 2, part.x.shape[1]), np.nan)
         rod_fit.fit_free(part.doubted(doubt), whisker, curvature_at, misfit)
-        doubt = _constant(misfit[:, 0], part.information, doubt)
-    return places.doubted(doubt)
+        doubt, multiple = _parts(misfit[:, 0], part.information, doubt)
+    return places.doubted(doubt), multiple
 
 
-def _constant(misfit, information, doubt):
-    """Variance [m²] beside the inverse of `information`, (rows, stations) as `misfit` [m].
+def _parts(misfit, information, doubt):
+    """Variance [m²] beside the inverse of `information`, and how many times that, at least 1, is.
 
-    `doubt` [m²]: what it is about, for the weights.
+    Both (rows, stations) as `misfit` [m]. `doubt` [m²]: what it is about, for the weights.
     """
     seen = information > 0
     expected = np.where(seen, 1 / np.where(seen, information, 1.0), np.nan)
     square, expected = usual_misfit(misfit**2, expected)
     square, expected = (each[np.isfinite(square)] for each in (square, expected))
     if not len(square):
-        return 0.0
+        return 0.0, 1.0
     weight = 1 / (expected + doubt)
     parts = np.stack([expected * weight, weight * np.median(expected)], axis=1)
     multiple, constant = nnls(parts, square * weight)[0]
-    return float(constant / max(multiple, 1.0) * np.median(expected))
+    multiple = max(float(multiple), 1.0)
+    return float(constant / multiple * np.median(expected)), multiple
