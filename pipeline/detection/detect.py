@@ -333,7 +333,8 @@ def _one_or_two(line, usual, image, model, gain, options, workspace) -> list[Lin
     fit(narrow, [])
     broad = _explained(line, [line], image, model, gain)
     slim = _explained(line, [narrow], image, model, gain)
-    return [narrow if slim > options.params.detection.one_line * broad else line]
+    slimmer = slim > options.params.detection.one_line * broad
+    return [narrow if slimmer and _is_whisker(narrow, model, options) else line]
 
 
 def is_ghost(line: Line, others, params=DEFAULTS.detection) -> bool:

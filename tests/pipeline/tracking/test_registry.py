@@ -97,6 +97,7 @@ def test_it_is_sure_mostly_and_then_right(row):
     assert wrong[~unsure].mean() < 0.015
 
 
+@pytest.mark.filterwarnings("error::RuntimeWarning")  # of lines without nodes
 def test_whiskers_beside_each_other_are_not_taken_for_one_broad_one(monkeypatch):
     n = 1000
     trial = make_trial("dense_row", 1, 0, n)
