@@ -3,10 +3,11 @@ from .analysis import Analysis
 from .contacts import Touch
 from .convert import read_results
 from .detection import Line, PoleTrack, StaticScene
+from .errors import CorrectionsError, InputError, VideoError
 from .kinematics import Kinematics, Stations
 from .reports import plot_centrelines, plot_contacts, plot_course
 from .run import analyse, analyse_lines
-from .session import Parameters, Recording, Settings, read_session, write_session
+from .session import Parameters, Recording, Settings, SettingsError, read_session, write_session
 from .tables import Centrelines, read_centrelines
 from .video import Video, find_videos, open_video
 
@@ -14,16 +15,20 @@ __version__: str
 __all__ = [
     "Analysis",
     "Centrelines",
+    "CorrectionsError",
+    "InputError",
     "Kinematics",
     "Line",
     "Parameters",
     "PoleTrack",
     "Recording",
     "Settings",
+    "SettingsError",
     "StaticScene",
     "Stations",
     "Touch",
     "Video",
+    "VideoError",
     "analyse",
     "analyse_lines",
     "calibrate",

@@ -170,6 +170,18 @@ def test_importing_is_quick_and_writes_nothing(tmp_path):
     assert child.stdout.split() == ["1"]  # and neither NumPy nor pandas nor Numba is loaded
 
 
+def test_errors_of_inputs_can_be_caught_by_their_public_names(tmp_path):
+    (tmp_path / "notes.avi").write_text("no video")
+    with pytest.raises(pipeline.VideoError):
+        pipeline.open_video(tmp_path / "notes.avi")
+    (tmp_path / "session.toml").write_text("[recording]")
+    with pytest.raises(pipeline.SettingsError):
+        pipeline.read_session(tmp_path / "session.toml")
+    with pytest.raises(pipeline.InputError):
+        pipeline.read_results(tmp_path / "nowhere")
+    assert issubclass(pipeline.CorrectionsError, ValueError)
+
+
 @pytest.mark.parametrize("package", [pipeline, synthetic, pipeline.calibrate])
 def test_every_public_name_is_there_and_documented(package):
     names = [name for name in dir(package) if not name.startswith("_")]
