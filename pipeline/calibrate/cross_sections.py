@@ -16,6 +16,7 @@ from scipy.ndimage import map_coordinates, spline_filter
 from scipy.special import ndtr
 
 from pipeline.calibrate.find_whisker import NoWhiskerError, Trace, smooth_line
+from pipeline.numerics.robust import MAD_TO_SD, robust_sd
 
 SECTION_PX = 10  # along the whisker that one section is the mean of
 FLANK_PX = 10.0  # ground on both sides that is fitted
@@ -166,7 +167,7 @@ def fit_sections(straight: Straightened) -> Sections:
         )
     shares = values[thick, 2] / values[thick, 0]
     usual = float(np.median(shares))
-    scatter = max(1.4826 * float(np.median(np.abs(shares - usual))), CONTRAST_SD * usual)
+    scatter = max(float(robust_sd(shares, usual)), CONTRAST_SD * usual)
     values, errors, _ = _fit(
         grey, straight.u, values, np.full(len(start), blur), contrast=(usual, scatter)
     )
@@ -291,7 +292,7 @@ def _window(q, u, blur):
 def _scatter(residual, window):
     """Robust SD of the residuals within the window, (sections,)."""
     inside = np.where(window > 0, np.abs(residual), np.nan)
-    return np.maximum(1.4826 * np.nanmedian(inside, axis=1), 1e-3)
+    return np.maximum(MAD_TO_SD * np.nanmedian(inside, axis=1), 1e-3)
 
 
 def profile_of(radius, u, blur):

@@ -17,6 +17,7 @@ from skimage.measure import label, regionprops
 from skimage.morphology import skeletonize
 
 from pipeline.errors import VideoError, need_content
+from pipeline.numerics.robust import robust_sd
 
 REDUCED = 8  # the ground is found in a picture reduced so many times
 GROUND_REDUCED_PX = 31  # over which the ground's median is taken there
@@ -129,7 +130,7 @@ def _likelier_first(image, ground):
 
 def _slender_region(contrast):
     """The largest long thin region, of skimage.measure.regionprops; None where there is none."""
-    noise = 1.4826 * np.median(np.abs(contrast - np.median(contrast)))
+    noise = robust_sd(contrast)
     peak = np.quantile(contrast, 0.9995)
     if peak < max(LEAST_CONTRAST, 2 * FAINT_SDS * noise):
         return None
@@ -189,7 +190,7 @@ def arc_lengths(points):
 
 def _to_its_end(line, contrast):
     """The line, extended beyond its last point for as long as there is a whisker."""
-    noise = 1.4826 * np.median(np.abs(contrast)) / np.sqrt(STEP_PX)
+    noise = robust_sd(contrast, about=0.0) / np.sqrt(STEP_PX)
     lost, known = 0, len(line)
     while lost < LOST_STEPS:
         ahead, normal = _ahead(line, known)

@@ -25,6 +25,7 @@ from pipeline.kinematics.base_curves import BaseCurves, fit_base_curves, lay_to
 from pipeline.kinematics.resampled import PART_ROWS
 from pipeline.numerics.angles import continuous
 from pipeline.numerics.cholesky import factorise, invert
+from pipeline.numerics.robust import robust_sd
 from pipeline.numerics.runs import evenly, parts
 from pipeline.session.parameters import DEFAULTS, KinematicsParams
 
@@ -224,7 +225,7 @@ def _usual(seen, noise):
     mean = np.median(seen, axis=0)
     if len(seen) < FEWEST_ROWS:
         return mean, np.eye(k)
-    spread = np.diag((1.4826 * np.median(np.abs(seen - mean), axis=0)) ** 2 + LEAST_SD**2)
+    spread = np.diag(robust_sd(seen, mean, axis=0) ** 2 + LEAST_SD**2)
     for _ in range(PASSES):
         mean, spread = _expected(seen, noise, mean, spread)
     return mean, spread
@@ -328,7 +329,7 @@ def _covariance(seen, frame, lag):
 
 
 def _variance(values):
-    return (1.4826 * np.median(np.abs(values))) ** 2
+    return robust_sd(values, about=0.0) ** 2
 
 
 @njit(cache=True)

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
+from pipeline.numerics.robust import robust_sd
 from pipeline.numerics.runs import evenly
 from pipeline.session.parameters import DEFAULTS, KinematicsParams
 
@@ -202,7 +203,7 @@ def _redness(sample, grid, excess):
         np.polynomial.legendre.legvander(grid.z, TOLD_BY[-1]) * weight[:, None]
     )
     found = (misfit[rows] * weight) @ modes[:, list(TOLD_BY)]
-    sd = 1.4826 * np.median(np.abs(found - np.median(found, axis=0)), axis=0)
+    sd = robust_sd(found, axis=0)
     growth = np.clip((sd[0] / sd[-1]) ** (1 / (TOLD_BY[-1] - TOLD_BY[0])), 1.0, MOST_GROWTH)
     return np.maximum(sd[0], 1.0) * growth ** (TOLD_BY[0] - np.arange(4))
 

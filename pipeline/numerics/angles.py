@@ -3,6 +3,8 @@
 import numpy as np
 from numba import njit
 
+from pipeline.numerics.robust import robust_sd
+
 
 @njit(cache=True)
 def wrapped(angle, turn=2 * np.pi):
@@ -38,4 +40,4 @@ def jitter(angle, frame) -> float:
     fast beside the frames is in it, too.
     """
     change = second_differences(angle, frame)
-    return float(1.4826 * np.median(np.abs(change)) / np.sqrt(6)) if len(change) else np.nan
+    return float(robust_sd(change, about=0.0) / np.sqrt(6))
