@@ -65,10 +65,10 @@ LEAST_PUSH_SD = 15.0
 CLEAN = 4.0  # times the usual misfit: something else lies upon the whisker
 TOGETHER = 5.0  # rows that count as one: those of a contact err together
 # error of a station in the mean of a whole video: a touching whisker lies still upon the same
-# pixels. A share of its noise, and what is left in a clean picture (measured, rendered videos);
-# and how far along the whisker such errors are alike
-LASTING_SHARE, LASTING_PX = 0.2, 1.6e-3
-LASTING_REACH_M = 1.5e-3
+# pixels. A share of its noise, and what is left in a clean picture, and how far along the whisker
+# such errors are alike (all measured, rendered videos)
+LASTING_SHARE, LASTING_PX = 0.15, 1.6e-3
+LASTING_REACH_M = 0.25e-3
 EXPLAINED_SD = 2.0  # standard errors by which bending, tip and session may differ
 POLE_LEVER = 6.0  # how much farther a misplaced pole moves the answer
 

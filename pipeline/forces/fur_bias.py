@@ -10,6 +10,7 @@ Judged are short steps, from outside inwards, each by all that lies beyond it. T
 is too far out for fur: what it is missed by more than expected (a codec's noise runs along the
 line; the rest shape is no polynomial) is expected nearer to the face, too. What is found fades
 outwards over a step: the stations just beyond, which no longer stand out, are drawn aside, too.
+A bias counts as the noise of which it is the share that lasts (`arc_length_offset.py`).
 """
 
 from dataclasses import replace
@@ -17,7 +18,7 @@ from dataclasses import replace
 import numpy as np
 
 from pipeline.forces import rod_fit
-from pipeline.forces.rest_shape import CORRELATED_FRAMES
+from pipeline.forces.arc_length_offset import LASTING_SHARE
 from pipeline.kinematics.resampled import Stations
 from pipeline.numerics.robust import MAD_TO_SD
 from pipeline.numerics.runs import evenly
@@ -64,7 +65,7 @@ def without_bias(
         if now == STEPS - 1:
             usual = _usual(found)
         else:
-            doubt[judged] = CORRELATED_FRAMES * _bias(found, usual)
+            doubt[judged] = _bias(found, usual) / LASTING_SHARE**2
     doubt = np.maximum.accumulate(doubt[::-1])[::-1]  # the nearer to the face the more fur
     fading = np.exp(2 * arc / width)  # whose reach has no sharp end: a step farther out, an e-th
     doubt = np.maximum.accumulate(doubt * fading) / fading

@@ -65,7 +65,7 @@ def test_only_stations_near_the_face_count_less(traced, furry):
     before = np.where(furry.information > 0, furry.information, np.nan)
     part = judged(traced, furry).information / before
     arc = np.arange(part.shape[1]) * furry.spacing[0] - np.nanmedian(furry.first)
-    near, beyond = (arc > 0.4e-3) & (arc < 1.3e-3), arc > 3e-3
+    near, beyond = (arc > 0.4e-3) & (arc < 1.3e-3), arc > 3.4e-3
     assert np.nanmax(part[:, near]) < 0.1
     assert np.nanmin(part[:, beyond]) > 0.9
 
