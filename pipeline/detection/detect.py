@@ -320,7 +320,7 @@ def _without_broad(image, model, gain, options, workspace, lines, others, usual)
 
 
 def _one_or_two(line, usual, image, model, gain, options, workspace) -> list[Line]:
-    """What a broad line is: two whiskers, a slim one, or one broad by itself."""
+    """What a broad line is: two whiskers, a slim one, one broad by itself, or nothing."""
 
     def fit(one, more):
         with lines_in_background(model, more):
@@ -333,8 +333,9 @@ def _one_or_two(line, usual, image, model, gain, options, workspace) -> list[Lin
     fit(narrow, [])
     broad = _explained(line, [line], image, model, gain)
     slim = _explained(line, [narrow], image, model, gain)
-    slimmer = slim > options.params.detection.one_line * broad
-    return [narrow if slimmer and _is_whisker(narrow, model, options) else line]
+    if slim > options.params.detection.one_line * broad:
+        line = narrow
+    return [line] if line.n else []
 
 
 def is_ghost(line: Line, others, params=DEFAULTS.detection) -> bool:
