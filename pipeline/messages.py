@@ -15,6 +15,10 @@ KNOWN = 0.5  # confidence in a name; below, it is not known
 MOST_UNKNOWN = 0.2  # of what is tracked: more is worth the first message
 MOST_NAMED = 3  # whiskers in a message
 DARK = 64  # grey levels of 255, median: no light behind the whiskers
+NO_POLE_IN_LINES = (
+    "no contacts: traced lines do not show where the pole is; give [pole] x_px, y_px in "
+    "session.toml, and import again"
+)
 LIGHT = 128  # a picture of a lighter median is no dark ground for bright whiskers
 SELDOM_ACROSS = 1  # frame may be a mistake; a whisker more often across the pole is worth one
 
@@ -38,25 +42,25 @@ def messages(settings, touch, video, epochs, followed, odd=None):
     if not cast.roster and not settings.analysis.follow:
         yield _no_whiskers(settings, scenes, bright) if not doubt else "no whiskers found"
         return
-    yield from _of_whiskers(settings, touch, followed, scenes, bright)
+    yield from _of_whiskers(settings, touch, followed, _no_pole(settings, scenes, bright))
 
 
 def line_messages(settings, touch, followed):
     """Sentences on what is missing or doubtful in the lines that another program traced."""
     if followed.cast.roster:
-        yield from _of_whiskers(settings, touch, followed)
+        yield from _of_whiskers(settings, touch, followed, NO_POLE_IN_LINES)
     else:
         yield "no line is a whisker's: all are too short, or have no name"
 
 
-def _of_whiskers(settings, touch, followed, scenes=(), bright=False):
+def _of_whiskers(settings, touch, followed, no_pole):
     """What is missing or doubtful of the whiskers themselves, the pole and the forces."""
     yield from _unknown_names(touch.frames)
     yield from _seldom_tracked(touch.frames, followed.cast, settings.analysis.follow)
     yield from _of_another_size(settings, followed.pole)
     yield from _passes_over(settings, touch, followed.pole)
     if followed.pole is None:
-        yield _no_pole(settings, scenes, bright)
+        yield no_pole
     yield from _without_forces(settings, followed.cast)
 
 

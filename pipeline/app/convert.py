@@ -15,8 +15,8 @@ exporting = typer.Typer(help="Write results in another program's format.", **GRO
 
 FILES = {  # what a program's files are called: a pattern, and in words
     "janelia": (r"\.whiskers$", "NAME.whiskers"),
-    "dlc": (r"DLC.*\.(csv|h5)$", "NAMEDLC_….csv or .h5"),
-    "sleap": (r"analysis.*\.(csv|h5)$", "NAME.analysis.h5 or .csv"),
+    "dlc": (r"DLC.*\.(csv|h5)$", "NAMEDLC_….csv or NAMEDLC_….h5"),
+    "sleap": (r"analysis.*\.(csv|h5)$", "NAME.analysis.h5 or NAME.analysis.csv"),
 }
 
 Paths = Annotated[

@@ -110,8 +110,7 @@ def _observations(part, params):
     gap = np.where(fitted, column["gap_m"], column["distance_m"])
     gap_sd = np.where(fitted, column["gap_se_m"], 1e-3 * params.traced_gap_sd_mm)
     force = np.where(fitted, column["shape_force_N"], np.nan)
-    cov = np.where(fitted, column["gap_force_cov"], 0.0)
-    return gap, gap_sd, force, force_noise(column), cov
+    return gap, gap_sd, force, force_noise(column), column["gap_force_cov"]
 
 
 def force_noise(column):

@@ -13,6 +13,7 @@ from pipeline.contacts.probability import (
     changes_per_frame,
     force_noise,
     frame_log_odds,
+    posterior,
 )
 from pipeline.session.parameters import DEFAULTS
 
@@ -168,3 +169,14 @@ def test_where_no_rod_is_fitted_the_traced_distance_decides():
     evidence["distance_m"] = np.linspace(-30e-6, 60e-6, 40)
     expected = _log_odds(evidence["distance_m"], np.hypot(16e-6, 6.4e-6), np.nan, 1.0, 0.0)
     np.testing.assert_allclose(frame_log_odds(evidence, 1000.0), expected, atol=1e-6)
+
+
+@pytest.mark.parametrize(("lost", "bridged"), [(12, True), (20, False)])
+def test_a_short_loss_of_the_trace_does_not_end_a_contact(lost, bridged):
+    """By hand, 16 frames: an end and a start, log(0.03 · 0.01), are worth 0.52 a frame."""
+    _, evidence = simulated((0.0, 0.0), 5e-6)
+    evidence.loc[100 : 99 + lost, ["gap_m", "distance_m", "shape_force_N"]] = np.nan
+    odds = np.full(len(evidence), 8.0)  # in touch
+    away = slice(100, 100 + lost)
+    odds[away] = frame_log_odds(evidence, 1000.0)[away]
+    assert (posterior(odds, 0.01, 0.03)[100 + lost // 2] > 0.5) == bridged

@@ -156,14 +156,19 @@ def test_lines_pass_where_the_whisker_was(motion, points, true_lines):
 
 @pytest.mark.slow
 def test_contacts_and_forces_from_key_points(motion, points):
-    settings = settings_of(motion)
+    without_pole = settings = settings_of(motion)
     x, y = motion.scene.to_pixels(motion.pole_x[:1], motion.pole_y[:1])
     pole = settings.pole.model_copy(update={"x_px": float(x[0]), "y_px": float(y[0])})
     settings = settings.model_copy(update={"pole": pole})
-    found = analyse_lines(lines_of(points, settings, "a.csv"), settings).contacts
+    lines = lines_of(points, settings, "a.csv")
+    found = analyse_lines(lines, settings).contacts
     truth = contact_table(motion, "trial")
     truth = truth[truth["peak_force_uN"] > STRONG_UN]
     assert len(truth) > 1
+    assert (
+        "traced lines do not show where the pole is"
+        in analyse_lines(lines, without_pole).messages[0]
+    )
     for _, one in truth.iterrows():
         near = found.iloc[(found["onset_frame"] - one["onset_frame"]).abs().argmin()]
         assert abs(near["onset_frame"] - one["onset_frame"]) <= edge_tolerance
