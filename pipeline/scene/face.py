@@ -107,8 +107,13 @@ def _thickens(lines) -> str | None:
 
 
 def far_over_near(thickness):
-    """Median thickness of a line's last third over that of its first, NaN where unknown."""
+    """Median thickness of a line's last third over that of its first, NaN where unknown.
+
+    It is not known where the first third is no darker than what is beside it, as in fur.
+    """
     third = len(thickness) // 3
     near, far = thickness[:third], thickness[-third:]
-    known = np.isfinite(near).any() and np.isfinite(far).any()
-    return np.nanmedian(far) / np.nanmedian(near) if known else np.nan
+    if not (np.isfinite(near).any() and np.isfinite(far).any()):
+        return np.nan
+    near, far = np.nanmedian(near), np.nanmedian(far)
+    return far / near if near > 0 else np.nan

@@ -1,7 +1,8 @@
 """Whether the lines of a roster are whiskers': they taper towards a free end, and they move.
 
 A wall, a table's edge and a scratch on the floor come out of something dark, too. They stand
-still, and they get no thinner towards their ends, or have none in the picture.
+still, and they get no thinner towards their ends, or have none in the picture. A texture holds
+some lines that taper, too, and a cable sways; so the lines are also judged together, as a row.
 """
 
 import numpy as np
@@ -16,9 +17,15 @@ THINNER = 0.6
 MOVES_PX = 1.5  # off the line where it lay before: compression shakes still things by less
 MOVED_LINES = 0.1  # part of the lines
 OFTEN = 0.5  # part of the frames
+# of a row of whiskers so many taper and move; on three recordings, also in pieces of 30 frames, at
+# least half taper, and all move, at rest by breathing
+TAPERING, MOVING = 0.25, 0.5
+ROW_THINNER = 0.9  # so much thinner gets even a cone that is cut to a seventh of its length
+FEW_LINES = 2  # so many whiskers may rest throughout a video
+FEWEST_FRAMES = 3  # fewer do not show what moves
 
 
-def whisker_like(slots, n_frames: int, shape):
+def whisker_like(slots, n_frames: int, shape, given: bool = False):
     """The slots that may be whiskers, and those refused.
 
     Parameters
@@ -26,8 +33,12 @@ def whisker_like(slots, n_frames: int, shape):
     slots : `Slot`s, with the lines that they were seen as
     n_frames : frames in which they were looked for
     shape : of the picture, (height, width)
+    given : a person says that there are whiskers. Else all are refused where together they are no
+        row of whiskers: where hardly any tapers, or of several less than half move
     """
-    likely = [_may_be_whisker(slot.samples, n_frames, shape) for slot in slots]
+    row = [slot.samples for slot in slots]
+    may_be = given or (_tapers(row, shape) and (_alive(row) or n_frames < FEWEST_FRAMES))
+    likely = [may_be and _may_be_whisker(lines, n_frames, shape) for lines in row]
     pairs = list(zip(slots, likely, strict=True))
     return [s for s, good in pairs if good], [s for s, good in pairs if not good]
 
@@ -38,17 +49,33 @@ def _end_inside(lines, shape) -> np.ndarray:
     return np.all((ends > BORDER_PX) & (ends < np.array(shape[::-1]) - 1 - BORDER_PX), axis=1)
 
 
+def _tapers(row, shape) -> bool:
+    """Whether a quarter of the lines get thinner: of those with a free end, or else of all."""
+    ratios = [_thinner(lines, _end_inside(lines, shape)) for lines in row]
+    if np.isnan(ratios).all():
+        ratios = [_thinner(lines, np.ones(len(lines), bool)) for lines in row]
+    return bool(np.isnan(ratios).all() or np.nanquantile(ratios, TAPERING) < ROW_THINNER)
+
+
+def _alive(row) -> bool:
+    """Whether half of several lines move."""
+    return len(row) <= FEW_LINES or bool(np.mean([_move(lines) for lines in row]) >= MOVING)
+
+
 def _may_be_whisker(lines, n_frames, shape) -> bool:
-    moves = _move(lines)
-    free = [line for line, inside in zip(lines, _end_inside(lines, shape), strict=True) if inside]
-    if not free:
-        return moves
-    ratios = np.array([far_over_near(line.thickness[: line.n]) for line in free])
-    if not np.isfinite(ratios).any():
+    moves, ratio = _move(lines), _thinner(lines, _end_inside(lines, shape))
+    if np.isnan(ratio):
         return moves
     often = len(lines) >= OFTEN * n_frames
     lacking = (not moves) + (not often)
-    return bool(np.nanmedian(ratios) < THICKER * THINNER**lacking)
+    return bool(ratio < THICKER * THINNER**lacking)
+
+
+def _thinner(lines, chosen) -> float:
+    """Median thickness of the chosen lines' far third over the near one's; NaN where unknown."""
+    pairs = zip(lines, chosen, strict=True)
+    ratios = [far_over_near(line.thickness[: line.n]) for line, good in pairs if good]
+    return np.nan if np.isnan(ratios).all() else float(np.nanmedian(ratios))
 
 
 def _move(lines) -> bool:

@@ -106,7 +106,7 @@ def find_cast(indices, frames, epochs, settings: Settings) -> Cast:
 
     def seen(wanted, options):
         roster = find_roster(frames, epochs, options, wanted, indices)
-        return whisker_like(roster, len(frames), shape)
+        return whisker_like(roster, len(frames), shape, given=names is not None)
 
     by_side, named, beside = names_by_side(names, face_side), None, ()
     if by_side:

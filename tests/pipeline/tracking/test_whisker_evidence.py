@@ -1,5 +1,6 @@
 """Whiskers are told from walls, edges and scratches that come out of something dark."""
 
+import cv2
 import numpy as np
 import pytest
 
@@ -82,3 +83,25 @@ def test_a_wall_gives_no_whisker_and_the_face_is_doubted():
     assert found.frames.empty
     assert 'write face = "right"' in found.messages[0]
     assert "no whiskers found" in found.messages[1]
+
+
+def test_a_cable_that_sways_is_no_whisker():
+    kept, refused = told_apart(frames_of(0.1, 1.5, 1.5, 250))
+    assert not kept
+    assert refused
+
+
+def grain(n):
+    """Frames of a still texture of streaks, bright and dark, and dark at the left."""
+    rng = np.random.default_rng(5)
+    streaks = cv2.GaussianBlur(rng.normal(size=(240, 400)), (0, 0), sigmaX=40, sigmaY=1.6)
+    still = np.clip(150 + 25 * streaks / streaks.std(), 0, 255)
+    still[:, :FACE_PX] = 10
+    noisy = [still + rng.normal(0, 2, still.shape) for _ in range(n)]
+    return np.clip(np.rint(noisy), 0, 255).astype(np.uint8)
+
+
+def test_the_grain_of_a_table_is_no_row_of_whiskers():
+    kept, refused = told_apart(grain(FRAMES))
+    assert len(refused) > 2
+    assert not kept
