@@ -11,13 +11,15 @@ from pipeline.scene.scale import working_scale
 THICKEST_MM = 0.4  # thicker lines are no whiskers
 EVERY = 4  # pixel, to see what is ground
 CLEARLY = 1.5  # times as much evidence is needed for bright lines
-SHORTEST = 0.07  # of the picture's size: shorter lines may be gleams
-MOVED_SD, MOVED_GREY = 5.0, 4.0  # by more than so many SD and grey levels, a pixel has changed
+SHORTEST = 0.1  # of the picture's size: shorter lines may be gleams
+MOVED_SD, MOVED_GREY = 5.0, 2.0  # by more than so many SD and grey levels, a pixel has changed
 FEWEST_FRAMES = 3  # with fewer, everything may be a whisker
 
 
 def whiskers_are_bright(frames: np.ndarray, pixels_per_mm: float) -> bool:
     """Whether the long thin lines that move are brighter than what is beside them.
+
+    Where none moves, all of them count.
 
     Parameters
     ----------
@@ -31,17 +33,15 @@ def whiskers_are_bright(frames: np.ndarray, pixels_per_mm: float) -> bool:
         return False  # most of the picture is ground, and it is light: things are darker
     usual = np.median(frames, axis=0).astype(np.float32)
     smooth = [cv2.GaussianBlur(frame, (0, 0), 1.0) for frame in frames]
-    moved = [_moved(each, usual) if len(frames) >= FEWEST_FRAMES else None for each in smooth]
-    hats = [
-        [_masked(cv2.morphologyEx(each, kind, disc), where) for kind in _HATS]
-        for each, where in zip(smooth, moved, strict=True)
-    ]
-    dark, bright = np.sum([[hat.sum(dtype=float) for hat in pair] for pair in hats], axis=0)
-    if bright <= CLEARLY * dark:
-        return False
-    shortest = SHORTEST * np.sqrt(usual.size)
-    dark, bright = np.sum([[_line_length(hat, shortest) for hat in pair] for pair in hats], axis=0)
-    return bool(bright > CLEARLY * dark)
+    hats = [[cv2.morphologyEx(each, kind, disc) for kind in _HATS] for each in smooth]
+    inside = np.zeros(usual.shape, bool)  # what lies along the border may be the camera's doing
+    inside[size:-size, size:-size] = True
+    if len(frames) >= FEWEST_FRAMES:
+        dark, bright = _lengths(hats, [inside & _moved(each, usual) for each in smooth])
+        if dark or bright:
+            return bright > CLEARLY * dark
+    dark, bright = _lengths(hats, [inside] * len(hats))
+    return bright > CLEARLY * dark
 
 
 _HATS = (cv2.MORPH_BLACKHAT, cv2.MORPH_TOPHAT)
@@ -54,8 +54,17 @@ def _moved(frame, usual):
     return change > MOVED_SD * sd + MOVED_GREY
 
 
-def _masked(image, where):
-    return image if where is None else np.where(where, image, 0)
+def _lengths(hats, masks) -> tuple[float, float]:
+    """Length of the long dark and bright lines in the masked parts of some frames [px]."""
+    shortest = SHORTEST * np.sqrt(masks[0].size)
+    kinds = zip(*hats, strict=True)
+    return tuple(
+        sum(
+            _line_length(np.where(where, hat, 0), shortest)
+            for hat, where in zip(kind, masks, strict=True)
+        )
+        for kind in kinds
+    )
 
 
 def _line_length(hat, shortest_px) -> float:
