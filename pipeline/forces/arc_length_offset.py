@@ -4,9 +4,8 @@ The force goes with the fourth power of the radius, so a first traced point that
 too near to the follicle costs 4 % in force. Beside the hidden length as it was given (on average
 right to 0.1 mm or so) two things show where the trace begins: the tip, which lies at the
 whisker's length, and the bending itself, whose distribution along the whisker depends on where
-its stiff base is. All go into one estimate, a function of time, as
-smooth as makes the ends of the traces likeliest (type II maximum likelihood): the ends show a fur
-that moves, but those of a codec wander about a fur that keeps still.
+its stiff base is. All go into one estimate, a smooth function of time: the edge of the fur lies
+elsewhere on a whisker that turns, by some 0.06 mm even of a fur that keeps still.
 
 The trace ends short of the tip by up to half a millimetre, where the thin end drowns in noise.
 By how much, its fading shows (`kinematics/tip.py`), to a tenth where the picture has noise only.
@@ -31,11 +30,9 @@ wrong, as likely as Bayes' rule has it, so that a whisker that has grown does no
 """
 
 from dataclasses import dataclass, replace
-from itertools import product
 
 import numpy as np
 from scipy import sparse
-from scipy.linalg import cholesky, solve_triangular
 from scipy.special import expit
 
 from pipeline.forces import rod_fit
@@ -47,9 +44,8 @@ from pipeline.session.parameters import DEFAULTS, RodParams
 from whiskermodel.whisker import Whisker
 
 MOST_KNOTS = 400
-STEADY = 1.0, 0.25, 0.0625  # of the most that the origin varies in time
-ALIKE = 0.0, 0.8, 0.95  # correlation of the origin at neighbouring knots
-LENGTH_WRONG = 0.05  # of lengths: have changed since they were measured; chosen
+ALIKE = 0.8  # correlation of the origin at neighbouring knots: 0 and 0.95 do worse, rendered
+LENGTH_WRONG = 0.01  # of lengths: have changed since they were measured; chosen
 TIP_PART = 0.3  # of the frames in which the tip must be seen at least
 # how far the tip is beyond the mean end [px], measured in rendered videos: by how far it seems to
 # be; after a codec, by the ends' SD [px] and a pixel's size [mm], to these powers; and how wrong
@@ -59,9 +55,8 @@ TIP_BY_SCATTER = 290.0, 1.5, 1.7
 TIP_SE_PX, TIP_SE_SHARE = 0.25, (0.1, 0.3)
 TIP_FRAMES = 2.0  # neighbouring frames whose ends err together, at least
 TIP_LAGS = 8  # frames over which ends of a codec's pictures err together
-MOST_ROWS = 240  # loaded frames whose bending is used
+MOST_ROWS = 240  # frames that may touch whose bending is used
 ENOUGH_ROWS = 20  # of frames that were not interpolated; with fewer, all are used
-LEAST_PUSH_SD = 15.0
 CLEAN = 4.0  # times the usual misfit: something else lies upon the whisker
 TOGETHER = 5.0  # rows that count as one: those of a contact err together
 # error of a station in the mean of a whole video: a touching whisker lies still upon the same
@@ -116,24 +111,6 @@ class _Evidence:
         per_tip = float(np.mean(self.design @ (inverse @ self.tip)))
         return Origin(self.design @ self.weights(), se, per_tip)
 
-    def as_steady_as(self, seen, most) -> "_Evidence":
-        """With the prior in time, of an SD of `most` [m] or less, that makes `seen` likeliest.
-
-        `seen` is this evidence beside others'.
-        """
-        data, rhs = seen.matrix - self.matrix, seen.rhs - self.rhs
-        best, steady, knots = -np.inf, self.matrix, len(rhs) - 1
-        steadiness = [_steadiness(knots, alike) for alike in ALIKE]
-        for (inverse, volume), part in product(steadiness, STEADY):
-            prior, sd = self.matrix.copy(), part * most
-            prior[1:, 1:] = inverse / sd**2
-            lower = cholesky(data + prior, lower=True, check_finite=False)
-            likely = volume - 2 * knots * np.log(sd) - 2 * np.log(np.diag(lower)).sum()
-            likely += np.sum(solve_triangular(lower, rhs, lower=True, check_finite=False) ** 2)
-            if likely > best:
-                best, steady = likely, prior
-        return replace(self, matrix=steady)
-
     def mean(self, rows, weight):
         """Weighted mean of the `rows`' origins, and its variance [m, m²]."""
         part = weight @ self.design[rows] / weight.sum()
@@ -152,13 +129,12 @@ class _Evidence:
         return replace(self, matrix=matrix, rhs=rhs)
 
 
-def _steadiness(knots, alike):
-    """Inverse of the correlations alike^|j − k| of knots j and k, and its log determinant."""
-    free = 1 - alike**2
-    diagonal = np.full(knots, 1 + alike**2)
+def _steadiness(knots):
+    """Inverse of the correlations ALIKE^|j − k| of knots j and k."""
+    diagonal = np.full(knots, 1 + ALIKE**2)
     diagonal[[0, -1]] = 1.0
-    inverse = np.diag(diagonal) - alike * (np.eye(knots, k=1) + np.eye(knots, k=-1))
-    return inverse / free, -(knots - 1) * np.log(free)
+    inverse = np.diag(diagonal) - ALIKE * (np.eye(knots, k=1) + np.eye(knots, k=-1))
+    return inverse / (1 - ALIKE**2)
 
 
 def origin_from_tip(
@@ -173,22 +149,21 @@ def origin_from_tip(
     excess : variance of the stations' errors over the one that the noise explains
     """
     design = _design(time, params.hidden_length_knot_s)
-    terms, varies = design.shape[1], 1e-3 * params.hidden_length_varies_mm
-    prior = np.full(terms, varies**-2)
-    prior[0] = (1e-3 * params.hidden_length_sd_mm) ** -2
-    evidence = _Evidence(design, np.diag(prior), *np.zeros((2, terms)), params)
+    terms, session = design.shape[1], 1e-3 * params.hidden_length_sd_mm
+    evidence = _Evidence(design, np.zeros((terms, terms)), *np.zeros((2, terms)), params)
+    evidence.matrix[0, 0] = session**-2
+    varies = 1e-3 * params.hidden_length_varies_mm
+    evidence.matrix[1:, 1:] = _steadiness(terms - 1) / varies**2
     end, sd = _trace_ends(places, params)
     good = np.isfinite(end)
     if good.any():
         tip, common = _tip_place(places.rows(good), excess, whisker, params)
         away, part = tip - end[good], design[good]
-        hidden, common = _believed(abs(np.mean(away)), prior[0] ** -0.5, common)
+        hidden, common = _believed(abs(np.mean(away)), session, common)
         evidence.matrix[0, 0] = hidden**-2
         weight, variance = np.ones(good.sum()), TIP_FRAMES * sd**2
         for _ in range(4):
             bend = weight / variance
-            found = evidence.beside(part, bend, bend * away, common)
-            evidence = evidence.as_steady_as(found, varies)
             found = evidence.beside(part, bend, bend * away, common)
             left = away - part @ found.weights()
             left -= np.average(left, weights=weight)
@@ -214,8 +189,7 @@ def origin_from_bending(
     decides. `places.origin` is where the search starts; `friction` as in `fit_loaded`.
     """
     friction = np.broadcast_to(np.asarray(friction, float), len(places))
-    near = _near_rows(places, evidence.params)
-    rows = _loaded_rows(near, places, whisker, curvature_at, prior, friction)
+    rows = _bent_rows(places, evidence.params)
     if len(rows) < 5:
         return evidence.solve()
     part = places.rows(rows).loaded()
@@ -370,26 +344,10 @@ def _trace_ends(places, params):
     return np.where(good, end, np.nan), max(scatter, 10e-6)
 
 
-def _touching(places, params):
-    """Rows in which the pole may touch the whisker, bool (rows,)."""
+def _bent_rows(places, params):
+    """Rows that may touch, rather of frames that no codec made up, spread over the video."""
     with np.errstate(invalid="ignore"):
-        return (places.side != 0) & (places.distance < 1e-3 * params.loaded_distance_mm)
-
-
-def _near_rows(places, params):
-    """Rows that may touch, rather of frames that no codec made up."""
-    near = np.flatnonzero(_touching(places, params) & ~places.extended)
-    return places.rather_shown(near, ENOUGH_ROWS)
-
-
-def _loaded_rows(near, places, whisker, curvature_at, prior, friction):
-    """Rows of `near` that are surely and strongly bent by the pole, spread over the video."""
-    if len(near) == 0:
-        return near
-    near = near[:: max(1, len(near) // (2 * MOST_ROWS))]
-    rest = replace(prior, drift=prior.drift[near], cov=prior.cov[near])
-    fit = rod_fit.fit_loaded(places.rows(near), whisker, curvature_at, rest, friction[near])
-    with np.errstate(invalid="ignore"):
-        push = np.nan_to_num(fit["force"] / np.sqrt(fit["force_var"]))
-    near = near[push > LEAST_PUSH_SD]
+        near = (places.side != 0) & (places.distance < 1e-3 * params.loaded_distance_mm)
+    near = np.flatnonzero(near & ~places.extended)
+    near = places.rather_shown(near, ENOUGH_ROWS)
     return near[evenly(len(near), MOST_ROWS)]
