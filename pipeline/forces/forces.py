@@ -30,7 +30,8 @@ FARTHEST_TURN_RAD = 0.2  # of a fitted rod's base from the traced part's continu
 STEADY_RAD = 5e-3  # jitter of base angles up to here is a clean picture's, or a touch's
 LESS_STEADY = 1.2  # than the traced base angles: rods are preferred as long as they are not
 FEWEST_FREE = 20  # free frames from which the scatter of the force is estimated
-ERROR = "base_angle_se_deg"
+ERROR, CHANGE_ERROR = "base_angle_se_deg", "curvature_change_per_m_se"
+STEP_M = 1e-5  # along the whisker, for a slope
 _EVIDENCE_OF_FIT = {
     "gap": "gap_m",
     "gap_force_cov": "gap_force_cov",
@@ -93,7 +94,7 @@ def measure_forces(
     evidence = _evidence(places, fit, origin, model is not None, free, params)
     # its hidden part is bent by the load as the rod is
     angle = np.where(np.isfinite(fit["angle"]), fit["angle"], angle)
-    (basis,) = rod_fit.rest_basis(whisker, [curvature_at])
+    before, basis, after = rod_fit.rest_basis(whisker, curvature_at + STEP_M * np.arange(-1, 2))
     shape = _turned_to(model, basis, angle, time)
     measured = _rest_columns(*_curvature(kinematics, fit, origin), shape, angle, time, free)
     measured = measured.join(_base(kinematics, fit, origin.se))
@@ -102,6 +103,9 @@ def measure_forces(
     stiffer = 4 / (whisker.cone_length - curvature_at)  # E I goes with (cone length − s)⁴
     evidence["point_origin_force_se_N"] = np.abs(stiffer * origin.se * point)
     evidence["point_force_se_N"] = np.hypot(error, evidence["point_origin_force_se_N"])
+    # a rest shape moves along with the origin, what a load adds to it does not
+    added = fit["curvature_slope"] - fit.rest @ (after - before) / (2 * STEP_M)
+    measured[CHANGE_ERROR] = np.hypot(measured[CHANGE_ERROR], np.nan_to_num(added) * origin.se)
     return evidence, measured
 
 

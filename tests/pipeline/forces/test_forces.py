@@ -436,19 +436,25 @@ def test_a_scale_that_is_wrong_moves_places_about_the_tip_where_that_is_seen(tra
     assert usual.evidence["origin_per_tip"].median() > 0.7
 
 
+def measured_with(traced, monkeypatch, hidden, se):
+    """Frames and evidence where the hidden length [m] is taken as it is, ± `se`."""
+    n = len(traced.places)
+    for name in ("origin_from_tip", "origin_from_bending"):
+        origin = forces.arc_length_offset.Origin(np.zeros(n), np.full(n, se))
+        found = (origin, None) if name == "origin_from_tip" else origin
+        monkeypatch.setattr(forces.arc_length_offset, name, lambda *_, found=found: found)
+    places = resampled.measure_stations(
+        traced.lines, RECORDING, list(traced.whiskers.values()), [hidden], traced.pole
+    )
+    return estimate_forces(traced.frames, places, traced.whiskers, AT)
+
+
 def test_point_force_and_its_error_follow_the_hidden_length(traced, monkeypatch):
     """0.1 mm of hidden length moves the stiffness at 5.5 mm, and so the force, by 3 %."""
-    shift, n = 0.1e-3, len(traced.places)
+    shift = 0.1e-3
 
     def point(hidden, se):
-        for name in ("origin_from_tip", "origin_from_bending"):
-            origin = forces.arc_length_offset.Origin(np.zeros(n), np.full(n, se))
-            found = (origin, None) if name == "origin_from_tip" else origin
-            monkeypatch.setattr(forces.arc_length_offset, name, lambda *_, found=found: found)
-        places = resampled.measure_stations(
-            traced.lines, RECORDING, list(traced.whiskers.values()), [hidden], traced.pole
-        )
-        _, evidence = estimate_forces(traced.frames, places, traced.whiskers, AT)
+        _, evidence = measured_with(traced, monkeypatch, hidden, se)
         return evidence["point_force_N"].to_numpy(), evidence["point_force_se_N"].to_numpy()
 
     force, sure = point(traced_motion.HIDDEN, 0.0)
@@ -457,6 +463,17 @@ def test_point_force_and_its_error_follow_the_hidden_length(traced, monkeypatch)
     pushed = (traced.true_frames["contact_force_uN"] > 5).to_numpy() & (force > 0)
     by_length = np.median((np.sqrt(unsure**2 - sure**2) / force)[pushed])
     assert by_length == pytest.approx(np.median(np.abs(moved / force - 1)[pushed]), rel=0.25)
+
+
+@pytest.mark.parametrize("shift", [-0.15e-3, 0.15e-3])
+def test_the_error_of_the_curvature_change_follows_the_hidden_length(traced, monkeypatch, shift):
+    """Where the load bends the whisker, its curvature changes along it; truth lies within."""
+    frames, _ = measured_with(traced, monkeypatch, traced_motion.HIDDEN + shift, abs(shift))
+    truth = traced.true_frames
+    pushed = (truth["contact_force_uN"] > 5).to_numpy()
+    error = frames["curvature_change_per_m"] - truth["curvature_change_per_m"]
+    ratio = (error / frames["curvature_change_per_m_se"]).to_numpy()[pushed]
+    assert 0.6 < np.sqrt(np.mean(ratio**2)) < 1.3
 
 
 def test_a_long_recording_is_measured_part_by_part(traced, touch, monkeypatch):
