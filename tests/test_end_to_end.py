@@ -181,21 +181,22 @@ def test_bad_inputs_get_their_message_and_the_others_are_processed(
     videos = videos.set_index("video")
     assert dict(videos["status"]) == {
         "bare": "warning", "broken": "failed", "empty": "failed", "good": "done",
-        "one": "warning", "sizes": "failed", "text": "failed",
+        "one": "warning", "sizes": "warning", "text": "failed",
     }  # fmt: skip
     for name, words in {
         "bare": "no whisker", "empty": "empty folder", "one": "one frame",
-        "sizes": "640×400", "text": "video", "broken": "",
+        "sizes": "640×400 px, the frames before it are 640×480", "text": "video", "broken": "",
     }.items():  # fmt: skip
         assert words in videos.loc[name, "message"]
         assert len(videos.loc[name, "message"]) > 15
         assert "Traceback" not in videos.loc[name, "message"]
         assert "fault of the program" not in videos.loc[name, "message"]
-    for name in ("bare", "one", "good"):
+    assert videos.loc["sizes", "frames"] == 6  # those before the size changes
+    for name in ("bare", "one", "good", "sizes"):
         assert (tmp_path / "out" / name / "frames.parquet").is_file()
-    last = capsys.readouterr().out.strip().split("\n")[-4:]
+    last = capsys.readouterr().out.strip().split("\n")[-3:]
     assert [line.split()[:2] for line in last] == [
-        ["failed:", name] for name in ("broken", "empty", "sizes", "text")
+        ["failed:", name] for name in ("broken", "empty", "text")
     ]
 
 
