@@ -41,8 +41,9 @@ def touch_course(force, error, free, interpolated, start, stop):
         return frame[touching], *np.full((2, last - first), np.nan)
     size = max(np.nanmax(force[first:last]), np.nanmin(error[first:last]))
     noise = _noise(frame[seen], error[frame[seen]], interpolated[frame[seen]])
-    fits = [_fit(prior, force[frame], noise, seen) for prior in _priors(frame, start, stop, size)]
-    _, course, error = max(fits, key=lambda fit: fit[0])
+    known = force[frame[seen]], noise, seen
+    prior = max(_priors(frame, start, stop, size), key=lambda prior: _likelihood(prior, *known))
+    course, error = _posterior(prior, *known)
     return frame[touching], course[touching], error[touching]
 
 
@@ -73,10 +74,14 @@ def _priors(frame, start, stop, size):
         yield size**2 * np.outer(touching, touching) * (sizes + smooth)
 
 
-def _fit(prior, force, noise, seen):
-    """Log-likelihood, mean and standard error of a course given the forces that are seen."""
+def _likelihood(prior, force, noise, seen):
+    """Log-likelihood of the forces that are seen."""
     factor = cho_factor(prior[np.ix_(seen, seen)] + noise, lower=True)
-    solved = cho_solve(factor, force[seen])
-    likelihood = -0.5 * force[seen] @ solved - np.log(np.diag(factor[0])).sum()
+    return -0.5 * force @ cho_solve(factor, force) - np.log(np.diag(factor[0])).sum()
+
+
+def _posterior(prior, force, noise, seen):
+    """Course and its standard error given the forces that are seen."""
+    factor = cho_factor(prior[np.ix_(seen, seen)] + noise, lower=True)
     left = np.diag(prior) - (prior[:, seen] * cho_solve(factor, prior[seen]).T).sum(axis=1)
-    return likelihood, prior[:, seen] @ solved, np.sqrt(np.maximum(left, 0.0))
+    return prior[:, seen] @ cho_solve(factor, force), np.sqrt(np.maximum(left, 0.0))

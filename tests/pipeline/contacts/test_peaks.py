@@ -4,7 +4,15 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from pipeline.contacts.peaks import AROUND, MOST, _fit, _noise, _priors, touch_course
+from pipeline.contacts.peaks import (
+    AROUND,
+    MOST,
+    _likelihood,
+    _noise,
+    _posterior,
+    _priors,
+    touch_course,
+)
 from whiskermodel.force_profiles import half_gaussian
 
 NOISE = 0.05  # of the peak
@@ -133,12 +141,12 @@ def test_a_fit_is_a_conditional_gaussian():
     for prior in _priors(frame, 5, 20, 1.0):
         known = prior[np.ix_(seen, seen)] + noise
         gain = prior[:, seen] @ np.linalg.inv(known)
-        likelihood, mean, error = _fit(prior, force, noise, seen)
+        mean, error = _posterior(prior, force[seen], noise, seen)
         np.testing.assert_allclose(mean, gain @ force[seen], atol=RESTS)
         left = np.diag(prior - gain @ prior[seen])
         np.testing.assert_allclose(error**2, left, atol=RESTS)
         assert (mean[:5], mean[20:]) == (pytest.approx(0), pytest.approx(0))
-        likelihoods.append(likelihood)
+        likelihoods.append(_likelihood(prior, force[seen], noise, seen))
         naive.append(multivariate_normal(cov=known).logpdf(force[seen]))
     np.testing.assert_allclose(np.diff(likelihoods), np.diff(naive), rtol=1e-6)
 
