@@ -113,7 +113,7 @@ def _lines_at(search: Search, image, model, gain, options, workspace) -> list[Li
     for k in np.flatnonzero(senses):
         rooted = curves.curve(k)[:: senses[k]]
         line = settling.settle(picture, rooted, fit, workspace)
-        if thickens(line, own.thickens) and ends_at_face(line, model, options):
+        if ends_at_face(line, model, options) and is_turned(line, model.outward, own.thickens):
             line = settling.settle(picture, rooted[::-1], fit, workspace)
         if contrast_length(line) >= search.least and _is_whisker(line, model, options):
             lines.append(line)
@@ -375,11 +375,18 @@ def _is_whisker(line: Line, model, options) -> bool:
     return long_and_clear and line_fit.is_clear(line.x, line.y, line.n, model.clear)
 
 
-def thickens(line: Line, factor=DEFAULTS.detection.thickens) -> bool:
-    """Whether a line takes more light in its far half than in its near one: it is turned round."""
+def is_turned(line: Line, outward, factor=DEFAULTS.detection.thickens) -> bool:
+    """Whether a line between face and body is turned round: its near half is the thinner one.
+
+    What stands before a body hardly tapers. The more a line runs straight off the face's side, in
+    direction `outward`, the more its halves must differ, by `factor` at most; and the less, where
+    it runs towards that side.
+    """
     thickness = line.thickness[: line.n]
     near, far = thickness[: line.n // 2], thickness[line.n // 2 :]
-    return line.n > 0 and _median_of_known(far) > factor * _median_of_known(near)
+    x, y = line.x[line.n - 1] - line.x[0], line.y[line.n - 1] - line.y[0]
+    along = (x * outward[0] + y * outward[1]) / max(np.hypot(x, y), 1e-9)
+    return line.n > 0 and _median_of_known(far) > factor**along * _median_of_known(near)
 
 
 @njit(cache=True)

@@ -10,7 +10,7 @@ from numba import njit
 
 from pipeline.detection import line_profile
 from pipeline.detection.line import Line
-from pipeline.detection.static_scene import StaticScene
+from pipeline.detection.static_scene import OUTWARD, StaticScene
 from pipeline.session.parameters import DEFAULTS
 
 TRANSLUCENT = 0.25  # of the light that passes beside it: a whisker is seen through such a thing
@@ -39,6 +39,7 @@ class ImageModel:
 
     `clear`, bool, is farther than `edge_px` from face and obstacles, and off moving fur;
     `gain_points` are those of line_profile.frame_gain, on pixels that are free of all things;
+    `outward` is the direction off the face's side, (x, y);
     `held` are the lines that are in the background for a while (`lines_in_background`).
     """
 
@@ -49,6 +50,7 @@ class ImageModel:
     usable: np.ndarray
     clear: np.ndarray
     gain_points: tuple[np.ndarray, np.ndarray]
+    outward: tuple[int, int]
 
     def __post_init__(self):
         self.held = HeldLines(self.background)
@@ -79,7 +81,10 @@ class ImageModel:
         if scene.moving_fur is not None:
             clear &= ~scene.moving_fur
         points = line_profile.gain_points(background, free)
-        return cls(background, weight, outside, noise.astype(np.float32), usable, clear, points)
+        return cls(
+            background, weight, outside, noise.astype(np.float32), usable, clear, points,
+            OUTWARD[scene.face_side],
+        )  # fmt: skip
 
     def picture(self, image, gain) -> Picture:
         """Return a frame of this scene for compiled code."""

@@ -4,6 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+OUTWARD = {"left": (1, 0), "right": (-1, 0), "top": (0, 1), "bottom": (0, -1)}  # x, y off a face
+
 
 @dataclass(frozen=True)
 class PoleTrack:

@@ -46,6 +46,7 @@ LEAST_SWING = 0.1  # rad: in less, the bend's dependence on the angle is unknown
 LEAST_SD = 1e-4  # rad, of what is usual
 BENDS_PER_M = 40.0  # SD of what touch and roll may bend a mouse's or rat's whisker by, and …
 BENDS_PER_M2 = 5e3  # … how that may change along it: to nothing at a contact 8 mm away
+GROWN_PER_M, GROWN_PER_M2 = 100.0, 2e4  # SD of the same as whiskers grow, at scales wrong by two
 
 
 @dataclass(frozen=True)
@@ -144,8 +145,9 @@ def _measure_part(places, pixels_per_m, params) -> Base:
 
 def _regularised(curves: BaseCurves, frame, farthest) -> Base:
     """Curves drawn towards the usual: first their bend, then with the follicle's place."""
-    q = np.column_stack([np.zeros(len(frame)), curves.shape])
-    stiff = 1 / (np.array([BENDS_PER_M, BENDS_PER_M2]) * curves.half ** np.array([1, 2])) ** 2
+    scale = curves.half ** np.array([1, 2])
+    stiff = 1 / (np.array([BENDS_PER_M, BENDS_PER_M2]) * scale) ** 2
+    q = _as_grown(curves, (np.array([GROWN_PER_M, GROWN_PER_M2]) * scale) ** 2)
     bend = np.broadcast_to(np.eye(4)[1:], (len(q), 3, 4))
     first, _ = _drawn(q, curves.cov, bend, np.zeros((len(q), 3)), stiff, frame)
     z, aside = _beside_anchor(curves, first, farthest)
@@ -159,6 +161,20 @@ def _regularised(curves: BaseCurves, frame, farthest) -> Base:
     at_base, in_view = (np.column_stack([zero, one, *t]) for t in ((z, z**2 / 2), (zero, one / 6)))
     visible = (in_view * last).sum(axis=1)
     return Base(angle, _error(at_base, cov), visible, _error(in_view, cov), x, y)
+
+
+def _as_grown(curves, variance):
+    """Parameters (rows, 4) less what is likely to be wrong with all of them alike.
+
+    As where the line begins on another whisker, so that the base seems to bend as no whisker
+    grows. All rows together are taken to be as uncertain as one of them.
+
+    variance : (2,) of the bend and its change, from whisker to whisker
+    """
+    q = np.column_stack([np.zeros(len(curves.shape)), curves.shape])
+    error = np.linalg.inv(np.linalg.inv(curves.cov).mean(axis=0))
+    gain = error[:, 2:] @ np.linalg.inv(error[2:, 2:] + np.diag(variance))
+    return q - gain @ np.median(q[:, 2:], axis=0)
 
 
 def _beside_anchor(curves, q, farthest):

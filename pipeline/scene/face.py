@@ -7,6 +7,7 @@ that of the fur as a whole, averaged over `fur_average_mm`, not of single hairs.
 import cv2
 import numpy as np
 
+from pipeline.detection.static_scene import OUTWARD
 from pipeline.scene.masks import opened_beyond_border, regions
 from pipeline.session.parameters import DEFAULTS
 
@@ -62,7 +63,6 @@ def _without_holes(mask, side):
 
 
 OPPOSITE = {"left": "right", "right": "left", "top": "bottom", "bottom": "top"}
-INWARD = {"left": (1, 0), "right": (-1, 0), "top": (0, 1), "bottom": (0, -1)}  # x, y
 FEWEST_NODES = 45  # of a line whose taper can be measured
 LEAST_WIDTH = 0.2  # of the picture's side: a face is wider than apparatus
 THICKER = 1.2  # the far third's thickness over the near one's: of a whisker it is 0.2 to 0.6
@@ -103,7 +103,7 @@ def _thickens(lines) -> str | None:
     if not np.isfinite(ratios).any() or np.nanmedian(ratios) < THICKER:
         return None
     x, y = np.sum([line.points[-1] - line.points[0] for line in lines], axis=0)
-    return min(SIDES, key=lambda side: np.dot(INWARD[side], (x, y)))
+    return min(SIDES, key=lambda side: np.dot(OUTWARD[side], (x, y)))
 
 
 def far_over_near(thickness):

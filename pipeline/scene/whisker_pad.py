@@ -14,8 +14,8 @@ from scipy.spatial import cKDTree
 from pipeline.detection import ridges
 from pipeline.detection.curves import length
 from pipeline.detection.image_model import ImageModel, absorbance_image
-from pipeline.detection.static_scene import StaticScene
-from pipeline.scene.face import INWARD, SIDES
+from pipeline.detection.static_scene import OUTWARD, StaticScene
+from pipeline.scene.face import SIDES
 
 LOOKED_AT = 10  # frames
 FEWEST_FRAMES = 3  # fewer do not show what moves
@@ -226,7 +226,7 @@ def _side(mask, edges, labels, scores, reach_px) -> str:
     for edge, label, (place, score) in zip(edges, labels, scores, strict=True):
         x, y = edge[place[(score > 0) & label[place]]].T
         total += (outward[:, y, x] / np.maximum(np.hypot(*outward[:, y, x]), 1e-9)).sum(axis=1)
-    return max(SIDES, key=lambda side: float(np.dot(INWARD[side], total)))
+    return max(SIDES, key=lambda side: float(np.dot(OUTWARD[side], total)))
 
 
 def _nearest_label(edges, labels, shape) -> np.ndarray:

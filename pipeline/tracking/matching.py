@@ -13,9 +13,9 @@ from scipy.optimize import linear_sum_assignment
 
 from pipeline.detection.detect import TracingOptions
 from pipeline.detection.line import Line
+from pipeline.detection.static_scene import OUTWARD
 from pipeline.numerics.angles import wrapped
 
-OUTWARD = {"left": (1, 0), "right": (-1, 0), "top": (0, 1), "bottom": (0, -1)}
 THICKNESS_SD, LENGTH_SD = 0.35, 0.35  # of their logarithms
 FARTHEST = 3.0  # standard deviations in one feature count as no more
 MISFIT = 10.0  # a line less like a whisker than this (sum of squares) is another one

@@ -72,7 +72,10 @@ class DetectionParams:
         0.05, "largest radius of a whisker: some are broader than others", "chosen for mice"
     )
     thickens: quantity(1, 10, "ratio") = parameter(
-        1.1, "a line whose far half takes more light by this factor is turned round", "chosen"
+        1.3,
+        "a line from face to body whose far half takes more light by this factor is turned "
+        "round, also if it runs straight off the face's side",
+        "chosen",
     )
     edge_px: quantity(0, 50, "px") = parameter(
         6.0, "a line this near to the edge of face or obstacles over half of its length is that "

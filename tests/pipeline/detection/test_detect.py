@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.detection.detect import detect_crowded, is_ghost, shared_fraction
+from pipeline.detection.detect import detect_crowded, is_ghost, is_turned, shared_fraction
 from pipeline.detection.image_model import ImageModel
 from pipeline.detection.line import Line, Workspace
 from pipeline.scene.estimate import scene_from_frames
@@ -86,3 +86,25 @@ def nearest_whisker(points, whiskers):
     apart = [np.hypot(*(w[:, None] - points).transpose(2, 0, 1)).min(axis=0) for w in whiskers]
     share = [np.mean(each < ON_WHISKER_PX) for each in apart]
     return int(np.argmax(share)) if max(share) > 0.95 else -1
+
+
+@pytest.mark.parametrize(
+    ("direction", "near", "far", "turned"),
+    [
+        ((0, 1), 1.0, 0.5, False),
+        ((0, -1), 0.5, 1.0, True),
+        ((0, 1), 1.0, 1.0, False),  # cut short by the body, hardly tapered: off the face's side
+        ((0, -1), 1.0, 1.0, True),
+        ((1, 0), 1.0, 1.05, True),
+        ((0, 1), 1.0, 1.5, True),  # from the body to the face
+        ((0.3, -1), 1.0, 0.5, False),  # grows towards the face's side, as a rat's do
+    ],
+)
+def test_a_line_between_face_and_body_begins_at_its_thick_end_or_at_the_face(
+    direction, near, far, turned
+):
+    line = Line.empty(100)
+    line.n, steps = 80, np.arange(80)
+    line.x[:80], line.y[:80] = 50 + steps * direction[0], 50 + steps * direction[1]
+    line.thickness[:40], line.thickness[40:80] = near, far
+    assert is_turned(line, (0, 1)) == turned

@@ -1,5 +1,7 @@
 """Base angles of whiskers known in closed form: in noise, under fur, at a wrong scale, in time."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter1d
@@ -29,13 +31,13 @@ def swing(frames=FRAMES, about=-40.0, by=25.0):
     return np.radians(about + by * np.sin(2 * np.pi * np.arange(frames) / 90))
 
 
-def whisker_lines(rng, angle, sd=0.0, fur=0.0, bent=BENT, frame=None):
+def whisker_lines(rng, angle, sd=0.0, fur=0.0, bent=BENT, frame=None, n=VISIBLE_PX):
     """Visible parts of a whisker of constant curvature `bent` [1/m], one or (frames,).
 
     It turns about its follicle at (60, 200) px. Fur draws the first part aside by `fur` px at
     the first point, differently every few frames.
     """
-    frames, n = len(angle), VISIBLE_PX
+    frames = len(angle)
     s = HIDDEN_MM * PX_PER_MM + np.arange(n)
     kappa = np.broadcast_to(bent, frames)[:, None] / (1e3 * PX_PER_MM)
     turned = kappa * s / 2
@@ -108,6 +110,25 @@ def test_a_resting_whisker_changes_by_no_more_than_its_standard_error():
     assert np.mean(np.abs(change) < 1.96 * np.hypot(error[1:], error[:-1])) > 0.95
     assert np.degrees(error.max()) < 5.0
     assert np.degrees(jitter(base.angle, np.arange(FRAMES))) < steady_angle
+
+
+def test_a_base_that_bends_as_no_whisker_grows_is_not_believed(monkeypatch):
+    def error(seed, n=60, start_px=15.0):
+        """Median error [degrees] of a short piece whose start lies aside alike in all frames."""
+        rng, angle = np.random.default_rng(seed), swing(120)
+        bent = rng.normal(0, 30)
+        lines = whisker_lines(rng, angle, 1.0, bent=bent, n=n)
+        aside = rng.normal(0, 1.5) * np.exp(-((np.arange(n) / start_px) ** 2))
+        lines = replace(lines, offset_px=lines.offset_px + np.tile(aside, len(angle)))
+        return np.median(errors(*measured(lines), angle, bent)[0])
+
+    def rms():
+        return np.sqrt(np.mean([error(seed) ** 2 for seed in range(12)]))
+
+    believed_less = rms()
+    for name in ("GROWN_PER_M", "GROWN_PER_M2"):
+        monkeypatch.setattr(base_angle, name, 1e9)
+    assert believed_less < min(12.0, 0.6 * rms())
 
 
 def test_a_touch_stays_sudden():
