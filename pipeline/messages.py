@@ -28,18 +28,20 @@ def messages(settings, touch, video, epochs, followed, odd=None):
 
     `odd` is a `SeenLength` that contradicts the settings, as of `tracking.odd_length`, or None.
     """
-    cast = followed.cast
+    whisker_set = followed.whisker_set
     scenes = [epoch.scene for epoch in epochs if epoch.scene]
     bright = isinstance(video, Negative)
     if odd is not None:
         doubt = _of_another_length(settings, odd)
     else:
-        doubt = face_message(scenes, (*cast.roster, *cast.refused), settings.recording.face)
+        doubt = face_message(
+            scenes, (*whisker_set.templates, *whisker_set.refused), settings.recording.face
+        )
     if doubt:
         yield doubt
     yield from _too_few_frames(video, followed.n_frames)
     yield from video.problems()
-    if not cast.roster and not settings.analysis.follow:
+    if not whisker_set.templates and not settings.analysis.follow:
         yield _no_whiskers(settings, scenes, bright) if not doubt else "no whiskers found"
         return
     yield from _of_whiskers(settings, touch, followed, _no_pole(settings, scenes, bright))
@@ -47,7 +49,7 @@ def messages(settings, touch, video, epochs, followed, odd=None):
 
 def line_messages(settings, touch, followed):
     """Sentences on what is missing or doubtful in the lines that another program traced."""
-    if followed.cast.roster:
+    if followed.whisker_set.templates:
         yield from _of_whiskers(settings, touch, followed, NO_POLE_IN_LINES)
     else:
         yield "no line is a whisker's: all are too short, or have no name"
@@ -56,12 +58,12 @@ def line_messages(settings, touch, followed):
 def _of_whiskers(settings, touch, followed, no_pole):
     """What is missing or doubtful of the whiskers themselves, the pole and the forces."""
     yield from _unknown_names(touch.frames)
-    yield from _seldom_tracked(touch.frames, followed.cast, settings.analysis.follow)
+    yield from _seldom_tracked(touch.frames, followed.whisker_set, settings.analysis.follow)
     yield from _of_another_size(settings, followed.pole)
     yield from _passes_over(settings, touch, followed.pole)
     if followed.pole is None:
         yield no_pole
-    yield from _without_forces(settings, followed.cast)
+    yield from _without_forces(settings, followed.whisker_set)
 
 
 def _too_few_frames(video, count):
@@ -131,13 +133,13 @@ def _unknown_names(frames):
     )
 
 
-def _seldom_tracked(frames, cast, follow=None):
+def _seldom_tracked(frames, whisker_set, follow=None):
     """Whiskers that are lost, in many frames or in all."""
-    lost = [name for name in follow or cast.names if name not in cast.found]
+    lost = [name for name in follow or whisker_set.names if name not in whisker_set.found]
     if lost:
         yield f"not found in any frame: {', '.join(lost)}"
     share = frames.groupby("whisker", sort=False)["tracked"].mean()
-    seldom = share[share.index.isin(cast.found) & (share < SELDOM_TRACKED)]
+    seldom = share[share.index.isin(whisker_set.found) & (share < SELDOM_TRACKED)]
     if len(seldom):
         least = seldom.nsmallest(MOST_NAMED)
         named = ", ".join(f"{name} in {100 * part:.0f} %" for name, part in least.items())
@@ -187,27 +189,27 @@ def _passes_over(settings, touch, pole):
             )
 
 
-def _without_forces(settings, cast):
+def _without_forces(settings, whisker_set):
     """Why force columns are empty."""
     if not settings.whisker:
         yield "no forces: there is no [[whisker]] table with dimensions in session.toml"
     lacking = defaultdict(list)
     for whisker in settings.whisker:
-        if whisker.missing_dimensions and whisker.name in cast.found:
+        if whisker.missing_dimensions and whisker.name in whisker_set.found:
             lacking[whisker.missing_dimensions].append(whisker.name)
     for keys, names in lacking.items():
         yield f"no forces for {', '.join(names)}: no {', '.join(keys)} in session.toml"
 
 
-def face_message(scenes, roster, side: str) -> str | None:
+def face_message(scenes, templates, side: str) -> str | None:
     """Message about the face's given `side` where video and whiskers contradict it, or None.
 
     Parameters
     ----------
     scenes : the video's `StaticScene`s
-    roster : `Slot`s of its whiskers, and of what was refused as such
+    templates : `WhiskerTemplate`s of its whiskers, and of what was refused as such
     """
-    other = thickening_towards(roster) or next(
+    other = thickening_towards(templates) or next(
         (scene.likelier_side for scene in scenes if scene.likelier_side), None
     )
     if other in (None, side):

@@ -30,16 +30,16 @@ from pipeline.tables.centrelines import lines_of_table
 from pipeline.tracking import (
     CHUNK_FRAMES,
     behind_whiskers,
-    cast_of,
-    find_cast,
+    find_whisker_set,
     odd_length,
     open_ground,
     options_for,
-    roster_frames,
     sample_lines,
-    slots_of,
+    template_frames,
+    templates_of,
     tracing_options,
     track,
+    whisker_set_of,
 )  # fmt: skip
 from pipeline.video import Negative, open_video
 
@@ -79,14 +79,16 @@ def analyse(
         with clock("scene"):
             say(Step("scene"))
             video, seen, epochs = look_at(video, settings)
-        with clock("roster"):
+        with clock("whiskers"):
             say(Step("whiskers"))
-            sample = seen.sample(roster_frames(settings))
-            cast, epochs = find_whiskers(sample, epochs, settings)
-            odd = odd_length(*sample, epochs, cast.roster, settings)
+            sample = seen.sample(template_frames(settings))
+            whisker_set, epochs = find_whiskers(sample, epochs, settings)
+            odd = odd_length(*sample, epochs, whisker_set.templates, settings)
             scale = working_scale(video.shape, settings.recording.pixels_per_mm)
-            epochs = behind_whiskers(epochs, cast.roster, scale, settings.advanced.tracking)
-        kinematics = follow(video, epochs, cast, settings, clock, keep, say)
+            epochs = behind_whiskers(
+                epochs, whisker_set.templates, scale, settings.advanced.tracking
+            )
+        kinematics = follow(video, epochs, whisker_set, settings, clock, keep, say)
     with clock("forces"):
         say(Step("forces"))
         frames, evidence = forces_of(kinematics, settings)
@@ -168,9 +170,9 @@ def find_whiskers(sample, epochs, settings):
     sample : numbers of some frames and the frames, as of `Survey.sample`; a pole that a person has
         given a place is kept in any case
     """
-    cast = find_cast(*sample, epochs, settings)
-    is_touchable = cast.roster or settings.pole.position_px is not None
-    return cast, epochs if is_touchable else without_poles(epochs)
+    whisker_set = find_whisker_set(*sample, epochs, settings)
+    is_touchable = whisker_set.templates or settings.pole.position_px is not None
+    return whisker_set, epochs if is_touchable else without_poles(epochs)
 
 
 def _is_bright(settings, seen) -> bool:
@@ -182,7 +184,9 @@ def _is_bright(settings, seen) -> bool:
     )
 
 
-def follow(video, epochs, cast, settings, clock, keep=None, say=lambda step: None) -> Kinematics:
+def follow(
+    video, epochs, whisker_set, settings, clock, keep=None, say=lambda step: None
+) -> Kinematics:
     """Follow the whiskers through all frames, and measure angle, curvature, distance to the pole.
 
     Frames, lines and measurements pass through in chunks, so that memory does not grow with the
@@ -194,11 +198,20 @@ def follow(video, epochs, cast, settings, clock, keep=None, say=lambda step: Non
     frames = Counted(decoded, video.n_frames, lambda *done: say(Step("following", *done)))
     options = tracing_options(settings, video.shape)
     lines = trace(
-        frames, epochs, list(cast.roster), options, CHUNK_FRAMES, cast.given, params, cast.beside
+        frames,
+        epochs,
+        list(whisker_set.templates),
+        options,
+        CHUNK_FRAMES,
+        whisker_set.given,
+        params,
+        whisker_set.beside,
     )
     at = settings.analysis.curvature_at
     names = settings.analysis.follow
-    meter = KinematicsMeter(cast.only(names), recording, at, pole_track(epochs), params.kinematics)
+    meter = KinematicsMeter(
+        whisker_set.only(names), recording, at, pole_track(epochs), params.kinematics
+    )
     for chunk in clock.each("centrelines", lines):
         chunk = chunk.of(names)
         with clock("kinematics"):
@@ -216,12 +229,12 @@ def measure_lines(lines, settings, pole, n_frames, keep, clock) -> Kinematics:
     _check_names(lines.names, settings)
     with clock("centrelines"):
         lines = given_lines.as_centrelines(lines)
-        cast = cast_of(slots_of(lines), settings)
-    hidden = tuple(length * recording.pixels_per_m for length in cast.hidden_lengths)
+        whisker_set = whisker_set_of(templates_of(lines), settings)
+    hidden = tuple(length * recording.pixels_per_m for length in whisker_set.hidden_lengths)
     options = replace(options_for(recording), hidden_px=hidden)
     chunks = given_lines.chunks_of(lines, CHUNK_FRAMES)
     chunks = locate_follicles(chunks, given_lines.sample_of(lines), options, params)
-    meter = KinematicsMeter(cast, recording, settings.analysis.curvature_at, pole, params)
+    meter = KinematicsMeter(whisker_set, recording, settings.analysis.curvature_at, pole, params)
     for chunk in clock.each("centrelines", chunks):
         with clock("kinematics"):
             meter.add(chunk)
@@ -254,7 +267,7 @@ def _given_pole(settings) -> PoleTrack | None:
 def trace(
     frames,
     scene,
-    roster,
+    templates,
     options,
     chunk_frames=CHUNK_FRAMES,
     given=None,
@@ -265,21 +278,21 @@ def trace(
 
     Parameters
     ----------
-    frames, scene, roster, options, chunk_frames : as for `pipeline.tracking.track`
+    frames, scene, templates, options, chunk_frames : as for `pipeline.tracking.track`
     given : names of all whiskers in session.toml, to which the lengths in `options` belong; ():
         none are given, and where they stand close together, all that are seen over the whole
-        video are named: the roster is a first guess; None: those of the roster
+        video are named: the templates are a first guess; None: those of the templates
     params : `Parameters` of all rooms
-    beside : `Slot`s of a side of the face without names
+    beside : `WhiskerTemplate`s of a side of the face without names
     """
-    tracks = track(frames, scene, roster, options, chunk_frames)
+    tracks = track(frames, scene, templates, options, chunk_frames)
     face = face_side_of(scene)
     lengths = dict(zip(given or (), options.visible_px, strict=False))
     lines = assign_identities(
-        tracks, roster, options, face, given == (), params.identity, beside, lengths,
+        tracks, templates, options, face, given == (), params.identity, beside, lengths,
         open_ground(scene) if lengths else None,
     )  # fmt: skip
-    return locate_follicles(lines, sample_lines(roster, options), options, params.kinematics)
+    return locate_follicles(lines, sample_lines(templates, options), options, params.kinematics)
 
 
 def forces_of(kinematics: Kinematics, settings):
@@ -288,7 +301,7 @@ def forces_of(kinematics: Kinematics, settings):
     return estimate_forces(
         kinematics.frames,
         kinematics.places,
-        kinematics.cast.whiskers,
+        kinematics.whisker_set.whiskers,
         analysis.curvature_at,
         analysis.friction,
         recording.pixels_per_m,
@@ -304,7 +317,7 @@ def touches_of(kinematics: Kinematics, frames, evidence, settings, corrections=N
         frames,
         evidence,
         settings.recording.si(),
-        kinematics.cast.whiskers,
+        kinematics.whisker_set.whiskers,
         TouchOptions(settings.analysis.curvature_at, params=settings.advanced),
         corrections,
     )

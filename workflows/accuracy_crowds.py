@@ -6,7 +6,7 @@ the true whisker that most of its known lines lie on, one to one. Figures:
 
 - *whiskers found*: whiskers and frames of which lines cover FOUND of the visible length, of those
   of which at least SEEN_PX can be seen.
-- *false lines*: lines on no whisker; *known*: those told as known (confidence ≥ KNOWN).
+- *false lines*: lines on no whisker; *known*: those labelled as known (confidence ≥ KNOWN).
 - *centreline RMS*: distance of all visible points of lines on a whisker, across it.
 - *known by name*: lines on a whisker whose confidence is ≥ KNOWN. All that follows is of these.
 - *wrong name*: those on another whisker than the one that their name stands for. *exchanges*: how

@@ -33,7 +33,7 @@ from pipeline.scene import estimate
 from pipeline.session.session_file import write_session
 from pipeline.tables.files import read_json
 from pipeline.tracking.stationary_whiskers import behind_whiskers
-from pipeline.tracking.whiskers import find_cast, roster_frames, tracing_options
+from pipeline.tracking.whiskers import find_whisker_set, template_frames, tracing_options
 from pipeline.video.open import open_video
 from synthetic.encode import video_suffix, write_video
 from synthetic.presets import make_trial
@@ -172,10 +172,10 @@ def trace(clip: Clip, path=None):
         diameter = settings.pole.diameter if clip.trial.scene.pole else None
         seen = estimate.survey(video, recording)
         epochs = estimate.find_scenes(video, recording, diameter, seen=seen)
-        cast = find_cast(*seen.sample(roster_frames(settings)), epochs, settings)
-        epochs = behind_whiskers(epochs, cast.roster, recording.pixels_per_mm)
+        whisker_set = find_whisker_set(*seen.sample(template_frames(settings)), epochs, settings)
+        epochs = behind_whiskers(epochs, whisker_set.templates, recording.pixels_per_mm)
         options = tracing_options(settings, video.shape)
-        yield from trace_frames(video.lent(), epochs, list(cast.roster), options)
+        yield from trace_frames(video.lent(), epochs, list(whisker_set.templates), options)
 
 
 # The peak is the program's own: what the system reports of a child holds its parent's, too.

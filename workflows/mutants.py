@@ -366,10 +366,10 @@ def main(argv=None) -> int:
     import pages  # not in the processes that test: they take all packages from the copy
 
     print(pages.table(["where", "changed line", ""], rows))
-    told = [row[-1] for row in rows]
-    noticed, survived = told.count(NOTICED), told.count(SURVIVED)
+    results = [row[-1] for row in rows]
+    noticed, survived = results.count(NOTICED), results.count(SURVIVED)
     print(
-        f"\n{noticed} of {noticed + survived} changes noticed, {told.count(SAME_NUMBERS)} more "
+        f"\n{noticed} of {noticed + survived} changes noticed, {results.count(SAME_NUMBERS)} more "
         f"alter no number; random ones of seed {seed}, numbers of seed {copy.seed}"
     )
     return int(noticed < WANTED * (noticed + survived))

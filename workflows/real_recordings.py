@@ -16,7 +16,7 @@ order, too, from a lossless copy. A first table is of lines and names:
   What lies in ignored polygons is not judged, nor is a line with less than 30 px outside of them.
 - *distance*: median [px] from the whisker by eye to the line, where it is within 2.5 px.
 - *CPU*: time per frame [ms] of decoding, following, naming and measuring. Start-up is left out:
-  scene, roster, and compilation, for which the first video is first processed once more.
+  scene, templates, and compilation, for which the first video is first processed once more.
 - *names agree*: of the lines known in both directions, those with the same name. Lines of the two
   are the same where 60 % of the shorter lies within 2.5 px of the other; names are paired one to
   one so that most agree.

@@ -4,7 +4,7 @@
 
 Both see the same files, H.264 copies without loss, one after the other, on one core. Figures are
 processor time per frame [ms], the least of several runs, with start-up taken off: of ours scene,
-roster and compilation (as in `real_recordings.py`), of the peer what it takes for two frames. Ours
+whiskers and compilation (as in `real_recordings.py`), of the peer what two frames take. Ours
 holds decoding, following, naming, and measuring angles and curvature; the peer's only its `trace`,
 which decodes and finds lines without names. An optimised build of the peer is taken to be 3.3
 times as fast as its wheel (`peer_tracker.OPTIMISED`).

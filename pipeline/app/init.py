@@ -17,10 +17,10 @@ from pipeline.scene.polarity import whiskers_are_bright
 from pipeline.session.inputs import PREVIEW_NAME, SETTINGS_NAME, find_inputs
 from pipeline.session.recording import Recording
 from pipeline.session.session_file import read_session, settings_from, write_session
-from pipeline.tracking.registry import find_roster
+from pipeline.tracking.registry import find_templates
 from pipeline.tracking.two_sides import counted_names
 from pipeline.tracking.whisker_evidence import whisker_like
-from pipeline.tracking.whiskers import ROSTER_FRAMES, options_for_picture
+from pipeline.tracking.whiskers import TEMPLATE_FRAMES, options_for_picture
 from pipeline.video.negative import Negative
 from pipeline.video.open import open_video
 
@@ -114,8 +114,8 @@ def look_at(path) -> Look:
         scene, sample, scale = _scene_and_scale(video)
     recording = Recording(FRAMES_PER_SECOND, scale, scene.face_side)
     options = options_for_picture(recording, sample.shape[1:])
-    roster = find_roster(sample, scene, options)
-    likely, _ = whisker_like(roster, len(sample), sample.shape[1:])
+    templates = find_templates(sample, scene, options)
+    likely, _ = whisker_like(templates, len(sample), sample.shape[1:])
     if not likely:
         scene, scale = without_pole(scene), _usual_scale(video)
     names = counted_names(likely, scene.face_side, options)
@@ -143,7 +143,7 @@ def _scene_and_scale(video):
         recording = Recording(FRAMES_PER_SECOND, usual * factor, None)
         seen = survey(video, recording)
         epochs = find_scenes(video, recording, 1e-3 * POLE_DIAMETER_MM, seen=seen)
-        scene, frames = _typical_frames(video, seen, epochs, ROSTER_FRAMES)
+        scene, frames = _typical_frames(video, seen, epochs, TEMPLATE_FRAMES)
         if scene.pole is not None and not _is_passed_over(scene, frames):
             return scene, frames, 2 * scene.pole.radius_px / POLE_DIAMETER_MM
         first = first or (replace(scene, pole=None), frames, usual)

@@ -15,7 +15,7 @@ from pipeline.run import find_whiskers, look_at, trace
 from pipeline.scene.picture_part import part_of
 from pipeline.session.session_file import Settings
 from pipeline.tables import files
-from pipeline.tracking.whiskers import names_of, roster_frames, tracing_options
+from pipeline.tracking.whiskers import names_of, template_frames, tracing_options
 from pipeline.video.negative import Negative
 from pipeline.video.open import open_video
 
@@ -67,18 +67,18 @@ def preview_of(path, settings: Settings) -> Preview:
     settings = settings.without_bare_whiskers()
     with open_video(path) as video:
         video, seen, epochs = look_at(video, settings)
-        indices, frames = seen.sample(roster_frames(settings))
-        cast, epochs = find_whiskers((indices, frames), epochs, settings)
+        indices, frames = seen.sample(template_frames(settings))
+        whisker_set, epochs = find_whiskers((indices, frames), epochs, settings)
         start, scene = _stretch(indices, epochs)
         stretch = list(islice(video.frames(start), STRETCH))
         options = tracing_options(settings, frames.shape[1:])
         chunks = trace(
-            iter(stretch), scene, list(cast.roster), options, STRETCH, cast.given,
-            beside=cast.beside,
+            iter(stretch), scene, list(whisker_set.templates), options, STRETCH, whisker_set.given,
+            beside=whisker_set.beside,
         )  # fmt: skip
-        found = [_lines_by_frame(chunk) for chunk in chunks] if cast.roster else []
+        found = [_lines_by_frame(chunk) for chunk in chunks] if whisker_set.templates else []
         part = part_of(settings.image, video)
-        names = names_of(cast, settings, frames.shape[1:])
+        names = names_of(whisker_set, settings, frames.shape[1:])
     rows = {frame: lines for each in found for frame, lines in each.items()}
     best = max(rows, key=lambda k: _known_and_all(rows[k]), default=0)
     lines = rows.get(best, {})

@@ -40,8 +40,8 @@ class FanModel:
     def fitted(self, features, whisker, phase, weight) -> "FanModel":
         """The model of lines (rows, 6) of known whiskers, phases and weights, (rows,) each."""
         out = replace(self, middle=self.middle.copy(), slope=self.slope.copy(), sd=self.sd.copy())
-        looks = out.middle, out.slope, out.sd
-        _fit(features, whisker, np.asarray(phase, float), weight, self.least_sd, *looks)
+        appearance = out.middle, out.slope, out.sd
+        _fit(features, whisker, np.asarray(phase, float), weight, self.least_sd, *appearance)
         known = np.isfinite(out.middle).any(axis=1)
         most = MOST_SD * np.median(out.sd[known], axis=0) if known.any() else np.inf
         return replace(out, sd=np.minimum(out.sd, most))

@@ -32,7 +32,7 @@ FEWEST_FRAMES = 2  # shorter tracks that belong to no named whisker are dropped
 
 def assign_identities(
     chunks: Iterable[Centrelines],
-    roster,
+    templates,
     options,
     face_side,
     open_ended=False,
@@ -49,31 +49,31 @@ def assign_identities(
     Parameters
     ----------
     chunks : as traced, in order; `whisker` numbers the tracks
-    roster : the `Slot`s that they are named after
+    templates : the `WhiskerTemplate`s that they are named after
     options : the tracker's lengths (`TracingOptions`)
     face_side : side of the picture with the face
-    open_ended : name all whiskers that the video shows, w1, w2, …; else as many as the roster
-        has, after its slots
+    open_ended : name all whiskers that the video shows, w1, w2, …; else as many as there
+        are templates
     params : the room's parameters
-    beside : `Slot`s of a side of the face without names: its lines get none
+    beside : `WhiskerTemplate`s of a side of the face without names: its lines get none
     given : name → length that is seen at most [px] of all whiskers in session.toml, in their
-        order: their lengths tell which of them are seen; None: the roster's
+        order: their lengths tell which of them are seen; None: the templates'
     ground : where a line that ends is a whole one (`line_ends.open_ground`); None: everywhere
     """
-    if not is_crowd(roster, options):
+    if not is_crowd(templates, options):
         return iter(chunks)
     ruler = Ruler.of(face_side, options)
-    named = [slot.name for slot in roster]
+    named = [template.name for template in templates]
     may_be_two = open_ended or names_by_side(named, face_side) is not None
     sides = Sides.of(
-        [*roster, *beside], ruler, face_side, options.pixels_per_m, may_be_two, params
+        [*templates, *beside], ruler, face_side, options.pixels_per_m, may_be_two, params
     )
     limits = Limits(params, options.frames_per_second)
-    return name_lines(chunks, roster, sides, open_ended, limits, given, ground)
+    return name_lines(chunks, templates, sides, open_ended, limits, given, ground)
 
 
 def name_lines(
-    chunks, roster, sides, open_ended=False, limits: Limits = USUAL, given=None, ground=None
+    chunks, templates, sides, open_ended=False, limits: Limits = USUAL, given=None, ground=None
 ) -> Iterator[Centrelines]:
     """Hand on the chunks of a video with the names that suit the whole of it best.
 
@@ -83,11 +83,11 @@ def name_lines(
 
     Parameters
     ----------
-    chunks, roster, open_ended, given, ground : as for `assign_identities`
+    chunks, templates, open_ended, given, ground : as for `assign_identities`
     sides : the rows in which they stand (`Sides`)
     limits : the room's parameters
     """
-    given = given or {slot.name: slot.longest_px for slot in roster}
+    given = given or {template.name: template.longest_px for template in templates}
     with tempfile.TemporaryFile() as file:
         found, count = [], 0
         for chunk in chunks:
@@ -99,7 +99,7 @@ def name_lines(
         if not found:
             return
         rows = [np.concatenate(each) for each in zip(*found, strict=True)]
-        whisker, sure, called = _all_rows(rows, roster, given, sides, open_ended, limits)
+        whisker, sure, called = _all_rows(rows, templates, given, sides, open_ended, limits)
         file.seek(0)
         first = 0
         for _ in range(count):
@@ -109,7 +109,7 @@ def name_lines(
             yield _named(chunk, called, whisker[own], sure[own])
 
 
-def _all_rows(rows, roster, given, sides, open_ended, limits):
+def _all_rows(rows, templates, given, sides, open_ended, limits):
     """Whisker of every line and how sure it is, row by row of the face; what they are called.
 
     rows : frame, track, side, features and `_whole_lengths` of the lines
@@ -118,7 +118,7 @@ def _all_rows(rows, roster, given, sides, open_ended, limits):
     whisker, sure, called = np.full(len(frame), -1), np.ones(len(frame)), ()
     for number, side_name in enumerate(sides.names):
         own = np.flatnonzero(side == number)
-        row = [slot for slot in roster if slot.name.startswith(side_name)]
+        row = [template for template in templates if template.name.startswith(side_name)]
         both = open_ended and len(sides.names) > 1
         direction = 1 if both else _runs_along(row, sides.dials[number])
         wanted = None if open_ended else len(row)
@@ -129,7 +129,7 @@ def _all_rows(rows, roster, given, sides, open_ended, limits):
             names_here = tuple(f"{side_name}w{k + 1}" for k in range(named.max(initial=-1) + 1))
         else:
             here = {name: px for name, px in given.items() if name.startswith(side_name)}
-            found = [slot.name for slot in row]
+            found = [template.name for template in row]
             named, names_here, chosen = _as_given(named, length[own], here, found)
             sure[own] *= chosen
         whisker[own] = np.where(named < 0, -1, named + len(called))
@@ -237,9 +237,11 @@ def _medians(values, whisker, count):
     return medians(values[order], np.append(unnamed, unnamed + np.cumsum(count)))
 
 
-def _runs_along(roster, dial) -> int:
-    """1 where the roster runs along the face as directions do, −1 where against."""
-    places = [np.dot(np.subtract(slot.base_xy, dial.centre), dial.along) for slot in roster]
+def _runs_along(templates, dial) -> int:
+    """1 where the templates run along the face as directions do, −1 where against."""
+    places = [
+        np.dot(np.subtract(template.base_xy, dial.centre), dial.along) for template in templates
+    ]
     return -1 if len(places) > 1 and np.polyfit(np.arange(len(places)), places, 1)[0] < 0 else 1
 
 

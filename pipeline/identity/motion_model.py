@@ -21,15 +21,15 @@ RENAMED = 40.0  # cost of a new name for a line that is seen to go on
 SLOW, QUICK = 0.5, 0.8  # quantiles of the turn, below and above which motions are compared
 
 
-def evidence_of(model: FanModel, lines, phase, looks=1.0) -> Evidence:
+def evidence_of(model: FanModel, lines, phase, appearance=1.0) -> Evidence:
     """What the names of a video's lines are inferred from.
 
     Parameters
     ----------
-    model : the whiskers' looks
+    model : the whiskers' appearance
     lines : `ordered_assignment.Lines`; tracks as traced
     phase : (frames,) at which the lines are looked at
-    looks : how much looks count beside motions
+    appearance : how much appearance counts beside motions
     """
     features, frame, track, limits = lines.features, lines.frame, lines.track, lines.limits
     look = model.costs(features, phase[frame])
@@ -42,7 +42,7 @@ def evidence_of(model: FanModel, lines, phase, looks=1.0) -> Evidence:
     most = np.sqrt(2) * np.where(
         np.isfinite(model.sd), model.sd, np.nanmedian(model.sd, axis=0, keepdims=True)
     )
-    weight = looks * WEIGHT * newness(turn, limits)[frame]
+    weight = appearance * WEIGHT * newness(turn, limits)[frame]
     steady = _goes_on(frame, before, step[:, ANGLE], turn, limits.own_turn)
     alone = _alone(features, frame, before, limits.alone)
     evidence = Evidence(

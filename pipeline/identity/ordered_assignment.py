@@ -4,8 +4,8 @@ Frame by frame, lines in their order along the face are given to whiskers in the
 the whisk; some lines get no name, some whiskers are not seen (alignment of two sequences,
 Needleman & Wunsch, J. Mol. Biol. 48:443, 1970). A row that has moved on by one whisker looks much
 the same at another phase: the phases are those that suit the whole video best, as they change by
-what the lines are seen to turn (Viterbi). Names and looks are found in turn; at first, the k-th
-line along the face is the k-th whisker's.
+what the lines are seen to turn (Viterbi). Names and appearance are found in turn; at first, the
+k-th line along the face is the k-th whisker's.
 """
 
 from dataclasses import dataclass
@@ -88,7 +88,7 @@ def named_in_order(lines: Lines, least_sd) -> list[Naming]:
     The number of lines that most frames have is tried first, then more and fewer, as long as the
     cost falls.
 
-    least_sd : (6,) of a look
+    least_sd : (6,) of the features
     """
     before = motion_model.row_before(lines.frame, lines.track)
     turn = motion_model.common_turns(lines.features, lines.frame, before)
@@ -102,8 +102,8 @@ def named_in_order(lines: Lines, least_sd) -> list[Naming]:
 
     def cost(k):
         if k not in found:
-            looks = _first_looks(lines, often[k], phase, weight, least_sd)
-            found[k] = _settled(lines, looks, phase)
+            appearance = _first_appearance(lines, often[k], phase, weight, least_sd)
+            found[k] = _settled(lines, appearance, phase)
         return found[k].cost
 
     for step in (-1, 1):
@@ -114,18 +114,18 @@ def named_in_order(lines: Lines, least_sd) -> list[Naming]:
     return sorted(found.values(), key=lambda each: each.cost)
 
 
-def _first_looks(lines, count, phase, weight, least_sd) -> FanModel:
-    """Looks of the first, second, … line along the face in all frames with `count` lines."""
+def _first_appearance(lines, count, phase, weight, least_sd) -> FanModel:
+    """Appearance of the first, second, … line along the face in all frames with `count` lines."""
     own = np.repeat(np.diff(lines.starts), np.diff(lines.starts)) == count
     features, frame = lines.features[own], lines.frame[own]
     along = np.lexsort((features[:, ANGLE], frame))
     place = np.empty(len(frame), np.int64)
     place[along] = np.arange(len(frame)) % count
-    return seeds.first_looks(features, place, phase[frame], weight[frame], count, least_sd)
+    return seeds.first_appearance(features, place, phase[frame], weight[frame], count, least_sd)
 
 
 def looks_and_phases(lines: Lines, model: FanModel, names) -> tuple[FanModel, np.ndarray]:
-    """Looks of all whiskers and phases (frames,) as of the names (rows,)."""
+    """Appearance of all whiskers and phases (frames,) as of the names (rows,)."""
     known = names >= 0
     phase = motion_model.phases(model, lines.features, lines.frame, names)
     weight = motion_model.newness(np.diff(phase, prepend=np.nan), lines.limits)
@@ -135,7 +135,7 @@ def looks_and_phases(lines: Lines, model: FanModel, names) -> tuple[FanModel, np
 
 
 def _settled(lines, model, phase) -> Naming:
-    """Names and looks, found in turn until names hardly change."""
+    """Names and appearance, found in turn until names hardly change."""
     before = np.full(len(lines.frame), -1)
     came = motion_model.row_before(lines.frame, lines.track)
     slope = 1.0

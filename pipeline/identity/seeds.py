@@ -34,7 +34,7 @@ def with_more(model: FanModel, names, lines) -> tuple[FanModel, np.ndarray]:
     phase = motion_model.phases(model, features, frame, np.where(names < known, names, -1))
     weight = motion_model.newness(np.diff(phase, prepend=np.nan), lines.limits)
     rows = np.concatenate(new)
-    more = first_looks(
+    more = first_appearance(
         features[rows], names[rows] - known, phase[frame[rows]], weight[frame[rows]],
         len(new), model.least_sd,
     )  # fmt: skip
@@ -45,10 +45,10 @@ def with_more(model: FanModel, names, lines) -> tuple[FanModel, np.ndarray]:
     return FanModel(*parts, model.least_sd), names
 
 
-def looks_of(lines, names, least_sd) -> FanModel:
+def appearance_of(lines, names, least_sd) -> FanModel:
     """The model of whiskers of which some lines are known, before any phase is.
 
-    lines : `Lines`; names : (rows,) −1 for none; least_sd : (6,) of a look
+    lines : `Lines`; names : (rows,) −1 for none; least_sd : (6,) of the features
     """
     before = motion_model.row_before(lines.frame, lines.track)
     turn = motion_model.common_turns(lines.features, lines.frame, before)
@@ -56,12 +56,12 @@ def looks_of(lines, names, least_sd) -> FanModel:
     phase -= np.median(phase)
     known = np.flatnonzero(names >= 0)
     frame = lines.frame[known]
-    return first_looks(
+    return first_appearance(
         lines.features[known], names[known], phase[frame], weight[frame], names.max() + 1, least_sd
     )
 
 
-def first_looks(features, whisker, phase, weight, count, least_sd):
+def first_appearance(features, whisker, phase, weight, count, least_sd):
     """Model of `count` whiskers from rows of known whiskers, phases and weights."""
     middle = np.empty((count, N_FEATURES))
     slope = np.zeros((count, N_FEATURES))

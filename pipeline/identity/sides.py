@@ -28,19 +28,19 @@ class Sides:
 
     @classmethod
     def of(
-        cls, roster, ruler, face_side, pixels_per_m, may_be_two, params=DEFAULTS.identity
+        cls, templates, ruler, face_side, pixels_per_m, may_be_two, params=DEFAULTS.identity
     ) -> "Sides":
-        """The rows in which a roster's whiskers stand."""
+        """The rows in which the templates' whiskers stand."""
         along, outward = np.asarray(ruler.along, float), np.asarray(ruler.outward, float)
-        cuts = two_sides.cuts_between(roster, along, params) if may_be_two else ()
+        cuts = two_sides.cuts_between(templates, along, params) if may_be_two else ()
         if not cuts:
-            bases = np.array([slot.base_xy for slot in roster], float).reshape(-1, 2)
+            bases = np.array([template.base_xy for template in templates], float).reshape(-1, 2)
             dial = Dial.of(bases, along, outward, pixels_per_m, params)
             return cls(along, (), (dial,), ("",))
         dials = []
-        for own in two_sides.sides_of(roster, along, cuts):
+        for own in two_sides.sides_of(templates, along, cuts):
             across, out = two_sides.row_directions(own, outward)
-            bases = np.array([slot.base_xy for slot in own])
+            bases = np.array([template.base_xy for template in own])
             dials.append(Dial.of(bases, across, out, pixels_per_m, params))
         names = tuple(f"{name}_" for name in two_sides.side_names(face_side))
         return cls(along, cuts, tuple(dials), names)

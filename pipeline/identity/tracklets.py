@@ -166,8 +166,8 @@ def _links(tracklets, lines, motion):
     A long tracklet's direction in the row is known, and counts as well.
     """
     features, frame = lines.features, lines.frame
-    looks = _looks(tracklets, lines)[:, 0]
-    looks[[len(rows) < LONG for rows in tracklets]] = np.nan
+    appearance = _appearance(tracklets, lines)[:, 0]
+    appearance[[len(rows) < LONG for rows in tracklets]] = np.nan
     first, last = (np.array([frame[rows[end]] for rows in tracklets]) for end in (0, -1))
     begins, ends = (
         _medians(features, [rows[part] for rows in tracklets])
@@ -183,7 +183,7 @@ def _links(tracklets, lines, motion):
         gap = np.maximum(first[b] - last[a], 0)
         foreseen = motion.carried(features[rows[-1], ANGLE], last[a])[gap]
         sd = np.hypot(LINK_SD, LINK_SD_PER_ROOT_FRAME * np.sqrt(np.maximum(gap, 1)))
-        beside = np.nan_to_num((looks[a] - looks[b]) / WHISKER_SD)
+        beside = np.nan_to_num((appearance[a] - appearance[b]) / WHISKER_SD)
         misfit = ((direction[b] - foreseen) / sd) ** 2 + beside**2 + _unlike(ends[a], begins[b])
         near = misfit < GATE
         parts.append((np.full(near.sum(), a), b[near], misfit[near] + LEAST_MISFIT))
@@ -207,16 +207,16 @@ def _gathered(paths, lines) -> list:
 
     A path that is like none becomes a whisker by itself.
     """
-    looks = _looks(paths, lines)
+    appearance = _appearance(paths, lines)
     known, rows, seen = np.empty((0, 3)), [], []  # of every whisker
     for p in np.argsort([-len(path) for path in paths], kind="stable"):
         frames = set(lines.frame[paths[p]].tolist())
-        misfit = ((looks[p, 0] - known[:, 0]) / WHISKER_SD) ** 2
-        misfit += _unlike(looks[p, 1:], known[:, 1:])
+        misfit = ((appearance[p, 0] - known[:, 0]) / WHISKER_SD) ** 2
+        misfit += _unlike(appearance[p, 1:], known[:, 1:])
         misfit[[len(frames & each) > OVERLAP for each in seen]] = np.inf
         best = int(np.argmin([*misfit, GATE]))
         if best == len(rows):
-            known = np.append(known, looks[p : p + 1], axis=0)
+            known = np.append(known, appearance[p : p + 1], axis=0)
             rows.append([])
             seen.append(set())
         rows[best].append(paths[p])
@@ -224,7 +224,7 @@ def _gathered(paths, lines) -> list:
     return [np.concatenate(each) for each in rows]
 
 
-def _looks(paths, lines):
+def _appearance(paths, lines):
     """Mean direction in the row, log length and log thickness of every path, (paths, 3).
 
     A line's direction is its path's in the row plus the row's own in that frame: both by least

@@ -14,12 +14,12 @@ from pipeline.identity.ordered_assignment import looks_and_phases, named_in_orde
 from pipeline.identity.tracklets import named_by_tracklets, often_seen
 
 LEAST_SD = np.array([0.01, np.radians(1.5), 0.05, 0.03, 0.007, 0.005])  # of a look
-ROUNDS = 2  # of naming all lines and learning the looks from them
+ROUNDS = 2  # of naming all lines and learning the appearance from them
 OTHERS = 3  # numbers of whiskers tried besides the likeliest, at most
 NEARLY = 1.05  # of its cost: numbers of whiskers that cost more are not tried
-LESS_OF_LOOKS = 0.2  # another way to the names: how lines move counts more
-# whiskers that tracklets lead to are seen in so many of the frames; what looks count then
-BY_TRACKLETS = (0.15, 1.0), (0.3, LESS_OF_LOOKS)
+LESS_OF_APPEARANCE = 0.2  # another way to the names: how lines move counts more
+# whiskers that tracklets lead to are seen in so many frames; how much appearance counts then
+BY_TRACKLETS = (0.15, 1.0), (0.3, LESS_OF_APPEARANCE)
 LENGTH_SD = 0.08  # of the logarithm of a whisker's length
 NO_NAME = 4.5  # cost of a line without a name, as of a length 3 SD off
 NO_LINE = 2.0  # cost of a whisker without a line in a frame
@@ -50,24 +50,24 @@ def _ways(lines):
     for other in others[:OTHERS]:
         if other.cost < NEARLY * first.cost:
             yield _likeliest(lines, other.model, other.names)
-    yield _likeliest(lines, first.model, first.names, LESS_OF_LOOKS)
+    yield _likeliest(lines, first.model, first.names, LESS_OF_APPEARANCE)
     by_tracklets = named_by_tracklets(lines)
-    for share, looks in BY_TRACKLETS:
+    for share, appearance in BY_TRACKLETS:
         names = often_seen(by_tracklets, lines.frame, share)
         if names.max(initial=-1) >= 0:
-            yield _likeliest(lines, seeds.looks_of(lines, names, LEAST_SD), names, looks)
+            yield _likeliest(lines, seeds.appearance_of(lines, names, LEAST_SD), names, appearance)
 
 
-def _likeliest(lines, model, named, looks=1.0):
-    """Names that looks and motions make likeliest, from first ones on, and looks and phases.
+def _likeliest(lines, model, named, appearance=1.0):
+    """Names that appearance and motions make likeliest, from first ones on, and both models.
 
-    looks : how much looks count beside motions
+    appearance : how much appearance counts beside motions
     """
     for number in range(ROUNDS):
         if number:
             model, named = seeds.with_more(model, named, lines)
         model, phase = looks_and_phases(lines, model, named)
-        evidence = motion_model.evidence_of(model, lines, phase, looks)
+        evidence = motion_model.evidence_of(model, lines, phase, appearance)
         named = label_swaps.improved(evidence, named, lines.track)
     return named, model, phase
 

@@ -23,7 +23,7 @@ FEWEST_STATIONS = 8
 STEPS = 4  # of Gauss–Newton
 LEARNING_ROWS, LEARNING_PASSES = 300, 4  # frames from which fur's part is learnt
 TRIMMED, TRIMMED_MEAN = 0.9, 0.623  # part of the rows that count; their mean of a unit χ²
-TOLD_BY = (4, 5, 6)  # degrees that only noise has
+NOISE_DEGREES = (4, 5, 6)  # degrees that only noise has
 MOST_GROWTH = 1.6  # of the noise's SD from one degree to the next lower one
 FEWEST_ROWS = 12
 FUR = 4.0  # times the usual excess: what lies over the whisker moves it
@@ -196,16 +196,18 @@ def _redness(sample, grid, excess):
     """
     _, _, _, misfit, known = _fit(sample, grid, excess)
     rows = known.all(axis=1) & np.isfinite(misfit).all(axis=1)
-    if rows.sum() < FEWEST_ROWS or len(grid.z) < TOLD_BY[-1] + 4:
+    if rows.sum() < FEWEST_ROWS or len(grid.z) < NOISE_DEGREES[-1] + 4:
         return np.ones(4)
     weight = np.sqrt(np.median(1 / (1 / sample[2][rows] + excess), axis=0))
     modes, _ = np.linalg.qr(
-        np.polynomial.legendre.legvander(grid.z, TOLD_BY[-1]) * weight[:, None]
+        np.polynomial.legendre.legvander(grid.z, NOISE_DEGREES[-1]) * weight[:, None]
     )
-    found = (misfit[rows] * weight) @ modes[:, list(TOLD_BY)]
+    found = (misfit[rows] * weight) @ modes[:, list(NOISE_DEGREES)]
     sd = robust_sd(found, axis=0)
-    growth = np.clip((sd[0] / sd[-1]) ** (1 / (TOLD_BY[-1] - TOLD_BY[0])), 1.0, MOST_GROWTH)
-    return np.maximum(sd[0], 1.0) * growth ** (TOLD_BY[0] - np.arange(4))
+    growth = np.clip(
+        (sd[0] / sd[-1]) ** (1 / (NOISE_DEGREES[-1] - NOISE_DEGREES[0])), 1.0, MOST_GROWTH
+    )
+    return np.maximum(sd[0], 1.0) * growth ** (NOISE_DEGREES[0] - np.arange(4))
 
 
 def _redder(cov, red):

@@ -12,7 +12,7 @@ from pipeline.kinematics.resampled_store import StationStore
 from pipeline.session.parameters import DEFAULTS, KinematicsParams
 from pipeline.session.recording import Recording
 from pipeline.tables.columns import FRAME_COLUMNS, as_table
-from pipeline.tracking.whiskers import Cast
+from pipeline.tracking.whiskers import WhiskerSet
 
 
 @dataclass(frozen=True)
@@ -21,14 +21,14 @@ class Kinematics:
 
     Attributes
     ----------
-    cast : the whiskers
+    whisker_set : the whiskers
     frames : table of FRAME_COLUMNS with the kinematics, a row per frame and whisker
     places : `Stations` of all traced rows, by whisker
     pole : where the pole was; None if it was never seen
     n_frames : frames read
     """
 
-    cast: Cast
+    whisker_set: WhiskerSet
     frames: pd.DataFrame
     places: StationStore
     pole: PoleTrack | None
@@ -40,7 +40,7 @@ class KinematicsMeter:
 
     Parameters
     ----------
-    cast : the whiskers
+    whisker_set : the whiskers
     recording : frame rate and scale
     curvature_at : arc length from the follicle at which curvature is taken [m]
     pole : where the pole is; None where there is none
@@ -49,45 +49,47 @@ class KinematicsMeter:
 
     def __init__(
         self,
-        cast: Cast,
+        whisker_set: WhiskerSet,
         recording: Recording,
         curvature_at: float,
         pole: PoleTrack | None,
         params: KinematicsParams = DEFAULTS.kinematics,
     ):
-        self.cast, self.recording, self.curvature_at = cast, recording, curvature_at
+        self.whisker_set, self.recording, self.curvature_at = whisker_set, recording, curvature_at
         self.pole, self.params = pole, params
         self._tables, self._places = [], StationStore()
 
     def add(self, chunk, interpolated=frozenset()) -> None:
         """Measure the next chunk; `interpolated` as for `measure_stations`."""
-        self.cast = self.cast.of(chunk.names)
-        hidden = self.cast.hidden_lengths
+        self.whisker_set = self.whisker_set.of(chunk.names)
+        hidden = self.whisker_set.hidden_lengths
         table = curvature.measure(
             chunk, self.recording, hidden, self.curvature_at, self.pole, self.params
         )
         self._tables.append(table.assign(confidence=chunk.confidence))
         self._places.add(
             resampled.measure_stations(
-                chunk, self.recording, self.cast.nominal, hidden, self.pole, interpolated,
+                chunk, self.recording, self.whisker_set.nominal, hidden, self.pole, interpolated,
                 self.params,
             )
         )  # fmt: skip
 
     def result(self, n_frames: int) -> Kinematics:
         """All that was measured, of a video of `n_frames`."""
-        table = frame_table(self._tables, self.cast, n_frames, self.recording)
+        table = frame_table(self._tables, self.whisker_set, n_frames, self.recording)
         table = add_bases(table, self._places, self.recording.pixels_per_m, self.params)
-        return Kinematics(self.cast, table, self._places, self.pole, n_frames)
+        return Kinematics(self.whisker_set, table, self._places, self.pole, n_frames)
 
 
-def frame_table(tables, cast: Cast, n_frames: int, recording: Recording) -> pd.DataFrame:
+def frame_table(
+    tables, whisker_set: WhiskerSet, n_frames: int, recording: Recording
+) -> pd.DataFrame:
     """Table of FRAME_COLUMNS with a row per frame and whisker, kinematics where it is tracked.
 
-    `tables` are as of `curvature.measure`, whose `whisker` indexes `cast.found`.
+    `tables` are as of `curvature.measure`, whose `whisker` indexes `whisker_set.found`.
     """
-    count = len(cast.names)
-    number = np.array([cast.names.index(name) for name in cast.found], int)
+    count = len(whisker_set.names)
+    number = np.array([whisker_set.names.index(name) for name in whisker_set.found], int)
     rows = [t["frame"].to_numpy() * count + number[t["whisker"].to_numpy(int)] for t in tables]
     frame = np.repeat(np.arange(n_frames, dtype=np.int32), count)
     tracked = np.zeros(n_frames * count, bool)
@@ -96,7 +98,7 @@ def frame_table(tables, cast: Cast, n_frames: int, recording: Recording) -> pd.D
     columns = {
         "frame": frame,
         "time_s": frame / recording.frames_per_second,
-        "whisker": np.tile(np.asarray(cast.names, object), n_frames),
+        "whisker": np.tile(np.asarray(whisker_set.names, object), n_frames),
         "tracked": tracked,
     }
     for name in tables[0].columns.difference(["frame", "whisker"]) if tables else ():

@@ -36,7 +36,6 @@ PANELS = {
     "e": "durations of all contacts",
     "f": "one against the other",
 }
-STAGES = {"roster": "whiskers"}  # in words, where a stage is called otherwise in run.json
 COMMON_NAMES = {"videos", "video", "movies", "films", "raw", "data", "results", "out", "output"}
 TABLES = ("contacts.csv", "videos.csv", "session.toml", "run.json", "run.log")
 
@@ -294,7 +293,7 @@ def _stages(record):
             total[stage] += seconds
     return [
         {
-            "stage": STAGES.get(stage, stage),
+            "stage": stage,
             "seconds": s,
             "per_thousand": 1000 * s / max(frames, 1),
         }

@@ -88,10 +88,10 @@ def likelier_side(
     return thick_side if wide or thick_side == OPPOSITE[side] else None
 
 
-def thickening_towards(roster) -> str | None:
-    """Side towards which most whiskers of a roster (`Slot`s) get thicker; None: they taper."""
-    towards = [side for slot in roster if (side := _thickens(slot.samples)) is not None]
-    if 2 * len(towards) <= len(roster):
+def thickening_towards(templates) -> str | None:
+    """Side towards which most `WhiskerTemplate`s get thicker; None: they taper."""
+    towards = [side for template in templates if (side := _thickens(template.samples)) is not None]
+    if 2 * len(towards) <= len(templates):
         return None
     return max(SIDES, key=towards.count)
 

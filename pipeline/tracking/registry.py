@@ -20,7 +20,7 @@ FEWEST_WHOLE = 3  # lines needed for a whisker's length
 
 
 @dataclass(frozen=True)
-class Slot:
+class WhiskerTemplate:
     """What is known beforehand of one whisker: where it leaves the face, how long it is seen.
 
     `signature` is as of matching.Ruler, less the turn of all whiskers. No line of this whisker is
@@ -67,16 +67,16 @@ class _Group:
         return usual_strength(self.lines)
 
 
-def slots_of(lines: Centrelines) -> tuple[Slot, ...]:
+def templates_of(lines: Centrelines) -> tuple[WhiskerTemplate, ...]:
     """Slots of the whiskers in lines that are named already, of those that have any."""
-    slots = []
+    templates = []
     for k in np.unique(lines.whisker):
         rows = np.flatnonzero(lines.whisker == k)
         base = lines.offsets[rows]
         place = np.median(lines.x_px[base]), np.median(lines.y_px[base])
         length = np.median(np.diff(lines.offsets)[rows])
-        slots.append(Slot(lines.names[k], np.array(place), float(length)))
-    return tuple(slots)
+        templates.append(WhiskerTemplate(lines.names[k], np.array(place), float(length)))
+    return tuple(templates)
 
 
 def usual_strength(lines) -> float:
@@ -84,7 +84,9 @@ def usual_strength(lines) -> float:
     return float(np.median([detect.contrast_length(line) for line in lines] or [0.0]))
 
 
-def find_roster(frames, scene, options: TracingOptions, names=None, indices=None) -> list[Slot]:
+def find_templates(
+    frames, scene, options: TracingOptions, names=None, indices=None
+) -> list[WhiskerTemplate]:
     """Learn from some frames which whiskers there are, in order along the face.
 
     Parameters
@@ -97,7 +99,7 @@ def find_roster(frames, scene, options: TracingOptions, names=None, indices=None
 
     Returns
     -------
-    One slot per whisker, in the order of `names`. Fewer than `names` where some are never seen.
+    One template per whisker, in the order of `names`; fewer where some are never seen.
     """
     found, side = _lines_of(frames, scene, options, names, indices)
     found = [lines for lines in found if lines]
@@ -111,13 +113,13 @@ def find_roster(frames, scene, options: TracingOptions, names=None, indices=None
         chosen = np.argsort(-share * np.sqrt(strength))[: len(names)]
     else:
         chosen = mostly_seen(share, strength, options.params.tracking)
-    slots = [_slot(groups[k]) for k in chosen]
-    slots.sort(key=lambda slot: ruler.order_place(slot.signature))
-    names = names or [f"w{i + 1}" for i in range(len(slots))]
+    templates = [_template(groups[k]) for k in chosen]
+    templates.sort(key=lambda template: ruler.order_place(template.signature))
+    names = names or [f"w{i + 1}" for i in range(len(templates))]
     known = len(options.visible_px) == len(names)
     longest = options.visible_px if known else [np.inf] * len(names)
     given = dict(zip(names, longest, strict=True))
-    return named_as_given(slots, given, line_ends.open_ground(scene), gets_thinner_backwards)
+    return named_as_given(templates, given, line_ends.open_ground(scene), gets_thinner_backwards)
 
 
 def mostly_seen(share, strength, params) -> np.ndarray:
@@ -132,35 +134,37 @@ def mostly_seen(share, strength, params) -> np.ndarray:
     return np.flatnonzero(often & (strength >= least))
 
 
-def named_as_given(slots, given, ground, backwards=lambda slots: False) -> list[Slot]:
-    """The slots, in order along the face, as whiskers of session.toml, in the order of these.
+def named_as_given(
+    templates, given, ground, backwards=lambda templates: False
+) -> list[WhiskerTemplate]:
+    """The templates, in order along the face, as whiskers of session.toml, in the order of these.
 
     Parameters
     ----------
-    slots : no more than given
+    templates : no more than given
     given : name → length that is seen at most [px]
     ground : where a line that ends is a whole one (`line_ends.open_ground`)
-    backwards : tells of slots whether they stand posterior → anterior; asked where lengths do
+    backwards : tells of templates whether they stand posterior → anterior; asked where lengths do
         not tell the order
     """
     longest = list(given.values())
-    whole = [_whole_length(slot.samples, ground) for slot in slots]
+    whole = [_whole_length(template.samples, ground) for template in templates]
     reverse = runs_backwards(whole, longest)
     if reverse is None:
-        reverse = backwards(slots) != posterior_first(given)
+        reverse = backwards(templates) != posterior_first(given)
     if reverse:
-        slots, whole = slots[::-1], whole[::-1]
+        templates, whole = templates[::-1], whole[::-1]
     names = list(given)
     return [
-        replace(slot, name=names[k], longest_px=longest[k])
-        for slot, k in zip(slots, numbers_in_order(whole, longest), strict=True)
+        replace(template, name=names[k], longest_px=longest[k])
+        for template, k in zip(templates, numbers_in_order(whole, longest), strict=True)
     ]
 
 
-def _slot(group: _Group) -> Slot:
+def _template(group: _Group) -> WhiskerTemplate:
     base = np.median([line.points[0] for line in group.lines], axis=0)
     length = float(np.median([line.n for line in group.lines]))
-    return Slot("", base, length, tuple(group.lines), group.signature)
+    return WhiskerTemplate("", base, length, tuple(group.lines), group.signature)
 
 
 def gather(found: list[list[Line]], ruler: Ruler) -> list[_Group]:
@@ -240,20 +244,20 @@ def _by_scene(frames, scene, indices):
     return [(s, f) for s, f in pairs if len(f)]
 
 
-def gets_thinner_backwards(slots: list[Slot]) -> bool:
+def gets_thinner_backwards(templates: list[WhiskerTemplate]) -> bool:
     """Whether whiskers get thinner, or else shorter, in the reverse order along the face.
 
     So they do anteriorly: thickness is surer than length, which the border may cut.
     """
-    if len(slots) < 2:
+    if len(templates) < 2:
         return False
-    lengths = [slot.visible_px for slot in slots]
+    lengths = [template.visible_px for template in templates]
     thickness = [
-        np.median([np.nanmedian(line.thickness[10 : line.n // 3]) for line in slot.samples])
-        for slot in slots
+        np.median([np.nanmedian(line.thickness[10 : line.n // 3]) for line in template.samples])
+        for template in templates
     ]
     for values, least in ((thickness, 0.02), (lengths, 0.0)):
-        slope = np.polyfit(np.arange(len(slots)), values, 1)[0]
+        slope = np.polyfit(np.arange(len(templates)), values, 1)[0]
         if abs(slope) > least * np.mean(values):
             return slope < 0
     return False

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pipeline.tracking.registry import find_roster
+from pipeline.tracking.registry import find_templates
 from pipeline.tracking.whiskers import ENOUGH_FRAMES, options_for_picture, tracing_options
 
 AT_THE_LIMIT = 0.97  # of the longest line that a length allows: the whisker may go on
@@ -24,52 +24,52 @@ class SeenLength(NamedTuple):
     name: str | None = None
 
 
-def odd_length(indices, frames, epochs, roster, settings) -> SeenLength | None:
+def odd_length(indices, frames, epochs, templates, settings) -> SeenLength | None:
     """The whisker whose length in the picture contradicts the settings; None: none does.
 
     Parameters
     ----------
-    indices, frames : from the whole video, in which the roster was found
+    indices, frames : from the whole video, in which the templates were found
     epochs : the video's epochs
-    roster : its `Slot`s
+    templates : its `WhiskerTemplate`s
     settings : `Settings`
     """
     recording, shape = settings.recording.si(), frames.shape[1:]
-    limited = [s for s in roster if s.visible_px > AT_THE_LIMIT * s.longest_px]
+    limited = [s for s in templates if s.visible_px > AT_THE_LIMIT * s.longest_px]
     odd = None
-    if limited or not roster:
+    if limited or not templates:
         options = options_for_picture(recording, shape)
         few = np.unique(np.linspace(0, len(frames) - 1, ENOUGH_FRAMES).astype(int))
-        again = find_roster(frames[few], epochs, options, indices=np.asarray(indices)[few])
+        again = find_templates(frames[few], epochs, options, indices=np.asarray(indices)[few])
         shortest_px = tracing_options(settings, shape).shortest_px
-        odd = _longer(limited, again) if roster else _too_short(again, shortest_px)
-    return odd or _implausible(roster, recording.pixels_per_mm)
+        odd = _longer(limited, again) if templates else _too_short(again, shortest_px)
+    return odd or _implausible(templates, recording.pixels_per_mm)
 
 
 def _longer(limited, again):
-    """Of the slots whose lines could not be longer, the one that is seen longest."""
-    seen = [(slot, _nearest(slot, again).visible_px) for slot in limited if again]
-    ratios = [px / slot.longest_px for slot, px in seen]
+    """Of the templates whose lines could not be longer, the one that is seen longest."""
+    seen = [(template, _nearest(template, again).visible_px) for template in limited if again]
+    ratios = [px / template.longest_px for template, px in seen]
     if max(ratios, default=0) < LONGER:
         return None
-    slot, px = seen[int(np.argmax(ratios))]
-    return SeenLength(px, slot.name)
+    template, px = seen[int(np.argmax(ratios))]
+    return SeenLength(px, template.name)
 
 
-def _nearest(slot, others):
-    """The slot whose base is nearest to that of another."""
-    return min(others, key=lambda other: np.hypot(*(other.base_xy - slot.base_xy)))
+def _nearest(template, others):
+    """The template whose base is nearest to that of another."""
+    return min(others, key=lambda other: np.hypot(*(other.base_xy - template.base_xy)))
 
 
 def _too_short(again, shortest_px):
     """The longest whisker, where it is too short for the lengths given."""
-    longest = max((slot.visible_px for slot in again), default=np.inf)
+    longest = max((template.visible_px for template in again), default=np.inf)
     return SeenLength(longest) if longest < shortest_px else None
 
 
-def _implausible(roster, pixels_per_mm):
+def _implausible(templates, pixels_per_mm):
     """The longest whisker, where none is so short or so long."""
-    longest = max(roster, key=lambda slot: slot.visible_px, default=None)
+    longest = max(templates, key=lambda template: template.visible_px, default=None)
     if longest is None or SHORTEST_MM < longest.visible_px / pixels_per_mm < LONGEST_MM:
         return None
     return SeenLength(longest.visible_px, longest.name)

@@ -20,36 +20,36 @@ CORE_PX, HALF_WIDTH_PX = 3.0, 4.0  # half-widths of a whisker: the dark part, an
 FEWEST_SAMPLES = 4
 
 
-def behind_whiskers(epochs, roster, pixels_per_mm, params=DEFAULTS.tracking):
+def behind_whiskers(epochs, templates, pixels_per_mm, params=DEFAULTS.tracking):
     """The epochs with backgrounds in which no resting whisker is left; `params` of the room."""
     scenes = {id(e.scene): e.scene for e in epochs if e.scene is not None}
     cleared = {
-        key: without_resting_whiskers(scene, roster, pixels_per_mm, params)
+        key: without_resting_whiskers(scene, templates, pixels_per_mm, params)
         for key, scene in scenes.items()
     }
     return tuple(replace(e, scene=cleared.get(id(e.scene))) for e in epochs)
 
 
 def without_resting_whiskers(
-    scene: StaticScene, roster, pixels_per_mm, params=DEFAULTS.tracking
+    scene: StaticScene, templates, pixels_per_mm, params=DEFAULTS.tracking
 ) -> StaticScene:
     """Return the scene with the background filled in where it is mostly behind resting whiskers.
 
     Parameters
     ----------
     scene : StaticScene
-    roster : `roster.Slot`s, with the lines of the sample frames
+    templates : `registry.WhiskerTemplate`s, with the lines of the sample frames
     pixels_per_mm : scale
     params : the room's parameters
     """
     hidden = np.zeros(scene.background.shape, bool)
     covered = scene.face_mask | scene.obstacle_mask
     outside = signed_distance(scene.face_mask) / pixels_per_mm
-    for slot in roster:
-        if len(slot.samples) >= FEWEST_SAMPLES:
-            still = _share_covered(slot.samples, hidden.shape, CORE_PX) >= RESTS
+    for template in templates:
+        if len(template.samples) >= FEWEST_SAMPLES:
+            still = _share_covered(template.samples, hidden.shape, CORE_PX) >= RESTS
             if (still & ~covered & (outside > params.resting_mm)).any():
-                hidden |= _share_covered(slot.samples, hidden.shape, HALF_WIDTH_PX) >= MOSTLY
+                hidden |= _share_covered(template.samples, hidden.shape, HALF_WIDTH_PX) >= MOSTLY
     hidden &= ~covered & (outside > params.resting_fur_mm)
     if not hidden.any():
         return scene

@@ -14,7 +14,7 @@ from pipeline.detection.detect import TracingOptions
 from pipeline.detection.line import Line
 from pipeline.detection.static_scene import StaticScene
 from pipeline.tables.centrelines import Centrelines
-from pipeline.tracking.registry import Slot
+from pipeline.tracking.registry import WhiskerTemplate
 from pipeline.tracking.tracker import Tracer
 from pipeline.tracking.unlabelled_tracker import CrowdTracer, is_crowd
 
@@ -74,13 +74,13 @@ def _store(x, y, score, information, thickness, n, points, start):
 def track(
     frames: Iterable[np.ndarray],
     scene,
-    roster: list[Slot],
+    templates: list[WhiskerTemplate],
     options: TracingOptions,
     chunk_frames: int = CHUNK_FRAMES,
 ) -> Iterator[Centrelines]:
     """Follow lines through the frames; yield centrelines chunk by chunk.
 
-    Where whiskers stand apart, `whisker` numbers the roster; in a crowd (`is_crowd`) it numbers
+    Where whiskers stand apart, `whisker` numbers the templates; in a crowd (`is_crowd`) it numbers
     tracks, which `pipeline.identity` names when the whole video has been seen.
 
     Parameters
@@ -88,7 +88,7 @@ def track(
     frames : uint8 (height, width) images in order
     scene : StaticScene, or the video's epochs (`pipeline.scene.find_scenes`) where large things
         move in and out; while they move, what is seen counts half
-    roster : the whiskers to follow (`find_roster`)
+    templates : the whiskers to follow (`find_templates`)
     options : lengths in pixels (`options_for`)
 
     Yields
@@ -96,13 +96,13 @@ def track(
     Centrelines of up to `chunk_frames` frames; a whisker that is lost in a frame has no row.
     """
     scenes = _starting_scenes(scene)
-    return _followed(frames, scenes, _tracer(scenes[0][0], roster, options), chunk_frames)
+    return _followed(frames, scenes, _tracer(scenes[0][0], templates, options), chunk_frames)
 
 
-def _tracer(scene, roster, options) -> Tracer:
+def _tracer(scene, templates, options) -> Tracer:
     """The tracer for these whiskers: of a crowd, lines are named in the end."""
-    kind = CrowdTracer if is_crowd(roster, options) else Tracer
-    return kind(scene, roster, options)
+    kind = CrowdTracer if is_crowd(templates, options) else Tracer
+    return kind(scene, templates, options)
 
 
 def _followed(frames, scenes, tracer, chunk_frames) -> Iterator[Centrelines]:
@@ -136,11 +136,11 @@ def _settled_in(tracer, frames):
     return itertools.chain(first, frames)
 
 
-def sample_lines(roster: list[Slot], options: TracingOptions) -> Centrelines:
-    """The roster's sample lines, of frames from the whole video, as centrelines (frame 0)."""
-    samples = _Collector(tuple(slot.name for slot in roster))
-    for k, slot in enumerate(roster):
-        for line in slot.samples:
+def sample_lines(templates: list[WhiskerTemplate], options: TracingOptions) -> Centrelines:
+    """The templates' sample lines, of frames from the whole video, as centrelines (frame 0)."""
+    samples = _Collector(tuple(template.name for template in templates))
+    for k, template in enumerate(templates):
+        for line in template.samples:
             samples.add(0, k, line, 1.0)
     return samples.take(options.spacing_px)
 

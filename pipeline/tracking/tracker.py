@@ -17,7 +17,7 @@ from pipeline.session.quantities import frames_in, pixels_in
 from pipeline.session.recording import Recording
 from pipeline.tracking import matching, row_rotation, search
 from pipeline.tracking.matching import Ruler
-from pipeline.tracking.registry import Slot
+from pipeline.tracking.registry import WhiskerTemplate
 
 FORETOLD_PX = 1.0  # a line that is nearer to its prediction is fitted without a search
 DOUBLE_SHARE = 0.6  # part of two lines that may coincide before one of them is given up
@@ -34,7 +34,7 @@ class Track:
     its last motion [rad], and how far behind its base [px].
     """
 
-    slot: Slot
+    template: WhiskerTemplate
     line: Line | None = None
     before: Line | None = None
     whole: Line | None = None
@@ -44,13 +44,13 @@ class Track:
     age: int = 0
 
     def __post_init__(self):
-        self.whole = max(self.slot.samples, key=lambda line: line.n, default=None)
+        self.whole = max(self.template.samples, key=lambda line: line.n, default=None)
 
     def take(self, line: Line | None, before: Line | None = None, lost_for: int = 0) -> None:
         """Go on with another line, which may be as long as this whisker."""
         self.line, self.before, self.lost_for = line, before, lost_for
         if line is not None:
-            line.longest = self.slot.longest_px
+            line.longest = self.template.longest_px
 
     def lose(self) -> None:
         """Give the line up: the whisker is lost since this frame."""
@@ -101,14 +101,16 @@ def options_for(
 
 
 class Tracer:
-    """Follow the whiskers of a roster through consecutive frames of one static scene."""
+    """Follow the whiskers of the templates through consecutive frames of one static scene."""
 
     crowded = False  # whether whiskers stand so close that they pass for each other
 
-    def __init__(self, scene: StaticScene, roster: list[Slot], options: TracingOptions):
+    def __init__(
+        self, scene: StaticScene, templates: list[WhiskerTemplate], options: TracingOptions
+    ):
         self.options = options
-        self.names = tuple(slot.name for slot in roster)
-        self.tracks = [Track(slot, number=k) for k, slot in enumerate(roster)]
+        self.names = tuple(template.name for template in templates)
+        self.tracks = [Track(template, number=k) for k, template in enumerate(templates)]
         height, width = scene.background.shape
         self.workspace = Workspace(int(1.6 * np.hypot(height, width)))
         self.change_scene(scene)
@@ -236,7 +238,7 @@ class Tracer:
 
     def _claim(self, track: Track) -> float:
         """How rightly a track is on its line, to be compared with another one on the same."""
-        return track.line.quality * track.line.n / track.slot.visible_px
+        return track.line.quality * track.line.n / track.template.visible_px
 
     def _uncross(self, present: list[Track], image, gain) -> None:
         """Let lines that have turned off onto each other go on with their own far parts.
@@ -357,7 +359,7 @@ class Tracer:
             return
         got = matching.match(
             self.ruler.signatures(found),
-            np.array([t.slot.signature for t in missing]),
+            np.array([t.template.signature for t in missing]),
             self.ruler.sd,
             *self._expected_shift(present),
         )
@@ -383,9 +385,9 @@ class Tracer:
         return NEAR_SHIFTS, self._shift(present)
 
     def _shift(self, tracks) -> float:
-        """By how much the angles of some present whiskers are off those of the roster [rad]."""
+        """By how much the angles of some present whiskers are off those of the templates [rad]."""
         seen = self.ruler.signatures([t.line for t in tracks])
-        known = np.array([t.slot.signature for t in tracks])
+        known = np.array([t.template.signature for t in tracks])
         return matching.common_turn(seen, known)
 
 

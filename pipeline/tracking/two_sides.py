@@ -26,13 +26,13 @@ def names_by_side(names, face_side: str):
     return tuple([name for name in names if name.startswith(f"{side}_")] for side in sides)
 
 
-def cuts_between(roster, along, params=DEFAULTS.identity) -> tuple[float, ...]:
-    """Place along the face [px] between the two sides of a roster; none where there is but one.
+def cuts_between(templates, along, params=DEFAULTS.identity) -> tuple[float, ...]:
+    """Place along the face [px] between the templates of two sides; none where there is but one.
 
     Two, where the bases are in two groups far apart that grow away from each other.
     """
-    ahead = directions(roster)
-    places = np.array([slot.base_xy @ along for slot in roster])
+    ahead = directions(templates)
+    places = np.array([template.base_xy @ along for template in templates])
     order = np.argsort(places)
     inner = range(FEWEST, len(places) - FEWEST + 1)
     gaps = {k: places[order[k]] - places[order[k - 1]] for k in inner}
@@ -51,50 +51,52 @@ def side_of(places, cuts) -> np.ndarray:
     return np.searchsorted(cuts, places)
 
 
-def sides_of(roster, along, cuts) -> list[list]:
-    """The `Slot`s of each side, by where they stand along the face (`cuts_between`)."""
-    side = side_of([slot.base_xy @ along for slot in roster], cuts)
+def sides_of(templates, along, cuts) -> list[list]:
+    """The `WhiskerTemplate`s of each side, by where they stand along the face (`cuts_between`)."""
+    side = side_of([template.base_xy @ along for template in templates], cuts)
     return [
-        [slot for slot, own in zip(roster, side, strict=True) if own == k]
+        [template for template, own in zip(templates, side, strict=True) if own == k]
         for k in range(len(cuts) + 1)
     ]
 
 
-def counted_names(roster, face_side, options) -> tuple[str, ...]:
-    """Names for a roster that has none: w1, w2, …, or left_w1, …, right_w1, … on two sides."""
+def counted_names(templates, face_side, options) -> tuple[str, ...]:
+    """Names for templates that have none: w1, w2, …, or left_w1, …, right_w1, … on two sides."""
     along = np.asarray(Ruler.of(face_side, options).along, float)
-    cuts = cuts_between(roster, along, options.params.identity)
+    cuts = cuts_between(templates, along, options.params.identity)
     first = [f"{side}_w" for side in side_names(face_side)] if cuts else ["w"]
-    rows = sides_of(roster, along, cuts)
+    rows = sides_of(templates, along, cuts)
     return tuple(
         f"{start}{k + 1}" for start, row in zip(first, rows, strict=True) for k in range(len(row))
     )
 
 
-def directions(roster) -> np.ndarray:
+def directions(templates) -> np.ndarray:
     """Unit vectors (whiskers, 2) from base to tip, of each whisker's sample lines."""
-    chords = [np.sum([line.points[-1] - line.points[0] for line in s.samples], 0) for s in roster]
+    chords = [
+        np.sum([line.points[-1] - line.points[0] for line in s.samples], 0) for s in templates
+    ]
     chords = np.array(chords, float).reshape(-1, 2)
     return chords / np.maximum(np.hypot(*chords.T), 1e-9)[:, None]
 
 
-def row_directions(roster, outward) -> tuple[np.ndarray, np.ndarray]:
+def row_directions(templates, outward) -> tuple[np.ndarray, np.ndarray]:
     """Unit vectors of one side's row: from the snout to the back of the head, and out of the fur.
 
     outward : direction out of the face as a whole, (x, y)
     """
-    out = directions(roster).mean(axis=0)
+    out = directions(templates).mean(axis=0)
     out /= np.hypot(*out)
     across = np.array([out[1], -out[0]])
     return -np.sign(outward @ across or 1.0) * across, out
 
 
-def named_by_side(roster, names, face_side, options, longest, ground):
-    """The roster's `Slot`s with names of their own side, anterior → posterior.
+def named_by_side(templates, names, face_side, options, longest, ground):
+    """The templates with names of their own side, anterior → posterior.
 
     Of each side those that are mostly and best seen, as their order and lengths tell
-    (`registry.named_as_given`). None where the roster has one side only. Returns the `Slot`s of
-    a side without names, too.
+    (`registry.named_as_given`). None where the templates have one side only. Returns the templates
+    of a side without names, too.
 
     Parameters
     ----------
@@ -105,22 +107,22 @@ def named_by_side(roster, names, face_side, options, longest, ground):
     """
     ruler = Ruler.of(face_side, options)
     along, outward = np.asarray(ruler.along, float), np.asarray(ruler.outward, float)
-    cuts = cuts_between(roster, along, options.params.identity)
+    cuts = cuts_between(templates, along, options.params.identity)
     if not cuts:
         return None, ()
     named, beside = [], ()
-    for row, own in zip(sides_of(roster, along, cuts), names, strict=True):
+    for row, own in zip(sides_of(templates, along, cuts), names, strict=True):
         if not own:  # nothing is asked of this side
             beside = row
             continue
         row = sorted(row, key=_seen, reverse=True)[: len(own)]
         across, _ = row_directions(row, outward)
-        row.sort(key=lambda slot, across=across: slot.base_xy @ across)
+        row.sort(key=lambda template, across=across: template.base_xy @ across)
         given = {name: longest.get(name, np.inf) for name in own}
         named += named_as_given(row, given, ground)
     return named, beside
 
 
-def _seen(slot) -> float:
+def _seen(template) -> float:
     """How often and how well a whisker is seen."""
-    return len(slot.samples) * np.sqrt(usual_strength(slot.samples))
+    return len(template.samples) * np.sqrt(usual_strength(template.samples))

@@ -17,7 +17,7 @@ from pipeline.numerics.angles import wrapped
 from pipeline.session.quantities import frames_in
 from pipeline.tracking import row_rotation, two_sides
 from pipeline.tracking.matching import crowded
-from pipeline.tracking.registry import Slot, usual_strength
+from pipeline.tracking.registry import WhiskerTemplate, usual_strength
 from pipeline.tracking.tracker import Tracer, Track, foretold
 
 
@@ -33,17 +33,21 @@ class CrowdTracer(Tracer):
 
     crowded = True
 
-    def __init__(self, scene, roster, options):
-        super().__init__(scene, roster, options)
+    def __init__(self, scene, templates, options):
+        super().__init__(scene, templates, options)
         params = options.params.tracking
-        self.faintest = params.faint_share * min(usual_strength(slot.samples) for slot in roster)
-        self.slot = Slot("", np.zeros(2), options.shortest_px, longest_px=options.longest_px)
+        self.faintest = params.faint_share * min(
+            usual_strength(template.samples) for template in templates
+        )
+        self.template = WhiskerTemplate(
+            "", np.zeros(2), options.shortest_px, longest_px=options.longest_px
+        )
         self.number = itertools.count()
         self.tracks = []
         self.first_frames = frames_in(params.first_frames_s, options.frames_per_second)
         self.pivot = options.px(params.crowd_pivot_mm)
         self.along = np.asarray(self.ruler.along, float)
-        self.cuts = two_sides.cuts_between(roster, self.along, options.params.identity)
+        self.cuts = two_sides.cuts_between(templates, self.along, options.params.identity)
         self.astray_sd = np.radians(params.astray_deg)
         self.young = max(frames_in(params.young_s, options.frames_per_second), 1)
         self.rest = max(frames_in(params.rest_s, options.frames_per_second), 1)
@@ -96,7 +100,7 @@ class CrowdTracer(Tracer):
         for line in detect.detect_crowded(
             image, self.model, gain, self.options, self.workspace, lines, least=self.faintest
         ):
-            track = LineTrack(self.slot, number=next(self.number))
+            track = LineTrack(self.template, number=next(self.number))
             track.take(line)
             self.tracks.append(track)
             self.unchanged = 0
@@ -141,9 +145,9 @@ class CrowdTracer(Tracer):
         return self._worth(track.line, track) * (1 - 0.5 ** (track.age / self.young))
 
 
-def is_crowd(roster, options) -> bool:
-    """Whether a roster's whiskers stand so close that they pass for each other."""
-    return crowded([slot.signature for slot in roster], options)
+def is_crowd(templates, options) -> bool:
+    """Whether the templates' whiskers stand so close that they pass for each other."""
+    return crowded([template.signature for template in templates], options)
 
 
 def _even_turns(lines, rows, turn) -> np.ndarray:

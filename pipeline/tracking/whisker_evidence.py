@@ -1,4 +1,4 @@
-"""Whether the lines of a roster are whiskers': they taper towards a free end, and they move.
+"""Whether the lines of the templates are whiskers': they taper towards a free end, and they move.
 
 A wall, a table's edge and a scratch on the floor come out of something dark, too. They stand
 still, and they get no thinner towards their ends, or have none in the picture. A texture holds
@@ -25,21 +25,21 @@ FEW_LINES = 2  # so many whiskers may rest throughout a video
 FEWEST_FRAMES = 3  # fewer do not show what moves
 
 
-def whisker_like(slots, n_frames: int, shape, given: bool = False):
-    """The slots that may be whiskers, and those refused.
+def whisker_like(templates, n_frames: int, shape, given: bool = False):
+    """The templates that may be whiskers, and those refused.
 
     Parameters
     ----------
-    slots : `Slot`s, with the lines that they were seen as
+    templates : `WhiskerTemplate`s, with the lines that they were seen as
     n_frames : frames in which they were looked for
     shape : of the picture, (height, width)
     given : a person says that there are whiskers. Else all are refused where together they are no
         row of whiskers: where hardly any tapers, or of several less than half move
     """
-    row = [slot.samples for slot in slots]
+    row = [template.samples for template in templates]
     may_be = given or (_tapers(row, shape) and (_alive(row) or n_frames < FEWEST_FRAMES))
     likely = [may_be and _may_be_whisker(lines, n_frames, shape) for lines in row]
-    pairs = list(zip(slots, likely, strict=True))
+    pairs = list(zip(templates, likely, strict=True))
     return [s for s, good in pairs if good], [s for s, good in pairs if not good]
 
 

@@ -9,46 +9,46 @@ from pipeline.scene.scale import scale_of
 from pipeline.session.parameters import DEFAULTS
 from pipeline.session.schema import Settings, WhiskerSettings
 from pipeline.tracking.line_ends import open_ground
-from pipeline.tracking.registry import Slot, find_roster
+from pipeline.tracking.registry import WhiskerTemplate, find_templates
 from pipeline.tracking.tracker import options_for
 from pipeline.tracking.two_sides import counted_names, named_by_side, names_by_side
 from pipeline.tracking.whisker_evidence import whisker_like
 from whiskermodel.whisker import Whisker
 
-ROSTER_FRAMES = 24
+TEMPLATE_FRAMES = 24
 ENOUGH_FRAMES = 12  # to find a lone whisker, which cannot be mistaken for another
 
 
 @dataclass(frozen=True)
-class Cast:
+class WhiskerSet:
     """The whiskers of one video.
 
     Attributes
     ----------
     names : all that appear in the tables: those of the settings, or else those found
-    roster : `Slot`s of those found in the video
+    templates : `WhiskerTemplate`s of those found in the video
     whiskers : name → `Whisker`, None where its dimensions are not given
     stand_ins : name → the `Whisker`, or one of usual proportions where that is None; none where
         no whisker was found
     hidden : name → follicle to first visible point [m]
-    refused : `Slot`s of lines that are no whiskers' (`whisker_evidence`)
-    beside : `Slot`s of the other side of the face, where the names are of one side only
+    refused : `WhiskerTemplate`s of lines that are no whiskers' (`whisker_evidence`)
+    beside : `WhiskerTemplate`s of the other side of the face, where the names are of one side only
     given : the names in session.toml
     """
 
     names: tuple[str, ...]
-    roster: tuple[Slot, ...]
+    templates: tuple[WhiskerTemplate, ...]
     whiskers: dict[str, Whisker | None]
     stand_ins: dict[str, Whisker]
     hidden: dict[str, float]
-    refused: tuple[Slot, ...] = ()
-    beside: tuple[Slot, ...] = ()
+    refused: tuple[WhiskerTemplate, ...] = ()
+    beside: tuple[WhiskerTemplate, ...] = ()
     given: tuple[str, ...] = ()
 
     @property
     def found(self) -> tuple[str, ...]:
         """Names of the whiskers found in the video, in the tracer's order."""
-        return tuple(slot.name for slot in self.roster)
+        return tuple(template.name for template in self.templates)
 
     @property
     def nominal(self) -> tuple[Whisker, ...]:
@@ -60,44 +60,44 @@ class Cast:
         """From follicle to first visible point of the whiskers found [m]."""
         return tuple(self.hidden[name] for name in self.found)
 
-    def only(self, names) -> "Cast":
-        """The cast of some of the whiskers; None: of all."""
+    def only(self, names) -> "WhiskerSet":
+        """The set of some of the whiskers; None: of all."""
         if names is None:
             return self
         return replace(
             self,
             names=tuple(name for name in self.names if name in names),
-            roster=tuple(slot for slot in self.roster if slot.name in names),
+            templates=tuple(template for template in self.templates if template.name in names),
             whiskers={name: w for name, w in self.whiskers.items() if name in names},
         )
 
-    def of(self, found) -> "Cast":
-        """The cast of whiskers named when the whole video has been seen; these may be others."""
+    def of(self, found) -> "WhiskerSet":
+        """The set of whiskers named when all of the video has been seen; these may be others."""
         if tuple(found) == self.found:
             return self
         if not found:
             return self.only(())
         if self.given:
-            known = {slot.name: slot for slot in self.roster}
-            unseen = Slot("", np.full(2, np.nan), np.nan)
-            roster = tuple(known.get(name) or replace(unseen, name=name) for name in found)
-            return replace(self, roster=roster)
+            known = {template.name: template for template in self.templates}
+            unseen = WhiskerTemplate("", np.full(2, np.nan), np.nan)
+            templates = tuple(known.get(name) or replace(unseen, name=name) for name in found)
+            return replace(self, templates=templates)
         return replace(
             self,
             names=tuple(found),
-            roster=tuple(replace(self.roster[0], name=name) for name in found),
+            templates=tuple(replace(self.templates[0], name=name) for name in found),
             whiskers=dict.fromkeys(found),
             stand_ins={name: replace(self.nominal[0], name=name) for name in found},
             hidden=dict.fromkeys(found, self.hidden_lengths[0]),
         )
 
 
-def roster_frames(settings) -> int:
+def template_frames(settings) -> int:
     """How many frames to find the whiskers in."""
-    return ENOUGH_FRAMES if len(settings.whisker) == 1 else ROSTER_FRAMES
+    return ENOUGH_FRAMES if len(settings.whisker) == 1 else TEMPLATE_FRAMES
 
 
-def find_cast(indices, frames, epochs, settings: Settings) -> Cast:
+def find_whisker_set(indices, frames, epochs, settings: Settings) -> WhiskerSet:
     """Find the whiskers in some frames and bring them together with the settings' ones."""
     names = [w.name for w in settings.whisker] or None
     shape = frames.shape[1:]
@@ -105,8 +105,8 @@ def find_cast(indices, frames, epochs, settings: Settings) -> Cast:
     face_side = next((epoch.scene.face_side for epoch in epochs if epoch.scene), "left")
 
     def seen(wanted, options):
-        roster = find_roster(frames, epochs, options, wanted, indices)
-        return whisker_like(roster, len(frames), shape, given=names is not None)
+        templates = find_templates(frames, epochs, options, wanted, indices)
+        return whisker_like(templates, len(frames), shape, given=names is not None)
 
     by_side, named, beside = names_by_side(names, face_side), None, ()
     if by_side:
@@ -116,32 +116,32 @@ def find_cast(indices, frames, epochs, settings: Settings) -> Cast:
         named, beside = named_by_side(likely, by_side, face_side, options, longest, ground)
     if named is None:  # one row
         named, refused = seen(names, options)
-    return replace(cast_of(named, settings), refused=tuple(refused), beside=tuple(beside))
+    return replace(whisker_set_of(named, settings), refused=tuple(refused), beside=tuple(beside))
 
 
-def cast_of(roster, settings: Settings) -> Cast:
-    """Bring the whiskers found in a video, `Slot`s, together with the settings' ones."""
+def whisker_set_of(templates, settings: Settings) -> WhiskerSet:
+    """Bring a video's whiskers, `WhiskerTemplate`s, together with the settings' ones."""
     own = {w.name: w for w in settings.whisker}
-    names = tuple(own) or tuple(slot.name for slot in roster)
+    names = tuple(own) or tuple(template.name for template in templates)
     every = {name: own.get(name) or WhiskerSettings(name=name) for name in names}
     whiskers = {name: each.si() for name, each in every.items()}
     hidden = {name: each.hidden_length for name, each in every.items()}
     scale = settings.recording.si().pixels_per_m
-    seen = {slot.name: slot.visible_px / scale for slot in roster}
+    seen = {template.name: template.visible_px / scale for template in templates}
     usual = float(np.median(list(seen.values()))) if seen else np.nan
     stand_ins = {
         name: whiskers[name] or nominal_whisker(name, seen.get(name, usual), hidden[name])
         for name in (names if seen else ())
     }
-    return Cast(names, tuple(roster), whiskers, stand_ins, hidden, given=tuple(own))
+    return WhiskerSet(names, tuple(templates), whiskers, stand_ins, hidden, given=tuple(own))
 
 
-def names_of(cast, settings, shape) -> tuple[str, ...]:
-    """Names of a cast's whiskers as tables have them: found ones are counted on each side."""
-    if cast.given:
-        return cast.names
+def names_of(whisker_set, settings, shape) -> tuple[str, ...]:
+    """Names of a set's whiskers as tables have them: found ones are counted on each side."""
+    if whisker_set.given:
+        return whisker_set.names
     options = tracing_options(settings, shape)
-    return counted_names(cast.roster, settings.recording.face, options)
+    return counted_names(whisker_set.templates, settings.recording.face, options)
 
 
 def tracing_options(settings, shape) -> TracingOptions:

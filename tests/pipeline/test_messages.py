@@ -14,7 +14,7 @@ from pipeline.run import analyse
 from pipeline.scene.estimate import scene_from_frames
 from pipeline.session.recording import Recording
 from pipeline.session.session_file import settings_from
-from pipeline.tracking.registry import find_roster
+from pipeline.tracking.registry import find_templates
 from pipeline.tracking.seen_lengths import SeenLength
 from pipeline.tracking.tracker import options_for
 from pipeline.video.negative import Negative
@@ -54,9 +54,11 @@ def said_of(whiskers=({**WHISKER, "name": "C2"},), pole_xy=None, **changes):
         contacts=pd.DataFrame({"whisker": list(given["contacts"])}),
     )
     names = tuple(w.name for w in settings.whisker) or given["found"]
-    roster = [SimpleNamespace(samples=()) for _ in given["found"]]
-    cast = SimpleNamespace(names=names, found=given["found"], roster=roster, refused=())
-    followed = SimpleNamespace(cast=cast, n_frames=given["read"], pole=given["pole"])
+    templates = [SimpleNamespace(samples=()) for _ in given["found"]]
+    whisker_set = SimpleNamespace(
+        names=names, found=given["found"], templates=templates, refused=()
+    )
+    followed = SimpleNamespace(whisker_set=whisker_set, n_frames=given["read"], pole=given["pole"])
     video = SimpleNamespace(
         n_frames=given["n_frames"], exact_count=given["exact_count"], ended_by=None
     )
@@ -126,11 +128,11 @@ def test_of_many_whiskers_that_are_seldom_tracked_the_least_are_named():
         [(name, i >= 10 * k) for k, name in enumerate(names) for i in range(100)],
         columns=["whisker", "tracked"],
     )
-    cast = SimpleNamespace(names=names, found=names)
-    (some,) = _seldom_tracked(frames, cast)
+    whisker_set = SimpleNamespace(names=names, found=names)
+    (some,) = _seldom_tracked(frames, whisker_set)
     assert some.endswith("frames: w5 in 50 %, w4 in 60 %, w3 in 70 %")
     frames["tracked"] &= frames.groupby("whisker").cumcount() < 60
-    (many,) = _seldom_tracked(frames, cast)
+    (many,) = _seldom_tracked(frames, whisker_set)
     assert many.endswith("frames: 6 whiskers, least w5 in 10 %, w4 in 20 %, w3 in 30 %")
 
 
@@ -246,7 +248,7 @@ def doubt(video, side, names):
     """The message about the face's side, or None."""
     scene = scene_from_frames(video, Recording(1000.0, SCALE, side))
     options = options_for(Recording(1000.0, SCALE, side), [18e-3], [1.4e-3])
-    return face_message([scene], find_roster(video, scene, options, names), side)
+    return face_message([scene], find_templates(video, scene, options, names), side)
 
 
 @pytest.mark.slow

@@ -8,7 +8,7 @@ from pipeline.detection.image_model import ImageModel
 from pipeline.detection.static_scene import StaticScene
 from pipeline.session.recording import Recording
 from pipeline.tracking import tracker
-from pipeline.tracking.registry import find_roster
+from pipeline.tracking.registry import find_templates
 from pipeline.tracking.tracker import Tracer, options_for
 
 FACE, TIP = 40, 520  # columns
@@ -50,8 +50,8 @@ def scene(rod_light):
 def tracer(rod_light):
     options = options_for(Recording(1000.0, 25.0, "left"))
     whole = [picture(rod_light, turn, seed=k) for k, turn in enumerate((BELOW, 0.14, 0.16))]
-    roster = find_roster(np.array(whole), scene(rod_light), options, ["C2"])
-    return Tracer(scene(rod_light), roster, options)
+    templates = find_templates(np.array(whole), scene(rod_light), options, ["C2"])
+    return Tracer(scene(rod_light), templates, options)
 
 
 def line_in(tracer, image):
@@ -143,13 +143,15 @@ def test_a_lost_whisker_is_not_sought_on_the_wrong_side_of_another():
     empty, options = scene(LIGHT), options_for(Recording(1000.0, 25.0, "left"))
     empty.obstacle_mask[:] = False
     both = [parallel_whiskers((100, 118))] * 3
-    roster = find_roster(np.array(both), empty, options, ["a", "b"])
-    upper, lower = Tracer(empty, roster, options).step(both[0])
-    assert [round(t.slot.base_xy[1]) for t in (upper, lower)] in ([100, 118], [118, 100])
-    follow = Tracer(empty, roster, options)
+    templates = find_templates(np.array(both), empty, options, ["a", "b"])
+    upper, lower = Tracer(empty, templates, options).step(both[0])
+    assert [round(t.template.base_xy[1]) for t in (upper, lower)] in ([100, 118], [118, 100])
+    follow = Tracer(empty, templates, options)
     follow.step(both[0])
     for _ in range(25):
-        tracks = {round(t.slot.base_xy[1]): t for t in follow.step(parallel_whiskers((80, 100)))}
+        tracks = {
+            round(t.template.base_xy[1]): t for t in follow.step(parallel_whiskers((80, 100)))
+        }
         assert tracks[118].line is None, "what is seen at row 80 must be another hair"
         assert tracks[100].line.points[0, 1] == pytest.approx(100, abs=1)  # px
 

@@ -321,8 +321,10 @@ def rubbing_motion(coefficient):
 def test_friction_of_the_session_is_taken_out():
     """Loads where a true friction of 0.3 acts, without and with `[analysis] friction`."""
     traced = traced_motion.trace(rubbing_motion(0.3), noise_px=0.02)
-    cast = SimpleNamespace(whiskers=traced.whiskers)
-    kinematics = Kinematics(cast, traced.frames, traced.places, traced.pole, len(traced.frames))
+    whisker_set = SimpleNamespace(whiskers=traced.whiskers)
+    kinematics = Kinematics(
+        whisker_set, traced.frames, traced.places, traced.pole, len(traced.frames)
+    )
     recording = {"frames_per_second": 1000, "pixels_per_mm": 25, "face": "left"}
     truth, error = traced.true_frames, {}
     for friction in (0.0, 0.3):

@@ -40,9 +40,9 @@ def test_a_name_is_the_surer_the_more_ways_lead_to_it(monkeypatch):
     usual = ways._ways
 
     def more(lines):
-        first, *looks = next(usual(lines))
+        first, *appearance = next(usual(lines))
         # numbers of whiskers do not matter
-        yield from ((each, *looks) for each in (first, true + 1, wrong, true))
+        yield from ((each, *appearance) for each in (first, true + 1, wrong, true))
 
     monkeypatch.setattr(ways, "_ways", more)
     found, sure = names(frame, true, features)

@@ -1,4 +1,4 @@
-"""Who is who over a whole video: looks learned from all frames, names decided in the end."""
+"""Who is who over a whole video: appearance learned from all frames, names decided in the end."""
 
 import numpy as np
 import pytest
@@ -51,8 +51,8 @@ def rows(seen, called):
     return frame[order], called.ravel()[order], seen.reshape(-1, 6)[order], true[order]
 
 
-def looks(fan=FAN):
-    """The looks that `whisking` shows."""
+def usual_fan(fan=FAN):
+    """The appearance that `whisking` shows."""
     slope = np.zeros_like(fan)
     slope[:, ANGLE] = np.linspace(0.9, 1.1, len(fan))
     return FanModel(fan, slope, np.tile(NOISE, (len(fan), 1)), LEAST_SD)
@@ -70,18 +70,18 @@ def test_looks_are_learned_from_the_rows_of_a_name():
     rng = np.random.default_rng(1)
     frame, _, features, true = rows(whisking(rng), exchanged([]))
     phase = 0.4 * np.sin(frame / 6)
-    model = looks(FAN + 0.1).fitted(features, true, phase, np.ones(len(true)))
+    model = usual_fan(FAN + 0.1).fitted(features, true, phase, np.ones(len(true)))
     assert model.middle == pytest.approx(FAN, abs=0.02)  # rad, or of logarithms
     assert model.slope[:, ANGLE] == pytest.approx(np.linspace(0.9, 1.1, 5), abs=0.02)
 
 
 def test_frames_at_rest_are_learned_from_as_one():
-    """In 4 of 5 frames the whiskers rest, bent by 0.1: the looks are those of the others."""
+    """In 4 of 5 frames the whiskers rest, bent by 0.1: the appearance is that of the others."""
     rng = np.random.default_rng(1)
     frame, _, features, true = rows(whisking(rng), exchanged([]))
     phase, rests = 0.4 * np.sin(frame / 6), frame % 5 > 0
     features[:, BEND] += 0.1 * rests
-    model = looks().fitted(features, true, phase, np.where(rests, motion_model.QUIET, 1.0))
+    model = usual_fan().fitted(features, true, phase, np.where(rests, motion_model.QUIET, 1.0))
     assert model.middle[:, BEND] == pytest.approx(FAN[:, BEND], abs=0.03)
 
 
@@ -160,7 +160,7 @@ def test_it_does_not_know_who_is_who_after_whiskers_alike_were_one_line():
 def evidence(rng):
     """Evidence of the whisking fan, its tracks, and its true names."""
     frame, track, features, true = rows(whisking(rng), exchanged([(1, 2, 100, 200)]))
-    model, phase = looks(), 0.4 * np.sin(np.arange(FRAMES) / 6)
+    model, phase = usual_fan(), 0.4 * np.sin(np.arange(FRAMES) / 6)
     return motion_model.evidence_of(model, Lines(features, frame, track), phase), track, true
 
 
@@ -180,7 +180,7 @@ def test_no_exchange_makes_names_dearer_where_whiskers_are_often_not_seen(seed):
     frame, track, features, true = rows(whisking(rng), exchanged([(1, 2, 100, 200)]))
     seen = rng.random(len(frame)) < 0.4
     lines = Lines(features[seen], frame[seen], track[seen])
-    known = motion_model.evidence_of(looks(), lines, 0.4 * np.sin(np.arange(FRAMES) / 6))
+    known = motion_model.evidence_of(usual_fan(), lines, 0.4 * np.sin(np.arange(FRAMES) / 6))
     named = (true[seen] + frame[seen] // 40) % len(FAN)
     table = label_swaps._table(known, named)
     for a, b in [(1, 0), (2, 1), (3, 2), (4, 0), (4, 3)]:
@@ -265,8 +265,8 @@ def test_looks_of_resting_whiskers_count_less():
         np.concatenate([still, moving]), np.tile(np.arange(len(FAN)), (350, 1))
     )
     phase = np.zeros(350)
-    known = motion_model.evidence_of(looks(), Lines(features, frame, track), phase)
-    cost = looks().costs(features, phase[frame])
+    known = motion_model.evidence_of(usual_fan(), Lines(features, frame, track), phase)
+    cost = usual_fan().costs(features, phase[frame])
     share = (known.look / cost).max(axis=1)
     assert share[(frame > 0) & (frame < 50)] == pytest.approx(
         motion_model.WEIGHT * motion_model.QUIET, rel=0.6
@@ -300,7 +300,7 @@ def test_the_probability_of_a_name_is_that_of_all_ways_that_agree():
 
 
 def cost_of(known, named):
-    """Cost of all looks and motions, line by line."""
+    """Cost of all appearances and motions, line by line."""
     last, total = {}, 0.0
     for row, name in enumerate(named):
         before = last.get(name, -1)
@@ -356,8 +356,8 @@ def test_a_line_that_begins_and_ends_between_the_distances_is_carried_on():
     assert np.isnan(two[-1])
 
 
-class Slot:
-    """A roster's whisker, seen in one sample frame as a straight line."""
+class WhiskerTemplate:
+    """A template's whisker, seen in one sample frame as a straight line."""
 
     def __init__(self, name, angle, length):
         points = straight(angle, length)
@@ -373,18 +373,21 @@ class Drawn:
         self.n, self.thickness = len(points), np.full(len(points), 0.3)
 
 
-def one_row(roster):
-    return Sides.of(roster, RULER, "left", OPTIONS.pixels_per_m, may_be_two=False)
+def one_row(templates):
+    return Sides.of(templates, RULER, "left", OPTIONS.pixels_per_m, may_be_two=False)
 
 
 @pytest.mark.parametrize("direction", [1, -1])
-def test_a_few_frames_are_named_after_the_roster(direction):
+def test_a_few_frames_are_named_after_the_templates(direction):
     angles = [-0.3, 0.1, 0.4]
-    roster = [Slot(n, a, 60 + 10 * k) for k, (n, a) in enumerate(zip("abc", angles, strict=True))]
-    roster = roster[::direction]  # thicker ones at the other end
+    templates = [
+        WhiskerTemplate(n, a, 60 + 10 * k)
+        for k, (n, a) in enumerate(zip("abc", angles, strict=True))
+    ]
+    templates = templates[::direction]  # thicker ones at the other end
     lines = [straight(a, 60 + 10 * k) for k, a in enumerate(angles)]
     chunks = [centrelines([f] * 3, [2, 0, 5], [lines[1], lines[0], lines[2]]) for f in range(4)]
-    got = list(name_lines(iter(chunks), roster, one_row(roster)))
+    got = list(name_lines(iter(chunks), templates, one_row(templates)))
     assert len(got) == 4
     for before, after in zip(chunks, got, strict=True):
         assert np.array_equal(after.frame, before.frame)
@@ -395,12 +398,12 @@ def test_a_few_frames_are_named_after_the_roster(direction):
 
 def test_lengths_tell_which_given_whiskers_were_seen():
     angles, lengths = [-0.3, 0.1, 0.4], [58, 71, 80]
-    roster = [Slot(*each) for each in zip("abc", angles, lengths, strict=True)]
+    templates = [WhiskerTemplate(*each) for each in zip("abc", angles, lengths, strict=True)]
     lines = [straight(*each) for each in zip(angles, lengths, strict=True)]
     chunks = [centrelines([f] * 3, range(3), lines) for f in range(4)]
 
     def named(given_px):
-        return list(name_lines(iter(chunks), roster, one_row(roster), given=given_px))
+        return list(name_lines(iter(chunks), templates, one_row(templates), given=given_px))
 
     clear = {"a": 40.0, "b": 62.0, "c": 75.0, "d": 85.0}
     for one, other in zip(named(clear), named(clear | {"a": 62.0}), strict=True):
@@ -412,9 +415,9 @@ def test_lengths_tell_which_given_whiskers_were_seen():
 @pytest.mark.parametrize("open_ended", [False, True])
 def test_a_single_frame_is_named(open_ended):
     angles = [-0.3, 0.1, 0.4]
-    roster = [Slot(n, a, 60) for n, a in zip("abc", angles, strict=True)]
+    templates = [WhiskerTemplate(n, a, 60) for n, a in zip("abc", angles, strict=True)]
     lines = centrelines([0, 0, 0], [2, 0, 1], [straight(a, 60) for a in angles])
-    (got,) = name_lines(iter([lines]), roster, one_row(roster), open_ended)
+    (got,) = name_lines(iter([lines]), templates, one_row(templates), open_ended)
     assert got.names == (("w1", "w2", "w3") if open_ended else ("a", "b", "c"))
     assert np.array_equal(got.confidence, lines.confidence)
     assert list(got.whisker) == [0, 1, 2]
@@ -426,7 +429,7 @@ def test_costs_of_looks_are_those_of_their_formula():
     features = features.reshape(-1, 6)
     features[::7, 5] = np.nan
     phase = rng.normal(size=len(features))
-    model = looks()
+    model = usual_fan()
     off = features[:, None] - model.middle - model.slope * phase[:, None, None]
     square = np.minimum((off / model.sd) ** 2, appearance.FARTHEST**2)
     each = 0.5 * square + np.log(model.sd / LEAST_SD)
@@ -438,7 +441,7 @@ def test_no_look_is_so_wide_that_any_line_is_like_it():
     rng = np.random.default_rng(10)
     frame, _, features, true = rows(whisking(rng), exchanged([]))
     mixed = np.where((true == 2) & (frame % 2 == 0), 4, np.where(true == 4, 2, true))
-    model = looks().fitted(features, mixed, 0.4 * np.sin(frame / 6), np.ones(len(true)))
+    model = usual_fan().fitted(features, mixed, 0.4 * np.sin(frame / 6), np.ones(len(true)))
     usual = np.median(model.sd[:, ANGLE])
     assert model.sd[2, ANGLE] <= appearance.MOST_SD * usual * (1 + 1e-9)
 

@@ -1,4 +1,4 @@
-"""Looks and names from the order along the face, and from what the whole row turns."""
+"""Appearance and names from the order along the face, and from what the whole row turns."""
 
 import itertools
 

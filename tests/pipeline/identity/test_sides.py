@@ -24,7 +24,7 @@ class Drawn:
         self.points = points
 
 
-class Slot:
+class WhiskerTemplate:
     def __init__(self, base, direction, length=150):
         points = base + np.arange(length)[:, None] * [np.sin(direction), np.cos(direction)]
         self.base_xy, self.samples = points[0], (Drawn(points),)
@@ -33,23 +33,23 @@ class Slot:
 def row(side, directions):
     """Whiskers 5 px apart from snout to eye, on the left (−1) or right (1) of a snout."""
     bases = [at(side * (60 + 5 * k), -8 * k) for k in range(len(directions))]
-    return [Slot(base, side * d) for base, d in zip(bases, directions, strict=True)]
+    return [WhiskerTemplate(base, side * d) for base, d in zip(bases, directions, strict=True)]
 
 
-def lines_of(slots):
-    points = [slot.samples[0].points for slot in slots]
+def lines_of(templates):
+    points = [template.samples[0].points for template in templates]
     counts = [len(p) for p in points]
     x, y = np.concatenate(points).T.astype(np.float32)
-    rows = np.arange(len(slots), dtype=np.int32)
+    rows = np.arange(len(templates), dtype=np.int32)
     offsets = np.append(0, np.cumsum(counts))
     return Centrelines(
         names=(), frame=0 * rows, whisker=rows, offsets=offsets, x_px=x, y_px=y,
-        se_px=None, confidence=np.ones(len(slots), np.float32),
+        se_px=None, confidence=np.ones(len(templates), np.float32),
     )  # fmt: skip
 
 
-def sides_of(roster, may_be_two=True):
-    return Sides.of(roster, RULER, "top", OPTIONS.pixels_per_m, may_be_two)
+def sides_of(templates, may_be_two=True):
+    return Sides.of(templates, RULER, "top", OPTIONS.pixels_per_m, may_be_two)
 
 
 def test_two_sides_are_two_rows_whose_angles_grow_towards_the_eye():
@@ -65,12 +65,12 @@ def test_two_sides_are_two_rows_whose_angles_grow_towards_the_eye():
 
 
 def test_a_fan_on_one_side_is_one_row():
-    fan = [Slot(at(8 * k, 0), np.radians(30 * (k - 2))) for k in range(5)]
+    fan = [WhiskerTemplate(at(8 * k, 0), np.radians(30 * (k - 2))) for k in range(5)]
     assert sides_of(fan).names == ("",)
 
 
 def test_two_groups_that_grow_the_same_way_are_one_row():
-    fan = [Slot(at(x, 0), 0.02 * k) for k, x in enumerate([0, 10, 20, 120, 130, 140])]
+    fan = [WhiskerTemplate(at(x, 0), 0.02 * k) for k, x in enumerate([0, 10, 20, 120, 130, 140])]
     assert sides_of(fan).names == ("",)
 
 

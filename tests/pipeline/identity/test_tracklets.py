@@ -10,7 +10,7 @@ from pipeline.identity.ordered_assignment import Lines
 from pipeline.identity.tracklets import (
     HELD_TO_MEAN,
     RowMotion,
-    _looks,
+    _appearance,
     named_by_tracklets,
     often_seen,
 )
@@ -87,7 +87,9 @@ def test_directions_in_the_row_are_those_of_least_squares(seed, paths, frames):
     features = np.zeros((len(frame), 6))
     features[:, ANGLE] = rng.normal(size=len(frame))
     features[:, [LENGTH, THICKNESS]] = owner[:, None]
-    got = _looks([np.flatnonzero(owner == p) for p in range(paths)], Lines(features, frame, owner))
+    got = _appearance(
+        [np.flatnonzero(owner == p) for p in range(paths)], Lines(features, frame, owner)
+    )
     columns = [owner[:, None] == np.arange(paths), frame[:, None] == np.arange(frames)]
     design = np.concatenate(columns, axis=1).astype(float)
     held = np.sqrt(HELD_TO_MEAN) * np.eye(paths, paths + frames)

@@ -71,7 +71,7 @@ def test_good_ways_that_disagree_take_confidence(monkeypatch):
 @pytest.mark.parametrize("less", [1.0, 0.2])
 def test_names_are_as_sure_where_a_way_to_them_counts_looks_less(monkeypatch, less):
     lines, true = row(np.random.default_rng(4))
-    usual = ways._likeliest(lines, ways.seeds.looks_of(lines, true, ways.LEAST_SD), true)
+    usual = ways._likeliest(lines, ways.seeds.appearance_of(lines, true, ways.LEAST_SD), true)
     found = ways._likeliest(lines, usual[1], true, less)
     monkeypatch.setattr(ways, "_ways", lambda _: iter([found]))
     names, sure = ways.best_names(lines)

@@ -7,7 +7,7 @@ from pipeline.scene.background import estimate_background
 from pipeline.scene.estimate import scene_from_frames
 from pipeline.scene.face import SIDES, border, face_side, find_face, thickening_towards
 from pipeline.session.recording import Recording
-from pipeline.tracking.registry import find_roster
+from pipeline.tracking.registry import find_templates
 from pipeline.tracking.tracker import options_for
 from synthetic.fur import distance_from_pad, pad_centre
 from synthetic.presets import make_trial
@@ -128,6 +128,6 @@ def test_an_object_on_the_wrong_side_is_no_face():
     video = np.ascontiguousarray(video[:, :, :320])
     video[:, :, -25:] = 10  # dark, where the whiskers reach it
     scene = scene_from_frames(video, Recording(1000.0, SCALE, "right"))
-    roster = find_roster(video, scene, options_for(Recording(1000.0, SCALE, "right")))
+    templates = find_templates(video, scene, options_for(Recording(1000.0, SCALE, "right")))
     assert scene.likelier_side is None  # it passes for a face
-    assert thickening_towards(roster) == "left"
+    assert thickening_towards(templates) == "left"

@@ -8,7 +8,7 @@ from pipeline.run import trace
 from pipeline.scene.estimate import scene_from_frames
 from pipeline.scene.virtual_face import mask_behind_whiskers
 from pipeline.session.recording import Recording
-from pipeline.tracking.registry import find_roster
+from pipeline.tracking.registry import find_templates
 from pipeline.tracking.tracker import options_for
 from synthetic.presets import make_trial
 from synthetic.render import Renderer
@@ -92,9 +92,9 @@ def test_whiskers_that_come_over_the_border_are_traced():
     recording = Recording(camera.frames_per_second, camera.pixels_per_mm, "left")
     scene = scene_from_frames(wide, recording, 0.5e-3)
     options = options_for(recording, [18e-3], [3.2e-3])
-    roster = find_roster(wide[::4], scene, options, ["C2"])
+    templates = find_templates(wide[::4], scene, options, ["C2"])
     images = (renderer.frame(i)[:, cut:] for i in FOLLOWED)
-    (lines,) = trace(images, scene, roster, options, chunk_frames=10**6)
+    (lines,) = trace(images, scene, templates, options, chunk_frames=10**6)
     assert len(lines) == len(FOLLOWED)
     for row, frame in enumerate(FOLLOWED):
         x, y = trial.motion.centrelines(hair=0, frames=slice(frame, frame + 1))

@@ -14,8 +14,8 @@ from pipeline.session.recording import Recording
 from pipeline.tracking import registry
 from pipeline.tracking.matching import Ruler, crowded
 from pipeline.tracking.registry import (
-    Slot,
-    find_roster,
+    WhiskerTemplate,
+    find_templates,
     gather,
     gets_thinner_backwards,
     mostly_seen,
@@ -35,7 +35,7 @@ HIDDEN = 1.4e-3  # m
 
 
 class Row:
-    """Rendered frames of `dense_row`, their roster and traced lines, scored."""
+    """Rendered frames of `dense_row`, their templates and traced lines, scored."""
 
     def __init__(self):
         trial = make_trial("dense_row", 0, 0, FRAMES)
@@ -47,11 +47,11 @@ class Row:
         self.scene = scene_from_frames(self.images[::5], recording, None, None, FRAMES)
         lengths = [hair.whisker.length for hair in trial.scene.hairs]
         self.options = options_for(recording, lengths, [HIDDEN] * len(lengths))
-        self.roster = find_roster(self.images[::8], self.scene, self.options, self.names)
+        self.templates = find_templates(self.images[::8], self.scene, self.options, self.names)
         lines = centreline_table(trial.motion)
         visible = visibility_table(trial.motion, renderer, lines)
         truth = line_scoring.visible_truth(lines, visible, camera.pixels_per_mm, NOISE_SD)
-        chunks = trace(self.images, self.scene, self.roster, self.options, chunk_frames=10**6)
+        chunks = trace(self.images, self.scene, self.templates, self.options, chunk_frames=10**6)
         self.lines = next(iter(chunks))
         self.scores = line_scoring.score_lines(self.lines, truth)
 
@@ -61,11 +61,11 @@ def row():
     return Row()
 
 
-def test_all_whiskers_are_in_the_roster_in_order(row):
-    assert [slot.name for slot in row.roster] == row.names
-    bases = [slot.base_xy[1] for slot in row.roster]
+def test_all_whiskers_are_among_the_templates_in_order(row):
+    assert [template.name for template in row.templates] == row.names
+    bases = [template.base_xy[1] for template in row.templates]
     assert np.all(np.diff(bases) > -1.5)  # px: some leave the face at the same place
-    assert crowded([slot.signature for slot in row.roster], row.options)
+    assert crowded([template.signature for template in row.templates], row.options)
 
 
 def test_what_is_dark_in_a_few_damaged_frames_does_not_hide_whiskers():
@@ -75,10 +75,10 @@ def test_what_is_dark_in_a_few_damaged_frames_does_not_hide_whiskers():
 
 def test_lengths_that_are_given_decide_the_order_whatever_the_thickness(row):
     options = replace(row.options, visible_px=row.options.visible_px[::-1])
-    roster = find_roster(row.images[::8], row.scene, options, row.names[::-1])
-    bases = {slot.name: slot.base_xy for slot in roster}
-    for slot in row.roster:  # in which thickness says the same as length
-        np.testing.assert_allclose(bases[slot.name], slot.base_xy)
+    templates = find_templates(row.images[::8], row.scene, options, row.names[::-1])
+    bases = {template.name: template.base_xy for template in templates}
+    for template in row.templates:  # in which thickness says the same as length
+        np.testing.assert_allclose(bases[template.name], template.base_xy)
 
 
 def test_whiskers_keep_their_names_in_fast_whisking(row):
@@ -111,14 +111,14 @@ def test_whiskers_beside_each_other_are_not_taken_for_one_broad_one(monkeypatch)
     options = options_for(recording, lengths, [HIDDEN] * len(lengths))
     groups = []
     monkeypatch.setattr(registry, "gather", lambda *a: groups.extend(gather(*a)) or groups)
-    roster = find_roster(images, scene, options, list(trial.scene.names), chosen)
+    templates = find_templates(images, scene, options, list(trial.scene.names), chosen)
     frame_of = {
         id(line): chosen[k] for g in groups for k, line in zip(g.frames, g.lines, strict=True)
     }
     truth = centreline_table(trial.motion)
-    for slot in roster:
-        true = [_nearest(line, truth, frame_of[id(line)]) for line in slot.samples]
-        assert true.count(slot.name) > 0.8 * len(true), slot.name
+    for template in templates:
+        true = [_nearest(line, truth, frame_of[id(line)]) for line in template.samples]
+        assert true.count(template.name) > 0.8 * len(true), template.name
 
 
 def test_a_short_anterior_whisker_is_one_and_a_hair_of_the_fur_is_none():
@@ -139,8 +139,8 @@ def test_a_short_anterior_whisker_is_one_and_a_hair_of_the_fur_is_none():
     images = np.array(images)
     recording = Recording(500.0, px_per_mm, "left")
     scene = scene_from_frames(images, recording, None, None, len(images))
-    roster = find_roster(images, scene, options_for(recording))
-    assert [round(slot.base_xy[1], -1) for slot in roster] == [130, 200]  # px
+    templates = find_templates(images, scene, options_for(recording))
+    assert [round(template.base_xy[1], -1) for template in templates] == [130, 200]  # px
 
 
 def straight(follicle_y, angle, length, thickness):
@@ -155,29 +155,29 @@ def straight(follicle_y, angle, length, thickness):
 
 @pytest.mark.parametrize(("width", "turned"), [(500, True), (180, False)])
 def test_a_whisker_that_the_border_cuts_does_not_decide_the_order(width, turned):
-    slots = []
+    templates = []
     for y, length, thickness in ((100, 150, 1.0), (150, 120, 1.2)):
         line = straight(y, 0.0, length, thickness)
-        slots.append(Slot("", line.points[0], length, (line,) * 5))
+        templates.append(WhiskerTemplate("", line.points[0], length, (line,) * 5))
     # in the other order they would be more alike, seen 150 and 120 px long
     given = {"a": 150.0, "b": 180.0}
     ground = np.zeros((240, width), bool)
     ground[12:-12, 12:-12] = True
-    found = named_as_given(slots, given, ground, gets_thinner_backwards)
-    assert [slot.name for slot in found] == ["a", "b"]
-    assert [slot.longest_px for slot in found] == [150.0, 180.0]
+    found = named_as_given(templates, given, ground, gets_thinner_backwards)
+    assert [template.name for template in found] == ["a", "b"]
+    assert [template.longest_px for template in found] == [150.0, 180.0]
     assert (found[0].visible_px == 120) == turned
 
 
 @pytest.mark.parametrize(("names", "turned"), [("ab", True), (("C1", "C2"), False)])
 def test_arcs_tell_the_order_of_whiskers_without_lengths(names, turned):
-    slots = []
+    templates = []
     for y, length, thickness in ((100, 150, 1.2), (150, 120, 1.0)):
         line = straight(y, 0.0, length, thickness)
-        slots.append(Slot("", line.points[0], length, (line,) * 5))
+        templates.append(WhiskerTemplate("", line.points[0], length, (line,) * 5))
     given = dict.fromkeys(names, np.inf)  # by their letters: anterior to posterior
-    found = named_as_given(slots, given, np.ones((240, 500), bool), gets_thinner_backwards)
-    assert [slot.name for slot in found] == list(names)
+    found = named_as_given(templates, given, np.ones((240, 500), bool), gets_thinner_backwards)
+    assert [template.name for template in found] == list(names)
     assert (found[0].visible_px == 120) == turned
 
 

@@ -8,7 +8,7 @@ import pytest
 from pipeline.scene.estimate import scene_from_frames
 from pipeline.session.parameters import DEFAULTS
 from pipeline.session.recording import Recording
-from pipeline.tracking.registry import find_roster
+from pipeline.tracking.registry import find_templates
 from pipeline.tracking.stationary_whiskers import without_resting_whiskers
 from pipeline.tracking.tracker import options_for
 
@@ -37,8 +37,8 @@ def backgrounds(swing):
     frames = np.stack([picture(angle, i) for i, angle in enumerate(angles)])
     recording = Recording(1000.0, SCALE, "left")
     scene = scene_from_frames(frames, recording, None)
-    roster = find_roster(frames, scene, options_for(recording), None)
-    return scene, without_resting_whiskers(scene, roster, SCALE)
+    templates = find_templates(frames, scene, options_for(recording), None)
+    return scene, without_resting_whiskers(scene, templates, SCALE)
 
 
 def shade(scene):

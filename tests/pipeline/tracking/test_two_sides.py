@@ -10,7 +10,7 @@ from pipeline.session.recording import Recording
 from pipeline.session.session_file import read_session
 from pipeline.tables import Centrelines
 from pipeline.tracking import two_sides
-from pipeline.tracking.registry import Slot
+from pipeline.tracking.registry import WhiskerTemplate
 from pipeline.tracking.tracker import options_for
 from synthetic.scoring import line_scoring
 from synthetic.session import render_session
@@ -19,32 +19,32 @@ OPTIONS = options_for(Recording(500.0, 16.0, "top"))
 EVERYWHERE = np.ones((500, 720), bool)
 
 
-def slot(base, direction, length, seen=6):
+def template(base, direction, length, seen=6):
     """A straight whisker, `length` [px] long; its direction [rad] is 0 downwards."""
     along = np.arange(length)[:, None] * [np.sin(direction), np.cos(direction)]
     line = Line.empty(400)
     line.x[:length], line.y[:length] = (base + along).T
     line.n, line.amplitude[:length] = length, 0.1
-    return Slot("", np.array(base, float), float(length), (line,) * seen)
+    return WhiskerTemplate("", np.array(base, float), float(length), (line,) * seen)
 
 
 def row(side, lengths):
     """Whiskers from snout to eye, on the left (−1) or right (1) of a snout at (360, 200)."""
     places = [(360 + side * (60 + 5 * k), 200 - 8 * k) for k in range(len(lengths))]
     directions = side * np.radians(np.linspace(40, 110, len(lengths)))
-    return [slot(*each) for each in zip(places, directions, lengths, strict=True)]
+    return [template(*each) for each in zip(places, directions, lengths, strict=True)]
 
 
 LENGTHS = 60, 80, 110, 150, 200  # px, anterior to posterior
 
 
-def named(roster, names, longest=None):
-    return named_and_beside(roster, names, longest)[0]
+def named(templates, names, longest=None):
+    return named_and_beside(templates, names, longest)[0]
 
 
-def named_and_beside(roster, names, longest=None):
+def named_and_beside(templates, names, longest=None):
     sides = two_sides.names_by_side(names, "top")
-    return two_sides.named_by_side(roster, sides, "top", OPTIONS, longest or {}, EVERYWHERE)
+    return two_sides.named_by_side(templates, sides, "top", OPTIONS, longest or {}, EVERYWHERE)
 
 
 def test_names_tell_the_side():
@@ -60,8 +60,8 @@ def test_each_side_has_its_own_names_from_snout_to_eye():
     left, right = row(-1, LENGTHS), row(1, LENGTHS)
     names = [f"{side}_{k}" for side in ("right", "left") for k in range(5)]
     found = {each.name: each for each in named([*right[::-1], *left], names)}
-    for side, slots in (("left", left), ("right", right)):
-        for k, each in enumerate(slots):
+    for side, templates in (("left", left), ("right", right)):
+        for k, each in enumerate(templates):
             assert found[f"{side}_{k}"].base_xy == pytest.approx(each.base_xy)
 
 
@@ -85,7 +85,7 @@ def test_arcs_tell_where_the_lengths_are_not_known():
 
 def test_of_each_side_the_best_seen_are_named():
     left, right = row(-1, LENGTHS), row(1, LENGTHS)
-    seldom = slot((290, 215), -1.2, 150, seen=1)
+    seldom = template((290, 215), -1.2, 150, seen=1)
     found = named([seldom, *left, *right], ["left_a", "right_a", "right_b"])
     assert [each.name for each in found] == ["left_a", "right_a", "right_b"]
     assert found[0].visible_px == 200

@@ -10,7 +10,7 @@ from pipeline.numerics.angles import wrapped
 from pipeline.scene.estimate import scene_from_frames
 from pipeline.session.recording import Recording
 from pipeline.tracking import row_rotation
-from pipeline.tracking.registry import find_roster
+from pipeline.tracking.registry import find_templates
 from pipeline.tracking.track_video import track
 from pipeline.tracking.tracker import options_for
 from pipeline.tracking.unlabelled_tracker import CrowdTracer
@@ -32,7 +32,7 @@ def crowd():
     scene = scene_from_frames(wide, recording, 0.5e-3, None, len(trial.motion))
     options = options_for(recording)
     images = [renderer.frame(i) for i in FRAMES]
-    return trial, scene, find_roster(wide[::2], scene, options), options, images
+    return trial, scene, find_templates(wide[::2], scene, options), options, images
 
 
 def whisker_at(trial, frame, line):
@@ -47,8 +47,8 @@ def whisker_at(trial, frame, line):
 
 
 def test_tracks_stay_with_their_whiskers_in_fast_whisking(crowd):
-    trial, scene, roster, options, images = crowd
-    tracer = CrowdTracer(scene, roster, options)
+    trial, scene, templates, options, images = crowd
+    tracer = CrowdTracer(scene, templates, options)
     last, same, other = {}, 0, 0
     for frame, image in zip(FRAMES, images, strict=True):
         now = {t.number: whisker_at(trial, frame, t.line) for t in tracer.step(image)}
@@ -62,17 +62,17 @@ def test_tracks_stay_with_their_whiskers_in_fast_whisking(crowd):
 
 
 def test_it_goes_on_where_all_lines_are_lost_for_some_frames(crowd):
-    _, scene, roster, options, images = crowd
-    tracer = CrowdTracer(scene, roster, options)
+    _, scene, templates, options, images = crowd
+    tracer = CrowdTracer(scene, templates, options)
     empty = np.clip(scene.background, 0, 255).astype(np.uint8)
     seen = [len(tracer.step(image)) for image in (*images[:3], empty, empty, empty, *images[3:12])]
     assert seen[5] == 0
-    assert seen[-1] >= len(roster) - 2
+    assert seen[-1] >= len(templates) - 2
 
 
 def test_while_lines_rest_new_ones_are_looked_for_every_3_ms_and_found(crowd, monkeypatch):
-    _, scene, roster, options, images = crowd
-    tracer = CrowdTracer(scene, roster, options)
+    _, scene, templates, options, images = crowd
+    tracer = CrowdTracer(scene, templates, options)
     searched, search = [], tracer._search_all
     monkeypatch.setattr(tracer, "_search_all", lambda *at: (searched.append(at), search(*at)))
     empty = np.clip(scene.background, 0, 255).astype(np.uint8)
@@ -80,14 +80,14 @@ def test_while_lines_rest_new_ones_are_looked_for_every_3_ms_and_found(crowd, mo
         assert tracer.step(empty) == []
     assert len(searched) == 2 + 6  # before it counts as rest, and then in every third frame
     seen = [len(tracer.step(images[0])) for _ in range(3)]
-    assert seen[-1] >= len(roster) - 2
+    assert seen[-1] >= len(templates) - 2
 
 
 @pytest.mark.parametrize("start", [27, 45])
 def test_lines_stay_with_their_whiskers_in_a_video_that_begins_amid_a_whisk(crowd, start):
-    trial, scene, roster, options, images = crowd
+    trial, scene, templates, options, images = crowd
     coarse = slice(start, start + 32, 4)  # a quarter of the frame rate
-    lines = next(track(images[coarse], scene, roster, options))
+    lines = next(track(images[coarse], scene, templates, options))
     seen = {}
     for row, (frame, number) in enumerate(zip(lines.frame, lines.whisker, strict=True)):
         line = SimpleNamespace(points=lines.row(row).astype(float), n=len(lines.row(row)))
@@ -132,7 +132,7 @@ def test_the_sides_of_a_face_turn_against_each_other():
     drawn = [snout_with_whiskers(turn) for turn in turns]
     options = options_for(Recording(500.0, 12.0, "top"))
     first = np.array([drawn[0][0]] * 3)
-    tracer = CrowdTracer(scene, find_roster(first, scene, options), options)
+    tracer = CrowdTracer(scene, find_templates(first, scene, options), options)
     seen = []
     for image, directions in drawn:
         tracks = tracer.step(image)

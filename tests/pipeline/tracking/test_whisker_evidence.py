@@ -8,7 +8,7 @@ from pipeline.run import analyse
 from pipeline.scene.estimate import scene_from_frames
 from pipeline.session.recording import Recording
 from pipeline.session.session_file import settings_from
-from pipeline.tracking.registry import find_roster
+from pipeline.tracking.registry import find_templates
 from pipeline.tracking.tracker import options_for
 from pipeline.tracking.whisker_evidence import whisker_like
 
@@ -43,9 +43,9 @@ def frames_of(swing, near, far, length=250):
 def told_apart(frames):
     recording = Recording(1000.0, SCALE, "left")
     scene = scene_from_frames(frames, recording, None)
-    roster = find_roster(frames, scene, options_for(recording))
-    assert roster, "no line is found at all"
-    return whisker_like(roster, len(frames), frames.shape[1:])
+    templates = find_templates(frames, scene, options_for(recording))
+    assert templates, "no line is found at all"
+    return whisker_like(templates, len(frames), frames.shape[1:])
 
 
 @pytest.mark.parametrize(

@@ -6,8 +6,8 @@ import pytest
 from pipeline.session.quantities import pixels_in
 from pipeline.session.session_file import settings_from
 from pipeline.tracking.matching import Ruler
-from pipeline.tracking.registry import Slot
-from pipeline.tracking.whiskers import cast_of, tracing_options
+from pipeline.tracking.registry import WhiskerTemplate
+from pipeline.tracking.whiskers import tracing_options, whisker_set_of
 
 RECORDING = {"frames_per_second": 2000, "pixels_per_mm": 25, "face": "left"}
 SHAPE = (480, 640)
@@ -44,27 +44,27 @@ def test_lengths_between_lines_are_at_least_as_many_pixels_as_at_25_per_mm():
     assert pixels_in(0.72, 8e3) == pytest.approx(18)
 
 
-def cast_with(names, whiskers=()):
+def whisker_set_with(names, whiskers=()):
     settings = settings_from({"recording": RECORDING, "whisker": list(whiskers)})
-    return cast_of([Slot(name, np.zeros(2), 300.0) for name in names], settings)
+    return whisker_set_of([WhiskerTemplate(name, np.zeros(2), 300.0) for name in names], settings)
 
 
 def test_a_whisker_that_only_the_whole_video_shows_keeps_its_own_dimensions():
     other = {"name": "C3", "length_mm": 12, "cone_length_mm": 13, "base_radius_um": 25}
-    cast = cast_with(["C2"], [WHISKER, other]).only(["C3"]).of(["C3"])
-    assert cast.found == ("C3",)
-    assert cast.nominal[0].base_radius == pytest.approx(25e-6)
-    cast = cast_with(["C2"], [WHISKER, other]).of(["C2", "C3"])
-    assert (cast.names, cast.found) == (("C2", "C3"), ("C2", "C3"))
-    assert cast.hidden_lengths[0] == pytest.approx(1.4e-3)
+    whisker_set = whisker_set_with(["C2"], [WHISKER, other]).only(["C3"]).of(["C3"])
+    assert whisker_set.found == ("C3",)
+    assert whisker_set.nominal[0].base_radius == pytest.approx(25e-6)
+    whisker_set = whisker_set_with(["C2"], [WHISKER, other]).of(["C2", "C3"])
+    assert (whisker_set.names, whisker_set.found) == (("C2", "C3"), ("C2", "C3"))
+    assert whisker_set.hidden_lengths[0] == pytest.approx(1.4e-3)
 
 
 def test_without_tables_the_names_are_those_of_the_whole_video():
-    cast = cast_with(["w1", "w2", "w3"]).of(["w1", "w2"])
-    assert cast.names == cast.found == ("w1", "w2")
-    assert set(cast.whiskers.values()) == {None}
+    whisker_set = whisker_set_with(["w1", "w2", "w3"]).of(["w1", "w2"])
+    assert whisker_set.names == whisker_set.found == ("w1", "w2")
+    assert set(whisker_set.whiskers.values()) == {None}
 
 
 def test_where_no_whisker_is_found_none_needs_dimensions():
-    cast = cast_with([], [{"name": "C2", "hidden_length_mm": 0}])
-    assert (cast.names, cast.found, cast.nominal) == (("C2",), (), ())
+    whisker_set = whisker_set_with([], [{"name": "C2", "hidden_length_mm": 0}])
+    assert (whisker_set.names, whisker_set.found, whisker_set.nominal) == (("C2",), (), ())
