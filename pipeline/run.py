@@ -29,6 +29,7 @@ from pipeline.tables import CONTACT_COLUMNS, FRAME_COLUMNS, Centrelines, with_un
 from pipeline.tables.centrelines import lines_of_table
 from pipeline.tracking import (
     CHUNK_FRAMES,
+    GivenLengths,
     behind_whiskers,
     find_whisker_set,
     odd_length,
@@ -289,8 +290,8 @@ def trace(
     face = face_side_of(scene)
     lengths = dict(zip(given or (), options.visible_px, strict=False))
     lines = assign_identities(
-        tracks, templates, options, face, given == (), params.identity, beside, lengths,
-        open_ground(scene) if lengths else None,
+        tracks, templates, options, face, given == (), params.identity, beside,
+        GivenLengths(lengths, open_ground(scene)) if lengths else None,
     )  # fmt: skip
     return locate_follicles(lines, sample_lines(templates, options), options, params.kinematics)
 

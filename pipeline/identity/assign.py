@@ -21,7 +21,7 @@ from pipeline.identity.ways import best_names
 from pipeline.session.parameters import DEFAULTS
 from pipeline.tables.centrelines import Centrelines
 from pipeline.tracking import line_ends
-from pipeline.tracking.given_lengths import numbers_in_order, probabilities
+from pipeline.tracking.given_lengths import GivenLengths, numbers_in_order, probabilities
 from pipeline.tracking.matching import Ruler
 from pipeline.tracking.two_sides import names_by_side
 from pipeline.tracking.unlabelled_tracker import is_crowd
@@ -38,8 +38,7 @@ def assign_identities(
     open_ended=False,
     params=DEFAULTS.identity,
     beside=(),
-    given=None,
-    ground=None,
+    given: GivenLengths | None = None,
 ) -> Iterator[Centrelines]:
     """Hand on the chunks of a video with a name for every line.
 
@@ -56,9 +55,8 @@ def assign_identities(
         are templates
     params : the room's parameters
     beside : `WhiskerTemplate`s of a side of the face without names: its lines get none
-    given : name → length that is seen at most [px] of all whiskers in session.toml, in their
-        order: their lengths tell which of them are seen; None: the templates'
-    ground : where a line that ends is a whole one (`line_ends.open_ground`); None: everywhere
+    given : of all whiskers in session.toml: their lengths tell which of them are seen; None: of
+        the templates
     """
     if not is_crowd(templates, options):
         return iter(chunks)
@@ -69,11 +67,11 @@ def assign_identities(
         [*templates, *beside], ruler, face_side, options.pixels_per_m, may_be_two, params
     )
     limits = Limits(params, options.frames_per_second)
-    return name_lines(chunks, templates, sides, open_ended, limits, given, ground)
+    return name_lines(chunks, templates, sides, open_ended, limits, given)
 
 
 def name_lines(
-    chunks, templates, sides, open_ended=False, limits: Limits = USUAL, given=None, ground=None
+    chunks, templates, sides, open_ended=False, limits: Limits = USUAL, given=None
 ) -> Iterator[Centrelines]:
     """Hand on the chunks of a video with the names that suit the whole of it best.
 
@@ -83,17 +81,17 @@ def name_lines(
 
     Parameters
     ----------
-    chunks, templates, open_ended, given, ground : as for `assign_identities`
+    chunks, templates, open_ended, given : as for `assign_identities`
     sides : the rows in which they stand (`Sides`)
     limits : the room's parameters
     """
-    given = given or {template.name: template.longest_px for template in templates}
+    given = given or GivenLengths.of(templates)
     with tempfile.TemporaryFile() as file:
         found, count = [], 0
         for chunk in chunks:
             _store(chunk, file)
             row, features = sides.features(chunk)
-            length = _whole_lengths(chunk, features[:, LENGTH], ground)
+            length = _whole_lengths(chunk, features[:, LENGTH], given.ground)
             found.append((chunk.frame, chunk.whisker, row, features, length))
             count += 1
         if not found:
@@ -114,6 +112,7 @@ def _all_rows(rows, templates, given, sides, open_ended, limits):
 
     rows : frame, track, side, features and `_whole_lengths` of the lines
     """
+    longest = given.longest_px
     frame, track, side, features, length = rows
     whisker, sure, called = np.full(len(frame), -1), np.ones(len(frame)), ()
     for number, side_name in enumerate(sides.names):
@@ -128,7 +127,7 @@ def _all_rows(rows, templates, given, sides, open_ended, limits):
             named, sure[own] = with_unnamed(frame[own], track[own], named, sure[own], unnamed)
             names_here = tuple(f"{side_name}w{k + 1}" for k in range(named.max(initial=-1) + 1))
         else:
-            here = {name: px for name, px in given.items() if name.startswith(side_name)}
+            here = {name: px for name, px in longest.items() if name.startswith(side_name)}
             found = [template.name for template in row]
             named, names_here, chosen = _as_given(named, length[own], here, found)
             sure[own] *= chosen

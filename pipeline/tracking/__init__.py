@@ -5,6 +5,7 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
+        "given_lengths": ["GivenLengths"],
         "line_ends": ["open_ground"],
         "registry": ["find_templates", "templates_of"],
         "seen_lengths": ["odd_length"],

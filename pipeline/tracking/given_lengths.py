@@ -7,6 +7,7 @@ stand one behind the other: their order alone is not certain.
 
 import re
 from functools import reduce
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,6 +19,21 @@ MISSED = 0.2  # cost, as of a logarithm, of a whisker of mean length: short ones
 FARTHEST = 0.5  # a logarithm that is farther off is a line cut short, and counts as no more
 USUAL = 0.04  # mean misfit of a logarithm: by so much more, a choice is e times less likely
 SURE = 0.03  # mean logarithm by which lengths fit better in one order than in the other
+
+
+class GivenLengths(NamedTuple):
+    """Name → length that is seen at most [px], in the order of session.toml.
+
+    `ground` is where a line that ends is a whole one (`line_ends.open_ground`); None: everywhere.
+    """
+
+    longest_px: dict[str, float]
+    ground: np.ndarray | None = None
+
+    @classmethod
+    def of(cls, templates) -> "GivenLengths":
+        """Those of some `WhiskerTemplate`s."""
+        return cls({template.name: template.longest_px for template in templates})
 
 
 def numbers_in_order(seen_px, given_px) -> np.ndarray:

@@ -15,6 +15,7 @@ from pipeline.identity.sides import Sides
 from pipeline.identity.ways import LEAST_SD
 from pipeline.session.recording import Recording
 from pipeline.tables.centrelines import Centrelines
+from pipeline.tracking.given_lengths import GivenLengths
 from pipeline.tracking.matching import Ruler
 from pipeline.tracking.tracker import options_for
 
@@ -403,7 +404,9 @@ def test_lengths_tell_which_given_whiskers_were_seen():
     chunks = [centrelines([f] * 3, range(3), lines) for f in range(4)]
 
     def named(given_px):
-        return list(name_lines(iter(chunks), templates, one_row(templates), given=given_px))
+        return list(
+            name_lines(iter(chunks), templates, one_row(templates), given=GivenLengths(given_px))
+        )
 
     clear = {"a": 40.0, "b": 62.0, "c": 75.0, "d": 85.0}
     for one, other in zip(named(clear), named(clear | {"a": 62.0}), strict=True):
