@@ -43,7 +43,7 @@ def assign_identities(
     """Hand on the chunks of a video with a name for every line.
 
     The lines of a crowd get the names that suit the whole video best (`name_lines`); whiskers
-    that stand apart keep those that the tracker gave them.
+    that stand apart keep those that the tracker gave them, as far as they are `likely`.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ def assign_identities(
         the templates
     """
     if not is_crowd(templates, options):
-        return iter(chunks)
+        return _as_likely(chunks, templates)
     ruler = Ruler.of(face_side, options)
     named = [template.name for template in templates]
     may_be_two = open_ended or names_by_side(named, face_side) is not None
@@ -68,6 +68,13 @@ def assign_identities(
     )
     limits = Limits(params, options.frames_per_second)
     return name_lines(chunks, templates, sides, open_ended, limits, given)
+
+
+def _as_likely(chunks, templates):
+    """The chunks, less sure where it is not certain which given whisker each one is."""
+    likely = np.array([template.likely for template in templates], np.float32)
+    for chunk in chunks:
+        yield replace(chunk, confidence=chunk.confidence * likely[chunk.whisker])
 
 
 def name_lines(

@@ -12,7 +12,12 @@ from pipeline.detection.line import Line, Workspace
 from pipeline.detection.static_scene import StaticScene
 from pipeline.tables.centrelines import Centrelines
 from pipeline.tracking import line_ends, matching
-from pipeline.tracking.given_lengths import numbers_in_order, posterior_first, runs_backwards
+from pipeline.tracking.given_lengths import (
+    numbers_in_order,
+    posterior_first,
+    probabilities,
+    runs_backwards,
+)  # fmt: skip
 from pipeline.tracking.matching import Ruler
 
 SEEN_TOGETHER = 3.0  # frames: two whiskers that would so often by chance are, at least once
@@ -24,7 +29,7 @@ class WhiskerTemplate:
     """What is known beforehand of one whisker: where it leaves the face, how long it is seen.
 
     `signature` is as of matching.Ruler, less the turn of all whiskers. No line of this whisker is
-    longer than `longest_px`.
+    longer than `longest_px`. `likely` is the probability that it is the given one of its name.
     """
 
     name: str
@@ -33,6 +38,7 @@ class WhiskerTemplate:
     samples: tuple = ()  # detection.Line
     signature: np.ndarray | None = None
     longest_px: float = np.inf
+    likely: float = 1.0
 
 
 @dataclass
@@ -154,10 +160,11 @@ def named_as_given(
         reverse = backwards(templates) != posterior_first(given)
     if reverse:
         templates, whole = templates[::-1], whole[::-1]
-    names = list(given)
+    names, numbers = list(given), numbers_in_order(whole, longest)
+    likely = probabilities(whole, longest, numbers)
     return [
-        replace(template, name=names[k], longest_px=longest[k])
-        for template, k in zip(templates, numbers_in_order(whole, longest), strict=True)
+        replace(template, name=names[k], longest_px=longest[k], likely=float(sure))
+        for template, k, sure in zip(templates, numbers, likely, strict=True)
     ]
 
 

@@ -7,6 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from pipeline.run import analyse
+from pipeline.session.session_file import read_session
 from pipeline.tracking.given_lengths import (
     EXCHANGED,
     FADED,
@@ -19,6 +21,7 @@ from pipeline.tracking.given_lengths import (
     probabilities,
     runs_backwards,
 )
+from synthetic.session import render_session
 
 ROW = np.array([265, 251, 238, 230, 210, 203, 175, 150, 158, 124, 105, 93.0])  # px, as of a mouse
 
@@ -122,3 +125,16 @@ def test_a_choice_between_whiskers_of_one_length_is_open():
 @pytest.mark.parametrize("given_px", [(), (np.inf,) * 5])
 def test_nothing_is_doubted_where_lengths_are_not_known(given_px):
     assert probabilities([90.0, 80.0, 85.0], given_px, np.arange(3)).tolist() == [1, 1, 1]
+
+
+def test_one_seen_whisker_of_two_tables_is_the_one_of_its_length_and_not_quite_certain(tmp_path):
+    (path,) = render_session(tmp_path, "single", 5, 1, frames=40)
+    own = read_session(tmp_path / "session.toml")
+    (true,) = own.whisker
+    longer = true.model_copy(update={"name": "D2", "length_mm": 25.0, "cone_length_mm": 26.0})
+    both = own.model_copy(update={"whisker": (true, longer)})
+    alone, found = (analyse(path, settings).frames for settings in (own, both))
+    name = found.loc[found["tracked"], "whisker"]
+    assert set(name) == {true.name}
+    share = found["confidence"].max() / alone["confidence"].max()
+    assert 0.6 < share < 0.95
