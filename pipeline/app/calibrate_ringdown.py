@@ -97,7 +97,7 @@ def _sentence(each, modulus):
 
 
 def _say_pooled(together, follicle, say):
-    count = f"{counted(together.n, 'slip')}"
+    count = counted(together.n, "slip")
     say(f"{count}, {follicle} follicle: {_sentence(together, together.youngs_modulus)}")
     say(
         "  with the whisker's dimensions as in session.toml: 1 % of length is 4 % of E, 1 % of "

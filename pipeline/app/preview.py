@@ -55,7 +55,7 @@ class Preview:
         place = (
             "no pole" if pole is None else f"a pole at ({pole.x_px[0]:.0f}, {pole.y_px[0]:.0f})"
         )
-        count = f"{counted(len(self.names), 'whisker')}"
+        count = counted(len(self.names), "whisker")
         names = f" ({', '.join(self.names)})" if self.names else ""
         grey = self.lines.keys() - self.known
         doubt = "; grey in the picture: not sure which whisker" if grey else ""

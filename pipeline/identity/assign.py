@@ -165,8 +165,6 @@ def _as_given(named, length, given, found):
 
 def _whole_lengths(chunk, length, ground):
     """Logarithms of the lines' lengths (lines,), NaN where a whisker goes on beyond its line."""
-    if ground is None:
-        return length
     end = chunk.offsets[1:] - 1
     whole = line_ends.whole(chunk.x_px[end], chunk.y_px[end], ground)
     return np.where(whole, length, np.nan)

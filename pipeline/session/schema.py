@@ -174,8 +174,8 @@ class Settings(_Table):
     """All of session.toml. Only `recording` is required.
 
     `whisker` holds one table per tracked whisker, anterior to posterior, or in the other order
-    where lengths or arcs (C1, C2, C3) say so; it may be empty. Where both sides
-    of a face are in view, names begin with `left_` and `right_` (`upper_`, `lower_`).
+    where lengths or arcs (C1, C2, C3) say so; it may be empty. Where both sides of a face are in
+    view, names begin with `left_` and `right_` (`upper_`, `lower_`).
     `advanced` holds the parameters of the analysis (docs/parameters.md); most need no change.
     """
 

@@ -21,7 +21,12 @@ def open_ground(scene) -> np.ndarray:
 
 
 def whole(x_px, y_px, ground) -> np.ndarray:
-    """Whether whiskers whose far ends are seen at these places end there."""
+    """Whether whiskers whose far ends are seen at these places end there.
+
+    ground : as of `open_ground`; None: everywhere
+    """
+    if ground is None:
+        return np.ones(np.shape(x_px), bool)
     x, y = (np.rint(each).astype(int) for each in (x_px, y_px))
     height, width = ground.shape
     inside = (x >= 0) & (x < width) & (y >= 0) & (y < height)

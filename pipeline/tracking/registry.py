@@ -13,11 +13,12 @@ from pipeline.detection.static_scene import StaticScene
 from pipeline.tables.centrelines import Centrelines
 from pipeline.tracking import line_ends, matching
 from pipeline.tracking.given_lengths import (
+    GivenLengths,
     numbers_in_order,
     posterior_first,
     probabilities,
     runs_backwards,
-)  # fmt: skip
+)
 from pipeline.tracking.matching import Ruler
 
 SEEN_TOGETHER = 3.0  # frames: two whiskers that would so often by chance are, at least once
@@ -125,7 +126,8 @@ def find_templates(
     known = len(options.visible_px) == len(names)
     longest = options.visible_px if known else [np.inf] * len(names)
     given = dict(zip(names, longest, strict=True))
-    return named_as_given(templates, given, line_ends.open_ground(scene), gets_thinner_backwards)
+    ground = line_ends.open_ground(scene) if known else None
+    return named_as_given(templates, GivenLengths(given, ground), gets_thinner_backwards)
 
 
 def mostly_seen(share, strength, params) -> np.ndarray:
@@ -141,26 +143,25 @@ def mostly_seen(share, strength, params) -> np.ndarray:
 
 
 def named_as_given(
-    templates, given, ground, backwards=lambda templates: False
+    templates, given: GivenLengths, backwards=lambda templates: False
 ) -> list[WhiskerTemplate]:
     """The templates, in order along the face, as whiskers of session.toml, in the order of these.
 
     Parameters
     ----------
     templates : no more than given
-    given : name → length that is seen at most [px]
-    ground : where a line that ends is a whole one (`line_ends.open_ground`)
+    given : infinite lengths: not known
     backwards : tells of templates whether they stand posterior → anterior; asked where lengths do
         not tell the order
     """
-    longest = list(given.values())
-    whole = [_whole_length(template.samples, ground) for template in templates]
+    names, longest = list(given.longest_px), list(given.longest_px.values())
+    whole = [_whole_length(template.samples, given.ground) for template in templates]
     reverse = runs_backwards(whole, longest)
     if reverse is None:
-        reverse = backwards(templates) != posterior_first(given)
+        reverse = backwards(templates) != posterior_first(names)
     if reverse:
         templates, whole = templates[::-1], whole[::-1]
-    names, numbers = list(given), numbers_in_order(whole, longest)
+    numbers = numbers_in_order(whole, longest)
     likely = probabilities(whole, longest, numbers)
     return [
         replace(template, name=names[k], longest_px=longest[k], likely=float(sure))

@@ -4,6 +4,7 @@ import numpy as np
 
 from pipeline.session.parameters import DEFAULTS
 from pipeline.session.schema import SIDES, UPRIGHT
+from pipeline.tracking.given_lengths import GivenLengths
 from pipeline.tracking.matching import Ruler
 from pipeline.tracking.registry import named_as_given, usual_strength
 
@@ -91,7 +92,7 @@ def row_directions(templates, outward) -> tuple[np.ndarray, np.ndarray]:
     return -np.sign(outward @ across or 1.0) * across, out
 
 
-def named_by_side(templates, names, face_side, options, longest, ground):
+def named_by_side(templates, names, face_side, options, given: GivenLengths):
     """The templates with names of their own side, anterior → posterior.
 
     Of each side those that are mostly and best seen, as their order and lengths tell
@@ -102,8 +103,7 @@ def named_by_side(templates, names, face_side, options, longest, ground):
     ----------
     names : of the one side and of the other (`names_by_side`)
     options : `TracingOptions`
-    longest : visible length of each name [px], where it is known
-    ground : where a line that ends is a whole one (`line_ends.open_ground`)
+    given : visible lengths of the names for which they are known
     """
     ruler = Ruler.of(face_side, options)
     along, outward = np.asarray(ruler.along, float), np.asarray(ruler.outward, float)
@@ -118,8 +118,8 @@ def named_by_side(templates, names, face_side, options, longest, ground):
         row = sorted(row, key=_seen, reverse=True)[: len(own)]
         across, _ = row_directions(row, outward)
         row.sort(key=lambda template, across=across: template.base_xy @ across)
-        given = {name: longest.get(name, np.inf) for name in own}
-        named += named_as_given(row, given, ground)
+        longest = {name: given.longest_px.get(name, np.inf) for name in own}
+        named += named_as_given(row, GivenLengths(longest, given.ground))
     return named, beside
 
 

@@ -8,6 +8,7 @@ from pipeline.detection.detect import TracingOptions
 from pipeline.scene.scale import scale_of
 from pipeline.session.parameters import DEFAULTS
 from pipeline.session.schema import Settings, WhiskerSettings
+from pipeline.tracking.given_lengths import GivenLengths
 from pipeline.tracking.line_ends import open_ground
 from pipeline.tracking.registry import WhiskerTemplate, find_templates
 from pipeline.tracking.tracker import options_for
@@ -112,8 +113,8 @@ def find_whisker_set(indices, frames, epochs, settings: Settings) -> WhiskerSet:
     if by_side:
         likely, refused = seen(None, replace(options, visible_px=()))
         longest = dict(zip(names, options.visible_px, strict=False))
-        ground = open_ground(epochs)
-        named, beside = named_by_side(likely, by_side, face_side, options, longest, ground)
+        given = GivenLengths(longest, open_ground(epochs) if longest else None)
+        named, beside = named_by_side(likely, by_side, face_side, options, given)
     if named is None:  # one row
         named, refused = seen(names, options)
     return replace(whisker_set_of(named, settings), refused=tuple(refused), beside=tuple(beside))

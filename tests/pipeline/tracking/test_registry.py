@@ -12,6 +12,7 @@ from pipeline.scene.estimate import scene_from_frames
 from pipeline.session.parameters import DEFAULTS
 from pipeline.session.recording import Recording
 from pipeline.tracking import registry
+from pipeline.tracking.given_lengths import GivenLengths
 from pipeline.tracking.matching import Ruler, crowded
 from pipeline.tracking.registry import (
     WhiskerTemplate,
@@ -163,7 +164,7 @@ def test_a_whisker_that_the_border_cuts_does_not_decide_the_order(width, turned)
     given = {"a": 150.0, "b": 180.0}
     ground = np.zeros((240, width), bool)
     ground[12:-12, 12:-12] = True
-    found = named_as_given(templates, given, ground, gets_thinner_backwards)
+    found = named_as_given(templates, GivenLengths(given, ground), gets_thinner_backwards)
     assert [template.name for template in found] == ["a", "b"]
     assert [template.longest_px for template in found] == [150.0, 180.0]
     assert (found[0].visible_px == 120) == turned
@@ -176,7 +177,7 @@ def test_arcs_tell_the_order_of_whiskers_without_lengths(names, turned):
         line = straight(y, 0.0, length, thickness)
         templates.append(WhiskerTemplate("", line.points[0], length, (line,) * 5))
     given = dict.fromkeys(names, np.inf)  # by their letters: anterior to posterior
-    found = named_as_given(templates, given, np.ones((240, 500), bool), gets_thinner_backwards)
+    found = named_as_given(templates, GivenLengths(given), gets_thinner_backwards)
     assert [template.name for template in found] == list(names)
     assert (found[0].visible_px == 120) == turned
 

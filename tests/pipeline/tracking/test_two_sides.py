@@ -10,13 +10,13 @@ from pipeline.session.recording import Recording
 from pipeline.session.session_file import read_session
 from pipeline.tables import Centrelines
 from pipeline.tracking import two_sides
+from pipeline.tracking.given_lengths import GivenLengths
 from pipeline.tracking.registry import WhiskerTemplate
 from pipeline.tracking.tracker import options_for
 from synthetic.scoring import line_scoring
 from synthetic.session import render_session
 
 OPTIONS = options_for(Recording(500.0, 16.0, "top"))
-EVERYWHERE = np.ones((500, 720), bool)
 
 
 def template(base, direction, length, seen=6):
@@ -44,7 +44,7 @@ def named(templates, names, longest=None):
 
 def named_and_beside(templates, names, longest=None):
     sides = two_sides.names_by_side(names, "top")
-    return two_sides.named_by_side(templates, sides, "top", OPTIONS, longest or {}, EVERYWHERE)
+    return two_sides.named_by_side(templates, sides, "top", OPTIONS, GivenLengths(longest or {}))
 
 
 def test_names_tell_the_side():
