@@ -24,6 +24,7 @@ from pipeline.app.outcome import (
     kept_outcome,
     save_state,
 )
+from pipeline.curate.corrected import follow_corrections, write_session_tables
 from pipeline.errors import InputError, counted, in_words, why, with_advice
 from pipeline.runtime import interrupts
 from pipeline.runtime.folder_lock import locked
@@ -46,7 +47,7 @@ from pipeline.session.inputs import (
 )
 from pipeline.session.session_file import Settings, session_text
 from pipeline.tables import centrelines, files
-from pipeline.tables.columns import CONTACT_COLUMNS, VIDEO_COLUMNS
+from pipeline.tables.columns import VIDEO_COLUMNS
 from pipeline.tables.result_exchange import OVERLAYS, READY, draft, settle, settle_all
 from pipeline.tables.run_record import read_run, read_state, recorded_path
 
@@ -168,12 +169,13 @@ def run(
         outcomes = _unusable(inputs, names, out)
         due = [t for t in tasks if not t.finished or (overlay and not has_overlay(t.folder))]
         skipped = [t for t in tasks if t not in due]
-        outcomes |= {t.folder.name: t.finished for t in skipped}
         log = RunLog(out)
         log.write(_begun(inputs, due))
         with _shown(due, progress) as shown:
             interrupted = _process(due, outcomes, jobs, shown, log)
             outcomes |= _left(due, outcomes)
+            behind = follow_corrections(out)
+            outcomes |= {t.folder.name: _as_corrected(t, behind) for t in skipped}
             ordered = [outcomes[name] for name in names.values() if name in outcomes]
             others, lost = _without_lost(_earlier(out, set(names.values())), paths)
             seconds = time.monotonic() - started
@@ -198,6 +200,14 @@ def _tasks(inputs, settings, names, out, overwrite, overlay) -> list[Task]:
             finished = None if overwrite else finished_outcome(path, folder, task.settings)
             tasks.append(replace(task, finished=finished))
     return tasks
+
+
+def _as_corrected(task, behind) -> Outcome:
+    """The outcome of results that were there, which now follow from a person's corrections."""
+    count = read_state(task.folder).get("contacts", task.finished.contacts)
+    outcome = replace(task.finished, contacts=count)
+    reason = behind.get(task.folder.name)
+    return _warned(outcome, reason) if reason else outcome
 
 
 def _unusable(inputs, names, out) -> dict:
@@ -286,15 +296,23 @@ def _process(tasks, outcomes, jobs, shown, log) -> bool:
 
 def _with_pictures(summary, due, shown, log) -> Summary:
     """The summary, when figures and report show what the tables hold: if they do not already."""
-    out, made_of = summary.out, _digest(summary.out)
-    record = files.read_json(out / STATE_FILE, {})
-    there = all((out / name).exists() for name in ("figures", "report.html"))
-    if there and not due and record.get("pictures_of") == made_of:
+    if not due and is_drawn(summary.out):
         return summary
     problems = tuple(_write_pictures(summary, shown, log))
     if not problems:
-        files.write_json(out / STATE_FILE, record | {"pictures_of": made_of})
+        _mark_drawn(summary.out)
     return replace(summary, problems=problems)
+
+
+def is_drawn(out) -> bool:
+    """Figures and report are there, and show what the tables hold."""
+    there = all((out / name).exists() for name in ("figures", "report.html"))
+    return there and read_run(out).get("pictures_of") == _digest(out)
+
+
+def _mark_drawn(out):
+    record = files.read_json(out / STATE_FILE, {})
+    files.write_json(out / STATE_FILE, record | {"pictures_of": _digest(out)})
 
 
 def _digest(out) -> str:
@@ -371,7 +389,7 @@ def _analyse_and_save(task, report) -> Outcome:
             outcome = _warned(outcome, problem)
         if len(corrections) and earlier and not same_input(earlier, task.path):
             outcome = _warned(outcome, OTHER_CONTENT)
-        save_state(new, outcome, task.settings, before)
+        save_state(new, outcome, task.settings, before, corrections)
     return outcome
 
 
@@ -391,8 +409,9 @@ def _outcome_of(task, analysis, seconds) -> Outcome:
 
 
 def has_overlay(folder) -> bool:
-    """The results folder of a video holds an overlay."""
-    return any(folder.glob(OVERLAYS))
+    """The results folder of a video holds an overlay of its tables, not of those of before."""
+    drawn = [path.stat().st_mtime_ns for path in folder.glob(OVERLAYS)]
+    return bool(drawn) and min(drawn) >= (folder / "frames.parquet").stat().st_mtime_ns
 
 
 def _with_overlay(task, outcome, folder, report=None) -> Outcome:
@@ -534,17 +553,11 @@ def _write_session(out, settings, config):
 
 
 def _write_tables(summary, jobs):
-    """Write videos.csv, contacts.csv and run.json of the whole results folder."""
+    """Write the tables and run.json of the whole results folder."""
     rows = [asdict(each) for each in summary.outcomes]
     videos = pd.DataFrame(rows, columns=[c.name for c in VIDEO_COLUMNS])
     files.write_csv(summary.out / "videos.csv", videos, VIDEO_COLUMNS)
-    parts = [
-        files.read_csv(summary.out / each.video / "contacts.csv", CONTACT_COLUMNS)
-        for each in summary.outcomes
-        if each.frames
-    ]
-    contacts = pd.concat(parts) if parts else pd.DataFrame()
-    files.write_csv(summary.out / "contacts.csv", contacts, CONTACT_COLUMNS)
+    write_session_tables(summary.out, [each.video for each in summary.outcomes if each.frames])
     files.write_json(summary.out / STATE_FILE, _run_record(summary, jobs))
 
 

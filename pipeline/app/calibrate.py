@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from pipeline.app.options import Debug
+from pipeline.app.options import Debug, Results, up_to_date
 
 calibrate = typer.Typer(
     help="Measure whiskers, follicle motion and elevation.",
@@ -62,7 +62,7 @@ def geometry(
 
 @calibrate.command()
 def ringdown(
-    results: Annotated[Path, typer.Argument(help="Results folder of `whiskerforce run`.")],
+    results: Results,
     out: Out,
     frames: Annotated[
         list[str] | None,
@@ -97,7 +97,7 @@ def ringdown(
 
 @calibrate.command()
 def dust(
-    results: Annotated[Path, typer.Argument(help="Results folder of `whiskerforce run`.")],
+    results: Results,
     out: Out,
     whisker: Annotated[
         str | None,
@@ -123,8 +123,13 @@ def dust(
 
 @calibrate.command()
 def views(
-    first: Annotated[Path, typer.Argument(help="Results of `run` of the view from above.")],
-    second: Annotated[Path, typer.Argument(help="Results of `run` of the second view.")],
+    first: Annotated[
+        Path,
+        typer.Argument(help="Results of `run` of the view from above.", callback=up_to_date),
+    ],
+    second: Annotated[
+        Path, typer.Argument(help="Results of `run` of the second view.", callback=up_to_date)
+    ],
     points: Annotated[Path, typer.Option(help="CSV file of points that both views show.")],
     out: Out,
     whisker: Annotated[

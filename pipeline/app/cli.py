@@ -15,7 +15,7 @@ import typer
 
 from pipeline.app import convert
 from pipeline.app.calibrate import calibrate
-from pipeline.app.options import Debug, Jobs, Out
+from pipeline.app.options import Debug, Jobs, Out, Results
 
 app = typer.Typer(
     name="whiskerforce",
@@ -239,7 +239,7 @@ def synth(
 
 @app.command()
 def figures(
-    results: Annotated[Path, typer.Argument(help="Results folder of `whiskerforce run`.")],
+    results: Results,
     truth: Annotated[
         Path | None,
         typer.Option(help="Folder of truth tables, written by `synth`, to compare with."),

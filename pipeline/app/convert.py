@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from pipeline.app.options import Debug, Jobs, Out
+from pipeline.app.options import Debug, Jobs, Out, Results
 
 GROUP = {"no_args_is_help": True, "rich_markup_mode": None}
 importing = typer.Typer(help="Analyse what another program has tracked.", **GROUP)
@@ -22,7 +22,6 @@ FILES = {  # what a program's files are called: a pattern, and in words
 Paths = Annotated[
     list[Path], typer.Argument(metavar="PATH...", help="Files, or folders with such files.")
 ]
-Results = Annotated[Path, typer.Argument(help="Results folder of `whiskerforce run`.")]
 Config = Annotated[
     Path | None,
     typer.Option(help="Settings file to use.  [default: the session.toml beside the files]"),
@@ -118,8 +117,8 @@ def import_whacc(
     """
     from pipeline.convert.results import read_results
     from pipeline.convert.whacc import take_contacts
-    from pipeline.curate.results import Results
-    from pipeline.errors import need_content
+    from pipeline.curate.corrected import follow_corrections, write_session_tables
+    from pipeline.errors import InputError, need_content
     from pipeline.runtime.folder_lock import locked
 
     need_content(path, "WhACC's HDF5 file, named,")
@@ -127,7 +126,10 @@ def import_whacc(
     with locked(out):
         for written in take_contacts(path, videos, whisker):
             typer.echo(str(written))
-        Results(out).close()  # which brings the tables up to the corrections
+        problems = follow_corrections(out)
+        write_session_tables(out)
+    for name, problem in problems.items():
+        raise InputError(f"{out / name}: {problem}")
 
 
 # --- one way in --------------------------------------------------------------------------

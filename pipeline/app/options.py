@@ -5,6 +5,19 @@ from typing import Annotated
 
 import typer
 
+
+def up_to_date(results: Path) -> Path:
+    """The results folder, its tables brought up to a person's corrections."""
+    from pipeline.curate.corrected import bring_up_to_date
+
+    bring_up_to_date(results)
+    return results
+
+
+Results = Annotated[
+    Path,
+    typer.Argument(help="Results folder of `whiskerforce run`.", callback=up_to_date),
+]
 Out = Annotated[Path, typer.Option("--out", help="Folder to write to; created if missing.")]
 Jobs = Annotated[
     int | None,

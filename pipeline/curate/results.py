@@ -14,6 +14,12 @@ import pandas as pd
 
 from pipeline.contacts import analysis, intervals
 from pipeline.contacts.corrections import CORRECTIONS_FILE, read_corrections, write_corrections
+from pipeline.curate.corrected import (
+    finished_videos,
+    save_touch,
+    session_contacts,
+    touch_with,
+)
 from pipeline.curate.decisions import write_decisions
 from pipeline.curate.frames import FrameReader
 from pipeline.curate.items import Item, items_of, probabilities
@@ -23,7 +29,7 @@ from pipeline.scene import pole_runs
 from pipeline.session.inputs import need_results
 from pipeline.session.session_file import read_session
 from pipeline.tables import centrelines, files
-from pipeline.tables.columns import CONTACT_COLUMNS, VIDEO_COLUMNS
+from pipeline.tables.columns import CONTACT_COLUMNS
 from pipeline.tables.evidence import EVIDENCE_FILE, read_evidence
 from pipeline.tables.run_record import read_pole, recorded_path
 from pipeline.video.open import open_video
@@ -69,7 +75,12 @@ class VideoUnderReview:
         self.whiskers = tuple(dict.fromkeys(frames["whisker"]))
         self.n_frames = int(frames["frame"].max()) + 1 if len(frames) else 0
         corrections = read_corrections(self.folder)
-        detected = intervals.find_contacts(evidence, self.settings.analysis.curvature_at)
+        detected = intervals.find_contacts(
+            evidence,
+            self.settings.analysis.curvature_at,
+            self.recording.frames_per_second,
+            self.settings.advanced.contacts,
+        )
         contacts = files.read_csv(self.folder / "contacts.csv", CONTACT_COLUMNS)
         self.touch = analysis.Touch(frames, contacts, detected, evidence)
         self._changed = changed
@@ -85,25 +96,13 @@ class VideoUnderReview:
         if self._changed is not None:
             self._changed(self)
 
-    def refresh(self) -> None:
-        """Make contacts, forces, pulses and base loads anew from the corrections so far."""
-        self.touch = analysis.find_touches(
-            self.touch.frames,
-            self.touch.evidence,
-            self.recording,
-            {w.name: w.si() for w in self.settings.whisker},
-            analysis.TouchOptions(
-                curvature_at=self.settings.analysis.curvature_at,
-                video=self.name,
-                params=self.settings.advanced,
-            ),
-            self.review.corrections,
+    def update(self) -> None:
+        """Make contacts, forces, pulses and base moments anew from the corrections; write them."""
+        corrections, touch = self.review.corrections, self.touch
+        self.touch = touch_with(
+            corrections, touch.frames, touch.evidence, self.settings, self.name
         )
-
-    def write(self) -> None:
-        """Write contacts.csv and frames.parquet of this video."""
-        files.write_frames(self.folder / "frames.parquet", self.touch.frames)
-        files.write_csv(self.folder / "contacts.csv", self.touch.contacts, CONTACT_COLUMNS)
+        save_touch(self.folder, self.touch, corrections)
 
     # ---- to look at -----------------------------------------------------------------------
 
@@ -212,18 +211,18 @@ class Results:
     listeners : called from the thread, with a video whose tables are new
     """
 
-    def __init__(self, folder):
+    def __init__(self, folder, faults=None):
         self.folder = Path(folder)
         self.names = _curatable(self.folder)
         for name in self.names:
             read_corrections(self.folder / name)  # a broken file is reported first
         self.listeners = []
-        self.faults = {}  # video → what went wrong when its tables were made
+        self.faults = dict(faults or {})  # video → what went wrong when its tables were made
         self._videos = weakref.WeakValueDictionary()
         self._recent = deque(maxlen=KEPT_OPEN)
         self._opening = threading.Lock()
-        self._contacts = files.read_csv(self.folder / "contacts.csv", CONTACT_COLUMNS)
-        self._due = [name for name in self.names if self._is_behind(name)]
+        self._contacts = session_contacts(self.folder, finished_videos(self.folder))
+        self._due = []
         self._closed = False
         self._changed = threading.Condition()
         self._thread = threading.Thread(target=self._work, name="tables", daemon=True)
@@ -295,8 +294,7 @@ class Results:
         """Make and write one video's tables, and its rows of the whole contacts.csv."""
         try:
             video = self.video(name)
-            video.refresh()
-            video.write()
+            video.update()
             self._replace_rows(name, video.touch.contacts)
             self.faults.pop(name, None)
         except Exception as error:  # the thread must live; corrections.csv is safe
@@ -310,22 +308,11 @@ class Results:
         self._contacts = pd.concat(kept, ignore_index=True)
         files.write_csv(self.folder / "contacts.csv", self._contacts, CONTACT_COLUMNS)
 
-    def _is_behind(self, name) -> bool:
-        """Corrections are newer than the tables: an earlier curation did not end well."""
-        corrections = self.folder / name / CORRECTIONS_FILE
-        contacts = self.folder / name / "contacts.csv"
-        whole = self.folder / "contacts.csv"
-        if not corrections.exists():
-            return False
-        newest = corrections.stat().st_mtime_ns
-        return newest > min(contacts.stat().st_mtime_ns, whole.stat().st_mtime_ns)
-
 
 def _curatable(folder) -> list[str]:
     """Names of the videos that can be curated; InputError where there is none."""
     need_results(folder)
-    videos = files.read_csv(folder / "videos.csv", VIDEO_COLUMNS)
-    done = [str(name) for name in videos.loc[videos["frames"] > 0, "video"]]
+    done = finished_videos(folder)
     names = [name for name in done if (folder / name / EVIDENCE_FILE).is_file()]
     if not names:
         raise InputError(

@@ -8,8 +8,10 @@ import threading
 import time
 import webbrowser
 
+from pipeline.curate.corrected import follow_corrections, write_session_tables
 from pipeline.curate.decisions import user_name
 from pipeline.curate.results import Results
+from pipeline.session.inputs import need_results
 from pipeline.tables.result_exchange import settled
 
 HOST = "127.0.0.1"
@@ -58,7 +60,10 @@ def _server(results, port, person):
     """A server of results that are whole, and nobody else's until it stops."""
     with contextlib.ExitStack() as held:
         held.enter_context(settled(results))
-        server = Server(Results(results), port, person)
+        need_results(results)
+        problems = follow_corrections(results)  # an earlier curation may have been killed
+        write_session_tables(results)
+        server = Server(Results(results, problems), port, person)
         server.on_stop(held.pop_all().close)
     return server
 

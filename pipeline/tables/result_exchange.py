@@ -18,6 +18,7 @@ from pipeline.tables.files import remove_unfinished, to_disk
 DRAFT = ".whiskerforce-draft-"  # and random letters: two processes never share a draft
 READY = ".whiskerforce-ready"
 STATE_FILE = "run.json"
+LINES_FILE = "centrelines.parquet"
 OVERLAYS = "overlay.*"
 
 
@@ -81,8 +82,8 @@ def settle_all(out) -> None:
 def _move_in(ready, folder):
     """Move tables, then what calls them whole, then drawings: so the next call knows how far."""
     if (ready / STATE_FILE).exists():
-        for old in folder.glob(OVERLAYS):
-            old.unlink()
+        for old in folder.glob(OVERLAYS) if (ready / LINES_FILE).exists() else ():
+            old.unlink()  # it shows other lines
         drawn = set(ready.glob(OVERLAYS))
         for path in sorted(set(_files(ready)) - drawn, key=lambda p: p.name == STATE_FILE):
             os.replace(path, folder / path.name)

@@ -14,6 +14,7 @@ from promises.disk import (
     try_two_runs,
 )
 from promises.killed_at_steps import try_steps
+from promises.killed_curations import try_curations
 from promises.killed_runs import try_dying_workers, try_interrupts, try_kills
 from promises.load import try_long, try_many_videos, try_many_whiskers
 from promises.same_bytes import try_same
@@ -42,6 +43,15 @@ PROMISES = (
         INTERRUPTIONS,
         "The same for whole runs over curated results, killed (SIGKILL) at random moments",
         try_kills,
+    ),
+    Promise(
+        "curations",
+        INTERRUPTIONS,
+        "A curation killed before any change of a file, or while writing one, keeps every "
+        "decision that was answered; the next run, without looking at the videos again, makes "
+        "all tables and the report as a run from the videos makes them with these decisions",
+        try_curations,
+        in_ci=0.05,
     ),
     Promise(
         "interrupts",

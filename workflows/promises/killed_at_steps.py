@@ -63,7 +63,7 @@ def _undisturbed(start, work):
     return stand_in.tables(work / "results"), counted.value[0]
 
 
-def _run(work, kill_at):
+def _run(work, step):
     """Run; return the number of steps, and the names of the videos that were analysed."""
     analysed = []
 
@@ -71,7 +71,7 @@ def _run(work, kill_at):
         analysed.append(task.folder.name)
         return stand_in.analyse(task, *rest)
 
-    count = count_steps(work / "results", _kill_at(kill_at) if kill_at else None)
+    count = count_steps(work / "results", kill_at(step) if step else None)
     stand_in.STAND_IN = stand_in.batch.Source(stand_in.find_inputs, analyse)
     stand_in.run(work / "videos", work / "results")
     return count(), analysed
@@ -96,7 +96,7 @@ def _text(argument) -> str:
     return os.fsdecode(argument) if isinstance(argument, (str, bytes, os.PathLike)) else ""
 
 
-def _kill_at(step):
+def kill_at(step):
     """End the process at that step; a file that is not yet on the disk is written by half."""
 
     def at_step(number, arguments):

@@ -29,6 +29,16 @@ def videos(folder) -> Path:
     return made
 
 
+def processed(folder) -> tuple[Path, Path]:
+    """As `curated`, before the person came."""
+    start, work = folder.parent / "processed", folder.parent / "work"
+    if not start.exists():
+        stand_in.copy_of(videos(folder), work / "videos")
+        finish(begin(work))
+        stand_in.copy_of(work, start)
+    return start, work
+
+
 def curated(folder) -> tuple[Path, Path]:
     """(start, work): folders of `videos`, and `results` that a person corrected.
 
@@ -37,8 +47,7 @@ def curated(folder) -> tuple[Path, Path]:
     """
     start, work = folder.parent / "curated", folder.parent / "work"
     if not start.exists():
-        stand_in.copy_of(videos(folder), work / "videos")
-        finish(begin(work))
+        stand_in.copy_of(processed(folder)[0], work)
         for each in stand_in.videos_in(work / "results"):
             _correct(each)
         path = work / "videos" / "session.toml"
@@ -72,16 +81,18 @@ def begin(work, jobs=1, *options) -> subprocess.Popen:
     )
 
 
-def begin_here(work) -> multiprocessing.Process:
+def begin_here(work, **options) -> multiprocessing.Process:
     """Begin the same run in a copy of this process, which has loaded all; no figures are drawn."""
-    process = multiprocessing.get_context("fork").Process(target=_run, args=(work,))
+    process = multiprocessing.get_context("fork").Process(
+        target=_run, args=(work,), kwargs=options
+    )
     process.start()
     return process
 
 
-def _run(work) -> None:
+def _run(work, **options) -> None:
     stand_in.draw_quickly()
-    batch.run([work / "videos"], work / "results")
+    batch.run([work / "videos"], work / "results", **options)
 
 
 def finish(process) -> str:

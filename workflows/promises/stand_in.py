@@ -115,6 +115,7 @@ def curated(videos, out) -> Path:
     run(videos, out)
     for folder in videos_in(out):
         (folder / CORRECTIONS_FILE).write_text(CORRECTIONS, "utf-8")
+    run(videos, out, overwrite=True)
     change_settings(videos)
     return out
 

@@ -19,6 +19,8 @@ import pipeline.reports.figures
 import pipeline.reports.report
 import pipeline.run
 from pipeline.app import batch, outcome
+from pipeline.contacts.corrections import read_corrections
+from pipeline.curate.corrected import MADE_WITH, corrections_digest
 from pipeline.errors import InputError
 from pipeline.runtime import Progress, Step
 from pipeline.runtime.folder_lock import LOCK_FILE, locked
@@ -73,6 +75,13 @@ CORRECTIONS = (
     "whisker,verdict,onset_frame,offset_frame,covers_from,covers_to,saved_at\n"
     "C2,free,2,3,1,5,2026-01-01\n"
 )
+
+
+def correct(folder):
+    """Curate a video, all tables made: the stand-in's evidence holds nothing to make them of."""
+    (folder / "corrections.csv").write_text(CORRECTIONS)
+    digest = corrections_digest(read_corrections(folder))
+    run_record.write_state(folder, run_record.read_state(folder) | {MADE_WITH: digest})
 
 
 def contents(folder):
@@ -420,7 +429,7 @@ def test_figures_and_report_are_made_anew_only_where_tables_have_changed(
 def test_a_moved_or_renamed_video_keeps_its_results(folder, calls, tmp_path):
     out = tmp_path / "results"
     batch.run([folder], out)
-    (out / "a" / "corrections.csv").write_text(CORRECTIONS)
+    correct(out / "a")
     (folder / "a.avi").rename(folder / "better_name.avi")
     elsewhere = folder.rename(tmp_path / "archive")
     batch.run([elsewhere], out)
@@ -435,7 +444,7 @@ def test_a_moved_or_renamed_video_keeps_its_results(folder, calls, tmp_path):
 def test_videos_that_change_names_take_their_results_with_them(folder, calls, tmp_path):
     out = tmp_path / "results"
     batch.run([folder], out)
-    (out / "a" / "corrections.csv").write_text(CORRECTIONS)
+    correct(out / "a")
     for old, new in [("a", "c"), ("b", "a"), ("c", "b")]:
         (folder / f"{old}.avi").rename(folder / f"{new}.avi")
     batch.run([folder], out)
@@ -450,7 +459,7 @@ def test_videos_that_change_names_take_their_results_with_them(folder, calls, tm
 def test_a_new_video_gets_no_corrections_of_the_one_that_had_its_name(folder, calls, tmp_path):
     out = tmp_path / "results"
     batch.run([folder], out)
-    (out / "a" / "corrections.csv").write_text(CORRECTIONS)
+    correct(out / "a")
     (folder / "a.avi").rename(folder / "old.avi")
     (folder / "a.avi").write_bytes(b"recorded later")
     for _ in range(2):
@@ -465,7 +474,7 @@ def test_a_new_video_gets_no_corrections_of_the_one_that_had_its_name(folder, ca
 def test_corrections_of_a_video_whose_content_has_changed_are_said(folder, calls, tmp_path):
     out = tmp_path / "results"
     batch.run([folder], out)
-    (out / "a" / "corrections.csv").write_text(CORRECTIONS)
+    correct(out / "a")
     for name in "ab":
         (folder / f"{name}.avi").write_bytes(f"{name}, exported again".encode())
     batch.run([folder], out)
@@ -516,7 +525,7 @@ def test_damaged_results_are_made_again_and_corrections_stay(
     out = tmp_path / "results"
     change_settings(folder)
     batch.run([folder], out)
-    (out / "a" / "corrections.csv").write_text(CORRECTIONS)
+    correct(out / "a")
     (out / "run.json").unlink()
     good = (out / "a" / name).read_bytes()
     middle = len(good) // 2
@@ -569,7 +578,7 @@ def test_interruption_of_a_second_run_loses_nothing(folder, calls, tmp_path):
     out = tmp_path / "results"
     batch.run([folder], out)
     for name in "abc":
-        (out / name / "corrections.csv").write_text(CORRECTIONS)
+        correct(out / name)
     change_settings(folder)
     before = {name: contents(out / name) for name in "abc"}
     (folder / "b.avi").write_bytes(b"stop")

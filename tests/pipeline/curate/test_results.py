@@ -7,11 +7,14 @@ import pandas as pd
 import pytest
 from curated import FRAMES, contacts_of, edges, opened, process
 
+from pipeline.contacts.corrections import Verdict, table_of, write_corrections
+from pipeline.curate.corrected import bring_up_to_date
 from pipeline.curate.desk import Desk
 from pipeline.curate.panels import panels
 from pipeline.curate.results import Results
 from pipeline.curate.review import Span
 from pipeline.errors import InputError
+from pipeline.runtime.folder_lock import locked
 from pipeline.session.session_file import read_session
 from pipeline.tables import files
 
@@ -74,16 +77,37 @@ def test_undone_corrections_leave_the_tables_as_they_were(results):
         pd.testing.assert_frame_equal(again, frames)
 
 
-def test_what_an_interrupted_curation_left_behind_is_made_up_for(results):
+def test_whoever_reads_results_gets_the_tables_that_follow_from_the_corrections(results):
     with opened(results) as folder:
         video = folder.video(folder.names[0])
         video._changed = None  # as if the program died after saving corrections.csv
         video.review.delete(video.review.spans[0])
         n = len(contacts_of(results, video.name))
     assert len(contacts_of(results, video.name)) == n
-    with opened(results) as folder:
-        folder.settle()
+    before = len(contacts_of(results))
+    bring_up_to_date(results)
     assert len(contacts_of(results, video.name)) == n - 1
+    assert len(contacts_of(results)) == before - 1
+    with locked(results):
+        bring_up_to_date(results)  # nothing is left to do
+    (results / video.name / "corrections.csv").unlink()
+    bring_up_to_date(results)
+    assert len(contacts_of(results)) == before
+
+
+def test_corrections_that_cannot_be_followed_are_said(results):
+    first, second = sorted(p.parent for p in results.glob("*/evidence.parquet"))
+    for folder in (first, second):
+        shutil.copy(folder / "contacts.csv", folder / "before.csv")
+        onset, offset = edges(contacts_of(results, folder.name))[0]
+        whisker = contacts_of(results, folder.name)["whisker"][0]
+        verdict = Verdict(whisker, "free", onset, offset, onset, offset)
+        write_corrections(folder, table_of([verdict]))
+    (first / "evidence.parquet").write_bytes(b"")
+    with pytest.raises(InputError, match=f"{first.name}: corrections are not in .*run the video"):
+        bring_up_to_date(results)
+    assert (first / "contacts.csv").read_bytes() == (first / "before.csv").read_bytes()
+    assert (second / "contacts.csv").read_bytes() != (second / "before.csv").read_bytes()
 
 
 def test_folders_with_nothing_to_curate_are_reported(results, tmp_path):

@@ -20,7 +20,8 @@ class Killed(BaseException):
 
 
 def results(generation, overlay=False):
-    names = "frames.parquet", "contacts.csv", "run.json", *(["overlay.mp4"] if overlay else [])
+    tables = "centrelines.parquet", "frames.parquet", "contacts.csv", "run.json"
+    names = *tables, *(["overlay.mp4"] if overlay else [])
     return {name: f"{name} {generation}" for name in names}
 
 

@@ -1,0 +1,188 @@
+"""Tables that follow from a run's measurements and a person's corrections, whenever these changed.
+
+run.json of a video names the corrections that its tables were made with. Where its corrections.csv
+holds other ones (a curation was killed, or the file was edited or removed), contacts and forces
+are made anew from evidence.parquet; the video is not needed.
+"""
+
+import hashlib
+from pathlib import Path
+
+import pandas as pd
+
+from pipeline.contacts.analysis import Touch, TouchOptions, find_touches, no_touches
+from pipeline.contacts.corrections import CORRECTIONS_FILE, read_corrections
+from pipeline.curate.decisions import DECISIONS_FILE, write_decisions
+from pipeline.errors import CorrectionsError, InputError, in_words
+from pipeline.session.session_file import Settings, read_session
+from pipeline.tables import files
+from pipeline.tables.columns import (
+    CONTACT_COLUMNS,
+    CORRECTION_COLUMNS,
+    VIDEO_COLUMNS,
+    as_table,
+    empty_table,
+)
+from pipeline.tables.evidence import EVIDENCE_FILE, read_evidence
+from pipeline.tables.result_exchange import draft, is_settled, settle, settled
+from pipeline.tables.run_record import read_state, write_state
+
+MADE_WITH = "corrections_sha256"  # in run.json of a video; "" where there were none
+
+
+def corrections_digest(corrections: pd.DataFrame) -> str:
+    """Hash of a table of corrections; "" where it has no rows."""
+    text = as_table(corrections, CORRECTION_COLUMNS).to_csv(index=False)
+    return hashlib.sha256(text.encode()).hexdigest() if len(corrections) else ""
+
+
+def is_behind(folder) -> bool:
+    """Whether a video's tables were made with other corrections than it has now.
+
+    Raises CorrectionsError where its corrections.csv cannot be read.
+    """
+    now = corrections_digest(read_corrections(folder))
+    return read_state(folder).get(MADE_WITH, "") != now
+
+
+def touch_with(
+    corrections: pd.DataFrame, frames: pd.DataFrame, evidence: pd.DataFrame, settings: Settings,
+    video: str,
+) -> Touch:  # fmt: skip
+    """Contacts, forces, pulses and base moments of a video, with these corrections.
+
+    frames, evidence : as `run` left them, or an earlier call; `video` is its name in the tables
+    """
+    if frames.empty:
+        return no_touches(frames)
+    return find_touches(
+        frames,
+        evidence,
+        settings.recording.si(),
+        {w.name: w.si() for w in settings.whisker},
+        TouchOptions(settings.analysis.curvature_at, video=video, params=settings.advanced),
+        corrections,
+    )
+
+
+def save_touch(folder, touch: Touch, corrections: pd.DataFrame) -> None:
+    """Write frames.parquet and contacts.csv of a video, and what they were made with, together."""
+    folder = Path(folder)
+    state = read_state(folder)
+    with draft(folder) as new:
+        files.write_frames(new / "frames.parquet", touch.frames)
+        files.write_csv(new / "contacts.csv", touch.contacts, CONTACT_COLUMNS)
+        if state:
+            made = {"contacts": len(touch.contacts), MADE_WITH: corrections_digest(corrections)}
+            write_state(new, state | made)
+    settle(folder)
+
+
+def correct(folder) -> None:
+    """Make the tables of one video anew with the corrections that it has now."""
+    folder = Path(folder)
+    corrections = read_corrections(folder)
+    frames, evidence = files.read_frames(folder / "frames.parquet"), read_evidence(folder)
+    settings = read_session(folder / "session.toml")
+    touch = touch_with(corrections, frames, evidence, settings, folder.name)
+    save_touch(folder, touch, corrections)
+
+
+# --- the whole folder ----------------------------------------------------------------------
+
+
+def follow_corrections(out) -> dict[str, str]:
+    """Bring the videos' tables in a results folder up to their corrections; it must be locked.
+
+    Returns why not, by the video's name, where a video's tables cannot be. The session's tables
+    follow with `write_session_tables`.
+    """
+    problems = {}
+    for folder in _curatable(out):
+        try:
+            if is_behind(folder):
+                correct(folder)
+        except CorrectionsError as error:
+            problems[folder.name] = str(error)
+        except Exception as error:  # whatever is wrong with one video costs no other
+            problems[folder.name] = (
+                f"corrections are not in its tables ({in_words(error)}): run the video again"
+            )
+    return problems
+
+
+def bring_up_to_date(out) -> None:
+    """As `follow_corrections`, for who only reads: without a lock where nothing is to be done.
+
+    InputError where another program is using the folder, or some tables cannot be made.
+    """
+    out = Path(out)
+    if not (out / "videos.csv").is_file() or _is_up_to_date(out):
+        return
+    with settled(out):
+        problems = follow_corrections(out)
+        write_session_tables(out)
+    if problems:
+        raise InputError("\n".join(f"{out / name}: {why}" for name, why in problems.items()))
+
+
+def finished_videos(out) -> list[str]:
+    """Names of the videos of videos.csv that have results."""
+    videos = files.read_csv(Path(out) / "videos.csv", VIDEO_COLUMNS)
+    return [str(name) for name in videos.loc[videos["frames"] > 0, "video"]]
+
+
+def session_contacts(out, names) -> pd.DataFrame:
+    """The contacts of these videos, in this order; of one that is damaged, those of before."""
+    parts = [_contacts_of(Path(out), name) for name in names]
+    table = pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
+    return as_table(table, CONTACT_COLUMNS)
+
+
+def write_session_tables(out, names=None) -> None:
+    """Write contacts.csv of all videos and, where someone has decided anything, decisions.csv.
+
+    names : of the videos; None: those that are in the tables
+    """
+    out = Path(out)
+    names = _listed(out) if names is None else names
+    files.write_csv(out / "contacts.csv", session_contacts(out, names), CONTACT_COLUMNS)
+    decided = [name for name in names if (out / name / CORRECTIONS_FILE).exists()]
+    if decided or (out / DECISIONS_FILE).exists():
+        write_decisions(out, list(filter(lambda name: _is_sound(out / name), decided)))
+
+
+def _curatable(out) -> list[Path]:
+    return sorted(path.parent for path in Path(out).glob(f"*/{EVIDENCE_FILE}"))
+
+
+def _is_up_to_date(out) -> bool:
+    if not all(map(is_settled, _curatable(out))) or any(map(is_behind, _curatable(out))):
+        return False
+    return session_contacts(out, _listed(out)).equals(_whole(out))
+
+
+def _listed(out) -> list[str]:
+    """Names of the videos with results, and of those that only contacts.csv knows."""
+    return list(dict.fromkeys([*finished_videos(out), *_whole(out)["video"]]))
+
+
+def _whole(out) -> pd.DataFrame:
+    path = Path(out) / "contacts.csv"
+    return files.read_csv(path, CONTACT_COLUMNS) if path.exists() else empty_table(CONTACT_COLUMNS)
+
+
+def _contacts_of(out, name) -> pd.DataFrame:
+    try:
+        return files.read_csv(out / name / "contacts.csv", CONTACT_COLUMNS)
+    except (OSError, ValueError):
+        whole = _whole(out)
+        return whole[whole["video"] == name]
+
+
+def _is_sound(folder) -> bool:
+    try:
+        read_corrections(folder)
+    except CorrectionsError:
+        return False
+    return True
