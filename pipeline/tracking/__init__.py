@@ -11,7 +11,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "seen_lengths": ["odd_length"],
         "stationary_whiskers": ["behind_whiskers"],
         "track_video": ["CHUNK_FRAMES", "sample_lines", "track"],
-        "tracker": ["options_for"],
+        "options": ["options_for"],
         "whiskers": [
             "WhiskerSet",
             "whisker_set_of",

@@ -1,10 +1,6 @@
 """Whiskers followed from frame to frame, identities kept: `Tracer` holds the state."""
 
-from dataclasses import dataclass
-from typing import NamedTuple
-
 import numpy as np
-from numba import njit
 
 from pipeline.detection import detect, image_model, line_fit, settling, tails
 from pipeline.detection.detect import TracingOptions
@@ -12,92 +8,18 @@ from pipeline.detection.image_model import ImageModel
 from pipeline.detection.line import Line, Workspace
 from pipeline.detection.static_scene import StaticScene
 from pipeline.numerics import polyline
-from pipeline.session.parameters import DEFAULTS
 from pipeline.session.quantities import frames_in, pixels_in
-from pipeline.session.recording import Recording
-from pipeline.tracking import matching, row_rotation, search
+from pipeline.tracking import matching, search
+from pipeline.tracking.bends import Bends, is_like_a_whisker, turning_range
 from pipeline.tracking.matching import Ruler
 from pipeline.tracking.registry import WhiskerTemplate
+from pipeline.tracking.track_state import Track, foretold, predicted
 
 FORETOLD_PX = 1.0  # a line that is nearer to its prediction is fitted without a search
 DOUBLE_SHARE = 0.6  # part of two lines that may coincide before one of them is given up
 NEAR_SHIFTS = np.radians([-8, -4, 0, 4, 8])  # of all angles, where some whiskers are followed
 KEPT = 0.95  # part of two lines that must still be found when they have exchanged far parts
 RELIT = 0.3  # change of the light from one frame to the next: what was too dark may be seen
-
-
-@dataclass
-class Track:
-    """One whisker's present state: its line, the line before, and how long it has been lost.
-
-    `whole` is the line when nothing hid its tip the last time; `turn`: what it turns by beside
-    its last motion [rad], and how far behind its base [px].
-    """
-
-    template: WhiskerTemplate
-    line: Line | None = None
-    before: Line | None = None
-    whole: Line | None = None
-    lost_for: int = 0
-    turn: tuple[float, float] = (0.0, 0.0)
-    number: int = 0
-    age: int = 0
-
-    def __post_init__(self):
-        self.whole = max(self.template.samples, key=lambda line: line.n, default=None)
-
-    def take(self, line: Line | None, before: Line | None = None, lost_for: int = 0) -> None:
-        """Go on with another line, which may be as long as this whisker."""
-        self.line, self.before, self.lost_for = line, before, lost_for
-        if line is not None:
-            line.longest = self.template.longest_px
-
-    def lose(self) -> None:
-        """Give the line up: the whisker is lost since this frame."""
-        self.line, self.lost_for = None, 1
-
-
-class Bends(NamedTuple):
-    """How far a whisker's line may turn: in all, and in its first `hook` nodes [rad]."""
-
-    largest: float
-    hook: int
-    at_hook: float
-
-
-def options_for(
-    recording: Recording, lengths_m=(), hidden_m=(), cone_m=(), params=DEFAULTS
-) -> TracingOptions:
-    """Derive the tracer's lengths from the scale and, where known, the whiskers' own lengths.
-
-    Parameters
-    ----------
-    recording : frame rate and scale
-    lengths_m, hidden_m : follicle-to-tip lengths of the expected whiskers and their parts
-        hidden in the fur [m]; empty where unknown
-    cone_m : their follicle-to-apex lengths [m]; empty where unknown
-    params : `Parameters` of all rooms
-    """
-    scale, own = recording.pixels_per_m, params.tracking
-    visible = [(a - b) * scale for a, b in zip(lengths_m, hidden_m, strict=True)]
-    longest = [1.03 * length + 4 for length in visible]
-    if visible:
-        shortest = max(min(5e-3 * scale, 0.35 * min(visible)), 30.0)
-    else:
-        shortest = max(own.shortest_line_mm / 1e3 * scale, 40.0)
-    return TracingOptions(
-        spacing_px=max(own.knot_spacing_mm / 1e3 * scale, 8.0),
-        shortest_px=shortest,
-        base_gap_px=max(own.base_gap_mm / 1e3 * scale, 25.0),
-        bridge_px=int(max(own.bridge_mm / 1e3 * scale, 15)),
-        longest_px=max(longest, default=np.inf),
-        visible_px=tuple(longest),
-        hidden_px=tuple(scale * h for h in hidden_m),
-        cone_px=tuple(scale * c for c in cone_m),
-        pixels_per_m=scale,
-        frames_per_second=recording.frames_per_second,
-        params=params,
-    )
 
 
 class Tracer:
@@ -333,7 +255,7 @@ class Tracer:
         if (
             line.n < 0.4 * options.shortest_px
             or line.quality < self.params.lost_quality
-            or not _is_like_a_whisker(
+            or not is_like_a_whisker(
                 line.x, line.y, line.n, before.x, before.y, before.n, self.model.clear,
                 0.5 * options.base_gap_px, self.bends,
             )
@@ -396,65 +318,6 @@ def _near(a: Line, b: Line, near_px: float) -> float:
     return polyline.share_near(a.x, a.y, a.n, b.x, b.y, b.n, near_px, (4, 4))
 
 
-@njit(cache=True)
-def _is_like_a_whisker(x, y, n, before_x, before_y, m, clear, farthest, bends):
-    """Whether a line leaves the face, is bent as whiskers are, and begins where it was before.
-
-    farthest : that its base may have moved from the line `before`, of m nodes [px]: not along it,
-        where the fur's edge decides; bends : `Bends`
-    """
-    return (
-        min(
-            _distance(x[0], y[0], before_x, before_y, m),
-            _distance(before_x[0], before_y[0], x, y, n),
-        )
-        <= farthest
-        and turning_range(x, y, n) <= bends.largest
-        and not hooked(x, y, n, bends)
-        and line_fit.is_clear(x, y, n, clear)
-    )
-
-
-@njit(cache=True)
-def _distance(x, y, line_x, line_y, n):
-    """Distance of a point from the nodes of a line's nearer half [px]."""
-    least = np.inf
-    for i in range(n // 2 + 1):
-        least = min(least, np.hypot(x - line_x[i], y - line_y[i]))
-    return least
-
-
-@njit(cache=True)
-def hooked(x, y, n, bends):
-    """Whether a line turns sharply near its base: there it follows fur, not a whisker.
-
-    Without it, twice as many lines in a mouse's face are no whiskers (0.67 a frame for 0.33).
-    """
-    return turning_range(x, y, min(n, bends.hook)) > bends.at_hook
-
-
-@njit(cache=True)
-def turning_range(x, y, n):
-    """Largest less smallest direction along a line, over chords of 10 nodes [rad]."""
-    low = 0.0
-    high = 0.0
-    total = 0.0
-    for i in range(10, n - 10, 5):
-        ax = x[i] - x[i - 10]
-        ay = y[i] - y[i - 10]
-        bx = x[i + 5] - x[i - 5]
-        by = y[i + 5] - y[i - 5]
-        along, across = ax * bx + ay * by, ax * by - ay * bx
-        if abs(across) < 0.2 * along:  # by the arctangent's series, to a millionth
-            t = across / along
-            total += t * (1 - t * t * (1 / 3 - t * t * (1 / 5 - t * t * (1 / 7))))
-        else:
-            total += np.arctan2(across, along)
-        low = min(low, total)
-        high = max(high, total)
-    return high - low
-
-
 def _beside(tracks: list[Track], lines: list[Line], near_px) -> dict[int, list[Track]]:
     """By a track's id, the tracks whose lines come near to its own."""
     near = polyline.near_pairs(lines, near_px)
@@ -462,60 +325,3 @@ def _beside(tracks: list[Track], lines: list[Line], near_px) -> dict[int, list[T
         id(track): [tracks[k] for k in np.flatnonzero(row)]
         for track, row in zip(tracks, near, strict=True)
     }
-
-
-def predicted(track: Track, with_velocity: bool) -> Line:
-    """Return the line where it should be now: a copy, moved on by the last frame's motion."""
-    line = foretold(track.line, track.before if with_velocity else None)
-    if track.turn[0]:
-        row_rotation.turn_line(line, *track.turn)
-    return line
-
-
-def foretold(line: Line, before: Line | None) -> Line:
-    """Return a line moved on as it has moved since `before`; what was measured is left out."""
-    arrays = np.empty((7, len(line.x)))
-    moving = before is not None and before.n > 20
-    known = before if moving else line
-    _foretell(
-        line.x, line.y, line.amplitude, line.sigma, line.n, known.x, known.y,
-        known.n if moving else 0, arrays,
-    )  # fmt: skip
-    return Line(*arrays, line.n, line.quality, line.longest)
-
-
-@njit(cache=True)
-def _foretell(x, y, amplitude, sigma, n, before_x, before_y, m, arrays):
-    """Fill `arrays` (at least 4, limit) with places, absorbance and half-width of a moved line.
-
-    It goes on as it has moved since it had the `m` nodes `before`; not at all where `m` is 0.
-    """
-    new_x, new_y, new_amplitude, new_sigma = arrays[0], arrays[1], arrays[2], arrays[3]
-    for i in range(n):  # loops: copying slices takes three times as long
-        new_x[i], new_y[i] = x[i], y[i]
-    for i in range(len(amplitude)):
-        new_amplitude[i], new_sigma[i] = amplitude[i], sigma[i]
-    if m > 0:
-        advance(new_x, new_y, n, before_x, before_y, m)
-
-
-@njit(cache=True)
-def advance(x, y, n, before_x, before_y, m):
-    """Add the motion since the frame before to the nodes, smoothed over ±20 nodes, in place."""
-    half = 20
-    count = min(n, m)
-    sx = np.empty(count + 1)
-    sy = np.empty(count + 1)
-    sx[0] = 0.0
-    sy[0] = 0.0
-    for i in range(count):
-        sx[i + 1] = sx[i] + x[i] - before_x[i]
-        sy[i + 1] = sy[i] + y[i] - before_y[i]
-    for i in range(n):
-        k = min(i, count - 1)
-        reach = min(half, k, count - 1 - k)
-        width = 2 * reach + 1
-        dx = (sx[k + reach + 1] - sx[k - reach]) / width
-        dy = (sy[k + reach + 1] - sy[k - reach]) / width
-        x[i] += dx
-        y[i] += dy

@@ -18,7 +18,8 @@ from pipeline.session.quantities import frames_in
 from pipeline.tracking import row_rotation, two_sides
 from pipeline.tracking.matching import crowded
 from pipeline.tracking.registry import WhiskerTemplate, usual_strength
-from pipeline.tracking.tracker import Tracer, Track, foretold
+from pipeline.tracking.track_state import Track, foretold
+from pipeline.tracking.tracker import Tracer
 
 
 @dataclass

@@ -10,8 +10,8 @@ from pipeline.session.parameters import DEFAULTS
 from pipeline.session.schema import Settings, WhiskerSettings
 from pipeline.tracking.given_lengths import GivenLengths
 from pipeline.tracking.line_ends import open_ground
+from pipeline.tracking.options import options_for
 from pipeline.tracking.registry import WhiskerTemplate, find_templates
-from pipeline.tracking.tracker import options_for
 from pipeline.tracking.two_sides import counted_names, named_by_side, names_by_side
 from pipeline.tracking.whisker_evidence import whisker_like
 from whiskermodel.whisker import Whisker

@@ -14,9 +14,9 @@ from pipeline.run import analyse
 from pipeline.scene.estimate import scene_from_frames
 from pipeline.session.recording import Recording
 from pipeline.session.session_file import settings_from
+from pipeline.tracking.options import options_for
 from pipeline.tracking.registry import find_templates
 from pipeline.tracking.seen_lengths import SeenLength
-from pipeline.tracking.tracker import options_for
 from pipeline.video.negative import Negative
 from synthetic.presets import make_trial
 from synthetic.render import Renderer

@@ -11,7 +11,7 @@ from pipeline.detection.line import Line, Workspace
 from pipeline.scene.estimate import scene_from_frames
 from pipeline.session.parameters import DEFAULTS
 from pipeline.session.recording import Recording
-from pipeline.tracking.tracker import options_for
+from pipeline.tracking.options import options_for
 from synthetic.presets import make_trial
 from synthetic.render import Renderer
 

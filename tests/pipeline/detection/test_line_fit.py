@@ -7,9 +7,10 @@ from pipeline.detection import line_fit, line_profile
 from pipeline.detection.image_model import ImageModel
 from pipeline.detection.static_scene import StaticScene
 from pipeline.session.recording import Recording
-from pipeline.tracking import tracker
+from pipeline.tracking import bends
+from pipeline.tracking.options import options_for
 from pipeline.tracking.registry import find_templates
-from pipeline.tracking.tracker import Tracer, options_for
+from pipeline.tracking.tracker import Tracer
 
 FACE, TIP = 40, 520  # columns
 ROD, ROD_END = range(250, 350), 185  # its columns, and the row at which it ends
@@ -165,4 +166,4 @@ def test_a_line_that_turns_sharply_at_its_base_is_no_whisker(kappa, hook):
         40 + np.cumsum(np.cos(angle)),
         50 + np.cumsum(np.sin(angle)),
     )
-    assert tracker.hooked(line.x, line.y, line.n, follow.bends) == hook
+    assert bends.hooked(line.x, line.y, line.n, follow.bends) == hook

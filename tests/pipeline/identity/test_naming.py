@@ -17,7 +17,7 @@ from pipeline.session.recording import Recording
 from pipeline.tables.centrelines import Centrelines
 from pipeline.tracking.given_lengths import GivenLengths
 from pipeline.tracking.matching import Ruler
-from pipeline.tracking.tracker import options_for
+from pipeline.tracking.options import options_for
 
 pytestmark = pytest.mark.slow
 

@@ -8,7 +8,7 @@ from pipeline.identity.sides import Sides
 from pipeline.session.recording import Recording
 from pipeline.tables.centrelines import Centrelines
 from pipeline.tracking.matching import Ruler
-from pipeline.tracking.tracker import options_for
+from pipeline.tracking.options import options_for
 
 OPTIONS = options_for(Recording(500.0, 16.0, "top"))
 RULER = Ruler.of("top", OPTIONS)

@@ -7,8 +7,8 @@ from pipeline.scene.background import estimate_background
 from pipeline.scene.estimate import scene_from_frames
 from pipeline.scene.face import SIDES, border, face_side, find_face, thickening_towards
 from pipeline.session.recording import Recording
+from pipeline.tracking.options import options_for
 from pipeline.tracking.registry import find_templates
-from pipeline.tracking.tracker import options_for
 from synthetic.fur import distance_from_pad, pad_centre
 from synthetic.presets import make_trial
 from synthetic.render import Renderer

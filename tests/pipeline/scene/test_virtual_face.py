@@ -8,8 +8,8 @@ from pipeline.run import trace
 from pipeline.scene.estimate import scene_from_frames
 from pipeline.scene.virtual_face import mask_behind_whiskers
 from pipeline.session.recording import Recording
+from pipeline.tracking.options import options_for
 from pipeline.tracking.registry import find_templates
-from pipeline.tracking.tracker import options_for
 from synthetic.presets import make_trial
 from synthetic.render import Renderer
 

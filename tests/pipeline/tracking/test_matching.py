@@ -6,7 +6,7 @@ import pytest
 from pipeline.session.recording import Recording
 from pipeline.tracking import matching
 from pipeline.tracking.matching import Ruler, match
-from pipeline.tracking.tracker import options_for
+from pipeline.tracking.options import options_for
 
 OPTIONS = options_for(Recording(500.0, 8.0, "left"))
 RULER = Ruler.of("left", OPTIONS)

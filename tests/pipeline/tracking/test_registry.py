@@ -14,6 +14,7 @@ from pipeline.session.recording import Recording
 from pipeline.tracking import registry
 from pipeline.tracking.given_lengths import GivenLengths
 from pipeline.tracking.matching import Ruler, crowded
+from pipeline.tracking.options import options_for
 from pipeline.tracking.registry import (
     WhiskerTemplate,
     find_templates,
@@ -22,7 +23,6 @@ from pipeline.tracking.registry import (
     mostly_seen,
     named_as_given,
 )
-from pipeline.tracking.tracker import options_for
 from synthetic.presets import make_trial
 from synthetic.render import Renderer
 from synthetic.scoring import line_scoring

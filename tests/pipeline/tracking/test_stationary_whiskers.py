@@ -8,9 +8,9 @@ import pytest
 from pipeline.scene.estimate import scene_from_frames
 from pipeline.session.parameters import DEFAULTS
 from pipeline.session.recording import Recording
+from pipeline.tracking.options import options_for
 from pipeline.tracking.registry import find_templates
 from pipeline.tracking.stationary_whiskers import without_resting_whiskers
-from pipeline.tracking.tracker import options_for
 
 SCALE = 25.0  # px/mm
 FACE_PX, PIVOT = 40, (10.0, 120.0)

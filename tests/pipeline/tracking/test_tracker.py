@@ -9,8 +9,8 @@ from pipeline.kinematics.follicle import follicles
 from pipeline.run import trace
 from pipeline.scene.estimate import scene_from_frames
 from pipeline.session.recording import Recording
+from pipeline.tracking.options import options_for
 from pipeline.tracking.registry import find_templates
-from pipeline.tracking.tracker import options_for
 from synthetic.presets import make_trial
 from synthetic.render import Renderer
 from synthetic.truth import frame_table

@@ -11,8 +11,8 @@ from pipeline.session.session_file import read_session
 from pipeline.tables import Centrelines
 from pipeline.tracking import two_sides
 from pipeline.tracking.given_lengths import GivenLengths
+from pipeline.tracking.options import options_for
 from pipeline.tracking.registry import WhiskerTemplate
-from pipeline.tracking.tracker import options_for
 from synthetic.scoring import line_scoring
 from synthetic.session import render_session
 

@@ -10,9 +10,9 @@ from pipeline.numerics.angles import wrapped
 from pipeline.scene.estimate import scene_from_frames
 from pipeline.session.recording import Recording
 from pipeline.tracking import row_rotation
+from pipeline.tracking.options import options_for
 from pipeline.tracking.registry import find_templates
 from pipeline.tracking.track_video import track
-from pipeline.tracking.tracker import options_for
 from pipeline.tracking.unlabelled_tracker import CrowdTracer
 from synthetic.presets import make_trial
 from synthetic.render import Renderer

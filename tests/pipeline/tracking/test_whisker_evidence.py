@@ -8,8 +8,8 @@ from pipeline.run import analyse
 from pipeline.scene.estimate import scene_from_frames
 from pipeline.session.recording import Recording
 from pipeline.session.session_file import settings_from
+from pipeline.tracking.options import options_for
 from pipeline.tracking.registry import find_templates
-from pipeline.tracking.tracker import options_for
 from pipeline.tracking.whisker_evidence import whisker_like
 
 SCALE, FRAMES = 20.0, 24  # px/mm

@@ -1,0 +1,75 @@
+"""How lines turn along their length, and how far a whisker's may."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from pipeline.detection import line_fit
+
+
+class Bends(NamedTuple):
+    """How far a whisker's line may turn: in all, and in its first `hook` nodes [rad]."""
+
+    largest: float
+    hook: int
+    at_hook: float
+
+
+@njit(cache=True)
+def is_like_a_whisker(x, y, n, before_x, before_y, m, clear, farthest, bends):
+    """Whether a line leaves the face, is bent as whiskers are, and begins where it was before.
+
+    farthest : that its base may have moved from the line `before`, of m nodes [px]: not along it,
+        where the fur's edge decides; bends : `Bends`
+    """
+    return (
+        min(
+            _distance(x[0], y[0], before_x, before_y, m),
+            _distance(before_x[0], before_y[0], x, y, n),
+        )
+        <= farthest
+        and turning_range(x, y, n) <= bends.largest
+        and not hooked(x, y, n, bends)
+        and line_fit.is_clear(x, y, n, clear)
+    )
+
+
+@njit(cache=True)
+def _distance(x, y, line_x, line_y, n):
+    """Distance of a point from the nodes of a line's nearer half [px]."""
+    least = np.inf
+    for i in range(n // 2 + 1):
+        least = min(least, np.hypot(x - line_x[i], y - line_y[i]))
+    return least
+
+
+@njit(cache=True)
+def hooked(x, y, n, bends):
+    """Whether a line turns sharply near its base: there it follows fur, not a whisker.
+
+    Without it, twice as many lines in a mouse's face are no whiskers (0.67 a frame for 0.33).
+    """
+    return turning_range(x, y, min(n, bends.hook)) > bends.at_hook
+
+
+@njit(cache=True)
+def turning_range(x, y, n):
+    """Largest less smallest direction along a line, over chords of 10 nodes [rad]."""
+    low = 0.0
+    high = 0.0
+    total = 0.0
+    for i in range(10, n - 10, 5):
+        ax = x[i] - x[i - 10]
+        ay = y[i] - y[i - 10]
+        bx = x[i + 5] - x[i - 5]
+        by = y[i + 5] - y[i - 5]
+        along, across = ax * bx + ay * by, ax * by - ay * bx
+        if abs(across) < 0.2 * along:  # by the arctangent's series, to a millionth
+            t = across / along
+            total += t * (1 - t * t * (1 / 3 - t * t * (1 / 5 - t * t * (1 / 7))))
+        else:
+            total += np.arctan2(across, along)
+        low = min(low, total)
+        high = max(high, total)
+    return high - low

@@ -1,0 +1,98 @@
+"""One whisker's present state, and where its line is foretold to be in the next frame."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+from pipeline.detection.line import Line
+from pipeline.tracking import row_rotation
+from pipeline.tracking.registry import WhiskerTemplate
+
+
+@dataclass
+class Track:
+    """One whisker's present state: its line, the line before, and how long it has been lost.
+
+    `whole` is the line when nothing hid its tip the last time; `turn`: what it turns by beside
+    its last motion [rad], and how far behind its base [px].
+    """
+
+    template: WhiskerTemplate
+    line: Line | None = None
+    before: Line | None = None
+    whole: Line | None = None
+    lost_for: int = 0
+    turn: tuple[float, float] = (0.0, 0.0)
+    number: int = 0
+    age: int = 0
+
+    def __post_init__(self):
+        self.whole = max(self.template.samples, key=lambda line: line.n, default=None)
+
+    def take(self, line: Line | None, before: Line | None = None, lost_for: int = 0) -> None:
+        """Go on with another line, which may be as long as this whisker."""
+        self.line, self.before, self.lost_for = line, before, lost_for
+        if line is not None:
+            line.longest = self.template.longest_px
+
+    def lose(self) -> None:
+        """Give the line up: the whisker is lost since this frame."""
+        self.line, self.lost_for = None, 1
+
+
+def predicted(track: Track, with_velocity: bool) -> Line:
+    """Return the line where it should be now: a copy, moved on by the last frame's motion."""
+    line = foretold(track.line, track.before if with_velocity else None)
+    if track.turn[0]:
+        row_rotation.turn_line(line, *track.turn)
+    return line
+
+
+def foretold(line: Line, before: Line | None) -> Line:
+    """Return a line moved on as it has moved since `before`; what was measured is left out."""
+    arrays = np.empty((7, len(line.x)))
+    moving = before is not None and before.n > 20
+    known = before if moving else line
+    _foretell(
+        line.x, line.y, line.amplitude, line.sigma, line.n, known.x, known.y,
+        known.n if moving else 0, arrays,
+    )  # fmt: skip
+    return Line(*arrays, line.n, line.quality, line.longest)
+
+
+@njit(cache=True)
+def _foretell(x, y, amplitude, sigma, n, before_x, before_y, m, arrays):
+    """Fill `arrays` (at least 4, limit) with places, absorbance and half-width of a moved line.
+
+    It goes on as it has moved since it had the `m` nodes `before`; not at all where `m` is 0.
+    """
+    new_x, new_y, new_amplitude, new_sigma = arrays[0], arrays[1], arrays[2], arrays[3]
+    for i in range(n):  # loops: copying slices takes three times as long
+        new_x[i], new_y[i] = x[i], y[i]
+    for i in range(len(amplitude)):
+        new_amplitude[i], new_sigma[i] = amplitude[i], sigma[i]
+    if m > 0:
+        advance(new_x, new_y, n, before_x, before_y, m)
+
+
+@njit(cache=True)
+def advance(x, y, n, before_x, before_y, m):
+    """Add the motion since the frame before to the nodes, smoothed over ±20 nodes, in place."""
+    half = 20
+    count = min(n, m)
+    sx = np.empty(count + 1)
+    sy = np.empty(count + 1)
+    sx[0] = 0.0
+    sy[0] = 0.0
+    for i in range(count):
+        sx[i + 1] = sx[i] + x[i] - before_x[i]
+        sy[i + 1] = sy[i] + y[i] - before_y[i]
+    for i in range(n):
+        k = min(i, count - 1)
+        reach = min(half, k, count - 1 - k)
+        width = 2 * reach + 1
+        dx = (sx[k + reach + 1] - sx[k - reach]) / width
+        dy = (sy[k + reach + 1] - sy[k - reach]) / width
+        x[i] += dx
+        y[i] += dy
