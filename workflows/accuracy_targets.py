@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import pages
 
-FEWEST_VIDEOS = 20  # below, the part of truths in the intervals is not judged
+FEWEST_VIDEOS = 10  # below, the part of truths in the intervals is not judged
 
 
 @dataclass(frozen=True)

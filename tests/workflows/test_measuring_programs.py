@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import wrong_settings
-from accuracy_targets import TARGETS, Target
+from accuracy_targets import COVERAGE, TARGETS, Target, coverage_checks
 from benchmark_tracking import _fitted_curvature
 from over_videos import spread
 from pages import write_between
@@ -68,6 +68,16 @@ def test_targets_are_missed_by_what_could_not_be_measured():
     assert not most.met(np.nan)
     assert [between.met(v) for v in (0.92, 0.95, 0.98)] == [False, True, False]
     assert [most.demand, between.demand] == ["<= 0.03", "0.93 to 0.97"]
+
+
+@pytest.mark.parametrize(("with_contacts", "judged"), [(13, 5), (9, 1)])
+def test_intervals_are_judged_where_half_of_the_videos_have_contacts(with_contacts, judged):
+    """Of twenty videos `varied` has contacts in 13: what their intervals miss must be told."""
+    share = {target.figure: 0.8 for target in COVERAGE}
+    none = dict.fromkeys(share, np.nan) | {"curvature_coverage": 0.8}
+    rows = coverage_checks("varied", [share] * with_contacts + [none] * (20 - with_contacts))
+    assert len(rows) == judged
+    assert not any(row["met"] for row in rows)
 
 
 def test_a_section_is_replaced_and_the_rest_stays(tmp_path):
