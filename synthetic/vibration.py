@@ -9,7 +9,7 @@ pulses.
 import numpy as np
 from scipy.interpolate import CubicSpline, PchipInterpolator
 
-from pipeline.contacts.base_moments import LARGEST_PART, RINGING_S
+from pipeline.contacts.base_moments import LARGEST_PART
 from whiskermodel.response import Response
 
 _FINE_STEPS = 20  # per frame
@@ -35,7 +35,7 @@ def true_moments(response: Response, place, force, frame_s, upwards, slip=False)
     """
     if not 0 < place < LARGEST_PART * response.whisker.length:
         return dict.fromkeys(COLUMNS, np.nan)
-    fine = _between_frames(force, RINGING_S / frame_s, slip)
+    fine = _between_frames(force, response.longest_period / frame_s, slip)
     loads = response.base_loads(place, fine, frame_s / _FINE_STEPS, substeps=_SUBSTEPS)
     sign = -1e9 if upwards else 1e9  # the model's moment is −c F
     steady = sign * loads.steady_moment

@@ -134,6 +134,11 @@ class Response:
         self.modes = modes(whisker.taper, kappa, n_modes, basis, n_terms)
         self.angular_frequency = self.modes.angular_frequency(whisker)
 
+    @property
+    def longest_period(self) -> float:
+        """Period of the slowest mode [s]: of free ringing, no later swing is as large."""
+        return 2 * np.pi / float(self.angular_frequency[self.angular_frequency > 0].min())
+
     # Statics of the frame --------------------------------------------------------------------
 
     def steady_angle_per_newton(self, contact_arc_length):

@@ -14,7 +14,6 @@ from whiskermodel.response import Response
 
 FINE_STEPS = 20  # per frame, of a measured force; its corners lie between frames
 SUBSTEPS = 2  # results per fine step: the modes ring at up to some kHz
-RINGING_S = 25e-3  # how long the vibration is followed after the contact
 LARGEST_PART = 0.995  # of the length, the farthest contact that the model takes
 NOT_A_PULSE = "not_half_gaussian"
 _COURSE = ["frame", "contact_force_uN"]  # of the frames
@@ -63,14 +62,14 @@ def _of_pulses(response, part):
         1e-3 * part["contact_arc_length_mm"].to_numpy(float),
         1e-6 * part["pulse_peak_uN"].to_numpy(float),
         1e-3 * part["pulse_duration_ms"].to_numpy(float),
-        ringing=RINGING_S,
+        ringing=response.longest_period,
     )
     return _signed(extremes, part["peak_base_moment_nN_m"].to_numpy(float))
 
 
 def _of_force(response, place, force, recording, row):
     """The same for one contact of any time course, from the force in its frames [N]."""
-    quiet = int(RINGING_S * recording.frames_per_second)
+    quiet = int(np.ceil(response.longest_period * recording.frames_per_second))
     nodes = np.arange(len(force), dtype=float)
     time = np.arange(-1, len(force) + quiet, 1 / FINE_STEPS)
     nodes = np.concatenate([[-_lead(force)], nodes, [nodes[-1] + _lead(force[::-1])]])

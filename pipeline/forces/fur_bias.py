@@ -101,12 +101,14 @@ def _misfits(held, information, judged, whisker, curvature_at, prior):
 
 def usual_misfit(square, expected):
     """Usual squared misfit and variance (2, stations) of (rows, stations); NaN where too few."""
-    out = np.full((2, square.shape[1]), np.nan)
-    for k, known in enumerate(np.isfinite(square + expected).T):
-        if known.sum() >= FEWEST_ROWS:
-            out[:, k] = np.median(square[known, k]), np.median(expected[known, k])
-    out[0] *= MAD_TO_SD**2
-    return out
+    both = np.stack([MAD_TO_SD**2 * square, expected])
+    known = np.isfinite(both).all(axis=0)
+    count, each = known.sum(axis=0), np.arange(square.shape[1])
+    ordered = np.full((2, len(square) + 1, len(count)), np.inf)
+    ordered[:, 1:][:, known] = both[:, known]
+    ordered.sort(axis=1)
+    middle = (ordered[:, (count - 1) // 2, each] + ordered[:, count // 2, each]) / 2
+    return np.where(count >= FEWEST_ROWS, middle, np.nan)
 
 
 def _usual(found):

@@ -5,7 +5,6 @@ from collections import Counter
 import numpy as np
 import pandas as pd
 
-from pipeline.contacts.base_moments import RINGING_S
 from pipeline.reports import plots
 
 RINGS = 1.0  # vibrational over steady moment
@@ -69,7 +68,7 @@ def ratio_grid(whisker, durations_ms, contacts_mm, dt=1e-5) -> np.ndarray:
     filters = modal_filters(response.angular_frequency, whisker.damping_rate, dt)
     ratios = np.empty((len(places), len(durations_ms)))
     for column, duration in enumerate(1e-3 * np.asarray(durations_ms, float)):
-        force = half_gaussian(np.arange(0, duration + RINGING_S, dt), duration, 1.0)
+        force = half_gaussian(np.arange(0, duration + response.longest_period, dt), duration, 1.0)
         change = np.stack([force - mode(force) for mode in filters])
         ratios[:, column] = np.abs(weights @ change).max(axis=1) / places
     return ratios

@@ -146,6 +146,17 @@ def test_what_a_codec_erased_is_less_known(touching):
     assert arc_length_offset._tip_place(calm, 1.0, whisker, params) == pytest.approx(clean)
 
 
+def test_how_a_line_fades_that_a_codec_erased_says_nothing_of_the_tip(touching):
+    """Lines fade where a codec has erased them: in coarse pictures 10 px short of the tip."""
+    scatter = 2.5 * 40e-6 * np.random.default_rng(2).normal(size=len(touching.places))
+    wild = replace(touching.places, last=touching.places.last + scatter)
+    early, late = (
+        arc_length_offset._tip_place(fading(wild, short), 1e3, mouse_c2(), DEFAULTS.forces)[0]
+        for short in (0.1e-3, 0.4e-3)
+    )
+    assert early == pytest.approx(late, abs=1e-6)
+
+
 def test_a_length_that_contradicts_the_hidden_length_is_hardly_believed(touching):
     """A whisker that has grown by 0.7 mm since it was measured."""
     grown = fading(touching.places, traced_motion.TIP_UNSEEN + 0.7e-3)
