@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 
 from pipeline.scene.illumination import fill, frame_gains, light_without_objects, smooth_flat_parts
+from pipeline.scene.masks import dilated
 from pipeline.scene.noise_model import (
     WINDOW_SD,
     WINDOWED_VARIANCE,
@@ -27,6 +28,8 @@ DARK_SD = 4.0  # by so much darker is a whisker; its flanks, which are not, reac
 FLANK_PX = 2
 FLANK_SAMPLES = 64  # looked at for whiskers' flanks, at the most
 FEWEST_CLEAR = 3  # samples without a whisker near, to know a pixel's light
+FRINGE_MM, FRINGE_PX = 0.5, 12  # of fur along the face: the larger one
+FAINTER = 0.5  # of a clear line's darkness joins its parts
 MOVIE_FRAMES = 3  # with fewer, nothing can be learnt from motion
 
 
@@ -189,11 +192,14 @@ def _sorting_network(n):
 # ---- over space ---------------------------------------------------------------------------
 
 
-def thin_dark_lines(image, pixels_per_mm, noise, face=None, params=DEFAULTS.scene) -> np.ndarray:
+def thin_dark_lines(
+    image, pixels_per_mm, noise, face=None, params=DEFAULTS.scene, darkness=1.0
+) -> np.ndarray:
     """Pixels of thin dark lines, bool (height, width): darker than what lies on both sides.
 
     `noise`: (floor, gain) of the variance of `image`. Lines at the edges of large dark things
     are left out: they are creases of those; but whiskers do come out of the `face` (bool mask).
+    `darkness`: share of what is wanted of a line that is clear.
     """
     smooth = cv2.GaussianBlur(image, (0, 0), 1.0)
     size = max(3, 2 * round(params.thickest_whisker_mm * pixels_per_mm / 2) + 1)
@@ -205,7 +211,7 @@ def thin_dark_lines(image, pixels_per_mm, noise, face=None, params=DEFAULTS.scen
     large = cv2.morphologyEx(large.astype(np.uint8), cv2.MORPH_OPEN, disc)
     if face is not None:
         large[face] = 0
-    lines = (around - smooth > limit) & (cv2.dilate(large, disc) == 0)
+    lines = (around - smooth > darkness * limit) & (cv2.dilate(large, disc) == 0)
     return cv2.dilate(lines.astype(np.uint8), np.ones((3, 3), np.uint8)).astype(bool)
 
 
@@ -240,12 +246,15 @@ def without_whiskers(
     fur, and lines elsewhere scratches and wires: these stay, as they should in a background.
     Where there is no `fur`, shorter ones are the whiskers' bases, about which they turn. What
     leaves the `pole` (bool mask) on which such a line ends is the same whisker's other part.
-    Lines that never move and end on other `things` (bool mask) are parts of them: they stay.
+    Lines that never move and end on other `things` (bool mask) are parts of them: they stay; but
+    the fringe of fur along the face is where whiskers begin.
     """
     movie = background.n_frames >= MOVIE_FRAMES
     share = 1 / background.n_frames if movie else 1.0  # of the variance left in the average
     noise = share * background.noise_floor, share * background.noise_gain
-    thin = thin_dark_lines(background.image, pixels_per_mm, noise, face, params) & ~face
+    at = background.image, pixels_per_mm, noise, face, params
+    clear = thin_dark_lines(*at) & ~face
+    thin = _long_parts(thin_dark_lines(*at, FAINTER) & ~face, 0, clear)
     shortest = params.shortest_still_mm if movie else params.shortest_whisker_mm
     shortest = shortest if fur else SHORTEST_BASE_MM
     lines = (
@@ -255,7 +264,8 @@ def without_whiskers(
     )
     whiskers = thin & _long_lines_at(face, lines, pixels_per_mm, shortest * pixels_per_mm)
     if movie and things is not None:
-        near = cv2.dilate(things.astype(np.uint8), _square(AT_THING_MM * pixels_per_mm)) > 0
+        apart = things & ~dilated(face, _fringe_px(pixels_per_mm))
+        near = cv2.dilate(apart.astype(np.uint8), _square(AT_THING_MM * pixels_per_mm)) > 0
         whiskers &= ~_long_parts(whiskers, 0, whiskers & near)
     whiskers |= _long_parts(background.covered | whiskers, 0, whiskers) & ~face
     if not movie:
@@ -268,7 +278,12 @@ def _surroundings(pole, near_px):
     return cv2.dilate(pole.astype(np.uint8), _square(near_px)) > 0
 
 
+def _fringe_px(pixels_per_mm) -> float:
+    """How far from the face a whisker may begin to be seen [px]."""
+    return max(FRINGE_MM * pixels_per_mm, FRINGE_PX)
+
+
 def _long_lines_at(face, thin, pixels_per_mm, shortest_px):
     """Connected lines that are at least `shortest_px` long and end near the face."""
-    near = cv2.dilate(face.astype(np.uint8), _square(0.5 * pixels_per_mm)) > 0
+    near = cv2.dilate(face.astype(np.uint8), _square(_fringe_px(pixels_per_mm))) > 0
     return _long_parts(thin, shortest_px, near)

@@ -24,6 +24,7 @@ SHORTEST = 0.07  # of the picture's size; shorter lines are fur
 REACH = 0.04  # of the picture's size, between a line's end and the edge it belongs to
 DARKER = 1.2  # a line's third at the base over that at the tip, absorbance
 STILL = 0.5  # of a line's absorbance: what stays as dark in the usual frame does not move
+RESTING = 0.25  # of its length counts where all of an animal's whiskers may rest
 SWITCH = 3.0  # of the shortest whiskers must support a change from face to body on the edge
 SWITCH_SHARE = 0.1  # the same, as a share of all whiskers seen
 FEWEST_BASES = 0.1  # of the best part's: a part of the mass with fewer is no face
@@ -41,7 +42,7 @@ def face_of(mask, frames, scene: StaticScene) -> tuple[np.ndarray, str | None]:
     Returns
     -------
     face : bool (height, width); the whole mask where its edge has no hollow in which a whisker
-        could end or is not in the picture, and where no whisker is seen to move
+        could end or is not in the picture, and where no whisker is seen
     side : side of the picture that lies behind the whiskers' bases; None where that is not looked
         at
     """
@@ -49,7 +50,7 @@ def face_of(mask, frames, scene: StaticScene) -> tuple[np.ndarray, str | None]:
     edges = _edges(mask)
     if len(frames) < FEWEST_FRAMES or not edges or not _may_hold_tips(mask, DEEP * size):
         return mask, None
-    scores = _scores(edges, _whiskers(frames, scene, SHORTEST * size), REACH * size)
+    scores = _scores(edges, _whiskers(frames, scene, SHORTEST * size, RESTING), REACH * size)
     if not any(np.any(score > 0) for _, score in scores):
         return mask, None
     labels = _labels(edges, scores, SWITCH * SHORTEST * size)
@@ -88,34 +89,38 @@ def _hollow(contour, shape) -> float:
 # ---- whiskers -----------------------------------------------------------------------------
 
 
-def _whiskers(frames, scene, shortest_px):
-    """Of the lines that move, in some of the frames: x, y of base and of tip, length; (n, 5)."""
+def _whiskers(frames, scene, shortest_px, resting=0.0):
+    """Of lines in some of the frames: x, y of base and of tip, length, float (n, 5).
+
+    `resting`: what the length of a line that does not move counts; 0: it is left out
+    """
     model = ImageModel.from_scene(scene)
     step = max(len(frames) // LOOKED_AT, 1)
     dark = np.stack([absorbance_image(each, model, model.gain(each)) for each in frames[::step]])
     usual = np.median(dark, axis=0)
-    found = [
-        (*ends, length(curve))
-        for image in dark
-        for curve in ridges.curves_of(image, model.noise).each()
-        if length(curve) > shortest_px and (ends := _base_and_tip(curve, image, usual)) is not None
-    ]
+    found = []
+    for image in dark:
+        for curve in ridges.curves_of(image, model.noise).each():
+            now, mostly = (_values(each, curve) for each in (image, usual))
+            counts = resting if np.median(mostly) > STILL * np.median(now) else 1.0
+            if counts and length(curve) > shortest_px and (ends := _base_and_tip(curve, now)):
+                found.append((*ends[0], *ends[1], counts * length(curve)))
     return np.array(found, float).reshape(-1, 5)
 
 
-def _base_and_tip(curve, image, usual):
-    """x, y of the dark and of the pale end; None where none is darker, or it does not move."""
+def _values(image, curve):
+    """Values of an image along a curve (n, 2)."""
     x, y = np.asarray(curve, np.float32).T
-    now, mostly = (
-        cv2.remap(each, x[None], y[None], cv2.INTER_LINEAR)[0] for each in (image, usual)
-    )
-    if np.median(mostly) > STILL * np.median(now):
-        return None
+    return cv2.remap(image, x[None], y[None], cv2.INTER_LINEAR)[0]
+
+
+def _base_and_tip(curve, dark):
+    """The dark and the pale end of a curve, of values along it; None where none is darker."""
     third = len(curve) // 3
-    first, last = np.median(now[:third]), np.median(now[-third:])
+    first, last = np.median(dark[:third]), np.median(dark[-third:])
     if max(first, last) < DARKER * min(first, last):
         return None
-    return (*curve[0], *curve[-1]) if first > last else (*curve[-1], *curve[0])
+    return (curve[0], curve[-1]) if first > last else (curve[-1], curve[0])
 
 
 # ---- the edge -----------------------------------------------------------------------------

@@ -6,23 +6,27 @@ some lines that taper, too, and a cable sways; so the lines are also judged toge
 """
 
 import numpy as np
+from scipy.stats import binom, norm
 
 from pipeline.detection import detect
 from pipeline.scene.face import THICKER, far_over_near
 from pipeline.tracking.line_ends import BORDER_PX
 
-# a whisker's far third is thinner than its near one by more than this for each clue that it lacks;
-# of 48 whiskers on three recordings 46 have 0.1 to 0.7, two that a body cuts short up to 1.1
+# a whisker's far third is thinner than its near one by more than this if it rests or is seldom
+# seen; of 48 whiskers on three recordings 46 have 0.1 to 0.7, two that a body cuts short up to 1.1
 THINNER = 0.6
 MOVES_PX = 1.5  # off the line where it lay before: compression shakes still things by less
 MOVED_LINES = 0.1  # part of the lines
 OFTEN = 0.5  # part of the frames
-# of a row of whiskers so many move; on three recordings, also in pieces of 30 frames, all do, at
-# rest by breathing; after compression (CRF 23) six of seven
-MOVING = 0.5
 ROW_THINNER = 0.9  # so much thinner gets even a cone that is cut to a seventh of its length
-FEW_LINES = 2  # so many whiskers may rest throughout a video
-FEWEST_FRAMES = 3  # fewer do not show what moves
+# log of the far third's thickness over the near one's: of whiskers, on three recordings also in
+# still and noisy pieces, and of the streaks of a texture; mean, SD
+WHISKERS, STREAKS = (-1.0, 0.5), (0.0, 0.8)
+FOUND_RIGHT = 0.7  # of a row of whiskers so many lines are traced well enough to show it
+STREAKS_MOVE = 0.14  # of a texture's lines seem to
+MOST_FOR_MOTION = 5.0  # log odds: a cable moves, too
+ROW_ODDS = 0.7  # log odds from which on lines are a row of whiskers
+FEW = 2  # lines are no row: each is judged by itself; nor do so few frames show what moves
 
 
 def whisker_like(templates, n_frames: int, shape, given: bool = False):
@@ -34,10 +38,13 @@ def whisker_like(templates, n_frames: int, shape, given: bool = False):
     n_frames : frames in which they were looked for
     shape : of the picture, (height, width)
     given : a person says that there are whiskers. Else all are refused where together they are no
-        row of whiskers: where none tapers, or of several less than half move
+        row of whiskers: where none tapers, or too few move or taper well
     """
     row = [template.samples for template in templates]
-    may_be = given or (_tapers(row, shape) and (_alive(row) or n_frames < FEWEST_FRAMES))
+    may_be = given or (
+        _tapers(row, shape)
+        and (min(n_frames, len(row)) <= FEW or _log_odds(row, shape) > ROW_ODDS)
+    )
     likely = [may_be and _may_be_whisker(lines, n_frames, shape) for lines in row]
     pairs = list(zip(templates, likely, strict=True))
     return [s for s, good in pairs if good], [s for s, good in pairs if not good]
@@ -57,9 +64,14 @@ def _tapers(row, shape) -> bool:
     return bool(np.isnan(ratios).all() or np.nanmin(ratios) < ROW_THINNER)
 
 
-def _alive(row) -> bool:
-    """Whether half of several lines move."""
-    return len(row) <= FEW_LINES or bool(np.mean([_move(lines) for lines in row]) >= MOVING)
+def _log_odds(row, shape) -> float:
+    """Log odds that lines are a row of whiskers, not of streaks, from their taper and motion."""
+    taper = np.log([_thinner(lines, np.ones(len(lines), bool)) for lines in row])
+    taper = taper[np.isfinite(taper)]
+    odds = FOUND_RIGHT * norm.pdf(taper, *WHISKERS) / norm.pdf(taper, *STREAKS) + 1 - FOUND_RIGHT
+    n, moving = len(row), sum(map(_move, row))
+    by_motion = -np.log(n + 1) - binom.logpmf(moving, n, STREAKS_MOVE)  # any number may rest
+    return float(np.log(odds).sum() + min(by_motion, MOST_FOR_MOTION))
 
 
 def _may_be_whisker(lines, n_frames, shape) -> bool:
@@ -67,7 +79,9 @@ def _may_be_whisker(lines, n_frames, shape) -> bool:
     if np.isnan(ratio):
         return moves
     often = len(lines) >= OFTEN * n_frames
-    lacking = (not moves) + (not often)
+    if not (moves or often):
+        return False  # a still line is there all the time
+    lacking = not (moves and often)
     return bool(ratio < THICKER * THINNER**lacking)
 
 

@@ -66,6 +66,21 @@ def test_the_side_is_where_whiskers_have_their_bases():
     assert scene(side=None, turns=1).face_side == "left"
 
 
+@pytest.mark.parametrize("turns", [0, 1])
+def test_whiskers_that_rest_show_the_side_and_are_no_background(turns):
+    rng = np.random.default_rng(0)
+    still = picture(0.0).astype(float)
+    frames = np.clip(still + rng.normal(0, 1.5, (16, *still.shape)), 0, 255).astype(np.uint8)
+    frames = np.ascontiguousarray(np.rot90(frames, turns, axes=(1, 2)))
+    found = scene_from_frames(frames, Recording(1000.0, SCALE, None), None)
+    assert found.face_side == SIDES[turns]
+    background = np.rot90(found.background, -turns)
+    off = np.s_[CORNER[1] + 25 : CORNER[1] + 60, CORNER[0] + 15 : 300]
+    whisker = still[off] < 120
+    assert whisker.sum() > 200  # px
+    assert np.median(background[off][whisker]) > 170
+
+
 def test_a_face_alone_stays_whole():
     found = scene(body=False)
     assert found.face_mask[: CORNER[1] - 4].all()

@@ -78,6 +78,43 @@ def test_other_things_are_refused(what, swing, near, far, length):
     assert refused, what
 
 
+def row_of(swing, near, far):
+    """Frames of four lines, one below the other, that turn by ±swing [rad]."""
+    angles = swing * np.sin(np.linspace(0, 12, FRAMES))
+    return np.stack(
+        [
+            np.min(
+                [
+                    np.roll(picture(angle + tilt, near, far, 250, i), round(200 * tilt), axis=0)
+                    for tilt in (-0.2, -0.07, 0.07, 0.2)
+                ],
+                axis=0,
+            )
+            for i, angle in enumerate(angles)
+        ]
+    )
+
+
+def test_a_row_of_whiskers_is_kept_where_the_animal_rests():
+    kept, refused = told_apart(row_of(0.0, 1.5, 0.2))
+    assert len(kept) == 4
+    assert not refused
+
+
+@pytest.mark.parametrize("swing", [0.0, 0.03])
+def test_a_row_of_lines_that_keep_their_thickness_is_none(swing):
+    kept, refused = told_apart(row_of(swing, 1.5, 1.3))
+    assert len(refused) == 4
+    assert not kept
+
+
+def test_what_is_seen_in_few_frames_and_always_in_one_place_is_no_whisker():
+    frames = frames_of(0.0, 1.5, 0.2)
+    frames[8:] = picture(0.0, 0.0, 0.0, 250, 99)
+    kept, _ = told_apart(frames)
+    assert not kept
+
+
 def test_a_wall_gives_no_whisker_and_the_face_is_doubted():
     found = analyse(frames_of(0.0, 0.4, 1.4, 300), settings_from({"recording": RECORDING}))
     assert found.frames.empty
