@@ -12,7 +12,7 @@ from pipeline.scene.background import estimate_background, without_whiskers
 from pipeline.scene.codec_noise import noise_excess
 from pipeline.scene.dust import is_passed_over
 from pipeline.scene.epochs import Survey, periods
-from pipeline.scene.face import border, face_side, find_face, likelier_side
+from pipeline.scene.face import darkest_sides, find_face, likelier_side
 from pipeline.scene.masks import dilated, opened, opened_beyond_border, regions
 from pipeline.scene.moving_fur import moving_fur
 from pipeline.scene.pole_doubts import doubt
@@ -26,7 +26,6 @@ from pipeline.video.frame_faults import is_black
 
 N_SAMPLES = (32, 1000)  # at least and at most
 FRAMES_PER_SAMPLE = 50
-NARROW = 0.3  # of the picture's side: what is wider there is no apparatus
 
 
 @dataclass(frozen=True)
@@ -155,8 +154,9 @@ def scene_from_frames(
     scale = scale or working_scale(frames.shape[1:], recording.pixels_per_mm)
     background = estimate_background(frames, scale, params)
     transmission = background.transmission
-    side = recording.face or face_side(transmission, params)
-    animal = face = _animal(background, frames, side, scale, params)
+    sides = [recording.face] if recording.face else darkest_sides(transmission, params)
+    side, animal = _animal(background, frames, sides, scale, params)
+    face = animal
     fur, likelier = face.any(), None
     if fur:
         face, behind = _bearing_whiskers(animal, frames, background, side, scale, params)
@@ -207,17 +207,18 @@ def _pole(background, frames, radius_px, pole_xy, masks):
     return pole, tuple(reasons) if pole is None else ()
 
 
-def _animal(background, frames, side, scale, params):
-    """The animal's mask, as of `find_face`.
+def _animal(background, frames, sides, scale, params):
+    """The first of the sides with an animal, and its mask, as of `find_face`.
 
-    A narrow thing at the border, a bar or a screw, is no animal where whiskers that move have
-    their bases elsewhere.
+    What whiskers that move do not come out of is no animal: a rig, a bar, a screw. Where there is
+    none, the first side and an empty mask.
     """
-    mask = find_face(background.transmission, side, scale, params)
-    if border(mask, side).mean() > NARROW:
-        return mask
-    seen = _seen_with(mask, background, side, scale, params)
-    return mask if bears_whiskers(mask, frames, seen) else np.zeros_like(mask)
+    for side in sides:
+        mask = find_face(background.transmission, side, scale, params)
+        seen = _seen_with(mask, background, side, scale, params)
+        if mask.any() and bears_whiskers(mask, frames, seen):
+            return side, mask
+    return sides[0], np.zeros_like(mask)
 
 
 def _bearing_whiskers(animal, frames, background, side, scale, params):

@@ -23,13 +23,13 @@ def border(image: np.ndarray, side: str) -> np.ndarray:
     return image[at[side]]
 
 
-def face_side(transmission: np.ndarray, params=DEFAULTS.scene) -> str:
-    """Return the side of the picture with the face: the one whose border is darkest.
+def darkest_sides(transmission: np.ndarray, params=DEFAULTS.scene) -> list[str]:
+    """Return the sides of the picture by how dark their borders are, the darkest first.
 
     `transmission`: share of the light that passes, (height, width), as in `Background`.
     """
     dark = {side: np.mean(border(transmission, side) < params.face_edge) for side in SIDES}
-    return max(dark, key=dark.get)
+    return sorted(SIDES, key=lambda side: -dark[side])
 
 
 def find_face(

@@ -17,7 +17,7 @@ from pipeline.detection.image_model import ImageModel, absorbance_image
 from pipeline.detection.static_scene import OUTWARD, StaticScene
 from pipeline.scene.face import SIDES
 
-LOOKED_AT = 10  # frames
+LOOKED_AT, FIRST_LOOK = 10, 4  # frames: where a face begins, and whether it is one
 FEWEST_FRAMES = 3  # fewer do not show what moves
 DEEP = 0.15  # of the picture's size: shallower hollows of the edge hold no whisker's tip
 SHORTEST = 0.07  # of the picture's size; shorter lines are fur
@@ -59,14 +59,16 @@ def face_of(mask, frames, scene: StaticScene) -> tuple[np.ndarray, str | None]:
 
 
 def bears_whiskers(mask, frames, scene: StaticScene) -> bool:
-    """Whether whiskers that move have their bases at the mask's edge; so, too, where none moves.
+    """Whether whiskers that move have their bases at the mask's edge; so, too, where few move.
 
     mask, frames, scene : as for `face_of`
     """
     size, edges = float(np.sqrt(mask.size)), _edges(mask)
     if len(frames) < FEWEST_FRAMES or not edges:
         return True
-    whiskers = _whiskers(frames, scene, SHORTEST * size)
+    whiskers = _whiskers(frames[:: -(-len(frames) // FIRST_LOOK)], scene, SHORTEST * size)
+    if whiskers[:, 4].sum() < SWITCH * SHORTEST * size:
+        return True
     gaps, _ = cKDTree(np.concatenate(edges)).query(whiskers[:, :2])
     length = whiskers[:, 4]
     return length[gaps < REACH * size].sum() >= FEWEST_BASES * length.sum()

@@ -108,6 +108,18 @@ def test_a_bar_from_which_no_whisker_comes_is_no_face():
     assert not found.face_mask[10:].any()
 
 
+@pytest.mark.parametrize("face", [False, True])
+def test_a_rig_that_darkens_more_of_the_border_is_no_face(face):
+    frames = np.stack([picture(phase, False) for phase in np.linspace(0, 6, 16)])
+    frames = frames[:, CORNER[1] - 15 * face :]  # with some of the face, or without it
+    frames[:, :, 285:] = 10
+    frames[:, : 15 * face, 160:285] = 180
+    found = scene_from_frames(frames, Recording(1000.0, SCALE, None), None)
+    assert found.face_side == "top"
+    assert found.obstacle_mask[30:, 290:].all()
+    assert not found.face_mask[40:].any()
+
+
 def test_dark_places_on_the_border_alone_have_no_edge_in_the_picture():
     mask = np.zeros((HEIGHT, WIDTH), bool)
     mask[0, :40] = mask[0, -40:] = True
