@@ -1,5 +1,19 @@
-"""`python -m pipeline` is the command `whiskerforce`."""
+"""The command `whiskerforce`, and `python -m pipeline`."""
 
-from pipeline.app.cli import main
+import os
+import signal
 
-main()
+INTERRUPTED = 130
+
+
+def main() -> None:
+    """Import the command, during which Ctrl-C ends it at once and silently, and run it."""
+    before = signal.signal(signal.SIGINT, lambda *_: os._exit(INTERRUPTED))
+    from pipeline.app import cli
+
+    signal.signal(signal.SIGINT, before)
+    cli.main()
+
+
+if __name__ == "__main__":
+    main()

@@ -229,6 +229,10 @@ def test_init_then_run(rendered, video, tmp_path, capsys):
     assert "1 whisker (C2)" in said
     assert (folder / "session.toml").read_text("utf-8") == corrected
     assert cv2.imread(str(folder / "session_preview.png")) is not None
+    assert exit_code("init", folder, "--overwrite") == 0
+    assert (folder / "session.toml").read_text("utf-8") == text
+    assert (folder / "session.toml.old").read_text("utf-8") == corrected
+    assert "session.toml.old" in capsys.readouterr().out
 
 
 def test_demo_prints_contacts_beside_the_truth(rendered, tmp_path, monkeypatch):

@@ -27,12 +27,13 @@ from pipeline.app.outcome import (
 from pipeline.curate.corrected import follow_corrections, write_session_tables
 from pipeline.errors import InputError, counted, in_words, why, with_advice
 from pipeline.runtime import interrupts
-from pipeline.runtime.folder_lock import locked
+from pipeline.runtime.folder_lock import LOCK_FILE, locked
 from pipeline.runtime.progress import Progress, Step, duration
-from pipeline.runtime.run_log import RunLog
+from pipeline.runtime.run_log import LOG_FILE, RunLog
 from pipeline.runtime.workers import run_tasks
 from pipeline.scene import pole_runs
 from pipeline.session.inputs import (
+    PREVIEW_NAME,
     SESSION_FILES,
     SETTINGS_NAME,
     STATE_FILE,
@@ -156,10 +157,13 @@ def run(
     """
     started = time.monotonic()
     out = Path(out)
+    is_ours = (out / LOCK_FILE).exists() or (out / LOG_FILE).exists()
     inputs = source.find(paths, out)
     _check_inputs(inputs)
     settings = settings_of(inputs, config)
     _make_folder(out)
+    if not is_ours:
+        _check_stranger(out)
     with locked(out):
         _check_folder(out)
         settle_all(out)
@@ -181,9 +185,11 @@ def run(
             seconds = time.monotonic() - started
             every = (*ordered, *others)
             summary = Summary(out, every, len(skipped), seconds, interrupted, tuple(lost))
+            own, problems = "", ()
             if not is_beside_videos(out, inputs):
-                _write_session(out, list(settings.values()), config)
-            _write_tables(summary, jobs)
+                own, problems = _write_session(out, list(settings.values()), config)
+            summary = replace(summary, problems=problems)
+            _write_tables(summary, jobs, own)
             if not interrupted:  # who presses Ctrl-C does not want to wait for them
                 summary = _with_pictures(summary, due, shown, log)
         log.write(f"ended: {summary.line()}")
@@ -235,6 +241,18 @@ def _make_folder(out):
         raise InputError(
             f"--out {out}: cannot write there ({why(error)}); choose another folder"
         ) from None
+
+
+def _check_stranger(out):
+    """A folder in which no run has been holds no files of a person that would be replaced."""
+    written = set(SESSION_FILES) - {SETTINGS_NAME, PREVIEW_NAME}
+    there = sorted(name for name in written if (out / name).is_file())
+    there += [f"figures/{path.name}" for path in sorted(out.glob("figures/fig3*"))]
+    if there:
+        raise InputError(
+            f"--out {out}: holds {there[0]}, which no run of whiskerforce has written there and "
+            "this one would replace; move it away, or choose another folder"
+        )
 
 
 def _check_folder(out):
@@ -301,7 +319,7 @@ def _with_pictures(summary, due, shown, log) -> Summary:
     problems = tuple(_write_pictures(summary, shown, log))
     if not problems:
         _mark_drawn(summary.out)
-    return replace(summary, problems=problems)
+    return replace(summary, problems=(*summary.problems, *problems))
 
 
 def is_drawn(out) -> bool:
@@ -537,31 +555,39 @@ def _without_lost(outcomes, paths):
 # --- the whole folder --------------------------------------------------------------------
 
 
-def _write_session(out, settings, config):
-    """Write the settings in force, unless the user's own file already lies there."""
-    target = out / "session.toml"
-    if config is not None and target.exists() and target.samefile(config):
-        return
+def _write_session(out, settings, config) -> tuple[str, tuple[str, ...]]:
+    """Write the settings in force, unless the user's own file already lies there.
+
+    One that a person has written or changed is kept under another name. Returns the hash of what
+    was written, "" if nothing was, and what a person should know.
+    """
+    target = out / SETTINGS_NAME
     distinct = list(dict.fromkeys(settings))
-    if not distinct:
-        return
+    if not distinct or (config is not None and target.exists() and target.samefile(config)):
+        return "", ()
     text = session_text(distinct[0])
     if len(distinct) > 1:
         note = "# Videos differ in their settings: these are the first one's; each video's\n"
         text = f"{note}# results folder holds its own.\n{text}"
+    before = target.read_bytes() if target.exists() else b""
+    ours = before in (b"", text.encode()) or sha256(target) == read_run(out).get("session_sha256")
+    old = None if ours else files.set_aside(target)
     files.write_text(target, text)
+    reason = "this run used the settings beside the videos (or --config)"
+    problem = f"{target} was not written by a run: {reason}; it is kept as {old}"
+    return sha256(target), (problem,) if old else ()
 
 
-def _write_tables(summary, jobs):
+def _write_tables(summary, jobs, session):
     """Write the tables and run.json of the whole results folder."""
     rows = [asdict(each) for each in summary.outcomes]
     videos = pd.DataFrame(rows, columns=[c.name for c in VIDEO_COLUMNS])
     files.write_csv(summary.out / "videos.csv", videos, VIDEO_COLUMNS)
     write_session_tables(summary.out, [each.video for each in summary.outcomes if each.frames])
-    files.write_json(summary.out / STATE_FILE, _run_record(summary, jobs))
+    files.write_json(summary.out / STATE_FILE, _run_record(summary, jobs, session))
 
 
-def _run_record(summary, jobs) -> dict:
+def _run_record(summary, jobs, session) -> dict:
     """How the results were made: run.json."""
     kept = ("path", "sha256", "status", "frames", "stages")
     return {
@@ -575,6 +601,7 @@ def _run_record(summary, jobs) -> dict:
         "seconds": round(summary.seconds, 3),
         "interrupted": summary.interrupted,
         "pictures_of": read_run(summary.out).get("pictures_of", ""),
+        "session_sha256": session,
         "inputs": {
             each.video: {key: getattr(each, key) for key in kept} for each in summary.outcomes
         },

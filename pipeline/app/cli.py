@@ -163,7 +163,10 @@ def _finish_run(summary, debug, say):
 def init(
     folder: Annotated[Path, typer.Argument(help="Folder with the videos.")],
     overwrite: Annotated[
-        bool, typer.Option("--overwrite", help="Replace an existing session.toml.")
+        bool,
+        typer.Option(
+            "--overwrite", help="Replace an existing session.toml; it is kept as session.toml.old."
+        ),
     ] = False,
     config: Annotated[
         Path | None,

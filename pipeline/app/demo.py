@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.app import batch, warm_up
-from pipeline.errors import counted
+from pipeline.errors import InputError, counted
 from pipeline.reports.session_numbers import read_contacts, read_truth
 from pipeline.runtime.progress import Progress, duration
 
@@ -37,6 +37,7 @@ def render(folder, preset, seed, trials, jobs, progress, say, frames=1000) -> li
     from synthetic.two_view_session import PRESETS as TWO_VIEWS
     from synthetic.two_view_session import render_two_views
 
+    _check_folder(Path(folder))
     if preset in TWO_VIEWS:
         say("rendering two views …")
         paths = render_two_views(folder, preset, seed, trials or 2)
@@ -53,6 +54,17 @@ def render(folder, preset, seed, trials, jobs, progress, say, frames=1000) -> li
         paths = render_session(folder, preset, seed, trials, **options)
     say(f"videos, session.toml and truth tables: {Path(folder).resolve()}")
     return paths
+
+
+def _check_folder(folder):
+    """A person's files are not replaced: a session.toml above all."""
+    if folder.is_dir() and not (folder / "truth").is_dir():
+        there = sorted(p.name for p in folder.iterdir() if not p.name.startswith("."))
+        if there:
+            raise InputError(
+                f"{folder}: holds files that were not rendered ({there[0]}); choose another "
+                "folder, or an empty one"
+            )
 
 
 def run_demo(out, jobs, progress, say) -> bool:

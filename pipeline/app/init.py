@@ -17,6 +17,7 @@ from pipeline.scene.polarity import whiskers_are_bright
 from pipeline.session.inputs import PREVIEW_NAME, SETTINGS_NAME, find_inputs
 from pipeline.session.recording import Recording
 from pipeline.session.session_file import read_session, settings_from, write_session
+from pipeline.tables import files
 from pipeline.tracking.registry import find_templates
 from pipeline.tracking.two_sides import counted_names
 from pipeline.tracking.whisker_evidence import whisker_like
@@ -51,7 +52,7 @@ def init_folder(folder, overwrite=False, config=None, say=lambda line: None) -> 
     """Write session.toml and a preview PNG into a folder of videos; return lines to print.
 
     Where there is a session.toml already, or one is given (`config`), it is kept, and the preview
-    shows what it finds. `say` is called with a line before each video that is looked at.
+    shows what it finds; `overwrite` renames it and writes another. `say` is called with a line before each video that is looked at.
 
     Raises
     ------
@@ -68,10 +69,12 @@ def init_folder(folder, overwrite=False, config=None, say=lambda line: None) -> 
     looks = _look_at_some(folder, look_at, say)
     document, notes = findings(looks)
     settings = settings_from(document, target)
+    old = files.set_aside(target) if target.exists() else None
     write_session(target, settings, notes)
     preview = preview_of(looks[0].path, settings)
     write_preview(folder / PREVIEW_NAME, preview)
-    return _words(looks, preview, target)
+    kept = [f"the settings of before are kept as {old}"] if old else []
+    return [*_words(looks, preview, target), *kept]
 
 
 def _show(folder, session, say) -> list[str]:

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.convert.keypoints import points_along
+from pipeline.convert.hdf5 import whole_hdf5
 from pipeline.convert.optional import library
-from pipeline.tables.files import whole_file
 
 KEY_POINTS = 20
 
@@ -54,9 +54,10 @@ def key_points(video, count: int = KEY_POINTS):
 
 def write_movement(folder, video) -> list[Path]:
     """Write NAME.nc; return its path in a list."""
-    library("h5netcdf", "formats")
+    netcdf = library("h5netcdf", "formats")
+    store = library("xarray.backends", "formats").H5NetCDFStore
     path = Path(folder) / f"{video.name}.nc"
     poses = as_poses(video)
-    with whole_file(path) as temporary:
-        poses.to_netcdf(temporary, engine="h5netcdf")
+    with whole_hdf5(path) as held, netcdf.File(held, "w") as file:
+        poses.dump_to_store(store(file))
     return [path]

@@ -12,11 +12,11 @@ from uuid import uuid4
 
 import numpy as np
 
+from pipeline.convert.hdf5 import whole_hdf5
 from pipeline.convert.optional import library
 from pipeline.errors import InputError
 from pipeline.session.session_file import session_text
 from pipeline.tables.columns import CONTACT_COLUMNS, FRAME_COLUMNS
-from pipeline.tables.files import whole_file
 from pipeline.video.open import TIFF_SUFFIXES, VIDEO_SUFFIXES
 
 SI = {  # unit of a column: of the file, factor
@@ -67,7 +67,7 @@ def write_nwb(folder, video, start: str = "", **subject) -> list[Path]:
     file.add_scratch(
         session_text(video.settings), name="session_toml", description="settings of the analysis"
     )
-    with whole_file(path) as temporary, pynwb.NWBHDF5IO(temporary, "w") as out:
+    with whole_hdf5(path, "nwb") as held, pynwb.NWBHDF5IO(file=held, mode="w") as out:
         out.write(file)
     return [path]
 

@@ -20,10 +20,10 @@ from pipeline.contacts.corrections import (
     table_of,
     write_corrections,
 )
+from pipeline.convert.hdf5 import whole_hdf5
 from pipeline.convert.optional import library
 from pipeline.convert.results import trial_number
 from pipeline.errors import InputError, counted, in_words
-from pipeline.tables.files import whole_file
 
 TOUCH, NONE, UNKNOWN = 1, 0, -1
 KEYS = "labels", "yhat", "in_range"  # a number per frame
@@ -148,7 +148,6 @@ def _checked(video, labels, whisker, path):
 
 def write_whacc(path, videos) -> Path:
     """Write the contacts of all videos, of any whisker, as WhACC's file; return its path."""
-    h5py = library("h5py", "formats")
     touching = [v.frames.groupby("frame")["in_contact"].any() for v in videos]
     likely = [v.frames.groupby("frame")["contact_probability"].max() for v in videos]
     labels = np.concatenate([t.to_numpy(float) for t in touching])
@@ -165,7 +164,7 @@ def write_whacc(path, videos) -> Path:
         "yhat": labels.astype(int),
         "yhat_proba": np.nan_to_num(np.concatenate([p.to_numpy(float) for p in likely])),
     }
-    with whole_file(path) as temporary, h5py.File(temporary, "w") as file:
+    with whole_hdf5(path) as file:
         for name, value in values.items():
             file.create_dataset(name, data=value)
     return Path(path)

@@ -48,8 +48,8 @@ def panel_tables(results, contacts, touch) -> dict[str, pd.DataFrame]:
 def diameters(results) -> pd.DataFrame:
     """Diameter along every distinct whisker of a session."""
     whiskers = {}
-    for path in sorted(Path(results).glob("*/session.toml")):
-        for given in read_session(path).whisker:
+    for path in sorted(Path(results).glob("*/frames.parquet")):
+        for given in read_session(path.with_name("session.toml")).whisker:
             if given.si() is not None:
                 whiskers.setdefault(given, given.si())
     rows = []

@@ -35,7 +35,8 @@ def locked(folder):
         ) from None
     except (OSError, NotImplementedError) as error:
         raise InputError(
-            f"{folder}: cannot lock it ({in_words(error)}); choose another folder"
+            f"{folder}: cannot lock it ({in_words(error)}); copy it to where you may write, or "
+            "choose another folder"
         ) from None
     try:
         with contextlib.suppress(OSError):  # for the other one's message only

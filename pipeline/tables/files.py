@@ -51,6 +51,15 @@ def whole_file(path):
         temporary.unlink(missing_ok=True)
 
 
+def set_aside(path) -> Path:
+    """Rename a file that a person may have written, before it is replaced; return its new path."""
+    path, number = Path(path), 1
+    while (old := path.with_name(f"{path.name}.old{number if number > 1 else ''}")).exists():
+        number += 1
+    os.replace(path, old)
+    return old
+
+
 def remove_unfinished(folder) -> None:
     """Remove what a program that was killed has left of files that it was writing."""
     for left in Path(folder).glob(f"{PART}*{PART_END}*"):

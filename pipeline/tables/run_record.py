@@ -31,6 +31,7 @@ OF_RUN = {
     "platform": str,
     "inputs": dict,
     "pictures_of": str,
+    "session_sha256": str,
 }
 
 

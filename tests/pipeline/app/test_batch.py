@@ -9,6 +9,7 @@ import sys
 import tempfile
 import zlib
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -758,6 +759,7 @@ def test_a_folder_recorded_in_an_unsafe_place_is_not_used(folder, calls, tmp_pat
     out.mkdir(parents=True)
     record = {"inputs": {name: {"path": str(folder / "a.avi")}}}
     files.write_json(out / "run.json", record)
+    (out / "run.log").touch()
     batch.run([folder], out)
     assert statuses(out) == {"a": "done", "b": "done"}
     assert [p.name for p in out.parent.iterdir()] == ["results"]
@@ -866,6 +868,34 @@ def test_settings_beside_a_link_count_and_else_those_where_it_leads(folder, call
     write_session(links / "session.toml", other)
     batch.run([links], tmp_path / "results")
     assert read_session(tmp_path / "results" / "session.toml") == other
+
+
+def test_files_of_a_person_in_the_results_folder_are_not_replaced(folder, calls, tmp_path):
+    for name in ("contacts.csv", "report.html", "figures/fig3.png"):
+        out = tmp_path / Path(name).name
+        (out / name).parent.mkdir(parents=True)
+        (out / name).write_text("a person's")
+        with pytest.raises(InputError, match=f"{name}, which no run .* move it away"):
+            batch.run([folder], out)
+        assert contents(out) == {name: b"a person's"}
+    assert not calls
+
+
+def test_settings_that_a_person_changed_among_the_results_are_kept(folder, calls, tmp_path):
+    out = tmp_path / "results"
+    batch.run([folder], out)
+    written = (out / "session.toml").read_text()
+    assert not batch.run([folder], out).problems
+    (out / "session.toml").write_text(written + "# mine")
+    (said,) = batch.run([folder], out).problems
+    assert said.endswith(f"it is kept as {out / 'session.toml.old'}")
+    assert (out / "session.toml.old").read_text() == written + "# mine"
+    assert (out / "session.toml").read_text() == written
+    change_settings(folder)
+    assert not batch.run([folder], out).problems
+    (out / "session.toml").write_text("also mine")
+    batch.run([folder], out)
+    assert (out / "session.toml.old2").read_text() == "also mine"
 
 
 def test_config_wins_over_the_file_beside_the_videos(folder, calls, tmp_path):

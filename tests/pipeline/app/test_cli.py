@@ -329,6 +329,31 @@ def test_synth_renders_a_preset(monkeypatch, tmp_path, capsys):
     assert named["frames"] == 1000
 
 
+@pytest.mark.parametrize("preset", ["single", "two_views"])
+def test_synth_and_demo_leave_the_folders_of_a_person_alone(preset, tmp_path, capsys):
+    settings = tmp_path / "videos" / "session.toml"
+    settings.parent.mkdir()
+    settings.write_text("a person's")
+    for command in (["synth", settings.parent, "--preset", preset], ["demo", "--out", tmp_path]):
+        assert exit_code(*command) == 2
+        assert "not rendered (session.toml)" in capsys.readouterr().err
+    assert settings.read_text() == "a person's"
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="there, no process interrupts itself so")
+def test_ctrl_c_while_the_program_starts_ends_it_silently():
+    code = (
+        "import os, signal, sys, pipeline.__main__\n"
+        "class Slow:\n"
+        "    def find_spec(self, *name):\n"
+        "        os.kill(os.getpid(), signal.SIGINT)\n"
+        "sys.meta_path.insert(0, Slow())\n"
+        "pipeline.__main__.main()"
+    )
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert (ended.returncode, ended.stdout, ended.stderr) == (130, "", "")
+
+
 @pytest.mark.parametrize("command", [(), ("run",), ("calibrate", "geometry"), ("export", "nwb")])
 def test_h_is_help(command, capsys):
     assert exit_code(*command, "-h") == 0

@@ -55,5 +55,8 @@ def test_a_fault_inside_releases_it(tmp_path):
 
 def test_where_no_lock_can_be(tmp_path):
     (tmp_path / LOCK_FILE).mkdir()
-    with pytest.raises(InputError, match=r"cannot lock it .*; choose another"), locked(tmp_path):
+    with (
+        pytest.raises(InputError, match=r"cannot lock it .*; copy it .*choose another"),
+        locked(tmp_path),
+    ):
         pass

@@ -1,0 +1,20 @@
+"""HDF5 files, whole or not at all."""
+
+import contextlib
+import io
+
+from pipeline.convert.optional import library
+from pipeline.tables.files import whole_file
+
+
+@contextlib.contextmanager
+def whole_hdf5(path, extra="formats"):
+    """Yield an `h5py.File` in memory, which replaces `path` when the block succeeds.
+
+    On a full disk HDF5 would fail again as the program ends, and crash it.
+    """
+    held = io.BytesIO()
+    with library("h5py", extra).File(held, "w") as file:
+        yield file
+    with whole_file(path) as temporary:
+        temporary.write_bytes(held.getbuffer())
