@@ -52,7 +52,8 @@ def init_folder(folder, overwrite=False, config=None, say=lambda line: None) -> 
     """Write session.toml and a preview PNG into a folder of videos; return lines to print.
 
     Where there is a session.toml already, or one is given (`config`), it is kept, and the preview
-    shows what it finds; `overwrite` renames it and writes another. `say` is called with a line before each video that is looked at.
+    shows what it finds; `overwrite` renames it and writes another. `say` is called with a line
+    before each video that is looked at.
 
     Raises
     ------

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.convert.keypoints import points_along
 from pipeline.convert.hdf5 import whole_hdf5
+from pipeline.convert.keypoints import points_along
 from pipeline.convert.optional import library
 
 KEY_POINTS = 20
