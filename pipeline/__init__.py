@@ -8,17 +8,7 @@ import lazy_loader
 
 __version__ = "0.1.0"
 
-_attribute, _names, __all__ = lazy_loader.attach_stub(__name__, __file__)
-_COMPILED = ("analyse", "analyse_lines")
-
-
-def __getattr__(name):
-    """Import a public name; before numeric code, drop what was compiled of other versions."""
-    if name in _COMPILED:
-        from pipeline.runtime.numba_cache import prepare_cache
-
-        prepare_cache()
-    return _attribute(name)
+__getattr__, _names, __all__ = lazy_loader.attach_stub(__name__, __file__)
 
 
 def __dir__():

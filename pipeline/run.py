@@ -13,7 +13,7 @@ from pipeline.forces import estimate_forces
 from pipeline.identity import assign_identities
 from pipeline.kinematics import Kinematics, KinematicsMeter, given_lines, locate_follicles
 from pipeline.messages import line_messages, messages
-from pipeline.runtime import Clock, Counted, Step
+from pipeline.runtime import Clock, Counted, Step, prepare_cache
 from pipeline.scene import (
     face_side_of,
     find_scenes,
@@ -43,6 +43,8 @@ from pipeline.tracking import (
     whisker_set_of,
 )  # fmt: skip
 from pipeline.video import Negative, open_video
+
+prepare_cache()  # nothing compiled has been called yet
 
 FRAMES_FOR_POLARITY = 8
 LEAST_PX = 16  # height and width of a frame

@@ -14,6 +14,7 @@ from pipeline.scene.dust import is_passed_over
 from pipeline.scene.estimate import find_scenes, survey
 from pipeline.scene.over_time import without_pole
 from pipeline.scene.polarity import whiskers_are_bright
+from pipeline.scene.scale import FIELD_MM, scale_of
 from pipeline.session.inputs import PREVIEW_NAME, SETTINGS_NAME, find_inputs
 from pipeline.session.recording import Recording
 from pipeline.session.session_file import read_session, settings_from, write_session
@@ -27,7 +28,6 @@ from pipeline.video.open import open_video
 
 LOOKED_AT = 3  # videos
 FRAMES_PER_SECOND = 1000.0
-FIELD_OF_VIEW_MM = 25.0  # a usual width of the image, where no pole gives the scale
 POLE_DIAMETER_MM = 0.5
 SCALES = (1.0, 0.6, 1.6, 0.4, 2.5)  # of the usual one, tried in this order for the pole
 
@@ -133,14 +133,14 @@ def _dark_on_light(video):
 
 
 def _usual_scale(video) -> float:
-    """Pixels per mm where the picture is as wide as is usual."""
-    return max(video.width, video.height) / FIELD_OF_VIEW_MM
+    """Pixels per mm where the picture shows as much as is usual."""
+    return scale_of(video.shape, FIELD_MM)
 
 
 def _scene_and_scale(video):
     """The typical scene, frames of it, and the scale [px/mm].
 
-    The scale is from the pole's thickness, or else from the image's width.
+    The scale is from the pole's thickness, or else from the image's size.
     """
     usual, first = _usual_scale(video), None
     for factor in SCALES:
@@ -192,7 +192,7 @@ def findings(looks):
     how = (
         f"GUESS from the pole, taken to be {POLE_DIAMETER_MM:g} mm thick"
         if poles
-        else f"GUESS from the image's width, taken to be {FIELD_OF_VIEW_MM:g} mm"
+        else f"GUESS, as if the image showed {FIELD_MM:g} mm × {FIELD_MM:g} mm"
     )
     notes = {
         "recording.frames_per_second": "GUESS, the files do not say",

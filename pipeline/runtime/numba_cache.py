@@ -1,8 +1,8 @@
 """Compiled code that Numba keeps on disk: where it is kept, and when it is dropped.
 
-Numba compiles a function again when its own file has changed. It does not see that a function
-in another file, which the first one calls, has changed: after an update of the program, old and
-new code would be mixed.
+Numba compiles a function again when its own file has changed. It does not see that a function or
+a constant of another file, which the first one uses, has changed: after an update of the program,
+old and new code would be mixed.
 
 Compiled code lies beside its source. Where nothing can be written there (an installation for all
 users of a machine) it lies in the user's cache folder, and where there is none, in a temporary
@@ -38,7 +38,7 @@ def prepare_cache(root=ROOT, packages=PACKAGES) -> list[Path]:
 
 
 def drop_stale(root=ROOT, packages=PACKAGES) -> list[Path]:
-    """Remove the compiled code of files that import compiled functions from changed files.
+    """Remove the compiled code of files that import from changed files.
 
     `root`: the folder of the `packages`. Returns the files that were removed; none where nothing
     has changed since the last call. Where nothing can be written, all stays as it is.
@@ -126,15 +126,14 @@ def _read(stamps) -> dict:
 
 
 def _callers(sources, changed) -> set:
-    """Files of compiled functions that import from changed ones, directly or not.
+    """Files of compiled functions that import from changed ones, directly or through each other.
 
     What is imported from a package may come from any of its files.
     """
     texts = {name: file.read_text(encoding="utf-8") for name, file in sources.items()}
     packages = {name for name, file in sources.items() if file.stem == "__init__"}
     compiled = {name: _imports(text) for name, text in texts.items() if "njit" in text}
-    stale = changed & compiled.keys()
-    callers = set()
+    stale, callers = set(changed), set()
     while stale:
         rooms = {name.rpartition(".")[0] for name in stale} & packages
         stale = {n for n in compiled if compiled[n] & (stale | rooms)} - callers

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from pipeline import analyse
-from pipeline.app.init import FIELD_OF_VIEW_MM, findings, look_at
+from pipeline.app.init import findings, look_at
+from pipeline.scene.scale import FIELD_MM, scale_of
 from synthetic.encode import video_suffix, write_video
 from synthetic.scene import Codec
 
@@ -47,4 +48,4 @@ def test_it_gives_no_scale(frames, tmp_path):
     write_video(video, iter(frames), LOSSLESS)
     document, _ = findings([look_at(video)])
     assert "x_px" not in document["pole"]
-    assert document["recording"]["pixels_per_mm"] == round(WIDTH / FIELD_OF_VIEW_MM, 2)
+    assert document["recording"]["pixels_per_mm"] == round(scale_of((HEIGHT, WIDTH), FIELD_MM), 2)

@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from pipeline.runtime.numba_cache import drop_stale
+from pipeline.runtime.numba_cache import ROOT, drop_stale
 
 pytestmark = pytest.mark.slow
 
@@ -47,6 +47,22 @@ def test_a_changed_callee_is_compiled_into_its_callers(root):
     write(root, "bottom", "2 + 0")
     assert drop_stale(root, ["some"])
     assert run(root) == 112
+
+
+def test_a_changed_constant_is_compiled_into_what_uses_it(root):
+    (root / "some" / "sizes.py").write_text("SIZE = 3\n")
+    write(root, "top", "SIZE", "from some.sizes import SIZE")
+    drop_stale(root, ["some"])
+    assert run(root) == 3
+    (root / "some" / "sizes.py").write_text("SIZE = 2 + 2\n")
+    assert drop_stale(root, ["some"])
+    assert run(root) == 4
+
+
+def test_whoever_imports_analyse_drops_stale_code(tmp_path):
+    code = "from pipeline.run import analyse; print(0)"
+    assert run(ROOT, code, NUMBA_CACHE_DIR=str(tmp_path)) == 0
+    assert list(tmp_path.glob("compiled_from_*.json"))
 
 
 def test_only_callers_of_what_changed_are_dropped(root):
