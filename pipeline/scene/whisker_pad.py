@@ -18,7 +18,7 @@ from pipeline.detection.static_scene import OUTWARD, StaticScene
 from pipeline.scene.face import SIDES
 
 LOOKED_AT, FIRST_LOOK = 10, 4  # frames: where a face begins, and whether it is one
-FEWEST_FRAMES = 3  # fewer do not show what moves
+FEWEST_FRAMES = 8  # fewer do not show well what moves
 DEEP = 0.15  # of the picture's size: shallower hollows of the edge hold no whisker's tip
 SHORTEST = 0.07  # of the picture's size; shorter lines are fur
 REACH = 0.04  # of the picture's size, between a line's end and the edge it belongs to
@@ -48,7 +48,7 @@ def face_of(mask, frames, scene: StaticScene) -> tuple[np.ndarray, str | None]:
     """
     size = float(np.sqrt(mask.size))
     edges = _edges(mask)
-    if len(frames) < FEWEST_FRAMES or not edges or not _may_hold_tips(mask, DEEP * size):
+    if not edges or not _may_hold_tips(mask, DEEP * size):
         return mask, None
     scores = _scores(edges, _whiskers(frames, scene, SHORTEST * size, RESTING), REACH * size)
     if not any(np.any(score > 0) for _, score in scores):

@@ -66,6 +66,11 @@ def test_the_side_is_where_whiskers_have_their_bases():
     assert scene(side=None, turns=1).face_side == "left"
 
 
+def test_one_picture_shows_the_side():
+    found = scene_from_frames(picture(0.0)[None], Recording(1000.0, SCALE, None), None)
+    assert found.face_side == "top"
+
+
 @pytest.mark.parametrize("turns", [0, 1])
 def test_whiskers_that_rest_show_the_side_and_are_no_background(turns):
     rng = np.random.default_rng(0)
