@@ -63,6 +63,7 @@ def _of_pulses(response, part):
         1e-6 * part["pulse_peak_uN"].to_numpy(float),
         1e-3 * part["pulse_duration_ms"].to_numpy(float),
         ringing=response.longest_period,
+        dt=response.longest_period / 400,  # a tenth of the tenth mode's period
     )
     return _signed(extremes, part["peak_base_moment_nN_m"].to_numpy(float))
 

@@ -95,7 +95,9 @@ def frame_log_odds(part, frames_per_second, params: ContactParams = DEFAULTS.con
         odds = _log_odds(gap - offset, sd, force, force_sd, cov, params)
         odds = np.where(np.isfinite(odds), odds, UNSEEN_LOG_ODDS)
         odds = np.where(absent, -50.0, odds)
-        sure = pushed & (posterior(odds, *changes) > 0.9)
+        before, sure = sure, pushed & (posterior(odds, *changes) > 0.9)
+        if np.array_equal(before, sure):
+            break
     return odds
 
 

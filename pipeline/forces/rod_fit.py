@@ -80,8 +80,7 @@ class ShapeFit:
         moment_per_force, axial_per_force, lateral_per_force : base loads per contact force
         curvature_per_force : change of curvature at `curvature_at` per force [1/(m N)]
         lever_at_curvature : moment there per force [m]
-        rest_curvature : of the fitted rest shape at `curvature_at` [1/m]
-        chi2, count : reduced χ² of the stations, their number
+        chi2 : reduced χ² of the stations
         moment_var, axial_var, lateral_var : of the base loads, (moment_per_force · force) …
         force_by_origin, moment_by_origin, axial_by_origin, lateral_by_origin : how force and
             base loads change with `Stations.origin`, the rest shape moving along [N/m, N, N/m]
@@ -244,8 +243,8 @@ def _fit_rows(rows, setup, priors, out):
         usual = chi2
         fitted = Fitted(p, sums.inverse[:size, :size] * max(chi2, 1.0), chi2, place, laid, sums)
         o = out.table[row]
-        o.chi2, o.count = chi2, count
-        report_pose(o, problem, fitted, setup.at, out.rest[row], out.rest_cov[row])
+        o.chi2 = chi2
+        report_pose(o, fitted, out.rest[row], out.rest_cov[row])
         if loaded:
             influence = out.influence[row : row + 1]
             report_loads(o, problem, fitted, setup.at, setup.taper, precision, influence)

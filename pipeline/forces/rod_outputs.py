@@ -60,15 +60,13 @@ def report_curvature(o, problem, fitted, at):
 
 
 @njit(cache=True)
-def report_pose(o, problem, fitted, at, rest, rest_cov):
+def report_pose(o, fitted, rest, rest_cov):
     """Fill one row's pose, with its error and the curvature there, and rest shape."""
-    laid, mean, terms = fitted.laid, fitted.sums.mean, len(rest)
+    laid, terms = fitted.laid, len(rest)
     rest[:] = fitted.p[2 : 2 + terms]
     rest_cov[:] = fitted.cov[2 : 2 + terms, 2 : 2 + terms]
     o.follicle_x, o.follicle_y, o.angle, o.base_curvature = laid.follicle
     o.angle_var = variance(laid.base[2], fitted.cov)
-    polynomials(2 * (at - problem.arc.moved) / problem.beam.length - 1, mean)
-    o.rest_curvature = (mean * rest).sum()
 
 
 @njit(cache=True)

@@ -7,8 +7,8 @@ import numpy as np
 OUTPUTS = (
     "force", "force_var", "gap", "gap_var", "gap_force_cov", "contact", "angle", "follicle_x",
     "follicle_y", "moment_per_force", "axial_per_force", "lateral_per_force",
-    "curvature_per_force", "lever_at_curvature", "rest_curvature", "chi2", "count", "moment_var",
-    "axial_var", "lateral_var", "force_by_origin", "moment_by_origin", "axial_by_origin",
+    "curvature_per_force", "lever_at_curvature", "chi2", "moment_var", "axial_var",
+    "lateral_var", "force_by_origin", "moment_by_origin", "axial_by_origin",
     "lateral_by_origin", "origin_pull", "origin_bend", "curvature", "curvature_var",
     "curvature_slope", "angle_var", "base_curvature",
 )  # fmt: skip
