@@ -10,7 +10,7 @@ elsewhere on a whisker that turns, by some 0.06 mm even of a fur that keeps stil
 The trace ends short of the tip by up to half a millimetre, where the thin end drowns in noise.
 By how much, its fading shows (`kinematics/tip.py`), to a tenth where the picture has noise only.
 A codec erases a part of the tip, and the line fades where it does: how far that is from the tip
-the ends' scatter and the scale show. That a codec errs shows in free frames: rods miss the
+rather the ends' scatter and the scale show. That a codec errs shows in free frames: rods miss the
 stations by more than the noise explains (`station_noise.py`). Where the fading is not known at
 all (lines of other programs), the end only shows how the origin changes from frame to frame.
 
@@ -48,10 +48,10 @@ ALIKE = 0.8  # correlation of the origin at neighbouring knots: 0 and 0.95 do wo
 LENGTH_WRONG = 0.01  # of lengths: have changed since they were measured; chosen
 TIP_PART = 0.3  # of the frames in which the tip must be seen at least
 # how far the tip is beyond the mean end [px], measured in rendered videos: by how far it seems to
-# be; after a codec, by the ends' SD [px] and a pixel's size [mm], to these powers; and how wrong
-# that is, at least [px] and as a part of it, without and with a codec
+# be; after a codec, a part by the ends' SD [px] and a pixel's size [mm], to these powers; and how
+# wrong that is, at least [px] and as a part of it, without and with a codec
 TIP_BY_FADING = 0.02, 1.0, -0.5
-TIP_BY_SCATTER = 350.0, 1.5, 1.7
+TIP_BY_SCATTER = 0.7, 350.0, 1.5, 1.7
 TIP_SE_PX, TIP_SE_SHARE = 0.25, (0.1, 0.3)
 TIP_FRAMES = 2.0  # neighbouring frames whose ends err together, at least
 TIP_LAGS = 8  # frames over which ends of a codec's pictures err together
@@ -312,9 +312,9 @@ def _tip_place(places, excess, whisker, params):
         return places.last.mean(), np.inf
     px, codec = places.pixel, 1 - 1 / max(excess, 1.0)
     short = np.polyval(TIP_BY_FADING, np.nanmean(places.to_tip) / px)
-    factor, *powers = TIP_BY_SCATTER
+    part, factor, *powers = TIP_BY_SCATTER
     erased = factor * np.prod(np.power([np.std(places.last) / px, 1e3 * px], powers))
-    short += codec * (erased - short)
+    short += part * codec * (erased - short)
     error = px * np.hypot(TIP_SE_PX, np.interp(codec, (0, 1), TIP_SE_SHARE) * short)
     return whisker.length - px * short, np.hypot(1e-3 * params.tip_sd_mm, error)
 

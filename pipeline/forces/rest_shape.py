@@ -50,7 +50,6 @@ class RestModel:
     time, residual, share : of the free frames, for the drift: s, (frames, values), (frames,)
     noise : (values, values) covariance of a free frame about the model
     scatter : (values, values) covariance of the true rest values about the model
-    frames : how many free frames it rests on
     """
 
     weights: np.ndarray
@@ -62,7 +61,6 @@ class RestModel:
     share: np.ndarray
     noise: np.ndarray
     scatter: np.ndarray
-    frames: int
 
     @property
     def degree(self) -> int:
@@ -139,7 +137,6 @@ def fit_rest(values, variances, angle, time, free, degree=LARGEST_DEGREE) -> Res
         share=share,
         noise=noise,
         scatter=_positive(noise - measured),
-        frames=int(use.sum()),
     )
 
 

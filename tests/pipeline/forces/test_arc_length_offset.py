@@ -146,15 +146,23 @@ def test_what_a_codec_erased_is_less_known(touching):
     assert arc_length_offset._tip_place(calm, 1.0, whisker, params) == pytest.approx(clean)
 
 
-def test_how_a_line_fades_that_a_codec_erased_says_nothing_of_the_tip(touching):
+def test_how_a_line_fades_that_a_codec_erased_says_little_of_the_tip(touching):
     """Lines fade where a codec has erased them: in coarse pictures 10 px short of the tip."""
     scatter = 2.5 * 40e-6 * np.random.default_rng(2).normal(size=len(touching.places))
     wild = replace(touching.places, last=touching.places.last + scatter)
-    early, late = (
-        arc_length_offset._tip_place(fading(wild, short), 1e3, mouse_c2(), DEFAULTS.forces)[0]
-        for short in (0.1e-3, 0.4e-3)
+    clean, erased = (
+        np.diff(
+            [
+                arc_length_offset._tip_place(
+                    fading(wild, short), excess, mouse_c2(), DEFAULTS.forces
+                )[0]
+                for short in (0.4e-3, 0.1e-3)
+            ]
+        )[0]
+        for excess in (1.0, 1e3)
     )
-    assert early == pytest.approx(late, abs=1e-6)
+    assert clean > 0.3e-3
+    assert erased < 0.35 * clean
 
 
 def test_a_length_that_contradicts_the_hidden_length_is_hardly_believed(touching):
