@@ -46,8 +46,8 @@ def planned_names(inputs, out) -> dict:
 
 def process(video, out, name=None, config=None) -> int:
     """Process one video into its folder in `out`, unless its results are there; exit status."""
-    from pipeline.app import batch
     from pipeline.app.outcome import finished_outcome
+    from pipeline.app.video_task import Task, process_video
     from pipeline.runtime.folder_lock import locked
     from pipeline.session.inputs import find_inputs, session_of
     from pipeline.session.session_file import read_session
@@ -65,7 +65,7 @@ def process(video, out, name=None, config=None) -> int:
             settle(folder)
         outcome = finished_outcome(path, folder, settings)
         if outcome is None:
-            outcome = batch.process_video(batch.Task(path, folder, settings))
+            outcome = process_video(Task(path, folder, settings))
             if folder.is_dir():
                 settle(folder)
     print(f"{name}: {outcome.line()}", flush=True)

@@ -63,7 +63,9 @@ def _server(results, port, person):
         need_results(results)
         problems = follow_corrections(results)  # an earlier curation may have been killed
         write_session_tables(results)
-        server = Server(Results(results, problems), port, person)
+        opened = Results(results, problems)
+        held.callback(opened.close)
+        server = Server(opened, port, person)
         server.on_stop(held.pop_all().close)
     return server
 
@@ -98,11 +100,11 @@ class Server:
         if self._stopped:
             return
         self._stopped = True
+        self._loop.add_callback(self._loop.stop)
+        self._thread.join()  # from here on no page asks for frames or corrects contacts
         self.results.close()
         for callback in self._callbacks:
             callback()
-        self._loop.add_callback(self._loop.stop)
-        self._thread.join()
 
     # ---- the thread -----------------------------------------------------------------------
 

@@ -2,7 +2,7 @@
 
 from datetime import datetime
 
-from pipeline.app.batch import is_drawn
+from pipeline.app.session_files import is_drawn
 from pipeline.contacts.corrections import CORRECTIONS_FILE, read_corrections, verdicts
 from pipeline.curate import corrected, review
 from pipeline.curate.desk import Desk

@@ -1,0 +1,170 @@
+"""What lies in a results folder beside the videos' own: settings, tables, record and pictures."""
+
+import hashlib
+import platform
+import sys
+import traceback
+from dataclasses import asdict, replace
+from datetime import UTC, datetime
+
+import pandas as pd
+
+from pipeline import __version__
+from pipeline.curate.corrected import write_session_tables
+from pipeline.errors import InputError, in_words, why, with_advice
+from pipeline.runtime import interrupts
+from pipeline.session.inputs import (
+    PREVIEW_NAME,
+    SESSION_FILES,
+    SETTINGS_NAME,
+    STATE_FILE,
+    readable,
+    sha256,
+)
+from pipeline.session.session_file import session_text
+from pipeline.tables import files
+from pipeline.tables.columns import VIDEO_COLUMNS
+from pipeline.tables.run_record import read_run
+
+
+def make_folder(out):
+    """Make the results folder where it is missing; InputError where that cannot be."""
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(
+            f"--out {out}: cannot write there ({why(error)}); choose another folder"
+        ) from None
+
+
+def check_stranger(out):
+    """A folder in which no run has been holds no files of a person that would be replaced."""
+    written = set(SESSION_FILES) - {SETTINGS_NAME, PREVIEW_NAME}
+    there = sorted(name for name in written if (out / name).is_file())
+    there += [f"figures/{path.name}" for path in sorted(out.glob("figures/fig3*"))]
+    if there:
+        raise InputError(
+            f"--out {out}: holds {there[0]}, which no run of whiskerforce has written there and "
+            "this one would replace; move it away, or choose another folder"
+        )
+
+
+def check_folder(out):
+    """Check that the session's tables can be written."""
+    for name in SESSION_FILES:
+        if (out / name).is_dir():
+            raise InputError(f"--out {out}: {name} in it is a folder; move it away")
+    tried = out / f"{files.PART}try{files.PART_END}"
+    try:
+        with files.whole_file(tried) as temporary:
+            temporary.write_text("")
+        tried.unlink()
+    except OSError as error:
+        raise InputError(
+            f"--out {out}: cannot write there ({why(error)}); choose another folder"
+        ) from None
+
+
+def write_session_file(out, settings, config) -> tuple[str, tuple[str, ...]]:
+    """Write the settings in force, unless the user's own file already lies there.
+
+    One that a person has written or changed is kept under another name. Returns the hash of what
+    was written, "" if nothing was, and what a person should know.
+    """
+    target = out / SETTINGS_NAME
+    distinct = list(dict.fromkeys(settings))
+    if not distinct or (config is not None and target.exists() and target.samefile(config)):
+        return "", ()
+    text = session_text(distinct[0])
+    if len(distinct) > 1:
+        note = "# Videos differ in their settings: these are the first one's; each video's\n"
+        text = f"{note}# results folder holds its own.\n{text}"
+    before = target.read_bytes() if target.exists() else b""
+    ours = before in (b"", text.encode()) or sha256(target) == read_run(out).get("session_sha256")
+    old = None if ours else files.set_aside(target)
+    files.write_text(target, text)
+    reason = "this run used the settings beside the videos (or --config)"
+    problem = f"{target} was not written by a run: {reason}; it is kept as {old}"
+    return sha256(target), (problem,) if old else ()
+
+
+def write_tables(summary, jobs, session):
+    """Write the tables and run.json of the whole results folder."""
+    rows = [asdict(each) for each in summary.outcomes]
+    videos = pd.DataFrame(rows, columns=[c.name for c in VIDEO_COLUMNS])
+    files.write_csv(summary.out / "videos.csv", videos, VIDEO_COLUMNS)
+    write_session_tables(summary.out, [each.video for each in summary.outcomes if each.frames])
+    files.write_json(summary.out / STATE_FILE, _run_record(summary, jobs, session))
+
+
+def _run_record(summary, jobs, session) -> dict:
+    """How the results were made: run.json."""
+    kept = ("path", "sha256", "status", "frames", "stages")
+    return {
+        "program": "whiskerforce",
+        "version": __version__,
+        "finished": datetime.now(UTC).isoformat(timespec="seconds"),
+        "command": [readable(argument) for argument in sys.argv[1:]],
+        "python": platform.python_version(),
+        "platform": platform.platform(),
+        "jobs": jobs,
+        "seconds": round(summary.seconds, 3),
+        "interrupted": summary.interrupted,
+        "pictures_of": read_run(summary.out).get("pictures_of", ""),
+        "session_sha256": session,
+        "inputs": {
+            each.video: {key: getattr(each, key) for key in kept} for each in summary.outcomes
+        },
+    }
+
+
+# --- figures and report --------------------------------------------------------------------
+
+
+def with_pictures(summary, due, shown, log):
+    """Make figures and report that show what the tables hold; the `Summary` with what failed."""
+    if not due and is_drawn(summary.out):
+        return summary
+    problems = tuple(_write_pictures(summary, shown, log))
+    if not problems:
+        _mark_drawn(summary.out)
+    return replace(summary, problems=(*summary.problems, *problems))
+
+
+def is_drawn(out) -> bool:
+    """Figures and report are there, and show what the tables hold."""
+    there = all((out / name).exists() for name in ("figures", "report.html"))
+    return there and read_run(out).get("pictures_of") == _digest(out)
+
+
+def _mark_drawn(out):
+    record = files.read_json(out / STATE_FILE, {})
+    files.write_json(out / STATE_FILE, record | {"pictures_of": _digest(out)})
+
+
+def _digest(out) -> str:
+    """Hash of the tables that figures and report are made of, and of where they lie."""
+    whole = hashlib.sha256(str(out.resolve()).encode())
+    for path in (out / name for name in ("contacts.csv", "videos.csv", SETTINGS_NAME)):
+        whole.update(path.read_bytes() if path.is_file() else b"")
+    return whole.hexdigest()
+
+
+def _write_pictures(summary, shown, log):
+    """Figures and report from the tables; a fault there leaves the tables as they are."""
+    from pipeline.reports import figures, report
+
+    if not any(each.frames for each in summary.outcomes):
+        return
+    for what, write in (("figures", figures.write_fig3), ("report", report.write_report)):
+        interrupts.check()
+        shown.doing(what)
+        log.write(f"{what}: started")
+        try:
+            write(summary.out)
+        except Exception as error:
+            log.write(traceback.format_exc())
+            if isinstance(error, OSError):
+                yield f"the {what} could not be made: {with_advice(error)}"
+            else:
+                yield f"the {what} could not be made ({type(error).__name__}: {in_words(error)})"

@@ -1,0 +1,199 @@
+"""One video in its results folder: analysed, its tables saved, or why not."""
+
+import contextlib
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from pipeline.app.outcome import (
+    Outcome,
+    earlier_results,
+    failure,
+    kept_outcome,
+    save_state,
+)
+from pipeline.errors import InputError, in_words, why, with_advice
+from pipeline.runtime.progress import Step
+from pipeline.scene import pole_runs
+from pipeline.session.inputs import STATE_FILE, same_input, sha256, stamp
+from pipeline.session.session_file import Settings
+from pipeline.tables import centrelines
+from pipeline.tables.result_exchange import OVERLAYS, READY, draft, settle
+from pipeline.tables.run_record import read_state
+
+OTHER_CONTENT = "corrections.csv was made before the video changed: check its contacts"
+
+
+def analyse_video(task, keep, report, corrections):
+    """Analyse the video of a `Task`; the other arguments are those of `pipeline.run.analyse`."""
+    from pipeline.run import analyse
+
+    return analyse(task.path, task.settings, keep, report, corrections, task.threads)
+
+
+@dataclass(frozen=True)
+class Task:
+    """One video to process into `folder`; if its tables are `finished`, only to draw it.
+
+    `earlier` is when its results of before were written [ns], 0 if there are none.
+    """
+
+    path: Path
+    folder: Path
+    settings: Settings
+    overlay: bool = False
+    threads: int = 1
+    finished: "Outcome | None" = None
+    earlier: int = 0
+    analyse: Callable = analyse_video
+
+
+def process_video(task: Task, report=None) -> Outcome:
+    """Analyse one video and save its results; a failure is an outcome, not an exception.
+
+    `report` is called with a `Step`, often. The new results are ready then, not
+    in their place: see `result_exchange`.
+    """
+    from pipeline.errors import CorrectionsError, VideoError
+
+    try:
+        if task.finished:
+            return _with_overlay(task, task.finished, task.folder, report)
+        settle(task.folder)
+        outcome = _analyse_and_save(task, report)
+        if not task.overlay:
+            return outcome
+        return _with_overlay(task, outcome, task.folder / READY, report)
+    except VideoError as error:
+        return _failed(task, error.problem)
+    except OSError as error:
+        return _failed(task, with_advice(error))
+    except (CorrectionsError, InputError) as error:
+        return _failed(task, str(error))
+
+
+def _analyse_and_save(task, report) -> Outcome:
+    """Analyse and write all tables; the state file records how they were made."""
+    from pipeline.contacts.corrections import left_out, read_corrections
+
+    started = time.perf_counter()
+    before = stamp(task.path)
+    corrections, earlier = read_corrections(task.folder), read_state(task.folder)
+    with draft(task.folder) as new:
+        with centrelines.centreline_file(new / "centrelines.parquet") as keep:
+            analysis = task.analyse(task, keep, report, corrections)
+        if report:
+            report(Step("tables"))
+        analysis.save(new, task.folder.name)
+        outcome = _outcome_of(task, analysis, time.perf_counter() - started)
+        whiskers = tuple(dict.fromkeys(analysis.frames["whisker"]))
+        for problem in left_out(corrections, whiskers, analysis.n_frames):
+            outcome = warned(outcome, problem)
+        if len(corrections) and earlier and not same_input(earlier, task.path):
+            outcome = warned(outcome, OTHER_CONTENT)
+        save_state(new, outcome, task.settings, before, corrections)
+    return outcome
+
+
+def _outcome_of(task, analysis, seconds) -> Outcome:
+    return Outcome(
+        video=task.folder.name,
+        path=str(task.path),
+        status="warning" if analysis.messages else "done",
+        frames=analysis.n_frames,
+        frames_per_s=analysis.n_frames / seconds,
+        message="; ".join(analysis.messages),
+        contacts=len(analysis.contacts),
+        stages={stage: round(s, 3) for stage, s in analysis.seconds.items()},
+        sha256=sha256(task.path),
+        pole=pole_runs.pole_runs(analysis.pole),
+    )
+
+
+def has_overlay(folder) -> bool:
+    """The results folder of a video holds an overlay of its tables, not of those of before."""
+    drawn = [path.stat().st_mtime_ns for path in folder.glob(OVERLAYS)]
+    return bool(drawn) and min(drawn) >= (folder / "frames.parquet").stat().st_mtime_ns
+
+
+def _with_overlay(task, outcome, folder, report=None) -> Outcome:
+    """Draw the overlay of the results in `folder`; a fault there leaves the tables as they are."""
+    from pipeline.reports.overlay import write_overlay
+
+    say = report or (lambda step: None)
+    try:
+        write_overlay(task.path, folder, task.settings, lambda *done: say(Step("overlay", *done)))
+    except Exception as error:
+        reason = f"{type(error).__name__}: {in_words(error)}"
+        return warned(outcome, f"the overlay could not be drawn ({reason}); all tables are there")
+    return outcome
+
+
+def warned(outcome, message) -> Outcome:
+    """The outcome with one more message."""
+    message = "; ".join(filter(None, (outcome.message, message)))
+    return replace(outcome, status="warning", message=message)
+
+
+# --- what stands where there are no new results --------------------------------------------
+
+
+def written(folder) -> int:
+    """When the results in a folder were written [ns]; 0 if there are none."""
+    state = folder / STATE_FILE
+    return state.stat().st_mtime_ns if state.is_file() else 0
+
+
+def settled_outcome(task, outcome) -> Outcome:
+    """The outcome when the new results are in place."""
+    try:
+        settle(task.folder)
+    except OSError as error:
+        return _failed(
+            task,
+            f"new results are complete but cannot replace the old ones ({why(error)}): run again",
+        )
+    return outcome
+
+
+def died(task, reason) -> Outcome:
+    """A fault of the program, or of the process it ran in."""
+    last = reason.strip().splitlines()[-1]
+    if "MemoryError" in last or "Insufficient memory" in last:
+        last = (
+            f"out of memory ({last}); use fewer --jobs, close other programs, or shorten the video"
+        )
+    elif "Traceback" in reason:
+        last = f"unexpected error in the program: {last}; --debug shows where"
+    return replace(_new_or(task, last) or _failed(task, last), details=reason)
+
+
+def interrupted_outcome(task) -> Outcome | None:
+    """The outcome of a video that was interrupted; None if it has no results."""
+    if task.finished:
+        return task.finished
+    new = _new_or(task)
+    if new:
+        return new
+    kept = kept_outcome(task.folder)
+    message = f"interrupted before new results were made; {_earlier_results(task)}"
+    return kept and replace(kept, status="warning", message=message)
+
+
+def _new_or(task, message="") -> Outcome | None:
+    """The outcome of results that were whole before the process ended, else None."""
+    with contextlib.suppress(OSError):
+        settle(task.folder)
+    made = written(task.folder) > task.earlier
+    outcome = task.finished or (kept_outcome(task.folder) if made else None)
+    return warned(outcome, message) if outcome and message else outcome
+
+
+def _failed(task, message, details="") -> Outcome:
+    outcome = failure(task.folder, str(task.path), message, _earlier_results(task))
+    return replace(outcome, details=details)
+
+
+def _earlier_results(task) -> str:
+    return earlier_results(task.folder, task.path, task.settings)
