@@ -60,7 +60,7 @@ class VideoUnderReview:
     Attributes
     ----------
     review : the contacts, to be edited
-    touch : `contact.Touch` as in the tables
+    touch : `contacts.Touch` as in the tables
     whiskers : names, in the order of the tables
     """
 

@@ -42,7 +42,7 @@ class Review:
 
     Parameters
     ----------
-    detected : table of contact intervals as the program found them (see `curation.apply`)
+    detected : table of contact intervals as the program found them (see `corrections.apply`)
     corrections : table of the verdicts so far
     n_frames : of the video
     save : called with the table of corrections after every change, to store it

@@ -425,7 +425,7 @@ def as_table(table: pd.DataFrame, columns) -> pd.DataFrame:
     """
     extra = set(table.columns) - {c.name for c in columns}
     if extra:
-        raise ValueError(f"columns not declared in records.py: {sorted(extra)}")
+        raise ValueError(f"undeclared columns: {sorted(extra)}")
     fill = {"bool": False, "string": "", "float64": np.nan}
     out = {}
     for c in columns:

@@ -15,7 +15,7 @@ EVIDENCE_FILE = "evidence.parquet"
 
 
 def write_evidence(folder, evidence: pd.DataFrame) -> None:
-    """Write the evidence of a video (records.EVIDENCE_COLUMNS, SI units) into its folder."""
+    """Write the evidence of a video (EVIDENCE_COLUMNS, SI units) into its folder."""
     write_rows(Path(folder) / EVIDENCE_FILE, evidence, EVIDENCE_COLUMNS)
 
 
