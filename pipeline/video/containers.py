@@ -1,86 +1,25 @@
-"""Video containers: the luma plane as the codec stored it, through PyAV, else OpenCV.
-
-Luma is passed on as stored: a limited-range stream keeps black at 16 and white at 235, a
-full-range one 0 and 255. No scaling, so frames stay comparable and cost no conversion; contrasts
-in a limited-range video are 14 % lower, which nothing downstream depends on. Only formats without
-a luma plane (RGB, palettes) are converted.
-"""
+"""Video files, read through PyAV (FFmpeg)."""
 
 import contextlib
-from fractions import Fraction
 from itertools import groupby, islice
 
 import av
-import cv2
 import numpy as np
 from av.video.frame import PictureType
 
 from pipeline.errors import VideoError, counted
-from pipeline.video.base import Video, bits_to_drop, check_pixels, to_8_bit
+from pipeline.video.base import Video, bits_to_drop, check_pixels
 from pipeline.video.endings import is_cut
+from pipeline.video.header import frame_count, frame_duration, last_pts
 from pipeline.video.listening import ENDED_EARLY, listening
+from pipeline.video.luma import LumaReader
 
-# Byte offset of the first luma sample and step to the next in packed formats.
-PACKED_LUMA = {"yuyv422": (0, 2), "yvyu422": (0, 2), "uyvy422": (1, 2), "ya8": (0, 2)}
-PLANAR_LUMA = ("yuv4", "yuvj4", "yuva4", "gray", "nv12", "nv21", "nv16")
 NOT_VIDEO_CODECS = ("ansi", "xbin", "bintext", "idf")
-COUNTED_BY_DURATION = ("mxf",)  # containers whose duration is a number of frames
 BURST_STEP = 3  # in long bursts, every third frame: whiskers must have moved in between
 LONGEST_BURST = 3  # samples; more of them would show the same posture again
 FEWEST_SAMPLES = 24  # but a background takes so many
 FRAMES_AHEAD = 16  # lent at once: taking turns, decoder and caller spoil each other's cache
 FEWEST_KEYS = 4  # fewer key frames may miss when things move
-
-
-class LumaReader:
-    """Turns PyAV frames into uint8 images, 16-bit ones with one scale for the whole stream."""
-
-    def __init__(self):
-        self.drop = None
-        self.bits = {}  # by format: to ask for them takes as long as all else
-
-    def __call__(self, frame: av.VideoFrame, lend: bool = False) -> np.ndarray:
-        """Return the luma of `frame`, uint8 (height, width), C-contiguous.
-
-        It is in memory of its own, or, with `lend`, in the decoder's, where that holds it so: then
-        it lasts as long as the array, but must not be written to, as other frames refer to it.
-        """
-        name = frame.format.name
-        plane = frame.planes[0]
-        if plane.line_size > 0:
-            if name in PACKED_LUMA:
-                offset, step = PACKED_LUMA[name]
-                return _rows(plane, frame, np.uint8, step)[:, offset::step].copy()
-            if name.startswith(PLANAR_LUMA):
-                return self._planar(frame, plane, name, lend)
-        rgb = frame.to_ndarray(format="rgb24")  # palettes, RGB, and images stored bottom-up
-        return cv2.cvtColor(rgb, cv2.COLOR_RGB2GRAY)
-
-    def _planar(self, frame, plane, name, lend):
-        if name not in self.bits:
-            self.bits[name] = frame.format.components[0].bits
-        bits = self.bits[name]
-        if bits == 8:
-            image = _rows(plane, frame, np.uint8)
-            return np.ascontiguousarray(image) if lend else image.copy()
-        image = _rows(plane, frame, ">u2" if name.endswith("be") else "<u2")
-        drop = bits - 8 if bits < 16 else self.drop
-        return to_8_bit(image, bits_to_drop(int(image.max())) if drop is None else drop)
-
-    def largest(self, frame: av.VideoFrame) -> int | None:
-        """Return the largest value of a 16-bit grey frame, None for all other formats."""
-        name = frame.format.name
-        if not name.startswith("gray16"):
-            return None
-        dtype = ">u2" if name.endswith("be") else "<u2"
-        return int(_rows(frame.planes[0], frame, dtype).max())
-
-
-def _rows(plane, frame, dtype, step=1):
-    """View a plane as (height, width · step) without the padding at the end of its rows."""
-    dtype = np.dtype(dtype)
-    shape = frame.height, frame.width * step
-    return np.ndarray(shape, dtype, plane, strides=(plane.line_size, dtype.itemsize))
 
 
 class ContainerVideo(Video):
@@ -98,9 +37,9 @@ class ContainerVideo(Video):
                 raise VideoError(path, _no_frames_message(container), 0)
             self._time_base = stream.time_base
             self._first_pts = first.pts
-            self._step = _frame_duration(stream)
-            self._last_pts = _last_pts(container, stream, self._step)
-            count, exact = _frame_count(container, stream)
+            self._step = frame_duration(stream)
+            self._last_pts = last_pts(container, stream, self._step)
+            count, exact = frame_count(container, stream)
             self._format, self._indexed = container.format.name, stream.frames > 0
             super().__init__(path, first.width, first.height, count, exact)
         if self._luma.largest(first) is not None:
@@ -227,8 +166,8 @@ class ContainerVideo(Video):
     def _broken(self, index, error):
         return VideoError(
             self.path,
-            f"frame {index} cannot be decoded ({_reason(error)}): the file is cut off or damaged; "
-            "copy it again from the recording computer",
+            f"frame {index} cannot be decoded ({reason_of(error)}): the file is cut off or "
+            "damaged; copy it again from the recording computer",
             index,
         )
 
@@ -415,39 +354,6 @@ def _decode_towards(first, packet, stream):
     return packet.decode()
 
 
-def _frame_duration(stream):
-    """Duration of a frame in units of the stream's time base, or None."""
-    if not stream.average_rate or not stream.time_base:
-        return None
-    return Fraction(1) / (Fraction(stream.average_rate) * stream.time_base)
-
-
-def _last_pts(container, stream, step):
-    """Time stamp of the last frame after the header's duration; None where it says nothing."""
-    if step is None or stream.start_time is None:
-        return None
-    if stream.duration:
-        return stream.start_time + stream.duration - step
-    if container.duration and len(container.streams) == 1:
-        seconds = Fraction(container.duration, av.time_base)
-        return stream.start_time + seconds / stream.time_base - step
-    return None
-
-
-def _frame_count(container, stream):
-    """Number of frames and whether the container itself counts them."""
-    if stream.frames > 0:
-        return stream.frames, True
-    if container.format.name in COUNTED_BY_DURATION and _frame_duration(stream):
-        return max(1, round(stream.duration / _frame_duration(stream))), True
-    if stream.duration and stream.average_rate:
-        return max(1, round(stream.duration * stream.time_base * stream.average_rate)), False
-    if container.duration and stream.average_rate:
-        seconds = Fraction(container.duration, av.time_base)
-        return max(1, round(seconds * stream.average_rate)), False
-    return None, False
-
-
 def _no_frames_message(container):
     return (
         f"holds no frames (container {container.format.name}): expected at least one; it is "
@@ -455,93 +361,6 @@ def _no_frames_message(container):
     )
 
 
-def _reason(error):
+def reason_of(error) -> str:
+    """Return what FFmpeg says of a failure."""
     return getattr(error, "strerror", None) or str(error)
-
-
-class OpenCvVideo(Video):
-    """A video file that only OpenCV can read: through a codec of the operating system, say."""
-
-    def __init__(self, path, backend: int | None = None):
-        self._backend = _backend_for(path) if backend is None else backend
-        capture = cv2.VideoCapture(str(path), self._backend)
-        ok, frame = capture.read()
-        count = int(capture.get(cv2.CAP_PROP_FRAME_COUNT))
-        capture.release()
-        if not ok:
-            raise VideoError(path, "OpenCV can read no frame of it")
-        height, width = frame.shape[:2]
-        super().__init__(path, width, height, count if count > 0 else None, exact_count=False)
-
-    def _read(self, start, stop):
-        capture = cv2.VideoCapture(str(self.path), self._backend)
-        index = 0
-        try:
-            while (stop is None or index < stop) and capture.grab():
-                if index >= start:
-                    _, frame = capture.retrieve()
-                    self.check_size(frame, index)
-                    yield frame if frame.ndim == 2 else cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY)
-                index += 1
-        finally:
-            capture.release()
-
-
-def _backend_for(path):
-    """Return the first OpenCV backend that opens the file; FFmpeg was tried already."""
-    logging = cv2 if hasattr(cv2, "setLogLevel") else cv2.utils.logging  # OpenCV 4, 5
-    level = logging.setLogLevel(0)
-    try:
-        for backend in cv2.videoio_registry.getStreamBackends():
-            if backend in (cv2.CAP_FFMPEG, cv2.CAP_IMAGES):
-                continue
-            capture = cv2.VideoCapture(str(path), backend)
-            if capture.isOpened():
-                capture.release()
-                return backend
-    finally:
-        logging.setLogLevel(level)
-    raise VideoError(path, "OpenCV cannot open it")
-
-
-def open_container(path, threads: int = 1) -> Video:
-    """Open a video file through PyAV, else through OpenCV.
-
-    Raises
-    ------
-    VideoError
-        If neither can read it; the message says what the file looks like.
-    """
-    try:
-        return ContainerVideo(path, threads)
-    except av.FFmpegError as error:
-        reason = _reason(error)
-    try:
-        return OpenCvVideo(path)
-    except VideoError:
-        raise VideoError(path, f"cannot be read as a video ({reason}): {_looks(path)}") from None
-
-
-def _looks(path):
-    """Describe a file that is not a video, and say what to do."""
-    with open(path, "rb") as file:
-        head = file.read(512)
-    if not head:
-        return "the file is empty; copy or record it again"
-    if _is_text(head):
-        line = head.decode("utf-8", "replace").splitlines()[0].strip()[:40]
-        return f"it is a text file beginning {line!r}; remove it, or name a video"
-    return (
-        "it is damaged or cut off (an MP4 whose recording did not finish has no index), or no "
-        "video; copy it again, or repair it with FFmpeg"
-    )
-
-
-def _is_text(head: bytes) -> bool:
-    try:
-        text = head.decode("utf-8")
-    except UnicodeDecodeError as error:
-        if error.start < len(head) - 4:  # not just a character cut at the end
-            return False
-        text = head[: error.start].decode("utf-8")
-    return all(c.isprintable() or c.isspace() for c in text)

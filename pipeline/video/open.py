@@ -93,9 +93,49 @@ def open_video(path, threads: int = 1) -> Video:
         from pipeline.video.streampix import StreamPixVideo
 
         return StreamPixVideo(path)
-    from pipeline.video.containers import open_container
+    return _open_container(path, threads)
 
-    return open_container(path, threads)
+
+def _open_container(path, threads) -> Video:
+    """Open a video file through PyAV, else through OpenCV."""
+    import av
+
+    from pipeline.video.containers import ContainerVideo, reason_of
+    from pipeline.video.opencv import OpenCvVideo
+
+    try:
+        return ContainerVideo(path, threads)
+    except av.FFmpegError as error:
+        reason = reason_of(error)
+    try:
+        return OpenCvVideo(path)
+    except VideoError:
+        raise VideoError(path, f"cannot be read as a video ({reason}): {_looks(path)}") from None
+
+
+def _looks(path):
+    """Describe a file that is not a video, and say what to do."""
+    with open(path, "rb") as file:
+        head = file.read(512)
+    if not head:
+        return "the file is empty; copy or record it again"
+    if _is_text(head):
+        line = head.decode("utf-8", "replace").splitlines()[0].strip()[:40]
+        return f"it is a text file beginning {line!r}; remove it, or name a video"
+    return (
+        "it is damaged or cut off (an MP4 whose recording did not finish has no index), or no "
+        "video; copy it again, or repair it with FFmpeg"
+    )
+
+
+def _is_text(head: bytes) -> bool:
+    try:
+        text = head.decode("utf-8")
+    except UnicodeDecodeError as error:
+        if error.start < len(head) - 4:  # not just a character cut at the end
+            return False
+        text = head[: error.start].decode("utf-8")
+    return all(c.isprintable() or c.isspace() for c in text)
 
 
 def find_videos(paths) -> list[Path]:

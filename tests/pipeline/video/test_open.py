@@ -9,8 +9,8 @@ from camera_files import packed_tiff
 
 from pipeline.errors import VideoError
 from pipeline.video.base import bits_to_drop, to_8_bit
-from pipeline.video.containers import OpenCvVideo, _looks
-from pipeline.video.open import find_videos, natural_key, open_video
+from pipeline.video.open import _looks, find_videos, natural_key, open_video
+from pipeline.video.opencv import OpenCvVideo
 
 CODEC_LOSS = 2.0  # grey levels, mean absolute difference at good quality
 

@@ -1,0 +1,40 @@
+"""What the header of a video file says of its frames: their duration, number and last time."""
+
+from fractions import Fraction
+
+import av
+
+COUNTED_BY_DURATION = ("mxf",)  # containers whose duration is a number of frames
+
+
+def frame_duration(stream):
+    """Duration of a frame in units of the stream's time base, or None."""
+    if not stream.average_rate or not stream.time_base:
+        return None
+    return Fraction(1) / (Fraction(stream.average_rate) * stream.time_base)
+
+
+def last_pts(container, stream, step):
+    """Time stamp of the last frame after the header's duration; None where it says nothing."""
+    if step is None or stream.start_time is None:
+        return None
+    if stream.duration:
+        return stream.start_time + stream.duration - step
+    if container.duration and len(container.streams) == 1:
+        seconds = Fraction(container.duration, av.time_base)
+        return stream.start_time + seconds / stream.time_base - step
+    return None
+
+
+def frame_count(container, stream):
+    """Number of frames and whether the container itself counts them."""
+    if stream.frames > 0:
+        return stream.frames, True
+    if container.format.name in COUNTED_BY_DURATION and frame_duration(stream):
+        return max(1, round(stream.duration / frame_duration(stream))), True
+    if stream.duration and stream.average_rate:
+        return max(1, round(stream.duration * stream.time_base * stream.average_rate)), False
+    if container.duration and stream.average_rate:
+        seconds = Fraction(container.duration, av.time_base)
+        return max(1, round(seconds * stream.average_rate)), False
+    return None, False
