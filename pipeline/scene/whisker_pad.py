@@ -22,6 +22,7 @@ FEWEST_FRAMES = 8  # fewer do not show well what moves
 DEEP = 0.15  # of the picture's size: shallower hollows of the edge hold no whisker's tip
 SHORTEST = 0.07  # of the picture's size; shorter lines are fur
 REACH = 0.04  # of the picture's size, between a line's end and the edge it belongs to
+CONTINUED = 0.25  # of its length: so much of a line may drown in noise at its base
 DARKER = 1.2  # a line's third at the base over that at the tip, absorbance
 STILL = 0.5  # of a line's absorbance: what stays as dark in the usual frame does not move
 RESTING = 0.25  # of its length counts where all of an animal's whiskers may rest
@@ -69,9 +70,9 @@ def bears_whiskers(mask, frames, scene: StaticScene) -> bool:
     whiskers = _whiskers(frames[:: -(-len(frames) // FIRST_LOOK)], scene, SHORTEST * size)
     if whiskers[:, 4].sum() < SWITCH * SHORTEST * size:
         return True
-    gaps, _ = cKDTree(np.concatenate(edges)).query(whiskers[:, :2])
+    gaps, _ = cKDTree(np.concatenate(edges)).query(_towards_the_face(whiskers))
     length = whiskers[:, 4]
-    return length[gaps < REACH * size].sum() >= FEWEST_BASES * length.sum()
+    return length[gaps.min(axis=1) < REACH * size].sum() >= FEWEST_BASES * length.sum()
 
 
 def _may_hold_tips(mask, depth_px) -> bool:
@@ -108,6 +109,14 @@ def _whiskers(frames, scene, shortest_px, resting=0.0):
             if counts and length(curve) > shortest_px and (ends := _base_and_tip(curve, now)):
                 found.append((*ends[0], *ends[1], counts * length(curve)))
     return np.array(found, float).reshape(-1, 5)
+
+
+def _towards_the_face(whiskers):
+    """Places (n, k, 2) from the bases of lines, as of `_whiskers`, on straight beyond them."""
+    base, tip, length = whiskers[:, None, :2], whiskers[:, None, 2:4], whiskers[:, None, 4:]
+    chord = base - tip
+    away = np.linspace(0, CONTINUED, 9)[:, None] * length
+    return base + away * chord / np.linalg.norm(chord, axis=2, keepdims=True)
 
 
 def _values(image, curve):

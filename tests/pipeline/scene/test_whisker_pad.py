@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from pipeline.scene.estimate import scene_from_frames
-from pipeline.scene.whisker_pad import face_of
+from pipeline.scene.whisker_pad import bears_whiskers, face_of
 from pipeline.session.recording import Recording
 
 pytestmark = pytest.mark.slow
@@ -17,8 +17,11 @@ SCALE = 16.0  # px/mm
 AT_CORNER = 12  # px, tolerance of where face and body part
 
 
-def picture(phase, body=True):
-    """A face along the top, a body along the left, five whiskers from one towards the other."""
+def picture(phase, body=True, hidden=0.0):
+    """A face along the top, a body along the left, five whiskers from one towards the other.
+
+    Their first parts, `hidden` px from a base within the face, are not seen.
+    """
     rows, columns = np.mgrid[:HEIGHT, :WIDTH]
     image = np.full((HEIGHT, WIDTH), 180.0)
     image[(rows < CORNER[1]) | (body & (columns < CORNER[0]))] = 10
@@ -26,16 +29,16 @@ def picture(phase, body=True):
         base = 85 + 35 * k, CORNER[1] - 8
         length = 150.0
         angle = 2.2 - 0.3 * k + 0.25 * np.sin(phase + 0.2 * k)
-        _draw(image, base, angle, length)
+        _draw(image, base, angle, length, hidden)
     image[columns < CORNER[0] * body] = 10  # whiskers are not seen before it
     image = cv2.GaussianBlur(image, (0, 0), 0.8)
     noise = np.random.default_rng(int(1e3 * phase)).normal(0, 1.5, image.shape)
     return np.clip(image + noise, 0, 255).astype(np.uint8)
 
 
-def _draw(image, base, angle, length):
+def _draw(image, base, angle, length, hidden):
     """A whisker that gets paler towards its tip."""
-    steps = np.arange(0, length, 10.0)
+    steps = np.arange(hidden, length, 10.0)
     for s in steps:
         a, b = (
             (int(16 * (base[0] + t * np.cos(angle))), int(16 * (base[1] + t * np.sin(angle))))
@@ -90,6 +93,15 @@ def test_a_face_alone_stays_whole():
     found = scene(body=False)
     assert found.face_mask[: CORNER[1] - 4].all()
     assert not found.obstacle_mask.any()
+
+
+def test_whiskers_whose_bases_drown_in_noise_come_out_of_the_face():
+    frames = np.stack([picture(phase, False, hidden=40.0) for phase in np.linspace(0, 6, 16)])
+    found = scene_from_frames(frames, Recording(1000.0, SCALE, "top"), None)
+    face, beside = np.zeros((2, HEIGHT, WIDTH), bool)
+    face[: CORNER[1]] = beside[CORNER[1] :, :30] = True
+    assert bears_whiskers(face, frames, found)
+    assert not bears_whiskers(beside, frames, found)
 
 
 def test_apparatus_beside_the_face_is_no_face():
