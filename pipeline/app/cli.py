@@ -53,6 +53,16 @@ def _options(
     pass
 
 
+def _list_presets(preset: str) -> str:
+    if preset == "list":
+        from pipeline.app.demo import preset_lines
+
+        for line in preset_lines():
+            _say(line)
+        raise typer.Exit
+    return preset
+
+
 def _cores() -> int:
     """Cores that this process may use."""
     if hasattr(os, "sched_getaffinity"):
@@ -208,7 +218,12 @@ def synth(
         typer.Argument(metavar="DIR", help="Folder for the videos; created if missing."),
     ],
     preset: Annotated[
-        str, typer.Option(help="What to render; `--preset list` shows the choices.")
+        str,
+        typer.Option(
+            callback=_list_presets,
+            is_eager=True,
+            help="What to render; `--preset list` shows the choices.",
+        ),
     ],
     seed: Annotated[
         int,
@@ -230,12 +245,8 @@ def synth(
     Their session.toml is written beside them, and tables of the truth with the same columns as
     the results.
     """
-    from pipeline.app.demo import preset_lines, render
+    from pipeline.app.demo import render
 
-    if preset == "list":
-        for line in preset_lines():
-            _say(line)
-        return
     shown, say = (None, _say_nothing) if quiet else (_progress, _say)
     render(folder, preset, seed, trials, jobs or _cores(), shown, say, frames)
 

@@ -199,7 +199,7 @@ def test_curate_gets_the_name_of_the_curator(monkeypatch, tmp_path):
 
 
 def test_presets_are_listed(capsys):
-    assert exit_code("synth", "nowhere", "--preset", "list") == 0
+    assert exit_code("synth", "--preset", "list") == 0
     assert "  single: " in capsys.readouterr().out
 
 
