@@ -69,7 +69,7 @@ class Nodes(NamedTuple):
 class Line:
     """A traced whisker in one frame; arrays have `limit` places, of which `n` are in use.
 
-    `information` and `score` are those of the offset at the final nodes (profiles.py);
+    `information` and `score` are those of the offset at the final nodes (line_profile.py);
     `thickness` is the absorbance integrated across the line [px], NaN where unknown;
     `longest` the largest number of nodes that it may have.
     """

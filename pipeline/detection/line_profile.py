@@ -13,7 +13,7 @@ them per node of the reference line, so that no interpolation biases the centre.
 import numpy as np
 from numba import njit
 
-# Rows of the `sums` array, which has a column per node: Σ over its pixels (sections.py).
+# Rows of the `sums` array, which has a column per node: Σ over its pixels (cross_sections.py).
 GG, G1, G11, GY, OY, DD, DY, DG, D1, SS, SY, SG = range(12)
 N_SUMS = 12
 

@@ -2,7 +2,7 @@
 
 Two estimates. `point` (Birdwell et al. 2007; Pammer et al. 2013): the bending moment at one arc
 length, M_p = E I(s_p) Δκ, over its lever arm, F = M_p / |(r_c − r_p) × n̂|. `shape`: the elastic
-rod fitted to the whole traced centreline (shape_fit.py). Large angles are kept in both; signs as
+rod fitted to the whole traced centreline (rod_fit.py). Large angles are kept in both; signs as
 in docs/conventions.md.
 """
 

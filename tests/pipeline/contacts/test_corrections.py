@@ -26,7 +26,7 @@ N_FRAMES = 120
 
 
 def detected(*spans, whisker="C2"):
-    """Table of detected contacts, as contact.py makes it, with columns of its own."""
+    """Table of detected contacts, as contacts/analysis makes it, with columns of its own."""
     return pd.DataFrame(
         {
             "whisker": pd.Series([whisker] * len(spans), dtype="object"),
