@@ -247,14 +247,15 @@ def without_whiskers(
     Where there is no `fur`, shorter ones are the whiskers' bases, about which they turn. What
     leaves the `pole` (bool mask) on which such a line ends is the same whisker's other part.
     Lines that never move and end on other `things` (bool mask) are parts of them: they stay; but
-    the fringe of fur along the face is where whiskers begin.
+    the fringe of fur along the face is where whiskers begin, and stays as it is.
     """
     movie = background.n_frames >= MOVIE_FRAMES
     share = 1 / background.n_frames if movie else 1.0  # of the variance left in the average
     noise = share * background.noise_floor, share * background.noise_gain
     at = background.image, pixels_per_mm, noise, face, params
     clear = thin_dark_lines(*at) & ~face
-    thin = _long_parts(thin_dark_lines(*at, FAINTER) & ~face, 0, clear)
+    fringe = dilated(face, _fringe_px(pixels_per_mm))  # filled, it would be as dark as the face
+    thin = _long_parts(clear | thin_dark_lines(*at, FAINTER) & ~fringe, 0, clear)
     shortest = params.shortest_still_mm if movie else params.shortest_whisker_mm
     shortest = shortest if fur else SHORTEST_BASE_MM
     lines = (
@@ -264,10 +265,11 @@ def without_whiskers(
     )
     whiskers = thin & _long_lines_at(face, lines, pixels_per_mm, shortest * pixels_per_mm)
     if movie and things is not None:
-        apart = things & ~dilated(face, _fringe_px(pixels_per_mm))
-        near = cv2.dilate(apart.astype(np.uint8), _square(AT_THING_MM * pixels_per_mm)) > 0
+        apart = (things & ~fringe).astype(np.uint8)
+        near = cv2.dilate(apart, _square(AT_THING_MM * pixels_per_mm)) > 0
         whiskers &= ~_long_parts(whiskers, 0, whiskers & near)
     whiskers |= _long_parts(background.covered | whiskers, 0, whiskers) & ~face
+    whiskers &= ~fringe
     if not movie:
         return smooth_flat_parts(background.image, whiskers, pixels_per_mm, noise)
     return fill(background.image, whiskers) if whiskers.any() else background.image
