@@ -80,15 +80,25 @@ def slip_off(setting):
     """The whisker is pushed past the pole and comes back against its other side."""
     arc_length = setting.rng.uniform(10.5e-3, 15e-3)
     scene = c2_scene(setting, arc_length, -0.25 * setting.side)
-    hair, pole, side = scene.hairs[0], scene.pole, setting.side
-    base = base_path(scene, hair, setting.frames, setting.rng)
+    base, graze, far, phase = _past_the_pole(setting, scene, (0.05, 0.25), 0.2, (160, 320))
+    turn = -0.3 + (far + 0.3) * 0.5 * (1 - np.cos(phase))
+    return driven_motion(scene, [(*base, graze + setting.side * turn)])
+
+
+def _past_the_pole(setting, scene, beyond, unevenness, period):
+    """What a whisker needs to be pushed past its pole, again and again.
+
+    beyond : range of the turn [rad] after that at which it slips off; unevenness : of the pace;
+    period : range [frames]. Returns the base's path, the angle that grazes the pole, the turn from
+    there to the farthest point [rad], and the phase of the whisking.
+    """
+    hair, pole, side, rng = scene.hairs[0], scene.pole, setting.side, setting.rng
+    base = base_path(scene, hair, setting.frames, rng)
     table = force_table(hair, hair.follicle_x, hair.follicle_y, pole.x, pole.y, pole.radius, side)
     graze = grazing_angle(hair, pole.x - base[0], pole.y - base[1], pole.radius, side)
-    far = table.turn[-1] + setting.rng.uniform(0.05, 0.25)
-    pace = 1 + 0.2 * smooth_noise(setting.frames, 1e3, 0.3, setting.rng)
-    phase = 2 * np.pi * np.cumsum(pace) / setting.rng.uniform(160, 320)
-    turn = -0.3 + (far + 0.3) * 0.5 * (1 - np.cos(phase))
-    return driven_motion(scene, [(*base, graze + side * turn)])
+    far = table.turn[-1] + rng.uniform(*beyond)
+    pace = 1 + unevenness * smooth_noise(setting.frames, 1e3, 0.3, rng)
+    return base, graze, far, 2 * np.pi * np.cumsum(pace) / rng.uniform(*period)
 
 
 def ringdown(setting):
@@ -104,15 +114,9 @@ def ringdown(setting):
     scene = c2_scene(
         setting, arc_length, -0.25 * setting.side, camera=camera, hair={"whisker": whisker}
     )
-    hair, pole, side = scene.hairs[0], scene.pole, setting.side
-    base = base_path(scene, hair, setting.frames, setting.rng)
-    table = force_table(hair, hair.follicle_x, hair.follicle_y, pole.x, pole.y, pole.radius, side)
-    graze = grazing_angle(hair, pole.x - base[0], pole.y - base[1], pole.radius, side)
-    far = table.turn[-1] + setting.rng.uniform(0.15, 0.3)
-    pace = 1 + 0.15 * smooth_noise(setting.frames, 1e3, 0.3, setting.rng)
-    phase = 2 * np.pi * np.cumsum(pace) / setting.rng.uniform(300, 400)
+    base, graze, far, phase = _past_the_pole(setting, scene, (0.15, 0.3), 0.15, (300, 400))
     turn = -far * np.cos(phase)
-    return ringing_motion(driven_motion(scene, [(*base, graze + side * turn)]))
+    return ringing_motion(driven_motion(scene, [(*base, graze + setting.side * turn)]))
 
 
 def near_miss(setting):

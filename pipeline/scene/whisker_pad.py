@@ -104,10 +104,13 @@ def _whiskers(frames, scene, shortest_px, resting=0.0):
     found = []
     for image in dark:
         for curve in ridges.curves_of(image, model.noise).each():
+            long = length(curve)
+            if long <= shortest_px:
+                continue
             now, mostly = (_values(each, curve) for each in (image, usual))
             counts = resting if np.median(mostly) > STILL * np.median(now) else 1.0
-            if counts and length(curve) > shortest_px and (ends := _base_and_tip(curve, now)):
-                found.append((*ends[0], *ends[1], counts * length(curve)))
+            if counts and (ends := _base_and_tip(curve, now)):
+                found.append((*ends[0], *ends[1], counts * long))
     return np.array(found, float).reshape(-1, 5)
 
 
