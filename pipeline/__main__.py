@@ -3,7 +3,7 @@
 import os
 import signal
 
-INTERRUPTED = 130
+from pipeline.runtime.interrupts import INTERRUPTED
 
 
 def main() -> None:

@@ -16,6 +16,7 @@ import typer
 from pipeline.app import convert
 from pipeline.app.calibrate import calibrate
 from pipeline.app.options import Debug, Jobs, Out, Results
+from pipeline.runtime.interrupts import INTERRUPTED
 
 app = typer.Typer(
     name="whiskerforce",
@@ -29,7 +30,7 @@ app.add_typer(calibrate, name="calibrate")
 app.add_typer(convert.importing, name="import")
 app.add_typer(convert.exporting, name="export")
 
-FAILED, UNUSABLE, INTERRUPTED = 1, 2, 130
+FAILED, UNUSABLE = 1, 2
 
 
 def _show_version(wanted: bool):

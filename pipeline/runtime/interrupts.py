@@ -7,6 +7,8 @@ on. So it is remembered, and raised again at the next `check`.
 
 import signal
 
+INTERRUPTED = 130  # exit status
+
 _pressed = False
 
 
