@@ -16,6 +16,7 @@ from pipeline.tables import (
     write_frames,
 )
 from pipeline.tables.centrelines import centreline_file, centreline_table
+from pipeline.tables.new_files import new_files
 
 
 @dataclass(frozen=True, repr=False)
@@ -61,19 +62,28 @@ class Analysis:
         ----------
         folder : made where it is missing
         video : its name in contacts.csv; None: the folder's
+
+        Raises
+        ------
+        InputError
+            Where that would replace a file that was not saved so, such as your session.toml.
         """
         folder = Path(folder)
-        folder.mkdir(parents=True, exist_ok=True)
+        with new_files(folder) as new:
+            self.write_tables(new, video or folder.resolve().name)
+        return folder
+
+    def write_tables(self, folder, video) -> None:
+        """Write what `save` does over whatever the folder holds."""
+        folder = Path(folder)
         if self.lines:
             with centreline_file(folder / "centrelines.parquet") as keep:
                 for chunk in self.lines:
                     keep(chunk)
         write_frames(folder / "frames.parquet", self.frames)
-        contacts = self.contacts.assign(video=video or folder.name)
-        write_csv(folder / "contacts.csv", contacts, CONTACT_COLUMNS)
+        write_csv(folder / "contacts.csv", self.contacts.assign(video=video), CONTACT_COLUMNS)
         write_evidence(folder, self.evidence)
         write_session(folder / "session.toml", self.settings)
-        return folder
 
     def plot(self, column="contact_force_uN", whisker=None, ax=None):
         """Draw a column of `frames` over time; see `pipeline.plot_course`."""

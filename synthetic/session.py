@@ -8,10 +8,12 @@ from time import perf_counter
 import numpy as np
 import pandas as pd
 
+from pipeline.errors import InputError, with_advice
 from pipeline.runtime.progress import Step
 from pipeline.runtime.workers import run_tasks
 from pipeline.session.session_file import read_session, settings_from, write_session
 from pipeline.tables.files import read_json, write_json, write_text
+from pipeline.tables.new_files import check_own, new_files
 from synthetic.encode import video_suffix, write_video
 from synthetic.presets import Trial, find_preset, make_trial, trial_place
 from synthetic.render import Renderer
@@ -70,9 +72,8 @@ def render_session(
     _write_all_contacts(out_dir, sorted(p.stem for p in paths))
     for folder in {path.parent for path in paths}:
         stems = [path.stem for path in paths if path.parent == folder]
-        if not (folder / "session.toml").exists():
-            continue  # its first trial failed
-        _settle_hidden_lengths(folder / "session.toml", [out_dir / "truth" / s for s in stems])
+        if (folder / "session.toml").exists():  # else its first trial failed
+            _settle_hidden_lengths(folder / "session.toml", [out_dir / "truth" / s for s in stems])
     if faults:
         fault = min(faults)
         raise RenderError(
@@ -83,7 +84,11 @@ def render_session(
 
 
 def _settle_hidden_lengths(path, truths) -> None:
-    """Give session.toml the hidden lengths as they are over all of its videos."""
+    """Give session.toml the hidden lengths of all its videos, unless a person has edited it."""
+    try:
+        check_own(path.parent, {path.name: ""})
+    except InputError:
+        return
     settings = read_session(path)
     columns = ["whisker", "first_visible_mm"]
     tables = [pd.read_parquet(t / "visibility.parquet", columns=columns) for t in sorted(truths)]
@@ -98,7 +103,8 @@ def _settle_hidden_lengths(path, truths) -> None:
         for w in settings.whisker
     )
     if whiskers != settings.whisker:
-        write_session(path, settings.model_copy(update={"whisker": whiskers}))
+        with new_files(path.parent) as new:
+            write_session(new / path.name, settings.model_copy(update={"whisker": whiskers}))
 
 
 def _render_all(tasks, jobs, progress):
@@ -106,8 +112,10 @@ def _render_all(tasks, jobs, progress):
     paths, faults = [], {}
 
     def take(event):
-        if event.kind == "done":
+        if event.kind == "done" and isinstance(event.value, Path):
             paths.append(event.value)
+        elif event.kind == "done":
+            faults[event.task] = event.value
         elif event.kind == "died":
             faults[event.task] = event.value.strip().splitlines()[-1]
         progress(event)
@@ -117,7 +125,13 @@ def _render_all(tasks, jobs, progress):
 
 
 def _render_task(task, report):
-    return render_trial(*task, report)
+    """The path of a trial's video, or in words why the disk or a person's file forbids it."""
+    try:
+        return render_trial(*task, report)
+    except OSError as error:
+        return with_advice(error)
+    except InputError as error:
+        return str(error)
 
 
 def render_trial(out_dir, preset, seed, trial, frames=1000, first=0, report=None) -> Path:
@@ -148,7 +162,8 @@ def render_trial(out_dir, preset, seed, trial, frames=1000, first=0, report=None
         renderer = Renderer(made.scene, made.motion, seed=1000 * seed + trial)
     folder.mkdir(parents=True, exist_ok=True)
     if opens:
-        write_session(settings, session_settings(made, renderer))
+        with new_files(folder) as new:
+            write_session(new / settings.name, session_settings(made, renderer))
     with _timed(seconds, "truth"):
         write_truth(truth, made.motion, renderer, stem, 1e-3 * _CURVATURE_AT_MM)
     video = folder / f"{stem}{video_suffix(made.scene.codec)}"

@@ -12,6 +12,7 @@ import pandas as pd
 
 from pipeline.session.session_file import settings_from, write_session
 from pipeline.tables.files import write_text
+from pipeline.tables.new_files import new_files
 from synthetic.encode import write_video
 from synthetic.scene import Codec
 from synthetic.staging import Setting
@@ -43,7 +44,8 @@ def render_two_views(out_dir, preset="two_views", seed=0, trials=2, frames=400) 
         stem = f"{preset}_{trial:03d}.avi"
         if trial == 0:
             _write_sessions(out_dir, space, views, stacked)
-            write_text(out_dir / "points.csv", _points_text(space, rng, stacked))
+            with new_files(out_dir) as new:
+                write_text(new / "points.csv", _points_text(space, rng, stacked))
         paths.append(_write_videos(out_dir, stem, views, stacked))
         truth = out_dir / "truth" / paths[-1].stem
         truth.mkdir(parents=True, exist_ok=True)
@@ -92,8 +94,8 @@ def _write_sessions(out_dir, space, views, stacked):
         if stacked:
             settings["image"] = {"region_px": region}
         path = out_dir / f"{name}.toml" if stacked else out_dir / name / "session.toml"
-        path.parent.mkdir(exist_ok=True)
-        write_session(path, settings_from(settings, "rendered session"))
+        with new_files(path.parent) as new:
+            write_session(new / path.name, settings_from(settings, "rendered session"))
 
 
 def matched_points(space, rng, below=0) -> np.ndarray:

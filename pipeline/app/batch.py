@@ -19,7 +19,6 @@ from pipeline.app.outcome import (
 from pipeline.app.session_files import (
     check_folder,
     check_stranger,
-    make_folder,
     with_pictures,
     write_session_file,
     write_tables,
@@ -37,7 +36,7 @@ from pipeline.app.video_task import (
 )
 from pipeline.curate.corrected import follow_corrections
 from pipeline.errors import InputError, counted
-from pipeline.runtime.folder_lock import LOCK_FILE, locked
+from pipeline.runtime.folder_lock import locked
 from pipeline.runtime.progress import Progress, duration
 from pipeline.runtime.run_log import LOG_FILE, RunLog
 from pipeline.runtime.workers import run_tasks
@@ -49,8 +48,9 @@ from pipeline.session.inputs import (
     results_folders,
     settings_of,
 )
+from pipeline.tables.new_files import make_folder
 from pipeline.tables.result_exchange import settle_all
-from pipeline.tables.run_record import read_state, recorded_path
+from pipeline.tables.run_record import read_run, read_state, recorded_path
 
 # What a video goes through, and the time that each takes, beside that of following its whiskers
 STAGES = {
@@ -132,7 +132,7 @@ def run(
     """
     started = time.monotonic()
     out = Path(out)
-    is_ours = (out / LOCK_FILE).exists() or (out / LOG_FILE).exists()
+    is_ours = (out / LOG_FILE).exists() or "version" in read_run(out)
     inputs = source.find(paths, out)
     _check_inputs(inputs)
     settings = settings_of(inputs, config)
@@ -194,7 +194,10 @@ def _as_corrected(task, behind) -> Outcome:
 def _unusable(inputs, names, out) -> dict:
     """Outcomes of the inputs that cannot be opened, by the name of their folder."""
     faulty = [(names[each.path], each) for each in inputs if each.fault]
-    return {name: failure(out / name, readable(each.path), each.fault) for name, each in faulty}
+    return {
+        name: failure(out / name, readable(each.path.resolve()), each.fault)
+        for name, each in faulty
+    }
 
 
 def _left(tasks, outcomes) -> dict:

@@ -27,7 +27,7 @@ Whisker = Annotated[
 @calibrate.command()
 def geometry(
     images: Annotated[
-        list[Path], typer.Argument(metavar="IMAGE...", help="Micrographs, one whisker in each.")
+        list[Path], typer.Argument(metavar="IMAGE", help="Micrographs, one whisker in each.")
     ],
     out: Out,
     pixels_per_mm: Annotated[

@@ -79,7 +79,7 @@ Quiet = Annotated[
 @app.command()
 def run(
     paths: Annotated[
-        list[Path], typer.Argument(metavar="PATH...", help="Videos, or folders of videos.")
+        list[Path], typer.Argument(metavar="PATH", help="Videos, or folders of videos.")
     ],
     out: Out,
     config: Annotated[
@@ -304,8 +304,10 @@ def curate(
     from pipeline.reports.report import write_report
 
     open_page(results, port=port, open_browser=browser, say=_say, name=name)
-    write_fig3(results)
-    write_report(results)
+    try:
+        write_fig3(results)
+    finally:
+        write_report(results)
 
 
 @app.command()
@@ -317,10 +319,13 @@ def paper(
 
     The numbers behind each are written as CSV, with modes.csv and published.csv.
     """
+    from pipeline.tables.new_files import new_files
     from whiskermodel.paper.files import write_paper
 
-    for path in write_paper(out, progress=_say):
-        _say(str(path))
+    with new_files(out) as new:
+        written = write_paper(new, progress=_say)
+    for path in written:
+        _say(str(out / path.name))
 
 
 def main(arguments=None):
@@ -360,6 +365,8 @@ def _explain(error) -> str:
 
     if _is_unusable(error):
         return f"error: {with_advice(error) if isinstance(error, OSError) else error}"
+    if type(error).__module__.split(".")[0] in ("pipeline", "synthetic"):  # said for people
+        return f"error: {error}"
     return f"error: {type(error).__name__}: {error} (an error in the program; --debug shows where)"
 
 

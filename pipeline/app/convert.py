@@ -20,7 +20,7 @@ FILES = {  # what a program's files are called: a pattern, and in words
 }
 
 Paths = Annotated[
-    list[Path], typer.Argument(metavar="PATH...", help="Files, or folders with such files.")
+    list[Path], typer.Argument(metavar="PATH", help="Files, or folders with such files.")
 ]
 Config = Annotated[
     Path | None,
@@ -197,22 +197,13 @@ def export_janelia(results: Results, out: Out, debug: Debug = False):
 def _export(results, out, write):
     """Write every finished video with `write(folder, video)`, which returns the files' paths."""
     from pipeline.convert.results import read_results
+    from pipeline.tables.new_files import new_files
 
-    videos = read_results(results)
-    _make_folder(out)
-    for video in videos:
-        for path in write(out, video):
-            typer.echo(str(path))
-
-
-def _make_folder(out):
-    from pipeline.errors import InputError, why
-
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        message = f"--out {out}: cannot write there ({why(error)}); choose another folder"
-        raise InputError(message) from None
+    for video in read_results(results):
+        with new_files(out) as new:
+            written = write(new, video)
+        for path in written:
+            typer.echo(str(out / path.name))
 
 
 @exporting.command("mat")
@@ -289,7 +280,9 @@ def export_whacc(results: Results, out: Out, debug: Debug = False):
     """
     from pipeline.convert.results import read_results
     from pipeline.convert.whacc import write_whacc
+    from pipeline.tables.new_files import new_files
 
     videos = read_results(results)
-    _make_folder(out)
-    typer.echo(str(write_whacc(out / "whacc.h5", videos)))
+    with new_files(out) as new:
+        written = write_whacc(new / "whacc.h5", videos)
+    typer.echo(str(out / written.name))

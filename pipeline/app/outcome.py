@@ -99,11 +99,11 @@ def damage(folder, state) -> str:
     written = (folder / STATE_FILE).stat().st_mtime_ns
     try:
         for name, columns in PARQUETS.items():
-            changed = (folder / name).stat().st_mtime_ns > written
+            changed = (folder / name).stat().st_mtime_ns >= written
             known = columns if state["version"] == __version__ else ()
             files.check_parquet(folder / name, known, thorough=changed)
         files.read_csv(folder / "contacts.csv", CONTACT_COLUMNS)
-        if (folder / "session.toml").stat().st_mtime_ns > written:
+        if (folder / "session.toml").stat().st_mtime_ns >= written:
             settings = read_session(folder / "session.toml")
             if settings_digest(settings) != state["settings_sha256"]:
                 return f"{folder / 'session.toml'}: not the settings of these results"

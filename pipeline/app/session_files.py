@@ -27,16 +27,6 @@ from pipeline.tables.columns import VIDEO_COLUMNS
 from pipeline.tables.run_record import read_run
 
 
-def make_folder(out):
-    """Make the results folder where it is missing; InputError where that cannot be."""
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(
-            f"--out {out}: cannot write there ({why(error)}); choose another folder"
-        ) from None
-
-
 def check_stranger(out):
     """A folder in which no run has been holds no files of a person that would be replaced."""
     written = set(SESSION_FILES) - {SETTINGS_NAME, PREVIEW_NAME}
@@ -164,7 +154,8 @@ def _write_pictures(summary, shown, log):
             write(summary.out)
         except Exception as error:
             log.write(traceback.format_exc())
-            if isinstance(error, OSError):
-                yield f"the {what} could not be made: {with_advice(error)}"
+            if isinstance(error, (OSError, InputError)):
+                reason = with_advice(error) if isinstance(error, OSError) else error
+                yield f"the {what} could not be made: {reason}"
             else:
                 yield f"the {what} could not be made ({type(error).__name__}: {in_words(error)})"

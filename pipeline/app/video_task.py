@@ -85,7 +85,7 @@ def _analyse_and_save(task, report) -> Outcome:
             analysis = task.analyse(task, keep, report, corrections)
         if report:
             report(Step("tables"))
-        analysis.save(new, task.folder.name)
+        analysis.write_tables(new, task.folder.name)
         outcome = _outcome_of(task, analysis, time.perf_counter() - started)
         whiskers = tuple(dict.fromkeys(analysis.frames["whisker"]))
         for problem in left_out(corrections, whiskers, analysis.n_frames):

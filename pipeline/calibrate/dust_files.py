@@ -14,6 +14,7 @@ from pipeline.tables.columns import (
     as_table,
 )
 from pipeline.tables.files import write_csv
+from pipeline.tables.new_files import new_files
 
 
 def pooled_slope(motions: list[FollicleMotion]) -> Slope | None:
@@ -63,15 +64,14 @@ def _slope_cells(slope: Slope | None) -> dict:
 
 def write_dust(out, motions: list[FollicleMotion]) -> list[Path]:
     """Write dust.csv, dust_contacts.csv, dust_videos.csv and the figures."""
-    out = Path(out)
-    out.mkdir(parents=True, exist_ok=True)
     frames = pd.concat([motion.frames for motion in motions])
     contacts = pd.concat([motion.contacts for motion in motions])
-    pictures = []
-    for motion in motions:
-        pictures.append(out / f"{motion.video}.png")
-        draw_dust(pictures[-1], motion)
-    write_csv(out / "dust.csv", as_table(frames, DUST_COLUMNS), DUST_COLUMNS)
-    write_csv(out / "dust_contacts.csv", contacts, DUST_CONTACT_COLUMNS)
-    write_csv(out / "dust_videos.csv", video_table(motions), DUST_VIDEO_COLUMNS)
-    return [out / "dust_videos.csv", out / "dust.csv", out / "dust_contacts.csv", *pictures]
+    pictures = [f"{motion.video}.png" for motion in motions]
+    with new_files(out) as new:
+        for name, motion in zip(pictures, motions, strict=True):
+            draw_dust(new / name, motion)
+        write_csv(new / "dust.csv", as_table(frames, DUST_COLUMNS), DUST_COLUMNS)
+        write_csv(new / "dust_contacts.csv", contacts, DUST_CONTACT_COLUMNS)
+        write_csv(new / "dust_videos.csv", video_table(motions), DUST_VIDEO_COLUMNS)
+    names = "dust_videos.csv", "dust.csv", "dust_contacts.csv", *pictures
+    return [Path(out) / name for name in names]

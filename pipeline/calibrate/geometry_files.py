@@ -11,6 +11,7 @@ from pipeline.calibrate.geometry_picture import draw_pooled, draw_whisker
 from pipeline.session.edit import set_whisker_values, whisker_has
 from pipeline.tables.columns import DENSITY_COLUMNS, GEOMETRY_COLUMNS, PROFILE_COLUMNS
 from pipeline.tables.files import write_csv, write_text
+from pipeline.tables.new_files import new_files
 
 UNITS = {"length": "mm", "base_radius": "um", "tip_radius": "um", "cone_length": "mm"}
 DEVIATION_SHARE = 0.02  # of the base radius, from which a whisker is said to be no cone
@@ -58,8 +59,12 @@ def _pair(name, measured: Measured):
 
 def write_geometry(out, geometries: list[Geometry], masses=()) -> list[Path]:
     """Write geometry.csv, a profile and a picture per whisker, and all whiskers together."""
-    out = Path(out)
-    out.mkdir(parents=True, exist_ok=True)
+    with new_files(out) as new:
+        written = _write_all(new, geometries, masses)
+    return [Path(out) / path.name for path in written]
+
+
+def _write_all(out, geometries, masses):
     written = []
     for stem, geometry in zip(_stems(geometries), geometries, strict=True):
         written += [out / f"{stem}_profile.csv", out / f"{stem}.png"]

@@ -9,6 +9,7 @@ from pipeline.calibrate.ringdown_picture import draw_ringdown
 from pipeline.session.edit import set_whisker_values
 from pipeline.tables.columns import RINGDOWN_COLUMNS
 from pipeline.tables.files import write_csv, write_text
+from pipeline.tables.new_files import new_files
 
 STIFFNESSES = (float("inf"), 100.0, 30.0, 10.0, 5.0, 0.0)  # of the follicle, E I0/L
 
@@ -41,20 +42,18 @@ def _row(names, estimates):
 
 def write_ringdown(out, results, fits, together, whisker, boundary) -> list[Path]:
     """Write ringdown.csv, follicle.csv and the figure."""
-    out = Path(out)
-    out.mkdir(parents=True, exist_ok=True)
     follicle = list(moduli_by_follicle(together, whisker, STIFFNESSES))
     lines = [
         f"{stiffness:g},{1e-9 * e.value:.6g},{1e-9 * e.low:.6g},{1e-9 * e.high:.6g}"
         for stiffness, e in follicle
     ]
     header = "follicle_stiffness,youngs_modulus_GPa,youngs_modulus_GPa_low,youngs_modulus_GPa_high"
-    write_text(out / "follicle.csv", "\n".join([header, *lines, ""]))
-    draw_ringdown(out / "ringdown.png", results, fits, together)
-    write_csv(
-        out / "ringdown.csv", ringdown_table(fits, together, whisker, boundary), RINGDOWN_COLUMNS
-    )
-    return [out / name for name in ("ringdown.csv", "follicle.csv", "ringdown.png")]
+    table = ringdown_table(fits, together, whisker, boundary)
+    with new_files(out) as new:
+        write_text(new / "follicle.csv", "\n".join([header, *lines, ""]))
+        draw_ringdown(new / "ringdown.png", results, fits, together)
+        write_csv(new / "ringdown.csv", table, RINGDOWN_COLUMNS)
+    return [Path(out) / name for name in ("ringdown.csv", "follicle.csv", "ringdown.png")]
 
 
 def write_into(session, name, together: Pooled) -> dict[str, float]:

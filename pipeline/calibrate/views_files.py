@@ -16,23 +16,23 @@ from pipeline.tables.columns import (
     as_table,
 )
 from pipeline.tables.files import write_csv, write_rows
+from pipeline.tables.new_files import new_files
 
 
 def write_views(out, views: TwoViews, measured: list[ViewsMeasurement]) -> list[Path]:
     """Write calibration.csv, views.csv, view_contacts.csv, lines_3d.parquet and fig4.png."""
-    out = Path(out)
-    out.mkdir(parents=True, exist_ok=True)
-    draw_views(out / "fig4.png", measured)
     tables = {
         "calibration.csv": (_calibration(views), CALIBRATED_VIEW_COLUMNS),
         "views.csv": (pd.concat([each.frames for each in measured]), VIEW_FRAME_COLUMNS),
         "view_contacts.csv": (pd.concat([e.contacts for e in measured]), VIEW_CONTACT_COLUMNS),
     }
-    for name, (table, columns) in tables.items():
-        write_csv(out / name, as_table(table, columns), columns)
     lines = pd.DataFrame([row for each in measured for row in _line_rows(each, views)])
-    write_rows(out / "lines_3d.parquet", lines, SPACE_LINE_COLUMNS)
-    return [out / "fig4.png", *(out / name for name in tables), out / "lines_3d.parquet"]
+    with new_files(out) as new:
+        draw_views(new / "fig4.png", measured)
+        for name, (table, columns) in tables.items():
+            write_csv(new / name, as_table(table, columns), columns)
+        write_rows(new / "lines_3d.parquet", lines, SPACE_LINE_COLUMNS)
+    return [Path(out) / name for name in ("fig4.png", *tables, "lines_3d.parquet")]
 
 
 def _calibration(views) -> pd.DataFrame:

@@ -10,6 +10,7 @@ from pipeline.reports.fig3_tables import chosen, panel_tables, typical_touch
 from pipeline.reports.plots import NO_DATE, SVG_IDS
 from pipeline.reports.session_numbers import fig3_numbers, read_contacts, read_truth
 from pipeline.tables import files
+from pipeline.tables.new_files import new_files
 
 
 def write_fig3(results, truth=None, video=None, whisker=None, contact=None) -> list[Path]:
@@ -36,19 +37,22 @@ def write_fig3(results, truth=None, video=None, whisker=None, contact=None) -> l
     contacts = read_contacts(results)
     true_contacts = read_truth(results, truth)
     touch = typical_touch(results, chosen(contacts, video, whisker, contact))
-    folder = results / "figures"
-    folder.mkdir(exist_ok=True)
     panels = panel_tables(results, contacts, touch)
+    content = fig3_panels.Content(panels, fig3_numbers(contacts, true_contacts), touch)
+    with new_files(results / "figures") as new:
+        written = _write_all(new, content)
+    return [results / "figures" / path.name for path in written]
+
+
+def _write_all(folder, content):
     written = []
-    for letter, table in panels.items():
+    for letter, table in content.panels.items():
         written.append(folder / f"fig3{letter}.csv")
         _write(written[-1], table)
-    numbers = fig3_numbers(contacts, true_contacts)
-    _write(folder / "fig3.csv", numbers)
-    content = fig3_panels.Content(panels, numbers, touch)
     written += _save(fig3_panels.draw(content), folder, "fig3", ("png", "svg"))
-    for letter in panels:
+    for letter in content.panels:
         written += _save(fig3_panels.draw_one(content, letter), folder, f"fig3{letter}", ("svg",))
+    _write(folder / "fig3.csv", content.numbers)
     return [*written, folder / "fig3.csv"]
 
 

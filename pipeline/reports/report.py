@@ -1,7 +1,6 @@
 """report.html: one page on a session, for a screen and for paper; a page more for every video."""
 
 import functools
-import os
 from collections import defaultdict
 from pathlib import Path
 from urllib.parse import quote
@@ -113,11 +112,10 @@ def session_name(results, record) -> str:
     """
     paths = [each["path"] for each in record["inputs"].values() if each.get("path")]
     own = Path(results).resolve()
-    places = [own, *own.parents]
-    if paths:
-        common = Path(os.path.commonpath([os.path.dirname(path) for path in paths]))
-        places = [common, *common.parents, *places]
-    names = (place.name for place in places)
+    above = [Path(path).absolute().parents for path in paths]
+    shared = set.intersection(*map(set, above)) if above else set()  # none: on several drives
+    common = sorted(shared, key=lambda place: -len(place.parts))
+    names = (place.name for place in (*common, own, *own.parents))
     return next((n for n in names if n and n.casefold() not in COMMON_NAMES), own.name)
 
 

@@ -1,6 +1,5 @@
 """Which videos to process, where their settings and results lie, and whether they changed."""
 
-import hashlib
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,6 +7,7 @@ from pathlib import Path
 from pipeline.errors import InputError, VideoError, need_content, need_folder
 from pipeline.session.schema import FORMULA
 from pipeline.session.session_file import SettingsError, read_session
+from pipeline.tables.files import sha256
 from pipeline.tables.result_exchange import STATE_FILE
 from pipeline.tables.run_record import read_run, read_state, recorded_path
 from pipeline.video.open import RESULT_FOLDERS, find_videos, is_result_folder, open_video
@@ -299,14 +299,3 @@ def same_input(state, path) -> bool:
         return state["input"].get("bytes") == now["bytes"] and state["sha256"] == sha256(path)
     except OSError:
         return False  # it has gone, or cannot be read
-
-
-def sha256(path) -> str:
-    """SHA-256 of a file's content, or of the names and contents of a folder's files."""
-    if not path.is_dir():
-        with open(path, "rb") as file:
-            return hashlib.file_digest(file, "sha256").hexdigest()
-    whole = hashlib.sha256()
-    for file in sorted(p for p in path.iterdir() if p.is_file()):
-        whole.update(f"{file.name} {sha256(file)}\n".encode())
-    return whole.hexdigest()

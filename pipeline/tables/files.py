@@ -2,6 +2,7 @@
 
 import contextlib
 import csv
+import hashlib
 import json
 import os
 import tempfile
@@ -76,6 +77,18 @@ def to_disk(path) -> None:
         os.fsync(handle)
     finally:
         os.close(handle)
+
+
+def sha256(path) -> str:
+    """SHA-256 of a file's content, or of the names and contents of a folder's files."""
+    path = Path(path)
+    if not path.is_dir():
+        with open(path, "rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    whole = hashlib.sha256()
+    for file in sorted(p for p in path.iterdir() if p.is_file()):
+        whole.update(f"{file.name} {sha256(file)}\n".encode())
+    return whole.hexdigest()
 
 
 def _umask() -> int:

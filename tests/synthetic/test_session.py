@@ -1,5 +1,7 @@
 """Rendered sessions on disk: files, truth tables, settings, resumption; every preset."""
 
+import errno
+
 import cv2
 import numpy as np
 import pandas as pd
@@ -41,7 +43,8 @@ def session(tmp_path_factory):
 
 def test_files_of_a_session(session):
     folder, video = session
-    assert sorted(p.relative_to(folder).as_posix() for p in folder.rglob("*") if p.is_file()) == [
+    files = [path for path in folder.rglob("[!.]*") if path.is_file()]
+    assert sorted(path.relative_to(folder).as_posix() for path in files) == [
         "session.toml",
         "single_000.avi",
         "truth/contacts.csv",
@@ -191,6 +194,27 @@ def test_a_trial_that_fails_does_not_stop_the_others(tmp_path, monkeypatch):
     times = read_json(tmp_path / "truth" / "single_001" / "scene.json")["seconds"]
     assert set(times) == set(STAGES)
     assert all(seconds >= 0 for seconds in times.values())
+
+
+def test_a_full_disk_is_named_with_what_to_do(tmp_path, monkeypatch):
+    def fill(path, *content):
+        raise OSError(errno.ENOSPC, "", str(path))
+
+    monkeypatch.setattr(synthetic.session, "write_truth", fill)
+    with pytest.raises(RenderError, match=r"trial 0: .*single_000: No space left .*; make room"):
+        render_session(tmp_path, "single", trials=1, frames=20)
+
+
+def test_settings_that_a_person_edited_stay(tmp_path):
+    render_session(tmp_path, "single", trials=1, frames=20)
+    settings = tmp_path / "session.toml"
+    edited = f"# mine\n{settings.read_text()}"
+    settings.write_text(edited)
+    render_session(tmp_path, "single", trials=2, frames=20)
+    assert settings.read_text() == edited
+    with pytest.raises(RenderError, match=r"session.toml: would be replaced"):
+        render_session(tmp_path, "single", trials=1, frames=21)
+    assert settings.read_text() == edited
 
 
 def test_videos_do_not_depend_on_jobs_or_order(tmp_path):

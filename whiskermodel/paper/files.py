@@ -195,6 +195,9 @@ def _whole(target, write, *content):
     try:
         write(part, *content)
         os.replace(part, target)
+    except OSError as error:
+        error.filename, error.filename2 = str(target), None
+        raise
     finally:
         part.unlink(missing_ok=True)
     return target

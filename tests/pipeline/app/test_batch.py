@@ -193,6 +193,14 @@ def test_failures_do_not_stop_the_others(folder, calls, tmp_path):
     assert "\n" not in "".join(messages.values())
 
 
+def test_paths_in_the_tables_are_whole_also_of_what_fails(folder, calls, tmp_path, monkeypatch):
+    (folder / "empty").mkdir()
+    monkeypatch.chdir(tmp_path)
+    summary = batch.run([folder.relative_to(tmp_path)], tmp_path / "results")
+    assert all(Path(each.path).is_absolute() for each in summary.outcomes)
+    assert not summary.problems
+
+
 def test_corrections_that_do_not_fit_the_video_are_said_and_kept(folder, calls, tmp_path):
     out = tmp_path / "results"
     batch.run([folder], out)

@@ -57,6 +57,15 @@ def test_janelia_files_there_and_back(results, tmp_path, capsys):
     assert said == [str(tmp_path / f"trial.{s}") for s in ("whiskers", "measurements", "bar")]
 
 
+@pytest.mark.slow
+def test_the_trackers_own_files_stay_as_they_are(results, tmp_path, capsys):
+    (tmp_path / "trial.measurements").write_text("the tracker's")
+    assert run("export", "janelia", results, "--out", tmp_path) == 2
+    assert "trial.measurements: would be replaced" in capsys.readouterr().err
+    assert [path.name for path in tmp_path.glob("[!.]*")] == ["trial.measurements"]
+    assert (tmp_path / "trial.measurements").read_text() == "the tracker's"
+
+
 def test_a_damaged_file_fails_by_itself(tracked, tmp_path, capsys):
     for path in tracked.iterdir():
         (tmp_path / path.name).write_bytes(path.read_bytes())

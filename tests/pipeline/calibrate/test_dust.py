@@ -196,7 +196,7 @@ def test_the_follicles_motion_from_a_particle(tmp_path, capsys):
     np.testing.assert_allclose(table["radial_range_mm"], true, atol=1e-3 * ABOUT_UM)
     np.testing.assert_allclose(table["particle_mm"], 110 / SCALE, atol=0.05)
     assert (table["contacts"] == 5).all()
-    names = {path.name for path in out.iterdir()}
+    names = {path.name for path in out.glob("[!.]*")}
     assert names == {"dust.csv", "dust_contacts.csv", "dust_videos.csv", "one.png"}
     said = capsys.readouterr().out
     assert "one, whisker C2: particle 4.4" in said

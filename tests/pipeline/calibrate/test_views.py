@@ -241,7 +241,7 @@ def test_elevation_paths_and_force_are_found(space, session, tmp_path, capsys):
     )
     contacts = files.read_csv(out / "view_contacts.csv", VIEW_CONTACT_COLUMNS)
     assert contacts["force_effect_percent"].notna().all()
-    names = {path.name for path in out.iterdir()}
+    names = {path.name for path in out.glob("[!.]*")}
     assert names == {
         "calibration.csv", "fig4.png", "lines_3d.parquet", "view_contacts.csv", "views.csv",
     }  # fmt: skip

@@ -1,0 +1,94 @@
+"""Files for a folder of the user's choice: all or none, and none in place of somebody else's.
+
+A hidden list in the folder says what whiskerforce has written there. A file that is not on it, or
+has been changed since, is a person's or another program's, and stays.
+"""
+
+import contextlib
+import os
+import shutil
+from pathlib import Path
+
+from pipeline.errors import InputError, why
+from pipeline.runtime.folder_lock import locked
+from pipeline.tables.files import PART, read_json, sha256, to_disk, write_json
+
+DRAFT = f"{PART}new"  # holds what is being written
+RECORD = f"{PART}written"  # the list: a file's name → SHA-256 of what may be there by us
+
+
+def make_folder(folder) -> None:
+    """Make a folder where it is missing; InputError where that cannot be."""
+    try:
+        Path(folder).mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(
+            f"--out {folder}: cannot write there ({why(error)}); choose another folder"
+        ) from None
+
+
+@contextlib.contextmanager
+def new_files(folder):
+    """Yield an empty folder, whose files move into `folder` when the block succeeds.
+
+    Raises
+    ------
+    InputError
+        Where that would replace a file which whiskerforce did not write, or which was changed
+        since. Nothing has changed then, as after any other error in the block.
+    """
+    folder = Path(folder)
+    make_folder(folder)
+    with locked(folder), _named_after(folder / DRAFT, folder):
+        shutil.rmtree(folder / DRAFT, ignore_errors=True)  # of a program that was killed
+        (folder / DRAFT).mkdir()
+        try:
+            yield folder / DRAFT
+            _move_in(sorted((folder / DRAFT).iterdir()), folder)
+        finally:
+            shutil.rmtree(folder / DRAFT, ignore_errors=True)
+
+
+def check_own(folder, new) -> dict[str, list[str]]:
+    """Raise InputError where a file is there that whiskerforce has not written so.
+
+    `new` are the files' names with the SHA-256 of what is to replace them; the same may. Returns
+    what the list will hold of these files: by name, hashes of what is there and of what will be.
+    """
+    folder, ours = Path(folder), {}
+    record = read_json(folder / RECORD, {})
+    for name, digest in new.items():
+        path, known = folder / name, record.get(name)
+        ours[name] = [digest]
+        if os.path.lexists(path):
+            now = sha256(path) if path.is_file() else None
+            if now not in (digest, *(known if isinstance(known, list) else ())):
+                raise InputError(
+                    f"{path}: would be replaced, but was not written by whiskerforce, or was "
+                    "changed since; move it away or rename it, or choose another folder"
+                )
+            ours[name] = [now, digest]
+    return ours
+
+
+def _move_in(paths, folder):
+    """Move files into a folder; the list knows of old and new ones, whenever the program ends."""
+    ours = check_own(folder, {path.name: sha256(path) for path in paths})
+    for path in paths:
+        to_disk(path)
+    write_json(folder / RECORD, read_json(folder / RECORD, {}) | ours)
+    for path in paths:
+        os.replace(path, folder / path.name)
+    to_disk(folder)
+
+
+@contextlib.contextmanager
+def _named_after(draft, folder):
+    """Let the system's errors with a file in `draft` name the file that it was to be."""
+    try:
+        yield
+    except OSError as error:
+        path = Path(str(error.filename or folder))
+        error.filename = str(folder / path.name if draft in path.parents else path)
+        error.filename2 = None
+        raise

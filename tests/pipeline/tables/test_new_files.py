@@ -1,0 +1,105 @@
+"""Files for a folder of the user's choice: all or none, and nobody else's replaced."""
+
+import contextlib
+import errno
+import os
+
+import pytest
+
+from pipeline.errors import InputError
+from pipeline.tables import new_files as new_files_module
+from pipeline.tables.new_files import new_files
+
+
+def write(folder, **texts):
+    with new_files(folder) as new:
+        for name, text in texts.items():
+            (new / name).write_text(text)
+
+
+def visible(folder):
+    return {p.name: p.read_text() for p in folder.iterdir() if not p.name.startswith(".")}
+
+
+def test_own_files_are_replaced_time_and_again(tmp_path):
+    for text in ("first", "second", "second", "third"):
+        write(tmp_path / "à b", one=text, two="same")
+        assert visible(tmp_path / "à b") == {"one": text, "two": "same"}
+
+
+def test_a_file_of_somebody_else_stays_and_so_does_all_beside_it(tmp_path):
+    write(tmp_path, one="ours")
+    (tmp_path / "two").write_text("a day's work")
+    with pytest.raises(InputError, match=r"two: would be replaced.*choose another folder"):
+        write(tmp_path, one="newer", two="ours")
+    assert visible(tmp_path) == {"one": "ours", "two": "a day's work"}
+
+
+def test_a_file_that_was_edited_stays(tmp_path):
+    write(tmp_path, one="ours")
+    (tmp_path / "one").write_text("edited")
+    with pytest.raises(InputError, match="one: would be replaced"):
+        write(tmp_path, one="ours")
+    assert visible(tmp_path) == {"one": "edited"}
+
+
+@pytest.mark.parametrize("make", [os.mkdir, lambda path: os.symlink("/nowhere", path)])
+def test_a_folder_or_a_link_of_that_name_stays(tmp_path, make):
+    make(tmp_path / "one")
+    with pytest.raises(InputError, match="one: would be replaced"):
+        write(tmp_path, one="ours")
+
+
+def test_nothing_changes_where_writing_fails(tmp_path):
+    write(tmp_path, one="old")
+
+    def run_out_of_space():
+        with new_files(tmp_path) as new:
+            (new / "one").write_text("half")
+            raise OSError(errno.ENOSPC, "No space left on device", str(new / "two"))
+
+    with pytest.raises(OSError) as raised:
+        run_out_of_space()
+    assert raised.value.filename == str(tmp_path / "two")
+    assert visible(tmp_path) == {"one": "old"}
+    assert not (tmp_path / new_files_module.DRAFT).exists()
+
+
+@pytest.mark.parametrize("after", range(4))
+def test_a_program_killed_between_two_files_may_try_again(tmp_path, monkeypatch, after):
+    write(tmp_path, one="old", two="old")
+    moves = []
+
+    def replace(old, new, really=os.replace):
+        if len(moves) == after:
+            raise KeyboardInterrupt
+        moves.append(new)
+        really(old, new)
+
+    with monkeypatch.context() as patch, contextlib.suppress(KeyboardInterrupt):
+        patch.setattr(os, "replace", replace)
+        write(tmp_path, one="new", two="new")
+    assert set(visible(tmp_path).values()) <= {"old", "new"}
+    write(tmp_path, one="newer", two="newer")
+    assert visible(tmp_path) == {"one": "newer", "two": "newer"}
+
+
+def test_a_folder_that_is_a_file_is_named(tmp_path):
+    (tmp_path / "out").write_text("mine")
+    with pytest.raises(InputError, match="out: cannot write there"):
+        write(tmp_path / "out", one="ours")
+
+
+def test_what_is_there_already_in_the_same_words_may_be_written(tmp_path):
+    (tmp_path / "one").write_text("the same")
+    write(tmp_path, one="the same")
+    write(tmp_path, one="newer")
+    assert visible(tmp_path) == {"one": "newer"}
+
+
+@pytest.mark.parametrize("text", ["", "[]", '{"one": 5}', "\x00"])
+def test_where_the_list_is_damaged_all_files_are_somebody_elses(tmp_path, text):
+    write(tmp_path, one="ours")
+    (tmp_path / new_files_module.RECORD).write_text(text)
+    with pytest.raises(InputError, match="one: would be replaced"):
+        write(tmp_path, one="newer")
