@@ -1,9 +1,11 @@
-"""Names of a video's lines by several ways, of which the best one counts and the good ones vote.
+"""Names of a video's lines by several ways, which vote: the better one is, the more it counts.
 
 A whisker keeps its length, however it turns. Where the whole row is named one whisker further
 after a fast whisk, angles and bends still go with the phase, but lengths do not: such ways fall
 through.
 """
+
+import itertools
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
@@ -17,45 +19,74 @@ LEAST_SD = np.array([0.01, np.radians(1.5), 0.05, 0.03, 0.007, 0.005])  # of a l
 ROUNDS = 2  # of naming all lines and learning the appearance from them
 OTHERS = 3  # numbers of whiskers tried besides the likeliest, at most
 NEARLY = 1.05  # of its cost: numbers of whiskers that cost more are not tried
-LESS_OF_APPEARANCE = 0.2  # another way to the names: how lines move counts more
-# whiskers that tracklets lead to are seen in so many frames; how much appearance counts then
-BY_TRACKLETS = (0.15, 1.0), (0.3, LESS_OF_APPEARANCE)
+LESS_OF_APPEARANCE = 0.2  # every way goes on so to another one: how lines move counts more
+SHARES = 0.15, 0.3  # of the frames, in which whiskers that tracklets lead to are seen
 LENGTH_SD = 0.08  # of the logarithm of a whisker's length
 NO_NAME = 4.5  # cost of a line without a name, as of a length 3 SD off
 NO_LINE = 2.0  # cost of a whisker without a line in a frame
-WORSE = 1.1, 0.02  # a way that votes costs at most so many times the best one's, and more
+SURE = 4  # a way counts by this power of the best one's cost over its own
+LEAST_COST = 0.02  # per line, up to which ways are as good
+ALIKE = 1.5  # power of the share of the votes: ways that share lines share errors, too
 
 
 def best_names(lines) -> tuple[np.ndarray, np.ndarray]:
     """Names (rows,), as whiskers were found, −1 for none, and how sure they are (rows,).
 
-    That is the probability that no two whiskers have changed names, times the square of the share
-    of good ways that lead to this name: ways that share lines share errors, too.
+    That is the probability that no two whiskers have changed names, times the share of the votes
+    for this name, to the power of ALIKE.
     """
     if lines.frame[0] == lines.frame[-1]:  # in a single frame every line is a whisker by itself
         return np.arange(len(lines.frame)), np.ones(len(lines.frame))
     ways = list(_ways(lines))
     costs = np.array([_length_cost(lines, names) for names, *_ in ways])
-    named, model, phase = ways[int(np.argmin(costs))]
-    good = np.flatnonzero(costs <= WORSE[0] * costs.min() + WORSE[1])
-    share = np.mean([_renamed(ways[k][0], named) == named for k in good], axis=0)
+    best, model, phase = ways[int(np.argmin(costs))]
+    weight = ((costs.min() + LEAST_COST) / (costs + LEAST_COST)) ** SURE
+    named, share = _voted(lines.starts, [_renamed(names, best) for names, *_ in ways], weight)
     evidence = motion_model.evidence_of(model, lines, phase)
-    return named, label_swaps.certainty(evidence, named) * share**2
+    return named, label_swaps.certainty(evidence, named) * share**ALIKE
+
+
+def _voted(starts, ways, weight):
+    """Names (rows,) with the most votes, one line to each in a frame, and their shares (rows,).
+
+    starts : first row of every frame, and the number of rows
+    ways : (ways, rows) of the same names; below 0: none
+    weight : (ways,)
+    """
+    ways = np.array(ways)
+    rows, count = np.arange(ways.shape[1]), ways.max(initial=-1) + 1
+    votes = np.zeros((len(rows), count + 1))  # the last one: for no name
+    for names, each in zip(ways, weight / weight.sum(), strict=True):
+        votes[rows, np.where(names < 0, count, names)] += each
+    named = np.full(len(rows), count)
+    for first, last in itertools.pairwise(starts):
+        # every line may be the one without a name
+        choices = np.hstack([votes[first:last, :count], np.diag(votes[first:last, count])])
+        line, choice = linear_sum_assignment(choices, maximize=True)
+        named[first + line] = np.minimum(choice, count)
+    return np.where(named < count, named, -1), votes[rows, named]
 
 
 def _ways(lines):
-    """Names (rows,) by numbers of whiskers, by motions and by tracklets, as of `_likeliest`."""
+    """Names (rows,) from different first ones on, each by two weights, as of `_likeliest`."""
+    for model, names in _first_names(lines):
+        way = _likeliest(lines, model, names)
+        yield way
+        yield _likeliest(lines, way[1], way[0], LESS_OF_APPEARANCE)
+
+
+def _first_names(lines):
+    """Appearances and names (rows,) by numbers of whiskers, and by tracklets."""
     first, *others = named_in_order(lines, LEAST_SD)
-    yield _likeliest(lines, first.model, first.names)
+    yield first.model, first.names
     for other in others[:OTHERS]:
         if other.cost < NEARLY * first.cost:
-            yield _likeliest(lines, other.model, other.names)
-    yield _likeliest(lines, first.model, first.names, LESS_OF_APPEARANCE)
+            yield other.model, other.names
     by_tracklets = named_by_tracklets(lines)
-    for share, appearance in BY_TRACKLETS:
+    for share in SHARES:
         names = often_seen(by_tracklets, lines.frame, share)
         if names.max(initial=-1) >= 0:
-            yield _likeliest(lines, seeds.appearance_of(lines, names, LEAST_SD), names, appearance)
+            yield seeds.appearance_of(lines, names, LEAST_SD), names
 
 
 def _likeliest(lines, model, named, appearance=1.0):

@@ -47,7 +47,7 @@ def test_a_name_is_the_surer_the_more_ways_lead_to_it(monkeypatch):
     monkeypatch.setattr(ways, "_ways", more)
     found, sure = names(frame, true, features)
     assert (found == true).all()
-    assert sure[wrong != true].max() <= (3 / 4) ** 2
+    assert sure[wrong != true].max() < 3 / 4
     assert np.median(sure[wrong == true]) > 0.9
 
 
