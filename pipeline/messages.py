@@ -7,7 +7,7 @@ import numpy as np
 from pipeline.errors import counted
 from pipeline.scene.face import thickening_towards
 from pipeline.scene.what_was_seen import seen_instead_of_pole, seen_instead_of_whiskers
-from pipeline.video.negative import Negative
+from pipeline.video.changed import Negative
 
 SELDOM_TRACKED = 0.8  # a whisker seen in less than this part of the frames is worth a message
 OTHER_THICKNESS = 0.12  # of the pole, relative: more is no error of measurement

@@ -11,7 +11,13 @@ from pipeline.detection import PoleTrack
 from pipeline.errors import InputError, VideoError
 from pipeline.forces import estimate_forces
 from pipeline.identity import assign_identities
-from pipeline.kinematics import Kinematics, KinematicsMeter, given_lines, locate_follicles
+from pipeline.kinematics import (
+    Kinematics,
+    KinematicsMeter,
+    as_recorded,
+    given_lines,
+    locate_follicles,
+)
 from pipeline.messages import line_messages, messages
 from pipeline.runtime import Clock, Counted, Step, prepare_cache
 from pipeline.scene import (
@@ -19,6 +25,7 @@ from pipeline.scene import (
     find_scenes,
     part_of,
     pole_track,
+    steadied,
     survey,
     whiskers_are_bright,
     without_poles,
@@ -47,6 +54,7 @@ from pipeline.video import Negative, open_video
 prepare_cache()  # nothing compiled has been called yet
 
 FRAMES_FOR_POLARITY = 8
+FRAMES_FOR_SHAKE = 16
 LEAST_PX = 16  # height and width of a frame
 
 
@@ -99,7 +107,7 @@ def analyse(
         say(Step("contacts"))
         touch = touches_of(kinematics, frames, evidence, settings, corrections)
     notes = messages(settings, touch, video, epochs, kinematics, odd)
-    return _analysis(kinematics, touch, notes, clock, given, stored)
+    return _analysis(kinematics, touch, notes, clock, given, stored, video.shifts)
 
 
 def analyse_lines(lines, settings, pole=None, n_frames=0, keep=None, corrections=None) -> Analysis:
@@ -133,13 +141,13 @@ def analyse_lines(lines, settings, pole=None, n_frames=0, keep=None, corrections
     return _analysis(kinematics, touch, notes, clock, settings, stored)
 
 
-def _analysis(kinematics, touch, notes, clock, settings, stored) -> Analysis:
-    """What was found, with the notes to a person."""
+def _analysis(kinematics, touch, notes, clock, settings, stored, shifts=None) -> Analysis:
+    """What was found, with the notes to a person, at its places in the frames as recorded."""
     return Analysis(
-        frames=with_units(touch.frames, FRAME_COLUMNS),
+        frames=with_units(as_recorded(touch.frames, shifts), FRAME_COLUMNS),
         contacts=with_units(touch.contacts, CONTACT_COLUMNS),
         evidence=touch.evidence,
-        pole=kinematics.pole,
+        pole=kinematics.pole and kinematics.pole.moved(shifts),
         n_frames=kinematics.n_frames,
         messages=tuple(notes),
         seconds=clock.seconds,
@@ -149,7 +157,10 @@ def _analysis(kinematics, touch, notes, clock, settings, stored) -> Analysis:
 
 
 def look_at(video, settings):
-    """The video, or its negative; its `Survey`, and its epochs: what stands still, until when."""
+    """The video, steadied or as its negative if need be; its `Survey`, and its epochs.
+
+    Epochs say what stands still, and until when.
+    """
     if min(video.shape) < LEAST_PX:
         raise VideoError(
             video.path,
@@ -160,6 +171,9 @@ def look_at(video, settings):
     recording, pole, params = settings.recording.si(), settings.pole, settings.advanced.scene
     part = part_of(settings.image, video)
     seen = survey(video, recording, params, part)
+    recorded, video = video, steadied(video, seen.sample(FRAMES_FOR_SHAKE)[1])
+    if video is not recorded:
+        seen = survey(video, recording, params, part)
     if _is_bright(settings, seen):
         video = Negative(video)
         seen = survey(video, recording, params, part)
@@ -221,7 +235,7 @@ def follow(
             meter.add(chunk, video.interpolated)
         with clock("storing"):
             if keep is not None:
-                keep(chunk)
+                keep(chunk.moved(video.shifts))
     clock.seconds["centrelines"] -= clock.seconds["decoding"]
     return meter.result(frames.count)
 

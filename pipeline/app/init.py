@@ -9,12 +9,13 @@ import numpy as np
 from pipeline.app.preview import preview_of, write_preview
 from pipeline.detection.static_scene import StaticScene
 from pipeline.errors import InputError, VideoError, need_folder
-from pipeline.run import FRAMES_FOR_POLARITY
+from pipeline.run import FRAMES_FOR_POLARITY, FRAMES_FOR_SHAKE
 from pipeline.scene.dust import is_passed_over
 from pipeline.scene.estimate import find_scenes, survey
 from pipeline.scene.over_time import without_pole
 from pipeline.scene.polarity import whiskers_are_bright
 from pipeline.scene.scale import FIELD_MM, scale_of
+from pipeline.scene.shake import steadied
 from pipeline.session.inputs import PREVIEW_NAME, SETTINGS_NAME, find_inputs
 from pipeline.session.recording import Recording
 from pipeline.session.session_file import read_session, settings_from, write_session
@@ -23,7 +24,7 @@ from pipeline.tracking.registry import find_templates
 from pipeline.tracking.two_sides import counted_names
 from pipeline.tracking.whisker_evidence import whisker_like
 from pipeline.tracking.whiskers import TEMPLATE_FRAMES, options_for_picture
-from pipeline.video.negative import Negative
+from pipeline.video.changed import Negative
 from pipeline.video.open import open_video
 
 LOOKED_AT = 3  # videos
@@ -114,7 +115,7 @@ def _look_at_some(folder, look, say, most=LOOKED_AT) -> list:
 def look_at(path) -> Look:
     """Find face, pole, scale and whiskers in one video."""
     with open_video(path) as video:
-        video = _dark_on_light(video)
+        video = _dark_on_light(steadied(video, video.sample(FRAMES_FOR_SHAKE)[1]))
         scene, sample, scale = _scene_and_scale(video)
     recording = Recording(FRAMES_PER_SECOND, scale, scene.face_side)
     options = options_for_picture(recording, sample.shape[1:])

@@ -16,7 +16,7 @@ from pipeline.scene.picture_part import part_of
 from pipeline.session.session_file import Settings
 from pipeline.tables import files
 from pipeline.tracking.whiskers import names_of, template_frames, tracing_options
-from pipeline.video.negative import Negative
+from pipeline.video.changed import Negative
 from pipeline.video.open import open_video
 
 STRETCH = 48  # frames that are traced for the picture

@@ -6,7 +6,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
         "fur_noise": ["locate_follicles"],
-        "measure": ["Kinematics", "KinematicsMeter"],
+        "measure": ["Kinematics", "KinematicsMeter", "as_recorded"],
         "resampled": ["Stations", "measure_stations"],
         "resampled_store": ["StationStore"],
     },

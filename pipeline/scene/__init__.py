@@ -12,5 +12,6 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "polarity": ["whiskers_are_bright"],
         "pole_runs": ["pole_at"],
         "scale": ["scale_of", "working_scale"],
+        "shake": ["steadied"],
     },
 )

@@ -83,6 +83,17 @@ class Centrelines:
         left_out = ("offset_px", "information", "thickness_px", "hidden_px", "follicle")
         return replace(self, **dict.fromkeys(left_out))
 
+    def moved(self, shifts) -> "Centrelines":
+        """Return the lines moved by the shift x, y [px] of every frame; None: as they are."""
+        if shifts is None:
+            return self
+        by = np.reshape(shifts, (-1, 2))[self.frame]
+        x, y = np.repeat(by, np.diff(self.offsets), axis=0).T.astype(np.float32)
+        follicle = self.follicle
+        if follicle is not None:
+            follicle = follicle + np.column_stack([by, np.zeros(len(by))])
+        return replace(self, x_px=self.x_px + x, y_px=self.y_px + y, follicle=follicle)
+
     def rows(self, rows) -> "Centrelines":
         """Return the rows of these numbers, in their order."""
         counts = np.diff(self.offsets)[rows]

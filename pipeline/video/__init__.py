@@ -6,7 +6,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
         "base": ["Video"],
-        "negative": ["Negative"],
+        "changed": ["Changed", "Negative", "Steadied"],
         "open": ["find_videos", "open_video"],
     },
 )

@@ -29,7 +29,11 @@ class Video:
         What is wrong with single frames, as far as they have been `watched`.
     ended_by : VideoError or None
         Why no more frames could be read when they were last `watched`.
+    shifts : list of (x, y) [px], or None
+        Of a shaking camera's frames (`Steadied`), as far as they have been `watched`.
     """
+
+    shifts = None
 
     def __init__(self, path, width: int, height: int, n_frames: int | None, exact_count=True):
         self.path = Path(path)

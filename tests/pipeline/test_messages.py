@@ -17,7 +17,7 @@ from pipeline.session.session_file import settings_from
 from pipeline.tracking.options import options_for
 from pipeline.tracking.registry import find_templates
 from pipeline.tracking.seen_lengths import SeenLength
-from pipeline.video.negative import Negative
+from pipeline.video.changed import Negative
 from synthetic.presets import make_trial
 from synthetic.render import Renderer
 
