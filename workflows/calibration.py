@@ -28,7 +28,7 @@ from calibration_motion import command, dust_text, views_text, work_folder
 
 from pipeline.calibrate.find_whisker import NoWhiskerError
 from pipeline.calibrate.geometry import measure_geometry
-from pipeline.tables.columns import RINGDOWN_COLUMNS
+from pipeline.tables.calibration_columns import RINGDOWN_COLUMNS
 from pipeline.tables.files import read_csv
 from synthetic.micrograph import random_micrograph
 from synthetic.presets import make_trial

@@ -10,14 +10,13 @@ import pandas as pd
 
 from pipeline.app import cli
 from pipeline.calibrate.follicle_motion import contact_row, slope_of
-from pipeline.tables.columns import (
-    CONTACT_COLUMNS,
+from pipeline.tables.calibration_columns import (
     DUST_COLUMNS,
     DUST_CONTACT_COLUMNS,
     DUST_VIDEO_COLUMNS,
     VIEW_FRAME_COLUMNS,
-    as_table,
 )
+from pipeline.tables.columns import CONTACT_COLUMNS, as_table
 from pipeline.tables.files import read_csv, read_frames
 from synthetic.presets import make_trial
 from synthetic.session import render_session

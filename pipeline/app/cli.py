@@ -103,8 +103,11 @@ def run(
     """
     from pipeline.app import batch
     from pipeline.runtime import interrupts
+    from pipeline.runtime.numba_cache import is_compiled
 
     interrupts.listen()
+    if not (quiet or is_compiled()):
+        _say("the first run compiles the program: that takes some minutes, once")
     jobs, shown = jobs or _cores(), None if quiet else _progress
     summary = batch.run(paths, out, config, jobs, overwrite, overlay, shown)
     _finish_run(summary, debug, _say_nothing if quiet else _say)

@@ -1,5 +1,6 @@
 """`whiskerforce demo` and `synth`: rendered sessions, and results beside their truth."""
 
+import difflib
 import time
 from pathlib import Path
 
@@ -45,7 +46,9 @@ def render(folder, preset, seed, trials, jobs, progress, say, frames=1000) -> li
         return paths
     if preset not in PRESETS:
         known = "\n".join(preset_lines())
-        raise ValueError(f"--preset {preset}: no such preset; expected one of\n{known}")
+        near = difflib.get_close_matches(preset, [*PRESETS, *TWO_VIEWS], 1)
+        meant = f" (did you mean {near[0]}?)" if near else ""
+        raise ValueError(f"--preset {preset}: no such preset{meant}; expected one of\n{known}")
     trials = trials or PRESETS[preset].trials
     names = [f"trial {trial}" for trial in range(trials)]
     say(f"rendering {counted(trials, 'video')} …")

@@ -7,12 +7,12 @@ import pandas as pd
 
 from pipeline.calibrate.dust_picture import draw_dust
 from pipeline.calibrate.follicle_motion import FollicleMotion, Slope, slope_of
-from pipeline.tables.columns import (
+from pipeline.tables.calibration_columns import (
     DUST_COLUMNS,
     DUST_CONTACT_COLUMNS,
     DUST_VIDEO_COLUMNS,
-    as_table,
 )
+from pipeline.tables.columns import as_table
 from pipeline.tables.files import write_csv
 from pipeline.tables.new_files import new_files
 

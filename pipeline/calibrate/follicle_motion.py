@@ -14,7 +14,8 @@ from scipy.stats import linregress, t
 from pipeline.calibrate.particle import ParticlePath, follow_particle
 from pipeline.calibrate.thickness import ThicknessMap, arc_along, map_thickness
 from pipeline.numerics.robust import robust_sd
-from pipeline.tables.columns import DUST_CONTACT_COLUMNS, as_table
+from pipeline.tables.calibration_columns import DUST_CONTACT_COLUMNS
+from pipeline.tables.columns import as_table
 
 BASE_MM = 3.0  # of the visible whisker, by which it is continued into the face
 TRIM_PX = 4  # first points, which fur may shift

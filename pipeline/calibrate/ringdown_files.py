@@ -7,7 +7,7 @@ import pandas as pd
 from pipeline.calibrate.ringdown import Pooled, SlipFit, moduli_by_follicle
 from pipeline.calibrate.ringdown_picture import draw_ringdown
 from pipeline.session.edit import set_whisker_values
-from pipeline.tables.columns import RINGDOWN_COLUMNS
+from pipeline.tables.calibration_columns import RINGDOWN_COLUMNS
 from pipeline.tables.files import write_csv, write_text
 from pipeline.tables.new_files import new_files
 

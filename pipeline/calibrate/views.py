@@ -14,7 +14,8 @@ from pipeline.calibrate.two_views import TwoViews, ViewsError
 from pipeline.convert.results import lines_of_rows
 from pipeline.detection.static_scene import PoleTrack
 from pipeline.errors import counted
-from pipeline.tables.columns import VIEW_CONTACT_COLUMNS, VIEW_FRAME_COLUMNS, as_table
+from pipeline.tables.calibration_columns import VIEW_CONTACT_COLUMNS, VIEW_FRAME_COLUMNS
+from pipeline.tables.columns import as_table
 
 LEAST_TOGETHER = 0.5  # share of the first view's frames that both must show
 APART_MM = 1.5  # between the ends that the views show, along the shared axis

@@ -8,13 +8,13 @@ import pandas as pd
 from pipeline.calibrate.two_views import TwoViews
 from pipeline.calibrate.views import ViewsMeasurement
 from pipeline.calibrate.views_picture import draw_views
-from pipeline.tables.columns import (
+from pipeline.tables.calibration_columns import (
     CALIBRATED_VIEW_COLUMNS,
     SPACE_LINE_COLUMNS,
     VIEW_CONTACT_COLUMNS,
     VIEW_FRAME_COLUMNS,
-    as_table,
 )
+from pipeline.tables.columns import as_table
 from pipeline.tables.files import write_csv, write_rows
 from pipeline.tables.new_files import new_files
 

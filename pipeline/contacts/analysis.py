@@ -10,7 +10,7 @@ from pipeline.contacts.probability import add_probability
 from pipeline.contacts.summary import PEAK_ERROR_COLUMNS, contact_table, peak_errors
 from pipeline.forces import forces
 from pipeline.forces.estimate import estimate_forces
-from pipeline.kinematics.resampled import Stations
+from pipeline.kinematics.stations import Stations
 from pipeline.session.parameters import DEFAULTS, Parameters
 from pipeline.session.recording import Recording
 from pipeline.tables.columns import (

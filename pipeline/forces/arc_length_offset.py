@@ -37,7 +37,7 @@ from scipy.special import expit
 
 from pipeline.forces import rod_fit
 from pipeline.forces.rod_fit import N_REST, RestPrior
-from pipeline.kinematics.resampled import N_STATIONS, Stations
+from pipeline.kinematics.stations import N_STATIONS, Stations
 from pipeline.numerics.robust import robust_sd
 from pipeline.numerics.runs import evenly
 from pipeline.session.parameters import DEFAULTS, RodParams

@@ -7,7 +7,8 @@ import pandas as pd
 
 from pipeline.forces import forces
 from pipeline.kinematics.base_angle import rows_of
-from pipeline.kinematics.resampled import N_STATIONS, PART_ROWS, Stations
+from pipeline.kinematics.resampled import PART_ROWS
+from pipeline.kinematics.stations import N_STATIONS, Stations
 from pipeline.numerics.runs import parts
 from pipeline.session.parameters import DEFAULTS, RodParams
 from pipeline.tables.columns import EVIDENCE_COLUMNS, as_table

@@ -16,8 +16,7 @@ from scipy.ndimage import gaussian_filter1d
 from pipeline.forces import arc_length_offset, fur_bias, rest_shape, rod_fit, station_noise
 from pipeline.forces.rest_shape import RestModel
 from pipeline.forces.rod_fit import RestPrior, ShapeFit
-from pipeline.kinematics import resampled
-from pipeline.kinematics.resampled import Stations
+from pipeline.kinematics.stations import Stations, lies_across
 from pipeline.numerics.angles import jitter, wrapped
 from pipeline.numerics.robust import robust_sd
 from pipeline.session.parameters import DEFAULTS, RodParams
@@ -152,7 +151,7 @@ def _evidence(places, fit, origin, rest_known, free, params) -> pd.DataFrame:
             "side": places.side,
             "pole_known": np.isfinite(places.pole_x),
             "extended": places.extended,
-            "across": resampled.lies_across(places),
+            "across": lies_across(places),
             "interpolated": places.interpolated,
             "rest_known": rest_known,
             "origin_m": origin.per_row,

@@ -19,7 +19,7 @@ import numpy as np
 
 from pipeline.forces import rod_fit
 from pipeline.forces.arc_length_offset import LASTING_SHARE
-from pipeline.kinematics.resampled import Stations
+from pipeline.kinematics.stations import Stations
 from pipeline.numerics.robust import MAD_TO_SD
 from pipeline.numerics.runs import evenly
 from whiskermodel.whisker import Whisker

@@ -51,7 +51,7 @@ from pipeline.forces.rod_types import (
     Seen,
     Setup,
 )
-from pipeline.kinematics.resampled import N_STATIONS, Stations
+from pipeline.kinematics.stations import N_STATIONS, Stations
 from pipeline.numerics.cholesky import factorise, invert
 from whiskermodel.whisker import Whisker
 

@@ -10,7 +10,7 @@ from scipy.optimize import nnls
 
 from pipeline.forces import rod_fit
 from pipeline.forces.fur_bias import usual_misfit
-from pipeline.kinematics.resampled import Stations
+from pipeline.kinematics.stations import Stations
 from pipeline.numerics.runs import evenly
 from whiskermodel.whisker import Whisker
 

@@ -7,7 +7,8 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     submod_attrs={
         "fur_noise": ["locate_follicles"],
         "measure": ["Kinematics", "KinematicsMeter", "as_recorded"],
-        "resampled": ["Stations", "measure_stations"],
+        "resampled": ["measure_stations"],
         "resampled_store": ["StationStore"],
+        "stations": ["Stations"],
     },
 )

@@ -1,107 +1,21 @@
-"""Centrelines resampled at fixed arc lengths, and their distance from the pole.
+"""Centrelines resampled at fixed arc lengths (`Stations`), and their distance from the pole."""
 
-A whisker in a frame becomes some hundred numbers, so that the mechanics of a long video fit in
-memory. Metres, y up, counter-clockwise positive.
-"""
-
-from dataclasses import dataclass, fields, replace
 from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
 from pipeline.detection.static_scene import PoleTrack
+from pipeline.kinematics.stations import N_STATIONS, Stations
 from pipeline.kinematics.tip import nodes_to_tip
 from pipeline.numerics import polyline
-from pipeline.scene.dust import INNER
 from pipeline.session.parameters import DEFAULTS, KinematicsParams
 from pipeline.session.recording import Recording
 from pipeline.tables.centrelines import Centrelines
 
 PART_ROWS = 100_000  # of a whisker, measured together: more than show how it lies and bends
-N_STATIONS = 49  # over the whisker's length: 0.375 mm apart on a mouse's C2
 POLE_BLURS_PX = 6.0  # from the pole's edge on: the trace is drawn towards the dark disc
-# fields that are not one per row
-SHARED = ("names", "spacing", "pole_radius", "pixel", "file", "doubt")
 END_FIT_PX = 12  # the last points, which give the direction of that continuation
-
-
-@dataclass(frozen=True)
-class Stations:
-    """Every traced whisker and frame of a video (or a chunk of it) as places on a fixed grid.
-
-    Attributes
-    ----------
-    names : the whiskers' names, which `whisker` indexes
-    spacing : (names,) distance between stations [m]; station k is at arc length k·spacing
-    frame, whisker : int (rows,)
-    x, y : (rows, stations) [m]; NaN where nothing was measured
-    information : (rows, stations) [1/m²], of the place across the whisker; 0 where not measured
-    first, last : (rows,) arc length of the first and last traced point [m]
-    origin : (rows,) [m] to add to all arc lengths, where it turns out that the first traced
-        point is farther from the follicle than was thought
-    pole_x, pole_y : (rows,) [m], NaN while the pole is not in view
-    pole_radius : [m]
-    pixel : size of one [m]; the points of a trace are so far apart
-    distance : (rows,) whisker surface to pole surface [m], negative where they overlap
-    nearest : (rows,) arc length of the point nearest to the pole [m]
-    side : (rows,) +1 where the pole is on the side of the whisker's normal, −1; 0 without pole
-    extended : (rows,) bool, the nearest point lies beyond the traced part
-    interpolated : (rows,) bool, the codec made the frame out of frames before and after
-    to_tip : (rows,) how far the tip is beyond the last traced point [m], NaN where not known
-    """
-
-    names: tuple[str, ...]
-    spacing: np.ndarray
-    frame: np.ndarray
-    whisker: np.ndarray
-    x: np.ndarray
-    y: np.ndarray
-    information: np.ndarray
-    first: np.ndarray
-    last: np.ndarray
-    origin: np.ndarray
-    pole_x: np.ndarray
-    pole_y: np.ndarray
-    pole_radius: float
-    pixel: float
-    distance: np.ndarray
-    nearest: np.ndarray
-    side: np.ndarray
-    extended: np.ndarray
-    interpolated: np.ndarray
-    to_tip: np.ndarray
-
-    def __len__(self):
-        return len(self.frame)
-
-    def rather_shown(self, rows, enough) -> np.ndarray:
-        """Those of `rows` (numbers) in frames that no codec interpolated; all, if not `enough`."""
-        shown = rows[~self.interpolated[rows]]
-        return shown if len(shown) >= enough else rows
-
-    def of(self, name: str) -> "Stations":
-        """Return the rows of one whisker, in the order of their frames."""
-        rows = np.flatnonzero(self.whisker == self.names.index(name))
-        rows = rows[np.argsort(self.frame[rows], kind="stable")]
-        return self.rows(rows)
-
-    def rows(self, rows) -> "Stations":
-        """Return the given rows (indices, slice or mask)."""
-        per_row = {
-            f.name: getattr(self, f.name)[rows]
-            for f in fields(self)
-            if f.name not in SHARED and getattr(self, f.name) is not None
-        }
-        return replace(self, **per_row)
-
-    def loaded(self) -> "Stations":
-        """Return the same with x, y and information in memory, as here they are."""
-        return self
-
-    def doubted(self, variance) -> "Stations":
-        """Return the same with errors of `variance` (stations,) [m²] beside those it knows of."""
-        return replace(self, information=beside_doubt(self.information, variance))
 
 
 class Lines(NamedTuple):
@@ -167,11 +81,6 @@ class _Places(NamedTuple):
     y: np.ndarray
     information: np.ndarray
     near: np.ndarray
-
-
-def beside_doubt(information, variance):
-    """Information (rows, stations) [1/m²] of places with a further error of `variance` [m²]."""
-    return information / (1 + information * variance)
 
 
 def measure_stations(
@@ -406,15 +315,3 @@ def _approach(line, more, px, py, pole_radius, cone, out):
             out[0], out[1] = gap, at
             out[2] = 1.0 if ex * dy - ey * dx >= 0 else -1.0
             out[3] = 1.0 if last else 0.0
-
-
-def lies_across(places) -> np.ndarray:
-    """Rows of `Stations` in which the whisker lies over the pole's inner half, bool (rows,).
-
-    It must have been seen on both sides.
-    """
-    radius = places.pole_radius
-    with np.errstate(invalid="ignore"):
-        inner = places.distance < -(1 - INNER) * radius
-        both = (places.first < places.nearest - radius) & (places.last > places.nearest + radius)
-    return inner & both & ~places.extended

@@ -10,7 +10,7 @@ from typing import BinaryIO
 
 import numpy as np
 
-from pipeline.kinematics.resampled import N_STATIONS, SHARED, Stations
+from pipeline.kinematics.stations import N_STATIONS, SHARED, Stations
 
 BULKY = ("x", "y", "information")
 RECORD = (len(BULKY), N_STATIONS)

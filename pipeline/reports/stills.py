@@ -95,8 +95,8 @@ def _caption(row) -> str:
     caption = f"{row['video']}, frame {row['peak_frame']:.0f}: {row['whisker']}, contact "
     caption += f"{row['contact']}, "
     if np.isfinite(row["peak_force_uN"]):
-        caption += f"peak {row['peak_force_uN']:.3g} µN, "
-    caption += f"{row['duration_ms']:.3g} ms"
+        caption += f"peak {row['peak_force_uN']:.3g}\u00a0µN, "
+    caption += f"{row['duration_ms']:.3g}\u00a0ms"
     if row["flags"]:
         caption += f"; {', '.join(split_flags(row['flags']))}"
     return caption

@@ -67,6 +67,11 @@ def drop_stale(root=ROOT, packages=PACKAGES) -> list[Path]:
     return removed
 
 
+def is_compiled(root=ROOT) -> bool:
+    """Whether the fit of rods, which takes longest to compile, has been compiled before."""
+    return any(_indexes(Path(root) / "pipeline" / "forces" / "rod_fit.py"))
+
+
 def _stamps(root, package) -> Path:
     """File with the modification times of all sources at the last check."""
     if VARIABLE not in os.environ:

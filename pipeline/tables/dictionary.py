@@ -1,25 +1,27 @@
 """The dictionary of tables, columns and flags: docs/tables.md."""
 
-from pipeline.tables.columns import (
+from pipeline.tables.calibration_columns import (
     CALIBRATED_VIEW_COLUMNS,
+    DENSITY_COLUMNS,
+    DUST_COLUMNS,
+    DUST_CONTACT_COLUMNS,
+    DUST_VIDEO_COLUMNS,
+    GEOMETRY_COLUMNS,
+    PROFILE_COLUMNS,
+    RINGDOWN_COLUMNS,
+    SPACE_LINE_COLUMNS,
+    VIEW_CONTACT_COLUMNS,
+    VIEW_FRAME_COLUMNS,
+)
+from pipeline.tables.columns import (
     CENTRELINE_COLUMNS,
     CONTACT_COLUMNS,
     CONTACT_FLAGS,
     CORRECTION_COLUMNS,
     DECISION_COLUMNS,
-    DENSITY_COLUMNS,
-    DUST_COLUMNS,
-    DUST_CONTACT_COLUMNS,
-    DUST_VIDEO_COLUMNS,
     EVIDENCE_COLUMNS,
     FRAME_COLUMNS,
-    GEOMETRY_COLUMNS,
-    PROFILE_COLUMNS,
-    RINGDOWN_COLUMNS,
-    SPACE_LINE_COLUMNS,
     VIDEO_COLUMNS,
-    VIEW_CONTACT_COLUMNS,
-    VIEW_FRAME_COLUMNS,
 )
 
 FILES = {

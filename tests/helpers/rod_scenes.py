@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from pipeline.forces import rod_fit
-from pipeline.kinematics.resampled import N_STATIONS, Stations
+from pipeline.kinematics.stations import N_STATIONS, Stations
 from whiskermodel import rod
 from whiskermodel.whisker import mouse_c2
 

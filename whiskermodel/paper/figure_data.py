@@ -1,7 +1,7 @@
 """The model figures of Hires et al. 2013 as numbers.
 
-Each `figure_N` returns a Table, or the traces behind the figure. Drawing is in `paper_figures`,
-the comparison with what is printed in `published`; `paper_files` writes it all.
+Each `figure_N` returns a Table, or the traces behind the figure. Drawing is in `figures`,
+the comparison with what is printed in `published`; `files` writes it all.
 """
 
 from dataclasses import dataclass

@@ -4,7 +4,7 @@ import csv
 import os
 from pathlib import Path
 
-from whiskermodel.paper import figure_data, figures, published
+from whiskermodel.paper import drawing, figure_data, figures, moment_figures, published
 from whiskermodel.paper.figure_data import MICRO, MILLI, NANO, Table
 
 
@@ -33,7 +33,7 @@ def write_paper(out_dir, progress=None, grid=(88, 121)):
         for key, table in tables.items():
             written.append(_whole(out / f"{key}.csv", _write_csv, table))
         for kind in ("png", "svg") if figure is not None else ():
-            written.append(_whole(out / f"{name}.{kind}", figures.save, figure, kind))
+            written.append(_whole(out / f"{name}.{kind}", drawing.save, figure, kind))
     return written
 
 
@@ -66,7 +66,7 @@ def _figure_7(_):
         for c, force in figure_data.FIGURE_7_CONTACTS.items()
     ]
     tables = {"fig7": table, "fig7_traces": _trace_table(cases)}
-    return tables, figures.draw_fig7(table, cases)
+    return tables, moment_figures.draw_fig7(table, cases)
 
 
 def _figure_8(_):
@@ -76,7 +76,7 @@ def _figure_8(_):
         for t in figure_data.FIGURE_8_DURATIONS
     ]
     tables = {"fig8": table, "fig8_traces": _trace_table(cases)}
-    return tables, figures.draw_fig8(table, cases)
+    return tables, moment_figures.draw_fig8(table, cases)
 
 
 def _figure_9(_):
@@ -92,7 +92,7 @@ def _figure_9(_):
         "fig9_single_slips": _trace_table(single),
         "fig9_deflections": _deflection_table(deflections),
     }
-    return tables, figures.draw_fig9(table, cases, single, deflections)
+    return tables, moment_figures.draw_fig9(table, cases, single, deflections)
 
 
 def _figure_10(_):
@@ -102,18 +102,18 @@ def _figure_10(_):
         for t in figure_data.FIGURE_10_RAMPS
     ]
     tables = {"fig10": table, "fig10_traces": _trace_table(cases)}
-    return tables, figures.draw_fig10(cases)
+    return tables, moment_figures.draw_fig10(cases)
 
 
 def _figure_11(grid):
     table = figure_data.figure_11(*grid)
-    return {"fig11": table}, figures.draw_fig11(table)
+    return {"fig11": table}, moment_figures.draw_fig11(table)
 
 
 def _supported(_):
     comparisons = figure_data.figure_supported()
     table = _comparison_table(comparisons)
-    return {"supported": table}, figures.draw_supported(comparisons)
+    return {"supported": table}, moment_figures.draw_supported(comparisons)
 
 
 def _published(_):

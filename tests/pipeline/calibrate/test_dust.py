@@ -11,10 +11,9 @@ from pipeline.calibrate.thickness import ThicknessMap
 from pipeline.convert.results import lines_of_rows
 from pipeline.session.session_file import settings_from, write_session
 from pipeline.tables import centrelines, files
+from pipeline.tables.calibration_columns import DUST_CONTACT_COLUMNS, DUST_VIDEO_COLUMNS
 from pipeline.tables.columns import (
     CONTACT_COLUMNS,
-    DUST_CONTACT_COLUMNS,
-    DUST_VIDEO_COLUMNS,
     FRAME_COLUMNS,
     VIDEO_COLUMNS,
     as_table,

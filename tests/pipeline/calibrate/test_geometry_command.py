@@ -8,7 +8,7 @@ import pytest
 
 from pipeline.app import cli
 from pipeline.session.session_file import read_session
-from pipeline.tables.columns import DENSITY_COLUMNS, GEOMETRY_COLUMNS
+from pipeline.tables.calibration_columns import DENSITY_COLUMNS, GEOMETRY_COLUMNS
 from pipeline.tables.files import read_csv
 from synthetic.micrograph import Micrograph
 from whiskermodel.whisker import Whisker

@@ -9,11 +9,11 @@ from pipeline.calibrate.ringdown import fit_slip, pool, pooled_estimate
 from pipeline.calibrate.slips import Slip, find_slips, named_slips
 from pipeline.session.session_file import read_session, settings_from, write_session
 from pipeline.tables import centrelines, files
+from pipeline.tables.calibration_columns import RINGDOWN_COLUMNS
 from pipeline.tables.centrelines import Centrelines
 from pipeline.tables.columns import (
     CONTACT_COLUMNS,
     FRAME_COLUMNS,
-    RINGDOWN_COLUMNS,
     VIDEO_COLUMNS,
     as_table,
 )

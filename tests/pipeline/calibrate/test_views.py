@@ -12,13 +12,15 @@ from pipeline.convert.results import lines_of_rows
 from pipeline.session.inputs import STATE_FILE
 from pipeline.session.session_file import settings_from, write_session
 from pipeline.tables import centrelines, files
-from pipeline.tables.columns import (
+from pipeline.tables.calibration_columns import (
     CALIBRATED_VIEW_COLUMNS,
+    VIEW_CONTACT_COLUMNS,
+    VIEW_FRAME_COLUMNS,
+)
+from pipeline.tables.columns import (
     CONTACT_COLUMNS,
     FRAME_COLUMNS,
     VIDEO_COLUMNS,
-    VIEW_CONTACT_COLUMNS,
-    VIEW_FRAME_COLUMNS,
     as_table,
 )
 from synthetic.staging import Setting

@@ -23,7 +23,12 @@ from pipeline.contacts.probability import (
     posterior,
 )
 from pipeline.kinematics import resampled
-from pipeline.tables.columns import CONTACT_FLAGS, CORRECTION_COLUMNS, as_table, split_flags
+from pipeline.tables.columns import (
+    CONTACT_FLAGS,
+    CORRECTION_COLUMNS,
+    as_table,
+    split_flags,
+)
 from synthetic.presets import make_trial
 
 pytestmark = pytest.mark.slow

@@ -9,7 +9,7 @@ from rod_scenes import CURVATURE_AT, REST, SD, known_rest, noisy, touching
 from pipeline.forces import rest_shape, rod_fit
 from pipeline.forces.rod_integration import nearest_to
 from pipeline.forces.rod_outputs import CURVATURE_REACH_M
-from pipeline.kinematics.resampled import N_STATIONS
+from pipeline.kinematics.stations import N_STATIONS
 from whiskermodel import rod
 from whiskermodel.whisker import mouse_c2
 

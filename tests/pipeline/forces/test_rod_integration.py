@@ -16,7 +16,7 @@ from pipeline.forces.rod_integration import (
     point_at,
 )
 from pipeline.forces.rod_types import Arc, Beam, Load
-from pipeline.kinematics.resampled import N_STATIONS
+from pipeline.kinematics.stations import N_STATIONS
 from whiskermodel.whisker import mouse_c2
 
 WHISKER = mouse_c2()

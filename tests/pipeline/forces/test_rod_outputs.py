@@ -13,7 +13,7 @@ from rod_scenes import CURVATURE_AT, SD, known_rest, noisy, touching
 
 from pipeline.forces import rod_fit
 from pipeline.forces.rod_fit import N_REST
-from pipeline.kinematics.resampled import N_STATIONS
+from pipeline.kinematics.stations import N_STATIONS
 from whiskermodel.whisker import mouse_c2
 
 REST_SD = 0.4  # 1/m, of every coefficient: neither known nor free

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from pipeline.detection.static_scene import PoleTrack
 from pipeline.kinematics import resampled
-from pipeline.kinematics.resampled import N_STATIONS
+from pipeline.kinematics.stations import N_STATIONS
 from pipeline.session.recording import Recording
 from pipeline.tables.centrelines import Centrelines
 from whiskermodel.whisker import mouse_c2

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.kinematics.resampled import N_STATIONS, SHARED, Stations
 from pipeline.kinematics.resampled_store import BULKY, StationStore
+from pipeline.kinematics.stations import N_STATIONS, SHARED, Stations
 
 NAMES = ("C1", "C2")
 PER_ROW = [f.name for f in fields(Stations) if f.name not in (*SHARED, *BULKY)]

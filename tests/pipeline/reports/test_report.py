@@ -111,7 +111,7 @@ def test_pictures_are_of_the_contacts(tmp_path, monkeypatch):
     assert page.count("data:image/jpeg") == len(CONTACTS)
     captions = dict.fromkeys(re.findall(r"(one|two), frame (\d+):", page))
     assert list(captions) == [("one", "35"), ("two", "50"), ("one", "70")]  # of each video first
-    assert "peak 30 µN, 40 ms" in page
+    assert "peak 30\u00a0µN, 40\u00a0ms" in page
 
 
 def test_videos_that_are_gone_leave_no_gap(page):

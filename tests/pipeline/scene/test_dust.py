@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 import pipeline.run
-from pipeline.kinematics.resampled import Stations, lies_across
+from pipeline.kinematics.stations import Stations, lies_across
 from pipeline.scene.dust import is_passed_over
 from pipeline.scene.estimate import scene_from_frames
 from pipeline.session.recording import Recording

@@ -8,7 +8,7 @@ import pytest
 from figure_text import faults
 
 from whiskermodel import Response, mouse_c2, rat_c2
-from whiskermodel.paper import figure_data, figures, published
+from whiskermodel.paper import drawing, figure_data, published
 from whiskermodel.paper.files import write_paper
 from whiskermodel.pulse_response import half_gaussian_extremes
 
@@ -21,14 +21,14 @@ DARK = 0.3  # lightness of a ground on which white words can be read
 def made(tmp_path_factory):
     """What `write_paper` wrote (folder, paths, lines said), and the figures by name."""
     out, said, drawn = tmp_path_factory.mktemp("paper") / "new" / "folder", [], {}
-    save = figures.save
+    save = drawing.save
 
     def keep(path, figure, kind):
         drawn[path.name.split(".")[1]] = figure
         save(path, figure, kind)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(figures, "save", keep)
+        patch.setattr(drawing, "save", keep)
         paths = write_paper(out, progress=said.append, grid=(7, 6))
     return (out, paths, said), drawn
 
