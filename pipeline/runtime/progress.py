@@ -147,7 +147,7 @@ class Progress:
             left = self.seconds_left
             parts = (
                 f"{self.finished}/{counted(len(self.names), 'video')}",
-                frames if self._counted else "",
+                frames if self._counted and self.frames_done else "",
                 self.stage,
                 "" if left is None else f"{duration(left)} left",
             )

@@ -1,6 +1,7 @@
 """Which videos to process, where their settings and results lie, and whether they changed."""
 
 import re
+import shlex
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -112,7 +113,7 @@ def session_of(each: Input, config=None) -> Path:
         folder = each.path.absolute().parent
         raise InputError(
             f"no session.toml in {folder}, beside the videos; give one with --config, or let "
-            f"`whiskerforce init {each.path.parent}` write one"
+            f"`whiskerforce init {shlex.quote(str(each.path.parent))}` write one"
         )
     return found
 
