@@ -195,7 +195,7 @@ def test_flags_lead_to_stills_of_bounded_number(tmp_path, monkeypatch):
     assert len(links) > report.STILLS
     assert set(links) <= set(ids)
     assert len(ids) == len(set(ids)) == report.PICTURES + report.STILLS
-    assert "2 ms; flag_1, all" in page
+    assert "2\u00a0ms; flag_1, all" in page
 
 
 def test_flags_without_videos_have_no_dead_links(page):
