@@ -49,7 +49,7 @@ def render_two_views(out_dir, preset="two_views", seed=0, trials=2, frames=400) 
         paths.append(_write_videos(out_dir, stem, views, stacked))
         truth = out_dir / "truth" / paths[-1].stem
         truth.mkdir(parents=True, exist_ok=True)
-        true_rows(space).to_csv(truth / "views.csv", index=False)
+        write_text(truth / "views.csv", true_rows(space).to_csv(index=False, lineterminator="\n"))
     return paths
 
 

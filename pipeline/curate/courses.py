@@ -22,9 +22,9 @@ HIGHEST_DISTANCE_MM = 2.0
 LEFT_BORDER = 54
 
 COURSES = {  # panel → (quantity of Traces, its axis)
-    "distance": ("distance_mm", "distance  mm"),
-    "change": ("curvature_change", "Δκ  1/m"),
-    "force": ("force_uN", "force  µN"),
+    "distance": ("distance_mm", "distance (mm)"),
+    "change": ("curvature_change", "Δκ (1/m)"),
+    "force": ("force_uN", "force (µN)"),
 }
 
 
@@ -85,7 +85,7 @@ class Courses:
         n = len(video.whiskers)
         self._whole.update(start=-0.5, end=video.n_frames - 0.5)
         frame_ms = 1e3 / video.recording.frames_per_second
-        self.plots["force"].xaxis.axis_label = f"frame  ({frame_ms:.4g} ms each)"
+        self.plots["force"].xaxis.axis_label = f"frame ({frame_ms:.4g} ms each)"
         for name in ("lanes", "overview"):
             self.plots[name].y_range.update(start=n - 0.5, end=-0.5)
             self.plots[name].yaxis.ticker = FixedTicker(ticks=list(range(n)))

@@ -143,11 +143,11 @@ def _described(item, video):
     span, name = item.span, state_of(item)
     frames = span.offset - span.onset
     facts = [
-        f"peak {item.values['peak_force_uN']:.3g} µN" if _has(item, "peak_force_uN") else "",
-        f"moment {item.values['peak_base_moment_nN_m']:.3g} nN m"
+        f"peak {item.values['peak_force_uN']:.3g}\u00a0µN" if _has(item, "peak_force_uN") else "",
+        f"moment {item.values['peak_base_moment_nN_m']:.3g}\u00a0nN\u00a0m"
         if _has(item, "peak_base_moment_nN_m")
         else "",
-        f"{item.values['contact_arc_length_mm']:.3g} mm from the follicle"
+        f"{item.values['contact_arc_length_mm']:.3g}\u00a0mm from the follicle"
         if _has(item, "contact_arc_length_mm")
         else "",
     ]
@@ -156,7 +156,7 @@ def _described(item, video):
     return {
         "css": name,
         "title": whisker + STATE_WORDS[name],
-        "frames": f"frames {span.onset} to {span.offset}, {duration:.4g} ms",
+        "frames": f"frames {span.onset} to {span.offset}, {duration:.4g}\u00a0ms",
         "facts": ", ".join(filter(None, facts)).replace("-", "−"),
     }
 

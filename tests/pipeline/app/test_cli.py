@@ -12,6 +12,7 @@ from typer.main import get_command
 
 from pipeline.app import batch, cli
 from pipeline.app.batch import Outcome, Summary
+from pipeline.runtime import numba_cache
 
 HEAVY = (
     "av", "bokeh", "cv2", "jinja2", "matplotlib", "numba", "numpy", "pandas", "pyarrow",
@@ -40,6 +41,7 @@ def ran(monkeypatch, tmp_path):
 
     def put(*statuses, **options):
         monkeypatch.setattr(batch, "run", lambda *_: summary(tmp_path, *statuses, **options))
+        monkeypatch.setattr(numba_cache, "is_compiled", lambda: True)
 
     return put
 
@@ -103,6 +105,15 @@ def test_last_lines_lead_to_report_and_overlay(ran, capsys, tmp_path):
         f"overlay: {tmp_path / 'v0' / 'overlay.mp4'}",
         f"next: look at the report, then `whiskerforce curate {tmp_path}`",
     ]
+
+
+def test_who_runs_it_first_is_told_that_it_compiles(ran, monkeypatch, capsys):
+    ran("done")
+    monkeypatch.setattr(numba_cache, "is_compiled", lambda: False)
+    exit_code("run", "x", "--out", "y")
+    assert capsys.readouterr().out.startswith("the first run compiles")
+    exit_code("run", "x", "--out", "y", "--quiet")
+    assert "compiles" not in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(

@@ -450,7 +450,7 @@ def test_a_frame_and_a_name_are_typed(tab, served):
     assert "1 decision written to" in tab.message
     assert tab.driver.execute_script(
         "return Bokeh.documents[0].get_model_by_name('force').below[0].axis_label"
-    ) == "frame  (1 ms each)"  # fmt: skip
+    ) == "frame (1 ms each)"  # fmt: skip
 
 
 def test_two_tabs_see_the_same_corrections(tab, served, driver):
