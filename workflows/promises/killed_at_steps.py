@@ -10,7 +10,9 @@ from pathlib import Path
 import pandas as pd
 
 from pipeline.app.outcome import settings_digest
+from pipeline.runtime.folder_lock import LOCK_FILE
 from pipeline.session.session_file import read_session
+from pipeline.tables.new_files import RECORD
 from pipeline.tables.result_exchange import READY, STATE_FILE
 from pipeline.tables.run_record import read_state
 from promises import stand_in, whole
@@ -124,7 +126,8 @@ def _killed(start, work, step, expected):
         return
     yield from computed_again(done, again.value[1])
     yield from other_tables(out, expected)
-    hidden = [str(p.relative_to(out)) for p in out.rglob(".*") if "lock" not in p.name]
+    kept = LOCK_FILE, RECORD
+    hidden = [str(p.relative_to(out)) for p in out.rglob(".*") if p.name not in kept]
     if hidden:
         yield f"left behind: {hidden[0]}"
 
