@@ -21,6 +21,8 @@ from pipeline.tracking.registry import WhiskerTemplate, usual_strength
 from pipeline.tracking.track_state import Track, foretold
 from pipeline.tracking.tracker import Tracer
 
+FEWEST_IN_ROW = 3  # whiskers are named by their order
+
 
 @dataclass
 class LineTrack(Track):
@@ -147,8 +149,12 @@ class CrowdTracer(Tracer):
 
 
 def is_crowd(templates, options) -> bool:
-    """Whether the templates' whiskers stand so close that they pass for each other."""
-    return crowded([template.signature for template in templates], options)
+    """Whether lines get their names in the end: where whiskers pass for each other.
+
+    Without given lengths there may also be others, beside those of the templates.
+    """
+    row = len(templates) >= FEWEST_IN_ROW
+    return (row and not options.visible_px) or crowded([template.signature for template in templates], options)
 
 
 def _even_turns(lines, rows, turn) -> np.ndarray:
