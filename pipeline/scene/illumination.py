@@ -7,6 +7,8 @@ from pipeline.session.parameters import DEFAULTS
 
 EDGE_RATIO = 1.4  # of light within three cells: more is the edge of something
 OPAQUE = 0.6  # of the light: the darkest thing is opaque up to so much, which haze adds to it
+HAZIEST = 0.85  # of the light: what is lighter is no thing, whatever its edge
+SHARP = 0.35  # of the step from light to dark lies within three cells: 0.55 and more in recordings
 NOTHING_DARK = 0.25  # of the light, taken for black where all things are lighter
 LIT = 0.7  # of the brightest light somewhere in a region: with less, it may be pale fur
 CELL_MM = 0.3  # side of the cells in which light and coarse changes are looked at
@@ -66,7 +68,8 @@ def light_without_objects(
     cells = _cells(image, thin, cell)
     bright = np.percentile(cells, 95)
     darkest = float(np.percentile(image[::2, ::2], 0.5))
-    black = darkest if darkest < OPAQUE * bright else NOTHING_DARK * bright
+    opaque = darkest < OPAQUE * bright or _ends_sharply(cells, darkest, bright)
+    black = darkest if opaque else NOTHING_DARK * bright
     reach = max(params.illumination_mm * pixels_per_mm / cell, 1.5)
     labels, seeds = _edgeless_regions(cells - black, LIT * (bright - black))
     known = _any_of(labels, seeds)
@@ -88,6 +91,17 @@ def _cells(image, thin, side):
     cells = cv2.resize(image * weight, size, interpolation=cv2.INTER_AREA)
     covered = share < 0.1
     return fill(cells / np.where(covered, 1, share), covered, reach_px=1.0)
+
+
+def _ends_sharply(cells, dark, bright) -> bool:
+    """Whether what is dark has an edge, as things have in haze, too; shade has none."""
+    if dark > HAZIEST * bright:
+        return False
+    square = np.ones((3, 3), np.uint8)
+    step = cv2.dilate(cells, square) - cv2.erode(cells, square)
+    within = (cells < 0.5 * (dark + bright)).astype(np.uint8)
+    edge = cv2.morphologyEx(within, cv2.MORPH_GRADIENT, square) > 0
+    return bool(edge.any() and np.median(step[edge]) > SHARP * (bright - dark))
 
 
 def _edgeless_regions(cells, seed_level):

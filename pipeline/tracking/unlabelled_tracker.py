@@ -153,8 +153,9 @@ def is_crowd(templates, options) -> bool:
 
     Without given lengths there may also be others, beside those of the templates.
     """
-    row = len(templates) >= FEWEST_IN_ROW
-    return (row and not options.visible_px) or crowded([template.signature for template in templates], options)
+    if not options.visible_px and len(templates) >= FEWEST_IN_ROW:
+        return True
+    return crowded([template.signature for template in templates], options)
 
 
 def _even_turns(lines, rows, turn) -> np.ndarray:

@@ -254,10 +254,19 @@ class TestLight:
         _, light = light_without_objects(image, SCALE)
         assert (image / light)[:, 20:80].max() < 0.65
 
-    def test_haze_does_not_make_dark_things_pale(self):
+    @pytest.mark.parametrize("clear", [0.5, 0.3])
+    def test_haze_does_not_make_dark_things_pale(self, clear):
         scene, _ = still_scene()
-        black, _ = light_without_objects(64 + 0.5 * scene, SCALE)
-        assert black == pytest.approx(64 + 0.5 * 6, abs=1)
+        haze = 150 * (1 - clear)
+        black, _ = light_without_objects(haze + clear * scene, SCALE)
+        assert black == pytest.approx(haze + clear * 6, abs=1)
+
+    @pytest.mark.parametrize("darkest", [0.65, 0.8])
+    def test_shade_is_no_thing(self, darkest):
+        columns = np.mgrid[:HEIGHT, :WIDTH][1]
+        shade = darkest + (1 - darkest) * np.sin(columns / WIDTH * np.pi) ** 2
+        black, _ = light_without_objects((150 * shade).astype(np.float32), SCALE)
+        assert black < 40
 
     def test_picture_without_any_dark_thing(self):
         image = np.full((HEIGHT, WIDTH), 150, np.float32)
