@@ -207,7 +207,7 @@ def link(evidence, a, i, j):
     return cost + (SEEN_AGAIN if gap > 1 else 0.0) + renamed
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _renew(evidence, a, b, one, other, steps, known_one, known_other):
     """Bring `steps`, which are of the `known` rows, and these up to date with one and other.
 
@@ -217,7 +217,7 @@ def _renew(evidence, a, b, one, other, steps, known_one, known_other):
     for t in range(len(one)):
         rows, known = (one[t], other[t]), (known_one[t], known_other[t])
         if rows != known or last != known_last:
-            _step(evidence, a, b, rows, last, steps[t])
+            _step(evidence, a, b, rows, last, steps, t)
             known_one[t], known_other[t] = rows
         last, known_last = _seen_last(rows, last), _seen_last(known, known_last)
 
@@ -231,7 +231,7 @@ def _seen_last(rows, before):
     )
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _steps(evidence, a, b, one, other, last):
     """Cost (frames, 2, 2) of every step from (not) exchanged to (not) exchanged.
 
@@ -241,17 +241,14 @@ def _steps(evidence, a, b, one, other, last):
     out = np.zeros((len(one), 2, 2))
     for t in range(len(one)):
         rows = (one[t], other[t])
-        _step(evidence, a, b, rows, last, out[t])
+        _step(evidence, a, b, rows, last, out, t)
         last = _seen_last(rows, last)
     return out
 
 
-@njit(cache=True)
-def _step(evidence, a, b, rows, last, out):
-    """Fill in the costs (2, 2) of `_steps` in one frame."""
-    out[:] = 0.0
-    if rows[0] < 0 and rows[1] < 0:
-        return
+@njit(cache=True, inline="always")
+def _step(evidence, a, b, rows, last, out, t):
+    """Fill in the costs of `_steps` in frame `t`."""
     for now in range(2):
         mine, theirs = rows[now], rows[1 - now]
         seen = 0.0
@@ -263,10 +260,10 @@ def _step(evidence, a, b, rows, last, out):
             cost = link(evidence, a, last[before], mine)
             if b >= 0:
                 cost += link(evidence, b, last[1 - before], theirs)
-            out[before, now] = seen + cost
+            out[t, before, now] = seen + cost
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _exchange_parts(evidence, a, b, one, other, states):
     """Exchange rows, in place, in those unbroken parts where it is likelier; whether in any.
 
@@ -309,7 +306,7 @@ def _both_seen(one, other, first):
     return again
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def _cost(evidence, a, last, rows):
     """Cost of some `rows` (frames,) as whisker a's, after it was `last` seen in that row."""
     total = 0.0
@@ -326,7 +323,7 @@ def _swap(one, other):
         one[i], other[i] = other[i], one[i]
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _claimed(evidence, a, own, other, before, again):
     """States and gain as of `_best_states`, for a whisker beside a nameless line.
 
