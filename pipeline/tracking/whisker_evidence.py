@@ -93,7 +93,16 @@ def _thinner(lines, chosen) -> float:
 
 
 def _move(lines) -> bool:
-    """Whether some of the lines lie mostly beside the longest one."""
+    """Whether some of the lines lie mostly beside the longest one, turned about their bases.
+
+    A tail that an animal drags, or a thing that shakes, moves at its base, too.
+    """
     longest = max(lines, key=lambda line: line.n)
     beside = [detect.shared_fraction(line, longest, MOVES_PX) < 0.5 for line in lines]
-    return bool(np.mean(beside) >= MOVED_LINES)
+    return bool(np.mean(beside) >= MOVED_LINES and _usual_way(lines, 0) < _usual_way(lines, -1))
+
+
+def _usual_way(lines, point) -> float:
+    """How far one point of the lines, 0 or −1, usually lies from where it is in the middle [px]."""
+    places = np.array([line.points[point] for line in lines])
+    return float(np.median(np.hypot(*(places - np.median(places, axis=0)).T)))

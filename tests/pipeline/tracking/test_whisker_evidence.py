@@ -128,6 +128,17 @@ def test_a_cable_that_sways_is_no_whisker():
     assert refused
 
 
+@pytest.mark.parametrize(("slides_px", "is_whisker"), [(0, True), (25, False)])
+def test_a_tail_that_is_dragged_is_no_whisker_though_it_tapers_and_moves(slides_px, is_whisker):
+    frames = frames_of(0.0, 0.0, 0.0)
+    for i, away in enumerate(np.linspace(-1, 1, FRAMES // 3)):
+        slide = round(slides_px * away)  # of the base; the end stays, or else the base does
+        angle = -slide / 250 if slides_px else 0.1 * away
+        frames[i] = np.roll(picture(angle, 1.5, 0.2, 250, i), slide, axis=0)
+    kept, refused = told_apart(frames)
+    assert (len(kept), len(refused)) == ((1, 0) if is_whisker else (0, 1))
+
+
 def grain(n):
     """Frames of a still texture of streaks, bright and dark, and dark at the left."""
     rng = np.random.default_rng(5)
