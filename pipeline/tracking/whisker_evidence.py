@@ -41,11 +41,15 @@ def whisker_like(templates, n_frames: int, shape, given: bool = False):
         row of whiskers: where none tapers, or too few move or taper well
     """
     row = [template.samples for template in templates]
+    moves = [_moves(lines) and (given or _turns(lines)) for lines in row]
     may_be = given or (
         _tapers(row, shape)
-        and (min(n_frames, len(row)) <= FEW or _log_odds(row, shape) > ROW_ODDS)
+        and (min(n_frames, len(row)) <= FEW or _log_odds(row, sum(moves)) > ROW_ODDS)
     )
-    likely = [may_be and _may_be_whisker(lines, n_frames, shape) for lines in row]
+    likely = [
+        may_be and _may_be_whisker(lines, each, n_frames, shape)
+        for lines, each in zip(row, moves, strict=True)
+    ]
     pairs = list(zip(templates, likely, strict=True))
     return [s for s, good in pairs if good], [s for s, good in pairs if not good]
 
@@ -64,18 +68,21 @@ def _tapers(row, shape) -> bool:
     return bool(np.isnan(ratios).all() or np.nanmin(ratios) < ROW_THINNER)
 
 
-def _log_odds(row, shape) -> float:
-    """Log odds that lines are a row of whiskers, not of streaks, from their taper and motion."""
+def _log_odds(row, moving) -> float:
+    """Log odds that lines are a row of whiskers, not of streaks, from their taper and motion.
+
+    moving : how many of them move
+    """
     taper = np.log([_thinner(lines, np.ones(len(lines), bool)) for lines in row])
     taper = taper[np.isfinite(taper)]
     odds = FOUND_RIGHT * norm.pdf(taper, *WHISKERS) / norm.pdf(taper, *STREAKS) + 1 - FOUND_RIGHT
-    n, moving = len(row), sum(map(_move, row))
-    by_motion = -np.log(n + 1) - binom.logpmf(moving, n, STREAKS_MOVE)  # any number may rest
+    by_motion = -np.log(len(row) + 1)  # of whiskers, any number may rest
+    by_motion -= binom.logpmf(moving, len(row), STREAKS_MOVE)
     return float(np.log(odds).sum() + min(by_motion, MOST_FOR_MOTION))
 
 
-def _may_be_whisker(lines, n_frames, shape) -> bool:
-    moves, ratio = _move(lines), _thinner(lines, _end_inside(lines, shape))
+def _may_be_whisker(lines, moves, n_frames, shape) -> bool:
+    ratio = _thinner(lines, _end_inside(lines, shape))
     if np.isnan(ratio):
         return moves
     often = len(lines) >= OFTEN * n_frames
@@ -92,14 +99,16 @@ def _thinner(lines, chosen) -> float:
     return np.nan if np.isnan(ratios).all() else float(np.nanmedian(ratios))
 
 
-def _move(lines) -> bool:
-    """Whether some of the lines lie mostly beside the longest one, turned about their bases.
-
-    A tail that an animal drags, or a thing that shakes, moves at its base, too.
-    """
+def _moves(lines) -> bool:
+    """Whether some of the lines lie mostly beside the longest one."""
     longest = max(lines, key=lambda line: line.n)
     beside = [detect.shared_fraction(line, longest, MOVES_PX) < 0.5 for line in lines]
-    return bool(np.mean(beside) >= MOVED_LINES and _usual_way(lines, 0) < _usual_way(lines, -1))
+    return bool(np.mean(beside) >= MOVED_LINES)
+
+
+def _turns(lines) -> bool:
+    """Whether their ends move more than their bases; those of a dragged tail do not."""
+    return _usual_way(lines, 0) < _usual_way(lines, -1)
 
 
 def _usual_way(lines, point) -> float:
