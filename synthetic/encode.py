@@ -116,12 +116,13 @@ def _add_stream(container, shape, codec):
 
 def _h264_options(codec: Codec) -> dict[str, str]:
     """x264's options; zones [frames] of fewer bits where the quality is to change."""
-    options = {"crf": str(codec.crf), "preset": codec.speed}
+    repeatable = "cpu-independent=1"  # else the same frames get other bits from time to time
+    options = {"crf": str(codec.crf), "preset": codec.speed, "x264-params": repeatable}
     if codec.uneven_frames:
         stretch = codec.uneven_frames
         poor = range(stretch, _LONGEST, 2 * stretch)
         zones = "/".join(f"{first},{first + stretch - 1},b={_POOR}" for first in poor)
-        options |= {"g": str(stretch), "x264-params": f"zones={zones}"}
+        options |= {"g": str(stretch), "x264-params": f"{repeatable}:zones={zones}"}
     return options
 
 

@@ -39,6 +39,23 @@ def test_round_trip(tmp_path, frames, codec):
         assert difference.std() <= loss_sd[codec.name]
 
 
+def test_the_same_frames_become_the_same_video_each_time(tmp_path):
+    rng = np.random.default_rng(1)
+    moving = []
+    for k in range(10):
+        picture = np.full((500, 720), 180.0)
+        for whisker in range(24):
+            start, end = (700, 20 + 20 * whisker), (60 + 3 * k, 250 + 6 * whisker + 5 * k)
+            cv2.line(picture, start, end, 90, 2, cv2.LINE_AA)
+        noisy = cv2.GaussianBlur(picture, (0, 0), 1.2) + rng.normal(0, 2, picture.shape)
+        moving.append(np.clip(noisy, 0, 255).astype(np.uint8))
+    path, seen = tmp_path / "video.mp4", set()
+    for _ in range(12):
+        write_video(path, moving, Codec("h264", crf=17, speed="veryfast"))
+        seen.add(np.stack(by_luma_plane(path)).tobytes())
+    assert len(seen) == 1
+
+
 def test_uneven_quality_changes_from_stretch_to_stretch(tmp_path):
     rng, stretch = np.random.default_rng(1), 10
     still = np.clip(128 + np.cumsum(rng.normal(0, 3, (64, 96)), axis=1), 0, 255)
