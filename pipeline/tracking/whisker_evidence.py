@@ -1,4 +1,4 @@
-"""Whether the lines of the templates are whiskers': they taper towards a free end, and they move.
+"""Whether the lines of the templates are whiskers': they taper towards a free end, and they turn.
 
 A wall, a table's edge and a scratch on the floor come out of something dark, too. They stand
 still, and they get no thinner towards their ends, or have none in the picture. A texture holds
