@@ -112,6 +112,6 @@ def _turns(lines) -> bool:
 
 
 def _usual_way(lines, point) -> float:
-    """How far one point of the lines, 0 or −1, usually lies from where it is in the middle [px]."""
+    """How far one point of the lines, 0 or −1, usually lies from its median place [px]."""
     places = np.array([line.points[point] for line in lines])
     return float(np.median(np.hypot(*(places - np.median(places, axis=0)).T)))
