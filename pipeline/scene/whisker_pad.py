@@ -27,7 +27,7 @@ DARKER = 1.2  # a line's third at the base over that at the tip, absorbance
 STILL = 0.5  # of a line's absorbance: what stays as dark in the usual frame does not move
 RESTING = 0.25  # of its length counts where all of an animal's whiskers may rest
 SWITCH = 3.0  # of the shortest whiskers must support a change from face to body on the edge
-SWITCH_SHARE = 0.1  # the same, as a share of all whiskers seen
+SWITCH_SHARE = 0.04  # the same, as a share of all whiskers seen
 FEWEST_BASES = 0.1  # of the best part's: a part of the mass with fewer is no face
 
 
@@ -194,18 +194,17 @@ def _labels(edges, scores, least_cost) -> list[np.ndarray]:
 
 
 def _likeliest(score, cost) -> np.ndarray:
-    """Face (True) or body along the scores: fewest contradicted, with `cost` for each change."""
-    best, came_from = np.zeros(2), []
-    for each in score:
-        changed = best[::-1] + cost
-        came_from.append(np.where(changed < best, [1, 0], [0, 1]))
-        best = np.minimum(best, changed) + np.maximum([each, -each], 0.0)
-    state = int(best[1] <= best[0])
-    out = []
-    for previous in reversed(came_from):
-        out.append(state)
-        state = previous[state]
-    return np.array(out[::-1], bool)
+    """Face (True) or body along the scores: one stretch of an edge is face.
+
+    It is the one that contradicts the least of the scores, with `cost` for each of its ends that
+    is not the edge's.
+    """
+    total = np.concatenate([[0.0], np.cumsum(score)])
+    at = np.arange(len(total))
+    begin, end = total + cost * (at > 0), total - cost * (at < len(score))
+    stop = int(np.argmax(end - np.minimum.accumulate(begin)))
+    start = int(np.argmin(begin[: stop + 1]))
+    return (at[:-1] >= start) & (at[:-1] < stop) & (end[stop] >= begin[start])
 
 
 def _along(edge, place, score, face, slack) -> np.ndarray:

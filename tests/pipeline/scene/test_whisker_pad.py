@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from pipeline.scene.estimate import scene_from_frames
-from pipeline.scene.whisker_pad import bears_whiskers, face_of
+from pipeline.scene.whisker_pad import SWITCH_SHARE, _likeliest, bears_whiskers, face_of
 from pipeline.session.recording import Recording
 
 pytestmark = pytest.mark.slow
@@ -87,6 +87,21 @@ def test_whiskers_that_rest_show_the_side_and_are_no_background(turns):
     whisker = still[off] < 120
     assert whisker.sum() > 200  # px
     assert np.median(background[off][whisker]) > 170
+
+
+def test_few_tips_at_the_body_show_it_beside_many_bases():
+    """Most whiskers of a face never reach the body; what is seen of them makes it no face."""
+    place = np.arange(130)
+    score = np.where(place < 100, 60.0, -60.0)  # lengths of whiskers, along face and then body
+    score[[30, 110]] *= -1  # each has one that is misjudged
+    score[:100] *= 6  # and the face has many more
+    assert np.array_equal(_likeliest(score, SWITCH_SHARE * np.abs(score).sum()), place < 100)
+    assert np.array_equal(_likeliest(score[::-1], 60.0), place >= 30)
+
+
+@pytest.mark.parametrize(("score", "is_face"), [([90.0, -30.0], True), ([-90.0, 30.0], False)])
+def test_an_edge_is_of_one_kind_where_little_speaks_against_it(score, is_face):
+    assert np.all(_likeliest(np.array(score), cost=60.0) == is_face)
 
 
 def test_a_face_alone_stays_whole():
