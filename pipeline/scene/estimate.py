@@ -15,6 +15,7 @@ from pipeline.scene.epochs import Survey, periods
 from pipeline.scene.face import darkest_sides, find_face, likelier_side
 from pipeline.scene.masks import dilated, opened, opened_beyond_border, regions
 from pipeline.scene.moving_fur import moving_fur
+from pipeline.scene.picture_part import MARGIN_FRAMES, within_margins
 from pipeline.scene.pole_doubts import doubt
 from pipeline.scene.pole_search import PoleFollower, find_pole
 from pipeline.scene.scale import working_scale
@@ -43,9 +44,10 @@ class Epoch:
 def survey(video, recording: Recording, params: SceneParams = DEFAULTS.scene, part=None) -> Survey:
     """Sample frames of the whole video, once, for scene and whiskers.
 
-    `part`: the `PicturePart` that is looked at; None: all of the picture. Black frames, as before
-    the lamp is on, are left out where there are others.
+    `part`: the `PicturePart` that is looked at; None: all of the picture within its margins. Black
+    frames, as before the lamp is on, are left out where there are others.
     """
+    part = part or within_margins(video.sample(MARGIN_FRAMES)[1])
     scale = working_scale(video.shape, recording.pixels_per_mm)
     seen = Survey(video.shape, scale, params, part)
     for index, frame in video.sampled(_sample_size(video.n_frames)):

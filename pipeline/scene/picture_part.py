@@ -11,6 +11,12 @@ from pipeline.session.image import ImageSettings
 
 LIGHT_RANK = 90  # percentile of a frame that stands for light
 EVERY = 7  # pixel, for that
+MARGIN_FRAMES = 8  # in which a margin is looked for
+EVEN = 6  # grey, range of a margin after compression
+BLURRED_PX = 3  # between margin and picture
+ALL = 0.98  # of a margin's pixels are even
+STEP = 0.5  # of a margin's length, along which the picture differs from it
+LEAST_LEFT = 0.25  # of the picture's height and width, within margins
 
 
 @dataclass(frozen=True)
@@ -79,6 +85,39 @@ def part_of(image: ImageSettings, video) -> PicturePart | None:
         )
     rows, columns = (np.flatnonzero(used.any(axis)) for axis in (1, 0))
     return PicturePart(used, (slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)))
+
+
+def within_margins(frames: np.ndarray) -> PicturePart | None:
+    """Return what lies within even margins around the picture; None: there are none.
+
+    `frames`: uint8 (k, height, width). Conversion and montage put black bars, or a frame of any
+    grey, around a picture. An even part of the picture itself does not end in a straight step.
+    """
+    rows, columns = (_between_margins(each) for each in (frames, frames.transpose(0, 2, 1)))
+    used = np.zeros(frames.shape[1:], bool)
+    used[rows, columns] = True
+    if used.all() or min(used.any(1).mean(), used.any(0).mean()) < LEAST_LEFT:
+        return None
+    return PicturePart(used, (rows, columns))
+
+
+def _between_margins(frames) -> slice:
+    """Rows without the margins above and below."""
+    above, below = (_margin(each) for each in (frames, frames[:, ::-1]))
+    return slice(above, max(frames.shape[1] - below, above))
+
+
+def _margin(frames) -> int:
+    """Rows of the margin at the top, and of its blurred edge."""
+    grey = np.int16(np.median(frames[:, 0]))
+    even = np.mean(np.abs(frames - grey) <= EVEN / 2, axis=(0, 2)) > ALL
+    n = int(np.argmin(even))
+    first = n + BLURRED_PX
+    if n == 0 or first >= len(even):
+        return 0
+    typical = np.median(frames[:, first], axis=0)
+    differs = np.abs(typical - grey) > EVEN
+    return first if np.mean(differs) > STEP else 0
 
 
 def _inside(region, shape):

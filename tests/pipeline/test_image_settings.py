@@ -19,6 +19,7 @@ AS_DARK = 0.02  # px, of the negative
 LEAST = 0.95  # of the rows that are tracked in the whole picture
 BLOCK = np.s_[300:460, 440:600]  # rows, columns, of something dark that comes and goes
 REGION = [0, 0, 420, 480]
+MARGIN = 40  # px, even, around a picture
 
 
 class Rendered(RandomAccessVideo):
@@ -100,6 +101,28 @@ def test_bright_whiskers_are_found_as_dark_ones(monkeypatch, whole):
     rows, analysis = traced(monkeypatch, Rendered(bright=True), settings())
     assert distances(rows, whole[0]) < AS_DARK
     assert len(analysis.contacts) == len(whole[1].contacts)
+
+
+class Framed(Rendered):
+    """The rendered whisker with an even margin on all sides."""
+
+    def __init__(self, grey):
+        super().__init__()
+        self._grey, self.width, self.height = grey, self.width + 2 * MARGIN, self.height + 2 * MARGIN
+
+    def _load(self, index):
+        return np.pad(super()._load(index), MARGIN, constant_values=self._grey)
+
+
+@pytest.mark.e2e
+@pytest.mark.parametrize("grey", [0, 255])
+def test_a_margin_around_the_picture_changes_nothing(monkeypatch, whole, grey):
+    rows, analysis = traced(monkeypatch, Framed(grey), settings())
+    assert len(rows) >= LEAST * len(whole[0])
+    for key, row in rows.items():
+        x, y = whole[0][key][30:-30].T
+        assert np.abs(np.interp(x, *(row - MARGIN).T) - y).max() < SAME
+    assert np.nanmax(np.abs(analysis.pole.x_px - MARGIN - whole[1].pole.x_px)) < SAME
 
 
 @pytest.mark.e2e
