@@ -108,7 +108,8 @@ class Framed(Rendered):
 
     def __init__(self, grey):
         super().__init__()
-        self._grey, self.width, self.height = grey, self.width + 2 * MARGIN, self.height + 2 * MARGIN
+        self._grey = grey
+        self.width, self.height = self.width + 2 * MARGIN, self.height + 2 * MARGIN
 
     def _load(self, index):
         return np.pad(super()._load(index), MARGIN, constant_values=self._grey)
