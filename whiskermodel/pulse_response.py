@@ -22,7 +22,7 @@ from whiskermodel.modal_filter import free_motion
 _FORCE_TERMS = 28  # Legendre terms of a pulse over its span, to rounding
 _TERMS = 56  # and of a mode's response
 _SLOW = 24.0  # rad of a mode in half a span, up to which a polynomial follows it throughout
-_SPREAD = 1.25  # from one span to the next
+_SPREAD = 2.0  # from one span to the next
 _BATCH = 64  # contacts per matrix product, to stay in the cache
 _EXTREMES_BATCH = 256
 
@@ -258,16 +258,13 @@ def _response_maps(angular_frequency, d, half):
     unit, integral = np.eye(_TERMS), _integration(_TERMS)
     differential = _differentiation(_TERMS)
     turn = angular_frequency * half
-    maps = np.empty((len(turn), _TERMS, _TERMS))
-    for k, ph in enumerate(turn):
-        if ph <= _SLOW:
-            twice = integral @ integral
-            system = unit + 2 * d * half * integral + ph**2 * twice
-            maps[k] = ph**2 * twice @ np.linalg.inv(system)
-        else:
-            change = 2 * d * half * differential + differential @ differential
-            maps[k] = np.linalg.inv(unit + change / ph**2)
-    return maps[:, :, :_FORCE_TERMS].copy(), turn > _SLOW
+    fast, square = turn > _SLOW, turn[:, None, None] ** 2
+    twice = integral @ integral
+    system = unit + 2 * d * half * integral + square * twice
+    change = 2 * d * half * differential + differential @ differential
+    system[fast] = unit + change / square[fast]
+    right = np.where(fast[:, None, None], unit, square * twice)[:, :, :_FORCE_TERMS]
+    return np.linalg.solve(system, right), fast
 
 
 def _integration(n):

@@ -32,28 +32,29 @@ def touch_course(force, error, free, interpolated, start, stop):
     rows : the frames, all of the touch or MOST about its largest force
     course, its standard error : (rows,) NaN where nothing is known of the touch
     """
-    force = np.where(np.isfinite(error), force, np.nan)
-    first, last = _about_largest(force, start, stop)
+    first, last = _about_largest(force[start:stop] + 0 * error[start:stop], start)
     frame = np.arange(max(first - AROUND, 0), min(last + AROUND, len(force)))
     touching = (frame >= first) & (frame < last)
-    seen = np.isfinite(force[frame]) & (touching | free[frame])
+    seen = np.isfinite(force[frame] + error[frame]) & (touching | free[frame])
     if not seen[touching].any():
         return frame[touching], *np.full((2, last - first), np.nan)
-    size = max(np.nanmax(force[first:last]), np.nanmin(error[first:last]))
-    noise = _noise(frame[seen], error[frame[seen]], interpolated[frame[seen]])
-    known = force[frame[seen]], noise, seen
-    prior = max(_priors(frame, start, stop, size), key=lambda prior: _likelihood(prior, *known))
-    course, error = _posterior(prior, *known)
+    shown = frame[seen]
+    noise = _noise(shown, error[shown], interpolated[shown])
+    own = frame[seen & touching]
+    size = max(force[own].max(), error[own].min())
+    priors = _priors(frame, start, stop, size)
+    fits = [_fitted(prior, force[shown], noise, seen) for prior in priors]
+    _, factor, prior = max(fits, key=lambda fit: fit[0])
+    course, error = _posterior(factor, prior, force[shown], seen)
     return frame[touching], course[touching], error[touching]
 
 
-def _about_largest(force, start, stop):
-    """First frame and end of at most MOST frames of a touch."""
-    if stop - start <= MOST or not np.isfinite(force[start:stop]).any():
-        return start, min(stop, start + MOST)
-    middle = start + int(np.nanargmax(force[start:stop]))
-    first = min(max(middle - MOST // 2, start), stop - MOST)
-    return first, first + MOST
+def _about_largest(force, start):
+    """First frame and end of at most MOST frames of a touch that begins at `start`."""
+    count = min(len(force), MOST)
+    largest = np.nanargmax(force) if np.isfinite(force).any() else 0
+    first = start + int(np.clip(largest - MOST // 2, 0, len(force) - count))
+    return first, first + count
 
 
 def _noise(frame, error, interpolated):
@@ -74,14 +75,16 @@ def _priors(frame, start, stop, size):
         yield size**2 * np.outer(touching, touching) * (sizes + smooth)
 
 
-def _likelihood(prior, force, noise, seen):
-    """Log-likelihood of the forces that are seen."""
-    factor = cho_factor(prior[np.ix_(seen, seen)] + noise, lower=True)
-    return -0.5 * force @ cho_solve(factor, force) - np.log(np.diag(factor[0])).sum()
+def _fitted(prior, force, noise, seen):
+    """Log-likelihood of the forces that are seen, the factor of their covariance, the prior."""
+    factor = cho_factor(prior[np.ix_(seen, seen)] + noise, lower=True, check_finite=False)
+    misfit = force @ cho_solve(factor, force, check_finite=False)
+    return -0.5 * misfit - np.log(np.diag(factor[0])).sum(), factor, prior
 
 
-def _posterior(prior, force, noise, seen):
+def _posterior(factor, prior, force, seen):
     """Course and its standard error given the forces that are seen."""
-    factor = cho_factor(prior[np.ix_(seen, seen)] + noise, lower=True)
-    left = np.diag(prior) - (prior[:, seen] * cho_solve(factor, prior[seen]).T).sum(axis=1)
-    return prior[:, seen] @ cho_solve(factor, force), np.sqrt(np.maximum(left, 0.0))
+    shown = prior[:, seen]
+    solved = cho_solve(factor, np.column_stack([force, shown.T]), check_finite=False)
+    left = np.diag(prior) - (shown * solved[:, 1:].T).sum(axis=1)
+    return shown @ solved[:, 0], np.sqrt(np.maximum(left, 0.0))

@@ -45,7 +45,7 @@ def contact_table(
         return empty_table(CONTACT_COLUMNS)
     courses = _courses(frames, evidence, method)
     by_whisker = {
-        name: {c: part[c].to_numpy() for c in courses.columns}
+        name: {c: part[c].to_numpy(copy=True) for c in courses.columns}
         for name, part in courses.sort_values("frame", kind="stable").groupby("whisker")
     }
     rows, numbers = [], {}
@@ -100,9 +100,12 @@ def _courses(frames, evidence, method):
 
 
 def _contact_row(whisker: dict[str, np.ndarray], onset, offset, frame_ms) -> dict:
-    """Peaks, mean and impulse of one contact; `whisker` has `_courses` of all its frames."""
+    """Peaks, mean and impulse of one contact.
+
+    `whisker` has `_courses` of all its frames, of which wild forces of the contact are dropped.
+    """
     start, stop = np.searchsorted(whisker["frame"], [onset, offset])
-    measured, errors = whisker["force"].copy(), whisker["error"]
+    measured, errors = whisker["force"], whisker["error"]
     measured[start:stop] = _without_wild(measured[start:stop], errors[start:stop])
     force, place = np.maximum(measured[start:stop], 0.0), whisker["place"][start:stop]
     if not np.isfinite(force).any():

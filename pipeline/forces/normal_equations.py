@@ -6,6 +6,7 @@ import numpy as np
 from numba import njit
 
 from pipeline.forces.rod_integration import LOADED
+from pipeline.forces.rod_types import COMPILED
 from pipeline.numerics.cholesky import solve
 
 HUBER = 3.0  # SD beyond which a station counts less
@@ -25,7 +26,7 @@ class Sums(NamedTuple):
     mean: np.ndarray
 
 
-@njit(cache=True)
+@njit(**COMPILED)
 def empty_sums(m, terms):
     """Sums of `m` stations and `terms` rest coefficients to be filled."""
     square = (LOADED, LOADED)
@@ -35,7 +36,7 @@ def empty_sums(m, terms):
     )  # fmt: skip
 
 
-@njit(cache=True)
+@njit(**COMPILED)
 def fill_equations(seen, laid, size, precision, p, sums, chi2, robust):
     """Fill Gauss–Newton's normal equations; returns the reduced χ² of the misfit.
 
@@ -54,7 +55,7 @@ def fill_equations(seen, laid, size, precision, p, sums, chi2, robust):
     return chi2
 
 
-@njit(cache=True, error_model="numpy")
+@njit(**COMPILED)
 def weigh(seen, laid, chi2, robust, misfit, weight):
     """Fill misfit [m] and weight [1/m²] of every station, 0 where none was seen; returns χ²."""
     info = seen.information
@@ -73,7 +74,7 @@ def weigh(seen, laid, chi2, robust, misfit, weight):
     return total / max(count - 4, 1)
 
 
-@njit(cache=True)
+@njit(**COMPILED)
 def _products(shift, misfit, weight, size, share, normal, rhs):
     """Fill Σ weight shift shiftᵀ and Σ weight shift misfit of the first `size` parameters."""
     m = len(misfit)
@@ -91,7 +92,7 @@ def _products(shift, misfit, weight, size, share, normal, rhs):
             normal[b, a] = total
 
 
-@njit(cache=True, inline="always")
+@njit(**COMPILED, inline="always")
 def robust_weight(info, misfit, scale):
     """Information of a station, less where it lies off by more than HUBER usual misfits.
 
@@ -101,13 +102,13 @@ def robust_weight(info, misfit, scale):
     return info * (HUBER / deviation if deviation > HUBER else 1.0)
 
 
-@njit(cache=True, inline="always")
+@njit(**COMPILED, inline="always")
 def misfit_of(seen, laid, k):
     """How far station `k` was seen to lie beside the rod, along its normal [m]."""
     return (seen.y[k] - laid.y[k]) * laid.cos[k] - (seen.x[k] - laid.x[k]) * laid.sin[k]
 
 
-@njit(cache=True)
+@njit(**COMPILED)
 def take_step(size, p, lower, rhs):
     """One Gauss–Newton step of `p`; returns its length, of all together, in SD where χ² is 1.
 

@@ -37,6 +37,7 @@ from pipeline.forces.rod_integration import (
 )
 from pipeline.forces.rod_outputs import report_curvature, report_loads, report_pose, variance
 from pipeline.forces.rod_types import (
+    COMPILED,
     OUTPUT_ROW,
     OUTPUTS,
     Arc,
@@ -189,12 +190,10 @@ def _fit(stations, whisker, curvature_at, prior, load=None, influence=None, misf
         block = Rows(
             part.x, part.y, part.information, part.origin + shift[rows], shift[rows],
             side[rows].astype(np.float64), friction[rows], part.pole_x, part.pole_y, part.nearest,
+            np.ascontiguousarray(prior.drift[rows]), np.ascontiguousarray(prior.cov[rows]),
         )  # fmt: skip
-        known = Prior(
-            np.ascontiguousarray(prior.weights), np.ascontiguousarray(prior.drift)[rows],
-            prior.centre, prior.scale, np.linalg.inv(prior.cov[rows]),
-        )  # fmt: skip
-        _fit_rows(block, setup, known, Filled(*(each[rows] for each in out)))
+        turning = np.ascontiguousarray(prior.weights), prior.centre, prior.scale
+        _fit_rows(block, setup, turning, Filled(*(each[rows] for each in out)))
     return ShapeFit({name: out.table[name] for name in OUTPUTS}, out.rest, out.rest_cov)
 
 
@@ -215,15 +214,18 @@ def _setup(whisker, pole_radius, curvature_at, settled):
     )
 
 
-@njit(cache=True)
-def _fit_rows(rows, setup, priors, out):
-    """Fit every one of the `Rows`; `priors` is a `Prior` whose drift and precision have rows."""
+@njit(**COMPILED)
+def _fit_rows(rows, setup, turning, out):
+    """Fit every one of the `Rows`; `turning`: weights, centre and scale of the `RestPrior`."""
     (m, terms), h = setup.basis.shape, setup.spacing
+    weights, centre, scale = turning
+    precision = np.zeros((terms, terms))
     laid, sums, p, usual = empty_rod(m), empty_sums(m, terms), np.zeros(LOADED), 1.0
     for row in range(len(rows.x)):
         first, count = _span(rows.information[row])
-        if count < FEWEST_STATIONS:
+        if count < FEWEST_STATIONS or not factorise(rows.rest_cov[row], terms, sums.lower):
             continue
+        invert(sums.lower, terms, precision)
         seen = Seen(rows.x[row], rows.y[row], rows.information[row])
         loaded = rows.side[row] != 0 and rows.nearest[row] > (first + 2) * h
         size = LOADED if loaded else FREE
@@ -234,11 +236,11 @@ def _fit_rows(rows, setup, priors, out):
             Load(rows.side[row], rows.friction[row]) if loaded else Load(0.0, 0.0),
             Pole(rows.pole_x[row], rows.pole_y[row], setup.pole_radius),
         )
-        precision = priors.precision[row]
-        prior = Prior(priors.weights, priors.drift[row], priors.centre, priors.scale, precision)
+        prior = Prior(weights, rows.drift[row], centre, scale, precision)
         c = min(rows.nearest[row], (m - 1) * h) if loaded else (first + count // 2) * h
         known, chi2, place = _solve(problem, (first, c, usual), prior, setup, p, laid, sums)
         if not known:
+            p[:] = 0.0
             continue
         usual = chi2
         fitted = Fitted(p, sums.inverse[:size, :size] * max(chi2, 1.0), chi2, place, laid, sums)
@@ -253,7 +255,7 @@ def _fit_rows(rows, setup, priors, out):
             _report_misfit(seen, fitted, each)
 
 
-@njit(cache=True)
+@njit(**COMPILED)
 def _report_misfit(seen, fitted, out):
     """Fill how far stations lie beside the rod, and the variance of the rod's place."""
     shift, cov = fitted.laid.shift, fitted.cov
@@ -262,18 +264,19 @@ def _report_misfit(seen, fitted, out):
         out[1, k] = variance(shift[:, k], cov)
 
 
-@njit(cache=True)
+@njit(**COMPILED)
 def _solve(problem, start, prior, setup, p, laid, sums):
     """Gauss–Newton into `p`, `laid` and `sums`; returns whether it got there, χ², and the place.
 
     It does not where a trace jumps from line to line: there is no such rod.
 
     `start`: the first measured station, the grid place from which to lay at first, usual χ².
+    Without a load, `p` has the rest shape to begin with: that of the row before.
     """
     (first, c, chi2), (seen, arc, beam, load, pole) = start, problem
     h, loaded, terms = arc.spacing, load.side != 0, len(sums.mean)
     size = LOADED if loaded else FREE
-    p[:] = 0.0
+    p[0] = 0.0
     known = False
     _trace(seen.x, seen.y, seen.information, first, h, laid.x, laid.y, laid.angle)
     ref_x, ref_y, p[1] = point_at(laid.x, laid.y, laid.angle, h, c)
@@ -282,10 +285,9 @@ def _solve(problem, start, prior, setup, p, laid, sums):
     for iteration in range(ITERATIONS):
         u = (laid.follicle[2] - prior.centre) / prior.scale
         _prior_mean(prior.weights, prior.drift, u, sums.mean)
-        if iteration == 0:
+        if iteration == 0 and loaded:
             p[2 : 2 + terms] = sums.mean
-            if loaded:
-                p[size - 1] = _first_force(laid, seen.information, sums.mean, setup, c, load)
+            p[size - 1] = _first_force(laid, seen.information, sums.mean, setup, c, load)
         lay(p, beam, load, arc, place, laid)
         if loaded and iteration > 0:
             c, place = place.c, _nearest_place(laid, place, h, pole, p)
@@ -308,13 +310,13 @@ def _solve(problem, start, prior, setup, p, laid, sums):
     return known, chi2, place
 
 
-@njit(cache=True)
+@njit(**COMPILED)
 def _lies_there(misfit, weight, spacing):
     """Whether a rod misses its stations by less than they lie apart, RMS."""
     return (weight * misfit * misfit).sum() < spacing * spacing * weight.sum()
 
 
-@njit(cache=True)
+@njit(**COMPILED)
 def _nearest_place(laid, place, h, pole, p):
     """The place of the rod nearest to the pole; `p` is changed to count from there."""
     x, y, angle = laid.x, laid.y, laid.angle
@@ -327,7 +329,7 @@ def _nearest_place(laid, place, h, pole, p):
     return Place(c, at_x, at_y)
 
 
-@njit(cache=True)
+@njit(**COMPILED)
 def _span(info):
     """First measured station, and how many there are."""
     first, count = -1, 0
@@ -339,7 +341,7 @@ def _span(info):
     return first, count
 
 
-@njit(cache=True)
+@njit(**COMPILED)
 def _trace(xs, ys, info, first, h, x, y, angle):
     """Measured places at all stations: straight across gaps and beyond both ends."""
     m = len(xs)
@@ -372,7 +374,7 @@ def _trace(xs, ys, info, first, h, x, y, angle):
         before_x, before_y = now_x, now_y
 
 
-@njit(cache=True, inline="always")
+@njit(**COMPILED, inline="always")
 def _turn(across, along):
     """Angle of a vector; a series, to 1e-11, where that is little."""
     if abs(across) > 0.05 * along:
@@ -382,7 +384,7 @@ def _turn(across, along):
     return t * (1 - square * (1 / 3 - square * (1 / 5 - square * (1 / 7 - square * (1 / 9)))))
 
 
-@njit(cache=True)
+@njit(**COMPILED)
 def _first_force(laid, info, mean, setup, c, load):
     """Start force from the measured directions, which are linear in it and in one start angle."""
     x, y, angle, h = laid.x, laid.y, laid.angle, setup.spacing
@@ -408,7 +410,7 @@ def _first_force(laid, info, mean, setup, c, load):
     return (sum_gd - sum_g * sum_d / n) / spread if spread > 0 else 0.0
 
 
-@njit(cache=True)
+@njit(**COMPILED)
 def _prior_mean(weights, drift, u, mean):
     for j in range(len(mean)):
         value = 0.0

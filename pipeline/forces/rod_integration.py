@@ -11,6 +11,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from pipeline.forces.rod_types import COMPILED
+
 N_REST = 4  # Legendre polynomials of the rest curvature
 FREE, LOADED = N_REST + 2, N_REST + 3  # numbers of parameters
 ORIGIN = LOADED  # whose answers come behind those of the parameters
@@ -48,7 +50,7 @@ class Place(NamedTuple):
     y: float
 
 
-@njit(cache=True)
+@njit(**COMPILED)
 def empty_rod(m):
     """A Rod of `m` stations to be laid."""
     return Rod(
@@ -58,13 +60,13 @@ def empty_rod(m):
     )  # fmt: skip
 
 
-@njit(cache=True)
+@njit(**COMPILED)
 def laid_from(p, place):
     """Where the rod is laid from: of a loaded one, the contact point."""
     return place.x - p[0] * np.sin(p[1]), place.y + p[0] * np.cos(p[1])
 
 
-@njit(cache=True, error_model="numpy")
+@njit(**COMPILED)
 def lay(p, beam, load, arc, place, laid):
     """Lay the rod from its place both ways, with its derivatives by all parameters and the origin.
 
@@ -95,7 +97,7 @@ def lay(p, beam, load, arc, place, laid):
             base[2, ORIGIN] -= bend
 
 
-@njit(cache=True, error_model="numpy")
+@njit(**COMPILED)
 def move(laid, step):
     """Move a laid rod by a small `step` of its parameters, as it answers to them."""
     shift, base, follicle = laid.shift, laid.base, laid.follicle
@@ -107,7 +109,7 @@ def move(laid, step):
             follicle[j] += step[a] * base[j, a]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(**COMPILED)
 def _lay_one_way(direction, k, p, beam, bends, pull, arc, begin, laid):
     """Lay stations k, k + direction, …, and before station 0 the follicle.
 
@@ -158,7 +160,7 @@ def _lay_one_way(direction, k, p, beam, bends, pull, arc, begin, laid):
     return at_x, at_y, theta, bend, heading
 
 
-@njit(cache=True, inline="always")
+@njit(**COMPILED, inline="always")
 def _answer(shift, k, heading, cos, sin, dx, dy, d):
     """Fill how far station k, (dx, dy) from the place, moves along its normal per parameter."""
     nx, ny = -heading[1], heading[0]
@@ -168,7 +170,7 @@ def _answer(shift, k, heading, cos, sin, dx, dy, d):
         shift[2 + q, k] = d[0, q] * nx + d[1, q] * ny
 
 
-@njit(cache=True, inline="always")
+@njit(**COMPILED, inline="always")
 def _rest_curvature(u, p, values):
     """Rest curvature where the Legendre polynomials, put into `values`, have the argument `u`."""
     polynomials(u, values)
@@ -178,14 +180,14 @@ def _rest_curvature(u, p, values):
     return total
 
 
-@njit(cache=True)
+@njit(**COMPILED)
 def unit_force(c_angle, side, friction):
     """Force on the whisker per unit of its normal component, in the lab."""
     cos, sin = np.cos(c_angle), np.sin(c_angle)
     return side * sin + friction * cos, -side * cos + friction * sin
 
 
-@njit(cache=True, inline="always")
+@njit(**COMPILED, inline="always")
 def polynomials(u, values):
     """Legendre polynomials at `u`, into `values` (N_REST,)."""
     before, now = 1.0, u
@@ -194,14 +196,14 @@ def polynomials(u, values):
         before, now = now, ((2 * j + 3) * u * now - (j + 1) * before) * (1 / (j + 2))
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit(**COMPILED, inline="always")
 def softness(s, beam):
     """1/(E I(s)) [1/(N m²)]; the very tip of a full cone, which has none, is stiffened."""
     square = (1 - s / beam.cone_length) ** 2
     return 1 / (beam.rigidity * max(square * square, 1e-7))
 
 
-@njit(cache=True, inline="always")
+@njit(**COMPILED, inline="always")
 def _turned(heading, turn):
     """Cosine and sine of a direction that turns by `turn`; a series where that is little."""
     cos, sin = heading
@@ -214,7 +216,7 @@ def _turned(heading, turn):
     return cos * c - sin * s, sin * c + cos * s
 
 
-@njit(cache=True, inline="always")
+@njit(**COMPILED, inline="always")
 def _stretch(step, rest, soft, push, arm, heading, bend, slope):
     """Fourth-order step of angle and place, by Simpson's rule.
 
@@ -241,7 +243,7 @@ def _stretch(step, rest, soft, push, arm, heading, bend, slope):
     return turn, way_x, way_y, (c3, s3), r1, r3
 
 
-@njit(cache=True)
+@njit(**COMPILED)
 def _advance(step, headings, bends, push, arm, basis, d):
     """Second-order step of the derivatives `d` of x, y, angle and curvature."""
     (cos, sin), (new_cos, new_sin) = headings
@@ -259,7 +261,7 @@ def _advance(step, headings, bends, push, arm, basis, d):
         d[2, q], d[3, q] = new_turn, rate
 
 
-@njit(cache=True)
+@njit(**COMPILED)
 def nearest_to(x, y, cos, sin, h, c, px, py):
     """Arc length where the pole lies square to the model, near `c`."""
     m = len(x)
@@ -275,7 +277,7 @@ def nearest_to(x, y, cos, sin, h, c, px, py):
     return c
 
 
-@njit(cache=True)
+@njit(**COMPILED)
 def point_at(x, y, angle, h, s):
     """Place and direction between stations: the arc through both."""
     k = min(int(s / h), len(x) - 2)

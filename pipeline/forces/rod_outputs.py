@@ -16,13 +16,14 @@ from pipeline.forces.rod_integration import (
     softness,
     unit_force,
 )
+from pipeline.forces.rod_types import COMPILED
 from pipeline.numerics.cholesky import factorise, invert
 
 CURVATURE_REACH_M = 2.5e-3  # stations this near show how a curvature differs from the rod's
 FEWEST_NEAR = 5
 
 
-@njit(cache=True)
+@njit(**COMPILED)
 def report_loads(o, problem, fitted, at, taper, precision, influence):
     """Fill one row of results that need the force, and its `influence` where there is room.
 
@@ -46,7 +47,7 @@ def report_loads(o, problem, fitted, at, taper, precision, influence):
     o.lateral_by_origin = (gradient[2] * follows).sum()
 
 
-@njit(cache=True)
+@njit(**COMPILED)
 def report_curvature(o, problem, fitted, at):
     """Fill one row's curvature at `at`, its variance and slope."""
     h, mean = problem.arc.spacing, fitted.sums.mean
@@ -59,7 +60,7 @@ def report_curvature(o, problem, fitted, at):
     o.curvature = _rod_curvature(problem, fitted, near, mean) + more
 
 
-@njit(cache=True)
+@njit(**COMPILED)
 def report_pose(o, fitted, rest, rest_cov):
     """Fill one row's pose, with its error and the curvature there, and rest shape."""
     laid, terms = fitted.laid, len(rest)
@@ -69,7 +70,7 @@ def report_pose(o, fitted, rest, rest_cov):
     o.angle_var = variance(laid.base[2], fitted.cov)
 
 
-@njit(cache=True)
+@njit(**COMPILED)
 def _loads(o, problem, fitted, contact, at, taper):
     """Fill gap, contact and base loads of one row."""
     p, cov, laid, arc = fitted.p, fitted.cov, fitted.laid, problem.arc
@@ -91,7 +92,7 @@ def _loads(o, problem, fitted, contact, at, taper):
     o.curvature_per_force, o.lever_at_curvature = lever * softness(at, problem.beam), lever
 
 
-@njit(cache=True)
+@njit(**COMPILED)
 def _load_gradients(o, force, unit, base, gradient):
     """Fill how base moment, axial and lateral force change with parameters and origin."""
     fx, fy = unit
@@ -105,7 +106,7 @@ def _load_gradients(o, force, unit, base, gradient):
     gradient[2, LOADED - 1] += o.lateral_per_force
 
 
-@njit(cache=True)
+@njit(**COMPILED)
 def variance(gradient, cov):
     """Variance of what has this gradient, by parameters of covariance `cov`."""
     total = 0.0
@@ -115,7 +116,7 @@ def variance(gradient, cov):
     return total
 
 
-@njit(cache=True)
+@njit(**COMPILED)
 def _rod_curvature(problem, fitted, near, values):
     """Curvature of the fitted rod at grid place `near`; `values` (rest terms,) is scratch."""
     (origin, moved, h), beam, load = problem.arc, problem.beam, problem.load
@@ -133,7 +134,7 @@ def _rod_curvature(problem, fitted, near, values):
     return total
 
 
-@njit(cache=True)
+@njit(**COMPILED)
 def _more_curvature(seen, fitted, h, near):
     """Curvature of the stations beyond the rod's about grid place `near`, and its variance.
 
@@ -169,7 +170,7 @@ def _more_curvature(seen, fitted, h, near):
     return scale * bend, scale**2 * inverse[2, 2] * max(chi2, 1.0)
 
 
-@njit(cache=True)
+@njit(**COMPILED)
 def _follow(seen, fitted, follows, o):
     """Fill `follows` with the derivatives of parameters and origin by the origin.
 
@@ -197,7 +198,7 @@ def _follow(seen, fitted, follows, o):
     o.origin_pull, o.origin_bend = pull, bend
 
 
-@njit(cache=True)
+@njit(**COMPILED)
 def _influence(seen, fitted, follows, precision, out):
     """Fill `out` with the change of the origin's pull by an error of each station and rest term.
 

@@ -4,6 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+# of the rods' loops: sums in any order, products of inverses; NaN stays what it is
+FASTMATH = {"reassoc", "contract", "arcp", "nsz"}
+COMPILED = {"cache": True, "error_model": "numpy", "fastmath": FASTMATH}
 OUTPUTS = (
     "force", "force_var", "gap", "gap_var", "gap_force_cov", "contact", "angle", "follicle_x",
     "follicle_y", "moment_per_force", "axial_per_force", "lateral_per_force",
@@ -89,7 +92,10 @@ class Fitted(NamedTuple):
 
 
 class Rows(NamedTuple):
-    """What differs from row to row, each with the rows first; metres."""
+    """What differs from row to row, each with the rows first; metres.
+
+    `drift` and `rest_cov`: of the `RestPrior`.
+    """
 
     x: np.ndarray
     y: np.ndarray
@@ -101,6 +107,8 @@ class Rows(NamedTuple):
     pole_x: np.ndarray
     pole_y: np.ndarray
     nearest: np.ndarray
+    drift: np.ndarray
+    rest_cov: np.ndarray
 
 
 class Setup(NamedTuple):

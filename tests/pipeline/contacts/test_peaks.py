@@ -7,7 +7,7 @@ from scipy.stats import multivariate_normal
 from pipeline.contacts.peaks import (
     AROUND,
     MOST,
-    _likelihood,
+    _fitted,
     _noise,
     _posterior,
     _priors,
@@ -141,12 +141,13 @@ def test_a_fit_is_a_conditional_gaussian():
     for prior in _priors(frame, 5, 20, 1.0):
         known = prior[np.ix_(seen, seen)] + noise
         gain = prior[:, seen] @ np.linalg.inv(known)
-        mean, error = _posterior(prior, force[seen], noise, seen)
+        likelihood, factor, _ = _fitted(prior, force[seen], noise, seen)
+        mean, error = _posterior(factor, prior, force[seen], seen)
         np.testing.assert_allclose(mean, gain @ force[seen], atol=RESTS)
         left = np.diag(prior - gain @ prior[seen])
         np.testing.assert_allclose(error**2, left, atol=RESTS)
         assert (mean[:5], mean[20:]) == (pytest.approx(0), pytest.approx(0))
-        likelihoods.append(_likelihood(prior, force[seen], noise, seen))
+        likelihoods.append(likelihood)
         naive.append(multivariate_normal(cov=known).logpdf(force[seen]))
     np.testing.assert_allclose(np.diff(likelihoods), np.diff(naive), rtol=1e-6)
 
