@@ -153,7 +153,7 @@ def _usable(values, variances, angle, free):
 def _drift_and_rest(powers, values, time, precision, floor):
     """Drift, what polynomial and drift leave, (frames, values) each, and the frames' shares."""
     drift, weights = np.zeros_like(values), None
-    for _ in range(5):  # drift and polynomial in turn
+    for _ in range(3):  # drift and polynomial in turn: each leaves a tenth of what is missing
         weights, share = _robust_polynomial(powers, values - drift, precision, floor, weights)
         residual = values - powers @ weights
         middle = np.average(residual, axis=0, weights=share)
