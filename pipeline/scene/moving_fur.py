@@ -9,6 +9,7 @@ import numpy as np
 from pipeline.scene.illumination import frame_gains
 from pipeline.scene.masks import opened
 from pipeline.session.parameters import DEFAULTS, SceneParams
+from pipeline.session.quantities import pixels_in
 
 MOST_FRAMES = 24  # that are looked at
 
@@ -30,7 +31,7 @@ def moving_fur(
     bool (height, width)
     """
     few = frames[:: -(-len(frames) // MOST_FRAMES)]
-    radius = 0.5 * params.fur_breadth_mm * pixels_per_mm
+    radius = 0.5 * pixels_in(params.fur_breadth_mm, 1e3 * pixels_per_mm)
     seldom = np.zeros(masked.shape)
     for frame, gain in zip(few, frame_gains(few), strict=True):
         light = (1 - params.fur_darkens) * gain * background

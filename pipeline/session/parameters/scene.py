@@ -27,7 +27,7 @@ class SceneParams:
         0.5, "thinner dark parts at the face are tufts or whiskers", "chosen"
     )
     fur_breadth_mm: quantity(0.05, 5, "mm") = parameter(
-        0.4, "moving fur is broader: two whiskers side by side are not",
+        0.4, "moving fur is broader, by pixels at least as at 25 px/mm: two whiskers are not",
         "chosen on real recordings",
     )  # fmt: skip
     fur_darkens: quantity(0.01, 0.9, "of the light") = parameter(

@@ -43,6 +43,16 @@ def test_whiskers_are_no_fur():
     assert not fur.any()
 
 
+def test_two_whiskers_side_by_side_are_no_fur_at_low_resolution():
+    frames, face = frames_of(fur_to=30)
+    for frame in frames[::4]:
+        for y in (20, 23):  # 3 px wide each, as whiskers are at any resolution
+            cv2.line(frame, (30, y), (120, y), 40, 3)
+    light = np.full(SHAPE, LIGHT, np.float32)
+    for px_per_mm in (8.0, 12.0, SCALE):
+        assert not moving_fur(light, frames, face, px_per_mm).any()
+
+
 def test_no_line_is_clear_on_moving_fur():
     fur, face = found(fur_to=46)
     none = np.zeros(SHAPE, bool)
