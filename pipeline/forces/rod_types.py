@@ -4,9 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-# of the rods' loops: sums in any order, products of inverses; NaN stays what it is
-FASTMATH = {"reassoc", "contract", "arcp", "nsz"}
-COMPILED = {"cache": True, "error_model": "numpy", "fastmath": FASTMATH}
+# of the rods' loops; no sums in any order: results would depend on what was compiled before
+COMPILED = {"cache": True, "error_model": "numpy"}
 OUTPUTS = (
     "force", "force_var", "gap", "gap_var", "gap_force_cov", "contact", "angle", "follicle_x",
     "follicle_y", "moment_per_force", "axial_per_force", "lateral_per_force",
