@@ -32,7 +32,8 @@ def touch_course(force, error, free, interpolated, start, stop):
     rows : the frames, all of the touch or MOST about its largest force
     course, its standard error : (rows,) NaN where nothing is known of the touch
     """
-    first, last = _about_largest(force[start:stop] + 0 * error[start:stop], start)
+    known = np.where(np.isfinite(error[start:stop]), force[start:stop], np.nan)
+    first, last = _about_largest(known, start)
     frame = np.arange(max(first - AROUND, 0), min(last + AROUND, len(force)))
     touching = (frame >= first) & (frame < last)
     seen = np.isfinite(force[frame] + error[frame]) & (touching | free[frame])
