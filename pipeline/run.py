@@ -23,11 +23,9 @@ from pipeline.runtime import Clock, Counted, Step, prepare_cache
 from pipeline.scene import (
     face_side_of,
     find_scenes,
-    part_of,
+    first_look,
     pole_track,
-    steadied,
     survey,
-    whiskers_are_bright,
     without_poles,
     working_scale,
 )
@@ -49,12 +47,10 @@ from pipeline.tracking import (
     track,
     whisker_set_of,
 )  # fmt: skip
-from pipeline.video import Negative, open_video
+from pipeline.video import open_video
 
 prepare_cache()  # nothing compiled has been called yet
 
-FRAMES_FOR_POLARITY = 8
-FRAMES_FOR_SHAKE = 16
 LEAST_PX = 16  # height and width of a frame
 
 
@@ -169,16 +165,10 @@ def look_at(video, settings):
             0,
         )
     recording, pole, params = settings.recording.si(), settings.pole, settings.advanced.scene
-    part = part_of(settings.image, video)
-    seen = survey(video, recording, params, part)
-    recorded, video = video, steadied(video, seen.sample(FRAMES_FOR_SHAKE)[1])
-    if video is not recorded:
-        seen = survey(video, recording, params, part)
-    if _is_bright(settings, seen):
-        video = Negative(video)
-        seen = survey(video, recording, params, part)
-    epochs = find_scenes(video, recording, pole.diameter, pole.position_px, seen, params)
-    return video, seen, epochs
+    look = first_look(video, recording.pixels_per_mm, settings.image)
+    seen = survey(look, recording, params)
+    epochs = find_scenes(look.video, recording, pole.diameter, pole.position_px, seen, params)
+    return look.video, seen, epochs
 
 
 def find_whiskers(sample, epochs, settings):
@@ -190,15 +180,6 @@ def find_whiskers(sample, epochs, settings):
     whisker_set = find_whisker_set(*sample, epochs, settings)
     is_touchable = whisker_set.templates or settings.pole.position_px is not None
     return whisker_set, epochs if is_touchable else without_poles(epochs)
-
-
-def _is_bright(settings, seen) -> bool:
-    """Whether whiskers are bright on a dark ground: as the settings say, or as it looks."""
-    if settings.image.polarity is not None:
-        return settings.image.polarity == "bright"
-    return whiskers_are_bright(
-        seen.sample(FRAMES_FOR_POLARITY)[1], settings.recording.pixels_per_mm
-    )
 
 
 def follow(

@@ -29,7 +29,7 @@ from peer_tracker import OPTIMISED, NoPeerError, find_peer, timed
 
 from pipeline.kinematics import curvature
 from pipeline.run import trace as trace_frames
-from pipeline.scene import estimate
+from pipeline.scene import estimate, first_look
 from pipeline.session.session_file import write_session
 from pipeline.tables.files import read_json
 from pipeline.tracking.stationary_whiskers import behind_whiskers
@@ -170,7 +170,8 @@ def trace(clip: Clip, path=None):
     recording = settings.recording.si()
     with open_video(path or clip.path) as video:
         diameter = settings.pole.diameter if clip.trial.scene.pole else None
-        seen = estimate.survey(video, recording)
+        look = first_look(video, recording.pixels_per_mm)
+        seen = estimate.survey(look, recording)
         epochs = estimate.find_scenes(video, recording, diameter, seen=seen)
         whisker_set = find_whisker_set(*seen.sample(template_frames(settings)), epochs, settings)
         epochs = behind_whiskers(epochs, whisker_set.templates, recording.pixels_per_mm)

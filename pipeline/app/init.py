@@ -9,13 +9,11 @@ import numpy as np
 from pipeline.app.preview import preview_of, write_preview
 from pipeline.detection.static_scene import StaticScene
 from pipeline.errors import InputError, VideoError, need_folder
-from pipeline.run import FRAMES_FOR_POLARITY, FRAMES_FOR_SHAKE
 from pipeline.scene.dust import is_passed_over
 from pipeline.scene.estimate import find_scenes, survey
+from pipeline.scene.looking import first_look
 from pipeline.scene.over_time import without_pole
-from pipeline.scene.polarity import whiskers_are_bright
 from pipeline.scene.scale import FIELD_MM, scale_of
-from pipeline.scene.shake import steadied
 from pipeline.session.inputs import PREVIEW_NAME, SETTINGS_NAME, find_inputs
 from pipeline.session.recording import Recording
 from pipeline.session.session_file import read_session, settings_from, write_session
@@ -24,7 +22,6 @@ from pipeline.tracking.registry import find_templates
 from pipeline.tracking.two_sides import counted_names
 from pipeline.tracking.whisker_evidence import whisker_like
 from pipeline.tracking.whiskers import TEMPLATE_FRAMES, options_for_picture
-from pipeline.video.changed import Negative
 from pipeline.video.open import open_video
 
 LOOKED_AT = 3  # videos
@@ -115,8 +112,7 @@ def _look_at_some(folder, look, say, most=LOOKED_AT) -> list:
 def look_at(path) -> Look:
     """Find face, pole, scale and whiskers in one video."""
     with open_video(path) as video:
-        video = _dark_on_light(steadied(video, video.sample(FRAMES_FOR_SHAKE)[1]))
-        scene, sample, scale = _scene_and_scale(video)
+        scene, sample, scale = _scene_and_scale(first_look(video, _usual_scale(video)))
     recording = Recording(FRAMES_PER_SECOND, scale, scene.face_side)
     options = options_for_picture(recording, sample.shape[1:])
     templates = find_templates(sample, scene, options)
@@ -127,28 +123,22 @@ def look_at(path) -> Look:
     return Look(Path(path), scene, scale, names)
 
 
-def _dark_on_light(video):
-    """The video, or its negative where whiskers are bright."""
-    _, frames = video.sample(FRAMES_FOR_POLARITY)
-    return Negative(video) if whiskers_are_bright(frames, _usual_scale(video)) else video
-
-
 def _usual_scale(video) -> float:
     """Pixels per mm where the picture shows as much as is usual."""
     return scale_of(video.shape, FIELD_MM)
 
 
-def _scene_and_scale(video):
+def _scene_and_scale(look):
     """The typical scene, frames of it, and the scale [px/mm].
 
     The scale is from the pole's thickness, or else from the image's size.
     """
-    usual, first = _usual_scale(video), None
+    usual, first = _usual_scale(look.video), None
     for factor in SCALES:
         recording = Recording(FRAMES_PER_SECOND, usual * factor, None)
-        seen = survey(video, recording)
-        epochs = find_scenes(video, recording, 1e-3 * POLE_DIAMETER_MM, seen=seen)
-        scene, frames = _typical_frames(video, seen, epochs, TEMPLATE_FRAMES)
+        seen = survey(look, recording)
+        epochs = find_scenes(look.video, recording, 1e-3 * POLE_DIAMETER_MM, seen=seen)
+        scene, frames = _typical_frames(look.video, seen, epochs, TEMPLATE_FRAMES)
         if scene.pole is not None and not _is_passed_over(scene, frames):
             return scene, frames, 2 * scene.pole.radius_px / POLE_DIAMETER_MM
         first = first or (replace(scene, pole=None), frames, usual)

@@ -7,11 +7,9 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     submod_attrs={
         "dust": ["is_passed_over"],
         "estimate": ["Epoch", "find_scenes", "scene_from_frames", "survey"],
+        "looking": ["first_look"],
         "over_time": ["face_side_of", "pole_track", "without_pole", "without_poles"],
-        "picture_part": ["part_of"],
-        "polarity": ["whiskers_are_bright"],
         "pole_runs": ["pole_at"],
         "scale": ["scale_of", "working_scale"],
-        "shake": ["steadied"],
     },
 )

@@ -13,9 +13,9 @@ from pipeline.scene.codec_noise import noise_excess
 from pipeline.scene.dust import is_passed_over
 from pipeline.scene.epochs import Survey, periods
 from pipeline.scene.face import darkest_sides, find_face, likelier_side
+from pipeline.scene.looking import N_FRAMES, FirstLook, first_look, without_black
 from pipeline.scene.masks import dilated, opened, opened_beyond_border, regions
 from pipeline.scene.moving_fur import moving_fur
-from pipeline.scene.picture_part import MARGIN_FRAMES, within_margins
 from pipeline.scene.pole_doubts import doubt
 from pipeline.scene.pole_search import PoleFollower, find_pole
 from pipeline.scene.scale import working_scale
@@ -23,10 +23,9 @@ from pipeline.scene.virtual_face import mask_behind_whiskers
 from pipeline.scene.whisker_pad import bears_whiskers, face_of
 from pipeline.session.parameters import DEFAULTS, SceneParams
 from pipeline.session.recording import Recording
-from pipeline.video.frame_faults import is_black
 
-N_SAMPLES = (32, 1000)  # at least and at most
-FRAMES_PER_SAMPLE = 50
+FRAMES_PER_SAMPLE = 50  # of a long video, to see when large things move
+MOST_SAMPLES = 1000
 
 
 @dataclass(frozen=True)
@@ -41,19 +40,15 @@ class Epoch:
     scene: StaticScene | None
 
 
-def survey(video, recording: Recording, params: SceneParams = DEFAULTS.scene, part=None) -> Survey:
-    """Sample frames of the whole video, once, for scene and whiskers.
-
-    `part`: the `PicturePart` that is looked at; None: all of the picture within its margins. Black
-    frames, as before the lamp is on, are left out where there are others.
-    """
-    part = part or within_margins(video.sample(MARGIN_FRAMES)[1])
-    scale = working_scale(video.shape, recording.pixels_per_mm)
-    seen = Survey(video.shape, scale, params, part)
-    for index, frame in video.sampled(_sample_size(video.n_frames)):
-        if not is_black(frame):
-            seen.add(index, frame)
-    if not seen.indices:
+def survey(look: FirstLook, recording: Recording, params: SceneParams = DEFAULTS.scene) -> Survey:
+    """Sample frames of the whole video, for scene and whiskers; those of a short one are read."""
+    scale = working_scale(look.video.shape, recording.pixels_per_mm)
+    seen = Survey(look.video.shape, scale, params, look.part)
+    n_samples = (look.video.n_frames or 0) // FRAMES_PER_SAMPLE
+    sampled = zip(look.indices, look.frames, strict=True)
+    if n_samples > N_FRAMES:
+        sampled = without_black(look.video.sampled(min(n_samples, MOST_SAMPLES)))
+    for index, frame in sampled:
         seen.add(index, frame)
     return seen
 
@@ -88,7 +83,7 @@ def find_scenes(
         If `pole_xy` is outside of the picture.
     """
     _check_place(video, pole_xy)
-    seen = seen or survey(video, recording, params)
+    seen = seen or survey(first_look(video, recording.pixels_per_mm), recording, params)
     states, frames = seen.settled()
     pole = pole_diameter_m, pole_xy
     n_frames = video.n_frames or 1
@@ -134,12 +129,6 @@ def _pole_check(scene):
     return PoleFollower(*place, scene.background).look
 
 
-def _sample_size(n_frames):
-    """Enough for a background, and in a long video for seeing when large things move."""
-    low, high = N_SAMPLES
-    return low if n_frames is None else int(np.clip(n_frames // FRAMES_PER_SAMPLE, low, high))
-
-
 def scene_from_frames(
     frames,
     recording: Recording,
@@ -157,11 +146,11 @@ def scene_from_frames(
     background = estimate_background(frames, scale, params)
     transmission = background.transmission
     sides = [recording.face] if recording.face else darkest_sides(transmission, params)
-    side, animal = _animal(background, frames, sides, scale, params)
-    face = animal
-    fur, likelier = face.any(), None
+    seen = _animal(background, frames, sides, scale, params)
+    side, animal = seen.face_side, seen.face_mask
+    fur, likelier = animal.any(), None
     if fur:
-        face, behind = _bearing_whiskers(animal, frames, background, side, scale, params)
+        face, behind = face_of(animal, frames, seen)
         side = recording.face or behind or side
     else:
         side, face, thick_side = mask_behind_whiskers(frames, recording.face, scale, params)
@@ -209,23 +198,19 @@ def _pole(background, frames, radius_px, pole_xy, masks):
     return pole, tuple(reasons) if pole is None else ()
 
 
-def _animal(background, frames, sides, scale, params):
-    """The first of the sides with an animal, and its mask, as of `find_face`.
+def _animal(background, frames, sides, scale, params) -> StaticScene:
+    """What does not move, with the animal as its face, on the first of the sides that has one.
 
     What whiskers that move do not come out of is no animal: a rig, a bar, a screw. Where there is
     none, the first side and an empty mask.
     """
     for side in sides:
         mask = find_face(background.transmission, side, scale, params)
-        seen = _seen_with(mask, background, side, scale, params)
-        if mask.any() and bears_whiskers(mask, frames, seen):
-            return side, mask
-    return sides[0], np.zeros_like(mask)
-
-
-def _bearing_whiskers(animal, frames, background, side, scale, params):
-    """The part of the animal's mask that whiskers come out of, and its side, as `face_of`."""
-    return face_of(animal, frames, _seen_with(animal, background, side, scale, params))
+        if mask.any():
+            seen = _seen_with(mask, background, side, scale, params)
+            if bears_whiskers(mask, frames, seen):
+                return seen
+    return _seen_with(np.zeros_like(mask), background, sides[0], scale, params)
 
 
 def _seen_with(animal, background, side, scale, params) -> StaticScene:

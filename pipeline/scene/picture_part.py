@@ -11,7 +11,6 @@ from pipeline.session.image import ImageSettings
 
 LIGHT_RANK = 90  # percentile of a frame that stands for light
 EVERY = 7  # pixel, for that
-MARGIN_FRAMES = 8  # in which a margin is looked for
 EVEN = 6  # grey, range of a margin after compression
 BLURRED_PX = 3  # between margin and picture
 ALL = 0.98  # of a margin's pixels are even

@@ -6,7 +6,6 @@ import numpy as np
 from pipeline.detection import ridges
 from pipeline.detection.curves import length
 from pipeline.numerics.robust import robust_sd
-from pipeline.scene.picture_part import within_margins
 from pipeline.scene.scale import working_scale
 
 THICKEST_MM = 0.4  # thicker lines are no whiskers
@@ -24,11 +23,9 @@ def whiskers_are_bright(frames: np.ndarray, pixels_per_mm: float) -> bool:
 
     Parameters
     ----------
-    frames : uint8 (k, height, width), some from the whole video
+    frames : uint8 (k, height, width), some from the whole video, without margins
     pixels_per_mm : scale of the image
     """
-    if part := within_margins(frames):
-        frames = part.cut(frames)
     size = 2 * round(0.5 * THICKEST_MM * working_scale(frames.shape[1:], pixels_per_mm)) + 1
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
     few = np.median(frames[:, 1::EVERY, 1::EVERY], axis=0)

@@ -9,8 +9,6 @@ Kanade 1981), in which what moves otherwise, as whiskers do, hardly counts.
 import cv2
 import numpy as np
 
-from pipeline.video.changed import Steadied
-
 FINE_PX, BROAD_PX = 1.0, 4.0  # edges are seen between these blurs: they bear no flicker
 SMALLER = 4  # the small picture's reduction
 LEAST_EDGES_PX = 20000  # pixels with the steepest edges
@@ -69,17 +67,11 @@ class Still:
         return cv2.remap(edges, x[None], y[None], cv2.INTER_LINEAR)[0] - self._values
 
 
-def steadied(video, frames: np.ndarray):
-    """The video, or what a camera at rest would have recorded where some frames of it shake.
+def still_of(frames: np.ndarray) -> Still | None:
+    """The frame amid some of a video that a camera shakes; None where it is at rest.
 
-    frames : uint8 (k, height, width), some of the video
+    frames : uint8 (k, height, width)
     """
-    still = _still_of(frames)
-    return video if still is None else Steadied(video, still.steady)
-
-
-def _still_of(frames) -> Still | None:
-    """The frame amid some that a camera shakes; None where it is at rest."""
     first = Still(frames[0])
     found = [first.shift(frame) for frame in frames[1:]]
     if not found:

@@ -41,13 +41,6 @@ def test_dark_whiskers_and_their_negative(seed, swing, gleams):
     assert whiskers_are_bright(255 - frames, SCALE)
 
 
-@pytest.mark.parametrize("grey", [0, 255])
-def test_a_margin_around_the_picture_says_nothing(grey):
-    frames = np.pad(frames_of(0, 0.2), ((0, 0), (60, 60), (60, 60)), constant_values=grey)
-    assert not whiskers_are_bright(frames, SCALE)
-    assert whiskers_are_bright(255 - frames, SCALE)
-
-
 def test_a_border_that_flickers_is_no_whisker():
     frames = 255 - frames_of(0, 0.2)
     frames[::2, :, -1] = 0  # as a camera or codec leaves the last column

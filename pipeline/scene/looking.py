@@ -1,0 +1,91 @@
+"""How a video is to be looked at: which part of its picture, steadied, as a negative.
+
+All of it is seen in some frames of the whole video, which are read once; the scene of a short
+video is found in the same frames.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.scene.picture_part import PicturePart, part_of, within_margins
+from pipeline.scene.polarity import whiskers_are_bright
+from pipeline.scene.shake import still_of
+from pipeline.session.image import ImageSettings
+from pipeline.video.base import Video
+from pipeline.video.changed import Negative, Steadied
+from pipeline.video.frame_faults import is_black
+
+N_FRAMES = 32  # that are read
+FRAMES_FOR_MARGINS = 8
+FRAMES_FOR_SHAKE = 16
+FRAMES_FOR_POLARITY = 8
+
+
+@dataclass(frozen=True)
+class FirstLook:
+    """A video as it is to be looked at, and some of its frames.
+
+    Attributes
+    ----------
+    video : the recorded one, steadied if the camera shakes; its negative if whiskers are bright
+    part : `PicturePart` that is looked at; None: all of the picture
+    indices : int (k,), ascending
+    frames : uint8 (k, height, width), of `video`
+    """
+
+    video: Video
+    part: PicturePart | None
+    indices: np.ndarray
+    frames: np.ndarray
+
+
+def first_look(video, pixels_per_mm: float, image: ImageSettings | None = None) -> FirstLook:
+    """Look at some frames of a whole video.
+
+    Parameters
+    ----------
+    video : pipeline.video.open.Video
+    pixels_per_mm : scale of the picture
+    image : what a person says of it; what nobody says is found
+
+    Raises
+    ------
+    VideoError
+        If not even one frame can be read, or `image` leaves nothing of the picture.
+    """
+    image = image or ImageSettings()
+    indices, frames = map(np.array, zip(*without_black(video.sampled(N_FRAMES)), strict=True))
+    part = part_of(image, video) or within_margins(_few(frames, FRAMES_FOR_MARGINS))
+    still = still_of(_shown(part, _few(frames, FRAMES_FOR_SHAKE)))
+    if still is not None:
+        video = Steadied(video, still.steady)
+        frames = np.stack([still.steady(frame)[0] for frame in frames])
+    bright = image.polarity == "bright"
+    if image.polarity is None:
+        few = _shown(part, _few(frames, FRAMES_FOR_POLARITY))
+        bright = whiskers_are_bright(few if part is None else part.cut(few), pixels_per_mm)
+    if bright:
+        video, frames = Negative(video), np.invert(frames)
+    return FirstLook(video, part, indices, frames)
+
+
+def without_black(sampled):
+    """Yield (index, frame) but of black frames, as before the lamp is on; if all are, the last."""
+    seen = False
+    for index, frame in sampled:
+        if not is_black(frame):
+            seen = True
+            yield index, frame
+    if not seen:
+        yield index, frame
+
+
+def _few(frames, n):
+    """Up to `n` of the frames, evenly chosen."""
+    return frames[np.unique(np.linspace(0, len(frames) - 1, n).round().astype(int))]
+
+
+def _shown(part, frames):
+    """The frames with only the part to be seen."""
+    return frames if part is None else np.stack([part.shown(frame) for frame in frames])
