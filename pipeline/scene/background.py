@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 
 from pipeline.scene.illumination import fill, frame_gains, light_without_objects, smooth_flat_parts
-from pipeline.scene.masks import dilated
+from pipeline.scene.masks import distance_from
 from pipeline.scene.noise_model import (
     WINDOW_SD,
     WINDOWED_VARIANCE,
@@ -247,14 +247,15 @@ def without_whiskers(
     Where there is no `fur`, shorter ones are the whiskers' bases, about which they turn. What
     leaves the `pole` (bool mask) on which such a line ends is the same whisker's other part.
     Lines that never move and end on other `things` (bool mask) are parts of them: they stay; but
-    the fringe of fur along the face is where whiskers begin, and stays as it is.
+    the fringe of fur along the face is where whiskers begin.
     """
     movie = background.n_frames >= MOVIE_FRAMES
     share = 1 / background.n_frames if movie else 1.0  # of the variance left in the average
     noise = share * background.noise_floor, share * background.noise_gain
     at = background.image, pixels_per_mm, noise, face, params
     clear = thin_dark_lines(*at) & ~face
-    fringe = dilated(face, _fringe_px(pixels_per_mm))  # filled, it would be as dark as the face
+    away = distance_from(face)
+    fringe = away <= _fringe_px(pixels_per_mm)
     thin = _long_parts(clear | thin_dark_lines(*at, FAINTER) & ~fringe, 0, clear)
     shortest = params.shortest_still_mm if movie else params.shortest_whisker_mm
     shortest = shortest if fur else SHORTEST_BASE_MM
@@ -268,11 +269,25 @@ def without_whiskers(
         apart = (things & ~fringe).astype(np.uint8)
         near = cv2.dilate(apart, _square(AT_THING_MM * pixels_per_mm)) > 0
         whiskers &= ~_long_parts(whiskers, 0, whiskers & near)
-    whiskers |= _long_parts(background.covered | whiskers, 0, whiskers) & ~face
-    whiskers &= ~fringe
-    if not movie:
-        return smooth_flat_parts(background.image, whiskers, pixels_per_mm, noise)
-    return fill(background.image, whiskers) if whiskers.any() else background.image
+    whiskers |= _long_parts(background.covered & ~fringe | whiskers, 0, whiskers)
+    image = background.image
+    if whiskers.any():
+        image = _filled_beside(away, image, whiskers, _fringe_px(pixels_per_mm))
+    return image if movie else smooth_flat_parts(image, pixels_per_mm, noise)
+
+
+def _filled_beside(away, image, holes, shade_px):
+    """Fill holes with what lies around them, in proportion to what is usual as far from the face.
+
+    `away` from the face [px]: up to `shade_px` the light grows with it.
+    """
+    rings = np.minimum(away, shade_px + 1).astype(int)
+    clear = ~holes & (away > 0) & (away <= shade_px)
+    seen = np.unique(rings[clear])
+    usual = [np.median(image[clear & (rings == ring)]) for ring in seen]
+    light = np.interp(away, seen + 0.5, usual) if len(usual) else np.ones(image.shape)
+    light = np.maximum(np.where(away > 0, light, image), 1).astype(np.float32)
+    return fill(image / light, holes) * light
 
 
 def _surroundings(pole, near_px):

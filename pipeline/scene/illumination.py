@@ -41,15 +41,14 @@ def fill(image: np.ndarray, holes: np.ndarray, reach_px: float = 4.0) -> np.ndar
     return out
 
 
-def smooth_flat_parts(image, holes, pixels_per_mm, noise) -> np.ndarray:
-    """Fill `holes`, and average a single frame's noise away where nothing but light changes."""
-    filled = fill(image, holes)
-    fine = cv2.GaussianBlur(filled, (0, 0), 1.0)
-    coarse = cv2.GaussianBlur(filled, (0, 0), max(0.25 * pixels_per_mm, 2.0))
+def smooth_flat_parts(image, pixels_per_mm, noise) -> np.ndarray:
+    """Average a single frame's noise away where nothing but light changes."""
+    fine = cv2.GaussianBlur(image, (0, 0), 1.0)
+    coarse = cv2.GaussianBlur(image, (0, 0), max(0.25 * pixels_per_mm, 2.0))
     limit = 2.0 * 0.28 * np.sqrt(noise[0] + noise[1] * fine) + 0.5
     changes = cv2.blur((np.abs(fine - coarse) > limit).astype(np.float32), (7, 7))
     share = np.clip(2.5 * changes - 0.5, 0, 1)  # 0: flat, 1: something is there
-    return (share * filled + (1 - share) * coarse).astype(np.float32)
+    return (share * image + (1 - share) * coarse).astype(np.float32)
 
 
 def light_without_objects(

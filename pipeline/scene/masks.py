@@ -13,9 +13,14 @@ def _inside(mask):
     return cv2.distanceTransform(mask.astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
 
 
+def distance_from(mask):
+    """Distance [px] of each pixel from the nearest one of a mask, 0 in it; exact."""
+    return _inside(~mask)
+
+
 def dilated(mask, radius):
     """The mask and what is within `radius` [px] of it."""
-    return _inside(~mask) <= radius
+    return distance_from(mask) <= radius
 
 
 def opened(mask, radius):

@@ -180,6 +180,22 @@ class TestOneFrame:
         whisker = place_of_whisker(0.1) & (scene > 80) & (np.arange(WIDTH) < 215)
         assert abs((image - scene)[whisker].mean()) < BURNED_IN
 
+    @pytest.mark.parametrize("n_frames", [1, 3, 12])
+    def test_the_base_of_a_still_whisker_is_removed_and_the_fur_about_it_stays(self, n_frames):
+        scene, _ = still_scene()
+        background = estimate_background(movie([0.1] * n_frames), SCALE)
+        image = without_whiskers(background, face_of(scene), SCALE)
+        columns, whisker = np.arange(WIDTH), place_of_whisker(0.1)
+        base = whisker & (columns > 225) & (columns < 240)
+        assert abs((image - scene)[base].mean()) < 3 * BURNED_IN
+        assert (background.image - scene)[base].mean() < -10 * BURNED_IN
+        fur = (
+            (columns > 225)
+            & (columns < 240)
+            & ~cv2.dilate(whisker.astype(np.uint8), np.ones((25, 25))).astype(bool)
+        )
+        assert np.abs(image - scene)[fur].mean() < BURNED_IN
+
     def test_a_whisker_that_rests_on_a_pole_is_removed_beyond_it_too(self):
         clean, _ = still_scene()
         whisker = place_of_whisker(0.1)
