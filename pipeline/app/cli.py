@@ -322,13 +322,11 @@ def paper(
 
     The numbers behind each are written as CSV, with modes.csv and published.csv.
     """
-    from pipeline.tables.new_files import new_files
+    from pipeline.tables.new_files import write_new
     from whiskermodel.paper.files import write_paper
 
-    with new_files(out) as new:
-        written = write_paper(new, progress=_say)
-    for path in written:
-        _say(str(out / path.name))
+    for path in write_new(out, lambda new: write_paper(new, progress=_say)):
+        _say(str(path))
 
 
 def main(arguments=None):

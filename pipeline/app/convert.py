@@ -197,13 +197,11 @@ def export_janelia(results: Results, out: Out, debug: Debug = False):
 def _export(results, out, write):
     """Write every finished video with `write(folder, video)`, which returns the files' paths."""
     from pipeline.convert.results import read_results
-    from pipeline.tables.new_files import new_files
+    from pipeline.tables.new_files import write_new
 
     for video in read_results(results):
-        with new_files(out) as new:
-            written = write(new, video)
-        for path in written:
-            typer.echo(str(out / path.name))
+        for path in write_new(out, lambda new, video=video: write(new, video)):
+            typer.echo(str(path))
 
 
 @exporting.command("mat")
@@ -280,9 +278,8 @@ def export_whacc(results: Results, out: Out, debug: Debug = False):
     """
     from pipeline.convert.results import read_results
     from pipeline.convert.whacc import write_whacc
-    from pipeline.tables.new_files import new_files
+    from pipeline.tables.new_files import write_new
 
     videos = read_results(results)
-    with new_files(out) as new:
-        written = write_whacc(new / "whacc.h5", videos)
-    typer.echo(str(out / written.name))
+    for path in write_new(out, lambda new: [write_whacc(new / "whacc.h5", videos)]):
+        typer.echo(str(path))

@@ -15,7 +15,7 @@ from pipeline.tables.calibration_columns import (
     PROFILE_COLUMNS,
 )
 from pipeline.tables.files import write_csv, write_text
-from pipeline.tables.new_files import new_files
+from pipeline.tables.new_files import write_new
 
 UNITS = {"length": "mm", "base_radius": "um", "tip_radius": "um", "cone_length": "mm"}
 DEVIATION_SHARE = 0.02  # of the base radius, from which a whisker is said to be no cone
@@ -63,9 +63,7 @@ def _pair(name, measured: Measured):
 
 def write_geometry(out, geometries: list[Geometry], masses=()) -> list[Path]:
     """Write geometry.csv, a profile and a picture per whisker, and all whiskers together."""
-    with new_files(out) as new:
-        written = _write_all(new, geometries, masses)
-    return [Path(out) / path.name for path in written]
+    return write_new(out, lambda new: _write_all(new, geometries, masses))
 
 
 def _write_all(out, geometries, masses):

@@ -10,7 +10,7 @@ from pipeline.reports.fig3_tables import chosen, panel_tables, typical_touch
 from pipeline.reports.plots import NO_DATE, SVG_IDS
 from pipeline.reports.session_numbers import fig3_numbers, read_contacts, read_truth
 from pipeline.tables import files
-from pipeline.tables.new_files import new_files
+from pipeline.tables.new_files import write_new
 
 
 def write_fig3(results, truth=None, video=None, whisker=None, contact=None) -> list[Path]:
@@ -39,9 +39,7 @@ def write_fig3(results, truth=None, video=None, whisker=None, contact=None) -> l
     touch = typical_touch(results, chosen(contacts, video, whisker, contact))
     panels = panel_tables(results, contacts, touch)
     content = fig3_panels.Content(panels, fig3_numbers(contacts, true_contacts), touch)
-    with new_files(results / "figures") as new:
-        written = _write_all(new, content)
-    return [results / "figures" / path.name for path in written]
+    return write_new(results / "figures", lambda new: _write_all(new, content))
 
 
 def _write_all(folder, content):

@@ -49,6 +49,21 @@ def new_files(folder):
             shutil.rmtree(folder / DRAFT, ignore_errors=True)
 
 
+def write_new(folder, write) -> list[Path]:
+    """Let `write`, a function of an empty folder, write files there; move them into `folder`.
+
+    Returns the paths that they have then, in the order of those that `write` returns.
+
+    Raises
+    ------
+    InputError
+        As `new_files`.
+    """
+    with new_files(folder) as new:
+        written = write(new)
+    return [Path(folder) / path.name for path in written]
+
+
 def check_own(folder, new) -> dict[str, list[str]]:
     """Raise InputError where a file is there that whiskerforce has not written so.
 
