@@ -138,12 +138,18 @@ def analyse_lines(lines, settings, pole=None, n_frames=0, keep=None, corrections
 
 
 def _analysis(kinematics, touch, notes, clock, settings, stored, shifts=None) -> Analysis:
-    """What was found, with the notes to a person, at its places in the frames as recorded."""
+    """What was found, with the notes to a person.
+
+    `shifts` of a shaking camera's frames: places are those in the frames as recorded.
+    """
+    frames, pole = touch.frames, kinematics.pole
+    if shifts is not None:
+        frames, pole = as_recorded(frames, shifts), pole and pole.moved(shifts)
     return Analysis(
-        frames=with_units(as_recorded(touch.frames, shifts), FRAME_COLUMNS),
+        frames=with_units(frames, FRAME_COLUMNS),
         contacts=with_units(touch.contacts, CONTACT_COLUMNS),
         evidence=touch.evidence,
-        pole=kinematics.pole and kinematics.pole.moved(shifts),
+        pole=pole,
         n_frames=kinematics.n_frames,
         messages=tuple(notes),
         seconds=clock.seconds,
@@ -216,7 +222,7 @@ def follow(
             meter.add(chunk, video.interpolated)
         with clock("storing"):
             if keep is not None:
-                keep(chunk.moved(video.shifts))
+                keep(chunk if video.shifts is None else chunk.moved(video.shifts))
     clock.seconds["centrelines"] -= clock.seconds["decoding"]
     return meter.result(frames.count)
 

@@ -19,9 +19,7 @@ class PoleTrack:
     radius_px: float
 
     def moved(self, shifts) -> "PoleTrack":
-        """Return the track moved by the shift x, y [px] of every frame; None: as it is."""
-        if shifts is None:
-            return self
+        """Return the track moved by the shift x, y [px] of every frame."""
         x, y = np.reshape(shifts, (-1, 2)).T
         held = np.minimum(np.arange(len(x)), len(self.x_px) - 1)  # the last place holds on
         return PoleTrack(self.x_px[held] + x, self.y_px[held] + y, self.radius_px)

@@ -109,9 +109,7 @@ def frame_table(
 
 
 def as_recorded(frames: pd.DataFrame, shifts) -> pd.DataFrame:
-    """The table with follicles moved by the shift x, y [px] of every frame; None: as it is."""
-    if shifts is None:
-        return frames
+    """The table with follicles moved by the shift x, y [px] of every frame."""
     x, y = np.reshape(shifts, (-1, 2))[frames["frame"]].T
     return frames.assign(
         follicle_x_px=frames["follicle_x_px"] + x, follicle_y_px=frames["follicle_y_px"] + y

@@ -84,9 +84,7 @@ class Centrelines:
         return replace(self, **dict.fromkeys(left_out))
 
     def moved(self, shifts) -> "Centrelines":
-        """Return the lines moved by the shift x, y [px] of every frame; None: as they are."""
-        if shifts is None:
-            return self
+        """Return the lines moved by the shift x, y [px] of every frame."""
         by = np.reshape(shifts, (-1, 2))[self.frame]
         x, y = np.repeat(by, np.diff(self.offsets), axis=0).T.astype(np.float32)
         follicle = self.follicle
