@@ -312,7 +312,7 @@ def _draw_bits(bits, first, key, other_key):
         bits[k] = np.uint32(x ^ (x >> np.uint32(15)))
 
 
-@njit(cache=True, nogil=True, fastmath=True)
+@njit(cache=True, nogil=True)
 def _add_noise(out, light, deviates, gain, black, noise_gain, read_variance):
     """Write the grey level of every pixel; `black` includes what rounding adds."""
     for k in range(len(light)):
