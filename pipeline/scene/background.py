@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 
 from pipeline.scene.illumination import fill, frame_gains, light_without_objects, smooth_flat_parts
-from pipeline.scene.masks import distance_from
+from pipeline.scene.masks import distance_from, opened
 from pipeline.scene.noise_model import (
     WINDOW_SD,
     WINDOWED_VARIANCE,
@@ -20,14 +20,19 @@ from pipeline.scene.noise_model import (
     spatial_noise,
 )
 from pipeline.session.parameters import DEFAULTS, SceneParams
+from pipeline.session.quantities import pixels_in
 
 SHORTEST_BASE_MM = 0.3  # without fur: a base that stays where it is while the rest moves
 AT_THING_MM = 0.25  # from a thing on which a line ends
 BRIGHT_RANK = 0.85  # of the samples of a pixel: free of whiskers that rest there up to this share
-DARK_SD = 4.0  # by so much darker is a whisker; its flanks, which are not, reach FLANK_PX farther
-FLANK_PX = 2
+# by so much darker is a whisker, and by so much of the light, which codecs change by less; its
+# flanks, which are not, reach FLANK_PX farther
+DARK_SD, DARK_SHARE = 4.0, 0.04
+FLANK_PX = 1
 FLANK_SAMPLES = 64  # looked at for whiskers' flanks, at the most
-FEWEST_CLEAR = 3  # samples without a whisker near, to know a pixel's light
+ENOUGH_CLEAR = 3  # samples without a whisker near, to know a pixel's light
+OPAQUE_SHARE = 0.3  # of the light, below which there is no free ground
+BESIDE_PX = 1.0  # how far from a whisker the light beside it is looked at (SD)
 FRINGE_MM, FRINGE_PX = 0.5, 12  # of fur along the face: the larger one
 FAINTER = 0.5  # of a clear line's darkness joins its parts
 MOVIE_FRAMES = 3  # with fewer, nothing can be learnt from motion
@@ -44,7 +49,7 @@ class Background:
     illumination : float32 (height, width), the light without any objects [grey]
     black : grey level of opaque things
     n_frames : of how many frames it was made; of fewer than MOVIE_FRAMES, it still holds whiskers
-    covered : bool (height, width), pixels that whiskers uncover so seldom that they may be shaded
+    covered : bool (height, width), pixels that whiskers seldom or never uncover
     """
 
     image: np.ndarray
@@ -66,9 +71,9 @@ def estimate_background(
 ) -> Background:
     """Estimate the background from a few frames of a scene in which only whiskers move.
 
-    A pixel's background is the mean of its bright mode over time, so a whisker may rest in one
-    place for up to 85 % of the frames. What rests longer, or all in one or two frames, remains
-    for `without_whiskers`.
+    A pixel's background is the mean of its bright mode over time, and where whiskers pass that of
+    the frames in which none is near, or what lies beside. What never moves, or all in one or two
+    frames, remains for `without_whiskers`.
 
     Parameters
     ----------
@@ -87,7 +92,7 @@ def estimate_background(
         image = frames.mean(0, dtype=np.float32)
         noise, covered = spatial_noise(image, len(frames)), np.zeros(image.shape, bool)
     else:
-        image, noise, covered = temporal_background(frames)
+        image, noise, covered = temporal_background(frames, pixels_per_mm, params)
     thin = thin_dark_lines(image, pixels_per_mm, noise, params=params)
     black, illumination = light_without_objects(image, pixels_per_mm, thin, params)
     return Background(image, *noise, illumination, black, len(frames), covered)
@@ -96,7 +101,7 @@ def estimate_background(
 # ---- over time ----------------------------------------------------------------------------
 
 
-def temporal_background(frames: np.ndarray):
+def temporal_background(frames: np.ndarray, pixels_per_mm: float, params: SceneParams):
     """Mean of every pixel's bright mode (height, width), (noise floor, gain), `covered` pixels."""
     gains = frame_gains(frames)
     ordered = sort_over_time(_equalised(frames, gains))
@@ -107,7 +112,8 @@ def temporal_background(frames: np.ndarray):
         window = WINDOW_SD * np.sqrt(noise[0] + noise[1] * image)
         image, variance = _windowed_moments(ordered, image, window.astype(np.float32))
         noise = _fit_noise(image, variance / WINDOWED_VARIANCE, len(frames) - 1)
-    image, covered = _without_flanks(image, frames, gains, noise, ordered[0])
+    broad = 0.5 * pixels_in(params.fur_breadth_mm, 1e3 * pixels_per_mm)
+    image, covered = _uncovered(image, frames, gains, noise, ordered[0], broad)
     return image, noise, covered
 
 
@@ -122,41 +128,44 @@ def _equalised(frames, gains):
     return out
 
 
-def _without_flanks(image, frames, gains, noise, darkest):
-    """The background without flanks of passing whiskers, and pixels that they seldom uncover.
+def _uncovered(image, frames, gains, noise, darkest, broad_px):
+    """The background where whiskers pass: of those samples only that are dark nowhere near.
 
-    They are too faint to be distinguished from noise, but lower a pixel's mean, most where the
-    whisker is in most samples. So only those samples count that are dark nowhere near.
+    A pixel's bright mode holds the shade of a whisker that seldom uncovers it, and of flanks of
+    those that pass, which are too faint to be distinguished from noise. Where few samples are
+    clear, their noise would stay, and what lies beside counts as well; alone where none is.
+    Where that is so over `broad_px` either way, fur moves: that stays as it is.
     """
     sd = np.sqrt(noise[0] + noise[1] * np.maximum(image, 0))
-    passed = darkest < image - DARK_SD * sd
-    covered = np.zeros(image.shape, bool)
+    light = np.percentile(image[::4, ::4], 95)
+    dark = image - np.maximum(DARK_SD * sd, DARK_SHARE * light)
+    passed, seldom = darkest < dark, np.zeros(image.shape, bool)
     if not passed.any():
-        return image, covered
+        return image, seldom
     x, y, width, height = cv2.boundingRect(passed.astype(np.uint8))
     rows = slice(max(y - FLANK_PX, 0), y + height + FLANK_PX)
     part = rows, slice(max(x - FLANK_PX, 0), x + width + FLANK_PX)
     step = -(-len(frames) // FLANK_SAMPLES)
     frames = _equalised(frames[(slice(None, None, step), *part)], gains[::step])
-    count, mean = _clear_mean(frames, image[part], sd[part])
-    covered[part] = count < FEWEST_CLEAR
+    count, mean = _clear_mean(frames, dark[part])
+    few = count < ENOUGH_CLEAR
+    passed = (count < len(frames)) & ~opened(few, broad_px)
+    seldom[part] = few & passed
+    beside = fill(image, seldom | (image < OPAQUE_SHARE * light), BESIDE_PX)[part]
+    share = np.minimum(count / ENOUGH_CLEAR, 1)
     image = image.copy()
-    image[part] = np.where((count < len(frames)) & ~covered[part], mean, image[part])
-    return image, covered
+    image[part] = np.where(passed, share * mean + (1 - share) * beside, image[part])
+    return image, seldom
 
 
-def _clear_mean(frames, image, sd):
-    """Per pixel, number and mean of the samples with nothing dark nearby."""
-    dark, low, high = (
-        np.clip(np.rint(image + k * sd), 0, 255).astype(np.uint8)
-        for k in (-DARK_SD, -WINDOW_SD, WINDOW_SD)
-    )
-    total, count = np.zeros((2, *image.shape), np.float32)
+def _clear_mean(frames, dark):
+    """Per pixel, number and mean of the samples with nothing as `dark` nearby."""
+    dark = np.clip(np.rint(dark), 0, 255).astype(np.uint8)
+    total, count = np.zeros((2, *dark.shape), np.float32)
     for frame in frames:
         near = cv2.dilate(cv2.compare(frame, dark, cv2.CMP_LT), _square(FLANK_PX))
-        clear = cv2.inRange(frame, low, high) & ~near
-        cv2.accumulate(frame, total, clear)
-        count += clear > 0
+        cv2.accumulate(frame, total, ~near)
+        count += near == 0
     return count, total / np.maximum(count, 1)
 
 
@@ -259,11 +268,9 @@ def without_whiskers(
     thin = _long_parts(clear | thin_dark_lines(*at, FAINTER) & ~fringe, 0, clear)
     shortest = params.shortest_still_mm if movie else params.shortest_whisker_mm
     shortest = shortest if fur else SHORTEST_BASE_MM
-    lines = (
-        thin
-        if pole is None
-        else thin | _surroundings(pole, params.thickest_whisker_mm * pixels_per_mm)
-    )
+    lines = thin | background.covered
+    if pole is not None:
+        lines |= _surroundings(pole, params.thickest_whisker_mm * pixels_per_mm)
     whiskers = thin & _long_lines_at(face, lines, pixels_per_mm, shortest * pixels_per_mm)
     if movie and things is not None:
         apart = (things & ~fringe).astype(np.uint8)

@@ -16,7 +16,7 @@ LEAST_CELL_PX = 4
 LEAST_DISC_PX = 5  # broader than a whisker's picture
 TYPICAL = 9  # frames whose median is what a state looks like
 FEWEST_SAMPLES = 3  # one after the other: a state that lasts shorter is something passing by
-MOST_KEPT = 40  # frames of one state
+MOST_KEPT = 48  # frames of one state
 MOST_STATES = 24  # a video with more has none that lasts
 MOST_CHANGES = 0.25  # per sample; a face that never rests would cut a video to pieces
 

@@ -94,6 +94,16 @@ class TestOverTime:
         assert often.sum() > 800
         assert abs((background.image - scene)[often].mean()) < FLANKS
 
+    @pytest.mark.parametrize("turn", [0.02, 0.03])
+    def test_whisker_that_moves_by_little_leaves_no_shade(self, turn):
+        scene, _ = still_scene()
+        angles = 0.1 + turn * np.sin(np.arange(32) * 0.7)
+        background = estimate_background(movie(angles), SCALE)
+        places = np.any([place_of_whisker(angle) for angle in angles], axis=0)
+        places[:, 150:] = False  # there it moves by less than its width
+        error = cv2.blur(background.image - scene, (3, 3))[places]
+        assert np.sqrt(np.mean(error**2)) < BURNED_IN / 2
+
     @pytest.mark.parametrize("share", [0.5, 0.8])
     def test_whisker_that_rests_most_of_the_time(self, share):
         scene, _ = still_scene()

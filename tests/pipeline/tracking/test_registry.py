@@ -101,7 +101,7 @@ def test_it_is_sure_mostly_and_then_right(row):
 @pytest.mark.filterwarnings("error::RuntimeWarning")  # of lines without nodes
 def test_whiskers_beside_each_other_are_not_taken_for_one_broad_one(monkeypatch):
     n = 1000
-    trial = make_trial("dense_row", 1, 0, n)
+    trial = make_trial("dense_row", 3, 0, n)
     renderer = Renderer(trial.scene, trial.motion)
     chosen = np.arange(0, n, n // 24)[:24]
     images = np.array([renderer.frame(i) for i in chosen])
