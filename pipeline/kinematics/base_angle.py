@@ -130,10 +130,12 @@ def _measure_part(places, pixels_per_m, params) -> Base:
     if curves is None:
         return out
     rows = np.flatnonzero(np.isfinite(curves.x))
+    if len(rows) == 0:
+        return out
     own = curves.rows(rows)
     own.shape[:, 0] = continuous(own.shape[:, 0])
     base = _regularised(own, places.frame[rows], 1e-3 * params.hidden_most_mm)
-    turns = 2 * np.pi * np.round(np.median(base.angle) / (2 * np.pi)) if len(rows) else 0.0
+    turns = 2 * np.pi * np.round(np.median(base.angle) / (2 * np.pi))
     base = replace(base, angle=base.angle - turns, visible=base.visible - turns)
     for name, values in vars(base).items():
         getattr(out, name)[rows] = values

@@ -203,7 +203,7 @@ def _redness(sample, grid, excess):
         np.polynomial.legendre.legvander(grid.z, NOISE_DEGREES[-1]) * weight[:, None]
     )
     found = (misfit[rows] * weight) @ modes[:, list(NOISE_DEGREES)]
-    sd = robust_sd(found, axis=0)
+    sd = np.maximum(robust_sd(found, axis=0), np.finfo(float).eps)  # 0 where frames are repeated
     growth = np.clip(
         (sd[0] / sd[-1]) ** (1 / (NOISE_DEGREES[-1] - NOISE_DEGREES[0])), 1.0, MOST_GROWTH
     )

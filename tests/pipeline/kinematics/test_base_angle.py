@@ -169,6 +169,23 @@ def test_few_frames_and_short_lines_are_measured_as_far_as_they_go():
     assert np.degrees(np.abs(base.angle - angle).max()) < 5.0
 
 
+def test_frames_that_the_codec_repeats_are_measured():
+    """All misfits are the same: there is no scatter to learn the noise's colour from."""
+    lines = whisker_lines(np.random.default_rng(7), np.full(60, np.radians(-40.0)))
+    same = np.random.default_rng(8).normal(0, SD, VISIBLE_PX)
+    base, _ = measured(replace(lines, offset_px=np.tile(same, 60)))
+    assert np.isfinite(base.angle_se).all()
+    assert np.degrees(np.abs(base.angle - np.radians(-40.0)).max()) < 5.0
+
+
+def test_a_base_that_no_frame_shows_is_unknown():
+    lines = whisker_lines(np.random.default_rng(9), swing(4), SD)
+    seen = lines.information.reshape(4, -1).copy()
+    seen[:, 16:160] = 0.0  # behind a rod: what is seen beyond it is no base
+    base, _ = measured(replace(lines, information=seen.ravel()))
+    assert np.isnan(base.angle).all()
+
+
 def test_jitter_is_the_error_of_one_frame():
     rng = np.random.default_rng(6)
     smooth = swing(20000, by=5.0)
