@@ -31,7 +31,6 @@ DARK_SD, DARK_SHARE = 4.0, 0.04
 FLANK_PX = 1
 FLANK_SAMPLES = 64  # looked at for whiskers' flanks, at the most
 ENOUGH_CLEAR = 3  # samples without a whisker near, to know a pixel's light
-OPAQUE_SHARE = 0.3  # of the light, below which there is no free ground
 BESIDE_PX = 1.0  # how far from a whisker the light beside it is looked at (SD)
 FRINGE_MM, FRINGE_PX = 0.5, 12  # of fur along the face: the larger one
 FAINTER = 0.5  # of a clear line's darkness joins its parts
@@ -137,8 +136,7 @@ def _uncovered(image, frames, gains, noise, darkest, broad_px):
     Where that is so over `broad_px` either way, fur moves: that stays as it is.
     """
     sd = np.sqrt(noise[0] + noise[1] * np.maximum(image, 0))
-    light = np.percentile(image[::4, ::4], 95)
-    dark = image - np.maximum(DARK_SD * sd, DARK_SHARE * light)
+    dark = image - np.maximum(DARK_SD * sd, DARK_SHARE * np.percentile(image[::4, ::4], 95))
     passed, seldom = darkest < dark, np.zeros(image.shape, bool)
     if not passed.any():
         return image, seldom
@@ -151,7 +149,7 @@ def _uncovered(image, frames, gains, noise, darkest, broad_px):
     few = count < ENOUGH_CLEAR
     passed = (count < len(frames)) & ~opened(few, broad_px)
     seldom[part] = few & passed
-    beside = fill(image, seldom | (image < OPAQUE_SHARE * light), BESIDE_PX)[part]
+    beside = fill(image, seldom, BESIDE_PX)[part]
     share = np.minimum(count / ENOUGH_CLEAR, 1)
     image = image.copy()
     image[part] = np.where(passed, share * mean + (1 - share) * beside, image[part])

@@ -104,6 +104,17 @@ class TestOverTime:
         error = cv2.blur(background.image - scene, (3, 3))[places]
         assert np.sqrt(np.mean(error**2)) < BURNED_IN / 2
 
+    def test_rim_of_a_dark_thing_stays_dark_where_a_codec_errs(self):
+        rows, columns = np.mgrid[:HEIGHT, :WIDTH]
+        away = np.hypot(columns - 150, rows - 100)
+        disc = 8 + 190 / (1 + np.exp((6 - away) / 0.6))
+        rng, error = np.random.default_rng(0), np.where(np.abs(away - 6) < 1.6, 8, 1)  # SD, grey
+        frames = [
+            expose(disc + error * rng.normal(size=disc.shape), rng, gain=0) for _ in range(40)
+        ]
+        background = estimate_background(np.array(frames), SCALE)
+        assert np.abs(background.image - disc)[disc < 80].max() < 90  # grey, of 190
+
     @pytest.mark.parametrize("share", [0.5, 0.8])
     def test_whisker_that_rests_most_of_the_time(self, share):
         scene, _ = still_scene()
