@@ -42,20 +42,20 @@ class TracingOptions:
     params: Parameters = DEFAULTS
 
     def fit(
-        self, longest=np.inf, farthest=np.inf, widths=False, steps=line_fit.MOST_STEPS
+        self, model, longest=np.inf, farthest=np.inf, widths=False, steps=line_fit.MOST_STEPS
     ) -> line_fit.Fit:
         """How a line is fitted that may have `longest` nodes; the others as of `Fit`."""
-        longest = float(min(self.longest_px, longest))
-        return line_fit.Fit(*self._lengths, longest, float(farthest), widths, *self._unseen, steps)
+        limits = float(min(self.longest_px, longest)), float(farthest), widths
+        seen = model.faintest, self._unseen_px, model.half
+        return line_fit.Fit(*self._lengths, *limits, *seen, steps)
 
     @cached_property
     def _lengths(self):
         return float(self.spacing_px), self.bridge_px
 
     @cached_property
-    def _unseen(self):
-        own = self.params.detection
-        return own.faintest, round(pixels_in(own.unseen_gap_mm, self.pixels_per_m))
+    def _unseen_px(self):
+        return round(pixels_in(self.params.detection.unseen_gap_mm, self.pixels_per_m))
 
     def px(self, length_mm: float) -> float:
         """A length in pixels."""
@@ -106,7 +106,8 @@ def detect_blurred(image, model: ImageModel, gain, options, workspace, least=0.0
 def _lines_at(search: Search, image, model, gain, options, workspace) -> list[Line]:
     """Lines fitted along the ridges of one scale, those that may be whiskers, best first."""
     absorbance, own = absorbance_image(image, model, gain), options.params.detection
-    picture, fit, lines = model.picture(image, gain), options.fit(widths=True, steps=1), []
+    picture, lines = model.picture(image, gain), []
+    fit = options.fit(model, widths=True, steps=1)
     limits = 0.6 * options.shortest_px, float(options.base_gap_px), WORTH_FITTING * search.least
     curves = ridges.curves_in(search.part, absorbance, model.noise, search.scale)
     senses = _senses(*curves, absorbance, model.outside, model.clear, limits)
@@ -426,7 +427,7 @@ def refine(
     A line that is `farthest` [px] or more from them is not found. `widths`: for
     `settling.fit_width`.
     """
-    fit = options.fit(line.longest, farthest, widths)
+    fit = options.fit(model, line.longest, farthest, widths)
     line.n, line.quality = line_fit.refine(
         model.picture(image, gain), line.nodes, line.n, fit, workspace.scratch
     )

@@ -13,6 +13,7 @@ from pipeline.detection.line import Line
 from pipeline.detection.static_scene import OUTWARD, StaticScene
 from pipeline.session.parameters import DEFAULTS
 
+LEAST_HALF, MOST_HALF = 7, 20  # px to both sides of a node that its absorbance is measured over
 TRANSLUCENT = 0.25  # of the light that passes beside it: a whisker is seen through such a thing
 
 
@@ -38,6 +39,8 @@ class ImageModel:
     """The static scene as the tracer uses it: arrays of float32 (height, width).
 
     `clear`, bool, is farther than `edge_px` from face and obstacles, and off moving fur;
+    `faintest` is the light that a line takes, below which nothing of it is seen, measured over
+    `half` px to both sides of every node;
     `gain_points` are those of line_profile.frame_gain, on pixels that are free of all things;
     `outward` is the direction off the face's side, (x, y);
     `held` are the lines that are in the background for a while (`lines_in_background`).
@@ -49,6 +52,8 @@ class ImageModel:
     noise: np.ndarray
     usable: np.ndarray
     clear: np.ndarray
+    faintest: float
+    half: int
     gain_points: tuple[np.ndarray, np.ndarray]
     outward: tuple[int, int]
 
@@ -57,7 +62,7 @@ class ImageModel:
 
     @classmethod
     def from_scene(
-        cls, scene: StaticScene, params=DEFAULTS.detection, margin_px: float = 1.5
+        cls, scene: StaticScene, params=DEFAULTS.detection, margin_px=1.5, absorbed=np.inf
     ) -> "ImageModel":
         """Face and opaque things get no weight; `outside` is signed, from the fur's edge [px].
 
@@ -80,10 +85,13 @@ class ImageModel:
         clear = cv2.distanceTransform(seen.astype(np.uint8), cv2.DIST_L2, 5) > params.edge_px
         if scene.moving_fur is not None:
             clear &= ~scene.moving_fur
+        usual = float(np.median(noise[usable])) if usable.any() else np.inf
+        least = max(params.faintest_sd * usual, params.faintest_share * absorbed)
+        half = LEAST_HALF * np.clip((usual / params.quiet) ** 2, 1, MOST_HALF / LEAST_HALF)
         points = line_profile.gain_points(background, free)
         return cls(
-            background, weight, outside, noise.astype(np.float32), usable, clear, points,
-            OUTWARD[scene.face_side],
+            background, weight, outside, noise.astype(np.float32), usable, clear,
+            min(least, params.faintest), round(half), points, OUTWARD[scene.face_side],
         )  # fmt: skip
 
     def picture(self, image, gain) -> Picture:

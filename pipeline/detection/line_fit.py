@@ -22,7 +22,6 @@ STILL_SEEN = 0.95  # part of a line in the next frame, where it is just as foret
 SHORT_STEP = 0.1  # px: what this leaves out is some thousandths of a pixel's error
 BEYOND_TIP, TIP_STEP = 30, 0.4  # nodes, px: where it moves more there, the tip is still sought, …
 SAME_TIP = 1  # … unless it was within so many nodes where it is now the step before
-OVERSHOOT = 4  # nodes by which the windowed absorbance reaches over a line's end
 SEEN_SD = 4.0  # standard errors by which a trace's last node is seen
 WIDEST_GAP = 8  # bridges: longer stretches without pixels are not crossed
 FLOAT, HALF = np.float32, np.float32(0.5)
@@ -40,6 +39,7 @@ class Fit(NamedTuple):
     widths : whether `Scratch.sums` are filled for the half-width, too
     faintest : absorbance below which nothing is seen
     unseen : nodes in a row that may not be seen, though there are pixels
+    half : half-width of the window of nodes that absorbance is measured over
     steps : of Gauss–Newton, at most
     """
 
@@ -50,6 +50,7 @@ class Fit(NamedTuple):
     widths: bool
     faintest: float
     unseen: int
+    half: int
     steps: int
 
 
@@ -191,13 +192,13 @@ def _blocked(sums, i, n):
 
 
 @njit(cache=True)
-def visible_end(amplitude, amplitude_se, sums, n, threshold, bridge, faintest, most_unseen):
+def visible_end(amplitude, amplitude_se, sums, n, bridge, fit):
     """Index one past the last node that is still seen; 0 where nothing is.
 
     The search starts at the clearest node of the proximal half, since fur may cover the first
-    ones. A node is seen where its windowed absorbance is `threshold` standard errors above
-    zero, and above `faintest`; unseen stretches up to `bridge` nodes are crossed where pixels are
-    missing (pole, border), up to `most_unseen` where they are not. The more pixels are missing,
+    ones. A node is seen where its windowed absorbance is SEEN_SD standard errors above zero, and
+    above `fit.faintest`; unseen stretches up to `bridge` nodes are crossed where pixels are
+    missing (pole, border), up to `fit.unseen` where they are not. The more pixels are missing,
     the longer must be what is seen beyond.
     """
     first = 0
@@ -207,7 +208,7 @@ def visible_end(amplitude, amplitude_se, sums, n, threshold, bridge, faintest, m
         if clear > clearest:
             clearest = clear
             first = i
-    if clearest < threshold:
+    if clearest < SEEN_SD:
         return 0
     end = first
     unseen = 0  # nodes with pixels since the last one that was seen
@@ -219,7 +220,7 @@ def visible_end(amplitude, amplitude_se, sums, n, threshold, bridge, faintest, m
             if blind > bridge:
                 break
             continue
-        if amplitude[i] > threshold * amplitude_se[i] and amplitude[i] > faintest:
+        if amplitude[i] > SEEN_SD * amplitude_se[i] and amplitude[i] > fit.faintest:
             run += 1
             if blind + unseen == 0 or run >= 8 + blind // 2:
                 end = i + 1
@@ -228,13 +229,14 @@ def visible_end(amplitude, amplitude_se, sums, n, threshold, bridge, faintest, m
         else:
             run = 0
             unseen += 1
-            if unseen > most_unseen:
+            if unseen > fit.unseen:
                 break
-    return max(end - OVERSHOOT, 0) if end < n else end
+    overshoot = fit.half // 2 + 1  # of the windowed absorbance over a line's end
+    return max(end - overshoot, 0) if end < n else end
 
 
 @njit(cache=True)
-def measure(picture, nodes, n, widths, scratch):
+def measure(picture, nodes, n, fit, scratch):
     """Absorbance, information and score of a line where it lies now, into `scratch`.
 
     See cross_sections.py.
@@ -242,9 +244,11 @@ def measure(picture, nodes, n, widths, scratch):
     p, s = picture, scratch
     cross_sections.accumulate(
         p.image, p.background, p.weight, p.gain, nodes.x, nodes.y, n, s.cap, nodes.sigma, 3.0,
-        widths, s.sums,
+        fit.widths, s.sums,
     )  # fmt: skip
-    line_profile.window_amplitudes(s.sums, n, 7, s.amplitude, s.baseline, s.amplitude_se)
+    line_profile.window_amplitudes(
+        s.sums, n, fit.half, s.amplitude, s.baseline, s.amplitude_se
+    )
     for i in range(n):
         s.amplitude[i] = min(s.amplitude[i], s.cap[i])
     line_profile.offset_information(s.sums, n, s.amplitude, s.baseline, s.information, s.score)
@@ -321,14 +325,11 @@ def refine(picture, nodes, n, fit, scratch):
         n = resample(x, y, n, work.room)
         if n < SHORTEST:
             return 0, 0.0
-        measure(picture, nodes, n, fit.widths, work)
+        measure(picture, nodes, n, fit, work)
         seen = max(min(n, int(min(fit.longest, n))), 2)
         before = end
         bridge = WIDEST_GAP * fit.bridge
-        end = visible_end(
-            work.amplitude, work.amplitude_se, work.sums, seen, SEEN_SD, bridge, fit.faintest,
-            fit.unseen,
-        )  # fmt: skip
+        end = visible_end(work.amplitude, work.amplitude_se, work.sums, seen, bridge, fit)
         fit_offset(x, y, n, fit.spacing, STIFFNESS, work)
         move(x, y, n, work)
         tip = min(end + BEYOND_TIP, n)

@@ -91,6 +91,11 @@ def usual_strength(lines) -> float:
     return float(np.median([detect.contrast_length(line) for line in lines] or [0.0]))
 
 
+def usual_absorbance(lines) -> float:
+    """Part of the light that the usual line takes, in the median along it; inf of none."""
+    return float(np.median([np.median(each.amplitude[: each.n]) for each in lines] or [np.inf]))
+
+
 def find_templates(
     frames, scene, options: TracingOptions, names=None, indices=None
 ) -> list[WhiskerTemplate]:
@@ -108,7 +113,12 @@ def find_templates(
     -------
     One template per whisker, in the order of `names`; fewer where some are never seen.
     """
-    found, side = _lines_of(frames, scene, options, names, indices)
+    at = frames, scene, options, names, indices
+    found, side = _lines_of(*at)
+    absorbed = usual_absorbance([line for lines in found for line in lines])
+    params = options.params.detection
+    if params.faintest_share * absorbed < params.faintest:  # a picture of little contrast
+        found, side = _lines_of(*at, absorbed)
     found = [lines for lines in found if lines]
     if not found:
         return []
@@ -223,12 +233,12 @@ def _share_out(groups, frame, lines, seen, ruler, known=None, new=False):
             groups[-1].add(frame, lines[k], seen[k], got.shift)
 
 
-def _lines_of(frames, scene, options, names, indices):
-    """Lines of every frame, and the side that the face is on."""
+def _lines_of(frames, scene, options, names, indices, absorbed=np.inf):
+    """Lines of every frame, and the side that the face is on; `absorbed` as of `ImageModel`."""
     several, enough = names is None or len(names) > 1, len(names) if names else np.inf
     found, side = [], "left"
     for present, chosen in _by_scene(frames, scene, indices):
-        model = ImageModel.from_scene(present, options.params.detection)
+        model = ImageModel.from_scene(present, options.params.detection, absorbed=absorbed)
         workspace = Workspace(int(1.6 * np.hypot(*present.background.shape)))
         for image in chosen:
             gain = model.gain(image)

@@ -12,7 +12,7 @@ from pipeline.session.quantities import frames_in, pixels_in
 from pipeline.tracking import matching, search
 from pipeline.tracking.bends import Bends, is_like_a_whisker, turning_range
 from pipeline.tracking.matching import Ruler
-from pipeline.tracking.registry import WhiskerTemplate
+from pipeline.tracking.registry import WhiskerTemplate, usual_absorbance
 from pipeline.tracking.track_state import Track, foretold, predicted
 
 FORETOLD_PX = 1.0  # a line that is nearer to its prediction is fitted without a search
@@ -35,6 +35,8 @@ class Tracer:
         self.tracks = [Track(template, number=k) for k, template in enumerate(templates)]
         height, width = scene.background.shape
         self.workspace = Workspace(int(1.6 * np.hypot(height, width)))
+        samples = [line for template in templates for line in template.samples]
+        self.absorbed = usual_absorbance(samples)
         self.change_scene(scene)
         self.params = options.params.tracking
         self._set_limits(options)
@@ -60,7 +62,8 @@ class Tracer:
 
     def change_scene(self, scene: StaticScene) -> None:
         """Go on before another background: something large has moved."""
-        self.model = ImageModel.from_scene(scene, self.options.params.detection)
+        params = self.options.params.detection
+        self.model = ImageModel.from_scene(scene, params, absorbed=self.absorbed)
 
     def step(self, image) -> list[Track]:
         """Advance by one frame; return the tracks, `line` None where a whisker is lost."""

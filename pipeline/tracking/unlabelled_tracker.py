@@ -21,8 +21,6 @@ from pipeline.tracking.registry import WhiskerTemplate, usual_strength
 from pipeline.tracking.track_state import Track, foretold
 from pipeline.tracking.tracker import Tracer
 
-FEWEST_IN_ROW = 3  # whiskers are named by their order
-
 
 @dataclass
 class LineTrack(Track):
@@ -153,8 +151,8 @@ def is_crowd(templates, options) -> bool:
 
     Without given lengths there may also be others, beside those of the templates.
     """
-    if not options.visible_px and len(templates) >= FEWEST_IN_ROW:
-        return True
+    if not options.visible_px:
+        return len(templates) > 0
     return crowded([template.signature for template in templates], options)
 
 

@@ -17,9 +17,20 @@ class DetectionParams:
         0.012, "light that a line takes, below which nothing of it is seen",
         "chosen: noise and codecs leave as much",
     )  # fmt: skip
+    faintest_share: quantity(0, 1, "ratio") = parameter(
+        0.2, "the same as a part of what the usual whisker takes, where that is less: in pictures "
+        "of little contrast", "chosen on real recordings",
+    )  # fmt: skip
+    faintest_sd: quantity(0, 100, "SD") = parameter(
+        2.0, "but no less than so many SDs of a pixel's noise", "chosen on real recordings"
+    )
     unseen_gap_mm: quantity(0, 10, "mm") = parameter(
         0.48, "a line ends where it is not seen over more than this", "chosen: 12 px at 25 px/mm"
     )
+    quiet: quantity(0.0001, 1, "of the light") = parameter(
+        0.0165, "SD of a pixel's noise, beyond which absorbance is measured over more of a line",
+        "chosen",
+    )  # fmt: skip
     least_quality: quantity(0, 1, "of the contrast") = parameter(
         0.3, "contrast found, of that expected, below which a line is no whisker", "chosen"
     )
