@@ -246,9 +246,7 @@ def measure(picture, nodes, n, fit, scratch):
         p.image, p.background, p.weight, p.gain, nodes.x, nodes.y, n, s.cap, nodes.sigma, 3.0,
         fit.widths, s.sums,
     )  # fmt: skip
-    line_profile.window_amplitudes(
-        s.sums, n, fit.half, s.amplitude, s.baseline, s.amplitude_se
-    )
+    line_profile.window_amplitudes(s.sums, n, fit.half, s.amplitude, s.baseline, s.amplitude_se)
     for i in range(n):
         s.amplitude[i] = min(s.amplitude[i], s.cap[i])
     line_profile.offset_information(s.sums, n, s.amplitude, s.baseline, s.information, s.score)
