@@ -188,18 +188,19 @@ def _without_pole(scene: Scene) -> Scene:
 
 @lru_cache(maxsize=8)
 def _still_picture(scene: Scene):
-    """Light without pole and whiskers, without anything at all, the fur, and what a face glows.
+    """Light without pole and whiskers, also without the animal, the fur, and what a face glows.
 
-    The first holds the fur where it does not move; the fur's rows are as FurHair; the last is
-    None for a black face. Sessions share it among trials.
+    The first holds the fur where it does not move; both hold dust and hairs that lie about. The
+    fur's rows are as FurHair; the last is None for a black face. Sessions share it among trials.
     """
     rng = np.random.default_rng([scene.seed, 1])
     background = _background(scene, rng)
     opened = background * face_transmission(scene, rng)
     still = stray_hairs(scene, rng)
     fur = grow_fur(scene, rng)
-    draw_hairs(opened, still)
-    _draw_dust(opened, scene, rng)
+    for light in (opened, background):
+        draw_hairs(light, still)
+    _draw_dust((opened, background), scene, rng)
     if not scene.face.moving:
         draw_hairs(opened, fur)
     for shape in scene.shapes:
@@ -235,15 +236,17 @@ def _background(scene: Scene, rng) -> np.ndarray:
     return np.clip(light, 0.2 * scene.lights.level, 240.0).astype(np.float32)
 
 
-def _draw_dust(light, scene, rng):
-    """Multiply `light` by small soft specks."""
-    height, width = light.shape
+def _draw_dust(lights, scene, rng):
+    """Multiply each of the `lights` by small soft specks."""
+    height, width = lights[0].shape
     rows, columns = np.mgrid[:height, :width].astype(np.float32)
     for _ in range(scene.clutter):
         x, y = rng.uniform(0.15, 1) * width, rng.uniform(0, 1) * height
         radius, blur = rng.uniform(0.6, 3.0), scene.camera.blur_px * rng.uniform(1.0, 3.0)
         distance = np.hypot(columns - x, rows - y)
-        light *= 1 - rng.uniform(0.2, 0.8) * ndtr((radius - distance) / blur).astype(np.float32)
+        speck = rng.uniform(0.2, 0.8) * ndtr((radius - distance) / blur).astype(np.float32)
+        for light in lights:
+            light *= 1 - speck
 
 
 @njit(cache=True)

@@ -12,6 +12,7 @@ from synthetic.render import Renderer
 from synthetic.scene import Camera, Face, Hair, Lights, Pole, Scene
 from synthetic.staging import Setting, c2_scene, touching_motion
 from synthetic.touches import Touch
+from synthetic.truth import centreline_table, visibility_table
 from whiskermodel.whisker import Whisker, mouse_c2
 
 pytestmark = pytest.mark.slow
@@ -152,6 +153,21 @@ def test_face_stands_on_its_side_and_hides_the_base(side):
     assert max(edges, key=lambda name: edges[name].mean()) == side
     hidden_tolerance = 0.2  # mm: hairs stand before the edge here and there
     assert np.abs(np.array(hidden) - 1.4).max() < hidden_tolerance
+
+
+def test_dust_before_a_whisker_is_not_taken_for_fur():
+    hair = Hair(mouse_c2(), (0.0,), 2.5e-3, -12e-3)
+    clean = Scene(Camera(300, 600), Lights(), Face("left", hidden_length=1.4e-3), (hair,), None)
+    first_visible = []
+    for clutter in (0, 1500):  # specks of dust
+        scene = replace(clean, clutter=clutter)
+        motion = still_motion(scene, (scene.face.axis,), n=1)
+        drawn = Renderer(scene, motion)
+        table = visibility_table(motion, drawn, centreline_table(motion))
+        first_visible.append(table.first_visible_mm[0])
+        dark = drawn.opened(0)[295:306, 110:] < 0.3 * drawn.opened(0).max()
+    assert dark.any()  # dust lies on the whisker
+    assert first_visible[0] == first_visible[1]  # mm
 
 
 def test_noise_has_the_asked_for_size_and_is_reproducible(touching):
