@@ -5,21 +5,22 @@ import numpy as np
 
 from pipeline.detection import ridges
 from pipeline.detection.curves import length
-from pipeline.numerics.robust import robust_sd
 from pipeline.scene.scale import working_scale
 
 THICKEST_MM = 0.4  # thicker lines are no whiskers
 EVERY = 4  # pixel, to see what is ground
 CLEARLY = 1.5  # times as much evidence is needed for bright lines
 SHORTEST = 0.1  # of the picture's size: shorter lines may be gleams
-MOVED_SD, MOVED_GREY = 5.0, 2.0  # by more than so many SD and grey levels, a pixel has changed
+SLOW = 4  # times as broad as the thickest line: what changes over so much is light
 FEWEST_FRAMES = 3  # with fewer, everything may be a whisker
 
 
 def whiskers_are_bright(frames: np.ndarray, pixels_per_mm: float) -> bool:
     """Whether the long thin lines that move are brighter than what is beside them.
 
-    Where none moves, all of them count.
+    A line that moves is thin in its frame and in what that frame changes in the usual one; what
+    stands still is not in the change, whatever light falls on it, nor are gaps between lines.
+    Where nothing moves, all lines count.
 
     Parameters
     ----------
@@ -28,47 +29,49 @@ def whiskers_are_bright(frames: np.ndarray, pixels_per_mm: float) -> bool:
     """
     size = 2 * round(0.5 * THICKEST_MM * working_scale(frames.shape[1:], pixels_per_mm)) + 1
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
+    smooth = [cv2.GaussianBlur(frame, (0, 0), 1.0) for frame in frames]
+    hats = [[cv2.morphologyEx(each, kind, disc) for kind in _HATS] for each in smooth]
+    border = np.ones(frames.shape[1:], bool)  # what lies along it may be the camera's doing
+    border[size:-size, size:-size] = False
+    if len(frames) >= FEWEST_FRAMES:
+        usual = cv2.GaussianBlur(np.median(frames, axis=0).astype(np.float32), (0, 0), 1.0)
+        changes = [_change(each, usual, SLOW * size + 1) for each in smooth]
+        moved = [
+            [np.minimum(hat, each) for hat, each in zip(pair, (-change, change), strict=True)]
+            for pair, change in zip(hats, changes, strict=True)
+        ]
+        dark, bright = _lengths(moved, border)
+        if dark or bright:
+            return bright > CLEARLY * dark
     few = np.median(frames[:, 1::EVERY, 1::EVERY], axis=0)
     if few.mean() <= np.median(few):
         return False  # most of the picture is ground, and it is light: things are darker
-    usual = np.median(frames, axis=0).astype(np.float32)
-    smooth = [cv2.GaussianBlur(frame, (0, 0), 1.0) for frame in frames]
-    hats = [[cv2.morphologyEx(each, kind, disc) for kind in _HATS] for each in smooth]
-    inside = np.zeros(usual.shape, bool)  # what lies along the border may be the camera's doing
-    inside[size:-size, size:-size] = True
-    if len(frames) >= FEWEST_FRAMES:
-        dark, bright = _lengths(hats, [inside & _moved(each, usual) for each in smooth])
-        if dark or bright:
-            return bright > CLEARLY * dark
-    dark, bright = _lengths(hats, [inside] * len(hats))
+    dark, bright = _lengths(hats, border)
     return bright > CLEARLY * dark
 
 
 _HATS = (cv2.MORPH_BLACKHAT, cv2.MORPH_TOPHAT)
 
 
-def _moved(frame, usual):
-    """Pixels that differ from the usual frame by more than noise, bool (height, width)."""
-    change = np.abs(frame - usual)
-    sd = robust_sd(change[::3, ::3], about=0.0)
-    return change > MOVED_SD * sd + MOVED_GREY
+def _change(frame, usual, slow_px):
+    """By how much a frame is lighter than usual, changes of the light left out [grey]."""
+    change = frame - usual
+    return change - cv2.blur(change, (slow_px, slow_px))
 
 
-def _lengths(hats, masks) -> tuple[float, float]:
-    """Length of the long dark and bright lines in the masked parts of some frames [px]."""
-    shortest = SHORTEST * np.sqrt(masks[0].size)
+def _lengths(hats, border) -> tuple[float, float]:
+    """Length of the long dark and bright lines off the border in some frames [px].
+
+    `hats`: of each frame, how much darker and how much brighter a pixel is than those beside it
+    """
+    shortest = SHORTEST * np.sqrt(border.size)
     kinds = zip(*hats, strict=True)
-    return tuple(
-        sum(
-            _line_length(np.where(where, hat, 0), shortest)
-            for hat, where in zip(kind, masks, strict=True)
-        )
-        for kind in kinds
-    )
+    return tuple(sum(_line_length(hat, border, shortest) for hat in kind) for kind in kinds)
 
 
-def _line_length(hat, shortest_px) -> float:
+def _line_length(hat, border, shortest_px) -> float:
     """Length of the long lines in a picture of thin things [px]."""
+    hat = np.where(border, 0, np.maximum(hat, 0)).astype(np.float32)
     noise = np.full(hat.shape, max(float(hat.mean()), 1.0) / 255, np.float32)
-    curves = ridges.curves_of(hat.astype(np.float32) / 255, noise).each()
+    curves = ridges.curves_of(hat / 255, noise).each()
     return float(sum(each for each in map(length, curves) if each > shortest_px))

@@ -41,6 +41,17 @@ def test_dark_whiskers_and_their_negative(seed, swing, gleams):
     assert whiskers_are_bright(255 - frames, SCALE)
 
 
+@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("turns", range(4))
+@pytest.mark.parametrize("weakest", [0.2, 0.4])
+def test_light_that_falls_off_sideways(seed, turns, weakest):
+    towards = np.rot90(np.linspace(weakest, 1, 320)[:, None], turns)
+    light = cv2.resize(towards, (WIDTH, HEIGHT))
+    frames = np.rint(frames_of(seed, 0.2) * light).astype(np.uint8)
+    assert not whiskers_are_bright(frames, SCALE)
+    assert whiskers_are_bright(255 - frames, SCALE)
+
+
 def test_a_border_that_flickers_is_no_whisker():
     frames = 255 - frames_of(0, 0.2)
     frames[::2, :, -1] = 0  # as a camera or codec leaves the last column
