@@ -72,10 +72,10 @@ def light_without_objects(
     reach = max(params.illumination_mm * pixels_per_mm / cell, 1.5)
     labels, seeds = _edgeless_regions(cells - black, LIT * (bright - black))
     known = _any_of(labels, seeds)
-    light = _spread(cells, known, reach)
+    light = spread(cells, known, reach)
     # places cut off by a rod: as bright as the light that comes over from the other side
     similar = (labels > 0) & (cells > black + 0.6 * (light - black))
-    light = _spread(cells, known | similar, reach)
+    light = spread(cells, known | similar, reach)
     return black, cv2.resize(light, (width, height), interpolation=cv2.INTER_LINEAR)
 
 
@@ -120,11 +120,14 @@ def _any_of(labels, chosen):
     return keep[labels]
 
 
-def _spread(cells, known, reach):
-    """Smooth known cells and carry their values on into the unknown ones."""
+def spread(cells, known, reach, scales=(1.0, 3.0, 9.0, 27.0)):
+    """Smooth known cells and carry their values on into the unknown ones.
+
+    `scales` (times `reach`, an SD in cells): where one has known cells, wider ones hardly count.
+    """
     weight = known.astype(np.float32)
     out, trust = np.zeros_like(cells), np.zeros_like(cells)
-    for scale in (1.0, 3.0, 9.0, 27.0):  # near cells decide where there are any
+    for scale in scales:
         total = cv2.GaussianBlur(weight, (0, 0), reach * scale) + 1e-12
         mean = cv2.GaussianBlur(cells * weight, (0, 0), reach * scale) / total
         share = (1 - trust) * np.minimum(total / 0.1, 1)

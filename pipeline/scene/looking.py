@@ -1,4 +1,4 @@
-"""How a video is to be looked at: which part of its picture, steadied, as a negative.
+"""How a video is to be looked at: which part of its picture, steadied, evened, as a negative.
 
 All of it is seen in some frames of the whole video, which are read once; the scene of a short
 video is found in the same frames.
@@ -8,17 +8,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pipeline.scene.changing_light import usual_light
 from pipeline.scene.picture_part import PicturePart, part_of, within_margins
 from pipeline.scene.polarity import whiskers_are_bright
 from pipeline.scene.shake import still_of
 from pipeline.session.image import ImageSettings
 from pipeline.video.base import Video
-from pipeline.video.changed import Negative, Steadied
+from pipeline.video.changed import Changed, Negative, Steadied
 from pipeline.video.frame_faults import is_black
 
 N_FRAMES = 32  # that are read
 FRAMES_FOR_MARGINS = 8
 FRAMES_FOR_SHAKE = 16
+FRAMES_FOR_LIGHT = 16
 FRAMES_FOR_POLARITY = 8
 
 
@@ -28,7 +30,8 @@ class FirstLook:
 
     Attributes
     ----------
-    video : the recorded one, steadied if the camera shakes; its negative if whiskers are bright
+    video : the recorded one, steadied if the camera shakes, in its usual light if that changes
+        across the picture; its negative if whiskers are bright
     part : `PicturePart` that is looked at; None: all of the picture
     indices : int (k,), ascending
     frames : uint8 (k, height, width), of `video`
@@ -61,6 +64,10 @@ def first_look(video, pixels_per_mm: float, image: ImageSettings | None = None) 
     if still is not None:
         video = Steadied(video, still.steady)
         frames = np.stack([still.steady(frame)[0] for frame in frames])
+    light = usual_light(_few(frames, FRAMES_FOR_LIGHT), None if part is None else part.used)
+    if light is not None:
+        video = Changed(video, light.evened)
+        frames = np.stack([light.evened(frame) for frame in frames])
     bright = image.polarity == "bright"
     if image.polarity is None:
         few = _shown(part, _few(frames, FRAMES_FOR_POLARITY))

@@ -1,4 +1,4 @@
-"""A video whose frames are looked at in another way: as a negative, or steadied."""
+"""A video whose frames are looked at in another way: as a negative, steadied, in other light."""
 
 from collections.abc import Iterator
 
