@@ -5,9 +5,9 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
-        "detect": ["TracingOptions"],
         "image_model": ["ImageModel"],
         "line": ["Line", "Workspace"],
         "static_scene": ["PoleTrack", "StaticScene"],
+        "tracing_options": ["TracingOptions"],
     },
 )

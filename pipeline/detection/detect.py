@@ -1,7 +1,5 @@
 """All whiskers in one frame, with no knowledge of the frames before."""
 
-from dataclasses import dataclass
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -10,56 +8,23 @@ from numba import njit
 from pipeline.detection import crossings, line_fit, line_profile, ridges, settling, splitting
 from pipeline.detection.image_model import ImageModel, absorbance_image, lines_in_background
 from pipeline.detection.line import Line
+from pipeline.detection.line_choice import (
+    contrast_length,
+    ends_at_face,
+    is_ghost,
+    is_turned,
+    is_whisker,
+    reach,
+    shared_fraction,
+    without_doubles,
+)
+from pipeline.detection.tracing_options import TracingOptions
 from pipeline.numerics import polyline
-from pipeline.session.parameters import DEFAULTS, Parameters
 from pipeline.session.quantities import pixels_in
 
 WORTH_FITTING = 0.5  # of the darkness wanted of a line, along the ridge that leads to it
 MOST_LOOKS = 3  # at a frame with many whiskers
 WHOLE = np.s_[:, :]  # picture: rows, columns
-
-
-@dataclass(frozen=True)
-class TracingOptions:
-    """Lengths in pixels, derived from the recording's scale by `options_for`.
-
-    `longest_px` is the largest visible length of an expected whisker (inf where unknown),
-    `visible_px` the largest ones of all (empty where unknown),
-    `hidden_px` and `cone_px` their hidden and cone lengths (empty where unknown);
-    `params` are the `Parameters` of all rooms.
-    """
-
-    spacing_px: float
-    shortest_px: float
-    base_gap_px: float
-    bridge_px: int
-    longest_px: float = np.inf
-    visible_px: tuple[float, ...] = ()
-    hidden_px: tuple[float, ...] = ()
-    cone_px: tuple[float, ...] = ()
-    pixels_per_m: float = 25e3
-    frames_per_second: float = 1000.0
-    params: Parameters = DEFAULTS
-
-    def fit(
-        self, model, longest=np.inf, farthest=np.inf, widths=False, steps=line_fit.MOST_STEPS
-    ) -> line_fit.Fit:
-        """How a line is fitted that may have `longest` nodes; the others as of `Fit`."""
-        limits = float(min(self.longest_px, longest)), float(farthest), widths
-        seen = model.faintest, self._unseen_px, model.half
-        return line_fit.Fit(*self._lengths, *limits, *seen, steps)
-
-    @cached_property
-    def _lengths(self):
-        return float(self.spacing_px), self.bridge_px
-
-    @cached_property
-    def _unseen_px(self):
-        return round(pixels_in(self.params.detection.unseen_gap_mm, self.pixels_per_m))
-
-    def px(self, length_mm: float) -> float:
-        """A length in pixels."""
-        return length_mm / 1e3 * self.pixels_per_m
 
 
 class Search(NamedTuple):
@@ -116,7 +81,7 @@ def _lines_at(search: Search, image, model, gain, options, workspace) -> list[Li
         line = settling.settle(picture, rooted, fit, workspace)
         if ends_at_face(line, model, options) and is_turned(line, model.outward, own.thickens):
             line = settling.settle(picture, rooted[::-1], fit, workspace)
-        if contrast_length(line) >= search.least and _is_whisker(line, model, options):
+        if contrast_length(line) >= search.least and is_whisker(line, model, options):
             lines.append(line)
     return sorted(lines, key=lambda line: -contrast_length(line))
 
@@ -222,7 +187,7 @@ def _beside(known, image, model, gain, options, workspace, enough, least) -> lis
         with lines_in_background(model, lines) as held:
             for line in lines:
                 refine_held(held, image, model, gain, line, options, workspace)
-        lines = [line for line in lines if _is_whisker(line, model, options)]
+        lines = [line for line in lines if is_whisker(line, model, options)]
         if not lines:
             break
         search = search._replace(part=_about(lines, options.shortest_px))
@@ -247,16 +212,11 @@ def with_blurred(sharp, broad, image, model, gain, one_line) -> list[Line]:
     """
     out = list(sharp)
     for line in broad:
-        along = [s for s in out if shared_fraction(s, line, _reach(line)) > 0.5]
+        along = [s for s in out if shared_fraction(s, line, reach(line)) > 0.5]
         mine = _explained(line, [line], image, model, gain)
         if mine > one_line * _explained(line, along, image, model, gain):
             out = [line, *(s for s in out if all(s is not other for other in along))]
     return sorted(out, key=lambda line: -contrast_length(line))
-
-
-def _reach(line) -> float:
-    """How far a line's darkness reaches to either side [px]."""
-    return max(3.0, 2.0 * float(line.sigma[line.n // 2]))
 
 
 def _explained(strip, lines, image, model, gain) -> float:
@@ -281,7 +241,7 @@ def _uncrossed_anew(image, model, gain, options, workspace, lines) -> list[Line]
     with lines_in_background(model, lines) as held:
         for line, _ in changed:
             refine_held(held, image, model, gain, line, options, workspace)
-    return [line for line in lines if _is_whisker(line, model, options)]
+    return [line for line in lines if is_whisker(line, model, options)]
 
 
 def uncrossed(lines, options: TracingOptions) -> list[tuple[Line, Line]]:
@@ -327,7 +287,7 @@ def _one_or_two(line, usual, image, model, gain, options, workspace) -> list[Lin
         with lines_in_background(model, more):
             refine(image, model, gain, one, options, workspace)
 
-    pair = splitting.split(line, usual, fit, lambda one: _is_whisker(one, model, options))
+    pair = splitting.split(line, usual, fit, lambda one: is_whisker(one, model, options))
     if pair is not None:
         return pair
     narrow = splitting.narrowed(line, usual)  # on the darker of two
@@ -337,76 +297,6 @@ def _one_or_two(line, usual, image, model, gain, options, workspace) -> list[Lin
     if slim > options.params.detection.one_line * broad:
         line = narrow
     return [line] if line.n else []
-
-
-def is_ghost(line: Line, others, params=DEFAULTS.detection) -> bool:
-    """Whether a line is what is left of a darker one: its blur, or the codec's ringing beside it.
-
-    The fainter it is, the farther from the darker one.
-    """
-    ghosts = (params.blur_share, params.blur_px), (params.ringing_share, params.ringing_px)
-    return any(_is_ghost_of(line, other, ghosts) for other in others)
-
-
-def ghost_reach(params) -> float:
-    """Distance beyond which no line is a ghost of another one [px]."""
-    return max(params.blur_px, params.ringing_px, 2.0 * settling.BROADEST_SIGMA)
-
-
-def _is_ghost_of(line, other, ghosts):
-    darker = _median_of(line.amplitude, line.n) / _median_of(other.amplitude, line.n)
-    near = [near_px for share, near_px in ghosts if darker < share]
-    if not near or not polyline.come_near(
-        line.x, line.y, line.n, other.x, other.y, other.n, max(near[-1], _reach(other))
-    ):
-        return False
-    return shared_fraction(line, other, max(near[-1], _reach(other))) > 0.5
-
-
-@njit(cache=True)
-def _median_of(values, n):
-    """Median of the first `n` values, by half of them: enough for a comparison."""
-    return np.median(values[0:n:2])
-
-
-def _is_whisker(line: Line, model, options) -> bool:
-    """Whether a line is long and clear and leaves the face."""
-    clear = line.quality > options.params.detection.least_quality
-    long_and_clear = line.n >= options.shortest_px and clear
-    return long_and_clear and line_fit.is_clear(line.x, line.y, line.n, model.clear)
-
-
-def is_turned(line: Line, outward, factor=DEFAULTS.detection.thickens) -> bool:
-    """Whether a line between face and body is turned round: its near half is the thinner one.
-
-    What stands before a body hardly tapers. The more a line runs straight off the face's side, in
-    direction `outward`, the more its halves must differ, by `factor` at most; and the less, where
-    it runs towards that side.
-    """
-    thickness = line.thickness[: line.n]
-    near, far = thickness[: line.n // 2], thickness[line.n // 2 :]
-    x, y = line.x[line.n - 1] - line.x[0], line.y[line.n - 1] - line.y[0]
-    along = (x * outward[0] + y * outward[1]) / max(np.hypot(x, y), 1e-9)
-    return line.n > 0 and _median_of_known(far) > factor**along * _median_of_known(near)
-
-
-@njit(cache=True)
-def _median_of_known(values):
-    known = values[np.isfinite(values)]
-    return np.median(known) if len(known) else 0.0
-
-
-def ends_at_face(line: Line, model, options) -> bool:
-    """Whether a line's far end, too, is as near to the face or the body as a base may be."""
-    column, row = round(line.x[line.n - 1]), round(line.y[line.n - 1])
-    height, width = model.outside.shape
-    inside = 0 <= column < width and 0 <= row < height
-    return inside and model.outside[row, column] < options.base_gap_px
-
-
-def contrast_length(line: Line) -> float:
-    """Absorbance summed along the line: long dark whiskers come first [px]."""
-    return float(line.amplitude[: line.n].sum())
 
 
 @njit(cache=True)
@@ -438,18 +328,3 @@ def refine_held(held, image, model: ImageModel, gain, line: Line, options, works
     held.take_out(line)
     refine(image, model, gain, line, options, workspace)
     held.put_in(line)
-
-
-def without_doubles(lines: list[Line], near_px: float = 3.0) -> list[Line]:
-    """Drop every line that runs along a better one (within `near_px`) for half of its length."""
-    kept: list[Line] = []
-    for line in lines:
-        if not any(shared_fraction(line, other, near_px) > 0.5 for other in kept):
-            kept.append(line)
-    return kept
-
-
-def shared_fraction(line: Line, other: Line, near_px: float = 3.0) -> float:
-    """Fraction of `line`'s nodes within `near_px` of `other`."""
-    lines = line.x, line.y, line.n, other.x, other.y, other.n
-    return polyline.share_near(*lines, near_px, (3, 2))

@@ -11,9 +11,9 @@ import numpy as np
 from numba import njit
 from scipy.optimize import linear_sum_assignment
 
-from pipeline.detection.detect import TracingOptions
 from pipeline.detection.line import Line
 from pipeline.detection.static_scene import OUTWARD
+from pipeline.detection.tracing_options import TracingOptions
 from pipeline.numerics.angles import wrapped
 
 THICKNESS_SD, LENGTH_SD = 0.35, 0.35  # of their logarithms

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from pipeline.detection.detect import TracingOptions
+from pipeline.detection.tracing_options import TracingOptions
 from pipeline.session.parameters import DEFAULTS
 from pipeline.session.recording import Recording
 

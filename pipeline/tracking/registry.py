@@ -5,11 +5,11 @@ from functools import cached_property
 
 import numpy as np
 
-from pipeline.detection import detect
-from pipeline.detection.detect import TracingOptions
+from pipeline.detection import detect, line_choice
 from pipeline.detection.image_model import ImageModel
 from pipeline.detection.line import Line, Workspace
 from pipeline.detection.static_scene import StaticScene
+from pipeline.detection.tracing_options import TracingOptions
 from pipeline.tables.centrelines import Centrelines
 from pipeline.tracking import line_ends, matching
 from pipeline.tracking.given_lengths import (
@@ -88,7 +88,7 @@ def templates_of(lines: Centrelines) -> tuple[WhiskerTemplate, ...]:
 
 def usual_strength(lines) -> float:
     """Length × absorbance of a whisker's lines [px]; 0 where it was never seen."""
-    return float(np.median([detect.contrast_length(line) for line in lines] or [0.0]))
+    return float(np.median([line_choice.contrast_length(line) for line in lines] or [0.0]))
 
 
 def usual_absorbance(lines) -> float:
@@ -192,7 +192,7 @@ def gather(found: list[list[Line]], ruler: Ruler) -> list[_Group]:
     Then all are matched once more, to the groups as they have become.
     """
     seen = [ruler.signatures(lines) for lines in found]
-    strength = [sum(detect.contrast_length(line) for line in lines) for lines in found]
+    strength = [sum(line_choice.contrast_length(line) for line in lines) for lines in found]
     groups: list[_Group] = []
     for frame in np.argsort(strength)[::-1]:
         _share_out(groups, frame, found[frame], seen[frame], ruler, new=True)

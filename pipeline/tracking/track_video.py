@@ -10,9 +10,9 @@ from dataclasses import replace
 import numpy as np
 from numba import njit
 
-from pipeline.detection.detect import TracingOptions
 from pipeline.detection.line import Line
 from pipeline.detection.static_scene import StaticScene
+from pipeline.detection.tracing_options import TracingOptions
 from pipeline.tables.centrelines import Centrelines
 from pipeline.tracking.registry import WhiskerTemplate
 from pipeline.tracking.tracker import Tracer

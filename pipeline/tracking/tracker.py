@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from pipeline.detection import detect, image_model, line_fit, settling, tails
-from pipeline.detection.detect import TracingOptions
+from pipeline.detection import detect, image_model, line_choice, line_fit, settling, tails
 from pipeline.detection.image_model import ImageModel
 from pipeline.detection.line import Line, Workspace
 from pipeline.detection.static_scene import StaticScene
+from pipeline.detection.tracing_options import TracingOptions
 from pipeline.numerics import polyline
 from pipeline.session.quantities import frames_in, pixels_in
 from pipeline.tracking import matching, search
@@ -195,11 +195,11 @@ class Tracer:
         """Give up what is another whisker's blur; a line that has lasted is none."""
         params = self.options.params.detection
         tracks = [t for t in present if t.line is not None]
-        near = polyline.near_pairs([t.line for t in tracks], detect.ghost_reach(params))
+        near = polyline.near_pairs([t.line for t in tracks], line_choice.ghost_reach(params))
         for track, beside in zip(tracks, near, strict=True):
             if track.age < self.established:
                 others = [tracks[k].line for k in np.flatnonzero(beside) if tracks[k].line]
-                if detect.is_ghost(track.line, others, params):
+                if line_choice.is_ghost(track.line, others, params):
                     track.lose()
 
     def _follow(self, track: Track, image, gain, line: Line) -> None:
@@ -299,8 +299,9 @@ class Tracer:
         self.model.held.hold([])
         with image_model.lines_in_background(self.model, known):
             found = detect.detect(image, self.model, gain, self.options, self.workspace)
-        found = [c for c in found if all(detect.shared_fraction(c, p) < 0.4 for p in known)]
-        found = [c for c in found if not detect.is_ghost(c, known, self.options.params.detection)]
+        found = [c for c in found if all(line_choice.shared_fraction(c, p) < 0.4 for p in known)]
+        own = self.options.params.detection
+        found = [c for c in found if not line_choice.is_ghost(c, known, own)]
         return [c for c in found if turning_range(c.x, c.y, c.n) < self.bends.largest]
 
     def _expected_shift(self, present):

@@ -8,7 +8,7 @@ some lines that taper, too, and a cable sways; so the lines are also judged toge
 import numpy as np
 from scipy.stats import binom, norm
 
-from pipeline.detection import detect
+from pipeline.detection import line_choice
 from pipeline.scene.face import THICKER, far_over_near
 from pipeline.tracking.line_ends import BORDER_PX
 
@@ -102,7 +102,7 @@ def _thinner(lines, chosen) -> float:
 def _moves(lines) -> bool:
     """Whether some of the lines lie mostly beside the longest one."""
     longest = max(lines, key=lambda line: line.n)
-    beside = [detect.shared_fraction(line, longest, MOVES_PX) < 0.5 for line in lines]
+    beside = [line_choice.shared_fraction(line, longest, MOVES_PX) < 0.5 for line in lines]
     return bool(np.mean(beside) >= MOVED_LINES)
 
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pipeline.detection.detect import TracingOptions
+from pipeline.detection.tracing_options import TracingOptions
 from pipeline.scene.scale import scale_of
 from pipeline.session.parameters import DEFAULTS
 from pipeline.session.schema import Settings, WhiskerSettings

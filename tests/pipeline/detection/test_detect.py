@@ -5,9 +5,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.detection.detect import detect_crowded, is_ghost, is_turned, shared_fraction
+from pipeline.detection.detect import detect_crowded
 from pipeline.detection.image_model import ImageModel
 from pipeline.detection.line import Line, Workspace
+from pipeline.detection.line_choice import is_ghost, is_turned, shared_fraction
 from pipeline.scene.estimate import scene_from_frames
 from pipeline.session.parameters import DEFAULTS
 from pipeline.session.recording import Recording

@@ -1,0 +1,53 @@
+"""Lengths by which lines are looked for and followed."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from pipeline.detection import line_fit
+from pipeline.session.parameters import DEFAULTS, Parameters
+from pipeline.session.quantities import pixels_in
+
+
+@dataclass(frozen=True)
+class TracingOptions:
+    """Lengths in pixels, derived from the recording's scale by `options_for`.
+
+    `longest_px` is the largest visible length of an expected whisker (inf where unknown),
+    `visible_px` the largest ones of all (empty where unknown),
+    `hidden_px` and `cone_px` their hidden and cone lengths (empty where unknown);
+    `params` are the `Parameters` of all rooms.
+    """
+
+    spacing_px: float
+    shortest_px: float
+    base_gap_px: float
+    bridge_px: int
+    longest_px: float = np.inf
+    visible_px: tuple[float, ...] = ()
+    hidden_px: tuple[float, ...] = ()
+    cone_px: tuple[float, ...] = ()
+    pixels_per_m: float = 25e3
+    frames_per_second: float = 1000.0
+    params: Parameters = DEFAULTS
+
+    def fit(
+        self, model, longest=np.inf, farthest=np.inf, widths=False, steps=line_fit.MOST_STEPS
+    ) -> line_fit.Fit:
+        """How a line is fitted that may have `longest` nodes; the others as of `Fit`."""
+        limits = float(min(self.longest_px, longest)), float(farthest), widths
+        seen = model.faintest, self._unseen_px, model.half
+        return line_fit.Fit(*self._lengths, *limits, *seen, steps)
+
+    @cached_property
+    def _lengths(self):
+        return float(self.spacing_px), self.bridge_px
+
+    @cached_property
+    def _unseen_px(self):
+        return round(pixels_in(self.params.detection.unseen_gap_mm, self.pixels_per_m))
+
+    def px(self, length_mm: float) -> float:
+        """A length in pixels."""
+        return length_mm / 1e3 * self.pixels_per_m
