@@ -11,7 +11,6 @@ THICKEST_MM = 0.4  # thicker lines are no whiskers
 EVERY = 4  # pixel, to see what is ground
 CLEARLY = 1.5  # times as much evidence is needed for bright lines
 SHORTEST = 0.1  # of the picture's size: shorter lines may be gleams
-SLOW = 4  # times as broad as the thickest line: what changes over so much is light
 FEWEST_FRAMES = 3  # with fewer, everything may be a whisker
 
 
@@ -35,7 +34,7 @@ def whiskers_are_bright(frames: np.ndarray, pixels_per_mm: float) -> bool:
     border[size:-size, size:-size] = False
     if len(frames) >= FEWEST_FRAMES:
         usual = cv2.GaussianBlur(np.median(frames, axis=0).astype(np.float32), (0, 0), 1.0)
-        changes = [_change(each, usual, SLOW * size + 1) for each in smooth]
+        changes = [_change(each, usual, size) for each in smooth]
         moved = [
             [np.minimum(hat, each) for hat, each in zip(pair, (-change, change), strict=True)]
             for pair, change in zip(hats, changes, strict=True)
@@ -53,10 +52,11 @@ def whiskers_are_bright(frames: np.ndarray, pixels_per_mm: float) -> bool:
 _HATS = (cv2.MORPH_BLACKHAT, cv2.MORPH_TOPHAT)
 
 
-def _change(frame, usual, slow_px):
-    """By how much a frame is lighter than usual, changes of the light left out [grey]."""
+def _change(frame, usual, size):
+    """By how much a frame is lighter than usual, but for what many pixels `size` apart share."""
     change = frame - usual
-    return change - cv2.blur(change, (slow_px, slow_px))
+    shared = cv2.medianBlur(np.ascontiguousarray(change[size // 2 :: size, size // 2 :: size]), 5)
+    return change - cv2.resize(shared, change.shape[::-1], interpolation=cv2.INTER_LINEAR)
 
 
 def _lengths(hats, border) -> tuple[float, float]:

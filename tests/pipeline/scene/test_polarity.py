@@ -5,6 +5,8 @@ import numpy as np
 import pytest
 
 from pipeline.scene.polarity import whiskers_are_bright
+from synthetic.presets import make_trial
+from synthetic.render import Renderer
 
 HEIGHT, WIDTH, SCALE = 240, 320, 14.0  # px, px/mm
 FACE_PX = 60
@@ -50,6 +52,15 @@ def test_light_that_falls_off_sideways(seed, turns, weakest):
     frames = np.rint(frames_of(seed, 0.2) * light).astype(np.uint8)
     assert not whiskers_are_bright(frames, SCALE)
     assert whiskers_are_bright(255 - frames, SCALE)
+
+
+@pytest.mark.parametrize("preset", ["border", "moving_fur"])
+def test_the_ground_beside_clear_whiskers_is_no_line(preset):
+    trial = make_trial(preset, 1, 0, frames=100)
+    renderer = Renderer(trial.scene, trial.motion)
+    frames = np.stack([renderer.frame(k) for k in range(5, 100, 13)])
+    assert not whiskers_are_bright(frames, trial.scene.camera.pixels_per_mm)
+    assert whiskers_are_bright(255 - frames, trial.scene.camera.pixels_per_mm)
 
 
 def test_a_border_that_flickers_is_no_whisker():
