@@ -151,18 +151,18 @@ def _regularised(curves: BaseCurves, frame, farthest) -> Base:
     stiff = 1 / (np.array([BENDS_PER_M, BENDS_PER_M2]) * scale) ** 2
     q = _as_grown(curves, (np.array([GROWN_PER_M, GROWN_PER_M2]) * scale) ** 2)
     bend = np.broadcast_to(np.eye(4)[1:], (len(q), 3, 4))
-    first, _ = _drawn(q, curves.cov, bend, np.zeros((len(q), 3)), stiff, frame)
+    first, _ = _drawn(q, curves.root, bend, np.zeros((len(q), 3)), stiff, frame)
     z, aside = _beside_anchor(curves, first, farthest)
     across = np.stack([np.ones_like(z), z, z**2 / 2, z**3 / 6], axis=1)
     known = np.zeros((len(q), 4))
     known[:, 1] = aside - (across * first).sum(axis=1)
     features = np.concatenate([bend[:, :1], across[:, None], bend[:, 1:]], axis=1)
-    last, cov = _drawn(q, curves.cov, features, known, np.append(0.0, stiff), frame)
+    last, root = _drawn(q, curves.root, features, known, np.append(0.0, stiff), frame)
     x, y, angle = _curves_at(curves, last, z)
     zero, one = np.zeros_like(z), np.ones_like(z)
     at_base, in_view = (np.column_stack([zero, one, *t]) for t in ((z, z**2 / 2), (zero, one / 6)))
     visible = (in_view * last).sum(axis=1)
-    return Base(angle, _error(at_base, cov), visible, _error(in_view, cov), x, y)
+    return Base(angle, _error(at_base, root), visible, _error(in_view, root), x, y)
 
 
 def _as_grown(curves, variance):
@@ -174,7 +174,8 @@ def _as_grown(curves, variance):
     variance : (2,) of the bend and its change, from whisker to whisker
     """
     q = np.column_stack([np.zeros(len(curves.shape)), curves.shape])
-    error = np.linalg.inv(np.linalg.inv(curves.cov).mean(axis=0))
+    root = _usual_root(curves.root)
+    error = root @ root.T
     gain = error[:, 2:] @ np.linalg.inv(error[2:, 2:] + np.diag(variance))
     return q - gain @ np.median(q[:, 2:], axis=0)
 
@@ -202,38 +203,49 @@ def _curves_at(curves, q, z):
     return lay_to(x, y, q[:, 1:], curves.half, z)
 
 
-def _error(weights, cov):
-    """Standard error of a linear measure of the parameters, (rows,)."""
-    return np.sqrt(np.einsum("na,nab,nb->n", weights, cov, weights))
+def _error(weights, root):
+    """Standard error of a linear measure of parameters of covariance root rootᵀ, (rows,)."""
+    return np.linalg.norm(weights[:, None] @ root, axis=(1, 2))
+
+
+def _usual_root(root):
+    """Upper triangular root (k, k) of the covariance whose inverse is the mean of all rows'.
+
+    root : (rows, k, k) of theirs, upper triangular or its transpose
+    """
+    white = np.linalg.inv(root).reshape(-1, root.shape[2])
+    return np.linalg.inv(np.linalg.qr(white / np.sqrt(len(root)), mode="r"))
 
 
 # What is usual -------------------------------------------------------------------------------
 
 
-def _drawn(q, cov, design, constant, stiff, frame):
-    """Parameters drawn towards what is usual, and their covariance.
+def _drawn(q, root, design, constant, stiff, frame):
+    """Parameters drawn towards what is usual, and a root of their covariance.
 
     Parameters
     ----------
-    q, cov : (rows, 4), (rows, 4, 4), as measured
+    q, root : (rows, 4), (rows, 4, 4), as measured
     design, constant : the features that have something usual are `design` q + `constant`, (rows,
         features); the first is the angle, which is given
     stiff : (features − 1,) 1/variance that the others have at most
     frame : (rows,) numbers of the frames
     """
     seen = np.einsum("nab,nb->na", design, q) + constant
-    mean, spread = _usual(seen, design @ cov @ design.transpose(0, 2, 1))
+    errors = design @ root
+    mean, spread = _usual(seen, errors @ errors.transpose(0, 2, 1))
     spread[0, 0] += LEAST_SWING**2
     inverse = np.linalg.inv(spread)
     rest = np.linalg.inv(inverse[1:, 1:] + np.diag(stiff))
     by_angle = -rest @ inverse[1:, 0]
     off = seen[:, 1:] - mean[1:] - (seen[:, :1] - mean[0]) * by_angle
     part = design[:, 1:] - by_angle[:, None] * design[:, :1]
-    noise = part @ cov @ part.transpose(0, 2, 1)
-    likely, left = _denoised(off, noise, rest, frame)
-    gain = cov @ part.transpose(0, 2, 1) @ np.linalg.inv(noise)
+    own, upper = np.linalg.qr((part @ root).transpose(0, 2, 1))
+    likely, left = _denoised(off, upper.transpose(0, 2, 1), rest, frame)
+    gain = root @ own @ np.linalg.inv(upper).transpose(0, 2, 1)
     drawn = q - np.einsum("nab,nb->na", gain, off - likely)
-    return drawn, cov - gain @ (noise - left) @ gain.transpose(0, 2, 1)
+    beside = root - root @ own @ own.transpose(0, 2, 1)  # errors that the features do not have
+    return drawn, np.concatenate([beside, gain @ left], axis=2)
 
 
 def _usual(seen, noise):
@@ -286,20 +298,21 @@ def _expected(seen, noise, mean, spread):
 # Noise from frame to frame -------------------------------------------------------------------
 
 
-def _denoised(off, noise, spread, frame):
-    """Likely true values of what is seen to be `off` (rows, k) the usual, and their covariance.
+def _denoised(off, root, spread, frame):
+    """Likely true values of what is seen to be `off` (rows, k) the usual, and their errors' root.
 
-    They are separated in the directions in which noise and spread are independent.
+    They are separated in the directions in which noise, of which `root` is a root (rows, k, k),
+    and spread are independent.
     """
-    lower = np.linalg.cholesky(np.linalg.inv(np.linalg.inv(noise).mean(axis=0)))
+    lower = _usual_root(root)
     white = np.linalg.inv(lower)
     size, axes = np.linalg.eigh(white @ spread @ white.T)
     to, back = axes.T @ white, lower @ axes
-    channels, share = off @ to.T, np.einsum("ka,nab,kb->nk", to, noise, to)
+    channels, share = off @ to.T, ((to @ root) ** 2).sum(axis=2)
     likely, left = np.empty_like(channels), np.empty_like(channels)
     for k in range(len(size)):
         likely[:, k], left[:, k] = _channel(channels[:, k], share[:, k], max(size[k], 1e-9), frame)
-    return likely @ back.T, np.einsum("ak,nk,bk->nab", back, left, back)
+    return likely @ back.T, back * np.sqrt(left)[:, None]
 
 
 def _channel(seen, noise, true, frame):

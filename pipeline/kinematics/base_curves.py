@@ -28,7 +28,8 @@ MOST_GROWTH = 1.6  # of the noise's SD from one degree to the next lower one
 FEWEST_ROWS = 12
 FUR = 4.0  # times the usual excess: what lies over the whisker moves it
 HUBER = 3.0  # usual misfits beyond which a station counts less
-LOOSE = np.array([1e3, 1e3, 3.0, 3.0])  # SD [rad] of what any base may have: no row is singular
+LOOSE = np.array([1e3, 1e3, 3.0, 3.0])  # SD [rad] of what any base may have
+LEAST_KNOWN = 1e-12
 BLOCK_ROWS = 8192  # held in memory at a time
 
 
@@ -41,7 +42,8 @@ class BaseCurves:
     middle, half : arc length of the window's middle, and the half-width L that scales [m]
     x, y : (rows,) place at the middle [m, y up]; NaN where a row is too short
     shape : (rows, 3) θ, k0 L and k1 L² [rad]
-    cov : (rows, 4, 4) of (offset/L, θ, k0 L, k1 L²) [rad²]
+    root : (rows, 4, 4) upper triangular; root rootᵀ is the covariance of (offset/L, θ, k0 L,
+        k1 L²) [rad²], which is positive whatever is rounded
     """
 
     middle: float
@@ -49,11 +51,11 @@ class BaseCurves:
     x: np.ndarray
     y: np.ndarray
     shape: np.ndarray
-    cov: np.ndarray
+    root: np.ndarray
 
     def rows(self, rows) -> "BaseCurves":
         """Return a copy of the given rows."""
-        parts = (each[rows] for each in (self.x, self.y, self.shape, self.cov))
+        parts = (each[rows] for each in (self.x, self.y, self.shape, self.root))
         return BaseCurves(self.middle, self.half, *parts)
 
 
@@ -91,8 +93,8 @@ def fit_base_curves(
         _fit(_seen(places.rows(slice(a, a + BLOCK_ROWS)).loaded(), span), grid, excess)[:3]
         for a in range(0, len(places), BLOCK_ROWS)
     ]
-    place, shape, cov = (np.concatenate(each) for each in zip(*parts, strict=True))
-    return BaseCurves(grid.middle, grid.half, place[:, 0], place[:, 1], shape, _redder(cov, red))
+    place, shape, root = (np.concatenate(each) for each in zip(*parts, strict=True))
+    return BaseCurves(grid.middle, grid.half, place[:, 0], place[:, 1], shape, root * red)
 
 
 class _Grid:
@@ -159,10 +161,10 @@ def _seen(places, span):
 
 def _excess(sample, grid, excess):
     """Variance [m²] that stations have beside the picture's noise, from fits that allow for it."""
-    _, _, cov, misfit, known = _fit(sample, grid, excess)
-    rows = np.isfinite(cov[:, 0, 0])
+    _, _, root, misfit, known = _fit(sample, grid, excess)
+    rows = np.isfinite(root[:, 0, 0])
     known, misfit = known[rows], misfit[rows]
-    leverage = np.einsum("ka,nab,kb->nk", grid.basis, cov[rows], grid.basis) * grid.half**2
+    leverage = grid.half**2 * ((grid.basis @ root[rows]) ** 2).sum(axis=2)
     out = _scatter_beyond(misfit, known, leverage, sample[2][rows])
     fur = out > FUR * np.median(out)
     return np.where(
@@ -210,18 +212,12 @@ def _redness(sample, grid, excess):
     return np.maximum(sd[0], 1.0) * growth ** (NOISE_DEGREES[0] - np.arange(4))
 
 
-def _redder(cov, red):
-    """Covariances (rows, 4, 4) for noise that is `red` (4,) times as large in each degree."""
-    known = np.isfinite(cov[:, 0, 0])
-    out = np.full_like(cov, np.nan)
-    upper = np.linalg.cholesky(np.linalg.inv(cov[known])).transpose(0, 2, 1)
-    root = np.linalg.inv(upper) * red
-    out[known] = root @ root.transpose(0, 2, 1)
-    return out
-
-
 def _fit(seen, grid, excess):
-    """Gauss–Newton: place (rows, 2), shape (rows, 3), cov; misfit [m], known (rows, stations)."""
+    """Gauss–Newton: place (rows, 2), shape (rows, 3), root; misfit [m], known (rows, stations).
+
+    The covariance is root rootᵀ with an upper triangular `root` (rows, 4, 4): column k is the
+    error of the polynomial of degree k, given those of higher degrees.
+    """
     x, y, information = seen
     known = information > 0
     weight = information / (1 + information * excess)
@@ -238,20 +234,31 @@ def _fit(seen, grid, excess):
             chi2 = (robust * misfit**2).sum(axis=1) / np.maximum(known.sum(axis=1) - 4, 1)
             off = np.abs(misfit) * np.sqrt(weight / np.maximum(chi2, 1.0)[:, None])
             robust = weight * np.minimum(1.0, HUBER / np.maximum(off, HUBER))
-        matrix = (robust @ grid.products).reshape(-1, 4, 4) + loose
+        matrix, size = _of_unit_diagonal((robust @ grid.products).reshape(-1, 4, 4) + loose)
         if step == STEPS:
             break
         shape_now = np.column_stack([np.zeros(len(shape)), np.zeros(len(shape)), shape[:, 1:]])
         rhs = (robust * misfit) @ grid.basis - shape_now * np.diag(loose) * grid.half
-        change = np.linalg.solve(matrix, rhs[..., None])[..., 0]
+        change = np.linalg.solve(matrix, (rhs / size)[..., None])[..., 0] / size
         slide = (weight * along).sum(axis=1) / np.maximum(total, 1e-300)
         turn = shape[:, 0]
         place[:, 0] += slide * np.cos(turn) - change[:, 0] * np.sin(turn)
         place[:, 1] += slide * np.sin(turn) + change[:, 0] * np.cos(turn)
         shape = shape + change[:, 1:] / grid.half
-    cov = np.linalg.inv(matrix) * (np.maximum(chi2, 1.0) / grid.half**2)[:, None, None]
-    place[~enough], shape[~enough], cov[~enough] = np.nan, np.nan, np.nan
-    return place, shape, cov, misfit, known
+    root = np.linalg.inv(np.linalg.cholesky(matrix)).transpose(0, 2, 1) / size[..., None]
+    root *= (np.sqrt(np.maximum(chi2, 1.0)) / grid.half)[:, None, None]
+    place[~enough], shape[~enough], root[~enough] = np.nan, np.nan, np.nan
+    return place, shape, root, misfit, known
+
+
+def _of_unit_diagonal(matrix):
+    """Information matrices (rows, 4, 4) scaled to a diagonal of 1, and by what, (rows, 4).
+
+    What is known of a parameter is at least a share `LEAST_KNOWN` of what it would be were the
+    others given, far above rounding: no such matrix is singular, whatever its stations' weights.
+    """
+    size = np.sqrt(np.diagonal(matrix, axis1=1, axis2=2))
+    return matrix / (size[:, :, None] * size[:, None]) + LEAST_KNOWN * np.eye(4), size
 
 
 def _start(x, y, weight, grid):

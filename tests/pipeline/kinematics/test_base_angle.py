@@ -4,6 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from scipy.ndimage import gaussian_filter1d
 
 from pipeline.kinematics import base_angle
@@ -176,6 +178,18 @@ def test_frames_that_the_codec_repeats_are_measured():
     base, _ = measured(replace(lines, offset_px=np.tile(same, 60)))
     assert np.isfinite(base.angle_se).all()
     assert np.degrees(np.abs(base.angle - np.radians(-40.0)).max()) < 5.0
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_a_video_ends_at_no_base_however_unevenly_it_is_known(seed):
+    """Information differs by 1e16 along a line and from frame to frame; its sums are rounded."""
+    rng = np.random.default_rng(seed)
+    lines = whisker_lines(rng, swing(13), SD, n=90)
+    uneven = 10.0 ** np.repeat(rng.choice([-8, 0, 8], (13, 9)), 10, axis=1).ravel()
+    base, _ = measured(replace(lines, information=lines.information * uneven), 2.0)
+    known = np.isfinite(base.angle)
+    assert (base.angle_se[known] > 0).all()
+    assert (base.visible_se[known] > 0).all()
 
 
 def test_a_base_that_no_frame_shows_is_unknown():
