@@ -262,7 +262,7 @@ def without_whiskers(
     at = background.image, pixels_per_mm, noise, face, params
     clear = thin_dark_lines(*at) & ~face
     away = distance_from(face)
-    fringe = away <= _fringe_px(pixels_per_mm)
+    fringe = away <= fringe_px(pixels_per_mm)
     thin = _long_parts(clear | thin_dark_lines(*at, FAINTER) & ~fringe, 0, clear)
     shortest = params.shortest_still_mm if movie else params.shortest_whisker_mm
     shortest = shortest if fur else SHORTEST_BASE_MM
@@ -277,7 +277,7 @@ def without_whiskers(
     whiskers |= _long_parts(background.covered & ~fringe | whiskers, 0, whiskers)
     image = background.image
     if whiskers.any():
-        image = _filled_beside(away, image, whiskers, _fringe_px(pixels_per_mm))
+        image = _filled_beside(away, image, whiskers, fringe_px(pixels_per_mm))
     return image if movie else smooth_flat_parts(image, pixels_per_mm, noise)
 
 
@@ -300,12 +300,12 @@ def _surroundings(pole, near_px):
     return cv2.dilate(pole.astype(np.uint8), _square(near_px)) > 0
 
 
-def _fringe_px(pixels_per_mm) -> float:
+def fringe_px(pixels_per_mm) -> float:
     """How far from the face a whisker may begin to be seen [px]."""
     return max(FRINGE_MM * pixels_per_mm, FRINGE_PX)
 
 
 def _long_lines_at(face, thin, pixels_per_mm, shortest_px):
     """Connected lines that are at least `shortest_px` long and end near the face."""
-    near = cv2.dilate(face.astype(np.uint8), _square(_fringe_px(pixels_per_mm))) > 0
+    near = cv2.dilate(face.astype(np.uint8), _square(fringe_px(pixels_per_mm))) > 0
     return _long_parts(thin, shortest_px, near)

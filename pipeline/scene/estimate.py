@@ -8,7 +8,7 @@ import numpy as np
 
 from pipeline.detection.static_scene import PoleTrack, StaticScene
 from pipeline.errors import VideoError
-from pipeline.scene.background import estimate_background, without_whiskers
+from pipeline.scene.background import estimate_background, fringe_px, without_whiskers
 from pipeline.scene.codec_noise import noise_excess
 from pipeline.scene.dust import is_passed_over
 from pipeline.scene.epochs import Survey, periods
@@ -161,7 +161,8 @@ def scene_from_frames(
         pole, refused = _pole(background, frames, radius_px, pole_xy, (face, animal))
     obstacles = find_obstacles(transmission, face, pole, scale, params)
     disc = _disc(pole, face.shape)
-    things = _apart_from(obstacles, disc)
+    # a whisker may end on the body: that, with its fringe, is no thing of which it could be part
+    things = _apart_from(obstacles & ~dilated(animal, fringe_px(scale)), disc)
     light = without_whiskers(background, face, scale, fur, disc, things, params)
     return StaticScene(
         background=light,

@@ -64,6 +64,25 @@ def test_the_body_is_no_face(turns, side):
     assert obstacle[CORNER[1] + AT_CORNER :, : CORNER[0] - 4].all()
 
 
+@pytest.mark.parametrize("turns", range(4))
+def test_a_whisker_that_rests_on_the_body_is_not_in_the_background(turns):
+    base, angle, frames = (165, CORNER[1] - 8), 2.3, []
+    tip = base[0] + 180 * np.cos(angle), base[1] + 180 * np.sin(angle)
+    line = np.zeros((HEIGHT, WIDTH), np.float32)
+    cv2.line(line, base, tuple(map(round, tip)), 0.35, 2, cv2.LINE_AA)
+    line = cv2.GaussianBlur(line, (0, 0), 0.8)
+    for phase in np.linspace(0, 6, 16):
+        image = picture(phase)
+        image[:, CORNER[0] :] = (image * (1 - line))[:, CORNER[0] :]
+        frames.append(image)
+    frames = np.ascontiguousarray(np.rot90(np.stack(frames), turns, axes=(1, 2)))
+    found = scene_from_frames(frames, Recording(1000.0, SCALE, SIDES[turns]), None)
+    light = np.rot90(found.background, -turns)
+    along = np.arange(30, 130)
+    x, y = base[0] + along * np.cos(angle), base[1] + along * np.sin(angle)
+    assert np.median(light[np.rint(y).astype(int), np.rint(x).astype(int)]) > 160
+
+
 def test_the_side_is_where_whiskers_have_their_bases():
     assert scene(side=None).face_side == "top"  # the body darkens as much of the left border
     assert scene(side=None, turns=1).face_side == "left"
