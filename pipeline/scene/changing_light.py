@@ -53,9 +53,8 @@ class UsualLight:
         if not known.any():
             return np.ones_like(now)
         first = spread(now, known, SMOOTH, SCALES)
-        return first * spread(
-            now / first, known, SMOOTH, SCALES
-        )  # with what the first smoothed away
+        smoothed_away = spread(now / first, known, SMOOTH, SCALES)
+        return first * smoothed_away
 
     def seen(self, frame: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """A frame's cells over the usual ones, float32, and in which that is light, bool."""
