@@ -33,10 +33,8 @@ def draw(folder: Path) -> None:
 
 def warm_up() -> None:
     """Analyse the drawn video once, so that everything `run` needs is compiled and cached."""
-    from pipeline.contacts.pulses import fit_pulse
     from pipeline.run import analyse
     from pipeline.session.session_file import settings_from
-    from whiskermodel.force_profiles import half_gaussian
 
     settings = settings_from(
         {
@@ -56,8 +54,6 @@ def warm_up() -> None:
     with tempfile.TemporaryDirectory() as folder:
         draw(Path(folder))
         analyse(folder, settings)
-    time = np.arange(20) * 1e-3  # the drawn line's bending may not pass for a contact
-    fit_pulse(time, half_gaussian(time, 0.012, 1e-5, onset=4e-3))
 
 
 def start() -> multiprocessing.Process:

@@ -138,6 +138,4 @@ def _correct(intervals, corrections, evidence):
         sides = part.loc[inside, "side"].sum()
         intervals.loc[i, "side"] = int(np.sign(sides)) or 1
         intervals.loc[i, "probability"] = 1.0
-    intervals["slip"] = intervals["slip"].eq(True)
-    intervals["flags"] = intervals["flags"].fillna("")
     return intervals

@@ -205,27 +205,10 @@ def _stated(row, detected):
 
 def _interval_table(result, like):
     """Table of intervals with the columns and dtypes of `like`, and `curated`."""
-    table = pd.DataFrame(
-        {
-            "whisker": [i.whisker for i in result],
-            "onset_frame": [i.onset for i in result],
-            "offset_frame": [i.offset for i in result],
-        }
-    )
-    for name in like.columns.difference([*table.columns, "curated"], sort=False):
-        dtype = like[name].dtype
-        missing = _missing(dtype)
-        table[name] = pd.Series([i.other.get(name, missing) for i in result], dtype=dtype)
-    for name in ("onset_frame", "offset_frame"):
-        table[name] = table[name].astype(like[name].dtype)
-    table["whisker"] = table["whisker"].astype(like["whisker"].dtype)
-    columns = [name for name in like.columns if name != "curated"]
-    return table[columns].assign(curated=[bool(i.curated) for i in result])
-
-
-def _missing(dtype):
-    if pd.api.types.is_bool_dtype(dtype):
-        return False
-    if pd.api.types.is_integer_dtype(dtype):
-        return 0
-    return float("nan") if pd.api.types.is_float_dtype(dtype) else ""
+    dtypes = like.dtypes.drop("curated", errors="ignore")
+    missing = {"f": float("nan"), "i": 0, "b": False}
+    blank = {name: missing.get(dtype.kind, "") for name, dtype in dtypes.items()}
+    names = "whisker", "onset_frame", "offset_frame"
+    rows = [{**blank, **i.other, **dict(zip(names, i[:3], strict=True))} for i in result]
+    table = pd.DataFrame(rows, columns=list(dtypes.index)).astype(dtypes)
+    return table.assign(curated=[bool(i.curated) for i in result])

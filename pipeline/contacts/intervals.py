@@ -7,7 +7,7 @@ import pandas as pd
 
 from pipeline.contacts.probability import FEWEST_SURE, force_noise, of_whisker
 from pipeline.forces import forces
-from pipeline.numerics.robust import MAD_TO_SD, robust_sd
+from pipeline.numerics.robust import robust_sd
 from pipeline.numerics.runs import stretches
 from pipeline.session.parameters import DEFAULTS, ContactParams
 
@@ -104,15 +104,11 @@ def _touching_place(part, runs):
 
 
 def _is_held(part, start, stop, place, spread):
-    """Whether a whisker is held at the `place` of other touches, gaps of ± `spread` [m].
-
-    The force there is larger than in neighbouring free frames, or the whisker stops abruptly.
-    """
+    """Whether a whisker stops abruptly at the `place` of other touches, gaps of ± `spread` [m]."""
     sd = np.maximum(spread, part["gap_se_m"][start:stop])
     at_place = np.abs(part["gap_m"][start:stop] - place) < AT_PLACE_SD * sd
-    if np.count_nonzero(at_place) < FEWEST_HELD:
-        return False
-    return _is_pushed_more_than_beside(part, start, stop) or _is_stopped(part, start, stop, spread)
+    held = np.count_nonzero(at_place) >= FEWEST_HELD
+    return held and _is_stopped(part, start, stop, spread)
 
 
 def _is_stopped(part, start, stop, spread):
@@ -142,25 +138,6 @@ def _pushes(part, rows):
     with np.errstate(invalid="ignore"):
         push = part["shape_force_N"] / force_noise(part)
     return not np.isfinite(push).any() or np.nanmax(push) > LEAST_PEAK_SD
-
-
-def _is_pushed_more_than_beside(part, start, stop):
-    """Whether the force is clearly larger than just before and after.
-
-    Where the rest shape is not well known, neither is the force; but neighbouring free frames
-    have the same errors.
-    """
-    force = part["shape_force_N"]
-    free = np.where(part["probability"] < 0.5, force, np.nan)
-    before, after = free[max(start - BESIDE_FRAMES, 0) : start], free[stop : stop + BESIDE_FRAMES]
-    beside, inside = (
-        each[np.isfinite(each)] for each in (np.append(before, after), force[start:stop])
-    )
-    if min(len(beside), len(inside)) < FEWEST_HELD:
-        return False
-    noise = MAD_TO_SD * np.nanmedian(np.abs(np.diff(free))) / np.sqrt(2)
-    shares = sum(1 / min(len(some), BESIDE_FRAMES) for some in (beside, inside))
-    return inside.mean() - beside.mean() > LEAST_PEAK_SD * noise * np.sqrt(shares)
 
 
 def _stands_out(part, rows, column):

@@ -10,13 +10,13 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
-from numba import njit
+from scipy.optimize import leastsq
 
 from pipeline.session.recording import Recording
 from pipeline.tables.columns import split_flags
+from whiskermodel.force_profiles import half_gaussian_shape
 
 FEWEST_FRAMES = 3
-PAD_FRAMES = 1  # free frames at either end, where the force is zero
 STARTS = (0.85, 1.1, 1.5)  # of the contact's duration
 _COURSES = ["frame", "contact_force_uN", "contact_force_uN_se"]  # of the frames
 _COLUMNS = ("pulse_peak_uN", "pulse_duration_ms", "pulse_centre_s", "pulse_r2")
@@ -26,14 +26,11 @@ POOR_MISFIT = 3.0  # misfit in standard errors of the force that makes a poor r�
 
 @dataclass(frozen=True)
 class Pulse:
-    """A fitted half-Gaussian: peak [N], duration and centre [s], standard errors, r², RMS [N]."""
+    """A fitted half-Gaussian: peak [N], duration and centre [s], r², RMS of what is left [N]."""
 
     peak: float
     duration: float
     centre: float
-    peak_se: float
-    duration_se: float
-    centre_se: float
     r2: float
     misfit: float
 
@@ -56,104 +53,28 @@ def fit_pulse(time, force) -> Pulse | None:
     if known.sum() < FEWEST_FRAMES or not np.nanmax(force) > 0:
         return None
     step = (time[-1] - time[0]) / (len(time) - 1)
-    first, last = np.flatnonzero(known)[[0, -1]]
-    before, after = np.arange(-PAD_FRAMES, 0), np.arange(1, PAD_FRAMES + 1)
-    t = np.concatenate([first + before, np.flatnonzero(known), last + after]).astype(float)
-    scale = float(np.nanmax(force))
-    f = np.concatenate([np.zeros(PAD_FRAMES), force[known] / scale, np.zeros(PAD_FRAMES)])
-    found, variance, missing, spread = _best_fit(t, f, first, last, STARTS)
-    peak, duration, centre = found
-    peak_se, duration_se, centre_se = np.sqrt(np.maximum(variance, 0.0))
+    place, scale = np.flatnonzero(known), float(np.nanmax(force))
+    t = np.concatenate([[place[0] - 1], place, [place[-1] + 1]])  # free frames at either end
+    f = np.pad(force[known] / scale, 1)
+    middle, count = (t * f).sum() / f.sum(), place[-1] - place[0] + 1
+    fits = [leastsq(_misfit, (1.0, start * count, middle), (t, f))[0] for start in STARTS]
+    best = min(fits, key=lambda found: np.sum(_misfit(found, t, f) ** 2))
+    own, left = force[known], scale * _misfit(best, t, f)[1:-1]
+    spread = np.sum((own - own.mean()) ** 2)
     return Pulse(
-        peak=scale * peak,
-        duration=step * duration,
-        centre=time[0] + step * centre,
-        peak_se=scale * peak_se,
-        duration_se=step * duration_se,
-        centre_se=step * centre_se,
-        r2=1 - missing / spread if spread > 0 else np.nan,
-        misfit=scale * float(np.sqrt(missing / known.sum())),
+        peak=scale * best[0],
+        duration=step * abs(best[1]),
+        centre=time[0] + step * best[2],
+        r2=1 - np.sum(left**2) / spread if spread > 0 else np.nan,
+        misfit=float(np.sqrt(np.mean(left**2))),
     )
 
 
-@njit(cache=True)
-def _best_fit(t, f, first, last, starts):
-    """Levenberg–Marquardt from several durations.
-
-    Returns (peak, duration, centre), their variances, and over the contact's own frames the sums
-    of squares of what is left, and about the mean.
-    """
-    best_total = np.inf
-    best, variance = np.zeros(3), np.zeros(3)
-    weight = f.sum()
-    for start in starts:
-        p = np.array([1.0, start * (last - first + 1.0), (t * f).sum() / weight])
-        total, cov = _descend(t, f, p)
-        if total < best_total:
-            best_total = total
-            best[:] = p
-            variance[:] = np.diag(cov) * (total / max(len(t) - 3, 1))
-    left, inner = np.zeros(len(t)), slice(PAD_FRAMES, len(t) - PAD_FRAMES)
-    _residuals(t, f, best, left, np.zeros((len(t), 3)))
-    own = f[inner]
-    return best, variance, (left[inner] ** 2).sum(), ((own - own.mean()) ** 2).sum()
-
-
-@njit(cache=True)
-def _descend(t, f, p):
-    """Levenberg–Marquardt on `p`, in place; returns the sum of squares and (JᵀJ)⁻¹."""
-    jac = np.zeros((len(t), 3))
-    residual = np.zeros(len(t))
-    total = _residuals(t, f, p, residual, jac)
-    damping = 1e-3
-    trial_residual, trial_jac = np.zeros(len(t)), np.zeros((len(t), 3))
-    for _ in range(100):
-        normal = jac.T @ jac
-        rhs = jac.T @ residual
-        damped = normal.copy()
-        for k in range(3):
-            damped[k, k] += damping * normal[k, k] + 1e-12
-        step = np.linalg.solve(damped, rhs)
-        trial = p + step
-        if trial[0] > 0 and trial[1] > 0.5:
-            trial_total = _residuals(t, f, trial, trial_residual, trial_jac)
-            if trial_total <= total:
-                gained = total - trial_total
-                p[:] = trial
-                jac[:, :] = trial_jac
-                residual[:] = trial_residual
-                total = trial_total
-                damping = max(damping / 5, 1e-9)
-                if gained < 1e-14 + 1e-11 * total:
-                    break
-                continue
-        damping *= 5
-        if damping > 1e8:
-            break
-    normal = jac.T @ jac
-    for k in range(3):
-        normal[k, k] += 1e-12
-    return total, np.linalg.inv(normal)
-
-
-@njit(cache=True)
-def _residuals(t, f, p, residual, jac):
-    """Fill misfit and derivatives by (peak, duration, centre); returns the sum of squares."""
-    total = 0.0
-    for i in range(len(t)):
-        z = 2 * (t[i] - p[2]) / p[1]
-        value = np.exp(-np.log(2.0) * z * z)
-        jac[i, :] = 0.0
-        model = 0.0
-        if value > 0.5:
-            model = 2 * p[0] * (value - 0.5)
-            slope = -4 * np.log(2.0) * p[0] * value * z
-            jac[i, 0] = 2 * (value - 0.5)
-            jac[i, 1] = -slope * z / p[1]
-            jac[i, 2] = -slope * 2 / p[1]
-        residual[i] = f[i] - model
-        total += residual[i] ** 2
-    return total
+def _misfit(pulse, t, force):
+    """Half-Gaussian of (peak, duration, centre) less the force, (frames,)."""
+    peak, duration, centre = pulse
+    u = 2 * (t - centre) / duration
+    return peak * np.where(np.abs(u) < 1, half_gaussian_shape(u), 0.0) - force
 
 
 def add_pulses(contacts: pd.DataFrame, frames: pd.DataFrame, recording: Recording):

@@ -6,10 +6,10 @@ often by the opposite when it touches, which looks like bending. The elastic rod
 to what lies farther out, and continued towards the face, it must meet what was measured there, as
 well as fit and noise allow. Where it does not, the stations count less, in all frames.
 
-Judged are short steps, from outside inwards, each by all that lies beyond it. The outermost step
-is too far out for fur: what it is missed by more than expected (a codec's noise runs along the
-line; the rest shape is no polynomial) is expected nearer to the face, too. What is found fades
-outwards over a step: the stations just beyond, which no longer stand out, are drawn aside, too.
+The outermost step of what is judged is too far out for fur: what it is missed by more than
+expected (a codec's noise runs along the line; the rest shape is no polynomial) is expected nearer
+to the face, too. What is found fades outwards over a step: the stations just beyond, which no
+longer stand out, are drawn aside, too.
 A bias counts as the noise of which it is the share that lasts (`arc_length_offset.py`).
 """
 
@@ -26,7 +26,7 @@ from whiskermodel.whisker import Whisker
 
 FUR_CLINGS_M = 0.4e-3  # first visible part that is not used
 STEP_M = 0.4e-3  # or a station's, where these lie farther apart
-STEPS = 3  # the last of which is the outermost
+STEPS = 3  # are judged; the last is the outermost
 MOST_ROWS = 40  # of free frames, and as many of touching ones
 FEWEST_ROWS = 10  # of each
 SURE = 4.0  # times the variance that is expected
@@ -52,20 +52,14 @@ def without_bias(
     spacing = part.spacing[part.whisker[0]]
     arc, width = np.arange(part.x.shape[1]) * spacing, max(STEP_M, spacing)
     step = np.floor((arc - np.nanmedian(part.first) - FUR_CLINGS_M) / width)
-    doubt, usual = np.zeros(len(arc)), 1.0
-    for now in range(STEPS - 1, -1, -1):
-        known = part.doubted(doubt)
-        held = replace(known, information=np.where(step > now, known.information, 0.0))
-        prior = rest_prior(held, angle, time, free)
-        if prior is None:
-            return places
-        judged = np.flatnonzero((step == now) | ((step < 0) & (now == 0)))
-        square, expected = _misfits(held, part.information, judged, whisker, curvature_at, prior)
-        found = [usual_misfit(square[kind], expected[kind]) for kind in (free, ~free)]
-        if now == STEPS - 1:
-            usual = _usual(found)
-        else:
-            doubt[judged] = _bias(found, usual) / LASTING_SHARE**2
+    held = replace(part, information=np.where(step >= STEPS, part.information, 0.0))
+    prior = rest_prior(held, angle, time, free)
+    if prior is None:
+        return places
+    square, expected = _misfits(held, part.information, whisker, curvature_at, prior)
+    found = [usual_misfit(square[kind], expected[kind]) for kind in (free, ~free)]
+    usual = _usual([each[:, step == STEPS - 1] for each in found])
+    doubt = np.where(step < STEPS - 1, _bias(found, usual), 0.0) / LASTING_SHARE**2
     doubt = np.maximum.accumulate(doubt[::-1])[::-1]  # the nearer to the face the more fur
     fading = np.exp(2 * arc / width)  # whose reach has no sharp end: a step farther out, an e-th
     doubt = np.maximum.accumulate(doubt * fading) / fading
@@ -86,17 +80,16 @@ def _sample(places, free, angle, near_m):
     return np.sort(np.concatenate(out))
 
 
-def _misfits(held, information, judged, whisker, curvature_at, prior):
-    """Squared misfits of the `judged` stations (numbers) and their variance, (rows, judged) [m²].
+def _misfits(held, information, whisker, curvature_at, prior):
+    """Squared misfits of the stations and their variance, (rows, stations) [m²] each.
 
     NaN where nothing was measured, or no rod could be fitted.
     """
     misfit = np.full((len(held), 2, held.x.shape[1]), np.nan)
     fit = rod_fit.fit_loaded(held, whisker, curvature_at, prior, misfit=misfit)
     with np.errstate(divide="ignore", invalid="ignore"):
-        own = np.fmax(fit["chi2"], 1.0)[:, None] / information[:, judged]
-    expected = misfit[:, 1, judged] + np.where(np.isfinite(own), own, np.nan)
-    return misfit[:, 0, judged] ** 2, expected
+        own = np.fmax(fit["chi2"], 1.0)[:, None] / information
+    return misfit[:, 0] ** 2, misfit[:, 1] + np.where(np.isfinite(own), own, np.nan)
 
 
 def usual_misfit(square, expected):

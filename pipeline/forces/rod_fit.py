@@ -33,6 +33,7 @@ from pipeline.forces.rod_integration import (
     move,
     nearest_to,
     point_at,
+    softness,
     unit_force,
 )
 from pipeline.forces.rod_outputs import report_curvature, report_loads, report_pose, variance
@@ -199,13 +200,10 @@ def _fit(stations, whisker, curvature_at, prior, load=None, influence=None, misf
 
 def _setup(whisker, pole_radius, curvature_at, settled):
     """What all rows of a whisker share."""
-    s = np.arange(N_STATIONS) * whisker.length / (N_STATIONS - 1)
-    # the very tip of a full cone has no stiffness; nothing touches there
-    stiffness = np.maximum(whisker.flexural_rigidity(s), 1e-7 * whisker.base_flexural_rigidity)
+    s = np.linspace(0, whisker.length, N_STATIONS)
     return Setup(
         s[1],
         Beam(whisker.length, whisker.cone_length, whisker.base_flexural_rigidity),
-        stiffness,
         rest_basis(whisker, s),
         (whisker.base_radius, whisker.base_radius / whisker.cone_length),
         pole_radius,
@@ -370,18 +368,8 @@ def _trace(xs, ys, info, first, h, x, y, angle):
         q, back = min(k + CHORD, m - 1), max(k - CHORD, 0)
         now_x, now_y = x[q] - x[back], y[q] - y[back]
         across, along = before_x * now_y - before_y * now_x, before_x * now_x + before_y * now_y
-        angle[k] = angle[k - 1] + _turn(across, along)
+        angle[k] = angle[k - 1] + np.arctan2(across, along)
         before_x, before_y = now_x, now_y
-
-
-@njit(**COMPILED, inline="always")
-def _turn(across, along):
-    """Angle of a vector; a series, to 1e-11, where that is little."""
-    if abs(across) > 0.05 * along:
-        return np.arctan2(across, along)
-    t = across / along
-    square = t * t
-    return t * (1 - square * (1 / 3 - square * (1 / 5 - square * (1 / 7 - square * (1 / 9)))))
 
 
 @njit(**COMPILED)
@@ -394,7 +382,8 @@ def _first_force(laid, info, mean, setup, c, load):
     n, sum_g, sum_gg, sum_d, sum_gd = 0, 0.0, 0.0, 0.0, 0.0
     for k in range(len(angle)):
         before = g
-        g = ((c_x - x[k]) * fy - (c_y - y[k]) * fx) / setup.stiffness[k] if k * h < c else 0.0
+        lever = (c_x - x[k]) * fy - (c_y - y[k]) * fx if k * h < c else 0.0
+        g = lever * softness(k * h, setup.beam)
         bent, bend = bend, 0.0
         for j in range(len(mean)):
             bend += mean[j] * setup.basis[k, j]

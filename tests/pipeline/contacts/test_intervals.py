@@ -4,12 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline.contacts.intervals import (
-    _is_held,
-    _is_pushed_more_than_beside,
-    _is_stopped,
-    find_contacts,
-)
+from pipeline.contacts.intervals import _is_held, _is_stopped, find_contacts
 from pipeline.session.parameters import DEFAULTS
 from pipeline.tables.columns import split_flags
 
@@ -149,37 +144,10 @@ def test_a_stop_is_seen_beside_some_frames_outside(known, enough):
     assert _is_stopped(columns_of(gap_m=gap), FIRST, LAST, 5 * UM) == enough
 
 
-@pytest.mark.parametrize(("errors", "pushed"), [(3.0, False), (4.0, True)])
-@pytest.mark.parametrize(("before", "after", "inside"), [(6, 6, 20), (3, 0, 20), (6, 6, 4)])
-def test_pushed_more_than_beside(errors, pushed, before, after, inside):
-    """By standard errors of the difference of two means; no mean is of more than 6 frames."""
-    stop, rng = FIRST + inside, np.random.default_rng(2)
-    free = np.ones(N, bool)
-    free[FIRST - 6 : stop + 6] = False
-    free[FIRST - before : FIRST] = free[stop : stop + after] = True
-    force = UN + 0.1 * UN * rng.normal(size=N)
-    noise = 1.4826 * np.nanmedian(np.abs(np.diff(np.where(free, force, np.nan)))) / np.sqrt(2)
-    error = noise * np.sqrt(1 / min(before + after, 6) + 1 / min(inside, 6))
-    beside = np.append(force[FIRST - before : FIRST], force[stop : stop + after]).mean()
-    force[FIRST:stop] = beside + errors * error
-    part = columns_of(shape_force_N=force, probability=np.where(free, 0.0, 0.9))
-    assert _is_pushed_more_than_beside(part, FIRST, stop) == pushed
-
-
-@pytest.mark.parametrize(("before", "inside"), [(2, 20), (6, 2)])
-def test_too_few_frames_say_nothing_of_a_push(before, inside):
-    probability = course(slice(FIRST - before), 0.0, 1.0)
-    probability[FIRST - before : FIRST] = 0.0
-    probability[: FIRST - 10] = 0.0
-    stop = FIRST + inside
-    probability[FIRST - 10 : FIRST - before] = 1.0
-    assert not _is_pushed_more_than_beside(columns_of(probability=probability), FIRST, stop)
-
-
 @pytest.mark.parametrize(("away", "held"), [(1.7, True), (2.3, False)])
 @pytest.mark.parametrize(("spread", "gap_se"), [(5 * UM, 10 * UM), (10 * UM, 5 * UM)])
 def test_a_touch_whose_force_is_hidden_lies_where_others_do(away, held, spread, gap_se):
-    """Within 2 of the larger error, in 3 frames; it is pushed more than its neighbours."""
+    """Within 2 of the larger error, in 3 frames; it stops there."""
     place, gap = 30 * UM, np.full(N, 1e-3)
     gap[FIRST : FIRST + 3] = place + away * 10 * UM
     part = columns_of(gap_m=gap, gap_se_m=gap_se)
@@ -190,7 +158,7 @@ def test_a_touch_whose_force_is_hidden_lies_where_others_do(away, held, spread, 
 
 @pytest.mark.parametrize(("place", "number"), [(5 * UM, 2), (200 * UM, 1)])
 def test_a_hidden_touch_counts_where_firm_ones_show_the_place(place, number):
-    """A second stretch, in which the force's error is large, pushed more than beside it."""
+    """A second stretch, in which the force's error is large, stops where the first does."""
     second, error = slice(95, 105), np.full(N, 0.1 * UN)
     probability, side = course(slice(FIRST, LAST), 1.0), course(slice(FIRST, LAST), 1)
     force, gap = (evidence()[name].to_numpy(copy=True) for name in ("shape_force_N", "gap_m"))

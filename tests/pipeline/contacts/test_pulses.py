@@ -1,4 +1,4 @@
-"""Half-Gaussian pulses: exact recovery, errors that cover, odd contacts."""
+"""Half-Gaussian pulses: exact recovery, odd contacts."""
 
 import numpy as np
 import pandas as pd
@@ -50,39 +50,18 @@ def test_agrees_with_general_least_squares(duration):
     def model(t, peak, duration, centre):
         return 1e6 * half_gaussian(t, duration * 1e-3, peak * 1e-6, (centre - duration / 2) * 1e-3)
 
-    found, cov = curve_fit(
+    found, _ = curve_fit(
         model, padded_t, 1e6 * padded, (14, 1e3 * duration, 500 * duration), xtol=1e-12
     )
-    ours, errors = fit_pulse(t, force), np.sqrt(np.diag(cov))
+    ours = fit_pulse(t, force)
     np.testing.assert_allclose(
         [1e6 * ours.peak, 1e3 * ours.duration, 1e3 * ours.centre], found, rtol=1e-3
-    )
-    np.testing.assert_allclose(
-        [1e6 * ours.peak_se, 1e3 * ours.duration_se, 1e3 * ours.centre_se], errors, rtol=0.02
     )
     left = 1e6 * force[known] - model(t[known], *found)
     assert 1e6 * ours.misfit == pytest.approx(np.sqrt(np.mean(left**2)), rel=1e-3)
     assert ours.r2 == pytest.approx(
         1 - np.sum(left**2) / np.sum((1e6 * (force[known] - force[known].mean())) ** 2), abs=1e-5
     )
-
-
-def test_standard_errors_cover():
-    rng = np.random.default_rng(1)
-    z = []
-    for _ in range(400):
-        t = frames_of(0.03)
-        pulse = fit_pulse(t, half_gaussian(t, 0.03, 10e-6) + rng.normal(0, 0.3e-6, len(t)))
-        z.append(
-            [
-                (pulse.peak - 10e-6) / pulse.peak_se,
-                (pulse.duration - 0.03) / pulse.duration_se,
-                (pulse.centre - 0.015) / pulse.centre_se,
-            ]
-        )
-    held = np.mean(np.abs(z) < 1.96, axis=0)
-    assert np.all(held > 0.9)
-    assert np.all(held < 0.985)
 
 
 def test_r2_distinguishes_pulses_from_plateaus():

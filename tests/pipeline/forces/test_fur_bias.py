@@ -131,8 +131,9 @@ def test_a_misfit_is_expected_of_the_rod_and_of_the_station(noise):
         places = noisy(places, rng)
     judged, misfit = np.array([3, 9, 20, 30]), np.empty((3, 2, places.x.shape[1]))
     fit = rod_fit.fit_loaded(places, whisker, CURVATURE_AT, prior, misfit=misfit)
-    square, expected = fur_bias._misfits(
-        places, places.information, judged, whisker, CURVATURE_AT, prior
+    square, expected = (
+        each[:, judged]
+        for each in fur_bias._misfits(places, places.information, whisker, CURVATURE_AT, prior)
     )
     own = SD**2 * np.maximum(fit["chi2"], 1.0)[:, None]
     assert (fit["chi2"] > 4).all() == (noise > 0)
