@@ -57,7 +57,8 @@ def fit_pulse(time, force) -> Pulse | None:
     t = np.concatenate([[place[0] - 1], place, [place[-1] + 1]])  # free frames at either end
     f = np.pad(force[known] / scale, 1)
     middle, count = (t * f).sum() / f.sum(), place[-1] - place[0] + 1
-    fits = [leastsq(_misfit, (1.0, start * count, middle), (t, f))[0] for start in STARTS]
+    starts = [(1.0, share * count, middle) for share in STARTS]
+    fits = [leastsq(_misfit, start, (t, f), full_output=True)[0] for start in starts]
     best = min(fits, key=lambda found: np.sum(_misfit(found, t, f) ** 2))
     own, left = force[known], scale * _misfit(best, t, f)[1:-1]
     spread = np.sum((own - own.mean()) ** 2)

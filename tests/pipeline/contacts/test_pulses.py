@@ -139,3 +139,10 @@ def test_a_misfit_that_noise_explains_makes_no_odd_pulse(error_uN, flagged):
     frames["contact_force_uN_se"] = error_uN
     out = add_pulses(contacts, frames, Recording(RATE, 25.0, "left"))
     assert list(out["flags"]) == ["not_half_gaussian" if flagged else ""]
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_force_in_a_single_frame_is_fitted_without_a_word():
+    force = np.where(np.arange(20) == 16, 1e-6, 0.0)
+    pulse = fit_pulse(np.arange(20) / RATE, force)
+    assert pulse.centre == pytest.approx(16 / RATE, abs=1 / RATE)
