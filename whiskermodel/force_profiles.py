@@ -27,7 +27,12 @@ def half_gaussian(time, duration, peak_force, onset=0.0):
     duration = positive("duration", duration, "s")[..., None]
     peak = finite_array("peak_force", peak_force)[..., None]
     u = 2 * (t - finite_array("onset", onset)[..., None]) / duration - 1
-    return peak * np.where(np.abs(u) < 1, half_gaussian_shape(u), 0.0)
+    return peak * half_gaussian_pulse(u)
+
+
+def half_gaussian_pulse(u):
+    """The pulse of unit peak over −1 ≤ u ≤ 1, 0 elsewhere."""
+    return np.where(np.abs(u) < 1, half_gaussian_shape(u), 0.0)
 
 
 def half_gaussian_shape(u):

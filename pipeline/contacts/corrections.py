@@ -208,7 +208,9 @@ def _interval_table(result, like):
     dtypes = like.dtypes.drop("curated", errors="ignore")
     missing = {"f": float("nan"), "i": 0, "b": False}
     blank = {name: missing.get(dtype.kind, "") for name, dtype in dtypes.items()}
-    names = "whisker", "onset_frame", "offset_frame"
-    rows = [{**blank, **i.other, **dict(zip(names, i[:3], strict=True))} for i in result]
+    rows = [
+        blank | i.other | {"whisker": i.whisker, "onset_frame": i.onset, "offset_frame": i.offset}
+        for i in result
+    ]
     table = pd.DataFrame(rows, columns=list(dtypes.index)).astype(dtypes)
     return table.assign(curated=[bool(i.curated) for i in result])

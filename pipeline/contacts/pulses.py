@@ -14,7 +14,7 @@ from scipy.optimize import leastsq
 
 from pipeline.session.recording import Recording
 from pipeline.tables.columns import split_flags
-from whiskermodel.force_profiles import half_gaussian_shape
+from whiskermodel.force_profiles import half_gaussian_pulse
 
 FEWEST_FRAMES = 3
 STARTS = (0.85, 1.1, 1.5)  # of the contact's duration
@@ -74,8 +74,7 @@ def fit_pulse(time, force) -> Pulse | None:
 def _misfit(pulse, t, force):
     """Half-Gaussian of (peak, duration, centre) less the force, (frames,)."""
     peak, duration, centre = pulse
-    u = 2 * (t - centre) / duration
-    return peak * np.where(np.abs(u) < 1, half_gaussian_shape(u), 0.0) - force
+    return peak * half_gaussian_pulse(2 * (t - centre) / duration) - force
 
 
 def add_pulses(contacts: pd.DataFrame, frames: pd.DataFrame, recording: Recording):

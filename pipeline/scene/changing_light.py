@@ -44,12 +44,12 @@ class UsualLight:
 
     def evened(self, frame: np.ndarray) -> np.ndarray:
         """The frame in the usual light, but for its brightness as a whole, uint8."""
-        more = cv2.resize(1 / self.share(frame), frame.shape[::-1], interpolation=cv2.INTER_LINEAR)
+        share = self.carried(*self.seen(frame))
+        more = cv2.resize(1 / share, frame.shape[::-1], interpolation=cv2.INTER_LINEAR)
         return cv2.multiply(frame, more, dtype=cv2.CV_8U)
 
-    def share(self, frame: np.ndarray) -> np.ndarray:
-        """A frame's light over the usual one, about 1, float32 per cell."""
-        now, known = self.seen(frame)
+    def carried(self, now: np.ndarray, known: np.ndarray) -> np.ndarray:
+        """The light over the usual one as of `seen`, carried on to all cells, float32 per cell."""
         if not known.any():
             return np.ones_like(now)
         first = spread(now, known, SMOOTH, SCALES)
@@ -84,7 +84,7 @@ def usual_light(frames: np.ndarray, used: np.ndarray | None = None) -> UsualLigh
     now, known = (np.array(each) for each in zip(*map(usual.seen, frames), strict=True))
     if _change(now, known) < LEAST_CHANGE:
         return None
-    shares = np.array([usual.share(frame) for frame in frames])
+    shares = np.array([usual.carried(*each) for each in zip(now, known, strict=True)])
     everywhere = np.broadcast_to(usual.lit, now.shape)
     explained = _change(now / shares, everywhere) < LEFT * _change(now, everywhere)
     return usual if explained else None

@@ -3,31 +3,15 @@
 import cv2
 import numpy as np
 import pytest
+from turning_whiskers import HEIGHT, SCALE, WIDTH, grey, turning_whiskers
 
 from pipeline.scene.changing_light import UsualLight, usual_light
 from pipeline.scene.looking import first_look
 from pipeline.video.arrays import ArrayVideo
 
-HEIGHT, WIDTH, SCALE = 240, 320, 14.0  # px, px/mm
 N_FRAMES = 16
 X, Y = np.meshgrid(np.arange(WIDTH), np.arange(HEIGHT))
 GROUND = (X > 90) & ~((X > 240) & (Y < 110))  # without face and apparatus, and their edges
-
-
-def scene(n=N_FRAMES, seed=1):
-    """Frames of a face at the left and an apparatus, with whiskers that turn, in steady light."""
-    rng = np.random.default_rng(seed)
-    frames = []
-    for phase in np.linspace(0, 6, n):
-        image = np.full((HEIGHT, WIDTH), 150, np.uint8)
-        image[:, :60] = image[:100, 250:] = 20
-        for y in (120, 160, 200):
-            angle = 0.1 + 0.2 * np.sin(phase)
-            tip = 60 + 120 * np.cos(angle), y + 120 * np.sin(angle)
-            cv2.line(image, (56, y), tuple(map(round, tip)), 110, 1, cv2.LINE_AA)
-        image = cv2.GaussianBlur(image, (0, 0), 0.7) + rng.normal(0, 1.5, image.shape)
-        frames.append(image)
-    return np.stack(frames)
 
 
 def shadows(n, depth, width, direction):
@@ -36,10 +20,6 @@ def shadows(n, depth, width, direction):
     low, high = along.min(), along.max()
     places = low + (high - low) * np.linspace(0.1, 0.9, n)
     return np.stack([1 - depth * np.exp(-(((along - p) / width) ** 2)) for p in places])
-
-
-def grey(frames):
-    return np.clip(np.rint(frames), 0, 255).astype(np.uint8)
 
 
 def change(frames):
@@ -52,7 +32,7 @@ def change(frames):
 @pytest.mark.parametrize("direction", [(1, 0.3), (-1, 0), (0, 1), (0.4, -1)])
 @pytest.mark.parametrize(("depth", "width"), [(0.2, 0.3), (0.4, 0.15), (0.5, 0.3)])
 def test_a_shadow_that_moves_is_taken_out(depth, width, direction):
-    steady = scene()
+    steady = turning_whiskers(N_FRAMES)
     frames = grey(steady * shadows(N_FRAMES, depth, width, direction))
     look = first_look(ArrayVideo(frames), SCALE)
     assert change(look.frames) < min(0.2 * change(frames), 0.01)
@@ -60,7 +40,7 @@ def test_a_shadow_that_moves_is_taken_out(depth, width, direction):
 
 
 def test_whiskers_are_as_dark_as_without_the_shadow():
-    steady, light = scene(), shadows(N_FRAMES, 0.4, 0.2, (1, 0))
+    steady, light = turning_whiskers(N_FRAMES), shadows(N_FRAMES, 0.4, 0.2, (1, 0))
     frames = grey(steady * light)
     usual = usual_light(frames)
     evened = np.stack([usual.evened(frame) for frame in frames]).astype(float)
@@ -74,7 +54,7 @@ def test_whiskers_are_as_dark_as_without_the_shadow():
 @pytest.mark.parametrize("seed", range(3))
 def test_steady_light_flicker_noise_and_things_that_move_are_left_as_they_are(seed):
     rng = np.random.default_rng(seed)
-    steady = scene(seed=seed)
+    steady = turning_whiskers(N_FRAMES, seed)
     flicker = steady * rng.uniform(0.7, 1.2, (N_FRAMES, 1, 1))
     noisy = steady + rng.normal(0, 8, steady.shape)
     thing = steady.copy()
@@ -85,7 +65,7 @@ def test_steady_light_flicker_noise_and_things_that_move_are_left_as_they_are(se
 
 
 def test_only_the_part_that_is_looked_at_counts():
-    frames, used = scene(), np.ones((HEIGHT, WIDTH), bool)
+    frames, used = turning_whiskers(N_FRAMES), np.ones((HEIGHT, WIDTH), bool)
     used[:, 200:] = False
     frames[:, :, 210:] *= shadows(N_FRAMES, 0.5, 0.2, (0, 1))[:, :, 210:]
     assert usual_light(grey(frames)) is not None
@@ -95,5 +75,5 @@ def test_only_the_part_that_is_looked_at_counts():
 @pytest.mark.filterwarnings("error")
 def test_black_frames_stay_black():
     black = np.zeros((HEIGHT, WIDTH), np.uint8)
-    assert not UsualLight(grey(scene())).evened(black).any()
+    assert not UsualLight(grey(turning_whiskers(N_FRAMES))).evened(black).any()
     assert usual_light(np.stack([black] * 5)) is None

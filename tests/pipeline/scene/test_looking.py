@@ -1,33 +1,20 @@
 """Some frames say how a video is to be looked at; they are read once."""
 
-import cv2
 import numpy as np
 import pytest
+from turning_whiskers import SCALE, grey, turning_whiskers
 
 from pipeline.scene.estimate import find_scenes, survey
 from pipeline.scene.looking import first_look
 from pipeline.session.recording import Recording
 from pipeline.video.arrays import ArrayVideo
 
-HEIGHT, WIDTH, SCALE = 240, 320, 14.0  # px, px/mm
 MARGIN = 60  # px
 N_FRAMES = 40
 
 
 def whiskers(n=N_FRAMES):
-    """Frames of a dark face at the left, with three whiskers that turn."""
-    rng = np.random.default_rng(1)
-    frames = []
-    for phase in np.linspace(0, 6, n):
-        image = np.full((HEIGHT, WIDTH), 150, np.uint8)
-        image[:, :60] = image[:100, 250:] = 20
-        for y in (120, 160, 200):
-            angle = 0.1 + 0.2 * np.sin(phase)
-            tip = 60 + 120 * np.cos(angle), y + 120 * np.sin(angle)
-            cv2.line(image, (56, y), tuple(map(round, tip)), 110, 1, cv2.LINE_AA)
-        image = cv2.GaussianBlur(image, (0, 0), 0.7) + rng.normal(0, 1.5, image.shape)
-        frames.append(np.clip(np.rint(image), 0, 255).astype(np.uint8))
-    return np.stack(frames)
+    return grey(turning_whiskers(n))
 
 
 class Counted(ArrayVideo):
