@@ -133,7 +133,7 @@ class Survey:
         A thing that is about to come to rest may differ by less than the cells resolve.
         """
         frames = [frame for _, frame in items]
-        typical = np.median(frames[:: 1 + len(frames) // TYPICAL], axis=0).astype(np.uint8)
+        typical = _typical(frames).astype(np.uint8)
         limit = self.compare.change * self.compare.light
         resting, moving = [], []
         for index, frame in items:
@@ -148,16 +148,21 @@ class Survey:
     def _most_similar(self) -> np.ndarray:
         """Return the state of each sample, int (k,): of those possible, the most similar.
 
-        A frame in which a thing was about to come to rest may have been the first of a state
-        that many a frame after it could be in, too.
+        A state's first frame may be one in which a thing was about to come to rest: many a frame
+        after it could be in that state, or differ from it by a whisker beside the thing. So what
+        a state looks like, all of its frames show, and two that look alike are one.
         """
         states = np.array(self._states)
-        if len(self._references) == 1:
-            return states
+        looks = {}
+        for state in range(len(self._references)):
+            own = [self.cells[k] for k in np.flatnonzero(states == state)]
+            look = _typical(own).astype(np.float32)
+            if not any(self.compare.alike(look, known) for known in looks.values()):
+                looks[state] = look
         for k, cells in enumerate(self.cells):
-            alike = [s for s, r in enumerate(self._references) if self.compare.alike(cells, r)]
+            alike = [s for s, look in looks.items() if self.compare.alike(cells, look)]
             if alike:
-                apart = [np.abs(self._references[s] - cells).mean() for s in alike]
+                apart = [np.abs(looks[s] - cells).mean() for s in alike]
                 states[k] = alike[int(np.argmin(apart))]
         return states
 
@@ -188,6 +193,11 @@ class _Kept:
                 self.items = self.items[::2]
                 self._stride *= 2
         self._count += 1
+
+
+def _typical(frames):
+    """Return what most of some frames look like: their median, of a few."""
+    return np.median(frames[:: 1 + len(frames) // TYPICAL], axis=0)
 
 
 def _longest_runs(states, n):

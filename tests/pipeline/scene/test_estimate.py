@@ -208,8 +208,22 @@ class TestSurvey:
         # 0.62 differs by less than CHANGE from 0.9, and by more from 0.94
         shares = [0.0] * 6 + [0.62] + [0.9, 0.94] * 6
         states, kept = survey([covered(share) for share in shares])
-        assert list(states) == [0] * 6 + [-1] + [1] * 12
-        assert [len(some) for some in kept] == [6, 12]
+        assert list(states) == [0] * 6 + [1] * 13
+        assert [len(some) for some in kept] == [6, 13]
+
+    def test_a_whisker_beside_what_came_to_rest_begins_no_state(self):
+        """It did, in every touch, where the first frame showed the pole still arriving."""
+
+        def covered(share, shade=0.0):
+            frame = light()
+            frame[60:100, 120:160] *= 1 - share
+            frame[110:150, 20:160] *= 1 - shade
+            return frame
+
+        later = [covered(0.9), covered(0.94, 0.2)] * 6
+        states, kept = survey([covered(0.0)] * 6 + [covered(0.62)] + later)
+        assert list(states) == [0] * 6 + [1] * 13
+        assert [len(some) for some in kept] == [6, 13]
 
     def test_a_pole_that_is_still_arriving_is_left_out(self):
         near = POLE[0], POLE[1] - 0.3 * SCALE  # 0.3 mm: the cells do not resolve it
