@@ -49,10 +49,11 @@ LENGTH_WRONG = 0.01  # of lengths: have changed since they were measured; chosen
 TIP_PART = 0.3  # of the frames in which the tip must be seen at least
 # how far the tip is beyond the mean end [px], measured in rendered videos: by how far it seems to
 # be; after a codec, a part by the ends' SD [px] and a pixel's size [mm], to these powers; and how
-# wrong that is, at least [px] and as a part of it, without and with a codec
+# wrong that is, at least [px] and as a part of it, without and with a codec, where all frames
+# show the tip: it goes with the inverse square of their share
 TIP_BY_FADING = 0.02, 1.0, -0.5
 TIP_BY_SCATTER = 0.7, 350.0, 1.5, 1.7
-TIP_SE_PX, TIP_SE_SHARE = 0.25, (0.1, 0.3)
+TIP_SE_PX, TIP_SE_SHARE = 0.25, (0.1, 0.2)
 TIP_FRAMES = 2.0  # neighbouring frames whose ends err together, at least
 TIP_LAGS = 8  # frames over which ends of a codec's pictures err together
 MOST_ROWS = 240  # frames that may touch whose bending is used
@@ -157,7 +158,8 @@ def origin_from_tip(
     end, sd = _trace_ends(places, params)
     good = np.isfinite(end)
     if good.any():
-        tip, common = _tip_place(places.rows(good), excess, whisker, params)
+        seen = good.sum() / np.isfinite(places.last).sum()
+        tip, common = _tip_place(places.rows(good), excess, whisker, params, seen)
         away, part = tip - end[good], design[good]
         hidden, common = _believed(abs(np.mean(away)), session, common)
         evidence.matrix[0, 0] = hidden**-2
@@ -210,11 +212,12 @@ def origin_from_bending(
     except np.linalg.LinAlgError:
         return evidence.solve()
     answer, own = wish.sum() / weight.sum(), np.hypot(sd, weight.sum() ** -0.5)
-    if abs(answer) > 1e-3 * evidence.params.bending_most_mm:
+    most = 1e-3 * evidence.params.bending_most_mm
+    if abs(answer) > most:
         found = evidence.solve()
     other, variance = evidence.mean(rows, weight)
     unexplained = abs(answer - other) - EXPLAINED_SD * np.hypot(own, np.sqrt(variance))
-    se = np.hypot(found.se, max(unexplained, 0.0))
+    se = np.hypot(found.se, np.clip(unexplained, 0.0, most))
     return Origin(found.per_row, se, found.per_tip, float(answer), float(own))
 
 
@@ -302,11 +305,11 @@ def _lasting_variance(errors):
     return float(np.mean(errors**2) + 2 * sum(np.mean(errors[k:] * errors[:-k]) for k in lags))
 
 
-def _tip_place(places, excess, whisker, params):
+def _tip_place(places, excess, whisker, params, seen=1.0):
     """Arc length [m] at which the traces of `places` should end, and its standard error.
 
     Where nothing is known of how they fade, their mean end is returned, and an error without
-    bounds. `excess` as in `origin_from_tip`.
+    bounds. `excess` as in `origin_from_tip`; `seen`: share of all frames that end there.
     """
     if not np.isfinite(places.to_tip).any():
         return places.last.mean(), np.inf
@@ -315,7 +318,7 @@ def _tip_place(places, excess, whisker, params):
     part, factor, *powers = TIP_BY_SCATTER
     erased = factor * np.prod(np.power([np.std(places.last) / px, 1e3 * px], powers))
     short += part * codec * (erased - short)
-    error = px * np.hypot(TIP_SE_PX, np.interp(codec, (0, 1), TIP_SE_SHARE) * short)
+    error = px * np.hypot(TIP_SE_PX, np.interp(codec, (0, 1), TIP_SE_SHARE) * short / seen**2)
     return whisker.length - px * short, np.hypot(1e-3 * params.tip_sd_mm, error)
 
 
