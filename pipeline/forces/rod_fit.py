@@ -33,8 +33,6 @@ from pipeline.forces.rod_integration import (
     move,
     nearest_to,
     point_at,
-    softness,
-    unit_force,
 )
 from pipeline.forces.rod_outputs import report_curvature, report_loads, report_pose, variance
 from pipeline.forces.rod_types import (
@@ -64,7 +62,7 @@ PLACE_MOVES_M = 2e-6  # the contact point is moved along the whisker in steps ab
 PLACE_SD = 0.002  # … and the rod laid again where that is more, in arc lengths and SD of the force
 FEWEST_STATIONS = 10
 BLOCK_ROWS = 2048  # held in memory at a time
-CHORD = 2  # stations either side whose chord has a station's direction
+CHORD = 2  # stations either side whose chord has the direction between
 
 
 @dataclass(frozen=True)
@@ -200,11 +198,9 @@ def _fit(stations, whisker, curvature_at, prior, load=None, influence=None, misf
 
 def _setup(whisker, pole_radius, curvature_at, settled):
     """What all rows of a whisker share."""
-    s = np.linspace(0, whisker.length, N_STATIONS)
     return Setup(
-        s[1],
+        whisker.length / (N_STATIONS - 1),
         Beam(whisker.length, whisker.cone_length, whisker.base_flexural_rigidity),
-        rest_basis(whisker, s),
         (whisker.base_radius, whisker.base_radius / whisker.cone_length),
         pole_radius,
         curvature_at,
@@ -215,17 +211,17 @@ def _setup(whisker, pole_radius, curvature_at, settled):
 @njit(**COMPILED)
 def _fit_rows(rows, setup, turning, out):
     """Fit every one of the `Rows`; `turning`: weights, centre and scale of the `RestPrior`."""
-    (m, terms), h = setup.basis.shape, setup.spacing
+    m, terms, h = N_STATIONS, N_REST, setup.spacing
     weights, centre, scale = turning
     precision = np.zeros((terms, terms))
     laid, sums, p, usual = empty_rod(m), empty_sums(m, terms), np.zeros(LOADED), 1.0
     for row in range(len(rows.x)):
-        first, count = _span(rows.information[row])
-        if count < FEWEST_STATIONS or not factorise(rows.rest_cov[row], terms, sums.lower):
+        stations = np.flatnonzero(rows.information[row] > 0)
+        if len(stations) < FEWEST_STATIONS or not factorise(rows.rest_cov[row], terms, sums.lower):
             continue
         invert(sums.lower, terms, precision)
         seen = Seen(rows.x[row], rows.y[row], rows.information[row])
-        loaded = rows.side[row] != 0 and rows.nearest[row] > (first + 2) * h
+        loaded = rows.side[row] != 0 and rows.nearest[row] > (stations[0] + 2) * h
         size = LOADED if loaded else FREE
         problem = Problem(
             seen,
@@ -235,8 +231,8 @@ def _fit_rows(rows, setup, turning, out):
             Pole(rows.pole_x[row], rows.pole_y[row], setup.pole_radius),
         )
         prior = Prior(weights, rows.drift[row], centre, scale, precision)
-        c = min(rows.nearest[row], (m - 1) * h) if loaded else (first + count // 2) * h
-        known, chi2, place = _solve(problem, (first, c, usual), prior, setup, p, laid, sums)
+        c = min(rows.nearest[row], (m - 1) * h) if loaded else stations[len(stations) // 2] * h
+        known, chi2, place = _solve(problem, (stations, c, usual), prior, setup, p, laid, sums)
         if not known:
             p[:] = 0.0
             continue
@@ -268,24 +264,20 @@ def _solve(problem, start, prior, setup, p, laid, sums):
 
     It does not where a trace jumps from line to line: there is no such rod.
 
-    `start`: the first measured station, the grid place from which to lay at first, usual χ².
-    Without a load, `p` has the rest shape to begin with: that of the row before.
+    `start`: numbers of the measured stations, the grid place from which to lay at first, usual
+    χ². Force and, without a load, rest shape to begin with are in `p`: those of the row before.
     """
-    (first, c, chi2), (seen, arc, beam, load, pole) = start, problem
+    (stations, c, chi2), (seen, arc, beam, load, pole) = start, problem
     h, loaded, terms = arc.spacing, load.side != 0, len(sums.mean)
     size = LOADED if loaded else FREE
     p[0] = 0.0
     known = False
-    _trace(seen.x, seen.y, seen.information, first, h, laid.x, laid.y, laid.angle)
-    ref_x, ref_y, p[1] = point_at(laid.x, laid.y, laid.angle, h, c)
-    place = Place(c, ref_x, ref_y)
-    laid.follicle[2] = laid.angle[0]
+    laid.follicle[2], p[1], place = _begin(seen, stations, c, h)
     for iteration in range(ITERATIONS):
         u = (laid.follicle[2] - prior.centre) / prior.scale
         _prior_mean(prior.weights, prior.drift, u, sums.mean)
         if iteration == 0 and loaded:
             p[2 : 2 + terms] = sums.mean
-            p[size - 1] = _first_force(laid, seen.information, sums.mean, setup, c, load)
         lay(p, beam, load, arc, place, laid)
         if loaded and iteration > 0:
             c, place = place.c, _nearest_place(laid, place, h, pole, p)
@@ -328,75 +320,20 @@ def _nearest_place(laid, place, h, pole, p):
 
 
 @njit(**COMPILED)
-def _span(info):
-    """First measured station, and how many there are."""
-    first, count = -1, 0
-    for k in range(len(info)):
-        if info[k] > 0:
-            if first < 0:
-                first = k
-            count += 1
-    return first, count
-
-
-@njit(**COMPILED)
-def _trace(xs, ys, info, first, h, x, y, angle):
-    """Measured places at all stations: straight across gaps and beyond both ends."""
-    m = len(xs)
-    before, step_x, step_y = first, h, 0.0
-    x[first], y[first] = xs[first], ys[first]
-    for k in range(first + 1, m + 1):
-        if k < m and not info[k] > 0:
-            continue
-        if k < m:
-            step_x = (xs[k] - xs[before]) / (k - before)
-            step_y = (ys[k] - ys[before]) / (k - before)
-        else:
-            longer = h / np.sqrt(step_x * step_x + step_y * step_y)
-            step_x, step_y = longer * step_x, longer * step_y
-        for q in range(before + 1, min(k + 1, m)):
-            x[q], y[q] = x[before] + (q - before) * step_x, y[before] + (q - before) * step_y
-        before = k
-    reach = min(first + 2 * CHORD, m - 1)
-    start = np.arctan2(y[reach] - y[first], x[reach] - x[first])
-    for k in range(first):
-        x[k] = x[first] - (first - k) * h * np.cos(start)
-        y[k] = y[first] - (first - k) * h * np.sin(start)
-    before_x, before_y = x[CHORD] - x[0], y[CHORD] - y[0]
-    angle[0] = np.arctan2(before_y, before_x)
-    for k in range(1, m):
-        q, back = min(k + CHORD, m - 1), max(k - CHORD, 0)
-        now_x, now_y = x[q] - x[back], y[q] - y[back]
-        across, along = before_x * now_y - before_y * now_x, before_x * now_x + before_y * now_y
-        angle[k] = angle[k - 1] + np.arctan2(across, along)
-        before_x, before_y = now_x, now_y
-
-
-@njit(**COMPILED)
-def _first_force(laid, info, mean, setup, c, load):
-    """Start force from the measured directions, which are linear in it and in one start angle."""
-    x, y, angle, h = laid.x, laid.y, laid.angle, setup.spacing
-    c_x, c_y, c_angle = point_at(x, y, angle, h, c)
-    fx, fy = unit_force(c_angle, load.side, load.friction)
-    rest, turn, g, bend = 0.0, 0.0, 0.0, 0.0
-    n, sum_g, sum_gg, sum_d, sum_gd = 0, 0.0, 0.0, 0.0, 0.0
-    for k in range(len(angle)):
-        before = g
-        lever = (c_x - x[k]) * fy - (c_y - y[k]) * fx if k * h < c else 0.0
-        g = lever * softness(k * h, setup.beam)
-        bent, bend = bend, 0.0
-        for j in range(len(mean)):
-            bend += mean[j] * setup.basis[k, j]
-        if k > 0:
-            turn += 0.5 * h * (g + before)
-            rest += 0.5 * h * (bend + bent)
-        if info[k] > 0:
-            d = angle[k] - rest
-            n += 1
-            sum_g, sum_gg = sum_g + turn, sum_gg + turn * turn
-            sum_d, sum_gd = sum_d + d, sum_gd + turn * d
-    spread = sum_gg - sum_g**2 / n
-    return (sum_gd - sum_g * sum_d / n) / spread if spread > 0 else 0.0
+def _begin(seen, known, c, h):
+    """Angle at the base, and direction and `Place` at `c`, by chords of the `known` stations."""
+    x, y = seen.x, seen.y
+    near = min(max(np.searchsorted(known, c / h), CHORD), len(known) - 1 - CHORD)
+    base, base_end = known[0], known[2 * CHORD]
+    start, end = known[near - CHORD], known[near + CHORD]
+    base_x, base_y = x[base_end] - x[base], y[base_end] - y[base]
+    way_x, way_y = x[end] - x[start], y[end] - y[start]
+    across, along = base_x * way_y - base_y * way_x, base_x * way_x + base_y * way_y
+    angle = np.arctan2(base_y, base_x)
+    low, high = known[near - 1], known[near]
+    part = (c / h - low) / (high - low)
+    place = Place(c, x[low] + part * (x[high] - x[low]), y[low] + part * (y[high] - y[low]))
+    return angle, angle + np.arctan2(across, along), place
 
 
 @njit(**COMPILED)

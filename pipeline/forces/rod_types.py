@@ -113,13 +113,12 @@ class Rows(NamedTuple):
 class Setup(NamedTuple):
     """What all rows share.
 
-    `basis` (stations, rest terms), `taper`: radius at the base [m] and its loss per length,
-    `at`: arc length of the curvature [m], `settled`: the last step.
+    `taper`: radius at the base [m] and its loss per length, `at`: arc length of the curvature
+    [m], `settled`: the last step.
     """
 
     spacing: float
     beam: Beam
-    basis: np.ndarray
     taper: tuple
     pole_radius: float
     at: float
