@@ -93,14 +93,7 @@ def _lead(force):
 def _signed(extremes, measured):
     """Extremes for a force that makes a moment of the measured sign; the model's is −c F."""
     steady, high, low = extremes
-    against = measured > 0
-    return np.stack(
-        [
-            np.where(against, -steady, steady),
-            np.where(against, -low, high),
-            np.where(against, -high, low),
-        ]
-    )
+    return np.where(measured > 0, [-steady, -low, -high], extremes)
 
 
 def _measured_force(own: pd.DataFrame, row) -> np.ndarray:

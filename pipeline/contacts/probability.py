@@ -147,17 +147,9 @@ def _truly_zero(zero, zero_sd, any_zero, other, other_sd, any_other, scale, cov)
     """
     left = other - cov / zero_sd**2 * zero
     left_sd = np.sqrt(np.maximum(other_sd**2 - (cov / zero_sd) ** 2, (0.1 * other_sd) ** 2))
-    return _either(
-        _log_normal(zero, zero_sd), _log_skewed(left, left_sd, scale),
-        any_zero, _log_skewed(other, other_sd, scale), any_other,
-    )  # fmt: skip
-
-
-def _either(narrow, broad_given, any_narrow, broad, any_broad):
-    """Log density of two quantities, either of which may be an outlier."""
     return np.logaddexp(
-        narrow + np.logaddexp(broad_given, any_broad),
-        any_narrow + np.logaddexp(broad, any_broad),
+        _log_normal(zero, zero_sd) + np.logaddexp(_log_skewed(left, left_sd, scale), any_other),
+        any_zero + np.logaddexp(_log_skewed(other, other_sd, scale), any_other),
     )
 
 

@@ -46,7 +46,7 @@ from whiskermodel.whisker import Whisker
 MOST_KNOTS = 400
 ALIKE = 0.8  # correlation of the origin at neighbouring knots: 0 and 0.95 do worse, rendered
 LENGTH_WRONG = 0.01  # of lengths: have changed since they were measured; chosen
-TIP_PART = 0.3  # of the frames in which the tip must be seen at least
+FEWEST_ENDS, TIP_PART = 30, 0.3  # in which the tip must be seen at least; of the frames, too
 # how far the tip is beyond the mean end [px], measured in rendered videos: by how far it seems to
 # be; after a codec, a part by the ends' SD [px] and a pixel's size [mm], to these powers; and how
 # wrong that is, at least [px] and as a part of it, without and with a codec, where all frames
@@ -324,26 +324,15 @@ def _tip_place(places, excess, whisker, params, seen=1.0):
 
 def _trace_ends(places, params):
     """Arc length [m] of the trace's end where that is the tip (NaN elsewhere), and its scatter."""
-    nothing = np.full(len(places), np.nan), np.nan
-    window, noise = 1e-3 * params.tip_window_mm, 1e-3 * params.tip_noise_mm
-    end = places.last
-    known = np.isfinite(end)
-    if known.sum() < 30:
-        return nothing
-    usual = np.percentile(end[known], 90)
-    near = end[known & (np.abs(end - usual) < window)]
-    if not len(near):
-        return nothing
-    usual = np.median(near)
-    good = known & (np.abs(end - usual) < window)
-    if good.mean() < TIP_PART:
-        return nothing
-    steps = np.diff(end[good])
-    scatter = float(robust_sd(steps)) / np.sqrt(2)
-    if scatter < noise:
-        scatter = max(scatter, float(np.std(steps[np.abs(steps) < noise * 3])) / np.sqrt(2))
-    if not scatter < noise:
-        return nothing
+    end, window = places.last, 1e-3 * params.tip_window_mm
+    known = end[np.isfinite(end)]
+    usual = np.percentile(known, 90) if len(known) else np.nan
+    near = known[np.abs(known - usual) < window]
+    with np.errstate(invalid="ignore"):
+        good = np.abs(end - np.median(near)) < window if len(near) else near
+    if np.sum(good) < max(FEWEST_ENDS, TIP_PART * len(end)):
+        return np.full(len(end), np.nan), np.nan
+    scatter = float(np.std(np.diff(end[good]))) / np.sqrt(2)
     return np.where(good, end, np.nan), max(scatter, 10e-6)
 
 

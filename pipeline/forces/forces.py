@@ -96,7 +96,7 @@ def measure_forces(
     before, basis, after = rod_fit.rest_basis(whisker, curvature_at + STEP_M * np.arange(-1, 2))
     shape = _turned_to(model, basis, angle, time)
     measured = _rest_columns(*_curvature(kinematics, fit, origin), shape, angle, time, free)
-    measured = measured.join(_base(kinematics, fit, origin.se))
+    measured = measured.join(_base(kinematics, fit, origin.se, places.frame))
     point, error = point_force(measured, fit, params)
     evidence["point_force_N"] = point
     stiffer = 4 / (whisker.cone_length - curvature_at)  # E I goes with (cone length − s)⁴
@@ -262,7 +262,7 @@ def _excess(ratio, free):
     return max(LEAST_NOISE, float(robust_sd(ratio, about=0.0)))
 
 
-def _base(kinematics, fit, origin_se) -> pd.DataFrame:
+def _base(kinematics, fit, origin_se, frame) -> pd.DataFrame:
     """Base angle and follicle of the fitted rods; where there is none, the angle as it was.
 
     A rod that leaves the traced part's continuation by far lies upon something else; rods that
@@ -273,7 +273,7 @@ def _base(kinematics, fit, origin_se) -> pd.DataFrame:
     off = wrapped(fit["angle"] - angle)
     with np.errstate(invalid="ignore"):
         found = np.abs(off) <= FARTHEST_TURN_RAD
-    found &= _steady(angle, angle + off, kinematics)
+    found &= _steady(angle, angle + off, frame)
     rod_error = np.hypot(np.sqrt(fit["angle_var"]), fit["base_curvature"] * origin_se)
     return pd.DataFrame(
         {
@@ -285,9 +285,8 @@ def _base(kinematics, fit, origin_se) -> pd.DataFrame:
     )
 
 
-def _steady(traced, rods, kinematics) -> bool:
+def _steady(traced, rods, frame) -> bool:
     """Whether the rods' base angles are steady, or at least not less so than the traced ones."""
-    frame = kinematics["frame"] if "frame" in kinematics else np.arange(len(kinematics))
     unsteady = jitter(rods, frame)
     return not unsteady > max(STEADY_RAD, LESS_STEADY * jitter(traced, frame))
 

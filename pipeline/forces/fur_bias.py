@@ -16,6 +16,7 @@ A bias counts as the noise of which it is the share that lasts (`arc_length_offs
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 
 from pipeline.forces import rod_fit
 from pipeline.forces.arc_length_offset import LASTING_SHARE
@@ -96,12 +97,9 @@ def usual_misfit(square, expected):
     """Usual squared misfit and variance (2, stations) of (rows, stations); NaN where too few."""
     both = np.stack([MAD_TO_SD**2 * square, expected])
     known = np.isfinite(both).all(axis=0)
-    count, each = known.sum(axis=0), np.arange(square.shape[1])
-    ordered = np.full((2, len(square) + 1, len(count)), np.inf)
-    ordered[:, 1:][:, known] = both[:, known]
-    ordered.sort(axis=1)
-    middle = (ordered[:, (count - 1) // 2, each] + ordered[:, count // 2, each]) / 2
-    return np.where(count >= FEWEST_ROWS, middle, np.nan)
+    both[:, ~known] = np.nan
+    middle = np.stack([pd.DataFrame(each).median() for each in both])
+    return np.where(known.sum(axis=0) >= FEWEST_ROWS, middle, np.nan)
 
 
 def _usual(found):

@@ -21,9 +21,6 @@ class RodParams:
     tip_window_mm: quantity(0.02, 5, "mm") = parameter(
         0.3, "traces that end farther from the usual place have lost the tip", "chosen"
     )
-    tip_noise_mm: quantity(0.01, 2, "mm") = parameter(
-        0.3, "ends that scatter more than this are not used", "chosen"
-    )
     tip_sd_mm: quantity(0.001, 5, "mm") = parameter(
         0.03, "standard error of the tip's place beside what the ends scatter",
         "measured: `calibrate geometry`, rendered videos",

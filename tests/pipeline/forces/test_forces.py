@@ -150,7 +150,9 @@ def test_a_rod_that_turns_away_is_not_the_base():
         "angle_var": np.full(3, np.radians(0.3) ** 2),
         "base_curvature": np.full(3, 10.0),
     }
-    base = forces._base(kinematics.assign(base_angle_se_deg=1.0), fit, np.radians(0.04))
+    base = forces._base(
+        kinematics.assign(base_angle_se_deg=1.0), fit, np.radians(0.04), np.arange(3)
+    )
     np.testing.assert_allclose(base["base_angle_deg"], [181.0, 10.0, 10.0])  # does not wrap
     np.testing.assert_allclose(base["base_angle_se_deg"], [0.5, 1.0, 1.0])
     assert np.isnan(base["follicle_x_m"][1])
@@ -555,9 +557,9 @@ def test_a_contact_that_wanders_slides(speed):
 def test_rods_are_steady_where_they_jitter_by_a_fifth_more_than_the_traces(rods_rad, steady):
     """Traces of 0.01 rad: rods of 0.012 rad and more are unsteady; clean ones never are."""
     rng = np.random.default_rng(1)
-    table = pd.DataFrame({"frame": np.arange(4000)})
+    frame = np.arange(4000)
     traced, rods = rng.normal(size=(2, 4000)) * [[0.01], [rods_rad]]
-    assert forces._steady(traced, rods, table) == steady
+    assert forces._steady(traced, rods, frame) == steady
     calm = 0.002 / 0.01 * traced
-    assert forces._steady(calm, 2 * calm, table)  # 0.004 rad are a clean picture's
-    assert not forces._steady(calm, 3 * calm, table)
+    assert forces._steady(calm, 2 * calm, frame)  # 0.004 rad are a clean picture's
+    assert not forces._steady(calm, 3 * calm, frame)
