@@ -103,12 +103,11 @@ class _Evidence:
 
     def solve(self) -> Origin:
         inverse = np.linalg.inv(self.matrix)
-        n = self.design.shape[0]
-        variance = np.empty(n)
+        root, n = np.linalg.cholesky(inverse), self.design.shape[0]
+        se = np.empty(n)
         for first in range(0, n, 4096):  # rows by terms would not fit into memory
             part = self.design[first : first + 4096]
-            variance[first : first + 4096] = np.asarray(part.multiply(part @ inverse).sum(1))[:, 0]
-        se = np.sqrt(np.maximum(variance, 0.0))
+            se[first : first + 4096] = np.linalg.norm(part @ root, axis=1)
         per_tip = float(np.mean(self.design @ (inverse @ self.tip)))
         return Origin(self.design @ self.weights(), se, per_tip)
 
@@ -158,8 +157,7 @@ def origin_from_tip(
     end, sd = _trace_ends(places, params)
     good = np.isfinite(end)
     if good.any():
-        seen = good.sum() / np.isfinite(places.last).sum()
-        tip, common = _tip_place(places.rows(good), excess, whisker, params, seen)
+        tip, common = _tip_place(places, good, excess, whisker, params)
         away, part = tip - end[good], design[good]
         hidden, common = _believed(abs(np.mean(away)), session, common)
         evidence.matrix[0, 0] = hidden**-2
@@ -305,18 +303,19 @@ def _lasting_variance(errors):
     return float(np.mean(errors**2) + 2 * sum(np.mean(errors[k:] * errors[:-k]) for k in lags))
 
 
-def _tip_place(places, excess, whisker, params, seen=1.0):
-    """Arc length [m] at which the traces of `places` should end, and its standard error.
+def _tip_place(places, good, excess, whisker, params):
+    """Arc length [m] at which the traces of `good` rows should end, and its standard error.
 
     Where nothing is known of how they fade, their mean end is returned, and an error without
-    bounds. `excess` as in `origin_from_tip`; `seen`: share of all frames that end there.
+    bounds. `excess` as in `origin_from_tip`.
     """
-    if not np.isfinite(places.to_tip).any():
-        return places.last.mean(), np.inf
-    px, codec = places.pixel, 1 - 1 / max(excess, 1.0)
-    short = np.polyval(TIP_BY_FADING, np.nanmean(places.to_tip) / px)
+    end, to_tip, px = places.last[good], places.to_tip[good], places.pixel
+    if not np.isfinite(to_tip).any():
+        return end.mean(), np.inf
+    codec, seen = 1 - 1 / max(excess, 1.0), len(end) / np.isfinite(places.last).sum()
+    short = np.polyval(TIP_BY_FADING, np.nanmean(to_tip) / px)
     part, factor, *powers = TIP_BY_SCATTER
-    erased = factor * np.prod(np.power([np.std(places.last) / px, 1e3 * px], powers))
+    erased = factor * np.prod(np.power([np.std(end) / px, 1e3 * px], powers))
     short += part * codec * (erased - short)
     error = px * np.hypot(TIP_SE_PX, np.interp(codec, (0, 1), TIP_SE_SHARE) * short / seen**2)
     return whisker.length - px * short, np.hypot(1e-3 * params.tip_sd_mm, error)

@@ -51,7 +51,7 @@ def estimate_forces(
     evidence : EVIDENCE_COLUMNS, aligned with `frames`; NaN in frames without a trace
     """
     frames = frames.reset_index(drop=True)
-    new, of_touch = frames[MEASURED].copy(), {}
+    new, of_touch = {c: frames[c].to_numpy(float, copy=True) for c in MEASURED}, {}
     for index, name in enumerate(places.names):
         all_rows = places.of(name)
         length = (N_STATIONS - 1) * places.spacing[index]
@@ -68,22 +68,22 @@ def estimate_forces(
             if whiskers.get(name) is None:
                 evidence[OF_DIMENSIONS] = np.nan  # what stands in for it may bend otherwise
             _fill(new, rows, measured, pixels_per_m)
-            new.loc[rows, "pole_distance_mm"] = 1e3 * evidence["distance_m"].to_numpy()
+            new["pole_distance_mm"][rows] = 1e3 * evidence["distance_m"]
             _gather(of_touch, rows, evidence, len(frames))
     columns = {"frame": frames["frame"], "whisker": frames["whisker"], **of_touch}
     evidence = as_table(pd.DataFrame(columns, copy=False), EVIDENCE_COLUMNS)
     return frames.assign(**new), evidence
 
 
-def _fill(frames, rows, measured, pixels_per_m):
-    """Write what the rods measured into the table of frames, in place."""
+def _fill(columns, rows, measured, pixels_per_m):
+    """Write what the rods measured into arrays of all rows, by column of the table of frames."""
     x, y = (measured.pop(f"follicle_{axis}_m").to_numpy() for axis in "xy")
     for column in measured:
-        frames.loc[rows, column] = measured[column].to_numpy()
+        columns[column][rows] = measured[column]
     if pixels_per_m is not None:
         known = np.isfinite(x)
-        frames.loc[rows[known], "follicle_x_px"] = pixels_per_m * x[known]
-        frames.loc[rows[known], "follicle_y_px"] = -pixels_per_m * y[known]
+        columns["follicle_x_px"][rows[known]] = pixels_per_m * x[known]
+        columns["follicle_y_px"][rows[known]] = -pixels_per_m * y[known]
 
 
 def _gather(columns, rows, evidence, count):

@@ -124,11 +124,17 @@ def seen_line(short, points=400):
     )  # fmt: skip
 
 
+def tip_place(places, excess):
+    """Where traces should end that all end at the tip, and its standard error [m]."""
+    everywhere = np.ones(len(places), bool)
+    return arc_length_offset._tip_place(places, everywhere, excess, mouse_c2(), DEFAULTS.forces)
+
+
 @pytest.mark.parametrize("short", [1, 3, 5])
 def test_ends_are_as_far_from_the_tip_as_their_fading_says(touching, short):
     """Within twice the error that is stated; 0.03 mm of it are the length's."""
     places = fading(touching.places, float(nodes_to_tip(seen_line(short))[0]) * 40e-6)
-    tip, error = arc_length_offset._tip_place(places, 1.0, mouse_c2(), DEFAULTS.forces)
+    tip, error = tip_place(places, 1.0)
     own = np.sqrt(error**2 - 0.03e-3**2)
     assert abs(tip - mouse_c2().length + short * 40e-6) < 2 * own
     assert own < 0.8 * 40e-6
@@ -139,11 +145,10 @@ def test_what_a_codec_erased_is_less_known(touching):
     scatter = 2.5 * 40e-6 * np.random.default_rng(2).normal(size=len(touching.places))
     calm = fading(touching.places, 3 * 40e-6)
     wild = replace(calm, last=calm.last + scatter)
-    whisker, params = mouse_c2(), DEFAULTS.forces
-    clean, erased = (arc_length_offset._tip_place(wild, x, whisker, params) for x in (1.0, 80.0))
+    clean, erased = (tip_place(wild, excess) for excess in (1.0, 80.0))
     assert erased[1] > 1.5 * clean[1]
     assert erased[0] < clean[0] - 0.5 * 40e-6
-    assert arc_length_offset._tip_place(calm, 1.0, whisker, params) == pytest.approx(clean)
+    assert tip_place(calm, 1.0) == pytest.approx(clean)
 
 
 def test_a_tip_that_half_of_the_frames_show_is_less_known(touching):
@@ -161,14 +166,7 @@ def test_how_a_line_fades_that_a_codec_erased_says_little_of_the_tip(touching):
     scatter = 2.5 * 40e-6 * np.random.default_rng(2).normal(size=len(touching.places))
     wild = replace(touching.places, last=touching.places.last + scatter)
     clean, erased = (
-        np.diff(
-            [
-                arc_length_offset._tip_place(
-                    fading(wild, short), excess, mouse_c2(), DEFAULTS.forces
-                )[0]
-                for short in (0.4e-3, 0.1e-3)
-            ]
-        )[0]
+        np.diff([tip_place(fading(wild, short), excess)[0] for short in (0.4e-3, 0.1e-3)])[0]
         for excess in (1.0, 1e3)
     )
     assert clean > 0.3e-3
