@@ -75,7 +75,7 @@ def _lines_at(search: Search, image, model, gain, options, workspace) -> list[Li
     fit = options.fit(model, widths=True, steps=1)
     limits = 0.6 * options.shortest_px, float(options.base_gap_px), WORTH_FITTING * search.least
     curves = ridges.curves_in(search.part, absorbance, model.noise, search.scale)
-    senses = _senses(*curves, absorbance, model.outside, model.clear, limits)
+    senses = _senses(*curves, absorbance, model.outside, model.off_edges, limits)
     for k in np.flatnonzero(senses):
         rooted = curves.curve(k)[:: senses[k]]
         line = settling.settle(picture, rooted, fit, workspace)
@@ -87,17 +87,17 @@ def _lines_at(search: Search, image, model, gain, options, workspace) -> list[Li
 
 
 @njit(cache=True)
-def _senses(places, offsets, absorbance, outside, clear, limits):
+def _senses(places, offsets, absorbance, outside, off_edges, limits):
     """Of all curves, end to end, what `_sense` says of each, int8 (curves,)."""
     senses = np.empty(len(offsets) - 1, np.int8)
     for k in range(len(senses)):
         curve = places[offsets[k] : offsets[k + 1]]
-        senses[k] = _sense(curve, absorbance, outside, clear, limits)
+        senses[k] = _sense(curve, absorbance, outside, off_edges, limits)
     return senses
 
 
 @njit(cache=True)
-def _sense(curve, absorbance, outside, clear, limits):
+def _sense(curve, absorbance, outside, off_edges, limits):
     """1 where a curve (n, 2) is worth fitting, −1 where it is from its last point on, else 0.
 
     It begins at the face. limits : least length [px], farthest base from the face [px], least
@@ -109,7 +109,7 @@ def _sense(curve, absorbance, outside, clear, limits):
     first, last = _value_at(outside, curve[0]), _value_at(outside, curve[len(curve) - 1])
     if min(first, last) >= base_gap:
         return 0
-    if not line_fit.is_clear(curve[:, 0], curve[:, 1], len(curve), clear):
+    if not line_fit.is_clear(curve[:, 0], curve[:, 1], len(curve), off_edges):
         return 0
     if _darkness(absorbance, curve) < darkness:
         return 0

@@ -38,7 +38,7 @@ class Picture(NamedTuple):
 class ImageModel:
     """The static scene as the tracer uses it: arrays of float32 (height, width).
 
-    `clear`, bool, is farther than `edge_px` from face and obstacles, and off moving fur;
+    `off_edges` is how much farther than `edge_px` it is to face, obstacles and moving fur [px];
     `faintest` is the light that a line takes, below which nothing of it is seen, measured over
     `half` px to both sides of every node;
     `gain_points` are those of line_profile.frame_gain, on pixels that are free of all things;
@@ -51,7 +51,7 @@ class ImageModel:
     outside: np.ndarray
     noise: np.ndarray
     usable: np.ndarray
-    clear: np.ndarray
+    off_edges: np.ndarray
     faintest: float
     half: int
     gain_points: tuple[np.ndarray, np.ndarray]
@@ -82,15 +82,15 @@ class ImageModel:
         noise = np.sqrt(variance + trembling**2) / np.maximum(background, 12)
         kernel = np.ones((9, 9), np.uint8)
         free = cv2.erode(usable.astype(np.uint8), kernel).astype(bool)
-        clear = cv2.distanceTransform(seen.astype(np.uint8), cv2.DIST_L2, 5) > params.edge_px
+        off_edges = cv2.distanceTransform(seen.astype(np.uint8), cv2.DIST_L2, 5) - params.edge_px
         if scene.moving_fur is not None:
-            clear &= ~scene.moving_fur
+            off_edges[scene.moving_fur] = -params.edge_px
         usual = float(np.median(noise[usable])) if usable.any() else np.inf
         least = max(params.faintest_sd * usual, params.faintest_share * absorbed)
         half = LEAST_HALF * np.clip((usual / params.quiet) ** 2, 1, MOST_HALF / LEAST_HALF)
         points = line_profile.gain_points(background, free)
         return cls(
-            background, weight, outside, noise.astype(np.float32), usable, clear,
+            background, weight, outside, noise.astype(np.float32), usable, off_edges,
             min(least, params.faintest), round(half), points, OUTWARD[scene.face_side],
         )  # fmt: skip
 

@@ -43,7 +43,7 @@ def is_whisker(line: Line, model, options) -> bool:
     """Whether a line is long and clear and leaves the face."""
     clear = line.quality > options.params.detection.least_quality
     long_and_clear = line.n >= options.shortest_px and clear
-    return long_and_clear and line_fit.is_clear(line.x, line.y, line.n, model.clear)
+    return long_and_clear and line_fit.is_clear(line.x, line.y, line.n, model.off_edges)
 
 
 def is_turned(line: Line, outward, factor=DEFAULTS.detection.thickens) -> bool:

@@ -24,6 +24,7 @@ BEYOND_TIP, TIP_STEP = 30, 0.4  # nodes, px: where it moves more there, the tip 
 SAME_TIP = 1  # … unless it was within so many nodes where it is now the step before
 SEEN_SD = 4.0  # standard errors by which a trace's last node is seen
 WIDEST_GAP = 8  # bridges: longer stretches without pixels are not crossed
+ALONG, STEEP = 8, 0.5  # off an edge steeply, seen over so many nodes to both sides: not along it
 FLOAT, HALF = np.float32, np.float32(0.5)
 
 
@@ -169,17 +170,29 @@ def start_at_face(x, y, n, outside):
 
 
 @njit(cache=True)
-def is_clear(x, y, n, clear):
-    """Whether a line does not run along an edge: half of its nodes lie on `clear` pixels.
+def is_clear(x, y, n, off_edges):
+    """Whether a line does not run along an edge: half of its nodes do not.
 
-    It may come back to the face, or end at the animal's body.
+    It may come out of the face or end at the animal's body: so it does where its distance from
+    them changes. off_edges : (height, width) [px], above 0 far from edges
     """
-    height, width = clear.shape
     count = 0
     for i in range(n):
-        column, row = int(x[i] + 0.5), int(y[i] + 0.5)
-        count += 0 <= row < height and 0 <= column < width and clear[row, column]
+        first, last = max(i - ALONG, 0), min(i + ALONG, n - 1)
+        here = _at(off_edges, x[i], y[i])
+        change = _at(off_edges, x[last], y[last]) - _at(off_edges, x[first], y[first])
+        count += here > 0 or abs(change) > STEEP * (last - first)
     return 2 * count > n
+
+
+@njit(cache=True)
+def _at(off_edges, x, y):
+    """Value at a place, as at an edge outside of the picture."""
+    height, width = off_edges.shape
+    column, row = int(x + 0.5), int(y + 0.5)
+    if 0 <= row < height and 0 <= column < width:
+        return off_edges[row, column]
+    return np.float32(-1.0)
 
 
 @njit(cache=True)

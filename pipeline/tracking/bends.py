@@ -17,7 +17,7 @@ class Bends(NamedTuple):
 
 
 @njit(cache=True)
-def is_like_a_whisker(x, y, n, before_x, before_y, m, clear, farthest, bends):
+def is_like_a_whisker(x, y, n, before_x, before_y, m, off_edges, farthest, bends):
     """Whether a line leaves the face, is bent as whiskers are, and begins where it was before.
 
     farthest : that its base may have moved from the line `before`, of m nodes [px]: not along it,
@@ -31,7 +31,7 @@ def is_like_a_whisker(x, y, n, before_x, before_y, m, clear, farthest, bends):
         <= farthest
         and turning_range(x, y, n) <= bends.largest
         and not hooked(x, y, n, bends)
-        and line_fit.is_clear(x, y, n, clear)
+        and line_fit.is_clear(x, y, n, off_edges)
     )
 
 

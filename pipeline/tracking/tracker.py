@@ -259,7 +259,7 @@ class Tracer:
             line.n < 0.4 * options.shortest_px
             or line.quality < self.params.lost_quality
             or not is_like_a_whisker(
-                line.x, line.y, line.n, before.x, before.y, before.n, self.model.clear,
+                line.x, line.y, line.n, before.x, before.y, before.n, self.model.off_edges,
                 0.5 * options.base_gap_px, self.bends,
             )
         ):  # fmt: skip

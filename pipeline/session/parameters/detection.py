@@ -89,8 +89,8 @@ class DetectionParams:
         "chosen",
     )
     edge_px: quantity(0, 50, "px") = parameter(
-        6.0, "a line this near to the edge of face or obstacles over half of its length is that "
-        "edge", "chosen",
+        6.0, "a line that runs this near along the edge of face or obstacles over half of its "
+        "length is that edge", "chosen",
     )  # fmt: skip
     trembling_px: quantity(0, 5, "px") = parameter(
         0.15, "obstacles may move this far, unnoticed", "chosen"

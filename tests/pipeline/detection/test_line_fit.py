@@ -168,3 +168,26 @@ def test_a_line_that_turns_sharply_at_its_base_is_no_whisker(kappa, hook):
         50 + np.cumsum(np.sin(angle)),
     )
     assert bends.hooked(line.x, line.y, line.n, follow.bends) == hook
+
+
+def distance_from_walls(shape=(120, 120)):
+    """How much farther than 6 px from a face above row 20 and a body left of column 20 [px]."""
+    y, x = np.mgrid[: shape[0], : shape[1]].astype(np.float32)
+    return np.minimum(x, y) - 20 - 6
+
+
+@pytest.mark.parametrize(
+    ("begin", "end", "clear"),
+    [
+        ((36, 20), (20, 40), True),  # a short whisker in the corner, from the face to the body
+        ((23, 20), (23, 60), False),  # along the body
+        ((40, 24), (90, 20), False),  # along the face
+        ((22, 30), (27, 70), False),  # hardly off the body
+        ((60, 20), (60, 30), True),  # short, straight off the face
+        ((60, 20), (90, 80), True),
+    ],
+)
+def test_a_line_may_be_near_an_edge_but_not_along_it(begin, end, clear):
+    n = int(np.hypot(*np.subtract(end, begin)))
+    x, y = np.linspace(begin, end, n).T
+    assert line_fit.is_clear(x, y, n, distance_from_walls()) == clear
