@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
+from pipeline.numerics.cholesky import factorise, solve
 from pipeline.numerics.robust import robust_sd
 from pipeline.numerics.runs import evenly
 from pipeline.session.parameters import DEFAULTS, KinematicsParams
@@ -105,35 +106,35 @@ class _Grid:
         self.middle, self.half = (s[0] + s[-1]) / 2, (s[-1] - s[0]) / 2
         self.z = (s - self.middle) / self.half
         self.basis = np.stack([np.ones_like(self.z), self.z, self.z**2 / 2, self.z**3 / 6], axis=1)
-        self.products = (self.basis[:, :, None] * self.basis[:, None, :]).reshape(-1, 16)
 
 
 @njit(cache=True)
-def _beside_curves(x, y, z, spacing, place, shape, out):
-    """Fill `out` (2, rows, stations): how far places lie along and beside their curves [m].
+def _beside_curve(x, y, z, spacing, place, shape, along, beside):
+    """Fill in how far places lie along and beside their curve [m], (stations,) each.
 
-    x, y : (rows, stations) [m]
+    x, y : (stations,) [m]
     z : (stations,) in half-widths from the middle, `spacing` [m] apart
-    place, shape : (rows, 2) [m], (rows, 3) [rad] of the curves, which pass `place` at the middle
+    place, shape : (2,) [m], (3,) [rad] of the curve, which passes `place` at the middle
     """
-    n = len(z)
-    lx, ly = np.zeros(n), np.zeros(n)
+    n, (turn, bend, change) = len(z), shape
     before, after = (n - 1) // 2, n // 2
-    for i in range(len(place)):
-        turn, bend, change = shape[i]
-        for k in range(1, n):
+    lx, ly, middle_x, middle_y = 0.0, 0.0, 0.0, 0.0
+    for k in range(n):  # the curve from its first station on, into `along` and `beside`
+        if k > 0:
             between = (z[k] + z[k - 1]) / 2
             angle = turn + between * (bend + 0.5 * between * change)
-            lx[k] = lx[k - 1] + spacing * np.cos(angle)
-            ly[k] = ly[k - 1] + spacing * np.sin(angle)
-        to_x = place[i, 0] - (lx[before] + lx[after]) / 2
-        to_y = place[i, 1] - (ly[before] + ly[after]) / 2
-        for k in range(n):
-            angle = turn + z[k] * (bend + 0.5 * z[k] * change)
-            cos, sin = np.cos(angle), np.sin(angle)
-            dx, dy = x[i, k] - (lx[k] + to_x), y[i, k] - (ly[k] + to_y)
-            out[0, i, k] = dx * cos + dy * sin
-            out[1, i, k] = dy * cos - dx * sin
+            lx += spacing * np.cos(angle)
+            ly += spacing * np.sin(angle)
+        along[k], beside[k] = lx, ly
+        for middle in (before, after):
+            if k == middle:
+                middle_x, middle_y = middle_x + lx / 2, middle_y + ly / 2
+    to_x, to_y = place[0] - middle_x, place[1] - middle_y
+    for k in range(n):
+        angle = turn + z[k] * (bend + 0.5 * z[k] * change)
+        cos, sin = np.cos(angle), np.sin(angle)
+        dx, dy = x[k] - (along[k] + to_x), y[k] - (beside[k] + to_y)
+        along[k], beside[k] = dx * cos + dy * sin, dy * cos - dx * sin
 
 
 def _window(places, pixels_per_m, params):
@@ -221,44 +222,99 @@ def _fit(seen, grid, excess):
     x, y, information = seen
     known = information > 0
     weight = information / (1 + information * excess)
-    total = weight.sum(axis=1)
     enough = known.sum(axis=1) >= FEWEST_STATIONS
     weight = np.where(enough[:, None], weight, 0.0)
     place, shape = _start(x, y, weight, grid)
-    robust, chi2, beside = weight, np.ones(len(x)), np.empty((2, *x.shape))
-    loose = np.diag(1 / (LOOSE * grid.half) ** 2)
-    for step in range(STEPS + 1):
-        _beside_curves(x, y, grid.z, grid.spacing, place, shape, beside)
-        along, misfit = beside
-        if step:
-            chi2 = (robust * misfit**2).sum(axis=1) / np.maximum(known.sum(axis=1) - 4, 1)
-            off = np.abs(misfit) * np.sqrt(weight / np.maximum(chi2, 1.0)[:, None])
-            robust = weight * np.minimum(1.0, HUBER / np.maximum(off, HUBER))
-        matrix, size = _of_unit_diagonal((robust @ grid.products).reshape(-1, 4, 4) + loose)
-        if step == STEPS:
-            break
-        shape_now = np.column_stack([np.zeros(len(shape)), np.zeros(len(shape)), shape[:, 1:]])
-        rhs = (robust * misfit) @ grid.basis - shape_now * np.diag(loose) * grid.half
-        change = np.linalg.solve(matrix, (rhs / size)[..., None])[..., 0] / size
-        slide = (weight * along).sum(axis=1) / np.maximum(total, 1e-300)
-        turn = shape[:, 0]
-        place[:, 0] += slide * np.cos(turn) - change[:, 0] * np.sin(turn)
-        place[:, 1] += slide * np.sin(turn) + change[:, 0] * np.cos(turn)
-        shape = shape + change[:, 1:] / grid.half
-    root = np.linalg.inv(np.linalg.cholesky(matrix)).transpose(0, 2, 1) / size[..., None]
-    root *= (np.sqrt(np.maximum(chi2, 1.0)) / grid.half)[:, None, None]
+    root, misfit = np.zeros((len(x), 4, 4)), np.zeros(x.shape)
+    loose = 1 / (LOOSE * grid.half) ** 2
+    polynomial = grid.z, grid.basis, grid.spacing, grid.half, loose
+    _fit_rows(x, y, weight, known, polynomial, place, shape, root, misfit)
     place[~enough], shape[~enough], root[~enough] = np.nan, np.nan, np.nan
     return place, shape, root, misfit, known
 
 
-def _of_unit_diagonal(matrix):
-    """Information matrices (rows, 4, 4) scaled to a diagonal of 1, and by what, (rows, 4).
+@njit(cache=True, error_model="numpy")
+def _fit_rows(x, y, weight, known, polynomial, place, shape, root, misfit):
+    """Fill in what `_fit` finds of every row, from `place` and `shape` where they start.
+
+    weight, known : (rows, stations)
+    polynomial : as of `_Grid` z, basis, spacing, half, and (4,) information about the parameters
+        of any base
+    """
+    z, basis, spacing, half, loose = polynomial
+    matrix, lower, inverse = np.empty((4, 4)), np.zeros((4, 4)), np.empty((4, 4))
+    rhs, size, along, robust = np.empty(4), np.empty(4), np.empty(len(z)), np.empty(len(z))
+    for i in range(len(place)):
+        total, freedom, chi2, beside = weight[i].sum(), max(known[i].sum() - 4, 1), 1.0, misfit[i]
+        robust[:] = weight[i]
+        for step in range(STEPS + 1):
+            _beside_curve(x[i], y[i], z, spacing, place[i], shape[i], along, beside)
+            if step > 0:
+                chi2 = _robust_weights(weight[i], beside, freedom, robust)
+            _normal_equations(robust, beside, basis, loose, matrix, rhs)
+            _scale_to_unit_diagonal(matrix, size)
+            factorise(matrix, 4, lower)
+            if step == STEPS:
+                break
+            for k in range(2, 4):
+                rhs[k] -= shape[i, k - 1] * loose[k] * half
+            rhs /= size
+            solve(lower, 4, rhs)
+            rhs /= size
+            slide = np.dot(weight[i], along) / max(total, 1e-300)
+            cos, sin = np.cos(shape[i, 0]), np.sin(shape[i, 0])
+            place[i, 0] += slide * cos - rhs[0] * sin
+            place[i, 1] += slide * sin + rhs[0] * cos
+            shape[i] += rhs[1:] / half
+        for a in range(4):  # of the lower factor's inverse, the transpose
+            inverse[:, a] = 0.0
+            for b in range(a, 4):
+                value = 1.0 if b == a else 0.0
+                for c in range(a, b):
+                    value -= lower[b, c] * inverse[c, a]
+                inverse[b, a] = value * lower[b, b]
+                root[i, a, b] = inverse[b, a] / size[a] * np.sqrt(max(chi2, 1.0)) / half
+
+
+@njit(cache=True, error_model="numpy")
+def _robust_weights(weight, misfit, freedom, robust):
+    """Bring the `robust` weights of a row's stations up to date; returns χ² per freedom."""
+    chi2 = 0.0
+    for k in range(len(weight)):
+        chi2 += robust[k] * misfit[k] ** 2
+    chi2 /= freedom
+    for k in range(len(weight)):
+        off = abs(misfit[k]) * np.sqrt(weight[k] / max(chi2, 1.0))
+        robust[k] = weight[k] * min(1.0, HUBER / max(off, HUBER))
+    return chi2
+
+
+@njit(cache=True, error_model="numpy")
+def _normal_equations(weight, misfit, basis, loose, matrix, rhs):
+    """Fill `matrix` (4, 4) and `rhs` (4,) of a row's polynomial."""
+    matrix[:], rhs[:] = 0.0, 0.0
+    for k in range(len(weight)):
+        for a in range(4):
+            part = weight[k] * basis[k, a]
+            rhs[a] += part * misfit[k]
+            for b in range(a + 1):
+                matrix[a, b] += part * basis[k, b]
+    for a in range(4):
+        matrix[a, a] += loose[a]
+
+
+@njit(cache=True, error_model="numpy")
+def _scale_to_unit_diagonal(matrix, size):
+    """Scale the lower part of an information matrix (4, 4) to a diagonal of 1, by `size` (4,).
 
     What is known of a parameter is at least a share `LEAST_KNOWN` of what it would be were the
     others given, far above rounding: no such matrix is singular, whatever its stations' weights.
     """
-    size = np.sqrt(np.diagonal(matrix, axis1=1, axis2=2))
-    return matrix / (size[:, :, None] * size[:, None]) + LEAST_KNOWN * np.eye(4), size
+    for a in range(4):
+        size[a] = np.sqrt(matrix[a, a])
+        for b in range(a + 1):
+            matrix[a, b] /= size[a] * size[b]
+        matrix[a, a] += LEAST_KNOWN
 
 
 def _start(x, y, weight, grid):
