@@ -14,6 +14,7 @@ from pipeline.detection.static_scene import OUTWARD, StaticScene
 from pipeline.session.parameters import DEFAULTS
 
 LEAST_HALF, MOST_HALF = 7, 20  # px to both sides of a node that its absorbance is measured over
+COPIED_AT_ONCE = 8  # pixels that are copied in a row in the time of one by itself
 TRANSLUCENT = 0.25  # of the light that passes beside it: a whisker is seen through such a thing
 
 
@@ -204,8 +205,11 @@ class HeldLines:
     def go_back(self, shadows) -> None:
         """Hold the lines of these shadows, no others; of none, the very background is there."""
         if not shadows:
-            for pixels in self.touched:
-                line_profile.restore(self.background, pixels, self.free)
+            if COPIED_AT_ONCE * sum(map(len, self.touched)) > self.free.size:
+                np.copyto(self.background, self.free)
+            else:
+                for pixels in self.touched:
+                    line_profile.restore(self.background, pixels, self.free)
             self.touched = []
         else:
             for key, each in self.shadows.items():

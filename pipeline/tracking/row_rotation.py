@@ -23,6 +23,7 @@ AHEAD = 24  # nodes from the base that give its direction
 FIRST, STEP = 12, 3  # of the nodes that are looked at, and how many on to the next
 LIKELY_SD = np.radians(6.0)  # of what the motion before does not foretell
 SLOPE_SD = np.radians(3.0)
+FLOAT = np.float32
 
 
 def common_turns(image, background, weight, gain, lines, pivot=0.0) -> np.ndarray:
@@ -136,28 +137,55 @@ def _scores(picture, nodes, starts, pivots, turns):
     nodes : x, y [px] and amplitude of some nodes (3, nodes), of each line from its start to the
     next one's; pivots : x, y [px] (lines, 2); turns : cosines and sines
 
-    Of the pixel nearest to a node: one turn moves it by more.
+    Of the pixel nearest to a node: one turn moves it by more. All turns of a node are taken
+    together, so that vector instructions run along them.
     """
     image, background, weight, gain = picture
-    cosines, sines = turns
-    height, width = background.shape
+    shape, flat = image.shape, (image.ravel(), background.ravel(), weight.ravel())
+    cosines, sines = turns[0].astype(FLOAT), turns[1].astype(FLOAT)
     scores, most = np.zeros((len(pivots), len(cosines))), np.full(len(pivots), 1e-9)
+    places, (grey, light) = np.empty(len(cosines), np.int32), np.empty((2, len(cosines)), FLOAT)
     for line in range(len(pivots)):
-        pivot_x, pivot_y = pivots[line]
+        x, y = pivots[line]
         for i in range(starts[line], starts[line + 1]):
-            dx, dy, a = nodes[0, i] - pivot_x, nodes[1, i] - pivot_y, nodes[2, i]
+            dx, dy, a = FLOAT(nodes[0, i] - x), FLOAT(nodes[1, i] - y), nodes[2, i]
             most[line] += a * a
-            for k in range(len(cosines)):
-                px = pivot_x + cosines[k] * dx - sines[k] * dy + 0.5
-                py = pivot_y + sines[k] * dx + cosines[k] * dy + 0.5
-                if not (0 <= px < width and 0 <= py < height):
-                    continue
-                column, row = np.uint64(px), np.uint64(py)
-                if weight[row, column] > 0:
-                    light = max(gain * background[row, column], 1.0)
-                    seen = 1.0 - image[row, column] / light
-                    scores[line, k] += a * min(max(seen, 0.0), 1.3 * a)
+            _find_places(FLOAT(x), FLOAT(y), dx, dy, cosines, sines, shape, places)
+            _take_pixels(flat, places, grey, light)
+            _add_scores(grey, light, FLOAT(gain), FLOAT(a), scores[line])
     return scores, most
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _find_places(x, y, dx, dy, cosines, sines, shape, places):
+    """Place in the flat picture, −1 outside, of a node (dx, dy) from its pivot (x, y), turned."""
+    height, width, half = np.int32(shape[0]), np.int32(shape[1]), FLOAT(0.5)
+    for k in range(len(places)):
+        column = np.int32(np.floor(x + cosines[k] * dx - sines[k] * dy + half))
+        row = np.int32(np.floor(y + sines[k] * dx + cosines[k] * dy + half))
+        inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
+        places[k] = row * width + column if inside else np.int32(-1)
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _take_pixels(flat, places, grey, light):
+    """Grey and light at some places of the flat image, background and weight; 0: no light."""
+    for k in range(len(places)):
+        at = np.uint64(max(places[k], 0))  # unsigned: numba need not look for negative places
+        seen = (places[k] >= 0) & (flat[2][at] > 0)
+        grey[k], light[k] = flat[0][at], flat[1][at] if seen else FLOAT(0)
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _add_scores(grey, light, gain, a, scores):
+    """Add amplitude `a` × absorbance to the score of every turn that has a pixel."""
+    one, none, most = FLOAT(1), FLOAT(0), FLOAT(1.3) * a
+    for k in range(len(scores)):
+        expected = gain * light[k]
+        seen = one - grey[k] / (expected if expected > one else one)
+        seen = seen if seen > none else none
+        seen = seen if seen < most else most
+        scores[k] += a * seen if light[k] > none else none
 
 
 @njit(cache=True)

@@ -87,46 +87,43 @@ class Tracer:
         """
         present = [t for t in self.tracks if t.line is not None]
         self._foresee(present, image, gain)
-        lines = {id(t): predicted(t, True) for t in present}
-        beside = _beside(present, list(lines.values()), self.neighbour_px)
+        lines = [predicted(track, True) for track in present]
+        beside = polyline.near_pairs(lines, self.neighbour_px).any(axis=1)
         held = self.model.held
-        held.hold([lines[id(t)] for t in present if beside[id(t)]])
-        for track in present:
-            if beside[id(track)]:
-                held.take_out(lines[id(track)])
-            self._follow(track, image, gain, lines[id(track)])
-            lines[id(track)] = track.line or foretold(track.before, None)
-            if beside[id(track)]:
-                held.put_in(lines[id(track)])
+        held.hold([lines[k] for k in np.flatnonzero(beside)])
+        for k, track in enumerate(present):
+            if beside[k]:
+                held.take_out(lines[k])
+            self._follow(track, image, gain, lines[k])
+            lines[k] = track.line or foretold(track.before, None)
+            if beside[k]:
+                held.put_in(lines[k])
         # again beside those whose lines are known now, where their pixels are shared
-        sharing = _beside(present, list(lines.values()), self.shared_px)
-        for track in present:
-            if sharing[id(track)]:
-                held.put_in(lines[id(track)])
-        crossing = [
-            self._refine_shared(track, lines, sharing[id(track)], image, gain) for track in present
-        ]
+        sharing = polyline.near_pairs(lines, self.shared_px)
+        again = np.flatnonzero(sharing.any(axis=1))
+        for k in again:
+            held.put_in(lines[k])
+        for k in again:
+            if present[k].line is not None:
+                self._refine_shared(present[k], lines, sharing[k], image, gain)
         self._drop_doubles(present)
-        if any(crossing):
+        if sharing.any():
             self._uncross(present, image, gain)
         if self.crowded:
             self._part_crowd(present)
 
-    def _refine_shared(self, track: Track, lines, beside, image, gain) -> bool:
-        """Fit a track's line again if it may share pixels with others; whether it may.
+    def _refine_shared(self, track: Track, lines: list[Line], sharing, image, gain) -> None:
+        """Fit a track's line again, which may share pixels with some of the others.
 
-        lines : by the track's id, all held in the background; beside : the tracks of those others
+        lines : all of the frame, held in the background; sharing : (lines,) bool
         """
-        if track.line is None or not beside:
-            return False
         held = self.model.held
         held.take_out(track.line)
         detect.refine(image, self.model, gain, track.line, self.options, self.workspace)
         if not self.crowded:  # there, whiskers do lie upon each other
-            self._untangle(track, [lines[id(t)] for t in beside], image, gain)
+            self._untangle(track, [lines[k] for k in np.flatnonzero(sharing)], image, gain)
         held.put_in(track.line)
         self._give_up_if_poor(track)
-        return True
 
     def _untangle(self, track: Track, beside: list[Line], image, gain) -> None:
         """Take a line back from another whisker's far part, onto which it went at a crossing.
@@ -175,13 +172,12 @@ class Tracer:
         changed = detect.uncrossed([t.line for t in tracks], self.options)
         if not changed:
             return
-        self.model.held.hold([])
-        with image_model.lines_in_background(self.model, [t.line for t in tracks]) as held:
-            for line, _ in changed:
-                detect.refine_held(
-                    held, image, self.model, gain, line, self.options, self.workspace
-                )
         known = {id(line): before for line, before in changed}
+        held = self.model.held
+        held.hold([t.line for t in tracks if id(t.line) not in known])
+        held.hold([t.line for t in tracks])
+        for line, _ in changed:
+            detect.refine_held(held, image, self.model, gain, line, self.options, self.workspace)
         pairs = [(t, known[id(t.line)]) for t in tracks if id(t.line) in known]
         if sum(t.line.n * t.line.quality - KEPT * k.n * k.quality for t, k in pairs) < 0:
             for track, line in pairs:  # less is found of them so: they had their own
@@ -320,12 +316,3 @@ class Tracer:
 def _near(a: Line, b: Line, near_px: float) -> float:
     """Fraction of line `a` within `near_px` of line `b`."""
     return polyline.share_near(a.x, a.y, a.n, b.x, b.y, b.n, near_px, (4, 4))
-
-
-def _beside(tracks: list[Track], lines: list[Line], near_px) -> dict[int, list[Track]]:
-    """By a track's id, the tracks whose lines come near to its own."""
-    near = polyline.near_pairs(lines, near_px)
-    return {
-        id(track): [tracks[k] for k in np.flatnonzero(row)]
-        for track, row in zip(tracks, near, strict=True)
-    }

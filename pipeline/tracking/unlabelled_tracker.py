@@ -6,14 +6,15 @@ decided when the whole video has been seen (`pipeline.identity`).
 """
 
 import itertools
+import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from pipeline.detection import detect
 from pipeline.detection.image_model import lines_in_background
 from pipeline.detection.line import Line
-from pipeline.numerics.angles import wrapped
 from pipeline.session.quantities import frames_in
 from pipeline.tracking import row_rotation, two_sides
 from pipeline.tracking.matching import crowded
@@ -22,11 +23,19 @@ from pipeline.tracking.track_state import Track, foretold
 from pipeline.tracking.tracker import Tracer
 
 
+class Course(NamedTuple):
+    """Where a line of `n` nodes lies [px]."""
+
+    x: np.ndarray
+    y: np.ndarray
+    n: int
+
+
 @dataclass
 class LineTrack(Track):
     """A line that is followed: the one expected in this frame, and how many frames it was seen."""
 
-    expected: Line | None = None
+    expected: Course | None = None
 
 
 class CrowdTracer(Tracer):
@@ -129,18 +138,18 @@ class CrowdTracer(Tracer):
 
     def _rows(self, lines) -> list[np.ndarray]:
         """Indices of the lines of each side of the face: the sides turn against each other."""
-        place = [self.along @ (line.x[0], line.y[0]) for line in lines]
-        side = two_sides.side_of(place, self.cuts)
+        bases = np.array([(line.x[0], line.y[0]) for line in lines]).reshape(-1, 2)
+        side = two_sides.side_of(bases @ self.along, self.cuts)
         return [own for k in range(len(self.cuts) + 1) if len(own := np.flatnonzero(side == k))]
 
     def _follow(self, track, image, gain, line) -> None:
-        track.expected = line.copy()
+        track.expected = Course(line.x[: line.n].copy(), line.y[: line.n].copy(), line.n)
         track.age += 1
         super()._follow(track, image, gain, line)
 
     def _worth(self, line, track) -> float:
         off = _turned(line, track.expected) / self.astray_sd
-        return super()._worth(line, track) * np.exp(-0.5 * off**2)
+        return super()._worth(line, track) * math.exp(-0.5 * off**2)
 
     def _claim(self, track) -> float:
         return self._worth(track.line, track) * (1 - 0.5 ** (track.age / self.young))
@@ -169,4 +178,4 @@ def _even_turns(lines, rows, turn) -> np.ndarray:
 def _turned(line, before) -> float:
     """By how much a line is turned against another one [rad, from +x to +y]."""
     now, then = row_rotation.direction(line, before.n), row_rotation.direction(before, line.n)
-    return float(wrapped(now - then))
+    return math.remainder(now - then, math.tau)
