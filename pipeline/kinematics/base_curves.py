@@ -242,7 +242,7 @@ def _fit_rows(x, y, weight, known, polynomial, place, shape, root, misfit):
         of any base
     """
     z, basis, spacing, half, loose = polynomial
-    matrix, lower, inverse = np.empty((4, 4)), np.zeros((4, 4)), np.empty((4, 4))
+    matrix, lower = np.empty((4, 4)), np.zeros((4, 4))
     rhs, size, along, robust = np.empty(4), np.empty(4), np.empty(len(z)), np.empty(len(z))
     for i in range(len(place)):
         total, freedom, chi2, beside = weight[i].sum(), max(known[i].sum() - 4, 1), 1.0, misfit[i]
@@ -266,14 +266,21 @@ def _fit_rows(x, y, weight, known, polynomial, place, shape, root, misfit):
             place[i, 0] += slide * cos - rhs[0] * sin
             place[i, 1] += slide * sin + rhs[0] * cos
             shape[i] += rhs[1:] / half
-        for a in range(4):  # of the lower factor's inverse, the transpose
-            inverse[:, a] = 0.0
-            for b in range(a, 4):
-                value = 1.0 if b == a else 0.0
-                for c in range(a, b):
-                    value -= lower[b, c] * inverse[c, a]
-                inverse[b, a] = value * lower[b, b]
-                root[i, a, b] = inverse[b, a] / size[a] * np.sqrt(max(chi2, 1.0)) / half
+        _fill_root(lower, np.sqrt(max(chi2, 1.0)) / half / size, root[i])
+
+
+@njit(cache=True, error_model="numpy")
+def _fill_root(lower, scale, root):
+    """Fill `root` (4, 4), of the covariance, from the factor of the information; rows × `scale`.
+
+    It is the transpose of the factor's inverse.
+    """
+    for a in range(4):
+        for b in range(a, 4):
+            value = scale[a] if b == a else 0.0
+            for c in range(a, b):
+                value -= lower[b, c] * root[a, c]
+            root[a, b] = value * lower[b, b]
 
 
 @njit(cache=True, error_model="numpy")
