@@ -7,6 +7,7 @@ import numpy as np
 from pipeline.errors import counted
 from pipeline.scene.face import thickening_towards
 from pipeline.scene.what_was_seen import seen_instead_of_pole, seen_instead_of_whiskers
+from pipeline.session.schema import SIDES, UPRIGHT
 from pipeline.video.changed import Negative
 
 SELDOM_TRACKED = 0.8  # a whisker seen in less than this part of the frames is worth a message
@@ -20,36 +21,50 @@ NO_POLE_IN_LINES = (
     "session.toml, and import again"
 )
 LIGHT = 128  # a picture of a lighter median is no dark ground for bright whiskers
+ON_A_SIDE = tuple(f"{side}_" for side in (*SIDES, *UPRIGHT))
 SELDOM_ACROSS = 1  # frame may be a mistake; a whisker more often across the pole is worth one
 
 
-def messages(settings, touch, video, epochs, followed, odd=None):
+def messages(settings, touch, video, epochs, followed, first_seen, odd=None):
     """Sentences on what is missing or doubtful in one video, the main doubt first.
 
-    `odd` is a `SeenLength` that contradicts the settings, as of `tracking.odd_length`, or None.
+    `first_seen` is the `WhiskerSet` of the first look, whose templates are those of real lines;
+    `odd` a `SeenLength` that contradicts the settings, as of `tracking.odd_length`, or None.
     """
     whisker_set = followed.whisker_set
-    scenes = [epoch.scene for epoch in epochs if epoch.scene]
-    bright = isinstance(video, Negative)
-    if odd is not None:
-        doubt = _of_another_length(settings, odd)
-    else:
-        doubt = face_message(
-            scenes, (*whisker_set.templates, *whisker_set.refused), settings.recording.face
-        )
+    doubt = settings_doubt(settings, epochs, first_seen, odd)
     if doubt:
         yield doubt
     yield from _too_few_frames(video, followed.n_frames)
     yield from video.problems()
     if not whisker_set.templates and not settings.analysis.follow:
-        yield _no_whiskers(settings, scenes, bright) if not doubt else "no whiskers found"
+        yield "no whiskers found" if doubt else no_whiskers(settings, epochs, video)
         return
+    yield from _unknown_names(touch.frames)
+    yield from _guessed_order(settings, whisker_set)
+    scenes, bright = _scenes(epochs), isinstance(video, Negative)
     yield from _of_whiskers(settings, touch, followed, _no_pole(settings, scenes, bright))
+
+
+def settings_doubt(settings, epochs, whisker_set, odd=None) -> str | None:
+    """What of the settings the whiskers of the first look contradict; None: nothing.
+
+    Parameters are as for `messages`.
+    """
+    if odd is not None:
+        return _of_another_length(settings, odd)
+    templates = (*whisker_set.templates, *whisker_set.refused)
+    return face_message(_scenes(epochs), templates, settings.recording.face)
+
+
+def _scenes(epochs) -> list:
+    return [epoch.scene for epoch in epochs if epoch.scene]
 
 
 def line_messages(settings, touch, followed):
     """Sentences on what is missing or doubtful in the lines that another program traced."""
     if followed.whisker_set.templates:
+        yield from _unknown_names(touch.frames)
         yield from _of_whiskers(settings, touch, followed, NO_POLE_IN_LINES)
     else:
         yield "no line is a whisker's: all are too short, or have no name"
@@ -57,7 +72,6 @@ def line_messages(settings, touch, followed):
 
 def _of_whiskers(settings, touch, followed, no_pole):
     """What is missing or doubtful of the whiskers themselves, the pole and the forces."""
-    yield from _unknown_names(touch.frames)
     yield from _seldom_tracked(touch.frames, followed.whisker_set, settings.analysis.follow)
     yield from _of_another_size(settings, followed.pole)
     yield from _passes_over(settings, touch, followed.pole)
@@ -74,11 +88,12 @@ def _too_few_frames(video, count):
         yield "one frame only: no movement to learn from, no contacts"
 
 
-def _no_whiskers(settings, scenes, bright) -> str:
+def no_whiskers(settings, epochs, video) -> str:
     """What was seen where no whisker is found, and what to look at.
 
-    `bright`: whiskers were taken to be brighter than the ground; the scenes are of the negative.
+    The scenes are of the negative where whiskers were taken to be brighter than the ground.
     """
+    scenes, bright = _scenes(epochs), isinstance(video, Negative)
     if scenes:
         ground = max(_ground(scene.background) for scene in scenes)
         if bright and 255 - ground > LIGHT:
@@ -127,10 +142,32 @@ def _unknown_names(frames):
         f"{name} {100 * part:.0f} %" for name, part in unknown.mean().nlargest(MOST_NAMED).items()
     )
     yield (
-        f"in {100 * share:.0f} % of the frames it is not known which whisker is which "
+        f"for {100 * share:.0f} % of the traced lines it is not known which whisker they are "
         f"(confidence below {KNOWN:g}; most of all {worst}): use only rows of frames.parquet with "
         f"confidence of {KNOWN:g} or more"
     )
+
+
+def _guessed_order(settings, whisker_set):
+    """Names that follow from which end of the row looks like the snout's, in each video anew.
+
+    The two sides of a face show where the snout is, and so may lengths.
+    """
+    found = whisker_set.found
+    if len(found) < 2 or all(name.startswith(ON_A_SIDE) for name in found):
+        return
+    row = f"{found[0]} to {found[-1]}"
+    if not settings.whisker:
+        yield (
+            f"{row} are numbered in each video anew, from the end of the row where whiskers look "
+            "thinner: in another video, the same name may be another whisker's"
+        )
+    elif any(whisker.length_mm is None for whisker in settings.whisker):
+        yield (
+            f"the order of {row} along the face is guessed from how thick they look, in each "
+            "video anew: give length_mm of all, and look whether a name is the same whisker's in "
+            "all videos"
+        )
 
 
 def _seldom_tracked(frames, whisker_set, follow=None):

@@ -102,7 +102,7 @@ def analyse(
     with clock("contacts"):
         say(Step("contacts"))
         touch = touches_of(kinematics, frames, evidence, settings, corrections)
-    notes = messages(settings, touch, video, epochs, kinematics, odd)
+    notes = messages(settings, touch, video, epochs, kinematics, whisker_set, odd)
     return _analysis(kinematics, touch, notes, clock, given, stored, video.shifts)
 
 

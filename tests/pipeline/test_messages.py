@@ -32,7 +32,7 @@ def said_of(whiskers=({**WHISKER, "name": "C2"},), pole_xy=None, **changes):
         "n_frames": 100, "exact_count": True, "read": 100, "found": ("C2",), "pole": POLE,
         "tracked": 1.0, "known": 1.0, "across": 0, "contacts": ("C2",), "light": 200,
         "refused": (), "thing": np.s_[:0], "problems": (), "odd": None, "side": None,
-        "out": np.s_[:0], "bright": False,
+        "out": np.s_[:0], "bright": False, "first_seen": None,
     } | changes  # fmt: skip
     settings = settings_from(
         {
@@ -74,7 +74,8 @@ def said_of(whiskers=({**WHISKER, "name": "C2"},), pole_xy=None, **changes):
     )  # fmt: skip
     epochs = (SimpleNamespace(scene=scene),)
     video = Negative(video) if given["bright"] else video
-    return list(messages(settings, touch, video, epochs, followed, given["odd"]))
+    first_seen = given["first_seen"] or whisker_set
+    return list(messages(settings, touch, video, epochs, followed, first_seen, given["odd"]))
 
 
 def test_where_nothing_is_wrong_nothing_is_said():
@@ -107,7 +108,7 @@ def test_where_nothing_is_wrong_nothing_is_said():
          "reaches in from the right and bottom (17 % of the picture); if there is one"),
         ({"pole": None, "refused": ((3.0, 4.0, "a tuft"),)},
          "no pole of 0.5 mm (12 px) found, so no contacts; what was seen is a tuft (at 3, 4 px)"),
-        ({"known": 0.23}, "in 77 % of the frames it is not known which whisker is which"),
+        ({"known": 0.23}, "for 77 % of the traced lines it is not known which whisker they are"),
         ({"pole": PoleTrack(POLE.x_px, POLE.y_px, 0.3 * SCALE)}, "the pole looks 0.6 mm thick"),
         ({"across": 2, "contacts": ()}, "C2 passes over the pole at (300, 200) px in 2 frames"),
         ({"tracked": 0.5}, "tracked in only part of the frames: C2 in 50 %"),
@@ -151,9 +152,29 @@ def test_what_is_no_fault_is_not_said_of(changes):
     assert said_of(**changes) == []
 
 
+SHORTER = {**WHISKER, "length_mm": 12.0, "name": "C1"}
+
+
+@pytest.mark.parametrize(
+    ("whiskers", "found", "said"),
+    [
+        ((), ("w1", "w2", "w3"), "w1 to w3 are numbered in each video anew"),
+        (({"name": "C1"}, {**WHISKER, "name": "C2"}), ("C1", "C2"),
+         "the order of C1 to C2 along the face is guessed from how thick they look"),
+        ((SHORTER, {**WHISKER, "name": "C2"}), ("C1", "C2"), None),  # lengths tell
+        ((), ("w1",), None),  # there is no order
+        ((), ("left_w1", "right_w1"), None),  # the snout is between them
+    ],
+)  # fmt: skip
+def test_an_order_that_is_guessed_in_each_video_is_doubted(whiskers, found, said):
+    first = [message for message in said_of(whiskers=whiskers, found=found) if "anew" in message]
+    assert len(first) == (said is not None)
+    assert all(message.startswith(said) for message in first)
+
+
 def test_the_main_doubt_comes_first():
     first, *rest = said_of(known=0.2, tracked=0.7, pole=None, whiskers=())
-    assert "not known which whisker is which" in first
+    assert "not known which whisker they are" in first
     assert len(rest) == 3
 
 
@@ -165,6 +186,22 @@ def test_a_length_that_contradicts_the_settings_is_doubted_in_place_of_the_face(
     )
     (doubt,) = said_of(side="right")
     assert 'write face = "right"' in doubt
+
+
+def _seen(*thickness):
+    """Whiskers to the right, each of a line that is so much thicker at its tip."""
+    points = np.column_stack([np.arange(60.0), np.zeros(60)])
+    samples = [
+        [SimpleNamespace(n=60, points=points, thickness=np.linspace(1, thick, 60))]
+        for thick in thickness
+    ]
+    templates = [SimpleNamespace(samples=each) for each in samples]
+    return SimpleNamespace(templates=templates, refused=())
+
+
+def test_the_face_is_doubted_by_lines_that_were_seen_not_by_their_names_over_the_video():
+    assert said_of(first_seen=_seen(2.0, 0.3, 0.3), found=("C2",) * 9) == []
+    assert 'write face = "right"' in said_of(first_seen=_seen(2.0, 2.0, 0.3))[0]
 
 
 def test_a_scale_is_doubted_without_lengths():
