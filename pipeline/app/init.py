@@ -67,10 +67,12 @@ def init_folder(folder, overwrite=False, config=None, say=lambda line: None) -> 
         return _show(folder, Path(config or target), say)
     looks = _look_at_some(folder, look_at, say)
     document, notes = findings(looks)
+    most = max(looks, key=lambda look: len(look.names))
+    preview = preview_of(most.path, settings_from(document, target))
+    document["whisker"] = [{"name": name} for name in preview.names]
     settings = settings_from(document, target)
     old = files.set_aside(target) if target.exists() else None
     write_session(target, settings, notes)
-    preview = preview_of(looks[0].path, settings)
     write_preview(folder / PREVIEW_NAME, preview)
     kept = [f"the settings of before are kept as {old}"] if old else []
     return [*_words(looks, preview, target), *kept]
@@ -84,7 +86,7 @@ def _show(folder, session, say) -> list[str]:
     return [
         f"{session} is kept; --overwrite writes {folder / SETTINGS_NAME} anew",
         f"looked at {preview.path.name} with these settings",
-        preview.words(),
+        *preview.words(),
         f"wrote {folder / PREVIEW_NAME}",
     ]
 
@@ -213,10 +215,14 @@ def _pole_note(looks) -> str:
 def _words(looks, preview, target) -> list[str]:
     """Lines to print for the user."""
     names = ", ".join(look.path.name for look in looks)
+    shown = f"; {preview.path.name} is in the picture" if len(looks) > 1 else ""
+    advice = "now check the lines marked GUESS"
+    if preview.names:
+        advice += ", and give the whiskers' dimensions to get forces"
     return [
-        f"looked at {names}",
-        preview.words(),
+        f"looked at {names}{shown}",
+        *preview.words(),
         f"wrote {target} and {target.parent / PREVIEW_NAME}",
-        "now check the lines marked GUESS, and give the whiskers' dimensions to get forces; "
-        "then `init` again shows what the corrected file finds, and which whisker has which name",
+        f"{advice}; then `init` again shows what the corrected file finds, and which whisker has "
+        "which name",
     ]

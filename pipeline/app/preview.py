@@ -9,13 +9,15 @@ import numpy as np
 
 from pipeline.detection.static_scene import StaticScene
 from pipeline.errors import counted
+from pipeline.messages import no_whiskers, settings_doubt
 from pipeline.reports.drawing import INK, PAPER, View, name_boxes
 from pipeline.reports.lettering import line_height, put_text
 from pipeline.run import find_whiskers, look_at, trace
 from pipeline.scene.picture_part import part_of
 from pipeline.session.session_file import Settings
 from pipeline.tables import files
-from pipeline.tracking.whiskers import names_of, template_frames, tracing_options
+from pipeline.tracking.seen_lengths import odd_length
+from pipeline.tracking.whiskers import template_frames, tracing_options
 from pipeline.video.changed import Negative
 from pipeline.video.open import open_video
 
@@ -39,6 +41,7 @@ class Preview:
     lines : name → points (n, 2) of a whisker in that frame [px]
     known : names that are sure
     names : all whiskers that are followed
+    doubts : sentences on what should be looked at before anything else
     """
 
     path: Path
@@ -48,18 +51,24 @@ class Preview:
     lines: dict[str, np.ndarray]
     known: frozenset[str]
     names: tuple[str, ...]
+    doubts: tuple[str, ...] = ()
 
-    def words(self) -> str:
-        """What was found, in a sentence."""
+    def words(self) -> list[str]:
+        """What was found, and what is doubtful, in a sentence each."""
         pole = self.scene.pole
         place = (
             "no pole" if pole is None else f"a pole at ({pole.x_px[0]:.0f}, {pole.y_px[0]:.0f})"
         )
         count = counted(len(self.names), "whisker")
-        names = f" ({', '.join(self.names)})" if self.names else ""
-        grey = self.lines.keys() - self.known
-        doubt = "; grey in the picture: not sure which whisker" if grey else ""
-        return f"found: face at the {self.scene.face_side}, {place}, {count}{names}{doubt}"
+        found = f"found: face at the {self.scene.face_side}, {place}, {count}"
+        if self.names:
+            found += f" ({', '.join(self.names)})"
+        if self.lines.keys() - self.known:
+            found += "; grey in the picture: not sure which whisker"
+        elsewhere = [name for name in self.names if name not in self.lines]
+        if elsewhere:
+            found += f"; not in the picture's frame: {', '.join(elsewhere)}"
+        return [found, *self.doubts]
 
 
 def preview_of(path, settings: Settings) -> Preview:
@@ -69,19 +78,22 @@ def preview_of(path, settings: Settings) -> Preview:
         video, seen, epochs = look_at(video, settings)
         indices, frames = seen.sample(template_frames(settings))
         whisker_set, epochs = find_whiskers((indices, frames), epochs, settings)
+        odd = odd_length(indices, frames, epochs, whisker_set.templates, settings)
+        doubts = _doubts(settings, video, epochs, whisker_set, odd)
         start, scene = _stretch(indices, epochs)
         stretch = list(islice(video.frames(start), STRETCH))
         options = tracing_options(settings, frames.shape[1:])
-        chunks = trace(
-            iter(stretch), scene, list(whisker_set.templates), options, STRETCH, whisker_set.given,
-            beside=whisker_set.beside,
-        )  # fmt: skip
-        found = [_lines_by_frame(chunk) for chunk in chunks] if whisker_set.templates else []
+        chunks = []
+        if whisker_set.templates:
+            chunks = list(trace(
+                iter(stretch), scene, list(whisker_set.templates), options, STRETCH,
+                whisker_set.given, beside=whisker_set.beside,
+            ))  # fmt: skip
         part = part_of(settings.image, video)
-        names = names_of(whisker_set, settings, frames.shape[1:])
-    rows = {frame: lines for each in found for frame, lines in each.items()}
+    rows = {frame: lines for each in chunks for frame, lines in _lines_by_frame(each).items()}
     best = max(rows, key=lambda k: _known_and_all(rows[k]), default=0)
     lines = rows.get(best, {})
+    numbered = dict.fromkeys(name for each in chunks for name in each.names)
     frame = np.invert(stretch[best]) if isinstance(video, Negative) else stretch[best]
     frame = frame if part is None else part.shown(frame)
     return Preview(
@@ -91,8 +103,31 @@ def preview_of(path, settings: Settings) -> Preview:
         frame=frame,
         lines={name: points for name, (points, _) in lines.items()},
         known=frozenset(name for name, (_, c) in lines.items() if c >= KNOWN),
-        names=names,
+        names=whisker_set.given or _up_to_last(numbered, lines),
+        doubts=doubts,
     )
+
+
+def _doubts(settings, video, epochs, whisker_set, odd) -> tuple[str, ...]:
+    """What a run would doubt before anything else, and what is to be done about it."""
+    doubt = settings_doubt(settings, epochs, whisker_set, odd)
+    if doubt:
+        return (doubt,)
+    return () if whisker_set.templates else (no_whiskers(settings, epochs, video),)
+
+
+def _up_to_last(numbered, drawn) -> tuple[str, ...]:
+    """Of w1, w2, … (on each side) those up to the last that is drawn.
+
+    Beyond it are lines that were seen for moments only.
+    """
+    out, behind = [], {}
+    for name in numbered:
+        side = name.rpartition("w")[0]
+        behind.setdefault(side, []).append(name)
+        if name in drawn:
+            out += behind.pop(side)
+    return tuple(out)
 
 
 def _known_and_all(lines):

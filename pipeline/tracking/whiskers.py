@@ -12,7 +12,7 @@ from pipeline.tracking.given_lengths import GivenLengths
 from pipeline.tracking.line_ends import open_ground
 from pipeline.tracking.options import options_for
 from pipeline.tracking.registry import WhiskerTemplate, find_templates
-from pipeline.tracking.two_sides import counted_names, named_by_side, names_by_side
+from pipeline.tracking.two_sides import named_by_side, names_by_side
 from pipeline.tracking.whisker_evidence import whisker_like
 from whiskermodel.whisker import Whisker
 
@@ -135,14 +135,6 @@ def whisker_set_of(templates, settings: Settings) -> WhiskerSet:
         for name in (names if seen else ())
     }
     return WhiskerSet(names, tuple(templates), whiskers, stand_ins, hidden, given=tuple(own))
-
-
-def names_of(whisker_set, settings, shape) -> tuple[str, ...]:
-    """Names of a set's whiskers as tables have them: found ones are counted on each side."""
-    if whisker_set.given:
-        return whisker_set.names
-    options = tracing_options(settings, shape)
-    return counted_names(whisker_set.templates, settings.recording.face, options)
 
 
 def tracing_options(settings, shape) -> TracingOptions:
