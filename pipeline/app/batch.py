@@ -58,7 +58,7 @@ STAGES = {
     "tables": 0.05, "overlay": 1.2,
 }  # fmt: skip
 COUNTED = "following"
-AFTER = {"figures": 400, "report": 600}  # with the frames that are processed in such a time
+AFTER = {"figures": 1.0, "report": 1.0}  # seconds
 
 
 @dataclass(frozen=True)

@@ -31,7 +31,7 @@ class Progress:
     names : of the tasks
     stages : what a task goes through, in order, with the time that each takes beside the others
     counted : the stage in which a task's frames are counted
-    after : what follows all tasks, with the frames that could be processed in that time
+    after : what follows all tasks, with the seconds that it takes
     clock : returns seconds
     """
 
@@ -43,7 +43,7 @@ class Progress:
         self._stages, self._counted, self._after = dict(stages), counted, dict(after or {})
         self._steps = {}  # of each task under way
         self._frames = {}  # of each task begun: (done, expected)
-        self._ended, self._closing = set(), None
+        self._ended, self._closing, self._tasks_s = set(), None, None
         self._lock = threading.RLock()  # a timer looks, too
         self._at = self.started, 0.0  # time of the last event, and the share done by then
 
@@ -62,6 +62,8 @@ class Progress:
     def doing(self, what: str) -> None:
         """All tasks have ended; `what` (one of `after`) begins."""
         with self._lock:
+            if self._closing is None:
+                self._tasks_s = self.clock() - self.started
             self._closing = what
             self._at = self.clock(), self.share
         self.show(None)
@@ -91,17 +93,24 @@ class Progress:
     @property
     def share(self) -> float:
         """Part of all work that is done, 0 to 1."""
+        spent = self.clock() - self.started if self._closing is None else self._tasks_s
+        behind = 0.0  # seconds of what follows the tasks
+        if self._closing is not None:
+            before = list(self._after)[: list(self._after).index(self._closing)]
+            behind = sum(self._after[what] for what in before)
+        tasks = self._share_of_tasks
+        whole = spent / tasks + sum(self._after.values()) if tasks else 0.0
+        return (spent + behind) / whole if whole else tasks
+
+    @property
+    def _share_of_tasks(self) -> float:
         known = [total for _, total in self._frames.values() if total]
         usual = sum(known) / len(known) if known else TYPICAL_FRAMES
-        whole = sum(self._after.values())
-        done = 0.0
+        whole = done = 0.0
         for task in range(len(self.names)):
             frames = self._frames.get(task, (0, 0))[1] or usual
             whole += frames
             done += frames * self._share_of(task)
-        if self._closing is not None:
-            before = list(self._after)[: list(self._after).index(self._closing)]
-            done += sum(self._after[what] for what in before)
         return done / whole if whole else 1.0
 
     def _share_of(self, task) -> float:

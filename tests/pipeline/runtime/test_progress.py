@@ -47,14 +47,26 @@ def test_all_stages_count_as_work():
 
 
 def test_figures_and_report_count_too():
-    shown, _ = begun(["a"], {"figures": 100, "report": 300})
+    shown, now = begun(["a"], {"figures": 1.0, "report": 3.0})
     shown.receive(Event("progress", 0, Step("following", 100, 100)))
+    now.s = 16
     shown.receive(Event("done", 0, DONE))
-    assert shown.share == pytest.approx(0.2)
+    assert shown.share == pytest.approx(0.8)
     shown.doing("figures")
-    assert (shown.stage, shown.share) == ("figures", pytest.approx(0.2))
+    assert (shown.stage, shown.share) == ("figures", pytest.approx(0.8))
+    assert shown.seconds_left == pytest.approx(4)
+    now.s = 17
     shown.doing("report")
-    assert (shown.stage, shown.share) == ("report", pytest.approx(0.4))
+    assert (shown.stage, shown.share) == ("report", pytest.approx(0.85))
+    assert shown.seconds_left == pytest.approx(3)
+
+
+def test_figures_and_report_take_no_longer_where_videos_are_slow():
+    shown, now = begun(["a"], {"figures": 1.0, "report": 1.0})
+    shown.receive(Event("progress", 0, Step("following", 100, 100)))
+    now.s = 60  # 100 frames, as of a face with many whiskers
+    shown.receive(Event("done", 0, DONE))
+    assert shown.seconds_left == pytest.approx(2)
 
 
 def test_videos_not_yet_opened_are_taken_to_be_like_the_others():
