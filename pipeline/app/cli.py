@@ -195,7 +195,10 @@ def init(
     settings, under the names that `run` will use.
     """
     from pipeline.app.init import init_folder
+    from pipeline.runtime.numba_cache import is_compiled
 
+    if not is_compiled("pipeline/kinematics/follicle.py"):  # what comes last here
+        _say("the first look compiles the program: that takes a minute or two, once")
     for line in init_folder(folder, overwrite, config, _say):
         _say(line)
 

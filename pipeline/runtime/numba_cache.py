@@ -67,9 +67,9 @@ def drop_stale(root=ROOT, packages=PACKAGES) -> list[Path]:
     return removed
 
 
-def is_compiled(root=ROOT) -> bool:
-    """Whether the fit of rods, which takes longest to compile, has been compiled before."""
-    return any(_indexes(Path(root) / "pipeline" / "forces" / "rod_fit.py"))
+def is_compiled(file="pipeline/forces/rod_fit.py", root=ROOT) -> bool:
+    """Whether the functions in a file, by default the slowest to compile, were compiled before."""
+    return any(_indexes(Path(root) / file))
 
 
 def _stamps(root, package) -> Path:

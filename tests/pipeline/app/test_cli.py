@@ -41,7 +41,7 @@ def ran(monkeypatch, tmp_path):
 
     def put(*statuses, **options):
         monkeypatch.setattr(batch, "run", lambda *_: summary(tmp_path, *statuses, **options))
-        monkeypatch.setattr(numba_cache, "is_compiled", lambda: True)
+        monkeypatch.setattr(numba_cache, "is_compiled", lambda *_: True)
 
     return put
 
@@ -109,11 +109,13 @@ def test_last_lines_lead_to_report_and_overlay(ran, capsys, tmp_path):
 
 def test_who_runs_it_first_is_told_that_it_compiles(ran, monkeypatch, capsys):
     ran("done")
-    monkeypatch.setattr(numba_cache, "is_compiled", lambda: False)
+    monkeypatch.setattr(numba_cache, "is_compiled", lambda *_: False)
     exit_code("run", "x", "--out", "y")
     assert capsys.readouterr().out.startswith("the first run compiles")
     exit_code("run", "x", "--out", "y", "--quiet")
     assert "compiles" not in capsys.readouterr().out
+    exit_code("init", "gone")
+    assert capsys.readouterr().out.startswith("the first look compiles")
 
 
 @pytest.mark.parametrize(
