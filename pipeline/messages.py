@@ -42,6 +42,7 @@ def messages(settings, touch, video, epochs, followed, first_seen, odd=None):
         return
     yield from _unknown_names(touch.frames)
     yield from _guessed_order(settings, whisker_set)
+    yield from _assumed_place(settings, followed.pole)
     scenes, bright = _scenes(epochs), isinstance(video, Negative)
     yield from _of_whiskers(settings, touch, followed, _no_pole(settings, scenes, bright))
 
@@ -125,9 +126,16 @@ def _no_pole(settings, scenes, bright) -> str:
     size = settings.pole.diameter_mm * settings.recording.pixels_per_mm
     shade = "bright" if bright else "dark"
     seen = f"what was seen is {seen_instead_of_pole(scenes, shade)}; " if scenes else ""
+    missing = f"no pole of {settings.pole.diameter_mm:g} mm ({size:.0f} px) found"
+    if settings.pole.position_px is not None:
+        x, y = settings.pole.position_px
+        return (
+            f"{missing} at [pole] x_px, y_px = {x:g}, {y:g}, so no contacts; {seen}correct them, "
+            "or leave them out: then it is looked for"
+        )
     return (
-        f"no pole of {settings.pole.diameter_mm:g} mm ({size:.0f} px) found, so no contacts; "
-        f"{seen}if there is one, check [recording] pixels_per_mm and give [pole] x_px, y_px"
+        f"{missing}, so no contacts; {seen}if there is one, check [recording] pixels_per_mm and "
+        "give [pole] x_px, y_px"
     )
 
 
@@ -209,6 +217,20 @@ def _of_another_size(settings, pole):
             f"{settings.pole.diameter_mm:g}: correct it or [recording] pixels_per_mm = "
             f"{settings.recording.pixels_per_mm:g}, on which lengths and forces depend"
         )
+
+
+def _assumed_place(settings, pole):
+    """A pole that could not be measured where a person says that it is."""
+    given = settings.pole.position_px
+    if pole is None or given is None:
+        return
+    if set(zip(pole.x_px, pole.y_px, strict=True)) != {given}:  # a measured one is beside it
+        return
+    yield (
+        f"no disc is seen at [pole] x_px, y_px = {given[0]:g}, {given[1]:g}: the pole is taken to "
+        "be exactly there, on which contacts and forces depend; look at it in the picture that "
+        "`whiskerforce init` draws, and correct them, or leave them out: then it is looked for"
+    )
 
 
 def _passes_over(settings, touch, pole):

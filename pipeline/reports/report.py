@@ -1,6 +1,7 @@
 """report.html: one page on a session, for a screen and for paper; a page more for every video."""
 
 import functools
+import re
 from collections import defaultdict
 from pathlib import Path
 from urllib.parse import quote
@@ -24,6 +25,7 @@ from pipeline.tables.run_record import read_run
 
 PICTURES = 6  # examples of contacts
 STILLS = 12  # of flagged contacts, over all flags
+DOUBTS = 3  # videos whose main doubt is at the head
 NAMED = 5  # contacts named for every flag
 STACKS = 6  # videos whose time courses are on the page itself
 COURSES_FOLDER = Path("figures", "courses")
@@ -101,7 +103,25 @@ def _head(results, record, videos, contacts) -> dict:
         "folder": str(results.resolve()),
         "tables": [name for name in TABLES if (results / name).is_file()],
         "tiles": list(_tiles(videos, contacts, record)),
+        **_doubts(videos),
     }
+
+
+def _doubts(videos) -> dict:
+    """The main doubt of each of the first videos that have one, and how many more have."""
+    told = videos[videos["message"].fillna("") != ""]
+    first = told.iloc[:DOUBTS]
+    doubts = zip(first["video"], map(main_doubt, first["message"]), strict=True)
+    return {"doubts": list(doubts), "more_doubts": len(told) - len(first)}
+
+
+def main_doubt(message: str) -> str:
+    """The first of the sentences in a video's message.
+
+    >>> main_doubt("for 30 % it is not known (most of all w1; w2); no pole found")
+    'for 30 % it is not known (most of all w1; w2)'
+    """
+    return re.match(r"(\([^)]*\)|[^;])*", message)[0]
 
 
 def session_name(results, record) -> str:

@@ -108,6 +108,10 @@ def test_where_nothing_is_wrong_nothing_is_said():
          "reaches in from the right and bottom (17 % of the picture); if there is one"),
         ({"pole": None, "refused": ((3.0, 4.0, "a tuft"),)},
          "no pole of 0.5 mm (12 px) found, so no contacts; what was seen is a tuft (at 3, 4 px)"),
+        ({"pole": None, "pole_xy": (300, 200)},
+         "no pole of 0.5 mm (12 px) found at [pole] x_px, y_px = 300, 200, so no contacts; what "
+         "was seen is nothing dark and round; correct them, or leave them out"),
+        ({"pole_xy": (300, 200)}, "no disc is seen at [pole] x_px, y_px = 300, 200"),
         ({"known": 0.23}, "for 77 % of the traced lines it is not known which whisker they are"),
         ({"pole": PoleTrack(POLE.x_px, POLE.y_px, 0.3 * SCALE)}, "the pole looks 0.6 mm thick"),
         ({"across": 2, "contacts": ()}, "C2 passes over the pole at (300, 200) px in 2 frames"),
@@ -143,7 +147,7 @@ def test_of_many_whiskers_that_are_seldom_tracked_the_least_are_named():
         {"read": 60, "exact_count": False},  # the file's header only guesses
         {"across": 1, "contacts": ()},  # may be a mistake
         {"across": 50},  # it does touch
-        {"across": 50, "contacts": (), "pole_xy": (300, 200)},  # a person says it is the pole
+        {"across": 50, "contacts": (), "pole_xy": (301, 200)},  # a person says it is the pole
         {"tracked": 0.85},
         {"known": 0.85},
     ],

@@ -14,7 +14,7 @@ from pipeline.reports import figures, overlay, report, stills, vibration_map
 from pipeline.reports.session_numbers import read_contacts
 from pipeline.session.session_file import settings_from, write_session
 from pipeline.tables import files
-from pipeline.tables.columns import CONTACT_COLUMNS
+from pipeline.tables.columns import CONTACT_COLUMNS, VIDEO_COLUMNS
 
 
 @pytest.fixture(scope="module")
@@ -53,6 +53,18 @@ def test_videos_with_their_messages(page):
     assert "<b> & broken" not in page
     assert "2</b>videos, 1 failed" in page
     assert "100.0 %" in page
+
+
+def test_the_main_doubts_come_first(tmp_path):
+    results = make_results(tmp_path / "results", ())
+    videos = files.read_csv(results / "videos.csv", VIDEO_COLUMNS)
+    row = videos.iloc[:1].assign(message="names (of C1; C2) are in doubt; no forces: no length_mm")
+    files.write_csv(results / "videos.csv", pd.concat([row] * 5), VIDEO_COLUMNS)
+    page = report.write_report(results).read_text("utf-8")
+    head = page[: page.index("<h2")]
+    assert head.count("names (of C1; C2) are in doubt.") == report.DOUBTS
+    assert "no forces" not in head
+    assert "2 more\nvideos have messages" in head
 
 
 def test_numbers_figure_flags_settings_and_version(page):
@@ -190,8 +202,8 @@ def test_flags_lead_to_stills_of_bounded_number(tmp_path, monkeypatch):
     monkeypatch.setattr(overlay, "stills", lambda *a: [picture] * len(a[2]))
     contacts = [contact("one", n, 3 * n, 2, 5.0, flags=f"flag_{n % 6}; all") for n in range(1, 36)]
     page = report.write_report(make_results(tmp_path / "r", contacts)).read_text("utf-8")
-    links = re.findall(r'href="#([^"]*)"', page)
-    ids = re.findall(r' id="([^"]*)"', page)
+    links = re.findall(r'href="#(contact-[^"]*)"', page)
+    ids = re.findall(r' id="(contact-[^"]*)"', page)
     assert len(links) > report.STILLS
     assert set(links) <= set(ids)
     assert len(ids) == len(set(ids)) == report.PICTURES + report.STILLS
@@ -199,7 +211,7 @@ def test_flags_lead_to_stills_of_bounded_number(tmp_path, monkeypatch):
 
 
 def test_flags_without_videos_have_no_dead_links(page):
-    assert 'href="#' not in page
+    assert 'href="#contact-' not in page
 
 
 def test_peak_frame_is_where_the_force_is_largest(tmp_path):
