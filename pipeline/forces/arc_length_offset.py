@@ -49,11 +49,10 @@ LENGTH_WRONG = 0.01  # of lengths: have changed since they were measured; chosen
 FEWEST_ENDS, TIP_PART = 30, 0.3  # in which the tip must be seen at least; of the frames, too
 # how far the tip is beyond the mean end [px], measured in rendered videos: by how far it seems to
 # be; after a codec, a part by the ends' SD [px] and a pixel's size [mm], to these powers; and how
-# wrong that is, at least [px] and as a part of it, without and with a codec, where all frames
-# show the tip: it goes with the inverse square of their share
+# wrong that is, at least [px] and as a part of it, without and with a codec
 TIP_BY_FADING = 0.02, 1.0, -0.5
 TIP_BY_SCATTER = 0.7, 350.0, 1.5, 1.7
-TIP_SE_PX, TIP_SE_SHARE = 0.25, (0.1, 0.2)
+TIP_SE_PX, TIP_SE_SHARE = 0.25, (0.1, 0.3)
 TIP_FRAMES = 2.0  # neighbouring frames whose ends err together, at least
 TIP_LAGS = 8  # frames over which ends of a codec's pictures err together
 MOST_ROWS = 240  # frames that may touch whose bending is used
@@ -312,12 +311,12 @@ def _tip_place(places, good, excess, whisker, params):
     end, to_tip, px = places.last[good], places.to_tip[good], places.pixel
     if not np.isfinite(to_tip).any():
         return end.mean(), np.inf
-    codec, seen = 1 - 1 / max(excess, 1.0), len(end) / np.isfinite(places.last).sum()
+    codec = 1 - 1 / max(excess, 1.0)
     short = np.polyval(TIP_BY_FADING, np.nanmean(to_tip) / px)
     part, factor, *powers = TIP_BY_SCATTER
     erased = factor * np.prod(np.power([np.std(end) / px, 1e3 * px], powers))
     short += part * codec * (erased - short)
-    error = px * np.hypot(TIP_SE_PX, np.interp(codec, (0, 1), TIP_SE_SHARE) * short / seen**2)
+    error = px * np.hypot(TIP_SE_PX, np.interp(codec, (0, 1), TIP_SE_SHARE) * short)
     return whisker.length - px * short, np.hypot(1e-3 * params.tip_sd_mm, error)
 
 

@@ -151,16 +151,6 @@ def test_what_a_codec_erased_is_less_known(touching):
     assert tip_place(calm, 1.0) == pytest.approx(clean)
 
 
-def test_a_tip_that_half_of_the_frames_show_is_less_known(touching):
-    places = fading(touching.places, 8 * 40e-6)
-    at = np.where(np.arange(len(places)) % 2, places.last, places.last - 2e-3)
-    errors = [
-        arc_length_offset.origin_from_tip(own, mouse_c2(), times(touching), 80.0)[0].se.mean()
-        for own in (places, replace(places, last=at))
-    ]
-    assert errors[1] > 1.5 * errors[0]
-
-
 def test_how_a_line_fades_that_a_codec_erased_says_little_of_the_tip(touching):
     """Lines fade where a codec has erased them: in coarse pictures 10 px short of the tip."""
     scatter = 2.5 * 40e-6 * np.random.default_rng(2).normal(size=len(touching.places))
