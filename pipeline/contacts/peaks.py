@@ -3,7 +3,9 @@
 A Gaussian process (Rasmussen & Williams 2006, eqs 2.23, 2.24, 2.30): a touch is a half-Gaussian
 and a constant, each of any size, and what is smooth beside them, over the likeliest of some
 times. Frames err together, as the rest shape drifts and as a codec leaves pictures as they were:
-the force of the free frames about a touch, where it is zero, shows by how much.
+the force of the free frames about a touch, where it is zero, shows by how much. A whisker that
+lies still upon the same pixels errs by what no free frame shows: peaks of rendered touches are
+wrong by a frame's own standard error, however many frames they are the mean of.
 """
 
 import numpy as np
@@ -46,8 +48,9 @@ def touch_course(force, error, free, interpolated, start, stop):
     priors = _priors(frame, start, stop, size)
     fits = [_fitted(prior, force[shown], noise, seen) for prior in priors]
     _, factor, prior = max(fits, key=lambda fit: fit[0])
-    course, error = _posterior(factor, prior, force[shown], seen)
-    return frame[touching], course[touching], error[touching]
+    course, left = _posterior(factor, prior, force[shown], seen)
+    left = np.maximum(left, np.interp(frame, shown, error[shown]))
+    return frame[touching], course[touching], left[touching]
 
 
 def _about_largest(force, start):

@@ -23,7 +23,7 @@ The bending is right where the model is: a cone length that is 1 % off or a pole
 pixel wrong move its answer by 0.2 mm. So it counts less where the pole is not where the whisker
 bends. Where its answer contradicts the session and the tip, it is used all the same: forces are
 nearer to the truth with it than without (docs/assumptions.md). By how much they differ beyond
-twice what their errors explain counts as a standard error.
+three times what their errors explain counts as a standard error.
 
 No source is believed against all others: a length that contradicts the hidden length may be
 wrong, as likely as Bayes' rule has it, so that a whisker that has grown does not shift the base.
@@ -36,7 +36,7 @@ from scipy import sparse
 from scipy.special import expit
 
 from pipeline.forces import rod_fit
-from pipeline.forces.rod_fit import N_REST, RestPrior
+from pipeline.forces.rod_fit import RestPrior
 from pipeline.kinematics.stations import N_STATIONS, Stations
 from pipeline.numerics.robust import robust_sd
 from pipeline.numerics.runs import evenly
@@ -64,7 +64,7 @@ TOGETHER = 5.0  # rows that count as one: those of a contact err together
 # such errors are alike (all measured, rendered videos)
 LASTING_SHARE, LASTING_PX = 0.15, 1.6e-3
 LASTING_REACH_M = 0.25e-3
-EXPLAINED_SD = 2.0  # standard errors by which bending, tip and session may differ
+EXPLAINED_SD = 3.0  # standard errors by which bending, tip and session may differ
 POLE_LEVER = 6.0  # how much farther a misplaced pole moves the answer
 
 
@@ -193,7 +193,7 @@ def origin_from_bending(
         return evidence.solve()
     part = places.rows(rows).loaded()
     rest = replace(prior, drift=prior.drift[rows], cov=prior.cov[rows])
-    influence = np.zeros((len(rows), N_STATIONS + N_REST))
+    influence = np.zeros((len(rows), N_STATIONS))
     fit = rod_fit.fit_loaded(
         part, whisker, curvature_at, rest, friction[rows], influence=influence
     )
@@ -202,7 +202,7 @@ def origin_from_bending(
     bend, pull = (np.where(clean, fit[f"origin_{k}"], 0.0) for k in ("bend", "pull"))
     noise = _noise(pull, bend)
     weight, wish = bend / noise, (pull + bend * part.origin) / noise
-    common = _common_sd(bend.sum(), influence, part, fit, rest)
+    common = _lasting_sd(bend.sum(), influence, part, fit)
     sd = float(np.hypot(common, _misplaced_sd(fit["gap"], part.side)))
     try:
         found = evidence.beside(evidence.design[rows], weight, wish, sd).solve()
@@ -232,28 +232,21 @@ def _noise(pull, bend):
     return TOGETHER * max(0.5, float(np.mean(np.clip(deviation, -limit, limit) ** 2)))
 
 
-def _common_sd(bend, influence, part, fit, rest):
-    """Standard error [m] of the bending's answer from what is common to all of its rows.
+def _lasting_sd(bend, influence, part, fit):
+    """Standard error [m] of the bending's answer from stations' errors that do not average out.
 
-    Its parts are the stations' errors that do not average out, and the errors of the rest shape's
-    weights (`RestPrior`). `bend` [1/m²]: of all rows together.
+    `bend` [1/m²]: of all rows together. Errors of the rest shape, common to all rows too, are not
+    counted: rendered videos show none beside these and the scatter of the rows.
     """
-    rows = np.nan_to_num(influence)
     known = (part.information / np.fmax(fit["chi2"], 1.0)[:, None]).sum(axis=0)
     known /= np.maximum((part.information > 0).sum(axis=0), 1)
     noise = np.where(known > 0, 1 / np.sqrt(np.maximum(known, 1e-30)), 0.0)
     lasting = np.hypot(LASTING_SHARE * noise, LASTING_PX * part.pixel)
-    lasting *= rows[:, :N_STATIONS].sum(axis=0)
+    lasting *= np.nan_to_num(influence).sum(axis=0)
     spacing = part.spacing[part.whisker[0]]
     away = np.subtract.outer(np.arange(N_STATIONS), np.arange(N_STATIONS))
     alike = np.exp(-0.5 * (away * spacing / LASTING_REACH_M) ** 2)
-    variance = lasting @ alike @ lasting
-    if rest.weights_cov is not None:
-        u = np.nan_to_num(fit["angle"] - rest.centre) / rest.scale
-        powers = u[:, None] ** np.arange(len(rest.weights))
-        answers = powers.T @ rows[:, N_STATIONS:]
-        variance += np.einsum("ka,kalb,lb->", answers, rest.weights_cov, answers)
-    return float(np.sqrt(variance) / bend) if bend > 0 else np.inf
+    return float(np.sqrt(lasting @ alike @ lasting) / bend) if bend > 0 else np.inf
 
 
 def _misplaced_sd(gap, side):

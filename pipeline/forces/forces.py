@@ -238,9 +238,7 @@ def _rest_prior(model, angle, time) -> RestPrior:
     # the table's angle is good enough for how well the rest shape is known
     _, cov = model.predict(np.where(np.isfinite(angle), angle, model.centre), time)
     floor = np.eye(cov.shape[1]) * 1e-3**2
-    return RestPrior(
-        model.weights, model.centre, model.scale, model.drift(time), cov + floor, model.weights_cov
-    )
+    return RestPrior(model.weights, model.centre, model.scale, model.drift(time), cov + floor)
 
 
 def _force_noise(force, error, places, free, params):

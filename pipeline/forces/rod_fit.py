@@ -108,9 +108,7 @@ class RestPrior:
     """The rest shape as free frames show it: a = weights · (1, u, u², …) + drift, ± cov.
 
     `u` is (base angle − centre)/scale. `weights` (terms, N_REST), `drift` (rows, N_REST) or
-    zeros, `cov` (rows, N_REST, N_REST). Errors of the weights are common to all rows: their
-    covariance `weights_cov` (terms, N_REST, terms, N_REST) is part of `cov`; None where they are
-    not in question.
+    zeros, `cov` (rows, N_REST, N_REST).
     """
 
     weights: np.ndarray
@@ -118,7 +116,6 @@ class RestPrior:
     scale: float
     drift: np.ndarray
     cov: np.ndarray
-    weights_cov: np.ndarray | None = None
 
 
 def rest_basis(whisker: Whisker, arc_length) -> np.ndarray:
@@ -152,11 +149,10 @@ def fit_loaded(
     `friction`, one or (rows,), is the signed ratio of tangential to normal force, + pulls
     towards the tip. `shift` [m], one or (rows,), is added to the arc lengths beside
     `stations.origin`; the rest shape, measured without it, moves along. `influence`, if given, a
-    (rows, N_STATIONS + N_REST) array, is filled with how `origin_pull` follows an error of each
-    station across the whisker [1/m²], and of each coefficient of the prior's rest shape [1]; fits
-    are settled the finer then. `misfit`, if given, (rows, 2, N_STATIONS), is filled with
-    how far stations lie beside the rod, along its normal [m], and the variance of the rod's place
-    there [m²]; those without information, too.
+    (rows, N_STATIONS) array, is filled with how `origin_pull` follows an error of each station
+    across the whisker [1/m²]; fits are settled the finer then. `misfit`, if given, (rows, 2,
+    N_STATIONS), is filled with how far stations lie beside the rod, along its normal [m], and the
+    variance of the rod's place there [m²]; those without information, too.
     """
     load = friction, shift
     return _fit(stations, whisker, curvature_at, prior, load, influence, misfit)
@@ -176,7 +172,7 @@ def _fit(stations, whisker, curvature_at, prior, load=None, influence=None, misf
         np.full(n, np.nan, OUTPUT_ROW).view(np.recarray),
         np.full((n, N_REST), np.nan),
         np.full((n, N_REST, N_REST), np.nan),
-        np.empty((0, m + N_REST)) if influence is None else influence,
+        np.empty((0, m)) if influence is None else influence,
         np.empty((0, 2, m)) if misfit is None else misfit,
     )
     shift, friction = (np.broadcast_to(np.asarray(a, float), n).copy() for a in (shift, friction))
@@ -243,7 +239,7 @@ def _fit_rows(rows, setup, turning, out):
         report_pose(o, fitted, out.rest[row], out.rest_cov[row])
         if loaded:
             influence = out.influence[row : row + 1]
-            report_loads(o, problem, fitted, setup.at, setup.taper, precision, influence)
+            report_loads(o, problem, fitted, setup.at, setup.taper, influence)
         report_curvature(o, problem, fitted, setup.at)
         for each in out.misfit[row : row + 1]:
             _report_misfit(seen, fitted, each)

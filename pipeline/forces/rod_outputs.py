@@ -24,10 +24,10 @@ FEWEST_NEAR = 5
 
 
 @njit(**COMPILED)
-def report_loads(o, problem, fitted, at, taper, precision, influence):
+def report_loads(o, problem, fitted, at, taper, influence):
     """Fill one row of results that need the force, and its `influence` where there is room.
 
-    `at`, `taper` as in `Setup`; `precision` of the rest shape.
+    `at`, `taper` as in `Setup`.
     """
     load, force = problem.load, fitted.p[LOADED - 1]
     contact = laid_from(fitted.p, fitted.place)
@@ -40,7 +40,7 @@ def report_loads(o, problem, fitted, at, taper, precision, influence):
     o.lateral_var = variance(gradient[2], fitted.cov)
     _follow(problem.seen, fitted, follows, o)
     for each in influence:
-        _influence(problem.seen, fitted, follows, precision, each)
+        _influence(problem.seen, fitted, follows, each)
     o.force_by_origin = follows[LOADED - 1]
     o.moment_by_origin = (gradient[0] * follows).sum()
     o.axial_by_origin = (gradient[1] * follows).sum()
@@ -199,20 +199,15 @@ def _follow(seen, fitted, follows, o):
 
 
 @njit(**COMPILED)
-def _influence(seen, fitted, follows, precision, out):
-    """Fill `out` with the change of the origin's pull by an error of each station and rest term.
+def _influence(seen, fitted, follows, out):
+    """Fill `out` with the change of the origin's pull by an error of each station.
 
     What the pull is for a rod that is fitted again: a misfit counts as far as no parameter
-    answers to it, and a rest shape as far as the stations do not correct the prior.
+    answers to it.
     """
     laid, chi2 = fitted.laid, fitted.chi2
     info, shift = seen.information, laid.shift
-    m, terms = len(info), len(precision)
-    for j in range(terms):
-        out[m + j] = 0.0
-        for b in range(terms):
-            out[m + j] += follows[2 + b] * precision[b, j] * max(chi2, 1.0)
-    for k in range(m):
+    for k in range(len(info)):
         out[k] = 0.0
         if not info[k] > 0:
             continue

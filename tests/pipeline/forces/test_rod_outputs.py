@@ -27,7 +27,7 @@ def fitted(places, rest=None, **more):
     """Fine fits of all rows; `rest` (rows, N_REST) is added to the rest shape [1/m]."""
     prior, n = known_rest(len(places), sd=REST_SD), len(places)
     prior = prior if rest is None else replace(prior, drift=rest)
-    fine = np.empty((n, N_STATIONS + N_REST))
+    fine = np.empty((n, N_STATIONS))
     return rod_fit.fit_loaded(places, mouse_c2(), CURVATURE_AT, prior, influence=fine, **more)
 
 
