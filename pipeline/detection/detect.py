@@ -20,6 +20,7 @@ from pipeline.detection.line_choice import (
 )
 from pipeline.detection.tracing_options import TracingOptions
 from pipeline.numerics import polyline
+from pipeline.numerics.polyline import bilinear
 from pipeline.session.quantities import pixels_in
 
 WORTH_FITTING = 0.5  # of the darkness wanted of a line, along the ridge that leads to it
@@ -106,7 +107,8 @@ def _sense(curve, absorbance, outside, off_edges, limits):
     shortest, base_gap, darkness = limits
     if _length(curve) < shortest:
         return 0
-    first, last = _value_at(outside, curve[0]), _value_at(outside, curve[len(curve) - 1])
+    begin, end = curve[0], curve[len(curve) - 1]
+    first, last = bilinear(outside, begin[0], begin[1]), bilinear(outside, end[0], end[1])
     if min(first, last) >= base_gap:
         return 0
     if not line_fit.is_clear(curve[:, 0], curve[:, 1], len(curve), off_edges):
@@ -114,14 +116,6 @@ def _sense(curve, absorbance, outside, off_edges, limits):
     if _darkness(absorbance, curve) < darkness:
         return 0
     return -1 if last < first else 1
-
-
-@njit(cache=True)
-def _value_at(values, place):
-    """The value of an image (height, width) at a place (x, y), or at the edge nearest to it."""
-    height, width = values.shape
-    column = min(max(int(np.rint(place[0])), 0), width - 1)
-    return values[min(max(int(np.rint(place[1])), 0), height - 1), column]
 
 
 @njit(cache=True)

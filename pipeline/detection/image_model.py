@@ -24,7 +24,7 @@ class Picture(NamedTuple):
     Attributes
     ----------
     image : uint8 (height, width)
-    background, weight, outside : as in `ImageModel`
+    background, weight, outside, off_edges : as in `ImageModel`
     gain : brightness over the background's
     """
 
@@ -32,6 +32,7 @@ class Picture(NamedTuple):
     background: np.ndarray
     weight: np.ndarray
     outside: np.ndarray
+    off_edges: np.ndarray
     gain: float
 
 
@@ -39,7 +40,8 @@ class Picture(NamedTuple):
 class ImageModel:
     """The static scene as the tracer uses it: arrays of float32 (height, width).
 
-    `off_edges` is how much farther than `edge_px` it is to face, obstacles and moving fur [px];
+    `off_edges` is how much farther than `edge_px` it is to face, obstacles and moving fur [px],
+    but for the pole, along which whiskers do lie;
     `faintest` is the light that a line takes, below which nothing of it is seen, measured over
     `half` px to both sides of every node;
     `gain_points` are those of line_profile.frame_gain, on pixels that are free of all things;
@@ -86,6 +88,7 @@ class ImageModel:
         off_edges = cv2.distanceTransform(seen.astype(np.uint8), cv2.DIST_L2, 5) - params.edge_px
         if scene.moving_fur is not None:
             off_edges[scene.moving_fur] = -params.edge_px
+        _clear_of_pole(off_edges, scene.pole, params.edge_px)
         usual = float(np.median(noise[usable])) if usable.any() else np.inf
         least = max(params.faintest_sd * usual, params.faintest_share * absorbed)
         half = LEAST_HALF * np.clip((usual / params.quiet) ** 2, 1, MOST_HALF / LEAST_HALF)
@@ -97,11 +100,21 @@ class ImageModel:
 
     def picture(self, image, gain) -> Picture:
         """Return a frame of this scene for compiled code."""
-        return Picture(image, self.background, self.weight, self.outside, gain)
+        return Picture(image, self.background, self.weight, self.outside, self.off_edges, gain)
 
     def gain(self, image) -> float:
         """Brightness of a frame over the background's."""
         return line_profile.frame_gain(image, *self.gain_points)
+
+
+def _clear_of_pole(off_edges, pole, edge_px) -> None:
+    """Raise `off_edges` to `edge_px` about the pole, wherever it stands; in place."""
+    if pole is None:
+        return
+    places = np.rint(np.column_stack([pole.x_px, pole.y_px]))
+    for x, y in np.unique(places[np.isfinite(places).all(axis=1)], axis=0).astype(int):
+        about = round(pole.radius_px + edge_px) + 1
+        cv2.circle(off_edges, (int(x), int(y)), about, float(edge_px), cv2.FILLED)
 
 
 def translucent(background, variance, obstacles, params=DEFAULTS.detection) -> np.ndarray:

@@ -178,21 +178,30 @@ def is_clear(x, y, n, off_edges):
     """
     count = 0
     for i in range(n):
-        first, last = max(i - ALONG, 0), min(i + ALONG, n - 1)
-        here = _at(off_edges, x[i], y[i])
-        change = _at(off_edges, x[last], y[last]) - _at(off_edges, x[first], y[first])
-        count += here > 0 or abs(change) > STEEP * (last - first)
+        count += not _is_along(x, y, i, n, off_edges)
     return 2 * count > n
 
 
 @njit(cache=True)
-def _at(off_edges, x, y):
-    """Value at a place, as at an edge outside of the picture."""
-    height, width = off_edges.shape
-    column, row = int(x + 0.5), int(y + 0.5)
-    if 0 <= row < height and 0 <= column < width:
-        return off_edges[row, column]
-    return np.float32(-1.0)
+def without_edge(x, y, n, off_edges):
+    """Number of nodes of a line without what runs along an edge at its end.
+
+    A whisker that ends at the animal's body is not to go on along the body's outline.
+    """
+    end = n
+    while end > 0 and _is_along(x, y, end - 1, n, off_edges):
+        end -= 1
+    return end if n - end > 2 * ALONG else n
+
+
+@njit(cache=True)
+def _is_along(x, y, i, n, off_edges):
+    """Whether node i of a line lies at an edge and the line runs along that edge there."""
+    if bilinear(off_edges, x[i], y[i]) > 0:
+        return False
+    first, last = max(i - ALONG, 0), min(i + ALONG, n - 1)
+    before, after = bilinear(off_edges, x[first], y[first]), bilinear(off_edges, x[last], y[last])
+    return abs(after - before) <= STEEP * (last - first)
 
 
 @njit(cache=True)
@@ -351,6 +360,7 @@ def refine(picture, nodes, n, fit, scratch):
         far = farthest > fit.farthest or end < STILL_SEEN * known
         if step == 0 and fit.farthest < np.inf and far:
             return 0, 0.0
+    end = without_edge(x, y, end, picture.off_edges)
     if end < SHORTEST:
         return 0, 0.0
     return end, _keep_measured(nodes, end, work)

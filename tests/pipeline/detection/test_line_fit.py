@@ -1,11 +1,14 @@
 """Following one whisker across what hides it, on pictures drawn from the exact profile."""
 
+from dataclasses import replace
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
 from pipeline.detection import line_fit, line_profile
 from pipeline.detection.image_model import ImageModel
-from pipeline.detection.static_scene import StaticScene
+from pipeline.detection.static_scene import PoleTrack, StaticScene
 from pipeline.session.recording import Recording
 from pipeline.tracking import bends
 from pipeline.tracking.options import options_for
@@ -191,3 +194,41 @@ def test_a_line_may_be_near_an_edge_but_not_along_it(begin, end, clear):
     n = int(np.hypot(*np.subtract(end, begin)))
     x, y = np.linspace(begin, end, n).T
     assert line_fit.is_clear(x, y, n, distance_from_walls()) == clear
+
+
+@pytest.mark.parametrize(
+    ("corners", "kept"),
+    [
+        ([(70, 20), (24, 60), (23, 100)], 1),  # off the face to the body, then on along it
+        ([(70, 20), (21, 60)], 2),  # ends at the body
+        ([(22, 20), (22, 70), (60, 110)], 3),  # between them at its base, in the open at its end
+        ([(70, 20), (24, 60), (22, 70)], 3),  # touches the body with its tip alone
+    ],
+)
+def test_what_a_line_adds_along_an_edge_at_its_end_is_cut(corners, kept):
+    parts = [_straight(a, b) for a, b in pairwise(corners)]
+    x, y = np.concatenate(parts).T
+    n = line_fit.without_edge(x, y, len(x), distance_from_walls())
+    wanted = sum(map(len, parts[:kept]))
+    assert abs(n - wanted) <= line_fit.ALONG
+
+
+def _straight(begin, end):
+    """Nodes 1 px apart from `begin` to `end`, which is not among them."""
+    return np.linspace(begin, end, int(np.hypot(*np.subtract(end, begin))), endpoint=False)
+
+
+def test_a_tip_that_lies_against_a_thick_pole_is_kept():
+    x0, y0, radius = 300.0, 150.0, 25.0
+    far = np.hypot(*np.meshgrid(np.arange(600) - x0, np.arange(300) - y0))
+    dark = np.where(far < radius, 5, bare(LIGHT)).astype(np.float32)
+    before = replace(scene(LIGHT), background=dark, obstacle_mask=far < radius)
+    pole = PoleTrack(np.full(1, x0), np.full(1, y0), radius)
+    x = np.arange(FACE, x0 + 12)  # passes at the pole's edge, and ends 12 px farther
+    y = np.full(len(x), y0 - radius - 1)
+    kept = [
+        line_fit.without_edge(x, y, len(x), ImageModel.from_scene(each).off_edges)
+        for each in (before, replace(before, pole=pole))
+    ]
+    assert kept[0] < len(x) - 16  # anything else as large is an edge
+    assert kept[1] == len(x)
