@@ -68,13 +68,11 @@ def improved(evidence: Evidence, names, track) -> np.ndarray:
     """
     rows_of = _table(evidence, names)
     pairs = _alike(evidence, rows_of)
-    kept = {pair: _nothing_kept(rows_of.shape[1]) for pair in pairs}
+    kept = _nothing_kept(len(pairs), rows_of.shape[1])
     changed, fresh = np.ones(len(rows_of), bool), np.ones(len(names), bool)
     for number in range(MOST_ROUNDS):
         before, changed = changed, np.zeros(len(rows_of), bool)
-        for a, b in pairs:
-            if before[[a, b]].any() or changed[[a, b]].any():
-                changed[[a, b]] |= _exchange(evidence, rows_of, a, b, kept[a, b])
+        _exchange_all(evidence, rows_of, pairs, kept, before, changed)
         if number < CLAIM_ROUNDS:
             changed |= _claims(evidence, rows_of, track, before | changed, fresh)
         if not changed.any():
@@ -99,20 +97,27 @@ def certainty(evidence: Evidence, names, trust=TRUST) -> np.ndarray:
 
 
 def _alike(evidence, rows_of):
-    """Pairs of whiskers (a, b), b < a, of which one is among the most like the other.
+    """Pairs (n, 2) of whiskers, the later one first, of which one is most like the other.
 
     Like it are those whose name costs its lines least. With these alone, not with all, the time
     grows with the number of whiskers and not with its square.
     """
-    count = len(rows_of)
-    cost = np.full((count, count), np.inf)
-    for a, rows in enumerate(rows_of):
-        if (rows >= 0).any():
-            cost[a] = np.median(evidence.look[rows[rows >= 0]], axis=0)
+    count, cost = len(rows_of), _usual_looks(evidence.look, rows_of)
     np.fill_diagonal(cost, np.inf)
     nearest = np.argsort(cost, axis=1)[:, :MOST_LIKE]
     pairs = {(max(a, b), min(a, b)) for a in range(count) for b in nearest[a] if a != b}
-    return sorted((int(a), int(b)) for a, b in pairs)
+    return np.array(sorted(pairs), int).reshape(-1, 2)
+
+
+@njit(cache=True)
+def _usual_looks(look, rows_of):
+    """Median cost of every whisker's rows by every name; infinite for one that is not seen."""
+    out = np.full((len(rows_of), len(rows_of)), np.inf)
+    for a in range(len(rows_of)):
+        own = look[rows_of[a][rows_of[a] >= 0]]
+        for b in range(len(out) if len(own) else 0):
+            out[a, b] = np.median(own[:, b])
+    return out
 
 
 def runs(names, track, frame):
@@ -142,19 +147,9 @@ def _names(rows_of, count):
     return names
 
 
-def _nothing_kept(frames):
-    """Room for a pair's steps (frames, 2, 2), and for the rows (frames,) that they are of."""
-    return np.zeros((frames, 2, 2)), *np.full((2, frames), -2, np.int32)
-
-
-def _exchange(evidence, rows_of, a, b, kept) -> bool:
-    """Exchange two whiskers' rows, in place, where that is likelier; whether it was.
-
-    kept : as of `_nothing_kept`, which is brought up to date
-    """
-    _renew(evidence, a, b, rows_of[a], rows_of[b], *kept)
-    states, gain = _best_states(kept[0])
-    return gain >= LEAST_GAIN and _exchange_parts(evidence, a, b, rows_of[a], rows_of[b], states)
+def _nothing_kept(pairs, frames):
+    """Room for every pair's steps (pairs, frames, 2, 2), and for the rows that they are of."""
+    return np.zeros((pairs, frames, 2, 2)), np.full((pairs, 2, frames), -2, np.int32)
 
 
 def _claims(evidence, rows_of, track, changed, fresh):
@@ -205,6 +200,24 @@ def link(evidence, a, i, j):
         usual *= sd**2
     cost = 0.5 * np.log((1.0 + square / TAIL) ** freedom * (wider / usual))
     return cost + (SEEN_AGAIN if gap > 1 else 0.0) + renamed
+
+
+@njit(cache=True)
+def _exchange_all(evidence, rows_of, pairs, kept, before, changed):
+    """Exchange the rows of one pair after the other, in place, where that is likelier.
+
+    kept : as of `_nothing_kept`, which is brought up to date
+    before, changed : (whiskers,) those whose rows changed in the last round, and in this one
+    """
+    steps, known = kept
+    for k in range(len(pairs)):
+        a, b = pairs[k]
+        if before[a] or before[b] or changed[a] or changed[b]:
+            one, other = rows_of[a], rows_of[b]
+            _renew(evidence, a, b, one, other, steps[k], known[k, 0], known[k, 1])
+            states, gain = _best_states(steps[k])
+            if gain >= LEAST_GAIN and _exchange_parts(evidence, a, b, one, other, states):
+                changed[a] = changed[b] = True
 
 
 @njit(cache=True, error_model="numpy")

@@ -186,8 +186,10 @@ def test_no_exchange_makes_names_dearer_where_whiskers_are_often_not_seen(seed):
     table = label_swaps._table(known, named)
     for a, b in [(1, 0), (2, 1), (3, 2), (4, 0), (4, 3)]:
         before = cost_of(known, label_swaps._names(table, len(named)))
-        kept = label_swaps._nothing_kept(table.shape[1])
-        took = label_swaps._exchange(known, table, a, b, kept)
+        kept, changed = label_swaps._nothing_kept(1, table.shape[1]), np.zeros(len(table), bool)
+        pair = np.array([(a, b)])
+        label_swaps._exchange_all(known, table, pair, kept, ~changed, changed)
+        took = changed.any()
         after = cost_of(known, label_swaps._names(table, len(named)))
         assert after < before if took else after == before
 
@@ -197,7 +199,7 @@ def test_steps_that_are_kept_are_those_of_the_rows_as_they_are_now(seed):
     rng = np.random.default_rng(seed)
     known, _, true = evidence(rng)
     table = label_swaps._table(known, true)
-    kept = label_swaps._nothing_kept(table.shape[1])
+    (steps,), ((mine, theirs),) = label_swaps._nothing_kept(1, table.shape[1])
     for _ in range(20):
         first = rng.integers(FRAMES)
         part = slice(first, first + rng.integers(1, 30))
@@ -205,9 +207,9 @@ def test_steps_that_are_kept_are_those_of_the_rows_as_they_are_now(seed):
             table[[0, 1], part] = table[[1, 0], part]
         else:
             table[rng.integers(2), part] = -1
-        label_swaps._renew(known, 1, 0, table[1], table[0], *kept)
+        label_swaps._renew(known, 1, 0, table[1], table[0], steps, mine, theirs)
         afresh = label_swaps._steps(known, 1, 0, table[1], table[0], (-1, -1))
-        assert np.array_equal(kept[0], afresh)
+        assert np.array_equal(steps, afresh)
 
 
 def test_a_line_that_is_seen_to_go_on_keeps_its_name():
