@@ -173,8 +173,8 @@ def _guessed_order(settings, whisker_set):
     elif any(whisker.length_mm is None for whisker in settings.whisker):
         yield (
             f"the order of {row} along the face is guessed from how thick they look, in each "
-            "video anew: give length_mm of all, and look whether a name is the same whisker's in "
-            "all videos"
+            "video anew: look whether a name is the same whisker's in all videos; length_mm of "
+            "all makes it surer where tips are in view"
         )
 
 
