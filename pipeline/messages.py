@@ -4,10 +4,13 @@ from collections import defaultdict
 
 import numpy as np
 
+from pipeline.detection.static_scene import OUTWARD
 from pipeline.errors import counted
 from pipeline.scene.face import thickening_towards
 from pipeline.scene.what_was_seen import seen_instead_of_pole, seen_instead_of_whiskers
 from pipeline.session.schema import SIDES, UPRIGHT
+from pipeline.tracking.given_lengths import posterior_first
+from pipeline.tracking.snout import snout_of
 from pipeline.video.changed import Negative
 
 SELDOM_TRACKED = 0.8  # a whisker seen in less than this part of the frames is worth a message
@@ -157,24 +160,42 @@ def _unknown_names(frames):
 
 
 def _guessed_order(settings, whisker_set):
-    """Names that follow from which end of the row looks like the snout's, in each video anew.
+    """Names that follow from which end of the row is the snout's, where that is not sure.
 
     The two sides of a face show where the snout is, and so may lengths.
     """
-    found = whisker_set.found
+    found, snout = whisker_set.found, settings.recording.snout
     if len(found) < 2 or all(name.startswith(ON_A_SIDE) for name in found):
         return
     row = f"{found[0]} to {found[-1]}"
     if not settings.whisker:
+        first = "the snout" if snout else "the end of the row where whiskers look thinner"
         yield (
-            f"{row} are numbered in each video anew, from the end of the row where whiskers look "
-            "thinner: in another video, the same name may be another whisker's"
+            f"{row} are numbered in each video anew, from {first} on: in another video, the same "
+            "name may be another whisker's"
         )
+    elif snout:
+        yield from _other_end(whisker_set, settings.recording)
     elif any(whisker.length_mm is None for whisker in settings.whisker):
         yield (
             f"the order of {row} along the face is guessed from how thick they look, in each "
-            "video anew: look whether a name is the same whisker's in all videos; length_mm of "
-            "all makes it surer where tips are in view"
+            "video anew: write [recording] snout, the side of the picture that it is nearest to, "
+            "and run again"
+        )
+
+
+def _other_end(whisker_set, recording):
+    """Names in an order from another end than the snout's, as lengths wanted it."""
+    outward = OUTWARD[recording.face]
+    templates = [each for each in whisker_set.templates if np.isfinite(each.base_xy).all()]
+    if posterior_first(whisker_set.given):
+        templates = templates[::-1]
+    seen = snout_of(templates, np.abs(outward[::-1]))
+    if seen not in (None, recording.snout):
+        yield (
+            f'[recording] snout = "{recording.snout}", but by their lengths the whiskers stand in '
+            f"order from the {seen}, and are named so in this video: correct snout or the "
+            "lengths, and run again"
         )
 
 

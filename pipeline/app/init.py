@@ -1,6 +1,6 @@
 """A first session.toml from a look at the videos, and a picture of what was found."""
 
-from collections import defaultdict
+from collections import Counter, defaultdict
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -18,8 +18,10 @@ from pipeline.session.inputs import PREVIEW_NAME, SETTINGS_NAME, find_inputs
 from pipeline.session.recording import Recording
 from pipeline.session.session_file import read_session, settings_from, write_session
 from pipeline.tables import files
+from pipeline.tracking.matching import Ruler
 from pipeline.tracking.registry import find_templates
-from pipeline.tracking.two_sides import counted_names
+from pipeline.tracking.snout import snout_of
+from pipeline.tracking.two_sides import counted_names, cuts_between
 from pipeline.tracking.whisker_evidence import whisker_like
 from pipeline.tracking.whiskers import TEMPLATE_FRAMES, options_for_picture
 from pipeline.video.open import open_video
@@ -32,12 +34,16 @@ SCALES = (1.0, 0.6, 1.6, 0.4, 2.5)  # of the usual one, tried in this order for 
 
 @dataclass(frozen=True)
 class Look:
-    """What was found in one video: what stands still, the scale, and names for the whiskers."""
+    """What was found in one video: what stands still, the scale, and names for the whiskers.
+
+    `snout` is the picture's side that it is nearest to, None where both sides of a face are seen.
+    """
 
     path: Path
     scene: StaticScene
     pixels_per_mm: float
     names: tuple[str, ...]
+    snout: str | None = None
 
     @property
     def pole(self) -> tuple[float, float, float] | None:
@@ -122,7 +128,11 @@ def look_at(path) -> Look:
     if not likely:
         scene, scale = without_pole(scene), _usual_scale(video)
     names = counted_names(likely, scene.face_side, options)
-    return Look(Path(path), scene, scale, names)
+    along = Ruler.of(scene.face_side, options).along
+    snout = (
+        None if cuts_between(likely, along, options.params.identity) else snout_of(likely, along)
+    )
+    return Look(Path(path), scene, scale, names, snout)
 
 
 def _usual_scale(video) -> float:
@@ -182,6 +192,9 @@ def findings(looks):
         "whisker": [{"name": name} for name in names],
         "pole": {"diameter_mm": POLE_DIAMETER_MM},
     }
+    snout = _snout(looks)
+    if snout:
+        document["recording"]["snout"] = snout
     how = (
         f"GUESS from the pole, taken to be {POLE_DIAMETER_MM:g} mm thick"
         if poles
@@ -191,6 +204,7 @@ def findings(looks):
         "recording.frames_per_second": "GUESS, the files do not say",
         "recording.pixels_per_mm": f"{how}; measure it: forces depend on it",
         "recording.face": "found in the picture",
+        "recording.snout": "GUESS, whiskers look thinner there" if snout else "",
         "whisker.name": "found in the picture, anterior to posterior",
         "whisker.length_mm": "needed for forces, like the next two",
         "pole.diameter_mm": "GUESS",
@@ -201,6 +215,15 @@ def findings(looks):
         x, y, _ = np.mean(poles, axis=0)
         document["pole"] |= {"x_px": round(float(x), 1), "y_px": round(float(y), 1)}
     return document, notes
+
+
+def _snout(looks) -> str | None:
+    """Where the snout is in most looks that show it, by how many whiskers they show."""
+    votes = Counter()
+    for look in looks:
+        if look.snout and look.scene.face_side == looks[0].scene.face_side:
+            votes[look.snout] += len(look.names)
+    return max(votes, key=votes.get, default=None)
 
 
 def _pole_note(looks) -> str:

@@ -5,11 +5,16 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Recording:
-    """What the camera saw: frame rate [1/s], scale [px/mm], the image's side with the face."""
+    """What the camera saw: frame rate [1/s], scale [px/mm], the image's side with the face.
+
+    `snout` is the side that the snout is nearest to, of the two that the face's side joins; None:
+    not known. Of a face that shows both its sides it is not needed.
+    """
 
     frames_per_second: float
     pixels_per_mm: float
     face: str
+    snout: str | None = None
 
     @property
     def pixels_per_m(self) -> float:

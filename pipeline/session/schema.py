@@ -44,10 +44,13 @@ class RecordingSettings(_Table):
     face: Literal["left", "right", "top", "bottom"] = Field(
         description="side of the image: left, right, top, bottom"
     )
+    snout: Literal["left", "right", "top", "bottom"] | None = Field(
+        None, description="side nearest to it; top or bottom of a face at the left or right"
+    )
 
     def si(self) -> Recording:
         """Return it as the `Recording` that travels through the pipeline."""
-        return Recording(self.frames_per_second, self.pixels_per_mm, self.face)
+        return Recording(self.frames_per_second, self.pixels_per_mm, self.face, self.snout)
 
 
 class WhiskerSettings(_Table):

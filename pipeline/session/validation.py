@@ -145,11 +145,26 @@ def _contradictions(document) -> list[str]:
     problems += _repeated_names(tables)
     problems += _curvature_contradictions(document, tables)
     problems += _unknown_names(document, tables)
+    problems += _snout_contradictions(document.get("recording"))
     pole = document.get("pole", {})
     if isinstance(pole, dict) and ("x_px" in pole) != ("y_px" in pole):
         absent = "y_px" if "x_px" in pole else "x_px"
         problems.append(f"[pole] {absent} is missing; give x_px and y_px, or neither")
     return problems
+
+
+def _snout_contradictions(recording) -> list[str]:
+    """A snout that is not at one end of the face's side."""
+    recording = recording if isinstance(recording, dict) else {}
+    face, snout = recording.get("face"), recording.get("snout")
+    upright = ("left", "right"), ("top", "bottom")
+    for faces, snouts in (upright, upright[::-1]):
+        if face in faces and snout in faces:
+            return [
+                f'[recording] snout = "{snout}": expected {" or ".join(snouts)}, as the face is '
+                f"at the {face}; correct one of them, or leave snout out"
+            ]
+    return []
 
 
 def _whisker_contradictions(table, place) -> list[str]:

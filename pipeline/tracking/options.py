@@ -14,7 +14,7 @@ def options_for(
 
     Parameters
     ----------
-    recording : frame rate and scale
+    recording : frame rate, scale, and where the snout is, if known
     lengths_m, hidden_m : follicle-to-tip lengths of the expected whiskers and their parts
         hidden in the fur [m]; empty where unknown
     cone_m : their follicle-to-apex lengths [m]; empty where unknown
@@ -38,5 +38,6 @@ def options_for(
         cone_px=tuple(scale * c for c in cone_m),
         pixels_per_m=scale,
         frames_per_second=recording.frames_per_second,
+        snout=recording.snout,
         params=params,
     )

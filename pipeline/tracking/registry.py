@@ -20,6 +20,7 @@ from pipeline.tracking.given_lengths import (
     runs_backwards,
 )
 from pipeline.tracking.matching import Ruler
+from pipeline.tracking.snout import anterior_first
 
 SEEN_TOGETHER = 3.0  # frames: two whiskers that would so often by chance are, at least once
 FEWEST_WHOLE = 3  # lines needed for a whisker's length
@@ -132,12 +133,13 @@ def find_templates(
         chosen = mostly_seen(share, strength, options.params.tracking)
     templates = [_template(groups[k]) for k in chosen]
     templates.sort(key=lambda template: ruler.order_place(template.signature))
+    templates = anterior_first(templates, options.snout)
     names = names or [f"w{i + 1}" for i in range(len(templates))]
     known = len(options.visible_px) == len(names)
     longest = options.visible_px if known else [np.inf] * len(names)
     given = dict(zip(names, longest, strict=True))
     ground = line_ends.open_ground(scene) if known else None
-    return named_as_given(templates, GivenLengths(given, ground), gets_thinner_backwards)
+    return named_as_given(templates, GivenLengths(given, ground))
 
 
 def mostly_seen(share, strength, params) -> np.ndarray:
@@ -152,23 +154,21 @@ def mostly_seen(share, strength, params) -> np.ndarray:
     return np.flatnonzero(often & (strength >= least))
 
 
-def named_as_given(
-    templates, given: GivenLengths, backwards=lambda templates: False
-) -> list[WhiskerTemplate]:
-    """The templates, in order along the face, as whiskers of session.toml, in the order of these.
+def named_as_given(templates, given: GivenLengths) -> list[WhiskerTemplate]:
+    """The templates, anterior first, as whiskers of session.toml, in the order of these.
+
+    Lengths, where they tell the order, are surer than which end is the anterior one.
 
     Parameters
     ----------
     templates : no more than given
     given : infinite lengths: not known
-    backwards : tells of templates whether they stand posterior → anterior; asked where lengths do
-        not tell the order
     """
     names, longest = list(given.longest_px), list(given.longest_px.values())
     whole = [_whole_length(template.samples, given.ground) for template in templates]
     reverse = runs_backwards(whole, longest)
     if reverse is None:
-        reverse = backwards(templates) != posterior_first(names)
+        reverse = posterior_first(names)
     if reverse:
         templates, whole = templates[::-1], whole[::-1]
     numbers = numbers_in_order(whole, longest)
@@ -260,25 +260,6 @@ def _by_scene(frames, scene, indices):
     owner = np.searchsorted(starts, indices, side="right") - 1
     pairs = [(e.scene, frames[owner == k]) for k, e in enumerate(scene) if e.scene is not None]
     return [(s, f) for s, f in pairs if len(f)]
-
-
-def gets_thinner_backwards(templates: list[WhiskerTemplate]) -> bool:
-    """Whether whiskers get thinner, or else shorter, in the reverse order along the face.
-
-    So they do anteriorly: thickness is surer than length, which the border may cut.
-    """
-    if len(templates) < 2:
-        return False
-    lengths = [template.visible_px for template in templates]
-    thickness = [
-        np.median([np.nanmedian(line.thickness[10 : line.n // 3]) for line in template.samples])
-        for template in templates
-    ]
-    for values, least in ((thickness, 0.02), (lengths, 0.0)):
-        slope = np.polyfit(np.arange(len(templates)), values, 1)[0]
-        if abs(slope) > least * np.mean(values):
-            return slope < 0
-    return False
 
 
 def _whole_length(lines, ground) -> float:

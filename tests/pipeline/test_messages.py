@@ -32,11 +32,16 @@ def said_of(whiskers=({**WHISKER, "name": "C2"},), pole_xy=None, **changes):
         "n_frames": 100, "exact_count": True, "read": 100, "found": ("C2",), "pole": POLE,
         "tracked": 1.0, "known": 1.0, "across": 0, "contacts": ("C2",), "light": 200,
         "refused": (), "thing": np.s_[:0], "problems": (), "odd": None, "side": None,
-        "out": np.s_[:0], "bright": False, "first_seen": None,
+        "out": np.s_[:0], "bright": False, "first_seen": None, "recording": {}, "rows": (50, 90),
     } | changes  # fmt: skip
     settings = settings_from(
         {
-            "recording": {"frames_per_second": 1000, "pixels_per_mm": SCALE, "face": "left"},
+            "recording": {
+                "frames_per_second": 1000,
+                "pixels_per_mm": SCALE,
+                "face": "left",
+            }
+            | given["recording"],
             "whisker": list(whiskers),
             "pole": dict(zip(("x_px", "y_px"), pole_xy, strict=True)) if pole_xy else {},
         }
@@ -54,9 +59,12 @@ def said_of(whiskers=({**WHISKER, "name": "C2"},), pole_xy=None, **changes):
         contacts=pd.DataFrame({"whisker": list(given["contacts"])}),
     )
     names = tuple(w.name for w in settings.whisker) or given["found"]
-    templates = [SimpleNamespace(samples=()) for _ in given["found"]]
+    templates = [
+        SimpleNamespace(samples=(), base_xy=np.array([20.0, row]))
+        for _, row in zip(given["found"], given["rows"], strict=False)
+    ]
     whisker_set = SimpleNamespace(
-        names=names, found=given["found"], templates=templates, refused=()
+        names=names, found=given["found"], templates=templates, refused=(), given=names
     )
     followed = SimpleNamespace(whisker_set=whisker_set, n_frames=given["read"], pole=given["pole"])
     video = SimpleNamespace(
@@ -174,6 +182,24 @@ def test_an_order_that_is_guessed_in_each_video_is_doubted(whiskers, found, said
     first = [message for message in said_of(whiskers=whiskers, found=found) if "anew" in message]
     assert len(first) == (said is not None)
     assert all(message.startswith(said) for message in first)
+
+
+@pytest.mark.parametrize(
+    ("snout", "rows", "doubted"),
+    [("top", (50, 90), False), ("bottom", (50, 90), True), ("bottom", (90, 50), False),
+     ("top", (50, np.nan), False)],
+)  # fmt: skip
+def test_an_order_from_another_end_than_the_snout_is_doubted(snout, rows, doubted):
+    whiskers = SHORTER | {"name": "a"}, {**WHISKER, "name": "b"}
+    said = said_of(whiskers=whiskers, found=("a", "b"), recording={"snout": snout}, rows=rows)
+    assert [f'[recording] snout = "{snout}"' in each for each in said].count(True) == doubted
+
+
+def test_arcs_that_run_from_the_other_end_are_not_doubted():
+    whiskers = {**WHISKER, "name": "C1"}, {**SHORTER, "name": "C2"}
+    found = "C1", "C2"  # posterior to anterior
+    assert not [m for m in said_of(whiskers=whiskers, found=found, recording={"snout": "bottom"})
+                if "snout" in m]  # fmt: skip
 
 
 def test_the_main_doubt_comes_first():

@@ -238,6 +238,10 @@ def test_any_settings_survive_the_way_to_the_file_and_back(fps, scale, length, h
             {"recording": {**LEAST["recording"], "face": "Left"}},
             ["face = 'Left'", "left, right, top, bottom"],
         ),
+        (
+            {"recording": {**LEAST["recording"], "face": "top", "snout": "bottom"}},
+            ['[recording] snout = "bottom"', "left or right, as the face is at the top"],
+        ),
     ],
 )
 def test_every_mistake_is_named_with_what_to_do(tables, expected):

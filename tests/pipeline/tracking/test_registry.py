@@ -19,10 +19,10 @@ from pipeline.tracking.registry import (
     WhiskerTemplate,
     find_templates,
     gather,
-    gets_thinner_backwards,
     mostly_seen,
     named_as_given,
 )
+from pipeline.tracking.snout import anterior_first
 from synthetic.presets import make_trial
 from synthetic.render import Renderer
 from synthetic.scoring import line_scoring
@@ -164,7 +164,7 @@ def test_a_whisker_that_the_border_cuts_does_not_decide_the_order(width, turned)
     given = {"a": 150.0, "b": 180.0}
     ground = np.zeros((240, width), bool)
     ground[12:-12, 12:-12] = True
-    found = named_as_given(templates, GivenLengths(given, ground), gets_thinner_backwards)
+    found = named_as_given(anterior_first(templates, None), GivenLengths(given, ground))
     assert [template.name for template in found] == ["a", "b"]
     assert [template.longest_px for template in found] == [150.0, 180.0]
     assert (found[0].visible_px == 120) == turned
@@ -177,7 +177,7 @@ def test_arcs_tell_the_order_of_whiskers_without_lengths(names, turned):
         line = straight(y, 0.0, length, thickness)
         templates.append(WhiskerTemplate("", line.points[0], length, (line,) * 5))
     given = dict.fromkeys(names, np.inf)  # by their letters: anterior to posterior
-    found = named_as_given(templates, GivenLengths(given), gets_thinner_backwards)
+    found = named_as_given(anterior_first(templates, None), GivenLengths(given))
     assert [template.name for template in found] == list(names)
     assert (found[0].visible_px == 120) == turned
 

@@ -1,0 +1,54 @@
+"""Which end of a row of whiskers is at the snout: given, or else where whiskers get thinner.
+
+In single videos the ends differ by little: what is found in one is not always found in the next,
+and with it all names change. So `init` writes what it finds in most, and `run` takes it as given.
+"""
+
+import numpy as np
+
+LEAST_CHANGE = 0.02  # of the mean thickness, from whisker to whisker: else lengths are compared
+BASE_PX = 10  # of a line, where fur may thicken it
+
+
+def anterior_first(templates, snout: str | None) -> list:
+    """`WhiskerTemplate`s in order along the face, down or to the right, from the snout on instead.
+
+    snout : the picture's side that the snout is nearest to; None: where whiskers are thinner
+    """
+    backwards = thins_out(templates) if snout is None else snout in ("bottom", "right")
+    return templates[::-1] if backwards else templates
+
+
+def snout_of(templates, along) -> str | None:
+    """The picture's side that the snout is nearest to, by templates in order from it on.
+
+    along : unit vector along the face, down or to the right. None: of less than two
+    """
+    if len(templates) < 2:
+        return None
+    down = templates[-1].base_xy @ along > templates[0].base_xy @ along
+    before, after = ("top", "bottom") if along[1] else ("left", "right")
+    return before if down else after
+
+
+def thins_out(templates) -> bool:
+    """Whether whiskers get thinner, or else shorter, in their order along the face.
+
+    So they do towards the snout: thickness is surer than length, which the border may cut.
+    """
+    lengths = np.array([template.visible_px for template in templates])
+    thickness = np.array([_thickness(template.samples) for template in templates])
+    for values, least in ((thickness, LEAST_CHANGE), (lengths, 0.0)):
+        known = np.flatnonzero(np.isfinite(values))
+        if len(known) > 1:
+            slope = np.polyfit(known, values[known], 1)[0]
+            if abs(slope) > least * np.mean(values[known]):
+                return bool(slope < 0)
+    return False
+
+
+def _thickness(lines) -> float:
+    """Median thickness of a whisker's lines in their proximal third [px], NaN where not known."""
+    parts = [line.thickness[BASE_PX : line.n // 3] for line in lines]
+    known = [np.median(part[np.isfinite(part)]) for part in parts if np.isfinite(part).any()]
+    return float(np.median(known)) if known else np.nan
