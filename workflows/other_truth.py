@@ -139,10 +139,9 @@ class Truth:
 
     def distances(self, lines) -> np.ndarray:
         """Of all traced points from the true centreline [px], positive on its left."""
-        off = []
-        pieces = np.split(np.column_stack([lines.x_px, lines.y_px]), lines.offsets[1:-1])
-        for frame, points in zip(lines.frame, pieces, strict=True):
-            true = self.points_px[frame]
+        off = [np.empty(0)]
+        for row, frame in enumerate(lines.frame):
+            true, points = self.points_px[frame], lines.row(row)
             away = points[:, None] - true[None]
             k = np.clip(np.hypot(away[..., 0], away[..., 1]).argmin(axis=1), 1, len(true) - 2)
             along, away = true[k + 1] - true[k - 1], points - true[k]
@@ -180,7 +179,8 @@ def compare(scene: Scene, truth: Truth, found: Found) -> dict:
     row = {
         "scene": scene.seed, "face": scene.side if scene.depth else f"none ({scene.side})",
         "px/mm": scene.pixels_per_mm, "frames traced": len(found.lines) / len(truth.touches),
-        "median": np.median(off), "95 %": np.quantile(off, 0.95),
+        "median": np.median(off) if len(off) else np.nan,
+        "95 %": np.quantile(off, 0.95) if len(off) else np.nan,
         "contacts": 0, "edges exact": 0, "missed": [], "invented": len(found.contacts),
         "peak": [], "moment": [],
     }  # fmt: skip

@@ -90,7 +90,8 @@ def within_margins(frames: np.ndarray) -> PicturePart | None:
     """Return what lies within even margins around the picture; None: there are none.
 
     `frames`: uint8 (k, height, width). Conversion and montage put black bars, or a frame of any
-    grey, around a picture. An even part of the picture itself does not end in a straight step.
+    grey, around a picture. An even part of the picture itself does not end in a straight step: the
+    edge of a face is softer.
     """
     rows, columns = (_between_margins(each) for each in (frames, frames.transpose(0, 2, 1)))
     used = np.zeros(frames.shape[1:], bool)
@@ -112,11 +113,11 @@ def _margin(frames) -> int:
     even = np.mean(np.abs(frames - grey) <= EVEN / 2, axis=(0, 2)) > ALL
     n = int(np.argmin(even))
     first = n + BLURRED_PX
-    if n == 0 or first >= len(even):
+    if n == 0 or first + BLURRED_PX >= len(even):
         return 0
-    typical = np.median(frames[:, first], axis=0)
-    differs = np.abs(typical - grey) > EVEN
-    return first if np.mean(differs) > STEP else 0
+    typical, beyond = (np.median(frames[:, k], axis=0) for k in (first, first + BLURRED_PX))
+    differs, settled = np.abs(typical - grey) > EVEN, np.abs(beyond - typical) <= EVEN
+    return first if np.mean(differs & settled) > STEP else 0
 
 
 def _inside(region, shape):

@@ -36,3 +36,12 @@ def test_an_even_face_or_ground_is_no_margin(rng):
     assert within_margins(picture(rng, light=400.0)) is None  # saturated
     assert within_margins(np.invert(picture(rng, light=400.0))) is None
     assert within_margins(np.zeros((2, HEIGHT, WIDTH), np.uint8)) is None
+
+
+@pytest.mark.parametrize(("edge_px", "is_margin"), [(0.3, True), (1.5, False), (4.0, False)])
+def test_a_straight_dark_face_is_no_margin_as_its_edge_is_soft(rng, edge_px, is_margin):
+    rows, columns = np.mgrid[:HEIGHT, :WIDTH]
+    light = 25 + (155 - 0.3 * rows) / (1 + np.exp(-(columns - 40) / edge_px))
+    noise = rng.normal(0, 0.005, (6, HEIGHT, WIDTH)) * light
+    part = within_margins(np.rint(light + noise).astype(np.uint8))
+    assert (part is not None) == is_margin
