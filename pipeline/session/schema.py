@@ -45,7 +45,8 @@ class RecordingSettings(_Table):
         description="side of the image: left, right, top, bottom"
     )
     snout: Literal["left", "right", "top", "bottom"] | None = Field(
-        None, description="side nearest to it; top or bottom of a face at the left or right"
+        None,
+        description="side of the image at its end of the row; if one side of the face is seen",
     )
 
     def si(self) -> Recording:
