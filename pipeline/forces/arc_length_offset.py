@@ -23,7 +23,8 @@ The bending is right where the model is: a cone length that is 1 % off or a pole
 pixel wrong move its answer by 0.2 mm. So it counts less where the pole is not where the whisker
 bends. Where its answer contradicts the session and the tip, it is used all the same: forces are
 nearer to the truth with it than without (docs/assumptions.md). By how much they differ beyond
-three times what their errors explain counts as a standard error.
+twice what their errors explain counts as a standard error: were it three times, no interval would
+hold the forces of a whisker whose cone is 2 % shorter than given (docs/assumptions.md).
 
 No source is believed against all others: a length that contradicts the hidden length may be
 wrong, as likely as Bayes' rule has it, so that a whisker that has grown does not shift the base.
@@ -64,7 +65,7 @@ TOGETHER = 5.0  # rows that count as one: those of a contact err together
 # such errors are alike (all measured, rendered videos)
 LASTING_SHARE, LASTING_PX = 0.15, 1.6e-3
 LASTING_REACH_M = 0.25e-3
-EXPLAINED_SD = 3.0  # standard errors by which bending, tip and session may differ
+EXPLAINED_SD = 2.0  # standard errors by which bending, tip and session may differ
 POLE_LEVER = 6.0  # how much farther a misplaced pole moves the answer
 
 
