@@ -47,7 +47,7 @@ def measure_codec(name, folder: Path, args) -> dict:
         accuracy.Task(folder / name / str(k), name, k, int(seed), args.frames, True, False)
         for k, seed in enumerate(seeds)
     ]
-    videos, samples = zip(*(accuracy.measure_task(task) for task in tasks), strict=True)
+    videos, samples, _ = zip(*(accuracy.measure_task(task) for task in tasks), strict=True)
     files = [path for path in (folder / name).glob("*/*") if path.suffix in (".avi", ".mp4")]
     figures = figures_of(list(videos), videos[0].pixels_per_mm)
     print(f"{name}: done", file=sys.stderr)
