@@ -183,7 +183,7 @@ def trace(clip: Clip, path=None):
 RUN = """
 import re, resource, sys
 from pathlib import Path
-from pipeline.cli import main
+from pipeline.app.cli import main
 try:
     main()
 finally:

@@ -1,7 +1,10 @@
 """Parts of the measuring programs: the peer's files, tables, targets, and one small run."""
 
+import importlib.util
+import re
 import struct
 import sys
+from pathlib import Path
 
 import accuracy
 import false_contacts
@@ -182,3 +185,11 @@ def test_no_contact_is_found_in_free_frames(capsys, monkeypatch):
     monkeypatch.setattr(false_contacts, "FRAMES", 200)
     assert false_contacts.main(["--frames", "1"]) == 0
     assert "| free" in capsys.readouterr().out
+
+
+def test_programs_that_are_handed_to_other_processes_import_what_there_is():
+    root = Path(accuracy.__file__).parents[1]
+    imported = re.compile(r"^ *(?:from|import) ((?:pipeline|synthetic|whiskermodel)[\w.]*)", re.M)
+    for file in (root / "workflows").rglob("*.py"):
+        for module in imported.findall(file.read_text(encoding="utf-8")):
+            assert importlib.util.find_spec(module), f"{file.name}: {module}"
