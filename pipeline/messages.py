@@ -4,7 +4,6 @@ from collections import defaultdict
 
 import numpy as np
 
-from pipeline.detection.static_scene import OUTWARD
 from pipeline.errors import counted
 from pipeline.scene.face import thickening_towards
 from pipeline.scene.what_was_seen import seen_instead_of_pole, seen_instead_of_whiskers
@@ -186,11 +185,10 @@ def _guessed_order(settings, whisker_set):
 
 def _other_end(whisker_set, recording):
     """Names in an order from another end than the snout's, as lengths wanted it."""
-    outward = OUTWARD[recording.face]
     templates = [each for each in whisker_set.templates if np.isfinite(each.base_xy).all()]
     if posterior_first(whisker_set.given):
         templates = templates[::-1]
-    seen = snout_of(templates, np.abs(outward[::-1]))
+    seen = snout_of(templates, recording.face)
     if seen not in (None, recording.snout):
         yield (
             f'[recording] snout = "{recording.snout}", but by their lengths the whiskers stand in '

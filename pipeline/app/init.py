@@ -18,10 +18,9 @@ from pipeline.session.inputs import PREVIEW_NAME, SETTINGS_NAME, find_inputs
 from pipeline.session.recording import Recording
 from pipeline.session.session_file import read_session, settings_from, write_session
 from pipeline.tables import files
-from pipeline.tracking.matching import Ruler
 from pipeline.tracking.registry import find_templates
 from pipeline.tracking.snout import snout_of
-from pipeline.tracking.two_sides import counted_names, cuts_between
+from pipeline.tracking.two_sides import counted_names, names_by_side
 from pipeline.tracking.whisker_evidence import whisker_like
 from pipeline.tracking.whiskers import TEMPLATE_FRAMES, options_for_picture
 from pipeline.video.open import open_video
@@ -128,10 +127,8 @@ def look_at(path) -> Look:
     if not likely:
         scene, scale = without_pole(scene), _usual_scale(video)
     names = counted_names(likely, scene.face_side, options)
-    along = Ruler.of(scene.face_side, options).along
-    snout = (
-        None if cuts_between(likely, along, options.params.identity) else snout_of(likely, along)
-    )
+    on_two_sides = names_by_side(names, scene.face_side)
+    snout = None if on_two_sides else snout_of(likely, scene.face_side)
     return Look(Path(path), scene, scale, names, snout)
 
 

@@ -157,8 +157,8 @@ def _snout_contradictions(recording) -> list[str]:
     """A snout that is not at one end of the face's side."""
     recording = recording if isinstance(recording, dict) else {}
     face, snout = recording.get("face"), recording.get("snout")
-    upright = ("left", "right"), ("top", "bottom")
-    for faces, snouts in (upright, upright[::-1]):
+    across, upright = ("left", "right"), ("top", "bottom")
+    for faces, snouts in ((across, upright), (upright, across)):
         if face in faces and snout in faces:
             return [
                 f'[recording] snout = "{snout}": expected {" or ".join(snouts)}, as the face is '

@@ -19,16 +19,16 @@ def anterior_first(templates, snout: str | None) -> list:
     return templates[::-1] if backwards else templates
 
 
-def snout_of(templates, along) -> str | None:
+def snout_of(templates, face_side: str) -> str | None:
     """The picture's side that the snout is nearest to, by templates in order from it on.
 
-    along : unit vector along the face, down or to the right. None: of less than two
+    face_side : that of the picture with the face. None: of less than two
     """
     if len(templates) < 2:
         return None
-    down = templates[-1].base_xy @ along > templates[0].base_xy @ along
-    before, after = ("top", "bottom") if along[1] else ("left", "right")
-    return before if down else after
+    along = int(face_side in ("left", "right"))  # of x and y
+    before, after = (("left", "right"), ("top", "bottom"))[along]
+    return before if templates[-1].base_xy[along] > templates[0].base_xy[along] else after
 
 
 def thins_out(templates) -> bool:

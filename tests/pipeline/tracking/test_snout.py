@@ -9,8 +9,6 @@ from pipeline.detection.line import Line
 from pipeline.tracking.registry import WhiskerTemplate
 from pipeline.tracking.snout import anterior_first, snout_of, thins_out
 
-DOWN = np.array([0.0, 1.0])
-
 
 def template(place, length=150, thickness=1.0):
     """A whisker straight off a face at the left, `place` px down it."""
@@ -33,7 +31,7 @@ def test_a_given_snout_is_the_anterior_end_whatever_whiskers_look_like(thickness
     row = [template(p, thickness=t) for p, t in zip((50, 90, 130), thickness, strict=True)]
     row = anterior_first(row, snout)
     assert places(row) == order
-    assert snout_of(row, DOWN) == snout
+    assert snout_of(row, "left") == snout
 
 
 @pytest.mark.parametrize(
@@ -56,9 +54,9 @@ def test_else_it_is_where_whiskers_are_thinner_or_shorter(thickness, length, tur
         assert thins_out(row) == turned
         found = anterior_first(row, None)
     assert places(found) == ([130, 90, 50] if turned else [50, 90, 130])
-    assert snout_of(found, DOWN) == ("bottom" if turned else "top")
+    assert snout_of(found, "left") == ("bottom" if turned else "top")
 
 
 def test_a_lone_whisker_does_not_show_where_the_snout_is():
-    assert snout_of([template(50)], DOWN) is None
-    assert snout_of([], DOWN) is None
+    assert snout_of([template(50)], "left") is None
+    assert snout_of([], "left") is None
