@@ -6,7 +6,9 @@ import numpy as np
 
 from pipeline.errors import counted
 from pipeline.scene.face import thickening_towards
+from pipeline.scene.picture_part import region_doubt
 from pipeline.scene.what_was_seen import seen_instead_of_pole, seen_instead_of_whiskers
+from pipeline.session.plausibility import doubtful_values
 from pipeline.session.schema import SIDES, UPRIGHT
 from pipeline.tracking.given_lengths import posterior_first
 from pipeline.tracking.snout import snout_of
@@ -37,6 +39,7 @@ def messages(settings, touch, video, epochs, followed, first_seen, odd=None):
     doubt = settings_doubt(settings, epochs, first_seen, odd)
     if doubt:
         yield doubt
+    yield from value_doubts(settings, video)
     yield from _too_few_frames(video, followed.n_frames)
     yield from video.problems()
     if not whisker_set.templates and not settings.analysis.follow:
@@ -60,12 +63,21 @@ def settings_doubt(settings, epochs, whisker_set, odd=None) -> str | None:
     return face_message(_scenes(epochs), templates, settings.recording.face)
 
 
+def value_doubts(settings, video):
+    """Values of the settings that are hardly true, or do not suit the picture."""
+    region = region_doubt(settings.image, video)
+    if region:
+        yield region
+    yield from doubtful_values(settings)
+
+
 def _scenes(epochs) -> list:
     return [epoch.scene for epoch in epochs if epoch.scene]
 
 
 def line_messages(settings, touch, followed):
     """Sentences on what is missing or doubtful in the lines that another program traced."""
+    yield from doubtful_values(settings)
     if followed.whisker_set.templates:
         yield from _unknown_names(touch.frames)
         yield from _of_whiskers(settings, touch, followed, NO_POLE_IN_LINES)

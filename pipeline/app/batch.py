@@ -77,7 +77,7 @@ class Summary:
     """What a run did: all outcomes of the results folder, of which `skipped` were there before.
 
     `lost` are videos that have gone from the folders of this run: their results stay, but are not
-    in the session's tables.
+    in the session's tables. `said` are videos whose messages were shown as they ended.
     """
 
     out: Path
@@ -87,6 +87,7 @@ class Summary:
     interrupted: bool = False
     lost: tuple[str, ...] = ()
     problems: tuple[str, ...] = ()  # of figures and report
+    said: frozenset[str] = frozenset()
 
     @property
     def copies(self) -> tuple[tuple[str, ...], ...]:
@@ -151,7 +152,9 @@ def run(
         log = RunLog(out)
         log.write(_begun(inputs, due))
         with _shown(due, progress) as shown:
+            before = set(outcomes)
             interrupted = _process(due, outcomes, jobs, shown, log)
+            said = frozenset(set(outcomes) - before if progress else ())
             outcomes |= _left(due, outcomes)
             behind = follow_corrections(out)
             outcomes |= {t.folder.name: _as_corrected(t, behind) for t in skipped}
@@ -159,7 +162,9 @@ def run(
             others, lost = _without_lost(_earlier(out, set(names.values())), paths)
             seconds = time.monotonic() - started
             every = (*ordered, *others)
-            summary = Summary(out, every, len(skipped), seconds, interrupted, tuple(lost))
+            summary = Summary(
+                out, every, len(skipped), seconds, interrupted, tuple(lost), said=said
+            )
             own, problems = "", ()
             if not is_beside_videos(out, inputs):
                 own, problems = write_session_file(out, list(settings.values()), config)

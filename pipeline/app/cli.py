@@ -159,7 +159,8 @@ def _finish_run(summary, debug, say):
             "contacts.csv, but their own results are kept"
         )
     for each in summary.of("warning"):
-        _say(f"warning: {each.video}: {each.message}")
+        if each.video not in summary.said:
+            _say(f"warning: {each.video}: {each.message}")
     for each in failed:
         if debug and each.details:
             typer.echo(each.details, err=True)

@@ -9,7 +9,7 @@ import numpy as np
 
 from pipeline.detection.static_scene import StaticScene
 from pipeline.errors import counted
-from pipeline.messages import no_whiskers, settings_doubt
+from pipeline.messages import no_whiskers, settings_doubt, value_doubts
 from pipeline.reports.drawing import INK, PAPER, View, name_boxes
 from pipeline.reports.lettering import line_height, put_text
 from pipeline.run import find_whiskers, look_at, trace
@@ -111,9 +111,9 @@ def preview_of(path, settings: Settings) -> Preview:
 def _doubts(settings, video, epochs, whisker_set, odd) -> tuple[str, ...]:
     """What a run would doubt before anything else, and what is to be done about it."""
     doubt = settings_doubt(settings, epochs, whisker_set, odd)
-    if doubt:
-        return (doubt,)
-    return () if whisker_set.templates else (no_whiskers(settings, epochs, video),)
+    if doubt is None and not whisker_set.templates:
+        doubt = no_whiskers(settings, epochs, video)
+    return (*([doubt] if doubt else ()), *value_doubts(settings, video))
 
 
 def _up_to_last(numbered, drawn) -> tuple[str, ...]:

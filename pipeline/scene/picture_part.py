@@ -75,7 +75,14 @@ def part_of(image: ImageSettings, video) -> PicturePart | None:
     """
     if image.region_px is None and image.mask is None:
         return None
-    used = _inside(image.region_px, video.shape) & _white(image.mask, video)
+    inside = _inside(image.region_px, video.shape)
+    if not inside.any():
+        raise VideoError(
+            video.path,
+            f"its picture is {video.width}×{video.height} px, and {_region(image)} lies beyond "
+            f"it; {_limits(video)}, or leave it out",
+        )
+    used = inside & _white(image.mask, video)
     if not used.any():
         raise VideoError(
             video.path,
@@ -84,6 +91,27 @@ def part_of(image: ImageSettings, video) -> PicturePart | None:
         )
     rows, columns = (np.flatnonzero(used.any(axis)) for axis in (1, 0))
     return PicturePart(used, (slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)))
+
+
+def region_doubt(image: ImageSettings, video) -> str | None:
+    """What is to be said of a region that reaches beyond a video's picture; None: it does not."""
+    if image.region_px is None:
+        return None
+    _, _, right, bottom = image.region_px
+    if right <= video.width and bottom <= video.height:
+        return None
+    return (
+        f"{_region(image)} reaches beyond the picture, which is {video.width}×{video.height} px: "
+        f"what is inside is looked at; if that is not what was meant, {_limits(video)}"
+    )
+
+
+def _region(image) -> str:
+    return f"[image] region_px = [{', '.join(f'{each:g}' for each in image.region_px)}]"
+
+
+def _limits(video) -> str:
+    return f"give x from 0 to {video.width} and y from 0 to {video.height}"
 
 
 def within_margins(frames: np.ndarray) -> PicturePart | None:

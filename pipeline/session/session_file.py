@@ -9,9 +9,8 @@ from pydantic import ValidationError
 from pipeline.errors import counted
 from pipeline.session.quantities import fields_of
 from pipeline.session.schema import Settings
+from pipeline.session.toml_fault import toml_fault
 from pipeline.session.validation import faults_of
-
-TOML_ADVICE = "correct that line: decimal points, no commas; texts between straight quotes"
 
 
 class SettingsError(ValueError):
@@ -35,12 +34,13 @@ def read_session(path) -> Settings:
     """Read and check a session.toml; a SettingsError lists all that is wrong with it."""
     path = Path(path)
     try:
-        document = tomllib.loads(path.read_text(encoding="utf-8-sig"))
+        text = path.read_text(encoding="utf-8-sig")
+        document = tomllib.loads(text)
     except FileNotFoundError:
         hint = "no such file; `whiskerforce init FOLDER` writes one beside the videos"
         raise SettingsError(path, [hint]) from None
     except tomllib.TOMLDecodeError as error:
-        raise SettingsError(path, [f"not valid TOML: {error}; {TOML_ADVICE}"]) from None
+        raise SettingsError(path, [toml_fault(text, error)]) from None
     except UnicodeDecodeError as error:
         raise SettingsError(
             path, [f"is no UTF-8 text at byte {error.start}; save it as UTF-8"]

@@ -162,7 +162,11 @@ def test_followed_whiskers_alone_are_in_the_tables(monkeypatch):
 
 
 def test_a_region_outside_of_the_picture_is_an_error(monkeypatch):
-    with pytest.raises(VideoError, match=r"640×480 px, and \[image\] region_px and mask leave"):
+    expected = (
+        r"640×480 px, and \[image\] region_px = \[700, 0, 800, 100\] lies beyond it; give x "
+        "from 0 to 640 and y from 0 to 480, or leave it out"
+    )
+    with pytest.raises(VideoError, match=expected):
         look_at(Rendered(), settings(image={"region_px": [700, 0, 800, 100]}))
 
 

@@ -33,6 +33,7 @@ def said_of(whiskers=({**WHISKER, "name": "C2"},), pole_xy=None, **changes):
         "tracked": 1.0, "known": 1.0, "across": 0, "contacts": ("C2",), "light": 200,
         "refused": (), "thing": np.s_[:0], "problems": (), "odd": None, "side": None,
         "out": np.s_[:0], "bright": False, "first_seen": None, "recording": {}, "rows": (50, 90),
+        "region": None,
     } | changes  # fmt: skip
     settings = settings_from(
         {
@@ -44,6 +45,7 @@ def said_of(whiskers=({**WHISKER, "name": "C2"},), pole_xy=None, **changes):
             | given["recording"],
             "whisker": list(whiskers),
             "pole": dict(zip(("x_px", "y_px"), pole_xy, strict=True)) if pole_xy else {},
+            "image": {"region_px": given["region"]} if given["region"] else {},
         }
     )
     tracked = np.arange(100) < 100 * given["tracked"]
@@ -68,7 +70,11 @@ def said_of(whiskers=({**WHISKER, "name": "C2"},), pole_xy=None, **changes):
     )
     followed = SimpleNamespace(whisker_set=whisker_set, n_frames=given["read"], pole=given["pole"])
     video = SimpleNamespace(
-        n_frames=given["n_frames"], exact_count=given["exact_count"], ended_by=None
+        n_frames=given["n_frames"],
+        exact_count=given["exact_count"],
+        ended_by=None,
+        width=60,
+        height=40,
     )
     video.problems = lambda: iter(given["problems"])
     face, thing = np.zeros((2, 40, 60), bool)
@@ -116,6 +122,12 @@ def test_where_nothing_is_wrong_nothing_is_said():
          "reaches in from the right and bottom (17 % of the picture); if there is one"),
         ({"pole": None, "refused": ((3.0, 4.0, "a tuft"),)},
          "no pole of 0.5 mm (12 px) found, so no contacts; what was seen is a tuft (at 3, 4 px)"),
+        ({"region": [10, 0, 90, 40]},
+         "[image] region_px = [10, 0, 90, 40] reaches beyond the picture, which is 60×40 px: what "
+         "is inside is looked at; if that is not what was meant, give x from 0 to 60 and"),
+        ({"recording": {"frames_per_second": 30}}, "[recording] frames_per_second = 30: a touch"),
+        ({"whiskers": ({**WHISKER, "name": "C2", "base_radius_um": 370.0},)},
+         "[[whisker]] base_radius_um = 370 (C2): "),
         ({"pole": None, "pole_xy": (300, 200)},
          "no pole of 0.5 mm (12 px) found at [pole] x_px, y_px = 300, 200, so no contacts; what "
          "was seen is nothing dark and round; correct them, or leave them out"),
@@ -158,6 +170,7 @@ def test_of_many_whiskers_that_are_seldom_tracked_the_least_are_named():
         {"across": 50, "contacts": (), "pole_xy": (301, 200)},  # a person says it is the pole
         {"tracked": 0.85},
         {"known": 0.85},
+        {"region": [0, 10, 60, 40]},  # up to the border
     ],
 )
 def test_what_is_no_fault_is_not_said_of(changes):

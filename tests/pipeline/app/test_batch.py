@@ -19,7 +19,7 @@ from quick_analysis import quick_analyse
 import pipeline.reports.figures
 import pipeline.reports.report
 import pipeline.run
-from pipeline.app import batch, outcome
+from pipeline.app import batch, cli, outcome
 from pipeline.contacts.corrections import read_corrections
 from pipeline.curate.corrected import MADE_WITH, corrections_digest
 from pipeline.errors import InputError
@@ -148,6 +148,16 @@ def test_stages_come_in_order(folder, calls, tmp_path):
     assert list(dict.fromkeys(stages)) == ["following", "tables", "figures", "report"]
     shares = [share for _, share in seen]
     assert shares == sorted(shares)
+
+
+@pytest.mark.parametrize("quiet", [(), ("--quiet",)])
+def test_what_is_to_be_said_of_a_video_is_said_once(folder, calls, tmp_path, capsys, quiet):
+    (folder / "a.avi").write_bytes(b"odd")
+    command = ["run", str(folder), "--out", str(tmp_path / "results"), "--jobs", "1", *quiet]
+    for _ in range(2):  # then of results that are there
+        with pytest.raises(SystemExit):
+            cli.main(command)
+        assert capsys.readouterr().out.count("beware") == 1
 
 
 # --- results ---------------------------------------------------------------------------------

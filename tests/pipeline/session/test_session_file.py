@@ -285,6 +285,41 @@ def test_unreadable_files(tmp_path, content, expected):
     assert str(path) in str(caught.value)
 
 
+def fault_in(tmp_path, text) -> list[str]:
+    """Lines of the message about a session.toml, without the first, which names the file."""
+    (tmp_path / "session.toml").write_text(text, encoding="utf-8")
+    with pytest.raises(SettingsError) as caught:
+        read_session(tmp_path / "session.toml")
+    return str(caught.value).split("\n")[1:]
+
+
+def test_a_slip_of_the_keyboard_is_shown_in_its_line(tmp_path):
+    what, line, mark = fault_in(tmp_path, EXAMPLE.replace("25.0", "25,0"))
+    assert what.startswith("  - line 4, column 19: not valid TOML")
+    assert line.strip() == "pixels_per_mm = 25,0"
+    assert line[mark.index("^")] == ","
+
+
+def test_of_a_long_line_the_part_about_the_fault_is_shown(tmp_path):
+    comment = f"  # {'far ' * 40}"
+    _, line, mark = fault_in(tmp_path, f"[recording]\nface = left{comment}\n")
+    assert line[mark.index("^") :].startswith("left")
+    assert len(line) < 140
+
+
+def test_a_list_without_its_end_is_shown_in_the_last_line(tmp_path):
+    what, line, mark = fault_in(tmp_path, EXAMPLE + 'follow = ["C1"\n\n')
+    assert what.startswith("  - line 22, column 15: not valid TOML")
+    assert line.strip() == 'follow = ["C1"'
+    assert mark.index("^") == len(line)
+
+
+def test_a_table_that_is_there_twice_is_named(tmp_path):
+    what, line, _ = fault_in(tmp_path, EXAMPLE + "[pole]\n")
+    assert what.endswith("remove one of them")
+    assert line.strip() == "[pole]"
+
+
 def test_a_folder_is_no_settings_file(tmp_path):
     with pytest.raises(SettingsError, match=r"cannot be read: .*; give a file that can"):
         read_session(tmp_path)

@@ -1,0 +1,57 @@
+"""Values of session.toml that are possible, but not those of any animal or camera in use.
+
+A length in a wrong unit looks like this, and the rate at which a file is played back.
+"""
+
+from pipeline.session.schema import Settings
+
+# base radius over length: 37.3 µm over 18.3 mm of the mouse's C2 (Hires, Efros & Svoboda, J.
+# Neurosci. 33:9576, 2013); from 61 µm over 37 mm of A1 to 43 µm over 6 mm of E6 of the rat, by the
+# equations of Belli et al., J. Neurophysiol. 117:1807 (2017)
+THINNEST, THICKEST = 1 / 610, 1 / 150
+BEYOND = 2.0  # times these, for other species and for what is left of a worn or cut whisker
+USUAL_TOUCH_MS = 16.0  # median of 12,417 contacts (Hires, Efros & Svoboda, 2013, Fig. 3e)
+MOST_NAMED = 3  # whiskers in a sentence
+
+
+def doubtful_values(settings: Settings):
+    """Yield a sentence about each kind of value that is hardly true, and what to do.
+
+    The frame rate: at less than one frame in the usual time of a touch (16 ms, Hires, Efros &
+    Svoboda 2013) most touches are never seen; 24 to 60 frames/s are rates of playback. The base
+    radius: whiskers of mice and rats are 150 to 610 times as long as it (Hires et al. 2013; Belli
+    et al. 2017); half as much and twice as much are believed. To be too thick is judged by the
+    whole cone, of which a cut whisker is a part; too thin, by the whisker.
+    """
+    rate = settings.recording.frames_per_second
+    if rate * 1e-3 * USUAL_TOUCH_MS < 1:
+        yield (
+            f"[recording] frames_per_second = {rate:g}: a touch usually lasts {USUAL_TOUCH_MS:g} "
+            "ms, less than one frame; if that is the rate at which the file is played back, write "
+            "the camera's, on which times, vibrations and contacts depend"
+        )
+    odd = [whisker for whisker in settings.whisker if _is_odd(whisker)]
+    if odd:
+        yield _of_radius(odd)
+
+
+def _is_odd(whisker) -> bool:
+    """Whether a whisker is thicker or thinner than any that is published."""
+    if whisker.missing_dimensions:
+        return False
+    radius_mm, cone_mm = 1e-3 * whisker.base_radius_um, 1e3 * whisker.cone_length
+    too_thick = radius_mm > BEYOND * THICKEST * cone_mm
+    return too_thick or radius_mm < THINNEST / BEYOND * whisker.length_mm
+
+
+def _of_radius(odd) -> str:
+    first, more = odd[0], len(odd) - MOST_NAMED
+    given = ", ".join(f"{each.base_radius_um:g} ({each.name})" for each in odd[:MOST_NAMED])
+    given += f" and {more} more" if more > 0 else ""
+    length = 1e3 * first.length_mm
+    return (
+        f"[[whisker]] base_radius_um = {given}: whiskers of mice and rats that are "
+        f"{first.length_mm:g} mm long have {length * THINNEST:.0f} to {length * THICKEST:.0f} µm; "
+        "is it in another unit, or are length_mm and cone_length_mm? Forces scale with the "
+        "radius' fourth power"
+    )

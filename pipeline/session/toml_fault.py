@@ -1,0 +1,34 @@
+"""Where a file is not valid TOML: line, column, the line's text, and what to do."""
+
+import re
+
+PLACE = re.compile(r" \(at (?:line (\d+), column (\d+)|end of document)\)$")
+ADVICE = "correct that line: decimal points, no commas; texts between straight quotes"
+TWICE = "a table or key may be there only once: remove one of them"
+SHOWN = 60  # characters of a line before the place, and behind it
+
+
+def toml_fault(text: str, error) -> str:
+    """The fault in a file's `text` as a sentence, then the line with a mark below the place.
+
+    `error` is what tomllib says; its message ends with the place, counted from 1.
+    """
+    message = str(error)
+    found = PLACE.search(message)
+    lines = text.replace("\r\n", "\n").rstrip().split("\n")
+    line, column = len(lines), len(lines[-1]) + 1
+    if found and found[1]:
+        line, column = int(found[1]), int(found[2])
+    what = PLACE.sub("", message)
+    advice = TWICE if "twice" in what or "overwrite" in what else ADVICE
+    return (
+        f"line {line}, column {column}: not valid TOML: {what}; {advice}\n"
+        f"{_marked(lines[min(line, len(lines)) - 1], column)}"
+    )
+
+
+def _marked(line: str, column: int) -> str:
+    """The part of a line about a column, counted from 1, with a mark in the line below."""
+    start = max(column - 1 - SHOWN, 0)
+    part = line[start : column - 1 + SHOWN].replace("\t", " ").rstrip()
+    return f"      {part}\n      {' ' * (column - 1 - start)}^"
