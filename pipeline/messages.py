@@ -10,13 +10,13 @@ from pipeline.scene.picture_part import region_doubt
 from pipeline.scene.what_was_seen import seen_instead_of_pole, seen_instead_of_whiskers
 from pipeline.session.plausibility import doubtful_values
 from pipeline.session.schema import SIDES, UPRIGHT
+from pipeline.tables.known_names import KNOWN, nameless_in
 from pipeline.tracking.given_lengths import posterior_first
 from pipeline.tracking.snout import snout_of
 from pipeline.video.changed import Negative
 
 SELDOM_TRACKED = 0.8  # a whisker seen in less than this part of the frames is worth a message
 OTHER_THICKNESS = 0.12  # of the pole, relative: more is no error of measurement
-KNOWN = 0.5  # confidence in a name; below, it is not known
 MOST_UNKNOWN = 0.2  # of what is tracked: more is worth the first message
 MOST_NAMED = 3  # whiskers in a message
 DARK = 64  # grey levels of 255, median: no light behind the whiskers
@@ -45,8 +45,8 @@ def messages(settings, touch, video, epochs, followed, first_seen, odd=None):
     if not whisker_set.templates and not settings.analysis.follow:
         yield "no whiskers found" if doubt else no_whiskers(settings, epochs, video)
         return
-    yield from _unknown_names(touch.frames)
-    yield from _guessed_order(settings, whisker_set)
+    yield from _unknown_names(touch.frames, numbered=not settings.whisker)
+    yield from _guessed_order(settings, whisker_set, nameless_in(touch.frames))
     yield from _assumed_place(settings, followed.pole)
     scenes, bright = _scenes(epochs), isinstance(video, Negative)
     yield from _of_whiskers(settings, touch, followed, _no_pole(settings, scenes, bright))
@@ -153,9 +153,20 @@ def _no_pole(settings, scenes, bright) -> str:
     )
 
 
-def _unknown_names(frames):
-    """Which whisker is which is not known in many of the frames: all that follows is in doubt."""
-    tracked = frames[frames["tracked"]]
+def _unknown_names(frames, numbered=False):
+    """Which whisker is which is not known in many of the frames: all that follows is in doubt.
+
+    Where whiskers are `numbered`, the numbers of lines that are no known whisker's are said in
+    any case: there are as many as room was needed for these lines.
+    """
+    tracked, never = frames[frames["tracked"]], nameless_in(frames)
+    if numbered and never:
+        yield (
+            f"{_some(n for n in dict.fromkeys(tracked['whisker']) if n in never)} in the tables "
+            "are no whiskers, but lines of which it is not known whose they are (confidence below "
+            f"{KNOWN:g}): leave them out"
+        )
+        tracked = tracked[~tracked["whisker"].isin(never)]
     unknown = (tracked["confidence"] < KNOWN).groupby(tracked["whisker"], sort=False)
     if not len(tracked) or unknown.sum().sum() <= MOST_UNKNOWN * len(tracked):
         return
@@ -170,12 +181,21 @@ def _unknown_names(frames):
     )
 
 
-def _guessed_order(settings, whisker_set):
+def _some(names) -> str:
+    """The first of some names, and how many there are beside them."""
+    names = list(names)
+    more = len(names) - MOST_NAMED
+    return ", ".join(names[:MOST_NAMED]) + (f" and {more} more" if more > 0 else "")
+
+
+def _guessed_order(settings, whisker_set, unknown=()):
     """Names that follow from which end of the row is the snout's, where that is not sure.
 
-    The two sides of a face show where the snout is, and so may lengths.
+    The two sides of a face show where the snout is, and so may lengths. `unknown` names are those
+    of lines that are no whisker's.
     """
-    found, snout = whisker_set.found, settings.recording.snout
+    found = [name for name in whisker_set.found if name not in unknown]
+    snout = settings.recording.snout
     if len(found) < 2 or all(name.startswith(ON_A_SIDE) for name in found):
         return
     row = f"{found[0]} to {found[-1]}"
@@ -214,8 +234,9 @@ def _seldom_tracked(frames, whisker_set, follow=None):
     lost = [name for name in follow or whisker_set.names if name not in whisker_set.found]
     if lost:
         yield f"not found in any frame: {', '.join(lost)}"
+    found = set(whisker_set.found) - nameless_in(frames)
     share = frames.groupby("whisker", sort=False)["tracked"].mean()
-    seldom = share[share.index.isin(whisker_set.found) & (share < SELDOM_TRACKED)]
+    seldom = share[share.index.isin(found) & (share < SELDOM_TRACKED)]
     if len(seldom):
         least = seldom.nsmallest(MOST_NAMED)
         named = ", ".join(f"{name} in {100 * part:.0f} %" for name, part in least.items())

@@ -12,20 +12,22 @@ from pipeline.errors import counted
 from pipeline.messages import no_whiskers, settings_doubt, value_doubts
 from pipeline.reports.drawing import INK, PAPER, View, name_boxes
 from pipeline.reports.lettering import line_height, put_text
+from pipeline.reports.whisker_styles import DARKEST, pieces, whisker_styles
 from pipeline.run import find_whiskers, look_at, trace
 from pipeline.scene.picture_part import part_of
 from pipeline.session.session_file import Settings
 from pipeline.tables import files
+from pipeline.tables.known_names import KNOWN, nameless
 from pipeline.tracking.seen_lengths import odd_length
 from pipeline.tracking.whiskers import template_frames, tracing_options
 from pipeline.video.changed import Negative
 from pipeline.video.open import open_video
 
 STRETCH = 48  # frames that are traced for the picture
-KNOWN = 0.5  # confidence in a name; below, a line is drawn in grey
-GREY = (130, 130, 130)  # BGR, as those that follow
-COLOURS = [(200, 90, 0), (40, 40, 220), (0, 140, 60), (170, 0, 150), (0, 130, 200)]
+GREY = (130, 130, 130)  # BGR, as those that follow: a line whose name is not known
 FACE, POLE, REGION = (0, 170, 230), (60, 180, 60), (160, 60, 160)
+DARK = 80  # grey level, median: of a darker picture
+GROUND = {False: PAPER, True: INK}  # about words
 WIDTH = 900  # px, about that of the picture
 
 
@@ -40,7 +42,7 @@ class Preview:
     frame : uint8 (height, width), the frame in which most is found
     lines : name → points (n, 2) of a whisker in that frame [px]
     known : names that are sure
-    names : all whiskers that are followed
+    names : all whiskers that are followed; other `lines` are never known to be a whisker's
     doubts : sentences on what should be looked at before anything else
     """
 
@@ -93,7 +95,6 @@ def preview_of(path, settings: Settings) -> Preview:
     rows = {frame: lines for each in chunks for frame, lines in _lines_by_frame(each).items()}
     best = max(rows, key=lambda k: _known_and_all(rows[k]), default=0)
     lines = rows.get(best, {})
-    numbered = dict.fromkeys(name for each in chunks for name in each.names)
     frame = np.invert(stretch[best]) if isinstance(video, Negative) else stretch[best]
     frame = frame if part is None else part.shown(frame)
     return Preview(
@@ -103,7 +104,7 @@ def preview_of(path, settings: Settings) -> Preview:
         frame=frame,
         lines={name: points for name, (points, _) in lines.items()},
         known=frozenset(name for name, (_, c) in lines.items() if c >= KNOWN),
-        names=whisker_set.given or _up_to_last(numbered, lines),
+        names=whisker_set.given or whiskers_in(chunks),
         doubts=doubts,
     )
 
@@ -116,16 +117,21 @@ def _doubts(settings, video, epochs, whisker_set, odd) -> tuple[str, ...]:
     return (*([doubt] if doubt else ()), *value_doubts(settings, video))
 
 
-def _up_to_last(numbered, drawn) -> tuple[str, ...]:
-    """Of w1, w2, … (on each side) those up to the last that is drawn.
+def whiskers_in(chunks) -> tuple[str, ...]:
+    """Of w1, w2, … (on each side) in `Centrelines` those up to the last that is ever known.
 
-    Beyond it are lines that were seen for moments only.
+    What comes behind are lines without a whisker, which are numbered last.
     """
+    if not chunks:
+        return ()
+    owners = [np.asarray(each.names, object)[each.whisker] for each in chunks]
+    sure = [each.confidence for each in chunks]
+    never = nameless(np.concatenate(owners), np.concatenate(sure))
     out, behind = [], {}
-    for name in numbered:
+    for name in dict.fromkeys(name for each in chunks for name in each.names):
         side = name.rpartition("w")[0]
         behind.setdefault(side, []).append(name)
-        if name in drawn:
+        if name not in never:
             out += behind.pop(side)
     return tuple(out)
 
@@ -173,23 +179,35 @@ def draw(preview: Preview) -> np.ndarray:
     picture = cv2.cvtColor(preview.frame, cv2.COLOR_GRAY2BGR)
     picture = cv2.resize(picture, None, fx=zoom, fy=zoom, interpolation=cv2.INTER_CUBIC)
     _draw_scene(picture, preview, zoom)
-    colours = {
-        name: COLOURS[i % len(COLOURS)] if name in preview.known else GREY
-        for i, name in enumerate(preview.lines)
-    }
     view = View(0, 0, *preview.frame.shape[::-1], zoom)
-    for name, line in preview.lines.items():
-        cv2.polylines(picture, [_pixels(line, zoom)], False, colours[name], 2, cv2.LINE_AA, 4)
-    for name, (x, y, _, _) in name_boxes(
-        {name: view.places(line) for name, line in preview.lines.items()}, view
-    ).items():
-        put_text(picture, name, (x, y), colours[name], view.letters, PAPER)
+    _draw_lines(picture, preview, view)
     recording = preview.settings.recording
     size = view.letters
     put_text(picture, preview.path.name, (8, 4), INK, size, PAPER)
     words = f"face {recording.face}, {recording.pixels_per_mm:g} px/mm"
     put_text(picture, words, (8, 4 + line_height(size)), INK, size, PAPER)
     return picture
+
+
+def _draw_lines(picture, preview, view):
+    """The whiskers, each in its style; those that are not known in grey, and without a number."""
+    styles, is_dark = whisker_styles(preview.names), np.median(preview.frame) < DARK
+    known = {name: styles[name] for name in preview.lines if name in preview.known & styles.keys()}
+    places = {name: view.places(line) for name, line in preview.lines.items()}
+    colours = dict.fromkeys(places, GREY)
+    for name, style in known.items():
+        colours[name] = PAPER if is_dark and style.colour == DARKEST else _bgr(style.colour)
+    for name, line in places.items():
+        drawn = pieces(line, [2 * part for part in known[name].dash] if name in known else ())
+        drawn = [np.round(each * 16).astype(np.int32) for each in drawn]
+        cv2.polylines(picture, drawn, False, colours[name], 2, cv2.LINE_AA, 4)
+    for name, (x, y, _, _) in name_boxes(places, view).items():
+        shown = name if name in styles else "?"
+        put_text(picture, shown, (x, y), colours[name], view.letters, GROUND[bool(is_dark)])
+
+
+def _bgr(colour: str) -> tuple[int, ...]:
+    return tuple(int(colour[k : k + 2], 16) for k in (5, 3, 1))
 
 
 def _draw_scene(picture, preview, zoom):

@@ -3,11 +3,12 @@
 import numpy as np
 import pandas as pd
 
-from pipeline.reports.time_courses import COLOURS
+from pipeline.reports.whisker_styles import COLOURS, style_of
 from pipeline.tables.columns import CONTACT_COLUMNS, FRAME_COLUMNS
 
 LINES = 60  # centrelines that are drawn, if no step is given
 Z95 = 1.96
+MARKERS = "o^sDvPX*"
 SHADE = "#d9d9d9"
 
 
@@ -27,9 +28,9 @@ def plot_course(frames: pd.DataFrame, column="contact_force_uN", whisker=None, a
     ax = ax or _current_axes()
     for k, name in enumerate(names):
         rows = frames[frames["whisker"] == name].sort_values("frame")
-        colour = COLOURS[k % len(COLOURS)]
+        colour, style = style_of(k).colour, style_of(k).line
         time, value = rows["time_s"].to_numpy(), rows[column].to_numpy(float)
-        ax.plot(time, value, color=colour, lw=1, label=name)
+        ax.plot(time, value, color=colour, ls=style, lw=1, label=name)
         if (error := _error_column(column)) in rows:
             half = Z95 * rows[error].to_numpy(float)
             ax.fill_between(time, value - half, value + half, color=colour, alpha=0.25, lw=0)
@@ -52,10 +53,11 @@ def plot_centrelines(centrelines: pd.DataFrame, ax=None, step=None):
     """
     ax = ax or _current_axes()
     for k, (name, rows) in enumerate(centrelines.groupby("whisker", sort=False)):
+        style = style_of(k)
         every = step or max(1, len(rows) // LINES)
         for i, (x, y) in enumerate(zip(rows["x_px"][::every], rows["y_px"][::every], strict=True)):
             label = "" if i else str(name)
-            ax.plot(x, y, color=COLOURS[k % len(COLOURS)], lw=0.6, alpha=0.6, label=label)
+            ax.plot(x, y, color=style.colour, ls=style.line, lw=0.6, alpha=0.6, label=label)
     ax.set(xlabel="x (px)", ylabel="y (px)", aspect="equal")
     if not ax.yaxis_inverted():
         ax.invert_yaxis()
@@ -80,11 +82,16 @@ def plot_contacts(contacts: pd.DataFrame, x="duration_ms", y="peak_force_uN", ax
             )
     ax = ax or _current_axes()
     for k, (name, rows) in enumerate(contacts.groupby("whisker", sort=False)):
-        ax.plot(rows[x], rows[y], "o", ms=4, color=COLOURS[k % len(COLOURS)], label=str(name))
+        ax.plot(rows[x], rows[y], _marker(k), ms=4, color=style_of(k).colour, label=str(name))
     ax.set(xlabel=label_of(x), ylabel=label_of(y))
     if contacts["whisker"].nunique() > 1:
         ax.legend(frameon=False)
     return ax
+
+
+def _marker(number: int) -> str:
+    """The shape of a whisker's points: they have no dashes."""
+    return MARKERS[number // len(COLOURS) % len(MARKERS)]
 
 
 def label_of(column) -> str:

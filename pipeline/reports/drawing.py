@@ -13,6 +13,7 @@ import pandas as pd
 
 from pipeline.reports.lettering import line_height, put_text, text_width
 from pipeline.session.session_file import Settings
+from pipeline.tables.known_names import KNOWN
 
 # BGR
 FREE, TOUCHING, POLE = (255, 150, 0), (40, 40, 230), (74, 213, 255)
@@ -21,7 +22,6 @@ INK, PAPER, GROUND = (20, 20, 20), (255, 255, 255), (44, 36, 30)
 CHIPS = {FREE: (255, 176, 60), TOUCHING: (90, 96, 255), DOUBTFUL: (160, 160, 160)}  # on GROUND
 MM_PER_UN = 0.15  # length of the force arrow
 SMALL_PX = 480  # narrower pictures are drawn enlarged, for the text
-SURE = 0.5  # confidence from which a name is taken for known
 SHIFT = 4  # binary digits after the point in OpenCV's coordinates
 DASH_PX = 7
 SCALE_PX = 6  # of a letter's height, at most, for the bars that show the scales
@@ -126,7 +126,7 @@ def _colour(row):
         return FREE
     if row["in_contact"]:
         return TOUCHING
-    return DOUBTFUL if row["confidence"] < SURE else FREE
+    return DOUBTFUL if row["confidence"] < KNOWN else FREE
 
 
 def _draw_pole(canvas, pole, view):

@@ -20,6 +20,7 @@ from pipeline.reports.vibration_map import vibration
 from pipeline.session.session_file import read_session
 from pipeline.tables import files
 from pipeline.tables.columns import CONTACT_FLAGS, VIDEO_COLUMNS, split_flags
+from pipeline.tables.known_names import nameless_in
 from pipeline.tables.result_exchange import OVERLAYS
 from pipeline.tables.run_record import read_run
 
@@ -199,7 +200,9 @@ def _video_row(results, row, frames, contacts) -> dict:
     tracked = lost = np.nan
     folder = results / row["video"]
     if len(frames):
-        tracked, lost = frames["tracked"].mean(), int((~frames["tracked"].astype(bool)).sum())
+        is_whisker = ~frames["whisker"].isin(nameless_in(frames))
+        found = frames["tracked"].astype(bool)[is_whisker if is_whisker.any() else slice(None)]
+        tracked, lost = found.mean(), int((~found).sum())
     links = [name for name in ("contacts.csv", "frames.parquet") if (folder / name).is_file()]
     return {
         **row,

@@ -6,11 +6,11 @@ import numpy as np
 import pandas as pd
 
 from pipeline.errors import VideoError, counted
-from pipeline.reports.drawing import SURE
 from pipeline.reports.plots import data_uri
 from pipeline.session.session_file import read_session
 from pipeline.tables import files
 from pipeline.tables.columns import split_flags
+from pipeline.tables.known_names import KNOWN
 
 JPEG_QUALITY = 80
 
@@ -59,7 +59,7 @@ def video_stills(results, videos, record) -> list:
         state = record.get("inputs", {}).get(video)
         path = results / video / "frames.parquet"
         rows = files.read_frames(path, ["frame", "tracked", "confidence"])
-        rows = rows[rows["tracked"]].assign(sure=lambda each: each["confidence"] >= SURE)
+        rows = rows[rows["tracked"]].assign(sure=lambda each: each["confidence"] >= KNOWN)
         counts = rows.groupby("frame")["sure"].agg(["sum", "size"])
         if not state or counts.empty:
             continue

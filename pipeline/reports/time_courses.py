@@ -12,7 +12,9 @@ import numpy as np
 import pandas as pd
 
 from pipeline.reports.overlay import PLAYBACK_RATE
+from pipeline.reports.whisker_styles import Style, whisker_styles
 from pipeline.tables import files
+from pipeline.tables.known_names import nameless_in
 
 WIDE, HIGH = 1000, 100
 MOST_POINTS = 900  # of a curve; a longer one is thinned to its extremes
@@ -22,19 +24,21 @@ MARGIN = 0.13  # of a panel's range, left free: with it, the number of a base li
 RARE = 0.2  # % of the values at either end that may lie beyond the panel
 AROUND_FRAMES = 15  # of the overlay, shown before and after a contact
 LEAST_WIDTH = 3.0  # of a contact, as it is drawn, so that it can be hit
-COLOURS = ("#0072b2", "#d55e00", "#009e73", "#aa4499", "#8a6d1f", "#56b4e9")
+UNKNOWN = Style("#b4b2ae", ())  # of lines that are never known to be a whisker's
 QUANTITIES = (  # column of frames.parquet, name, unit
     ("base_angle_deg", "angle", "°"),
     ("curvature_change_per_m", "curvature change", "1/m"),
     ("contact_force_uN", "force", "µN"),
     ("base_moment_nN_m", "base moment", "nN m"),
 )
-COLUMNS = ["frame", "time_s", "whisker", "tracked", *(column for column, *_ in QUANTITIES)]
+COLUMNS = [
+    "frame", "time_s", "whisker", "tracked", "confidence", *(column for column, *_ in QUANTITIES),
+]  # fmt: skip
 
 
 @dataclass(frozen=True)
 class Panel:
-    """One quantity: `ticks` are (from the top [%], text), `paths` (colour, SVG path)."""
+    """One quantity: `ticks` are (from the top [%], text), `paths` (`Style`, SVG path)."""
 
     name: str
     unit: str
@@ -57,7 +61,8 @@ class Shown:
 class Courses:
     """All of one video: `ticks` are (from the left [%], text).
 
-    `whiskers` are (name, colour), `lanes` those of them that touch.
+    `whiskers` are (name, `Style`), `lanes` those of them that touch; `unknown` is the style of
+    lines that are never known to be a whisker's, None where there are none.
     """
 
     video: str
@@ -67,6 +72,7 @@ class Courses:
     contacts: list
     ticks: list
     has_overlay: bool
+    unknown: Style | None = None
 
 
 def read_courses(results, video) -> pd.DataFrame:
@@ -85,12 +91,15 @@ def time_courses(frames: pd.DataFrame, contacts: pd.DataFrame, video, overlay=""
     overlay : where its overlay lies, seen from the page; "": there is none
     """
     names = list(dict.fromkeys(frames["whisker"]))
-    colours = {name: COLOURS[k % len(COLOURS)] for k, name in enumerate(names)}
+    never = nameless_in(frames) - set(contacts["whisker"])
+    known = whisker_styles(name for name in names if name not in never)
+    styles = dict.fromkeys(never, UNKNOWN) | known  # these are drawn above those
     time = frames["time_s"].to_numpy()
     span = time.min(), max(time.max(), time.min() + 1e-9)
-    curves = {name: rows for name, rows in frames.groupby("whisker", sort=False)}
+    rows_of = dict(iter(frames.groupby("whisker", sort=False)))
+    curves = {name: rows_of[name] for name in styles}
     panels = [
-        _panel(column, name, unit, curves, colours, span)
+        _panel(column, name, unit, curves, styles, span)
         for column, name, unit in QUANTITIES
         if np.isfinite(frames[column].to_numpy(float)).any()
     ]
@@ -98,11 +107,13 @@ def time_courses(frames: pd.DataFrame, contacts: pd.DataFrame, video, overlay=""
     shown = [_shown(row, span, touching, overlay) for row in contacts.to_dict("records")]
     times = _ticks(*span, TIME_TICKS)
     ticks = [(100 * (t - span[0]) / (span[1] - span[0]), f"{t:g}") for t in times]
-    lanes = [(name, colours[name]) for name in touching]
-    return Courses(video, list(colours.items()), lanes, panels, shown, ticks, bool(overlay))
+    lanes = [(name, styles[name]) for name in touching]
+    unknown = UNKNOWN if never else None
+    whiskers = list(known.items())
+    return Courses(video, whiskers, lanes, panels, shown, ticks, bool(overlay), unknown)
 
 
-def _panel(column, name, unit, curves, colours, span) -> Panel:
+def _panel(column, name, unit, curves, styles, span) -> Panel:
     known = np.concatenate([rows[column].to_numpy(float) for rows in curves.values()])
     low, high = np.nanpercentile(known, [RARE, 100 - RARE])
     low, high = min(low, high - 1e-6), max(high, low + 1e-6)
@@ -110,7 +121,7 @@ def _panel(column, name, unit, curves, colours, span) -> Panel:
         low, high = 0.0, np.nanmax(known) or 1.0
     low, high = low - MARGIN * (high - low), high + MARGIN * (high - low)
     paths = [
-        (colours[whisker], _path(rows["time_s"], rows[column], span, (low, high)))
+        (styles[whisker], _path(rows["time_s"], rows[column], span, (low, high)))
         for whisker, rows in curves.items()
     ]
     return Panel(name, unit, _places(low, high), paths)

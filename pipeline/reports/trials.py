@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.reports import plots
-from pipeline.reports.time_courses import COLOURS
+from pipeline.reports.whisker_styles import style_of
 
 BEFORE_MS, AFTER_MS = 20.0, 80.0  # of the onset, averaged
 STEP_MS = 1.0
@@ -46,7 +46,7 @@ def draw_raster(videos, contacts):
     figure, axis = plots.axes(height, top=0.3 if len(names) > 1 else 0.1)
     thick = 0.62 * 72 * (height - 0.8) / len(videos) / len(names)
     axis.add_collection(
-        LineCollection(bars, colors=[COLOURS[k % len(COLOURS)] for k in lanes],
+        LineCollection(bars, colors=[style_of(k).colour for k in lanes],
                        linewidths=float(np.clip(thick, 0.4, 7)), capstyle="butt",
                        rasterized=len(contacts) > 3000)
     )  # fmt: skip
@@ -63,7 +63,7 @@ def _name_whiskers(axis, names):
     """The whiskers' names above a plot, in their colours."""
     axis.legend(
         handles=[
-            axis.plot([], [], color=COLOURS[k % len(COLOURS)], lw=3, label=name)[0]
+            axis.plot([], [], color=style_of(k).colour, lw=3, label=name)[0]
             for k, name in enumerate(names)
         ],
         loc="lower right", bbox_to_anchor=(1, 1), ncols=min(len(names), MOST_WHISKERS),
@@ -115,7 +115,14 @@ class OnsetAverage:
         mean[known == 0] = np.nan
         off = np.nansum((forces - mean) ** 2, axis=0)
         error = np.sqrt(off / np.maximum(known - 1, 1) / np.maximum(known, 1))
-        colour = COLOURS[names.index(name) % len(COLOURS)]
+        colour = style_of(names.index(name)).colour
         axis.fill_between(self.time_ms, np.maximum(mean - error, 0), mean + error, color=colour,
                           alpha=0.25, lw=0)  # fmt: skip
-        axis.plot(self.time_ms, mean, color=colour, lw=1.5, label=f"{name}, n = {len(forces)}")
+        axis.plot(
+            self.time_ms,
+            mean,
+            color=colour,
+            ls=style_of(names.index(name)).line,
+            lw=1.5,
+            label=f"{name}, n = {len(forces)}",
+        )

@@ -33,7 +33,7 @@ def said_of(whiskers=({**WHISKER, "name": "C2"},), pole_xy=None, **changes):
         "tracked": 1.0, "known": 1.0, "across": 0, "contacts": ("C2",), "light": 200,
         "refused": (), "thing": np.s_[:0], "problems": (), "odd": None, "side": None,
         "out": np.s_[:0], "bright": False, "first_seen": None, "recording": {}, "rows": (50, 90),
-        "region": None,
+        "region": None, "frames": None,
     } | changes  # fmt: skip
     settings = settings_from(
         {
@@ -49,14 +49,15 @@ def said_of(whiskers=({**WHISKER, "name": "C2"},), pole_xy=None, **changes):
         }
     )
     tracked = np.arange(100) < 100 * given["tracked"]
+    frames = pd.DataFrame(
+        {
+            "whisker": "C2",
+            "tracked": tracked,
+            "confidence": np.where(np.arange(100) < 100 * given["known"], 0.9, 0.2),
+        }
+    )
     touch = SimpleNamespace(
-        frames=pd.DataFrame(
-            {
-                "whisker": "C2",
-                "tracked": tracked,
-                "confidence": np.where(np.arange(100) < 100 * given["known"], 0.9, 0.2),
-            }
-        ),
+        frames=frames if given["frames"] is None else given["frames"],
         evidence=pd.DataFrame({"whisker": "C2", "across": np.arange(100) < given["across"]}),
         contacts=pd.DataFrame({"whisker": list(given["contacts"])}),
     )
@@ -152,7 +153,7 @@ def test_of_many_whiskers_that_are_seldom_tracked_the_least_are_named():
     frames = pd.DataFrame(
         [(name, i >= 10 * k) for k, name in enumerate(names) for i in range(100)],
         columns=["whisker", "tracked"],
-    )
+    ).assign(confidence=0.9)
     whisker_set = SimpleNamespace(names=names, found=names)
     (some,) = _seldom_tracked(frames, whisker_set)
     assert some.endswith("frames: w5 in 50 %, w4 in 60 %, w3 in 70 %")
@@ -213,6 +214,19 @@ def test_arcs_that_run_from_the_other_end_are_not_doubted():
     found = "C1", "C2"  # posterior to anterior
     assert not [m for m in said_of(whiskers=whiskers, found=found, recording={"snout": "bottom"})
                 if "snout" in m]  # fmt: skip
+
+
+def test_numbers_of_lines_that_are_no_whiskers_are_said_and_no_more_of_them():
+    numbers = [f"w{k}" for k in range(1, 8)]  # w3 to w7: in few frames, and never known
+    frames = pd.DataFrame(
+        [(name, i % 10 < 9 if k < 2 else i < 9, 0.9 if k < 2 else 0.4)
+         for k, name in enumerate(numbers) for i in range(100)],
+        columns=["whisker", "tracked", "confidence"],
+    )  # fmt: skip
+    first, second, *rest = said_of(whiskers=(), found=numbers, frames=frames)
+    assert first.startswith("w3, w4, w5 and 2 more in the tables are no whiskers, but lines")
+    assert second.startswith("w1 to w2 are numbered in each video anew")
+    assert not any("only part of the frames" in each for each in rest)
 
 
 def test_the_main_doubt_comes_first():

@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 
 from pipeline.app import init
-from pipeline.app.preview import Preview, preview_of
+from pipeline.app.preview import Preview, draw, preview_of, whiskers_in
 from pipeline.session.session_file import read_session, settings_from
 
 SCENE = SimpleNamespace(pole=None, face_side="left", face_mask=np.zeros((40, 60), bool))
@@ -54,3 +54,36 @@ def test_where_no_whisker_is_found_it_says_what_a_run_would_say(tmp_path):
         cv2.imwrite(str(tmp_path / f"{i:02d}.png"), frame)
     _, doubt = preview_of(tmp_path, settings_from({"recording": RECORDING})).words()
     assert doubt.startswith("no whiskers found; what was seen is something dark at the left")
+
+
+def chunk(names, confidence):
+    """`Centrelines` of two frames, all names in each, as sure as given."""
+    return SimpleNamespace(
+        names=names, whisker=np.tile(np.arange(len(names)), 2), confidence=np.tile(confidence, 2)
+    )
+
+
+def test_lines_that_are_never_known_to_be_a_whisker_get_no_table():
+    first = chunk(("left_w1", "left_w2", "right_w1", "right_w2"), [0.9, 0.4, 0.4, 0.4])
+    later = chunk(("left_w1", "left_w2", "right_w1", "right_w2"), [0.9, 0.4, 0.8, 0.4])
+    assert whiskers_in([first, later]) == ("left_w1", "right_w1")
+    assert whiskers_in([]) == ()
+
+
+def test_numbers_of_whiskers_have_no_gaps():
+    assert whiskers_in([chunk(("w1", "w2", "w3", "w4"), [0.9, 0.4, 0.6, 0.4])]) == (
+        "w1",
+        "w2",
+        "w3",
+    )
+
+
+def test_a_line_that_is_no_whiskers_has_no_number_in_the_picture(monkeypatch):
+    written = []
+    monkeypatch.setattr(
+        "pipeline.app.preview.put_text", lambda picture, text, *_: written.append(text)
+    )
+    draw(preview(Path("a.avi"), ("w1",), drawn=("w1", "w2")))
+    assert "w1" in written
+    assert "?" in written
+    assert "w2" not in written

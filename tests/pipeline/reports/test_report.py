@@ -222,3 +222,15 @@ def test_peak_frame_is_where_the_force_is_largest(tmp_path):
     files.write_frames(path, table)
     found = stills.with_peaks(results, read_contacts(results))
     assert found["peak_frame"].tolist() == [35, 62, 50]
+
+
+def test_lines_of_no_known_whisker_are_not_lost_ones(tmp_path):
+    frames = pd.DataFrame(
+        {
+            "whisker": ["w1", "w1", "w2", "w2"],
+            "tracked": [True, False, True, False],
+            "confidence": [0.9, 0.0, 0.4, 0.0],
+        }
+    )
+    row = report._video_row(tmp_path, {"video": "one"}, frames, ())
+    assert (row["tracked"], row["lost"]) == (0.5, 1)

@@ -9,12 +9,14 @@ from pipeline.reports import trials
 from pipeline.reports.time_courses import (
     HIGH,
     MOST_POINTS,
+    UNKNOWN,
     WIDE,
     overlay_link,
     read_courses,
     thinned,
     time_courses,
 )
+from pipeline.reports.whisker_styles import style_of
 from pipeline.tables import files
 from pipeline.tables.columns import CONTACT_COLUMNS
 
@@ -46,6 +48,17 @@ def test_mean_force_is_that_of_the_contacts(tmp_path):
     ]
     assert at[5] == pytest.approx(np.mean(forces))
     assert at[80] == pytest.approx(0)  # of those contacts only whose video goes on so long
+
+
+def test_lines_of_no_known_whisker_are_grey_and_have_no_name(tmp_path):
+    frames = read_courses(make_results(tmp_path / "r"), "one")
+    other = frames.assign(whisker="w2", confidence=0.4)
+    courses = time_courses(pd.concat([other, frames]), table(CONTACTS[:0]), "one")
+    names = list(dict.fromkeys(frames["whisker"]))
+    assert [name for name, _ in courses.whiskers] == names
+    (below, _), *above = courses.panels[0].paths  # drawn first
+    assert below == courses.unknown == UNKNOWN
+    assert [style for style, _ in above] == [style_of(k) for k in range(len(names))]
 
 
 def test_time_courses_lie_where_their_values_are(tmp_path):
