@@ -172,7 +172,9 @@ def _unknown_names(frames, numbered=False):
         return
     share = unknown.sum().sum() / len(tracked)
     worst = ", ".join(
-        f"{name} {100 * part:.0f} %" for name, part in unknown.mean().nlargest(MOST_NAMED).items()
+        f"{name} {100 * part:.0f} %"
+        for name, part in unknown.mean().nlargest(MOST_NAMED).items()
+        if part
     )
     yield (
         f"for {100 * share:.0f} % of the traced lines it is not known which whisker they are "

@@ -118,22 +118,11 @@ def _doubts(settings, video, epochs, whisker_set, odd) -> tuple[str, ...]:
 
 
 def whiskers_in(chunks) -> tuple[str, ...]:
-    """Of w1, w2, … (on each side) in `Centrelines` those up to the last that is ever known.
-
-    What comes behind are lines without a whisker, which are numbered last.
-    """
-    if not chunks:
-        return ()
-    owners = [np.asarray(each.names, object)[each.whisker] for each in chunks]
-    sure = [each.confidence for each in chunks]
-    never = nameless(np.concatenate(owners), np.concatenate(sure))
-    out, behind = [], {}
-    for name in dict.fromkeys(name for each in chunks for name in each.names):
-        side = name.rpartition("w")[0]
-        behind.setdefault(side, []).append(name)
-        if name not in never:
-            out += behind.pop(side)
-    return tuple(out)
+    """The names in `Centrelines`, without the numbers of lines that are no known whisker's."""
+    names = [each.names[number] for each in chunks for number in each.whisker]
+    without = nameless(names, [sure for each in chunks for sure in each.confidence])
+    every = dict.fromkeys(name for each in chunks for name in each.names)
+    return tuple(name for name in every if name not in without)
 
 
 def _known_and_all(lines):

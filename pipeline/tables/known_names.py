@@ -1,25 +1,39 @@
-"""Which names are whiskers', and which only stand for lines of which that is not known.
+"""Which numbers are whiskers', and which only stand for lines of which that is not known.
 
-Where names are not given, every line has one; but the confidence of a line that belongs to no
-known whisker is low throughout, and others of another time may have the same name.
+Where names are not given, whiskers are numbered along the face, and behind them the lines that
+belong to no known whisker: each number there stands for whatever lines needed room at one time.
+Their confidence is low throughout.
 """
+
+import re
+from collections import defaultdict
 
 import numpy as np
 import pandas as pd
 
 KNOWN = 0.5  # confidence in a name from which on it is known
+NUMBERED = re.compile(r"(.*)w(\d+)")  # w1, w2, …, or left_w1, left_w2, …
 
 
 def nameless(names, confidence) -> set[str]:
-    """The names of lines that are never known to be a whisker's.
+    """The numbers of lines that are no known whisker's: those behind the last that is ever known.
+
+    None where not one is: in a few frames nothing is learnt of how whiskers look.
 
     Parameters
     ----------
     names : of every line (lines,), as in frames.parquet or centrelines
     confidence : of every line (lines,), 0–1; NaN: not recorded
     """
-    most = pd.Series(np.asarray(confidence, float)).groupby(np.asarray(names, object)).max()
-    return set(most.index[most < KNOWN])
+    best = pd.Series(np.asarray(confidence, float)).groupby(np.asarray(names, object)).max()
+    numbers = {name: found for name in best.index if (found := NUMBERED.fullmatch(name))}
+    last = defaultdict(int)  # by side
+    for name, found in numbers.items():
+        if not best[name] < KNOWN:
+            last[found[1]] = max(last[found[1]], int(found[2]))
+    if not last:
+        return set()
+    return {name for name, found in numbers.items() if int(found[2]) > last[found[1]]}
 
 
 def nameless_in(frames: pd.DataFrame) -> set[str]:
