@@ -162,9 +162,9 @@ def _unknown_names(frames, numbered=False):
     tracked, never = frames[frames["tracked"]], nameless_in(frames)
     if numbered and never:
         yield (
-            f"{_some(n for n in dict.fromkeys(tracked['whisker']) if n in never)} in the tables "
-            "are no whiskers, but lines of which it is not known whose they are (confidence below "
-            f"{KNOWN:g}): leave them out"
+            "not whiskers, but lines of which it is not known whose they are (confidence below "
+            f"{KNOWN:g}): {_some(n for n in dict.fromkeys(tracked['whisker']) if n in never)}; "
+            "leave them out"
         )
         tracked = tracked[~tracked["whisker"].isin(never)]
     unknown = (tracked["confidence"] < KNOWN).groupby(tracked["whisker"], sort=False)

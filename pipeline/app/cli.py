@@ -158,9 +158,11 @@ def _finish_run(summary, debug, say):
             f"no longer there: {', '.join(summary.lost)}; left out of videos.csv and "
             "contacts.csv, but their own results are kept"
         )
+    said = set()
     for each in summary.of("warning"):
         if each.video not in summary.said:
-            _say(f"warning: {each.video}: {each.message}")
+            for line in each.warning_lines(said):
+                _say(line)
     for each in failed:
         if debug and each.details:
             typer.echo(each.details, err=True)

@@ -20,12 +20,14 @@ from pipeline.tables.columns import (
 )
 from pipeline.tables.result_exchange import STATE_FILE, is_settled
 from pipeline.tables.run_record import read_state, write_state
+from pipeline.tables.video_messages import sentences_of
 
 PARQUETS = {
     "centrelines.parquet": CENTRELINE_COLUMNS,
     "frames.parquet": FRAME_COLUMNS,
     "evidence.parquet": EVIDENCE_COLUMNS,
 }
+BULLET = "  - "
 
 
 @dataclass(frozen=True)
@@ -53,10 +55,37 @@ class Outcome:
         if self.status == "failed":
             return f"failed: {self.message}"
         message = f"; {self.message}" if self.message else ""
+        return f"{self._state()}{message}"
+
+    def lines(self, said: set) -> list[str]:
+        """The outcome in a line, and below it what is to be `said` that was not, which is added.
+
+        So what holds for all videos of a run is said of the first one.
+        """
+        if self.status == "failed":
+            return [self.line()]
+        return [self._state(), *_new_lines(sentences_of(self.message), said)]
+
+    def warning_lines(self, said: set) -> list[str]:
+        """The same where the outcome has been said before."""
+        head, lines = f"warning: {self.video}:", _new_lines(sentences_of(self.message), said)
+        return [f"{head} {lines[0].removeprefix(BULLET)}"] if len(lines) == 1 else [head, *lines]
+
+    def _state(self) -> str:
         return (
             f"{self.status}, {counted(self.frames, 'frame')}, {self.frames_per_s:.0f} frames/s, "
-            f"{counted(self.contacts, 'contact')}{message}"
+            f"{counted(self.contacts, 'contact')}"
         )
+
+
+def _new_lines(sentences, said: set) -> list[str]:
+    """A line for each sentence that was not `said` yet, and one for all others."""
+    new = [each for each in sentences if each not in said]
+    said.update(new)
+    lines, before = [f"{BULLET}{each}" for each in new], len(sentences) - len(new)
+    if before:
+        lines.append(f"{BULLET}{'and ' if new else ''}{counted(before, 'message')} as above")
+    return lines
 
 
 # --- what earlier runs left ----------------------------------------------------------------

@@ -21,6 +21,7 @@ from pipeline.session.session_file import Settings
 from pipeline.tables import centrelines
 from pipeline.tables.result_exchange import OVERLAYS, READY, draft, settle
 from pipeline.tables.run_record import read_state
+from pipeline.tables.video_messages import as_cell
 
 OTHER_CONTENT = "corrections.csv was made before the video changed: check its contacts"
 
@@ -103,7 +104,7 @@ def _outcome_of(task, analysis, seconds) -> Outcome:
         status="warning" if analysis.messages else "done",
         frames=analysis.n_frames,
         frames_per_s=analysis.n_frames / seconds,
-        message="; ".join(analysis.messages),
+        message=as_cell(analysis.messages),
         contacts=len(analysis.contacts),
         stages={stage: round(s, 3) for stage, s in analysis.seconds.items()},
         sha256=sha256(task.path),
@@ -132,7 +133,7 @@ def _with_overlay(task, outcome, folder, report=None) -> Outcome:
 
 def warned(outcome, message) -> Outcome:
     """The outcome with one more message."""
-    message = "; ".join(filter(None, (outcome.message, message)))
+    message = as_cell((outcome.message, message))
     return replace(outcome, status="warning", message=message)
 
 

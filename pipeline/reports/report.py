@@ -23,6 +23,7 @@ from pipeline.tables.columns import CONTACT_FLAGS, VIDEO_COLUMNS, split_flags
 from pipeline.tables.known_names import nameless_in
 from pipeline.tables.result_exchange import OVERLAYS
 from pipeline.tables.run_record import read_run
+from pipeline.tables.video_messages import sentences_of
 
 PICTURES = 6  # examples of contacts
 STILLS = 12  # of flagged contacts, over all flags
@@ -117,12 +118,12 @@ def _doubts(videos) -> dict:
 
 
 def main_doubt(message: str) -> str:
-    """The first of the sentences in a video's message.
+    """The first of the sentences in a video's message, as far as its first semicolon.
 
-    >>> main_doubt("for 30 % it is not known (most of all w1; w2); no pole found")
+    >>> main_doubt("for 30 % it is not known (most of all w1; w2); use others | no pole found")
     'for 30 % it is not known (most of all w1; w2)'
     """
-    return re.match(r"(\([^)]*\)|[^;])*", message)[0]
+    return re.match(r"(\([^)]*\)|[^;])*", sentences_of(message)[0])[0]
 
 
 def session_name(results, record) -> str:
@@ -209,6 +210,7 @@ def _video_row(results, row, frames, contacts) -> dict:
         "tracked": tracked,
         "lost": lost,
         "contacts": len(contacts),
+        "sentences": sentences_of(row.get("message") or ""),
         "links": [(name, f"{quote(row['video'])}/{name}") for name in links],
         "overlay": _overlay(results, row["video"]),
         "courses": f"figures/courses/{quote(row['video'])}.html" if len(frames) else "",

@@ -176,6 +176,7 @@ class Lines(Progress):
         super().__init__(*what, clock=clock)
         self.write = write
         self.every = every
+        self.said = set()
         self.last = self.started
         self._over = threading.Event()
         self._timer = threading.Thread(target=self._run, daemon=True)
@@ -183,7 +184,8 @@ class Lines(Progress):
     def show(self, event):
         """Write what is new."""
         if event is not None and event.kind == "done":
-            self.write(f"{self.names[event.task]}: {outcome_line(event.value)}")
+            for line in outcome_lines(self.names[event.task], event.value, self.said):
+                self.write(line)
         self.tick()
 
     def tick(self) -> None:
@@ -211,6 +213,7 @@ class Bar(Progress):
 
     def __init__(self, *what, console, clock=time.monotonic):
         super().__init__(*what, clock=clock)
+        self.said = set()
         from rich import progress
         from rich.text import Text
 
@@ -234,8 +237,8 @@ class Bar(Progress):
         """Move the bar; say what has ended."""
         self.bar.update(self.task, completed=self.share)
         if event is not None and event.kind == "done":
-            said = f"{self.names[event.task]}: {outcome_line(event.value)}"
-            self.bar.console.print(said, markup=False, highlight=False)
+            for line in outcome_lines(self.names[event.task], event.value, self.said):
+                self.bar.console.print(line, markup=False, highlight=False)
 
     def __enter__(self):
         self.bar.start()
@@ -248,6 +251,12 @@ class Bar(Progress):
 def outcome_line(value) -> str:
     """What became of a task, in one line."""
     return value.line() if hasattr(value, "line") else str(value)
+
+
+def outcome_lines(name, value, said: set) -> list[str]:
+    """What became of a task, in lines without what was `said` before; that is added to it."""
+    first, *more = value.lines(said) if hasattr(value, "lines") else [str(value)]
+    return [f"{name}: {first}", *more]
 
 
 def duration(seconds: float) -> str:

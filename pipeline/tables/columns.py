@@ -167,7 +167,11 @@ VIDEO_COLUMNS = (
     Column("frames", "int64", "", "frames of which there are results; 0: none"),
     Column("frames_per_s", "float64", "1/s", "speed of processing"),
     Column(
-        "message", "string", "", "what failed, what to be careful about, which results are old"
+        "message",
+        "string",
+        "",
+        "what failed, what to be careful about, which results are old; a vertical bar parts its "
+        "sentences",
     ),
 )
 

@@ -5,6 +5,7 @@ import os
 import re
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 from results_folder import make_results
@@ -71,6 +72,31 @@ def test_last_lines_say_what_failed_and_why(ran, capsys):
         "failed: v3 (/in/v3.avi): message 3",
     ]
     assert lines[-3] == "warning: v2: message 2"
+
+
+def test_what_holds_for_all_videos_is_said_of_the_first_one():
+    shown, said = [], set()
+    for name, message in (("a", "one | two"), ("b", "two | three; so"), ("c", "one"), ("d", "")):
+        shown += Outcome(name, "", "warning", 10, 100.0, message, 2).lines(said)
+    state = "warning, 10 frames, 100 frames/s, 2 contacts"
+    assert shown == [
+        *(state, "  - one", "  - two"),
+        *(state, "  - three; so", "  - and 1 message as above"),
+        *(state, "  - 1 message as above"),
+        state,
+    ]
+
+
+def test_of_videos_that_were_finished_before_it_is_said_at_the_end(ran, capsys, monkeypatch):
+    outcomes = [Outcome(f"v{i}", "", "warning", 1, 1.0, "one | two") for i in range(2)]
+    ended = Summary(Path("out"), tuple(outcomes), 2, 1.0)
+    ran("done")
+    monkeypatch.setattr(batch, "run", lambda *_: ended)
+    exit_code("run", "x", "--out", "y", "--quiet")
+    assert capsys.readouterr().out.splitlines() == [
+        *("warning: v0:", "  - one", "  - two"),
+        "warning: v1: 2 messages as above",
+    ]
 
 
 def test_quiet_says_only_what_went_wrong(ran, capsys):
