@@ -3,6 +3,7 @@
 from collections import defaultdict
 
 import numpy as np
+import pandas as pd
 
 from pipeline.errors import counted
 from pipeline.scene.face import thickening_towards
@@ -10,6 +11,7 @@ from pipeline.scene.picture_part import region_doubt
 from pipeline.scene.what_was_seen import seen_instead_of_pole, seen_instead_of_whiskers
 from pipeline.session.plausibility import doubtful_values
 from pipeline.session.schema import SIDES, UPRIGHT
+from pipeline.tables.columns import split_flags
 from pipeline.tables.known_names import KNOWN, nameless_in
 from pipeline.tracking.given_lengths import posterior_first
 from pipeline.tracking.snout import snout_of
@@ -19,6 +21,7 @@ SELDOM_TRACKED = 0.8  # a whisker seen in less than this part of the frames is w
 OTHER_THICKNESS = 0.12  # of the pole, relative: more is no error of measurement
 MOST_UNKNOWN = 0.2  # of what is tracked: more is worth the first message
 MOST_NAMED = 3  # whiskers in a message
+CONTRADICTED = "base_contradicted"  # flag of contacts
 DARK = 64  # grey levels of 255, median: no light behind the whiskers
 NO_POLE_IN_LINES = (
     "no contacts: traced lines do not show where the pole is; give [pole] x_px, y_px in "
@@ -90,6 +93,7 @@ def _of_whiskers(settings, touch, followed, no_pole):
     yield from _seldom_tracked(touch.frames, followed.whisker_set, settings.analysis.follow)
     yield from _of_another_size(settings, followed.pole)
     yield from _passes_over(settings, touch, followed.pole)
+    yield from _contradicted(settings, touch.contacts)
     if followed.pole is None:
         yield no_pole
     yield from _without_forces(settings, followed.whisker_set)
@@ -116,9 +120,11 @@ def no_whiskers(settings, epochs, video) -> str:
         if not bright and ground < DARK:
             return _other_polarity("dark", "darker", "bright")
     seen = seen_instead_of_whiskers(scenes, "bright" if bright else "dark")
+    part = " and ".join(key for key in ("region_px", "mask") if getattr(settings.image, key))
     return (
         f"no whiskers found; what was seen is {seen}; if there are "
         f'whiskers, is [recording] face = "{settings.recording.face}" where they come from?'
+        + (f" And does [image] {part} leave their bases in the picture?" if part else "")
     )
 
 
@@ -299,6 +305,19 @@ def _passes_over(settings, touch, pole):
                 f"{name} passes over the pole at ({x:.0f}, {y:.0f}) px in "
                 f"{counted(frames, 'frame')} without touching it; if that is dust, give [pole] "
                 "x_px, y_px"
+            )
+
+
+def _contradicted(settings, contacts):
+    """Whiskers that bend as if their hidden length were wrong, in most of their contacts."""
+    hidden = {whisker.name: whisker.hidden_length_mm for whisker in settings.whisker}
+    flagged = [CONTRADICTED in split_flags(flags or "") for flags in contacts["flags"]]
+    for name, own in pd.Series(flagged, dtype=bool).groupby(contacts["whisker"].to_numpy()):
+        if name in hidden and 2 * own.sum() > len(own):
+            yield (
+                f"in {own.sum()} of {counted(len(own), 'contact')} {name} bends as if "
+                f"hidden_length_mm = {hidden[name]:g} were wrong by over 0.3 mm: correct it or "
+                "the dimensions, unless the whisker is out of the picture's plane"
             )
 
 

@@ -110,8 +110,9 @@ def _head(results, record, videos, contacts) -> dict:
 
 
 def _doubts(videos) -> dict:
-    """The main doubt of each of the first videos that have one, and how many more have."""
+    """The main doubt of each of some videos, failed ones first, and how many more have one."""
     told = videos[videos["message"].fillna("") != ""]
+    told = told.sort_values("status", key=lambda status: status != "failed", kind="stable")
     first = told.iloc[:DOUBTS]
     doubts = zip(first["video"], map(main_doubt, first["message"]), strict=True)
     return {"doubts": list(doubts), "more_doubts": len(told) - len(first)}

@@ -48,10 +48,9 @@ def _of_radius(odd) -> str:
     first, more = odd[0], len(odd) - MOST_NAMED
     given = ", ".join(f"{each.base_radius_um:g} ({each.name})" for each in odd[:MOST_NAMED])
     given += f" and {more} more" if more > 0 else ""
-    length = 1e3 * first.length_mm
+    usual = [f"{1e3 * first.length_mm * ratio:.0f}" for ratio in (THINNEST, THICKEST)]
     return (
         f"[[whisker]] base_radius_um = {given}: whiskers of mice and rats that are "
-        f"{first.length_mm:g} mm long have {length * THINNEST:.0f} to {length * THICKEST:.0f} µm; "
-        "is it in another unit, or are length_mm and cone_length_mm? Forces scale with the "
-        "radius' fourth power"
+        f"{first.length_mm:.3g} mm long have {' to '.join(usual)} µm; is it in another unit, or "
+        "are length_mm and cone_length_mm? Forces scale with the radius' fourth power"
     )

@@ -33,7 +33,7 @@ def said_of(whiskers=({**WHISKER, "name": "C2"},), pole_xy=None, **changes):
         "tracked": 1.0, "known": 1.0, "across": 0, "contacts": ("C2",), "light": 200,
         "refused": (), "thing": np.s_[:0], "problems": (), "odd": None, "side": None,
         "out": np.s_[:0], "bright": False, "first_seen": None, "recording": {}, "rows": (50, 90),
-        "region": None, "frames": None,
+        "region": None, "frames": None, "flags": "",
     } | changes  # fmt: skip
     settings = settings_from(
         {
@@ -59,7 +59,7 @@ def said_of(whiskers=({**WHISKER, "name": "C2"},), pole_xy=None, **changes):
     touch = SimpleNamespace(
         frames=frames if given["frames"] is None else given["frames"],
         evidence=pd.DataFrame({"whisker": "C2", "across": np.arange(100) < given["across"]}),
-        contacts=pd.DataFrame({"whisker": list(given["contacts"])}),
+        contacts=pd.DataFrame({"whisker": list(given["contacts"]), "flags": given["flags"]}),
     )
     names = tuple(w.name for w in settings.whisker) or given["found"]
     templates = [
@@ -106,6 +106,10 @@ def test_where_nothing_is_wrong_nothing_is_said():
         ({"found": (), "out": np.s_[:, 20:]},  # not looked at
          "no whiskers found; what was seen is something dark at the left (20 % of the picture), "
          "with nothing thin moving out of it; if"),
+        ({"found": (), "region": [20, 0, 60, 40]},
+         "no whiskers found; what was seen is something dark at the left (20 % of the picture), "
+         "with nothing thin moving out of it; if there are whiskers, is [recording] face = "
+         '"left" where they come from? And does [image] region_px leave'),
         ({"found": (), "light": 40}, "no whiskers found; the picture is mostly dark, and whiskers "
                                      "were taken to be darker"),
         ({"found": (), "light": 55, "bright": True},
@@ -136,6 +140,8 @@ def test_where_nothing_is_wrong_nothing_is_said():
         ({"known": 0.23}, "for 77 % of the traced lines it is not known which whisker they are"),
         ({"pole": PoleTrack(POLE.x_px, POLE.y_px, 0.3 * SCALE)}, "the pole looks 0.6 mm thick"),
         ({"across": 2, "contacts": ()}, "C2 passes over the pole at (300, 200) px in 2 frames"),
+        ({"contacts": ("C2",) * 3, "flags": ["x;base_contradicted", "base_contradicted", ""]},
+         "in 2 of 3 contacts C2 bends as if hidden_length_mm = 1.4 were wrong by over 0.3 mm"),
         ({"tracked": 0.5}, "tracked in only part of the frames: C2 in 50 %"),
         ({"whiskers": ()}, "no forces: there is no [[whisker]] table"),
         ({"whiskers": ({"name": "C2"},)}, "no forces for C2: no length_mm, cone_length_mm"),
@@ -171,6 +177,7 @@ def test_of_many_whiskers_that_are_seldom_tracked_the_least_are_named():
         {"across": 50, "contacts": (), "pole_xy": (301, 200)},  # a person says it is the pole
         {"tracked": 0.85},
         {"known": 0.85},
+        {"contacts": ("C2",) * 2, "flags": ["base_contradicted", "doubtful"]},
         {"region": [0, 10, 60, 40]},  # up to the border
     ],
 )

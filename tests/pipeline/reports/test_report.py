@@ -67,6 +67,18 @@ def test_the_main_doubts_come_first(tmp_path):
     assert "2 more\nvideos have messages" in head
 
 
+def test_what_failed_comes_before_what_is_doubtful(tmp_path):
+    results = make_results(tmp_path / "results", ())
+    row = files.read_csv(results / "videos.csv", VIDEO_COLUMNS).iloc[:1]
+    doubtful, failed = row.assign(message="no pole"), row.assign(status="failed", message="broken")
+    files.write_csv(
+        results / "videos.csv", pd.concat([*[doubtful] * report.DOUBTS, failed]), VIDEO_COLUMNS
+    )
+    page = report.write_report(results).read_text("utf-8")
+    head = page[: page.index("<h2")]
+    assert head.index("broken") < head.index("no pole")
+
+
 def test_numbers_figure_flags_settings_and_version(page):
     assert "data:image/svg+xml;base64," in page
     assert "12417" in page
