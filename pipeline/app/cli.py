@@ -317,6 +317,7 @@ def curate(
         write_fig3(results)
     finally:
         write_report(results)
+    _say(f"tables, figures and report follow from the corrections: {results / 'report.html'}")
 
 
 @app.command()

@@ -111,6 +111,11 @@ def session_of(each: Input, config=None) -> Path:
     found = Path(config) if config is not None else _session_beside(each)
     if found is None:
         folder = each.path.absolute().parent
+        if find_videos([folder]) == [folder]:  # what another program has tracked
+            raise InputError(
+                f"no session.toml in {folder}; copy the one of the recording there, or give it "
+                "with --config"
+            )
         raise InputError(
             f"no session.toml in {folder}, beside the videos; give one with --config, or let "
             f"`whiskerforce init {shlex.quote(str(each.path.parent))}` write one"

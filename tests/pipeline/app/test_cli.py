@@ -225,7 +225,7 @@ def test_a_file_in_place_of_a_folder_gets_a_message_in_words(
     assert "Errno" not in message
 
 
-def test_curate_gets_the_name_of_the_curator(monkeypatch, tmp_path):
+def test_curate_gets_the_name_of_the_curator(monkeypatch, tmp_path, capsys):
     from pipeline import curate
     from pipeline.reports import figures, report
 
@@ -234,6 +234,7 @@ def test_curate_gets_the_name_of_the_curator(monkeypatch, tmp_path):
     for module, name in ((figures, "write_fig3"), (report, "write_report")):
         monkeypatch.setattr(module, name, lambda results: None)
     exit_code("curate", tmp_path, "--name", "Ada", "--no-browser")
+    assert str(tmp_path / "report.html") in capsys.readouterr().out
     assert (called[0]["name"], called[0]["open_browser"]) == ("Ada", False)
 
 

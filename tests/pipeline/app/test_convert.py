@@ -50,6 +50,17 @@ def test_a_tracked_folder_becomes_results(results):
         assert (results / name).is_file()
 
 
+def test_without_settings_it_does_not_advise_to_look_at_videos_that_are_not_there(
+    tmp_path, capsys
+):
+    (tmp_path / "trial.whiskers").write_bytes(b"")
+    assert run("import", "janelia", tmp_path, "--out", tmp_path / "out", "--jobs", 1) == 2
+    said = capsys.readouterr().err
+    assert "no session.toml" in said
+    assert "--config" in said
+    assert "init" not in said
+
+
 @pytest.mark.slow
 def test_janelia_files_there_and_back(results, tmp_path, capsys):
     assert run("export", "janelia", results, "--out", tmp_path) == 0
