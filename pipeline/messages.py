@@ -49,7 +49,7 @@ def messages(settings, touch, video, epochs, followed, first_seen, odd=None):
         yield "no whiskers found" if doubt else no_whiskers(settings, epochs, video)
         return
     yield from _unknown_names(touch.frames, numbered=not settings.whisker)
-    yield from _guessed_order(settings, whisker_set, nameless_in(touch.frames))
+    yield from guessed_order(settings, whisker_set, nameless_in(touch.frames))
     yield from _assumed_place(settings, followed.pole)
     scenes, bright = _scenes(epochs), isinstance(video, Negative)
     yield from _of_whiskers(settings, touch, followed, _no_pole(settings, scenes, bright))
@@ -196,7 +196,7 @@ def _some(names) -> str:
     return ", ".join(names[:MOST_NAMED]) + (f" and {more} more" if more > 0 else "")
 
 
-def _guessed_order(settings, whisker_set, unknown=()):
+def guessed_order(settings, whisker_set, unknown=()):
     """Names that follow from which end of the row is the snout's, where that is not sure.
 
     The two sides of a face show where the snout is, and so may lengths. `unknown` names are those

@@ -9,7 +9,7 @@ import numpy as np
 
 from pipeline.detection.static_scene import StaticScene
 from pipeline.errors import counted
-from pipeline.messages import no_whiskers, settings_doubt, value_doubts
+from pipeline.messages import guessed_order, no_whiskers, settings_doubt, value_doubts
 from pipeline.reports.drawing import INK, PAPER, View, name_boxes
 from pipeline.reports.lettering import line_height, put_text
 from pipeline.reports.whisker_styles import DARKEST, pieces, whisker_styles
@@ -114,7 +114,8 @@ def _doubts(settings, video, epochs, whisker_set, odd) -> tuple[str, ...]:
     doubt = settings_doubt(settings, epochs, whisker_set, odd)
     if doubt is None and not whisker_set.templates:
         doubt = no_whiskers(settings, epochs, video)
-    return (*([doubt] if doubt else ()), *value_doubts(settings, video))
+    order = guessed_order(settings, whisker_set) if settings.whisker else ()
+    return (*([doubt] if doubt else ()), *value_doubts(settings, video), *order)
 
 
 def whiskers_in(chunks) -> tuple[str, ...]:

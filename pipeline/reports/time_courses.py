@@ -31,6 +31,7 @@ QUANTITIES = (  # column of frames.parquet, name, unit
     ("contact_force_uN", "force", "µN"),
     ("base_moment_nN_m", "base moment", "nN m"),
 )
+LOADS = ("force", "base moment")
 COLUMNS = [
     "frame", "time_s", "whisker", "tracked", "confidence", *(column for column, *_ in QUANTITIES),
 ]  # fmt: skip
@@ -101,7 +102,7 @@ def time_courses(frames: pd.DataFrame, contacts: pd.DataFrame, video, overlay=""
     panels = [
         _panel(column, name, unit, curves, styles, span)
         for column, name, unit in QUANTITIES
-        if np.isfinite(frames[column].to_numpy(float)).any()
+        if _is_drawn(name, frames[column].to_numpy(float))
     ]
     touching = [name for name in names if name in set(contacts["whisker"])]
     shown = [_shown(row, span, touching, overlay) for row in contacts.to_dict("records")]
@@ -111,6 +112,12 @@ def time_courses(frames: pd.DataFrame, contacts: pd.DataFrame, video, overlay=""
     unknown = UNKNOWN if never else None
     whiskers = list(known.items())
     return Courses(video, whiskers, lanes, panels, shown, ticks, bool(overlay), unknown)
+
+
+def _is_drawn(name, values) -> bool:
+    """Whether there is anything to see: loads are 0 throughout where nothing is touched."""
+    known = np.isfinite(values)
+    return bool(known.any() and (name not in LOADS or values[known].any()))
 
 
 def _panel(column, name, unit, curves, styles, span) -> Panel:

@@ -278,11 +278,16 @@ def need_results(folder) -> None:
     folder = Path(folder)
     need_folder(folder, "the --out folder of `whiskerforce run`")
     need_content(folder, "results of `whiskerforce run`")
-    if not all((folder / name).is_file() for name in ("contacts.csv", "videos.csv")):
-        raise InputError(
-            f"{folder}: no results in it (contacts.csv, videos.csv); "
-            "give the --out folder of `whiskerforce run`"
+    if not _has_results(folder):
+        below = next((each for each in sorted(folder.iterdir()) if _has_results(each)), None)
+        advice = (
+            f"did you mean {below}?" if below else "give the --out folder of `whiskerforce run`"
         )
+        raise InputError(f"{folder}: no results in it (contacts.csv, videos.csv); {advice}")
+
+
+def _has_results(folder) -> bool:
+    return all((folder / name).is_file() for name in ("contacts.csv", "videos.csv"))
 
 
 def stamp(path) -> dict:

@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 
 from pipeline.app import init
-from pipeline.app.preview import Preview, draw, preview_of, whiskers_in
+from pipeline.app.preview import Preview, _doubts, draw, preview_of, whiskers_in
 from pipeline.session.session_file import read_session, settings_from
 
 SCENE = SimpleNamespace(pole=None, face_side="left", face_mask=np.zeros((40, 60), bool))
@@ -87,3 +87,11 @@ def test_a_line_that_is_no_whiskers_has_no_number_in_the_picture(monkeypatch):
     assert "w1" in written
     assert "?" in written
     assert "w2" not in written
+
+
+def test_an_order_that_is_guessed_is_doubted_before_a_run(monkeypatch):
+    monkeypatch.setattr("pipeline.app.preview.settings_doubt", lambda *_: None)
+    settings = settings_from({"recording": RECORDING, "whisker": [{"name": "a"}, {"name": "b"}]})
+    found = SimpleNamespace(found=("a", "b"), templates=(None, None), given=("a", "b"))
+    (doubt,) = _doubts(settings, SimpleNamespace(width=60, height=40), (), found, None)
+    assert doubt.startswith("the order of a to b along the face is guessed")

@@ -111,8 +111,12 @@ def test_corrections_that_cannot_be_followed_are_said(results):
 
 
 def test_folders_with_nothing_to_curate_are_reported(results, tmp_path):
+    with pytest.raises(InputError, match=rf"no results in it.*did you mean {results}\?"):
+        Results(results.parent)
+    (tmp_path / "of a person").mkdir()
+    (tmp_path / "of a person" / "notes.txt").touch()
     with pytest.raises(InputError, match=r"no results in it.*--out folder"):
-        Results(tmp_path)
+        Results(tmp_path / "of a person")
     for file in results.glob("*/evidence.parquet"):
         file.unlink()
     with pytest.raises(InputError, match="whiskerforce run"):

@@ -60,6 +60,12 @@ def test_lines_of_no_known_whisker_are_grey_and_have_no_name(tmp_path):
     assert [style for style, _ in above] == [style_of(0)]
 
 
+def test_without_contacts_there_are_no_empty_panels_of_forces(tmp_path):
+    frames = read_courses(make_results(tmp_path / "r"), "one").assign(contact_force_uN=0.0)
+    courses = time_courses(frames, table(CONTACTS[:0]), "one")
+    assert [panel.name for panel in courses.panels] == ["angle"]
+
+
 def test_time_courses_lie_where_their_values_are(tmp_path):
     results = make_results(tmp_path / "r")
     courses = time_courses(read_courses(results, "one"), table(CONTACTS[:2]), "one", "one/o.mp4")
