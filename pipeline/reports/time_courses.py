@@ -14,7 +14,7 @@ import pandas as pd
 from pipeline.reports.overlay import PLAYBACK_RATE
 from pipeline.reports.whisker_styles import Style, whisker_styles
 from pipeline.tables import files
-from pipeline.tables.known_names import nameless_in
+from pipeline.tables.known_names import KNOWN, nameless_in
 
 WIDE, HIGH = 1000, 100
 MOST_POINTS = 900  # of a curve; a longer one is thinned to its extremes
@@ -24,7 +24,7 @@ MARGIN = 0.13  # of a panel's range, left free: with it, the number of a base li
 RARE = 0.2  # % of the values at either end that may lie beyond the panel
 AROUND_FRAMES = 15  # of the overlay, shown before and after a contact
 LEAST_WIDTH = 3.0  # of a contact, as it is drawn, so that it can be hit
-UNKNOWN = Style("#b4b2ae", ())  # of lines that are never known to be a whisker's
+UNKNOWN = Style("#b4b2ae", ())  # where it is not known which whisker a line is
 QUANTITIES = (  # column of frames.parquet, name, unit
     ("base_angle_deg", "angle", "°"),
     ("curvature_change_per_m", "curvature change", "1/m"),
@@ -62,8 +62,8 @@ class Shown:
 class Courses:
     """All of one video: `ticks` are (from the left [%], text).
 
-    `whiskers` are (name, `Style`), `lanes` those of them that touch; `unknown` is the style of
-    lines that are never known to be a whisker's, None where there are none.
+    `whiskers` are (name, `Style`), `lanes` those of them that touch; `unknown` is the style where
+    it is not known which whisker a line is, None where it always is.
     """
 
     video: str
@@ -93,12 +93,10 @@ def time_courses(frames: pd.DataFrame, contacts: pd.DataFrame, video, overlay=""
     """
     names = list(dict.fromkeys(frames["whisker"]))
     never = nameless_in(frames) - set(contacts["whisker"])
-    known = whisker_styles(name for name in names if name not in never)
-    styles = dict.fromkeys(never, UNKNOWN) | known  # these are drawn above those
+    styles = whisker_styles(name for name in names if name not in never)
     time = frames["time_s"].to_numpy()
     span = time.min(), max(time.max(), time.min() + 1e-9)
-    rows_of = dict(iter(frames.groupby("whisker", sort=False)))
-    curves = {name: rows_of[name] for name in styles}
+    curves = dict(iter(frames.groupby("whisker", sort=False)))
     panels = [
         _panel(column, name, unit, curves, styles, span)
         for column, name, unit in QUANTITIES
@@ -109,8 +107,8 @@ def time_courses(frames: pd.DataFrame, contacts: pd.DataFrame, video, overlay=""
     times = _ticks(*span, TIME_TICKS)
     ticks = [(100 * (t - span[0]) / (span[1] - span[0]), f"{t:g}") for t in times]
     lanes = [(name, styles[name]) for name in touching]
-    unknown = UNKNOWN if never else None
-    whiskers = list(known.items())
+    doubtful = frames["tracked"].astype(bool) & (frames["confidence"] < KNOWN)
+    unknown, whiskers = UNKNOWN if doubtful.any() else None, list(styles.items())
     return Courses(video, whiskers, lanes, panels, shown, ticks, bool(overlay), unknown)
 
 
@@ -127,11 +125,16 @@ def _panel(column, name, unit, curves, styles, span) -> Panel:
     if name == "force":
         low, high = 0.0, np.nanmax(known) or 1.0
     low, high = low - MARGIN * (high - low), high + MARGIN * (high - low)
-    paths = [
-        (styles[whisker], _path(rows["time_s"], rows[column], span, (low, high)))
-        for whisker, rows in curves.items()
-    ]
-    return Panel(name, unit, _places(low, high), paths)
+    below, above = [], []
+    for whisker, rows in curves.items():
+        doubtful = rows["confidence"] < KNOWN
+        unknown, known = (
+            _path(rows["time_s"], rows[column].where(shown), span, (low, high))
+            for shown in (doubtful, ~doubtful)
+        )
+        below += [(UNKNOWN, unknown)] if unknown else []
+        above += [(styles[whisker], known)] if whisker in styles else []
+    return Panel(name, unit, _places(low, high), below + above)
 
 
 def _places(low, high) -> list:

@@ -60,6 +60,19 @@ def test_lines_of_no_known_whisker_are_grey_and_have_no_name(tmp_path):
     assert [style for style, _ in above] == [style_of(0)]
 
 
+def test_where_a_name_is_not_known_the_line_is_grey(tmp_path):
+    frames = read_courses(make_results(tmp_path / "r"), "one")
+    frames["confidence"] = np.where(frames["frame"] < 40, 0.3, 0.9)
+    (below, early), (above, late) = (
+        time_courses(frames, table(CONTACTS[:0]), "one").panels[0].paths
+    )
+    assert (below, above) == (UNKNOWN, style_of(0))
+    last, first = early.split("L")[-1].split()[0], late[1:].split()[0]
+    assert [float(last), float(first)] == pytest.approx(
+        [WIDE * 39 / 119, WIDE * 40 / 119], abs=0.1
+    )
+
+
 def test_without_contacts_there_are_no_empty_panels_of_forces(tmp_path):
     frames = read_courses(make_results(tmp_path / "r"), "one").assign(contact_force_uN=0.0)
     courses = time_courses(frames, table(CONTACTS[:0]), "one")
