@@ -12,7 +12,7 @@ from pipeline.scene.what_was_seen import seen_instead_of_pole, seen_instead_of_w
 from pipeline.session.plausibility import doubtful_values
 from pipeline.session.schema import SIDES, UPRIGHT
 from pipeline.tables.columns import split_flags
-from pipeline.tables.known_names import KNOWN, nameless_in
+from pipeline.tables.known_names import KNOWN, in_short, nameless_in
 from pipeline.tracking.given_lengths import posterior_first
 from pipeline.tracking.snout import snout_of
 from pipeline.video.changed import Negative
@@ -169,7 +169,7 @@ def _unknown_names(frames, numbered=False):
     if numbered and never:
         yield (
             "not whiskers, but lines of which it is not known whose they are (confidence below "
-            f"{KNOWN:g}): {_some(n for n in dict.fromkeys(tracked['whisker']) if n in never)}; "
+            f"{KNOWN:g}): {in_short(n for n in dict.fromkeys(tracked['whisker']) if n in never)}; "
             "leave them out"
         )
         tracked = tracked[~tracked["whisker"].isin(never)]
@@ -187,13 +187,6 @@ def _unknown_names(frames, numbered=False):
         f"(confidence below {KNOWN:g}; most of all {worst}): use only rows of frames.parquet with "
         f"confidence of {KNOWN:g} or more"
     )
-
-
-def _some(names) -> str:
-    """The first of some names, and how many there are beside them."""
-    names = list(names)
-    more = len(names) - MOST_NAMED
-    return ", ".join(names[:MOST_NAMED]) + (f" and {more} more" if more > 0 else "")
 
 
 def guessed_order(settings, whisker_set, unknown=()):

@@ -17,7 +17,7 @@ from pipeline.run import find_whiskers, look_at, trace
 from pipeline.scene.picture_part import part_of
 from pipeline.session.session_file import Settings
 from pipeline.tables import files
-from pipeline.tables.known_names import KNOWN, nameless
+from pipeline.tables.known_names import KNOWN, in_short, nameless
 from pipeline.tracking.seen_lengths import odd_length
 from pipeline.tracking.whiskers import template_frames, tracing_options
 from pipeline.video.changed import Negative
@@ -64,12 +64,12 @@ class Preview:
         count = counted(len(self.names), "whisker")
         found = f"found: face at the {self.scene.face_side}, {place}, {count}"
         if self.names:
-            found += f" ({', '.join(self.names)})"
+            found += f" ({in_short(self.names)})"
         if self.lines.keys() - self.known:
             found += "; grey in the picture: not sure which whisker"
         elsewhere = [name for name in self.names if name not in self.lines]
         if elsewhere:
-            found += f"; not in the picture's frame: {', '.join(elsewhere)}"
+            found += f"; not in the picture's frame: {in_short(elsewhere)}"
         return [found, *self.doubts]
 
 

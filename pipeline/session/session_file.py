@@ -88,14 +88,23 @@ def session_text(settings: Settings, notes: dict[str, str] | None = None) -> str
 
     `notes` adds to comments, by "table.key" (for whiskers "whisker.key", all of them), e.g.
     ``{"recording.face": "found in the picture"}``. Keys without a value are written as
-    comments, to be filled in. Of the parameters in `[advanced]` only those that differ from their
+    comments, to be filled in; of whiskers behind the first that have nothing but a name, only that
+    is written. Of the parameters in `[advanced]` only those that differ from their
     defaults are written.
     """
     notes = notes or {}
     lines = ["# Settings of a whiskerforce session.", ""]
     lines += _table_lines("[recording]", "recording", settings.recording, notes)
-    for table in settings.whisker:
+    for table in settings.whisker[:1]:
         lines += _table_lines("[[whisker]]", "whisker", table, notes)
+    others = settings.whisker[1:]
+    if any(_has_only_a_name(table) for table in others):
+        lines += _what_is_not_there(others[0])
+    for table in others:
+        if _has_only_a_name(table):
+            lines += ["[[whisker]]", f"name = {_toml_value(table.name)}", ""]
+        else:
+            lines += _table_lines("[[whisker]]", "whisker", table, notes)
     lines += _table_lines("[pole]", "pole", settings.pole, notes)
     lines += _table_lines("[image]", "image", settings.image, notes)
     lines += _table_lines("[analysis]", "analysis", settings.analysis, notes)
@@ -106,6 +115,22 @@ def session_text(settings: Settings, notes: dict[str, str] | None = None) -> str
         if changed:
             lines += _table_lines(f"[advanced.{room}]", f"advanced.{room}", table, notes, changed)
     return "\n".join(lines)
+
+
+def _has_only_a_name(table) -> bool:
+    """Whether a whisker's values are those that hold where none are given."""
+    return table == type(table)(name=table.name)
+
+
+def _what_is_not_there(table) -> list[str]:
+    """Lines before tables of whiskers that have only a name."""
+    usual = {key: each.default for key, each in fields_of(type(table)).items() if key != "name"}
+    given = ", ".join(f"{key} = {value:g}" for key, value in usual.items() if value is not None)
+    return [
+        "# Copy keys of the whisker above into the tables below where you know their values.",
+        f"# What is not there is taken as usual: {given}.",
+        "",
+    ]
 
 
 def _table_lines(header, prefix, table, notes, keys=None):

@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 
 KNOWN = 0.5  # confidence in a name from which on it is known
+SHORT = 4  # numbers in order are all named up to fewer than these
 NUMBERED = re.compile(r"(.*)w(\d+)")  # w1, w2, …, or left_w1, left_w2, …
 
 
@@ -40,3 +41,25 @@ def nameless_in(frames: pd.DataFrame) -> set[str]:
     """The same for rows of frames.parquet."""
     tracked = frames[frames["tracked"].astype(bool)]
     return nameless(tracked["whisker"], tracked["confidence"])
+
+
+def in_short(names) -> str:
+    """Names with a comma between them, of many numbers in order only the first and the last.
+
+    >>> in_short(["C1", "left_w1", "left_w2", "left_w3", "left_w4", "right_w1"])
+    'C1, left_w1 to left_w4, right_w1'
+    """
+    runs = []
+    for name in names:
+        found = NUMBERED.fullmatch(name)
+        number = (found[1], int(found[2])) if found else (name, None)
+        last = runs[-1][-1][1] if runs else None
+        if found and last == (number[0], number[1] - 1):
+            runs[-1].append((name, number))
+        else:
+            runs.append([(name, number)])
+    parts = []
+    for run in runs:
+        own = [name for name, _ in run]
+        parts += own if len(own) < SHORT else [f"{own[0]} to {own[-1]}"]
+    return ", ".join(parts)

@@ -232,7 +232,7 @@ def test_numbers_of_lines_that_are_no_whiskers_are_said_and_no_more_of_them():
     )  # fmt: skip
     first, second, *rest = said_of(whiskers=(), found=numbers, frames=frames)
     assert first.startswith("not whiskers, but lines of which it is not known whose they are")
-    assert first.endswith("w3, w4, w5 and 2 more; leave them out")
+    assert first.endswith("(confidence below 0.5): w3 to w7; leave them out")
     assert second.startswith("w1 to w2 are numbered in each video anew")
     assert not any("only part of the frames" in each for each in rest)
 

@@ -1,6 +1,7 @@
 """session.toml: what it says, what is wrong with it, and the way to SI and back."""
 
 import re
+import tomllib
 
 import cv2
 import numpy as np
@@ -116,8 +117,6 @@ def test_written_file_reads_back_the_same_and_explains_itself(tmp_path):
     hidden=st.floats(0, 5), radius=st.floats(2, 500),
 )  # fmt: skip
 def test_any_settings_survive_the_way_to_the_file_and_back(fps, scale, length, hidden, radius):
-    import tomllib
-
     settings = settings_from(
         {
             "recording": {"frames_per_second": fps, "pixels_per_mm": scale, "face": "top"},
@@ -283,6 +282,18 @@ def test_unreadable_files(tmp_path, content, expected):
     with pytest.raises(SettingsError, match=expected) as caught:
         read_session(path)
     assert str(path) in str(caught.value)
+
+
+def test_whiskers_of_which_only_the_name_is_known_take_few_lines():
+    names = [f"w{k}" for k in range(1, 31)]
+    tables = [{"name": name} for name in names]
+    tables[9]["hidden_length_mm"] = 2.0
+    settings = settings_from(document(whisker=tables))
+    text = session_text(settings)
+    assert settings_from(tomllib.loads(text)) == settings
+    assert text.count("# length_mm =") == 2  # of the first, and of the one that is known
+    assert text.count("youngs_modulus_GPa = 3, ") == 1
+    assert len(text.split("\n")) < 160
 
 
 def fault_in(tmp_path, text) -> list[str]:
