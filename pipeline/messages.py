@@ -234,7 +234,7 @@ def _seldom_tracked(frames, whisker_set, follow=None):
     """Whiskers that are lost, in many frames or in all."""
     lost = [name for name in follow or whisker_set.names if name not in whisker_set.found]
     if lost:
-        yield f"not found in any frame: {', '.join(lost)}"
+        yield f"not found in any frame: {in_short(lost)}"
     found = set(whisker_set.found) - nameless_in(frames)
     share = frames.groupby("whisker", sort=False)["tracked"].mean()
     seldom = share[share.index.isin(found) & (share < SELDOM_TRACKED)]
@@ -323,7 +323,7 @@ def _without_forces(settings, whisker_set):
         if whisker.missing_dimensions and whisker.name in whisker_set.found:
             lacking[whisker.missing_dimensions].append(whisker.name)
     for keys, names in lacking.items():
-        yield f"no forces for {', '.join(names)}: no {', '.join(keys)} in session.toml"
+        yield f"no forces for {in_short(names)}: no {', '.join(keys)} in session.toml"
 
 
 def face_message(scenes, templates, side: str) -> str | None:

@@ -237,6 +237,13 @@ def test_numbers_of_lines_that_are_no_whiskers_are_said_and_no_more_of_them():
     assert not any("only part of the frames" in each for each in rest)
 
 
+def test_of_many_numbers_the_first_and_the_last_are_said():
+    numbers = [f"w{k}" for k in range(1, 8)]
+    said = said_of(whiskers=[{"name": name} for name in numbers], found=numbers[:-1])
+    assert "not found in any frame: w7" in said
+    assert any(each.startswith("no forces for w1 to w6: no length_mm") for each in said)
+
+
 def test_the_main_doubt_comes_first():
     first, *rest = said_of(known=0.2, tracked=0.7, pole=None, whiskers=())
     assert "not known which whisker they are" in first
