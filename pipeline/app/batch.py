@@ -43,6 +43,7 @@ from pipeline.runtime.workers import run_tasks
 from pipeline.session.inputs import (
     STATE_FILE,
     find_inputs,
+    guesses_left,
     is_beside_videos,
     readable,
     results_folders,
@@ -168,6 +169,7 @@ def run(
             own, problems = "", ()
             if not is_beside_videos(out, inputs):
                 own, problems = write_session_file(out, list(settings.values()), config)
+            problems = (*problems, *guesses_left(inputs, config))
             summary = replace(summary, problems=problems)
             write_tables(summary, jobs, own)
             if not interrupted:  # who presses Ctrl-C does not want to wait for them

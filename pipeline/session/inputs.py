@@ -25,6 +25,8 @@ SESSION_FILES = (
     SETTINGS_NAME,
     PREVIEW_NAME,
 )
+GUESS = "GUESS"  # in the comment of a value that `init` does not know
+GUESSED = re.compile(rf"^(\w+) = .*#.*\b{GUESS}\b", re.MULTILINE)
 RESERVED_NAMES = (*RESULT_FOLDERS, *SESSION_FILES)  # no video's results folder may be called so
 LEFT_OVER = ("corrections.csv", "frames.parquet")  # these mark a video's folder without record
 UNSAFE = re.compile(r"[/\\\x00-\x1f\x7f]")  # path separators, control characters
@@ -164,6 +166,20 @@ def settings_of(inputs, config=None) -> dict:
     if problems:
         raise InputError("\n".join(dict.fromkeys(problems)))
     return settings
+
+
+def guesses_left(inputs, config=None) -> list[str]:
+    """A sentence on each session.toml in use in which values are still marked as a guess."""
+    sessions = dict.fromkeys(session_of(each, config) for each in inputs if not each.fault)
+    said = []
+    for path in sessions:
+        keys = GUESSED.findall(path.read_text(encoding="utf-8-sig"))
+        if keys:
+            said.append(
+                f"{path}: {', '.join(keys)}: still marked as a {GUESS}; measure or check them, "
+                "then take the word out"
+            )
+    return said
 
 
 def results_folders(inputs, out) -> dict:

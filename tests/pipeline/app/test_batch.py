@@ -160,6 +160,16 @@ def test_what_is_to_be_said_of_a_video_is_said_once(folder, calls, tmp_path, cap
         assert capsys.readouterr().out.count("beware") == 1
 
 
+def test_values_that_are_still_a_guess_are_said(folder, calls, tmp_path):
+    notes = {"recording.pixels_per_mm": "GUESS, measure it", "whisker.length_mm": "GUESS"}
+    write_session(folder / "session.toml", SETTINGS, notes)
+    for _ in range(2):  # also where there is nothing to be done
+        (problem,) = batch.run([folder], tmp_path / "results").problems
+        assert problem.startswith(f"{folder / 'session.toml'}: pixels_per_mm: still marked as a")
+    write_session(folder / "session.toml", SETTINGS)
+    assert batch.run([folder], tmp_path / "results").problems == ()
+
+
 # --- results ---------------------------------------------------------------------------------
 
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from pipeline.app import init
 from pipeline.app.preview import Preview, _doubts, draw, preview_of, whiskers_in
+from pipeline.session.inputs import find_inputs, guesses_left
 from pipeline.session.session_file import read_session, settings_from
 
 SCENE = SimpleNamespace(pole=None, face_side="left", face_mask=np.zeros((40, 60), bool))
@@ -38,6 +39,8 @@ def test_settings_have_the_names_in_the_picture_of_the_video_with_most_whiskers(
     assert [each.name for each in read_session(tmp_path / "session.toml").whisker] == [*drawn]
     assert "b.avi is in the picture" in said
     assert "3 whiskers (w1, w2, w3)" in said
+    (guessed,) = guesses_left(find_inputs([tmp_path]))
+    assert "frames_per_second, pixels_per_mm, diameter_mm: still marked as a GUESS" in guessed
 
 
 def test_names_that_are_not_in_the_picture_are_said():
