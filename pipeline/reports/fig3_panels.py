@@ -10,9 +10,9 @@ import pandas as pd
 
 from pipeline.reports.fig3_tables import ShownTouch
 from pipeline.reports.session_numbers import PAPER
+from pipeline.reports.whisker_styles import whisker_styles
 
 GREY, BLACK, ACCENT = "#a8a8a8", "#111111", "#c8472b"
-WHISKERS = ("#111111", "#0072b2", "#d55e00", "#009e73", "#aa4499", "#8a6d1f")
 DPI = 200
 SIZE_IN, ONE_IN = (7.2, 5.6), (2.4, 2.4)
 MARGINS = {
@@ -166,16 +166,16 @@ def _panel_c(axis, content):
     if table.empty:
         _empty(axis, "no whisker dimensions given")
         return []
-    names = list(dict.fromkeys(label.split(" ", 1)[1] for label in table["whisker"]))
+    styles = whisker_styles(label.split(" ", 1)[1] for label in table["whisker"])
     for label, whisker in table.groupby("whisker"):
         name = label.split(" ", 1)[1]
-        colour = WHISKERS[names.index(name) % len(WHISKERS)]
         known = name in axis.get_legend_handles_labels()[1]
-        axis.plot(whisker["arc_length_mm"], whisker["diameter_um"], color=colour, lw=0.8,
+        axis.plot(whisker["arc_length_mm"], whisker["diameter_um"], lw=0.8,
+                  color=styles[name].colour, ls=styles[name].line,
                   label=None if known else name)  # fmt: skip
     axis.set_xlim(left=0)
     axis.set_ylim(bottom=0)
-    if len(names) > 1:  # below the lines there is nothing
+    if len(styles) > 1:  # below the lines there is nothing
         axis.legend(loc="lower left", frameon=False, fontsize=6.5, handlelength=1.2,
                     labelspacing=0.2)  # fmt: skip
     return [("from session.toml, not measured", BLACK)]

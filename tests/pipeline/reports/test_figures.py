@@ -1,6 +1,7 @@
 """Fig. 3 from the tables: its numbers, its panels, its files."""
 
 import xml.etree.ElementTree as ElementTree
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
@@ -11,7 +12,8 @@ from hypothesis import strategies as st
 from matplotlib.figure import Figure
 from results_folder import CONTACTS, contact, make_results
 
-from pipeline.reports import fig3_tables, figures, session_numbers
+from pipeline.reports import fig3_panels, fig3_tables, figures, session_numbers
+from pipeline.reports.whisker_styles import whisker_styles
 from pipeline.tables import files
 from pipeline.tables.columns import CONTACT_COLUMNS
 
@@ -143,6 +145,21 @@ def test_diameters_follow_the_cone(results):
     expected = 2 * 37 * (1 - table["arc_length_mm"] / 18.947)
     np.testing.assert_allclose(table["diameter_um"], expected)
     assert table["arc_length_mm"].max() == pytest.approx(18)
+
+
+def test_whiskers_look_as_in_the_time_courses():
+    names = [f"w{k}" for k in range(12)]
+    table = pd.DataFrame(
+        [(f"1 {name}", s, 74 - s) for name in names for s in (0.0, 18.0)],
+        columns=["whisker", "arc_length_mm", "diameter_um"],
+    )
+    axis = Figure().subplots()
+    fig3_panels._panel_c(axis, SimpleNamespace(panels={"c": table}))
+    styles = whisker_styles(names)
+    for line in axis.lines:
+        style = styles[line.get_label()]
+        assert line.get_color() == style.colour
+        assert tuple(line._unscaled_dash_pattern[1] or ()) == style.dash  # no public way
 
 
 @given(st.lists(st.floats(0.1, 300), min_size=1, max_size=50), st.sampled_from([0.0, 1.0, 2.0]))
