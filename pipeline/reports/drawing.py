@@ -93,7 +93,7 @@ class View:
         return np.round(self.places(points) * 2**SHIFT).astype(np.int32)
 
 
-def draw(image, lines: dict, rows: pd.DataFrame, pole, settings: Settings, view=None):
+def draw(image, lines: dict, rows: pd.DataFrame, pole, settings: Settings, view=None, unnamed=()):
     """One frame with its findings, uint8 (height, width, 3), BGR.
 
     Parameters
@@ -103,6 +103,7 @@ def draw(image, lines: dict, rows: pd.DataFrame, pole, settings: Settings, view=
     rows : this frame's rows of frames.parquet, with COLUMNS
     pole : (x, y, radius) [px] or None
     view : what part is shown; None: the whole picture, with each whisker's state below
+    unnamed : numbers of lines that are no known whisker's: they get a question mark
     """
     shown = view or View.whole(image)
     canvas = shown.canvas(image)
@@ -115,8 +116,9 @@ def draw(image, lines: dict, rows: pd.DataFrame, pole, settings: Settings, view=
         if _colour(table.get(name)) == TOUCHING:
             _draw_force(canvas, points, table[name], settings, shown)
     if len(table or lines) > 1:
-        _draw_names(canvas, lines, table, shown)
-    cells = [] if view else [_state(name, table.get(name), lines) for name in table or lines]
+        _draw_names(canvas, lines, table, shown, unnamed)
+    named = [name for name in table or lines if name not in unnamed]
+    cells = [] if view else [_state(name, table.get(name), lines) for name in named]
     return np.vstack([canvas, _strip(cells, table, settings, shown)])
 
 
@@ -189,11 +191,12 @@ def _point_at(points, row, scale):
 # --- names ---------------------------------------------------------------------------------
 
 
-def _draw_names(canvas, lines, table, view):
+def _draw_names(canvas, lines, table, view, unnamed):
     """Each whisker's name beyond its tip, inside the picture, none upon another."""
     boxes = name_boxes({name: view.places(points) for name, points in lines.items()}, view)
     for name, (x, y, _, _) in boxes.items():
-        put_text(canvas, name, (x, y), _colour(table.get(name)), view.letters, PAPER)
+        shown = "?" if name in unnamed else name
+        put_text(canvas, shown, (x, y), _colour(table.get(name)), view.letters, PAPER)
 
 
 def name_boxes(lines: dict, view: View) -> dict:

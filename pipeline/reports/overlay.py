@@ -11,6 +11,7 @@ from pipeline.runtime.timing import Counted
 from pipeline.scene import pole_runs
 from pipeline.session.session_file import Settings, read_session
 from pipeline.tables import centrelines, files
+from pipeline.tables.known_names import nameless_in
 from pipeline.tables.run_record import read_pole
 from pipeline.video.open import open_video
 
@@ -58,6 +59,7 @@ def _drawn(images, folder, settings, inside=None, part=None):
     part : gives the `View` for an image, its lines and the pole; None: the whole picture
     """
     frames = files.read_frames(folder / "frames.parquet", COLUMNS, inside)
+    unnamed = _unnamed(folder)
     places = frames["frame"].to_numpy()
     lines = _by_frame(centrelines.centreline_chunks(folder / "centrelines.parquet", inside))
     state = read_pole(folder)
@@ -69,7 +71,14 @@ def _drawn(images, folder, settings, inside=None, part=None):
         rows = frames.iloc[slice(*np.searchsorted(places, [number, number + 1]))]
         pole = pole_runs.pole_at(state, number)
         view = part and part(image, shown, pole)
-        yield number, draw(image, shown, rows, pole, settings, view)
+        yield number, draw(image, shown, rows, pole, settings, view, unnamed)
+
+
+def _unnamed(folder) -> set[str]:
+    """Numbers of lines that are no known whisker's, and touch nothing."""
+    columns = ["whisker", "tracked", "confidence", "in_contact"]
+    frames = files.read_frames(folder / "frames.parquet", columns)
+    return nameless_in(frames) - set(frames["whisker"][frames["in_contact"].astype(bool)])
 
 
 def _by_frame(chunks):

@@ -8,7 +8,7 @@ import pytest
 from colour_vision import difference
 from results_folder import SETTINGS, make_results
 
-from pipeline.reports import drawing, lettering
+from pipeline.reports import drawing, lettering, overlay
 from pipeline.tables import files
 
 BLEND = 60  # grey levels: lines are smoothed into the picture
@@ -99,6 +99,23 @@ def test_a_line_in_doubt_is_dashed(tmp_path):
         gaps.append((canvas[250, 80:470] == 200).all(axis=1).sum())
     assert gaps[0] == 0
     assert gaps[1] > 100
+
+
+def test_a_line_that_is_no_whiskers_has_a_question_mark_and_no_state(tmp_path, monkeypatch):
+    results, written = make_results(tmp_path / "results"), []
+    path = results / "one" / "frames.parquet"
+    frames = files.read_frames(path)
+    tables = [frames.assign(whisker="w1"), frames.assign(whisker="w2", confidence=0.4)]
+    for table in tables:
+        table["in_contact"] = False
+    files.write_frames(path, pd.concat(tables).sort_values("frame", kind="stable"))
+    monkeypatch.setattr(drawing, "put_text", lambda canvas, text, *_: written.append(text))
+    lines = {name: np.column_stack([np.arange(75.0, 475), np.full(400, y)])
+             for name, y in (("w1", 250.0), ("w2", 150.0))}  # fmt: skip
+    unnamed = overlay._unnamed(results / "one")
+    drawing.draw(picture(), lines, rows(results, 10), None, SETTINGS, unnamed=unnamed)
+    assert {"w1", "?", "w1 free"} <= set(written)
+    assert not any("w2" in text for text in written)
 
 
 @pytest.mark.parametrize("sight", ["normal", "protan", "deutan"])
