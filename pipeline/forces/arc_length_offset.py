@@ -37,8 +37,9 @@ from scipy import sparse
 from scipy.special import expit
 
 from pipeline.forces import rod_fit
+from pipeline.forces.rest_shape import CORRELATED_FRAMES
 from pipeline.forces.rod_fit import RestPrior
-from pipeline.kinematics.stations import N_STATIONS, Stations
+from pipeline.kinematics.stations import Stations
 from pipeline.numerics.robust import robust_sd
 from pipeline.numerics.runs import evenly
 from pipeline.session.parameters import DEFAULTS, RodParams
@@ -59,12 +60,6 @@ TIP_LAGS = 8  # frames over which ends of a codec's pictures err together
 MOST_ROWS = 240  # frames that may touch whose bending is used
 ENOUGH_ROWS = 20  # of frames that were not interpolated; with fewer, all are used
 CLEAN = 4.0  # times the usual misfit: something else lies upon the whisker
-TOGETHER = 5.0  # rows that count as one: those of a contact err together
-# error of a station in the mean of a whole video: a touching whisker lies still upon the same
-# pixels. A share of its noise, and what is left in a clean picture, and how far along the whisker
-# such errors are alike (all measured, rendered videos)
-LASTING_SHARE, LASTING_PX = 0.15, 1.6e-3
-LASTING_REACH_M = 0.25e-3
 EXPLAINED_SD = 2.0  # standard errors by which bending, tip and session may differ
 POLE_LEVER = 6.0  # how much farther a misplaced pole moves the answer
 
@@ -194,17 +189,12 @@ def origin_from_bending(
         return evidence.solve()
     part = places.rows(rows).loaded()
     rest = replace(prior, drift=prior.drift[rows], cov=prior.cov[rows])
-    influence = np.zeros((len(rows), N_STATIONS))
-    fit = rod_fit.fit_loaded(
-        part, whisker, curvature_at, rest, friction[rows], influence=influence
-    )
+    fit = rod_fit.fit_loaded(part, whisker, curvature_at, rest, friction[rows], fine=True)
     clean = fit["chi2"] < CLEAN * np.nanmedian(fit["chi2"])
-    influence[~clean] = 0.0
     bend, pull = (np.where(clean, fit[f"origin_{k}"], 0.0) for k in ("bend", "pull"))
     noise = _noise(pull, bend)
     weight, wish = bend / noise, (pull + bend * part.origin) / noise
-    common = _lasting_sd(bend.sum(), influence, part, fit)
-    sd = float(np.hypot(common, _misplaced_sd(fit["gap"], part.side)))
+    sd = _misplaced_sd(fit["gap"], part.side)
     try:
         found = evidence.beside(evidence.design[rows], weight, wish, sd).solve()
     except np.linalg.LinAlgError:
@@ -222,7 +212,8 @@ def origin_from_bending(
 def _noise(pull, bend):
     """Variance of the rows' pulls over the one expected from the stations' information.
 
-    The pulls of neighbouring rows err together, most so a codec's: counted are independent ones.
+    Rows err together: a still whisker lies on the same pixels, and all rows have their rest shape
+    from the same free frames. So as many count as one as there.
     """
     good = bend > 0
     if good.sum() < 2:
@@ -230,24 +221,7 @@ def _noise(pull, bend):
     pull, bend = pull[good], bend[good]
     deviation = (pull - bend * pull.sum() / bend.sum()) / np.sqrt(bend)
     limit = 3 * robust_sd(deviation, about=0.0)
-    return TOGETHER * max(0.5, float(np.mean(np.clip(deviation, -limit, limit) ** 2)))
-
-
-def _lasting_sd(bend, influence, part, fit):
-    """Standard error [m] of the bending's answer from stations' errors that do not average out.
-
-    `bend` [1/m²]: of all rows together. Errors of the rest shape, common to all rows too, are not
-    counted: rendered videos show none beside these and the scatter of the rows.
-    """
-    known = (part.information / np.fmax(fit["chi2"], 1.0)[:, None]).sum(axis=0)
-    known /= np.maximum((part.information > 0).sum(axis=0), 1)
-    noise = np.where(known > 0, 1 / np.sqrt(np.maximum(known, 1e-30)), 0.0)
-    lasting = np.hypot(LASTING_SHARE * noise, LASTING_PX * part.pixel)
-    lasting *= np.nan_to_num(influence).sum(axis=0)
-    spacing = part.spacing[part.whisker[0]]
-    away = np.subtract.outer(np.arange(N_STATIONS), np.arange(N_STATIONS))
-    alike = np.exp(-0.5 * (away * spacing / LASTING_REACH_M) ** 2)
-    return float(np.sqrt(lasting @ alike @ lasting) / bend) if bend > 0 else np.inf
+    return CORRELATED_FRAMES * max(0.5, float(np.mean(np.clip(deviation, -limit, limit) ** 2)))
 
 
 def _misplaced_sd(gap, side):

@@ -10,7 +10,7 @@ The outermost step of what is judged is too far out for fur: what it is missed b
 expected (a codec's noise runs along the line; the rest shape is no polynomial) is expected nearer
 to the face, too. What is found fades outwards over a step: the stations just beyond, which no
 longer stand out, are drawn aside, too.
-A bias counts as the noise of which it is the share that lasts (`arc_length_offset.py`).
+A bias counts as the noise of which it is the share that lasts.
 """
 
 from dataclasses import replace
@@ -19,7 +19,6 @@ import numpy as np
 import pandas as pd
 
 from pipeline.forces import rod_fit
-from pipeline.forces.arc_length_offset import LASTING_SHARE
 from pipeline.kinematics.stations import Stations
 from pipeline.numerics.robust import MAD_TO_SD
 from pipeline.numerics.runs import evenly
@@ -31,6 +30,9 @@ STEPS = 3  # are judged; the last is the outermost
 MOST_ROWS = 40  # of free frames, and as many of touching ones
 FEWEST_ROWS = 10  # of each
 SURE = 4.0  # times the variance that is expected
+LASTING_SHARE = (
+    0.15  # of a station's noise, in the mean of a whole video (measured, rendered ones)
+)
 
 
 def without_bias(

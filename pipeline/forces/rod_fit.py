@@ -141,21 +141,20 @@ def fit_loaded(
     prior: RestPrior,
     friction=0.0,
     shift=0.0,
-    influence=None,
+    fine=False,
     misfit=None,
 ) -> ShapeFit:
     """Fit pose and the force that a pole at the nearest point would exert, given the rest shape.
 
     `friction`, one or (rows,), is the signed ratio of tangential to normal force, + pulls
     towards the tip. `shift` [m], one or (rows,), is added to the arc lengths beside
-    `stations.origin`; the rest shape, measured without it, moves along. `influence`, if given, a
-    (rows, N_STATIONS) array, is filled with how `origin_pull` follows an error of each station
-    across the whisker [1/m²]; fits are settled the finer then. `misfit`, if given, (rows, 2,
-    N_STATIONS), is filled with how far stations lie beside the rod, along its normal [m], and the
-    variance of the rod's place there [m²]; those without information, too.
+    `stations.origin`; the rest shape, measured without it, moves along. With `fine`, fits are
+    settled as finely as the likelihood's slope by the origin needs. `misfit`, if given,
+    (rows, 2, N_STATIONS), is filled with how far stations lie beside the rod, along its normal
+    [m], and the variance of the rod's place there [m²]; those without information, too.
     """
     load = friction, shift
-    return _fit(stations, whisker, curvature_at, prior, load, influence, misfit)
+    return _fit(stations, whisker, curvature_at, prior, load, fine, misfit)
 
 
 def _vague(n):
@@ -163,16 +162,15 @@ def _vague(n):
     return np.broadcast_to(np.eye(N_REST) * 300.0**2, (n, N_REST, N_REST))
 
 
-def _fit(stations, whisker, curvature_at, prior, load=None, influence=None, misfit=None):
+def _fit(stations, whisker, curvature_at, prior, load=None, fine=False, misfit=None):
     """Fit all rows; `load` is (friction, shift), None where no pole is touched."""
     n, m = len(stations), N_STATIONS
     friction, shift = (0.0, 0.0) if load is None else load
-    settled = SETTLED_SD if influence is None else FINE_SETTLED_SD
+    settled = FINE_SETTLED_SD if fine else SETTLED_SD
     out = Filled(
         np.full(n, np.nan, OUTPUT_ROW).view(np.recarray),
         np.full((n, N_REST), np.nan),
         np.full((n, N_REST, N_REST), np.nan),
-        np.empty((0, m)) if influence is None else influence,
         np.empty((0, 2, m)) if misfit is None else misfit,
     )
     shift, friction = (np.broadcast_to(np.asarray(a, float), n).copy() for a in (shift, friction))
@@ -238,8 +236,7 @@ def _fit_rows(rows, setup, turning, out):
         o.chi2 = chi2
         report_pose(o, fitted, out.rest[row], out.rest_cov[row])
         if loaded:
-            influence = out.influence[row : row + 1]
-            report_loads(o, problem, fitted, setup.at, setup.taper, influence)
+            report_loads(o, problem, fitted, setup.at, setup.taper)
         report_curvature(o, problem, fitted, setup.at)
         for each in out.misfit[row : row + 1]:
             _report_misfit(seen, fitted, each)

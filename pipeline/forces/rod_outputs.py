@@ -24,11 +24,8 @@ FEWEST_NEAR = 5
 
 
 @njit(**COMPILED)
-def report_loads(o, problem, fitted, at, taper, influence):
-    """Fill one row of results that need the force, and its `influence` where there is room.
-
-    `at`, `taper` as in `Setup`.
-    """
+def report_loads(o, problem, fitted, at, taper):
+    """Fill one row of results that need the force; `at`, `taper` as in `Setup`."""
     load, force = problem.load, fitted.p[LOADED - 1]
     contact = laid_from(fitted.p, fitted.place)
     unit = unit_force(fitted.p[1], load.side, load.friction)
@@ -39,8 +36,6 @@ def report_loads(o, problem, fitted, at, taper, influence):
     o.axial_var = variance(gradient[1], fitted.cov)
     o.lateral_var = variance(gradient[2], fitted.cov)
     _follow(problem.seen, fitted, follows, o)
-    for each in influence:
-        _influence(problem.seen, fitted, follows, each)
     o.force_by_origin = follows[LOADED - 1]
     o.moment_by_origin = (gradient[0] * follows).sum()
     o.axial_by_origin = (gradient[1] * follows).sum()
@@ -196,22 +191,3 @@ def _follow(seen, fitted, follows, o):
             follows[a] += inverse[a, b] * rhs[b]
         bend -= rhs[a] * follows[a]
     o.origin_pull, o.origin_bend = pull, bend
-
-
-@njit(**COMPILED)
-def _influence(seen, fitted, follows, out):
-    """Fill `out` with the change of the origin's pull by an error of each station.
-
-    What the pull is for a rod that is fitted again: a misfit counts as far as no parameter
-    answers to it.
-    """
-    laid, chi2 = fitted.laid, fitted.chi2
-    info, shift = seen.information, laid.shift
-    for k in range(len(info)):
-        out[k] = 0.0
-        if not info[k] > 0:
-            continue
-        away, misfit = 0.0, misfit_of(seen, laid, k)
-        for a in range(len(follows)):
-            away += shift[a, k] * follows[a]
-        out[k] = robust_weight(info[k], misfit, 1 / max(chi2, 1.0)) * away

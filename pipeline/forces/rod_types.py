@@ -126,13 +126,12 @@ class Setup(NamedTuple):
 
 
 class Filled(NamedTuple):
-    """Where results go: OUTPUT_ROWs, rest shapes, their covariances, influence and misfit.
+    """Where results go: OUTPUT_ROWs, rest shapes, their covariances and misfit.
 
-    The last two have no rows where they are not wanted.
+    The last has no rows where it is not wanted.
     """
 
     table: np.ndarray
     rest: np.ndarray
     rest_cov: np.ndarray
-    influence: np.ndarray
     misfit: np.ndarray

@@ -9,6 +9,7 @@ from scipy import sparse
 from scipy.ndimage import uniform_filter1d
 
 from pipeline.forces import arc_length_offset, estimate_forces, forces
+from pipeline.forces.fur_bias import LASTING_SHARE
 from pipeline.kinematics import resampled
 from pipeline.kinematics.tip import nodes_to_tip
 from pipeline.session.parameters import DEFAULTS
@@ -261,11 +262,9 @@ def test_the_standard_error_holds_what_is_common_to_all_frames():
     share = []
     for seed in range(6):
         waves = np.random.default_rng(seed).normal(size=(2, 8))
-        turns = (
-            2 * np.pi * np.outer(along, np.linspace(0, 0.2, 8)) / arc_length_offset.LASTING_REACH_M
-        )
+        turns = 2 * np.pi * np.outer(along, np.linspace(0, 0.2, 8)) / 0.25e-3
         aside = (np.cos(turns) @ waves[0] + np.sin(turns) @ waves[1]) / np.sqrt(8)
-        aside = arc_length_offset.LASTING_SHARE * noise * aside * touches[:, None]
+        aside = LASTING_SHARE * noise * aside * touches[:, None]
         steps = np.gradient(places.x, axis=1), np.gradient(places.y, axis=1)
         length = np.hypot(*steps)
         x, y = places.x - aside * steps[1] / length, places.y + aside * steps[0] / length
@@ -349,19 +348,19 @@ def test_pulls_that_scatter_more_than_they_say_count_less():
         for some in (pull, 0.7 * bend + (pull - 0.7 * bend) / 3)
     )
     assert wide == pytest.approx(9 * usual, rel=0.01)
-    assert usual == pytest.approx(arc_length_offset.TOGETHER, rel=0.1)
+    assert usual == pytest.approx(arc_length_offset.CORRELATED_FRAMES, rel=0.1)
     calm = arc_length_offset._noise(0.7 * bend, bend)
     assert calm == pytest.approx(0.5 * usual, rel=0.1)
 
 
-def test_clean_pictures_err_by_thousandths_of_a_pixel_in_all_frames(touching):
-    """Stations without noise: the bending's answer is as uncertain as their pixels make it."""
-    places, found = touching.places, []
-    for sharper in (1, 100):
-        seen = replace(places, information=sharper * places.information)
-        evidence, _ = forces.measure_forces(seen, mouse_c2(), touching.frames, AT)
-        found.append(evidence["bending_origin_se_m"].median())
-    assert found[1] > 0.3 * found[0]  # a tenth, if noise were all
+def test_the_bendings_answer_is_as_uncertain_as_the_stations(touching):
+    """A fifth of the noise: a fifth of the standard error, or nearly so."""
+    sharp = traced_motion.trace(make_trial("noisy", 0, 0, 500).motion, noise_px=0.002)
+    usual, sharper = (
+        forces.measure_forces(each.places, mouse_c2(), each.frames, AT)[0]["bending_origin_se_m"]
+        for each in (touching, sharp)
+    )
+    assert sharper.median() < 0.3 * usual.median()
 
 
 @pytest.mark.parametrize("away", [0.05e-3, 0.3e-3, 0.45e-3, 1.5e-3])

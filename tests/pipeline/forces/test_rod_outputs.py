@@ -25,10 +25,9 @@ pull_tolerance = 0.06  # Gauss and Newton's derivatives, where places do not fit
 
 def fitted(places, rest=None, **more):
     """Fine fits of all rows; `rest` (rows, N_REST) is added to the rest shape [1/m]."""
-    prior, n = known_rest(len(places), sd=REST_SD), len(places)
+    prior = known_rest(len(places), sd=REST_SD)
     prior = prior if rest is None else replace(prior, drift=rest)
-    fine = np.empty((n, N_STATIONS))
-    return rod_fit.fit_loaded(places, mouse_c2(), CURVATURE_AT, prior, influence=fine, **more)
+    return rod_fit.fit_loaded(places, mouse_c2(), CURVATURE_AT, prior, fine=True, **more)
 
 
 def values(fit):
