@@ -72,6 +72,27 @@ def test_even_turns_leave_out_a_line_that_has_gone_on_with_another():
     assert not even_turns(place, np.full(9, np.nan)).any()
 
 
+def test_even_turns_leave_out_a_line_that_has_gone_astray_at_the_end_of_the_row():
+    # a rat's row in protraction: two of the outer lines were on the body's edge
+    place = np.array([-1, -0.95, -0.72, -0.71, -0.55, -0.45, -0.37, -0.24, -0.09, 0.06, 0.2, 0.82, 1])
+    seen = np.radians([4.3, 4.0, 3.2, 2.9, 4.1, 5.1, 5.3, 3.8, 4.2, 3.4, 4.6, 11.6, 18.9])
+    assert np.degrees(even_turns(place, seen)) == pytest.approx(np.full(13, 4.1), abs=1.0)
+
+
+def test_a_dark_edge_does_not_turn_the_row():
+    angles = np.radians(np.array([-22.0, -17, -12, -8, -2, 3, 9]))
+    moved = angles + np.radians(3.0)
+    seen = picture(fan(moved))
+    lines = fan(angles)
+    lines[0].amplitude[:] = 1.0  # its track was already on the body
+    column = np.arange(SHAPE[1])
+    edge = 100 + np.tan(angles[0] - np.radians(12.0)) * (column - 40)
+    seen[np.arange(SHAPE[0])[:, None] < edge] = 10  # the body, beyond the first line
+    background, weight = np.full(SHAPE, 200, np.float32), np.ones(SHAPE, np.float32)
+    got = common_turns(seen, background, weight, 1.0, lines)
+    assert np.degrees(got[1:]) == pytest.approx(np.full(6, 3.0), abs=0.6)
+
+
 def test_lines_turn_about_a_point_behind_their_base():
     line = fan([0.3])[0]
     turned = line.copy()
