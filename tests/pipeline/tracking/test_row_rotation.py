@@ -74,9 +74,10 @@ def test_even_turns_leave_out_a_line_that_has_gone_on_with_another():
 
 def test_even_turns_leave_out_a_line_that_has_gone_astray_at_the_end_of_the_row():
     # a rat's row in protraction: two of the outer lines were on the body's edge
-    place = np.array([-1, -0.95, -0.72, -0.71, -0.55, -0.45, -0.37, -0.24, -0.09, 0.06, 0.2, 0.82, 1])
+    place = [-1, -0.95, -0.72, -0.71, -0.55, -0.45, -0.37, -0.24, -0.09, 0.06, 0.2, 0.82, 1]
     seen = np.radians([4.3, 4.0, 3.2, 2.9, 4.1, 5.1, 5.3, 3.8, 4.2, 3.4, 4.6, 11.6, 18.9])
-    assert np.degrees(even_turns(place, seen)) == pytest.approx(np.full(13, 4.1), abs=1.0)
+    got = np.degrees(even_turns(np.array(place), seen))
+    assert got == pytest.approx(np.full(len(place), 4.1), abs=1.0)
 
 
 def test_a_dark_edge_does_not_turn_the_row():
