@@ -291,7 +291,8 @@ def trace(
     """
     tracks = track(frames, scene, templates, options, chunk_frames)
     face = face_side_of(scene)
-    lengths = dict(zip(given or (), options.visible_px, strict=False))
+    lengths = dict.fromkeys(given or (), np.inf)
+    lengths.update(zip(lengths, options.visible_px, strict=False))
     lines = assign_identities(
         tracks, templates, options, face, given == (), params.identity, beside,
         GivenLengths(lengths, open_ground(scene)) if lengths else None,

@@ -127,14 +127,15 @@ def _all_rows(rows, templates, given, sides, open_ended, limits):
         row = [template for template in templates if template.name.startswith(side_name)]
         both = open_ended and len(sides.names) > 1
         direction = 1 if both else _runs_along(row, sides.dials[number])
-        wanted = None if open_ended else len(row)
+        here = {name: px for name, px in longest.items() if name.startswith(side_name)}
+        # what the first look did not find may be seen later, and has a name, too
+        wanted = None if open_ended else max(len(row), len(here))
         named, sure[own] = names(frame[own], track[own], features[own], wanted, direction, limits)
         if open_ended:
             unnamed = limits.params.nameless_confidence
             named, sure[own] = with_unnamed(frame[own], track[own], named, sure[own], unnamed)
             names_here = tuple(f"{side_name}w{k + 1}" for k in range(named.max(initial=-1) + 1))
         else:
-            here = {name: px for name, px in longest.items() if name.startswith(side_name)}
             found = [template.name for template in row]
             named, names_here, chosen = _as_given(named, length[own], here, found)
             sure[own] *= chosen

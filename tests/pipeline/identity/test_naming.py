@@ -417,6 +417,19 @@ def test_lengths_tell_which_given_whiskers_were_seen():
         assert share == pytest.approx([0.5, 1.0, 1.0], abs=0.05)
 
 
+def test_a_given_whisker_that_the_first_look_missed_is_named_all_the_same():
+    angles, names_given = [-0.3, 0.1, 0.4], "abc"
+    given = GivenLengths(dict.fromkeys(names_given, np.inf))
+    templates = [
+        WhiskerTemplate(*each) for each in zip(names_given, angles, [60, 70, 80], strict=True)
+    ]
+    del templates[1]
+    lines = [straight(*each) for each in zip(angles, [60, 70, 80], strict=True)]
+    chunks = [centrelines([f] * 3, range(3), lines) for f in range(4)]
+    for got in name_lines(iter(chunks), templates, one_row(templates), given=given):
+        assert [got.names[k] for k in got.whisker] == ["a", "b", "c"]
+
+
 @pytest.mark.parametrize("open_ended", [False, True])
 def test_a_single_frame_is_named(open_ended):
     angles = [-0.3, 0.1, 0.4]
