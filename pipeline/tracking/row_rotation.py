@@ -50,9 +50,9 @@ def common_turns(image, background, weight, gain, lines, pivot=0.0) -> np.ndarra
         ]
     )
     starts = np.cumsum([0, *(len(range(part.start, part.stop, STEP)) for part in inner)])
-    scores, most = _scores(picture, nodes, starts, pivots, turns)
-    scores /= most[:, None]  # every line counts the same, however dark it is
-    return _own_turns(scores, _most_likely(scores / len(lines), places(lines)))
+    # every line counts the same, however dark it is
+    fit, shown = _scores(picture, nodes, starts, pivots, turns)
+    return _own_turns(shown, _most_likely(fit / len(lines), places(lines)))
 
 
 def places(lines) -> np.ndarray:
@@ -133,7 +133,9 @@ def _peak(score, k) -> float:
 
 @njit(cache=True, error_model="numpy")
 def _scores(picture, nodes, starts, pivots, turns):
-    """How well turned lines fit (lines, turns), as of `_add_scores`, and a perfect fit (lines,).
+    """Fit of turned lines and how much of them is shown, as of `_add_scores`, (lines, turns) each.
+
+    Both are 1 where a line looks as it did before.
 
     nodes : x, y [px] and amplitude of some nodes (3, nodes), of each line from its start to the
     next one's; pivots : x, y [px] (lines, 2); turns : cosines and sines
@@ -144,7 +146,7 @@ def _scores(picture, nodes, starts, pivots, turns):
     image, background, weight, gain = picture
     shape, flat = image.shape, (image.ravel(), background.ravel(), weight.ravel())
     cosines, sines = turns[0].astype(FLOAT), turns[1].astype(FLOAT)
-    scores, most = np.zeros((len(pivots), len(cosines))), np.full(len(pivots), 1e-9)
+    (fit, shown), most = np.zeros((2, len(pivots), len(cosines))), np.full(len(pivots), 1e-9)
     places, (grey, light) = np.empty(len(cosines), np.int32), np.empty((2, len(cosines)), FLOAT)
     for line in range(len(pivots)):
         x, y = pivots[line]
@@ -153,8 +155,8 @@ def _scores(picture, nodes, starts, pivots, turns):
             most[line] += a * a
             _find_places(FLOAT(x), FLOAT(y), dx, dy, cosines, sines, shape, places)
             _take_pixels(flat, places, grey, light)
-            _add_scores(grey, light, FLOAT(gain), FLOAT(a), scores[line])
-    return scores, most
+            _add_scores(grey, light, FLOAT(gain), FLOAT(a), fit[line], shown[line])
+    return fit / most[:, None], shown / most[:, None]
 
 
 @njit(cache=True, error_model="numpy", inline="always")
@@ -178,19 +180,22 @@ def _take_pixels(flat, places, grey, light):
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def _add_scores(grey, light, gain, a, scores):
-    """Add to the score of every turn that has a pixel how well it shows a line of amplitude `a`.
+def _add_scores(grey, light, gain, a, fit, shown):
+    """Add how well every turn's pixel shows a line of amplitude `a`; nothing where there is none.
 
-    That is how much smaller the squared residual of the absorbance becomes: a² where it is `a`, 0
-    where it is 0, and 0 again where it is twice as much or more. A body's dark edge is no whisker.
+    `fit` is how much smaller the squared residual of the absorbance becomes: a² where it is `a`, 0
+    where it is 0 or at least twice as much. A body's dark edge is no whisker. `shown` is what is
+    there of the line: another whisker upon it takes nothing away.
     """
-    one, none, most, half = FLOAT(1), FLOAT(0), FLOAT(2) * a, FLOAT(0.5)
-    for k in range(len(scores)):
+    one, none, two, half, most = FLOAT(1), FLOAT(0), FLOAT(2) * a, FLOAT(0.5), FLOAT(1.3) * a
+    for k in range(len(fit)):
         expected = gain * light[k]
         seen = one - grey[k] / (expected if expected > one else one)
         seen = seen if seen > none else none
-        seen = seen if seen < most else most
-        scores[k] += FLOAT(2) * seen * (a - half * seen) if light[k] > none else none
+        seen = seen if seen < two else two
+        there = light[k] > none
+        fit[k] += FLOAT(2) * seen * (a - half * seen) if there else none
+        shown[k] += a * (seen if seen < most else most) if there else none
 
 
 @njit(cache=True)
