@@ -30,9 +30,8 @@ STEPS = 3  # are judged; the last is the outermost
 MOST_ROWS = 40  # of free frames, and as many of touching ones
 FEWEST_ROWS = 10  # of each
 SURE = 4.0  # times the variance that is expected
-LASTING_SHARE = (
-    0.15  # of a station's noise, in the mean of a whole video (measured, rendered ones)
-)
+# of a station's noise, in the mean of a whole video (measured, rendered ones)
+LASTING_SHARE = 0.15
 
 
 def without_bias(

@@ -187,14 +187,14 @@ def _add_scores(grey, light, gain, a, fit, shown):
     where it is 0 or at least twice as much. A body's dark edge is no whisker. `shown` is what is
     there of the line: another whisker upon it takes nothing away.
     """
-    one, none, two, half, most = FLOAT(1), FLOAT(0), FLOAT(2) * a, FLOAT(0.5), FLOAT(1.3) * a
+    one, none, two, most = FLOAT(1), FLOAT(0), FLOAT(2) * a, FLOAT(1.3) * a
     for k in range(len(fit)):
         expected = gain * light[k]
         seen = one - grey[k] / (expected if expected > one else one)
         seen = seen if seen > none else none
         seen = seen if seen < two else two
         there = light[k] > none
-        fit[k] += FLOAT(2) * seen * (a - half * seen) if there else none
+        fit[k] += seen * (two - seen) if there else none
         shown[k] += a * (seen if seen < most else most) if there else none
 
 
