@@ -6,59 +6,18 @@ of the 2^frames is found at once (Viterbi), as is the probability of either in e
 and backward sums). Pair after pair is taken until no exchange makes anything likelier.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 from numba import njit
 
-from pipeline.identity.features import N_FEATURES
+from pipeline.identity.links import Evidence, link_costs
 from pipeline.numerics.chains import likeliest_path, state_probabilities
 
-TAIL = 4  # degrees of freedom of a motion's distribution: jumps happen
-SEEN_AGAIN = 6.0  # cost of a whisker that is seen again after a gap
-TAKEN = 15.0  # cost of a line that was another's, for a whisker that had none or a brief one
 LEAST_GAIN = 1e-6
 TRUST = 0.2  # of the costs, in probabilities: errors of neighbouring frames are alike
 MOST_ROUNDS = 12
 CLAIM_ROUNDS = 6  # of them, in which whiskers may claim lines without a name
 MOST_CLAIMING = 4  # whiskers, for one line
 MOST_LIKE = 4  # whiskers, for each, with which it may have changed places
-
-
-class Evidence(NamedTuple):
-    """What the names are inferred from; compiled functions take it whole.
-
-    Attributes
-    ----------
-    features : float64 (rows, 6)
-    drift : (rows, 6) what a row's features are expected to change by to the next frame, beside
-        the turn of all
-    look : (rows, whiskers) cost of every name by the row's own look
-    nameless : (rows,) cost of none of these names
-    frame : int64 (rows,), from 0, ascending
-    phase : (frames,) turn of all whiskers
-    slope : (whiskers, 6) change of the features with the phase
-    sd, fast : (6,) of the motion from a frame to the next, and what is added to it per turn
-    most_sd : (whiskers, 6) of the motion over a gap, at most
-    source : (rows,) row of the same track in the frame before, −1 for none
-    price : (rows,) cost of a name that is not that row's; up to TAKEN, none where lines that
-        are both seen change places
-    lasting : (rows,) whether the line is part of a long steady motion
-    """
-
-    features: np.ndarray
-    drift: np.ndarray
-    look: np.ndarray
-    nameless: np.ndarray
-    frame: np.ndarray
-    phase: np.ndarray
-    slope: np.ndarray
-    sd: np.ndarray
-    fast: np.ndarray
-    most_sd: np.ndarray
-    source: np.ndarray
-    price: np.ndarray
-    lasting: np.ndarray
 
 
 def improved(evidence: Evidence, names, track) -> np.ndarray:
@@ -69,12 +28,12 @@ def improved(evidence: Evidence, names, track) -> np.ndarray:
     rows_of = _table(evidence, names)
     pairs = _alike(evidence, rows_of)
     kept = _nothing_kept(len(pairs), rows_of.shape[1])
-    changed, fresh = np.ones(len(rows_of), bool), np.ones(len(names), bool)
+    changed, fresh = np.ones(rows_of.shape, bool), np.ones(len(names), bool)
     for number in range(MOST_ROUNDS):
-        before, changed = changed, np.zeros(len(rows_of), bool)
+        before, changed = changed, np.zeros(rows_of.shape, bool)
         _exchange_all(evidence, rows_of, pairs, kept, before, changed)
         if number < CLAIM_ROUNDS:
-            changed |= _claims(evidence, rows_of, track, before | changed, fresh)
+            _claims(evidence, rows_of, track, before, changed, fresh)
         if not changed.any():
             break
     return _names(rows_of, len(names))
@@ -152,54 +111,21 @@ def _nothing_kept(pairs, frames):
     return np.zeros((pairs, frames, 2, 2)), np.full((pairs, 2, frames), -2, np.int32)
 
 
-def _claims(evidence, rows_of, track, changed, fresh):
+def _claims(evidence, rows_of, track, before, changed, fresh):
     """Give nameless rows, run by run, to the likeliest looking whisker that takes some.
 
-    changed : (whiskers,) those that may claim more than they did in the last round
+    before, changed : as for `_exchange_all`: a whisker may claim what it did not claim in the
+        last round only where its rows have changed since
     fresh : (rows,) those that all whiskers may claim; those that none does are fresh no longer
-
-    Returns the whiskers that claimed some (whiskers,).
     """
     names = _names(rows_of, len(fresh))
     fresh[names >= 0] = True
-    claimed = np.zeros(len(rows_of), bool)
     rows, first = runs(names, track, evidence.frame)
     if len(rows):
         cost = evidence.look[rows] - evidence.nameless[rows, None]
         cost = np.add.reduceat(cost, first[:-1], axis=0)
         likely = np.argsort(cost, axis=1)[:, :MOST_CLAIMING]
-        _claim_runs(evidence, rows_of, cost, likely, rows, first, changed, fresh, claimed)
-    return claimed
-
-
-@njit(cache=True, inline="always")  # a call hands on all arrays of the evidence
-def link(evidence, a, i, j):
-    """Cost of whisker `a` to go on from row i to row j (−1: not seen)."""
-    if j < 0:
-        return 0.0
-    e = evidence
-    gap = abs(e.frame[j] - e.frame[i])
-    renamed = e.price[j] if e.source[j] >= 0 and e.source[j] != i else 0.0
-    if i >= 0 and renamed <= TAKEN and gap == 1 and (e.lasting[i] or not e.lasting[j]):
-        renamed = 0.0  # lines that lie on each other may have changed places
-    if i < 0:
-        return SEEN_AGAIN + renamed
-    turn = e.phase[e.frame[j]] - e.phase[e.frame[i]]
-    square, freedom, wider, usual = 0.0, TAIL, 1.0, 1.0
-    for f in range(N_FEATURES):
-        step = e.features[j, f] - e.features[i, f] - e.slope[a, f] * turn
-        if np.isnan(step):
-            continue
-        if gap == 1:
-            step -= e.drift[i, f]
-        sd, most = e.sd[f], max(e.most_sd[a, f], e.sd[f])
-        variance = min((sd * gap) ** 2 + (e.fast[f] * turn) ** 2, most**2)
-        square += step**2 / variance
-        freedom += 1
-        wider *= variance
-        usual *= sd**2
-    cost = 0.5 * np.log((1.0 + square / TAIL) ** freedom * (wider / usual))
-    return cost + (SEEN_AGAIN if gap > 1 else 0.0) + renamed
+        _claim_runs(evidence, rows_of, cost, likely, rows, first, before, changed, fresh)
 
 
 @njit(cache=True)
@@ -207,17 +133,18 @@ def _exchange_all(evidence, rows_of, pairs, kept, before, changed):
     """Exchange the rows of one pair after the other, in place, where that is likelier.
 
     kept : as of `_nothing_kept`, which is brought up to date
-    before, changed : (whiskers,) those whose rows changed in the last round, and in this one
+    before, changed : bool (whiskers, frames), where the whiskers' rows changed in the last round,
+        and in this one
     """
     steps, known = kept
     for k in range(len(pairs)):
         a, b = pairs[k]
-        if before[a] or before[b] or changed[a] or changed[b]:
+        if before[a].any() or before[b].any() or changed[a].any() or changed[b].any():
             one, other = rows_of[a], rows_of[b]
             _renew(evidence, a, b, one, other, steps[k], known[k, 0], known[k, 1])
             states, gain = _best_states(steps[k])
-            if gain >= LEAST_GAIN and _exchange_parts(evidence, a, b, one, other, states):
-                changed[a] = changed[b] = True
+            if gain >= LEAST_GAIN:
+                _exchange_parts(evidence, a, b, one, other, states, changed)
 
 
 @njit(cache=True, error_model="numpy")
@@ -226,22 +153,22 @@ def _renew(evidence, a, b, one, other, steps, known_one, known_other):
 
     Exchanges change few frames: most steps stay as they are.
     """
-    last, known_last = (-1, -1), (-1, -1)
-    for t in range(len(one)):
-        rows, known = (one[t], other[t]), (known_one[t], known_other[t])
-        if rows != known or last != known_last:
-            _step(evidence, a, b, rows, last, steps, t)
-            known_one[t], known_other[t] = rows
-        last, known_last = _seen_last(rows, last), _seen_last(known, known_last)
+    last = _seen_before(one, -1), _seen_before(other, -1)
+    new = (one != known_one) | (last[0] != _seen_before(known_one, -1))
+    new |= (other != known_other) | (last[1] != _seen_before(known_other, -1))
+    t = np.flatnonzero(new)
+    steps[t] = _step_costs(evidence, a, b, (one[t], other[t]), (last[0][t], last[1][t]))
+    known_one[t], known_other[t] = one[t], other[t]
 
 
 @njit(cache=True)
-def _seen_last(rows, before):
-    """Rows where two whiskers were seen last, by those in a frame and those before."""
-    return (
-        rows[0] if rows[0] >= 0 else before[0],
-        rows[1] if rows[1] >= 0 else before[1],
-    )
+def _seen_before(rows, last):
+    """Row in which a whisker was seen last before every frame (frames,); `last`: before all."""
+    out = np.empty(len(rows), np.int64)
+    for t in range(len(rows)):
+        out[t] = last
+        last = rows[t] if rows[t] >= 0 else last
+    return out
 
 
 @njit(cache=True, error_model="numpy")
@@ -251,41 +178,47 @@ def _steps(evidence, a, b, one, other, last):
     one, other : (frames,) rows of whiskers a and b, −1 where not seen; b < 0: nameless rows
     last : the two rows where they were seen last before, −1 for none
     """
-    out = np.zeros((len(one), 2, 2))
-    for t in range(len(one)):
-        rows = (one[t], other[t])
-        _step(evidence, a, b, rows, last, out, t)
-        last = _seen_last(rows, last)
-    return out
-
-
-@njit(cache=True, inline="always")
-def _step(evidence, a, b, rows, last, out, t):
-    """Fill in the costs of `_steps` in frame `t`."""
-    for now in range(2):
-        mine, theirs = rows[now], rows[1 - now]
-        seen = 0.0
-        if mine >= 0:
-            seen += evidence.look[mine, a]
-        if theirs >= 0:
-            seen += evidence.look[theirs, b] if b >= 0 else evidence.nameless[theirs]
-        for before in range(2):
-            cost = link(evidence, a, last[before], mine)
-            if b >= 0:
-                cost += link(evidence, b, last[1 - before], theirs)
-            out[t, before, now] = seen + cost
+    before = _seen_before(one, last[0]), _seen_before(other, last[1])
+    return _step_costs(evidence, a, b, (one, other), before)
 
 
 @njit(cache=True, error_model="numpy")
-def _exchange_parts(evidence, a, b, one, other, states):
-    """Exchange rows, in place, in those unbroken parts where it is likelier; whether in any.
+def _step_costs(evidence, a, b, rows, last):
+    """Costs of `_steps` in some frames, from the two `rows` there and where they were `last`."""
+    out = np.empty((len(rows[0]), 2, 2))
+    for now in range(2):
+        mine, theirs = rows[now], rows[1 - now]
+        seen = _looks(evidence.look[:, a], mine)
+        seen += _looks(evidence.look[:, b] if b >= 0 else evidence.nameless, theirs)
+        for before in range(2):
+            cost = link_costs(evidence, a, last[before], mine)
+            if b >= 0:
+                cost += link_costs(evidence, b, last[1 - before], theirs)
+            out[:, before, now] = seen + cost
+    return out
+
+
+@njit(cache=True)
+def _looks(cost, rows):
+    """The costs of some rows, 0 where not seen."""
+    out = np.zeros(len(rows))
+    for k in range(len(rows)):
+        if rows[k] >= 0:
+            out[k] = cost[rows[k]]
+    return out
+
+
+@njit(cache=True, error_model="numpy")
+def _exchange_parts(evidence, a, b, one, other, states, changed):
+    """Exchange rows, in place, in those unbroken parts where it is likelier.
 
     In `_steps`, a whisker that is not seen counts as exchanged with the other one; the costs
     compared here are those of the names themselves.
 
     one, other, states : (frames,) rows of whiskers a and b, −1 where not seen; 1: to exchange
+    changed : as for `_exchange_all`
     """
-    last_one, last_other, any_part, t = -1, -1, False, 0
+    last_one, last_other, t = -1, -1, 0
     while t < len(one):
         end = t + 1
         while end < len(one) and states[end] == states[t]:
@@ -298,14 +231,13 @@ def _exchange_parts(evidence, a, b, one, other, states):
             exchanged = _cost(evidence, a, last_one, one[t:both])
             exchanged += _cost(evidence, b, last_other, other[t:both])
             if exchanged < kept - LEAST_GAIN:
-                any_part = True
+                changed[a, t:end] = changed[b, t:end] = True
             else:
                 _swap(one[t:end], other[t:end])
         for i in range(t, end):
             last_one = one[i] if one[i] >= 0 else last_one
             last_other = other[i] if other[i] >= 0 else last_other
         t = end
-    return any_part
 
 
 @njit(cache=True)
@@ -319,14 +251,14 @@ def _both_seen(one, other, first):
     return again
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True, error_model="numpy")
 def _cost(evidence, a, last, rows):
     """Cost of some `rows` (frames,) as whisker a's, after it was `last` seen in that row."""
+    own = rows[rows >= 0]
+    links = link_costs(evidence, a, _seen_before(own, last), own)
     total = 0.0
-    for row in rows:
-        if row >= 0:
-            total += evidence.look[row, a] + link(evidence, a, last, row)
-            last = row
+    for k in range(len(own)):
+        total += evidence.look[own[k], a] + links[k]
     return total
 
 
@@ -345,7 +277,7 @@ def _claimed(evidence, a, own, other, before, again):
     steps = _steps(evidence, a, -1, own, other, (before, -1))
     # what is exchanged from the first frame on goes on from where the whisker itself was
     if other[0] >= 0:
-        first = evidence.look[other[0], a] + link(evidence, a, before, other[0])
+        first = _cost(evidence, a, before, other[:1])
         steps[0, 0, 1] = first + (evidence.nameless[own[0]] if own[0] >= 0 else 0.0)
     if again:
         steps[-1, :, 1] = np.inf
@@ -353,17 +285,27 @@ def _claimed(evidence, a, own, other, before, again):
 
 
 @njit(cache=True)
-def _claim(evidence, seen, a, rows):
-    """Give rows of a nameless line to whisker a, in place, where that is likelier; whether it was.
+def _seen_beside(seen, first, end):
+    """The frames in which a whisker is seen last before `first`, and first from `end` on.
 
-    seen : (frames,) the whisker's rows
+    They are −1 and the number of frames where it is not seen.
     """
-    first, count = evidence.frame[rows[0]], len(rows)
-    before, next_ = first - 1, first + count
+    before, after = first - 1, end
     while before >= 0 and seen[before] < 0:
         before -= 1
-    while next_ < len(seen) and seen[next_] < 0:
-        next_ += 1
+    while after < len(seen) and seen[after] < 0:
+        after += 1
+    return before, after
+
+
+@njit(cache=True)
+def _claim(evidence, seen, a, rows, before, next_, changed):
+    """Give rows of a nameless line to whisker a, in place, where that is likelier; whether it was.
+
+    seen, changed : (frames,) the whisker's rows, and where they have changed
+    before, next_ : the frames beside this line in which it is seen, as of `_seen_beside`
+    """
+    first, count = evidence.frame[rows[0]], len(rows)
     # nothing happens until the whisker is seen again: one empty frame stands for all
     empty, again = min(next_ - first - count, 1), next_ < len(seen)
     own, other = np.full((2, count + empty + again), -1)
@@ -376,12 +318,12 @@ def _claim(evidence, seen, a, rows):
         return False
     for t in range(count):
         if states[t] > 0:
-            seen[first + t] = other[t]
+            seen[first + t], changed[first + t] = other[t], True
     return True
 
 
 @njit(cache=True)
-def _claim_runs(evidence, rows_of, cost, likely, rows, first, changed, fresh, claimed):
+def _claim_runs(evidence, rows_of, cost, likely, rows, first, before, changed, fresh):
     """As `_claims`, for the runs of `rows` from every `first` one to the next.
 
     cost : (runs, whiskers) of every name, less that of none
@@ -389,13 +331,15 @@ def _claim_runs(evidence, rows_of, cost, likely, rows, first, changed, fresh, cl
     """
     for number in range(len(likely)):
         run = rows[first[number] : first[number + 1]]
+        start, end = evidence.frame[run[0]], evidence.frame[run[-1]] + 1
         all_may, taken = fresh[run].any(), False
         for a in likely[number]:
             if cost[number, a] >= 0 or taken:
                 break
-            if all_may or changed[a] or claimed[a]:
-                taken = _claim(evidence, rows_of[a], a, run)
-                claimed[a] |= taken
+            last, next_ = _seen_beside(rows_of[a], start, end)
+            near = slice(max(last, 0), next_ + 1)
+            if all_may or before[a, near].any() or changed[a, near].any():
+                taken = _claim(evidence, rows_of[a], a, run, last, next_, changed[a])
         fresh[run] = taken
 
 

@@ -6,8 +6,8 @@ from scipy.ndimage import median_filter
 
 from pipeline.identity.appearance import LEAST_SLOPE, FanModel, medians
 from pipeline.identity.features import ANGLE, BEND, N_FEATURES
-from pipeline.identity.label_swaps import TAKEN, Evidence, link
 from pipeline.identity.limits import USUAL
+from pipeline.identity.links import TAKEN, Evidence, link_costs
 from pipeline.numerics.robust import robust_sd
 
 WEIGHT = 0.3  # of one frame's look: errors of neighbouring frames are alike
@@ -92,6 +92,7 @@ def _alone(features, frame, before, apart):
     return (before >= 0) & (np.minimum(gap, gap[before]) > apart)
 
 
+@njit(cache=True)
 def _lasting(before, steady, count):
     """Rows that are part of at least `count` rows of one track, each steady beside the last."""
     run = np.arange(len(before))
@@ -173,12 +174,12 @@ def _spread(step, before, turn):
     return drift, sd, fast
 
 
-@njit(cache=True)
 def _own_motion(evidence, likely):
     """Cost (rows,) of every line to go on as its track."""
     out = np.empty(len(likely))
-    for j in range(len(likely)):
-        out[j] = link(evidence, likely[j], evidence.source[j], j)
+    for whisker in np.unique(likely):
+        rows = np.flatnonzero(likely == whisker)
+        out[rows] = link_costs(evidence, whisker, evidence.source[rows], rows)
     return out
 
 

@@ -224,11 +224,24 @@ def _align_frames(cost, along, starts, phase, middle, slope, names, total):
     """
     n, m = np.diff(starts).max(), len(middle)
     room = np.empty((n + 1, m + 1)), np.empty((n + 1, m + 1), np.int8)
+    whiskers, angle = np.arange(m), np.empty(m)
     for t in range(len(starts) - 1):
         a, b = starts[t], starts[t + 1]
         if a < b:
-            whiskers = np.argsort(middle + slope * phase[t])
+            for k in range(m):
+                angle[k] = middle[k] + slope[k] * phase[t]
+            if not _in_ascending_order(angle, whiskers):
+                whiskers = np.argsort(angle)
             total[t] = _aligned(cost[a:b], along[a:b], whiskers, room, names[a:b])
+
+
+@njit(cache=True)
+def _in_ascending_order(values, order):
+    """Whether an order of values is already theirs: sorting again takes longer."""
+    ascending = True
+    for k in range(1, len(order)):
+        ascending &= values[order[k - 1]] <= values[order[k]]
+    return ascending
 
 
 @njit(cache=True)

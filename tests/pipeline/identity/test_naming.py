@@ -10,6 +10,7 @@ from pipeline.identity.appearance import FanModel
 from pipeline.identity.assign import name_lines, names, with_unnamed
 from pipeline.identity.features import ANGLE, BEND, Dial, line_features
 from pipeline.identity.limits import USUAL
+from pipeline.identity.links import TAKEN, link_costs
 from pipeline.identity.ordered_assignment import Lines
 from pipeline.identity.sides import Sides
 from pipeline.identity.ways import LEAST_SD
@@ -186,7 +187,7 @@ def test_no_exchange_makes_names_dearer_where_whiskers_are_often_not_seen(seed):
     table = label_swaps._table(known, named)
     for a, b in [(1, 0), (2, 1), (3, 2), (4, 0), (4, 3)]:
         before = cost_of(known, label_swaps._names(table, len(named)))
-        kept, changed = label_swaps._nothing_kept(1, table.shape[1]), np.zeros(len(table), bool)
+        kept, changed = label_swaps._nothing_kept(1, table.shape[1]), np.zeros(table.shape, bool)
         pair = np.array([(a, b)])
         label_swaps._exchange_all(known, table, pair, kept, ~changed, changed)
         took = changed.any()
@@ -212,6 +213,38 @@ def test_steps_that_are_kept_are_those_of_the_rows_as_they_are_now(seed):
         assert np.array_equal(steps, afresh)
 
 
+def improved_afresh(known, named, track):
+    """As `label_swaps.improved`, but every pair and every claim is looked at in every round."""
+    table = label_swaps._table(known, named)
+    pairs, every = label_swaps._alike(known, table), np.ones(table.shape, bool)
+    for number in range(label_swaps.MOST_ROUNDS):
+        kept, changed = label_swaps._nothing_kept(len(pairs), table.shape[1]), ~every
+        label_swaps._exchange_all(known, table, pairs, kept, every, changed)
+        if number < label_swaps.CLAIM_ROUNDS:
+            fresh = np.ones(len(named), bool)
+            label_swaps._claims(known, table, track, every, changed, fresh)
+    return label_swaps._names(table, len(named))
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_what_has_not_changed_need_not_be_looked_at_again(seed):
+    rng = np.random.default_rng(seed)
+    seen = whisking(rng)
+    seen += 2 * NOISE * rng.normal(size=seen.shape)
+    broken_off = exchanged([]) + 5 * (np.arange(FRAMES)[:, None] // 12)
+    frame, track, features, true = rows(seen, broken_off)
+    there = rng.random(len(frame)) < 0.7
+    lines, true = Lines(features[there], frame[there], track[there]), true[there]
+    known = motion_model.evidence_of(usual_fan(), lines, 0.4 * np.sin(np.arange(FRAMES) / 6))
+    named = np.where(rng.random(len(true)) < 0.5, -1, true)
+    for first in rng.integers(FRAMES - 40, size=6):
+        part = (lines.frame >= first) & (lines.frame < first + 40) & (named >= 0)
+        named[part] = (named[part] + 1) % len(FAN)
+    afresh = improved_afresh(known, named, lines.track)
+    assert np.array_equal(label_swaps.improved(known, named, lines.track), afresh)
+    assert (afresh == named).mean() < 0.5
+
+
 def test_a_line_that_is_seen_to_go_on_keeps_its_name():
     known, track, true = evidence(np.random.default_rng(9))
     alike = (known.frame >= 120) & (known.frame < 130)  # for so long, two look like each other
@@ -226,21 +259,20 @@ def test_a_whisker_that_had_no_line_pays_for_one_that_was_anothers():
     known, _, true = evidence(np.random.default_rng(13))
     row = {k: np.flatnonzero(true == k) for k in range(3)}  # a row per frame
     now = 60
-    taken = known._replace(price=np.full(len(true), label_swaps.TAKEN))
+    taken = known._replace(price=np.full(len(true), TAKEN))
     free = known._replace(price=np.zeros(len(true)))
 
     def extra(before, lasting):
         each = taken._replace(lasting=np.full(len(true), lasting)), free
-        mine = row[1][before]
-        costs = [label_swaps.link(e, 1, mine, row[2][now]) for e in each]
+        costs = [link_costs(e, 1, row[1][[before]], row[2][[now]])[0] for e in each]
         return costs[0] - costs[1]
 
     assert taken.source[row[2][now]] == row[2][now - 1]
-    assert extra(now - 6, True) == pytest.approx(label_swaps.TAKEN)  # not seen for five frames
+    assert extra(now - 6, True) == pytest.approx(TAKEN)  # not seen for five frames
     assert extra(now - 1, True) == 0  # both are seen: they may have changed places
     brief = np.ones(len(true), bool)
     brief[row[1]] = False
-    assert extra(now - 1, brief) == pytest.approx(label_swaps.TAKEN)
+    assert extra(now - 1, brief) == pytest.approx(TAKEN)
 
 
 def test_lines_far_from_others_that_move_evenly_are_seen_to_go_on():
@@ -303,12 +335,11 @@ def test_the_probability_of_a_name_is_that_of_all_ways_that_agree():
 
 
 def cost_of(known, named):
-    """Cost of all appearances and motions, line by line."""
-    last, total = {}, 0.0
-    for row, name in enumerate(named):
-        before = last.get(name, -1)
-        total += known.look[row, name] + label_swaps.link(known, name, before, row)
-        last[name] = row
+    """Cost of all appearances and motions, whisker by whisker."""
+    total = known.look[np.arange(len(named)), named].sum()
+    for name in np.unique(named):
+        rows = np.flatnonzero(named == name)
+        total += link_costs(known, name, np.append(-1, rows[:-1]), rows).sum()
     return total
 
 

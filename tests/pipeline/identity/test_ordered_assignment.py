@@ -95,6 +95,17 @@ def test_alignment_is_the_cheapest_of_all_in_order():
         assert (np.diff(place) > 0).all()
 
 
+def test_lines_follow_whiskers_that_pass_each_other():
+    """The second whisker turns less than the others: its place in the row goes with the phase."""
+    starts, along = 3 * np.arange(5), np.tile(np.arange(3), 4)
+    middle, slope = np.array([0.0, 0.1, 0.3]), np.array([1.0, 0.0, 1.0])
+    phase = np.array([0.0, 0.2, -0.3, 0.0])
+    names, total = np.empty(12, int), np.empty(4)
+    cost = np.zeros((12, 3))
+    ordered_assignment._align_frames(cost, along, starts, phase, middle, slope, names, total)
+    assert names.reshape(4, 3).tolist() == [[0, 1, 2], [1, 0, 2], [0, 2, 1], [0, 1, 2]]
+
+
 def test_costs_are_averaged_along_a_track():
     frame = np.array([0, 1, 2, 2, 4])
     track = np.array([7, 7, 7, 8, 7])  # broken off after frame 2
