@@ -49,6 +49,7 @@ def messages(settings, touch, video, epochs, followed, first_seen, odd=None):
         yield "no whiskers found" if doubt else no_whiskers(settings, epochs, video)
         return
     yield from _unknown_names(touch.frames, numbered=not settings.whisker)
+    yield from _unnamed_whiskers(settings, followed)
     yield from guessed_order(settings, whisker_set, nameless_in(touch.frames))
     yield from _assumed_place(settings, followed.pole)
     scenes, bright = _scenes(epochs), isinstance(video, Negative)
@@ -170,7 +171,7 @@ def _unknown_names(frames, numbered=False):
         yield (
             "not whiskers, but lines of which it is not known whose they are (confidence below "
             f"{KNOWN:g}): {in_short(n for n in dict.fromkeys(tracked['whisker']) if n in never)}; "
-            "leave them out"
+            f'leave them out by frames[frames["confidence"] >= {KNOWN:g}]'
         )
         tracked = tracked[~tracked["whisker"].isin(never)]
     unknown = (tracked["confidence"] < KNOWN).groupby(tracked["whisker"], sort=False)
@@ -186,6 +187,22 @@ def _unknown_names(frames, numbered=False):
         f"for {100 * share:.0f} % of the traced lines it is not known which whisker they are "
         f"(confidence below {KNOWN:g}; most of all {worst}): use only rows of frames.parquet with "
         f"confidence of {KNOWN:g} or more"
+    )
+
+
+def _unnamed_whiskers(settings, followed):
+    """More whiskers are seen than have names: which of them are the named ones is guessed."""
+    names = [whisker.name for whisker in settings.whisker]
+    if not names or not followed.unnamed:
+        return
+    seen = len(followed.whisker_set.found) + followed.unnamed
+    wanted = [f'"{name}"' for name in settings.analysis.follow or names]
+    follow = ", ".join(wanted[:MOST_NAMED] + ["…"] * (len(wanted) > MOST_NAMED))
+    yield (
+        f"about {seen} whiskers are seen at a time, but {len(names)} have a [[whisker]] table: "
+        f"which ones are {names[0]} to {names[-1]} is guessed, and may be wrong; give every "
+        "whisker a table, in order along the face (a name is enough), and write [analysis] "
+        f"follow = [{follow}] to get only those"
     )
 
 

@@ -10,7 +10,7 @@ from pipeline.contacts import Touch, TouchOptions, find_touches, no_touches
 from pipeline.detection import PoleTrack
 from pipeline.errors import InputError, VideoError
 from pipeline.forces import estimate_forces
-from pipeline.identity import assign_identities
+from pipeline.identity import Unnamed, assign_identities
 from pipeline.kinematics import (
     Kinematics,
     KinematicsMeter,
@@ -201,6 +201,7 @@ def follow(
     decoded = clock.each("decoding", video.watched())
     frames = Counted(decoded, video.n_frames, lambda *done: say(Step("following", *done)))
     options = tracing_options(settings, video.shape)
+    unnamed = Unnamed(params.tracking.fur_share)
     lines = trace(
         frames,
         epochs,
@@ -210,6 +211,7 @@ def follow(
         whisker_set.given,
         params,
         whisker_set.beside,
+        unnamed,
     )
     at = settings.analysis.curvature_at
     names = settings.analysis.follow
@@ -224,7 +226,7 @@ def follow(
             if keep is not None:
                 keep(chunk if video.shifts is None else chunk.moved(video.shifts))
     clock.seconds["centrelines"] -= clock.seconds["decoding"]
-    return meter.result(frames.count)
+    return replace(meter.result(frames.count), unnamed=unnamed.count)
 
 
 def measure_lines(lines, settings, pole, n_frames, keep, clock) -> Kinematics:
@@ -277,6 +279,7 @@ def trace(
     given=None,
     params=DEFAULTS,
     beside=(),
+    unnamed=None,
 ):
     """Yield centrelines chunk by chunk: tracks → identities → follicles.
 
@@ -288,6 +291,7 @@ def trace(
         video are named: the templates are a first guess; None: those of the templates
     params : `Parameters` of all rooms
     beside : `WhiskerTemplate`s of a side of the face without names
+    unnamed : `identity.Unnamed`, which counts whiskers that get no name
     """
     tracks = track(frames, scene, templates, options, chunk_frames)
     face = face_side_of(scene)
@@ -295,7 +299,7 @@ def trace(
     lengths.update(zip(lengths, options.visible_px, strict=False))
     lines = assign_identities(
         tracks, templates, options, face, given == (), params.identity, beside,
-        GivenLengths(lengths, open_ground(scene)) if lengths else None,
+        GivenLengths(lengths, open_ground(scene)) if lengths else None, unnamed,
     )  # fmt: skip
     return locate_follicles(lines, sample_lines(templates, options), options, params.kinematics)
 

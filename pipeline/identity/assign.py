@@ -17,6 +17,7 @@ from pipeline.identity.features import ANGLE, LENGTH, NEAR_BEND, THICKNESS
 from pipeline.identity.limits import USUAL, Limits
 from pipeline.identity.ordered_assignment import Lines
 from pipeline.identity.sides import Sides
+from pipeline.identity.unnamed import Unnamed
 from pipeline.identity.ways import best_names
 from pipeline.session.parameters import DEFAULTS
 from pipeline.tables.centrelines import Centrelines
@@ -39,6 +40,7 @@ def assign_identities(
     params=DEFAULTS.identity,
     beside=(),
     given: GivenLengths | None = None,
+    unnamed: Unnamed | None = None,
 ) -> Iterator[Centrelines]:
     """Hand on the chunks of a video with a name for every line.
 
@@ -57,6 +59,7 @@ def assign_identities(
     beside : `WhiskerTemplate`s of a side of the face without names: its lines get none
     given : of all whiskers in session.toml: their lengths tell which of them are seen; None: of
         the templates
+    unnamed : is told, in the end, of the lines of a crowd that get no name
     """
     if not is_crowd(templates, options):
         return _as_likely(chunks, templates)
@@ -67,7 +70,7 @@ def assign_identities(
         [*templates, *beside], ruler, face_side, options.pixels_per_m, may_be_two, params
     )
     limits = Limits(params, options.frames_per_second)
-    return name_lines(chunks, templates, sides, open_ended, limits, given)
+    return name_lines(chunks, templates, sides, open_ended, limits, given, unnamed)
 
 
 def _as_likely(chunks, templates):
@@ -78,7 +81,7 @@ def _as_likely(chunks, templates):
 
 
 def name_lines(
-    chunks, templates, sides, open_ended=False, limits: Limits = USUAL, given=None
+    chunks, templates, sides, open_ended=False, limits: Limits = USUAL, given=None, unnamed=None
 ) -> Iterator[Centrelines]:
     """Hand on the chunks of a video with the names that suit the whole of it best.
 
@@ -88,7 +91,7 @@ def name_lines(
 
     Parameters
     ----------
-    chunks, templates, open_ended, given : as for `assign_identities`
+    chunks, templates, open_ended, given, unnamed : as for `assign_identities`
     sides : the rows in which they stand (`Sides`)
     limits : the room's parameters
     """
@@ -104,7 +107,9 @@ def name_lines(
         if not found:
             return
         rows = [np.concatenate(each) for each in zip(*found, strict=True)]
-        whisker, sure, called = _all_rows(rows, templates, given, sides, open_ended, limits)
+        whisker, sure, called = _all_rows(
+            rows, templates, given, sides, open_ended, limits, unnamed
+        )
         file.seek(0)
         first = 0
         for _ in range(count):
@@ -114,7 +119,7 @@ def name_lines(
             yield _named(chunk, called, whisker[own], sure[own])
 
 
-def _all_rows(rows, templates, given, sides, open_ended, limits):
+def _all_rows(rows, templates, given, sides, open_ended, limits, unnamed):
     """Whisker of every line and how sure it is, row by row of the face; what they are called.
 
     rows : frame, track, side, features and `_whole_lengths` of the lines
@@ -132,10 +137,12 @@ def _all_rows(rows, templates, given, sides, open_ended, limits):
         wanted = None if open_ended else max(len(row), len(here))
         named, sure[own] = names(frame[own], track[own], features[own], wanted, direction, limits)
         if open_ended:
-            unnamed = limits.params.nameless_confidence
-            named, sure[own] = with_unnamed(frame[own], track[own], named, sure[own], unnamed)
+            low = limits.params.nameless_confidence
+            named, sure[own] = with_unnamed(frame[own], track[own], named, sure[own], low)
             names_here = tuple(f"{side_name}w{k + 1}" for k in range(named.max(initial=-1) + 1))
         else:
+            if unnamed is not None:
+                unnamed.add(frame[own], named, features[own])
             found = [template.name for template in row]
             named, names_here, chosen = _as_given(named, length[own], here, found)
             sure[own] *= chosen

@@ -26,6 +26,8 @@ class Kinematics:
     places : `Stations` of all traced rows, by whisker
     pole : where the pole was; None if it was never seen
     n_frames : frames read
+    unnamed : whiskers that are seen beside those that have a table in session.toml; counted where
+        whiskers stand close together
     """
 
     whisker_set: WhiskerSet
@@ -33,6 +35,7 @@ class Kinematics:
     places: StationStore
     pole: PoleTrack | None
     n_frames: int
+    unnamed: int = 0
 
 
 class KinematicsMeter:

@@ -24,9 +24,17 @@ from pipeline.tables.columns import (
     VIDEO_COLUMNS,
 )
 
+OF_LINES = """\
+A row per whisker and frame. `lines = lines.merge(known[["frame", "whisker"]])` keeps the lines
+whose whisker is known; for `known`, see frames.parquet."""
+OF_FRAMES = """\
+A row per whisker and frame. `known = frames[frames["confidence"] >= 0.5]` keeps the rows of
+traced lines whose whisker is known. Where session.toml has no `[[whisker]]` tables, whiskers are
+called w1, w2, … along the face; the numbers behind the last whisker stand for lines of which it
+is never known whose they are, and are not in `known`."""
 FILES = {
-    "centrelines.parquet": ("A row per whisker and frame.", CENTRELINE_COLUMNS),
-    "frames.parquet": ("A row per whisker and frame.", FRAME_COLUMNS),
+    "centrelines.parquet": (OF_LINES, CENTRELINE_COLUMNS),
+    "frames.parquet": (OF_FRAMES, FRAME_COLUMNS),
     "contacts.csv": ("A row per contact.", CONTACT_COLUMNS),
     "videos.csv": ("A row per input video.", VIDEO_COLUMNS),
     "corrections.csv": (

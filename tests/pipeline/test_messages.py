@@ -33,7 +33,7 @@ def said_of(whiskers=({**WHISKER, "name": "C2"},), pole_xy=None, **changes):
         "tracked": 1.0, "known": 1.0, "across": 0, "contacts": ("C2",), "light": 200,
         "refused": (), "thing": np.s_[:0], "problems": (), "odd": None, "side": None,
         "out": np.s_[:0], "bright": False, "first_seen": None, "recording": {}, "rows": (50, 90),
-        "region": None, "frames": None, "flags": "",
+        "region": None, "frames": None, "flags": "", "unnamed": 0, "analysis": {},
     } | changes  # fmt: skip
     settings = settings_from(
         {
@@ -44,6 +44,7 @@ def said_of(whiskers=({**WHISKER, "name": "C2"},), pole_xy=None, **changes):
             }
             | given["recording"],
             "whisker": list(whiskers),
+            "analysis": given["analysis"],
             "pole": dict(zip(("x_px", "y_px"), pole_xy, strict=True)) if pole_xy else {},
             "image": {"region_px": given["region"]} if given["region"] else {},
         }
@@ -69,7 +70,10 @@ def said_of(whiskers=({**WHISKER, "name": "C2"},), pole_xy=None, **changes):
     whisker_set = SimpleNamespace(
         names=names, found=given["found"], templates=templates, refused=(), given=names
     )
-    followed = SimpleNamespace(whisker_set=whisker_set, n_frames=given["read"], pole=given["pole"])
+    followed = SimpleNamespace(
+        whisker_set=whisker_set, n_frames=given["read"], pole=given["pole"],
+        unnamed=given["unnamed"],
+    )  # fmt: skip
     video = SimpleNamespace(
         n_frames=given["n_frames"],
         exact_count=given["exact_count"],
@@ -216,6 +220,22 @@ def test_an_order_from_another_end_than_the_snout_is_doubted(snout, rows, doubte
     assert [f'[recording] snout = "{snout}"' in each for each in said].count(True) == doubted
 
 
+@pytest.mark.parametrize(
+    ("analysis", "listed"),
+    [({}, '["a", "b", "c", …]'), ({"follow": ["b", "d"]}, '["b", "d"]')],
+)
+def test_tables_of_some_whiskers_only_are_doubted(analysis, listed):
+    names = "a", "b", "c", "d"
+    whiskers = [{**WHISKER, "name": name} for name in names]
+    said = said_of(whiskers=whiskers, found=names, unnamed=9, analysis=analysis)
+    (some,) = [message for message in said if "[[whisker]]" in message]
+    assert some.startswith(
+        "about 13 whiskers are seen at a time, but 4 have a [[whisker]] table: which ones are a "
+        "to d is guessed"
+    )
+    assert f"[analysis] follow = {listed}" in some
+
+
 def test_arcs_that_run_from_the_other_end_are_not_doubted():
     whiskers = {**WHISKER, "name": "C1"}, {**SHORTER, "name": "C2"}
     found = "C1", "C2"  # posterior to anterior
@@ -232,7 +252,9 @@ def test_numbers_of_lines_that_are_no_whiskers_are_said_and_no_more_of_them():
     )  # fmt: skip
     first, second, *rest = said_of(whiskers=(), found=numbers, frames=frames)
     assert first.startswith("not whiskers, but lines of which it is not known whose they are")
-    assert first.endswith("(confidence below 0.5): w3 to w7; leave them out")
+    assert first.endswith(
+        '(confidence below 0.5): w3 to w7; leave them out by frames[frames["confidence"] >= 0.5]'
+    )
     assert second.startswith("w1 to w2 are numbered in each video anew")
     assert not any("only part of the frames" in each for each in rest)
 
@@ -332,6 +354,23 @@ def test_of_a_row_the_whisker_with_the_wrong_length_is_named():
     recording = {"frames_per_second": 1000, "pixels_per_mm": SCALE, "face": "left"}
     settings = settings_from({"recording": recording, "whisker": tables})
     assert analyse(frames("row", every=120), settings).messages[0].startswith("C2 is seen ")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("tables", [4, 11])
+def test_where_most_of_a_row_has_no_tables_this_is_said(tables):
+    trial = make_trial("dense_row", 3, 0, 60)
+    renderer, camera = Renderer(trial.scene, trial.motion), trial.scene.camera
+    whiskers = [hair.whisker for hair in trial.scene.hairs]
+    recording = {
+        "frames_per_second": camera.frames_per_second,
+        "pixels_per_mm": camera.pixels_per_mm,
+        "face": "left",
+    }
+    given = [{"name": each.name, "length_mm": 1e3 * each.length} for each in whiskers]
+    settings = settings_from({"recording": recording, "whisker": given[:tables]})
+    said = analyse(np.array([renderer.frame(i) for i in range(60)]), settings).messages
+    assert any("whiskers are seen at a time" in each for each in said) == (tables < len(whiskers))
 
 
 # --- the side of the face, on rendered videos -------------------------------------------------

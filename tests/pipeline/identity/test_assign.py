@@ -7,6 +7,7 @@ from pipeline.identity import ways
 from pipeline.identity.assign import names
 from pipeline.identity.features import ANGLE, LENGTH
 from pipeline.identity.limits import Limits
+from pipeline.identity.unnamed import Unnamed
 from pipeline.session.parameters import IdentityParams
 
 FRAMES = 300
@@ -83,3 +84,19 @@ def test_a_whisker_seen_less_often_than_the_parameter_says_gets_no_name():
     for seldom, first in ((0.1, 0), (0.5, -1)):
         named, _ = names(frame, true, features, limits=Limits(IdentityParams(seldom=seldom)))
         assert set(named[true == 0]) == {first}
+
+
+@pytest.mark.parametrize(("wanted", "more"), [(3, 2), (5, 0)])
+def test_whiskers_without_a_name_are_counted_and_fur_is_not(wanted, more):
+    features, frame, true = whisking(8)
+    fur = (
+        FAN[0]
+        + [0, 0, -1.5, -1.0, 0, 0]
+        + NOISE * np.random.default_rng(8).normal(size=(FRAMES, 6))
+    )
+    frame, features = np.append(frame, np.arange(FRAMES)), np.concatenate([features, fur])
+    named = np.append(np.where(true < wanted, true, -1), np.full(FRAMES, -1))
+    there = np.random.default_rng(9).random(len(frame)) < 0.95  # lines are missed now and then
+    unnamed = Unnamed(fur_share=0.18)
+    unnamed.add(frame[there], named[there], features[there])
+    assert unnamed.count == more

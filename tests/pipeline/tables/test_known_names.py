@@ -3,6 +3,7 @@
 import numpy as np
 import pandas as pd
 
+from pipeline.tables.dictionary import data_dictionary
 from pipeline.tables.known_names import nameless, nameless_in
 
 
@@ -35,3 +36,22 @@ def test_frames_in_which_it_is_not_tracked_do_not_count():
         }
     )
     assert nameless_in(frames) == {"w2"}
+
+
+def test_the_lines_of_code_in_the_dictionary_leave_out_what_is_not_known():
+    frames = pd.DataFrame(
+        {
+            "frame": [0, 0, 0, 1, 1, 1],
+            "whisker": ["w1", "w2", "w3"] * 2,
+            "tracked": [True, True, True, True, False, True],
+            "confidence": [0.9, 0.4, 0.4, 0.8, np.nan, 0.4],
+        }
+    )
+    lines = frames.loc[frames["tracked"], ["frame", "whisker"]]
+    text = data_dictionary()
+    code = [text[text.index(start) :].split("`")[0] for start in ("known = ", "lines = ")]
+    there = {"frames": frames, "lines": lines}
+    exec("\n".join(code), there)
+    for table in (there["known"], there["lines"]):
+        assert table[["frame", "whisker"]].to_numpy().tolist() == [[0, "w1"], [1, "w1"]]
+    assert nameless_in(frames) == {"w2", "w3"}

@@ -1,0 +1,32 @@
+"""How many more whiskers are seen than have names."""
+
+import numpy as np
+
+from pipeline.identity.features import LENGTH, THICKNESS
+
+
+class Unnamed:
+    """Counts how many more lines that look like whiskers are seen at a time than have names.
+
+    Attributes
+    ----------
+    count : of all rows of the face that were added, in the median over frames
+    fur_share : length × absorbance, of the plainest named whisker, below which a line is fur
+    """
+
+    def __init__(self, fur_share: float):
+        self.fur_share, self.count = fur_share, 0
+
+    def add(self, frame, named, features) -> None:
+        """Count in one row of the face.
+
+        frame, named : (lines,) number of the frame, and of the whisker, below 0: none
+        features : (lines, 6) of `line_features`
+        """
+        strength = np.exp(features[:, LENGTH] + features[:, THICKNESS])
+        usual = [np.nanmedian(strength[named == name]) for name in np.unique(named[named >= 0])]
+        if not usual:
+            return
+        plain = frame[strength > self.fur_share * max(usual)]
+        seen = np.median(np.bincount(plain, minlength=frame.max() + 1))
+        self.count += max(int(seen) - len(usual), 0)
