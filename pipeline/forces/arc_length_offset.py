@@ -5,7 +5,8 @@ too near to the follicle costs 4 % in force. Beside the hidden length as it was 
 right to 0.1 mm or so) two things show where the trace begins: the tip, which lies at the
 whisker's length, and the bending itself, whose distribution along the whisker depends on where
 its stiff base is. All go into one estimate, a smooth function of time: the edge of the fur lies
-elsewhere on a whisker that turns, by some 0.06 mm even of a fur that keeps still.
+elsewhere on a whisker that turns, by some 0.06 mm even of a fur that keeps still. What touching
+frames show goes into it together with the rest shape (`origin_and_rest.py`).
 
 The trace ends short of the tip by up to half a millimetre, where the thin end drowns in noise.
 By how much, its fading shows (`kinematics/tip.py`), to a tenth where the picture has noise only.
@@ -37,6 +38,7 @@ from scipy import sparse
 from scipy.special import expit
 
 from pipeline.forces import rod_fit
+from pipeline.forces.origin_and_rest import OriginAndRest, of_each_row, shown_by
 from pipeline.forces.rest_shape import CORRELATED_FRAMES
 from pipeline.forces.rod_fit import RestPrior
 from pipeline.kinematics.stations import Stations
@@ -57,6 +59,7 @@ TIP_BY_SCATTER = 0.7, 350.0, 1.5, 1.7
 TIP_SE_PX, TIP_SE_SHARE = 0.25, (0.1, 0.3)
 TIP_FRAMES = 2.0  # neighbouring frames whose ends err together, at least
 TIP_LAGS = 8  # frames over which ends of a codec's pictures err together
+FEWEST_ROWS = 5
 MOST_ROWS = 240  # frames that may touch whose bending is used
 ENOUGH_ROWS = 20  # of frames that were not interpolated; with fewer, all are used
 CLEAN = 4.0  # times the usual misfit: something else lies upon the whisker
@@ -97,14 +100,16 @@ class _Evidence:
         return np.linalg.solve(self.matrix, self.rhs)
 
     def solve(self) -> Origin:
-        inverse = np.linalg.inv(self.matrix)
-        root, n = np.linalg.cholesky(inverse), self.design.shape[0]
-        se = np.empty(n)
+        cov, n = np.linalg.inv(self.matrix), self.design.shape[0]
+        root, se = np.linalg.cholesky(cov), np.empty(n)
         for first in range(0, n, 4096):  # rows by terms would not fit into memory
             part = self.design[first : first + 4096]
             se[first : first + 4096] = np.linalg.norm(part @ root, axis=1)
-        per_tip = float(np.mean(self.design @ (inverse @ self.tip)))
-        return Origin(self.design @ self.weights(), se, per_tip)
+        return Origin(self.design @ self.weights(), se, self.per_tip(cov))
+
+    def per_tip(self, cov) -> float:
+        """`Origin.per_tip` where the weights have the covariance `cov`."""
+        return float(np.mean(self.design @ (cov @ self.tip)))
 
     def mean(self, rows, weight):
         """Weighted mean of the `rows`' origins, and its variance [m, m²]."""
@@ -176,37 +181,53 @@ def origin_from_bending(
     curvature_at: float,
     prior: RestPrior,
     evidence: _Evidence,
+    from_free,
     friction=0.0,
-) -> Origin:
-    """Origin of each row from tip and bending together.
+) -> tuple[Origin, RestPrior]:
+    """Origin of each row from tip and bending together, and the rest shape in each row with it.
 
-    The rest shape moves along with a row's origin, so that the stiffness along the whisker
-    decides. `places.origin` is where the search starts; `friction` as in `fit_loaded`.
+    `places.origin` is that of the `evidence`, and `prior` what free frames show with it; as
+    `from_free(design)(rows)` would have it if free frames showed their rows of a sparse `design`
+    instead. `friction` as in `fit_loaded`.
     """
-    friction = np.broadcast_to(np.asarray(friction, float), len(places))
-    rows = _bent_rows(places, evidence.params)
-    if len(rows) < 5:
-        return evidence.solve()
-    part = places.rows(rows).loaded()
-    rest = replace(prior, drift=prior.drift[rows], cov=prior.cov[rows])
-    fit = rod_fit.fit_loaded(part, whisker, curvature_at, rest, friction[rows], fine=True)
-    clean = fit["chi2"] < CLEAN * np.nanmedian(fit["chi2"])
-    bend, pull = (np.where(clean, fit[f"origin_{k}"], 0.0) for k in ("bend", "pull"))
-    noise = _noise(pull, bend)
-    weight, wish = bend / noise, (pull + bend * part.origin) / noise
-    sd = _misplaced_sd(fit["gap"], part.side)
+    rows, shown, pole_sd = _shown(places, whisker, curvature_at, prior, evidence.params, friction)
+    cov = np.linalg.inv(evidence.matrix)
+    both = OriginAndRest.before(evidence.design, cov, prior, whisker, from_free, pole_sd)
+    answer, answer_se, unexplained = np.nan, np.nan, 0.0
+    if len(rows) >= FEWEST_ROWS:
+        both, answer, answer_se, unexplained = _with_rows(both, evidence, rows, shown)
+    change, se, prior = both.of_rows(prior)
+    se, per_tip = np.hypot(se, unexplained), evidence.per_tip(both.cov[: len(cov), : len(cov)])
+    return Origin(places.origin + change, se, per_tip, answer, answer_se), prior
+
+
+def _with_rows(both, evidence, rows, shown):
+    """`both` with what rows show, their own answer, its error, and what that leaves open [m]."""
+    other, variance = evidence.mean(rows, shown[0][:, 0, 0])
     try:
-        found = evidence.beside(evidence.design[rows], weight, wish, sd).solve()
+        away, se = both.by_rows_alone(rows, *shown)
+        given = both.given(rows, *shown)
     except np.linalg.LinAlgError:
-        return evidence.solve()
-    answer, own = wish.sum() / weight.sum(), np.hypot(sd, weight.sum() ** -0.5)
+        return both, np.nan, np.nan, 0.0
     most = 1e-3 * evidence.params.bending_most_mm
-    if abs(answer) > most:
-        found = evidence.solve()
-    other, variance = evidence.mean(rows, weight)
-    unexplained = abs(answer - other) - EXPLAINED_SD * np.hypot(own, np.sqrt(variance))
-    se = np.hypot(found.se, np.clip(unexplained, 0.0, most))
-    return Origin(found.per_row, se, found.per_tip, float(answer), float(own))
+    unexplained = abs(away) - EXPLAINED_SD * np.hypot(se, np.sqrt(variance))
+    both = given if abs(other + away) <= most else both
+    return both, other + away, se, np.clip(unexplained, 0.0, most)
+
+
+def _shown(places, whisker, curvature_at, prior, params, friction):
+    """Rows whose bending is used, what they show (`shown_by`), and the error by the pole [m]."""
+    rows = _bent_rows(places, params)
+    if len(rows) < FEWEST_ROWS:
+        return rows, None, 0.0
+    part, powers = places.rows(rows).loaded(), prior.powers[rows]
+    rest = replace(prior, drift=prior.drift[rows], cov=of_each_row(prior)[rows], powers=powers)
+    friction = np.broadcast_to(np.asarray(friction, float), len(places))[rows]
+    fit = rod_fit.fit_loaded(part, whisker, curvature_at, rest, friction, fine=True)
+    clean = (fit["chi2"] < CLEAN * np.nanmedian(fit["chi2"])) & (fit["origin_bend"] > 0)
+    noise = _noise(fit["origin_pull"][clean], fit["origin_bend"][clean])
+    shown = [each[clean] / noise for each in shown_by(fit, rest)]
+    return rows[clean], shown, _misplaced_sd(fit["gap"], part.side)
 
 
 def _noise(pull, bend):

@@ -126,8 +126,15 @@ def _fit_rods(places, whisker, curvature_at, angle, time, free, friction, params
     prior = _rest_prior(model, angle, time)
     rod = places, whisker, curvature_at, prior
     rubbing = friction * sliding(rod_fit.fit_loaded(*rod)["contact"]) if friction else 0.0
-    origin = arc_length_offset.origin_from_bending(*rod, by_tip, rubbing)
+
+    def from_free(design):
+        smoothed = model.smoother(design[model.rows].toarray())
+        where = np.where(np.isfinite(angle), angle, model.centre)
+        return lambda rows: smoothed(where[rows], time[rows])
+
+    origin, prior = arc_length_offset.origin_from_bending(*rod, by_tip, from_free, rubbing)
     shift = origin.per_row - places.origin
+    rod = places, whisker, curvature_at, prior
     return rod_fit.fit_loaded(*rod, rubbing, shift), origin, model
 
 
@@ -216,7 +223,9 @@ def _rest_shape(places, whisker, curvature_at, time, free) -> RestModel | None:
     model = rest_shape.fit_rest(
         fit.rest, fit.rest_cov, fit["angle"] + fit.rest @ lean, time[rows], everywhere
     )
-    return model and rest_shape.by_leaning_angle(model, -lean)
+    if model is None:
+        return None
+    return replace(rest_shape.by_leaning_angle(model, -lean), rows=rows[model.rows])
 
 
 def _lean(places, whisker):
@@ -236,9 +245,11 @@ def _lean(places, whisker):
 def _rest_prior(model, angle, time) -> RestPrior:
     """The rest shape as prior for the loaded fit of all frames."""
     # the table's angle is good enough for how well the rest shape is known
-    _, cov = model.predict(np.where(np.isfinite(angle), angle, model.centre), time)
-    floor = np.eye(cov.shape[1]) * 1e-3**2
-    return RestPrior(model.weights, model.centre, model.scale, model.drift(time), cov + floor)
+    angle = np.where(np.isfinite(angle), angle, model.centre)
+    _, cov = model.predict(angle, time)
+    cov = cov + np.eye(cov.shape[1]) * 1e-3**2
+    shape = model.weights, model.centre, model.scale, model.drift(time), cov
+    return RestPrior(*shape, model.weights_cov, model.powers(angle))
 
 
 def _force_noise(force, error, places, free, params):

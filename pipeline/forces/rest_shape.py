@@ -48,6 +48,9 @@ class RestModel:
     weights_cov : (terms, values, terms, values)
     centre, scale : of the base angle [rad]
     time, residual, share : of the free frames, for the drift: s, (frames, values), (frames,)
+    rows : (frames,) their numbers among those given
+    turned : (frames, terms) their 1, u, u², …
+    degrees : (terms,) probability of each degree
     noise : (values, values) covariance of a free frame about the model
     scatter : (values, values) covariance of the true rest values about the model
     """
@@ -59,6 +62,9 @@ class RestModel:
     time: np.ndarray
     residual: np.ndarray
     share: np.ndarray
+    rows: np.ndarray
+    turned: np.ndarray
+    degrees: np.ndarray
     noise: np.ndarray
     scatter: np.ndarray
 
@@ -79,19 +85,36 @@ class RestModel:
         values : (frames, values)
         cov : (frames, values, values)
         """
-        powers = self._powers(angle)
+        powers = self.powers(angle)
         drift, frames = _smooth(self.time, self.residual, self.share, np.asarray(time, float))
         drift_cov = CORRELATED_FRAMES / frames[:, None, None] * self.noise
         known = np.einsum("nk,kvlw,nl->nvw", powers, self.weights_cov, powers, optimize=True)
         return powers @ self.weights + drift, self.scatter + known + drift_cov
 
+    def smoother(self, values):
+        """Function of angle and time: what the model would say if free frames had these `values`.
+
+        By the same shares and degrees; `values` (frames, any).
+        """
+        root = np.sqrt(self.share)[:, None]
+        weights = np.zeros((len(self.degrees), values.shape[1]))
+        for degree, probability in enumerate(self.degrees):
+            own = slice(degree + 1)
+            fit = np.linalg.lstsq(root * self.turned[:, own], root * values, rcond=None)[0]
+            weights[own] += probability * fit
+        left = values - self.turned @ weights
+        return lambda angle, time: (
+            self.powers(angle) @ weights + _smooth(self.time, left, self.share, time)[0]
+        )
+
     def turning_cov(self, angle) -> np.ndarray:
         """Covariance (frames, values, values) of how the values change from the centre."""
-        powers = self._powers(angle)[:, 1:]
+        powers = self.powers(angle)[:, 1:]
         cov = self.weights_cov[1:, :, 1:]
         return np.einsum("nk,kvlw,nl->nvw", powers, cov, powers, optimize=True)
 
-    def _powers(self, angle):
+    def powers(self, angle) -> np.ndarray:
+        """(frames, terms) of u at base angles [rad]."""
         return _powers((np.asarray(angle, float) - self.centre) / self.scale, self.degree)
 
 
@@ -126,7 +149,9 @@ def fit_rest(values, variances, angle, time, free, degree=LARGEST_DEGREE) -> Res
     floor = np.sqrt(np.diag(np.median(covs, axis=0)))
     drift, left, share = _drift_and_rest(powers, values, time, precision * alike, floor)
     noise, measured = _noise(left, covs, share)
-    weights, weights_cov = _averaged(powers, values - drift, share / alike, noise, precision)
+    weights, weights_cov, degrees = _averaged(
+        powers, values - drift, share / alike, noise, precision
+    )
     return RestModel(
         weights=weights,
         weights_cov=weights_cov,
@@ -135,6 +160,9 @@ def fit_rest(values, variances, angle, time, free, degree=LARGEST_DEGREE) -> Res
         time=time,
         residual=values - powers @ weights,
         share=share,
+        rows=np.flatnonzero(use),
+        turned=powers,
+        degrees=degrees,
         noise=noise,
         scatter=_positive(noise - measured),
     )
@@ -261,7 +289,7 @@ def _robust_polynomial(powers, values, precision, floor, weights=None):
 
 
 def _averaged(powers, values, share, noise, precision):
-    """Posterior mean (terms, values) and covariance over polynomials of all degrees."""
+    """Posterior mean (terms, values), covariance, and probabilities of the degrees."""
     terms, several = powers.shape[1], values.shape[1]
     weighted = powers * share[:, None]
     inverse = np.linalg.inv(noise)
@@ -283,7 +311,8 @@ def _averaged(powers, values, share, noise, precision):
     mean = probability @ means
     apart = means - mean
     cov = np.einsum("d,dij->ij", probability, covs + apart[:, :, None] * apart[:, None, :])
-    return mean.reshape(terms, several), cov.reshape(terms, several, terms, several)
+    cov = cov.reshape(terms, several, terms, several)
+    return mean.reshape(terms, several), cov, probability
 
 
 def _smooth(time, residual, share, at):

@@ -83,7 +83,8 @@ class ShapeFit:
         chi2 : reduced χ² of the stations
         moment_var, axial_var, lateral_var : of the base loads, (moment_per_force · force) …
         force_by_origin, moment_by_origin, axial_by_origin, lateral_by_origin : how force and
-            base loads change with `Stations.origin`, the rest shape moving along [N/m, N, N/m]
+            base loads change with `Stations.origin`, the rest shape moving along, and by
+            `RestPrior.by_origin` [N/m, N, N/m]
         origin_pull, origin_bend : slope and curvature of the log-likelihood by the origin, all
             else fitted again, for measurements with the stations' information [1/m, 1/m²]
         curvature, curvature_var, curvature_slope : at `curvature_at`: the rod's, and what a
@@ -93,11 +94,13 @@ class ShapeFit:
             at the follicle [1/m]
     rest : (rows, N_REST) rest-shape coefficients a_j [1/m]
     rest_cov : (rows, N_REST, N_REST)
+    pull_by_rest : (rows, N_REST) how `origin_pull` changes with the prior's rest shape [1]
     """
 
     table: dict
     rest: np.ndarray
     rest_cov: np.ndarray
+    pull_by_rest: np.ndarray
 
     def __getitem__(self, name):
         return self.table[name]
@@ -108,7 +111,9 @@ class RestPrior:
     """The rest shape as free frames show it: a = weights · (1, u, u², …) + drift, ± cov.
 
     `u` is (base angle − centre)/scale. `weights` (terms, N_REST), `drift` (rows, N_REST) or
-    zeros, `cov` (rows, N_REST, N_REST).
+    zeros, `cov` (rows, N_REST, N_REST). Part of that is of the weights, which all rows share:
+    `weights_cov` (terms, N_REST, terms, N_REST) by the rows' `powers` of u (rows, terms).
+    `by_origin` (rows, N_REST) [1/m²]: how a depends on the row's origin; None: not at all.
     """
 
     weights: np.ndarray
@@ -116,6 +121,9 @@ class RestPrior:
     scale: float
     drift: np.ndarray
     cov: np.ndarray
+    weights_cov: np.ndarray | None = None
+    powers: np.ndarray | None = None
+    by_origin: np.ndarray | None = None
 
 
 def rest_basis(whisker: Whisker, arc_length) -> np.ndarray:
@@ -171,11 +179,13 @@ def _fit(stations, whisker, curvature_at, prior, load=None, fine=False, misfit=N
         np.full(n, np.nan, OUTPUT_ROW).view(np.recarray),
         np.full((n, N_REST), np.nan),
         np.full((n, N_REST, N_REST), np.nan),
+        np.full((n, N_REST), np.nan),
         np.empty((0, 2, m)) if misfit is None else misfit,
     )
     shift, friction = (np.broadcast_to(np.asarray(a, float), n).copy() for a in (shift, friction))
     with np.errstate(invalid="ignore"):
         side = np.where(np.isfinite(stations.pole_x) & (load is not None), stations.side, 0)
+    by_origin = np.zeros((n, N_REST)) if prior.by_origin is None else prior.by_origin
     setup = _setup(whisker, stations.pole_radius, curvature_at, settled)
     for start in range(0, n, BLOCK_ROWS):
         rows = slice(start, start + BLOCK_ROWS)
@@ -184,10 +194,12 @@ def _fit(stations, whisker, curvature_at, prior, load=None, fine=False, misfit=N
             part.x, part.y, part.information, part.origin + shift[rows], shift[rows],
             side[rows].astype(np.float64), friction[rows], part.pole_x, part.pole_y, part.nearest,
             np.ascontiguousarray(prior.drift[rows]), np.ascontiguousarray(prior.cov[rows]),
+            by_origin[rows],
         )  # fmt: skip
         turning = np.ascontiguousarray(prior.weights), prior.centre, prior.scale
         _fit_rows(block, setup, turning, Filled(*(each[rows] for each in out)))
-    return ShapeFit({name: out.table[name] for name in OUTPUTS}, out.rest, out.rest_cov)
+    table = {name: out.table[name] for name in OUTPUTS}
+    return ShapeFit(table, out.rest, out.rest_cov, out.pull_by_rest)
 
 
 def _setup(whisker, pole_radius, curvature_at, settled):
@@ -224,7 +236,8 @@ def _fit_rows(rows, setup, turning, out):
             Load(rows.side[row], rows.friction[row]) if loaded else Load(0.0, 0.0),
             Pole(rows.pole_x[row], rows.pole_y[row], setup.pole_radius),
         )
-        prior = Prior(weights, rows.drift[row], centre, scale, precision)
+        by_origin = rows.rest_by_origin[row]
+        prior = Prior(weights, rows.drift[row], centre, scale, precision, by_origin)
         c = min(rows.nearest[row], (m - 1) * h) if loaded else stations[len(stations) // 2] * h
         known, chi2, place = _solve(problem, (stations, c, usual), prior, setup, p, laid, sums)
         if not known:
@@ -236,7 +249,8 @@ def _fit_rows(rows, setup, turning, out):
         o.chi2 = chi2
         report_pose(o, fitted, out.rest[row], out.rest_cov[row])
         if loaded:
-            report_loads(o, problem, fitted, setup.at, setup.taper)
+            answer = out.pull_by_rest[row]
+            report_loads(o, problem, fitted, prior, setup.at, setup.taper, answer)
         report_curvature(o, problem, fitted, setup.at)
         for each in out.misfit[row : row + 1]:
             _report_misfit(seen, fitted, each)

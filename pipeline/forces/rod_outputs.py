@@ -24,7 +24,7 @@ FEWEST_NEAR = 5
 
 
 @njit(**COMPILED)
-def report_loads(o, problem, fitted, at, taper):
+def report_loads(o, problem, fitted, prior, at, taper, pull_by_rest):
     """Fill one row of results that need the force; `at`, `taper` as in `Setup`."""
     load, force = problem.load, fitted.p[LOADED - 1]
     contact = laid_from(fitted.p, fitted.place)
@@ -36,6 +36,7 @@ def report_loads(o, problem, fitted, at, taper):
     o.axial_var = variance(gradient[1], fitted.cov)
     o.lateral_var = variance(gradient[2], fitted.cov)
     _follow(problem.seen, fitted, follows, o)
+    _follow_rest(fitted, prior, follows, pull_by_rest)
     o.force_by_origin = follows[LOADED - 1]
     o.moment_by_origin = (gradient[0] * follows).sum()
     o.axial_by_origin = (gradient[1] * follows).sum()
@@ -191,3 +192,22 @@ def _follow(seen, fitted, follows, o):
             follows[a] += inverse[a, b] * rhs[b]
         bend -= rhs[a] * follows[a]
     o.origin_pull, o.origin_bend = pull, bend
+
+
+@njit(**COMPILED)
+def _follow_rest(fitted, prior, follows, pull_by_rest):
+    """Let the parameters follow the prior's rest shape, too, that moves along with the origin.
+
+    And fill how the log-likelihood's slope by the origin changes with the prior's rest shape.
+    """
+    inverse, terms, inflate = fitted.sums.inverse, len(pull_by_rest), max(fitted.chi2, 1.0)
+    for j in range(terms):
+        pull_by_rest[j] = 0.0
+        for b in range(terms):
+            pull_by_rest[j] += inflate * prior.precision[j, b] * follows[2 + b]
+    for j in range(terms):
+        pushed = 0.0
+        for b in range(terms):
+            pushed += inflate * prior.precision[j, b] * prior.by_origin[b]
+        for a in range(LOADED):
+            follows[a] += inverse[a, 2 + j] * pushed

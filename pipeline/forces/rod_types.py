@@ -60,13 +60,14 @@ class Pole(NamedTuple):
 
 
 class Prior(NamedTuple):
-    """Rest shape of one row, as `rod_fit.RestPrior` has it, with the precision of its drift."""
+    """Rest shape of one row, as `rod_fit.RestPrior` has it, with its precision."""
 
     weights: np.ndarray
     drift: np.ndarray
     centre: float
     scale: float
     precision: np.ndarray
+    by_origin: np.ndarray
 
 
 class Problem(NamedTuple):
@@ -93,7 +94,7 @@ class Fitted(NamedTuple):
 class Rows(NamedTuple):
     """What differs from row to row, each with the rows first; metres.
 
-    `drift` and `rest_cov`: of the `RestPrior`.
+    `drift`, `rest_cov` and `rest_by_origin`: of the `RestPrior`.
     """
 
     x: np.ndarray
@@ -108,6 +109,7 @@ class Rows(NamedTuple):
     nearest: np.ndarray
     drift: np.ndarray
     rest_cov: np.ndarray
+    rest_by_origin: np.ndarray
 
 
 class Setup(NamedTuple):
@@ -126,7 +128,7 @@ class Setup(NamedTuple):
 
 
 class Filled(NamedTuple):
-    """Where results go: OUTPUT_ROWs, rest shapes, their covariances and misfit.
+    """Where results go: OUTPUT_ROWs, rest shapes, their covariances, `pull_by_rest`, misfit.
 
     The last has no rows where it is not wanted.
     """
@@ -134,4 +136,5 @@ class Filled(NamedTuple):
     table: np.ndarray
     rest: np.ndarray
     rest_cov: np.ndarray
+    pull_by_rest: np.ndarray
     misfit: np.ndarray

@@ -368,7 +368,7 @@ def test_peak_errors(traced, touch, monkeypatch):
     monkeypatch.setattr(
         forces.arc_length_offset,
         "origin_from_bending",
-        lambda *_: forces.arc_length_offset.Origin(*two_zeros),
+        lambda *given: (forces.arc_length_offset.Origin(*two_zeros), given[3]),
     )
     n = len(traced.places)
     two_zeros = np.zeros(n), np.zeros(n)
@@ -420,7 +420,9 @@ def test_errors_and_covariances_grow_with_the_scatter_of_free_frames(traced, mon
 def test_a_scale_that_is_wrong_moves_places_about_the_tip_where_that_is_seen(traced, monkeypatch):
     """The taper's share of the change turns round: the whisker's base moves, not its tip."""
     monkeypatch.setattr(
-        forces.arc_length_offset, "origin_from_bending", lambda *given: given[4].solve()
+        forces.arc_length_offset,
+        "origin_from_bending",
+        lambda *given: (given[4].solve(), given[3]),
     )
 
     def found(scale):
@@ -443,10 +445,9 @@ def test_a_scale_that_is_wrong_moves_places_about_the_tip_where_that_is_seen(tra
 def measured_with(traced, monkeypatch, hidden, se):
     """Frames and evidence where the hidden length [m] is taken as it is, ± `se`."""
     n = len(traced.places)
-    for name in ("origin_from_tip", "origin_from_bending"):
-        origin = forces.arc_length_offset.Origin(np.zeros(n), np.full(n, se))
-        found = (origin, None) if name == "origin_from_tip" else origin
-        monkeypatch.setattr(forces.arc_length_offset, name, lambda *_, found=found: found)
+    origin = forces.arc_length_offset.Origin(np.zeros(n), np.full(n, se))
+    for name in ("origin_from_tip", "origin_from_bending"):  # the rest shape as free frames show
+        monkeypatch.setattr(forces.arc_length_offset, name, lambda *given: (origin, given[3]))
     places = resampled.measure_stations(
         traced.lines, RECORDING, list(traced.whiskers.values()), [hidden], traced.pole
     )

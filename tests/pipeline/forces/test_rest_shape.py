@@ -273,7 +273,7 @@ def test_polynomials_are_averaged_by_the_probability_of_what_was_seen():
     powers = rng.uniform(-1, 1, n)[:, None] ** np.arange(3)
     values = powers @ np.array([[2.0, -1.0], [0.7, 0.2], [0.1, 0.3]])
     values += rng.multivariate_normal(np.zeros(2), noise, n)
-    weights, cov = rest_shape._averaged(powers, values, share, noise, precision)
+    weights, cov, degrees = rest_shape._averaged(powers, values, share, noise, precision)
     errors = np.kron(np.diag(1 / share), noise)
     means, covs, density = np.zeros((3, 6)), np.zeros((3, 6, 6)), np.zeros(3)
     for degree in range(3):
@@ -286,6 +286,7 @@ def test_polynomials_are_averaged_by_the_probability_of_what_was_seen():
         density[degree] = multivariate_normal.pdf(values.ravel(), np.zeros(2 * n), seen)
     share_of = density / density.sum()
     assert share_of.max() < 0.98
+    np.testing.assert_allclose(degrees, share_of, rtol=1e-6)
     mean = share_of @ means
     np.testing.assert_allclose(weights.ravel(), mean, rtol=1e-6)
     spread = sum(
@@ -339,3 +340,18 @@ def test_a_prior_draws_the_polynomial_to_zero_by_the_errors_of_frames():
         square = powers.T @ powers + error**2 * np.diag(precision)
         expected = np.linalg.solve(square, powers.T @ values[:, k])
         np.testing.assert_allclose(weights[:, k], expected, atol=0.01)
+
+
+def test_other_values_are_smoothed_as_the_rest_shape_was():
+    """What free frames show of a slope over the angle, and of a slow change, twice as large."""
+    rng = np.random.default_rng(8)
+    n, noise = 800, 0.02
+    time, angle = np.arange(n) / 500, 0.2 * np.sin(np.arange(n) / 9)
+    shape = 20 + 6 * angle + 0.5 * np.sin(time)
+    free = np.arange(n) % 3 > 0
+    measured = shape + noise * rng.normal(size=n)
+    model = fit_rest(measured, np.full(n, noise**2), angle, time, free)
+    np.testing.assert_array_equal(model.rows, np.flatnonzero(free))
+    again = model.smoother(2 * measured[model.rows, None])(angle, time)
+    values, _ = model.predict(angle, time)
+    np.testing.assert_allclose(again, 2 * values, rtol=0, atol=2 * noise)
