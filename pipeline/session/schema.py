@@ -70,7 +70,7 @@ class WhiskerSettings(_Table):
         None, description="at the (cut) tip; in place of cone_length_mm"
     )
     base_radius_um: quantity(2, 500, "µm", {"mm": 1e3, "m": 1e6, "nm": 1e-3}) | None = Field(
-        None, description="at the follicle; force scales with its fourth power"
+        None, description="half the diameter at the follicle; force scales with its fourth power"
     )
     youngs_modulus_GPa: quantity(0.05, 50, "GPa", {"MPa": 1e-3, "Pa": 1e-9}) = Field(
         3.0, description="the paper's mouse whiskers: 3"

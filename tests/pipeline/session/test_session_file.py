@@ -374,3 +374,9 @@ def test_tables_that_only_count_whiskers_name_none():
     ):
         named = settings_from({"recording": recording, "whisker": [{"name": "w1"}, chosen]})
         assert named.without_bare_whiskers() is named
+
+
+def test_the_file_says_that_a_radius_is_asked_for():
+    text = session_text(settings_from({**LEAST, "whisker": [{"name": "C2"}]}))
+    (line,) = [line for line in text.splitlines() if "base_radius_um" in line]
+    assert "half the diameter" in line
