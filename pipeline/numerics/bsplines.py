@@ -132,7 +132,7 @@ def add_smoothness_prior(band, rhs, k, knot_x, knot_y, nx, ny, n, spacing, stren
     """
     d = (1.0, -3.0, 3.0, -1.0)
     for i in range(k - 3):
-        if i < 1 or int((i + 2) * spacing) > n - 1:
+        if int((i + 2) * spacing) > n - 1:
             continue
         middle = int((i + 0.5) * spacing)
         bend = 0.0

@@ -56,21 +56,33 @@ def test_smooth_keeps_a_cubic():
     assert np.abs(straight - i).max() < 1e-9
 
 
-def test_smoothness_prior_pulls_a_kinked_line_straight():
-    n, spacing = 200, 10.0
-    x, y = np.arange(n, dtype=float), np.abs(np.arange(n) - 100.0) * 0.05
+def straightened(y, strength=1e3):
+    """A line y (n,) after the smoothness prior has moved it, with hardly anything against it."""
+    n, spacing = len(y), 10.0
+    x, y = np.arange(n, dtype=float), y.copy()
     nx, ny = np.zeros(n), -np.ones(n)
     band, rhs = np.zeros((n, 4)), np.zeros(n)
     k = bsplines.normal_equations(np.full(n, 1e-3), np.zeros(n), n, spacing, band, rhs)
     knot_x, knot_y = np.zeros((2, n))
     bsplines.smooth(x, y, n, spacing, np.zeros((n, 4)), knot_x, knot_y)
-    bsplines.add_smoothness_prior(band, rhs, k, knot_x, knot_y, nx, ny, n, spacing, 1e3)
+    bsplines.add_smoothness_prior(band, rhs, k, knot_x, knot_y, nx, ny, n, spacing, strength)
     for i in range(k):
         band[i, 0] += 1e-6
     bsplines.factorise(band, k)
     bsplines.solve_factorised(band, rhs, k)
     offset = np.zeros(n)
     bsplines.evaluate(rhs, n, spacing, offset)
-    before = np.diff(y[::10], 3)[2:-2]
-    after = np.diff((y + ny * offset)[::10], 3)[2:-2]
+    return y, y + ny * offset
+
+
+def test_smoothness_prior_pulls_a_kinked_line_straight():
+    kinked = np.abs(np.arange(200) - 100.0) * 0.05
+    before, after = (np.diff(y[::10], 3)[2:-2] for y in straightened(kinked))
     assert (after**2).sum() < 0.35 * (before**2).sum()
+
+
+def test_smoothness_prior_holds_a_line_from_its_first_node_on():
+    curled = 0.02 * np.maximum(12.0 - np.arange(200), 0.0) ** 2  # as at a fur's edge
+    before, after = straightened(curled)
+    assert before[0] > 2.0
+    assert abs(after[0]) < 0.5 * before[0]

@@ -48,7 +48,7 @@ def seen_share(frames, scene):
 
 @pytest.mark.parametrize(
     ("darkness", "noise", "seen"),
-    [(0.03, 0.4, 0.75), (0.12, 8.0, 0.55)],
+    [(0.03, 0.4, 0.75), (0.12, 8.0, 0.5)],
     ids=["little contrast", "noise"],
 )
 def test_most_of_a_whisker_is_seen(darkness, noise, seen):
