@@ -1,4 +1,4 @@
-"""A video backwards, and whether names found in it are those found forwards."""
+"""A video backwards, and whether names and links found in it are those found forwards."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -32,12 +32,13 @@ def turned_back(lines, n_frames: int):
     return replace(lines, frame=n_frames - 1 - lines.frame)
 
 
-def names_agree(forwards, backwards) -> tuple[int, int]:
+def names_agree(forwards, backwards, pairs) -> tuple[int, int]:
     """Lines known in both of two `Centrelines` whose names agree, and how many are known in both.
 
     Names of the one are those of the other that most of these lines bear, one to one.
+
+    pairs : as of `pairs_of_lines`
     """
-    pairs = pairs_of_lines(forwards, backwards)
     known = (forwards.confidence[pairs[:, 0]] >= KNOWN) & (
         backwards.confidence[pairs[:, 1]] >= KNOWN
     )
@@ -45,6 +46,27 @@ def names_agree(forwards, backwards) -> tuple[int, int]:
     counts = np.zeros((len(forwards.names), len(backwards.names)), int)
     np.add.at(counts, (forwards.whisker[one], backwards.whisker[other]), 1)
     return int(counts[linear_sum_assignment(counts, maximize=True)].sum()), len(one)
+
+
+def links_agree(forwards, backwards, pairs) -> tuple[int, int]:
+    """How many links of the one of two `Centrelines` the other has, too, and of how many.
+
+    A link is two lines of neighbouring frames that bear one name, known or not. Only those count
+    whose lines have both been found in the other one as well.
+
+    pairs : as of `pairs_of_lines`
+    """
+    there = dict(pairs.tolist())
+    order = np.lexsort((forwards.frame, forwards.whisker))
+    frame, whisker = forwards.frame[order], forwards.whisker[order]
+    linked = np.flatnonzero((np.diff(whisker) == 0) & (np.diff(frame) == 1))
+    both = [
+        (there[i], there[j])
+        for i, j in zip(order[linked].tolist(), order[linked + 1].tolist(), strict=True)
+        if i in there and j in there
+    ]
+    agree = sum(backwards.whisker[i] == backwards.whisker[j] for i, j in both)
+    return int(agree), len(both)
 
 
 def pairs_of_lines(one, other) -> np.ndarray:

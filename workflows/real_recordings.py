@@ -20,6 +20,10 @@ order, too, from a lossless copy. A first table is of lines and names:
 - *names agree*: of the lines known in both directions, those with the same name. Lines of the two
   are the same where 60 % of the shorter lies within 2.5 px of the other; names are paired one to
   one so that most agree.
+- *links*: of two lines of neighbouring frames that bear one name forwards, known or not, and are
+  both found backwards, those that bear one name there. One exchange of two names is two of
+  thousands of links, but changes many names: links tell two versions of the program apart
+  that names do not.
 
 A second table is of base angles, forwards:
 
@@ -59,7 +63,7 @@ SIDES = ("left", "right", "top", "bottom")
 INIT = "init"  # in the place of a scale
 HEADER = [
     "video", "face", "px/mm", "direction", "lines / frame", "known", "clear", "faint",
-    "wrong / frame", "distance", "CPU", "names agree",
+    "wrong / frame", "distance", "CPU", "names agree", "links",
 ]  # fmt: skip
 
 
@@ -107,8 +111,8 @@ def settings_for(video: Path, face: str, scale: str, frames_per_second: float):
     return settings_from({"recording": recording | {"face": face}})
 
 
-def line_row(run: Run, labelled, names_agree="–") -> list[str]:
-    """One row of the first table, without video, scale and direction."""
+def line_row(run: Run, labelled) -> list[str]:
+    """One row of the first table, from the lines on to the CPU."""
     lines = run.lines
     known = lines.confidence >= real_angles.KNOWN
     return [
@@ -116,8 +120,15 @@ def line_row(run: Run, labelled, names_agree="–") -> list[str]:
         pages.cell("{:.0%}", known.mean() if len(known) else np.nan),
         *real_lines.score(labelled, real_lines.lines_of(lines)).cells(),
         pages.cell("{:.1f}", 1e3 * run.cpu),
-        names_agree,
     ]
+
+
+def agreement(forwards, backwards) -> list[str]:
+    """Names and links of the two directions that agree, as cells."""
+    pairs = real_directions.pairs_of_lines(forwards, backwards)
+    names = real_lines.of(*real_directions.names_agree(forwards, backwards, pairs))
+    agree, links = real_directions.links_agree(forwards, backwards, pairs)
+    return [names, pages.cell("{:.1%}", agree / links if links else np.nan)]
 
 
 def rows_of(video: Path, settings, labelled, backwards: Path | None):
@@ -126,12 +137,12 @@ def rows_of(video: Path, settings, labelled, backwards: Path | None):
     backwards : the same video in reverse order; None: forwards alone
     """
     run = processed(video, settings)
-    rows = [["forwards", *line_row(run, labelled)]]
+    rows = [["forwards", *line_row(run, labelled), "–", "–"]]
     if backwards is not None:
         other = processed(backwards, settings)
         other = replace(other, lines=real_directions.turned_back(other.lines, other.n_frames))
-        agree = real_lines.of(*real_directions.names_agree(run.lines, other.lines))
-        rows.append(["backwards", *line_row(other, labelled, agree)])
+        row = [*line_row(other, labelled), *agreement(run.lines, other.lines)]
+        rows.append(["backwards", *row])
     return rows, run
 
 

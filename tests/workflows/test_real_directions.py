@@ -46,8 +46,9 @@ def exchanged(lines, rows):
     return replace(lines, whisker=whisker)
 
 
-def agreement(forwards, other):
-    return real_directions.names_agree(forwards, real_directions.turned_back(other, FRAMES))
+def agreement(forwards, other, of=real_directions.names_agree):
+    other = real_directions.turned_back(other, FRAMES)
+    return of(forwards, other, real_directions.pairs_of_lines(forwards, other))
 
 
 def test_names_agree_whatever_they_are():
@@ -65,6 +66,23 @@ def test_lines_that_are_unknown_in_one_direction_do_not_count():
     confidence = np.where(lines.frame < 4, 0.4, CONFIDENCE)
     forwards = replace(exchanged(lines, lines.frame < 4), confidence=confidence)
     assert agreement(forwards, backwards()) == ((FRAMES - 4) * WHISKERS,) * 2
+
+
+def test_an_exchange_is_two_links_whatever_the_names():
+    lines = row_of_whiskers()
+    forwards = exchanged(lines, lines.frame < 4)
+    links = (FRAMES - 1) * WHISKERS
+    of = real_directions.links_agree
+    assert agreement(lines, backwards(), of) == (links, links)
+    assert agreement(forwards, backwards(), of) == (links - 2, links)
+    assert agreement(lines.rows(np.arange(0)), backwards(), of) == (0, 0)
+
+
+def test_links_of_lines_that_are_not_found_backwards_do_not_count():
+    lines = row_of_whiskers()
+    found = backwards().rows(np.flatnonzero(backwards().frame != 7))
+    links = (FRAMES - 3) * WHISKERS
+    assert agreement(lines, found, real_directions.links_agree) == (links, links)
 
 
 def test_lines_elsewhere_are_no_pairs():

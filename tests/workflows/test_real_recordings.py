@@ -101,8 +101,9 @@ def test_tables_of_what_was_found(tmp_path, monkeypatch, capsys):
         assert float(row.pop("CPU")) >= 0
     same = {"video": "a", "face": "left", "px/mm": "12", "lines / frame": "2.0", "known": "75%"}
     same |= {"clear": "1 of 2 (50%)", "faint": "–", "wrong / frame": "1.00"}
-    assert forwards == same | {"direction": "forwards", "distance": "0.00", "names agree": "–"}
+    alone = {"direction": "forwards", "distance": "0.00", "names agree": "–", "links": "–"}
+    assert forwards == same | alone
     # of the second whisker, five frames are unknown forwards, and five others backwards
-    agree = {"distance": "1.00", "names agree": "10 of 10 (100%)"}
+    agree = {"distance": "1.00", "names agree": "10 of 10 (100%)", "links": "100.0%"}
     assert backwards == same | {"direction": "backwards"} | agree
     assert dict(zip(*table[5:8:2], strict=True))["known"] == "15"
