@@ -14,6 +14,7 @@ import numpy as np
 NAME = re.compile(r"(?:.*_)?[A-Fa-f](\d)")  # row and arc; arc 1 is posterior (Brecht et al. 1997)
 FADED = np.linspace(-0.4, 0.05, 19)  # logarithms of seen over given lengths: tips fade
 FADING = 0.5  # cost of so much fading, per logarithm: 0.03 to 0.15 are usual
+ANY_SCALE = np.linspace(-1.2, 1.2, 97)  # the same where the scale may be wrong by a factor of 3
 EXCHANGED = 0.15  # cost of two neighbours that stand in the other order
 MISSED = 0.2  # cost, as of a logarithm, of a whisker of mean length: short ones are rather missed
 FARTHEST = 0.5  # a logarithm that is farther off is a line cut short, and counts as no more
@@ -51,8 +52,13 @@ def numbers_in_order(seen_px, given_px) -> np.ndarray:
 
 
 def runs_backwards(seen_px, given_px) -> bool | None:
-    """Whether the seen whiskers are in the reverse order of the given ones; None: not sure."""
-    forwards, backwards = (_likest(seen, given_px)[1] for seen in (seen_px, seen_px[::-1]))
+    """Whether the seen whiskers are in the reverse order of the given ones; None: not sure.
+
+    Their lengths beside each other tell, whatever the scale.
+    """
+    forwards, backwards = (
+        _likest(seen, given_px, ANY_SCALE, 0.0)[1] for seen in (seen_px, seen_px[::-1])
+    )
     return bool(backwards < forwards) if abs(forwards - backwards) > SURE else None
 
 
@@ -91,9 +97,9 @@ def probabilities(seen_px, given_px, numbers) -> np.ndarray:
     return np.exp((least - with_it) / USUAL).sum(axis=0) / np.exp((least - every) / USUAL).sum()
 
 
-def _likest(seen_px, given_px):
+def _likest(seen_px, given_px, faded=FADED, fading=FADING):
     """The numbers of `numbers_in_order`, and the mean misfit of the logarithms."""
-    costs, missed, fading = _costs(seen_px, given_px)
+    costs, missed, fading = _costs(seen_px, given_px, faded, fading)
     k, m = costs.shape[1:]
     least = _up_to(costs, missed, np.minimum)
     best = int(np.argmin(least[:, k, m] + fading))
@@ -117,19 +123,19 @@ def _way_back(least, costs, missed):
     return numbers
 
 
-def _costs(seen_px, given_px):
+def _costs(seen_px, given_px, faded=FADED, fading=FADING):
     """Costs (fades, k, m) of every seen whisker as every given one, and (m,) of none as this one.
 
     The last (fades,) is the cost of fading so much. Where lengths are not known, the first ones
     are there.
     """
     seen, given = np.log(np.asarray(seen_px, float)), np.log(np.asarray(given_px, float))
-    off = seen[:, None] - given - FADED[:, None, None]
+    off = seen[:, None] - given - faded[:, None, None]
     if not np.isfinite(given).all() or not np.isfinite(off).any():
         first = np.where(np.eye(len(seen), max(len(given), len(seen))) > 0, 0.0, np.inf)
         return first[None], np.zeros(first.shape[1]), np.zeros(1)
     costs = np.where(np.isfinite(off), np.minimum(np.abs(off), FARTHEST), 0.0)
-    return costs, MISSED * np.exp(given) / np.exp(given).mean(), FADING * np.abs(FADED)
+    return costs, MISSED * np.exp(given) / np.exp(given).mean(), fading * np.abs(faded)
 
 
 def _up_to(costs, missed, either):

@@ -51,6 +51,12 @@ def test_the_reverse_order_is_seen(missing):
     assert runs_backwards(0.9 * ROW[there][::-1], ROW) is True
 
 
+@pytest.mark.parametrize("scale", [0.4, 0.7, 1.5, 2.2])
+def test_the_order_is_seen_whatever_the_scale(scale):
+    assert runs_backwards(scale * ROW[:-2], ROW) is False
+    assert runs_backwards(scale * ROW[:-2][::-1], ROW) is True
+
+
 @settings(max_examples=60, deadline=None)
 @given(st.data())
 def test_the_choice_is_the_cheapest_of_all(data):
