@@ -29,7 +29,7 @@ from pipeline.scene import (
     without_poles,
     working_scale,
 )
-from pipeline.session import DEFAULTS, settings_given
+from pipeline.session import settings_given
 from pipeline.tables import CONTACT_COLUMNS, FRAME_COLUMNS, Centrelines, with_units
 from pipeline.tables.centrelines import lines_of_table
 from pipeline.tracking import (
@@ -209,7 +209,6 @@ def follow(
         options,
         CHUNK_FRAMES,
         whisker_set.given,
-        params,
         whisker_set.beside,
         unnamed,
     )
@@ -277,7 +276,6 @@ def trace(
     options,
     chunk_frames=CHUNK_FRAMES,
     given=None,
-    params=DEFAULTS,
     beside=(),
     unnamed=None,
 ):
@@ -289,7 +287,6 @@ def trace(
     given : names of all whiskers in session.toml, to which the lengths in `options` belong; ():
         none are given, and where they stand close together, all that are seen over the whole
         video are named: the templates are a first guess; None: those of the templates
-    params : `Parameters` of all rooms
     beside : `WhiskerTemplate`s of a side of the face without names
     unnamed : `identity.Unnamed`, which counts whiskers that get no name
     """
@@ -298,10 +295,12 @@ def trace(
     lengths = dict.fromkeys(given or (), np.inf)
     lengths.update(zip(lengths, options.visible_px, strict=False))
     lines = assign_identities(
-        tracks, templates, options, face, given == (), params.identity, beside,
+        tracks, templates, options, face, given == (), beside,
         GivenLengths(lengths, open_ground(scene)) if lengths else None, unnamed,
     )  # fmt: skip
-    return locate_follicles(lines, sample_lines(templates, options), options, params.kinematics)
+    return locate_follicles(
+        lines, sample_lines(templates, options), options, options.params.kinematics
+    )
 
 
 def forces_of(kinematics: Kinematics, settings):

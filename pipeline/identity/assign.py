@@ -37,7 +37,6 @@ def assign_identities(
     options,
     face_side,
     open_ended=False,
-    params=DEFAULTS.identity,
     beside=(),
     given: GivenLengths | None = None,
     unnamed: Unnamed | None = None,
@@ -51,11 +50,10 @@ def assign_identities(
     ----------
     chunks : as traced, in order; `whisker` numbers the tracks
     templates : the `WhiskerTemplate`s that they are named after
-    options : the tracker's lengths (`TracingOptions`)
+    options : the tracker's lengths, and the `Parameters` (`TracingOptions`)
     face_side : side of the picture with the face
     open_ended : name all whiskers that the video shows, w1, w2, …; else as many as there
         are templates
-    params : the room's parameters
     beside : `WhiskerTemplate`s of a side of the face without names: its lines get none
     given : of all whiskers in session.toml: their lengths tell which of them are seen; None: of
         the templates
@@ -63,7 +61,7 @@ def assign_identities(
     """
     if not is_crowd(templates, options):
         return _as_likely(chunks, templates)
-    ruler = Ruler.of(face_side, options)
+    ruler, params = Ruler.of(face_side, options), options.params.identity
     named = [template.name for template in templates]
     may_be_two = open_ended or names_by_side(named, face_side) is not None
     sides = Sides.of(
