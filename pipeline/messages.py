@@ -242,9 +242,8 @@ def _other_end(whisker_set, recording):
     if seen not in (None, recording.snout):
         yield (
             f'[recording] snout = "{recording.snout}", but by their lengths the whiskers stand in '
-            f"order from the {seen}, and are named so in this video: correct snout, the lengths "
-            f"or pixels_per_mm = {recording.pixels_per_mm:g}, by which they are compared, and run "
-            "again"
+            f"order from the {seen}, and are named so in this video: correct snout or the "
+            "lengths, and run again"
         )
 
 

@@ -217,9 +217,7 @@ def test_an_order_that_is_guessed_in_each_video_is_doubted(whiskers, found, said
 def test_an_order_from_another_end_than_the_snout_is_doubted(snout, rows, doubted):
     whiskers = SHORTER | {"name": "a"}, {**WHISKER, "name": "b"}
     said = said_of(whiskers=whiskers, found=("a", "b"), recording={"snout": snout}, rows=rows)
-    said = [each for each in said if f'[recording] snout = "{snout}"' in each]
-    assert len(said) == doubted
-    assert all("correct snout, the lengths or pixels_per_mm = 25" in each for each in said)
+    assert [f'[recording] snout = "{snout}"' in each for each in said].count(True) == doubted
 
 
 @pytest.mark.parametrize(
