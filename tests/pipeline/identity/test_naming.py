@@ -1,5 +1,7 @@
 """Who is who over a whole video: appearance learned from all frames, names decided in the end."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -7,13 +9,14 @@ from hypothesis import strategies as st
 
 from pipeline.identity import appearance, label_swaps, motion_model
 from pipeline.identity.appearance import FanModel
-from pipeline.identity.assign import name_lines, names, with_unnamed
+from pipeline.identity.assign import assign_identities, name_lines, names, with_unnamed
 from pipeline.identity.features import ANGLE, BEND, Dial, line_features
 from pipeline.identity.limits import USUAL
 from pipeline.identity.links import TAKEN, link_costs
 from pipeline.identity.ordered_assignment import Lines
 from pipeline.identity.sides import Sides
 from pipeline.identity.ways import LEAST_SD
+from pipeline.session.parameters import DEFAULTS
 from pipeline.session.recording import Recording
 from pipeline.tables.centrelines import Centrelines
 from pipeline.tracking.given_lengths import GivenLengths
@@ -459,6 +462,21 @@ def test_a_given_whisker_that_the_first_look_missed_is_named_all_the_same():
     chunks = [centrelines([f] * 3, range(3), lines) for f in range(4)]
     for got in name_lines(iter(chunks), templates, one_row(templates), given=given):
         assert [got.names[k] for k in got.whisker] == ["a", "b", "c"]
+
+
+def test_names_follow_the_parameters_of_the_options():
+    own = replace(DEFAULTS.identity, seldom=0.9, nameless_confidence=0.2)
+    options = replace(OPTIONS, params=replace(DEFAULTS, identity=own))
+    angles = [-0.6, -0.1, 0.4, 0.9]  # the third is seen in half of the frames
+    templates = [WhiskerTemplate(n, a, 60) for n, a in zip("abc", angles, strict=False)]
+    lines = [straight(a, 60) for a in angles]
+    all_of_them, others = [0, 1, 2, 3], [0, 1, 3]
+    chunks = [
+        centrelines([f] * len(seen), seen, [lines[k] for k in seen])
+        for f, seen in enumerate([all_of_them] * 2 + [others] * 2)
+    ]
+    first, *_ = assign_identities(iter(chunks), templates, options, "left", open_ended=True)
+    assert np.isclose(first.confidence, 0.9 * 0.2).sum() == 1
 
 
 @pytest.mark.parametrize("open_ended", [False, True])
