@@ -113,3 +113,8 @@ def test_links_of_pages_outside_lead_to_pages(site):
 def test_formulas_are_set(site):
     text = (site / "forces.html").read_text(encoding="utf-8")
     assert text.count('class="math notranslate nohighlight"') > 15
+
+
+def test_no_page_holds_what_a_program_says_beside_its_tables():
+    for page in (*DOCS.glob("*.md"), ROOT / "README.md"):
+        assert "/tmp/tmp" not in page.read_text("utf-8"), page.name

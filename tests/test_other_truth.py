@@ -54,3 +54,10 @@ def test_a_lightly_bent_whisker_is_a_cantilever():
     compliance = np.sum(0.5 * (lever[1:] + lever[:-1])) * (s[1] - s[0])  # m/N
     assert touch.force == pytest.approx(turned * arc / compliance, rel=2e-3)
     assert touch.moment == pytest.approx(touch.force * arc, rel=2e-3)
+
+
+def test_the_table_alone_is_printed(capfd):
+    assert other_truth.main(["--scenes", "1", "--seed", "3"]) == 0
+    table, _, counts = capfd.readouterr().out.strip().partition("\n\n")
+    assert all(line.startswith("| ") for line in table.splitlines())
+    assert " contacts, 0 missed, 0 invented" in counts

@@ -8,6 +8,7 @@ the command. Prints a table in Markdown.
 """
 
 import argparse
+import contextlib
 import sys
 import tempfile
 from dataclasses import dataclass
@@ -161,7 +162,8 @@ class Found:
 def process(folder: Path) -> Found:
     """Run the command on a folder."""
     try:
-        cli.main(["run", str(folder), "--out", str(folder / "out"), "--jobs", "1"])
+        with contextlib.redirect_stdout(sys.stderr):  # the table alone on stdout
+            cli.main(["run", str(folder), "--out", str(folder / "out"), "--jobs", "1"])
     except SystemExit as stopped:
         if stopped.code:
             raise
