@@ -8,6 +8,7 @@ import real_lines
 from real_angles import KNOWN
 from scipy.optimize import linear_sum_assignment
 
+from pipeline.identity.motion_model import row_before
 from pipeline.video import open_video
 from synthetic.encode import video_suffix, write_video
 from synthetic.scene import Codec
@@ -56,17 +57,13 @@ def links_agree(forwards, backwards, pairs) -> tuple[int, int]:
 
     pairs : as of `pairs_of_lines`
     """
-    there = dict(pairs.tolist())
-    order = np.lexsort((forwards.frame, forwards.whisker))
-    frame, whisker = forwards.frame[order], forwards.whisker[order]
-    linked = np.flatnonzero((np.diff(whisker) == 0) & (np.diff(frame) == 1))
-    both = [
-        (there[i], there[j])
-        for i, j in zip(order[linked].tolist(), order[linked + 1].tolist(), strict=True)
-        if i in there and j in there
-    ]
-    agree = sum(backwards.whisker[i] == backwards.whisker[j] for i, j in both)
-    return int(agree), len(both)
+    there = np.full(len(forwards.frame), -1)
+    there[pairs[:, 0]] = pairs[:, 1]
+    before = row_before(forwards.frame, forwards.whisker)
+    now = np.flatnonzero(before >= 0)
+    linked = np.column_stack([there[before[now]], there[now]])
+    one, other = linked[(linked >= 0).all(axis=1)].T
+    return int((backwards.whisker[one] == backwards.whisker[other]).sum()), len(one)
 
 
 def pairs_of_lines(one, other) -> np.ndarray:
