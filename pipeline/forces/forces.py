@@ -128,8 +128,7 @@ def _fit_rods(places, whisker, curvature_at, angle, time, free, friction, params
     rubbing = friction * sliding(rod_fit.fit_loaded(*rod)["contact"]) if friction else 0.0
 
     def from_free(design):
-        smoothed = model.smoother(design[model.rows].toarray())
-        where = np.where(np.isfinite(angle), angle, model.centre)
+        smoothed, where = model.smoother(design[model.rows].toarray()), _filled(angle, model)
         return lambda rows: smoothed(where[rows], time[rows])
 
     origin, prior = arc_length_offset.origin_from_bending(*rod, by_tip, from_free, rubbing)
@@ -244,12 +243,16 @@ def _lean(places, whisker):
 
 def _rest_prior(model, angle, time) -> RestPrior:
     """The rest shape as prior for the loaded fit of all frames."""
-    # the table's angle is good enough for how well the rest shape is known
-    angle = np.where(np.isfinite(angle), angle, model.centre)
+    angle = _filled(angle, model)
     _, cov = model.predict(angle, time)
     cov = cov + np.eye(cov.shape[1]) * 1e-3**2
     shape = model.weights, model.centre, model.scale, model.drift(time), cov
     return RestPrior(*shape, model.weights_cov, model.powers(angle))
+
+
+def _filled(angle, model):
+    """The table's angles, the centre where there is none: good enough for how well it is known."""
+    return np.where(np.isfinite(angle), angle, model.centre)
 
 
 def _force_noise(force, error, places, free, params):
