@@ -9,11 +9,12 @@ elsewhere on a whisker that turns, by some 0.06 mm even of a fur that keeps stil
 frames show goes into it together with the rest shape (`origin_and_rest.py`).
 
 The trace ends short of the tip by up to half a millimetre, where the thin end drowns in noise.
-By how much, its fading shows (`kinematics/tip.py`), to a tenth where the picture has noise only.
-A codec erases a part of the tip, and the line fades where it does: how far that is from the tip
-rather the ends' scatter and the scale show. That a codec errs shows in free frames: rods miss the
-stations by more than the noise explains (`station_noise.py`). Where the fading is not known at
-all (lines of other programs), the end only shows how the origin changes from frame to frame.
+By how much, its fading shows (`kinematics/tip.py`), as far as the whisker is seen to its end. The
+fainter it is in the noise, or the more a codec erases, the farther out it goes on unseen, and the
+more the ends scatter: both are taken together. How noisy the whisker is, its stations know, and
+free frames show by how much more a codec errs (`station_noise.py`). How far the tip seems to be
+scatters from frame to frame; a part of that lasts. Where the fading is not known at all (lines of
+other programs), the end only shows how the origin changes from frame to frame.
 
 Frames that a codec made out of those before and after (B frames of H.264) show a whisker that
 turns back where it is in the mean of these, short of its turning point: by a hundredth of a
@@ -38,7 +39,7 @@ from scipy import sparse
 from scipy.special import expit
 
 from pipeline.forces import rod_fit
-from pipeline.forces.origin_and_rest import OriginAndRest, of_each_row, shown_by
+from pipeline.forces.origin_and_rest import BLOCK_ROWS, OriginAndRest, of_each_row, shown_by
 from pipeline.forces.rest_shape import CORRELATED_FRAMES
 from pipeline.forces.rod_fit import RestPrior
 from pipeline.kinematics.stations import Stations
@@ -51,12 +52,10 @@ MOST_KNOTS = 400
 ALIKE = 0.8  # correlation of the origin at neighbouring knots: 0 and 0.95 do worse, rendered
 LENGTH_WRONG = 0.01  # of lengths: have changed since they were measured; chosen
 FEWEST_ENDS, TIP_PART = 30, 0.3  # in which the tip must be seen at least; of the frames, too
-# how far the tip is beyond the mean end [px], measured in rendered videos: by how far it seems to
-# be; after a codec, a part by the ends' SD [px] and a pixel's size [mm], to these powers; and how
-# wrong that is, at least [px] and as a part of it, without and with a codec
-TIP_BY_FADING = 0.02, 1.0, -0.5
-TIP_BY_SCATTER = 0.7, 350.0, 1.5, 1.7
-TIP_SE_PX, TIP_SE_SHARE = 0.25, (0.1, 0.3)
+# how far the tip is beyond the mean end: this part of how far it seems to be by the fading, and so
+# many times the ends' variance [px²] times the noise of the base [px] (`_base_noise`); how wrong,
+# as a part of the fading's SD; all measured in rendered videos, with and without a codec
+TIP_BY_FADING, TIP_BY_SCATTER, TIP_LASTING_SHARE = 0.7, 7.4, 0.2
 TIP_FRAMES = 2.0  # neighbouring frames whose ends err together, at least
 TIP_LAGS = 8  # frames over which ends of a codec's pictures err together
 FEWEST_ROWS = 5
@@ -102,9 +101,9 @@ class _Evidence:
     def solve(self) -> Origin:
         cov, n = np.linalg.inv(self.matrix), self.design.shape[0]
         root, se = np.linalg.cholesky(cov), np.empty(n)
-        for first in range(0, n, 4096):  # rows by terms would not fit into memory
-            part = self.design[first : first + 4096]
-            se[first : first + 4096] = np.linalg.norm(part @ root, axis=1)
+        for first in range(0, n, BLOCK_ROWS):  # rows by terms would not fit into memory
+            rows = slice(first, first + BLOCK_ROWS)
+            se[rows] = np.linalg.norm(self.design[rows] @ root, axis=1)
         return Origin(self.design @ self.weights(), se, self.per_tip(cov))
 
     def per_tip(self, cov) -> float:
@@ -300,13 +299,22 @@ def _tip_place(places, good, excess, whisker, params):
     end, to_tip, px = places.last[good], places.to_tip[good], places.pixel
     if not np.isfinite(to_tip).any():
         return end.mean(), np.inf
-    codec = 1 - 1 / max(excess, 1.0)
-    short = np.polyval(TIP_BY_FADING, np.nanmean(to_tip) / px)
-    part, factor, *powers = TIP_BY_SCATTER
-    erased = factor * np.prod(np.power([np.std(end) / px, 1e3 * px], powers))
-    short += part * codec * (erased - short)
-    error = px * np.hypot(TIP_SE_PX, np.interp(codec, (0, 1), TIP_SE_SHARE) * short)
-    return whisker.length - px * short, np.hypot(1e-3 * params.tip_sd_mm, error)
+    drowned = np.var(end) / px * _base_noise(places.rows(good), whisker, excess)
+    short = TIP_BY_FADING * np.nanmean(to_tip) + TIP_BY_SCATTER * drowned
+    error = TIP_LASTING_SHARE * np.nanstd(to_tip)
+    return whisker.length - short, np.hypot(1e-3 * params.tip_sd_mm, error)
+
+
+def _base_noise(places, whisker, excess):
+    """Error [px] of where a pixel's length of the whisker's base is seen to lie, without fur.
+
+    All stations tell: a line's contrast tapers as the whisker does.
+    """
+    part = places.rows(evenly(len(places), MOST_ROWS)).loaded()
+    spacing, seen = part.spacing[part.whisker[0]], part.information > 0
+    thin = 1 - spacing * np.arange(part.x.shape[1]) / whisker.cone_length
+    base = np.median(np.broadcast_to(thin**2, seen.shape)[seen] / part.information[seen])
+    return np.sqrt(max(excess, 1.0) * base * spacing / part.pixel**3)
 
 
 def _trace_ends(places, params):

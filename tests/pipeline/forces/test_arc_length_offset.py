@@ -6,14 +6,11 @@ import numpy as np
 import pytest
 import traced_motion
 from scipy import sparse
-from scipy.ndimage import uniform_filter1d
 
 from pipeline.forces import arc_length_offset, estimate_forces, forces
 from pipeline.forces.fur_bias import LASTING_SHARE
 from pipeline.kinematics import resampled
-from pipeline.kinematics.tip import nodes_to_tip
 from pipeline.session.parameters import DEFAULTS
-from pipeline.tables.centrelines import Centrelines
 from synthetic.presets import make_trial
 from whiskermodel.whisker import mouse_c2
 
@@ -101,7 +98,8 @@ def times(touching):
 
 def fading(places, short=traced_motion.TIP_UNSEEN):
     """The places with ends that are known to lie `short` [m] of the tip."""
-    return replace(places, to_tip=np.full(len(places), short))
+    seems = short / arc_length_offset.TIP_BY_FADING
+    return replace(places, to_tip=np.full(len(places), seems))
 
 
 @pytest.mark.parametrize("wrong_by", [-0.2e-3, 0.1e-3])
@@ -112,56 +110,61 @@ def test_a_tip_whose_fading_is_known_corrects_the_hidden_length(touching, wrong_
     assert 0.02e-3 < np.median(origin.se) < 0.06e-3
 
 
-def seen_line(short, points=400):
-    """A cone's line whose tip is `short` nodes beyond the end of its trace, without noise."""
-    to_apex, window = 24, 15
-    place = np.arange(points + 60)
-    line = np.where(place < points, (points + to_apex - place) / to_apex, 0.0)
-    thickness = uniform_filter1d(line, window)[: points - short].astype(np.float32)
-    n, flat = len(thickness), np.zeros(len(thickness), np.float32)
-    return Centrelines(
-        ("C2",), *np.zeros((2, 1), np.int32), np.array([0, n]), np.arange(n, dtype=np.float32),
-        flat, flat + 1, np.ones(1, np.float32), thickness_px=thickness,
-    )  # fmt: skip
+def seen(places, end_sd, tip, tip_sd, base_sd):
+    """The places with ends and fading that have these statistics, all in pixels.
 
-
-def tip_place(places, excess):
-    """Where traces should end that all end at the tip, and its standard error [m]."""
-    everywhere = np.ones(len(places), bool)
-    return arc_length_offset._tip_place(places, everywhere, excess, mouse_c2(), DEFAULTS.forces)
-
-
-@pytest.mark.parametrize("short", [1, 3, 5])
-def test_ends_are_as_far_from_the_tip_as_their_fading_says(touching, short):
-    """Within twice the error that is stated; 0.03 mm of it are the length's."""
-    places = fading(touching.places, float(nodes_to_tip(seen_line(short))[0]) * 40e-6)
-    tip, error = tip_place(places, 1.0)
-    own = np.sqrt(error**2 - 0.03e-3**2)
-    assert abs(tip - mouse_c2().length + short * 40e-6) < 2 * own
-    assert own < 0.8 * 40e-6
-
-
-def test_what_a_codec_erased_is_less_known(touching):
-    """Where rods miss stations by more than the noise explains, and the more the ends scatter."""
-    scatter = 2.5 * 40e-6 * np.random.default_rng(2).normal(size=len(touching.places))
-    calm = fading(touching.places, 3 * 40e-6)
-    wild = replace(calm, last=calm.last + scatter)
-    clean, erased = (tip_place(wild, excess) for excess in (1.0, 80.0))
-    assert erased[1] > 1.5 * clean[1]
-    assert erased[0] < clean[0] - 0.5 * 40e-6
-    assert tip_place(calm, 1.0) == pytest.approx(clean)
-
-
-def test_how_a_line_fades_that_a_codec_erased_says_little_of_the_tip(touching):
-    """Lines fade where a codec has erased them: in coarse pictures 10 px short of the tip."""
-    scatter = 2.5 * 40e-6 * np.random.default_rng(2).normal(size=len(touching.places))
-    wild = replace(touching.places, last=touching.places.last + scatter)
-    clean, erased = (
-        np.diff([tip_place(fading(wild, short), excess)[0] for short in (0.4e-3, 0.1e-3)])[0]
-        for excess in (1.0, 1e3)
+    `base_sd`: how exactly a pixel's length of the whisker's base is seen.
+    """
+    whisker, px, sign = mouse_c2(), places.pixel, np.resize([-1.0, 1.0], len(places))
+    thin = 1 - places.spacing[0] * np.arange(places.x.shape[1]) / whisker.cone_length
+    base = places.spacing[0] / px**3 / base_sd**2
+    return replace(
+        places,
+        information=np.where(places.information > 0, base * thin**2, 0.0),
+        last=np.full(len(places), 17e-3) + px * end_sd * sign,
+        to_tip=px * (tip + tip_sd * sign),
     )
-    assert clean > 0.3e-3
-    assert erased < 0.35 * clean
+
+
+def tip_px(places, excess=1.0):
+    """How far beyond the mean end the tip is, and how wrong that is beside the length [px]."""
+    everywhere = np.ones(len(places), bool)
+    tip, error = arc_length_offset._tip_place(
+        places, everywhere, excess, mouse_c2(), DEFAULTS.forces
+    )
+    own = np.sqrt(error**2 - (1e-3 * DEFAULTS.forces.tip_sd_mm) ** 2)
+    return (mouse_c2().length - tip) / places.pixel, own / places.pixel
+
+
+@pytest.mark.parametrize(
+    ("true", "excess", "end_sd", "tip", "tip_sd", "base_sd"),
+    [
+        (0.72, 1.0, 0.75, 1.1, 0.9, 0.006),
+        (1.83, 1.0, 1.3, 2.3, 2.0, 0.0145),
+        (10.3, 1.0, 3.0, 9.2, 6.3, 0.047),
+        (4.9, 89.0, 2.5, 4.0, 6.6, 0.003),
+        (13.8, 1.03, 3.25, 7.9, 5.4, 0.110),
+    ],
+    ids=["clean", "noisy", "faint", "H.264", "another renderer's, faint"],
+)
+def test_the_tip_is_as_far_beyond_the_ends_as_in_rendered_videos(
+    touching, true, excess, end_sd, tip, tip_sd, base_sd
+):
+    """What was measured in videos of each kind: within twice the error that is stated."""
+    short, error = tip_px(seen(touching.places, end_sd, tip, tip_sd, base_sd), excess)
+    assert abs(short - true) < 2 * error
+    assert error < max(0.5, true / 3)  # px
+
+
+def test_a_line_that_drowns_in_noise_ends_farther_from_its_tip(touching):
+    """The fading says that it is some pixels off; scatter and noise say how many."""
+    calm, wild, dim = (
+        tip_px(seen(touching.places, end_sd, 6.0, 2.0, base_sd))[0]
+        for end_sd, base_sd in ((1.0, 0.05), (3.0, 0.05), (3.0, 0.1))
+    )
+    assert calm + 2 < wild < dim - 2
+    erased, _ = tip_px(seen(touching.places, 3.0, 6.0, 2.0, 0.05), 4.0)  # by a codec
+    assert erased == pytest.approx(dim)
 
 
 def test_a_length_that_contradicts_the_hidden_length_is_hardly_believed(touching):
