@@ -69,6 +69,12 @@ def direction(line, most=np.inf) -> float:
     return math.atan2(line.y[k] - line.y[0], line.x[k] - line.x[0])
 
 
+def turned(line, before) -> float:
+    """By how much a line is turned against another one [rad, from +x to +y]."""
+    now, then = direction(line, before.n), direction(before, line.n)
+    return math.remainder(now - then, math.tau)
+
+
 def even_turns(place, turn) -> np.ndarray:
     """Turns of all lines at their places, as of a straight line through those that are known.
 

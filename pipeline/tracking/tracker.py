@@ -1,6 +1,7 @@
 """Whiskers followed from frame to frame, identities kept: `Tracer` holds the state."""
 
 import numpy as np
+from scipy.optimize import linear_sum_assignment
 
 from pipeline.detection import detect, image_model, line_choice, line_fit, settling, tails
 from pipeline.detection.image_model import ImageModel
@@ -9,7 +10,7 @@ from pipeline.detection.static_scene import StaticScene
 from pipeline.detection.tracing_options import TracingOptions
 from pipeline.numerics import polyline
 from pipeline.session.quantities import frames_in, pixels_in
-from pipeline.tracking import matching, search
+from pipeline.tracking import matching, row_rotation, search
 from pipeline.tracking.bends import Bends, is_like_a_whisker, turning_range
 from pipeline.tracking.matching import Ruler
 from pipeline.tracking.registry import WhiskerTemplate, usual_absorbance
@@ -183,6 +184,7 @@ class Tracer:
             for track, line in pairs:  # less is found of them so: they had their own
                 track.line = line
             return
+        _give_out([track for track, _ in pairs])
         for track, _ in pairs:
             track.before = None  # the far part's motion is unknown
             self._give_up_if_poor(track)
@@ -311,6 +313,20 @@ class Tracer:
         seen = self.ruler.signatures([t.line for t in tracks])
         known = np.array([t.template.signature for t in tracks])
         return matching.common_turn(seen, known)
+
+
+def _give_out(tracks: list[Track]) -> None:
+    """Let each of some tracks go on with that of their lines that is most like its line before.
+
+    Lines that have exchanged far parts close to their bases have as good as exchanged tracks.
+    """
+    turned = [
+        [0.0 if t.before is None else row_rotation.turned(line, t.before) for t in tracks]
+        for line in (t.line for t in tracks)
+    ]
+    lines = [t.line for t in tracks]
+    for line, track in zip(*linear_sum_assignment(np.square(turned)), strict=True):
+        tracks[track].line = lines[line]
 
 
 def _near(a: Line, b: Line, near_px: float) -> float:

@@ -89,7 +89,7 @@ class CrowdTracer(Tracer):
         self.step(frames[0])
         lines = [t.line for t in self.tracks]
         turn = [
-            _turned(second[t.number], t.line) if t.number in second else np.nan
+            row_rotation.turned(second[t.number], t.line) if t.number in second else np.nan
             for t in self.tracks
         ]
         turn = _even_turns(lines, self._rows(lines), np.array(turn))
@@ -122,7 +122,9 @@ class CrowdTracer(Tracer):
         lines = [foretold(track.line, None) for track in present]
         known = [t.before is not None for t in present]
         last = np.full(len(present), np.nan)
-        last[known] = [_turned(t.line, t.before) for t in present if t.before is not None]
+        last[known] = [
+            row_rotation.turned(t.line, t.before) for t in present if t.before is not None
+        ]
         rows = self._rows(lines)
         turn = _even_turns(lines, rows, last)
         for line, angle in zip(lines, turn, strict=True):
@@ -148,7 +150,7 @@ class CrowdTracer(Tracer):
         super()._follow(track, image, gain, line)
 
     def _worth(self, line, track) -> float:
-        off = _turned(line, track.expected) / self.astray_sd
+        off = row_rotation.turned(line, track.expected) / self.astray_sd
         return super()._worth(line, track) * math.exp(-0.5 * off**2)
 
     def _claim(self, track) -> float:
@@ -173,9 +175,3 @@ def _even_turns(lines, rows, turn) -> np.ndarray:
             row_rotation.places([lines[k] for k in row]), turn[row]
         )
     return even
-
-
-def _turned(line, before) -> float:
-    """By how much a line is turned against another one [rad, from +x to +y]."""
-    now, then = row_rotation.direction(line, before.n), row_rotation.direction(before, line.n)
-    return math.remainder(now - then, math.tau)
