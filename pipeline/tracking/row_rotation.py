@@ -75,6 +75,19 @@ def turned(line, before) -> float:
     return math.remainder(now - then, math.tau)
 
 
+def bent(line, before) -> float:
+    """By how much more a line's far half is turned against another one than its near one [rad]."""
+    n = min(line.n, before.n)
+    return math.remainder(_bend(line, n) - _bend(before, n), math.tau)
+
+
+def _bend(line, n) -> float:
+    """Angle from the near half of a line's first `n` nodes to the far one [rad]."""
+    x, y, k = line.x, line.y, n // 2
+    near = math.atan2(y[k] - y[0], x[k] - x[0])
+    return math.atan2(y[n - 1] - y[k], x[n - 1] - x[k]) - near
+
+
 def even_turns(place, turn) -> np.ndarray:
     """Turns of all lines at their places, as of a straight line through those that are known.
 

@@ -150,8 +150,12 @@ class CrowdTracer(Tracer):
         super()._follow(track, image, gain, line)
 
     def _worth(self, line, track) -> float:
-        off = row_rotation.turned(line, track.expected) / self.astray_sd
-        return super()._worth(line, track) * math.exp(-0.5 * off**2)
+        """The less, the more it is turned or bent against what is expected of it."""
+        worth = super()._worth(line, track)
+        if worth <= 0:
+            return worth
+        turn, bend = (of(line, track.expected) for of in (row_rotation.turned, row_rotation.bent))
+        return worth * math.exp(-0.5 * (turn**2 + bend**2) / self.astray_sd**2)
 
     def _claim(self, track) -> float:
         return self._worth(track.line, track) * (1 - 0.5 ** (track.age / self.young))
