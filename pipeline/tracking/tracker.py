@@ -184,7 +184,7 @@ class Tracer:
             for track, line in pairs:  # less is found of them so: they had their own
                 track.line = line
             return
-        _give_out([track for track, _ in pairs])
+        give_out([track for track, _ in pairs])
         for track, _ in pairs:
             track.before = None  # the far part's motion is unknown
             self._give_up_if_poor(track)
@@ -315,16 +315,16 @@ class Tracer:
         return matching.common_turn(seen, known)
 
 
-def _give_out(tracks: list[Track]) -> None:
+def give_out(tracks: list[Track]) -> None:
     """Let each of some tracks go on with that of their lines that is most like its line before.
 
     Lines that have exchanged far parts close to their bases have as good as exchanged tracks.
     """
+    lines = [t.line for t in tracks]
     turned = [
         [0.0 if t.before is None else row_rotation.turned(line, t.before) for t in tracks]
-        for line in (t.line for t in tracks)
+        for line in lines
     ]
-    lines = [t.line for t in tracks]
     for line, track in zip(*linear_sum_assignment(np.square(turned)), strict=True):
         tracks[track].line = lines[line]
 

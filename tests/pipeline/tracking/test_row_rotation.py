@@ -2,9 +2,14 @@
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from pipeline.detection.line import Line
-from pipeline.tracking.row_rotation import common_turns, even_turns, places, turn_line
+from pipeline.tracking.registry import WhiskerTemplate
+from pipeline.tracking.row_rotation import bent, common_turns, even_turns, places, turn_line
+from pipeline.tracking.track_state import Track
+from pipeline.tracking.tracker import give_out
 
 SHAPE = (240, 320)
 
@@ -111,3 +116,29 @@ def test_turning_keeps_base_and_length():
     chord = turned.points[-1] - turned.points[0]
     assert np.arctan2(chord[1], chord[0]) == pytest.approx(0.3)
     assert np.hypot(*chord) == pytest.approx(149.0)
+
+
+ANGLES = st.floats(-3.0, 3.0)  # rad
+
+
+@given(ANGLES, ANGLES, st.floats(-0.5, 0.5))
+def test_a_line_is_bent_by_what_its_far_half_turns_by_beside_its_near_one(start, turn, bend):
+    (before,), (now,) = fan([start]), fan([start + turn])
+    far = np.arange(76.0)
+    now.x[74:150] = now.x[74] + far * np.cos(start + turn + bend)
+    now.y[74:150] = now.y[74] + far * np.sin(start + turn + bend)
+    assert bent(now, before) == pytest.approx(bend, abs=0.02)
+    assert bent(*fan([start, start + turn])) == pytest.approx(0, abs=1e-9)
+
+
+@given(st.floats(-0.3, 0.3), st.permutations(range(5)))
+def test_lines_are_given_to_the_tracks_that_they_go_on_with_whatever_all_turn_by(turn, order):
+    angles = np.radians([-20.0, -12, -8, 3, 9])
+    now = fan(angles + turn)
+    template = WhiskerTemplate("", np.zeros(2), 150.0)
+    tracks = [
+        Track(template, line=now[k], before=line)
+        for k, line in zip(order, fan(angles), strict=True)
+    ]
+    give_out(tracks)
+    assert all(track.line is line for track, line in zip(tracks, now, strict=True))

@@ -98,6 +98,21 @@ def test_lines_stay_with_their_whiskers_in_a_video_that_begins_amid_a_whisk(crow
     assert all(len(whiskers) == 1 for whiskers in seen.values())
 
 
+def test_a_line_that_goes_on_as_its_neighbour_halfway_is_worth_less(crowd):
+    _, scene, templates, options, images = crowd
+    tracer = CrowdTracer(scene, templates, options)
+    for image in images[:3]:
+        tracks = tracer.step(image)
+    longest = max(tracks, key=lambda track: track.line.n)
+    line, k = longest.line.copy(), longest.line.n // 2
+    own = tracer._worth(line, longest)
+    x, y = line.x[k:] - line.x[k], line.y[k:] - line.y[k]
+    turn = np.radians(8)
+    line.x[k:] = line.x[k] + x * np.cos(turn) - y * np.sin(turn)
+    line.y[k:] = line.y[k] + x * np.sin(turn) + y * np.cos(turn)
+    assert tracer._worth(line, longest) < 0.5 * own
+
+
 SNOUT = 180, 320, 280  # its columns, and the row to which it reaches [px]
 SPACING, TURN = np.radians([9.0, 7.0])  # of whiskers, and of each side's in a frame
 FAN = np.arange(-3, 4) * SPACING
