@@ -72,6 +72,12 @@ class Lines:
         ends = np.flatnonzero(broken) + 1
         return order, np.append(0, ends), np.append(ends, len(order))
 
+    def backwards(self) -> tuple["Lines", np.ndarray]:
+        """The same lines with time reversed, and which of the rows each of theirs is (rows,)."""
+        frame = self.frame[-1] - self.frame
+        rows = np.lexsort((self.track, frame))
+        return Lines(self.features[rows], frame[rows], self.track[rows], self.limits), rows
+
 
 @dataclass(frozen=True)
 class Naming:

@@ -96,3 +96,28 @@ def test_a_whisker_that_is_taken_for_two_in_turn_costs_more():
     lines.features[(true == 2) & (lines.frame % 40 < 20), LENGTH] -= 0.3  # its tip fades in turn
     two = np.where((true == 2) & (lines.frame % 40 < 20), len(LENGTHS), true)
     assert ways._length_cost(lines, two) > ways._length_cost(lines, true)
+
+
+def test_lines_backwards_are_the_same_lines_and_forwards_again_after_twice():
+    lines, _ = row(np.random.default_rng(4))
+    back, rows = lines.backwards()
+    assert np.array_equal(back.features, lines.features[rows], equal_nan=True)
+    assert np.array_equal(back.frame, FRAMES - 1 - lines.frame[rows])
+    again, _ = back.backwards()
+    assert np.array_equal(again.features, lines.features, equal_nan=True)
+    assert np.array_equal(again.frame, lines.frame)
+
+
+def test_every_way_names_the_row_and_knows_its_phase_in_every_frame():
+    lines, true = row(np.random.default_rng(5))
+    first = 7  # frames without lines before
+    late = Lines(lines.features, lines.frame + first, lines.track, lines.limits)
+    found = list(ways._ways(late))
+    assert len(found) >= 2
+    whisked = np.repeat(0.3 * np.sin(0.8 * np.arange(MOVES_ON, FRAMES)), len(LENGTHS))
+    rows = lines.frame >= MOVES_ON
+    for names, model, phase in found:
+        assert len(phase) == FRAMES + first
+        assert (ways._renamed(names, true) == true).mean() > 0.95
+        turned = model.slope[names[rows], ANGLE] * phase[late.frame[rows]]
+        assert np.corrcoef(turned, whisked)[0, 1] > 0.98
