@@ -24,6 +24,10 @@ from pipeline.numerics.polyline import bilinear
 from pipeline.session.quantities import pixels_in
 
 WORTH_FITTING = 0.5  # of the darkness wanted of a line, along the ridge that leads to it
+KNOWN_SHARE = 0.7  # of a ridge that lies along a known line: it is what that one has left
+KNOWN_STEP = 2  # every how many-th node of the known lines is looked at
+NEAR_FACE = 2  # times the shortest line: so far from where lines begin ridges lead to new ones
+WIDE_PX = 32  # of that part of the picture: nearly the whole of it is looked at without a copy
 MOST_LOOKS = 3  # at a frame with many whiskers
 WHOLE = np.s_[:, :]  # picture: rows, columns
 
@@ -33,13 +37,15 @@ class Search(NamedTuple):
 
     Ridges are those of one `scale` [px]; lines nearer to each other than `near_px` are one; what
     has less than the `least` length × absorbance [px] is left out; `part` is slices of rows and
-    columns.
+    columns; `known` are nodes of lines in the background, as of `polyline.end_to_end`: no ridge
+    along them is followed.
     """
 
     scale: float
     near_px: float
     least: float = 0.0
     part: tuple[slice, slice] = WHOLE
+    known: tuple[np.ndarray, ...] = polyline.end_to_end((), KNOWN_STEP)
 
 
 def detect(
@@ -62,9 +68,10 @@ def _apart_px(options: TracingOptions) -> float:
     return pixels_in(options.params.detection.same_whisker_mm, options.pixels_per_m)
 
 
-def detect_blurred(image, model: ImageModel, gain, options, workspace, least=0.0) -> list[Line]:
+def _detect_blurred(image, model: ImageModel, gain, options, workspace, search) -> list[Line]:
     """Find lines that motion has made broad, best first; sharp ones are found as well."""
-    search = Search(options.params.detection.blurred_sd_px, _apart_px(options), least)
+    scale, near_px = options.params.detection.blurred_sd_px, _apart_px(options)
+    search = search._replace(scale=scale, near_px=near_px)
     lines = _lines_at(search, image, model, gain, options, workspace)
     return without_doubles(lines, search.near_px)
 
@@ -77,6 +84,7 @@ def _lines_at(search: Search, image, model, gain, options, workspace) -> list[Li
     limits = 0.6 * options.shortest_px, float(options.base_gap_px), WORTH_FITTING * search.least
     curves = ridges.curves_in(search.part, absorbance, model.noise, search.scale)
     senses = _senses(*curves, absorbance, model.outside, model.off_edges, limits)
+    _leave_out_known(*curves, *search.known, same_px(options), senses)
     for k in np.flatnonzero(senses):
         rooted = curves.curve(k)[:: senses[k]]
         line = settling.settle(picture, rooted, fit, workspace)
@@ -119,6 +127,22 @@ def _sense(curve, absorbance, outside, off_edges, limits):
 
 
 @njit(cache=True)
+def _leave_out_known(places, offsets, x, y, starts, near_px, senses):
+    """Set the senses (curves,) to 0 of curves that lie along a known line, within `near_px`.
+
+    x, y, starts : nodes of the known lines, as of `polyline.end_to_end`
+    """
+    for k in np.flatnonzero(senses):
+        curve = places[offsets[k] : offsets[k + 1]]
+        for j in range(len(starts) - 1):
+            nodes = slice(starts[j], starts[j + 1])
+            lines = curve[:, 0], curve[:, 1], len(curve), x[nodes], y[nodes], len(x[nodes])
+            if polyline.share_near(*lines, near_px, (3, 1)) >= KNOWN_SHARE:
+                senses[k] = 0
+                break
+
+
+@njit(cache=True)
 def _darkness(absorbance, curve):
     """Absorbance summed along a curve (n, 2) [px]."""
     height, width = absorbance.shape
@@ -139,31 +163,50 @@ def same_px(options: TracingOptions) -> float:
 
 def detect_crowded(
     image, model: ImageModel, gain, options: TracingOptions, workspace, known=(), enough=np.inf,
-    least=0.0,
+    least=0.0, part=WHOLE,
 ) -> list[Line]:  # fmt: skip
     """As `detect`, for whiskers that lie close together: those found hide no others.
 
     What was found is held in the background, and the frame about it, where it may have hidden
     others, looked at again, until nothing new is found, or `enough` lines are; then every line is
     fitted beside the others. `known` lines are not looked for, nor those of less than the `least`
-    length × absorbance [px].
+    length × absorbance [px]. `part` : slices of rows and columns, as of `near_face`
     """
+    nodes = polyline.end_to_end(known, KNOWN_STEP)
+    own, near_px = options.params.detection, same_px(options)
+    search = Search(own.fine_sd_px, near_px, least, part, nodes)
     with lines_in_background(model, known):
-        lines = _beside(known, image, model, gain, options, workspace, enough, least)
+        lines = _beside(known, search, image, model, gain, options, workspace, enough)
     lines.sort(key=lambda line: -contrast_length(line))
-    return without_doubles(lines, same_px(options))
+    return without_doubles(lines, near_px)
 
 
-def _beside(known, image, model, gain, options, workspace, enough, least) -> list[Line]:
+def near_face(model: ImageModel, options: TracingOptions) -> tuple[slice, slice]:
+    """Rows and columns of the picture in which a line that leaves the face is noticed.
+
+    From there it is fitted, and followed from frame to frame, as far as it is seen.
+    """
+    farthest = options.base_gap_px + NEAR_FACE * options.shortest_px
+    near = model.usable & (model.outside < farthest)
+    return tuple(_range_of(np.flatnonzero(near.any(axis=axis))) for axis in (1, 0))
+
+
+def _range_of(places) -> slice:
+    """All from the first to the last of the places, in whole WIDE_PX; everything where none is."""
+    if not len(places):
+        return slice(None)
+    return slice(int(places[0]) // WIDE_PX * WIDE_PX, (int(places[-1]) // WIDE_PX + 1) * WIDE_PX)
+
+
+def _beside(known, search, image, model, gain, options, workspace, enough) -> list[Line]:
     """Lines of `detect_crowded`, with doubles; the `known` ones are in the background."""
     lines: list[Line] = []
-    near_px, own = same_px(options), options.params.detection
-    search = Search(own.fine_sd_px, near_px, least)
+    near_px, own = search.near_px, options.params.detection
     for look in range(MOST_LOOKS):
         with lines_in_background(model, lines):
             more = detect(image, model, gain, options, workspace, search)
             if look == 0:
-                broad = detect_blurred(image, model, gain, options, workspace, least)
+                broad = _detect_blurred(image, model, gain, options, workspace, search)
                 more = with_blurred(more, broad, image, model, gain, own.one_line)
         others = *known, *lines
         more = [

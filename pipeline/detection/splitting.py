@@ -29,7 +29,8 @@ def growth(line) -> float:
 
 def breadth(line) -> float:
     """Half-width σ [px] of a line, root mean square over its proximal half."""
-    return float(np.sqrt(np.mean(line.sigma[: max(line.n // 2, 1)] ** 2)))
+    sigma = line.sigma[: max(line.n // 2, 1)]
+    return float(np.sqrt(sigma @ sigma / len(sigma)))
 
 
 def is_broad(line, usual, factor, thickest_px) -> bool:

@@ -153,10 +153,17 @@ def near_pairs(lines, near) -> np.ndarray:
 
     As of `come_near`, for all at once; no line is near to itself.
     """
-    x = np.concatenate([np.empty(0), *(line.x[: line.n : COARSE] for line in lines)])
-    y = np.concatenate([np.empty(0), *(line.y[: line.n : COARSE] for line in lines)])
-    counts = [len(range(0, line.n, COARSE)) for line in lines]
-    return _near_pairs(x, y, np.cumsum([0, *counts]), near + 1.1 * COARSE)
+    return _near_pairs(*end_to_end(lines, COARSE), near + 1.1 * COARSE)
+
+
+def end_to_end(lines, step):
+    """Every `step`-th node x, y of lines, one after the other, and where each line begins.
+
+    The last of these (lines + 1,) is the number of nodes.
+    """
+    x = np.concatenate([np.empty(0), *(line.x[: line.n : step] for line in lines)])
+    y = np.concatenate([np.empty(0), *(line.y[: line.n : step] for line in lines)])
+    return x, y, np.cumsum([0, *(len(range(0, line.n, step)) for line in lines)])
 
 
 @njit(cache=True)

@@ -103,13 +103,19 @@ class CrowdTracer(Tracer):
         row_rotation.turn_line(back, -angle, self.pivot)
         return back
 
+    def change_scene(self, scene) -> None:
+        """As of `Tracer`."""
+        super().change_scene(scene)
+        self.near_face = detect.near_face(self.model, self.options)
+
     def _search_all(self, image, gain) -> None:
         """Begin a track for every line that has none."""
         lines = [t.line for t in self.tracks]
         self.model.held.hold(lines)
         for line in detect.detect_crowded(
-            image, self.model, gain, self.options, self.workspace, lines, least=self.faintest
-        ):
+            image, self.model, gain, self.options, self.workspace, lines, least=self.faintest,
+            part=self.near_face,
+        ):  # fmt: skip
             track = LineTrack(self.template, number=next(self.number))
             track.take(line)
             self.tracks.append(track)

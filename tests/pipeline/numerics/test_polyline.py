@@ -69,6 +69,18 @@ def test_near_pairs_are_those_that_come_near(apart, turn, shift, near):
             assert found[a, b] == expected
 
 
+@pytest.mark.parametrize("step", [1, 2, 7])
+def test_every_few_nodes_of_lines_end_to_end(step):
+    lines = [SimpleNamespace(x=X + k, y=2 * X - k, n=n) for k, n in enumerate((len(X), 0, 20))]
+    x, y, starts = polyline.end_to_end(lines, step)
+    for k, line in enumerate(lines):
+        own = slice(starts[k], starts[k + 1])
+        assert np.array_equal(x[own], line.x[: line.n : step])
+        assert np.array_equal(y[own], line.y[: line.n : step])
+    assert starts[-1] == len(x) == len(y)
+    assert polyline.end_to_end([], step)[2].tolist() == [0]
+
+
 def test_of_no_lines_none_are_near():
     assert polyline.near_pairs([], 3.0).shape == (0, 0)
 

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from pipeline.detection import ridges, settling
 from pipeline.detection.static_scene import StaticScene
 from pipeline.numerics.angles import wrapped
 from pipeline.scene.estimate import scene_from_frames
@@ -155,3 +156,51 @@ def test_the_sides_of_a_face_turn_against_each_other():
         seen.append({t.number: int(np.argmin(o)) for t, o in zip(tracks, off, strict=True)})
     assert len(seen[0]) == 14
     assert seen[-1] == seen[0]
+
+
+FAR_FACE = 40  # columns of a face at the left edge of a wide picture
+LONG = 420  # px, of the whisker that leaves it
+
+
+def long_whisker(amplitude=0.3):
+    """A wide picture with one long whisker that leaves a face at the left edge; row 100."""
+    rows, columns = np.mgrid[:200, :600]
+    seen = (columns >= FAR_FACE) & (columns < FAR_FACE + LONG)
+    image = 200 * np.exp(-amplitude * np.exp(-0.5 * (rows - 100.0) ** 2) * seen)
+    image[:, :FAR_FACE] = 20
+    return image.astype(np.uint8)
+
+
+def scene_of_long_whisker():
+    face = np.zeros((200, 600), bool)
+    face[:, :FAR_FACE] = True
+    empty = np.where(face, 20, 200).astype(np.float32)
+    return StaticScene(empty, 0.0, 4.0, face, np.zeros_like(face), None, "left")
+
+
+def test_new_lines_are_looked_for_near_the_face_and_followed_to_their_far_ends(monkeypatch):
+    scene, options = scene_of_long_whisker(), options_for(Recording(500.0, 12.0, "left"))
+    image, looked = long_whisker(), []
+    tracer = CrowdTracer(scene, find_templates(np.array([image] * 3), scene, options), options)
+    curves_in = ridges.curves_in
+    monkeypatch.setattr(ridges, "curves_in", lambda *at: looked.append(at[0]) or curves_in(*at))
+    seen = [tracer.step(image)[0].line.n for _ in range(20)]
+    columns = looked[0][1]
+    assert columns.stop < 0.5 * LONG
+    assert seen[0] > columns.stop - FAR_FACE
+    assert seen[-1] == pytest.approx(LONG, abs=6)
+
+
+def test_what_a_known_line_leaves_beside_it_is_not_fitted_again(monkeypatch):
+    scene, options = scene_of_long_whisker(), options_for(Recording(500.0, 12.0, "left"))
+    image, fitted = long_whisker(), []
+    tracer = CrowdTracer(scene, find_templates(np.array([image] * 3), scene, options), options)
+    (track,) = tracer.step(image)
+    track.line.amplitude *= 0.5  # as if it had got darker: half of its darkness is left
+    settle = settling.settle
+    monkeypatch.setattr(settling, "settle", lambda *at: fitted.append(at) or settle(*at))
+    tracer._search_all(image, 1.0)
+    assert fitted == []
+    tracer.tracks.clear()
+    tracer._search_all(image, 1.0)
+    assert len(fitted) > 0
