@@ -161,22 +161,35 @@ def same_px(options: TracingOptions) -> float:
     return float(np.clip(options.px(options.params.detection.same_whisker_mm), 1.2, 3.0))
 
 
+class Wanted(NamedTuple):
+    """Which lines of a crowd are looked for.
+
+    `enough` are found: no further look; what has less than the `least` length × absorbance [px] is
+    left out; `part` is slices of rows and columns, as of `near_face`.
+    """
+
+    enough: float = np.inf
+    least: float = 0.0
+    part: tuple[slice, slice] = WHOLE
+
+
+ALL = Wanted()
+
+
 def detect_crowded(
-    image, model: ImageModel, gain, options: TracingOptions, workspace, known=(), enough=np.inf,
-    least=0.0, part=WHOLE,
-) -> list[Line]:  # fmt: skip
+    image, model: ImageModel, gain, options: TracingOptions, workspace, known=(), wanted=ALL
+) -> list[Line]:
     """As `detect`, for whiskers that lie close together: those found hide no others.
 
     What was found is held in the background, and the frame about it, where it may have hidden
-    others, looked at again, until nothing new is found, or `enough` lines are; then every line is
-    fitted beside the others. `known` lines are not looked for, nor those of less than the `least`
-    length × absorbance [px]. `part` : slices of rows and columns, as of `near_face`
+    others, looked at again, until nothing new is found, or enough lines are; then every line is
+    fitted beside the others. `known` lines are not looked for, nor those that are not `Wanted`.
     """
     nodes = polyline.end_to_end(known, KNOWN_STEP)
     own, near_px = options.params.detection, same_px(options)
-    search = Search(own.fine_sd_px, near_px, least, part, nodes)
+    search = Search(own.fine_sd_px, near_px, wanted.least, wanted.part, nodes)
     with lines_in_background(model, known):
-        lines = _beside(known, search, image, model, gain, options, workspace, enough)
+        lines = _beside(known, search, image, model, gain, options, workspace, wanted.enough)
     lines.sort(key=lambda line: -contrast_length(line))
     return without_doubles(lines, near_px)
 

@@ -235,7 +235,8 @@ def _share_out(groups, frame, lines, seen, ruler, known=None, new=False):
 
 def _lines_of(frames, scene, options, names, indices, absorbed=np.inf):
     """Lines of every frame, and the side that the face is on; `absorbed` as of `ImageModel`."""
-    several, enough = names is None or len(names) > 1, len(names) if names else np.inf
+    several = names is None or len(names) > 1
+    wanted = detect.Wanted(enough=len(names) if names else np.inf)
     found, side = [], "left"
     for present, chosen in _by_scene(frames, scene, indices):
         model = ImageModel.from_scene(present, options.params.detection, absorbed=absorbed)
@@ -244,7 +245,7 @@ def _lines_of(frames, scene, options, names, indices, absorbed=np.inf):
             gain = model.gain(image)
             at = image, model, gain, options, workspace
             found.append(
-                detect.detect_crowded(*at, enough=enough) if several else detect.detect(*at)
+                detect.detect_crowded(*at, wanted=wanted) if several else detect.detect(*at)
             )
         side = present.face_side
     return found, side

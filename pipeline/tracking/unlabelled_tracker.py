@@ -112,10 +112,10 @@ class CrowdTracer(Tracer):
         """Begin a track for every line that has none."""
         lines = [t.line for t in self.tracks]
         self.model.held.hold(lines)
+        wanted = detect.Wanted(least=self.faintest, part=self.near_face)
         for line in detect.detect_crowded(
-            image, self.model, gain, self.options, self.workspace, lines, least=self.faintest,
-            part=self.near_face,
-        ):  # fmt: skip
+            image, self.model, gain, self.options, self.workspace, lines, wanted
+        ):
             track = LineTrack(self.template, number=next(self.number))
             track.take(line)
             self.tracks.append(track)
