@@ -10,7 +10,7 @@ from pipeline.identity.limits import USUAL
 from pipeline.identity.links import TAKEN, Evidence, link_costs
 from pipeline.numerics.robust import robust_sd
 
-WEIGHT = 0.6  # of one frame's look: errors of neighbouring frames are alike
+WEIGHT = 0.3  # of one frame's look: errors of neighbouring frames are alike
 QUIET = 0.02  # weight of a frame in which the whiskers rest: all such frames show the same
 STRANGER = 20.0  # cost of a look that is no whisker's
 LEAST_MOTION = np.array([0.002, np.radians(0.15), 0.01, 0.005, 0.001, 0.001])

@@ -250,7 +250,7 @@ def test_what_has_not_changed_need_not_be_looked_at_again(seed):
 
 def test_a_line_that_is_seen_to_go_on_keeps_its_name():
     known, track, true = evidence(np.random.default_rng(9))
-    alike = (known.frame >= 120) & (known.frame < 125)  # for so long, two look like each other
+    alike = (known.frame >= 120) & (known.frame < 130)  # for so long, two look like each other
     for row in np.flatnonzero(alike & (true > 2)):
         known.look[row, [3, 4]] = known.look[row, [4, 3]]
     free = known._replace(price=0 * known.price)
