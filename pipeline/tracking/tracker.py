@@ -326,7 +326,7 @@ def give_out(tracks: list[Track]) -> None:
         for line in lines
     ]
     for line, track in zip(*linear_sum_assignment(np.square(turned)), strict=True):
-        tracks[track].line = lines[line]
+        tracks[track].take(lines[line], tracks[track].before)
 
 
 def _near(a: Line, b: Line, near_px: float) -> float:
