@@ -36,6 +36,10 @@ class Track:
         if line is not None:
             line.longest = self.template.longest_px
 
+    def turned_to(self, line: Line) -> float:
+        """By how much a line is turned against the one before [rad], NaN where there is none."""
+        return np.nan if self.before is None else row_rotation.turned(line, self.before)
+
     def lose(self) -> None:
         """Give the line up: the whisker is lost since this frame."""
         self.line, self.lost_for = None, 1

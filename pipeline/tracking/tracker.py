@@ -10,7 +10,7 @@ from pipeline.detection.static_scene import StaticScene
 from pipeline.detection.tracing_options import TracingOptions
 from pipeline.numerics import polyline
 from pipeline.session.quantities import frames_in, pixels_in
-from pipeline.tracking import matching, row_rotation, search
+from pipeline.tracking import matching, search
 from pipeline.tracking.bends import Bends, is_like_a_whisker, turning_range
 from pipeline.tracking.matching import Ruler
 from pipeline.tracking.registry import WhiskerTemplate, usual_absorbance
@@ -321,10 +321,7 @@ def give_out(tracks: list[Track]) -> None:
     Lines that have exchanged far parts close to their bases have as good as exchanged tracks.
     """
     lines = [t.line for t in tracks]
-    turned = [
-        [0.0 if t.before is None else row_rotation.turned(line, t.before) for t in tracks]
-        for line in lines
-    ]
+    turned = np.nan_to_num([[t.turned_to(line) for t in tracks] for line in lines])
     for line, track in zip(*linear_sum_assignment(np.square(turned)), strict=True):
         tracks[track].take(lines[line], tracks[track].before)
 

@@ -126,11 +126,7 @@ class CrowdTracer(Tracer):
         if not present:
             return
         lines = [foretold(track.line, None) for track in present]
-        known = [t.before is not None for t in present]
-        last = np.full(len(present), np.nan)
-        last[known] = [
-            row_rotation.turned(t.line, t.before) for t in present if t.before is not None
-        ]
+        last = np.array([t.turned_to(t.line) for t in present])
         rows = self._rows(lines)
         turn = _even_turns(lines, rows, last)
         for line, angle in zip(lines, turn, strict=True):
