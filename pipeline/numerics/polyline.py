@@ -148,12 +148,13 @@ def come_near(x1, y1, n1, x2, y2, n2, near):
     return _any_near(x1[:n1:step], y1[:n1:step], x2[:n2:step], y2[:n2:step], reach)
 
 
-def near_pairs(lines, near) -> np.ndarray:
+def near_pairs(lines, near, step=COARSE) -> np.ndarray:
     """Of lines with nodes `x`, `y` and their number `n`, which two may come near: bool, (n, n).
 
-    As of `come_near`, for all at once; no line is near to itself.
+    Those that come within `near` px do, and no others that are more than `step` nodes farther
+    apart; no line is near to itself.
     """
-    return _near_pairs(*end_to_end(lines, COARSE), near + 1.1 * COARSE)
+    return _near_pairs(*end_to_end(lines, step), near + 1.1 * step)
 
 
 def end_to_end(lines, step):

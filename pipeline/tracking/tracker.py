@@ -3,7 +3,15 @@
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from pipeline.detection import detect, image_model, line_choice, line_fit, settling, tails
+from pipeline.detection import (
+    detect,
+    image_model,
+    line_choice,
+    line_fit,
+    neighbours,
+    settling,
+    tails,
+)
 from pipeline.detection.image_model import ImageModel
 from pipeline.detection.line import Line, Workspace
 from pipeline.detection.static_scene import StaticScene
@@ -19,6 +27,7 @@ from pipeline.tracking.track_state import Track, foretold, predicted
 FORETOLD_PX = 1.0  # a line that is nearer to its prediction is fitted without a search
 DOUBLE_SHARE = 0.6  # part of two lines that may coincide before one of them is given up
 NEAR_SHIFTS = np.radians([-8, -4, 0, 4, 8])  # of all angles, where some whiskers are followed
+FINE = 2  # every how many-th node is looked at for pixels that two lines share
 KEPT = 0.95  # part of two lines that must still be found when they have exchanged far parts
 RELIT = 0.3  # change of the light from one frame to the next: what was too dark may be seen
 
@@ -100,13 +109,12 @@ class Tracer:
             if beside[k]:
                 held.put_in(lines[k])
         # again beside those whose lines are known now, where their pixels are shared
-        sharing = polyline.near_pairs(lines, self.shared_px)
-        again = np.flatnonzero(sharing.any(axis=1))
-        for k in again:
+        sharing = polyline.near_pairs(lines, self.shared_px, FINE)
+        for k in np.flatnonzero(sharing.any(axis=1)):
             held.put_in(lines[k])
-        for k in again:
-            if present[k].line is not None:
-                self._refine_shared(present[k], lines, sharing[k], image, gain)
+        neighbours.fit_together(
+            lines, sharing, lambda k: self._refine_shared(present[k], lines, sharing[k], image, gain)
+        )
         self._drop_doubles(present)
         if sharing.any():
             self._uncross(present, image, gain)
@@ -118,6 +126,8 @@ class Tracer:
 
         lines : all of the frame, held in the background; sharing : (lines,) bool
         """
+        if track.line is None:
+            return
         held = self.model.held
         held.take_out(track.line)
         detect.refine(image, self.model, gain, track.line, self.options, self.workspace)

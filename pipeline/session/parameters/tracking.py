@@ -37,8 +37,8 @@ class TrackerParams:
         "chosen: 18 px at 25 px/mm",
     )  # fmt: skip
     shared_pixels_mm: quantity(0.02, 5, "mm") = parameter(
-        0.32, "lines this near share pixels, and are fitted again beside each other",
-        "chosen: 8 px at 25 px/mm",
+        0.2, "lines this near share pixels, and are fitted together",
+        "chosen: 5 px at 25 px/mm",
     )  # fmt: skip
     same_line_mm: quantity(0.01, 1, "mm") = parameter(
         0.08, "lines this near over most of their length lie on the same whisker",
