@@ -3,7 +3,7 @@
 import numpy as np
 from numba import njit
 
-COARSE = 8  # nodes between two that are looked at for whether lines come near to each other
+COARSE, FINE = 8, 2  # every how many-th node is looked at for whether lines come near each other
 NARROWEST = 1e-18  # px²: keeps two coinciding nodes from dividing by zero
 
 
@@ -151,8 +151,8 @@ def come_near(x1, y1, n1, x2, y2, n2, near):
 def near_pairs(lines, near, step=COARSE) -> np.ndarray:
     """Of lines with nodes `x`, `y` and their number `n`, which two may come near: bool, (n, n).
 
-    Those that come within `near` px do, and no others that are more than `step` nodes farther
-    apart; no line is near to itself.
+    All that do are told, and some that are up to `step` nodes farther apart; no line is near to
+    itself.
     """
     return _near_pairs(*end_to_end(lines, step), near + 1.1 * step)
 

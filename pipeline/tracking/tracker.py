@@ -27,7 +27,6 @@ from pipeline.tracking.track_state import Track, foretold, predicted
 FORETOLD_PX = 1.0  # a line that is nearer to its prediction is fitted without a search
 DOUBLE_SHARE = 0.6  # part of two lines that may coincide before one of them is given up
 NEAR_SHIFTS = np.radians([-8, -4, 0, 4, 8])  # of all angles, where some whiskers are followed
-FINE = 2  # every how many-th node is looked at for pixels that two lines share
 KEPT = 0.95  # part of two lines that must still be found when they have exchanged far parts
 RELIT = 0.3  # change of the light from one frame to the next: what was too dark may be seen
 
@@ -109,12 +108,14 @@ class Tracer:
             if beside[k]:
                 held.put_in(lines[k])
         # again beside those whose lines are known now, where their pixels are shared
-        sharing = polyline.near_pairs(lines, self.shared_px, FINE)
+        sharing = polyline.near_pairs(lines, self.shared_px, polyline.FINE)
         for k in np.flatnonzero(sharing.any(axis=1)):
             held.put_in(lines[k])
-        neighbours.fit_together(
-            lines, sharing, lambda k: self._refine_shared(present[k], lines, sharing[k], image, gain)
-        )
+
+        def fit(k):
+            self._refine_shared(present[k], lines, sharing[k], image, gain)
+
+        neighbours.fit_together(lines, sharing, fit)
         self._drop_doubles(present)
         if sharing.any():
             self._uncross(present, image, gain)
@@ -122,7 +123,7 @@ class Tracer:
             self._part_crowd(present)
 
     def _refine_shared(self, track: Track, lines: list[Line], sharing, image, gain) -> None:
-        """Fit a track's line again, which may share pixels with some of the others.
+        """Fit a track's line beside the others, with some of which it shares pixels.
 
         lines : all of the frame, held in the background; sharing : (lines,) bool
         """
