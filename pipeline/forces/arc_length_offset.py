@@ -9,12 +9,14 @@ elsewhere on a whisker that turns, by some 0.06 mm even of a fur that keeps stil
 frames show goes into it together with the rest shape (`origin_and_rest.py`).
 
 The trace ends short of the tip by up to half a millimetre, where the thin end drowns in noise.
-By how much, its fading shows (`kinematics/tip.py`), as far as the whisker is seen to its end. The
-fainter it is in the noise, or the more a codec erases, the farther out it goes on unseen, and the
-more the ends scatter: both are taken together. How noisy the whisker is, its stations know, and
-free frames show by how much more a codec errs (`station_noise.py`). How far the tip seems to be
-scatters from frame to frame; a part of that lasts. Where the fading is not known at all (lines of
-other programs), the end only shows how the origin changes from frame to frame.
+By how much, its fading shows (`kinematics/tip.py`), as far as the whisker is seen to its end. In
+noise, traces end where the line happens to look thick, as if its tip were far: the more the fading
+scatters from frame to frame beside its mean, the less of it counts, down to a part that a codec's
+scatter leaves, too. The fainter the whisker is in the noise, or the more a codec erases, the
+farther out it goes on unseen, and the more the ends scatter. How noisy it is, its stations know,
+and free frames show by how much more a codec errs (`station_noise.py`). A part of the fading's
+scatter lasts. Where the fading is not known at all (lines of other programs), the end only shows
+how the origin changes from frame to frame.
 
 Frames that a codec made out of those before and after (B frames of H.264) show a whisker that
 turns back where it is in the mean of these, short of its turning point: by a hundredth of a
@@ -52,10 +54,10 @@ MOST_KNOTS = 400
 ALIKE = 0.8  # correlation of the origin at neighbouring knots: 0 and 0.95 do worse, rendered
 LENGTH_WRONG = 0.01  # of lengths: have changed since they were measured; chosen
 FEWEST_ENDS, TIP_PART = 30, 0.3  # in which the tip must be seen at least; of the frames, too
-# how far the tip is beyond the mean end: this part of how far it seems to be by the fading, and so
-# many times the ends' variance [px²] times the noise of the base [px] (`_base_noise`); how wrong,
-# as a part of the fading's SD; all measured in rendered videos, with and without a codec
-TIP_BY_FADING, TIP_BY_SCATTER, TIP_LASTING_SHARE = 0.7, 7.4, 0.2
+# how far the tip is beyond the mean end: at least this part of how far it seems to be by the
+# fading, and so many times the ends' variance [px²] times the noise of the base [px]
+# (`_base_noise`); how wrong, as a part of the fading's SD; measured, rendered, with codecs and not
+TIP_BY_FADING, TIP_BY_SCATTER, TIP_LASTING_SHARE = 0.6, 7.4, 0.2
 TIP_FRAMES = 2.0  # neighbouring frames whose ends err together, at least
 TIP_LAGS = 8  # frames over which ends of a codec's pictures err together
 FEWEST_ROWS = 5
@@ -300,8 +302,10 @@ def _tip_place(places, good, excess, whisker, params):
     if not np.isfinite(to_tip).any():
         return end.mean(), np.inf
     drowned = np.var(end) / px * _base_noise(places.rows(good), whisker, excess)
-    short = TIP_BY_FADING * np.nanmean(to_tip) + TIP_BY_SCATTER * drowned
-    error = TIP_LASTING_SHARE * np.nanstd(to_tip)
+    fading, scatter = np.nanmean(to_tip), np.nanstd(to_tip)
+    steady = fading**2 / (fading**2 + scatter**2 + px**2 / 12)  # an end is known to a pixel
+    short = fading * max(TIP_BY_FADING, steady) + TIP_BY_SCATTER * drowned
+    error = TIP_LASTING_SHARE * scatter
     return whisker.length - short, np.hypot(1e-3 * params.tip_sd_mm, error)
 
 

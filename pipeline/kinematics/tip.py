@@ -14,7 +14,7 @@ from pipeline.tables.centrelines import Centrelines
 WINDOW_NODES = 15
 END_SHARE = 0.57  # of the thickness, left where a line ends: of rendered ones without noise
 FITTED_NODES = 22, 70  # from the end inwards: where the taper is measured
-SHARES = 0.0, 2.0  # of what the line has farther in: others are wild
+SHARES = END_SHARE, 2.0  # of what the line has farther in: no end is beyond the tip; or wild
 
 
 def nodes_to_tip(lines: Centrelines) -> np.ndarray:

@@ -425,14 +425,12 @@ def test_a_scale_that_is_wrong_moves_places_about_the_tip_where_that_is_seen(tra
         lambda *given: (given[4].solve(), given[3]),
     )
 
-    seems = traced_motion.TIP_UNSEEN / forces.arc_length_offset.TIP_BY_FADING
-
     def found(scale):
         recording = Recording(1000.0, 25.0 * scale, "left")
         places = resampled.measure_stations(
             traced.lines, recording, [mouse_c2()], [traced_motion.HIDDEN], traced.pole
         )
-        places = replace(places, to_tip=np.full(len(places), seems))
+        places = replace(places, to_tip=np.full(len(places), traced_motion.TIP_UNSEEN))
         return analysis.analyse_touch(traced.frames, places, recording, traced.whiskers)
 
     usual = found(1.0)
