@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from pipeline.detection import crossings, line_fit, line_profile, ridges, settling, splitting
+from pipeline.detection import crossings, line_fit, ridges, settling, splitting
 from pipeline.detection.image_model import ImageModel, absorbance_image, lines_in_background
 from pipeline.detection.line import Line
 from pipeline.detection.line_choice import (
@@ -14,10 +14,11 @@ from pipeline.detection.line_choice import (
     is_ghost,
     is_turned,
     is_whisker,
-    reach,
     shared_fraction,
     without_doubles,
 )
+from pipeline.detection.one_or_two import with_blurred, without_broad
+from pipeline.detection.refinement import refine_held
 from pipeline.detection.tracing_options import TracingOptions
 from pipeline.numerics import polyline
 from pipeline.numerics.polyline import bilinear
@@ -231,7 +232,7 @@ def _beside(known, search, image, model, gain, options, workspace, enough) -> li
         if not more:
             break
         usual = splitting.usual_sigma([*more, *others])
-        lines += _without_broad(image, model, gain, options, workspace, more, lines, usual)
+        lines += without_broad(image, model, gain, options, workspace, more, lines, usual)
         if len(lines) >= enough:
             break
         with lines_in_background(model, lines) as held:
@@ -251,31 +252,6 @@ def _about(lines, margin_px) -> tuple[slice, slice]:
         slice(max(int(v.min() - margin_px), 0), max(int(v.max() + margin_px), 0) + 1)
         for v in (y, x)
     )
-
-
-def with_blurred(sharp, broad, image, model, gain, one_line) -> list[Line]:
-    """Lines found at both scales: a broad one in place of several sharp ones that it explains.
-
-    The two edges of a whisker that moves while the shutter is open pass for two whiskers; one
-    broad line takes nearly as much light as they do, the part `one_line` at least. Of two whiskers
-    it would not.
-    """
-    out = list(sharp)
-    for line in broad:
-        along = [s for s in out if shared_fraction(s, line, reach(line)) > 0.5]
-        mine = _explained(line, [line], image, model, gain)
-        if mine > one_line * _explained(line, along, image, model, gain):
-            out = [line, *(s for s in out if all(s is not other for other in along))]
-    return sorted(out, key=lambda line: -contrast_length(line))
-
-
-def _explained(strip, lines, image, model, gain) -> float:
-    """By how much `lines` lessen the misfit of the pixels about the line `strip`."""
-    about = strip.x, strip.y, strip.n, strip.sigma
-    pixels = image, model.background, model.weight, gain
-    before = line_profile.strip_misfit(*pixels, *about)
-    with lines_in_background(model, lines):
-        return before - line_profile.strip_misfit(*pixels, *about)
 
 
 def _uncrossed_anew(image, model, gain, options, workspace, lines) -> list[Line]:
@@ -312,43 +288,6 @@ def uncrossed(lines, options: TracingOptions) -> list[tuple[Line, Line]]:
     return list(changed.values())
 
 
-def _without_broad(image, model, gain, options, workspace, lines, others, usual) -> list[Line]:
-    """The same lines, but two in the place of each that is as broad as two `usual` whiskers.
-
-    others : lines of the frame that are not in the background yet
-    """
-    own = options.params.detection
-    if usual is None:
-        return lines
-    out = []
-    for k, line in enumerate(lines):
-        if splitting.is_broad(line, usual, own.broad, options.px(own.thickest_radius_mm)):
-            with lines_in_background(model, [*others, *out, *lines[k + 1 :]]):
-                out += _one_or_two(line, usual, image, model, gain, options, workspace)
-        else:
-            out.append(line)
-    return out
-
-
-def _one_or_two(line, usual, image, model, gain, options, workspace) -> list[Line]:
-    """What a broad line is: two whiskers, a slim one, one broad by itself, or nothing."""
-
-    def fit(one, more):
-        with lines_in_background(model, more):
-            refine(image, model, gain, one, options, workspace)
-
-    pair = splitting.split(line, usual, fit, lambda one: is_whisker(one, model, options))
-    if pair is not None:
-        return pair
-    narrow = splitting.narrowed(line, usual)  # on the darker of two
-    fit(narrow, [])
-    broad = _explained(line, [line], image, model, gain)
-    slim = _explained(line, [narrow], image, model, gain)
-    if slim > options.params.detection.one_line * broad:
-        line = narrow
-    return [line] if line.n else []
-
-
 @njit(cache=True)
 def _length(curve):
     """Length of a curve (n, 2)."""
@@ -356,25 +295,3 @@ def _length(curve):
     for i in range(1, len(curve)):
         total += np.hypot(curve[i, 0] - curve[i - 1, 0], curve[i, 1] - curve[i - 1, 1])
     return total
-
-
-def refine(
-    image, model: ImageModel, gain, line: Line, options: TracingOptions, workspace,
-    farthest=np.inf, widths=False,
-):  # fmt: skip
-    """Gauss–Newton from the line's present nodes; base and tip found anew. In place.
-
-    A line that is `farthest` [px] or more from them is not found. `widths`: for
-    `settling.fit_width`.
-    """
-    fit = options.fit(model, line.longest, farthest, widths)
-    line.n, line.quality = line_fit.refine(
-        model.picture(image, gain), line.nodes, line.n, fit, workspace.scratch
-    )
-
-
-def refine_held(held, image, model: ImageModel, gain, line: Line, options, workspace) -> None:
-    """`refine` one of the lines that are held in the background, before the others."""
-    held.take_out(line)
-    refine(image, model, gain, line, options, workspace)
-    held.put_in(line)

@@ -14,6 +14,7 @@ from pipeline.detection import (
 )
 from pipeline.detection.image_model import ImageModel
 from pipeline.detection.line import Line, Workspace
+from pipeline.detection.refinement import refine, refine_held
 from pipeline.detection.static_scene import StaticScene
 from pipeline.detection.tracing_options import TracingOptions
 from pipeline.numerics import polyline
@@ -119,8 +120,7 @@ class Tracer:
         self._drop_doubles(present)
         if sharing.any():
             self._uncross(present, image, gain)
-        if self.crowded:
-            self._part_crowd(present)
+        self._thin_out(present, image, gain)
 
     def _refine_shared(self, track: Track, lines: list[Line], sharing, image, gain) -> None:
         """Fit a track's line beside the others, with some of which it shares pixels.
@@ -131,7 +131,7 @@ class Tracer:
             return
         held = self.model.held
         held.take_out(track.line)
-        detect.refine(image, self.model, gain, track.line, self.options, self.workspace)
+        refine(image, self.model, gain, track.line, self.options, self.workspace)
         if not self.crowded:  # there, whiskers do lie upon each other
             self._untangle(track, [lines[k] for k in np.flatnonzero(sharing)], image, gain)
         held.put_in(track.line)
@@ -150,13 +150,16 @@ class Tracer:
             n = tails.regrow(line.x, line.y, line.n, start, known.x, known.y, known.n)
             if n > 0:
                 line.n = n
-                detect.refine(image, self.model, gain, line, self.options, self.workspace)
+                refine(image, self.model, gain, line, self.options, self.workspace)
                 again = tails.shared_tail(line.x, line.y, line.n, other.x, other.y, other.n)
                 if line.n - again >= tails.LEAST:
                     line.n = max(again, 1)
 
     def _foresee(self, present: list[Track], image, gain) -> None:
         """Set what the tracks turn by, where more is known than each line's own motion."""
+
+    def _thin_out(self, present: list[Track], image, gain) -> None:
+        """Give up lines that are no whisker's own, where whiskers stand close together."""
 
     def _drop_doubles(self, present: list[Track]) -> None:
         """Of two tracks on one whisker, give up the one that fits worse."""
@@ -189,7 +192,7 @@ class Tracer:
         held.hold([t.line for t in tracks if id(t.line) not in known])
         held.hold([t.line for t in tracks])
         for line, _ in changed:
-            detect.refine_held(held, image, self.model, gain, line, self.options, self.workspace)
+            refine_held(held, image, self.model, gain, line, self.options, self.workspace)
         pairs = [(t, known[id(t.line)]) for t in tracks if id(t.line) in known]
         if sum(t.line.n * t.line.quality - KEPT * k.n * k.quality for t, k in pairs) < 0:
             for track, line in pairs:  # less is found of them so: they had their own
@@ -199,17 +202,6 @@ class Tracer:
         for track, _ in pairs:
             track.before = None  # the far part's motion is unknown
             self._give_up_if_poor(track)
-
-    def _part_crowd(self, present: list[Track]) -> None:
-        """Give up what is another whisker's blur; a line that has lasted is none."""
-        params = self.options.params.detection
-        tracks = [t for t in present if t.line is not None]
-        near = polyline.near_pairs([t.line for t in tracks], line_choice.ghost_reach(params))
-        for track, beside in zip(tracks, near, strict=True):
-            if track.age < self.established:
-                others = [tracks[k].line for k in np.flatnonzero(beside) if tracks[k].line]
-                if line_choice.is_ghost(track.line, others, params):
-                    track.lose()
 
     def _follow(self, track: Track, image, gain, line: Line) -> None:
         """Find the track's whisker where it is foretold, else in a strip about it, or a wider.
@@ -228,7 +220,7 @@ class Tracer:
             if half:
                 self._capture(line, image, gain, half)
             farthest = np.inf if half else FORETOLD_PX
-            detect.refine(
+            refine(
                 image, self.model, gain, line, self.options, self.workspace, farthest,
                 widths=self.crowded,
             )  # fmt: skip

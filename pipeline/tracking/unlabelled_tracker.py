@@ -12,15 +12,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pipeline.detection import detect
+from pipeline.detection import detect, line_choice, one_or_two
 from pipeline.detection.image_model import lines_in_background
 from pipeline.detection.line import Line
+from pipeline.numerics import polyline
 from pipeline.session.quantities import frames_in
 from pipeline.tracking import row_rotation, two_sides
 from pipeline.tracking.matching import crowded
 from pipeline.tracking.registry import WhiskerTemplate, usual_strength
 from pipeline.tracking.track_state import Track, foretold
-from pipeline.tracking.tracker import Tracer
+from pipeline.tracking.tracker import DOUBLE_SHARE, Tracer
 
 
 class Course(NamedTuple):
@@ -139,6 +140,47 @@ class CrowdTracer(Tracer):
                 )
         for track, angle in zip(present, turn, strict=True):
             track.turn, track.before = (float(angle), self.pivot), None
+
+    def _thin_out(self, present, image, gain) -> None:
+        """Give up what lies beside another line on its whisker, and what is another one's blur."""
+        self._merge(present, image, gain)
+        self._drop_ghosts([t for t in present if t.line is not None])
+
+    def _merge(self, present, image, gain) -> None:
+        """Let one line stand for two that run together, where it explains as much."""
+        tracks = [t for t in present if t.line is not None]
+        lines = [t.line for t in tracks]
+        self.model.held.hold(lines)
+        near = polyline.near_pairs(lines, self.shared_px, polyline.FINE)
+        for i, j in np.argwhere(np.triu(near)):
+            if tracks[i].line is not None and tracks[j].line is not None:
+                self._merge_two(*sorted((tracks[i], tracks[j]), key=self._claim), image, gain)
+
+    def _merge_two(self, faint, other, image, gain) -> None:
+        """`_merge` of two tracks, of which `faint` is the less sure one."""
+        lines, held = (faint.line, other.line), self.model.held
+        reach = line_choice.reach(other.line)
+        if line_choice.shared_fraction(*lines, reach) < DOUBLE_SHARE:
+            return
+        for line in lines:
+            held.take_out(line)
+        one = one_or_two.one_for_two(*lines, image, self.model, gain, self.options, self.workspace)
+        if one is not None:
+            other.take(one, other.before)
+            faint.lose()
+        for track in (faint, other):
+            if track.line is not None:
+                held.put_in(track.line)
+
+    def _drop_ghosts(self, tracks) -> None:
+        """Give up what is another whisker's blur; a line that has lasted is none."""
+        params = self.options.params.detection
+        near = polyline.near_pairs([t.line for t in tracks], line_choice.ghost_reach(params))
+        for track, beside in zip(tracks, near, strict=True):
+            if track.age < self.established:
+                others = [tracks[k].line for k in np.flatnonzero(beside) if tracks[k].line]
+                if line_choice.is_ghost(track.line, others, params):
+                    track.lose()
 
     def _rows(self, lines) -> list[np.ndarray]:
         """Indices of the lines of each side of the face: the sides turn against each other."""

@@ -73,7 +73,7 @@ class DetectionParams:
         6.0, "distance up to which this holds", "chosen: codecs' blocks are 8 px wide"
     )
     one_line: quantity(0.5, 1, "ratio") = parameter(
-        0.97, "a broad line stands for several that explain no more than this part more",
+        0.98, "a broad line stands for several that explain no more than this part more",
         "chosen",
     )  # fmt: skip
     broad: quantity(1, 5, "ratio") = parameter(

@@ -7,10 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.detection import detect, neighbours
+from pipeline.detection import neighbours
 from pipeline.detection.image_model import ImageModel, lines_in_background
 from pipeline.detection.line import Line, Workspace
 from pipeline.detection.neighbours import fit_together
+from pipeline.detection.refinement import refine_held
 from pipeline.detection.static_scene import StaticScene
 from pipeline.session.recording import Recording
 from pipeline.tracking.options import options_for
@@ -78,7 +79,7 @@ def test_whiskers_that_leave_the_face_together_are_both_where_they_were_drawn(of
     with lines_in_background(model, lines) as held:
 
         def fit(k):
-            detect.refine_held(held, image, model, 1.0, lines[k], options, workspace)
+            refine_held(held, image, model, 1.0, lines[k], options, workspace)
 
         fit_together(lines, sharing, fit)
     for line, true in zip(lines, lines_at(SLOPES, (0, 0)), strict=True):

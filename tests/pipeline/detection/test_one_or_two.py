@@ -1,0 +1,60 @@
+"""One line or two: of a whisker that motion has made broad, and of two that run together."""
+
+import numpy as np
+import pytest
+
+from pipeline.detection.image_model import ImageModel
+from pipeline.detection.line import Line, Workspace
+from pipeline.detection.one_or_two import one_for_two
+from pipeline.detection.static_scene import StaticScene
+from pipeline.session.recording import Recording
+from pipeline.tracking.options import options_for
+
+FACE, TIP, ROW = 20, 300, 60  # columns, row
+LIGHT, NOISE, SIGMA = 180.0, 2.0, 1.2
+STEPS = np.linspace(-0.5, 0.5, 41)  # through the time that the shutter is open
+
+
+def seen(rows, travel, dark=0.3):
+    """A picture of straight whiskers that travel by so many px while the shutter is open."""
+    y, x = np.mgrid[:120, :320]
+    light = np.ones(x.shape)
+    for row in rows:
+        passing = [1 - dark * np.exp(-0.5 * ((y - row - k * travel) / SIGMA) ** 2) for k in STEPS]
+        light *= np.where(x < TIP, np.mean(passing, axis=0), 1)
+    image = np.where(x < FACE, 8, LIGHT * light)
+    image += np.random.default_rng(0).normal(0, NOISE, image.shape)
+    return np.clip(np.rint(image), 0, 255).astype(np.uint8)
+
+
+def line_at(row, dark):
+    line = Line.empty(400)
+    line.n = TIP - FACE
+    line.x[: line.n], line.y[: line.n] = np.arange(FACE, TIP), row
+    line.amplitude[:], line.sigma[:] = dark, SIGMA
+    return line
+
+
+def answer(image, rows, dark):
+    """What stands for two lines in these rows."""
+    face = np.zeros(image.shape, bool)
+    face[:, :FACE] = True
+    background = np.where(face, 8, LIGHT).astype(np.float32)
+    scene = StaticScene(background, 0.0, NOISE**2 + 1 / 12, face, face & False, None, "left")
+    options, lines = options_for(Recording(1000.0, 25.0, "left")), [line_at(y, dark) for y in rows]
+    return one_for_two(*lines, image, ImageModel.from_scene(scene), 1.0, options, Workspace(400))
+
+
+@pytest.mark.parametrize("travel", [2.0, 3.0, 4.0])  # px
+def test_one_line_stands_for_two_on_the_edges_of_a_blurred_whisker(travel):
+    edges = ROW - travel / 2 + 0.5, ROW + travel / 2 - 0.5
+    one = answer(seen([ROW], travel), edges, dark=0.15)
+    assert one is not None
+    assert np.median(one.y[: one.n]) == pytest.approx(ROW, abs=0.1)  # px
+    assert one.n == pytest.approx(TIP - FACE, abs=8)  # px
+
+
+@pytest.mark.parametrize("apart", [3.5, 5.0, 7.0])  # px
+def test_two_whiskers_beside_each_other_stay_two(apart):
+    rows = ROW - apart / 2, ROW + apart / 2
+    assert answer(seen(rows, 0.0), rows, dark=0.3) is None
