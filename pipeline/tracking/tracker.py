@@ -120,7 +120,7 @@ class Tracer:
         self._drop_doubles(present)
         if sharing.any():
             self._uncross(present, image, gain)
-        self._thin_out(present, image, gain)
+        self._drop_ghosts(present)
 
     def _refine_shared(self, track: Track, lines: list[Line], sharing, image, gain) -> None:
         """Fit a track's line beside the others, with some of which it shares pixels.
@@ -158,8 +158,8 @@ class Tracer:
     def _foresee(self, present: list[Track], image, gain) -> None:
         """Set what the tracks turn by, where more is known than each line's own motion."""
 
-    def _thin_out(self, present: list[Track], image, gain) -> None:
-        """Give up lines that are no whisker's own, where whiskers stand close together."""
+    def _drop_ghosts(self, present: list[Track]) -> None:
+        """Give up what is another whisker's blur, where whiskers stand close together."""
 
     def _drop_doubles(self, present: list[Track]) -> None:
         """Of two tracks on one whisker, give up the one that fits worse."""

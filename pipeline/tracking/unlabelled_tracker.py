@@ -75,6 +75,7 @@ class CrowdTracer(Tracer):
             self.unchanged = self.unchanged + 1 if len(self.tracks) == before else 0
             if self.unchanged < self.rest or self.unchanged % self.rest == 0:
                 self._search_all(image, gain)
+            self._merge(image, gain)
         return self.tracks
 
     def settle_in(self, frames) -> None:
@@ -141,20 +142,16 @@ class CrowdTracer(Tracer):
         for track, angle in zip(present, turn, strict=True):
             track.turn, track.before = (float(angle), self.pivot), None
 
-    def _thin_out(self, present, image, gain) -> None:
-        """Give up what lies beside another line on its whisker, and what is another one's blur."""
-        self._merge(present, image, gain)
-        self._drop_ghosts([t for t in present if t.line is not None])
-
-    def _merge(self, present, image, gain) -> None:
+    def _merge(self, image, gain) -> None:
         """Let one line stand for two that run together, where it explains as much."""
-        tracks = [t for t in present if t.line is not None]
-        lines = [t.line for t in tracks]
+        lines = [t.line for t in self.tracks]
         self.model.held.hold(lines)
         near = polyline.near_pairs(lines, self.shared_px, polyline.FINE)
         for i, j in np.argwhere(np.triu(near)):
-            if tracks[i].line is not None and tracks[j].line is not None:
-                self._merge_two(*sorted((tracks[i], tracks[j]), key=self._claim), image, gain)
+            pair = self.tracks[i], self.tracks[j]
+            if all(track.line is not None for track in pair):
+                self._merge_two(*sorted(pair, key=self._claim), image, gain)
+        self.tracks = [t for t in self.tracks if t.line is not None]
 
     def _merge_two(self, faint, other, image, gain) -> None:
         """`_merge` of two tracks, of which `faint` is the less sure one."""
@@ -172,9 +169,10 @@ class CrowdTracer(Tracer):
             if track.line is not None:
                 held.put_in(track.line)
 
-    def _drop_ghosts(self, tracks) -> None:
+    def _drop_ghosts(self, present) -> None:
         """Give up what is another whisker's blur; a line that has lasted is none."""
         params = self.options.params.detection
+        tracks = [t for t in present if t.line is not None]
         near = polyline.near_pairs([t.line for t in tracks], line_choice.ghost_reach(params))
         for track, beside in zip(tracks, near, strict=True):
             if track.age < self.established:
@@ -196,13 +194,13 @@ class CrowdTracer(Tracer):
     def _worth(self, line, track) -> float:
         """The less, the more it is turned or bent against what is expected of it."""
         worth = super()._worth(line, track)
-        if worth <= 0:
+        if worth <= 0 or track.expected is None:
             return worth
         turn, bend = (of(line, track.expected) for of in (row_rotation.turned, row_rotation.bent))
         return worth * math.exp(-0.5 * (turn**2 + bend**2) / self.astray_sd**2)
 
     def _claim(self, track) -> float:
-        return self._worth(track.line, track) * (1 - 0.5 ** (track.age / self.young))
+        return self._worth(track.line, track) * (1 - 0.5 ** ((track.age + 1) / self.young))
 
 
 def is_crowd(templates, options) -> bool:
