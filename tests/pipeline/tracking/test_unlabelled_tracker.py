@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from pipeline.detection import ridges, settling
+from pipeline.detection.image_model import lines_in_background
 from pipeline.detection.static_scene import StaticScene
 from pipeline.numerics.angles import wrapped
 from pipeline.scene.estimate import scene_from_frames
@@ -14,7 +15,7 @@ from pipeline.tracking import row_rotation
 from pipeline.tracking.options import options_for
 from pipeline.tracking.registry import find_templates
 from pipeline.tracking.track_video import track
-from pipeline.tracking.unlabelled_tracker import CrowdTracer
+from pipeline.tracking.unlabelled_tracker import CrowdTracer, LineTrack
 from synthetic.presets import make_trial
 from synthetic.render import Renderer
 
@@ -204,3 +205,22 @@ def test_what_a_known_line_leaves_beside_it_is_not_fitted_again(monkeypatch):
     tracer.tracks.clear()
     tracer._search_all(image, 1.0)
     assert len(fitted) > 0
+
+
+@pytest.mark.parametrize("age", [0, 30])
+def test_of_two_lines_on_one_whisker_the_surer_one_goes_on_and_lies_on_it(age):
+    scene, options = scene_of_long_whisker(), options_for(Recording(500.0, 12.0, "left"))
+    image = long_whisker()
+    tracer = CrowdTracer(scene, find_templates(np.array([image] * 3), scene, options), options)
+    (track,) = tracer.step(image)
+    track.age = 60
+    beside = LineTrack(tracer.template, number=99, age=age)
+    beside.take(track.line.copy())
+    for line, off in ((track.line, -0.8), (beside.line, 0.8)):  # px: on its two edges
+        line.y += off
+        line.amplitude *= 0.6
+    tracer.tracks.append(beside)
+    with lines_in_background(tracer.model):
+        tracer._merge(image, 1.0)
+    assert tracer.tracks == [track]
+    assert np.abs(track.line.points[:, 1] - 100).max() < 0.1  # px
