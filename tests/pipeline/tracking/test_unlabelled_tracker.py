@@ -85,7 +85,7 @@ def test_while_lines_rest_new_ones_are_looked_for_every_3_ms_and_found(crowd, mo
     assert seen[-1] >= len(templates) - 2
 
 
-@pytest.mark.parametrize("start", [27, 45])
+@pytest.mark.parametrize("start", [30, 45])
 def test_lines_stay_with_their_whiskers_in_a_video_that_begins_amid_a_whisk(crowd, start):
     trial, scene, templates, options, images = crowd
     coarse = slice(start, start + 32, 4)  # a quarter of the frame rate
