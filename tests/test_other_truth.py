@@ -7,6 +7,8 @@ import other_truth
 import plain_video as plain
 import pytest
 
+from pipeline.session.parameters import DEFAULTS
+
 pytestmark = pytest.mark.e2e
 
 SEEDS = (3, 8)  # a face on the left; no face, from above
@@ -54,6 +56,14 @@ def test_a_lightly_bent_whisker_is_a_cantilever():
     compliance = np.sum(0.5 * (lever[1:] + lever[:-1])) * (s[1] - s[0])  # m/N
     assert touch.force == pytest.approx(turned * arc / compliance, rel=2e-3)
     assert touch.moment == pytest.approx(touch.force * arc, rel=2e-3)
+
+
+def test_lengths_are_wrong_by_what_is_assumed_and_nothing_is_hidden_where_there_is_no_face():
+    scene, rng = other_truth.Scene.drawn(SEEDS[0]), np.random.default_rng(0)
+    off = np.array([scene.told_mm(rng) for _ in range(400)]) - scene.told_mm()
+    assumed = DEFAULTS.forces.hidden_length_sd_mm, DEFAULTS.forces.tip_sd_mm
+    assert np.std(off, axis=0) == pytest.approx(assumed, rel=0.15)
+    assert other_truth.Scene.drawn(SEEDS[1]).told_mm(rng)[0] == 0
 
 
 def test_the_table_alone_is_printed(capfd):

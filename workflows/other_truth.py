@@ -3,8 +3,9 @@
     python workflows/other_truth.py --scenes 20
 
 Scenes are drawn at random: side of the face or none, scale, light, blur, noise, the whisker's
-curvature, how it sweeps and where it meets the pole (`plain_video`). Every video is processed by
-the command. Prints a table in Markdown.
+curvature, how it sweeps and where it meets the pole (`plain_video`). The whisker's length and, in
+fur, its hidden length are off in session.toml by what the standard errors assume. Every video is
+processed by the command. Prints a table in Markdown.
 """
 
 import argparse
@@ -19,6 +20,7 @@ import pages
 import pandas as pd
 import plain_video as plain
 import tifffile
+import wrong_settings
 
 from pipeline.app import cli
 from pipeline.numerics.runs import stretches
@@ -94,8 +96,16 @@ class Scene:
         line = self.whisker.free(np.mean([self.angles.min(), self.angles.max()]))
         return float(np.interp(1e-3 * self.depth, line[:, 0], 1e3 * plain.ARC))
 
-    def film(self, folder: Path) -> "Truth":
-        """Write whisker.tif and session.toml into a folder."""
+    def told_mm(self, rng=None) -> tuple[float, float]:
+        """Hidden length and length of the session [mm]: exact, or wrong by a random generator."""
+        hidden, length = self.hidden_mm(), 1e3 * plain.LENGTH
+        if rng is None:
+            return hidden, length
+        wrong = wrong_settings.wrong_lengths_mm(hidden, length, 1e3 * plain.CONE, rng)
+        return wrong if self.depth else (hidden, wrong[1])
+
+    def film(self, folder: Path, rng=None) -> "Truth":
+        """Write whisker.tif and session.toml into a folder, with the lengths of `told_mm`."""
         points, touches = self.whisker.sweep(self.angles)
         follicle = np.array([35.0, SHAPE[0] / 2])
         scale = 1e3 * self.pixels_per_mm  # px/m
@@ -114,11 +124,11 @@ class Scene:
         for k in range(turns):  # by a quarter to the right
             height = SHAPE[k % 2]
             points_px = np.stack([height - 1 - points_px[..., 1], points_px[..., 0]], axis=-1)
+        hidden, length = self.told_mm(rng)
         (folder / "session.toml").write_text(
             SESSION.format(
-                scale=self.pixels_per_mm, side=self.side, hidden=self.hidden_mm(),
-                length=1e3 * plain.LENGTH, cone=1e3 * plain.CONE, radius=1e6 * plain.BASE_RADIUS,
-                young=1e-9 * plain.YOUNG,
+                scale=self.pixels_per_mm, side=self.side, hidden=hidden, length=length,
+                cone=1e3 * plain.CONE, radius=1e6 * plain.BASE_RADIUS, young=1e-9 * plain.YOUNG,
             )
         )  # fmt: skip
         return Truth(points_px, touches)
@@ -266,7 +276,7 @@ def main(argv=None) -> int:
     rows = []
     for scene in scenes(args.scenes, args.seed):
         with tempfile.TemporaryDirectory() as folder:
-            truth = scene.film(Path(folder))
+            truth = scene.film(Path(folder), np.random.default_rng([scene.seed, 1]))
             rows.append(compare(scene, truth, process(Path(folder))))
         print({k: v for k, v in rows[-1].items() if k != "coverage"}, file=sys.stderr)
     text = table_of(rows)

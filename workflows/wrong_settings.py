@@ -17,17 +17,21 @@ SIZES = {each.source: each.size for each in ASSUMED}
 
 def with_wrong_lengths(settings, rng):
     """The settings with hidden lengths and lengths off by what the standard errors assume."""
-    assumed = DEFAULTS.forces
 
     def changed(whisker):
-        hidden = whisker.hidden_length_mm + assumed.hidden_length_sd_mm * rng.standard_normal()
-        length = whisker.length_mm + assumed.tip_sd_mm * rng.standard_normal()
-        return {
-            "hidden_length_mm": max(hidden, SHORTEST_HIDDEN_MM),
-            "length_mm": min(length, whisker.cone_length_mm),
-        }
+        told = whisker.hidden_length_mm, whisker.length_mm
+        hidden, length = wrong_lengths_mm(*told, whisker.cone_length_mm, rng)
+        return {"hidden_length_mm": hidden, "length_mm": length}
 
     return _with_whiskers(settings, changed)
+
+
+def wrong_lengths_mm(hidden, length, cone, rng) -> tuple[float, float]:
+    """A hidden length and a length off by what the standard errors assume; all in mm."""
+    assumed = DEFAULTS.forces
+    hidden += assumed.hidden_length_sd_mm * rng.standard_normal()
+    length += assumed.tip_sd_mm * rng.standard_normal()
+    return max(hidden, SHORTEST_HIDDEN_MM), min(length, cone)
 
 
 def with_wrong_dimensions(settings, rng):
