@@ -7,6 +7,8 @@ from pipeline.detection.line_choice import contrast_length, is_whisker, reach, s
 from pipeline.detection.line_fit import SHORTEST
 from pipeline.detection.refinement import refine
 
+ALONG = 0.8  # of a line: so much of it lies along the one that it was fitted from
+
 
 def with_blurred(sharp, broad, image, model, gain, one_line) -> list[Line]:
     """Lines found at both scales: a broad one in place of several sharp ones that it explains.
@@ -74,12 +76,12 @@ def one_for_two(faint, other, image, model, gain, options, workspace) -> Line | 
     """A line in the place of two that run together, or None where two explain more.
 
     Two lines lie on one whisker that motion has made broad: one as broad takes as much light as
-    they do about the one that is less sure, `faint`, the part `one_line` at least. Neither of
-    them is in the background.
+    they do about the one that is less sure, `faint`, the part `one_line` at least, and lies along
+    the `other` one. Neither of them is in the background.
     """
     fit = options.fit(model, widths=True, steps=1)
     one = settling.settle(model.picture(image, gain), other.points, fit, workspace)
-    if one.n < SHORTEST:
+    if one.n < SHORTEST or shared_fraction(one, other, reach(other)) < ALONG:
         return None
     both = _explained(faint, [faint, other], image, model, gain)
     alone = _explained(faint, [one], image, model, gain)

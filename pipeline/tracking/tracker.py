@@ -259,6 +259,7 @@ class Tracer:
         if (
             line.n < 0.4 * options.shortest_px
             or line.quality < self.params.lost_quality
+            or polyline.bilinear(self.model.outside, line.x[0], line.y[0]) > options.base_gap_px
             or not is_like_a_whisker(
                 line.x, line.y, line.n, before.x, before.y, before.n, self.model.off_edges,
                 0.5 * options.base_gap_px, self.bends,

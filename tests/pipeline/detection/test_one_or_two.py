@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from pipeline.detection import settling
 from pipeline.detection.image_model import ImageModel
 from pipeline.detection.line import Line, Workspace
 from pipeline.detection.one_or_two import one_for_two
@@ -58,3 +59,19 @@ def test_one_line_stands_for_two_on_the_edges_of_a_blurred_whisker(travel):
 def test_two_whiskers_beside_each_other_stay_two(apart):
     rows = ROW - apart / 2, ROW + apart / 2
     assert answer(seen(rows, 0.0), rows, dark=0.3) is None
+
+
+def test_a_line_that_has_run_away_stands_for_none(monkeypatch):
+    image, rows = seen([ROW], 2.0), (ROW - 0.5, ROW + 0.5)
+    assert answer(image, rows, dark=0.15) is not None
+    settle = settling.settle
+
+    def lengthened(*at):
+        line = settle(*at)
+        more = slice(line.n, line.n + 100)  # as if it passed the face by
+        line.x[more], line.y[more] = line.x[line.n - 1], ROW + np.arange(100)
+        line.n += 100
+        return line
+
+    monkeypatch.setattr(settling, "settle", lengthened)
+    assert answer(image, rows, dark=0.15) is None

@@ -224,3 +224,16 @@ def test_of_two_lines_on_one_whisker_the_surer_one_goes_on_and_lies_on_it(age):
         tracer._merge(image, 1.0)
     assert tracer.tracks == [track]
     assert np.abs(track.line.points[:, 1] - 100).max() < 0.1  # px
+
+
+def test_a_line_that_begins_far_from_the_face_is_lost():
+    scene, options = scene_of_long_whisker(), options_for(Recording(500.0, 12.0, "left"))
+    image = long_whisker()
+    tracer = CrowdTracer(scene, find_templates(np.array([image] * 3), scene, options), options)
+    (track,) = tracer.step(image)
+    tracer._give_up_if_poor(track)
+    assert track.line is not None
+    track.line.x += options.base_gap_px + 2
+    track.before = track.line.copy()
+    tracer._give_up_if_poor(track)
+    assert track.line is None
