@@ -6,17 +6,17 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from left_face import DARK, scene_of_left_face
 
 from pipeline.detection import neighbours
 from pipeline.detection.image_model import ImageModel, lines_in_background
 from pipeline.detection.line import Line, Workspace
 from pipeline.detection.neighbours import fit_together
 from pipeline.detection.refinement import refine_held
-from pipeline.detection.static_scene import StaticScene
 from pipeline.session.recording import Recording
 from pipeline.tracking.options import options_for
 
-N = 30  # nodes
+N, FACE = 30, 20  # nodes; columns
 LIGHT, NOISE, SIGMA = 180.0, 2.0, 1.2
 SLOPES = -0.005, 0.005  # of two whiskers about row 60: 1 px apart at the face, 4 px at the tips
 
@@ -49,30 +49,27 @@ def lines_at(slopes, off):
     for slope, wrong in zip(slopes, off, strict=True):
         line = Line.empty(400)
         line.n = 280
-        line.x[: line.n] = 20 + np.arange(line.n)
+        line.x[: line.n] = FACE + np.arange(line.n)
         line.y[: line.n] = 60 + np.sign(slope) / 2 + slope * np.arange(line.n) + wrong
         line.amplitude[:], line.sigma[:] = 0.3, SIGMA
         yield line
 
 
 def drawn(slopes):
-    """A picture of whiskers that leave the face at column 20."""
+    """A picture of whiskers that leave the face."""
     y, x = np.mgrid[:120, :320]
     image = np.full(x.shape, LIGHT)
     for line in lines_at(slopes, (0, 0)):
         place = np.interp(x[0], line.x[: line.n], line.y[: line.n])
         image *= 1 - 0.3 * np.exp(-0.5 * ((y - place) / SIGMA) ** 2) * (x < 300)
-    image[:, :20] = 8
+    image[:, :FACE] = DARK
     image += np.random.default_rng(0).normal(0, NOISE, image.shape)
     return np.clip(np.rint(image), 0, 255).astype(np.uint8)
 
 
 @pytest.mark.parametrize("off", [(0.6, -0.4), (-0.5, 0.8), (0.5, 0.5)])
 def test_whiskers_that_leave_the_face_together_are_both_where_they_were_drawn(off):
-    face = np.zeros((120, 320), bool)
-    face[:, :20] = True
-    background = np.where(face, 8, LIGHT).astype(np.float32)
-    scene = StaticScene(background, 0.0, NOISE**2 + 1 / 12, face, face & False, None, "left")
+    scene = scene_of_left_face((120, 320), FACE, LIGHT, NOISE)
     model, image = ImageModel.from_scene(scene), drawn(SLOPES)
     options, workspace = options_for(Recording(1000.0, 25.0, "left")), Workspace(400)
     lines, sharing = list(lines_at(SLOPES, off)), ~np.eye(2, dtype=bool)

@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
+from left_face import DARK, scene_of_left_face
 
 from pipeline.detection import settling
 from pipeline.detection.image_model import ImageModel
 from pipeline.detection.line import Line, Workspace
 from pipeline.detection.one_or_two import one_for_two
-from pipeline.detection.static_scene import StaticScene
 from pipeline.session.recording import Recording
 from pipeline.tracking.options import options_for
 
@@ -23,7 +23,7 @@ def seen(rows, travel, dark=0.3):
     for row in rows:
         passing = [1 - dark * np.exp(-0.5 * ((y - row - k * travel) / SIGMA) ** 2) for k in STEPS]
         light *= np.where(x < TIP, np.mean(passing, axis=0), 1)
-    image = np.where(x < FACE, 8, LIGHT * light)
+    image = np.where(x < FACE, DARK, LIGHT * light)
     image += np.random.default_rng(0).normal(0, NOISE, image.shape)
     return np.clip(np.rint(image), 0, 255).astype(np.uint8)
 
@@ -38,10 +38,7 @@ def line_at(row, dark):
 
 def answer(image, rows, dark):
     """What stands for two lines in these rows."""
-    face = np.zeros(image.shape, bool)
-    face[:, :FACE] = True
-    background = np.where(face, 8, LIGHT).astype(np.float32)
-    scene = StaticScene(background, 0.0, NOISE**2 + 1 / 12, face, face & False, None, "left")
+    scene = scene_of_left_face(image.shape, FACE, LIGHT, NOISE)
     options, lines = options_for(Recording(1000.0, 25.0, "left")), [line_at(y, dark) for y in rows]
     return one_for_two(*lines, image, ImageModel.from_scene(scene), 1.0, options, Workspace(400))
 
