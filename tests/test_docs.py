@@ -118,3 +118,8 @@ def test_formulas_are_set(site):
 def test_no_page_holds_what_a_program_says_beside_its_tables():
     for page in (*DOCS.glob("*.md"), ROOT / "README.md"):
         assert "/tmp/tmp" not in page.read_text("utf-8"), page.name
+
+
+def test_no_command_on_a_page_names_a_folder_of_one_machine():
+    for page in (ROOT / "README.md", *DOCS.glob("*.md")):
+        assert not re.findall(r"--(?:out|write|figure) /\S*", page.read_text()), page.name
