@@ -33,19 +33,35 @@ MOST_LOOKS = 3  # at a frame with many whiskers
 WHOLE = np.s_[:, :]  # picture: rows, columns
 
 
-class Search(NamedTuple):
-    """Where in a frame lines are looked for, and which.
+class Wanted(NamedTuple):
+    """Which lines of a frame are looked for.
 
-    Ridges are those of one `scale` [px]; lines nearer to each other than `near_px` are one; what
-    has less than the `least` length × absorbance [px] is left out; `part` is slices of rows and
-    columns; `known` are nodes of lines in the background, as of `polyline.end_to_end`: no ridge
-    along them is followed.
+    enough : so many are found: no further look at a crowd
+    least : length × absorbance [px], below which a line is left out
+    part : slices of rows and columns, as of `near_face`
+    """
+
+    enough: float = np.inf
+    least: float = 0.0
+    part: tuple[slice, slice] = WHOLE
+
+
+ALL = Wanted()
+
+
+class Search(NamedTuple):
+    """How lines are looked for in a frame.
+
+    scale : of the ridges [px]
+    near_px : lines nearer to each other than this are one
+    wanted : which lines are looked for
+    known : nodes of lines in the background, as of `polyline.end_to_end`: no ridge along them is
+        followed
     """
 
     scale: float
     near_px: float
-    least: float = 0.0
-    part: tuple[slice, slice] = WHOLE
+    wanted: Wanted = ALL
     known: tuple[np.ndarray, ...] = polyline.end_to_end((), KNOWN_STEP)
 
 
@@ -82,8 +98,9 @@ def _lines_at(search: Search, image, model, gain, options, workspace) -> list[Li
     absorbance, own = absorbance_image(image, model, gain), options.params.detection
     picture, lines = model.picture(image, gain), []
     fit = options.fit(model, widths=True, steps=1)
-    limits = 0.6 * options.shortest_px, float(options.base_gap_px), WORTH_FITTING * search.least
-    curves = ridges.curves_in(search.part, absorbance, model.noise, search.scale)
+    least = search.wanted.least
+    limits = 0.6 * options.shortest_px, float(options.base_gap_px), WORTH_FITTING * least
+    curves = ridges.curves_in(search.wanted.part, absorbance, model.noise, search.scale)
     senses = _senses(*curves, absorbance, model.outside, model.off_edges, limits)
     _leave_out_known(*curves, *search.known, same_px(options), senses)
     for k in np.flatnonzero(senses):
@@ -91,7 +108,7 @@ def _lines_at(search: Search, image, model, gain, options, workspace) -> list[Li
         line = settling.settle(picture, rooted, fit, workspace)
         if ends_at_face(line, model, options) and is_turned(line, model.outward, own.thickens):
             line = settling.settle(picture, rooted[::-1], fit, workspace)
-        if contrast_length(line) >= search.least and is_whisker(line, model, options):
+        if contrast_length(line) >= least and is_whisker(line, model, options):
             lines.append(line)
     return sorted(lines, key=lambda line: -contrast_length(line))
 
@@ -162,21 +179,6 @@ def same_px(options: TracingOptions) -> float:
     return float(np.clip(options.px(options.params.detection.same_whisker_mm), 1.2, 3.0))
 
 
-class Wanted(NamedTuple):
-    """Which lines of a crowd are looked for.
-
-    `enough` are found: no further look; what has less than the `least` length × absorbance [px] is
-    left out; `part` is slices of rows and columns, as of `near_face`.
-    """
-
-    enough: float = np.inf
-    least: float = 0.0
-    part: tuple[slice, slice] = WHOLE
-
-
-ALL = Wanted()
-
-
 def detect_crowded(
     image, model: ImageModel, gain, options: TracingOptions, workspace, known=(), wanted=ALL
 ) -> list[Line]:
@@ -187,12 +189,11 @@ def detect_crowded(
     fitted beside the others. `known` lines are not looked for, nor those that are not `Wanted`.
     """
     nodes = polyline.end_to_end(known, KNOWN_STEP)
-    own, near_px = options.params.detection, same_px(options)
-    search = Search(own.fine_sd_px, near_px, wanted.least, wanted.part, nodes)
+    search = Search(options.params.detection.fine_sd_px, same_px(options), wanted, nodes)
     with lines_in_background(model, known):
-        lines = _beside(known, search, image, model, gain, options, workspace, wanted.enough)
+        lines = _beside(known, search, image, model, gain, options, workspace)
     lines.sort(key=lambda line: -contrast_length(line))
-    return without_doubles(lines, near_px)
+    return without_doubles(lines, search.near_px)
 
 
 def near_face(model: ImageModel, options: TracingOptions) -> tuple[slice, slice]:
@@ -212,10 +213,10 @@ def _range_of(places) -> slice:
     return slice(int(places[0]) // WIDE_PX * WIDE_PX, (int(places[-1]) // WIDE_PX + 1) * WIDE_PX)
 
 
-def _beside(known, search, image, model, gain, options, workspace, enough) -> list[Line]:
+def _beside(known, search, image, model, gain, options, workspace) -> list[Line]:
     """Lines of `detect_crowded`, with doubles; the `known` ones are in the background."""
     lines: list[Line] = []
-    near_px, own = search.near_px, options.params.detection
+    near_px, wanted, own = search.near_px, search.wanted, options.params.detection
     for look in range(MOST_LOOKS):
         with lines_in_background(model, lines):
             more = detect(image, model, gain, options, workspace, search)
@@ -233,7 +234,7 @@ def _beside(known, search, image, model, gain, options, workspace, enough) -> li
             break
         usual = splitting.usual_sigma([*more, *others])
         lines += without_broad(image, model, gain, options, workspace, more, lines, usual)
-        if len(lines) >= enough:
+        if len(lines) >= wanted.enough:
             break
         with lines_in_background(model, lines) as held:
             for line in lines:
@@ -241,7 +242,8 @@ def _beside(known, search, image, model, gain, options, workspace, enough) -> li
         lines = [line for line in lines if is_whisker(line, model, options)]
         if not lines:
             break
-        search = search._replace(part=_about(lines, options.shortest_px))
+        about = wanted._replace(part=_about(lines, options.shortest_px))
+        search = search._replace(wanted=about)
     return _uncrossed_anew(image, model, gain, options, workspace, lines)
 
 
