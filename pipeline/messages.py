@@ -198,11 +198,13 @@ def _unnamed_whiskers(settings, followed):
     seen = len(followed.whisker_set.found) + followed.unnamed
     wanted = [f'"{name}"' for name in settings.analysis.follow or names]
     follow = ", ".join(wanted[:MOST_NAMED] + ["…"] * (len(wanted) > MOST_NAMED))
+    tables = f"{len(names)} have a [[whisker]] table: which ones are {names[0]} to {names[-1]}"
+    if len(names) == 1:
+        tables = f"only one has a [[whisker]] table: which one is {names[0]}"
     yield (
-        f"about {seen} whiskers are seen at a time, but {len(names)} have a [[whisker]] table: "
-        f"which ones are {names[0]} to {names[-1]} is guessed, and may be wrong; give every "
-        "whisker a table, in order along the face (a name is enough), and write [analysis] "
-        f"follow = [{follow}] to get only those"
+        f"about {seen} whiskers are seen at a time, but {tables} is guessed, and may be wrong; "
+        "give every whisker a table, in order along the face (a name is enough), and write "
+        f"[analysis] follow = [{follow}] to get only those"
     )
 
 

@@ -201,7 +201,7 @@ def follow(
     decoded = clock.each("decoding", video.watched())
     frames = Counted(decoded, video.n_frames, lambda *done: say(Step("following", *done)))
     options = tracing_options(settings, video.shape)
-    unnamed = Unnamed(params.tracking.fur_share)
+    unnamed = Unnamed(params.tracking.fur_share, whisker_set.unnamed)
     lines = trace(
         frames,
         epochs,

@@ -8,14 +8,18 @@ from pipeline.identity.features import LENGTH, THICKNESS
 class Unnamed:
     """Counts how many more lines that look like whiskers are seen at a time than have names.
 
-    Attributes
-    ----------
-    count : of all rows of the face that were added, in the median over frames
     fur_share : length × absorbance, of the plainest named whisker, below which a line is fur
+    first_look : the count where no row is added: whiskers that stand apart get their names in
+        the first look
     """
 
-    def __init__(self, fur_share: float):
-        self.fur_share, self.count = fur_share, 0
+    def __init__(self, fur_share: float, first_look: int = 0):
+        self.fur_share, self.first_look, self.rows = fur_share, first_look, []
+
+    @property
+    def count(self) -> int:
+        """Of all rows of the face that were added, in the median over frames."""
+        return sum(self.rows) if self.rows else self.first_look
 
     def add(self, frame, named, features) -> None:
         """Count in one row of the face.
@@ -29,4 +33,4 @@ class Unnamed:
             return
         plain = frame[strength > self.fur_share * max(usual)]
         seen = np.median(np.bincount(plain, minlength=frame.max() + 1))
-        self.count += max(int(seen) - len(usual), 0)
+        self.rows.append(max(int(seen) - len(usual), 0))

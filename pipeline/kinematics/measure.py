@@ -26,8 +26,7 @@ class Kinematics:
     places : `Stations` of all traced rows, by whisker
     pole : where the pole was; None if it was never seen
     n_frames : frames read
-    unnamed : whiskers that are seen beside those that have a table in session.toml; counted where
-        whiskers stand close together
+    unnamed : how many more whiskers are seen than have a table in session.toml
     """
 
     whisker_set: WhiskerSet

@@ -30,8 +30,9 @@ FEWEST_WHOLE = 3  # lines needed for a whisker's length
 class WhiskerTemplate:
     """What is known beforehand of one whisker: where it leaves the face, how long it is seen.
 
-    `signature` is as of matching.Ruler, less the turn of all whiskers. No line of this whisker is
-    longer than `longest_px`. `likely` is the probability that it is the given one of its name.
+    `samples` are lines of it, of the sample frames with the numbers `frames`. `signature` is as of
+    matching.Ruler, less the turn of all whiskers. No line of this whisker is longer than
+    `longest_px`. `likely` is the probability that it is the given one of its name.
     """
 
     name: str
@@ -41,6 +42,7 @@ class WhiskerTemplate:
     signature: np.ndarray | None = None
     longest_px: float = np.inf
     likely: float = 1.0
+    frames: tuple = ()
 
 
 @dataclass
@@ -114,6 +116,11 @@ def find_templates(
     -------
     One template per whisker, in the order of `names`; fewer where some are never seen.
     """
+    return templates_and_others(frames, scene, options, names, indices)[0]
+
+
+def templates_and_others(frames, scene, options, names=None, indices=None):
+    """As `find_templates`, and `WhiskerTemplate`s of what else is mostly seen, without names."""
     at = frames, scene, options, names, indices
     found, side = _lines_of(*at)
     absorbed = usual_absorbance([line for lines in found for line in lines])
@@ -122,15 +129,15 @@ def find_templates(
         found, side = _lines_of(*at, absorbed)
     found = [lines for lines in found if lines]
     if not found:
-        return []
+        return [], []
     ruler = Ruler.of(side, options)
     groups = gather(found, ruler)
     share = np.array([len(g.frames) / len(found) for g in groups])
     strength = np.array([g.strength for g in groups])
+    chosen = often = mostly_seen(share, strength, options.params.tracking)
     if names:
         chosen = np.argsort(-share * np.sqrt(strength))[: len(names)]
-    else:
-        chosen = mostly_seen(share, strength, options.params.tracking)
+    others = [_template(groups[k]) for k in np.setdiff1d(often, chosen)]
     templates = [_template(groups[k]) for k in chosen]
     templates.sort(key=lambda template: ruler.order_place(template.signature))
     templates = anterior_first(templates, options.snout)
@@ -139,7 +146,7 @@ def find_templates(
     longest = options.visible_px if known else [np.inf] * len(names)
     given = dict(zip(names, longest, strict=True))
     ground = line_ends.open_ground(scene) if known else None
-    return named_as_given(templates, GivenLengths(given, ground))
+    return named_as_given(templates, GivenLengths(given, ground)), others
 
 
 def mostly_seen(share, strength, params) -> np.ndarray:
@@ -182,7 +189,9 @@ def named_as_given(templates, given: GivenLengths) -> list[WhiskerTemplate]:
 def _template(group: _Group) -> WhiskerTemplate:
     base = np.median([line.points[0] for line in group.lines], axis=0)
     length = float(np.median([line.n for line in group.lines]))
-    return WhiskerTemplate("", base, length, tuple(group.lines), group.signature)
+    return WhiskerTemplate(
+        "", base, length, tuple(group.lines), group.signature, frames=tuple(group.frames)
+    )
 
 
 def gather(found: list[list[Line]], ruler: Ruler) -> list[_Group]:

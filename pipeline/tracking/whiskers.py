@@ -11,7 +11,7 @@ from pipeline.session.schema import Settings, WhiskerSettings
 from pipeline.tracking.given_lengths import GivenLengths
 from pipeline.tracking.line_ends import open_ground
 from pipeline.tracking.options import options_for
-from pipeline.tracking.registry import WhiskerTemplate, find_templates
+from pipeline.tracking.registry import WhiskerTemplate, templates_and_others
 from pipeline.tracking.two_sides import named_by_side, names_by_side
 from pipeline.tracking.whisker_evidence import whisker_like
 from whiskermodel.whisker import Whisker
@@ -35,6 +35,7 @@ class WhiskerSet:
     refused : `WhiskerTemplate`s of lines that are no whiskers' (`whisker_evidence`)
     beside : `WhiskerTemplate`s of the other side of the face, where the names are of one side only
     given : the names in session.toml
+    unnamed : how many more whiskers than these are seen in the first look
     """
 
     names: tuple[str, ...]
@@ -45,6 +46,7 @@ class WhiskerSet:
     refused: tuple[WhiskerTemplate, ...] = ()
     beside: tuple[WhiskerTemplate, ...] = ()
     given: tuple[str, ...] = ()
+    unnamed: int = 0
 
     @property
     def found(self) -> tuple[str, ...]:
@@ -106,18 +108,31 @@ def find_whisker_set(indices, frames, epochs, settings: Settings) -> WhiskerSet:
     face_side = next((epoch.scene.face_side for epoch in epochs if epoch.scene), "left")
 
     def seen(wanted, options):
-        templates = find_templates(frames, epochs, options, wanted, indices)
-        return whisker_like(templates, len(frames), shape, given=names is not None)
+        both = templates_and_others(frames, epochs, options, wanted, indices)
+        return [whisker_like(each, len(frames), shape, given=names is not None) for each in both]
 
     by_side, named, beside = names_by_side(names, face_side), None, ()
     if by_side:
-        likely, refused = seen(None, replace(options, visible_px=()))
+        (likely, refused), _ = seen(None, replace(options, visible_px=()))
         longest = dict(zip(names, options.visible_px, strict=False))
         given = GivenLengths(longest, open_ground(epochs) if longest else None)
         named, beside = named_by_side(likely, by_side, face_side, options, given)
+        row = [each for each in likely if not any(each is other for other in beside)]
     if named is None:  # one row
-        named, refused = seen(names, options)
-    return replace(whisker_set_of(named, settings), refused=tuple(refused), beside=tuple(beside))
+        (named, refused), (others, _) = seen(names, options)
+        row = *named, *others
+    return replace(
+        whisker_set_of(named, settings),
+        refused=tuple(refused),
+        beside=tuple(beside),
+        unnamed=max(seen_at_a_time(row) - len(named), 0),
+    )
+
+
+def seen_at_a_time(templates) -> int:
+    """How many of the templates' whiskers are seen in one frame, in the median over frames."""
+    frames = [number for template in templates for number in template.frames]
+    return int(np.median(np.unique(frames, return_counts=True)[1])) if frames else 0
 
 
 def whisker_set_of(templates, settings: Settings) -> WhiskerSet:

@@ -236,6 +236,14 @@ def test_tables_of_some_whiskers_only_are_doubted(analysis, listed):
     assert f"[analysis] follow = {listed}" in some
 
 
+def test_one_table_for_many_whiskers_is_doubted():
+    (some,) = [message for message in said_of(unnamed=9) if "[[whisker]]" in message]
+    assert some.startswith(
+        "about 10 whiskers are seen at a time, but only one has a [[whisker]] table: which one is "
+        "C2 is guessed"
+    )
+
+
 def test_arcs_that_run_from_the_other_end_are_not_doubted():
     whiskers = {**WHISKER, "name": "C1"}, {**SHORTER, "name": "C2"}
     found = "C1", "C2"  # posterior to anterior
@@ -357,7 +365,7 @@ def test_of_a_row_the_whisker_with_the_wrong_length_is_named():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("tables", [4, 11])
+@pytest.mark.parametrize("tables", [1, 2, 4, 11])
 def test_where_most_of_a_row_has_no_tables_this_is_said(tables):
     trial = make_trial("dense_row", 3, 0, 60)
     renderer, camera = Renderer(trial.scene, trial.motion), trial.scene.camera

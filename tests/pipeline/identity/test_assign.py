@@ -97,6 +97,7 @@ def test_whiskers_without_a_name_are_counted_and_fur_is_not(wanted, more):
     frame, features = np.append(frame, np.arange(FRAMES)), np.concatenate([features, fur])
     named = np.append(np.where(true < wanted, true, -1), np.full(FRAMES, -1))
     there = np.random.default_rng(9).random(len(frame)) < 0.95  # lines are missed now and then
-    unnamed = Unnamed(fur_share=0.18)
+    unnamed = Unnamed(fur_share=0.18, first_look=7)
+    assert unnamed.count == 7
     unnamed.add(frame[there], named[there], features[there])
     assert unnamed.count == more

@@ -7,7 +7,7 @@ from pipeline.session.quantities import pixels_in
 from pipeline.session.session_file import settings_from
 from pipeline.tracking.matching import Ruler
 from pipeline.tracking.registry import WhiskerTemplate
-from pipeline.tracking.whiskers import tracing_options, whisker_set_of
+from pipeline.tracking.whiskers import seen_at_a_time, tracing_options, whisker_set_of
 
 RECORDING = {"frames_per_second": 2000, "pixels_per_mm": 25, "face": "left"}
 SHAPE = (480, 640)
@@ -63,6 +63,14 @@ def test_without_tables_the_names_are_those_of_the_whole_video():
     whisker_set = whisker_set_with(["w1", "w2", "w3"]).of(["w1", "w2"])
     assert whisker_set.names == whisker_set.found == ("w1", "w2")
     assert set(whisker_set.whiskers.values()) == {None}
+
+
+def test_pieces_of_one_whisker_are_not_counted_as_two():
+    """What is seen in other frames than the rest is the same whisker, found twice."""
+    frames = tuple(range(10)), tuple(range(5)), tuple(range(5, 10))
+    templates = [WhiskerTemplate("", np.zeros(2), 300.0, frames=each) for each in frames]
+    assert seen_at_a_time(templates) == 2
+    assert seen_at_a_time([]) == 0
 
 
 def test_where_no_whisker_is_found_none_needs_dimensions():
