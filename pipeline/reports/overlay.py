@@ -19,6 +19,7 @@ PLAYBACK_RATE = 25  # frames/s: slow motion
 KEY_FRAMES = 50  # from one to the next: a browser that is sent to a contact is there at once
 STILL_MM = 10.0, 7.5  # shown about the pole
 STILL_PX = 640  # width as drawn
+NO_MORE = np.inf, {}  # frame number and lines, after the last frame that has any
 
 
 def write_overlay(video_path, folder, settings: Settings | None = None, progress=None) -> Path:
@@ -52,30 +53,36 @@ def drawn_frames(video, folder, settings: Settings):
         yield picture
 
 
-def _drawn(images, folder, settings, inside=None, part=None):
-    """Yield (number, picture) for `images`, which are (number, frame), in ascending order.
+def _drawn(images, folder, settings, inside=None, view_of=None):
+    """Yield the frame number and the picture with the findings, for each of the images.
 
-    inside : filters of the tables' rows, which hold those of all these frames; None: all
-    part : gives the `View` for an image, its lines and the pole; None: the whole picture
+    images : (frame number, image), in ascending order
+    inside : filters that choose the tables' rows of these frames; None: all rows
+    view_of : gives the `View` to be shown of an image, its lines and the pole; None: all of it
     """
     frames = files.read_frames(folder / "frames.parquet", COLUMNS, inside)
-    unnamed = _unnamed(folder)
-    places = frames["frame"].to_numpy()
-    lines = _by_frame(centrelines.centreline_chunks(folder / "centrelines.parquet", inside))
-    state = read_pole(folder)
-    here = next(lines, None)
+    frame_of_row = frames["frame"].to_numpy()
+    chunks = centrelines.centreline_chunks(folder / "centrelines.parquet", inside)
+    unnamed, poles = _unnamed(folder), read_pole(folder)
+    for number, image, lines in _with_lines(images, chunks):
+        rows = frames.iloc[slice(*np.searchsorted(frame_of_row, [number, number + 1]))]
+        pole = pole_runs.pole_at(poles, number)
+        view = view_of(image, lines, pole) if view_of else None
+        yield number, draw(image, lines, rows, pole, settings, view, unnamed)
+
+
+def _with_lines(images, chunks):
+    """Yield (frame number, image, {whisker: points}) for each of the images of `_drawn`."""
+    lines_of_frames = _by_frame(chunks)
+    frame, lines = next(lines_of_frames, NO_MORE)
     for number, image in images:
-        while here is not None and here[0] < number:
-            here = next(lines, None)
-        shown = here[1] if here is not None and here[0] == number else {}
-        rows = frames.iloc[slice(*np.searchsorted(places, [number, number + 1]))]
-        pole = pole_runs.pole_at(state, number)
-        view = part and part(image, shown, pole)
-        yield number, draw(image, shown, rows, pole, settings, view, unnamed)
+        while frame < number:
+            frame, lines = next(lines_of_frames, NO_MORE)
+        yield number, image, lines if frame == number else {}
 
 
 def _unnamed(folder) -> set[str]:
-    """Numbers of lines that are no known whisker's, and touch nothing."""
+    """Names of lines that belong to no known whisker and touch nothing."""
     columns = ["whisker", "tracked", "confidence", "in_contact"]
     frames = files.read_frames(folder / "frames.parquet", columns)
     return nameless_in(frames) - set(frames["whisker"][frames["in_contact"].astype(bool)])
@@ -135,7 +142,7 @@ def stills(results_folder, video_path, frames, settings: Settings, whole=False) 
         If the video cannot be opened.
     """
 
-    def part(image, lines, pole):
+    def view_of(image, lines, pole):
         return _still_view(image, lines, pole, settings.recording.pixels_per_mm)
 
     numbers = [int(each) for each in frames]
@@ -143,7 +150,7 @@ def stills(results_folder, video_path, frames, settings: Settings, whole=False) 
     with open_video(video_path) as video:
         images = video.some(numbers)
         drawn = dict(
-            _drawn(images, Path(results_folder), settings, inside, None if whole else part)
+            _drawn(images, Path(results_folder), settings, inside, None if whole else view_of)
         )
     return [drawn.get(number) for number in numbers]
 
