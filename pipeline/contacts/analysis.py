@@ -28,9 +28,9 @@ class Touch:
 
     Attributes
     ----------
-    frames, contacts : tables of records.FRAME_COLUMNS and CONTACT_COLUMNS
-    intervals : contacts as INTERVAL_COLUMNS and `curated`
-    evidence : the measurements behind, aligned with `frames`, SI units
+    frames, contacts : tables with FRAME_COLUMNS and CONTACT_COLUMNS
+    intervals : a row per contact, with INTERVAL_COLUMNS and `curated`
+    evidence : the measurements that both rest on, row by row as `frames`, in SI units
     """
 
     frames: pd.DataFrame
@@ -41,12 +41,12 @@ class Touch:
 
 @dataclass(frozen=True)
 class TouchOptions:
-    """What `analyse_touch` and `find_touches` take beside measurements.
+    """Options of `analyse_touch` and `find_touches`.
 
     Attributes
     ----------
-    curvature_at : arc length of the curvature in the table of frames [m]
-    method : of the force, "shape" or "point"
+    curvature_at : arc length at which the table of frames has the curvature [m]
+    method : how the force is estimated, "shape" or "point" (`pipeline.forces`)
     friction : coefficient of friction between whisker and pole, >= 0
     video : name for the contacts' column `video`
     params : parameters of all rooms
@@ -73,7 +73,8 @@ def analyse_touch(
     ----------
     frames : FRAME_COLUMNS with the kinematics; a row per whisker and frame, any order
     places : `Stations` of all tracked rows, in any order
-    whiskers : name → Whisker, or None: contacts are found all the same, forces are not
+    whiskers : name → Whisker; None where its dimensions are not known: then contacts are found,
+        but no forces
     corrections : table of a person's corrections (pipeline.contacts.corrections), or None
     """
     params = options.params
@@ -125,7 +126,7 @@ def find_touches(
 
 
 def _correct(intervals, corrections, evidence):
-    """Apply a person's corrections; fill what an added contact does not know of itself."""
+    """Apply a person's corrections; give added contacts a side and a probability."""
     from pipeline.contacts.corrections import applicable, apply
 
     n_frames = int(evidence["frame"].max()) + 1 if len(evidence) else 0

@@ -12,9 +12,9 @@ from pipeline.session.recording import Recording
 from whiskermodel.pulse_response import half_gaussian_extremes
 from whiskermodel.response import Response
 
-FINE_STEPS = 20  # per frame, of a measured force; its corners lie between frames
+FINE_STEPS = 20  # per frame, in which a measured force drives the model
 SUBSTEPS = 2  # results per fine step: the modes ring at up to some kHz
-LARGEST_PART = 0.995  # of the length, the farthest contact that the model takes
+LARGEST_PART = 0.995  # of the length: the model needs a contact nearer to the base
 NOT_A_PULSE = "not_half_gaussian"
 _COURSE = ["frame", "contact_force_uN"]  # of the frames
 _COLUMNS = ("steady_peak_nN_m", "vibration_max_nN_m", "vibration_min_nN_m")
@@ -29,8 +29,8 @@ def add_base_moments(
 
     Parameters
     ----------
-    contacts : records.CONTACT_COLUMNS with pulses
-    frames : records.FRAME_COLUMNS with forces
+    contacts : CONTACT_COLUMNS with pulses
+    frames : FRAME_COLUMNS with forces
     whiskers : name → Whisker or None
     """
     extremes = np.full((3, len(contacts)), np.nan)
@@ -69,7 +69,7 @@ def _of_pulses(response, part):
 
 
 def _of_force(response, place, force, recording, row):
-    """The same for one contact of any time course, from the force in its frames [N]."""
+    """The same for one contact, driven with its measured force [N], a value per frame."""
     quiet = int(np.ceil(response.longest_period * recording.frames_per_second))
     nodes = np.arange(len(force), dtype=float)
     time = np.arange(-1, len(force) + quiet, 1 / FINE_STEPS)
@@ -85,19 +85,19 @@ def _of_force(response, place, force, recording, row):
 
 
 def _lead(force):
-    """Frames before the first at which the force began, if it rose as between the first two."""
+    """How many frames before the first one the force began: it is extended back to zero."""
     rise = force[1] - force[0] if len(force) > 1 else force[0]
     return float(np.clip(force[0] / rise, 0.05, 1.0)) if rise > 0 else 1.0
 
 
 def _signed(extremes, measured):
-    """Extremes for a force that makes a moment of the measured sign; the model's is −c F."""
+    """The extremes with the sign of the measured moment; the model's moment is −c F."""
     steady, high, low = extremes
     return np.where(measured > 0, [-steady, -low, -high], extremes)
 
 
 def _measured_force(own: pd.DataFrame, row) -> np.ndarray:
-    """Force in the frames of one contact [N], straight lines where a frame has none."""
+    """Force in the frames of one contact [N], interpolated where a frame has none."""
     frame = own["frame"].to_numpy()
     first, last = np.searchsorted(frame, [row["onset_frame"], row["offset_frame"]])
     force = 1e-6 * own["contact_force_uN"].to_numpy(float)[first:last]
@@ -107,7 +107,7 @@ def _measured_force(own: pd.DataFrame, row) -> np.ndarray:
 
 
 def _written(contacts, extremes):
-    """The contacts with their extremes (3, contacts) [N m], where there are any, and the ratio."""
+    """The contacts with the extremes (3, contacts) [N m] that are known, and their ratio."""
     found = np.isfinite(extremes[0])
     with np.errstate(invalid="ignore", divide="ignore"):
         ratio = np.abs(extremes[1:]).max(axis=0) / np.abs(extremes[0])

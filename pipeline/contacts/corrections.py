@@ -17,7 +17,7 @@ from pipeline.tables.files import read_csv, write_csv
 CORRECTIONS_FILE = "corrections.csv"
 CONTACT, CONFIRMED, FREE = "contact", "confirmed", "free"
 VERDICTS = (CONTACT, CONFIRMED, FREE)
-MOSTLY = 0.5  # a detected contact more than this part of which is covered gives way whole
+MOSTLY = 0.5  # a detected contact is dropped if a verdict covers more than this part of it
 
 
 class Verdict(NamedTuple):
@@ -96,7 +96,7 @@ def _fault(verdict):
 
 
 def applicable(corrections: pd.DataFrame, whiskers, n_frames: int) -> pd.DataFrame:
-    """Return those corrections of these whiskers, cut at the video's end."""
+    """Return the corrections of these whiskers, cut off at the end of the video."""
     rows = [
         row._replace(
             offset_frame=min(row.offset_frame, n_frames), covers_to=min(row.covers_to, n_frames)
@@ -135,10 +135,10 @@ def apply(intervals: pd.DataFrame, corrections: pd.DataFrame) -> pd.DataFrame:
 
     Returns
     -------
-    The same columns and `curated` (bool), by whisker and onset. A detected contact that lies
-    mostly in what a verdict covers gives way to it; others lose only the covered frames. A moved
-    contact keeps the other columns of the detected one it stands for; those of an added one are
-    missing ("" for text, False for bool).
+    The same columns and `curated` (bool), ordered by whisker and onset. A verdict replaces a
+    detected contact of which it covers more than half; others lose only the covered frames. A
+    moved contact keeps the other columns of the detected one that it replaces. In an added one
+    they are missing ("" for text, False for bool).
     """
     rows = verdicts(corrections)
     detected = [Interval.of(row) for row in intervals.to_dict("records")]
@@ -150,7 +150,7 @@ def apply(intervals: pd.DataFrame, corrections: pd.DataFrame) -> pd.DataFrame:
 
 
 class Interval(NamedTuple):
-    """A contact of one whisker over [onset, offset); `other` are the table's other columns."""
+    """A contact of one whisker over [onset, offset); `other` holds its remaining columns."""
 
     whisker: str
     onset: int
@@ -167,7 +167,7 @@ class Interval(NamedTuple):
         return cls(*(other.pop(name) for name in names), other)
 
     def without(self, rows) -> list["Interval"]:
-        """Return what verdicts leave of this detected contact: none, itself, or pieces."""
+        """Return what the verdicts leave of this detected contact: all, pieces or nothing."""
         pieces = [self]
         for row in rows:
             if row.whisker != self.whisker:
@@ -194,7 +194,7 @@ def overlap(a, b) -> int:
 
 
 def _stated(row, detected):
-    """Return the contact that a verdict states, with what is known of the one it stands for."""
+    """Return a verdict's contact, with the other columns of the detected one it replaces."""
     same = [i for i in detected if i.whisker == row.whisker]
     nearest = max(same, key=lambda i: overlap((i.onset, i.offset), row.cover), default=None)
     if nearest is None or not overlap((nearest.onset, nearest.offset), row.cover):

@@ -1,4 +1,4 @@
-"""From frames that probably touch to contacts: which are real, where they end, what is odd."""
+"""From the probability of touch in every frame to contacts, each with its flags."""
 
 from itertools import pairwise
 
@@ -12,11 +12,12 @@ from pipeline.numerics.runs import stretches
 from pipeline.session.parameters import DEFAULTS, ContactParams
 
 LEAST_PEAK_SD = 3.5  # peak force in standard errors
-CLEAR_PEAK_SCATTER = 8.0  # or, of both estimates, in what they scatter by in free frames
-BESIDE_FRAMES, FEWEST_HELD = 6, 3  # before and after a contact; as many as count, and as must
-AT_PLACE_SD = 2.0  # as far from the place of other touches a touch may be
-HIGH_LOAD = 0.5  # of a contact's largest
-SURELY_SD = 3.0  # standard errors of what is no error
+CLEAR_PEAK_SCATTER = 8.0  # peak force over its scatter in free frames, by both estimates
+BESIDE_FRAMES = 6  # looked at before a contact, and after it
+FEWEST_HELD = 3  # frames that show a whisker held, and as many beside the contact
+AT_PLACE_SD = 2.0  # from the gap of other touches, within which a gap is the same
+HIGH_LOAD = 0.5  # of a contact's largest force
+SURELY_SD = 3.0  # standard errors by which the base must be corrected to be contradicted
 PUSH_COLUMNS = "shape_force_N", "shape_force_se_N", "origin_force_se_N"
 
 INTERVAL_COLUMNS = (
@@ -49,12 +50,12 @@ def find_contacts(
 
 
 def _columns(part) -> dict[str, np.ndarray]:
-    """A table's columns as arrays: looking one up in a table takes longer than what is done."""
+    """A table's columns as arrays, since looking one up in a table again and again is slow."""
     return {name: part[name].to_numpy() for name in part.columns if name != "whisker"}
 
 
 def _runs(part):
-    """Stretches of rows more likely in contact than not, cut where the pole changes sides."""
+    """Runs of rows with a probability above ½, split where the pole changes sides."""
     side = part["side"]
     for start, stop in stretches(part["probability"] > 0.5):
         first = start
@@ -67,10 +68,11 @@ def _runs(part):
 
 
 def _real_runs(part, near_pole):
-    """Runs near the pole with a force at their peak, or with the gap of such runs.
+    """Runs near the pole in which the whisker is pushed, or held where others are pushed.
 
-    Rendered whiskers need neither test: free ones are never taken to touch. Real ones that pass
-    within 0.2 mm of a pole are, without both tests, 5 times in 9700 frames, for 1 to 4 frames.
+    Rendered whiskers need neither test: free ones are never taken to touch. Without both tests,
+    real ones that pass within 0.2 mm of a pole are taken to touch 5 times in 9700 frames, for 1
+    to 4 frames.
     """
     runs = [run for run in _runs(part) if _is_near(part["distance_m"][slice(*run)], near_pole)]
     sides = [np.sign(part["side"][slice(*run)].sum()) for run in runs]
@@ -112,7 +114,7 @@ def _is_held(part, start, stop, place, spread):
 
 
 def _is_stopped(part, start, stop, spread):
-    """Whether the gap deviates from a smooth course, a cubic from some frames before to after."""
+    """Whether the gap is no cubic in time, from some frames before the contact to some after."""
     first = max(start - BESIDE_FRAMES, 0)
     gap, gap_sd = (part[name][first : stop + BESIDE_FRAMES] for name in ("gap_m", "gap_se_m"))
     time, known = np.arange(len(gap)), np.isfinite(gap) & np.isfinite(gap_sd)
@@ -125,7 +127,7 @@ def _is_stopped(part, start, stop, spread):
 
 
 def _is_pushed(part, start, stop):
-    """Whether the peak force exceeds its own error, or the forces of free frames."""
+    """Whether the peak force is above its standard error, or above the forces of free frames."""
     rows = slice(start, stop)
     return _pushes(part, rows) or all(
         _stands_out(part, rows, f"{method}_force_N") for method in forces.METHODS
@@ -133,7 +135,7 @@ def _is_pushed(part, start, stop):
 
 
 def _pushes(part, rows):
-    """Whether a force is above its standard error at its peak; True where none is known."""
+    """Whether the peak force is above its standard error; True where no error is known."""
     part = {name: part[name][rows] for name in PUSH_COLUMNS}
     with np.errstate(invalid="ignore"):
         push = part["shape_force_N"] / force_noise(part)
@@ -141,7 +143,7 @@ def _pushes(part, rows):
 
 
 def _stands_out(part, rows, column):
-    """Whether a force is far above those of free frames, which share the rest shape's error."""
+    """Whether the peak force is far above free frames, which share the rest shape's error."""
     force, free = part[column], part["probability"] < 0.5
     free = free & np.isfinite(force)
     if free.sum() < FEWEST_SURE or not np.isfinite(force[rows]).any():
@@ -159,7 +161,7 @@ def _usual_misfit(part):
 
 
 def _bends_otherwise(part, rows, limit):
-    """Whether χ² of the rods exceeds `limit` where the whisker is loaded most."""
+    """Whether χ² of the rods exceeds `limit` in the frames of high force."""
     force, misfit = part["shape_force_N"][rows], part["chi2"][rows]
     known = np.isfinite(force) & np.isfinite(misfit)
     high = known & (force >= HIGH_LOAD * np.max(force[known], initial=0.0))
@@ -195,7 +197,7 @@ def _flags(part, rows, look, slip, usual_misfit):
     correction, error = np.abs(part["bending_origin_m"][rows]), part["bending_origin_se_m"][rows]
     contradicted = correction > np.maximum(1e-3 * params.contradicted_mm, SURELY_SD * error)
     rest_known = part["rest_known"][rows].astype(bool)
-    # without a rest shape no rod is loaded, so that none has a contact
+    # without a rest shape no force is fitted: then a missing place of contact is no gap
     lost = np.isnan(part["base_angle_rad"][rows]) | (rest_known & np.isnan(contact))
     applies = {
         "starts_before": start == 0,

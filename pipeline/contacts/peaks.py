@@ -1,11 +1,11 @@
-"""The course of a touch's force: the largest of many noisy frames overestimates its peak.
+"""The force of a touch, smoothed in time: the largest of noisy values overestimates the peak.
 
-A Gaussian process (Rasmussen & Williams 2006, eqs 2.23, 2.24, 2.30): a touch is a half-Gaussian
-and a constant, each of any size, and what is smooth beside them, over the likeliest of some
-times. Frames err together, as the rest shape drifts and as a codec leaves pictures as they were:
-the force of the free frames about a touch, where it is zero, shows by how much. A whisker that
-lies still upon the same pixels errs by what no free frame shows: peaks of rendered touches are
-wrong by a frame's own standard error, however many frames they are the mean of.
+The force is a Gaussian process (Rasmussen & Williams 2006, eqs 2.23, 2.24, 2.30): a half-Gaussian
+and a constant, each of any size, plus a smooth part, whose time scale is the likeliest of a few.
+Neighbouring frames share errors, since the rest shape drifts and a codec repeats parts of a
+picture. Free frames about the touch show how large these are, since their true force is zero. One
+error they do not show: that of a whisker lying still on the same pixels. The peak of a rendered
+touch is wrong by one frame's standard error, however many frames are averaged.
 """
 
 import numpy as np

@@ -16,12 +16,12 @@ from pipeline.numerics.robust import robust_sd
 from pipeline.session.parameters import DEFAULTS, ContactParams
 from pipeline.session.recording import Recording
 
-MOST_LIKELY_CHANGE = 0.3  # per frame, at low frame rates
-UNSEEN_LOG_ODDS = -0.5  # of a frame without a trace: some are bridged in a contact, many are not
-# share of frames whose force, or gap, says nothing: the other one still counts
+MOST_LIKELY_CHANGE = 0.3  # most that the probability of a start or end per frame may be
+UNSEEN_LOG_ODDS = -0.5  # of an untraced frame: a few of them do not end a contact, many do
+# share of frames with a wrong force, or gap: then the other of the two still counts
 FORCE_OUTLIERS, GAP_OUTLIERS = 1e-4, 1e-5
 SURE_PUSH_SD = 6.0  # a force of so many standard errors is no noise
-STRONG_SHARE = 0.1  # of the largest: where faint pushes may be errors, the strong ones count
+STRONG_SHARE = 0.1  # of the largest force: fainter ones may be errors where others are strong
 FEWEST_SURE = 10
 
 
@@ -51,7 +51,7 @@ def of_whisker(table, name):
 
 
 def _passes_over(part, probability):
-    """Whether a whisker passes over the pole rather than touching it: another plane, or dust."""
+    """Whether a whisker passes over the pole, in another plane, or the "pole" is dust."""
     return np.count_nonzero(part["across"]) > np.count_nonzero(probability > 0.5)
 
 
@@ -68,7 +68,7 @@ def frame_log_odds(part, frames_per_second, params: ContactParams = DEFAULTS.con
     video, for both sides, together with the frames that touch.
     """
     gap, gap_sd, force, force_sd, cov = _observations(part, params)
-    # an untraced frame says nothing, one without a pole that there is no touch
+    # a traced whisker without a pole surely touches nothing; an untraced frame tells nothing
     side = part["side"].to_numpy()
     absent = ~part["pole_known"].to_numpy(bool) & part["nearest_m"].isna().to_numpy()
     absent &= part["base_angle_rad"].notna().to_numpy()
@@ -76,7 +76,7 @@ def frame_log_odds(part, frames_per_second, params: ContactParams = DEFAULTS.con
     with np.errstate(invalid="ignore"):
         pushed = force > SURE_PUSH_SD * force_sd
         near = pushed & (np.abs(gap) < 1e-3 * params.pole_error_mm)
-    # before anything is known: what is strongly pushed, and not far, touches
+    # to begin with: a whisker that is near and strongly pushed touches
     sure = np.zeros(len(part), bool)
     for s in (-1, 1):
         own = near & (side == s)
@@ -104,7 +104,7 @@ def frame_log_odds(part, frames_per_second, params: ContactParams = DEFAULTS.con
 def _observations(part, params):
     """Gap and force with standard deviations and covariance, in metres and newtons.
 
-    Where no rod could be fitted the traced distance stands in, and no force.
+    Where no rod could be fitted, the gap is the traced distance, and the force is not known.
     """
     column = {c: part[c].to_numpy(float) for c in part if c != "whisker"}
     fitted = np.isfinite(column["gap_m"]) & np.isfinite(column["shape_force_se_N"])
@@ -118,7 +118,7 @@ def _observations(part, params):
 def force_noise(column):
     """Standard error (rows,) [N] of the force `shape`, without that of the arc-length offset.
 
-    A wrong offset scales forces: it makes none where there is none.
+    That one does not count here: a wrong offset scales a force, but makes none out of nothing.
     """
     total, share = column["shape_force_se_N"], column["origin_force_se_N"]
     return np.sqrt(np.maximum(total**2 - share**2, 0.0))
@@ -140,10 +140,10 @@ def _log_odds(gap, gap_sd, force, force_sd, cov, params=DEFAULTS.contacts):
 
 
 def _truly_zero(zero, zero_sd, any_zero, other, other_sd, any_other, scale, cov):
-    """Log likelihood of two measurements where the first one's true value is zero.
+    """Log likelihood of two measurements, if the true value of the first one, `zero`, is zero.
 
-    The other one has an exponential prior of mean `scale`; what it shares with the first one's
-    error is subtracted. any_zero, any_other : log likelihoods of either as an outlier
+    The other one has an exponential prior of mean `scale`; the error that both share (`cov`) is
+    subtracted from it. any_zero, any_other : log likelihoods of either as an outlier
     """
     left = other - cov / zero_sd**2 * zero
     left_sd = np.sqrt(np.maximum(other_sd**2 - (cov / zero_sd) ** 2, (0.1 * other_sd) ** 2))
@@ -158,7 +158,7 @@ def _log_normal(x, sd):
 
 
 def _log_skewed(x, sd, scale):
-    """Log density of an exponential of mean `scale` blurred by a normal of `sd`."""
+    """Log density of the sum of an exponential of mean `scale` and a normal error of `sd`."""
     z = sd / scale - x / sd
     # erfcx keeps its digits where exp and erfc would under- and overflow
     tail = np.log(erfcx(np.maximum(z, 0.0) / np.sqrt(2)) / 2) - 0.5 * (x / sd) ** 2
@@ -167,5 +167,5 @@ def _log_skewed(x, sd, scale):
 
 
 def posterior(log_odds, starts, ends):
-    """Probability of contact (n,), of frames whose contacts begin and end as `two_states` do."""
+    """Probability of contact (n,), given how likely one starts or ends from frame to frame."""
     return state_probabilities(two_states(np.asarray(log_odds, float), starts, ends))[:, 1]

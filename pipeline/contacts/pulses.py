@@ -21,12 +21,12 @@ STARTS = (0.85, 1.1, 1.5)  # of the contact's duration
 _COURSES = ["frame", "contact_force_uN", "contact_force_uN_se"]  # of the frames
 _COLUMNS = ("pulse_peak_uN", "pulse_duration_ms", "pulse_centre_s", "pulse_r2")
 POOR_R2 = 0.95
-POOR_MISFIT = 3.0  # misfit in standard errors of the force that makes a poor r² mean something
+POOR_MISFIT = 3.0  # in standard errors of the force: below, a poor r² is noise
 
 
 @dataclass(frozen=True)
 class Pulse:
-    """A fitted half-Gaussian: peak [N], duration and centre [s], r², RMS of what is left [N]."""
+    """A fitted half-Gaussian: peak [N], duration and centre [s], r², RMS misfit [N]."""
 
     peak: float
     duration: float
@@ -44,7 +44,7 @@ def fit_pulse(time, force) -> Pulse | None:
 
     Returns
     -------
-    Pulse, or None where fewer than FEWEST_FRAMES forces are known or none is positive.
+    The `Pulse`; None where fewer than FEWEST_FRAMES forces are known, or none is positive.
     """
     time, force = np.asarray(time, float), np.asarray(force, float)
     if time.shape != force.shape:
@@ -72,7 +72,7 @@ def fit_pulse(time, force) -> Pulse | None:
 
 
 def _misfit(pulse, t, force):
-    """Half-Gaussian of (peak, duration, centre) less the force, (frames,)."""
+    """The half-Gaussian (peak, duration, centre) minus the force, (frames,)."""
     peak, duration, centre = pulse
     return peak * half_gaussian_pulse(2 * (t - centre) / duration) - force
 
@@ -82,8 +82,8 @@ def add_pulses(contacts: pd.DataFrame, frames: pd.DataFrame, recording: Recordin
 
     Parameters
     ----------
-    contacts : records.CONTACT_COLUMNS with intervals
-    frames : records.FRAME_COLUMNS with forces
+    contacts : table with CONTACT_COLUMNS, of which the intervals are filled
+    frames : table with FRAME_COLUMNS and the forces
 
     Returns
     -------

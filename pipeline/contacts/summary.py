@@ -8,8 +8,8 @@ from pipeline.contacts.peaks import touch_course
 from pipeline.session.recording import Recording
 from pipeline.tables.columns import CONTACT_COLUMNS, as_table, empty_table
 
-WILD, WILD_SHARE = 4.0, 0.1  # times the usual standard error, plus this part of the force
-MAY_TOUCH = 0.5  # probability of contact: not free, whatever a person says
+WILD, WILD_SHARE = 4.0, 0.1  # of the usual standard error, and of the force: larger is wild
+MAY_TOUCH = 0.5  # probability from which a frame is not free, even if a person says so
 _FORCE_COLUMNS = {  # of the evidence, by method: force, standard error, the origin's part of it
     "shape": ("shape_force_N", "shape_force_se_N", "origin_force_se_N"),
     "point": ("point_force_N", "point_force_se_N", "point_origin_force_se_N"),
@@ -32,11 +32,11 @@ def contact_table(
     video="",
     method: str = "shape",
 ):
-    """One row per contact with records.CONTACT_COLUMNS; pulses and base loads are still missing.
+    """A table with CONTACT_COLUMNS, a row per contact; pulses and base loads are still missing.
 
     Parameters
     ----------
-    frames : records.FRAME_COLUMNS with forces
+    frames : FRAME_COLUMNS with forces
     evidence : aligned with `frames`, with forces of `method`, "shape" or "point"
     intervals : `whisker`, `onset_frame`, `offset_frame`, and where known `slip`, `curated`,
         `flags`
@@ -75,7 +75,7 @@ def contact_table(
 
 
 def _courses(frames, evidence, method):
-    """What a contact's row is made from, a row per frame and whisker, forces in µN."""
+    """Per frame and whisker, what the rows of contacts are computed from; forces in µN."""
     force, total, origin = (1e6 * evidence[c].to_numpy(float) for c in _FORCE_COLUMNS[method])
     table = frames["contact_force_uN"].to_numpy(float)  # NaN without dimensions
     may_touch = evidence["probability"].to_numpy(float) > MAY_TOUCH
@@ -102,7 +102,7 @@ def _courses(frames, evidence, method):
 def _contact_row(whisker: dict[str, np.ndarray], onset, offset, frame_ms) -> dict:
     """Peaks, mean and impulse of one contact.
 
-    `whisker` has `_courses` of all its frames, of which wild forces of the contact are dropped.
+    `whisker` : `_courses` of all its frames; wild forces in the contact are set to NaN there
     """
     start, stop = np.searchsorted(whisker["frame"], [onset, offset])
     measured, errors = whisker["force"], whisker["error"]
@@ -138,9 +138,10 @@ def _contact_row(whisker: dict[str, np.ndarray], onset, offset, frame_ms) -> dic
 
 
 def _without_wild(force, error):
-    """Force (frames,) of one contact, NaN where something else overlaps the whisker.
+    """Force (frames,) of one contact, NaN where its error is wild.
 
-    Otherwise a single frame of a crossing, with ten times the usual error, may be the peak.
+    Otherwise a single frame in which two whiskers cross, with ten times the usual error, may be
+    the peak.
     """
     known = error[np.isfinite(error)]
     if not len(known):
@@ -151,7 +152,7 @@ def _without_wild(force, error):
 
 
 def _without_gaps(values):
-    """Values (frames,), straight lines where they are not known."""
+    """Values (frames,), interpolated where they are not known."""
     known = np.flatnonzero(np.isfinite(values))
     if not len(known):
         return values
@@ -179,7 +180,7 @@ def peak_errors(contacts: pd.DataFrame, evidence: pd.DataFrame, whiskers: dict) 
     `radius_uN_per_percent` (the fourth power), `modulus_uN_per_percent`, `scale_uN_per_percent`
     (pixels per mm: curvature, lever and stiffness at the middle of the bent part).
     """
-    # how far a whisker's arc lengths move with the place of its tip
+    # how far the origin of the arc lengths moves with the place of the tip
     per_tip = evidence.groupby("whisker")["origin_per_tip"].median()
     rows = []
     for contact in contacts.to_dict("records"):
@@ -188,7 +189,8 @@ def peak_errors(contacts: pd.DataFrame, evidence: pd.DataFrame, whiskers: dict) 
             rows.append({})
             continue
         force, middle = contact["peak_force_uN"], 0.6e-3 * contact["contact_arc_length_mm"]
-        # a larger scale moves all places towards the base; as far as the tip holds it, the base
+        # a larger scale brings all places nearer to the base; the base itself moves along as far
+        # as it is placed by the tip
         moved = middle - per_tip[contact["whisker"]] * whisker.length
         rows.append(
             {

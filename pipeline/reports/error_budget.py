@@ -62,7 +62,7 @@ def session_budget(contacts: pd.DataFrame, whiskers: dict) -> list[dict]:
 
     Parameters
     ----------
-    contacts : records.CONTACT_COLUMNS
+    contacts : CONTACT_COLUMNS
     whiskers : (video, whisker) → Whisker, or None where its dimensions are not known
 
     Returns
