@@ -1,37 +1,36 @@
-"""Where along the whisker the trace begins: what is not known of the part hidden in the fur.
+"""Where along the whisker the trace begins: how long the part hidden in the fur really is.
 
 The force goes with the fourth power of the radius, so a first traced point that is taken 0.1 mm
 too near to the follicle costs 4 % in force. Beside the hidden length as it was given (on average
 right to 0.1 mm or so) two things show where the trace begins: the tip, which lies at the
 whisker's length, and the bending itself, whose distribution along the whisker depends on where
-its stiff base is. All go into one estimate, a smooth function of time: the edge of the fur lies
-elsewhere on a whisker that turns, by some 0.06 mm even of a fur that keeps still. What touching
-frames show goes into it together with the rest shape (`origin_and_rest.py`).
+its stiff base is. All three are combined in one estimate, a smooth function of time: as a whisker
+turns, the edge of the fur crosses it at another place, some 0.06 mm away even if the fur keeps
+still. Touching frames are used together with the rest shape (`origin_and_rest.py`).
 
-The trace ends short of the tip by up to half a millimetre, where the thin end drowns in noise.
-By how much, its fading shows (`kinematics/tip.py`), as far as the whisker is seen to its end. In
-noise, traces end where the line happens to look thick, as if its tip were far: the more the fading
-scatters from frame to frame beside its mean, the less of it counts, down to a part that a codec's
-scatter leaves, too. The fainter the whisker is in the noise, or the more a codec erases, the
-farther out it goes on unseen, and the more the ends scatter. How noisy it is, its stations know,
-and free frames show by how much more a codec errs (`station_noise.py`). A part of the fading's
-scatter lasts. Where the fading is not known at all (lines of other programs), the end only shows
-how the origin changes from frame to frame.
+The trace ends up to half a millimetre short of the tip, where the thin end drowns in noise. How
+short, is estimated from how the line fades there (`kinematics/tip.py`). In noise this estimate is
+too large, since a trace ends where the line happens to look thick, as if its tip were far: so the
+more the estimates scatter from frame to frame, the less of them is used, but never less than a
+certain part. The fainter the whisker is in the noise, or the more of it a codec erases, the longer
+is the unseen end, and the more the ends scatter. So a length is added that grows with this scatter
+and with the noise at the stations, including a codec's errors (`station_noise.py`). Averaging over
+frames does not remove all of the scatter. Where the fading is not known at all (lines of other
+programs), the trace's end only shows how the origin changes from frame to frame.
 
-Frames that a codec made out of those before and after (B frames of H.264) show a whisker that
-turns back where it is in the mean of these, short of its turning point: by a hundredth of a
-pixel only, but in all touches alike, which the bending takes for another origin. So such frames
-are not used.
+Frames that a codec interpolates between others (B frames of H.264) are not used. They show a
+whisker at its turning point a hundredth of a pixel short of it. That is the same in all touches,
+and would be taken for another origin.
 
-The bending is right where the model is: a cone length that is 1 % off or a pole that is put a
-pixel wrong move its answer by 0.2 mm. So it counts less where the pole is not where the whisker
-bends. Where its answer contradicts the session and the tip, it is used all the same: forces are
-nearer to the truth with it than without (docs/assumptions.md). By how much they differ beyond
-twice what their errors explain counts as a standard error: were it three times, no interval would
-hold the forces of a whisker whose cone is 2 % shorter than given (docs/assumptions.md).
+The estimate from the bending is only as good as the model: a cone length that is 1 % off, or a
+pole that is a pixel off, moves it by 0.2 mm. So it counts less where the whisker does not bend at
+the pole. Where it contradicts session.toml and the tip, it is used all the same: forces are nearer
+to the truth with it than without (docs/assumptions.md). Of a difference between them, what exceeds
+EXPLAINED_SD standard errors becomes a standard error itself. With three in place of two, no
+confidence interval would contain the forces of a whisker whose cone is 2 % shorter than given.
 
-No source is believed against all others: a length that contradicts the hidden length may be
-wrong, as likely as Bayes' rule has it, so that a whisker that has grown does not shift the base.
+The whisker's length may be wrong, too, if it contradicts the hidden length: how likely that is
+follows from Bayes' rule. So a whisker that has grown does not shift the base.
 """
 
 from dataclasses import dataclass, replace
@@ -52,29 +51,29 @@ from whiskermodel.whisker import Whisker
 
 MOST_KNOTS = 400
 ALIKE = 0.8  # correlation of the origin at neighbouring knots: 0 and 0.95 do worse, rendered
-LENGTH_WRONG = 0.01  # of lengths: have changed since they were measured; chosen
-FEWEST_ENDS, TIP_PART = 30, 0.3  # in which the tip must be seen at least; of the frames, too
-# how far the tip is beyond the mean end: at least this part of how far it seems to be by the
-# fading, and so many times the ends' variance [px²] times the noise of the base [px]
-# (`_base_noise`); how wrong, as a part of the fading's SD; measured, rendered, with codecs and not
+LENGTH_WRONG = 0.01  # share of lengths that have changed since they were measured; chosen
+FEWEST_ENDS, TIP_PART = 30, 0.3  # frames, and share of all, in which the tip must be seen
+# the tip is beyond the mean end by at least TIP_BY_FADING of what the fading says, plus
+# TIP_BY_SCATTER × variance of the ends [px²] × noise of the base [px] (`_base_noise`); its error
+# is TIP_LASTING_SHARE of the fading's SD; measured on rendered videos, with codecs and without
 TIP_BY_FADING, TIP_BY_SCATTER, TIP_LASTING_SHARE = 0.6, 7.4, 0.2
-TIP_FRAMES = 2.0  # neighbouring frames whose ends err together, at least
-TIP_LAGS = 8  # frames over which ends of a codec's pictures err together
+TIP_FRAMES = 2.0  # neighbouring frames that share the errors of their ends, at least
+TIP_LAGS = 8  # the same where a codec made the picture, at most
 FEWEST_ROWS = 5
 MOST_ROWS = 240  # frames that may touch whose bending is used
 ENOUGH_ROWS = 20  # of frames that were not interpolated; with fewer, all are used
-CLEAN = 4.0  # times the usual misfit: something else lies upon the whisker
-EXPLAINED_SD = 2.0  # standard errors by which bending, tip and session may differ
-POLE_LEVER = 6.0  # how much farther a misplaced pole moves the answer
+CLEAN = 4.0  # times the usual χ²: above, something else lies on the whisker
+EXPLAINED_SD = 2.0  # standard errors by which bending, tip and hidden length may differ
+POLE_LEVER = 6.0  # shift of the estimate from the bending, over that of a misplaced pole
 
 
 @dataclass(frozen=True)
 class Origin:
-    """What to add to the arc lengths of each row, and its standard error [m], both (rows,).
+    """The offset to be added to the arc lengths of each row, and its standard error [m], (rows,).
 
     `by_bending` and `bending_se` [m]: what the bending alone would add on average, and its
-    standard error; NaN where it shows nothing. `per_tip`: how far the origin moves with a place
-    of the tip that is wrong, as a part of that.
+    standard error; NaN where it shows nothing. `per_tip`: how far the origin moves where the
+    tip is misplaced, as a share of the tip's error.
     """
 
     per_row: np.ndarray
@@ -203,7 +202,7 @@ def origin_from_bending(
 
 
 def _with_rows(both, evidence, rows, shown):
-    """`both` with what rows show, their own answer, its error, and what that leaves open [m]."""
+    """`both` with the rows, their own estimate and its error, and what stays unexplained [m]."""
     other, variance = evidence.mean(rows, shown[0][:, 0, 0])
     try:
         away, se = both.by_rows_alone(rows, *shown)
@@ -217,7 +216,7 @@ def _with_rows(both, evidence, rows, shown):
 
 
 def _shown(places, whisker, curvature_at, prior, params, friction):
-    """Rows whose bending is used, what they show (`shown_by`), and the error by the pole [m]."""
+    """Rows whose bending is used, their `shown_by`, and the error by a misplaced pole [m]."""
     rows = _bent_rows(places, params)
     if len(rows) < FEWEST_ROWS:
         return rows, None, 0.0
@@ -234,8 +233,8 @@ def _shown(places, whisker, curvature_at, prior, params, friction):
 def _noise(pull, bend):
     """Variance of the rows' pulls over the one expected from the stations' information.
 
-    Rows err together: a still whisker lies on the same pixels, and all rows have their rest shape
-    from the same free frames. So as many count as one as there.
+    Rows share errors, since a still whisker lies on the same pixels and all rows have their rest
+    shape from the same free frames. So CORRELATED_FRAMES of them count as one, as in rest shapes.
     """
     good = bend > 0
     if good.sum() < 2:
@@ -247,13 +246,13 @@ def _noise(pull, bend):
 
 
 def _misplaced_sd(gap, side):
-    """Standard error [m] of the bending's answer from where the pole is taken to be."""
+    """Standard error [m] of the estimate from the bending, by a misplaced pole."""
     sides = [np.nanmedian(gap[side == s]) for s in (-1, 1) if np.isfinite(gap[side == s]).any()]
     return POLE_LEVER * max(map(abs, sides), default=0.0)
 
 
 def _design(time, knot_s):
-    """Columns: 1, hats in time; sparse (rows, terms)."""
+    """Basis in time, sparse (rows, terms): a constant, and a triangle about every knot."""
     span = float(np.ptp(time)) if len(time) else 0.0
     knots = int(np.clip(span / knot_s, 1, MOST_KNOTS)) + 1
     place = (time - time.min()) / max(span, 1e-9) * (knots - 1) if len(time) else time
@@ -268,11 +267,11 @@ def _design(time, knot_s):
 
 
 def _believed(away, hidden, tip):
-    """Standard errors [m] of hidden length and tip's place where they are `away` from each other.
+    """Standard errors [m] for hidden length and tip's place that contradict each other by `away`.
 
-    `hidden` and `tip` are those that they should have. Or else the length is wrong, by what these
-    do not explain. Both explanations are averaged by their posterior probabilities: the errors
-    returned are of two sources that give the average, and its variance.
+    Either both are right within their errors `hidden` and `tip`, or the whisker's length is wrong
+    by what these do not explain. The two cases are averaged by their posterior probabilities: with
+    the errors returned, the two sources together give that average and its variance.
     """
     expected = np.hypot(hidden, tip)
     if not expected < away < np.inf:
@@ -287,7 +286,7 @@ def _believed(away, hidden, tip):
 
 
 def _lasting_variance(errors):
-    """Variance that independent errors would have to have so that means scatter as these do's."""
+    """Variance of independent errors whose mean would scatter as much as the mean of these."""
     lags = range(1, min(TIP_LAGS, len(errors) - 1) + 1)
     return float(np.mean(errors**2) + 2 * sum(np.mean(errors[k:] * errors[:-k]) for k in lags))
 
@@ -295,8 +294,8 @@ def _lasting_variance(errors):
 def _tip_place(places, good, excess, whisker, params):
     """Arc length [m] at which the traces of `good` rows should end, and its standard error.
 
-    Where nothing is known of how they fade, their mean end is returned, and an error without
-    bounds. `excess` as in `origin_from_tip`.
+    Where their fading is not known, it is their mean end, with an infinite error. `excess` as in
+    `origin_from_tip`.
     """
     end, to_tip, px = places.last[good], places.to_tip[good], places.pixel
     if not np.isfinite(to_tip).any():
@@ -310,9 +309,9 @@ def _tip_place(places, good, excess, whisker, params):
 
 
 def _base_noise(places, whisker, excess):
-    """Error [px] of where a pixel's length of the whisker's base is seen to lie, without fur.
+    """Error [px] of the place of one pixel's length of whisker, at the base and without fur.
 
-    All stations tell: a line's contrast tapers as the whisker does.
+    It is computed from all stations: a line's contrast tapers as the whisker does.
     """
     part = places.rows(evenly(len(places), MOST_ROWS)).loaded()
     spacing, seen = part.spacing[part.whisker[0]], part.information > 0

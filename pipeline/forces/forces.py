@@ -1,9 +1,9 @@
-"""Quasi-static force on a whisker: what it would be in every frame, and what it is in contacts.
+"""Quasi-static force on a whisker, in every frame as if it touched, and in contacts.
 
-Two estimates. `point` (Birdwell et al. 2007; Pammer et al. 2013): the bending moment at one arc
-length, M_p = E I(s_p) Δκ, over its lever arm, F = M_p / |(r_c − r_p) × n̂|. `shape`: the elastic
-rod fitted to the whole traced centreline (rod_fit.py). Large angles are kept in both; signs as
-in docs/conventions.md.
+There are two estimates. `point` (Birdwell et al. 2007; Pammer et al. 2013): the bending moment at
+one arc length, M_p = E I(s_p) Δκ, over its lever arm, F = M_p / |(r_c − r_p) × n̂|. `shape`: the
+elastic rod fitted to the whole traced centreline (rod_fit.py). Both hold for large angles; signs
+are as in docs/conventions.md.
 """
 
 from dataclasses import replace
@@ -24,10 +24,10 @@ from whiskermodel.whisker import Whisker
 
 METHODS = ("point", "shape")
 SLIDING_FRAMES = 3
-LEAST_NOISE = 0.5  # of the fit's standard error: free frames cannot show smaller ones
+LEAST_NOISE = 0.5  # of the fit's standard error: free frames do not reduce it below this
 FARTHEST_TURN_RAD = 0.2  # of a fitted rod's base from the traced part's continuation
-STEADY_RAD = 5e-3  # jitter of base angles up to here is a clean picture's, or a touch's
-LESS_STEADY = 1.2  # than the traced base angles: rods are preferred as long as they are not
+STEADY_RAD = 5e-3  # jitter of base angles that clean pictures and touches have, too
+LESS_STEADY = 1.2  # jitter over that of the traced base angles, up to which rods are used
 FEWEST_FREE = 20  # free frames from which the scatter of the force is estimated
 ERROR, CHANGE_ERROR = "base_angle_se_deg", "curvature_change_per_m_se"
 STEP_M = 1e-5  # along the whisker, for a slope
@@ -66,7 +66,7 @@ def measure_forces(
     friction=0.0,
     params: RodParams = DEFAULTS.forces,
 ):
-    """What one whisker's force would be in every frame, if the pole's nearest point touched it.
+    """The force on one whisker in every frame, as if its point nearest to the pole touched it.
 
     Parameters
     ----------
@@ -81,9 +81,9 @@ def measure_forces(
     Returns
     -------
     evidence : table aligned with `places`, SI units
-    measured : table aligned with `places`: `base_angle_deg`, `base_angle_se_deg`, `follicle_x_m`,
-        `follicle_y_m` (y up) and `curvature_per_m` with the help of the fitted rod, rest curvature
-        and curvature change, with their standard errors
+    measured : table aligned with `places`, from the fitted rods: `base_angle_deg`,
+        `base_angle_se_deg`, `follicle_x_m`, `follicle_y_m` (y up), `curvature_per_m`, rest
+        curvature and curvature change, with their standard errors
     """
     time = kinematics["time_s"].to_numpy(float)
     angle = wrapped(np.radians(kinematics["base_angle_deg"].to_numpy(float)))  # as rods have it
@@ -91,7 +91,7 @@ def measure_forces(
     rods = places, whisker, curvature_at, angle, time, free, friction, params
     fit, origin, model = _fit_rods(*rods)
     evidence = _evidence(places, fit, origin, model is not None, free, params)
-    # its hidden part is bent by the load as the rod is
+    # the load also bends the hidden part, which the rod has and the trace has not
     angle = np.where(np.isfinite(fit["angle"]), fit["angle"], angle)
     before, basis, after = rod_fit.rest_basis(whisker, curvature_at + STEP_M * np.arange(-1, 2))
     shape = _turned_to(model, basis, angle, time)
@@ -102,14 +102,14 @@ def measure_forces(
     stiffer = 4 / (whisker.cone_length - curvature_at)  # E I goes with (cone length − s)⁴
     evidence["point_origin_force_se_N"] = np.abs(stiffer * origin.se * point)
     evidence["point_force_se_N"] = np.hypot(error, evidence["point_origin_force_se_N"])
-    # a rest shape moves along with the origin, what a load adds to it does not
+    # with the origin, the rest shape moves along the whisker; the bending by the load does not
     added = fit["curvature_slope"] - fit.rest @ (after - before) / (2 * STEP_M)
     measured[CHANGE_ERROR] = np.hypot(measured[CHANGE_ERROR], np.nan_to_num(added) * origin.se)
     return evidence, measured
 
 
 def far_from_pole(places, params: RodParams = DEFAULTS.forces) -> np.ndarray:
-    """Frames in which the whisker is so far off that nothing touches it, bool (rows,)."""
+    """Rows in which the whisker is so far from the pole that it cannot touch it, bool (rows,)."""
     free = rest_shape.free_frames(places.distance, np.isfinite(places.pole_x), params)
     return free & np.isfinite(places.last)
 
@@ -138,7 +138,7 @@ def _fit_rods(places, whisker, curvature_at, angle, time, free, friction, params
 
 
 def _without_bias(places, whisker, curvature_at, angle, time, free, params):
-    """Return the stations, those less trusted that fur and face draw aside (`fur_bias`)."""
+    """Return the stations, less sure where fur and face shift them (`fur_bias`)."""
 
     def rest_prior(places, angle, time, free):
         model = _rest_shape(places, whisker, curvature_at, time, free)
@@ -149,7 +149,7 @@ def _without_bias(places, whisker, curvature_at, angle, time, free, params):
 
 
 def _evidence(places, fit, origin, rest_known, free, params) -> pd.DataFrame:
-    """Measurements of places and fitted rods, with errors scaled to what free frames show."""
+    """The table of evidence, with standard errors scaled to the scatter of free frames."""
     evidence = pd.DataFrame(
         {
             "distance_m": places.distance,
@@ -173,7 +173,7 @@ def _evidence(places, fit, origin, rest_known, free, params) -> pd.DataFrame:
     evidence["gap_se_m"] = np.sqrt(fit["gap_var"]) * noise
     evidence["gap_force_cov"] *= noise**2
     for load, column in _ERROR_COLUMNS.items():
-        # a first traced point that is off along the whisker changes the loads by its share
+        # an error of the arc-length offset changes each load in its own proportion
         follows = np.abs(fit[f"{load}_by_origin"]) * origin.se
         evidence[column] = np.hypot(np.sqrt(fit[f"{load}_var"]) * noise, follows)
     evidence["origin_force_se_N"] = np.abs(fit["force_by_origin"]) * origin.se
@@ -183,8 +183,8 @@ def _evidence(places, fit, origin, rest_known, free, params) -> pd.DataFrame:
 def sliding(place) -> np.ndarray:
     """Direction in which friction pulls the whisker: +1 towards its tip, −1 towards its base.
 
-    `place` (rows,) is the contact's arc length [m], frame after frame. Where it grows the whisker
-    slides back over the pole; 0 where it does not change by more than its scatter.
+    `place` (rows,) is the contact's arc length [m], frame after frame. Where it grows, the whisker
+    slides back over the pole. 0 where it changes by no more than its scatter.
     """
     known = np.flatnonzero(np.isfinite(place))
     out = np.zeros(len(place))
@@ -228,15 +228,15 @@ def _rest_shape(places, whisker, curvature_at, time, free) -> RestModel | None:
 
 
 def _lean(places, whisker):
-    """How far the line through the visible part is turned from the follicle's axis, by shape.
+    """Angle between the straight line through the visible part and the follicle's axis.
 
-    (N_REST,) [rad m] per rest coefficient. The follicle's angle depends on the shape, and errs
-    with it; the direction of the straight line through all that is seen does not.
+    (N_REST,) [rad m], per rest coefficient. An error of the fitted shape is also one of the
+    follicle's angle, but hardly one of this line's direction.
     """
     s = np.linspace(0, whisker.length, 200)
     turned = cumulative_trapezoid(rod_fit.rest_basis(whisker, s), s, axis=0, initial=0)
     first, last = np.nanmedian(places.first), np.nanmedian(places.last)
-    # least squares through a curve weigh its directions by a parabola
+    # the slope of a least-squares line is the curve's direction weighted by a parabola
     weight = np.maximum((s - first) * (last - s), 0.0)
     return weight @ turned / weight.sum()
 
@@ -251,7 +251,7 @@ def _rest_prior(model, angle, time) -> RestPrior:
 
 
 def _filled(angle, model):
-    """The table's angles, the centre where there is none: good enough for how well it is known."""
+    """The table's angles; the centre where there is none, which is good enough for the error."""
     return np.where(np.isfinite(angle), angle, model.centre)
 
 
@@ -267,7 +267,7 @@ def _force_noise(force, error, places, free, params):
 
 
 def _excess(ratio, free):
-    """Scatter of the free frames' deviations, given in standard errors."""
+    """Scatter of the free frames' forces; `ratio` (rows,) is force over standard error."""
     ratio = ratio[free & np.isfinite(ratio)]
     if len(ratio) < FEWEST_FREE:
         return 1.0
@@ -275,10 +275,10 @@ def _excess(ratio, free):
 
 
 def _base(kinematics, fit, origin_se, frame) -> pd.DataFrame:
-    """Base angle and follicle of the fitted rods; where there is none, the angle as it was.
+    """Base angle and follicle of the fitted rods; the traced angle where no rod is used.
 
-    A rod that leaves the traced part's continuation by far lies upon something else; rods that
-    are unsteady from frame to frame follow noise. Full turns are as the traced angle has them.
+    A rod far from the continuation of the traced part has been fitted to something else; rods
+    whose angle jitters from frame to frame follow noise. Full turns are those of the traced angle.
     """
     traced = kinematics[["base_angle_deg"]].assign(**{ERROR: kinematics.get(ERROR, np.nan)})
     angle, error = np.radians(traced.to_numpy(float).T)
@@ -304,9 +304,9 @@ def _steady(traced, rods, frame) -> bool:
 
 
 def _curvature(kinematics, fit, origin):
-    """Curvature [1/m], its error from noise alone, and that from where its place is; (rows,) each.
+    """Curvature [1/m], its error by noise alone, and that by its place; (rows,) each.
 
-    Measured about the fitted rod; where there is none, as the kinematics have it.
+    From the fitted rod; where there is none, from the kinematics.
     """
     curvature, noise = fit["curvature"], np.sqrt(fit["curvature_var"])
     place = np.abs(fit["curvature_slope"]) * origin.se
@@ -319,9 +319,9 @@ def _curvature(kinematics, fit, origin):
 
 
 def _turned_to(model, basis, angle, time):
-    """Curvature that the rest shape has in all frames where `basis` (N_REST,) is, and its error.
+    """Curvature of the rest shape in all frames, at the place of `basis` (N_REST,), and its error.
 
-    The error is that of its change from the free frames' usual angle.
+    The error is that of the change from the free frames' usual angle.
     """
     shape, error = np.full((2, len(angle)), np.nan)
     known = np.isfinite(angle)
@@ -335,8 +335,8 @@ def _turned_to(model, basis, angle, time):
 def _rest_columns(curvature, noise, place, shape, angle, time, free):
     """Curvature, rest curvature and curvature change at one arc length, with standard errors."""
     rest, rest_error = _rest_curvature(curvature, noise, shape, angle, time, free)
-    # free frames show by how much neighbouring stations' errors, which run along the line
-    # (a codec's), exceed the noise; a rest curvature that wanders looks alike
+    # a codec's errors are alike at neighbouring stations, so that curvature errs by more than the
+    # noise: free frames show by how much. A rest curvature that wanders looks the same
     error = noise * _excess((curvature - rest) / noise, free)
     rest, rest_error = _rest_curvature(curvature, error, shape, angle, time, free)
     return pd.DataFrame(
@@ -378,7 +378,7 @@ def add_forces(
 
     Parameters
     ----------
-    frames : records.FRAME_COLUMNS with `tracked` and `in_contact`
+    frames : FRAME_COLUMNS with `tracked` and `in_contact`
     evidence : table aligned with `frames`, as of `measure_forces`
     whiskers : name → Whisker, or None where its dimensions are not known
     method : "shape" or "point"

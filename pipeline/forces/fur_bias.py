@@ -1,16 +1,17 @@
 """Bias of the first visible part of a whisker, which fur and face shift alike in every frame.
 
-Still fur and the face's shadow draw the first millimetre of a trace aside by up to some tenths of
-a pixel: by the same wherever the whisker lies alike, so that no mean over frames removes it, and
-often by the opposite when it touches, which looks like bending. The elastic rod shows it: fitted
-to what lies farther out, and continued towards the face, it must meet what was measured there, as
-well as fit and noise allow. Where it does not, the stations count less, in all frames.
+Still fur and the face's shadow shift the first millimetre of a trace by up to some tenths of a
+pixel. The shift is the same whenever the whisker lies at the same place, so that no mean over
+frames removes it, and it often has the opposite sign in touch, where it looks like bending. The
+elastic rod reveals it: fitted to the stations farther out and continued towards the face, it
+should meet those near the face within the errors of fit and noise. Where it does not, these
+stations count less, in all frames.
 
-The outermost step of what is judged is too far out for fur: what it is missed by more than
-expected (a codec's noise runs along the line; the rest shape is no polynomial) is expected nearer
-to the face, too. What is found fades outwards over a step: the stations just beyond, which no
-longer stand out, are drawn aside, too.
-A bias counts as the noise of which it is the share that lasts.
+The first part of the whisker is judged in steps. The outermost step is too far out for fur: an
+excess of its misfit (a codec's noise is alike along the line; the rest shape is no polynomial) is
+expected nearer to the face, too. A bias is taken to fade out beyond the step in which it is found,
+since the next stations are also shifted, if too little to stand out.
+A bias is treated as noise: the noise whose lasting share it would be.
 """
 
 from dataclasses import replace
@@ -24,7 +25,7 @@ from pipeline.numerics.robust import MAD_TO_SD
 from pipeline.numerics.runs import evenly
 from whiskermodel.whisker import Whisker
 
-FUR_CLINGS_M = 0.4e-3  # first visible part that is not used
+FUR_CLINGS_M = 0.4e-3  # length of the first visible part, which is not judged
 STEP_M = 0.4e-3  # or a station's, where these lie farther apart
 STEPS = 3  # are judged; the last is the outermost
 MOST_ROWS = 40  # of free frames, and as many of touching ones
@@ -37,7 +38,7 @@ LASTING_SHARE = 0.15
 def without_bias(
     places: Stations, whisker: Whisker, curvature_at: float, angle, time, free, rest_prior, near_m
 ) -> Stations:
-    """Return the stations with the information of biased ones near the face as it is.
+    """Return the stations; biased ones near the face have less information.
 
     Parameters
     ----------
@@ -62,14 +63,14 @@ def without_bias(
     found = [usual_misfit(square[kind], expected[kind]) for kind in (free, ~free)]
     usual = _usual([each[:, step == STEPS - 1] for each in found])
     doubt = np.where(step < STEPS - 1, _bias(found, usual), 0.0) / LASTING_SHARE**2
-    doubt = np.maximum.accumulate(doubt[::-1])[::-1]  # the nearer to the face the more fur
-    fading = np.exp(2 * arc / width)  # whose reach has no sharp end: a step farther out, an e-th
+    doubt = np.maximum.accumulate(doubt[::-1])[::-1]  # never less towards the face
+    fading = np.exp(2 * arc / width)  # the bias has no sharp end: its SD falls by e in a step
     doubt = np.maximum.accumulate(doubt * fading) / fading
     return places.doubted(doubt) if doubt.any() else places
 
 
 def _sample(places, free, angle, near_m):
-    """Numbers of free and of touching rows, spread over the video; none where none touch."""
+    """Numbers of free and of touching rows, spread over the video; none if one kind is missing."""
     with np.errstate(invalid="ignore"):
         near = (places.side != 0) & (places.distance < near_m) & ~places.extended & ~free
     out = []

@@ -1,14 +1,14 @@
-"""Origin of the arc lengths and rest shape in one estimate: what touching frames show of both.
+"""Origin of the arc lengths and rest shape, estimated together from the touching frames.
 
-The error of one makes an error of the other. Free frames may be few, and what they leave open of
-the rest shape looks like another origin where the whisker touches. And the rest shape is the
-whisker's: a frame that begins elsewhere on it than the free frames did shows another part of it.
-Where the curvature grows by 2 1/m per millimetre, 25 µm make 0.05 1/m, as much as a faint touch.
+An error of one causes an error of the other. Where free frames are few, an error of the rest shape
+looks like another origin in touching frames. And the rest shape belongs to the whisker: a frame in
+which the trace begins at another place than in free frames shows another part of it. Where the
+curvature grows by 2 1/m per millimetre, 25 µm make 0.05 1/m, as much as a faint touch.
 
-Unknown are the weights of the origin (columns of its `design`) and of the rest shape, and how far
-the pole is misplaced, by which the bending errs about the origin. A touching row shows its origin
-and rest shape by a parabola, pose and force fitted again (`rod_fit`), so that all are normally
-distributed; and so are origin and rest shape of each row.
+The unknowns are the weights of the origin (columns of its `design`), those of the rest shape, and
+how far the pole is misplaced, which shifts the estimate from the bending. For each touching row,
+the log-likelihood of origin and rest shape, with pose and force fitted again (`rod_fit`), is taken
+as a parabola: so all unknowns, and each row's origin and rest shape, are normally distributed.
 """
 
 from collections.abc import Callable
@@ -27,7 +27,7 @@ FLAT_M = 1.0  # standard error of an origin of which nothing is known
 
 @dataclass(frozen=True)
 class OriginAndRest:
-    """Posterior of what all rows of a whisker share.
+    """Posterior of the parameters that all rows of a whisker share.
 
     Attributes
     ----------
@@ -50,7 +50,7 @@ class OriginAndRest:
 
     @classmethod
     def before(cls, design, origin_cov, prior: RestPrior, whisker: Whisker, from_free, pole_sd):
-        """As it is known before touching rows are looked at.
+        """The prior, before any touching row is used.
 
         `origin_cov` (terms, terms) [m²]; `from_free`: of the design, gives the function; `pole_sd`
         [m]: error of the bending's answer by a misplaced pole.
@@ -61,14 +61,14 @@ class OriginAndRest:
         return cls(design, prior.powers, slide, from_free(design), np.zeros(len(cov)), cov)
 
     def given(self, rows, information, pull) -> "OriginAndRest":
-        """With what `rows` show, as of `shown_by`."""
+        """The posterior, given what touching `rows` show (`shown_by`)."""
         change, cov = _updated(self.cov, self._seen_by(rows), information, pull)
         return replace(self, change=change, cov=cov)
 
     def by_rows_alone(self, rows, information, pull):
-        """By how much the origins of all `rows` differ if nothing else tells, and its error [m].
+        """Change of origin common to all `rows`, from them alone, and its standard error [m].
 
-        The rest shape does not tell: it moves along.
+        The rest shape moves along, so that it is no evidence.
         """
         first = self.design.shape[1] - 1
         seen = self._seen_by(rows)[:, :, first:]  # of the origin, one unknown is left
@@ -144,7 +144,7 @@ def of_each_row(prior: RestPrior) -> np.ndarray:
 
 
 def shown_by(fit: ShapeFit, rest: RestPrior):
-    """What fitted rows show of their origin and rest shape, as parabolas of the log-likelihood.
+    """Log-likelihood of fitted rows as a parabola in their origin and rest shape.
 
     Curvature (rows, 1 + N_REST, 1 + N_REST) and slope (rows, 1 + N_REST), for measurements with
     the stations' information; `rest` as the rows were fitted with. Zero where no rod was fitted.

@@ -1,12 +1,12 @@
-"""Rest shape of a whisker: how it is curved while nothing touches it, and how well that is known.
+"""Rest shape of a whisker: its curvature while nothing touches it, and the error of that.
 
 A whisker rolls as it whisks and drifts over a session, so its rest curvature is a polynomial in
 the base angle plus a slow function of time, learnt robustly from free frames (pole far or away),
 for one number (curvature at one arc length) or several (shape coefficients) at once.
 
 Free frames may be few and may all lie at one base angle: a whisker at rest, then a touch at
-another angle. So the model is Bayesian. Beforehand the whisker keeps its shape: slope and bend
-over the angle are zero, ± what rolling can do. Polynomials of degree 0, 1, 2 are averaged by
+another angle. So the model is Bayesian. Its prior is that the whisker keeps its shape: slope and
+bend over the angle are zero, ± what rolling can do. Polynomials of degree 0, 1, 2 are averaged by
 their posterior probabilities (Hoeting et al. 1999, Statist. Sci. 14, 382). Frames at many angles
 override the prior; where there are none the shape stays constant, with an error that grows.
 """
@@ -19,9 +19,9 @@ from scipy.ndimage import median_filter
 from pipeline.numerics.robust import robust_sd
 from pipeline.session.parameters import DEFAULTS
 
-CLEAR_SD = 8.0  # as many times the distance's noise
+CLEAR_SD = 8.0  # standard errors of the distance by which a whisker is clear of a touch
 PLENTY, PLENTY_SHARE = 20, 0.25  # frames beyond free_distance_mm, of those clear of a touch
-ASTRAY_SHARE = 0.1  # of the most frames that lie together before the pole: fewer went astray
+ASTRAY_SHARE = 0.1  # of the largest group of frames at one distance: fewer are tracking errors
 FEWEST_FRAMES = 3
 LARGEST_DEGREE = 2
 # rolling by 0.7 rad per rad (Knutsen et al. 2008) shows up to this much of a bend of 20 1/m
@@ -30,12 +30,12 @@ BEND_SD = 12.0  # [1/m per rad²]
 CONSTANT_SD = 300.0  # [1/m]: flat
 LEAST_SD = 1e-6  # [1/m]
 CORRELATED_FRAMES = 10  # neighbouring frames share their errors: how many count as one
-# frames at one place share theirs too, of pixels and background: a pixel's way at 5 mm, about
+# frames in which the whisker lies on the same pixels share errors, too: about a pixel at 5 mm
 SAME_ANGLE_RAD = 0.008
-MANY_FRAMES = 1000  # are left at least where not all free frames are looked at
+MANY_FRAMES = 1000  # kept at least, where some free frames are left out
 DRIFT_TIME_S = 0.3  # drift is followed over times longer than this
 DRIFT_SHRINK_FRAMES = 8  # so many frames of zero drift are added everywhere
-TUKEY = 4.5  # SD beyond which a frame counts nothing
+TUKEY = 4.5  # SD beyond which a frame does not count
 
 
 @dataclass(frozen=True)
@@ -201,7 +201,7 @@ def _noise(left, covs, share):
 
 
 def enough(rows) -> np.ndarray:
-    """Those of `rows`, frames in order, that show about as much as all: neighbours err alike."""
+    """Some of `rows` (frames in order) that tell about as much as all: neighbours share errors."""
     return rows[:: int(np.clip(len(rows) // MANY_FRAMES, 1, CORRELATED_FRAMES))]
 
 
@@ -220,8 +220,8 @@ def free_frames(distance, pole_known, params=DEFAULTS.forces) -> np.ndarray:
     """Frames in which the whisker is surely untouched, bool (frames,).
 
     `distance` [m] from the pole's surface to the whisker's, frame after frame, NaN where unknown;
-    `pole_known` is False where no pole is in view. Where few frames are `free_distance_mm` off,
-    those count that clearly are farther off than the nearest ones.
+    `pole_known` is False where no pole is in view. Where few frames are `free_distance_mm` away,
+    those count as free that are clearly farther away than the nearest ones.
     """
     distance, away = np.asarray(distance, float), ~np.asarray(pole_known)
     with np.errstate(invalid="ignore"):
@@ -233,9 +233,9 @@ def free_frames(distance, pole_known, params=DEFAULTS.forces) -> np.ndarray:
 
 
 def _clear_distance(distance, least_mm, params):
-    """Distance [m] that is no touch's: those of one video's touches are nearly the same.
+    """Distance [m] from which on a whisker does not touch, at least `least_mm` beyond the nearest.
 
-    It is at least `least_mm` beyond the nearest.
+    In the touches of one video, the distance is nearly the same.
     """
     free = 1e-3 * params.free_distance_mm
     known = distance[np.isfinite(distance)]
@@ -243,15 +243,15 @@ def _clear_distance(distance, least_mm, params):
         return free
     noise = robust_sd(np.diff(known, 2), about=0.0) / np.sqrt(6)
     reach = max(1e-3 * least_mm, CLEAR_SD * noise)
-    # a single frame that went astray is not the nearest
+    # a single frame with a tracking error does not count as the nearest
     nearest = _nearest(median_filter(known, 5, mode="nearest"), reach, free)
     return min(free, nearest + reach)
 
 
 def _nearest(distance, reach, free):
-    """Least distance [m] but for stretches that went astray: at which others within `reach` lie.
+    """Least distance [m] that has others within `reach`: it is no tracking error.
 
-    Touches lie closely together; a line that followed something else does not lie with them.
+    Touches have nearly the same distance; a line that followed something else has another one.
     """
     distance = np.sort(distance)
     company = np.searchsorted(distance, distance + reach, "right") - np.arange(len(distance))
@@ -318,7 +318,7 @@ def _averaged(powers, values, share, noise, precision):
 def _smooth(time, residual, share, at):
     """Local line through the residual at times `at`, shrunk to zero where there are few frames.
 
-    Returns it (times, values), and how many frames' worth it is known, (times,).
+    Returns its values (times, values), and the number of frames that support each, (times,).
     """
     if len(time) == 0 or len(at) == 0:
         return np.zeros((len(at), residual.shape[1])), np.full(len(at), DRIFT_SHRINK_FRAMES)

@@ -5,10 +5,10 @@ polynomials, and the bending of a unit force at the point nearest to the pole, a
 
     g(s) = (r_c − r(s)) × f̂ / (E I(s)) for s < c,   f̂ = −side (n̂_c − µ side t̂_c).
 
-The rod is laid with its derivatives by (offset and direction at the contact, a_j, F) in one pass
-(rod_integration.py): Gauss–Newton on the misfit across the whisker (normal_equations.py). A prior
-on a_j (from free frames, rest_shape.py) makes the rest shape's uncertainty part of the force's
-standard error; what else follows from the fitted rod is in rod_outputs.py.
+One pass along the rod integrates it with its derivatives by the parameters: offset and direction
+at the contact, a_j, F (rod_integration.py). Gauss–Newton minimises the misfit across the whisker
+(normal_equations.py). A prior on a_j (from free frames, rest_shape.py) makes the rest shape's
+uncertainty part of the force's standard error. Other results of the fit are in rod_outputs.py.
 """
 
 from dataclasses import dataclass
@@ -56,7 +56,7 @@ from pipeline.numerics.cholesky import factorise, invert
 from whiskermodel.whisker import Whisker
 
 ITERATIONS = 12
-SETTLED_SD = 0.5  # length of a step after which Gauss–Newton has arrived (to some 0.02 SD); …
+SETTLED_SD = 0.5  # length of the last step of Gauss–Newton (then it is right to 0.02 SD); …
 FINE_SETTLED_SD = 1e-4  # … where the likelihood's slope by the origin is needed
 PLACE_MOVES_M = 2e-6  # the contact point is moved along the whisker in steps above this, …
 PLACE_SD = 0.002  # … and the rod laid again where that is more, in arc lengths and SD of the force
@@ -152,21 +152,21 @@ def fit_loaded(
     fine=False,
     misfit=None,
 ) -> ShapeFit:
-    """Fit pose and the force that a pole at the nearest point would exert, given the rest shape.
+    """Fit pose and force, given the rest shape, as if the point nearest to the pole touched it.
 
-    `friction`, one or (rows,), is the signed ratio of tangential to normal force, + pulls
-    towards the tip. `shift` [m], one or (rows,), is added to the arc lengths beside
-    `stations.origin`; the rest shape, measured without it, moves along. With `fine`, fits are
-    settled as finely as the likelihood's slope by the origin needs. `misfit`, if given,
-    (rows, 2, N_STATIONS), is filled with how far stations lie beside the rod, along its normal
-    [m], and the variance of the rod's place there [m²]; those without information, too.
+    `friction`, one or (rows,), is the signed ratio of tangential to normal force, positive where
+    it pulls towards the tip. `shift` [m], one or (rows,), is added to the arc lengths, as
+    `stations.origin` is; the rest shape, measured without it, moves along. With `fine`, fits
+    converge as closely as the likelihood's slope by the origin needs. `misfit`, if given,
+    (rows, 2, N_STATIONS), is filled for all stations with their distance from the rod, along its
+    normal [m], and the variance of the rod's place there [m²].
     """
     load = friction, shift
     return _fit(stations, whisker, curvature_at, prior, load, fine, misfit)
 
 
 def _vague(n):
-    """Covariance of an all but flat prior: 300 1/m in every coefficient."""
+    """Covariance of a nearly flat prior: SD of 300 1/m in every coefficient."""
     return np.broadcast_to(np.eye(N_REST) * 300.0**2, (n, N_REST, N_REST))
 
 
@@ -267,9 +267,9 @@ def _report_misfit(seen, fitted, out):
 
 @njit(**COMPILED)
 def _solve(problem, start, prior, setup, p, laid, sums):
-    """Gauss–Newton into `p`, `laid` and `sums`; returns whether it got there, χ², and the place.
+    """Fit `p`, `laid` and `sums` by Gauss–Newton; return whether it converged, χ², and the place.
 
-    It does not where a trace jumps from line to line: there is no such rod.
+    It does not converge where a trace jumps from line to line: no rod has that shape.
 
     `start`: numbers of the measured stations, the grid place from which to lay at first, usual
     χ². Force and, without a load, rest shape to begin with are in `p`: those of the row before.
@@ -309,7 +309,7 @@ def _solve(problem, start, prior, setup, p, laid, sums):
 
 @njit(**COMPILED)
 def _lies_there(misfit, weight, spacing):
-    """Whether a rod misses its stations by less than they lie apart, RMS."""
+    """Whether the RMS misfit of a rod is less than the distance between stations."""
     return (weight * misfit * misfit).sum() < spacing * spacing * weight.sum()
 
 

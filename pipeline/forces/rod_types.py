@@ -1,10 +1,10 @@
-"""What a rod is fitted to, one video row at a time, and what comes out: named parts."""
+"""Named tuples for the fit of a rod: what goes in, row by row, and what comes out."""
 
 from typing import NamedTuple
 
 import numpy as np
 
-# of the rods' loops; no sums in any order: results would depend on what was compiled before
+# options of the compiled loops; without fastmath, which would sum in an order of its own
 COMPILED = {"cache": True, "error_model": "numpy"}
 OUTPUTS = (
     "force", "force_var", "gap", "gap_var", "gap_force_cov", "contact", "angle", "follicle_x",
@@ -35,7 +35,7 @@ class Load(NamedTuple):
 class Arc(NamedTuple):
     """Station k is at arc length k `spacing` + `origin` [m].
 
-    Of the origin, `moved` came after the rest shape was measured.
+    `moved` is the part of the origin that was added after the rest shape was measured.
     """
 
     origin: float
@@ -92,7 +92,7 @@ class Fitted(NamedTuple):
 
 
 class Rows(NamedTuple):
-    """What differs from row to row, each with the rows first; metres.
+    """Data of all rows, with the rows along the first axis; in metres.
 
     `drift`, `rest_cov` and `rest_by_origin`: of the `RestPrior`.
     """
@@ -113,10 +113,10 @@ class Rows(NamedTuple):
 
 
 class Setup(NamedTuple):
-    """What all rows share.
+    """Values that are the same in all rows.
 
-    `taper`: radius at the base [m] and its loss per length, `at`: arc length of the curvature
-    [m], `settled`: the last step.
+    `taper`: radius at the base [m] and its loss per length; `at`: arc length of the curvature
+    [m]; `settled`: length of a step, in SD, after which the fit stops.
     """
 
     spacing: float
@@ -128,9 +128,9 @@ class Setup(NamedTuple):
 
 
 class Filled(NamedTuple):
-    """Where results go: OUTPUT_ROWs, rest shapes, their covariances, `pull_by_rest`, misfit.
+    """Arrays for the results: OUTPUT_ROWs, rest shapes, their covariances, `pull_by_rest`, misfit.
 
-    The last has no rows where it is not wanted.
+    `misfit` has no rows where it is not wanted.
     """
 
     table: np.ndarray

@@ -1,8 +1,9 @@
-"""What stations err by beside what the picture's noise explains, as free frames show it.
+"""Errors of the stations that the picture's noise does not explain, learnt from free frames.
 
-A codec's errors are no noise of pixels: they grow less towards the thin tip, and pictures that it
-has smoothed seem the better for it. What rods miss stations by in free frames is a multiple of the
-expected variance, which all fits allow for, and a variance that is the same all along the whisker.
+The errors that a codec makes differ from the noise of pixels: they grow less towards the thin tip,
+and a picture that the codec has smoothed seems better than it is. The squared misfits of rods in
+free frames are described by two terms: a multiple of the expected variance, which all fits allow
+for, and a variance that is the same all along the whisker.
 """
 
 import numpy as np
@@ -15,13 +16,13 @@ from pipeline.numerics.runs import evenly
 from whiskermodel.whisker import Whisker
 
 MOST_ROWS = 60
-ROUNDS = 3  # a rod that relies on few stations misses them by too little
+ROUNDS = 3  # of fits: the first rods rely on few stations, and miss these by too little
 
 
 def as_they_scatter(
     places: Stations, whisker: Whisker, curvature_at: float, free
 ) -> tuple[Stations, float]:
-    """Return the stations, all with that constant error beside those they know of; the multiple.
+    """Return the stations with the constant variance added to their own, and the multiple.
 
     `free`, bool (rows,): frames in which nothing touches the whisker; without any it is 1.
     """
@@ -36,9 +37,10 @@ def as_they_scatter(
 
 
 def _parts(misfit, information, doubt):
-    """Variance [m²] beside the inverse of `information`, and how many times that, at least 1, is.
+    """The constant variance [m²], and the multiple, at least 1, of the inverse `information`.
 
-    Both (rows, stations) as `misfit` [m]. `doubt` [m²]: what it is about, for the weights.
+    misfit, information : (rows, stations) [m], [1/m²]
+    doubt : a first value of the constant variance [m²], for the weights
     """
     seen = information > 0
     expected = np.where(seen, 1 / np.where(seen, information, 1.0), np.nan)

@@ -78,7 +78,7 @@ class _Group:
 
 
 def templates_of(lines: Centrelines) -> tuple[WhiskerTemplate, ...]:
-    """Slots of the whiskers in lines that are named already, of those that have any."""
+    """Templates of the whiskers in lines that have names already."""
     templates = []
     for k in np.unique(lines.whisker):
         rows = np.flatnonzero(lines.whisker == k)
