@@ -1,7 +1,8 @@
 """How the lines of every whisker look in a video, learned from all of its frames.
 
-Whiskers whisk together: a whisker's place, angle and bend go with one number per frame, the
-phase of the whisk. What is left beside that is small, and differs from whisker to whisker.
+All whiskers whisk together: the place, angle and bend of each one follow one number per frame, the
+phase of the whisk. What this does not explain is small, and is modelled as a standard deviation
+for each whisker and feature.
 """
 
 from dataclasses import dataclass, replace
@@ -13,8 +14,8 @@ from pipeline.identity.features import ANGLE, N_FEATURES
 from pipeline.numerics.angles import wrapped
 from pipeline.numerics.robust import MAD_TO_SD
 
-FARTHEST = np.array([3.0, 6.0, 3.0, 3.0, 3.0, 3.0])  # SDs in a feature count as no more
-MOST_SD = 1.5  # of the usual whisker's SD: what is wider is several whiskers
+FARTHEST = np.array([3.0, 6.0, 3.0, 3.0, 3.0, 3.0])  # SDs: a larger deviation costs no more
+MOST_SD = 1.5  # of the median whisker's SD: a wider one mixes several whiskers
 UNSEEN = 0.5  # cost of a feature that a line does not show
 FEWEST = 12  # lines needed to fit how a feature varies with the phase
 ENOUGH = 600  # lines of a whisker that are fitted, spread over the video
@@ -52,7 +53,7 @@ class FanModel:
         return _costs(features, phase, self.middle, self.slope, self.sd, self.least_sd)
 
     def phases_of(self, angle, whisker, starts) -> np.ndarray:
-        """Phase of every frame from its lines' angles (rows,) and names (rows,)."""
+        """Phase of every frame, from the angles (rows,) and names (rows,) of its lines."""
         slope = np.maximum(self.slope[whisker, ANGLE], LEAST_SLOPE)
         off = wrapped(angle - self.middle[whisker, ANGLE]) / slope
         return medians(off, np.asarray(starts))
@@ -60,7 +61,7 @@ class FanModel:
 
 @njit(cache=True)
 def medians(values, starts):
-    """Median of every part of some values, from its start to the next one's, NaN left out."""
+    """Median of each part of `values`, from one of the `starts` to the next, without NaN."""
     out = np.full(len(starts) - 1, np.nan)
     for k in range(len(out)):
         part = values[starts[k] : starts[k + 1]]
@@ -99,7 +100,7 @@ def _costs(features, phase, middle, slope, sd, least_sd):
 
 @njit(cache=True)
 def _lay_off(values, phase, n, middle, slope, off):
-    """How far the first `n` values are off a whisker's at these phases."""
+    """Fill `off` with the first `n` values less those of a whisker at these phases."""
     for i in range(n):
         off[i] = values[i] - middle - slope * phase[i]
 
@@ -118,7 +119,7 @@ def _wrap(off, n):
 
 @njit(cache=True)
 def _add_costs(values, off, n, per_sd, wide, most, cost):
-    """Add what the first `n` values cost that are so far `off`; UNSEEN where they are NaN."""
+    """Add the costs of the first `n` values, which deviate by `off`; UNSEEN where they are NaN."""
     for i in range(n):
         scaled = off[i] * per_sd
         square = 0.5 * (scaled * scaled)
@@ -128,7 +129,7 @@ def _add_costs(values, off, n, per_sd, wide, most, cost):
 
 @njit(cache=True)
 def _fit(features, whisker, phase, weight, least_sd, middle, slope, sd):
-    """Fill in (whiskers, 6) what is known of `FanModel.fitted`."""
+    """Fill `middle`, `slope` and `sd`, (whiskers, 6), where enough lines are known."""
     for k in range(len(middle)):
         own = np.flatnonzero(whisker == k)
         own = own[:: 1 + len(own) // ENOUGH]
@@ -141,7 +142,7 @@ def _fit(features, whisker, phase, weight, least_sd, middle, slope, sd):
 
 @njit(cache=True)
 def weighted_median(values, weight):
-    """Value that half of the weight lies below: that part is parted on which holds it."""
+    """Weighted median, by quickselect: the part that holds it is split again and again."""
     own, share = values.copy(), weight.copy()
     first, last, below, half = 0, len(own) - 1, 0.0, 0.5 * share.sum()
     while first < last:
@@ -156,7 +157,7 @@ def weighted_median(values, weight):
                 own[i], own[j], share[i], share[j] = own[j], own[i], share[j], share[i]
                 under += share[i]
                 i, j = i + 1, j - 1
-        # up to j: at most the middle one; from i on: at least; between, it itself
+        # values up to j are at most the pivot, from i on at least; one between equals it
         upto = under - share[i - 1] if i - 1 > j else under
         if upto >= half:
             last = j
@@ -169,7 +170,7 @@ def weighted_median(values, weight):
 
 @njit(cache=True)
 def _robust_line(x, y, weight, least_sd):
-    """Value at 0, slope, SD of y over x: weighted least squares, what lies far off left out."""
+    """Value at 0, slope and SD of y over x: weighted least squares without outliers."""
     keep, off = np.ones(len(x), np.bool_), np.empty(len(x))
     middle, slope, sd = 0.0, 0.0, least_sd
     for _ in range(6):
@@ -188,7 +189,7 @@ def _robust_line(x, y, weight, least_sd):
 
 @njit(cache=True)
 def _weighted_line(x, y, weight, keep):
-    """Weighted means of x and y, and slope of y over x, of those to keep."""
+    """Weighted means of x and y, and slope of y over x, of the points to `keep`."""
     total, mean, level, square, both = 0.0, 0.0, 0.0, 0.0, 0.0
     for i in range(len(x)):
         if keep[i]:

@@ -1,8 +1,8 @@
-"""Labels of lines in a whole video, given when all of it has been tracked.
+"""Names for the lines of a whole video, given when all of it has been tracked.
 
-The tracker follows lines without labels (`tracking.unlabelled_tracker`). Here they wait in a file
-until the video has ended; in memory there are a few numbers per line. The appearance of every
-whisker is learnt from all frames; the labels are those that appearance and motion together make
+The tracker follows lines without names (`tracking.unlabelled_tracker`). Here they are stored in a
+file until the video has ended; only a few numbers per line stay in memory. The appearance of every
+whisker is learnt from all frames. The names are those that appearance and motion together make
 most likely, found in several ways (`ways`).
 """
 
@@ -41,10 +41,11 @@ def assign_identities(
     given: GivenLengths | None = None,
     unnamed: Unnamed | None = None,
 ) -> Iterator[Centrelines]:
-    """Hand on the chunks of a video with a name for every line.
+    """Yield the chunks of a video with a name for every line.
 
-    The lines of a crowd get the names that suit the whole video best (`name_lines`); whiskers
-    that stand apart keep those that the tracker gave them, as far as they are `likely`.
+    The lines of a crowd get the names that suit the whole video best (`name_lines`). Whiskers
+    that stand apart keep the names that the tracker gave them; their confidence is multiplied by
+    how `likely` these are.
 
     Parameters
     ----------
@@ -52,12 +53,12 @@ def assign_identities(
     templates : the `WhiskerTemplate`s that they are named after
     options : the tracker's lengths, and the `Parameters` (`TracingOptions`)
     face_side : side of the picture with the face
-    open_ended : name all whiskers that the video shows, w1, w2, …; else as many as there
+    open_ended : name all whiskers that the video shows, w1, w2, …; else only as many as there
         are templates
     beside : `WhiskerTemplate`s of a side of the face without names: its lines get none
-    given : of all whiskers in session.toml: their lengths tell which of them are seen; None: of
-        the templates
-    unnamed : is told, in the end, of the lines of a crowd that get no name
+    given : lengths of all whiskers in session.toml, by which those that are seen are recognised;
+        None: those of the templates
+    unnamed : in the end, it counts the lines of a crowd that get no name
     """
     if not is_crowd(templates, options):
         return _as_likely(chunks, templates)
@@ -72,7 +73,7 @@ def assign_identities(
 
 
 def _as_likely(chunks, templates):
-    """The chunks, less sure where it is not certain which given whisker each one is."""
+    """The chunks, with less confidence in whiskers whose names are not certain."""
     likely = np.array([template.likely for template in templates], np.float32)
     for chunk in chunks:
         yield replace(chunk, confidence=chunk.confidence * likely[chunk.whisker])
@@ -81,11 +82,11 @@ def _as_likely(chunks, templates):
 def name_lines(
     chunks, templates, sides, open_ended=False, limits: Limits = USUAL, given=None, unnamed=None
 ) -> Iterator[Centrelines]:
-    """Hand on the chunks of a video with the names that suit the whole of it best.
+    """Yield the chunks of a video with the names that suit the whole of it best.
 
-    Lines that are no named whisker's are left out. The confidence is that of the line times the
-    probability of its name; where lengths tell which of the given whiskers are seen, also times
-    the probability that this choice is right.
+    Lines that belong to no named whisker are left out. The confidence is that of the line times
+    the probability of its name; where lengths tell which of the given whiskers are seen, also
+    times the probability that this choice is right.
 
     Parameters
     ----------
@@ -118,7 +119,7 @@ def name_lines(
 
 
 def _all_rows(rows, templates, given, sides, open_ended, limits, unnamed):
-    """Whisker of every line and how sure it is, row by row of the face; what they are called.
+    """Whisker of every line, the probability of that, and the names; row by row of the face.
 
     rows : frame, track, side, features and `_whole_lengths` of the lines
     """
@@ -131,7 +132,7 @@ def _all_rows(rows, templates, given, sides, open_ended, limits, unnamed):
         both = open_ended and len(sides.names) > 1
         direction = 1 if both else _runs_along(row, sides.dials[number])
         here = {name: px for name, px in longest.items() if name.startswith(side_name)}
-        # what the first look did not find may be seen later, and has a name, too
+        # a whisker that the first look missed may be seen later: it has a name, too
         wanted = None if open_ended else max(len(row), len(here))
         named, sure[own] = names(frame[own], track[own], features[own], wanted, direction, limits)
         if open_ended:
@@ -150,14 +151,14 @@ def _all_rows(rows, templates, given, sides, open_ended, limits, unnamed):
 
 
 def _as_given(named, length, given, found):
-    """Number (rows,) of every line's whisker among some names, these names, and how sure it is.
+    """Number (rows,) of every line's whisker, the names that are numbered, and how sure each is.
 
-    The last (rows,) is the probability that the whisker is the given one of that name.
+    The last, (rows,), is the probability that the whisker is really the given one of that name.
 
     named : (rows,) numbers in order along the face, −1 for none
-    length : (rows,) logarithms of lengths [px], NaN where a line does not show it
-    given : name → length that is seen at most [px], in the same order
-    found : names that are among those in any case
+    length : (rows,) logarithms of the whiskers' lengths [px], NaN where a line is cut short
+    given : name → largest visible length [px], in the same order
+    found : names that are kept in any case
     """
     count = np.bincount(named[named >= 0])
     seen_px = np.exp(_medians(length, named, count))
@@ -170,7 +171,7 @@ def _as_given(named, length, given, found):
 
 
 def _whole_lengths(chunk, length, ground):
-    """Logarithms of the lines' lengths (lines,), NaN where a whisker goes on beyond its line."""
+    """Logarithms of the lines' lengths (lines,), NaN where a line is cut short."""
     end = chunk.offsets[1:] - 1
     whole = line_ends.whole(chunk.x_px[end], chunk.y_px[end], ground)
     return np.where(whole, length, np.nan)
@@ -185,8 +186,8 @@ def names(frame, track, features, wanted=None, direction=1, limits: Limits = USU
     ----------
     frame, track : (rows,)
     features : (rows, 6) of `line_features`
-    wanted : how many whiskers to name, those most and best seen; None: all that are not seldom
-        seen
+    wanted : how many whiskers to name: those seen in most frames, and best; None: all but those
+        that are seldom seen
     direction : 1: in ascending order of their directions; −1: descending
     limits : the room's parameters
     """
@@ -204,14 +205,14 @@ def names(frame, track, features, wanted=None, direction=1, limits: Limits = USU
 def with_unnamed(
     frame, track, whisker, sure, unnamed_confidence=DEFAULTS.identity.nameless_confidence
 ):
-    """Give lines that belong to no named whisker a place of their own beside the named ones.
+    """Give lines that belong to no named whisker numbers after those of the named ones.
 
-    They keep `unnamed_confidence` as their confidence. Tracks that do not overlap in time share a
-    place; those of a few frames only are left out. Returns `whisker` and `sure` anew.
+    Their confidence is `unnamed_confidence`. Tracks that do not overlap in time share a number;
+    those of a few frames only are left out. Returns new `whisker` and `sure`.
     """
     whisker, sure = whisker.copy(), sure.copy()
     first = whisker.max(initial=-1) + 1
-    ends = []  # last frame of each place beside the named ones
+    ends = []  # last frame of each of the new numbers
     unnamed = np.flatnonzero(whisker < 0)
     unnamed = unnamed[np.lexsort((frame[unnamed], track[unnamed]))]
     parts = np.split(unnamed, np.flatnonzero(np.diff(track[unnamed])) + 1)
@@ -241,14 +242,14 @@ def _in_order(whisker, lines, wanted, direction):
 
 
 def _medians(values, whisker, count):
-    """Median of every whisker's rows, NaN of none; whisker: −1 where a row has none."""
+    """Median of each whisker's rows, NaN if it has none; `whisker` is −1 for rows without one."""
     order = np.argsort(whisker, kind="stable")
     unnamed = len(whisker) - count.sum()
     return medians(values[order], np.append(unnamed, unnamed + np.cumsum(count)))
 
 
 def _runs_along(templates, dial) -> int:
-    """1 where the templates run along the face as directions do, −1 where against."""
+    """1 if the templates stand in ascending order along the face, −1 if in descending order."""
     places = [
         np.dot(np.subtract(template.base_xy, dial.centre), dial.along) for template in templates
     ]

@@ -1,7 +1,7 @@
 """What distinguishes the lines of different whiskers: a few numbers per traced line.
 
-Directions are those in which a centre behind the fur sees the line at fixed distances: there a
-line is measured well, while its first millimetre is drawn aside by fur.
+A direction is that from a centre behind the fur to the line, at a fixed distance from the centre.
+There the line is measured well, while fur shifts its first millimetre.
 """
 
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ PIECE = 6  # nodes, the least that give a direction
 
 @dataclass(frozen=True)
 class Dial:
-    """Where the directions are taken: centre [px], the face's directions, distances (4,) [px]."""
+    """How directions are measured: centre [px], directions of the face, distances (4,) [px]."""
 
     centre: np.ndarray
     along: np.ndarray
@@ -80,8 +80,7 @@ def _fill(offsets, xs, ys, thickness, centre, along, outward, distances, out):
 def _directions(x, y, centre, along, outward, distances):
     """Directions (4,) [rad] of a line at distances from the centre.
 
-    The first two are carried on from the line's end where it does not reach them; the others are
-    NaN there.
+    Where the line does not reach the first two, it is extended beyond its end; the others are NaN.
     """
     out = np.full(len(distances), np.nan)
     n = len(x)

@@ -1,9 +1,10 @@
 """Names of a video's lines, improved by exchanging two whiskers' names in some frames.
 
-A video has far too many ways to name its lines to look at all of them. But with all names held
-apart from those of two whiskers there are two ways in every frame, exchanged or not, and the best
-of the 2^frames is found at once (Viterbi), as is the probability of either in every frame (forward
-and backward sums). Pair after pair is taken until no exchange makes anything likelier.
+There are far too many ways to name the lines of a video to try all of them. But if all names are
+fixed except those of two whiskers, only two are left in every frame, exchanged or not. The best of
+these 2^frames is found at once (Viterbi), and the probability of either in every frame, too
+(forward and backward sums). One pair after the other is treated, until no exchange makes the names
+likelier.
 """
 
 import numpy as np
@@ -23,7 +24,7 @@ MOST_LIKE = 4  # whiskers, for each, with which it may have changed places
 def improved(evidence: Evidence, names, track) -> np.ndarray:
     """Names (rows,) after all exchanges that make them likelier, −1 for none.
 
-    track : (rows,) the tracer's tracks, in which nameless lines are taken together
+    track : (rows,) the tracker's tracks; nameless lines of one track are treated together
     """
     rows_of = _table(evidence, names)
     pairs = _alike(evidence, rows_of)
@@ -42,7 +43,7 @@ def improved(evidence: Evidence, names, track) -> np.ndarray:
 def certainty(evidence: Evidence, names, trust=TRUST) -> np.ndarray:
     """Probability of every row's name (rows,), 1 where there is none.
 
-    trust : part of the costs that counts
+    trust : factor of the costs, below 1 since errors of neighbouring frames are alike
     """
     rows_of = _table(evidence, names)
     sure = np.ones(len(names))
@@ -56,10 +57,10 @@ def certainty(evidence: Evidence, names, trust=TRUST) -> np.ndarray:
 
 
 def _alike(evidence, rows_of):
-    """Pairs (n, 2) of whiskers, the later one first, of which one is most like the other.
+    """Pairs (n, 2) of similar whiskers, the later one first.
 
-    Like it are those whose name costs its lines least. With these alone, not with all, the time
-    grows with the number of whiskers and not with its square.
+    Those are similar to a whisker whose names cost its lines least. With these pairs only,
+    computing time grows with the number of whiskers and not with its square.
     """
     count, cost = len(rows_of), _usual_looks(evidence.look, rows_of)
     np.fill_diagonal(cost, np.inf)
@@ -107,7 +108,7 @@ def _names(rows_of, count):
 
 
 def _nothing_kept(pairs, frames):
-    """Room for every pair's steps (pairs, frames, 2, 2), and for the rows that they are of."""
+    """Arrays for the steps of all pairs (pairs, frames, 2, 2), and for the rows they belong to."""
     return np.zeros((pairs, frames, 2, 2)), np.full((pairs, 2, frames), -2, np.int32)
 
 
@@ -149,7 +150,7 @@ def _exchange_all(evidence, rows_of, pairs, kept, before, changed):
 
 @njit(cache=True, error_model="numpy")
 def _renew(evidence, a, b, one, other, steps, known_one, known_other):
-    """Bring `steps`, which are of the `known` rows, and these up to date with one and other.
+    """Compute `steps` again where rows `one` and `other` are not the `known` ones; set these.
 
     Exchanges change few frames: most steps stay as they are.
     """
@@ -163,7 +164,7 @@ def _renew(evidence, a, b, one, other, steps, known_one, known_other):
 
 @njit(cache=True)
 def _seen_before(rows, last):
-    """Row in which a whisker was seen last before every frame (frames,); `last`: before all."""
+    """For every frame, the row in which a whisker was last seen; `last` before the first one."""
     out = np.empty(len(rows), np.int64)
     for t in range(len(rows)):
         out[t] = last
@@ -275,7 +276,7 @@ def _claimed(evidence, a, own, other, before, again):
     Neither is exchanged before, nor where the whisker is seen `again` in the last frame.
     """
     steps = _steps(evidence, a, -1, own, other, (before, -1))
-    # what is exchanged from the first frame on goes on from where the whisker itself was
+    # exchanged from the first frame on: it continues from where the whisker itself was
     if other[0] >= 0:
         first = _cost(evidence, a, before, other[:1])
         steps[0, 0, 1] = first + (evidence.nameless[own[0]] if own[0] >= 0 else 0.0)
@@ -306,7 +307,7 @@ def _claim(evidence, seen, a, rows, before, next_, changed):
     before, next_ : the frames beside this line in which it is seen, as of `_seen_beside`
     """
     first, count = evidence.frame[rows[0]], len(rows)
-    # nothing happens until the whisker is seen again: one empty frame stands for all
+    # nothing happens until the whisker is seen again: one empty frame represents all of these
     empty, again = min(next_ - first - count, 1), next_ < len(seen)
     own, other = np.full((2, count + empty + again), -1)
     own[:count], other[:count] = seen[first : first + count], rows

@@ -1,4 +1,4 @@
-"""What it costs a whisker to go on as another line than before, by how lines move."""
+"""Cost of a whisker's continuing as a given line in the next frame, by how lines move."""
 
 from typing import NamedTuple
 
@@ -13,7 +13,7 @@ TAKEN = 15.0  # cost of a line that was another's, for a whisker that had none o
 
 
 class Evidence(NamedTuple):
-    """What the names are inferred from; compiled functions take it whole.
+    """All that names are inferred from, in one tuple for the compiled functions.
 
     Attributes
     ----------

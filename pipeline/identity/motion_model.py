@@ -1,4 +1,4 @@
-"""How lines move from frame to frame: what all whiskers turn by, and what is left beside it."""
+"""How lines move from frame to frame: the turn of all whiskers, and what each one does beside."""
 
 import numpy as np
 from numba import njit
@@ -22,7 +22,7 @@ SLOW, QUICK = 0.5, 0.8  # quantiles of the turn, below and above which motions a
 
 
 def evidence_of(model: FanModel, lines, phase, appearance=1.0) -> Evidence:
-    """What the names of a video's lines are inferred from.
+    """The `Evidence` from which the names of a video's lines are inferred.
 
     Parameters
     ----------
@@ -64,9 +64,9 @@ def evidence_of(model: FanModel, lines, phase, appearance=1.0) -> Evidence:
 
 
 def newness(turn, limits) -> np.ndarray:
-    """Weight of every frame (frames,), by what all whiskers turn by [rad]; 1 where not known.
+    """Weight of every frame (frames,), by the turn of all whiskers [rad]; 1 where not known.
 
-    While they rest, frame after frame shows the same.
+    While they rest, each frame shows the same as the one before.
     """
     moved = np.nan_to_num(np.abs(turn) / limits.moving, nan=1.0)
     return np.clip(moved, QUIET, 1.0)
@@ -82,7 +82,7 @@ def _goes_on(frame, before, step, turn, own_turn):
 
 
 def _is_even(turn, own_turn):
-    """Frames in which the turn of all is about that of those beside, bool (frames,)."""
+    """Frames in which the common turn is about that of the neighbouring frames, bool (frames,)."""
     return np.abs(turn - median_filter(turn, 3, mode="nearest")) < own_turn
 
 
@@ -102,7 +102,7 @@ def _lasting(before, steady, count):
 
 
 def phases(model: FanModel, features, frame, names) -> np.ndarray:
-    """Phase of every frame (frames,) by its named lines; between those where there are none."""
+    """Phase of every frame (frames,) from its named lines; interpolated where it has none."""
     known = np.flatnonzero(names >= 0)
     present, starts = np.unique(frame[known], return_index=True)
     starts = np.append(starts, len(known))
@@ -120,7 +120,7 @@ def row_before(frame, track) -> np.ndarray:
 
 
 def common_turns(features, frame, before, slope=1.0) -> np.ndarray:
-    """What all whiskers turn by from the frame before to every frame, (frames,) [rad]."""
+    """Turn of all whiskers from the frame before to each frame, (frames,) [rad]."""
     turn = _steps(features[:, ANGLE], before) / slope
     known = np.flatnonzero(np.isfinite(turn))
     out = np.zeros(frame[-1] + 1)

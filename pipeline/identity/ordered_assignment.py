@@ -1,11 +1,11 @@
 """Appearance of a crowd's whiskers, learned from lines that keep their order along the face.
 
-Frame by frame, lines in their order along the face are given to whiskers in theirs, at a phase of
-the whisk; some lines get no name, some whiskers are not seen (alignment of two sequences,
-Needleman & Wunsch, J. Mol. Biol. 48:443, 1970). A row that has moved on by one whisker looks much
-the same at another phase: the phases are those that suit the whole video best, as they change by
-what the lines are seen to turn (Viterbi). Names and appearance are found in turn; at first, the
-k-th line along the face is the k-th whisker's.
+In every frame, lines and whiskers are both ordered along the face, and are aligned with each other
+at a phase of the whisk; some lines get no name, and some whiskers no line (Needleman & Wunsch,
+J. Mol. Biol. 48:443, 1970). A row that has moved on by one whisker looks much the same as another
+phase. So the phases are those that suit the whole video best, given how much the lines are seen to
+turn from frame to frame (Viterbi). Names and appearance are found in turn; to begin with, the k-th
+line along the face belongs to the k-th whisker.
 """
 
 from dataclasses import dataclass
@@ -89,9 +89,9 @@ class Naming:
 
 
 def named_in_order(lines: Lines, least_sd) -> list[Naming]:
-    """Names of all lines, for several numbers of whiskers, the cheapest first.
+    """Names of all lines for several numbers of whiskers, ordered by cost.
 
-    The number of lines that most frames have is tried first, then more and fewer, as long as the
+    The commonest number of lines in a frame is tried first, then more and fewer, as long as the
     cost falls.
 
     least_sd : (6,) of the features
@@ -243,7 +243,7 @@ def _align_frames(cost, along, starts, phase, middle, slope, names, total):
 
 @njit(cache=True)
 def _in_ascending_order(values, order):
-    """Whether an order of values is already theirs: sorting again takes longer."""
+    """Whether `order` already sorts the values, which is faster to test than to sort again."""
     ascending = True
     for k in range(1, len(order)):
         ascending &= values[order[k - 1]] <= values[order[k]]

@@ -1,6 +1,6 @@
 """First appearance of each whisker of a crowd, and whiskers that were overlooked.
 
-A long track that matches no whisker is a whisker more.
+A long track that matches no whisker is taken for another whisker.
 """
 
 import numpy as np
@@ -14,7 +14,7 @@ MOST = 20  # whiskers
 
 
 def with_more(model: FanModel, names, lines) -> tuple[FanModel, np.ndarray]:
-    """The model with a few more whiskers from long tracks without a name, and the names with them.
+    """The model and the names with a few more whiskers, from long tracks without a name.
 
     lines : `Lines`, whose limits say how long such a track is
     """
@@ -46,7 +46,7 @@ def with_more(model: FanModel, names, lines) -> tuple[FanModel, np.ndarray]:
 
 
 def appearance_of(lines, names, least_sd) -> FanModel:
-    """The model of whiskers of which some lines are known, before any phase is.
+    """The model of whiskers, from lines that are known to be theirs; the phases are not yet known.
 
     lines : `Lines`; names : (rows,) −1 for none; least_sd : (6,) of the features
     """

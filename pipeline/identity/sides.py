@@ -1,4 +1,4 @@
-"""The two sides of a face: rows of whiskers that grow apart, and turn against each other."""
+"""The two sides of a face: rows of whiskers that point and turn in opposite directions."""
 
 from dataclasses import dataclass
 
@@ -18,7 +18,7 @@ class Sides:
     along : direction along the face, (x, y)
     cuts : place along the face [px] from which on a line is the second row's; none for one row
     dials : the `Dial` of each row
-    names : what the names of each row's whiskers begin with; "" for one row
+    names : prefix of the names in each row, such as "left_"; "" for one row
     """
 
     along: np.ndarray

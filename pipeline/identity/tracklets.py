@@ -1,9 +1,10 @@
 """First names from tracklets: stretches of a track in which its line never jumps.
 
-Names in order along the face (`ordered_assignment`) rest on how the row looks, frame by frame;
-these rest on how lines move. Tracklets are joined where one goes on as another has ended, moved on
-with the row, and are then gathered as whiskers: tracklets of one whisker are never seen at once,
-and have about the same direction in the row, length and thickness.
+Names in order along the face (`ordered_assignment`) depend on how the row looks, frame by frame;
+these depend on how lines move. Two tracklets are joined where one begins at the place to which the
+row's motion has carried the end of the other. Joined ones are then grouped into whiskers:
+tracklets of one whisker are never seen at once, and have similar direction in the row, length and
+thickness.
 """
 
 from dataclasses import dataclass
@@ -27,7 +28,7 @@ LINK_SD, LINK_SD_PER_ROOT_FRAME = np.radians([1.0, 0.4])  # of a direction over 
 WHISKER_SD = np.radians(4.0)  # of a whisker's direction in the row, from stretch to stretch
 LONG = 15  # frames, in which a direction in the row is known
 LENGTH_SD, THICKNESS_SD = 0.3, 0.25  # of their logarithms
-GATE = 12.0  # sum of three squares: more is another whisker
+GATE = 12.0  # sum of three squared deviations: a larger one is another whisker's
 OVERLAP = 2  # frames in which two tracklets of one whisker may both be seen
 LEAST_MISFIT = 1e-9  # a link of none would count as no link
 PRECISION, MOST_STEPS = 1e-4, 300  # of directions in the row
@@ -59,7 +60,7 @@ def often_seen(named, frame, least_share):
 
 @dataclass(frozen=True)
 class RowMotion:
-    """How the row turns from each frame to the next: shift + gain · direction, both (frames,)."""
+    """Turn of the row from each frame to the next: shift + gain · direction, both (frames,)."""
 
     shift: np.ndarray
     gain: np.ndarray
@@ -82,7 +83,7 @@ class RowMotion:
         return cls(*out)
 
     def carried(self, angle, frame):
-        """Directions [rad] in LONGEST_GAP frames from `frame` on of what moves on with the row."""
+        """Directions [rad] in LONGEST_GAP frames from `frame` on, of a line moving as the row."""
         return _carried(self.shift, self.gain, angle, frame)
 
 
@@ -139,9 +140,9 @@ def _meets_another(angle, frame):
 
 
 def _joined(tracklets, lines, motion) -> list:
-    """Rows of every path: tracklets of which each goes on as the one before it ended.
+    """Rows of every path: tracklets joined end to end.
 
-    The links are those of least misfit in all; to end costs as much as the GATE.
+    The links have the least total misfit; a path that ends costs as much as the GATE.
     """
     count = len(tracklets)
     one, other, misfit = _links(tracklets, lines, motion)
@@ -161,9 +162,9 @@ def _joined(tracklets, lines, motion) -> list:
 
 
 def _links(tracklets, lines, motion):
-    """Tracklets a and b of which b may be what a goes on as, and the misfit in squared SDs.
+    """Tracklets a and b where b may continue a, and the misfits in squared SDs.
 
-    A long tracklet's direction in the row is known, and counts as well.
+    The direction in the row counts, too, of tracklets long enough to show it.
     """
     features, frame = lines.features, lines.frame
     appearance = _appearance(tracklets, lines)[:, 0]
@@ -203,9 +204,9 @@ def _unlike(one, others):
 
 
 def _gathered(paths, lines) -> list:
-    """Rows of every whisker: the longest paths first, each with what is like it and not beside it.
+    """Rows of every whisker: longest path first, each joins a similar whisker not seen beside it.
 
-    A path that is like none becomes a whisker by itself.
+    A path that is like none becomes a whisker of its own.
     """
     appearance = _appearance(paths, lines)
     known, rows, seen = np.empty((0, 3)), [], []  # of every whisker

@@ -6,7 +6,7 @@ from pipeline.identity.features import LENGTH, THICKNESS
 
 
 class Unnamed:
-    """Counts how many more lines that look like whiskers are seen at a time than have names.
+    """Counts the lines without a name that look like whiskers, as many as are seen at a time.
 
     fur_share : length × absorbance, of the plainest named whisker, below which a line is fur
     first_look : the count where no row is added: whiskers that stand apart get their names in
@@ -18,7 +18,7 @@ class Unnamed:
 
     @property
     def count(self) -> int:
-        """Of all rows of the face that were added, in the median over frames."""
+        """Such lines of all rows of the face that were added, in the median over frames."""
         return sum(self.rows) if self.rows else self.first_look
 
     def add(self, frame, named, features) -> None:

@@ -1,8 +1,8 @@
-"""Names of a video's lines by several ways, which vote: the better one is, the more it counts.
+"""Names of a video's lines, found in several ways that vote: better ones have more votes.
 
-A whisker keeps its length, however it turns. Where the whole row is named one whisker further
-after a fast whisk, angles and bends still go with the phase, but lengths do not: such ways fall
-through.
+A whisker keeps its length, however it turns. If after a fast whisk the whole row is named one
+whisker too far along, angles and bends still fit the phase, but lengths do not: so names found in
+such a way have few votes.
 """
 
 import itertools
@@ -32,8 +32,8 @@ ALIKE = 1.5  # power of the share of the votes: ways that share lines share erro
 def best_names(lines) -> tuple[np.ndarray, np.ndarray]:
     """Names (rows,), as whiskers were found, −1 for none, and how sure they are (rows,).
 
-    That is the probability that no two whiskers have changed names, times the share of the votes
-    for this name, to the power of ALIKE.
+    That is the probability that no two whiskers have exchanged names, times the share of the votes
+    for this name to the power of ALIKE.
     """
     if lines.frame[0] == lines.frame[-1]:  # in a single frame every line is a whisker by itself
         return np.arange(len(lines.frame)), np.ones(len(lines.frame))
@@ -70,7 +70,7 @@ def _voted(starts, ways, weight):
 def _ways(lines):
     """Names (rows,) from different first ones on, each by two weights, as of `_likeliest`.
 
-    The second time time is reversed: what leads astray in one direction seldom does in the other.
+    Then again with time reversed: what misleads in one direction seldom does in the other.
     """
     back, rows = lines.backwards()
     for model, names in _first_names(lines):
