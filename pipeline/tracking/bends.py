@@ -1,4 +1,4 @@
-"""How lines turn along their length, and how far a whisker's may."""
+"""How much lines bend along their length, and how much a whisker may."""
 
 from typing import NamedTuple
 
@@ -20,8 +20,9 @@ class Bends(NamedTuple):
 def is_like_a_whisker(x, y, n, before_x, before_y, m, off_edges, farthest, bends):
     """Whether a line leaves the face, is bent as whiskers are, and begins where it was before.
 
-    farthest : that its base may have moved from the line `before`, of m nodes [px]: not along it,
-        where the fur's edge decides; bends : `Bends`
+    farthest : how far from the line `before`, of m nodes, its base may be [px]; along that line it
+        may be anywhere, as the edge of the fur is
+    bends : `Bends`
     """
     return (
         min(
@@ -48,7 +49,8 @@ def _distance(x, y, line_x, line_y, n):
 def hooked(x, y, n, bends):
     """Whether a line turns sharply near its base: there it follows fur, not a whisker.
 
-    Without it, twice as many lines in a mouse's face are no whiskers (0.67 a frame for 0.33).
+    Without this test, twice as many lines at a mouse's face are no whiskers (0.67 instead of 0.33
+    per frame).
     """
     return turning_range(x, y, min(n, bends.hook)) > bends.at_hook
 

@@ -1,8 +1,8 @@
-"""Which whiskers of session.toml the found ones are, by their order along the face and lengths.
+"""Which whisker of session.toml each found one is, from their lengths and order along the face.
 
-Where fewer are found than given, the order alone does not tell which ones are missing: one hidden
-whisker would shift the names, and so the dimensions, of all that follow. Whiskers of two rows may
-stand one behind the other: their order alone is not certain.
+Where fewer are found than given, their order alone does not tell which ones are missing: one
+hidden whisker would shift the names, and so the dimensions, of all that follow. And the order is
+not certain where whiskers of two rows stand one behind the other.
 """
 
 import re
@@ -15,7 +15,7 @@ NAME = re.compile(r"(?:.*_)?[A-Fa-f](\d)")  # row and arc; arc 1 is posterior (B
 FADED = np.linspace(-0.4, 0.05, 19)  # logarithms of seen over given lengths: tips fade
 FADING = 0.5  # cost of so much fading, per logarithm: 0.03 to 0.15 are usual
 ANY_SCALE = np.linspace(-1.2, 1.2, 97)  # the same where the scale may be wrong by a factor of 3
-EXCHANGED = 0.15  # cost of two neighbours that stand in the other order
+EXCHANGED = 0.15  # cost of two neighbours in the opposite order
 MISSED = 0.2  # cost, as of a logarithm, of a whisker of mean length: short ones are rather missed
 FARTHEST = 0.5  # a logarithm that is farther off is a line cut short, and counts as no more
 USUAL = 0.04  # mean misfit of a logarithm: by so much more, a choice is e times less likely
@@ -23,9 +23,9 @@ SURE = 0.03  # mean logarithm by which lengths fit better in one order than in t
 
 
 class GivenLengths(NamedTuple):
-    """Name → length that is seen at most [px], in the order of session.toml.
+    """Name → largest visible length [px], in the order of session.toml.
 
-    `ground` is where a line that ends is a whole one (`line_ends.open_ground`); None: everywhere.
+    `ground` : pixels where a line's end is the whisker's tip (`line_ends.open_ground`); None: all
     """
 
     longest_px: dict[str, float]
@@ -38,10 +38,10 @@ class GivenLengths(NamedTuple):
 
 
 def numbers_in_order(seen_px, given_px) -> np.ndarray:
-    """Number (k,) of the given whisker that each of k seen ones is, ascending but for neighbours.
+    """Number (k,) of the given whisker that each of k seen ones is, in ascending order.
 
-    Of all choices in order that whose lengths are most alike, some neighbours exchanged where
-    lengths say so; the first ones where all are alike.
+    Of all choices in this order, the one whose lengths agree best; two neighbours are exchanged
+    where their lengths say so. If all choices agree as well, the first k.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ def numbers_in_order(seen_px, given_px) -> np.ndarray:
 def runs_backwards(seen_px, given_px) -> bool | None:
     """Whether the seen whiskers are in the reverse order of the given ones; None: not sure.
 
-    Their lengths beside each other tell, whatever the scale.
+    Only the ratios of their lengths count, not the scale.
     """
     forwards, backwards = (
         _likest(seen, given_px, ANY_SCALE, 0.0)[1] for seen in (seen_px, seen_px[::-1])
@@ -71,8 +71,8 @@ def posterior_first(names) -> bool:
 def probabilities(seen_px, given_px, numbers) -> np.ndarray:
     """Probability (k,) that each of k seen whiskers is the given one of its number.
 
-    All choices count by their likelihoods (forward and backward sums); 1 where lengths tell
-    nothing.
+    All choices are weighted by their likelihoods (forward and backward sums). 1 where lengths are
+    not known.
 
     Parameters
     ----------
@@ -108,7 +108,7 @@ def _likest(seen_px, given_px, faded=FADED, fading=FADING):
 
 
 def _way_back(least, costs, missed):
-    """Numbers (k,) by which the least cost (k + 1, m + 1) of all was reached."""
+    """Numbers (k,) that lead to the least cost, from the table `least` (k + 1, m + 1)."""
     k, m = costs.shape
     numbers, i, j = np.empty(k, int), k, m
     while i:
@@ -124,10 +124,10 @@ def _way_back(least, costs, missed):
 
 
 def _costs(seen_px, given_px, faded=FADED, fading=FADING):
-    """Costs (fades, k, m) of every seen whisker as every given one, and (m,) of none as this one.
+    """Costs (fades, k, m) of each seen whisker as each given one, and (m,) of missing a given one.
 
-    The last (fades,) is the cost of fading so much. Where lengths are not known, the first ones
-    are there.
+    The last, (fades,), is the cost of so much fading. Where lengths are not known, the costs
+    choose the first k whiskers.
     """
     seen, given = np.log(np.asarray(seen_px, float)), np.log(np.asarray(given_px, float))
     off = seen[:, None] - given - faded[:, None, None]

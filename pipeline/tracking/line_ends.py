@@ -1,4 +1,4 @@
-"""Whether a line ends as its whisker does: not at the border, nor where something hides it."""
+"""Whether a line ends at the tip of its whisker: not at the border, nor where it is hidden."""
 
 import cv2
 import numpy as np
@@ -10,7 +10,7 @@ BORDER_PX = 12  # a line that ends nearer to the border may go on beyond it
 
 
 def open_ground(scene) -> np.ndarray:
-    """Where a line that ends is a whole one, bool (height, width): far from all that hides it.
+    """Pixels where a line's end is the whisker's tip, bool (height, width): nothing near hides it.
 
     scene : StaticScene, or the video's epochs; what is hidden in one of them counts
     """
@@ -21,7 +21,7 @@ def open_ground(scene) -> np.ndarray:
 
 
 def whole(x_px, y_px, ground) -> np.ndarray:
-    """Whether whiskers whose far ends are seen at these places end there.
+    """Whether lines that end at these places show their whiskers to the tip.
 
     ground : as of `open_ground`; None: everywhere
     """

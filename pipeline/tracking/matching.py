@@ -1,8 +1,8 @@
 """Which line is which whisker, by where it leaves the face, its angle, thickness and length.
 
-Whiskers whisk together: between two frames all angles change by about the same, which is found
-out first. What remains is compared whisker by whisker, and the lines are given out so that all
-together fit best.
+Whiskers whisk together: between two frames all angles change by about the same amount, which is
+estimated first. The remaining differences are compared whisker by whisker, and lines are assigned
+to whiskers so that all together fit best.
 """
 
 from dataclasses import dataclass
@@ -27,7 +27,7 @@ PLACE, ANGLE, THICKNESS, LENGTH = range(4)
 
 @dataclass(frozen=True)
 class Ruler:
-    """What turns lines into signatures: the face's directions and lengths in pixels."""
+    """Directions of the face and lengths in pixels, with which lines get their signatures."""
 
     along: np.ndarray
     outward: np.ndarray
@@ -92,7 +92,8 @@ def _misfits(seen, known, sd, shifts):
                 if k == ANGLE:
                     turn = off * sd[k]
                     continue
-                # something may hide a tip: a short line is less strange than a long one
+                # something may hide a tip: a line that is too short is less odd than one that is
+                # too long
                 if k == LENGTH and off < 0:
                     off *= 0.5
                 square = off * off
@@ -108,7 +109,7 @@ def _misfits(seen, known, sd, shifts):
 
 @dataclass(frozen=True)
 class Match:
-    """Lines given to whiskers: pairs (line, whisker), their misfits, the shift of all angles."""
+    """Assignment of lines: pairs (line, whisker), their misfits, the shift of all angles."""
 
     pairs: list
     misfit: np.ndarray
@@ -117,15 +118,15 @@ class Match:
 
 
 def match(seen, known, sd, shifts=SHIFTS, middle=0.0) -> Match:
-    """Give lines to whiskers so that all fit best, with the common shift that suits them most.
+    """Assign lines to whiskers so that all fit best, at the best common shift of their angles.
 
-    `shifts` [rad] are tried around `middle`; a shift far from it must be worth it.
+    `shifts` [rad] are tried around `middle`; the farther off, the better they must fit.
     """
     best = Match([], np.empty(0), middle, -np.inf)
     if not len(seen) or not len(known):
         return best
     tried = middle + np.asarray(shifts)
-    # as if a whisker could have several lines: shifts that gain nothing even so are not tried
+    # only the most promising shifts are tried, by an upper bound: as if lines could share whiskers
     nearest = misfits(seen, known, sd, tried).min(axis=-1)
     hope = (MISFIT - np.minimum(nearest, MISFIT)).sum(axis=-1)
     hope -= ((tried - middle) / SHIFT_SD) ** 2

@@ -1,4 +1,4 @@
-"""Which whiskers a video shows: lines of some frames brought together, whisker by whisker."""
+"""Which whiskers a video shows: the lines of some frames, grouped by whisker."""
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -22,13 +22,13 @@ from pipeline.tracking.given_lengths import (
 from pipeline.tracking.matching import Ruler
 from pipeline.tracking.snout import anterior_first
 
-SEEN_TOGETHER = 3.0  # frames: two whiskers that would so often by chance are, at least once
+SEEN_TOGETHER = 3.0  # frames: where chance gives so many, two whiskers are seen in one at least
 FEWEST_WHOLE = 3  # lines needed for a whisker's length
 
 
 @dataclass(frozen=True)
 class WhiskerTemplate:
-    """What is known beforehand of one whisker: where it leaves the face, how long it is seen.
+    """What the first look shows of one whisker: where it leaves the face, its visible length.
 
     `samples` are lines of it, of the sample frames with the numbers `frames`. `signature` is as of
     matching.Ruler, less the turn of all whiskers. No line of this whisker is longer than
@@ -95,7 +95,7 @@ def usual_strength(lines) -> float:
 
 
 def usual_absorbance(lines) -> float:
-    """Part of the light that the usual line takes, in the median along it; inf of none."""
+    """Share of the light that a typical line absorbs, in the median along it; inf: no lines."""
     return float(np.median([np.median(each.amplitude[: each.n]) for each in lines] or [np.inf]))
 
 
@@ -110,7 +110,7 @@ def find_templates(
     scene : StaticScene, or the video's epochs, which need `indices`
     names : names of the whiskers, anterior → posterior; None: those that are mostly seen,
         called w1, w2, …
-    indices : frame numbers of `frames`; None: whichever, the scene is always the same
+    indices : frame numbers of `frames`; not needed where the scene never changes
 
     Returns
     -------
@@ -150,7 +150,7 @@ def templates_and_others(frames, scene, options, names=None, indices=None):
 
 
 def mostly_seen(share, strength, params) -> np.ndarray:
-    """Numbers of the lines that are seen in enough frames, and are no fur beside the others.
+    """Numbers of the lines that are seen in enough frames, and are too strong to be fur.
 
     share : of the frames in which each line is seen, (lines,)
     strength : as of `usual_strength`, (lines,) [px]
@@ -164,7 +164,7 @@ def mostly_seen(share, strength, params) -> np.ndarray:
 def named_as_given(templates, given: GivenLengths) -> list[WhiskerTemplate]:
     """The templates, anterior first, as whiskers of session.toml, in the order of these.
 
-    Lengths, where they tell the order, are surer than which end is the anterior one.
+    Where lengths show the order, they are trusted more than the guess which end is anterior.
 
     Parameters
     ----------
@@ -195,10 +195,10 @@ def _template(group: _Group) -> WhiskerTemplate:
 
 
 def gather(found: list[list[Line]], ruler: Ruler) -> list[_Group]:
-    """Bring the lines of several frames together: one group per whisker.
+    """Group the lines of several frames by whisker.
 
-    The frame in which most is seen begins; every other one is matched to what is known by then.
-    Then all are matched once more, to the groups as they have become.
+    The frame with the strongest lines comes first; every other one is matched to the groups of
+    those before. Then all frames are matched again to the final groups.
     """
     seen = [ruler.signatures(lines) for lines in found]
     strength = [sum(line_choice.contrast_length(line) for line in lines) for lines in found]
@@ -216,7 +216,7 @@ def gather(found: list[list[Line]], ruler: Ruler) -> list[_Group]:
 
 
 def _joined(groups: list[_Group], n_frames: int, ruler: Ruler) -> list[_Group]:
-    """Join groups that are one whisker at two angles: alike but for that, never seen together."""
+    """Join groups that are one whisker: alike except for the angle, and never seen together."""
     for k, one in enumerate(groups):
         for other in groups[k + 1 :]:
             by_chance = len(one.frames) * len(other.frames) / n_frames
@@ -229,7 +229,7 @@ def _joined(groups: list[_Group], n_frames: int, ruler: Ruler) -> list[_Group]:
 
 
 def _share_out(groups, frame, lines, seen, ruler, known=None, new=False):
-    """Add a frame's lines to the groups that they fit; those that fit none begin new ones."""
+    """Add a frame's lines to the groups that they fit; the others begin new groups if `new`."""
     if known is None:
         known = [g.signature for g in groups]
     got = matching.match(seen, np.array(known).reshape(-1, 4), ruler.sd)
@@ -261,7 +261,7 @@ def _lines_of(frames, scene, options, names, indices, absorbed=np.inf):
 
 
 def _by_scene(frames, scene, indices):
-    """Pairs of a scene and the frames that belong to it, transitions left out."""
+    """Pairs of a scene and its frames, without those in which the scene changes."""
     if isinstance(scene, StaticScene):
         return [(scene, frames)]
     if indices is None:
@@ -273,7 +273,7 @@ def _by_scene(frames, scene, indices):
 
 
 def _whole_length(lines, ground) -> float:
-    """Median length [px] of lines that end where they can be seen, NaN where hardly one does."""
+    """Median length [px] of lines that show their tips, NaN where fewer than FEWEST_WHOLE do."""
     ends = np.array([line.points[-1] for line in lines])
     lengths = np.array([line.n for line in lines])[line_ends.whole(*ends.T, ground)]
     return float(np.median(lengths)) if len(lengths) >= FEWEST_WHOLE else np.nan

@@ -1,7 +1,7 @@
 """The turn that all whiskers of a face make together from one frame to the next.
 
-Whiskers stand closer than they move from frame to frame in fast whisking: looked for one by one,
-a whisker is taken for its neighbour. All together, they fit at one turn only.
+In fast whisking, whiskers move farther from frame to frame than they stand apart: one that is
+looked for by itself is taken for its neighbour. All together, they fit at one turn only.
 """
 
 import math
@@ -27,14 +27,13 @@ FLOAT = np.float32
 
 
 def common_turns(image, background, weight, gain, lines, pivot=0.0) -> np.ndarray:
-    """Turns [rad, from +x to +y] about their pivots at which predicted lines fit best, together.
+    """Turns [rad, from +x to +y] about their pivots at which all predicted lines fit best.
 
-    The turn changes evenly with the lines' directions from one side of the face to the other;
-    beside that, every line may turn a little by itself.
+    The turn is a linear function of the lines' directions; each line may deviate a little from it.
 
     Parameters
     ----------
-    image, background, weight, gain : as in `following.capture`
+    image, background, weight, gain : as in `search.capture`
     lines : `detection.Line`s as they are predicted
     pivot : how far behind their bases they turn [px]
     """
@@ -50,7 +49,7 @@ def common_turns(image, background, weight, gain, lines, pivot=0.0) -> np.ndarra
         ]
     )
     starts = np.cumsum([0, *(len(range(part.start, part.stop, STEP)) for part in inner)])
-    # every line counts the same, however dark it is
+    # all lines have the same weight, however dark they are
     fit, shown = _scores(picture, nodes, starts, pivots, turns)
     return _own_turns(shown, _most_likely(fit / len(lines), places(lines)))
 
@@ -70,13 +69,13 @@ def direction(line, most=np.inf) -> float:
 
 
 def turned(line, before) -> float:
-    """By how much a line is turned against another one [rad, from +x to +y]."""
+    """Angle of a line less that of another one [rad, from +x to +y]."""
     now, then = direction(line, before.n), direction(before, line.n)
     return math.remainder(now - then, math.tau)
 
 
 def bent(line, before) -> float:
-    """By how much more a line's far half is turned against another one than its near one [rad]."""
+    """Bend of a line, from its near to its far half, less that of another one [rad]."""
     n = min(line.n, before.n)
     return math.remainder(_bend(line, n) - _bend(before, n), math.tau)
 
@@ -97,7 +96,7 @@ def even_turns(place, turn) -> np.ndarray:
     known = np.isfinite(turn)
     if known.sum() < FEWEST_TOGETHER:
         return np.full(len(turn), np.median(turn[known]) if known.any() else 0.0)
-    # a line far off at the end of the row tilts a straight line through all, but moves no median
+    # an outlier at the end of the row would tilt a straight line through all, but moves no median
     even, keep = np.full(len(turn), np.median(turn[known])), None
     for _ in range(5):
         off = np.abs(turn - even)

@@ -1,8 +1,7 @@
-"""How long whiskers are seen, whatever lengths and scale are given: one of them may be wrong.
+"""Visible lengths of whiskers, to be compared with session.toml: lengths or scale may be wrong.
 
-Lines are followed no farther than the lengths given allow. Where they go so far, and where no
-line is found at all, whiskers are looked for once more with lengths that suit the picture, in
-fewer frames.
+Lines are traced no farther than the given lengths allow. Where lines reach that limit, or none is
+found at all, whiskers are looked for once more in fewer frames, with limits that suit the picture.
 """
 
 from typing import NamedTuple
@@ -47,7 +46,7 @@ def odd_length(indices, frames, epochs, templates, settings) -> SeenLength | Non
 
 
 def _longer(limited, again):
-    """Of the templates whose lines could not be longer, the one that is seen longest."""
+    """Of the templates at the limit, the one that is too long by most; None: hardly any is."""
     seen = [(template, _nearest(template, again).visible_px) for template in limited if again]
     ratios = [px / template.longest_px for template, px in seen]
     if max(ratios, default=0) < LONGER:
@@ -62,13 +61,13 @@ def _nearest(template, others):
 
 
 def _too_short(again, shortest_px):
-    """The longest whisker, where it is too short for the lengths given."""
+    """The longest whisker, if it is too short for the given lengths, else None."""
     longest = max((template.visible_px for template in again), default=np.inf)
     return SeenLength(longest) if longest < shortest_px else None
 
 
 def _implausible(templates, pixels_per_mm):
-    """The longest whisker, where none is so short or so long."""
+    """The longest whisker, if no real one is so short or so long, else None."""
     longest = max(templates, key=lambda template: template.visible_px, default=None)
     if longest is None or SHORTEST_MM < longest.visible_px / pixels_per_mm < LONGEST_MM:
         return None

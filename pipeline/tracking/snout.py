@@ -1,7 +1,7 @@
 """Which end of a row of whiskers is at the snout: given, or else where whiskers get thinner.
 
-In single videos the ends differ by little: what is found in one is not always found in the next,
-and with it all names change. So `init` writes what it finds in most, and `run` takes it as given.
+In a single video the two ends differ by little: in the next one the other end may be taken for the
+snout's, and all names change. So `init` writes what it finds in most videos, and `run` uses that.
 """
 
 import numpy as np
@@ -11,7 +11,7 @@ BASE_PX = 10  # of a line, where fur may thicken it
 
 
 def anterior_first(templates, snout: str | None) -> list:
-    """`WhiskerTemplate`s in order along the face, down or to the right, from the snout on instead.
+    """Reorder `WhiskerTemplate`s from the snout on; they come in order down or to the right.
 
     snout : the picture's side that the snout is nearest to; None: where whiskers are thinner
     """
@@ -20,9 +20,9 @@ def anterior_first(templates, snout: str | None) -> list:
 
 
 def snout_of(templates, face_side: str) -> str | None:
-    """The picture's side that the snout is nearest to, by templates in order from it on.
+    """Side of the picture nearest to the snout, from templates ordered from the snout on.
 
-    face_side : that of the picture with the face. None: of less than two
+    None where there are fewer than two. face_side : side of the picture with the face
     """
     if len(templates) < 2:
         return None
@@ -34,7 +34,7 @@ def snout_of(templates, face_side: str) -> str | None:
 def thins_out(templates) -> bool:
     """Whether whiskers get thinner, or else shorter, in their order along the face.
 
-    So they do towards the snout: thickness is surer than length, which the border may cut.
+    They do towards the snout. Thickness is more reliable than length: the border may cut lines.
     """
     lengths = np.array([template.visible_px for template in templates])
     thickness = np.array([_thickness(template.samples) for template in templates])

@@ -1,8 +1,8 @@
-"""Whiskers that hardly move leave a shade in the background, which bends what is traced there.
+"""Whiskers that hardly move leave a shade in the background, which distorts later traces.
 
-Where a whisker lies on the same pixels in most sample frames, as it does in a mouse that rests,
-the background cannot be seen; it is filled in from beside it. The first millimetre of a whisker
-that does move is left as it is: there it comes out of fur, which is background.
+Where a whisker lies on the same pixels in most sample frames, as in a resting mouse, the
+background behind it is never seen; it is filled in from beside the whisker. The first millimetre
+of a moving whisker is left as it is: there it comes out of fur, which belongs to the background.
 """
 
 from dataclasses import replace

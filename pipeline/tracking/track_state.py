@@ -1,4 +1,4 @@
-"""One whisker's present state, and where its line is foretold to be in the next frame."""
+"""The state of one tracked whisker, and the prediction of its line in the next frame."""
 
 from dataclasses import dataclass
 
@@ -12,10 +12,11 @@ from pipeline.tracking.registry import WhiskerTemplate
 
 @dataclass
 class Track:
-    """One whisker's present state: its line, the line before, and how long it has been lost.
+    """The state of one whisker: its line, the line before, and for how many frames it is lost.
 
-    `whole` is the line when nothing hid its tip the last time; `turn`: what it turns by beside
-    its last motion [rad], and how far behind its base [px].
+    `whole` : the last line of which nothing hid the tip
+    `turn` : its predicted turn beyond its last motion [rad], and how far behind its base it turns
+        [px]
     """
 
     template: WhiskerTemplate
@@ -31,13 +32,13 @@ class Track:
         self.whole = max(self.template.samples, key=lambda line: line.n, default=None)
 
     def take(self, line: Line | None, before: Line | None = None, lost_for: int = 0) -> None:
-        """Go on with another line, which may be as long as this whisker."""
+        """Continue with another line, which may be as long as this whisker."""
         self.line, self.before, self.lost_for = line, before, lost_for
         if line is not None:
             line.longest = self.template.longest_px
 
     def turned_to(self, line: Line) -> float:
-        """By how much a line is turned against the one before [rad], NaN where there is none."""
+        """Turn of a line since the one before [rad], NaN where there is none."""
         return np.nan if self.before is None else row_rotation.turned(line, self.before)
 
     def lose(self) -> None:
@@ -46,7 +47,7 @@ class Track:
 
 
 def predicted(track: Track, with_velocity: bool) -> Line:
-    """Return the line where it should be now: a copy, moved on by the last frame's motion."""
+    """Return a copy of the line at its predicted place, moved on by its last motion."""
     line = foretold(track.line, track.before if with_velocity else None)
     if track.turn[0]:
         row_rotation.turn_line(line, *track.turn)

@@ -1,6 +1,6 @@
-"""Whiskers through a whole video: frames go in, centrelines come out in chunks.
+"""Track whiskers through a whole video: frames go in, centrelines come out in chunks.
 
-So memory does not grow with the video's length.
+So memory does not grow with the length of the video.
 """
 
 import itertools
@@ -87,7 +87,7 @@ def track(
     ----------
     frames : uint8 (height, width) images in order
     scene : StaticScene, or the video's epochs (`pipeline.scene.find_scenes`) where large things
-        move in and out; while they move, what is seen counts half
+        move in and out; while they move, the confidence is halved
     templates : the whiskers to follow (`find_templates`)
     options : lengths in pixels (`options_for`)
 
@@ -100,13 +100,13 @@ def track(
 
 
 def _tracer(scene, templates, options) -> Tracer:
-    """The tracer for these whiskers: of a crowd, lines are named in the end."""
+    """The tracker for these whiskers; the lines of a crowd get their names in the end."""
     kind = CrowdTracer if is_crowd(templates, options) else Tracer
     return kind(scene, templates, options)
 
 
 def _followed(frames, scenes, tracer, chunk_frames) -> Iterator[Centrelines]:
-    """Chunks of the lines as the tracer names them."""
+    """Chunks of the lines, with the tracker's names or numbers."""
     collector = _Collector(tracer.names)
     spacing = tracer.options.spacing_px
     trust = 1.0
@@ -129,7 +129,7 @@ def _followed(frames, scenes, tracer, chunk_frames) -> Iterator[Centrelines]:
 
 
 def _settled_in(tracer, frames):
-    """The same frames, when the tracer has seen the first ones, there and back."""
+    """The same frames; before, the tracker has gone through the first ones, there and back."""
     first = [image.copy() for image in itertools.islice(frames, tracer.first_frames)]
     if len(first) > 1:
         tracer.settle_in(first)
@@ -146,7 +146,7 @@ def sample_lines(templates: list[WhiskerTemplate], options: TracingOptions) -> C
 
 
 def _starting_scenes(scene) -> dict[int, tuple[StaticScene, float]]:
-    """First frame → scene from there on and the trust in what is seen before it."""
+    """First frame → the scene from there on, and the factor of the confidence in it."""
     if isinstance(scene, StaticScene):
         return {0: (scene, 1.0)}
     known = [epoch.scene for epoch in scene]
@@ -161,7 +161,7 @@ def _starting_scenes(scene) -> dict[int, tuple[StaticScene, float]]:
 
 
 def between(scenes: list[StaticScene]) -> StaticScene:
-    """Return a scene for the time in which one goes over into the other: masked by both."""
+    """Return a scene for the frames in which one changes into the other: masked by both."""
     first, last = scenes[0], scenes[-1]
     obstacles = first.obstacle_mask | last.obstacle_mask
     background = np.maximum(first.background, last.background)

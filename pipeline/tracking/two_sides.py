@@ -1,4 +1,4 @@
-"""The two sides of a face: rows of whiskers that grow away from each other, named apart."""
+"""The two sides of a face: rows of whiskers that point away from each other, with own names."""
 
 import numpy as np
 
@@ -28,9 +28,10 @@ def names_by_side(names, face_side: str):
 
 
 def cuts_between(templates, along, params=DEFAULTS.identity) -> tuple[float, ...]:
-    """Place along the face [px] between the templates of two sides; none where there is but one.
+    """Place along the face [px] between the two sides' templates; none where there is one side.
 
-    Two, where the bases are in two groups far apart that grow away from each other.
+    There are two where the bases form two groups far apart whose whiskers point away from each
+    other.
     """
     ahead = directions(templates)
     places = np.array([template.base_xy @ along for template in templates])
@@ -95,9 +96,9 @@ def row_directions(templates, outward) -> tuple[np.ndarray, np.ndarray]:
 def named_by_side(templates, names, face_side, options, given: GivenLengths):
     """The templates with names of their own side, anterior → posterior.
 
-    Of each side those that are mostly and best seen, as their order and lengths tell
-    (`registry.named_as_given`). None where the templates have one side only. Returns the templates
-    of a side without names, too.
+    On each side, those seen in most frames, and best, get the names by their order and lengths
+    (`registry.named_as_given`). Also returns the templates of a side without names. None, and no
+    templates, where there is one side only.
 
     Parameters
     ----------
@@ -112,7 +113,7 @@ def named_by_side(templates, names, face_side, options, given: GivenLengths):
         return None, ()
     named, beside = [], ()
     for row, own in zip(sides_of(templates, along, cuts), names, strict=True):
-        if not own:  # nothing is asked of this side
+        if not own:  # this side has no names
             beside = row
             continue
         row = sorted(row, key=_seen, reverse=True)[: len(own)]

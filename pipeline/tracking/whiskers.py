@@ -50,7 +50,7 @@ class WhiskerSet:
 
     @property
     def found(self) -> tuple[str, ...]:
-        """Names of the whiskers found in the video, in the tracer's order."""
+        """Names of the whiskers found in the video, in the tracker's order."""
         return tuple(template.name for template in self.templates)
 
     @property
@@ -153,9 +153,9 @@ def whisker_set_of(templates, settings: Settings) -> WhiskerSet:
 
 
 def tracing_options(settings, shape) -> TracingOptions:
-    """The tracer's lengths, from the whiskers' own ones if those of all are known.
+    """The tracker's lengths, from those of the whiskers if all are known.
 
-    Else they suit the picture, `shape` (height, width).
+    Otherwise they suit the picture, `shape` (height, width).
     """
     recording, whiskers = settings.recording.si(), settings.whisker
     if not whiskers or any(w.length_mm is None for w in whiskers):
@@ -171,9 +171,9 @@ def tracing_options(settings, shape) -> TracingOptions:
 
 
 def options_for_picture(recording, shape, params=DEFAULTS) -> TracingOptions:
-    """The tracer's lengths for a picture (height, width) whose scale may be a guess.
+    """The tracker's lengths for a picture (height, width) whose scale may be a guess.
 
-    Nothing that is traced depends on the scale, then.
+    With them, tracing does not depend on the scale.
     """
     scale = scale_of(shape, params.tracking.field_mm)
     return options_for(replace(recording, pixels_per_mm=scale), params=params)
