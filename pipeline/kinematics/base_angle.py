@@ -1,18 +1,18 @@
-"""Base angle and follicle of every row, extrapolated only as far as the video's data carry.
+"""Base angle and follicle of every row: the base is extrapolated, and bends are regularised.
 
-The base is measured beyond the fur (`base_curves`); the follicle lies before it. What one frame
-shows of the bend there may be exact (a clean picture, a long whisker) or worthless (codec, fur, a
-few dozen pixels). So each row's bend, its change along the whisker and the distance at which the
-curve passes the follicle's usual place are drawn towards what is usual for this whisker at this
-angle, by as much as the video shows them to be noise:
+The base is measured beyond the fur (`base_curves`), and extrapolated to the follicle. The bend
+seen in one frame may be exact (a clean picture, a long whisker) or worthless (codec, fur, a few
+dozen pixels). So three numbers of each row are shrunk towards their usual values for this whisker
+at this angle, the more so the noisier they are in this video: the bend, its change along the
+whisker, and the distance at which the curve passes the usual place of the follicle.
 
-- the usual and its spread are learnt from all frames (expectation–maximisation), the spread is
-  at most what touch and roll do to a whisker;
-- noise that changes from one frame to the next is separated from what lasts by the covariance of
-  neighbouring frames, and smoothed (Kalman); where the bend jumps by more than its noise, as in
-  a touch, nothing is smoothed.
+- Usual values and their spread are learnt from all frames (expectation–maximisation); the spread
+  is at most what touch and roll can do to a whisker.
+- Noise that changes from frame to frame is distinguished from what lasts by the covariance of
+  neighbouring frames, and smoothed (Kalman). Where the bend jumps by more than its noise, as in a
+  touch, nothing is smoothed.
 
-The angle at which the visible part lies is not drawn anywhere and not smoothed in time.
+The angle of the visible part is neither shrunk nor smoothed in time.
 """
 
 from dataclasses import astuple, dataclass, replace
@@ -33,20 +33,20 @@ BASE_COLUMNS = (
     "follicle_x_px", "follicle_y_px", "base_angle_deg", "base_angle_se_deg",
     "visible_angle_deg", "visible_angle_se_deg",
 )  # fmt: skip
-FEWEST_ROWS = 12  # from which the usual is learnt
+FEWEST_ROWS = 12  # from which usual values are learnt
 LEARNING_ROWS = 400
 PASSES = 30  # of expectation–maximisation
-LEAST_SUDDEN = 0.05  # of the noise changes at once, whatever the video seems to say
-LAGS = (2, 4)  # frames: what is alike over these lasts; noise may be alike in neighbours
-STAYS = (0.9, 0.99)  # of what lasts, from one frame to the next
-LEAST_TRUE = 0.1  # of the spread is true, whatever lasts
-JUMP_SD = 10.0  # a change by more than so many standard errors is no drift
-FREEDOM = 5.0  # of Student's t: rows that are farther off count less for what is usual
+LEAST_SUDDEN = 0.05  # share of the noise that changes from frame to frame, at least
+LAGS = (2, 4)  # frames: what is alike so far apart lasts; neighbours may share noise
+STAYS = (0.9, 0.99)  # limits of the share of what lasts that is left in the next frame
+LEAST_TRUE = 0.1  # share of the spread that is true, not noise, at least
+JUMP_SD = 10.0  # standard errors: a larger change is a jump
+FREEDOM = 5.0  # degrees of freedom of Student's t, by which outliers count less
 LEAST_SWING = 0.1  # rad: in less, the bend's dependence on the angle is unknown
-LEAST_SD = 1e-4  # rad, of what is usual
+LEAST_SD = 1e-4  # rad, of usual values
 BENDS_PER_M = 40.0  # SD of what touch and roll may bend a mouse's or rat's whisker by, and …
 BENDS_PER_M2 = 5e3  # … how that may change along it: to nothing at a contact 8 mm away
-GROWN_PER_M, GROWN_PER_M2 = 100.0, 2e4  # SD of the same as whiskers grow, at scales wrong by two
+GROWN_PER_M, GROWN_PER_M2 = 100.0, 2e4  # SDs at rest between whiskers, for a scale wrong by two
 
 
 @dataclass(frozen=True)
@@ -117,7 +117,7 @@ def measure_base(
 
 
 def _joined(every) -> Base:
-    """The bases of all parts, one after the other, whose angles go on where the last ones end."""
+    """The bases of all parts, one after the other, with continuous angles."""
     whole = Base(*(np.concatenate(each) for each in zip(*map(astuple, every), strict=True)))
     turns = continuous(whole.angle) - whole.angle
     return replace(whole, angle=whole.angle + turns, visible=whole.visible + turns)
@@ -146,7 +146,7 @@ def _measure_part(places, pixels_per_m, params) -> Base:
 
 
 def _regularised(curves: BaseCurves, frame, farthest) -> Base:
-    """Curves drawn towards the usual: first their bend, then with the follicle's place."""
+    """Curves shrunk towards usual ones: first by their bend, then also by the follicle's place."""
     scale = curves.half ** np.array([1, 2])
     stiff = 1 / (np.array([BENDS_PER_M, BENDS_PER_M2]) * scale) ** 2
     q = _as_grown(curves, (np.array([GROWN_PER_M, GROWN_PER_M2]) * scale) ** 2)
@@ -166,10 +166,10 @@ def _regularised(curves: BaseCurves, frame, farthest) -> Base:
 
 
 def _as_grown(curves, variance):
-    """Parameters (rows, 4) less what is likely to be wrong with all of them alike.
+    """Parameters (rows, 4) less the error that all of them are likely to share.
 
-    As where the line begins on another whisker, so that the base seems to bend as no whisker
-    grows. All rows together are taken to be as uncertain as one of them.
+    Such as where the line begins on another whisker, so that the base seems to be bent as no
+    whisker grows. The mean of all rows is taken to be as uncertain as one row.
 
     variance : (2,) of the bend and its change, from whisker to whisker
     """
@@ -221,14 +221,15 @@ def _usual_root(root):
 
 
 def _drawn(q, root, design, constant, stiff, frame):
-    """Parameters drawn towards what is usual, and a root of their covariance.
+    """Parameters shrunk towards usual values, and a root of their covariance.
 
     Parameters
     ----------
     q, root : (rows, 4), (rows, 4, 4), as measured
-    design, constant : the features that have something usual are `design` q + `constant`, (rows,
-        features); the first is the angle, which is given
-    stiff : (features − 1,) 1/variance that the others have at most
+    design, constant : features with usual values are `design` q + `constant`, (rows, features);
+    the
+        first is the angle, on which the others depend
+    stiff : (features − 1,) 1/variance that the spread of the others has at least
     frame : (rows,) numbers of the frames
     """
     seen = np.einsum("nab,nb->na", design, q) + constant
@@ -263,7 +264,7 @@ def _usual(seen, noise):
 
 @njit(cache=True)
 def _expected(seen, noise, mean, spread):
-    """One pass of `_usual`: mean and covariance of what is likely, given those of before."""
+    """One pass of `_usual`: mean and covariance of the likely values, given the last ones."""
     n, k = seen.shape
     new, total_mean, weights = np.zeros((k, k)), np.zeros(k), 0.0
     total, lower, inverse, gain = np.zeros((4, k, k))
@@ -299,7 +300,7 @@ def _expected(seen, noise, mean, spread):
 
 
 def _denoised(off, root, spread, frame):
-    """Likely true values of what is seen to be `off` (rows, k) the usual, and their errors' root.
+    """Likely true deviations from usual values, which are `off` (rows, k), and their errors' root.
 
     They are separated in the directions in which noise, of which `root` is a root (rows, k, k),
     and spread are independent.

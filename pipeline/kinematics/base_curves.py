@@ -1,10 +1,10 @@
-"""Every row's visible base as a curve of linear curvature, and how well that is known.
+"""The visible base of every row as a curve of linear curvature, with its covariance.
 
 The curve, θ(s) = θ + k0 s + k1 s²/2, is fitted to the resampled places of a window beyond the
 fur, about the window's middle. The window is a physical length with a floor in pixels, so that
-a scale that is wrong by a factor of two still leaves enough of the whisker to measure. Fur, codec
-and crossings move the places nearest to the face by more than the picture's noise: how much more,
-station by station, is learnt from all frames of the whisker.
+a scale that is wrong by a factor of two still leaves enough of the whisker to measure. Near the
+face, fur, codec and crossings shift the places by more than the picture's noise; how much more, is
+learnt for each station from all frames of the whisker.
 
 Parameters are scaled by the half-width L of the window, (offset/L, θ, k0 L, k1 L²): all of them
 are angles [rad].
@@ -192,10 +192,10 @@ def _scatter_beyond(misfit, known, leverage, information):
 
 
 def _redness(sample, grid, excess):
-    """SD of the noise in polynomials of degree 0 … 3, over what white noise would have there.
+    """SD of the noise in polynomials of degree 0 … 3, over that of white noise.
 
-    Seen in the next degrees, which a whisker's base does not have: where noise runs along the
-    line it is the larger the lower the degree.
+    It is extrapolated from the next higher degrees, where a whisker's base has nothing but noise:
+    noise that is correlated along the line is larger in lower degrees.
     """
     _, _, _, misfit, known = _fit(sample, grid, excess)
     rows = known.all(axis=1) & np.isfinite(misfit).all(axis=1)
@@ -325,7 +325,7 @@ def _scale_to_unit_diagonal(matrix, size):
 
 
 def _start(x, y, weight, grid):
-    """Where the stations lie in the mean, and the direction of their line."""
+    """Mean place of the stations, and the direction of a line through them."""
     total = np.maximum(weight.sum(axis=1), 1e-300)
     mean_x, mean_y, mean_z = (
         (weight * each).sum(axis=1) / total for each in (x, y, np.broadcast_to(grid.z, x.shape))

@@ -1,10 +1,10 @@
 """Centreline → follicle, base angle and curvature at one arc length, with standard errors.
 
-Both come from local polynomials v(u) in a frame laid along the whisker, fitted to the
-*unsmoothed* measurements of the centreline (each with its Fisher information), so that the
-standard errors follow from the fit and the only smoothing is the window, a physical length. To
-them comes what the codec's noise, which runs along the whisker, adds, and the place: where the
-curvature changes along the whisker, it is known no better than the hidden length.
+Both come from local polynomials v(u), in axes along and across the whisker, fitted to the
+*unsmoothed* measurements of the centreline (each with its Fisher information). So the standard
+errors follow from the fit, and the only smoothing is the window, a physical length. Two errors are
+added: a codec's noise is correlated along the whisker; and where the curvature changes along it,
+an error of the hidden length is also one of curvature.
 """
 
 from typing import NamedTuple
@@ -126,7 +126,7 @@ def _polynomial(points, information, degree, coefficients, inverse):
 
 @njit(cache=True)
 def redness(x, y, offset, information, first, last):
-    """How much more the errors vary over long stretches of a whisker than white noise would.
+    """Variance of the errors over long stretches of a whisker, over that of white noise.
 
     A polynomial of RED_DEGREE is fitted to the nodes first … last − 1, and the standardised
     residuals are summed over blocks of BLOCK_PX. Returned is the variance of these sums over
@@ -277,7 +277,7 @@ def measure(
         out,
     )
     se = out[:, 1] * _noise_factor(centrelines, out[:, 3])
-    # 5.5 mm are not quite where they are taken to be: that counts where the curvature changes
+    # an error of the hidden length shifts the 5.5 mm, which matters where the curvature changes
     se = np.hypot(se, params.hidden_error_mm * per_mm * out[:, 2])
     return pd.DataFrame(
         {
@@ -304,9 +304,10 @@ def _pole_of(centrelines, pole: PoleTrack | None, gap) -> _Pole:
 def _noise_factor(centrelines, redness):
     """Factor of every row's standard error, for noise that is correlated along the line.
 
-    A codec's noise is; it is alike in all frames, so their median counts. It is needed where no
-    rod can be fitted, which has its own calibration on free frames: without it, 65 % of the
-    truths lie within ±1.96 standard errors at a correlation length of 1.5 px, not 95 %.
+    A codec's noise is, and alike in all frames, so that their median is used. Rods have their own
+    calibration on free frames; this one is for frames in which none can be fitted. Without it, 65
+    % instead of 95 % of the truths lie within ±1.96 standard errors at a correlation length of 1.5
+    px.
     """
     factor = np.ones(len(centrelines))
     for k in range(len(centrelines.names)):

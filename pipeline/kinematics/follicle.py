@@ -1,10 +1,10 @@
 """Where the follicle is: how much of the whisker the fur hides, frame by frame.
 
-session.toml gives the hidden length, follicle to first visible point, once. But where the whisker
-leaves the face obliquely it crosses the fur's edge elsewhere. So the follicle is anchored: its
-place is the median, over frames from the whole video, of what the constant hidden length gives.
-In each frame the base's curve is extrapolated past the anchor, and its point nearest to the anchor
-is the follicle.
+session.toml has one hidden length, from follicle to first visible point. But as the whisker turns,
+it crosses the edge of the fur at another distance from the follicle. So the follicle is anchored:
+with the constant hidden length, its place is computed in frames from the whole video, and the
+median is the anchor. In each frame, the base's curve is extrapolated past the anchor, and its
+nearest point is the follicle.
 """
 
 from dataclasses import replace
@@ -22,7 +22,7 @@ MOST_STEPS, SHORT_STEP_PX = 4, 1e-3  # of Gauss–Newton; what follows is far sh
 
 @njit(cache=True, inline="always")
 def _turned(cos, sin, by):
-    """Cosine and sine of an angle that is `by` [rad, small] larger."""
+    """Cosine and sine of an angle increased by `by` [rad, small]."""
     square = by * by
     c = 1.0 - square * (0.5 - square / 24)
     s = by * (1.0 - square * (1 / 6 - square / 120))

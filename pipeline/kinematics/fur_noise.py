@@ -1,11 +1,11 @@
-"""Errors that fur makes in the first visible part of a whisker, which therefore counts less.
+"""Errors by fur in the first visible part of a whisker, which therefore counts less.
 
-Fur that moves with the whisker, or lies across it, shifts the trace by some hundredths of a pixel
-up to a millimetre from where the whisker comes out; extrapolated into the hidden part, that turns
-the base by a degree. It shows as a misfit that changes from frame to frame: the whisker's curve
-is fitted beyond, continued towards the face, and the misfit there is compared with that of the
-same continuation done one reach farther out, where there is no fur. So neither noise (a codec's
-too) nor a bend that the curve does not follow is taken for fur.
+Fur that moves with the whisker, or lies across it, shifts the first millimetre of the trace by
+some hundredths of a pixel; extrapolated into the hidden part, that turns the base by a degree. It
+is recognised by a misfit that changes from frame to frame: a curve is fitted farther out and
+continued towards the face, and its misfit there is compared with that of the same continuation one
+reach farther out, where there is no fur. So neither noise (also a codec's) nor a bend that the
+curve does not follow is taken for fur.
 """
 
 from dataclasses import replace
@@ -18,14 +18,14 @@ from pipeline.session.parameters import DEFAULTS, KinematicsParams
 from pipeline.tables.centrelines import Centrelines
 
 FEWEST_ROWS = 12
-ORDINARY = 2.5  # ratio of misfits that chance may bring
+ORDINARY = 2.5  # ratio of misfits that may be chance
 TRIMMED, TRIMMED_MEAN = 0.9, 0.623  # part of the rows that count; their mean of a unit χ²
 
 
 def locate_follicles(chunks, samples: Centrelines, options, params=DEFAULTS.kinematics):
     """Yield the chunks with every row's follicle and hidden length.
 
-    What fur shifts counts less from here on (`FurTrust`). The chunks stay as they are where
+    Points that fur shifts get less information (`FurTrust`). The chunks stay as they are where
     the hidden lengths are not known, or a whisker has no sample.
 
     Parameters
@@ -46,7 +46,7 @@ def locate_follicles(chunks, samples: Centrelines, options, params=DEFAULTS.kine
 
 
 class FurTrust:
-    """How much less to trust the first visible part of each whisker than its noise suggests.
+    """Excess error of the first visible part of each whisker, by fur, over that by noise.
 
     Parameters
     ----------

@@ -1,8 +1,8 @@
-"""Lines that another program traced, made into centrelines as the tracker here gives them.
+"""Lines that another program traced, converted to centrelines as of the tracker here.
 
-These have nodes 1 px apart on a smooth curve, and beside each node the unsmoothed measurement with
-its Fisher information. Another program's points are smoothed over a third of a millimetre or so to
-get the curve; the points' scatter about it gives the information.
+The tracker's centrelines have nodes 1 px apart on a smooth curve, and for each node an unsmoothed
+measurement with its Fisher information. Here the curve comes from the other program's points,
+smoothed over about a third of a millimetre, and the information from their scatter about it.
 """
 
 from dataclasses import replace
@@ -26,7 +26,7 @@ LEAST_NOISE_PX = 0.02
 def as_centrelines(lines: Centrelines) -> Centrelines:
     """Return the lines with nodes 1 px apart, raw offsets and information, without short ones.
 
-    Lines that bring their information are taken to be so already.
+    Lines that have information are taken to be centrelines already.
     """
     lines = _without_unused_names(lines)
     if lines.information is not None:
@@ -51,7 +51,7 @@ def _without_unused_names(lines):
 
 
 def _distinct(points):
-    """Points (n, 2) without those that lie on the one before."""
+    """Points (n, 2) without those that equal the one before."""
     steps = np.hypot(*np.diff(points, axis=0).T)
     return points[np.append(True, steps > 1e-3)]
 

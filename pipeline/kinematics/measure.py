@@ -38,7 +38,7 @@ class Kinematics:
 
 
 class KinematicsMeter:
-    """Takes a video's `Centrelines` in chunks, keeps what forces and tables need of them.
+    """Measures a video's `Centrelines` chunk by chunk, and keeps what forces and tables need.
 
     Parameters
     ----------

@@ -19,7 +19,7 @@ END_FIT_PX = 12  # the last points, which give the direction of that continuatio
 
 
 class Lines(NamedTuple):
-    """Lines of a chunk one behind the other, for compiled code [px].
+    """The lines of a chunk in flat arrays, for compiled code [px].
 
     Row k has the nodes `start[k]` to `start[k + 1]`; `x`, `y`, raw `offset` and `information` are
     one per node, `hidden` (length before the first node) and `whisker` one per row.
@@ -245,7 +245,7 @@ def _bin(line, start, spacing, px, py, clear, out):
             each = 1 / total[k]
             s_mean, tx, ty = sum_s[k] * each, sum_tx[k] * each, sum_ty[k] * each
             along = k * spacing - s_mean
-            # points of an arc lie, in the mean, inside of it
+            # the mean of points on an arc lies inside of it
             inside = sum_kappa[k] * each * (sum_s2[k] * each - s_mean**2 - along**2) / 2
             out_x[k] = sum_x[k] * each + along * tx + inside * ty
             out_y[k] = sum_y[k] * each + along * ty - inside * tx
@@ -293,7 +293,7 @@ def _curvatures(x, y, out):
 
 @njit(cache=True, error_model="numpy")
 def _approach(line, more, px, py, pole_radius, cone, out):
-    """Least distance between the surfaces, its arc length, the pole's side, beyond the trace?"""
+    """Least distance between the surfaces, its arc length, the pole's side, whether untraced."""
     x, y, s = line.x, line.y, line.s
     base_radius, taper = cone
     n, m = len(x), len(x) - 1 - END_FIT_PX

@@ -25,7 +25,7 @@ class StoredStations(Stations):
     ----------
     file : float32 (3, stations) for every row
     place : (rows,) each row's number in the file
-    doubt : (stations,) what `doubted` came by
+    doubt : (stations,) variances that `doubted` added [m²]
     """
 
     file: BinaryIO | None = None
@@ -47,7 +47,7 @@ class StoredStations(Stations):
         return seen.doubted(self.doubt) if np.any(self.doubt) else seen
 
     def doubted(self, variance) -> "StoredStations":
-        """Return the same with errors of `variance` (stations,) [m²] beside those it knows of."""
+        """Return the same with errors of `variance` (stations,) [m²] added to the known ones."""
         return replace(self, doubt=self.doubt + variance)
 
 

@@ -1,7 +1,7 @@
 """A whisker in every frame as places at fixed arc lengths, and its distance from the pole.
 
-Some hundred numbers each, so that the mechanics of a long video fit in memory. Metres, y up,
-counter-clockwise positive.
+These are some hundred numbers per whisker and frame, so that a long video fits in memory. Metres,
+y up, counter-clockwise positive.
 """
 
 from dataclasses import dataclass, fields, replace
@@ -85,11 +85,11 @@ class Stations:
         return replace(self, **per_row)
 
     def loaded(self) -> "Stations":
-        """Return the same with x, y and information in memory, as here they are."""
+        """Return the same: here x, y and information are in memory already."""
         return self
 
     def doubted(self, variance) -> "Stations":
-        """Return the same with errors of `variance` (stations,) [m²] beside those it knows of."""
+        """Return the same with errors of `variance` (stations,) [m²] added to the known ones."""
         return replace(self, information=beside_doubt(self.information, variance))
 
 

@@ -1,10 +1,10 @@
 """How far a whisker's tip is beyond the end of its trace, from how the line fades there.
 
-A node of a line is seen by the absorbance of the nodes around it (`detection/line_fit.py`
-averages it over WINDOW_NODES). So a line that ends abruptly seems to fade, to some half where it
-ends. Its trace ends where what is seen drowns in noise: earlier in a noisy picture, later in a
-clean one. The thickness there, as a part of what the line has farther in, says how far on the
-half lies.
+The absorbance at each node of a line is a mean over WINDOW_NODES nodes (`detection/line_fit.py`).
+So a line that ends abruptly seems to fade, and has about half of its thickness (END_SHARE) where
+it really ends. The trace stops where the line drowns in noise: before that point in a noisy
+picture, beyond it in a clean one. From the thickness at the end of the trace, as a share of that
+farther in, follows how far on the real end is.
 """
 
 import numpy as np
@@ -12,9 +12,9 @@ import numpy as np
 from pipeline.tables.centrelines import Centrelines
 
 WINDOW_NODES = 15
-END_SHARE = 0.57  # of the thickness, left where a line ends: of rendered ones without noise
+END_SHARE = 0.57  # of the thickness, at the real end of rendered lines without noise
 FITTED_NODES = 22, 70  # from the end inwards: where the taper is measured
-SHARES = END_SHARE, 2.0  # of what the line has farther in: no end is beyond the tip; or wild
+SHARES = END_SHARE, 2.0  # limits: no trace ends beyond the tip; twice the thickness is an error
 
 
 def nodes_to_tip(lines: Centrelines) -> np.ndarray:
