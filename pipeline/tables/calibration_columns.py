@@ -39,7 +39,7 @@ PROFILE_COLUMNS = (
     Column("left_y_px", "float64", "px", "y of the left edge"),
     Column("right_x_px", "float64", "px", "x of the right edge"),
     Column("right_y_px", "float64", "px", "y of the right edge"),
-    Column("used", "bool", "", "the cone was fitted to it; false: dust, root"),
+    Column("used", "bool", "", "used to fit the cone; false: dust or root"),
 )
 RINGDOWN_COLUMNS = (
     Column("video", "string", "", "stem of the video; `pooled` in the last row"),
@@ -62,7 +62,12 @@ DUST_COLUMNS = (
     Column("time_s", "float64", "s", "time of the frame"),
     Column("particle_x_px", "float64", "px", "x of the centreline where the particle sits"),
     Column("particle_y_px", "float64", "px", "y of it"),
-    Column("radial_mm", "float64", "mm", "follicle out of the face, from its median place"),
+    Column(
+        "radial_mm",
+        "float64",
+        "mm",
+        "place of the follicle, from its median; positive: out of the face",
+    ),
     Column("radial_mm_se", "float64", "mm", "standard error of radial_mm"),
     Column("in_contact", "bool", "", "the frame belongs to a contact"),
     Column("curvature_change_per_m", "float64", "1/m", "as in frames.parquet"),
@@ -72,21 +77,23 @@ DUST_CONTACT_COLUMNS = (
     Column("whisker", "string", "", "name of the whisker"),
     Column("contact", "int64", "", "its number in contacts.csv"),
     Column("curvature_change_per_m", "float64", "1/m", "largest of the contact, signed"),
-    Column("radial_change_mm", "float64", "mm", "follicle out of the face from before to there"),
-    Column("radial_range_mm", "float64", "mm", "follicle's largest less least place in contact"),
+    Column(
+        "radial_change_mm", "float64", "mm", "change of radial_mm from before the contact to there"
+    ),
+    Column("radial_range_mm", "float64", "mm", "largest less least radial_mm in the contact"),
 )
 DUST_VIDEO_COLUMNS = (
     Column("video", "string", "", "stem of the video; `pooled` in the last row"),
     Column("whisker", "string", "", "name of the whisker"),
     Column("particle_mm", "float64", "mm", "follicle to particle, along the whisker"),
     Column("seen", "float64", "", "share of the traced frames in which the particle is seen"),
-    Column("radial_range_mm", "float64", "mm", "follicle's largest less least place"),
-    Column("contacts", "int64", "", "contacts with both changes"),
+    Column("radial_range_mm", "float64", "mm", "largest less least radial_mm"),
+    Column("contacts", "int64", "", "contacts with a radial and a curvature change"),
     *_each_with(
         [("low", "lower end of the 95 % interval"), ("high", "upper end of the 95 % interval")],
         (
-            Column("slope_um_m", "float64", "µm m", "radial change per size of curvature change"),
-            Column("correlation", "float64", "", "of these, over contacts"),
+            Column("slope_um_m", "float64", "µm m", "radial change per absolute curvature change"),
+            Column("correlation", "float64", "", "of these two changes, over the contacts"),
         ),
     ),
 )
@@ -100,28 +107,35 @@ _VIEW_COLUMNS = (
                 "projection_error_percent",
                 "float64",
                 "%",
-                "by how much the apparent path is short",
+                "how much shorter the apparent path is than the true one",
             ),
         ),
     ),
     Column("azimuth_deg", "float64", "deg", "follicle to contact, as base_angle_deg"),
     Column("apparent_path_mm", "float64", "mm", "follicle to contact along the first view's line"),
     Column("true_path_mm", "float64", "mm", "follicle to contact in space"),
-    Column("elevation_part_percent", "float64", "%", "of the error, from elevation alone"),
-    Column("droop_part_percent", "float64", "%", "of the error, the rest"),
+    Column(
+        "elevation_part_percent",
+        "float64",
+        "%",
+        "part of projection_error_percent, by elevation alone",
+    ),
+    Column("droop_part_percent", "float64", "%", "the rest of it"),
 )
 VIEW_FRAME_COLUMNS = (
     Column("video", "string", "", "stem of the first view's video"),
     Column("whisker", "string", "", "name of the whisker"),
     Column("frame", "int64", "", "frame number, from 0"),
     Column("time_s", "float64", "s", "time of the frame"),
-    Column("in_contact", "bool", "", "in contact; elsewhere paths end nearest to the pole"),
+    Column("in_contact", "bool", "", "in contact; in other frames, paths end nearest to the pole"),
     *_VIEW_COLUMNS,
     *_each_with(
         [("se", "standard error")],
         (
-            Column("first_view_force_uN", "float64", "µN", "contact force by the first view"),
-            Column("own_plane_force_uN", "float64", "µN", "in the whisker's own plane"),
+            Column(
+                "first_view_force_uN", "float64", "µN", "contact force from the first view alone"
+            ),
+            Column("own_plane_force_uN", "float64", "µN", "force in the whisker's own plane"),
         ),
     ),
 )
@@ -130,9 +144,14 @@ VIEW_CONTACT_COLUMNS = (
     Column("whisker", "string", "", "name of the whisker"),
     Column("contact", "int64", "", "its number in contacts.csv; values are medians over it"),
     *_VIEW_COLUMNS,
-    Column("first_view_peak_uN", "float64", "µN", "largest contact force by the first view"),
-    Column("own_plane_peak_uN", "float64", "µN", "largest in the whisker's own plane"),
-    Column("force_effect_percent", "float64", "%", "own plane's force over the first view's"),
+    Column("first_view_peak_uN", "float64", "µN", "largest first_view_force_uN"),
+    Column("own_plane_peak_uN", "float64", "µN", "largest own_plane_force_uN"),
+    Column(
+        "force_effect_percent",
+        "float64",
+        "%",
+        "by how much own_plane_force_uN exceeds first_view_force_uN",
+    ),
 )
 SPACE_LINE_COLUMNS = (
     Column("video", "string", "", "stem of the first view's video"),

@@ -48,7 +48,7 @@ FRAME_COLUMNS = tuple(
                 "confidence",
                 "float64",
                 "",
-                "0 to 1; below 0.5 the line may be another whisker's or no good",
+                "0 to 1; below 0.5 the line may be another whisker's, or badly traced",
             ),
             Column("follicle_x_px", "float64", "px", "x of the extrapolated follicle"),
             Column("follicle_y_px", "float64", "px", "y of the extrapolated follicle"),
@@ -81,11 +81,18 @@ FRAME_COLUMNS = tuple(
                 "pole_distance_mm",
                 "float64",
                 "mm",
-                "whisker surface to pole surface, least over the whisker; negative: overlap",
+                "least distance from whisker surface to pole surface; negative: overlap",
             ),
             Column("in_contact", "bool", "", "the frame belongs to a contact"),
-            Column("contact_probability", "float64", "", "that the frame belongs to a contact"),
-            Column("contact_arc_length_mm", "float64", "mm", "follicle to contact, in contact"),
+            Column(
+                "contact_probability", "float64", "", "probability that the frame is in a contact"
+            ),
+            Column(
+                "contact_arc_length_mm",
+                "float64",
+                "mm",
+                "follicle to the place of contact, while in contact",
+            ),
             Column("contact_force_uN", "float64", "µN", "measured contact force, magnitude"),
             Column(
                 "axial_force_uN",
@@ -116,7 +123,7 @@ CONTACT_COLUMNS = (
         "peak_force_uN",
         "float64",
         "µN",
-        "largest contact force, less what noise adds to the largest value",
+        "largest contact force, corrected for noise, which makes the largest value too large",
     ),
     Column("mean_force_uN", "float64", "µN", "mean contact force"),
     Column("impulse_uN_ms", "float64", "µN ms", "integral of the contact force"),
@@ -138,10 +145,20 @@ CONTACT_COLUMNS = (
     Column("flags", "string", "", "what to be careful about, separated by ';'"),
     Column("peak_force_se_uN", "float64", "µN", "standard error of the peak force"),
     Column("tracking_se_uN", "float64", "µN", "part of peak_force_se_uN: tracking noise"),
-    Column("hidden_length_se_uN", "float64", "µN", "part of peak_force_se_uN: follicle's place"),
-    Column("radius_uN_per_percent", "float64", "µN", "peak force's change by 1 % more radius"),
-    Column("modulus_uN_per_percent", "float64", "µN", "its change by 1 % more Young's modulus"),
-    Column("scale_uN_per_percent", "float64", "µN", "its change by 1 % more pixels per mm"),
+    Column(
+        "hidden_length_se_uN",
+        "float64",
+        "µN",
+        "part of peak_force_se_uN: error of the hidden length",
+    ),
+    Column(
+        "radius_uN_per_percent",
+        "float64",
+        "µN",
+        "change of the peak force for 1 % more base radius",
+    ),
+    Column("modulus_uN_per_percent", "float64", "µN", "the same for 1 % more Young's modulus"),
+    Column("scale_uN_per_percent", "float64", "µN", "the same for 1 % more pixels per mm"),
 )
 
 CONTACT_FLAGS = {
@@ -150,12 +167,12 @@ CONTACT_FLAGS = {
     "slip": "ended by slipping past the pole",
     "no_rest_curvature": "too few free frames to know the whisker's shape at rest: no force",
     "large_deflection": "the force is tilted by more than 34° against the follicle's normal",
-    "contact_near_curvature_window": "less than 1 mm beyond curvature_at_mm: little is bent there",
-    "bends_unlike_rod": "bends as no rod of its dimensions does: wrong ones, or another whisker",
+    "contact_near_curvature_window": "less than 1 mm beyond curvature_at_mm, so little bent there",
+    "bends_unlike_rod": "bends as no rod of its dimensions: these are wrong, or the whisker is",
     "base_contradicted": "bends as if the hidden length were wrong by over 0.3 mm: correct it "
     "or the dimensions, unless the whisker is out of the picture's plane",
     "gaps_in_trace": "not traced in some of its frames",
-    "faint_force": "the force is within its error; the contact was found by the distance",
+    "faint_force": "the force is no larger than its error; the distance shows the contact",
     "doubtful": "the probability of contact is below 0.99 in all frames",
     "not_half_gaussian": "the half-Gaussian fits poorly: the measured force is used for vibration",
 }
@@ -170,8 +187,8 @@ VIDEO_COLUMNS = (
         "message",
         "string",
         "",
-        "what failed, what to be careful about, which results are old; a vertical bar parts its "
-        "sentences",
+        "what failed, what to be careful about, which results are old; messages are separated "
+        "by a vertical bar",
     ),
 )
 
@@ -186,7 +203,7 @@ CORRECTION_COLUMNS = (
     Column("onset_frame", "int64", "", "first frame of touch (or of the stretch without)"),
     Column("offset_frame", "int64", "", "first frame after it (half-open)"),
     Column("covers_from", "int64", "", "first frame for which the verdict holds"),
-    Column("covers_to", "int64", "", "first frame for which it no longer does"),
+    Column("covers_to", "int64", "", "first frame after these (half-open)"),
     Column("saved_at", "string", "", "date and time of the correction, UTC"),
     Column("saved_by", "string", "", "who made it: a person's name, or a program's", later=True),
 )
@@ -211,12 +228,16 @@ EVIDENCE_COLUMNS = (
     Column("side", "int64", "", "1: pole on the side of the whisker's normal, -1: other, 0: none"),
     Column("pole_known", "bool", "", "the pole is in view and at rest"),
     Column("extended", "bool", "", "the nearest point lies beyond the traced part"),
-    Column("across", "bool", "", "seen to lie across the pole: in another plane, or it is dust"),
+    Column(
+        "across", "bool", "", "the whisker lies across the pole: in another plane, or over dust"
+    ),
     Column("interpolated", "bool", "", "the codec made the frame out of frames before and after"),
     Column("rest_known", "bool", "", "the rest shape is known from enough free frames"),
-    Column("origin_m", "float64", "m", "added to arc lengths: error of the hidden length"),
+    Column(
+        "origin_m", "float64", "m", "correction of the hidden length, added to all arc lengths"
+    ),
     Column("origin_se_m", "float64", "m", "standard error of origin_m"),
-    Column("gap_m", "float64", "m", "surface of the fitted rod to the pole's"),
+    Column("gap_m", "float64", "m", "distance from the fitted rod's surface to the pole's"),
     Column("gap_force_cov", "float64", "m N", "covariance of gap_m and shape_force_N"),
     Column("contact_m", "float64", "m", "arc length where the fitted rod is nearest to the pole"),
     Column("base_angle_rad", "float64", "rad", "of the fitted rod at the follicle"),
@@ -226,19 +247,28 @@ EVIDENCE_COLUMNS = (
     Column("chi2", "float64", "", "reduced chi-squared of the fitted rod"),
     Column("shape_force_N", "float64", "N", "force if the pole were touched, by the fitted rod"),
     Column("gap_se_m", "float64", "m", "standard error of gap_m"),
-    Column("origin_force_se_N", "float64", "N", "of shape_force_se_N, from origin_se_m"),
+    Column(
+        "origin_force_se_N", "float64", "N", "part of shape_force_se_N that is due to origin_se_m"
+    ),
     Column("shape_force_se_N", "float64", "N", "standard error of shape_force_N"),
     Column("moment_se_N_m", "float64", "N m", "standard error of the base moment"),
     Column("axial_se_N", "float64", "N", "standard error of the axial force"),
     Column("lateral_se_N", "float64", "N", "standard error of the lateral force"),
     Column("point_force_N", "float64", "N", "force if the pole were touched, by the curvature"),
-    Column("origin_per_tip", "float64", "ratio", "how far origin_m moves with the tip's place"),
-    Column("bending_origin_m", "float64", "m", "origin_m that the bending alone would have"),
+    Column(
+        "origin_per_tip", "float64", "ratio", "change of origin_m per change of the tip's place"
+    ),
+    Column("bending_origin_m", "float64", "m", "origin_m as estimated from the bending alone"),
     Column("bending_origin_se_m", "float64", "m", "its standard error"),
-    Column("point_origin_force_se_N", "float64", "N", "of point_force_se_N, from origin_se_m"),
+    Column("point_origin_force_se_N", "float64", "N", "part of point_force_se_N, by origin_se_m"),
     Column("point_force_se_N", "float64", "N", "standard error of point_force_N"),
-    Column("probability", "float64", "", "that the frame belongs to a contact"),
-    Column("log_odds", "float64", "", "log-likelihood ratio of contact to none, frame alone"),
+    Column("probability", "float64", "", "probability that the frame is in a contact"),
+    Column(
+        "log_odds",
+        "float64",
+        "",
+        "log-likelihood ratio of contact to no contact, from this frame alone",
+    ),
 )
 
 

@@ -30,15 +30,15 @@ whose whisker is known; for `known`, see frames.parquet."""
 OF_FRAMES = """\
 A row per whisker and frame. `known = frames[frames["confidence"] >= 0.5]` keeps the rows of
 traced lines whose whisker is known. Where session.toml has no `[[whisker]]` tables, whiskers are
-called w1, w2, … along the face; the numbers behind the last whisker stand for lines of which it
-is never known whose they are, and are not in `known`."""
+called w1, w2, … along the face. Numbers after that of the last whisker stand for lines that
+could not be identified; they are not in `known`."""
 FILES = {
     "centrelines.parquet": (OF_LINES, CENTRELINE_COLUMNS),
     "frames.parquet": (OF_FRAMES, FRAME_COLUMNS),
     "contacts.csv": ("A row per contact.", CONTACT_COLUMNS),
     "videos.csv": ("A row per input video.", VIDEO_COLUMNS),
     "corrections.csv": (
-        "A person's verdicts on a video's contacts (docs/curate.md), a row each.",
+        "A person's verdicts on a video's contacts (docs/curate.md), a row per verdict.",
         CORRECTION_COLUMNS,
     ),
     "decisions.csv": (
@@ -46,7 +46,7 @@ FILES = {
         DECISION_COLUMNS,
     ),
     "evidence.parquet": (
-        "What the contacts of a video rest on, a row per whisker and frame, in SI units.",
+        "The measurements behind a video's contacts, a row per whisker and frame, in SI units.",
         EVIDENCE_COLUMNS,
     ),
     "geometry.csv": (
@@ -66,7 +66,7 @@ FILES = {
     "views.csv": ("Of `calibrate views`, a row per frame.", VIEW_FRAME_COLUMNS),
     "view_contacts.csv": ("Of `calibrate views`, a row per contact.", VIEW_CONTACT_COLUMNS),
     "calibration.csv": (
-        "Of `calibrate views`, how the two views belong together.",
+        "Of `calibrate views`: how points of one view correspond to those of the other.",
         CALIBRATED_VIEW_COLUMNS,
     ),
     "lines_3d.parquet": (
