@@ -23,7 +23,7 @@ from pipeline.session.parameters import DEFAULTS, SceneParams
 from pipeline.session.quantities import pixels_in
 
 SHORTEST_BASE_MM = 0.3  # without fur: a base that stays where it is while the rest moves
-AT_THING_MM = 0.25  # from a thing on which a line ends
+AT_THING_MM = 0.25  # so near to a thing, a line is taken to end on it
 BRIGHT_RANK = 0.85  # of the samples of a pixel: free of whiskers that rest there up to this share
 # by so much darker is a whisker, and by so much of the light, which codecs change by less; its
 # flanks, which are not, reach FLANK_PX farther
@@ -47,7 +47,7 @@ class Background:
     noise_floor, noise_gain : a pixel's variance = floor + gain × intensity [grey²], [grey]
     illumination : float32 (height, width), the light without any objects [grey]
     black : grey level of opaque things
-    n_frames : of how many frames it was made; of fewer than MOVIE_FRAMES, it still holds whiskers
+    n_frames : number of frames it was made from; if fewer than MOVIE_FRAMES, it still has whiskers
     covered : bool (height, width), pixels that whiskers seldom or never uncover
     """
 
@@ -70,9 +70,9 @@ def estimate_background(
 ) -> Background:
     """Estimate the background from a few frames of a scene in which only whiskers move.
 
-    A pixel's background is the mean of its bright mode over time, and where whiskers pass that of
-    the frames in which none is near, or what lies beside. What never moves, or all in one or two
-    frames, remains for `without_whiskers`.
+    A pixel's background is the mean of its bright mode over time. Where whiskers pass, it is the
+    mean of the frames in which none is near, or else is filled in from beside. What never moves,
+    and everything in one or two frames, is left for `without_whiskers`.
 
     Parameters
     ----------
@@ -117,7 +117,7 @@ def temporal_background(frames: np.ndarray, pixels_per_mm: float, params: SceneP
 
 
 def _equalised(frames, gains):
-    """Frames with their flicker taken out, in memory of their own."""
+    """A copy of the frames without flicker."""
     out = np.empty_like(frames)
     for frame, gain, into in zip(frames, gains, out, strict=True):
         if abs(gain - 1) < 2e-3 or gain < 0.05:
@@ -128,12 +128,13 @@ def _equalised(frames, gains):
 
 
 def _uncovered(image, frames, gains, noise, darkest, broad_px):
-    """The background where whiskers pass: of those samples only that are dark nowhere near.
+    """The background where whiskers pass, from the samples with nothing dark nearby only.
 
-    A pixel's bright mode holds the shade of a whisker that seldom uncovers it, and of flanks of
-    those that pass, which are too faint to be distinguished from noise. Where few samples are
-    clear, their noise would stay, and what lies beside counts as well; alone where none is.
-    Where that is so over `broad_px` either way, fur moves: that stays as it is.
+    A pixel's bright mode includes the shade of a whisker that seldom leaves it, and of the flanks
+    of passing ones, which are too faint to be distinguished from noise. Where few samples are
+    clear, their mean is noisy, so that the surroundings count as well; they alone where no sample
+    is clear. Where that is so over `broad_px` either way, fur moves: there the background stays as
+    it is.
     """
     sd = np.sqrt(noise[0] + noise[1] * np.maximum(image, 0))
     dark = image - np.maximum(DARK_SD * sd, DARK_SHARE * np.percentile(image[::4, ::4], 95))
@@ -157,7 +158,7 @@ def _uncovered(image, frames, gains, noise, darkest, broad_px):
 
 
 def _clear_mean(frames, dark):
-    """Per pixel, number and mean of the samples with nothing as `dark` nearby."""
+    """Per pixel, number and mean of the samples with no `dark` pixel nearby."""
     dark = np.clip(np.rint(dark), 0, 255).astype(np.uint8)
     total, count = np.zeros((2, *dark.shape), np.float32)
     for frame in frames:

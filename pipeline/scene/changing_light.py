@@ -1,7 +1,7 @@
-"""Light that changes in time and slowly across the picture, as under a shadow that moves.
+"""Light that changes in time, and gradually across the picture, as under a moving shadow.
 
-Light is looked at in cells, each compared with what is usual there. Light and shadows fade
-smoothly; where neighbours differ, and where most of the light is gone, some thing has moved.
+The picture is divided into cells, each compared with its usual light. Light and shadows change
+gradually: where neighbouring cells differ, or most of the light is gone, an object has moved.
 """
 
 import cv2
@@ -24,7 +24,7 @@ _SQUARE = np.ones((3, 3), np.uint8)
 
 
 class UsualLight:
-    """The light of most of some frames, to which that of others is brought.
+    """The usual light of some frames; other frames are corrected to it.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ class UsualLight:
         self._usual, self.lit = np.maximum(cells, 1), lit
 
     def evened(self, frame: np.ndarray) -> np.ndarray:
-        """The frame in the usual light, but for its brightness as a whole, uint8."""
+        """The frame in the usual light, except for its overall brightness, uint8."""
         share = self.carried(*self.seen(frame))
         more = cv2.resize(1 / share, frame.shape[::-1], interpolation=cv2.INTER_LINEAR)
         return cv2.multiply(frame, more, dtype=cv2.CV_8U)

@@ -45,8 +45,8 @@ def measure_disc(image, x: float, y: float, radius: float, expected: float) -> P
 
     The edge of a disc of radius R blurred with SD σ has its half level σ²/2R inside R (to first
     order in σ/R), and falls off as erfc; both are in the model, so the radius is the disc's own.
-    Rays that are shaded by the rod or by a whisker are left out in the next round; `expected`
-    [px] counts where the visible arc is too short to measure the radius.
+    Rays that are shaded by the rod or by a whisker are left out in the next round. Where the
+    visible arc is too short to measure the radius, it is held near `expected` [px].
     """
     plain, untouched = (
         _measure(image, x, y, radius, expected, touched) for touched in (False, True)
@@ -90,7 +90,7 @@ def _measure(image, x, y, radius, expected, touched):
 def _opacity(disc):
     """Share of the light that a fitted disc takes as far inside as it was fitted.
 
-    The level farther in is not seen where a small disc is much blurred.
+    A small and much blurred disc nowhere reaches its true darkness.
     """
     inmost = max(disc.radius - _edge_width(disc.radius), 0.0)
     return 1 - max(disc.light(disc.x + inmost, disc.y) / disc.outside, 0.0)
@@ -215,7 +215,8 @@ def _with_margin(shaded):
 def _between_shades(shaded):
     """Rays between two narrow shades, not far apart, bool (angles,).
 
-    Where a whisker rests on the disc, its shade joins the disc's and shows to both sides only.
+    Where a whisker rests on the disc, its shade merges with the disc and is seen at both sides
+    only.
     """
     between = np.zeros_like(shaded)
     starts = np.flatnonzero(shaded & ~np.roll(shaded, 1))

@@ -1,9 +1,9 @@
 """Noise beside obstacles, where codecs make larger errors than elsewhere.
 
-At the out-of-focus edges of a rod, the errors of H.264 and MJPG are larger than a pixel's
-brightness suggests, and run along the edge as whiskers do: a faint tip that emerges there must
-not go on along the rod. What is measured is what stands still there; where a whisker moves, the
-codec follows it, and errs by less. So the geometric mean of both is taken.
+At the blurred edges of a rod, the errors of H.264 and MJPG are larger than expected from a pixel's
+brightness, and they run along the edge as whiskers do. A faint whisker that comes out there must
+not be continued along the rod. These errors are measured where nothing moves; where a whisker
+moves, the codec follows it and errs less. So the noise is the geometric mean of both.
 """
 
 import cv2

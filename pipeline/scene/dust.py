@@ -1,7 +1,7 @@
 """A round dark spot that whiskers pass over without bending is not a pole.
 
-Dust on a window may look like the end of a pole. A whisker that lies across it and is seen on both
-sides is not bent by it; nor is one that moves in front of or behind a pole.
+Dust on a window may look like the end of a pole. A whisker that lies across it, seen on both
+sides, is not bent by it; nor is one that passes in front of or behind a pole.
 """
 
 import cv2

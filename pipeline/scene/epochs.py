@@ -1,7 +1,7 @@
 """When large things move: the video is cut into periods in which only whiskers move.
 
 A pole on a motor comes in, stays and leaves; a paw reaches in. Frames are compared in cells of
-`cell_mm`: whiskers are too thin to darken a 2 × 2 block of them, everything else is not.
+`cell_mm`: whiskers are too thin to darken a block of 2 × 2 cells, all larger things do.
 """
 
 from dataclasses import dataclass
@@ -128,9 +128,9 @@ class Survey:
         return states, [np.stack([frame for _, frame in some]) for some in of_state]
 
     def _at_rest(self, items, states) -> list:
-        """Return the items of one state with nothing out of place; the others get −1 in `states`.
+        """Return the items of one state with everything in place; the others get −1 in `states`.
 
-        A thing that is about to come to rest may differ by less than the cells resolve.
+        A thing that has nearly come to rest may differ by less than the cells resolve.
         """
         frames = [frame for _, frame in items]
         typical = _typical(frames).astype(np.uint8)
@@ -148,9 +148,9 @@ class Survey:
     def _most_similar(self) -> np.ndarray:
         """Return the state of each sample, int (k,): of those possible, the most similar.
 
-        A state's first frame may be one in which a thing was about to come to rest: many a frame
-        after it could be in that state, or differ from it by a whisker beside the thing. So what
-        a state looks like, all of its frames show, and two that look alike are one.
+        In the first frame of a state, a thing may not quite have come to rest. Compared with that
+        frame alone, later ones could be assigned to the wrong state. So each state is represented
+        by the median of its frames, and states that look alike are joined.
         """
         states = np.array(self._states)
         looks = {}
@@ -196,7 +196,7 @@ class _Kept:
 
 
 def _typical(frames):
-    """Return what most of some frames look like: their median, of a few."""
+    """Return the median of the frames, of at most TYPICAL of them."""
     return np.median(frames[:: 1 + len(frames) // TYPICAL], axis=0)
 
 
@@ -218,9 +218,9 @@ def periods(video, survey: Survey, states, in_place, settled_frames: int) -> lis
     states : their states, as `survey.settled` gives them
     in_place : for each state, a function of a frame that checks more finely than the cells do
         whether all is where it belongs in that state (the pole)
-    settled_frames : a state that has lasted so long has begun
+    settled_frames : a state counts from the frame on after which it lasts at least so long
 
-    Something that passes by and leaves the state as it was makes no cut.
+    There is no cut where something passes by and leaves the state as it was.
     """
     still = np.flatnonzero(states >= 0)
     out, start = [], 0
@@ -237,7 +237,7 @@ def periods(video, survey: Survey, states, in_place, settled_frames: int) -> lis
 
 
 def _change(video, survey, samples, in_place, settled_frames):
-    """Frames [end, begin) between two still samples in which the scene is like neither."""
+    """Frames [end, begin) between two samples at rest in which the scene is like neither."""
     first, last = (survey.indices[k] for k in samples)
     cells = [survey.cells[k].astype(np.float32) for k in samples]
     end, begin = first + 1, None

@@ -1,7 +1,7 @@
 """The face: the dark mass on one side of the picture, with its dense fur.
 
-Whiskers come out of the mask's edge, and the hidden length is counted from there; so the edge is
-that of the fur as a whole, averaged over `fur_average_mm`, not of single hairs.
+Whiskers come out of the mask's edge, where their hidden length ends. So it is the edge of the fur
+as a whole, averaged over `fur_average_mm`, not that of single hairs.
 """
 
 import cv2
@@ -71,7 +71,7 @@ THICKER = 1.2  # the far third's thickness over the near one's: of a whisker it 
 def likelier_side(
     transmission, side: str, thick_side: str | None, pixels_per_mm, params=DEFAULTS.scene
 ) -> str | None:
-    """Side on which the face more likely is, if none is seen on the given `side`; None: no doubt.
+    """Side that is likelier to have the face, if none is seen on the given `side`; None: no doubt.
 
     Parameters
     ----------
@@ -109,7 +109,7 @@ def _thickens(lines) -> str | None:
 def far_over_near(thickness):
     """Median thickness of a line's last third over that of its first, NaN where unknown.
 
-    It is not known where the first third is no darker than what is beside it, as in fur.
+    NaN where the first third is no darker than what is beside it, as in fur.
     """
     third = len(thickness) // 3
     near, far = thickness[:third], thickness[-third:]

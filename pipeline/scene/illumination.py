@@ -73,7 +73,7 @@ def light_without_objects(
     labels, seeds = _edgeless_regions(cells - black, LIT * (bright - black))
     known = _any_of(labels, seeds)
     light = spread(cells, known, reach)
-    # places cut off by a rod: as bright as the light that comes over from the other side
+    # places cut off by a rod: they have the light of the other side
     similar = (labels > 0) & (cells > black + 0.6 * (light - black))
     light = spread(cells, known | similar, reach)
     return black, cv2.resize(light, (width, height), interpolation=cv2.INTER_LINEAR)
@@ -93,7 +93,7 @@ def _cells(image, thin, side):
 
 
 def _ends_sharply(cells, dark, bright) -> bool:
-    """Whether what is dark has an edge, as things have in haze, too; shade has none."""
+    """Whether the dark part has an edge, as objects have even in haze, but shade has not."""
     if dark > HAZIEST * bright:
         return False
     square = np.ones((3, 3), np.uint8)

@@ -1,7 +1,7 @@
-"""How a video is to be looked at: which part of its picture, steadied, evened, as a negative.
+"""Preparation of a video: part of the picture, steadied, in even light, as a negative.
 
-All of it is seen in some frames of the whole video, which are read once; the scene of a short
-video is found in the same frames.
+All of that is decided from some frames of the whole video, which are read once; the scene of a
+short video is found in the same frames.
 """
 
 from dataclasses import dataclass
@@ -26,7 +26,7 @@ FRAMES_FOR_POLARITY = 8
 
 @dataclass(frozen=True)
 class FirstLook:
-    """A video as it is to be looked at, and some of its frames.
+    """A video as prepared for the analysis, and some of its frames.
 
     Attributes
     ----------
@@ -50,7 +50,7 @@ def first_look(video, pixels_per_mm: float, image: ImageSettings | None = None) 
     ----------
     video : pipeline.video.open.Video
     pixels_per_mm : scale of the picture
-    image : what a person says of it; what nobody says is found
+    image : the settings in [image]; what is not given there is found
 
     Raises
     ------
@@ -78,7 +78,7 @@ def first_look(video, pixels_per_mm: float, image: ImageSettings | None = None) 
 
 
 def without_black(sampled):
-    """Yield (index, frame) but of black frames, as before the lamp is on; if all are, the last."""
+    """Yield (index, frame) without black frames, as with the lamp off; if all are, the last."""
     seen = False
     for index, frame in sampled:
         if not is_black(frame):

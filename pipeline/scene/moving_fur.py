@@ -1,7 +1,7 @@
-"""Where the face's fur comes and goes: skin that whisks carries it out over the background.
+"""Where the fur of the face moves: whisking skin carries it out over the background.
 
-Its edge and its hairs are as thin and dark as whiskers, but what is beside them is dark, too, and
-broader than any whisker.
+Its edge and its hairs are as thin and dark as whiskers. But beside them it is dark, too, over a
+breadth that no whisker has.
 """
 
 import numpy as np

@@ -1,4 +1,4 @@
-"""A video's epochs as one: the pole from frame to frame, the side of the face."""
+"""What all epochs of a video have together: the pole in every frame, the side of the face."""
 
 from dataclasses import replace
 
@@ -31,7 +31,7 @@ def without_poles(epochs):
 def pole_track(epochs) -> PoleTrack | None:
     """The pole from frame to frame, NaN where it is away or moving; None if never seen.
 
-    What holds at the last entry holds to the video's end.
+    The last entry holds to the end of the video.
     """
     n_frames = epochs[-1].start + 1
     x, y = np.full((2, n_frames), np.nan)

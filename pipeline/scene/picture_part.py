@@ -20,10 +20,9 @@ LEAST_LEFT = 0.25  # of the picture's height and width, within margins
 
 @dataclass(frozen=True)
 class PicturePart:
-    """What is looked at: `used`, bool (height, width), and the `box` about it, two slices.
+    """The part that is analysed: `used`, bool (height, width), and the `box` about it, two slices.
 
-    What is not looked at is shown as evenly light, and hides what is there. Coordinates stay those
-    of the whole picture.
+    The rest of the picture is replaced by even light. Coordinates stay those of the whole picture.
     """
 
     used: np.ndarray
@@ -35,7 +34,7 @@ class PicturePart:
         return self.box[1].start, self.box[0].start
 
     def shown(self, frame: np.ndarray) -> np.ndarray:
-        """Return a frame in which all but the part is evenly light."""
+        """Return a frame with even light in place of all but the part."""
         light = np.percentile(frame[self.used][::EVERY], LIGHT_RANK)
         return np.where(self.used, frame, np.uint8(light))
 
@@ -44,7 +43,7 @@ class PicturePart:
         return np.ascontiguousarray(frames[(slice(None), *self.box)])
 
     def whole(self, scene: StaticScene) -> StaticScene:
-        """Return a scene of the box as one of the whole picture, dark where none looks."""
+        """Return a scene of the box as one of the whole picture, dark outside of the part."""
         used, (x, y) = self.used[self.box], self.corner
         pole, excess, fur = scene.pole, scene.noise_excess, scene.moving_fur
         return replace(
@@ -94,7 +93,7 @@ def part_of(image: ImageSettings, video) -> PicturePart | None:
 
 
 def region_doubt(image: ImageSettings, video) -> str | None:
-    """What is to be said of a region that reaches beyond a video's picture; None: it does not."""
+    """Message about a region that reaches beyond a video's picture; None: it does not."""
     if image.region_px is None:
         return None
     _, _, right, bottom = image.region_px

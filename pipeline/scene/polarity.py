@@ -17,9 +17,9 @@ FEWEST_FRAMES = 3  # with fewer, everything may be a whisker
 def whiskers_are_bright(frames: np.ndarray, pixels_per_mm: float) -> bool:
     """Whether the long thin lines that move are brighter than what is beside them.
 
-    A line that moves is thin in its frame and in what that frame changes in the usual one; what
-    stands still is not in the change, whatever light falls on it, nor are gaps between lines.
-    Where nothing moves, all lines count.
+    A moving line is thin both in its frame and in the difference of that frame from the usual one.
+    In this difference there are neither things that stand still, whatever light falls on them, nor
+    gaps between lines. Where nothing moves, all lines count.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ _HATS = (cv2.MORPH_BLACKHAT, cv2.MORPH_TOPHAT)
 
 
 def _change(frame, usual, size):
-    """By how much a frame is lighter than usual, but for what many pixels `size` apart share."""
+    """Difference of a frame from the usual one, without what neighbours within `size` share."""
     change = frame - usual
     shared = cv2.medianBlur(np.ascontiguousarray(change[size // 2 :: size, size // 2 :: size]), 5)
     return change - cv2.resize(shared, change.shape[::-1], interpolation=cv2.INTER_LINEAR)

@@ -1,4 +1,4 @@
-"""Why a round dark disc is no pole: what stands at the animal, or is part of something larger."""
+"""Why a round dark disc is no pole: it is at the animal, or part of something larger."""
 
 import cv2
 import numpy as np
@@ -23,8 +23,8 @@ def doubt(pole: Pole, transmission, animal) -> str | None:
     transmission : float32 (height, width), share of the light that passes
     animal : bool (height, width), face and body with their fur
 
-    At the animal, tufts of fur pass for poles. What hides the light around a pole is its rod,
-    which fills less of a wider circle; other things fill more.
+    At the animal, tufts of fur look like poles. Around a pole only its rod hides the light, and
+    covers less of a wider circle; other things cover more of it.
     """
     x, y = round(pole.x_px), round(pole.y_px)
     off = max(OFF_THE_ANIMAL * pole.radius_px, OFF_SHARE * np.sqrt(animal.size))

@@ -44,8 +44,9 @@ def find_pole(
 
     Returns
     -------
-    Pole, or None where no disc with at least 55 % of its edge in view is seen. Where
-    `near_xy` is given, a darker place is enough, and what cannot be measured is assumed.
+    Pole, or None where no disc is seen with at least 55 % of its edge in view. Where `near_xy` is
+    given, it is enough that this place is darker, and the expected radius stands for one that
+    cannot be measured.
     """
     if not radius_px > 0:
         raise ValueError(f"radius_px must be > 0, got {radius_px!r}")
@@ -68,8 +69,8 @@ def find_pole(
 def _likeliest_first(image, rough, radius_px):
     """Yield the discs that can be measured, likeliest first; `rough` as of `_rough_circle`.
 
-    Where one of them is surely a pole, circles of much less score are measured only when those
-    above are used up.
+    Circles with a much lower score than one that is surely a pole come last: they are measured
+    only if those before do not suffice.
     """
     rivals, seen, best, sure = [], [], 0.0, False
     for x, y, radius, score in sorted(rough, key=lambda circle: -circle[3]):
@@ -161,8 +162,8 @@ def _hough(shape, x, y, ux, uy, strength, radius_px):
 def _rough_circle(image, x, y, radius_px):
     """Circle (x, y, radius, score) through the half levels along rays from (x, y), or None.
 
-    The score is a first guess of `_likeness`: the inside of a small pole looks paler than it is
-    while the circle is a little off, as the rod makes it.
+    The score is a first guess of `_likeness`. It is no more than that, since the rod shifts the
+    circle a little, and a small pole then looks too pale.
     """
     angles = _rays()
     design = np.column_stack([np.cos(angles), np.sin(angles), np.ones(N_RAYS)])

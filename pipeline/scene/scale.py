@@ -1,8 +1,8 @@
 """The scale that separates thin from thick in a scene: near the picture's own.
 
-A scale in session.toml may be wrong by a factor of two, or not be measured yet. What is measured
-in mm must follow it; which pixels are face, fur, or a whisker must not. Pictures of whisking
-animals show a field of about FIELD_MM, so lengths in the scene are counted in that scale.
+The scale in session.toml may be wrong by a factor of two, or not be measured yet. Results in mm
+must follow it, but not the decision which pixels are face, fur or whisker. Pictures of whisking
+animals show a field of about FIELD_MM: lengths in the scene use the scale that follows from this.
 """
 
 import numpy as np

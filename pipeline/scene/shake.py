@@ -1,9 +1,9 @@
-"""A camera that shakes: by how much each frame is shifted against one of them.
+"""A camera that shakes: the shift of each frame against one of them.
 
-What whiskers do is told from what stands still; under a shaking camera nothing stands still, and
-a wall's streaks move as a row of whiskers does. So the frames are shifted back first. The shift is
-that of the steepest edges: by phase correlation of a small picture, then by least squares (Lucas &
-Kanade 1981), in which what moves otherwise, as whiskers do, hardly counts.
+Whiskers are recognised by their motion. Under a shaking camera everything moves, and streaks on a
+wall look like a row of whiskers. So the frames are shifted back first. The shift is that of the
+steepest edges: by phase correlation of a small picture, then by robust least squares (Lucas &
+Kanade 1981), in which things that move by themselves, such as whiskers, hardly count.
 """
 
 import cv2
@@ -39,9 +39,9 @@ class Still:
         self._small = _smaller(edges)
 
     def shift(self, frame: np.ndarray) -> tuple[np.ndarray, float]:
-        """By how much a frame's things lie farther right and down, (2,) [px]; the misfit left.
+        """Shift of a frame to the right and down, (2,) [px], and the misfit that is left.
 
-        The misfit is the mean one of the edges over that without a shift.
+        That is the mean misfit of the edges over the one without a shift.
         """
         edges = _edges(frame)
         first, _ = cv2.phaseCorrelate(self._small, _smaller(edges))
@@ -68,7 +68,7 @@ class Still:
 
 
 def still_of(frames: np.ndarray) -> Still | None:
-    """The frame amid some of a video that a camera shakes; None where it is at rest.
+    """The reference frame, amid the others, if the camera shakes; None if it is at rest.
 
     frames : uint8 (k, height, width)
     """

@@ -1,8 +1,8 @@
-"""Pictures without a face: what stands for its edge is where the whiskers begin to be seen.
+"""Pictures without a face: its edge is replaced by the places where whiskers begin to be seen.
 
-Some labs frame only the whiskers. Then the first visible points of a whisker, in frames from
-the whole video, lie on a curve that they sweep as it turns about its follicle; what is behind it
-is taken for the face, so that everything that begins at the face's edge begins there.
+Some labs film only the whiskers. The first visible points of a whisker, in frames from the whole
+video, lie on the curve that they sweep as it turns about its follicle. All behind this curve is
+taken for the face, and the curve for its edge.
 """
 
 import cv2
@@ -45,7 +45,8 @@ def mask_behind_whiskers(
         points; all False where no whisker is seen
     thick_side : where the thicker ends of whiskers that move are; None where none is seen
 
-    Only where none moves, what stands still is taken for whiskers: it may be the pole's rod.
+    Lines that stand still are taken for whiskers only where none moves: they may be the pole's
+    rod.
     """
     shape = frames.shape[1:]
     step = max(len(frames) // LOOKED_AT, 1)

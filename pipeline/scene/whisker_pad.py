@@ -1,8 +1,8 @@
 """The part of the animal from which whiskers grow: the face. The rest of it is body.
 
-Face and body are one dark mass in many pictures. A long posterior whisker leaves the face and
-ends before the body, so that both of its ends lie at the edge of the mass. Whiskers are darker at
-the base than at the tip: their dark ends show which part of the edge is face.
+In many pictures, face and body are one dark mass. A long posterior whisker leaves the face and
+ends in front of the body, so that both of its ends are at the edge of the mass. Whiskers are
+darker at the base than at the tip: their dark ends show which part of the edge is face.
 """
 
 from itertools import pairwise
