@@ -1,8 +1,7 @@
 """One frame with its findings: centrelines, names, pole, force arrows, and a strip of words below.
 
-The strip lies below the picture, so that no word is ever on a whisker or the face. What colours
-mean, words or dashes show, too; the colours differ also for people who cannot distinguish red
-from green.
+The strip lies below the picture, so that no word hides a whisker or the face. Words or dashes show
+all that colours show, and people who cannot distinguish red from green can tell the colours apart.
 """
 
 from dataclasses import dataclass
@@ -17,7 +16,7 @@ from pipeline.tables.known_names import KNOWN
 
 # BGR
 FREE, TOUCHING, POLE = (255, 150, 0), (40, 40, 230), (74, 213, 255)
-DOUBTFUL = (90, 90, 90)  # a line of which it is not known which whisker it is: dashed, too
+DOUBTFUL = (90, 90, 90)  # a line that could not be identified: dashed, too
 INK, PAPER, GROUND = (20, 20, 20), (255, 255, 255), (44, 36, 30)
 CHIPS = {FREE: (255, 176, 60), TOUCHING: (90, 96, 255), DOUBTFUL: (160, 160, 160)}  # on GROUND
 MM_PER_UN = 0.15  # length of the force arrow
@@ -103,7 +102,7 @@ def draw(image, lines: dict, rows: pd.DataFrame, pole, settings: Settings, view=
     rows : this frame's rows of frames.parquet, with COLUMNS
     pole : (x, y, radius) [px] or None
     view : what part is shown; None: the whole picture, with each whisker's state below
-    unnamed : numbers of lines that are no known whisker's: they get a question mark
+    unnamed : names of lines that belong to no known whisker: they get a question mark
     """
     shown = view or View.whole(image)
     canvas = shown.canvas(image)

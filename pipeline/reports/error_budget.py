@@ -1,4 +1,4 @@
-"""What moves the peak forces of a session, and by how much."""
+"""The error budget of a session: how much each source of error changes the peak forces."""
 
 from typing import NamedTuple
 
@@ -9,10 +9,11 @@ MIDDLE = 0.7  # of the way to the contact: the taper counts as it does there
 
 
 class Assumed(NamedTuple):
-    """A quantity no table has an error of: what is taken for it (one standard error), and why.
+    """A quantity whose error no table has: the standard error assumed for it, and why.
 
-    `effect` is how far it moves the peak force: 1 % of it by 1 % times that. A column of the
-    contacts gives it, or, where it is None, the taper.
+    `effect` : change of the peak force in % for 1 % of the quantity, from a column of the
+    contacts;
+        None: from the taper
     """
 
     source: str
@@ -58,7 +59,7 @@ def taper_share(cone_length, contact):
 
 
 def session_budget(contacts: pd.DataFrame, whiskers: dict) -> list[dict]:
-    """What the peak forces of a session are uncertain by.
+    """Sources of error of a session's peak forces, with the sizes of their effects.
 
     Parameters
     ----------

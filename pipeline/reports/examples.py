@@ -1,7 +1,8 @@
-"""Which contacts the report shows: of many videos, and those that are quickest to read again.
+"""Which contacts the report shows: from many videos, those whose frames are quickest to decode.
 
-In a compressed video a frame is decoded from the key frame before it on, so that a peak soon
-behind one is had at a small part of the usual cost. Where key frames lie says nothing of touches.
+In a compressed video, decoding a frame begins at the key frame before it, so that a peak shortly
+after a key frame costs little. The choice is not biased, since key frames do not depend on
+touches.
 """
 
 import numpy as np
@@ -16,7 +17,7 @@ MOST_DECODED, MOST_SHARE = 100, 0.02  # frames of all videos, for them and to sh
 
 
 class Effort:
-    """Frames that must be decoded to show contacts, beside those that are shown anyway.
+    """Number of frames that must be decoded to show contacts, besides those shown anyway.
 
     Parameters
     ----------
@@ -44,7 +45,7 @@ class Effort:
             self._start |= dict(zip(own, _starts(path, numbers), strict=True))
 
     def of(self, label) -> int:
-        """Frames to be decoded for one contact more."""
+        """Number of frames to be decoded for one more contact."""
         return max(self._number[label] - self._reached.get(self._group(label), -1), 0)
 
     def take(self, label) -> None:
@@ -54,7 +55,7 @@ class Effort:
         self._reached[group] = max(self._reached.get(group, -1), self._number[label])
 
     def affords(self, label) -> bool:
-        """Whether so little is decoded until now that this contact may be shown, too."""
+        """Whether the frames of this contact may be decoded, too, without exceeding the limit."""
         return self.of(label) <= self._left
 
     def _group(self, label):

@@ -1,6 +1,6 @@
-"""The panels of Fig. 3, drawn: all in one figure, or each by itself.
+"""Drawing of the panels of Fig. 3, all in one figure, or each by itself.
 
-Words stand above the axes, where no points are.
+Labels stand above the axes, where there are no data points.
 """
 
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Words in pictures: any letter and unit, smooth, and readable on whatever lies behind."""
+"""Text in pictures: all letters and units, smooth, and legible on any background."""
 
 from functools import cache, lru_cache
 

@@ -97,7 +97,7 @@ def _number(value) -> str:
 
 
 def _head(results, record, videos, contacts) -> dict:
-    """Title, where the files are, and the session's numbers."""
+    """Title, paths of the files, and numbers of the session."""
     return {
         "title": session_name(results, record),
         "version": record.get("version", ""),

@@ -36,7 +36,7 @@ def with_peaks(results, contacts: pd.DataFrame) -> pd.DataFrame:
 
 
 def contact_stills(results, contacts, record, indices) -> dict:
-    """Contact → picture of its peak, with a caption, of those whose videos can be read."""
+    """Contact → picture of its peak, with a caption, if its video can be read."""
     pictures = {}
     for video, rows in contacts.loc[indices].groupby("video"):
         state = record.get("inputs", {}).get(video)
@@ -50,9 +50,9 @@ def contact_stills(results, contacts, record, indices) -> dict:
 
 
 def video_stills(results, videos, record) -> list:
-    """A picture of what was traced in each of some videos, of those that can be read.
+    """A picture of the traced lines in each of some videos, if these can be read.
 
-    Shown is the frame with most names that are sure.
+    It shows the frame with the most names that are sure.
     """
     pictures = []
     for video in videos:
@@ -74,7 +74,7 @@ def video_stills(results, videos, record) -> list:
 
 
 def _drawn(folder, path, frames, **how) -> dict:
-    """Contact → its frame with the findings as a data URI, of those that can be read."""
+    """Contact → its frame with the findings as a data URI, if it can be read."""
     import cv2
 
     from pipeline.reports.overlay import stills

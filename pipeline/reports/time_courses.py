@@ -1,7 +1,7 @@
-"""Time courses of one video, one below the other, as the page needs them; contacts shaded.
+"""Time courses of one video for the page, one below the other, with contacts shaded.
 
-A curve is an SVG path in a box of WIDE × HIGH that the page stretches to any width; words are not
-part of it, so they are as large on a telephone as on paper.
+A curve is an SVG path in a box of WIDE × HIGH, which the page stretches to any width. Words are
+not part of it, so that they have the same size on a telephone and on paper.
 """
 
 from dataclasses import dataclass
@@ -113,7 +113,7 @@ def time_courses(frames: pd.DataFrame, contacts: pd.DataFrame, video, overlay=""
 
 
 def _is_drawn(name, values) -> bool:
-    """Whether there is anything to see: loads are 0 throughout where nothing is touched."""
+    """Whether there is anything to see: without touches, loads are 0 throughout."""
     known = np.isfinite(values)
     return bool(known.any() and (name not in LOADS or values[known].any()))
 

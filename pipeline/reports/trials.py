@@ -15,7 +15,7 @@ MOST_WHISKERS = 6  # whose mean forces are drawn
 
 
 def raster(videos, contacts: pd.DataFrame) -> dict | None:
-    """Contacts of every video that was processed, from its first one on; None without any.
+    """Raster of each processed video's contacts, from its first one on; None without any.
 
     `videos` are names, in the order of the trials.
     """

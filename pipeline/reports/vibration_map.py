@@ -1,4 +1,4 @@
-"""Which contacts ring: every contact on the model's map, arranged as the paper's Fig. 11."""
+"""In which contacts the whisker rings: all of them on a map as in the paper's Fig. 11."""
 
 from collections import Counter
 
@@ -18,7 +18,7 @@ EDGE = "#ffffff"
 
 
 def vibration(contacts: pd.DataFrame, whiskers: dict) -> dict | None:
-    """Which contacts ring: the map, counts, and those that ring most; None where not known.
+    """Ringing contacts: the map, counts, and the strongest ones; None where not known.
 
     `whiskers`: (video, whisker) → Whisker, or None where its dimensions are not known.
     """
@@ -47,8 +47,8 @@ def _usual_whisker(whiskers, contacts):
 def ratio_grid(whisker, durations_ms, contacts_mm, dt=1e-5) -> np.ndarray:
     """Largest |vibrational| over peak |steady| base moment of half-Gaussians, as in Fig. 11.
 
-    A pulse moves every mode in the same way wherever it acts (Eq. 49): the places differ by the
-    modes' weights only (Eq. 55).
+    The time course of every mode does not depend on where the pulse acts (Eq. 49): places differ
+    only by the weights of the modes (Eq. 55).
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""A colour and a kind of dash for every whisker, by which it is told from all others.
+"""A colour and dashes for every whisker, which distinguish it from all others.
 
 Neighbours differ in colour; whiskers of one colour differ in their dashes.
 """
@@ -41,7 +41,7 @@ def whisker_styles(names) -> dict[str, Style]:
 
 
 def pieces(points, dash) -> list[np.ndarray]:
-    """The strokes of a dashed line, each (k, 2), for what can only draw full ones.
+    """The strokes of a dashed line, each (k, 2), for libraries that draw solid lines only.
 
     Parameters
     ----------
