@@ -1,6 +1,7 @@
 """From the probability of touch in every frame to contacts, each with its flags."""
 
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -31,6 +32,14 @@ INTERVAL_COLUMNS = (
 )
 
 
+class _Criteria(NamedTuple):
+    """Arc length of the curvature [m], frames within which a slip shows, the room's parameters."""
+
+    curvature_at: float
+    slip_frames: int
+    params: ContactParams
+
+
 def find_contacts(
     evidence: pd.DataFrame,
     curvature_at: float = 5.5e-3,
@@ -38,13 +47,13 @@ def find_contacts(
     params: ContactParams = DEFAULTS.contacts,
 ) -> pd.DataFrame:
     """Contact intervals from evidence with `probability`: INTERVAL_COLUMNS, half-open frames."""
-    look = curvature_at, max(round(params.slip_s * frames_per_second), 1), params
+    criteria = _Criteria(curvature_at, max(round(params.slip_s * frames_per_second), 1), params)
     rows = []
     for name in evidence["whisker"].unique():
         part = _columns(of_whisker(evidence, name))
         usual = _usual_misfit(part)
         for start, stop in _real_runs(part, 1e-3 * params.near_pole_mm):
-            rows.append(_interval(part, name, start, stop, look, usual))
+            rows.append(_interval(part, name, start, stop, criteria, usual))
     table = pd.DataFrame(rows, columns=list(INTERVAL_COLUMNS))
     return table.astype({"onset_frame": int, "offset_frame": int, "side": int, "slip": bool})
 
@@ -168,23 +177,24 @@ def _bends_otherwise(part, rows, limit):
     return bool(high.any()) and np.median(misfit[high]) > limit
 
 
-def _interval(part, name, start, stop, look, usual_misfit):
+def _interval(part, name, start, stop, criteria, usual_misfit):
+    """One row of INTERVAL_COLUMNS."""
     rows = slice(start, stop)
     frame = part["frame"]
     sides = part["side"]
     side = int(np.sign(sides[rows].sum())) or 1
-    after = sides[stop : stop + look[1]]
+    after = sides[stop : stop + criteria.slip_frames]
     slip = len(after) > 0 and np.any(after == -side)
     probability = part["probability"][rows]
-    flags = _flags(part, rows, look, slip, usual_misfit)
+    flags = _flags(part, rows, criteria, slip, usual_misfit)
     return (
         name, frame[start], frame[stop - 1] + 1, probability.mean(), side, slip, ";".join(flags)
     )  # fmt: skip
 
 
-def _flags(part, rows, look, slip, usual_misfit):
-    """What to be careful about in one contact; `look` as in `find_contacts`."""
-    (curvature_at, _, params), start, stop = look, rows.start, rows.stop
+def _flags(part, rows, criteria, slip, usual_misfit):
+    """Flags of one contact: what to be careful about."""
+    (curvature_at, _, params), start, stop = criteria, rows.start, rows.stop
     frame = part["frame"]
     contact = part["contact_m"][rows]
     lateral = part["lateral_per_force"][rows]
