@@ -20,14 +20,12 @@ class Column:
     later: bool = False
 
 
-def _with_errors(columns):
-    """Put a standard-error column behind every column whose meaning starts with 'measured'."""
-    for column in columns:
-        yield column
-        if column.meaning.startswith("measured"):
-            yield Column(
-                f"{column.name}_se", "float64", column.unit, f"standard error of {column.name}"
-            )
+def _measured(name, unit, meaning):
+    """A measured column, and behind it the one with its standard error."""
+    return (
+        Column(name, "float64", unit, meaning),
+        Column(f"{name}_se", "float64", unit, f"standard error of {name}"),
+    )
 
 
 CENTRELINE_COLUMNS = (
@@ -37,78 +35,68 @@ CENTRELINE_COLUMNS = (
     Column("y_px", "list<float32>", "px", "y of the centreline's points, follicle side → tip"),
 )
 
-FRAME_COLUMNS = tuple(
-    _with_errors(
-        (
-            Column("frame", "int32", "", "frame number, from 0"),
-            Column("time_s", "float64", "s", "frame / frames_per_second"),
-            Column("whisker", "string", "", "name of the whisker"),
-            Column("tracked", "bool", "", "the whisker was found in this frame"),
-            Column(
-                "confidence",
-                "float64",
-                "",
-                "0 to 1; below 0.5 the line may be another whisker's, or badly traced",
-            ),
-            Column("follicle_x_px", "float64", "px", "x of the extrapolated follicle"),
-            Column("follicle_y_px", "float64", "px", "y of the extrapolated follicle"),
-            Column(
-                "base_angle_deg",
-                "float64",
-                "deg",
-                "whisker's angle at the follicle, counter-clockwise on the screen from +x; "
-                "continuous in time, so it may pass ±180",
-            ),
-            Column(
-                "base_angle_se_deg",
-                "float64",
-                "deg",
-                "standard error of base_angle_deg, at the scale and hidden length given",
-            ),
-            Column(
-                "visible_angle_deg",
-                "float64",
-                "deg",
-                "mean direction of the first 4.5 mm (80 px at least) beyond the fur, likewise",
-            ),
-            Column(
-                "visible_angle_se_deg", "float64", "deg", "standard error of visible_angle_deg"
-            ),
-            Column("curvature_per_m", "float64", "1/m", "measured curvature at curvature_at_mm"),
-            Column("rest_curvature_per_m", "float64", "1/m", "measured curvature when untouched"),
-            Column("curvature_change_per_m", "float64", "1/m", "measured curvature − rest"),
-            Column(
-                "pole_distance_mm",
-                "float64",
-                "mm",
-                "least distance from whisker surface to pole surface; negative: overlap",
-            ),
-            Column("in_contact", "bool", "", "the frame belongs to a contact"),
-            Column(
-                "contact_probability", "float64", "", "probability that the frame is in a contact"
-            ),
-            Column(
-                "contact_arc_length_mm",
-                "float64",
-                "mm",
-                "follicle to the place of contact, while in contact",
-            ),
-            Column("contact_force_uN", "float64", "µN", "measured contact force, magnitude"),
-            Column(
-                "axial_force_uN",
-                "float64",
-                "µN",
-                "measured force along the base tangent; negative pushes into the face",
-            ),
-            Column("lateral_force_uN", "float64", "µN", "measured force along the base normal"),
-            Column(
-                "base_moment_nN_m",
-                "float64",
-                "nN m",
-                "measured bending moment at the follicle, signed as the curvature change",
-            ),
-        )
-    )
+FRAME_COLUMNS = (
+    Column("frame", "int32", "", "frame number, from 0"),
+    Column("time_s", "float64", "s", "frame / frames_per_second"),
+    Column("whisker", "string", "", "name of the whisker"),
+    Column("tracked", "bool", "", "the whisker was found in this frame"),
+    Column(
+        "confidence",
+        "float64",
+        "",
+        "0 to 1; below 0.5 the line may be another whisker's, or badly traced",
+    ),
+    Column("follicle_x_px", "float64", "px", "x of the extrapolated follicle"),
+    Column("follicle_y_px", "float64", "px", "y of the extrapolated follicle"),
+    Column(
+        "base_angle_deg",
+        "float64",
+        "deg",
+        "whisker's angle at the follicle, counter-clockwise on the screen from +x; "
+        "continuous in time, so it may pass ±180",
+    ),
+    Column(
+        "base_angle_se_deg",
+        "float64",
+        "deg",
+        "standard error of base_angle_deg, at the scale and hidden length given",
+    ),
+    Column(
+        "visible_angle_deg",
+        "float64",
+        "deg",
+        "mean direction of the first 4.5 mm (80 px at least) beyond the fur, likewise",
+    ),
+    Column("visible_angle_se_deg", "float64", "deg", "standard error of visible_angle_deg"),
+    *_measured("curvature_per_m", "1/m", "measured curvature at curvature_at_mm"),
+    *_measured("rest_curvature_per_m", "1/m", "measured curvature when untouched"),
+    *_measured("curvature_change_per_m", "1/m", "measured curvature − rest"),
+    Column(
+        "pole_distance_mm",
+        "float64",
+        "mm",
+        "least distance from whisker surface to pole surface; negative: overlap",
+    ),
+    Column("in_contact", "bool", "", "the frame belongs to a contact"),
+    Column("contact_probability", "float64", "", "probability that the frame is in a contact"),
+    Column(
+        "contact_arc_length_mm",
+        "float64",
+        "mm",
+        "follicle to the place of contact, while in contact",
+    ),
+    *_measured("contact_force_uN", "µN", "measured contact force, magnitude"),
+    *_measured(
+        "axial_force_uN",
+        "µN",
+        "measured force along the base tangent; negative pushes into the face",
+    ),
+    *_measured("lateral_force_uN", "µN", "measured force along the base normal"),
+    *_measured(
+        "base_moment_nN_m",
+        "nN m",
+        "measured bending moment at the follicle, signed as the curvature change",
+    ),
 )
 
 CONTACT_COLUMNS = (
