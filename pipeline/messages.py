@@ -57,7 +57,7 @@ def messages(settings, touch, video, epochs, followed, first_seen, odd=None):
 
 
 def settings_doubt(settings, epochs, whisker_set, odd=None) -> str | None:
-    """What of the settings the whiskers of the first look contradict; None: nothing.
+    """Message about settings that the whiskers of the first look contradict; None: none.
 
     Parameters are as for `messages`.
     """
@@ -68,7 +68,7 @@ def settings_doubt(settings, epochs, whisker_set, odd=None) -> str | None:
 
 
 def value_doubts(settings, video):
-    """Values of the settings that are hardly true, or do not suit the picture."""
+    """Values of the settings that can hardly be true, or do not suit the picture."""
     region = region_doubt(settings.image, video)
     if region:
         yield region
@@ -161,15 +161,15 @@ def _no_pole(settings, scenes, bright) -> str:
 
 
 def _unknown_names(frames, numbered=False):
-    """Which whisker is which is not known in many of the frames: all that follows is in doubt.
+    """In many frames it is not known which whisker is which: then all results are in doubt.
 
-    Where whiskers are `numbered`, the numbers of lines that are no known whisker's are said in
-    any case: there are as many as room was needed for these lines.
+    Where whiskers are `numbered`, the numbers of lines that belong to no known whisker are always
+    named: so many were needed for these lines, and they mean nothing else.
     """
     tracked, never = frames[frames["tracked"]], nameless_in(frames)
     if numbered and never:
         yield (
-            "not whiskers, but lines of which it is not known whose they are (confidence below "
+            "not whiskers, but lines that could not be identified (confidence below "
             f"{KNOWN:g}): {in_short(n for n in dict.fromkeys(tracked['whisker']) if n in never)}; "
             f'leave them out by frames[frames["confidence"] >= {KNOWN:g}]'
         )
@@ -191,7 +191,7 @@ def _unknown_names(frames, numbered=False):
 
 
 def _unnamed_whiskers(settings, followed):
-    """More whiskers are seen than have names: which of them are the named ones is guessed."""
+    """More whiskers are seen than have names: it is guessed which ones the names belong to."""
     names = [whisker.name for whisker in settings.whisker]
     if not names or not followed.unnamed:
         return
@@ -209,10 +209,10 @@ def _unnamed_whiskers(settings, followed):
 
 
 def guessed_order(settings, whisker_set, unknown=()):
-    """Names that follow from which end of the row is the snout's, where that is not sure.
+    """Names that depend on which end of the row is at the snout, where that is not sure.
 
-    The two sides of a face show where the snout is, and so may lengths. `unknown` names are those
-    of lines that are no whisker's.
+    It is sure where both sides of a face are seen, and may follow from lengths. `unknown` names
+    are those of lines that belong to no whisker.
     """
     found = [name for name in whisker_set.found if name not in unknown]
     snout = settings.recording.snout
@@ -236,7 +236,7 @@ def guessed_order(settings, whisker_set, unknown=()):
 
 
 def _other_end(whisker_set, recording):
-    """Names in an order from another end than the snout's, as lengths wanted it."""
+    """Names that begin at the other end than the snout's, because of the lengths."""
     templates = [each for each in whisker_set.templates if np.isfinite(each.base_xy).all()]
     if posterior_first(whisker_set.given):
         templates = templates[::-1]
@@ -292,7 +292,7 @@ def _of_another_size(settings, pole):
 
 
 def _assumed_place(settings, pole):
-    """A pole that could not be measured where a person says that it is."""
+    """A pole that could not be measured where session.toml has it."""
     given = settings.pole.position_px
     if pole is None or given is None:
         return
@@ -306,7 +306,7 @@ def _assumed_place(settings, pole):
 
 
 def _passes_over(settings, touch, pole):
-    """Whiskers that pass over what was taken for the pole, where no person says that it is."""
+    """Whiskers that pass over what was taken for the pole, unless session.toml has it there."""
     if pole is None or settings.pole.position_px is not None:
         return
     across = touch.evidence[touch.evidence["across"]].groupby("whisker", sort=False).size()

@@ -92,7 +92,7 @@ class Summary:
 
     @property
     def copies(self) -> tuple[tuple[str, ...], ...]:
-        """Videos of one and the same content, by their names: their contacts count twice."""
+        """Names of videos that have the same content, so that their contacts count twice."""
         same = {}
         for each in self.outcomes:
             if each.frames and each.sha256:
@@ -121,11 +121,10 @@ def run(
 ):
     """Process videos and folders of videos into the results folder `out`; return a `Summary`.
 
-    Videos whose results are there, from the same input, settings and version, are not
-    processed again unless `overwrite`. Figures and report are made of all, but not where a person
-    interrupts. `progress` makes a
-    `pipeline.runtime.Progress` of the same arguments. Another `source` than videos are files of
-    other programs.
+    Videos that have results of the same input, settings and version are not processed again unless
+    `overwrite`. Figures and report show all videos; they are not made where a person interrupts.
+    `progress` makes a `pipeline.runtime.Progress` of the same arguments. `source` says what is
+    processed: videos, or files of another program.
 
     Raises
     ------
@@ -179,7 +178,7 @@ def run(
 
 
 def _tasks(inputs, settings, names, out, overwrite, overlay) -> list[Task]:
-    """A task for each usable input, with its outcome where it needs no other."""
+    """A task for each usable input, with its outcome where its results still hold."""
     tasks = []
     for each in inputs:
         if not each.fault:
@@ -208,7 +207,7 @@ def _unusable(inputs, names, out) -> dict:
 
 
 def _left(tasks, outcomes) -> dict:
-    """Outcomes of the tasks that have none yet, where there are results at all."""
+    """Outcomes of the tasks that have none yet, if they have results at all."""
     left = [task for task in tasks if task.folder.name not in outcomes]
     return {task.folder.name: outcome for task in left if (outcome := interrupted_outcome(task))}
 
@@ -287,9 +286,9 @@ def _damaged(folder) -> Outcome:
 
 
 def _without_lost(outcomes, paths):
-    """Outcomes to keep in the tables, and the names of videos that a searched folder has lost.
+    """Outcomes to keep in the tables, and names of videos that are gone from a searched folder.
 
-    The results of those stay where they are, for they may be all that is left of the video.
+    Their results stay where they are: they may be all that is left of the video.
     """
     searched = [path.resolve() for path in map(Path, paths) if path.is_dir()]
     lost = [

@@ -1,4 +1,4 @@
-"""What the `calibrate` commands share: the whisker that is meant, and case after case."""
+"""What the `calibrate` commands share: which whisker is meant, and one case after the other."""
 
 
 def one_whisker(videos, wanted, which="one") -> str:

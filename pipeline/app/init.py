@@ -84,7 +84,7 @@ def init_folder(folder, overwrite=False, config=None, say=lambda line: None) -> 
 
 
 def _show(folder, session, say) -> list[str]:
-    """Show what a session.toml finds that a person may have corrected."""
+    """Show what is found with a session.toml that a person may have corrected."""
     settings = read_session(session)
     (preview,) = _look_at_some(folder, lambda path: preview_of(path, settings), say, 1)
     write_preview(folder / PREVIEW_NAME, preview)
@@ -215,7 +215,7 @@ def findings(looks):
 
 
 def _snout(looks) -> str | None:
-    """Where the snout is in most looks that show it, by how many whiskers they show."""
+    """Side of the snout in most of the looks, weighted by how many whiskers each one shows."""
     votes = Counter()
     for look in looks:
         if look.snout and look.scene.face_side == looks[0].scene.face_side:

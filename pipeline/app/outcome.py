@@ -58,16 +58,16 @@ class Outcome:
         return f"{self._state()}{message}"
 
     def lines(self, said: set) -> list[str]:
-        """The outcome in a line, and below it what is to be `said` that was not, which is added.
+        """The outcome in a line, below it the messages that are not yet `said`; adds them to it.
 
-        So what holds for all videos of a run is said of the first one.
+        So a message that holds for all videos of a run is shown with the first one only.
         """
         if self.status == "failed":
             return [self.line()]
         return [self._state(), *_new_lines(sentences_of(self.message), said)]
 
     def warning_lines(self, said: set) -> list[str]:
-        """The same where the outcome has been said before."""
+        """The messages alone, as of `lines`, where the outcome has been shown before."""
         head, lines = f"warning: {self.video}:", _new_lines(sentences_of(self.message), said)
         return [f"{head} {lines[0].removeprefix(BULLET)}"] if len(lines) == 1 else [head, *lines]
 
@@ -79,7 +79,7 @@ class Outcome:
 
 
 def _new_lines(sentences, said: set) -> list[str]:
-    """A line for each sentence that was not `said` yet, and one for all others."""
+    """A line for each sentence that is not `said` yet, and one that counts the others."""
     new = [each for each in sentences if each not in said]
     said.update(new)
     lines, before = [f"{BULLET}{each}" for each in new], len(sentences) - len(new)
@@ -94,9 +94,9 @@ def _new_lines(sentences, said: set) -> list[str]:
 def finished_outcome(path, folder, settings) -> Outcome | None:
     """The outcome of an earlier run whose results still hold for a video, or None.
 
-    They hold while version, settings and the input's content are the same and all files are
-    there and whole, a person's corrections, too. The content is read only where size or times
-    differ. A video that has been moved keeps its results: their record learns where it lies now.
+    They hold if version, settings, corrections and the input's content are the same, and all files
+    are there and whole. The content is read only where size or times differ. A video that has been
+    moved keeps its results; its new place is written into their record.
     """
     state = read_state(folder)
     if state.get("version") != __version__ or kept_outcome(folder) is None:
@@ -114,7 +114,7 @@ def finished_outcome(path, folder, settings) -> Outcome | None:
 
 
 def kept_outcome(folder) -> Outcome | None:
-    """The outcome that whole results in a folder came from, of whatever settings and version."""
+    """The outcome of whole results in a folder, whatever their settings and version."""
     state = read_state(folder)
     return _outcome(state) if state and is_settled(folder) and not damage(folder, state) else None
 
@@ -142,7 +142,7 @@ def damage(folder, state) -> str:
 
 
 def earlier_results(folder, path, settings) -> str:
-    """Say that earlier results are kept, and what they differ in from those that are due."""
+    """Say that earlier results are kept, and in what they differ from those that are due."""
     state = read_state(folder)
     if state.get("version") != __version__:
         return f"earlier results kept, made by version {state.get('version')}"
@@ -154,7 +154,7 @@ def earlier_results(folder, path, settings) -> str:
 
 
 def failure(folder, path, message, kept_results="earlier results kept") -> Outcome:
-    """A failure; results of before stay, and the message says so."""
+    """The outcome of a failure; the message says that earlier results stay, if there are any."""
     kept = kept_outcome(folder)
     message = " ".join(message.split())
     if kept is None:

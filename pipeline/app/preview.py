@@ -110,7 +110,7 @@ def preview_of(path, settings: Settings) -> Preview:
 
 
 def _doubts(settings, video, epochs, whisker_set, odd) -> tuple[str, ...]:
-    """What a run would doubt before anything else, and what is to be done about it."""
+    """The main doubts that a run would report, and what to do about them."""
     doubt = settings_doubt(settings, epochs, whisker_set, odd)
     if doubt is None and not whisker_set.templates:
         doubt = no_whiskers(settings, epochs, video)
@@ -127,7 +127,7 @@ def whiskers_in(chunks) -> tuple[str, ...]:
 
 
 def _known_and_all(lines):
-    """How many lines have a name that is sure, and how many there are."""
+    """Number of lines whose names are sure, and of all lines."""
     return sum(confidence >= KNOWN for _, confidence in lines.values()), len(lines)
 
 

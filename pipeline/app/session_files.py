@@ -1,4 +1,4 @@
-"""What lies in a results folder beside the videos' own: settings, tables, record and pictures."""
+"""Files of a whole session in its results folder: settings, tables, record and pictures."""
 
 import hashlib
 import platform
@@ -28,7 +28,7 @@ from pipeline.tables.run_record import read_run
 
 
 def check_stranger(out):
-    """A folder in which no run has been holds no files of a person that would be replaced."""
+    """Raise if a folder that no run has used has files that a run would replace."""
     written = set(SESSION_FILES) - {SETTINGS_NAME, PREVIEW_NAME}
     there = sorted(name for name in written if (out / name).is_file())
     there += [f"figures/{path.name}" for path in sorted(out.glob("figures/fig3*"))]

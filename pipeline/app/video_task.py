@@ -37,7 +37,7 @@ def analyse_video(task, keep, report, corrections):
 class Task:
     """One video to process into `folder`; if its tables are `finished`, only to draw it.
 
-    `earlier` is when its results of before were written [ns], 0 if there are none.
+    `earlier` is the time [ns] at which earlier results were written, 0 if there are none.
     """
 
     path: Path
@@ -53,8 +53,8 @@ class Task:
 def process_video(task: Task, report=None) -> Outcome:
     """Analyse one video and save its results; a failure is an outcome, not an exception.
 
-    `report` is called with a `Step`, often. The new results are ready then, not
-    in their place: see `result_exchange`.
+    `report` is called with a `Step`, often. The new results are complete then, but not yet in
+    their place: see `result_exchange`.
     """
     from pipeline.errors import CorrectionsError, VideoError
 
@@ -113,7 +113,7 @@ def _outcome_of(task, analysis, seconds) -> Outcome:
 
 
 def has_overlay(folder) -> bool:
-    """The results folder of a video holds an overlay of its tables, not of those of before."""
+    """Whether a video's results folder has an overlay that shows its present tables."""
     drawn = [path.stat().st_mtime_ns for path in folder.glob(OVERLAYS)]
     return bool(drawn) and min(drawn) >= (folder / "frames.parquet").stat().st_mtime_ns
 
@@ -159,7 +159,7 @@ def settled_outcome(task, outcome) -> Outcome:
 
 
 def died(task, reason) -> Outcome:
-    """A fault of the program, or of the process it ran in."""
+    """The outcome where the program failed, or the process in which it ran."""
     last = reason.strip().splitlines()[-1]
     if "MemoryError" in last or "Insufficient memory" in last:
         last = (

@@ -1,4 +1,4 @@
-"""Tables that follow from a run's measurements and a person's corrections, whenever these changed.
+"""Tables computed from a run's measurements and a person's corrections, whenever these change.
 
 run.json of a video names the corrections that its tables were made with. Where its corrections.csv
 holds other ones (a curation was killed, or the file was edited or removed), contacts and forces
@@ -112,7 +112,7 @@ def follow_corrections(out) -> dict[str, str]:
 
 
 def bring_up_to_date(out) -> None:
-    """As `follow_corrections`, for who only reads: without a lock where nothing is to be done.
+    """As `follow_corrections`, for programs that only read: locks only if there is anything to do.
 
     InputError where another program is using the folder, or some tables cannot be made.
     """
@@ -133,7 +133,7 @@ def finished_videos(out) -> list[str]:
 
 
 def session_contacts(out, names) -> pd.DataFrame:
-    """The contacts of these videos, in this order; of one that is damaged, those of before."""
+    """The contacts of these videos, in this order; earlier ones where a video's are damaged."""
     parts = [_contacts_of(Path(out), name) for name in names]
     table = pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
     return as_table(table, CONTACT_COLUMNS)

@@ -1,6 +1,6 @@
-"""What a person at the page does: a command goes in by name, what is to be shown is in attributes.
+"""What a person does at the page: commands come in by name, attributes hold what is shown.
 
-Knows nothing of browsers.
+This module does not depend on browsers.
 """
 
 from pipeline.curate.decisions import name_of
@@ -17,7 +17,7 @@ class Desk(View):
     ----------
     helps : the help is shown
     finishing : the person wants to end
-    person : name of who sits here, saved with every correction
+    person : name of the person, saved with every correction
     """
 
     def __init__(self, results: Results, person: str = ""):

@@ -30,7 +30,7 @@ def curate(results, port=0, open_browser=True, block=True, say=print, name=None)
     block : return when the person has finished (in the page, or with Ctrl-C), with all tables
         written; else at once, with a `Server` to be stopped
     say : called with the address of the page
-    name : of who curates, saved with every correction; None: the user's on this computer
+    name : of the person, saved with every correction; None: the user's name on this computer
 
     Returns
     -------
@@ -57,7 +57,7 @@ def curate(results, port=0, open_browser=True, block=True, say=print, name=None)
 
 
 def _server(results, port, person):
-    """A server of results that are whole, and nobody else's until it stops."""
+    """A server of complete results, which are locked until it stops."""
     with contextlib.ExitStack() as held:
         held.enter_context(settled(results))
         need_results(results)

@@ -1,6 +1,6 @@
 """Where a person is at the page: the place in the video, the selection, and how to get about.
 
-Knows nothing of browsers, as `desk` does not.
+Like `desk`, this module does not depend on browsers.
 """
 
 from pipeline.curate.items import Item

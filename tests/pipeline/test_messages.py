@@ -259,7 +259,7 @@ def test_numbers_of_lines_that_are_no_whiskers_are_said_and_no_more_of_them():
         columns=["whisker", "tracked", "confidence"],
     )  # fmt: skip
     first, second, *rest = said_of(whiskers=(), found=numbers, frames=frames)
-    assert first.startswith("not whiskers, but lines of which it is not known whose they are")
+    assert first.startswith("not whiskers, but lines that could not be identified")
     assert first.endswith(
         '(confidence below 0.5): w3 to w7; leave them out by frames[frames["confidence"] >= 0.5]'
     )
