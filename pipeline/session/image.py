@@ -45,7 +45,7 @@ class ImageSettings(BaseModel):
         return self.model_copy(update={"mask": str(Path(folder).absolute() / self.mask)})
 
     def mask_problem(self) -> str | None:
-        """What is wrong with the mask's file, in words; None: nothing."""
+        """What is wrong with the file of the mask, in words; None: nothing."""
         if self.mask is None:
             return None
         if not Path(self.mask).is_file():

@@ -240,13 +240,13 @@ def _moved(inputs, owner, out) -> dict:
 
 
 def _is_at_home(each, records) -> bool:
-    """An earlier run processed this content at this place."""
+    """Whether an earlier run processed this content at this place."""
     record = records.get(_resolved(each))
     return bool(record) and same_input(record, each.path)
 
 
 def _without_video(records) -> dict:
-    """Records, by path, of videos that are no longer there, or have another content."""
+    """Records, by path, of videos that are gone or have other content."""
     return {path: s for path, s in records.items() if s and not same_input(s, Path(path))}
 
 

@@ -1,6 +1,6 @@
 """Values of session.toml that are possible, but not those of any animal or camera in use.
 
-A length in a wrong unit looks like this, and the rate at which a file is played back.
+Typical mistakes are a length in a wrong unit, and the rate at which a file is played back.
 """
 
 from pipeline.session.schema import Settings

@@ -53,15 +53,15 @@ def parameter(default, meaning: str, source: str):
 
 
 def frames_in(seconds: float, frames_per_second: float) -> int:
-    """Frames that show as much as so long a time: at low frame rates as many as at 1000 per s.
+    """Number of frames in a time; at low frame rates as many as at FEWEST_PER_S.
 
-    How sure one can be depends on how often one has looked.
+    Certainty depends on the number of frames that were looked at.
     """
     return round(seconds * max(frames_per_second, FEWEST_PER_S))
 
 
 def pixels_in(length_mm: float, pixels_per_m: float) -> float:
-    """Pixels that show as much as so long a length: at low resolution as many as at 25 px/mm.
+    """Number of pixels in a length; at low resolution as many as at FEWEST_PER_MM.
 
     Whiskers are some pixels wide at any resolution.
     """

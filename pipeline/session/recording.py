@@ -7,8 +7,8 @@ from dataclasses import dataclass
 class Recording:
     """What the camera saw: frame rate [1/s], scale [px/mm], the image's side with the face.
 
-    `snout` is the side that the snout is nearest to, of the two that the face's side joins; None:
-    not known. Of a face that shows both its sides it is not needed.
+    `snout` is the side nearest to the snout, one of the two next to the face's side; None: not
+    known. It is not needed where both sides of the face are seen.
     """
 
     frames_per_second: float

@@ -191,10 +191,10 @@ class Settings(_Table):
     advanced: Parameters = Parameters()
 
     def without_bare_whiskers(self) -> "Settings":
-        """The settings without [[whisker]] tables where these hold nothing but w1, w2, ….
+        """The settings without [[whisker]] tables, if these hold nothing but names w1, w2, ….
 
-        So `init` writes them, or left_w1, …, right_w1, … on two sides. They say how many whiskers
-        it saw in a few frames, not that there are no others.
+        `init` writes such tables (left_w1, …, right_w1, … on two sides) for the whiskers that it
+        saw in a few frames; there may be others.
         """
         names = [whisker.name for whisker in self.whisker]
         sides = [name.rpartition("w")[0] for name in names]

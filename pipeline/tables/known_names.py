@@ -1,7 +1,7 @@
-"""Which numbers are whiskers', and which only stand for lines of which that is not known.
+"""Which numbers are whiskers, and which only stand for lines that could not be identified.
 
-Where names are not given, whiskers are numbered along the face, and behind them the lines that
-belong to no known whisker: each number there stands for whatever lines needed room at one time.
+Where names are not given, whiskers are numbered along the face. Higher numbers are given to lines
+that belong to no known whisker; such a number may stand for different lines at different times.
 Their confidence is low throughout.
 """
 
@@ -11,15 +11,15 @@ from collections import defaultdict
 import numpy as np
 import pandas as pd
 
-KNOWN = 0.5  # confidence in a name from which on it is known
-SHORT = 4  # numbers in order are all named up to fewer than these
+KNOWN = 0.5  # confidence from which on a name counts as known
+SHORT = 4  # so many numbers in order, or more, are shortened to "w1 to w4"
 NUMBERED = re.compile(r"(.*)w(\d+)")  # w1, w2, …, or left_w1, left_w2, …
 
 
 def nameless(names, confidence) -> set[str]:
-    """The numbers of lines that are no known whisker's: those behind the last that is ever known.
+    """Numbers of lines that belong to no known whisker: those above the last that is ever known.
 
-    None where not one is: in a few frames nothing is learnt of how whiskers look.
+    No numbers where none is ever known: a few frames do not show how whiskers look.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ def nameless_in(frames: pd.DataFrame) -> set[str]:
 
 
 def in_short(names) -> str:
-    """Names with a comma between them, of many numbers in order only the first and the last.
+    """Names with commas between them; of many numbers in order, only the first and the last.
 
     >>> in_short(["C1", "left_w1", "left_w2", "left_w3", "left_w4", "right_w1"])
     'C1, left_w1 to left_w4, right_w1'

@@ -41,7 +41,7 @@ def draft(folder):
 
 
 def is_settled(folder) -> bool:
-    """Whether the files of a results folder are all of one generation."""
+    """Whether all files of a results folder are of the same run."""
     return not (folder / READY).exists()
 
 

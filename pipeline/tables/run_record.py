@@ -1,4 +1,4 @@
-"""run.json of one video, which says how its results were made; read with distrust."""
+"""run.json of one video: how its results were made. It may be damaged, so it is checked."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""What is to be said of a video, as a list and as the one cell that videos.csv has for it."""
+"""The messages about a video, as a list and as one cell of videos.csv."""
 
 BETWEEN = " | "
 
