@@ -179,7 +179,9 @@ def is_clear(x, y, n, off_edges):
     count = 0
     for i in range(n):
         count += not _is_along(x, y, i, n, off_edges)
-    return 2 * count > n
+        if 2 * count > n:
+            return True
+    return False
 
 
 @njit(cache=True)
@@ -280,7 +282,9 @@ def fit_offset(x, y, n, spacing, stiffness, scratch):
     nx, ny, offset, band, rhs = (
         scratch.normal_x, scratch.normal_y, scratch.offset, scratch.band, scratch.rhs,
     )  # fmt: skip
-    k = bsplines.normal_equations(scratch.information, scratch.score, n, spacing, band, rhs)
+    at_nodes = bsplines.basis_at_nodes(n, spacing)
+    information, score = scratch.information, scratch.score
+    k = bsplines.normal_equations(information, score, at_nodes, spacing, band, rhs)
     normals(x, y, n, nx, ny)
     smooth_x, smooth_y = scratch.smooth_x, scratch.smooth_y
     bsplines.add_smoothness_prior(band, rhs, k, smooth_x, smooth_y, nx, ny, n, spacing, stiffness)
@@ -289,7 +293,7 @@ def fit_offset(x, y, n, spacing, stiffness, scratch):
         band[i, 0] += 1e-3
     bsplines.factorise(band, k)
     bsplines.solve_factorised(band, rhs, k)
-    bsplines.evaluate(rhs, n, spacing, offset)
+    bsplines.evaluate(rhs, at_nodes, spacing, offset)
     for i in range(n):
         offset[i] = min(max(offset[i], -3.0), 3.0)
 

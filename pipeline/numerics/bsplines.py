@@ -36,22 +36,39 @@ def _end(j, last, n, spacing):
 
 
 @njit(cache=True)
-def normal_equations(weight, target, n, spacing, band, rhs):
+def basis_at_nodes(n, spacing):
+    """The four values of the basis at nodes 0 … n − 1, (4, n)."""
+    out = np.empty((4, n))
+    b0, b1, b2, b3 = out[0], out[1], out[2], out[3]
+    per_node = 1.0 / spacing
+    last = n_coefficients(n, spacing) - 4
+    start = 0
+    for j in range(last + 1):
+        end = _end(j, last, n, spacing)
+        for i in range(start, end):
+            b0[i], b1[i], b2[i], b3[i] = basis(i * per_node - j)
+        start = end
+    return out
+
+
+@njit(cache=True)
+def normal_equations(weight, target, at_nodes, spacing, band, rhs):
     """Fill `band` (k, 4) and `rhs` (k,) with Σ weight B Bᵀ and Σ B target; return k.
 
-    `target` is already multiplied by its weight (an information-form right-hand side).
+    `target` is already multiplied by its weight (an information-form right-hand side);
+    `at_nodes` are the `basis_at_nodes`.
     """
+    n = at_nodes.shape[1]
     k = n_coefficients(n, spacing)
     band[:k] = 0.0
     rhs[:k] = 0.0
-    per_node = 1.0 / spacing
     start = 0
     for j in range(k - 3):
         end = _end(j, k - 4, n, spacing)
         m00 = m01 = m02 = m03 = m11 = m12 = m13 = m22 = m23 = m33 = 0.0
         r0 = r1 = r2 = r3 = 0.0
-        for i in range(start, end):
-            b0, b1, b2, b3 = basis(i * per_node - j)
+        for i in range(np.uint64(start), np.uint64(end)):
+            b0, b1, b2, b3 = at_nodes[0, i], at_nodes[1, i], at_nodes[2, i], at_nodes[3, i]
             w0, w1, w2, w3 = weight[i] * b0, weight[i] * b1, weight[i] * b2, weight[i] * b3
             m00 += w0 * b0
             m01 += w0 * b1
@@ -81,21 +98,20 @@ def normal_equations(weight, target, n, spacing, band, rhs):
 
 
 @njit(cache=True)
-def right_hand_side(target, n, spacing, rhs):
+def right_hand_side(target, at_nodes, spacing, rhs):
     """Fill `rhs` (k,) with Σ B target, as `normal_equations` does."""
+    n = at_nodes.shape[1]
     k = n_coefficients(n, spacing)
     rhs[:k] = 0.0
-    per_node = 1.0 / spacing
     start = 0
     for j in range(k - 3):
         end = _end(j, k - 4, n, spacing)
         r0 = r1 = r2 = r3 = 0.0
-        for i in range(start, end):
-            b0, b1, b2, b3 = basis(i * per_node - j)
-            r0 += b0 * target[i]
-            r1 += b1 * target[i]
-            r2 += b2 * target[i]
-            r3 += b3 * target[i]
+        for i in range(np.uint64(start), np.uint64(end)):
+            r0 += at_nodes[0, i] * target[i]
+            r1 += at_nodes[1, i] * target[i]
+            r2 += at_nodes[2, i] * target[i]
+            r3 += at_nodes[3, i] * target[i]
         rhs[j] += r0
         rhs[j + 1] += r1
         rhs[j + 2] += r2
@@ -179,9 +195,10 @@ def solve_factorised(band, rhs, k):
 
 
 @njit(cache=True)
-def evaluate(coefficients, n, spacing, out):
-    """Write the spline's values at nodes 0 … n − 1 into `out`."""
-    per_node = 1.0 / spacing
+def evaluate(coefficients, at_nodes, spacing, out):
+    """Write the spline's values at nodes 0 … n − 1 into `out`; `at_nodes` (4, n)."""
+    n = at_nodes.shape[1]
+    b0, b1, b2, b3 = at_nodes[0], at_nodes[1], at_nodes[2], at_nodes[3]
     last = n_coefficients(n, spacing) - 4
     start = 0
     for j in range(last + 1):
@@ -189,9 +206,8 @@ def evaluate(coefficients, n, spacing, out):
         c0, c1, c2, c3 = (
             coefficients[j], coefficients[j + 1], coefficients[j + 2], coefficients[j + 3]
         )  # fmt: skip
-        for i in range(start, end):
-            b0, b1, b2, b3 = basis(i * per_node - j)
-            out[i] = b0 * c0 + b1 * c1 + b2 * c2 + b3 * c3
+        for i in range(np.uint64(start), np.uint64(end)):
+            out[i] = b0[i] * c0 + b1[i] * c1 + b2[i] * c2 + b3[i] * c3
         start = end
 
 
@@ -201,11 +217,12 @@ def smooth(x, y, n, spacing, band, knot_x, knot_y):
 
     All nodes weigh alike. `knot_x` and `knot_y` (k,) become the coefficients.
     """
-    k = normal_equations(np.ones(n), x, n, spacing, band, knot_x)
-    right_hand_side(y, n, spacing, knot_y)
+    at_nodes = basis_at_nodes(n, spacing)
+    k = normal_equations(np.ones(n), x, at_nodes, spacing, band, knot_x)
+    right_hand_side(y, at_nodes, spacing, knot_y)
     add_third_difference_penalty(band, k, 1e-3)
     factorise(band, k)
     solve_factorised(band, knot_x, k)
     solve_factorised(band, knot_y, k)
-    evaluate(knot_x, n, spacing, x)
-    evaluate(knot_y, n, spacing, y)
+    evaluate(knot_x, at_nodes, spacing, x)
+    evaluate(knot_y, at_nodes, spacing, y)

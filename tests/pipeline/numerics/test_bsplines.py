@@ -28,7 +28,8 @@ def test_penalised_fit_equals_dense_solution(n, spacing, seed, strength):
     rng = np.random.default_rng(seed)
     weight, value = rng.uniform(0.1, 2, n), rng.standard_normal(n)
     band, rhs = np.zeros((n + 8, 4)), np.zeros(n + 8)
-    k = bsplines.normal_equations(weight, weight * value, n, spacing, band, rhs)
+    at_nodes = bsplines.basis_at_nodes(n, spacing)
+    k = bsplines.normal_equations(weight, weight * value, at_nodes, spacing, band, rhs)
     bsplines.add_second_difference_penalty(band, k, strength)
     bsplines.factorise(band, k)
     bsplines.solve_factorised(band, rhs, k)
@@ -62,7 +63,8 @@ def straightened(y, strength=1e3):
     x, y = np.arange(n, dtype=float), y.copy()
     nx, ny = np.zeros(n), -np.ones(n)
     band, rhs = np.zeros((n, 4)), np.zeros(n)
-    k = bsplines.normal_equations(np.full(n, 1e-3), np.zeros(n), n, spacing, band, rhs)
+    at_nodes = bsplines.basis_at_nodes(n, spacing)
+    k = bsplines.normal_equations(np.full(n, 1e-3), np.zeros(n), at_nodes, spacing, band, rhs)
     knot_x, knot_y = np.zeros((2, n))
     bsplines.smooth(x, y, n, spacing, np.zeros((n, 4)), knot_x, knot_y)
     bsplines.add_smoothness_prior(band, rhs, k, knot_x, knot_y, nx, ny, n, spacing, strength)
@@ -71,7 +73,7 @@ def straightened(y, strength=1e3):
     bsplines.factorise(band, k)
     bsplines.solve_factorised(band, rhs, k)
     offset = np.zeros(n)
-    bsplines.evaluate(rhs, n, spacing, offset)
+    bsplines.evaluate(rhs, at_nodes, spacing, offset)
     return y, y + ny * offset
 
 
