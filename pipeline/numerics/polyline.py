@@ -145,7 +145,7 @@ def come_near(x1, y1, n1, x2, y2, n2, near):
     reach = near + 1.1 * step  # of nodes 1 px apart, the nearest looked at is so far away
     if _apart(x1, n1, x2, n2, step) >= reach or _apart(y1, n1, y2, n2, step) >= reach:
         return False
-    return _any_near(x1[:n1:step], y1[:n1:step], x2[:n2:step], y2[:n2:step], reach)
+    return _any_near(x1[:n1:step], y1[:n1:step], x2[:n2:step], y2[:n2:step], reach, step)
 
 
 def near_pairs(lines, near, step=COARSE) -> np.ndarray:
@@ -154,7 +154,7 @@ def near_pairs(lines, near, step=COARSE) -> np.ndarray:
     All that do are told, and some that are up to `step` nodes farther apart; no line is near to
     itself.
     """
-    return _near_pairs(*end_to_end(lines, step), near + 1.1 * step)
+    return _near_pairs(*end_to_end(lines, step), near + 1.1 * step, step)
 
 
 def end_to_end(lines, step):
@@ -168,8 +168,8 @@ def end_to_end(lines, step):
 
 
 @njit(cache=True)
-def _near_pairs(x, y, starts, reach):
-    """`near_pairs` of some nodes of all lines, of each from its start to the next one's."""
+def _near_pairs(x, y, starts, reach, step):
+    """`near_pairs` of every `step`-th node of lines, of each from its start to the next one's."""
     count = len(starts) - 1
     out = np.zeros((count, count), np.bool_)
     low, high = np.full((count, 2), np.inf), np.full((count, 2), -np.inf)
@@ -183,19 +183,20 @@ def _near_pairs(x, y, starts, reach):
             apart = max(apart, low[a, 1] - high[b, 1], low[b, 1] - high[a, 1])
             if apart < reach:
                 ours, theirs = slice(starts[a], starts[a + 1]), slice(starts[b], starts[b + 1])
-                near = _any_near(x[ours], y[ours], x[theirs], y[theirs], reach)
+                near = _any_near(x[ours], y[ours], x[theirs], y[theirs], reach, step)
                 out[a, b] = out[b, a] = near
     return out
 
 
 @njit(cache=True)
-def _any_near(x1, y1, x2, y2, reach):
-    """Whether any of the first nodes is within `reach` of any of the second ones."""
-    for i in range(len(x1)):
-        for j in range(len(x2)):
-            dx, dy = x1[i] - x2[j], y1[i] - y2[j]
-            if dx * dx + dy * dy < reach * reach:
-                return True
+def _any_near(x1, y1, x2, y2, reach, step):
+    """Whether any of the first nodes, `step` px apart, is within `reach` of any second one."""
+    i = 0
+    while i < len(x1):
+        apart = np.sqrt(_least_square(x2, y2, len(x2), x1[i], y1[i]))
+        if apart < reach:
+            return True
+        i += max(int((apart - reach) / step), 1)  # none before comes nearer
     return False
 
 
