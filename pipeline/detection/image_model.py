@@ -203,13 +203,14 @@ class HeldLines:
 
     def put_in(self, line: Line) -> None:
         """Hold a line, too, if it is not held yet."""
-        if id(line) in self.shadows:
-            return
-        shape = self.background.shape
-        parts = line_profile.shadow(line.x, line.y, line.n, line.amplitude, line.sigma, shape)
-        line_profile.darken(self.background, *parts)
-        self.shadows[id(line)] = (line, *parts)
-        self.touched.append(parts[0])
+        if id(line) not in self.shadows:
+            nodes = line.x, line.y, line.n, line.amplitude, line.sigma
+            self.keep(line, line_profile.shade(self.background, *nodes))
+
+    def keep(self, line: Line, shade) -> None:
+        """Note that the background holds a line: pixels and transmission as it was put in."""
+        self.shadows[id(line)] = (line, *shade)
+        self.touched.append(shade[0])
 
     def take_out(self, line: Line) -> None:
         """Hold a line no longer, as it was when it was put in."""

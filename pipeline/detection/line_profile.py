@@ -235,6 +235,14 @@ def shadow(x, y, n, amplitude, sigma, shape):
 
 
 @njit(cache=True)
+def shade(background, x, y, n, amplitude, sigma):
+    """Multiply a line's `shadow` into a background; return its pixels and what passes there."""
+    pixels, passing = shadow(x, y, n, amplitude, sigma, background.shape)
+    darken(background, pixels, passing)
+    return pixels, passing
+
+
+@njit(cache=True)
 def darken(background, pixels, passing):
     """Multiply a line's transmission into a background, of which it hides that much."""
     light = background.ravel()

@@ -1,8 +1,9 @@
 """A known line fitted to its whisker anew, in a frame of the scene."""
 
 import numpy as np
+from numba import njit
 
-from pipeline.detection import line_fit
+from pipeline.detection import line_fit, line_profile
 from pipeline.detection.image_model import ImageModel
 from pipeline.detection.line import Line
 from pipeline.detection.tracing_options import TracingOptions
@@ -25,6 +26,20 @@ def refine(
 
 def refine_held(held, image, model: ImageModel, gain, line: Line, options, workspace) -> None:
     """`refine` one of the lines that are held in the background, before the others."""
-    held.take_out(line)
-    refine(image, model, gain, line, options, workspace)
-    held.put_in(line)
+    picture, fit = model.picture(image, gain), options.fit(model, line.longest)
+    shade = held.shadows.pop(id(line))[1:]
+    line.n, line.quality, shade = _refine_held(
+        picture, line.nodes, line.n, *shade, fit, workspace.scratch
+    )
+    held.keep(line, shade)
+
+
+@njit(cache=True)
+def _refine_held(picture, nodes, n, pixels, passing, fit, scratch):
+    """Take a line out of the background, fit it and put it in; its number, quality and shade."""
+    line_profile.lighten(picture.background, pixels, passing)
+    n, quality = line_fit.refine(picture, nodes, n, fit, scratch)
+    shade = line_profile.shade(
+        picture.background, nodes.x, nodes.y, n, nodes.amplitude, nodes.sigma
+    )
+    return n, quality, shade

@@ -129,20 +129,22 @@ class Tracer:
         """
         if track.line is None:
             return
-        held = self.model.held
-        held.take_out(track.line)
-        refine(image, self.model, gain, track.line, self.options, self.workspace)
+        self._refine_held(track.line, image, gain)
         if not self.crowded:  # there, whiskers do lie upon each other
             self._untangle(track, [lines[k] for k in np.flatnonzero(sharing)], image, gain)
-        held.put_in(track.line)
         self._give_up_if_poor(track)
+
+    def _refine_held(self, line: Line, image, gain) -> None:
+        """Fit a line that the background holds, beside the others."""
+        held = self.model.held
+        refine_held(held, image, self.model, gain, line, self.options, self.workspace)
 
     def _untangle(self, track: Track, beside: list[Line], image, gain) -> None:
         """Take a line back from another whisker's far part, onto which it went at a crossing.
 
         Without it, a rendered row's line stays there for up to ten frames (test_tracker).
         """
-        line, known = track.line, track.before
+        line, known, held = track.line, track.before, self.model.held
         for other in beside:
             start = tails.shared_tail(line.x, line.y, line.n, other.x, other.y, other.n)
             if known is None or line.n - start < tails.LEAST:
@@ -150,10 +152,12 @@ class Tracer:
             n = tails.regrow(line.x, line.y, line.n, start, known.x, known.y, known.n)
             if n > 0:
                 line.n = n
-                refine(image, self.model, gain, line, self.options, self.workspace)
+                self._refine_held(line, image, gain)
                 again = tails.shared_tail(line.x, line.y, line.n, other.x, other.y, other.n)
                 if line.n - again >= tails.LEAST:
+                    held.take_out(line)
                     line.n = max(again, 1)
+                    held.put_in(line)
 
     def _foresee(self, present: list[Track], image, gain) -> None:
         """Set what the tracks turn by, where more is known than each line's own motion."""
@@ -192,7 +196,7 @@ class Tracer:
         held.hold([t.line for t in tracks if id(t.line) not in known])
         held.hold([t.line for t in tracks])
         for line, _ in changed:
-            refine_held(held, image, self.model, gain, line, self.options, self.workspace)
+            self._refine_held(line, image, gain)
         pairs = [(t, known[id(t.line)]) for t in tracks if id(t.line) in known]
         if sum(t.line.n * t.line.quality - KEPT * k.n * k.quality for t, k in pairs) < 0:
             for track, line in pairs:  # less is found of them so: they had their own
