@@ -149,16 +149,15 @@ class CrowdTracer(Tracer):
         near = polyline.near_pairs(lines, self.shared_px, polyline.FINE)
         for i, j in np.argwhere(np.triu(near)):
             pair = self.tracks[i], self.tracks[j]
-            if all(track.line is not None for track in pair):
+            if any(_run_together(*two) for two in (pair, pair[::-1])):
                 self._merge_two(*sorted(pair, key=self._claim), image, gain)
         self.tracks = [t for t in self.tracks if t.line is not None]
 
     def _merge_two(self, faint, other, image, gain) -> None:
         """`_merge` of two tracks, of which `faint` is the less sure one."""
-        lines, held = (faint.line, other.line), self.model.held
-        reach = line_choice.reach(other.line)
-        if line_choice.shared_fraction(*lines, reach) < DOUBLE_SHARE:
+        if not _run_together(faint, other):
             return
+        lines, held = (faint.line, other.line), self.model.held
         for line in lines:
             held.take_out(line)
         one = one_or_two.one_for_two(*lines, image, self.model, gain, self.options, self.workspace)
@@ -201,6 +200,14 @@ class CrowdTracer(Tracer):
 
     def _claim(self, track) -> float:
         return self._worth(track.line, track) * (1 - 0.5 ** ((track.age + 1) / self.young))
+
+
+def _run_together(faint, other) -> bool:
+    """Whether most of a track's line lies on that of another track; not where one is lost."""
+    if faint.line is None or other.line is None:
+        return False
+    reach = line_choice.reach(other.line)
+    return line_choice.shared_fraction(faint.line, other.line, reach) >= DOUBLE_SHARE
 
 
 def is_crowd(templates, options) -> bool:
