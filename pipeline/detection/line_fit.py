@@ -12,6 +12,7 @@ import numpy as np
 from numba import njit
 
 from pipeline.detection import cross_sections, line_profile
+from pipeline.detection.line import nodes_of, scratch_of
 from pipeline.numerics import bsplines
 from pipeline.numerics.polyline import bilinear, normals, resample
 
@@ -326,7 +327,7 @@ def set_cap(amplitude, n, cap):
 
 
 @njit(cache=True)
-def refine(picture, nodes, n, fit, scratch):
+def refine(picture, values, n, fit, room):
     """Gauss–Newton steps on the nodes until they stay, then base, visible end and quality.
 
     Where the first step is larger than `fit.farthest`, or less of the line is seen than there
@@ -334,11 +335,13 @@ def refine(picture, nodes, n, fit, scratch):
 
     The first `n` nodes are changed in place, but for sigma; returns their number and the quality:
     the part of the line's expected contrast that was found. The last step is so short that
-    information stays and the score follows; nothing is measured again.
+    information stays and the score follows; nothing is measured again. values, room : those of
+    a `Line` and a `Workspace`
     """
     if n < SHORTEST:
         return 0, 0.0
-    x, y, amplitude, work = nodes.x, nodes.y, nodes.amplitude, scratch
+    nodes, work = nodes_of(values), scratch_of(room)
+    x, y, amplitude = nodes.x, nodes.y, nodes.amplitude
     end, before, known = 0, 0, n
     n = start_at_face(x, y, n, picture.outside)
     n = extend(x, y, n, False, fit.bridge + 12, 40)

@@ -20,7 +20,7 @@ def refine(
     """
     fit = options.fit(model, line.longest, farthest, widths)
     line.n, line.quality = line_fit.refine(
-        model.picture(image, gain), line.nodes, line.n, fit, workspace.scratch
+        model.picture(image, gain), line.values, line.n, fit, workspace.room
     )
 
 
@@ -29,17 +29,16 @@ def refine_held(held, image, model: ImageModel, gain, line: Line, options, works
     picture, fit = model.picture(image, gain), options.fit(model, line.longest)
     shade = held.shadows.pop(id(line))[1:]
     line.n, line.quality, shade = _refine_held(
-        picture, line.nodes, line.n, *shade, fit, workspace.scratch
+        picture, line.values, line.n, *shade, fit, workspace.room
     )
     held.keep(line, shade)
 
 
 @njit(cache=True)
-def _refine_held(picture, nodes, n, pixels, passing, fit, scratch):
+def _refine_held(picture, values, n, pixels, passing, fit, room):
     """Take a line out of the background, fit it and put it in; its number, quality and shade."""
     line_profile.lighten(picture.background, pixels, passing)
-    n, quality = line_fit.refine(picture, nodes, n, fit, scratch)
-    shade = line_profile.shade(
-        picture.background, nodes.x, nodes.y, n, nodes.amplitude, nodes.sigma
-    )
+    n, quality = line_fit.refine(picture, values, n, fit, room)
+    x, y, amplitude, sigma = values[0], values[1], values[2], values[3]
+    shade = line_profile.shade(picture.background, x, y, n, amplitude, sigma)
     return n, quality, shade

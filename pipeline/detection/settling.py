@@ -4,7 +4,7 @@ import numpy as np
 from numba import njit
 
 from pipeline.detection import line_fit, line_profile
-from pipeline.detection.line import Line
+from pipeline.detection.line import Line, nodes_of, scratch_of
 from pipeline.detection.line_fit import SHORT_STEP, largest
 from pipeline.numerics import polyline
 
@@ -23,25 +23,26 @@ def settle(picture, curve, fit: line_fit.Fit, workspace) -> Line:
     line = Line.empty(workspace.limit)
     n = min(len(curve), workspace.limit)
     line.x[:n], line.y[:n] = curve[:n].T
-    line.n, line.quality = _settle(picture, line.nodes, n, fit, workspace.scratch)
+    line.n, line.quality = _settle(picture, line.values, n, fit, workspace.room)
     return line
 
 
 @njit(cache=True)
-def _settle(picture, nodes, n, fit, scratch):
+def _settle(picture, values, n, fit, room):
     """Fit nodes until the line gets no longer; returns how many they are, and the quality."""
+    nodes, scratch = nodes_of(values), scratch_of(room)
     n, quality = polyline.resample(nodes.x, nodes.y, n, scratch.room), 0.0
     amplitude = nodes.amplitude
     amplitude[:] = FIRST_ABSORBANCE
     for step in range(MOST_FITS):
         before = n
-        n, quality = line_fit.refine(picture, nodes, n, fit, scratch)
+        n, quality = line_fit.refine(picture, values, n, fit, room)
         if n < line_fit.SHORTEST:
             break
         stays = abs(n - before) <= SAME_LENGTH
         if step >= FEWEST_FITS and stays and largest(scratch.offset, n) < SHORT_STEP:
             break
-        _fit_width(nodes.sigma, n, scratch)
+        _fit_width(nodes.sigma, n, room)
         # no history to average with: the absorbance is what was measured last
         for i in range(len(amplitude)):
             amplitude[i] = max(scratch.amplitude[min(i, n - 1)], fit.faintest)
@@ -50,17 +51,17 @@ def _settle(picture, nodes, n, fit, scratch):
 
 def fit_width(line: Line, workspace) -> None:
     """Update the half-width σ along the line, linear in arc length, from its last measurement."""
-    _fit_width(line.sigma, line.n, workspace.scratch)
+    _fit_width(line.sigma, line.n, workspace.room)
 
 
 @njit(cache=True)
-def _fit_width(sigma, n, scratch):
+def _fit_width(sigma, n, room):
     """Each half of the line has a width of its own.
 
     It grows towards the tip only where that is sure: a whisker that turns while the shutter is
     open is blurred the more the farther out.
     """
-    middle = n // 2
+    scratch, middle = scratch_of(room), n // 2
     near, far = middle / 2, (middle + n) / 2
     near_sigma, near_se = _corrected(sigma[int(near)], scratch, 0, middle)
     far_sigma, far_se = _corrected(sigma[int(far)], scratch, middle, n)

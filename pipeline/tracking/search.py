@@ -4,20 +4,20 @@ import numpy as np
 from numba import njit
 
 from pipeline.detection import line_profile
+from pipeline.detection.line import nodes_of, scratch_of
 from pipeline.detection.line_fit import FLOAT, HALF, SHORTEST
-from pipeline.numerics.polyline import normals
+from pipeline.numerics.polyline import normals, resample
 
 STATION = 2  # nodes between two cross-sections of the capture step
 REACH = 3  # half-width of the line's profile in it [px]
 
 
 @njit(cache=True, error_model="numpy")
-def strip_gains(picture, nodes, nx, ny, n, half, out, at):
+def strip_gains(picture, nodes, nx, ny, half, out, at):
     """Likelihood gain of a line at every station and integer offset −half … half.
 
     The nearest pixels are taken as they are. out : float32 (stations, `strip_width(half)`); at :
-    likewise, the offset at which the pixel's centre really lies. Returns the number of stations
-    and the gain that a perfect line would bring in all.
+    likewise, the offset at which the pixel's centre really lies.
     """
     x, y, amplitude, sigma = nodes.x, nodes.y, nodes.amplitude, nodes.sigma
     width, height = np.int32(picture.image.shape[1]), np.int32(picture.image.shape[0])
@@ -29,9 +29,7 @@ def strip_gains(picture, nodes, nx, ny, n, half, out, at):
     pixel, light, trust = np.empty(size, FLOAT), np.empty(size, FLOAT), np.empty(size, FLOAT)
     value, power = np.empty(size, FLOAT), np.empty(size, FLOAT)
     level, middle = FLOAT(picture.gain), half + REACH
-    stations = (n - 1) // STATION + 1
-    expected = 0.0
-    for station in range(stations):
+    for station in range(len(out)):
         i = station * STATION
         cx, cy, ux, uy = FLOAT(x[i]), FLOAT(y[i]), FLOAT(nx[i]), FLOAT(ny[i])
         for k in range(size):
@@ -56,8 +54,6 @@ def strip_gains(picture, nodes, nx, ny, n, half, out, at):
             out[station, j] = _taps(value, j, linear) - _taps(power, j, constant)
         for j in range(offsets):
             at[station, j] = off[j + REACH]
-        expected += _taps(power, half, constant)
-    return stations, expected
 
 
 @njit(cache=True)
@@ -93,7 +89,7 @@ def _taps(row, j, f):
 
 @njit(cache=True)
 def best_path(gains, stations, half, slope_cost, offset_cost, path):
-    """Offsets, one per station, of the path of largest gain; returns the gain.
+    """Offsets, one per station, of the path of largest gain.
 
     A step of one pixel between neighbouring stations costs `slope_cost`, an offset u costs
     offset_cost u².
@@ -117,12 +113,9 @@ def best_path(gains, stations, half, slope_cost, offset_cost, path):
             score[i, j] = best + gains[i, j] - offset_cost * (j - half) ** 2
             origin[i, j] = step
     j = int(np.argmax(score[stations - 1]))
-    total = 0.0
     for i in range(stations - 1, -1, -1):
         path[i] = j - half
-        total += gains[i, j]
         j += origin[i, j]
-    return total
 
 
 @njit(cache=True)
@@ -138,17 +131,22 @@ def _peak(gains, at, j, last):
 
 
 @njit(cache=True)
-def capture(picture, nodes, n, half, scratch):
-    """Move the nodes onto the best path of the strip; return gain found / gain expected."""
+def capture(picture, values, n, half, room):
+    """Move the nodes onto the best path of the strip, evenly spaced; return their number.
+
+    values, room : those of a `Line` and a `Workspace`
+    """
+    nodes, scratch = nodes_of(values), scratch_of(room)
     if n < SHORTEST:
-        return 0.0
+        return resample(nodes.x, nodes.y, n, scratch.room)
     x, y, nx, ny = nodes.x, nodes.y, scratch.normal_x, scratch.normal_y
     normals(x, y, n, nx, ny)
     gains = np.empty(((n - 1) // STATION + 1, strip_width(half)), FLOAT)
     at = np.empty_like(gains)
-    stations, expected = strip_gains(picture, nodes, nx, ny, n, half, gains, at)
+    strip_gains(picture, nodes, nx, ny, half, gains, at)
+    stations = len(gains)
     path = np.empty(stations)
-    found = best_path(gains, stations, half, 3.0, 0.002, path)
+    best_path(gains, stations, half, 3.0, 0.002, path)
     for i in range(stations):
         path[i] = _peak(gains[i], at[i], int(path[i]) + half, 2 * half)
     # The path is that of whole pixels: smooth it over ±4 stations before it moves the nodes.
@@ -166,4 +164,4 @@ def capture(picture, nodes, n, half, scratch):
         u = smooth[j] + (smooth[k] - smooth[j]) * (f - j)
         x[i] += u * nx[i]
         y[i] += u * ny[i]
-    return found / max(expected, 1e-9)
+    return resample(x, y, n, scratch.room)

@@ -63,7 +63,7 @@ def foretold(line: Line, before: Line | None) -> Line:
         line.x, line.y, line.amplitude, line.sigma, line.n, known.x, known.y,
         known.n if moving else 0, arrays,
     )  # fmt: skip
-    return Line(*arrays, line.n, line.quality, line.longest)
+    return Line(arrays, line.n, line.quality, line.longest)
 
 
 @njit(cache=True)

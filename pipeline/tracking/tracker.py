@@ -273,9 +273,8 @@ class Tracer:
 
     def _capture(self, line: Line, image, gain, half) -> None:
         """Move a line onto the best path of a strip of `half` px to both sides."""
-        scratch = self.workspace.scratch
-        search.capture(self.model.picture(image, gain), line.nodes, line.n, half, scratch)
-        line.n = polyline.resample(line.x, line.y, line.n, scratch.room)
+        picture = self.model.picture(image, gain)
+        line.n = search.capture(picture, line.values, line.n, half, self.workspace.room)
 
     def _search(self, missing: list[Track], image, gain) -> None:
         """Look at the whole frame for the missing whiskers."""
