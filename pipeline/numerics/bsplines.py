@@ -38,7 +38,7 @@ def _end(j, last, n, spacing):
 @njit(cache=True)
 def basis_at_nodes(n, spacing):
     """The four values of the basis at nodes 0 … n − 1, (4, n)."""
-    out = np.empty((4, n))
+    out, at = np.empty((4, n)), np.empty(n)
     b0, b1, b2, b3 = out[0], out[1], out[2], out[3]
     per_node = 1.0 / spacing
     last = n_coefficients(n, spacing) - 4
@@ -46,8 +46,10 @@ def basis_at_nodes(n, spacing):
     for j in range(last + 1):
         end = _end(j, last, n, spacing)
         for i in range(start, end):
-            b0[i], b1[i], b2[i], b3[i] = basis(i * per_node - j)
+            at[i] = i * per_node - j
         start = end
+    for i in range(n):  # all at once, for vector instructions
+        b0[i], b1[i], b2[i], b3[i] = basis(at[i])
     return out
 
 
