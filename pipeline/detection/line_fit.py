@@ -260,7 +260,7 @@ def visible_end(amplitude, amplitude_se, sums, n, bridge, fit):
     return max(end - overshoot, 0) if end < n else end
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def measure(picture, nodes, n, fit, scratch):
     """Absorbance, information and score of a line where it lies now, into `scratch`.
 
@@ -277,7 +277,7 @@ def measure(picture, nodes, n, fit, scratch):
     line_profile.offset_information(s.sums, n, s.amplitude, s.baseline, s.information, s.score)
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def fit_offset(x, y, n, spacing, stiffness, scratch):
     """Gauss–Newton's spline offset along the normals, from the measured information and score."""
     nx, ny, offset, band, rhs = (
@@ -299,7 +299,7 @@ def fit_offset(x, y, n, spacing, stiffness, scratch):
         offset[i] = min(max(offset[i], -3.0), 3.0)
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def move(x, y, n, scratch):
     """Move nodes along the normals by the fitted offset, in place; `score` changes with it."""
     nx, ny, offset = scratch.normal_x, scratch.normal_y, scratch.offset
@@ -373,7 +373,7 @@ def refine(picture, values, n, fit, room):
     return end, _keep_measured(nodes, end, work)
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def _keep_measured(nodes, end, work):
     """Take over what was measured last at the first `end` nodes; return the quality."""
     amplitude, sums = nodes.amplitude, work.sums
@@ -388,6 +388,5 @@ def _keep_measured(nodes, end, work):
         amplitude[i] = 0.7 * amplitude[i] + 0.3 * max(work.amplitude[i], 0.0)
         area = work.amplitude[i] * nodes.sigma[i] * 2.5066
         nodes.thickness[i] = area if work.amplitude_se[i] < 0.05 else np.nan
-    for i in range(end, len(amplitude)):
-        amplitude[i] = amplitude[end - 1]
+    amplitude[end:] = amplitude[end - 1]
     return min(found / expected, 1.0)

@@ -44,8 +44,9 @@ def _settle(picture, values, n, fit, room):
             break
         _fit_width(nodes.sigma, n, room)
         # no history to average with: the absorbance is what was measured last
-        for i in range(len(amplitude)):
-            amplitude[i] = max(scratch.amplitude[min(i, n - 1)], fit.faintest)
+        for i in range(n):
+            amplitude[i] = max(scratch.amplitude[i], fit.faintest)
+        amplitude[n:] = amplitude[n - 1]
     return n, quality
 
 
