@@ -260,6 +260,7 @@ def visible_end(amplitude, amplitude_se, sums, n, bridge, fit):
     return max(end - overshoot, 0) if end < n else end
 
 
+# Inlined, as the next ones are: else each call counts references to every array it is given.
 @njit(cache=True, inline="always")
 def measure(picture, nodes, n, fit, scratch):
     """Absorbance, information and score of a line where it lies now, into `scratch`.
