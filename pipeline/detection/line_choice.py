@@ -8,11 +8,14 @@ from pipeline.detection.line import Line
 from pipeline.numerics import polyline
 from pipeline.session.parameters import DEFAULTS
 
+GHOST_SHARE = 0.75  # of a ghost that lies beside the darker line; what leaves it is a whisker
+
 
 def is_ghost(line: Line, others, params=DEFAULTS.detection) -> bool:
     """Whether a line is what is left of a darker one: its blur, or the codec's ringing beside it.
 
-    The fainter it is, the farther from the darker one.
+    The fainter it is, the farther from the darker one. A faint whisker that comes out of the fur
+    beside a dark one, and leaves it, is no ghost.
     """
     ghosts = (params.blur_share, params.blur_px), (params.ringing_share, params.ringing_px)
     return any(_is_ghost_of(line, other, ghosts) for other in others)
@@ -30,7 +33,7 @@ def _is_ghost_of(line, other, ghosts):
         line.x, line.y, line.n, other.x, other.y, other.n, max(near[-1], reach(other))
     ):
         return False
-    return shared_fraction(line, other, max(near[-1], reach(other))) > 0.5
+    return shared_fraction(line, other, max(near[-1], reach(other))) > GHOST_SHARE
 
 
 @njit(cache=True)

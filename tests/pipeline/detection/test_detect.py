@@ -66,6 +66,13 @@ def test_a_ghost_is_faint_and_beside_a_dark_line(strength, away_px, ghost):
     assert not is_ghost(dark, [faint])
 
 
+@pytest.mark.parametrize(("beside", "ghost"), [(36, False), (54, True)])
+def test_a_faint_line_that_leaves_a_dark_one_is_no_ghost(beside, ghost):
+    along = straight(0, beside, (0, 1.5))
+    faint = np.concatenate([along, straight(0.6, 60 - beside, along[-1] + 0.6)])
+    assert is_ghost(line(faint, 0.2), [line(straight(0, 80), 0.6)]) == ghost
+
+
 @pytest.mark.slow
 def test_whiskers_that_cross_are_found_with_their_own_far_parts():
     trial = make_trial("crossing", 100, 0)
