@@ -214,7 +214,11 @@ class HeldLines:
 
     def take_out(self, line: Line) -> None:
         """Hold a line no longer, as it was when it was put in."""
-        line_profile.lighten(self.background, *self.shadows.pop(id(line))[1:])
+        line_profile.lighten(self.background, *self.forget(line))
+
+    def forget(self, line: Line):
+        """Undo `keep`, not the background; return pixels and transmission as it was put in."""
+        return self.shadows.pop(id(line))[1:]
 
     def go_back(self, shadows) -> None:
         """Hold the lines of these shadows, no others; of none, the very background is there."""

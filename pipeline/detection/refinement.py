@@ -27,9 +27,8 @@ def refine(
 def refine_held(held, image, model: ImageModel, gain, line: Line, options, workspace) -> None:
     """`refine` one of the lines that are held in the background, before the others."""
     picture, fit = model.picture(image, gain), options.fit(model, line.longest)
-    shade = held.shadows.pop(id(line))[1:]
     line.n, line.quality, shade = _refine_held(
-        picture, line.values, line.n, *shade, fit, workspace.room
+        picture, line.values, line.n, *held.forget(line), fit, workspace.room
     )
     held.keep(line, shade)
 

@@ -89,7 +89,7 @@ def _taps(row, j, f):
 
 @njit(cache=True)
 def best_path(gains, stations, half, slope_cost, offset_cost, path):
-    """Offsets, one per station, of the path of largest gain.
+    """Fill `path` with the offsets, one per station, of the path of largest gain.
 
     A step of one pixel between neighbouring stations costs `slope_cost`, an offset u costs
     offset_cost u².
