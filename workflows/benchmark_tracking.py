@@ -18,120 +18,22 @@ import shutil
 import sys
 import tempfile
 import time
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import measuring
 import numpy as np
 import pages
-import pandas as pd
+from benchmark_clips import BRIEF, SCENES, Clip, decode, render_clip, repeat_video, trace
+from benchmark_exactness import exactness
 from peer_tracker import OPTIMISED, NoPeerError, find_peer, timed
 
-from pipeline.kinematics import curvature
-from pipeline.run import trace as trace_frames
-from pipeline.scene import estimate, first_look
-from pipeline.session.session_file import write_session
 from pipeline.tables.files import read_json
-from pipeline.tracking.stationary_whiskers import behind_whiskers
-from pipeline.tracking.whiskers import find_whisker_set, template_frames, tracing_options
-from pipeline.video.open import open_video
-from synthetic.encode import video_suffix, write_video
-from synthetic.presets import make_trial
-from synthetic.render import Renderer
-from synthetic.scene import Codec
-from synthetic.scoring import line_scoring, table_scoring
-from synthetic.session import session_settings
-from synthetic.truth import centreline_table, frame_table, visibility_table
 
-SCENES = {  # name: preset, trial
-    "clean": ("single", 0),
-    "noisy": ("noisy", 0),
-    "four whiskers": ("row", 0),
-    "crossing": ("crossing", 0),
-    "moving fur": ("moving_fur", 0),
-    "faint touch": ("faint_touch", 0),
-    "along an axis": ("orientation", 6),
-    "at 45°": ("orientation", 9),
-}
-CURVATURE_AT = 5.5e-3
-WINDOW_M = 2e-3  # half of the peer's quadratic
-LONG_FALSE_MM = 3.0
-CRF = 21
 START_UP_TARGET_S = 5.0
 SPEED_TARGETS = {1: 30.0, 4: 15.0}  # times the peer's optimised rate, by number of whiskers
 DECODING_TARGET = 0.5
 REPEATS = 3
-BRIEF = 2  # frames of the video that measures the start-up
-
-
-# Videos --------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class Clip:
-    """A rendered video for timing; its first `scored` frames have a truth.
-
-    Attributes
-    ----------
-    path, short, brief : the video, its first frames only, for the slow peer, and two frames
-    frames, short_frames : numbers of frames of the first two
-    """
-
-    name: str
-    path: Path
-    short: Path
-    brief: Path
-    frames: int
-    short_frames: int
-    scored: int
-    trial: object
-    settings: object
-    truth: line_scoring.Truth
-    true_frames: pd.DataFrame
-
-    @property
-    def pixels(self) -> int:
-        """Pixels of a frame."""
-        camera = self.trial.scene.camera
-        return camera.width * camera.height
-
-
-def render_clip(name, folder, frames, short_frames, seed) -> Clip:
-    """Render a scene to H.264; where it is shorter than `frames`, forwards and back again."""
-    preset, number = SCENES[name]
-    trial = make_trial(preset, seed, number)
-    codec = Codec("h264", crf=CRF)
-    renderer = Renderer(trial.scene, trial.motion, seed=seed)
-    n = len(renderer)
-    folder = folder / name.replace(" ", "_")
-    folder.mkdir(parents=True)
-    suffix = video_suffix(codec)
-    path, short, brief = (folder / f"{part}{suffix}" for part in ("clip", "short", "brief"))
-    order = np.resize(np.concatenate([np.arange(n), np.arange(n - 1, -1, -1)]), frames)
-    write_video(path, (renderer.frame(int(i)) for i in order), codec)
-    short_frames = min(short_frames, n)
-    write_video(short, (renderer.frame(i) for i in range(short_frames)), codec)
-    write_video(brief, (renderer.frame(i) for i in range(BRIEF)), codec)
-    settings = session_settings(trial, renderer)
-    write_session(folder / "session.toml", settings)
-    lines = centreline_table(trial.motion)
-    camera = trial.scene.camera
-    noise = np.sqrt(camera.read_noise**2 + camera.noise_gain * measuring.LIGHT)
-    visibility = visibility_table(trial.motion, renderer, lines)
-    truth = line_scoring.visible_truth(lines, visibility, camera.pixels_per_mm, noise)
-    return Clip(
-        name=name,
-        path=path,
-        short=short,
-        brief=brief,
-        frames=frames,
-        short_frames=short_frames,
-        scored=min(n, frames),
-        trial=trial,
-        settings=settings,
-        truth=truth,
-        true_frames=frame_table(trial.motion, CURVATURE_AT),
-    )
 
 
 # Speed ---------------------------------------------------------------------------------------
@@ -155,28 +57,6 @@ def clocked(work) -> tuple[float, float]:
     wall, cpu = time.perf_counter(), time.process_time()
     work()
     return time.perf_counter() - wall, time.process_time() - cpu
-
-
-def decode(clip: Clip) -> None:
-    """Read every frame and do nothing with it."""
-    with open_video(clip.path) as video:
-        for _ in video.lent():
-            pass
-
-
-def trace(clip: Clip, path=None):
-    """Decode, find the scene and trace as `analyse` does; yield centrelines chunk by chunk."""
-    settings = clip.settings
-    recording = settings.recording.si()
-    with open_video(path or clip.path) as video:
-        diameter = settings.pole.diameter if clip.trial.scene.pole else None
-        look = first_look(video, recording.pixels_per_mm)
-        seen = estimate.survey(look, recording)
-        epochs = estimate.find_scenes(video, recording, diameter, seen=seen)
-        whisker_set = find_whisker_set(*seen.sample(template_frames(settings)), epochs, settings)
-        epochs = behind_whiskers(epochs, whisker_set.templates, recording.pixels_per_mm)
-        options = tracing_options(settings, video.shape)
-        yield from trace_frames(video.lent(), epochs, list(whisker_set.templates), options)
 
 
 # The peak is the program's own: what the system reports of a child holds its parent's, too.
@@ -250,118 +130,6 @@ def speeds(clip: Clip, folder, peer) -> dict:
     return rates
 
 
-# Exactness -----------------------------------------------------------------------------------
-
-
-def our_lines(clip: Clip):
-    """Our centrelines of the frames with a truth, and their kinematics."""
-    chunks = list(trace(clip))
-    lines = first_frames(measuring.join_chunks(chunks), clip.scored)
-    hidden = {w.name: w.hidden_length for w in clip.settings.whisker}
-    recording = clip.settings.recording.si()
-    measured = [
-        curvature.measure(c, recording, [hidden[n] for n in c.names], CURVATURE_AT)
-        for c in chunks
-        if len(c)
-    ]
-    table = pd.concat(measured, ignore_index=True)
-    table["whisker"] = np.array(lines.names, object)[table["whisker"].to_numpy(int)]
-    return lines, table[table["frame"] < clip.scored].assign(tracked=True)
-
-
-def first_frames(lines, n):
-    """The rows of frames below n."""
-    rows = int(np.searchsorted(lines.frame, n))
-    points = lines.offsets[rows]
-    return replace(
-        lines,
-        frame=lines.frame[:rows],
-        whisker=lines.whisker[:rows],
-        offsets=lines.offsets[: rows + 1],
-        confidence=lines.confidence[:rows],
-        x_px=lines.x_px[:points],
-        y_px=lines.y_px[:points],
-        se_px=lines.se_px[:points],
-    )
-
-
-def first_truth(truth: line_scoring.Truth, n) -> line_scoring.Truth:
-    """The truth of frames below n."""
-    lines = first_frames(truth.lines, n)
-    return line_scoring.Truth(lines, truth.seen[: len(lines.x_px)])
-
-
-def quadratic_curvature(clip: Clip, lines, truth: line_scoring.Truth) -> np.ndarray:
-    """Errors [1/m] of a quadratic over ±2 mm about 5.5 mm, for each line that spans it.
-
-    The place along the whisker is taken from the truth, so it costs the peer nothing that it
-    does not know where the follicle is.
-    """
-    scale = clip.trial.scene.camera.pixels_per_m
-    true = clip.true_frames.set_index(["frame", "whisker"])["curvature_per_m"]
-    scores = line_scoring.score_lines(lines, truth)
-    errors = []
-    for i, (frame, name) in enumerate(zip(lines.frame, scores.rows["nearest"], strict=True)):
-        if not name:
-            continue
-        row = next(
-            r for r in truth.rows_of(frame) if truth.lines.names[truth.lines.whisker[r]] == name
-        )
-        curve = truth.lines.row(row).astype(float)
-        points = lines.row(i).astype(float)
-        distance, node, along = (
-            np.empty(len(points)),
-            np.empty(len(points), int),
-            np.empty(len(points)),
-        )
-        line_scoring.project(*points.T.copy(), *curve.T.copy(), distance, node, along)
-        u = node + along - CURVATURE_AT * scale
-        inside = np.abs(u) <= WINDOW_M * scale
-        if inside.sum() < 10 or np.ptp(u[inside]) < 1.8 * WINDOW_M * scale:
-            continue
-        errors.append(_fitted_curvature(points[inside]) * scale - true[frame, name])
-    return np.array(errors)
-
-
-def _fitted_curvature(points) -> float:
-    """Curvature [1/px] of a quadratic through points, in the frame of their chord."""
-    chord = points[-1] - points[0]
-    t = chord / np.hypot(*chord)
-    d = points - points.mean(0)
-    u, v = d @ t, d @ np.array([t[1], -t[0]])
-    second, slope, _ = np.polyfit(u, v, 2)
-    bend = 2 * second / (1 + slope**2) ** 1.5
-    return float(bend if points[0] @ t < points[-1] @ t else -bend)
-
-
-def exactness(clip: Clip, peer) -> dict[str, dict]:
-    """Line and curvature figures, ours and the peer's."""
-    long_px = LONG_FALSE_MM * clip.trial.scene.camera.pixels_per_mm
-    lines, kinematics = our_lines(clip)
-    truth = first_truth(clip.truth, clip.scored)
-    ours = line_scoring.line_figures(line_scoring.score_lines(lines, truth), clip.scored, long_px)
-    true = clip.true_frames[clip.true_frames["frame"] < clip.scored]
-    joined = table_scoring.join_frames(kinematics, true)
-    bend = table_scoring.error_figures(joined, "curvature_per_m")
-    ours |= {"frames": clip.scored, "curvature_bias": bend["bias"], "curvature_sd": bend["sd"]}
-    found = {"whiskerforce": ours}
-    if peer is not None:
-        lines = peer.trace(clip.short)[0]
-        truth = first_truth(clip.truth, clip.short_frames)
-        theirs = line_scoring.line_figures(
-            line_scoring.score_lines(lines, truth), clip.short_frames, long_px
-        )
-        errors = quadratic_curvature(clip, lines, truth)
-        theirs |= {
-            "frames": clip.short_frames,
-            "identity_errors": np.nan,  # its lines bear no names
-            "curvature_bias": errors.mean() if len(errors) else np.nan,
-            "curvature_sd": errors.std() if len(errors) else np.nan,
-        }
-        found["Janelia"] = theirs
-    return found
-
-
 # Memory --------------------------------------------------------------------------------------
 
 
@@ -375,27 +143,6 @@ def memory(clip: Clip, folder, lengths) -> dict[int, float]:
         found[n] = run_cost(path, folder).megabytes
         path.unlink()
     return found
-
-
-def repeat_video(source, target, frames) -> None:
-    """Make a longer video by writing the packets of `source` again and again."""
-    import av
-
-    with av.open(str(target), "w") as out:
-        stream, written = None, 0
-        while written < frames:
-            with av.open(str(source)) as container:
-                video = container.streams.video[0]
-                if stream is None:
-                    stream = out.add_stream_from_template(video)
-                packets = [p for p in container.demux(video) if p.size]
-                step = packets[0].duration or 1
-                for packet in packets[: frames - written]:
-                    packet.pts += written * step
-                    packet.dts += written * step
-                    packet.stream = stream
-                    out.mux(packet)
-                written += len(packets)
 
 
 # Tables --------------------------------------------------------------------------------------

@@ -13,7 +13,7 @@ import pandas as pd
 import pytest
 import wrong_settings
 from accuracy_targets import COVERAGE, TARGETS, Target, coverage_checks
-from benchmark_tracking import _fitted_curvature
+from benchmark_exactness import _fitted_curvature
 from over_videos import spread
 from pages import write_between
 from peer_tracker import NoPeerError, find_peer, read_whiskers
