@@ -16,7 +16,7 @@ from tutorial import blocks
 import pipeline
 import synthetic
 import whiskermodel
-from pipeline.app import cli
+from pipeline.app import cli, terminal
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -64,7 +64,9 @@ def _numbers(line):
 @pytest.mark.e2e
 def test_the_tutorial_works_word_for_word(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(cli, "_cores", lambda: 1)  # processes of their own would load all again
+    monkeypatch.setattr(
+        terminal, "cores", lambda: 1
+    )  # processes of their own would load all again
     said = follow("tutorial.md")
     found, true = map(int, re.search(r"(\d+) contacts found, (\d+) true ones", said).groups())
     assert found == true >= 3

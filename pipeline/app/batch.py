@@ -152,24 +152,16 @@ def run(
         log = RunLog(out)
         log.write(_begun(inputs, due))
         with _shown(due, progress) as shown:
-            before = set(outcomes)
-            interrupted = _process(due, outcomes, jobs, shown, log)
-            said = frozenset(set(outcomes) - before if progress else ())
-            outcomes |= _left(due, outcomes)
-            behind = follow_corrections(out)
-            outcomes |= {t.folder.name: _as_corrected(t, behind) for t in skipped}
+            new, interrupted = _process(due, jobs, shown, log)
+            outcomes |= new | _left(due, new) | _corrected(skipped, out)
             ordered = [outcomes[name] for name in names.values() if name in outcomes]
             others, lost = _without_lost(_earlier(out, set(names.values())), paths)
             seconds = time.monotonic() - started
-            every = (*ordered, *others)
+            own, problems = _session_file(inputs, settings, config, out)
+            said = frozenset(new if progress else ())
             summary = Summary(
-                out, every, len(skipped), seconds, interrupted, tuple(lost), said=said
+                out, (*ordered, *others), len(skipped), seconds, interrupted, lost, problems, said
             )
-            own, problems = "", ()
-            if not is_beside_videos(out, inputs):
-                own, problems = write_session_file(out, list(settings.values()), config)
-            problems = (*problems, *guesses_left(inputs, config))
-            summary = replace(summary, problems=problems)
             write_tables(summary, jobs, own)
             if not interrupted:  # who presses Ctrl-C does not want to wait for them
                 summary = with_pictures(summary, due, shown, log)
@@ -189,8 +181,13 @@ def _tasks(inputs, settings, names, out, overwrite, overlay) -> list[Task]:
     return tasks
 
 
+def _corrected(skipped, out) -> dict:
+    """Outcomes of results that were there, which now follow from a person's corrections."""
+    behind = follow_corrections(out)
+    return {task.folder.name: _as_corrected(task, behind) for task in skipped}
+
+
 def _as_corrected(task, behind) -> Outcome:
-    """The outcome of results that were there, which now follow from a person's corrections."""
     count = read_state(task.folder).get("contacts", task.finished.contacts)
     outcome = replace(task.finished, contacts=count)
     reason = behind.get(task.folder.name)
@@ -236,11 +233,11 @@ def _begun(inputs, due) -> str:
     )
 
 
-def _process(tasks, outcomes, jobs, shown, log) -> bool:
-    """Run the tasks and put their outcomes in; True if the user interrupted."""
+def _process(tasks, jobs, shown, log) -> tuple[dict, bool]:
+    """Run the tasks: outcomes by the name of their folder, and whether the user interrupted."""
     if jobs == 1 or len(tasks) == 1:
         tasks = [replace(task, threads=0) for task in tasks]
-    names = [task.folder.name for task in tasks]
+    names, outcomes = [task.folder.name for task in tasks], {}
 
     def take(event):
         if event.kind == "died":
@@ -255,8 +252,16 @@ def _process(tasks, outcomes, jobs, shown, log) -> bool:
         run_tasks(process_video, tasks, take, jobs)
     except KeyboardInterrupt:
         log.write("interrupted")
-        return True
-    return False
+        return outcomes, True
+    return outcomes, False
+
+
+def _session_file(inputs, settings, config, out) -> tuple[str, tuple[str, ...]]:
+    """Write the settings in force; their hash, "" where none was written, and any problems."""
+    own, problems = "", ()
+    if not is_beside_videos(out, inputs):
+        own, problems = write_session_file(out, list(settings.values()), config)
+    return own, (*problems, *guesses_left(inputs, config))
 
 
 # --- results of other runs -----------------------------------------------------------------
@@ -285,16 +290,16 @@ def _damaged(folder) -> Outcome:
     )
 
 
-def _without_lost(outcomes, paths):
+def _without_lost(outcomes, paths) -> tuple[list[Outcome], tuple[str, ...]]:
     """Outcomes to keep in the tables, and names of videos that are gone from a searched folder.
 
     Their results stay where they are: they may be all that is left of the video.
     """
     searched = [path.resolve() for path in map(Path, paths) if path.is_dir()]
-    lost = [
+    lost = tuple(
         each.video
         for each in outcomes
         if not os.path.exists(each.path)
         and any(folder in Path(each.path).parents for folder in searched)
-    ]
+    )
     return [each for each in outcomes if each.video not in lost], lost

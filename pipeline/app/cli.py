@@ -5,7 +5,6 @@ Exit status: 0 all done; 1 some videos failed; 2 unusable arguments or settings.
 
 import gc
 import os
-import shlex
 import sys
 import traceback
 from pathlib import Path
@@ -13,9 +12,10 @@ from typing import Annotated
 
 import typer
 
-from pipeline.app import convert
+from pipeline.app import convert, terminal
 from pipeline.app.calibrate import calibrate
 from pipeline.app.options import Debug, Jobs, Out, Results
+from pipeline.app.terminal import FAILED, say
 from pipeline.runtime.interrupts import INTERRUPTED
 
 app = typer.Typer(
@@ -30,7 +30,7 @@ app.add_typer(calibrate, name="calibrate")
 app.add_typer(convert.importing, name="import")
 app.add_typer(convert.exporting, name="export")
 
-FAILED, UNUSABLE = 1, 2
+UNUSABLE = 2
 
 
 def _show_version(wanted: bool):
@@ -59,16 +59,9 @@ def _list_presets(preset: str) -> str:
         from pipeline.app.demo import preset_lines
 
         for line in preset_lines():
-            _say(line)
+            say(line)
         raise typer.Exit
     return preset
-
-
-def _cores() -> int:
-    """Cores that this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
 
 
 Quiet = Annotated[
@@ -107,73 +100,10 @@ def run(
 
     interrupts.listen()
     if not (quiet or is_compiled()):
-        _say("the first run compiles the program: that takes some minutes, once")
-    jobs, shown = jobs or _cores(), None if quiet else _progress
+        say("the first run compiles the program: that takes some minutes, once")
+    jobs, shown = jobs or terminal.cores(), None if quiet else terminal.progress
     summary = batch.run(paths, out, config, jobs, overwrite, overlay, shown)
-    _finish_run(summary, debug, _say_nothing if quiet else _say)
-
-
-def _progress(*what):
-    """A bar on a terminal, plain lines elsewhere; `what` as of `pipeline.runtime.Progress`."""
-    from pipeline.runtime import progress
-
-    if not sys.stdout.isatty():
-        return progress.Lines(*what, write=_say)
-    from rich.console import Console
-
-    return progress.Bar(*what, console=Console())
-
-
-def _say(line: str):
-    typer.echo(line)
-    sys.stdout.flush()
-
-
-def _say_nothing(line: str):
-    pass
-
-
-def _finish_run(summary, debug, say):
-    """Say what came of it, failures last, and leave with the exit status."""
-    say(summary.line())
-    for name, path in (("report", "report.html"), ("contacts", "contacts.csv")):
-        if (summary.out / path).is_file():
-            say(f"{name}: {(summary.out / path).resolve()}")
-    overlays = sorted(summary.out.glob("*/overlay.*"))
-    if overlays:
-        more = f" and {len(overlays) - 1} more" if len(overlays) > 1 else ""
-        say(f"overlay: {overlays[0].resolve()}{more}")
-    is_shown = (summary.out / "report.html").is_file() and not summary.interrupted
-    if is_shown and any(each.contacts for each in summary.outcomes):
-        say(
-            f"next: look at the report, then `whiskerforce curate {shlex.quote(str(summary.out))}`"
-        )
-    for problem in summary.problems:
-        _say(f"warning: {problem}")
-    failed = summary.of("failed")
-    for names in summary.copies:
-        _say(f"warning: {' and '.join(names)} are the same video: its contacts count twice")
-    if summary.lost:
-        _say(
-            f"no longer there: {', '.join(summary.lost)}; left out of videos.csv and "
-            "contacts.csv, but their own results are kept"
-        )
-    said = set()
-    for each in summary.of("warning"):
-        if each.video not in summary.said:
-            for line in each.warning_lines(said):
-                _say(line)
-    for each in failed:
-        if debug and each.details:
-            typer.echo(each.details, err=True)
-        _say(f"failed: {each.video} ({each.path}): {each.message}")
-    if summary.interrupted:
-        _say(
-            "interrupted; finished videos are kept: the same command continues from here and "
-            "makes figures and report"
-        )
-        raise typer.Exit(INTERRUPTED)
-    raise typer.Exit(FAILED if failed else 0)
+    terminal.finish_run(summary, debug, terminal.say_nothing if quiet else say)
 
 
 @app.command()
@@ -201,9 +131,9 @@ def init(
     from pipeline.runtime.numba_cache import is_compiled
 
     if not is_compiled("pipeline/kinematics/follicle.py"):  # what comes last here
-        _say("the first look compiles the program: that takes a minute or two, once")
-    for line in init_folder(folder, overwrite, config, _say):
-        _say(line)
+        say("the first look compiles the program: that takes a minute or two, once")
+    for line in init_folder(folder, overwrite, config, say):
+        say(line)
 
 
 @app.command()
@@ -218,7 +148,9 @@ def demo(
     """Render a short session, process it, compare with the truth."""
     from pipeline.app.demo import run_demo
 
-    raise typer.Exit(FAILED if run_demo(out, jobs or _cores(), _progress, _say) else 0)
+    raise typer.Exit(
+        FAILED if run_demo(out, jobs or terminal.cores(), terminal.progress, say) else 0
+    )
 
 
 @app.command()
@@ -257,8 +189,8 @@ def synth(
     """
     from pipeline.app.demo import render
 
-    shown, say = (None, _say_nothing) if quiet else (_progress, _say)
-    render(folder, preset, seed, trials, jobs or _cores(), shown, say, frames)
+    shown, tell = (None, terminal.say_nothing) if quiet else (terminal.progress, say)
+    render(folder, preset, seed, trials, jobs or terminal.cores(), shown, tell, frames)
 
 
 @app.command()
@@ -285,7 +217,7 @@ def figures(
 
     with settled(results):
         for path in write_fig3(results, truth, video, whisker, contact):
-            _say(str(path))
+            say(str(path))
 
 
 @app.command()
@@ -312,12 +244,12 @@ def curate(
     from pipeline.reports.figures import write_fig3
     from pipeline.reports.report import write_report
 
-    open_page(results, port=port, open_browser=browser, say=_say, name=name)
+    open_page(results, port=port, open_browser=browser, say=say, name=name)
     try:
         write_fig3(results)
     finally:
         write_report(results)
-    _say(f"tables, figures and report follow from the corrections: {results / 'report.html'}")
+    say(f"tables, figures and report follow from the corrections: {results / 'report.html'}")
 
 
 @app.command()
@@ -332,8 +264,8 @@ def paper(
     from pipeline.tables.new_files import write_new
     from whiskermodel.paper.files import write_paper
 
-    for path in write_new(out, lambda new: write_paper(new, progress=_say)):
-        _say(str(path))
+    for path in write_new(out, lambda new: write_paper(new, progress=say)):
+        say(str(path))
 
 
 def main(arguments=None):

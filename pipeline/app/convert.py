@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from pipeline.app import terminal
 from pipeline.app.options import Debug, Jobs, Out, Results
 
 GROUP = {"no_args_is_help": True, "rich_markup_mode": None}
@@ -137,13 +138,13 @@ def import_whacc(
 
 def _import(program, read, options):
     """Analyse the lines that `read(path, settings)` gives of each file."""
-    from pipeline.app import batch, cli
+    from pipeline.app import batch
 
     paths, out, config, jobs, debug = options
     source = batch.Source(partial(_find, program=program), partial(_analyse, read=read))
-    jobs, shown = jobs or cli._cores(), cli._progress
+    jobs, shown = jobs or terminal.cores(), terminal.progress
     summary = batch.run(paths, out, config, jobs, True, False, shown, source)
-    cli._finish_run(summary, debug, cli._say)
+    terminal.finish_run(summary, debug, terminal.say)
 
 
 def _find(paths, out, program):

@@ -1,0 +1,95 @@
+"""What a command shows on the terminal: lines, progress, and what a run says at its end."""
+
+import os
+import shlex
+import sys
+
+import typer
+
+from pipeline.runtime.interrupts import INTERRUPTED
+
+FAILED = 1
+
+
+def say(line: str):
+    """Print a line at once, also where the output goes to a file."""
+    typer.echo(line)
+    sys.stdout.flush()
+
+
+def say_nothing(line: str):
+    """Print nothing, for `--quiet`."""
+
+
+def cores() -> int:
+    """Cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def progress(*what):
+    """A bar on a terminal, plain lines elsewhere; `what` as of `pipeline.runtime.Progress`."""
+    from pipeline.runtime import progress
+
+    if not sys.stdout.isatty():
+        return progress.Lines(*what, write=say)
+    from rich.console import Console
+
+    return progress.Bar(*what, console=Console())
+
+
+def finish_run(summary, debug, say_result):
+    """Say what came of a run, failures last, and leave with the exit status.
+
+    say_result : `say`, or `say_nothing` where only warnings and failures are wanted
+    """
+    for line in _results(summary):
+        say_result(line)
+    for line in _warnings(summary):
+        say(line)
+    failed = summary.of("failed")
+    for each in failed:
+        if debug and each.details:
+            typer.echo(each.details, err=True)
+        say(f"failed: {each.video} ({each.path}): {each.message}")
+    if summary.interrupted:
+        say(
+            "interrupted; finished videos are kept: the same command continues from here and "
+            "makes figures and report"
+        )
+        raise typer.Exit(INTERRUPTED)
+    raise typer.Exit(FAILED if failed else 0)
+
+
+def _results(summary):
+    """How many videos were processed, where the results lie, and what to do next."""
+    out = summary.out
+    yield summary.line()
+    for name, path in (("report", "report.html"), ("contacts", "contacts.csv")):
+        if (out / path).is_file():
+            yield f"{name}: {(out / path).resolve()}"
+    overlays = sorted(out.glob("*/overlay.*"))
+    if overlays:
+        more = f" and {len(overlays) - 1} more" if len(overlays) > 1 else ""
+        yield f"overlay: {overlays[0].resolve()}{more}"
+    is_shown = (out / "report.html").is_file() and not summary.interrupted
+    if is_shown and any(each.contacts for each in summary.outcomes):
+        yield f"next: look at the report, then `whiskerforce curate {shlex.quote(str(out))}`"
+
+
+def _warnings(summary):
+    """What a person should know of the session, then of each video that was not shown before."""
+    for problem in summary.problems:
+        yield f"warning: {problem}"
+    for names in summary.copies:
+        yield f"warning: {' and '.join(names)} are the same video: its contacts count twice"
+    if summary.lost:
+        yield (
+            f"no longer there: {', '.join(summary.lost)}; left out of videos.csv and "
+            "contacts.csv, but their own results are kept"
+        )
+    said = set()
+    for each in summary.of("warning"):
+        if each.video not in summary.said:
+            yield from each.warning_lines(said)
