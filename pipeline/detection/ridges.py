@@ -181,40 +181,12 @@ def _excess_noise(response, noise, absorbance) -> float:
 @njit(cache=True)
 def _grow(index, points, used, start, sign, out):
     """Follow ridge points from `start` in direction `sign`; return how many were written."""
-    height, width = index.shape
     count = 0
     current = start
     tx = sign * points[start, 2]
     ty = sign * points[start, 3]
     while count < len(out):
-        best = -1
-        best_cost = 1e9
-        x = points[current, 0]
-        y = points[current, 1]
-        for reach in range(1, 5):
-            # look into a small window around the point `reach` px ahead
-            row0 = int(np.floor(y + reach * ty + 0.5))
-            column0 = int(np.floor(x + reach * tx + 0.5))
-            for row in range(max(row0 - 1, 0), min(row0 + 2, height)):
-                for column in range(max(column0 - 1, 0), min(column0 + 2, width)):
-                    candidate = index[np.uint64(row), np.uint64(column)]
-                    if candidate < 0 or candidate == current or used[candidate] == 1:
-                        continue
-                    dx = points[candidate, 0] - x
-                    dy = points[candidate, 1] - y
-                    along = dx * tx + dy * ty
-                    if along < 0.3:
-                        continue
-                    across = abs(dx * ty - dy * tx)
-                    turn = abs(points[candidate, 2] * ty - points[candidate, 3] * tx)
-                    if across > 0.5 * along + 0.5 or turn > 0.5:
-                        continue
-                    cost = along + 2 * across + 3 * turn
-                    if cost < best_cost:
-                        best_cost = cost
-                        best = candidate
-            if best >= 0:
-                break
+        best = _next_point(index, points, used, current, tx, ty)
         if best < 0:
             break
         out[count] = best
@@ -231,6 +203,42 @@ def _grow(index, points, used, start, sign, out):
         ty /= norm
         current = best
     return count
+
+
+@njit(cache=True)
+def _next_point(index, points, used, current, tx, ty):
+    """The ridge point by which a line in direction (tx, ty) continues; −1 where it ends."""
+    height, width = index.shape
+    x, y = points[current, 0], points[current, 1]
+    for reach in range(1, 5):
+        # look into a small window around the point `reach` px ahead
+        row0 = int(np.floor(y + reach * ty + 0.5))
+        column0 = int(np.floor(x + reach * tx + 0.5))
+        best, best_cost = -1, 1e9
+        for row in range(max(row0 - 1, 0), min(row0 + 2, height)):
+            for column in range(max(column0 - 1, 0), min(column0 + 2, width)):
+                candidate = index[np.uint64(row), np.uint64(column)]
+                if candidate < 0 or candidate == current or used[candidate] == 1:
+                    continue
+                cost = _step_cost(points, current, candidate, tx, ty)
+                if cost < best_cost:
+                    best, best_cost = candidate, cost
+        if best >= 0:
+            return best
+    return -1
+
+
+@njit(cache=True)
+def _step_cost(points, current, candidate, tx, ty):
+    """How far a step goes, aside and round a corner counting more; infinite for one too bent."""
+    dx = points[candidate, 0] - points[current, 0]
+    dy = points[candidate, 1] - points[current, 1]
+    along = dx * tx + dy * ty
+    across = abs(dx * ty - dy * tx)
+    turn = abs(points[candidate, 2] * ty - points[candidate, 3] * tx)
+    if along < 0.3 or across > 0.5 * along + 0.5 or turn > 0.5:
+        return np.inf
+    return along + 2 * across + 3 * turn
 
 
 @njit(cache=True)

@@ -95,25 +95,32 @@ def _misfits(offsets, xs, ys, raw, info, block, window, out):
     reach = block * blocks
     for row in range(len(offsets) - 1):
         a, b = offsets[row], offsets[row + 1]
-        x, y, offset, information = xs[a:b], ys[a:b], raw[a:b], info[a:b]
         if b - a < 2 * reach + window:
             continue
+        line = xs[a:b], ys[a:b], raw[a:b], info[a:b]
         for place in range(2):
-            start = (place + 1) * reach
-            mx, my, theta, k0, k1 = base_curve(x, y, offset, information, start, start + window)
+            _block_misfits(line, (place + 1) * reach, block, window, out[row, place])
+
+
+@njit(cache=True)
+def _block_misfits(line, start, block, window, out):
+    """As of `_misfits`, of the blocks before node `start`, out of the curve behind it."""
+    x, y, offset, information = line
+    reach = block * len(out)
+    mx, my, theta, k0, k1 = base_curve(x, y, offset, information, start, start + window)
+    total, weight = 0.0, 0.0
+    for i in range(start - 1, start - reach - 1, -1):
+        middle = theta + (i + 0.5 - start) * (k0 + 0.5 * k1 * (i + 0.5 - start))
+        mx -= np.cos(middle)
+        my += np.sin(middle)
+        angle = theta + (i - start) * (k0 + 0.5 * k1 * (i - start))
+        r = -(x[i] - mx) * np.sin(angle) - (y[i] - my) * np.cos(angle) + offset[i]
+        total += information[i] * r
+        weight += information[i]
+        if (i - start + reach) % block == 0:
+            if weight > 0:
+                out[(i - start + reach) // block] = total * total / weight
             total, weight = 0.0, 0.0
-            for i in range(start - 1, start - reach - 1, -1):
-                middle = theta + (i + 0.5 - start) * (k0 + 0.5 * k1 * (i + 0.5 - start))
-                mx -= np.cos(middle)
-                my += np.sin(middle)
-                angle = theta + (i - start) * (k0 + 0.5 * k1 * (i - start))
-                r = -(x[i] - mx) * np.sin(angle) - (y[i] - my) * np.cos(angle) + offset[i]
-                total += information[i] * r
-                weight += information[i]
-                if (i - start + reach) % block == 0:
-                    if weight > 0:
-                        out[row, place, (i - start + reach) // block] = total * total / weight
-                    total, weight = 0.0, 0.0
 
 
 def _leverage(block, blocks, window):
