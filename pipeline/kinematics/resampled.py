@@ -109,12 +109,7 @@ def measure_stations(
     -------
     Stations
     """
-    names = centrelines.names
-    if len(whiskers) != len(names) or len(hidden_lengths) != len(names):
-        raise ValueError(
-            f"whiskers and hidden_lengths must have one entry per name {names}, "
-            f"got {len(whiskers)} and {len(hidden_lengths)}"
-        )
+    _check_lengths(centrelines.names, whiskers, hidden_lengths)
     scale = recording.pixels_per_m
     spacing = np.array([w.length for w in whiskers]) / (N_STATIONS - 1)
     pole_x, pole_y, pole_radius = pole_rows = _pole_rows(pole, centrelines.frame)
@@ -122,7 +117,7 @@ def measure_stations(
         centrelines, whiskers, hidden_lengths, spacing, pole_rows, scale, params
     )
     return Stations(
-        names=names,
+        names=centrelines.names,
         spacing=spacing,
         frame=np.asarray(centrelines.frame, np.int64),
         whisker=np.asarray(centrelines.whisker, np.int64),
@@ -143,6 +138,14 @@ def measure_stations(
         interpolated=np.array([f in interpolated for f in centrelines.frame.tolist()], bool),
         to_tip=nodes_to_tip(centrelines) / scale,
     )
+
+
+def _check_lengths(names, whiskers, hidden_lengths):
+    if len(whiskers) != len(names) or len(hidden_lengths) != len(names):
+        raise ValueError(
+            f"whiskers and hidden_lengths must have one entry per name {names}, "
+            f"got {len(whiskers)} and {len(hidden_lengths)}"
+        )
 
 
 def _measure_px(centrelines, whiskers, hidden_lengths, spacing, pole_rows, scale, params):

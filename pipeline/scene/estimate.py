@@ -145,16 +145,7 @@ def scene_from_frames(
     scale = scale or working_scale(frames.shape[1:], recording.pixels_per_mm)
     background = estimate_background(frames, scale, params)
     transmission = background.transmission
-    sides = [recording.face] if recording.face else darkest_sides(transmission, params)
-    seen = _animal(background, frames, sides, scale, params)
-    side, animal = seen.face_side, seen.face_mask
-    fur, likelier = animal.any(), None
-    if fur:
-        face, behind = face_of(animal, frames, seen)
-        side = recording.face or behind or side
-    else:
-        side, face, thick_side = mask_behind_whiskers(frames, recording.face, scale, params)
-        likelier = likelier_side(transmission, side, thick_side, scale, params)
+    side, face, animal, likelier = _face(background, frames, recording.face, scale, params)
     pole, refused = None, ()
     if pole_diameter_m is not None:
         radius_px = 0.5e3 * pole_diameter_m * recording.pixels_per_mm
@@ -163,7 +154,7 @@ def scene_from_frames(
     disc = _disc(pole, face.shape)
     # a whisker may end on the body: that, with its fringe, is no thing of which it could be part
     things = _apart_from(obstacles & ~dilated(animal, fringe_px(scale)), disc)
-    light = without_whiskers(background, face, scale, fur, disc, things, params)
+    light = without_whiskers(background, face, scale, animal.any(), disc, things, params)
     return StaticScene(
         background=light,
         noise_gain=background.noise_gain,
@@ -197,6 +188,23 @@ def _pole(background, frames, radius_px, pole_xy, masks):
 
     pole = find_pole(transmission, radius_px, pole_xy, face | animal, passed_over, refused)
     return pole, tuple(reasons) if pole is None else ()
+
+
+def _face(background, frames, given_side, scale, params):
+    """Where the whiskers begin: the side of the picture, a mask of the face, one of the animal.
+
+    Where no animal is seen, that mask is empty, and what stands for the face lies behind the
+    whiskers' thick ends. Last, the side that is likelier than the one given, or None.
+    """
+    transmission = background.transmission
+    sides = [given_side] if given_side else darkest_sides(transmission, params)
+    seen = _animal(background, frames, sides, scale, params)
+    animal = seen.face_mask
+    if animal.any():
+        face, behind = face_of(animal, frames, seen)
+        return given_side or behind or seen.face_side, face, animal, None
+    side, face, thick_side = mask_behind_whiskers(frames, given_side, scale, params)
+    return side, face, animal, likelier_side(transmission, side, thick_side, scale, params)
 
 
 def _animal(background, frames, sides, scale, params) -> StaticScene:

@@ -15,6 +15,7 @@ from pipeline.tables.centrelines import Centrelines
 NEAR_PX = 2.0  # farther than this from the whisker, a traced point is on something else
 COVER_PX = 1.5  # a bit of whisker with no traced point this near along it is not covered
 MOSTLY = 0.5  # part of a traced line that must lie on a whisker to be a trace of it
+SCORES = ("nearest", "length_px", "on", "rms_px", "worst_px", "overrun_px")  # as of `LineScores`
 
 
 @dataclass(frozen=True)
@@ -141,42 +142,31 @@ def score_lines(result: Centrelines, truth: Truth) -> LineScores:
     for i in range(len(result)):
         points = result.row(i).astype(float)
         best = _nearest_whisker(points, truth, truth.rows_of(result.frame[i]))
-        row = {
-            "frame": int(result.frame[i]),
-            "whisker": names[i],
-            "nearest": "",
-            "length_px": float(np.hypot(*np.diff(points, axis=0).T).sum()),
-            "on": 0.0 if best is None else best.on,
-            "rms_px": np.nan,
-            "worst_px": np.nan,
-            "overrun_px": 0.0,
-        }
+        nearest = ""
         if best is not None and best.on >= MOSTLY:
+            nearest = true_names[best.row]
             pieces[best.row] += 1
             _cover(covered, truth.lines.offsets[best.row : best.row + 2], best)
-            seen = best.distance[best.counts]
-            row |= {"nearest": true_names[best.row], "overrun_px": best.overrun}
-            if len(seen):
-                row |= {"rms_px": rms(seen), "worst_px": np.abs(seen).max()}
-            distances.append(seen)
+            distances.append(best.distance[best.counts])
             nodes.append(truth.lines.offsets[best.row] + best.node[best.counts])
-        rows.append(row)
-    columns = [
-        "frame",
-        "whisker",
-        "nearest",
-        "length_px",
-        "on",
-        "rms_px",
-        "worst_px",
-        "overrun_px",
-    ]
+        rows.append((int(result.frame[i]), names[i], *_score(points, best, nearest)))
     return LineScores(
-        pd.DataFrame(rows, columns=columns),
+        pd.DataFrame(rows, columns=["frame", "whisker", *SCORES]),
         _coverage(truth, true_names, covered, pieces),
         np.concatenate(distances),
         np.concatenate(nodes),
     )
+
+
+def _score(points, best, nearest):
+    """`SCORES` of one traced line; `nearest`: name of the whisker that it lies on, "" for none."""
+    length = float(np.hypot(*np.diff(points, axis=0).T).sum())
+    on = 0.0 if best is None else best.on
+    if not nearest:
+        return nearest, length, on, np.nan, np.nan, 0.0
+    seen = best.distance[best.counts]
+    worst = np.abs(seen).max() if len(seen) else np.nan
+    return nearest, length, on, rms(seen), worst, best.overrun
 
 
 @dataclass(frozen=True)
