@@ -14,13 +14,18 @@ calibrate = typer.Typer(
     rich_markup_mode=None,
 )
 
-Out = Annotated[Path, typer.Option("--out", help="Folder for the results; created if missing.")]
+Out = Annotated[
+    Path, typer.Option("--out", metavar="DIR", help="Folder for the results; created if missing.")
+]
 Into = Annotated[
     Path | None,
-    typer.Option("--into", help="Settings file (session.toml) to write the results to."),
+    typer.Option(
+        "--into", metavar="FILE", help="Settings file (session.toml) to write the results to."
+    ),
 ]
 Whisker = Annotated[
-    str | None, typer.Option("--whisker", help="Name of the whisker in that settings file.")
+    str | None,
+    typer.Option("--whisker", metavar="NAME", help="Name of the whisker in that settings file."),
 ]
 
 
@@ -31,18 +36,21 @@ def geometry(
     ],
     out: Out,
     pixels_per_mm: Annotated[
-        float | None, typer.Option(help="Scale of the micrographs: pixels per millimetre.")
+        float | None,
+        typer.Option(metavar="X", help="Scale of the micrographs: pixels per millimetre."),
     ] = None,
     scale_bar_mm: Annotated[
         float | None,
         typer.Option(
-            help="Length of the scale bar in the micrographs, if their scale is not known."
+            metavar="X",
+            help="Length of the scale bar in the micrographs, if their scale is not known.",
         ),
     ] = None,
     mass_ug: Annotated[
         list[float] | None,
         typer.Option(
-            help="Mass of each whisker [µg], in the order of the images, for its density."
+            metavar="X",
+            help="Mass of each whisker [µg], in the order of the images, for its density.",
         ),
     ] = None,
     into: Into = None,
@@ -75,8 +83,9 @@ def ringdown(
     follicle: Annotated[
         str,
         typer.Option(
+            metavar="HOW",
             help="How the follicle holds the base: fixed, pinned, or a rotational stiffness in "
-            "units of E I/L (at the base)."
+            "units of E I/L (at the base).",
         ),
     ] = "fixed",
     into: Into = None,
@@ -101,12 +110,15 @@ def dust(
     out: Out,
     whisker: Annotated[
         str | None,
-        typer.Option("--whisker", help="Whisker with the particle.  [default: the only one]"),
+        typer.Option(
+            "--whisker", metavar="NAME", help="Whisker with the particle.  [default: the only one]"
+        ),
     ] = None,
     at_mm: Annotated[
         float | None,
         typer.Option(
-            help="Rough distance of the particle from the follicle [mm].  [default: found]"
+            metavar="X",
+            help="Rough distance of the particle from the follicle [mm].  [default: found]",
         ),
     ] = None,
     debug: Debug = False,
@@ -125,15 +137,25 @@ def dust(
 def views(
     first: Annotated[
         Path,
-        typer.Argument(help="Results of `run` of the view from above.", callback=up_to_date),
+        typer.Argument(
+            metavar="RESULTS", help="Results of `run` of the view from above.", callback=up_to_date
+        ),
     ],
     second: Annotated[
-        Path, typer.Argument(help="Results of `run` of the second view.", callback=up_to_date)
+        Path,
+        typer.Argument(
+            metavar="RESULTS2", help="Results of `run` of the second view.", callback=up_to_date
+        ),
     ],
-    points: Annotated[Path, typer.Option(help="CSV file of points that both views show.")],
+    points: Annotated[
+        Path, typer.Option(metavar="CSV", help="CSV file of points that both views show.")
+    ],
     out: Out,
     whisker: Annotated[
-        str | None, typer.Option("--whisker", help="Name of the whisker.  [default: the only one]")
+        str | None,
+        typer.Option(
+            "--whisker", metavar="NAME", help="Name of the whisker.  [default: the only one]"
+        ),
     ] = None,
     debug: Debug = False,
 ):

@@ -23,6 +23,8 @@ app = typer.Typer(
     help="High-speed videos of rodent whiskers in, forces at the follicle out.",
     no_args_is_help=True,
     context_settings={"help_option_names": ["-h", "--help"]},
+    epilog="Where to begin: `whiskerforce demo`. With videos of your own: `whiskerforce init "
+    "FOLDER`, then `whiskerforce run FOLDER --out RESULTS`.",
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
@@ -77,7 +79,10 @@ def run(
     out: Out,
     config: Annotated[
         Path | None,
-        typer.Option(help="Settings file to use.  [default: the session.toml beside the videos]"),
+        typer.Option(
+            metavar="FILE",
+            help="Settings file to use.  [default: the session.toml beside the videos]",
+        ),
     ] = None,
     jobs: Jobs = None,
     overwrite: Annotated[
@@ -92,6 +97,7 @@ def run(
 ):
     """Turn videos into tables, figures and a report.
 
+    Settings are read from the session.toml beside the videos; `whiskerforce init` writes one.
     Finished videos are skipped on the next run unless settings, input or version changed.
     """
     from pipeline.app import batch
@@ -108,7 +114,7 @@ def run(
 
 @app.command()
 def init(
-    folder: Annotated[Path, typer.Argument(help="Folder with the videos.")],
+    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder with the videos.")],
     overwrite: Annotated[
         bool,
         typer.Option(
@@ -117,7 +123,9 @@ def init(
     ] = False,
     config: Annotated[
         Path | None,
-        typer.Option(help="Settings file to preview; only the picture is written."),
+        typer.Option(
+            metavar="FILE", help="Settings file to preview; only the picture is written."
+        ),
     ] = None,
     debug: Debug = False,
 ):
@@ -140,7 +148,9 @@ def init(
 def demo(
     out: Annotated[
         Path,
-        typer.Option("--out", help="Folder for videos and results; created if missing."),
+        typer.Option(
+            "--out", metavar="DIR", help="Folder for videos and results; created if missing."
+        ),
     ] = Path("whiskerforce-demo"),
     jobs: Jobs = None,
     debug: Debug = False,
@@ -162,6 +172,7 @@ def synth(
     preset: Annotated[
         str,
         typer.Option(
+            metavar="NAME",
             callback=_list_presets,
             is_eager=True,
             help="What to render; `--preset list` shows the choices.",
@@ -169,15 +180,21 @@ def synth(
     ],
     seed: Annotated[
         int,
-        typer.Option(min=0, help="Random seed; the same seed renders the same videos."),
+        typer.Option(
+            metavar="N", min=0, help="Random seed; the same seed renders the same videos."
+        ),
     ] = 0,
     trials: Annotated[
         int | None,
         typer.Option(
-            min=1, help="Number of videos to render.  [default: as many as the preset has]"
+            metavar="N",
+            min=1,
+            help="Number of videos to render.  [default: as many as the preset has]",
         ),
     ] = None,
-    frames: Annotated[int, typer.Option(min=50, help="Number of frames per video.")] = 1000,
+    frames: Annotated[
+        int, typer.Option(metavar="N", min=50, help="Number of frames per video.")
+    ] = 1000,
     jobs: Jobs = None,
     quiet: Quiet = False,
     debug: Debug = False,
@@ -198,13 +215,21 @@ def figures(
     results: Results,
     truth: Annotated[
         Path | None,
-        typer.Option(help="Folder of truth tables, written by `synth`, to compare with."),
+        typer.Option(
+            metavar="DIR", help="Folder of truth tables, written by `synth`, to compare with."
+        ),
     ] = None,
-    video: Annotated[str | None, typer.Option(help="Video shown in panels a and b.")] = None,
-    whisker: Annotated[str | None, typer.Option(help="Whisker shown in panels a and b.")] = None,
+    video: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Video shown in panels a and b.")
+    ] = None,
+    whisker: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Whisker shown in panels a and b.")
+    ] = None,
     contact: Annotated[
         int | None,
-        typer.Option(min=1, help="Number of the contact shown there.  [default: a typical one]"),
+        typer.Option(
+            metavar="N", min=1, help="Number of the contact shown there.  [default: a typical one]"
+        ),
     ] = None,
     debug: Debug = False,
 ):
@@ -222,16 +247,19 @@ def figures(
 
 @app.command()
 def curate(
-    results: Annotated[Path, typer.Argument(help="Results folder of `whiskerforce run`.")],
+    results: Annotated[
+        Path, typer.Argument(metavar="RESULTS", help="Results folder of `whiskerforce run`.")
+    ],
     port: Annotated[
-        int, typer.Option(min=0, help="Port to serve the page on; 0: any free port.")
+        int, typer.Option(metavar="N", min=0, help="Port to serve the page on; 0: any free port.")
     ] = 0,
     browser: Annotated[bool, typer.Option(help="Open the page in the browser.")] = True,
     name: Annotated[
         str | None,
         typer.Option(
+            metavar="NAME",
             help="Your name, saved with every correction.  "
-            "[default: your user name on this computer]"
+            "[default: your user name on this computer]",
         ),
     ] = None,
     debug: Debug = False,

@@ -25,13 +25,16 @@ Paths = Annotated[
 ]
 Config = Annotated[
     Path | None,
-    typer.Option(help="Settings file to use.  [default: the session.toml beside the files]"),
+    typer.Option(
+        metavar="FILE", help="Settings file to use.  [default: the session.toml beside the files]"
+    ),
 ]
 Names = Annotated[
     str,
     typer.Option(
+        metavar="NAMES",
         help="Names of the whiskers in the other program's order, separated by commas.  "
-        "[default: as in session.toml]"
+        "[default: as in session.toml]",
     ),
 ]
 
@@ -104,10 +107,15 @@ def _key_points(path, settings, program, names):
 
 @importing.command("whacc")
 def import_whacc(
-    path: Annotated[Path, typer.Argument(help="HDF5 file that WhACC wrote.")],
-    out: Annotated[Path, typer.Option("--out", help="Results folder of the same videos.")],
+    path: Annotated[Path, typer.Argument(metavar="FILE", help="HDF5 file that WhACC wrote.")],
+    out: Annotated[
+        Path, typer.Option("--out", metavar="RESULTS", help="Results folder of the same videos.")
+    ],
     whisker: Annotated[
-        str, typer.Option(help="Whisker that the contacts belong to.  [default: the only one]")
+        str,
+        typer.Option(
+            metavar="NAME", help="Whisker that the contacts belong to.  [default: the only one]"
+        ),
     ] = "",
     debug: Debug = False,
 ):
@@ -212,8 +220,9 @@ def export_mat(
     protraction: Annotated[
         str,
         typer.Option(
+            metavar="DIRECTION",
             help="Direction of protraction in the picture: upward, downward, leftward or "
-            "rightward.  [default: counter-clockwise]"
+            "rightward.  [default: counter-clockwise]",
         ),
     ] = "",
     debug: Debug = False,
@@ -234,19 +243,27 @@ def export_nwb(
     start: Annotated[
         str,
         typer.Option(
+            metavar="TIME",
             help="Date and time of the recording's start, such as 2024-11-22T10:30:00+00:00.  "
-            "[default: the file's time]"
+            "[default: the file's time]",
         ),
     ] = "",
-    subject: Annotated[str, typer.Option(help="Name of the animal.")] = "",
+    subject: Annotated[str, typer.Option(metavar="NAME", help="Name of the animal.")] = "",
     species: Annotated[
-        str, typer.Option(help='Latin name of the species, such as "Mus musculus".')
+        str,
+        typer.Option(metavar="NAME", help='Latin name of the species, such as "Mus musculus".'),
     ] = "",
     sex: Annotated[
-        str, typer.Option(help="Sex of the animal: F (female), M (male), O (other), U (unknown).")
+        str,
+        typer.Option(
+            metavar="SEX", help="Sex of the animal: F (female), M (male), O (other), U (unknown)."
+        ),
     ] = "",
     age: Annotated[
-        str, typer.Option(help="Age of the animal as an ISO 8601 duration (P90D: 90 days).")
+        str,
+        typer.Option(
+            metavar="AGE", help="Age of the animal as an ISO 8601 duration (P90D: 90 days)."
+        ),
     ] = "",
     debug: Debug = False,
 ):

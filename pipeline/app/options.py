@@ -16,12 +16,18 @@ def up_to_date(results: Path) -> Path:
 
 Results = Annotated[
     Path,
-    typer.Argument(help="Results folder of `whiskerforce run`.", callback=up_to_date),
+    typer.Argument(
+        metavar="RESULTS", help="Results folder of `whiskerforce run`.", callback=up_to_date
+    ),
 ]
-Out = Annotated[Path, typer.Option("--out", help="Folder to write to; created if missing.")]
+Out = Annotated[
+    Path, typer.Option("--out", metavar="DIR", help="Folder to write to; created if missing.")
+]
 Jobs = Annotated[
     int | None,
-    typer.Option("--jobs", min=1, help="Number of parallel processes.  [default: one per core]"),
+    typer.Option(
+        "--jobs", metavar="N", min=1, help="Number of parallel processes.  [default: one per core]"
+    ),
 ]
 Debug = Annotated[
     bool, typer.Option("--debug", help="Show where in the program an error occurred (traceback).")

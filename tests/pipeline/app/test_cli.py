@@ -243,18 +243,38 @@ def test_presets_are_listed(capsys):
     assert "  single: " in capsys.readouterr().out
 
 
-def helps(command, name="whiskerforce"):
-    """Every command and group with its help, every option and argument with its own."""
-    yield name, command.help
-    for each in command.params:
-        if getattr(each, "help", None) is not None or each.name != "help":
-            yield f"{name} {each.name}", getattr(each, "help", None)
+def commands(command, name="whiskerforce"):
+    """Every command and group, by name."""
+    yield name, command
     for own, inner in getattr(command, "commands", {}).items():
-        yield from helps(inner, f"{name} {own}")
+        yield from commands(inner, f"{name} {own}")
+
+
+def helps():
+    """Every command and group with its help, every option and argument with its own."""
+    for name, command in commands(get_command(cli.app)):
+        yield name, command.help
+        for each in command.params:
+            if getattr(each, "help", None) is not None or each.name != "help":
+                yield f"{name} {each.name}", getattr(each, "help", None)
+
+
+def test_help_names_values_as_the_docs_do_not_by_their_types():
+    for name, command in commands(get_command(cli.app)):
+        for each in command.params:
+            if not getattr(each, "is_flag", False):
+                assert (each.metavar or "").isupper(), (name, each.name)
+
+
+def test_help_says_where_to_begin(capsys):
+    assert exit_code("--help") == 0
+    text = " ".join(capsys.readouterr().out.split())
+    assert "`whiskerforce demo`" in text
+    assert "`whiskerforce init FOLDER`, then `whiskerforce run FOLDER --out RESULTS`" in text
 
 
 def test_help_is_in_whole_sentences():
-    for name, text in helps(get_command(cli.app)):
+    for name, text in helps():
         assert text, name
         first = text.split("  [default")[0].split("\n")[0]
         assert len(first.split()) >= 3, (name, first)
