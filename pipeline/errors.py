@@ -5,7 +5,7 @@ import os
 from pathlib import Path
 
 NO_ROOM = "make room on that disk and run again; what is finished is kept"
-NOT_ALLOWED = "allow it to you, or choose another place, and run again"
+NOT_ALLOWED = "change its permissions, or choose another place, and run again"
 ADVICE = {  # by the system's number of an error
     errno.ENOSPC: NO_ROOM,
     getattr(errno, "EDQUOT", errno.ENOSPC): NO_ROOM,
@@ -104,8 +104,8 @@ def why(error: OSError) -> str:
 def with_advice(error: OSError) -> str:
     """What the system says is wrong, and what to do.
 
-    >>> with_advice(PermissionError(errno.EACCES, "", "session.toml"))
-    'session.toml: Permission denied; allow it to you, or choose another place, and run again'
+    >>> with_advice(PermissionError(errno.EACCES, "", "a.toml"))
+    'a.toml: Permission denied; change its permissions, or choose another place, and run again'
     """
     advice = ADVICE.get(error.errno)
     return f"{why(error)}; {advice}" if advice else why(error)

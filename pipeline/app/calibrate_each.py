@@ -12,7 +12,8 @@ def one_whisker(videos, wanted, which="one") -> str:
     if wanted is None and len(names) == 1:
         return names[0]
     if wanted is None or wanted not in names:
-        raise ValueError(f"--whisker {wanted or ''}: expected {which} of {', '.join(names)}")
+        given = "--whisker" if wanted is None else f"--whisker {wanted}"
+        raise ValueError(f"{given}: expected {which} of {', '.join(names)}")
     return wanted
 
 

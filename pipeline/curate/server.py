@@ -183,7 +183,7 @@ def _bound_socket(port):
         bound.bind((HOST, port))
     except OSError as error:
         raise InputError(
-            f"--port {port}: cannot serve there ({why(error)}); leave it out"
+            f"--port {port}: cannot serve there ({why(error)}); leave --port out for any free port"
         ) from None
     bound.listen(64)
     bound.setblocking(False)

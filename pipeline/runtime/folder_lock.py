@@ -5,7 +5,7 @@ import os
 import socket
 from pathlib import Path
 
-from pipeline.errors import InputError, in_words
+from pipeline.errors import ADVICE, InputError, in_words
 
 LOCK_FILE = ".whiskerforce-lock"
 EVERYBODY = 0o666  # a colleague may go on with the folder
@@ -35,8 +35,8 @@ def locked(folder):
         ) from None
     except (OSError, NotImplementedError) as error:
         raise InputError(
-            f"{folder}: cannot lock it ({in_words(error)}); copy it to where you may write, or "
-            "choose another folder"
+            f"{folder}: {_refusal(error)}; copy it to where you may write, or choose another "
+            "folder"
         ) from None
     try:
         with contextlib.suppress(OSError):  # for the other one's message only
@@ -44,6 +44,13 @@ def locked(folder):
         yield
     finally:
         lock.release()
+
+
+def _refusal(error) -> str:
+    """Why a folder cannot be locked: mostly since nothing can be written there."""
+    if getattr(error, "errno", None) in ADVICE:
+        return f"cannot write there ({os.strerror(error.errno)})"
+    return f"cannot lock it ({in_words(error)})"
 
 
 def _holder(path) -> str:

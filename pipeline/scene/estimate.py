@@ -116,8 +116,9 @@ def _check_place(video, pole_xy):
     if pole_xy is not None and not (0 <= pole_xy[0] < width and 0 <= pole_xy[1] < height):
         raise VideoError(
             video.path,
-            f"[pole] x_px, y_px = {pole_xy[0]:g}, {pole_xy[1]:g} is outside of its picture: "
-            f"expected 0 to {width - 1} and 0 to {height - 1}; correct or leave them out",
+            f"[pole] x_px, y_px = {pole_xy[0]:g}, {pole_xy[1]:g} in session.toml is outside the "
+            f"picture: expected x_px from 0 to {width - 1}, y_px from 0 to {height - 1}; correct "
+            "both, or leave them out",
         )
 
 

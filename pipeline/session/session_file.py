@@ -47,7 +47,7 @@ def read_session(path) -> Settings:
         ) from None
     except OSError as error:
         raise SettingsError(
-            path, [f"cannot be read: {error.strerror}; give a file that can"]
+            path, [f"cannot be read ({error.strerror}); give a settings file that you may read"]
         ) from None
     settings = settings_from(document, path)
     settings = settings.model_copy(update={"image": settings.image.beside(path.parent)})

@@ -110,11 +110,11 @@ def _open_container(path, threads) -> Video:
     try:
         return OpenCvVideo(path)
     except VideoError:
-        raise VideoError(path, f"cannot be read as a video ({reason}): {_looks(path)}") from None
+        raise VideoError(path, f"cannot be read as a video: {_looks(path, reason)}") from None
 
 
-def _looks(path):
-    """Describe a file that is not a video, and say what to do."""
+def _looks(path, reason):
+    """Describe a file that is not a video, and say what to do; `reason`: the decoder's."""
     with open(path, "rb") as file:
         head = file.read(512)
     if not head:
@@ -123,8 +123,8 @@ def _looks(path):
         line = head.decode("utf-8", "replace").splitlines()[0].strip()[:40]
         return f"it is a text file beginning {line!r}; remove it, or name a video"
     return (
-        "it is damaged or cut off (an MP4 whose recording did not finish has no index), or no "
-        "video; copy it again, or repair it with FFmpeg"
+        f"{reason}; it is damaged or cut off (an MP4 whose recording did not finish has no "
+        "index), or no video; copy it again, or repair it with FFmpeg"
     )
 
 

@@ -126,7 +126,9 @@ def test_the_page_needs_nothing_from_the_internet(served):
 def test_a_port_that_is_taken_is_reported(served, tmp_path):
     port = served[0]._socket.getsockname()[1]
     other = shutil.copytree(served[1], tmp_path / "other")
-    with pytest.raises(InputError, match=f"--port {port}: cannot serve there"):
+    with pytest.raises(
+        InputError, match=f"--port {port}: cannot serve there.*leave --port out for any"
+    ):
         curate(other, port=port, open_browser=False, block=False)
 
 

@@ -1,10 +1,12 @@
 """One program at a time in a results folder."""
 
+import errno
 import os
 import signal
 import subprocess
 import sys
 
+import filelock
 import pytest
 
 from pipeline.errors import InputError
@@ -60,3 +62,15 @@ def test_where_no_lock_can_be(tmp_path):
         locked(tmp_path),
     ):
         pass
+
+
+def test_a_folder_that_may_not_be_written_is_named_without_the_lock(tmp_path, monkeypatch):
+    def refuse(*_, **options):
+        raise PermissionError(errno.EACCES, "no", str(tmp_path / LOCK_FILE))
+
+    monkeypatch.setattr(filelock.FileLock, "acquire", refuse)
+    with pytest.raises(InputError) as caught, locked(tmp_path):
+        pass
+    reason = "cannot write there (Permission denied)"
+    advice = "copy it to where you may write, or choose another folder"
+    assert str(caught.value) == f"{tmp_path}: {reason}; {advice}"

@@ -126,7 +126,9 @@ class TestOneScene:
         assert the_scene(video, RECORDING, pole_diameter_m=None).pole is None
 
     def test_a_pole_outside_of_the_picture_is_reported(self):
-        with pytest.raises(VideoError, match=r"x_px, y_px = 9999, 50 is outside .* 0 to "):
+        with pytest.raises(
+            VideoError, match=r"= 9999, 50 in session.toml is outside .* y_px from 0 to"
+        ):
             find_scenes(MadeUp(40, lambda i: {}), RECORDING, pole_xy=(9999, 50))
 
     def test_a_camera_that_shakes_does_not_cut_the_video(self):

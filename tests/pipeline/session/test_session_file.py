@@ -153,6 +153,10 @@ def test_any_settings_survive_the_way_to_the_file_and_back(fps, scale, length, h
             ['[[whisker]] 2 ("D1") base_radius_um', "0.037", "2 to 500 µm", "in mm", "37"],
         ),
         (document(whisker=[{"length_mm": 0.018}]), ["length_mm", "is it in m", "write 18"]),
+        (
+            document(recording=LEAST["recording"] | {"pixels_per_mm": 0.025}),
+            ["per µm?", "write 25"],
+        ),
         (document(whisker=[{"length_mm": -3}]), ["length_mm = -3", "expected 1 to 200 mm"]),
         (document(whisker=[{"youngs_modulus_GPa": 3e9}]), ["is it in Pa", "write 3"]),
         (document(whisker=[{"density_kg_per_m3": 1.0}]), ["is it in g/cm³", "write 1000"]),
@@ -332,7 +336,9 @@ def test_a_table_that_is_there_twice_is_named(tmp_path):
 
 
 def test_a_folder_is_no_settings_file(tmp_path):
-    with pytest.raises(SettingsError, match=r"cannot be read: .*; give a file that can"):
+    with pytest.raises(
+        SettingsError, match=r"cannot be read \(.*\); give a settings file that you"
+    ):
         read_session(tmp_path)
 
 
