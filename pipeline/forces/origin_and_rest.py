@@ -81,15 +81,16 @@ class OriginAndRest:
         """Rows' change of origin, its standard error [m], and rest shape, moving along with it."""
         n = len(prior.drift)
         origin, variance, drift = np.empty(n), np.empty(n), prior.drift.copy()
-        by_origin, cov = np.empty_like(drift), of_each_row(prior)
+        by_origin, shared = np.empty_like(drift), np.empty_like(prior.cov)
         for first in range(0, n, BLOCK_ROWS):
             rows = np.arange(first, min(first + BLOCK_ROWS, n))
-            own, rest, shared = self._moments(rows)
+            own, rest, both = self._moments(rows)
             origin[rows], variance[rows] = own
             drift[rows] += rest[0]
             by_origin[rows] = rest[1] / own[1][:, None]
-            cov[rows] += shared - by_origin[rows][:, :, None] * rest[1][:, None, :]
-        moved = replace(prior, drift=drift, cov=cov, by_origin=by_origin)
+            shared[rows] = both - by_origin[rows][:, :, None] * rest[1][:, None, :]
+        cov = of_each_row(prior) + shared
+        moved = replace(prior, drift=drift, cov=cov, by_origin=by_origin, shared=shared)
         return origin, np.sqrt(variance), moved
 
     def _moments(self, rows):

@@ -62,6 +62,7 @@ PLACE_MOVES_M = 2e-6  # the contact point is moved along the whisker in steps ab
 PLACE_SD = 0.002  # … and the rod laid again where that is more, in arc lengths and SD of the force
 FEWEST_STATIONS = 10
 BLOCK_ROWS = 2048  # held in memory at a time
+LOADS = ("force", "moment", "axial", "lateral")
 CHORD = 2  # stations either side whose chord has the direction between
 
 
@@ -82,6 +83,8 @@ class ShapeFit:
         lever_at_curvature : moment there per force [m]
         chi2 : reduced χ² of the stations
         moment_var, axial_var, lateral_var : of the base loads, (moment_per_force · force) …
+        force_shared_var, moment_shared_var, axial_shared_var, lateral_shared_var : the part of
+            these that is due to `RestPrior.shared`
         force_by_origin, moment_by_origin, axial_by_origin, lateral_by_origin : how force and
             base loads change with `Stations.origin`, the rest shape moving along, and by
             `RestPrior.by_origin` [N/m, N, N/m]
@@ -114,6 +117,7 @@ class RestPrior:
     zeros, `cov` (rows, N_REST, N_REST). Part of that is of the weights, which all rows share:
     `weights_cov` (terms, N_REST, terms, N_REST) by the rows' `powers` of u (rows, terms).
     `by_origin` (rows, N_REST) [1/m²]: how a depends on the row's origin; None: not at all.
+    `shared` (rows, N_REST, N_REST): part of `cov`, of errors that all rows share; None: none.
     """
 
     weights: np.ndarray
@@ -124,6 +128,7 @@ class RestPrior:
     weights_cov: np.ndarray | None = None
     powers: np.ndarray | None = None
     by_origin: np.ndarray | None = None
+    shared: np.ndarray | None = None
 
 
 def rest_basis(whisker: Whisker, arc_length) -> np.ndarray:
@@ -179,7 +184,7 @@ def _fit(stations, whisker, curvature_at, prior, load=None, fine=False, misfit=N
         np.full(n, np.nan, OUTPUT_ROW).view(np.recarray),
         np.full((n, N_REST), np.nan),
         np.full((n, N_REST, N_REST), np.nan),
-        np.full((n, N_REST), np.nan),
+        np.full((n, len(LOADS) + 1, N_REST), np.nan),
         np.empty((0, 2, m)) if misfit is None else misfit,
     )
     shift, friction = (np.broadcast_to(np.asarray(a, float), n).copy() for a in (shift, friction))
@@ -199,7 +204,11 @@ def _fit(stations, whisker, curvature_at, prior, load=None, fine=False, misfit=N
         turning = np.ascontiguousarray(prior.weights), prior.centre, prior.scale
         _fit_rows(block, setup, turning, Filled(*(each[rows] for each in out)))
     table = {name: out.table[name] for name in OUTPUTS}
-    return ShapeFit(table, out.rest, out.rest_cov, out.pull_by_rest)
+    shared = np.zeros((n, N_REST, N_REST)) if prior.shared is None else prior.shared
+    for load, by_rest in zip(LOADS, out.by_rest.transpose(1, 0, 2), strict=False):
+        variance = np.einsum("nv,nvw,nw->n", by_rest, shared, by_rest)
+        table[f"{load}_shared_var"] = variance
+    return ShapeFit(table, out.rest, out.rest_cov, out.by_rest[:, -1])
 
 
 def _setup(whisker, pole_radius, curvature_at, settled):
@@ -249,8 +258,8 @@ def _fit_rows(rows, setup, turning, out):
         o.chi2 = chi2
         report_pose(o, fitted, out.rest[row], out.rest_cov[row])
         if loaded:
-            answer = out.pull_by_rest[row]
-            report_loads(o, problem, fitted, prior, setup.at, setup.taper, answer)
+            by_rest = out.by_rest[row]
+            report_loads(o, problem, fitted, prior, setup.at, setup.taper, by_rest)
         report_curvature(o, problem, fitted, setup.at)
         for each in out.misfit[row : row + 1]:
             _report_misfit(seen, fitted, each)

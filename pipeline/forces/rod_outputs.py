@@ -24,23 +24,26 @@ FEWEST_NEAR = 5
 
 
 @njit(**COMPILED)
-def report_loads(o, problem, fitted, prior, at, taper, pull_by_rest):
-    """Fill one row of results that need the force; `at`, `taper` as in `Setup`."""
+def report_loads(o, problem, fitted, prior, at, taper, by_rest):
+    """Fill one row of results that need the force, and of `Filled.by_rest`.
+
+    `at`, `taper` as in `Setup`.
+    """
     load, force = problem.load, fitted.p[LOADED - 1]
     contact = laid_from(fitted.p, fitted.place)
     unit = unit_force(fitted.p[1], load.side, load.friction)
     _loads(o, problem, fitted, contact, at, taper)
-    gradient, follows = np.zeros((3, ORIGIN + 1)), np.zeros(ORIGIN + 1)
+    gradient, follows = np.zeros((4, ORIGIN + 1)), np.zeros(ORIGIN + 1)
     _load_gradients(o, force, unit, fitted.laid.base, gradient)
-    o.moment_var = variance(gradient[0], fitted.cov)
-    o.axial_var = variance(gradient[1], fitted.cov)
-    o.lateral_var = variance(gradient[2], fitted.cov)
+    o.moment_var = variance(gradient[1], fitted.cov)
+    o.axial_var = variance(gradient[2], fitted.cov)
+    o.lateral_var = variance(gradient[3], fitted.cov)
     _follow(problem.seen, fitted, follows, o)
-    _follow_rest(fitted, prior, follows, pull_by_rest)
-    o.force_by_origin = follows[LOADED - 1]
-    o.moment_by_origin = (gradient[0] * follows).sum()
-    o.axial_by_origin = (gradient[1] * follows).sum()
-    o.lateral_by_origin = (gradient[2] * follows).sum()
+    _follow_rest(fitted, prior, follows, gradient, by_rest)
+    o.force_by_origin = (gradient[0] * follows).sum()
+    o.moment_by_origin = (gradient[1] * follows).sum()
+    o.axial_by_origin = (gradient[2] * follows).sum()
+    o.lateral_by_origin = (gradient[3] * follows).sum()
 
 
 @njit(**COMPILED)
@@ -90,16 +93,17 @@ def _loads(o, problem, fitted, contact, at, taper):
 
 @njit(**COMPILED)
 def _load_gradients(o, force, unit, base, gradient):
-    """Fill how base moment, axial and lateral force change with parameters and origin."""
+    """Fill how force, base moment, axial and lateral force change with parameters and origin."""
     fx, fy = unit
+    gradient[0, LOADED - 1] = 1.0
     # the rod turns and shifts as a whole with the first two parameters: no load changes
     for q in range(2, ORIGIN + 1):
-        gradient[0, q] = force * (base[1, q] * fx - base[0, q] * fy)
-        gradient[1, q] = force * base[2, q] * o.lateral_per_force
-        gradient[2, q] = -force * base[2, q] * o.axial_per_force
-    gradient[0, LOADED - 1] += o.moment_per_force
-    gradient[1, LOADED - 1] += o.axial_per_force
-    gradient[2, LOADED - 1] += o.lateral_per_force
+        gradient[1, q] = force * (base[1, q] * fx - base[0, q] * fy)
+        gradient[2, q] = force * base[2, q] * o.lateral_per_force
+        gradient[3, q] = -force * base[2, q] * o.axial_per_force
+    gradient[1, LOADED - 1] += o.moment_per_force
+    gradient[2, LOADED - 1] += o.axial_per_force
+    gradient[3, LOADED - 1] += o.lateral_per_force
 
 
 @njit(**COMPILED)
@@ -195,19 +199,22 @@ def _follow(seen, fitted, follows, o):
 
 
 @njit(**COMPILED)
-def _follow_rest(fitted, prior, follows, pull_by_rest):
+def _follow_rest(fitted, prior, follows, gradient, by_rest):
     """Let the parameters follow the prior's rest shape, too, that moves along with the origin.
 
-    And fill how the log-likelihood's slope by the origin changes with the prior's rest shape.
+    And fill how the loads of these gradients, and the log-likelihood's slope by the origin, change
+    with the prior's rest shape.
     """
-    inverse, terms, inflate = fitted.sums.inverse, len(pull_by_rest), max(fitted.chi2, 1.0)
-    for j in range(terms):
-        pull_by_rest[j] = 0.0
-        for b in range(terms):
-            pull_by_rest[j] += inflate * prior.precision[j, b] * follows[2 + b]
-    for j in range(terms):
-        pushed = 0.0
-        for b in range(terms):
-            pushed += inflate * prior.precision[j, b] * prior.by_origin[b]
+    inverse, loads, inflate = fitted.sums.inverse, len(gradient), max(fitted.chi2, 1.0)
+    by_rest[:] = 0.0
+    for j in range(len(prior.by_origin)):
+        for b in range(len(prior.by_origin)):
+            by_rest[loads, j] += inflate * prior.precision[j, b] * follows[2 + b]
+    for j in range(len(prior.by_origin)):
         for a in range(LOADED):
-            follows[a] += inverse[a, 2 + j] * pushed
+            moved = 0.0  # the parameter, by the prior's coefficient
+            for b in range(len(prior.by_origin)):
+                moved += inverse[a, 2 + b] * inflate * prior.precision[b, j]
+            for k in range(loads):
+                by_rest[k, j] += gradient[k, a] * moved
+            follows[a] += moved * prior.by_origin[j]

@@ -128,7 +128,7 @@ class Setup(NamedTuple):
 
 
 class Filled(NamedTuple):
-    """Arrays for the results: OUTPUT_ROWs, rest shapes, their covariances, `pull_by_rest`, misfit.
+    """Arrays for the results: OUTPUT_ROWs, rest shapes, their covariances, `by_rest`, misfit.
 
     `misfit` has no rows where it is not wanted.
     """
@@ -136,5 +136,5 @@ class Filled(NamedTuple):
     table: np.ndarray
     rest: np.ndarray
     rest_cov: np.ndarray
-    pull_by_rest: np.ndarray
+    by_rest: np.ndarray
     misfit: np.ndarray

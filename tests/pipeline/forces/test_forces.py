@@ -405,16 +405,24 @@ def test_peak_errors(traced, touch, monkeypatch):
 
 
 def test_errors_and_covariances_grow_with_the_scatter_of_free_frames(traced, monkeypatch):
-    """Twice the standard errors are four times the covariance of gap and force."""
+    """Twice the standard errors are four times the covariance of gap and force.
+
+    The error of the rest shape, which free frames were fitted with and all frames share, stays.
+    """
     found = []
-    for noise in (1.0, 2.0):
+    for noise in (1.0, 2.0, 0.0):
         monkeypatch.setattr(forces, "_force_noise", lambda *_, noise=noise: noise)
         found.append(forces.measure_forces(traced.places, mouse_c2(), traced.frames, 5.5e-3)[0])
-    plain, noisy = found
+    plain, noisy, _ = found
     for column, factor in (("gap_se_m", 2), ("gap_force_cov", 4)):
         np.testing.assert_allclose(noisy[column], factor * plain[column], rtol=1e-9)
-    own = [np.square(f["shape_force_se_N"]) - np.square(f["origin_force_se_N"]) for f in found]
-    np.testing.assert_allclose(own[1], 4 * own[0], rtol=1e-6)
+    for error in ("shape_force_se_N", "moment_se_N_m", "axial_se_N", "lateral_se_N"):
+        once, twice, shared = (np.square(f[error]) for f in found)
+        np.testing.assert_allclose(twice - shared, 4 * (once - shared), rtol=1e-6)
+    origin = np.square(plain["origin_force_se_N"])
+    both, shared = (np.square(found[k]["shape_force_se_N"]) - origin for k in (0, 2))
+    touches = traced.true_frames["contact_force_uN"] > 0
+    assert (shared[touches] > 0.02 * both[touches]).all()
 
 
 def test_a_scale_that_is_wrong_moves_places_about_the_tip_where_that_is_seen(traced, monkeypatch):

@@ -93,6 +93,7 @@ def test_each_rows_rest_shape_follows_its_origin_as_they_vary_together():
     np.testing.assert_allclose(rest.by_origin, follows)
     beside = joint[:, 1:, 1:] - follows[:, :, None] * joint[:, None, 0, 1:]
     np.testing.assert_allclose(rest.cov, np.eye(N_REST) + beside, rtol=1e-6, atol=1e-8)
+    np.testing.assert_allclose(rest.shared, beside, rtol=1e-6, atol=1e-8)
 
 
 def test_rows_alone_ask_nobody_else_of_the_origin():

@@ -74,6 +74,25 @@ def test_variances_are_those_of_errors_put_in(case):
 
 
 @pytest.mark.parametrize("case", CASES)
+def test_a_shared_error_of_the_rest_shape_is_that_part_of_the_loads_variance(case):
+    """As loads differ where each coefficient of the rest shape is another."""
+    n = 2 * N_REST
+    _, places = touching(**(case | {"push": np.repeat(case["push"], n)}))
+    step = part * REST_SD * np.vstack([np.eye(N_REST), -np.eye(N_REST)])
+    root = np.random.default_rng(1).normal(size=(N_REST, N_REST))
+    rest = replace(known_rest(n, sd=REST_SD), shared=np.tile(root @ root.T, (n, 1, 1)))
+    given = mouse_c2(), CURVATURE_AT
+    fit = rod_fit.fit_loaded(places, *given, rest, case["friction"], fine=True)
+    moved = values(fitted(places, step, friction=case["friction"]))
+    for load in ("force", *LOADS):
+        slope = (moved[load][:N_REST] - moved[load][N_REST:]) / (2 * part * REST_SD)
+        found = np.linalg.norm(slope @ root)
+        assert np.sqrt(fit[f"{load}_shared_var"][0]) == pytest.approx(found, rel=tolerance), load
+    alone = rod_fit.fit_loaded(places, *given, replace(rest, shared=None), case["friction"])
+    assert (alone["force_shared_var"] == 0).all()
+
+
+@pytest.mark.parametrize("case", CASES)
 def test_misfits_have_the_rods_variance(case):
     """At every station, seen or not, as the rod moves with errors put in."""
     _, places = touching(**case)
