@@ -64,9 +64,8 @@ def _numbers(line):
 @pytest.mark.e2e
 def test_the_tutorial_works_word_for_word(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(
-        terminal, "cores", lambda: 1
-    )  # processes of their own would load all again
+    # processes of their own would load all again
+    monkeypatch.setattr(terminal, "cores", lambda: 1)
     said = follow("tutorial.md")
     found, true = map(int, re.search(r"(\d+) contacts found, (\d+) true ones", said).groups())
     assert found == true >= 3

@@ -56,7 +56,7 @@ def init_folder(folder, overwrite=False, config=None, say=lambda line: None) -> 
 
     Where there is a session.toml already, or one is given (`config`), it is kept, and the preview
     shows what it finds; `overwrite` renames it and writes another. `say` is called with a line
-    before each video that is looked at.
+    before each video that is looked at, and for each that cannot be read.
 
     Raises
     ------
@@ -79,7 +79,7 @@ def init_folder(folder, overwrite=False, config=None, say=lambda line: None) -> 
     old = files.set_aside(target) if target.exists() else None
     write_session(target, settings, notes)
     write_preview(folder / PREVIEW_NAME, preview)
-    kept = [f"the settings of before are kept as {old}"] if old else []
+    kept = [f"the earlier settings are kept as {old}"] if old else []
     return [*_words(looks, preview, target), *kept]
 
 
@@ -89,7 +89,7 @@ def _show(folder, session, say) -> list[str]:
     (preview,) = _look_at_some(folder, lambda path: preview_of(path, settings), say, 1)
     write_preview(folder / PREVIEW_NAME, preview)
     return [
-        f"{session} is kept; --overwrite writes {folder / SETTINGS_NAME} anew",
+        f"{session} is kept (--overwrite writes a new {folder / SETTINGS_NAME})",
         f"looked at {preview.path.name} with these settings",
         *preview.words(),
         f"wrote {folder / PREVIEW_NAME}",
@@ -113,6 +113,8 @@ def _look_at_some(folder, look, say, most=LOOKED_AT) -> list:
             problems.append(str(error))
     if not looks:
         raise InputError("; ".join(problems) or f"{folder}: no videos or images in it")
+    for problem in problems:
+        say(f"left out: {problem}")
     return looks
 
 

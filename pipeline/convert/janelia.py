@@ -35,12 +35,12 @@ def read_tracked(path, settings, names=()) -> tuple[Centrelines, PoleTrack | Non
     """
     path = Path(path)
     table_path, bar_path = path.with_suffix(TABLE_SUFFIX), path.with_suffix(BAR_SUFFIX)
+    segments = files.read_whiskers(path)
     if not table_path.is_file():
         raise InputError(
             f"{table_path}: no such file; it says which line is which whisker: let the tracker's "
             f"`measure` and `classify` write it beside {path.name}"
         )
-    segments = files.read_whiskers(path)
     table = files.read_measurements(table_path)
     names = _names(table, tuple(names) or tuple(w.name for w in settings.whisker), table_path)
     bar = files.read_bar(bar_path) if bar_path.is_file() else np.empty((0, 3))

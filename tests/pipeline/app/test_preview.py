@@ -8,6 +8,7 @@ import numpy as np
 
 from pipeline.app import init
 from pipeline.app.preview import Preview, _doubts, draw, preview_of, whiskers_in
+from pipeline.errors import VideoError
 from pipeline.session.inputs import find_inputs, guesses_left
 from pipeline.session.session_file import read_session, settings_from
 
@@ -41,6 +42,23 @@ def test_settings_have_the_names_in_the_picture_of_the_video_with_most_whiskers(
     assert "3 whiskers (w1, w2, w3)" in said
     (guessed,) = guesses_left(find_inputs([tmp_path]))
     assert "frames_per_second, pixels_per_mm, diameter_mm: still marked as a GUESS" in guessed
+
+
+def test_a_video_that_cannot_be_read_is_left_out_and_named(tmp_path, monkeypatch):
+    (tmp_path / "a.avi").write_bytes(b"no video")
+    (tmp_path / "b.avi").write_bytes(b"video")
+    said = []
+
+    def look_at(path):
+        if Path(path).name == "a.avi":
+            raise VideoError(path, "it is a text file")
+        return init.Look(path, SCENE, 10.0, ("w1",))
+
+    monkeypatch.setattr(init, "look_at", look_at)
+    monkeypatch.setattr(init, "preview_of", lambda path, settings: preview(path, ("w1",)))
+    (looked, *_) = init.init_folder(tmp_path, say=said.append)
+    assert f"left out: {tmp_path / 'a.avi'}: it is a text file" in said
+    assert "a.avi" not in looked
 
 
 def test_names_that_are_not_in_the_picture_are_said():

@@ -83,6 +83,9 @@ def test_a_whisker_of_another_name_is_reported(tracked):
 def test_what_is_missing_is_named(tmp_path, tracked):
     settings = settings_of(motion())
     path = tmp_path / "a.whiskers"
+    path.write_bytes(b"a video, not lines")
+    with pytest.raises(InputError, match=r"a\.whiskers: is not a binary \.whiskers file"):
+        janelia.read_tracked(path, settings)
     path.write_bytes((tracked / "trial.whiskers").read_bytes())
     with pytest.raises(InputError, match=r"a\.measurements: no such file.*classify"):
         janelia.read_tracked(path, settings)
