@@ -177,9 +177,7 @@ def main(argv=None) -> int:
     rng = np.random.default_rng(args.seed)
     tables = tables_text(results, samples, rng) + accuracy_crowds.crowds_text(crowds, rng)
     text = "\n\n".join([preamble(args), tables, checks_text(rows)])
-    print(text)
-    if args.write:
-        pages.write_between(args.write, args.section, text)
+    pages.publish(text, args.write, args.section)
     if args.out:
         pd.DataFrame(results).T.to_csv(args.out / "accuracy.csv", index_label="preset")
         pd.concat(worst).to_csv(args.out / "worst.csv", index=False)

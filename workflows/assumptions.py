@@ -217,9 +217,7 @@ def main(argv=None) -> int:
         "truth in the 95 % interval", "bending adds to hidden length [mm]", "flagged", "flags",
     ]  # fmt: skip
     text = pages.table(header, rows)
-    print(text)
-    if args.write:
-        pages.write_between(args.write, "assumptions", text)
+    pages.publish(text, args.write, "assumptions")
     return 0
 
 

@@ -299,9 +299,7 @@ def main(argv=None) -> int:
     parts = [speeds_text(clips, rates), stages_text(clips, rates), exactness_text(found)]
     parts += [f"Peak memory of `run` on {n} frames: {mb:.0f} MB." for n, mb in peaks.items()]
     text = "\n\n".join([*parts, targets_text(rows)])
-    print(text)
-    if args.write:
-        pages.write_between(args.write, "benchmark", text)
+    pages.publish(text, args.write, "benchmark")
     return int(not all(row[3] for row in rows))
 
 

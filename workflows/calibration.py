@@ -210,9 +210,7 @@ def main(argv=None) -> None:
         text = all_text(args.count, args.seed, args.keep, args.jobs)
     else:
         text, _ = TEXTS[args.what](args.count, args.seed, args.keep)
-    print(text)
-    if args.write:
-        pages.write_between(args.write, args.what, text)
+    pages.publish(text, args.write, args.what)
 
 
 if __name__ == "__main__":

@@ -195,9 +195,7 @@ def main():
         folder = args.keep or Path(passing)
         folder.mkdir(parents=True, exist_ok=True)
         text, good = try_it(folder, args.trials, args.frames)
-    print(text)
-    if args.write:
-        pages.write_between(PAGE, "cluster", text)
+    pages.publish(text, PAGE if args.write else None, "cluster")
     sys.exit(0 if good else 1)
 
 

@@ -139,9 +139,7 @@ def main(argv=None) -> int:
         f"{args.frames}` makes the same); in brackets 95 % intervals that resample videos.\n\n"
         + table_of(results)
     )
-    print(text)
-    if args.write:
-        pages.write_between(args.write, "codecs", text)
+    pages.publish(text, args.write, "codecs")
     if args.figure:
         draw(results, args.figure)
     return 0

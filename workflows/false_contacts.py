@@ -91,9 +91,7 @@ def main(argv=None) -> int:
             rows.append(future.result())
             print(rows[-1], file=sys.stderr)
     text = table_of(rows, time.monotonic() - started)
-    print(text)
-    if args.write:
-        pages.write_between(args.write, "false contacts", text)
+    pages.publish(text, args.write, "false contacts")
     return int(any(row["found"] for row in rows))
 
 

@@ -367,9 +367,8 @@ def main(argv=None) -> int:
     words = sys.argv[1:] if argv is None else argv
     command = shlex.join(["python", "workflows/fig3.py", *map(str, words)])
     text = text_of(main_size, list(sizes.values()), command)
-    print(text)
+    pages.publish(text, args.write, "fig3")
     if args.write:
-        pages.write_between(args.write, "fig3", text)
         picture = args.out / f"trials_{args.trials:04d}" / "results" / "figures" / "fig3.png"
         (args.write.parent / "images").mkdir(exist_ok=True)
         shutil.copyfile(picture, args.write.parent / "images" / "fig3.png")

@@ -280,9 +280,7 @@ def main(argv=None) -> int:
             rows.append(compare(scene, truth, process(Path(folder))))
         print({k: v for k, v in rows[-1].items() if k != "coverage"}, file=sys.stderr)
     text = table_of(rows)
-    print(text)
-    if args.write:
-        pages.write_between(args.write, "other truth", text)
+    pages.publish(text, args.write, "other truth")
     return int(any(row["invented"] or max(row["missed"], default=0) > CLEAR_UN for row in rows))
 
 

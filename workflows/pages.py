@@ -23,6 +23,13 @@ def cell(form, value) -> str:
     return form.format(value) if np.isfinite(value) else "–"
 
 
+def publish(text: str, page, name: str) -> None:
+    """Print a text; where a page is given, put it there, too, as of `write_between`."""
+    print(text)
+    if page:
+        write_between(page, name, text)
+
+
 def write_between(path, name: str, text: str) -> None:
     """Put `text` between the comments `<!-- name: begin -->` and `<!-- name: end -->` of a file.
 

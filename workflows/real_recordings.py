@@ -231,9 +231,7 @@ def main(argv=None) -> int:
         rows = tables_of(video, face, labels.get(video.stem, ()), args)
         lines, angles = lines + rows[0], angles + rows[1]
     text = f"{pages.table(HEADER, lines)}\n\n{pages.table(real_angles.HEADER, angles)}"
-    print(text)
-    if args.write:
-        pages.write_between(args.write, "real recordings", text)
+    pages.publish(text, args.write, "real recordings")
     return 0
 
 

@@ -15,7 +15,7 @@ import wrong_settings
 from accuracy_targets import COVERAGE, TARGETS, Target, coverage_checks
 from benchmark_exactness import _fitted_curvature
 from over_videos import spread
-from pages import write_between
+from pages import publish, write_between
 from peer_tracker import NoPeerError, find_peer, read_whiskers
 
 from pipeline.reports.error_budget import ASSUMED
@@ -91,6 +91,15 @@ def test_a_section_is_replaced_and_the_rest_stays(tmp_path):
     assert path.read_text() == "above\n<!-- x: begin -->\nnewer\n<!-- x: end -->\nbelow\n"
     with pytest.raises(ValueError, match="y: begin"):
         write_between(path, "y", "new")
+
+
+def test_what_is_written_into_a_page_is_printed_too(tmp_path, capsys):
+    path = tmp_path / "a.md"
+    path.write_text("<!-- x: begin --><!-- x: end -->")
+    publish("seen only", None, "x")
+    publish("also written", path, "x")
+    assert capsys.readouterr().out == "seen only\nalso written\n"
+    assert path.read_text() == "<!-- x: begin -->\nalso written\n<!-- x: end -->"
 
 
 def test_every_preset_with_targets_exists():
