@@ -38,7 +38,7 @@ class Picture(NamedTuple):
 
 @dataclass
 class ImageModel:
-    """The static scene as the tracer uses it: arrays of float32 (height, width).
+    """The static scene as the tracker uses it: arrays of float32 (height, width).
 
     `off_edges` is how much farther than `edge_px` it is to face, obstacles and moving fur [px],
     but for the pole, along which whiskers do lie;

@@ -15,7 +15,7 @@ from pipeline.tables.centrelines import Centrelines
 
 SMOOTHED_NODES, SMOOTHED_DEGREE = 21, 3  # the curve is a running cubic
 FEWEST_NODES = SMOOTHED_NODES + 4  # of a line that is used
-BLOCK_NODES = 24  # longer than the noise of a tracer is correlated
+BLOCK_NODES = 24  # longer than the noise of a tracker is correlated
 NOISE_DEGREE = 6  # of the polynomial that noise is looked for about
 FREE_BLOCKS = 3  # at least, beyond those that the polynomial takes
 NOISY_ROWS = 200  # of each whisker: enough to estimate its noise

@@ -1,4 +1,4 @@
-"""The tracer's lengths in pixels, from the scale and the whiskers' own lengths."""
+"""The tracker's lengths in pixels, from the scale and the whiskers' own lengths."""
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from pipeline.session.recording import Recording
 def options_for(
     recording: Recording, lengths_m=(), hidden_m=(), cone_m=(), params=DEFAULTS
 ) -> TracingOptions:
-    """Derive the tracer's lengths from the scale and, where known, the whiskers' own lengths.
+    """Derive the tracker's lengths from the scale and, where known, the whiskers' own lengths.
 
     Parameters
     ----------

@@ -15,8 +15,8 @@ from pipeline.detection.static_scene import StaticScene
 from pipeline.detection.tracing_options import TracingOptions
 from pipeline.tables.centrelines import Centrelines
 from pipeline.tracking.registry import WhiskerTemplate
-from pipeline.tracking.tracker import Tracer
-from pipeline.tracking.unlabelled_tracker import CrowdTracer, is_crowd
+from pipeline.tracking.tracker import Tracker
+from pipeline.tracking.unlabelled_tracker import UnlabelledTracker, is_crowd
 
 CHUNK_FRAMES = 500
 
@@ -96,29 +96,29 @@ def track(
     Centrelines of up to `chunk_frames` frames; a whisker that is lost in a frame has no row.
     """
     scenes = _starting_scenes(scene)
-    return _followed(frames, scenes, _tracer(scenes[0][0], templates, options), chunk_frames)
+    return _followed(frames, scenes, _tracker(scenes[0][0], templates, options), chunk_frames)
 
 
-def _tracer(scene, templates, options) -> Tracer:
+def _tracker(scene, templates, options) -> Tracker:
     """The tracker for these whiskers; the lines of a crowd get their names in the end."""
-    kind = CrowdTracer if is_crowd(templates, options) else Tracer
+    kind = UnlabelledTracker if is_crowd(templates, options) else Tracker
     return kind(scene, templates, options)
 
 
-def _followed(frames, scenes, tracer, chunk_frames) -> Iterator[Centrelines]:
+def _followed(frames, scenes, tracker, chunk_frames) -> Iterator[Centrelines]:
     """Chunks of the lines, with the tracker's names or numbers."""
-    collector = _Collector(tracer.names)
-    spacing = tracer.options.spacing_px
+    collector = _Collector(tracker.names)
+    spacing = tracker.options.spacing_px
     trust = 1.0
     index = -1
-    if tracer.crowded:
-        frames = _settled_in(tracer, iter(frames))
+    if tracker.crowded:
+        frames = _settled_in(tracker, iter(frames))
     for index, image in enumerate(frames):
         if index in scenes:
             present, trust = scenes[index]
             if index:
-                tracer.change_scene(present)
-        tracks = tracer.step(image)
+                tracker.change_scene(present)
+        tracks = tracker.step(image)
         for track in tracks:
             if track.line is not None:
                 collector.add(index, track.number, track.line, trust)
@@ -128,11 +128,11 @@ def _followed(frames, scenes, tracer, chunk_frames) -> Iterator[Centrelines]:
         yield collector.take(spacing)
 
 
-def _settled_in(tracer, frames):
+def _settled_in(tracker, frames):
     """The same frames; before, the tracker has gone through the first ones, there and back."""
-    first = [image.copy() for image in itertools.islice(frames, tracer.first_frames)]
+    first = [image.copy() for image in itertools.islice(frames, tracker.first_frames)]
     if len(first) > 1:
-        tracer.settle_in(first)
+        tracker.settle_in(first)
     return itertools.chain(first, frames)
 
 

@@ -1,4 +1,4 @@
-"""Whiskers followed from frame to frame, identities kept: `Tracer` holds the state."""
+"""Whiskers followed from frame to frame, identities kept: `Tracker` holds the state."""
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
@@ -32,7 +32,7 @@ KEPT = 0.95  # part of two lines that must still be found when they have exchang
 RELIT = 0.3  # change of the light from one frame to the next: what was too dark may be seen
 
 
-class Tracer:
+class Tracker:
     """Follow the whiskers of the templates through consecutive frames of one static scene."""
 
     crowded = False  # whether whiskers stand so close that they pass for each other

@@ -21,7 +21,7 @@ from pipeline.tracking import row_rotation, two_sides
 from pipeline.tracking.matching import crowded
 from pipeline.tracking.registry import WhiskerTemplate, usual_strength
 from pipeline.tracking.track_state import Track, foretold
-from pipeline.tracking.tracker import DOUBLE_SHARE, Tracer
+from pipeline.tracking.tracker import DOUBLE_SHARE, Tracker
 
 
 class Course(NamedTuple):
@@ -39,7 +39,7 @@ class LineTrack(Track):
     expected: Course | None = None
 
 
-class CrowdTracer(Tracer):
+class UnlabelledTracker(Tracker):
     """Follow all lines of a crowd through consecutive frames of one static scene."""
 
     crowded = True
@@ -106,7 +106,7 @@ class CrowdTracer(Tracer):
         return back
 
     def change_scene(self, scene) -> None:
-        """As of `Tracer`."""
+        """As of `Tracker`."""
         super().change_scene(scene)
         self.near_face = detect.near_face(self.model, self.options)
 

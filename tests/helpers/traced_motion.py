@@ -1,4 +1,4 @@
-"""True motion of a whisker, traced as a good tracer would: for tests of what comes after it."""
+"""True motion of a whisker, traced as a good tracker would: for tests of what comes after it."""
 
 from dataclasses import dataclass
 

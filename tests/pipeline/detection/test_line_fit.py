@@ -13,7 +13,7 @@ from pipeline.session.recording import Recording
 from pipeline.tracking import bends
 from pipeline.tracking.options import options_for
 from pipeline.tracking.registry import find_templates
-from pipeline.tracking.tracker import Tracer
+from pipeline.tracking.tracker import Tracker
 
 FACE, TIP = 40, 520  # columns
 ROD, ROD_END = range(250, 350), 185  # its columns, and the row at which it ends
@@ -51,15 +51,15 @@ def scene(rod_light):
     return StaticScene(background, 0.0, NOISE**2 + 1 / 12, face, rod, None, "left")
 
 
-def tracer(rod_light):
+def tracker(rod_light):
     options = options_for(Recording(1000.0, 25.0, "left"))
     whole = [picture(rod_light, turn, seed=k) for k, turn in enumerate((BELOW, 0.14, 0.16))]
     templates = find_templates(np.array(whole), scene(rod_light), options, ["C2"])
-    return Tracer(scene(rod_light), templates, options)
+    return Tracker(scene(rod_light), templates, options)
 
 
-def line_in(tracer, image):
-    (track,) = tracer.step(image)
+def line_in(tracker, image):
+    (track,) = tracker.step(image)
     return track.line
 
 
@@ -72,7 +72,7 @@ def error(line, turn):
 
 
 def test_the_part_beyond_an_opaque_rod_is_found_again_at_once():
-    follow = tracer(rod_light=15)
+    follow = tracker(rod_light=15)
     assert line_in(follow, picture(15, BELOW)).points[-1, 0] > TIP - 15
     for turn in (0.09, 0.06, 0.04, 0.03):
         line = line_in(follow, picture(15, turn, tip=ROD.start))
@@ -83,7 +83,7 @@ def test_the_part_beyond_an_opaque_rod_is_found_again_at_once():
 
 
 def test_nothing_is_invented_beyond_a_rod():
-    follow = tracer(rod_light=15)
+    follow = tracker(rod_light=15)
     line_in(follow, picture(15, BELOW))
     for k in range(40):
         line = line_in(follow, picture(15, 0.05 - 1e-3 * k, tip=ROD.start, seed=k))
@@ -91,7 +91,7 @@ def test_nothing_is_invented_beyond_a_rod():
 
 
 def test_a_whisker_is_followed_across_a_rod_that_lets_light_through():
-    follow = tracer(rod_light=80)
+    follow = tracker(rod_light=80)
     for turn in (0.0, 0.01, 0.02):
         line = line_in(follow, picture(80, turn, tip=ROD.stop - 30))
     assert line.points[-1, 0] == pytest.approx(ROD.stop - 30, abs=12)  # px
@@ -149,9 +149,9 @@ def test_a_lost_whisker_is_not_sought_on_the_wrong_side_of_another():
     empty.obstacle_mask[:] = False
     both = [parallel_whiskers((100, 118))] * 3
     templates = find_templates(np.array(both), empty, options, ["a", "b"])
-    upper, lower = Tracer(empty, templates, options).step(both[0])
+    upper, lower = Tracker(empty, templates, options).step(both[0])
     assert [round(t.template.base_xy[1]) for t in (upper, lower)] in ([100, 118], [118, 100])
-    follow = Tracer(empty, templates, options)
+    follow = Tracker(empty, templates, options)
     follow.step(both[0])
     for _ in range(25):
         tracks = {
@@ -163,7 +163,7 @@ def test_a_lost_whisker_is_not_sought_on_the_wrong_side_of_another():
 
 @pytest.mark.parametrize(("kappa", "hook"), [(60.0, False), (150.0, False), (500.0, True)])
 def test_a_line_that_turns_sharply_at_its_base_is_no_whisker(kappa, hook):
-    follow = tracer(rod_light=15)
+    follow = tracker(rod_light=15)
     line = line_in(follow, picture(15, BELOW)).copy()
     angle = kappa * np.minimum(np.arange(line.n) / 25e3, 2e-3)
     line.x[: line.n], line.y[: line.n] = (

@@ -98,7 +98,7 @@ def test_a_weight_counts_as_often(drawn):
 
 
 @pytest.mark.parametrize("wanted", [len(FAN), None])
-def test_lines_that_the_tracer_exchanged_are_named_right(wanted):
+def test_lines_that_the_tracker_exchanged_are_named_right(wanted):
     rng = np.random.default_rng(2)
     track = exchanged([(1, 2, 60, 180), (3, 4, 200, 230), (0, 1, 250, FRAMES)])
     frame, track, features, true = rows(whisking(rng), track)

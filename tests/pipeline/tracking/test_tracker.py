@@ -22,7 +22,7 @@ HIDDEN = 1.32e-3  # m, as written in the preset's session.toml
 
 
 class Traced:
-    """A rendered trial, its truth and what the tracer made of it."""
+    """A rendered trial, its truth and what the tracker made of it."""
 
     def __init__(self, preset, seed, trial, frames, names=("C2",)):
         self.trial = make_trial(preset, seed, trial)
@@ -107,7 +107,7 @@ def test_chunks_hold_the_same_as_one_piece(noisy):
 
 
 def test_follicles_are_those_of_the_finished_lines(noisy):
-    """What the tracer reports of them is what its lines show."""
+    """What the tracker reports of them is what its lines show."""
     lines = noisy.lines
     again = follicles(lines, lines.hidden_px, noisy.recording.pixels_per_m)
     np.testing.assert_allclose(lines.follicle, again, rtol=0, atol=1e-9)  # px, rad

@@ -15,7 +15,7 @@ from pipeline.tracking import row_rotation
 from pipeline.tracking.options import options_for
 from pipeline.tracking.registry import find_templates
 from pipeline.tracking.track_video import track
-from pipeline.tracking.unlabelled_tracker import CrowdTracer, LineTrack
+from pipeline.tracking.unlabelled_tracker import LineTrack, UnlabelledTracker
 from synthetic.presets import make_trial
 from synthetic.render import Renderer
 
@@ -50,10 +50,10 @@ def whisker_at(trial, frame, line):
 
 def test_tracks_stay_with_their_whiskers_in_fast_whisking(crowd):
     trial, scene, templates, options, images = crowd
-    tracer = CrowdTracer(scene, templates, options)
+    tracker = UnlabelledTracker(scene, templates, options)
     last, same, other = {}, 0, 0
     for frame, image in zip(FRAMES, images, strict=True):
-        now = {t.number: whisker_at(trial, frame, t.line) for t in tracer.step(image)}
+        now = {t.number: whisker_at(trial, frame, t.line) for t in tracker.step(image)}
         for number, whisker in now.items():
             if min(whisker, last.get(number, -1)) >= 0:
                 same += whisker == last[number]
@@ -65,23 +65,25 @@ def test_tracks_stay_with_their_whiskers_in_fast_whisking(crowd):
 
 def test_it_goes_on_where_all_lines_are_lost_for_some_frames(crowd):
     _, scene, templates, options, images = crowd
-    tracer = CrowdTracer(scene, templates, options)
+    tracker = UnlabelledTracker(scene, templates, options)
     empty = np.clip(scene.background, 0, 255).astype(np.uint8)
-    seen = [len(tracer.step(image)) for image in (*images[:3], empty, empty, empty, *images[3:12])]
+    seen = [
+        len(tracker.step(image)) for image in (*images[:3], empty, empty, empty, *images[3:12])
+    ]
     assert seen[5] == 0
     assert seen[-1] >= len(templates) - 2
 
 
 def test_while_lines_rest_new_ones_are_looked_for_every_3_ms_and_found(crowd, monkeypatch):
     _, scene, templates, options, images = crowd
-    tracer = CrowdTracer(scene, templates, options)
-    searched, search = [], tracer._search_all
-    monkeypatch.setattr(tracer, "_search_all", lambda *at: (searched.append(at), search(*at)))
+    tracker = UnlabelledTracker(scene, templates, options)
+    searched, search = [], tracker._search_all
+    monkeypatch.setattr(tracker, "_search_all", lambda *at: (searched.append(at), search(*at)))
     empty = np.clip(scene.background, 0, 255).astype(np.uint8)
     for _ in range(20):
-        assert tracer.step(empty) == []
+        assert tracker.step(empty) == []
     assert len(searched) == 2 + 6  # before it counts as rest, and then in every third frame
-    seen = [len(tracer.step(images[0])) for _ in range(3)]
+    seen = [len(tracker.step(images[0])) for _ in range(3)]
     assert seen[-1] >= len(templates) - 2
 
 
@@ -102,17 +104,17 @@ def test_lines_stay_with_their_whiskers_in_a_video_that_begins_amid_a_whisk(crow
 
 def test_a_line_that_goes_on_as_its_neighbour_halfway_is_worth_less(crowd):
     _, scene, templates, options, images = crowd
-    tracer = CrowdTracer(scene, templates, options)
+    tracker = UnlabelledTracker(scene, templates, options)
     for image in images[:3]:
-        tracks = tracer.step(image)
+        tracks = tracker.step(image)
     longest = max(tracks, key=lambda track: track.line.n)
     line, k = longest.line.copy(), longest.line.n // 2
-    own = tracer._worth(line, longest)
+    own = tracker._worth(line, longest)
     x, y = line.x[k:] - line.x[k], line.y[k:] - line.y[k]
     turn = np.radians(8)
     line.x[k:] = line.x[k] + x * np.cos(turn) - y * np.sin(turn)
     line.y[k:] = line.y[k] + x * np.sin(turn) + y * np.cos(turn)
-    assert tracer._worth(line, longest) < 0.5 * own
+    assert tracker._worth(line, longest) < 0.5 * own
 
 
 SNOUT = 180, 320, 280  # its columns, and the row to which it reaches [px]
@@ -149,10 +151,10 @@ def test_the_sides_of_a_face_turn_against_each_other():
     drawn = [snout_with_whiskers(turn) for turn in turns]
     options = options_for(Recording(500.0, 12.0, "top"))
     first = np.array([drawn[0][0]] * 3)
-    tracer = CrowdTracer(scene, find_templates(first, scene, options), options)
+    tracker = UnlabelledTracker(scene, find_templates(first, scene, options), options)
     seen = []
     for image, directions in drawn:
-        tracks = tracer.step(image)
+        tracks = tracker.step(image)
         off = [np.abs(wrapped(row_rotation.direction(t.line) - directions)) for t in tracks]
         seen.append({t.number: int(np.argmin(o)) for t, o in zip(tracks, off, strict=True)})
     assert len(seen[0]) == 14
@@ -182,10 +184,12 @@ def scene_of_long_whisker():
 def test_new_lines_are_looked_for_near_the_face_and_followed_to_their_far_ends(monkeypatch):
     scene, options = scene_of_long_whisker(), options_for(Recording(500.0, 12.0, "left"))
     image, looked = long_whisker(), []
-    tracer = CrowdTracer(scene, find_templates(np.array([image] * 3), scene, options), options)
+    tracker = UnlabelledTracker(
+        scene, find_templates(np.array([image] * 3), scene, options), options
+    )
     curves_in = ridges.curves_in
     monkeypatch.setattr(ridges, "curves_in", lambda *at: looked.append(at[0]) or curves_in(*at))
-    seen = [tracer.step(image)[0].line.n for _ in range(20)]
+    seen = [tracker.step(image)[0].line.n for _ in range(20)]
     columns = looked[0][1]
     assert columns.stop < 0.5 * LONG
     assert seen[0] > columns.stop - FAR_FACE
@@ -195,15 +199,17 @@ def test_new_lines_are_looked_for_near_the_face_and_followed_to_their_far_ends(m
 def test_what_a_known_line_leaves_beside_it_is_not_fitted_again(monkeypatch):
     scene, options = scene_of_long_whisker(), options_for(Recording(500.0, 12.0, "left"))
     image, fitted = long_whisker(), []
-    tracer = CrowdTracer(scene, find_templates(np.array([image] * 3), scene, options), options)
-    (track,) = tracer.step(image)
+    tracker = UnlabelledTracker(
+        scene, find_templates(np.array([image] * 3), scene, options), options
+    )
+    (track,) = tracker.step(image)
     track.line.amplitude *= 0.5  # as if it had got darker: half of its darkness is left
     settle = settling.settle
     monkeypatch.setattr(settling, "settle", lambda *at: fitted.append(at) or settle(*at))
-    tracer._search_all(image, 1.0)
+    tracker._search_all(image, 1.0)
     assert fitted == []
-    tracer.tracks.clear()
-    tracer._search_all(image, 1.0)
+    tracker.tracks.clear()
+    tracker._search_all(image, 1.0)
     assert len(fitted) > 0
 
 
@@ -211,29 +217,33 @@ def test_what_a_known_line_leaves_beside_it_is_not_fitted_again(monkeypatch):
 def test_of_two_lines_on_one_whisker_the_surer_one_goes_on_and_lies_on_it(age):
     scene, options = scene_of_long_whisker(), options_for(Recording(500.0, 12.0, "left"))
     image = long_whisker()
-    tracer = CrowdTracer(scene, find_templates(np.array([image] * 3), scene, options), options)
-    (track,) = tracer.step(image)
+    tracker = UnlabelledTracker(
+        scene, find_templates(np.array([image] * 3), scene, options), options
+    )
+    (track,) = tracker.step(image)
     track.age = 60
-    beside = LineTrack(tracer.template, number=99, age=age)
+    beside = LineTrack(tracker.template, number=99, age=age)
     beside.take(track.line.copy())
     for line, off in ((track.line, -0.8), (beside.line, 0.8)):  # px: on its two edges
         line.y += off
         line.amplitude *= 0.6
-    tracer.tracks.append(beside)
-    with lines_in_background(tracer.model):
-        tracer._merge(image, 1.0)
-    assert tracer.tracks == [track]
+    tracker.tracks.append(beside)
+    with lines_in_background(tracker.model):
+        tracker._merge(image, 1.0)
+    assert tracker.tracks == [track]
     assert np.abs(track.line.points[:, 1] - 100).max() < 0.1  # px
 
 
 def test_a_line_that_begins_far_from_the_face_is_lost():
     scene, options = scene_of_long_whisker(), options_for(Recording(500.0, 12.0, "left"))
     image = long_whisker()
-    tracer = CrowdTracer(scene, find_templates(np.array([image] * 3), scene, options), options)
-    (track,) = tracer.step(image)
-    tracer._give_up_if_poor(track)
+    tracker = UnlabelledTracker(
+        scene, find_templates(np.array([image] * 3), scene, options), options
+    )
+    (track,) = tracker.step(image)
+    tracker._give_up_if_poor(track)
     assert track.line is not None
     track.line.x += options.base_gap_px + 2
     track.before = track.line.copy()
-    tracer._give_up_if_poor(track)
+    tracker._give_up_if_poor(track)
     assert track.line is None

@@ -1,4 +1,4 @@
-"""The tracer's lengths: from the whiskers, the picture, and the parameters in session.toml."""
+"""The tracker's lengths: from the whiskers, the picture, and the parameters in session.toml."""
 
 import numpy as np
 import pytest
@@ -20,7 +20,7 @@ def options_of(whisker=(), **advanced):
 
 
 @pytest.mark.parametrize("whisker", [(), (WHISKER,)])
-def test_parameters_of_session_toml_reach_the_tracer(whisker):
+def test_parameters_of_session_toml_reach_the_tracker(whisker):
     usual = options_of(whisker)
     options = options_of(
         whisker, tracking={"bridge_mm": 2.4, "base_chord_mm": 8}, detection={"broad": 2}
