@@ -202,17 +202,10 @@ def measure(preset: str, path, session, settings=None) -> Measured:
     scores = line_scoring.score_lines(traced, truth)
     true_frames, true_contacts = video.frames(), video.contacts()
     least = least_curvature_sd(video, at)
-    whiskers = {w.name: w.si() for w in settings.whisker}
     stem = Path(path).stem
     found = {}
     for method in ("shape", "point"):
-        frames, contacts = analysis.frames, analysis.contacts
-        if method == "point":
-            touch = find_touches(
-                frames, analysis.evidence, settings.recording.si(), whiskers,
-                TouchOptions(at, method, video=stem, params=settings.advanced),
-            )  # fmt: skip
-            frames, contacts = touch.frames, touch.contacts
+        frames, contacts = _by_method(method, analysis, settings, stem)
         joined = add_least_sd(table_scoring.join_frames(frames, true_frames), video, at)
         found[method] = Forces(
             joined.assign(preset=preset, video=stem),
@@ -233,6 +226,19 @@ def measure(preset: str, path, session, settings=None) -> Measured:
         beside_pole=beside_pole(scores, truth, video),
         **found,
     )
+
+
+def _by_method(method, analysis, settings, stem):
+    """Frames and contacts by one of the force estimates; those of `analysis` are by "shape"."""
+    if method == "shape":
+        return analysis.frames, analysis.contacts
+    whiskers = {w.name: w.si() for w in settings.whisker}
+    at = settings.analysis.curvature_at
+    touch = find_touches(
+        analysis.frames, analysis.evidence, settings.recording.si(), whiskers,
+        TouchOptions(at, method, video=stem, params=settings.advanced),
+    )  # fmt: skip
+    return touch.frames, touch.contacts
 
 
 def line_table(scores, traced: Centrelines, frames, true_frames) -> pd.DataFrame:

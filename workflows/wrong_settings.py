@@ -19,8 +19,8 @@ def with_wrong_lengths(settings, rng):
     """The settings with hidden lengths and lengths off by what the standard errors assume."""
 
     def changed(whisker):
-        told = whisker.hidden_length_mm, whisker.length_mm
-        hidden, length = wrong_lengths_mm(*told, whisker.cone_length_mm, rng)
+        given = whisker.hidden_length_mm, whisker.length_mm
+        hidden, length = wrong_lengths_mm(*given, whisker.cone_length_mm, rng)
         return {"hidden_length_mm": hidden, "length_mm": length}
 
     return _with_whiskers(settings, changed)

@@ -194,12 +194,21 @@ def findings(looks):
     snout = _snout(looks)
     if snout:
         document["recording"]["snout"] = snout
+    same = len(poles) == len(looks) and np.ptp(np.array(poles)[:, :2], axis=0).max() < 2
+    if same:
+        x, y, _ = np.mean(poles, axis=0)
+        document["pole"] |= {"x_px": round(float(x), 1), "y_px": round(float(y), 1)}
+    return document, _notes(looks, snout)
+
+
+def _notes(looks, snout) -> dict:
+    """What the user should know of a value, by its key; a guess begins with GUESS."""
     how = (
         f"GUESS from the pole, taken to be {POLE_DIAMETER_MM:g} mm thick"
-        if poles
+        if any(look.pole for look in looks)
         else f"GUESS, as if the image showed {FIELD_MM:g} mm × {FIELD_MM:g} mm"
     )
-    notes = {
+    return {
         "recording.frames_per_second": "GUESS, the files do not say",
         "recording.pixels_per_mm": f"{how}; measure it: forces depend on it",
         "recording.face": "found in the picture",
@@ -209,11 +218,6 @@ def findings(looks):
         "pole.diameter_mm": "GUESS",
         "pole.x_px": _pole_note(looks),
     }
-    same = len(poles) == len(looks) and np.ptp(np.array(poles)[:, :2], axis=0).max() < 2
-    if same:
-        x, y, _ = np.mean(poles, axis=0)
-        document["pole"] |= {"x_px": round(float(x), 1), "y_px": round(float(y), 1)}
-    return document, notes
 
 
 def _snout(looks) -> str | None:

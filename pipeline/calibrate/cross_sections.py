@@ -24,6 +24,7 @@ BEYOND_PX = 60  # beyond both ends that the straightened picture shows
 KNOT_PX = 90.0  # of the centreline's spline
 ROUNDS = 3  # of centreline and sections
 STEPS = 14  # of Gauss–Newton
+FIRST_BLUR_PX = 1.0  # as the search for the true one begins
 THICK_BLURS = 2.0  # half-width from which a section shows its own contrast
 CORE_BLURS = 3.0
 LEAST_HALF_WIDTH_PX = 3.0  # of the thickest part
@@ -147,17 +148,8 @@ def fit_sections(straight: Straightened) -> Sections:
     """Both edges of all sections, with one blur and, where it is thin, one contrast."""
     s, grey = _sections_of(straight)
     start = _starting_values(grey, straight.u)
-    widest = np.quantile(start[:, 4], 0.95)
-    if widest < LEAST_HALF_WIDTH_PX:
-        raise NoWhiskerError(
-            f"shows a whisker of only {2 * widest:.1f} px at its base: expected at least "
-            f"{2 * LEAST_HALF_WIDTH_PX:g} px; photograph it at a higher magnification"
-        )
-    blur, usual, scatter = 1.0, None, None
-    thick = start[:, 4] > THICK_BLURS * blur
-    free, _, _ = _fit(grey[thick], straight.u, start[thick], np.full(thick.sum(), blur), True)
-    blur = float(np.clip(np.median(free[:, 5]), 0.4, 0.4 * widest))
-    values, errors, _ = _fit(grey, straight.u, start, np.full(len(start), blur))
+    blur = _common_blur(grey, straight.u, start)
+    values, _, _ = _fit(grey, straight.u, start, np.full(len(start), blur))
     thick = values[:, 4] > THICK_BLURS * blur
     if thick.sum() < 8:
         raise NoWhiskerError(
@@ -181,6 +173,20 @@ def fit_sections(straight: Straightened) -> Sections:
         usual_contrast=usual,
         usual_contrast_se=1.25 * scatter / np.sqrt(thick.sum()),
     )
+
+
+def _common_blur(grey, u, start) -> float:
+    """Blur [px] of the edges where the whisker is thick: the same along the whole whisker."""
+    widest = np.quantile(start[:, 4], 0.95)
+    if widest < LEAST_HALF_WIDTH_PX:
+        raise NoWhiskerError(
+            f"shows a whisker of only {2 * widest:.1f} px at its base: expected at least "
+            f"{2 * LEAST_HALF_WIDTH_PX:g} px; photograph it at a higher magnification"
+        )
+    thick = start[:, 4] > THICK_BLURS * FIRST_BLUR_PX
+    blur = np.full(thick.sum(), FIRST_BLUR_PX)
+    free, _, _ = _fit(grey[thick], u, start[thick], blur, True)
+    return float(np.clip(np.median(free[:, 5]), 0.4, 0.4 * widest))
 
 
 def _sections_of(straight):

@@ -30,12 +30,10 @@ def read_deeplabcut(path) -> KeyPoints:
     parts = tuple(dict.fromkeys(map(str, table.columns.get_level_values("bodyparts"))))
     rows = _frames(table, path)
     values = np.full((int(rows.max(initial=-1)) + 1, len(individuals), len(parts), 3), np.nan)
-    for i, individual in enumerate(individuals):
-        for p, part in enumerate(parts):
-            for c, coordinate in enumerate(COORDINATES):
-                column = (individual, part, coordinate)
-                if column in table:
-                    values[rows, i, p, c] = table[column].to_numpy(float)
+    for i, p, c in np.ndindex(values.shape[1:]):
+        column = individuals[i], parts[p], COORDINATES[c]
+        if column in table:
+            values[rows, i, p, c] = table[column].to_numpy(float)
     return KeyPoints(individuals, parts, values[..., :2], np.nan_to_num(values[..., 2]))
 
 

@@ -111,11 +111,11 @@ def _head(results, record, videos, contacts) -> dict:
 
 def _doubts(videos) -> dict:
     """The main doubt of each of some videos, failed ones first, and how many more have one."""
-    told = videos[videos["message"].fillna("") != ""]
-    told = told.sort_values("status", key=lambda status: status != "failed", kind="stable")
-    first = told.iloc[:DOUBTS]
+    doubtful = videos[videos["message"].fillna("") != ""]
+    doubtful = doubtful.sort_values("status", key=lambda status: status != "failed", kind="stable")
+    first = doubtful.iloc[:DOUBTS]
     doubts = zip(first["video"], map(main_doubt, first["message"]), strict=True)
-    return {"doubts": list(doubts), "more_doubts": len(told) - len(first)}
+    return {"doubts": list(doubts), "more_doubts": len(doubtful) - len(first)}
 
 
 def main_doubt(message: str) -> str:

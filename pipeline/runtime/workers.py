@@ -175,17 +175,23 @@ def _deaf_to_interrupts():
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
+def _given(workers, waiting):
+    """Give the idle workers what is waiting; yield the number of each task."""
+    for worker in workers:
+        if worker.task is None and waiting:
+            number, task = waiting.popleft()
+            worker.give(number, task)
+            yield number
+
+
 def _feed(workers, tasks, on_event):
     """Keep every worker busy until all tasks are done."""
     waiting = deque(enumerate(tasks))
     again = set()  # tasks whose process has died once
     while waiting or any(w.task is not None for w in workers):
-        for worker in workers:
-            if worker.task is None and waiting:
-                number, task = waiting.popleft()
-                worker.give(number, task)
-                if number not in again:
-                    on_event(Event("start", number))
+        for number in _given(workers, waiting):
+            if number not in again:
+                on_event(Event("start", number))
         busy = {w.connection: w for w in workers if w.task is not None}
         interrupts.check()
         for connection in wait(list(busy), timeout=0.5):

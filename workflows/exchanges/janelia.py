@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from peer_tracker import find_peer
 
-from exchanges.others import asked, largest
+from exchanges.others import largest, printed_by
 from pipeline.convert import janelia_files
 from pipeline.convert.janelia import read_tracked, write_tracked
 from pipeline.run import analyse_lines
@@ -93,7 +93,7 @@ def _bars(video, folder, peer, python):
     with open_video(video.path) as source:
         np.save(folder / "frames.npy", np.stack(list(source.frames())))
     files = bar_path, folder / "peer.bar", folder / "frames.npy"
-    read = asked(python, BARS, peer.folder, *files, radius, environment=peer.environment)
+    read = printed_by(python, BARS, peer.folder, *files, radius, environment=peer.environment)
     yield ".bar", "out", "Load_Bars_From_Filename", (
         f"{len(read)} of {len(ours)} rows; places differ by {largest(read, ours):.2g} px at most"
     )  # fmt: skip

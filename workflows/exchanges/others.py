@@ -21,7 +21,7 @@ class Others(NamedTuple):
     toolbox: Path  # Piotr's Computer Vision Matlab Toolbox
 
 
-def asked(python, code, *arguments, environment=None):
+def printed_by(python, code, *arguments, environment=None):
     """What a piece of Python prints as JSON, in the other environment; NoPeerError if it fails."""
     return _printed([str(python), "-c", code, *map(str, arguments)], environment)
 

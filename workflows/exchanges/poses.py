@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from exchanges.others import asked, largest
+from exchanges.others import largest, printed_by
 from pipeline.convert import movement
 from pipeline.convert.deeplabcut import read_deeplabcut
 from pipeline.convert.sleap import read_sleap
@@ -64,7 +64,7 @@ print(json.dumps(n))
 def rows(video, folder, others):
     """`movement` reads our netCDF, and writes files of DeepLabCut and SLEAP, which we read."""
     (source,) = movement.write_movement(folder, video)
-    sizes = asked(others.peer_python, MOVEMENT, source, folder)
+    sizes = printed_by(others.peer_python, MOVEMENT, source, folder)
     shape = " × ".join(f"{n} {name}" for name, n in sizes.items())
     yield "netCDF", "out", "movement", f"read: {shape}"
     files = {
@@ -84,7 +84,7 @@ def places(video):
 def sleap(video, folder, others):
     """SLEAP's own writer (sleap-io), HDF5 and CSV, of the whole video."""
     np.save(folder / "points.npy", places(video))
-    version = asked(others.poses_python, SLEAP, folder / "points.npy", folder, video.path)
+    version = printed_by(others.poses_python, SLEAP, folder / "points.npy", folder, video.path)
     files = {"SLEAP HDF5": (read_sleap, "b.analysis.h5"), "SLEAP CSV": (read_sleap, "b.csv")}
     yield from _read(files, folder, f"sleap-io {version}", places(video))
 
@@ -92,7 +92,7 @@ def sleap(video, folder, others):
 def deeplabcut(video, folder, others):
     """DeepLabCut's own writer, of one animal and of several, HDF5 and CSV."""
     np.save(folder / "points.npy", places(video))
-    asked(others.poses_python, DEEPLABCUT, folder / "points.npy", folder)
+    printed_by(others.poses_python, DEEPLABCUT, folder / "points.npy", folder)
     files = {
         "DeepLabCut HDF5": (read_deeplabcut, "one.h5"),
         "DeepLabCut CSV": (read_deeplabcut, "one.csv"),

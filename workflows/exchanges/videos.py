@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from peer_tracker import NoPeerError
 
-from exchanges.others import asked, octave
+from exchanges.others import octave, printed_by
 from pipeline.video import open_video
 
 PIMS = """
@@ -43,7 +43,7 @@ def streampix(video, folder, others):
 
     path = folder / "a.seq"
     path.write_bytes(sequence(_pixels(8).astype(np.uint8)))
-    count, digest = asked(others.peer_python, PIMS, path)
+    count, digest = printed_by(others.peer_python, PIMS, path)
     same = hashlib.sha256(_frames(path).tobytes()).hexdigest() == digest
     yield "StreamPix .seq", "in", "pims reads the same file", f"{count} frames; {_verdict(same)}"
 

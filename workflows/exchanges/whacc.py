@@ -5,7 +5,7 @@ import json
 import cv2
 import numpy as np
 
-from exchanges.others import asked
+from exchanges.others import printed_by
 from pipeline.convert.whacc import NONE, TOUCH, UNKNOWN, read_whacc, write_whacc
 from pipeline.video import open_video
 from synthetic import Codec, write_video
@@ -84,7 +84,7 @@ def _in(video, folder, others):
     chance = np.random.default_rng(0).random(video.n_frames)
     np.save(folder / "given.npy", chance)
     arguments = videos, template, folder / "given.npy"
-    path, predicted, _ = asked(others.whacc_python, TRACKED, *arguments)
+    path, predicted, _ = printed_by(others.whacc_python, TRACKED, *arguments)
     (found,) = read_whacc(path)
     same = found.video == video.name and np.array_equal(found.touch, predicted)
     yield "WhACC", "in", "PoleTracking, make_final_predictions_GBM", (
@@ -94,7 +94,7 @@ def _in(video, folder, others):
     labels = np.full(video.n_frames, UNKNOWN)
     labels[[-1, 0, 1, 3]] = TOUCH, NONE, TOUCH, TOUCH
     keys = ["<Up>", "<Right>", "<Down>", "<Right>", "<Up>", "<Right>", "<Right>", "<Up>"]
-    saved = asked(others.whacc_python, LABELLED, path, json.dumps(keys))
+    saved = printed_by(others.whacc_python, LABELLED, path, json.dumps(keys))
     (found,) = read_whacc(path)
     expected = np.where(labels == UNKNOWN, predicted, labels)
     same = np.array_equal(saved, labels) and np.array_equal(found.touch, expected)
@@ -120,7 +120,7 @@ def _as_it_wants(video, folder):
 def _out(video, folder, others):
     """What it reads: names, trials, contacts, and an array as its lab's MATLAB code has it."""
     path = write_whacc(folder / "ours.h5", [video])
-    names, trials, array, errors = asked(others.whacc_python, READ, path)
+    names, trials, array, errors = printed_by(others.whacc_python, READ, path)
     touching = video.frames.groupby("frame")["in_contact"].any().to_numpy(float)
     same = not errors and np.array_equal(array, touching)
     yield "WhACC", "out", "h5_to_U_array_cell, error_analysis", (
