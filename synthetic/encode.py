@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.tables.files import whole_file
+from pipeline.tables.whole_files import whole_file
 from synthetic.scene import Codec
 
 _LONGEST = 20000  # frames, beyond them quality no longer changes

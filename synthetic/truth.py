@@ -13,7 +13,8 @@ from scipy.optimize import curve_fit
 
 from pipeline.tables.centrelines import Centrelines, write_centrelines
 from pipeline.tables.columns import CONTACT_COLUMNS, FRAME_COLUMNS, Column, as_table, empty_table
-from pipeline.tables.files import whole_file, write_csv, write_frames
+from pipeline.tables.files import write_csv, write_frames
+from pipeline.tables.whole_files import whole_file
 from synthetic.motion import take_frames
 from synthetic.strips import step_table
 from synthetic.touches import unit_half_gaussian

@@ -11,7 +11,7 @@ import pytest
 from pipeline import analyse, read_session
 from pipeline.app import cli, demo
 from pipeline.session.session_file import write_session
-from pipeline.tables import centrelines, files
+from pipeline.tables import centrelines, files, whole_files
 from pipeline.tables.columns import CONTACT_COLUMNS, VIDEO_COLUMNS
 from synthetic.encode import write_video
 from synthetic.scene import Codec
@@ -209,7 +209,7 @@ def test_init_then_run(rendered, video, tmp_path, capsys):
     assert settings.recording.face == "left"
     assert settings.recording.pixels_per_mm == pytest.approx(25, rel=0.05)
     assert len(settings.whisker) == 1
-    pole = files.read_json(truth_of(rendered, "scene.json"))["pole"]
+    pole = whole_files.read_json(truth_of(rendered, "scene.json"))["pole"]
     true = 25_000 * pole["x"], -25_000 * pole["y"]
     np.testing.assert_allclose(settings.pole.position_px, true, atol=POLE_PX)
     text = (folder / "session.toml").read_text("utf-8")

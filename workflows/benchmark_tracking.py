@@ -28,7 +28,7 @@ from benchmark_clips import BRIEF, SCENES, Clip, decode, render_clip, repeat_vid
 from benchmark_exactness import exactness
 from peer_tracker import OPTIMISED, NoPeerError, find_peer, timed
 
-from pipeline.tables.files import read_json
+from pipeline.tables.whole_files import read_json
 
 START_UP_TARGET_S = 5.0
 SPEED_TARGETS = {1: 30.0, 4: 15.0}  # times the peer's optimised rate, by number of whiskers

@@ -26,7 +26,7 @@ import pages
 import pandas as pd
 
 from pipeline.reports.session_numbers import read_contacts
-from pipeline.tables import files
+from pipeline.tables import files, whole_files
 from pipeline.tables.columns import CONTACT_COLUMNS, VIDEO_COLUMNS
 from synthetic.scoring.table_scoring import ContactMatch, match_contacts
 from synthetic.session import STAGES, RenderError, render_session
@@ -100,7 +100,7 @@ def make(folder, trials, seed, jobs) -> Size:
         all_bytes=sum(path.stat().st_size for path in folder.rglob("*") if path.is_file()),
         rendering=rendering_seconds(videos),
         processing=processing_seconds(results, done),
-        wall=files.read_json(folder / TIMES),
+        wall=whole_files.read_json(folder / TIMES),
         numbers=pd.read_csv(results / "figures" / "fig3.csv"),
         match=match_contacts(*found_and_true(results, videos)),
         faults=faults,
@@ -136,14 +136,14 @@ def wall_time(folder, step, made):
     It counts only if any of the files `made` (a pattern) in `folder` is new.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    times, before = files.read_json(folder / TIMES, {}), newest(folder, made)
+    times, before = whole_files.read_json(folder / TIMES, {}), newest(folder, made)
     started = time.perf_counter()
     try:
         yield
     finally:
         if newest(folder, made) > before:
             times[step] = round(times.get(step, 0.0) + time.perf_counter() - started, 3)
-            files.write_json(folder / TIMES, times)
+            whole_files.write_json(folder / TIMES, times)
 
 
 def newest(folder, pattern) -> int:
@@ -153,13 +153,13 @@ def newest(folder, pattern) -> int:
 
 def rendering_seconds(videos) -> dict:
     """Seconds by stage of rendering, summed over the videos of a session."""
-    each = [files.read_json(path) for path in (videos / "truth").glob("*/scene.json")]
+    each = [whole_files.read_json(path) for path in (videos / "truth").glob("*/scene.json")]
     return {stage: sum(scene["seconds"][stage] for scene in each) for stage in STAGES}
 
 
 def processing_seconds(results, outcomes) -> dict:
     """Seconds by stage of `run`, summed over videos; "tables" is what no stage holds."""
-    record, seconds = files.read_json(results / "run.json")["inputs"], {}
+    record, seconds = whole_files.read_json(results / "run.json")["inputs"], {}
     for video in outcomes["video"]:
         for stage, spent in record[video]["stages"].items():
             seconds[stage] = seconds.get(stage, 0.0) + spent

@@ -13,7 +13,8 @@ from pipeline.runtime.workers import THREADS
 from pipeline.session.session_file import read_session
 from pipeline.tables.centrelines import Centrelines, read_centrelines
 from pipeline.tables.columns import CONTACT_COLUMNS
-from pipeline.tables.files import read_csv, read_frames, read_json
+from pipeline.tables.files import read_csv, read_frames
+from pipeline.tables.whole_files import read_json
 from synthetic.scene import Camera, Hair
 from synthetic.scoring import cramer_rao, line_scoring, table_scoring
 from whiskermodel.whisker import Whisker

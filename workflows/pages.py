@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.tables.files import write_text
+from pipeline.tables.whole_files import write_text
 
 
 def table(header: list[str], rows: list[list[str]]) -> str:

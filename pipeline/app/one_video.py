@@ -31,7 +31,7 @@ def planned_names(inputs, out) -> dict:
 
     They are decided once and written down, for jobs that begin while others are at work.
     """
-    from pipeline.tables.files import read_json, write_json
+    from pipeline.tables.whole_files import read_json, write_json
 
     plan = Path(out) / JOBS / NAMES
     plan.parent.mkdir(parents=True, exist_ok=True)

@@ -16,7 +16,7 @@ from pipeline.reports.whisker_styles import DARKEST, pieces, whisker_styles
 from pipeline.run import find_whiskers, look_at, trace
 from pipeline.scene.picture_part import part_of
 from pipeline.session.session_file import Settings
-from pipeline.tables import files
+from pipeline.tables import whole_files
 from pipeline.tables.known_names import KNOWN, in_short, nameless
 from pipeline.tracking.seen_lengths import odd_length
 from pipeline.tracking.whiskers import template_frames, tracing_options
@@ -159,7 +159,7 @@ def _lines_by_frame(chunk):
 
 def write_preview(path, preview: Preview) -> None:
     """Write the picture as PNG, whole or not at all."""
-    with files.whole_file(path) as temporary:
+    with whole_files.whole_file(path) as temporary:
         temporary.write_bytes(cv2.imencode(".png", draw(preview))[1])
 
 

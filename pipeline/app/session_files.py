@@ -22,7 +22,7 @@ from pipeline.session.inputs import (
     sha256,
 )
 from pipeline.session.session_file import session_text
-from pipeline.tables import files
+from pipeline.tables import files, whole_files
 from pipeline.tables.columns import VIDEO_COLUMNS
 from pipeline.tables.run_record import read_run
 
@@ -44,9 +44,9 @@ def check_folder(out):
     for name in SESSION_FILES:
         if (out / name).is_dir():
             raise InputError(f"--out {out}: {name} in it is a folder; move it away")
-    tried = out / f"{files.PART}try{files.PART_END}"
+    tried = out / f"{whole_files.PART}try{whole_files.PART_END}"
     try:
-        with files.whole_file(tried) as temporary:
+        with whole_files.whole_file(tried) as temporary:
             temporary.write_text("")
         tried.unlink()
     except OSError as error:
@@ -71,8 +71,8 @@ def write_session_file(out, settings, config) -> tuple[str, tuple[str, ...]]:
         text = f"{note}# results folder holds its own.\n{text}"
     before = target.read_bytes() if target.exists() else b""
     ours = before in (b"", text.encode()) or sha256(target) == read_run(out).get("session_sha256")
-    old = None if ours else files.set_aside(target)
-    files.write_text(target, text)
+    old = None if ours else whole_files.set_aside(target)
+    whole_files.write_text(target, text)
     reason = "this run used the settings beside the videos (or --config)"
     problem = f"{target} was not written by a run: {reason}; it is kept as {old}"
     return sha256(target), (problem,) if old else ()
@@ -84,7 +84,7 @@ def write_tables(summary, jobs, session):
     videos = pd.DataFrame(rows, columns=[c.name for c in VIDEO_COLUMNS])
     files.write_csv(summary.out / "videos.csv", videos, VIDEO_COLUMNS)
     write_session_tables(summary.out, [each.video for each in summary.outcomes if each.frames])
-    files.write_json(summary.out / STATE_FILE, _run_record(summary, jobs, session))
+    whole_files.write_json(summary.out / STATE_FILE, _run_record(summary, jobs, session))
 
 
 def _run_record(summary, jobs, session) -> dict:
@@ -128,8 +128,8 @@ def is_drawn(out) -> bool:
 
 
 def _mark_drawn(out):
-    record = files.read_json(out / STATE_FILE, {})
-    files.write_json(out / STATE_FILE, record | {"pictures_of": _digest(out)})
+    record = whole_files.read_json(out / STATE_FILE, {})
+    whole_files.write_json(out / STATE_FILE, record | {"pictures_of": _digest(out)})
 
 
 def _digest(out) -> str:

@@ -4,7 +4,7 @@ import numpy as np
 
 from pipeline.calibrate.follicle_motion import FollicleMotion, slope_of
 from pipeline.numerics.runs import stretches
-from pipeline.tables.files import whole_file
+from pipeline.tables.whole_files import whole_file
 
 GREY, BLACK, ACCENT = "#a8a8a8", "#111111", "#c8472b"
 AROUND_MM = 4.0  # of the picture about the particle

@@ -14,8 +14,9 @@ from pipeline.tables.calibration_columns import (
     GEOMETRY_COLUMNS,
     PROFILE_COLUMNS,
 )
-from pipeline.tables.files import write_csv, write_text
+from pipeline.tables.files import write_csv
 from pipeline.tables.new_files import write_new
+from pipeline.tables.whole_files import write_text
 
 UNITS = {"length": "mm", "base_radius": "um", "tip_radius": "um", "cone_length": "mm"}
 DEVIATION_SHARE = 0.02  # of the base radius, from which a whisker is said to be no cone

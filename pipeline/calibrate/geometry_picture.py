@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from pipeline.tables.files import whole_file
+from pipeline.tables.whole_files import whole_file
 
 GREY, BLACK, ACCENT, COOL = "#a8a8a8", "#111111", "#c8472b", "#2b6cc8"
 WIDEST_PX = 1800  # of the micrograph as it is shown

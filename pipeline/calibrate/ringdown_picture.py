@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.tables.centrelines import read_centrelines
-from pipeline.tables.files import whole_file
+from pipeline.tables.whole_files import whole_file
 
 GREY, BLACK, ACCENT = "#a8a8a8", "#111111", "#c8472b"
 BEFORE, AFTER = 4, 12  # frames that panel a shows

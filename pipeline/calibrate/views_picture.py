@@ -3,7 +3,7 @@
 import numpy as np
 import pandas as pd
 
-from pipeline.tables.files import whole_file
+from pipeline.tables.whole_files import whole_file
 
 GREY, BLACK, ACCENT = "#b8b8b8", "#111111", "#c8472b"
 LINES = 60  # that are drawn of each video

@@ -4,7 +4,7 @@ import contextlib
 import io
 
 from pipeline.convert.optional import library
-from pipeline.tables.files import whole_file
+from pipeline.tables.whole_files import whole_file
 
 
 @contextlib.contextmanager

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pipeline.errors import InputError
-from pipeline.tables.files import whole_file
+from pipeline.tables.whole_files import whole_file
 
 WHISKERS_MAGIC = b"bwhiskbin1\0\0"
 MEASUREMENTS_MAGIC = {b"measV1\0\0": 1, b"measv2\0\0": 2, b"measv3\0\0": 3}

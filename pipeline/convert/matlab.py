@@ -14,7 +14,7 @@ from scipy.io import savemat
 from pipeline.convert.results import trial_number
 from pipeline.errors import InputError
 from pipeline.tables.columns import CONTACT_COLUMNS
-from pipeline.tables.files import whole_file
+from pipeline.tables.whole_files import whole_file
 
 # name there: column here, its factor, signed as the angle is
 COURSES = {

@@ -13,7 +13,7 @@ from pipeline.errors import InputError
 from pipeline.scene import pole_runs
 from pipeline.session.inputs import STATE_FILE, need_results
 from pipeline.session.session_file import Settings, read_session
-from pipeline.tables import files
+from pipeline.tables import files, whole_files
 from pipeline.tables.centrelines import Centrelines, read_centrelines
 from pipeline.tables.columns import CONTACT_COLUMNS, VIDEO_COLUMNS
 
@@ -63,7 +63,7 @@ class VideoResults:
 
     def pole(self) -> PoleTrack | None:
         """Where the pole was, NaN while it was away; None: never seen."""
-        state = files.read_json(self.folder / STATE_FILE, {})
+        state = whole_files.read_json(self.folder / STATE_FILE, {})
         places = [pole_runs.pole_at(state, frame) for frame in range(self.n_frames)]
         known = [place for place in places if place is not None]
         if not known:

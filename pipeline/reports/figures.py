@@ -9,7 +9,7 @@ from pipeline.reports import fig3_panels
 from pipeline.reports.fig3_tables import chosen, panel_tables, typical_touch
 from pipeline.reports.plots import NO_DATE, SVG_IDS
 from pipeline.reports.session_numbers import fig3_numbers, read_contacts, read_truth
-from pipeline.tables import files
+from pipeline.tables import whole_files
 from pipeline.tables.new_files import write_new
 
 
@@ -64,7 +64,7 @@ def _write(path, table):
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(table.columns)
     writer.writerows(zip(*columns, strict=True))
-    files.write_text(path, text.getvalue())
+    whole_files.write_text(path, text.getvalue())
 
 
 def _save(figure, folder, name, kinds) -> list[Path]:
@@ -78,7 +78,7 @@ def _save(figure, folder, name, kinds) -> list[Path]:
 
     for kind in kinds:
         with (
-            files.whole_file(folder / f"{name}.{kind}") as temporary,
+            whole_files.whole_file(folder / f"{name}.{kind}") as temporary,
             mpl.rc_context({"svg.fonttype": "none", **SVG_IDS}),
             warnings.catch_warnings(),
         ):

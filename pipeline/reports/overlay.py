@@ -10,7 +10,7 @@ from pipeline.reports.drawing import COLUMNS, View, draw
 from pipeline.runtime.timing import Counted
 from pipeline.scene import pole_runs
 from pipeline.session.session_file import Settings, read_session
-from pipeline.tables import centrelines, files
+from pipeline.tables import centrelines, files, whole_files
 from pipeline.tables.known_names import nameless_in
 from pipeline.tables.run_record import read_pole
 from pipeline.video.open import open_video
@@ -100,7 +100,7 @@ def _by_frame(chunks):
 
 
 def _write_png(path, picture) -> Path:
-    with files.whole_file(path) as temporary:
+    with whole_files.whole_file(path) as temporary:
         temporary.write_bytes(cv2.imencode(".png", picture)[1])
     return path
 
@@ -116,7 +116,7 @@ def _write_video(folder, pictures) -> Path:
     except ValueError:
         path, codec, pixels = folder / "overlay.avi", "mjpeg", "yuvj420p"
         options = {"qmin": "3", "qmax": "3"}
-    with files.whole_file(path) as temporary, av.open(str(temporary), "w") as container:
+    with whole_files.whole_file(path) as temporary, av.open(str(temporary), "w") as container:
         stream = container.add_stream(codec, rate=PLAYBACK_RATE, options=options)
         stream.pix_fmt = pixels
         for picture in pictures:

@@ -18,7 +18,7 @@ from pipeline.reports.time_courses import Courses, read_courses, time_courses
 from pipeline.reports.trials import OnsetAverage, raster
 from pipeline.reports.vibration_map import vibration
 from pipeline.session.session_file import read_session
-from pipeline.tables import files
+from pipeline.tables import files, whole_files
 from pipeline.tables.columns import CONTACT_FLAGS, VIDEO_COLUMNS, split_flags
 from pipeline.tables.known_names import nameless_in
 from pipeline.tables.result_exchange import OVERLAYS
@@ -67,7 +67,7 @@ def write_report(results) -> Path:
         has_contacts=len(contacts) > 0,
         **_making(results, record),
     )
-    files.write_text(results / "report.html", page)
+    whole_files.write_text(results / "report.html", page)
     return results / "report.html"
 
 
@@ -230,7 +230,7 @@ def _write_courses(results, video, frames, contacts) -> Courses:
     (results / COURSES_FOLDER).mkdir(parents=True, exist_ok=True)
     there = time_courses(frames, contacts, video, overlay and f"../../{overlay}")
     page = _template("courses.html").render(courses=there, contacts=contacts.to_dict("records"))
-    files.write_text(results / COURSES_FOLDER / f"{video}.html", page)
+    whole_files.write_text(results / COURSES_FOLDER / f"{video}.html", page)
     return time_courses(frames, contacts, video, overlay)
 
 

@@ -28,7 +28,7 @@ def set_whisker_values(path, name: str, values: dict[str, float]) -> None:
     """
     import tomlkit
 
-    from pipeline.tables.files import write_text
+    from pipeline.tables.whole_files import write_text
 
     path = Path(path)
     check_whisker(path, name)

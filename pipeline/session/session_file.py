@@ -160,6 +160,6 @@ def _toml_value(value) -> str:
 
 def write_session(path, settings: Settings, notes: dict[str, str] | None = None) -> None:
     """Write a commented session.toml, whole or not at all; `notes` as in `session_text`."""
-    from pipeline.tables.files import write_text
+    from pipeline.tables.whole_files import write_text
 
     write_text(path, session_text(settings, notes))

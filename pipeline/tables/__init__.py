@@ -16,6 +16,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
             "empty_table",
         ],
         "evidence": ["read_evidence", "write_evidence"],
-        "files": ["read_csv", "read_frames", "read_json", "write_csv", "write_frames"],
+        "files": ["read_csv", "read_frames", "write_csv", "write_frames"],
+        "whole_files": ["read_json"],
     },
 )

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from pipeline.errors import InputError, why
 from pipeline.runtime.folder_lock import locked
-from pipeline.tables.files import PART, read_json, sha256, to_disk, write_json
+from pipeline.tables.whole_files import PART, read_json, sha256, to_disk, write_json
 
 DRAFT = f"{PART}new"  # holds what is being written
 RECORD = f"{PART}written"  # the list: a file's name → SHA-256 of what may be there by us

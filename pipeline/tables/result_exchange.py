@@ -13,7 +13,7 @@ import tempfile
 from pathlib import Path
 
 from pipeline.runtime.folder_lock import locked
-from pipeline.tables.files import remove_unfinished, to_disk
+from pipeline.tables.whole_files import remove_unfinished, to_disk
 
 DRAFT = ".whiskerforce-draft-"  # and random letters: two processes never share a draft
 READY = ".whiskerforce-ready"

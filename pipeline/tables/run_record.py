@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from pipeline.tables.files import read_json, write_json
 from pipeline.tables.result_exchange import STATE_FILE
+from pipeline.tables.whole_files import read_json, write_json
 
 KINDS = {
     "version": str,

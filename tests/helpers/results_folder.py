@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.session.session_file import settings_from, write_session
-from pipeline.tables import centrelines, files
+from pipeline.tables import centrelines, files, whole_files
 from pipeline.tables.centrelines import Centrelines
 from pipeline.tables.columns import CONTACT_COLUMNS, VIDEO_COLUMNS
 from whiskermodel.force_profiles import half_gaussian
@@ -100,7 +100,7 @@ def make_results(folder, contacts=CONTACTS, videos=("one", "two"), failed=("thre
         files.write_frames(folder / name / "frames.parquet", frame_table(own))
         centrelines.write_centrelines(folder / name / "centrelines.parquet", swinging_whisker())
         pole = {"radius_px": 6.25, "runs": [[0, 230.0, 240.0]]}
-        files.write_json(folder / name / "run.json", {"pole": pole})
+        whole_files.write_json(folder / name / "run.json", {"pole": pole})
         states[name] = {
             "path": f"/nowhere/{name}.avi",
             "status": "done",
@@ -118,5 +118,5 @@ def make_results(folder, contacts=CONTACTS, videos=("one", "two"), failed=("thre
     files.write_csv(folder / "videos.csv", pd.DataFrame(rows), VIDEO_COLUMNS)
     files.write_csv(folder / "contacts.csv", pd.DataFrame(contacts), CONTACT_COLUMNS)
     write_session(folder / "session.toml", SETTINGS)
-    files.write_json(folder / "run.json", {"version": "9.9", "inputs": states})
+    whole_files.write_json(folder / "run.json", {"version": "9.9", "inputs": states})
     return folder

@@ -12,7 +12,8 @@ from pipeline.runtime.workers import Event
 from pipeline.session.session_file import read_session
 from pipeline.tables.centrelines import read_centrelines
 from pipeline.tables.columns import CONTACT_COLUMNS, FRAME_COLUMNS
-from pipeline.tables.files import read_frames, read_json
+from pipeline.tables.files import read_frames
+from pipeline.tables.whole_files import read_json
 from synthetic.paper_session import mouse_whisker
 from synthetic.presets import PRESETS, find_preset, make_trial, trial_place
 from synthetic.render import Renderer

@@ -19,7 +19,7 @@ from pipeline.detection import PoleTrack
 from pipeline.run import Analysis
 from pipeline.session.inputs import find_inputs
 from pipeline.session.session_file import settings_from, write_session
-from pipeline.tables import files
+from pipeline.tables import whole_files
 from pipeline.tables.centrelines import Centrelines
 
 SETTINGS = settings_from(
@@ -92,7 +92,7 @@ def draw_quickly() -> None:
 
 
 def _write_report(results):
-    files.write_text(Path(results) / "report.html", "<p>all is well</p>\n" * 200)
+    whole_files.write_text(Path(results) / "report.html", "<p>all is well</p>\n" * 200)
 
 
 def make_videos(folder, count=3) -> Path:

@@ -27,7 +27,7 @@ from pipeline.runtime import Progress, Step
 from pipeline.runtime.folder_lock import LOCK_FILE, locked
 from pipeline.session import inputs
 from pipeline.session.session_file import read_session, settings_from, write_session
-from pipeline.tables import files, result_exchange, run_record
+from pipeline.tables import files, result_exchange, run_record, whole_files
 from pipeline.tables.columns import CONTACT_COLUMNS, VIDEO_COLUMNS
 
 SETTINGS = settings_from(
@@ -401,7 +401,8 @@ def test_missing_or_unfinished_results_are_made_again(folder, calls, tmp_path):
     out = tmp_path / "results"
     batch.run([folder], out)
     (out / "a" / "frames.parquet").unlink()
-    files.write_json(out / "b" / "run.json", {"path": str(folder / "b.avi"), "status": "begun"})
+    begun = {"path": str(folder / "b.avi"), "status": "begun"}
+    whole_files.write_json(out / "b" / "run.json", begun)
     batch.run([folder], out)
     assert calls[2:] == ["a.avi", "b.avi"]
     assert sorted(p.name for p in out.iterdir() if p.is_dir()) == ["a", "b"]
@@ -786,7 +787,7 @@ def test_a_folder_recorded_in_an_unsafe_place_is_not_used(folder, calls, tmp_pat
     out = tmp_path / "around" / "results"
     out.mkdir(parents=True)
     record = {"inputs": {name: {"path": str(folder / "a.avi")}}}
-    files.write_json(out / "run.json", record)
+    whole_files.write_json(out / "run.json", record)
     (out / "run.log").touch()
     batch.run([folder], out)
     assert statuses(out) == {"a": "done", "b": "done"}

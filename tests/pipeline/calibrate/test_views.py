@@ -11,7 +11,7 @@ from pipeline.calibrate.views import _lag
 from pipeline.convert.results import lines_of_rows
 from pipeline.session.inputs import STATE_FILE
 from pipeline.session.session_file import settings_from, write_session
-from pipeline.tables import centrelines, files
+from pipeline.tables import centrelines, files, whole_files
 from pipeline.tables.calibration_columns import (
     CALIBRATED_VIEW_COLUMNS,
     VIEW_CONTACT_COLUMNS,
@@ -192,7 +192,7 @@ def _write_results(folder, space, x, y, rng, above):
     px, py = space.motion.scene.to_pixels(pole.x, pole.y)
     runs = [[0, float(px), float(py)]]
     state = {"pole": {"radius_px": 1e3 * pole.radius * scale, "runs": runs}}
-    files.write_json(own / STATE_FILE, state if above else {})
+    whole_files.write_json(own / STATE_FILE, state if above else {})
     whisker = {
         "name": "C2", "length_mm": 18.0, "cone_length_mm": 18 / 0.95, "base_radius_um": 37.0,
         "hidden_length_mm": HIDDEN_MM,

@@ -16,7 +16,7 @@ from pipeline.curate.review import Span
 from pipeline.errors import InputError
 from pipeline.runtime.folder_lock import locked
 from pipeline.session.session_file import read_session
-from pipeline.tables import files
+from pipeline.tables import files, whole_files
 
 pytestmark = pytest.mark.e2e
 
@@ -125,8 +125,8 @@ def test_folders_with_nothing_to_curate_are_reported(results, tmp_path):
 
 def test_a_video_that_is_gone_leaves_the_time_courses(results):
     name = sorted(p.parent.name for p in results.glob("*/evidence.parquet"))[0]
-    state = files.read_json(results / name / "run.json")
-    files.write_json(results / name / "run.json", {**state, "path": "/nowhere/video.mp4"})
+    state = whole_files.read_json(results / name / "run.json")
+    whole_files.write_json(results / name / "run.json", {**state, "path": "/nowhere/video.mp4"})
     with opened(results) as folder:
         video = folder.video(name)
         assert video.reader is None

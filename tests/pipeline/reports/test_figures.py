@@ -14,7 +14,7 @@ from results_folder import CONTACTS, contact, make_results
 
 from pipeline.reports import fig3_panels, fig3_tables, figures, session_numbers
 from pipeline.reports.whisker_styles import whisker_styles
-from pipeline.tables import files
+from pipeline.tables import files, whole_files
 from pipeline.tables.columns import CONTACT_COLUMNS
 
 
@@ -96,9 +96,9 @@ def test_truth_is_put_beside_where_there_is_one(results, tmp_path):
 def test_truth_beside_the_videos_is_found(results, tmp_path):
     folder = tmp_path / "session" / "mouse1"
     folder.mkdir(parents=True)
-    state = files.read_json(results / "run.json")
+    state = whole_files.read_json(results / "run.json")
     state["inputs"]["one"]["path"] = str(folder / "film.avi")
-    files.write_json(results / "run.json", state)
+    whole_files.write_json(results / "run.json", state)
     place = tmp_path / "session" / "truth" / "film"
     place.mkdir(parents=True)
     files.write_csv(place / "contacts.csv", pd.DataFrame([CONTACTS[0]]), CONTACT_COLUMNS)

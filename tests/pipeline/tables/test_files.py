@@ -1,7 +1,5 @@
-"""Tables on disk: whole or not at all, columns as promised, the same when read back."""
+"""Tables on disk: columns as promised, the same when read back."""
 
-import errno
-import os
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +11,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.detection.static_scene import PoleTrack
-from pipeline.errors import with_advice
 from pipeline.scene import pole_runs
 from pipeline.tables import centrelines, dictionary, files
 from pipeline.tables.centrelines import Centrelines
@@ -62,52 +59,6 @@ def lines(sizes, names=("C2", "D1"), rng=None):
         se_px=np.full(points, 0.05, np.float32),
         confidence=np.ones(rows, np.float32),
     )
-
-
-@pytest.mark.parametrize("fails", ["mkstemp", "block", "replace"])
-def test_a_file_that_cannot_be_written_is_named(tmp_path, monkeypatch, fails):
-    def full(*names, **_):
-        raise OSError(errno.ENOSPC, "no room", *names[:1])
-
-    owners = {"mkstemp": files.tempfile, "replace": files.os}
-    if fails in owners:
-        monkeypatch.setattr(owners[fails], fails, full)
-
-    def write():
-        with files.whole_file(tmp_path / "a.csv"):
-            if fails == "block":
-                full()
-
-    with pytest.raises(OSError, match="no room") as caught:
-        write()
-    expected = f"{tmp_path / 'a.csv'}: No space left on device; make room on that disk"
-    assert with_advice(caught.value).startswith(expected)
-    monkeypatch.undo()
-    assert fails == "mkstemp" or not list(tmp_path.iterdir())
-
-
-def test_a_file_that_could_not_be_finished_leaves_the_old_one(tmp_path):
-    path = tmp_path / "a.csv"
-    path.write_text("old")
-
-    def write_half():
-        with files.whole_file(path) as temporary:
-            temporary.write_text("half of the new o")
-            raise RuntimeError
-
-    with pytest.raises(RuntimeError):
-        write_half()
-    assert path.read_text() == "old"
-    assert list(tmp_path.iterdir()) == [path]
-
-
-def test_the_file_is_not_there_before_it_is_whole(tmp_path):
-    path = tmp_path / "a.csv"
-    with files.whole_file(path) as temporary:
-        temporary.write_text("new")
-        assert not path.exists()
-        assert temporary.parent == tmp_path
-    assert path.read_text() == "new"
 
 
 def test_contacts_csv_has_the_promised_columns_and_spelling(tmp_path):
@@ -241,15 +192,6 @@ def test_pole_track_as_runs():
     assert pole_runs.pole_at({}, 3) is None
 
 
-def test_json_that_is_not_there_or_broken_is_the_default(tmp_path):
-    assert files.read_json(tmp_path / "no.json", {}) == {}
-    for text in ("{half", "[1, 2]"):
-        (tmp_path / "no.json").write_text(text)
-        assert files.read_json(tmp_path / "no.json", 5) == 5
-    files.write_json(tmp_path / "no.json", {"µ": 1})
-    assert files.read_json(tmp_path / "no.json") == {"µ": 1}
-
-
 def test_dictionary_of_columns_is_up_to_date():
     docs = Path(dictionary.__file__).parents[2] / "docs" / "tables.md"
     assert docs.read_text("utf-8") == dictionary.data_dictionary(), (
@@ -263,18 +205,6 @@ def test_every_column_has_a_meaning():
         for column in columns:
             assert column.meaning
             assert column.unit or column.name.split("_")[-1] not in units
-
-
-def test_a_file_is_on_the_disk_before_it_takes_the_old_ones_place(tmp_path, monkeypatch):
-    """Else a power failure leaves an empty file with the good one's name."""
-    steps = []
-    for name in ("fsync", "replace"):
-        original = getattr(os, name)
-        monkeypatch.setattr(
-            os, name, lambda *a, name=name, do=original: (steps.append(name), do(*a))
-        )
-    files.write_text(tmp_path / "a.txt", "whole")
-    assert steps == ["fsync", "replace"]
 
 
 @pytest.mark.parametrize("where", [0.1, 0.3, 0.5, 0.7])

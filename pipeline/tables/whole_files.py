@@ -1,0 +1,104 @@
+"""Files on disk, each whole or not at all, and what they hold as text, JSON or a hash."""
+
+import contextlib
+import hashlib
+import json
+import os
+import tempfile
+from pathlib import Path
+
+PART, PART_END = ".whiskerforce-", ".part"  # around random letters: names of unfinished files
+
+
+@contextlib.contextmanager
+def whole_file(path):
+    """Yield a temporary path beside `path` that replaces it when the block succeeds.
+
+    Readers see the old file or the new one, never a part; if the block fails, the temporary
+    file goes and `path` stays as it was. An error of the system names `path`.
+    """
+    path = Path(path)
+    try:
+        handle, name = tempfile.mkstemp(PART_END + path.suffix, PART, path.parent)
+    except OSError as error:
+        error.filename = str(path)
+        raise
+    os.close(handle)
+    temporary = Path(name)
+    try:
+        yield temporary
+        temporary.chmod(0o666 & ~_umask())
+        to_disk(temporary)
+        os.replace(temporary, path)
+    except OSError as error:
+        if error.filename is None or str(error.filename) == name:
+            error.filename, error.filename2 = str(path), None
+        raise
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def set_aside(path) -> Path:
+    """Rename a file that a person may have written, before it is replaced; return its new path."""
+    path, number = Path(path), 1
+    while (old := path.with_name(f"{path.name}.old{number if number > 1 else ''}")).exists():
+        number += 1
+    os.replace(path, old)
+    return old
+
+
+def remove_unfinished(folder) -> None:
+    """Remove what a program that was killed has left of files that it was writing."""
+    for left in Path(folder).glob(f"{PART}*{PART_END}*"):
+        with contextlib.suppress(OSError):
+            left.unlink()
+
+
+def to_disk(path) -> None:
+    """Wait until a file, or a folder's list of files, is on the disk: power may fail."""
+    if os.name == "nt" and Path(path).is_dir():
+        return  # Windows opens no folder, and keeps their lists by itself
+    handle = os.open(path, os.O_RDONLY if os.name != "nt" else os.O_RDWR)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
+
+
+def sha256(path) -> str:
+    """SHA-256 of a file's content, or of the names and contents of a folder's files."""
+    path = Path(path)
+    if not path.is_dir():
+        with open(path, "rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    whole = hashlib.sha256()
+    for file in sorted(p for p in path.iterdir() if p.is_file()):
+        whole.update(f"{file.name} {sha256(file)}\n".encode())
+    return whole.hexdigest()
+
+
+def _umask() -> int:
+    """The process's file-mode mask, which can only be read by setting it."""
+    mask = os.umask(0o022)
+    os.umask(mask)
+    return mask
+
+
+def write_text(path, text: str) -> None:
+    """Write a text file, whole or not at all."""
+    with whole_file(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+
+
+def write_json(path, value) -> None:
+    """Write a JSON file, whole or not at all."""
+    write_text(path, json.dumps(value, indent=2, ensure_ascii=False) + "\n")
+
+
+def read_json(path, default=None):
+    """Read a JSON object from a file; `default` where there is none that can be read."""
+    try:
+        value = json.loads(Path(path).read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError):
+        return default
+    return value if isinstance(value, dict) else default
