@@ -156,6 +156,12 @@ def test_the_tip_is_as_far_beyond_the_ends_as_in_rendered_videos(
     assert error < max(0.5, true / 3)  # px
 
 
+def test_six_tenths_of_a_fading_that_scatters_count(touching):
+    """As after a codec; where ends do not scatter, the fading alone says how far the tip is."""
+    short, _ = tip_px(seen(touching.places, 0.0, 4.0, 8.0, 0.01))
+    assert short == pytest.approx(0.6 * 4.0, rel=0.1)
+
+
 def test_a_line_that_drowns_in_noise_ends_farther_from_its_tip(touching):
     """The fading says that it is some pixels off; scatter and noise say how many."""
     calm, wild, dim = (
@@ -325,6 +331,23 @@ def test_traces_that_end_anywhere_show_no_tip(touching):
     last = np.where(np.arange(n) < 0.9 * n, 10e-3, 14e-3)
     end, _ = arc_length_offset._trace_ends(replace(places, last=last), DEFAULTS.forces)
     assert np.isnan(end).all()
+
+
+@pytest.mark.parametrize(("frames", "at_tip", "known"), [(200, 52, 0), (200, 68, 68), (60, 26, 0)])
+def test_the_tip_is_seen_in_thirty_frames_and_three_tenths(touching, frames, at_tip, known):
+    """The others end anywhere before."""
+    places = touching.places.rows(slice(frames))
+    last = np.linspace(5e-3, 12e-3, frames)
+    last[:at_tip] = 17e-3
+    end, _ = arc_length_offset._trace_ends(replace(places, last=last), DEFAULTS.forces)
+    assert np.isfinite(end).sum() == known
+
+
+def test_a_slow_camera_has_400_spans_of_time_at_most():
+    """So that the normal equations stay small."""
+    for seconds, knots in ((350.0, 350), (1e5, 400)):
+        design = arc_length_offset._design(np.linspace(0, seconds, 2000), 1.0)
+        assert design.shape == (2000, knots + 2)  # and a constant
 
 
 def test_errors_that_last_count_as_fewer():

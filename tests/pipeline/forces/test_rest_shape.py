@@ -130,7 +130,18 @@ def test_shape_is_kept_at_angles_that_no_free_frame_had():
     np.testing.assert_allclose(values[:, 0], 12.0, atol=0.3)  # 1/m
     assert error[0] < 0.5
     assert np.all(np.diff(error) > 0)
-    assert rest_shape.SLOPE_SD * 0.8 / 3 < error[-1] < rest_shape.SLOPE_SD * 0.8 * 2
+
+
+def test_errors_at_unseen_angles_are_what_rolling_can_do():
+    """12 1/m per rad and per rad²; no slope, a slope, and a bend as well are as likely."""
+    rng = np.random.default_rng(15)
+    time, angle = at_rest(250, rng)
+    measured = 12.0 + rng.normal(0, noise, 250)
+    model = fit_rest(measured, np.full(250, noise**2), angle, time, np.full(250, True))
+    turn = np.array([0.5, 2.0])  # rad; of the first, three quarters are the slope's
+    cov = model.predict(model.centre + turn, np.full(2, 0.12))[1]
+    expected = 12.0 * np.sqrt(2 / 3 * turn**2 + turn**4 / 3)
+    np.testing.assert_allclose(np.sqrt(cov[:, 0, 0]), expected, rtol=0.1)
 
 
 @pytest.mark.slow
@@ -140,7 +151,7 @@ def test_errors_cover_whiskers_that_roll(turn):
     for seed in range(80):
         rng = np.random.default_rng(seed)
         time, angle = at_rest(200, rng, swing=0.01)
-        slope = rng.normal(0, 0.7 * rest_shape.SLOPE_SD)
+        slope = rng.normal(0, 0.7 * rest_shape.TURNING_SD)
         measured = 15.0 + slope * (angle - 0.1) + rng.normal(0, noise, 200)
         model = fit_rest(measured, np.full(200, noise**2), angle, time, np.full(200, True))
         values, cov = model.predict(np.array([0.1 + turn]), time[-1:])
@@ -167,7 +178,7 @@ def test_a_handful_of_free_frames_is_enough(n):
 def test_many_angles_override_the_prior():
     rng = np.random.default_rng(6)
     time, angle = whisking(3000, rng)
-    slope = 5 * rest_shape.SLOPE_SD
+    slope = 5 * rest_shape.TURNING_SD
     measured = 12.0 + slope * angle + rng.normal(0, noise, 3000)
     model = fit_rest(measured, np.full(3000, noise**2), angle, time, np.full(3000, True))
     values, _ = model.predict(np.array([-0.3, 0.3]), np.ones(2))
@@ -318,6 +329,29 @@ def test_what_is_predicted_has_all_its_errors():
         np.testing.assert_allclose(found[k], powers @ model.weights + model.drift(when)[k])
     np.testing.assert_allclose(np.diag(model.noise), noise**2, rtol=0.35)  # outliers count less
     np.testing.assert_allclose(np.diag(model.noise - model.scatter), 0.1, rtol=0.01)
+
+
+@pytest.mark.parametrize(
+    ("away", "least", "most"), [(6.7, 0.05, 0.95), (4.7, 0, 0.1), (8.7, 0.9, 1)]
+)
+def test_frames_eight_times_their_scatter_beyond_the_nearest_are_free(away, least, most):
+    """`away`: in standard deviations of the distance; touches scatter as well, by some 1.5."""
+    rng, sd = np.random.default_rng(16), 12e-6
+    clear = np.arange(600) % 200 >= 100
+    distance = sd * (np.where(clear, away, 0.0) + rng.normal(0, 1, 600))
+    free = free_frames(distance, np.full(600, True))
+    assert least <= np.mean(free[clear]) <= most
+
+
+@pytest.mark.parametrize(
+    ("far", "clear", "alone"),
+    [(17, 20, False), (23, 20, True), (90, 310, False), (110, 290, True)],
+)
+def test_far_frames_count_alone_where_they_are_many(far, clear, alone):
+    """At least 20, and a quarter of all that are clear of a touch."""
+    parts = np.full(100, 0.0), np.full(far, 1e-3), np.full(clear, 0.15e-3)
+    free = free_frames(np.concatenate(parts), np.full(100 + far + clear, True))
+    assert free.sum() == (far if alone else far + clear)
 
 
 @pytest.mark.parametrize(("astray", "nearest"), [(6, 0.01e-3), (15, -0.2e-3)])
