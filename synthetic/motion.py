@@ -160,13 +160,13 @@ class Motion:
             for p in (self.pole_x, self.pole_y)
         )
 
-    def moments(self, frame: int) -> int:
-        """Moments of the exposure that a frame's light is the mean of."""
+    def instants(self, frame: int) -> int:
+        """Instants of the exposure that a frame's light is the mean of."""
         return 1
 
-    def strip(self, hair: int, frame: int, moment: int = 0) -> Strip:
+    def strip(self, hair: int, frame: int, instant: int = 0) -> Strip:
         """Nodes of a whisker's picture."""
-        x, y, angle, curvature, smear = self._shape(hair, frame, moment)
+        x, y, angle, curvature, smear = self._shape(hair, frame, instant)
         camera, s = self.scene.camera, self._nodes[hair]
         radius = self.scene.hairs[hair].whisker.radius(s) * camera.pixels_per_m
         px, py = self.scene.to_pixels(x, y)
@@ -195,7 +195,7 @@ class Motion:
         """True curvature [1/m], (frames, points), at arc lengths `s` (points,) [m]."""
         return curvature_along(self.scene.hairs[hair].whisker, self.hairs[hair].contact, s)
 
-    def _shape(self, hair, frame, moment=0):
+    def _shape(self, hair, frame, instant=0):
         """x, y [m], angle, curvature [1/m], smear [px] of one frame at the nodes."""
         block = self._block(hair, frame // _BLOCK)
         return tuple(part[frame % _BLOCK] for part in block)

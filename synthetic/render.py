@@ -73,18 +73,18 @@ class Renderer:
 
     def light(self, i: int) -> np.ndarray:
         """Frame `i` before flicker, black level and noise, float32 (height, width)."""
-        moments = self.motion.moments(i)
-        if moments == 1:
+        instants = self.motion.instants(i)
+        if instants == 1:
             return self._light(i, 0)
-        return sum(self._light(i, moment) for moment in range(moments)) / np.float32(moments)
+        return sum(self._light(i, instant) for instant in range(instants)) / np.float32(instants)
 
-    def _light(self, i, moment):
-        """Light of one moment of the exposure of frame `i`."""
+    def _light(self, i, instant):
+        """Light of one instant of the exposure of frame `i`."""
         opened = self.opened(i)
         pole_x, pole_y = self.motion.pole_x[i], self.motion.pole_y[i]
         behind_rod, with_pole = self._still_pole or self._with_pole(opened, pole_x, pole_y)
         light = with_pole.copy()
-        strips = [self.motion.strip(h, i, moment) for h in range(len(self.scene.hairs))]
+        strips = [self.motion.strip(h, i, instant) for h in range(len(self.scene.hairs))]
         for hair, strip in zip(self.scene.hairs, strips, strict=True):
             self._draw(light, strip, hair.opacity)
         self._compose(light, behind_rod, strips, pole_x, pole_y)

@@ -18,7 +18,7 @@ from whiskermodel.response import quadrature_about
 from whiskermodel.rod import contact_shape, solve_contact
 
 MODES = 20
-MOMENTS = 8  # of an exposure
+INSTANTS = 8  # of an exposure
 LONGEST_S = 0.04  # that ringing is followed: less than a thousandth is left
 _HALVINGS = 12  # of the frame in which the whisker is released
 
@@ -56,10 +56,10 @@ class RingingMotion(Motion):
             for h, hair in enumerate(self.hairs)
         ]
 
-    def moments(self, frame):
-        """Moments of the exposure that a frame's light is the mean of."""
+    def instants(self, frame):
+        """Instants of the exposure that a frame's light is the mean of."""
         rings = any(self._ringing_in(h, frame) for h in range(len(self.hairs)))
-        return MOMENTS if rings else 1
+        return INSTANTS if rings else 1
 
     def curvature(self, hair, s):
         """True curvature [1/m], (frames, points), at arc lengths `s` (points,) [m]."""
@@ -87,16 +87,16 @@ class RingingMotion(Motion):
         x, y = super().centrelines(hair)
         return (x, y) if frames is None else (x[frames], y[frames])
 
-    def _shape(self, hair, frame, moment=0):
+    def _shape(self, hair, frame, instant=0):
         x, y, angle, curvature, smear = super()._shape(hair, frame)
         each = self._ringing_in(hair, frame)
         if each is None:
             return x, y, angle, curvature, smear
         camera, s = self.scene.camera, self._nodes[hair]
         exposure = camera.exposure_s * camera.frames_per_second  # in frames
-        at = frame + exposure * ((moment + 0.5) / MOMENTS - 0.5)
+        at = frame + exposure * ((instant + 0.5) / INSTANTS - 0.5)
         rest = take_frames(self.hairs[hair].contact, slice(frame, frame + 1))
-        whisker, half = self.scene.hairs[hair].whisker, 0.5 * exposure / MOMENTS
+        whisker, half = self.scene.hairs[hair].whisker, 0.5 * exposure / INSTANTS
         before, now, after = (
             _bent(whisker, rest, s, self._added(hair, each, t, s)[0])
             for t in (at - half, at, at + half)

@@ -147,15 +147,15 @@ class View:
     def __len__(self):
         return len(self._space)
 
-    def moments(self, frame: int) -> int:
-        """Moments of the exposure that a frame's light is the mean of."""
+    def instants(self, frame: int) -> int:
+        """Instants of the exposure that a frame's light is the mean of."""
         return 1
 
     def centrelines(self, hair: int, frames=None):
         """True centrelines [px], follicle → tip: x, y (frames, points), even in arc length."""
         return (self._x, self._y) if frames is None else (self._x[frames], self._y[frames])
 
-    def strip(self, hair: int, frame: int, moment: int = 0) -> Strip:
+    def strip(self, hair: int, frame: int, instant: int = 0) -> Strip:
         """Nodes of the whisker's picture."""
         x, y = self._x[frame], self._y[frame]
         arc = np.concatenate([[0], np.cumsum(np.hypot(np.diff(x), np.diff(y)))])
