@@ -55,7 +55,7 @@ def read_corrections(folder) -> pd.DataFrame:
     if not path.exists():
         return empty_table(CORRECTION_COLUMNS)
     try:
-        corrections = read_csv(path, CORRECTION_COLUMNS)
+        corrections = read_csv(path, CORRECTION_COLUMNS, advice="")
     except ValueError as error:
         raise CorrectionsError(str(error)) from None
     for number, verdict in enumerate(verdicts(corrections), start=2):

@@ -18,6 +18,7 @@ from pipeline.tables.whole_files import whole_file
 
 ROWS_PER_GROUP = 8192
 SHOWN = 40  # characters of a wrong value
+RUN_AGAIN = "; it was damaged or changed: `whiskerforce run` writes it anew"
 PARQUET, TAIL_BYTES = b"PAR1", 8  # how such a file begins; what follows on its list of contents
 
 
@@ -47,26 +48,31 @@ def write_csv(path, table: pd.DataFrame, columns) -> None:
         pd.DataFrame(text).to_csv(temporary, index=False, lineterminator="\n")
 
 
-def read_csv(path, columns) -> pd.DataFrame:
+def read_csv(path, columns, advice=RUN_AGAIN) -> pd.DataFrame:
     """Read a CSV of the declared `columns`, as `write_csv` left it.
 
     Raises
     ------
     ValueError
         Where a declared column is missing or holds something else; it names file, column and
-        line.
+        line, and ends with the `advice`.
     """
+    try:
+        return _csv_table(path, columns)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}{advice}") from None
+
+
+def _csv_table(path, columns) -> pd.DataFrame:
     header, rows = _csv_rows(path)
     missing = [c.name for c in columns if c.name not in header and not c.later]
     if missing:
-        raise ValueError(f"{path}: expected column {missing[0]}, found {header}")
+        found = ", ".join(header)[: 5 * SHOWN] or "none"
+        raise ValueError(f"expected column {missing[0]}, found {found}")
     out = {}
     for c in [c for c in columns if c.name in header]:
         place = header.index(c.name)
-        try:
-            out[c.name] = _parsed([row[place] for row in rows], c)
-        except ValueError as error:
-            raise ValueError(f"{path}: {error}") from None
+        out[c.name] = _parsed([row[place] for row in rows], c)
     table = pd.DataFrame(out)
     return table if len(out) == len(columns) else as_table(table, columns)
 
@@ -80,11 +86,11 @@ def _csv_rows(path):
         with open(path, newline="", encoding="utf-8-sig") as file:
             header, *rows = [row for row in csv.reader(file, strict=True) if row] or [[]]
     except (csv.Error, UnicodeDecodeError) as error:
-        raise ValueError(f"{path}: {error}") from None
+        raise ValueError(str(error)) from None
     width = len(header)
     for line, row in enumerate(rows, start=2):
         if len(row) > width:
-            raise ValueError(f"{path}: line {line}: expected {width} values, found {len(row)}")
+            raise ValueError(f"line {line}: expected {width} values, found {len(row)}")
     return header, [row + [""] * (width - len(row)) for row in rows]
 
 
