@@ -87,3 +87,10 @@ def test_files_on_the_map_are_there(package):
     assert named or package != "pipeline"
     for name in named:
         assert (ROOT / package / f"{name}.py").is_file(), name
+
+
+def test_every_file_of_the_rooms_is_on_the_map():
+    named = re.findall(r"`(\w+/[\w/]+)`", PAGE)
+    files = {f.relative_to(ROOT / "pipeline") for f in (ROOT / "pipeline").glob("*/**/*.py")}
+    there = {file.with_suffix("").as_posix() for file in files if not file.stem.startswith("__")}
+    assert there <= set(named), there - set(named)
