@@ -10,7 +10,7 @@ from pipeline.scene.face import thickening_towards
 from pipeline.scene.picture_part import region_doubt
 from pipeline.scene.what_was_seen import seen_instead_of_pole, seen_instead_of_whiskers
 from pipeline.session.plausibility import doubtful_values
-from pipeline.session.schema import SIDES, UPRIGHT
+from pipeline.session.schema import DIMENSIONS, SIDES, UPRIGHT
 from pipeline.tables.columns import split_flags
 from pipeline.tables.known_names import KNOWN, in_short, nameless_in
 from pipeline.tracking.given_lengths import posterior_first
@@ -336,13 +336,19 @@ def _contradicted(settings, contacts):
 def _without_forces(settings, whisker_set):
     """Why force columns are empty."""
     if not settings.whisker:
-        yield "no forces: there is no [[whisker]] table with dimensions in session.toml"
+        yield (
+            "no forces: there is no [[whisker]] table with dimensions in session.toml; measure "
+            f"{', '.join(DIMENSIONS)} and add them"
+        )
     lacking = defaultdict(list)
     for whisker in settings.whisker:
         if whisker.missing_dimensions and whisker.name in whisker_set.found:
             lacking[whisker.missing_dimensions].append(whisker.name)
     for keys, names in lacking.items():
-        yield f"no forces for {in_short(names)}: no {', '.join(keys)} in session.toml"
+        yield (
+            f"no forces for {in_short(names)}: no {', '.join(keys)} in session.toml; measure what "
+            "is missing"
+        )
 
 
 def face_message(scenes, templates, side: str) -> str | None:

@@ -214,7 +214,7 @@ def _notes(looks, snout) -> dict:
         "recording.face": "found in the picture",
         "recording.snout": "GUESS, whiskers look thinner there" if snout else "",
         "whisker.name": "found in the picture, anterior to posterior",
-        "whisker.length_mm": "needed for forces, like the next two",
+        "whisker.length_mm": "needed for forces, as cone_length_mm and base_radius_um are",
         "pole.diameter_mm": "GUESS",
         "pole.x_px": _pole_note(looks),
     }

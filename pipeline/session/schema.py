@@ -46,7 +46,7 @@ class RecordingSettings(_Table):
     )
     snout: Literal["left", "right", "top", "bottom"] | None = Field(
         None,
-        description="side of the image at its end of the row; if one side of the face is seen",
+        description="side of the image nearest to it; only if one side of the face is seen",
     )
 
     def si(self) -> Recording:

@@ -147,8 +147,12 @@ def test_where_nothing_is_wrong_nothing_is_said():
         ({"contacts": ("C2",) * 3, "flags": ["x;base_contradicted", "base_contradicted", ""]},
          "in 2 of 3 contacts C2 bends as if hidden_length_mm = 1.4 were wrong by over 0.3 mm"),
         ({"tracked": 0.5}, "tracked in only part of the frames: C2 in 50 %"),
-        ({"whiskers": ()}, "no forces: there is no [[whisker]] table"),
-        ({"whiskers": ({"name": "C2"},)}, "no forces for C2: no length_mm, cone_length_mm"),
+        ({"whiskers": ()},
+         "no forces: there is no [[whisker]] table with dimensions in session.toml; measure "
+         "length_mm, cone_length_mm, base_radius_um and add them"),
+        ({"whiskers": ({"name": "C2"},)},
+         "no forces for C2: no length_mm, cone_length_mm, base_radius_um in session.toml; measure "
+         "what is missing"),
         ({"whiskers": ({**WHISKER, "name": "C2"}, {**WHISKER, "name": "D2"})},
          "not found in any frame: D2"),
     ],
