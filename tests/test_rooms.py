@@ -94,3 +94,12 @@ def test_every_file_of_the_rooms_is_on_the_map():
     files = {f.relative_to(ROOT / "pipeline") for f in (ROOT / "pipeline").glob("*/**/*.py")}
     there = {file.with_suffix("").as_posix() for file in files if not file.stem.startswith("__")}
     assert there <= set(named), there - set(named)
+
+
+@pytest.mark.parametrize("package", ["pipeline", "whiskermodel", "synthetic", "workflows"])
+def test_no_file_imports_what_another_keeps_to_itself(package):
+    for file in sorted((ROOT / package).rglob("*.py")):
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom):
+                private = [each.name for each in node.names if re.match("_[^_]", each.name)]
+                assert not private, f"{file.relative_to(ROOT)} imports {private}"

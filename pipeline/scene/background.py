@@ -14,10 +14,10 @@ from pipeline.scene.masks import distance_from, opened
 from pipeline.scene.noise_model import (
     WINDOW_SD,
     WINDOWED_VARIANCE,
-    _fit_noise,
-    _windowed_moments,
+    fit_noise,
     noise_from_ranks,
     spatial_noise,
+    windowed_moments,
 )
 from pipeline.session.parameters import DEFAULTS, SceneParams
 from pipeline.session.quantities import pixels_in
@@ -109,8 +109,8 @@ def temporal_background(frames: np.ndarray, pixels_per_mm: float, params: SceneP
     image, variance = start.astype(np.float32), None
     for _ in range(2):
         window = WINDOW_SD * np.sqrt(noise[0] + noise[1] * image)
-        image, variance = _windowed_moments(ordered, image, window.astype(np.float32))
-        noise = _fit_noise(image, variance / WINDOWED_VARIANCE, len(frames) - 1)
+        image, variance = windowed_moments(ordered, image, window.astype(np.float32))
+        noise = fit_noise(image, variance / WINDOWED_VARIANCE, len(frames) - 1)
     broad = 0.5 * pixels_in(params.fur_breadth_mm, 1e3 * pixels_per_mm)
     image, covered = _uncovered(image, frames, gains, noise, ordered[0], broad)
     return image, noise, covered

@@ -65,7 +65,7 @@ def _cost(pole, expected):
 
 def _measure(image, x, y, radius, expected, touched):
     """As `measure_disc`; `touched`: also without what lies between two narrow shades."""
-    angles = _rays()
+    angles = rays()
     used = _free_rays(image, x, y, radius, angles)
     for _ in range(8):
         if used.mean() < LEAST_FITTED_ARC:
@@ -96,7 +96,8 @@ def _opacity(disc):
     return 1 - max(disc.light(disc.x + inmost, disc.y) / disc.outside, 0.0)
 
 
-def _rays():
+def rays():
+    """Angles [rad] of the rays along which a disc's edge is looked for, (N_RAYS,)."""
     return np.arange(N_RAYS) * 2 * np.pi / N_RAYS
 
 
@@ -266,7 +267,7 @@ def plausible(circle, radius_px, near_xy) -> bool:
 def half_levels(image, x, y, radius_px):
     """Distance from (x, y) at which each ray first reaches half the light, inf if never."""
     distances = np.arange(0.0, 1.9 * radius_px + 3, 0.5)
-    px, py = ray_points(x, y, _rays(), distances)
+    px, py = ray_points(x, y, rays(), distances)
     values = cv2.remap(image, px, py, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT)
     half = 0.5 * (values[:, 0].mean() + min(np.percentile(values[:, -1], 90), 1.0))
     above = values > half

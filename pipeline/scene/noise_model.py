@@ -20,11 +20,11 @@ def noise_from_ranks(ordered):
     n = len(ordered)
     middle = ordered[n // 2, ::3, ::3].astype(np.float32)
     upper = ordered[round(0.84 * (n - 1)), ::3, ::3].astype(np.float32)
-    return _fit_noise(middle, cv2.blur((upper - middle) ** 2, (5, 5)) + LEAST_VARIANCE, 25)
+    return fit_noise(middle, cv2.blur((upper - middle) ** 2, (5, 5)) + LEAST_VARIANCE, 25)
 
 
 @njit(cache=True)
-def _windowed_moments(ordered, centre, window):
+def windowed_moments(ordered, centre, window):
     """Mean and variance over time of the values within `window` of `centre`, per pixel."""
     n, height, width = ordered.shape
     mean = np.empty((height, width), np.float32)
@@ -48,7 +48,7 @@ def _windowed_moments(ordered, centre, window):
     return mean, variance
 
 
-def _fit_noise(image, variance, freedom):
+def fit_noise(image, variance, freedom):
     """(floor, gain) of variance = floor + gain × intensity, from variances per pixel.
 
     Each is of `freedom` degrees of freedom. In bins of intensity, the mean of the lower
@@ -98,4 +98,4 @@ def spatial_noise(image: np.ndarray, n_averaged: int = 1) -> tuple[float, float]
     mask = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], np.float32)
     second = cv2.filter2D(image, cv2.CV_32F, mask)  # variance 36 σ²; smooth pictures give 0
     variance = cv2.blur(second**2, (5, 5)) / 36 * n_averaged
-    return _fit_noise(cv2.GaussianBlur(image, (0, 0), 2), variance, SECOND_FREEDOM)
+    return fit_noise(cv2.GaussianBlur(image, (0, 0), 2), variance, SECOND_FREEDOM)

@@ -12,12 +12,12 @@ from pipeline.scene.circle_fit import (
     N_RAYS,
     RADIUS_RANGE,
     Pole,
-    _rays,
     at_edge,
     half_levels,
     measure_disc,
     plausible,
     ray_points,
+    rays,
 )
 
 ROD_ARC = 0.65  # is seen where a rod hides the rest; more makes no likelier pole
@@ -165,7 +165,7 @@ def _rough_circle(image, x, y, radius_px):
     The score is a first guess of `_likeness`. It is no more than that, since the rod shifts the
     circle a little, and a small pole then looks too pale.
     """
-    angles = _rays()
+    angles = rays()
     design = np.column_stack([np.cos(angles), np.sin(angles), np.ones(N_RAYS)])
     for _ in range(3):
         edge = half_levels(image, x, y, radius_px)

@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.tables.columns import CENTRELINE_COLUMNS, as_table, with_units
-from pipeline.tables.files import ROWS_PER_GROUP, _parquet_writer, read_rows, whole_parquet
+from pipeline.tables.files import ROWS_PER_GROUP, parquet_writer, read_rows, whole_parquet
 
 PER_ROW = ("frame", "whisker", "confidence", "hidden_px", "follicle")
 PER_POINT = ("x_px", "y_px", "se_px", "offset_px", "information", "thickness_px")
@@ -109,7 +109,7 @@ def centreline_file(path):
 
     The file, a row per whisker and frame with the points as lists, appears when the block ends.
     """
-    with _parquet_writer(path, CENTRELINE_COLUMNS) as writer:
+    with parquet_writer(path, CENTRELINE_COLUMNS) as writer:
 
         def keep(centrelines: Centrelines) -> None:
             for start in range(0, len(centrelines), ROWS_PER_GROUP):

@@ -150,7 +150,7 @@ def _arrow_schema(columns):
 
 
 @contextlib.contextmanager
-def _parquet_writer(path, columns):
+def parquet_writer(path, columns):
     """Yield a parquet writer of the declared columns whose file appears when the block ends."""
     import pyarrow.parquet as pq
 
@@ -177,7 +177,7 @@ def write_rows(path, table: pd.DataFrame, columns) -> None:
     import pyarrow as pa
 
     table = as_table(table, columns)
-    with _parquet_writer(path, columns) as writer:
+    with parquet_writer(path, columns) as writer:
         for start in range(0, len(table), ROWS_PER_GROUP):
             part = table.iloc[start : start + ROWS_PER_GROUP]
             writer.write_table(
