@@ -26,6 +26,7 @@ SAME_TIP = 1  # … unless it was within so many nodes where it is now the step 
 SEEN_SD = 4.0  # standard errors by which a trace's last node is seen
 WIDEST_GAP = 8  # bridges: longer stretches without pixels are not crossed
 ALONG, STEEP = 8, 0.5  # off an edge steeply, seen over so many nodes to both sides: not along it
+SLID = 0.25  # the same where a line begins: at some 15° off the face's edge whiskers do grow
 FLOAT, HALF = np.float32, np.float32(0.5)
 
 
@@ -197,14 +198,27 @@ def without_edge(x, y, n, off_edges):
     return end if n - end > 2 * ALONG else n
 
 
+@njit(cache=True, inline="always")
+def _leave_out_edges(x, y, n, off_edges, scratch):
+    """Let nodes of the near half that run along an edge say nothing of where the line lies.
+
+    Where whisking skin moves out over the background, its edge is darker than many a whisker: a
+    base would slide along it, step by step.
+    """
+    for i in range(n // 2):
+        if _is_along(x, y, i, n, off_edges, SLID):
+            scratch.information[i] = 0.0
+            scratch.score[i] = 0.0
+
+
 @njit(cache=True)
-def _is_along(x, y, i, n, off_edges):
+def _is_along(x, y, i, n, off_edges, steep=STEEP):
     """Whether node i of a line lies at an edge and the line runs along that edge there."""
     if bilinear(off_edges, x[i], y[i]) > 0:
         return False
     first, last = max(i - ALONG, 0), min(i + ALONG, n - 1)
     before, after = bilinear(off_edges, x[first], y[first]), bilinear(off_edges, x[last], y[last])
-    return abs(after - before) <= STEEP * (last - first)
+    return abs(after - before) <= steep * (last - first)
 
 
 @njit(cache=True)
@@ -354,6 +368,7 @@ def refine(picture, values, n, fit, room):
         if n < SHORTEST:
             return 0, 0.0
         measure(picture, nodes, n, fit, work)
+        _leave_out_edges(x, y, n, picture.off_edges, work)
         seen = max(min(n, int(min(fit.longest, n))), 2)
         before = end
         bridge = WIDEST_GAP * fit.bridge

@@ -8,6 +8,8 @@ import pytest
 
 from pipeline.detection import line_fit, line_profile
 from pipeline.detection.image_model import ImageModel
+from pipeline.detection.line import Line, Workspace
+from pipeline.detection.refinement import refine
 from pipeline.detection.static_scene import PoleTrack, StaticScene
 from pipeline.session.recording import Recording
 from pipeline.tracking import bends
@@ -211,6 +213,40 @@ def test_what_a_line_adds_along_an_edge_at_its_end_is_cut(corners, kept):
     n = line_fit.without_edge(x, y, len(x), distance_from_walls())
     wanted = sum(map(len, parts[:kept]))
     assert abs(n - wanted) <= line_fit.ALONG
+
+
+def test_a_base_that_slid_along_the_skin_comes_back():
+    moved_out = np.ones((300, 600))
+    moved_out[:, FACE : FACE + 6] = 0.6  # of the light passes the edge of the skin
+    x = np.arange(FACE + 8.0, FACE + 200)
+    whisker = np.column_stack([x, height_of(x, 0.0)])
+    slid = np.concatenate([_straight((FACE + 3, 110), whisker[0]), whisker])
+    base = refined(picture(LIGHT) * moved_out, slid).points[0]
+    assert base == pytest.approx([FACE, height_of(FACE, 0.0)], abs=2.0)  # px
+
+
+def test_a_whisker_that_hardly_leaves_the_face_is_measured_from_its_base_on():
+    begin, off = (FACE, 40), np.radians(20.0)  # from the face's edge
+    nodes = _straight(begin, np.add(begin, 200 * np.array([np.sin(off), np.cos(off)])))
+    y, x = np.mgrid[:300, :600]
+    away = (x - begin[0]) * np.cos(off) - (y - begin[1]) * np.sin(off)
+    line = refined(bare(LIGHT) * (1 - 0.4 * np.exp(-0.5 * (away / SIGMA) ** 2)), nodes)
+    known = line.information[: line.n] > 0
+    near = line.points[:, 0] < FACE + 7
+    assert known[near].mean() > 0.8 * known.mean()  # some nodes share their row of pixels
+
+
+def refined(image, nodes):
+    """The line that is fitted to a picture of the bare scene from rough `nodes` (n, 2) on."""
+    model, options = ImageModel.from_scene(scene(LIGHT)), options_for(Recording(1e3, 25.0, "left"))
+    workspace = Workspace(700)
+    line = Line.empty(workspace.limit)
+    line.n = len(nodes)
+    line.x[: line.n], line.y[: line.n] = nodes.T
+    line.amplitude[:], line.sigma[:] = 0.4, SIGMA
+    for _ in range(6):
+        refine(image.astype(np.uint8), model, 1.0, line, options, workspace)
+    return line
 
 
 def _straight(begin, end):
