@@ -65,13 +65,13 @@ NAMED = (  # file, line as it is, changed line
     ),
     (
         "pipeline/forces/rod_outputs.py",
-        "gradient[1, q] = force * base[2, q]",
-        "gradient[1, q] = -force * base[2, q]",
+        "gradient[2, q] = force * base[2, q]",
+        "gradient[2, q] = -force * base[2, q]",
     ),
     (
         "pipeline/forces/rod_outputs.py",
-        "gradient[2, q] = -force * base[2, q]",
-        "gradient[2, q] = force * base[2, q]",
+        "gradient[3, q] = -force * base[2, q]",
+        "gradient[3, q] = force * base[2, q]",
     ),
     ("pipeline/forces/rod_outputs.py", "-side * cov[0, size - 1]", "side * cov[0, size - 1]"),
     ("pipeline/forces/forces.py", "stiffer = 4 /", "stiffer = 2 /"),
