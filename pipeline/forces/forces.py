@@ -169,17 +169,16 @@ def _evidence(places, fit, origin, rest_known, free, params) -> pd.DataFrame:
     )
     for name, column in _EVIDENCE_OF_FIT.items():
         evidence[column] = fit[name]
-    own = np.sqrt(fit["force_var"] - fit["force_shared_var"])
-    noise = _force_noise(fit["force"], own, places, free, params)
+    # an error of the rest shape hardly shows in the free frames that it was learnt from
+    own = {load: fit[f"{load}_var"] - fit[f"{load}_shared_var"] for load in _ERROR_COLUMNS}
+    noise = _force_noise(fit["force"], np.sqrt(own["force"]), places, free, params)
     evidence["gap_se_m"] = np.sqrt(fit["gap_var"]) * noise
     evidence["gap_force_cov"] *= noise**2
     for load, column in _ERROR_COLUMNS.items():
-        # an error of the rest shape hardly shows in the free frames that it was learnt from
-        shared = fit[f"{load}_shared_var"]
-        own = np.sqrt(fit[f"{load}_var"] - shared) * noise
         # an error of the arc-length offset changes each load in its own proportion
         follows = np.abs(fit[f"{load}_by_origin"]) * origin.se
-        evidence[column] = np.sqrt(own**2 + shared + follows**2)
+        variance = noise**2 * own[load] + fit[f"{load}_shared_var"] + follows**2
+        evidence[column] = np.sqrt(variance)
     evidence["origin_force_se_N"] = np.abs(fit["force_by_origin"]) * origin.se
     return evidence
 

@@ -205,10 +205,10 @@ def _fit(stations, whisker, curvature_at, prior, load=None, fine=False, misfit=N
         _fit_rows(block, setup, turning, Filled(*(each[rows] for each in out)))
     table = {name: out.table[name] for name in OUTPUTS}
     shared = np.zeros((n, N_REST, N_REST)) if prior.shared is None else prior.shared
-    for load, by_rest in zip(LOADS, out.by_rest.transpose(1, 0, 2), strict=False):
-        variance = np.einsum("nv,nvw,nw->n", by_rest, shared, by_rest)
-        table[f"{load}_shared_var"] = variance
-    return ShapeFit(table, out.rest, out.rest_cov, out.by_rest[:, -1])
+    *by_load, pull_by_rest = out.by_rest.transpose(1, 0, 2)
+    for load, by_rest in zip(LOADS, by_load, strict=True):
+        table[f"{load}_shared_var"] = np.einsum("nv,nvw,nw->n", by_rest, shared, by_rest)
+    return ShapeFit(table, out.rest, out.rest_cov, pull_by_rest)
 
 
 def _setup(whisker, pole_radius, curvature_at, settled):
