@@ -1,6 +1,6 @@
 from . import calibrate, convert
 from .analysis import Analysis
-from .contacts import Touch
+from .contacts import ContactTables
 from .convert import read_results
 from .detection import Line, PoleTrack, StaticScene
 from .errors import CorrectionsError, InputError, VideoError
@@ -15,6 +15,7 @@ __version__: str
 __all__ = [
     "Analysis",
     "Centrelines",
+    "ContactTables",
     "CorrectionsError",
     "InputError",
     "Kinematics",
@@ -26,7 +27,6 @@ __all__ = [
     "SettingsError",
     "StaticScene",
     "Stations",
-    "Touch",
     "Video",
     "VideoError",
     "analyse",

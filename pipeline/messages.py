@@ -32,7 +32,7 @@ ON_A_SIDE = tuple(f"{side}_" for side in (*SIDES, *UPRIGHT))
 SELDOM_ACROSS = 1  # frame may be a mistake; a whisker more often across the pole is worth one
 
 
-def messages(settings, touch, video, epochs, followed, first_seen, odd=None):
+def messages(settings, tables, video, epochs, followed, first_seen, odd=None):
     """Sentences on what is missing or doubtful in one video, the main doubt first.
 
     `first_seen` is the `WhiskerSet` of the first look, whose templates are those of real lines;
@@ -48,12 +48,12 @@ def messages(settings, touch, video, epochs, followed, first_seen, odd=None):
     if not whisker_set.templates and not settings.analysis.follow:
         yield "no whiskers found" if doubt else no_whiskers(settings, epochs, video)
         return
-    yield from _unknown_names(touch.frames, numbered=not settings.whisker)
+    yield from _unknown_names(tables.frames, numbered=not settings.whisker)
     yield from _unnamed_whiskers(settings, followed)
-    yield from guessed_order(settings, whisker_set, nameless_in(touch.frames))
+    yield from guessed_order(settings, whisker_set, nameless_in(tables.frames))
     yield from _assumed_place(settings, followed.pole)
     scenes, bright = _scenes(epochs), isinstance(video, Negative)
-    yield from _of_whiskers(settings, touch, followed, _no_pole(settings, scenes, bright))
+    yield from _of_whiskers(settings, tables, followed, _no_pole(settings, scenes, bright))
 
 
 def settings_doubt(settings, epochs, whisker_set, odd=None) -> str | None:
@@ -79,22 +79,22 @@ def _scenes(epochs) -> list:
     return [epoch.scene for epoch in epochs if epoch.scene]
 
 
-def line_messages(settings, touch, followed):
+def line_messages(settings, tables, followed):
     """Sentences on what is missing or doubtful in the lines that another program traced."""
     yield from doubtful_values(settings)
     if followed.whisker_set.templates:
-        yield from _unknown_names(touch.frames)
-        yield from _of_whiskers(settings, touch, followed, NO_POLE_IN_LINES)
+        yield from _unknown_names(tables.frames)
+        yield from _of_whiskers(settings, tables, followed, NO_POLE_IN_LINES)
     else:
         yield "no line is a whisker's: all are too short, or have no name"
 
 
-def _of_whiskers(settings, touch, followed, no_pole):
+def _of_whiskers(settings, tables, followed, no_pole):
     """What is missing or doubtful of the whiskers themselves, the pole and the forces."""
-    yield from _seldom_tracked(touch.frames, followed.whisker_set, settings.analysis.follow)
+    yield from _seldom_tracked(tables.frames, followed.whisker_set, settings.analysis.follow)
     yield from _of_another_size(settings, followed.pole)
-    yield from _passes_over(settings, touch, followed.pole)
-    yield from _contradicted(settings, touch.contacts)
+    yield from _passes_over(settings, tables, followed.pole)
+    yield from _contradicted(settings, tables.contacts)
     if followed.pole is None:
         yield no_pole
     yield from _without_forces(settings, followed.whisker_set)
@@ -305,14 +305,14 @@ def _assumed_place(settings, pole):
     )
 
 
-def _passes_over(settings, touch, pole):
+def _passes_over(settings, tables, pole):
     """Whiskers that pass over what was taken for the pole, unless session.toml has it there."""
     if pole is None or settings.pole.position_px is not None:
         return
-    across = touch.evidence[touch.evidence["across"]].groupby("whisker", sort=False).size()
+    across = tables.evidence[tables.evidence["across"]].groupby("whisker", sort=False).size()
     x, y = np.nanmedian(pole.x_px), np.nanmedian(pole.y_px)
     for name, frames in across.items():
-        if frames > SELDOM_ACROSS and name not in set(touch.contacts["whisker"]):
+        if frames > SELDOM_ACROSS and name not in set(tables.contacts["whisker"]):
             yield (
                 f"{name} passes over the pole at ({x:.0f}, {y:.0f}) px in "
                 f"{counted(frames, 'frame')} without touching it; if that is dust, give [pole] "

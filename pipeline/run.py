@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.analysis import Analysis
-from pipeline.contacts import Touch, TouchOptions, find_touches, no_touches
+from pipeline.contacts import ContactOptions, ContactTables, find_contacts, no_contacts
 from pipeline.detection import PoleTrack
 from pipeline.errors import InputError, VideoError
 from pipeline.forces import estimate_forces
@@ -101,9 +101,9 @@ def analyse(
         frames, evidence = forces_of(kinematics, settings)
     with clock("contacts"):
         say(Step("contacts"))
-        touch = touches_of(kinematics, frames, evidence, settings, corrections)
-    notes = messages(settings, touch, video, epochs, kinematics, whisker_set, odd)
-    return _analysis(kinematics, touch, notes, clock, given, stored, video.shifts)
+        tables = contacts_of(kinematics, frames, evidence, settings, corrections)
+    notes = messages(settings, tables, video, epochs, kinematics, whisker_set, odd)
+    return _analysis(kinematics, tables, notes, clock, given, stored, video.shifts)
 
 
 def analyse_lines(lines, settings, pole=None, n_frames=0, keep=None, corrections=None) -> Analysis:
@@ -132,23 +132,23 @@ def analyse_lines(lines, settings, pole=None, n_frames=0, keep=None, corrections
     with clock("forces"):
         frames, evidence = forces_of(kinematics, settings)
     with clock("contacts"):
-        touch = touches_of(kinematics, frames, evidence, settings, corrections)
-    notes = line_messages(settings, touch, kinematics)
-    return _analysis(kinematics, touch, notes, clock, settings, stored)
+        tables = contacts_of(kinematics, frames, evidence, settings, corrections)
+    notes = line_messages(settings, tables, kinematics)
+    return _analysis(kinematics, tables, notes, clock, settings, stored)
 
 
-def _analysis(kinematics, touch, notes, clock, settings, stored, shifts=None) -> Analysis:
+def _analysis(kinematics, tables, notes, clock, settings, stored, shifts=None) -> Analysis:
     """What was found, with the notes to a person.
 
     `shifts` of a shaking camera's frames: places are those in the frames as recorded.
     """
-    frames, pole = touch.frames, kinematics.pole
+    frames, pole = tables.frames, kinematics.pole
     if shifts is not None:
         frames, pole = as_recorded(frames, shifts), pole and pole.moved(shifts)
     return Analysis(
         frames=with_units(frames, FRAME_COLUMNS),
-        contacts=with_units(touch.contacts, CONTACT_COLUMNS),
-        evidence=touch.evidence,
+        contacts=with_units(tables.contacts, CONTACT_COLUMNS),
+        evidence=tables.evidence,
         pole=pole,
         n_frames=kinematics.n_frames,
         messages=tuple(notes),
@@ -304,7 +304,7 @@ def trace(
 
 
 def forces_of(kinematics: Kinematics, settings):
-    """Frames with rest curvature, and the evidence of touch, as of `forces.estimate_forces`."""
+    """Frames with rest curvature, and the evidence of contact, as of `forces.estimate_forces`."""
     recording, analysis, params = settings.recording.si(), settings.analysis, settings.advanced
     return estimate_forces(
         kinematics.frames,
@@ -317,15 +317,17 @@ def forces_of(kinematics: Kinematics, settings):
     )
 
 
-def touches_of(kinematics: Kinematics, frames, evidence, settings, corrections=None) -> Touch:
+def contacts_of(
+    kinematics: Kinematics, frames, evidence, settings, corrections=None
+) -> ContactTables:
     """Contacts, forces, pulses and base loads, with a person's corrections on top."""
     if not kinematics.places.names:  # no whisker was ever seen
-        return no_touches(frames)
-    return find_touches(
+        return no_contacts(frames)
+    return find_contacts(
         frames,
         evidence,
         settings.recording.si(),
         kinematics.whisker_set.whiskers,
-        TouchOptions(settings.analysis.curvature_at, params=settings.advanced),
+        ContactOptions(settings.analysis.curvature_at, params=settings.advanced),
         corrections,
     )

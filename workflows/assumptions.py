@@ -19,7 +19,7 @@ import plain_video as plain
 from other_truth import FRAMES, Scene
 from scipy.ndimage import gaussian_filter1d
 
-from pipeline.contacts.analysis import analyse_touch
+from pipeline.contacts.analysis import analyse_contacts
 from pipeline.detection.static_scene import PoleTrack
 from pipeline.kinematics import curvature, resampled
 from pipeline.numerics.runs import stretches
@@ -154,8 +154,8 @@ def analysed(seed, case: Case):
     table = table.assign(whisker="C2", tracked=True, time_s=table["frame"] / 1000.0)
     places = resampled.measure_stations(lines, recording, [whisker], hidden, pole)
     frames = as_table(table, FRAME_COLUMNS)
-    touch = analyse_touch(frames, places, recording, {"C2": whisker})
-    return touch.contacts, touches, touch.evidence
+    found = analyse_contacts(frames, places, recording, {"C2": whisker})
+    return found.contacts, touches, found.evidence
 
 
 def figures(case: Case, seeds) -> dict:

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from pipeline.contacts import TouchOptions, find_touches
+from pipeline.contacts import ContactOptions, find_contacts
 from pipeline.run import analyse
 from pipeline.runtime.workers import THREADS
 from pipeline.session.session_file import read_session
@@ -235,11 +235,11 @@ def _by_method(method, analysis, settings, stem):
         return analysis.frames, analysis.contacts
     whiskers = {w.name: w.si() for w in settings.whisker}
     at = settings.analysis.curvature_at
-    touch = find_touches(
+    tables = find_contacts(
         analysis.frames, analysis.evidence, settings.recording.si(), whiskers,
-        TouchOptions(at, method, video=stem, params=settings.advanced),
+        ContactOptions(at, method, video=stem, params=settings.advanced),
     )  # fmt: skip
-    return touch.frames, touch.contacts
+    return tables.frames, tables.contacts
 
 
 def line_table(scores, traced: Centrelines, frames, true_frames) -> pd.DataFrame:

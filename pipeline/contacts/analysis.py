@@ -1,11 +1,11 @@
-"""Touches of one video: from places and forces to contacts, with a person's corrections on top."""
+"""A video's contacts, from places and forces, with a person's corrections on top."""
 
 from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
 
-from pipeline.contacts.intervals import INTERVAL_COLUMNS, find_contacts, in_contact
+from pipeline.contacts.intervals import INTERVAL_COLUMNS, find_intervals, in_contact
 from pipeline.contacts.probability import add_probability
 from pipeline.contacts.summary import PEAK_ERROR_COLUMNS, contact_table, peak_errors
 from pipeline.forces import forces
@@ -23,8 +23,8 @@ from pipeline.tables.columns import (
 
 
 @dataclass(frozen=True)
-class Touch:
-    """All about the touches in one video.
+class ContactTables:
+    """All about the contacts in one video.
 
     Attributes
     ----------
@@ -40,8 +40,8 @@ class Touch:
 
 
 @dataclass(frozen=True)
-class TouchOptions:
-    """Options of `analyse_touch` and `find_touches`.
+class ContactOptions:
+    """Options of `analyse_contacts` and `find_contacts`.
 
     Attributes
     ----------
@@ -59,14 +59,14 @@ class TouchOptions:
     params: Parameters = DEFAULTS
 
 
-def analyse_touch(
+def analyse_contacts(
     frames: pd.DataFrame,
     places: Stations,
     recording: Recording,
     whiskers: dict,
-    options: TouchOptions = TouchOptions(),
+    options: ContactOptions = ContactOptions(),
     corrections=None,
-) -> Touch:
+) -> ContactTables:
     """Rest shape, contacts, forces, pulses and base loads of one video.
 
     Parameters
@@ -82,12 +82,12 @@ def analyse_touch(
         frames, places, whiskers, options.curvature_at, options.friction, recording.pixels_per_m,
         params.forces,
     )  # fmt: skip
-    return find_touches(frames, evidence, recording, whiskers, options, corrections)
+    return find_contacts(frames, evidence, recording, whiskers, options, corrections)
 
 
-def no_touches(frames) -> Touch:
-    """The touches of a video in which no whisker was ever seen: none."""
-    return Touch(
+def no_contacts(frames) -> ContactTables:
+    """The contacts of a video in which no whisker was ever seen: none."""
+    return ContactTables(
         frames=frames,
         contacts=empty_table(CONTACT_COLUMNS),
         intervals=pd.DataFrame(columns=[*INTERVAL_COLUMNS, "curated"]),
@@ -95,21 +95,21 @@ def no_touches(frames) -> Touch:
     )
 
 
-def find_touches(
+def find_contacts(
     frames: pd.DataFrame,
     evidence: pd.DataFrame,
     recording: Recording,
     whiskers: dict,
-    options: TouchOptions = TouchOptions(),
+    options: ContactOptions = ContactOptions(),
     corrections=None,
-) -> Touch:
+) -> ContactTables:
     """Contacts, a person's corrections, forces, pulses and base loads, from the evidence."""
     from pipeline.contacts import base_moments, pulses
 
     params, method = options.params.contacts, options.method
     evidence = add_probability(evidence, recording, params)
     rate = recording.frames_per_second
-    intervals = find_contacts(evidence, options.curvature_at, rate, params)
+    intervals = find_intervals(evidence, options.curvature_at, rate, params)
     intervals["curated"] = False
     if corrections is not None:
         intervals = _correct(intervals, corrections, evidence)
@@ -122,7 +122,7 @@ def find_touches(
     contacts = pulses.add_pulses(contacts, frames, recording)
     contacts = base_moments.add_base_moments(contacts, frames, whiskers, recording)
     contacts[list(PEAK_ERROR_COLUMNS)] = peak_errors(contacts, evidence, whiskers)
-    return Touch(as_table(frames, FRAME_COLUMNS), contacts, intervals, evidence)
+    return ContactTables(as_table(frames, FRAME_COLUMNS), contacts, intervals, evidence)
 
 
 def _correct(intervals, corrections, evidence):

@@ -1,4 +1,4 @@
-"""From the probability of touch in every frame to contacts, each with its flags."""
+"""From the probability of contact in every frame to contacts, each with its flags."""
 
 from itertools import pairwise
 from typing import NamedTuple
@@ -16,7 +16,7 @@ LEAST_PEAK_SD = 3.5  # peak force in standard errors
 CLEAR_PEAK_SCATTER = 8.0  # peak force over its scatter in free frames, by both estimates
 BESIDE_FRAMES = 6  # looked at before a contact, and after it
 FEWEST_HELD = 3  # frames that show a whisker held, and as many beside the contact
-AT_PLACE_SD = 2.0  # from the gap of other touches, within which a gap is the same
+AT_PLACE_SD = 2.0  # from the gap of other contacts, within which a gap is the same
 HIGH_LOAD = 0.5  # of a contact's largest force
 SURELY_SD = 3.0  # standard errors by which the base must be corrected to be contradicted
 PUSH_COLUMNS = "shape_force_N", "shape_force_se_N", "origin_force_se_N"
@@ -40,7 +40,7 @@ class _Criteria(NamedTuple):
     params: ContactParams
 
 
-def find_contacts(
+def find_intervals(
     evidence: pd.DataFrame,
     curvature_at: float = 5.5e-3,
     frames_per_second: float = 1000.0,
@@ -105,7 +105,7 @@ def _is_near(distance, near_pole):
 
 
 def _touching_place(part, runs):
-    """Median gap [m] in touches, and its scatter; None where too few frames show it."""
+    """Median gap [m] in contacts, and its scatter; None where too few frames show it."""
     gap = np.concatenate([part["gap_m"][slice(*run)] for run in runs]) if runs else np.empty(0)
     gap = gap[np.isfinite(gap)]
     if len(gap) < FEWEST_SURE:
@@ -115,7 +115,7 @@ def _touching_place(part, runs):
 
 
 def _is_held(part, start, stop, place, spread):
-    """Whether a whisker stops abruptly at the `place` of other touches, gaps of ± `spread` [m]."""
+    """Whether a whisker stops abruptly where others touch, at a gap `place` ± `spread` [m]."""
     sd = np.maximum(spread, part["gap_se_m"][start:stop])
     at_place = np.abs(part["gap_m"][start:stop] - place) < AT_PLACE_SD * sd
     held = np.count_nonzero(at_place) >= FEWEST_HELD

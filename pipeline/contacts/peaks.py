@@ -1,11 +1,11 @@
-"""The force of a touch, smoothed in time: the largest of noisy values overestimates the peak.
+"""The force of a contact, smoothed in time: the largest of noisy values overestimates the peak.
 
 The force is a Gaussian process (Rasmussen & Williams 2006, eqs 2.23, 2.24, 2.30): a half-Gaussian
 and a constant, each of any size, plus a smooth part, whose time scale is the likeliest of a few.
 Neighbouring frames share errors, since the rest shape drifts and a codec repeats parts of a
-picture. Free frames about the touch show how large these are, since their true force is zero. One
-error they do not show: that of a whisker lying still on the same pixels. The peak of a rendered
-touch is wrong by one frame's standard error, however many frames are averaged.
+picture. Free frames about the contact show how large these are, since their true force is zero.
+One error they do not show: that of a whisker lying still on the same pixels. The peak of a
+rendered contact is wrong by one frame's standard error, however many frames are averaged.
 """
 
 import numpy as np
@@ -13,26 +13,26 @@ from scipy.linalg import cho_factor, cho_solve
 
 from whiskermodel.force_profiles import half_gaussian_shape
 
-AROUND, MOST = 30, 160  # free frames on both sides; frames of a touch about its largest force
+AROUND, MOST = 30, 160  # free frames on both sides; frames of a contact about its largest force
 SHARED, SHARED_FRAMES = 0.3, 40.0  # of the errors' variance, over so long: free frames of H.264
 INTERPOLATED = 2.0  # times the error: frames that a codec made out of others
 ANY_SIZE = 2.0  # of the largest force: SD of the half-Gaussian and the constant
 BESIDE, TIMES = 0.45, (2.0, 4.0, 8.0, 16.0, 32.0)  # SD of what is smooth, and frames
 
 
-def touch_course(force, error, free, interpolated, start, stop):
-    """Force of a touch, frame by frame, also where it was not measured, and its standard error.
+def contact_course(force, error, free, interpolated, start, stop):
+    """Force of a contact, frame by frame, also where it was not measured, and its standard error.
 
     Parameters
     ----------
     force, error : (frames,) of a whisker, and its standard error; NaN where not known
-    free, interpolated : (frames,) bool, without touch; made by the codec out of others
-    start, stop : the touch's frames, half-open
+    free, interpolated : (frames,) bool, without contact; made by the codec out of others
+    start, stop : the contact's frames, half-open
 
     Returns
     -------
-    rows : the frames, all of the touch or MOST about its largest force
-    course, its standard error : (rows,) NaN where nothing is known of the touch
+    rows : the frames, all of the contact or MOST about its largest force
+    course, its standard error : (rows,) NaN where nothing is known of the contact
     """
     known = np.where(np.isfinite(error[start:stop]), force[start:stop], np.nan)
     first, last = _about_largest(known, start)
@@ -54,7 +54,7 @@ def touch_course(force, error, free, interpolated, start, stop):
 
 
 def _about_largest(force, start):
-    """First frame and end of at most MOST frames of a touch that begins at `start`."""
+    """First frame and end of at most MOST frames of a contact that begins at `start`."""
     count = min(len(force), MOST)
     largest = np.nanargmax(force) if np.isfinite(force).any() else 0
     first = start + int(np.clip(largest - MOST // 2, 0, len(force) - count))
@@ -69,7 +69,7 @@ def _noise(frame, error, interpolated):
 
 
 def _priors(frame, start, stop, size):
-    """Covariances of the force by frame, one for each of TIMES; zero beyond the touch."""
+    """Covariances of the force by frame, one for each of TIMES; zero beyond the contact."""
     place = 2 * (frame + 0.5 - start) / (stop - start) - 1
     touching = np.abs(place) < 1
     apart = frame[:, None] - frame

@@ -1,4 +1,4 @@
-"""How probable a touch is in every frame, from distance and force together.
+"""How probable a contact is in every frame, from distance and force together.
 
 In every frame the fitted rod gives two numbers: the gap d between the surfaces and the force F
 that the nearest point would feel. A free whisker has F = 0 and d > 0, a touching one d = 0 and

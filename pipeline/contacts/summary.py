@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 from scipy.ndimage import binary_dilation
 
-from pipeline.contacts.peaks import touch_course
+from pipeline.contacts.peaks import contact_course
 from pipeline.session.recording import Recording
 from pipeline.tables.columns import CONTACT_COLUMNS, as_table, empty_table
 
@@ -113,7 +113,7 @@ def _contact_row(whisker: dict[str, np.ndarray], onset, offset, frame_ms) -> dic
             "contact_arc_length_mm": np.nanmedian(place) if np.isfinite(place).any() else np.nan
         }
     free = ~binary_dilation(whisker["touching"])
-    rows, course, error = touch_course(
+    rows, course, error = contact_course(
         measured, errors, free, whisker["interpolated"], start, stop
     )
     if np.isfinite(course).any():

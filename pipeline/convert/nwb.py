@@ -185,7 +185,7 @@ def _add_contacts(pynwb, file, video):
     contacts = video.contacts
     if not len(contacts):
         return
-    table = pynwb.epoch.TimeIntervals(name="contacts", description="touches of the pole")
+    table = pynwb.epoch.TimeIntervals(name="contacts", description="contacts with the pole")
     for column in CONTACT_COLUMNS:
         unit = f" [{column.unit}]" if column.unit else ""
         table.add_column(column.name, column.meaning + unit)

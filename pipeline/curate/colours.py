@@ -12,7 +12,7 @@ STATES = {
 HATCHED = "curated"  # whose colour looks like that of "detected" to red-green blind people
 WHISKERS = ("#1d5fa8", "#c2571a", "#3c7d3c", "#8a3f92", "#8a6d1f", "#287f86")
 LINES = ("#35c4ff", "#ffb02e", "#7be05a", "#ff7bd5", "#f4f06a", "#58e6d2")  # on the picture
-TOUCH, POLE, CURSOR = "#ff4f79", "#ffd54a", "#d1345b"
+CONTACT, POLE, CURSOR = "#ff4f79", "#ffd54a", "#d1345b"
 INK, SOFT, GRID = "#1d2733", "#667384", "#e9edf1"
 
 

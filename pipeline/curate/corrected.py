@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from pipeline.contacts.analysis import Touch, TouchOptions, find_touches, no_touches
+from pipeline.contacts.analysis import ContactOptions, ContactTables, find_contacts, no_contacts
 from pipeline.contacts.corrections import CORRECTIONS_FILE, read_corrections
 from pipeline.curate.decisions import DECISIONS_FILE, write_decisions
 from pipeline.errors import CorrectionsError, InputError, in_words
@@ -45,35 +45,35 @@ def is_behind(folder) -> bool:
     return read_state(folder).get(MADE_WITH, "") != now
 
 
-def touch_with(
+def contacts_with(
     corrections: pd.DataFrame, frames: pd.DataFrame, evidence: pd.DataFrame, settings: Settings,
     video: str,
-) -> Touch:  # fmt: skip
+) -> ContactTables:  # fmt: skip
     """Contacts, forces, pulses and base moments of a video, with these corrections.
 
     frames, evidence : as `run` left them, or an earlier call; `video` is its name in the tables
     """
     if frames.empty:
-        return no_touches(frames)
-    return find_touches(
+        return no_contacts(frames)
+    return find_contacts(
         frames,
         evidence,
         settings.recording.si(),
         {w.name: w.si() for w in settings.whisker},
-        TouchOptions(settings.analysis.curvature_at, video=video, params=settings.advanced),
+        ContactOptions(settings.analysis.curvature_at, video=video, params=settings.advanced),
         corrections,
     )
 
 
-def save_touch(folder, touch: Touch, corrections: pd.DataFrame) -> None:
+def save_contacts(folder, tables: ContactTables, corrections: pd.DataFrame) -> None:
     """Write frames.parquet and contacts.csv of a video, and what they were made with, together."""
     folder = Path(folder)
     state = read_state(folder)
     with draft(folder) as new:
-        files.write_frames(new / "frames.parquet", touch.frames)
-        files.write_csv(new / "contacts.csv", touch.contacts, CONTACT_COLUMNS)
+        files.write_frames(new / "frames.parquet", tables.frames)
+        files.write_csv(new / "contacts.csv", tables.contacts, CONTACT_COLUMNS)
         if state:
-            made = {"contacts": len(touch.contacts), MADE_WITH: corrections_digest(corrections)}
+            made = {"contacts": len(tables.contacts), MADE_WITH: corrections_digest(corrections)}
             write_state(new, state | made)
     settle(folder)
 
@@ -84,8 +84,8 @@ def correct(folder) -> None:
     corrections = read_corrections(folder)
     frames, evidence = files.read_frames(folder / "frames.parquet"), read_evidence(folder)
     settings = read_session(folder / "session.toml")
-    touch = touch_with(corrections, frames, evidence, settings, folder.name)
-    save_touch(folder, touch, corrections)
+    tables = contacts_with(corrections, frames, evidence, settings, folder.name)
+    save_contacts(folder, tables, corrections)
 
 
 # --- the whole folder ----------------------------------------------------------------------

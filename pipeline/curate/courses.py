@@ -97,7 +97,7 @@ class Courses:
         stop = min(start + width, video.n_frames)
         self._window.update(start=start - 0.5, end=max(stop, start + 1) - 0.5)
         self._box.data = {"left": [start - 0.5], "right": [stop - 0.5]}
-        what = (video.touch, width, whisker)
+        what = (video.tables, width, whisker)
         if self._loaded and self._loaded[0][0] is what[0] and self._loaded[0][1:] == what[1:]:
             first, last = self._loaded[1]
             if first <= start and stop <= last:

@@ -98,7 +98,7 @@ class Desk(View):
             self.adding, self.selected = self.frame, None
             self.message = (
                 f"new contact of {self.whisker} from frame {self.frame}: step to the first "
-                "frame without touch, then a again (Esc: cancel)"
+                "frame without contact, then a again (Esc: cancel)"
             )
             return
         self.selected = self.video.review.add(self.whisker, self.adding, self.frame)

@@ -38,10 +38,8 @@ KEYS = (
     Key("Go to", "previous_video", ("Shift+v",), "previous video"),
     Key("Decide", "confirm", ("Enter",), "right as it is; on to the most doubtful one left"),
     Key("Decide", "delete", ("Delete", "Backspace", "x"), "no contact"),
-    Key(
-        "Decide", "onset", ("i",), "the contact begins with this frame (its first frame of touch)"
-    ),
-    Key("Decide", "offset", ("o",), "the contact is over in this frame (first without touch)"),
+    Key("Decide", "onset", ("i",), "the contact begins with this frame"),
+    Key("Decide", "offset", ("o",), "the contact is over in this frame, the first without"),
     Key("Decide", "add", ("a",), "a new contact begins here; again: it is over here"),
     Key("Decide", "accept", ("c",), "make the selected possible contact a contact"),
     Key("Decide", "merge", ("m",), "merge this contact with the next"),

@@ -173,7 +173,7 @@ class Page:
 
     def _render_courses(self):
         desk, video = self.desk, self.desk.video
-        if self._is_new("window", video, video.touch, desk.start, desk.width, desk.whisker):
+        if self._is_new("window", video, video.tables, desk.start, desk.width, desk.whisker):
             self.courses.show_window(video, desk.start, desk.width, desk.whisker)
         if self._is_new("items", desk.items, desk.selected):
             self.courses.show_items(desk.items, video.whiskers, desk.selected)

@@ -67,7 +67,7 @@ def panels(desk, no_picture="") -> dict[str, str]:
         "video": macro.video(desk),
         "progress": macro.progress(_count(desk.items)),
         "saved": macro.saved("busy" if desk.results.busy else "ok", fault),
-        "badge": macro.badge(_touch_state(desk), desk.frame, _time(video, desk.frame)),
+        "badge": macro.badge(_contact_state(desk), desk.frame, _time(video, desk.frame)),
         "readout": macro.readout(
             _readings(desk), _described(item, video), desk.whisker,
             item.reasons if item else (), desk.adding,
@@ -97,13 +97,13 @@ def _count(items):
     }
 
 
-def _touch_state(desk):
+def _contact_state(desk):
     """Whether the present whisker touches in this frame."""
     touching = [s.whisker for s in desk.video.review.spans if desk.frame in s]
     if touching:
         several = len(desk.video.whiskers) > 1
         names = f" {', '.join(dict.fromkeys(touching))}" if several else ""
-        return {"css": "touch", "text": f"contact{names}"}
+        return {"css": "contact", "text": f"contact{names}"}
     return {"css": "free", "text": "free"}
 
 

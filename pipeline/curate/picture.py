@@ -4,7 +4,7 @@ import numpy as np
 from bokeh.models import ColumnDataSource, LinearColorMapper, Range1d
 from bokeh.plotting import figure
 
-from pipeline.curate.colours import LINES, POLE, TOUCH
+from pipeline.curate.colours import CONTACT, LINES, POLE
 from pipeline.reports.drawing import View, name_boxes
 
 CLOSE_UP_MM = 1.25  # half the width of the close-up
@@ -103,7 +103,7 @@ class Picture:
         self._points.data = {
             "x": [p[0] for p in places],
             "y": [p[1] for p in places],
-            "colour": [TOUCH] * len(places),
+            "colour": [CONTACT] * len(places),
         }
 
 

@@ -15,10 +15,10 @@ import pandas as pd
 from pipeline.contacts import analysis, intervals
 from pipeline.contacts.corrections import CORRECTIONS_FILE, read_corrections, write_corrections
 from pipeline.curate.corrected import (
+    contacts_with,
     finished_videos,
-    save_touch,
+    save_contacts,
     session_contacts,
-    touch_with,
 )
 from pipeline.curate.decisions import write_decisions
 from pipeline.curate.frames import FrameReader
@@ -60,7 +60,7 @@ class VideoUnderReview:
     Attributes
     ----------
     review : the contacts, to be edited
-    touch : `contacts.Touch` as in the tables
+    tables : `contacts.ContactTables` as in the tables
     whiskers : names, in the order of the tables
     """
 
@@ -75,14 +75,14 @@ class VideoUnderReview:
         self.whiskers = tuple(dict.fromkeys(frames["whisker"]))
         self.n_frames = int(frames["frame"].max()) + 1 if len(frames) else 0
         corrections = read_corrections(self.folder)
-        detected = intervals.find_contacts(
+        detected = intervals.find_intervals(
             evidence,
             self.settings.analysis.curvature_at,
             self.recording.frames_per_second,
             self.settings.advanced.contacts,
         )
         contacts = files.read_csv(self.folder / "contacts.csv", CONTACT_COLUMNS)
-        self.touch = analysis.Touch(frames, contacts, detected, evidence)
+        self.tables = analysis.ContactTables(frames, contacts, detected, evidence)
         self._changed = changed
         self.review = Review(detected, corrections, self.n_frames, self._corrected, self.whiskers)
         self._lines = OrderedDict()
@@ -98,33 +98,33 @@ class VideoUnderReview:
 
     def update(self) -> None:
         """Make contacts, forces, pulses and base moments anew from the corrections; write them."""
-        corrections, touch = self.review.corrections, self.touch
-        self.touch = touch_with(
-            corrections, touch.frames, touch.evidence, self.settings, self.name
+        corrections, tables = self.review.corrections, self.tables
+        self.tables = contacts_with(
+            corrections, tables.frames, tables.evidence, self.settings, self.name
         )
-        save_touch(self.folder, self.touch, corrections)
+        save_contacts(self.folder, self.tables, corrections)
 
     # ---- to look at -----------------------------------------------------------------------
 
     def items(self) -> list[Item]:
         """Contacts, and stretches that might be contacts, by onset."""
-        touch, verdicts = self.touch, self.review.verdicts
-        if self._items is None or self._items[0] is not touch or self._items[1] is not verdicts:
-            if self._probability is None or self._probability[0] is not touch:
-                self._probability = touch, probabilities(touch.evidence)
-            found = items_of(self.review, touch.contacts, self._probability[1])
-            self._items = touch, verdicts, found
+        tables, verdicts = self.tables, self.review.verdicts
+        if self._items is None or self._items[0] is not tables or self._items[1] is not verdicts:
+            if self._probability is None or self._probability[0] is not tables:
+                self._probability = tables, probabilities(tables.evidence)
+            found = items_of(self.review, tables.contacts, self._probability[1])
+            self._items = tables, verdicts, found
         return self._items[2]
 
     def traces(self) -> dict[str, Traces]:
         """Time courses of every whisker."""
-        touch = self.touch  # another thread may replace it
-        if self._traces is None or self._traces[0] is not touch:
-            self._traces = touch, self._all_traces(touch)
+        tables = self.tables  # another thread may replace it
+        if self._traces is None or self._traces[0] is not tables:
+            self._traces = tables, self._all_traces(tables)
         return self._traces[1]
 
-    def _all_traces(self, touch):
-        frames, evidence = touch.frames, touch.evidence
+    def _all_traces(self, tables):
+        frames, evidence = tables.frames, tables.evidence
         would_be = evidence.get("shape_force_N", pd.Series(np.nan, evidence.index))
         table = frames.assign(would_be=1e6 * would_be.to_numpy())
         return {
@@ -295,7 +295,7 @@ class Results:
         try:
             video = self.video(name)
             video.update()
-            self._replace_rows(name, video.touch.contacts)
+            self._replace_rows(name, video.tables.contacts)
             self.faults.pop(name, None)
         except Exception as error:  # the thread must live; corrections.csv is safe
             self.faults[name] = f"{type(error).__name__}: {in_words(error)}"

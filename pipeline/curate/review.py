@@ -223,8 +223,8 @@ class Review:
     def _checked(self, span, instead_of=()):
         if span.onset >= span.offset:
             raise EditError(
-                f"the first frame after the touch ({span.offset}) must come behind the first "
-                f"frame of touch ({span.onset})"
+                f"the first frame after the contact ({span.offset}) must come behind the first "
+                f"frame of contact ({span.onset})"
             )
         if span.onset < 0 or span.offset > self.n_frames:
             raise EditError(f"the video has frames 0 to {self.n_frames - 1}")

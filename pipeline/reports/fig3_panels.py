@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from pipeline.reports.fig3_tables import ShownTouch
+from pipeline.reports.fig3_tables import ShownContact
 from pipeline.reports.session_numbers import PAPER
 from pipeline.reports.whisker_styles import whisker_styles
 
@@ -32,11 +32,11 @@ SHOWN_RANGE = (1.13, 1.28)  # heights of the two ranges over a histogram, of its
 
 @dataclass(frozen=True)
 class Content:
-    """What is drawn: the panels' tables by letter, the numbers, and the touch or None."""
+    """What is drawn: the panels' tables by letter, the numbers, and the contact or None."""
 
     panels: dict
     numbers: pd.DataFrame
-    touch: ShownTouch | None
+    typical: ShownContact | None
 
     @property
     def recovered(self):
@@ -85,9 +85,9 @@ def _empty(axis, text):
     axis.set(xticks=[], yticks=[])
 
 
-def _name_of(touch) -> str:
+def _name_of(typical) -> str:
     """The contact that panels a and b show."""
-    contact = touch.contact
+    contact = typical.contact
     video = str(contact["video"])
     if len(video) > LONGEST:
         video = f"{video[: LONGEST - 1]}…"
@@ -95,20 +95,20 @@ def _name_of(touch) -> str:
 
 
 def _panel_a(axis, content):
-    """The whisker before, during and after a touch, one below the other; y as in the image."""
-    table, touch = content.panels["a"], content.touch
+    """The whisker before, during and after a contact, one below the other; y as in the image."""
+    table, typical = content.panels["a"], content.typical
     axis.set_axis_off()
     if table.empty:
         _empty(axis, "no contact to show")
         return []
-    onset, offset = touch.contact["onset_frame"], touch.contact["offset_frame"]
+    onset, offset = typical.contact["onset_frame"], typical.contact["offset_frame"]
     phase = np.where(table["frame"] < onset, 0, np.where(table["frame"] < offset, 1, 2))
     y = table[["y_mm", "follicle_y_mm"]]
     step = 1.15 * (y.max().max() - y.min().min()) + 0.5
     left = table["follicle_x_mm"].min()
     for number, name in enumerate(("before", "during", "after")):
         own = table[phase == number]
-        _draw_lines(axis, own, touch, step * number)
+        _draw_lines(axis, own, typical, step * number)
         beside = own["follicle_y_mm"].median() if len(own) else table["follicle_y_mm"].median()
         axis.text(left - 0.7, beside + step * number, name, ha="right", va="center", fontsize=7)
     axis.set_aspect("equal")
@@ -117,10 +117,10 @@ def _panel_a(axis, content):
     axis.plot([left, left + 2], [bottom, bottom], color=BLACK, lw=1.5)
     axis.text(left + 2.4, bottom, "2 mm", va="center", fontsize=7)
     axis.autoscale_view()
-    return [(line, BLACK) for line in _name_of(touch).split("\n")]
+    return [(line, BLACK) for line in _name_of(typical).split("\n")]
 
 
-def _draw_lines(axis, table, touch, down):
+def _draw_lines(axis, table, typical, down):
     """Centrelines, follicle dots and pole of one phase, moved `down` [mm]."""
     from matplotlib.collections import LineCollection
     from matplotlib.patches import Circle
@@ -131,14 +131,14 @@ def _draw_lines(axis, table, touch, down):
     axis.add_collection(LineCollection(np.split(points, starts[1:]), colors=colours, lw=0.6))
     dots = table.drop_duplicates("frame")
     axis.plot(dots["follicle_x_mm"], dots["follicle_y_mm"] + down, ".", color=BLACK, ms=2.5)
-    if touch.pole is not None:
-        x, y, radius = np.array(touch.pole) / touch.settings.recording.pixels_per_mm
+    if typical.pole is not None:
+        x, y, radius = np.array(typical.pole) / typical.settings.recording.pixels_per_mm
         axis.add_patch(Circle((x, y + down), radius, color=ACCENT, lw=0, zorder=3))
 
 
 def _panel_b(axis, content):
-    """The force of the same touch, and its half-Gaussian."""
-    table, shown, touch = content.panels["b"], content.panels["a"], content.touch
+    """The force of the same contact, and its half-Gaussian."""
+    table, shown, typical = content.panels["b"], content.panels["a"], content.typical
     axis.set_xlabel("time from onset (ms)")
     axis.set_ylabel("contact force (µN)")
     if table.empty:
@@ -151,7 +151,7 @@ def _panel_b(axis, content):
     axis.plot(pulse["time_ms"], pulse["pulse_uN"], "--", color=ACCENT, lw=1.4)
     header = [("line: measured; dashed: half-Gaussian", BLACK)]
     if not shown.empty:
-        frames = touch.frames["frame"].isin(shown.loc[shown["in_contact"], "frame"]).to_numpy()
+        frames = typical.frames["frame"].isin(shown.loc[shown["in_contact"], "frame"]).to_numpy()
         axis.plot(table["time_ms"][frames], table["force_uN"][frames], ".", color=BLACK, ms=4)
         header.append(("dots: the frames that a shows in black", BLACK))
     axis.set_ylim(top=1.06 * max(np.nanmax(table["force_uN"]), pulse["pulse_uN"].max(), 1e-3))

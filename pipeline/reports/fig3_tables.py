@@ -1,4 +1,4 @@
-"""The tables behind the panels of Fig. 3, and the touch that panels a and b show."""
+"""The tables behind the panels of Fig. 3, and the contact that panels a and b show."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,14 +13,14 @@ from pipeline.tables.centrelines import Centrelines
 from pipeline.tables.run_record import read_pole
 from whiskermodel.force_profiles import half_gaussian
 
-BEFORE_AFTER_MS = 25.0  # shown around the touch
+BEFORE_AFTER_MS = 25.0  # shown around the contact
 LINES_SHOWN = 24  # centrelines in panel a
 LEAST_BINS = 4  # that hold most contacts: as wide bins as that, not wider
 
 
 @dataclass(frozen=True)
-class ShownTouch:
-    """One touch with all that panels a and b show of it.
+class ShownContact:
+    """One contact with all that panels a and b show of it.
 
     `frames` are the rows of frames.parquet of its whisker from before to after; `centrelines`
     those frames' centrelines; `pole` its (x, y, radius) [px] or None.
@@ -33,11 +33,11 @@ class ShownTouch:
     pole: tuple[float, float, float] | None
 
 
-def panel_tables(results, contacts, touch) -> dict[str, pd.DataFrame]:
-    """The tables of panels a to f, by letter; `touch` as of `typical_touch`."""
+def panel_tables(results, contacts, typical) -> dict[str, pd.DataFrame]:
+    """The tables of panels a to f, by letter; `typical` as of `typical_contact`."""
     return {
-        "a": _panel_a_table(touch),
-        "b": _panel_b_table(touch),
+        "a": _panel_a_table(typical),
+        "b": _panel_b_table(typical),
         "c": diameters(results),
         "d": histogram(contacts["peak_force_uN"], "peak_force_uN"),
         "e": histogram(contacts["duration_ms"], "duration_ms", frame_ms(contacts)),
@@ -108,7 +108,7 @@ NOT_THERE = {  # by option
 }
 
 
-# --- the touch of panels a and b ---------------------------------------------------------
+# --- the contact of panels a and b ---------------------------------------------------------
 
 
 def chosen(contacts, video=None, whisker=None, contact=None) -> pd.DataFrame:
@@ -129,7 +129,7 @@ def chosen(contacts, video=None, whisker=None, contact=None) -> pd.DataFrame:
     return contacts
 
 
-def typical_touch(results, contacts) -> ShownTouch | None:
+def typical_contact(results, contacts) -> ShownContact | None:
     """The contact nearest to the medians of force and duration that a half-Gaussian fits well.
 
     None where there is no contact with a force.
@@ -140,10 +140,10 @@ def typical_touch(results, contacts) -> ShownTouch | None:
     measures = np.log(usable[["peak_force_uN", "duration_ms"]].to_numpy())
     off = np.abs(measures - np.median(measures, axis=0)).sum(axis=1)
     off += 3 * (1 - usable["pulse_r2"].to_numpy()) + 2.0 * (usable["flags"] != "").to_numpy()
-    return load_touch(results, usable.iloc[int(np.argmin(off))])
+    return load_contact(results, usable.iloc[int(np.argmin(off))])
 
 
-def load_touch(results, contact) -> ShownTouch:
+def load_contact(results, contact) -> ShownContact:
     """Read the frames and centrelines around one row of contacts.csv."""
     folder = Path(results) / contact["video"]
     settings = read_session(folder / "session.toml")
@@ -154,7 +154,7 @@ def load_touch(results, contact) -> ShownTouch:
         ("frame", ">=", int(first)),
         ("frame", "<", int(last)),
     ]
-    return ShownTouch(
+    return ShownContact(
         contact,
         files.read_frames(folder / "frames.parquet", filters=inside),
         centrelines.read_centrelines(folder / "centrelines.parquet", filters=inside),
@@ -163,18 +163,18 @@ def load_touch(results, contact) -> ShownTouch:
     )
 
 
-def _panel_a_table(touch) -> pd.DataFrame:
+def _panel_a_table(typical) -> pd.DataFrame:
     """Centrelines of about LINES_SHOWN frames, long: frame, in_contact, x_mm, y_mm."""
     columns = ["frame", "in_contact", "x_mm", "y_mm", "follicle_x_mm", "follicle_y_mm"]
-    if touch is None:
+    if typical is None:
         return pd.DataFrame(columns=columns)
-    lines, scale = touch.centrelines, touch.settings.recording.pixels_per_mm
+    lines, scale = typical.centrelines, typical.settings.recording.pixels_per_mm
     shown = range(0, len(lines), max(len(lines) // LINES_SHOWN, 1))
     points = [lines.row(i)[::4] / scale for i in shown]
     if not points:
         return pd.DataFrame(columns=columns)
     frames = np.repeat(lines.frame[shown], [len(each) for each in points])
-    at = touch.frames.set_index("frame").loc[frames]
+    at = typical.frames.set_index("frame").loc[frames]
     x, y = np.concatenate(points).T
     return pd.DataFrame(
         {
@@ -188,11 +188,11 @@ def _panel_a_table(touch) -> pd.DataFrame:
     )
 
 
-def _panel_b_table(touch) -> pd.DataFrame:
-    """Force of the same touch and its half-Gaussian against time from its onset."""
-    if touch is None:
+def _panel_b_table(typical) -> pd.DataFrame:
+    """Force of the same contact and its half-Gaussian against time from its onset."""
+    if typical is None:
         return pd.DataFrame(columns=["time_ms", "force_uN", "in_contact", "pulse_uN"])
-    frames, contact = touch.frames, touch.contact
+    frames, contact = typical.frames, typical.contact
     duration = 1e-3 * contact["pulse_duration_ms"]
     pulse = half_gaussian(
         frames["time_s"].to_numpy(),

@@ -6,7 +6,7 @@ import warnings
 from pathlib import Path
 
 from pipeline.reports import fig3_panels
-from pipeline.reports.fig3_tables import chosen, panel_tables, typical_touch
+from pipeline.reports.fig3_tables import chosen, panel_tables, typical_contact
 from pipeline.reports.plots import NO_DATE, SVG_IDS
 from pipeline.reports.session_numbers import fig3_numbers, read_contacts, read_truth
 from pipeline.tables import whole_files
@@ -36,9 +36,9 @@ def write_fig3(results, truth=None, video=None, whisker=None, contact=None) -> l
     results = Path(results)
     contacts = read_contacts(results)
     true_contacts = read_truth(results, truth)
-    touch = typical_touch(results, chosen(contacts, video, whisker, contact))
-    panels = panel_tables(results, contacts, touch)
-    content = fig3_panels.Content(panels, fig3_numbers(contacts, true_contacts), touch)
+    typical = typical_contact(results, chosen(contacts, video, whisker, contact))
+    panels = panel_tables(results, contacts, typical)
+    content = fig3_panels.Content(panels, fig3_numbers(contacts, true_contacts), typical)
     return write_new(results / "figures", lambda new: _write_all(new, content))
 
 

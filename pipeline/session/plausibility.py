@@ -10,25 +10,25 @@ from pipeline.session.schema import Settings
 # equations of Belli et al., J. Neurophysiol. 117:1807 (2017)
 THINNEST, THICKEST = 1 / 610, 1 / 150
 BEYOND = 2.0  # times these, for other species and for what is left of a worn or cut whisker
-USUAL_TOUCH_MS = 16.0  # median of 12,417 contacts (Hires, Efros & Svoboda, 2013, Fig. 3e)
+USUAL_CONTACT_MS = 16.0  # median of 12,417 contacts (Hires, Efros & Svoboda, 2013, Fig. 3e)
 MOST_NAMED = 3  # whiskers in a sentence
 
 
 def doubtful_values(settings: Settings):
     """Yield a sentence about each kind of value that is hardly true, and what to do.
 
-    The frame rate: at less than one frame in the usual time of a touch (16 ms, Hires, Efros &
-    Svoboda 2013) most touches are never seen; 24 to 60 frames/s are rates of playback. The base
+    The frame rate: at less than one frame in the usual time of a contact (16 ms, Hires, Efros &
+    Svoboda 2013) most contacts are never seen; 24 to 60 frames/s are rates of playback. The base
     radius: whiskers of mice and rats are 150 to 610 times as long as it (Hires et al. 2013; Belli
     et al. 2017); half as much and twice as much are believed. To be too thick is judged by the
     whole cone, of which a cut whisker is a part; too thin, by the whisker.
     """
     rate = settings.recording.frames_per_second
-    if rate * 1e-3 * USUAL_TOUCH_MS < 1:
+    if rate * 1e-3 * USUAL_CONTACT_MS < 1:
         yield (
-            f"[recording] frames_per_second = {rate:g}: a touch usually lasts {USUAL_TOUCH_MS:g} "
-            "ms, less than one frame; if that is the rate at which the file is played back, write "
-            "the camera's, on which times, vibrations and contacts depend"
+            f"[recording] frames_per_second = {rate:g}: a contact usually lasts "
+            f"{USUAL_CONTACT_MS:g} ms, less than one frame; if that is the rate at which the file "
+            "is played back, write the camera's, on which times, vibrations and contacts depend"
         )
     odd = [whisker for whisker in settings.whisker if _is_odd(whisker)]
     if odd:

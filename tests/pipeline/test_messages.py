@@ -57,7 +57,7 @@ def said_of(whiskers=({**WHISKER, "name": "C2"},), pole_xy=None, **changes):
             "confidence": np.where(np.arange(100) < 100 * given["known"], 0.9, 0.2),
         }
     )
-    touch = SimpleNamespace(
+    tables = SimpleNamespace(
         frames=frames if given["frames"] is None else given["frames"],
         evidence=pd.DataFrame({"whisker": "C2", "across": np.arange(100) < given["across"]}),
         contacts=pd.DataFrame({"whisker": list(given["contacts"]), "flags": given["flags"]}),
@@ -94,7 +94,7 @@ def said_of(whiskers=({**WHISKER, "name": "C2"},), pole_xy=None, **changes):
     epochs = (SimpleNamespace(scene=scene),)
     video = Negative(video) if given["bright"] else video
     first_seen = given["first_seen"] or whisker_set
-    return list(messages(settings, touch, video, epochs, followed, first_seen, given["odd"]))
+    return list(messages(settings, tables, video, epochs, followed, first_seen, given["odd"]))
 
 
 def test_where_nothing_is_wrong_nothing_is_said():
@@ -134,7 +134,7 @@ def test_where_nothing_is_wrong_nothing_is_said():
         ({"region": [10, 0, 90, 40]},
          "[image] region_px = [10, 0, 90, 40] reaches beyond the picture, which is 60×40 px: what "
          "is inside is looked at; if that is not what was meant, give x from 0 to 60 and"),
-        ({"recording": {"frames_per_second": 30}}, "[recording] frames_per_second = 30: a touch"),
+        ({"recording": {"frames_per_second": 30}}, "[recording] frames_per_second = 30: a con"),
         ({"whiskers": ({**WHISKER, "name": "C2", "base_radius_um": 370.0},)},
          "[[whisker]] base_radius_um = 370 (C2): "),
         ({"pole": None, "pole_xy": (300, 200)},

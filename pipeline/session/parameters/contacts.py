@@ -7,7 +7,7 @@ from pipeline.session.quantities import TABLE, parameter, quantity
 
 @dataclass(frozen=True, config=TABLE)
 class ContactParams:
-    """When a whisker touches, and what is odd about a touch."""
+    """When a whisker touches, and what is odd about a contact."""
 
     gap_scale_mm: quantity(0.01, 50, "mm") = parameter(
         1.0, "typical gap between whisker and pole of a free frame", "chosen"
@@ -16,10 +16,10 @@ class ContactParams:
         8.0, "typical force of a touching frame", "chosen for mice"
     )
     starts_per_s: quantity(0.01, 1000, "1/s") = parameter(
-        10.0, "touches that begin, per second of free whisking", "chosen"
+        10.0, "contacts that begin, per second of free whisking", "chosen"
     )
     ends_per_s: quantity(0.01, 1000, "1/s") = parameter(
-        30.0, "touches that end, per second of touch",
+        30.0, "contacts that end, per second of contact",
         "literature: a mean duration of 30.9 ms (Hires et al. 2013)",
     )  # fmt: skip
     near_pole_mm: quantity(0.01, 5, "mm") = parameter(
@@ -36,7 +36,7 @@ class ContactParams:
         "chosen: 0.4 px at 25 px/mm",
     )  # fmt: skip
     slip_s: quantity(0.0005, 1, "s") = parameter(
-        0.004, "time after a touch in which the pole on the other side means a slip", "chosen"
+        0.004, "time after a contact in which the pole on the other side means a slip", "chosen"
     )
     near_curvature_mm: quantity(0, 20, "mm") = parameter(
         1.0, "contacts less far beyond the curvature's place are flagged", "chosen"

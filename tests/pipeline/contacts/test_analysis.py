@@ -14,7 +14,7 @@ from scipy.integrate import quad
 from scipy.stats import norm
 
 from pipeline.contacts import analysis
-from pipeline.contacts.intervals import find_contacts, in_contact
+from pipeline.contacts.intervals import find_intervals, in_contact
 from pipeline.contacts.probability import (
     _log_odds,
     _log_skewed,
@@ -43,34 +43,34 @@ peak_force_floor = 0.1  # µN
 def analysed(preset, trial=0, frames=500, noise_px=0.02):
     motion = make_trial(preset, 0, trial, frames).motion
     traced = traced_motion.trace(motion, noise_px=noise_px)
-    touch = analysis.analyse_touch(
+    tables = analysis.analyse_contacts(
         traced.frames,
         traced.places,
         traced.recording,
         traced.whiskers,
-        analysis.TouchOptions(video="test"),
+        analysis.ContactOptions(video="test"),
     )
-    return traced, touch
+    return traced, tables
 
 
-def agreement(traced, touch):
+def agreement(traced, tables):
     truth = traced.true_frames["in_contact"].to_numpy()
-    return (touch.frames["in_contact"].to_numpy() == truth).mean()
+    return (tables.frames["in_contact"].to_numpy() == truth).mean()
 
 
 @pytest.mark.parametrize(
     ("preset", "trial"), [("noisy", 0), ("noisy", 1), ("close_touches", 0), ("moving_pole", 0)]
 )
 def test_every_contact_to_the_frame(preset, trial):
-    traced, touch = analysed(preset, trial)
+    traced, tables = analysed(preset, trial)
     truth = traced.true_contacts
     assert len(truth) > 2
-    assert len(touch.contacts) == len(truth)
+    assert len(tables.contacts) == len(truth)
     for edge in ("onset_frame", "offset_frame"):
-        off = touch.contacts[edge].to_numpy() - truth[edge].to_numpy()
+        off = tables.contacts[edge].to_numpy() - truth[edge].to_numpy()
         assert np.abs(off).max() <= edge_tolerance
-    assert agreement(traced, touch) >= frames_in_agreement
-    error = touch.contacts["peak_force_uN"].to_numpy() - truth["peak_force_uN"].to_numpy()
+    assert agreement(traced, tables) >= frames_in_agreement
+    error = tables.contacts["peak_force_uN"].to_numpy() - truth["peak_force_uN"].to_numpy()
     allowed = np.maximum(peak_force_tolerance * truth["peak_force_uN"], peak_force_floor)
     assert (np.abs(error) < allowed).all()
 
@@ -78,8 +78,8 @@ def test_every_contact_to_the_frame(preset, trial):
 @pytest.mark.parametrize("trial", [0, 1, 2, 3])
 def test_whisker_almost_at_rest(trial):
     """Free frames lie at angles far from those of the touches; in one trial none is 0.2 mm off."""
-    traced, touch = analysed("resting", trial, 400)
-    truth, found = traced.true_contacts, touch.contacts
+    traced, tables = analysed("resting", trial, 400)
+    truth, found = traced.true_contacts, tables.contacts
     assert len(truth) == len(found) == 3
     for edge in ("onset_frame", "offset_frame"):
         assert np.abs(found[edge] - truth[edge]).max() <= edge_tolerance
@@ -90,9 +90,9 @@ def test_whisker_almost_at_rest(trial):
     assert (found["peak_force_se_uN"] < 0.06 * truth["peak_force_uN"]).all()
     assert not found["flags"].str.contains("no_rest_curvature|gaps_in_trace|doubtful").any()
     free = ~traced.true_frames["in_contact"].to_numpy(bool)
-    force = touch.evidence["shape_force_N"].to_numpy(float)[free]
+    force = tables.evidence["shape_force_N"].to_numpy(float)[free]
     assert np.nanstd(force) < 0.05e-6
-    assert touch.frames["contact_force_uN_se"].max() < 2.0
+    assert tables.frames["contact_force_uN_se"].max() < 2.0
 
 
 @pytest.mark.parametrize(("before", "after"), [(5, 8), (2, 4)])
@@ -102,11 +102,11 @@ def test_short_clip_with_few_free_frames(before, after):
     offset = int(traced.true_contacts["offset_frame"].iloc[0])
     keep = slice(onset - before, offset + after)
     places = traced.places.rows(keep)
-    touch = analysis.analyse_touch(
+    tables = analysis.analyse_contacts(
         traced.frames.iloc[keep], places, traced.recording, traced.whiskers
     )
-    assert len(touch.contacts) == 1
-    found = touch.contacts.iloc[0]
+    assert len(tables.contacts) == 1
+    found = tables.contacts.iloc[0]
     assert (found["onset_frame"], found["offset_frame"]) == (onset, offset)
     peak = traced.true_contacts["peak_force_uN"].iloc[0]
     assert found["peak_force_uN"] == pytest.approx(peak, rel=0.05)
@@ -116,25 +116,25 @@ def test_short_clip_with_few_free_frames(before, after):
 @pytest.mark.parametrize("frames", [1, 2, 3])
 def test_a_few_frames(frames):
     traced, _ = analysed("resting", 0, 400)
-    touch = analysis.analyse_touch(
+    tables = analysis.analyse_contacts(
         traced.frames.iloc[:frames], traced.places.rows(slice(frames)), traced.recording,
         traced.whiskers,
     )  # fmt: skip
-    assert len(touch.frames) == frames
-    assert touch.contacts["peak_force_uN"].isna().all()
+    assert len(tables.frames) == frames
+    assert tables.contacts["peak_force_uN"].isna().all()
 
 
 @pytest.mark.parametrize("cut", ["begins", "ends"])
-def test_a_touch_of_which_the_video_has_one_frame(cut):
+def test_a_contact_of_which_the_video_has_one_frame(cut):
     traced, _ = analysed("noisy")
     truth = traced.true_contacts.iloc[3]  # 0.8 µN in its first and last frame
     onset, offset = int(truth["onset_frame"]), int(truth["offset_frame"])
     keep = slice(offset - 1, offset + 200) if cut == "begins" else slice(onset - 150, onset + 1)
-    touch = analysis.analyse_touch(
+    tables = analysis.analyse_contacts(
         traced.frames.iloc[keep], traced.places.rows(keep), traced.recording, traced.whiskers
     )
     at = offset - 1 if cut == "begins" else onset
-    (found,) = touch.contacts[touch.contacts["onset_frame"] == at].itertuples()
+    (found,) = tables.contacts[tables.contacts["onset_frame"] == at].itertuples()
     assert found.offset_frame == at + 1
     assert ("starts_before" if cut == "begins" else "ends_after") in found.flags
     force = traced.true_frames["contact_force_uN"][at]
@@ -145,13 +145,13 @@ def test_touched_throughout_has_no_rest_shape_but_no_gaps():
     traced, _ = analysed("resting", 0, 400)
     first = traced.true_contacts.iloc[0]
     keep = slice(int(first["onset_frame"]), int(first["offset_frame"]))
-    touch = analysis.analyse_touch(
+    tables = analysis.analyse_contacts(
         traced.frames.iloc[keep], traced.places.rows(keep), traced.recording, traced.whiskers
     )
-    (flags,) = touch.contacts["flags"]
+    (flags,) = tables.contacts["flags"]
     assert "no_rest_curvature" in flags
     assert "gaps_in_trace" not in flags
-    assert touch.contacts["peak_force_uN"].isna().all()
+    assert tables.contacts["peak_force_uN"].isna().all()
 
 
 def test_a_force_that_errs_leaves_the_gap_to_decide():
@@ -165,29 +165,29 @@ def test_a_force_that_errs_leaves_the_gap_to_decide():
 
 def test_faint_pushes_do_not_say_where_the_pole_is():
     """Free frames that seem pushed, as by a trace that errs near the base, are no touches."""
-    traced, touch = analysed("noisy")
-    evidence = touch.evidence.copy()
+    traced, tables = analysed("noisy")
+    evidence = tables.evidence.copy()
     free = ~traced.true_frames["in_contact"].to_numpy(bool)
     evidence.loc[free, "shape_force_N"] += 10 * evidence.loc[free, "shape_force_se_N"]
     evidence.loc[free, "gap_m"] = np.clip(evidence.loc[free, "gap_m"], 60e-6, 120e-6)
-    found = find_contacts(add_probability(evidence, traced.recording))
+    found = find_intervals(add_probability(evidence, traced.recording))
     assert len(found) == len(traced.true_contacts)
     onset = found["onset_frame"] - traced.true_contacts["onset_frame"]
-    assert np.abs(onset).max() <= 2  # a frame that seems pushed beside a touch
+    assert np.abs(onset).max() <= 2  # a frame that seems pushed beside a contact
 
 
 def test_what_a_whisker_passes_over_it_does_not_touch():
-    traced, touch = analysed("noisy")
-    evidence = touch.evidence.copy()
+    traced, tables = analysed("noisy")
+    evidence = tables.evidence.copy()
     assert not evidence["across"].any()
-    free = evidence.index[touch.frames["in_contact"].to_numpy() == 0]
+    free = evidence.index[tables.frames["in_contact"].to_numpy() == 0]
     few, many = evidence.copy(), evidence.copy()
     few.loc[free[:5], "across"] = True  # it slipped past
-    many.loc[free[: touch.frames["in_contact"].sum() + 1], "across"] = True
+    many.loc[free[: tables.frames["in_contact"].sum() + 1], "across"] = True
     kept, dropped = (
-        find_contacts(add_probability(each, traced.recording)) for each in (few, many)
+        find_intervals(add_probability(each, traced.recording)) for each in (few, many)
     )
-    assert len(kept) == len(touch.contacts)
+    assert len(kept) == len(tables.contacts)
     assert len(dropped) == 0
 
 
@@ -202,7 +202,7 @@ def test_a_whisker_that_bends_as_another_is_flagged(shorter):
     places = resampled.measure_stations(
         traced.lines, traced.recording, [taken_for], [traced_motion.HIDDEN], traced.pole
     )
-    found = analysis.analyse_touch(
+    found = analysis.analyse_contacts(
         traced.frames, places, traced.recording, {whisker.name: taken_for}
     ).contacts
     strong = traced.true_contacts["peak_force_uN"] > 5
@@ -212,70 +212,70 @@ def test_a_whisker_that_bends_as_another_is_flagged(shorter):
     assert not unlike.any() if shorter == 1.0 else unlike[strong].all()
 
 
-def test_a_touch_is_found_where_the_rest_shape_hides_its_force():
+def test_a_contact_is_found_where_the_rest_shape_hides_its_force():
     """Forces in a short touch and beside it are off by more than its own: the rest shape errs."""
-    _, touch = analysed("noisy")
-    contacts, evidence = touch.contacts, touch.evidence.copy()
+    _, tables = analysed("noisy")
+    contacts, evidence = tables.contacts, tables.evidence.copy()
     short = contacts["duration_ms"].between(3, 40)
     shortest = contacts[short].sort_values("peak_force_uN").iloc[0]
     near = evidence["frame"].between(shortest["onset_frame"] - 20, shortest["offset_frame"] + 20)
     for method in ("shape", "point"):
         evidence.loc[near, f"{method}_force_N"] -= 1e-6 * shortest["peak_force_uN"]
         evidence.loc[near, f"{method}_force_se_N"] = 1e-6 * shortest["peak_force_uN"]
-    found = find_contacts(evidence).set_index("onset_frame")
+    found = find_intervals(evidence).set_index("onset_frame")
     assert len(found) == len(contacts)
     flagged = found.index[found["flags"].str.contains("faint_force")]
     assert flagged.tolist() == [shortest["onset_frame"]]
     # not so far from where other touches are, however much it is pushed
     away = evidence.copy()
     away.loc[near, "gap_m"] += 1e-3
-    assert len(find_contacts(away)) == len(contacts) - 1
+    assert len(find_intervals(away)) == len(contacts) - 1
     # where it is pushed no more than beside, it touches as it stops where other touches are
-    inside = near & touch.frames["in_contact"].to_numpy(bool)
+    inside = near & tables.frames["in_contact"].to_numpy(bool)
     evidence.loc[inside, ["shape_force_N", "point_force_N"]] = -1e-6 * shortest["peak_force_uN"]
-    assert len(find_contacts(evidence)) == len(contacts)
+    assert len(find_intervals(evidence)) == len(contacts)
     # one that turns back there smoothly does not
-    place = evidence.loc[touch.frames["in_contact"].to_numpy(bool), "gap_m"].median()
+    place = evidence.loc[tables.frames["in_contact"].to_numpy(bool), "gap_m"].median()
     middle = 0.5 * (shortest["onset_frame"] + shortest["offset_frame"])
     evidence.loc[near, "gap_m"] = place + 0.2e-6 * (evidence.loc[near, "frame"] - middle) ** 2
-    assert shortest["onset_frame"] not in find_contacts(evidence)["onset_frame"].tolist()
+    assert shortest["onset_frame"] not in find_intervals(evidence)["onset_frame"].tolist()
 
 
 @pytest.mark.parametrize(("distance", "more"), [(0.17e-3, 1), (0.25e-3, 0)])
 def test_what_is_far_from_the_pole_touches_nothing(distance, more):
     """A force that seems there for some frames, as where the rest shape drifts, needs a pole."""
-    traced, touch = analysed("noisy")
-    evidence = touch.evidence.copy()
+    traced, tables = analysed("noisy")
+    evidence = tables.evidence.copy()
     far = evidence["distance_m"] > 0.5e-3
     start = next(i for i in evidence.index if far.loc[i : i + 11].sum() == 12)
     seeming = slice(start, start + 11)
     evidence.loc[seeming, ["log_odds", "probability", "distance_m"]] = 2.0, 1.0, distance
     evidence.loc[seeming, "shape_force_N"] = 9 * evidence["shape_force_se_N"].median()
-    assert len(find_contacts(evidence)) == len(traced.true_contacts) + more
+    assert len(find_intervals(evidence)) == len(traced.true_contacts) + more
 
 
 def test_contact_does_not_hang_on_the_forces_standard_error():
-    traced, touch = analysed("noisy")
-    evidence = touch.evidence.copy()
+    traced, tables = analysed("noisy")
+    evidence = tables.evidence.copy()
     evidence["shape_force_se_N"] = 1e-3  # as if next to nothing were known of the rest shape
-    kept = find_contacts(evidence)
+    kept = find_intervals(evidence)
     assert len(kept) == len(traced.true_contacts)
-    assert (kept["onset_frame"] == touch.contacts["onset_frame"]).all()
+    assert (kept["onset_frame"] == tables.contacts["onset_frame"]).all()
     # nor does a push that no force shows make one
     none = evidence.assign(shape_force_N=1e-12, point_force_N=1e-12)
-    assert len(find_contacts(none)) == 0
+    assert len(find_intervals(none)) == 0
 
 
 def test_a_hidden_length_that_is_hardly_known_makes_no_force_faint():
     """It changes forces by a share of them: what pushes clearly pushes all the same."""
-    traced, touch = analysed("noisy")
-    evidence = touch.evidence.copy()
+    traced, tables = analysed("noisy")
+    evidence = tables.evidence.copy()
     share = 0.5 * evidence["shape_force_N"].abs()
     own = force_noise(evidence)
     evidence["origin_force_se_N"], evidence["shape_force_se_N"] = share, np.hypot(own, share)
-    found = find_contacts(add_probability(evidence, traced.recording))
-    assert found["onset_frame"].tolist() == touch.intervals["onset_frame"].tolist()
-    assert found["flags"].tolist() == touch.intervals["flags"].tolist()
+    found = find_intervals(add_probability(evidence, traced.recording))
+    assert found["onset_frame"].tolist() == tables.intervals["onset_frame"].tolist()
+    assert found["flags"].tolist() == tables.intervals["flags"].tolist()
 
 
 @pytest.mark.parametrize("preset", ["noisy", "faint_touch", "large_deflection"])
@@ -286,24 +286,24 @@ def test_every_flag_has_a_meaning(preset):
 
 
 def test_faint_touches_near_the_tip():
-    traced, touch = analysed("faint_touch")
+    traced, tables = analysed("faint_touch")
     clear = traced.true_contacts[traced.true_contacts["peak_force_uN"] >= 0.3]
     assert len(clear) > 2
-    found = touch.contacts
+    found = tables.contacts
     for onset, offset in clear[["onset_frame", "offset_frame"]].to_numpy():
         overlap = (found["onset_frame"] < offset) & (found["offset_frame"] > onset)
         assert overlap.sum() == 1
-    assert agreement(traced, touch) >= 0.98
+    assert agreement(traced, tables) >= 0.98
 
 
 @pytest.mark.parametrize("preset", ["near_miss", "free"])
 def test_no_contact_is_invented(preset):
-    traced, touch = analysed(preset)
+    traced, tables = analysed(preset)
     assert len(traced.true_contacts) == 0
-    assert len(touch.contacts) == 0
-    assert touch.frames["in_contact"].sum() == 0
+    assert len(tables.contacts) == 0
+    assert tables.frames["in_contact"].sum() == 0
     # near_miss does come near: it is not a large distance that keeps it free
-    nearest = touch.frames["pole_distance_mm"].min()
+    nearest = tables.frames["pole_distance_mm"].min()
     assert nearest == pytest.approx(traced.true_frames["pole_distance_mm"].min(), abs=5e-3)
     assert preset != "near_miss" or nearest < 0.3
 
@@ -311,22 +311,24 @@ def test_no_contact_is_invented(preset):
 def test_touch_that_is_not_seen_without_its_pole():
     motion = make_trial("noisy", 0, 0, 200).motion
     traced = traced_motion.trace(motion, without_pole=True)
-    touch = analysis.analyse_touch(traced.frames, traced.places, traced.recording, traced.whiskers)
-    assert len(touch.contacts) == 0
-    assert touch.frames["pole_distance_mm"].isna().all()
+    tables = analysis.analyse_contacts(
+        traced.frames, traced.places, traced.recording, traced.whiskers
+    )
+    assert len(tables.contacts) == 0
+    assert tables.frames["pole_distance_mm"].isna().all()
 
 
 def test_contacts_without_dimensions_and_no_forces():
     traced, with_forces = analysed("noisy")
-    touch = analysis.analyse_touch(
+    tables = analysis.analyse_contacts(
         traced.frames, traced.places, traced.recording, dict.fromkeys(traced.whiskers)
     )
-    assert agreement(traced, touch) > 0.99
-    assert len(touch.contacts) == len(with_forces.contacts)
-    assert touch.frames["contact_force_uN"].isna().all()
-    assert touch.contacts["steady_peak_nN_m"].isna().all()
+    assert agreement(traced, tables) > 0.99
+    assert len(tables.contacts) == len(with_forces.contacts)
+    assert tables.frames["contact_force_uN"].isna().all()
+    assert tables.contacts["steady_peak_nN_m"].isna().all()
     # what stands in for the whisker says nothing of how it should bend
-    assert not touch.contacts["flags"].str.contains("bends_unlike_rod").any()
+    assert not tables.contacts["flags"].str.contains("bends_unlike_rod").any()
 
 
 def test_untraced_frames_are_bridged_inside_a_contact():
@@ -342,40 +344,40 @@ def test_untraced_frames_are_bridged_inside_a_contact():
     )
     frames = whole.frames.copy()
     frames.loc[frames["frame"].isin(lost), "tracked"] = False
-    touch = analysis.analyse_touch(frames, places, whole.recording, whole.whiskers)
+    tables = analysis.analyse_contacts(frames, places, whole.recording, whole.whiskers)
     assert len(motion) == len(frames)
-    onset = touch.contacts["onset_frame"] - first["onset_frame"]
-    same = touch.contacts[onset.abs() <= 1]
+    onset = tables.contacts["onset_frame"] - first["onset_frame"]
+    same = tables.contacts[onset.abs() <= 1]
     assert len(same) == 1
     assert abs(same["offset_frame"].iloc[0] - first["offset_frame"]) <= 1
     assert "gaps_in_trace" in same["flags"].iloc[0].split(";")
-    assert touch.frames.loc[lost, "contact_force_uN"].isna().all()
+    assert tables.frames.loc[lost, "contact_force_uN"].isna().all()
 
 
 def test_rows_in_any_order_and_input_unchanged():
-    traced, touch = analysed("noisy")
+    traced, tables = analysed("noisy")
     order = np.random.default_rng(0).permutation(len(traced.frames))
     shuffled = traced.frames.iloc[order]
     before = shuffled.copy()
-    again = analysis.analyse_touch(
+    again = analysis.analyse_contacts(
         shuffled,
         traced.places,
         traced.recording,
         traced.whiskers,
-        analysis.TouchOptions(video="test"),
+        analysis.ContactOptions(video="test"),
     )
     pd.testing.assert_frame_equal(shuffled, before)
-    pd.testing.assert_frame_equal(again.contacts, touch.contacts)
+    pd.testing.assert_frame_equal(again.contacts, tables.contacts)
     np.testing.assert_array_equal(again.frames["frame"], before["frame"])
     np.testing.assert_array_equal(
-        again.frames["in_contact"], touch.frames["in_contact"].to_numpy()[order]
+        again.frames["in_contact"], tables.frames["in_contact"].to_numpy()[order]
     )
 
 
 def test_corrections_change_contacts_but_no_evidence():
-    traced, touch = analysed("noisy")
-    onset = int(touch.contacts["onset_frame"].iloc[0])
-    offset = int(touch.contacts["offset_frame"].iloc[0])
+    traced, tables = analysed("noisy")
+    onset = int(tables.contacts["onset_frame"].iloc[0])
+    offset = int(tables.contacts["offset_frame"].iloc[0])
     corrections = as_table(
         pd.DataFrame(
             {
@@ -389,22 +391,24 @@ def test_corrections_change_contacts_but_no_evidence():
         ),
         CORRECTION_COLUMNS,
     )
-    again = analysis.find_touches(
-        touch.frames, touch.evidence, traced.recording, traced.whiskers, corrections=corrections
+    again = analysis.find_contacts(
+        tables.frames, tables.evidence, traced.recording, traced.whiskers, corrections=corrections
     )
-    assert len(again.contacts) == len(touch.contacts) - 1
+    assert len(again.contacts) == len(tables.contacts) - 1
     assert onset not in set(again.contacts["onset_frame"])
-    pd.testing.assert_frame_equal(again.evidence, touch.evidence)
-    same = analysis.find_touches(touch.frames, touch.evidence, traced.recording, traced.whiskers)
-    pd.testing.assert_frame_equal(same.frames, touch.frames)
+    pd.testing.assert_frame_equal(again.evidence, tables.evidence)
+    same = analysis.find_contacts(
+        tables.frames, tables.evidence, traced.recording, traced.whiskers
+    )
+    pd.testing.assert_frame_equal(same.frames, tables.frames)
     pd.testing.assert_frame_equal(
-        same.contacts.drop(columns="video"), touch.contacts.drop(columns="video")
+        same.contacts.drop(columns="video"), tables.contacts.drop(columns="video")
     )
 
 
-def test_a_touch_that_a_person_adds_is_certain():
-    traced, touch = analysed("noisy")
-    free = np.flatnonzero(~touch.frames["in_contact"].to_numpy(bool))
+def test_a_contact_that_a_person_adds_is_certain():
+    traced, tables = analysed("noisy")
+    free = np.flatnonzero(~tables.frames["in_contact"].to_numpy(bool))
     onset = int(free[np.flatnonzero(np.diff(free, 4) == 0)[0]])
     added = {
         "whisker": "C2",
@@ -413,11 +417,11 @@ def test_a_touch_that_a_person_adds_is_certain():
         "offset_frame": onset + 3,
     }
     covers = {"covers_from": onset, "covers_to": onset + 3}
-    again = analysis.find_touches(
-        touch.frames, touch.evidence, traced.recording, traced.whiskers,
+    again = analysis.find_contacts(
+        tables.frames, tables.evidence, traced.recording, traced.whiskers,
         corrections=as_table(pd.DataFrame([added | covers]), CORRECTION_COLUMNS),
     )  # fmt: skip
-    assert len(again.intervals) == len(touch.intervals) + 1
+    assert len(again.intervals) == len(tables.intervals) + 1
     assert again.intervals.loc[again.intervals["curated"], "probability"].tolist() == [1.0]
 
 
@@ -511,7 +515,7 @@ def test_a_hidden_length_that_the_bending_contradicts_is_corrected_and_flagged(w
     places = resampled.measure_stations(
         traced.lines, traced.recording, list(traced.whiskers.values()), [hidden], traced.pole
     )
-    found = analysis.analyse_touch(
+    found = analysis.analyse_contacts(
         traced.frames, places, traced.recording, traced.whiskers
     ).contacts
     strong = (traced.true_contacts["peak_force_uN"] > 3).to_numpy()
@@ -525,8 +529,8 @@ def test_a_hidden_length_that_the_bending_contradicts_is_corrected_and_flagged(w
 @pytest.mark.parametrize(("error_mm", "flagged"), [(0.5, False), (0.05, True)])
 def test_a_correction_that_its_own_error_explains_contradicts_nothing(error_mm, flagged):
     """As of touches so near the face that hardly anything visible is bent."""
-    _, touch = analysed("noisy")
-    evidence = touch.evidence.assign(bending_origin_m=1.1e-3, bending_origin_se_m=1e-3 * error_mm)
-    found = find_contacts(evidence)
+    _, tables = analysed("noisy")
+    evidence = tables.evidence.assign(bending_origin_m=1.1e-3, bending_origin_se_m=1e-3 * error_mm)
+    found = find_intervals(evidence)
     assert len(found) > 5
     assert (found["flags"].str.contains("base_contradicted") == flagged).all()

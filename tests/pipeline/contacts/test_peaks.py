@@ -11,14 +11,14 @@ from pipeline.contacts.peaks import (
     _noise,
     _posterior,
     _priors,
-    touch_course,
+    contact_course,
 )
 from whiskermodel.force_profiles import half_gaussian
 
 NOISE = 0.05  # of the peak
 BIAS = 0.01  # of the peak: of the mean over many courses
 RESTS = 1e-8
-FREE = 40  # frames before and after a touch
+FREE = 40  # frames before and after a contact
 
 
 def pulse(n):
@@ -29,35 +29,35 @@ def plateau(n):
     return 1 - np.abs(np.linspace(-1, 1, n)) ** 3
 
 
-def course_of(touch, error, offset=0.0, interpolated=None):
-    """Rows from the touch's first frame on, course and its error, with free frames around."""
-    n, force = len(touch), np.concatenate([np.zeros(FREE), touch, np.zeros(FREE)]) + offset
+def course_of(contact, error, offset=0.0, interpolated=None):
+    """Rows from the contact's first frame on, course and its error, with free frames around."""
+    n, force = len(contact), np.concatenate([np.zeros(FREE), contact, np.zeros(FREE)]) + offset
     free = np.ones(len(force), bool)
     free[FREE : FREE + n] = False
     coded = np.zeros(len(force), bool) if interpolated is None else interpolated
     known = np.full(len(force), error)
-    rows, course, left = touch_course(force, known, free, coded, FREE, FREE + n)
+    rows, course, left = contact_course(force, known, free, coded, FREE, FREE + n)
     return rows - FREE, course, left
 
 
 def noises(rng, n, error):
-    """Errors of a touch of n frames and of the free frames about it."""
+    """Errors of a contact of n frames and of the free frames about it."""
     frame = np.arange(n + 2 * FREE)
     cov = _noise(frame, np.full(len(frame), error), np.zeros(len(frame), bool))
     return np.linalg.cholesky(cov) @ rng.normal(size=len(frame))
 
 
 @pytest.mark.parametrize(
-    "touch", [pulse(5), pulse(12), pulse(60), plateau(100), np.sqrt(pulse(40))]
+    "contact", [pulse(5), pulse(12), pulse(60), plateau(100), np.sqrt(pulse(40))]
 )
-def test_a_peak_is_neither_lifted_nor_cut_and_its_error_is_a_frames(touch):
+def test_a_peak_is_neither_lifted_nor_cut_and_its_error_is_a_frames(contact):
     rng, found = np.random.default_rng(0), []
     for _ in range(150):
-        _, course, error = course_of(touch, NOISE, noises(rng, len(touch), NOISE))
+        _, course, error = course_of(contact, NOISE, noises(rng, len(contact), NOISE))
         at = course.argmax()
         found.append((course[at], error[at]))
     peak, error = np.transpose(found)
-    off = peak - touch.max()
+    off = peak - contact.max()
     assert abs(off.mean()) < 2 * BIAS
     assert np.min(error) >= NOISE
     assert np.std(off) < 1.2 * NOISE
@@ -66,32 +66,32 @@ def test_a_peak_is_neither_lifted_nor_cut_and_its_error_is_a_frames(touch):
 @pytest.mark.parametrize("n", [3, 5, 20, 60, 150])
 @pytest.mark.parametrize("shape", [pulse, plateau])
 def test_without_noise_the_course_is_as_measured(n, shape):
-    touch = shape(n)
-    rows, course, error = course_of(touch, 1e-4)
+    contact = shape(n)
+    rows, course, error = course_of(contact, 1e-4)
     np.testing.assert_array_equal(rows, np.arange(n))
-    np.testing.assert_allclose(course, touch, atol=2e-3)
+    np.testing.assert_allclose(course, contact, atol=2e-3)
     assert error.max() < 2e-4
 
 
-def test_a_brief_peak_on_a_long_touch_stays():
-    touch = 0.5 * plateau(150)
-    touch[70:80] += 0.5 * pulse(10)
+def test_a_brief_peak_on_a_long_contact_stays():
+    contact = 0.5 * plateau(150)
+    contact[70:80] += 0.5 * pulse(10)
     rng = np.random.default_rng(1)
-    found = [course_of(touch + 0.02 * rng.normal(size=150), 0.02)[1].max() for _ in range(40)]
-    assert np.mean(found) == pytest.approx(touch.max(), rel=3 * BIAS)
+    found = [course_of(contact + 0.02 * rng.normal(size=150), 0.02)[1].max() for _ in range(40)]
+    assert np.mean(found) == pytest.approx(contact.max(), rel=3 * BIAS)
 
 
 def test_what_all_frames_err_by_is_seen_where_nothing_touches():
     """An error of the rest shape, two standard errors of a frame: most of it is taken off."""
-    touch, off = pulse(20), 2 * NOISE
-    lifted = course_of(touch, NOISE, off)[1].max() - 1
+    contact, off = pulse(20), 2 * NOISE
+    lifted = course_of(contact, NOISE, off)[1].max() - 1
     np.testing.assert_allclose(lifted, 0.0, atol=0.2 * off)
-    # but not a touch's frames next to it, nor frames far away
+    # but not a contact's frames next to it, nor frames far away
     force = np.full(3 * AROUND + 20, off)
-    force[-20:] += touch
+    force[-20:] += contact
     start = len(force) - 20
     free = np.arange(len(force)) < start - AROUND
-    found = touch_course(
+    found = contact_course(
         force, np.full(len(force), NOISE), free, np.zeros(len(force), bool), start, len(force)
     )[1]
     assert found.max() - 1 > 0.8 * off
@@ -99,9 +99,9 @@ def test_what_all_frames_err_by_is_seen_where_nothing_touches():
 
 def test_frames_that_a_codec_made_out_of_others_count_less():
     """They show a tenth less; every third frame is one of its own."""
-    touch = pulse(40)
+    contact = pulse(40)
     coded = np.arange(40 + 2 * FREE) % 3 > 0
-    seen = touch * np.where(coded[FREE : FREE + 40], 0.9, 1.0)
+    seen = contact * np.where(coded[FREE : FREE + 40], 0.9, 1.0)
     plain = course_of(seen, NOISE)[1].max()
     better = course_of(seen, NOISE, interpolated=coded)[1].max()
     assert plain < better - BIAS
@@ -110,19 +110,19 @@ def test_frames_that_a_codec_made_out_of_others_count_less():
 
 @pytest.mark.parametrize("shape", [pulse, plateau])
 def test_a_gap_is_filled_with_no_smaller_error(shape):
-    touch, hidden = shape(41), np.abs(np.arange(41) - 20) < 6
-    rows, course, error = course_of(np.where(hidden, np.nan, touch), 0.01)
+    contact, hidden = shape(41), np.abs(np.arange(41) - 20) < 6
+    rows, course, error = course_of(np.where(hidden, np.nan, contact), 0.01)
     assert len(rows) == 41
     assert abs(course[20] - 1) < 3 * error[20]
     assert error[hidden].min() >= error[~hidden].max()
 
 
-def test_of_a_long_touch_the_frames_about_its_largest_force_are_used():
-    touch = plateau(3 * MOST)
-    touch[-30] = 1.1
-    rows, course, _ = course_of(touch, 0.2)
+def test_of_a_long_contact_the_frames_about_its_largest_force_are_used():
+    contact = plateau(3 * MOST)
+    contact[-30] = 1.1
+    rows, course, _ = course_of(contact, 0.2)
     np.testing.assert_array_equal(rows, np.arange(2 * MOST, 3 * MOST))
-    np.testing.assert_allclose(course[:50], touch[rows[:50]], atol=0.1)
+    np.testing.assert_allclose(course[:50], contact[rows[:50]], atol=0.1)
 
 
 def test_without_errors_nothing_is_known():

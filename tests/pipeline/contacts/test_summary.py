@@ -22,7 +22,7 @@ def pulse(n, peak=8.0):
 
 
 def whisker(n=20, **changes):
-    """Courses of a whisker with 10 free frames, a touch of n, and 10 free frames again."""
+    """Courses of a whisker with 10 free frames, a contact of n, and 10 free frames again."""
     force = np.concatenate([np.zeros(10), pulse(n), np.zeros(10)])
     touching = force > 0
     return {

@@ -13,7 +13,7 @@ from pipeline.contacts.summary import contact_table, peak_errors
 from pipeline.forces import estimate_forces, forces, rod_fit
 from pipeline.kinematics import Kinematics, resampled
 from pipeline.reports.error_budget import taper_share
-from pipeline.run import forces_of, touches_of
+from pipeline.run import contacts_of, forces_of
 from pipeline.session.recording import Recording
 from pipeline.session.session_file import settings_from
 from pipeline.tables.columns import CONTACT_COLUMNS, FRAME_COLUMNS, as_table
@@ -38,22 +38,22 @@ def traced():
 
 
 @pytest.fixture(scope="module")
-def touch(traced):
+def tables(traced):
     return {
-        method: analysis.analyse_touch(
+        method: analysis.analyse_contacts(
             traced.frames,
             traced.places,
             RECORDING,
             traced.whiskers,
-            analysis.TouchOptions(method=method, video="v"),
+            analysis.ContactOptions(method=method, video="v"),
         )
         for method in forces.METHODS
     }
 
 
 @pytest.mark.parametrize("method", forces.METHODS)
-def test_forces_and_moments_are_the_true_ones(traced, touch, method):
-    truth, frames = traced.true_frames, touch[method].frames
+def test_forces_and_moments_are_the_true_ones(traced, tables, method):
+    truth, frames = traced.true_frames, tables[method].frames
     pushed = (truth["contact_force_uN"] > 3).to_numpy() & frames["in_contact"].to_numpy()
     assert pushed.sum() > 50
     for column in ("contact_force_uN", "lateral_force_uN", "base_moment_nN_m"):
@@ -71,12 +71,12 @@ def test_noise_floor_of_free_frames(method):
     """At 10 mm with a tracing noise of 0.02 px per pixel of whisker."""
     setting = make_trial("near_miss", 0, 0, 400)
     free = traced_motion.trace(setting.motion, noise_px=0.02)
-    result = analysis.analyse_touch(
+    result = analysis.analyse_contacts(
         free.frames,
         free.places,
         free.recording,
         free.whiskers,
-        analysis.TouchOptions(method=method),
+        analysis.ContactOptions(method=method),
     )
     near = result.evidence["contact_m"].between(9e-3, 13e-3)
     force = 1e6 * result.evidence.loc[near, f"{method}_force_N"]
@@ -86,8 +86,8 @@ def test_noise_floor_of_free_frames(method):
     assert 0.6 < stated / force.std() < 2.0
 
 
-def test_standard_errors_cover_the_truth(traced, touch):
-    truth, frames = traced.true_frames, touch["shape"].frames
+def test_standard_errors_cover_the_truth(traced, tables):
+    truth, frames = traced.true_frames, tables["shape"].frames
     both = truth["in_contact"].to_numpy() & frames["in_contact"].to_numpy()
     error = (frames["contact_force_uN"] - truth["contact_force_uN"]).to_numpy()[both]
     z = error / frames["contact_force_uN_se"].to_numpy()[both]
@@ -113,8 +113,8 @@ def test_errors_that_run_along_the_line_widen_standard_errors(traced):
     assert np.mean(np.abs(force) < 1.96 * error) > 0.9  # by the fit's own errors: 0.73
 
 
-def test_curvature_change_is_that_of_the_rod(traced, touch):
-    truth, frames = traced.true_frames, touch["shape"].frames
+def test_curvature_change_is_that_of_the_rod(traced, tables):
+    truth, frames = traced.true_frames, tables["shape"].frames
     known = frames["curvature_change_per_m"].notna().to_numpy()
     error = (frames["curvature_change_per_m"] - truth["curvature_change_per_m"]).to_numpy()[known]
     assert np.median(np.abs(error)) < 0.6  # 1/m
@@ -122,9 +122,9 @@ def test_curvature_change_is_that_of_the_rod(traced, touch):
     assert abs(np.median(error[free])) < 0.1
 
 
-def test_curvature_and_base_are_the_fitted_rods(traced, touch):
+def test_curvature_and_base_are_the_fitted_rods(traced, tables):
     """In and out of contact: no bias from the pole's kink, and the base's angle to 0.05°."""
-    truth, frames = traced.true_frames, touch["shape"].frames
+    truth, frames = traced.true_frames, tables["shape"].frames
     touches = truth["in_contact"].to_numpy()
     error = (frames["curvature_per_m"] - truth["curvature_per_m"]).to_numpy()
     stated = frames["curvature_per_m_se"].to_numpy()
@@ -256,7 +256,7 @@ def test_contacts_are_numbered_per_whisker_in_time():
     assert list(empty.columns) == [c.name for c in CONTACT_COLUMNS]
 
 
-def still_then_touch(turned=0.1, first=180):
+def still_then_contact(turned=0.1, first=180):
     """Motion of a whisker that lies still, `turned` [rad] from the pole, until it touches."""
     trial = Setting("resting", 0, 0, np.random.default_rng(3), 220)
     scene = c2_scene(trial, 9e-3)
@@ -273,25 +273,25 @@ def still_then_touch(turned=0.1, first=180):
 
 @pytest.mark.parametrize("method", forces.METHODS)
 @pytest.mark.parametrize("seed", [0, 1])
-def test_still_whisker_and_one_touch(method, seed):
-    """The touch turns the base by far more than the free frames ever were."""
-    traced = traced_motion.trace(still_then_touch(), seed=seed, noise_px=0.02)
-    touch = analysis.analyse_touch(
+def test_still_whisker_and_one_contact(method, seed):
+    """The contact turns the base by far more than the free frames ever were."""
+    traced = traced_motion.trace(still_then_contact(), seed=seed, noise_px=0.02)
+    tables = analysis.analyse_contacts(
         traced.frames,
         traced.places,
         RECORDING,
         traced.whiskers,
-        analysis.TouchOptions(method=method),
+        analysis.ContactOptions(method=method),
     )
-    found, truth = touch.contacts, traced.true_contacts
+    found, truth = tables.contacts, traced.true_contacts
     assert list(found["onset_frame"]) == list(truth["onset_frame"]) == [180]
     for column in ("peak_force_uN", "peak_base_moment_nN_m", "peak_axial_force_uN"):
         np.testing.assert_allclose(found[column], truth[column], rtol=0.04, err_msg=column)
     pushed = traced.true_frames["contact_force_uN"].to_numpy() > 1
     for column in ("contact_force_uN", "base_moment_nN_m", "lateral_force_uN"):
-        error = (touch.frames[column] - traced.true_frames[column])[pushed]
-        assert np.mean(np.abs(error) < 1.96 * touch.frames[f"{column}_se"][pushed]) > 0.9
-    rest = touch.frames["rest_curvature_per_m"] - traced.true_frames["rest_curvature_per_m"]
+        error = (tables.frames[column] - traced.true_frames[column])[pushed]
+        assert np.mean(np.abs(error) < 1.96 * tables.frames[f"{column}_se"][pushed]) > 0.9
+    rest = tables.frames["rest_curvature_per_m"] - traced.true_frames["rest_curvature_per_m"]
     assert rest.abs().max() < 0.5  # 1/m
 
 
@@ -332,7 +332,7 @@ def test_friction_of_the_session_is_taken_out():
     for friction in (0.0, 0.3):
         settings = settings_from({"recording": recording, "analysis": {"friction": friction}})
         found = forces_of(kinematics, settings)
-        frames = touches_of(kinematics, *found, settings).frames
+        frames = contacts_of(kinematics, *found, settings).frames
         pushed = (truth["contact_force_uN"] > 3).to_numpy() & frames["in_contact"].to_numpy()
         assert pushed.sum() > 50
         off = {
@@ -356,8 +356,8 @@ def test_a_wild_frame_is_no_peak():
     assert found == pytest.approx(4.0, abs=0.15)
 
 
-def test_peak_errors(traced, touch, monkeypatch):
-    shape = touch["shape"]
+def test_peak_errors(traced, tables, monkeypatch):
+    shape = tables["shape"]
     budget = peak_errors(shape.contacts, shape.evidence, traced.whiskers)
     parts = np.hypot(budget["tracking_se_uN"], budget["hidden_length_se_uN"])
     np.testing.assert_allclose(parts, budget["peak_force_se_uN"], rtol=1e-9)
@@ -387,7 +387,7 @@ def test_peak_errors(traced, touch, monkeypatch):
         places = resampled.measure_stations(
             traced.lines, recording, list(whiskers.values()), [traced_motion.HIDDEN], traced.pole
         )
-        again = analysis.analyse_touch(traced.frames, places, recording, whiskers)
+        again = analysis.analyse_contacts(traced.frames, places, recording, whiskers)
         return again.contacts["peak_force_uN"].to_numpy()
 
     usual = peaks()
@@ -439,7 +439,7 @@ def test_a_scale_that_is_wrong_moves_places_about_the_tip_where_that_is_seen(tra
             traced.lines, recording, [mouse_c2()], [traced_motion.HIDDEN], traced.pole
         )
         places = replace(places, to_tip=np.full(len(places), traced_motion.TIP_UNSEEN))
-        return analysis.analyse_touch(traced.frames, places, recording, traced.whiskers)
+        return analysis.analyse_contacts(traced.frames, places, recording, traced.whiskers)
 
     usual = found(1.0)
     strong = usual.contacts["peak_force_uN"] > 3
@@ -489,10 +489,10 @@ def test_the_error_of_the_curvature_change_follows_the_hidden_length(traced, mon
     assert 0.6 < np.sqrt(np.mean(ratio**2)) < 1.3
 
 
-def test_a_long_recording_is_measured_part_by_part(traced, touch, monkeypatch):
+def test_a_long_recording_is_measured_part_by_part(traced, tables, monkeypatch):
     monkeypatch.setattr("pipeline.forces.estimate.PART_ROWS", 200)
-    whole = touch["shape"]
-    got = analysis.analyse_touch(traced.frames, traced.places, RECORDING, traced.whiskers)
+    whole = tables["shape"]
+    got = analysis.analyse_contacts(traced.frames, traced.places, RECORDING, traced.whiskers)
     edges = ["whisker", "onset_frame", "offset_frame"]
     pd.testing.assert_frame_equal(got.contacts[edges], whole.contacts[edges])
     force, error = (whole.frames[f"contact_force_uN{end}"].to_numpy() for end in ("", "_se"))
@@ -502,8 +502,8 @@ def test_a_long_recording_is_measured_part_by_part(traced, touch, monkeypatch):
 
 
 @pytest.mark.parametrize("method", forces.METHODS)
-def test_a_peak_has_the_standard_error_of_its_own_method(touch, method):
-    contacts, evidence = touch[method].contacts, touch[method].evidence
+def test_a_peak_has_the_standard_error_of_its_own_method(tables, method):
+    contacts, evidence = tables[method].contacts, tables[method].evidence
     own = evidence.set_index("frame")
     stated, expected = [], []
     for contact in contacts.to_dict("records"):
@@ -512,7 +512,7 @@ def test_a_peak_has_the_standard_error_of_its_own_method(touch, method):
         stated.append(contact["peak_force_se_uN"])
         expected.append(1e6 * part.loc[peak, f"{method}_force_se_N"])
     assert len(stated) >= 3
-    # the touch's other frames say something of its peak, too
+    # the contact's other frames say something of its peak, too
     assert 0.6 < np.median(np.divide(stated, expected)) < 1.05
 
 

@@ -106,7 +106,7 @@ def test_truth_beside_the_videos_is_found(results, tmp_path):
     assert list(truth["video"]) == ["one"]
 
 
-def test_typical_touch_is_near_the_medians_and_clean(tmp_path):
+def test_typical_contact_is_near_the_medians_and_clean(tmp_path):
     rows = [
         contact("one", 1, 30, 10, 4.0),
         contact("one", 2, 60, 20, 10.0),
@@ -114,15 +114,15 @@ def test_typical_touch_is_near_the_medians_and_clean(tmp_path):
         contact("two", 2, 80, 30, 30.0),
     ]
     results = make_results(tmp_path / "results", rows)
-    touch = fig3_tables.typical_touch(results, session_numbers.read_contacts(results))
-    assert (touch.contact["video"], touch.contact["contact"]) == ("one", 2)
-    assert touch.pole == (230, 240, 6.25)
+    typical = fig3_tables.typical_contact(results, session_numbers.read_contacts(results))
+    assert (typical.contact["video"], typical.contact["contact"]) == ("one", 2)
+    assert typical.pole == (230, 240, 6.25)
     margin = fig3_tables.BEFORE_AFTER_MS
-    assert list(touch.frames["frame"]) == list(range(60 - int(margin), 80 + int(margin)))
-    assert len(touch.centrelines) == len(touch.frames)
+    assert list(typical.frames["frame"]) == list(range(60 - int(margin), 80 + int(margin)))
+    assert len(typical.centrelines) == len(typical.frames)
 
 
-def test_panels_a_and_b_show_the_touch(drawn):
+def test_panels_a_and_b_show_the_contact(drawn):
     results, _ = drawn
     a = pd.read_csv(results / "figures" / "fig3a.csv")
     b = pd.read_csv(results / "figures" / "fig3b.csv")
@@ -130,7 +130,7 @@ def test_panels_a_and_b_show_the_touch(drawn):
     assert set(shown) == {True, False}
     assert shown.loc[61:79].all()
     assert not shown.loc[41:59].any()
-    assert shown.loc[:39].all()  # the touch before
+    assert shown.loc[:39].all()  # the contact before
     assert a["follicle_x_mm"].unique() == pytest.approx([40 / 25])
     inside = b[b["in_contact"] & (b["time_ms"] >= 0)]
     assert inside["time_ms"].max() == 19

@@ -19,9 +19,9 @@ LONG_NAME = "mouse_0123456789_2024-11-22_session_3_trial_0042"
 
 def content(results):
     contacts = read_contacts(results)
-    touch = fig3_tables.typical_touch(results, contacts)
-    panels = fig3_tables.panel_tables(results, contacts, touch)
-    return fig3_panels.Content(panels, fig3_numbers(contacts), touch)
+    typical = fig3_tables.typical_contact(results, contacts)
+    panels = fig3_tables.panel_tables(results, contacts, typical)
+    return fig3_panels.Content(panels, fig3_numbers(contacts), typical)
 
 
 def many(n=400):

@@ -58,7 +58,7 @@ def test_of_many_whiskers_three_are_named():
 def test_rates_of_playback_are_doubted(rate):
     (doubt,) = doubts(rate=rate)
     assert doubt.startswith(
-        f"[recording] frames_per_second = {rate:g}: a touch usually lasts 16 ms"
+        f"[recording] frames_per_second = {rate:g}: a contact usually lasts 16 ms"
     )
 
 
