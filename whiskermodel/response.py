@@ -318,10 +318,8 @@ class Response:
             batch, w = np.ascontiguousarray(flat[rows]), weights[..., rows]
             out[:, rows] = -w.sum(axis=1)[..., None] * batch
             for k, f in enumerate(filters):
-                q = None if f is None else f(batch)
-                for target, weight in zip(out[:, rows], w[:, k], strict=True):
-                    if q is not None and weight.any():
-                        target += weight[:, None] * q
+                if f is not None:
+                    _add_mode(out[:, rows], w[:, k], f(batch))
         return out.reshape(4, *force.shape)
 
 
@@ -335,6 +333,13 @@ def quadrature_about(share, points):
     nodes, weights = roots_legendre(points)
     x = np.concatenate([share * (nodes + 1) / 2, share + (1 - share) * (nodes + 1) / 2])
     return np.minimum(x, 1.0), np.concatenate([share * weights / 2, (1 - share) * weights / 2])
+
+
+def _add_mode(sums, weights, integral):
+    """Add I_k of a mode (forces, time), times its weights (4, forces), to (4, forces, time)."""
+    for target, weight in zip(sums, weights, strict=True):
+        if weight.any():
+            target += weight[:, None] * integral
 
 
 def _refined(force, substeps):

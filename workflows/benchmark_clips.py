@@ -107,14 +107,11 @@ def repeat_video(source, target, frames) -> None:
     """Make a longer video by writing the packets of `source` again and again."""
     import av
 
-    with av.open(str(target), "w") as out:
-        stream, written = None, 0
+    with av.open(str(target), "w") as out, av.open(str(source)) as template:
+        stream, written = out.add_stream_from_template(template.streams.video[0]), 0
         while written < frames:
             with av.open(str(source)) as container:
-                video = container.streams.video[0]
-                if stream is None:
-                    stream = out.add_stream_from_template(video)
-                packets = [p for p in container.demux(video) if p.size]
+                packets = [p for p in container.demux(video=0) if p.size]
                 _append(packets[: frames - written], out, stream, written)
                 written += len(packets)
 

@@ -80,17 +80,25 @@ def kill_first_job(child) -> int:
 
     parent, end = psutil.Process(child.pid), time.monotonic() + PATIENCE_S
     while child.poll() is None and time.monotonic() < end:
-        for process in parent.children(recursive=True):
-            try:
-                line = process.cmdline()
-                if JOB in line and "-c" not in line:
-                    time.sleep(1.0)  # it is at work
-                    process.send_signal(signal.SIGKILL)
-                    return 1
-            except psutil.NoSuchProcess:
-                continue
+        if any(kill_if_job(process) for process in parent.children(recursive=True)):
+            return 1
         time.sleep(0.05)
     return 0
+
+
+def kill_if_job(process) -> bool:
+    """Kill a process (of psutil) if it is a job that still runs; whether it was killed."""
+    import psutil
+
+    try:
+        line = process.cmdline()
+        if JOB not in line or "-c" in line:
+            return False
+        time.sleep(1.0)  # it is at work
+        process.send_signal(signal.SIGKILL)
+    except psutil.NoSuchProcess:
+        return False
+    return True
 
 
 def files_of(out) -> dict:

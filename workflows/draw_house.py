@@ -39,12 +39,17 @@ def imports() -> Counter:
     count = Counter()
     for file in (ROOT / "pipeline").rglob("*.py"):
         room = room_of(".".join(file.relative_to(ROOT).with_suffix("").parts))
-        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.ImportFrom) and node.module:
-                other = room_of(node.module)
-                if room and other and room != other:
-                    count[room, other] += len(node.names)
+        for node in imports_from(file):
+            other = room_of(node.module)
+            if room and other and room != other:
+                count[room, other] += len(node.names)
     return count
+
+
+def imports_from(file) -> list[ast.ImportFrom]:
+    """All `from module import …` of a Python file, those within functions too."""
+    nodes = ast.walk(ast.parse(file.read_text(encoding="utf-8")))
+    return [node for node in nodes if isinstance(node, ast.ImportFrom) and node.module]
 
 
 def room_of(module) -> str | None:

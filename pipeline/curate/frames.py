@@ -109,17 +109,19 @@ class FrameReader:
     # ---- the reading thread ---------------------------------------------------------------
 
     def _work(self):
-        while True:
-            with self._changed:
-                run = None
-                while run is None and not self._closed:
-                    pause = self._jumped + PAUSE_S - time.monotonic()
-                    run = self._wished_run() or (self._near_run() if pause <= 0 else None)
-                    if run is None:
-                        self._changed.wait(pause if pause > 0 else None)
-                if self._closed:
-                    return
+        while (run := self._next_run()) is not None:
             self._decode(*run)
+
+    def _next_run(self):
+        """Wait until there are frames [start, stop) to be read; None once closed."""
+        with self._changed:
+            while not self._closed:
+                pause = self._jumped + PAUSE_S - time.monotonic()
+                run = self._wished_run() or (self._near_run() if pause <= 0 else None)
+                if run is not None:
+                    return run
+                self._changed.wait(pause if pause > 0 else None)
+        return None
 
     def _wished_run(self):
         """[start, stop) of the one frame that was wished for last and is not there, or None."""

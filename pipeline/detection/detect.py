@@ -279,14 +279,14 @@ def uncrossed(lines, options: TracingOptions) -> list[tuple[Line, Line]]:
     """
     reach = crossings.Reach.of(options.params.detection, options.pixels_per_m)
     near = polyline.near_pairs(lines, reach.near)
-    changed = {}
-    for k, one in enumerate(lines):
-        for j in range(k):
-            before = crossings.uncross(one, lines[j], reach) if near[k, j] else None
-            if before is not None:
-                near[k] = near[j] = near[k] | near[j]
-                for line, was in zip((one, lines[j]), before, strict=True):
-                    changed.setdefault(id(line), (line, was))
+    changed, pairs = {}, ((a, b) for a in range(len(lines)) for b in range(a))
+    for k, j in pairs:
+        before = crossings.uncross(lines[k], lines[j], reach) if near[k, j] else None
+        if before is None:
+            continue
+        near[k] = near[j] = near[k] | near[j]
+        for line, was in zip((lines[k], lines[j]), before, strict=True):
+            changed.setdefault(id(line), (line, was))
     return list(changed.values())
 
 

@@ -136,11 +136,12 @@ def _places(marks, places):
     """Fill in the places of the marks, eight of which are looked at at a time; their number."""
     count, words = 0, marks.view(np.uint64)
     for word in range(len(words)):
-        if words[word] != 0:
-            for place in range(8 * word, 8 * word + 8):
-                if marks[place]:
-                    places[count] = place
-                    count += 1
+        if words[word] == 0:
+            continue
+        for place in range(8 * word, 8 * word + 8):
+            if marks[place]:
+                places[count] = place
+                count += 1
     return count
 
 

@@ -203,17 +203,16 @@ class ContainerVideo(Video):
                 yield from self._decode_these(container, stream, [n for _, n in group])
 
     def _decode_these(self, container, stream, numbers):
+        """Yield (number, frame) for ascending numbers behind one key frame."""
         container.seek(self._pts(numbers[0]), stream=stream)
-        wanted = iter(numbers)
-        number = next(wanted)
+        left = numbers
         for packet in container.demux(stream):
-            for frame in _decode_towards(self._pts(number) - self._step / 2, packet, stream):
+            for frame in _decode_towards(self._pts(left[0]) - self._step / 2, packet, stream):
                 index = self._index(frame)
-                while number is not None and index is not None and index >= number:
-                    if index == number and (frame.height, frame.width) == self.shape:
-                        yield number, frame
-                    number = next(wanted, None)
-                if number is None:
+                if index in left and (frame.height, frame.width) == self.shape:
+                    yield index, frame
+                left = [n for n in left if index is None or n > index]
+                if not left:
                     return
 
     def _key_frame_before(self, container, stream, number):
