@@ -48,12 +48,18 @@ def messages(settings, tables, video, epochs, followed, first_seen, odd=None):
     if not whisker_set.templates and not settings.analysis.follow:
         yield "no whiskers found" if doubt else no_whiskers(settings, epochs, video)
         return
-    yield from _unknown_names(tables.frames, numbered=not settings.whisker)
+    numbered = not settings.whisker
+    order = guessed_order(settings, whisker_set, nameless_in(tables.frames))
+    yield from _unknown_names(tables.frames, numbered)
     yield from _unnamed_whiskers(settings, followed)
-    yield from guessed_order(settings, whisker_set, nameless_in(tables.frames))
+    if not numbered:
+        yield from order
     yield from _assumed_place(settings, followed.pole)
     scenes, bright = _scenes(epochs), isinstance(video, Negative)
     yield from _of_whiskers(settings, tables, followed, _no_pole(settings, scenes, bright))
+    if numbered:
+        yield from order
+        yield from _not_whiskers(tables.frames)
 
 
 def settings_doubt(settings, epochs, whisker_set, odd=None) -> str | None:
@@ -91,12 +97,12 @@ def line_messages(settings, tables, followed):
 
 def _of_whiskers(settings, tables, followed, no_pole):
     """What is missing or doubtful of the whiskers themselves, the pole and the forces."""
+    if followed.pole is None:
+        yield no_pole
     yield from _seldom_tracked(tables.frames, followed.whisker_set, settings.analysis.follow)
     yield from _of_another_size(settings, followed.pole)
     yield from _passes_over(settings, tables, followed.pole)
     yield from _contradicted(settings, tables.contacts)
-    if followed.pole is None:
-        yield no_pole
     yield from _without_forces(settings, followed.whisker_set)
 
 
@@ -163,17 +169,11 @@ def _no_pole(settings, scenes, bright) -> str:
 def _unknown_names(frames, numbered=False):
     """In many frames it is not known which whisker is which: then all results are in doubt.
 
-    Where whiskers are `numbered`, the numbers of lines that belong to no known whisker are always
-    named: so many were needed for these lines, and they mean nothing else.
+    Where whiskers are `numbered`, the numbers of `_not_whiskers` do not count.
     """
-    tracked, never = frames[frames["tracked"]], nameless_in(frames)
-    if numbered and never:
-        yield (
-            "not whiskers, but lines that could not be identified (confidence below "
-            f"{KNOWN:g}): {in_short(n for n in dict.fromkeys(tracked['whisker']) if n in never)}; "
-            f'leave them out by frames[frames["confidence"] >= {KNOWN:g}]'
-        )
-        tracked = tracked[~tracked["whisker"].isin(never)]
+    tracked = frames[frames["tracked"]]
+    if numbered:
+        tracked = tracked[~tracked["whisker"].isin(nameless_in(frames))]
     unknown = (tracked["confidence"] < KNOWN).groupby(tracked["whisker"], sort=False)
     if not len(tracked) or unknown.sum().sum() <= MOST_UNKNOWN * len(tracked):
         return
@@ -188,6 +188,18 @@ def _unknown_names(frames, numbered=False):
         f"(confidence below {KNOWN:g}; most of all {worst}): use only rows of frames.parquet with "
         f"confidence of {KNOWN:g} or more"
     )
+
+
+def _not_whiskers(frames):
+    """Numbers of lines that belong to no known whisker; they mean nothing else."""
+    never = nameless_in(frames)
+    if never:
+        tracked = frames.loc[frames["tracked"], "whisker"]
+        yield (
+            "not whiskers, but lines that could not be identified (confidence below "
+            f"{KNOWN:g}): {in_short(name for name in dict.fromkeys(tracked) if name in never)}; "
+            f'leave them out by frames[frames["confidence"] >= {KNOWN:g}]'
+        )
 
 
 def _unnamed_whiskers(settings, followed):

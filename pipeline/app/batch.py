@@ -229,7 +229,7 @@ def _begun(inputs, due) -> str:
     command = " ".join(["whiskerforce", *(readable(argument) for argument in sys.argv[1:])])
     return (
         f"{command}\nwhiskerforce {__version__}, Python {platform.python_version()}, "
-        f"{platform.platform()}\n{len(inputs)} inputs, {len(due)} to be processed"
+        f"{platform.platform()}\n{counted(len(inputs), 'input')}, {len(due)} to be processed"
     )
 
 

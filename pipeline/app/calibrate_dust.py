@@ -32,8 +32,8 @@ def run_dust(results, out, whisker, at_mm, say) -> None:
     )
     if not motions:
         raise ValueError(
-            f"{results}: a particle can be followed in none of {len(videos)} videos; the first: "
-            f"{faults[0]}"
+            f"{results}: {counted(len(videos), 'video')}, and in none can a particle be followed; "
+            f"the first: {faults[0]}"
         )
     written = write_dust(out, motions)
     say(slope_sentence(pooled_slope(motions)))

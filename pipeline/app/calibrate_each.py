@@ -1,5 +1,7 @@
 """What the `calibrate` commands share: which whisker is meant, and one case after the other."""
 
+from pipeline.tables.known_names import in_short
+
 
 def one_whisker(videos, wanted, which="one") -> str:
     """The whisker of that name in some videos, or the only one where no name is given.
@@ -8,12 +10,12 @@ def one_whisker(videos, wanted, which="one") -> str:
 
     Raises ValueError where it is not there, or is not clear.
     """
-    names = sorted({name for video in videos for name in video.whiskers})
+    names = list(dict.fromkeys(name for video in videos for name in video.whiskers))
     if wanted is None and len(names) == 1:
         return names[0]
     if wanted is None or wanted not in names:
         given = "--whisker" if wanted is None else f"--whisker {wanted}"
-        raise ValueError(f"{given}: expected {which} of {', '.join(names)}")
+        raise ValueError(f"{given}: expected {which} of {in_short(names)}")
     return wanted
 
 

@@ -82,7 +82,8 @@ def _fitted(results, slips, whisker, boundary, say):
     )
     if not fits:
         raise ValueError(
-            f"{results}: none of {len(slips)} slips can be fitted; the first: {faults[0]}"
+            f"{results}: {counted(len(slips), 'slip')}, and none can be fitted; the first: "
+            f"{faults[0]}"
         )
     return fits
 

@@ -251,7 +251,10 @@ def curate(
         Path, typer.Argument(metavar="RESULTS", help="Results folder of `whiskerforce run`.")
     ],
     port: Annotated[
-        int, typer.Option(metavar="N", min=0, help="Port to serve the page on; 0: any free port.")
+        int,
+        typer.Option(
+            metavar="N", min=0, max=65535, help="Port to serve the page on; 0: any free port."
+        ),
     ] = 0,
     browser: Annotated[bool, typer.Option(help="Open the page in the browser.")] = True,
     name: Annotated[
@@ -266,7 +269,9 @@ def curate(
 ):
     """Correct contacts in the browser.
 
-    decisions.csv in the results folder lists what was decided, by whom and when.
+    Every correction is saved at once; tables, figures and report follow when you finish, in the
+    page or with Ctrl-C. decisions.csv in the results folder lists what was decided, by whom and
+    when.
     """
     from pipeline.curate import curate as open_page
     from pipeline.reports.figures import write_fig3

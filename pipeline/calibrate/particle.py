@@ -95,8 +95,9 @@ def follow_particle(seen: ThicknessMap, pixels_per_mm, near_mm=None) -> Particle
 def _above_smooth(thickness, width_px):
     """Thickness less the whisker's own, which changes slowly along it [px]; NaN stays."""
     width = 2 * int(width_px / 2) + 1
-    with np.errstate(all="ignore"):
-        usual = np.nan_to_num(np.nanmedian(thickness, axis=0))
+    seen = ~np.isnan(thickness).all(axis=0)
+    usual = np.zeros(thickness.shape[1])
+    usual[seen] = np.nanmedian(thickness[:, seen], axis=0)
     smooth = median_filter(usual, width, mode="nearest")
     return thickness - smooth
 

@@ -13,6 +13,7 @@ from pipeline.convert.results import lines_of_rows
 from pipeline.detection.static_scene import PoleTrack
 from pipeline.errors import InputError
 from pipeline.tables.centrelines import Centrelines
+from pipeline.tables.known_names import in_short
 
 SUFFIX, TABLE_SUFFIX, BAR_SUFFIX = ".whiskers", ".measurements", ".bar"
 FACE_AXIS = {"left": "y", "right": "y", "top": "x", "bottom": "x"}
@@ -58,7 +59,7 @@ def _names(table, names, path):
     if count > len(names):
         raise InputError(
             f"{path}: has whiskers 0 to {count - 1}, but there are names for {len(names)} "
-            f"({', '.join(names)}): add [[whisker]] tables to session.toml, or give --names"
+            f"({in_short(names)}): add [[whisker]] tables to session.toml, or give --names"
         )
     return names
 

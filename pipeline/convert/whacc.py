@@ -24,6 +24,7 @@ from pipeline.convert.hdf5 import whole_hdf5
 from pipeline.convert.optional import library
 from pipeline.convert.results import trial_number
 from pipeline.errors import InputError, counted, in_words
+from pipeline.tables.known_names import in_short
 
 TOUCH, NONE, UNKNOWN = 1, 0, -1
 KEYS = "labels", "yhat", "in_range"  # a number per frame
@@ -135,7 +136,7 @@ def _checked(video, labels, whisker, path):
         )
     if whisker not in video.whiskers and (whisker or len(video.whiskers) != 1):
         raise InputError(
-            f"{video.folder}: has whiskers {', '.join(video.whiskers)}; say whose contacts "
+            f"{video.folder}: has whiskers {in_short(video.whiskers)}; say whose contacts "
             f"{path} holds with --whisker"
         )
     if len(labels.touch) != video.n_frames:

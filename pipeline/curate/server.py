@@ -2,6 +2,7 @@
 
 import asyncio
 import contextlib
+import logging
 import secrets
 import socket
 import threading
@@ -115,6 +116,8 @@ class Server:
         from tornado.httpserver import HTTPServer
         from tornado.ioloop import IOLoop
 
+        # a page that is closed is no reason for a warning on the terminal
+        logging.getLogger("bokeh.server.views.ws").setLevel(logging.ERROR)
         asyncio.set_event_loop(asyncio.new_event_loop())
         self._loop = IOLoop.current()
         place = f"{HOST}:{self._socket.getsockname()[1]}"

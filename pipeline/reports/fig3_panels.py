@@ -200,6 +200,9 @@ def _histogram(axis, table, recovered, what, unit):
         f"{'peak contact force' if what == 'peak force' else 'contact duration'} ({unit})"
     )
     axis.set_ylabel("contacts")
+    if not table["contacts"].any():
+        _empty(axis, "no contacts with a force" if what == "peak force" else "no contacts")
+        return []
     top, header = max(table["contacts"].max(), 1), []
     rows = ((ACCENT, "paper", PAPER.get), (BLACK, "this session", recovered.get))
     for height, (colour, label, get) in zip(SHOWN_RANGE, rows, strict=True):

@@ -262,12 +262,12 @@ def test_numbers_of_lines_that_are_no_whiskers_are_said_and_no_more_of_them():
          for k, name in enumerate(numbers) for i in range(100)],
         columns=["whisker", "tracked", "confidence"],
     )  # fmt: skip
-    first, second, *rest = said_of(whiskers=(), found=numbers, frames=frames)
-    assert first.startswith("not whiskers, but lines that could not be identified")
-    assert first.endswith(
+    *rest, order, last = said_of(whiskers=(), found=numbers, frames=frames)
+    assert last.startswith("not whiskers, but lines that could not be identified")
+    assert last.endswith(
         '(confidence below 0.5): w3 to w7; leave them out by frames[frames["confidence"] >= 0.5]'
     )
-    assert second.startswith("w1 to w2 are numbered in each video anew")
+    assert order.startswith("w1 to w2 are numbered in each video anew")
     assert not any("only part of the frames" in each for each in rest)
 
 
@@ -282,6 +282,12 @@ def test_the_main_doubt_comes_first():
     first, *rest = said_of(known=0.2, tracked=0.7, pole=None, whiskers=())
     assert "not known which whisker they are" in first
     assert len(rest) == 3
+
+
+def test_why_there_is_no_contact_comes_before_what_is_usual_without_settings():
+    first, *rest = said_of(tracked=0.7, pole=None, whiskers=(), found=("w1", "w2"))
+    assert first.startswith("no pole of 0.5 mm")
+    assert "numbered in each video anew" in rest[-1]
 
 
 def test_a_length_that_contradicts_the_settings_is_doubted_in_place_of_the_face():

@@ -22,3 +22,9 @@ def test_a_whisker_that_is_not_clear_is_asked_for(wanted, message):
     with pytest.raises(ValueError) as caught:
         one_whisker(VIDEOS, wanted)
     assert str(caught.value) == message
+
+
+def test_numbered_whiskers_are_named_in_their_order():
+    many = [SimpleNamespace(whiskers=[f"w{k}" for k in range(1, 13)])]
+    with pytest.raises(ValueError, match=r"one of w1 to w12$"):
+        one_whisker(many, None)

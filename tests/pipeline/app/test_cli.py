@@ -144,6 +144,11 @@ def test_who_runs_it_first_is_told_that_it_compiles(ran, monkeypatch, capsys):
     assert capsys.readouterr().out.startswith("the first look compiles")
 
 
+def test_a_port_that_cannot_be_is_refused(capsys, tmp_path):
+    assert exit_code("curate", tmp_path, "--port", "65536") == 2
+    assert "Invalid value for '--port'" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("command", "message"),
     [

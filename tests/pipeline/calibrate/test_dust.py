@@ -1,5 +1,7 @@
 """A particle followed on maps made by hand, and a rendered whisker as a user measures it."""
 
+import warnings
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -52,6 +54,15 @@ def test_of_two_particles_the_one_near_the_place_given_is_followed():
     both.thickness[:, 110:] = other[:, 110:]
     found = follow_particle(both, SCALE, near_mm=130 / SCALE)
     np.testing.assert_allclose(found.place_px, COURSE + 60, atol=1.0)
+
+
+def test_places_that_are_never_seen_count_as_thin_without_a_warning():
+    seen = thickness_map()
+    seen.thickness[:, 160:] = np.nan
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        found = follow_particle(seen, SCALE)
+    np.testing.assert_allclose(found.place_px, COURSE, atol=1.0)
 
 
 @pytest.mark.parametrize(
@@ -209,7 +220,7 @@ def read_videos(out):
 @pytest.mark.parametrize(
     ("options", "expected"),
     [
-        ((), ["none of 1 videos", "no particle on it"]),
+        ((), ["1 video, and in none can", "no particle on it"]),
         (("--whisker", "D1"), ["--whisker D1", "one of C2"]),
         (("--at-mm", -1), ["--at-mm -1.0", "above 0"]),
     ],

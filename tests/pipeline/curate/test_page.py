@@ -2,6 +2,7 @@
 
 import http.client
 import itertools
+import logging
 import re
 import shutil
 import socket
@@ -121,6 +122,11 @@ def test_the_page_needs_nothing_from_the_internet(served):
     for attribute in ('src="http', 'href="http', "@import"):
         outside = [part[:60] for part in page.split(attribute)[1:] if "127.0.0.1" not in part[:40]]
         assert not outside
+
+
+def test_a_page_that_is_closed_prints_no_warning(served, caplog):
+    logging.getLogger("bokeh.server.views.ws").warning("connection was closed")
+    assert caplog.records == []
 
 
 def test_a_port_that_is_taken_is_reported(served, tmp_path):

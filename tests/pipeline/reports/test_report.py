@@ -53,6 +53,7 @@ def test_videos_with_their_messages(page):
     assert "<b> & broken" not in page
     assert "2</b>videos, 1 failed" in page
     assert "100.0 %" in page
+    assert "in what share of the frames a whisker is seen" in page
 
 
 def test_the_main_doubts_come_first(tmp_path):

@@ -46,6 +46,12 @@ def test_fig3(tmp_path, contacts):
         assert faults(fig3_panels.draw_one(drawn, letter)) == [], letter
 
 
+def test_every_panel_of_contacts_says_that_there_are_none(tmp_path):
+    figure = fig3_panels.draw(content(make_results(tmp_path / "r", (), ["one"])))
+    said = [{text.get_text() for text in axes.texts} for axes in figure.axes]
+    assert all(any(each.startswith("no contact") for each in said[k]) for k in (0, 1, 3, 4, 5))
+
+
 def test_no_words_lie_among_the_points_of_fig3(tmp_path):
     figure = fig3_panels.draw(content(make_results(tmp_path / "r", many())))
     for axes in figure.axes[1:]:
