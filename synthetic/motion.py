@@ -17,6 +17,7 @@ _NODE_STEP_PX = 1.4
 _BLOCK = 128  # frames whose shapes are computed at once
 _SMEAR_NODES = 25
 _FAR = 1.0  # m: where the pole stands while it is out of view
+_LARGEST_DRIFT = 0.12e-3  # m, of a follicle
 
 
 # Follicle ------------------------------------------------------------------------------------
@@ -63,9 +64,9 @@ def smooth_noise(n, rate, time_constant, rng):
     return noise * np.sqrt(2 * np.sqrt(np.pi) * width)
 
 
-def follicle_drift(n, rate, rng, extent=0.12e-3):
+def follicle_drift(n, rate, rng):
     """Slow wander of the follicle about its mean place [m], two arrays (n,)."""
-    return tuple(extent * np.tanh(smooth_noise(n, rate, 0.2, rng)) for _ in range(2))
+    return tuple(_LARGEST_DRIFT * np.tanh(smooth_noise(n, rate, 0.2, rng)) for _ in range(2))
 
 
 # Base motion → whisker -----------------------------------------------------------------------

@@ -44,6 +44,7 @@ class Renderer:
         self._steps = step_table(scene.camera.blur_px)
         self._fine = FinePatch(scene.camera.blur_px)
         self._flicker = _flicker(scene, len(motion), np.random.default_rng([scene.seed, 2]))
+        # as last made, each with the pole's place or the frame that it is for
         self._shade, self._opened = (None, ()), (None, self._open)
         self._still_pole = (
             self._with_pole(self._open, motion.pole_x[0], motion.pole_y[0])
@@ -182,16 +183,20 @@ class Renderer:
 
 
 def _without_pole(scene: Scene) -> Scene:
-    """What of a scene its surroundings depend on."""
+    """The same scene with any pole and codec: its still picture does not depend on them."""
     return replace(scene, pole=None, codec=Codec())
 
 
 @lru_cache(maxsize=8)
 def _still_picture(scene: Scene):
-    """Light without pole and whiskers, also without the animal, the fur, and what a face glows.
+    """What does not move in a scene's pictures, made once for all trials of a session.
 
-    The first holds the fur where it does not move; both hold dust and hairs that lie about. The
-    fur's rows are as FurHair; the last is None for a black face. Sessions share it among trials.
+    Returns
+    -------
+    opened : light without pole and whiskers, float32 (height, width), with fur that does not move
+    background : the same without the animal; both with dust and hairs that lie about
+    fur : its hairs, a row for each, as FurHair
+    glow : light that a pale face throws back, (height, width); None for a black one
     """
     rng = np.random.default_rng([scene.seed, 1])
     background = _background(scene, rng)

@@ -23,9 +23,11 @@ from synthetic.touches import drive_touches
 from whiskermodel.whisker import Whisker
 
 
-def row(setting, count=4, spacing=1.3e-3, fan=0.2, own=0.05):
+def row(setting):
     """Four whiskers that whisk together, each a little in its own way; C2 touches the pole."""
     rng, frames = setting.rng, setting.frames
+    count, spacing = 4, 1.3e-3  # m between follicles
+    fan, own = 0.2, 0.05  # rad from whisker to whisker, and of each one's own motion
     hairs = row_hairs(count, spacing, 2.0e-3, -9.8e-3)
     c2 = hairs[-2]
     place = pole_for_touch(c2, 0.1 - 0.5 * fan, rng.uniform(7.5e-3, 10e-3), 1)

@@ -82,17 +82,11 @@ class _Node(NamedTuple):
 
 
 @lru_cache(maxsize=64)
-def step_table(blur: float, pixel: float = 1.0) -> Steps:
-    """Tabulate S over distance and edge direction.
-
-    Parameters
-    ----------
-    blur : SD of the optics' Gaussian [px]
-    pixel : side of the light-gathering square [px], 0 for a point sample
-    """
+def step_table(blur: float) -> Steps:
+    """Tabulate S over distance and edge direction, for a blur of this SD [px], > 0."""
     if not blur > 0:
         raise ValueError(f"blur must be > 0 px, got {blur!r}")
-    reach = _REACH * blur + pixel / np.sqrt(2)
+    reach = _REACH * blur + 1 / np.sqrt(2)
     per_px = _STEPS_PER_SIGMA / blur
     distance = np.arange(2 * int(np.ceil(reach * per_px)) + 2) / per_px - reach
     angle = np.linspace(0, np.pi / 4, _ANGLES)
@@ -100,7 +94,7 @@ def step_table(blur: float, pixel: float = 1.0) -> Steps:
     table = np.zeros((_ANGLES, len(distance)))
     for ni, wi in zip(node, weight, strict=True):
         for nj, wj in zip(node, weight, strict=True):
-            offset = pixel / 2 * (ni * np.cos(angle) + nj * np.sin(angle))
+            offset = 1 / 2 * (ni * np.cos(angle) + nj * np.sin(angle))
             table += wi * wj / 4 * ndtr((distance + offset[:, None]) / blur)
     return Steps(float(blur), table.astype(np.float32), float(reach), float(per_px))
 

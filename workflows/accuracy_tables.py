@@ -60,7 +60,7 @@ FORCE_TABLE = {
 }
 
 
-def table_of(columns, results: dict[str, dict], prefix="", wanted="frames") -> str:
+def table_of(columns, results: dict[str, dict], prefix="") -> str:
     rows = [
         [
             preset,
@@ -70,7 +70,7 @@ def table_of(columns, results: dict[str, dict], prefix="", wanted="frames") -> s
             ),
         ]
         for preset, figures in results.items()
-        if figures[wanted]
+        if figures["frames"]
     ]
     return pages.table(["preset", *columns], rows)
 

@@ -142,10 +142,10 @@ def cpu_time(work):
     return time.process_time() - start, result
 
 
-def per_second(work, cases, least=1.0):
-    """Cases per CPU second, over as many as take `least` seconds."""
+def per_second(work, cases):
+    """Cases per CPU second, over as many as take one."""
     done, spent = 0, 0.0
-    while spent < least:
+    while spent < 1.0:
         seconds, _ = cpu_time(partial(work, *cases[done % len(cases)]))
         done, spent = done + 1, spent + seconds
     return done / spent

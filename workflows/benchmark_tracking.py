@@ -111,13 +111,13 @@ def speeds(clip: Clip, folder, peer) -> dict:
     for _ in trace(clip, clip.short):
         pass  # compiled code is loaded before the clock starts
     decoding = [clocked(lambda: decode(clip)) for _ in range(REPEATS)]
-    tracing_ = [clocked(lambda: list(trace(clip))) for _ in range(REPEATS)]
+    tracing = [clocked(lambda: list(trace(clip))) for _ in range(REPEATS)]
     starting = best_of([run_cost(clip.brief, folder) for _ in range(REPEATS)])
     costs = [run_cost(clip.path, folder) for _ in range(REPEATS)]
     whole = np.subtract(best_of(costs), starting)
     rates = {
         "decode": Rate.best(clip.frames, decoding),
-        "trace": Rate.best(clip.frames, tracing_),
+        "trace": Rate.best(clip.frames, tracing),
         "run": Rate.best(clip.frames - BRIEF, [whole]),
         "start": starting,
         "stages": min(costs, key=lambda c: c.cpu).stages,
@@ -156,10 +156,10 @@ def speeds_text(clips, rates) -> str:
     for clip in clips:
         each = rates[clip.name]
         for by in ("wall", "cpu"):
-            decoding, tracing_, whole = (getattr(each[k], by) for k in ("decode", "trace", "run"))
+            decoding, tracing, whole = (getattr(each[k], by) for k in ("decode", "trace", "run"))
             peer = getattr(each["peer"], by) if each["peer"] else np.nan
             numbers = [
-                ("{:.0f}", decoding), ("{:.0f}", tracing_), ("{:.0f}", whole),
+                ("{:.0f}", decoding), ("{:.0f}", tracing), ("{:.0f}", whole),
                 ("{:.0f}", whole * clip.pixels / 1e6), ("{:.2f}", whole / decoding),
                 ("{:.1f}", peer), ("{:.1f}", peer * OPTIMISED), ("{:.0f}", whole / peer),
                 ("{:.0f}", whole / peer / OPTIMISED),

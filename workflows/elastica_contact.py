@@ -22,6 +22,7 @@ METRE, SECOND, KILOGRAM = 1e4, 1e3, 1e9
 NEWTON = KILOGRAM * METRE / SECOND**2
 LENGTH, CONE_LENGTH, BASE_RADIUS = 18e-3 * METRE, 18e-3 / 0.95 * METRE, 37e-6 * METRE
 MODULUS, DENSITY, DAMPING = 3e9 * NEWTON / METRE**2, 1e3 * KILOGRAM / METRE**3, 215 / SECOND
+ELEMENTS = 50
 CONTACT, PEAK, DURATION = 9e-3 * METRE, 10e-6 * NEWTON, 12e-3 * SECOND
 
 
@@ -44,12 +45,12 @@ class Simulator(ea.BaseSystemCollection, ea.Constraints, ea.Forcing, ea.Damping)
     """What PyElastica needs to hold together."""
 
 
-def build(dt, n_elements=50):
+def build(dt):
     """The clamped whisker with its load, ready to run at step `dt` [ms]."""
     simulator = Simulator()
-    middle = (np.arange(n_elements) + 0.5) * LENGTH / n_elements
+    middle = (np.arange(ELEMENTS) + 0.5) * LENGTH / ELEMENTS
     rod = ea.CosseratRod.straight_rod(
-        n_elements,
+        ELEMENTS,
         np.zeros(3),
         np.array([1.0, 0.0, 0.0]),
         np.array([0.0, 1.0, 0.0]),
@@ -63,7 +64,7 @@ def build(dt, n_elements=50):
     simulator.constrain(rod).using(
         ea.OneEndFixedBC, constrained_position_idx=(0,), constrained_director_idx=(0,)
     )
-    place = CONTACT / (LENGTH / n_elements)
+    place = CONTACT / (LENGTH / ELEMENTS)
     node = int(place)
     simulator.add_forcing_to(rod).using(
         Contact, (node, node + 1), (node + 1 - place, place - node)

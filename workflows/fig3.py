@@ -177,7 +177,7 @@ def found_and_true(results, videos):
 
 
 def checks(size: Size) -> list[dict]:
-    """Every target: what, recovered, truth, deviation, largest allowed, met."""
+    """Every target: `what`, its `deviation` from the truth, the largest `allowed`, `met`."""
     rows = []
     for row in size.numbers.itertuples():
         if row.statistic in PERCENTILES:
@@ -297,8 +297,8 @@ def costs_text(sizes: list[Size]) -> str:
     rows.append(["wall time of all [min]", *(f"{spent / 60:.1f}" for spent in wall)])
     said = (
         "Seconds per 1000 frames; stages are summed over all processes, `run` draws figures and "
+        "report, too."
     )
-    said += "report, too."
     return f"{said}\n\n{pages.table(header, rows)}"
 
 

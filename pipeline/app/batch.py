@@ -41,7 +41,6 @@ from pipeline.runtime.progress import Progress, duration
 from pipeline.runtime.run_log import LOG_FILE, RunLog
 from pipeline.runtime.workers import run_tasks
 from pipeline.session.inputs import (
-    STATE_FILE,
     find_inputs,
     guesses_left,
     is_beside_videos,
@@ -50,7 +49,7 @@ from pipeline.session.inputs import (
     settings_of,
 )
 from pipeline.tables.new_files import make_folder
-from pipeline.tables.result_exchange import settle_all
+from pipeline.tables.result_exchange import STATE_FILE, settle_all
 from pipeline.tables.run_record import read_run, read_state, recorded_path
 
 # What a video goes through, and the time that each takes, beside that of following its whiskers

@@ -9,7 +9,7 @@ from pipeline import __version__
 from pipeline.contacts.corrections import read_corrections
 from pipeline.curate.corrected import MADE_WITH, corrections_digest
 from pipeline.errors import CorrectionsError, counted, in_words
-from pipeline.session.inputs import same_input, sha256, stamp
+from pipeline.session.inputs import same_input, stamp
 from pipeline.session.session_file import SettingsError, read_session
 from pipeline.tables import files
 from pipeline.tables.columns import (
@@ -21,6 +21,7 @@ from pipeline.tables.columns import (
 from pipeline.tables.result_exchange import STATE_FILE, is_settled
 from pipeline.tables.run_record import read_state, write_state
 from pipeline.tables.video_messages import sentences_of
+from pipeline.tables.whole_files import sha256
 
 PARQUETS = {
     "centrelines.parquet": CENTRELINE_COLUMNS,

@@ -15,7 +15,7 @@ from pipeline.reports.lettering import line_height, put_text
 from pipeline.reports.whisker_styles import DARKEST, pieces, whisker_styles
 from pipeline.run import find_whiskers, look_at, trace
 from pipeline.scene.picture_part import part_of
-from pipeline.session.session_file import Settings
+from pipeline.session.schema import Settings
 from pipeline.tables import whole_files
 from pipeline.tables.known_names import KNOWN, in_short, nameless
 from pipeline.tracking.seen_lengths import odd_length

@@ -13,18 +13,13 @@ from pipeline import __version__
 from pipeline.curate.corrected import write_session_tables
 from pipeline.errors import InputError, in_words, why, with_advice
 from pipeline.runtime import interrupts
-from pipeline.session.inputs import (
-    PREVIEW_NAME,
-    SESSION_FILES,
-    SETTINGS_NAME,
-    STATE_FILE,
-    readable,
-    sha256,
-)
+from pipeline.session.inputs import PREVIEW_NAME, SESSION_FILES, SETTINGS_NAME, readable
 from pipeline.session.session_file import session_text
 from pipeline.tables import files, whole_files
 from pipeline.tables.columns import VIDEO_COLUMNS
+from pipeline.tables.result_exchange import STATE_FILE
 from pipeline.tables.run_record import read_run
+from pipeline.tables.whole_files import sha256
 
 
 def check_stranger(out):

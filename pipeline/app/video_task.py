@@ -16,12 +16,13 @@ from pipeline.app.outcome import (
 from pipeline.errors import InputError, in_words, why, with_advice
 from pipeline.runtime.progress import Step
 from pipeline.scene import pole_runs
-from pipeline.session.inputs import STATE_FILE, same_input, sha256, stamp
-from pipeline.session.session_file import Settings
+from pipeline.session.inputs import same_input, stamp
+from pipeline.session.schema import Settings
 from pipeline.tables import centrelines
-from pipeline.tables.result_exchange import OVERLAYS, READY, draft, settle
+from pipeline.tables.result_exchange import OVERLAYS, READY, STATE_FILE, draft, settle
 from pipeline.tables.run_record import read_state
 from pipeline.tables.video_messages import as_cell
+from pipeline.tables.whole_files import sha256
 
 OTHER_CONTENT = "corrections.csv was made before the video changed: check its contacts"
 
@@ -191,9 +192,8 @@ def _new_or(task, message="") -> Outcome | None:
     return warned(outcome, message) if outcome and message else outcome
 
 
-def _failed(task, message, details="") -> Outcome:
-    outcome = failure(task.folder, str(task.path), message, _earlier_results(task))
-    return replace(outcome, details=details)
+def _failed(task, message) -> Outcome:
+    return failure(task.folder, str(task.path), message, _earlier_results(task))
 
 
 def _earlier_results(task) -> str:

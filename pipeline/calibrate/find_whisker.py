@@ -169,13 +169,13 @@ def _trimmed(path, half_width):
     return path[cut : len(path) - cut]
 
 
-def smooth_line(points, knot_px, weights=None):
+def smooth_line(points, knot_px):
     """Points 1 px apart on a cubic spline through `points` (n, 2), its knots `knot_px` apart."""
     along = arc_lengths(points)
     pieces = max(int(along[-1] / knot_px), 1)
     inner = np.linspace(0, along[-1], pieces + 1)[1:-1]
     knots = np.concatenate([np.zeros(4), inner, np.full(4, along[-1])])
-    spline = make_lsq_spline(along, points, knots, w=weights)
+    spline = make_lsq_spline(along, points, knots)
     fine = spline(np.linspace(0, along[-1], 4 * int(along[-1]) + 5))
     s = arc_lengths(fine)
     at = np.arange(0, s[-1], 1.0)

@@ -7,7 +7,8 @@ import numpy as np
 import pandas as pd
 
 from pipeline.session.inputs import need_results
-from pipeline.session.session_file import Settings, read_session
+from pipeline.session.schema import Settings
+from pipeline.session.session_file import read_session
 from pipeline.tables.columns import CONTACT_COLUMNS
 from pipeline.tables.files import read_csv, read_frames
 

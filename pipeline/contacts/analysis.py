@@ -65,7 +65,6 @@ def analyse_contacts(
     recording: Recording,
     whiskers: dict,
     options: ContactOptions = ContactOptions(),
-    corrections=None,
 ) -> ContactTables:
     """Rest shape, contacts, forces, pulses and base loads of one video.
 
@@ -75,14 +74,13 @@ def analyse_contacts(
     places : `Stations` of all tracked rows, in any order
     whiskers : name → Whisker; None where its dimensions are not known: then contacts are found,
         but no forces
-    corrections : table of a person's corrections (pipeline.contacts.corrections), or None
     """
     params = options.params
     frames, evidence = estimate_forces(
         frames, places, whiskers, options.curvature_at, options.friction, recording.pixels_per_m,
         params.forces,
     )  # fmt: skip
-    return find_contacts(frames, evidence, recording, whiskers, options, corrections)
+    return find_contacts(frames, evidence, recording, whiskers, options)
 
 
 def no_contacts(frames) -> ContactTables:
@@ -103,7 +101,13 @@ def find_contacts(
     options: ContactOptions = ContactOptions(),
     corrections=None,
 ) -> ContactTables:
-    """Contacts, a person's corrections, forces, pulses and base loads, from the evidence."""
+    """Contacts, a person's corrections, forces, pulses and base loads, from the evidence.
+
+    Parameters are as for `analyse_contacts`, and
+
+    evidence : as of `estimate_forces`, aligned with `frames`
+    corrections : table of a person's corrections (pipeline.contacts.corrections), or None
+    """
     from pipeline.contacts import base_moments, pulses
 
     params, method = options.params.contacts, options.method

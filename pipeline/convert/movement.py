@@ -12,13 +12,13 @@ from pipeline.convert.hdf5 import whole_hdf5
 from pipeline.convert.keypoints import points_along
 from pipeline.convert.optional import library
 
-KEY_POINTS = 20
+KEY_POINTS = 20  # of every whisker
 
 
-def as_poses(video, count: int = KEY_POINTS):
+def as_poses(video):
     """The whiskers as an xarray.Dataset as `movement` has it: position and confidence."""
     xarray = library("xarray", "formats")
-    position, confidence = key_points(video, count)
+    position, confidence = key_points(video)
     rate = video.settings.recording.frames_per_second
     return xarray.Dataset(
         {
@@ -28,7 +28,7 @@ def as_poses(video, count: int = KEY_POINTS):
         {
             "time": np.arange(video.n_frames) / rate,
             "space": ["x", "y"],
-            "keypoints": [f"point_{i}" for i in range(count)],
+            "keypoints": [f"point_{i}" for i in range(KEY_POINTS)],
             "individuals": list(video.whiskers),
         },
         {
@@ -41,15 +41,15 @@ def as_poses(video, count: int = KEY_POINTS):
     )
 
 
-def key_points(video, count: int = KEY_POINTS):
+def key_points(video):
     """Places (frames, 2, points, whiskers) [px] and confidences (frames, points, whiskers)."""
     lines, names = video.lines(), list(video.whiskers)
-    position = np.full((video.n_frames, 2, count, len(names)), np.nan, np.float32)
+    position = np.full((video.n_frames, 2, KEY_POINTS, len(names)), np.nan, np.float32)
     for row in range(len(lines)):
         whisker = names.index(lines.names[lines.whisker[row]])
-        position[lines.frame[row], :, :, whisker] = points_along(lines.row(row), count).T
+        position[lines.frame[row], :, :, whisker] = points_along(lines.row(row), KEY_POINTS).T
     sure = np.stack([video.of(name)["confidence"].to_numpy(np.float32) for name in names], axis=1)
-    return position, np.repeat(sure[:, None], count, axis=1)
+    return position, np.repeat(sure[:, None], KEY_POINTS, axis=1)
 
 
 def write_movement(folder, video) -> list[Path]:

@@ -11,11 +11,13 @@ import pandas as pd
 from pipeline.detection.static_scene import PoleTrack
 from pipeline.errors import InputError
 from pipeline.scene import pole_runs
-from pipeline.session.inputs import STATE_FILE, need_results
-from pipeline.session.session_file import Settings, read_session
+from pipeline.session.inputs import need_results
+from pipeline.session.schema import Settings
+from pipeline.session.session_file import read_session
 from pipeline.tables import files, whole_files
 from pipeline.tables.centrelines import Centrelines, read_centrelines
 from pipeline.tables.columns import CONTACT_COLUMNS, VIDEO_COLUMNS
+from pipeline.tables.result_exchange import STATE_FILE
 
 TRIAL_NUMBER = re.compile(r".*[-_](\d{1,18})$")  # of a video's name
 

@@ -14,7 +14,8 @@ from pipeline.contacts.analysis import ContactOptions, ContactTables, find_conta
 from pipeline.contacts.corrections import CORRECTIONS_FILE, read_corrections
 from pipeline.curate.decisions import DECISIONS_FILE, write_decisions
 from pipeline.errors import CorrectionsError, InputError, in_words
-from pipeline.session.session_file import Settings, read_session
+from pipeline.session.schema import Settings
+from pipeline.session.session_file import read_session
 from pipeline.tables import files
 from pipeline.tables.columns import (
     CONTACT_COLUMNS,

@@ -54,6 +54,23 @@ class Traces:
     probability: np.ndarray
 
 
+class LastMade:
+    """What was made last, and the objects that it was made from."""
+
+    def __init__(self):
+        self._last = (), None
+
+    def of(self, make, *objects):
+        """Return `make()`, or what it returned before, where it was of the same objects."""
+        before, made = self._last
+        if len(before) != len(objects) or any(
+            a is not b for a, b in zip(before, objects, strict=True)
+        ):
+            made = make()
+            self._last = objects, made
+        return made
+
+
 class VideoUnderReview:
     """One video's results: tables, contacts under review, time courses, picture, centrelines.
 
@@ -86,8 +103,7 @@ class VideoUnderReview:
         self._changed = changed
         self.review = Review(detected, corrections, self.n_frames, self._corrected, self.whiskers)
         self._lines = OrderedDict()
-        # as last made, with what they were made of
-        self._traces = self._items = self._probability = None
+        self._traces, self._items, self._probability = (LastMade() for _ in range(3))
 
     # ---- corrections → tables -------------------------------------------------------------
 
@@ -109,19 +125,15 @@ class VideoUnderReview:
     def items(self) -> list[Item]:
         """Contacts, and stretches that might be contacts, by onset."""
         tables, verdicts = self.tables, self.review.verdicts
-        if self._items is None or self._items[0] is not tables or self._items[1] is not verdicts:
-            if self._probability is None or self._probability[0] is not tables:
-                self._probability = tables, probabilities(tables.evidence)
-            found = items_of(self.review, tables.contacts, self._probability[1])
-            self._items = tables, verdicts, found
-        return self._items[2]
+        probability = self._probability.of(lambda: probabilities(tables.evidence), tables)
+        return self._items.of(
+            lambda: items_of(self.review, tables.contacts, probability), tables, verdicts
+        )
 
     def traces(self) -> dict[str, Traces]:
         """Time courses of every whisker."""
         tables = self.tables  # another thread may replace it
-        if self._traces is None or self._traces[0] is not tables:
-            self._traces = tables, self._all_traces(tables)
-        return self._traces[1]
+        return self._traces.of(lambda: self._all_traces(tables), tables)
 
     def _all_traces(self, tables):
         frames, evidence = tables.frames, tables.evidence

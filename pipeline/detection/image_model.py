@@ -14,6 +14,7 @@ from pipeline.detection.static_scene import OUTWARD, StaticScene
 from pipeline.session.parameters import DEFAULTS
 
 LEAST_HALF, MOST_HALF = 7, 20  # px to both sides of a node that its absorbance is measured over
+INTO_FACE_PX = 1.5  # so far within its edge lines are still measured
 COPIED_AT_ONCE = 8  # pixels that are copied in a row in the time of one by itself
 TRANSLUCENT = 0.25  # of the light that passes beside it: a whisker is seen through such a thing
 
@@ -65,7 +66,7 @@ class ImageModel:
 
     @classmethod
     def from_scene(
-        cls, scene: StaticScene, params=DEFAULTS.detection, margin_px=1.5, absorbed=np.inf
+        cls, scene: StaticScene, params=DEFAULTS.detection, absorbed=np.inf
     ) -> "ImageModel":
         """Face and opaque things get no weight; `outside` is signed, from the fur's edge [px].
 
@@ -77,7 +78,7 @@ class ImageModel:
         if scene.noise_excess is not None:
             variance *= scene.noise_excess
         outside = signed_distance(scene.face_mask)
-        bright = ~scene.face_mask & (background > 12) & (outside > -margin_px)
+        bright = ~scene.face_mask & (background > 12) & (outside > -INTO_FACE_PX)
         usable = bright & ~scene.obstacle_mask
         seen = usable | bright & translucent(background, variance, scene.obstacle_mask, params)
         weight = np.where(seen, 1 / variance, 0).astype(np.float32)

@@ -32,6 +32,7 @@ HUBER = 3.0  # usual misfits beyond which a station counts less
 LOOSE = np.array([1e3, 1e3, 3.0, 3.0])  # SD [rad] of what any base may have
 LEAST_KNOWN = 1e-12
 BLOCK_ROWS = 8192  # held in memory at a time
+PIECES = 16  # of a curve that is walked along
 
 
 @dataclass(frozen=True)
@@ -60,13 +61,13 @@ class BaseCurves:
         return BaseCurves(self.middle, self.half, *parts)
 
 
-def lay_to(x, y, shape, half, z, pieces=16):
+def lay_to(x, y, shape, half, z):
     """Walk from (x, y) along curves of `shape` to `z`, (rows,) each: x, y [m] and angle [rad]."""
     x, y, z = np.copy(x), np.copy(y), np.broadcast_to(z, np.shape(x))
-    for k in range(pieces):
-        angle = angle_at(shape, z * ((k + 0.5) / pieces))
-        x += half * z / pieces * np.cos(angle)
-        y += half * z / pieces * np.sin(angle)
+    for k in range(PIECES):
+        angle = angle_at(shape, z * ((k + 0.5) / PIECES))
+        x += half * z / PIECES * np.cos(angle)
+        y += half * z / PIECES * np.sin(angle)
     return x, y, angle_at(shape, z)
 
 

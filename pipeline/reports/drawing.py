@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.reports.lettering import line_height, put_text, text_width
-from pipeline.session.session_file import Settings
+from pipeline.session.schema import Settings
 from pipeline.tables.known_names import KNOWN
 
 # BGR

@@ -7,7 +7,8 @@ import numpy as np
 import pandas as pd
 
 from pipeline.scene import pole_runs
-from pipeline.session.session_file import Settings, read_session
+from pipeline.session.schema import Settings
+from pipeline.session.session_file import read_session
 from pipeline.tables import centrelines, files
 from pipeline.tables.centrelines import Centrelines
 from pipeline.tables.run_record import read_pole

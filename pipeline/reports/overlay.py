@@ -9,7 +9,8 @@ import numpy as np
 from pipeline.reports.drawing import COLUMNS, View, draw
 from pipeline.runtime.timing import Counted
 from pipeline.scene import pole_runs
-from pipeline.session.session_file import Settings, read_session
+from pipeline.session.schema import Settings
+from pipeline.session.session_file import read_session
 from pipeline.tables import centrelines, files, whole_files
 from pipeline.tables.known_names import nameless_in
 from pipeline.tables.run_record import read_pole

@@ -67,9 +67,9 @@ def drop_stale(root=ROOT, packages=PACKAGES) -> list[Path]:
     return removed
 
 
-def is_compiled(file="pipeline/forces/rod_fit.py", root=ROOT) -> bool:
+def is_compiled(file="pipeline/forces/rod_fit.py") -> bool:
     """Whether the functions in a file, by default the slowest to compile, were compiled before."""
-    return any(_indexes(Path(root) / file))
+    return any(_indexes(ROOT / file))
 
 
 def _stamps(root, package) -> Path:

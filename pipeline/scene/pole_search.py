@@ -24,6 +24,7 @@ ROD_ARC = 0.65  # is seen where a rod hides the rest; more makes no likelier pol
 LEAST_SHADE = 0.08  # the same, where a person says that there is a pole
 RADIUS_SPREAD = 0.15  # SD of a pole's radius about the expected one, relative, in its score
 RIVAL = 0.5  # of the best rough score: what has more may be the pole when measured exactly
+MOST_CANDIDATES = 10  # rough places in one picture
 SURE = 0.45  # likeness; an opaque disc on a rod has 0.6, sharp dust of its size 0.25
 
 
@@ -121,7 +122,7 @@ def _shade(image, x, y, radius_px):
 # ---- roughly ------------------------------------------------------------------------------
 
 
-def _candidates(image, radius_px, near_xy, exclude, most=10):
+def _candidates(image, radius_px, near_xy, exclude):
     """Yield (x, y) where the edges' gradients point away from a common dark centre."""
     smooth = cv2.GaussianBlur(image, (0, 0), 0.8)
     gx = cv2.Sobel(smooth, cv2.CV_32F, 1, 0, scale=1 / 8)
@@ -139,7 +140,7 @@ def _candidates(image, radius_px, near_xy, exclude, most=10):
         image.shape, x, y, gx[y, x] / strength, gy[y, x] / strength, strength, radius_px
     )
     hough *= smooth < 1 - LEAST_CONTRAST  # a centre is dark
-    for _ in range(most):
+    for _ in range(MOST_CANDIDATES):
         _, peak, _, (px, py) = cv2.minMaxLoc(hough)
         if peak <= 0:
             return

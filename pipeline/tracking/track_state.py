@@ -31,9 +31,9 @@ class Track:
     def __post_init__(self):
         self.whole = max(self.template.samples, key=lambda line: line.n, default=None)
 
-    def take(self, line: Line | None, before: Line | None = None, lost_for: int = 0) -> None:
+    def take(self, line: Line | None, before: Line | None = None) -> None:
         """Continue with another line, which may be as long as this whisker."""
-        self.line, self.before, self.lost_for = line, before, lost_for
+        self.line, self.before, self.lost_for = line, before, 0
         if line is not None:
             line.longest = self.template.longest_px
 

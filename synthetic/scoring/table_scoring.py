@@ -59,11 +59,11 @@ def error_figures(joined: pd.DataFrame, column: str, where=None) -> dict:
     }
 
 
-def coverage(error, se, z=Z95) -> float:
-    """Part of the truths that lie within z standard errors of the estimate; NaN without any."""
+def coverage(error, se) -> float:
+    """Part of the truths that lie in the estimates' 95 % intervals; NaN without any."""
     error, se = np.asarray(error, float), np.asarray(se, float)
     known = np.isfinite(error) & np.isfinite(se) & (se > 0)
-    return float((np.abs(error[known]) <= z * se[known]).mean()) if known.any() else np.nan
+    return float((np.abs(error[known]) <= Z95 * se[known]).mean()) if known.any() else np.nan
 
 
 def contact_agreement(joined: pd.DataFrame) -> float:

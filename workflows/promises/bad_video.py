@@ -37,7 +37,7 @@ SETTINGS = settings_from(
 
 
 class Case(NamedTuple):
-    """A damaged input: what was done, and the path that holds it."""
+    """A damaged input: the name of what is done to it (of DAMAGED_BY), and where, by a seed."""
 
     what: str
     seed: int

@@ -40,9 +40,9 @@ class Ending:
         return self.peak - self.inherited
 
 
-def in_child(function, *arguments, seconds=60, setup=None) -> Ending:
-    """Call a function in a forked process, `setup` before; end it after so many seconds."""
-    (ending,) = each_in_child(lambda _: function(*arguments), [None], seconds, setup)
+def in_child(function, *arguments, seconds=60) -> Ending:
+    """Call a function in a forked process; end it after so many seconds."""
+    (ending,) = each_in_child(lambda _: function(*arguments), [None], seconds)
     return ending
 
 

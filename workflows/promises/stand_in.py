@@ -14,9 +14,9 @@ import pipeline.contacts.corrections
 import pipeline.reports.figures
 import pipeline.reports.report
 import pipeline.tables.evidence
+from pipeline.analysis import Analysis
 from pipeline.app import batch
 from pipeline.detection import PoleTrack
-from pipeline.run import Analysis
 from pipeline.session.inputs import find_inputs
 from pipeline.session.session_file import settings_from, write_session
 from pipeline.tables import whole_files

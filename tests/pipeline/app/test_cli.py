@@ -12,7 +12,8 @@ from results_folder import make_results
 from typer.main import get_command
 
 from pipeline.app import batch, cli
-from pipeline.app.batch import Outcome, Summary
+from pipeline.app.batch import Summary
+from pipeline.app.outcome import Outcome
 from pipeline.runtime import numba_cache
 
 HEAVY = (

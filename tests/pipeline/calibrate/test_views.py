@@ -9,7 +9,6 @@ from pipeline.calibrate.lines_3d import contact_place, space_line, unroll
 from pipeline.calibrate.two_views import ViewsError, fit_views
 from pipeline.calibrate.views import _lag
 from pipeline.convert.results import lines_of_rows
-from pipeline.session.inputs import STATE_FILE
 from pipeline.session.session_file import settings_from, write_session
 from pipeline.tables import centrelines, files, whole_files
 from pipeline.tables.calibration_columns import (
@@ -23,6 +22,7 @@ from pipeline.tables.columns import (
     VIDEO_COLUMNS,
     as_table,
 )
+from pipeline.tables.result_exchange import STATE_FILE
 from synthetic.staging import Setting
 from synthetic.two_view_session import matched_points, true_rows
 from synthetic.two_views import whisker_in_space

@@ -7,7 +7,7 @@ import time
 import pytest
 from rich.console import Console
 
-from pipeline.app.batch import Outcome
+from pipeline.app.outcome import Outcome
 from pipeline.runtime import progress
 from pipeline.runtime.progress import Step
 from pipeline.runtime.workers import Event

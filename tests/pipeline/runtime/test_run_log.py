@@ -2,7 +2,7 @@
 
 import re
 
-from pipeline.app.batch import Outcome
+from pipeline.app.outcome import Outcome
 from pipeline.runtime import RunLog
 from pipeline.runtime.workers import Event
 
