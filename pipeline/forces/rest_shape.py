@@ -26,7 +26,6 @@ FEWEST_FRAMES = 3
 LARGEST_DEGREE = 2
 # rolling by 0.7 rad per rad (Knutsen et al. 2008) shows up to this much of a bend of 20 1/m
 TURNING_SD = 12.0  # of a rest value [1/m per rad of base angle, and per rad²]
-CONSTANT_SD = 300.0  # [1/m]: flat
 LEAST_SD = 1e-6  # [1/m]
 CORRELATED_FRAMES = 10  # neighbouring frames share their errors: how many count as one
 # frames in which the whisker lies on the same pixels share errors, too: about a pixel at 5 mm
@@ -34,7 +33,7 @@ SAME_ANGLE_RAD = 0.008
 MANY_FRAMES = 1000  # kept at least, where some free frames are left out
 DRIFT_TIME_S = 0.3  # drift is followed over times longer than this
 DRIFT_SHRINK_FRAMES = 8  # so many frames of zero drift are added everywhere
-TUKEY = 4.5  # SD beyond which a frame does not count
+TUKEY = 4.685  # SD beyond which a frame does not count: in normal noise, 95 % as exact as a mean
 
 
 @dataclass(frozen=True)
@@ -141,8 +140,8 @@ def fit_rest(values, variances, angle, time, free, degree=LARGEST_DEGREE) -> Res
     centre = float(np.median(angle))
     scale = max(float(np.ptp(np.percentile(angle, [5, 95]))) / 2, 1e-3)
     powers = _powers((angle - centre) / scale, degree)
-    precision = 1 / np.array([CONSTANT_SD, TURNING_SD * scale, TURNING_SD * scale**2]) ** 2
-    precision = precision[: degree + 1]
+    # of slope and bend; a constant may have any size
+    precision = np.append(0.0, (TURNING_SD * scale ** np.arange(1, degree + 1)) ** -2.0)
     looks = 1 + 2 * scale / SAME_ANGLE_RAD
     alike = len(values) / np.clip(len(values) / CORRELATED_FRAMES, 1, looks)
     floor = np.sqrt(np.diag(np.median(covs, axis=0)))
@@ -303,7 +302,9 @@ def _averaged(powers, values, share, noise, precision):
         covs[degree, own, own] = np.linalg.inv(matrix)
         means[degree, own] = covs[degree, own, own] @ rhs[own]
         evidence[degree] = 0.5 * (
-            rhs[own] @ means[degree, own] - np.linalg.slogdet(matrix)[1] + np.log(prior[own]).sum()
+            rhs[own] @ means[degree, own]
+            - np.linalg.slogdet(matrix)[1]
+            + np.log(prior[several : own.stop]).sum()  # that of the constant is always the same
         )
     probability = np.exp(evidence - evidence.max())
     probability /= probability.sum()

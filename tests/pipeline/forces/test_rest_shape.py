@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scipy.stats import multivariate_normal
+from scipy.stats import multivariate_normal, norm
 
 from pipeline.forces import rest_shape
 from pipeline.forces.rest_shape import fit_rest, free_frames
@@ -354,7 +354,7 @@ def test_far_frames_count_alone_where_they_are_many(far, clear, alone):
     assert free.sum() == (far if alone else far + clear)
 
 
-@pytest.mark.parametrize(("astray", "nearest"), [(6, 0.01e-3), (15, -0.2e-3)])
+@pytest.mark.parametrize(("astray", "nearest"), [(8, 0.01e-3), (12, -0.2e-3)])
 def test_the_nearest_distance_is_one_that_many_frames_have(astray, nearest):
     """Of 100 touches; what fewer than a tenth as many show went astray."""
     rng = np.random.default_rng(14)
@@ -389,3 +389,38 @@ def test_other_values_are_smoothed_as_the_rest_shape_was():
     again = model.smoother(2 * measured[model.rows, None])(angle, time)
     values, _ = model.predict(angle, time)
     np.testing.assert_allclose(again, 2 * values, rtol=0, atol=2 * noise)
+
+
+def test_rest_shapes_of_any_size_are_found_as_they_are():
+    """Also where few frames show them, and badly."""
+    rng = np.random.default_rng(17)
+    time, angle = at_rest(5, rng)
+    measured, variance = rng.normal(0, 50, 5), np.full(5, 50.0**2)
+    found = [
+        fit_rest(measured + size, variance, angle, time, np.full(5, True)).predict(angle, time)[0]
+        for size in (0.0, 800.0)
+    ]
+    np.testing.assert_allclose(found[1] - found[0], 800, rtol=1e-6)
+
+
+def test_outliers_are_left_out_at_five_percent_of_the_exactness():
+    """In normal noise the mean of these frames is 95 % as exact as that of all (variances)."""
+    rng, n = np.random.default_rng(18), 4000
+    z = rng.permutation(norm.ppf((np.arange(n) + 0.5) / n))
+    still = np.zeros(n)
+    share = fit_rest(z, np.ones(n), still, np.arange(n) / 1000, np.full(n, True), 0).share
+    pull = share * z  # of each frame on the mean; its variance is this one's over slope²
+    assert np.mean(pull * z) ** 2 / np.mean(pull**2) == pytest.approx(0.95, abs=0.01)
+
+
+def test_frames_that_lie_on_the_same_pixels_share_an_error():
+    """A sweep over 25 px/mm, seen 5 mm from the base: each pixel adds an error of its own."""
+    rng, pixel = np.random.default_rng(19), 1 / 25 / 5  # rad
+    n, sweep, z = 1500, 0.16, []
+    angle = sweep * np.abs((np.arange(n) / 300) % 2 - 1)
+    of_pixel = (angle / pixel).astype(int)
+    for _ in range(60):
+        errors = rng.normal(0, noise, (of_pixel.max() + 1, 8))[of_pixel]
+        model = fit_rest(errors, np.full((n, 8), noise**2), angle, np.arange(n) / 1000, angle >= 0)
+        z.append(model.weights[0] / np.sqrt(np.diag(model.weights_cov[0, :, 0])))
+    assert 0.95 < np.sqrt(np.mean(np.square(z))) < 1.1
