@@ -15,8 +15,9 @@ more the estimates scatter from frame to frame, the less of them is used, but ne
 certain part. The fainter the whisker is in the noise, or the more of it a codec erases, the longer
 is the unseen end, and the more the ends scatter. So a length is added that grows with this scatter
 and with the noise at the stations, including a codec's errors (`station_noise.py`). Averaging over
-frames does not remove all of the scatter. Where the fading is not known at all (lines of other
-programs), the trace's end only shows how the origin changes from frame to frame.
+frames does not remove all of the scatter, and least where they are few. Where the fading is not
+known at all (lines of other programs), the trace's end only shows how the origin changes from
+frame to frame.
 
 Frames that a codec interpolates between others (B frames of H.264) are not used. They show a
 whisker at its turning point a hundredth of a pixel short of it. That is the same in all touches,
@@ -52,7 +53,7 @@ from whiskermodel.whisker import Whisker
 MOST_KNOTS = 400
 ALIKE = 0.8  # correlation of the origin at neighbouring knots: 0 and 0.95 do worse, rendered
 LENGTH_WRONG = 0.01  # share of lengths that have changed since they were measured; chosen
-FEWEST_ENDS, TIP_PART = 30, 0.3  # frames, and share of all, in which the tip must be seen
+TIP_PART = 0.3  # of all frames: in so many the tip must be seen
 # the tip is beyond the mean end by at least TIP_BY_FADING of what the fading says, plus
 # TIP_BY_SCATTER × variance of the ends [px²] × noise of the base [px] (`_base_noise`); its error
 # is TIP_LASTING_SHARE of the fading's SD; measured on rendered videos, with codecs and without
@@ -304,7 +305,8 @@ def _tip_place(places, good, excess, whisker, params):
     fading, scatter = np.nanmean(to_tip), np.nanstd(to_tip)
     steady = fading**2 / (fading**2 + scatter**2 + px**2 / 12)  # an end is known to a pixel
     short = fading * max(TIP_BY_FADING, steady) + TIP_BY_SCATTER * drowned
-    error = TIP_LASTING_SHARE * scatter
+    shared = TIP_FRAMES / np.isfinite(to_tip).sum()
+    error = scatter * np.sqrt(TIP_LASTING_SHARE**2 + shared)
     return whisker.length - short, np.hypot(1e-3 * params.tip_sd_mm, error)
 
 
@@ -328,7 +330,7 @@ def _trace_ends(places, params):
     near = known[np.abs(known - usual) < window]
     with np.errstate(invalid="ignore"):
         good = np.abs(end - np.median(near)) < window if len(near) else near
-    if np.sum(good) < max(FEWEST_ENDS, TIP_PART * len(end)):
+    if np.sum(good) < max(FEWEST_ROWS, TIP_PART * len(end)):
         return np.full(len(end), np.nan), np.nan
     scatter = float(np.std(np.diff(end[good]))) / np.sqrt(2)
     return np.where(good, end, np.nan), max(scatter, 10e-6)
