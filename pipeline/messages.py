@@ -377,6 +377,7 @@ def face_message(scenes, templates, side: str) -> str | None:
     if other in (None, side):
         return None
     return (
-        f'[recording] face = "{side}", but the whiskers are thicker towards the {other}: if the '
-        f'face is there, write face = "{other}" and run again; otherwise forces are wrong'
+        f'[recording] face = "{side}", but lines are thicker towards the {other}, as whiskers are '
+        f'towards the face: if it is there, write face = "{other}" and run again; otherwise '
+        "forces are wrong"
     )

@@ -209,7 +209,7 @@ def _notes(looks, snout) -> dict:
         else f"GUESS, as if the image showed {FIELD_MM:g} mm × {FIELD_MM:g} mm"
     )
     return {
-        "recording.frames_per_second": "GUESS; a file's own rate is often that of playback",
+        "recording.frames_per_second": "GUESS, it is set at the camera or its trigger",
         "recording.pixels_per_mm": f"{how}; measure it: forces depend on it",
         "recording.face": "found in the picture",
         "recording.snout": "GUESS, whiskers look thinner there" if snout else "",

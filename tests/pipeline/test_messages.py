@@ -300,6 +300,13 @@ def test_a_length_that_contradicts_the_settings_is_doubted_in_place_of_the_face(
     assert 'write face = "right"' in doubt
 
 
+def test_where_the_face_is_doubted_and_no_whisker_found_none_is_spoken_of():
+    first, second = said_of(side="right", found=())
+    assert "but lines are thicker towards the right" in first
+    assert "the whiskers" not in first
+    assert second == "no whiskers found"
+
+
 def _seen(*thickness):
     """Whiskers to the right, each of a line that is so much thicker at its tip."""
     points = np.column_stack([np.arange(60.0), np.zeros(60)])
