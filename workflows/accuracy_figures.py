@@ -49,10 +49,12 @@ def figures_of(videos: list[measuring.Measured], pixels_per_mm: float) -> dict:
 
 
 def prefixed(name, figures):
+    """The same figures under keys that begin with a name."""
     return {f"{name}_{key}": value for key, value in figures.items()}
 
 
 def pooled_scores(videos) -> LineScores:
+    """The scores of several videos as those of one."""
     parts = [v.scores for v in videos]
     return LineScores(
         rows=pd.concat([p.rows.assign(video=v.video) for p, v in zip(parts, videos, strict=True)]),
@@ -63,6 +65,7 @@ def pooled_scores(videos) -> LineScores:
 
 
 def follicle_error(joined) -> float:
+    """RMS distance of the follicle from the true one [px]; NaN where nothing is tracked."""
     dx = joined["follicle_x_px"] - joined["true_follicle_x_px"]
     dy = joined["follicle_y_px"] - joined["true_follicle_y_px"]
     return float(np.sqrt(np.nanmean(dx**2 + dy**2))) if joined["tracked"].any() else np.nan
@@ -113,6 +116,7 @@ def contact_figures(forces: list[measuring.Forces]) -> dict:
 
 
 def matched(forces) -> ContactMatch:
+    """Contacts of several videos' `Forces` beside the true ones."""
     return match_contacts(
         pd.concat([f.contacts for f in forces], ignore_index=True),
         pd.concat([f.true_contacts for f in forces], ignore_index=True),

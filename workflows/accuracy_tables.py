@@ -61,6 +61,7 @@ FORCE_TABLE = {
 
 
 def table_of(columns, results: dict[str, dict], prefix="") -> str:
+    """A row for each preset with frames; `columns` (header: key, format), keys after `prefix`."""
     rows = [
         [
             preset,
@@ -147,6 +148,7 @@ def worst_of(videos: list[measuring.Measured]) -> pd.DataFrame:
 
 
 def failures(video, rows, what, value):
+    """The WORST of some rows of a video by the size of `value` (rows,), as a table."""
     table = pd.DataFrame(
         {
             "preset": video.preset,

@@ -159,6 +159,7 @@ def coverage_checks(preset, each: list[dict]) -> list[dict]:
 
 
 def reached(target, figures):
+    """The figure that a target is about."""
     if target.figure == "curvature_abs_bias":
         return abs(figures["curvature_bias"])
     return figures[target.figure]

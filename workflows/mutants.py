@@ -6,10 +6,10 @@
 A change is a sign, a comparison, a minimum for a maximum, or a number twice as large; messages of
 errors are left alone. It is noticed when a test of its room fails; without it, all must pass.
 Functions that take Numba minutes to compile are first tested as plain Python.
-A change of the whisker model that no test notices may alter no number: it is told apart where all
-numbers of random inputs (`mutant_numbers`, a seed of their own) stay within 1e-7; elsewhere
-it counts as survived, check it by eye. Prints a table; the exit status is 1 where fewer than 95 %
-of what is not told apart were noticed.
+A change of the whisker model that no test notices may alter no number: it does not count where all
+numbers of random inputs (`mutant_numbers`, with a seed of their own) stay within 1e-7. Otherwise
+it has survived: look at it. Prints a table; the exit status is 1 where fewer than 95 % of the
+changes that count were noticed.
 """
 
 import argparse

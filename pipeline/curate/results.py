@@ -44,7 +44,7 @@ KEPT_OPEN = 8  # videos whose tables and undo history stay in memory
 class Traces:
     """Time courses of one whisker, one value per frame of the video; NaN where not known.
 
-    `would_be_force` is what the frame's force would be if the whisker touched the pole.
+    `would_be_force_uN` is what the frame's force would be if the whisker touched the pole.
     """
 
     distance_mm: np.ndarray

@@ -151,8 +151,8 @@ def come_near(x1, y1, n1, x2, y2, n2, near):
 def near_pairs(lines, near, step=COARSE) -> np.ndarray:
     """Of lines with nodes `x`, `y` and their number `n`, which two may come near: bool, (n, n).
 
-    All that do are told, and some that are up to `step` nodes farther apart; no line is near to
-    itself.
+    All pairs that do are True, and some that are up to `step` nodes farther apart; no line is near
+    to itself.
     """
     return _near_pairs(*end_to_end(lines, step), near + 1.1 * step, step)
 

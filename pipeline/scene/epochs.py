@@ -187,6 +187,7 @@ class _Kept:
         self.items, self._stride, self._count = [], 1, 0
 
     def add(self, item):
+        """Keep an (index, frame) if it is its turn."""
         if self._count % self._stride == 0:
             self.items.append(item)
             if len(self.items) > MOST_KEPT:

@@ -54,6 +54,7 @@ class _Group:
     signatures: list = field(default_factory=list)
 
     def add(self, frame, line, signature, shift):
+        """Add a line of a frame in which all angles are larger by `shift` [rad]."""
         self.__dict__.pop("signature", None)  # of those before
         signature = signature.copy()
         signature[matching.ANGLE] -= shift
@@ -62,6 +63,7 @@ class _Group:
         self.signatures.append(signature)
 
     def joined_with(self, other):
+        """A group of the lines of both."""
         return _Group(
             self.frames + other.frames,
             self.lines + other.lines,
@@ -70,10 +72,12 @@ class _Group:
 
     @cached_property
     def signature(self):
+        """Median of its lines' signatures."""
         return np.nanmedian(self.signatures, axis=0)
 
     @property
     def strength(self):
+        """How clearly its lines are seen (`usual_strength`)."""
         return usual_strength(self.lines)
 
 

@@ -31,6 +31,7 @@ class _Collector:
         self.filled = 0
 
     def add(self, frame: int, whisker: int, line: Line, trust: float) -> None:
+        """Add a line; its confidence is its quality times `trust` in its name (0–1)."""
         while self.filled + line.n > self.points.shape[1]:
             self.points = np.concatenate([self.points, np.empty_like(self.points)], axis=1)
         _store(
@@ -41,6 +42,7 @@ class _Collector:
         self.rows.append((frame, whisker, trust * line.quality, line.n))
 
     def take(self, spacing: float) -> Centrelines:
+        """Hand out all rows so far, of lines with nodes `spacing` [px] apart, and begin anew."""
         rows, self.rows = self.rows, []
         x, y, offset, information, thickness = self.points[:, : self.filled].copy()
         self.filled = 0
