@@ -14,6 +14,7 @@ from pipeline.curate.colours import (
     WHISKERS,
     state_of,
 )
+from pipeline.reports.time_courses import thinned
 
 MARGIN = 1.0  # of the window, loaded on either side of it
 MOST_POINTS = 3000  # of a line; longer ones are thinned to their extremes
@@ -122,7 +123,8 @@ class Courses:
             rows.append((values, colour, 1.8 if own else 1.0, 1.0 if own else 0.35))
             if own:
                 self._dots[name].data = _dot_data(values, first, width)
-        lines = [_thinned(values, first) for values, *_ in rows]
+        frames = np.arange(first, last, dtype=float)
+        lines = [thinned(frames, values, MOST_POINTS) for values, *_ in rows]
         self._lines[name].data = {
             "xs": [x for x, _ in lines],
             "ys": [y for _, y in lines],
@@ -222,19 +224,6 @@ def _dot_data(values, first, width):
     if width >= DOTS_BELOW:
         return {"x": [], "y": []}
     return {"x": np.arange(first, first + len(values)), "y": values}
-
-
-def _thinned(values, first):
-    """(x, y) of a curve; of a long one the extremes of every few frames."""
-    x = np.arange(first, first + len(values), dtype=float)
-    if len(values) <= MOST_POINTS:
-        return x, values
-    step = -(-2 * len(values) // MOST_POINTS)
-    n = len(values) // step * step
-    parts = values[:n].reshape(-1, step)
-    with np.errstate(all="ignore"):
-        low, high = np.fmin.reduce(parts, axis=1), np.fmax.reduce(parts, axis=1)
-    return np.repeat(x[:n:step], 2), np.column_stack([low, high]).ravel()
 
 
 def _extreme(values, percent, otherwise):

@@ -161,12 +161,12 @@ def _path(time, values, span, limits) -> str:
     )
 
 
-def thinned(time, values) -> tuple[np.ndarray, np.ndarray]:
-    """A curve of at most MOST_POINTS, or about so; of every few frames the extremes are kept."""
+def thinned(time, values, most: int = MOST_POINTS) -> tuple[np.ndarray, np.ndarray]:
+    """A curve (n,) of at most `most` points, or about so; of every few the extremes are kept."""
     n = len(values)
-    if n <= MOST_POINTS:
+    if n <= most:
         return time, values
-    step = -(-2 * n // MOST_POINTS)
+    step = -(-2 * n // most)
     kept = n // step * step
     parts = np.where(np.isfinite(values[:kept]), values[:kept], np.nan).reshape(-1, step)
     low = np.fmin.reduce(parts, axis=1)
