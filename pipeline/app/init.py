@@ -213,7 +213,8 @@ def _notes(looks, snout) -> dict:
         "recording.pixels_per_mm": f"{how}; measure it: forces depend on it",
         "recording.face": "found in the picture",
         "recording.snout": "GUESS, whiskers look thinner there" if snout else "",
-        "whisker.name": "found in the picture, anterior to posterior",
+        "whisker.name": "found in the picture, anterior to posterior; all that are seen are "
+        "followed until one has another name or a dimension",
         "whisker.length_mm": "needed for forces, as cone_length_mm and base_radius_um are",
         "pole.diameter_mm": "GUESS",
         "pole.x_px": _pole_note(looks),

@@ -29,9 +29,10 @@ A row per whisker and frame. `lines = lines.merge(known[["frame", "whisker"]])` 
 whose whisker is known; for `known`, see frames.parquet."""
 OF_FRAMES = """\
 A row per whisker and frame. `known = frames[frames["confidence"] >= 0.5]` keeps the rows of
-traced lines whose whisker is known. Where session.toml has no `[[whisker]]` tables, whiskers are
-called w1, w2, … along the face. Numbers after that of the last whisker stand for lines that
-could not be identified; they are not in `known`."""
+traced lines whose whisker is known. Where session.toml has no `[[whisker]]` tables, or only those
+that `init` writes, without a dimension or another name, whiskers are called w1, w2, … along the
+face. Numbers after that of the last whisker stand for lines that could not be identified; they
+are not in `known`."""
 FILES = {
     "centrelines.parquet": (OF_LINES, CENTRELINE_COLUMNS),
     "frames.parquet": (OF_FRAMES, FRAME_COLUMNS),

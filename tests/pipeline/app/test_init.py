@@ -1,9 +1,12 @@
-"""Which round dark things give no scale."""
+"""Which round dark things give no scale, and what a first session.toml says."""
+
+from pathlib import Path
 
 import numpy as np
 
-from pipeline.app.init import _is_passed_over
+from pipeline.app.init import Look, _is_passed_over, findings
 from pipeline.detection.static_scene import PoleTrack, StaticScene
+from pipeline.session.session_file import session_text, settings_from
 
 SHAPE = (240, 320)
 RADIUS = 7.0  # px
@@ -28,3 +31,13 @@ def test_a_speck_that_a_whisker_passes_over_gives_none():
     across, beside = (np.rint(each).astype(np.uint8) for each in frames)
     assert _is_passed_over(plain, across)
     assert not _is_passed_over(plain, beside)
+
+
+def test_a_first_session_says_what_is_a_guess_and_when_its_whiskers_count():
+    document, notes = findings([Look(Path("a.avi"), scene(DISC), 25.0, ("w1", "w2"))])
+    document["whisker"] = [{"name": "w1"}, {"name": "w2"}]
+    text = session_text(settings_from(document), notes)
+    (rate,) = [line for line in text.splitlines() if line.startswith("frames_per_second")]
+    assert rate.endswith("GUESS, it is set at the camera or its trigger")
+    (name,) = [line for line in text.splitlines() if line.startswith('name = "w1"')]
+    assert name.endswith("followed until one has another name or a dimension")
