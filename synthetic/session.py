@@ -58,6 +58,8 @@ def render_session(
     ------
     RenderError
         Where videos could not be rendered, after all others are.
+    ValueError
+        Where there is no such preset, or trials, jobs or frames are below 1.
     """
     out_dir = Path(out_dir)
     found = find_preset(preset)
@@ -186,7 +188,7 @@ def _timed(seconds, stage):
 
 
 def _timed_frames(renderer, seconds, say):
-    """Yield the frames one after another."""
+    """Yield the frames one after another, uint8 (height, width); drawing and noise are timed."""
     for i in range(len(renderer)):
         with _timed(seconds, "drawing_frames"):
             light = renderer.light(i)

@@ -196,7 +196,7 @@ def _split(names):
 def export_janelia(results: Results, out: Out, debug: Debug = False):
     """Files for the Janelia Whisker Tracker.
 
-    For each video .whiskers, .measurements and .bar.
+    For each video .whiskers, .measurements and, where a pole was found, .bar.
     """
     from pipeline.convert.janelia import write_tracked
 
