@@ -22,7 +22,7 @@ class DetectionParams:
         "of little contrast", "chosen on real recordings",
     )  # fmt: skip
     faintest_sd: quantity(0, 100, "SD") = parameter(
-        2.0, "but no less than so many SDs of a pixel's noise", "chosen on real recordings"
+        1.5, "but no less than so many SDs of a pixel's noise", "chosen on real recordings"
     )
     unseen_gap_mm: quantity(0, 10, "mm") = parameter(
         0.48, "a line ends where it is not seen over more than this", "chosen: 12 px at 25 px/mm"

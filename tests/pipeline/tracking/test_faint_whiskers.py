@@ -48,8 +48,8 @@ def seen_share(frames, scene):
 
 @pytest.mark.parametrize(
     ("darkness", "noise", "seen"),
-    [(0.03, 0.4, 0.75), (0.12, 8.0, 0.5)],
-    ids=["little contrast", "noise"],
+    [(0.03, 0.4, 0.75), (0.025, 0.8, 0.65), (0.12, 8.0, 0.5)],
+    ids=["little contrast", "little contrast and some noise", "noise"],
 )
 def test_most_of_a_whisker_is_seen(darkness, noise, seen):
     assert seen_share(movie(darkness, noise), scene_of(noise)) > seen
