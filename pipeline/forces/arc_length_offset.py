@@ -56,7 +56,8 @@ LENGTH_WRONG = 0.01  # share of lengths that have changed since they were measur
 TIP_PART = 0.3  # of all frames: in so many the tip must be seen
 # the tip is beyond the mean end by at least TIP_BY_FADING of what the fading says, plus
 # TIP_BY_SCATTER × variance of the ends [px²] × noise of the base [px] (`_base_noise`); its error
-# is TIP_LASTING_SHARE of the fading's SD; measured on rendered videos, with codecs and without
+# is TIP_LASTING_SHARE of the fading's SD, and what few frames add; measured on rendered videos,
+# with codecs and without
 TIP_BY_FADING, TIP_BY_SCATTER, TIP_LASTING_SHARE = 0.6, 7.4, 0.2
 TIP_FRAMES = 2.0  # neighbouring frames that share the errors of their ends, at least
 TIP_LAGS = 8  # the same where a codec made the picture, at most
