@@ -14,7 +14,6 @@ kept, with `accuracy.csv` (all figures) and `worst.csv` (where to look).
 """
 
 import argparse
-import secrets
 import sys
 import tempfile
 import time
@@ -132,9 +131,7 @@ def arguments(argv=None):
     parser.add_argument("--jobs", type=int, default=1, help="processes")
     parser.add_argument("--write", type=Path, help="a Markdown file to put the tables into")
     parser.add_argument("--section", default="accuracy", help="of that file (default accuracy)")
-    parser.add_argument(
-        "--seed", type=int, help="all videos are drawn from it (default: a new one)"
-    )
+    measuring.add_seed(parser, "all videos are drawn from it")
     args = parser.parse_args(argv)
     args.presets = args.presets.split(",") if args.presets else list(PRESETS)
     unknown = [p for p in args.presets if p not in PRESETS]
@@ -142,7 +139,6 @@ def arguments(argv=None):
         parser.error(f"--presets: no preset {unknown[0]!r}; there are {', '.join(PRESETS)}")
     args.videos = args.videos or (FULL_VIDEOS if args.full else VIDEOS)
     args.frames = args.frames or (FULL_FRAMES if args.full else FRAMES)
-    args.seed = secrets.randbits(31) if args.seed is None else args.seed
     return args
 
 

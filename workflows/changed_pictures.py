@@ -18,7 +18,6 @@ frames.
 """
 
 import argparse
-import secrets
 import sys
 import tempfile
 from collections.abc import Callable
@@ -232,14 +231,13 @@ def arguments(argv=None):
     parser.add_argument("--labels", type=Path, help="JSON of whiskers followed by eye")
     parser.add_argument("--scale", type=float, default=16.0, help="pixels per mm")
     parser.add_argument("--frames-per-second", type=float, default=1000.0)
-    parser.add_argument("--seed", type=int, help="of the noise (default: a new one)")
+    measuring.add_seed(parser, "of the noise")
     parser.add_argument(
         "--only", nargs="+", choices=BY_NAME, default=list(BY_NAME), metavar="CHANGE",
         help=f"some of: {'; '.join(BY_NAME).replace('%', '%%')}",
     )  # fmt: skip
     parser.add_argument("--write", type=Path, help="a Markdown file to put the table into")
     args = parser.parse_args(argv)
-    args.seed = secrets.randbits(31) if args.seed is None else args.seed
     return args
 
 

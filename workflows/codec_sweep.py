@@ -9,7 +9,6 @@ draws it.
 """
 
 import argparse
-import secrets
 import sys
 import tempfile
 from pathlib import Path
@@ -119,11 +118,10 @@ def arguments(argv=None):
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     parser.add_argument("--videos", type=int, default=VIDEOS, help="per codec")
     parser.add_argument("--frames", type=int, default=FRAMES, help="of each video")
-    parser.add_argument("--seed", type=int, help="of all videos (default: a new one)")
+    measuring.add_seed(parser, "of all videos")
     parser.add_argument("--write", type=Path, help="a Markdown file to put the table into")
     parser.add_argument("--figure", type=Path, help="a picture to draw")
     args = parser.parse_args(argv)
-    args.seed = secrets.randbits(31) if args.seed is None else args.seed
     return args
 
 

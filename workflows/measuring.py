@@ -1,6 +1,7 @@
 """One rendered video, processed as by `whiskerforce run`, compared with its truth."""
 
 import os
+import secrets
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -29,6 +30,13 @@ ONE_THREAD = (*THREADS, "NUMBA_NUM_THREADS")
 def limit_threads() -> None:
     """One thread per process, for this one's children too; call it before numpy computes."""
     os.environ.update(dict.fromkeys(ONE_THREAD, "1"))
+
+
+def add_seed(parser, of: str) -> None:
+    """Add `--seed` to a program's arguments; where none is given, a new one is drawn."""
+    parser.add_argument(
+        "--seed", type=int, default=secrets.randbits(31), help=f"{of} (default: a new one)"
+    )
 
 
 # Truth ---------------------------------------------------------------------------------------
