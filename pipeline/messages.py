@@ -48,9 +48,9 @@ def messages(settings, tables, video, epochs, followed, first_seen, odd=None):
     if not whisker_set.templates and not settings.analysis.follow:
         yield "no whiskers found" if doubt else no_whiskers(settings, epochs, video)
         return
-    numbered = not settings.whisker
-    order = guessed_order(settings, whisker_set, nameless_in(tables.frames))
-    yield from _unknown_names(tables.frames, numbered)
+    numbered, nameless = not settings.whisker, nameless_in(tables.frames)
+    order = guessed_order(settings, whisker_set, nameless)
+    yield from _unknown_names(tables.frames, nameless if numbered else ())
     yield from _unnamed_whiskers(settings, followed)
     if not numbered:
         yield from order
@@ -59,7 +59,7 @@ def messages(settings, tables, video, epochs, followed, first_seen, odd=None):
     yield from _of_whiskers(settings, tables, followed, _no_pole(settings, scenes, bright))
     if numbered:
         yield from order
-        yield from _not_whiskers(tables.frames)
+        yield from _not_whiskers(tables.frames, nameless)
 
 
 def settings_doubt(settings, epochs, whisker_set, odd=None) -> str | None:
@@ -166,14 +166,12 @@ def _no_pole(settings, scenes, bright) -> str:
     )
 
 
-def _unknown_names(frames, numbered=False):
+def _unknown_names(frames, apart=()):
     """In many frames it is not known which whisker is which: then all results are in doubt.
 
-    Where whiskers are `numbered`, the numbers of `_not_whiskers` do not count.
+    Names that are kept `apart`, as of `_not_whiskers`, do not count.
     """
-    tracked = frames[frames["tracked"]]
-    if numbered:
-        tracked = tracked[~tracked["whisker"].isin(nameless_in(frames))]
+    tracked = frames[frames["tracked"] & ~frames["whisker"].isin(apart)]
     unknown = (tracked["confidence"] < KNOWN).groupby(tracked["whisker"], sort=False)
     if not len(tracked) or unknown.sum().sum() <= MOST_UNKNOWN * len(tracked):
         return
@@ -190,15 +188,14 @@ def _unknown_names(frames, numbered=False):
     )
 
 
-def _not_whiskers(frames):
+def _not_whiskers(frames, nameless):
     """Numbers of lines that belong to no known whisker; they mean nothing else."""
-    never = nameless_in(frames)
-    if never:
+    if nameless:
         tracked = frames.loc[frames["tracked"], "whisker"]
+        names = in_short(name for name in dict.fromkeys(tracked) if name in nameless)
         yield (
             "not whiskers, but lines that could not be identified (confidence below "
-            f"{KNOWN:g}): {in_short(name for name in dict.fromkeys(tracked) if name in never)}; "
-            f'leave them out by frames[frames["confidence"] >= {KNOWN:g}]'
+            f'{KNOWN:g}): {names}; leave them out by frames[frames["confidence"] >= {KNOWN:g}]'
         )
 
 

@@ -94,7 +94,7 @@ def step_table(blur: float) -> Steps:
     table = np.zeros((_ANGLES, len(distance)))
     for ni, wi in zip(node, weight, strict=True):
         for nj, wj in zip(node, weight, strict=True):
-            offset = 1 / 2 * (ni * np.cos(angle) + nj * np.sin(angle))
+            offset = 0.5 * (ni * np.cos(angle) + nj * np.sin(angle))
             table += wi * wj / 4 * ndtr((distance + offset[:, None]) / blur)
     return Steps(float(blur), table.astype(np.float32), float(reach), float(per_px))
 

@@ -237,8 +237,7 @@ def arguments(argv=None):
         help=f"some of: {'; '.join(BY_NAME).replace('%', '%%')}",
     )  # fmt: skip
     parser.add_argument("--write", type=Path, help="a Markdown file to put the table into")
-    args = parser.parse_args(argv)
-    return args
+    return parser.parse_args(argv)
 
 
 def main(argv=None) -> int:

@@ -121,8 +121,7 @@ def arguments(argv=None):
     measuring.add_seed(parser, "of all videos")
     parser.add_argument("--write", type=Path, help="a Markdown file to put the table into")
     parser.add_argument("--figure", type=Path, help="a picture to draw")
-    args = parser.parse_args(argv)
-    return args
+    return parser.parse_args(argv)
 
 
 def main(argv=None) -> int:
