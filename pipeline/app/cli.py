@@ -106,7 +106,10 @@ def run(
 
     interrupts.listen()
     if not (quiet or is_compiled()):
-        say("the first run compiles the program: that takes some minutes, once")
+        say(
+            "this first run compiles parts of the program while it works, which takes a minute or "
+            "two; later runs do not, and speeds are given without it"
+        )
     jobs, shown = jobs or terminal.cores(), None if quiet else terminal.progress
     summary = batch.run(paths, out, config, jobs, overwrite, overlay, shown)
     terminal.finish_run(summary, debug, terminal.say_nothing if quiet else say)
@@ -139,7 +142,10 @@ def init(
     from pipeline.runtime.numba_cache import is_compiled
 
     if not is_compiled("pipeline/kinematics/follicle.py"):  # what comes last here
-        say("the first look compiles the program: that takes a minute or two, once")
+        say(
+            "this first time, parts of the program are compiled, which takes a minute or two; "
+            "later it takes seconds"
+        )
     for line in init_folder(folder, overwrite, config, say):
         say(line)
 

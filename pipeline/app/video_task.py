@@ -1,7 +1,6 @@
 """One video in its results folder: analysed, its tables saved, or why not."""
 
 import contextlib
-import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,6 +13,7 @@ from pipeline.app.outcome import (
     save_state,
 )
 from pipeline.errors import InputError, in_words, why, with_advice
+from pipeline.runtime.compiling import compiling_reported, seconds_without_compiling
 from pipeline.runtime.progress import Step
 from pipeline.scene import pole_runs
 from pipeline.session.inputs import same_input, stamp
@@ -79,16 +79,19 @@ def _analyse_and_save(task, report) -> Outcome:
     """Analyse and write all tables; the state file records how they were made."""
     from pipeline.contacts.corrections import left_out, read_corrections
 
-    started = time.perf_counter()
+    started = seconds_without_compiling()
     before = stamp(task.path)
     corrections, earlier = read_corrections(task.folder), read_state(task.folder)
     with draft(task.folder) as new:
-        with centrelines.centreline_file(new / "centrelines.parquet") as keep:
-            analysis = task.analyse(task, keep, report, corrections)
+        with (
+            centrelines.centreline_file(new / "centrelines.parquet") as keep,
+            compiling_reported(report) as report_step,
+        ):
+            analysis = task.analyse(task, keep, report_step, corrections)
         if report:
             report(Step("tables"))
         analysis.write_tables(new, task.folder.name)
-        outcome = _outcome_of(task, analysis, time.perf_counter() - started)
+        outcome = _outcome_of(task, analysis, seconds_without_compiling() - started)
         whiskers = tuple(dict.fromkeys(analysis.frames["whisker"]))
         for problem in left_out(corrections, whiskers, analysis.n_frames):
             outcome = warned(outcome, problem)

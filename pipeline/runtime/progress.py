@@ -6,10 +6,12 @@ from collections import Counter
 from typing import NamedTuple
 
 from pipeline.errors import counted
+from pipeline.runtime.stopwatch import Stopwatch
 
-LEAST_DONE = 0.02  # of all work, before the time left is shown: compiling takes a while
+LEAST_DONE = 0.02  # of all work, before the time left is shown
 TYPICAL_FRAMES = 500  # of a video, before any is opened
 REDRAWN_PER_S = 4  # bar
+COMPILING = "compiling"  # what a task does in the middle of a stage, the first time
 
 
 class Step(NamedTuple):
@@ -42,10 +44,12 @@ class Progress:
         self.finished = 0
         self._stages, self._counted, self._after = dict(stages), counted, dict(after or {})
         self._steps = {}  # of each task under way
+        self._compiling = set()  # tasks
+        self._idle = Stopwatch(clock)  # runs while all that is under way is compiling
         self._frames = {}  # of each task begun: (done, expected)
         self._ended, self._closing, self._tasks_s = set(), None, None
         self._lock = threading.RLock()  # a timer looks, too
-        self._at = self.started, 0.0  # time of the last event, and the share done by then
+        self._at = 0.0, 0.0  # time spent at the last event, and the share done by then
 
     def receive(self, event):
         """Update the state by one event, and show it."""
@@ -56,19 +60,24 @@ class Progress:
                 self._take(event.task, event.value)
             else:
                 self._end(event.task)
-            self._at = self.clock(), self.share
+            self._idle.run(bool(self._compiling) and self._compiling >= self._steps.keys())
+            self._at = self._spent_s, self.share
         self.show(event)
 
     def doing(self, what: str) -> None:
         """All tasks have ended; `what` (one of `after`) begins."""
         with self._lock:
             if self._closing is None:
-                self._tasks_s = self.clock() - self.started
+                self._tasks_s = self._spent_s
             self._closing = what
-            self._at = self.clock(), self.share
+            self._at = self._spent_s, self.share
         self.show(None)
 
     def _take(self, task, step):
+        if step.stage == COMPILING:
+            self._compiling.add(task)
+            return
+        self._compiling.discard(task)
         self._steps[task] = step
         if step.stage == self._counted:
             self._frames[task] = step.done, max(step.expected, step.done)
@@ -76,6 +85,7 @@ class Progress:
     def _end(self, task):
         self.finished += 1
         self._steps.pop(task, None)
+        self._compiling.discard(task)
         self._ended.add(task)
         total = max(self._frames.get(task, (0, 0)))
         self._frames[task] = total, total
@@ -86,6 +96,11 @@ class Progress:
     # ---- numbers --------------------------------------------------------------------------
 
     @property
+    def _spent_s(self) -> float:
+        """Seconds since the start, without those in which all that was under way was compiling."""
+        return self.clock() - self.started - self._idle.seconds
+
+    @property
     def frames_done(self) -> int:
         """Frames processed so far."""
         return sum(done for done, _ in self._frames.values())
@@ -93,7 +108,7 @@ class Progress:
     @property
     def share(self) -> float:
         """Part of all work that is done, 0 to 1."""
-        spent = self.clock() - self.started if self._closing is None else self._tasks_s
+        spent = self._spent_s if self._closing is None else self._tasks_s
         behind = 0.0  # seconds of what follows the tasks
         if self._closing is not None:
             before = list(self._after)[: list(self._after).index(self._closing)]
@@ -126,19 +141,21 @@ class Progress:
 
     @property
     def frames_per_s(self) -> float:
-        """Speed since the start."""
-        return self.frames_done / max(self.clock() - self.started, 1e-9)
+        """Speed since the start, compiling left out."""
+        return self.frames_done / max(self._spent_s, 1e-9)
 
     @property
     def seconds_left(self) -> float | None:
-        """Expected time to the end, None while too little is done to estimate it.
+        """Expected time to the end, None while it cannot be estimated.
+
+        That is while too little is done, and while code is compiled, which may take any time.
 
         It counts down between events, and stays above 0 while there is work left.
         """
         then, share = self._at
-        if share <= LEAST_DONE:
+        if share <= LEAST_DONE or self._compiling:
             return None
-        left = (then - self.started) * (1 - share) / share - (self.clock() - then)
+        left = then * (1 - share) / share - (self._spent_s - then)
         return max(left, 0.0 if share >= 1 else 1.0)
 
     @property
@@ -146,7 +163,10 @@ class Progress:
         """What is being done, "overlay" or "following ×2, overlay"."""
         if self._closing is not None:
             return self._closing
-        count = Counter(step.stage for step in self._steps.values())
+        count = Counter(
+            COMPILING if task in self._compiling else step.stage
+            for task, step in self._steps.items()
+        )
         return ", ".join(name if n == 1 else f"{name} ×{n}" for name, n in count.items())
 
     def line(self) -> str:

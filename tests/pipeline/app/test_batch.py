@@ -7,6 +7,7 @@ import shutil
 import struct
 import sys
 import tempfile
+import time
 import zlib
 from dataclasses import replace
 from pathlib import Path
@@ -24,6 +25,7 @@ from pipeline.contacts.corrections import read_corrections
 from pipeline.curate.corrected import MADE_WITH, corrections_digest
 from pipeline.errors import InputError
 from pipeline.runtime import Progress, Step
+from pipeline.runtime.compiling import compile_times
 from pipeline.runtime.folder_lock import LOCK_FILE, locked
 from pipeline.session import inputs
 from pipeline.session.session_file import read_session, settings_from, write_session
@@ -33,6 +35,7 @@ from pipeline.tables.columns import CONTACT_COLUMNS, VIDEO_COLUMNS
 SETTINGS = settings_from(
     {"recording": {"frames_per_second": 1000, "pixels_per_mm": 25, "face": "left"}}
 )
+COMPILE_S = 0.5  # much longer than a stand-in takes
 
 
 @pytest.fixture
@@ -134,6 +137,28 @@ def test_a_figure_that_cannot_be_made_costs_no_table(folder, calls, tmp_path, mo
     assert summary.problems == ("the figures could not be made (ZeroDivisionError: oops)",)
     assert contact_videos(out) == ["a", "b"]
     assert "ZeroDivisionError" in (out / "run.log").read_text()
+
+
+def test_compiling_is_said_and_is_no_part_of_the_speed(folder, calls, tmp_path, monkeypatch):
+    analyse, steps = pipeline.run.analyse, []
+
+    def compiling(path, settings, keep, progress, *other):
+        progress(Step("following"))
+        compile_times().begin()
+        time.sleep(COMPILE_S)
+        compile_times().end()
+        return analyse(path, settings, keep, progress, *other)
+
+    class Listening(Progress):
+        def show(self, event):
+            steps.append(self.stage)
+
+    monkeypatch.setattr(pipeline.run, "analyse", compiling)
+    (folder / "b.avi").unlink()
+    (done,) = batch.run([folder], tmp_path / "out", progress=Listening).outcomes
+    assert done.frames / done.frames_per_s < COMPILE_S
+    i = steps.index("compiling")
+    assert steps[i - 1 : i + 2] == ["following", "compiling", "following"]
 
 
 def test_stages_come_in_order(folder, calls, tmp_path):

@@ -89,6 +89,34 @@ def test_time_left_runs_down_and_is_never_0_while_there_is_work():
     assert left == pytest.approx([10 / 3, 7 / 3, 1, 1, 1])
 
 
+def test_compiling_is_named_and_takes_no_part_in_speed_and_time_left():
+    shown, now = begun(["a"])
+    shown.receive(Event("start", 0))
+    now.s = 10
+    shown.receive(Event("progress", 0, Step("following", 100, 200)))  # half
+    assert shown.line() == "0/1 video, 100 frames, 10 frames/s, following, 10 s left"
+    shown.receive(Event("progress", 0, Step(progress.COMPILING)))
+    now.s = 60
+    assert shown.line() == "0/1 video, 100 frames, 10 frames/s, compiling"  # how long: not known
+    shown.receive(Event("progress", 0, Step("following", 100, 200)))
+    now.s = 62
+    assert shown.line() == "0/1 video, 100 frames, 8 frames/s, following, 8 s left"
+
+
+def test_the_clock_runs_on_while_one_of_two_videos_waits_for_compiling():
+    shown, now = begun(["a", "b"])
+    for task in (0, 1):
+        shown.receive(Event("start", task))
+        shown.receive(Event("progress", task, Step("following", 0, 100)))
+    shown.receive(Event("progress", 0, Step(progress.COMPILING)))
+    now.s = 10
+    shown.receive(Event("progress", 1, Step("following", 50, 100)))
+    assert shown.line().startswith("0/2 videos, 50 frames, 5 frames/s, compiling, following")
+    shown.receive(Event("progress", 1, Step(progress.COMPILING)))
+    now.s = 60
+    assert shown.frames_per_s == 5
+
+
 def test_the_line_names_stages_and_how_many_are_in_them():
     shown, now = begun(["a", "b", "c"])
     for task, step in enumerate((Step("following", 40, 100), Step("following", 10, 100))):
