@@ -17,7 +17,6 @@ import argparse
 import sys
 import tempfile
 import time
-import zlib
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
@@ -54,14 +53,12 @@ class Task(NamedTuple):
 
 def tasks_of(preset, folder, args) -> list[Task]:
     """The videos of one preset, each with a seed of its own."""
-    drawn = np.random.SeedSequence([args.seed, zlib.crc32(preset.encode())])
-    seeds = drawn.generate_state(args.videos) >> 1
     return [
         Task(
-            folder / f"{k:03d}", preset, k, int(seed), args.frames, bool(args.out),
+            folder / f"{k:03d}", preset, k, seed, args.frames, bool(args.out),
             not args.exact_dimensions,
         )
-        for k, seed in enumerate(seeds)
+        for k, seed in enumerate(measuring.video_seeds(preset, args.seed, args.videos))
     ]  # fmt: skip
 
 

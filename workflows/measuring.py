@@ -2,6 +2,7 @@
 
 import os
 import secrets
+import zlib
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -37,6 +38,12 @@ def add_seed(parser, of: str) -> None:
     parser.add_argument(
         "--seed", type=int, default=secrets.randbits(31), help=f"{of} (default: a new one)"
     )
+
+
+def video_seeds(preset: str, seed: int, videos: int) -> list[int]:
+    """A seed for each of some videos of a preset, drawn from one `seed` for all presets."""
+    drawn = np.random.SeedSequence([seed, zlib.crc32(preset.encode())])
+    return [int(each) for each in drawn.generate_state(videos) >> 1]
 
 
 # Truth ---------------------------------------------------------------------------------------

@@ -85,6 +85,41 @@ class Origin:
     bending_se: float = np.nan
 
 
+@dataclass(frozen=True)
+class TipEvidence:
+    """What the ends of one whisker's traces show of where its tip is.
+
+    Attributes
+    ----------
+    end : mean arc length at which they end [m]
+    end_variance : [m²]
+    to_tip, to_tip_sd : mean and SD of how far beyond them the tip is, by how they fade [m]
+    frames : in which that is known; 0: in none, and the two before are NaN
+    base_noise : error of the place of one pixel's length of whisker, at the base [px]
+    pixel : [m]
+    """
+
+    end: float
+    end_variance: float
+    to_tip: float
+    to_tip_sd: float
+    frames: int
+    base_noise: float
+    pixel: float
+
+    def place(self) -> tuple[float, float]:
+        """How far the tip is beyond the mean end, and the standard error of that [m].
+
+        The fading must be known.
+        """
+        px, scatter = self.pixel, self.to_tip_sd
+        drowned = self.end_variance / px * self.base_noise
+        steady = self.to_tip**2 / (self.to_tip**2 + scatter**2 + px**2 / 12)  # known to a pixel
+        beyond = self.to_tip * max(TIP_BY_FADING, steady) + TIP_BY_SCATTER * drowned
+        error = scatter * np.sqrt(TIP_LASTING_SHARE**2 + TIP_FRAMES / self.frames)
+        return beyond, error
+
+
 @dataclass
 class _Evidence:
     """Normal equations A w = b of the weights of the sparse `design`, with the priors in.
@@ -156,10 +191,11 @@ def origin_from_tip(
     evidence.matrix[0, 0] = session**-2
     varies = 1e-3 * params.hidden_length_varies_mm
     evidence.matrix[1:, 1:] = _steadiness(terms - 1) / varies**2
-    end, sd = _trace_ends(places, params)
+    end, sd = trace_ends(places, params)
     good = np.isfinite(end)
     if good.any():
-        tip, common = _tip_place(places, good, excess, whisker, params)
+        ends = tip_evidence(places.rows(good), whisker, excess)
+        tip, common = _expected_end(ends, whisker, params)
         away, part = tip - end[good], design[good]
         hidden, common = _believed(abs(np.mean(away)), session, common)
         evidence.matrix[0, 0] = hidden**-2
@@ -293,22 +329,28 @@ def _lasting_variance(errors):
     return float(np.mean(errors**2) + 2 * sum(np.mean(errors[k:] * errors[:-k]) for k in lags))
 
 
-def _tip_place(places, good, excess, whisker, params):
-    """Arc length [m] at which the traces of `good` rows should end, and its standard error.
+def tip_evidence(places: Stations, whisker: Whisker, excess=1.0) -> TipEvidence:
+    """What the ends of traces show of the tip.
 
-    Where their fading is not known, it is their mean end, with an infinite error. `excess` as in
-    `origin_from_tip`.
+    places : rows whose trace ends at the tip
+    excess : as in `origin_from_tip`
     """
-    end, to_tip, px = places.last[good], places.to_tip[good], places.pixel
-    if not np.isfinite(to_tip).any():
-        return end.mean(), np.inf
-    drowned = np.var(end) / px * _base_noise(places.rows(good), whisker, excess)
-    fading, scatter = np.nanmean(to_tip), np.nanstd(to_tip)
-    steady = fading**2 / (fading**2 + scatter**2 + px**2 / 12)  # an end is known to a pixel
-    short = fading * max(TIP_BY_FADING, steady) + TIP_BY_SCATTER * drowned
-    shared = TIP_FRAMES / np.isfinite(to_tip).sum()
-    error = scatter * np.sqrt(TIP_LASTING_SHARE**2 + shared)
-    return whisker.length - short, np.hypot(1e-3 * params.tip_sd_mm, error)
+    end, to_tip = places.last, places.to_tip
+    known = np.isfinite(to_tip).sum()
+    fading = (np.nanmean(to_tip), np.nanstd(to_tip)) if known else (np.nan, np.nan)
+    noise = _base_noise(places, whisker, excess) if known else np.nan
+    return TipEvidence(end.mean(), np.var(end), *fading, int(known), noise, places.pixel)
+
+
+def _expected_end(ends: TipEvidence, whisker, params):
+    """Arc length [m] at which the traces should end, and its standard error.
+
+    Where their fading is not known, it is their mean end, with an infinite error.
+    """
+    if not ends.frames:
+        return ends.end, np.inf
+    beyond, error = ends.place()
+    return whisker.length - beyond, np.hypot(1e-3 * params.tip_sd_mm, error)
 
 
 def _base_noise(places, whisker, excess):
@@ -323,7 +365,7 @@ def _base_noise(places, whisker, excess):
     return np.sqrt(max(excess, 1.0) * base * spacing / part.pixel**3)
 
 
-def _trace_ends(places, params):
+def trace_ends(places: Stations, params: RodParams = DEFAULTS.forces):
     """Arc length [m] of the trace's end where that is the tip (NaN elsewhere), and its scatter."""
     end, window = places.last, 1e-3 * params.tip_window_mm
     known = end[np.isfinite(end)]
