@@ -10,12 +10,11 @@ from dataclasses import replace
 
 import numpy as np
 import pandas as pd
-from scipy.integrate import cumulative_trapezoid
 from scipy.ndimage import gaussian_filter1d
 
 from pipeline.forces import arc_length_offset, fur_bias, rest_shape, rod_fit, station_noise
-from pipeline.forces.rest_shape import RestModel
-from pipeline.forces.rod_fit import RestPrior, ShapeFit
+from pipeline.forces.rod_fit import ShapeFit
+from pipeline.forces.whisker_rows import WhiskerRows
 from pipeline.kinematics.stations import Stations, lies_across
 from pipeline.numerics.angles import jitter, wrapped
 from pipeline.numerics.robust import robust_sd
@@ -88,14 +87,14 @@ def measure_forces(
     time = kinematics["time_s"].to_numpy(float)
     angle = wrapped(np.radians(kinematics["base_angle_deg"].to_numpy(float)))  # as rods have it
     free = far_from_pole(places, params)
-    rods = places, whisker, curvature_at, angle, time, free, friction, params
-    fit, origin, model = _fit_rods(*rods)
+    own = WhiskerRows(places, whisker, curvature_at, angle, time, free)
+    fit, origin, model = _fit_rods(own, friction, params)
     evidence = _evidence(places, fit, origin, model is not None, free, params)
     # the load also bends the hidden part, which the rod has and the trace has not
-    angle = np.where(np.isfinite(fit["angle"]), fit["angle"], angle)
+    own = replace(own, angle=np.where(np.isfinite(fit["angle"]), fit["angle"], angle))
     before, basis, after = rod_fit.rest_basis(whisker, curvature_at + STEP_M * np.arange(-1, 2))
-    shape = _turned_to(model, basis, angle, time)
-    measured = _rest_columns(*_curvature(kinematics, fit, origin), shape, angle, time, free)
+    shape = _turned_to(model, basis, own)
+    measured = _rest_columns(*_curvature(kinematics, fit, origin), shape, own)
     measured = measured.join(_base(kinematics, fit, origin.se, places.frame))
     point, error = point_force(measured, fit, params)
     evidence["point_force_N"] = point
@@ -114,38 +113,30 @@ def far_from_pole(places, params: RodParams = DEFAULTS.forces) -> np.ndarray:
     return free & np.isfinite(places.last)
 
 
-def _fit_rods(places, whisker, curvature_at, angle, time, free, friction, params):
+def _fit_rods(own: WhiskerRows, friction, params):
     """Loaded rods of all rows, the `Origin` of their arc lengths, and the `RestModel` or None."""
-    places, excess = station_noise.as_they_scatter(places, whisker, curvature_at, free)
-    places = _without_bias(places, whisker, curvature_at, angle, time, free, params)
-    origin, by_tip = arc_length_offset.origin_from_tip(places, whisker, time, excess, params)
+    whisker, at = own.whisker, own.curvature_at
+    places, excess = station_noise.as_they_scatter(own.places, whisker, at, own.free)
+    own = replace(own, places=places)
+    places = fur_bias.without_bias(own, 1e-3 * params.loaded_distance_mm)
+    origin, by_tip = arc_length_offset.origin_from_tip(places, whisker, own.time, excess, params)
     places = replace(places, origin=origin.per_row)
-    model = _rest_shape(places, whisker, curvature_at, time, free)
+    own = replace(own, places=places)
+    model = own.rest_shape()
     if model is None:
-        return rod_fit.fit_free(places, whisker, curvature_at), origin, None
-    prior = _rest_prior(model, angle, time)
-    rod = places, whisker, curvature_at, prior
+        return rod_fit.fit_free(places, whisker, at), origin, None
+    rod = places, whisker, at, own.rest_prior(model)
     rubbing = friction * sliding(rod_fit.fit_loaded(*rod)["contact"]) if friction else 0.0
 
     def from_free(design):
-        smoothed, where = model.smoother(design[model.rows].toarray()), _filled(angle, model)
-        return lambda rows: smoothed(where[rows], time[rows])
+        smoothed = model.smoother(design[model.rows].toarray())
+        angle = own.filled_angle(model)
+        return lambda rows: smoothed(angle[rows], own.time[rows])
 
     origin, prior = arc_length_offset.origin_from_bending(*rod, by_tip, from_free, rubbing)
     shift = origin.per_row - places.origin
-    rod = places, whisker, curvature_at, prior
+    rod = places, whisker, at, prior
     return rod_fit.fit_loaded(*rod, rubbing, shift), origin, model
-
-
-def _without_bias(places, whisker, curvature_at, angle, time, free, params):
-    """Return the stations, less sure where fur and face shift them (`fur_bias`)."""
-
-    def rest_prior(places, angle, time, free):
-        model = _rest_shape(places, whisker, curvature_at, time, free)
-        return model and _rest_prior(model, angle, time)
-
-    rods = places, whisker, curvature_at, angle, time, free, rest_prior
-    return fur_bias.without_bias(*rods, 1e-3 * params.loaded_distance_mm)
 
 
 def _evidence(places, fit, origin, rest_known, free, params) -> pd.DataFrame:
@@ -213,51 +204,6 @@ def point_force(rest: pd.DataFrame, fit: ShapeFit, params: RodParams = DEFAULTS.
     return np.where(usable, force, np.nan), np.where(usable, error, np.nan)
 
 
-def _rest_shape(places, whisker, curvature_at, time, free) -> RestModel | None:
-    """Rest shape, by the angle of the follicle, from the free frames."""
-    rows = rest_shape.enough(places.rather_shown(np.flatnonzero(free), rest_shape.PLENTY))
-    if len(rows) < rest_shape.FEWEST_FRAMES:
-        return None
-    places = places.rows(rows)
-    fit = rod_fit.fit_free(places, whisker, curvature_at)
-    lean = _lean(places, whisker)
-    everywhere = np.ones(len(rows), dtype=bool)
-    model = rest_shape.fit_rest(
-        fit.rest, fit.rest_cov, fit["angle"] + fit.rest @ lean, time[rows], everywhere
-    )
-    if model is None:
-        return None
-    return replace(rest_shape.by_leaning_angle(model, -lean), rows=rows[model.rows])
-
-
-def _lean(places, whisker):
-    """Angle between the straight line through the visible part and the follicle's axis.
-
-    (N_REST,) [rad m], per rest coefficient. An error of the fitted shape is also one of the
-    follicle's angle, but hardly one of this line's direction.
-    """
-    s = np.linspace(0, whisker.length, 200)
-    turned = cumulative_trapezoid(rod_fit.rest_basis(whisker, s), s, axis=0, initial=0)
-    first, last = np.nanmedian(places.first), np.nanmedian(places.last)
-    # the slope of a least-squares line is the curve's direction weighted by a parabola
-    weight = np.maximum((s - first) * (last - s), 0.0)
-    return weight @ turned / weight.sum()
-
-
-def _rest_prior(model, angle, time) -> RestPrior:
-    """The rest shape as prior for the loaded fit of all frames."""
-    angle = _filled(angle, model)
-    _, cov = model.predict(angle, time)
-    cov = cov + np.eye(cov.shape[1]) * 1e-3**2
-    shape = model.weights, model.centre, model.scale, model.drift(time), cov
-    return RestPrior(*shape, model.weights_cov, model.powers(angle))
-
-
-def _filled(angle, model):
-    """The table's angles; the centre where there is none, which is good enough for the error."""
-    return np.where(np.isfinite(angle), angle, model.centre)
-
-
 def _force_noise(force, error, places, free, params):
     """Scatter of the force in free frames, where it is zero, over its standard error.
 
@@ -321,27 +267,27 @@ def _curvature(kinematics, fit, origin):
     )
 
 
-def _turned_to(model, basis, angle, time):
+def _turned_to(model, basis, own: WhiskerRows):
     """Curvature of the rest shape in all frames, at the place of `basis` (N_REST,), and its error.
 
     The error is that of the change from the free frames' usual angle.
     """
-    shape, error = np.full((2, len(angle)), np.nan)
-    known = np.isfinite(angle)
+    shape, error = np.full((2, len(own.angle)), np.nan)
+    known = np.isfinite(own.angle)
     if model is not None and known.any():
-        shape[known] = model.predict(angle[known], time[known])[0] @ basis
-        cov = model.turning_cov(angle[known])
+        shape[known] = model.predict(own.angle[known], own.time[known])[0] @ basis
+        cov = model.turning_cov(own.angle[known])
         error[known] = np.sqrt(np.einsum("j,njk,k->n", basis, cov, basis))
     return shape, error
 
 
-def _rest_columns(curvature, noise, place, shape, angle, time, free):
+def _rest_columns(curvature, noise, place, shape, own: WhiskerRows):
     """Curvature, rest curvature and curvature change at one arc length, with standard errors."""
-    rest, rest_error = _rest_curvature(curvature, noise, shape, angle, time, free)
+    rest, rest_error = _rest_curvature(curvature, noise, shape, own)
     # a codec's errors are alike at neighbouring stations, so that curvature errs by more than the
     # noise: free frames show by how much. A rest curvature that wanders looks the same
-    error = noise * _excess((curvature - rest) / noise, free)
-    rest, rest_error = _rest_curvature(curvature, error, shape, angle, time, free)
+    error = noise * _excess((curvature - rest) / noise, own.free)
+    rest, rest_error = _rest_curvature(curvature, error, shape, own)
     return pd.DataFrame(
         {
             "curvature_per_m": curvature,
@@ -354,7 +300,7 @@ def _rest_columns(curvature, noise, place, shape, angle, time, free):
     )
 
 
-def _rest_curvature(curvature, error, shape, angle, time, free):
+def _rest_curvature(curvature, error, shape, own: WhiskerRows):
     """Rest curvature and its standard error in all frames; NaN where it is not known.
 
     It follows base angle and time as the rest shape does (`_turned_to`); free frames show by how
@@ -362,10 +308,11 @@ def _rest_curvature(curvature, error, shape, angle, time, free):
     """
     rest, rest_error = np.full((2, len(curvature)), np.nan)
     turned, turning_error = shape
-    model = rest_shape.fit_rest(curvature - turned, error**2, angle, time, free, degree=0)
+    of_frames = own.angle, own.time, own.free
+    model = rest_shape.fit_rest(curvature - turned, error**2, *of_frames, degree=0)
     if model is not None:
-        known = np.isfinite(angle)
-        value, cov = model.predict(angle[known], time[known])
+        known = np.isfinite(own.angle)
+        value, cov = model.predict(own.angle[known], own.time[known])
         rest[known] = turned[known] + value[:, 0]
         rest_error[known] = np.sqrt(cov[:, 0, 0] + turning_error[known] ** 2)
     return rest, rest_error

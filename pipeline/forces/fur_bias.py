@@ -20,10 +20,10 @@ import numpy as np
 import pandas as pd
 
 from pipeline.forces import rod_fit
+from pipeline.forces.whisker_rows import WhiskerRows
 from pipeline.kinematics.stations import Stations
 from pipeline.numerics.robust import MAD_TO_SD
 from pipeline.numerics.runs import evenly
-from whiskermodel.whisker import Whisker
 
 FUR_CLINGS_M = 0.4e-3  # length of the first visible part, which is not judged
 STEP_M = 0.4e-3  # or a station's, where these lie farther apart
@@ -35,31 +35,25 @@ SURE = 4.0  # times the variance that is expected
 LASTING_SHARE = 0.15
 
 
-def without_bias(
-    places: Stations, whisker: Whisker, curvature_at: float, angle, time, free, rest_prior, near_m
-) -> Stations:
+def without_bias(own: WhiskerRows, near_m: float) -> Stations:
     """Return the stations; biased ones near the face have less information.
 
-    Parameters
-    ----------
-    places : rows of one whisker in the order of their frames
-    angle, time : (rows,) base angle [rad] and time [s]
-    free : bool (rows,), frames to learn the rest shape from
-    rest_prior : function of (stations, angle, time, free) that returns a `RestPrior` or None
     near_m : whisker to pole [m], of frames that may touch
     """
-    rows = _sample(places, free, angle, near_m)
+    places, rows = own.places, _sample(own, near_m)
     if len(rows) == 0:
         return places
-    part, angle, time, free = places.rows(rows).loaded(), angle[rows], time[rows], free[rows]
+    own = own.rows(rows)
+    part, free = own.places, own.free
     spacing = part.spacing[part.whisker[0]]
     arc, width = np.arange(part.x.shape[1]) * spacing, max(STEP_M, spacing)
     step = np.floor((arc - np.nanmedian(part.first) - FUR_CLINGS_M) / width)
     held = replace(part, information=np.where(step >= STEPS, part.information, 0.0))
-    prior = rest_prior(held, angle, time, free)
-    if prior is None:
+    own = replace(own, places=held)
+    model = own.rest_shape()
+    if model is None:
         return places
-    square, expected = _misfits(held, part.information, whisker, curvature_at, prior)
+    square, expected = _misfits(own, part.information, own.rest_prior(model))
     found = [usual_misfit(square[kind], expected[kind]) for kind in (free, ~free)]
     usual = _usual([each[:, step == STEPS - 1] for each in found])
     doubt = np.where(step < STEPS - 1, _bias(found, usual), 0.0) / LASTING_SHARE**2
@@ -69,30 +63,31 @@ def without_bias(
     return places.doubted(doubt) if doubt.any() else places
 
 
-def _sample(places, free, angle, near_m):
+def _sample(own, near_m):
     """Numbers of free and of touching rows, spread over the video; none if one kind is missing."""
+    places, free = own.places, own.free
     with np.errstate(invalid="ignore"):
         near = (places.side != 0) & (places.distance < near_m) & ~places.extended & ~free
     out = []
     for kind in (near, free):
-        own = np.flatnonzero(kind & np.isfinite(angle) & np.isfinite(places.first))
-        if len(own) < FEWEST_ROWS:
+        rows = np.flatnonzero(kind & np.isfinite(own.angle) & np.isfinite(places.first))
+        if len(rows) < FEWEST_ROWS:
             return np.empty(0, int)
-        own = places.rather_shown(own, MOST_ROWS)
-        out.append(own[evenly(len(own), MOST_ROWS)])
+        rows = places.rather_shown(rows, MOST_ROWS)
+        out.append(rows[evenly(len(rows), MOST_ROWS)])
     return np.sort(np.concatenate(out))
 
 
-def _misfits(held, information, whisker, curvature_at, prior):
+def _misfits(own, information, prior):
     """Squared misfits of the stations and their variance, (rows, stations) [m²] each.
 
     NaN where nothing was measured, or no rod could be fitted.
     """
-    misfit = np.full((len(held), 2, held.x.shape[1]), np.nan)
-    fit = rod_fit.fit_loaded(held, whisker, curvature_at, prior, misfit=misfit)
+    misfit = np.full((len(own.places), 2, own.places.x.shape[1]), np.nan)
+    fit = rod_fit.fit_loaded(own.places, own.whisker, own.curvature_at, prior, misfit=misfit)
     with np.errstate(divide="ignore", invalid="ignore"):
-        own = np.fmax(fit["chi2"], 1.0)[:, None] / information
-    return misfit[:, 0] ** 2, misfit[:, 1] + np.where(np.isfinite(own), own, np.nan)
+        noise = np.fmax(fit["chi2"], 1.0)[:, None] / information
+    return misfit[:, 0] ** 2, misfit[:, 1] + np.where(np.isfinite(noise), noise, np.nan)
 
 
 def usual_misfit(square, expected):

@@ -10,7 +10,7 @@ import traced_motion
 
 from pipeline.contacts import analysis
 from pipeline.contacts.summary import contact_table, peak_errors
-from pipeline.forces import estimate_forces, forces, rod_fit
+from pipeline.forces import estimate_forces, forces, rod_fit, whisker_rows
 from pipeline.kinematics import Kinematics, resampled
 from pipeline.reports.error_budget import taper_share
 from pipeline.run import contacts_of, forces_of
@@ -521,7 +521,7 @@ def test_the_seen_line_leans_by_the_bending_of_its_shape():
     whisker, seen = mouse_c2(), (2.5e-3, 15e-3)
     places = SimpleNamespace(first=np.array([seen[0], np.nan]), last=np.array([seen[1], np.nan]))
     s = np.linspace(0, whisker.length, 20001)
-    for j, found in enumerate(forces._lean(places, whisker)):
+    for j, found in enumerate(whisker_rows._lean(places, whisker)):
         curvature = 0.01 * rod_fit.rest_basis(whisker, s)[:, j]
         slope = np.cumsum(curvature) * s[1]
         y, part = np.cumsum(slope) * s[1], (s >= seen[0]) & (s <= seen[1])

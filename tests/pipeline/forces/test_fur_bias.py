@@ -8,6 +8,7 @@ import traced_motion
 from rod_scenes import CURVATURE_AT, SD, known_rest, noisy, touching
 
 from pipeline.forces import forces, fur_bias, rod_fit
+from pipeline.forces.whisker_rows import WhiskerRows
 from pipeline.session.parameters import DEFAULTS
 from synthetic.presets import make_trial
 from whiskermodel.whisker import mouse_c2
@@ -52,12 +53,13 @@ def judged(traced, places):
     angle = np.radians(traced.frames["base_angle_deg"].to_numpy())
     time = traced.frames["time_s"].to_numpy()
     free = forces.far_from_pole(places)
-    return forces._without_bias(places, mouse_c2(), AT, angle, time, free, DEFAULTS.forces)
+    own = WhiskerRows(places, mouse_c2(), AT, angle, time, free)
+    return fur_bias.without_bias(own, 1e-3 * DEFAULTS.forces.loaded_distance_mm)
 
 
 def test_forces_are_those_without_the_fur(traced, furry, monkeypatch):
     assert abs(median_force_error(traced, furry)) < FORCE_ERROR
-    monkeypatch.setattr(fur_bias, "without_bias", lambda places, *_: places)
+    monkeypatch.setattr(fur_bias, "without_bias", lambda own, _: own.places)
     assert abs(median_force_error(traced, furry)) > 2 * FORCE_ERROR
 
 
@@ -131,10 +133,9 @@ def test_a_misfit_is_expected_of_the_rod_and_of_the_station(noise):
         places = noisy(places, rng)
     judged, misfit = np.array([3, 9, 20, 30]), np.empty((3, 2, places.x.shape[1]))
     fit = rod_fit.fit_loaded(places, whisker, CURVATURE_AT, prior, misfit=misfit)
-    square, expected = (
-        each[:, judged]
-        for each in fur_bias._misfits(places, places.information, whisker, CURVATURE_AT, prior)
-    )
+    rows = WhiskerRows(places, whisker, CURVATURE_AT, *np.zeros((2, 3)), np.zeros(3, bool))
+    found = fur_bias._misfits(rows, places.information, prior)
+    square, expected = (each[:, judged] for each in found)
     own = SD**2 * np.maximum(fit["chi2"], 1.0)[:, None]
     assert (fit["chi2"] > 4).all() == (noise > 0)
     np.testing.assert_array_equal(np.isnan(expected[:, 0]), True)
