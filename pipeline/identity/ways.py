@@ -19,7 +19,7 @@ LEAST_SD = np.array([0.01, np.radians(1.5), 0.05, 0.03, 0.007, 0.005])  # of a l
 ROUNDS = 2  # of naming all lines and learning the appearance from them
 OTHERS = 3  # numbers of whiskers tried besides the likeliest, at most
 NEARLY = 1.05  # of its cost: numbers of whiskers that cost more are not tried
-LESS_OF_APPEARANCE = 0.2  # every way goes on so to another one: how lines move counts more
+LESS_OF_APPEARANCE = 0.2  # its weight beside motion where a way goes on to another one
 SHARES = 0.15, 0.3  # of the frames, in which whiskers that tracklets lead to are seen
 LENGTH_SD = 0.08  # of the logarithm of a whisker's length
 NO_NAME = 4.5  # cost of a line without a name, as of a length 3 SD off
@@ -38,10 +38,11 @@ def best_names(lines) -> tuple[np.ndarray, np.ndarray]:
     if lines.frame[0] == lines.frame[-1]:  # in a single frame every line is a whisker by itself
         return np.arange(len(lines.frame)), np.ones(len(lines.frame))
     ways = list(_ways(lines))
-    costs = np.array([_length_cost(lines, names) for names, *_ in ways])
-    best, model, phase = ways[int(np.argmin(costs))]
+    costs = np.array([_length_cost(lines, names) for names, _ in ways])
+    best, model = ways[int(np.argmin(costs))]
     weight = ((costs.min() + LEAST_COST) / (costs + LEAST_COST)) ** SURE
-    named, share = _voted(lines.starts, [_renamed(names, best) for names, *_ in ways], weight)
+    named, share = _voted(lines.starts, [_renamed(names, best) for names, _ in ways], weight)
+    model, phase = looks_and_phases(lines, model, named)
     evidence = motion_model.evidence_of(model, lines, phase)
     return named, label_swaps.certainty(evidence, named) * share**ALIKE
 
@@ -68,18 +69,20 @@ def _voted(starts, ways, weight):
 
 
 def _ways(lines):
-    """Names (rows,) from different first ones on, each by two weights, as of `_likeliest`.
+    """Names (rows,) and appearance from different first ones on, and again from each of these.
 
-    Then again with time reversed: what misleads in one direction seldom does in the other.
+    The second time is reversed: what misleads in one direction seldom does in the other. And
+    names need not keep to tracks: where a track has gone over to another whisker, all ways that
+    follow it are wrong together.
     """
     back, rows = lines.backwards()
     for model, names in _first_names(lines):
-        way = _likeliest(lines, model, names)
-        yield way
-        again, model, phase = _likeliest(back, way[1], way[0][rows], LESS_OF_APPEARANCE)
+        names, model = _likeliest(lines, model, names)
+        yield names, model
+        again, model = _likeliest(back, model, names[rows], by_motion=True)
         names = np.empty_like(again)
         names[rows] = again
-        yield names, model, np.pad(phase[::-1], (lines.frame[0], 0), mode="edge")
+        yield names, model
 
 
 def _first_names(lines):
@@ -96,18 +99,22 @@ def _first_names(lines):
             yield seeds.appearance_of(lines, names, LEAST_SD), names
 
 
-def _likeliest(lines, model, named, appearance=1.0):
-    """Names that appearance and motions make likeliest, from first ones on, and both models.
+def _likeliest(lines, model, named, by_motion=False):
+    """Names that appearance and motion make likeliest, from first ones on, and the appearance.
 
-    appearance : how much appearance counts beside motions
+    by_motion : how lines move from frame to frame counts more than how they look, and names may
+        leave a track that is seen to go on
     """
     for number in range(ROUNDS):
         if number:
             model, named = seeds.with_more(model, named, lines)
         model, phase = looks_and_phases(lines, model, named)
-        evidence = motion_model.evidence_of(model, lines, phase, appearance)
+        weight = LESS_OF_APPEARANCE if by_motion else 1.0
+        evidence = motion_model.evidence_of(model, lines, phase, weight)
+        if by_motion:
+            evidence = evidence._replace(price=np.zeros_like(evidence.price))
         named = label_swaps.improved(evidence, named, lines.track)
-    return named, model, phase
+    return named, model
 
 
 def _length_cost(lines, names) -> float:
