@@ -13,6 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
+from pipeline.tables.files import check_separator
+
 COLUMNS = ("first_x_px", "first_y_px", "second_x_px", "second_y_px")
 FEWEST = 6
 WORST_PX = 4.0  # RMS distance between matched points
@@ -68,10 +70,13 @@ def read_points(path) -> np.ndarray:
     """Matched points (n, 4) of a CSV file with COLUMNS; ViewsError where they cannot be used."""
     try:
         table = pd.read_csv(path)
+        check_separator(table.columns)
     except FileNotFoundError:
         raise ViewsError(f"--points {path}: no such file; expected a CSV file") from None
     except (pd.errors.ParserError, pd.errors.EmptyDataError, UnicodeDecodeError) as error:
         raise ViewsError(f"--points {path}: is no CSV file ({error})") from None
+    except ValueError as error:
+        raise ViewsError(f"--points {path}: {error}") from None
     missing = [column for column in COLUMNS if column not in table]
     if missing:
         raise ViewsError(

@@ -8,6 +8,7 @@ import pandas as pd
 from pipeline.convert.keypoints import MOST_FRAMES, KeyPoints
 from pipeline.convert.optional import library
 from pipeline.errors import InputError, in_words
+from pipeline.tables.files import check_separator
 
 NEEDED = ("track", "frame_idx")
 
@@ -52,6 +53,7 @@ def _texts(values):
 def _read_csv(path) -> KeyPoints:
     try:
         table = pd.read_csv(path)
+        check_separator(table.columns)
         missing = [name for name in NEEDED if name not in table]
         if missing:
             raise ValueError(f"no column {missing[0]}")

@@ -14,6 +14,7 @@ from pipeline.tables.whole_files import sha256
 from pipeline.video.open import RESULT_FOLDERS, find_videos, is_result_folder, open_video
 
 SETTINGS_NAME = "session.toml"
+MISNAMED = (SETTINGS_NAME, f"{SETTINGS_NAME}.txt", f"{SETTINGS_NAME}.toml", "session.txt")
 PREVIEW_NAME = "session_preview.png"
 SESSION_FILES = (
     "videos.csv",
@@ -118,11 +119,22 @@ def session_of(each: Input, config=None) -> Path:
                 f"no session.toml in {folder}; copy the one of the recording there, or give it "
                 "with --config"
             )
+        misnamed = next((file.name for file in folder.iterdir() if _is_misnamed(file)), None)
+        if misnamed:
+            raise InputError(
+                f"no session.toml in {folder}, but {misnamed}: rename it to session.toml (to "
+                "see the ends of names in Windows, let the Explorer show file name extensions)"
+            )
         raise InputError(
             f"no session.toml in {folder}, beside the videos; give one with --config, or let "
             f"`whiskerforce init {shlex.quote(str(each.path.parent))}` write one"
         )
     return found
+
+
+def _is_misnamed(file) -> bool:
+    """Whether a file is meant to be session.toml, but has capitals or a further ending."""
+    return file.is_file() and file.name.casefold() in MISNAMED
 
 
 def _session_beside(each: Input) -> Path | None:

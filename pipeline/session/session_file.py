@@ -9,7 +9,7 @@ from pydantic import ValidationError
 from pipeline.errors import counted
 from pipeline.session.quantities import fields_of
 from pipeline.session.schema import Settings
-from pipeline.session.toml_fault import toml_fault
+from pipeline.session.toml_fault import encoding_fault, toml_fault
 from pipeline.session.validation import faults_of
 
 
@@ -42,9 +42,7 @@ def read_session(path) -> Settings:
     except tomllib.TOMLDecodeError as error:
         raise SettingsError(path, [toml_fault(text, error)]) from None
     except UnicodeDecodeError as error:
-        raise SettingsError(
-            path, [f"is no UTF-8 text at byte {error.start}; save it as UTF-8"]
-        ) from None
+        raise SettingsError(path, [encoding_fault(error)]) from None
     except OSError as error:
         raise SettingsError(
             path, [f"cannot be read ({error.strerror}); give a settings file that you may read"]

@@ -57,6 +57,9 @@ def _explain(error, document) -> str:
     """One of pydantic's errors as a sentence: place, value, what is expected, what to do."""
     place, kind, value = _place(error["loc"], document), error["type"], error["input"]
     if kind in UNKNOWN:
+        home = _home(error["loc"][-1])
+        if home and not isinstance(value, dict):
+            return f"{error['loc'][-1]} = {value!r} belongs below {home}; move it there"
         return f"{place}: unknown {_table_or_key(error['loc'])}; {_known(error['loc'])}"
     if kind == "missing":
         return f"{place} is missing; {_wanted(error['loc'])}; add it"
@@ -66,6 +69,8 @@ def _explain(error, document) -> str:
         return f"{place} = {value!r}: {_wanted(error['loc'])}; correct the value"
     if error["loc"] == ("whisker",):
         return "[whisker]: expected one [[whisker]] table (double brackets) per tracked whisker"
+    if isinstance(value, list) and _table_of(_field(error["loc"])) is not None:
+        return f"{place}: expected only one such table; write {place} once, in single brackets"
     return f"{place} = {value!r}: {_wanted(error['loc'])}, not {_toml_type(value)}; correct it"
 
 
@@ -87,6 +92,15 @@ def _field(location):
 def _keys(location) -> list[str]:
     """Keys of the table at a location; () is the whole file."""
     return list(fields_of(_table_of(_field(location)) if location else Settings))
+
+
+def _home(key) -> str:
+    """The heading of the table that has a key, "" where none has it."""
+    for name, field in fields_of(Settings).items():
+        table = _table_of(field)
+        if table is not None and name != "advanced" and key in fields_of(table):
+            return "[[whisker]]" if name == "whisker" else f"[{name}]"
+    return ""
 
 
 def _table_or_key(location) -> str:

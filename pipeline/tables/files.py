@@ -18,6 +18,7 @@ from pipeline.tables.whole_files import whole_file
 
 ROWS_PER_GROUP = 8192
 SHOWN = 40  # characters of a wrong value
+SEPARATORS = {";": "semicolons", "\t": "tabs"}  # of spreadsheets, in place of commas
 RUN_AGAIN = "; it was damaged or changed: `whiskerforce run` writes it anew"
 PARQUET, TAIL_BYTES = b"PAR1", 8  # how such a file begins; what follows on its list of contents
 
@@ -65,6 +66,7 @@ def read_csv(path, columns, advice=RUN_AGAIN) -> pd.DataFrame:
 
 def _csv_table(path, columns) -> pd.DataFrame:
     header, rows = _csv_rows(path)
+    check_separator(header)
     missing = [c.name for c in columns if c.name not in header and not c.later]
     if missing:
         found = ", ".join(header)[: 5 * SHOWN] or "none"
@@ -75,6 +77,16 @@ def _csv_table(path, columns) -> pd.DataFrame:
         out[c.name] = _parsed([row[place] for row in rows], c)
     table = pd.DataFrame(out)
     return table if len(out) == len(columns) else as_table(table, columns)
+
+
+def check_separator(names) -> None:
+    """ValueError where a table's column `names` came as one, separated by no commas."""
+    for separator, what in SEPARATORS.items():
+        if len(names) == 1 and separator in names[0]:
+            raise ValueError(
+                f"its columns are separated by {what}, as some spreadsheets save them; expected "
+                "commas, and points in decimal numbers"
+            )
 
 
 def _csv_rows(path):

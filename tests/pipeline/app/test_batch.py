@@ -960,6 +960,15 @@ def test_config_wins_over_the_file_beside_the_videos(folder, calls, tmp_path):
     assert read_session(tmp_path / "results" / "session.toml") == other
 
 
+@pytest.mark.parametrize("name", ["session.toml.txt", "Session.TOML"])
+def test_settings_with_nearly_the_right_name_are_pointed_out(folder, calls, tmp_path, name):
+    (folder / "session.toml").rename(folder / name)
+    if (folder / "session.toml").is_file():
+        pytest.skip("capitals and small letters are the same on this disk")
+    with pytest.raises(InputError, match=f"no session.toml in .*, but {name}: rename it to sess"):
+        batch.run([folder], tmp_path / "results")
+
+
 def test_unusable_arguments_stop_before_anything_is_processed(folder, calls, tmp_path):
     out = tmp_path / "results"
     with pytest.raises(InputError, match=r"no such file or folder: .*nowhere"):

@@ -6,7 +6,7 @@ import pytest
 
 from pipeline.app import cli
 from pipeline.calibrate.lines_3d import contact_place, space_line, unroll
-from pipeline.calibrate.two_views import ViewsError, fit_views
+from pipeline.calibrate.two_views import COLUMNS, ViewsError, fit_views, read_points
 from pipeline.calibrate.views import _lag
 from pipeline.convert.results import lines_of_rows
 from pipeline.session.session_file import settings_from, write_session
@@ -254,6 +254,13 @@ def _shuffled(table):
     names = ["second_x_px", "second_y_px"]
     table[names] = table[names].to_numpy()[::-1]
     return table
+
+
+def test_points_saved_with_semicolons_say_so(tmp_path):
+    table = pd.DataFrame(np.arange(24.0).reshape(6, 4) / 2, columns=COLUMNS)
+    table.to_csv(tmp_path / "points.csv", index=False, sep=";", decimal=",")
+    with pytest.raises(ViewsError, match=r"points.csv: .*separated by semicolons"):
+        read_points(tmp_path / "points.csv")
 
 
 @pytest.mark.parametrize(

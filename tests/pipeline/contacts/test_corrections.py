@@ -158,16 +158,17 @@ def test_a_broken_file_is_named_with_its_line(tmp_path, row, message):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (("40", "soon"), "line 3: onset_frame is 'soon', expected a whole number"),
-        (("40,", "40,41,"), "line 3"),
-        (("covers_to", "covers"), "expected column covers_to"),
+        (("40", "soon", 1), "line 3: onset_frame is 'soon', expected a whole number"),
+        (("40,", "40,41,", 1), "line 3"),
+        (("covers_to", "covers", 1), "expected column covers_to"),
+        ((",", ";", -1), "separated by semicolons.* expected commas"),
     ],
 )
 def test_a_file_edited_by_hand_is_named_with_its_line(tmp_path, change, message):
     rows = table_of([verdict(FREE, (1, 2)), verdict(FREE, (40, 50), (39, 51))])
     corrections.write_corrections(tmp_path, rows)
     path = tmp_path / "corrections.csv"
-    path.write_text(path.read_text().replace(*change, 1))
+    path.write_text(path.read_text().replace(*change))
     with pytest.raises(
         CorrectionsError, match=f"corrections.csv: .*{message}.*; correct"
     ) as caught:

@@ -117,6 +117,13 @@ def test_a_deeplabcut_table_without_commas_says_so(tmp_path, separator, name):
         read_deeplabcut(tmp_path / "a.csv")
 
 
+@pytest.mark.parametrize(("separator", "name"), [("\t", "tabs"), (";", "semicolons")])
+def test_a_sleap_table_without_commas_says_so(tmp_path, separator, name):
+    sleap_table(several(("a",))).to_csv(tmp_path / "a.csv", index=False, sep=separator)
+    with pytest.raises(InputError, match=f"a.csv: .* separated by {name}.*expected commas"):
+        read_sleap(tmp_path / "a.csv")
+
+
 @pytest.mark.parametrize("individuals", [("a",), ("a", "b")])
 def test_sleap_files(tmp_path, individuals):
     expected = several(individuals)

@@ -220,6 +220,9 @@ def test_any_settings_survive_the_way_to_the_file_and_back(fps, scale, length, h
         ),
         (document(image={"region_px": [9, 0, 3, 5]}), ["[image] region_px", "x0 < x1"]),
         (document(image={"polarity": "pale"}), ["[image] polarity = 'pale'", "dark, bright"]),
+        (document(recording=[LEAST["recording"]]), ["only one such table", "[recording] once"]),
+        (document(pixels_per_mm=25), ["pixels_per_mm = 25 belongs below [recording]; move it"]),
+        (document(pole={"length_mm": 18}), ["length_mm = 18 belongs below [[whisker]]"]),
         (document(image={"mask": 3}), ["[image] mask = 3", "expected a non-empty text"]),
         (document(analysis={"follow": "C2"}), ["[analysis] follow = 'C2'", 'as ["C1", "C2"]']),
         (
@@ -275,7 +278,8 @@ def test_all_mistakes_are_reported_at_once():
             b"[recording]\nframes_per_second = 1000,5\n",
             "line 2, column .*decimal points, no commas",
         ),
-        (b"\xff\xfe\x00", "at byte 0; save it as UTF-8"),
+        (b"\xff\xfe\x00", "is saved as UTF-16; save it as UTF-8 .Notepad"),
+        (b"[recording]\n# Geh\xe4use\n", "line 2: a character that is not UTF-8; write it again"),
         (None, "no such file"),
     ],
 )
@@ -313,6 +317,13 @@ def test_a_slip_of_the_keyboard_is_shown_in_its_line(tmp_path):
     assert what.startswith("  - line 4, column 19: not valid TOML")
     assert line.strip() == "pixels_per_mm = 25,0"
     assert line[mark.index("^")] == ","
+
+
+@pytest.mark.parametrize("place", [r"masks\my.png", r"C:\Users\me\mask.png"])
+def test_names_of_files_as_windows_writes_them_are_explained(tmp_path, place):
+    what, line, _ = fault_in(tmp_path, EXAMPLE + f'[image]\nmask = "{place}"\n')
+    assert what.endswith("in the names of files, write / in place of \\")
+    assert place in line
 
 
 def test_of_a_long_line_the_part_about_the_fault_is_shown(tmp_path):
