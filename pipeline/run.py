@@ -29,6 +29,7 @@ from pipeline.scene import (
     without_poles,
     working_scale,
 )
+from pipeline.scene.picture_part import LEAST_PX
 from pipeline.session import settings_given
 from pipeline.tables import CONTACT_COLUMNS, FRAME_COLUMNS, Centrelines, with_units
 from pipeline.tables.centrelines import lines_of_table
@@ -50,8 +51,6 @@ from pipeline.tracking import (
 from pipeline.video import open_video
 
 prepare_cache()  # nothing compiled has been called yet
-
-LEAST_PX = 16  # height and width of a frame
 
 
 def analyse(

@@ -16,6 +16,7 @@ BLURRED_PX = 3  # between margin and picture
 ALL = 0.98  # of a margin's pixels are even
 STEP = 0.5  # of a margin's length, along which the picture differs from it
 LEAST_LEFT = 0.25  # of the picture's height and width, within margins
+LEAST_PX = 16  # height and width of what is analysed: less shows no whisker
 
 
 @dataclass(frozen=True)
@@ -70,7 +71,7 @@ def part_of(image: ImageSettings, video) -> PicturePart | None:
     Raises
     ------
     VideoError
-        If nothing of the picture is left, or the mask is of another size.
+        If nothing or too little of the picture is left, or the mask is of another size.
     """
     if image.region_px is None and image.mask is None:
         return None
@@ -82,13 +83,16 @@ def part_of(image: ImageSettings, video) -> PicturePart | None:
             f"it; {_limits(video)}, or leave it out",
         )
     used = inside & _white(image.mask, video)
-    if not used.any():
+    rows, columns = (np.flatnonzero(used.any(axis)) for axis in (1, 0))
+    height, width = (int(np.ptp(each)) + 1 if len(each) else 0 for each in (rows, columns))
+    if min(height, width) < LEAST_PX:
+        left = f"only {width}×{height} px" if width else "nothing"
         raise VideoError(
             video.path,
             f"its picture is {video.width}×{video.height} px, and [image] region_px and mask "
-            "leave nothing of it; correct them, or leave them out",
+            f"leave {left} of it: expected at least {LEAST_PX} px either way; correct them, or "
+            "leave them out",
         )
-    rows, columns = (np.flatnonzero(used.any(axis)) for axis in (1, 0))
     return PicturePart(used, (slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)))
 
 

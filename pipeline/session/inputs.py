@@ -69,7 +69,7 @@ def _videos_in(folder, out, above=()) -> list[Path]:
 
     Links that lead to one of the folders `above` are not followed.
     """
-    here = find_videos([folder])
+    here = [path for path in find_videos([folder]) if path.resolve() != out] or [folder]
     below, above = [], (*above, folder.resolve())
     for entry in sorted(folder.iterdir()):
         if entry.is_dir() and entry not in here and not _is_result(entry, out):

@@ -170,6 +170,11 @@ def test_a_region_outside_of_the_picture_is_an_error(monkeypatch):
         look_at(Rendered(), settings(image={"region_px": [700, 0, 800, 100]}))
 
 
+def test_a_region_too_small_for_a_whisker_is_an_error():
+    with pytest.raises(VideoError, match="leave only 100×9 px of it: expected at least 16 px"):
+        look_at(Rendered(), settings(image={"region_px": [100, 100, 200, 109]}))
+
+
 def test_a_mask_of_another_size_is_an_error(tmp_path):
     cv2.imwrite(str(tmp_path / "mask.png"), np.full((48, 64), 255, np.uint8))
     with pytest.raises(VideoError, match=r"is 64×48 px: expected the same size; draw it"):

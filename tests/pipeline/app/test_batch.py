@@ -218,6 +218,17 @@ def test_results_folder_is_as_promised(folder, calls, tmp_path):
     assert not list(out.rglob("*.part*"))
 
 
+def test_an_empty_results_folder_among_the_videos_is_no_input(folder, calls, tmp_path):
+    (folder / "results").mkdir()
+    outcomes = batch.run([folder], folder / "results").outcomes
+    assert [(each.video, each.status) for each in outcomes] == [("a", "done"), ("b", "done")]
+    for name in ("a.avi", "b.avi"):
+        (folder / name).unlink()
+    (folder / "later").mkdir()
+    with pytest.raises(InputError, match="videos: holds neither videos nor images"):
+        batch.run([folder], folder / "later")
+
+
 def test_failures_do_not_stop_the_others(folder, calls, tmp_path):
     (folder / "a.avi").write_bytes(b"bad")
     (folder / "c.avi").write_bytes(b"fault")
