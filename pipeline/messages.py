@@ -111,7 +111,7 @@ def _too_few_frames(video, count):
     if video.ended_by is None and video.exact_count and count < video.n_frames:
         yield f"only {count} of {video.n_frames} frames could be read: is it cut short?"
     if count == 1:
-        yield "one frame only: no movement to learn from, no contacts"
+        yield "only one frame: without movement no contact can be found"
 
 
 def no_whiskers(settings, epochs, video) -> str:
@@ -129,9 +129,9 @@ def no_whiskers(settings, epochs, video) -> str:
     seen = seen_instead_of_whiskers(scenes, "bright" if bright else "dark")
     part = " and ".join(key for key in ("region_px", "mask") if getattr(settings.image, key))
     return (
-        f"no whiskers found; what was seen is {seen}; if there are "
-        f'whiskers, is [recording] face = "{settings.recording.face}" where they come from?'
-        + (f" And does [image] {part} leave their bases in the picture?" if part else "")
+        f"no whiskers found; seen instead: {seen}; if there are whiskers, check that [recording] "
+        f'face = "{settings.recording.face}" is the side that they come from'
+        + (f", and that [image] {part} leaves their bases in the picture" if part else "")
     )
 
 
@@ -152,13 +152,13 @@ def _no_pole(settings, scenes, bright) -> str:
     """What was seen where no pole is found, and what to do."""
     size = settings.pole.diameter_mm * settings.recording.pixels_per_mm
     shade = "bright" if bright else "dark"
-    seen = f"what was seen is {seen_instead_of_pole(scenes, shade)}; " if scenes else ""
+    seen = f"seen instead: {seen_instead_of_pole(scenes, shade)}; " if scenes else ""
     missing = f"no pole of {settings.pole.diameter_mm:g} mm ({size:.0f} px) found"
     if settings.pole.position_px is not None:
         x, y = settings.pole.position_px
         return (
             f"{missing} at [pole] x_px, y_px = {x:g}, {y:g}, so no contacts; {seen}correct them, "
-            "or leave them out: then it is looked for"
+            "or leave them out: then the pole is searched for"
         )
     return (
         f"{missing}, so no contacts; {seen}if there is one, check [recording] pixels_per_mm and "
@@ -194,8 +194,8 @@ def _not_whiskers(frames, nameless):
         tracked = frames.loc[frames["tracked"], "whisker"]
         names = in_short(name for name in dict.fromkeys(tracked) if name in nameless)
         yield (
-            "not whiskers, but lines that could not be identified (confidence below "
-            f'{KNOWN:g}): {names}; leave them out by frames[frames["confidence"] >= {KNOWN:g}]'
+            f"{names}: not whiskers, but lines that could not be identified (confidence below "
+            f'{KNOWN:g}); leave them out with frames[frames["confidence"] >= {KNOWN:g}]'
         )
 
 
@@ -207,11 +207,13 @@ def _unnamed_whiskers(settings, followed):
     seen = len(followed.whisker_set.found) + followed.unnamed
     wanted = [f'"{name}"' for name in settings.analysis.follow or names]
     follow = ", ".join(wanted[:MOST_NAMED] + ["…"] * (len(wanted) > MOST_NAMED))
-    tables = f"{len(names)} have a [[whisker]] table: which ones are {names[0]} to {names[-1]}"
+    tables = (
+        f"only {len(names)} have a [[whisker]] table: which ones are {names[0]} to {names[-1]}"
+    )
     if len(names) == 1:
         tables = f"only one has a [[whisker]] table: which one is {names[0]}"
     yield (
-        f"about {seen} whiskers are seen at a time, but {tables} is guessed, and may be wrong; "
+        f"about {seen} whiskers are seen at a time, but {tables} is a guess and may be wrong; "
         "give every whisker a table, in order along the face (a name is enough), and write "
         f"[analysis] follow = [{follow}] to get only those"
     )
@@ -231,15 +233,15 @@ def guessed_order(settings, whisker_set, unknown=()):
     if not settings.whisker:
         first = "the snout" if snout else "the end of the row where whiskers look thinner"
         yield (
-            f"{row} are numbered in each video anew, from {first} on: in another video, the same "
-            "name may be another whisker's"
+            f"{row} are numbered anew in each video, from {first} on: in another video, the same "
+            "name may stand for another whisker"
         )
     elif snout:
         yield from _other_end(whisker_set, settings.recording)
     elif any(whisker.length_mm is None for whisker in settings.whisker):
         yield (
-            f"the order of {row} along the face is guessed from how thick they look, in each "
-            "video anew: write [recording] snout, the side of the picture that it is nearest to, "
+            f"the order of {row} along the face is guessed anew in each video, from how thick "
+            "they look: write [recording] snout, the side of the picture nearest to the snout, "
             "and run again"
         )
 
@@ -252,8 +254,8 @@ def _other_end(whisker_set, recording):
     seen = snout_of(templates, recording.face)
     if seen not in (None, recording.snout):
         yield (
-            f'[recording] snout = "{recording.snout}", but by their lengths the whiskers stand in '
-            f"order from the {seen}, and are named so in this video: correct snout or the "
+            f'[recording] snout = "{recording.snout}", but by their lengths the whiskers follow '
+            f"each other from the {seen}, and have their names from that: correct snout or the "
             "lengths, and run again"
         )
 
@@ -281,7 +283,7 @@ def _of_another_length(settings, odd) -> str:
     listed = " to ".join(f"{length:g}" for length in dict.fromkeys(lengths[:1] + lengths[-1:]))
     given_as = f", but [[whisker]] length_mm = {listed}" if lengths else ""
     return (
-        f"{odd.name or 'the longest whisker'} is seen {float(f'{odd.px / scale:.2g}'):g} mm long "
+        f"{odd.name or 'the longest whisker'} looks {float(f'{odd.px / scale:.2g}'):g} mm long "
         f"({odd.px:.0f} px){given_as}: correct {'it or ' if lengths else ''}[recording] "
         f"pixels_per_mm = {scale:g}, on which lengths and forces depend"
     )
@@ -309,8 +311,9 @@ def _assumed_place(settings, pole):
         return
     yield (
         f"no disc is seen at [pole] x_px, y_px = {given[0]:g}, {given[1]:g}: the pole is taken to "
-        "be exactly there, on which contacts and forces depend; look at it in the picture that "
-        "`whiskerforce init` draws, and correct them, or leave them out: then it is looked for"
+        "be exactly there, and contacts and forces depend on it; check the place in the picture "
+        "that `whiskerforce init` draws, and correct it, or leave x_px and y_px out: then the "
+        "pole is searched for"
     )
 
 
@@ -375,6 +378,6 @@ def face_message(scenes, templates, side: str) -> str | None:
         return None
     return (
         f'[recording] face = "{side}", but lines are thicker towards the {other}, as whiskers are '
-        f'towards the face: if it is there, write face = "{other}" and run again; otherwise '
-        "forces are wrong"
+        f'towards the face: if the face is there, write face = "{other}" and run '
+        "again; until then forces are wrong"
     )

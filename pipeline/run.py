@@ -253,9 +253,10 @@ def _check_names(names, settings):
     known = [w.name for w in settings.whisker]
     unknown = [name for name in names if name not in known]
     if known and unknown:
+        lacking = "whisker {} has" if len(unknown) == 1 else "whiskers {} have"
         raise InputError(
-            f"whisker {', '.join(unknown)} has no [[whisker]] table in session.toml, which names "
-            f"{', '.join(known)}: add one, or correct the names"
+            f"{lacking.format(', '.join(unknown))} no [[whisker]] table in session.toml, which "
+            f"names {', '.join(known)}: add one, or correct the names"
         )
 
 

@@ -213,8 +213,8 @@ def _notes(looks, snout) -> dict:
         "recording.pixels_per_mm": f"{how}; measure it: forces depend on it",
         "recording.face": "found in the picture",
         "recording.snout": "GUESS, whiskers look thinner there" if snout else "",
-        "whisker.name": "found in the picture, anterior to posterior; all that are seen are "
-        "followed until one has another name or a dimension",
+        "whisker.name": "found in the picture, numbered from the snout on; every whisker that is "
+        "seen is followed until one of them has a dimension or another name",
         "whisker.length_mm": "needed for forces, as cone_length_mm and base_radius_um are",
         "pole.diameter_mm": "GUESS",
         "pole.x_px": _pole_note(looks),
@@ -243,13 +243,13 @@ def _words(looks, preview, target) -> list[str]:
     """Lines to print for the user."""
     names = ", ".join(look.path.name for look in looks)
     shown = f"; {preview.path.name} is in the picture" if len(looks) > 1 else ""
-    advice = "now check the lines marked GUESS"
+    advice = "next: check the lines marked GUESS"
     if preview.names:
-        advice += ", and give the whiskers' dimensions to get forces"
+        advice += ", and add the whiskers' dimensions if you want forces"
     return [
         f"looked at {names}{shown}",
         *preview.words(),
         f"wrote {target} and {target.parent / PREVIEW_NAME}",
-        f"{advice}; then `init` again shows what the corrected file finds, and which whisker has "
-        "which name",
+        f"{advice}; then run `init` again: it shows what is found with the corrected file, and "
+        "which whisker has which name",
     ]

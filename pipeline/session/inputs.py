@@ -188,8 +188,8 @@ def guesses_left(inputs, config=None) -> list[str]:
         keys = GUESSED.findall(path.read_text(encoding="utf-8-sig"))
         if keys:
             said.append(
-                f"{path}: {', '.join(keys)}: still marked as a {GUESS}; measure or check them, "
-                "then take the word out"
+                f"{path}: {', '.join(keys)}: still marked as a {GUESS}; measure or check these "
+                "values, then delete the word"
             )
     return said
 

@@ -46,7 +46,7 @@ class RecordingSettings(_Table):
     )
     snout: Literal["left", "right", "top", "bottom"] | None = Field(
         None,
-        description="side of the image nearest to it; only if one side of the face is seen",
+        description="side of the image nearest to the snout; only if one side of the face is seen",
     )
 
     def si(self) -> Recording:
@@ -130,7 +130,7 @@ class PoleSettings(_Table):
         0.5, description="diameter of the pole"
     )
     x_px: quantity(-20_000, 20_000, "px") | None = Field(
-        None, description="its centre; found automatically if not given"
+        None, description="the pole's centre; found automatically if not given"
     )
     y_px: quantity(-20_000, 20_000, "px") | None = Field(None, description="")
 

@@ -126,7 +126,7 @@ def _what_is_not_there(table) -> list[str]:
     given = ", ".join(f"{key} = {value:g}" for key, value in usual.items() if value is not None)
     return [
         "# Copy keys of the whisker above into the tables below where you know their values.",
-        f"# What is not there is taken as usual: {given}.",
+        f"# What is left out there has its usual value: {given}.",
         "",
     ]
 

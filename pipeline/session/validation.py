@@ -227,8 +227,9 @@ def _unknown_names(document, tables) -> list[str]:
     unknown = [n for n in follow or () if n not in names] if isinstance(follow, list) else []
     if not names or not unknown:
         return []
+    lacks = "has" if len(unknown) == 1 else "have"
     return [
-        f"[analysis] follow = {follow!r}: {', '.join(map(repr, unknown))} has no [[whisker]] "
+        f"[analysis] follow = {follow!r}: {', '.join(map(repr, unknown))} {lacks} no [[whisker]] "
         f"table; known are {', '.join(map(str, names))}; correct the name or add its table"
     ]
 

@@ -105,32 +105,32 @@ def test_where_nothing_is_wrong_nothing_is_said():
     ("changes", "said"),
     [
         ({"read": 60}, "only 60 of 100 frames could be read"),
-        ({"read": 1, "n_frames": 1}, "one frame only"),
-        ({"found": ()}, "no whiskers found; what was seen is something dark at the left (20 % of"),
+        ({"read": 1, "n_frames": 1}, "only one frame"),
+        ({"found": ()}, "no whiskers found; seen instead: something dark at the left (20 % of"),
         ({"found": (), "out": np.s_[:, 20:]},  # not looked at
-         "no whiskers found; what was seen is something dark at the left (20 % of the picture), "
+         "no whiskers found; seen instead: something dark at the left (20 % of the picture), "
          "with nothing thin moving out of it; if"),
         ({"found": (), "region": [20, 0, 60, 40]},
-         "no whiskers found; what was seen is something dark at the left (20 % of the picture), "
-         "with nothing thin moving out of it; if there are whiskers, is [recording] face = "
-         '"left" where they come from? And does [image] region_px leave'),
+         "no whiskers found; seen instead: something dark at the left (20 % of the picture), "
+         "with nothing thin moving out of it; if there are whiskers, check that [recording] face "
+         '= "left" is the side that they come from, and that [image] region_px leaves their'),
         ({"found": (), "light": 40}, "no whiskers found; the picture is mostly dark, and whiskers "
                                      "were taken to be darker"),
         ({"found": (), "light": 55, "bright": True},
          "no whiskers found; the picture is mostly light, and whiskers were taken to be brighter "
          'than what is behind them: if they are dark, write [image] polarity = "dark"'),
         ({"found": (), "light": 200, "bright": True},
-         "no whiskers found; what was seen is something bright at the left (20 % of"),
-        ({"pole": None}, "no pole of 0.5 mm (12 px) found, so no contacts; what was seen is "
+         "no whiskers found; seen instead: something bright at the left (20 % of"),
+        ({"pole": None}, "no pole of 0.5 mm (12 px) found, so no contacts; seen instead: "
                          "nothing dark and round; if there is one"),
         ({"pole": None, "thing": np.s_[10:20, 40:44]},
-         "no pole of 0.5 mm (12 px) found, so no contacts; what was seen is a dark spot 4 px wide "
+         "no pole of 0.5 mm (12 px) found, so no contacts; seen instead: a dark spot 4 px wide "
          "and 10 px high at (42, 14) px; if there is one"),
         ({"pole": None, "thing": np.s_[30:, 20:]},
-         "no pole of 0.5 mm (12 px) found, so no contacts; what was seen is something dark that "
+         "no pole of 0.5 mm (12 px) found, so no contacts; seen instead: something dark that "
          "reaches in from the right and bottom (17 % of the picture); if there is one"),
         ({"pole": None, "refused": ((3.0, 4.0, "a tuft"),)},
-         "no pole of 0.5 mm (12 px) found, so no contacts; what was seen is a tuft (at 3, 4 px)"),
+         "no pole of 0.5 mm (12 px) found, so no contacts; seen instead: a tuft (at 3, 4 px)"),
         ({"region": [10, 0, 90, 40]},
          "[image] region_px = [10, 0, 90, 40] reaches beyond the picture, which is 60×40 px: what "
          "is inside is looked at; if that is not what was meant, give x from 0 to 60 and"),
@@ -138,8 +138,8 @@ def test_where_nothing_is_wrong_nothing_is_said():
         ({"whiskers": ({**WHISKER, "name": "C2", "base_radius_um": 370.0},)},
          "[[whisker]] base_radius_um = 370 (C2): "),
         ({"pole": None, "pole_xy": (300, 200)},
-         "no pole of 0.5 mm (12 px) found at [pole] x_px, y_px = 300, 200, so no contacts; what "
-         "was seen is nothing dark and round; correct them, or leave them out"),
+         "no pole of 0.5 mm (12 px) found at [pole] x_px, y_px = 300, 200, so no contacts; seen "
+         "instead: nothing dark and round; correct them, or leave them out"),
         ({"pole_xy": (300, 200)}, "no disc is seen at [pole] x_px, y_px = 300, 200"),
         ({"known": 0.23}, "for 77 % of the traced lines it is not known which whisker they are"),
         ({"pole": PoleTrack(POLE.x_px, POLE.y_px, 0.3 * SCALE)}, "the pole looks 0.6 mm thick"),
@@ -199,9 +199,9 @@ SHORTER = {**WHISKER, "length_mm": 12.0, "name": "C1"}
 @pytest.mark.parametrize(
     ("whiskers", "found", "said"),
     [
-        ((), ("w1", "w2", "w3"), "w1 to w3 are numbered in each video anew"),
+        ((), ("w1", "w2", "w3"), "w1 to w3 are numbered anew in each video"),
         (({"name": "C1"}, {**WHISKER, "name": "C2"}), ("C1", "C2"),
-         "the order of C1 to C2 along the face is guessed from how thick they look"),
+         "the order of C1 to C2 along the face is guessed anew in each video"),
         ((SHORTER, {**WHISKER, "name": "C2"}), ("C1", "C2"), None),  # lengths tell
         ((), ("w1",), None),  # there is no order
         ((), ("left_w1", "right_w1"), None),  # the snout is between them
@@ -234,8 +234,8 @@ def test_tables_of_some_whiskers_only_are_doubted(analysis, listed):
     said = said_of(whiskers=whiskers, found=names, unnamed=9, analysis=analysis)
     (some,) = [message for message in said if "[[whisker]]" in message]
     assert some.startswith(
-        "about 13 whiskers are seen at a time, but 4 have a [[whisker]] table: which ones are a "
-        "to d is guessed"
+        "about 13 whiskers are seen at a time, but only 4 have a [[whisker]] table: which ones "
+        "are a to d is a guess"
     )
     assert f"[analysis] follow = {listed}" in some
 
@@ -244,7 +244,7 @@ def test_one_table_for_many_whiskers_is_doubted():
     (some,) = [message for message in said_of(unnamed=9) if "[[whisker]]" in message]
     assert some.startswith(
         "about 10 whiskers are seen at a time, but only one has a [[whisker]] table: which one is "
-        "C2 is guessed"
+        "C2 is a guess"
     )
 
 
@@ -263,11 +263,11 @@ def test_numbers_of_lines_that_are_no_whiskers_are_said_and_no_more_of_them():
         columns=["whisker", "tracked", "confidence"],
     )  # fmt: skip
     *rest, order, last = said_of(whiskers=(), found=numbers, frames=frames)
-    assert last.startswith("not whiskers, but lines that could not be identified")
-    assert last.endswith(
-        '(confidence below 0.5): w3 to w7; leave them out by frames[frames["confidence"] >= 0.5]'
+    assert last == (
+        "w3 to w7: not whiskers, but lines that could not be identified (confidence below 0.5); "
+        'leave them out with frames[frames["confidence"] >= 0.5]'
     )
-    assert order.startswith("w1 to w2 are numbered in each video anew")
+    assert order.startswith("w1 to w2 are numbered anew in each video")
     assert not any("only part of the frames" in each for each in rest)
 
 
@@ -287,13 +287,13 @@ def test_the_main_doubt_comes_first():
 def test_why_there_is_no_contact_comes_before_what_is_usual_without_settings():
     first, *rest = said_of(tracked=0.7, pole=None, whiskers=(), found=("w1", "w2"))
     assert first.startswith("no pole of 0.5 mm")
-    assert "numbered in each video anew" in rest[-1]
+    assert "numbered anew in each video" in rest[-1]
 
 
 def test_a_length_that_contradicts_the_settings_is_doubted_in_place_of_the_face():
     (doubt,) = said_of(side="right", odd=SeenLength(420.0, "C2"))
     assert doubt == (
-        "C2 is seen 17 mm long (420 px), but [[whisker]] length_mm = 18: correct it or "
+        "C2 looks 17 mm long (420 px), but [[whisker]] length_mm = 18: correct it or "
         "[recording] pixels_per_mm = 25, on which lengths and forces depend"
     )
     (doubt,) = said_of(side="right")
@@ -326,7 +326,7 @@ def test_the_face_is_doubted_by_lines_that_were_seen_not_by_their_names_over_the
 def test_a_scale_is_doubted_without_lengths():
     doubt, *_ = said_of(odd=SeenLength(4200.0), whiskers=({"name": "C2"},))
     assert doubt == (
-        "the longest whisker is seen 170 mm long (4200 px): correct [recording] pixels_per_mm = "
+        "the longest whisker looks 170 mm long (4200 px): correct [recording] pixels_per_mm = "
         "25, on which lengths and forces depend"
     )
 
@@ -357,7 +357,7 @@ def _first_message(video, length_mm, scale):
 )
 def test_a_wrong_length_or_scale_is_the_main_doubt(one_whisker, length_mm, scale, who):
     said = _first_message(one_whisker, length_mm, scale)
-    seen_mm = float(re.match(f"{who} is seen (.*) mm long", said)[1])
+    seen_mm = float(re.match(f"{who} looks (.*) mm long", said)[1])
     assert seen_mm == pytest.approx(VISIBLE_MM * SCALE / scale, rel=LENGTH_ERROR)
     assert f"length_mm = {length_mm}: correct it or [recording] pixels_per_mm = {scale:g}" in said
 
@@ -365,7 +365,7 @@ def test_a_wrong_length_or_scale_is_the_main_doubt(one_whisker, length_mm, scale
 @pytest.mark.slow
 @pytest.mark.parametrize("length_mm", [16, 22])
 def test_a_length_as_wrong_as_people_measure_is_not_doubted(one_whisker, length_mm):
-    assert "is seen" not in _first_message(one_whisker, length_mm, SCALE)
+    assert "mm long" not in _first_message(one_whisker, length_mm, SCALE)
 
 
 @pytest.mark.slow
@@ -378,7 +378,7 @@ def test_of_a_row_the_whisker_with_the_wrong_length_is_named():
     ]
     recording = {"frames_per_second": 1000, "pixels_per_mm": SCALE, "face": "left"}
     settings = settings_from({"recording": recording, "whisker": tables})
-    assert analyse(frames("row", every=120), settings).messages[0].startswith("C2 is seen ")
+    assert analyse(frames("row", every=120), settings).messages[0].startswith("C2 looks ")
 
 
 @pytest.mark.slow

@@ -40,4 +40,4 @@ def test_a_first_session_says_what_is_a_guess_and_when_its_whiskers_count():
     (rate,) = [line for line in text.splitlines() if line.startswith("frames_per_second")]
     assert rate.endswith("GUESS, it is set at the camera or its trigger")
     (name,) = [line for line in text.splitlines() if line.startswith('name = "w1"')]
-    assert name.endswith("followed until one has another name or a dimension")
+    assert name.endswith("followed until one of them has a dimension or another name")

@@ -53,7 +53,7 @@ def test_videos_with_their_messages(page):
     assert "<b> & broken" not in page
     assert "2</b>videos, 1 failed" in page
     assert "100.0 %" in page
-    assert "in what share of the frames a whisker is seen" in page
+    assert "share of the frames in which a whisker is seen" in page
 
 
 def test_the_main_doubts_come_first(tmp_path):
@@ -165,7 +165,7 @@ def test_no_budget_without_dimensions(tmp_path):
     for name in ("one", "two"):
         write_session(results / name / "session.toml", bare)
     page = report.write_report(results).read_text("utf-8")
-    assert "None: no contact has a force" in page
+    assert "No contact has a force: for that" in page
     assert "base radius" not in page
     assert "nan" not in re.sub(r"data:[^\"]*", "", page)
 
