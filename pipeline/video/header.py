@@ -4,11 +4,14 @@ from fractions import Fraction
 
 import av
 
-COUNTED_BY_DURATION = ("mxf",)  # containers whose duration is a number of frames
+COUNTED_BY_DURATION = ("mxf", "cine")  # containers whose duration is a number of frames
+TIMED_BY_FRAMES = ("cine",)  # containers whose time base is the duration of a frame
 
 
 def frame_duration(stream):
     """Duration of a frame in units of the stream's time base, or None."""
+    if stream.container.format.name in TIMED_BY_FRAMES:
+        return Fraction(1)
     if not stream.average_rate or not stream.time_base:
         return None
     return Fraction(1) / (Fraction(stream.average_rate) * stream.time_base)

@@ -14,6 +14,7 @@ from pipeline.video.base import bits_to_drop, to_8_bit
 
 # Byte offset of the first luma sample and step to the next in packed formats.
 PACKED_LUMA = {"yuyv422": (0, 2), "yvyu422": (0, 2), "uyvy422": (1, 2), "ya8": (0, 2)}
+GREY_16 = "gray16"
 PLANAR_LUMA = ("yuv4", "yuvj4", "yuva4", "gray", "nv12", "nv21", "nv16")
 
 
@@ -38,6 +39,8 @@ class LumaReader:
                 return _rows(plane, frame, np.uint8, step)[:, offset::step].copy()
             if name.startswith(PLANAR_LUMA):
                 return self._planar(frame, plane, name, lend)
+        elif name.startswith(GREY_16):
+            return self._reduced(_grey_16(frame), 16)
         rgb = frame.to_ndarray(format="rgb24")  # palettes, RGB, and images stored bottom-up
         return cv2.cvtColor(rgb, cv2.COLOR_RGB2GRAY)
 
@@ -48,17 +51,29 @@ class LumaReader:
         if bits == 8:
             image = _rows(plane, frame, np.uint8)
             return np.ascontiguousarray(image) if lend else image.copy()
-        image = _rows(plane, frame, ">u2" if name.endswith("be") else "<u2")
+        return self._reduced(_rows(plane, frame, _words(name)), bits)
+
+    def _reduced(self, image, bits):
+        """An image of more than 8 bits in 8."""
         drop = bits - 8 if bits < 16 else self.drop
         return to_8_bit(image, bits_to_drop(int(image.max())) if drop is None else drop)
 
     def largest(self, frame: av.VideoFrame) -> int | None:
         """Return the largest value of a 16-bit grey frame, None for all other formats."""
-        name = frame.format.name
-        if not name.startswith("gray16"):
-            return None
-        dtype = ">u2" if name.endswith("be") else "<u2"
-        return int(_rows(frame.planes[0], frame, dtype).max())
+        return int(_grey_16(frame).max()) if frame.format.name.startswith(GREY_16) else None
+
+
+def _grey_16(frame):
+    """Values of a 16-bit grey frame, also of one that is stored bottom-up."""
+    if frame.planes[0].line_size < 0:  # cannot be viewed; another order of bytes is a copy
+        other = "gray16be" if frame.format.name == "gray16le" else "gray16le"
+        frame = frame.reformat(format=other)
+    return _rows(frame.planes[0], frame, _words(frame.format.name))
+
+
+def _words(name) -> str:
+    """Type of the values of a format of more than 8 bits."""
+    return ">u2" if name.endswith("be") else "<u2"
 
 
 def _rows(plane, frame, dtype, step=1):

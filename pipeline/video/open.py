@@ -38,6 +38,7 @@ VIDEO_SUFFIXES = frozenset(
         ".nut",
         ".gif",
         ".seq",
+        ".cine",
     ]
 )
 TIFF_SUFFIXES = frozenset((".tif", ".tiff"))

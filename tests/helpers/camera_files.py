@@ -1,4 +1,4 @@
-"""Files as cameras write them, byte by byte: StreamPix sequences, TIFF with packed pixels."""
+"""Files as cameras write them, byte by byte: StreamPix, Phantom's CINE, packed TIFF."""
 
 import struct
 
@@ -21,6 +21,26 @@ def streampix(frames, true_bits=None, version=3, count=None, rate=1000.0, **othe
     for i, frame in enumerate(frames):
         stamp = struct.pack("<IHH", 1_500_000_000, i % 1000, 0)
         out += (frame.astype(frame.dtype.newbyteorder("<")).tobytes() + stamp).ljust(stride, b"\0")
+    return bytes(out)
+
+
+def cine(frames, rate=1000) -> bytes:
+    """A `.cine` file of uint8 or uint16 `frames` (n, height, width), the lowest row first."""
+    n, height, width = frames.shape
+    bits, size, setup_bytes = 8 * frames.dtype.itemsize, frames[0].nbytes, 0x163C
+    image_head, setup, offsets = 44, 44 + 40, 44 + 40 + setup_bytes
+    out = bytearray(
+        struct.pack("<2s3HiIiIIIIQ", b"CI", 44, 0, 1, 0, n, 0, n, image_head, setup, offsets, 0)
+    )
+    out += struct.pack("<IiiHHIIiiII", 40, width, height, 1, bits, 0, size, 0, 0, 0, 0)
+    out += bytes(setup_bytes)
+    struct.pack_into("<2sH", out, setup + 140, b"ST", setup_bytes)
+    struct.pack_into("<I", out, setup + 768, rate)
+    first = offsets + 8 * n
+    out += struct.pack(f"<{n}q", *(first + k * (8 + size) for k in range(n)))
+    for frame in frames:
+        upright = frame[::-1].astype(frame.dtype.newbyteorder("<"))
+        out += struct.pack("<II", 8, size) + upright.tobytes()
     return bytes(out)
 
 

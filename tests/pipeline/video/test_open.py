@@ -5,7 +5,7 @@ import cv2
 import numpy as np
 import pytest
 import tifffile
-from camera_files import packed_tiff
+from camera_files import cine, packed_tiff
 
 from pipeline.errors import VideoError
 from pipeline.video.base import bits_to_drop, to_8_bit
@@ -112,6 +112,28 @@ class TestContainers:
         frames = [picture(i) for i in range(5)]
         write_indexed_avi(tmp_path / "m.avi", frames)
         assert np.array_equal(read(tmp_path / "m.avi"), frames)
+
+    @pytest.mark.parametrize(("dtype", "top"), [(np.uint8, 255), (np.uint16, 4095)])
+    def test_cine_files_of_phantom_cameras(self, tmp_path, dtype, top):
+        frames = np.random.default_rng(0).integers(0, top + 1, (7, 48, 64)).astype(dtype)
+        (tmp_path / "a.CINE").write_bytes(cine(frames))
+        expected = frames if top == 255 else frames >> 4
+        assert find_videos([tmp_path]) == [tmp_path / "a.CINE"]
+        with open_video(tmp_path / "a.CINE") as video:
+            assert video.n_frames == 7
+            assert np.array_equal(np.stack(list(video)), expected)
+            assert not list(video.problems())
+            (number, frame), *_ = video.some([5])
+        assert number == 5
+        assert np.array_equal(frame, expected[5])
+
+    def test_a_cut_cine_file_gives_its_frames_and_then_says_so(self, tmp_path):
+        frames = np.random.default_rng(0).integers(0, 255, (7, 48, 64)).astype(np.uint8)
+        content = cine(frames)
+        (tmp_path / "a.cine").write_bytes(content[: -frames[0].nbytes // 2])
+        error = error_of(tmp_path / "a.cine")
+        assert error.frame == 6
+        assert "cut off" in error.problem
 
     @pytest.mark.parametrize("bits", [12, 16])
     def test_16_bit_video_is_scaled_the_same_in_all_frames(self, tmp_path, bits):
