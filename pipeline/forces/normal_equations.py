@@ -1,4 +1,4 @@
-"""Gauss–Newton's normal equations of a laid rod and the stations seen, solved by Cholesky."""
+"""Gauss–Newton's normal equations of a rod and the stations seen, solved by Cholesky."""
 
 from typing import NamedTuple
 
@@ -37,15 +37,15 @@ def empty_sums(m, terms):
 
 
 @njit(**COMPILED)
-def fill_equations(seen, laid, size, precision, p, sums, chi2, robust):
+def fill_equations(seen, rod, size, precision, p, sums, chi2, robust):
     """Fill Gauss–Newton's normal equations; returns the reduced χ² of the misfit.
 
     `chi2` is what it was before, or, of a first guess that is not `robust`, what is usual.
     """
     mean, normal, rhs = sums.mean, sums.normal, sums.rhs
     terms, usual = len(mean), chi2
-    chi2 = weigh(seen, laid, chi2, robust, sums.misfit, sums.weight)
-    _products(laid.shift, sums.misfit, sums.weight, size, sums.share, normal, rhs)
+    chi2 = weigh(seen, rod, chi2, robust, sums.misfit, sums.weight)
+    _products(rod.shift, sums.misfit, sums.weight, size, sums.share, normal, rhs)
     # the covariance is scaled by χ² afterwards, the prior must not be
     inflate = max(chi2 if robust else usual, 1.0)
     for a in range(terms):
@@ -56,13 +56,13 @@ def fill_equations(seen, laid, size, precision, p, sums, chi2, robust):
 
 
 @njit(**COMPILED)
-def weigh(seen, laid, chi2, robust, misfit, weight):
+def weigh(seen, rod, chi2, robust, misfit, weight):
     """Fill misfit [m] and weight [1/m²] of every station, 0 where none was seen; returns χ²."""
     info = seen.information
     total, count = 0.0, 0
     for k in range(len(info)):
         known = info[k] > 0
-        misfit[k] = misfit_of(seen, laid, k) if known else 0.0
+        misfit[k] = misfit_of(seen, rod, k) if known else 0.0
         weight[k] = info[k] if known else 0.0
         count += known
     if robust:
@@ -103,9 +103,9 @@ def robust_weight(info, misfit, scale):
 
 
 @njit(**COMPILED, inline="always")
-def misfit_of(seen, laid, k):
+def misfit_of(seen, rod, k):
     """How far station `k` was seen to lie beside the rod, along its normal [m]."""
-    return (seen.y[k] - laid.y[k]) * laid.cos[k] - (seen.x[k] - laid.x[k]) * laid.sin[k]
+    return (seen.y[k] - rod.y[k]) * rod.cos[k] - (seen.x[k] - rod.x[k]) * rod.sin[k]
 
 
 @njit(**COMPILED)
@@ -115,7 +115,7 @@ def take_step(size, p, lower, rhs):
     `lower` as of `factorise`; `rhs` becomes the step.
     """
     square = solve(lower, size, rhs)
-    # half a radian at most: the model is laid again before it goes on
+    # half a radian at most: the rod is integrated again before it goes on
     rhs[:size] *= min(1.0, 0.5 / max(abs(rhs[1]), 1e-9))
     p[:size] += rhs[:size]
     return np.sqrt(square)

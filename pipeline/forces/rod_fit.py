@@ -29,7 +29,7 @@ from pipeline.forces.rod_integration import (
     N_REST,
     Place,
     empty_rod,
-    lay,
+    integrate,
     move,
     nearest_to,
     point_at,
@@ -59,7 +59,7 @@ ITERATIONS = 12
 SETTLED_SD = 0.5  # length of the last step of Gauss–Newton (then it is right to 0.02 SD); …
 FINE_SETTLED_SD = 1e-4  # … where the likelihood's slope by the origin is needed
 PLACE_MOVES_M = 2e-6  # the contact point is moved along the whisker in steps above this, …
-PLACE_SD = 0.002  # … and the rod laid again where that is more, in arc lengths and SD of the force
+PLACE_SD = 0.002  # … and the rod integrated again beyond this, in arc lengths and SD of the force
 FEWEST_STATIONS = 10
 BLOCK_ROWS = 2048  # held in memory at a time
 LOADS = ("force", "moment", "axial", "lateral")
@@ -229,7 +229,7 @@ def _fit_rows(rows, setup, turning, out):
     m, terms, h = N_STATIONS, N_REST, setup.spacing
     weights, centre, scale = turning
     precision = np.zeros((terms, terms))
-    laid, sums, p, usual = empty_rod(m), empty_sums(m, terms), np.zeros(LOADED), 1.0
+    rod, sums, p, usual = empty_rod(m), empty_sums(m, terms), np.zeros(LOADED), 1.0
     for row in range(len(rows.x)):
         stations = np.flatnonzero(rows.information[row] > 0)
         if len(stations) < FEWEST_STATIONS or not factorise(rows.rest_cov[row], terms, sums.lower):
@@ -248,12 +248,12 @@ def _fit_rows(rows, setup, turning, out):
         by_origin = rows.rest_by_origin[row]
         prior = Prior(weights, rows.drift[row], centre, scale, precision, by_origin)
         c = min(rows.nearest[row], (m - 1) * h) if loaded else stations[len(stations) // 2] * h
-        known, chi2, place = _solve(problem, (stations, c, usual), prior, setup, p, laid, sums)
+        known, chi2, place = _solve(problem, (stations, c, usual), prior, setup, p, rod, sums)
         if not known:
             p[:] = 0.0
             continue
         usual = chi2
-        fitted = Fitted(p, sums.inverse[:size, :size] * max(chi2, 1.0), chi2, place, laid, sums)
+        fitted = Fitted(p, sums.inverse[:size, :size] * max(chi2, 1.0), chi2, place, rod, sums)
         o = out.table[row]
         o.chi2 = chi2
         report_pose(o, fitted, out.rest[row], out.rest_cov[row])
@@ -268,46 +268,46 @@ def _fit_rows(rows, setup, turning, out):
 @njit(**COMPILED)
 def _report_misfit(seen, fitted, out):
     """Fill how far stations lie beside the rod, and the variance of the rod's place."""
-    shift, cov = fitted.laid.shift, fitted.cov
+    shift, cov = fitted.rod.shift, fitted.cov
     for k in range(len(seen.x)):
-        out[0, k] = misfit_of(seen, fitted.laid, k)
+        out[0, k] = misfit_of(seen, fitted.rod, k)
         out[1, k] = variance(shift[:, k], cov)
 
 
 @njit(**COMPILED)
-def _solve(problem, start, prior, setup, p, laid, sums):
-    """Fit `p`, `laid` and `sums` by Gauss–Newton; return whether it converged, χ², and the place.
+def _solve(problem, start, prior, setup, p, rod, sums):
+    """Fit `p`, `rod` and `sums` by Gauss–Newton; return whether it converged, χ², and the place.
 
     It does not converge where a trace jumps from line to line: no rod has that shape.
 
-    `start`: numbers of the measured stations, the grid place from which to lay at first, usual
-    χ². Force and, without a load, rest shape to begin with are in `p`: those of the row before.
+    `start`: numbers of the measured stations, grid place where the integration begins at first,
+    usual χ². `p` begins with the force and, without a load, the rest shape of the row before.
     """
     (stations, c, chi2), (seen, arc, beam, load, pole) = start, problem
     h, loaded, terms = arc.spacing, load.side != 0, len(sums.mean)
     size = LOADED if loaded else FREE
     p[0] = 0.0
     known = False
-    laid.follicle[2], p[1], place = _begin(seen, stations, c, h)
+    rod.follicle[2], p[1], place = _begin(seen, stations, c, h)
     for iteration in range(ITERATIONS):
-        u = (laid.follicle[2] - prior.centre) / prior.scale
+        u = (rod.follicle[2] - prior.centre) / prior.scale
         _prior_mean(prior.weights, prior.drift, u, sums.mean)
         if iteration == 0 and loaded:
             p[2 : 2 + terms] = sums.mean
-        lay(p, beam, load, arc, place, laid)
+        integrate(p, beam, load, arc, place, rod)
         if loaded and iteration > 0:
-            c, place = place.c, _nearest_place(laid, place, h, pole, p)
+            c, place = place.c, _nearest_place(rod, place, h, pole, p)
             force_sd = sums.lower[size - 1, size - 1] * np.sqrt(max(chi2, 1.0))
             if abs(p[size - 1] * (place.c - c)) > PLACE_SD * force_sd * c:
-                lay(p, beam, load, arc, place, laid)
+                integrate(p, beam, load, arc, place, rod)
         if iteration == 1:  # from here on, stations count less by what is usual of all
-            chi2 = weigh(seen, laid, chi2, False, sums.misfit, sums.weight)
-        chi2 = fill_equations(seen, laid, size, prior.precision, p, sums, chi2, iteration > 0)
+            chi2 = weigh(seen, rod, chi2, False, sums.misfit, sums.weight)
+        chi2 = fill_equations(seen, rod, size, prior.precision, p, sums, chi2, iteration > 0)
         known = np.isfinite(chi2) and factorise(sums.normal, size, sums.lower)
         if not known:
             break
         change = take_step(size, p, sums.lower, sums.rhs) / np.sqrt(max(chi2, 1.0))
-        move(laid, sums.rhs[:size])
+        move(rod, sums.rhs[:size])
         if iteration > 0 and change < setup.settled:
             break  # the next step would change nothing
     known = known and _lies_there(sums.misfit, sums.weight, h)
@@ -323,10 +323,10 @@ def _lies_there(misfit, weight, spacing):
 
 
 @njit(**COMPILED)
-def _nearest_place(laid, place, h, pole, p):
+def _nearest_place(rod, place, h, pole, p):
     """The place of the rod nearest to the pole; `p` is changed to count from there."""
-    x, y, angle = laid.x, laid.y, laid.angle
-    c = nearest_to(x, y, laid.cos, laid.sin, h, place.c, pole.x, pole.y)
+    x, y, angle = rod.x, rod.y, rod.angle
+    c = nearest_to(x, y, rod.cos, rod.sin, h, place.c, pole.x, pole.y)
     if abs(c - place.c) < PLACE_MOVES_M:
         return place
     at_x, at_y, direction = point_at(x, y, angle, h, c)

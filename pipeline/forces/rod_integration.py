@@ -1,8 +1,8 @@
-"""The elastic rod, laid from one place both ways: where it lies, and how it answers.
+"""The elastic rod, integrated from one place both ways: where it lies, and its derivatives.
 
-Laid from the contact towards the follicle, every place depends only on what has been laid, so
-the rod and its derivatives by (offset and direction at the contact, rest shape, force, origin of
-the arc length) come in one pass. Angles by Simpson's rule, places and derivatives to fourth and
+From the contact towards the follicle, every place depends only on those before it, so the rod and
+its derivatives by (offset and direction at the contact, rest shape, force, origin of the arc
+length) come in one pass. Angles by Simpson's rule, places and derivatives to fourth and
 second order.
 """
 
@@ -15,12 +15,12 @@ from pipeline.forces.rod_types import COMPILED
 
 N_REST = 4  # Legendre polynomials of the rest curvature
 FREE, LOADED = N_REST + 2, N_REST + 3  # numbers of parameters
-ORIGIN = LOADED  # whose answers come behind those of the parameters
+ORIGIN = LOADED  # whose derivatives come behind those by the parameters
 SMALL_TURN = 0.2  # rad: up to here a series of eight terms gives sine and cosine to 1e-11
 
 
 class Rod(NamedTuple):
-    """A rod as laid, and how it answers to its parameters: what `lay` fills.
+    """A rod and its derivatives by its parameters: what `integrate` fills.
 
     x, y, angle, cos, sin : (stations,) places [m] and directions
     shift : (parameters and origin, stations) how far a station moves along its normal per unit
@@ -43,7 +43,7 @@ class Rod(NamedTuple):
 
 
 class Place(NamedTuple):
-    """From where a rod is laid: grid place `c`, and what its offset and direction count from."""
+    """Where the integration begins: grid place `c`, and what offset and direction count from."""
 
     c: float
     x: float
@@ -52,7 +52,7 @@ class Place(NamedTuple):
 
 @njit(**COMPILED)
 def empty_rod(m):
-    """A Rod of `m` stations to be laid."""
+    """A Rod of `m` stations, to be filled."""
     return Rod(
         np.zeros(m), np.zeros(m), np.zeros(m), np.zeros(m), np.zeros(m),
         np.zeros((ORIGIN + 1, m)), np.zeros((3, ORIGIN + 1)), np.zeros(4),
@@ -61,66 +61,66 @@ def empty_rod(m):
 
 
 @njit(**COMPILED)
-def laid_from(p, place):
-    """Where the rod is laid from: of a loaded one, the contact point."""
+def start_of(p, place):
+    """Where the integration begins: for a loaded rod, the contact point."""
     return place.x - p[0] * np.sin(p[1]), place.y + p[0] * np.cos(p[1])
 
 
 @njit(**COMPILED)
-def lay(p, beam, load, arc, place, laid):
-    """Lay the rod from its place both ways, with its derivatives by all parameters and the origin.
+def integrate(p, beam, load, arc, place, rod):
+    """Integrate a rod from its place both ways, with its derivatives by parameters and origin.
 
     The rest shape moves along with the origin: the stiffness changes, and the follicle's place.
 
     p : offset [m] and direction [rad] at the place, rest coefficients [1/m], force [N] if loaded
     beam, load, arc, place : `Beam`, `Load`, `Arc`, `Place`
     """
-    m, loaded = len(laid.x), load.side != 0
+    m, loaded = len(rod.x), load.side != 0
     sin, cos = np.sin(p[1]), np.cos(p[1])
-    x, y = laid_from(p, place)
+    x, y = start_of(p, place)
     fx, fy = unit_force(p[1], load.side, load.friction) if loaded else (0.0, 0.0)
     pull = p[2 + N_REST] if loaded else 0.0, fx, fy
     begin = place.c, x, y, cos, sin
     before = min(int(np.ceil(place.c / arc.spacing)) - 1, m - 1)
     for direction in (-1, 1):  # as a variable: one version is compiled, not two
         k, bends = (before, loaded) if direction < 0 else (before + 1, False)
-        end = _lay_one_way(direction, k, p, beam, bends, pull, arc, begin, laid)
+        end = _integrate_one_way(direction, k, p, beam, bends, pull, arc, begin, rod)
         if direction < 0:
             at_x, at_y, angle, bend, heading = end
-            follicle, base = laid.follicle, laid.base
+            follicle, base = rod.follicle, rod.base
             follicle[0], follicle[1], follicle[2], follicle[3] = at_x, at_y, angle, bend
             base[0, 0], base[1, 0], base[2, 0] = -sin, cos, 0.0
             base[0, 1], base[1, 1], base[2, 1] = -(at_y - y), at_x - x, 1.0
-            base[:, 2:] = laid.d[:3]
+            base[:, 2:] = rod.d[:3]
             base[0, ORIGIN] -= heading[0]
             base[1, ORIGIN] -= heading[1]
             base[2, ORIGIN] -= bend
 
 
 @njit(**COMPILED)
-def move(laid, step):
-    """Move a laid rod by a small `step` of its parameters, as it answers to them."""
-    shift, base, follicle = laid.shift, laid.base, laid.follicle
+def move(rod, step):
+    """Move a rod by a small `step` of its parameters, to first order."""
+    shift, base, follicle = rod.shift, rod.base, rod.follicle
     for a in range(len(step)):
-        for k in range(len(laid.x)):
-            laid.x[k] -= step[a] * shift[a, k] * laid.sin[k]
-            laid.y[k] += step[a] * shift[a, k] * laid.cos[k]
+        for k in range(len(rod.x)):
+            rod.x[k] -= step[a] * shift[a, k] * rod.sin[k]
+            rod.y[k] += step[a] * shift[a, k] * rod.cos[k]
         for j in range(3):
             follicle[j] += step[a] * base[j, a]
 
 
 @njit(**COMPILED)
-def _lay_one_way(direction, k, p, beam, bends, pull, arc, begin, laid):
-    """Lay stations k, k + direction, …, and before station 0 the follicle.
+def _integrate_one_way(direction, k, p, beam, bends, pull, arc, begin, rod):
+    """Integrate to stations k, k + direction, …, and before station 0 to the follicle.
 
     Returns the end's place, angle, curvature, and heading.
 
     `bends`: the load bends the rod on this side of its place; `pull`: force [N] and its
-    direction; `begin`: grid place, x, y, cosine and sine where it starts. `laid.d` is left with
+    direction; `begin`: grid place, x, y, cosine and sine where it starts. `rod.d` is left with
     the derivatives of x, y, angle and curvature by rest terms, force and origin at the end.
     """
     (force, fx, fy), (origin, moved, h), (s, start_x, start_y, cos, sin) = pull, arc, begin
-    d, middle, high, m, per_half = laid.d, laid.middle, laid.high, len(laid.x), 2 / beam.length
+    d, middle, high, m, per_half = rod.d, rod.middle, rod.high, len(rod.x), 2 / beam.length
     at_x, at_y, theta, heading = start_x, start_y, p[1], (cos, sin)
     rest = _rest_curvature((s + origin - moved) * per_half - 1, p, high)
     d[:, :] = 0.0
@@ -153,15 +153,15 @@ def _lay_one_way(direction, k, p, beam, bends, pull, arc, begin, laid):
         s, soft, rest = s + step, next_soft, next_rest
         if k < 0:
             break
-        laid.x[k], laid.y[k], laid.angle[k] = at_x, at_y, theta
-        laid.cos[k], laid.sin[k] = heading
-        _answer(laid.shift, k, heading, cos, sin, at_x - start_x, at_y - start_y, d)
+        rod.x[k], rod.y[k], rod.angle[k] = at_x, at_y, theta
+        rod.cos[k], rod.sin[k] = heading
+        _fill_shift(rod.shift, k, heading, cos, sin, at_x - start_x, at_y - start_y, d)
         k += direction
     return at_x, at_y, theta, bend, heading
 
 
 @njit(**COMPILED, inline="always")
-def _answer(shift, k, heading, cos, sin, dx, dy, d):
+def _fill_shift(shift, k, heading, cos, sin, dx, dy, d):
     """Fill how far station k, (dx, dy) from the place, moves along its normal per parameter."""
     nx, ny = -heading[1], heading[0]
     shift[0, k] = -sin * nx + cos * ny

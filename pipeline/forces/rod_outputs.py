@@ -10,10 +10,10 @@ from pipeline.forces.normal_equations import misfit_of, robust_weight
 from pipeline.forces.rod_integration import (
     LOADED,
     ORIGIN,
-    laid_from,
     point_at,
     polynomials,
     softness,
+    start_of,
     unit_force,
 )
 from pipeline.forces.rod_types import COMPILED
@@ -30,11 +30,11 @@ def report_loads(o, problem, fitted, prior, at, taper, by_rest):
     `at`, `taper` as in `Setup`.
     """
     load, force = problem.load, fitted.p[LOADED - 1]
-    contact = laid_from(fitted.p, fitted.place)
+    contact = start_of(fitted.p, fitted.place)
     unit = unit_force(fitted.p[1], load.side, load.friction)
     _loads(o, problem, fitted, contact, at, taper)
     gradient, follows = np.zeros((4, ORIGIN + 1)), np.zeros(ORIGIN + 1)
-    _load_gradients(o, force, unit, fitted.laid.base, gradient)
+    _load_gradients(o, force, unit, fitted.rod.base, gradient)
     o.moment_var = variance(gradient[1], fitted.cov)
     o.axial_var = variance(gradient[2], fitted.cov)
     o.lateral_var = variance(gradient[3], fitted.cov)
@@ -62,23 +62,23 @@ def report_curvature(o, problem, fitted, at):
 @njit(**COMPILED)
 def report_pose(o, fitted, rest, rest_cov):
     """Fill one row's pose, with its error and the curvature there, and rest shape."""
-    laid, terms = fitted.laid, len(rest)
+    rod, terms = fitted.rod, len(rest)
     rest[:] = fitted.p[2 : 2 + terms]
     rest_cov[:] = fitted.cov[2 : 2 + terms, 2 : 2 + terms]
-    o.follicle_x, o.follicle_y, o.angle, o.base_curvature = laid.follicle
-    o.angle_var = variance(laid.base[2], fitted.cov)
+    o.follicle_x, o.follicle_y, o.angle, o.base_curvature = rod.follicle
+    o.angle_var = variance(rod.base[2], fitted.cov)
 
 
 @njit(**COMPILED)
 def _loads(o, problem, fitted, contact, at, taper):
     """Fill gap, contact and base loads of one row."""
-    p, cov, laid, arc = fitted.p, fitted.cov, fitted.laid, problem.arc
+    p, cov, rod, arc = fitted.p, fitted.cov, fitted.rod, problem.arc
     size, side, c = LOADED, problem.load.side, fitted.place.c + arc.origin
     (c_x, c_y), pole = contact, problem.pole
     c_angle, force = p[1], p[size - 1]
     fx, fy = unit_force(c_angle, side, problem.load.friction)
-    x, y, angle = laid.follicle[0], laid.follicle[1], laid.follicle[2]
-    at_x, at_y, _ = point_at(laid.x, laid.y, laid.angle, arc.spacing, at - arc.origin)
+    x, y, angle = rod.follicle[0], rod.follicle[1], rod.follicle[2]
+    at_x, at_y, _ = point_at(rod.x, rod.y, rod.angle, arc.spacing, at - arc.origin)
     o.force, o.force_var = force, cov[size - 1, size - 1]
     surface = max(taper[0] - taper[1] * c, 0.0)
     o.gap = np.hypot(pole.x - c_x, pole.y - c_y) - pole.radius - surface
@@ -120,15 +120,15 @@ def variance(gradient, cov):
 def _rod_curvature(problem, fitted, near, values):
     """Curvature of the fitted rod at grid place `near`; `values` (rest terms,) is scratch."""
     (origin, moved, h), beam, load = problem.arc, problem.beam, problem.load
-    p, laid, terms = fitted.p, fitted.laid, len(values)
+    p, rod, terms = fitted.p, fitted.rod, len(values)
     polynomials(2 * (near + origin - moved) / beam.length - 1, values)
     total = 0.0
     for j in range(terms):
         total += p[2 + j] * values[j]
     if load.side != 0 and near < fitted.place.c:
         fx, fy = unit_force(p[1], load.side, load.friction)
-        at_x, at_y, _ = point_at(laid.x, laid.y, laid.angle, h, near)
-        c_x, c_y = laid_from(p, fitted.place)
+        at_x, at_y, _ = point_at(rod.x, rod.y, rod.angle, h, near)
+        c_x, c_y = start_of(p, fitted.place)
         lever = (c_x - at_x) * fy - (c_y - at_y) * fx
         total += p[2 + terms] * lever * softness(near + origin, beam)
     return total
@@ -140,7 +140,7 @@ def _more_curvature(seen, fitted, h, near):
 
     NaN where they do not lie on both sides of it.
     """
-    laid, sums, chi2 = fitted.laid, fitted.sums, fitted.chi2
+    rod, sums, chi2 = fitted.rod, fitted.sums, fitted.chi2
     info, square, rhs, inverse = seen.information, sums.normal, sums.rhs, sums.inverse
     square[:3, :3] = 0.0
     rhs[:3] = 0.0
@@ -150,7 +150,7 @@ def _more_curvature(seen, fitted, h, near):
         if not info[k] > 0:
             continue
         u = (k * h - near) / CURVATURE_REACH_M
-        misfit = misfit_of(seen, laid, k)
+        misfit = misfit_of(seen, rod, k)
         weight = robust_weight(info[k], misfit, 1 / max(chi2, 1.0))
         power = (1.0, u, u * u)
         for a in range(3):
@@ -176,14 +176,14 @@ def _follow(seen, fitted, follows, o):
 
     And the log-likelihood's slope and curvature by the origin: Gauss–Newton's, as for the rest.
     """
-    laid, chi2, sums = fitted.laid, fitted.chi2, fitted.sums
-    info, shift, inverse, rhs = seen.information, laid.shift, sums.inverse, sums.rhs
+    rod, chi2, sums = fitted.rod, fitted.chi2, fitted.sums
+    info, shift, inverse, rhs = seen.information, rod.shift, sums.inverse, sums.rhs
     rhs[:] = 0.0
     pull, bend = 0.0, 0.0
     for k in range(len(info)):
         if not info[k] > 0:
             continue
-        away, misfit = shift[ORIGIN, k], misfit_of(seen, laid, k)
+        away, misfit = shift[ORIGIN, k], misfit_of(seen, rod, k)
         weight = robust_weight(info[k], misfit, 1 / max(chi2, 1.0))
         pull += weight * misfit * away
         bend += weight * away * away

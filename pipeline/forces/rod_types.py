@@ -81,13 +81,13 @@ class Problem(NamedTuple):
 
 
 class Fitted(NamedTuple):
-    """One fitted row: parameters, their covariance, reduced χ², place, laid rod, equations."""
+    """One fitted row: parameters, their covariance, reduced χ², place, rod, equations."""
 
     p: np.ndarray
     cov: np.ndarray
     chi2: float
     place: tuple
-    laid: tuple
+    rod: tuple
     sums: tuple
 
 

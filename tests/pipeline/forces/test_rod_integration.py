@@ -1,4 +1,4 @@
-"""The rod as laid in steps, beside a general solver of its equation and two rods' difference."""
+"""The rod integrated in steps, beside a general solver of its equation and differences of rods."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ from pipeline.forces.rod_integration import (
     ORIGIN,
     Place,
     empty_rod,
-    lay,
+    integrate,
     nearest_to,
     point_at,
 )
@@ -22,9 +22,9 @@ from whiskermodel.whisker import mouse_c2
 WHISKER = mouse_c2()
 BEAM = Beam(WHISKER.length, WHISKER.cone_length, WHISKER.base_flexural_rigidity)
 H = WHISKER.length / (N_STATIONS - 1)
-C = 10.08e-3  # m, where the rod is laid from: between two stations
+C = 10.08e-3  # m, where the integration begins: between two stations
 place_tolerance, angle_tolerance = 1e-7, 2e-5  # m, rad
-answer_tolerance = 7e-3  # of the largest
+slope_tolerance = 7e-3  # of the largest
 FOURTH, SECOND = 12.0, 1.8  # times less an error of that order is, at least, in half the steps
 
 CASES = [  # side, friction, force [N], origin [m] and how much of it came later
@@ -39,11 +39,11 @@ def parameters(force, offset=0.0):
     return np.array([offset, 0.4, 25.0, 14.0, -6.0, 4.0, force])
 
 
-def laid(p, case, finer=1):
+def integrated(p, case, finer=1):
     """Rod of stations `finer` times as many as usual."""
     side, friction, _, origin, moved = case
     rod, arc = empty_rod(finer * (N_STATIONS - 1) + 1), Arc(origin, moved, H / finer)
-    lay(p, BEAM, Load(side, friction), arc, Place(C, 3e-3, -2e-3), rod)
+    integrate(p, BEAM, Load(side, friction), arc, Place(C, 3e-3, -2e-3), rod)
     return rod
 
 
@@ -80,7 +80,7 @@ def test_a_rod_lies_where_a_general_solver_puts_it(case):
     p, errors = parameters(case[2], offset=20e-6), []
     true = solved(p, case)
     for finer in (1, 2):
-        rod = laid(p, case, finer)
+        rod = integrated(p, case, finer)
         stations = np.stack([rod.x, rod.y, rod.angle])[:, ::finer]
         errors.append(np.abs(np.column_stack([stations, rod.follicle[:3]]) - true))
         np.testing.assert_allclose(rod.cos, np.cos(rod.angle), atol=1e-9)
@@ -96,11 +96,13 @@ def differences(p, case, q, size, finer):
 
     A parameter, or the origin, with which the rest shape moves.
     """
-    start, rods = laid(p, case, finer), []
+    start, rods = integrated(p, case, finer), []
     for step in (-size, size):
         moved = step if q == ORIGIN else 0.0
         further = *case[:3], case[3] + moved, case[4] + moved
-        rods.append(laid(p + (step - moved) * np.eye(LOADED + 1)[q, :LOADED], further, finer))
+        rods.append(
+            integrated(p + (step - moved) * np.eye(LOADED + 1)[q, :LOADED], further, finer)
+        )
     before, after = rods
     along = (after.y - before.y) * start.cos - (after.x - before.x) * start.sin
     base = (after.follicle - before.follicle) / (2 * size)
@@ -108,7 +110,7 @@ def differences(p, case, q, size, finer):
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_a_rod_answers_to_its_parameters_as_two_rods_differ(case):
+def test_derivatives_by_parameters_are_as_two_rods_differ(case):
     """At a contact held where it is; the load turns with the whisker there. To second order."""
     p, sizes = parameters(case[2]), (1e-7, 1e-5, *[1e-2] * N_REST, 1e-9, 1e-7)
     for q in (*range(LOADED if case[0] else LOADED - 1), ORIGIN):
@@ -117,7 +119,10 @@ def test_a_rod_answers_to_its_parameters_as_two_rods_differ(case):
             rod, along, base = differences(p, case, q, sizes[q], finer)
             moved = np.append(rod.shift[q] - along, rod.base[:2, q] - base[:2])
             errors.append((np.abs(moved).max(), abs(rod.base[2, q] - base[2])))
-            limit = answer_tolerance * np.abs(along).max(), 3 * answer_tolerance * abs(base[2])
+            limit = (
+                slope_tolerance * np.abs(along).max(),
+                3 * slope_tolerance * abs(base[2]),
+            )
             assert (errors[-1] < np.array(limit) + 1e-9).all()
         rounding = 1e-4 * np.array(limit) + 1e-8
         assert (errors[0] >= SECOND * np.array(errors[1]) - rounding).all()

@@ -1,6 +1,6 @@
 """What follows from a fitted rod, beside differences of fits to places that are moved a little.
 
-Nothing here knows how a rod is laid or fitted. Every place is moved in turn by a part of its
+Nothing here knows how a rod is integrated or fitted. Every place is moved in turn by a part of its
 error, and every coefficient of the rest shape by a part of its own, so that the squares of what
 follows add up to a variance.
 """
