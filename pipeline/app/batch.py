@@ -18,7 +18,7 @@ from pipeline.app.outcome import (
 )
 from pipeline.app.session_files import (
     check_folder,
-    check_stranger,
+    refuse_foreign_files,
     with_pictures,
     write_session_file,
     write_tables,
@@ -138,7 +138,7 @@ def run(
     settings = settings_of(inputs, config)
     make_folder(out)
     if not is_ours:
-        check_stranger(out)
+        refuse_foreign_files(out)
     with locked(out):
         check_folder(out)
         settle_all(out)

@@ -22,7 +22,7 @@ from pipeline.tables.run_record import read_run
 from pipeline.tables.whole_files import sha256
 
 
-def check_stranger(out):
+def refuse_foreign_files(out):
     """Raise if a folder that no run has used has files that a run would replace."""
     written = set(SESSION_FILES) - {SETTINGS_NAME, PREVIEW_NAME}
     there = sorted(name for name in written if (out / name).is_file())

@@ -197,7 +197,7 @@ def origin_from_tip(
         ends = tip_evidence(places.rows(good), whisker, excess)
         tip, common = _expected_end(ends, whisker, params)
         away, part = tip - end[good], design[good]
-        hidden, common = _believed(abs(np.mean(away)), session, common)
+        hidden, common = _errors_in_conflict(abs(np.mean(away)), session, common)
         evidence.matrix[0, 0] = hidden**-2
         weight, variance = np.ones(good.sum()), TIP_FRAMES * sd**2
         for _ in range(4):
@@ -304,7 +304,7 @@ def _design(time, knot_s):
     return sparse.hstack([np.ones((len(time), 1)), hats]).tocsr()
 
 
-def _believed(away, hidden, tip):
+def _errors_in_conflict(away, hidden, tip):
     """Standard errors [m] for hidden length and tip's place that contradict each other by `away`.
 
     Either both are right within their errors `hidden` and `tip`, or the whisker's length is wrong

@@ -110,7 +110,7 @@ class _Worker:
         context = multiprocessing.get_context("spawn")
         self.connection, other = context.Pipe()
         self.process = context.Process(target=_serve, args=(other, self.function), daemon=True)
-        with _one_thread(), _deaf_to_interrupts():
+        with _one_thread(), _interrupts_blocked():
             self.process.start()
         other.close()
 
@@ -162,8 +162,8 @@ def _one_thread():
 
 
 @contextlib.contextmanager
-def _deaf_to_interrupts():
-    """Let processes started inside never hear Ctrl-C, from their first moment on."""
+def _interrupts_blocked():
+    """Let processes started inside never receive Ctrl-C, from their first moment on."""
     if not hasattr(signal, "pthread_sigmask"):  # Windows
         yield
         return

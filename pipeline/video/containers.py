@@ -9,9 +9,9 @@ from av.video.frame import PictureType
 
 from pipeline.errors import VideoError, counted
 from pipeline.video.base import Video, bits_to_drop, check_pixels
+from pipeline.video.decoder_log import ENDED_EARLY, decoder_log
 from pipeline.video.endings import is_cut
 from pipeline.video.header import frame_count, frame_duration, last_pts
-from pipeline.video.listening import ENDED_EARLY, listening
 from pipeline.video.luma import LumaReader
 
 NOT_VIDEO_CODECS = ("ansi", "xbin", "bintext", "idf")
@@ -72,41 +72,41 @@ class ContainerVideo(Video):
         return self._read(0, None, lend=True)
 
     def _read(self, start, stop, lend=False):
-        with listening() as complaints, self._open(self.path) as container:
+        with decoder_log() as log, self._open(self.path) as container:
             stream = container.streams.video[0]
             index, pts, self._ended_early = start, None, False
             try:
-                frames = _overheard(self._decode_from(container, stream, start), complaints)
-                for frame, said in _ahead(frames, FRAMES_AHEAD) if lend else frames:
+                frames = _with_log(self._decode_from(container, stream, start), log)
+                for frame, logged in _ahead(frames, FRAMES_AHEAD) if lend else frames:
                     if stop is not None and index >= stop:
                         return
                     if (frame.height, frame.width) != self.shape:
                         self.check_size(np.empty((frame.height, frame.width)), index)
-                    self._note(frame, index, pts, said)
+                    self._note(frame, index, pts, logged)
                     pts = frame.pts
                     yield self._luma(frame, lend)
                     index += 1
             except av.FFmpegError as error:
                 raise self._broken(index, error) from error
-            self._hear(complaints.new(), index - 1)
+            self._note_faults(log.new(), index - 1)
         if stop is None or index < stop:
             self._check_end(index, pts)
 
-    def _note(self, frame, index, before, said):
-        """Keep in mind what is peculiar about a frame, and what was `said` while it came."""
+    def _note(self, frame, index, before, logged):
+        """Keep in mind what is peculiar about a frame, and what was `logged` while it came."""
         if frame.pict_type == PictureType.B:
             self.interpolated.add(index)
         if frame.is_corrupt:
             self.faults.damaged.append(index)
-        self._hear(said, index)
+        self._note_faults(logged, index)
         if self._timed and before is not None and frame.pts is not None:
             missing = round((frame.pts - before) / float(self._step)) - 1
             if missing > 0:
                 self.faults.gaps.append((index, missing))
 
-    def _hear(self, said, index):
-        """Take what the decoder said for a fault of the frame that came out of it next."""
-        for text in said:
+    def _note_faults(self, logged, index):
+        """Take what the decoder logged for a fault of the frame that came out of it next."""
+        for text in logged:
             if ENDED_EARLY in text:
                 self._ended_early = True
             elif index >= 0:
@@ -313,10 +313,10 @@ class ContainerVideo(Video):
         return int(self._first_pts + round(index * self._step))
 
 
-def _overheard(frames, complaints):
-    """Yield (frame, what the decoder said before it came)."""
+def _with_log(frames, log):
+    """Yield (frame, what the decoder logged before it came)."""
     for frame in frames:
-        yield frame, complaints.new()
+        yield frame, log.new()
 
 
 def _ahead(frames, count):

@@ -9,8 +9,8 @@ import tifffile
 
 from pipeline.errors import VideoError, counted
 from pipeline.video.base import RandomAccessVideo, bits_to_drop, check_pixels, to_8_bit
+from pipeline.video.decoder_log import lost_pages
 from pipeline.video.frame_faults import SHOWN, missing_numbers
-from pipeline.video.listening import lost_pages
 
 PNG = b"\x89PNG\r\n\x1a\n"  # a file of that kind begins so; width and height are at byte 16
 PACKED_BITS = (10, 12, 14)

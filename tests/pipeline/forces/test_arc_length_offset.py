@@ -195,7 +195,7 @@ def test_a_line_that_drowns_in_noise_ends_farther_from_its_tip(touching):
     assert erased == pytest.approx(dim)
 
 
-def test_a_length_that_contradicts_the_hidden_length_is_hardly_believed(touching):
+def test_a_length_that_contradicts_the_hidden_length_is_hardly_errors_in_conflict(touching):
     """A whisker that has grown by 0.7 mm since it was measured."""
     grown = fading(touching.places, traced_motion.TIP_UNSEEN + 0.7e-3)
     origin, _ = arc_length_offset.origin_from_tip(grown, mouse_c2(), times(touching))
@@ -252,7 +252,7 @@ def test_a_tip_out_of_view_shows_nothing(touching):
         assert (origin.se > 0.1e-3).all()
 
 
-def test_without_touches_the_session_is_believed():
+def test_without_touches_the_session_is_errors_in_conflict():
     motion = make_trial("free", 0, 0, 200).motion
     traced = traced_motion.trace(motion, noise_px=0.01)
     evidence, _ = forces.measure_forces(traced.places, mouse_c2(), traced.frames, AT)
@@ -433,14 +433,14 @@ def test_a_contradicted_length_is_believed_as_far_as_it_is_likely_to_be_right(aw
     posterior /= posterior.sum()
     mean = posterior @ grid
     spread = np.sqrt(posterior @ (grid - mean) ** 2)
-    sources = np.array(arc_length_offset._believed(away, hidden, tip))
+    sources = np.array(arc_length_offset._errors_in_conflict(away, hidden, tip))
     weight = sources**-2
     assert weight[1] * away / weight.sum() == pytest.approx(mean, abs=1e-6)
     assert weight.sum() ** -0.5 == pytest.approx(spread, abs=1e-6)
 
 
 def test_a_tip_that_is_nowhere_contradicts_nothing():
-    assert arc_length_offset._believed(1e-3, 0.12e-3, np.inf) == (0.12e-3, np.inf)
+    assert arc_length_offset._errors_in_conflict(1e-3, 0.12e-3, np.inf) == (0.12e-3, np.inf)
 
 
 def test_a_pole_that_is_off_moves_the_answer_by_six_times_as_much():

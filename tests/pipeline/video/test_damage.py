@@ -14,10 +14,10 @@ from pipeline.run import analyse
 from pipeline.session.session_file import settings_from
 from pipeline.video import base
 from pipeline.video.containers import ContainerVideo
+from pipeline.video.decoder_log import SILENT, decoder_log
 from pipeline.video.endings import is_cut
 from pipeline.video.frame_faults import FrameFaults, missing_numbers
 from pipeline.video.image_stacks import is_stack
-from pipeline.video.listening import SILENT, listening
 from pipeline.video.open import find_videos, open_video
 
 SIZE = (96, 128)  # px
@@ -189,8 +189,8 @@ def _read_in_parts(path):
             frames.close()
 
 
-def test_listeners_of_several_passes_hear_and_leave_in_any_order():
-    first, second = listening(), listening()
+def test_passes_read_the_decoders_log_and_end_in_any_order():
+    first, second = decoder_log(), decoder_log()
     one, two = first.__enter__(), second.__enter__()
     with pytest.raises(av.FFmpegError):
         av.open(b"nothing".hex() + "/nowhere.avi")

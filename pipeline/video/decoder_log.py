@@ -11,14 +11,14 @@ import av.logging
 ENDED_EARLY = "ended prematurely"  # what demuxers log of a file that is cut off
 HARMLESS = ("Warning MVs not available",)  # logged for every stream that begins within a group
 OF_PAGES = ("page", "corrupted")  # words of tifffile where pages are lost; others do not matter
-SILENT = av.logging.PANIC  # a number: threads that are about to speak compare with it
+SILENT = av.logging.PANIC  # a number: threads that are about to log compare with it
 
 
-class Complaints:
+class DecoderLog:
     """Messages of FFmpeg, from all threads and all passes that are under way, as they come."""
 
     _captured: ClassVar[list] = []
-    _listeners: ClassVar[int] = 0
+    _readers: ClassVar[int] = 0
     _held: ClassVar = contextlib.ExitStack()
     _lock: ClassVar = threading.Lock()
 
@@ -29,17 +29,17 @@ class Complaints:
         """Messages since the last call."""
         some = [text.strip() for _, _, text in self._captured[self._read :]]
         self._read += len(some)
-        if some and Complaints._listeners == 1:  # nobody else has to read them
+        if some and DecoderLog._readers == 1:  # nobody else has to read them
             del self._captured[: self._read]
             self._read = 0
         return [text for text in some if text and not text.startswith(HARMLESS)]
 
     @classmethod
-    def begin(cls) -> "Complaints":
-        """Listen; FFmpeg is silent while nobody does."""
+    def begin(cls) -> "DecoderLog":
+        """Begin to read; FFmpeg writes nothing while nobody reads."""
         with cls._lock:
-            cls._listeners += 1
-            if cls._listeners == 1:
+            cls._readers += 1
+            if cls._readers == 1:
                 av.logging.set_level(av.logging.ERROR)
                 av.logging.set_skip_repeated(False)
                 cls._captured = cls._held.enter_context(av.logging.Capture(local=False))
@@ -47,22 +47,22 @@ class Complaints:
 
     @classmethod
     def end(cls) -> None:
-        """Listen no longer."""
+        """Stop reading."""
         with cls._lock:
-            cls._listeners -= 1
-            if not cls._listeners:
+            cls._readers -= 1
+            if not cls._readers:
                 av.logging.set_level(SILENT)
                 cls._held.close()
 
 
 @contextlib.contextmanager
-def listening():
-    """Yield the `Complaints` of FFmpeg while the block lasts."""
-    complaints = Complaints.begin()
+def decoder_log():
+    """Yield the `DecoderLog` of FFmpeg while the block lasts."""
+    log = DecoderLog.begin()
     try:
-        yield complaints
+        yield log
     finally:
-        complaints.end()
+        log.end()
 
 
 @contextlib.contextmanager
