@@ -14,7 +14,12 @@ from pipeline.scene.estimate import find_scenes, survey
 from pipeline.scene.looking import first_look
 from pipeline.scene.over_time import without_pole
 from pipeline.scene.scale import FIELD_MM, scale_of
-from pipeline.session.inputs import PREVIEW_NAME, SETTINGS_NAME, find_inputs
+from pipeline.session.inputs import (
+    PREVIEW_NAME,
+    SETTINGS_NAME,
+    check_settings_name,
+    find_inputs,
+)
 from pipeline.session.recording import Recording
 from pipeline.session.session_file import read_session, settings_from, write_session
 from pipeline.tables import whole_files
@@ -61,7 +66,7 @@ def init_folder(folder, overwrite=False, config=None, say=lambda line: None) -> 
     Raises
     ------
     InputError
-        Where there is no readable video.
+        Where there is no readable video, or a session.toml by another name.
     SettingsError
         Where the session.toml that is there cannot be used.
     """
@@ -70,6 +75,7 @@ def init_folder(folder, overwrite=False, config=None, say=lambda line: None) -> 
     target = folder / SETTINGS_NAME
     if config is not None or (target.exists() and not overwrite):
         return _show(folder, Path(config or target), say)
+    check_settings_name(folder)
     looks = _look_at_some(folder, look_at, say)
     document, notes = findings(looks)
     most = max(looks, key=lambda look: len(look.names))

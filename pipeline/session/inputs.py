@@ -119,12 +119,7 @@ def session_of(each: Input, config=None) -> Path:
                 f"no session.toml in {folder}; copy the one of the recording there, or give it "
                 "with --config"
             )
-        misnamed = next((file.name for file in folder.iterdir() if _is_misnamed(file)), None)
-        if misnamed:
-            raise InputError(
-                f"no session.toml in {folder}, but {misnamed}: rename it to session.toml (to "
-                "see the ends of names in Windows, let the Explorer show file name extensions)"
-            )
+        check_settings_name(folder)
         raise InputError(
             f"no session.toml in {folder}, beside the videos; give one with --config, or let "
             f"`whiskerforce init {shlex.quote(str(each.path.parent))}` write one"
@@ -132,9 +127,16 @@ def session_of(each: Input, config=None) -> Path:
     return found
 
 
-def _is_misnamed(file) -> bool:
-    """Whether a file is meant to be session.toml, but has capitals or a further ending."""
-    return file.is_file() and file.name.casefold() in MISNAMED
+def check_settings_name(folder) -> None:
+    """InputError where a file was meant to be session.toml, but has capitals or another ending."""
+    if (Path(folder) / SETTINGS_NAME).exists():
+        return
+    for file in sorted(Path(folder).iterdir()):
+        if file.is_file() and file.name.casefold() in MISNAMED:
+            raise InputError(
+                f"no session.toml in {folder}, but {file.name}: rename it to session.toml (to "
+                "see the ends of names in Windows, let the Explorer show file name extensions)"
+            )
 
 
 def _session_beside(each: Input) -> Path | None:

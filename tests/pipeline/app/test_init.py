@@ -3,9 +3,11 @@
 from pathlib import Path
 
 import numpy as np
+import pytest
 
-from pipeline.app.init import Look, _is_passed_over, findings
+from pipeline.app.init import Look, _is_passed_over, findings, init_folder
 from pipeline.detection.static_scene import PoleTrack, StaticScene
+from pipeline.errors import InputError
 from pipeline.session.session_file import session_text, settings_from
 
 SHAPE = (240, 320)
@@ -41,3 +43,12 @@ def test_a_first_session_says_what_is_a_guess_and_when_its_whiskers_count():
     assert rate.endswith("GUESS, it is set at the camera or its trigger")
     (name,) = [line for line in text.splitlines() if line.startswith('name = "w1"')]
     assert name.endswith("followed until one of them has a dimension or another name")
+
+
+def test_settings_that_were_saved_by_another_name_are_not_left_behind(tmp_path):
+    (tmp_path / "a.avi").touch()
+    (tmp_path / "session.toml.txt").write_text("[recording]\n")
+    for overwrite in (False, True):
+        with pytest.raises(InputError, match=r"but session\.toml\.txt: rename it"):
+            init_folder(tmp_path, overwrite)
+    assert not (tmp_path / "session.toml").exists()
