@@ -123,10 +123,27 @@ def _looks(path, reason):
     if _is_text(head):
         line = head.decode("utf-8", "replace").splitlines()[0].strip()[:40]
         return f"it is a text file beginning {line!r}; remove it, or name a video"
+    if _has_video_stream(path):
+        return (
+            f"its first frame cannot be decoded ({reason}): the file is damaged; copy it again "
+            "from the recording computer, or cut off its beginning with FFmpeg"
+        )
     return (
         f"{reason}; it is damaged or cut off (an MP4 whose recording did not finish has no "
         "index), or no video; copy it again, or repair it with FFmpeg"
     )
+
+
+def _has_video_stream(path) -> bool:
+    """Whether the container is sound, and says how large its pictures are."""
+    import av
+
+    try:
+        with av.open(str(path), metadata_errors="replace") as container:
+            streams = container.streams.video
+            return bool(streams) and bool(streams[0].codec_context and streams[0].width)
+    except (av.FFmpegError, OSError):
+        return False
 
 
 def _is_text(head: bytes) -> bool:

@@ -110,6 +110,22 @@ def test_the_frames_before_a_cut_can_be_used(tmp_path, name, codec, pixels):
     assert set(video.faults.damaged) <= {0, len(read) - 1}  # at 0, that of the container
 
 
+@pytest.mark.parametrize(
+    ("name", "codec", "pixels"), [("a.mp4", "libx264", "yuv420p"), ("a.avi", "mjpeg", "yuvj420p")]
+)
+def test_a_broken_first_frame_is_named(tmp_path, name, codec, pixels):
+    path = tmp_path / name
+    write(path, codec=codec, pixels=pixels)
+    with av.open(str(path)) as file:
+        first = next(file.demux(video=0))
+        start, stop = first.pos + 8, first.pos + first.size
+    content = bytearray(path.read_bytes())
+    content[start:stop] = bytes(37 * i % 251 for i in range(stop - start))
+    path.write_bytes(content)
+    with pytest.raises(VideoError, match=r"its first frame cannot be decoded .* copy it again"):
+        open_video(path)
+
+
 def test_where_not_even_the_first_frame_can_be_read_there_is_an_error(tmp_path):
     for i in range(3):
         cv2.imwrite(str(tmp_path / f"{i}.png"), picture(i))
