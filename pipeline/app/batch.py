@@ -144,15 +144,14 @@ def run(
         settle_all(out)
         names = results_folders(inputs, out)
         tasks = _tasks(inputs, settings, names, out, overwrite, overlay)
-        tasks = [replace(task, analyse=source.analyse) for task in tasks]
-        outcomes = _unusable(inputs, names, out)
-        due = [t for t in tasks if not t.finished or (overlay and not has_overlay(t.folder))]
-        skipped = [t for t in tasks if t not in due]
+        due = [replace(task, analyse=source.analyse) for task in tasks if _is_due(task)]
+        skipped = [task for task in tasks if not _is_due(task)]
         log = RunLog(out)
         log.write(_begun(inputs, due))
         with _shown(due, progress) as shown:
             new, interrupted = _process(due, jobs, shown, log)
-            outcomes |= new | _left(due, new) | _corrected(skipped, out)
+            outcomes = _unusable(inputs, names, out) | new | _left(due, new)
+            outcomes |= _corrected(skipped, out)
             ordered = [outcomes[name] for name in names.values() if name in outcomes]
             others, lost = _without_lost(_earlier(out, set(names.values())), paths)
             seconds = time.monotonic() - started
@@ -178,6 +177,11 @@ def _tasks(inputs, settings, names, out, overwrite, overlay) -> list[Task]:
             finished = None if overwrite else finished_outcome(path, folder, task.settings)
             tasks.append(replace(task, finished=finished))
     return tasks
+
+
+def _is_due(task) -> bool:
+    """Whether a task has something to do: to analyse its video, or to draw it."""
+    return not task.finished or (task.overlay and not has_overlay(task.folder))
 
 
 def _corrected(skipped, out) -> dict:
