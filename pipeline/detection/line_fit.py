@@ -23,7 +23,6 @@ STILL_SEEN = 0.95  # part of a line in the next frame, where it is just as foret
 SHORT_STEP = 0.1  # px: what this leaves out is some thousandths of a pixel's error
 BEYOND_TIP, TIP_STEP = 30, 0.4  # nodes, px: where it moves more there, the tip is still sought, …
 SAME_TIP = 1  # … unless it was within so many nodes where it is now the step before
-SEEN_SD = 4.0  # standard errors by which a trace's last node is seen
 WIDEST_GAP = 8  # bridges: longer stretches without pixels are not crossed
 ALONG, STEEP = 8, 0.5  # off an edge steeply, seen over so many nodes to both sides: not along it
 SLID = 0.25  # the same where a line begins: at some 15° off the face's edge whiskers do grow
@@ -43,6 +42,7 @@ class Fit(NamedTuple):
     faintest : absorbance below which nothing is seen
     unseen : nodes in a row that may not be seen, though there are pixels
     half : half-width of the window of nodes that absorbance is measured over
+    seen_sd : standard errors by which a node is seen
     steps : of Gauss–Newton, at most
     """
 
@@ -54,6 +54,7 @@ class Fit(NamedTuple):
     faintest: float
     unseen: int
     half: int
+    seen_sd: float
     steps: int
 
 
@@ -235,10 +236,10 @@ def visible_end(amplitude, amplitude_se, sums, n, bridge, fit):
     """Index one past the last node that is still seen; 0 where nothing is.
 
     The search starts at the clearest node of the proximal half, since fur may cover the first
-    ones. A node is seen where its windowed absorbance is SEEN_SD standard errors above zero, and
-    above `fit.faintest`; unseen stretches up to `bridge` nodes are crossed where pixels are
-    missing (pole, border), up to `fit.unseen` where they are not. The more pixels are missing,
-    the longer must be what is seen beyond.
+    ones. A node is seen where its windowed absorbance is `fit.seen_sd` standard errors above
+    zero, and above `fit.faintest`; unseen stretches up to `bridge` nodes are crossed where pixels
+    are missing (pole, border), up to `fit.unseen` where they are not. The more pixels are
+    missing, the longer must be what is seen beyond.
     """
     first = 0
     clearest = 0.0
@@ -247,7 +248,7 @@ def visible_end(amplitude, amplitude_se, sums, n, bridge, fit):
         if clear > clearest:
             clearest = clear
             first = i
-    if clearest < SEEN_SD:
+    if clearest < fit.seen_sd:
         return 0
     end = first
     unseen = 0  # nodes with pixels since the last one that was seen
@@ -259,7 +260,7 @@ def visible_end(amplitude, amplitude_se, sums, n, bridge, fit):
             if blind > bridge:
                 break
             continue
-        if amplitude[i] > SEEN_SD * amplitude_se[i] and amplitude[i] > fit.faintest:
+        if amplitude[i] > fit.seen_sd * amplitude_se[i] and amplitude[i] > fit.faintest:
             run += 1
             if blind + unseen == 0 or run >= 8 + blind // 2:
                 end = i + 1

@@ -55,6 +55,24 @@ def test_most_of_a_whisker_is_seen(darkness, noise, seen):
     assert seen_share(movie(darkness, noise), scene_of(noise)) > seen
 
 
+def test_the_first_look_shows_most_of_a_whisker_in_noise():
+    """Absorbance falls from 0.08 to 0 over the length; four fifths of it are above 0.016."""
+    assert first_look_share(OPTIONS) == pytest.approx(0.8, abs=0.08)
+
+
+def test_a_line_whose_length_is_given_ends_where_it_is_surely_seen():
+    """Forces take the end of a trace for a sign of the tip."""
+    mm = 1e-3 / 25
+    given = options_for(Recording(1000.0, 25.0, "left"), (LENGTH * mm,), (0.0,))
+    assert first_look_share(given) < 0.9 * first_look_share(OPTIONS)
+
+
+def first_look_share(options):
+    """Part of a whisker's length that the first look shows in noise, on average."""
+    (template,) = find_templates(movie(0.08, 8.0), scene_of(8.0), options)
+    return np.mean([line.n for line in template.samples]) / LENGTH
+
+
 def test_what_may_be_seen_follows_the_picture():
     usual, noisy = (ImageModel.from_scene(scene_of(noise)) for noise in (0.4, 8.0))
     faint = ImageModel.from_scene(scene_of(0.4), absorbed=0.02)
