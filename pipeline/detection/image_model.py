@@ -42,7 +42,7 @@ class ImageModel:
     """The static scene as the tracker uses it: arrays of float32 (height, width).
 
     `off_edges` is how much farther than `edge_px` it is to face, obstacles and moving fur [px],
-    but for the pole, along which whiskers do lie;
+    but for the pole, along which whiskers do lie; the picture's outermost pixels are an edge;
     `faintest` is the light that a line takes, below which nothing of it is seen, measured over
     `half` px to both sides of every node;
     `gain_points` are those of line_profile.frame_gain, on pixels that are free of all things;
@@ -90,6 +90,8 @@ class ImageModel:
         if scene.moving_fur is not None:
             off_edges[scene.moving_fur] = -params.edge_px
         _clear_of_pole(off_edges, scene.pole, params.edge_px)
+        for border in (off_edges[0], off_edges[-1], off_edges[:, 0], off_edges[:, -1]):
+            np.minimum(border, 0, out=border)  # what runs along it is mostly not in the picture
         usual = float(np.median(noise[usable])) if usable.any() else np.inf
         least = max(params.faintest_sd * usual, params.faintest_share * absorbed)
         half = LEAST_HALF * np.clip((usual / params.quiet) ** 2, 1, MOST_HALF / LEAST_HALF)
