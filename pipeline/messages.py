@@ -129,8 +129,8 @@ def no_whiskers(settings, epochs, video) -> str:
     seen = seen_instead_of_whiskers(scenes, "bright" if bright else "dark")
     part = " and ".join(key for key in ("region_px", "mask") if getattr(settings.image, key))
     return (
-        f"no whiskers found; seen instead: {seen}; if there are whiskers, check that [recording] "
-        f'face = "{settings.recording.face}" is the side that they come from'
+        f"no whiskers found; what was seen is {seen}; if there are whiskers, check that "
+        f'[recording] face = "{settings.recording.face}" is the side that they come from'
         + (f", and that [image] {part} leaves their bases in the picture" if part else "")
     )
 
@@ -152,7 +152,7 @@ def _no_pole(settings, scenes, bright) -> str:
     """What was seen where no pole is found, and what to do."""
     size = settings.pole.diameter_mm * settings.recording.pixels_per_mm
     shade = "bright" if bright else "dark"
-    seen = f"seen instead: {seen_instead_of_pole(scenes, shade)}; " if scenes else ""
+    seen = f"what was seen is {seen_instead_of_pole(scenes, shade)}; " if scenes else ""
     missing = f"no pole of {settings.pole.diameter_mm:g} mm ({size:.0f} px) found"
     if settings.pole.position_px is not None:
         x, y = settings.pole.position_px

@@ -10,7 +10,7 @@ LEAST_SHARE = 0.0005  # of the picture: smaller things are not worth a word
 
 
 def seen_instead_of_pole(scenes, shade="dark") -> str:
-    """What was seen where no pole is found: words that follow "seen instead: ".
+    """What was seen where no pole is found: words that follow "what was seen is ".
 
     `shade`: of the whiskers, "dark" or "bright", against the ground.
     """
@@ -19,7 +19,7 @@ def seen_instead_of_pole(scenes, shade="dark") -> str:
 
 
 def seen_instead_of_whiskers(scenes, shade="dark") -> str:
-    """What was seen where no whisker is found: words that follow "seen instead: "."""
+    """What was seen where no whisker is found: words that follow "what was seen is "."""
     scene = max(scenes, key=lambda each: each.face_mask.mean(), default=None)
     if scene is None:
         return "a picture in which everything moves"

@@ -106,12 +106,12 @@ def test_where_nothing_is_wrong_nothing_is_said():
     [
         ({"read": 60}, "only 60 of 100 frames could be read"),
         ({"read": 1, "n_frames": 1}, "only one frame"),
-        ({"found": ()}, "no whiskers found; seen instead: something dark at the left (20 % of"),
+        ({"found": ()}, "no whiskers found; what was seen is something dark at the left (20 % of"),
         ({"found": (), "out": np.s_[:, 20:]},  # not looked at
-         "no whiskers found; seen instead: something dark at the left (20 % of the picture), "
+         "no whiskers found; what was seen is something dark at the left (20 % of the picture), "
          "with nothing thin moving out of it; if"),
         ({"found": (), "region": [20, 0, 60, 40]},
-         "no whiskers found; seen instead: something dark at the left (20 % of the picture), "
+         "no whiskers found; what was seen is something dark at the left (20 % of the picture), "
          "with nothing thin moving out of it; if there are whiskers, check that [recording] face "
          '= "left" is the side that they come from, and that [image] region_px leaves their'),
         ({"found": (), "light": 40}, "no whiskers found; the picture is mostly dark, and whiskers "
@@ -120,17 +120,17 @@ def test_where_nothing_is_wrong_nothing_is_said():
          "no whiskers found; the picture is mostly light, and whiskers were taken to be brighter "
          'than what is behind them: if they are dark, write [image] polarity = "dark"'),
         ({"found": (), "light": 200, "bright": True},
-         "no whiskers found; seen instead: something bright at the left (20 % of"),
-        ({"pole": None}, "no pole of 0.5 mm (12 px) found, so no contacts; seen instead: "
+         "no whiskers found; what was seen is something bright at the left (20 % of"),
+        ({"pole": None}, "no pole of 0.5 mm (12 px) found, so no contacts; what was seen is "
                          "nothing dark and round; if there is one"),
         ({"pole": None, "thing": np.s_[10:20, 40:44]},
-         "no pole of 0.5 mm (12 px) found, so no contacts; seen instead: a dark spot 4 px wide "
+         "no pole of 0.5 mm (12 px) found, so no contacts; what was seen is a dark spot 4 px wide "
          "and 10 px high at (42, 14) px; if there is one"),
         ({"pole": None, "thing": np.s_[30:, 20:]},
-         "no pole of 0.5 mm (12 px) found, so no contacts; seen instead: something dark that "
+         "no pole of 0.5 mm (12 px) found, so no contacts; what was seen is something dark that "
          "reaches in from the right and bottom (17 % of the picture); if there is one"),
         ({"pole": None, "refused": ((3.0, 4.0, "a tuft"),)},
-         "no pole of 0.5 mm (12 px) found, so no contacts; seen instead: a tuft (at 3, 4 px)"),
+         "no pole of 0.5 mm (12 px) found, so no contacts; what was seen is a tuft (at 3, 4 px)"),
         ({"region": [10, 0, 90, 40]},
          "[image] region_px = [10, 0, 90, 40] reaches beyond the picture, which is 60×40 px: what "
          "is inside is looked at; if that is not what was meant, give x from 0 to 60 and"),
@@ -138,8 +138,8 @@ def test_where_nothing_is_wrong_nothing_is_said():
         ({"whiskers": ({**WHISKER, "name": "C2", "base_radius_um": 370.0},)},
          "[[whisker]] base_radius_um = 370 (C2): "),
         ({"pole": None, "pole_xy": (300, 200)},
-         "no pole of 0.5 mm (12 px) found at [pole] x_px, y_px = 300, 200, so no contacts; seen "
-         "instead: nothing dark and round; correct them, or leave them out"),
+         "no pole of 0.5 mm (12 px) found at [pole] x_px, y_px = 300, 200, so no contacts; what "
+         "was seen is nothing dark and round; correct them, or leave them out"),
         ({"pole_xy": (300, 200)}, "no disc is seen at [pole] x_px, y_px = 300, 200"),
         ({"known": 0.23}, "for 77 % of the traced lines it is not known which whisker they are"),
         ({"pole": PoleTrack(POLE.x_px, POLE.y_px, 0.3 * SCALE)}, "the pole looks 0.6 mm thick"),

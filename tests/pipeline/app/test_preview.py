@@ -74,7 +74,7 @@ def test_where_no_whisker_is_found_it_says_what_a_run_would_say(tmp_path):
     for i in range(12):
         cv2.imwrite(str(tmp_path / f"{i:02d}.png"), frame)
     _, doubt = preview_of(tmp_path, settings_from({"recording": RECORDING})).words()
-    assert doubt.startswith("no whiskers found; seen instead: something dark at the left")
+    assert doubt.startswith("no whiskers found; what was seen is something dark at the left")
 
 
 def chunk(names, confidence):
