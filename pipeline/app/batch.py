@@ -144,8 +144,8 @@ def run(
         settle_all(out)
         names = results_folders(inputs, out)
         tasks = _tasks(inputs, settings, names, out, overwrite, overlay)
-        due = [replace(task, analyse=source.analyse) for task in tasks if _is_due(task)]
-        skipped = [task for task in tasks if not _is_due(task)]
+        due, skipped = _due_and_skipped(tasks)
+        due = [replace(task, analyse=source.analyse) for task in due]
         log = RunLog(out)
         log.write(_begun(inputs, due))
         with _shown(due, progress) as shown:
@@ -179,9 +179,13 @@ def _tasks(inputs, settings, names, out, overwrite, overlay) -> list[Task]:
     return tasks
 
 
-def _is_due(task) -> bool:
-    """Whether a task has something to do: to analyse its video, or to draw it."""
-    return not task.finished or (task.overlay and not has_overlay(task.folder))
+def _due_and_skipped(tasks) -> tuple[list[Task], list[Task]]:
+    """The tasks that have something to do, to analyse a video or to draw it, and the others."""
+    due, skipped = [], []
+    for task in tasks:
+        is_done = task.finished and (not task.overlay or has_overlay(task.folder))
+        (skipped if is_done else due).append(task)
+    return due, skipped
 
 
 def _corrected(skipped, out) -> dict:
