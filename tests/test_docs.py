@@ -124,3 +124,10 @@ def test_no_page_holds_what_a_program_says_beside_its_tables():
 def test_no_command_on_a_page_names_a_folder_of_one_machine():
     for page in (ROOT / "README.md", *DOCS.glob("*.md")):
         assert not re.findall(r"--(?:out|write|figure) /\S*", page.read_text()), page.name
+
+
+def test_commands_write_into_the_page_that_shows_them():
+    for page in DOCS.glob("*.md"):
+        text = page.read_text("utf-8")
+        for written in re.findall(r"--write (docs/\S+)", text):
+            assert (ROOT / written).resolve() == page and ": begin -->" in text, written

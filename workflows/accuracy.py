@@ -8,9 +8,9 @@ Every video has a seed of its own, drawn from a seed that is printed: `--seed` m
 videos again, without it each run makes others. Every hidden length and length in
 session.toml is wrong by its stated uncertainty. Each video is processed twice more, to show what
 that costs: with all settings exact, and with dimensions, modulus and scale wrong by theirs, too.
-Prints tables in Markdown (docs/accuracy.md holds a run's), then every target with the value that
-was reached; the exit status is 1 where one was missed. With --out the videos and their truth are
-kept, with `accuracy.csv` (all figures) and `worst.csv` (where to look).
+Prints tables in Markdown (docs/accuracy_rendered.md holds a run's), then the targets that were
+missed; the exit status is 1 where one was. With --out the videos and their truth are kept, with
+`accuracy.csv` (all figures) and `worst.csv` (where to look).
 """
 
 import argparse

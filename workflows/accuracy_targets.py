@@ -170,18 +170,19 @@ def _nan_last(value):
 
 
 def checks_text(rows: list[dict]) -> str:
-    """Every target with what was reached."""
-    header = ["preset", "what", "reached", "target", ""]
-    lines = [
+    """How many targets are met, and those that are missed with what was reached."""
+    missed = [
         [
             row["preset"],
             row["what"],
             f"{row['value']:.4g} {row['unit']}".strip(),
             row["target"],
-            "ok" if row["met"] else f"MISSED ({row['video']})",
+            f"MISSED ({row['video']})",
         ]
         for row in rows
+        if not row["met"]
     ]
-    missed = sum(not row["met"] for row in rows)
-    said = f"{len(rows) - missed} of {len(rows)} targets met"
-    return "\n\n".join(["### Targets", pages.table(header, lines), said])
+    said = f"{len(rows) - len(missed)} of {len(rows)} targets met"
+    header = ["preset", "what", "reached", "target", ""]
+    parts = ["### Targets", said, *([pages.table(header, missed)] if missed else [])]
+    return "\n\n".join(parts)

@@ -1,11 +1,11 @@
 """How compression changes the forces: the same scenes without loss, as H.264 and as MJPG.
 
     python workflows/codec_sweep.py                      # a few short videos per codec
-    python workflows/codec_sweep.py --videos 20 --frames 1000 --write docs/accuracy.md
+    python workflows/codec_sweep.py --videos 20 --frames 1000 --write docs/accuracy_codecs.md
 
 All codecs show the same scenes, of the preset `noisy`, with the same seeds, hidden lengths wrong
-by their stated uncertainty. Prints a table (docs/accuracy.md holds a run's) and, with --figure,
-draws it.
+by their stated uncertainty. Prints a table (docs/accuracy_codecs.md holds a run's) and, with
+--figure, draws it.
 """
 
 import argparse

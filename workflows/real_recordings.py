@@ -6,7 +6,8 @@
 Each video is processed as `whiskerforce run` does, with only the frame rate, the face's side
 (after the colon) and the scale given; the scale `init` stands for the session.toml that
 `whiskerforce init` writes for this video, unchanged. `--backwards` processes the frames in reverse
-order, too, from a lossless copy. A first table is of lines and names:
+order, too, from a lossless copy. Videos in which no run finds a line are named below the tables.
+The first table is of lines and names:
 
 - *lines / frame*: all lines, over all frames. *known*: those of them with a confidence ≥ 0.5.
 - *clear*, *faint* (with `--labels`, in the frames followed by eye; the format is in
@@ -164,6 +165,20 @@ def tables_of(video: Path, face: str, labelled, args):
     return lines, angles
 
 
+def tables_text(lines: list[list[str]], angles: list[list[str]]) -> str:
+    """Both tables; a video in which no run found a line gets a sentence instead of rows."""
+    runs: dict[str, list[str]] = {}
+    for video, _, _, _, _, known, *_ in lines:
+        runs.setdefault(video, []).append(known)
+    empty = {video: len(known) for video, known in runs.items() if set(known) == {"–"}}
+    tables = [
+        pages.table(header, [row for row in rows if row[0] not in empty])
+        for header, rows in ((HEADER, lines), (real_angles.HEADER, angles))
+    ]
+    said = [f"No line was found in any of the {n} runs of {video}." for video, n in empty.items()]
+    return "\n\n".join([*tables, *said])
+
+
 def video_and_face(text: str) -> tuple[Path, str]:
     """A video and the side with the face, of VIDEO:SIDE."""
     path, _, face = text.rpartition(":")
@@ -230,8 +245,7 @@ def main(argv=None) -> int:
     for video, face in args.videos:
         rows = tables_of(video, face, labels.get(video.stem, ()), args)
         lines, angles = lines + rows[0], angles + rows[1]
-    text = f"{pages.table(HEADER, lines)}\n\n{pages.table(real_angles.HEADER, angles)}"
-    pages.publish(text, args.write, "real recordings")
+    pages.publish(tables_text(lines, angles), args.write, "real recordings")
     return 0
 
 

@@ -92,7 +92,7 @@ def arguments(argv=None):
     parser.add_argument("--scale", default="16", help="pixels per mm")
     parser.add_argument("--frames-per-second", type=float, default=1000.0)
     parser.add_argument("--peer-python", help="python that has the peer; see peer_tracker.py")
-    parser.add_argument("--write", type=Path, action="append", help="Markdown files, with marks")
+    parser.add_argument("--write", type=Path, help="a Markdown file to put the table into")
     return parser.parse_args(argv)
 
 
@@ -106,10 +106,7 @@ def main(argv=None) -> int:
         print(error, file=sys.stderr)
         peer = None
     rows = [row_of(video, face, peer, args) for video, face in args.videos]
-    text = pages.table(HEADER, rows)
-    print(text)
-    for path in args.write or ():
-        pages.write_between(path, "real speed", text)
+    pages.publish(pages.table(HEADER, rows), args.write, "real speed")
     return 0
 
 

@@ -107,3 +107,14 @@ def test_tables_of_what_was_found(tmp_path, monkeypatch, capsys):
     agree = {"distance": "1.00", "names agree": "10 of 10 (100%)", "links": "100.0%"}
     assert backwards == same | {"direction": "backwards"} | agree
     assert dict(zip(*table[5:8:2], strict=True))["known"] == "15"
+
+
+def test_a_video_without_lines_gets_a_sentence():
+    def row(video, known):
+        return [video, "top", "12", "forwards", "0.0", known, *7 * "–"]
+
+    lines = [row("a", "50%"), row("a", "–"), row("b", "–"), row("b", "–")]
+    angles = [["a", "12", *9 * "1"], ["b", "12", *9 * "–"]]
+    text = real_recordings.tables_text(lines, angles)
+    assert [text.count(f"| {video} ") for video in "ab"] == [3, 0]
+    assert text.endswith("No line was found in any of the 2 runs of b.")
