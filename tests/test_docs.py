@@ -130,4 +130,5 @@ def test_commands_write_into_the_page_that_shows_them():
     for page in DOCS.glob("*.md"):
         text = page.read_text("utf-8")
         for written in re.findall(r"--write (docs/\S+)", text):
-            assert (ROOT / written).resolve() == page and ": begin -->" in text, written
+            assert (ROOT / written).resolve() == page
+            assert ": begin -->" in text, written

@@ -1,8 +1,8 @@
 """How exactly a whisker's place and curvature can be known from one noisy frame at best.
 
 Cramér–Rao bounds, derived in docs/accuracy_limits.md. A picture holds, per pixel of length along
-the whisker, the Fisher information j(s) about the whisker's offset across its line; a linear model of
-the shape, v(s) = Σ c_k f_k(s), then has the information matrix M = Σ j f fᵀ, and no unbiased
+the whisker, the Fisher information j(s) about the whisker's offset across its line; a linear model
+of the shape, v(s) = Σ c_k f_k(s), then has the information matrix M = Σ j f fᵀ, and no unbiased
 estimator of the curvature v''(s₀) has a variance below f''(s₀)ᵀ M⁻¹ f''(s₀).
 """
 

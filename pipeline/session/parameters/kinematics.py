@@ -35,7 +35,7 @@ class KinematicsParams:
         0.2, "length over which fur's error is the same", "chosen"
     )
     curvature_half_window_mm: quantity(0.5, 10, "mm") = parameter(
-        3.0, "half-width of the window of the local curvature fit", "chosen: docs/accuracy_limits.md"
+        3.0, "half-width of the window of the local curvature fit", "chosen"
     )
     curvature_pole_gap_mm: quantity(0, 1, "mm") = parameter(
         0.15, "a pole this near may bend the whisker: the window ends there", "chosen"
