@@ -27,6 +27,9 @@ class Video:
         Those of the frames read until now that the codec made out of frames before and after.
     faults : FrameFaults
         What is wrong with single frames, as far as they have been `watched`.
+    unreadable : set of int
+        Those of the frames read until now that cannot be read, while later ones can: they are
+        black. `some` and `sampled` leave them out.
     ended_by : VideoError or None
         Why no more frames could be read when they were last `watched`.
     shifts : list of (x, y) [px], or None
@@ -41,7 +44,7 @@ class Video:
         self.width, self.height = int(width), int(height)
         self.n_frames = n_frames
         self.exact_count = exact_count and n_frames is not None
-        self.interpolated = set()
+        self.interpolated, self.unreadable = set(), set()
         self.faults, self.ended_by = FrameFaults(), None
         self.notes = ()  # sentences on the input as a whole
 
@@ -72,7 +75,7 @@ class Video:
         Raises
         ------
         VideoError
-            At the frame that cannot be read or has another size; those before it were good.
+            At the frame from which on none can be read, or that has another size.
         """
         if start < 0 or (stop is not None and stop < start):
             raise ValueError(f"start, stop must be 0 <= start <= stop, got {start!r}, {stop!r}")
@@ -91,7 +94,7 @@ class Video:
         Raises
         ------
         VideoError
-            Where not even the first frame can be read.
+            Where no frame can be read.
         """
         self.faults, self.ended_by = FrameFaults(), None
         try:
@@ -118,8 +121,14 @@ class Video:
                 image = next(self.frames(number, number + 1), None)
             except VideoError:
                 continue
-            if image is not None:
+            if image is not None and number not in self.unreadable:
                 yield number, image
+
+    def _without(self, index: int) -> np.ndarray:
+        """A black frame in the place of one that cannot be read; note that it is damaged."""
+        self.unreadable.add(index)
+        self.faults.damaged.append(index)
+        return np.zeros(self.shape, np.uint8)
 
     def starts(self, numbers) -> list[int]:
         """For each of the frames `numbers`, the one from which on it must be decoded."""
@@ -162,7 +171,7 @@ class Video:
         kept = []
         try:
             for i, frame in enumerate(self.frames()):
-                if i % stride:
+                if i % stride or i in self.unreadable:
                     continue
                 kept.append((i, frame))
                 if len(kept) > n:

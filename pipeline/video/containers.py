@@ -1,7 +1,7 @@
 """Video files, read through PyAV (FFmpeg)."""
 
 import contextlib
-from itertools import groupby, islice
+from itertools import groupby, islice, repeat
 
 import av
 import numpy as np
@@ -20,6 +20,7 @@ LONGEST_BURST = 3  # samples; more of them would show the same posture again
 FEWEST_SAMPLES = 24  # but a background takes so many
 FRAMES_AHEAD = 16  # lent at once: taking turns, decoder and caller spoil each other's cache
 FEWEST_KEYS = 4  # fewer key frames may miss when things move
+HELD_BACK = 16  # frames: as many come out of a decoder at most between a packet and its own frame
 
 
 class ContainerVideo(Video):
@@ -28,16 +29,23 @@ class ContainerVideo(Video):
     def __init__(self, path, threads: int = 1):
         self._threads = threads
         self._luma = LumaReader()
-        with self._open(path) as container:
+        with decoder_log() as log, self._open(path) as container:
             stream = container.streams.video[0]
             if stream.codec_context.width:  # a raw stream does not say before it is decoded
                 check_pixels(path, stream.codec_context.width, stream.codec_context.height)
-            first = next(container.decode(stream), None)
+            log.new()  # what was said of the container
+            first, failure = next(_decoded(container, stream), (None, None))
+            broken = failure is not None or bool(log.new())
             if first is None:
                 raise VideoError(path, _no_frames_message(container), 0)
             self._time_base = stream.time_base
-            self._first_pts = first.pts
             self._step = frame_duration(stream)
+            # AVI times frames in the order in which they are decoded
+            self._in_order = (
+                container.format.name != "avi" or not stream.codec_context.has_b_frames
+            )
+            starts_earlier = broken and self._in_order and stream.start_time is not None
+            self._first_pts = stream.start_time if starts_earlier else first.pts
             self._last_pts = last_pts(container, stream, self._step)
             count, exact = frame_count(container, stream)
             self._format, self._indexed = container.format.name, stream.frames > 0
@@ -76,10 +84,14 @@ class ContainerVideo(Video):
             stream = container.streams.video[0]
             index, pts, self._ended_early = start, None, False
             try:
-                frames = _with_log(self._decode_from(container, stream, start), log)
+                frames = _with_log(self._filled(container, stream, start), log)
                 for frame, logged in _ahead(frames, FRAMES_AHEAD) if lend else frames:
                     if stop is not None and index >= stop:
                         return
+                    if frame is None:
+                        yield self._without(index)
+                        index, pts = index + 1, None
+                        continue
                     if (frame.height, frame.width) != self.shape:
                         self.check_size(np.empty((frame.height, frame.width)), index)
                     self._note(frame, index, pts, logged)
@@ -118,19 +130,40 @@ class ContainerVideo(Video):
         """Whether the frames' times are known."""
         return self._step is not None and self._first_pts is not None
 
+    def _filled(self, container, stream, start):
+        """Decode from frame `start` on; None for each frame that cannot be decoded.
+
+        How many these are, the times of the frames around them say. Raises the decoder's error
+        where they do not, or where no frame follows.
+        """
+        before = self._pts(start - 1) if self._timed else None
+        watched = 0 if start else 1  # frames before which others may have been lost
+        for frame, failure in self._decode_from(container, stream, start):
+            watched = HELD_BACK if failure is not None else watched - 1
+            lost = self._lost(before, frame.pts) if watched >= 0 else 0
+            if lost is None and failure is not None:
+                raise failure
+            if lost is not None and lost < 0:
+                continue  # shown out of order: its place is taken
+            yield from repeat(None, lost or 0)
+            yield frame
+            before = frame.pts
+
+    def _lost(self, before, pts) -> int | None:
+        """How many frames are missing between two times; None where these do not tell."""
+        if not (self._timed and self._in_order) or None in (before, pts):
+            return None
+        lost = round((pts - before) / float(self._step)) - 1
+        return lost if lost <= (self.n_frames or 0) else None
+
     def _decode_from(self, container, stream, start):
-        """Decode from frame `start` on, by seeking where times are known."""
-        if start == 0 or not self._timed:
-            for i, frame in enumerate(container.decode(stream)):
-                if i >= start:
-                    yield frame
-            return
-        first = self._pts(start) - self._step / 2
-        container.seek(self._pts(start), stream=stream)
-        for packet in container.demux(stream):
-            for frame in _decode_towards(first, packet, stream):
-                if frame.pts is None or frame.pts > first:
-                    yield frame
+        """Decode from frame `start` on, by seeking where times are known, as of `_decoded`."""
+        first = self._pts(start) - self._step / 2 if start and self._timed else None
+        if first is not None:
+            container.seek(self._pts(start), stream=stream)
+        for i, (frame, failure) in enumerate(_decoded(container, stream, first)):
+            if i >= start if first is None else frame.pts is None or frame.pts > first:
+                yield frame, failure
 
     def _check_end(self, index, pts):
         """Raise if the file ended long before the count or duration that its header gives."""
@@ -207,7 +240,8 @@ class ContainerVideo(Video):
         container.seek(self._pts(numbers[0]), stream=stream)
         left = numbers
         for packet in container.demux(stream):
-            for frame in _decode_towards(self._pts(left[0]) - self._step / 2, packet, stream):
+            first = self._pts(left[0]) - self._step / 2
+            for frame in _frames_in(packet, stream, first):
                 index = self._index(frame)
                 if index in left and (frame.height, frame.width) == self.shape:
                     yield index, frame
@@ -256,7 +290,7 @@ class ContainerVideo(Video):
         stream.codec_context.skip_frame = "NONREF"
         targets = iter(np.linspace(0, self.n_frames - 1, n))
         target = next(targets)
-        for frame in container.decode(stream):
+        for frame, _ in _decoded(container, stream):
             index = self._index(frame)
             if index is None or index < target or (frame.height, frame.width) != self.shape:
                 continue
@@ -297,7 +331,8 @@ class ContainerVideo(Video):
             timed = packet.pts is not None
             near = timed and any(abs(packet.pts - t) < self._step / 2 for t in times)
             stream.codec_context.skip_frame = "DEFAULT" if near or not timed else "NONREF"
-            yield from packet.decode()
+            with contextlib.suppress(av.FFmpegError):  # the others are a sample, too
+                yield from packet.decode()
             left -= near
             if not left or (packet.dts is not None and packet.dts > last):
                 yield from stream.decode(None)  # what the decoder has held back
@@ -346,10 +381,31 @@ def _burst_offsets(length):
     return list(range(1, length + 1)) if length > 1 else [0]
 
 
-def _decode_towards(first, packet, stream):
+def _decoded(container, stream, first=None):
+    """Yield (frame, the decoder's error on a packet since the last frame, or None).
+
+    first : time before which only those frames are decoded that others refer to; None: all are
+    Raises the error after the last frame, if no packet behind the broken one could be decoded.
+    """
+    failure = None
+    for packet in container.demux(stream):
+        try:
+            frames = _frames_in(packet, stream, first)
+        except av.FFmpegError as error:
+            failure = failure or error
+            continue
+        for frame in frames:
+            yield frame, failure
+            failure = failure if packet.size == 0 else None  # at the end come those held back
+    if failure is not None:
+        raise failure
+
+
+def _frames_in(packet, stream, first=None):
     """Decode a packet; of the frames before time `first`, only those that others refer to."""
-    before = packet.pts is not None and packet.pts < first
-    stream.codec_context.skip_frame = "NONREF" if before else "DEFAULT"
+    if first is not None:
+        before = packet.pts is not None and packet.pts < first
+        stream.codec_context.skip_frame = "NONREF" if before else "DEFAULT"
     return packet.decode()
 
 

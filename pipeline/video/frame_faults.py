@@ -33,7 +33,9 @@ class FrameFaults:
         few = image[::EVERY].copy()
         before, self._before = self._before, image
         few_before, self._few = self._few, few
-        if is_black(image):
+        if self.count in self.damaged[-1:]:
+            pass  # is said already
+        elif is_black(image):
             self.black.append(self.count)
         elif before is not None and np.array_equal(few, few_before):
             self.repeated += [self.count] if np.array_equal(image, before) else []

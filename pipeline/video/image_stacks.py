@@ -1,5 +1,6 @@
 """TIFF stacks and folders of images as videos, read page by page."""
 
+import contextlib
 import struct
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from pipeline.video.frame_faults import SHOWN, missing_numbers
 
 PNG = b"\x89PNG\r\n\x1a\n"  # a file of that kind begins so; width and height are at byte 16
 PACKED_BITS = (10, 12, 14)
+MOST_BROKEN = 1000  # images in a row: behind more, none is looked for
 PROBES = 16  # frames looked at to find the bit depth of a 16-bit stack
 
 
@@ -24,7 +26,7 @@ class ImageStack(RandomAccessVideo):
     """
 
     def __init__(self, path, n_frames, true_bits=8):
-        first = self._image(0)
+        first = self._first_image(n_frames)
         super().__init__(path, first.shape[1], first.shape[0], n_frames)
         self._drop = 0
         if first.dtype == np.uint16:
@@ -35,6 +37,36 @@ class ImageStack(RandomAccessVideo):
     def _image(self, index) -> np.ndarray:
         """Return image `index`, uint8 or uint16 (height, width)."""
         raise NotImplementedError
+
+    def _first_image(self, n_frames):
+        """The first image that can be read; VideoError of the first one where none can."""
+        try:
+            return self._image(0)
+        except VideoError:
+            later = self._readable_after(0, n_frames)
+            if later is None:
+                raise
+            return self._image(later)
+
+    def _readable_after(self, index, n_frames) -> int | None:
+        """The next image behind `index` that can be read, of the MOST_BROKEN that follow."""
+        for later in range(index + 1, min(index + 1 + MOST_BROKEN, n_frames)):
+            with contextlib.suppress(VideoError):
+                self._image(later)
+                return later
+        return None
+
+    def _read(self, start, stop):
+        for i in range(start, self.n_frames if stop is None else min(stop, self.n_frames)):
+            try:
+                image = self._image(i)
+            except VideoError:
+                if self._readable_after(i, self.n_frames) is None:
+                    raise
+                yield self._without(i)
+                continue
+            self.check_size(image, i)
+            yield to_8_bit(image, self._drop)
 
     def _largest(self, index):
         try:

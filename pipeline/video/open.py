@@ -125,8 +125,8 @@ def _looks(path, reason):
         return f"it is a text file beginning {line!r}; remove it, or name a video"
     if _has_video_stream(path):
         return (
-            f"its first frame cannot be decoded ({reason}): the file is damaged; copy it again "
-            "from the recording computer, or cut off its beginning with FFmpeg"
+            f"none of its frames can be decoded ({reason}): the file is damaged; copy it again "
+            "from the recording computer"
         )
     return (
         f"{reason}; it is damaged or cut off (an MP4 whose recording did not finish has no "

@@ -1,6 +1,7 @@
 """Cut, damaged and incomplete inputs: an error or a sentence says so, never silence."""
 
 import contextlib
+import shutil
 import threading
 
 import av
@@ -11,7 +12,7 @@ import tifffile
 
 from pipeline.errors import VideoError
 from pipeline.run import analyse
-from pipeline.session.session_file import settings_from
+from pipeline.session.session_file import read_session, settings_from
 from pipeline.video import base
 from pipeline.video.containers import ContainerVideo
 from pipeline.video.decoder_log import SILENT, decoder_log
@@ -110,27 +111,113 @@ def test_the_frames_before_a_cut_can_be_used(tmp_path, name, codec, pixels):
     assert set(video.faults.damaged) <= {0, len(read) - 1}  # at 0, that of the container
 
 
+def spoil(path, *packets):
+    """Overwrite the data of some packets, numbered in the order in which they are stored."""
+    with av.open(str(path)) as file:
+        stored = [packet for packet in file.demux(video=0) if packet.size]
+        spans = [(stored[k].pos + 8, stored[k].pos + stored[k].size) for k in packets]
+    content = bytearray(path.read_bytes())
+    for start, stop in spans:
+        content[start:stop] = bytes(37 * i % 251 for i in range(stop - start))
+    path.write_bytes(content)
+
+
+GROUPS = {"g": "10"}  # a key frame in ten
+BROKEN = [  # container, codec, pixels, broken packet, frames that are lost with it, and changed
+    ("a.avi", "mjpeg", "yuvj420p", 0, [0], []),
+    ("a.avi", "mjpeg", "yuvj420p", 15, [15], []),
+    ("a.mov", "png", "gray", 0, [0], []),
+    ("a.avi", "ffv1", "gray", 0, list(range(12)), []),
+    ("a.avi", "ffv1", "gray", 20, [20], [21, 22, 23]),
+    ("a.mkv", "libx264", "yuv420p", 0, list(range(10)), []),
+    ("a.mp4", "libx264", "yuv420p", 0, list(range(10)), []),
+    ("a.mp4", "libx264", "yuv420p", 20, list(range(19, 28)), [28, 29]),
+]
+
+
+@pytest.mark.parametrize("threads", [1, 0])
+@pytest.mark.parametrize(("name", "codec", "pixels", "packet", "lost", "changed"), BROKEN)
+def test_a_broken_frame_costs_itself_alone(
+    tmp_path, name, codec, pixels, packet, lost, changed, threads
+):
+    """All others keep their numbers, also those before the first one that can be read."""
+    options = GROUPS if codec == "libx264" else {}
+    path = write(tmp_path / name, codec, pixels, options=options)
+    whole = list(open_video(path))
+    spoil(path, packet)
+    with open_video(path, threads=threads) as video:
+        read = [frame.copy() for frame in video.watched()]
+        damaged, said = set(video.faults.damaged), list(video.problems())
+        sampled = [frame.max() for _, frame in video.sampled(20)]
+        some = [number for number, _ in video.some([lost[0], 35])]
+        assert np.array_equal(next(video.frames(35)), whole[35])
+    others = [not np.array_equal(*pair) for pair in zip(read, whole, strict=True)]
+    assert np.flatnonzero(others).tolist() == lost + changed
+    assert [i for i, frame in enumerate(read) if not frame.any()] == lost
+    assert set(lost) <= damaged
+    assert len(said) == 1
+    assert "trust no contact there" in said[0]
+    assert min(sampled) > 0
+    assert some == [35]
+
+
+@pytest.mark.e2e
+def test_results_of_a_video_whose_first_frames_are_broken(video, rendered, tmp_path):
+    settings = read_session(rendered / "session.toml")
+    whole = analyse(video, settings)
+    shutil.copy(video, tmp_path)
+    broken = tmp_path / video.name
+    spoil(broken, 0)
+    found = analyse(broken, settings)
+    assert len(found.frames) == len(whole.frames)
+    lost = found.frames.loc[~found.frames["tracked"], "frame"]
+    assert set(lost) - set(whole.frames.loc[~whole.frames["tracked"], "frame"]) == set(range(12))
+    assert "damaged at or near frames 0–11" in found.messages[0]
+    for column in ("onset_frame", "offset_frame"):
+        assert found.contacts[column].tolist() == whole.contacts[column].tolist()
+    peaks = found.contacts["peak_force_uN"], whole.contacts["peak_force_uN"]
+    np.testing.assert_allclose(*peaks, rtol=0.02)
+
+
 @pytest.mark.parametrize(
     ("name", "codec", "pixels"), [("a.mp4", "libx264", "yuv420p"), ("a.avi", "mjpeg", "yuvj420p")]
 )
-def test_a_broken_first_frame_is_named(tmp_path, name, codec, pixels):
-    path = tmp_path / name
-    write(path, codec=codec, pixels=pixels)
-    with av.open(str(path)) as file:
-        first = next(file.demux(video=0))
-        start, stop = first.pos + 8, first.pos + first.size
-    content = bytearray(path.read_bytes())
-    content[start:stop] = bytes(37 * i % 251 for i in range(stop - start))
-    path.write_bytes(content)
-    with pytest.raises(VideoError, match=r"its first frame cannot be decoded .* copy it again"):
+def test_where_no_frame_can_be_decoded_the_file_is_named(tmp_path, name, codec, pixels):
+    path = write(tmp_path / name, codec, pixels)
+    spoil(path, *range(FRAMES))
+    with pytest.raises(VideoError, match=r"none of its frames can be decoded .* copy it again"):
         open_video(path)
 
 
-def test_where_not_even_the_first_frame_can_be_read_there_is_an_error(tmp_path):
+def test_where_the_times_do_not_number_the_frames_a_broken_one_is_the_end(tmp_path):
+    """AVI files hold frames that refer to later ones in another order, without their times."""
+    path = write(tmp_path / "a.avi", "libx264", options=GROUPS)
+    spoil(path, 15)
+    with open_video(path) as video:
+        read = sum(1 for _ in video.watched())
+        first, *_ = video.problems()
+    assert 10 <= read <= 15
+    assert first.startswith(f"frame {read} cannot be decoded")
+
+
+def test_an_image_that_cannot_be_read_costs_itself_alone(tmp_path):
+    for i in range(5):
+        cv2.imwrite(str(tmp_path / f"{i}.png"), picture(i))
+    for i in (0, 2):
+        (tmp_path / f"{i}.png").write_bytes(b"")
+    with open_video(tmp_path) as video:
+        assert [bool(frame.any()) for frame in video.watched()] == [False, True, False, True, True]
+        (said,) = video.problems()
+        assert [number for number, _ in video.some(range(5))] == [1, 3, 4]
+    assert said.startswith("damaged at or near frames 0, 2: copy the video again")
+
+
+def test_where_no_image_can_be_read_there_is_an_error(tmp_path):
     for i in range(3):
         cv2.imwrite(str(tmp_path / f"{i}.png"), picture(i))
     with open_video(tmp_path) as video:
-        (tmp_path / "0.png").write_bytes(b"")
+        for i in range(3):
+            (tmp_path / f"{i}.png").write_bytes(b"")
         with pytest.raises(VideoError, match=r"0\.png cannot be read"):
             list(video.watched())
 

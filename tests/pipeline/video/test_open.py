@@ -487,9 +487,9 @@ class TestImageFolders:
     def test_damaged_image(self, tmp_path):
         for i in range(3):
             cv2.imwrite(str(tmp_path / f"{i}.png"), picture(i))
-        (tmp_path / "1.png").write_bytes(b"no image")
+        (tmp_path / "2.png").write_bytes(b"no image")
         error = error_of(tmp_path)
-        assert (error.frame, "1.png" in str(error)) == (1, True)
+        assert (error.frame, "2.png" in str(error)) == (2, True)
 
     def test_preview_and_other_kinds_are_no_frames(self, tmp_path):
         for i in range(3):
