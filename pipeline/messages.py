@@ -32,21 +32,20 @@ ON_A_SIDE = tuple(f"{side}_" for side in (*SIDES, *UPRIGHT))
 SELDOM_ACROSS = 1  # frame may be a mistake; a whisker more often across the pole is worth one
 
 
-def messages(settings, tables, video, epochs, followed, first_seen, odd=None):
+def messages(settings, tables, seen, followed):
     """Sentences on what is missing or doubtful in one video, the main doubt first.
 
-    `first_seen` is the `WhiskerSet` of the first look, whose templates are those of real lines;
-    `odd` a `SeenLength` that contradicts the settings, as of `tracking.odd_length`, or None.
+    seen : `pipeline.run.Seen`, at first; followed : the `Kinematics` of all frames
     """
     whisker_set = followed.whisker_set
-    doubt = settings_doubt(settings, epochs, first_seen, odd)
+    doubt = settings_doubt(settings, seen)
     if doubt:
         yield doubt
-    yield from value_doubts(settings, video)
-    yield from _too_few_frames(video, followed.n_frames)
-    yield from video.problems()
+    yield from value_doubts(settings, seen.video)
+    yield from _too_few_frames(seen.video, followed.n_frames)
+    yield from seen.video.problems()
     if not whisker_set.templates and not settings.analysis.follow:
-        yield "no whiskers found" if doubt else no_whiskers(settings, epochs, video)
+        yield "no whiskers found" if doubt else no_whiskers(settings, seen)
         return
     numbered, nameless = not settings.whisker, nameless_in(tables.frames)
     order = guessed_order(settings, whisker_set, nameless)
@@ -55,22 +54,18 @@ def messages(settings, tables, video, epochs, followed, first_seen, odd=None):
     if not numbered:
         yield from order
     yield from _assumed_place(settings, followed.pole)
-    scenes, bright = _scenes(epochs), isinstance(video, Negative)
-    yield from _of_whiskers(settings, tables, followed, _no_pole(settings, scenes, bright))
+    yield from _of_whiskers(settings, tables, followed, _no_pole(settings, seen))
     if numbered:
         yield from order
         yield from _not_whiskers(tables.frames, nameless)
 
 
-def settings_doubt(settings, epochs, whisker_set, odd=None) -> str | None:
-    """Message about settings that the whiskers of the first look contradict; None: none.
-
-    Parameters are as for `messages`.
-    """
-    if odd is not None:
-        return _of_another_length(settings, odd)
-    templates = (*whisker_set.templates, *whisker_set.refused)
-    return face_message(_scenes(epochs), templates, settings.recording.face)
+def settings_doubt(settings, seen) -> str | None:
+    """Message about settings that the whiskers of the first look contradict; None: none."""
+    if seen.odd is not None:
+        return _of_another_length(settings, seen.odd)
+    templates = (*seen.whisker_set.templates, *seen.whisker_set.refused)
+    return face_message(_scenes(seen), templates, settings.recording.face)
 
 
 def value_doubts(settings, video):
@@ -81,8 +76,8 @@ def value_doubts(settings, video):
     yield from doubtful_values(settings)
 
 
-def _scenes(epochs) -> list:
-    return [epoch.scene for epoch in epochs if epoch.scene]
+def _scenes(seen) -> list:
+    return [epoch.scene for epoch in seen.epochs if epoch.scene]
 
 
 def line_messages(settings, tables, followed):
@@ -114,12 +109,12 @@ def _too_few_frames(video, count):
         yield "only one frame: without movement no contact can be found"
 
 
-def no_whiskers(settings, epochs, video) -> str:
+def no_whiskers(settings, seen) -> str:
     """What was seen where no whisker is found, and what to look at.
 
     The scenes are of the negative where whiskers were taken to be brighter than the ground.
     """
-    scenes, bright = _scenes(epochs), isinstance(video, Negative)
+    scenes, bright = _scenes(seen), isinstance(seen.video, Negative)
     if scenes:
         ground = max(_ground(scene.background) for scene in scenes)
         if bright and 255 - ground > LIGHT:
@@ -148,20 +143,20 @@ def _other_polarity(picture, taken, write) -> str:
     )
 
 
-def _no_pole(settings, scenes, bright) -> str:
+def _no_pole(settings, seen) -> str:
     """What was seen where no pole is found, and what to do."""
     size = settings.pole.diameter_mm * settings.recording.pixels_per_mm
-    shade = "bright" if bright else "dark"
-    seen = f"what was seen is {seen_instead_of_pole(scenes, shade)}; " if scenes else ""
+    scenes, shade = _scenes(seen), "bright" if isinstance(seen.video, Negative) else "dark"
+    there = f"what was seen is {seen_instead_of_pole(scenes, shade)}; " if scenes else ""
     missing = f"no pole of {settings.pole.diameter_mm:g} mm ({size:.0f} px) found"
     if settings.pole.position_px is not None:
         x, y = settings.pole.position_px
         return (
-            f"{missing} at [pole] x_px, y_px = {x:g}, {y:g}, so no contacts; {seen}correct them, "
+            f"{missing} at [pole] x_px, y_px = {x:g}, {y:g}, so no contacts; {there}correct them, "
             "or leave them out: then the pole is searched for"
         )
     return (
-        f"{missing}, so no contacts; {seen}if there is one, check [recording] pixels_per_mm and "
+        f"{missing}, so no contacts; {there}if there is one, check [recording] pixels_per_mm and "
         "give [pole] x_px, y_px"
     )
 

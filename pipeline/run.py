@@ -1,6 +1,6 @@
 """The whole way for one video: `analyse`, one call per step, top to bottom."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
@@ -36,6 +36,8 @@ from pipeline.tables.centrelines import lines_of_table
 from pipeline.tracking import (
     CHUNK_FRAMES,
     GivenLengths,
+    SeenLength,
+    WhiskerSet,
     behind_whiskers,
     find_whisker_set,
     odd_length,
@@ -48,7 +50,7 @@ from pipeline.tracking import (
     track,
     whisker_set_of,
 )  # fmt: skip
-from pipeline.video import open_video
+from pipeline.video import Video, open_video
 
 prepare_cache()  # nothing compiled has been called yet
 
@@ -84,25 +86,24 @@ def analyse(
     with open_video(video, threads) as video:
         with clock("scene"):
             say(Step("scene"))
-            video, seen, epochs = look_at(video, settings)
+            what = look_at(video, settings)
         with clock("whiskers"):
             say(Step("whiskers"))
-            sample = seen.sample(template_frames(settings))
-            whisker_set, epochs = find_whiskers(sample, epochs, settings)
-            odd = odd_length(*sample, epochs, whisker_set.templates, settings)
-            scale = working_scale(video.shape, settings.recording.pixels_per_mm)
+            seen = find_whiskers(*what, settings)
+            scale = working_scale(seen.video.shape, settings.recording.pixels_per_mm)
             epochs = behind_whiskers(
-                epochs, whisker_set.templates, scale, settings.advanced.tracking
+                seen.epochs, seen.whisker_set.templates, scale, settings.advanced.tracking
             )
-        kinematics = follow(video, epochs, whisker_set, settings, clock, keep, say)
+            seen = replace(seen, epochs=epochs)
+        kinematics = follow(seen, settings, clock, keep, say)
     with clock("forces"):
         say(Step("forces"))
         frames, evidence = forces_of(kinematics, settings)
     with clock("contacts"):
         say(Step("contacts"))
         tables = contacts_of(kinematics, frames, evidence, settings, corrections)
-    notes = messages(settings, tables, video, epochs, kinematics, whisker_set, odd)
-    return _analysis(kinematics, tables, notes, clock, given, stored, video.shifts)
+    notes = messages(settings, tables, seen, kinematics)
+    return _analysis(kinematics, tables, notes, clock, given, stored, seen.video.shifts)
 
 
 def analyse_lines(lines, settings, pole=None, n_frames=0, keep=None, corrections=None) -> Analysis:
@@ -157,6 +158,26 @@ def _analysis(kinematics, tables, notes, clock, settings, stored, shifts=None) -
     )
 
 
+@dataclass(frozen=True)
+class Seen:
+    """What is seen in some frames of a video, before the whiskers are followed through all.
+
+    Attributes
+    ----------
+    video : `Video`, steadied or as its negative if need be
+    epochs : what stands still, and until when
+    whisker_set : `WhiskerSet`, whose templates are those of real lines
+    odd : `SeenLength` that contradicts the settings, as of `tracking.odd_length`, or None
+    frames : numbers of the frames that were looked at
+    """
+
+    video: Video
+    epochs: list
+    whisker_set: WhiskerSet
+    odd: SeenLength | None
+    frames: np.ndarray
+
+
 def look_at(video, settings):
     """The video, steadied or as its negative if need be; its `Survey`, and its epochs.
 
@@ -176,20 +197,20 @@ def look_at(video, settings):
     return look.video, seen, epochs
 
 
-def find_whiskers(sample, epochs, settings):
-    """The whiskers of a video, and its epochs: with a pole only where a whisker may touch it.
+def find_whiskers(video, survey, epochs, settings) -> Seen:
+    """The whiskers of a video, of which `look_at` tells the rest.
 
-    sample : numbers of some frames and the frames, as of `Survey.sample`; a pole that a person has
-        given a place is kept in any case
+    Its epochs keep a pole only where a whisker may touch it, or a person has given its place.
     """
+    sample = survey.sample(template_frames(settings))
     whisker_set = find_whisker_set(*sample, epochs, settings)
-    is_touchable = whisker_set.templates or settings.pole.position_px is not None
-    return whisker_set, epochs if is_touchable else without_poles(epochs)
+    if not whisker_set.templates and settings.pole.position_px is None:
+        epochs = without_poles(epochs)
+    odd = odd_length(*sample, epochs, whisker_set.templates, settings)
+    return Seen(video, epochs, whisker_set, odd, sample[0])
 
 
-def follow(
-    video, epochs, whisker_set, settings, clock, keep=None, say=lambda step: None
-) -> Kinematics:
+def follow(seen: Seen, settings, clock, keep=None, say=lambda step: None) -> Kinematics:
     """Follow the whiskers through all frames, and measure angle, curvature, distance to the pole.
 
     Frames, lines and measurements pass through in chunks, so that memory does not grow with the
@@ -197,20 +218,12 @@ def follow(
     names.
     """
     recording, params = settings.recording.si(), settings.advanced
+    video, epochs, whisker_set = seen.video, seen.epochs, seen.whisker_set
     decoded = clock.each("decoding", video.watched())
     frames = Counted(decoded, video.n_frames, lambda *done: say(Step("following", *done)))
     options = tracing_options(settings, video.shape)
     unnamed = Unnamed(params.tracking.fur_share, whisker_set.unnamed)
-    lines = trace(
-        frames,
-        epochs,
-        list(whisker_set.templates),
-        options,
-        CHUNK_FRAMES,
-        whisker_set.given,
-        whisker_set.beside,
-        unnamed,
-    )
+    lines = trace(frames, epochs, whisker_set, options, unnamed=unnamed)
     at = settings.analysis.curvature_at
     names = settings.analysis.follow
     meter = KinematicsMeter(
@@ -270,32 +283,25 @@ def _given_pole(settings) -> PoleTrack | None:
 
 
 def trace(
-    frames,
-    scene,
-    templates,
-    options,
-    chunk_frames=CHUNK_FRAMES,
-    given=None,
-    beside=(),
-    unnamed=None,
+    frames, scene, whisker_set: WhiskerSet, options, chunk_frames=CHUNK_FRAMES, unnamed=None
 ):
     """Yield centrelines chunk by chunk: tracks → identities → follicles.
 
     Parameters
     ----------
-    frames, scene, templates, options, chunk_frames : as for `pipeline.tracking.track`
-    given : names of all whiskers in session.toml, to which the lengths in `options` belong; ():
-        none are given, and where they stand close together, all that are seen over the whole
-        video are named: the templates are a first guess; None: those of the templates
-    beside : `WhiskerTemplate`s of a side of the face without names
+    frames, scene, options, chunk_frames : as for `pipeline.tracking.track`
+    whisker_set : the lengths in `options` belong to the names that session.toml gives; where it
+        gives none and whiskers stand close together, all that are seen over the whole video are
+        named: the templates are a first guess
     unnamed : `identity.Unnamed`, which counts whiskers that get no name
     """
+    templates, given = list(whisker_set.templates), whisker_set.given
     tracks = track(frames, scene, templates, options, chunk_frames)
     face = face_side_of(scene)
-    lengths = dict.fromkeys(given or (), np.inf)
+    lengths = dict.fromkeys(given, np.inf)
     lengths.update(zip(lengths, options.visible_px, strict=False))
     lines = assign_identities(
-        tracks, templates, options, face, given == (), beside,
+        tracks, templates, options, face, not given, whisker_set.beside,
         GivenLengths(lengths, open_ground(scene)) if lengths else None, unnamed,
     )  # fmt: skip
     return locate_follicles(

@@ -145,4 +145,4 @@ def trace(clip: Clip, path=None):
         whisker_set = find_whisker_set(*seen.sample(template_frames(settings)), epochs, settings)
         epochs = behind_whiskers(epochs, whisker_set.templates, recording.pixels_per_mm)
         options = tracing_options(settings, video.shape)
-        yield from trace_frames(video.lent(), epochs, list(whisker_set.templates), options)
+        yield from trace_frames(video.lent(), epochs, whisker_set, options)

@@ -28,7 +28,6 @@ from pipeline.run import find_whiskers, follow, look_at
 from pipeline.runtime import Clock
 from pipeline.session.parameters import DEFAULTS
 from pipeline.tables.centrelines import read_centrelines
-from pipeline.tracking import template_frames
 from pipeline.video import open_video
 from synthetic.session import render_session
 
@@ -41,10 +40,8 @@ def kinematics_of(path, settings):
     """The whiskers of a video as `run` has them before forces, and the traced lines."""
     chunks = []
     with open_video(path) as video:
-        video, seen, epochs = look_at(video, settings)
-        sample = seen.sample(template_frames(settings))
-        whisker_set, epochs = find_whiskers(sample, epochs, settings)
-        found = follow(video, epochs, whisker_set, settings, Clock(), chunks.append)
+        seen = find_whiskers(*look_at(video, settings), settings)
+        found = follow(seen, settings, Clock(), chunks.append)
     return found, measuring.join_chunks(chunks)
 
 

@@ -18,8 +18,7 @@ from pipeline.scene.picture_part import part_of
 from pipeline.session.schema import Settings
 from pipeline.tables import whole_files
 from pipeline.tables.known_names import KNOWN, in_short, nameless
-from pipeline.tracking.seen_lengths import odd_length
-from pipeline.tracking.whiskers import template_frames, tracing_options
+from pipeline.tracking.whiskers import tracing_options
 from pipeline.video.changed import Negative
 from pipeline.video.open import open_video
 
@@ -77,20 +76,14 @@ def preview_of(path, settings: Settings) -> Preview:
     """Look at a video as `run` does, and follow the whiskers through a stretch of it."""
     settings = settings.without_bare_whiskers()
     with open_video(path) as video:
-        video, seen, epochs = look_at(video, settings)
-        indices, frames = seen.sample(template_frames(settings))
-        whisker_set, epochs = find_whiskers((indices, frames), epochs, settings)
-        odd = odd_length(indices, frames, epochs, whisker_set.templates, settings)
-        doubts = _doubts(settings, video, epochs, whisker_set, odd)
-        start, scene = _stretch(indices, epochs)
+        seen = find_whiskers(*look_at(video, settings), settings)
+        video, whisker_set = seen.video, seen.whisker_set
+        start, scene = _stretch(seen)
         stretch = list(islice(video.frames(start), STRETCH))
-        options = tracing_options(settings, frames.shape[1:])
+        options = tracing_options(settings, video.shape)
         chunks = []
         if whisker_set.templates:
-            chunks = list(trace(
-                iter(stretch), scene, list(whisker_set.templates), options, STRETCH,
-                whisker_set.given, beside=whisker_set.beside,
-            ))  # fmt: skip
+            chunks = list(trace(iter(stretch), scene, whisker_set, options, STRETCH))
         part = part_of(settings.image, video)
     rows = {frame: lines for each in chunks for frame, lines in _lines_by_frame(each).items()}
     best = max(rows, key=lambda k: _known_and_all(rows[k]), default=0)
@@ -105,17 +98,17 @@ def preview_of(path, settings: Settings) -> Preview:
         lines={name: points for name, (points, _) in lines.items()},
         known=frozenset(name for name, (_, c) in lines.items() if c >= KNOWN),
         names=whisker_set.given or whiskers_in(chunks),
-        doubts=doubts,
+        doubts=_doubts(settings, seen),
     )
 
 
-def _doubts(settings, video, epochs, whisker_set, odd) -> tuple[str, ...]:
+def _doubts(settings, seen) -> tuple[str, ...]:
     """The main doubts that a run would report, and what to do about them."""
-    doubt = settings_doubt(settings, epochs, whisker_set, odd)
-    if doubt is None and not whisker_set.templates:
-        doubt = no_whiskers(settings, epochs, video)
-    order = guessed_order(settings, whisker_set) if settings.whisker else ()
-    return (*([doubt] if doubt else ()), *value_doubts(settings, video), *order)
+    doubt = settings_doubt(settings, seen)
+    if doubt is None and not seen.whisker_set.templates:
+        doubt = no_whiskers(settings, seen)
+    order = guessed_order(settings, seen.whisker_set) if settings.whisker else ()
+    return (*([doubt] if doubt else ()), *value_doubts(settings, seen.video), *order)
 
 
 def whiskers_in(chunks) -> tuple[str, ...]:
@@ -131,8 +124,9 @@ def _known_and_all(lines):
     return sum(confidence >= KNOWN for _, confidence in lines.values()), len(lines)
 
 
-def _stretch(indices, epochs):
+def _stretch(seen):
     """Frame at which to begin, in the middle of the epoch that holds longest; its scene."""
+    indices, epochs = seen.frames, seen.epochs
     starts = np.array([epoch.start for epoch in epochs])
     owner = np.searchsorted(starts, indices, side="right") - 1
     held = [np.sum(owner == k) if epoch.scene else -1 for k, epoch in enumerate(epochs)]

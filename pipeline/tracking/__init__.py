@@ -8,7 +8,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "given_lengths": ["GivenLengths"],
         "line_ends": ["open_ground"],
         "registry": ["find_templates", "templates_of"],
-        "seen_lengths": ["odd_length"],
+        "seen_lengths": ["SeenLength", "odd_length"],
         "stationary_whiskers": ["behind_whiskers"],
         "track_video": ["CHUNK_FRAMES", "sample_lines", "track"],
         "options": ["options_for"],

@@ -90,14 +90,10 @@ class ContainerVideo(Video):
                         return
                     if frame is None:
                         yield self._without(index)
-                        index, pts = index + 1, None
-                        continue
-                    if (frame.height, frame.width) != self.shape:
-                        self.check_size(np.empty((frame.height, frame.width)), index)
-                    self._note(frame, index, pts, logged)
-                    pts = frame.pts
-                    yield self._luma(frame, lend)
-                    index += 1
+                    else:
+                        self._note(frame, index, pts, logged)
+                        yield self._luma(frame, lend)
+                    index, pts = index + 1, frame and frame.pts
             except av.FFmpegError as error:
                 raise self._broken(index, error) from error
             self._note_faults(log.new(), index - 1)
@@ -105,7 +101,12 @@ class ContainerVideo(Video):
             self._check_end(index, pts)
 
     def _note(self, frame, index, before, logged):
-        """Keep in mind what is peculiar about a frame, and what was `logged` while it came."""
+        """Keep in mind what is peculiar about a frame, and what was `logged` while it came.
+
+        VideoError where it is of another size.
+        """
+        if (frame.height, frame.width) != self.shape:
+            self.check_size(np.empty((frame.height, frame.width)), index)
         if frame.pict_type == PictureType.B:
             self.interpolated.add(index)
         if frame.is_corrupt:

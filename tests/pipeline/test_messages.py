@@ -93,8 +93,13 @@ def said_of(whiskers=({**WHISKER, "name": "C2"},), pole_xy=None, **changes):
     )  # fmt: skip
     epochs = (SimpleNamespace(scene=scene),)
     video = Negative(video) if given["bright"] else video
-    first_seen = given["first_seen"] or whisker_set
-    return list(messages(settings, tables, video, epochs, followed, first_seen, given["odd"]))
+    seen = SimpleNamespace(
+        video=video,
+        epochs=epochs,
+        whisker_set=given["first_seen"] or whisker_set,
+        odd=given["odd"],
+    )
+    return list(messages(settings, tables, seen, followed))
 
 
 def test_where_nothing_is_wrong_nothing_is_said():

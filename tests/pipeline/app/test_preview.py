@@ -114,5 +114,6 @@ def test_an_order_that_is_guessed_is_doubted_before_a_run(monkeypatch):
     monkeypatch.setattr("pipeline.app.preview.settings_doubt", lambda *_: None)
     settings = settings_from({"recording": RECORDING, "whisker": [{"name": "a"}, {"name": "b"}]})
     found = SimpleNamespace(found=("a", "b"), templates=(None, None), given=("a", "b"))
-    (doubt,) = _doubts(settings, SimpleNamespace(width=60, height=40), (), found, None)
+    seen = SimpleNamespace(video=SimpleNamespace(width=60, height=40), whisker_set=found)
+    (doubt,) = _doubts(settings, seen)
     assert doubt.startswith("the order of a to b along the face is guessed")

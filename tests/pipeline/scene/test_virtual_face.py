@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
+from traced_lines import trace_templates
 
-from pipeline.run import trace
 from pipeline.scene.estimate import scene_from_frames
 from pipeline.scene.virtual_face import mask_behind_whiskers
 from pipeline.session.recording import Recording
@@ -94,7 +94,7 @@ def test_whiskers_that_come_over_the_border_are_traced():
     options = options_for(recording, [18e-3], [3.2e-3])
     templates = find_templates(wide[::4], scene, options, ["C2"])
     images = (renderer.frame(i)[:, cut:] for i in FOLLOWED)
-    (lines,) = trace(images, scene, templates, options, chunk_frames=10**6)
+    (lines,) = trace_templates(images, scene, templates, options, chunk_frames=10**6)
     assert len(lines) == len(FOLLOWED)
     for row, frame in enumerate(FOLLOWED):
         x, y = trial.motion.centrelines(hair=0, frames=slice(frame, frame + 1))

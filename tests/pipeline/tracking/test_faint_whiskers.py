@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
+from traced_lines import trace_templates
 
 from pipeline.detection.image_model import ImageModel
 from pipeline.detection.static_scene import StaticScene
-from pipeline.run import trace
 from pipeline.session.recording import Recording
 from pipeline.tracking.options import options_for
 from pipeline.tracking.registry import find_templates
@@ -41,7 +41,7 @@ def scene_of(noise):
 def seen_share(frames, scene):
     """Part of a whisker's length that its lines show, at least, frame by frame."""
     templates = find_templates(frames, scene, OPTIONS)
-    (lines,) = trace(list(frames), scene, templates, OPTIONS)
+    (lines,) = trace_templates(list(frames), scene, templates, OPTIONS)
     assert np.array_equal(lines.frame, np.arange(len(frames)))
     return np.diff(lines.offsets).min() / LENGTH
 
@@ -84,5 +84,5 @@ def test_a_first_look_that_shows_one_whisker_does_not_limit_what_is_followed():
     frames, scene = movie(0.4, 1.0, BASES), scene_of(1.0)
     templates = find_templates(frames, scene, OPTIONS)
     assert len(templates) == len(BASES)
-    (lines,) = trace(list(frames), scene, templates[:1], OPTIONS, given=())
+    (lines,) = trace_templates(list(frames), scene, templates[:1], OPTIONS, given=())
     assert np.array_equal(np.bincount(lines.frame), [len(BASES)] * len(frames))

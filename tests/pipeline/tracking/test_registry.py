@@ -5,9 +5,9 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
+from traced_lines import trace_templates
 
 from pipeline.detection.line import Line
-from pipeline.run import trace
 from pipeline.scene.estimate import scene_from_frames
 from pipeline.session.parameters import DEFAULTS
 from pipeline.session.recording import Recording
@@ -52,7 +52,9 @@ class Row:
         lines = centreline_table(trial.motion)
         visible = visibility_table(trial.motion, renderer, lines)
         truth = line_scoring.visible_truth(lines, visible, camera.pixels_per_mm, NOISE_SD)
-        chunks = trace(self.images, self.scene, self.templates, self.options, chunk_frames=10**6)
+        chunks = trace_templates(
+            self.images, self.scene, self.templates, self.options, chunk_frames=10**6
+        )
         self.lines = next(iter(chunks))
         self.scores = line_scoring.score_lines(self.lines, truth)
 

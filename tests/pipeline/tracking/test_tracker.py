@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
+from traced_lines import trace_templates
 
 from pipeline.kinematics.curvature import measure
 from pipeline.kinematics.follicle import follicles
-from pipeline.run import trace
 from pipeline.scene.estimate import scene_from_frames
 from pipeline.session.recording import Recording
 from pipeline.tracking.options import options_for
@@ -37,7 +37,9 @@ class Traced:
         self.scene = scene_from_frames(wide, self.recording, 0.5e-3, None, len(self.images))
         self.options = options_for(self.recording, [18e-3], [HIDDEN])
         self.templates = find_templates(wide[::4], self.scene, self.options, list(names))
-        chunks = trace(self.images, self.scene, self.templates, self.options, chunk_frames=10**6)
+        chunks = trace_templates(
+            self.images, self.scene, self.templates, self.options, chunk_frames=10**6
+        )
         self.lines = next(iter(chunks))
 
     def errors(self, row):
@@ -99,7 +101,9 @@ def test_curvature_and_its_standard_error(noisy):
 
 def test_chunks_hold_the_same_as_one_piece(noisy):
     chunks = list(
-        trace(noisy.images[:50], noisy.scene, noisy.templates, noisy.options, chunk_frames=20)
+        trace_templates(
+            noisy.images[:50], noisy.scene, noisy.templates, noisy.options, chunk_frames=20
+        )
     )
     assert [len(c) for c in chunks] == [20, 20, 10]
     together = np.concatenate([c.x_px for c in chunks])
@@ -116,7 +120,7 @@ def test_follicles_are_those_of_the_finished_lines(noisy):
 def test_a_gap_without_whisker_is_a_gap_and_ends(noisy):
     empty = np.clip(noisy.scene.background, 0, 255).astype(np.uint8)
     images = [*noisy.images[:10], *[empty] * 30, *noisy.images[10:40]]
-    lines = next(iter(trace(images, noisy.scene, noisy.templates, noisy.options, 10**6)))
+    lines = next(iter(trace_templates(images, noisy.scene, noisy.templates, noisy.options, 10**6)))
     assert not set(range(10, 40)) & set(lines.frame.tolist())
     assert set(range(62, 70)) <= set(lines.frame.tolist()), "found again within 22 frames"
 
@@ -131,7 +135,7 @@ def test_no_whisker_gives_no_template(noisy):
 def test_whiskers_are_found_as_soon_as_the_light_is_on(noisy):
     dark = np.zeros_like(noisy.images[0])
     frames = [dark] * 6 + noisy.images[:4] + [dark] * 5 + noisy.images[4:8]
-    (lines,) = trace(frames, noisy.scene, noisy.templates, noisy.options)
+    (lines,) = trace_templates(frames, noisy.scene, noisy.templates, noisy.options)
     assert sorted(set(lines.frame.tolist())) == [*range(6, 10), *range(15, 19)]
 
 
@@ -156,7 +160,7 @@ def test_whiskers_that_cross_at_the_face_when_the_video_begins(first):
     options = options_for(recording, [14e-3, 14e-3], [HIDDEN, HIDDEN])
     templates = find_templates(known, scene, options, ["A", "B"])
     true = [(first - 0.01 * k, -first + 0.01 * k) for k in range(5)]
-    (lines,) = trace([frame(a) for a in true], scene, templates, options)
+    (lines,) = trace_templates([frame(a) for a in true], scene, templates, options)
     assert len(lines) == 2 * len(true)
     for row in range(len(lines)):
         which = int(templates[lines.whisker[row]].base_xy[1] > np.mean(bases))
@@ -176,7 +180,7 @@ def test_a_line_comes_back_from_another_whiskers_far_part_after_a_crossing():
     hairs = trial.scene.hairs
     options = options_for(recording, [h.whisker.length for h in hairs], [HIDDEN] * len(hairs))
     templates = find_templates(images[::4], scene, options, [h.whisker.name for h in hairs])
-    (lines,) = trace(images, scene, templates, options)
+    (lines,) = trace_templates(images, scene, templates, options)
     for row in range(len(lines)):
         x, y = trial.motion.centrelines(lines.whisker[row], [lines.frame[row]])
         away, _ = cKDTree(np.vstack([x, y]).T).query(lines.row(row))
