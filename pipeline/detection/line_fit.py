@@ -26,6 +26,7 @@ SAME_TIP = 1  # … unless it was within so many nodes where it is now the step 
 WIDEST_GAP = 8  # bridges: longer stretches without pixels are not crossed
 ALONG, STEEP = 8, 0.5  # off an edge steeply, seen over so many nodes to both sides: not along it
 SLID = 0.25  # the same where a line begins: at some 15° off the face's edge whiskers do grow
+SEEN_SD = 2.5  # standard errors by which a node is seen
 FLOAT, HALF = np.float32, np.float32(0.5)
 
 
@@ -42,7 +43,6 @@ class Fit(NamedTuple):
     faintest : absorbance below which nothing is seen
     unseen : nodes in a row that may not be seen, though there are pixels
     half : half-width of the window of nodes that absorbance is measured over
-    seen_sd : standard errors by which a node is seen
     steps : of Gauss–Newton, at most
     """
 
@@ -54,7 +54,6 @@ class Fit(NamedTuple):
     faintest: float
     unseen: int
     half: int
-    seen_sd: float
     steps: int
 
 
@@ -236,7 +235,7 @@ def visible_end(amplitude, amplitude_se, sums, n, bridge, fit):
     """Index one past the last node that is still seen; 0 where nothing is.
 
     The search starts at the clearest node of the proximal half, since fur may cover the first
-    ones. A node is seen where its windowed absorbance is `fit.seen_sd` standard errors above
+    ones. A node is seen where its windowed absorbance is `SEEN_SD` standard errors above
     zero, and above `fit.faintest`; unseen stretches up to `bridge` nodes are crossed where pixels
     are missing (pole, border), up to `fit.unseen` where they are not. The more pixels are
     missing, the longer must be what is seen beyond.
@@ -248,7 +247,7 @@ def visible_end(amplitude, amplitude_se, sums, n, bridge, fit):
         if clear > clearest:
             clearest = clear
             first = i
-    if clearest < fit.seen_sd:
+    if clearest < SEEN_SD:
         return 0
     end = first
     unseen = 0  # nodes with pixels since the last one that was seen
@@ -260,7 +259,7 @@ def visible_end(amplitude, amplitude_se, sums, n, bridge, fit):
             if blind > bridge:
                 break
             continue
-        if amplitude[i] > fit.seen_sd * amplitude_se[i] and amplitude[i] > fit.faintest:
+        if amplitude[i] > SEEN_SD * amplitude_se[i] and amplitude[i] > fit.faintest:
             run += 1
             if blind + unseen == 0 or run >= 8 + blind // 2:
                 end = i + 1

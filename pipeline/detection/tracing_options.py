@@ -9,8 +9,6 @@ from pipeline.detection import line_fit
 from pipeline.session.parameters import DEFAULTS, Parameters
 from pipeline.session.quantities import pixels_in
 
-SEEN_SD, SURE_SD = 2.5, 4.0  # standard errors by which a line's last node is seen
-
 
 @dataclass(frozen=True)
 class TracingOptions:
@@ -41,17 +39,12 @@ class TracingOptions:
     ) -> line_fit.Fit:
         """How a line is fitted that may have `longest` nodes; the others as of `Fit`."""
         limits = float(min(self.longest_px, longest)), float(farthest), widths
-        seen = model.faintest, self._unseen_px, model.half, self._seen_sd
+        seen = model.faintest, self._unseen_px, model.half
         return line_fit.Fit(*self._lengths, *limits, *seen, steps)
 
     @cached_property
     def _lengths(self):
         return float(self.spacing_px), self.bridge_px
-
-    @property
-    def _seen_sd(self):
-        """Higher where lengths are given: the end of a line then shows where the tip is."""
-        return SURE_SD if self.visible_px else SEEN_SD
 
     @cached_property
     def _unseen_px(self):

@@ -8,16 +8,10 @@ its stiff base is. All three are combined in one estimate, a smooth function of 
 turns, the edge of the fur crosses it at another place, some 0.06 mm away even if the fur keeps
 still. Touching frames are used together with the rest shape (`origin_and_rest.py`).
 
-The trace ends up to half a millimetre short of the tip, where the thin end drowns in noise. How
-short, is estimated from how the line fades there (`kinematics/tip.py`). In noise this estimate is
-too large, since a trace ends where the line happens to look thick, as if its tip were far: so the
-more the estimates scatter from frame to frame, the less of them is used, but never less than a
-certain part. The fainter the whisker is in the noise, or the more of it a codec erases, the longer
-is the unseen end, and the more the ends scatter. So a length is added that grows with this scatter
-and with the noise at the stations, including a codec's errors (`station_noise.py`). Averaging over
-frames does not remove all of the scatter, and least where they are few. Where the fading is not
-known at all (lines of other programs), the trace's end only shows how the origin changes from
-frame to frame.
+The trace ends up to a millimetre short of the tip, where the thin end drowns in noise or a codec
+has erased it. How short, on average over the frames, the mean of what lies beyond the ends shows
+(`kinematics/tip.py`); where that is not known (lines of other programs), the trace's end only
+shows how the origin changes from frame to frame.
 
 Frames that a codec interpolates between others (B frames of H.264) are not used. They show a
 whisker at its turning point a hundredth of a pixel short of it. That is the same in all touches,
@@ -45,6 +39,7 @@ from pipeline.forces.origin_and_rest import BLOCK_ROWS, OriginAndRest, of_each_r
 from pipeline.forces.rest_shape import CORRELATED_FRAMES
 from pipeline.forces.rod_fit import RestPrior
 from pipeline.kinematics.stations import Stations
+from pipeline.kinematics.tip import SHARED_FRAMES, tip_beyond
 from pipeline.numerics.robust import robust_sd
 from pipeline.numerics.runs import evenly
 from pipeline.session.parameters import DEFAULTS, RodParams
@@ -54,12 +49,6 @@ MOST_KNOTS = 400
 ALIKE = 0.8  # correlation of the origin at neighbouring knots: 0 and 0.95 do worse, rendered
 LENGTH_WRONG = 0.01  # share of lengths that have changed since they were measured; chosen
 TIP_PART = 0.3  # of all frames: in so many the tip must be seen
-# the tip is beyond the mean end by at least TIP_BY_FADING of what the fading says, plus
-# TIP_BY_SCATTER × variance of the ends [px²] × noise of the base [px] (`_base_noise`); its error
-# is TIP_LASTING_SHARE of the fading's SD, and what few frames add; measured on rendered videos,
-# with codecs and without
-TIP_BY_FADING, TIP_BY_SCATTER, TIP_LASTING_SHARE = 0.6, 7.4, 0.2
-TIP_FRAMES = 2.0  # neighbouring frames that share the errors of their ends, at least
 TIP_LAGS = 8  # the same where a codec made the picture, at most
 FEWEST_ROWS = 5
 MOST_ROWS = 240  # frames that may touch whose bending is used
@@ -83,41 +72,6 @@ class Origin:
     per_tip: float = 0.0
     by_bending: float = np.nan
     bending_se: float = np.nan
-
-
-@dataclass(frozen=True)
-class TipEvidence:
-    """What the ends of one whisker's traces show of where its tip is.
-
-    Attributes
-    ----------
-    end : mean arc length at which they end [m]
-    end_variance : [m²]
-    to_tip, to_tip_sd : mean and SD of how far beyond them the tip is, by how they fade [m]
-    frames : in which that is known; 0: in none, and the two before are NaN
-    base_noise : error of the place of one pixel's length of whisker, at the base [px]
-    pixel : [m]
-    """
-
-    end: float
-    end_variance: float
-    to_tip: float
-    to_tip_sd: float
-    frames: int
-    base_noise: float
-    pixel: float
-
-    def place(self) -> tuple[float, float]:
-        """How far the tip is beyond the mean end, and the standard error of that [m].
-
-        The fading must be known.
-        """
-        px, scatter = self.pixel, self.to_tip_sd
-        drowned = self.end_variance / px * self.base_noise
-        steady = self.to_tip**2 / (self.to_tip**2 + scatter**2 + px**2 / 12)  # known to a pixel
-        beyond = self.to_tip * max(TIP_BY_FADING, steady) + TIP_BY_SCATTER * drowned
-        error = scatter * np.sqrt(TIP_LASTING_SHARE**2 + TIP_FRAMES / self.frames)
-        return beyond, error
 
 
 @dataclass
@@ -175,7 +129,7 @@ def _steadiness(knots):
 
 
 def origin_from_tip(
-    places: Stations, whisker: Whisker, time, excess=1.0, params: RodParams = DEFAULTS.forces
+    places: Stations, whisker: Whisker, time, params: RodParams = DEFAULTS.forces
 ) -> tuple[Origin, _Evidence]:
     """Origin of each row from the prior and, as far as the tip is seen, from its place.
 
@@ -183,7 +137,6 @@ def origin_from_tip(
     ----------
     places : rows of one whisker in the order of their frames
     time : (rows,) [s]
-    excess : variance of the stations' errors over the one that the noise explains
     """
     design = _design(time, params.hidden_length_knot_s)
     terms, session = design.shape[1], 1e-3 * params.hidden_length_sd_mm
@@ -194,12 +147,11 @@ def origin_from_tip(
     end, sd = trace_ends(places, params)
     good = np.isfinite(end)
     if good.any():
-        ends = tip_evidence(places.rows(good), whisker, excess)
-        tip, common = _expected_end(ends, whisker, params)
+        tip, common = _expected_end(places.rows(good), whisker, params)
         away, part = tip - end[good], design[good]
         hidden, common = _errors_in_conflict(abs(np.mean(away)), session, common)
         evidence.matrix[0, 0] = hidden**-2
-        weight, variance = np.ones(good.sum()), TIP_FRAMES * sd**2
+        weight, variance = np.ones(good.sum()), SHARED_FRAMES * sd**2
         for _ in range(4):
             bend = weight / variance
             found = evidence.beside(part, bend, bend * away, common)
@@ -207,7 +159,7 @@ def origin_from_tip(
             left -= np.average(left, weights=weight)
             weight = 1 / np.maximum(1, np.abs(left) / (2 * sd))
             lasting = _lasting_variance(np.clip(left, -3 * sd, 3 * sd))
-            variance = max(TIP_FRAMES * sd**2, lasting)
+            variance = max(SHARED_FRAMES * sd**2, lasting)
         moved = evidence.beside(part, bend, bend, common).rhs  # by a tip 1 m farther out
         evidence = replace(found, tip=moved)
     return evidence.solve(), evidence
@@ -329,40 +281,15 @@ def _lasting_variance(errors):
     return float(np.mean(errors**2) + 2 * sum(np.mean(errors[k:] * errors[:-k]) for k in lags))
 
 
-def tip_evidence(places: Stations, whisker: Whisker, excess=1.0) -> TipEvidence:
-    """What the ends of traces show of the tip.
+def _expected_end(places: Stations, whisker: Whisker, params: RodParams):
+    """Arc length [m] at which the traces of `places` should end, and its standard error.
 
-    places : rows whose trace ends at the tip
-    excess : as in `origin_from_tip`
+    Where the tip beyond is not seen, it is their mean end, with an infinite error.
     """
-    end, to_tip = places.last, places.to_tip
-    known = np.isfinite(to_tip).sum()
-    fading = (np.nanmean(to_tip), np.nanstd(to_tip)) if known else (np.nan, np.nan)
-    noise = _base_noise(places, whisker, excess) if known else np.nan
-    return TipEvidence(end.mean(), np.var(end), *fading, int(known), noise, places.pixel)
-
-
-def _expected_end(ends: TipEvidence, whisker, params):
-    """Arc length [m] at which the traces should end, and its standard error.
-
-    Where their fading is not known, it is their mean end, with an infinite error.
-    """
-    if not ends.frames:
-        return ends.end, np.inf
-    beyond, error = ends.place()
-    return whisker.length - beyond, np.hypot(1e-3 * params.tip_sd_mm, error)
-
-
-def _base_noise(places, whisker, excess):
-    """Error [px] of the place of one pixel's length of whisker, at the base and without fur.
-
-    It is computed from all stations: a line's contrast tapers as the whisker does.
-    """
-    part = places.rows(evenly(len(places), MOST_ROWS)).loaded()
-    spacing, seen = part.spacing[part.whisker[0]], part.information > 0
-    thin = 1 - spacing * np.arange(part.x.shape[1]) / whisker.cone_length
-    base = np.median(np.broadcast_to(thin**2, seen.shape)[seen] / part.information[seen])
-    return np.sqrt(max(excess, 1.0) * base * spacing / part.pixel**3)
+    tip = tip_beyond(places, whisker)
+    if tip is None:
+        return places.last.mean(), np.inf
+    return whisker.length - tip.beyond, np.hypot(1e-3 * params.tip_sd_mm, tip.se)
 
 
 def trace_ends(places: Stations, params: RodParams = DEFAULTS.forces):

@@ -58,7 +58,9 @@ def estimate_forces(
         whisker = whiskers.get(name)
         if whisker is None:
             whisker = nominal_whisker(name, length / 1.03, 0.0)
-            all_rows = replace(all_rows, to_tip=np.full(len(all_rows), np.nan))  # unknown length
+            all_rows = replace(
+                all_rows, end_px=np.full_like(all_rows.end_px, np.nan)
+            )  # unknown length
         for part in parts(len(all_rows), PART_ROWS):
             own = all_rows.rows(part)
             rows = rows_of(frames, name, own.frame)

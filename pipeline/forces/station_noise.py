@@ -19,25 +19,23 @@ MOST_ROWS = 60
 ROUNDS = 3  # of fits: the first rods rely on few stations, and miss these by too little
 
 
-def as_they_scatter(
-    places: Stations, whisker: Whisker, curvature_at: float, free
-) -> tuple[Stations, float]:
-    """Return the stations with the constant variance added to their own, and the multiple.
+def as_they_scatter(places: Stations, whisker: Whisker, curvature_at: float, free) -> Stations:
+    """Return the stations with the constant variance added to their own.
 
-    `free`, bool (rows,): frames in which nothing touches the whisker; without any it is 1.
+    `free`, bool (rows,): frames in which nothing touches the whisker.
     """
     rows = np.flatnonzero(free & np.isfinite(places.last))
     part = places.rows(rows[evenly(len(rows), MOST_ROWS)]).loaded()
-    doubt, multiple = 0.0, 1.0
+    doubt = 0.0
     for _ in range(ROUNDS):
         misfit = np.full((len(part), 2, part.x.shape[1]), np.nan)
         rod_fit.fit_free(part.doubted(doubt), whisker, curvature_at, misfit)
-        doubt, multiple = _parts(misfit[:, 0], part.information, doubt)
-    return places.doubted(doubt), multiple
+        doubt = _parts(misfit[:, 0], part.information, doubt)
+    return places.doubted(doubt)
 
 
 def _parts(misfit, information, doubt):
-    """The constant variance [m²], and the multiple, at least 1, of the inverse `information`.
+    """The constant variance [m²], beside a multiple, at least 1, of the inverse `information`.
 
     misfit, information : (rows, stations) [m], [1/m²]
     doubt : a first value of the constant variance [m²], for the weights
@@ -47,9 +45,8 @@ def _parts(misfit, information, doubt):
     square, expected = usual_misfit(misfit**2, expected)
     square, expected = (each[np.isfinite(square)] for each in (square, expected))
     if not len(square):
-        return 0.0, 1.0
+        return 0.0
     weight = 1 / (expected + doubt)
     parts = np.stack([expected * weight, weight * np.median(expected)], axis=1)
     multiple, constant = nnls(parts, square * weight)[0]
-    multiple = max(float(multiple), 1.0)
-    return float(constant / multiple * np.median(expected)), multiple
+    return float(constant / max(multiple, 1.0) * np.median(expected))

@@ -268,6 +268,7 @@ def _named(chunk: Centrelines, called, whisker, sure) -> Centrelines:
         whisker=whisker[kept].astype(np.int32),
         offsets=np.append(0, np.cumsum(counts[kept])).astype(np.int64),
         confidence=(chunk.confidence * sure)[kept].astype(np.float32),
+        end_px=None if chunk.end_px is None else chunk.end_px[kept],
         **{
             name: None if getattr(chunk, name) is None else getattr(chunk, name)[points]
             for name in PER_POINT

@@ -5,9 +5,9 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from pipeline.detection.line_end import PLACES_PX
 from pipeline.detection.static_scene import PoleTrack
 from pipeline.kinematics.stations import N_STATIONS, Stations
-from pipeline.kinematics.tip import nodes_to_tip
 from pipeline.numerics import polyline
 from pipeline.session.parameters import DEFAULTS, KinematicsParams
 from pipeline.session.recording import Recording
@@ -136,8 +136,15 @@ def measure_stations(
         side=np.nan_to_num(near[:, 4]).astype(np.int64),
         extended=near[:, 5] == 1,
         interpolated=np.array([f in interpolated for f in centrelines.frame.tolist()], bool),
-        to_tip=nodes_to_tip(centrelines) / scale,
+        end_px=_ends(centrelines),
     )
+
+
+def _ends(centrelines):
+    """Thickness about the end of each row, (rows, places)."""
+    if centrelines.end_px is None:
+        return np.full((len(centrelines), len(PLACES_PX)), np.nan, np.float16)
+    return centrelines.end_px
 
 
 def _check_lengths(names, whiskers, hidden_lengths):

@@ -37,7 +37,7 @@ class Stations:
     side : (rows,) +1 where the pole is on the side of the whisker's normal, −1; 0 without pole
     extended : (rows,) bool, the nearest point lies beyond the traced part
     interpolated : (rows,) bool, the codec made the frame out of frames before and after
-    to_tip : (rows,) how far the tip is beyond the last traced point [m], NaN where not known
+    end_px : (rows, places) thickness about the last traced point [px], NaN where not known
     """
 
     names: tuple[str, ...]
@@ -59,7 +59,7 @@ class Stations:
     side: np.ndarray
     extended: np.ndarray
     interpolated: np.ndarray
-    to_tip: np.ndarray
+    end_px: np.ndarray
 
     def __len__(self):
         return len(self.frame)

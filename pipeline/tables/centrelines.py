@@ -9,7 +9,7 @@ import pandas as pd
 from pipeline.tables.columns import CENTRELINE_COLUMNS, as_table, with_units
 from pipeline.tables.files import ROWS_PER_GROUP, parquet_writer, read_rows, whole_parquet
 
-PER_ROW = ("frame", "whisker", "confidence", "hidden_px", "follicle")
+PER_ROW = ("frame", "whisker", "confidence", "end_px", "hidden_px", "follicle")
 PER_POINT = ("x_px", "y_px", "se_px", "offset_px", "information", "thickness_px")
 
 
@@ -29,6 +29,8 @@ class Centrelines:
         screen) [px] and the Fisher information of that offset [1/px²]
     thickness_px : float32 (points,) or None; absorbance integrated across the line, NaN where
         it cannot be measured
+    end_px : float16 (rows, places) or None; the same about the row's last point and beyond it
+        (`detection/line_end.py`)
     hidden_px : float64 (rows,) or None; arc length from the follicle to the row's first point
     follicle : float64 (rows, 3) or None; x, y [px] and angle [rad] of the follicle, estimated from
         the fields above; NaN where the row is too short
@@ -45,6 +47,7 @@ class Centrelines:
     offset_px: np.ndarray | None = None
     information: np.ndarray | None = None
     thickness_px: np.ndarray | None = None
+    end_px: np.ndarray | None = None
     hidden_px: np.ndarray | None = None
     follicle: np.ndarray | None = None
 
@@ -80,7 +83,7 @@ class Centrelines:
 
     def points_only(self) -> "Centrelines":
         """Return the same lines without what only the following steps need."""
-        left_out = ("offset_px", "information", "thickness_px", "hidden_px", "follicle")
+        left_out = ("offset_px", "information", "thickness_px", "end_px", "hidden_px", "follicle")
         return replace(self, **dict.fromkeys(left_out))
 
     def moved(self, shifts) -> "Centrelines":

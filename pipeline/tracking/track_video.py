@@ -11,6 +11,7 @@ import numpy as np
 from numba import njit
 
 from pipeline.detection.line import Line
+from pipeline.detection.line_end import PLACES_PX, end_thickness
 from pipeline.detection.static_scene import StaticScene
 from pipeline.detection.tracing_options import TracingOptions
 from pipeline.tables.centrelines import Centrelines
@@ -19,6 +20,7 @@ from pipeline.tracking.tracker import Tracker
 from pipeline.tracking.unlabelled_tracker import UnlabelledTracker, is_crowd
 
 CHUNK_FRAMES = 500
+UNSEEN = np.full(len(PLACES_PX), np.nan, np.float32)
 
 
 class _Collector:
@@ -26,12 +28,15 @@ class _Collector:
 
     def __init__(self, names: tuple[str, ...]):
         self.names = names
-        self.rows = []  # frame, whisker, confidence, number of points
+        self.rows = []  # frame, whisker, confidence, number of points, its end's thickness
         self.points = np.empty((5, 1 << 16), np.float32)  # x, y, offset, information, thickness
         self.filled = 0
 
-    def add(self, frame: int, whisker: int, line: Line, trust: float) -> None:
-        """Add a line; its confidence is its quality times `trust` in its name (0–1)."""
+    def add(self, frame: int, whisker: int, line: Line, trust: float, end=UNSEEN) -> None:
+        """Add a line; its confidence is its quality times `trust` in its name (0–1).
+
+        end : as of `end_thickness`
+        """
         while self.filled + line.n > self.points.shape[1]:
             self.points = np.concatenate([self.points, np.empty_like(self.points)], axis=1)
         _store(
@@ -39,7 +44,7 @@ class _Collector:
             self.points, self.filled,
         )  # fmt: skip
         self.filled += line.n
-        self.rows.append((frame, whisker, trust * line.quality, line.n))
+        self.rows.append((frame, whisker, trust * line.quality, line.n, end))
 
     def take(self, spacing: float) -> Centrelines:
         """Hand out all rows so far, of lines with nodes `spacing` [px] apart, and begin anew."""
@@ -58,6 +63,7 @@ class _Collector:
             offset_px=offset,
             information=information,
             thickness_px=thickness,
+            end_px=np.array([r[4] for r in rows], np.float16).reshape(len(rows), len(UNSEEN)),
         )
 
 
@@ -121,9 +127,11 @@ def _followed(frames, scenes, tracker, chunk_frames) -> Iterator[Centrelines]:
             if index:
                 tracker.change_scene(present)
         tracks = tracker.step(image)
+        picture = tracker.model.picture(image, tracker.gain)
         for track in tracks:
             if track.line is not None:
-                collector.add(index, track.number, track.line, trust)
+                end = end_thickness(picture, track.line.values, track.line.n)
+                collector.add(index, track.number, track.line, trust, end)
         if (index + 1) % chunk_frames == 0:
             yield collector.take(spacing)
     if collector.rows or index < 0:

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from pipeline.detection.line_end import PLACES_PX
 from pipeline.forces import rod_fit
 from pipeline.kinematics.stations import N_STATIONS, Stations
 from whiskermodel import rod
@@ -53,7 +54,7 @@ def touching(push, distance=9e-3, side=1, origin=0.0, friction=0.0, whisker=None
         side=np.full(n, side),
         extended=np.zeros(n, bool),
         interpolated=np.zeros(n, bool),
-        to_tip=np.full(n, np.nan),
+        end_px=np.full((n, len(PLACES_PX)), np.nan, np.float16),
     )
     return truth, places
 

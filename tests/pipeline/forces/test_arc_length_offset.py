@@ -1,14 +1,12 @@
 """Where the trace begins: recovered from tip and bending; left alone where nothing shows it."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import pytest
 import traced_motion
+from line_ends import with_tip
 from scipy import sparse
-from tips import scaled_errors
 
 from pipeline.forces import arc_length_offset, estimate_forces, forces
 from pipeline.forces.fur_bias import LASTING_SHARE
@@ -22,7 +20,6 @@ pytestmark = pytest.mark.slow
 origin_tolerance = 0.02e-3  # m
 tip_tolerance = 0.04e-3  # m; the hidden length that was given counts, too
 AT = 5.5e-3
-DATA = Path(__file__).parents[2] / "data"
 
 
 @pytest.fixture(scope="module")
@@ -77,7 +74,7 @@ def test_first_points_that_wander_are_seen_from_the_tip(touching):
     origin, _ = arc_length_offset.origin_from_tip(wandered, mouse_c2(), times(touching))
     error = origin.per_row - slow
     assert np.std(error) < 0.2 * np.std(slow)
-    # how far out the tip is seen is no evidence where the line's fading is not known
+    # how far out the tip is seen is no evidence where what lies beyond the ends is not
     assert abs(np.mean(origin.per_row)) < 0.03e-3
 
 
@@ -100,104 +97,29 @@ def times(touching):
     return touching.frames["time_s"].to_numpy()
 
 
-def fading(places, short=traced_motion.TIP_UNSEEN):
-    """The places with ends that are known to lie `short` [m] of the tip."""
-    return replace(places, to_tip=np.full(len(places), short))
+def seen(places, short=traced_motion.TIP_UNSEEN):
+    """The places where the tip is seen `short` [m] beyond the ends."""
+    return with_tip(places, mouse_c2(), short)
 
 
 @pytest.mark.parametrize("wrong_by", [-0.2e-3, 0.1e-3])
-def test_a_tip_whose_fading_is_known_corrects_the_hidden_length(touching, wrong_by):
-    places = fading(measured_again(touching, traced_motion.HIDDEN - wrong_by))
+def test_a_tip_that_is_seen_corrects_the_hidden_length(touching, wrong_by):
+    places = seen(measured_again(touching, traced_motion.HIDDEN - wrong_by))
     origin, _ = arc_length_offset.origin_from_tip(places, mouse_c2(), times(touching))
     assert np.median(origin.per_row) == pytest.approx(wrong_by, abs=tip_tolerance)
     assert 0.02e-3 < np.median(origin.se) < 0.06e-3
 
 
-def seen(places, end_sd, tip, tip_sd, base_sd):
-    """The places with ends and fading that have these statistics, all in pixels.
-
-    `base_sd`: how exactly a pixel's length of the whisker's base is seen.
-    """
-    whisker, px, sign = mouse_c2(), places.pixel, np.resize([-1.0, 1.0], len(places))
-    thin = 1 - places.spacing[0] * np.arange(places.x.shape[1]) / whisker.cone_length
-    base = places.spacing[0] / px**3 / base_sd**2
-    return replace(
-        places,
-        information=np.where(places.information > 0, base * thin**2, 0.0),
-        last=np.full(len(places), 17e-3) + px * end_sd * sign,
-        to_tip=px * (tip + tip_sd * sign),
-    )
-
-
-def tip_px(places, excess=1.0):
-    """How far beyond the mean end the tip is, and how wrong that is beside the length [px]."""
-    beyond, error = arc_length_offset.tip_evidence(places, mouse_c2(), excess).place()
-    return beyond / places.pixel, error / places.pixel
-
-
-@pytest.mark.parametrize(
-    ("true", "excess", "end_sd", "tip", "tip_sd", "base_sd"),
-    [
-        (0.72, 1.0, 0.75, 1.1, 0.9, 0.006),
-        (1.83, 1.0, 1.3, 2.3, 2.0, 0.0145),
-        (10.3, 1.0, 3.0, 9.2, 6.3, 0.047),
-        (4.7, 90.0, 2.4, 4.6, 6.1, 0.005),
-        (13.8, 1.03, 3.25, 7.9, 5.4, 0.110),
-        (6.0, 1.0, 0.68, 6.0, 1.5, 0.04),
-    ],
-    ids=["clean", "noisy", "faint", "H.264", "another renderer's, faint", "faint, but calm"],
-)
-def test_the_tip_is_as_far_beyond_the_ends_as_in_rendered_videos(
-    touching, true, excess, end_sd, tip, tip_sd, base_sd
-):
-    """What was measured in videos of each kind: within twice the error that is stated."""
-    short, error = tip_px(seen(touching.places, end_sd, tip, tip_sd, base_sd), excess)
-    assert abs(short - true) < 2 * error
-    assert error < max(0.5, true / 3)  # px
-
-
-def test_errors_of_tips_are_as_large_as_is_said():
-    """In rendered videos of many cameras and codecs (workflows/tips.py): one on average."""
-    errors = scaled_errors(pd.read_csv(DATA / "tips_of_varied_videos.csv"))
-    assert len(errors) > 30
-    assert 0.92 < np.sqrt(np.mean(errors**2)) < 1.2
-
-
-def test_a_tip_that_few_frames_show_is_as_uncertain_as_these_scatter(touching):
-    """Two neighbouring frames count as one."""
-    fades = seen(touching.places, 0.0, 4.0, 8.0, 0.01)
-    few, many = (tip_px(fades.rows(slice(n)))[1] / 8.0 for n in (8, 400))
-    assert few == pytest.approx(np.hypot(many, np.sqrt(2 / 8)), rel=0.02)
-    assert many < 0.25
-
-
 @pytest.mark.parametrize("frames", [6, 20])
 def test_a_handful_of_frames_shows_the_tip(touching, frames):
-    places = fading(measured_again(touching, traced_motion.HIDDEN - 0.1e-3)).rows(slice(frames))
+    places = seen(measured_again(touching, traced_motion.HIDDEN - 0.1e-3)).rows(slice(frames))
     origin, _ = arc_length_offset.origin_from_tip(places, mouse_c2(), times(touching)[:frames])
     assert np.median(origin.per_row) == pytest.approx(0.1e-3, abs=tip_tolerance)
 
 
-def test_six_tenths_of_a_fading_that_scatters_count(touching):
-    """As after a codec; where ends do not scatter, the fading alone says how far the tip is."""
-    short, _ = tip_px(seen(touching.places, 0.0, 4.0, 8.0, 0.01))
-    assert short == pytest.approx(0.6 * 4.0, rel=0.1)
-
-
-def test_a_line_that_drowns_in_noise_ends_farther_from_its_tip(touching):
-    """The fading says that it is some pixels off; scatter and noise say how many."""
-    calm, wild, dim = (
-        tip_px(seen(touching.places, end_sd, 6.0, 2.0, base_sd))[0]
-        for end_sd, base_sd in ((1.0, 0.05), (3.0, 0.05), (3.0, 0.1))
-    )
-    assert calm + 2 < wild < dim - 2
-    erased, _ = tip_px(seen(touching.places, 3.0, 6.0, 2.0, 0.05), 4.0)  # by a codec
-    assert erased == pytest.approx(dim)
-
-
 def test_a_length_that_contradicts_the_hidden_length_is_hardly_errors_in_conflict(touching):
     """A whisker that has grown by 0.7 mm since it was measured."""
-    grown = fading(touching.places, traced_motion.TIP_UNSEEN + 0.7e-3)
+    grown = seen(touching.places, traced_motion.TIP_UNSEEN + 0.7e-3)
     origin, _ = arc_length_offset.origin_from_tip(grown, mouse_c2(), times(touching))
     assert abs(np.median(origin.per_row)) < 0.1e-3
 
@@ -206,13 +128,13 @@ def test_bending_and_tip_that_disagree_make_the_standard_error_larger(touching):
     """An end 0.2 mm nearer to the tip than it is: more than both errors explain."""
     errors = [
         forces.measure_forces(places, mouse_c2(), touching.frames, AT)[0]["origin_se_m"].median()
-        for places in (fading(touching.places), fading(touching.places, 0.1e-3))
+        for places in (seen(touching.places), seen(touching.places, 0.1e-3))
     ]
     assert errors[1] > 1.5 * errors[0]
 
 
 def test_a_whisker_of_unknown_dimensions_has_no_tip_to_go_by(touching):
-    places = fading(touching.places, 0.8e-3)
+    places = seen(touching.places, 0.8e-3)
     evidence = [
         estimate_forces(touching.frames, own, {"C2": None}, AT)[1]
         for own in (places, touching.places)

@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import traced_motion
+from line_ends import with_tip
 
 from pipeline.contacts import analysis
 from pipeline.contacts.summary import contact_table, peak_errors
@@ -438,7 +439,7 @@ def test_a_scale_that_is_wrong_moves_places_about_the_tip_where_that_is_seen(tra
         places = resampled.measure_stations(
             traced.lines, recording, [mouse_c2()], [traced_motion.HIDDEN], traced.pole
         )
-        places = replace(places, to_tip=np.full(len(places), traced_motion.TIP_UNSEEN))
+        places = with_tip(places, mouse_c2(), traced_motion.TIP_UNSEEN)
         return analysis.analyse_contacts(traced.frames, places, recording, traced.whiskers)
 
     usual = found(1.0)

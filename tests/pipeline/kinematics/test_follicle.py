@@ -63,7 +63,7 @@ def test_a_row_too_short_to_decide_keeps_the_session_s_length(finder):
         **{
             name: value[:8] if name.endswith("_px") or name == "information" else value
             for name, value in vars(line).items()
-            if name not in ("offsets", "hidden_px", "follicle")
+            if name not in ("offsets", "end_px", "hidden_px", "follicle")
         },
         offsets=np.array([0, 8]),
     )

@@ -1,41 +1,62 @@
-"""Where a line's tip is beyond the end of its trace, of lines whose thickness is known."""
+"""Where the tip is, from what the mean of many frames shows beyond the ends of traces."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.ndimage import uniform_filter1d
+import rod_scenes
+from line_ends import with_tip
 
-from pipeline.kinematics.tip import SHARES, WINDOW_NODES, nodes_to_tip
-from pipeline.tables.centrelines import Centrelines
+from pipeline.kinematics.tip import tip_beyond
+from whiskermodel.whisker import mouse_c2
 
-tolerance = 1.5  # nodes: the thickness left at a rendered tip is no exact half
-
-
-def traced(nodes, short, thickness=None):
-    """One line of `nodes`, whose thickness tapers, and whose trace ends `short` nodes early."""
-    true = np.where(np.arange(nodes + 40) < nodes, 2 - 1.8 * np.arange(nodes + 40) / nodes, 0.0)
-    seen = uniform_filter1d(true, WINDOW_NODES)[: nodes - short]
-    n, f32 = len(seen), np.float32
-    return Centrelines(
-        names=("C2",), frame=np.zeros(1, np.int32), whisker=np.zeros(1, np.int32),
-        offsets=np.array([0, n]), x_px=np.arange(n, dtype=f32), y_px=np.zeros(n, f32),
-        se_px=np.ones(n, f32), confidence=np.ones(1, f32),
-        thickness_px=seen.astype(f32) if thickness is None else thickness,
-    )  # fmt: skip
+tolerance = 0.6  # px
 
 
-@pytest.mark.parametrize("short", [0, 2, 5])
-def test_the_tip_is_found_beyond_the_trace(short):
-    assert nodes_to_tip(traced(400, short))[0] == pytest.approx(short, abs=tolerance)
+@pytest.fixture(scope="module")
+def places():
+    """Traces of 300 frames, whose ends scatter by 3 px."""
+    rng = np.random.default_rng(1)
+    _, places = rod_scenes.touching(np.full(300, 0.05))
+    return replace(places, last=places.last + 3 * places.pixel * rng.standard_normal(300))
 
 
-def test_short_lines_and_lines_of_unknown_thickness_show_no_tip():
-    assert np.isnan(nodes_to_tip(traced(120, 3)))
-    unknown = traced(400, 3)
-    unknown.thickness_px = None
-    assert np.isnan(nodes_to_tip(unknown))
+def tip_px(places):
+    """How far the tip is found beyond the mean end, and the standard error [px]."""
+    tip = tip_beyond(places, mouse_c2())
+    return tip.beyond / places.pixel, tip.se / places.pixel
 
 
-def test_a_wild_thickness_moves_the_tip_by_a_window_at_most():
-    line = traced(400, 3)
-    line.thickness_px[-1] = 90.0
-    assert nodes_to_tip(line)[0] < SHARES[1] * WINDOW_NODES
+@pytest.mark.parametrize("noise_px", [0.01, 0.1, 0.3])
+@pytest.mark.parametrize("beyond_px", [1.0, 8.0, 20.0])
+def test_the_tip_is_found_beyond_ends_that_scatter(places, beyond_px, noise_px):
+    """A frame's noise may be larger than the 0.2 px of the tip itself."""
+    found, se = tip_px(with_tip(places, mouse_c2(), beyond_px * places.pixel, noise_px=noise_px))
+    assert abs(found - beyond_px) < max(tolerance, 3 * se)
+    assert se < 0.3 + 15 * noise_px
+
+
+@pytest.mark.parametrize("erased_px", [3.0, 8.0])
+def test_a_tip_that_a_codec_erases_is_where_its_last_traces_are(places, erased_px):
+    ends = with_tip(places, mouse_c2(), 12 * places.pixel, erased_px, noise_px=0.01)
+    found, se = tip_px(ends)
+    assert abs(found - 12) < 3 * se
+    assert se < erased_px / 2
+    assert se > tip_px(with_tip(places, mouse_c2(), 12 * places.pixel, noise_px=0.01))[1]
+
+
+def test_another_whisker_across_the_end_in_some_frames_moves_the_tip_little(places):
+    ends = with_tip(places, mouse_c2(), 8 * places.pixel)
+    crossed = ends.end_px.copy()
+    crossed[::12, 30:38] += 2.0
+    found = tip_px(replace(ends, end_px=crossed))[0]
+    assert found == pytest.approx(tip_px(ends)[0], abs=tolerance)
+
+
+def test_ends_that_are_not_seen_show_no_tip(places):
+    ends = with_tip(places, mouse_c2(), 8 * places.pixel)
+    hidden = ends.end_px.copy()
+    hidden[:, 20:] = np.nan  # the picture ends there
+    assert tip_beyond(replace(ends, end_px=hidden), mouse_c2()) is None
+    unknown = np.full_like(ends.end_px, np.nan)
+    assert tip_beyond(replace(ends, end_px=unknown), mouse_c2()) is None

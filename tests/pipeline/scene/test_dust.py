@@ -75,7 +75,7 @@ def test_lies_across_wants_the_middle_and_both_sides():
     distance = np.array([-0.2e-3, -0.05e-3, 0.1e-3, -0.2e-3, -0.2e-3, np.nan])
     n = len(distance)
     rest = {name: np.zeros(n) for name in ("frame", "whisker", "x", "y", "information", "origin")}
-    rest |= {name: np.zeros(n) for name in ("pole_x", "pole_y", "side", "interpolated", "to_tip")}
+    rest |= {name: np.zeros(n) for name in ("pole_x", "pole_y", "side", "interpolated", "end_px")}
     places = Stations(
         names=("C2",),
         spacing=np.ones(1),
