@@ -160,7 +160,8 @@ def run(
             summary = Summary(
                 out, (*ordered, *others), len(skipped), seconds, interrupted, lost, problems, said
             )
-            write_tables(summary, jobs, own)
+            said = write_tables(summary, jobs, own)
+            summary = replace(summary, problems=(*problems, *said))
             if not interrupted:  # who presses Ctrl-C does not want to wait for them
                 summary = with_pictures(summary, due, shown, log)
         log.write(f"ended: {summary.line()}")

@@ -5,6 +5,7 @@ Exit status: 0 all done; 1 some videos failed; 2 unusable arguments or settings.
 
 import gc
 import os
+import re
 import sys
 import traceback
 from pathlib import Path
@@ -319,7 +320,7 @@ def main(arguments=None):
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):  # not every console has every letter of a file's name
             stream.reconfigure(errors="replace")
-    arguments = sys.argv[1:] if arguments is None else list(arguments)
+    arguments = _with_home(sys.argv[1:] if arguments is None else arguments)
     try:
         app(arguments, standalone_mode=True)
     except KeyboardInterrupt:
@@ -330,6 +331,15 @@ def main(arguments=None):
             traceback.print_exc()
         typer.echo(_explain(error), err=True)
         sys.exit(UNUSABLE if _is_unusable(error) else FAILED)
+
+
+def _with_home(arguments) -> list[str]:
+    """The arguments, with the user's folder for a `~` that the shell has left, as in --out=~/a."""
+    parts = [re.fullmatch(r"(--[\w-]+=)?(~(?:[/\\].*)?)", each, re.DOTALL) for each in arguments]
+    return [
+        f"{part[1] or ''}{Path(part[2]).expanduser()}" if part else each
+        for each, part in zip(arguments, parts, strict=True)
+    ]
 
 
 def _is_unusable(error) -> bool:

@@ -73,13 +73,15 @@ def write_session_file(out, settings, config) -> tuple[str, tuple[str, ...]]:
     return sha256(target), (problem,) if old else ()
 
 
-def write_tables(summary, jobs, session):
-    """Write the tables and run.json of the whole results folder."""
+def write_tables(summary, jobs, session) -> list[str]:
+    """Write the tables and run.json of the whole results folder; what a person should know."""
     rows = [asdict(each) for each in summary.outcomes]
     videos = pd.DataFrame(rows, columns=[c.name for c in VIDEO_COLUMNS])
-    files.write_csv(summary.out / "videos.csv", videos, VIDEO_COLUMNS)
-    write_session_tables(summary.out, [each.video for each in summary.outcomes if each.frames])
+    said = files.replace_csv(summary.out / "videos.csv", videos, VIDEO_COLUMNS)
+    names = [each.video for each in summary.outcomes if each.frames]
+    said += write_session_tables(summary.out, names)
     whole_files.write_json(summary.out / STATE_FILE, _run_record(summary, jobs, session))
+    return said
 
 
 def _run_record(summary, jobs, session) -> dict:

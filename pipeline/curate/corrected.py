@@ -140,17 +140,20 @@ def session_contacts(out, names) -> pd.DataFrame:
     return as_table(table, CONTACT_COLUMNS)
 
 
-def write_session_tables(out, names=None) -> None:
+def write_session_tables(out, names=None) -> list[str]:
     """Write contacts.csv of all videos and, where someone has decided anything, decisions.csv.
 
     names : of the videos; None: those that are in the tables
+    Returns what a person should know.
     """
     out = Path(out)
     names = _listed(out) if names is None else names
-    files.write_csv(out / "contacts.csv", session_contacts(out, names), CONTACT_COLUMNS)
+    contacts = session_contacts(out, names)
+    said = files.replace_csv(out / "contacts.csv", contacts, CONTACT_COLUMNS)
     decided = [name for name in names if (out / name / CORRECTIONS_FILE).exists()]
     if decided or (out / DECISIONS_FILE).exists():
         write_decisions(out, list(filter(lambda name: _is_sound(out / name), decided)))
+    return said
 
 
 def _curatable(out) -> list[Path]:

@@ -318,7 +318,7 @@ class Results:
         order = [*self.names, *(n for n in parts if n not in self.names)]
         kept = [parts[n] for n in order if n in parts]
         self._contacts = pd.concat(kept, ignore_index=True)
-        files.write_csv(self.folder / "contacts.csv", self._contacts, CONTACT_COLUMNS)
+        files.replace_csv(self.folder / "contacts.csv", self._contacts, CONTACT_COLUMNS)
 
 
 def _curatable(folder) -> list[str]:

@@ -33,6 +33,9 @@ class SettingsError(ValueError):
 def read_session(path) -> Settings:
     """Read and check a session.toml; a SettingsError lists all that is wrong with it."""
     path = Path(path)
+    if path.is_dir():
+        hint = f"is a folder; name the settings file in it, such as {path / 'session.toml'}"
+        raise SettingsError(path, [hint])
     try:
         text = path.read_text(encoding="utf-8-sig")
         document = tomllib.loads(text)

@@ -14,6 +14,7 @@ from pipeline.tables.columns import (
     as_table,
     units_of,
 )
+from pipeline.tables.new_files import replace_own
 from pipeline.tables.whole_files import whole_file
 
 ROWS_PER_GROUP = 8192
@@ -47,6 +48,20 @@ def write_csv(path, table: pd.DataFrame, columns) -> None:
     text = {c.name: _csv_text(table[c.name], c) for c in columns}
     with whole_file(path) as temporary:
         pd.DataFrame(text).to_csv(temporary, index=False, lineterminator="\n")
+
+
+def replace_csv(path, table: pd.DataFrame, columns) -> list[str]:
+    """Write a CSV of a results folder as `write_csv`; one that a person has changed is kept.
+
+    Returns a sentence on that, if there is anything to say.
+    """
+    kept = replace_own(path, lambda new: write_csv(new, table, columns))
+    if kept is None:
+        return []
+    return [
+        f"{path} was changed since whiskerforce wrote it: it is kept as {kept}; contacts that you "
+        "change in `whiskerforce curate` stay changed"
+    ]
 
 
 def read_csv(path, columns, advice=RUN_AGAIN) -> pd.DataFrame:

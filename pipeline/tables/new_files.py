@@ -1,7 +1,8 @@
-"""Files for a folder of the user's choice: all or none, and none in place of somebody else's.
+"""Files that whiskerforce replaces only as it wrote them: what somebody else wrote stays.
 
 A hidden list in the folder says what whiskerforce has written there. A file that is not on it, or
-has been changed since, is a person's or another program's, and stays.
+has been changed since, is a person's or another program's. In a folder of the user's choice it
+stays as it is; in a results folder it is kept under another name.
 """
 
 import contextlib
@@ -11,7 +12,15 @@ from pathlib import Path
 
 from pipeline.errors import InputError, why
 from pipeline.runtime.folder_lock import locked
-from pipeline.tables.whole_files import PART, read_json, sha256, to_disk, write_json
+from pipeline.tables.whole_files import (
+    PART,
+    read_json,
+    set_aside,
+    sha256,
+    to_disk,
+    whole_file,
+    write_json,
+)
 
 DRAFT = f"{PART}new"  # holds what is being written
 RECORD = f"{PART}written"  # the list: a file's name → SHA-256 of what may be there by us
@@ -62,6 +71,27 @@ def write_new(folder, write) -> list[Path]:
     with new_files(folder) as new:
         written = write(new)
     return [Path(folder) / path.name for path in written]
+
+
+def replace_own(path, write) -> Path | None:
+    """Let `write`, a function of a path, make a file of a results folder anew.
+
+    One that was changed since whiskerforce wrote it is kept under the path that is returned.
+    """
+    path = Path(path)
+    record, kept = read_json(path.parent / RECORD, {}), None
+    known = record.get(path.name)
+    with whole_file(path) as new:
+        write(new)
+        hashes = [sha256(new)]
+        if path.is_file():
+            there = sha256(path)
+            if isinstance(known, list) and there not in (*known, *hashes):
+                kept = set_aside(path)
+            else:
+                hashes.append(there)
+        write_json(path.parent / RECORD, record | {path.name: hashes})
+    return kept
 
 
 def check_own(folder, new) -> dict[str, list[str]]:

@@ -244,6 +244,8 @@ def _images_of(folder):
     names = [item.name for item in _listing(folder)]
     if not names:
         raise VideoError(folder, "is an empty folder: expected videos or images in it", 0)
+    if is_result_folder(folder):
+        raise VideoError(folder, "holds results, not videos: name the folder of the videos", 0)
     some = ", ".join(names[:4]) + (", …" if len(names) > 4 else "")
     raise VideoError(
         folder, f"holds neither videos nor images (only {some}): name a folder of videos", 0

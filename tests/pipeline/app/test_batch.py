@@ -227,6 +227,22 @@ def test_an_empty_results_folder_among_the_videos_is_no_input(folder, calls, tmp
     (folder / "later").mkdir()
     with pytest.raises(InputError, match="videos: holds neither videos nor images"):
         batch.run([folder], folder / "later")
+    with pytest.raises(InputError, match="holds results, not videos: name the folder of the vid"):
+        batch.run([folder / "results"], folder / "later")
+
+
+@pytest.mark.parametrize("name", ["contacts.csv", "videos.csv"])
+def test_a_table_that_a_person_has_changed_is_kept_and_said(folder, calls, tmp_path, name):
+    out = tmp_path / "results"
+    batch.run([folder], out)
+    table = out / name
+    written, edited = table.read_text("utf-8"), table.read_text("utf-8") + "my notes\n"
+    table.write_text(edited, "utf-8")
+    (said,) = batch.run([folder], out).problems
+    assert said.startswith(f"{table} was changed since whiskerforce wrote it: it is kept as")
+    assert (out / f"{name}.old").read_text("utf-8") == edited
+    assert table.read_text("utf-8") == written
+    assert not batch.run([folder], out).problems
 
 
 def test_failures_do_not_stop_the_others(folder, calls, tmp_path):

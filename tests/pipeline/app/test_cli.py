@@ -321,6 +321,20 @@ def test_unusable_arguments(arguments, expected, capsys, tmp_path, monkeypatch):
     assert not (tmp_path / "out").exists()
 
 
+def test_a_tilde_that_the_shell_has_left_is_the_users_folder(ran, monkeypatch, tmp_path):
+    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.setenv("USERPROFILE", str(tmp_path))  # on Windows
+    ran("done")
+    given = []
+    monkeypatch.setattr(
+        batch, "run", lambda *args: given.extend(args) or summary(tmp_path, "done")
+    )
+    assert exit_code("run", "~/videos", "a~", "--out=~/results", "--config", "~") == 0
+    assert given[:3] == [
+        [tmp_path / "videos", Path("a~")], tmp_path / "results", tmp_path,
+    ]  # fmt: skip
+
+
 def test_unusable_settings_name_file_and_key(capsys, tmp_path):
     (tmp_path / "a.avi").touch()
     (tmp_path / "session.toml").write_text(

@@ -348,7 +348,7 @@ def test_a_table_that_is_there_twice_is_named(tmp_path):
 
 def test_a_folder_is_no_settings_file(tmp_path):
     with pytest.raises(
-        SettingsError, match=r"cannot be read \(.*\); give a settings file that you"
+        SettingsError, match=r"is a folder; name the settings file in it, .*session\.toml"
     ):
         read_session(tmp_path)
 

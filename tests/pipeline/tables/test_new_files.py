@@ -1,4 +1,4 @@
-"""Files for a folder of the user's choice: all or none, and nobody else's replaced."""
+"""Files are replaced as whiskerforce wrote them; nobody else's is lost."""
 
 import contextlib
 import errno
@@ -8,7 +8,7 @@ import pytest
 
 from pipeline.errors import InputError
 from pipeline.tables import new_files as new_files_module
-from pipeline.tables.new_files import new_files
+from pipeline.tables.new_files import new_files, replace_own
 
 
 def write(folder, **texts):
@@ -41,6 +41,40 @@ def test_a_file_that_was_edited_stays(tmp_path):
     with pytest.raises(InputError, match="one: would be replaced"):
         write(tmp_path, one="ours")
     assert visible(tmp_path) == {"one": "edited"}
+
+
+def test_a_file_of_a_results_folder_that_was_edited_is_kept_under_another_name(tmp_path):
+    path, kept = tmp_path / "one", []
+
+    def replaced(text):
+        kept.append(replace_own(path, lambda new: new.write_text(text)))
+
+    path.write_text("by an earlier version")
+    for text in ("first", "second", "second"):
+        replaced(text)
+    path.write_text("a day's work")
+    replaced("third")
+    path.unlink()
+    replaced("fourth")
+    path.write_text("fifth")  # as it is to be
+    replaced("fifth")
+    path.write_text("another day's")
+    replaced("fifth")
+    assert kept == [None] * 3 + [tmp_path / "one.old"] + [None] * 2 + [tmp_path / "one.old2"]
+    assert visible(tmp_path) == {
+        "one": "fifth", "one.old": "a day's work", "one.old2": "another day's",
+    }  # fmt: skip
+
+
+def test_a_file_is_known_however_its_replacement_ends(tmp_path, monkeypatch):
+    path = tmp_path / "one"
+    replace_own(path, lambda new: new.write_text("first"))
+    with monkeypatch.context() as patched:
+        patched.setattr(new_files_module, "write_json", lambda *_: os.mkdir("/nowhere/at/all"))
+        with pytest.raises(OSError, match="nowhere"):
+            replace_own(path, lambda new: new.write_text("second"))
+    assert visible(tmp_path) == {"one": "first"}
+    assert replace_own(path, lambda new: new.write_text("second")) is None
 
 
 @pytest.mark.parametrize("make", [os.mkdir, lambda path: os.symlink("/nowhere", path)])
