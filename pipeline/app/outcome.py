@@ -7,7 +7,7 @@ from pathlib import Path
 
 from pipeline import __version__
 from pipeline.contacts.corrections import read_corrections
-from pipeline.curate.corrected import MADE_WITH, corrections_digest
+from pipeline.curate.corrected import DECIDED_ON, MADE_WITH, corrections_digest
 from pipeline.errors import CorrectionsError, counted, in_words
 from pipeline.session.inputs import same_input, stamp
 from pipeline.session.session_file import SettingsError, read_session
@@ -163,14 +163,19 @@ def failure(folder, path, message, kept_results="earlier results kept") -> Outco
     return replace(kept, path=path, status="failed", message=f"{message}; {kept_results}")
 
 
-def save_state(folder, outcome, settings, before, corrections) -> None:
-    """Write how the results in `folder` were made; `before`: the input's `stamp` at the start."""
+def save_state(folder, outcome, settings, before, corrections, decided_on) -> None:
+    """Write how the results in `folder` were made.
+
+    before : the input's `stamp` at the start
+    decided_on : hash of the video for which a person has made the `corrections`
+    """
     state = {
         "version": __version__,
         **{key: value for key, value in asdict(outcome).items() if key != "details"},
         "settings_sha256": settings_digest(settings),
         "input": before,
         MADE_WITH: corrections_digest(corrections),
+        DECIDED_ON: decided_on,
     }
     write_state(folder, state)
 

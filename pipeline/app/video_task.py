@@ -12,11 +12,12 @@ from pipeline.app.outcome import (
     kept_outcome,
     save_state,
 )
+from pipeline.curate.corrected import DECIDED_ON
 from pipeline.errors import InputError, in_words, why, with_advice
 from pipeline.runtime.compiling import compiling_reported, seconds_without_compiling
 from pipeline.runtime.progress import Step
 from pipeline.scene import pole_runs
-from pipeline.session.inputs import same_input, stamp
+from pipeline.session.inputs import stamp
 from pipeline.session.schema import Settings
 from pipeline.tables import centrelines
 from pipeline.tables.result_exchange import OVERLAYS, READY, STATE_FILE, draft, settle
@@ -95,9 +96,12 @@ def _analyse_and_save(task, report) -> Outcome:
         whiskers = tuple(dict.fromkeys(analysis.frames["whisker"]))
         for problem in left_out(corrections, whiskers, analysis.n_frames):
             outcome = warned(outcome, problem)
-        if len(corrections) and earlier and not same_input(earlier, task.path):
+        decided_on = outcome.sha256
+        if len(corrections):
+            decided_on = earlier.get(DECIDED_ON) or earlier.get("sha256") or decided_on
+        if decided_on != outcome.sha256:
             outcome = warned(outcome, OTHER_CONTENT)
-        save_state(new, outcome, task.settings, before, corrections)
+        save_state(new, outcome, task.settings, before, corrections, decided_on)
     return outcome
 
 

@@ -29,6 +29,7 @@ from pipeline.tables.result_exchange import draft, is_settled, settle, settled
 from pipeline.tables.run_record import read_state, write_state
 
 MADE_WITH = "corrections_sha256"  # in run.json of a video; "" where there were none
+DECIDED_ON = "corrections_of"  # there, too: the hash of the video that a person last looked at
 
 
 def corrections_digest(corrections: pd.DataFrame) -> str:
@@ -75,7 +76,7 @@ def save_contacts(folder, tables: ContactTables, corrections: pd.DataFrame) -> N
         files.write_csv(new / "contacts.csv", tables.contacts, CONTACT_COLUMNS)
         if state:
             made = {"contacts": len(tables.contacts), MADE_WITH: corrections_digest(corrections)}
-            write_state(new, state | made)
+            write_state(new, state | made | {DECIDED_ON: state["sha256"]})
     settle(folder)
 
 

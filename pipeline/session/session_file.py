@@ -11,6 +11,7 @@ from pipeline.session.quantities import fields_of
 from pipeline.session.schema import Settings
 from pipeline.session.toml_fault import encoding_fault, toml_fault
 from pipeline.session.validation import faults_of
+from pipeline.tables.result_exchange import STATE_FILE
 
 
 class SettingsError(ValueError):
@@ -41,6 +42,8 @@ def read_session(path) -> Settings:
         document = tomllib.loads(text)
     except FileNotFoundError:
         hint = "no such file; `whiskerforce init FOLDER` writes one beside the videos"
+        if (path.parent / STATE_FILE).exists():  # in a results folder
+            hint = "is missing; `whiskerforce run` with the same videos and --out writes it anew"
         raise SettingsError(path, [hint]) from None
     except tomllib.TOMLDecodeError as error:
         raise SettingsError(path, [toml_fault(text, error)]) from None

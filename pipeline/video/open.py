@@ -77,6 +77,8 @@ def open_video(path, threads: int = 1) -> Video:
         from pipeline.video.image_stacks import ImageFolderVideo
 
         return ImageFolderVideo(path, _images_of(path))
+    if path.is_symlink() and not path.exists():
+        raise VideoError(path, "is a link to a file that is not there; is a disk missing?")
     if not path.exists():
         raise VideoError(path, "does not exist; check the name")
     if not path.is_file():
@@ -195,7 +197,8 @@ def _is_input(item):
     """Whether something in a folder is an input of its own."""
     if item.is_dir():
         return _is_image_folder(item) or not any(item.iterdir())
-    if RESULT_VIDEO.search(item.stem) or not item.is_file():
+    leads_nowhere = item.is_symlink() and not item.exists()
+    if RESULT_VIDEO.search(item.stem) or not (item.is_file() or leads_nowhere):
         return False
     suffix = item.suffix.lower()
     return suffix in VIDEO_SUFFIXES or (suffix in TIFF_SUFFIXES and _is_stack(item))

@@ -557,6 +557,7 @@ def test_corrections_of_a_video_whose_content_has_changed_are_said(folder, calls
     out = tmp_path / "results"
     batch.run([folder], out)
     correct(out / "a")
+    before = (folder / "a.avi").read_bytes()
     for name in "ab":
         (folder / f"{name}.avi").write_bytes(f"{name}, exported again".encode())
     batch.run([folder], out)
@@ -564,6 +565,19 @@ def test_corrections_of_a_video_whose_content_has_changed_are_said(folder, calls
     message = files.read_csv(out / "videos.csv", VIDEO_COLUMNS)["message"][0]
     assert message == "corrections.csv was made before the video changed: check its contacts"
     assert (out / "a" / "corrections.csv").read_text() == CORRECTIONS
+    change_settings(folder)
+    batch.run([folder], out)
+    assert statuses(out)["a"] == "warning"  # nobody has looked at its contacts since
+    (folder / "a.avi").write_bytes(before)
+    batch.run([folder], out)
+    assert statuses(out)["a"] == "done"
+
+
+def test_a_link_that_leads_nowhere_is_a_video_that_fails(folder, calls, tmp_path):
+    (folder / "c.avi").symlink_to(tmp_path / "unplugged" / "c.avi")
+    (failed,) = batch.run([folder], tmp_path / "results").of("failed")
+    assert failed.video == "c"
+    assert failed.message == "is a link to a file that is not there; is a disk missing?"
 
 
 def test_a_copy_is_a_video_of_its_own_and_is_said(folder, calls, tmp_path):

@@ -346,6 +346,12 @@ def test_a_table_that_is_there_twice_is_named(tmp_path):
     assert line.strip() == "[pole]"
 
 
+def test_settings_that_are_missing_among_results_come_from_a_run(tmp_path):
+    (tmp_path / "run.json").touch()
+    with pytest.raises(SettingsError, match=r"is missing; `whiskerforce run` with the same"):
+        read_session(tmp_path / "session.toml")
+
+
 def test_a_folder_is_no_settings_file(tmp_path):
     with pytest.raises(
         SettingsError, match=r"is a folder; name the settings file in it, .*session\.toml"
