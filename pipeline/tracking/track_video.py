@@ -15,6 +15,7 @@ from pipeline.detection.line_end import PLACES_PX, end_thickness
 from pipeline.detection.static_scene import StaticScene
 from pipeline.detection.tracing_options import TracingOptions
 from pipeline.tables.centrelines import Centrelines
+from pipeline.tracking.looking_back import RecentFrames, Seen
 from pipeline.tracking.registry import WhiskerTemplate
 from pipeline.tracking.tracker import Tracker
 from pipeline.tracking.unlabelled_tracker import UnlabelledTracker, is_crowd
@@ -117,25 +118,33 @@ def _followed(frames, scenes, tracker, chunk_frames) -> Iterator[Centrelines]:
     """Chunks of the lines, with the tracker's names or numbers."""
     collector = _Collector(tracker.names)
     spacing = tracker.options.spacing_px
-    trust = 1.0
     index = -1
+    for index, seen in enumerate(_tracked(frames, scenes, tracker)):
+        picture = tracker.model.picture(seen.image, seen.gain)
+        for number, line in seen.lines.items():
+            end = end_thickness(picture, line.values, line.n)
+            collector.add(index, number, line, seen.trust, end)
+        if (index + 1) % chunk_frames == 0:
+            yield collector.take(spacing)
+    if collector.rows or index < 0:
+        yield collector.take(spacing)
+
+
+def _tracked(frames, scenes, tracker) -> Iterator[Seen]:
+    """Every frame with its lines, handed on when tracks that begin later cannot reach it."""
+    recent = RecentFrames(tracker)
+    trust = 1.0
     if tracker.crowded:
         frames = _settled_in(tracker, iter(frames))
     for index, image in enumerate(frames):
         if index in scenes:
             present, trust = scenes[index]
             if index:
+                yield from recent.hand_on()
                 tracker.change_scene(present)
-        tracks = tracker.step(image)
-        picture = tracker.model.picture(image, tracker.gain)
-        for track in tracks:
-            if track.line is not None:
-                end = end_thickness(picture, track.line.values, track.line.n)
-                collector.add(index, track.number, track.line, trust, end)
-        if (index + 1) % chunk_frames == 0:
-            yield collector.take(spacing)
-    if collector.rows or index < 0:
-        yield collector.take(spacing)
+        tracker.step(image)
+        yield from recent.add(image, trust)
+    yield from recent.hand_on()
 
 
 def _settled_in(tracker, frames):

@@ -36,6 +36,7 @@ class Tracker:
     """Follow the whiskers of the templates through consecutive frames of one static scene."""
 
     crowded = False  # whether whiskers stand so close that they pass for each other
+    looks_back = 0  # frames through which new tracks are followed back in time
 
     def __init__(
         self, scene: StaticScene, templates: list[WhiskerTemplate], options: TracingOptions

@@ -20,7 +20,7 @@ from pipeline.session.quantities import frames_in
 from pipeline.tracking import row_rotation, two_sides
 from pipeline.tracking.matching import crowded
 from pipeline.tracking.registry import WhiskerTemplate, usual_strength
-from pipeline.tracking.track_state import Track, foretold
+from pipeline.tracking.track_state import Track, foretold, predicted
 from pipeline.tracking.tracker import DOUBLE_SHARE, Tracker
 
 
@@ -62,12 +62,13 @@ class UnlabelledTracker(Tracker):
         self.astray_sd = np.radians(params.astray_deg)
         self.young = max(frames_in(params.young_s, options.frames_per_second), 1)
         self.rest = max(frames_in(params.rest_s, options.frames_per_second), 1)
+        self.looks_back = frames_in(params.look_back_s, options.frames_per_second)
         self.unchanged = 0  # frames since a track began or ended
 
     def step(self, image) -> list[LineTrack]:
         """Advance by one frame; return the tracks of all lines that are seen."""
         self.frame += 1
-        gain = self.model.gain(image)
+        gain = self.gain = self.model.gain(image)
         before = len(self.tracks)
         with lines_in_background(self.model):
             self._follow_all(image, gain)
@@ -94,7 +95,7 @@ class UnlabelledTracker(Tracker):
             row_rotation.turned(second[t.number], t.line) if t.number in second else np.nan
             for t in self.tracks
         ]
-        turn = _even_turns(lines, self._rows(lines), np.array(turn))
+        turn = self.even_turns(lines, np.array(turn))
         for track, angle in zip(self.tracks, turn, strict=True):
             track.line, track.before = (self._turned_back(track.line, k * angle) for k in (1, 2))
         self.frame, self.unchanged = -1, 0
@@ -129,8 +130,7 @@ class UnlabelledTracker(Tracker):
             return
         lines = [foretold(track.line, None) for track in present]
         last = np.array([t.turned_to(t.line) for t in present])
-        rows = self._rows(lines)
-        turn = _even_turns(lines, rows, last)
+        rows, turn = self._rows(lines), self.even_turns(lines, last)
         for line, angle in zip(lines, turn, strict=True):
             row_rotation.turn_line(line, angle, self.pivot)
         m = self.model
@@ -179,6 +179,25 @@ class UnlabelledTracker(Tracker):
                 if line_choice.is_ghost(track.line, others, params):
                     track.lose()
 
+    def found_before(self, line, turn, image, gain, beside) -> Line | None:
+        """A line of one frame in the frame before it, `beside` others; None where it is not seen.
+
+        turn : by how much it is likely to have turned [rad]
+        """
+        track = LineTrack(self.template, turn=(float(turn), self.pivot))
+        track.take(line)
+        with lines_in_background(self.model, beside):
+            self._follow(track, image, gain, predicted(track, False))
+        return track.line
+
+    def even_turns(self, lines, turn) -> np.ndarray:
+        """Turns of all lines as of `row_rotation.even_turns`, of each side's row by itself."""
+        even = np.zeros(len(lines))
+        for row in self._rows(lines):
+            places = row_rotation.places([lines[k] for k in row])
+            even[row] = row_rotation.even_turns(places, turn[row])
+        return even
+
     def _rows(self, lines) -> list[np.ndarray]:
         """Indices of the lines of each side of the face: the sides turn against each other."""
         bases = np.array([(line.x[0], line.y[0]) for line in lines]).reshape(-1, 2)
@@ -218,13 +237,3 @@ def is_crowd(templates, options) -> bool:
     if not options.visible_px:
         return len(templates) > 0
     return crowded([template.signature for template in templates], options)
-
-
-def _even_turns(lines, rows, turn) -> np.ndarray:
-    """Turns of all lines as of `row_rotation.even_turns`, of each side's row by itself."""
-    even = np.zeros(len(lines))
-    for row in rows:
-        even[row] = row_rotation.even_turns(
-            row_rotation.places([lines[k] for k in row]), turn[row]
-        )
-    return even

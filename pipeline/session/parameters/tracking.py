@@ -84,6 +84,10 @@ class TrackerParams:
         0.008, "first part of a video with many whiskers, in which the row's motion is learnt "
         "there and back before they are followed", "chosen on real recordings",
     )  # fmt: skip
+    look_back_s: quantity(0, 1, "s") = parameter(
+        0.04, "time through which new lines of a row of whiskers are followed back, before they "
+        "were found", "chosen on real recordings",
+    )  # fmt: skip
     base_order_mm: quantity(0, 10, "mm") = parameter(
         1.5, "so far outside the fur, whiskers lie in the order of their follicles", "chosen"
     )

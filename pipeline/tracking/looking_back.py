@@ -1,0 +1,107 @@
+"""Follow lines back in time, into the last frames before they were found.
+
+Where whiskers part again, or come out of the fur, they are found some frames late. From there they
+can be followed back, often to where they had been lost: then the track goes on under its number.
+"""
+
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from pipeline.detection import line_choice
+from pipeline.detection.line import Line
+from pipeline.tracking import row_rotation
+from pipeline.tracking.tracker import DOUBLE_SHARE
+
+APART = 0.4  # part of a line that may lie along another one, if it is another whisker
+
+
+@dataclass
+class Seen:
+    """A frame, the light in it, the trust in its scene, and its lines by the number of the track."""
+
+    image: np.ndarray
+    gain: float
+    trust: float
+    lines: dict[int, Line]
+
+
+class RecentFrames:
+    """The frames that a tracker has gone through last, before they are handed on."""
+
+    def __init__(self, tracker):
+        self.tracker = tracker
+        self.frames = deque()
+
+    def add(self, image, trust) -> Iterator[Seen]:
+        """Note the frame that the tracker has just gone through; hand on those of long ago."""
+        tracker, looks_back = self.tracker, self.tracker.looks_back
+        lines = {t.number: t.line for t in tracker.tracks if t.line is not None}
+        image = image.copy() if looks_back else image
+        self.frames.append(Seen(image, tracker.gain, trust, lines))
+        if looks_back:
+            self._follow_back()
+        yield from self.hand_on(looks_back)
+
+    def hand_on(self, but: int = 0) -> Iterator[Seen]:
+        """Hand on all frames `but` the last ones."""
+        while len(self.frames) > but:
+            yield self.frames.popleft()
+
+    def _follow_back(self) -> None:
+        """Follow the tracks that begin in the last frame back, until they are lost or meet one."""
+        going = set(self.frames[-1].lines)
+        for later, seen in pairwise(reversed(self.frames)):
+            going -= set(seen.lines)
+            if not going:
+                return
+            turns = self._turns_back(later.lines, seen.lines)
+            for number in sorted(going):
+                if not self._goes_back(number, turns[number], later, seen):
+                    going.remove(number)
+
+    def _turns_back(self, later, earlier) -> dict[int, float]:
+        """By how much lines turn from a frame to the one before [rad], all as the row does."""
+        turned = [
+            row_rotation.turned(earlier[number], line) if number in earlier else np.nan
+            for number, line in later.items()
+        ]
+        even = self.tracker.even_turns(list(later.values()), np.array(turned))
+        return dict(zip(later, even, strict=True))
+
+    def _goes_back(self, number, turn, later, seen) -> bool:
+        """Whether a track goes back to the frame before, as a line that is no other track's."""
+        lines = seen.lines
+        beside = [line for other, line in lines.items() if other in later.lines]
+        line = self.tracker.found_before(later.lines[number], turn, seen.image, seen.gain, beside)
+        if line is None:
+            return False
+        met = [other for other in lines if _share(line, lines[other]) > APART]
+        if not met:
+            lines[number] = line
+            return True
+        if len(met) == 1 and met[0] not in later.lines and _is_same(line, lines[met[0]]):
+            self._go_on_as(number, met[0])
+        return False
+
+    def _go_on_as(self, number, before) -> None:
+        """Let a track go on under the number of the one that ended where it begins."""
+        for seen in self.frames:
+            if number in seen.lines:
+                seen.lines[before] = seen.lines.pop(number)
+        for track in self.tracker.tracks:
+            if track.number == number:
+                track.number = before
+
+
+def _is_same(line, other) -> bool:
+    """Whether two lines of a frame are one whisker's."""
+    return min(_share(line, other), _share(other, line)) > DOUBLE_SHARE
+
+
+def _share(line, other) -> float:
+    """Part of a line that lies along another one."""
+    return line_choice.shared_fraction(line, other, line_choice.reach(other))
