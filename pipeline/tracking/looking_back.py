@@ -21,7 +21,7 @@ APART = 0.4  # part of a line that may lie along another one, if it is another w
 
 @dataclass
 class Seen:
-    """A frame, the light in it, the trust in its scene, and its lines by the number of the track."""
+    """A frame, the light in it, the trust in its scene, and its lines by their tracks' numbers."""
 
     image: np.ndarray
     gain: float
