@@ -152,19 +152,6 @@ def youngs_modulus(fit, whisker, boundary="fixed", length_se=0.0, base_radius_se
     return Estimate(value, value * (1 - low), value * (1 + high))
 
 
-def mean_estimate(estimates):
-    """Mean over independent ring-downs, with Student's 95 % interval of the mean.
-
-    Takes the values alone, as the paper does: slips differ by more than their fits' errors.
-    """
-    values = np.array([e.value for e in estimates])
-    if len(values) < 2:
-        raise ValueError(f"estimates must be at least two, got {len(values)}")
-    se = values.std(ddof=1) / np.sqrt(len(values))
-    half = stdtrit(len(values) - 1, (1 + CONFIDENCE) / 2) * se
-    return Estimate(values.mean(), values.mean() - half, values.mean() + half)
-
-
 def _checked(time, signal, least):
     time, signal = finite_array("time", time), finite_array("signal", signal)
     if time.ndim != 1 or time.shape != signal.shape or len(time) < least:

@@ -7,7 +7,6 @@ from pipeline.numerics.runs import stretches
 from pipeline.tables.whole_files import whole_file
 
 GREY, BLACK, ACCENT = "#a8a8a8", "#111111", "#c8472b"
-AROUND_MM = 4.0  # of the picture about the particle
 
 
 def draw_dust(path, motion: FollicleMotion) -> None:

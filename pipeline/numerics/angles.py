@@ -12,16 +12,16 @@ def wrapped(angle, turn=2 * np.pi):
     return np.mod(angle + turn / 2, turn) - turn / 2
 
 
-def continuous(angle, turn=2 * np.pi) -> np.ndarray:
-    """Add full turns so that each angle is within half a turn of the last known one.
+def continuous(angle) -> np.ndarray:
+    """Add full turns so that each angle [rad] is within half a turn of the last known one.
 
     After a gap, too. NaN stays; the median is within half a turn of zero.
     """
     angle = np.array(angle, float)
     known = np.isfinite(angle)
     if known.any():
-        path = np.unwrap(angle[known], period=turn)
-        angle[known] = path - turn * np.round(np.median(path) / turn)
+        path = np.unwrap(angle[known])
+        angle[known] = path - 2 * np.pi * np.round(np.median(path) / (2 * np.pi))
     return angle
 
 

@@ -10,7 +10,7 @@ from scipy.optimize import curve_fit
 from scipy.stats import t as student
 
 from whiskermodel import Response, Whisker, half_gaussian, mouse_c2
-from whiskermodel.ringdown import Estimate, fit_ringdown, mean_estimate, youngs_modulus
+from whiskermodel.ringdown import Estimate, fit_ringdown, youngs_modulus
 
 TIME = np.arange(0, 25e-3, 1e-3)  # s, frames after a slip at 1000 frames/s
 DAMPING, FREQUENCY = 215.0, 938.0  # 1/s, rad/s: the paper's means
@@ -144,12 +144,6 @@ def test_geometry_widens_the_interval():
     assert wide.value == narrow.value
     expected = np.hypot(half, narrow.high - narrow.value)
     assert wide.high - wide.value == pytest.approx(expected, rel=1e-4)
-
-
-def test_mean_of_slips():
-    mean = mean_estimate([Estimate(v, v - 1, v + 1) for v in (200.0, 210.0, 220.0, 230.0)])
-    assert mean.value == 215
-    assert mean.high - mean.value == pytest.approx(3.182 * 12.91 / 2, rel=1e-3)  # t(0.975, 3)
 
 
 @pytest.mark.parametrize(

@@ -120,19 +120,20 @@ def _ringdown():
     ]  # fmt: skip
 
 
-def vibration_between(boundary, duration, basis="complete"):
+def vibration_between(boundary, duration):
     """Largest vibrational over largest steady displacement between face and pole (Fig. 6)."""
     force = half_gaussian(np.arange(0, 60e-3, figure_data.DT), duration, 20e-6)
     x = np.linspace(0.2e-3, 9e-3, 89)
-    y = Response(mouse_c2(), boundary, "chord", 10, basis).displacement(
+    y = Response(mouse_c2(), boundary, "chord", 10, "complete").displacement(
         9e-3, force, figure_data.DT, x
     )
     return np.abs(y.vibrational).max() / np.abs(y.steady).max()
 
 
-def node_offset(n_modes, boundary="fixed", contact=9e-3):
+def node_offset(n_modes):
     """How far from c, in units of L, the zero of Σ P_k φ_k lies, the shape a kick sets off."""
-    response = Response(mouse_c2(), boundary, n_modes=n_modes)
+    contact = 9e-3
+    response = Response(mouse_c2(), "fixed", n_modes=n_modes)
     c = contact / response.whisker.length
     x = np.linspace(c - 0.15, c + 0.15, 6001)
     y = response.participation(contact) @ response.modes.shape(x)
@@ -156,8 +157,9 @@ def _displacement():
     ]  # fmt: skip
 
 
-def higher_modes(duration, contact=12e-3, first=4):
-    """Peak moments of modes `first` to 10, summed: over the steady peak, and of all modes'."""
+def higher_modes(duration):
+    """Peak moments of modes 4 to 10, summed: over the steady peak, and of all modes'."""
+    contact, first = 12e-3, 4
     response = Response(mouse_c2())
     force = half_gaussian(np.arange(0, 60e-3, figure_data.DT), duration, 1e-6)
     eta = np.abs(response.amplitudes(contact, force, figure_data.DT)).max(axis=1)
@@ -258,12 +260,13 @@ def _map():
     ]  # fmt: skip
 
 
-def path_excess(base_angle_deg=15.0, contact=9e-3):
-    """Path to the pole over the straight line to it, minus 1, at a base angle [deg]."""
+def path_excess():
+    """Path to a pole at 9 mm over the straight line to it, minus 1, at a base angle of 15°."""
+    base_angle, contact = np.deg2rad(15.0), 9e-3
     nodes, weights = roots_legendre(40)
     x = contact * (nodes + 1) / 2
     whisker = mouse_c2()
-    force = np.deg2rad(base_angle_deg) / steady_base_angle(whisker, contact)
+    force = base_angle / steady_base_angle(whisker, contact)
     slope = force * steady_shape(whisker, contact, x, 1)
     return float((weights * (np.hypot(1, slope) - 1)).sum() / 2)
 
