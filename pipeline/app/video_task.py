@@ -12,7 +12,7 @@ from pipeline.app.outcome import (
     kept_outcome,
     save_state,
 )
-from pipeline.curate.corrected import DECIDED_ON
+from pipeline.curate.corrected import DECIDED_ON, OTHER_CONTENT
 from pipeline.errors import InputError, in_words, why, with_advice
 from pipeline.runtime.compiling import compiling_reported, seconds_without_compiling
 from pipeline.runtime.progress import Step
@@ -24,8 +24,6 @@ from pipeline.tables.result_exchange import OVERLAYS, READY, STATE_FILE, draft, 
 from pipeline.tables.run_record import read_state
 from pipeline.tables.video_messages import as_cell
 from pipeline.tables.whole_files import sha256
-
-OTHER_CONTENT = "corrections.csv was made before the video changed: check its contacts"
 
 
 def analyse_video(task, keep, report, corrections):

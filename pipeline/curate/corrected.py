@@ -27,9 +27,11 @@ from pipeline.tables.columns import (
 from pipeline.tables.evidence import EVIDENCE_FILE, read_evidence
 from pipeline.tables.result_exchange import draft, is_settled, settle, settled
 from pipeline.tables.run_record import read_state, write_state
+from pipeline.tables.video_messages import as_cell, sentences_of
 
 MADE_WITH = "corrections_sha256"  # in run.json of a video; "" where there were none
 DECIDED_ON = "corrections_of"  # there, too: the hash of the video that a person last looked at
+OTHER_CONTENT = "corrections.csv was made before the video changed: check its contacts"
 
 
 def corrections_digest(corrections: pd.DataFrame) -> str:
@@ -75,9 +77,20 @@ def save_contacts(folder, tables: ContactTables, corrections: pd.DataFrame) -> N
         files.write_frames(new / "frames.parquet", tables.frames)
         files.write_csv(new / "contacts.csv", tables.contacts, CONTACT_COLUMNS)
         if state:
-            made = {"contacts": len(tables.contacts), MADE_WITH: corrections_digest(corrections)}
-            write_state(new, state | made | {DECIDED_ON: state["sha256"]})
+            write_state(new, _decided(state, tables.contacts, corrections))
     settle(folder)
+
+
+def _decided(state, contacts, corrections) -> dict:
+    """A video's record after a person has decided on its contacts as they are now."""
+    said = [each for each in sentences_of(state["message"]) if each != OTHER_CONTENT]
+    return state | {
+        "contacts": len(contacts),
+        "status": "warning" if said else "done",
+        "message": as_cell(said),
+        MADE_WITH: corrections_digest(corrections),
+        DECIDED_ON: state["sha256"],
+    }
 
 
 def correct(folder) -> None:

@@ -11,6 +11,7 @@ import time
 import zlib
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -22,7 +23,7 @@ import pipeline.reports.report
 import pipeline.run
 from pipeline.app import batch, cli, outcome
 from pipeline.contacts.corrections import read_corrections
-from pipeline.curate.corrected import MADE_WITH, corrections_digest
+from pipeline.curate.corrected import MADE_WITH, corrections_digest, save_contacts
 from pipeline.errors import InputError
 from pipeline.runtime import Progress, Step
 from pipeline.runtime.compiling import compile_times
@@ -571,6 +572,22 @@ def test_corrections_of_a_video_whose_content_has_changed_are_said(folder, calls
     (folder / "a.avi").write_bytes(before)
     batch.run([folder], out)
     assert statuses(out)["a"] == "done"
+
+
+def test_corrections_made_since_the_video_changed_are_of_the_new_one(folder, calls, tmp_path):
+    out = tmp_path / "results"
+    batch.run([folder], out)
+    correct(out / "a")
+    (folder / "a.avi").write_bytes(b"a, recorded again")
+    batch.run([folder], out)
+    frames = files.read_frames(out / "a" / "frames.parquet")
+    contacts = files.read_csv(out / "a" / "contacts.csv", CONTACT_COLUMNS)
+    tables = SimpleNamespace(frames=frames, contacts=contacts)
+    save_contacts(out / "a", tables, read_corrections(out / "a"))
+    for _ in range(2):
+        batch.run([folder], out)
+        assert statuses(out)["a"] == "done"
+        change_settings(folder)
 
 
 def test_a_link_that_leads_nowhere_is_a_video_that_fails(folder, calls, tmp_path):
