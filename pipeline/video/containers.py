@@ -95,7 +95,8 @@ class ContainerVideo(Video):
                         yield self._luma(frame, lend)
                     index, pts = index + 1, frame and frame.pts
             except av.FFmpegError as error:
-                raise self._broken(index, error) from error
+                if not (self.exact_count and index >= self.n_frames):
+                    raise self._broken(index, error) from error
             self._note_faults(log.new(), index - 1)
         if stop is None or index < stop:
             self._check_end(index, pts)

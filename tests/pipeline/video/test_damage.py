@@ -122,7 +122,8 @@ def spoil(path, *packets):
     path.write_bytes(content)
 
 
-GROUPS = {"g": "10"}  # a key frame in ten
+# a key frame in ten, and two frames between others that are made from them
+GROUPS = {"g": "10", "bf": "2", "x264-params": "b-adapt=0:scenecut=0:b-pyramid=none"}
 BROKEN = [  # container, codec, pixels, broken packet, frames that are lost with it, and changed
     ("a.avi", "mjpeg", "yuvj420p", 0, [0], []),
     ("a.avi", "mjpeg", "yuvj420p", 15, [15], []),
@@ -131,7 +132,7 @@ BROKEN = [  # container, codec, pixels, broken packet, frames that are lost with
     ("a.avi", "ffv1", "gray", 20, [20], [21, 22, 23]),
     ("a.mkv", "libx264", "yuv420p", 0, list(range(10)), []),
     ("a.mp4", "libx264", "yuv420p", 0, list(range(10)), []),
-    ("a.mp4", "libx264", "yuv420p", 20, list(range(19, 28)), [28, 29]),
+    ("a.mp4", "libx264", "yuv420p", 20, list(range(20, 29)), [29]),
 ]
 
 
@@ -159,6 +160,13 @@ def test_a_broken_frame_costs_itself_alone(
     assert "trust no contact there" in said[0]
     assert min(sampled) > 0
     assert some == [35]
+
+
+def test_a_broken_frame_that_is_stored_last_but_shown_before_is_not_the_end(tmp_path):
+    path = write(tmp_path / "a.mp4", "libx264", options=GROUPS)
+    spoil(path, FRAMES - 1)
+    (said,) = problems_of(path)
+    assert said.startswith(f"damaged at or near frame {FRAMES - 2}: copy the video again")
 
 
 @pytest.mark.e2e
