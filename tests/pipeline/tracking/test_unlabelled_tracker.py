@@ -4,48 +4,28 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from dense_row import dense_row, whisker_at
 
 from pipeline.detection import ridges, settling
 from pipeline.detection.image_model import lines_in_background
 from pipeline.detection.static_scene import StaticScene
 from pipeline.numerics.angles import wrapped
-from pipeline.scene.estimate import scene_from_frames
 from pipeline.session.recording import Recording
 from pipeline.tracking import row_rotation
 from pipeline.tracking.options import options_for
 from pipeline.tracking.registry import find_templates
 from pipeline.tracking.track_video import track
 from pipeline.tracking.unlabelled_tracker import LineTrack, UnlabelledTracker
-from synthetic.presets import make_trial
-from synthetic.render import Renderer
 
 pytestmark = pytest.mark.slow
 
 FRAMES = range(100, 180)
-ON = 1.5  # px from a true centreline
 
 
 @pytest.fixture(scope="module")
 def crowd():
-    trial = make_trial("dense_row", 0, 0)
-    renderer, camera = Renderer(trial.scene, trial.motion), trial.scene.camera
-    recording = Recording(camera.frames_per_second, camera.pixels_per_mm, trial.scene.face.side)
-    wide = np.array([renderer.frame(i) for i in range(0, len(trial.motion), 25)])
-    scene = scene_from_frames(wide, recording, 0.5e-3, None, len(trial.motion))
-    options = options_for(recording)
-    images = [renderer.frame(i) for i in FRAMES]
-    return trial, scene, find_templates(wide[::2], scene, options), options, images
-
-
-def whisker_at(trial, frame, line):
-    """True whisker that most of a line's middle lies on, −1 for none."""
-    points, best, found = line.points[10 : line.n // 2 + 10], 0.5, -1
-    for hair in range(len(trial.scene.hairs)):
-        x, y = trial.motion.centrelines(hair=hair, frames=slice(frame, frame + 1))
-        off = np.hypot(points[:, :1] - x, points[:, 1:] - y).min(axis=1)
-        if (off < ON).mean() > best:
-            best, found = (off < ON).mean(), hair
-    return found
+    row = dense_row(FRAMES)
+    return row.trial, row.scene, row.templates, row.options, row.images
 
 
 def test_tracks_stay_with_their_whiskers_in_fast_whisking(crowd):
