@@ -20,7 +20,7 @@ APART = 0.4  # part of a line that may lie along another one, if it is another w
 
 
 @dataclass
-class Seen:
+class TrackedFrame:
     """A frame, the light in it, the trust in its scene, and its lines by their tracks' numbers."""
 
     image: np.ndarray
@@ -36,17 +36,17 @@ class RecentFrames:
         self.tracker = tracker
         self.frames = deque()
 
-    def add(self, image, trust) -> Iterator[Seen]:
+    def add(self, image, trust) -> Iterator[TrackedFrame]:
         """Note the frame that the tracker has just gone through; hand on those of long ago."""
         tracker, looks_back = self.tracker, self.tracker.looks_back
         lines = {t.number: t.line for t in tracker.tracks if t.line is not None}
         image = image.copy() if looks_back else image
-        self.frames.append(Seen(image, tracker.gain, trust, lines))
+        self.frames.append(TrackedFrame(image, tracker.gain, trust, lines))
         if looks_back:
             self._follow_back()
         yield from self.hand_on(looks_back)
 
-    def hand_on(self, but: int = 0) -> Iterator[Seen]:
+    def hand_on(self, but: int = 0) -> Iterator[TrackedFrame]:
         """Hand on all frames `but` the last ones."""
         while len(self.frames) > but:
             yield self.frames.popleft()

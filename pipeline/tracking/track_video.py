@@ -15,7 +15,7 @@ from pipeline.detection.line_end import PLACES_PX, end_thickness
 from pipeline.detection.static_scene import StaticScene
 from pipeline.detection.tracing_options import TracingOptions
 from pipeline.tables.centrelines import Centrelines
-from pipeline.tracking.looking_back import RecentFrames, Seen
+from pipeline.tracking.looking_back import RecentFrames, TrackedFrame
 from pipeline.tracking.registry import WhiskerTemplate
 from pipeline.tracking.tracker import Tracker
 from pipeline.tracking.unlabelled_tracker import UnlabelledTracker, is_crowd
@@ -130,7 +130,7 @@ def _followed(frames, scenes, tracker, chunk_frames) -> Iterator[Centrelines]:
         yield collector.take(spacing)
 
 
-def _tracked(frames, scenes, tracker) -> Iterator[Seen]:
+def _tracked(frames, scenes, tracker) -> Iterator[TrackedFrame]:
     """Every frame with its lines, handed on when tracks that begin later cannot reach it."""
     recent = RecentFrames(tracker)
     trust = 1.0
