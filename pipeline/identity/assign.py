@@ -27,7 +27,6 @@ from pipeline.tracking.matching import Ruler
 from pipeline.tracking.two_sides import names_by_side
 from pipeline.tracking.unlabelled_tracker import is_crowd
 
-PER_POINT = ("x_px", "y_px", "se_px", "offset_px", "information", "thickness_px")
 FEWEST_FRAMES = 2  # shorter tracks that belong to no named whisker are dropped
 
 
@@ -258,21 +257,13 @@ def _runs_along(templates, dial) -> int:
 
 def _named(chunk: Centrelines, called, whisker, sure) -> Centrelines:
     """The chunk's lines that have a name, with their names."""
-    kept = whisker >= 0
-    counts = np.diff(chunk.offsets)
-    points = np.repeat(kept, counts)
+    kept = np.flatnonzero(whisker >= 0)
+    confidence = (chunk.confidence * sure)[kept].astype(np.float32)
     return replace(
-        chunk,
+        chunk.rows(kept),
         names=called,
-        frame=chunk.frame[kept],
         whisker=whisker[kept].astype(np.int32),
-        offsets=np.append(0, np.cumsum(counts[kept])).astype(np.int64),
-        confidence=(chunk.confidence * sure)[kept].astype(np.float32),
-        end_px=None if chunk.end_px is None else chunk.end_px[kept],
-        **{
-            name: None if getattr(chunk, name) is None else getattr(chunk, name)[points]
-            for name in PER_POINT
-        },
+        confidence=confidence,
     )
 
 

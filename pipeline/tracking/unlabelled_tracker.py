@@ -130,7 +130,8 @@ class UnlabelledTracker(Tracker):
             return
         lines = [foretold(track.line, None) for track in present]
         last = np.array([t.turned_to(t.line) for t in present])
-        rows, turn = self._rows(lines), self.even_turns(lines, last)
+        rows = self._rows(lines)
+        turn = _even_turns(lines, rows, last)
         for line, angle in zip(lines, turn, strict=True):
             row_rotation.turn_line(line, angle, self.pivot)
         m = self.model
@@ -192,11 +193,7 @@ class UnlabelledTracker(Tracker):
 
     def even_turns(self, lines, turn) -> np.ndarray:
         """Turns of all lines as of `row_rotation.even_turns`, of each side's row by itself."""
-        even = np.zeros(len(lines))
-        for row in self._rows(lines):
-            places = row_rotation.places([lines[k] for k in row])
-            even[row] = row_rotation.even_turns(places, turn[row])
-        return even
+        return _even_turns(lines, self._rows(lines), turn)
 
     def _rows(self, lines) -> list[np.ndarray]:
         """Indices of the lines of each side of the face: the sides turn against each other."""
@@ -237,3 +234,12 @@ def is_crowd(templates, options) -> bool:
     if not options.visible_px:
         return len(templates) > 0
     return crowded([template.signature for template in templates], options)
+
+
+def _even_turns(lines, rows, turn) -> np.ndarray:
+    """Turns of all lines as of `row_rotation.even_turns`, of each row by itself."""
+    even = np.zeros(len(lines))
+    for row in rows:
+        places = row_rotation.places([lines[k] for k in row])
+        even[row] = row_rotation.even_turns(places, turn[row])
+    return even
