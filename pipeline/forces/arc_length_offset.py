@@ -39,7 +39,7 @@ from pipeline.forces.origin_and_rest import BLOCK_ROWS, OriginAndRest, of_each_r
 from pipeline.forces.rest_shape import CORRELATED_FRAMES
 from pipeline.forces.rod_fit import RestPrior
 from pipeline.kinematics.stations import Stations
-from pipeline.kinematics.tip import SHARED_FRAMES, tip_beyond
+from pipeline.kinematics.tip import tip_beyond
 from pipeline.numerics.robust import robust_sd
 from pipeline.numerics.runs import evenly
 from pipeline.session.parameters import DEFAULTS, RodParams
@@ -49,6 +49,7 @@ MOST_KNOTS = 400
 ALIKE = 0.8  # correlation of the origin at neighbouring knots: 0 and 0.95 do worse, rendered
 LENGTH_WRONG = 0.01  # share of lengths that have changed since they were measured; chosen
 TIP_PART = 0.3  # of all frames: in so many the tip must be seen
+SHARED_FRAMES = 2.0  # neighbouring frames have the errors of their ends in common
 TIP_LAGS = 8  # the same where a codec made the picture, at most
 FEWEST_ROWS = 5
 MOST_ROWS = 240  # frames that may touch whose bending is used

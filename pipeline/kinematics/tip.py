@@ -2,14 +2,16 @@
 
 A trace ends where the thin tip drowns in the noise of its frame, or where a codec has erased it.
 On average over the frames, the whisker is seen beyond: its thickness (`detection/line_end.py`)
-falls as a cone's does, and then, at the tip, to nothing. A codec erases more of the tip in one
-frame than in another, so that the mean fades out before the tip: how far before, the breadth of
-this fading shows.
+falls as a cone's does, and then, at the tip, to nothing. A codec takes the more of a whisker the
+thinner it is, here in one frame and there in another: the mean is thinner than a cone towards the
+tip, but it ends there all the same.
 """
 
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg import solve_triangular, toeplitz
 from scipy.special import ndtr
 
 from pipeline.detection.line_end import PLACES_PX
@@ -19,13 +21,16 @@ from whiskermodel.whisker import Whisker
 
 MOST_ROWS = 1000  # whose ends are averaged
 FEWEST_ROWS = 3  # in which a place along the whisker must be seen
-SHARED_FRAMES = 2.0  # neighbouring frames have their errors in common
+STRETCHES = 10  # of time, which have no errors in common
+MORE = 1.01  # of the variance, so that the covariance can be inverted
 OUTLIER_SD = 3.0  # another whisker's, or dust's: cut to so many
+APART_PX = PLACES_PX[1] - PLACES_PX[0]
 BLUR_PX = 1.5  # of the tip: optics, and frames whose arc lengths differ
-FADING_PX = np.geomspace(0.1, 20.0, 16)  # SD of what a codec erases
-# mean of what a codec erases and the error of that, in such SDs; measured on rendered videos
-ERASED, ERASED_SD = 0.8, 0.25
-STEP_PX = 0.25
+# share of the thickness that a codec shows: 1 − exp(−(distance from the apex/FAINT_PX)^POWERS)
+FAINT_PX = np.geomspace(4.0, 100.0, 24)
+POWERS = 1, 2, 3
+STEP_PX = 0.1
+EDGE_SE_PX = 0.25  # of the tip's place, where nothing else is uncertain, from rendered videos
 ROUNDING = float(np.finfo(np.float16).eps)  # of a thickness of 1 px, as it is kept
 LEAST_PX = 10.0  # how far before the mean end the tip may be
 
@@ -40,54 +45,74 @@ class Tip(NamedTuple):
 def tip_beyond(places: Stations, whisker: Whisker) -> Tip | None:
     """Place of the tip of a whisker; None where its lines' ends are not known.
 
-    places : rows whose trace ends near the tip
+    places : rows whose trace ends near the tip, in the order of their frames
     """
     rows = evenly(len(places), MOST_ROWS)
     shift = (places.last[rows] - places.last.mean()) / places.pixel
-    at, *seen = _mean_thickness(places.end_px[rows].astype(float), shift)
+    at, thickness = _side_by_side(places.end_px[rows].astype(float), shift)
     if at.max(initial=0) <= 0:
         return None
     apex = (whisker.cone_length - whisker.length) / places.pixel
-    tip, fading, weight = _fits(at, *seen, apex)
+    mean = np.nanmean(thickness, axis=0)
+    tip, weight = _fits(at, mean, _covariance(thickness - mean), apex)
     beyond = weight @ tip
-    se = np.sqrt(weight @ (tip - beyond) ** 2 + (ERASED_SD * weight @ fading) ** 2)
+    se = np.sqrt(weight @ (tip - beyond) ** 2 + EDGE_SE_PX**2)
     return Tip(beyond * places.pixel, se * places.pixel)
 
 
-def _mean_thickness(tail, shift):
-    """Places from the mean end [px] where enough rows are seen, mean thickness there, its error.
+def _side_by_side(tail, shift):
+    """Places from the mean end [px] where enough rows are seen, thickness there (rows, places).
 
     tail : (rows, places) thickness [px] about the end of each row, which is `shift` [px] beyond
         the mean
     """
-    place = np.rint(PLACES_PX + shift[:, None]).astype(int)
+    own = PLACES_PX + shift[:, None]
+    place = np.rint(own / APART_PX).astype(int)
     first = place.min(initial=0)
     table = np.full((len(tail), place.max(initial=0) - first + 1), np.nan)
     np.put_along_axis(table, place - first, tail, axis=1)
-    seen = np.isfinite(table).sum(axis=0)
-    kept = np.flatnonzero(seen >= FEWEST_ROWS)
-    table, seen = table[:, kept], seen[kept]
+    kept = np.flatnonzero(np.isfinite(table).sum(axis=0) >= FEWEST_ROWS)
+    table = table[:, kept]
     usual = np.nanmedian(table, axis=0)
     limit = OUTLIER_SD * 1.4826 * np.nanmedian(np.abs(table - usual), axis=0)
-    table = np.clip(table, usual - limit, usual + limit)
-    noise = np.sqrt(np.mean(np.nanvar(table, axis=0)) + ROUNDING**2) if len(kept) else np.nan
-    return first + kept, np.nanmean(table, axis=0), noise * np.sqrt(SHARED_FRAMES / seen)
+    at = APART_PX * (first + kept) + np.mean(own - APART_PX * place)
+    return at, np.clip(table, usual - limit, usual + limit)
 
 
-def _fits(at, thickness, error, apex):
-    """Tips and breadths of fading [px] that may be, and their posterior weights; each (fits,).
+def _covariance(left):
+    """Covariance of the means (places, places), from what is left of them (rows, places).
+
+    The correlation depends on how far places are apart. It is that of sums over stretches of
+    time, since errors last over frames, a codec's most of all.
+    """
+    seen, squares = np.isfinite(left).sum(axis=0), np.nansum(left**2, axis=0)
+    usual = squares.sum() / seen.sum()
+    sd = np.sqrt((squares + FEWEST_ROWS * usual) / (seen + FEWEST_ROWS) + ROUNDING**2)
+    part = np.nan_to_num(left / sd) / np.sqrt(seen)
+    sums = [each.sum(axis=0) for each in np.array_split(part, STRETCHES)]
+    shared = sum(np.correlate(each, each, "full")[len(seen) - 1 :] for each in sums)
+    shared *= STRETCHES / (STRETCHES - 1)
+    shared[0] = MORE * max(shared[0], np.sum(part**2))
+    return toeplitz(shared) / len(seen) * np.outer(sd, sd) / np.sqrt(np.outer(seen, seen))
+
+
+def _fits(at, thickness, covariance, apex):
+    """Tips [px] that may be, and their posterior weights; each (tips,).
 
     apex : of the cone, beyond the tip [px]. The thickness per length is eliminated.
     """
+    whiten = solve_triangular(np.linalg.cholesky(covariance), np.eye(len(at)), lower=True)
+    seen = whiten @ thickness
     tips = np.arange(-LEAST_PX, at[-1], STEP_PX)
-    tip, fading = (each.ravel() for each in np.meshgrid(tips, FADING_PX, indexing="ij"))
-    inside = tip[:, None] - at
-    left = ndtr((inside - ERASED * fading[:, None]) / np.hypot(BLUR_PX, fading)[:, None])
-    shape = np.maximum(inside + apex, 0.0) * left / error
-    seen = thickness / error
-    square = np.einsum("kj,kj->k", shape, shape)
-    scale = np.maximum(shape @ seen, 0.0) / np.maximum(square, 1e-12)
-    misfit = seen @ seen - 2 * scale * (shape @ seen) + scale**2 * square
+    inside = tips[:, None] - at
+    cone = np.maximum(inside + apex, 0.0)
+    up_to_tip = cone * ndtr(inside / BLUR_PX)
+    misfit = np.empty((len(FAINT_PX) * len(POWERS), len(tips)))
+    for k, (faint, power) in enumerate(product(FAINT_PX, POWERS)):
+        shape = (up_to_tip * -np.expm1(-((cone / faint) ** power))) @ whiten.T
+        square = np.einsum("kj,kj->k", shape, shape)
+        scale = np.maximum(shape @ seen, 0.0) / np.maximum(square, 1e-12)
+        misfit[k] = seen @ seen - 2 * scale * (shape @ seen) + scale**2 * square
     usual = max(misfit.min() / len(at), 1.0)
-    weight = np.exp(-0.5 * (misfit - misfit.min()) / usual)
-    return tip, fading, weight / weight.sum()
+    weight = np.exp(-0.5 * (misfit - misfit.min()) / usual).sum(axis=0)
+    return tips, weight / weight.sum()
