@@ -9,6 +9,8 @@ from pipeline.tracking.matching import Ruler
 from pipeline.tracking.registry import named_as_given, usual_strength
 
 FEWEST = 3  # whiskers on a side
+MOST = 0.2, 0.8  # of the places on a side: between these lies what makes its width
+TINY = 1e-9  # px: all at one place have no gap
 
 
 def side_names(face_side: str) -> tuple[str, str]:
@@ -37,8 +39,8 @@ def cuts_between(templates, along, params=DEFAULTS.identity) -> tuple[float, ...
     places = np.array([template.base_xy @ along for template in templates])
     order = np.argsort(places)
     inner = range(FEWEST, len(places) - FEWEST + 1)
-    gaps = {k: places[order[k]] - places[order[k - 1]] for k in inner}
-    if not gaps or max(gaps.values()) < params.side_gap * np.ptp(places):
+    gaps = {k: _gap(places[order], k) for k in inner}
+    if not gaps or max(gaps.values()) < params.side_gap:
         return ()
     k = max(gaps, key=gaps.get)
     one, other = (ahead[part].mean(axis=0) for part in (order[:k], order[k:]))
@@ -46,6 +48,16 @@ def cuts_between(templates, along, params=DEFAULTS.identity) -> tuple[float, ...
     if cosine > np.cos(np.radians(params.sides_apart_deg)):
         return ()
     return (float(places[order[k - 1 : k + 1]].mean()),)
+
+
+def _gap(places, k) -> float:
+    """Gap before the `k`-th of some places, in order, as a share of the width of most of them.
+
+    Some hairs far behind, at the ears, do not make a row wider.
+    """
+    gap = places[k] - places[k - 1]
+    widths = (np.ptp(np.quantile(part, MOST)) for part in (places[:k], places[k:]))
+    return gap / max(gap + sum(widths), TINY)
 
 
 def side_of(places, cuts) -> np.ndarray:

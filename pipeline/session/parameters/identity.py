@@ -57,7 +57,7 @@ class IdentityParams:
         0.4, "confidence in a line without a known whisker, times that in the line", "chosen"
     )
     side_gap: quantity(0.05, 1, "of the width") = parameter(
-        1 / 3, "two sides of a face are at least this part of all bases' width apart", "chosen"
+        1 / 3, "two sides of a face are at least this part of most bases' width apart", "chosen"
     )
     sides_apart_deg: quantity(5, 180, "°") = parameter(
         45.0, "whiskers of two sides grow in directions at least so far apart", "chosen"

@@ -3,6 +3,8 @@
 import measuring
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from pipeline.detection.line import Line
 from pipeline.run import analyse
@@ -113,6 +115,24 @@ def test_a_place_belongs_to_the_side_that_its_base_is_on():
     along = np.array([1.0, 0.0])
     cuts = two_sides.cuts_between([*right, *left], along)
     assert two_sides.sides_of([*right, *left], along, cuts) == [left, right]
+
+
+ALONG = np.array([1.0, 0.0])
+
+
+@pytest.mark.parametrize("far", [1, 60, 300])
+def test_hairs_at_the_ears_do_not_make_two_sides_one(far):
+    left, right = row(-1, LENGTHS), row(1, LENGTHS)
+    hairs = [template((360 + 100 * s + far * s, 100), s * 1.8, 60) for s in (-1, 1)]
+    (cut,) = two_sides.cuts_between([*right, *left, *hairs], ALONG)
+    assert cut == pytest.approx(360)
+
+
+@given(count=st.integers(2, 9), spacing=st.floats(1, 30), spread=st.floats(0.2, 2.2))
+def test_whiskers_evenly_along_a_face_are_one_row(count, spacing, spread):
+    directions = np.linspace(-spread, spread, count)
+    even = [template((spacing * k, 200), each, 80) for k, each in enumerate(directions)]
+    assert two_sides.cuts_between(even, ALONG) == ()
 
 
 def test_whiskers_without_names_are_counted_on_each_side():
