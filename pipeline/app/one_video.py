@@ -47,7 +47,7 @@ def planned_names(inputs, out) -> dict:
 def process(video, out, name=None, config=None) -> int:
     """Process one video into its folder in `out`, unless its results are there; exit status."""
     from pipeline.app.outcome import finished_outcome
-    from pipeline.app.video_task import Task, process_video
+    from pipeline.app.video_task import Task, process_video, settled_outcome
     from pipeline.runtime.folder_lock import locked
     from pipeline.session.inputs import find_inputs, session_of
     from pipeline.session.session_file import read_session
@@ -65,9 +65,10 @@ def process(video, out, name=None, config=None) -> int:
             settle(folder)
         outcome = finished_outcome(path, folder, settings)
         if outcome is None:
-            outcome = process_video(Task(path, folder, settings))
+            task = Task(path, folder, settings)
+            outcome = process_video(task)
             if folder.is_dir():
-                settle(folder)
+                outcome = settled_outcome(task, outcome)
     print(f"{name}: {outcome.line()}", flush=True)
     return FAILED if outcome.status == "failed" else 0
 

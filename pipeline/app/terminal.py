@@ -64,12 +64,14 @@ def finish_run(summary, debug, say_result):
 
 def _results(summary):
     """How many videos were processed, where the results lie, and what to do next."""
+    from pipeline.tables.result_exchange import overlays_in
+
     out = summary.out
     yield summary.line()
     for name, path in (("report", "report.html"), ("contacts", "contacts.csv")):
         if (out / path).is_file():
             yield f"{name}: {(out / path).resolve()}"
-    overlays = sorted(out.glob("*/overlay.*"))
+    overlays = [path for folder in sorted(out.glob("*/")) for path in overlays_in(folder)]
     if overlays:
         more = f" and {len(overlays) - 1} more" if len(overlays) > 1 else ""
         yield f"overlay: {overlays[0].resolve()}{more}"

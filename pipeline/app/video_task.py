@@ -20,7 +20,7 @@ from pipeline.scene import pole_runs
 from pipeline.session.inputs import stamp
 from pipeline.session.schema import Settings
 from pipeline.tables import centrelines
-from pipeline.tables.result_exchange import OVERLAYS, READY, STATE_FILE, draft, settle
+from pipeline.tables.result_exchange import READY, STATE_FILE, draft, overlays_in, settle
 from pipeline.tables.run_record import read_state
 from pipeline.tables.video_messages import as_cell
 from pipeline.tables.whole_files import sha256
@@ -120,7 +120,7 @@ def _outcome_of(task, analysis, seconds) -> Outcome:
 
 def has_overlay(folder) -> bool:
     """Whether a video's results folder has an overlay that shows its present tables."""
-    drawn = [path.stat().st_mtime_ns for path in folder.glob(OVERLAYS)]
+    drawn = [path.stat().st_mtime_ns for path in overlays_in(folder)]
     return bool(drawn) and min(drawn) >= (folder / "frames.parquet").stat().st_mtime_ns
 
 
@@ -153,15 +153,15 @@ def written(folder) -> int:
 
 
 def settled_outcome(task, outcome) -> Outcome:
-    """The outcome when the new results are in place."""
+    """The outcome when the new results are in place, with what is said of files that are kept."""
     try:
-        settle(task.folder)
+        kept = settle(task.folder)
     except OSError as error:
         return _failed(
             task,
             f"new results are complete but cannot replace the old ones ({why(error)}): run again",
         )
-    return outcome
+    return warned(outcome, as_cell(kept)) if kept else outcome
 
 
 def died(task, reason) -> Outcome:

@@ -12,7 +12,7 @@ import pandas as pd
 
 from pipeline.errors import CorrectionsError, counted
 from pipeline.tables.columns import CORRECTION_COLUMNS, as_table, empty_table
-from pipeline.tables.files import read_csv, write_csv
+from pipeline.tables.files import read_csv, replace_csv
 
 CORRECTIONS_FILE = "corrections.csv"
 CONTACT, CONFIRMED, FREE = "contact", "confirmed", "free"
@@ -66,8 +66,8 @@ def read_corrections(folder) -> pd.DataFrame:
 
 
 def write_corrections(folder, corrections: pd.DataFrame) -> None:
-    """Write corrections.csv into a video's results folder, whole or not at all."""
-    write_csv(Path(folder) / CORRECTIONS_FILE, corrections, CORRECTION_COLUMNS)
+    """Write corrections.csv into a video's results folder; one edited by hand is kept, too."""
+    replace_csv(Path(folder) / CORRECTIONS_FILE, corrections, CORRECTION_COLUMNS)
 
 
 def verdicts(corrections: pd.DataFrame) -> tuple[Verdict, ...]:

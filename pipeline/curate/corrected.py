@@ -166,7 +166,8 @@ def write_session_tables(out, names=None) -> list[str]:
     said = files.replace_csv(out / "contacts.csv", contacts, CONTACT_COLUMNS)
     decided = [name for name in names if (out / name / CORRECTIONS_FILE).exists()]
     if decided or (out / DECISIONS_FILE).exists():
-        write_decisions(out, list(filter(lambda name: _is_sound(out / name), decided)))
+        sound = [name for name in decided if _is_sound(out / name)]
+        said += write_decisions(out, sound)[-1]
     return said
 
 

@@ -9,7 +9,7 @@ from pipeline.contacts.corrections import CONFIRMED, CONTACT, FREE, read_correct
 from pipeline.session.schema import FORMULA
 from pipeline.session.session_file import read_session
 from pipeline.tables.columns import DECISION_COLUMNS, as_table
-from pipeline.tables.files import write_csv
+from pipeline.tables.files import replace_csv
 
 DECISIONS_FILE = "decisions.csv"
 WORDS = {CONTACT: "added or moved", CONFIRMED: "confirmed", FREE: "no contact"}
@@ -41,11 +41,13 @@ def decisions_of(folder, names) -> pd.DataFrame:
     return as_table(table, DECISION_COLUMNS)
 
 
-def write_decisions(folder, names) -> tuple[Path, int]:
-    """Write decisions.csv into a results folder; return (its path, how many there are)."""
+def write_decisions(folder, names) -> tuple[Path, int, list[str]]:
+    """Write decisions.csv into a results folder.
+
+    Returns its path, how many there are, and a sentence where an edited file is kept.
+    """
     table, path = decisions_of(folder, names), Path(folder) / DECISIONS_FILE
-    write_csv(path, table, DECISION_COLUMNS)
-    return path, len(table)
+    return path, len(table), replace_csv(path, table, DECISION_COLUMNS)
 
 
 def _of_video(folder) -> pd.DataFrame:

@@ -159,10 +159,12 @@ class Desk(View):
     def export(self):
         """Write what was decided in all videos."""
         try:
-            path, count = self.results.write_decisions()
+            path, count, said = self.results.write_decisions()
         except (OSError, ValueError) as error:
             raise EditError(f"decisions.csv cannot be written: {in_words(error)}") from error
-        self.message = f"{counted(count, 'decision')} written to {path.resolve()}"
+        self.message = "; ".join(
+            [f"{counted(count, 'decision')} written to {path.resolve()}", *said]
+        )
 
     def finish(self):
         """End, if the command comes twice in a row."""

@@ -256,8 +256,8 @@ class Results:
         with self._changed:
             self._changed.wait_for(lambda: not self._due)
 
-    def write_decisions(self) -> tuple[Path, int]:
-        """Write what was decided so far, by whom and when: (path, how many decisions)."""
+    def write_decisions(self) -> tuple[Path, int, list[str]]:
+        """Write what was decided so far, by whom and when: as `decisions.write_decisions`."""
         return write_decisions(self.folder, self.names)
 
     def close(self) -> None:

@@ -11,8 +11,9 @@ from pipeline.runtime.timing import Counted
 from pipeline.scene import pole_runs
 from pipeline.session.schema import Settings
 from pipeline.session.session_file import read_session
-from pipeline.tables import centrelines, files, whole_files
+from pipeline.tables import centrelines, files
 from pipeline.tables.known_names import nameless_in
+from pipeline.tables.new_files import replace_own
 from pipeline.tables.run_record import read_pole
 from pipeline.video.open import open_video
 
@@ -101,8 +102,7 @@ def _by_frame(chunks):
 
 
 def _write_png(path, picture) -> Path:
-    with whole_files.whole_file(path) as temporary:
-        temporary.write_bytes(cv2.imencode(".png", picture)[1])
+    replace_own(path, lambda new: new.write_bytes(cv2.imencode(".png", picture)[1]))
     return path
 
 
@@ -117,16 +117,20 @@ def _write_video(folder, pictures) -> Path:
     except ValueError:
         path, codec, pixels = folder / "overlay.avi", "mjpeg", "yuvj420p"
         options = {"qmin": "3", "qmax": "3"}
-    with whole_files.whole_file(path) as temporary, av.open(str(temporary), "w") as container:
-        stream = container.add_stream(codec, rate=PLAYBACK_RATE, options=options)
-        stream.pix_fmt = pixels
-        for picture in pictures:
-            picture = picture[: picture.shape[0] // 2 * 2, : picture.shape[1] // 2 * 2]
-            if not stream.codec_context.is_open:
-                stream.height, stream.width = picture.shape[:2]
-            frame = av.VideoFrame.from_ndarray(np.ascontiguousarray(picture), format="bgr24")
-            container.mux(stream.encode(frame))
-        container.mux(stream.encode(None))
+
+    def encode(new):
+        with av.open(str(new), "w") as container:
+            stream = container.add_stream(codec, rate=PLAYBACK_RATE, options=options)
+            stream.pix_fmt = pixels
+            for picture in pictures:
+                picture = picture[: picture.shape[0] // 2 * 2, : picture.shape[1] // 2 * 2]
+                if not stream.codec_context.is_open:
+                    stream.height, stream.width = picture.shape[:2]
+                frame = av.VideoFrame.from_ndarray(np.ascontiguousarray(picture), format="bgr24")
+                container.mux(stream.encode(frame))
+            container.mux(stream.encode(None))
+
+    replace_own(path, encode)
     return path
 
 

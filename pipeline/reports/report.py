@@ -18,10 +18,11 @@ from pipeline.reports.time_courses import Courses, read_courses, time_courses
 from pipeline.reports.trials import OnsetAverage, raster
 from pipeline.reports.vibration_map import vibration
 from pipeline.session.session_file import read_session
-from pipeline.tables import files, whole_files
+from pipeline.tables import files
 from pipeline.tables.columns import CONTACT_FLAGS, VIDEO_COLUMNS, split_flags
 from pipeline.tables.known_names import nameless_in
-from pipeline.tables.result_exchange import OVERLAYS
+from pipeline.tables.new_files import replace_own
+from pipeline.tables.result_exchange import overlays_in
 from pipeline.tables.run_record import read_run
 from pipeline.tables.video_messages import sentences_of
 
@@ -67,8 +68,13 @@ def write_report(results) -> Path:
         has_contacts=len(contacts) > 0,
         **_making(results, record),
     )
-    whole_files.write_text(results / "report.html", page)
-    return results / "report.html"
+    return _write_page(results / "report.html", page)
+
+
+def _write_page(path, page) -> Path:
+    """Write a page; one that a person has changed is kept."""
+    replace_own(path, lambda new: new.write_text(page, encoding="utf-8"))
+    return path
 
 
 @functools.cache
@@ -220,7 +226,7 @@ def _video_row(results, row, frames, contacts) -> dict:
 
 def _overlay(results, video) -> str:
     """The overlay of a video, seen from the results folder; "" where there is none."""
-    found = sorted((results / video).glob(OVERLAYS))
+    found = overlays_in(results / video)
     return f"{video}/{found[0].name}" if found else ""
 
 
@@ -230,7 +236,7 @@ def _write_courses(results, video, frames, contacts) -> Courses:
     (results / COURSES_FOLDER).mkdir(parents=True, exist_ok=True)
     there = time_courses(frames, contacts, video, overlay and f"../../{overlay}")
     page = _template("courses.html").render(courses=there, contacts=contacts.to_dict("records"))
-    whole_files.write_text(results / COURSES_FOLDER / f"{video}.html", page)
+    _write_page(results / COURSES_FOLDER / f"{video}.html", page)
     return time_courses(frames, contacts, video, overlay)
 
 

@@ -55,13 +55,7 @@ def replace_csv(path, table: pd.DataFrame, columns) -> list[str]:
 
     Returns a sentence on that, if there is anything to say.
     """
-    kept = replace_own(path, lambda new: write_csv(new, table, columns))
-    if kept is None:
-        return []
-    return [
-        f"{path} was changed since whiskerforce wrote it: it is kept as {kept}; contacts that you "
-        "change in `whiskerforce curate` stay changed"
-    ]
+    return replace_own(path, lambda new: write_csv(new, table, columns))
 
 
 def read_csv(path, columns, advice=RUN_AGAIN) -> pd.DataFrame:

@@ -8,6 +8,7 @@ stays as it is; in a results folder it is kept under another name.
 import contextlib
 import os
 import shutil
+import threading
 from pathlib import Path
 
 from pipeline.errors import InputError, why
@@ -24,6 +25,7 @@ from pipeline.tables.whole_files import (
 
 DRAFT = f"{PART}new"  # holds what is being written
 RECORD = f"{PART}written"  # the list: a file's name → SHA-256 of what may be there by us
+_LISTING = threading.Lock()  # of the threads of `curate`; other programs keep out of the folder
 
 
 def make_folder(folder) -> None:
@@ -73,25 +75,35 @@ def write_new(folder, write) -> list[Path]:
     return [Path(folder) / path.name for path in written]
 
 
-def replace_own(path, write) -> Path | None:
+def replace_own(path, write) -> list[str]:
     """Let `write`, a function of a path, make a file of a results folder anew.
 
-    One that was changed since whiskerforce wrote it is kept under the path that is returned.
+    One that was changed since whiskerforce wrote it is kept; returns what `keep_changed` does.
     """
     path = Path(path)
-    record, kept = read_json(path.parent / RECORD, {}), None
-    known = record.get(path.name)
     with whole_file(path) as new:
         write(new)
-        hashes = [sha256(new)]
-        if path.is_file():
-            there = sha256(path)
-            if isinstance(known, list) and there not in (*known, *hashes):
-                kept = set_aside(path)
-            else:
-                hashes.append(there)
-        write_json(path.parent / RECORD, record | {path.name: hashes})
-    return kept
+        return keep_changed(path.parent, {path.name: sha256(new)})
+
+
+def keep_changed(folder, new) -> list[str]:
+    """Rename the files of a results folder that were changed since whiskerforce wrote them.
+
+    `new` are names of files that are about to be replaced, with the SHA-256 of what replaces them.
+    Where the folder has no list yet, all its files are taken for whiskerforce's. Returns a
+    sentence on each that is kept.
+    """
+    folder = Path(folder)
+    with _LISTING:
+        record = read_json(folder / RECORD)
+        ours, others = _compared(folder, new, record)
+        write_json(folder / RECORD, (record or {}) | ours)
+    return [
+        f"{path} was changed since whiskerforce wrote it: it is kept as {set_aside(path)}; "
+        "contacts that you change in `whiskerforce curate` stay changed"
+        for path in others
+        if path.is_file()
+    ]
 
 
 def check_own(folder, new) -> dict[str, list[str]]:
@@ -100,20 +112,31 @@ def check_own(folder, new) -> dict[str, list[str]]:
     `new` are the files' names with the SHA-256 of what is to replace them; the same may. Returns
     what the list will hold of these files: by name, hashes of what is there and of what will be.
     """
-    folder, ours = Path(folder), {}
-    record = read_json(folder / RECORD, {})
+    ours, others = _compared(Path(folder), new, read_json(Path(folder) / RECORD, {}))
+    for path in others:
+        raise InputError(
+            f"{path}: would be replaced, but was not written by whiskerforce, or was "
+            "changed since; move it away or rename it, or choose another folder"
+        )
+    return ours
+
+
+def _compared(folder, new, record) -> tuple[dict, list[Path]]:
+    """What the list will hold of `new` files, and the files there that are not on the `record`.
+
+    Where there is none, all are taken for whiskerforce's.
+    """
+    ours, others = {}, []
     for name, digest in new.items():
-        path, known = folder / name, record.get(name)
+        path, known = folder / name, (record or {}).get(name)
         ours[name] = [digest]
         if os.path.lexists(path):
             now = sha256(path) if path.is_file() else None
-            if now not in (digest, *(known if isinstance(known, list) else ())):
-                raise InputError(
-                    f"{path}: would be replaced, but was not written by whiskerforce, or was "
-                    "changed since; move it away or rename it, or choose another folder"
-                )
-            ours[name] = [now, digest]
-    return ours
+            if record is None or now in (digest, *(known if isinstance(known, list) else ())):
+                ours[name] = [now, digest]
+            else:
+                others.append(path)
+    return ours, others
 
 
 def _move_in(paths, folder):

@@ -3,7 +3,8 @@
 New results are written into a hidden draft inside the video's results folder. Renaming the
 finished draft to READY is the one moment at which they become the video's results; their files
 then move over the old ones. A program that ends before that moment leaves the old results; if it
-ends later, `settle` completes the moves at the next start. corrections.csv is never touched.
+ends later, `settle` completes the moves at the next start. corrections.csv is never touched, and
+what a person has changed is kept under another name.
 """
 
 import contextlib
@@ -13,13 +14,14 @@ import tempfile
 from pathlib import Path
 
 from pipeline.runtime.folder_lock import locked
-from pipeline.tables.whole_files import remove_unfinished, to_disk
+from pipeline.tables.new_files import keep_changed
+from pipeline.tables.whole_files import remove_unfinished, sha256, to_disk
 
 DRAFT = ".whiskerforce-draft-"  # and random letters: two processes never share a draft
 READY = ".whiskerforce-ready"
 STATE_FILE = "run.json"
 LINES_FILE = "centrelines.parquet"
-OVERLAYS = "overlay.*"
+OVERLAYS = ("overlay.mp4", "overlay.avi", "overlay.png")
 
 
 @contextlib.contextmanager
@@ -45,16 +47,22 @@ def is_settled(folder) -> bool:
     return not (folder / READY).exists()
 
 
-def settle(folder) -> None:
+def settle(folder) -> list[str]:
     """Put results that are ready in their place; remove drafts, and the folder if that empties it.
 
-    OSError where the folder cannot be written; calling it again goes on from there.
+    Returns a sentence on each file that a person had changed, and which is kept. OSError where the
+    folder cannot be written; calling it again goes on from there.
     """
-    if not is_settled(folder):
-        _move_in(folder / READY, folder)
+    kept = [] if is_settled(folder) else _move_in(folder / READY, folder)
     remove_unfinished(folder)
     for left in folder.glob(f"{DRAFT}*"):
         _remove(left, folder)
+    return kept
+
+
+def overlays_in(folder) -> list[Path]:
+    """The drawn videos or pictures in a video's results folder."""
+    return [path for name in OVERLAYS if (path := folder / name).exists()]
 
 
 @contextlib.contextmanager
@@ -79,17 +87,22 @@ def settle_all(out) -> None:
             settle(folder)
 
 
-def _move_in(ready, folder):
+def _move_in(ready, folder) -> list[str]:
     """Move tables, then what calls them whole, then drawings: so the next call knows how far."""
+    new = {path.name: sha256(path) for path in _files(ready) if path.name != STATE_FILE}
+    shows_others = (ready / STATE_FILE).exists() and (ready / LINES_FILE).exists()
+    gone = {path.name: "" for path in overlays_in(folder)} if shows_others else {}
+    kept = keep_changed(folder, gone | new)
     if (ready / STATE_FILE).exists():
-        for old in folder.glob(OVERLAYS) if (ready / LINES_FILE).exists() else ():
-            old.unlink()  # it shows other lines
-        drawn = set(ready.glob(OVERLAYS))
+        for name in gone:  # what shows other lines
+            (folder / name).unlink(missing_ok=True)
+        drawn = set(overlays_in(ready))
         for path in sorted(set(_files(ready)) - drawn, key=lambda p: p.name == STATE_FILE):
             os.replace(path, folder / path.name)
     for path in _files(ready):
         os.replace(path, folder / path.name)
     shutil.rmtree(ready)
+    return kept
 
 
 def _files(folder):

@@ -32,6 +32,7 @@ from pipeline.session import inputs
 from pipeline.session.session_file import read_session, settings_from, write_session
 from pipeline.tables import files, result_exchange, run_record, whole_files
 from pipeline.tables.columns import CONTACT_COLUMNS, VIDEO_COLUMNS
+from pipeline.tables.new_files import RECORD
 
 SETTINGS = settings_from(
     {"recording": {"frames_per_second": 1000, "pixels_per_mm": 25, "face": "left"}}
@@ -244,6 +245,20 @@ def test_a_table_that_a_person_has_changed_is_kept_and_said(folder, calls, tmp_p
     assert (out / f"{name}.old").read_text("utf-8") == edited
     assert table.read_text("utf-8") == written
     assert not batch.run([folder], out).problems
+
+
+@pytest.mark.parametrize("name", ["contacts.csv", "session.toml", "frames.parquet"])
+def test_a_videos_table_that_a_person_has_changed_is_kept_and_said(folder, calls, tmp_path, name):
+    out = tmp_path / "results"
+    batch.run([folder], out)
+    path = out / "a" / name
+    written = path.read_bytes()
+    path.write_bytes(written + b"# my notes\n")
+    summary = batch.run([folder], out, overwrite=True)
+    assert [f"kept as {path}.old" in each.message for each in summary.outcomes] == [True, False]
+    assert path.with_name(f"{name}.old").read_bytes() == written + b"# my notes\n"
+    assert path.read_bytes() == written
+    assert not any(each.message for each in batch.run([folder], out).outcomes)
 
 
 def test_failures_do_not_stop_the_others(folder, calls, tmp_path):
@@ -651,7 +666,11 @@ def test_damaged_results_are_made_again_and_corrections_stay(
     (out / "a" / name).write_bytes(bad[damage])
     summary = batch.run([folder], out)
     assert calls == ["a.avi", "b.avi", "a.avi"]
-    assert [each.status for each in summary.outcomes] == ["done", "done"]
+    if name == "run.json":
+        assert [each.status for each in summary.outcomes] == ["done", "done"]
+    else:  # it may be a person's work
+        assert (out / "a" / f"{name}.old").read_bytes() == bad[damage]
+    assert (out / "a" / name).read_bytes() not in bad.values()
     assert (out / "a" / "corrections.csv").read_text() == CORRECTIONS
     assert sorted(p.name for p in out.iterdir() if p.is_dir()) == ["a", "b"]
 
@@ -800,6 +819,7 @@ def test_a_folder_that_cannot_be_written_costs_its_video_only(
     batch.run([folder], out)
     change_settings(folder)
     before = contents(out / "a")
+    del before[RECORD]
     owners = {"mkdtemp": tempfile, "rename": pathlib.Path, "replace": result_exchange.os}
     original = getattr(owners[broken], broken)
 
@@ -813,7 +833,8 @@ def test_a_folder_that_cannot_be_written_costs_its_video_only(
         summary = batch.run([folder], out)
         assert statuses(out) == {"a": "failed", "b": "done"}
         assert "Permission denied" in summary.outcomes[0].message
-        assert {k: v for k, v in contents(out / "a").items() if "/" not in k} == before
+        kept = contents(out / "a")
+        assert {k: v for k, v in kept.items() if "/" not in k and k != RECORD} == before
         assert contact_videos(out) == (["b"] if broken == "replace" else ["a", "b"])
     batch.run([folder], out)
     assert statuses(out) == {"a": "done", "b": "done"}

@@ -134,7 +134,16 @@ def test_corrections_survive_the_file(tmp_path):
     rows = table_of([verdict(CONTACT, (8, 25), (5, 30)), verdict(FREE, (40, 50), whisker="ü, 1")])
     corrections.write_corrections(tmp_path, rows)
     pd.testing.assert_frame_equal(corrections.read_corrections(tmp_path), rows)
-    assert [p.name for p in tmp_path.iterdir()] == ["corrections.csv"]
+    assert [p.name for p in tmp_path.glob("[!.]*")] == ["corrections.csv"]
+
+
+def test_a_file_edited_by_hand_is_kept_when_it_is_written_anew(tmp_path):
+    corrections.write_corrections(tmp_path, table_of([verdict(CONTACT, (8, 25), (5, 30))]))
+    path = tmp_path / "corrections.csv"
+    edited = path.read_text() + "C2,free,40,50,40,50,,me\n"
+    path.write_text(edited)
+    corrections.write_corrections(tmp_path, table_of([verdict(FREE, (40, 50))]))
+    assert (tmp_path / "corrections.csv.old").read_text() == edited
 
 
 def test_no_file_is_no_corrections(tmp_path):

@@ -30,7 +30,7 @@ def folder(tmp_path):
 
 
 def test_all_decisions_are_listed(folder):
-    path, count = write_decisions(folder, ("one", "two", "three"))
+    path, count, _ = write_decisions(folder, ("one", "two", "three"))
     table = files.read_csv(path, DECISION_COLUMNS)
     assert count == len(table) == 4
     names = ["video", "decision", "onset_frame", "offset_frame", "decided_by", "decided_at"]
@@ -45,9 +45,18 @@ def test_all_decisions_are_listed(folder):
 
 
 def test_without_decisions_there_is_an_empty_table(folder):
-    path, count = write_decisions(folder, ("two",))
+    path, count, _ = write_decisions(folder, ("two",))
     assert count == 0
     assert files.read_csv(path, DECISION_COLUMNS).empty
+
+
+def test_a_table_that_a_person_has_annotated_is_kept(folder):
+    path, _, said = write_decisions(folder, ("one",))
+    assert not said
+    path.write_text("my notes")
+    _, _, said = write_decisions(folder, ("one",))
+    assert "decisions.csv.old" in said[0]
+    assert path.with_name("decisions.csv.old").read_text() == "my notes"
 
 
 def test_names_are_words_in_a_cell():

@@ -2,13 +2,17 @@
 
 import contextlib
 import errno
+import itertools
 import os
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
 from pipeline.errors import InputError
 from pipeline.tables import new_files as new_files_module
 from pipeline.tables.new_files import new_files, replace_own
+
+N = range(30)
 
 
 def write(folder, **texts):
@@ -44,10 +48,10 @@ def test_a_file_that_was_edited_stays(tmp_path):
 
 
 def test_a_file_of_a_results_folder_that_was_edited_is_kept_under_another_name(tmp_path):
-    path, kept = tmp_path / "one", []
+    path, said = tmp_path / "one", []
 
     def replaced(text):
-        kept.append(replace_own(path, lambda new: new.write_text(text)))
+        said.append(replace_own(path, lambda new: new.write_text(text)))
 
     path.write_text("by an earlier version")
     for text in ("first", "second", "second"):
@@ -60,7 +64,8 @@ def test_a_file_of_a_results_folder_that_was_edited_is_kept_under_another_name(t
     replaced("fifth")
     path.write_text("another day's")
     replaced("fifth")
-    assert kept == [None] * 3 + [tmp_path / "one.old"] + [None] * 2 + [tmp_path / "one.old2"]
+    assert [len(sentences) for sentences in said] == [0, 0, 0, 1, 0, 0, 1]
+    assert said[-1][0].startswith(f"{path} was changed since whiskerforce wrote it: it is kept")
     assert visible(tmp_path) == {
         "one": "fifth", "one.old": "a day's work", "one.old2": "another day's",
     }  # fmt: skip
@@ -74,7 +79,27 @@ def test_a_file_is_known_however_its_replacement_ends(tmp_path, monkeypatch):
         with pytest.raises(OSError, match="nowhere"):
             replace_own(path, lambda new: new.write_text("second"))
     assert visible(tmp_path) == {"one": "first"}
-    assert replace_own(path, lambda new: new.write_text("second")) is None
+    assert not replace_own(path, lambda new: new.write_text("second"))
+
+
+def test_a_file_that_a_person_put_beside_those_of_a_results_folder_is_kept(tmp_path):
+    replace_own(tmp_path / "one", lambda new: new.write_text("ours"))
+    (tmp_path / "two").write_text("a person's")
+    (said,) = replace_own(tmp_path / "two", lambda new: new.write_text("ours"))
+    assert f"kept as {tmp_path / 'two.old'}" in said
+    assert visible(tmp_path) == {"one": "ours", "two": "ours", "two.old": "a person's"}
+
+
+def test_two_threads_leave_one_list_of_all_files(tmp_path):
+    """As the page and the tables of `curate`."""
+
+    def write_often(name):
+        return [replace_own(tmp_path / name, lambda new, k=k: new.write_text(f"{k}")) for k in N]
+
+    with ThreadPoolExecutor(2) as threads:
+        assert not any(itertools.chain(*threads.map(write_often, ("one", "two"))))
+    for name in ("one", "two"):
+        assert not replace_own(tmp_path / name, lambda new: new.write_text("last"))
 
 
 @pytest.mark.parametrize("make", [os.mkdir, lambda path: os.symlink("/nowhere", path)])

@@ -1,5 +1,6 @@
 """New results in place of old ones, with the program ended at every single step on the way."""
 
+import itertools
 import json
 import os
 import pathlib
@@ -9,6 +10,7 @@ import pytest
 
 from pipeline.errors import InputError
 from pipeline.tables import result_exchange
+from pipeline.tables.new_files import RECORD
 from pipeline.tables.result_exchange import draft, is_settled, settle, settle_all, settled
 
 STEPS = (os, "replace"), (pathlib.Path, "unlink"), (pathlib.Path, "rename"), (shutil, "rmtree")
@@ -77,7 +79,7 @@ def test_all_old_or_all_new_wherever_it_ends(tmp_path, monkeypatch, overlays):
             killed_at(monkeypatch, again, lambda f=folder: settle(f))
         left = visible(folder)
         assert left in ({**old, **PERSON}, {**new, **PERSON})
-        assert sorted(left) == sorted(p.name for p in folder.iterdir())
+        assert {p.name for p in folder.iterdir()} - {RECORD} == set(left)
         seen.append(left["run.json"])
         if not reached:
             break
@@ -85,6 +87,43 @@ def test_all_old_or_all_new_wherever_it_ends(tmp_path, monkeypatch, overlays):
     assert seen == sorted(seen, reverse=True)  # old up to one step, new from there on
     assert len(set(seen)) == 2
     assert len(seen) > 5
+
+
+@pytest.mark.parametrize("name", ["contacts.csv", "frames.parquet", "overlay.mp4"])
+def test_what_a_person_has_changed_is_kept_wherever_it_ends(tmp_path, monkeypatch, name):
+    for overlay, step in itertools.product((False, True), range(1, 30)):
+        folder = tmp_path / f"{overlay}{step}"
+        renew(folder, results("old", overlay=True))
+        write(folder, {name: "a day's work", **PERSON})
+        reached = killed_at(
+            monkeypatch, step, lambda f=folder, o=overlay: renew(f, results("new", o))
+        )
+        settle(folder)
+        left = visible(folder)
+        if left["run.json"] == "run.json old":
+            assert left == {**results("old", overlay=True), name: "a day's work", **PERSON}
+        else:
+            assert left == {**results("new", overlay), f"{name}.old": "a day's work", **PERSON}
+        if not reached:
+            break
+        assert step < 29
+
+
+def test_what_is_said_of_a_file_that_is_kept(tmp_path):
+    renew(tmp_path / "a", results("old"))
+    (tmp_path / "a" / "contacts.csv").write_text("a day's work")
+    with draft(tmp_path / "a") as new:
+        write(new, results("new"))
+    (said,) = settle(tmp_path / "a")
+    assert str(tmp_path / "a" / "contacts.csv.old") in said
+    assert not settle(tmp_path / "a")
+
+
+def test_a_persons_file_is_no_overlay(tmp_path):
+    renew(tmp_path / "a", results("old", overlay=True))
+    write(tmp_path / "a", {"overlay.pptx": "a day's work"})
+    renew(tmp_path / "a", results("new"))
+    assert visible(tmp_path / "a") == {**results("new"), "overlay.pptx": "a day's work"}
 
 
 def test_a_failed_draft_leaves_old_results_or_no_folder(tmp_path):
