@@ -1,5 +1,6 @@
 """`whiskerforce demo` and `synth`: rendered sessions, and results beside their truth."""
 
+import contextlib
 import difflib
 import time
 from pathlib import Path
@@ -78,10 +79,8 @@ def run_demo(out, jobs, progress, say) -> bool:
     started = time.monotonic()
     videos, results = Path(out) / "videos", Path(out) / "results"
     say("rendering a small pole-localization session (the first time, some of it is compiling) …")
-    compiling = warm_up.start() if jobs > 1 else None
-    render(videos, DEMO_PRESET, DEMO_SEED, DEMO_TRIALS, max(jobs - 1, 1), progress, say)
-    if compiling is not None:
-        compiling.join()
+    with warm_up.meanwhile() if jobs > 1 else contextlib.nullcontext():
+        render(videos, DEMO_PRESET, DEMO_SEED, DEMO_TRIALS, max(jobs - 1, 1), progress, say)
     say("processing it …")
     summary = batch.run([videos], results, jobs=jobs, overwrite=True, progress=progress)
     contacts, truth = read_contacts(results), read_truth(results)

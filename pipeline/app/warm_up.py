@@ -4,6 +4,7 @@ Compiled code is kept beside the source files, so this matters once, on a fresh 
 does it on one core while the other renders.
 """
 
+import contextlib
 import multiprocessing
 import tempfile
 from pathlib import Path
@@ -56,8 +57,18 @@ def warm_up() -> None:
         analyse(folder, settings)
 
 
-def start() -> multiprocessing.Process:
-    """Warm up in a separate process; `join` it before the compiled code is needed."""
+@contextlib.contextmanager
+def meanwhile():
+    """Warm up in a separate process during the block, and wait for it; end it if the block fails.
+
+    Yields the process.
+    """
     process = multiprocessing.get_context("spawn").Process(target=warm_up, daemon=True)
     process.start()
-    return process
+    try:
+        yield process
+    except BaseException:
+        process.terminate()
+        raise
+    finally:
+        process.join()

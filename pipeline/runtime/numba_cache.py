@@ -82,9 +82,9 @@ def _stamps(root, package) -> Path:
 
 def _indexes(file):
     """Numba's index files of the functions in a source file; without them it compiles again."""
-    yield from (file.parent / "__pycache__").glob(f"{file.stem}.*.nbi")
     if VARIABLE in os.environ:
-        yield from Path(os.environ[VARIABLE]).glob(f"{file.parent.name}_*/{file.stem}.*.nbi")
+        return Path(os.environ[VARIABLE]).glob(f"{file.parent.name}_*/{file.stem}.*.nbi")
+    return (file.parent / "__pycache__").glob(f"{file.stem}.*.nbi")
 
 
 def _is_writable(folder) -> bool:

@@ -1,6 +1,7 @@
 """The drawn video makes every step of `run` happen, so that all of them are compiled."""
 
 import multiprocessing
+import signal
 
 import pytest
 
@@ -28,7 +29,13 @@ def test_whisker_pole_and_rod_are_found_in_the_drawn_video(monkeypatch):
 
 
 def test_the_process_ends_by_itself():
-    process = warm_up.start()
-    process.join(timeout=300)
+    with warm_up.meanwhile() as process:
+        pass
     assert process.exitcode == 0
     assert process not in multiprocessing.active_children()
+
+
+def test_the_process_ends_where_what_goes_on_meanwhile_fails():
+    with pytest.raises(ValueError, match="no videos"), warm_up.meanwhile() as process:
+        raise ValueError("no videos")
+    assert process.exitcode == -signal.SIGTERM

@@ -65,6 +65,15 @@ def test_whoever_imports_analyse_drops_stale_code(tmp_path):
     assert list(tmp_path.glob("compiled_from_*.json"))
 
 
+def test_code_beside_the_sources_stays_where_compiled_code_lies_elsewhere(root, monkeypatch):
+    drop_stale(root, ["some"])
+    assert run(root) == 111
+    beside = sorted((root / "some" / "__pycache__").glob("*.nbi"))
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(root / "elsewhere"))
+    assert not drop_stale(root, ["some"])
+    assert sorted((root / "some" / "__pycache__").glob("*.nbi")) == beside != []
+
+
 def test_only_callers_of_what_changed_are_dropped(root):
     drop_stale(root, ["some"])
     cache = root / "some" / "__pycache__"
