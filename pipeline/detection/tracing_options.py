@@ -17,6 +17,7 @@ class TracingOptions:
     `longest_px` is the largest visible length of an expected whisker (inf where unknown),
     `visible_px` the largest ones of all (empty where unknown),
     `hidden_px` and `cone_px` their hidden and cone lengths (empty where unknown);
+    `ends`: the thickness beyond lines' ends is measured, which only forces need;
     `snout` is the picture's side that the snout is nearest to, None where not known;
     `params` are the `Parameters` of all rooms.
     """
@@ -31,6 +32,7 @@ class TracingOptions:
     cone_px: tuple[float, ...] = ()
     pixels_per_m: float = 25e3
     frames_per_second: float = 1000.0
+    ends: bool = True
     snout: str | None = None
     params: Parameters = DEFAULTS
 

@@ -122,7 +122,7 @@ def _followed(frames, scenes, tracker, chunk_frames) -> Iterator[Centrelines]:
     for index, seen in enumerate(_tracked(frames, scenes, tracker)):
         picture = tracker.model.picture(seen.image, seen.gain)
         for number, line in seen.lines.items():
-            end = end_thickness(picture, line.values, line.n)
+            end = end_thickness(picture, line.values, line.n) if tracker.options.ends else UNSEEN
             collector.add(index, number, line, seen.trust, end)
         if (index + 1) % chunk_frames == 0:
             yield collector.take(spacing)

@@ -1,5 +1,7 @@
 """Tracing of rendered frames against their exact centrelines."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
@@ -108,6 +110,14 @@ def test_chunks_hold_the_same_as_one_piece(noisy):
     assert [len(c) for c in chunks] == [20, 20, 10]
     together = np.concatenate([c.x_px for c in chunks])
     np.testing.assert_array_equal(together, noisy.lines.x_px[: len(together)])
+
+
+def test_ends_are_measured_beside_the_same_lines_or_not(noisy):
+    options = replace(noisy.options, ends=False)
+    lines = next(trace_templates(noisy.images[:5], noisy.scene, noisy.templates, options))
+    np.testing.assert_array_equal(lines.x_px, noisy.lines.x_px[: len(lines.x_px)])
+    assert np.isnan(lines.end_px).all()
+    assert np.isfinite(noisy.lines.end_px[:5]).all()
 
 
 def test_follicles_are_those_of_the_finished_lines(noisy):

@@ -39,6 +39,14 @@ def test_without_lengths_the_picture_gives_the_scale():
     assert shown == pytest.approx(3.5 * (480 * 640) ** 0.5 / 20)
 
 
+def test_ends_of_lines_are_measured_where_forces_of_a_whisker_follow():
+    known = {"name": "C3", "length_mm": 12, "cone_length_mm": 13, "base_radius_um": 25}
+    assert options_of((known,)).ends
+    assert options_of((WHISKER, known)).ends
+    assert not options_of((WHISKER,)).ends
+    assert not options_of().ends
+
+
 def test_lengths_between_lines_are_at_least_as_many_pixels_as_at_25_per_mm():
     assert pixels_in(0.72, 50e3) == pytest.approx(36)
     assert pixels_in(0.72, 8e3) == pytest.approx(18)
