@@ -18,6 +18,33 @@ settings.register_profile(
 settings.load_profile("busy")
 
 FRAMES = 260
+# Tests of rooms whose functions take long to compile. With several processes they come first, each
+# file in one: where all begin with whole videos, all compile everything in a fresh checkout.
+COMPILED_FIRST = (
+    "forces/test_rod_fit", "detection/test_detect", "identity/test_naming",
+    "kinematics/test_curvature", "tracking/test_tracker",
+    "kinematics", "detection", "forces", "identity", "tracking",
+)  # fmt: skip
+
+
+def pytest_configure(config):
+    """Let pytest-xdist hand out files in the order in which they are collected."""
+    config.option.loadscopereorder = False
+
+
+def pytest_collection_modifyitems(config, items):
+    """Order files: what is to be compiled first, then those of whole videos, then all others."""
+    if not hasattr(config, "workerinput"):
+        return  # one process alone
+    whole = {each.path for each in items if each.get_closest_marker("e2e")}
+    items.sort(key=lambda item: (_place(item.path), item.path not in whole))
+
+
+def _place(path) -> int:
+    """Place of a test file in COMPILED_FIRST, behind them for all others."""
+    place = path.as_posix()
+    found = (k for k, part in enumerate(COMPILED_FIRST) if f"tests/pipeline/{part}" in place)
+    return next(found, len(COMPILED_FIRST))
 
 
 @pytest.fixture(autouse=True, scope="session")
