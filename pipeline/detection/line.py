@@ -113,6 +113,10 @@ class Line:
         """Return an independent copy."""
         return Line(self.values.copy(), self.n, self.quality, self.longest)
 
+    def shortened(self) -> "Line":
+        """Return a copy of the nodes in use alone, without room for more."""
+        return Line(self.values[:, : self.n].copy(), self.n, self.quality, self.longest)
+
     @property
     def points(self) -> np.ndarray:
         """Nodes in use, (n, 2)."""

@@ -40,10 +40,12 @@ class RecentFrames:
         """Note the frame that the tracker has just gone through; hand on those of long ago."""
         tracker, looks_back = self.tracker, self.tracker.looks_back
         lines = {t.number: t.line for t in tracker.tracks if t.line is not None}
-        image = image.copy() if looks_back else image
-        self.frames.append(TrackedFrame(image, tracker.gain, trust, lines))
         if looks_back:
-            self._follow_back()
+            image, short = image.copy(), {k: line.shortened() for k, line in lines.items()}
+            self.frames.append(TrackedFrame(image, tracker.gain, trust, short))
+            self._follow_back(lines)
+        else:
+            self.frames.append(TrackedFrame(image, tracker.gain, trust, lines))
         yield from self.hand_on(looks_back)
 
     def hand_on(self, but: int = 0) -> Iterator[TrackedFrame]:
@@ -51,17 +53,18 @@ class RecentFrames:
         while len(self.frames) > but:
             yield self.frames.popleft()
 
-    def _follow_back(self) -> None:
-        """Follow the tracks that begin in the last frame back, until they are lost or meet one."""
-        going = set(self.frames[-1].lines)
+    def _follow_back(self, lines) -> None:
+        """Follow the tracks that begin in the last frame back, until they are lost or meet one.
+
+        lines : of the last frame, by their tracks' numbers, with room to be lengthened
+        """
         for later, seen in pairwise(reversed(self.frames)):
-            going -= set(seen.lines)
+            going = sorted(set(lines) - set(seen.lines))
             if not going:
                 return
             turns = self._turns_back(later.lines, seen.lines)
-            for number in sorted(going):
-                if not self._goes_back(number, turns[number], later, seen):
-                    going.remove(number)
+            found = {k: self._line_before(lines[k], k, turns[k], later, seen) for k in going}
+            lines = {number: line for number, line in found.items() if line is not None}
 
     def _turns_back(self, later, earlier) -> dict[int, float]:
         """By how much lines turn from a frame to the one before [rad], all as the row does."""
@@ -72,20 +75,20 @@ class RecentFrames:
         even = self.tracker.even_turns(list(later.values()), np.array(turned))
         return dict(zip(later, even, strict=True))
 
-    def _goes_back(self, number, turn, later, seen) -> bool:
-        """Whether a track goes back to the frame before, as a line that is no other track's."""
+    def _line_before(self, line, number, turn, later, seen) -> Line | None:
+        """A track's line in the frame before, where it goes back as one that is no other's."""
         lines = seen.lines
-        beside = [line for other, line in lines.items() if other in later.lines]
-        line = self.tracker.found_before(later.lines[number], turn, seen.image, seen.gain, beside)
+        beside = [each for other, each in lines.items() if other in later.lines]
+        line = self.tracker.found_before(line, turn, seen.image, seen.gain, beside)
         if line is None:
-            return False
+            return None
         met = [other for other in lines if _share(line, lines[other]) > APART]
         if not met:
-            lines[number] = line
-            return True
+            lines[number] = line.shortened()
+            return line
         if len(met) == 1 and met[0] not in later.lines and _is_same(line, lines[met[0]]):
             self._go_on_as(number, met[0])
-        return False
+        return None
 
     def _go_on_as(self, number, before) -> None:
         """Let a track go on under the number of the one that ended where it begins."""

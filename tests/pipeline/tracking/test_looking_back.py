@@ -86,3 +86,15 @@ def test_lines_that_are_followed_back_lie_on_no_other_line(row):
     found = [whisker_at(row.trial, FRAMES[0], line) for line in recent.frames[0].lines.values()]
     assert len(found) >= len(row.templates) - 2
     assert len(set(found)) == len(found)
+
+
+def test_frames_are_kept_without_the_room_that_lines_have_to_grow(row):
+    tracker = UnlabelledTracker(row.scene, row.templates, row.options)
+    recent = RecentFrames(tracker)
+    for image in row.images[:2]:
+        tracker.step(image)
+        list(recent.add(image, 1.0))
+    for track in tracker.tracks:
+        kept = recent.frames[-1].lines[track.number]
+        assert kept.values.shape[1] == kept.n < track.line.values.shape[1]
+        assert (kept.points == track.line.points).all()
