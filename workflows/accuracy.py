@@ -146,8 +146,7 @@ def preamble(args) -> str:
         f"{args.videos} videos of {args.frames} frames per preset, drawn from seed {args.seed} "
         f"(`python workflows/accuracy.py {again}` makes the same). Hidden lengths and lengths in "
         "session.toml are wrong by their stated uncertainty; *wrong dimensions*: radius, cone "
-        "length, modulus and scale are, too; *exact settings*: nothing is. Intervals resample "
-        "videos."
+        "length, modulus and scale are, too; *exact settings*: nothing is."
     )
 
 

@@ -43,7 +43,6 @@ def figures_of(videos: list[measuring.Measured], pixels_per_mm: float) -> dict:
     out |= contact_figures([v.shape for v in videos])
     for method in ("shape", "point"):
         out |= prefixed(method, force_figures([getattr(v, method) for v in videos]))
-    out |= prefixed("least", mean_bounds(videos))
     out["frames_per_s"] = frames / sum(sum(v.seconds.values()) for v in videos)
     return out
 
@@ -80,12 +79,6 @@ def bound_ratios(joined) -> dict:
         share = share[np.isfinite(share)]
         out[key] = float(np.std(share)) if len(share) else np.nan
     return out
-
-
-def mean_bounds(videos) -> dict:
-    """Bounds on the curvature's SD [1/m], by model, for the first whisker of the videos."""
-    firsts = [next(iter(v.least_sd.values())) for v in videos if v.least_sd]
-    return {model: np.mean([f[model] for f in firsts]) for model in (firsts[0] if firsts else ())}
 
 
 def contact_figures(forces: list[measuring.Forces]) -> dict:

@@ -76,43 +76,35 @@ def table_of(columns, results: dict[str, dict], prefix="") -> str:
     return pages.table(["preset", *columns], rows)
 
 
-def bounds_table(results: dict[str, dict]) -> str:
-    """Bounds by model beside what was reached."""
-    keys = dict.fromkeys(key for figures in results.values() for key in figures)
-    models = [key.removeprefix("least_") for key in keys if key.startswith("least_")]
-    columns = {"reached, robust": ("curvature_robust_sd", "{:.3f}")}
-    columns |= {model: (f"least_{model}", "{:.3f}") for model in models}
-    return table_of(columns, results)
-
-
 def spread_table(samples: dict[str, list[dict]], rng) -> str:
     """Figures over videos; `samples` by preset: of each video what `samples_of` gives."""
-    rows = []
+    rows, shown = [], set()
     for preset, videos in samples.items():
+        row = {"preset": preset, "videos": str(len(videos))}
         for what, (name, statistic, form) in SPREADS.items():
             found = spread([each[name] for each in videos if name in each], statistic, rng)
-            if found.videos:
-                rows.append([preset, what, *_spread_cells(found, form)])
-    header = ["preset", "figure", "all videos", "95 % interval", "single videos", "videos"]
-    return pages.table(header, rows)
+            row[what] = _spread_cell(found, form)
+            shown |= {what} if found.videos else set()
+        rows.append(row)
+    header = ["preset", "videos", *(what for what in SPREADS if what in shown)]
+    return pages.table(header, [[row[name] for name in header] for row in rows])
 
 
-def _spread_cells(found: Spread, form):
-    low, high, least, most = (
-        pages.cell(form, v) for v in (found.low, found.high, found.least, found.most)
-    )
-    value = pages.cell(form, found.value)
-    return [value, f"{low} to {high}", f"{least} to {most}", str(found.videos)]
+def _spread_cell(found: Spread, form) -> str:
+    if not found.videos:
+        return "–"
+    value, least, most = (pages.cell(form, v) for v in (found.value, found.least, found.most))
+    return f"{value} ({least} to {most})"
 
 
 def tables_text(results: dict[str, dict], samples, rng) -> str:
     """Every table of figures."""
     parts = ["### Tracking", table_of(TRACKING_TABLE, results)]
-    parts += ["### Least SD of the curvature [1/m], first whisker", bounds_table(results)]
-    parts += ["### Contacts", table_of(TOUCH_TABLE, results)]
-    for method in ("shape", "point"):
-        parts += [f"### Forces by `{method}`", table_of(FORCE_TABLE, results, f"{method}_")]
-    parts += ["### Over videos", spread_table(samples, rng)]
+    if any(figures["frames"] and figures["contacts"] for figures in results.values()):
+        parts += ["### Contacts", table_of(TOUCH_TABLE, results)]
+        for method in ("shape", "point"):
+            parts += [f"### Forces by `{method}`", table_of(FORCE_TABLE, results, f"{method}_")]
+    parts += ["### Over videos, in brackets the range of single ones", spread_table(samples, rng)]
     return "\n\n".join(parts)
 
 

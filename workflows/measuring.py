@@ -111,14 +111,11 @@ class RenderedVideo:
         return line_scoring.visible_truth(lines, self.visibility(), scale, self.noise_sd)
 
 
-def least_curvature_sd(video: RenderedVideo, at: float) -> dict[str, dict[str, float]]:
-    """Bounds on the curvature's SD [1/m] for every whisker of a rendered video, by model."""
-    found = {name: _bounds(video, name, at) for name in video.hairs}
-    return {name: bound for name, bound in found.items() if bound}
-
-
 def _bounds(video: RenderedVideo, name, at, last=None) -> dict[str, float]:
-    """Bounds for one whisker, which touches a pole at `last` [m]; empty where it is too short."""
+    """Bounds on the SD of one whisker's curvature [1/m], by model.
+
+    It touches a pole at `last` [m]; empty where it is too short.
+    """
     hair, camera, visibility = video.hairs[name], video.camera, video.visibility()
     own = visibility[visibility["whisker"] == name]
     first = 1e-3 * float(own["first_visible_mm"].median())
@@ -172,7 +169,6 @@ class Measured:
     ----------
     preset, video, pixels_per_mm : which one, and its scale
     n_frames, messages, seconds : as in pipeline.run.Analysis
-    least_sd : bounds on the curvature's SD [1/m] by whisker and model
     scores : of the centrelines
     lines : a row per traced line, scores.rows with `confidence` and `angle_error_deg`
     beside_pole : bool, aligned with scores.distance_px
@@ -185,7 +181,6 @@ class Measured:
     n_frames: int
     messages: tuple[str, ...]
     seconds: dict
-    least_sd: dict[str, dict[str, float]]
     scores: line_scoring.LineScores
     lines: pd.DataFrame
     beside_pole: np.ndarray
@@ -217,7 +212,6 @@ def measure(preset: str, path, session, settings=None) -> Measured:
     traced = join_chunks(chunks)
     scores = line_scoring.score_lines(traced, truth)
     true_frames, true_contacts = video.frames(), video.contacts()
-    least = least_curvature_sd(video, at)
     stem = Path(path).stem
     found = {}
     for method in ("shape", "point"):
@@ -236,7 +230,6 @@ def measure(preset: str, path, session, settings=None) -> Measured:
         n_frames=analysis.n_frames,
         messages=analysis.messages,
         seconds=dict(analysis.seconds),
-        least_sd=least,
         scores=scores,
         lines=line_table(scores, traced, analysis.frames, true_frames),
         beside_pole=beside_pole(scores, truth, video),
