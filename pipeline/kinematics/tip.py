@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import solve_triangular, toeplitz
+from scipy.ndimage import binary_dilation
 from scipy.special import ndtr
 
 from pipeline.detection.line_end import PLACES_PX
@@ -24,6 +25,8 @@ FEWEST_ROWS = 3  # in which a place along the whisker must be seen
 STRETCHES = 10  # of time, which have no errors in common
 MORE = 1.01  # of the variance, so that the covariance can be inverted
 OUTLIER_SD = 3.0  # another whisker's, or dust's: cut to so many
+BEFORE = 5  # places before one, than which it is not thicker
+BESIDE = 3  # places that another thing reaches to, since it is blurred and ends scatter
 APART_PX = PLACES_PX[1] - PLACES_PX[0]
 BLUR_PX = 1.5  # of the tip: optics, and frames whose arc lengths differ
 # share of the thickness that a codec shows: 1 − exp(−(distance from the apex/FAINT_PX)^POWERS)
@@ -54,7 +57,9 @@ def tip_beyond(places: Stations, whisker: Whisker) -> Tip | None:
         return None
     apex = (whisker.cone_length - whisker.length) / places.pixel
     mean = np.nanmean(thickness, axis=0)
-    tip, weight = _fits(at, mean, _covariance(thickness - mean), apex)
+    covariance = _covariance(thickness - mean)
+    own = _tapering(mean, np.sqrt(np.diag(covariance)))
+    tip, weight = _fits(at[own], mean[own], covariance[np.ix_(own, own)], apex)
     beyond = weight @ tip
     se = np.sqrt(weight @ (tip - beyond) ** 2 + EDGE_SE_PX**2)
     return Tip(beyond * places.pixel, se * places.pixel)
@@ -77,6 +82,19 @@ def _side_by_side(tail, shift):
     limit = OUTLIER_SD * 1.4826 * np.nanmedian(np.abs(table - usual), axis=0)
     at = APART_PX * (first + kept) + np.mean(own - APART_PX * place)
     return at, np.clip(table, usual - limit, usual + limit)
+
+
+def _tapering(thickness, se):
+    """At which places (in order from the base) the mean thickness is the whisker's own, bool.
+
+    It tapers: what is thicker than the places before lies upon it in most frames, and reaches to
+    the places beside.
+    """
+    own = np.ones(len(thickness), bool)
+    for k, each in enumerate(thickness):
+        before = thickness[:k][own[:k]][-BEFORE:]
+        own[k] = len(before) < BEFORE or each < np.median(before) + OUTLIER_SD * se[k]
+    return ~binary_dilation(~own, iterations=BESIDE)
 
 
 def _covariance(left):

@@ -53,6 +53,16 @@ def test_another_whisker_across_the_end_in_some_frames_moves_the_tip_little(plac
     assert found == pytest.approx(tip_px(ends)[0], abs=tolerance)
 
 
+@pytest.mark.parametrize("first", [15, 24, 34])
+def test_another_whisker_across_the_end_in_all_frames_is_left_out(places, first):
+    ends = with_tip(places, mouse_c2(), 8 * places.pixel)
+    crossed = ends.end_px.copy()
+    crossed[:, first : first + 3] += 1.0
+    found, se = tip_px(replace(ends, end_px=crossed))
+    assert abs(found - 8) < max(tolerance, 3 * se)
+    assert se < tolerance
+
+
 def test_ends_that_are_not_seen_show_no_tip(places):
     ends = with_tip(places, mouse_c2(), 8 * places.pixel)
     hidden = ends.end_px.copy()
