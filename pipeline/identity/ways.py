@@ -6,12 +6,13 @@ such a way have few votes.
 """
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from pipeline.identity import label_swaps, motion_model, seeds
-from pipeline.identity.features import LENGTH
+from pipeline.identity.features import LENGTH, THICKNESS
 from pipeline.identity.ordered_assignment import looks_and_phases, named_in_order
 from pipeline.identity.tracklets import named_by_tracklets, often_seen
 
@@ -24,6 +25,7 @@ SHARES = 0.15, 0.3  # of the frames, in which whiskers that tracklets lead to ar
 LENGTH_SD = 0.08  # of the logarithm of a whisker's length
 NO_NAME = 4.5  # cost of a line without a name, as of a length 3 SD off
 NO_LINE = 2.0  # cost of a whisker without a line in a frame
+MAY_MISLEAD = THICKNESS, LENGTH  # names are found once more without each of these
 SURE = 4  # a way counts by this power of the best one's cost over its own
 LEAST_COST = 0.02  # per line, up to which ways are as good
 ALIKE = 1.5  # power of the share of the votes: ways that share lines share errors, too
@@ -73,16 +75,21 @@ def _ways(lines):
 
     The second time is reversed: what misleads in one direction seldom does in the other. And
     names need not keep to tracks: where a track has gone over to another whisker, all ways that
-    follow it are wrong together.
+    follow it are wrong together. Thickness and length are not seen well where a whisker is blurred
+    or runs into another one: two more ways do without them.
     """
     back, rows = lines.backwards()
-    for model, names in _first_names(lines):
+    first = list(_first_names(lines))
+    for model, names in first:
         names, model = _likeliest(lines, model, names)
         yield names, model
         again, model = _likeliest(back, model, names[rows], by_motion=True)
         names = np.empty_like(again)
         names[rows] = again
         yield names, model
+    for feature in MAY_MISLEAD:
+        names = _without(lines, feature, first[0][1])
+        yield names, seeds.appearance_of(lines, names, LEAST_SD)
 
 
 def _first_names(lines):
@@ -115,6 +122,14 @@ def _likeliest(lines, model, named, by_motion=False):
             evidence = evidence._replace(price=np.zeros_like(evidence.price))
         named = label_swaps.improved(evidence, named, lines.track)
     return named, model
+
+
+def _without(lines, feature, named):
+    """Names (rows,) from first ones on, by all but one of the features."""
+    features = lines.features.copy()
+    features[:, feature] = np.nan
+    fewer = replace(lines, features=features)
+    return _likeliest(fewer, seeds.appearance_of(fewer, named, LEAST_SD), named)[0]
 
 
 def _length_cost(lines, names) -> float:
