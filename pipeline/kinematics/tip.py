@@ -24,6 +24,7 @@ MOST_ROWS = 1000  # whose ends are averaged
 FEWEST_ROWS = 3  # in which a place along the whisker must be seen
 STRETCHES = 10  # of time, which have no errors in common
 MORE = 1.01  # of the variance, so that the covariance can be inverted
+LEAST_SHARED = 1.0  # of the sum of squares, one for each place: frames may be all the same
 OUTLIER_SD = 3.0  # another whisker's, or dust's: cut to so many
 BEFORE = 5  # places before one, than which it is not thicker
 BESIDE = 3  # places that another thing reaches to, since it is blurred and ends scatter
@@ -59,6 +60,8 @@ def tip_beyond(places: Stations, whisker: Whisker) -> Tip | None:
     mean = np.nanmean(thickness, axis=0)
     covariance = _covariance(thickness - mean)
     own = _tapering(mean, np.sqrt(np.diag(covariance)))
+    if at[own].max(initial=0) <= 0:  # something lies over all that is beyond
+        return None
     tip, weight = _fits(at[own], mean[own], covariance[np.ix_(own, own)], apex)
     beyond = weight @ tip
     se = np.sqrt(weight @ (tip - beyond) ** 2 + EDGE_SE_PX**2)
@@ -110,7 +113,7 @@ def _covariance(left):
     sums = [each.sum(axis=0) for each in np.array_split(part, STRETCHES)]
     shared = sum(np.correlate(each, each, "full")[len(seen) - 1 :] for each in sums)
     shared *= STRETCHES / (STRETCHES - 1)
-    shared[0] = MORE * max(shared[0], np.sum(part**2))
+    shared[0] = MORE * max(shared[0], np.sum(part**2), LEAST_SHARED)
     return toeplitz(shared) / len(seen) * np.outer(sd, sd) / np.sqrt(np.outer(seen, seen))
 
 

@@ -68,5 +68,16 @@ def test_ends_that_are_not_seen_show_no_tip(places):
     hidden = ends.end_px.copy()
     hidden[:, 20:] = np.nan  # the picture ends there
     assert tip_beyond(replace(ends, end_px=hidden), mouse_c2()) is None
+    covered = ends.end_px.copy()
+    covered[:, 10:] += 1.0  # by the animal's body
+    assert tip_beyond(replace(ends, end_px=covered), mouse_c2()) is None
     unknown = np.full_like(ends.end_px, np.nan)
     assert tip_beyond(replace(ends, end_px=unknown), mouse_c2()) is None
+
+
+def test_frames_that_are_all_the_same_show_the_tip():
+    _, still = rod_scenes.touching(np.full(20, 0.05))
+    still = replace(still, last=np.full_like(still.last, still.last.mean()))
+    found, se = tip_px(with_tip(still, mouse_c2(), 8 * still.pixel, noise_px=0.0))
+    assert abs(found - 8) < tolerance
+    assert np.isfinite(se)
