@@ -5,6 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import rod_scenes
+from hypothesis import given
+from hypothesis import strategies as st
 from line_ends import with_tip
 
 from pipeline.kinematics.tip import tip_beyond
@@ -81,3 +83,18 @@ def test_frames_that_are_all_the_same_show_the_tip():
     found, se = tip_px(with_tip(still, mouse_c2(), 8 * still.pixel, noise_px=0.0))
     assert abs(found - 8) < tolerance
     assert np.isfinite(se)
+
+
+@given(seed=st.integers(0, 2**32 - 1))
+def test_whatever_lies_beyond_the_ends_a_tip_that_is_found_has_a_place(seed):
+    rng = np.random.default_rng(seed)
+    _, some = rod_scenes.touching(np.full(rng.integers(1, 12), 0.05))
+    scatter = rng.choice([0, 1, 30]) * some.pixel * rng.standard_normal(len(some))
+    some = replace(some, last=some.last + scatter)
+    beyond = rng.uniform(-20, 40) * some.pixel
+    ends = with_tip(some, mouse_c2(), beyond, noise_px=rng.choice([0, 0.01, 3]), seed=seed)
+    odd = ends.end_px.copy()
+    odd[:, rng.integers(odd.shape[1]) :] += rng.choice([-1, 0, 1])
+    odd[rng.random(odd.shape) < rng.choice([0, 0.5, 0.95])] = np.nan
+    tip = tip_beyond(replace(ends, end_px=odd), mouse_c2())
+    assert tip is None or np.all(np.isfinite(tip))
