@@ -12,12 +12,12 @@ from pipeline.errors import counted
 from pipeline.messages import guessed_order, no_whiskers, settings_doubt, value_doubts
 from pipeline.reports.drawing import INK, PAPER, View, name_boxes
 from pipeline.reports.lettering import line_height, put_text
+from pipeline.reports.overlay import write_png
 from pipeline.reports.whisker_styles import DARKEST, pieces, whisker_styles
 from pipeline.run import find_whiskers, look_at, trace
 from pipeline.scene.picture_part import part_of
 from pipeline.session.schema import Settings
 from pipeline.tables.known_names import KNOWN, in_short, nameless
-from pipeline.tables.new_files import replace_own
 from pipeline.tracking.whiskers import tracing_options
 from pipeline.video.changed import Negative
 from pipeline.video.open import open_video
@@ -152,8 +152,8 @@ def _lines_by_frame(chunk):
 
 
 def write_preview(path, preview: Preview) -> None:
-    """Write the picture as PNG, whole or not at all; one that a person has changed is kept."""
-    replace_own(path, lambda new: new.write_bytes(cv2.imencode(".png", draw(preview))[1]))
+    """Draw the preview and write it as PNG, as of `overlay.write_png`."""
+    write_png(path, draw(preview))
 
 
 def draw(preview: Preview) -> np.ndarray:

@@ -45,7 +45,7 @@ def write_overlay(video_path, folder, settings: Settings | None = None, progress
         pictures = iter(pictures)
         first = list(itertools.islice(pictures, 2))
         if len(first) == 1:
-            return _write_png(folder / "overlay.png", first[0])
+            return write_png(folder / "overlay.png", first[0])
         return _write_video(folder, itertools.chain(first, pictures))
 
 
@@ -101,7 +101,8 @@ def _by_frame(chunks):
         yield frame, {name: points for _, name, points in group}
 
 
-def _write_png(path, picture) -> Path:
+def write_png(path, picture) -> Path:
+    """Write a picture (BGR) whole or not at all; one that a person has changed is kept."""
     replace_own(path, lambda new: new.write_bytes(cv2.imencode(".png", picture)[1]))
     return path
 

@@ -38,8 +38,9 @@ def cuts_between(templates, along, params=DEFAULTS.identity) -> tuple[float, ...
     ahead = directions(templates)
     places = np.array([template.base_xy @ along for template in templates])
     order = np.argsort(places)
+    places = places[order]
     inner = range(FEWEST, len(places) - FEWEST + 1)
-    gaps = {k: _gap(places[order], k) for k in inner}
+    gaps = {k: _gap(places, k) for k in inner}
     if not gaps or max(gaps.values()) < params.side_gap:
         return ()
     k = max(gaps, key=gaps.get)
@@ -47,7 +48,7 @@ def cuts_between(templates, along, params=DEFAULTS.identity) -> tuple[float, ...
     cosine = one @ other / max(np.hypot(*one) * np.hypot(*other), 1e-9)
     if cosine > np.cos(np.radians(params.sides_apart_deg)):
         return ()
-    return (float(places[order[k - 1 : k + 1]].mean()),)
+    return (float(places[k - 1 : k + 1].mean()),)
 
 
 def _gap(places, k) -> float:

@@ -158,18 +158,18 @@ def tracing_options(settings, shape) -> TracingOptions:
     Otherwise they suit the picture, `shape` (height, width).
     """
     recording, whiskers = settings.recording.si(), settings.whisker
-    ends = any(w.si() is not None for w in whiskers)
     if not whiskers or any(w.length_mm is None for w in whiskers):
-        return replace(options_for_picture(recording, shape, settings.advanced), ends=ends)
-    cones = [w.cone_length for w in whiskers]
-    options = options_for(
-        recording,
-        [1e-3 * w.length_mm for w in whiskers],
-        [w.hidden_length for w in whiskers],
-        () if None in cones else cones,
-        settings.advanced,
-    )
-    return replace(options, ends=ends)
+        options = options_for_picture(recording, shape, settings.advanced)
+    else:
+        cones = [w.cone_length for w in whiskers]
+        options = options_for(
+            recording,
+            [1e-3 * w.length_mm for w in whiskers],
+            [w.hidden_length for w in whiskers],
+            () if None in cones else cones,
+            settings.advanced,
+        )
+    return replace(options, ends=any(w.si() is not None for w in whiskers))
 
 
 def options_for_picture(recording, shape, params=DEFAULTS) -> TracingOptions:
