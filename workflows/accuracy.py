@@ -166,8 +166,7 @@ def main(argv=None) -> int:
                 preset, results[preset], {v.video: figures_of([v], scale) for v in videos}
             )
             worst.append(worst_of(videos))
-    rng = np.random.default_rng(args.seed)
-    tables = tables_text(results, samples, rng) + accuracy_crowds.crowds_text(crowds, rng)
+    tables = tables_text(results, samples) + accuracy_crowds.crowds_text(crowds)
     text = "\n\n".join([preamble(args), tables, checks_text(rows)])
     pages.publish(text, args.write, args.section)
     if args.out:

@@ -22,7 +22,7 @@ import numpy as np
 import pages
 import pandas as pd
 from accuracy_figures import covered
-from over_videos import spread
+from over_videos import with_range
 from scipy.optimize import linear_sum_assignment
 
 from pipeline.run import analyse
@@ -128,10 +128,10 @@ def both_samples(video: measuring.Measured, path, session, settings) -> dict[str
     return {GIVEN: samples_of(Crowd.of(video)), ALONE: samples_of(alone)}
 
 
-def crowds_text(crowds: dict[str, list[dict]], rng) -> str:
+def crowds_text(crowds: dict[str, list[dict]]) -> str:
     """The table of all crowds, by preset what `both_samples` gives; "" where there is none."""
     rows = [
-        [preset, given, str(len(videos)), *_cells([each[given] for each in videos], rng)]
+        [preset, given, str(len(videos)), *_cells([each[given] for each in videos])]
         for preset, videos in crowds.items()
         if all(videos)
         for given in (GIVEN, ALONE)
@@ -142,11 +142,10 @@ def crowds_text(crowds: dict[str, list[dict]], rng) -> str:
     return f"\n\n### Crowds, in brackets the range over videos\n\n{table}"
 
 
-def _cells(videos, rng) -> list[str]:
+def _cells(videos) -> list[str]:
     """Each figure of some videos' samples, with the range from video to video."""
     cells = []
     for sample, statistic, form in FIGURES.values():
-        found = spread([each[sample] for each in videos], statistic, rng)
-        value, least, most = (pages.cell(form, v) for v in (found.value, found.least, found.most))
-        cells.append(f"{value} ({least} to {most})")
+        found = with_range([each[sample] for each in videos], statistic)
+        cells.append(pages.cell_and_ends(form, *found))
     return cells

@@ -5,7 +5,7 @@ import numpy as np
 import pages
 import pandas as pd
 from accuracy_figures import SPREADS, matched
-from over_videos import Spread, spread
+from over_videos import with_range
 
 WORST = 12  # rows of worst.csv per preset and kind of failure
 
@@ -76,35 +76,28 @@ def table_of(columns, results: dict[str, dict], prefix="") -> str:
     return pages.table(["preset", *columns], rows)
 
 
-def spread_table(samples: dict[str, list[dict]], rng) -> str:
+def spread_table(samples: dict[str, list[dict]]) -> str:
     """Figures over videos; `samples` by preset: of each video what `samples_of` gives."""
     rows, shown = [], set()
     for preset, videos in samples.items():
         row = {"preset": preset, "videos": str(len(videos))}
         for what, (name, statistic, form) in SPREADS.items():
-            found = spread([each[name] for each in videos if name in each], statistic, rng)
-            row[what] = _spread_cell(found, form)
-            shown |= {what} if found.videos else set()
+            found = with_range([each[name] for each in videos if name in each], statistic)
+            row[what] = pages.cell_and_ends(form, *found)
+            shown |= {what} if np.isfinite(found[0]) else set()
         rows.append(row)
     header = ["preset", "videos", *(what for what in SPREADS if what in shown)]
     return pages.table(header, [[row[name] for name in header] for row in rows])
 
 
-def _spread_cell(found: Spread, form) -> str:
-    if not found.videos:
-        return "–"
-    value, least, most = (pages.cell(form, v) for v in (found.value, found.least, found.most))
-    return f"{value} ({least} to {most})"
-
-
-def tables_text(results: dict[str, dict], samples, rng) -> str:
+def tables_text(results: dict[str, dict], samples) -> str:
     """Every table of figures."""
     parts = ["### Tracking", table_of(TRACKING_TABLE, results)]
     if any(figures["frames"] and figures["contacts"] for figures in results.values()):
         parts += ["### Contacts", table_of(TOUCH_TABLE, results)]
         for method in ("shape", "point"):
             parts += [f"### Forces by `{method}`", table_of(FORCE_TABLE, results, f"{method}_")]
-    parts += ["### Over videos, in brackets the range of single ones", spread_table(samples, rng)]
+    parts += ["### Over videos, in brackets the range of single ones", spread_table(samples)]
     return "\n\n".join(parts)
 
 

@@ -18,7 +18,7 @@ import measuring
 import numpy as np
 import pages
 from accuracy_figures import SPREADS, figures_of
-from over_videos import Spread, spread
+from over_videos import with_interval
 
 from synthetic.presets import PRESETS, noisy_with
 from synthetic.scene import Codec
@@ -39,7 +39,7 @@ SHOWN = (  # of accuracy_figures.SPREADS
 
 
 def measure_codec(name, folder: Path, args) -> dict:
-    """One codec's figures: kB per frame, lines, curvature, and `Spread`s of the forces."""
+    """One codec's figures: kB per frame, lines, curvature, and the forces' with intervals."""
     PRESETS[name] = noisy_with(CODECS[name])
     seeds = np.random.SeedSequence(args.seed).generate_state(args.videos) >> 1
     tasks = [
@@ -57,8 +57,9 @@ def measure_codec(name, folder: Path, args) -> dict:
         "contacts": figures["contacts"],
         "missed": figures["missed"] + figures["invented"],
         **{
-            what: spread([each[SPREADS[what][0]] for each in samples], SPREADS[what][1], rng)
-            for what in SHOWN
+            what: with_interval([each[sample] for each in samples], statistic, rng)
+            for what, (sample, statistic, _) in SPREADS.items()
+            if what in SHOWN
             for rng in [np.random.default_rng(args.seed)]
         },
     }
@@ -70,7 +71,7 @@ def table_of(results: dict[str, dict]) -> str:
         [
             name, f"{row['kB']:.1f}", f"{row['rms_px']:.3f}", f"{row['curvature_sd']:.2f}",
             f"{row['contacts']:.0f}", f"{row['missed']:.0f}",
-            *(_cell(row[what], SPREADS[what][2]) for what in SHOWN),
+            *(pages.cell_and_ends(SPREADS[what][2], *row[what]) for what in SHOWN),
         ]
         for name, row in results.items()
     ]  # fmt: skip
@@ -79,11 +80,6 @@ def table_of(results: dict[str, dict]) -> str:
         "missed or invented", *SHOWN,
     ]  # fmt: skip
     return pages.table(header, rows)
-
-
-def _cell(found: Spread, form) -> str:
-    low, high = (pages.cell(form, v) for v in (found.low, found.high))
-    return f"{pages.cell(form, found.value)} ({low} to {high})"
 
 
 def draw(results: dict[str, dict], path: Path) -> None:
@@ -96,9 +92,8 @@ def draw(results: dict[str, dict], path: Path) -> None:
     for kind, colour in (("lossless", "black"), ("H.264", "tab:blue"), ("MJPG", "tab:orange")):
         rows = {name: row for name, row in results.items() if name.startswith(kind)}
         size = [row["kB"] for row in rows.values()]
-        found = [row[what] for row in rows.values()]
-        value = np.array([each.value for each in found])
-        ends = np.abs(value - np.array([(each.low, each.high) for each in found]).T)
+        value, *ends = np.reshape([row[what] for row in rows.values()], (-1, 3)).T
+        ends = np.abs(value - np.array(ends))
         axes.errorbar(size, 100 * value, 100 * ends, color=colour, marker="o", label=kind)
         for name, x, y in zip(rows, size, 100 * value, strict=True):
             label = name.rpartition(", ")[2]

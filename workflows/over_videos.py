@@ -1,11 +1,8 @@
-"""Figures over videos: the pooled value, its interval, and the range from video to video.
+"""Figures over videos: the value of all together, with the range of single ones or an interval.
 
 Errors are shared by a video: its hidden length, its rest shape, its fur. So intervals resample
 videos, not contacts (a bootstrap in clusters).
 """
-
-from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -13,32 +10,29 @@ DRAWS = 1000
 INTERVAL = 0.025, 0.975
 
 
-@dataclass(frozen=True)
-class Spread:
-    """A figure of several videos: pooled, its 95 % interval, least and largest of one video."""
+def with_range(samples: list[np.ndarray], statistic) -> tuple[float, float, float]:
+    """`statistic` of all videos' samples together, and its least and largest of one video.
 
-    value: float
-    low: float
-    high: float
-    least: float
-    most: float
-    videos: int
-
-
-def spread(samples: list[np.ndarray], statistic: Callable, rng) -> Spread:
-    """`statistic` of the samples of all videos together; `samples` has an array per video.
-
-    NaN where nothing is known, and an interval of NaN for a single video.
+    `samples` has an array per video; NaN where nothing is known.
     """
-    samples = [each[np.isfinite(each)] for each in (np.asarray(s, float) for s in samples)]
-    samples = [each for each in samples if len(each)]
+    samples = _known(samples)
     if not samples:
-        return Spread(*[np.nan] * 5, 0)
+        return np.nan, np.nan, np.nan
     single = [float(statistic(each)) for each in samples]
-    n, interval = len(samples), (np.nan, np.nan)
-    if n > 1:
-        draws = rng.integers(0, n, (DRAWS, n))
-        drawn = [statistic(np.concatenate([samples[k] for k in row])) for row in draws]
-        interval = np.quantile(drawn, INTERVAL)
-    value = float(statistic(np.concatenate(samples)))
-    return Spread(value, *map(float, interval), min(single), max(single), n)
+    return float(statistic(np.concatenate(samples))), min(single), max(single)
+
+
+def with_interval(samples: list[np.ndarray], statistic, rng) -> tuple[float, float, float]:
+    """As `with_range`, with the ends of the value's 95 % interval, NaN for a single video."""
+    value, samples = with_range(samples, statistic)[0], _known(samples)
+    if len(samples) < 2:
+        return value, np.nan, np.nan
+    draws = rng.integers(0, len(samples), (DRAWS, len(samples)))
+    drawn = [statistic(np.concatenate([samples[k] for k in row])) for row in draws]
+    low, high = np.quantile(drawn, INTERVAL)
+    return value, float(low), float(high)
+
+
+def _known(samples):
+    samples = [each[np.isfinite(each)] for each in (np.asarray(s, float) for s in samples)]
+    return [each for each in samples if len(each)]

@@ -23,6 +23,12 @@ def cell(form, value) -> str:
     return form.format(value) if np.isfinite(value) else "–"
 
 
+def cell_and_ends(form, value, low, high) -> str:
+    """A number, and in brackets the ends of its range or interval; a dash if it is not known."""
+    ends = f" ({cell(form, low)} to {cell(form, high)})" if np.isfinite(value) else ""
+    return cell(form, value) + ends
+
+
 def publish(text: str, page, name: str) -> None:
     """Print a text; where a page is given, put it there, too, as of `write_between`."""
     print(text)

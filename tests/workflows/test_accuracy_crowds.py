@@ -62,12 +62,11 @@ def test_a_video_without_a_known_line_has_figures_too():
             "rat_both_sides": [
                 {GIVEN: samples_of(crowd(lines())), ALONE: samples_of(crowd(lines()))}
             ]
-        },
-        np.random.default_rng(0),
+        }
     )
     assert "| rat_both_sides | face and scale | 1 " in text
     assert "0.354" in text  # px, RMS of 0.3 and 0.4
-    assert crowds_text({"noisy": [{}]}, np.random.default_rng(0)) == ""
+    assert crowds_text({"noisy": [{}]}) == ""
 
 
 def test_angle_errors_are_of_the_whisker_that_a_line_lies_on():

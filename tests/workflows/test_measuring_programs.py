@@ -14,7 +14,7 @@ import pytest
 import wrong_settings
 from accuracy_targets import COVERAGE, TARGETS, Target, coverage_checks
 from benchmark_exactness import _fitted_curvature
-from over_videos import spread
+from over_videos import with_interval, with_range
 from pages import publish, write_between
 from peer_tracker import NoPeerError, find_peer, read_whiskers
 
@@ -122,12 +122,13 @@ def test_intervals_resample_videos_and_not_contacts():
     rng = np.random.default_rng(4)
     of_videos = rng.normal(0.0, 1.0, 10)
     samples = [np.full(40, own) for own in of_videos]
-    found = spread(samples, np.mean, rng)
-    assert found.value == pytest.approx(of_videos.mean())
-    assert (found.least, found.most) == pytest.approx((of_videos.min(), of_videos.max()))
+    expected = of_videos.mean(), of_videos.min(), of_videos.max()
+    assert with_range(samples, np.mean) == pytest.approx(expected)
+    value, low, high = with_interval(samples, np.mean, rng)
+    assert value == pytest.approx(of_videos.mean())
     half = 1.96 * of_videos.std() / np.sqrt(10)
-    assert (found.high - found.low) / 2 == pytest.approx(half, rel=0.15)
-    assert spread([np.array([np.nan])], np.mean, rng).videos == 0
+    assert (high - low) / 2 == pytest.approx(half, rel=0.15)
+    assert np.isnan(with_range([np.array([np.nan])], np.mean)).all()
 
 
 def test_settings_are_as_wrong_as_is_stated():
