@@ -40,11 +40,12 @@ def best_names(lines) -> tuple[np.ndarray, np.ndarray]:
     if lines.frame[0] == lines.frame[-1]:  # in a single frame every line is a whisker by itself
         return np.arange(len(lines.frame)), np.ones(len(lines.frame))
     ways = list(_ways(lines))
-    costs = np.array([_length_cost(lines, names) for names, _ in ways])
-    best, model = ways[int(np.argmin(costs))]
+    costs = np.array([_length_cost(lines, names) for names in ways])
+    best = ways[int(np.argmin(costs))]
     weight = ((costs.min() + LEAST_COST) / (costs + LEAST_COST)) ** SURE
-    named, share = _voted(lines.starts, [_renamed(names, best) for names, _ in ways], weight)
-    model, phase = looks_and_phases(lines, model, named)
+    named, share = _voted(lines.starts, [_renamed(names, best) for names in ways], weight)
+    look = seeds.appearance_of(lines, best, LEAST_SD)
+    model, phase = looks_and_phases(lines, look, named)
     evidence = motion_model.evidence_of(model, lines, phase)
     return named, label_swaps.certainty(evidence, named) * share**ALIKE
 
@@ -71,7 +72,7 @@ def _voted(starts, ways, weight):
 
 
 def _ways(lines):
-    """Names (rows,) and appearance from different first ones on, and again from each of these.
+    """Names (rows,) from different first ones on, and again from each of these.
 
     The second time is reversed: what misleads in one direction seldom does in the other. And
     names need not keep to tracks: where a track has gone over to another whisker, all ways that
@@ -82,14 +83,13 @@ def _ways(lines):
     first = list(_first_names(lines))
     for model, names in first:
         names, model = _likeliest(lines, model, names)
-        yield names, model
-        again, model = _likeliest(back, model, names[rows], by_motion=True)
+        yield names
+        again, _ = _likeliest(back, model, names[rows], by_motion=True)
         names = np.empty_like(again)
         names[rows] = again
-        yield names, model
+        yield names
     for feature in MAY_MISLEAD:
-        names = _without(lines, feature, first[0][1])
-        yield names, seeds.appearance_of(lines, names, LEAST_SD)
+        yield _without(lines, feature, first[0][1])
 
 
 def _first_names(lines):
