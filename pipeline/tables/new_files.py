@@ -98,12 +98,13 @@ def keep_changed(folder, new) -> list[str]:
         record = read_json(folder / RECORD)
         ours, others = _compared(folder, new, record)
         write_json(folder / RECORD, (record or {}) | ours)
-    return [
-        f"{path} was changed since whiskerforce wrote it: it is kept as {set_aside(path)}; "
-        "contacts that you change in `whiskerforce curate` stay changed"
-        for path in others
-        if path.is_file()
-    ]
+    kept = []
+    for path in filter(Path.is_file, others):
+        kept.append(
+            f"{path} was changed since whiskerforce wrote it: it is kept as {set_aside(path)}; "
+            "contacts that you change in `whiskerforce curate` stay changed"
+        )
+    return kept
 
 
 def check_own(folder, new) -> dict[str, list[str]]:
