@@ -89,12 +89,7 @@ def analyse(
             what = look_at(video, settings)
         with clock("whiskers"):
             say(Step("whiskers"))
-            seen = find_whiskers(*what, settings)
-            scale = working_scale(seen.video.shape, settings.recording.pixels_per_mm)
-            epochs = behind_whiskers(
-                seen.epochs, seen.whisker_set.templates, scale, settings.advanced.tracking
-            )
-            seen = replace(seen, epochs=epochs)
+            seen = without_whiskers(find_whiskers(*what, settings), settings)
         kinematics = follow(seen, settings, clock, keep, say)
     with clock("forces"):
         say(Step("forces"))
@@ -195,6 +190,14 @@ def look_at(video, settings):
     seen = survey(look, recording, params)
     epochs = find_scenes(look.video, recording, pole.diameter, pole.position_px, seen, params)
     return look.video, seen, epochs
+
+
+def without_whiskers(seen: Seen, settings) -> Seen:
+    """The same, with backgrounds as they are behind whiskers that hardly move."""
+    scale = working_scale(seen.video.shape, settings.recording.pixels_per_mm)
+    params = settings.advanced.tracking
+    epochs = behind_whiskers(seen.epochs, seen.whisker_set.templates, scale, params)
+    return replace(seen, epochs=epochs)
 
 
 def find_whiskers(video, survey, epochs, settings) -> Seen:

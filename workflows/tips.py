@@ -19,7 +19,7 @@ import pandas as pd
 
 from pipeline.forces.arc_length_offset import trace_ends
 from pipeline.kinematics.tip import Tip, tip_beyond
-from pipeline.run import find_whiskers, follow, look_at
+from pipeline.run import find_whiskers, follow, look_at, without_whiskers
 from pipeline.runtime import Clock
 from pipeline.tables.centrelines import read_centrelines
 from pipeline.video import open_video
@@ -33,7 +33,7 @@ def kinematics_of(path, settings):
     """The whiskers of a video as `run` has them before forces, and the traced lines."""
     chunks = []
     with open_video(path) as video:
-        seen = find_whiskers(*look_at(video, settings), settings)
+        seen = without_whiskers(find_whiskers(*look_at(video, settings), settings), settings)
         found = follow(seen, settings, Clock(), chunks.append)
     return found, measuring.join_chunks(chunks)
 

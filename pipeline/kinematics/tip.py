@@ -5,6 +5,10 @@ On average over the frames, the whisker is seen beyond: its thickness (`detectio
 falls as a cone's does, and then, at the tip, to nothing. A codec takes the more of a whisker the
 thinner it is, here in one frame and there in another: the mean is thinner than a cone towards the
 tip, but it ends there all the same.
+
+Where a codec shows little of the tip, a mean that ends early may end at the tip or where the codec
+shows nothing more. How it erases is not known well enough to tell these apart: the tip's standard
+error grows with the odds that the last of it is erased.
 """
 
 from itertools import product
@@ -34,6 +38,8 @@ BLUR_PX = 1.5  # of the tip: optics, and frames whose arc lengths differ
 # share of the thickness that a codec shows: 1 − exp(−(distance from the apex/FAINT_PX)^POWERS)
 FAINT_PX = np.geomspace(4.0, 100.0, 24)
 POWERS = 1, 2, 3
+LAST_PX = 4.0  # before the tip: the middle of a codec's block of 8 px that ends there
+BY_ODDS_PX = 2.0  # of the tip's standard error, per odds that a codec erases the last of it
 STEP_PX = 0.1
 EDGE_SE_PX = 0.25  # of the tip's place, where nothing else is uncertain, from rendered videos
 ROUNDING = float(np.finfo(np.float16).eps)  # of a thickness of 1 px, as it is kept
@@ -64,8 +70,10 @@ def tip_beyond(places: Stations, whisker: Whisker) -> Tip | None:
     if at[own].max(initial=0) <= 0:  # something lies over all that is beyond
         return None
     tip, weight = _fits(at[own], mean[own], covariance[np.ix_(own, own)], apex)
-    beyond = weight @ tip
-    se = np.sqrt(weight @ (tip - beyond) ** 2 + EDGE_SE_PX**2)
+    of_tip, of_share = weight.sum(axis=0), weight.sum(axis=1)
+    beyond = of_tip @ tip
+    unseen = BY_ODDS_PX**2 * (of_share @ _odds_erased(apex) ** 2)
+    se = np.sqrt(of_tip @ (tip - beyond) ** 2 + unseen + EDGE_SE_PX**2)
     return Tip(beyond * places.pixel, se * places.pixel)
 
 
@@ -119,7 +127,9 @@ def _covariance(left):
 
 
 def _fits(at, thickness, covariance, apex):
-    """Tips [px] that may be, and their posterior weights; each (tips,).
+    """Tips [px] that may be (tips,), and the posterior weights (shares, tips).
+
+    A row for each of the shares that a codec may show, those of `_odds_erased`.
 
     apex : of the cone, beyond the tip [px]. The thickness per length is eliminated.
     """
@@ -136,5 +146,12 @@ def _fits(at, thickness, covariance, apex):
         scale = np.maximum(shape @ seen, 0.0) / np.maximum(square, 1e-12)
         misfit[k] = seen @ seen - 2 * scale * (shape @ seen) + scale**2 * square
     usual = max(misfit.min() / len(at), 1.0)
-    weight = np.exp(-0.5 * (misfit - misfit.min()) / usual).sum(axis=0)
+    weight = np.exp(-0.5 * (misfit - misfit.min()) / usual)
     return tips, weight / weight.sum()
+
+
+def _odds_erased(apex):
+    """Odds (shares,) that a codec erases the whisker LAST_PX before its tip."""
+    faint, power = np.transpose(list(product(FAINT_PX, POWERS)))
+    thickness = ((apex + LAST_PX) / faint) ** power
+    return np.exp(-thickness) / -np.expm1(-thickness)

@@ -44,7 +44,27 @@ def test_a_tip_is_found_that_a_codec_erases_here_and_there(places, least_px):
     found, se = tip_px(ends)
     assert abs(found - 12) < tolerance
     assert abs(found - 12) < 3 * se
-    assert se < tolerance
+
+
+def test_the_more_a_codec_erases_of_a_tip_the_less_it_says(places):
+    """Of a tip 0.2 px thick."""
+    found = [
+        tip_px(with_tip(places, mouse_c2(), 12 * places.pixel, least_px, noise_px=0.01))[1]
+        for least_px in (0.0, 0.02, 0.05, 0.1, 0.2)
+    ]
+    assert found == sorted(found)
+    assert found[1] < tolerance
+    assert found[-1] > 2.0
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_tip_that_a_codec_shows_in_no_frame_is_as_uncertain_as_it_is_wrong(places, seed):
+    """All that is thinner than 0.25 px, 8 px before the tip, is erased."""
+    ends = with_tip(places, mouse_c2(), 12 * places.pixel, noise_px=0.01, seed=seed)
+    shown = np.where(ends.end_px > 0.25, ends.end_px, 0.0)
+    found, se = tip_px(replace(ends, end_px=shown))
+    assert found < 12 - tolerance
+    assert abs(found - 12) < 3 * se
 
 
 def test_another_whisker_across_the_end_in_some_frames_moves_the_tip_little(places):
