@@ -16,7 +16,6 @@ from pipeline.numerics.chains import likeliest_path, state_probabilities
 LEAST_GAIN = 1e-6
 TRUST = 0.2  # of the costs, in probabilities: errors of neighbouring frames are alike
 MOST_ROUNDS = 12
-CLAIM_ROUNDS = 6  # of them, in which whiskers may claim lines without a name
 MOST_CLAIMING = 4  # whiskers, for one line
 MOST_LIKE = 4  # whiskers, for each, with which it may have changed places
 
@@ -30,11 +29,10 @@ def improved(evidence: Evidence, names, track) -> np.ndarray:
     pairs = _alike(evidence, rows_of)
     kept = _nothing_kept(len(pairs), rows_of.shape[1])
     changed, fresh = np.ones(rows_of.shape, bool), np.ones(len(names), bool)
-    for number in range(MOST_ROUNDS):
+    for _ in range(MOST_ROUNDS):
         before, changed = changed, np.zeros(rows_of.shape, bool)
         _exchange_all(evidence, rows_of, pairs, kept, before, changed)
-        if number < CLAIM_ROUNDS:
-            _claims(evidence, rows_of, track, before, changed, fresh)
+        _claims(evidence, rows_of, track, before, changed, fresh)
         if not changed.any():
             break
     return _names(rows_of, len(names))

@@ -15,7 +15,6 @@ QUIET = 0.02  # weight of a frame in which the whiskers rest: all such frames sh
 STRANGER = 20.0  # cost of a look that is no whisker's
 LEAST_MOTION = np.array([0.002, np.radians(0.15), 0.01, 0.005, 0.001, 0.001])
 FEWEST = 50  # motions needed to estimate their spread
-FEWEST_TURNING = 3  # lines needed to estimate the turn of the whole row
 FARTHEST = 4.0  # standard deviations: what is farther off is a jump
 RENAMED = 40.0  # cost of a new name for a line that is seen to go on
 SLOW, QUICK = 0.5, 0.8  # quantiles of the turn, below and above which motions are compared
@@ -130,11 +129,11 @@ def common_turns(features, frame, before, slope=1.0) -> np.ndarray:
 
 
 def sure_turns(features, frame, before, slope=1.0, own_turn=USUAL.own_turn) -> np.ndarray:
-    """The same, NaN where few lines show it or tracks seem to have gone on with other lines."""
+    """The same, NaN where no line shows it or tracks seem to have gone on with other lines."""
     turn = common_turns(features, frame, before, slope)
     seen = np.isfinite(_steps(features[:, ANGLE], before) / slope)
-    many = np.bincount(frame[seen], minlength=len(turn)) >= FEWEST_TURNING
-    return np.where(many & _is_even(turn, own_turn), turn, np.nan)
+    shown = np.isin(np.arange(len(turn)), frame[seen])
+    return np.where(shown & _is_even(turn, own_turn), turn, np.nan)
 
 
 def _steps(features, before):

@@ -220,12 +220,11 @@ def improved_afresh(known, named, track):
     """As `label_swaps.improved`, but every pair and every claim is looked at in every round."""
     table = label_swaps._table(known, named)
     pairs, every = label_swaps._alike(known, table), np.ones(table.shape, bool)
-    for number in range(label_swaps.MOST_ROUNDS):
+    for _ in range(label_swaps.MOST_ROUNDS):
         kept, changed = label_swaps._nothing_kept(len(pairs), table.shape[1]), ~every
         label_swaps._exchange_all(known, table, pairs, kept, every, changed)
-        if number < label_swaps.CLAIM_ROUNDS:
-            fresh = np.ones(len(named), bool)
-            label_swaps._claims(known, table, track, every, changed, fresh)
+        fresh = np.ones(len(named), bool)
+        label_swaps._claims(known, table, track, every, changed, fresh)
     return label_swaps._names(table, len(named))
 
 
