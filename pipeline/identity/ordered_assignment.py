@@ -276,23 +276,14 @@ def _along_tracks(cost, order, first, last, reach):
     return out
 
 
-def aligned(cost, rows, whiskers):
-    """Whisker of every line (rows,), −1 for none, so that both are in order, and the cost.
+@njit(cache=True, error_model="numpy")
+def _aligned(cost, rows, whiskers, room, names):
+    """Fill in the whisker of every line (rows,), −1 for none, so that both are in order.
+
+    Returns the cost.
 
     cost : (rows, whiskers) of every line as every whisker
     rows, whiskers : both in order along the face
-    """
-    size = len(rows) + 1, len(whiskers) + 1
-    names = np.empty(len(rows), np.int64)
-    room = np.empty(size), np.empty(size, np.int8)
-    total = _aligned(np.asarray(cost, float), np.asarray(rows), np.asarray(whiskers), room, names)
-    return names, total
-
-
-@njit(cache=True, error_model="numpy")
-def _aligned(cost, rows, whiskers, room, names):
-    """Fill in the names (rows,) of `aligned`; returns the cost.
-
     room : least costs and where they came from, at least (rows + 1, whiskers + 1)
     """
     least, came = room

@@ -16,7 +16,7 @@ from pipeline.identity.ordered_assignment import (
     UNSEEN,
     UNSURE,
     Lines,
-    aligned,
+    _aligned,
     named_in_order,
 )
 from pipeline.identity.ways import LEAST_SD
@@ -85,7 +85,8 @@ def test_alignment_is_the_cheapest_of_all_in_order():
             for some in itertools.combinations(range(3), n)
             for which in itertools.combinations(range(4), n)
         )
-        found, total = aligned(cost, rows, whiskers)
+        room, found = (np.empty((4, 5)), np.empty((4, 5), np.int8)), np.empty(3, np.int64)
+        total = _aligned(cost, rows, whiskers, room, found)
         given = found >= 0
         again = cost[given, found[given]].sum() + NAMELESS * (~given).sum()
         again += UNSEEN * (4 - given.sum())
