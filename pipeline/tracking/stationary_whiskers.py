@@ -3,12 +3,16 @@
 Where a whisker lies on the same pixels in most sample frames, as in a resting mouse, the
 background behind it is never seen; it is filled in from beside the whisker. The first millimetre
 of a moving whisker is left as it is: there it comes out of fur, which belongs to the background.
+
+What is darker there than the whisker's shade before and behind, as a speck of dust, stays. Taken
+away, it would be seen in every frame, as a part of the whisker.
 """
 
 from dataclasses import replace
 
 import cv2
 import numpy as np
+from scipy.ndimage import maximum_filter, median_filter
 
 from pipeline.detection.image_model import signed_distance
 from pipeline.detection.static_scene import StaticScene
@@ -17,7 +21,10 @@ from pipeline.session.parameters import DEFAULTS
 
 RESTS, MOSTLY = 0.8, 0.7  # of the sample frames: to call a whisker resting, and to fill in
 CORE_PX, HALF_WIDTH_PX = 3.0, 4.0  # half-widths of a whisker: the dark part, and all of it
+WIDE_PX = int(2 * HALF_WIDTH_PX + 1)
 FEWEST_SAMPLES = 4
+LONG_PX = 61  # along a line: dust is shorter than half of it
+DARKER = 1.5  # times the usual shade: something else
 
 
 def behind_whiskers(epochs, templates, pixels_per_mm, params=DEFAULTS.tracking):
@@ -45,16 +52,35 @@ def without_resting_whiskers(
     hidden = np.zeros(scene.background.shape, bool)
     covered = scene.face_mask | scene.obstacle_mask
     outside = signed_distance(scene.face_mask) / pixels_per_mm
+    templates = [each for each in templates if len(each.samples) >= FEWEST_SAMPLES]
     for template in templates:
-        if len(template.samples) >= FEWEST_SAMPLES:
-            still = _share_covered(template.samples, hidden.shape, CORE_PX) >= RESTS
-            if (still & ~covered & (outside > params.resting_mm)).any():
-                hidden |= _share_covered(template.samples, hidden.shape, HALF_WIDTH_PX) >= MOSTLY
+        still = _share_covered(template.samples, hidden.shape, CORE_PX) >= RESTS
+        if (still & ~covered & (outside > params.resting_mm)).any():
+            hidden |= _share_covered(template.samples, hidden.shape, HALF_WIDTH_PX) >= MOSTLY
     hidden &= ~covered & (outside > params.resting_fur_mm)
     if not hidden.any():
         return scene
-    filled = fill(scene.background, hidden | covered)
-    return replace(scene, background=np.where(hidden, filled, scene.background))
+    shade = fill(scene.background, hidden | covered) - scene.background
+    shade = np.where(hidden, shade, 0)
+    most = DARKER * _usual_shade(shade, hidden, templates)
+    beside = maximum_filter(covered, WIDE_PX)  # a pole's edge is filled in as well as can be
+    shade = np.where(beside, shade, np.minimum(shade, most))
+    return replace(scene, background=scene.background + shade)
+
+
+def _usual_shade(shade, hidden, templates):
+    """How dark whiskers' shades are about their lines, before and behind each place, an image."""
+    usual, deepest = np.zeros_like(shade), maximum_filter(shade, WIDE_PX)
+    for template in templates:
+        longest = max(template.samples, key=lambda line: len(line.points))
+        x, y = np.rint(longest.points).astype(int).T
+        inside = (x >= 0) & (y >= 0) & (x < shade.shape[1]) & (y < shade.shape[0])
+        x, y = x[inside], y[inside]
+        x, y = x[hidden[y, x]], y[hidden[y, x]]
+        if len(x):
+            along = median_filter(deepest[y, x], LONG_PX)
+            np.maximum.at(usual, (y, x), along)
+    return maximum_filter(usual, 2 * WIDE_PX)
 
 
 def _share_covered(lines, shape, half_width_px):
