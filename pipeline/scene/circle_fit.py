@@ -18,7 +18,6 @@ COMFORTABLE_ARC = 0.38  # this much is enough to measure a circle well
 MARGIN_RAYS = 14  # of 2°, left out beside rays that are shaded
 TOUCHED_RAYS = 45  # at most, between the shades on both sides of where a whisker touches
 SHADE_RAYS, WIDEST_SHADE_RAYS = 3, 45  # that a whisker shades on either side; a rod, more
-MUCH_BETTER = 0.2  # part of the cost of a fit to more of the edge, for one to less of it
 EDGE_SLOPE = 0.04  # of the light per pixel: less is no edge of a thing in focus
 INTERPOLATION = 0.003  # error of interpolated pixels, share of the light
 
@@ -46,21 +45,11 @@ def measure_disc(image, x: float, y: float, radius: float, expected: float) -> P
     The edge of a disc of radius R blurred with SD σ has its half level σ²/2R inside R (to first
     order in σ/R), and falls off as erfc; both are in the model, so the radius is the disc's own.
     Rays that are shaded by the rod or by a whisker are left out in the next round. Where the
-    visible arc is too short to measure the radius, it is held near `expected` [px].
+    visible arc is too short to measure the radius, it is held near `expected` [px]. Where no disc
+    fits, a whisker may rest on it: what lies between two narrow shades is left out, too.
     """
-    plain, untouched = (
-        _measure(image, x, y, radius, expected, touched) for touched in (False, True)
-    )
-    if plain is None or untouched is None:
-        return plain or untouched
-    much_better = _cost(untouched, expected) < MUCH_BETTER * _cost(plain, expected)
-    return untouched if much_better else plain
-
-
-def _cost(pole, expected):
-    """Misfit of a measured disc and of its radius, in squares of their usual sizes."""
-    off = (pole.radius_px / expected - 1) / RADIUS_TRUST
-    return (pole.residual / PIXEL_SD) ** 2 + off**2
+    at = image, x, y, radius, expected
+    return _measure(*at, touched=False) or _measure(*at, touched=True)
 
 
 def _measure(image, x, y, radius, expected, touched):
