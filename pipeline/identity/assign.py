@@ -130,23 +130,19 @@ def _all_rows(rows, templates, given, sides, open_ended, limits, unnamed):
         row = [template for template in templates if template.name.startswith(side_name)]
         both = open_ended and len(sides.names) > 1
         direction = 1 if both else _runs_along(row, sides.dials[number])
-        lengths = {name: px for name, px in longest.items() if name.startswith(side_name)}
+        here = {name: px for name, px in longest.items() if name.startswith(side_name)}
         # a whisker that the first look missed may be seen later: it has a name, too
-        wanted = None if open_ended else max(len(row), len(lengths))
+        wanted = None if open_ended else max(len(row), len(here))
         named, sure[own] = names(frame[own], track[own], features[own], wanted, direction, limits)
         if open_ended:
-            here = frame[own], track[own]
-            named, sure[own] = with_others(
-                *here, features[own], named, sure[own], direction, limits
-            )
             low = limits.params.nameless_confidence
-            named, sure[own] = with_unnamed(*here, named, sure[own], low)
+            named, sure[own] = with_unnamed(frame[own], track[own], named, sure[own], low)
             names_here = tuple(f"{side_name}w{k + 1}" for k in range(named.max(initial=-1) + 1))
         else:
             if unnamed is not None:
                 unnamed.add(frame[own], named, features[own])
             found = [template.name for template in row]
-            named, names_here, chosen = _as_given(named, length[own], lengths, found)
+            named, names_here, chosen = _as_given(named, length[own], here, found)
             sure[own] *= chosen
         whisker[own] = np.where(named < 0, -1, named + len(called))
         called += names_here
@@ -201,23 +197,8 @@ def names(frame, track, features, wanted=None, direction=1, limits: Limits = USU
     order = usable[np.lexsort((track[usable], frame[usable]))]
     lines = Lines(features[order], frame[order].astype(int), track[order].astype(int), limits)
     whisker, sure[order] = best_names(lines)
-    fewest = max(limits.params.seldom * len(np.unique(frame)), 1)
-    named[order] = _in_order(whisker, lines, wanted, direction, fewest)
+    named[order] = _in_order(whisker, lines, wanted, direction)
     return named, sure
-
-
-def with_others(frame, track, features, whisker, sure, direction=1, limits: Limits = USUAL):
-    """Name the lines without a whisker, too, among themselves, as if they were all that is seen.
-
-    Whiskers of another row, and those that are seen for a part of the video only, do not fit into
-    the order of the others. They are as sure as that they are none of these, and which they are.
-    All arguments are as of `names`, or what it returns; so are the new `whisker` and `sure`.
-    """
-    rest = np.where((whisker < 0)[:, None], features, np.nan)
-    among, sure_among = names(frame, track, rest, None, direction, limits)
-    known = whisker.max(initial=-1) + 1
-    new = among >= 0
-    return np.where(new, known + among, whisker), np.where(new, sure * sure_among, sure)
 
 
 def with_unnamed(
@@ -242,15 +223,13 @@ def with_unnamed(
     return whisker, sure
 
 
-def _in_order(whisker, lines, wanted, direction, fewest):
-    """The same names numbered along the face, −1 for those of whiskers that are left out.
-
-    fewest : lines of a whisker, where the number of whiskers is not given
-    """
+def _in_order(whisker, lines, wanted, direction):
+    """The same names numbered along the face, −1 for those of whiskers that are left out."""
     features = lines.features
     count = np.bincount(whisker[whisker >= 0], minlength=1)
     if wanted is None:
-        chosen = np.flatnonzero(count >= fewest)
+        seldom = lines.limits.params.seldom
+        chosen = np.flatnonzero(count >= max(seldom * len(np.unique(lines.frame)), 1))
     else:
         strength = np.exp(_medians(features[:, LENGTH] + features[:, THICKNESS], whisker, count))
         chosen = np.argsort(-count * np.sqrt(np.nan_to_num(strength)))[:wanted]

@@ -9,13 +9,7 @@ from hypothesis import strategies as st
 
 from pipeline.identity import appearance, label_swaps, motion_model
 from pipeline.identity.appearance import FanModel
-from pipeline.identity.assign import (
-    assign_identities,
-    name_lines,
-    names,
-    with_others,
-    with_unnamed,
-)
+from pipeline.identity.assign import assign_identities, name_lines, names, with_unnamed
 from pipeline.identity.features import ANGLE, BEND, Dial, line_features
 from pipeline.identity.limits import USUAL
 from pipeline.identity.links import TAKEN, link_costs
@@ -516,22 +510,6 @@ def test_no_look_is_so_wide_that_any_line_is_like_it():
     model = usual_fan().fitted(features, mixed, 0.4 * np.sin(frame / 6), np.ones(len(true)))
     usual = np.median(model.sd[:, ANGLE])
     assert model.sd[2, ANGLE] <= appearance.MOST_SD * usual * (1 + 1e-9)
-
-
-def test_whiskers_beside_those_of_the_row_are_named_among_themselves():
-    """Two more whiskers, each seen in two parts of the video, under a new track each time."""
-    rng = np.random.default_rng(13)
-    frame, track, features, true = rows(whisking(rng), exchanged([]))
-    others = true >= 3
-    seen = ~others | (frame < 120) | (frame >= 180)
-    frame, features, true, others = frame[seen], features[seen], true[seen], others[seen]
-    track = np.where(others & (frame >= 180), track[seen] + 5, track[seen])
-    whisker = np.where(others, -1, true)
-    named, sure = with_others(frame, track, features, whisker, np.where(others, 0.8, 1.0))
-    assert np.array_equal(named, true)
-    assert (sure[~others] == 1).all()
-    assert (sure[others] <= 0.8).all()
-    assert (sure[others] > 0.5).mean() > 0.95  # known
 
 
 def test_lines_without_a_name_keep_a_place_that_is_not_known():
