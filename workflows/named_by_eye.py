@@ -1,6 +1,6 @@
 """Whether names stay with the whiskers that a person has followed by eye through a real video.
 
-    python workflows/named_by_eye.py VIDEO TRACKS.csv --config session.toml
+    python workflows/named_by_eye.py VIDEO TRACKS.csv --config session.toml --draws 6
 
 TRACKS.csv has a row per point: `track`, `frame`, `x_px`, `y_px` (a point on the whisker in the
 middle of its length), and `sure`: 1 where the person has no doubt that it is the same whisker as
@@ -9,7 +9,9 @@ frame, the name looked at is that of the line through the point.
 
 A name is exchanged where the line carries one name and, the next time that it is known as surely,
 another. The table lists the tracks of which a name is exchanged or no line is found; the last
-lines add all up, for names of several confidences.
+lines add all up, for names of several confidences. With `--draws`, the video is processed so many
+times, each time with new noise that no eye sees (`real_draws.py`), and only sums are printed: the
+mean and, in brackets, the least and the most.
 
 `tests/data/test_video2_by_eye.csv` are such tracks of `test_video2.mp4` of cxrodgers/WhiskiWrap
 (face left, about 8 px/mm), made from the raw frames without a look at the program's lines.
@@ -23,6 +25,7 @@ import measuring
 import numpy as np
 import pages
 import pandas as pd
+from real_draws import frames_of, unseen_noise
 
 from pipeline.run import analyse
 from pipeline.session.session_file import read_session
@@ -108,13 +111,21 @@ def exchanges(track: pd.DataFrame, least: float) -> list[str]:
     ]
 
 
+def sums(named: pd.DataFrame) -> np.ndarray:
+    """By confidence: share of frames with such a name, tracks with exchanges; (confidences, 2)."""
+    found = []
+    for least in CONFIDENCES:
+        known = (named["name"] != "") & (named["confidence"] >= least)
+        exchanged = [bool(exchanges(track, least)) for _, track in named.groupby("track")]
+        found.append((known.mean(), sum(exchanged)))
+    return np.array(found)
+
+
 def report(named: pd.DataFrame) -> str:
     """The table of the tracks with exchanges or without a line in some frames, and the sums."""
-    rows, exchanged = [], dict.fromkeys(CONFIDENCES, 0)
+    rows = []
     for name, track in named.groupby("track"):
         found = {least: exchanges(track, least) for least in CONFIDENCES}
-        for least in CONFIDENCES:
-            exchanged[least] += bool(found[least])
         without = int((track["name"] == "").sum())
         if found[0.0] or without:
             span = f"{track['frame'].iloc[0]}–{track['frame'].iloc[-1]}"
@@ -123,14 +134,28 @@ def report(named: pd.DataFrame) -> str:
     header = [f"exchanges ≥ {least}" for least in CONFIDENCES]
     table = pages.table(["track", "frames", "no line", *header, "those ≥ 0.5"], rows)
     tracks, seen = named["track"].nunique(), named["name"] != ""
-    sums = [f"{tracks} tracks, {len(named)} sure frames, {seen.mean():.1%} with a line"]
-    for least in CONFIDENCES:
-        share = (seen & (named["confidence"] >= least)).mean()
-        sums.append(
+    said = [f"{tracks} tracks, {len(named)} sure frames, {seen.mean():.1%} with a line"]
+    for least, (share, exchanged) in zip(CONFIDENCES, sums(named), strict=True):
+        said.append(
             f"confidence ≥ {least}: {share:.1%} of the frames, names exchanged in "
-            f"{exchanged[least]} tracks, {100 * exchanged[least] / tracks:.1f} of 100"
+            f"{exchanged:.0f} tracks, {100 * exchanged / tracks:.1f} of 100"
         )
-    return "\n".join([table, "", *sums])
+    return "\n".join([table, "", *said])
+
+
+def report_of_draws(draws: list[pd.DataFrame], seed: int) -> str:
+    """Means of the sums of several draws, with the least and the most."""
+    found = np.array([sums(named) for named in draws])
+    ends = zip(CONFIDENCES, found.mean(axis=0), found.min(axis=0), found.max(axis=0), strict=True)
+    tracks = draws[0]["track"].nunique()
+    said = [f"{tracks} tracks, {len(draws)} draws of the noise from seed {seed}"]
+    for least, *each in ends:
+        share, exchanged = zip(*each, strict=True)
+        said.append(
+            f"confidence ≥ {least}: {pages.cell_and_ends('{:.1%}', *share)} of the frames, "
+            f"names exchanged in {pages.cell_and_ends('{:.1f}', *exchanged)} tracks"
+        )
+    return "\n".join(said)
 
 
 def main(argv=None) -> int:
@@ -140,11 +165,22 @@ def main(argv=None) -> int:
     parser.add_argument("video", type=Path)
     parser.add_argument("tracks", type=Path, help="CSV of a person's tracks")
     parser.add_argument("--config", type=Path, help="session.toml; else the one beside the video")
+    parser.add_argument("--draws", type=int, help="of noise that no eye sees")
+    measuring.add_seed(parser, "of the noise")
     args = parser.parse_args(argv)
-    tracks, chunks = read_tracks(args.tracks), []
+    tracks = read_tracks(args.tracks)
     settings = read_session(args.config or args.video.parent / "session.toml")
-    analyse(args.video, settings, keep=chunks.append)
-    print(report(named_along(tracks, chunks)))
+
+    def named_in(video):
+        chunks = []
+        analyse(video, settings, keep=chunks.append)
+        return named_along(tracks, chunks)
+
+    if args.draws:
+        noisy = unseen_noise(frames_of(args.video), args.draws, args.seed)
+        print(report_of_draws([named_in(frames) for frames in noisy], args.seed))
+    else:
+        print(report(named_in(args.video)))
     return 0
 
 

@@ -99,3 +99,23 @@ def test_it_says_so_for_a_video(video, tmp_path, capsys):
     said = capsys.readouterr().out
     assert "100.0% with a line" in said
     assert "confidence ≥ 0.0: 100.0% of the frames, names exchanged in 0 tracks" in said
+
+
+def test_draws_are_summed_by_their_mean_least_and_most(video, tmp_path):
+    truth = replace(video[1], confidence=np.ones(len(video[1])))
+    tracks = followed(truth, tmp_path / "a.csv")
+    later = (truth.frame >= EXCHANGED) & (truth.whisker < 2)
+    exchanged = replace(truth, whisker=np.where(later, 1 - truth.whisker, truth.whisker))
+    draws = [named_by_eye.named_along(tracks, [each]) for each in (truth, exchanged, exchanged)]
+    said = named_by_eye.report_of_draws(draws, 5)
+    assert "3 draws of the noise from seed 5" in said
+    assert "confidence ≥ 0.9: 100.0% (100.0% to 100.0%) of the frames" in said
+    assert "names exchanged in 1.3 (0.0 to 2.0) tracks" in said
+
+
+@pytest.mark.slow
+def test_a_video_is_drawn_several_times(video, tmp_path, capsys):
+    path, truth = video
+    followed(truth, tmp_path / "a.csv")
+    assert named_by_eye.main([str(path), str(tmp_path / "a.csv"), "--draws", "2"]) == 0
+    assert "names exchanged in 0.0 (0.0 to 0.0) tracks" in capsys.readouterr().out
