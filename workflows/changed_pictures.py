@@ -47,6 +47,12 @@ TOWARDS = {"left": (-1, 0), "right": (1, 0), "top": (0, -1), "bottom": (0, 1)}  
 # What is done to pictures --------------------------------------------------------------------
 
 
+def frames_of(video) -> np.ndarray:
+    """All frames of a video, uint8 (frames, height, width)."""
+    with open_video(video) as source:
+        return np.stack(list(source.frames()))
+
+
 def grey(values) -> np.ndarray:
     """Grey levels, rounded, within what eight bits hold."""
     return np.clip(np.rint(values), 0, 255).astype(np.uint8)
@@ -89,8 +95,7 @@ def h264(crf: int) -> Callable:
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / f"video{video_suffix(codec)}"
             write_video(path, frames[:, :height, :width], codec)
-            with open_video(path) as video:
-                return np.stack(list(video.frames()))
+            return frames_of(path)
 
     return encoded
 
@@ -213,8 +218,7 @@ def row_of(frames, change: Change, face: str, labelled, args) -> list[str]:
 
 def rows_of(video: Path, face: str, labelled, args) -> list[list[str]]:
     """The table's rows of one video."""
-    with open_video(video) as source:
-        frames = np.stack(list(source.frames()))
+    frames = frames_of(video)
     rows = []
     for name in args.only:
         rows.append([video.stem, *row_of(frames, BY_NAME[name], face, labelled, args)])

@@ -25,7 +25,8 @@ import measuring
 import numpy as np
 import pages
 import pandas as pd
-from real_draws import frames_of, unseen_noise
+from changed_pictures import frames_of
+from real_draws import unseen_noise
 
 from pipeline.run import analyse
 from pipeline.session.session_file import read_session

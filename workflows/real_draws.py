@@ -20,20 +20,12 @@ import pages
 import real_angles
 import real_directions
 import real_lines
-from changed_pictures import noise
+from changed_pictures import frames_of, noise
 from real_recordings import labels_for, processed, settings_for, video_and_face
-
-from pipeline.video import open_video
 
 UNSEEN_SD = 0.5  # grey levels
 HEADER = ["video", "direction", "clear", "faint", "wrong / frame", "known", "names agree"]
 FORMS = "{:.1%}", "{:.1%}", "{:.2f}", "{:.1%}", "{:.1%}"
-
-
-def frames_of(video: Path) -> np.ndarray:
-    """All frames of a video, uint8 (frames, height, width)."""
-    with open_video(video) as source:
-        return np.stack(list(source.frames()))
 
 
 def unseen_noise(frames, draws: int, seed: int):
