@@ -72,8 +72,10 @@ class _Group:
 
     @cached_property
     def signature(self):
-        """Median of its lines' signatures."""
-        return np.nanmedian(self.signatures, axis=0)
+        """Median of its lines' signatures, NaN where none of them shows a part."""
+        every = np.array(self.signatures)
+        seen = np.isfinite(every).any(axis=0)
+        return np.where(seen, np.nanmedian(np.where(seen, every, 0.0), axis=0), np.nan)
 
     @property
     def strength(self):

@@ -1,5 +1,6 @@
 """Which whiskers there are, and who is who, in a dense row that whisks fast."""
 
+import warnings
 from dataclasses import replace
 
 import cv2
@@ -212,3 +213,13 @@ def _nearest(line, truth, frame):
         for r in rows
     ]
     return truth.names[truth.whisker[rows[int(np.argmin(near))]]]
+
+
+def test_a_part_that_no_line_shows_is_unknown_without_a_warning():
+    """Nothing is printed by NumPy where no line of a whisker shows its thickness."""
+    group = registry._Group()
+    for frame, thickness in enumerate((np.nan, np.nan, np.nan)):
+        group.add(frame, None, np.array([10.0 + frame, 0.2, thickness, 4.0]), 0.0)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        np.testing.assert_allclose(group.signature, [11.0, 0.2, np.nan, 4.0])
