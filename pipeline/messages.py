@@ -21,7 +21,7 @@ SELDOM_TRACKED = 0.8  # a whisker seen in less than this part of the frames is w
 OTHER_THICKNESS = 0.12  # of the pole, relative: more is no error of measurement
 MOST_UNKNOWN = 0.2  # of what is tracked: more is worth the first message
 MOST_NAMED = 3  # whiskers in a message
-CONTRADICTED = "base_contradicted"  # flag of contacts
+CONTRADICTED, NEVER_FREE = "base_contradicted", "no_rest_curvature"  # flags of contacts
 DARK = 64  # grey levels of 255, median: no light behind the whiskers
 NO_POLE_IN_LINES = (
     "no contacts: traced lines do not show where the pole is; give [pole] x_px, y_px in "
@@ -45,7 +45,10 @@ def messages(settings, tables, seen, followed):
     yield from _too_few_frames(seen.video, followed.n_frames)
     yield from seen.video.problems()
     if not whisker_set.templates and not settings.analysis.follow:
-        yield "no whiskers found" if doubt else no_whiskers(settings, seen)
+        if seen.odd is not None:
+            yield "no whiskers found"
+        elif doubt is None:
+            yield no_whiskers(settings, seen)
         return
     numbered, nameless = not settings.whisker, nameless_in(tables.frames)
     order = guessed_order(settings, whisker_set, nameless)
@@ -61,11 +64,11 @@ def messages(settings, tables, seen, followed):
 
 
 def settings_doubt(settings, seen) -> str | None:
-    """Message about settings that the whiskers of the first look contradict; None: none."""
+    """Message about settings that the lines of the first look contradict; None: none."""
     if seen.odd is not None:
         return _of_another_length(settings, seen.odd)
-    templates = (*seen.whisker_set.templates, *seen.whisker_set.refused)
-    return face_message(_scenes(seen), templates, settings.recording.face)
+    whiskers, refused = seen.whisker_set.templates, seen.whisker_set.refused
+    return face_message(_scenes(seen), whiskers, settings.recording.face, refused)
 
 
 def value_doubts(settings, video):
@@ -99,6 +102,7 @@ def _of_whiskers(settings, tables, followed, no_pole):
     yield from _passes_over(settings, tables, followed.pole)
     yield from _contradicted(settings, tables.contacts)
     yield from _without_forces(settings, followed.whisker_set)
+    yield from _never_free(settings, tables.contacts)
 
 
 def _too_few_frames(video, count):
@@ -330,14 +334,31 @@ def _passes_over(settings, tables, pole):
 def _contradicted(settings, contacts):
     """Whiskers that bend as if their hidden length were wrong, in most of their contacts."""
     hidden = {whisker.name: whisker.hidden_length_mm for whisker in settings.whisker}
-    flagged = [CONTRADICTED in split_flags(flags or "") for flags in contacts["flags"]]
-    for name, own in pd.Series(flagged, dtype=bool).groupby(contacts["whisker"].to_numpy()):
+    for name, own in _by_whisker(contacts, CONTRADICTED):
         if name in hidden and 2 * own.sum() > len(own):
             yield (
                 f"in {own.sum()} of {counted(len(own), 'contact')} {name} bends as if "
                 f"hidden_length_mm = {hidden[name]:g} were wrong by over 0.3 mm: correct it or "
                 "the dimensions, unless the whisker is out of the picture's plane"
             )
+
+
+def _by_whisker(contacts, flag):
+    """Each whisker's name, and which of its contacts have the flag."""
+    flagged = [flag in split_flags(flags or "") for flags in contacts["flags"]]
+    return pd.Series(flagged, dtype=bool).groupby(contacts["whisker"].to_numpy(), sort=False)
+
+
+def _never_free(settings, contacts):
+    """Whiskers with dimensions that have no forces all the same."""
+    measured = {whisker.name for whisker in settings.whisker if not whisker.missing_dimensions}
+    names = [name for name, own in _by_whisker(contacts, NEVER_FREE) if own.all()]
+    names = [name for name in names if name in measured]
+    if names:
+        yield (
+            f"no forces for {in_short(names)}: too few frames without a touch to know the shape "
+            "at rest; let the video begin before the touch"
+        )
 
 
 def _without_forces(settings, whisker_set):
@@ -358,21 +379,22 @@ def _without_forces(settings, whisker_set):
         )
 
 
-def face_message(scenes, templates, side: str) -> str | None:
-    """Message about the face's given `side` where video and whiskers contradict it, or None.
+def face_message(scenes, templates, side: str, refused=()) -> str | None:
+    """Message about the face's given `side` where video and lines contradict it, or None.
 
     Parameters
     ----------
     scenes : the video's `StaticScene`s
-    templates : `WhiskerTemplate`s of its whiskers, and of what was refused as such
+    templates : `WhiskerTemplate`s of its whiskers; refused : of lines that are no whiskers'
     """
-    other = thickening_towards(templates) or next(
+    other = thickening_towards((*templates, *refused)) or next(
         (scene.likelier_side for scene in scenes if scene.likelier_side), None
     )
     if other in (None, side):
         return None
-    return (
-        f'[recording] face = "{side}", but lines are thicker towards the {other}, as whiskers are '
-        f'towards the face: if the face is there, write face = "{other}" and run '
-        "again; until then forces are wrong"
+    thicker = (
+        f"lines are thicker towards the {other}, as whiskers are towards the face: if the face is "
+        f'there, write face = "{other}" and run again'
     )
+    given = f'[recording] face = "{side}", but {thicker}'
+    return f"{given}; until then forces are wrong" if templates else f"no whiskers found; {given}"

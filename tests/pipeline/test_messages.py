@@ -151,6 +151,10 @@ def test_where_nothing_is_wrong_nothing_is_said():
         ({"across": 2, "contacts": ()}, "C2 passes over the pole at (300, 200) px in 2 frames"),
         ({"contacts": ("C2",) * 3, "flags": ["x;base_contradicted", "base_contradicted", ""]},
          "in 2 of 3 contacts C2 bends as if hidden_length_mm = 1.4 were wrong by over 0.3 mm"),
+        ({"contacts": ("C2",) * 2, "flags": "starts_before;no_rest_curvature"},
+         "no forces for C2: too few frames without a touch to know the shape at rest"),
+        ({"contacts": ("C2",), "flags": "no_rest_curvature", "whiskers": ({"name": "C2"},)},
+         "no forces for C2: no length_mm"),
         ({"tracked": 0.5}, "tracked in only part of the frames: C2 in 50 %"),
         ({"whiskers": ()},
          "no forces: there is no [[whisker]] table with dimensions in session.toml; measure "
@@ -191,6 +195,7 @@ def test_of_many_whiskers_that_are_seldom_tracked_the_least_are_named():
         {"tracked": 0.85},
         {"known": 0.85},
         {"contacts": ("C2",) * 2, "flags": ["base_contradicted", "doubtful"]},
+        {"contacts": ("C2",) * 2, "flags": ["no_rest_curvature", ""]},  # others have a force
         {"region": [0, 10, 60, 40]},  # up to the border
     ],
 )
@@ -305,11 +310,15 @@ def test_a_length_that_contradicts_the_settings_is_doubted_in_place_of_the_face(
     assert 'write face = "right"' in doubt
 
 
-def test_where_the_face_is_doubted_and_no_whisker_found_none_is_spoken_of():
-    first, second = said_of(side="right", found=())
-    assert "but lines are thicker towards the right" in first
-    assert "the whiskers" not in first
-    assert second == "no whiskers found"
+def test_that_no_whisker_is_found_comes_before_a_doubt_about_the_face():
+    (doubt,) = said_of(side="right", found=())
+    assert doubt.startswith("no whiskers found; ")
+    assert "but lines are thicker towards the right" in doubt
+    assert "forces" not in doubt
+
+
+def test_a_length_in_doubt_does_not_hide_that_no_whisker_is_found():
+    assert said_of(found=(), odd=SeenLength(420.0, "C2"))[-1] == "no whiskers found"
 
 
 def _seen(*thickness):

@@ -119,7 +119,7 @@ def test_a_wall_gives_no_whisker_and_the_face_is_doubted():
     found = analyse(frames_of(0.0, 0.4, 1.4, 300), settings_from({"recording": RECORDING}))
     assert found.frames.empty
     assert 'write face = "right"' in found.messages[0]
-    assert "no whiskers found" in found.messages[1]
+    assert found.messages[0].startswith("no whiskers found")
 
 
 def test_a_cable_that_sways_is_no_whisker():
