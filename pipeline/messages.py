@@ -18,6 +18,7 @@ from pipeline.tracking.snout import snout_of
 from pipeline.video.changed import Negative
 
 SELDOM_TRACKED = 0.8  # a whisker seen in less than this part of the frames is worth a message
+SELDOM_CURVED = 0.5  # so is one whose curvature is known in less than this part of its lines
 OTHER_THICKNESS = 0.12  # of the pole, relative: more is no error of measurement
 MOST_UNKNOWN = 0.2  # of what is tracked: more is worth the first message
 MOST_NAMED = 3  # whiskers in a message
@@ -103,6 +104,7 @@ def _of_whiskers(settings, tables, followed, no_pole):
     yield from _contradicted(settings, tables.contacts)
     yield from _without_forces(settings, followed.whisker_set)
     yield from _never_free(settings, tables.contacts)
+    yield from _too_short(settings, tables.frames)
 
 
 def _too_few_frames(video, count):
@@ -347,6 +349,19 @@ def _by_whisker(contacts, flag):
     """Each whisker's name, and which of its contacts have the flag."""
     flagged = [flag in split_flags(flags or "") for flags in contacts["flags"]]
     return pd.Series(flagged, dtype=bool).groupby(contacts["whisker"].to_numpy(), sort=False)
+
+
+def _too_short(settings, frames):
+    """Whiskers that are rarely traced as far as where curvature is taken."""
+    sure = frames[frames["tracked"] & (frames["confidence"] >= KNOWN)]
+    known = sure["curvature_per_m"].notna().groupby(sure["whisker"], sort=False).mean()
+    names = known.index[known < SELDOM_CURVED]
+    if len(names):
+        yield (
+            f"curvature_per_m is mostly empty for {in_short(names)}: traced lines end before "
+            f"[analysis] curvature_at_mm = {settings.analysis.curvature_at_mm:g}; if the scale is "
+            "right, write a smaller value, beyond the fur"
+        )
 
 
 def _never_free(settings, contacts):

@@ -7,6 +7,7 @@ Their confidence is low throughout.
 
 import re
 from collections import defaultdict
+from itertools import groupby
 
 import numpy as np
 import pandas as pd
@@ -44,22 +45,18 @@ def nameless_in(frames: pd.DataFrame) -> set[str]:
 
 
 def in_short(names) -> str:
-    """Names with commas between them; of many numbers in order, only the first and the last.
+    """Names with commas between them; numbers come last, of many in order the first and the last.
 
-    >>> in_short(["C1", "left_w1", "left_w2", "left_w3", "left_w4", "right_w1"])
-    'C1, left_w1 to left_w4, right_w1'
+    >>> in_short(["C2", "C1", "w1", "left_w2", "left_w1", "left_w4", "right_w1", "left_w3"])
+    'C2, C1, w1, left_w1 to left_w4, right_w1'
     """
-    runs = []
-    for name in names:
-        found = NUMBERED.fullmatch(name)
-        number = (found[1], int(found[2])) if found else (name, None)
-        last = runs[-1][-1][1] if runs else None
-        if found and last == (number[0], number[1] - 1):
-            runs[-1].append((name, number))
-        else:
-            runs.append([(name, number)])
-    parts = []
-    for run in runs:
-        own = [name for name, _ in run]
+    names = list(names)
+    parts = [name for name in names if not NUMBERED.fullmatch(name)]
+    numbered = sorted(
+        (found[1], int(found[2]), name) for name in names if (found := NUMBERED.fullmatch(name))
+    )
+    runs = groupby(enumerate(numbered), lambda each: (each[1][0], each[1][1] - each[0]))
+    for _, run in runs:
+        own = [name for _, (_, _, name) in run]
         parts += own if len(own) < SHORT else [f"{own[0]} to {own[-1]}"]
     return ", ".join(parts)

@@ -33,7 +33,7 @@ def said_of(whiskers=({**WHISKER, "name": "C2"},), pole_xy=None, **changes):
         "tracked": 1.0, "known": 1.0, "across": 0, "contacts": ("C2",), "light": 200,
         "refused": (), "thing": np.s_[:0], "problems": (), "odd": None, "side": None,
         "out": np.s_[:0], "bright": False, "first_seen": None, "recording": {}, "rows": (50, 90),
-        "region": None, "frames": None, "flags": "", "unnamed": 0, "analysis": {},
+        "region": None, "frames": None, "flags": "", "unnamed": 0, "analysis": {}, "curved": 1.0,
     } | changes  # fmt: skip
     settings = settings_from(
         {
@@ -55,6 +55,7 @@ def said_of(whiskers=({**WHISKER, "name": "C2"},), pole_xy=None, **changes):
             "whisker": "C2",
             "tracked": tracked,
             "confidence": np.where(np.arange(100) < 100 * given["known"], 0.9, 0.2),
+            "curvature_per_m": np.where(np.arange(100) < 100 * given["curved"], 20.0, np.nan),
         }
     )
     tables = SimpleNamespace(
@@ -155,6 +156,9 @@ def test_where_nothing_is_wrong_nothing_is_said():
          "no forces for C2: too few frames without a touch to know the shape at rest"),
         ({"contacts": ("C2",), "flags": "no_rest_curvature", "whiskers": ({"name": "C2"},)},
          "no forces for C2: no length_mm"),
+        ({"curved": 0.4},
+         "curvature_per_m is mostly empty for C2: traced lines end before [analysis] "
+         "curvature_at_mm = 5.5; "),
         ({"tracked": 0.5}, "tracked in only part of the frames: C2 in 50 %"),
         ({"whiskers": ()},
          "no forces: there is no [[whisker]] table with dimensions in session.toml; measure "
@@ -193,6 +197,7 @@ def test_of_many_whiskers_that_are_seldom_tracked_the_least_are_named():
         {"across": 50},  # it does touch
         {"across": 50, "contacts": (), "pole_xy": (301, 200)},  # a person says it is the pole
         {"tracked": 0.85},
+        {"curved": 0.6},
         {"known": 0.85},
         {"contacts": ("C2",) * 2, "flags": ["base_contradicted", "doubtful"]},
         {"contacts": ("C2",) * 2, "flags": ["no_rest_curvature", ""]},  # others have a force
@@ -271,7 +276,7 @@ def test_numbers_of_lines_that_are_no_whiskers_are_said_and_no_more_of_them():
         [(name, i % 10 < 9 if k < 2 else i < 9, 0.9 if k < 2 else 0.4)
          for k, name in enumerate(numbers) for i in range(100)],
         columns=["whisker", "tracked", "confidence"],
-    )  # fmt: skip
+    ).assign(curvature_per_m=20.0)  # fmt: skip
     *rest, order, last = said_of(whiskers=(), found=numbers, frames=frames)
     assert last == (
         "w3 to w7: not whiskers, but lines that could not be identified (confidence below 0.5); "
