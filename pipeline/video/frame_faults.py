@@ -6,6 +6,7 @@ from itertools import pairwise
 import numpy as np
 
 SHOWN = 6  # stretches of frames that a sentence names
+MOST_COPIES = 5  # of each picture, by a converter; a codec changes a still one at key frames only
 MOST = 0.5  # more repeated frames than this part: nothing moves, and there is no noise
 MOST_GAPS = 0.05  # more gaps than this part: the times are uneven, nothing is missing
 EVERY = 32  # rows, of which one is looked at first
@@ -49,7 +50,13 @@ class FrameFaults:
                 f"damaged at or near {_frames(self.damaged)}{said}: copy the video again; until "
                 "then trust no contact there"
             )
-        if self.repeated and len(self.repeated) < MOST * self.count:
+        if self._copied():
+            yield (
+                f"{self.count} frames show only {self.count - len(self.repeated)} pictures: a "
+                "converter has repeated them, and by the camera's frame rate all times are too "
+                "long; convert the video again without changing its frame rate"
+            )
+        elif self.repeated and len(self.repeated) < MOST * self.count:
             repeat = "repeats" if len(self.repeated) == 1 else "repeat"
             yield f"{_frames(self.repeated)} {repeat} the one before: were frames dropped?"
         if self.black and len(self.black) < self.count:
@@ -60,6 +67,13 @@ class FrameFaults:
                 f"{missing} missing by the file's own times, before "
                 f"{_frames([at for at, _ in self.gaps])}: later times are too early"
             )
+
+    def _copied(self) -> bool:
+        """Whether each picture is there about as often, and more than once."""
+        pictures = np.setdiff1d(np.arange(self.count), self.repeated)
+        copies = np.diff(pictures)
+        usual = np.median(copies) if len(copies) > 1 else 0
+        return bool(2 <= usual <= MOST_COPIES and copies.max() <= usual + 1)
 
 
 def is_black(image) -> bool:

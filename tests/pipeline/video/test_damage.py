@@ -376,11 +376,28 @@ def test_repeated_and_black_frames_are_said(tmp_path):
     ]
 
 
+@pytest.mark.parametrize("copies", [(2,), (4,), (2, 3)])
+def test_a_video_whose_frame_rate_was_raised_by_copies_is_said(copies):
+    times = np.resize(copies, FRAMES)
+    said = said_of([picture(i) for i in np.repeat(np.arange(FRAMES), times)])
+    assert said[0].startswith(f"{times.sum()} frames show only {FRAMES} pictures: ")
+    assert len(said) == 1
+
+
+def test_pictures_that_change_with_key_frames_only_are_no_copies():
+    assert said_of([picture(i // 12, noise=False) for i in range(60)]) == []
+
+
 def test_a_scene_without_noise_in_which_nothing_moves_repeats_nothing():
+    assert said_of([picture(0, noise=False)] * 20) == []
+
+
+def said_of(images):
+    """Sentences on what is wrong with a video of these images."""
     faults = FrameFaults()
-    for _ in range(20):
-        faults.see(picture(0, noise=False))
-    assert list(faults.sentences()) == []
+    for image in images:
+        faults.see(image)
+    return list(faults.sentences())
 
 
 @pytest.mark.parametrize("name", ["a.mkv", "a.mp4"])
