@@ -131,6 +131,8 @@ def import_whacc(
     from pipeline.runtime.folder_lock import locked
 
     need_content(path, "WhACC's HDF5 file, named,")
+    if path.is_dir():
+        raise InputError(f"{path}: a folder, not a file; name WhACC's HDF5 file in it")
     videos = read_results(out)
     with locked(out):
         for written in take_contacts(path, videos, whisker):
@@ -274,7 +276,7 @@ def export_nwb(
     from pipeline.convert.nwb import write_nwb
 
     animal = {"subject_id": subject, "species": species, "sex": sex, "age": age}
-    _export(results, out, partial(write_nwb, start=start, **animal))
+    _export(results, out, partial(write_nwb, start=start, moves_to=out, **animal))
 
 
 @exporting.command("movement")

@@ -79,6 +79,11 @@ def read_whiskers(path) -> list[Segment]:
         Where it is of another kind, or damaged.
     """
     data = _bytes(path)
+    if data[:8] in MEASUREMENTS_MAGIC:
+        raise InputError(
+            f"{path}: holds measurements of lines, not the lines; name the .whiskers file, and "
+            "leave this one beside it"
+        )
     if not data.startswith(WHISKERS_MAGIC):
         raise InputError(
             f"{path}: is not a binary .whiskers file (it begins with {data[:12]!r}, expected "

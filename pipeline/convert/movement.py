@@ -48,8 +48,10 @@ def key_points(video):
     for row in range(len(lines)):
         whisker = names.index(lines.names[lines.whisker[row]])
         position[lines.frame[row], :, :, whisker] = points_along(lines.row(row), KEY_POINTS).T
-    sure = np.stack([video.of(name)["confidence"].to_numpy(np.float32) for name in names], axis=1)
-    return position, np.repeat(sure[:, None], KEY_POINTS, axis=1)
+    sure = np.full((video.n_frames, KEY_POINTS, len(names)), np.nan, np.float32)
+    for whisker, name in enumerate(names):
+        sure[:, :, whisker] = video.of(name)["confidence"].to_numpy()[:, None]
+    return position, sure
 
 
 def write_movement(folder, video) -> list[Path]:

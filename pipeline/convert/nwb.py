@@ -32,7 +32,7 @@ SUFFIXES = ("_deg", "_per_m", "_mm", "_uN", "_nN_m")
 NO_SERIES = ("frame", "time_s", "whisker")
 
 
-def write_nwb(folder, video, start: str = "", **subject) -> list[Path]:
+def write_nwb(folder, video, start: str = "", moves_to=None, **subject) -> list[Path]:
     """Write NAME.nwb; return its path in a list.
 
     Parameters
@@ -41,6 +41,7 @@ def write_nwb(folder, video, start: str = "", **subject) -> list[Path]:
     video : `VideoResults`
     start : date and time of the recording's first frame, as ISO 8601; empty: when the video's file
         was last written, or the results where it is gone
+    moves_to : where the file will lie in the end, for its reference to the video; None: `folder`
     subject : of the animal, as `pynwb.file.Subject` has it: subject_id, species, sex, age
 
     Raises
@@ -58,11 +59,13 @@ def write_nwb(folder, video, start: str = "", **subject) -> list[Path]:
         subject=_subject(pynwb, subject),
         experiment_description="high-speed video of whiskers, analysed with whiskerforce",
     )
-    _add_video(pynwb, file, video, path.parent)
+    _add_video(pynwb, file, video, Path(moves_to or folder))
     module = file.create_processing_module("behavior", "whiskers as whiskerforce measured them")
-    _add_courses(pynwb, module, video)
+    if video.whiskers:
+        _add_courses(pynwb, module, video)
     _add_pole(pynwb, module, video)
-    module.add(_centrelines(library("hdmf.common", "nwb"), video))
+    if len(video.lines()):
+        module.add(_centrelines(library("hdmf.common", "nwb"), video))
     _add_contacts(pynwb, file, video)
     file.add_scratch(
         session_text(video.settings), name="session_toml", description="settings of the analysis"
@@ -100,7 +103,7 @@ def _add_video(pynwb, file, video, folder):
         pynwb.image.ImageSeries(
             name="video",
             description="high-speed video of the whiskers",
-            external_file=[os.path.relpath(source, folder)],
+            external_file=[_from(folder, source)],
             starting_frame=[0],
             format="external",
             unit="n.a.",
@@ -108,6 +111,14 @@ def _add_video(pynwb, file, video, folder):
             rate=video.settings.recording.frames_per_second,
         )
     )
+
+
+def _from(folder, source) -> str:
+    """The way from a folder to a file; on another drive, where there is none, the whole path."""
+    try:
+        return os.path.relpath(source, folder.resolve())
+    except ValueError:
+        return str(source)
 
 
 def _add_courses(pynwb, module, video):

@@ -18,6 +18,7 @@ from pipeline.tables import files, whole_files
 from pipeline.tables.centrelines import Centrelines, read_centrelines
 from pipeline.tables.columns import CONTACT_COLUMNS, VIDEO_COLUMNS
 from pipeline.tables.result_exchange import STATE_FILE
+from pipeline.tables.run_record import frame_count
 
 TRIAL_NUMBER = re.compile(r".*[-_](\d{1,18})$")  # of a video's name
 
@@ -53,7 +54,7 @@ class VideoResults:
     @cached_property
     def n_frames(self) -> int:
         """Frames of which there are results."""
-        return int(self.frames["frame"].max()) + 1 if len(self.frames) else 0
+        return frame_count(self.folder, self.frames)
 
     def of(self, whisker) -> pd.DataFrame:
         """Rows of one whisker in frames.parquet, by frame."""

@@ -149,10 +149,8 @@ def _checked(video, labels, whisker, path):
 
 def write_whacc(path, videos) -> Path:
     """Write the contacts of all videos, of any whisker, as WhACC's file; return its path."""
-    touching = [v.frames.groupby("frame")["in_contact"].any() for v in videos]
-    likely = [v.frames.groupby("frame")["contact_probability"].max() for v in videos]
-    labels = np.concatenate([t.to_numpy(float) for t in touching])
-    counts = np.array([len(t) for t in touching])
+    counts = np.array([v.n_frames for v in videos])
+    labels = _most_in_frame(videos, "in_contact")
     names = [Path(v.path).with_name(v.name + Path(v.path).suffix).name for v in videos]
     trials = trial_numbers([v.name for v in videos])
     values = {
@@ -163,12 +161,23 @@ def write_whacc(path, videos) -> Path:
         "in_range": np.ones(len(labels)),
         "labels": labels,
         "yhat": labels.astype(int),
-        "yhat_proba": np.nan_to_num(np.concatenate([p.to_numpy(float) for p in likely])),
+        "yhat_proba": np.nan_to_num(_most_in_frame(videos, "contact_probability")),
     }
     with whole_hdf5(path) as file:
         for name, value in values.items():
             file.create_dataset(name, data=value)
     return Path(path)
+
+
+def _most_in_frame(videos, column) -> np.ndarray:
+    """Greatest value of any whisker in each frame of all videos, 0 where there is no whisker."""
+    known = [(video.frames.set_index("frame")[column].astype(float), video) for video in videos]
+    return np.concatenate(
+        [
+            values.groupby("frame").max().reindex(range(video.n_frames), fill_value=0)
+            for values, video in known
+        ]
+    )
 
 
 def trial_numbers(names) -> np.ndarray:

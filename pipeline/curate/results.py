@@ -31,7 +31,7 @@ from pipeline.session.session_file import read_session
 from pipeline.tables import centrelines, files
 from pipeline.tables.columns import CONTACT_COLUMNS
 from pipeline.tables.evidence import EVIDENCE_FILE, read_evidence
-from pipeline.tables.run_record import read_pole, recorded_path
+from pipeline.tables.run_record import frame_count, read_pole, recorded_path
 from pipeline.video.open import open_video
 
 LINES_AROUND = 256  # frames whose centrelines are read together
@@ -90,7 +90,7 @@ class VideoUnderReview:
         evidence = read_evidence(self.folder)
         frames = files.read_frames(self.folder / "frames.parquet")
         self.whiskers = tuple(dict.fromkeys(frames["whisker"]))
-        self.n_frames = int(frames["frame"].max()) + 1 if len(frames) else 0
+        self.n_frames = frame_count(self.folder, frames)
         corrections = read_corrections(self.folder)
         detected = intervals.find_intervals(
             evidence,

@@ -52,6 +52,17 @@ def recorded_path(folder) -> str:
     return path if isinstance(path, str) else ""
 
 
+def frame_count(folder, frames) -> int:
+    """Frames of a results folder's video, by its table `frames` or, if that is empty, its record.
+
+    It is empty where no whisker was found.
+    """
+    if len(frames):
+        return int(frames["frame"].max()) + 1
+    recorded = read_json(Path(folder) / STATE_FILE, {}).get("frames")
+    return recorded if _is_a(recorded, int) else 0
+
+
 def read_pole(folder) -> dict:
     """The record's `pole` alone, {"pole": …}, None in it where it was never seen or is damaged."""
     pole = read_json(Path(folder) / STATE_FILE, {}).get("pole")

@@ -92,6 +92,7 @@ def test_a_damaged_file_fails_by_itself(tracked, tmp_path, capsys):
     [
         (("import", "janelia", "nowhere", "--out", "o"), "no such file or folder: nowhere"),
         (("import", "janelia", ".", "--out", "o"), "files called NAME.whiskers"),
+        (("import", "whacc", "..", "--out", "o"), "a folder, not a file; name WhACC's HDF5 file"),
         (("export", "janelia", ".", "--out", "o"), "results of `whiskerforce run`"),
     ],
 )
@@ -177,6 +178,20 @@ def test_every_format_is_written(results, tmp_path, capsys, form, name):
     written = tmp_path / "new" / "folder" / name
     assert capsys.readouterr().out.split() == [str(written)]
     assert written.stat().st_size > 1000
+
+
+@pytest.mark.slow
+def test_nwb_refers_to_the_video_from_where_it_lies(results, tmp_path):
+    folder, video = tmp_path / "new" / "folder", tmp_path / "films" / "trial.avi"
+    shutil.copytree(results, tmp_path / "results")
+    video.parent.mkdir()
+    video.write_bytes(b"")
+    table = pd.read_csv(tmp_path / "results" / "videos.csv")
+    table.assign(path=str(video)).to_csv(tmp_path / "results" / "videos.csv", index=False)
+    assert run("export", "nwb", tmp_path / "results", "--out", folder) == 0
+    with h5py.File(folder / "trial.nwb") as file:
+        (path,) = file["acquisition/video/external_file"].asstr()[:]
+    assert (folder / path).resolve() == video
 
 
 @pytest.mark.slow

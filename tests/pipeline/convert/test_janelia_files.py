@@ -189,3 +189,10 @@ def test_a_wrong_line_of_a_bar_file_is_named(tmp_path, text):
 def test_a_missing_file_is_named(tmp_path):
     with pytest.raises(InputError, match=r"a\.whiskers: cannot be read"):
         janelia.read_whiskers(tmp_path / "a.whiskers")
+
+
+def test_measurements_in_place_of_lines_are_not_to_be_converted(tmp_path):
+    path = tmp_path / "a.measurements"
+    path.write_bytes(b"measv3\0\0" + bytes(80))
+    with pytest.raises(InputError, match=r"not the lines; name the \.whiskers file"):
+        janelia.read_whiskers(path)

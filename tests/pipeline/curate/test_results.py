@@ -28,6 +28,19 @@ def test_results_are_of_the_kind_that_run_makes(session):
     assert contacts_of(session[1]).groupby("video").size().min() >= 2
 
 
+def test_a_video_without_whiskers_can_be_looked_at(results):
+    name = sorted(path.parent.name for path in results.glob("*/frames.parquet"))[0]
+    for file in ("frames.parquet", "evidence.parquet"):
+        pd.read_parquet(results / name / file)[:0].to_parquet(results / name / file)
+    with opened(results) as folder:
+        desk = Desk(folder)
+        desk.open_video(name)
+        desk.do("last_frame")
+        assert (desk.video.name, desk.frame) == (name, FRAMES - 1)
+        assert desk.video.reader.frame(desk.frame) is not None
+        assert name in panels(desk)["video"]
+
+
 def test_corrections_reach_the_tables_with_forces_made_anew(results):
     with opened(results) as folder:
         desk = Desk(folder)
