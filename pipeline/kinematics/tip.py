@@ -41,7 +41,7 @@ POWERS = 1, 2, 3
 LAST_PX = 4.0  # before the tip: the middle of a codec's block of 8 px that ends there
 BY_ODDS_PX = 2.0  # of the tip's standard error, per odds that a codec erases the last of it
 STEP_PX = 0.1
-EDGE_SE_PX = 0.25  # of the tip's place, where nothing else is uncertain, from rendered videos
+EDGE_SE_PX = 0.1  # of the tip's place, where nothing else is uncertain, from rendered videos
 ROUNDING = float(np.finfo(np.float16).eps)  # of a thickness of 1 px, as it is kept
 LEAST_PX = 10.0  # how far before the mean end the tip may be
 
