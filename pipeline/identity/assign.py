@@ -84,7 +84,7 @@ def name_lines(
     """Yield the chunks of a video with the names that suit the whole of it best.
 
     Lines that belong to no named whisker are left out. The confidence is that of the line times
-    the probability of its name; where lengths tell which of the given whiskers are seen, also
+    how sure its name is; where lengths tell which of the given whiskers are seen, also
     times the probability that this choice is right.
 
     Parameters

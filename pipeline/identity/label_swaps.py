@@ -2,19 +2,17 @@
 
 There are far too many ways to name the lines of a video to try all of them. But if all names are
 fixed except those of two whiskers, only two are left in every frame, exchanged or not. The best of
-these 2^frames is found at once (Viterbi), and the probability of either in every frame, too
-(forward and backward sums). One pair after the other is treated, until no exchange makes the names
-likelier.
+these 2^frames is found at once (Viterbi). One pair after the other is treated, until no exchange
+makes the names likelier.
 """
 
 import numpy as np
 from numba import njit
 
 from pipeline.identity.links import Evidence, link_costs
-from pipeline.numerics.chains import likeliest_path, state_probabilities
+from pipeline.numerics.chains import likeliest_path
 
 LEAST_GAIN = 1e-6
-TRUST = 0.2  # of the costs, in probabilities: errors of neighbouring frames are alike
 MOST_ROUNDS = 12
 MOST_CLAIMING = 4  # whiskers, for one line
 MOST_LIKE = 4  # whiskers, for each, with which it may have changed places
@@ -36,22 +34,6 @@ def improved(evidence: Evidence, names, track) -> np.ndarray:
         if not changed.any():
             break
     return _names(rows_of, len(names))
-
-
-def certainty(evidence: Evidence, names, trust=TRUST) -> np.ndarray:
-    """Probability of every row's name (rows,), 1 where there is none.
-
-    trust : factor of the costs, below 1 since errors of neighbouring frames are alike
-    """
-    rows_of = _table(evidence, names)
-    sure = np.ones(len(names))
-    for a, b in _alike(evidence, rows_of):
-        steps = _steps(evidence, a, b, rows_of[a], rows_of[b], (-1, -1))
-        right = state_probabilities(trust * steps)[:, 0]
-        for rows in (rows_of[a], rows_of[b]):
-            seen = rows >= 0
-            sure[rows[seen]] *= right[seen]
-    return sure
 
 
 def _alike(evidence, rows_of):

@@ -183,7 +183,7 @@ def _in_order(lines, model, phase, turn, shifts):
 def _at_phases(lines, model, phase, starts, along, pieces):
     """Names (rows,) of lines in order at given phases (frames,), and the cost (frames,)."""
     cost = model.costs(lines.features, phase[lines.frame])
-    cost = _along_tracks(cost, *pieces, lines.limits.along_track)
+    cost = along_tracks(cost, *pieces, lines.limits.along_track)
     names, total = np.full(len(lines.frame), -1), np.zeros(len(phase))
     _align_frames(
         cost, along, starts, phase, model.middle[:, ANGLE], model.slope[:, ANGLE], names, total,
@@ -251,8 +251,11 @@ def _in_ascending_order(values, order):
 
 
 @njit(cache=True)
-def _along_tracks(cost, order, first, last, reach):
-    """Costs (rows, whiskers), averaged over ±`reach` rows of every row's track."""
+def along_tracks(cost, order, first, last, reach):
+    """Costs or votes (rows, whiskers), averaged over ±`reach` rows of every row's track.
+
+    order, first, last : as of `Lines.pieces`
+    """
     out = np.empty_like(cost)
     total = np.empty(cost.shape[1])
     for piece in range(len(first)):

@@ -2,7 +2,8 @@
 
 A whisker keeps its length, however it turns. If after a fast whisk the whole row is named one
 whisker too far along, angles and bends still fit the phase, but lengths do not: so names found in
-such a way have few votes.
+such a way have few votes. Some ways see the lines as they might have been measured, too, with
+other errors: what depends on these is not sure.
 """
 
 import itertools
@@ -13,13 +14,11 @@ from scipy.optimize import linear_sum_assignment
 
 from pipeline.identity import label_swaps, motion_model, seeds
 from pipeline.identity.features import LENGTH, THICKNESS
-from pipeline.identity.ordered_assignment import looks_and_phases, named_in_order
+from pipeline.identity.ordered_assignment import along_tracks, looks_and_phases, named_in_order
 from pipeline.identity.tracklets import named_by_tracklets, often_seen
 
 LEAST_SD = np.array([0.01, np.radians(1.5), 0.05, 0.03, 0.007, 0.005])  # of a look
 ROUNDS = 2  # of naming all lines and learning the appearance from them
-OTHERS = 3  # numbers of whiskers tried besides the likeliest, at most
-NEARLY = 1.05  # of its cost: numbers of whiskers that cost more are not tried
 LESS_OF_APPEARANCE = 0.2  # its weight beside motion where a way goes on to another one
 SHARES = 0.15, 0.3  # of the frames, in which whiskers that tracklets lead to are seen
 LENGTH_SD = 0.08  # of the logarithm of a whisker's length
@@ -28,14 +27,15 @@ NO_LINE = 2.0  # cost of a whisker without a line in a frame
 MAY_MISLEAD = THICKNESS, LENGTH  # names are found once more without each of these
 SURE = 4  # a way counts by this power of the best one's cost over its own
 LEAST_COST = 0.02  # per line, up to which ways are as good
+NAMELESS = 0.5  # part of the votes for no name that counts: a line is seldom no whisker's
+GOES_ON = 0.5  # of the votes that stay: with fewer, a track goes on with another whisker
 ALIKE = 1.5  # power of the share of the votes: ways that share lines share errors, too
 
 
 def best_names(lines) -> tuple[np.ndarray, np.ndarray]:
     """Names (rows,), as whiskers were found, −1 for none, and how sure they are (rows,).
 
-    That is the probability that no two whiskers have exchanged names, times the share of the votes
-    for this name to the power of ALIKE.
+    That is the share of the votes for this name, to the power of ALIKE.
     """
     if lines.frame[0] == lines.frame[-1]:  # in a single frame every line is a whisker by itself
         return np.arange(len(lines.frame)), np.ones(len(lines.frame))
@@ -43,17 +43,15 @@ def best_names(lines) -> tuple[np.ndarray, np.ndarray]:
     costs = np.array([_length_cost(lines, names) for names in ways])
     best = ways[int(np.argmin(costs))]
     weight = ((costs.min() + LEAST_COST) / (costs + LEAST_COST)) ** SURE
-    named, share = _voted(lines.starts, [_renamed(names, best) for names in ways], weight)
-    look = seeds.appearance_of(lines, best, LEAST_SD)
-    model, phase = looks_and_phases(lines, look, named)
-    evidence = motion_model.evidence_of(model, lines, phase)
-    return named, label_swaps.certainty(evidence, named) * share**ALIKE
+    named, share = _voted(lines, [_renamed(names, best) for names in ways], weight)
+    return named, share**ALIKE
 
 
-def _voted(starts, ways, weight):
+def _voted(lines, ways, weight):
     """Names (rows,) with the most votes, one line to each in a frame, and their shares (rows,).
 
-    starts : first row of every frame, and the number of rows
+    A line's votes are averaged along its track: a name does not change for one frame.
+
     ways : (ways, rows) of the same names; below 0: none
     weight : (ways,)
     """
@@ -62,13 +60,24 @@ def _voted(starts, ways, weight):
     votes = np.zeros((len(rows), count + 1))  # the last one: for no name
     for names, each in zip(ways, weight / weight.sum(), strict=True):
         votes[rows, np.where(names < 0, count, names)] += each
+    votes = _along_whiskers(votes, lines)
     named = np.full(len(rows), count)
-    for first, last in itertools.pairwise(starts):
+    for first, last in itertools.pairwise(lines.starts):
         # every line may be the one without a name
-        choices = np.hstack([votes[first:last, :count], np.diag(votes[first:last, count])])
+        none = np.diag(NAMELESS * votes[first:last, count])
+        choices = np.hstack([votes[first:last, :count], none])
         line, choice = linear_sum_assignment(choices, maximize=True)
         named[first + line] = np.minimum(choice, count)
     return np.where(named < count, named, -1), votes[rows, named]
+
+
+def _along_whiskers(votes, lines):
+    """Votes (rows, names), averaged along tracks up to where most ways see another whisker."""
+    order, first, _ = lines.pieces
+    same = np.minimum(votes[order[1:]], votes[order[:-1]]).sum(axis=1)
+    first = np.union1d(first, np.flatnonzero(same < GOES_ON) + 1)
+    last = np.append(first[1:], len(order))
+    return along_tracks(votes, order, first, last, lines.limits.along_track)
 
 
 def _ways(lines):
@@ -80,25 +89,29 @@ def _ways(lines):
     or runs into another one: two more ways do without them.
     """
     back, rows = lines.backwards()
+    rng = np.random.default_rng(0)
     first = list(_first_names(lines))
     for model, names in first:
         names, model = _likeliest(lines, model, names)
         yield names
-        again, _ = _likeliest(back, model, names[rows], by_motion=True)
+        again, _ = _likeliest(_measured_again(back, rng), model, names[rows], by_motion=True)
         names = np.empty_like(again)
         names[rows] = again
         yield names
     for feature in MAY_MISLEAD:
-        yield _without(lines, feature, first[0][1])
+        yield _without(_measured_again(lines, rng), feature, first[0][1])
+
+
+def _measured_again(lines, rng):
+    """The lines as they might have been measured as well, with other errors."""
+    errors = LEAST_SD * rng.standard_normal(lines.features.shape)
+    return replace(lines, features=lines.features + errors)
 
 
 def _first_names(lines):
     """Appearances and names (rows,) by numbers of whiskers, and by tracklets."""
-    first, *others = named_in_order(lines, LEAST_SD)
-    yield first.model, first.names
-    for other in others[:OTHERS]:
-        if other.cost < NEARLY * first.cost:
-            yield other.model, other.names
+    for each in named_in_order(lines, LEAST_SD):
+        yield each.model, each.names
     by_tracklets = named_by_tracklets(lines)
     for share in SHARES:
         names = often_seen(by_tracklets, lines.frame, share)

@@ -46,7 +46,8 @@ def test_a_name_is_the_surer_the_more_ways_lead_to_it(monkeypatch):
     monkeypatch.setattr(ways, "_ways", more)
     found, sure = names(frame, true, features)
     assert (found == true).all()
-    assert sure[wrong != true].max() < 3 / 4
+    inner = frame < 60 - Limits().along_track  # beyond, votes are averaged with later ones
+    assert sure[(wrong != true) & inner].max() < 3 / 4
     assert np.median(sure[wrong == true]) > 0.9
 
 

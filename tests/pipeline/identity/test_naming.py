@@ -311,31 +311,6 @@ def test_looks_of_resting_whiskers_count_less():
     assert share[frame > 50].max() == pytest.approx(motion_model.WEIGHT)
 
 
-def test_the_probability_of_a_name_is_that_of_all_ways_that_agree():
-    rng = np.random.default_rng(8)
-    known, _, true = evidence(rng)
-    few = 5  # frames, of which all 2^5 ways are counted
-    part = known.frame < few
-    two = part & (true < 2)
-    short = label_swaps.Evidence(
-        known.features[two], known.drift[two], 0.2 * known.look[two, :2], known.nameless[two],
-        known.frame[two], known.phase[:few], known.slope[:2], 20 * known.sd, known.fast,
-        40 * known.most_sd[:2], np.full(two.sum(), -1), np.zeros(two.sum()),
-        np.ones(two.sum(), bool),
-    )  # fmt: skip
-    named = true[two]
-    probable = np.zeros((2, few))
-    for way in range(2**few):
-        state = way >> np.arange(few) & 1
-        new = np.where(state[short.frame] > 0, 1 - named, named)
-        weight = np.exp(-cost_of(short, new))
-        for k in range(few):
-            probable[state[k], k] += weight
-    expected = probable[0] / probable.sum(axis=0)
-    got = label_swaps.certainty(short, named, trust=1.0)
-    assert got[named == 0] == pytest.approx(expected, rel=1e-6)
-
-
 def cost_of(known, named):
     """Cost of all appearances and motions, whisker by whisker."""
     total = known.look[np.arange(len(named)), named].sum()

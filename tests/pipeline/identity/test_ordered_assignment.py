@@ -112,7 +112,7 @@ def test_costs_are_averaged_along_a_track():
     track = np.array([7, 7, 7, 8, 7])  # broken off after frame 2
     lines = Lines(np.zeros((5, 6)), frame, track)
     cost = np.array([[1.0], [2.0], [6.0], [5.0], [9.0]])
-    got = ordered_assignment._along_tracks(cost, *lines.pieces, 7)
+    got = ordered_assignment.along_tracks(cost, *lines.pieces, 7)
     assert got[:, 0] == pytest.approx([3, 3, 3, 5, 9])
 
 

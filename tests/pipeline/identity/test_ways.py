@@ -44,36 +44,72 @@ def test_the_way_that_keeps_lengths_is_believed_and_the_other_one_hardly_counts(
     lines, true = row(np.random.default_rng(2))
     found = [moved_on(true), true]
     monkeypatch.setattr(ways, "_ways", lambda _: iter(found if wrong_first else found[::-1]))
-    certain = np.linspace(0.5, 1.0, len(true))
-    monkeypatch.setattr(ways.label_swaps, "certainty", lambda *_: certain)
     names, sure = ways.best_names(lines)
     assert np.array_equal(names, true)
-    assert np.all(sure <= certain)
-    assert np.all(sure > 0.8 * certain)
+    assert np.all(sure > 0.8)
 
 
 def test_good_ways_that_disagree_take_confidence(monkeypatch):
     lines, true = row(np.random.default_rng(3))
+    lines.features[:, LENGTH] = np.log(100 + true)  # both ways keep them
+    exchanged = np.flatnonzero((lines.frame >= 80) & (true < 2))
     other = true.copy()
-    few = np.flatnonzero(lines.frame == 80)[:2]
-    other[few] = other[few[::-1]]
+    other[exchanged] = 1 - true[exchanged]
     monkeypatch.setattr(ways, "_ways", lambda _: iter([true, other]))
-    monkeypatch.setattr(ways.label_swaps, "certainty", lambda *_: np.ones(len(true)))
     names, sure = ways.best_names(lines)
     assert np.array_equal(names, true)
-    assert np.array_equal(np.flatnonzero(sure < 1), few)
-    assert np.all((sure[few] > 0.5**ways.ALIKE) & (sure[few] < 0.5))  # the better one of two
+    assert np.allclose(sure[true >= 2], 1)
+    late = exchanged[lines.frame[exchanged] >= 80 + lines.limits.along_track]
+    assert np.all((sure[late] > 0.5**ways.ALIKE) & (sure[late] < 0.55))  # the better one of two
 
 
 def test_names_are_voted_for_line_by_line_and_no_whisker_has_two_lines():
-    starts = np.array([0, 2, 4])
+    frame = np.array([0, 0, 1, 1])
+    lines = Lines(np.zeros((4, N_FEATURES)), frame, np.arange(4))  # four tracks
     found = [[0, 1, 0, 1], [0, 1, 1, 0], [1, 0, 1, 0], [1, -1, 1, -1]]
-    named, share = ways._voted(starts, found, np.array([3.0, 2.0, 1.5, 1.5]))
+    named, share = ways._voted(lines, found, np.array([3.0, 2.0, 1.5, 1.5]))
     assert named.tolist() == [0, 1, 1, 0]
     assert np.allclose(share, [5 / 8, 5 / 8, 5 / 8, 3.5 / 8])
-    named, share = ways._voted(starts, found[2:], np.array([1.0, 3.0]))
+    named, share = ways._voted(lines, found[2:], np.array([1.0, 3.0]))
     assert named.tolist() == [1, -1, 1, -1]
     assert np.allclose(share, [1, 0.75, 1, 0.75])
+
+
+def test_votes_for_no_name_count_by_half():
+    lines = Lines(np.zeros((1, N_FEATURES)), np.zeros(1, int), np.zeros(1, int))
+    found = [[0], [-1]]
+    for votes, name in (([1.0, 1.9], 0), ([1.0, 2.1], -1)):
+        named, share = ways._voted(lines, found, np.array(votes))
+        assert named.tolist() == [name]
+        assert share == pytest.approx(votes[0 if name == 0 else 1] / sum(votes))
+
+
+def one_track(frames):
+    """Lines of one track."""
+    return Lines(np.zeros((frames, N_FEATURES)), np.arange(frames), np.zeros(frames, int))
+
+
+def test_a_name_does_not_change_for_one_frame_of_a_track():
+    found = np.repeat([[0], [0], [0], [1], [1]], 31, axis=1)
+    found[0, 15] = 1
+    named, _ = ways._voted(one_track(31), list(found), np.ones(5))
+    assert not named.any()
+
+
+def test_names_change_where_most_ways_see_the_track_go_on_with_another_whisker():
+    found = np.repeat(np.arange(31) >= 15, 5).reshape(31, 5).T.astype(int)
+    found[4] = 0
+    named, share = ways._voted(one_track(31), list(found), np.ones(5))
+    assert np.array_equal(named, np.arange(31) >= 15)
+    assert share == pytest.approx(np.where(np.arange(31) >= 15, 0.8, 1.0))
+
+
+def test_lines_measured_again_have_other_errors_of_the_least_size():
+    lines, _ = row(np.random.default_rng(9))
+    off = ways._measured_again(lines, np.random.default_rng(0)).features - lines.features
+    seen = [ANGLE, BEND, LENGTH]
+    assert np.isnan(np.delete(off, seen, axis=1)).all()
+    assert off[:, seen].std(axis=0) == pytest.approx(ways.LEAST_SD[seen], rel=0.1)
 
 
 @pytest.mark.parametrize("by_motion", [False, True])
@@ -113,21 +149,6 @@ def test_a_way_without_lengths_finds_the_same_names_whatever_they_are():
     mixed = replace(lines, features=features)
     for each in (lines, mixed):
         assert np.array_equal(ways._without(each, LENGTH, swapped), true)
-
-
-def test_names_are_as_sure_as_by_the_looks_of_those_that_won_the_vote(monkeypatch):
-    lines, true = row(np.random.default_rng(6))
-    moved = moved_on(true)
-    few = lines.frame >= FRAMES - 10  # of the best way's lines are named wrong
-    best = np.where(few, moved, true)
-    monkeypatch.setattr(ways, "_ways", lambda _: iter([best, true, true]))
-    monkeypatch.setattr(ways, "_length_cost", lambda _, names: 1.0 + (names is true))
-    monkeypatch.setattr(ways, "SURE", 0)  # all votes are alike
-    asked, fit = [], ways.looks_and_phases
-    monkeypatch.setattr(ways, "looks_and_phases", lambda *of: asked.append(of[-1]) or fit(*of))
-    names, _ = ways.best_names(lines)
-    assert np.array_equal(names, true)
-    assert [np.array_equal(each, true) for each in asked] == [True]
 
 
 def test_a_whisker_that_is_taken_for_two_in_turn_costs_more():
