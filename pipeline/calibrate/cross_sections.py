@@ -28,6 +28,7 @@ FIRST_BLUR_PX = 1.0  # as the search for the true one begins
 THICK_BLURS = 2.0  # half-width from which a section shows its own contrast
 CORE_BLURS = 3.0
 LEAST_HALF_WIDTH_PX = 3.0  # of the thickest part
+MOST_BLUR = 0.4  # of that half-width: where more, no section shows its own contrast
 CONTRAST_SD = 0.02  # least scatter of the contrast along a whisker
 HUBER_SDS = 2.5
 
@@ -186,7 +187,14 @@ def _common_blur(grey, u, start) -> float:
     thick = start[:, 4] > THICK_BLURS * FIRST_BLUR_PX
     blur = np.full(thick.sum(), FIRST_BLUR_PX)
     free, _, _ = _fit(grey[thick], u, start[thick], blur, True)
-    return float(np.clip(np.median(free[:, 5]), 0.4, 0.4 * widest))
+    found = float(np.median(free[:, 5]))
+    if found > MOST_BLUR * widest:
+        raise NoWhiskerError(
+            f"shows a whisker of {2 * widest:.1f} px at its base, its edges blurred by "
+            f"{found:.1f} px (SD): expected at most {MOST_BLUR * widest:.1f} px; photograph it in "
+            "focus and at a higher magnification"
+        )
+    return max(found, 0.4)
 
 
 def _sections_of(straight):

@@ -156,6 +156,16 @@ def test_a_whisker_that_is_cut_off_or_too_small_is_refused(tmp_path):
         measure(tmp_path, small(pixels_per_mm=35.0))
 
 
+def test_a_thin_whisker_out_of_focus_is_refused(tmp_path):
+    """Its contrast would be that of the thin part, and its cone a seventh too long."""
+    blurred = random_micrograph(1)
+    with pytest.raises(NoWhiskerError, match=r"edges blurred by 1\.7 px"):
+        measure(tmp_path, blurred, blurred.picture())
+    sharp = random_micrograph(1, blur_px=0.9)
+    found = measure(tmp_path, sharp, sharp.picture())
+    assert found.cone_length.value == pytest.approx(1e3 * sharp.whisker.cone_length, rel=0.005)
+
+
 def test_what_is_no_picture_is_refused(tmp_path):
     (tmp_path / "note.png").write_text("no picture")
     with pytest.raises(VideoError, match=r"note\.png.*cannot be read as a picture"):
