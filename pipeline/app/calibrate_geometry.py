@@ -5,6 +5,7 @@ import math
 from pipeline.calibrate.geometry import measure_geometry
 from pipeline.calibrate.geometry_files import pooled, remarks, write_geometry, write_into
 
+UNLIKE = 0.05  # SD of whiskers' base radius over its mean: forces differ by four times as much
 LENGTH_MM, BASE_RADIUS_UM = (1.0, 200.0), (2.0, 500.0)  # plausible
 SHOWN = (("length_mm", "length", "mm"), ("base_radius_um", "base radius", "µm"),
          ("tip_radius_um", "tip radius", "µm"), ("cone_length_mm", "cone length", "mm"),
@@ -33,12 +34,14 @@ def run_geometry(images, scale, out, masses, target, say) -> None:
         for remark in remarks(geometry):
             say(f"  {remark}")
     written = write_geometry(out, geometries, masses)
-    _say_pooled(pooled(geometries, masses), say)
+    together = pooled(geometries, masses)
+    _say_pooled(together, say)
     say(f"tables and pictures: {written[-1].parent}")
     if target:
         values = write_into(*target, geometries, masses)
         text = ", ".join(f"{key} = {value:g}" for key, value in values.items())
         say(f"{target[0]}, whisker {target[1]}: {text}")
+        _say_unlike(together["base_radius_um"], say)
 
 
 def _check(images, scale, masses):
@@ -87,3 +90,14 @@ def _say_pooled(values, say):
             if key in values
         ]
         say(f"{count} whiskers, mean ± SD: {', '.join(parts)}")
+
+
+def _say_unlike(radius, say):
+    """Doubt a mean of whiskers that are not alike."""
+    share = radius.sd / radius.mean
+    if radius.n > 1 and share > UNLIKE:
+        say(
+            f"  a mean of unlike whiskers: their base radius varies by {100 * share:.0f} % (SD), "
+            "and forces go with its fourth power; write each whisker's own picture into the file, "
+            "under its own name"
+        )

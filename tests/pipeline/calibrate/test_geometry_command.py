@@ -74,11 +74,24 @@ def test_two_whiskers_into_a_session(pictures, session, tmp_path, capsys):
     assert "# to be measured" in text
     said = capsys.readouterr().out
     assert re.search("2 whiskers, mean ± SD: length 4.(199|2|201) ± 0.28 mm", said)
+    assert "unlike" not in said
     names = {path.name for path in out.glob("[!.]*")}
     assert names == {
         "geometry.csv", "geometry.png", "pooled.csv", "w0.png", "w0_profile.csv", "w1.png",
         "w1_profile.csv",
     }  # fmt: skip
+
+
+@pytest.mark.slow
+def test_the_mean_of_whiskers_that_are_not_alike_is_doubted(pictures, session, tmp_path, capsys):
+    thick = Micrograph(Whisker(4e-3, 4.4e-3, 40e-6), pixels_per_mm=140.0, seed=2).picture()
+    cv2.imwrite(str(tmp_path / "thick.png"), thick)
+    images = pictures / "w0.png", tmp_path / "thick.png"
+    into = "--into", session, "--whisker", "C2"
+    assert run(*images, "--pixels-per-mm", 140, "--out", tmp_path / "out", *into) == 0
+    said = capsys.readouterr().out
+    assert "base radius varies by 9 % (SD)" in said
+    assert "under its own name" in said
 
 
 @pytest.mark.slow
