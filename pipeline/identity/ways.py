@@ -83,10 +83,10 @@ def _along_whiskers(votes, lines):
 def _ways(lines):
     """Names (rows,) from different first ones on, and again from each of these.
 
-    The second time is reversed: what misleads in one direction seldom does in the other. And
-    names need not keep to tracks: where a track has gone over to another whisker, all ways that
-    follow it are wrong together. Thickness and length are not seen well where a whisker is blurred
-    or runs into another one: two more ways do without them.
+    The second time is reversed, with other errors of measurement: what misleads in one direction
+    seldom does in the other. And names need not keep to tracks: where a track has gone over to
+    another whisker, all ways that follow it are wrong together. Thickness and length are not seen
+    well where a whisker is blurred or runs into another one: two more ways do without them.
     """
     back, rows = lines.backwards()
     rng = np.random.default_rng(0)

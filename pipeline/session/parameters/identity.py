@@ -38,7 +38,9 @@ class IdentityParams:
         "chosen: two to three whisks",
     )  # fmt: skip
     along_track_s: quantity(0.001, 1, "s") = parameter(
-        0.014, "a line's likeness to a whisker is averaged over so long", "chosen"
+        0.014,
+        "likeness to a whisker, and votes for a name, are averaged over so long along a track",
+        "chosen",
     )
     moving_deg: quantity(0.05, 45, "°") = parameter(
         2.0, "turn from frame to frame from which every frame is new evidence",
