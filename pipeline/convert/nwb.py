@@ -64,8 +64,9 @@ def write_nwb(folder, video, start: str = "", moves_to=None, **subject) -> list[
     if video.whiskers:
         _add_courses(pynwb, module, video)
     _add_pole(pynwb, module, video)
-    if len(video.lines()):
-        module.add(_centrelines(library("hdmf.common", "nwb"), video))
+    lines = video.lines()
+    if len(lines):
+        module.add(_centrelines(library("hdmf.common", "nwb"), lines))
     _add_contacts(pynwb, file, video)
     file.add_scratch(
         session_text(video.settings), name="session_toml", description="settings of the analysis"
@@ -168,9 +169,8 @@ def _add_pole(pynwb, module, video):
     module.add(pynwb.behavior.Position(name="pole_position", spatial_series=series))
 
 
-def _centrelines(common, video):
+def _centrelines(common, lines):
     """The centrelines as a table with a ragged list of points per row."""
-    lines = video.lines()
     names = np.asarray(lines.names, object)[lines.whisker]
     columns = [
         common.VectorData(name="frame", description="frame number, from 0", data=lines.frame),

@@ -171,13 +171,12 @@ def write_whacc(path, videos) -> Path:
 
 def _most_in_frame(videos, column) -> np.ndarray:
     """Greatest value of any whisker in each frame of all videos, 0 where there is no whisker."""
-    known = [(video.frames.set_index("frame")[column].astype(float), video) for video in videos]
-    return np.concatenate(
-        [
-            values.groupby("frame").max().reindex(range(video.n_frames), fill_value=0)
-            for values, video in known
-        ]
-    )
+
+    def most(video):
+        values = video.frames[column].astype(float).groupby(video.frames["frame"]).max()
+        return values.reindex(range(video.n_frames), fill_value=0)
+
+    return np.concatenate([most(video) for video in videos])
 
 
 def trial_numbers(names) -> np.ndarray:
