@@ -127,7 +127,7 @@ class Video:
     def _without(self, index: int) -> np.ndarray:
         """A black frame in the place of one that cannot be read; note that it is damaged."""
         self.unreadable.add(index)
-        self.faults.damaged.append(index)
+        self.faults.damaged.add(index)
         return np.zeros(self.shape, np.uint8)
 
     def starts(self, numbers) -> list[int]:

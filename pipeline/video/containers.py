@@ -5,6 +5,8 @@ from itertools import groupby, islice, repeat
 
 import av
 import numpy as np
+from av.codec.codec import Capabilities
+from av.codec.context import ThreadType
 from av.video.frame import PictureType
 
 from pipeline.errors import VideoError, counted
@@ -20,6 +22,7 @@ LONGEST_BURST = 3  # samples; more of them would show the same posture again
 FEWEST_SAMPLES = 24  # but a background takes so many
 FRAMES_AHEAD = 16  # lent at once: taking turns, decoder and caller spoil each other's cache
 FEWEST_KEYS = 4  # fewer key frames may miss when things move
+TIED_CODECS = ("ffv1",)  # a frame is decoded with what the decoder learnt from the one before
 HELD_BACK = 16  # frames: as many come out of a decoder at most between a packet and its own frame
 
 
@@ -64,7 +67,7 @@ class ContainerVideo(Video):
                 raise VideoError(path, "has an unknown codec; export it as AVI or MP4")
             if stream.codec_context.name in NOT_VIDEO_CODECS:
                 raise VideoError(path, "is a text file, not a video; name a video file")
-            stream.thread_type = "AUTO" if self._threads != 1 else "NONE"
+            stream.thread_type = self._thread_type(stream.codec_context.name)
             stream.codec_context.thread_count = self._threads
             try:
                 yield container
@@ -72,6 +75,16 @@ class ContainerVideo(Video):
                 # A decoding thread that has something to log waits for the interpreter, and who
                 # frees the decoder holds it while waiting for the thread: neither would go on.
                 stream.codec_context.flush_buffers()
+
+    def _thread_type(self, codec):
+        """What the decoder's threads share: parts of a frame, or frames too where that is safe.
+
+        Behind a broken frame, FFmpeg's threads do not wait for each other: of a codec whose frames
+        are tied, the next good one would spoil those that are still being decoded before it.
+        """
+        if self._threads == 1:
+            return "NONE"
+        return "SLICE" if codec in TIED_CODECS else "AUTO"
 
     # ---- all frames -----------------------------------------------------------------------
 
@@ -91,7 +104,8 @@ class ContainerVideo(Video):
                     if frame is None:
                         yield self._without(index)
                     else:
-                        self._note(frame, index, pts, logged)
+                        self._note(frame, index, pts)
+                        self._note_faults(logged, index + _in_work(stream.codec_context))
                         yield self._luma(frame, lend)
                     index, pts = index + 1, frame and frame.pts
             except av.FFmpegError as error:
@@ -101,30 +115,26 @@ class ContainerVideo(Video):
         if stop is None or index < stop:
             self._check_end(index, pts)
 
-    def _note(self, frame, index, before, logged):
-        """Keep in mind what is peculiar about a frame, and what was `logged` while it came.
-
-        VideoError where it is of another size.
-        """
+    def _note(self, frame, index, before):
+        """Keep in mind what is peculiar about a frame; VideoError where it is of another size."""
         if (frame.height, frame.width) != self.shape:
             self.check_size(np.empty((frame.height, frame.width)), index)
         if frame.pict_type == PictureType.B:
             self.interpolated.add(index)
         if frame.is_corrupt:
-            self.faults.damaged.append(index)
-        self._note_faults(logged, index)
+            self.faults.damaged.add(index)
         if self._timed and before is not None and frame.pts is not None:
             missing = round((frame.pts - before) / float(self._step)) - 1
             if missing > 0:
                 self.faults.gaps.append((index, missing))
 
     def _note_faults(self, logged, index):
-        """Take what the decoder logged for a fault of the frame that came out of it next."""
+        """Take what the decoder logged for a fault of this frame."""
         for text in logged:
             if ENDED_EARLY in text:
                 self._ended_early = True
             elif index >= 0:
-                self.faults.damaged.append(index)
+                self.faults.damaged.add(index)
                 self.faults.said = self.faults.said or text
 
     @property
@@ -348,6 +358,13 @@ class ContainerVideo(Video):
 
     def _pts(self, index):
         return int(self._first_pts + round(index * self._step))
+
+
+def _in_work(codec) -> int:
+    """How many frames behind the one that comes out the decoder has in its threads, and logs."""
+    can = codec.codec.capabilities & Capabilities.frame_threads
+    by_frame = can and codec.thread_type & ThreadType.FRAME
+    return codec.thread_count - 1 if by_frame else 0
 
 
 def _with_log(frames, log):

@@ -18,13 +18,15 @@ class FrameFaults:
 
     Attributes
     ----------
-    damaged, repeated, black : lists of frame numbers
+    damaged : set of frame numbers, which may go beyond the last frame
+    repeated, black : lists of frame numbers
     gaps : list of (frame, number of frames that are missing before it)
     said : the decoder's first words on damage
     """
 
     def __init__(self):
-        self.damaged, self.repeated, self.black, self.gaps = [], [], [], []
+        self.damaged = set()
+        self.repeated, self.black, self.gaps = [], [], []
         self.said = ""
         self.count = 0
         self._before = self._few = None
@@ -34,7 +36,7 @@ class FrameFaults:
         few = image[::EVERY].copy()
         before, self._before = self._before, image
         few_before, self._few = self._few, few
-        if self.count in self.damaged[-1:]:
+        if self.count in self.damaged:
             pass  # is said already
         elif is_black(image):
             self.black.append(self.count)
@@ -46,8 +48,9 @@ class FrameFaults:
         """Yield what a person should know."""
         if self.damaged:
             said = f" (the decoder: {self.said})" if self.said else ""
+            damaged = np.minimum(list(self.damaged), self.count - 1)
             yield (
-                f"damaged at or near {_frames(self.damaged)}{said}: copy the video again; until "
+                f"damaged at or near {_frames(damaged)}{said}: copy the video again; until "
                 "then trust no contact there"
             )
         if self._copied():
