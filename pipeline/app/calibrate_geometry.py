@@ -38,7 +38,7 @@ def run_geometry(images, scale, out, masses, target, say) -> None:
     _say_pooled(together, say)
     say(f"tables and pictures: {written[-1].parent}")
     if target:
-        values = write_into(*target, geometries, masses)
+        values = write_into(*target, together)
         text = ", ".join(f"{key} = {value:g}" for key, value in values.items())
         say(f"{target[0]}, whisker {target[1]}: {text}")
         _say_unlike(together["base_radius_um"], say)

@@ -52,8 +52,11 @@ class ConeFit:
         return float(np.sqrt(row @ self.covariance @ row))
 
 
-def fit_cone(s, half_width, se) -> ConeFit:
-    """Fit a cone to half-widths with standard errors `se` at `s`, each (sections,) [px]."""
+def fit_cone(s, half_width, se, doubt) -> ConeFit:
+    """Fit a cone to half-widths with standard errors `se` at `s`, each (sections,) [px].
+
+    All half-widths may be off together by `doubt` (sections,) [px].
+    """
     if len(s) < LEAST_SECTIONS:
         raise ValueError(f"sections must be at least {LEAST_SECTIONS}, got {len(s)}")
     basis = np.column_stack([np.ones_like(s), -s])
@@ -71,9 +74,10 @@ def fit_cone(s, half_width, se) -> ConeFit:
     weighed = np.linalg.inv(matrix) @ (basis * (weight * sd * used)[:, None]).T
     spread = float(np.mean((residual / sd)[used] ** 2))
     covariance = spread * weighed @ toeplitz(correlation) @ weighed.T
-    together = correlation[0] + 2 * correlation[1:].sum()
-    independent = used.sum() / together
+    independent = used.sum() / (correlation[0] + 2 * correlation[1:].sum())
     covariance *= independent / max(independent - 2, 1)
+    together = np.linalg.solve(matrix, basis.T @ (weight * doubt))
+    covariance += np.outer(together, together)
     return ConeFit(
         base=float(q[0]),
         slope=float(q[1]),

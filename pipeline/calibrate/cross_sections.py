@@ -6,10 +6,11 @@ Across a straightened whisker the grey level is that of a strip behind a Gaussia
 
 with centre c and half-width r. Where the whisker is thick, its edges lie where the grey level is
 halfway; where it is as thin as the blur, only C r shows, and r follows from the contrast C of the
-thick part. Anything more than 3 σ inside the edges, such as a bright core, is left out.
+thick part, and is as uncertain as that. Anything more than 3 σ inside the edges, such as a bright
+core, is left out.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from scipy.ndimage import map_coordinates, spline_filter
@@ -29,6 +30,7 @@ THICK_BLURS = 2.0  # half-width from which a section shows its own contrast
 CORE_BLURS = 3.0
 LEAST_HALF_WIDTH_PX = 3.0  # of the thickest part
 MOST_BLUR = 0.4  # of that half-width: where more, no section shows its own contrast
+STRETCH = 15  # sections of the thick part that share a contrast
 CONTRAST_SD = 0.02  # least scatter of the contrast along a whisker
 HUBER_SDS = 2.5
 
@@ -70,19 +72,18 @@ class Sections:
     s : middle, along the centreline [px]
     centre : of the edges, from the centreline [px]
     half_width, half_width_se : [px]
-    contrast : C/b0
+    half_width_doubt : [px] by which all may be off together, as the thin part's contrast may be
+    contrast : C that they are held to
     blur : σ [px], one number
-    usual_contrast, usual_contrast_se : of the thick part, two numbers
     """
 
     s: np.ndarray
     centre: np.ndarray
     half_width: np.ndarray
     half_width_se: np.ndarray
+    half_width_doubt: np.ndarray
     contrast: np.ndarray
     blur: float
-    usual_contrast: float
-    usual_contrast_se: float
 
     def __len__(self):
         return len(self.s)
@@ -105,10 +106,10 @@ def cut_sections(trace: Trace):
     width = 1.6 * trace.half_width + FLANK_PX + 6
     for _ in range(ROUNDS):
         straight = straighten(coefficients, line, width)
-        sections = fit_sections(straight)
+        sections = fit_sections(straight, trace.bright)
         line = _recentred(straight, sections)
     straight = straighten(coefficients, line, width)
-    return straight, fit_sections(straight)
+    return straight, fit_sections(straight, trace.bright)
 
 
 def straighten(coefficients, line, half_width) -> Straightened:
@@ -145,7 +146,7 @@ def _recentred(straight, sections):
 # Fits ----------------------------------------------------------------------------------------
 
 
-def fit_sections(straight: Straightened) -> Sections:
+def fit_sections(straight: Straightened, bright=False) -> Sections:
     """Both edges of all sections, with one blur and, where it is thin, one contrast."""
     s, grey = _sections_of(straight)
     start = _starting_values(grey, straight.u)
@@ -158,22 +159,63 @@ def fit_sections(straight: Straightened) -> Sections:
             f"length more than {2 * THICK_BLURS * blur:.1f} px wide; photograph it in focus and "
             "at a higher magnification"
         )
-    shares = values[thick, 2] / values[thick, 0]
-    usual = float(np.median(shares))
-    scatter = max(float(robust_sd(shares, usual)), CONTRAST_SD * usual)
-    values, errors, _ = _fit(
-        grey, straight.u, values, np.full(len(start), blur), contrast=(usual, scatter)
-    )
+    usual, spread, doubt = _contrast_along(values[:, 0], values[:, 2], thick, bright)
+    blurs = np.full(len(start), blur)
+    values, errors, _ = _fit(grey, straight.u, values, blurs, contrast=(usual, spread))
+    other, _, _ = _fit(grey, straight.u, values, blurs, contrast=((1 + doubt) * usual, spread))
     return Sections(
         s=s,
         centre=values[:, 3],
         half_width=values[:, 4],
         half_width_se=errors[:, 4],
-        contrast=values[:, 2] / values[:, 0],
+        half_width_doubt=other[:, 4] - values[:, 4],
+        contrast=usual,
         blur=blur,
-        usual_contrast=usual,
-        usual_contrast_se=1.25 * scatter / np.sqrt(thick.sum()),
     )
+
+
+def _contrast_along(ground, contrast, thick, bright):
+    """The contrast C that a whisker has along the whole of it, by that of its thick part.
+
+    A dark whisker takes away a share of the light. A bright one may shine as its dark ground does,
+    or the ground's light may say nothing of it, as in a negative or of tiles: both count, by how
+    likely they make the steps of the thick part.
+
+    Returns
+    -------
+    usual, spread : (sections,), and the SD of single sections about it
+    doubt : (sections,) share by which the usual one may be off
+    """
+    light = np.maximum(ground, 1.0)  # grey level
+    ways = [_levels(contrast, light**power, thick) for power in ((0, 1) if bright else (1,))]
+    usual, scatter, doubt, likelihood = (np.array(part) for part in zip(*ways, strict=True))
+    weight = np.exp(likelihood - likelihood.max())[:, None]
+    weight /= weight.sum()
+    mean = (weight * usual).sum(axis=0)
+    doubt = np.sqrt((weight * (doubt**2 + (usual / mean - 1) ** 2)).sum(axis=0))
+    return mean, scatter[np.argmax(weight)] * mean, doubt
+
+
+def _levels(contrast, light, thick):
+    """Contrast (sections,) that goes with `light`, and is that of the nearest thick stretch.
+
+    Also the scatter about it, how far it may be off, as shares, and the log likelihood of the way:
+    the contrast walks at random from stretch to stretch, and may drift on as it did.
+    """
+    at = np.flatnonzero(thick)
+    share = contrast[at] / light[at]
+    parts = np.array_split(np.arange(len(at)), max(len(at) // STRETCH, 2))
+    levels = np.array([np.median(share[part]) for part in parts])
+    places = [at[part].mean() for part in parts]
+    number = np.arange(len(light))
+    usual = np.interp(number, places, levels)
+    scatter = max(float(robust_sd(share / usual[at] - 1, 0.0)), CONTRAST_SD)
+    step = np.sqrt(np.mean((np.diff(levels) / levels.mean()) ** 2))
+    step = np.hypot(step, 1.25 * scatter / np.sqrt(len(parts[0])))
+    away = np.abs(number - np.clip(number, at[0], at[-1])) / STRETCH
+    drift = abs(levels[-1] - levels[0]) / levels.mean() / (len(levels) - 1)
+    doubt = np.hypot(step * np.sqrt(1 + away), drift * away)
+    return light * usual, scatter, doubt, -(len(levels) - 1) * np.log(step)
 
 
 def _common_blur(grey, u, start) -> float:
@@ -229,7 +271,7 @@ def _fit(grey, u, start, blur, free_blur=False, contrast=None):
     ----------
     grey : (sections, across); start : (sections, 5); blur : (sections,)
     free_blur : fit it as well, as the sixth unknown
-    contrast : (share of the ground, its SD) that C is held to, weakly
+    contrast : (values, their SD), (sections,) each, that C is held to, weakly
 
     Returns
     -------
@@ -249,10 +291,10 @@ def _fit(grey, u, start, blur, free_blur=False, contrast=None):
         matrix = np.einsum("nuk,nu,num->nkm", slopes, weight, slopes)
         rhs = np.einsum("nuk,nu->nk", slopes, weight * residual)
         if contrast is not None:
-            share, spread = contrast
-            held = (sd / (spread * q[:, 0])) ** 2
+            usual, spread = contrast
+            held = (sd / spread) ** 2
             matrix[:, 2, 2] += held
-            rhs[:, 2] += held * (share * q[:, 0] - q[:, 2])
+            rhs[:, 2] += held * (usual - q[:, 2])
         diagonal = np.einsum("nkk->nk", matrix)
         diagonal += damping * diagonal + 1e-9
         move = np.linalg.solve(matrix, rhs[..., None])[..., 0]
@@ -317,5 +359,5 @@ def profile_of(radius, u, blur):
 
 def without(sections: Sections, keep) -> Sections:
     """The sections where `keep` holds."""
-    parts = ("s", "centre", "half_width", "half_width_se", "contrast")
+    parts = (each.name for each in fields(sections) if each.name != "blur")
     return replace(sections, **{name: getattr(sections, name)[keep] for name in parts})

@@ -30,6 +30,7 @@ STEP_PX, LOOK_PX = 8, 4  # ahead, and to both sides, on the way to the whisker's
 BEHIND_PX = 80  # that give the direction
 LOST_STEPS = 4  # without a whisker, after which it has ended
 LINE_SDS = 3.5
+MOST_CUT_OFF = 0.5  # of the pixels at one end of the grey scale
 
 
 class NoWhiskerError(ValueError):
@@ -45,11 +46,13 @@ class Trace:
     image : (height, width) grey levels, the whisker dark
     points : (points, 2) x, y [px] about 1 px apart, from one end to the other
     half_width : largest half-width [px], roughly
+    bright : whether the whisker was brighter than the ground
     """
 
     image: np.ndarray
     points: np.ndarray
     half_width: float
+    bright: bool
 
 
 def read_micrograph(path) -> np.ndarray:
@@ -102,13 +105,14 @@ def find_whisker(image) -> Trace:
             "shows no whisker: expected one long thin object, clearly darker or brighter than the "
             "ground; photograph one whisker, whole, on an even ground"
         )
+    _need_exposure(image, turned)
     path = _longest_way(region)
     half_width = region.area / len(path)  # of a cone, half the mean width at its base
     line = smooth_line(_trimmed(path, half_width), 60.0)
     line = _to_its_end(line, contrast)
     line = _to_its_end(line[::-1], contrast)[::-1]
     grey = image if turned > 0 else 2 * ground - image
-    return Trace(grey, line, half_width)
+    return Trace(grey, line, half_width, turned < 0)
 
 
 def _ground(image):
@@ -120,6 +124,18 @@ def _ground(image):
     levels = np.round(255 * (small - low) / span).astype(np.uint8)
     median = cv2.medianBlur(levels, GROUND_REDUCED_PX).astype(np.float32)
     return cv2.resize(low + span * median / 255, (width, height), interpolation=cv2.INTER_LINEAR)
+
+
+def _need_exposure(image, turned):
+    """NoWhiskerError where the ground lies beyond the grey scale, and the edges with it."""
+    end, word = (image.max(), "white") if turned > 0 else (image.min(), "black")
+    share = np.mean(image == end)
+    if share > MOST_CUT_OFF:
+        raise NoWhiskerError(
+            f"has {100 * share:.0f} % of its pixels purely {word} ({end:g}): expected a ground "
+            "within the grey scale, as edges and thin ends are lost beyond it; photograph it "
+            f"{'less' if turned > 0 else 'more'} exposed"
+        )
 
 
 def _likelier_first(image, ground):

@@ -101,7 +101,7 @@ def _scale(image, pixels_per_mm, scale_bar_mm) -> Measured:
 
 def _measured(path, scale, image, straight, sections) -> Geometry:
     """Ends, cone and dimensions of a whisker that is straightened and cut."""
-    rough = fit_cone(sections.s, sections.half_width, sections.half_width_se)
+    rough = _cone_of(sections, sections.s)
     if rough.slope == 0 or abs(rough.slope) * np.ptp(sections.s) < 3 * rough.scatter:
         raise NoWhiskerError(
             "shows a fibre that does not taper: expected a whisker, thick at its base"
@@ -117,7 +117,7 @@ def _measured(path, scale, image, straight, sections) -> Geometry:
     along = np.abs(sections.s - base_at.s)
     inside = (sections.s - ends[0].s) * (sections.s - ends[1].s) < 0
     sections = without(sections, inside)
-    cone = fit_cone(along[inside], sections.half_width, sections.half_width_se)
+    cone = _cone_of(sections, along[inside])
     return Geometry(
         path=path,
         pixels_per_mm=scale.value,
@@ -131,6 +131,11 @@ def _measured(path, scale, image, straight, sections) -> Geometry:
     )
 
 
+def _cone_of(sections, s):
+    """The cone through the sections, which lie at `s` [px]."""
+    return fit_cone(s, sections.half_width, sections.half_width_se, sections.half_width_doubt)
+
+
 def _dimensions(sections, cone, base_at, tip_at, scale, seams):
     """The dimensions of a whisker, Measured each, from its cone and ends [px].
 
@@ -141,8 +146,7 @@ def _dimensions(sections, cone, base_at, tip_at, scale, seams):
     wider = students_factor(cone.independent)
     base_se = np.hypot(wider * cone.se_at(0.0), MODEL_SE_PX)
     tip = float(cone(length))
-    contrast = sections.usual_contrast_se / sections.usual_contrast
-    tip_se = np.sqrt((wider * cone.se_at(length)) ** 2 + (tip * contrast) ** 2 + MODEL_SE_PX**2)
+    tip_se = np.hypot(wider * cone.se_at(length), MODEL_SE_PX)
     apex = cone.base / cone.slope
     # of where the half-width is 0
     apex_se = np.hypot(wider * cone.se_at(apex), MODEL_SE_PX) / cone.slope

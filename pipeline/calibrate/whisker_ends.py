@@ -47,7 +47,9 @@ def find_end(straight: Straightened, sections: Sections, cone, last: bool) -> En
     radius = np.maximum(cone(s if last else -s), LEAST_RADIUS_PX)
     reach = int(np.clip(GRADUAL * (6 - cone(near if last else -near)), INSIDE_PX, len(s) // 6))
     rows = s > near - reach
-    width, sd = _widths(grey[rows], straight.u, radius[rows], sections)
+    profile = profile_of(radius[rows], straight.u, sections.blur)
+    contrast = sections.contrast[-1 if last else 0]
+    width, sd = _widths(grey[rows], straight.u, radius[rows], profile, contrast)
     clean = np.abs(width - median_filter(width, DUST_PX)) < WILD_SDS * sd + DUST_SHARE * width
     end = _fit_end(s[rows][clean] - near, width[clean], sd, sections.blur)
     return End(near + end.s if last else -(near + end.s), end.se)
@@ -60,11 +62,10 @@ def leaves_the_picture(straight: Straightened, s, shape) -> bool:
     return bool(min(x, y, width - 1 - x, height - 1 - y) < EDGE_PX)
 
 
-def _widths(grey, u, radius, sections):
+def _widths(grey, u, radius, profile, contrast):
     """Width [px] equivalent to the darkness of every row, and the SD of its noise."""
-    profile = profile_of(radius, u, sections.blur)
-    ground, dark = _darkness(grey, profile, _ground_and_line(grey, u, radius))
-    width = 2 * radius * dark / (sections.usual_contrast * np.median(ground))
+    dark = _darkness(grey, profile, _ground_and_line(grey, u, radius))
+    width = 2 * radius * dark / contrast
     beyond = width[-BEYOND_PX + 15 :]
     sd = float(robust_sd(beyond))
     return width, max(sd, 1e-4)
@@ -87,8 +88,7 @@ def _darkness(grey, profile, window):
     basis = np.stack([np.ones_like(grey), u, -profile], axis=-1)
     matrix = np.einsum("nuk,nu,num->nkm", basis, window, basis) + 1e-6 * np.eye(3)
     rhs = np.einsum("nuk,nu->nk", basis, window * grey)
-    q = np.linalg.solve(matrix, rhs[..., None])[..., 0]
-    return q[:, 0], q[:, 2]
+    return np.linalg.solve(matrix, rhs[..., None])[:, 2, 0]
 
 
 def _fit_end(s, width, sd, blur):

@@ -99,6 +99,17 @@ def test_intervals_cover(tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("seed", [18, 21])
+def test_tiles_of_a_bright_whisker_are_right_or_uncertain(tmp_path, seed):
+    """Ground and whisker do not brighten alike there, and the tip's contrast is not seen."""
+    micrograph = random_micrograph(seed, bright=True, tiles=5)
+    found = measure(tmp_path, micrograph).cone_length
+    off = found.value - 1e3 * micrograph.whisker.cone_length
+    assert abs(off) < 3 * found.se
+    assert found.se < 0.02 * found.value
+
+
+@pytest.mark.slow
 def test_edges_lie_half_a_diameter_off_the_true_centreline(tmp_path):
     micrograph = small(curvature=(200.0, 0.0))
     found = measure(tmp_path, micrograph)
@@ -164,6 +175,15 @@ def test_a_thin_whisker_out_of_focus_is_refused(tmp_path):
     sharp = random_micrograph(1, blur_px=0.9)
     found = measure(tmp_path, sharp, sharp.picture())
     assert found.cone_length.value == pytest.approx(1e3 * sharp.whisker.cone_length, rel=0.005)
+
+
+@pytest.mark.parametrize(("bright", "shift", "end"), [(False, 90, "white"), (True, -40, "black")])
+def test_a_ground_beyond_the_grey_scale_is_refused(tmp_path, bright, shift, end):
+    """Overexposed, a base came out a sixth too thin and its cone a fifth too long."""
+    micrograph = small(bright=bright)
+    shifted = np.clip(micrograph.picture() + float(shift), 0, 255).astype(np.uint8)
+    with pytest.raises(NoWhiskerError, match=rf"9\d % of its pixels purely {end}"):
+        measure(tmp_path, micrograph, shifted)
 
 
 def test_what_is_no_picture_is_refused(tmp_path):
