@@ -119,11 +119,11 @@ def _is_drawn(name, values) -> bool:
 
 
 def _panel(column, name, unit, curves, styles, span) -> Panel:
-    known = np.concatenate([rows[column].to_numpy(float) for rows in curves.values()])
-    low, high = np.nanpercentile(known, [RARE, 100 - RARE])
+    values = _of_known_whiskers(column, curves.values())
+    low, high = np.nanpercentile(values, [RARE, 100 - RARE])
     low, high = min(low, high - 1e-6), max(high, low + 1e-6)
     if name == "force":
-        low, high = 0.0, np.nanmax(known) or 1.0
+        low, high = 0.0, np.nanmax(values) or 1.0
     low, high = low - MARGIN * (high - low), high + MARGIN * (high - low)
     below, above = [], []
     for whisker, rows in curves.items():
@@ -135,6 +135,17 @@ def _panel(column, name, unit, curves, styles, span) -> Panel:
         below += [(UNKNOWN, unknown)] if unknown else []
         above += [(styles[whisker], known)] if whisker in styles else []
     return Panel(name, unit, _places(low, high), below + above)
+
+
+def _of_known_whiskers(column, curves) -> np.ndarray:
+    """Values of lines of which it is known which whisker they are; all where it never is.
+
+    Other lines, such as fur and shadows, may have any angle, and would leave the whiskers' courses
+    little height.
+    """
+    table = pd.concat(curves)
+    known = table.loc[~(table["confidence"] < KNOWN), column]
+    return (known if known.notna().any() else table[column]).to_numpy(float)
 
 
 def _places(low, high) -> list:

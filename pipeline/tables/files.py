@@ -32,20 +32,19 @@ def _digits(column: Column) -> str:
     return "{:.6f}" if column.unit == "s" else "{:.6g}"
 
 
-def _csv_text(values: pd.Series, column: Column):
-    """Values of one column as text for a CSV."""
-    if column.dtype == "bool":
+def csv_text(values: pd.Series, digits="{:.6g}"):
+    """Values of one column as text for a CSV: true/false, numbers of some digits, "" for none."""
+    if values.dtype.kind == "b":
         return values.map({True: "true", False: "false"})
-    if column.dtype == "float64":
-        form = _digits(column).format
-        return [form(v) if np.isfinite(v) else ("" if np.isnan(v) else str(v)) for v in values]
+    if values.dtype.kind == "f":
+        return ["" if np.isnan(v) else digits.format(v) for v in values]
     return values
 
 
 def write_csv(path, table: pd.DataFrame, columns) -> None:
     """Write `table` with exactly the declared `columns`: true/false, nothing for missing."""
     table = as_table(table, columns)
-    text = {c.name: _csv_text(table[c.name], c) for c in columns}
+    text = {c.name: csv_text(table[c.name], _digits(c)) for c in columns}
     with whole_file(path) as temporary:
         pd.DataFrame(text).to_csv(temporary, index=False, lineterminator="\n")
 

@@ -126,6 +126,7 @@ def test_panels_a_and_b_show_the_contact(drawn):
     results, _ = drawn
     a = pd.read_csv(results / "figures" / "fig3a.csv")
     b = pd.read_csv(results / "figures" / "fig3b.csv")
+    assert "True" not in (results / "figures" / "fig3a.csv").read_text()  # as in contacts.csv
     shown = a.drop_duplicates("frame").set_index("frame")["in_contact"]
     assert set(shown) == {True, False}
     assert shown.loc[61:79].all()

@@ -60,6 +60,18 @@ def test_lines_of_no_known_whisker_are_grey_and_have_no_name(tmp_path):
     assert [style for style, _ in above] == [style_of(0)]
 
 
+def test_lines_of_no_known_whisker_leave_the_axis_to_the_others(tmp_path):
+    frames = read_courses(make_results(tmp_path / "r"), "one").assign(whisker="w1")
+    frames["base_angle_deg"] = 10 * np.sin(frames["frame"])
+    other = frames.assign(whisker="w2", base_angle_deg=frames["frame"] - 170.0, confidence=0.4)
+    alone, both, unknown = (
+        time_courses(each, table(CONTACTS[:0]), "one").panels[0].ticks
+        for each in (frames, pd.concat([frames, other]), other)
+    )
+    assert both == alone
+    assert [text[0] for _, text in unknown] == ["−"] * len(unknown)
+
+
 def test_where_a_name_is_not_known_the_line_is_grey(tmp_path):
     frames = read_courses(make_results(tmp_path / "r"), "one")
     frames["confidence"] = np.where(frames["frame"] < 40, 0.3, 0.9)
