@@ -21,7 +21,7 @@ from pipeline.identity.unnamed import Unnamed
 from pipeline.identity.ways import best_names
 from pipeline.session.parameters import DEFAULTS
 from pipeline.tables.centrelines import Centrelines
-from pipeline.tracking import line_ends
+from pipeline.tracking import hairs, line_ends
 from pipeline.tracking.given_lengths import GivenLengths, numbers_in_order, probabilities
 from pipeline.tracking.matching import Ruler
 from pipeline.tracking.two_sides import names_by_side
@@ -100,7 +100,8 @@ def name_lines(
             _store(chunk, file)
             row, features = sides.features(chunk)
             length = _whole_lengths(chunk, features[:, LENGTH], given.ground)
-            found.append((chunk.frame, chunk.whisker, row, features, length))
+            base = np.column_stack([each[chunk.offsets[:-1]] for each in (chunk.x_px, chunk.y_px)])
+            found.append((chunk.frame, chunk.whisker, row, features, length, base))
             count += 1
         if not found:
             return
@@ -120,13 +121,14 @@ def name_lines(
 def _all_rows(rows, templates, given, sides, open_ended, limits, unnamed):
     """Whisker of every line, the probability of that, and the names; row by row of the face.
 
-    rows : frame, track, side, features and `_whole_lengths` of the lines
+    rows : frame, track, side, features, `_whole_lengths` and bases of the lines
     """
     longest = given.longest_px
-    frame, track, side, features, length = rows
+    frame, track, side, features, length, base = rows
     whisker, sure, called = np.full(len(frame), -1), np.ones(len(frame)), ()
     for number, side_name in enumerate(sides.names):
         own = np.flatnonzero(side == number)
+        own = own[~_are_hairs(track[own], base[own], features[own])]
         row = [template for template in templates if template.name.startswith(side_name)]
         both = open_ended and len(sides.names) > 1
         direction = 1 if both else _runs_along(row, sides.dials[number])
@@ -147,6 +149,20 @@ def _all_rows(rows, templates, given, sides, open_ended, limits, unnamed):
         whisker[own] = np.where(named < 0, -1, named + len(called))
         called += names_here
     return whisker, sure, called
+
+
+def _are_hairs(track, base, features):
+    """Rows (rows,) of tracks that are hairs apart from the row of whiskers, bool."""
+    order = np.argsort(track, kind="stable")
+    _, starts, of = np.unique(track[order], return_index=True, return_inverse=True)
+    starts = np.append(starts, len(track))
+    places = np.column_stack([medians(base[order, k], starts) for k in (0, 1)])
+    strength = np.exp(features[:, LENGTH] + features[:, THICKNESS])
+    total = np.bincount(of, np.nan_to_num(strength[order]), minlength=len(places))
+    usual = np.exp(medians(features[:, LENGTH], np.array([0, len(track)])))[0]
+    out = np.empty(len(track), bool)
+    out[order] = hairs.are_hairs(places, total, usual)[of]
+    return out
 
 
 def _as_given(named, length, given, found):

@@ -11,7 +11,7 @@ from pipeline.detection.line import Line, Workspace
 from pipeline.detection.static_scene import StaticScene
 from pipeline.detection.tracing_options import TracingOptions
 from pipeline.tables.centrelines import Centrelines
-from pipeline.tracking import line_ends, matching
+from pipeline.tracking import hairs, line_ends, matching
 from pipeline.tracking.given_lengths import (
     GivenLengths,
     numbers_in_order,
@@ -78,6 +78,11 @@ class _Group:
         return np.where(seen, np.nanmedian(np.where(seen, every, 0.0), axis=0), np.nan)
 
     @property
+    def base(self):
+        """Where its lines begin, (x, y) [px], in the median."""
+        return np.median([line.points[0] for line in self.lines], axis=0)
+
+    @property
     def strength(self):
         """How clearly its lines are seen (`usual_strength`)."""
         return usual_strength(self.lines)
@@ -140,7 +145,8 @@ def templates_and_others(frames, scene, options, names=None, indices=None):
     groups = gather(found, ruler)
     share = np.array([len(g.frames) / len(found) for g in groups])
     strength = np.array([g.strength for g in groups])
-    chosen = often = mostly_seen(share, strength, options.params.tracking)
+    often = mostly_seen(share, strength, options.params.tracking)
+    chosen = often = often[~_are_hairs([groups[k] for k in often])]
     if names:
         chosen = np.argsort(-share * np.sqrt(strength))[: len(names)]
     others = [_template(groups[k]) for k in np.setdiff1d(often, chosen)]
@@ -153,6 +159,14 @@ def templates_and_others(frames, scene, options, names=None, indices=None):
     given = dict(zip(names, longest, strict=True))
     ground = line_ends.open_ground(scene) if known else None
     return named_as_given(templates, GivenLengths(given, ground)), others
+
+
+def _are_hairs(groups) -> np.ndarray:
+    """Which groups are hairs apart from the others, bool (groups,)."""
+    bases = np.array([group.base for group in groups]).reshape(-1, 2)
+    strength = [len(group.frames) * group.strength for group in groups]
+    lengths = [line.n for group in groups for line in group.lines]
+    return hairs.are_hairs(bases, strength, np.median(lengths or [0.0]))
 
 
 def mostly_seen(share, strength, params) -> np.ndarray:
@@ -193,10 +207,9 @@ def named_as_given(templates, given: GivenLengths) -> list[WhiskerTemplate]:
 
 
 def _template(group: _Group) -> WhiskerTemplate:
-    base = np.median([line.points[0] for line in group.lines], axis=0)
     length = float(np.median([line.n for line in group.lines]))
     return WhiskerTemplate(
-        "", base, length, tuple(group.lines), group.signature, frames=tuple(group.frames)
+        "", group.base, length, tuple(group.lines), group.signature, frames=tuple(group.frames)
     )
 
 

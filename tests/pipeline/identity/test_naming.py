@@ -454,6 +454,24 @@ def test_names_follow_the_parameters_of_the_options():
 
 
 @pytest.mark.parametrize("open_ended", [False, True])
+def test_a_hair_apart_from_the_row_is_left_out_and_a_whisker_seen_as_seldom_is_not(open_ended):
+    angles, frames = [-0.3, 0.1, 0.4], 40
+    whiskers = [straight(a, 60) for a in angles]
+    templates = [WhiskerTemplate(n, a, 60) for n, a in zip("abc", angles, strict=True)]
+    beside = straight(0.7, 60)
+    apart = beside + np.array([0.0, 60.0])
+    for seldom, kept in ((beside, open_ended), (apart, False)):
+        lines = [
+            *((f, k, line) for f in range(frames) for k, line in enumerate(whiskers)),
+            *((f, 3, seldom) for f in range(3)),
+        ]
+        lines.sort(key=lambda each: each[:2])
+        chunk = centrelines(*map(list, zip(*lines, strict=True)))
+        (got,) = name_lines(iter([chunk]), templates, one_row(templates), open_ended)
+        assert len(got) == 3 * frames + 3 * kept
+
+
+@pytest.mark.parametrize("open_ended", [False, True])
 def test_a_single_frame_is_named(open_ended):
     angles = [-0.3, 0.1, 0.4]
     templates = [WhiskerTemplate(n, a, 60) for n, a in zip("abc", angles, strict=True)]
