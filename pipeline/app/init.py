@@ -219,8 +219,8 @@ def _notes(looks, snout) -> dict:
         "recording.pixels_per_mm": f"{how}; measure it: forces depend on it",
         "recording.face": "found in the picture",
         "recording.snout": "GUESS, whiskers look thinner there" if snout else "",
-        "whisker.name": "found in the picture, numbered from the snout on; every whisker that is "
-        "seen is followed until one of them has a dimension or another name",
+        "whisker.name": "found in some frames, numbered from the snout on; `run` may know others: "
+        "every whisker that it sees is followed until one here has a dimension or another name",
         "whisker.length_mm": "needed for forces, as cone_length_mm and base_radius_um are",
         "pole.diameter_mm": "GUESS",
         "pole.x_px": _pole_note(looks),
@@ -251,7 +251,10 @@ def _words(looks, preview, target) -> list[str]:
     shown = f"; {preview.path.name} is in the picture" if len(looks) > 1 else ""
     advice = "next: check the lines marked GUESS"
     if preview.names:
-        advice += ", and add the whiskers' dimensions if you want forces"
+        advice += (
+            ", and add the whiskers' dimensions if you want forces, best after a first `run`, "
+            "which looks at all frames and may know fewer whiskers, or more, as its messages say"
+        )
     return [
         f"looked at {names}{shown}",
         *preview.words(),

@@ -198,7 +198,9 @@ def _new_or(task, message="") -> Outcome | None:
 
 
 def _failed(task, message) -> Outcome:
-    return failure(task.folder, str(task.path), message, _earlier_results(task))
+    """The outcome of a failure; its path is named beside the message, not once more in it."""
+    said = message.removeprefix(f"{task.path}: ")
+    return failure(task.folder, str(task.path), said, _earlier_results(task))
 
 
 def _earlier_results(task) -> str:

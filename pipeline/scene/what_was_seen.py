@@ -24,8 +24,8 @@ def seen_instead_of_whiskers(scenes, shade="dark") -> str:
     if scene is None:
         return "a picture in which everything moves"
     face = (
-        f"something {shade} at the {scene.face_side} ({100 * scene.face_mask.mean():.0f} % of the "
-        "picture), with nothing thin moving out of it"
+        f"something {shade} at the {scene.face_side} ({_share(scene.face_mask)}), with nothing "
+        "thin moving out of it"
         if scene.face_mask.any()
         else f"nothing {shade} at the {scene.face_side}, where the face should be"
     )
@@ -58,8 +58,13 @@ def _thing(mask, stats, centre, shade) -> str:
     sides = [side for side in SIDES if border(mask, side).any()]
     if sides:
         joined = ", ".join(sides[:-1]) + " and " * (len(sides) > 1) + sides[-1]
-        share = f"{100 * mask.mean():.0f} % of the picture"
-        return f"something {shade} that reaches in from the {joined} ({share})"
+        return f"something {shade} that reaches in from the {joined} ({_share(mask)})"
     width, height = stats[[cv2.CC_STAT_WIDTH, cv2.CC_STAT_HEIGHT]]
     x, y = centre
     return f"a {shade} spot {width} px wide and {height} px high at ({x:.0f}, {y:.0f}) px"
+
+
+def _share(mask) -> str:
+    """How much of the picture a mask covers, in words."""
+    percent = 100 * mask.mean()
+    return f"{percent:.0f} % of the picture" if percent >= 0.5 else "less than 1 % of the picture"

@@ -135,6 +135,9 @@ def test_where_nothing_is_wrong_nothing_is_said():
         ({"pole": None, "thing": np.s_[30:, 20:]},
          "no pole of 0.5 mm (12 px) found, so no contacts; what was seen is something dark that "
          "reaches in from the right and bottom (17 % of the picture); if there is one"),
+        ({"pole": None, "thing": np.s_[38:, 58:]},
+         "no pole of 0.5 mm (12 px) found, so no contacts; what was seen is something dark that "
+         "reaches in from the right and bottom (less than 1 % of the picture); if there is one"),
         ({"pole": None, "refused": ((3.0, 4.0, "a tuft"),)},
          "no pole of 0.5 mm (12 px) found, so no contacts; what was seen is a tuft (at 3, 4 px)"),
         ({"region": [10, 0, 90, 40]},

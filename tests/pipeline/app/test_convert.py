@@ -84,7 +84,10 @@ def test_a_damaged_file_fails_by_itself(tracked, tmp_path, capsys):
     (tmp_path / "cut.measurements").write_bytes((tracked / "trial.measurements").read_bytes())
     out = tmp_path / "results"
     assert run("import", "janelia", tmp_path / "cut.whiskers", "--out", out) == 1
-    assert "cut.whiskers: is cut off or damaged" in capsys.readouterr().out
+    printed = capsys.readouterr().out.splitlines()
+    (said,) = [line for line in printed if line.startswith("failed: cut")]
+    assert f"{out.parent / 'cut.whiskers'}): is cut off or damaged" in said
+    assert said.count("cut.whiskers") == 1
 
 
 @pytest.mark.parametrize(

@@ -42,7 +42,9 @@ def test_a_first_session_says_what_is_a_guess_and_when_its_whiskers_count():
     (rate,) = [line for line in text.splitlines() if line.startswith("frames_per_second")]
     assert rate.endswith("GUESS, it is set at the camera or its trigger")
     (name,) = [line for line in text.splitlines() if line.startswith('name = "w1"')]
-    assert name.endswith("followed until one of them has a dimension or another name")
+    assert "found in some frames" in name
+    assert "`run` may know others" in name
+    assert name.endswith("followed until one here has a dimension or another name")
 
 
 def test_settings_that_were_saved_by_another_name_are_not_left_behind(tmp_path):
