@@ -5,10 +5,12 @@ import os
 from pathlib import Path
 
 NO_ROOM = "make room on that disk and run again; what is finished is kept"
+TOO_LARGE = "that disk, or the system, takes no file so large: choose another place"
 NOT_ALLOWED = "change its permissions, or choose another place, and run again"
 ADVICE = {  # by the system's number of an error
     errno.ENOSPC: NO_ROOM,
     getattr(errno, "EDQUOT", errno.ENOSPC): NO_ROOM,
+    errno.EFBIG: TOO_LARGE,
     errno.EACCES: NOT_ALLOWED,
     errno.EPERM: NOT_ALLOWED,
     errno.EROFS: NOT_ALLOWED,

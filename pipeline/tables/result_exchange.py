@@ -28,7 +28,8 @@ OVERLAYS = ("overlay.mp4", "overlay.avi", "overlay.png")
 def draft(folder):
     """Yield an empty folder for a video's new results; they are ready when the block succeeds.
 
-    `settle` then puts them in place. If the block fails, the draft goes and old results stay.
+    `settle` then puts them in place. If the block fails, the draft goes and old results stay; an
+    OSError names the file's place among the results.
     """
     folder.mkdir(exist_ok=True)
     new = Path(tempfile.mkdtemp(prefix=DRAFT, dir=folder))
@@ -37,6 +38,11 @@ def draft(folder):
         to_disk(new)
         new.rename(folder / READY)
         to_disk(folder)
+    except OSError as error:
+        with contextlib.suppress(TypeError, ValueError):  # without a path, or of another place
+            error.filename = str(folder / Path(error.filename).relative_to(new))
+        _remove(new, folder)
+        raise
     except BaseException:
         _remove(new, folder)
         raise

@@ -1,5 +1,6 @@
 """New results in place of old ones, with the program ended at every single step on the way."""
 
+import errno
 import itertools
 import json
 import os
@@ -8,7 +9,7 @@ import shutil
 
 import pytest
 
-from pipeline.errors import InputError
+from pipeline.errors import InputError, with_advice
 from pipeline.tables import result_exchange
 from pipeline.tables.new_files import RECORD
 from pipeline.tables.result_exchange import draft, is_settled, settle, settle_all, settled
@@ -138,6 +139,18 @@ def test_a_failed_draft_leaves_old_results_or_no_folder(tmp_path):
             fail(tmp_path / name)
     assert visible(tmp_path / "a") == {**results("old"), **PERSON}
     assert not (tmp_path / "b").exists()
+
+
+@pytest.mark.parametrize("name", ["frames.parquet", None])
+def test_an_error_in_a_draft_names_the_results(tmp_path, name):
+    folder = tmp_path / "video"
+    with pytest.raises(OSError, match="large") as caught, draft(folder) as new:
+        raise OSError(errno.EFBIG, "File too large", name and str(new / name))
+    place = f"{folder / name}: " if name else ""
+    assert with_advice(caught.value) == (
+        f"{place}File too large; that disk, or the system, takes no file so large: choose another "
+        "place"
+    )
 
 
 def test_what_is_not_ours_stays(tmp_path):
