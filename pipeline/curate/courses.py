@@ -20,7 +20,7 @@ MARGIN = 1.0  # of the window, loaded on either side of it
 MOST_POINTS = 3000  # of a line; longer ones are thinned to their extremes
 DOTS_BELOW = 130  # frames in the window, below which every frame has its dot
 HIGHEST_DISTANCE_MM = 2.0
-LEFT_BORDER = 54
+LEFT_BORDER, LETTER = 68, 7  # px: the panels' room for numbers like −1,000, and of a name's letter
 
 COURSES = {  # panel → (quantity of Traces, its axis)
     "distance": ("distance_mm", "distance (mm)"),
@@ -87,6 +87,9 @@ class Courses:
         self._whole.update(start=-0.5, end=video.n_frames - 0.5)
         frame_ms = 1e3 / video.recording.frames_per_second
         self.plots["force"].xaxis.axis_label = f"frame ({frame_ms:.4g} ms each)"
+        room = LETTER * (max(map(len, video.whiskers), default=0) + 1)
+        for plot in self.plots.values():  # the same for all, so that frames lie below each other
+            plot.min_border_left = max(LEFT_BORDER, room)
         for name in ("lanes", "overview"):
             self.plots[name].y_range.update(start=n - 0.5, end=-0.5)
             self.plots[name].yaxis.ticker = FixedTicker(ticks=list(range(n)))

@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from pipeline.curate.courses import COURSES, MOST_POINTS, Courses
+from pipeline.curate.courses import COURSES, LETTER, MOST_POINTS, Courses
 from pipeline.curate.results import Traces
 
 FRAMES = 3 * MOST_POINTS + 1  # one more than is thinned by whole groups of frames
@@ -28,3 +28,12 @@ def test_a_thinned_course_reaches_the_last_frame_and_keeps_its_peak():
         assert len(x) < FRAMES
         assert x[-1] == FRAMES - 1
         assert max(y) == 7.0
+
+
+def test_long_names_widen_the_left_border_of_all_courses_alike():
+    courses = Courses(lambda frame: None)
+    for name in ("C2", "left_whisker_C2"):
+        recording = SimpleNamespace(frames_per_second=1000.0)
+        courses.enter(SimpleNamespace(whiskers=(name,), n_frames=9, recording=recording))
+        (border,) = {plot.min_border_left for plot in courses.plots.values()}
+    assert border > LETTER * len("left_whisker_C2")

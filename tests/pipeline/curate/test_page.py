@@ -437,6 +437,19 @@ def test_panels_of_a_crowd_do_not_lie_upon_each_other(tab, served):
         show_as_before(tab.driver)
 
 
+def test_frames_lie_below_each_other_in_all_courses(tab, served):
+    """Whatever the numbers and names at their axes."""
+    script = """
+        const doc = Bokeh.documents[0], name = arguments[0];
+        doc.get_model_by_name('change').y_range.setv({start: -1200, end: 10});
+        doc.get_model_by_name('lanes').left[0].major_label_overrides = new Map([[0, name]]);
+        return ["lanes", "distance", "change", "force", "overview"].map(
+            id => Bokeh.index.get_by_id(doc.get_model_by_name(id).id).frame.bbox.left)"""
+    tab.driver.execute_script(script, "right_w21")
+    tab.press("n")
+    assert len({round(left) for left in tab.driver.execute_script(script, "right_w21")}) == 1
+
+
 def test_a_frame_and_a_name_are_typed(tab, served):
     from selenium.webdriver.common.action_chains import ActionChains
     from selenium.webdriver.common.keys import Keys
