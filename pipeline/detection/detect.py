@@ -187,6 +187,7 @@ def detect_crowded(
     What was found is held in the background, and the frame about it, where it may have hidden
     others, looked at again, until nothing new is found, or enough lines are; then every line is
     fitted beside the others. `known` lines are not looked for, nor those that are not `Wanted`.
+    Blurred ones are looked for where no line is known: what is followed already gets broader.
     """
     nodes = polyline.end_to_end(known, KNOWN_STEP)
     search = Search(options.params.detection.fine_sd_px, same_px(options), wanted, nodes)
@@ -220,7 +221,7 @@ def _beside(known, search, image, model, gain, options, workspace) -> list[Line]
     for look in range(MOST_LOOKS):
         with lines_in_background(model, lines):
             more = detect(image, model, gain, options, workspace, search)
-            if look == 0:
+            if look == 0 and not known:
                 broad = _detect_blurred(image, model, gain, options, workspace, search)
                 more = with_blurred(more, broad, image, model, gain, own.one_line)
         others = *known, *lines
