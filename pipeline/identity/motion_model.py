@@ -8,7 +8,7 @@ from pipeline.identity.appearance import LEAST_SLOPE, FanModel, medians
 from pipeline.identity.features import ANGLE, BEND, N_FEATURES
 from pipeline.identity.limits import USUAL
 from pipeline.identity.links import TAKEN, Evidence, link_costs
-from pipeline.numerics.robust import robust_sd
+from pipeline.numerics.robust import MAD_TO_SD
 
 WEIGHT = 0.3  # of one frame's look: errors of neighbouring frames are alike
 QUIET = 0.02  # weight of a frame in which the whiskers rest: all such frames show the same
@@ -38,9 +38,8 @@ def evidence_of(model: FanModel, lines, phase, appearance=1.0) -> Evidence:
     turn = common_turns(features, frame, before, np.maximum(slope[likely, ANGLE], LEAST_SLOPE))
     step = _steps(features, before) - slope[likely] * turn[frame, None]
     drift, sd, fast = _spread(step, before, np.abs(turn[frame]))
-    most = np.sqrt(2) * np.where(
-        np.isfinite(model.sd), model.sd, np.nanmedian(model.sd, axis=0, keepdims=True)
-    )
+    usual_sd = [medians(sd, np.array([0, len(sd)]))[0] for sd in model.sd.T]
+    most = np.sqrt(2) * np.where(np.isfinite(model.sd), model.sd, usual_sd)
     weight = appearance * WEIGHT * newness(turn, limits)[frame]
     steady = _goes_on(frame, before, step[:, ANGLE], turn, limits.own_turn)
     alone = _alone(features, frame, before, limits.alone)
@@ -144,6 +143,7 @@ def _steps(features, before):
     return out
 
 
+@njit(cache=True)
 def _spread(step, before, turn):
     """How steps (rows, 6), less the common turn, go on and scatter.
 
@@ -154,23 +154,29 @@ def _spread(step, before, turn):
     """
     drift = np.zeros(step.shape)
     sd, fast = LEAST_MOTION.copy(), np.zeros(N_FEATURES)
-    last = np.where((before >= 0)[:, None], step[before], np.nan)
     for j in range(N_FEATURES):
-        x, y = last[:, j], step[:, j]
+        y = step[:, j].copy()
+        x = np.where(before >= 0, y[before], np.nan)
         seen = np.isfinite(x) & np.isfinite(y)
         if seen.sum() < FEWEST:
             continue
-        limit = FARTHEST * max(robust_sd(y[seen], about=0.0), LEAST_MOTION[j])
+        limit = FARTHEST * max(_sd_about_0(y[seen]), LEAST_MOTION[j])
         seen &= (np.abs(x) < limit) & (np.abs(y) < limit)
-        again = float(np.clip(x[seen] @ y[seen] / max(x[seen] @ x[seen], 1e-12), 0.0, 1.0))
-        drift[:, j] = again * np.clip(np.nan_to_num(step[:, j]), -limit, limit)
-        rest = y - again * x
-        slow, quick = np.quantile(turn[seen], [SLOW, QUICK])
-        sd[j] = max(robust_sd(rest[seen & (turn <= slow)], about=0.0), LEAST_MOTION[j])
-        fast_part = seen & (turn >= quick)
-        more = robust_sd(rest[fast_part], about=0.0) ** 2 - sd[j] ** 2
-        fast[j] = np.sqrt(max(more, 0.0) / max(np.mean(turn[fast_part] ** 2), 1e-12))
+        again = min(max(x[seen] @ y[seen] / max(x[seen] @ x[seen], 1e-12), 0.0), 1.0)
+        for i in range(len(y)):
+            drift[i, j] = again * min(max(y[i], -limit), limit) if np.isfinite(y[i]) else 0.0
+        rest, of = y[seen] - again * x[seen], turn[seen]
+        slow, quick = np.quantile(of, SLOW), np.quantile(of, QUICK)
+        sd[j] = max(_sd_about_0(rest[of <= slow]), LEAST_MOTION[j])
+        more = _sd_about_0(rest[of >= quick]) ** 2 - sd[j] ** 2
+        fast[j] = np.sqrt(max(more, 0.0) / max(np.mean(of[of >= quick] ** 2), 1e-12))
     return drift, sd, fast
+
+
+@njit(cache=True)
+def _sd_about_0(values):
+    """As `robust_sd` about 0, for compiled functions."""
+    return MAD_TO_SD * np.median(np.abs(values))
 
 
 def _own_motion(evidence, likely):
