@@ -64,10 +64,13 @@ def finish_run(summary, debug, say_result):
 
 def _results(summary):
     """How many videos were processed, where the results lie, and what to do next."""
+    from pipeline.contacts.corrections import decided_by_hand
     from pipeline.tables.result_exchange import overlays_in
 
     out = summary.out
     yield summary.line()
+    if decided := decided_by_hand(out):
+        yield f"decided by hand, and kept by every run: {decided}"
     for name, path in (("report", "report.html"), ("contacts", "contacts.csv")):
         if (out / path).is_file():
             yield f"{name}: {(out / path).resolve()}"

@@ -5,6 +5,7 @@ there is this contact and no other, or there is none. It refers neither to the c
 nor to how the program found it, so it holds when the video is processed again.
 """
 
+import contextlib
 from pathlib import Path
 from typing import NamedTuple
 
@@ -105,6 +106,17 @@ def applicable(corrections: pd.DataFrame, whiskers, n_frames: int) -> pd.DataFra
         if row.whisker in whiskers and row.onset_frame < n_frames
     ]
     return table_of(rows)
+
+
+def decided_by_hand(results) -> str:
+    """How many contacts people have decided on: "2 contacts in mouse1"; "" where none."""
+    counts = {}
+    for path in sorted(Path(results).glob(f"*/{CORRECTIONS_FILE}")):
+        with contextlib.suppress(CorrectionsError):  # which is said where the table is used
+            counts[path.parent.name] = len(read_corrections(path.parent))
+    names = [name for name, count in counts.items() if count]
+    where = names[0] if len(names) == 1 else f"{len(names)} videos"
+    return f"{counted(sum(counts.values()), 'contact')} in {where}" if names else ""
 
 
 def left_out(corrections: pd.DataFrame, whiskers, n_frames: int):

@@ -21,7 +21,7 @@ from quick_analysis import quick_analyse
 import pipeline.reports.figures
 import pipeline.reports.report
 import pipeline.run
-from pipeline.app import batch, cli, outcome
+from pipeline.app import batch, cli, outcome, terminal
 from pipeline.contacts.corrections import read_corrections
 from pipeline.curate.corrected import MADE_WITH, corrections_digest, save_contacts
 from pipeline.errors import InputError
@@ -294,7 +294,8 @@ def test_corrections_that_do_not_fit_the_video_are_said_and_kept(folder, calls, 
     batch.run([folder], out)
     text = CORRECTIONS + "B1,contact,3,4,3,4,\nB1,free,5,6,5,6,\nC2,contact,7,99,7,99,\n"
     (out / "a" / "corrections.csv").write_text(text)
-    batch.run([folder], out, overwrite=True)
+    summary = batch.run([folder], out, overwrite=True)
+    assert "decided by hand, and kept by every run: 4 contacts in a" in terminal._results(summary)
     message = files.read_csv(out / "videos.csv", VIDEO_COLUMNS)["message"][0]
     assert "2 of 'B1', which is not a whisker of this video (C2)" in message
     assert "1 reach beyond the video's end (it has 10 frames)" in message

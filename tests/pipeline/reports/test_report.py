@@ -68,6 +68,15 @@ def test_the_main_doubts_come_first(tmp_path):
     assert "2 more\nvideos have messages" in head
 
 
+def test_what_is_decided_by_hand_is_said(tmp_path, page):
+    results = make_results(tmp_path / "r")
+    columns = "whisker,verdict,onset_frame,offset_frame,covers_from,covers_to,saved_at"
+    (results / "one" / "corrections.csv").write_text(f"{columns}\nC2,free,80,90,80,90,\n")
+    said = "Decided by hand: 1 contact in one"
+    assert said in report.write_report(results).read_text("utf-8")
+    assert said not in page
+
+
 def test_what_failed_comes_before_what_is_doubtful(tmp_path):
     results = make_results(tmp_path / "results", ())
     row = files.read_csv(results / "videos.csv", VIDEO_COLUMNS).iloc[:1]
