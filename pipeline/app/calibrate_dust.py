@@ -31,9 +31,14 @@ def run_dust(results, out, whisker, at_mm, say) -> None:
         label=lambda video: f"{video.name}, whisker {name}: ",
     )
     if not motions:
+        advice = (
+            "if there is one, give --at-mm, its rough distance from the follicle"
+            if at_mm is None
+            else f"is --at-mm {at_mm:g} about where it sits, and is it in focus?"
+        )
         raise ValueError(
             f"{results}: {counted(len(videos), 'video')}, and in none can a particle be followed; "
-            f"the first: {faults[0]}"
+            f"the first: {faults[0]}; {advice}"
         )
     written = write_dust(out, motions)
     say(slope_sentence(pooled_slope(motions)))

@@ -23,7 +23,7 @@ def run_views(first, second, points, out, whisker, say) -> None:
 
     pairs = _pairs(read_results(first), read_results(second), first, second)
     name = one_whisker([video for video, _ in pairs], whisker)
-    views = fit_views(read_points(points), pairs[0][0].settings.recording.pixels_per_mm)
+    views = _fitted(points, pairs[0][0].settings.recording.pixels_per_mm)
     say(
         f"second view: {views.second_scale:.2f} ± {views.second_se:.2f} pixels per mm; matched "
         f"points agree to {views.rms_px:.2f} px"
@@ -39,6 +39,15 @@ def run_views(first, second, points, out, whisker, say) -> None:
         raise ViewsError(f"{first}: no video can be put together with {second}: {faults[0]}")
     written = write_views(out, views, measured)
     say(f"tables and figure: {written[0].parent}")
+
+
+def _fitted(points, first_scale):
+    """How the views lie to each other by a file of points, which an error names."""
+    given = read_points(points)
+    try:
+        return fit_views(given, first_scale)
+    except ViewsError as error:
+        raise ViewsError(f"--points {points}: {error}") from None
 
 
 def _pairs(ours, theirs, first, second):

@@ -137,7 +137,8 @@ def _check_in_step(video, ours, theirs, views, both):
     if apart > APART_MM:
         raise ViewsError(
             f"{video}: the whisker leaves the face {apart:.1f} mm apart in the two views, along "
-            "the axis that they share; do the points belong to these views?"
+            "the axis that they share; do the points belong to these views, and is the first one "
+            "the view from above?"
         )
     lag = _lag(*ends) if len(both) >= FEWEST_TO_COMPARE else 0
     if lag:

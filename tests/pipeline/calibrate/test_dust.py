@@ -220,7 +220,8 @@ def read_videos(out):
 @pytest.mark.parametrize(
     ("options", "expected"),
     [
-        ((), ["1 video, and in none can", "no particle on it"]),
+        ((), ["1 video, and in none can", "no particle on it", "give --at-mm"]),
+        (("--at-mm", 5), ["no particle on it", "is --at-mm 5 about where it sits"]),
         (("--whisker", "D1"), ["--whisker D1", "one of C2"]),
         (("--at-mm", -1), ["--at-mm -1.0", "above 0"]),
     ],

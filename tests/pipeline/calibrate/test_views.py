@@ -266,13 +266,13 @@ def test_points_saved_with_semicolons_say_so(tmp_path):
 @pytest.mark.parametrize(
     ("change", "options", "expected"),
     [
-        (_shuffled, (), ["do not match", "row"]),
+        (_shuffled, (), ["points.csv: the matched points do not match", "row"]),
         (lambda t: t.drop(columns="second_x_px"), (), ["second_x_px missing"]),
-        (lambda t: t.head(4), (), ["4 matched points"]),
+        (lambda t: t.head(4), (), ["points.csv: 4 matched points"]),
         (
             lambda t: t.assign(second_x_px=t["second_x_px"] + 90),
             (),
-            ["leaves the face", "do the points belong"],
+            ["leaves the face", "do the points belong", "the view from above"],
         ),
         (lambda t: t, ("--whisker", "D1"), ["--whisker D1", "one of C2"]),
     ],
