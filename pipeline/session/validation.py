@@ -109,11 +109,21 @@ def _table_or_key(location) -> str:
 
 def _known(location) -> str:
     """What to write in place of an unknown key: the likeliest, or all that there are."""
-    keys = _keys(location[:-1])
-    close = difflib.get_close_matches(str(location[-1]), keys, n=1)
+    key, keys = str(location[-1]), _keys(location[:-1])
+    likely = (key, key.replace("radius", "diameter"))
+    close = [match for each in likely for match in difflib.get_close_matches(each, keys, n=1)]
     if close:
-        return f"did you mean {close[0]}?"
+        return f"did you mean {close[0]}?{_other_width(key, close[0])}"
     return f"known here: {', '.join(keys)}; correct or remove it"
+
+
+def _other_width(given, meant) -> str:
+    """A warning where the value is not to be kept: forces go with the radius' fourth power."""
+    if "diameter" in given and "radius" in meant:
+        return " write half of the diameter there"
+    if "radius" in given and "diameter" in meant:
+        return " write twice the radius there"
+    return ""
 
 
 def _wanted(location) -> str:

@@ -144,6 +144,17 @@ def test_any_settings_survive_the_way_to_the_file_and_back(fps, scale, length, h
         ),
         (document(pole={"diamter_mm": 1}), ["[pole] diamter_mm", "unknown", "diameter_mm?"]),
         (document(poles={}), ["[poles]", "unknown", "did you mean pole?"]),
+        (
+            document(pole={"radius_mm": 0.25}),
+            [
+                "[pole] radius_mm: unknown",
+                "did you mean diameter_mm? write twice the radius there",
+            ],
+        ),
+        (
+            document(whisker=[{"base_diameter_um": 74}]),
+            ["did you mean base_radius_um? write half of the diameter there"],
+        ),
         (document(analysis={"friction": 2.1}), ["[analysis] friction", "2.1", "0 to 2"]),
         (document(analysis={"friction": -0.1}), ["[analysis] friction", "-0.1", "0 to 2"]),
         (document(analysis={"curvature_at_mm": 0.0055}), ["curvature_at_mm", "in m?", "5.5"]),
