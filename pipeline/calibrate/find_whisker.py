@@ -56,12 +56,12 @@ class Trace:
 
 
 def read_micrograph(path) -> np.ndarray:
-    """Read a micrograph as grey levels, float32 (height, width).
+    """Read a micrograph as grey levels, float32 (height, width), also of floats from 0 to 1.
 
     Raises
     ------
     VideoError
-        If the file is no picture.
+        If the file is no picture, or some of its pixels have no value.
     """
     need_content(path, "micrographs, named one by one,")
     try:
@@ -83,7 +83,10 @@ def read_micrograph(path) -> np.ndarray:
         raise VideoError(
             path, f"has the shape {image.shape}: expected one grey or RGB picture of a whisker"
         )
-    return image.astype(np.float32)
+    if not np.isfinite(image).all():
+        raise VideoError(path, "has pixels without a value (NaN): expected grey levels everywhere")
+    scale = 255 if image.dtype.kind == "f" and image.max() <= 1 else 1  # of floats from 0 to 1
+    return scale * image.astype(np.float32)
 
 
 def find_whisker(image) -> Trace:
@@ -134,7 +137,7 @@ def _need_exposure(image, turned):
         raise NoWhiskerError(
             f"has {100 * share:.0f} % of its pixels purely {word} ({end:g}): expected a ground "
             "within the grey scale, as edges and thin ends are lost beyond it; photograph it "
-            f"{'less' if turned > 0 else 'more'} exposed"
+            f"with {'less' if turned > 0 else 'more'} light"
         )
 
 

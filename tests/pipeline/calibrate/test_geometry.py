@@ -3,6 +3,7 @@
 import cv2
 import numpy as np
 import pytest
+import tifffile
 
 from pipeline.calibrate.find_whisker import NoWhiskerError
 from pipeline.calibrate.geometry import measure_geometry
@@ -184,6 +185,20 @@ def test_a_ground_beyond_the_grey_scale_is_refused(tmp_path, bright, shift, end)
     shifted = np.clip(micrograph.picture() + float(shift), 0, 255).astype(np.uint8)
     with pytest.raises(NoWhiskerError, match=rf"9\d % of its pixels purely {end}"):
         measure(tmp_path, micrograph, shifted)
+
+
+@pytest.mark.slow
+def test_all_kinds_of_pixels_mean_the_same(tmp_path):
+    grey = small().picture()
+    for pixels in (grey, np.uint16(257) * grey, grey / np.float32(255)):
+        tifffile.imwrite(tmp_path / "a.tif", pixels)
+        found = measure_geometry(tmp_path / "a.tif", 130).base_radius
+        assert found.value == pytest.approx(40, rel=1e-3)
+        assert found.se < 0.06  # µm
+    pixels[5, 5] = np.nan
+    tifffile.imwrite(tmp_path / "a.tif", pixels)
+    with pytest.raises(VideoError, match=r"a\.tif: has pixels without a value"):
+        measure_geometry(tmp_path / "a.tif", 130)
 
 
 def test_what_is_no_picture_is_refused(tmp_path):
