@@ -112,21 +112,29 @@ def exchanges(track: pd.DataFrame, least: float) -> list[str]:
     ]
 
 
-def sums(named: pd.DataFrame) -> np.ndarray:
-    """By confidence: share of frames with such a name, tracks with exchanges; (confidences, 2)."""
-    found = []
+def exchanges_by_track(named: pd.DataFrame) -> dict:
+    """Track → confidence → its `exchanges`."""
+    tracks = named.groupby("track")
+    return {name: {least: exchanges(t, least) for least in CONFIDENCES} for name, t in tracks}
+
+
+def sums(named: pd.DataFrame, found: dict) -> np.ndarray:
+    """By confidence: share of frames with such a name, tracks with exchanges; (confidences, 2).
+
+    `found` : of `exchanges_by_track`
+    """
+    out = []
     for least in CONFIDENCES:
         known = (named["name"] != "") & (named["confidence"] >= least)
-        exchanged = [bool(exchanges(track, least)) for _, track in named.groupby("track")]
-        found.append((known.mean(), sum(exchanged)))
-    return np.array(found)
+        out.append((known.mean(), sum(bool(each[least]) for each in found.values())))
+    return np.array(out)
 
 
 def report(named: pd.DataFrame) -> str:
     """The table of the tracks with exchanges or without a line in some frames, and the sums."""
-    rows = []
+    rows, of_all = [], exchanges_by_track(named)
     for name, track in named.groupby("track"):
-        found = {least: exchanges(track, least) for least in CONFIDENCES}
+        found = of_all[name]
         without = int((track["name"] == "").sum())
         if found[0.0] or without:
             span = f"{track['frame'].iloc[0]}–{track['frame'].iloc[-1]}"
@@ -136,7 +144,7 @@ def report(named: pd.DataFrame) -> str:
     table = pages.table(["track", "frames", "no line", *header, "those ≥ 0.5"], rows)
     tracks, seen = named["track"].nunique(), named["name"] != ""
     said = [f"{tracks} tracks, {len(named)} sure frames, {seen.mean():.1%} with a line"]
-    for least, (share, exchanged) in zip(CONFIDENCES, sums(named), strict=True):
+    for least, (share, exchanged) in zip(CONFIDENCES, sums(named, of_all), strict=True):
         said.append(
             f"confidence ≥ {least}: {share:.1%} of the frames, names exchanged in "
             f"{exchanged:.0f} tracks, {100 * exchanged / tracks:.1f} of 100"
@@ -146,7 +154,7 @@ def report(named: pd.DataFrame) -> str:
 
 def report_of_draws(draws: list[pd.DataFrame], seed: int) -> str:
     """Means of the sums of several draws, with the least and the most."""
-    found = np.array([sums(named) for named in draws])
+    found = np.array([sums(named, exchanges_by_track(named)) for named in draws])
     ends = zip(CONFIDENCES, found.mean(axis=0), found.min(axis=0), found.max(axis=0), strict=True)
     tracks = draws[0]["track"].nunique()
     said = [f"{tracks} tracks, {len(draws)} draws of the noise from seed {seed}"]
