@@ -11,6 +11,7 @@ from pipeline.curate.colours import state_of
 from pipeline.curate.keys import COMMANDS, KEYS, shown
 
 MOST_ROWS = 120  # of the list of contacts: in a longer list those around the present frame
+POLE, NO_POLE = "close-up of the pole", "no pole seen: close-up of the middle"
 
 BUTTONS = (
     (("previous_contact", "Previous"), ("next_contact", "Next"), ("next_doubtful", "Doubtful")),
@@ -72,6 +73,7 @@ def panels(desk, no_picture="") -> dict[str, str]:
             _readings(desk), _described(item, video), desk.whisker,
             item.reasons if item else (), desk.adding,
         ),
+        "closeup_of": NO_POLE if video.pole(desk.frame) is None else POLE,
         "items": macro.items(list(_rows(desk)), len(video.whiskers) > 1),
         "message": _message(desk),
         "no_picture": str(escape(no_picture)),

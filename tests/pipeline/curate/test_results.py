@@ -28,7 +28,7 @@ def test_results_are_of_the_kind_that_run_makes(session):
     assert contacts_of(session[1]).groupby("video").size().min() >= 2
 
 
-def test_a_video_without_whiskers_can_be_looked_at(results):
+def test_a_video_without_whiskers_can_be_looked_at(results, monkeypatch):
     name = sorted(path.parent.name for path in results.glob("*/frames.parquet"))[0]
     for file in ("frames.parquet", "evidence.parquet"):
         pd.read_parquet(results / name / file)[:0].to_parquet(results / name / file)
@@ -39,6 +39,9 @@ def test_a_video_without_whiskers_can_be_looked_at(results):
         assert (desk.video.name, desk.frame) == (name, FRAMES - 1)
         assert desk.video.reader.frame(desk.frame) is not None
         assert name in panels(desk)["video"]
+        assert panels(desk)["closeup_of"] == "close-up of the pole"
+        monkeypatch.setattr(type(desk.video), "pole", lambda video, frame: None)
+        assert panels(desk)["closeup_of"] == "no pole seen: close-up of the middle"
 
 
 def test_corrections_reach_the_tables_with_forces_made_anew(results):
