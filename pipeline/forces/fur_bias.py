@@ -30,7 +30,7 @@ STEP_M = 0.4e-3  # or a station's, where these lie farther apart
 STEPS = 3  # are judged; the last is the outermost
 MOST_ROWS = 40  # of free frames, and as many of touching ones
 FEWEST_ROWS = 10  # of each
-SURE = 4.0  # times the variance that is expected
+SURE = 1.5  # times the variance that is expected
 # of a station's noise, in the mean of a whole video (measured, rendered ones)
 LASTING_SHARE = 0.15
 
@@ -53,10 +53,11 @@ def without_bias(own: WhiskerRows, near_m: float) -> Stations:
     model = own.rest_shape()
     if model is None:
         return places
-    square, expected = _misfits(own, part.information, own.rest_prior(model))
+    square, expected, multiple = _misfits(own, part.information, own.rest_prior(model))
     found = [usual_misfit(square[kind], expected[kind]) for kind in (free, ~free)]
     usual = _usual([each[:, step == STEPS - 1] for each in found])
-    doubt = np.where(step < STEPS - 1, _bias(found, usual), 0.0) / LASTING_SHARE**2
+    bias = np.where(step < STEPS - 1, _bias(found, usual), 0.0)
+    doubt = bias / LASTING_SHARE**2 / multiple  # which later fits will multiply again
     doubt = np.maximum.accumulate(doubt[::-1])[::-1]  # never less towards the face
     fading = np.exp(2 * arc / width)  # the bias has no sharp end: its SD falls by e in a step
     doubt = np.maximum.accumulate(doubt * fading) / fading
@@ -81,13 +82,16 @@ def _sample(own, near_m):
 def _misfits(own, information, prior):
     """Squared misfits of the stations and their variance, (rows, stations) [m²] each.
 
-    NaN where nothing was measured, or no rod could be fitted.
+    NaN where nothing was measured, or no rod could be fitted. And how many times larger than said
+    the stations' variances usually are, as χ² shows, at least 1.
     """
     misfit = np.full((len(own.places), 2, own.places.x.shape[1]), np.nan)
     fit = rod_fit.fit_loaded(own.places, own.whisker, own.curvature_at, prior, misfit=misfit)
+    multiple = np.fmax(fit["chi2"], 1.0)
     with np.errstate(divide="ignore", invalid="ignore"):
-        noise = np.fmax(fit["chi2"], 1.0)[:, None] / information
-    return misfit[:, 0] ** 2, misfit[:, 1] + np.where(np.isfinite(noise), noise, np.nan)
+        noise = multiple[:, None] / information
+    expected = misfit[:, 1] + np.where(np.isfinite(noise), noise, np.nan)
+    return misfit[:, 0] ** 2, expected, np.median(multiple)
 
 
 def usual_misfit(square, expected):
