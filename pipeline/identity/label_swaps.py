@@ -153,19 +153,12 @@ def _seen_before(rows, last):
 
 
 @njit(cache=True, error_model="numpy")
-def _steps(evidence, a, b, one, other, last):
-    """Cost (frames, 2, 2) of every step from (not) exchanged to (not) exchanged.
-
-    one, other : (frames,) rows of whiskers a and b, −1 where not seen; b < 0: nameless rows
-    last : the two rows where they were seen last before, −1 for none
-    """
-    before = _seen_before(one, last[0]), _seen_before(other, last[1])
-    return _step_costs(evidence, a, b, (one, other), before)
-
-
-@njit(cache=True, error_model="numpy")
 def _step_costs(evidence, a, b, rows, last):
-    """Costs of `_steps` in some frames, from the two `rows` there and where they were `last`."""
+    """Cost (frames, 2, 2) of every step from (not) exchanged to (not) exchanged, in some frames.
+
+    rows : of whiskers a and b, (frames,) each, −1 where not seen; b < 0: nameless rows
+    last : the two rows (frames,) where they were seen last before, −1 for none
+    """
     out = np.empty((len(rows[0]), 2, 2))
     for now in range(2):
         mine, theirs = rows[now], rows[1 - now]
@@ -193,7 +186,7 @@ def _looks(cost, rows):
 def _exchange_parts(evidence, a, b, one, other, states, changed):
     """Exchange rows, in place, in those unbroken parts where it is likelier.
 
-    In `_steps`, a whisker that is not seen counts as exchanged with the other one; the costs
+    In `_step_costs`, a whisker that is not seen counts as exchanged with the other one; the costs
     compared here are those of the names themselves.
 
     one, other, states : (frames,) rows of whiskers a and b, −1 where not seen; 1: to exchange
@@ -255,7 +248,8 @@ def _claimed(evidence, a, own, other, before, again):
 
     Neither is exchanged before, nor where the whisker is seen `again` in the last frame.
     """
-    steps = _steps(evidence, a, -1, own, other, (before, -1))
+    last = _seen_before(own, before), _seen_before(other, -1)
+    steps = _step_costs(evidence, a, -1, (own, other), last)
     # exchanged from the first frame on: it continues from where the whisker itself was
     if other[0] >= 0:
         first = _cost(evidence, a, before, other[:1])

@@ -212,7 +212,9 @@ def test_steps_that_are_kept_are_those_of_the_rows_as_they_are_now(seed):
         else:
             table[rng.integers(2), part] = -1
         label_swaps._renew(known, 1, 0, table[1], table[0], steps, mine, theirs)
-        afresh = label_swaps._steps(known, 1, 0, table[1], table[0], (-1, -1))
+        rows = table[1], table[0]
+        last = [label_swaps._seen_before(each, -1) for each in rows]
+        afresh = label_swaps._step_costs(known, 1, 0, rows, tuple(last))
         assert np.array_equal(steps, afresh)
 
 
