@@ -167,7 +167,7 @@ PRESETS = {
     ),
     "border": Preset(rows.border, 2, "whiskers cut by the border, out of view at times"),
     "passing": Preset(
-        single_whisker.passing, 2, "a whisker that passes before the pole and its rod"
+        single_whisker.passing, 2, "a whisker that passes in front of the pole and its rod"
     ),
     "varied": Preset(_varied, 8, "cameras, light, dust and codecs at random", _varied_place),
 }

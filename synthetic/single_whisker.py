@@ -221,7 +221,7 @@ def orientation(setting):
 
 
 def passing(setting):
-    """A whisker that passes before or behind the pole and its rod without touching."""
+    """A whisker that passes in front of or behind the pole and its rod without touching."""
     scene = c2_scene(setting, 9e-3, 0.1 * setting.side, hair={"touches": False})
     base = base_path(scene, scene.hairs[0], setting.frames, setting.rng)
     free = whisking(setting.frames, 1e3, setting.rng, 0.15 * setting.side, 0.35, 9.0)

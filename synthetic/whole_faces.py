@@ -110,8 +110,8 @@ _CORNER = ((585, 500), (700, 400), (700, 500))
 def mouse_face_on_top(setting: Setting) -> Motion:
     """Twelve untrimmed whiskers of a head-fixed mouse below its black face; no pole.
 
-    A body stands before the posterior ones, a bar, a spout and its holder are dark and still.
-    Long rests, then whisking of several degrees per frame; H.264 whose quality changes.
+    A body hides the ends of the posterior ones; a bar, a spout and its holder are dark, too. Long
+    rests, then whisking of several degrees per frame; H.264 whose quality changes.
     """
     rng, frames, rate = setting.rng, setting.frames, 200.0
     camera = Camera(640, 480, 12.0, rate, 1.15, 5e-4, black_level=2.0).with_noise_sd(1.0)
@@ -123,15 +123,7 @@ def mouse_face_on_top(setting: Setting) -> Motion:
         )
         for (name, place, _), direction in zip(_MOUSE, rest, strict=True)
     )  # fmt: skip
-    moved = rng.uniform(-10, 10, 2)
-    things = (
-        (rounded(_BODY), rng.uniform(-4, 4, 2), 0.02, 2.0),
-        (rounded(_BAR), moved, 0.02, 1.5),
-        (_SPOUT, (0.0, 0.0), 0.45, 1.5),
-        (_HOLDER, (0.0, 0.0), 0.25, 2.0),
-        (_CLAMP, (0.0, 0.0), 0.02, 3.0),
-        (_CORNER, rng.uniform(-15, 15, 2), 0.02, 3.0),
-    )
+    shapes = _mouse_shapes(camera, rng)
     face = Face(
         "top", outline=_in_metres(rounded(_MOUSE_FACE, 1), camera), hairs_per_mm=3.0,
         hair_length=0.3e-3, edge_blur=0.08e-3,
@@ -142,10 +134,7 @@ def mouse_face_on_top(setting: Setting) -> Motion:
         face,
         hairs,
         codec=Codec("h264", crf=17, uneven_frames=40),
-        shapes=tuple(
-            Shape(_in_metres(corners, camera, shift), dark, blur)
-            for corners, shift, dark, blur in things
-        ),
+        shapes=shapes,
         clutter=4,
         seed=setting.seed,
     )
@@ -157,6 +146,23 @@ def mouse_face_on_top(setting: Setting) -> Motion:
         for direction in rest
     ]
     return _driven(setting, scene, angles)
+
+
+def _mouse_shapes(camera, rng) -> tuple[Shape, ...]:
+    """Body and apparatus, parts of which lie elsewhere in every trial."""
+    bar_shift = rng.uniform(-10, 10, 2)
+    things = (
+        (rounded(_BODY), rng.uniform(-4, 4, 2), 0.02, 2.0),
+        (rounded(_BAR), bar_shift, 0.02, 1.5),
+        (_SPOUT, (0.0, 0.0), 0.45, 1.5),
+        (_HOLDER, (0.0, 0.0), 0.25, 2.0),
+        (_CLAMP, (0.0, 0.0), 0.02, 3.0),
+        (_CORNER, rng.uniform(-15, 15, 2), 0.02, 3.0),
+    )
+    return tuple(
+        Shape(_in_metres(corners, camera, shift), passing, blur)
+        for corners, shift, passing, blur in things
+    )
 
 
 # Rat from above ------------------------------------------------------------------------------

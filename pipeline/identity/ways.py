@@ -2,8 +2,8 @@
 
 A whisker keeps its length, however it turns. If after a fast whisk the whole row is named one
 whisker too far along, angles and bends still fit the phase, but lengths do not: so names found in
-such a way have few votes. Some ways see the lines as they might have been measured, too, with
-other errors: what depends on these is not sure.
+such a way have few votes. Some ways see the lines with small random errors added: names that
+change with these are not sure.
 """
 
 import itertools
@@ -83,8 +83,8 @@ def _along_whiskers(votes, lines):
 def _ways(lines):
     """Names (rows,) from different first ones on, and again from each of these.
 
-    The second time is reversed, with other errors of measurement: what misleads in one direction
-    seldom does in the other. And names need not keep to tracks: where a track has gone over to
+    The second time is reversed, with random errors added: what misleads in one direction seldom
+    does in the other. And names need not keep to tracks: where a track has gone over to
     another whisker, all ways that follow it are wrong together. Thickness and length are not seen
     well where a whisker is blurred or runs into another one: two more ways do without them.
     """
@@ -103,7 +103,7 @@ def _ways(lines):
 
 
 def _measured_again(lines, rng):
-    """The lines as they might have been measured as well, with other errors."""
+    """The lines with random errors added to their features, of the size LEAST_SD."""
     errors = LEAST_SD * rng.standard_normal(lines.features.shape)
     return replace(lines, features=lines.features + errors)
 

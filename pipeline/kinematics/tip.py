@@ -2,9 +2,9 @@
 
 A trace ends where the thin tip drowns in the noise of its frame, or where a codec has erased it.
 On average over the frames, the whisker is seen beyond: its thickness (`detection/line_end.py`)
-falls as a cone's does, and then, at the tip, to nothing. A codec takes the more of a whisker the
-thinner it is, here in one frame and there in another: the mean is thinner than a cone towards the
-tip, but it ends there all the same.
+falls as a cone's does, and then, at the tip, to nothing. The thinner a whisker is, the more of it
+a codec erases, at other places in every frame: towards the tip the mean is thinner than a cone,
+but it still ends at the tip.
 
 Where a codec shows little of the tip, a mean that ends early may end at the tip or where the codec
 shows nothing more. How it erases is not known well enough to tell these apart: the tip's standard
