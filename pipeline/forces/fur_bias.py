@@ -28,9 +28,9 @@ from pipeline.numerics.runs import evenly
 FUR_CLINGS_M = 0.4e-3  # length of the first visible part, which is not judged
 STEP_M = 0.4e-3  # or a station's, where these lie farther apart
 STEPS = 3  # are judged; the last is the outermost
-MOST_ROWS = 40  # of free frames, and as many of touching ones
+MOST_ROWS = 120  # of free frames, and as many of touching ones
 FEWEST_ROWS = 10  # of each
-SURE = 1.5  # times the variance that is expected
+SURE = 2.0  # times the variance that is expected
 # of a station's noise, in the mean of a whole video (measured, rendered ones)
 LASTING_SHARE = 0.15
 

@@ -88,10 +88,10 @@ def test_what_few_frames_show_nearest_to_the_face_counts_no_more_than_what_lies_
 
 
 def test_what_is_usual_may_be_chance():
-    """Squared misfits of 1.4 and of 1.6 times the expected variance."""
-    square, expected = np.array([1.4, 1.6]), np.ones(2)
+    """Squared misfits of 1.9 and of 2.1 times the expected variance."""
+    square, expected = np.array([1.9, 2.1]), np.ones(2)
     kinds = [(square, expected)] * 2
-    np.testing.assert_allclose(fur_bias._bias(kinds, usual=1.0), [0.0, 0.6])
+    np.testing.assert_allclose(fur_bias._bias(kinds, usual=1.0), [0.0, 1.1])
 
 
 def test_fur_counts_as_much_where_noise_is_larger_than_said(traced, furry):
@@ -124,7 +124,7 @@ def test_usual_misfits_are_variances_of_few_outliers():
 
 
 def test_what_both_kinds_of_frames_miss_alike_is_their_mean_beyond_what_is_usual():
-    """Misfits [µm²] count where they are 1.5 times the usual; unknown ones do not."""
+    """Misfits [µm²] count where they are twice the usual; unknown ones do not."""
     free = np.array([9.0, 2.5, 20.0, np.nan]), np.array([1.0, 1.0, 2.0, 1.0])
     touching = np.array([11.0, 9.0, np.nan, np.nan]), np.array([1.0, 1.0, 1.0, 1.0])
     found = fur_bias._bias([free, touching], 2.0)
