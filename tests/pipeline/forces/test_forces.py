@@ -400,6 +400,7 @@ def test_peak_errors(traced, tables, monkeypatch):
         np.testing.assert_allclose(change, budget[f"{name}_uN_per_percent"][strong], rtol=0.03)
     share = taper_share(mouse_c2().cone_length, 1e-3 * shape.contacts["contact_arc_length_mm"])
     by_cone = (peaks(cone=1.01) / usual - 1)[strong]
+    # which points are taken for shifted by fur changes a little with the cone
     np.testing.assert_allclose(by_cone, 0.01 * share[strong], rtol=0.15)
     nothing = peak_errors(shape.contacts, shape.evidence, {"C2": None})
     assert nothing["peak_force_se_uN"].isna().all()
