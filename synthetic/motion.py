@@ -1,7 +1,7 @@
-"""How whiskers, follicles and pole move: whisking, and what touches and slips come of it.
+"""How whiskers, follicles and pole move: whisking, and the touches and slips that follow from it.
 
-Solved quasi-statically through the large-angle rod, frame by frame. Nothing else is laid on the
-whisker.
+Solved quasi-statically through the large-angle rod, frame by frame. No vibration or other motion
+is added.
 """
 
 from dataclasses import dataclass, fields

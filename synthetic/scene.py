@@ -1,4 +1,4 @@
-"""What stands before the camera: frozen descriptions, no randomness and no pictures yet.
+"""What is in front of the camera: frozen descriptions, no randomness and no pictures yet.
 
 Lengths are metres in the mechanics frame (x right, y up, so `y = −row / pixels_per_m`); what
 belongs to the picture (blur, noise, size) is in pixels and grey levels.
@@ -214,7 +214,7 @@ class Hair:
     intrinsic_curvature : κ0(s) = k0 + k1 s + … [1/m, 1/m², …], counter-clockwise positive
     follicle_x, follicle_y : mean place of the follicle [m]
     opacity : share of the light that the hair takes away
-    touches : lies in the plane of the pole; False: passes before or behind it
+    touches : lies in the plane of the pole; False: passes in front of or behind it
     particle : dust that sticks to it, or None
     """
 

@@ -92,7 +92,7 @@ def pole_distance(motion, h) -> np.ndarray:
     """Least distance of the whisker's surface from the pole's [m], (frames,).
 
     Zero in contact, NaN while the pole is out of view; negative where a whisker out of the
-    pole's plane passes before it.
+    pole's plane passes in front of it.
     """
     contact, hair, pole = motion.hairs[h].contact, motion.scene.hairs[h], motion.scene.pole
     out = np.full(len(contact), np.nan)

@@ -1,4 +1,4 @@
-"""Curves through a frame, and how those that look at each other across a gap become one."""
+"""Curves through a frame, and how those whose ends point at each other are joined."""
 
 from typing import NamedTuple
 
@@ -42,13 +42,13 @@ def length(curve) -> float:
 
 
 def join(curves: Curves, longest_gap=45.0, hidden=0) -> Curves:
-    """Join curves whose ends look at each other, best pair first; return the joined curves.
+    """Join curves whose ends point at each other, best pair first; return the joined curves.
 
     A gap of g px is bridged where both ends point along it to about 11° (more for short gaps,
     whose direction is uncertain). Every end is used once, and no ring is closed.
 
-    hidden : of what lies over the gaps, half the size [px]: it draws the curves' last points
-        aside, so that ends need not point along the gap; what goes on may turn by 30°
+    hidden : half the size [px] of what lies over the gaps, such as a pole: it shifts the curves'
+        last points, so that ends need not point along the gap, and may turn by 30° across it
     """
     least_cosine = LEAST_COSINE_HIDDEN if hidden else LEAST_COSINE
     return Curves(*_joined(curves.places, curves.offsets, longest_gap, least_cosine, hidden))
@@ -105,7 +105,7 @@ def _gap_costs(places, directions, longest_gap, least_cosine, hidden):
             if ax * bx + ay * by > -least_cosine:
                 continue
             across = max(abs(ax * gy - ay * gx), abs(bx * gy - by * gx))
-            # both look along the gap
+            # both point along the gap
             along = length <= 2 or min(ax * gx + ay * gy, -bx * gx - by * gy) >= 0.5 * length
             if hidden or (along and across <= 1.5 + 0.2 * length):
                 pairs.append((a, b))

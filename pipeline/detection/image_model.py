@@ -1,4 +1,4 @@
-"""The static scene as lines are measured before it: background, noise, what hides them."""
+"""The static scene in front of which lines are measured: background, noise, what hides them."""
 
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -70,8 +70,8 @@ class ImageModel:
     ) -> "ImageModel":
         """Face and opaque things get no weight; `outside` is signed, from the fur's edge [px].
 
-        Nothing is looked for before obstacles (`usable`), but a whisker is followed across those
-        that let light through.
+        Nothing is looked for in front of obstacles (`usable`), but a whisker is followed across
+        those that let light through.
         """
         background = np.ascontiguousarray(scene.background, np.float32)
         variance = np.maximum(scene.noise_floor + scene.noise_gain * background, 0.25)

@@ -52,7 +52,7 @@ def is_whisker(line: Line, model, options) -> bool:
 def is_turned(line: Line, outward, factor=DEFAULTS.detection.thickens) -> bool:
     """Whether a line between face and body is turned round: its near half is the thinner one.
 
-    What stands before a body hardly tapers. The more a line runs straight off the face's side, in
+    A line in front of a body hardly tapers. The more a line runs straight off the face's side, in
     direction `outward`, the more its halves must differ, by `factor` at most; and the less, where
     it runs towards that side.
     """

@@ -20,7 +20,8 @@ PLACES_PX = np.arange(1.5 - INSIDE, BEYOND + 1, 2.0)  # of the pairs, from the l
 def end_thickness(picture, values, n):
     """Absorbance summed across a line of `n` nodes at the PLACES_PX, NaN where not seen.
 
-    In px times a number that is the same all along the line, since its profile is narrower.
+    In px, but for a factor: the profile that is fitted is broader than the line's. The factor is
+    the same all along the line.
 
     picture : of `ImageModel`; values : of a `Line`
     """

@@ -346,7 +346,7 @@ def refine(picture, values, n, fit, room):
     """Gauss–Newton steps on the nodes until they stay, then base, visible end and quality.
 
     Where the first step is larger than `fit.farthest`, or less of the line is seen than there
-    was, it is not so near: nothing is found then, and the nodes are anywhere.
+    was, the line is too far away: nothing is found, and the nodes' places mean nothing.
 
     The first `n` nodes are changed in place, but for sigma; returns their number and the quality:
     the part of the line's expected contrast that was found. The last step is so short that

@@ -43,7 +43,7 @@ class Limits:
 
     @cached_property
     def own_turn(self) -> float:
-        """Turn [rad] beside the others from which a line may be another whisker."""
+        """Turn [rad] relative to the others from which a line may be another whisker."""
         return float(np.radians(self.params.own_turn_deg))
 
     @cached_property

@@ -1,4 +1,4 @@
-"""How lines move from frame to frame: the turn of all whiskers, and what each one does beside."""
+"""How lines move from frame to frame: the turn of all whiskers, and each one's own motion."""
 
 import numpy as np
 from numba import njit

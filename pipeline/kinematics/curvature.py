@@ -277,7 +277,7 @@ def measure(
         out,
     )
     se = out[:, 1] * _noise_factor(centrelines, out[:, 3])
-    # an error of the hidden length shifts the 5.5 mm, which matters where the curvature changes
+    # an error of the hidden length shifts the place, which matters where the curvature changes
     se = np.hypot(se, params.hidden_error_mm * per_mm * out[:, 2])
     return pd.DataFrame(
         {

@@ -1,4 +1,4 @@
-"""Where the fur of the face moves: whisking skin carries it out over the background.
+"""Where the fur of the face moves: the skin, as it whisks, carries it out over the background.
 
 Its edge and its hairs are as thin and dark as whiskers. But beside them it is dark, too, over a
 breadth that no whisker has.

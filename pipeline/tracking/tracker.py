@@ -72,7 +72,7 @@ class Tracker:
         self.search_every, self.established = frames
 
     def change_scene(self, scene: StaticScene) -> None:
-        """Go on before another background: something large has moved."""
+        """Go on with another background: something large has moved."""
         params = self.options.params.detection
         self.model = ImageModel.from_scene(scene, params, absorbed=self.absorbed)
 

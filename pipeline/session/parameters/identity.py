@@ -47,10 +47,10 @@ class IdentityParams:
         "chosen: resting whiskers show the same errors again",
     )  # fmt: skip
     own_turn_deg: quantity(0.05, 45, "°") = parameter(
-        2.0, "a line that turns by more beside the others may be another whisker", "chosen"
+        2.0, "a line that turns by more relative to the others may be another whisker", "chosen"
     )
     alone_deg: quantity(0.1, 45, "°") = parameter(
-        4.0, "a line with no other one nearer keeps its whisker from frame to frame", "chosen"
+        4.0, "a line with no other one this near keeps its whisker from frame to frame", "chosen"
     )
     seldom: quantity(0, 1, "of the frames") = parameter(
         0.1, "whiskers seen in fewer frames get no name, where none are given", "chosen"

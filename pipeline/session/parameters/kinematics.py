@@ -41,7 +41,7 @@ class KinematicsParams:
         0.15, "a pole this near may bend the whisker: the window ends there", "chosen"
     )
     hidden_error_mm: quantity(0, 1, "mm") = parameter(
-        0.05, "standard error of the hidden length, and so of the place of the curvature",
+        0.05, "standard error of the place along the whisker where curvature is measured",
         "chosen",
     )  # fmt: skip
     station_skip_mm: quantity(0, 2, "mm") = parameter(

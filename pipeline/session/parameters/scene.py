@@ -27,14 +27,14 @@ class SceneParams:
         0.5, "thinner dark parts at the face are tufts or whiskers", "chosen"
     )
     fur_breadth_mm: quantity(0.05, 5, "mm") = parameter(
-        0.4, "moving fur is broader, by pixels at least as at 25 px/mm: two whiskers are not",
+        0.4, "moving fur is broader (in pixels at least as at 25 px/mm), two whiskers are not",
         "chosen on real recordings",
     )  # fmt: skip
     fur_darkens: quantity(0.01, 0.9, "of the light") = parameter(
-        0.1, "moving fur takes more of it", "chosen"
+        0.1, "moving fur takes at least so much of it", "chosen"
     )
     fur_moves_share: quantity(0, 1, "of the frames") = parameter(
-        0.1, "it is there in so many", "chosen"
+        0.1, "moving fur is there in at least so many", "chosen"
     )
     face_edge: quantity(0.05, 0.95, "of the light") = parameter(
         0.45, "light that passes at the face's edge", "chosen"

@@ -18,10 +18,10 @@ class TrackerParams:
         3.5, "a shorter line is no whisker, where whisker lengths are not given", "chosen for mice"
     )
     base_gap_mm: quantity(0.1, 10, "mm") = parameter(
-        2.0, "a whisker's line begins no farther from the face", "chosen"
+        2.0, "a whisker's line begins no farther than this from the face", "chosen"
     )
     bridge_mm: quantity(0, 10, "mm") = parameter(
-        1.2, "a line is followed across a gap this long, as before a pole", "chosen"
+        1.2, "a line is followed across a gap this long, as in front of a pole", "chosen"
     )
     knot_spacing_mm: quantity(0.1, 5, "mm") = parameter(
         0.64, "distance between the knots of a line's spline", "chosen"
