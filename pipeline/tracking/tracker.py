@@ -186,7 +186,8 @@ class Tracker:
         """Let lines that have turned off onto each other go on with their own far parts.
 
         Rows of real whiskers need it: without it, fewer of the whiskers that a person has
-        followed are found (a mouse's 24 of 26 for 25, a rat's faint ones 8 of 12 for 10).
+        followed are found (24 in place of 25 of a mouse's 26, 8 in place of 10 of a rat's 12
+        faint ones).
         """
         tracks = [t for t in present if t.line is not None]
         changed = detect.uncrossed([t.line for t in tracks], self.options)
@@ -245,7 +246,7 @@ class Tracker:
     def _carry_on(self, line: Line, track: Track) -> None:
         """Lengthen a track's predicted line by what something hides of it, if anything does.
 
-        Before a real rig, without it, 23 of 26 whiskers of a mouse are found, for 25.
+        In front of a real rig, 23 of a mouse's 26 whiskers are found without it, 25 with it.
         """
         n, whole = line.n, track.whole
         if whole is not None and whole.n > n:
