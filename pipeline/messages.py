@@ -336,11 +336,12 @@ def _passes_over(settings, tables, pole):
 def _contradicted(settings, contacts):
     """Whiskers that bend as if their hidden length were wrong, in most of their contacts."""
     hidden = {whisker.name: whisker.hidden_length_mm for whisker in settings.whisker}
+    most_mm = settings.advanced.contacts.contradicted_mm
     for name, own in _by_whisker(contacts, CONTRADICTED):
         if name in hidden and 2 * own.sum() > len(own):
             yield (
                 f"in {own.sum()} of {counted(len(own), 'contact')} {name} bends as if "
-                f"hidden_length_mm = {hidden[name]:g} were wrong by over 0.3 mm: correct it or "
+                f"hidden_length_mm = {hidden[name]:g} were wrong by over {most_mm:g} mm: correct it or "
                 "the dimensions, unless the whisker is out of the picture's plane"
             )
 

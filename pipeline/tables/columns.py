@@ -157,8 +157,8 @@ CONTACT_FLAGS = {
     "large_deflection": "the force is tilted by more than 34° against the follicle's normal",
     "contact_near_curvature_window": "less than 1 mm beyond curvature_at_mm, so little bent there",
     "bends_unlike_rod": "bends as no rod of its dimensions: these are wrong, or the whisker is",
-    "base_contradicted": "bends as if the hidden length were wrong by over 0.3 mm: correct it "
-    "or the dimensions, unless the whisker is out of the picture's plane",
+    "base_contradicted": "bends as if the hidden length were far wrong (contradicted_mm): correct "
+    "it or the dimensions, unless the whisker is out of the picture's plane",
     "gaps_in_trace": "not traced in some of its frames",
     "faint_force": "the force is no larger than its error; the distance shows the contact",
     "doubtful": "the probability of contact is below 0.99 in all frames",
