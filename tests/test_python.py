@@ -19,7 +19,7 @@ pytestmark = pytest.mark.e2e
 
 FORCE = 0.05  # relative, of the peak force, from lines instead of the video
 EDGE_FRAMES = 2
-SAME = {"follicle_x_px": 0.2, "base_angle_deg": 0.2, "contact_force_uN": 0.3}  # px, deg, µN
+SAME = {"follicle_x_px": 0.3, "base_angle_deg": 0.2, "contact_force_uN": 0.3}  # px, deg, µN
 
 WRITES = """
 import os, sys
