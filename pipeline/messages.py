@@ -341,8 +341,8 @@ def _contradicted(settings, contacts):
         if name in hidden and 2 * own.sum() > len(own):
             yield (
                 f"in {own.sum()} of {counted(len(own), 'contact')} {name} bends as if "
-                f"hidden_length_mm = {hidden[name]:g} were wrong by over {most_mm:g} mm: correct it or "
-                "the dimensions, unless the whisker is out of the picture's plane"
+                f"hidden_length_mm = {hidden[name]:g} were wrong by over {most_mm:g} mm: correct "
+                "it or the dimensions, unless the whisker is out of the picture's plane"
             )
 
 
