@@ -223,3 +223,23 @@ def test_a_part_that_no_line_shows_is_unknown_without_a_warning():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         np.testing.assert_allclose(group.signature, [11.0, 0.2, np.nan, 4.0])
+
+
+def test_a_group_of_lines_apart_from_all_others_is_hair_where_it_is_weak_or_seldom():
+    def group(y, frames):
+        lines = [_drawn(y, 100) for _ in range(frames)]
+        return registry._Group(list(range(frames)), lines, [np.zeros(4)] * frames)
+
+    row = [group(10.0 * k, 20) for k in range(12)]
+    apart = 12 * 10.0 + 40.0  # px: two fifths of a line's length from the last one
+    for frames, hair in ((5, True), (20, False)):
+        found = registry._are_hairs([*row, group(apart, frames)])
+        assert found.tolist() == [False] * 12 + [hair]
+    assert registry._are_hairs([]).shape == (0,)
+
+
+def _drawn(y, length):
+    """A straight line that begins at x = 0."""
+    line = Line.empty(length)
+    line.n, line.x[:], line.y[:], line.amplitude[:] = length, np.arange(length), y, 0.5
+    return line
