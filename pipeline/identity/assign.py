@@ -153,16 +153,11 @@ def _all_rows(rows, templates, given, sides, open_ended, limits, unnamed):
 
 def _are_hairs(track, base, features):
     """Rows (rows,) of tracks that are hairs apart from the row of whiskers, bool."""
-    order = np.argsort(track, kind="stable")
-    _, starts, of = np.unique(track[order], return_index=True, return_inverse=True)
-    starts = np.append(starts, len(track))
-    places = np.column_stack([medians(base[order, k], starts) for k in (0, 1)])
-    strength = np.exp(features[:, LENGTH] + features[:, THICKNESS])
-    total = np.bincount(of, np.nan_to_num(strength[order]), minlength=len(places))
+    _, of = np.unique(track, return_inverse=True)
+    places = np.column_stack([_medians(values, of, np.bincount(of)) for values in base.T])
+    strength = np.bincount(of, np.nan_to_num(np.exp(features[:, LENGTH] + features[:, THICKNESS])))
     usual = np.exp(medians(features[:, LENGTH], np.array([0, len(track)])))[0]
-    out = np.empty(len(track), bool)
-    out[order] = hairs.are_hairs(places, total, usual)[of]
-    return out
+    return hairs.are_hairs(places, strength, usual)[of]
 
 
 def _as_given(named, length, given, found):

@@ -8,7 +8,7 @@ from pipeline.identity.appearance import LEAST_SLOPE, FanModel, medians
 from pipeline.identity.features import ANGLE, BEND, N_FEATURES
 from pipeline.identity.limits import USUAL
 from pipeline.identity.links import TAKEN, Evidence, link_costs
-from pipeline.numerics.robust import MAD_TO_SD
+from pipeline.numerics.robust import sd_about_0
 
 WEIGHT = 0.3  # of one frame's look: errors of neighbouring frames are alike
 QUIET = 0.02  # weight of a frame in which the whiskers rest: all such frames show the same
@@ -160,23 +160,17 @@ def _spread(step, before, turn):
         seen = np.isfinite(x) & np.isfinite(y)
         if seen.sum() < FEWEST:
             continue
-        limit = FARTHEST * max(_sd_about_0(y[seen]), LEAST_MOTION[j])
+        limit = FARTHEST * max(sd_about_0(y[seen]), LEAST_MOTION[j])
         seen &= (np.abs(x) < limit) & (np.abs(y) < limit)
         again = min(max(x[seen] @ y[seen] / max(x[seen] @ x[seen], 1e-12), 0.0), 1.0)
         for i in range(len(y)):
             drift[i, j] = again * min(max(y[i], -limit), limit) if np.isfinite(y[i]) else 0.0
         rest, of = y[seen] - again * x[seen], turn[seen]
         slow, quick = np.quantile(of, SLOW), np.quantile(of, QUICK)
-        sd[j] = max(_sd_about_0(rest[of <= slow]), LEAST_MOTION[j])
-        more = _sd_about_0(rest[of >= quick]) ** 2 - sd[j] ** 2
+        sd[j] = max(sd_about_0(rest[of <= slow]), LEAST_MOTION[j])
+        more = sd_about_0(rest[of >= quick]) ** 2 - sd[j] ** 2
         fast[j] = np.sqrt(max(more, 0.0) / max(np.mean(of[of >= quick] ** 2), 1e-12))
     return drift, sd, fast
-
-
-@njit(cache=True)
-def _sd_about_0(values):
-    """As `robust_sd` about 0, for compiled functions."""
-    return MAD_TO_SD * np.median(np.abs(values))
 
 
 def _own_motion(evidence, likely):

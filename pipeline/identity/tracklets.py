@@ -17,7 +17,7 @@ from scipy.sparse.linalg import LinearOperator, cg
 
 from pipeline.identity.appearance import medians
 from pipeline.identity.features import ANGLE, LENGTH, THICKNESS
-from pipeline.numerics.robust import MAD_TO_SD
+from pipeline.numerics.robust import sd_about_0
 
 JUMP = np.radians(5.0)  # beside the row's motion, from frame to frame
 MEETING = np.radians(1.0)  # lines so near in direction may be taken for each other
@@ -106,7 +106,7 @@ def _robust_line(x, y):
     shift, gain = np.median(y), 0.0
     for _ in range(5):
         off = y - shift - gain * x
-        scale = max(MAD_TO_SD * np.median(np.abs(off)), LEAST_SCALE)
+        scale = max(sd_about_0(off), LEAST_SCALE)
         weight = 1 / (1 + (off / (2 * scale)) ** 2) ** 2
         total = weight.sum()
         mean = (weight * x).sum() / total

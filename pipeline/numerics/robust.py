@@ -35,6 +35,12 @@ def robust_sd(values, about=None, axis=None):
 
 
 @njit(cache=True)
+def sd_about_0(values):
+    """As `robust_sd` of values (n,) about 0, for compiled functions."""
+    return MAD_TO_SD * np.median(np.abs(values))
+
+
+@njit(cache=True)
 def _median(values):
     """As `np.median`, in a tenth of the time where values are few."""
     if len(values) == 0 or np.isnan(values).any():
