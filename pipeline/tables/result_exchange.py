@@ -38,12 +38,10 @@ def draft(folder):
         to_disk(new)
         new.rename(folder / READY)
         to_disk(folder)
-    except OSError as error:
-        with contextlib.suppress(TypeError, ValueError):  # without a path, or of another place
-            error.filename = str(folder / Path(error.filename).relative_to(new))
-        _remove(new, folder)
-        raise
-    except BaseException:
+    except BaseException as error:
+        if isinstance(error, OSError):
+            with contextlib.suppress(TypeError, ValueError):  # without a path, or of another place
+                error.filename = str(folder / Path(error.filename).relative_to(new))
         _remove(new, folder)
         raise
 
