@@ -3,10 +3,9 @@
 import numpy as np
 
 from pipeline.calibrate.follicle_motion import FollicleMotion, slope_of
+from pipeline.calibrate.pictures import save
 from pipeline.numerics.runs import stretches
-from pipeline.tables.whole_files import whole_file
-
-GREY, BLACK, ACCENT = "#a8a8a8", "#111111", "#c8472b"
+from pipeline.reports.plots import ACCENT, BLACK, PALE
 
 
 def draw_dust(path, motion: FollicleMotion) -> None:
@@ -19,11 +18,7 @@ def draw_dust(path, motion: FollicleMotion) -> None:
     _particle(b, motion)
     _path(c, motion)
     _against(d, motion)
-    for axes, letter in zip((a, b, c, d), "abcd", strict=True):
-        axes.set_title(letter, loc="left", fontweight="bold")
-        axes.spines[["top", "right"]].set_visible(False)
-    with whole_file(path) as temporary:
-        figure.savefig(temporary, dpi=150)
+    save(path, figure, (a, b, c, d))
 
 
 def _follicle(axes, motion):
@@ -53,10 +48,11 @@ def _particle(axes, motion):
         (place[0], place[1] + half / 2),
         arrowprops={"arrowstyle": "->", "color": ACCENT, "shrinkB": 6},
     )
-    axes.set_xlim(place[0] - half, place[0] + half)
-    axes.set_ylim(place[1] + 0.7 * half, place[1] - 0.7 * half)
-    axes.set_xticks([])
-    axes.set_yticks([])
+    axes.set(
+        xlim=(place[0] - half, place[0] + half),
+        ylim=(place[1] + 0.7 * half, place[1] - 0.7 * half),
+    )
+    axes.set(xticks=[], yticks=[])
     axes.set_xlabel(f"the particle in frame {motion.particle.frame[row]}")
 
 
@@ -71,14 +67,13 @@ def _path(axes, motion):
         vmax=np.nanquantile(shown, 0.995), interpolation="nearest",
     )  # fmt: skip
     axes.plot(particle.frame, particle.place_px, color=ACCENT, lw=0.6)
-    axes.set_xlabel("frame")
-    axes.set_ylabel("along the whisker (px); dark: thick")
+    axes.set(xlabel="frame", ylabel="along the whisker (px); dark: thick")
 
 
 def _against(axes, motion):
     contacts, slope = motion.contacts, slope_of(motion.contacts)
     size = contacts["curvature_change_per_m"].abs()
-    axes.axhline(0, color=GREY, lw=0.6)
+    axes.axhline(0, color=PALE, lw=0.6)
     axes.plot(size, contacts["radial_change_mm"], "o", color=BLACK, ms=4)
     if slope is not None:
         ends = np.array([0, size.max()])
@@ -89,5 +84,7 @@ def _against(axes, motion):
             fontsize=9,
             color=ACCENT,
         )
-    axes.set_xlabel("largest |curvature change| of the contact (1/m)")
-    axes.set_ylabel("follicle out of the face by (mm)")
+    axes.set(
+        xlabel="largest |curvature change| of the contact (1/m)",
+        ylabel="follicle out of the face by (mm)",
+    )

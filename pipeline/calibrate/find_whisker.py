@@ -17,6 +17,7 @@ from skimage.measure import label, regionprops
 from skimage.morphology import skeletonize
 
 from pipeline.errors import VideoError, need_content
+from pipeline.numerics.polyline import arc_along, places_along
 from pipeline.numerics.robust import robust_sd
 
 REDUCED = 8  # the ground is found in a picture reduced so many times
@@ -190,21 +191,13 @@ def _trimmed(path, half_width):
 
 def smooth_line(points, knot_px):
     """Points 1 px apart on a cubic spline through `points` (n, 2), its knots `knot_px` apart."""
-    along = arc_lengths(points)
+    along = arc_along(points)
     pieces = max(int(along[-1] / knot_px), 1)
     inner = np.linspace(0, along[-1], pieces + 1)[1:-1]
     knots = np.concatenate([np.zeros(4), inner, np.full(4, along[-1])])
     spline = make_lsq_spline(along, points, knots)
     fine = spline(np.linspace(0, along[-1], 4 * int(along[-1]) + 5))
-    s = arc_lengths(fine)
-    at = np.arange(0, s[-1], 1.0)
-    return np.column_stack([np.interp(at, s, part) for part in fine.T])
-
-
-def arc_lengths(points):
-    """Length [px] of a polyline (n, 2) up to each of its points."""
-    steps = np.hypot(*np.diff(points, axis=0).T)
-    return np.concatenate([[0.0], np.cumsum(steps)])
+    return places_along(fine, np.arange(0, arc_along(fine)[-1], 1.0))
 
 
 def _to_its_end(line, contrast):

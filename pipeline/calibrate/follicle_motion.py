@@ -12,7 +12,8 @@ import pandas as pd
 from scipy.stats import linregress, t
 
 from pipeline.calibrate.particle import ParticlePath, follow_particle
-from pipeline.calibrate.thickness import ThicknessMap, arc_along, map_thickness
+from pipeline.calibrate.thickness import ThicknessMap, map_thickness
+from pipeline.numerics.polyline import arc_along
 from pipeline.numerics.robust import robust_sd
 from pipeline.tables.calibration_columns import DUST_CONTACT_COLUMNS
 from pipeline.tables.columns import as_table

@@ -2,9 +2,10 @@
 
 import numpy as np
 
-from pipeline.tables.whole_files import whole_file
+from pipeline.calibrate.pictures import save
+from pipeline.reports.plots import ACCENT, BLACK, PALE
 
-GREY, BLACK, ACCENT, COOL = "#a8a8a8", "#111111", "#c8472b", "#2b6cc8"
+COOL = "#2b6cc8"
 WIDEST_PX = 1800  # of the micrograph as it is shown
 CLOSE_PX = 60  # half the side of the close views of base and tip
 
@@ -21,7 +22,7 @@ def draw_whisker(path, geometry, profile) -> None:
         _close(figure.add_subplot(ends[k]), geometry, profile, end, name)
     _diameter(figure.add_subplot(grid[1, :]), geometry, profile)
     _deviation(figure.add_subplot(grid[2, :]), profile)
-    _save(figure, path)
+    save(path, figure)
 
 
 def draw_pooled(path, geometries, profiles) -> None:
@@ -32,7 +33,7 @@ def draw_pooled(path, geometries, profiles) -> None:
     axes = figure.add_subplot()
     for geometry, profile in zip(geometries, profiles, strict=True):
         own = profile[profile["used"]]
-        axes.plot(own["arc_length_mm"], own["diameter_um"], ".", ms=1.5, color=GREY)
+        axes.plot(own["arc_length_mm"], own["diameter_um"], ".", ms=1.5, color=PALE)
         axes.plot(
             [0, geometry.length.value],
             [2 * geometry.base_radius.value, 2 * geometry.tip_radius.value],
@@ -41,7 +42,7 @@ def draw_pooled(path, geometries, profiles) -> None:
         )
     _label(axes, "distance from the base (mm)", "diameter (µm)")
     axes.set_ylim(bottom=0)
-    _save(figure, path)
+    save(path, figure)
 
 
 def _whole(axes, geometry):
@@ -74,16 +75,14 @@ def _close(axes, geometry, profile, end, name):
         axes.plot(profile[f"{side}_x_px"], profile[f"{side}_y_px"], color=ACCENT, lw=0.8)
     across = geometry.straight.place(end.s, np.array([-12.0, 12.0]))
     axes.plot(*across, color=COOL, lw=0.8)
-    axes.set_xlim(x - CLOSE_PX, x + CLOSE_PX)
-    axes.set_ylim(y + CLOSE_PX, y - CLOSE_PX)
+    axes.set(xlim=(x - CLOSE_PX, x + CLOSE_PX), ylim=(y + CLOSE_PX, y - CLOSE_PX))
     axes.set_title(f"{name}, edges and end", fontsize=8)
-    axes.set_xticks([])
-    axes.set_yticks([])
+    axes.set(xticks=[], yticks=[])
 
 
 def _diameter(axes, geometry, profile):
     used = profile["used"]
-    axes.plot(profile["arc_length_mm"][used], profile["diameter_um"][used], ".", color=GREY, ms=3)
+    axes.plot(profile["arc_length_mm"][used], profile["diameter_um"][used], ".", color=PALE, ms=3)
     axes.plot(
         profile["arc_length_mm"][~used], profile["diameter_um"][~used], "x", color=ACCENT, ms=4
     )
@@ -109,11 +108,5 @@ def _deviation(axes, profile):
 
 
 def _label(axes, x, y):
-    axes.set_xlabel(x)
-    axes.set_ylabel(y)
+    axes.set(xlabel=x, ylabel=y)
     axes.spines[["top", "right"]].set_visible(False)
-
-
-def _save(figure, path):
-    with whole_file(path) as temporary:
-        figure.savefig(temporary, dpi=150)

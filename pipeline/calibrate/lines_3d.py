@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.calibrate.thickness import arc_along
 from pipeline.calibrate.two_views import TwoViews, upright
+from pipeline.numerics.polyline import arc_along
 
 DEGREE = 3  # of the height along the shared axis
 LEAST_RANGE_MM = 2.0  # along the shared axis, that both lines show

@@ -4,10 +4,10 @@ from pathlib import Path
 
 import numpy as np
 
+from pipeline.calibrate.pictures import save
+from pipeline.reports.plots import ACCENT, BLACK, PALE
 from pipeline.tables.centrelines import read_centrelines
-from pipeline.tables.whole_files import whole_file
 
-GREY, BLACK, ACCENT = "#a8a8a8", "#111111", "#c8472b"
 BEFORE, AFTER = 4, 12  # frames that panel a shows
 
 
@@ -21,11 +21,7 @@ def draw_ringdown(path, results, fits, together) -> None:
     _whisker(a, results, shown.slip)
     _curvature(b, shown)
     _all_slips(c, fits, together)
-    for axes, letter in zip((a, b, c), "abc", strict=True):
-        axes.set_title(letter, loc="left", fontweight="bold")
-        axes.spines[["top", "right"]].set_visible(False)
-    with whole_file(path) as temporary:
-        figure.savefig(temporary, dpi=170)
+    save(path, figure, (a, b, c))
 
 
 def _whisker(axes, results, slip):
@@ -35,12 +31,11 @@ def _whisker(axes, results, slip):
         [("whisker", "==", slip.whisker), ("frame", ">=", first), ("frame", "<", last)],
     )
     for row, frame in enumerate(lines.frame):
-        colour = GREY if frame < slip.first else BLACK
+        colour = PALE if frame < slip.first else BLACK
         axes.plot(*lines.row(row).T, color=colour, lw=0.8)
     axes.set_aspect("equal", adjustable="datalim")
     axes.invert_yaxis()
-    axes.set_xlabel("x (px)")
-    axes.set_ylabel("y (px); grey: before the slip")
+    axes.set(xlabel="x (px)", ylabel="y (px); grey: before the slip")
 
 
 def _curvature(axes, shown):
@@ -48,9 +43,8 @@ def _curvature(axes, shown):
     fine = np.linspace(shown.time[0], shown.time[-1], 600)
     axes.plot(1e3 * (fine - shown.time[0]), shown.fit(fine), color=ACCENT, lw=1)
     axes.plot(ms, shown.curvature, "o", color=BLACK, ms=3)
-    axes.axhline(0, color=GREY, lw=0.6)
-    axes.set_xlabel("time after the slip (ms)")
-    axes.set_ylabel("curvature change (1/m)")
+    axes.axhline(0, color=PALE, lw=0.6)
+    axes.set(xlabel="time after the slip (ms)", ylabel="curvature change (1/m)")
 
 
 def _all_slips(axes, fits, together):
@@ -59,8 +53,7 @@ def _all_slips(axes, fits, together):
     if len(fits) > 1:
         _cross(axes, together.angular_frequency, together.damping, ACCENT, 2.0)
     e = together.youngs_modulus
-    axes.set_xlabel("angular frequency (rad/s)")
-    axes.set_ylabel("damping (1/s)")
+    axes.set(xlabel="angular frequency (rad/s)", ylabel="damping (1/s)")
     axes.text(
         0.03,
         0.97,

@@ -10,6 +10,7 @@ from itertools import islice
 import cv2
 import numpy as np
 
+from pipeline.numerics.polyline import arc_along
 from pipeline.video import open_video
 
 REACH_MM, LEAST_REACH_PX = 0.36, 6.0  # across the whisker, each way
@@ -66,11 +67,6 @@ def map_thickness(video, name, follicle, pixels_per_mm) -> ThicknessMap:
     return ThicknessMap(
         np.array(frames, int), list(kept), np.array(starts), _padded(courses), first
     )
-
-
-def arc_along(line) -> np.ndarray:
-    """Arc length [px] of each point of a line (points, 2)."""
-    return np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))])
 
 
 def _crossing(line, distance, radius):

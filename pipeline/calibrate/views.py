@@ -9,11 +9,11 @@ import numpy as np
 import pandas as pd
 
 from pipeline.calibrate.lines_3d import SpaceLine, contact_place, space_line, unroll
-from pipeline.calibrate.thickness import arc_along
 from pipeline.calibrate.two_views import TwoViews, ViewsError
 from pipeline.convert.results import lines_of_rows
 from pipeline.detection.static_scene import PoleTrack
 from pipeline.errors import counted
+from pipeline.numerics.polyline import arc_along
 from pipeline.tables.calibration_columns import VIEW_CONTACT_COLUMNS, VIEW_FRAME_COLUMNS
 from pipeline.tables.columns import as_table
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pandas as pd
 
-from pipeline.tables.whole_files import whole_file
+from pipeline.calibrate.pictures import save
+from pipeline.reports.plots import ACCENT, BLACK, PALE
 
-GREY, BLACK, ACCENT = "#b8b8b8", "#111111", "#c8472b"
 LINES = 60  # that are drawn of each video
 
 
@@ -22,11 +22,7 @@ def draw_views(path, measured) -> None:
     _path(axes[1, 0], touching)
     _error(axes[1, 1], touching)
     _force(axes[1, 2], pd.concat([each.contacts for each in measured]))
-    for each, letter in zip(axes.flat, "abcdef", strict=True):
-        each.set_title(letter, loc="left", fontweight="bold")
-        each.spines[["top", "right"]].set_visible(False)
-    with whole_file(path) as temporary:
-        figure.savefig(temporary, dpi=150)
+    save(path, figure, axes.flat)
 
 
 def _lines(above, beside, measured):
@@ -35,31 +31,29 @@ def _lines(above, beside, measured):
     touching = shown.frames.set_index("frame")["in_contact"]
     frames = list(shown.lines)[:: max(len(shown.lines) // LINES, 1)]
     for frame in sorted(frames, key=lambda f: bool(touching.get(f, False))):
-        line, colour = shown.lines[frame], BLACK if touching.get(frame, False) else GREY
+        line, colour = shown.lines[frame], BLACK if touching.get(frame, False) else PALE
         above.plot(*line.first.T, color=colour, lw=0.5)
         out = np.hypot(*(line.first - line.first[0]).T)
         beside.plot(out, line.height, color=colour, lw=0.5)
     above.set_aspect("equal", adjustable="datalim")
     above.invert_yaxis()
-    above.set_xlabel("x (px), first view; black: contact")
-    above.set_ylabel("y (px)")
-    beside.set_xlabel("from the follicle, first view (px)")
-    beside.set_ylabel("height above the follicle (mm)")
+    above.set(xlabel="x (px), first view; black: contact", ylabel="y (px)")
+    beside.set(
+        xlabel="from the follicle, first view (px)", ylabel="height above the follicle (mm)"
+    )
 
 
 def _elevation(axes, touching):
     axes.plot(touching["azimuth_deg"], touching["elevation_deg"], ".", color=BLACK, ms=3)
-    axes.axhline(0, color=GREY, lw=0.6)
-    axes.set_xlabel("azimuth at contact (°)")
-    axes.set_ylabel("elevation at contact (°)")
+    axes.axhline(0, color=PALE, lw=0.6)
+    axes.set(xlabel="azimuth at contact (°)", ylabel="elevation at contact (°)")
 
 
 def _path(axes, touching):
     share = touching["apparent_path_mm"] / touching["true_path_mm"]
     axes.plot(touching["azimuth_deg"], share, ".", color=BLACK, ms=3)
-    axes.axhline(1, color=GREY, lw=0.6)
-    axes.set_xlabel("azimuth at contact (°)")
-    axes.set_ylabel("apparent over true path")
+    axes.axhline(1, color=PALE, lw=0.6)
+    axes.set(xlabel="azimuth at contact (°)", ylabel="apparent over true path")
 
 
 def _error(axes, touching):
@@ -68,12 +62,10 @@ def _error(axes, touching):
     if len(error):
         axes.axvline(error.quantile(0.99), color=ACCENT, lw=1)
         axes.set_title(f"99 % below {error.quantile(0.99):.1f} %", fontsize=9, color=ACCENT)
-    axes.set_xlabel("projection error of the path (%)")
-    axes.set_ylabel("contact frames")
+    axes.set(xlabel="projection error of the path (%)", ylabel="contact frames")
 
 
 def _force(axes, contacts):
     axes.plot(contacts["elevation_deg"], contacts["force_effect_percent"], "o", color=BLACK, ms=4)
-    axes.axhline(0, color=GREY, lw=0.6)
-    axes.set_xlabel("elevation at contact (°)")
-    axes.set_ylabel("effect on the force (%)")
+    axes.axhline(0, color=PALE, lw=0.6)
+    axes.set(xlabel="elevation at contact (°)", ylabel="effect on the force (%)")

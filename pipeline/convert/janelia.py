@@ -12,6 +12,7 @@ from pipeline.convert import janelia_files as files
 from pipeline.convert.results import lines_of_rows
 from pipeline.detection.static_scene import PoleTrack
 from pipeline.errors import InputError
+from pipeline.numerics.polyline import arc_along
 from pipeline.tables.centrelines import Centrelines
 from pipeline.tables.known_names import in_short
 
@@ -138,8 +139,7 @@ def _thickness(points, video, name):
     if given is None or given.si() is None:
         return np.zeros(len(points), np.float32)
     whisker, scale = given.si(), video.settings.recording.si().pixels_per_m
-    steps = np.hypot(*np.diff(points, axis=0).T)
-    s = given.hidden_length + np.append(0, np.cumsum(steps)) / scale
+    s = given.hidden_length + arc_along(points) / scale
     radius = whisker.base_radius * np.maximum(1 - s / whisker.cone_length, 0)
     return (2 * radius * scale).astype(np.float32)
 
@@ -169,7 +169,7 @@ def measured(segments, face: str, pole: PoleTrack | None = None) -> files.Measur
 def _shape(segment, axis):
     """The eight measures of one segment."""
     x, y = segment.x.astype(float), segment.y.astype(float)
-    length = np.append(0, np.cumsum(np.hypot(np.diff(x), np.diff(y))))
+    length = arc_along(np.column_stack([x, y]))
     t = length / length[-1]
     fits = [np.polynomial.Polynomial.fit(t, v, FIT_DEGREE) for v in (x, y)]
     (dx, dy), (ddx, ddy) = ([fit.deriv(k)(t) for fit in fits] for k in (1, 2))

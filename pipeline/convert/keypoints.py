@@ -12,6 +12,7 @@ from scipy.special import chdtri
 
 from pipeline.convert.results import lines_of_rows
 from pipeline.errors import InputError, counted
+from pipeline.numerics.polyline import arc_along, places_along
 from pipeline.tables.centrelines import Centrelines
 
 LEAST_SCORE = 0.6  # of a point that is used; DeepLabCut's own limit for drawing
@@ -146,7 +147,7 @@ def _fit(xy, score):
     xy, n = xy[used], int(used.sum())
     if n < FEWEST_POINTS:
         return None
-    t = np.append(0, np.cumsum(np.hypot(*np.diff(xy, axis=0).T)))
+    t = arc_along(xy)
     if t[-1] < n:  # all upon each other
         return None
     t /= t[-1]
@@ -154,8 +155,7 @@ def _fit(xy, score):
     basis = np.polynomial.legendre.legvander(2 * t - 1, degree)
     fitted, *_ = np.linalg.lstsq(basis, xy, rcond=None)
     dense = np.polynomial.legendre.legvander(np.linspace(-1, 1, DENSE), degree) @ fitted
-    s = np.append(0, np.cumsum(np.hypot(*np.diff(dense, axis=0).T)))
-    line = np.column_stack([np.interp(np.arange(int(s[-1]) + 1), s, v) for v in dense.T])
+    line = places_along(dense, np.arange(int(arc_along(dense)[-1]) + 1))
     slope = np.gradient(dense, axis=0)
     tangent = np.column_stack([np.interp(t, np.linspace(0, 1, DENSE), v) for v in slope.T])
     tangent /= np.hypot(*tangent.T)[:, None]
@@ -184,6 +184,4 @@ def _with_information(lines, information, confidence) -> Centrelines:
 
 def points_along(line: np.ndarray, count: int) -> np.ndarray:
     """`count` points (count, 2) of a line (n, 2), at even distances, its ends among them."""
-    s = np.append(0, np.cumsum(np.hypot(*np.diff(line, axis=0).T)))
-    at = np.linspace(0, s[-1], count)
-    return np.column_stack([np.interp(at, s, values) for values in line.T])
+    return places_along(line, np.linspace(0, arc_along(line)[-1], count))

@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.special import chdtri
 
+from pipeline.numerics.polyline import arc_along
 from pipeline.numerics.runs import evenly
 from pipeline.tables.centrelines import Centrelines
 
@@ -65,7 +66,7 @@ def _smoothed(points):
     tangent /= np.hypot(*tangent.T)[:, None]
     away = points - curve
     offset = away[:, 0] * tangent[:, 1] - away[:, 1] * tangent[:, 0]  # normal: (ty, −tx)
-    s = np.append(0, np.cumsum(np.hypot(*np.diff(curve, axis=0).T)))
+    s = arc_along(curve)
     at = np.arange(int(s[-1]) + 1)
     return np.stack([np.interp(at, s, values) for values in (*curve.T, offset)])
 

@@ -40,6 +40,17 @@ def arc_lengths(x, y, n, s):
         steps[i] = total
 
 
+def arc_along(points) -> np.ndarray:
+    """Length of a polyline (n, 2) from its first point to each of its points, (n,)."""
+    return np.append(0.0, np.cumsum(np.hypot(*np.diff(points, axis=0).T)))
+
+
+def places_along(points, at) -> np.ndarray:
+    """Places (k, 2) at the arc lengths `at` (k,) along a polyline (n, 2)."""
+    s = arc_along(points)
+    return np.column_stack([np.interp(at, s, part) for part in np.transpose(points)])
+
+
 @njit(cache=True)
 def bilinear(image, x, y):
     """Value of a 2-D array at (x, y); the nearest edge value outside."""

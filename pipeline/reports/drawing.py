@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 import pandas as pd
 
+from pipeline.numerics.polyline import places_along
 from pipeline.reports.lettering import line_height, put_text, text_width
 from pipeline.session.schema import Settings
 from pipeline.tables.known_names import KNOWN
@@ -181,10 +182,9 @@ def _point_at(points, row, scale):
     arc = row["contact_arc_length_mm"]
     if not np.isfinite(arc):
         return None
-    steps = np.hypot(*np.diff(points, axis=0).T)
     follicle = np.array([row["follicle_x_px"], row["follicle_y_px"]])
-    s = np.hypot(*(points[0] - follicle)) + np.concatenate([[0], np.cumsum(steps)])
-    return np.array([np.interp(arc * scale, s, points[:, axis]) for axis in (0, 1)])
+    beyond_first = arc * scale - np.hypot(*(points[0] - follicle))
+    return places_along(points, [beyond_first])[0]
 
 
 # --- names ---------------------------------------------------------------------------------

@@ -9,10 +9,10 @@ import numpy as np
 import pandas as pd
 
 from pipeline.reports.fig3_tables import ShownContact
+from pipeline.reports.plots import ACCENT, BLACK, GREY, PALE
 from pipeline.reports.session_numbers import PAPER
 from pipeline.reports.whisker_styles import whisker_styles
 
-GREY, BLACK, ACCENT = "#a8a8a8", "#111111", "#c8472b"
 DPI = 200
 SIZE_IN, ONE_IN = (7.2, 5.6), (2.4, 2.4)
 MARGINS = {
@@ -81,7 +81,7 @@ def _draw_panel(axis, letter, content, shown_letter=""):
 
 
 def _empty(axis, text):
-    axis.text(0.5, 0.5, text, ha="center", va="center", transform=axis.transAxes, color="#6b6b6b")
+    axis.text(0.5, 0.5, text, ha="center", va="center", transform=axis.transAxes, color=GREY)
     axis.set(xticks=[], yticks=[])
 
 
@@ -127,7 +127,7 @@ def _draw_lines(axis, table, typical, down):
 
     starts = np.flatnonzero(table["frame"].diff().to_numpy())
     points = np.column_stack([table["x_mm"], table["y_mm"] + down])
-    colours = np.where(table["in_contact"], BLACK, GREY)[starts]
+    colours = np.where(table["in_contact"], BLACK, PALE)[starts]
     axis.add_collection(LineCollection(np.split(points, starts[1:]), colors=colours, lw=0.6))
     dots = table.drop_duplicates("frame")
     axis.plot(dots["follicle_x_mm"], dots["follicle_y_mm"] + down, ".", color=BLACK, ms=2.5)
@@ -144,7 +144,7 @@ def _panel_b(axis, content):
     if table.empty:
         _empty(axis, "no contact to show")
         return []
-    axis.plot(table["time_ms"], table["force_uN"], color=GREY, lw=1)
+    axis.plot(table["time_ms"], table["force_uN"], color=PALE, lw=1)
     touching = table["force_uN"].where(table["in_contact"])
     axis.plot(table["time_ms"], touching, color=BLACK, lw=1.2)
     pulse = table[table["pulse_uN"] > 0]
@@ -194,7 +194,7 @@ def _panel_e(axis, content):
 def _histogram(axis, table, recovered, what, unit):
     """Histogram, and over it this session's median and 5–95 % range beside the paper's."""
     start, end = table.iloc[:, 0], table.iloc[:, 1]
-    axis.bar(start, table["contacts"], end - start, align="edge", color=GREY, edgecolor="white",
+    axis.bar(start, table["contacts"], end - start, align="edge", color=PALE, edgecolor="white",
              linewidth=0.3)  # fmt: skip
     axis.set_xlabel(
         f"{'peak contact force' if what == 'peak force' else 'contact duration'} ({unit})"

@@ -4,6 +4,7 @@ import base64
 import io
 
 GREY, INK = "#6b6b6b", "#1a1a1a"
+PALE, BLACK, ACCENT = "#a8a8a8", "#111111", "#c8472b"  # of the paper's figures, and calibrate's
 SIZE_IN = 4.8
 NO_DATE = {"Date": None}  # in an SVG: the same results make the same file
 SVG_IDS = {"svg.hashsalt": "whiskerforce"}  # likewise

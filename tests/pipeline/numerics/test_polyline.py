@@ -23,6 +23,12 @@ def two_lines(apart, turn, shift):
     return np.array([X, 0 * X]), np.array([shift + X * np.cos(turn), apart + X * np.sin(turn)])
 
 
+def test_places_along_a_polyline():
+    corner = np.array([(0, 0), (3, 4), (3, 10)])
+    assert polyline.arc_along(corner) == pytest.approx([0, 5, 11])
+    assert polyline.places_along(corner, [2.5, 6]) == pytest.approx(np.array([(1.5, 2), (3, 5)]))
+
+
 def distances(first, second):
     return np.hypot(*(first[:, :, None] - second[:, None, :]))
 
