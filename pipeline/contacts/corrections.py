@@ -6,6 +6,7 @@ nor to how the program found it, so it holds when the video is processed again.
 """
 
 import contextlib
+import itertools
 from pathlib import Path
 from typing import NamedTuple
 
@@ -13,7 +14,7 @@ import pandas as pd
 
 from pipeline.errors import CorrectionsError, counted
 from pipeline.tables.columns import CORRECTION_COLUMNS, as_table, empty_table
-from pipeline.tables.files import read_csv, replace_csv
+from pipeline.tables.files import read_numbered_csv, replace_csv
 
 CORRECTIONS_FILE = "corrections.csv"
 CONTACT, CONFIRMED, FREE = "contact", "confirmed", "free"
@@ -56,13 +57,13 @@ def read_corrections(folder) -> pd.DataFrame:
     if not path.exists():
         return empty_table(CORRECTION_COLUMNS)
     try:
-        corrections = read_csv(path, CORRECTION_COLUMNS, advice="")
+        corrections, lines = read_numbered_csv(path, CORRECTION_COLUMNS, advice="")
     except ValueError as error:
         raise CorrectionsError(str(error)) from None
-    for number, verdict in enumerate(verdicts(corrections), start=2):
-        fault = _fault(verdict)
-        if fault:
-            raise CorrectionsError(f"{path}: line {number}: {fault}")
+    numbered = list(zip(lines, verdicts(corrections), strict=True))
+    faults = [(line, fault) for line, verdict in numbered if (fault := _fault(verdict))]
+    for line, fault in faults or _clashes(numbered):
+        raise CorrectionsError(f"{path}: line {line}: {fault}")
     return corrections
 
 
@@ -94,6 +95,22 @@ def _fault(verdict):
     if verdict.covers_from > verdict.onset_frame or verdict.covers_to < verdict.offset_frame:
         return f"covers {verdict.cover} must contain onset and offset {verdict.span}"
     return ""
+
+
+def _clashes(numbered):
+    """Yield the line of a contact that has frames of another one, and what is wrong with it."""
+    contacts = sorted(
+        (verdict.whisker, verdict.span, line)
+        for line, verdict in numbered
+        if verdict.verdict != FREE
+    )
+    for (name, span, line), (other, later, number) in itertools.pairwise(contacts):
+        if name == other and overlap(span, later):
+            yield (
+                number,
+                f"contact {later} of {name!r} has frames of contact {span} in line {line}: keep "
+                "one of them",
+            )
 
 
 def applicable(corrections: pd.DataFrame, whiskers, n_frames: int) -> pd.DataFrame:

@@ -131,6 +131,7 @@
 
   window.curate = {
     connect(box, panel) {
+      if (inbox) return; // Bokeh before 3.9 may say more than once that the page is ready
       inbox = box;
       panel.properties.text.change.connect(() => show(panel.text));
       send("hello"); // asks for all parts

@@ -91,13 +91,10 @@ class Review:
         return next((s for s in self.of_whisker(whisker) if frame in s), None)
 
     def verdict_on(self, span) -> Verdict | None:
-        """The verdict that states this contact, or None."""
+        """The verdict that states this contact, or None; the video's end may cut it off."""
+        stated = (v for v in self.verdicts if v.verdict != FREE and v.whisker == span.whisker)
         return next(
-            (
-                v
-                for v in self.verdicts
-                if v.verdict != FREE and (v.whisker, *v.span) == tuple(span)
-            ),
+            (v for v in stated if (v.onset_frame, min(v.offset_frame, self.n_frames)) == span[1:]),
             None,
         )
 

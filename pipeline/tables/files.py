@@ -66,14 +66,19 @@ def read_csv(path, columns, advice=RUN_AGAIN) -> pd.DataFrame:
         Where a declared column is missing or holds something else; it names file, column and
         line, and ends with the `advice`.
     """
+    return read_numbered_csv(path, columns, advice)[0]
+
+
+def read_numbered_csv(path, columns, advice=RUN_AGAIN) -> tuple[pd.DataFrame, list[int]]:
+    """As `read_csv`, and the line of the file in which each row is."""
     try:
         return _csv_table(path, columns)
     except ValueError as error:
         raise ValueError(f"{path}: {error}{advice}") from None
 
 
-def _csv_table(path, columns) -> pd.DataFrame:
-    header, rows = _csv_rows(path)
+def _csv_table(path, columns):
+    header, rows, lines = _csv_rows(path)
     check_separator(header)
     missing = [c.name for c in columns if c.name not in header and not c.later]
     if missing:
@@ -82,9 +87,9 @@ def _csv_table(path, columns) -> pd.DataFrame:
     out = {}
     for c in [c for c in columns if c.name in header]:
         place = header.index(c.name)
-        out[c.name] = _parsed([row[place] for row in rows], c)
+        out[c.name] = _parsed([row[place] for row in rows], c, lines)
     table = pd.DataFrame(out)
-    return table if len(out) == len(columns) else as_table(table, columns)
+    return (table if len(out) == len(columns) else as_table(table, columns)), lines
 
 
 def check_separator(names) -> None:
@@ -98,23 +103,31 @@ def check_separator(names) -> None:
 
 
 def _csv_rows(path):
-    """Header and rows of a CSV, each of as many values as the header; ValueError if it is none.
+    """Header, rows and their lines of a CSV; each row has as many values as the header.
 
-    Many small files are read far more quickly so than by pandas.
+    Rows of empty cells are left out: spreadsheets leave them where a row was emptied. ValueError
+    if it is no CSV. Many small files are read far more quickly so than by pandas.
     """
     try:
         with open(path, newline="", encoding="utf-8-sig") as file:
-            header, *rows = [row for row in csv.reader(file, strict=True) if row] or [[]]
-    except (csv.Error, UnicodeDecodeError) as error:
+            reader = csv.reader(file, strict=True)
+            numbered = [(reader.line_num, row) for row in reader if any(row)]
+    except UnicodeDecodeError:
+        raise ValueError(
+            "some of its letters are not UTF-8; save it as `CSV UTF-8`, as spreadsheets call it"
+        ) from None
+    except csv.Error as error:
         raise ValueError(str(error)) from None
+    (_, header), *numbered = numbered or [(1, [])]
     width = len(header)
-    for line, row in enumerate(rows, start=2):
+    for line, row in numbered:
         if len(row) > width:
             raise ValueError(f"line {line}: expected {width} values, found {len(row)}")
-    return header, [row + [""] * (width - len(row)) for row in rows]
+    lines = [line for line, _ in numbered]
+    return header, [row + [""] * (width - len(row)) for _, row in numbered], lines
 
 
-def _parsed(text: list[str], column: Column):
+def _parsed(text: list[str], column: Column, lines: list[int]):
     """Text of one CSV column as an array of its declared dtype."""
     if column.dtype == "bool":
         return np.array([value.lower() in ("true", "1") for value in text], bool)
@@ -123,12 +136,12 @@ def _parsed(text: list[str], column: Column):
         return values if values.dtype == "string" else values.astype("string")
     whole = column.dtype.startswith("int")
     values = np.empty(len(text), column.dtype)
-    for k, value in enumerate(text):
+    for k, (line, value) in enumerate(zip(lines, text, strict=True)):
         try:
             values[k] = _whole(value, column) if whole else float(value or "nan")
         except ValueError:
             raise ValueError(
-                f"line {k + 2}: {column.name} is {value[:SHOWN]!r}, expected a "
+                f"line {line}: {column.name} is {value[:SHOWN]!r}, expected a "
                 f"{'whole ' if whole else ''}number"
             ) from None
     return values

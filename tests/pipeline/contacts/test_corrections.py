@@ -197,7 +197,56 @@ def test_a_file_edited_by_hand_is_named_with_its_line(tmp_path, change, message)
     assert "run" not in str(caught.value).replace(str(tmp_path), "")
 
 
+def test_two_contacts_at_once_are_refused_with_their_lines(tmp_path):
+    """A row that was copied would count a contact, and its force, twice."""
+    first, other = verdict(CONTACT, (10, 20)), verdict(CONTACT, (10, 20))._replace(whisker="C3")
+    for again in (first, verdict(CONFIRMED, (19, 25)), verdict(CONTACT, (5, 11))):
+        rows = table_of([first, verdict(FREE, (0, 40)), other, again])
+        corrections.write_corrections(tmp_path, rows)
+        with pytest.raises(CorrectionsError, match=r"line \d: contact .* of 'C2' .* in line \d"):
+            corrections.read_corrections(tmp_path)
+    rows = table_of([first, verdict(FREE, (0, 40)), other, verdict(CONTACT, (20, 25))])
+    corrections.write_corrections(tmp_path, rows)
+    assert len(corrections.read_corrections(tmp_path)) == 4
+
+
+def test_what_spreadsheets_leave_is_read_and_lines_are_counted_as_they_show_them(tmp_path):
+    rows = table_of([verdict(FREE, (1, 2)), verdict(FREE, (40, 50))])
+    corrections.write_corrections(tmp_path, rows)
+    path = tmp_path / "corrections.csv"
+    header, first, second = path.read_text().splitlines()
+    emptied = "," * header.count(",")
+    text = "\r\n".join([header, emptied, first, "", second, emptied, ""])
+    path.write_text(text, encoding="utf-8-sig", newline="")
+    assert corrections.read_corrections(tmp_path).equals(rows)
+    path.write_text(text.replace("40", "soon"), newline="")
+    with pytest.raises(CorrectionsError, match="line 5: onset_frame is 'soon'"):
+        corrections.read_corrections(tmp_path)
+    path.write_text(text.replace("free,40", "none,40"), newline="")
+    with pytest.raises(CorrectionsError, match="line 5: verdict is 'none'"):
+        corrections.read_corrections(tmp_path)
+
+
+def test_letters_of_another_encoding_are_told_how_to_be_saved(tmp_path):
+    rows = table_of([verdict(FREE, (1, 2))._replace(saved_by="Jörg")])
+    corrections.write_corrections(tmp_path, rows)
+    path = tmp_path / "corrections.csv"
+    path.write_bytes(path.read_bytes().decode().encode("cp1252"))
+    with pytest.raises(CorrectionsError, match="not UTF-8; save it as `CSV UTF-8`"):
+        corrections.read_corrections(tmp_path)
+
+
 # ---- editing -------------------------------------------------------------------------------
+
+
+def test_a_contact_beyond_the_videos_end_is_confirmed_without_another():
+    stated = verdict(CONTACT, (90, 120))
+    edited = Review(detected(), table_of([stated]), 100, lambda table: None, ["C2"])
+    assert edited.spans == [Span("C2", 90, 100)]
+    edited.confirm(edited.spans[0])
+    assert edited.verdicts == (stated,)
+    edited.move(edited.spans[0], onset=95)
+    assert [v.span for v in edited.verdicts] == [(95, 100)]
 
 
 def test_every_edit_is_saved_and_can_be_undone_and_redone():

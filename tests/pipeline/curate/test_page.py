@@ -316,6 +316,15 @@ def test_playing_goes_on_until_stopped(tab):
     assert tab.frame == stopped
 
 
+def test_a_page_that_is_ready_twice_asks_for_its_parts_once(tab):
+    """Else the answer to the second question is taken for that to the next key."""
+    tab.driver.execute_script("""
+        const doc = Bokeh.documents[0];
+        window.curate.connect(doc.get_model_by_name('inbox'), doc.get_model_by_name('panel'))""")
+    tab.press("?", "?")
+    assert tab.answered() == 3  # the page's own question, and two keys
+
+
 def test_delete_undo_redo_by_keys(tab, served):
     from selenium.webdriver.common.keys import Keys
 
