@@ -1,6 +1,7 @@
 """Video files, read through PyAV (FFmpeg)."""
 
 import contextlib
+from functools import cached_property
 from itertools import groupby, islice, repeat
 
 import av
@@ -13,7 +14,7 @@ from pipeline.errors import VideoError, counted
 from pipeline.video.base import Video, bits_to_drop, check_pixels
 from pipeline.video.decoder_log import ENDED_EARLY, decoder_log
 from pipeline.video.endings import is_cut
-from pipeline.video.header import frame_count, frame_duration, last_pts
+from pipeline.video.header import frame_count, frame_duration, last_pts, uneven_times
 from pipeline.video.luma import LumaReader
 
 NOT_VIDEO_CODECS = ("ansi", "xbin", "bintext", "idf")
@@ -165,12 +166,12 @@ class ContainerVideo(Video):
         """How many frames are missing between two times; None where these do not tell."""
         if not (self._timed and self._in_order) or None in (before, pts):
             return None
-        lost = round((pts - before) / float(self._step)) - 1
+        lost = self._index_at(pts) - self._index_at(before) - 1
         return lost if lost <= (self.n_frames or 0) else None
 
     def _decode_from(self, container, stream, start):
         """Decode from frame `start` on, by seeking where times are known, as of `_decoded`."""
-        first = self._pts(start) - self._step / 2 if start and self._timed else None
+        first = self._just_before(start) if start and self._timed else None
         if first is not None:
             container.seek(self._pts(start), stream=stream)
         for i, (frame, failure) in enumerate(_decoded(container, stream, first)):
@@ -252,7 +253,7 @@ class ContainerVideo(Video):
         container.seek(self._pts(numbers[0]), stream=stream)
         left = numbers
         for packet in container.demux(stream):
-            first = self._pts(left[0]) - self._step / 2
+            first = self._just_before(left[0])
             for frame in _frames_in(packet, stream, first):
                 index = self._index(frame)
                 if index in left and (frame.height, frame.width) == self.shape:
@@ -353,11 +354,28 @@ class ContainerVideo(Video):
     def _index(self, frame):
         return None if frame.pts is None else self._index_at(frame.pts)
 
+    # ---- times and numbers of frames ------------------------------------------------------
+
+    @cached_property
+    def _times(self):
+        """The frames' times in order where they are uneven, as of a camera that dropped frames."""
+        with self._open(self.path) as container:
+            return uneven_times(container, container.streams.video[0], self._first_pts, self._step)
+
     def _index_at(self, pts):
-        return round((pts - self._first_pts) / self._step)
+        if pts <= self._first_pts or self._times is None:
+            return round((pts - self._first_pts) / self._step)
+        return int(np.searchsorted(self._times, pts, "right")) - 1
 
     def _pts(self, index):
-        return int(self._first_pts + round(index * self._step))
+        if index <= 0 or self._times is None or index >= len(self._times):
+            return int(self._first_pts + round(index * self._step))
+        return int(self._times[int(index)])
+
+    def _just_before(self, index):
+        """A time between those of a frame and the one before it."""
+        margin = self._step / 2 if self._times is None else 0.5  # times are whole numbers
+        return self._pts(index) - margin
 
 
 def _in_work(codec) -> int:

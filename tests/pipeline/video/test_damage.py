@@ -421,6 +421,21 @@ def test_frames_that_the_files_times_leave_out(tmp_path, name):
     ]
 
 
+@pytest.mark.parametrize("name", ["a.mkv", "a.mp4"])
+@pytest.mark.parametrize("steps", [[1] * 14 + [4] + [1] * 24, [1, 1, 7, 2] * 10])
+def test_frames_at_uneven_times_are_found_by_their_numbers(tmp_path, name, steps):
+    """Else the page of `curate` would show other frames than the tables are of."""
+    times = np.cumsum([0, *steps])[:FRAMES].tolist()
+    with open_video(write(tmp_path / name, "libx264", times=times)) as video:
+        images = list(video)
+        assert len(images) == FRAMES
+        for number, image in enumerate(images):
+            np.testing.assert_array_equal(next(video.frames(number)), image)
+        some = dict(video.some(range(0, FRAMES, 3)))
+        assert list(some) == list(range(0, FRAMES, 3))
+        assert all(np.array_equal(images[number], image) for number, image in some.items())
+
+
 def test_a_codec_that_is_not_known(tmp_path):
     path = write(tmp_path / "a.avi", "mjpeg", "yuvj420p")
     path.write_bytes(path.read_bytes().replace(b"MJPG", b"QQQQ"))
