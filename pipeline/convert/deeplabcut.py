@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from pipeline.convert.keypoints import MOST_FRAMES, KeyPoints
+from pipeline.convert.keypoints import MOST_FRAMES, KeyPoints, scores_of
 from pipeline.convert.optional import library
 from pipeline.errors import InputError, in_words
 
@@ -34,7 +34,8 @@ def read_deeplabcut(path) -> KeyPoints:
         column = individuals[i], parts[p], COORDINATES[c]
         if column in table:
             values[rows, i, p, c] = table[column].to_numpy(float)
-    return KeyPoints(individuals, parts, values[..., :2], np.nan_to_num(values[..., 2]))
+    xy = values[..., :2]
+    return KeyPoints(individuals, parts, xy, scores_of(xy, values[..., 2]))
 
 
 def _read_csv(path):

@@ -44,6 +44,14 @@ class KeyPoints:
     score: np.ndarray
 
 
+def scores_of(xy, given):
+    """Scores of points at `xy` (…, 2): those `given`, 0 where there is no point.
+
+    A point without a score is a person's, as programs give scores to their own ones only: it is 1.
+    """
+    return np.where(np.isfinite(xy).all(axis=-1), np.where(np.isnan(given), 1.0, given), 0.0)
+
+
 def lines_of(points: KeyPoints, settings, source, names=()) -> Centrelines:
     """Centrelines through the key points of every whisker, follicle side → tip.
 
@@ -116,7 +124,7 @@ def _order_along(xy, score):
     path runs back and forth, and is longer than that through the points by their place along the
     whisker's main direction.
     """
-    there = np.isfinite(xy).all(axis=2) & (score >= LEAST_SCORE)
+    there = _is_used(xy, score)
     whole, as_given = xy[there.all(axis=1)], np.arange(xy.shape[1])
     if not len(whole):
         return as_given
@@ -137,13 +145,24 @@ def _path(xy) -> float:
 def _from_face(xy, score, face):
     """Points and scores of a whisker with the end first that is nearer to the face."""
     axis, sign = {"left": (0, 1), "right": (0, -1), "top": (1, 1), "bottom": (1, -1)}[face]
-    along = sign * np.nanmedian(xy[:, [0, -1], axis] - xy[:, [-1, 0], axis], axis=0)
-    return (xy[:, ::-1], score[:, ::-1]) if along[0] > 0 else (xy, score)
+    used = _is_used(xy, score)
+    ends = [
+        (points[-1, axis] - points[0, axis]) * sign
+        for points in (frame[there] for frame, there in zip(xy, used, strict=True))
+        if len(points)
+    ]
+    turned = bool(ends) and np.median(ends) < 0
+    return (xy[:, ::-1], score[:, ::-1]) if turned else (xy, score)
+
+
+def _is_used(xy, score):
+    """Which points (…, 2) are there and certain enough."""
+    return np.isfinite(xy).all(axis=-1) & (score >= LEAST_SCORE)
 
 
 def _fit(xy, score):
     """A line's nodes 1 px apart, (misfit [px²], points, free ones), its score; None: too few."""
-    used = np.isfinite(xy).all(axis=1) & (score >= LEAST_SCORE)
+    used = _is_used(xy, score)
     xy, n = xy[used], int(used.sum())
     if n < FEWEST_POINTS:
         return None

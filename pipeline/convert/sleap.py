@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from pipeline.convert.keypoints import MOST_FRAMES, KeyPoints
+from pipeline.convert.keypoints import MOST_FRAMES, KeyPoints, scores_of
 from pipeline.convert.optional import library
 from pipeline.errors import InputError, in_words
 from pipeline.tables.files import check_separator
@@ -35,11 +35,10 @@ def _read_hdf5(path) -> KeyPoints:
             scores = np.asarray(file["point_scores"], float) if "point_scores" in file else None
     except (OSError, KeyError, ValueError, TypeError) as error:
         raise _fault(path, error) from None
-    there = np.isfinite(xy).all(axis=-1)
-    score = there.astype(float) if scores is None else np.nan_to_num(scores.transpose(2, 0, 1))
-    if xy.shape[1:] != (xy.shape[1], len(parts), 2) or score.shape != xy.shape[:3]:
-        raise _fault(path, f"tracks are of shape {xy.shape}, scores {score.shape}")
-    return KeyPoints(_tracks(tracks, xy.shape[1]), parts, xy, np.where(there, score, 0))
+    scores = np.ones(xy.shape[:3]) if scores is None else scores.transpose(2, 0, 1)
+    if xy.shape[1:] != (xy.shape[1], len(parts), 2) or scores.shape != xy.shape[:3]:
+        raise _fault(path, f"tracks are of shape {xy.shape}, scores {scores.shape}")
+    return KeyPoints(_tracks(tracks, xy.shape[1]), parts, xy, scores_of(xy, scores))
 
 
 def _tracks(names, count):
@@ -63,6 +62,10 @@ def _read_csv(path) -> KeyPoints:
         frame = table["frame_idx"].to_numpy(np.int64)
         if not parts or ((frame < 0) | (frame > MOST_FRAMES)).any():
             raise ValueError(f"no points, or a frame that is not 0 to {MOST_FRAMES}")
+        twice = table.loc[table.duplicated(["track", "frame_idx"])]
+        if len(twice):
+            frame, track = twice.iloc[0][["frame_idx", "track"]]
+            raise ValueError(f"frame {frame} has two instances of {track}: track them")
         return _points(table, parts, frame)
     except (ValueError, UnicodeDecodeError, OSError) as error:
         raise _fault(path, error) from None
@@ -73,13 +76,12 @@ def _points(table, parts, frame) -> KeyPoints:
     tracks = tuple(dict.fromkeys(table["track"]))
     track = table["track"].map({name: i for i, name in enumerate(tracks)}).to_numpy(int)
     shape = int(frame.max(initial=-1)) + 1, len(tracks), len(parts)
-    xy, score = np.full((*shape, 2), np.nan), np.zeros(shape)
+    xy, score = np.full((*shape, 2), np.nan), np.full(shape, np.nan)
     for p, part in enumerate(parts):
         xy[frame, track, p] = table[[f"{part}.x", f"{part}.y"]].to_numpy(float)
-        given = table.get(f"{part}.score")
-        score[frame, track, p] = 1.0 if given is None else given.to_numpy(float)
-    there = np.isfinite(xy).all(axis=-1)
-    return KeyPoints(tracks, parts, xy, np.where(there, np.nan_to_num(score), 0))
+        if f"{part}.score" in table:
+            score[frame, track, p] = table[f"{part}.score"].to_numpy(float)
+    return KeyPoints(tracks, parts, xy, scores_of(xy, score))
 
 
 def _fault(path, error) -> InputError:

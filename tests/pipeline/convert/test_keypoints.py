@@ -1,5 +1,6 @@
 """Key points of DeepLabCut and SLEAP become lines that are worth what the points are."""
 
+import itertools
 from pathlib import Path
 
 import h5py
@@ -235,6 +236,48 @@ def test_another_number_of_whiskers_is_reported(motion, points):
     few = KeyPoints(("",), points.parts[:3], points.xy[:, :, :3], points.score[..., :3])
     with pytest.raises(InputError, match="C2 has 3 key points, expected at least 4"):
         lines_of(few, settings_of(motion), "a.csv")
+
+
+def test_points_that_a_person_has_placed_have_no_score_and_are_certain(tmp_path):
+    """SLEAP scores its own points only; a score that is not a number stands for none."""
+    marked = several()
+    marked.score[1, 0] = np.nan
+    marked.xy[2, 1, 3] = np.nan
+    deeplabcut_table(marked).to_csv(tmp_path / "dlc.csv")
+    sleap_file(tmp_path / "sleap.h5", marked)
+    sleap_table(marked).to_csv(tmp_path / "sleap.csv", index=False)
+    for name, read in [("dlc.csv", read_deeplabcut), ("sleap.h5", read_sleap),
+                       ("sleap.csv", read_sleap)]:  # fmt: skip
+        score = read(tmp_path / name).score
+        assert (score[1, 0] == 1).all()
+        assert score[2, 1, 3] == 0
+        np.testing.assert_allclose(score[0], marked.score[0])
+
+
+def test_a_deeplabcut_table_without_likelihoods_is_read(tmp_path):
+    table = deeplabcut_table(several())
+    table.drop(columns="likelihood", level="coords").to_csv(tmp_path / "a.csv")
+    assert (read_deeplabcut(tmp_path / "a.csv").score == 1).all()
+
+
+def test_two_instances_of_one_track_are_refused(tmp_path):
+    table = sleap_table(several())
+    table["track"] = np.nan
+    table.to_csv(tmp_path / "a.csv", index=False)
+    with pytest.raises(InputError, match="frame 0 has two instances of track_0: track them"):
+        read_sleap(tmp_path / "a.csv")
+
+
+def test_an_end_that_is_never_certain_does_not_turn_the_whisker(motion, points):
+    """DeepLabCut places such a point anywhere; SLEAP leaves it out."""
+    xy, score = points.xy.copy(), points.score.copy()
+    score[:, :, 0] = 0.1
+    for place, step in itertools.product((600.0, np.nan), (1, -1)):
+        xy[:, :, 0] = place
+        given = KeyPoints(("",), points.parts, xy[:, :, ::step], score[:, :, ::step])
+        lines = lines_of(given, settings_of(motion), "a.csv")
+        assert len(lines) == len(xy)
+        assert (lines.x_px[lines.offsets[:-1]] < lines.x_px[lines.offsets[1:] - 1]).all()
 
 
 @pytest.mark.parametrize("read", [read_deeplabcut, read_sleap])
