@@ -22,6 +22,7 @@ from scipy.ndimage import gaussian_filter1d
 from pipeline.contacts.analysis import analyse_contacts
 from pipeline.detection.static_scene import PoleTrack
 from pipeline.kinematics import curvature, resampled
+from pipeline.kinematics.follicle import follicles
 from pipeline.numerics.runs import stretches
 from pipeline.session.recording import Recording
 from pipeline.tables.centrelines import Centrelines
@@ -151,7 +152,9 @@ def analysed(seed, case: Case):
     wrong = {key: value * getattr(whisker, key) for key, value in case.dimensions.items()}
     whisker = replace(whisker, **wrong)
     table = curvature.measure(lines, recording, hidden, CURVATURE_AT_M, pole)
-    table = table.assign(whisker="C2", tracked=True, time_s=table["frame"] / 1000.0)
+    turn = follicles(lines, np.full(len(lines), hidden[0] * scale), scale)[:, 2]
+    table = table.assign(base_angle_deg=np.degrees(turn), whisker="C2", tracked=True,
+                         time_s=table["frame"] / 1000.0)  # fmt: skip
     places = resampled.measure_stations(lines, recording, [whisker], hidden, pole)
     frames = as_table(table, FRAME_COLUMNS)
     found = analyse_contacts(frames, places, recording, {"C2": whisker})

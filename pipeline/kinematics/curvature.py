@@ -1,8 +1,8 @@
-"""Centreline → follicle, base angle and curvature at one arc length, with standard errors.
+"""Centreline → curvature at one arc length, with its standard error.
 
-Both come from local polynomials v(u), in axes along and across the whisker, fitted to the
+It comes from a local polynomial v(u), in axes along and across the whisker, fitted to the
 *unsmoothed* measurements of the centreline (each with its Fisher information). So the standard
-errors follow from the fit, and the only smoothing is the window, a physical length. Two errors are
+error follows from the fit, and the only smoothing is the window, a physical length. Two errors are
 added: a codec's noise is correlated along the whisker; and where the curvature changes along it,
 an error of the hidden length is also one of curvature.
 """
@@ -14,9 +14,8 @@ import pandas as pd
 from numba import njit
 
 from pipeline.detection.static_scene import PoleTrack
-from pipeline.kinematics.follicle import FEWEST_NODES, follicles
+from pipeline.kinematics.follicle import FEWEST_NODES
 from pipeline.kinematics.resampled import Lines
-from pipeline.numerics.angles import wrapped
 from pipeline.numerics.polyline import nearest_node
 from pipeline.session.parameters import DEFAULTS, KinematicsParams
 from pipeline.session.recording import Recording
@@ -243,7 +242,7 @@ def measure(
     pole: PoleTrack | None = None,
     params: KinematicsParams = DEFAULTS.kinematics,
 ) -> pd.DataFrame:
-    """Follicle, base angle and curvature of every row of `centrelines`.
+    """Curvature of every row of `centrelines`.
 
     Parameters
     ----------
@@ -256,14 +255,11 @@ def measure(
 
     Returns
     -------
-    Table with `frame`, `whisker` (index), `follicle_x_px`, `follicle_y_px`, `base_angle_deg`,
-    `curvature_per_m`, `curvature_per_m_se`; NaN where the whisker is too short.
+    Table with `frame`, `whisker` (index), `curvature_per_m`, `curvature_per_m_se`; NaN where the
+    whisker is too short.
     """
     scale, per_mm = recording.pixels_per_m, recording.pixels_per_mm
     hidden = centrelines.hidden_of(np.asarray(hidden_lengths, float) * scale)
-    follicle = centrelines.follicle
-    if follicle is None:
-        follicle = follicles(centrelines, hidden, scale, params)
     out = np.empty((len(centrelines), 4))
     _measure_rows(
         Lines.of(centrelines, hidden),
@@ -283,9 +279,6 @@ def measure(
         {
             "frame": centrelines.frame,
             "whisker": centrelines.whisker,
-            "follicle_x_px": follicle[:, 0],
-            "follicle_y_px": follicle[:, 1],
-            "base_angle_deg": np.degrees(wrapped(follicle[:, 2])),
             "curvature_per_m": out[:, 0] * scale,
             "curvature_per_m_se": se * scale,
         }

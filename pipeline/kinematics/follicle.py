@@ -216,18 +216,13 @@ class FollicleFinder:
         self.anchors = _medians(ends[:, :2], samples.whisker, len(samples.names))
 
     def place(self, lines: Centrelines) -> Centrelines:
-        """Return the lines with hidden lengths and follicles."""
+        """Return the lines with the hidden length of every row."""
         curves = base_curves(lines, self.pixels_per_m, self.params)
-        hidden = self._hidden(lines, curves)
-        return replace(lines, hidden_px=hidden, follicle=_ends(curves, hidden))
-
-    def _hidden(self, lines, curves):
-        """Hidden length of every row [px], float64 (rows,)."""
         farthest = 1e-3 * self.params.hidden_most_mm * self.pixels_per_m
         out = np.empty(len(lines))
         _feet(curves, self.anchors[lines.whisker], farthest, out)
         out = np.where(np.isfinite(out), out, self.hidden_px[lines.whisker])
-        return np.clip(out, 0.0, farthest)
+        return replace(lines, hidden_px=np.clip(out, 0.0, farthest))
 
 
 def _medians(values, whisker, n):

@@ -9,7 +9,7 @@ import pandas as pd
 from pipeline.tables.columns import CENTRELINE_COLUMNS, as_table, with_units
 from pipeline.tables.files import ROWS_PER_GROUP, parquet_writer, read_rows, whole_parquet
 
-PER_ROW = ("frame", "whisker", "confidence", "end_px", "hidden_px", "follicle")
+PER_ROW = ("frame", "whisker", "confidence", "end_px", "hidden_px")
 PER_POINT = ("x_px", "y_px", "se_px", "offset_px", "information", "thickness_px")
 
 
@@ -32,8 +32,6 @@ class Centrelines:
     end_px : float16 (rows, places) or None; the same about the row's last point and beyond it
         (`detection/line_end.py`)
     hidden_px : float64 (rows,) or None; arc length from the follicle to the row's first point
-    follicle : float64 (rows, 3) or None; x, y [px] and angle [rad] of the follicle, estimated from
-        the fields above; NaN where the row is too short
     """
 
     names: tuple[str, ...]
@@ -49,7 +47,6 @@ class Centrelines:
     thickness_px: np.ndarray | None = None
     end_px: np.ndarray | None = None
     hidden_px: np.ndarray | None = None
-    follicle: np.ndarray | None = None
 
     def __len__(self):
         return len(self.frame)
@@ -83,17 +80,14 @@ class Centrelines:
 
     def points_only(self) -> "Centrelines":
         """Return the same lines without what only the following steps need."""
-        left_out = ("offset_px", "information", "thickness_px", "end_px", "hidden_px", "follicle")
+        left_out = ("offset_px", "information", "thickness_px", "end_px", "hidden_px")
         return replace(self, **dict.fromkeys(left_out))
 
     def moved(self, shifts) -> "Centrelines":
         """Return the lines moved by the shift x, y [px] of every frame."""
         by = np.reshape(shifts, (-1, 2))[self.frame]
         x, y = np.repeat(by, np.diff(self.offsets), axis=0).T.astype(np.float32)
-        follicle = self.follicle
-        if follicle is not None:
-            follicle = follicle + np.column_stack([by, np.zeros(len(by))])
-        return replace(self, x_px=self.x_px + x, y_px=self.y_px + y, follicle=follicle)
+        return replace(self, x_px=self.x_px + x, y_px=self.y_px + y)
 
     def rows(self, rows) -> "Centrelines":
         """Return the rows of these numbers, in their order."""

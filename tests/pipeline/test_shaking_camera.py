@@ -111,9 +111,8 @@ def test_lines_are_moved_with_their_frames():
     point = np.arange(5, dtype=np.float32)
     lines = Centrelines(
         ("a",), np.array([0, 2]), np.zeros(2, int), np.array([0, 3, 5]), point, 2 * point,
-        np.ones(5, np.float32), np.ones(2, np.float32), follicle=np.ones((2, 3)),
+        np.ones(5, np.float32), np.ones(2, np.float32),
     )  # fmt: skip
     there = lines.moved([(1.0, -1.0), (9.0, 9.0), (0.5, 0.25)])
     assert there.x_px.tolist() == [1, 2, 3, 3.5, 4.5]
     assert there.y_px.tolist() == [-1, 1, 3, 6.25, 8.25]
-    assert there.follicle.tolist() == [[2, 0, 1], [1.5, 1.25, 1]]

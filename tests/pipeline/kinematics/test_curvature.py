@@ -1,4 +1,4 @@
-"""Curvature, base angle and follicle of centrelines whose truth is known in closed form."""
+"""Curvature and follicle of centrelines whose truth is known in closed form."""
 
 from dataclasses import replace
 
@@ -8,6 +8,8 @@ from scipy.ndimage import gaussian_filter1d
 
 from pipeline.detection.static_scene import PoleTrack
 from pipeline.kinematics.curvature import measure
+from pipeline.kinematics.follicle import follicles
+from pipeline.numerics.angles import wrapped
 from pipeline.session.recording import Recording
 from pipeline.tables.centrelines import Centrelines
 
@@ -54,9 +56,10 @@ def test_arc_of_constant_curvature(angle, kappa):
     points, _, _ = curve(angle, kappa)
     got = measure(one_row(points), RECORDING, [HIDDEN], 5.5e-3).iloc[0]
     assert got.curvature_per_m == pytest.approx(kappa, abs=0.15)  # 1/m; float32 nodes
-    turned = (got.base_angle_deg - np.degrees(angle) + 180) % 360 - 180
-    assert abs(turned) < 0.05  # degrees
-    assert np.hypot(got.follicle_x_px - 100, got.follicle_y_px - 300) < 0.03  # px
+    scale = RECORDING.pixels_per_m
+    x, y, turn = follicles(one_row(points), np.array([HIDDEN * scale]), scale)[0]
+    assert abs(np.degrees(wrapped(turn - angle))) < 0.05
+    assert np.hypot(x - 100, y - 300) < 0.03  # px
 
 
 def test_counter_clockwise_on_the_screen_is_positive():
@@ -136,4 +139,3 @@ def test_whisker_too_short_for_the_place_gives_nan():
     points, _, _ = curve(0.0, 10.0, length=5e-3)
     got = measure(one_row(points), RECORDING, [HIDDEN], 5.5e-3).iloc[0]
     assert np.isnan(got.curvature_per_m)
-    assert np.isfinite(got.base_angle_deg)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pipeline.kinematics.follicle import FollicleFinder
+from pipeline.kinematics.follicle import FollicleFinder, follicles
 from pipeline.session.parameters import KinematicsParams
 from pipeline.tables.centrelines import Centrelines
 
@@ -48,7 +48,8 @@ def test_the_fur_s_edge_may_be_crossed_elsewhere_in_every_frame(finder):
     hidden = HIDDEN + np.array([-8.0, -3.0, 0.0, 5.0, 12.0])
     found = finder.place(lines_from(np.linspace(-0.3, 0.3, 5), hidden))
     np.testing.assert_allclose(found.hidden_px, hidden, atol=LENGTH_ERROR)
-    np.testing.assert_allclose(found.follicle[:, :2], 0.0, atol=PLACE_ERROR)
+    places = follicles(found, found.hidden_px, PX_PER_M)[:, :2]
+    np.testing.assert_allclose(places, 0.0, atol=PLACE_ERROR)
 
 
 def test_the_follicle_is_not_deeper_than_the_thickest_fur(finder):
@@ -63,7 +64,7 @@ def test_a_row_too_short_to_decide_keeps_the_session_s_length(finder):
         **{
             name: value[:8] if name.endswith("_px") or name == "information" else value
             for name, value in vars(line).items()
-            if name not in ("offsets", "end_px", "hidden_px", "follicle")
+            if name not in ("offsets", "end_px", "hidden_px")
         },
         offsets=np.array([0, 8]),
     )

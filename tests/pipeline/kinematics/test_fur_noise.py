@@ -5,9 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipeline.kinematics import curvature
+from pipeline.kinematics.follicle import follicles
 from pipeline.kinematics.fur_noise import FurTrust
-from pipeline.session.recording import Recording
 from pipeline.tables.centrelines import Centrelines
 
 PX_PER_M = 25e3
@@ -52,13 +51,10 @@ def whiskers(rng, drawn=0.0, red=0):
 
 def base_angle_sd(lines, hidden=0.5e-3):
     """SD of the base angle [degrees] about that of the same whiskers without noise and fur."""
-    recording = Recording(1000.0, 1e-3 * PX_PER_M, "left")
     plain = replace(lines, offset_px=np.zeros_like(lines.offset_px))
-    angles = [
-        curvature.measure(each, recording, [hidden], 5.5e-3)["base_angle_deg"].to_numpy()
-        for each in (lines, plain)
-    ]
-    return np.std(angles[0] - angles[1])
+    hidden_px = np.full(ROWS, hidden * PX_PER_M)
+    angles = [follicles(each, hidden_px, PX_PER_M)[:, 2] for each in (lines, plain)]
+    return np.degrees(np.std(angles[0] - angles[1]))
 
 
 @pytest.mark.parametrize("red", [0, 20])

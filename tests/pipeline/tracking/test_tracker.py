@@ -8,7 +8,6 @@ from scipy.spatial import cKDTree
 from traced_lines import trace_templates
 
 from pipeline.kinematics.curvature import measure
-from pipeline.kinematics.follicle import follicles
 from pipeline.scene.estimate import scene_from_frames
 from pipeline.session.recording import Recording
 from pipeline.tracking.options import options_for
@@ -118,13 +117,6 @@ def test_ends_are_measured_beside_the_same_lines_or_not(noisy):
     np.testing.assert_array_equal(lines.x_px, noisy.lines.x_px[: len(lines.x_px)])
     assert np.isnan(lines.end_px).all()
     assert np.isfinite(noisy.lines.end_px[:5]).all()
-
-
-def test_follicles_are_those_of_the_finished_lines(noisy):
-    """What the tracker reports of them is what its lines show."""
-    lines = noisy.lines
-    again = follicles(lines, lines.hidden_px, noisy.recording.pixels_per_m)
-    np.testing.assert_allclose(lines.follicle, again, rtol=0, atol=1e-9)  # px, rad
 
 
 def test_a_gap_without_whisker_is_a_gap_and_ends(noisy):
