@@ -21,7 +21,7 @@ import numpy as np
 import pandas as pd
 from numba import njit
 
-from pipeline.kinematics.base_curves import BaseCurves, fit_base_curves, lay_to
+from pipeline.kinematics.base_curves import FEWEST_ROWS, BaseCurves, fit_base_curves, lay_to
 from pipeline.kinematics.resampled import PART_ROWS
 from pipeline.numerics.angles import continuous
 from pipeline.numerics.cholesky import factorise, invert
@@ -33,7 +33,6 @@ BASE_COLUMNS = (
     "follicle_x_px", "follicle_y_px", "base_angle_deg", "base_angle_se_deg",
     "visible_angle_deg", "visible_angle_se_deg",
 )  # fmt: skip
-FEWEST_ROWS = 12  # from which usual values are learnt
 LEARNING_ROWS = 400
 PASSES = 30  # of expectation–maximisation
 LEAST_SUDDEN = 0.05  # share of the noise that changes from frame to frame, at least

@@ -16,17 +16,18 @@ import numpy as np
 from numba import njit
 
 from pipeline.numerics.cholesky import factorise, solve
-from pipeline.numerics.robust import robust_sd
+from pipeline.numerics.robust import robust_sd, trimmed_part
 from pipeline.numerics.runs import evenly
 from pipeline.session.parameters import DEFAULTS, KinematicsParams
 
 FEWEST_STATIONS = 8
 STEPS = 4  # of Gauss–Newton
 LEARNING_ROWS, LEARNING_PASSES = 300, 4  # frames from which fur's part is learnt
-TRIMMED, TRIMMED_MEAN = 0.9, 0.623  # part of the rows that count; their mean of a unit χ²
+TRIMMED = 0.9  # part of the rows that count; …
+TRIMMED_MEAN = trimmed_part(TRIMMED)  # … the mean of their squares, over that of all
 NOISE_DEGREES = (4, 5, 6)  # degrees that only noise has
 MOST_GROWTH = 1.6  # of the noise's SD from one degree to the next lower one
-FEWEST_ROWS = 12
+FEWEST_ROWS = 12  # from which something is learnt about all
 FUR = 4.0  # times the usual excess: what lies over the whisker moves it
 HUBER = 3.0  # usual misfits beyond which a station counts less
 LOOSE = np.array([1e3, 1e3, 3.0, 3.0])  # SD [rad] of what any base may have

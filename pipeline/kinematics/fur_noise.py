@@ -13,17 +13,16 @@ from dataclasses import replace
 import numpy as np
 from numba import njit
 
+from pipeline.kinematics.base_curves import FEWEST_ROWS, TRIMMED, TRIMMED_MEAN
 from pipeline.kinematics.follicle import FollicleFinder, base_curve
 from pipeline.session.parameters import DEFAULTS, KinematicsParams
 from pipeline.tables.centrelines import Centrelines
 
-FEWEST_ROWS = 12
 ORDINARY = 2.5  # ratio of misfits that may be chance
-TRIMMED, TRIMMED_MEAN = 0.9, 0.623  # part of the rows that count; their mean of a unit χ²
 
 
 def locate_follicles(chunks, samples: Centrelines, options, params=DEFAULTS.kinematics):
-    """Yield the chunks with every row's follicle and hidden length.
+    """Yield the chunks with every row's hidden length.
 
     Points that fur shifts get less information (`FurTrust`). The chunks stay as they are where
     the hidden lengths are not known, or a whisker has no sample.

@@ -1,11 +1,10 @@
 """Noise of pixels: variance against intensity, from frames in time or from one picture."""
 
-from functools import lru_cache
-
 import cv2
 import numpy as np
 from numba import njit
-from scipy.special import gammainc, gammaincinv
+
+from pipeline.numerics.robust import trimmed_part
 
 WINDOW_SD = 3.0
 LEAST_VARIANCE = 1 / 12  # of rounding to grey levels
@@ -62,18 +61,12 @@ def fit_noise(image, variance, freedom):
     filled = np.flatnonzero(counts >= min(50, counts.max()))
     x = np.array([intensity[bins == b].mean() for b in filled])
     y = np.array([_trimmed_mean(variance[bins == b]) for b in filled])
-    return _fit_line(x, np.maximum(y / _trimmed_part(freedom), LEAST_VARIANCE), counts[filled])
+    variance = y / trimmed_part(TRIMMED_SHARE, freedom)
+    return _fit_line(x, np.maximum(variance, LEAST_VARIANCE), counts[filled])
 
 
 def _trimmed_mean(values):
     return np.sort(values)[: max(round(TRIMMED_SHARE * len(values)), 1)].mean()
-
-
-@lru_cache
-def _trimmed_part(freedom):
-    """Mean of the lower TRIMMED_SHARE of a χ² variable divided by its mean."""
-    limit = gammaincinv(freedom / 2, TRIMMED_SHARE)
-    return gammainc(freedom / 2 + 1, limit) / TRIMMED_SHARE
 
 
 def _fit_line(x, y, counts):
