@@ -33,6 +33,8 @@ MOST_BLUR = 0.4  # of that half-width: where more, no section shows its own cont
 STRETCH = 15  # sections of the thick part that share a contrast
 CONTRAST_SD = 0.02  # least scatter of the contrast along a whisker
 HUBER_SDS = 2.5
+LARGEST_STEP = np.array([np.inf, np.inf, np.inf, 1.0, 0.8, 0.2])  # of b0, b1, C, c, r, σ
+LEAST = np.array([-np.inf, -np.inf, -np.inf, -np.inf, 0.02, 0.3])
 
 
 @dataclass(frozen=True)
@@ -150,8 +152,8 @@ def fit_sections(straight: Straightened, bright=False) -> Sections:
     """Both edges of all sections, with one blur and, where it is thin, one contrast."""
     s, grey = _sections_of(straight)
     start = _starting_values(grey, straight.u)
-    blur = _common_blur(grey, straight.u, start)
-    values, _, _ = _fit(grey, straight.u, start, np.full(len(start), blur))
+    blur = start[:, 5] = _common_blur(grey, straight.u, start)
+    values, _ = _fit(grey, straight.u, start)
     thick = values[:, 4] > THICK_BLURS * blur
     if thick.sum() < 8:
         raise NoWhiskerError(
@@ -160,9 +162,8 @@ def fit_sections(straight: Straightened, bright=False) -> Sections:
             "at a higher magnification"
         )
     usual, spread, doubt = _contrast_along(values[:, 0], values[:, 2], thick, bright)
-    blurs = np.full(len(start), blur)
-    values, errors, _ = _fit(grey, straight.u, values, blurs, contrast=(usual, spread))
-    other, _, _ = _fit(grey, straight.u, values, blurs, contrast=((1 + doubt) * usual, spread))
+    values, errors = _fit(grey, straight.u, values, contrast=(usual, spread))
+    other, _ = _fit(grey, straight.u, values, contrast=((1 + doubt) * usual, spread))
     return Sections(
         s=s,
         centre=values[:, 3],
@@ -227,8 +228,7 @@ def _common_blur(grey, u, start) -> float:
             f"{2 * LEAST_HALF_WIDTH_PX:g} px; photograph it at a higher magnification"
         )
     thick = start[:, 4] > THICK_BLURS * FIRST_BLUR_PX
-    blur = np.full(thick.sum(), FIRST_BLUR_PX)
-    free, _, _ = _fit(grey[thick], u, start[thick], blur, True)
+    free, _ = _fit(grey[thick], u, start[thick], free_blur=True)
     found = float(np.median(free[:, 5]))
     if found > MOST_BLUR * widest:
         raise NoWhiskerError(
@@ -250,7 +250,7 @@ def _sections_of(straight):
 
 
 def _starting_values(grey, u):
-    """b0, b1, C, c, r of every section, from the darkness and where it lies."""
+    """b0, b1, C, c, r, σ of every section, from the darkness and where it lies."""
     flank = np.abs(u) > np.abs(u).max() - FLANK_PX / 2
     ground = np.median(grey[:, flank], axis=1)
     dark = np.maximum(ground[:, None] - grey, 0)
@@ -261,33 +261,34 @@ def _starting_values(grey, u):
     centre = (near * u).sum(axis=1) / np.maximum(area, 1e-9)
     half = np.clip(0.5 * area / usual, 0.15, None)
     zeros = np.zeros_like(ground)
-    return np.column_stack([ground, zeros, zeros + usual, centre, half])
+    blur = zeros + FIRST_BLUR_PX
+    return np.column_stack([ground, zeros, zeros + usual, centre, half, blur])
 
 
-def _fit(grey, u, start, blur, free_blur=False, contrast=None):
+def _fit(grey, u, start, free_blur=False, contrast=None):
     """Gauss–Newton for all sections at once.
 
     Parameters
     ----------
-    grey : (sections, across); start : (sections, 5); blur : (sections,)
-    free_blur : fit it as well, as the sixth unknown
+    grey : (sections, across)
+    start : (sections, 6) as of `_starting_values`
+    free_blur : fit σ as well; else it stays as it is
     contrast : (values, their SD), (sections,) each, that C is held to, weakly
 
     Returns
     -------
-    values, standard errors : (sections, 5 or 6)
-    sd : (sections,) of the residuals
+    values : (sections, 6)
+    standard errors : (sections, 5 or 6)
     """
-    q = np.column_stack([start, blur]) if free_blur else start.copy()
-    weight = np.ones_like(grey)
+    q, free = start.copy(), 6 if free_blur else 5
     damping = 1e-3
-    for step in range(STEPS):
-        model, slopes = _strip(q, u, blur)
-        window = _window(q, u, blur)
+    for _ in range(STEPS):
+        model, slopes = _strip(q, u)
+        slopes, window = slopes[..., :free], _window(q, u)
         residual = grey - model
         sd = _scatter(residual, window)
         far = np.abs(residual) / (HUBER_SDS * sd[:, None])
-        weight = window * np.where(far > 1, 1 / np.maximum(far, 1e-9), 1.0)
+        weight = window / np.maximum(far, 1)
         matrix = np.einsum("nuk,nu,num->nkm", slopes, weight, slopes)
         rhs = np.einsum("nuk,nu->nk", slopes, weight * residual)
         if contrast is not None:
@@ -298,38 +299,23 @@ def _fit(grey, u, start, blur, free_blur=False, contrast=None):
         diagonal = np.einsum("nkk->nk", matrix)
         diagonal += damping * diagonal + 1e-9
         move = np.linalg.solve(matrix, rhs[..., None])[..., 0]
-        q = _bounded(q, move, step)
+        q[:, :free] += np.clip(move, -LARGEST_STEP[:free], LARGEST_STEP[:free])
+        q = np.maximum(q, LEAST)
         damping = max(damping / 10, 1e-9)
-    errors = np.sqrt(np.einsum("nkk->nk", np.linalg.inv(matrix))) * sd[:, None]
-    return q, errors, sd
+    return q, np.sqrt(np.einsum("nkk->nk", np.linalg.inv(matrix))) * sd[:, None]
 
 
-def _bounded(q, move, step):
-    """Unknowns after a step that is not too large; half-widths stay positive."""
-    largest = np.full(q.shape[1], np.inf)
-    largest[3], largest[4] = 1.0, 0.8
-    if q.shape[1] > 5:
-        largest[5] = 0.2
-    q = q + np.clip(move, -largest, largest)
-    q[:, 4] = np.maximum(q[:, 4], 0.02)
-    if q.shape[1] > 5:
-        q[:, 5] = np.clip(q[:, 5], 0.3, None)
-    return q
-
-
-def _strip(q, u, blur):
+def _strip(q, u):
     """The strip's grey levels (sections, across) and their slopes by the unknowns."""
-    b0, b1, dark, c, r = (q[:, [k]] for k in range(5))
-    sigma = q[:, [5]] if q.shape[1] > 5 else blur[:, None]
+    b0, b1, dark, c, r, sigma = (q[:, [k]] for k in range(6))
     left, right = (u - c + r) / sigma, (u - c - r) / sigma
     cover = ndtr(left) - ndtr(right)
     at_left, at_right = _bell(left) / sigma, _bell(right) / sigma
     slopes = [
         np.ones_like(cover), u + 0 * cover, -cover,
         dark * (at_left - at_right), -dark * (at_left + at_right),
+        dark * (left * at_left - right * at_right),
     ]  # fmt: skip
-    if q.shape[1] > 5:
-        slopes.append(dark * (left * at_left - right * at_right))
     return b0 + b1 * u - dark * cover, np.stack(slopes, axis=-1)
 
 
@@ -337,11 +323,10 @@ def _bell(z):
     return np.exp(-0.5 * z**2) / np.sqrt(2 * np.pi)
 
 
-def _window(q, u, blur):
+def _window(q, u):
     """1 where a section is fitted: its edges and the ground beside them, not its core."""
-    sigma = q[:, [5]] if q.shape[1] > 5 else blur[:, None]
-    away = np.abs(u - q[:, [3]])
-    r = q[:, [4]]
+    centre, r, sigma = q[:, [3]], q[:, [4]], q[:, [5]]
+    away = np.abs(u - centre)
     return ((away < r + 3 * sigma + FLANK_PX) & (away > r - CORE_BLURS * sigma - 1)).astype(float)
 
 
