@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from pipeline.app.options import Debug, Results, up_to_date
+from pipeline.app.options import Debug, Out, Results, up_to_date
 
 calibrate = typer.Typer(
     help="Measure whiskers, follicle motion and elevation.",
@@ -14,9 +14,6 @@ calibrate = typer.Typer(
     rich_markup_mode=None,
 )
 
-Out = Annotated[
-    Path, typer.Option("--out", metavar="DIR", help="Folder for the results; created if missing.")
-]
 Into = Annotated[
     Path | None,
     typer.Option(

@@ -39,70 +39,58 @@ Names = Annotated[
 ]
 
 
-@importing.command("janelia")
-def import_janelia(
-    paths: Paths,
-    out: Out,
-    config: Config = None,
-    names: Names = "",
-    jobs: Jobs = None,
-    debug: Debug = False,
-):
-    """Lines from the Janelia Whisker Tracker.
-
-    NAME.whiskers with NAME.measurements and, for the pole, NAME.bar.
-    """
-    read = partial(_janelia, names=_split(names))
-    _import("janelia", read, (paths, out, config, jobs, debug))
-
-
 def _janelia(path, settings, names):
     from pipeline.convert.janelia import read_tracked
 
     return read_tracked(path, settings, names)
 
 
-@importing.command("dlc")
-def import_dlc(
-    paths: Paths,
-    out: Out,
-    config: Config = None,
-    names: Names = "",
-    jobs: Jobs = None,
-    debug: Debug = False,
-):
-    """Key points along whiskers, from DeepLabCut.
-
-    CSV, or HDF5, which needs the extra `formats`.
-    """
-    read = partial(_key_points, program="dlc", names=_split(names))
-    _import("dlc", read, (paths, out, config, jobs, debug))
-
-
-@importing.command("sleap")
-def import_sleap(
-    paths: Paths,
-    out: Out,
-    config: Config = None,
-    names: Names = "",
-    jobs: Jobs = None,
-    debug: Debug = False,
-):
-    """Key points along whiskers, from SLEAP.
-
-    Analysis files as CSV, or HDF5, which needs the extra `formats`.
-    """
-    read = partial(_key_points, program="sleap", names=_split(names))
-    _import("sleap", read, (paths, out, config, jobs, debug))
-
-
-def _key_points(path, settings, program, names):
+def _key_points(path, settings, names, program):
     from pipeline.convert.deeplabcut import read_deeplabcut
     from pipeline.convert.keypoints import lines_of
     from pipeline.convert.sleap import read_sleap
 
     points = {"dlc": read_deeplabcut, "sleap": read_sleap}[program](path)
     return lines_of(points, settings, path, names), None, len(points.xy)
+
+
+def _command_for(program, read, words) -> None:
+    """Add a command that imports what `read(path, settings, names)` reads of each file."""
+
+    @importing.command(program, help=words)
+    def command(
+        paths: Paths,
+        out: Out,
+        config: Config = None,
+        names: Names = "",
+        jobs: Jobs = None,
+        debug: Debug = False,
+    ):
+        from pipeline.app import batch
+
+        of_whiskers = tuple(name.strip() for name in names.split(",") if name.strip())
+        own = partial(read, names=of_whiskers)
+        source = batch.Source(partial(_find, program=program), partial(_analyse, read=own))
+        cores, shown = jobs or terminal.cores(), terminal.progress
+        summary = batch.run(paths, out, config, cores, True, False, shown, source)
+        terminal.finish_run(summary, debug, terminal.say)
+
+
+_command_for(
+    "janelia", _janelia,
+    "Lines from the Janelia Whisker Tracker.\n\n"
+    "NAME.whiskers with NAME.measurements and, for the pole, NAME.bar.",
+)  # fmt: skip
+_command_for(
+    "dlc", partial(_key_points, program="dlc"),
+    "Key points along whiskers, from DeepLabCut.\n\n"
+    "CSV, or HDF5, which needs the extra `formats`.",
+)  # fmt: skip
+_command_for(
+    "sleap", partial(_key_points, program="sleap"),
+    "Key points along whiskers, from SLEAP.\n\n"
+    "Analysis files as CSV, or HDF5, which needs the extra `formats`.",
+)  # fmt: skip
 
 
 @importing.command("whacc")
@@ -146,17 +134,6 @@ def import_whacc(
 # --- one way in --------------------------------------------------------------------------
 
 
-def _import(program, read, options):
-    """Analyse the lines that `read(path, settings)` gives of each file."""
-    from pipeline.app import batch
-
-    paths, out, config, jobs, debug = options
-    source = batch.Source(partial(_find, program=program), partial(_analyse, read=read))
-    jobs, shown = jobs or terminal.cores(), terminal.progress
-    summary = batch.run(paths, out, config, jobs, True, False, shown, source)
-    terminal.finish_run(summary, debug, terminal.say)
-
-
 def _find(paths, out, program):
     """The files that `paths` stand for: themselves, or those in a folder with a program's names.
 
@@ -185,10 +162,6 @@ def _analyse(task, keep, report, corrections, read):
 
     lines, pole, n_frames = read(task.path, task.settings)
     return analyse_lines(lines, task.settings, pole, n_frames, keep, corrections)
-
-
-def _split(names):
-    return tuple(name.strip() for name in names.split(",") if name.strip())
 
 
 # --- one way out -------------------------------------------------------------------------

@@ -10,7 +10,7 @@ import numpy as np
 from pipeline.detection.static_scene import StaticScene
 from pipeline.errors import counted
 from pipeline.messages import guessed_order, no_whiskers, settings_doubt, value_doubts
-from pipeline.reports.drawing import INK, PAPER, View, name_boxes
+from pipeline.reports.drawing import INK, PAPER, SHIFT, View, name_boxes
 from pipeline.reports.lettering import line_height, put_text
 from pipeline.reports.overlay import write_png
 from pipeline.reports.whisker_styles import DARKEST, pieces, whisker_styles
@@ -161,8 +161,8 @@ def draw(preview: Preview) -> np.ndarray:
     zoom = max(1, round(WIDTH / preview.frame.shape[1]))
     picture = cv2.cvtColor(preview.frame, cv2.COLOR_GRAY2BGR)
     picture = cv2.resize(picture, None, fx=zoom, fy=zoom, interpolation=cv2.INTER_CUBIC)
-    _draw_scene(picture, preview, zoom)
     view = View(0, 0, *preview.frame.shape[::-1], zoom)
+    _draw_scene(picture, preview, view)
     _draw_lines(picture, preview, view)
     recording = preview.settings.recording
     size = view.letters
@@ -182,8 +182,8 @@ def _draw_lines(picture, preview, view):
         colours[name] = PAPER if is_dark and style.colour == DARKEST else _bgr(style.colour)
     for name, line in places.items():
         drawn = pieces(line, [2 * part for part in known[name].dash] if name in known else ())
-        drawn = [np.round(each * 16).astype(np.int32) for each in drawn]
-        cv2.polylines(picture, drawn, False, colours[name], 2, cv2.LINE_AA, 4)
+        drawn = [np.round(each * 2**SHIFT).astype(np.int32) for each in drawn]
+        cv2.polylines(picture, drawn, False, colours[name], 2, cv2.LINE_AA, SHIFT)
     for name, (x, y, _, _) in name_boxes(places, view).items():
         shown = name if name in styles else "?"
         put_text(picture, shown, (x, y), colours[name], view.letters, GROUND[bool(is_dark)])
@@ -193,20 +193,16 @@ def _bgr(colour: str) -> tuple[int, ...]:
     return tuple(int(colour[k : k + 2], 16) for k in (5, 3, 1))
 
 
-def _draw_scene(picture, preview, zoom):
+def _draw_scene(picture, preview, view):
     """Edge of the face, pole, region."""
     face = cv2.resize(preview.scene.face_mask.astype(np.uint8), picture.shape[1::-1])
     edges, _ = cv2.findContours(face, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     cv2.drawContours(picture, edges, -1, FACE, 2, cv2.LINE_AA)
     pole, region = preview.scene.pole, preview.settings.image.region_px
     if pole is not None:
-        centre = _pixels([[pole.x_px[0], pole.y_px[0]]], zoom)[0]
-        cv2.circle(picture, centre, round(pole.radius_px * zoom * 16), POLE, 2, cv2.LINE_AA, 4)
+        centre = view.pixels([pole.x_px[0], pole.y_px[0]])
+        radius = round(pole.radius_px * view.zoom * 2**SHIFT)
+        cv2.circle(picture, centre, radius, POLE, 2, cv2.LINE_AA, SHIFT)
     if region is not None:
-        corners = _pixels([region[:2], region[2:]], zoom)
-        cv2.rectangle(picture, corners[0], corners[1], REGION, 1, cv2.LINE_AA, 4)
-
-
-def _pixels(points, zoom):
-    """Points of the video in sixteenths of the picture's pixels."""
-    return np.round(((np.asarray(points) + 0.5) * zoom - 0.5) * 16).astype(np.int32)
+        corners = view.pixels([region[:2], region[2:]])
+        cv2.rectangle(picture, corners[0], corners[1], REGION, 1, cv2.LINE_AA, SHIFT)
