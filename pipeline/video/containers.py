@@ -42,7 +42,6 @@ class ContainerVideo(Video):
             broken = failure is not None or bool(log.new())
             if first is None:
                 raise VideoError(path, _no_frames_message(container), 0)
-            self._time_base = stream.time_base
             self._step = frame_duration(stream)
             # AVI times frames in the order in which they are decoded
             self._in_order = (

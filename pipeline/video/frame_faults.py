@@ -5,6 +5,8 @@ from itertools import pairwise
 
 import numpy as np
 
+from pipeline.numerics.runs import stretches
+
 SHOWN = 6  # stretches of frames that a sentence names
 MOST_COPIES = 5  # of each picture, by a converter; a codec changes a still one at key frames only
 MOST = 0.5  # more repeated frames than this part: nothing moves, and there is no noise
@@ -106,22 +108,8 @@ def missing_numbers(names) -> list[int]:
 
 def _frames(numbers) -> str:
     """Frame numbers as words: "frame 3", "frames 3–5, 9 and 12 others"."""
-    runs = stretches(numbers)
-    shown = ", ".join(f"{a}–{b}" if b > a else f"{a}" for a, b in runs[:SHOWN])
-    others = sum(b - a + 1 for a, b in runs[SHOWN:])
+    runs = stretches(np.bincount(list(numbers)))
+    shown = ", ".join(f"{a}–{b - 1}" if b - a > 1 else f"{a}" for a, b in runs[:SHOWN])
+    others = sum(b - a for a, b in runs[SHOWN:])
     more = f" and {others} others" if others else ""
     return f"frame{'s' if len(set(numbers)) > 1 else ''} {shown}{more}"
-
-
-def stretches(numbers) -> list[tuple[int, int]]:
-    """First and last of every run of consecutive numbers.
-
-    >>> stretches([3, 4, 5, 9])
-    [(3, 5), (9, 9)]
-    """
-    numbers = np.unique(np.asarray(list(numbers), np.int64))
-    if not len(numbers):
-        return []
-    ends = np.flatnonzero(np.diff(numbers) > 1)
-    firsts, lasts = numbers[np.r_[0, ends + 1]], numbers[np.r_[ends, len(numbers) - 1]]
-    return list(zip(firsts.tolist(), lasts.tolist(), strict=True))

@@ -9,38 +9,11 @@ from pipeline.video.base import Video
 
 __all__ = ["Video", "VideoError", "find_videos", "open_video"]
 
-VIDEO_SUFFIXES = frozenset(
-    [
-        ".avi",
-        ".mp4",
-        ".m4v",
-        ".mov",
-        ".mkv",
-        ".webm",
-        ".mpg",
-        ".mpeg",
-        ".mjpg",
-        ".mjpeg",
-        ".wmv",
-        ".asf",
-        ".flv",
-        ".ts",
-        ".mts",
-        ".m2ts",
-        ".h264",
-        ".264",
-        ".h265",
-        ".hevc",
-        ".mj2",
-        ".mxf",
-        ".ogv",
-        ".y4m",
-        ".nut",
-        ".gif",
-        ".seq",
-        ".cine",
-    ]
-)
+VIDEO_SUFFIXES = frozenset((
+    ".avi", ".mp4", ".m4v", ".mov", ".mkv", ".webm", ".mpg", ".mpeg", ".mjpg", ".mjpeg",
+    ".wmv", ".asf", ".flv", ".ts", ".mts", ".m2ts", ".h264", ".264", ".h265", ".hevc",
+    ".mj2", ".mxf", ".ogv", ".y4m", ".nut", ".gif", ".seq", ".cine",
+))  # fmt: skip
 TIFF_SUFFIXES = frozenset((".tif", ".tiff"))
 IMAGE_SUFFIXES = TIFF_SUFFIXES | frozenset(
     [".png", ".jpg", ".jpeg", ".bmp", ".pgm", ".ppm", ".pnm", ".webp", ".jp2"]
