@@ -9,6 +9,7 @@ import numpy as np
 from pipeline.app.preview import preview_of, write_preview
 from pipeline.detection.static_scene import StaticScene
 from pipeline.errors import InputError, VideoError, need_folder
+from pipeline.numerics.runs import evenly
 from pipeline.scene.dust import is_passed_over
 from pipeline.scene.estimate import find_scenes, survey
 from pipeline.scene.looking import first_look
@@ -107,7 +108,7 @@ def _look_at_some(folder, look, say, most=LOOKED_AT) -> list:
     found = find_inputs([folder])
     inputs = [each for each in found if not each.fault]
     looks, problems = [], [] if inputs else [f"{each.path}: {each.fault}" for each in found]
-    places = np.unique(np.linspace(0, len(inputs) - 1, most).astype(int)) if inputs else []
+    places = evenly(len(inputs), most).tolist()
     rest = [i for i in range(len(inputs)) if i not in places]
     for i in (*places, *rest):
         if len(looks) == most or (looks and i in rest):
@@ -155,21 +156,21 @@ def _scene_and_scale(look):
         recording = Recording(FRAMES_PER_SECOND, usual * factor, None)
         seen = survey(look, recording)
         epochs = find_scenes(look.video, recording, 1e-3 * POLE_DIAMETER_MM, seen=seen)
-        scene, frames = _typical_frames(look.video, seen, epochs, TEMPLATE_FRAMES)
+        scene, frames = _typical_frames(look.video, seen, epochs)
         if scene.pole is not None and not _is_passed_over(scene, frames):
             return scene, frames, 2 * scene.pole.radius_px / POLE_DIAMETER_MM
         first = first or (replace(scene, pole=None), frames, usual)
     return first
 
 
-def _typical_frames(video, seen, epochs, n: int):
-    """The scene that holds for most of the video, and up to `n` of the frames `seen` of it."""
+def _typical_frames(video, seen, epochs):
+    """The scene that holds for most of the video, and some of the frames `seen` of it."""
     held = defaultdict(int)
     for epoch in epochs:
         end = epoch.stop or max(video.n_frames or 0, epoch.start + 1)
         held[id(epoch.scene)] += end - epoch.start
     scene = max((e.scene for e in epochs if e.scene), key=lambda each: held[id(each)])
-    indices, frames = seen.sample(n)
+    indices, frames = seen.sample(TEMPLATE_FRAMES)
     own = [(e.start, e.stop or np.inf) for e in epochs if e.scene is scene]
     inside = [any(start <= i < stop for start, stop in own) for i in indices]
     return scene, frames[inside] if any(inside) else frames

@@ -12,6 +12,17 @@ def stretches(mask) -> list[tuple[int, int]]:
     return list(zip(starts.tolist(), stops.tolist(), strict=True))
 
 
+def stretches_around(ring) -> np.ndarray:
+    """Start and length of every run of True on a bool ring (n,), in order around it; (runs, 2).
+
+    >>> stretches_around([True, False, True, True]).tolist()
+    [[2, 3]]
+    """
+    first = int(np.argmin(ring))
+    runs = np.array(stretches(np.roll(ring, -first)), int).reshape(-1, 2)
+    return np.column_stack([(runs[:, 0] + first) % len(ring), runs[:, 1] - runs[:, 0]])
+
+
 def evenly(count: int, most: int) -> np.ndarray:
     """At most `most` of the numbers below `count`, evenly spread from the first to the last.
 

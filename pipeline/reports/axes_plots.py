@@ -1,8 +1,8 @@
 """Plots for notebooks and papers: each takes an `ax`, and returns it."""
 
-import numpy as np
 import pandas as pd
 
+from pipeline.numerics.runs import stretches
 from pipeline.reports.whisker_styles import COLOURS, style_of
 from pipeline.tables.columns import CONTACT_COLUMNS, FRAME_COLUMNS
 
@@ -125,8 +125,7 @@ def _chosen(frames, whisker) -> list:
 
 def _shade(ax, time, touching):
     """Shade the frames in contact."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], touching.astype(int), [0]])))
-    for onset, offset in edges.reshape(-1, 2):
+    for onset, offset in stretches(touching):
         end = time[min(offset, len(time) - 1)]
         ax.axvspan(time[onset], end, color=SHADE, lw=0, zorder=0)
 

@@ -29,9 +29,7 @@ BRIGHT_RANK = 0.85  # of the samples of a pixel: free of whiskers that rest ther
 # flanks, which are not, reach FLANK_PX farther
 DARK_SD, DARK_SHARE = 4.0, 0.04
 FLANK_PX = 1
-FLANK_SAMPLES = 64  # looked at for whiskers' flanks, at the most
 ENOUGH_CLEAR = 3  # samples without a whisker near, to know a pixel's light
-BESIDE_PX = 1.0  # how far from a whisker the light beside it is looked at (SD)
 FRINGE_MM, FRINGE_PX = 0.5, 12  # of fur along the face: the larger one
 FAINTER = 0.5  # of a clear line's darkness joins its parts
 MOVIE_FRAMES = 3  # with fewer, nothing can be learnt from motion
@@ -144,13 +142,12 @@ def _uncovered(image, frames, gains, noise, darkest, broad_px):
     x, y, width, height = cv2.boundingRect(passed.astype(np.uint8))
     rows = slice(max(y - FLANK_PX, 0), y + height + FLANK_PX)
     part = rows, slice(max(x - FLANK_PX, 0), x + width + FLANK_PX)
-    step = -(-len(frames) // FLANK_SAMPLES)
-    frames = _equalised(frames[(slice(None, None, step), *part)], gains[::step])
+    frames = _equalised(frames[:, *part], gains)
     count, mean = _clear_mean(frames, dark[part])
     few = count < ENOUGH_CLEAR
     passed = (count < len(frames)) & ~opened(few, broad_px)
     seldom[part] = few & passed
-    beside = fill(image, seldom, BESIDE_PX)[part]
+    beside = fill(image, seldom, FLANK_PX)[part]
     share = np.minimum(count / ENOUGH_CLEAR, 1)
     image = image.copy()
     image[part] = np.where(passed, share * mean + (1 - share) * beside, image[part])

@@ -15,7 +15,7 @@ EVERY = 3  # pixel, either way, is enough to know a cell's light
 LIT = 0.3  # of the brightest cells: darker ones are things
 EDGE = 0.05  # of the light, from the median of the cells around: more is the edge of something
 DIMMED = 0.4  # of the light: with less, some thing is before it
-SMOOTH, SCALES = 1.5, (1.0, 3.0, 9.0)  # cells (SD), and times that to where no light is known
+SMOOTH = 1.5  # cells (SD)
 LEAST_CHANGE = 0.03  # of the light, root mean square: up to 0.02 where it is steady
 LEFT = 0.5  # of all changes, after light is taken out: 0.04 to 0.25 where they are of light
 FEWEST_FRAMES = 3  # to know what is usual
@@ -52,8 +52,8 @@ class UsualLight:
         """The light over the usual one as of `seen`, carried on to all cells, float32 per cell."""
         if not known.any():
             return np.ones_like(now)
-        first = spread(now, known, SMOOTH, SCALES)
-        smoothed_away = spread(now / first, known, SMOOTH, SCALES)
+        first = spread(now, known, SMOOTH)
+        smoothed_away = spread(now / first, known, SMOOTH)
         return first * smoothed_away
 
     def seen(self, frame: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -62,7 +62,7 @@ class UsualLight:
         if not self.lit.any():
             return now, self.lit
         now /= max(np.median(now[self.lit]), 1e-3)
-        now = np.where(self.lit, now, spread(now, self.lit, SMOOTH, SCALES))
+        now = np.where(self.lit, now, spread(now, self.lit, SMOOTH))
         even = np.abs(now - cv2.medianBlur(now, 5)) < EDGE
         known = self.lit & even & (now > DIMMED) & (now < 1 / DIMMED)
         return now, cv2.morphologyEx(known.astype(np.uint8), cv2.MORPH_OPEN, _SQUARE) > 0

@@ -9,6 +9,7 @@ from scipy.optimize import least_squares
 from scipy.special import erfc
 
 from pipeline.numerics.robust import robust_sd
+from pipeline.numerics.runs import stretches_around
 
 RADIUS_TRUST = 0.05  # SD of the expected radius, relative: counts only where little edge is free
 PIXEL_SD = 0.015  # of a pixel's misfit, share of the light: weighs the expected radius
@@ -16,8 +17,8 @@ N_RAYS = 180
 LEAST_FITTED_ARC = 0.15  # of the circumference must be free of any shade
 COMFORTABLE_ARC = 0.38  # this much is enough to measure a circle well
 MARGIN_RAYS = 14  # of 2°, left out beside rays that are shaded
-TOUCHED_RAYS = 45  # at most, between the shades on both sides of where a whisker touches
-SHADE_RAYS, WIDEST_SHADE_RAYS = 3, 45  # that a whisker shades on either side; a rod, more
+# that a whisker shades on either side of where it touches, or that lie between; a rod shades more
+SHADE_RAYS, WIDEST_RAYS = 3, 45
 EDGE_SLOPE = 0.04  # of the light per pixel: less is no edge of a thing in focus
 INTERPOLATION = 0.003  # error of interpolated pixels, share of the light
 
@@ -209,18 +210,12 @@ def _between_shades(shaded):
     only.
     """
     between = np.zeros_like(shaded)
-    starts = np.flatnonzero(shaded & ~np.roll(shaded, 1))
-    ends = np.flatnonzero(~shaded & np.roll(shaded, 1))
-    if len(starts) < 2:
-        return between
-    ends = np.roll(ends, -1) if ends[0] <= starts[0] else ends
-    narrow = (ends - starts) % N_RAYS < WIDEST_SHADE_RAYS
-    narrow &= (ends - starts) % N_RAYS >= SHADE_RAYS
-    for k, end in enumerate(ends):
-        following = (k + 1) % len(starts)
-        gap = (starts[following] - end) % N_RAYS
-        if narrow[k] and narrow[following] and gap <= TOUCHED_RAYS:
-            between[(end + np.arange(gap)) % N_RAYS] = True
+    starts, widths = stretches_around(shaded).T
+    narrow = (widths >= SHADE_RAYS) & (widths < WIDEST_RAYS)
+    gaps = (np.roll(starts, -1) - starts - widths) % N_RAYS
+    touched = narrow & np.roll(narrow, -1) & (gaps <= WIDEST_RAYS)
+    for end, gap in zip((starts + widths)[touched], gaps[touched], strict=True):
+        between[(end + np.arange(gap)) % N_RAYS] = True
     return between
 
 

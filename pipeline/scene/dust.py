@@ -7,15 +7,15 @@ sides, is not bent by it; nor is one that passes in front of or behind a pole.
 import cv2
 import numpy as np
 
-from pipeline.scene.circle_fit import ray_points
+from pipeline.numerics.runs import stretches_around
+from pipeline.scene.background import DARK_SD, DARK_SHARE
+from pipeline.scene.circle_fit import N_RAYS, ray_points, rays
 from pipeline.scene.illumination import frame_gains
 
 INNER = 0.5  # radii about the centre: no whisker that touches a pole is seen to lie there
 RING = 1.4, 1.5  # radii, and px beyond, at which a whisker is looked for; edges are blurred
-N_ANGLES = 180
 THICK_PX = (0.0, 1.0, 2.0)  # distances that are averaged
-DARKER, DARKER_SD = 0.04, 4.0  # share of the light, and of the noise, that a whisker takes
-WIDEST = 30  # of the angles; more is no whisker
+WIDEST = 30  # of the rays; more is no whisker
 FEWEST = 2  # frames: one may be a mistake
 
 
@@ -32,9 +32,8 @@ def is_passed_over(x, y, radius, background, noise, frames) -> bool:
     noise : (floor, gain) of a pixel's variance [grey²], [grey]
     frames : uint8 (k, height, width)
     """
-    angles = np.arange(N_ANGLES) * 2 * np.pi / N_ANGLES
     ring = RING[0] * radius + RING[1]
-    px, py = ray_points(x, y, angles, ring + np.array(THICK_PX))
+    px, py = ray_points(x, y, rays(), ring + np.array(THICK_PX))
     middle = ring + np.mean(THICK_PX)
 
     def light(image):
@@ -42,22 +41,17 @@ def is_passed_over(x, y, radius, background, noise, frames) -> bool:
 
     known = light(background)
     variance = (noise[0] + noise[1] * np.maximum(known, 0)) / len(THICK_PX)
-    limit = np.maximum(DARKER * known, DARKER_SD * np.sqrt(variance))
+    limit = np.maximum(DARK_SHARE * known, DARK_SD * np.sqrt(variance))
     crossed = 0
     for frame, gain in zip(frames, frame_gains(frames), strict=True):
         spots = _spots(light(frame) / max(gain, 1e-3) < known - limit)
         if len(spots) == 2:
-            apart = (spots[1] - spots[0]) * 2 * np.pi / N_ANGLES
+            apart = (spots[1] - spots[0]) * 2 * np.pi / N_RAYS
             crossed += middle * abs(np.cos(apart / 2)) < INNER * radius
     return crossed >= FEWEST
 
 
 def _spots(dark):
     """Middles of the runs of True on a ring, none where one of them is too wide for a whisker."""
-    starts = np.flatnonzero(dark & ~np.roll(dark, 1))
-    ends = np.flatnonzero(~dark & np.roll(dark, 1))
-    if len(starts) == 0:
-        return []
-    ends = np.roll(ends, -1) if ends[0] <= starts[0] else ends
-    widths = (ends - starts) % len(dark)
-    return [] if widths.max() > WIDEST else list(starts + 0.5 * (widths - 1))
+    starts, widths = stretches_around(dark).T
+    return [] if widths.max(initial=0) > WIDEST else list(starts + 0.5 * (widths - 1))

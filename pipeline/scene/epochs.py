@@ -120,12 +120,11 @@ class Survey:
         changes = np.count_nonzero(np.diff(states[states >= 0]))
         if np.mean(states < 0) > 0.5 or changes > MOST_CHANGES * len(states):
             # nothing ever rests: one scene is the best there is
-            frames = [frame for _, frame in items]
-            return np.zeros(len(states), int), [np.stack(frames[:: 1 + len(frames) // MOST_KEPT])]
+            return np.zeros(len(states), int), [_stacked(items)]
         of_state = [[item for item in items if of_sample[item[0]] == k] for k in kept]
         if np.any(states != states[0]):
             of_state = [self._at_rest(some, states) for some in of_state]
-        return states, [np.stack([frame for _, frame in some]) for some in of_state]
+        return states, [_stacked(some) for some in of_state]
 
     def _at_rest(self, items, states) -> list:
         """Return the items of one state with everything in place; the others get −1 in `states`.
@@ -194,6 +193,11 @@ class _Kept:
                 self.items = self.items[::2]
                 self._stride *= 2
         self._count += 1
+
+
+def _stacked(items):
+    """The frames of (index, frame), at most MOST_KEPT of them, uint8 (n, height, width)."""
+    return np.stack([frame for _, frame in items[:: -(-len(items) // MOST_KEPT)]])
 
 
 def _typical(frames):

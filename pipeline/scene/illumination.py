@@ -120,14 +120,14 @@ def _any_of(labels, chosen):
     return keep[labels]
 
 
-def spread(cells, known, reach, scales=(1.0, 3.0, 9.0, 27.0)):
+def spread(cells, known, reach):
     """Smooth known cells and carry their values on into the unknown ones.
 
-    `scales` (times `reach`, an SD in cells): where one has known cells, wider ones hardly count.
+    `reach` (SD, in cells): where there are known cells so near, farther ones hardly count.
     """
     weight = known.astype(np.float32)
     out, trust = np.zeros_like(cells), np.zeros_like(cells)
-    for scale in scales:
+    for scale in (1.0, 3.0, 9.0, 27.0):
         total = cv2.GaussianBlur(weight, (0, 0), reach * scale) + 1e-12
         mean = cv2.GaussianBlur(cells * weight, (0, 0), reach * scale) / total
         share = (1 - trust) * np.minimum(total / 0.1, 1)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pipeline.numerics.runs import evenly
 from pipeline.scene.changing_light import usual_light
 from pipeline.scene.picture_part import PicturePart, part_of, within_margins
 from pipeline.scene.polarity import whiskers_are_bright
@@ -17,11 +18,8 @@ from pipeline.video.base import Video
 from pipeline.video.changed import Changed, Negative, Steadied
 from pipeline.video.frame_faults import is_black
 
-N_FRAMES = 32  # that are read
-FRAMES_FOR_MARGINS = 8
-FRAMES_FOR_SHAKE = 16
-FRAMES_FOR_LIGHT = 16
-FRAMES_FOR_POLARITY = 8
+N_FRAMES = 32  # that are read; …
+FEW = 16  # … of them, that show margins, a shaking camera, changing light, bright whiskers
 
 
 @dataclass(frozen=True)
@@ -59,18 +57,18 @@ def first_look(video, pixels_per_mm: float, image: ImageSettings | None = None) 
     """
     image = image or ImageSettings()
     indices, frames = map(np.array, zip(*without_black(video.sampled(N_FRAMES)), strict=True))
-    part = part_of(image, video) or within_margins(_few(frames, FRAMES_FOR_MARGINS))
-    still = still_of(_shown(part, _few(frames, FRAMES_FOR_SHAKE)))
+    part = part_of(image, video) or within_margins(_few(frames))
+    still = still_of(_shown(part, _few(frames)))
     if still is not None:
         video = Steadied(video, still.steady)
         frames = np.stack([still.steady(frame)[0] for frame in frames])
-    light = usual_light(_few(frames, FRAMES_FOR_LIGHT), None if part is None else part.used)
+    light = usual_light(_few(frames), None if part is None else part.used)
     if light is not None:
         video = Changed(video, light.evened)
         frames = np.stack([light.evened(frame) for frame in frames])
     bright = image.polarity == "bright"
     if image.polarity is None:
-        few = _shown(part, _few(frames, FRAMES_FOR_POLARITY))
+        few = _shown(part, _few(frames))
         bright = whiskers_are_bright(few if part is None else part.cut(few), pixels_per_mm)
     if bright:
         video, frames = Negative(video), np.invert(frames)
@@ -88,9 +86,9 @@ def without_black(sampled):
         yield index, frame
 
 
-def _few(frames, n):
-    """Up to `n` of the frames, evenly chosen."""
-    return frames[np.unique(np.linspace(0, len(frames) - 1, n).round().astype(int))]
+def _few(frames):
+    """FEW of the frames, evenly chosen."""
+    return frames[evenly(len(frames), FEW)]
 
 
 def _shown(part, frames):

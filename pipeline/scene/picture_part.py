@@ -41,7 +41,7 @@ class PicturePart:
 
     def cut(self, frames: np.ndarray) -> np.ndarray:
         """Return the frames' boxes, (k, height, width)."""
-        return np.ascontiguousarray(frames[(slice(None), *self.box)])
+        return np.ascontiguousarray(frames[:, *self.box])
 
     def whole(self, scene: StaticScene) -> StaticScene:
         """Return a scene of the box as one of the whole picture, dark outside of the part."""

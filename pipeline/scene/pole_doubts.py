@@ -3,7 +3,7 @@
 import cv2
 import numpy as np
 
-from pipeline.scene.circle_fit import Pole
+from pipeline.scene.circle_fit import Pole, ray_points, rays
 
 OFF_THE_ANIMAL = 5.0  # radii, at least, between a pole's centre and the animal
 OFF_SHARE = 0.04  # of the picture's size, at least: fur reaches so far
@@ -11,7 +11,6 @@ FREE_AROUND = 0.55  # share of the circle around a pole that its rod leaves free
 UNEVEN = 0.03  # share of a wide circle that may be hidden beyond what the rod hides near by
 NEAR, MIDDLE, FAR = 1.5, 2.0, 5.0  # radii of the circles that are looked at
 BRIGHT = 0.5  # of the light that passes elsewhere
-N_ANGLES = 90
 
 
 def doubt(pole: Pole, transmission, animal) -> str | None:
@@ -44,10 +43,8 @@ def _distance(mask):
 def _light_around(pole, transmission, animal, reach) -> float:
     """Bright share of a circle of `reach` radii about the pole, off the animal; 1 for none."""
     height, width = transmission.shape
-    angles = np.linspace(0, 2 * np.pi, N_ANGLES, endpoint=False)
-    radius = reach * pole.radius_px + 2
-    x = np.rint(pole.x_px + radius * np.cos(angles)).astype(int)
-    y = np.rint(pole.y_px + radius * np.sin(angles)).astype(int)
+    circle = ray_points(pole.x_px, pole.y_px, rays(), np.array([reach * pole.radius_px + 2]))
+    x, y = (np.rint(each[:, 0]).astype(int) for each in circle)
     inside = (x >= 0) & (x < width) & (y >= 0) & (y < height)
     x, y = x[inside], y[inside]
     bright = transmission[y, x] > BRIGHT

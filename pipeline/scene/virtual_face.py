@@ -16,7 +16,6 @@ from pipeline.scene.illumination import light_without_objects
 from pipeline.scene.noise_model import spatial_noise
 from pipeline.session.parameters import DEFAULTS, SceneParams
 
-LOOKED_AT = 48  # frames
 SHORTEST_MM = 4.0  # shorter lines are no whiskers
 BIN_MM = 0.25  # along the face, in which starts are put together
 INSIDE_PX = (4, 24)  # nodes from its end, between which a line's darkness is measured
@@ -49,10 +48,9 @@ def mask_behind_whiskers(
     rod.
     """
     shape = frames.shape[1:]
-    step = max(len(frames) // LOOKED_AT, 1)
-    lightest = frames[::step].max(axis=0)
+    lightest = frames.max(axis=0)
     seen, moving = [], []
-    for image in frames[::step]:
+    for image in frames:
         found = _whiskers(image, pixels_per_mm, params)
         seen += found
         moving += [pair for pair in found if _has_moved(pair[0], image, lightest)]
@@ -83,7 +81,7 @@ def _whiskers(image, pixels_per_mm, params):
 
 def _has_moved(curve, image, lightest) -> bool:
     """Whether most of a line's places are lighter in some other frame."""
-    now, ever = (_values(each, curve).astype(float) for each in (image, lightest))
+    now, ever = (values_along(each, curve).astype(float) for each in (image, lightest))
     return np.median(now / np.maximum(ever, 1.0)) < MOVED
 
 
@@ -93,7 +91,7 @@ def _thick_side(seen, shape) -> str:
     for curve, dark in seen:
         low, high = INSIDE_PX
         ends = curve[low:high], curve[::-1][low:high]
-        darker = max(ends, key=lambda end: np.median(_values(dark, end)))
+        darker = max(ends, key=lambda end: np.median(values_along(dark, end)))
         depths = [_depth_and_place(*darker[0], side, shape)[0] for side in SIDES]
         sides.append(SIDES[int(np.argmin(depths))])
     return max(SIDES, key=sides.count)
@@ -110,8 +108,8 @@ def _start(curve, dark, side, shape):
     back = inside[0] - inside[-1]
     back /= np.hypot(*back)
     line = curve[low] - (steps - low)[:, None] * back
-    values = _values(dark, line)
-    level = 0.5 * np.median(_values(dark, inside))
+    values = values_along(dark, line)
+    level = 0.5 * np.median(values_along(dark, inside))
     faint = np.flatnonzero(values < level)
     if not len(faint):
         return line[0]
@@ -120,10 +118,10 @@ def _start(curve, dark, side, shape):
     return line[last] + np.clip(part, 0, 1) * (line[last + 1] - line[last])
 
 
-def _values(image, points):
-    """Values at points (n, 2), bilinear; 0 outside of the image."""
+def values_along(image, points):
+    """Values of an image at points (n, 2), bilinear; 0 outside of it."""
     x, y = np.asarray(points, np.float32).T
-    return cv2.remap(image, x[None], y[None], cv2.INTER_LINEAR, borderValue=0.0)[0]
+    return cv2.remap(image, x[None], y[None], cv2.INTER_LINEAR)[0]
 
 
 def _depth_and_place(x, y, side, shape):

@@ -15,7 +15,9 @@ from pipeline.detection import ridges
 from pipeline.detection.curves import length
 from pipeline.detection.image_model import ImageModel, absorbance_image
 from pipeline.detection.static_scene import OUTWARD, StaticScene
+from pipeline.numerics.runs import stretches
 from pipeline.scene.face import SIDES
+from pipeline.scene.virtual_face import values_along
 
 LOOKED_AT, FIRST_LOOK = 10, 4  # frames: where a face begins, and whether it is one
 FEWEST_FRAMES = 8  # fewer do not show well what moves
@@ -107,7 +109,7 @@ def _whiskers(frames, scene, shortest_px, resting=0.0):
             long = length(curve)
             if long <= shortest_px:
                 continue
-            now, mostly = (_values(each, curve) for each in (image, usual))
+            now, mostly = (values_along(each, curve) for each in (image, usual))
             counts = resting if np.median(mostly) > STILL * np.median(now) else 1.0
             if counts and (ends := _base_and_tip(curve, now)):
                 found.append((*ends[0], *ends[1], counts * long))
@@ -120,12 +122,6 @@ def _towards_the_face(whiskers):
     chord = base - tip
     away = np.linspace(0, CONTINUED, 9)[:, None] * length
     return base + away * chord / np.linalg.norm(chord, axis=2, keepdims=True)
-
-
-def _values(image, curve):
-    """Values of an image along a curve (n, 2)."""
-    x, y = np.asarray(curve, np.float32).T
-    return cv2.remap(image, x[None], y[None], cv2.INTER_LINEAR)[0]
 
 
 def _base_and_tip(curve, dark):
@@ -153,14 +149,8 @@ def _edges(mask) -> list[np.ndarray]:
         elif inside.any():
             start = int(np.argmin(inside))  # on the border
             points, inside = np.roll(points, -start, axis=0), np.roll(inside, -start)
-            edges += [part for part in _runs(points, inside) if len(part) > 1]
+            edges += [points[a:b] for a, b in stretches(inside) if b - a > 1]
     return edges
-
-
-def _runs(points, inside):
-    """Consecutive points that are inside."""
-    cuts = np.flatnonzero(np.diff(inside.astype(int))) + 1
-    return [points[a:b] for a, b in pairwise([0, *cuts, len(points)]) if inside[a]]
 
 
 def _scores(edges, whiskers, reach_px):
