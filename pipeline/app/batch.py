@@ -91,7 +91,7 @@ class Summary:
 
     @property
     def copies(self) -> tuple[tuple[str, ...], ...]:
-        """Names of videos that have the same content, so that their contacts count twice."""
+        """Names of videos that have the same content, whose contacts count several times."""
         same = {}
         for each in self.outcomes:
             if each.frames and each.sha256:

@@ -88,7 +88,8 @@ def _warnings(summary):
     for problem in summary.problems:
         yield f"warning: {problem}"
     for names in summary.copies:
-        yield f"warning: {' and '.join(names)} are the same video: its contacts count twice"
+        often = f"its contacts count {len(names)} times"
+        yield f"warning: {' and '.join(names)} are the same video: {often}"
     if summary.lost:
         yield (
             f"no longer there: {', '.join(summary.lost)}; left out of videos.csv and "

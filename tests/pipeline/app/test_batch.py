@@ -15,6 +15,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import typer
 from killed_task import killed
 from quick_analysis import quick_analyse
 
@@ -613,13 +614,18 @@ def test_a_link_that_leads_nowhere_is_a_video_that_fails(folder, calls, tmp_path
     assert failed.message == "is a link to a file that is not there; is a disk missing?"
 
 
-def test_a_copy_is_a_video_of_its_own_and_is_said(folder, calls, tmp_path):
+def test_a_copy_is_a_video_of_its_own_and_is_said(folder, calls, tmp_path, capsys):
     out = tmp_path / "results"
     batch.run([folder], out)
-    shutil.copy2(folder / "a.avi", folder / "c.avi")
+    for name in ("c", "d"):
+        shutil.copy2(folder / "a.avi", folder / f"{name}.avi")
     summary = batch.run([folder], out)
-    assert contact_videos(out) == ["a", "b", "c"]
-    assert summary.copies == (("a", "c"),)
+    assert contact_videos(out) == ["a", "b", "c", "d"]
+    assert summary.copies == (("a", "c", "d"),)
+    with pytest.raises(typer.Exit):
+        terminal.finish_run(summary, False, terminal.say_nothing)
+    said = "a and c and d are the same video: its contacts count 3 times"
+    assert said in capsys.readouterr().out
 
 
 def test_a_video_that_was_removed_leaves_the_tables_but_not_the_folder(folder, calls, tmp_path):
