@@ -138,7 +138,8 @@ def _all_rows(rows, templates, given, sides, open_ended, limits, unnamed):
         named, sure[own] = names(frame[own], track[own], features[own], wanted, direction, limits)
         if open_ended:
             low = limits.params.nameless_confidence
-            named, sure[own] = with_unnamed(frame[own], track[own], named, sure[own], low)
+            lines_here = frame[own], track[own], base[own]
+            named, sure[own] = with_unnamed(*lines_here, named, sure[own], low)
             names_here = tuple(f"{side_name}w{k + 1}" for k in range(named.max(initial=-1) + 1))
         else:
             if unnamed is not None:
@@ -213,24 +214,29 @@ def names(frame, track, features, wanted=None, direction=1, limits: Limits = USU
 
 
 def with_unnamed(
-    frame, track, whisker, sure, unnamed_confidence=DEFAULTS.identity.nameless_confidence
+    frame, track, base, whisker, sure, unnamed_confidence=DEFAULTS.identity.nameless_confidence
 ):
     """Give lines that belong to no named whisker numbers after those of the named ones.
 
-    Their confidence is `unnamed_confidence`. Tracks that do not overlap in time share a number;
-    those of a few frames only are left out. Returns new `whisker` and `sure`.
+    Their confidence is `unnamed_confidence`. A track goes on under the number, of those that are
+    not seen any more, whose line was nearest to it; tracks of a few frames only are left out.
+    Returns new `whisker` and `sure`.
+
+    base : (rows, 2) of the lines [px]
     """
     whisker, sure = whisker.copy(), sure.copy()
     first = whisker.max(initial=-1) + 1
-    ends = []  # last frame of each of the new numbers
+    last = []  # row of each of the new numbers
     unnamed = np.flatnonzero(whisker < 0)
     unnamed = unnamed[np.lexsort((frame[unnamed], track[unnamed]))]
     parts = np.split(unnamed, np.flatnonzero(np.diff(track[unnamed])) + 1)
     least = min(FEWEST_FRAMES, len(np.unique(frame)))
     for rows in sorted((p for p in parts if len(p) >= least), key=lambda p: frame[p[0]]):
-        free = next((k for k, end in enumerate(ends) if end < frame[rows[0]]), len(ends))
-        ends[free : free + 1] = [frame[rows[-1]]]
-        whisker[rows], sure[rows] = first + free, unnamed_confidence
+        free = [k for k, end in enumerate(last) if frame[end] < frame[rows[0]]]
+        away = [np.linalg.norm(base[last[k]] - base[rows[0]]) for k in free]
+        number = free[np.argmin(away)] if free else len(last)
+        last[number : number + 1] = [rows[-1]]
+        whisker[rows], sure[rows] = first + number, unnamed_confidence
     return whisker, sure
 
 

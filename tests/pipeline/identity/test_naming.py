@@ -512,9 +512,20 @@ def test_lines_without_a_name_keep_a_place_that_is_not_known():
     frame = np.array([*range(10), *range(5, 15), *range(20, 30), 40])
     track = np.repeat([0, 1, 2, 3], [10, 10, 10, 1])
     whisker = np.where(track == 0, 0, -1)
-    named, sure = with_unnamed(frame, track, whisker, np.ones(len(frame)))
+    named, sure = with_unnamed(
+        frame, track, np.zeros((len(frame), 2)), whisker, np.ones(len(frame))
+    )
     assert (named[track == 0] == 0).all()
     assert (named[track == 1] == 1).all()
     assert (named[track == 2] == 1).all()
     assert (named[track == 3] == -1).all()  # one frame is no whisker
     assert (sure[(track == 1) | (track == 2)] == USUAL.params.nameless_confidence).all()
+
+
+def test_lines_without_a_name_go_on_under_the_number_that_was_seen_at_their_place():
+    """Two tracks end, and two begin at the same places, the other one first."""
+    frame = np.array([*range(10), *range(1, 10), *range(20, 30), *range(21, 30)])
+    track = np.repeat([0, 1, 2, 3], [10, 9, 10, 9])
+    base = np.array([[10.0, 5.0], [90.0, 5.0], [92.0, 7.0], [11.0, 6.0]])[track]
+    named, _ = with_unnamed(frame, track, base, np.full(len(frame), -1), np.ones(len(frame)))
+    assert [set(named[track == k]) for k in range(4)] == [{0}, {1}, {1}, {0}]
