@@ -32,7 +32,7 @@ def half_gaussian(time, duration, peak_force, onset=0.0):
 
 def half_gaussian_pulse(u):
     """The pulse of unit peak over −1 ≤ u ≤ 1, 0 elsewhere."""
-    return np.where(np.abs(u) < 1, half_gaussian_shape(u), 0.0)
+    return np.fmax(half_gaussian_shape(u), 0.0)
 
 
 def half_gaussian_shape(u):

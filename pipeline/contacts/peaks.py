@@ -9,7 +9,7 @@ rendered contact is wrong by one frame's standard error, however many frames are
 """
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg import cho_factor, cho_solve, toeplitz
 
 from whiskermodel.force_profiles import half_gaussian_shape
 
@@ -41,16 +41,15 @@ def contact_course(force, error, free, interpolated, start, stop):
     seen = np.isfinite(force[frame] + error[frame]) & (touching | free[frame])
     if not seen[touching].any():
         return frame[touching], *np.full((2, last - first), np.nan)
-    shown = frame[seen]
+    shown, rows = frame[seen], frame[touching]
     noise = _noise(shown, error[shown], interpolated[shown])
-    own = frame[seen & touching]
-    size = max(force[own].max(), error[own].min())
-    priors = _priors(frame, start, stop, size)
-    fits = [_fitted(prior, force[shown], noise, seen) for prior in priors]
+    known, noise = _given_free(force[shown], noise, ~touching[seen])
+    seen = seen[touching]
+    size = max(force[rows[seen]].max(), error[rows[seen]].min())
+    fits = [_fitted(prior, known, noise, seen) for prior in _priors(rows, start, stop, size)]
     _, factor, prior = max(fits, key=lambda fit: fit[0])
-    course, left = _posterior(factor, prior, force[shown], seen)
-    left = np.maximum(left, np.interp(frame, shown, error[shown]))
-    return frame[touching], course[touching], left[touching]
+    course, left = _posterior(factor, prior, known, seen)
+    return rows, course, np.maximum(left, np.interp(rows, shown, error[shown]))
 
 
 def _about_largest(force, start):
@@ -68,15 +67,25 @@ def _noise(frame, error, interpolated):
     return np.outer(error, error) * (SHARED * np.exp(-apart / SHARED_FRAMES) + np.diag(own))
 
 
+def _given_free(force, noise, free):
+    """Forces of a contact's frames, and their errors' covariance, given the `free` frames beside.
+
+    There the force is zero, so that they show errors only.
+    """
+    alike = noise[np.ix_(~free, free)]
+    factor = cho_factor(noise[np.ix_(free, free)], lower=True, check_finite=False)
+    expected = cho_solve(factor, np.column_stack([force[free], alike.T]), check_finite=False)
+    left = noise[np.ix_(~free, ~free)] - alike @ expected[:, 1:]
+    return force[~free] - alike @ expected[:, 0], left
+
+
 def _priors(frame, start, stop, size):
-    """Covariances of the force by frame, one for each of TIMES; zero beyond the contact."""
-    place = 2 * (frame + 0.5 - start) / (stop - start) - 1
-    touching = np.abs(place) < 1
-    apart = frame[:, None] - frame
-    sizes = ANY_SIZE**2 * (1 + np.outer(*[half_gaussian_shape(place)] * 2))
+    """Covariances of the force in frames of a contact, in their order, one for each of TIMES."""
+    shape = half_gaussian_shape(2 * (frame + 0.5 - start) / (stop - start) - 1)
+    sizes = ANY_SIZE**2 * (1 + np.outer(shape, shape))
     for time in TIMES:
-        smooth = BESIDE**2 * np.exp(-0.5 * (apart / time) ** 2)
-        yield size**2 * np.outer(touching, touching) * (sizes + smooth)
+        smooth = BESIDE**2 * np.exp(-0.5 * ((frame - frame[0]) / time) ** 2)
+        yield size**2 * (sizes + toeplitz(smooth))
 
 
 def _fitted(prior, force, noise, seen):

@@ -17,7 +17,6 @@ A bias is treated as noise: the noise whose lasting share it would be.
 from dataclasses import replace
 
 import numpy as np
-import pandas as pd
 
 from pipeline.forces import rod_fit
 from pipeline.forces.whisker_rows import WhiskerRows
@@ -96,11 +95,13 @@ def _misfits(own, information, prior):
 
 def usual_misfit(square, expected):
     """Usual squared misfit and variance (2, stations) of (rows, stations); NaN where too few."""
-    both = np.stack([MAD_TO_SD**2 * square, expected])
-    known = np.isfinite(both).all(axis=0)
-    both[:, ~known] = np.nan
-    middle = np.stack([pd.DataFrame(each).median() for each in both])
-    return np.where(known.sum(axis=0) >= FEWEST_ROWS, middle, np.nan)
+    both = np.full((2, len(square) + 1, square.shape[1]), np.nan)  # one row at least
+    both[:, :-1] = MAD_TO_SD**2 * square, expected
+    both[:, ~np.isfinite(both).all(axis=0)] = np.nan
+    count = np.isfinite(both[0]).sum(axis=0)
+    both.sort(axis=1)
+    middle = np.take_along_axis(both, np.stack([np.maximum(count - 1, 0), count])[None] // 2, 1)
+    return np.where(count >= FEWEST_ROWS, middle.mean(axis=1), np.nan)
 
 
 def _usual(found):

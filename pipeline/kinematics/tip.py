@@ -15,7 +15,9 @@ from itertools import product
 from typing import NamedTuple
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from scipy.linalg import solve_triangular, toeplitz
+from scipy.linalg.blas import dtrmm
 from scipy.ndimage import binary_dilation
 from scipy.special import ndtr
 
@@ -136,15 +138,20 @@ def _fits(at, thickness, covariance, apex):
     whiten = solve_triangular(np.linalg.cholesky(covariance), np.eye(len(at)), lower=True)
     seen = whiten @ thickness
     tips = np.arange(-LEAST_PX, at[-1], STEP_PX)
-    inside = tips[:, None] - at
+    # places are whole steps apart: each shape is computed once, and seen shifted from each place
+    shift = np.rint((at[-1] - at) / STEP_PX).astype(int)
+    inside = tips[0] - at[-1] + STEP_PX * np.arange(len(tips) + shift[0])
     cone = np.maximum(inside + apex, 0.0)
     up_to_tip = cone * ndtr(inside / BLUR_PX)
     misfit = np.empty((len(FAINT_PX) * len(POWERS), len(tips)))
     for k, (faint, power) in enumerate(product(FAINT_PX, POWERS)):
-        shape = (up_to_tip * -np.expm1(-((cone / faint) ** power))) @ whiten.T
+        shapes = up_to_tip * -np.expm1(-((cone / faint) ** power))
+        shape = sliding_window_view(shapes, len(tips))[shift].T
+        along = shape @ (seen @ whiten)
+        shape = dtrmm(1.0, whiten, shape, side=1, lower=1, trans_a=1, overwrite_b=1)
         square = np.einsum("kj,kj->k", shape, shape)
-        scale = np.maximum(shape @ seen, 0.0) / np.maximum(square, 1e-12)
-        misfit[k] = seen @ seen - 2 * scale * (shape @ seen) + scale**2 * square
+        scale = np.maximum(along, 0.0) / np.maximum(square, 1e-12)
+        misfit[k] = seen @ seen - 2 * scale * along + scale**2 * square
     usual = max(misfit.min() / len(at), 1.0)
     weight = np.exp(-0.5 * (misfit - misfit.min()) / usual)
     return tips, weight / weight.sum()
