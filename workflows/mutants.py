@@ -75,7 +75,11 @@ NAMED = (  # file, line as it is, changed line
     ),
     ("pipeline/forces/rod_outputs.py", "-side * cov[0, size - 1]", "side * cov[0, size - 1]"),
     ("pipeline/forces/forces.py", "stiffer = 4 /", "stiffer = 2 /"),
-    ("pipeline/forces/forces.py", '["gap_force_cov"] *= noise**2', '["gap_force_cov"] *= noise'),
+    (
+        "pipeline/forces/forces.py",
+        'fit["gap_force_cov"] * noise**2',
+        'fit["gap_force_cov"] * noise',
+    ),
     (
         "pipeline/forces/rest_shape.py",
         "drift_cov = CORRELATED_FRAMES / frames",

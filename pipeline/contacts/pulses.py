@@ -10,11 +10,11 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
+from numba import njit
 from scipy.optimize import leastsq
 
 from pipeline.session.recording import Recording
 from pipeline.tables.columns import split_flags
-from whiskermodel.force_profiles import half_gaussian_pulse
 
 FEWEST_FRAMES = 3
 STARTS = (0.85, 1.1, 1.5)  # of the contact's duration
@@ -57,7 +57,7 @@ def fit_pulse(time, force) -> Pulse | None:
     t = np.concatenate([[place[0] - 1], place, [place[-1] + 1]])  # free frames at either end
     f = np.pad(force[known] / scale, 1)
     middle, count = (t * f).sum() / f.sum(), place[-1] - place[0] + 1
-    starts = [(1.0, share * count, middle) for share in STARTS]
+    starts = [np.array([1.0, share * count, middle]) for share in STARTS]
     fits = [leastsq(_misfit, start, (t, f), full_output=True)[0] for start in starts]
     best = min(fits, key=lambda found: np.sum(_misfit(found, t, f) ** 2))
     own, left = force[known], scale * _misfit(best, t, f)[1:-1]
@@ -71,10 +71,11 @@ def fit_pulse(time, force) -> Pulse | None:
     )
 
 
+@njit(cache=True, error_model="numpy")
 def _misfit(pulse, t, force):
     """The half-Gaussian (peak, duration, centre) minus the force, (frames,)."""
-    peak, duration, centre = pulse
-    return peak * half_gaussian_pulse(2 * (t - centre) / duration) - force
+    u = 2 * (t - pulse[2]) / pulse[1]
+    return pulse[0] * np.fmax(2 * np.exp(-np.log(2) * u**2) - 1, 0.0) - force
 
 
 def add_pulses(contacts: pd.DataFrame, frames: pd.DataFrame, recording: Recording):

@@ -48,6 +48,8 @@ def contact_table(
         name: {c: part[c].to_numpy(copy=True) for c in courses.columns}
         for name, part in courses.sort_values("frame", kind="stable").groupby("whisker")
     }
+    for own in by_whisker.values():
+        own["free"] = ~binary_dilation(own.pop("touching"))
     rows, numbers = [], {}
     ordered = intervals.sort_values(["whisker", "onset_frame"], kind="stable")
     for interval in ordered.to_dict("records"):
@@ -102,7 +104,8 @@ def _courses(frames, evidence, method):
 def _contact_row(whisker: dict[str, np.ndarray], onset, offset, frame_ms) -> dict:
     """Peaks, mean and impulse of one contact.
 
-    `whisker` : `_courses` of all its frames; wild forces in the contact are set to NaN there
+    `whisker` : `_courses` of all its frames, and which are `free`; wild forces in the contact are
+    set to NaN there
     """
     start, stop = np.searchsorted(whisker["frame"], [onset, offset])
     measured, errors = whisker["force"], whisker["error"]
@@ -112,9 +115,8 @@ def _contact_row(whisker: dict[str, np.ndarray], onset, offset, frame_ms) -> dic
         return {
             "contact_arc_length_mm": np.nanmedian(place) if np.isfinite(place).any() else np.nan
         }
-    free = ~binary_dilation(whisker["touching"])
     rows, course, error = contact_course(
-        measured, errors, free, whisker["interpolated"], start, stop
+        measured, errors, whisker["free"], whisker["interpolated"], start, stop
     )
     if np.isfinite(course).any():
         force[rows - start] = course = np.maximum(course, 0.0)

@@ -141,37 +141,35 @@ def _fit_rods(own: WhiskerRows, friction, params):
 
 def _evidence(places, fit, origin, rest_known, free, params) -> pd.DataFrame:
     """The table of evidence, with standard errors scaled to the scatter of free frames."""
-    evidence = pd.DataFrame(
-        {
-            "distance_m": places.distance,
-            "nearest_m": places.nearest,
-            "side": places.side,
-            "pole_known": np.isfinite(places.pole_x),
-            "extended": places.extended,
-            "across": lies_across(places),
-            "interpolated": places.interpolated,
-            "rest_known": rest_known,
-            "origin_m": origin.per_row,
-            "origin_se_m": origin.se,
-            "origin_per_tip": origin.per_tip,
-            "bending_origin_m": origin.by_bending,
-            "bending_origin_se_m": origin.bending_se,
-        }
-    )
+    evidence = {
+        "distance_m": places.distance,
+        "nearest_m": places.nearest,
+        "side": places.side,
+        "pole_known": np.isfinite(places.pole_x),
+        "extended": places.extended,
+        "across": lies_across(places),
+        "interpolated": places.interpolated,
+        "rest_known": rest_known,
+        "origin_m": origin.per_row,
+        "origin_se_m": origin.se,
+        "origin_per_tip": origin.per_tip,
+        "bending_origin_m": origin.by_bending,
+        "bending_origin_se_m": origin.bending_se,
+    }
     for name, column in _EVIDENCE_OF_FIT.items():
         evidence[column] = fit[name]
     # an error of the rest shape hardly shows in the free frames that it was learnt from
     own = {load: fit[f"{load}_var"] - fit[f"{load}_shared_var"] for load in _ERROR_COLUMNS}
     noise = _force_noise(fit["force"], np.sqrt(own["force"]), places, free, params)
     evidence["gap_se_m"] = np.sqrt(fit["gap_var"]) * noise
-    evidence["gap_force_cov"] *= noise**2
+    evidence["gap_force_cov"] = fit["gap_force_cov"] * noise**2
     for load, column in _ERROR_COLUMNS.items():
         # an error of the arc-length offset changes each load in its own proportion
         follows = np.abs(fit[f"{load}_by_origin"]) * origin.se
         variance = noise**2 * own[load] + fit[f"{load}_shared_var"] + follows**2
         evidence[column] = np.sqrt(variance)
     evidence["origin_force_se_N"] = np.abs(fit["force_by_origin"]) * origin.se
-    return evidence
+    return pd.DataFrame(evidence)
 
 
 def sliding(place) -> np.ndarray:

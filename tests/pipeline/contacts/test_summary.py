@@ -3,6 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.ndimage import binary_dilation
 
 from pipeline.contacts.summary import (
     _contact_row,
@@ -30,7 +31,7 @@ def whisker(n=20, **changes):
         "force": force,
         "error": np.full(len(force), 0.01),
         "origin": 0.02 * force,
-        "touching": touching,
+        "free": ~binary_dilation(touching),
         "interpolated": np.zeros(len(force), bool),
         "place": np.where(touching, np.linspace(8.5, 10, len(force)), np.nan),
         "moment": np.where(touching, -9.0, np.nan),
