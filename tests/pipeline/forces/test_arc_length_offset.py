@@ -312,7 +312,7 @@ def test_steadiness_is_the_inverse_of_correlations():
 
 
 def test_pulls_that_scatter_more_than_they_say_count_less():
-    """Not ten times less again, as where the scatter is that of the pixels."""
+    """As much as they scatter, not ten times that: what a picture's noise shares, a codec's need not."""
     rng = np.random.default_rng(6)
     bend, scatter = rng.uniform(0.5, 2, 4000), rng.normal(size=4000)
     usual, wide, calm = (
