@@ -32,7 +32,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import sparse
-from scipy.special import expit, softmax
+from scipy.special import expit
 
 from pipeline.forces import rod_fit
 from pipeline.forces.origin_and_rest import BLOCK_ROWS, OriginAndRest, of_each_row, shown_by
@@ -47,11 +47,10 @@ from whiskermodel.whisker import Whisker
 
 MOST_KNOTS = 400
 ALIKE = 0.8  # correlation of the origin at neighbouring knots: 0 and 0.95 do worse, rendered
-VARIES = 1.0, 0.5, 0.25, 0.125  # of `hidden_length_varies_mm` that the hidden length may do
 LENGTH_WRONG = 0.01  # share of lengths that have changed since they were measured; chosen
 TIP_PART = 0.3  # of all frames: in so many the tip must be seen
 SHARED_FRAMES = 2.0  # neighbouring frames have the errors of their ends in common
-LASTING_FRAMES = 8  # over which a codec's errors may be alike
+TIP_LAGS = 8  # the same where a codec made the picture, at most
 FEWEST_ROWS = 5
 MOST_ROWS = 240  # frames that may touch whose bending is used
 ENOUGH_ROWS = 20  # of frames that were not interpolated; with fewer, all are used
@@ -109,24 +108,6 @@ class _Evidence:
         part = weight @ self.design[rows] / weight.sum()
         return part @ self.weights(), part @ np.linalg.solve(self.matrix, part)
 
-    def as_it_varies(self, most) -> "_Evidence":
-        """With an SD over time as the data show it: VARIES of that of the prior, `most` [m].
-
-        Their squares are averaged by their probabilities.
-        """
-        knots, log_odds = len(self.rhs) - 1, []
-        for share in VARIES:
-            matrix = self._varying(share**2, most).matrix
-            fits = self.rhs @ np.linalg.solve(matrix, self.rhs)
-            log_odds.append(0.5 * (fits - np.linalg.slogdet(matrix)[1]) - knots * np.log(share))
-        return self._varying(softmax(log_odds) @ np.square(VARIES), most)
-
-    def _varying(self, share, most):
-        """With this share of the prior's variance over time, `most`² [m²]."""
-        matrix = self.matrix.copy()
-        matrix[1:, 1:] += (1 / share - 1) / most**2 * _steadiness(len(self.rhs) - 1)
-        return replace(self, matrix=matrix)
-
     def beside(self, design, bend, pull, sd) -> "_Evidence":
         """With that of rows of `design`, whose common error of `sd` [m] is eliminated.
 
@@ -181,7 +162,7 @@ def origin_from_tip(
             lasting = _lasting_variance(np.clip(left, -3 * sd, 3 * sd))
             variance = max(SHARED_FRAMES * sd**2, lasting)
         moved = evidence.beside(part, bend, bend, common).rhs  # by a tip 1 m farther out
-        evidence = replace(found.as_it_varies(varies), tip=moved)
+        evidence = replace(found, tip=moved)
     return evidence.solve(), evidence
 
 
@@ -244,8 +225,7 @@ def _noise(pull, bend):
     """Variance of the rows' pulls over the one expected from the stations' information.
 
     Rows share errors, since a still whisker lies on the same pixels and all rows have their rest
-    shape from the same free frames: CORRELATED_FRAMES of them count as one, as in rest shapes. A
-    codec adds errors of its own, which last over frames as long as the pulls show.
+    shape from the same free frames. So CORRELATED_FRAMES of them count as one, as in rest shapes.
     """
     good = bend > 0
     if good.sum() < 2:
@@ -253,7 +233,7 @@ def _noise(pull, bend):
     pull, bend = pull[good], bend[good]
     deviation = (pull - bend * pull.sum() / bend.sum()) / np.sqrt(bend)
     limit = 3 * robust_sd(deviation, about=0.0)
-    return max(CORRELATED_FRAMES, _lasting_variance(np.clip(deviation, -limit, limit)))
+    return CORRELATED_FRAMES * max(0.5, float(np.mean(np.clip(deviation, -limit, limit) ** 2)))
 
 
 def _misplaced_sd(gap, side):
@@ -298,9 +278,8 @@ def _errors_in_conflict(away, hidden, tip):
 
 def _lasting_variance(errors):
     """Variance of independent errors whose mean would scatter as much as the mean of these."""
-    lags = range(1, min(LASTING_FRAMES, len(errors) - 1) + 1)
-    alike = sum(np.mean(errors[k:] * errors[:-k]) for k in lags)
-    return float(np.mean(errors**2) + 2 * max(alike, 0.0))
+    lags = range(1, min(TIP_LAGS, len(errors) - 1) + 1)
+    return float(np.mean(errors**2) + 2 * sum(np.mean(errors[k:] * errors[:-k]) for k in lags))
 
 
 def _expected_end(places: Stations, whisker: Whisker, params: RodParams):
