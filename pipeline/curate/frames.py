@@ -42,11 +42,12 @@ class FrameReader:
         self._thread.start()
 
     def close(self):
-        """Stop the thread and let go of the file."""
+        """Stop the thread and let go of the file; who waits for a frame may ask another reader."""
         with self._changed:
             self._closed = True
             self._changed.notify_all()
         self._thread.join()
+        self._notify()
         self._forget_stream()
         if self._video is not None:
             self._video.close()

@@ -45,6 +45,21 @@ def test_who_cannot_wait_is_called_when_the_frame_is_there(video):
     reader.close()
 
 
+def test_who_waits_is_called_when_the_reader_is_closed(video):
+    """Another tab that leaves the video closes it: this one must ask anew for its picture."""
+
+    class Idle(FrameReader):
+        def _next_run(self):
+            return None
+
+    path, frames = video
+    reader, called = Idle(path, len(frames)), []
+    reader.when_there(200, lambda: called.append(200))
+    assert called == []
+    reader.close()
+    assert called == [200]
+
+
 def test_frames_that_are_not_there_raise_and_do_not_hang(video):
     path, frames = video
     reader = FrameReader(path, len(frames) + 40)
