@@ -43,6 +43,7 @@ JUMP_SD = 10.0  # standard errors: a larger change is a jump
 FREEDOM = 5.0  # degrees of freedom of Student's t, by which outliers count less
 LEAST_SWING = 0.1  # rad: in less, the bend's dependence on the angle is unknown
 LEAST_SD = 1e-4  # rad, of usual values
+NO_DIRECTION = np.pi / 2  # rad: an angle of such a standard error says nothing
 BENDS_PER_M = 40.0  # SD of what touch and roll may bend a mouse's or rat's whisker by, and …
 BENDS_PER_M2 = 5e3  # … how that may change along it: to nothing at a contact 8 mm away
 GROWN_PER_M, GROWN_PER_M2 = 100.0, 2e4  # SDs at rest between whiskers, for a scale wrong by two
@@ -50,7 +51,7 @@ GROWN_PER_M, GROWN_PER_M2 = 100.0, 2e4  # SDs at rest between whiskers, for a sc
 
 @dataclass(frozen=True)
 class Base:
-    """Base of one whisker, (rows,) each; NaN where a row is too short.
+    """Base of one whisker, (rows,) each; NaN where a row is too short, or does not show it.
 
     Attributes
     ----------
@@ -136,8 +137,10 @@ def _measure_part(places, pixels_per_m, params) -> Base:
     base = _regularised(own, places.frame[rows], 1e-3 * params.hidden_most_mm)
     turns = 2 * np.pi * np.round(np.median(base.angle) / (2 * np.pi))
     base = replace(base, angle=base.angle - turns, visible=base.visible - turns)
+    base_is, view_is = (se < NO_DIRECTION for se in (base.angle_se, base.visible_se))
     for name, values in vars(base).items():
-        getattr(out, name)[rows] = values
+        known = view_is if name.startswith("visible") else base_is
+        getattr(out, name)[rows[known]] = values[known]
     return out
 
 

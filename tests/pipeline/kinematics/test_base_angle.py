@@ -200,6 +200,15 @@ def test_a_base_that_no_frame_shows_is_unknown():
     assert np.isnan(base.angle).all()
 
 
+def test_an_angle_that_is_known_to_no_quarter_turn_is_unknown():
+    lines = whisker_lines(np.random.default_rng(10), swing(60), SD)
+    seen = lines.information.reshape(60, -1).copy()
+    seen[30] *= 1e-10
+    base, _ = measured(replace(lines, information=seen.ravel()))
+    for values in vars(base).values():
+        assert np.flatnonzero(np.isnan(values)).tolist() == [30]
+
+
 def test_jitter_is_the_error_of_one_frame():
     rng = np.random.default_rng(6)
     smooth = swing(20000, by=5.0)
