@@ -16,7 +16,7 @@ class TracingOptions:
 
     `longest_px` is the largest visible length of an expected whisker (inf where unknown),
     `visible_px` the largest ones of all (empty where unknown),
-    `hidden_px` and `cone_px` their hidden and cone lengths (empty where unknown);
+    `hidden_px` their hidden lengths (empty where unknown);
     `ends`: the thickness beyond lines' ends is measured, which only forces need;
     `snout` is the picture's side that the snout is nearest to, None where not known;
     `params` are the `Parameters` of all rooms.
@@ -29,7 +29,6 @@ class TracingOptions:
     longest_px: float = np.inf
     visible_px: tuple[float, ...] = ()
     hidden_px: tuple[float, ...] = ()
-    cone_px: tuple[float, ...] = ()
     pixels_per_m: float = 25e3
     frames_per_second: float = 1000.0
     ends: bool = True

@@ -8,7 +8,7 @@ from pipeline.session.recording import Recording
 
 
 def options_for(
-    recording: Recording, lengths_m=(), hidden_m=(), cone_m=(), params=DEFAULTS
+    recording: Recording, lengths_m=(), hidden_m=(), params=DEFAULTS
 ) -> TracingOptions:
     """Derive the tracker's lengths from the scale and, where known, the whiskers' own lengths.
 
@@ -17,7 +17,6 @@ def options_for(
     recording : frame rate, scale, and where the snout is, if known
     lengths_m, hidden_m : follicle-to-tip lengths of the expected whiskers and their parts
         hidden in the fur [m]; empty where unknown
-    cone_m : their follicle-to-apex lengths [m]; empty where unknown
     params : `Parameters` of all rooms
     """
     scale, own = recording.pixels_per_m, params.tracking
@@ -35,7 +34,6 @@ def options_for(
         longest_px=max(longest, default=np.inf),
         visible_px=tuple(longest),
         hidden_px=tuple(scale * h for h in hidden_m),
-        cone_px=tuple(scale * c for c in cone_m),
         pixels_per_m=scale,
         frames_per_second=recording.frames_per_second,
         snout=recording.snout,

@@ -161,14 +161,9 @@ def tracing_options(settings, shape) -> TracingOptions:
     if not whiskers or any(w.length_mm is None for w in whiskers):
         options = options_for_picture(recording, shape, settings.advanced)
     else:
-        cones = [w.cone_length for w in whiskers]
-        options = options_for(
-            recording,
-            [1e-3 * w.length_mm for w in whiskers],
-            [w.hidden_length for w in whiskers],
-            () if None in cones else cones,
-            settings.advanced,
-        )
+        lengths = [1e-3 * w.length_mm for w in whiskers]
+        hidden = [w.hidden_length for w in whiskers]
+        options = options_for(recording, lengths, hidden, settings.advanced)
     return replace(options, ends=any(w.si() is not None for w in whiskers))
 
 
