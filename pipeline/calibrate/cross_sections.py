@@ -288,9 +288,9 @@ def _fit(grey, u, start, free_blur=False, contrast=None):
         residual = grey - model
         sd = _scatter(residual, window)
         far = np.abs(residual) / (HUBER_SDS * sd[:, None])
-        weight = window / np.maximum(far, 1)
-        matrix = np.einsum("nuk,nu,num->nkm", slopes, weight, slopes)
-        rhs = np.einsum("nuk,nu->nk", slopes, weight * residual)
+        weighed = slopes * (window / np.maximum(far, 1))[..., None]
+        matrix = weighed.transpose(0, 2, 1) @ slopes
+        rhs = np.einsum("nuk,nu->nk", weighed, residual)
         if contrast is not None:
             usual, spread = contrast
             held = (sd / spread) ** 2

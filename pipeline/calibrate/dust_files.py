@@ -24,28 +24,20 @@ def pooled_slope(motions: list[FollicleMotion]) -> Slope | None:
 
 def video_table(motions: list[FollicleMotion]) -> pd.DataFrame:
     """Rows of dust_videos.csv: one per video, then all pooled."""
-    rows = [
-        {
-            "video": motion.video,
-            "whisker": motion.whisker,
-            "particle_mm": motion.particle_mm,
-            "seen": motion.particle.seen.mean(),
-            "radial_range_mm": motion.radial_range_mm,
-            **_slope_cells(slope_of(motion.contacts)),
-        }
-        for motion in motions
-    ]
-    rows.append(
-        {
-            "video": "pooled",
-            "whisker": motions[0].whisker,
-            "particle_mm": np.mean([motion.particle_mm for motion in motions]),
-            "seen": np.mean([motion.particle.seen.mean() for motion in motions]),
-            "radial_range_mm": max(motion.radial_range_mm for motion in motions),
-            **_slope_cells(pooled_slope(motions)),
-        }
-    )
+    rows = [*(_row(each.video, [each]) for each in motions), _row("pooled", motions)]
     return as_table(pd.DataFrame(rows), DUST_VIDEO_COLUMNS)
+
+
+def _row(video, motions) -> dict:
+    """A row of DUST_VIDEO_COLUMNS, of one video or of several together."""
+    return {
+        "video": video,
+        "whisker": motions[0].whisker,
+        "particle_mm": np.mean([each.particle_mm for each in motions]),
+        "seen": np.mean([each.particle.seen.mean() for each in motions]),
+        "radial_range_mm": max(each.radial_range_mm for each in motions),
+        **_slope_cells(pooled_slope(motions)),
+    }
 
 
 def _slope_cells(slope: Slope | None) -> dict:

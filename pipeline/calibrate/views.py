@@ -124,15 +124,8 @@ def _name_in(second, name):
 
 def _check_in_step(video, ours, theirs, views, both):
     """ViewsError where the whisker's ends lie or move differently in the other view."""
-    ends = np.array(
-        [
-            (views.along_first(ours[f][[-1]])[0], views.in_second(theirs[f][[-1]])[0][0])
-            for f in both
-        ]
-    ).T
-    starts = np.array(
-        [(views.along_first(ours[f][[0]])[0], views.in_second(theirs[f][[0]])[0][0]) for f in both]
-    ).T
+    lines = [(views.along_first(ours[f]), views.in_second(theirs[f])[0]) for f in both]
+    starts, ends = (np.array([(a[k], b[k]) for a, b in lines]).T for k in (0, -1))
     apart = np.median(np.abs(starts[0] - starts[1]))
     if apart > APART_MM:
         raise ViewsError(

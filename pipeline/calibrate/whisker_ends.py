@@ -86,8 +86,9 @@ def _darkness(grey, profile, window):
     """Least squares in every row: a sloping background minus a multiple of the profile."""
     u = np.linspace(-1, 1, grey.shape[1]) + 0 * grey
     basis = np.stack([np.ones_like(grey), u, -profile], axis=-1)
-    matrix = np.einsum("nuk,nu,num->nkm", basis, window, basis) + 1e-6 * np.eye(3)
-    rhs = np.einsum("nuk,nu->nk", basis, window * grey)
+    weighed = basis * window[..., None]
+    matrix = weighed.transpose(0, 2, 1) @ basis + 1e-6 * np.eye(3)
+    rhs = np.einsum("nuk,nu->nk", weighed, grey)
     return np.linalg.solve(matrix, rhs[..., None])[:, 2, 0]
 
 
