@@ -4,6 +4,7 @@ Each takes times [s] and gives forces [N]; all are zero before their onset.
 """
 
 import numpy as np
+from numba.extending import register_jitable
 
 from whiskermodel.checks import finite_array, positive, whole_number
 
@@ -30,11 +31,13 @@ def half_gaussian(time, duration, peak_force, onset=0.0):
     return peak * half_gaussian_pulse(u)
 
 
+@register_jitable  # compiled code may call it, too
 def half_gaussian_pulse(u):
     """The pulse of unit peak over −1 ≤ u ≤ 1, 0 elsewhere."""
     return np.fmax(half_gaussian_shape(u), 0.0)
 
 
+@register_jitable
 def half_gaussian_shape(u):
     """2 exp(−ln 2 u²) − 1: the pulse of unit peak over −1 ≤ u ≤ 1, continued smoothly beyond.
 

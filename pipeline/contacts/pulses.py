@@ -15,6 +15,7 @@ from scipy.optimize import leastsq
 
 from pipeline.session.recording import Recording
 from pipeline.tables.columns import split_flags
+from whiskermodel.force_profiles import half_gaussian_pulse
 
 FEWEST_FRAMES = 3
 STARTS = (0.85, 1.1, 1.5)  # of the contact's duration
@@ -74,8 +75,7 @@ def fit_pulse(time, force) -> Pulse | None:
 @njit(cache=True, error_model="numpy")
 def _misfit(pulse, t, force):
     """The half-Gaussian (peak, duration, centre) minus the force, (frames,)."""
-    u = 2 * (t - pulse[2]) / pulse[1]
-    return pulse[0] * np.fmax(2 * np.exp(-np.log(2) * u**2) - 1, 0.0) - force
+    return pulse[0] * half_gaussian_pulse(2 * (t - pulse[2]) / pulse[1]) - force
 
 
 def add_pulses(contacts: pd.DataFrame, frames: pd.DataFrame, recording: Recording):
