@@ -5,6 +5,7 @@ holds other ones (a curation was killed, or the file was edited or removed), con
 are made anew from evidence.parquet; the video is not needed.
 """
 
+import contextlib
 import hashlib
 from pathlib import Path
 
@@ -166,8 +167,7 @@ def write_session_tables(out, names=None) -> list[str]:
     said = files.replace_csv(out / "contacts.csv", contacts, CONTACT_COLUMNS)
     decided = [name for name in names if (out / name / CORRECTIONS_FILE).exists()]
     if decided or (out / DECISIONS_FILE).exists():
-        sound = [name for name in decided if _is_sound(out / name)]
-        said += write_decisions(out, sound)[-1]
+        said += write_decisions(out, _sound_corrections(out, decided))[-1]
     return said
 
 
@@ -199,9 +199,10 @@ def _contacts_of(out, name) -> pd.DataFrame:
         return whole[whole["video"] == name]
 
 
-def _is_sound(folder) -> bool:
-    try:
-        read_corrections(folder)
-    except CorrectionsError:
-        return False
-    return True
+def _sound_corrections(out, names) -> dict[str, pd.DataFrame]:
+    """The corrections of those of the videos whose file of them can be read."""
+    tables = {}
+    for name in names:
+        with contextlib.suppress(CorrectionsError):
+            tables[name] = read_corrections(out / name)
+    return tables

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from pipeline.contacts.corrections import CONFIRMED, CONTACT, FREE, read_corrections
+from pipeline.contacts.corrections import CONFIRMED, CONTACT, FREE
 from pipeline.session.schema import FORMULA
 from pipeline.session.session_file import read_session
 from pipeline.tables.columns import DECISION_COLUMNS, as_table
@@ -34,24 +34,19 @@ def name_of(text: str) -> str:
     return " ".join(printed.split()).lstrip("".join(FORMULA)).strip()[:LONGEST_NAME]
 
 
-def decisions_of(folder, names) -> pd.DataFrame:
-    """Return the corrections of some videos of a results folder, as DECISION_COLUMNS."""
-    parts = [_of_video(Path(folder) / name) for name in names]
-    table = pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
-    return as_table(table, DECISION_COLUMNS)
-
-
-def write_decisions(folder, names) -> tuple[Path, int, list[str]]:
-    """Write decisions.csv into a results folder.
+def write_decisions(folder, corrections: dict[str, pd.DataFrame]) -> tuple[Path, int, list[str]]:
+    """Write decisions.csv into a results folder, from the corrections of its videos by name.
 
     Returns its path, how many there are, and a sentence where an edited file is kept.
     """
-    table, path = decisions_of(folder, names), Path(folder) / DECISIONS_FILE
+    folder = Path(folder)
+    parts = [_of_video(folder / name, table) for name, table in corrections.items()]
+    table = pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
+    table, path = as_table(table, DECISION_COLUMNS), folder / DECISIONS_FILE
     return path, len(table), replace_csv(path, table, DECISION_COLUMNS)
 
 
-def _of_video(folder) -> pd.DataFrame:
-    corrections = read_corrections(folder)
+def _of_video(folder, corrections) -> pd.DataFrame:
     if corrections.empty:
         return as_table(pd.DataFrame(), DECISION_COLUMNS)
     rate = read_session(folder / "session.toml").recording.frames_per_second

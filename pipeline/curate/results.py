@@ -258,7 +258,8 @@ class Results:
 
     def write_decisions(self) -> tuple[Path, int, list[str]]:
         """Write what was decided so far, by whom and when: as `decisions.write_decisions`."""
-        return write_decisions(self.folder, self.names)
+        corrections = {name: read_corrections(self.folder / name) for name in self.names}
+        return write_decisions(self.folder, corrections)
 
     def close(self) -> None:
         """Write what is due; let go of files and thread."""

@@ -3,7 +3,13 @@
 import pytest
 from results_folder import contact, make_results
 
-from pipeline.contacts.corrections import Verdict, table_of, write_corrections
+from pipeline.contacts.corrections import (
+    Verdict,
+    read_corrections,
+    table_of,
+    write_corrections,
+)
+from pipeline.curate.corrected import write_session_tables
 from pipeline.curate.decisions import LONGEST_NAME, name_of, write_decisions
 from pipeline.tables import files
 from pipeline.tables.columns import DECISION_COLUMNS
@@ -29,8 +35,12 @@ def folder(tmp_path):
     return folder
 
 
+def decisions(folder, *names):
+    return write_decisions(folder, {name: read_corrections(folder / name) for name in names})
+
+
 def test_all_decisions_are_listed(folder):
-    path, count, _ = write_decisions(folder, ("one", "two", "three"))
+    path, count, _ = decisions(folder, "one", "two", "three")
     table = files.read_csv(path, DECISION_COLUMNS)
     assert count == len(table) == 4
     names = ["video", "decision", "onset_frame", "offset_frame", "decided_by", "decided_at"]
@@ -45,18 +55,34 @@ def test_all_decisions_are_listed(folder):
 
 
 def test_without_decisions_there_is_an_empty_table(folder):
-    path, count, _ = write_decisions(folder, ("two",))
+    path, count, _ = decisions(folder, "two")
     assert count == 0
     assert files.read_csv(path, DECISION_COLUMNS).empty
 
 
 def test_a_table_that_a_person_has_annotated_is_kept(folder):
-    path, _, said = write_decisions(folder, ("one",))
+    path, _, said = decisions(folder, "one")
     assert not said
     path.write_text("my notes")
-    _, _, said = write_decisions(folder, ("one",))
+    _, _, said = decisions(folder, "one")
     assert "decisions.csv.old" in said[0]
     assert path.with_name("decisions.csv.old").read_text() == "my notes"
+
+
+def test_a_session_reads_corrections_once_and_does_without_broken_ones(folder, monkeypatch):
+    read = []
+
+    def noted(of):
+        read.append(of.name)
+        return read_corrections(of)
+
+    (folder / "three" / "corrections.csv").write_text("whisker\nC2\n")
+    monkeypatch.setattr("pipeline.curate.corrected.read_corrections", noted)
+    monkeypatch.setattr("pipeline.curate.decisions.read_corrections", noted, raising=False)
+    write_session_tables(folder)
+    assert read == ["one", "three"]
+    table = files.read_csv(folder / "decisions.csv", DECISION_COLUMNS)
+    assert table["video"].tolist() == ["one", "one", "one"]
 
 
 def test_names_are_words_in_a_cell():
