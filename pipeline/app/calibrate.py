@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from pipeline.app.options import Debug, Out, Results, up_to_date
+from pipeline.app.terminal import FAILED
 
 calibrate = typer.Typer(
     help="Measure whiskers, follicle motion and elevation.",
@@ -62,7 +63,9 @@ def geometry(
     from pipeline.app.calibrate_geometry import run_geometry
 
     scale = {"--pixels-per-mm": pixels_per_mm, "--scale-bar-mm": scale_bar_mm}
-    run_geometry(images, scale, out, mass_ug or (), _target(into, whisker), typer.echo)
+    target = _target(into, whisker)
+    if run_geometry(images, scale, out, mass_ug or (), target, typer.echo):
+        raise typer.Exit(FAILED)
 
 
 @calibrate.command()

@@ -1,9 +1,13 @@
 """`whiskerforce calibrate geometry`: micrographs in, dimensions out."""
 
+import itertools
 import math
 
+from pipeline.app.calibrate_each import each
+from pipeline.calibrate.find_whisker import NoWhiskerError
 from pipeline.calibrate.geometry import measure_geometry
 from pipeline.calibrate.geometry_files import pooled, remarks, write_geometry, write_into
+from pipeline.errors import VideoError, counted
 
 UNLIKE = 0.05  # SD of whiskers' base radius over its mean: forces differ by four times as much
 LENGTH_MM, BASE_RADIUS_UM = (1.0, 200.0), (2.0, 500.0)  # plausible
@@ -12,8 +16,10 @@ SHOWN = (("length_mm", "length", "mm"), ("base_radius_um", "base radius", "µm")
          ("density_kg_per_m3", "density", "kg/m³"))  # fmt: skip
 
 
-def run_geometry(images, scale, out, masses, target, say) -> None:
-    """Measure all whiskers, write the results, then the session; nothing where one fails.
+def run_geometry(images, scale, out, masses, target, say) -> list[str]:
+    """Measure all whiskers that can be, write the results, then the session.
+
+    Returns why pictures were left out, each in a sentence.
 
     Parameters
     ----------
@@ -22,17 +28,18 @@ def run_geometry(images, scale, out, masses, target, say) -> None:
     say : prints a line
     """
     _check(images, scale, masses)
-    geometries = []
-    for image in images:
-        geometry = measure_geometry(image, *scale.values())
-        _check_scale(geometry)
-        geometries.append(geometry)
-        say(
-            f"{image}: length {geometry.length} mm, base radius {geometry.base_radius} µm, "
-            f"tip radius {geometry.tip_radius} µm, cone length {geometry.cone_length} mm"
-        )
-        for remark in remarks(geometry):
-            say(f"  {remark}")
+    measured, faults = each(
+        itertools.zip_longest(images, masses),
+        lambda pair: (_measured(pair[0], scale), pair[1]),
+        (NoWhiskerError, VideoError),
+        lambda pair: _sentence(pair[0]),
+        say,
+    )
+    if not measured:
+        count = counted(len(images), "picture")
+        raise ValueError(f"{count}, and none can be measured; the first: {faults[0]}")
+    geometries = [geometry for geometry, _ in measured]
+    masses = [mass for _, mass in measured if mass is not None]
     written = write_geometry(out, geometries, masses)
     together = pooled(geometries, masses)
     _say_pooled(together, say)
@@ -42,6 +49,21 @@ def run_geometry(images, scale, out, masses, target, say) -> None:
         text = ", ".join(f"{key} = {value:g}" for key, value in values.items())
         say(f"{target[0]}, whisker {target[1]}: {text}")
         _say_unlike(together["base_radius_um"], say)
+    return faults
+
+
+def _measured(image, scale):
+    geometry = measure_geometry(image, *scale.values())
+    _check_scale(geometry)
+    return geometry
+
+
+def _sentence(geometry):
+    dimensions = (
+        f"{geometry.path}: length {geometry.length} mm, base radius {geometry.base_radius} µm, "
+        f"tip radius {geometry.tip_radius} µm, cone length {geometry.cone_length} mm"
+    )
+    return "\n  ".join([dimensions, *remarks(geometry)])
 
 
 def _check(images, scale, masses):
@@ -65,7 +87,7 @@ def _check(images, scale, masses):
 
 
 def _check_scale(geometry):
-    """ValueError where no whisker is of the size that the scale makes it."""
+    """NoWhiskerError where no whisker is of the size that the scale makes it."""
     length, radius = geometry.length.value, geometry.base_radius.value
     if LENGTH_MM[0] <= length <= LENGTH_MM[1] and BASE_RADIUS_UM[0] <= radius <= BASE_RADIUS_UM[1]:
         return
@@ -74,7 +96,7 @@ def _check_scale(geometry):
     for factor, unit in ((1e3, "pixels per µm"), (1e-3, "pixels per m")):
         if LENGTH_MM[0] <= length / factor <= LENGTH_MM[1]:
             hint = f"is it in {unit}? then give --pixels-per-mm {scale * factor:g}"
-    raise ValueError(
+    raise NoWhiskerError(
         f"{geometry.path}: at {scale:g} pixels per mm the whisker would be {length:.4g} mm long "
         f"and {radius:.4g} µm in radius at its base; expected {LENGTH_MM[0]:g} to "
         f"{LENGTH_MM[1]:g} mm and {BASE_RADIUS_UM[0]:g} to {BASE_RADIUS_UM[1]:g} µm: {hint}"

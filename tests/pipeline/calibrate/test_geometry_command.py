@@ -36,6 +36,7 @@ def pictures(tmp_path_factory):
         picture = Micrograph(whisker, pixels_per_mm=140.0, seed=k).picture()
         cv2.imwrite(str(folder / f"w{k}.png"), picture)
     cv2.imwrite(str(folder / "empty.png"), np.full((200, 300), 180, np.uint8))
+    (folder / "broken.png").write_bytes((folder / "w0.png").read_bytes()[:100])
     return folder
 
 
@@ -83,6 +84,22 @@ def test_two_whiskers_into_a_session(pictures, session, tmp_path, capsys):
 
 
 @pytest.mark.slow
+def test_pictures_that_cannot_be_measured_are_left_out(pictures, session, tmp_path, capsys):
+    images = [pictures / name for name in ("empty.png", "w0.png", "broken.png")]
+    masses = ["--mass-ug", 1, "--mass-ug", 7, "--mass-ug", 2]
+    into = "--into", session, "--whisker", "C2"
+    out = tmp_path / "out"
+    assert run(*images, "--pixels-per-mm", 140, "--out", out, *into, *masses) == 1
+    table = read_csv(out / "geometry.csv", GEOMETRY_COLUMNS + DENSITY_COLUMNS)
+    assert list(table["image"]) == ["w0.png"]
+    (whisker,) = read_session(session).whisker
+    assert whisker.density_kg_per_m3 == pytest.approx(1241, rel=2e-2)  # of 7 µg in 4 mm
+    said = capsys.readouterr().out
+    assert f"left out: {images[0]}: shows no whisker" in said
+    assert f"left out: {images[2]}: cannot be read as a picture" in said
+
+
+@pytest.mark.slow
 def test_the_mean_of_whiskers_that_are_not_alike_is_doubted(pictures, session, tmp_path, capsys):
     thick = Micrograph(Whisker(4e-3, 4.4e-3, 40e-6), pixels_per_mm=140.0, seed=2).picture()
     cv2.imwrite(str(tmp_path / "thick.png"), thick)
@@ -126,7 +143,8 @@ def test_a_session_that_has_the_tips_radius_keeps_it(pictures, session, tmp_path
             ["pixels per µm?", "--pixels-per-mm 140"],
         ),
         (["w0.png"], {"--pixels-per-mm": -1}, ["--pixels-per-mm -1.0", "above 0"]),
-        (["w0.png", "empty.png"], {}, ["empty.png", "shows no whisker"]),
+        (["empty.png"], {}, ["empty.png", "shows no whisker"]),
+        (["empty.png", "broken.png"], {}, ["2 pictures", "none can", "empty.png"]),
         (["w0.png"], {"--scale-bar-mm": 1}, ["--scale-bar-mm", "expected one of them"]),
         (["w0.png"], {"--whisker": "D4"}, ["session.toml", '"D4"', "found: C2"]),
         (["w0.png", "w1.png"], {"--mass-ug": 3}, ["--mass-ug", "one per image (2), got 1"]),
