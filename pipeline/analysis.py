@@ -7,6 +7,7 @@ import pandas as pd
 
 from pipeline.detection import PoleTrack
 from pipeline.errors import counted
+from pipeline.scene.pole_runs import pole_runs
 from pipeline.session import Settings, write_session
 from pipeline.tables import (
     CONTACT_COLUMNS,
@@ -17,6 +18,7 @@ from pipeline.tables import (
 )
 from pipeline.tables.centrelines import centreline_file, centreline_table
 from pipeline.tables.new_files import new_files
+from pipeline.tables.run_record import write_saved
 
 
 @dataclass(frozen=True, repr=False)
@@ -58,6 +60,8 @@ class Analysis:
     def save(self, folder, video=None) -> Path:
         """Write the tables and settings into a folder, as `whiskerforce run` does for a video.
 
+        `pipeline.read_results` reads them again.
+
         Parameters
         ----------
         folder : made where it is missing
@@ -71,6 +75,7 @@ class Analysis:
         folder = Path(folder)
         with new_files(folder) as new:
             self.write_tables(new, video or folder.resolve().name)
+            write_saved(new, self.n_frames, pole_runs(self.pole))
         return folder
 
     def write_tables(self, folder, video) -> None:

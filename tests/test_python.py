@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 import pipeline
 import synthetic
-from pipeline import analyse, open_video, read_session
+from pipeline import analyse, open_video, read_results, read_session
 from pipeline.errors import InputError, VideoError
 from pipeline.reports.axes_plots import plot_centrelines, plot_contacts, plot_course
 from pipeline.tables import CONTACT_COLUMNS, FRAME_COLUMNS, files
@@ -100,6 +100,15 @@ def test_saved_tables_are_those_of_the_analysis(analysis, tmp_path):
         assert lines[name][7].dtype == np.float32
         np.testing.assert_array_equal(lines[name][7], analysis.centrelines[name][7])
     assert read_session(folder / "session.toml") == analysis.settings
+
+
+def test_what_was_saved_is_read_again(analysis, tmp_path):
+    (video,) = read_results(analysis.save(tmp_path / "trial"))
+    assert (video.name, video.path) == ("trial", "trial")
+    assert (video.whiskers, video.n_frames) == (analysis.whiskers, analysis.n_frames)
+    assert len(video.contacts) == len(analysis.contacts)
+    assert len(video.lines().frame) == len(analysis.centrelines)
+    np.testing.assert_allclose(video.pole().x_px[0], analysis.pole.x_px[0], atol=1e-3)
 
 
 def test_units_travel_with_the_tables(analysis, tmp_path):

@@ -50,7 +50,7 @@ from pipeline.session.inputs import (
 )
 from pipeline.tables.new_files import make_folder
 from pipeline.tables.result_exchange import STATE_FILE, settle_all
-from pipeline.tables.run_record import read_run, read_state, recorded_path
+from pipeline.tables.run_record import is_saved, read_run, read_state, recorded_path
 
 # What a video goes through, and the time that each takes, beside that of following its whiskers
 STAGES = {
@@ -283,10 +283,9 @@ def _earlier(out, names) -> list[Outcome]:
 
 
 def _is_video(folder) -> bool:
-    """A video's results, not another program's, nor a whole results folder within this one."""
-    return (
-        any((folder / name).exists() for name in PARQUETS) and not (folder / "videos.csv").exists()
-    )
+    """What a run left of a video: not a results folder within this one, nor what others wrote."""
+    is_of_video = any((folder / name).exists() for name in PARQUETS)
+    return is_of_video and not (folder / "videos.csv").exists() and not is_saved(folder)
 
 
 def _damaged(folder) -> Outcome:

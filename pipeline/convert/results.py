@@ -18,7 +18,7 @@ from pipeline.tables import files, whole_files
 from pipeline.tables.centrelines import Centrelines, read_centrelines
 from pipeline.tables.columns import CONTACT_COLUMNS, VIDEO_COLUMNS
 from pipeline.tables.result_exchange import STATE_FILE
-from pipeline.tables.run_record import frame_count
+from pipeline.tables.run_record import frame_count, recorded_path
 
 TRIAL_NUMBER = re.compile(r".*[-_](\d{1,18})$")  # of a video's name
 
@@ -87,8 +87,14 @@ def trial_number(name: str) -> int | None:
 
 
 def read_results(folder) -> list[VideoResults]:
-    """The finished videos of a results folder; InputError where there is none."""
+    """The finished videos of a results folder, or the one that `Analysis.save` wrote there.
+
+    InputError where there is none.
+    """
     folder = Path(folder)
+    if (folder / "frames.parquet").is_file():
+        name = folder.resolve().name
+        return [VideoResults(name, folder, recorded_path(folder) or name)]
     need_results(folder)
     videos = files.read_csv(folder / "videos.csv", VIDEO_COLUMNS)
     done = videos[videos["frames"] > 0]

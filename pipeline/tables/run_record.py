@@ -46,6 +46,16 @@ def write_state(folder, state: dict) -> None:
     write_json(Path(folder) / STATE_FILE, state)
 
 
+def write_saved(folder, frames: int, pole: dict | None) -> None:
+    """Write what a record says of tables that no run has made: `Analysis.save` did."""
+    write_json(Path(folder) / STATE_FILE, {"frames": frames, "pole": pole})
+
+
+def is_saved(folder) -> bool:
+    """Whether the tables in a folder are of `Analysis.save`."""
+    return set(read_json(Path(folder) / STATE_FILE, {})) == {"frames", "pole"}
+
+
 def recorded_path(folder) -> str:
     """Where the video of a results folder lay, of whatever version or state; '' if not known."""
     path = read_json(Path(folder) / STATE_FILE, {}).get("path")

@@ -691,6 +691,16 @@ def test_damaged_results_of_a_video_that_is_not_there_are_said(folder, calls, tm
     assert "damaged" in summary.of("failed")[0].message
 
 
+def test_tables_that_a_person_saved_among_the_results_are_no_video_of_the_run(
+    folder, calls, tmp_path
+):
+    out = tmp_path / "results"
+    batch.run([folder], out)
+    run_record.write_saved(shutil.copytree(out / "a", out / "mine"), 9, None)
+    batch.run([folder], out)
+    assert statuses(out) == {"a": "done", "b": "done"}
+
+
 def test_results_of_other_inputs_stay(folder, calls, tmp_path):
     batch.run([folder / "a.avi"], tmp_path / "results")
     batch.run([folder / "b.avi"], tmp_path / "results")
