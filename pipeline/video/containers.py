@@ -285,6 +285,8 @@ class ContainerVideo(Video):
         """
         if not self._timed or self.n_frames is None:
             return
+        if self._times is not None and not self.exact_count:
+            self.n_frames = len(self._times)  # else from a rate that these frames do not have
         with self._open(self.path) as container:
             stream = container.streams.video[0]
             keys = self._key_frames(container, stream, n) if self.n_frames > 2 * n else []

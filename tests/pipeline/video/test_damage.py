@@ -3,6 +3,7 @@
 import contextlib
 import shutil
 import threading
+from fractions import Fraction
 from itertools import islice
 
 import av
@@ -34,11 +35,13 @@ def picture(i, noise=True):
     return (200 - line + noise * rng.normal(0, 2, SIZE)).clip(0, 255).astype(np.uint8)
 
 
-def write(path, codec, pixels="yuv420p", images=None, times=None, options=None):
+def write(path, codec, pixels="yuv420p", images=None, times=None, options=None, header_rate=25):
+    """A video of 25 frames per second, or with a frame at each of the `times` [1/25 s]."""
     images = [picture(i) for i in range(FRAMES)] if images is None else images
     with av.open(str(path), "w") as file:
-        stream = file.add_stream(codec, rate=25, options=options or {})
+        stream = file.add_stream(codec, rate=header_rate, options=options or {})
         stream.height, stream.width, stream.pix_fmt = *SIZE, pixels
+        stream.codec_context.time_base = Fraction(1, 25)
         for i, image in enumerate(images):
             frame = av.VideoFrame.from_ndarray(image, format="gray").reformat(format=pixels)
             frame.pts = i if times is None else times[i]
@@ -434,6 +437,18 @@ def test_frames_at_uneven_times_are_found_by_their_numbers(tmp_path, name, steps
         some = dict(video.some(range(0, FRAMES, 3)))
         assert list(some) == list(range(0, FRAMES, 3))
         assert all(np.array_equal(images[number], image) for number, image in some.items())
+
+
+@pytest.mark.parametrize(("codec", "pixels"), [("mjpeg", "yuvj420p"), ("libx264", "yuv420p")])
+@pytest.mark.parametrize("rate", [1, 1000])
+def test_a_wrong_rate_in_the_header_leaves_a_sample_of_the_whole(tmp_path, codec, pixels, rate):
+    images = [picture(i % FRAMES) for i in range(300)]
+    path = write(tmp_path / "a.mkv", codec, pixels, images, header_rate=rate)
+    with open_video(path) as video:
+        numbers, _ = video.sample(24)
+        assert (len(numbers), numbers[0], numbers[-1]) == (24, 0, 299)
+        assert np.diff(numbers).max() <= 15
+        assert video.n_frames == 300
 
 
 def test_a_codec_that_is_not_known(tmp_path):
