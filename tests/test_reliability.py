@@ -42,6 +42,12 @@ def test_every_promise_of_the_page_is_kept_or_named_as_not_tried():
         assert result.startswith("kept")
 
 
+def test_the_time_of_all_promises_is_the_sum_of_their_times():
+    table = PAGE.read_text("utf-8").partition("reliability: begin")[2]
+    seconds = sum(map(int, re.findall(r"\| (\d+) s +\|", table)))
+    assert f"all of this takes {seconds / 60:.0f} minutes" in table
+
+
 def test_every_dependency_is_explained():
     project = (PAGE.parents[1] / "pyproject.toml").read_text("utf-8")
     listed = project.partition("dependencies = [")[2].partition("]")[0]
