@@ -13,10 +13,11 @@ from typing import NamedTuple
 import pandas as pd
 
 from pipeline.errors import CorrectionsError, counted
-from pipeline.tables.columns import CORRECTION_COLUMNS, as_table, empty_table
-from pipeline.tables.files import read_numbered_csv, replace_csv
+from pipeline.tables.columns import CORRECTION_COLUMNS, DECISION_COLUMNS, as_table, empty_table
+from pipeline.tables.files import read_csv, read_numbered_csv, replace_csv
 
-CORRECTIONS_FILE = "corrections.csv"
+CORRECTIONS_FILE = "corrections.csv"  # of a video
+DECISIONS_FILE = "decisions.csv"  # of all videos, made of these
 CONTACT, CONFIRMED, FREE = "contact", "confirmed", "free"
 VERDICTS = (CONTACT, CONFIRMED, FREE)
 MOSTLY = 0.5  # a detected contact is dropped if a verdict covers more than this part of it
@@ -126,14 +127,13 @@ def applicable(corrections: pd.DataFrame, whiskers, n_frames: int) -> pd.DataFra
 
 
 def decided_by_hand(results) -> str:
-    """How many contacts people have decided on: "2 contacts in mouse1"; "" where none."""
-    counts = {}
-    for path in sorted(Path(results).glob(f"*/{CORRECTIONS_FILE}")):
-        with contextlib.suppress(CorrectionsError):  # which is said where the table is used
-            counts[path.parent.name] = len(read_corrections(path.parent))
-    names = [name for name, count in counts.items() if count]
-    where = names[0] if len(names) == 1 else f"{len(names)} videos"
-    return f"{counted(sum(counts.values()), 'contact')} in {where}" if names else ""
+    """How many contacts people have decided on, as "2 contacts in mouse1"; "" where none."""
+    videos = []
+    with contextlib.suppress(OSError, ValueError):  # nobody has, or it is another's file
+        videos = list(read_csv(Path(results) / DECISIONS_FILE, DECISION_COLUMNS)["video"])
+    names = set(videos)
+    where = videos[0] if len(names) == 1 else f"{len(names)} videos"
+    return f"{counted(len(videos), 'contact')} in {where}" if videos else ""
 
 
 def left_out(corrections: pd.DataFrame, whiskers, n_frames: int):

@@ -12,8 +12,8 @@ from pathlib import Path
 import pandas as pd
 
 from pipeline.contacts.analysis import ContactOptions, ContactTables, find_contacts, no_contacts
-from pipeline.contacts.corrections import CORRECTIONS_FILE, read_corrections
-from pipeline.curate.decisions import DECISIONS_FILE, write_decisions
+from pipeline.contacts.corrections import CORRECTIONS_FILE, DECISIONS_FILE, read_corrections
+from pipeline.curate.decisions import write_decisions
 from pipeline.errors import CorrectionsError, InputError, in_words
 from pipeline.session.schema import Settings
 from pipeline.session.session_file import read_session

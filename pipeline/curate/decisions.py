@@ -5,13 +5,12 @@ from pathlib import Path
 
 import pandas as pd
 
-from pipeline.contacts.corrections import CONFIRMED, CONTACT, FREE
+from pipeline.contacts.corrections import CONFIRMED, CONTACT, DECISIONS_FILE, FREE
 from pipeline.session.schema import FORMULA
 from pipeline.session.session_file import read_session
 from pipeline.tables.columns import DECISION_COLUMNS, as_table
 from pipeline.tables.files import replace_csv
 
-DECISIONS_FILE = "decisions.csv"
 WORDS = {CONTACT: "added or moved", CONFIRMED: "confirmed", FREE: "no contact"}
 LONGEST_NAME = 60  # characters of a person's name
 

@@ -146,18 +146,6 @@ def test_a_file_edited_by_hand_is_kept_when_it_is_written_anew(tmp_path):
     assert (tmp_path / "corrections.csv.old").read_text() == edited
 
 
-def test_what_is_decided_by_hand_is_counted(tmp_path):
-    assert corrections.decided_by_hand(tmp_path) == ""
-    for name in ("a", "b", "c"):
-        (tmp_path / name).mkdir()
-    (tmp_path / "c" / "corrections.csv").write_text("broken")
-    rows = table_of([verdict(CONTACT, (8, 25), (5, 30)), verdict(FREE, (40, 50))])
-    corrections.write_corrections(tmp_path / "a", rows)
-    assert corrections.decided_by_hand(tmp_path) == "2 contacts in a"
-    corrections.write_corrections(tmp_path / "b", rows[:1])
-    assert corrections.decided_by_hand(tmp_path) == "3 contacts in 2 videos"
-
-
 def test_no_file_is_no_corrections(tmp_path):
     assert corrections.read_corrections(tmp_path).empty
 

@@ -5,6 +5,7 @@ from results_folder import contact, make_results
 
 from pipeline.contacts.corrections import (
     Verdict,
+    decided_by_hand,
     read_corrections,
     table_of,
     write_corrections,
@@ -83,6 +84,16 @@ def test_a_session_reads_corrections_once_and_does_without_broken_ones(folder, m
     assert read == ["one", "three"]
     table = files.read_csv(folder / "decisions.csv", DECISION_COLUMNS)
     assert table["video"].tolist() == ["one", "one", "one"]
+
+
+def test_decisions_are_counted_where_they_are_listed(folder):
+    assert decided_by_hand(folder) == ""
+    decisions(folder, "one", "two")
+    assert decided_by_hand(folder) == "3 contacts in one"
+    decisions(folder, "one", "three")
+    assert decided_by_hand(folder) == "4 contacts in 2 videos"
+    (folder / "decisions.csv").write_text("my notes")
+    assert decided_by_hand(folder) == ""
 
 
 def test_names_are_words_in_a_cell():

@@ -14,7 +14,7 @@ from pipeline.reports import figures, overlay, report, stills, vibration_map
 from pipeline.reports.session_numbers import read_contacts
 from pipeline.session.session_file import settings_from, write_session
 from pipeline.tables import files
-from pipeline.tables.columns import CONTACT_COLUMNS, VIDEO_COLUMNS
+from pipeline.tables.columns import CONTACT_COLUMNS, DECISION_COLUMNS, VIDEO_COLUMNS, as_table
 
 
 @pytest.fixture(scope="module")
@@ -70,8 +70,9 @@ def test_the_main_doubts_come_first(tmp_path):
 
 def test_what_is_decided_by_hand_is_said(tmp_path, page):
     results = make_results(tmp_path / "r")
-    columns = "whisker,verdict,onset_frame,offset_frame,covers_from,covers_to,saved_at"
-    (results / "one" / "corrections.csv").write_text(f"{columns}\nC2,free,80,90,80,90,\n")
+    row = {"video": "one", "whisker": "C2", "decision": "no contact"}
+    decided = as_table(pd.DataFrame([row]), DECISION_COLUMNS)
+    files.write_csv(results / "decisions.csv", decided, DECISION_COLUMNS)
     said = "Decided by hand: 1 contact in one"
     assert said in report.write_report(results).read_text("utf-8")
     assert said not in page
