@@ -20,8 +20,9 @@ def draw_whisker(path, geometry, profile) -> None:
     ends = grid[0, 2].subgridspec(2, 1)
     for k, (end, name) in enumerate(((geometry.base_at, "base"), (geometry.tip_at, "tip"))):
         _close(figure.add_subplot(ends[k]), geometry, profile, end, name)
-    _diameter(figure.add_subplot(grid[1, :]), geometry, profile)
-    _deviation(figure.add_subplot(grid[2, :]), profile)
+    above = figure.add_subplot(grid[1, :])
+    _diameter(above, geometry, profile)
+    _deviation(figure.add_subplot(grid[2, :], sharex=above), profile)
     save(path, figure)
 
 
@@ -89,7 +90,7 @@ def _diameter(axes, geometry, profile):
     length, base, tip = geometry.length.value, geometry.base_radius, geometry.tip_radius
     axes.plot([0, length], [2 * base.value, 2 * tip.value], color=BLACK, lw=1)
     axes.set_ylim(0, 2.6 * base.value)
-    _label(axes, "", "diameter (µm)")
+    _label(axes, "red crosses: not used for the cone", "diameter (µm)")
 
 
 def _deviation(axes, profile):
@@ -104,7 +105,7 @@ def _deviation(axes, profile):
     )
     axes.plot(used["arc_length_mm"], off, ".", color=BLACK, ms=3)
     axes.axhline(0, color=ACCENT, lw=0.8)
-    _label(axes, "distance from the base (mm)", "off the cone (µm)")
+    _label(axes, "distance from the base (mm); grey: 95 % interval of each", "off the cone (µm)")
 
 
 def _label(axes, x, y):

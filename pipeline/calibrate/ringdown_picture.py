@@ -53,7 +53,7 @@ def _all_slips(axes, fits, together):
     if len(fits) > 1:
         _cross(axes, together.angular_frequency, together.damping, ACCENT, 2.0)
     e = together.youngs_modulus
-    axes.set(xlabel="angular frequency (rad/s)", ylabel="damping (1/s)")
+    axes.set(xlabel="angular frequency (rad/s); red: all slips", ylabel="damping (1/s)")
     axes.text(
         0.03,
         0.97,

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 import tifffile
 
+from pipeline.calibrate import geometry_picture
 from pipeline.calibrate.find_whisker import NoWhiskerError
 from pipeline.calibrate.geometry import measure_geometry
 from pipeline.calibrate.geometry_files import profile, remarks
@@ -25,6 +26,15 @@ def measure(tmp_path, micrograph, picture=None):
     path = tmp_path / "whisker.png"
     cv2.imwrite(str(path), micrograph.picture() if picture is None else picture)
     return measure_geometry(path, micrograph.pixels_per_mm)
+
+
+@pytest.mark.slow
+def test_the_picture_shows_diameter_and_deviation_above_each_other(tmp_path, monkeypatch):
+    found, figures = measure(tmp_path, small()), []
+    monkeypatch.setattr(geometry_picture, "save", lambda path, figure: figures.append(figure))
+    geometry_picture.draw_whisker(tmp_path / "a.png", found, profile(found))
+    diameter, deviation = figures[0].axes[-2:]
+    assert diameter.get_xlim() == deviation.get_xlim()
 
 
 @pytest.mark.slow
