@@ -20,8 +20,7 @@ from pipeline.scene.illumination import fill
 from pipeline.session.parameters import DEFAULTS
 
 RESTS, MOSTLY = 0.8, 0.7  # of the sample frames: to call a whisker resting, and to fill in
-CORE_PX, HALF_WIDTH_PX = 3.0, 4.0  # half-widths of a whisker: the dark part, and all of it
-WIDE_PX = int(2 * HALF_WIDTH_PX + 1)
+CORE_PX, WIDE_PX = 7, 9  # of a whisker: the dark part, and all; OpenCV draws lines 2 px wider
 FEWEST_SAMPLES = 4
 LONG_PX = 61  # along a line: dust is shorter than half of it
 DARKER = 1.5  # times the usual shade: something else
@@ -56,7 +55,7 @@ def without_resting_whiskers(
     for template in templates:
         still = _share_covered(template.samples, hidden.shape, CORE_PX) >= RESTS
         if (still & ~covered & (outside > params.resting_mm)).any():
-            hidden |= _share_covered(template.samples, hidden.shape, HALF_WIDTH_PX) >= MOSTLY
+            hidden |= _share_covered(template.samples, hidden.shape, WIDE_PX) >= MOSTLY
     hidden &= ~covered & (outside > params.resting_fur_mm)
     if not hidden.any():
         return scene
@@ -83,12 +82,12 @@ def _usual_shade(shade, hidden, templates):
     return maximum_filter(usual, 2 * WIDE_PX)
 
 
-def _share_covered(lines, shape, half_width_px):
+def _share_covered(lines, shape, width_px):
     """Part of the lines that cover each pixel, float (height, width)."""
     count = np.zeros(shape, np.float32)
     for line in lines:
         drawn = np.zeros(shape, np.uint8)
         points = np.round(16 * line.points).astype(np.int32)
-        cv2.polylines(drawn, [points], False, 1, int(2 * half_width_px + 1), shift=4)
+        cv2.polylines(drawn, [points], False, 1, width_px, shift=4)
         count += drawn
     return count / len(lines)
