@@ -20,12 +20,14 @@ class Column:
     later: bool = False
 
 
-def _measured(name, unit, meaning):
+def number(name, unit, meaning) -> Column:
+    """A column of numbers, NaN where one is not known."""
+    return Column(name, "float64", unit, meaning)
+
+
+def measured(name, unit, meaning) -> tuple[Column, Column]:
     """A measured column, and behind it the one with its standard error."""
-    return (
-        Column(name, "float64", unit, meaning),
-        Column(f"{name}_se", "float64", unit, f"standard error of {name}"),
-    )
+    return number(name, unit, meaning), number(f"{name}_se", unit, f"standard error of {name}")
 
 
 CENTRELINE_COLUMNS = (
@@ -37,62 +39,50 @@ CENTRELINE_COLUMNS = (
 
 FRAME_COLUMNS = (
     Column("frame", "int32", "", "frame number, from 0"),
-    Column("time_s", "float64", "s", "frame / frames_per_second"),
+    number("time_s", "s", "frame / frames_per_second"),
     Column("whisker", "string", "", "name of the whisker"),
     Column("tracked", "bool", "", "the whisker was found in this frame"),
-    Column(
-        "confidence",
-        "float64",
-        "",
-        "0 to 1; below 0.5 the line may be another whisker's, or badly traced",
+    number(
+        "confidence", "", "0 to 1; below 0.5 the line may be another whisker's, or badly traced"
     ),
-    Column("follicle_x_px", "float64", "px", "x of the extrapolated follicle"),
-    Column("follicle_y_px", "float64", "px", "y of the extrapolated follicle"),
-    Column(
+    number("follicle_x_px", "px", "x of the extrapolated follicle"),
+    number("follicle_y_px", "px", "y of the extrapolated follicle"),
+    number(
         "base_angle_deg",
-        "float64",
         "deg",
         "whisker's angle at the follicle, counter-clockwise on the screen from +x; "
         "continuous in time, so it may pass ±180",
     ),
-    Column(
+    number(
         "base_angle_se_deg",
-        "float64",
         "deg",
         "standard error of base_angle_deg, at the scale and hidden length given",
     ),
-    Column(
+    number(
         "visible_angle_deg",
-        "float64",
         "deg",
         "mean direction of the first 4.5 mm (80 px at least) beyond the fur, likewise",
     ),
-    Column("visible_angle_se_deg", "float64", "deg", "standard error of visible_angle_deg"),
-    *_measured("curvature_per_m", "1/m", "measured curvature at curvature_at_mm"),
-    *_measured("rest_curvature_per_m", "1/m", "measured curvature when untouched"),
-    *_measured("curvature_change_per_m", "1/m", "measured curvature − rest"),
-    Column(
+    number("visible_angle_se_deg", "deg", "standard error of visible_angle_deg"),
+    *measured("curvature_per_m", "1/m", "measured curvature at curvature_at_mm"),
+    *measured("rest_curvature_per_m", "1/m", "measured curvature when untouched"),
+    *measured("curvature_change_per_m", "1/m", "measured curvature − rest"),
+    number(
         "pole_distance_mm",
-        "float64",
         "mm",
         "least distance from whisker surface to pole surface; negative: overlap",
     ),
     Column("in_contact", "bool", "", "the frame belongs to a contact"),
-    Column("contact_probability", "float64", "", "probability that the frame is in a contact"),
-    Column(
-        "contact_arc_length_mm",
-        "float64",
-        "mm",
-        "follicle to the place of contact, while in contact",
-    ),
-    *_measured("contact_force_uN", "µN", "measured contact force, magnitude"),
-    *_measured(
+    number("contact_probability", "", "probability that the frame is in a contact"),
+    number("contact_arc_length_mm", "mm", "follicle to the place of contact, while in contact"),
+    *measured("contact_force_uN", "µN", "measured contact force, magnitude"),
+    *measured(
         "axial_force_uN",
         "µN",
         "measured force along the base tangent; negative pushes into the face",
     ),
-    *_measured("lateral_force_uN", "µN", "measured force along the base normal"),
-    *_measured(
+    *measured("lateral_force_uN", "µN", "measured force along the base normal"),
+    *measured(
         "base_moment_nN_m",
         "nN m",
         "measured bending moment at the follicle, signed as the curvature change",
@@ -105,48 +95,35 @@ CONTACT_COLUMNS = (
     Column("contact", "int64", "", "number of the contact in this video and whisker, from 1"),
     Column("onset_frame", "int64", "", "first frame of contact"),
     Column("offset_frame", "int64", "", "first frame after the contact (half-open)"),
-    Column("onset_s", "float64", "s", "time of the onset frame"),
-    Column("duration_ms", "float64", "ms", "from onset to offset"),
-    Column(
+    number("onset_s", "s", "time of the onset frame"),
+    number("duration_ms", "ms", "from onset to offset"),
+    number(
         "peak_force_uN",
-        "float64",
         "µN",
         "largest contact force, corrected for noise, which makes the largest value too large",
     ),
-    Column("mean_force_uN", "float64", "µN", "mean contact force"),
-    Column("impulse_uN_ms", "float64", "µN ms", "integral of the contact force"),
-    Column("peak_base_moment_nN_m", "float64", "nN m", "base moment of largest magnitude"),
-    Column("peak_axial_force_uN", "float64", "µN", "axial force of largest magnitude"),
-    Column("contact_arc_length_mm", "float64", "mm", "follicle to contact at peak force"),
-    Column("pulse_peak_uN", "float64", "µN", "half-Gaussian fit: peak force"),
-    Column("pulse_duration_ms", "float64", "ms", "half-Gaussian fit: duration 2 t_d"),
-    Column("pulse_centre_s", "float64", "s", "half-Gaussian fit: time of the peak"),
-    Column("pulse_r2", "float64", "", "half-Gaussian fit: coefficient of determination"),
-    Column("steady_peak_nN_m", "float64", "nN m", "dynamic model: steady base moment's peak"),
-    Column("vibration_max_nN_m", "float64", "nN m", "dynamic model: largest vibrational moment"),
-    Column("vibration_min_nN_m", "float64", "nN m", "dynamic model: least vibrational moment"),
-    Column(
-        "vibration_ratio", "float64", "", "largest |vibrational| over peak |steady| base moment"
-    ),
+    number("mean_force_uN", "µN", "mean contact force"),
+    number("impulse_uN_ms", "µN ms", "integral of the contact force"),
+    number("peak_base_moment_nN_m", "nN m", "base moment of largest magnitude"),
+    number("peak_axial_force_uN", "µN", "axial force of largest magnitude"),
+    number("contact_arc_length_mm", "mm", "follicle to contact at peak force"),
+    number("pulse_peak_uN", "µN", "half-Gaussian fit: peak force"),
+    number("pulse_duration_ms", "ms", "half-Gaussian fit: duration 2 t_d"),
+    number("pulse_centre_s", "s", "half-Gaussian fit: time of the peak"),
+    number("pulse_r2", "", "half-Gaussian fit: coefficient of determination"),
+    number("steady_peak_nN_m", "nN m", "dynamic model: steady base moment's peak"),
+    number("vibration_max_nN_m", "nN m", "dynamic model: largest vibrational moment"),
+    number("vibration_min_nN_m", "nN m", "dynamic model: least vibrational moment"),
+    number("vibration_ratio", "", "largest |vibrational| over peak |steady| base moment"),
     Column("slip", "bool", "", "ended by slipping past the pole"),
     Column("curated", "bool", "", "added or moved by a person"),
     Column("flags", "string", "", "what to be careful about, separated by ';'"),
-    Column("peak_force_se_uN", "float64", "µN", "standard error of the peak force"),
-    Column("tracking_se_uN", "float64", "µN", "part of peak_force_se_uN: tracking noise"),
-    Column(
-        "hidden_length_se_uN",
-        "float64",
-        "µN",
-        "part of peak_force_se_uN: error of the hidden length",
-    ),
-    Column(
-        "radius_uN_per_percent",
-        "float64",
-        "µN",
-        "change of the peak force for 1 % more base radius",
-    ),
-    Column("modulus_uN_per_percent", "float64", "µN", "the same for 1 % more Young's modulus"),
-    Column("scale_uN_per_percent", "float64", "µN", "the same for 1 % more pixels per mm"),
+    number("peak_force_se_uN", "µN", "standard error of the peak force"),
+    number("tracking_se_uN", "µN", "part of peak_force_se_uN: tracking noise"),
+    number("hidden_length_se_uN", "µN", "part of peak_force_se_uN: error of the hidden length"),
+    number("radius_uN_per_percent", "µN", "change of the peak force for 1 % more base radius"),
+    number("modulus_uN_per_percent", "µN", "the same for 1 % more Young's modulus"),
+    number("scale_uN_per_percent", "µN", "the same for 1 % more pixels per mm"),
 )
 
 CONTACT_FLAGS = {
@@ -170,7 +147,7 @@ VIDEO_COLUMNS = (
     Column("path", "string", "", "the input"),
     Column("status", "string", "", "done, warning (results, but read the message) or failed"),
     Column("frames", "int64", "", "frames of which there are results; 0: none"),
-    Column("frames_per_s", "float64", "1/s", "speed of processing"),
+    number("frames_per_s", "1/s", "speed of processing"),
     Column(
         "message",
         "string",
@@ -202,8 +179,8 @@ DECISION_COLUMNS = (
     Column("decision", "string", "", "added or moved, confirmed, or no contact"),
     Column("onset_frame", "int64", "", "first frame of contact (or of the stretch without)"),
     Column("offset_frame", "int64", "", "first frame after it (half-open)"),
-    Column("onset_s", "float64", "s", "onset_frame / frames_per_second"),
-    Column("duration_ms", "float64", "ms", "from onset to offset"),
+    number("onset_s", "s", "onset_frame / frames_per_second"),
+    number("duration_ms", "ms", "from onset to offset"),
     Column("decided_by", "string", "", "name of the person, or of the program"),
     Column("decided_at", "string", "", "date and time, UTC"),
 )
@@ -211,8 +188,8 @@ DECISION_COLUMNS = (
 EVIDENCE_COLUMNS = (
     Column("frame", "int32", "", "frame number, from 0"),
     Column("whisker", "string", "", "name of the whisker"),
-    Column("distance_m", "float64", "m", "traced whisker surface to pole surface"),
-    Column("nearest_m", "float64", "m", "arc length of the point nearest to the pole"),
+    number("distance_m", "m", "traced whisker surface to pole surface"),
+    number("nearest_m", "m", "arc length of the point nearest to the pole"),
     Column("side", "int64", "", "1: pole on the side of the whisker's normal, -1: other, 0: none"),
     Column("pole_known", "bool", "", "the pole is in view and at rest"),
     Column("extended", "bool", "", "the nearest point lies beyond the traced part"),
@@ -221,42 +198,31 @@ EVIDENCE_COLUMNS = (
     ),
     Column("interpolated", "bool", "", "the codec made the frame out of frames before and after"),
     Column("rest_known", "bool", "", "the rest shape is known from enough free frames"),
-    Column(
-        "origin_m", "float64", "m", "correction of the hidden length, added to all arc lengths"
-    ),
-    Column("origin_se_m", "float64", "m", "standard error of origin_m"),
-    Column("gap_m", "float64", "m", "distance from the fitted rod's surface to the pole's"),
-    Column("gap_force_cov", "float64", "m N", "covariance of gap_m and shape_force_N"),
-    Column("contact_m", "float64", "m", "arc length where the fitted rod is nearest to the pole"),
-    Column("base_angle_rad", "float64", "rad", "of the fitted rod at the follicle"),
-    Column("moment_per_force_m", "float64", "m", "base moment per contact force"),
-    Column("axial_per_force", "float64", "", "axial force per contact force"),
-    Column("lateral_per_force", "float64", "", "lateral force per contact force"),
-    Column("chi2", "float64", "", "reduced chi-squared of the fitted rod"),
-    Column("shape_force_N", "float64", "N", "force if the pole were touched, by the fitted rod"),
-    Column("gap_se_m", "float64", "m", "standard error of gap_m"),
-    Column(
-        "origin_force_se_N", "float64", "N", "part of shape_force_se_N that is due to origin_se_m"
-    ),
-    Column("shape_force_se_N", "float64", "N", "standard error of shape_force_N"),
-    Column("moment_se_N_m", "float64", "N m", "standard error of the base moment"),
-    Column("axial_se_N", "float64", "N", "standard error of the axial force"),
-    Column("lateral_se_N", "float64", "N", "standard error of the lateral force"),
-    Column("point_force_N", "float64", "N", "force if the pole were touched, by the curvature"),
-    Column(
-        "origin_per_tip", "float64", "ratio", "change of origin_m per change of the tip's place"
-    ),
-    Column("bending_origin_m", "float64", "m", "origin_m as estimated from the bending alone"),
-    Column("bending_origin_se_m", "float64", "m", "its standard error"),
-    Column("point_origin_force_se_N", "float64", "N", "part of point_force_se_N, by origin_se_m"),
-    Column("point_force_se_N", "float64", "N", "standard error of point_force_N"),
-    Column("probability", "float64", "", "probability that the frame is in a contact"),
-    Column(
-        "log_odds",
-        "float64",
-        "",
-        "log-likelihood ratio of contact to no contact, from this frame alone",
-    ),
+    number("origin_m", "m", "correction of the hidden length, added to all arc lengths"),
+    number("origin_se_m", "m", "standard error of origin_m"),
+    number("gap_m", "m", "distance from the fitted rod's surface to the pole's"),
+    number("gap_force_cov", "m N", "covariance of gap_m and shape_force_N"),
+    number("contact_m", "m", "arc length where the fitted rod is nearest to the pole"),
+    number("base_angle_rad", "rad", "of the fitted rod at the follicle"),
+    number("moment_per_force_m", "m", "base moment per contact force"),
+    number("axial_per_force", "", "axial force per contact force"),
+    number("lateral_per_force", "", "lateral force per contact force"),
+    number("chi2", "", "reduced chi-squared of the fitted rod"),
+    number("shape_force_N", "N", "force if the pole were touched, by the fitted rod"),
+    number("gap_se_m", "m", "standard error of gap_m"),
+    number("origin_force_se_N", "N", "part of shape_force_se_N that is due to origin_se_m"),
+    number("shape_force_se_N", "N", "standard error of shape_force_N"),
+    number("moment_se_N_m", "N m", "standard error of the base moment"),
+    number("axial_se_N", "N", "standard error of the axial force"),
+    number("lateral_se_N", "N", "standard error of the lateral force"),
+    number("point_force_N", "N", "force if the pole were touched, by the curvature"),
+    number("origin_per_tip", "ratio", "change of origin_m per change of the tip's place"),
+    number("bending_origin_m", "m", "origin_m as estimated from the bending alone"),
+    number("bending_origin_se_m", "m", "its standard error"),
+    number("point_origin_force_se_N", "N", "part of point_force_se_N, by origin_se_m"),
+    number("point_force_se_N", "N", "standard error of point_force_N"),
+    number("probability", "", "probability that the frame is in a contact"),
+    number("log_odds", "", "log-likelihood ratio of contact to no contact, from this frame alone"),
 )
 
 
