@@ -72,51 +72,32 @@ def _continued(curve, place, low, high):
     return value
 
 
-@dataclass(frozen=True)
-class ContactPlace:
-    """A whisker's path to the pole in one frame.
+def path_row(line: SpaceLine, apparent_px, scale) -> dict:
+    """The path to a contact `apparent_px` from the follicle along the first view's line.
 
-    Attributes
-    ----------
-    elevation, azimuth : of the line from follicle to contact [rad]; azimuth in the first picture,
-        counter-clockwise from x
-    apparent, true : path from follicle to contact in the first view and in space [mm]
-    elevation_se : [rad]
-    error, error_se : 1 − apparent/true
-    elevation_part : the part of it that a straight whisker of this elevation would have
+    The columns that VIEW_FRAME_COLUMNS and VIEW_CONTACT_COLUMNS share, by name.
     """
-
-    elevation: float
-    azimuth: float
-    apparent: float
-    true: float
-    elevation_se: float
-    error: float
-    error_se: float
-    elevation_part: float
-
-
-def contact_place(line: SpaceLine, apparent_px, scale) -> ContactPlace:
-    """The path to a contact `apparent_px` from the follicle along the first view's line."""
     arc = arc_along(line.first)
     at = np.append(arc[arc < apparent_px], min(apparent_px, arc[-1]))
     x, y = (np.interp(at, arc, part) / scale for part in upright(line.first).T)
     z = np.interp(at, arc, line.height)
     flat = np.hypot(np.diff(x), np.diff(y))
-    true = np.hypot(flat, np.diff(z)).sum()
-    across = np.hypot(x[-1] - x[0], y[-1] - y[0])
-    elevation = np.arctan2(z[-1] - z[0], across)
+    apparent, true = flat.sum(), np.hypot(flat, np.diff(z)).sum()
+    elevation = np.arctan2(z[-1] - z[0], np.hypot(x[-1] - x[0], y[-1] - y[0]))
     slope_se = np.hypot(line.slope_se, CAMERA_SE)
-    return ContactPlace(
-        elevation,
-        np.arctan2(y[-1] - y[0], x[-1] - x[0]),
-        flat.sum(),
-        true,
-        slope_se,
-        1 - flat.sum() / true,
-        float(np.hypot(np.sin(abs(elevation)) * slope_se, slope_se**2 / 2)),
-        1 - np.cos(elevation),
-    )
+    error, by_elevation = 1 - apparent / true, 1 - np.cos(elevation)  # as of a straight whisker
+    error_se = np.hypot(np.sin(abs(elevation)) * slope_se, slope_se**2 / 2)
+    return {
+        "elevation_deg": np.rad2deg(elevation),
+        "elevation_deg_se": np.rad2deg(slope_se),
+        "azimuth_deg": np.rad2deg(np.arctan2(y[-1] - y[0], x[-1] - x[0])),
+        "apparent_path_mm": apparent,
+        "true_path_mm": true,
+        "projection_error_percent": 100 * error,
+        "projection_error_percent_se": 100 * error_se,
+        "elevation_part_percent": 100 * by_elevation,
+        "droop_part_percent": 100 * (error - by_elevation),
+    }
 
 
 def unroll(line: SpaceLine, pole, scale):

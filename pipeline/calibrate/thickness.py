@@ -47,9 +47,7 @@ def map_thickness(video, name, follicle, pixels_per_mm) -> ThicknessMap:
     name : the whisker's name
     follicle : its mean place [px]
     """
-    lines = video.lines().of((name,))
-    rows = {int(frame): lines.row(i).astype(float) for i, frame in enumerate(lines.frame)}
-    rows = {frame: line for frame, line in rows.items() if len(line) > 3}
+    rows = video.lines_of(name, fewest=4)
     if not rows:
         return ThicknessMap(np.empty(0, int), [], np.empty(0), np.empty((0, 0)))
     distance = {frame: np.hypot(*(line - follicle).T) for frame, line in rows.items()}

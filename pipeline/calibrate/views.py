@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from pipeline.calibrate.lines_3d import SpaceLine, contact_place, space_line, unroll
+from pipeline.calibrate.lines_3d import SpaceLine, path_row, space_line, unroll
 from pipeline.calibrate.two_views import TwoViews, ViewsError
 from pipeline.convert.results import lines_of_rows
 from pipeline.detection.static_scene import PoleTrack
@@ -81,8 +81,8 @@ def measure_views(first, second, views: TwoViews, name, analyse) -> ViewsMeasure
 
 def _space_lines(first, second, views, name, table):
     """The whisker in space in all frames in which both views show it: frame → SpaceLine."""
-    ours = _lines_by_frame(first, name)
-    theirs = _lines_by_frame(second, _name_in(second, name))
+    ours = first.lines_of(name, fewest=10)
+    theirs = second.lines_of(_name_in(second, name), fewest=10)
     places = table[["follicle_x_px", "follicle_y_px"]].dropna()
     both = sorted(set(ours) & set(theirs) & set(places.index))
     if len(both) < LEAST_TOGETHER * max(len(ours), 1):
@@ -102,12 +102,6 @@ def _space_lines(first, second, views, name, table):
             f"{len(found)} of {len(both)} frames; do the points belong to these views?"
         )
     return found
-
-
-def _lines_by_frame(video, name):
-    lines = video.lines().of((name,))
-    rows = {int(frame): lines.row(i).astype(float) for i, frame in enumerate(lines.frame)}
-    return {frame: row for frame, row in rows.items() if len(row) > 9}
 
 
 def _name_in(second, name):
@@ -169,18 +163,7 @@ def _place_row(line, pole, scale) -> dict:
     if pole is None:
         return {}
     nearest = int(np.argmin(np.hypot(*(line.first - pole).T)))
-    place = contact_place(line, arc_along(line.first)[nearest], scale)
-    return {
-        "elevation_deg": np.rad2deg(place.elevation),
-        "elevation_deg_se": np.rad2deg(place.elevation_se),
-        "azimuth_deg": np.rad2deg(place.azimuth),
-        "apparent_path_mm": place.apparent,
-        "true_path_mm": place.true,
-        "projection_error_percent": 100 * place.error,
-        "projection_error_percent_se": 100 * place.error_se,
-        "elevation_part_percent": 100 * place.elevation_part,
-        "droop_part_percent": 100 * (place.error - place.elevation_part),
-    }
+    return path_row(line, arc_along(line.first)[nearest], scale)
 
 
 def _forces(first, lines, pole, name, scale, analyse) -> pd.DataFrame:

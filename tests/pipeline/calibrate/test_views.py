@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from pipeline.app import cli
-from pipeline.calibrate.lines_3d import contact_place, space_line, unroll
+from pipeline.calibrate.lines_3d import path_row, space_line, unroll
 from pipeline.calibrate.two_views import COLUMNS, ViewsError, fit_views, read_points
 from pipeline.calibrate.views import _lag
 from pipeline.convert.results import lines_of_rows
@@ -101,11 +101,12 @@ def straight(elevation, azimuth=0.2, n=300, droop=0.0):
 def test_a_straight_whisker_is_short_by_the_cosine_of_its_elevation(views, degrees):
     elevation = np.deg2rad(degrees)
     line = space_line(views, *straight(elevation))
-    place = contact_place(line, FIRST * 9.0 * np.cos(elevation), FIRST)
-    assert np.rad2deg(place.elevation) == pytest.approx(degrees, abs=0.01)
-    assert place.true == pytest.approx(9.0, abs=0.01)
-    assert place.error == pytest.approx(1 - np.cos(elevation), abs=1e-5)
-    assert place.error - place.elevation_part == pytest.approx(0, abs=1e-5)
+    path = path_row(line, FIRST * 9.0 * np.cos(elevation), FIRST)
+    error = 100 * (1 - np.cos(elevation))
+    assert path["elevation_deg"] == pytest.approx(degrees, abs=0.01)
+    assert path["true_path_mm"] == pytest.approx(9.0, abs=0.01)
+    assert path["projection_error_percent"] == pytest.approx(error, abs=1e-3)
+    assert path["droop_part_percent"] == pytest.approx(0, abs=1e-3)
     unrolled, pole = unroll(line, line.first[150], FIRST)
     length = np.hypot(*np.diff(unrolled, axis=0).T).sum() / FIRST
     assert length == pytest.approx(14.6, abs=0.01)
@@ -114,8 +115,8 @@ def test_a_straight_whisker_is_short_by_the_cosine_of_its_elevation(views, degre
 
 def test_droop_is_what_elevation_leaves(views):
     line = space_line(views, *straight(0.1, droop=0.01))
-    place = contact_place(line, FIRST * 9.0, FIRST)
-    assert 0.0005 < place.error - place.elevation_part < 0.002
+    path = path_row(line, FIRST * 9.0, FIRST)
+    assert 0.05 < path["droop_part_percent"] < 0.2
 
 
 def test_lines_that_share_too_little_are_left_out(views):
