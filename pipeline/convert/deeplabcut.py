@@ -8,8 +8,8 @@ import pandas as pd
 from pipeline.convert.keypoints import MOST_FRAMES, KeyPoints, scores_of
 from pipeline.convert.optional import library
 from pipeline.errors import InputError, in_words
+from pipeline.tables.files import check_separator
 
-OTHER_SEPARATORS = {"tabs": "\t", "semicolons": ";", "spaces": " "}
 COORDINATES = ("x", "y", "likelihood")
 
 
@@ -42,7 +42,7 @@ def _read_csv(path):
     try:
         with open(path, encoding="utf-8-sig") as file:
             lines = [file.readline() for _ in range(4)]
-        _check_separator(lines[0])
+        check_separator(lines[0].split(","))
         names = [line.split(",")[0].strip() for line in lines]
         levels = 4 if "individuals" in names else 3
         if names[0] != "scorer" or names[levels - 1] != "coords":
@@ -50,13 +50,6 @@ def _read_csv(path):
         return pd.read_csv(path, header=list(range(levels)), index_col=0).astype(float)
     except (ValueError, UnicodeDecodeError, OSError, IndexError) as error:
         raise _fault(path, error) from None
-
-
-def _check_separator(line):
-    """ValueError where something other than commas separates the columns."""
-    for name, separator in OTHER_SEPARATORS.items():
-        if line.startswith("scorer" + separator):
-            raise ValueError(f"its columns are separated by {name}, not by commas")
 
 
 def _read_hdf5(path):

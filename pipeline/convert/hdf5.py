@@ -1,7 +1,9 @@
-"""HDF5 files, whole or not at all."""
+"""HDF5 files: texts in them; written whole or not at all."""
 
 import contextlib
 import io
+
+import numpy as np
 
 from pipeline.convert.optional import library
 from pipeline.tables.whole_files import whole_file
@@ -18,3 +20,8 @@ def whole_hdf5(path, extra="formats"):
         yield file
     with whole_file(path) as temporary:
         temporary.write_bytes(held.getbuffer())
+
+
+def texts_in(dataset) -> tuple[str, ...]:
+    """The texts of a dataset, which h5py gives as bytes or as they are."""
+    return tuple(v.decode() if isinstance(v, bytes) else str(v) for v in np.ravel(dataset[()]))

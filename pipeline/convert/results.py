@@ -14,11 +14,10 @@ from pipeline.scene import pole_runs
 from pipeline.session.inputs import need_results
 from pipeline.session.schema import Settings
 from pipeline.session.session_file import read_session
-from pipeline.tables import files, whole_files
+from pipeline.tables import files
 from pipeline.tables.centrelines import Centrelines, read_centrelines
 from pipeline.tables.columns import CONTACT_COLUMNS, VIDEO_COLUMNS
-from pipeline.tables.result_exchange import STATE_FILE
-from pipeline.tables.run_record import frame_count, recorded_path
+from pipeline.tables.run_record import frame_count, read_pole, recorded_path
 
 TRIAL_NUMBER = re.compile(r".*[-_](\d{1,18})$")  # of a video's name
 
@@ -72,7 +71,7 @@ class VideoResults:
 
     def pole(self) -> PoleTrack | None:
         """Where the pole was, NaN while it was away; None: never seen."""
-        state = whole_files.read_json(self.folder / STATE_FILE, {})
+        state = read_pole(self.folder)
         places = [pole_runs.pole_at(state, frame) for frame in range(self.n_frames)]
         known = [place for place in places if place is not None]
         if not known:

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from pipeline.convert.hdf5 import texts_in
 from pipeline.convert.keypoints import MOST_FRAMES, KeyPoints, scores_of
 from pipeline.convert.optional import library
 from pipeline.errors import InputError, in_words
@@ -30,8 +31,8 @@ def _read_hdf5(path) -> KeyPoints:
     try:
         with h5py.File(path) as file:
             xy = np.asarray(file["tracks"], float).transpose(3, 0, 2, 1)
-            parts = _texts(file["node_names"])
-            tracks = _texts(file["track_names"]) if "track_names" in file else ()
+            parts = texts_in(file["node_names"])
+            tracks = texts_in(file["track_names"]) if "track_names" in file else ()
             scores = np.asarray(file["point_scores"], float) if "point_scores" in file else None
     except (OSError, KeyError, ValueError, TypeError) as error:
         raise _fault(path, error) from None
@@ -43,10 +44,6 @@ def _read_hdf5(path) -> KeyPoints:
 
 def _tracks(names, count):
     return tuple(names) if len(names) == count else tuple(f"track_{i}" for i in range(count))
-
-
-def _texts(values):
-    return tuple(v.decode() if isinstance(v, bytes) else str(v) for v in values[()])
 
 
 def _read_csv(path) -> KeyPoints:

@@ -20,7 +20,7 @@ from pipeline.contacts.corrections import (
     table_of,
     write_corrections,
 )
-from pipeline.convert.hdf5 import whole_hdf5
+from pipeline.convert.hdf5 import texts_in, whole_hdf5
 from pipeline.convert.optional import library
 from pipeline.convert.results import trial_number
 from pipeline.errors import InputError, counted, in_words
@@ -48,7 +48,7 @@ def read_whacc(path) -> list[Labels]:
     h5py = library("h5py", "formats")
     try:
         with h5py.File(path) as file:
-            names = [_text(name) for name in np.ravel(file["full_file_names"][()])]
+            names = texts_in(file["full_file_names"])
             counts = np.ravel(file["frame_nums"][()]).astype(np.int64)
             given = {key: np.ravel(file[key][()]).astype(float) for key in KEYS if key in file}
     except (OSError, KeyError, ValueError, TypeError, AttributeError) as error:
@@ -80,10 +80,6 @@ def _known(values, total):
         known = np.isfinite(values) & (values >= 0)
         touch[known] = np.where(values[known] > 0.5, TOUCH, NONE)
     return touch
-
-
-def _text(name) -> str:
-    return name.decode() if isinstance(name, bytes) else str(name)
 
 
 def corrections_of(touch, whisker: str):
