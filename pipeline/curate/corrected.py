@@ -26,7 +26,7 @@ from pipeline.tables.columns import (
     empty_table,
 )
 from pipeline.tables.evidence import EVIDENCE_FILE, read_evidence
-from pipeline.tables.result_exchange import draft, is_settled, settle, settled
+from pipeline.tables.result_exchange import draft, is_settled, put_in_place, settled
 from pipeline.tables.run_record import read_state, write_state
 from pipeline.tables.video_messages import as_cell, sentences_of
 
@@ -79,7 +79,7 @@ def save_contacts(folder, tables: ContactTables, corrections: pd.DataFrame) -> N
         files.write_csv(new / "contacts.csv", tables.contacts, CONTACT_COLUMNS)
         if state:
             write_state(new, _decided(state, tables.contacts, corrections))
-    settle(folder)
+    put_in_place(folder)  # a person may be saving the next correction
 
 
 def _decided(state, contacts, corrections) -> dict:

@@ -57,11 +57,16 @@ def settle(folder) -> list[str]:
     Returns a sentence on each file that a person had changed, and which is kept. OSError where the
     folder cannot be written; calling it again goes on from there.
     """
-    kept = [] if is_settled(folder) else _move_in(folder / READY, folder)
+    kept = put_in_place(folder)
     remove_unfinished(folder)
     for left in folder.glob(f"{DRAFT}*"):
         _remove(left, folder)
     return kept
+
+
+def put_in_place(folder) -> list[str]:
+    """As `settle`, but what another thread is writing there stays."""
+    return [] if is_settled(folder) else _move_in(folder / READY, folder)
 
 
 def overlays_in(folder) -> list[Path]:

@@ -607,6 +607,24 @@ def test_corrections_made_since_the_video_changed_are_of_the_new_one(folder, cal
         change_settings(folder)
 
 
+def test_tables_made_from_corrections_leave_alone_what_is_being_saved(folder, calls, tmp_path):
+    """The page saves the next correction while a thread makes the tables of the last one."""
+    out = tmp_path / "results"
+    batch.run([folder], out)
+    correct(out / "a")
+    frames = files.read_frames(out / "a" / "frames.parquet")
+    contacts = files.read_csv(out / "a" / "contacts.csv", CONTACT_COLUMNS)
+    with whole_files.whole_file(out / "a" / "corrections.csv") as being_saved:
+        save_contacts(
+            out / "a",
+            SimpleNamespace(frames=frames, contacts=contacts),
+            read_corrections(tmp_path),
+        )
+        assert being_saved.exists()
+        being_saved.write_text(CORRECTIONS)
+    assert result_exchange.is_settled(out / "a")
+
+
 def test_a_link_that_leads_nowhere_is_a_video_that_fails(folder, calls, tmp_path):
     (folder / "c.avi").symlink_to(tmp_path / "unplugged" / "c.avi")
     (failed,) = batch.run([folder], tmp_path / "results").of("failed")
