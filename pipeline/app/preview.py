@@ -142,9 +142,8 @@ def _stretch(seen):
 def _lines_by_frame(chunk):
     """Frame → name → points (n, 2) and confidence, of centrelines."""
     out = {}
-    for i in range(len(chunk)):
-        name = chunk.names[chunk.whisker[i]]
-        out.setdefault(int(chunk.frame[i]), {})[name] = chunk.row(i), float(chunk.confidence[i])
+    for (frame, name, points), sure in zip(chunk.each(), chunk.confidence, strict=True):
+        out.setdefault(frame, {})[name] = points, float(sure)
     return out
 
 

@@ -43,11 +43,10 @@ def as_poses(video):
 
 def key_points(video):
     """Places (frames, 2, points, whiskers) [px] and confidences (frames, points, whiskers)."""
-    lines, names = video.lines(), list(video.whiskers)
+    names = list(video.whiskers)
     position = np.full((video.n_frames, 2, KEY_POINTS, len(names)), np.nan, np.float32)
-    for row in range(len(lines)):
-        whisker = names.index(lines.names[lines.whisker[row]])
-        position[lines.frame[row], :, :, whisker] = points_along(lines.row(row), KEY_POINTS).T
+    for frame, name, points in video.lines().each():
+        position[frame, :, :, names.index(name)] = points_along(points, KEY_POINTS).T
     sure = np.full((video.n_frames, KEY_POINTS, len(names)), np.nan, np.float32)
     for whisker, name in enumerate(names):
         sure[:, :, whisker] = video.of(name)["confidence"].to_numpy()[:, None]

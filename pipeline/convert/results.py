@@ -65,9 +65,8 @@ class VideoResults:
 
     def lines_of(self, whisker, fewest) -> dict[int, np.ndarray]:
         """Frame → points (n, 2) of a whisker's centreline, of those that have `fewest` or more."""
-        lines = self.lines().of((whisker,))
-        rows = {int(frame): lines.row(i).astype(float) for i, frame in enumerate(lines.frame)}
-        return {frame: row for frame, row in rows.items() if len(row) >= fewest}
+        rows = self.lines().of((whisker,)).each()
+        return {frame: row.astype(float) for frame, _, row in rows if len(row) >= fewest}
 
     def pole(self) -> PoleTrack | None:
         """Where the pole was, NaN while it was away; None: never seen."""

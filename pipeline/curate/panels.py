@@ -144,15 +144,11 @@ def _described(item, video):
         return None
     span, name = item.span, state_of(item)
     frames = span.offset - span.onset
-    facts = [
-        f"peak {item.values['peak_force_uN']:.3g}\u00a0µN" if _has(item, "peak_force_uN") else "",
-        f"moment {item.values['peak_base_moment_nN_m']:.3g}\u00a0nN\u00a0m"
-        if _has(item, "peak_base_moment_nN_m")
-        else "",
-        f"{item.values['contact_arc_length_mm']:.3g}\u00a0mm from the follicle"
-        if _has(item, "contact_arc_length_mm")
-        else "",
-    ]
+    facts = (
+        _value(item, "peak_force_uN", "peak {:.3g}\u00a0µN"),
+        _value(item, "peak_base_moment_nN_m", "moment {:.3g}\u00a0nN\u00a0m"),
+        _value(item, "contact_arc_length_mm", "{:.3g}\u00a0mm from the follicle"),
+    )
     whisker = f"{span.whisker}: " if len(video.whiskers) > 1 else ""
     duration = 1e3 * frames / video.recording.frames_per_second
     return {
@@ -163,8 +159,10 @@ def _described(item, video):
     }
 
 
-def _has(item, name):
-    return math.isfinite(item.values.get(name, math.nan))
+def _value(item, name, words):
+    """A value of the item in words; "" where it is not known."""
+    value = item.values.get(name, math.nan)
+    return words.format(value) if math.isfinite(value) else ""
 
 
 def _rows(desk):
@@ -185,7 +183,7 @@ def _rows(desk):
             "onset": span.onset,
             "offset": span.offset,
             "ms": f"{1e3 * (span.offset - span.onset) / rate:.4g}",
-            "peak": f"{item.values['peak_force_uN']:.3g}" if _has(item, "peak_force_uN") else "",
+            "peak": _value(item, "peak_force_uN", "{:.3g}"),
             "remarks": "; ".join(item.reasons) or _remark(item),
         }
 

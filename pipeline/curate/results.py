@@ -181,9 +181,9 @@ class VideoUnderReview:
             self.no_lines = f"whiskers cannot be drawn: {in_words(error)}"
             return {}
         lines = {}
-        for i, (frame, whisker) in enumerate(zip(rows.frame, rows.whisker, strict=True)):
-            if rows.names[whisker] in self.whiskers:
-                lines.setdefault(int(frame), {})[rows.names[whisker]] = rows.row(i)
+        for frame, name, points in rows.each():
+            if name in self.whiskers:
+                lines.setdefault(frame, {})[name] = points
         return lines
 
     @cached_property

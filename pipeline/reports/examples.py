@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.errors import VideoError
+from pipeline.numerics.runs import evenly
 from pipeline.video.open import open_video
 
 MOST_WEIGHED = 50  # contacts of one kind, evenly chosen
@@ -138,5 +139,4 @@ def _in_turn(contacts):
 
 def _few(labels) -> list:
     """Up to MOST_WEIGHED of them, evenly chosen."""
-    places = np.linspace(0, len(labels) - 1, min(MOST_WEIGHED, len(labels)))
-    return [labels[int(k)] for k in places.round()]
+    return [labels[k] for k in evenly(len(labels), MOST_WEIGHED)]

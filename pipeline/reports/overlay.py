@@ -92,11 +92,7 @@ def _unnamed(folder) -> set[str]:
 
 def _by_frame(chunks):
     """Yield (frame, {whisker: points}) for every frame that has centrelines."""
-    rows = (
-        (int(chunk.frame[i]), chunk.names[chunk.whisker[i]], chunk.row(i))
-        for chunk in chunks
-        for i in range(len(chunk))
-    )
+    rows = (row for chunk in chunks for row in chunk.each())
     for frame, group in itertools.groupby(rows, key=lambda row: row[0]):
         yield frame, {name: points for _, name, points in group}
 

@@ -266,11 +266,11 @@ def without_whiskers(
     shortest = shortest if fur else SHORTEST_BASE_MM
     lines = thin | background.covered
     if pole is not None:
-        lines |= _surroundings(pole, params.thickest_whisker_mm * pixels_per_mm)
+        # so near to the pole, thin lines are not seen
+        lines |= _around(pole, params.thickest_whisker_mm * pixels_per_mm)
     whiskers = thin & _long_lines_at(face, lines, pixels_per_mm, shortest * pixels_per_mm)
     if movie and things is not None:
-        apart = (things & ~fringe).astype(np.uint8)
-        near = cv2.dilate(apart, _square(AT_THING_MM * pixels_per_mm)) > 0
+        near = _around(things & ~fringe, AT_THING_MM * pixels_per_mm)
         whiskers &= ~_long_parts(whiskers, 0, whiskers & near)
     whiskers |= _long_parts(background.covered & ~fringe | whiskers, 0, whiskers)
     image = background.image
@@ -293,9 +293,9 @@ def _filled_beside(away, image, holes, shade_px):
     return fill(image / light, holes) * light
 
 
-def _surroundings(pole, near_px):
-    """The pole and what is so near to it that thin lines are not seen there, bool mask."""
-    return cv2.dilate(pole.astype(np.uint8), _square(near_px)) > 0
+def _around(mask, near_px):
+    """A mask and the pixels within `near_px` of it in both directions, bool mask."""
+    return cv2.dilate(mask.astype(np.uint8), _square(near_px)) > 0
 
 
 def fringe_px(pixels_per_mm) -> float:
@@ -305,5 +305,4 @@ def fringe_px(pixels_per_mm) -> float:
 
 def _long_lines_at(face, thin, pixels_per_mm, shortest_px):
     """Connected lines that are at least `shortest_px` long and end near the face."""
-    near = cv2.dilate(face.astype(np.uint8), _square(fringe_px(pixels_per_mm))) > 0
-    return _long_parts(thin, shortest_px, near)
+    return _long_parts(thin, shortest_px, _around(face, fringe_px(pixels_per_mm)))

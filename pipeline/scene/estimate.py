@@ -267,7 +267,7 @@ def _apart_from(obstacles, disc):
     """Obstacles that are not connected with the pole's disc, bool (height, width)."""
     if disc is None:
         return obstacles
-    _, labels = cv2.connectedComponents((obstacles | disc).astype(np.uint8))
+    labels = regions(obstacles | disc)
     return obstacles & ~np.isin(labels, np.unique(labels[disc]))
 
 

@@ -69,6 +69,11 @@ class Centrelines:
         part = slice(self.offsets[i], self.offsets[i + 1])
         return np.column_stack([self.x_px[part], self.y_px[part]])
 
+    def each(self):
+        """Yield (frame, name, points) of every row."""
+        for i, (frame, whisker) in enumerate(zip(self.frame, self.whisker, strict=True)):
+            yield int(frame), self.names[whisker], self.row(i)
+
     def of(self, names) -> "Centrelines":
         """Return the rows of the whiskers with these names, numbered anew; None: all."""
         if names is None:

@@ -9,6 +9,7 @@ import numpy as np
 import tifffile
 
 from pipeline.errors import VideoError, counted
+from pipeline.numerics.runs import evenly
 from pipeline.video.base import RandomAccessVideo, bits_to_drop, check_pixels, to_8_bit
 from pipeline.video.decoder_log import lost_pages
 from pipeline.video.frame_faults import SHOWN, missing_numbers
@@ -30,7 +31,7 @@ class ImageStack(RandomAccessVideo):
         super().__init__(path, first.shape[1], first.shape[0], n_frames)
         self._drop = 0
         if first.dtype == np.uint16:
-            probes = np.unique(np.linspace(0, n_frames - 1, PROBES).astype(int))
+            probes = evenly(n_frames, PROBES)
             largest = bits_to_drop(max(self._largest(i) for i in probes))
             self._drop = max(largest, min(true_bits, 16) - 8)
 
