@@ -10,6 +10,7 @@ come from one matrix exponential, which knows no under-, over- or critically dam
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numba import njit
@@ -54,6 +55,7 @@ def modal_filters(angular_frequency, damping_rate, dt):
     return [_filter(p, damping_rate, dt) if p > 0 else None for p in angular_frequency]
 
 
+@lru_cache(maxsize=256)  # contacts of a video have their modes and steps in common
 def _filter(p, d, dt):
     # one step of the state is M, and the force adds early·F_j + late·F_(j+1); eliminating q'/p (or
     # q) leaves a recursion of q (or q'/p) alone

