@@ -106,13 +106,13 @@ def _slip(results, contacts, video, whisker, first):
     return Slip(video, whisker, first, int(min([end, *later])))
 
 
-def frames_of(results, slip: Slip, before=0) -> pd.DataFrame:
-    """frames.parquet of a slip's whisker from `before` frames before it to its end."""
+def frames_of(results, slip: Slip) -> pd.DataFrame:
+    """frames.parquet of a slip's whisker from the slip to its end."""
     return read_frames(
         Path(results) / slip.video / "frames.parquet",
         filters=[
             ("whisker", "==", slip.whisker),
-            ("frame", ">=", slip.first - before),
+            ("frame", ">=", slip.first),
             ("frame", "<", slip.end),
         ],
     ).sort_values("frame", ignore_index=True)

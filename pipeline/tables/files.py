@@ -57,20 +57,20 @@ def replace_csv(path, table: pd.DataFrame, columns) -> list[str]:
     return replace_own(path, lambda new: write_csv(new, table, columns))
 
 
-def read_csv(path, columns, advice=RUN_AGAIN) -> pd.DataFrame:
+def read_csv(path, columns) -> pd.DataFrame:
     """Read a CSV of the declared `columns`, as `write_csv` left it.
 
     Raises
     ------
     ValueError
         Where a declared column is missing or holds something else; it names file, column and
-        line, and ends with the `advice`.
+        line.
     """
-    return read_numbered_csv(path, columns, advice)[0]
+    return read_numbered_csv(path, columns)[0]
 
 
 def read_numbered_csv(path, columns, advice=RUN_AGAIN) -> tuple[pd.DataFrame, list[int]]:
-    """As `read_csv`, and the line of the file in which each row is."""
+    """As `read_csv`, and the line of the file in which each row is; errors end with `advice`."""
     try:
         return _csv_table(path, columns)
     except ValueError as error:
