@@ -90,8 +90,7 @@ def run(
         bool, typer.Option("--overwrite", help="Process all videos again, even finished ones.")
     ] = False,
     overlay: Annotated[
-        bool,
-        typer.Option("--overlay", help="Also write each video with the results drawn in."),
+        bool, typer.Option("--overlay", help="Also write each video with the results drawn in.")
     ] = False,
     quiet: Quiet = False,
     debug: Debug = False,
@@ -173,8 +172,7 @@ def demo(
 @app.command()
 def synth(
     folder: Annotated[
-        Path,
-        typer.Argument(metavar="DIR", help="Folder for the videos; created if missing."),
+        Path, typer.Argument(metavar="DIR", help="Folder for the videos; created if missing.")
     ],
     preset: Annotated[
         str,
@@ -293,10 +291,7 @@ def curate(
 
 
 @app.command()
-def paper(
-    out: Out,
-    debug: Debug = False,
-):
+def paper(out: Out, debug: Debug = False):
     """Draw the paper's model figures.
 
     The numbers behind each are written as CSV, with modes.csv and published.csv.

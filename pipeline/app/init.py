@@ -15,12 +15,7 @@ from pipeline.scene.estimate import find_scenes, survey
 from pipeline.scene.looking import first_look
 from pipeline.scene.over_time import without_pole
 from pipeline.scene.scale import FIELD_MM, scale_of
-from pipeline.session.inputs import (
-    PREVIEW_NAME,
-    SETTINGS_NAME,
-    check_settings_name,
-    find_inputs,
-)
+from pipeline.session.inputs import PREVIEW_NAME, SETTINGS_NAME, check_settings_name, find_inputs
 from pipeline.session.recording import Recording
 from pipeline.session.session_file import read_session, settings_from, write_session
 from pipeline.tables import whole_files

@@ -5,13 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from pipeline.app.outcome import (
-    Outcome,
-    earlier_results,
-    failure,
-    kept_outcome,
-    save_state,
-)
+from pipeline.app.outcome import Outcome, earlier_results, failure, kept_outcome, save_state
 from pipeline.curate.corrected import DECIDED_ON, OTHER_CONTENT
 from pipeline.errors import InputError, in_words, why, with_advice
 from pipeline.runtime.compiling import compiling_reported, seconds_without_compiling

@@ -9,11 +9,7 @@ import pandas as pd
 from pipeline.calibrate.geometry import BROKEN_UM, Geometry, Measured
 from pipeline.calibrate.geometry_picture import draw_pooled, draw_whisker
 from pipeline.session.edit import set_whisker_values, whisker_has
-from pipeline.tables.calibration_columns import (
-    DENSITY_COLUMNS,
-    GEOMETRY_COLUMNS,
-    PROFILE_COLUMNS,
-)
+from pipeline.tables.calibration_columns import DENSITY_COLUMNS, GEOMETRY_COLUMNS, PROFILE_COLUMNS
 from pipeline.tables.files import write_csv
 from pipeline.tables.new_files import write_new
 from pipeline.tables.whole_files import write_text

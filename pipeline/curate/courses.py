@@ -4,16 +4,7 @@ import numpy as np
 from bokeh.models import ColumnDataSource, FixedTicker, Range1d, Span
 from bokeh.plotting import figure
 
-from pipeline.curate.colours import (
-    CURSOR,
-    GRID,
-    HATCHED,
-    INK,
-    SOFT,
-    STATES,
-    WHISKERS,
-    state_of,
-)
+from pipeline.curate.colours import CURSOR, GRID, HATCHED, INK, SOFT, STATES, WHISKERS, state_of
 from pipeline.reports.time_courses import thinned
 
 MARGIN = 1.0  # of the window, loaded on either side of it
@@ -59,8 +50,7 @@ class Courses:
     def _draw_course(self, name, plot):
         plot.yaxis.axis_label = COURSES[name][1]
         plot.add_glyph(
-            self._strips,
-            _strip_glyph(fill_color="colour", fill_alpha="wash", line_color=None),
+            self._strips, _strip_glyph(fill_color="colour", fill_alpha="wash", line_color=None)
         )
         plot.add_glyph(self._ghost, _strip_glyph(fill_color=STATES["adding"], fill_alpha=0.25))
         plot.add_layout(Span(location=0, dimension="width", line_color=SOFT, line_width=0.7))

@@ -245,10 +245,7 @@ def _panel_f(axis, content):
     line = np.polyfit(table["duration_ms"], table["peak_force_uN"], 1)
     x = np.array([0, table["duration_ms"].max()])
     axis.plot(x, np.polyval(line, x), color=ACCENT, lw=1)
-    return [
-        (f"{header}, r² = {r2:.3f} (paper: 0.368)", BLACK),
-        ("line: least squares", ACCENT),
-    ]
+    return [(f"{header}, r² = {r2:.3f} (paper: 0.368)", BLACK), ("line: least squares", ACCENT)]
 
 
 PANELS = {

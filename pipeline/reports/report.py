@@ -324,10 +324,6 @@ def _stages(record):
         for stage, seconds in each["stages"].items():
             total[stage] += seconds
     return [
-        {
-            "stage": stage,
-            "seconds": s,
-            "per_thousand": 1000 * s / max(frames, 1),
-        }
+        {"stage": stage, "seconds": s, "per_thousand": 1000 * s / max(frames, 1)}
         for stage, s in total.items()
     ]

@@ -201,10 +201,7 @@ def centreline_chunks(path, filters=None):
     checked = ds.ParquetFragmentScanOptions(page_checksum_verification=True)
     with whole_parquet(path):
         batches = ds.dataset(path).to_batches(
-            filter=expression,
-            batch_size=1024,
-            use_threads=False,
-            fragment_scan_options=checked,
+            filter=expression, batch_size=1024, use_threads=False, fragment_scan_options=checked
         )
         for batch in batches:
             if len(batch):
