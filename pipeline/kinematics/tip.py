@@ -23,7 +23,7 @@ from scipy.special import ndtr
 
 from pipeline.detection.line_end import PLACES_PX
 from pipeline.kinematics.stations import Stations
-from pipeline.numerics.robust import MAD_TO_SD, medians
+from pipeline.numerics.robust import MAD_TO_SD, column_medians
 from pipeline.numerics.runs import evenly
 from whiskermodel.whisker import Whisker
 
@@ -92,8 +92,8 @@ def _side_by_side(tail, shift):
     np.put_along_axis(table, place - first, tail, axis=1)
     kept = np.flatnonzero(np.isfinite(table).sum(axis=0) >= FEWEST_ROWS)
     table = table[:, kept]
-    usual = medians(table)
-    limit = OUTLIER_SD * MAD_TO_SD * medians(np.abs(table - usual))
+    usual = column_medians(table)
+    limit = OUTLIER_SD * MAD_TO_SD * column_medians(np.abs(table - usual))
     at = APART_PX * (first + kept) + np.mean(own - APART_PX * place)
     return at, np.clip(table, usual - limit, usual + limit)
 

@@ -62,7 +62,7 @@ def _median(values):
 
 
 @njit(cache=True)
-def medians(values):
+def column_medians(values):
     """Median of each column of (rows, columns), without NaN; NaN where nothing else is.
 
     As `np.nanmedian`, which takes five times as long.

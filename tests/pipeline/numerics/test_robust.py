@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pipeline.numerics.robust import medians, robust_sd
+from pipeline.numerics.robust import column_medians, robust_sd
 
 N = 20_000
 CHANCE = 4 * 1.17 / np.sqrt(N)  # relative: the estimate's SD is 1.17/√n
@@ -27,6 +27,6 @@ def test_along_an_axis():
     np.testing.assert_allclose(robust_sd(values, axis=0), [1, 5], rtol=CHANCE)
 
 
-def test_medians_are_those_of_the_known_values_of_each_column():
+def test_column_medians_are_those_of_the_known_values_of_each_column():
     values = np.array([[1.0, np.nan, 4.0], [3.0, np.nan, np.nan], [9.0, np.nan, 5.0]])
-    np.testing.assert_array_equal(medians(values), [3.0, np.nan, 4.5])
+    np.testing.assert_array_equal(column_medians(values), [3.0, np.nan, 4.5])
