@@ -23,7 +23,7 @@ from pipeline.contacts.analysis import analyse_contacts
 from pipeline.detection.static_scene import PoleTrack
 from pipeline.kinematics import curvature, resampled
 from pipeline.kinematics.follicle import follicles
-from pipeline.numerics.runs import stretches
+from pipeline.numerics.runs import runs_of_true
 from pipeline.session.recording import Recording
 from pipeline.tables.centrelines import Centrelines
 from pipeline.tables.columns import FRAME_COLUMNS, as_table, split_flags
@@ -168,7 +168,7 @@ def figures(case: Case, seeds) -> dict:
         if truth_of(seed, case.stiffness) is None:
             continue
         contacts, touches, evidence = analysed(seed, case)
-        for a, b in stretches([touch is not None for touch in touches]):
+        for a, b in runs_of_true([touch is not None for touch in touches]):
             true += 1
             own = contacts[(contacts["onset_frame"] < b) & (contacts["offset_frame"] > a)]
             if own.empty:

@@ -23,7 +23,7 @@ import tifffile
 import wrong_settings
 
 from pipeline.app import cli
-from pipeline.numerics.runs import stretches
+from pipeline.numerics.runs import runs_of_true
 from pipeline.tables import centrelines, files
 from pipeline.tables.columns import CONTACT_COLUMNS
 
@@ -145,7 +145,7 @@ class Truth:
         """First frame, one after the last, and strongest touch of every contact."""
         return [
             (a, b, max(self.touches[a:b], key=lambda touch: touch.force))
-            for a, b in stretches([touch is not None for touch in self.touches])
+            for a, b in runs_of_true([touch is not None for touch in self.touches])
         ]
 
     def distances(self, lines) -> np.ndarray:

@@ -4,7 +4,7 @@ import numpy as np
 
 from pipeline.calibrate.follicle_motion import FollicleMotion, slope_of
 from pipeline.calibrate.pictures import save
-from pipeline.numerics.runs import stretches
+from pipeline.numerics.runs import runs_of_true
 from pipeline.reports.plots import ACCENT, BLACK, PALE
 
 
@@ -23,7 +23,7 @@ def draw_dust(path, motion: FollicleMotion) -> None:
 
 def _follicle(axes, motion):
     frames = motion.frames
-    for first, end in stretches(frames["in_contact"].to_numpy(bool)):
+    for first, end in runs_of_true(frames["in_contact"].to_numpy(bool)):
         axes.axvspan(frames["time_s"].iloc[first], frames["time_s"].iloc[end - 1], color="#eee")
     axes.plot(frames["time_s"], frames["radial_mm"], color=ACCENT, lw=1)
     axes.set_xlabel("time (s); grey: contacts")

@@ -9,7 +9,7 @@ import pandas as pd
 from pipeline.contacts.probability import FEWEST_SURE, force_noise, of_whisker
 from pipeline.forces import forces
 from pipeline.numerics.robust import robust_sd
-from pipeline.numerics.runs import stretches
+from pipeline.numerics.runs import runs_of_true
 from pipeline.session.parameters import DEFAULTS, ContactParams
 
 LEAST_PEAK_SD = 3.5  # peak force in standard errors
@@ -66,7 +66,7 @@ def _columns(part) -> dict[str, np.ndarray]:
 def _runs(part):
     """Runs of rows with a probability above ½, split where the pole changes sides."""
     side = part["side"]
-    for start, stop in stretches(part["probability"] > 0.5):
+    for start, stop in runs_of_true(part["probability"] > 0.5):
         first = start
         known = np.flatnonzero(side[start:stop]) + start
         for before, after in pairwise(known):

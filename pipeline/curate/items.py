@@ -8,7 +8,7 @@ import pandas as pd
 
 from pipeline.contacts.corrections import CONFIRMED
 from pipeline.curate.review import Review, Span, spans_of
-from pipeline.numerics.runs import stretches
+from pipeline.numerics.runs import runs_of_true
 from pipeline.tables.columns import split_flags
 
 SHORT_MS = 5.0
@@ -146,7 +146,7 @@ def _possible(contacts, detected, whisker, probability):
     """Stretches without contact that were detected (and deleted), or nearly so."""
     found = [
         Span(whisker, start, stop)
-        for start, stop in stretches(probability > UNSURE[0])
+        for start, stop in runs_of_true(probability > UNSURE[0])
         if probability[start:stop].max() > POSSIBLE
     ]
     taken = np.zeros(len(probability) + 1, dtype=bool)

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from pipeline.detection import crossings, line_fit, ridges, settling, splitting
+from pipeline.detection import crossings, line_fit, new_lines, ridges, splitting
 from pipeline.detection.image_model import ImageModel, absorbance_image, lines_in_background
 from pipeline.detection.line import Line
 from pipeline.detection.line_choice import (
@@ -105,9 +105,9 @@ def _lines_at(search: Search, image, model, gain, options, workspace) -> list[Li
     _leave_out_known(*curves, *search.known, same_px(options), senses)
     for k in np.flatnonzero(senses):
         rooted = curves.curve(k)[:: senses[k]]
-        line = settling.settle(picture, rooted, fit, workspace)
+        line = new_lines.initialise_line(picture, rooted, fit, workspace)
         if ends_at_face(line, model, options) and is_turned(line, model.outward, own.thickens):
-            line = settling.settle(picture, rooted[::-1], fit, workspace)
+            line = new_lines.initialise_line(picture, rooted[::-1], fit, workspace)
         if contrast_length(line) >= least and is_whisker(line, model, options):
             lines.append(line)
     return sorted(lines, key=lambda line: -contrast_length(line))

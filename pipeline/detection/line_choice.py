@@ -3,7 +3,7 @@
 import numpy as np
 from numba import njit
 
-from pipeline.detection import line_fit, settling
+from pipeline.detection import line_fit, new_lines
 from pipeline.detection.line import Line
 from pipeline.numerics import polyline
 from pipeline.session.parameters import DEFAULTS
@@ -23,7 +23,7 @@ def is_ghost(line: Line, others, params=DEFAULTS.detection) -> bool:
 
 def ghost_reach(params) -> float:
     """Distance beyond which no line is a ghost of another one [px]."""
-    return max(params.blur_px, params.ringing_px, 2.0 * settling.BROADEST_SIGMA)
+    return max(params.blur_px, params.ringing_px, 2.0 * new_lines.BROADEST_SIGMA)
 
 
 def _is_ghost_of(line, other, ghosts):

@@ -1,6 +1,6 @@
 """Whether one line or two explain what is seen: of a broad line, of several, of two neighbours."""
 
-from pipeline.detection import line_profile, settling, splitting
+from pipeline.detection import line_profile, new_lines, splitting
 from pipeline.detection.image_model import lines_in_background
 from pipeline.detection.line import Line
 from pipeline.detection.line_choice import contrast_length, is_whisker, reach, shared_fraction
@@ -80,7 +80,7 @@ def one_for_two(faint, other, image, model, gain, options, workspace) -> Line | 
     the `other` one. Neither of them is in the background.
     """
     fit = options.fit(model, widths=True, steps=1)
-    one = settling.settle(model.picture(image, gain), other.points, fit, workspace)
+    one = new_lines.initialise_line(model.picture(image, gain), other.points, fit, workspace)
     if one.n < SHORTEST or shared_fraction(one, other, reach(other)) < ALONG:
         return None
     both = _explained(faint, [faint, other], image, model, gain)

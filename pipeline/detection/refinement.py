@@ -16,7 +16,7 @@ def refine(
     """Gauss–Newton from the line's present nodes; base and tip found anew. In place.
 
     A line that is `farthest` [px] or more from them is not found. `widths`: for
-    `settling.fit_width`.
+    `new_lines.fit_width`.
     """
     fit = options.fit(model, line.longest, farthest, widths)
     line.n, line.quality = line_fit.refine(

@@ -16,7 +16,7 @@ from pipeline.forces import arc_length_offset, fur_bias, rest_shape, rod_fit, st
 from pipeline.forces.rod_fit import ShapeFit
 from pipeline.forces.whisker_rows import WhiskerRows
 from pipeline.kinematics.stations import Stations, lies_across
-from pipeline.numerics.angles import jitter, wrapped
+from pipeline.numerics.angles import jitter, wrap_angle
 from pipeline.numerics.robust import robust_sd
 from pipeline.session.parameters import DEFAULTS, RodParams
 from whiskermodel.whisker import Whisker
@@ -85,7 +85,7 @@ def measure_forces(
         curvature and curvature change, with their standard errors
     """
     time = kinematics["time_s"].to_numpy(float)
-    angle = wrapped(np.radians(kinematics["base_angle_deg"].to_numpy(float)))  # as rods have it
+    angle = wrap_angle(np.radians(kinematics["base_angle_deg"].to_numpy(float)))  # as rods have it
     free = far_from_pole(places, params)
     own = WhiskerRows(places, whisker, curvature_at, angle, time, free)
     fit, origin, model = _fit_rods(own, friction, params)
@@ -229,7 +229,7 @@ def _base(kinematics, fit, origin_se, frame) -> pd.DataFrame:
     """
     traced = kinematics[["base_angle_deg"]].assign(**{ERROR: kinematics.get(ERROR, np.nan)})
     angle, error = np.radians(traced.to_numpy(float).T)
-    off = wrapped(fit["angle"] - angle)
+    off = wrap_angle(fit["angle"] - angle)
     with np.errstate(invalid="ignore"):
         found = np.abs(off) <= FARTHEST_TURN_RAD
     found &= _steady(angle, angle + off, frame)

@@ -11,7 +11,7 @@ import numpy as np
 from numba import njit
 
 from pipeline.identity.features import ANGLE, N_FEATURES
-from pipeline.numerics.angles import wrapped
+from pipeline.numerics.angles import wrap_angle
 from pipeline.numerics.robust import MAD_TO_SD
 
 FARTHEST = np.array([3.0, 6.0, 3.0, 3.0, 3.0, 3.0])  # SDs: a larger deviation costs no more
@@ -55,7 +55,7 @@ class FanModel:
     def phases_of(self, angle, whisker, starts) -> np.ndarray:
         """Phase of every frame, from the angles (rows,) and names (rows,) of its lines."""
         slope = np.maximum(self.slope[whisker, ANGLE], LEAST_SLOPE)
-        off = wrapped(angle - self.middle[whisker, ANGLE]) / slope
+        off = wrap_angle(angle - self.middle[whisker, ANGLE]) / slope
         return medians(off, np.asarray(starts))
 
 
@@ -114,7 +114,7 @@ def _wrap(off, n):
     if beyond > 0:
         for i in range(n):
             if abs(off[i]) > np.pi:
-                off[i] = wrapped(off[i])
+                off[i] = wrap_angle(off[i])
 
 
 @njit(cache=True)

@@ -3,7 +3,7 @@
 The tracker follows lines without names (`tracking.unlabelled_tracker`). Here they are stored in a
 file until the video has ended; only a few numbers per line stay in memory. The appearance of every
 whisker is learnt from all frames. The names are those that appearance and motion together make
-most likely, found in several ways (`ways`).
+most likely, as several namings agree on them (`consensus`).
 """
 
 import tempfile
@@ -13,12 +13,12 @@ from dataclasses import fields, replace
 import numpy as np
 
 from pipeline.identity.appearance import medians
+from pipeline.identity.consensus import best_names
 from pipeline.identity.features import ANGLE, LENGTH, NEAR_BEND, THICKNESS
 from pipeline.identity.limits import USUAL, Limits
 from pipeline.identity.ordered_assignment import Lines
 from pipeline.identity.sides import Sides
 from pipeline.identity.unnamed import Unnamed
-from pipeline.identity.ways import best_names
 from pipeline.session.parameters import DEFAULTS
 from pipeline.tables.centrelines import Centrelines
 from pipeline.tracking import hairs, line_ends

@@ -252,7 +252,7 @@ def _in_ascending_order(values, order):
 
 @njit(cache=True)
 def along_tracks(cost, order, first, last, reach):
-    """Costs or votes (rows, whiskers), averaged over ±`reach` rows of every row's track.
+    """Costs or shares (rows, whiskers), averaged over ±`reach` rows of every row's track.
 
     order, first, last : as of `Lines.pieces`
     """

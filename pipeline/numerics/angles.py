@@ -7,9 +7,9 @@ from pipeline.numerics.robust import robust_sd
 
 
 @njit(cache=True)
-def wrapped(angle, turn=2 * np.pi):
-    """The same angle between minus half a `turn` and half a turn [rad, or as the turn]."""
-    return np.mod(angle + turn / 2, turn) - turn / 2
+def wrap_angle(angle):
+    """The same angle between −π and π [rad]."""
+    return np.mod(angle + np.pi, 2 * np.pi) - np.pi
 
 
 def continuous(angle) -> np.ndarray:

@@ -5,21 +5,21 @@ from itertools import pairwise
 import numpy as np
 
 
-def stretches(mask) -> list[tuple[int, int]]:
+def runs_of_true(mask) -> list[tuple[int, int]]:
     """Half-open (start, stop) of every run of True in the bool `mask` (frames,)."""
     change = np.diff(np.concatenate([[False], np.asarray(mask, bool), [False]]).astype(np.int8))
     starts, stops = np.flatnonzero(change == 1), np.flatnonzero(change == -1)
     return list(zip(starts.tolist(), stops.tolist(), strict=True))
 
 
-def stretches_around(ring) -> np.ndarray:
+def runs_around(ring) -> np.ndarray:
     """Start and length of every run of True on a bool ring (n,), in order around it; (runs, 2).
 
-    >>> stretches_around([True, False, True, True]).tolist()
+    >>> runs_around([True, False, True, True]).tolist()
     [[2, 3]]
     """
     first = int(np.argmin(ring))
-    runs = np.array(stretches(np.roll(ring, -first)), int).reshape(-1, 2)
+    runs = np.array(runs_of_true(np.roll(ring, -first)), int).reshape(-1, 2)
     return np.column_stack([(runs[:, 0] + first) % len(ring), runs[:, 1] - runs[:, 0]])
 
 

@@ -2,7 +2,7 @@
 
 import pandas as pd
 
-from pipeline.numerics.runs import stretches
+from pipeline.numerics.runs import runs_of_true
 from pipeline.reports.whisker_styles import COLOURS, style_of
 from pipeline.tables.columns import CONTACT_COLUMNS, FRAME_COLUMNS
 
@@ -125,7 +125,7 @@ def _chosen(frames, whisker) -> list:
 
 def _shade(ax, time, touching):
     """Shade the frames in contact."""
-    for onset, offset in stretches(touching):
+    for onset, offset in runs_of_true(touching):
         end = time[min(offset, len(time) - 1)]
         ax.axvspan(time[onset], end, color=SHADE, lw=0, zorder=0)
 

@@ -9,7 +9,7 @@ from scipy.optimize import least_squares
 from scipy.special import erfc
 
 from pipeline.numerics.robust import robust_sd
-from pipeline.numerics.runs import stretches_around
+from pipeline.numerics.runs import runs_around
 
 RADIUS_TRUST = 0.05  # SD of the expected radius, relative: counts only where little edge is free
 PIXEL_SD = 0.015  # of a pixel's misfit, share of the light: weighs the expected radius
@@ -210,7 +210,7 @@ def _between_shades(shaded):
     only.
     """
     between = np.zeros_like(shaded)
-    starts, widths = stretches_around(shaded).T
+    starts, widths = runs_around(shaded).T
     narrow = (widths >= SHADE_RAYS) & (widths < WIDEST_RAYS)
     gaps = (np.roll(starts, -1) - starts - widths) % N_RAYS
     touched = narrow & np.roll(narrow, -1) & (gaps <= WIDEST_RAYS)

@@ -7,7 +7,7 @@ sides, is not bent by it; nor is one that passes in front of or behind a pole.
 import cv2
 import numpy as np
 
-from pipeline.numerics.runs import stretches_around
+from pipeline.numerics.runs import runs_around
 from pipeline.scene.background import DARK_SD, DARK_SHARE
 from pipeline.scene.circle_fit import N_RAYS, ray_points, rays
 from pipeline.scene.illumination import frame_gains
@@ -53,5 +53,5 @@ def is_passed_over(x, y, radius, background, noise, frames) -> bool:
 
 def _spots(dark):
     """Middles of the runs of True on a ring, none where one of them is too wide for a whisker."""
-    starts, widths = stretches_around(dark).T
+    starts, widths = runs_around(dark).T
     return [] if widths.max(initial=0) > WIDEST else list(starts + 0.5 * (widths - 1))

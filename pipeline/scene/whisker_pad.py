@@ -15,7 +15,7 @@ from pipeline.detection import ridges
 from pipeline.detection.curves import length
 from pipeline.detection.image_model import ImageModel, absorbance_image
 from pipeline.detection.static_scene import OUTWARD, StaticScene
-from pipeline.numerics.runs import stretches
+from pipeline.numerics.runs import runs_of_true
 from pipeline.scene.face import SIDES
 from pipeline.scene.virtual_face import values_along
 
@@ -149,7 +149,7 @@ def _edges(mask) -> list[np.ndarray]:
         elif inside.any():
             start = int(np.argmin(inside))  # on the border
             points, inside = np.roll(points, -start, axis=0), np.roll(inside, -start)
-            edges += [points[a:b] for a, b in stretches(inside) if b - a > 1]
+            edges += [points[a:b] for a, b in runs_of_true(inside) if b - a > 1]
     return edges
 
 

@@ -14,7 +14,7 @@ from scipy.optimize import linear_sum_assignment
 from pipeline.detection.line import Line
 from pipeline.detection.static_scene import OUTWARD
 from pipeline.detection.tracing_options import TracingOptions
-from pipeline.numerics.angles import wrapped
+from pipeline.numerics.angles import wrap_angle
 
 THICKNESS_SD, LENGTH_SD = 0.35, 0.35  # of their logarithms
 FARTHEST = 3.0  # standard deviations in one feature count as no more
@@ -102,7 +102,7 @@ def _misfits(seen, known, sd, shifts):
                 if not np.isnan(square):
                     total += square
             for s in range(len(shifts)):
-                left = wrapped(turn - shifts[s])
+                left = wrap_angle(turn - shifts[s])
                 out[s, i, j] = total + (left / sd[ANGLE]) ** 2
     return out
 
@@ -159,7 +159,7 @@ def _gain(misfit, turn) -> float:
 def common_turn(seen, known) -> float:
     """Median change of angle from `known` to `seen`, row by row [rad]."""
     turn = seen[:, ANGLE] - known[:, ANGLE]
-    return float(np.median(wrapped(turn)))
+    return float(np.median(wrap_angle(turn)))
 
 
 def crowded(signatures, options: TracingOptions) -> bool:

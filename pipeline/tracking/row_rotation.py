@@ -9,7 +9,7 @@ import math
 import numpy as np
 from numba import njit
 
-from pipeline.numerics.angles import wrapped
+from pipeline.numerics.angles import wrap_angle
 from pipeline.numerics.robust import robust_sd
 
 TURNS = np.radians(np.arange(-16.0, 16.5, 1.0))
@@ -58,7 +58,7 @@ def places(lines) -> np.ndarray:
     """Where the lines stand between the outermost ones, by direction, −1 to 1."""
     angle = np.array([direction(line) for line in lines])
     ahead = np.arctan2(np.sin(angle).sum(), np.cos(angle).sum())
-    angle = wrapped(angle - ahead)
+    angle = wrap_angle(angle - ahead)
     return 2 * (angle - angle.min()) / max(np.ptp(angle), 1e-9) - 1
 
 

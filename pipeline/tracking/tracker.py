@@ -9,7 +9,7 @@ from pipeline.detection import (
     line_choice,
     line_fit,
     neighbours,
-    settling,
+    new_lines,
     tails,
 )
 from pipeline.detection.image_model import ImageModel
@@ -231,7 +231,7 @@ class Tracker:
                 widths=self.crowded,
             )  # fmt: skip
             if self.crowded and line.n >= line_fit.SHORTEST:
-                settling.fit_width(line, self.workspace)
+                new_lines.fit_width(line, self.workspace)
             if best is None or self._worth(line, track) > self._worth(best, track):
                 best = line
             if best.quality > self.params.good_quality and best.n > 0.8 * present.n:

@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from pipeline.numerics.runs import stretches
+from pipeline.numerics.runs import runs_of_true
 
 SHOWN = 6  # stretches of frames that a sentence names
 MOST_COPIES = 5  # of each picture, by a converter; a codec changes a still one at key frames only
@@ -108,7 +108,7 @@ def missing_numbers(names) -> list[int]:
 
 def _frames(numbers) -> str:
     """Frame numbers as words: "frame 3", "frames 3–5, 9 and 12 others"."""
-    runs = stretches(np.bincount(list(numbers)))
+    runs = runs_of_true(np.bincount(list(numbers)))
     shown = ", ".join(f"{a}–{b - 1}" if b - a > 1 else f"{a}" for a, b in runs[:SHOWN])
     others = sum(b - a for a, b in runs[SHOWN:])
     more = f" and {others} others" if others else ""

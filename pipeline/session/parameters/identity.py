@@ -39,7 +39,7 @@ class IdentityParams:
     )  # fmt: skip
     along_track_s: quantity(0.001, 1, "s") = parameter(
         0.014,
-        "likeness to a whisker, and votes for a name, are averaged over so long along a track",
+        "likeness to a whisker, and agreement of namings, are averaged over so long along a track",
         "chosen",
     )
     moving_deg: quantity(0.05, 45, "°") = parameter(

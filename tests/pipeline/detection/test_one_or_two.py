@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from left_face import DARK, scene_of_left_face
 
-from pipeline.detection import settling
+from pipeline.detection import new_lines
 from pipeline.detection.image_model import ImageModel
 from pipeline.detection.line import Line, Workspace
 from pipeline.detection.one_or_two import one_for_two
@@ -61,14 +61,14 @@ def test_two_whiskers_beside_each_other_stay_two(apart):
 def test_a_line_that_has_run_away_stands_for_none(monkeypatch):
     image, rows = seen([ROW], 2.0), (ROW - 0.5, ROW + 0.5)
     assert answer(image, rows, dark=0.15) is not None
-    settle = settling.settle
+    initialise = new_lines.initialise_line
 
     def lengthened(*at):
-        line = settle(*at)
+        line = initialise(*at)
         more = slice(line.n, line.n + 100)  # as if it passed the face by
         line.x[more], line.y[more] = line.x[line.n - 1], ROW + np.arange(100)
         line.n += 100
         return line
 
-    monkeypatch.setattr(settling, "settle", lengthened)
+    monkeypatch.setattr(new_lines, "initialise_line", lengthened)
     assert answer(image, rows, dark=0.15) is None

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pipeline.identity import ways
+from pipeline.identity import consensus
 from pipeline.identity.assign import names
 from pipeline.identity.features import ANGLE, LENGTH
 from pipeline.identity.limits import Limits
@@ -33,17 +33,17 @@ def whisking(seed):
     return features.reshape(-1, 6), *np.divmod(np.arange(FRAMES * len(FAN)), len(FAN))
 
 
-def test_a_name_is_the_surer_the_more_ways_lead_to_it(monkeypatch):
+def test_a_name_is_the_surer_the_more_namings_agree_on_it(monkeypatch):
     features, frame, true = whisking(6)
     features[true == 1, LENGTH] += FAN[0, LENGTH] - FAN[1, LENGTH]  # which does not tell them
     wrong = np.where((frame < 60) & (true < 2), 1 - true, true)
 
-    usual = ways._ways
+    usual = consensus._namings
 
     def more(lines):
         yield from (next(usual(lines)), true + 1, wrong, true)  # their numbers do not matter
 
-    monkeypatch.setattr(ways, "_ways", more)
+    monkeypatch.setattr(consensus, "_namings", more)
     found, sure = names(frame, true, features)
     assert (found == true).all()
     inner = frame < 60 - Limits().along_track  # beyond, votes are averaged with later ones
@@ -51,7 +51,7 @@ def test_a_name_is_the_surer_the_more_ways_lead_to_it(monkeypatch):
     assert np.median(sure[wrong == true]) > 0.9
 
 
-def test_ways_agree_where_tracks_have_gone_on_with_each_others_lines():
+def test_namings_agree_where_tracks_have_gone_on_with_each_others_lines():
     features, frame, true = whisking(7)
     track = true.copy()
     later = frame >= HOP

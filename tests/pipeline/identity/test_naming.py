@@ -10,12 +10,12 @@ from hypothesis import strategies as st
 from pipeline.identity import appearance, label_swaps, motion_model
 from pipeline.identity.appearance import FanModel
 from pipeline.identity.assign import assign_identities, name_lines, names, with_unnamed
+from pipeline.identity.consensus import LEAST_SD
 from pipeline.identity.features import ANGLE, BEND, Dial, line_features
 from pipeline.identity.limits import USUAL
 from pipeline.identity.links import TAKEN, link_costs
 from pipeline.identity.ordered_assignment import Lines
 from pipeline.identity.sides import Sides
-from pipeline.identity.ways import LEAST_SD
 from pipeline.session.parameters import DEFAULTS
 from pipeline.session.recording import Recording
 from pipeline.tables.centrelines import Centrelines

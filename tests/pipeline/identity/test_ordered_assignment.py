@@ -7,6 +7,7 @@ import pytest
 
 from pipeline.identity import ordered_assignment
 from pipeline.identity.assign import names
+from pipeline.identity.consensus import LEAST_SD
 from pipeline.identity.features import ANGLE
 from pipeline.identity.ordered_assignment import (
     JUMP,
@@ -19,7 +20,6 @@ from pipeline.identity.ordered_assignment import (
     _aligned,
     named_in_order,
 )
-from pipeline.identity.ways import LEAST_SD
 
 #    near bend, angle [rad], logs of thickness and length, bends [rad]
 FAN = np.array(

@@ -11,7 +11,7 @@ from scipy.ndimage import gaussian_filter1d
 from pipeline.kinematics import base_angle
 from pipeline.kinematics.base_angle import measure_base
 from pipeline.kinematics.resampled import measure_stations
-from pipeline.numerics.angles import continuous, jitter, wrapped
+from pipeline.numerics.angles import continuous, jitter, wrap_angle
 from pipeline.session.recording import Recording
 from pipeline.tables.centrelines import Centrelines
 from pipeline.tracking.whiskers import nominal_whisker
@@ -154,7 +154,7 @@ def test_a_long_recording_is_measured_part_by_part_with_a_continuous_angle(monke
     monkeypatch.setattr(base_angle, "PART_ROWS", 110)
     base, _ = measured(lines)
     np.testing.assert_allclose(np.degrees(np.diff(base.angle - angle)), 0, atol=5 * noisy_angle)
-    off = np.degrees(wrapped(base.angle - angle))
+    off = np.degrees(wrap_angle(base.angle - angle))
     np.testing.assert_allclose(off, 0, atol=5 * noisy_angle)
 
 

@@ -9,7 +9,7 @@ from scipy.ndimage import gaussian_filter1d
 from pipeline.detection.static_scene import PoleTrack
 from pipeline.kinematics.curvature import measure
 from pipeline.kinematics.follicle import follicles
-from pipeline.numerics.angles import wrapped
+from pipeline.numerics.angles import wrap_angle
 from pipeline.session.recording import Recording
 from pipeline.tables.centrelines import Centrelines
 
@@ -58,7 +58,7 @@ def test_arc_of_constant_curvature(angle, kappa):
     assert got.curvature_per_m == pytest.approx(kappa, abs=0.15)  # 1/m; float32 nodes
     scale = RECORDING.pixels_per_m
     x, y, turn = follicles(one_row(points), np.array([HIDDEN * scale]), scale)[0]
-    assert abs(np.degrees(wrapped(turn - angle))) < 0.05
+    assert abs(np.degrees(wrap_angle(turn - angle))) < 0.05
     assert np.hypot(x - 100, y - 300) < 0.03  # px
 
 

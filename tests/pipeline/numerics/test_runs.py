@@ -5,11 +5,11 @@ from itertools import pairwise
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.numerics.runs import evenly, stretches
+from pipeline.numerics.runs import evenly, runs_of_true
 
 
 @given(st.lists(st.booleans()))
-def test_stretches_are_those_of_a_walk(mask):
+def test_runs_are_those_of_a_walk(mask):
     found, begun = [], None
     for frame, holds in enumerate([*mask, False]):
         if holds and begun is None:
@@ -17,7 +17,7 @@ def test_stretches_are_those_of_a_walk(mask):
         elif not holds and begun is not None:
             found.append((begun, frame))
             begun = None
-    assert stretches(mask) == found
+    assert runs_of_true(mask) == found
 
 
 @given(st.integers(0, 500), st.integers(2, 50))

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from dense_row import dense_row, whisker_at
 
-from pipeline.detection import ridges, settling
+from pipeline.detection import new_lines, ridges
 from pipeline.detection.image_model import lines_in_background
 from pipeline.detection.static_scene import StaticScene
-from pipeline.numerics.angles import wrapped
+from pipeline.numerics.angles import wrap_angle
 from pipeline.session.recording import Recording
 from pipeline.tracking import row_rotation
 from pipeline.tracking.options import options_for
@@ -135,7 +135,7 @@ def test_the_sides_of_a_face_turn_against_each_other():
     seen = []
     for image, directions in drawn:
         tracks = tracker.step(image)
-        off = [np.abs(wrapped(row_rotation.direction(t.line) - directions)) for t in tracks]
+        off = [np.abs(wrap_angle(row_rotation.direction(t.line) - directions)) for t in tracks]
         seen.append({t.number: int(np.argmin(o)) for t, o in zip(tracks, off, strict=True)})
     assert len(seen[0]) == 14
     assert seen[-1] == seen[0]
@@ -184,8 +184,10 @@ def test_what_a_known_line_leaves_beside_it_is_not_fitted_again(monkeypatch):
     )
     (track,) = tracker.step(image)
     track.line.amplitude *= 0.5  # as if it had got darker: half of its darkness is left
-    settle = settling.settle
-    monkeypatch.setattr(settling, "settle", lambda *at: fitted.append(at) or settle(*at))
+    initialise = new_lines.initialise_line
+    monkeypatch.setattr(
+        new_lines, "initialise_line", lambda *at: fitted.append(at) or initialise(*at)
+    )
     tracker._search_all(image, 1.0)
     assert fitted == []
     tracker.tracks.clear()

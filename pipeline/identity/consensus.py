@@ -1,9 +1,9 @@
-"""Names of a video's lines, found in several ways that vote: better ones have more votes.
+"""Names of a video's lines: the consensus of several namings, of which better ones weigh more.
 
 A whisker keeps its length, however it turns. If after a fast whisk the whole row is named one
-whisker too far along, angles and bends still fit the phase, but lengths do not: so names found in
-such a way have few votes. Some ways see the lines with small random errors added: names that
-change with these are not sure.
+whisker too far along, angles and bends still fit the phase, but lengths do not: so such a naming
+weighs little. Some namings are of lines with small random errors added: names that change with
+these are not sure.
 """
 
 import itertools
@@ -19,74 +19,74 @@ from pipeline.identity.tracklets import named_by_tracklets, often_seen
 
 LEAST_SD = np.array([0.01, np.radians(1.5), 0.05, 0.03, 0.007, 0.005])  # of a look
 ROUNDS = 2  # of naming all lines and learning the appearance from them
-LESS_OF_APPEARANCE = 0.2  # its weight beside motion where a way goes on to another one
+LESS_OF_APPEARANCE = 0.2  # its weight beside motion where a naming starts from another one
 SHARES = 0.15, 0.3  # of the frames, in which whiskers that tracklets lead to are seen
 LENGTH_SD = 0.08  # of the logarithm of a whisker's length
 NO_NAME = 4.5  # cost of a line without a name, as of a length 3 SD off
 NO_LINE = 2.0  # cost of a whisker without a line in a frame
 MAY_MISLEAD = THICKNESS, LENGTH  # names are found once more without each of these
-SURE = 4  # a way counts by this power of the best one's cost over its own
-LEAST_COST = 0.02  # per line, up to which ways are as good
-NAMELESS = 0.5  # part of the votes for no name that counts: a line is seldom no whisker's
-GOES_ON = 0.5  # of the votes that stay: with fewer, a track goes on with another whisker
-ALIKE = 1.5  # power of the share of the votes: ways that share lines share errors, too
+SURE = 4  # a naming weighs this power of the best one's cost over its own
+LEAST_COST = 0.02  # per line, up to which namings are as good
+NAMELESS = 0.5  # part of the weight of no name that counts: a line is seldom no whisker's
+GOES_ON = 0.5  # of the weight that stays: with less, a track goes on with another whisker
+ALIKE = 1.5  # power of a name's share: namings of the same lines share errors, too
 
 
 def best_names(lines) -> tuple[np.ndarray, np.ndarray]:
     """Names (rows,), as whiskers were found, −1 for none, and how sure they are (rows,).
 
-    That is the share of the votes for this name, to the power of ALIKE.
+    That is the share of the namings that agree on it, by weight, to the power of ALIKE.
     """
     if lines.frame[0] == lines.frame[-1]:  # in a single frame every line is a whisker by itself
         return np.arange(len(lines.frame)), np.ones(len(lines.frame))
-    ways = list(_ways(lines))
-    costs = np.array([_length_cost(lines, names) for names in ways])
-    best = ways[int(np.argmin(costs))]
+    namings = list(_namings(lines))
+    costs = np.array([_length_cost(lines, names) for names in namings])
+    best = namings[int(np.argmin(costs))]
     weight = ((costs.min() + LEAST_COST) / (costs + LEAST_COST)) ** SURE
-    named, share = _voted(lines, [_renamed(names, best) for names in ways], weight)
+    named, share = _agreed(lines, [_renamed(names, best) for names in namings], weight)
     return named, share**ALIKE
 
 
-def _voted(lines, ways, weight):
-    """Names (rows,) with the most votes, one line to each in a frame, and their shares (rows,).
+def _agreed(lines, namings, weight):
+    """Names (rows,) that most namings give, one line to each in a frame, and shares (rows,).
 
-    A line's votes are averaged along its track: a name does not change for one frame.
+    A line's shares are averaged along its track: a name does not change for one frame.
 
-    ways : (ways, rows) of the same names; below 0: none
-    weight : (ways,)
+    namings : (namings, rows) of the same names; below 0: none
+    weight : (namings,)
     """
-    ways = np.array(ways)
-    rows, count = np.arange(ways.shape[1]), ways.max(initial=-1) + 1
-    votes = np.zeros((len(rows), count + 1))  # the last one: for no name
-    for names, each in zip(ways, weight / weight.sum(), strict=True):
-        votes[rows, np.where(names < 0, count, names)] += each
-    votes = _along_whiskers(votes, lines)
+    namings = np.array(namings)
+    rows, count = np.arange(namings.shape[1]), namings.max(initial=-1) + 1
+    share = np.zeros((len(rows), count + 1))  # the last one: of no name
+    for names, each in zip(namings, weight / weight.sum(), strict=True):
+        share[rows, np.where(names < 0, count, names)] += each
+    share = _along_whiskers(share, lines)
     named = np.full(len(rows), count)
     for first, last in itertools.pairwise(lines.starts):
         # every line may be the one without a name
-        none = np.diag(NAMELESS * votes[first:last, count])
-        choices = np.hstack([votes[first:last, :count], none])
+        none = np.diag(NAMELESS * share[first:last, count])
+        choices = np.hstack([share[first:last, :count], none])
         line, choice = linear_sum_assignment(choices, maximize=True)
         named[first + line] = np.minimum(choice, count)
-    return np.where(named < count, named, -1), votes[rows, named]
+    return np.where(named < count, named, -1), share[rows, named]
 
 
-def _along_whiskers(votes, lines):
-    """Votes (rows, names), averaged along tracks up to where most ways see another whisker."""
+def _along_whiskers(share, lines):
+    """Shares (rows, names), averaged along tracks up to where most namings see another whisker."""
     order, first, _ = lines.pieces
-    same = np.minimum(votes[order[1:]], votes[order[:-1]]).sum(axis=1)
+    same = np.minimum(share[order[1:]], share[order[:-1]]).sum(axis=1)
     first = np.union1d(first, np.flatnonzero(same < GOES_ON) + 1)
     last = np.append(first[1:], len(order))
-    return along_tracks(votes, order, first, last, lines.limits.along_track)
+    return along_tracks(share, order, first, last, lines.limits.along_track)
 
 
-def _ways(lines):
-    """Names (rows,) from different first ones on, and again from each of these.
+def _namings(lines):
+    """Yield names (rows,) from different first ones on, and again from each of these.
 
     The second time is reversed, with random errors added: what misleads in one direction seldom
     does in the other. And names need not keep to tracks: where a track has gone over to
-    another whisker, all ways that follow it are wrong together. Thickness and length are not seen
-    well where a whisker is blurred or runs into another one: two more ways do without them.
+    another whisker, all namings that follow it are wrong together. Thickness and length are not
+    seen well where a whisker is blurred or runs into another one: two more do without them.
     """
     back, rows = lines.backwards()
     rng = np.random.default_rng(0)

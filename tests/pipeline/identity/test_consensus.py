@@ -1,11 +1,11 @@
-"""Which of several ways to name the lines of a video is believed."""
+"""Which of several namings of a video's lines is believed."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from pipeline.identity import ways
+from pipeline.identity import consensus
 from pipeline.identity.features import ANGLE, BEND, LENGTH, N_FEATURES
 from pipeline.identity.ordered_assignment import Lines
 
@@ -34,54 +34,58 @@ def moved_on(true):
 
 def test_a_row_named_one_whisker_further_costs_more_than_the_true_names():
     lines, true = row(np.random.default_rng(1))
-    assert ways._length_cost(lines, moved_on(true)) > 2 * ways._length_cost(lines, true)
+    assert consensus._length_cost(lines, moved_on(true)) > 2 * consensus._length_cost(lines, true)
 
 
 @pytest.mark.parametrize("wrong_first", [True, False])
-def test_the_way_that_keeps_lengths_is_believed_and_the_other_one_hardly_counts(
+def test_the_naming_that_keeps_lengths_is_believed_and_the_other_one_hardly_counts(
     monkeypatch, wrong_first
 ):
     lines, true = row(np.random.default_rng(2))
     found = [moved_on(true), true]
-    monkeypatch.setattr(ways, "_ways", lambda _: iter(found if wrong_first else found[::-1]))
-    names, sure = ways.best_names(lines)
+    monkeypatch.setattr(
+        consensus, "_namings", lambda _: iter(found if wrong_first else found[::-1])
+    )
+    names, sure = consensus.best_names(lines)
     assert np.array_equal(names, true)
     assert np.all(sure > 0.8)
 
 
-def test_good_ways_that_disagree_take_confidence(monkeypatch):
+def test_good_namings_that_disagree_take_confidence(monkeypatch):
     lines, true = row(np.random.default_rng(3))
-    lines.features[:, LENGTH] = np.log(100 + true)  # both ways keep them
+    lines.features[:, LENGTH] = np.log(100 + true)  # both namings keep them
     exchanged = np.flatnonzero((lines.frame >= 80) & (true < 2))
     other = true.copy()
     other[exchanged] = 1 - true[exchanged]
-    monkeypatch.setattr(ways, "_ways", lambda _: iter([true, other]))
-    names, sure = ways.best_names(lines)
+    monkeypatch.setattr(consensus, "_namings", lambda _: iter([true, other]))
+    names, sure = consensus.best_names(lines)
     assert np.array_equal(names, true)
     assert np.allclose(sure[true >= 2], 1)
     late = exchanged[lines.frame[exchanged] >= 80 + lines.limits.along_track]
-    assert np.all((sure[late] > 0.5**ways.ALIKE) & (sure[late] < 0.55))  # the better one of two
+    assert np.all(
+        (sure[late] > 0.5**consensus.ALIKE) & (sure[late] < 0.55)
+    )  # the better one of two
 
 
-def test_names_are_voted_for_line_by_line_and_no_whisker_has_two_lines():
+def test_names_are_agreed_on_line_by_line_and_no_whisker_has_two_lines():
     frame = np.array([0, 0, 1, 1])
     lines = Lines(np.zeros((4, N_FEATURES)), frame, np.arange(4))  # four tracks
     found = [[0, 1, 0, 1], [0, 1, 1, 0], [1, 0, 1, 0], [1, -1, 1, -1]]
-    named, share = ways._voted(lines, found, np.array([3.0, 2.0, 1.5, 1.5]))
+    named, share = consensus._agreed(lines, found, np.array([3.0, 2.0, 1.5, 1.5]))
     assert named.tolist() == [0, 1, 1, 0]
     assert np.allclose(share, [5 / 8, 5 / 8, 5 / 8, 3.5 / 8])
-    named, share = ways._voted(lines, found[2:], np.array([1.0, 3.0]))
+    named, share = consensus._agreed(lines, found[2:], np.array([1.0, 3.0]))
     assert named.tolist() == [1, -1, 1, -1]
     assert np.allclose(share, [1, 0.75, 1, 0.75])
 
 
-def test_votes_for_no_name_count_by_half():
+def test_no_name_counts_by_half():
     lines = Lines(np.zeros((1, N_FEATURES)), np.zeros(1, int), np.zeros(1, int))
     found = [[0], [-1]]
-    for votes, name in (([1.0, 1.9], 0), ([1.0, 2.1], -1)):
-        named, share = ways._voted(lines, found, np.array(votes))
+    for weights, name in (([1.0, 1.9], 0), ([1.0, 2.1], -1)):
+        named, share = consensus._agreed(lines, found, np.array(weights))
         assert named.tolist() == [name]
-        assert share == pytest.approx(votes[0 if name == 0 else 1] / sum(votes))
+        assert share == pytest.approx(weights[0 if name == 0 else 1] / sum(weights))
 
 
 def one_track(frames):
@@ -92,33 +96,35 @@ def one_track(frames):
 def test_a_name_does_not_change_for_one_frame_of_a_track():
     found = np.repeat([[0], [0], [0], [1], [1]], 31, axis=1)
     found[0, 15] = 1
-    named, _ = ways._voted(one_track(31), list(found), np.ones(5))
+    named, _ = consensus._agreed(one_track(31), list(found), np.ones(5))
     assert not named.any()
 
 
-def test_names_change_where_most_ways_see_the_track_go_on_with_another_whisker():
+def test_names_change_where_most_namings_see_the_track_go_on_with_another_whisker():
     found = np.repeat(np.arange(31) >= 15, 5).reshape(31, 5).T.astype(int)
     found[4] = 0
-    named, share = ways._voted(one_track(31), list(found), np.ones(5))
+    named, share = consensus._agreed(one_track(31), list(found), np.ones(5))
     assert np.array_equal(named, np.arange(31) >= 15)
     assert share == pytest.approx(np.where(np.arange(31) >= 15, 0.8, 1.0))
 
 
 def test_lines_measured_again_have_other_errors_of_the_least_size():
     lines, _ = row(np.random.default_rng(9))
-    off = ways._measured_again(lines, np.random.default_rng(0)).features - lines.features
+    off = consensus._measured_again(lines, np.random.default_rng(0)).features - lines.features
     seen = [ANGLE, BEND, LENGTH]
     assert np.isnan(np.delete(off, seen, axis=1)).all()
-    assert off[:, seen].std(axis=0) == pytest.approx(ways.LEAST_SD[seen], rel=0.1)
+    assert off[:, seen].std(axis=0) == pytest.approx(consensus.LEAST_SD[seen], rel=0.1)
 
 
 @pytest.mark.parametrize("by_motion", [False, True])
-def test_names_are_as_sure_where_a_way_to_them_counts_looks_less(monkeypatch, by_motion):
+def test_names_are_as_sure_where_a_naming_counts_looks_less(monkeypatch, by_motion):
     lines, true = row(np.random.default_rng(4))
-    usual = ways._likeliest(lines, ways.seeds.appearance_of(lines, true, ways.LEAST_SD), true)
-    found, _ = ways._likeliest(lines, usual[1], true, by_motion)
-    monkeypatch.setattr(ways, "_ways", lambda _: iter([found]))
-    names, sure = ways.best_names(lines)
+    usual = consensus._likeliest(
+        lines, consensus.seeds.appearance_of(lines, true, consensus.LEAST_SD), true
+    )
+    found, _ = consensus._likeliest(lines, usual[1], true, by_motion)
+    monkeypatch.setattr(consensus, "_namings", lambda _: iter([found]))
+    names, sure = consensus.best_names(lines)
     assert np.array_equal(names, true)
     assert np.median(sure) > 0.9
 
@@ -126,16 +132,16 @@ def test_names_are_as_sure_where_a_way_to_them_counts_looks_less(monkeypatch, by
 def test_the_second_time_names_may_leave_tracks(monkeypatch):
     lines, _ = row(np.random.default_rng(4))
     held = []
-    improved = ways.label_swaps.improved
+    improved = consensus.label_swaps.improved
     monkeypatch.setattr(
-        ways.label_swaps,
+        consensus.label_swaps,
         "improved",
         lambda evidence, *rest: held.append(evidence.price.any()) or improved(evidence, *rest),
     )
-    found = list(ways._ways(lines))
-    tracks, none = [True] * ways.ROUNDS, [False] * ways.ROUNDS
-    starts = (len(found) - len(ways.MAY_MISLEAD)) // 2
-    assert held == (tracks + none) * starts + tracks * len(ways.MAY_MISLEAD)
+    found = list(consensus._namings(lines))
+    tracks, none = [True] * consensus.ROUNDS, [False] * consensus.ROUNDS
+    starts = (len(found) - len(consensus.MAY_MISLEAD)) // 2
+    assert held == (tracks + none) * starts + tracks * len(consensus.MAY_MISLEAD)
 
 
 def test_a_way_without_lengths_finds_the_same_names_whatever_they_are():
@@ -148,14 +154,14 @@ def test_a_way_without_lengths_finds_the_same_names_whatever_they_are():
     features[:, LENGTH] = rng.permutation(features[:, LENGTH])
     mixed = replace(lines, features=features)
     for each in (lines, mixed):
-        assert np.array_equal(ways._without(each, LENGTH, swapped), true)
+        assert np.array_equal(consensus._without(each, LENGTH, swapped), true)
 
 
 def test_a_whisker_that_is_taken_for_two_in_turn_costs_more():
     lines, true = row(np.random.default_rng(5))
     lines.features[(true == 2) & (lines.frame % 40 < 20), LENGTH] -= 0.3  # its tip fades in turn
     two = np.where((true == 2) & (lines.frame % 40 < 20), len(LENGTHS), true)
-    assert ways._length_cost(lines, two) > ways._length_cost(lines, true)
+    assert consensus._length_cost(lines, two) > consensus._length_cost(lines, true)
 
 
 def test_lines_backwards_are_the_same_lines_and_forwards_again_after_twice():
@@ -172,7 +178,7 @@ def test_every_way_names_the_row():
     lines, true = row(np.random.default_rng(5))
     first = 7  # frames without lines before
     late = Lines(lines.features, lines.frame + first, lines.track, lines.limits)
-    found = list(ways._ways(late))
+    found = list(consensus._namings(late))
     assert len(found) >= 2
     for names in found:
-        assert (ways._renamed(names, true) == true).mean() > 0.95
+        assert (consensus._renamed(names, true) == true).mean() > 0.95

@@ -15,7 +15,7 @@ THINNEST_SIGMA, BROADEST_SIGMA = 0.6, 6.0  # px, of a line's half-width; broad o
 SURE_GROWTH_SE, LEAST_GROWTH = 4.0, 0.05  # of the log of the half-width towards the tip
 
 
-def settle(picture, curve, fit: line_fit.Fit, workspace) -> Line:
+def initialise_line(picture, curve, fit: line_fit.Fit, workspace) -> Line:
     """Fit a line to a rough curve (n, 2): centre, width, base and visible end.
 
     picture : `Picture`
@@ -23,12 +23,12 @@ def settle(picture, curve, fit: line_fit.Fit, workspace) -> Line:
     line = Line.empty(workspace.limit)
     n = min(len(curve), workspace.limit)
     line.x[:n], line.y[:n] = curve[:n].T
-    line.n, line.quality = _settle(picture, line.values, n, fit, workspace.room)
+    line.n, line.quality = _initialise(picture, line.values, n, fit, workspace.room)
     return line
 
 
 @njit(cache=True)
-def _settle(picture, values, n, fit, room):
+def _initialise(picture, values, n, fit, room):
     """Fit nodes until the line gets no longer; returns how many they are, and the quality."""
     nodes, scratch = nodes_of(values), scratch_of(room)
     n, quality = polyline.resample(nodes.x, nodes.y, n, scratch.room), 0.0
