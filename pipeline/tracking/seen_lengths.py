@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from pipeline.numerics.runs import evenly
 from pipeline.tracking.registry import find_templates
 from pipeline.tracking.whiskers import ENOUGH_FRAMES, options_for_picture, tracing_options
 
@@ -38,7 +39,7 @@ def odd_length(indices, frames, epochs, templates, settings) -> SeenLength | Non
     odd = None
     if limited or not templates:
         options = options_for_picture(recording, shape)
-        few = np.unique(np.linspace(0, len(frames) - 1, ENOUGH_FRAMES).astype(int))
+        few = evenly(len(frames), ENOUGH_FRAMES)
         again = find_templates(frames[few], epochs, options, indices=np.asarray(indices)[few])
         shortest_px = tracing_options(settings, shape).shortest_px
         odd = _longer(limited, again) if templates else _too_short(again, shortest_px)
