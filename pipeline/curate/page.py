@@ -12,6 +12,7 @@ from pipeline.curate.courses import Courses
 from pipeline.curate.desk import Desk
 from pipeline.curate.keys import COMMANDS
 from pipeline.curate.picture import PATIENCE_S, Picture
+from pipeline.curate.review import Span
 from pipeline.errors import VideoError
 
 ALLOWED = frozenset(COMMANDS.values()) | {"finish_now"}
@@ -77,8 +78,9 @@ class Page:
         what, _, value = command.partition(":")
         if what == "hello":  # the browser has nothing yet
             self._parts = {}
-        elif what == "item" and value.isdecimal() and int(value) < len(self.desk.items):
-            self.desk.select(self.desk.items[int(value)].span)
+        elif what == "item":  # by its frames: the list may have changed since it was clicked
+            onset, offset, whisker = value.split(":", 2)
+            self.desk.select(Span(whisker, int(onset), int(offset)))
         elif what == "video":
             self.desk.open_video(value)
         elif what == "frame":

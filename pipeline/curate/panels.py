@@ -173,10 +173,9 @@ def _rows(desk):
         before = sum(item.span.onset <= desk.frame for item in items)
         first = max(0, before - MOST_ROWS // 2)
     rate = desk.video.recording.frames_per_second
-    for index, item in enumerate(items[first : first + MOST_ROWS], first):
+    for item in items[first : first + MOST_ROWS]:
         span = item.span
         yield {
-            "index": index,
             "css": state_of(item),
             "selected": span == desk.selected,
             "whisker": span.whisker,

@@ -13,14 +13,17 @@ from urllib.parse import urlsplit
 
 import numpy as np
 import pytest
+from bokeh.document import Document
 from browser import show_as_before, word_faults
-from curated import FRAMES, PATIENCE_S, contacts_of, edges
+from curated import FRAMES, PATIENCE_S, contacts_of, edges, opened
 from headless import show
 
 from pipeline.contacts.corrections import read_corrections
 from pipeline.curate import curate
 from pipeline.curate.decisions import user_name
 from pipeline.curate.keys import KEYS
+from pipeline.curate.page import Page
+from pipeline.curate.panels import panels
 from pipeline.errors import InputError
 from pipeline.runtime.folder_lock import locked
 from pipeline.tables.result_exchange import draft, is_settled
@@ -160,6 +163,17 @@ def test_results_of_a_killed_run_are_put_in_place_first(results):
     curate(results, open_browser=False, block=False, say=lambda line: None).stop()
     assert is_settled(folder)
     assert (folder / "evidence.parquet").is_file()
+
+
+def test_a_row_that_was_clicked_is_that_contact_whatever_the_list_has_become(results):
+    """As where another tab has added a contact, or the answer to the last key has not come yet."""
+    with opened(results) as folder:
+        page = Page(Document(), folder, finish=None)
+        before = page.desk.items
+        rows = re.findall(r'data-do="(item:[^"]+)"', panels(page.desk)["items"])
+        page.desk.video.review.add(page.desk.whisker, 0, 1)
+        page._obey(rows[-1])
+        assert page.desk.selected == before[-1].span
 
 
 # ---- in a browser --------------------------------------------------------------------------
