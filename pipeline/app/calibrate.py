@@ -64,8 +64,7 @@ def geometry(
 
     scale = {"--pixels-per-mm": pixels_per_mm, "--scale-bar-mm": scale_bar_mm}
     target = _target(into, whisker)
-    if run_geometry(images, scale, out, mass_ug or (), target, typer.echo):
-        raise typer.Exit(FAILED)
+    _leave(run_geometry(images, scale, out, mass_ug or (), target, typer.echo))
 
 
 @calibrate.command()
@@ -101,7 +100,7 @@ def ringdown(
 
     if into is not None:
         _target(into, whisker)
-    run_ringdown(results, out, frames or (), follicle, into, whisker, typer.echo)
+    _leave(run_ringdown(results, out, frames or (), follicle, into, whisker, typer.echo))
 
 
 @calibrate.command()
@@ -130,7 +129,7 @@ def dust(
     """
     from pipeline.app.calibrate_dust import run_dust
 
-    run_dust(results, out, whisker, at_mm, typer.echo)
+    _leave(run_dust(results, out, whisker, at_mm, typer.echo))
 
 
 @calibrate.command()
@@ -166,7 +165,12 @@ def views(
     """
     from pipeline.app.calibrate_views import run_views
 
-    run_views(first, second, points, out, whisker, typer.echo)
+    _leave(run_views(first, second, points, out, whisker, typer.echo))
+
+
+def _leave(left_out):
+    """Leave with the exit status of `run`: 1 where something could not be measured."""
+    raise typer.Exit(FAILED if left_out else 0)
 
 
 def _target(into, whisker):

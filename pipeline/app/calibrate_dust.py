@@ -3,13 +3,14 @@
 from pipeline.app.calibrate_each import each, one_whisker
 from pipeline.calibrate.dust_files import pooled_slope, write_dust
 from pipeline.calibrate.follicle_motion import measure_follicle_motion
-from pipeline.calibrate.particle import NoParticleError
 from pipeline.convert.results import read_results
 from pipeline.errors import counted
 
 
-def run_dust(results, out, whisker, at_mm, say) -> None:
+def run_dust(results, out, whisker, at_mm, say) -> list[str]:
     """Follow the particle through all videos and write the results; nothing where none has one.
+
+    Returns why videos were left out, each in a sentence.
 
     Parameters
     ----------
@@ -25,7 +26,6 @@ def run_dust(results, out, whisker, at_mm, say) -> None:
     motions, faults = each(
         videos,
         lambda video: measure_follicle_motion(video, name, at_mm),
-        NoParticleError,
         _sentence,
         say,
         label=lambda video: f"{video.name}, whisker {name}: ",
@@ -43,6 +43,7 @@ def run_dust(results, out, whisker, at_mm, say) -> None:
     written = write_dust(out, motions)
     say(slope_sentence(pooled_slope(motions)))
     say(f"tables and figures: {written[0].parent}")
+    return faults
 
 
 def _sentence(motion):

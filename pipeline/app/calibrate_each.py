@@ -1,5 +1,6 @@
 """What the `calibrate` commands share: which whisker is meant, and one case after the other."""
 
+from pipeline.errors import VideoError, in_words
 from pipeline.tables.known_names import in_short
 
 
@@ -10,7 +11,8 @@ def one_whisker(videos, wanted, which="one") -> str:
 
     Raises ValueError where it is not there, or is not clear.
     """
-    names = list(dict.fromkeys(name for video in videos for name in video.whiskers))
+    names = list(dict.fromkeys(name for video in videos for name in _names_in(video)))
+    names = names or list(videos[0].whiskers)  # or the reason why they cannot be read
     if wanted is None and len(names) == 1:
         return names[0]
     if wanted is None or wanted not in names:
@@ -19,20 +21,30 @@ def one_whisker(videos, wanted, which="one") -> str:
     return wanted
 
 
-def each(cases, measure, refusal, sentence, say, label=lambda case: ""):
+def _names_in(video) -> tuple[str, ...]:
+    """Names of a video's whiskers; none where its tables are damaged, as measuring it will say."""
+    try:
+        return video.whiskers
+    except (ValueError, OSError):
+        return ()
+
+
+def each(cases, measure, sentence, say, label=lambda case: ""):
     """Measure all cases that can be; return the measurements, and why others are left out.
 
-    measure : called with a case; raises `refusal`, an exception, where it cannot be measured
+    A case is left out where it cannot be measured, or its video or tables cannot be read.
+
+    measure : called with a case
     sentence : a measurement in words
-    label : what stands before a refusal, of a case
+    label : of a case, what stands before the reason for leaving it out
     say : prints a line, for every case
     """
     measured, faults = [], []
     for case in cases:
         try:
             measured.append(measure(case))
-        except refusal as error:
-            faults.append(f"{label(case)}{error}")
+        except (ValueError, VideoError, OSError) as error:
+            faults.append(f"{label(case)}{in_words(error)}")
             say(f"left out: {faults[-1]}")
         else:
             say(sentence(measured[-1]))

@@ -7,7 +7,7 @@ from pipeline.app.calibrate_each import each
 from pipeline.calibrate.find_whisker import NoWhiskerError
 from pipeline.calibrate.geometry import measure_geometry
 from pipeline.calibrate.geometry_files import pooled, remarks, write_geometry, write_into
-from pipeline.errors import VideoError, counted
+from pipeline.errors import counted
 
 UNLIKE = 0.05  # SD of whiskers' base radius over its mean: forces differ by four times as much
 LENGTH_MM, BASE_RADIUS_UM = (1.0, 200.0), (2.0, 500.0)  # plausible
@@ -31,7 +31,6 @@ def run_geometry(images, scale, out, masses, target, say) -> list[str]:
     measured, faults = each(
         itertools.zip_longest(images, masses),
         lambda pair: (_measured(pair[0], scale), pair[1]),
-        (NoWhiskerError, VideoError),
         lambda pair: _sentence(pair[0]),
         say,
     )

@@ -1,14 +1,16 @@
 """`whiskerforce calibrate ringdown`: slips in, Young's modulus and damping out."""
 
 from pipeline.app.calibrate_each import each
-from pipeline.calibrate.ringdown import TooShortError, check_frame_rate, fit_slip, pool, whisker_of
+from pipeline.calibrate.ringdown import check_frame_rate, fit_slip, pool, whisker_of
 from pipeline.calibrate.ringdown_files import write_into, write_ringdown
-from pipeline.calibrate.slips import find_slips, named_slips, settings_of
+from pipeline.calibrate.slips import find_slips, named_slips
 from pipeline.errors import counted
 
 
-def run_ringdown(results, out, places, follicle, into, name, say) -> None:
+def run_ringdown(results, out, places, follicle, into, name, say) -> list[str]:
     """Fit all slips, write the results, then the session; nothing where no slip can be fitted.
+
+    Returns why slips were left out, each in a sentence.
 
     Parameters
     ----------
@@ -20,18 +22,19 @@ def run_ringdown(results, out, places, follicle, into, name, say) -> None:
     boundary = _boundary(follicle)
     slips = named_slips(results, places) if places else find_slips(results)
     slips = _of_one_whisker(slips, name)
-    settings = settings_of(results, slips[0].video)
+    settings = slips[0].video.settings
     whisker = whisker_of(settings, slips[0].whisker)
     check_frame_rate(settings.recording.frames_per_second, whisker, boundary)
-    fits = _fitted(results, slips, whisker, boundary, say)
+    fits, faults = _fitted(results, slips, whisker, boundary, say)
     together = pool(fits, whisker, boundary)
-    written = write_ringdown(out, results, fits, together, whisker, boundary)
+    written = write_ringdown(out, fits, together, whisker, boundary)
     _say_pooled(together, follicle, say)
     say(f"tables and figure: {written[0].parent}")
     if into:
         values = write_into(into, name, together)
         text = ", ".join(f"{key} = {value:g}" for key, value in values.items())
         say(f"{into}, whisker {name}: {text}")
+    return faults
 
 
 def _boundary(follicle):
@@ -65,11 +68,10 @@ def _of_one_whisker(slips, name):
 
 
 def _fitted(results, slips, whisker, boundary, say):
-    """Fits of all slips that carry one; says why the others do not."""
+    """Fits of all slips that carry one, and why the others do not."""
     fits, faults = each(
         slips,
-        lambda slip: fit_slip(results, slip, boundary),
-        TooShortError,
+        lambda slip: fit_slip(slip, boundary),
         lambda fit: f"{fit.slip}: {_sentence(fit, fit.youngs_modulus(whisker, boundary))}",
         say,
         label=lambda slip: f"{slip}: ",
@@ -79,7 +81,7 @@ def _fitted(results, slips, whisker, boundary, say):
             f"{results}: {counted(len(slips), 'slip')}, and none can be fitted; the first: "
             f"{faults[0]}"
         )
-    return fits
+    return fits, faults
 
 
 def _sentence(each, modulus):

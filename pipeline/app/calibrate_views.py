@@ -9,8 +9,10 @@ from pipeline.calibrate.views_files import write_views
 from pipeline.convert.results import read_results
 
 
-def run_views(first, second, points, out, whisker, say) -> None:
+def run_views(first, second, points, out, whisker, say) -> list[str]:
     """Put two views together and write what they show; nothing where they do not match.
+
+    Returns why videos were left out, each in a sentence.
 
     Parameters
     ----------
@@ -19,8 +21,6 @@ def run_views(first, second, points, out, whisker, say) -> None:
     whisker : its name, or None for the only one
     say : prints a line
     """
-    from pipeline.run import analyse_lines
-
     pairs = _pairs(read_results(first), read_results(second), first, second)
     name = one_whisker([video for video, _ in pairs], whisker)
     views = _fitted(points, pairs[0][0].settings.recording.pixels_per_mm)
@@ -30,8 +30,7 @@ def run_views(first, second, points, out, whisker, say) -> None:
     )
     measured, faults = each(
         pairs,
-        lambda pair: measure_views(*pair, views, name, analyse_lines),
-        ViewsError,
+        lambda pair: _measured(*pair, second, views, name),
         _sentence,
         say,
     )
@@ -39,6 +38,7 @@ def run_views(first, second, points, out, whisker, say) -> None:
         raise ViewsError(f"{first}: no video can be put together with {second}: {faults[0]}")
     written = write_views(out, views, measured)
     say(f"tables and figure: {written[0].parent}")
+    return faults
 
 
 def _fitted(points, first_scale):
@@ -50,13 +50,21 @@ def _fitted(points, first_scale):
         raise ViewsError(f"--points {points}: {error}") from None
 
 
+def _measured(video, other, second, views, name):
+    from pipeline.run import analyse_lines
+
+    if other is None:
+        raise ViewsError(f"{video.name}: no video of that name in {second}")
+    return measure_views(video, other, views, name, analyse_lines)
+
+
 def _pairs(ours, theirs, first, second):
-    """Videos that belong together: of the same name, or one and one."""
+    """Each of our videos with that of theirs of the same name, or None; or one with one."""
     if len(ours) == len(theirs) == 1:
         return [(ours[0], theirs[0])]
     known = {video.name: video for video in theirs}
-    pairs = [(video, known[video.name]) for video in ours if video.name in known]
-    if not pairs:
+    pairs = [(video, known.get(video.name)) for video in ours]
+    if not any(other for _, other in pairs):
         raise ViewsError(
             f"{first} and {second}: no video has the same name in both ({ours[0].name}, … and "
             f"{theirs[0].name}, …); name the two views' videos alike"

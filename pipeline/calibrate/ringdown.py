@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import stdtrit
 
-from pipeline.calibrate.slips import Slip, frames_of, settings_of, tracked
+from pipeline.calibrate.slips import Slip, tracked
 from whiskermodel.modes import modes
 from whiskermodel.ringdown import Estimate, RingdownFit, fit_ringdown, youngs_modulus
 from whiskermodel.whisker import Whisker
@@ -99,12 +99,11 @@ def first_frequency(whisker: Whisker, boundary, modulus) -> float:
     return float(first * np.sqrt(modulus / whisker.youngs_modulus))
 
 
-def fit_slip(results, slip: Slip, boundary="fixed") -> SlipFit:
+def fit_slip(slip: Slip, boundary="fixed") -> SlipFit:
     """Fit the ring-down after one slip.
 
     Parameters
     ----------
-    results : folder of `whiskerforce run`
     boundary : "fixed", "pinned" or the follicle's stiffness in units of E I0/L
 
     Raises
@@ -112,11 +111,11 @@ def fit_slip(results, slip: Slip, boundary="fixed") -> SlipFit:
     TooShortError
         Where its frames are too few for the fit.
     """
-    settings = settings_of(results, slip.video)
+    settings = slip.video.settings
     whisker = whisker_of(settings, slip.whisker)
     rate = settings.recording.frames_per_second
     period = 2 * np.pi / first_frequency(whisker, boundary, USUAL_MODULUS)
-    time, curvature, se = _signal(results, slip, rate, period)
+    time, curvature, se = _signal(slip, rate, period)
     first = _fit_first(time, curvature, se, whisker, boundary)
     simpler, fit = _fit_all(time, curvature, se, first, _ratios(whisker, boundary))
     names = "angular_frequency", "damping_rate", "undamped_angular_frequency"
@@ -138,9 +137,9 @@ def whisker_of(settings, name) -> Whisker:
     return given[name].si()
 
 
-def _signal(results, slip, rate, period):
+def _signal(slip, rate, period):
     """Time [s], curvature change [1/m] and its standard error from the slip on."""
-    frames = frames_of(results, slip)
+    frames = slip.frames
     frames = frames[frames["frame"] < slip.first + LONGEST_PERIODS * period * rate]
     free = len(frames) / rate
     if free < LEAST_PERIODS * period:

@@ -19,7 +19,7 @@ def ringdown_table(fits: list[SlipFit], together: Pooled, whisker, boundary) -> 
     """Rows of ringdown.csv: a slip each, then all pooled."""
     rows = [
         _row(
-            (each.slip.video, each.slip.whisker, each.slip.first),
+            (each.slip.video.name, each.slip.whisker, each.slip.first),
             (each.angular_frequency, each.damping, each.youngs_modulus(whisker, boundary)),
         )
         for each in fits
@@ -41,7 +41,7 @@ def _row(names, estimates):
     return row
 
 
-def write_ringdown(out, results, fits, together, whisker, boundary) -> list[Path]:
+def write_ringdown(out, fits, together, whisker, boundary) -> list[Path]:
     """Write ringdown.csv, follicle.csv and the figure."""
     follicle = list(moduli_by_follicle(together, whisker, STIFFNESSES))
     lines = [
@@ -52,7 +52,7 @@ def write_ringdown(out, results, fits, together, whisker, boundary) -> list[Path
     table = ringdown_table(fits, together, whisker, boundary)
     with new_files(out) as new:
         write_text(new / "follicle.csv", "\n".join([header, *lines, ""]))
-        draw_ringdown(new / "ringdown.png", results, fits, together)
+        draw_ringdown(new / "ringdown.png", fits, together)
         write_csv(new / "ringdown.csv", table, RINGDOWN_COLUMNS)
     return [Path(out) / name for name in ("ringdown.csv", "follicle.csv", "ringdown.png")]
 

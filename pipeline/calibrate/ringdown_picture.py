@@ -1,34 +1,30 @@
 """The ring-down as the paper's Fig. 5: the whisker, its curvature, all slips."""
 
-from pathlib import Path
-
 import numpy as np
 
 from pipeline.calibrate.pictures import save
 from pipeline.reports.plots import ACCENT, BLACK, PALE
-from pipeline.tables.centrelines import read_centrelines
 
 BEFORE, AFTER = 4, 12  # frames that panel a shows
 
 
-def draw_ringdown(path, results, fits, together) -> None:
+def draw_ringdown(path, fits, together) -> None:
     """Draw Fig. 5a–c of these slips; a and b show the one whose frequency is best known."""
     from matplotlib.figure import Figure
 
     shown = min(fits, key=lambda each: each.undamped.high - each.undamped.low)
     figure = Figure(figsize=(11, 3.6), layout="constrained")
     a, b, c = figure.subplots(1, 3)
-    _whisker(a, results, shown.slip)
+    _whisker(a, shown.slip)
     _curvature(b, shown)
     _all_slips(c, fits, together)
     save(path, figure, (a, b, c))
 
 
-def _whisker(axes, results, slip):
+def _whisker(axes, slip):
     first, last = slip.first - BEFORE, min(slip.first + AFTER, slip.end)
-    lines = read_centrelines(
-        Path(results) / slip.video / "centrelines.parquet",
-        [("whisker", "==", slip.whisker), ("frame", ">=", first), ("frame", "<", last)],
+    lines = slip.video.lines(
+        [("whisker", "==", slip.whisker), ("frame", ">=", first), ("frame", "<", last)]
     )
     for row, frame in enumerate(lines.frame):
         colour = PALE if frame < slip.first else BLACK

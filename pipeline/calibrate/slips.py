@@ -1,29 +1,40 @@
 """Slips in a results folder: where a whisker slips off the pole, and how long it is free after."""
 
+import math
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
-from pipeline.session.inputs import need_results
-from pipeline.session.schema import Settings
-from pipeline.session.session_file import read_session
-from pipeline.tables.columns import CONTACT_COLUMNS
-from pipeline.tables.files import read_csv, read_frames
+from pipeline.convert.results import VideoResults, read_results
+from pipeline.reports.session_numbers import read_contacts
 
 
 @dataclass(frozen=True)
 class Slip:
-    """A slip of one whisker in one video, with the free frames after it (half-open)."""
+    """A slip of one whisker in one video.
 
-    video: str
+    Attributes
+    ----------
+    video, whisker : the video's results, the whisker's name
+    first : the first free frame
+    end : the first frame of the next contact; inf where none follows
+    """
+
+    video: VideoResults
     whisker: str
     first: int
-    end: int
+    end: float
 
     def __str__(self):
-        return f"{self.video}, whisker {self.whisker}, frame {self.first}"
+        return f"{self.video.name}, whisker {self.whisker}, frame {self.first}"
+
+    @property
+    def frames(self) -> pd.DataFrame:
+        """The whisker's rows of frames.parquet from the slip to its end, by frame."""
+        rows = self.video.of(self.whisker)
+        inside = (rows["frame"] >= self.first) & (rows["frame"] < self.end)
+        return rows[inside].reset_index(drop=True)
 
 
 def find_slips(results) -> list[Slip]:
@@ -34,11 +45,12 @@ def find_slips(results) -> list[Slip]:
     ValueError
         Where the folder holds no results, or there is no slip.
     """
-    contacts = _contacts(results)
+    contacts, videos = _read(results)
     rows = contacts[contacts["slip"] & (contacts["offset_frame"] > 0)]
     slips = [
-        _slip(results, contacts, row.video, row.whisker, int(row.offset_frame))
+        _slip(videos[row.video], contacts, row.whisker, int(row.offset_frame))
         for row in rows.itertuples()
+        if row.video in videos
     ]
     if not slips:
         raise ValueError(
@@ -53,7 +65,7 @@ def named_slips(results, places) -> list[Slip]:
 
     Video and whisker may be left out where there is only one.
     """
-    contacts, folders = _contacts(results), _videos(results)
+    contacts, videos = _read(results)
     slips = []
     for place in places:
         *names, frame = place.split(":")
@@ -62,26 +74,16 @@ def named_slips(results, places) -> list[Slip]:
                 f"--frames {place}: expected VIDEO:WHISKER:FRAME, or FRAME where there is one "
                 "video and whisker; the first frame in which the whisker is free"
             )
-        video = _one_of(place, "video", names[:1], folders)
-        whiskers = [w.name for w in settings_of(results, video).whisker]
+        video = videos[_one_of(place, "video", names[:1], list(videos))]
+        whiskers = [w.name for w in video.settings.whisker]
         whisker = _one_of(place, "whisker", names[1:], whiskers)
-        slips.append(_slip(results, contacts, video, whisker, int(frame)))
+        slips.append(_slip(video, contacts, whisker, int(frame)))
     return slips
 
 
-def settings_of(results, video) -> Settings:
-    """The settings that a video was processed with."""
-    own = Path(results) / video / "session.toml"
-    return read_session(own if own.is_file() else Path(results) / "session.toml")
-
-
-def _contacts(results):
-    need_results(results)
-    return read_csv(Path(results) / "contacts.csv", CONTACT_COLUMNS)
-
-
-def _videos(results):
-    return sorted(path.parent.name for path in Path(results).glob("*/frames.parquet"))
+def _read(results) -> tuple[pd.DataFrame, dict[str, VideoResults]]:
+    """The contacts of a results folder, and its videos by name."""
+    return read_contacts(results), {video.name: video for video in read_results(results)}
 
 
 def _one_of(place, what, given, known):
@@ -95,27 +97,11 @@ def _one_of(place, what, given, known):
     return given[0]
 
 
-def _slip(results, contacts, video, whisker, first):
-    """The slip at `first`, free until the next contact or the video's end."""
-    own = contacts[(contacts["video"] == video) & (contacts["whisker"] == whisker)]
+def _slip(video, contacts, whisker, first):
+    """The slip at `first`, free until the next contact."""
+    own = contacts[(contacts["video"] == video.name) & (contacts["whisker"] == whisker)]
     later = own["onset_frame"][own["onset_frame"] >= first]
-    frames = read_frames(
-        Path(results) / video / "frames.parquet", ["frame"], [("whisker", "==", whisker)]
-    )["frame"]
-    end = int(frames.max()) + 1 if len(frames) else first
-    return Slip(video, whisker, first, int(min([end, *later])))
-
-
-def frames_of(results, slip: Slip) -> pd.DataFrame:
-    """frames.parquet of a slip's whisker from the slip to its end."""
-    return read_frames(
-        Path(results) / slip.video / "frames.parquet",
-        filters=[
-            ("whisker", "==", slip.whisker),
-            ("frame", ">=", slip.first),
-            ("frame", "<", slip.end),
-        ],
-    ).sort_values("frame", ignore_index=True)
+    return Slip(video, whisker, first, min(later, default=math.inf))
 
 
 def tracked(frames) -> np.ndarray:

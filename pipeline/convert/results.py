@@ -59,9 +59,9 @@ class VideoResults:
         """Rows of one whisker in frames.parquet, by frame."""
         return self.frames[self.frames["whisker"] == whisker].sort_values("frame")
 
-    def lines(self) -> Centrelines:
-        """The centrelines."""
-        return read_centrelines(self.folder / "centrelines.parquet")
+    def lines(self, filters=None) -> Centrelines:
+        """The centrelines: the rows that pass `filters`, as `tables.read_centrelines` has them."""
+        return read_centrelines(self.folder / "centrelines.parquet", filters)
 
     def lines_of(self, whisker, fewest) -> dict[int, np.ndarray]:
         """Frame → points (n, 2) of a whisker's centreline, of those that have `fewest` or more."""

@@ -1,5 +1,6 @@
 """A particle followed on maps made by hand, and a rendered whisker as a user measures it."""
 
+import shutil
 import warnings
 
 import numpy as np
@@ -211,6 +212,18 @@ def test_the_follicles_motion_from_a_particle(tmp_path, capsys):
     said = capsys.readouterr().out
     assert "one, whisker C2: particle 4.4" in said
     assert "5 contacts" in said
+
+
+@pytest.mark.slow
+def test_a_video_that_is_gone_is_left_out_and_the_others_measured(tmp_path, capsys):
+    results, out = write_results(tmp_path), tmp_path / "out"
+    shutil.copytree(results / "one", results / "gone")
+    table = files.read_csv(results / "videos.csv", VIDEO_COLUMNS)
+    gone = table.assign(video="gone", path=str(tmp_path / "gone"))
+    files.write_csv(results / "videos.csv", pd.concat([gone, table]), VIDEO_COLUMNS)
+    assert run(results, "--out", out) == 1
+    assert list(read_videos(out)["video"]) == ["one", "pooled"]
+    assert f"left out: gone, whisker C2: {tmp_path / 'gone'}: does not" in capsys.readouterr().out
 
 
 def read_videos(out):

@@ -6,7 +6,7 @@ import pytest
 
 from pipeline.app import cli
 from pipeline.calibrate.ringdown import fit_slip, pool, pooled_estimate
-from pipeline.calibrate.slips import Slip, find_slips, named_slips
+from pipeline.calibrate.slips import find_slips, named_slips
 from pipeline.session.session_file import read_session, settings_from, write_session
 from pipeline.tables import centrelines, files
 from pipeline.tables.calibration_columns import RINGDOWN_COLUMNS
@@ -95,7 +95,8 @@ def make_results(folder, rate=1000.0, boundary="fixed", seed=0, slip=True, whisk
     files.write_frames(folder / "one" / "frames.parquet", frame_table(rate, boundary, seed))
     centrelines.write_centrelines(folder / "one" / "centrelines.parquet", lines())
     files.write_csv(folder / "contacts.csv", contact_rows(slip), CONTACT_COLUMNS)
-    videos = as_table(pd.DataFrame([{"video": "one", "status": "done"}]), VIDEO_COLUMNS)
+    video = {"video": "one", "status": "done", "frames": SLIPS * SPACING}
+    videos = as_table(pd.DataFrame([video]), VIDEO_COLUMNS)
     files.write_csv(folder / "videos.csv", videos, VIDEO_COLUMNS)
     return folder
 
@@ -110,7 +111,7 @@ def run(*arguments) -> int:
 @pytest.mark.parametrize("boundary", ["fixed", "pinned", 5.0])
 def test_youngs_modulus_and_damping_of_eight_slips(tmp_path, boundary):
     results = make_results(tmp_path / "results", boundary=boundary)
-    fits = [fit_slip(results, slip, boundary) for slip in find_slips(results)]
+    fits = [fit_slip(slip, boundary) for slip in find_slips(results)]
     together = pool(fits, TRUE, boundary)
     assert together.n == SLIPS
     assert together.youngs_modulus.value == pytest.approx(TRUE.youngs_modulus, rel=MODULUS)
@@ -128,7 +129,7 @@ def test_intervals_of_single_slips_cover(tmp_path):
     for seed in range(5):
         results = make_results(tmp_path / str(seed), seed=seed)
         for slip in find_slips(results):
-            e = fit_slip(results, slip).youngs_modulus(TRUE, "fixed")
+            e = fit_slip(slip).youngs_modulus(TRUE, "fixed")
             inside.append(e.low < TRUE.youngs_modulus < e.high)
     assert np.mean(inside) >= 0.9
 
@@ -170,9 +171,10 @@ def test_command_writes_tables_figure_and_session(tmp_path, capsys):
 
 def test_frames_may_be_named(tmp_path):
     results = make_results(tmp_path / "r", slip=False)
-    expected = [Slip("one", "C2", 70, SPACING * 2 + 1)]
     for place in ("70", "one:70", "one:C2:70"):
-        assert named_slips(results, [place]) == expected
+        (slip,) = named_slips(results, [place])
+        assert str(slip) == "one, whisker C2, frame 70"
+        assert list(slip.frames["frame"]) == list(range(70, SPACING * 2 + 1))
     for place, word in (
         ("two:70", "expected a video of one"),
         ("one:D1:70", "expected a whisker of C2"),
@@ -180,6 +182,14 @@ def test_frames_may_be_named(tmp_path):
     ):
         with pytest.raises(ValueError, match=word):
             named_slips(results, [place])
+
+
+@pytest.mark.slow
+def test_a_slip_that_cannot_be_fitted_is_left_out_and_makes_the_exit_status_1(tmp_path, capsys):
+    results, out = make_results(tmp_path / "r"), tmp_path / "out"
+    assert run(results, "--out", out, "--frames", "70", "--frames", "55") == 1
+    assert list(files.read_csv(out / "ringdown.csv", RINGDOWN_COLUMNS)["frame"]) == [70, 1]
+    assert "left out: one, whisker C2, frame 55: free for 6 ms only" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,7 @@
 """Two views put together: from points, from straight lines, and from rendered motion's truth."""
 
+import shutil
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -226,7 +228,10 @@ def run(*arguments) -> int:
 @pytest.mark.slow
 def test_elevation_paths_and_force_are_found(space, session, tmp_path, capsys):
     out, given = tmp_path / "out", session / "points.csv"
-    assert run(session / "first", session / "second", "--points", given, "--out", out) == 0
+    first = shutil.copytree(session / "first", tmp_path / "first")
+    second = shutil.copytree(session / "second", tmp_path / "second")
+    _add_video(first, "alone")
+    assert run(first, second, "--points", given, "--out", out) == 1
     found = files.read_csv(out / "views.csv", VIEW_FRAME_COLUMNS).set_index("frame")
     true = true_rows(space).set_index("frame")
     found = found.loc[true.index]
@@ -248,7 +253,16 @@ def test_elevation_paths_and_force_are_found(space, session, tmp_path, capsys):
     assert names == {
         "calibration.csv", "fig4.png", "lines_3d.parquet", "view_contacts.csv", "views.csv",
     }  # fmt: skip
-    assert "contact frames, elevation" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "contact frames, elevation" in said
+    assert f"left out: alone: no video of that name in {second}" in said
+
+
+def _add_video(results, name):
+    shutil.copytree(results / "one", results / name)
+    table = files.read_csv(results / "videos.csv", VIDEO_COLUMNS)
+    both = pd.concat([table, table.assign(video=name)])
+    files.write_csv(results / "videos.csv", both, VIDEO_COLUMNS)
 
 
 def _shuffled(table):
