@@ -7,7 +7,7 @@ import pandas as pd
 
 from pipeline.contacts.intervals import INTERVAL_COLUMNS, find_intervals, in_contact
 from pipeline.contacts.probability import add_probability
-from pipeline.contacts.summary import PEAK_ERROR_COLUMNS, contact_table, peak_errors
+from pipeline.contacts.summary import contact_table, peak_errors
 from pipeline.forces import forces
 from pipeline.forces.estimate import estimate_forces
 from pipeline.kinematics.stations import Stations
@@ -125,7 +125,7 @@ def find_contacts(
     contacts = contact_table(frames, evidence, intervals, recording, options.video, method)
     contacts = pulses.add_pulses(contacts, frames, recording)
     contacts = base_moments.add_base_moments(contacts, frames, whiskers, recording)
-    contacts[list(PEAK_ERROR_COLUMNS)] = peak_errors(contacts, evidence, whiskers)
+    contacts = contacts.assign(**peak_errors(contacts, evidence, whiskers))
     return ContactTables(as_table(frames, FRAME_COLUMNS), contacts, intervals, evidence)
 
 

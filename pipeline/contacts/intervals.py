@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from pipeline.contacts.probability import FEWEST_SURE, force_noise, of_whisker
+from pipeline.contacts.probability import FEWEST_SURE, by_whisker, force_noise
 from pipeline.forces import forces
 from pipeline.numerics.robust import robust_sd
 from pipeline.numerics.runs import runs_of_true
@@ -49,18 +49,12 @@ def find_intervals(
     """Contact intervals from evidence with `probability`: INTERVAL_COLUMNS, half-open frames."""
     criteria = _Criteria(curvature_at, max(round(params.slip_s * frames_per_second), 1), params)
     rows = []
-    for name in evidence["whisker"].unique():
-        part = _columns(of_whisker(evidence, name))
+    for name, part in by_whisker(evidence).items():
         usual = _usual_misfit(part)
         for start, stop in _real_runs(part, 1e-3 * params.near_pole_mm):
             rows.append(_interval(part, name, start, stop, criteria, usual))
     table = pd.DataFrame(rows, columns=list(INTERVAL_COLUMNS))
     return table.astype({"onset_frame": int, "offset_frame": int, "side": int, "slip": bool})
-
-
-def _columns(part) -> dict[str, np.ndarray]:
-    """A table's columns as arrays, since looking one up in a table again and again is slow."""
-    return {name: part[name].to_numpy() for name in part.columns if name != "whisker"}
 
 
 def _runs(part):

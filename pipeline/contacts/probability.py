@@ -23,31 +23,42 @@ FORCE_OUTLIERS, GAP_OUTLIERS = 1e-4, 1e-5
 SURE_PUSH_SD = 6.0  # a force of so many standard errors is no noise
 STRONG_SHARE = 0.1  # of the largest force: fainter ones may be errors where others are strong
 FEWEST_SURE = 10
+_OBSERVED = (
+    "gap_m", "gap_se_m", "distance_m", "rest_known", "gap_force_cov", "shape_force_N",
+    "shape_force_se_N", "origin_force_se_N",
+)  # fmt: skip
 
 
 def add_probability(
     evidence: pd.DataFrame, recording: Recording, params: ContactParams = DEFAULTS.contacts
 ) -> pd.DataFrame:
     """Fill `probability` of contact and its `log_odds` (of the frame alone) in every frame."""
-    new = pd.DataFrame(0.0, evidence.index, ["probability", "log_odds"])
-    for name in evidence["whisker"].unique():
-        part = of_whisker(evidence, name)
+    rate, new = recording.frames_per_second, np.zeros((2, len(evidence)))
+    for part in by_whisker(evidence).values():
         if not part["pole_known"].any():
             continue
-        rate = recording.frames_per_second
         log_odds = frame_log_odds(part, rate, params)
-        new.loc[part.index, "log_odds"] = log_odds
         probability = posterior(log_odds, *changes_per_frame(rate, params))
         if _passes_over(part, probability):
             probability[:] = 0.0
-        new.loc[part.index, "probability"] = probability
-    return evidence.assign(**new)
+        new[:, part["row"]] = log_odds, probability
+    return evidence.assign(log_odds=new[0], probability=new[1])
 
 
-def of_whisker(table, name):
-    """Rows of one whisker in the order of their frames."""
-    own = table[table["whisker"] == name]
-    return own if own["frame"].is_monotonic_increasing else own.sort_values("frame")
+def by_whisker(table, columns=None) -> dict:
+    """Arrays of each whisker's `columns` (None: all), its rows in the order of their frames.
+
+    Under "row" is where these are in the table. The arrays are copies.
+    """
+    columns = table.columns.drop("whisker") if columns is None else columns
+    values = {"row": np.arange(len(table)), **{name: table[name].to_numpy() for name in columns}}
+    codes, names = pd.factorize(table["whisker"])
+    order = np.argsort(table["frame"].to_numpy(), kind="stable")
+    own = [order[codes[order] == code] for code in range(len(names))]
+    return {
+        name: {column: value[rows] for column, value in values.items()}
+        for name, rows in zip(names, own, strict=True)
+    }
 
 
 def _passes_over(part, probability):
@@ -69,19 +80,19 @@ def frame_log_odds(part, frames_per_second, params: ContactParams = DEFAULTS.con
     """
     gap, gap_sd, force, force_sd, cov = _observations(part, params)
     # a traced whisker without a pole surely touches nothing; an untraced frame tells nothing
-    side = part["side"].to_numpy()
-    absent = ~part["pole_known"].to_numpy(bool) & part["nearest_m"].isna().to_numpy()
-    absent &= part["base_angle_rad"].notna().to_numpy()
+    side = np.asarray(part["side"])
+    absent = ~np.asarray(part["pole_known"]) & np.isnan(part["nearest_m"])
+    absent = absent & np.isfinite(part["base_angle_rad"])
     least, changes = 1e-3 * params.least_gap_sd_mm, changes_per_frame(frames_per_second, params)
     with np.errstate(invalid="ignore"):
         pushed = force > SURE_PUSH_SD * force_sd
         near = pushed & (np.abs(gap) < 1e-3 * params.pole_error_mm)
     # to begin with: a whisker that is near and strongly pushed touches
-    sure = np.zeros(len(part), bool)
+    sure = np.zeros(len(gap), bool)
     for s in (-1, 1):
         own = near & (side == s)
         sure |= own & (force > STRONG_SHARE * np.max(force[own], initial=0))
-    offset, extra = np.zeros(len(part)), np.full(len(part), 4 * least)
+    offset, extra = np.zeros(len(gap)), np.full(len(gap), 4 * least)
     for _ in range(4):
         for s in (-1, 1):
             own = sure & (side == s)
@@ -106,7 +117,7 @@ def _observations(part, params):
 
     Where no rod could be fitted, the gap is the traced distance, and the force is not known.
     """
-    column = {c: part[c].to_numpy(float) for c in part if c != "whisker"}
+    column = {name: np.asarray(part[name], float) for name in _OBSERVED}
     fitted = np.isfinite(column["gap_m"]) & np.isfinite(column["shape_force_se_N"])
     fitted &= column["rest_known"] == 1
     gap = np.where(fitted, column["gap_m"], column["distance_m"])

@@ -13,14 +13,14 @@ import pandas as pd
 from numba import njit
 from scipy.optimize import leastsq
 
-from pipeline.contacts.probability import of_whisker
+from pipeline.contacts.probability import by_whisker
 from pipeline.session.recording import Recording
 from pipeline.tables.columns import split_flags
 from whiskermodel.force_profiles import half_gaussian_pulse
 
 FEWEST_FRAMES = 3
 STARTS = (0.85, 1.1, 1.5)  # of the contact's duration
-_COURSES = ["frame", "whisker", "contact_force_uN", "contact_force_uN_se"]  # of the frames
+_COURSE = ("frame", "contact_force_uN", "contact_force_uN_se")  # of the frames
 _COLUMNS = ("pulse_peak_uN", "pulse_duration_ms", "pulse_centre_s", "pulse_r2")
 POOR_R2 = 0.95
 POOR_MISFIT = 3.0  # in standard errors of the force: below, a poor r² is noise
@@ -92,22 +92,17 @@ def add_pulses(contacts: pd.DataFrame, frames: pd.DataFrame, recording: Recordin
     The table with `pulse_…` filled and `not_half_gaussian` among the flags where r² is poor and
     the misfit is more than the force's noise.
     """
-    contacts, flags = contacts.copy(), contacts["flags"].tolist()
-    fits, courses = np.full((len(contacts), len(_COLUMNS)), np.nan), frames[_COURSES]
-    onsets, offsets = (contacts[c].to_numpy() for c in ("onset_frame", "offset_frame"))
-    for name, places in contacts.reset_index(drop=True).groupby("whisker").indices.items():
-        own = of_whisker(courses, name)
-        frame = own["frame"].to_numpy()
-        force = 1e-6 * own["contact_force_uN"].to_numpy(float)
-        error = 1e-6 * own["contact_force_uN_se"].to_numpy(float)
-        for i in places:
-            inside = slice(*np.searchsorted(frame, [onsets[i], offsets[i]]))
-            pulse = fit_pulse(frame[inside] / recording.frames_per_second, force[inside])
-            if pulse is None:
-                continue
-            fits[i] = 1e6 * pulse.peak, 1e3 * pulse.duration, pulse.centre, pulse.r2
-            if pulse.r2 < POOR_R2 and not pulse.misfit < POOR_MISFIT * np.nanmedian(error[inside]):
-                flags[i] = ";".join([*split_flags(flags[i]), "not_half_gaussian"])
-    contacts[list(_COLUMNS)] = fits
-    contacts["flags"] = pd.array(flags, dtype=contacts["flags"].dtype)
-    return contacts
+    fits, flags = np.full((len(_COLUMNS), len(contacts)), np.nan), contacts["flags"].tolist()
+    courses = by_whisker(frames, _COURSE)
+    edges = contacts[["onset_frame", "offset_frame"]].to_numpy()
+    for i, name in enumerate(contacts["whisker"]):
+        inside = slice(*np.searchsorted(courses[name]["frame"], edges[i]))
+        frame, force, error = (courses[name][column][inside] for column in _COURSE)
+        pulse = fit_pulse(frame / recording.frames_per_second, 1e-6 * force)
+        if pulse is None:
+            continue
+        fits[:, i] = 1e6 * pulse.peak, 1e3 * pulse.duration, pulse.centre, pulse.r2
+        if pulse.r2 < POOR_R2 and not 1e6 * pulse.misfit < POOR_MISFIT * np.nanmedian(error):
+            flags[i] = ";".join([*split_flags(flags[i]), "not_half_gaussian"])
+    flags = pd.array(flags, dtype=contacts["flags"].dtype)
+    return contacts.assign(**dict(zip(_COLUMNS, fits, strict=True)), flags=flags)

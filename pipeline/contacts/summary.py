@@ -5,6 +5,7 @@ import pandas as pd
 from scipy.ndimage import binary_dilation
 
 from pipeline.contacts.peaks import contact_course
+from pipeline.contacts.probability import by_whisker
 from pipeline.session.recording import Recording
 from pipeline.tables.columns import CONTACT_COLUMNS, as_table, empty_table
 
@@ -14,14 +15,6 @@ _FORCE_COLUMNS = {  # of the evidence, by method: force, standard error, the ori
     "shape": ("shape_force_N", "shape_force_se_N", "origin_force_se_N"),
     "point": ("point_force_N", "point_force_se_N", "point_origin_force_se_N"),
 }
-PEAK_ERROR_COLUMNS = (
-    "peak_force_se_uN",
-    "tracking_se_uN",
-    "hidden_length_se_uN",
-    "radius_uN_per_percent",
-    "modulus_uN_per_percent",
-    "scale_uN_per_percent",
-)
 
 
 def contact_table(
@@ -43,12 +36,8 @@ def contact_table(
     """
     if len(intervals) == 0:
         return empty_table(CONTACT_COLUMNS)
-    courses = _courses(frames, evidence, method)
-    by_whisker = {
-        name: {c: part[c].to_numpy(copy=True) for c in courses.columns}
-        for name, part in courses.sort_values("frame", kind="stable").groupby("whisker")
-    }
-    for own in by_whisker.values():
+    courses = by_whisker(_courses(frames, evidence, method))
+    for own in courses.values():
         own["free"] = ~binary_dilation(own.pop("touching"))
     rows, numbers = [], {}
     ordered = intervals.sort_values(["whisker", "onset_frame"], kind="stable")
@@ -67,7 +56,7 @@ def contact_table(
                 "duration_ms": 1e3
                 * (interval["offset_frame"] - interval["onset_frame"])
                 / recording.frames_per_second,
-                **_contact_row(by_whisker[name], *edges, 1e3 / recording.frames_per_second),
+                **_contact_row(courses[name], *edges, 1e3 / recording.frames_per_second),
                 "slip": bool(interval.get("slip", False)),
                 "curated": bool(interval.get("curated", False)),
                 "flags": interval.get("flags", "") or "",
@@ -89,7 +78,7 @@ def _courses(frames, evidence, method):
     return pd.DataFrame(
         {
             "frame": frames["frame"].to_numpy(),
-            "whisker": frames["whisker"].to_numpy(),
+            "whisker": frames["whisker"].array,
             "force": np.where(np.isfinite(table), force, np.nan),
             "error": np.sqrt(np.maximum(total**2 - origin**2, 0.0)),
             "origin": origin,
@@ -124,7 +113,7 @@ def _contact_row(whisker: dict[str, np.ndarray], onset, offset, frame_ms) -> dic
         course = force[rows - start]
     peak, mean = int(np.nanargmax(course)), float(np.nanmean(force))
     moment, axial, place, origin = (
-        _without_gaps(whisker[c][rows]) for c in ("moment", "axial", "place", "origin")
+        without_gaps(whisker[c][rows]) for c in ("moment", "axial", "place", "origin")
     )
     return {
         "peak_force_uN": course[peak],
@@ -153,7 +142,7 @@ def _without_wild(force, error):
     )
 
 
-def _without_gaps(values):
+def without_gaps(values):
     """Values (frames,), interpolated where they are not known."""
     known = np.flatnonzero(np.isfinite(values))
     if not len(known):
@@ -182,26 +171,20 @@ def peak_errors(contacts: pd.DataFrame, evidence: pd.DataFrame, whiskers: dict) 
     `radius_uN_per_percent` (the fourth power), `modulus_uN_per_percent`, `scale_uN_per_percent`
     (pixels per mm: curvature, lever and stiffness at the middle of the bent part).
     """
-    # how far the origin of the arc lengths moves with the place of the tip
-    per_tip = evidence.groupby("whisker")["origin_per_tip"].median()
-    rows = []
-    for contact in contacts.to_dict("records"):
-        whisker = whiskers.get(contact["whisker"])
-        if whisker is None:
-            rows.append({})
-            continue
-        force, middle = contact["peak_force_uN"], 0.6e-3 * contact["contact_arc_length_mm"]
-        # a larger scale brings all places nearer to the base; the base itself moves along as far
-        # as it is placed by the tip
-        moved = middle - per_tip[contact["whisker"]] * whisker.length
-        rows.append(
-            {
-                **{c: contact[c] for c in PEAK_ERROR_COLUMNS[:3]},
-                "radius_uN_per_percent": 0.04 * force,
-                "modulus_uN_per_percent": 0.01 * force,
-                "scale_uN_per_percent": 0.01
-                * force
-                * (2 + 4 * moved / (whisker.cone_length - middle)),
-            }
-        )
-    return pd.DataFrame(rows, index=contacts.index, columns=list(PEAK_ERROR_COLUMNS), dtype=float)
+    moves, shapes = by_whisker(evidence, ["origin_per_tip"]), np.full((4, len(contacts)), np.nan)
+    for i, name in enumerate(contacts["whisker"]):
+        if whisker := whiskers.get(name):
+            # how far the origin of the arc lengths moves with the place of the tip
+            per_tip = np.nanmedian(moves[name]["origin_per_tip"])
+            shapes[:, i] = whisker.length, whisker.cone_length, per_tip, 1.0
+    length, cone_length, per_tip, known = shapes
+    force, middle = known * contacts["peak_force_uN"], 0.6e-3 * contacts["contact_arc_length_mm"]
+    # a larger scale brings all places nearer to the base; the base itself moves along as far as
+    # it is placed by the tip
+    taper = 4 * (middle - per_tip * length) / (cone_length - middle)
+    errors = contacts[["peak_force_se_uN", "tracking_se_uN", "hidden_length_se_uN"]]
+    return errors.mul(known, axis=0).assign(
+        radius_uN_per_percent=0.04 * force,
+        modulus_uN_per_percent=0.01 * force,
+        scale_uN_per_percent=0.01 * force * (2 + taper),
+    )

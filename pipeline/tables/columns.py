@@ -264,7 +264,8 @@ def as_table(table: pd.DataFrame, columns) -> pd.DataFrame:
     out = {}
     for c in columns:
         known = c.name in table
-        out[c.name] = table[c.name] if known else pd.Series(fill.get(c.dtype, 0), table.index)
-        if not c.dtype.startswith("list") and out[c.name].dtype != c.dtype:
-            out[c.name] = out[c.name].astype(c.dtype)
-    return pd.DataFrame(out, copy=False)
+        values = table[c.name] if known else pd.Series(fill.get(c.dtype, 0), table.index)
+        if not c.dtype.startswith("list") and values.dtype != c.dtype:
+            values = values.astype(c.dtype)
+        out[c.name] = values.array  # as a column, it would be aligned by its index
+    return pd.DataFrame(out, table.index, copy=False)

@@ -9,8 +9,8 @@ from pipeline.contacts.summary import (
     _contact_row,
     _courses,
     _largest,
-    _without_gaps,
     _without_wild,
+    without_gaps,
 )
 from whiskermodel.force_profiles import half_gaussian
 
@@ -102,8 +102,8 @@ def test_loads_keep_their_signs(sign):
 
 def test_gaps_are_bridged_by_straight_lines():
     values = np.array([np.nan, 1.0, np.nan, np.nan, 4.0, np.nan])
-    np.testing.assert_allclose(_without_gaps(values), [1, 1, 2, 3, 4, 4])
-    assert np.isnan(_without_gaps(np.full(2, np.nan))).all()
+    np.testing.assert_allclose(without_gaps(values), [1, 1, 2, 3, 4, 4])
+    assert np.isnan(without_gaps(np.full(2, np.nan))).all()
 
 
 def test_courses_are_forces_of_the_method_without_what_is_common():
