@@ -9,7 +9,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from pipeline import __version__
-from pipeline.app.outcome import PARQUETS, Outcome, failure, finished_outcome, kept_outcome
+from pipeline.app.outcome import (
+    PARQUETS,
+    Outcome,
+    failure,
+    finished_outcome,
+    kept_outcome,
+    settings_digest,
+)
 from pipeline.app.session_files import (
     check_folder,
     refuse_foreign_files,
@@ -37,7 +44,7 @@ from pipeline.runtime.workers import run_tasks
 from pipeline.session.inputs import (
     find_inputs,
     guesses_left,
-    is_beside_videos,
+    has_session_of,
     readable,
     results_folders,
     settings_of,
@@ -129,12 +136,13 @@ def run(
     is_ours = (out / LOG_FILE).exists() or "version" in read_run(out)
     inputs = source.find(paths, out)
     _check_inputs(inputs)
-    settings = settings_of(inputs, config)
+    settings, guesses = settings_of(inputs, config), guesses_left(inputs, config)
     make_folder(out)
     if not is_ours:
         refuse_foreign_files(out)
     with locked(out):
         check_folder(out)
+        is_persons = has_session_of(inputs, out, config)
         settle_all(out)
         names = results_folders(inputs, out)
         tasks = _tasks(inputs, settings, names, out, overwrite, overlay)
@@ -149,7 +157,10 @@ def run(
             ordered = [outcomes[name] for name in names.values() if name in outcomes]
             others, lost = _without_lost(_earlier(out, set(names.values())), paths)
             seconds = time.monotonic() - started
-            own, problems = _session_file(inputs, settings, config, out)
+            own, problems = "", ()
+            if not is_persons:
+                own, problems = write_session_file(out, list(settings.values()))
+            problems = (*problems, *guesses)
             said = frozenset(new if progress else ())
             summary = Summary(
                 out, (*ordered, *others), len(skipped), seconds, interrupted, lost, problems, said
@@ -168,8 +179,9 @@ def _tasks(inputs, settings, names, out, overwrite, overlay) -> list[Task]:
     for each in inputs:
         if not each.fault:
             path, folder = each.path.resolve(), out / names[each.path]
-            task = Task(path, folder, settings[each.path], overlay, earlier=written(folder))
-            finished = None if overwrite else finished_outcome(path, folder, task.settings)
+            own = settings[each.path], settings_digest(settings[each.path])
+            task = Task(path, folder, *own, overlay, earlier=written(folder))
+            finished = None if overwrite else finished_outcome(path, folder, task.digest)
             tasks.append(replace(task, finished=finished))
     return tasks
 
@@ -256,14 +268,6 @@ def _process(tasks, jobs, shown, log) -> tuple[dict, bool]:
         log.write("interrupted")
         return outcomes, True
     return outcomes, False
-
-
-def _session_file(inputs, settings, config, out) -> tuple[str, tuple[str, ...]]:
-    """Write the settings in force; their hash, "" where none was written, and any problems."""
-    own, problems = "", ()
-    if not is_beside_videos(out, inputs):
-        own, problems = write_session_file(out, list(settings.values()), config)
-    return own, (*problems, *guesses_left(inputs, config))
 
 
 # --- results of other runs -----------------------------------------------------------------

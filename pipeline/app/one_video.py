@@ -46,7 +46,7 @@ def planned_names(inputs, out) -> dict:
 
 def process(video, out, name=None, config=None) -> int:
     """Process one video into its folder in `out`, unless its results are there; exit status."""
-    from pipeline.app.outcome import finished_outcome
+    from pipeline.app.outcome import finished_outcome, settings_digest
     from pipeline.app.video_task import Task, process_video, settled_outcome
     from pipeline.runtime.folder_lock import locked
     from pipeline.session.inputs import find_inputs, session_of
@@ -55,7 +55,7 @@ def process(video, out, name=None, config=None) -> int:
 
     (each,) = _only(find_inputs([video], out), video)
     settings = read_session(session_of(each, config))
-    path = each.path.resolve()
+    path, digest = each.path.resolve(), settings_digest(settings)
     name = name or planned_names([each], out)[each.path]
     job = job_folder(out, name)
     job.mkdir(parents=True, exist_ok=True)
@@ -63,9 +63,9 @@ def process(video, out, name=None, config=None) -> int:
     with locked(job):
         if folder.is_dir():
             settle(folder)
-        outcome = finished_outcome(path, folder, settings)
+        outcome = finished_outcome(path, folder, digest)
         if outcome is None:
-            task = Task(path, folder, settings)
+            task = Task(path, folder, settings, digest)
             outcome = process_video(task)
             if folder.is_dir():
                 outcome = settled_outcome(task, outcome)

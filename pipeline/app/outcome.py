@@ -92,17 +92,18 @@ def _new_lines(sentences, said: set) -> list[str]:
 # --- what earlier runs left ----------------------------------------------------------------
 
 
-def finished_outcome(path, folder, settings) -> Outcome | None:
+def finished_outcome(path, folder, digest) -> Outcome | None:
     """The outcome of an earlier run whose results still hold for a video, or None.
 
-    They hold if version, settings, corrections and the input's content are the same, and all files
-    are there and whole. The content is read only where size or times differ. A video that has been
-    moved keeps its results; its new place is written into their record.
+    `digest` is that of the settings. Results hold if version, settings, corrections and the
+    input's content are the same, and all files are there and whole. The content is read only where
+    size or times differ. A video that has been moved keeps its results; its new place is written
+    into their record.
     """
     state = read_state(folder)
     if state.get("version") != __version__ or kept_outcome(folder) is None:
         return None
-    if state["settings_sha256"] != settings_digest(settings) or not same_input(state, path):
+    if state["settings_sha256"] != digest or not same_input(state, path):
         return None
     if not _has_sound_corrections(folder):
         return None  # to process it anew says why not
@@ -142,12 +143,12 @@ def damage(folder, state) -> str:
     return ""
 
 
-def earlier_results(folder, path, settings) -> str:
+def earlier_results(folder, path, digest) -> str:
     """Say that earlier results are kept, and in what they differ from those that are due."""
     state = read_state(folder)
     if state.get("version") != __version__:
         return f"earlier results kept, made by version {state.get('version')}"
-    if state["settings_sha256"] != settings_digest(settings):
+    if state["settings_sha256"] != digest:
         return "earlier results kept, made with other settings"
     if not same_input(state, path):
         return "earlier results kept, made of the video before it changed"
@@ -163,16 +164,16 @@ def failure(folder, path, message, kept_results="earlier results kept") -> Outco
     return replace(kept, path=path, status="failed", message=f"{message}; {kept_results}")
 
 
-def save_state(folder, outcome, settings, before, corrections, decided_on) -> None:
+def save_state(folder, outcome, digest, before, corrections, decided_on) -> None:
     """Write how the results in `folder` were made.
 
-    before : the input's `stamp` at the start
+    digest, before : of the settings, and the input's `stamp`, at the start
     decided_on : hash of the video for which a person has made the `corrections`
     """
     state = {
         "version": __version__,
         **{key: value for key, value in asdict(outcome).items() if key != "details"},
-        "settings_sha256": settings_digest(settings),
+        "settings_sha256": digest,
         "input": before,
         MADE_WITH: corrections_digest(corrections),
         DECIDED_ON: decided_on,

@@ -50,15 +50,14 @@ def check_folder(out):
         ) from None
 
 
-def write_session_file(out, settings, config) -> tuple[str, tuple[str, ...]]:
-    """Write the settings in force, unless the user's own file already lies there.
+def write_session_file(out, settings) -> tuple[str, tuple[str, ...]]:
+    """Write the settings in force; one that a person has written is kept under another name.
 
-    One that a person has written or changed is kept under another name. Returns the hash of what
-    was written, "" if nothing was, and what a person should know.
+    Returns the hash of what was written, "" if nothing was, and what a person should know.
     """
     target = out / SETTINGS_NAME
     distinct = list(dict.fromkeys(settings))
-    if not distinct or (config is not None and target.exists() and target.samefile(config)):
+    if not distinct:
         return "", ()
     text = session_text(distinct[0])
     if len(distinct) > 1:

@@ -11,13 +11,15 @@ from pipeline.errors import InputError, in_words, why, with_advice
 from pipeline.runtime.compiling import compiling_reported, seconds_without_compiling
 from pipeline.runtime.progress import Step
 from pipeline.scene import pole_runs
-from pipeline.session.inputs import stamp
+from pipeline.session.inputs import same_input, stamp
 from pipeline.session.schema import Settings
 from pipeline.tables import centrelines
 from pipeline.tables.result_exchange import READY, STATE_FILE, draft, overlays_in, settle
 from pipeline.tables.run_record import read_state
 from pipeline.tables.video_messages import as_cell
 from pipeline.tables.whole_files import sha256
+
+CHANGED = "the video was changed or removed while it was read: run it again"
 
 
 def analyse_video(task, keep, report, corrections):
@@ -31,12 +33,14 @@ def analyse_video(task, keep, report, corrections):
 class Task:
     """One video to process into `folder`; if its tables are `finished`, only to draw it.
 
-    `earlier` is the time [ns] at which earlier results were written, 0 if there are none.
+    `digest` is that of the settings when the run began, `earlier` the time [ns] at which earlier
+    results were written, 0 if there are none.
     """
 
     path: Path
     folder: Path
     settings: Settings
+    digest: str
     overlay: bool = False
     threads: int = 1
     finished: "Outcome | None" = None
@@ -72,8 +76,8 @@ def _analyse_and_save(task, report) -> Outcome:
     """Analyse and write all tables; the state file records how they were made."""
     from pipeline.contacts.corrections import left_out, read_corrections
 
+    before, content = stamp(task.path), sha256(task.path)
     started = seconds_without_compiling()
-    before = stamp(task.path)
     corrections, earlier = read_corrections(task.folder), read_state(task.folder)
     with draft(task.folder) as new:
         with (
@@ -84,20 +88,23 @@ def _analyse_and_save(task, report) -> Outcome:
         if report:
             report(Step("tables"))
         analysis.write_tables(new, task.folder.name)
-        outcome = _outcome_of(task, analysis, seconds_without_compiling() - started)
+        outcome = _outcome_of(task, analysis, content, seconds_without_compiling() - started)
+        if not same_input({"input": before, "sha256": content}, task.path):
+            before = {}  # of no video: the next run processes it anew
+            outcome = warned(outcome, CHANGED)
         whiskers = tuple(dict.fromkeys(analysis.frames["whisker"]))
         for problem in left_out(corrections, whiskers, analysis.n_frames):
             outcome = warned(outcome, problem)
-        decided_on = outcome.sha256
+        decided_on = content
         if len(corrections):
             decided_on = earlier.get(DECIDED_ON) or earlier.get("sha256") or decided_on
-        if decided_on != outcome.sha256:
+        if decided_on != content:
             outcome = warned(outcome, OTHER_CONTENT)
-        save_state(new, outcome, task.settings, before, corrections, decided_on)
+        save_state(new, outcome, task.digest, before, corrections, decided_on)
     return outcome
 
 
-def _outcome_of(task, analysis, seconds) -> Outcome:
+def _outcome_of(task, analysis, content, seconds) -> Outcome:
     return Outcome(
         video=task.folder.name,
         path=str(task.path),
@@ -107,7 +114,7 @@ def _outcome_of(task, analysis, seconds) -> Outcome:
         message=as_cell(analysis.messages),
         contacts=len(analysis.contacts),
         stages={stage: round(s, 3) for stage, s in analysis.seconds.items()},
-        sha256=sha256(task.path),
+        sha256=content,
         pole=pole_runs.pole_runs(analysis.pole),
     )
 
@@ -198,4 +205,4 @@ def _failed(task, message) -> Outcome:
 
 
 def _earlier_results(task) -> str:
-    return earlier_results(task.folder, task.path, task.settings)
+    return earlier_results(task.folder, task.path, task.digest)

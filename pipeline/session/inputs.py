@@ -153,11 +153,11 @@ def _session_beside(each: Input) -> Path | None:
     return None
 
 
-def is_beside_videos(out, inputs) -> bool:
+def has_session_of(inputs, out, config=None) -> bool:
     """Whether `out` has the session.toml that a person wrote for some of the inputs."""
     target = Path(out) / SETTINGS_NAME
-    found = filter(None, map(_session_beside, inputs)) if target.is_file() else ()
-    return any(each.samefile(target) for each in found)
+    given = [config, *map(_session_beside, inputs)] if target.is_file() else []
+    return any(target.samefile(each) for each in given if each is not None)
 
 
 def settings_of(inputs, config=None) -> dict:

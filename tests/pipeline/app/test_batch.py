@@ -13,6 +13,7 @@ from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
+import cv2
 import numpy as np
 import pytest
 import typer
@@ -439,6 +440,62 @@ def test_touching_a_file_is_no_change_but_new_content_is(folder, calls, tmp_path
     (folder / "a.avi").write_bytes(b"A.avi")
     batch.run([folder], tmp_path / "results")
     assert calls[2:] == ["a.avi"]
+
+
+def meanwhile(act):
+    """A source of videos; `act` is called with each video's path after it has been looked at."""
+
+    def analyse(task, *rest):
+        found = batch.VIDEOS.analyse(task, *rest)
+        act(task.path)
+        return found
+
+    return replace(batch.VIDEOS, analyse=analyse)
+
+
+def test_a_video_that_changes_while_it_is_read_is_said_and_processed_again(
+    folder, calls, tmp_path
+):
+    def change(path):
+        if path.name == "a.avi":
+            path.write_bytes(b"A.avi")
+
+    summary = batch.run([folder], tmp_path / "results", source=meanwhile(change))
+    (said,) = summary.of("warning")
+    assert said.message == "the video was changed or removed while it was read: run it again"
+    assert len(batch.run([folder], tmp_path / "results").of("done")) == 2
+    assert calls[2:] == ["a.avi"]
+
+
+def test_a_video_that_is_removed_after_it_was_read_keeps_its_results(folder, calls, tmp_path):
+    out = tmp_path / "results"
+    summary = batch.run([folder], out, source=meanwhile(lambda path: path.unlink()))
+    assert statuses(out) == {"a": "warning", "b": "warning"}
+    assert all(each.frames for each in summary.outcomes)
+    assert contact_videos(out) == ["a", "b"]
+
+
+@pytest.mark.parametrize("has_config", [False, True])
+def test_settings_that_are_removed_during_a_run_are_those_it_began_with(
+    folder, calls, tmp_path, has_config
+):
+    mask, session = tmp_path / "mask.png", folder / "session.toml"
+    cv2.imwrite(str(mask), np.full((8, 8), 255, np.uint8))
+    given = SETTINGS.model_dump(exclude_none=True) | {"image": {"mask": str(mask)}}
+    write_session(session, settings_from(given))
+    options = {"config": session} if has_config else {}
+    before = read_session(session)
+
+    def remove(path):
+        for each in (mask, session):
+            each.unlink(missing_ok=True)
+
+    batch.run([folder], tmp_path / "results", **options)  # its results are kept where a run fails
+    source = meanwhile(remove)
+    batch.run([folder], tmp_path / "results", overwrite=True, source=source, **options)
+    assert statuses(tmp_path / "results") == {"a": "done", "b": "done"}
+    cv2.imwrite(str(mask), np.full((8, 8), 255, np.uint8))
+    assert read_session(tmp_path / "results" / "session.toml") == before
 
 
 def test_same_size_and_date_but_other_content_is_a_change(folder, calls, tmp_path):
