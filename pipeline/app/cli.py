@@ -282,11 +282,18 @@ def curate(
     from pipeline.reports.figures import write_fig3
     from pipeline.reports.report import write_report
 
-    open_page(results, port=port, open_browser=browser, say=say, name=name)
+    server = open_page(results, port=port, open_browser=browser, say=say, name=name)
     try:
         write_fig3(results)
     finally:
         write_report(results)
+    for video, fault in server.results.faults.items():
+        say(
+            f"{results / video}: its corrections are saved, but its tables do not follow from "
+            f"them ({fault}): mend that, and curate or run again"
+        )
+    if server.results.faults:
+        raise typer.Exit(FAILED)
     say(f"tables, figures and report follow from the corrections: {results / 'report.html'}")
 
 

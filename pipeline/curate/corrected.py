@@ -73,6 +73,7 @@ def contacts_with(
 def save_contacts(folder, tables: ContactTables, corrections: pd.DataFrame) -> None:
     """Write frames.parquet and contacts.csv of a video, and what they were made with, together."""
     folder = Path(folder)
+    put_in_place(folder)  # what could not be put there before, since the disk was full
     state = read_state(folder)
     with draft(folder) as new:
         files.write_frames(new / "frames.parquet", tables.frames)

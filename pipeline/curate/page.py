@@ -185,7 +185,7 @@ class Page:
     def _render_panels(self, missing):
         desk = self.desk
         parts = panels.panels(desk, missing)
-        parts["cover"] = panels.cover(self._state, self.results.folder)
+        parts["cover"] = panels.cover(self._state, self.results)
         changed = {name: html for name, html in parts.items() if self._parts.get(name) != html}
         self._parts = parts
         self._panel.text = json.dumps(

@@ -80,9 +80,10 @@ def panels(desk, no_picture="") -> dict[str, str]:
     }  # fmt: skip
 
 
-def cover(state, folder) -> str:
+def cover(state, results) -> str:
     """HTML over the page while finishing, and after."""
-    return environment().get_template("panels.html").module.cover(state, folder)
+    macro = environment().get_template("panels.html").module.cover
+    return macro(state, results.folder, results.faults)
 
 
 def _message(desk):

@@ -252,8 +252,10 @@ class Results:
             return video
 
     def settle(self) -> None:
-        """Wait until all tables are written."""
+        """Wait until all tables are written; those that could not be are tried once more."""
         with self._changed:
+            self._due += [name for name in self.faults if name not in self._due]
+            self._changed.notify_all()
             self._changed.wait_for(lambda: not self._due)
 
     def write_decisions(self) -> tuple[Path, int, list[str]]:

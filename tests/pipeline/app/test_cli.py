@@ -6,6 +6,7 @@ import re
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from results_folder import make_results
@@ -231,17 +232,29 @@ def test_a_file_in_place_of_a_folder_gets_a_message_in_words(
     assert "Errno" not in message
 
 
-def test_curate_gets_the_name_of_the_curator(monkeypatch, tmp_path, capsys):
+def test_curate_gets_the_name_of_the_curator_and_says_which_tables_lack_corrections(
+    monkeypatch, tmp_path, capsys
+):
     from pipeline import curate
     from pipeline.reports import figures, report
 
-    called = []
-    monkeypatch.setattr(curate, "curate", lambda *a, **options: called.append(options))
+    called, faults = [], {}
+
+    def open_page(*arguments, **options):
+        called.append(options)
+        return SimpleNamespace(results=SimpleNamespace(faults=faults))
+
+    monkeypatch.setattr(curate, "curate", open_page)
     for module, name in ((figures, "write_fig3"), (report, "write_report")):
         monkeypatch.setattr(module, name, lambda results: None)
-    exit_code("curate", tmp_path, "--name", "Ada", "--no-browser")
+    assert exit_code("curate", tmp_path, "--name", "Ada", "--no-browser") == 0
     assert str(tmp_path / "report.html") in capsys.readouterr().out
     assert (called[0]["name"], called[0]["open_browser"]) == ("Ada", False)
+    faults["trial"] = "No space left on device"
+    assert exit_code("curate", tmp_path, "--no-browser") == 1
+    said = capsys.readouterr().out
+    assert f"{tmp_path / 'trial'}: its corrections are saved, but its tables do not" in said
+    assert "follow from the corrections:" not in said
 
 
 def test_presets_are_listed(capsys):

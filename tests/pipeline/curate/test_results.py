@@ -1,5 +1,6 @@
 """Tables kept in step with corrections."""
 
+import errno
 import shutil
 
 import numpy as np
@@ -10,13 +11,13 @@ from curated import FRAMES, contacts_of, edges, opened, process
 from pipeline.contacts.corrections import Verdict, table_of, write_corrections
 from pipeline.curate.corrected import bring_up_to_date
 from pipeline.curate.desk import Desk
-from pipeline.curate.panels import panels
+from pipeline.curate.panels import cover, panels
 from pipeline.curate.results import Results
 from pipeline.curate.review import Span
 from pipeline.errors import InputError
 from pipeline.runtime.folder_lock import locked
 from pipeline.session.session_file import read_session
-from pipeline.tables import files, whole_files
+from pipeline.tables import files, result_exchange, whole_files
 
 pytestmark = pytest.mark.e2e
 
@@ -76,6 +77,23 @@ def test_corrections_reach_the_tables_with_forces_made_anew(results):
     )
     pd.testing.assert_frame_equal(rest_after, rest_before)
     pd.testing.assert_frame_equal(contacts_of(results, name), own_after)
+
+
+def test_tables_follow_as_soon_as_a_full_disk_has_room_again(results, monkeypatch):
+    def full(*arguments):
+        raise OSError(errno.ENOSPC, "", "contacts.csv")
+
+    with opened(results) as folder:
+        desk, before = Desk(folder), contacts_of(results)
+        with monkeypatch.context() as patched:
+            patched.setattr(result_exchange, "keep_changed", full)  # when tables take their places
+            desk.do("delete")
+            folder.settle()
+        assert "contacts.csv: No space left" in panels(desk)["saved"]
+        assert "contacts.csv: No space left" in cover("finished", folder)
+        folder.settle()
+        assert "All corrections are in the tables" in cover("finished", folder)
+    assert len(contacts_of(results)) == len(before) - 1
 
 
 def test_undone_corrections_leave_the_tables_as_they_were(results):
