@@ -1,6 +1,7 @@
 """TIFF stacks and folders of images as videos, read page by page."""
 
 import contextlib
+import os
 import struct
 from pathlib import Path
 
@@ -81,6 +82,39 @@ class ImageStack(RandomAccessVideo):
         return to_8_bit(image, self._drop)
 
 
+class StoredImages:
+    """Images of plain pixels that lie in a file at equal distances.
+
+    They are read, not mapped into memory: where a disk fails, or the file is cut off meanwhile,
+    that would end the whole program.
+
+    start, stride : byte at which the first image begins, bytes from one to the next
+    """
+
+    def __init__(self, path, start, stride, shape, dtype):
+        self._file = open(path, "rb")  # noqa: SIM115, closed by close
+        self._start, self._stride, self._shape = start, stride, shape
+        self._dtype = np.dtype(dtype)
+        self._bytes = int(np.prod(shape)) * self._dtype.itemsize
+
+    def __len__(self):
+        """How many whole images the file holds."""
+        size = os.fstat(self._file.fileno()).st_size
+        return max((size - self._start - self._bytes) // self._stride + 1, 0)
+
+    def __getitem__(self, index):
+        self._file.seek(self._start + int(index) * self._stride)
+        data = self._file.read(self._bytes)
+        if len(data) < self._bytes:
+            raise EOFError("the file ends before it")
+        image = np.frombuffer(data, self._dtype).reshape(self._shape)
+        return image.astype(self._dtype.newbyteorder("="), copy=False)
+
+    def close(self):
+        """Close the file."""
+        self._file.close()
+
+
 class TiffVideo(ImageStack):
     """The pages of a TIFF file."""
 
@@ -90,24 +124,25 @@ class TiffVideo(ImageStack):
             with lost_pages() as lost:
                 self._tiff = tifffile.TiffFile(path)
                 self._pages = len(self._tiff.pages)
-                self._volume = self._mapped() if self._pages == 1 and not lost else None
+                self._volume = self._stored() if self._pages == 1 and not lost else None
         except Exception as error:  # tifffile raises many kinds on a broken file
             raise VideoError(
                 path,
                 f"cannot be read as TIFF ({error}): damaged or not a TIFF file; export it again",
             ) from error
         if self._volume is not None:
-            self._pages = len(self._volume)
+            self._pages = int(np.prod(self._tiff.series[0].shape[:-2]))
         self._lost = lost[0] if lost else ""
         super().__init__(path, self._pages + bool(lost))
 
-    def _mapped(self):
-        """Memory-map a volume stored behind one page (as ImageJ does beyond 4 GB), or None."""
+    def _stored(self):
+        """The images of a volume stored behind one page (as ImageJ does beyond 4 GB), or None."""
         series = self._tiff.series[0]
         if len(series.shape) < 3 or series.shape[-1] in (3, 4) or series.dataoffset is None:
             return None
-        volume = tifffile.memmap(self._path, mode="r", series=0)
-        return volume.reshape(-1, *volume.shape[-2:])
+        shape, dtype = series.shape[-2:], series.dtype.newbyteorder(self._tiff.byteorder)
+        size = int(np.prod(shape)) * dtype.itemsize
+        return StoredImages(self._path, series.dataoffset, size, shape, dtype)
 
     def _image(self, index):
         if index >= self._pages:
@@ -122,7 +157,7 @@ class TiffVideo(ImageStack):
         except VideoError:
             raise
         except Exception as error:
-            raise _unreadable(self._path, index, f"page {index}", error) from error
+            raise unreadable(self._path, index, f"page {index}", error) from error
         return grey(image, self._path, index, cv2.COLOR_RGB2GRAY)
 
     def _page(self, index):
@@ -134,7 +169,8 @@ class TiffVideo(ImageStack):
 
     def close(self):
         """Close the file."""
-        self._volume = None
+        if self._volume is not None:
+            self._volume.close()
         self._tiff.close()
 
 
@@ -170,7 +206,7 @@ class ImageFolderVideo(ImageStack):
         image = self._decoded(file)
         if image is None:
             what = file.name if file != self._path else "it"
-            raise _unreadable(self._path, index, what, "damaged or no image")
+            raise unreadable(self._path, index, what, "damaged or no image")
         return grey(image, file, index, cv2.COLOR_BGR2GRAY)
 
     def _decoded(self, file):
@@ -187,7 +223,8 @@ class ImageFolderVideo(ImageStack):
             return None
 
 
-def _unreadable(path, index, what, reason):
+def unreadable(path, index, what, reason) -> VideoError:
+    """The error for a frame that cannot be read; `what` is its file or page."""
     return VideoError(
         path,
         f"frame {index}: {what} cannot be read ({reason}); export it again or remove it",

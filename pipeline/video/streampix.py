@@ -7,10 +7,8 @@ StreamPix has compressed or packed, it must export.
 import struct
 from typing import NamedTuple
 
-import numpy as np
-
-from pipeline.errors import VideoError, counted
-from pipeline.video.image_stacks import ImageStack
+from pipeline.errors import VideoError, counted, in_words
+from pipeline.video.image_stacks import ImageStack, StoredImages, unreadable
 
 MAGIC = 0xFEED
 MONO = 100  # image format: one grey value per pixel
@@ -53,32 +51,32 @@ class StreamPixVideo(ImageStack):
     def __init__(self, path):
         self._path = path
         self.header = header = read_header(path)
-        self._bytes = np.memmap(path, np.uint8, "r")
-        stored = (len(self._bytes) - header.start - header.image_bytes) // header.stride + 1
-        self._stored = max(stored, 0)
-        count = header.frames or self._stored  # a recording that was broken off counts none
-        if self._stored == 0:
+        shape, dtype = (header.height, header.width), "u1" if header.bit_depth == 8 else "<u2"
+        self._images = StoredImages(path, header.start, header.stride, shape, dtype)
+        count = header.frames or len(self._images)  # a recording that was broken off counts none
+        if not len(self._images):
             raise VideoError(
                 path, "holds no complete frame: it is cut off; copy or record it again", 0
             )
         super().__init__(path, count, true_bits=header.true_bit_depth)
 
     def _image(self, index):
-        header = self.header
-        if index >= self._stored:
+        if index >= len(self._images):
             raise VideoError(
                 self._path,
-                f"holds {counted(self._stored, 'frame')}, its header says {header.frames}: the "
-                "file is cut off or damaged; copy it again from the recording computer",
+                f"holds {counted(len(self._images), 'frame')}, its header says "
+                f"{self.header.frames}: the file is cut off or damaged; copy it again from the "
+                "recording computer",
                 int(index),
             )
-        dtype = np.dtype("u1" if header.bit_depth == 8 else "<u2")
-        shape = header.height, header.width
-        return np.ndarray(shape, dtype, self._bytes, header.start + int(index) * header.stride)
+        try:
+            return self._images[index]
+        except OSError as error:
+            raise unreadable(self._path, index, "it", in_words(error)) from error
 
     def close(self):
         """Close the file."""
-        self._bytes = None
+        self._images.close()
 
 
 def read_header(path) -> Header:

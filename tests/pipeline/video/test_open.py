@@ -1,3 +1,4 @@
+import os
 import struct
 
 import av
@@ -413,6 +414,29 @@ class TestTiffStacks:
         frames = np.stack([picture(i) for i in range(10)])
         tifffile.imwrite(tmp_path / "a.tif", frames, imagej=True)
         assert np.array_equal(read(tmp_path / "a.tif"), frames)
+
+    @pytest.mark.parametrize("byteorder", "<>")
+    @pytest.mark.parametrize("cut", [False, True])
+    def test_a_volume_behind_one_page_as_imagej_writes_beyond_4_gb(self, tmp_path, byteorder, cut):
+        frames = np.stack([picture(i).astype(np.uint16) * 16 for i in range(10)])
+        path = tmp_path / "a.tif"
+        tifffile.imwrite(path, frames, imagej=True, byteorder=byteorder)
+        with tifffile.TiffFile(path) as tiff:
+            end = tiff.pages.first.offset + 2 + 12 * len(tiff.pages.first.tags)
+            start = tiff.series[0].dataoffset
+        data = bytearray(path.read_bytes())
+        data[end : end + 4] = bytes(4)  # no further page
+        path.write_bytes(data)
+        with open_video(path) as video:
+            assert video.n_frames == 10
+            read = iter(video)
+            assert np.array_equal(next(read), frames[0] // 16)
+            if not cut:
+                assert np.array_equal(list(read), frames[1:] // 16)
+                return
+            os.truncate(path, start + 2 * 2 * 48 * 64)
+            with pytest.raises(VideoError, match="page 2 cannot be read .the file ends before it"):
+                list(read)
 
     def test_12_bits_in_16_keep_their_contrast(self, tmp_path):
         frames = np.stack([picture(i).astype(np.uint16) * 16 for i in range(5)])

@@ -1,5 +1,7 @@
 """StreamPix sequences: what the camera stored comes out; what is damaged is named."""
 
+import os
+
 import numpy as np
 import pytest
 from camera_files import streampix
@@ -67,6 +69,18 @@ def test_a_file_cut_off_fails_at_the_missing_frame(tmp_path):
         with pytest.raises(VideoError, match=r"holds 3 .* header says 5.*copy it") as caught:
             next(frames)
     assert caught.value.frame == 3
+
+
+def test_a_file_cut_off_while_it_is_read_gives_the_frames_before(tmp_path):
+    """Were it mapped into memory, the system would end the program."""
+    path = write(tmp_path / "a.seq", np.zeros((5, 64, 64), np.uint8))
+    with open_video(path) as video:
+        frames = iter(video)
+        next(frames)
+        os.truncate(path, 1024 + 64 * 64)
+        with pytest.raises(VideoError, match=r"holds 1 frame, .*copy it again") as caught:
+            next(frames)
+    assert caught.value.frame == 1
 
 
 @pytest.mark.parametrize("length", [0, 3, 300, 623, 1023])
