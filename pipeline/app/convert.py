@@ -116,13 +116,13 @@ def import_whacc(
     from pipeline.convert.whacc import take_contacts
     from pipeline.curate.corrected import follow_corrections, write_session_tables
     from pipeline.errors import InputError, need_content
-    from pipeline.runtime.folder_lock import locked
+    from pipeline.tables.result_exchange import settled
 
     need_content(path, "WhACC's HDF5 file, named,")
     if path.is_dir():
         raise InputError(f"{path}: a folder, not a file; name WhACC's HDF5 file in it")
     videos = read_results(out)
-    with locked(out):
+    with settled(out):
         for written in take_contacts(path, videos, whisker):
             typer.echo(str(written))
         problems = follow_corrections(out)

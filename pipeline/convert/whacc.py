@@ -17,6 +17,7 @@ from pipeline.contacts.corrections import (
     CORRECTIONS_FILE,
     FREE,
     Verdict,
+    read_corrections,
     table_of,
     write_corrections,
 )
@@ -108,7 +109,7 @@ def take_contacts(path, videos, whisker: str = "") -> list[Path]:
     Raises
     ------
     InputError
-        Where no video is in both, one has corrections already or several whiskers.
+        Where no video is in both, one has other corrections already or several whiskers.
     """
     known = {labels.video: labels for labels in read_whacc(path)}
     both = [video for video in videos if video.name in known]
@@ -119,17 +120,13 @@ def take_contacts(path, videos, whisker: str = "") -> list[Path]:
         )
     tables = [(v, _checked(v, known[v.name], whisker, path)) for v in both]
     for video, corrections in tables:
-        write_corrections(video.folder, corrections)
+        if not (video.folder / CORRECTIONS_FILE).exists():
+            write_corrections(video.folder, corrections)
     return [video.folder / CORRECTIONS_FILE for video in both]
 
 
 def _checked(video, labels, whisker, path):
-    """The corrections of one video, if they can be taken."""
-    if (video.folder / CORRECTIONS_FILE).exists():
-        raise InputError(
-            f"{video.folder / CORRECTIONS_FILE}: holds corrections already, which WhACC's would "
-            "replace; move it away first"
-        )
+    """The corrections of one video, if they can be taken, or were by an import that was killed."""
     if whisker not in video.whiskers and (whisker or len(video.whiskers) != 1):
         raise InputError(
             f"{video.folder}: has whiskers {in_short(video.whiskers)}; say whose contacts "
@@ -140,7 +137,15 @@ def _checked(video, labels, whisker, path):
             f"{path}: has {counted(len(labels.touch), 'frame')} of {video.name}, its results "
             f"{video.n_frames}: these are not of the same video, or one is cut off"
         )
-    return corrections_of(labels.touch, whisker or video.whiskers[0])
+    corrections = corrections_of(labels.touch, whisker or video.whiskers[0])
+    there, when = video.folder / CORRECTIONS_FILE, "saved_at"
+    if there.exists() and not (
+        read_corrections(video.folder).drop(columns=when).equals(corrections.drop(columns=when))
+    ):
+        raise InputError(
+            f"{there}: holds corrections already, which WhACC's would replace; move it away first"
+        )
+    return corrections
 
 
 def write_whacc(path, videos) -> Path:

@@ -214,4 +214,5 @@ def test_contacts_of_whacc_take_the_place_of_those_found(results, tmp_path):
     assert after["offset_frame"] == first["offset_frame"]
     assert after["curated"]
     assert after["peak_force_uN"] == pytest.approx(first["peak_force_uN"], rel=0.05)
-    assert run("import", "whacc", tmp_path / "w.h5", "--out", out) == 2
+    assert run("import", "whacc", tmp_path / "w.h5", "--out", out) == 0  # what is there stays
+    assert pd.read_csv(out / "contacts.csv").to_dict("records") == [after]

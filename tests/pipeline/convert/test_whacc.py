@@ -114,6 +114,10 @@ def test_contacts_are_taken_as_corrections(videos, tmp_path):
     table = read_corrections(videos[0].folder)
     assert list(table["verdict"]) == ["free", "contact", "free"]
     assert list(table["onset_frame"]) == [0, 10, 20]
+    before = written.read_bytes()
+    assert take_contacts(path, videos) == [written]  # as after an import that was killed
+    assert written.read_bytes() == before
+    written.write_text(before.decode().replace("contact", "confirmed"))
     with pytest.raises(InputError, match="holds corrections already"):
         take_contacts(path, videos)
 
