@@ -145,7 +145,9 @@ def _move_in(paths, folder):
     ours = check_own(folder, {path.name: sha256(path) for path in paths})
     for path in paths:
         to_disk(path)
-    write_json(folder / RECORD, read_json(folder / RECORD, {}) | ours)
+    draft = folder / DRAFT / RECORD  # what a program that is killed leaves there is removed
+    write_json(draft, read_json(folder / RECORD, {}) | ours)
+    os.replace(draft, folder / RECORD)
     for path in paths:
         os.replace(path, folder / path.name)
     to_disk(folder)

@@ -4,6 +4,7 @@ import contextlib
 import errno
 import itertools
 import os
+import tempfile
 from concurrent.futures import ThreadPoolExecutor
 
 import pytest
@@ -124,7 +125,20 @@ def test_nothing_changes_where_writing_fails(tmp_path):
     assert not (tmp_path / new_files_module.DRAFT).exists()
 
 
-@pytest.mark.parametrize("after", range(4))
+def test_what_is_unfinished_lies_in_the_draft(tmp_path, monkeypatch):
+    """So the next program removes what one that was killed has left."""
+    places = []
+
+    def mkstemp(suffix, prefix, folder, really=tempfile.mkstemp):
+        places.append(folder)
+        return really(suffix, prefix, folder)
+
+    monkeypatch.setattr(tempfile, "mkstemp", mkstemp)
+    write(tmp_path, one="new")
+    assert set(places) == {tmp_path / new_files_module.DRAFT}
+
+
+@pytest.mark.parametrize("after", range(5))
 def test_a_program_killed_between_two_files_may_try_again(tmp_path, monkeypatch, after):
     write(tmp_path, one="old", two="old")
     moves = []
