@@ -5,8 +5,8 @@ from typing import Annotated
 
 import typer
 
+from pipeline.app.case_by_case import leave
 from pipeline.app.options import Debug, Out, Results, up_to_date
-from pipeline.app.terminal import FAILED
 
 calibrate = typer.Typer(
     help="Measure whiskers, follicle motion and elevation.",
@@ -64,7 +64,7 @@ def geometry(
 
     scale = {"--pixels-per-mm": pixels_per_mm, "--scale-bar-mm": scale_bar_mm}
     target = _target(into, whisker)
-    _leave(run_geometry(images, scale, out, mass_ug or (), target, typer.echo))
+    leave(run_geometry(images, scale, out, mass_ug or (), target, typer.echo))
 
 
 @calibrate.command()
@@ -100,7 +100,7 @@ def ringdown(
 
     if into is not None:
         _target(into, whisker)
-    _leave(run_ringdown(results, out, frames or (), follicle, into, whisker, typer.echo))
+    leave(run_ringdown(results, out, frames or (), follicle, into, whisker, typer.echo))
 
 
 @calibrate.command()
@@ -129,7 +129,7 @@ def dust(
     """
     from pipeline.app.calibrate_dust import run_dust
 
-    _leave(run_dust(results, out, whisker, at_mm, typer.echo))
+    leave(run_dust(results, out, whisker, at_mm, typer.echo))
 
 
 @calibrate.command()
@@ -165,12 +165,7 @@ def views(
     """
     from pipeline.app.calibrate_views import run_views
 
-    _leave(run_views(first, second, points, out, whisker, typer.echo))
-
-
-def _leave(left_out):
-    """Leave with the exit status of `run`: 1 where something could not be measured."""
-    raise typer.Exit(FAILED if left_out else 0)
+    leave(run_views(first, second, points, out, whisker, typer.echo))
 
 
 def _target(into, whisker):

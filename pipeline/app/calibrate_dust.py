@@ -1,6 +1,6 @@
 """`whiskerforce calibrate dust`: a particle on the whisker in, the follicle's motion out."""
 
-from pipeline.app.calibrate_each import each, one_whisker
+from pipeline.app.case_by_case import each, one_whisker
 from pipeline.calibrate.dust_files import pooled_slope, write_dust
 from pipeline.calibrate.follicle_motion import measure_follicle_motion
 from pipeline.convert.results import read_results

@@ -3,7 +3,7 @@
 import itertools
 import math
 
-from pipeline.app.calibrate_each import each
+from pipeline.app.case_by_case import each
 from pipeline.calibrate.find_whisker import NoWhiskerError
 from pipeline.calibrate.geometry import measure_geometry
 from pipeline.calibrate.geometry_files import pooled, remarks, write_geometry, write_into

@@ -1,6 +1,6 @@
 """`whiskerforce calibrate ringdown`: slips in, Young's modulus and damping out."""
 
-from pipeline.app.calibrate_each import each
+from pipeline.app.case_by_case import each
 from pipeline.calibrate.ringdown import check_frame_rate, fit_slip, pool, whisker_of
 from pipeline.calibrate.ringdown_files import write_into, write_ringdown
 from pipeline.calibrate.slips import find_slips, named_slips

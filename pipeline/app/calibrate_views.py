@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from pipeline.app.calibrate_each import each, one_whisker
+from pipeline.app.case_by_case import each, one_whisker
 from pipeline.calibrate.two_views import ViewsError, fit_views, read_points
 from pipeline.calibrate.views import measure_views
 from pipeline.calibrate.views_files import write_views

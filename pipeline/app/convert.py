@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from pipeline.app import terminal
+from pipeline.app.case_by_case import each, leave
 from pipeline.app.options import Debug, Jobs, Out, Results
 
 GROUP = {"no_args_is_help": True, "rich_markup_mode": None}
@@ -179,13 +180,27 @@ def export_janelia(results: Results, out: Out, debug: Debug = False):
 
 
 def _export(results, out, write):
-    """Write every finished video with `write(folder, video)`, which returns the files' paths."""
+    """Write every finished video with `write(folder, video)`, which returns the files' paths.
+
+    One whose tables are damaged is left out; InputError where none can be written.
+    """
     from pipeline.convert.results import read_results
+    from pipeline.errors import InputError
     from pipeline.tables.new_files import write_new
 
-    for video in read_results(results):
-        for path in write_new(out, lambda new, video=video: write(new, video)):
-            typer.echo(str(path))
+    said = []
+    written, left_out = each(
+        read_results(results),
+        lambda video: write_new(out, lambda new: write(new, video)),
+        lambda paths: "\n".join(map(str, paths)),
+        said.append,
+        lambda video: f"{video.name}: ",
+    )
+    if not written:
+        raise InputError(left_out[0])
+    for line in said:
+        typer.echo(line)
+    leave(left_out)
 
 
 @exporting.command("mat")

@@ -1,5 +1,8 @@
-"""What the `calibrate` commands share: which whisker is meant, and one case after the other."""
+"""What `calibrate` and `export` share: one case after the other, and which whisker is meant."""
 
+import typer
+
+from pipeline.app.terminal import FAILED
 from pipeline.errors import VideoError, in_words
 from pipeline.tables.known_names import in_short
 
@@ -49,3 +52,8 @@ def each(cases, measure, sentence, say, label=lambda case: ""):
         else:
             say(sentence(measured[-1]))
     return measured, faults
+
+
+def leave(left_out):
+    """Leave with the exit status of `run`: 1 where something was left out."""
+    raise typer.Exit(FAILED if left_out else 0)

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import pytest
 
 from pipeline.app import cli
-from pipeline.app.calibrate_each import each, one_whisker
+from pipeline.app.case_by_case import each, one_whisker
 from pipeline.convert.results import VideoResults
 from pipeline.errors import VideoError
 
