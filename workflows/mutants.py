@@ -60,8 +60,8 @@ LIBRARIES = ("numba", "pandas", "pytest", "scipy.optimize", "scipy.stats")  # im
 NAMED = (  # file, line as it is, changed line
     (
         "pipeline/contacts/summary.py",
-        "modulus_uN_per_percent=0.01 * force",
-        "modulus_uN_per_percent=0.02 * force",
+        '"modulus_uN_per_percent": 0.01 * known',
+        '"modulus_uN_per_percent": 0.02 * known',
     ),
     (
         "pipeline/forces/rod_outputs.py",

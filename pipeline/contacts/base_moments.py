@@ -19,6 +19,9 @@ from whiskermodel.response import Response
 
 STEPS = 800  # of the force in a period of the slowest mode: 20 in one of the tenth
 LARGEST_PART = 0.995  # of the length: the model needs a contact nearer to the base
+_OF_CONTACTS = (
+    "onset_frame", "offset_frame", "peak_force_uN", "pulse_peak_uN", "pulse_duration_ms", "flags",
+)  # fmt: skip
 
 
 def add_base_moments(
@@ -34,10 +37,16 @@ def add_base_moments(
     frames : FRAME_COLUMNS with forces
     whiskers : name → Whisker or None
     """
-    moments, rows = np.full((3, len(contacts)), np.nan), contacts.to_dict("records")
+    moments, rows = (
+        np.full((3, len(contacts)), np.nan),
+        contacts[[*_OF_CONTACTS]].to_dict("records"),
+    )
     courses = by_whisker(frames, ["frame", "contact_force_uN"])
-    names, place = contacts["whisker"], 1e-3 * contacts["contact_arc_length_mm"].to_numpy()
-    for name in names.unique():
+    names, place = (
+        contacts["whisker"].to_numpy(object),
+        1e-3 * contacts["contact_arc_length_mm"].to_numpy(),
+    )
+    for name in np.unique(names):
         whisker = whiskers.get(name)
         longest = 0.0 if whisker is None else LARGEST_PART * whisker.length
         own = np.flatnonzero((names == name) & (place > 0) & (place < longest))

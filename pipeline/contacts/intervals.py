@@ -21,15 +21,20 @@ HIGH_LOAD = 0.5  # of a contact's largest force
 SURELY_SD = 3.0  # standard errors by which the base must be corrected to be contradicted
 PUSH_COLUMNS = "shape_force_N", "shape_force_se_N", "origin_force_se_N"
 
-INTERVAL_COLUMNS = (
-    "whisker",
-    "onset_frame",
-    "offset_frame",
-    "probability",
-    "side",
-    "slip",
-    "flags",
-)
+INTERVAL_COLUMNS = {
+    "whisker": str,
+    "onset_frame": int,
+    "offset_frame": int,
+    "probability": float,
+    "side": int,
+    "slip": bool,
+    "flags": str,
+}
+_EVIDENCE = (
+    "frame", "probability", "side", "distance_m", "gap_m", "gap_se_m", "shape_force_N",
+    "shape_force_se_N", "origin_force_se_N", "point_force_N", "chi2", "contact_m",
+    "lateral_per_force", "bending_origin_m", "bending_origin_se_m", "rest_known", "base_angle_rad",
+)  # fmt: skip
 
 
 class _Criteria(NamedTuple):
@@ -49,12 +54,15 @@ def find_intervals(
     """Contact intervals from evidence with `probability`: INTERVAL_COLUMNS, half-open frames."""
     criteria = _Criteria(curvature_at, max(round(params.slip_s * frames_per_second), 1), params)
     rows = []
-    for name, part in by_whisker(evidence).items():
+    for name, part in by_whisker(evidence, _EVIDENCE).items():
         usual = _usual_misfit(part)
         for start, stop in _real_runs(part, 1e-3 * params.near_pole_mm):
             rows.append(_interval(part, name, start, stop, criteria, usual))
-    table = pd.DataFrame(rows, columns=list(INTERVAL_COLUMNS))
-    return table.astype({"onset_frame": int, "offset_frame": int, "side": int, "slip": bool})
+    columns = zip(*rows, strict=True) if rows else [()] * len(INTERVAL_COLUMNS)
+    kinds = INTERVAL_COLUMNS.items()
+    return pd.DataFrame(
+        {name: np.array(own, kind) for (name, kind), own in zip(kinds, columns, strict=True)}
+    )
 
 
 def _runs(part):

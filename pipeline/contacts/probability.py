@@ -27,6 +27,7 @@ _OBSERVED = (
     "gap_m", "gap_se_m", "distance_m", "rest_known", "gap_force_cov", "shape_force_N",
     "shape_force_se_N", "origin_force_se_N",
 )  # fmt: skip
+_PLACED = "side", "pole_known", "nearest_m", "base_angle_rad", "across"
 
 
 def add_probability(
@@ -34,7 +35,7 @@ def add_probability(
 ) -> pd.DataFrame:
     """Fill `probability` of contact and its `log_odds` (of the frame alone) in every frame."""
     rate, new = recording.frames_per_second, np.zeros((2, len(evidence)))
-    for part in by_whisker(evidence).values():
+    for part in by_whisker(evidence, (*_OBSERVED, *_PLACED)).values():
         if not part["pole_known"].any():
             continue
         log_odds = frame_log_odds(part, rate, params)

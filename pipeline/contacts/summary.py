@@ -40,8 +40,8 @@ def contact_table(
     for own in courses.values():
         own["free"] = ~binary_dilation(own.pop("touching"))
     rows, numbers = [], {}
-    ordered = intervals.sort_values(["whisker", "onset_frame"], kind="stable")
-    for interval in ordered.to_dict("records"):
+    intervals = intervals.to_dict("records")
+    for interval in sorted(intervals, key=lambda each: (each["whisker"], each["onset_frame"])):
         name = interval["whisker"]
         numbers[name] = numbers.get(name, 0) + 1
         edges = interval["onset_frame"], interval["offset_frame"]
@@ -178,13 +178,18 @@ def peak_errors(contacts: pd.DataFrame, evidence: pd.DataFrame, whiskers: dict) 
             per_tip = np.nanmedian(moves[name]["origin_per_tip"])
             shapes[:, i] = whisker.length, whisker.cone_length, per_tip, 1.0
     length, cone_length, per_tip, known = shapes
-    force, middle = known * contacts["peak_force_uN"], 0.6e-3 * contacts["contact_arc_length_mm"]
+    force, place = (contacts[c].to_numpy() for c in ("peak_force_uN", "contact_arc_length_mm"))
+    middle = 0.6e-3 * place
     # a larger scale brings all places nearer to the base; the base itself moves along as far as
     # it is placed by the tip
     taper = 4 * (middle - per_tip * length) / (cone_length - middle)
-    errors = contacts[["peak_force_se_uN", "tracking_se_uN", "hidden_length_se_uN"]]
-    return errors.mul(known, axis=0).assign(
-        radius_uN_per_percent=0.04 * force,
-        modulus_uN_per_percent=0.01 * force,
-        scale_uN_per_percent=0.01 * force * (2 + taper),
+    errors = "peak_force_se_uN", "tracking_se_uN", "hidden_length_se_uN"
+    return pd.DataFrame(
+        {
+            **{name: known * contacts[name].to_numpy() for name in errors},
+            "radius_uN_per_percent": 0.04 * known * force,
+            "modulus_uN_per_percent": 0.01 * known * force,
+            "scale_uN_per_percent": 0.01 * known * force * (2 + taper),
+        },
+        contacts.index,
     )
