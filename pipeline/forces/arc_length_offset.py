@@ -117,8 +117,7 @@ class _Evidence:
         common, own = design.T @ bend, bend.sum() + sd**-2
         matrix = self.matrix + matrix - np.outer(common, common) / own
         rhs = self.rhs + design.T @ pull - common * pull.sum() / own
-        np.linalg.cholesky(matrix)  # fails where the parabola bends upwards
-        return replace(self, matrix=matrix, rhs=rhs)
+        return replace(self, matrix=matrix, rhs=rhs, tip=common * (1 - bend.sum() / own))
 
 
 def _steadiness(knots):
@@ -161,8 +160,7 @@ def origin_from_tip(
             weight = 1 / np.maximum(1, np.abs(left) / (2 * sd))
             lasting = _lasting_variance(np.clip(left, -3 * sd, 3 * sd))
             variance = max(SHARED_FRAMES * sd**2, lasting)
-        moved = evidence.beside(part, bend, bend, common).rhs  # by a tip 1 m farther out
-        evidence = replace(found, tip=moved)
+        evidence = found
     return evidence.solve(), evidence
 
 

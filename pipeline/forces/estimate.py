@@ -52,6 +52,7 @@ def estimate_forces(
     """
     frames = frames.reset_index(drop=True)
     new, of_touch = {c: frames[c].to_numpy(float, copy=True) for c in MEASURED}, {}
+    kinematics = frames[["time_s", *MEASURED]]
     for index, name in enumerate(places.names):
         all_rows = places.of(name)
         length = (N_STATIONS - 1) * places.spacing[index]
@@ -65,7 +66,7 @@ def estimate_forces(
             own = all_rows.rows(part)
             rows = rows_of(frames, name, own.frame)
             evidence, measured = forces.measure_forces(
-                own, whisker, frames.loc[rows], curvature_at, friction, params
+                own, whisker, kinematics.loc[rows], curvature_at, friction, params
             )
             if whiskers.get(name) is None:
                 evidence[OF_DIMENSIONS] = np.nan  # what stands in for it may bend otherwise

@@ -95,7 +95,7 @@ def measure_forces(
     before, basis, after = rod_fit.rest_basis(whisker, curvature_at + STEP_M * np.arange(-1, 2))
     shape = _turned_to(model, basis, own)
     measured = _rest_columns(*_curvature(kinematics, fit, origin), shape, own)
-    measured = measured.join(_base(kinematics, fit, origin.se, places.frame))
+    measured |= _base(kinematics, fit, origin.se, places.frame)
     point, error = point_force(measured, fit, params)
     evidence["point_force_N"] = point
     stiffer = 4 / (whisker.cone_length - curvature_at)  # E I goes with (cone length − s)⁴
@@ -104,7 +104,7 @@ def measure_forces(
     # with the origin, the rest shape moves along the whisker; the bending by the load does not
     added = fit["curvature_slope"] - fit.rest @ (after - before) / (2 * STEP_M)
     measured[CHANGE_ERROR] = np.hypot(measured[CHANGE_ERROR], np.nan_to_num(added) * origin.se)
-    return evidence, measured
+    return evidence, pd.DataFrame(measured)
 
 
 def far_from_pole(places, params: RodParams = DEFAULTS.forces) -> np.ndarray:
@@ -189,7 +189,7 @@ def sliding(place) -> np.ndarray:
     return out
 
 
-def point_force(rest: pd.DataFrame, fit: ShapeFit, params: RodParams = DEFAULTS.forces):
+def point_force(rest: dict, fit: ShapeFit, params: RodParams = DEFAULTS.forces):
     """F = E I(s_p) Δκ / |(r_c − r_p) × n̂| and its standard error [N].
 
     Positive pushes away from the pole. NaN where the contact lies before or just beyond s_p.
@@ -197,8 +197,8 @@ def point_force(rest: pd.DataFrame, fit: ShapeFit, params: RodParams = DEFAULTS.
     with np.errstate(all="ignore"):
         usable = np.abs(fit["lever_at_curvature"]) > 1e-3 * params.shortest_lever_mm
         change = fit["curvature_per_force"]
-        force = rest["curvature_change_per_m"].to_numpy() / change
-        error = rest["curvature_change_per_m_se"].to_numpy() / np.abs(change)
+        force = rest["curvature_change_per_m"] / change
+        error = rest["curvature_change_per_m_se"] / np.abs(change)
     return np.where(usable, force, np.nan), np.where(usable, error, np.nan)
 
 
@@ -221,27 +221,25 @@ def _excess(ratio, free):
     return max(LEAST_NOISE, float(robust_sd(ratio, about=0.0)))
 
 
-def _base(kinematics, fit, origin_se, frame) -> pd.DataFrame:
+def _base(kinematics, fit, origin_se, frame) -> dict:
     """Base angle and follicle of the fitted rods; the traced angle where no rod is used.
 
     A rod far from the continuation of the traced part has been fitted to something else; rods
     whose angle jitters from frame to frame follow noise. Full turns are those of the traced angle.
     """
-    traced = kinematics[["base_angle_deg"]].assign(**{ERROR: kinematics.get(ERROR, np.nan)})
-    angle, error = np.radians(traced.to_numpy(float).T)
+    angle = np.radians(kinematics["base_angle_deg"].to_numpy(float))
+    error = np.radians(np.asarray(kinematics.get(ERROR, np.nan), float))
     off = wrap_angle(fit["angle"] - angle)
     with np.errstate(invalid="ignore"):
         found = np.abs(off) <= FARTHEST_TURN_RAD
     found &= _steady(angle, angle + off, frame)
     rod_error = np.hypot(np.sqrt(fit["angle_var"]), fit["base_curvature"] * origin_se)
-    return pd.DataFrame(
-        {
-            "base_angle_deg": np.degrees(angle + np.where(found, off, 0.0)),
-            ERROR: np.degrees(np.where(found, rod_error, error)),
-            "follicle_x_m": np.where(found, fit["follicle_x"], np.nan),
-            "follicle_y_m": np.where(found, fit["follicle_y"], np.nan),
-        }
-    )
+    return {
+        "base_angle_deg": np.degrees(angle + np.where(found, off, 0.0)),
+        ERROR: np.degrees(np.where(found, rod_error, error)),
+        "follicle_x_m": np.where(found, fit["follicle_x"], np.nan),
+        "follicle_y_m": np.where(found, fit["follicle_y"], np.nan),
+    }
 
 
 def _steady(traced, rods, frame) -> bool:
@@ -273,9 +271,9 @@ def _turned_to(model, basis, own: WhiskerRows):
     shape, error = np.full((2, len(own.angle)), np.nan)
     known = np.isfinite(own.angle)
     if model is not None and known.any():
-        shape[known] = model.predict(own.angle[known], own.time[known])[0] @ basis
-        cov = model.turning_cov(own.angle[known])
-        error[known] = np.sqrt(np.einsum("j,njk,k->n", basis, cov, basis))
+        angle, time = own.angle[known], own.time[known]
+        shape[known] = (model.powers(angle) @ model.weights + model.drift(time)) @ basis
+        error[known] = np.sqrt(model.turning_cov(angle) @ basis @ basis)
     return shape, error
 
 
@@ -286,16 +284,14 @@ def _rest_columns(curvature, noise, place, shape, own: WhiskerRows):
     # noise: free frames show by how much. A rest curvature that wanders looks the same
     error = noise * _excess((curvature - rest) / noise, own.free)
     rest, rest_error = _rest_curvature(curvature, error, shape, own)
-    return pd.DataFrame(
-        {
-            "curvature_per_m": curvature,
-            "curvature_per_m_se": np.hypot(error, place),
-            "rest_curvature_per_m": rest,
-            "rest_curvature_per_m_se": rest_error,
-            "curvature_change_per_m": curvature - rest,
-            "curvature_change_per_m_se": np.hypot(error, rest_error),
-        }
-    )
+    return {
+        "curvature_per_m": curvature,
+        "curvature_per_m_se": np.hypot(error, place),
+        "rest_curvature_per_m": rest,
+        "rest_curvature_per_m_se": rest_error,
+        "curvature_change_per_m": curvature - rest,
+        "curvature_change_per_m_se": np.hypot(error, rest_error),
+    }
 
 
 def _rest_curvature(curvature, error, shape, own: WhiskerRows):

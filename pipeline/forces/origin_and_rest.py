@@ -18,6 +18,7 @@ import numpy as np
 from scipy import sparse
 from scipy.linalg import block_diag
 
+from pipeline.forces.rest_shape import of_polynomials
 from pipeline.forces.rod_fit import N_REST, RestPrior, ShapeFit
 from whiskermodel.whisker import Whisker
 
@@ -139,9 +140,7 @@ class OriginAndRest:
 
 def of_each_row(prior: RestPrior) -> np.ndarray:
     """Covariance (rows, N_REST, N_REST) of the rest shape that rows do not share."""
-    powers = prior.powers
-    shared = np.einsum("nk,kvlw,nl->nvw", powers, prior.weights_cov, powers, optimize=True)
-    return prior.cov - shared
+    return prior.cov - of_polynomials(prior.powers, prior.weights_cov)
 
 
 def shown_by(fit: ShapeFit, rest: RestPrior):

@@ -14,9 +14,10 @@ override the prior; where there are none the shape stays constant, with an error
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numba import njit
 from scipy.ndimage import median_filter
 
-from pipeline.numerics.robust import robust_sd
+from pipeline.numerics.robust import MAD_TO_SD, column_medians, robust_sd
 from pipeline.session.parameters import DEFAULTS
 
 CLEAR_SD = 8.0  # standard errors of the distance by which a whisker is clear of a touch
@@ -86,7 +87,7 @@ class RestModel:
         powers = self.powers(angle)
         drift, frames = _smooth(self.time, self.residual, self.share, np.asarray(time, float))
         drift_cov = CORRELATED_FRAMES / frames[:, None, None] * self.noise
-        known = np.einsum("nk,kvlw,nl->nvw", powers, self.weights_cov, powers, optimize=True)
+        known = of_polynomials(powers, self.weights_cov)
         return powers @ self.weights + drift, self.scatter + known + drift_cov
 
     def smoother(self, values):
@@ -107,13 +108,16 @@ class RestModel:
 
     def turning_cov(self, angle) -> np.ndarray:
         """Covariance (frames, values, values) of how the values change from the centre."""
-        powers = self.powers(angle)[:, 1:]
-        cov = self.weights_cov[1:, :, 1:]
-        return np.einsum("nk,kvlw,nl->nvw", powers, cov, powers, optimize=True)
+        return of_polynomials(self.powers(angle)[:, 1:], self.weights_cov[1:, :, 1:])
 
     def powers(self, angle) -> np.ndarray:
         """(frames, terms) of u at base angles [rad]."""
         return _powers((np.asarray(angle, float) - self.centre) / self.scale, self.degree)
+
+
+def of_polynomials(powers, cov) -> np.ndarray:
+    """Covariance (frames, values, values) of `powers` @ weights that have the covariance `cov`."""
+    return np.tensordot(powers[:, :, None] * powers[:, None], cov.transpose(0, 2, 1, 3), 2)
 
 
 def fit_rest(values, variances, angle, time, free, degree=LARGEST_DEGREE) -> RestModel | None:
@@ -178,9 +182,16 @@ def _usable(values, variances, angle, free):
 
 def _drift_and_rest(powers, values, time, precision, floor):
     """Drift, what polynomial and drift leave, (frames, values) each, and the frames' shares."""
-    drift, weights = np.zeros_like(values), None
-    for _ in range(3):  # drift and polynomial in turn: each leaves a tenth of what is missing
-        weights, share = _robust_polynomial(powers, values - drift, precision, floor, weights)
+    drift, weights = np.zeros_like(values), np.zeros((powers.shape[1], values.shape[1]))
+    weights[0] = np.median(values, axis=0)  # the same at all angles at first
+    for rounds in (
+        8,
+        2,
+        2,
+    ):  # drift and polynomial in turn: each leaves a tenth of what is missing
+        weights, share = _robust_polynomial(
+            powers, values - drift, precision, floor, weights, rounds
+        )
         residual = values - powers @ weights
         middle = np.average(residual, axis=0, weights=share)
         weights[0] += middle  # a drift of mean zero: it is shrunk to that
@@ -261,28 +272,29 @@ def _powers(u, degree):
     return u[:, None] ** np.arange(degree + 1)
 
 
-def _robust_polynomial(powers, values, precision, floor, weights=None):
+@njit(cache=True)
+def _robust_polynomial(powers, values, precision, floor, weights, rounds):
     """Tukey-weighted least squares with a prior; weights (terms, values) and frames' shares.
 
-    `precision` (terms,) of the prior, `floor` (values,) the least spread of a frame. Where no
-    `weights` are given to begin with, the shape is the same at all angles at first.
+    `precision` (terms,) of the prior, `floor` (values,) the least spread of a frame, `weights` to
+    begin with.
     """
-    begun = weights is not None
-    if not begun:
-        weights = np.zeros((powers.shape[1], values.shape[1]))
-        weights[0] = np.median(values, axis=0)
-    for _ in range(2 if begun else 8):
-        residual = values - powers @ weights
-        spread = np.maximum(robust_sd(residual, about=0.0, axis=0), floor)
-        away = (residual / np.maximum(spread, 1e-12)) ** 2
-        worst = np.sqrt(away.max(axis=1)) / TUKEY
-        share = np.where(worst < 1, (1 - worst**2) ** 2, 0.0)
+    share = np.ones(len(powers))
+    for _ in range(rounds):
+        residual = np.abs(values - powers @ weights)
+        spread = np.maximum(MAD_TO_SD * column_medians(residual), floor)
+        for n in range(len(share)):
+            worst = 0.0
+            for v in range(len(spread)):
+                worst = max(worst, residual[n, v] / max(TUKEY * spread[v], 1e-12))
+            share[n] = (1 - worst**2) ** 2 if worst < 1 else 0.0
         if share.sum() < min(len(powers), 2 * FEWEST_FRAMES) / 2:
-            share = np.ones(len(powers))
-        weighted = powers * share[:, None]
-        prior = (spread**2)[:, None, None] * np.diag(precision)
-        found = np.linalg.solve(weighted.T @ powers + prior, (weighted.T @ values).T[:, :, None])
-        weights = found[:, :, 0].T
+            share[:] = 1.0
+        weighted = np.ascontiguousarray((powers * share.reshape(-1, 1)).T)
+        square, rhs, weights = weighted @ powers, weighted @ values, np.empty_like(weights)
+        for v in range(values.shape[1]):
+            prior = spread[v] ** 2 * np.diag(precision)
+            weights[:, v] = np.linalg.solve(square + prior, rhs[:, v].copy())
     return weights, share
 
 
@@ -326,26 +338,37 @@ def _smooth(time, residual, share, at):
     step = DRIFT_TIME_S / 5
     low = min(time.min(), np.nanmin(at)) - step
     bins = int((max(time.max(), np.nanmax(at)) + step - low) / step) + 2
-    place = ((time - low) / step).astype(int)
-    reach = np.arange(-20, 21) / 5.0
-    kernel = np.exp(-0.5 * reach**2)
-    count = np.bincount(place, share, bins)
-    s0, s1, s2 = (_convolve(count, kernel * (-reach) ** k) for k in range(3))
-    s0, s2 = s0 + DRIFT_SHRINK_FRAMES, s2 + DRIFT_SHRINK_FRAMES
+    lines = _local_lines(((time - low) / step).astype(int), residual, share, bins)
     centres = low + (np.arange(bins) + 0.5) * step
-    out = []
-    for r in residual.T:
-        sums = np.bincount(place, share * r, bins)
-        t0, t1 = (_convolve(sums, kernel * (-reach) ** k) for k in range(2))
-        out.append(np.interp(at, centres, (s2 * t0 - s1 * t1) / (s0 * s2 - s1**2)))
-    return np.stack(out, axis=1), np.interp(at, centres, s0 - s1**2 / s2)
+    *values, frames = (np.interp(at, centres, line) for line in lines.T)
+    return np.stack(values, axis=1), frames
 
 
-def _convolve(values, kernel):
-    """Same-size convolution that also holds where the kernel is longer than the values."""
-    full = np.convolve(values, kernel, "full")
-    start = len(kernel) // 2
-    return full[start : start + len(values)]
+@njit(cache=True)
+def _local_lines(place, residual, share, bins):
+    """Lines at the centres of all bins, and the frames that support them, (bins, values + 1).
+
+    `place` (frames,): the bin of each frame.
+    """
+    sums = np.zeros((bins, residual.shape[1] + 1))
+    for n in range(len(place)):
+        sums[place[n], :-1] += share[n] * residual[n]
+        sums[place[n], -1] += share[n]
+    lines, moments = np.empty_like(sums), np.empty((3, sums.shape[1]))
+    for k in range(bins):
+        moments[:] = 0.0
+        for j in range(max(k - 20, 0), min(k + 21, bins)):
+            u = (j - k) / 5
+            weight = np.exp(-0.5 * u * u)
+            for v in range(sums.shape[1]):
+                moments[0, v] += weight * sums[j, v]
+                moments[1, v] += weight * u * sums[j, v]
+                moments[2, v] += weight * u * u * sums[j, v]
+        s0, s1, s2 = moments[:, -1]
+        s0, s2 = s0 + DRIFT_SHRINK_FRAMES, s2 + DRIFT_SHRINK_FRAMES
+        lines[k] = (s2 * moments[0] - s1 * moments[1]) / (s0 * s2 - s1**2)
+        lines[k, -1] = s0 - s1**2 / s2
+    return lines
 
 
 def _positive(matrix):

@@ -199,7 +199,7 @@ def polynomials(u, values):
 @njit(**COMPILED, inline="always")
 def softness(s, beam):
     """1/(E I(s)) [1/(N m²)]; the very tip of a full cone, which has none, is stiffened."""
-    square = (1 - s / beam.cone_length) ** 2
+    square = (1 - s * (1 / beam.cone_length)) ** 2
     return 1 / (beam.rigidity * max(square * square, 1e-7))
 
 
@@ -227,16 +227,16 @@ def _stretch(step, rest, soft, push, arm, heading, bend, slope):
     new heading, and the curvature at start and end.
     """
     (k0, k1, k2), (f0, f1, f2), (fx, fy), (arm_x, arm_y) = rest, soft, push, arm
-    half, sixth = step / 2, step / 6
+    half, sixth = step / 2, step * (1 / 6)
     c1, s1 = heading
     lever, along, across = arm_x * fy - arm_y * fx, c1 * fy - s1 * fx, -s1 * fy - c1 * fx
-    short = bend * bend / 6
-    ahead, aside = half * (1 - half * half * short), half * half * (bend / 2 + slope * half / 6)
+    short = bend * bend * (1 / 6)
+    ahead, aside = half * (1 - half * half * short), half * half * (bend / 2 + slope * sixth / 2)
     r1 = k0 + f0 * lever
     r2 = k1 + f1 * (lever - ahead * along - aside * across)
     ahead, aside = step * (1 - step * step * short), step * step * (bend / 2 + slope * sixth)
     r3 = k2 + f2 * (lever - ahead * along - aside * across)
-    c2, s2 = _turned(heading, step / 24 * (5 * r1 + 8 * r2 - r3))
+    c2, s2 = _turned(heading, sixth / 4 * (5 * r1 + 8 * r2 - r3))
     turn = sixth * (r1 + 4 * r2 + r3)
     c3, s3 = _turned(heading, turn)
     way_x, way_y = sixth * (c1 + 4 * c2 + c3), sixth * (s1 + 4 * s2 + s3)

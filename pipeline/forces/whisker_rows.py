@@ -62,10 +62,11 @@ class WhiskerRows:
     def rest_prior(self, model: RestModel) -> RestPrior:
         """The rest shape as prior for the loaded fit of all rows."""
         angle = self.filled_angle(model)
-        _, cov = model.predict(angle, self.time)
+        powers, (values, cov) = model.powers(angle), model.predict(angle, self.time)
+        drift = values - powers @ model.weights
         cov = cov + np.eye(cov.shape[1]) * REST_SD_PER_M**2
-        shape = model.weights, model.centre, model.scale, model.drift(self.time), cov
-        return RestPrior(*shape, model.weights_cov, model.powers(angle))
+        shape = model.weights, model.centre, model.scale, drift, cov
+        return RestPrior(*shape, model.weights_cov, powers)
 
     def filled_angle(self, model: RestModel) -> np.ndarray:
         """The angles; the model's centre where there is none, good enough for an error."""

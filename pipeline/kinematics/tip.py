@@ -11,13 +11,10 @@ shows nothing more. How it erases is not known well enough to tell these apart: 
 error grows with the odds that the last of it is erased.
 """
 
-from itertools import product
 from typing import NamedTuple
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 from scipy.linalg import solve_triangular, toeplitz
-from scipy.linalg.blas import dtrmm
 from scipy.ndimage import binary_dilation
 from scipy.special import ndtr
 
@@ -42,7 +39,9 @@ FAINT_PX = np.geomspace(4.0, 100.0, 24)
 POWERS = 1, 2, 3
 LAST_PX = 4.0  # before the tip: the middle of a codec's block of 8 px that ends there
 BY_ODDS_PX = 2.0  # of the tip's standard error, per odds that a codec erases the last of it
-STEP_PX = 0.1
+# tips that may be: first in coarse steps, then in fine ones where they are not surely wrong
+COARSE_PX, STEP_PX = 1.0, 0.1
+UNLIKELY = 100.0  # times the usual square: misfit beyond the least of a tip that is surely wrong
 EDGE_SE_PX = 0.1  # of the tip's place, where nothing else is uncertain, from rendered videos
 ROUNDING = float(np.finfo(np.float16).eps)  # of a thickness of 1 px, as it is kept
 LEAST_PX = 10.0  # how far before the mean end the tip may be
@@ -72,7 +71,7 @@ def tip_beyond(places: Stations, whisker: Whisker) -> Tip | None:
     if at[own].max(initial=0) <= 0:  # something lies over all that is beyond
         return None
     tip, weight = _fits(at[own], mean[own], covariance[np.ix_(own, own)], apex)
-    of_tip, of_share = weight.sum(axis=0), weight.sum(axis=1)
+    of_tip, of_share = weight.sum(axis=1), weight.sum(axis=0)
     beyond = of_tip @ tip
     unseen = BY_ODDS_PX**2 * (of_share @ _odds_erased(apex) ** 2)
     se = np.sqrt(of_tip @ (tip - beyond) ** 2 + unseen + EDGE_SE_PX**2)
@@ -107,7 +106,7 @@ def _tapering(thickness, se):
     own = np.ones(len(thickness), bool)
     for k, each in enumerate(thickness):
         before = thickness[:k][own[:k]][-BEFORE:]
-        own[k] = len(before) < BEFORE or each < np.median(before) + OUTLIER_SD * se[k]
+        own[k] = len(before) < BEFORE or each < np.sort(before)[BEFORE // 2] + OUTLIER_SD * se[k]
     return ~binary_dilation(~own, iterations=BESIDE)
 
 
@@ -129,36 +128,47 @@ def _covariance(left):
 
 
 def _fits(at, thickness, covariance, apex):
-    """Tips [px] that may be (tips,), and the posterior weights (shares, tips).
+    """Tips [px] that may be (tips,), and the posterior weights (tips, shares).
 
-    A row for each of the shares that a codec may show, those of `_odds_erased`.
+    A column for each of the shares that a codec may show, those of `_odds_erased`.
 
     apex : of the cone, beyond the tip [px]. The thickness per length is eliminated.
     """
     whiten = solve_triangular(np.linalg.cholesky(covariance), np.eye(len(at)), lower=True)
     seen = whiten @ thickness
-    tips = np.arange(-LEAST_PX, at[-1], STEP_PX)
-    # places are whole steps apart: each shape is computed once, and seen shifted from each place
-    shift = np.rint((at[-1] - at) / STEP_PX).astype(int)
-    inside = tips[0] - at[-1] + STEP_PX * np.arange(len(tips) + shift[0])
-    cone = np.maximum(inside + apex, 0.0)
-    up_to_tip = cone * ndtr(inside / BLUR_PX)
-    misfit = np.empty((len(FAINT_PX) * len(POWERS), len(tips)))
-    for k, (faint, power) in enumerate(product(FAINT_PX, POWERS)):
-        shapes = up_to_tip * -np.expm1(-((cone / faint) ** power))
-        shape = sliding_window_view(shapes, len(tips))[shift].T
-        along = shape @ (seen @ whiten)
-        shape = dtrmm(1.0, whiten, shape, side=1, lower=1, trans_a=1, overwrite_b=1)
-        square = np.einsum("kj,kj->k", shape, shape)
-        scale = np.maximum(along, 0.0) / np.maximum(square, 1e-12)
-        misfit[k] = seen @ seen - 2 * scale * along + scale**2 * square
+    coarse = np.arange(-LEAST_PX, at[-1], COARSE_PX)
+    misfit = _misfits(coarse, COARSE_PX, at, whiten, seen, apex)
+    usual = max(misfit.min() / len(at), 1.0)
+    likely = coarse[misfit.min(axis=1) < misfit.min() + UNLIKELY * usual]
+    first = max(likely[0] - COARSE_PX, coarse[0])
+    tips = np.arange(first, min(likely[-1] + COARSE_PX, at[-1]), STEP_PX)
+    misfit = _misfits(tips, STEP_PX, at, whiten, seen, apex)
     usual = max(misfit.min() / len(at), 1.0)
     weight = np.exp(-0.5 * (misfit - misfit.min()) / usual)
     return tips, weight / weight.sum()
 
 
+def _misfits(tips, step, at, whiten, seen, apex):
+    """Squared misfits (tips, shares) of whiskers with these tips, `step` [px] apart.
+
+    `seen` is the thickness, and `whiten` what makes its errors independent, of variance one.
+    """
+    # places are whole steps apart: each shape is computed once, and seen shifted from each place
+    shift = np.rint((at[-1] - at) / step).astype(int)
+    inside = tips[0] - at[-1] + step * np.arange(len(tips) + shift[0])
+    cone = np.maximum(inside + apex, 0.0)
+    shapes = (cone * ndtr(inside / BLUR_PX))[:, None] * -np.expm1(-_shares(cone))
+    shape = shapes[shift[:, None] + np.arange(len(tips))].reshape(len(at), -1)
+    along, square = seen @ whiten @ shape, ((whiten @ shape) ** 2).sum(axis=0)
+    scale = np.maximum(along, 0.0) / np.maximum(square, 1e-12)
+    return (seen @ seen - 2 * scale * along + scale**2 * square).reshape(len(tips), -1)
+
+
+def _shares(distance):
+    """(Distance from the apex/FAINT_PX)^POWERS, (distances, shares): of what a codec shows."""
+    return np.hstack([(distance[:, None] / FAINT_PX) ** power for power in POWERS])
+
+
 def _odds_erased(apex):
     """Odds (shares,) that a codec erases the whisker LAST_PX before its tip."""
-    faint, power = np.transpose(list(product(FAINT_PX, POWERS)))
-    thickness = ((apex + LAST_PX) / faint) ** power
-    return np.exp(-thickness) / -np.expm1(-thickness)
+    return 1 / np.expm1(_shares(np.array([apex + LAST_PX]))[0])

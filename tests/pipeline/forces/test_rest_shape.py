@@ -368,7 +368,8 @@ def test_a_prior_draws_the_polynomial_to_zero_by_the_errors_of_frames():
     u, precision = np.linspace(-1, 1, 9), np.array([0.02, 0.5, 1.0])
     powers, errors = u[:, None] ** np.arange(3), np.array([2.0, 1.0])
     values = np.column_stack([0.5 + 0.3 * u, 0.2 - 0.2 * u])
-    weights, share = rest_shape._robust_polynomial(powers, values, precision, errors)
+    start = np.zeros((3, 2))
+    weights, share = rest_shape._robust_polynomial(powers, values, precision, errors, start, 8)
     np.testing.assert_allclose(share, 1.0, atol=0.05)
     for k, error in enumerate(errors):
         square = powers.T @ powers + error**2 * np.diag(precision)
