@@ -17,7 +17,7 @@ from pipeline.scene.over_time import without_pole
 from pipeline.scene.scale import FIELD_MM, scale_of
 from pipeline.session.inputs import PREVIEW_NAME, SETTINGS_NAME, check_settings_name, find_inputs
 from pipeline.session.recording import Recording
-from pipeline.session.session_file import read_session, settings_from, write_session
+from pipeline.session.session_file import read_session, session_text, settings_from
 from pipeline.tables import whole_files
 from pipeline.tracking.registry import find_templates
 from pipeline.tracking.snout import snout_of
@@ -78,8 +78,7 @@ def init_folder(folder, overwrite=False, config=None, say=lambda line: None) -> 
     preview = preview_of(most.path, settings_from(document, target))
     document["whisker"] = [{"name": name} for name in preview.names]
     settings = settings_from(document, target)
-    old = whole_files.set_aside(target) if target.exists() else None
-    write_session(target, settings, notes)
+    old = whole_files.replace_text(target, session_text(settings, notes))
     write_preview(folder / PREVIEW_NAME, preview)
     kept = [f"the earlier settings are kept as {old}"] if old else []
     return [*_words(looks, preview, target), *kept]

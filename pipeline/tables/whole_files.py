@@ -90,6 +90,18 @@ def write_text(path, text: str) -> None:
         temporary.write_text(text, encoding="utf-8")
 
 
+def replace_text(path, text: str) -> Path | None:
+    """Write a text file in place of one that a person may have written.
+
+    That one stays where the new one cannot be written; else it is kept under another name, which
+    is returned. None: there was none.
+    """
+    path = Path(path)
+    with whole_file(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+        return set_aside(path) if path.exists() else None
+
+
 def write_json(path, value) -> None:
     """Write a JSON file, whole or not at all."""
     write_text(path, json.dumps(value, indent=2, ensure_ascii=False) + "\n")

@@ -2,6 +2,7 @@
 
 import errno
 import os
+from pathlib import Path
 
 import pytest
 
@@ -44,6 +45,21 @@ def test_a_file_that_could_not_be_finished_leaves_the_old_one(tmp_path):
         write_half()
     assert path.read_text() == "old"
     assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_persons_file_is_set_aside_only_when_the_new_one_is_written(tmp_path, monkeypatch):
+    def full(*arguments, **options):
+        raise OSError(errno.ENOSPC, "no room")
+
+    path = tmp_path / "session.toml"
+    assert whole_files.replace_text(path, "mine") is None
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, "write_text", full)
+        with pytest.raises(OSError, match="no room"):
+            whole_files.replace_text(path, "new")
+    assert list(tmp_path.iterdir()) == [path]
+    old = whole_files.replace_text(path, "new")
+    assert (old.read_text(), path.read_text()) == ("mine", "new")
 
 
 def test_the_file_is_not_there_before_it_is_whole(tmp_path):
