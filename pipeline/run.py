@@ -6,7 +6,13 @@ import numpy as np
 import pandas as pd
 
 from pipeline.analysis import Analysis
-from pipeline.contacts import ContactOptions, ContactTables, find_contacts, no_contacts
+from pipeline.contacts import (
+    ContactOptions,
+    ContactTables,
+    corrections_given,
+    find_contacts,
+    no_contacts,
+)
 from pipeline.detection import PoleTrack
 from pipeline.errors import InputError, VideoError
 from pipeline.forces import estimate_forces
@@ -69,7 +75,7 @@ def analyse(
     keep : called with the centrelines (`tables.Centrelines`) of some hundred frames at a time,
         to store them; None: they are in the `Analysis`
     progress : called with a `runtime.Step` at the start of each stage, and with every frame
-    corrections : table of a person's corrections (`pipeline.contacts.corrections`)
+    corrections : table of a person's corrections, as `contacts.read_corrections` gives
     threads : for decoding; 0: as the codec thinks best
 
     Raises
@@ -77,7 +83,7 @@ def analyse(
     VideoError
         If the video cannot be read to its end.
     """
-    given = settings_given(settings, video)
+    given, corrections = settings_given(settings, video), corrections_given(corrections)
     if isinstance(video, (pd.DataFrame, Centrelines)):
         return analyse_lines(video, given, keep=keep, corrections=corrections)
     clock, say, stored = Clock(), progress or (lambda step: None), []
@@ -119,6 +125,7 @@ def analyse_lines(lines, settings, pole=None, n_frames=0, keep=None, corrections
         If a line has a name that no [[whisker]] table has.
     """
     clock, settings, stored = Clock(), settings_given(settings), []
+    corrections = corrections_given(corrections)
     keep = keep or (lambda chunk: stored.append(chunk.points_only()))
     lines = lines_of_table(lines) if isinstance(lines, pd.DataFrame) else lines
     kinematics = measure_lines(

@@ -10,7 +10,8 @@ from matplotlib.figure import Figure
 
 import pipeline
 import synthetic
-from pipeline import analyse, open_video, read_results, read_session
+from pipeline import analyse, analyse_lines, open_video, read_results, read_session
+from pipeline.contacts.corrections import Verdict, table_of
 from pipeline.errors import InputError, VideoError
 from pipeline.reports.axes_plots import plot_centrelines, plot_contacts, plot_course
 from pipeline.tables import CONTACT_COLUMNS, FRAME_COLUMNS, files
@@ -158,18 +159,54 @@ def test_wrong_names_are_reported_with_those_there_are(analysis, axis):
         plot_course(analysis.frames, "force", ax=axis)
 
 
+def _lines(*frames):
+    """A table of lines of one whisker in these frames."""
+    line = np.arange(40, 90, dtype=np.float32)
+    rows = [{"frame": f, "whisker": "C2", "x_px": line, "y_px": line} for f in frames]
+    return pd.DataFrame(rows)
+
+
 @pytest.mark.parametrize(
     ("video", "settings", "error", "words"),
     [
         (np.zeros((5, 40), np.uint8), "session.toml", VideoError, r"shape \(5, 40\)"),
         (np.zeros((5, 40, 40)), "session.toml", VideoError, "float64 pixels"),
         (np.zeros((5, 40, 40), np.uint8), None, InputError, "no settings"),
+        ("gone.avi", None, VideoError, "gone.avi: does not exist; check the name"),
         (pd.DataFrame({"frame": [0]}), "session.toml", ValueError, "needs the column whisker"),
+        (_lines(0.5), "session.toml", ValueError, r"row 0: frame is .*0\.5.*: expected a whole"),
+        (_lines(-1), "session.toml", ValueError, "row 0: frame is .*-1.*: expected a whole"),
+        (
+            _lines(4, 4),
+            "session.toml",
+            ValueError,
+            "row 1: a second line of whisker C2 in frame 4",
+        ),
     ],
 )
 def test_what_cannot_be_analysed_gets_a_message(rendered, video, settings, error, words):
     with pytest.raises(error, match=words):
         analyse(video, settings and rendered / settings)
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ("corrections.csv", "expected a table, as .*read_corrections.*, got str"),
+        ([("Contact", 5, 9)], "row 0: verdict is 'Contact', expected one of contact"),
+        ([("free", 5, 9), ("contact", 9, 5)], "row 1: onset_frame 9 and offset_frame 5"),
+        ([("contact", 5, 9), ("contact", 8, 11)], "has frames of contact .5, 9. in row 0"),
+    ],
+)
+def test_corrections_are_checked_before_anything_is_analysed(given, words):
+    if isinstance(given, list):
+        rows = [("C2", verdict, a, b, min(a, b), max(a, b)) for verdict, a, b in given]
+        given = table_of(Verdict(*row) for row in rows)
+    settings = {"recording": {"frames_per_second": 1e3, "pixels_per_mm": 25, "face": "left"}}
+    with pytest.raises(InputError, match=words):
+        analyse("gone.avi", settings, corrections=given)
+    with pytest.raises(InputError, match=words):
+        analyse_lines(_lines(0), settings, corrections=given)
 
 
 def test_importing_is_quick_and_writes_nothing(tmp_path):

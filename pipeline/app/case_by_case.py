@@ -3,7 +3,7 @@
 import typer
 
 from pipeline.app.terminal import FAILED
-from pipeline.errors import VideoError, in_words
+from pipeline.errors import VideoError, in_words, with_advice
 from pipeline.tables.known_names import in_short
 
 
@@ -47,7 +47,8 @@ def each(cases, measure, sentence, say, label=lambda case: ""):
         try:
             measured.append(measure(case))
         except (ValueError, VideoError, OSError) as error:
-            faults.append(f"{label(case)}{in_words(error)}")
+            words = with_advice(error) if isinstance(error, OSError) else in_words(error)
+            faults.append(f"{label(case)}{words}")
             say(f"left out: {faults[-1]}")
         else:
             say(sentence(measured[-1]))

@@ -12,6 +12,6 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
             "find_contacts",
             "no_contacts",
         ],
-        "corrections": ["apply", "read_corrections", "write_corrections"],
+        "corrections": ["apply", "corrections_given", "read_corrections", "write_corrections"],
     },
 )

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import pandas as pd
 
-from pipeline.errors import CorrectionsError, counted
+from pipeline.errors import CorrectionsError, InputError, counted
 from pipeline.tables.columns import CORRECTION_COLUMNS, DECISION_COLUMNS, as_table, empty_table
 from pipeline.tables.files import read_csv, read_numbered_csv, replace_csv
 
@@ -61,10 +61,28 @@ def read_corrections(folder) -> pd.DataFrame:
         corrections, lines = read_numbered_csv(path, CORRECTION_COLUMNS, advice="")
     except ValueError as error:
         raise CorrectionsError(str(error)) from None
-    numbered = list(zip(lines, verdicts(corrections), strict=True))
-    faults = [(line, fault) for line, verdict in numbered if (fault := _fault(verdict))]
-    for line, fault in faults or _clashes(numbered):
+    for line, fault in _faults(lines, corrections, "line"):
         raise CorrectionsError(f"{path}: line {line}: {fault}")
+    return corrections
+
+
+def corrections_given(corrections) -> pd.DataFrame | None:
+    """Corrections as Python code gives them: None, or a table that is checked as a file's is.
+
+    Raises
+    ------
+    InputError
+        Where it is something else; it names the row and what is expected.
+    """
+    if corrections is None:
+        return None
+    if not isinstance(corrections, pd.DataFrame):
+        raise InputError(
+            f"corrections: expected a table, as `pipeline.contacts.read_corrections(folder)` "
+            f"gives, got {type(corrections).__name__}"
+        )
+    for row, fault in _faults(range(len(corrections)), corrections, "row"):
+        raise InputError(f"corrections: row {row}: {fault}")
     return corrections
 
 
@@ -84,6 +102,13 @@ def table_of(rows) -> pd.DataFrame:
     return as_table(pd.DataFrame(list(rows), columns=Verdict._fields), CORRECTION_COLUMNS)
 
 
+def _faults(numbers, corrections, what):
+    """Numbers of `what` is wrong in a table of corrections, rows or a file's lines, and why."""
+    numbered = list(zip(numbers, verdicts(corrections), strict=True))
+    faults = [(number, fault) for number, verdict in numbered if (fault := _fault(verdict))]
+    return faults or _clashes(numbered, what)
+
+
 def _fault(verdict):
     """Say what is wrong with a verdict, '' if nothing."""
     if verdict.verdict not in VERDICTS:
@@ -98,8 +123,8 @@ def _fault(verdict):
     return ""
 
 
-def _clashes(numbered):
-    """Yield the line of a contact that has frames of another one, and what is wrong with it."""
+def _clashes(numbered, what):
+    """Yield the number of a contact that has frames of another one, and what is wrong with it."""
     contacts = sorted(
         (verdict.whisker, verdict.span, line)
         for line, verdict in numbered
@@ -109,7 +134,7 @@ def _clashes(numbered):
         if name == other and overlap(span, later):
             yield (
                 number,
-                f"contact {later} of {name!r} has frames of contact {span} in line {line}: keep "
+                f"contact {later} of {name!r} has frames of contact {span} in {what} {line}: keep "
                 "one of them",
             )
 

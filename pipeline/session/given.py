@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from pathlib import Path
 
-from pipeline.errors import InputError
+from pipeline.errors import InputError, VideoError
 from pipeline.session.inputs import Input, session_of
 from pipeline.session.schema import Settings
 from pipeline.session.session_file import read_session, settings_from
@@ -22,6 +22,8 @@ def settings_given(settings, video=None) -> Settings:
     ------
     SettingsError, InputError
         If they cannot be used, or there are none.
+    VideoError
+        If they would lie beside a video that does not exist.
     """
     if isinstance(settings, Settings):
         return settings
@@ -32,4 +34,6 @@ def settings_given(settings, video=None) -> Settings:
     if not isinstance(video, (str, Path)):
         raise InputError("no settings: give `Settings`, or the path of a session.toml")
     path = Path(video)
+    if not path.exists():
+        raise VideoError(path, "does not exist; check the name")
     return read_session(session_of(Input(path, path if path.is_dir() else path.parent)))

@@ -161,7 +161,8 @@ def lines_of_table(table: pd.DataFrame) -> Centrelines:
     Raises
     ------
     ValueError
-        Where a column is missing, or x and y of a row differ in length.
+        Where a column is missing, a frame has no number or a whisker several lines in it, or x and
+        y of a row differ in length.
     """
     for column in CENTRELINE_COLUMNS:
         if column.name not in table:
@@ -176,6 +177,7 @@ def lines_of_table(table: pd.DataFrame) -> Centrelines:
                 f"row {row}: x_px has the shape {one.shape}, y_px {other.shape}: expected a list "
                 "of as many numbers in both"
             )
+    _check_frames(table)
     names = tuple(dict.fromkeys(table["whisker"]))
     empty = [np.empty(0, np.float32)]
     points = np.concatenate([*x, *empty])
@@ -189,6 +191,19 @@ def lines_of_table(table: pd.DataFrame) -> Centrelines:
         se_px=np.full(len(points), np.nan, np.float32),
         confidence=np.ones(len(x), np.float32),
     )
+
+
+def _check_frames(table) -> None:
+    """ValueError where a row's frame is no whole number from 0 on, or a whisker is there twice."""
+    frame = pd.to_numeric(table["frame"], errors="coerce").to_numpy(float)
+    for row in np.flatnonzero(~((frame >= 0) & (frame == np.floor(frame)))):
+        value = table["frame"].iloc[row]
+        raise ValueError(f"row {row}: frame is {value!r}: expected a whole number from 0 on")
+    for row in np.flatnonzero(table.duplicated(["frame", "whisker"])):
+        name = table["whisker"].iloc[row]
+        raise ValueError(
+            f"row {row}: a second line of whisker {name} in frame {frame[row]:.0f}: expected one"
+        )
 
 
 def centreline_chunks(path, filters=None):

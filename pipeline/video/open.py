@@ -132,7 +132,7 @@ def _is_text(head: bytes) -> bool:
 
 
 def find_videos(paths) -> list[Path]:
-    """Return the inputs that `paths` stand for, each once, in the order given.
+    """Return the inputs that `paths`, one or several, stand for: each once, in the order given.
 
     A file stands for itself. A folder of images stands for itself, as one video. Any other
     folder stands for the videos and TIFF stacks directly in it, in natural order, and for its
@@ -146,7 +146,7 @@ def find_videos(paths) -> list[Path]:
         If a path does not exist.
     """
     found = {}
-    for path in map(Path, paths):
+    for path in map(Path, [paths] if isinstance(paths, (str, Path)) else paths):
         if not path.exists():
             raise VideoError(path, "does not exist; check the name")
         for item in _inputs_in(path) if path.is_dir() else [path]:

@@ -548,6 +548,8 @@ class TestFindVideos:
         (results / "videos.csv").touch()
         cv2.imwrite(str(results / "overlay.png"), picture(0))
         assert [path.name for path in find_videos([tmp_path])] == ["a.avi"]
+        for single in (tmp_path, str(tmp_path)):
+            assert find_videos(single) == find_videos([tmp_path])
 
     def test_each_input_once(self, tmp_path):
         (tmp_path / "a.avi").write_text("x")
