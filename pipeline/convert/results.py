@@ -17,14 +17,14 @@ from pipeline.session.session_file import read_session
 from pipeline.tables import files
 from pipeline.tables.centrelines import Centrelines, read_centrelines
 from pipeline.tables.columns import CONTACT_COLUMNS, VIDEO_COLUMNS
-from pipeline.tables.run_record import frame_count, read_pole, recorded_path
+from pipeline.tables.run_record import found_video, frame_count, read_pole, recorded_path
 
 TRIAL_NUMBER = re.compile(r".*[-_](\d{1,18})$")  # of a video's name
 
 
 @dataclass(frozen=True)
 class VideoResults:
-    """The tables of one video, read when they are wanted; `path` is the video's."""
+    """The tables of one video, read when they are wanted; `path` is where the video is."""
 
     name: str
     folder: Path
@@ -105,7 +105,10 @@ def read_results(folder) -> list[VideoResults]:
     if not len(done):
         raise InputError(f"{folder}: no finished video in it; videos.csv says why")
     rows = zip(done["video"], done["path"], strict=True)
-    return [VideoResults(str(name), folder / str(name), str(path)) for name, path in rows]
+    return [
+        VideoResults(str(name), own := folder / str(name), str(found_video(own, str(path))))
+        for name, path in rows
+    ]
 
 
 def lines_of_rows(names, keys, rows) -> Centrelines:

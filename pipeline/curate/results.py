@@ -31,7 +31,7 @@ from pipeline.session.session_file import read_session
 from pipeline.tables import centrelines, files
 from pipeline.tables.columns import CONTACT_COLUMNS
 from pipeline.tables.evidence import EVIDENCE_FILE, read_evidence
-from pipeline.tables.run_record import frame_count, read_pole, recorded_path
+from pipeline.tables.run_record import found_video, frame_count, read_pole, recorded_path
 from pipeline.video.open import open_video
 
 LINES_AROUND = 256  # frames whose centrelines are read together
@@ -189,7 +189,7 @@ class VideoUnderReview:
     @cached_property
     def reader(self) -> FrameReader | None:
         """The video's frames, or None where the video cannot be read: see `no_picture`."""
-        path = self._video_path()
+        path = found_video(self.folder, recorded_path(self.folder) or self.name)
         try:
             open_video(path).close()
         except VideoError as error:
@@ -198,12 +198,6 @@ class VideoUnderReview:
         return FrameReader(path, self.n_frames)
 
     no_picture = ""
-
-    def _video_path(self):
-        """Where the video was when it was processed; else beside the results."""
-        path = Path(recorded_path(self.folder) or self.name)
-        nearby = (self.folder.parent / path.name, self.folder.parent.parent / path.name)
-        return next((p for p in (path, *nearby) if p.exists()), path)
 
     def close(self):
         """Let go of the video."""

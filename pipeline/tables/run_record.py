@@ -1,6 +1,6 @@
 """run.json of one video: how its results were made. It may be damaged, so it is checked."""
 
-from pathlib import Path
+from pathlib import Path, PureWindowsPath
 
 from pipeline.tables.result_exchange import STATE_FILE
 from pipeline.tables.whole_files import read_json, write_json
@@ -60,6 +60,16 @@ def recorded_path(folder) -> str:
     """Where the video of a results folder lay, of whatever version or state; '' if not known."""
     path = read_json(Path(folder) / STATE_FILE, {}).get("path")
     return path if isinstance(path, str) else ""
+
+
+def found_video(folder, recorded) -> Path:
+    """Where the video of a results folder is: where it was `recorded`, or else beside the results.
+
+    The record may be from another computer, with its system's paths.
+    """
+    path, name = Path(recorded), PureWindowsPath(recorded).name  # which knows both separators
+    places = (path, folder.parent / name, folder.parent.parent / name)
+    return next((place for place in places if place.exists()), path)
 
 
 def frame_count(folder, frames) -> int:
