@@ -193,7 +193,7 @@ def _new_or(task, message="") -> Outcome | None:
     """The outcome of results that were whole before the process ended, else None."""
     with contextlib.suppress(OSError):
         settle(task.folder)
-    made = written(task.folder) > task.earlier
+    made = written(task.folder) != task.earlier  # the clock may have been set back
     outcome = task.finished or (kept_outcome(task.folder) if made else None)
     return warned(outcome, message) if outcome and message else outcome
 

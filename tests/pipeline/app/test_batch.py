@@ -23,7 +23,7 @@ from quick_analysis import quick_analyse
 import pipeline.reports.figures
 import pipeline.reports.report
 import pipeline.run
-from pipeline.app import batch, cli, outcome, terminal
+from pipeline.app import batch, cli, outcome, terminal, video_task
 from pipeline.contacts.corrections import read_corrections
 from pipeline.curate.corrected import MADE_WITH, corrections_digest, save_contacts
 from pipeline.errors import InputError
@@ -823,6 +823,14 @@ def test_interruption_of_a_second_run_loses_nothing(folder, calls, tmp_path):
     assert sorted(p.name for p in out.iterdir() if p.is_dir()) == ["a", "b", "c"]
     for name in "abc":
         assert (out / name / "corrections.csv").read_text() == CORRECTIONS
+
+
+def test_results_count_as_made_also_where_the_clock_was_set_back(folder, calls, tmp_path):
+    batch.run([folder], tmp_path / "results")
+    own = tmp_path / "results" / "a"
+    later = video_task.written(own) + 10**9
+    task = video_task.Task(folder / "a.avi", own, SETTINGS, "", earlier=later)
+    assert video_task.interrupted_outcome(task).status == "done"
 
 
 def test_a_second_run_in_the_same_folder_is_refused(folder, calls, tmp_path):
