@@ -105,7 +105,7 @@ def _claims(evidence, rows_of, track, before, changed, fresh):
     if len(rows):
         cost = evidence.look[rows] - evidence.nameless[rows, None]
         cost = np.add.reduceat(cost, first[:-1], axis=0)
-        likely = np.argsort(cost, axis=1)[:, :MOST_CLAIMING]
+        likely = np.argsort(cost, axis=1)[:, :MOST_CLAIMING].copy()
         _claim_runs(evidence, rows_of, cost, likely, rows, first, before, changed, fresh)
 
 
@@ -283,7 +283,7 @@ def _claim(evidence, seen, a, rows, before, next_, changed):
     first, count = evidence.frame[rows[0]], len(rows)
     # nothing happens until the whisker is seen again: one empty frame represents all of these
     empty, again = min(next_ - first - count, 1), next_ < len(seen)
-    own, other = np.full((2, count + empty + again), -1)
+    own, other = np.full(count + empty + again, -1), np.full(count + empty + again, -1)
     own[:count], other[:count] = seen[first : first + count], rows
     if again:
         own[-1] = seen[next_]

@@ -36,8 +36,10 @@ class Lines(NamedTuple):
     @classmethod
     def of(cls, lines: Centrelines, hidden) -> "Lines":
         """Those of `lines`; `hidden` (rows,) [px]."""
-        whisker = lines.whisker.astype(np.int64)
-        return cls(lines.offsets, lines.x_px, lines.y_px, *lines.raw(), hidden, whisker)
+        nodes = lines.x_px, lines.y_px, *lines.raw()
+        # of one type each: compiled code is compiled again for every other one
+        nodes = (np.ascontiguousarray(each, np.float64) for each in nodes)
+        return cls(lines.offsets, *nodes, hidden, lines.whisker.astype(np.int64))
 
 
 class _Whiskers(NamedTuple):
@@ -197,10 +199,9 @@ def _measure_rows(lines, whiskers, pole, skip, extension, places):
         if b - a < 2 * END_FIT_PX + 1:
             continue
         w, hidden = lines.whisker[row], lines.hidden[row]
-        x, y = lines.x[a:b].astype(np.float64), -lines.y[a:b].astype(np.float64)
+        x, y = lines.x[a:b], -lines.y[a:b]
         s = _arc_lengths(x, y, hidden)
-        offset = lines.offset[a:b].astype(np.float64)
-        line = _Line(x, y, s, offset, lines.information[a:b].astype(np.float64))
+        line = _Line(x, y, s, lines.offset[a:b], lines.information[a:b])
         near[row, 0], near[row, 1] = s[0], s[-1]
         px, py = pole.x[row], pole.y[row]
         own = places.x[row], places.y[row], places.information[row]

@@ -143,19 +143,25 @@ def test_whiskers_without_names_are_counted_on_each_side():
     assert two_sides.counted_names([], "top", OPTIONS) == ()
 
 
+@pytest.fixture(scope="module")
+def rat(tmp_path_factory):
+    """A rendered rat's video of 40 frames."""
+    folder = tmp_path_factory.mktemp("rat")
+    (path,) = render_session(folder, "rat_both_sides", 11, 1, frames=40)
+    return measuring.RenderedVideo.of(path, folder)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("given", [("left", "right"), ("right",)])
-def test_whiskers_of_a_rendered_rat_get_names_of_their_own_side(tmp_path, given):
-    (path,) = render_session(tmp_path, "rat_both_sides", 11, 1, frames=40)
-    video, chunks = measuring.RenderedVideo.of(path, tmp_path), []
-    settings = read_session(tmp_path / "session.toml")
+def test_whiskers_of_a_rendered_rat_get_names_of_their_own_side(rat, given):
+    settings, chunks = read_session(rat.path.parent / "session.toml"), []
     settings = settings.model_copy(
         update={"whisker": [w for w in settings.whisker if w.name.split("_")[0] in given]}
     )
-    analyse(path, settings, keep=chunks.append)
+    analyse(rat.path, settings, keep=chunks.append)
     lines: Centrelines = measuring.join_chunks(chunks)
     known = lines.confidence >= 0.5
-    near = np.array(line_scoring.score_lines(lines, video.lines()).rows["nearest"])[known]
+    near = np.array(line_scoring.score_lines(lines, rat.lines()).rows["nearest"])[known]
     name = np.array(lines.names)[lines.whisker][known]
     same = [
         one.split("_")[0] == other.split("_")[0] for one, other in zip(name, near, strict=True)
