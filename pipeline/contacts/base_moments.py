@@ -62,11 +62,9 @@ def add_base_moments(
     with np.errstate(invalid="ignore", divide="ignore"):
         ratio = np.maximum(high, -low) / np.abs(steady)
     return contacts.assign(
-        steady_peak_nN_m=steady,
-        vibration_max_nN_m=high,
-        vibration_min_nN_m=low,
+        steady_peak_nN_m=steady, vibration_max_nN_m=high, vibration_min_nN_m=low,
         vibration_ratio=ratio,
-    )
+    )  # fmt: skip
 
 
 def _load(contact, course, frames_per_second):

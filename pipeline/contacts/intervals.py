@@ -22,14 +22,9 @@ SURELY_SD = 3.0  # standard errors by which the base must be corrected to be con
 PUSH_COLUMNS = "shape_force_N", "shape_force_se_N", "origin_force_se_N"
 
 INTERVAL_COLUMNS = {
-    "whisker": str,
-    "onset_frame": int,
-    "offset_frame": int,
-    "probability": float,
-    "side": int,
-    "slip": bool,
-    "flags": str,
-}
+    "whisker": str, "onset_frame": int, "offset_frame": int, "probability": float, "side": int,
+    "slip": bool, "flags": str,
+}  # fmt: skip
 _EVIDENCE = (
     "frame", "probability", "side", "distance_m", "gap_m", "gap_se_m", "shape_force_N",
     "shape_force_se_N", "origin_force_se_N", "point_force_N", "chi2", "contact_m",

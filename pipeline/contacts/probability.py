@@ -25,9 +25,8 @@ STRONG_SHARE = 0.1  # of the largest force: fainter ones may be errors where oth
 FEWEST_SURE = 10
 _OBSERVED = (
     "gap_m", "gap_se_m", "distance_m", "rest_known", "gap_force_cov", "shape_force_N",
-    "shape_force_se_N", "origin_force_se_N",
+    "shape_force_se_N", "origin_force_se_N", "side", "pole_known", "nearest_m", "base_angle_rad",
 )  # fmt: skip
-_PLACED = "side", "pole_known", "nearest_m", "base_angle_rad", "across"
 
 
 def add_probability(
@@ -35,7 +34,7 @@ def add_probability(
 ) -> pd.DataFrame:
     """Fill `probability` of contact and its `log_odds` (of the frame alone) in every frame."""
     rate, new = recording.frames_per_second, np.zeros((2, len(evidence)))
-    for part in by_whisker(evidence, (*_OBSERVED, *_PLACED)).values():
+    for part in by_whisker(evidence, (*_OBSERVED, "across")).values():
         if not part["pole_known"].any():
             continue
         log_odds = frame_log_odds(part, rate, params)
@@ -79,11 +78,11 @@ def frame_log_odds(part, frames_per_second, params: ContactParams = DEFAULTS.con
     The gap's offset (radius of the pole, blur) and scatter in contact are learnt from the
     video, for both sides, together with the frames that touch.
     """
-    gap, gap_sd, force, force_sd, cov = _observations(part, params)
+    column = {name: np.asarray(part[name], float) for name in _OBSERVED}
+    gap, gap_sd, force, force_sd, cov = _observations(column, params)
     # a traced whisker without a pole surely touches nothing; an untraced frame tells nothing
-    side = np.asarray(part["side"])
-    absent = ~np.asarray(part["pole_known"]) & np.isnan(part["nearest_m"])
-    absent = absent & np.isfinite(part["base_angle_rad"])
+    side, traced = column["side"], np.isfinite(column["base_angle_rad"])
+    absent = (column["pole_known"] == 0) & np.isnan(column["nearest_m"]) & traced
     least, changes = 1e-3 * params.least_gap_sd_mm, changes_per_frame(frames_per_second, params)
     with np.errstate(invalid="ignore"):
         pushed = force > SURE_PUSH_SD * force_sd
@@ -113,12 +112,11 @@ def frame_log_odds(part, frames_per_second, params: ContactParams = DEFAULTS.con
     return odds
 
 
-def _observations(part, params):
+def _observations(column, params):
     """Gap and force with standard deviations and covariance, in metres and newtons.
 
     Where no rod could be fitted, the gap is the traced distance, and the force is not known.
     """
-    column = {name: np.asarray(part[name], float) for name in _OBSERVED}
     fitted = np.isfinite(column["gap_m"]) & np.isfinite(column["shape_force_se_N"])
     fitted &= column["rest_known"] == 1
     gap = np.where(fitted, column["gap_m"], column["distance_m"])

@@ -21,7 +21,6 @@ from whiskermodel.force_profiles import half_gaussian_pulse
 FEWEST_FRAMES = 3
 STARTS = (0.85, 1.1, 1.5)  # of the contact's duration
 _COURSE = ("frame", "contact_force_uN", "contact_force_uN_se")  # of the frames
-_COLUMNS = ("pulse_peak_uN", "pulse_duration_ms", "pulse_centre_s", "pulse_r2")
 POOR_R2 = 0.95
 POOR_MISFIT = 3.0  # in standard errors of the force: below, a poor r² is noise
 
@@ -92,7 +91,7 @@ def add_pulses(contacts: pd.DataFrame, frames: pd.DataFrame, recording: Recordin
     The table with `pulse_…` filled and `not_half_gaussian` among the flags where r² is poor and
     the misfit is more than the force's noise.
     """
-    fits, flags = np.full((len(_COLUMNS), len(contacts)), np.nan), contacts["flags"].tolist()
+    fits, flags = np.full((4, len(contacts)), np.nan), contacts["flags"].tolist()
     courses = by_whisker(frames, _COURSE)
     edges = contacts[["onset_frame", "offset_frame"]].to_numpy()
     for i, name in enumerate(contacts["whisker"]):
@@ -104,5 +103,8 @@ def add_pulses(contacts: pd.DataFrame, frames: pd.DataFrame, recording: Recordin
         fits[:, i] = 1e6 * pulse.peak, 1e3 * pulse.duration, pulse.centre, pulse.r2
         if pulse.r2 < POOR_R2 and not 1e6 * pulse.misfit < POOR_MISFIT * np.nanmedian(error):
             flags[i] = ";".join([*split_flags(flags[i]), "not_half_gaussian"])
-    flags = pd.array(flags, dtype=contacts["flags"].dtype)
-    return contacts.assign(**dict(zip(_COLUMNS, fits, strict=True)), flags=flags)
+    peak, duration, centre, r2 = fits
+    return contacts.assign(
+        pulse_peak_uN=peak, pulse_duration_ms=duration, pulse_centre_s=centre, pulse_r2=r2,
+        flags=pd.array(flags, dtype=contacts["flags"].dtype),
+    )  # fmt: skip

@@ -19,8 +19,6 @@ MEASURED = [  # columns of the frames in which the rods have the last word
     "curvature_per_m_se", "rest_curvature_per_m", "rest_curvature_per_m_se",
     "curvature_change_per_m", "curvature_change_per_m_se", "pole_distance_mm",
 ]  # fmt: skip
-# evidence on whether the whisker bends as its dimensions say
-OF_DIMENSIONS = ["chi2", "bending_origin_m", "bending_origin_se_m"]
 
 
 def estimate_forces(
@@ -69,7 +67,8 @@ def estimate_forces(
                 own, whisker, kinematics.loc[rows], curvature_at, friction, params
             )
             if whiskers.get(name) is None:
-                evidence[OF_DIMENSIONS] = np.nan  # what stands in for it may bend otherwise
+                # what stands in for it may bend otherwise
+                evidence[["chi2", "bending_origin_m", "bending_origin_se_m"]] = np.nan
             _fill(new, rows, measured, pixels_per_m)
             new["pole_distance_mm"][rows] = 1e3 * evidence["distance_m"]
             _gather(of_touch, rows, evidence, len(frames))
@@ -91,10 +90,6 @@ def _fill(columns, rows, measured, pixels_per_m):
 
 def _gather(columns, rows, evidence, count):
     """Put the evidence of some rows into arrays of all `count` rows, by column, in place."""
-    for column in EVIDENCE_COLUMNS:
-        if column.name not in evidence:
-            continue
-        if column.name not in columns:
-            missing = 0.0 if column.dtype in ("bool", "int64") else np.nan
-            columns[column.name] = np.full(count, missing)
-        columns[column.name][rows] = evidence[column.name]
+    for name, values in evidence.items():
+        missing = np.nan if values.dtype == float else 0.0
+        columns.setdefault(name, np.full(count, missing))[rows] = values.to_numpy()

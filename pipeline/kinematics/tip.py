@@ -39,9 +39,8 @@ FAINT_PX = np.geomspace(4.0, 100.0, 24)
 POWERS = 1, 2, 3
 LAST_PX = 4.0  # before the tip: the middle of a codec's block of 8 px that ends there
 BY_ODDS_PX = 2.0  # of the tip's standard error, per odds that a codec erases the last of it
-# tips that may be: first in coarse steps, then in fine ones where they are not surely wrong
-COARSE_PX, STEP_PX = 1.0, 0.1
-UNLIKELY = 100.0  # times the usual square: misfit beyond the least of a tip that is surely wrong
+STEP_PX = 0.1
+UNLIKELY = 300.0  # times the usual square: misfit beyond the least of a tip that is surely wrong
 EDGE_SE_PX = 0.1  # of the tip's place, where nothing else is uncertain, from rendered videos
 ROUNDING = float(np.finfo(np.float16).eps)  # of a thickness of 1 px, as it is kept
 LEAST_PX = 10.0  # how far before the mean end the tip may be
@@ -136,14 +135,12 @@ def _fits(at, thickness, covariance, apex):
     """
     whiten = solve_triangular(np.linalg.cholesky(covariance), np.eye(len(at)), lower=True)
     seen = whiten @ thickness
-    coarse = np.arange(-LEAST_PX, at[-1], COARSE_PX)
-    misfit = _misfits(coarse, COARSE_PX, at, whiten, seen, apex)
-    usual = max(misfit.min() / len(at), 1.0)
-    likely = coarse[misfit.min(axis=1) < misfit.min() + UNLIKELY * usual]
-    first = max(likely[0] - COARSE_PX, coarse[0])
-    tips = np.arange(first, min(likely[-1] + COARSE_PX, at[-1]), STEP_PX)
-    misfit = _misfits(tips, STEP_PX, at, whiten, seen, apex)
-    usual = max(misfit.min() / len(at), 1.0)
+    tips = np.arange(-LEAST_PX, at[-1], APART_PX)
+    misfit, usual = _misfits(tips, APART_PX, at, whiten, seen, apex)
+    likely = tips[misfit.min(axis=1) < misfit.min() + UNLIKELY * usual]  # finer steps about these
+    first, end = max(likely[0] - APART_PX, tips[0]), min(likely[-1] + APART_PX, at[-1])
+    tips = np.arange(first, end, STEP_PX)
+    misfit, usual = _misfits(tips, STEP_PX, at, whiten, seen, apex)
     weight = np.exp(-0.5 * (misfit - misfit.min()) / usual)
     return tips, weight / weight.sum()
 
@@ -151,6 +148,7 @@ def _fits(at, thickness, covariance, apex):
 def _misfits(tips, step, at, whiten, seen, apex):
     """Squared misfits (tips, shares) of whiskers with these tips, `step` [px] apart.
 
+    And the usual square of one place, at least 1.
     `seen` is the thickness, and `whiten` what makes its errors independent, of variance one.
     """
     # places are whole steps apart: each shape is computed once, and seen shifted from each place
@@ -161,7 +159,8 @@ def _misfits(tips, step, at, whiten, seen, apex):
     shape = shapes[shift[:, None] + np.arange(len(tips))].reshape(len(at), -1)
     along, square = seen @ whiten @ shape, ((whiten @ shape) ** 2).sum(axis=0)
     scale = np.maximum(along, 0.0) / np.maximum(square, 1e-12)
-    return (seen @ seen - 2 * scale * along + scale**2 * square).reshape(len(tips), -1)
+    misfit = (seen @ seen - 2 * scale * along + scale**2 * square).reshape(len(tips), -1)
+    return misfit, max(misfit.min() / len(at), 1.0)
 
 
 def _shares(distance):
