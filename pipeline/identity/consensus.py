@@ -13,7 +13,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from pipeline.identity import label_swaps, motion_model, seeds
-from pipeline.identity.features import LENGTH, THICKNESS
+from pipeline.identity.features import ANGLE, LENGTH, NEAR_BEND, THICKNESS
 from pipeline.identity.ordered_assignment import along_tracks, looks_and_phases, named_in_order
 from pipeline.identity.tracklets import named_by_tracklets, often_seen
 
@@ -37,14 +37,30 @@ def best_names(lines) -> tuple[np.ndarray, np.ndarray]:
 
     That is the share of the namings that agree on it, by weight, to the power of ALIKE.
     """
-    if lines.frame[0] == lines.frame[-1]:  # in a single frame every line is a whisker by itself
-        return np.arange(len(lines.frame)), np.ones(len(lines.frame))
+    whisker = _side_by_side(lines)
+    if whisker is not None:
+        return whisker, np.ones(len(whisker))
     namings = list(_namings(lines))
     costs = np.array([_length_cost(lines, names) for names in namings])
     best = namings[int(np.argmin(costs))]
     weight = ((costs.min() + LEAST_COST) / (costs + LEAST_COST)) ** SURE
     named, share = _agreed(lines, [_renamed(names, best) for names in namings], weight)
     return named, share**ALIKE
+
+
+def _side_by_side(lines):
+    """Names (rows,) of tracks that are all seen at once; None where there are others.
+
+    Each is a whisker by itself: in all frames that show them all, they stand in the same order.
+    """
+    count, (tracks, whisker) = np.diff(lines.starts), np.unique(lines.track, return_inverse=True)
+    near = lines.features[:, ANGLE] + lines.features[:, NEAR_BEND]
+    if len(tracks) > count.max() or np.isnan(near).any():
+        return None
+    every = np.flatnonzero(np.repeat(count, count) == len(tracks))
+    along = every[np.lexsort((near[every], lines.frame[every]))]
+    order = whisker[along].reshape(-1, len(tracks))
+    return whisker if (order == order[0]).all() else None
 
 
 def _agreed(lines, namings, weight):

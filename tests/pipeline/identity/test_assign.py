@@ -44,11 +44,20 @@ def test_a_name_is_the_surer_the_more_namings_agree_on_it(monkeypatch):
         yield from (next(usual(lines)), true + 1, wrong, true)  # their numbers do not matter
 
     monkeypatch.setattr(consensus, "_namings", more)
-    found, sure = names(frame, true, features)
+    found, sure = names(frame, np.where(frame < HOP, true, true + 5), features)
     assert (found == true).all()
     inner = frame < 60 - Limits().along_track  # beyond, votes are averaged with later ones
     assert sure[(wrong != true) & inner].max() < 3 / 4
     assert np.median(sure[wrong == true]) > 0.9
+
+
+def test_tracks_that_are_all_seen_at_once_in_one_order_are_named_without_a_doubt(monkeypatch):
+    features, frame, true = whisking(6)
+    monkeypatch.setattr(consensus, "_namings", None)
+    seen = (true != 2) | (frame % 7 > 0)  # a whisker may be missed now and then
+    found, sure = names(frame[seen], 10 - true[seen], features[seen])
+    assert (found == true[seen]).all()
+    assert (sure == 1).all()
 
 
 def test_namings_agree_where_tracks_have_gone_on_with_each_others_lines():
