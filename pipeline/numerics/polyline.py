@@ -165,6 +165,8 @@ def near_pairs(lines, near, step=COARSE) -> np.ndarray:
     All pairs that do are True, and some that are up to `step` nodes farther apart; no line is near
     to itself.
     """
+    if len(lines) < 2:
+        return np.zeros((len(lines), len(lines)), bool)
     return _near_pairs(*end_to_end(lines, step), near + 1.1 * step, step)
 
 
