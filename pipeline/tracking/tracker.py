@@ -79,8 +79,7 @@ class Tracker:
     def step(self, image) -> list[Track]:
         """Advance by one frame; return the tracks, `line` None where a whisker is lost."""
         self.frame += 1
-        gain, before = self.model.gain(image), self.gain
-        relit, self.gain = abs(gain - before) > RELIT * max(gain, before), gain
+        gain, relit = self._light(image)
         with image_model.lines_in_background(self.model):
             self._follow_all(image, gain)
             missing = [t for t in self.tracks if t.line is None]
@@ -90,6 +89,12 @@ class Tracker:
                 self._search(missing, image, gain)
                 self.since_search = 0
         return self.tracks
+
+    def _light(self, image) -> tuple[float, bool]:
+        """A frame's brightness over the background's, and whether the light has just changed."""
+        gain, before = self.model.gain(image), self.gain
+        self.gain = gain
+        return gain, abs(gain - before) > RELIT * max(gain, before)
 
     def _follow_all(self, image, gain) -> None:
         """Follow every present whisker, each against a background that holds its neighbours.

@@ -62,19 +62,21 @@ class UnlabelledTracker(Tracker):
         self.astray_sd = np.radians(params.astray_deg)
         self.young = max(frames_in(params.young_s, options.frames_per_second), 1)
         self.rest = max(frames_in(params.rest_s, options.frames_per_second), 1)
+        few = len(templates) < row_rotation.FEWEST_TOGETHER
+        self.seldom = self.search_every if few else self.rest  # a few seldom hide another one
         self.looks_back = frames_in(params.look_back_s, options.frames_per_second)
         self.unchanged = 0  # frames since a track began or ended
 
     def step(self, image) -> list[LineTrack]:
         """Advance by one frame; return the tracks of all lines that are seen."""
         self.frame += 1
-        gain = self.gain = self.model.gain(image)
+        gain, relit = self._light(image)
         before = len(self.tracks)
         with lines_in_background(self.model):
             self._follow_all(image, gain)
             self.tracks = [t for t in self.tracks if t.line is not None]
-            self.unchanged = self.unchanged + 1 if len(self.tracks) == before else 0
-            if self.unchanged < self.rest or self.unchanged % self.rest == 0:
+            self.unchanged = 0 if relit or len(self.tracks) != before else self.unchanged + 1
+            if self.unchanged < self.rest or self.unchanged % self.seldom == 0:
                 self._search_all(image, gain)
             self._merge(image, gain)
         return self.tracks
@@ -125,22 +127,26 @@ class UnlabelledTracker(Tracker):
             self.unchanged = 0
 
     def _foresee(self, present, image, gain) -> None:
-        """Predict the tracks by the turn of the whole row, surer than each line's own motion."""
-        if not present:
-            return
-        lines = [foretold(track.line, None) for track in present]
-        last = np.array([t.turned_to(t.line) for t in present])
-        rows = self._rows(lines)
-        turn = _even_turns(lines, rows, last)
+        """Predict the tracks of a row by the turn that it makes, surer than each one's own motion.
+
+        A few lines are no row: one that slips off the pole moves unlike the others.
+        """
+        for track in present:
+            track.turn = (0.0, 0.0)
+        for row in self._rows([track.line for track in present]):
+            if len(row) >= row_rotation.FEWEST_TOGETHER:
+                self._foresee_row([present[k] for k in row], image, gain)
+
+    def _foresee_row(self, row, image, gain) -> None:
+        """`_foresee` of the tracks of one row."""
+        lines = [foretold(track.line, None) for track in row]
+        last = np.array([track.turned_to(track.line) for track in row])
+        turn = row_rotation.even_turns(row_rotation.places(lines), last)
         for line, angle in zip(lines, turn, strict=True):
             row_rotation.turn_line(line, angle, self.pivot)
         m = self.model
-        for row in rows:
-            if len(row) >= row_rotation.FEWEST_TOGETHER:
-                turn[row] += row_rotation.common_turns(
-                    image, m.background, m.weight, gain, [lines[k] for k in row], self.pivot
-                )
-        for track, angle in zip(present, turn, strict=True):
+        turn += row_rotation.common_turns(image, m.background, m.weight, gain, lines, self.pivot)
+        for track, angle in zip(row, turn, strict=True):
             track.turn, track.before = (float(angle), self.pivot), None
 
     def _merge(self, image, gain) -> None:
@@ -193,7 +199,11 @@ class UnlabelledTracker(Tracker):
 
     def even_turns(self, lines, turn) -> np.ndarray:
         """Turns of all lines as of `row_rotation.even_turns`, of each side's row by itself."""
-        return _even_turns(lines, self._rows(lines), turn)
+        even = np.zeros(len(lines))
+        for row in self._rows(lines):
+            places = row_rotation.places([lines[k] for k in row])
+            even[row] = row_rotation.even_turns(places, turn[row])
+        return even
 
     def _rows(self, lines) -> list[np.ndarray]:
         """Indices of the lines of each side of the face: the sides turn against each other."""
@@ -202,7 +212,9 @@ class UnlabelledTracker(Tracker):
         return [own for k in range(len(self.cuts) + 1) if len(own := np.flatnonzero(side == k))]
 
     def _follow(self, track, image, gain, line) -> None:
-        track.expected = Course(line.x[: line.n].copy(), line.y[: line.n].copy(), line.n)
+        track.expected = None
+        if track.before is None:  # foretold by others: surer than by its own motion
+            track.expected = Course(line.x[: line.n].copy(), line.y[: line.n].copy(), line.n)
         track.age += 1
         super()._follow(track, image, gain, line)
 
@@ -234,12 +246,3 @@ def is_crowd(templates, options) -> bool:
     if not options.visible_px:
         return len(templates) > 0
     return crowded([template.signature for template in templates], options)
-
-
-def _even_turns(lines, rows, turn) -> np.ndarray:
-    """Turns of all lines as of `row_rotation.even_turns`, of each row by itself."""
-    even = np.zeros(len(lines))
-    for row in rows:
-        places = row_rotation.places([lines[k] for k in row])
-        even[row] = row_rotation.even_turns(places, turn[row])
-    return even

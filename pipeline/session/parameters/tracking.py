@@ -58,7 +58,10 @@ class TrackerParams:
         0.35, "the same below which a whisker is lost", "chosen"
     )
     search_every_s: quantity(0.0005, 10, "s") = parameter(
-        0.02, "time between two searches of the whole picture for a lost whisker", "chosen"
+        0.02,
+        "time between two searches for a lost whisker; also for new lines at rest beside one "
+        "or two whiskers",
+        "chosen",
     )
     established_s: quantity(0.0005, 1, "s") = parameter(
         0.01, "a line followed for so long is no blur beside another one", "chosen"
@@ -67,8 +70,8 @@ class TrackerParams:
         0.005, "time in which the claim of a new track to its line grows to half", "chosen"
     )
     rest_s: quantity(0.0005, 1, "s") = parameter(
-        0.003, "after so long without a change, the lines of many whiskers are at rest; new ones "
-        "are then looked for as seldom", "chosen on real recordings",
+        0.003, "after so long without a change, lines without names are at rest; new ones beside "
+        "three and more whiskers are then looked for as seldom", "chosen on real recordings",
     )  # fmt: skip
     astray_deg: quantity(0.1, 45, "°") = parameter(
         4.0, "SD of a line's direction about the predicted one, among many whiskers", "chosen"

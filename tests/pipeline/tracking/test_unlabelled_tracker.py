@@ -176,6 +176,41 @@ def test_new_lines_are_looked_for_near_the_face_and_followed_to_their_far_ends(m
     assert seen[-1] == pytest.approx(LONG, abs=6)
 
 
+def lone_tracker():
+    """A tracker of the long whisker, which has followed it for three frames."""
+    scene, options = scene_of_long_whisker(), options_for(Recording(500.0, 12.0, "left"))
+    image = long_whisker()
+    templates = find_templates(np.array([image] * 3), scene, options)
+    tracker = UnlabelledTracker(scene, templates, options)
+    for _ in range(3):
+        tracker.step(image)
+    return tracker
+
+
+def test_a_lone_whisker_may_turn_and_bend_at_once_as_where_it_slips_off_a_pole():
+    tracker = lone_tracker()
+    (track,) = tracker.tracks
+    line, own = track.line.copy(), tracker._worth(track.line, track)
+    line.y[: line.n] += 60 * (np.arange(line.n) / line.n) ** 2  # px
+    assert tracker._worth(line, track) == pytest.approx(own)
+
+
+def test_a_lone_whisker_that_rests_is_followed_with_few_searches(monkeypatch):
+    tracker, searched = lone_tracker(), []
+    monkeypatch.setattr(tracker, "_search_all", lambda *at: searched.append(tracker.frame))
+    for _ in range(100):
+        tracker.step(long_whisker())
+    assert len(searched) <= 6  # in every 20 ms, of 200
+
+
+def test_a_lone_whisker_is_found_as_soon_as_the_light_is_on():
+    tracker, image = lone_tracker(), long_whisker()
+    for _ in range(4):
+        for _ in range(9):
+            assert tracker.step(np.zeros_like(image)) == []
+        assert len(tracker.step(image)) == 1
+
+
 def test_what_a_known_line_leaves_beside_it_is_not_fitted_again(monkeypatch):
     scene, options = scene_of_long_whisker(), options_for(Recording(500.0, 12.0, "left"))
     image, fitted = long_whisker(), []
