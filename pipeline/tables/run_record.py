@@ -69,7 +69,8 @@ def found_video(folder, recorded) -> Path:
     """
     path, name = Path(recorded), PureWindowsPath(recorded).name  # which knows both separators
     places = (path, folder.parent / name, folder.parent.parent / name)
-    return next((place for place in places if place.exists()), path)
+    # a folder of images is called as its results are
+    return next((place for place in places if place.exists() and place != folder), path)
 
 
 def frame_count(folder, frames) -> int:

@@ -16,3 +16,4 @@ def test_a_video_is_found_beside_results_that_come_from_another_computer(
     there = (folder.parent / place).resolve() / "a.avi"
     there.touch()
     assert found_video(folder, recorded) == there
+    assert str(found_video(folder, "/lab/images/a")) == "/lab/images/a"  # not the results
