@@ -37,15 +37,11 @@ def add_base_moments(
     frames : FRAME_COLUMNS with forces
     whiskers : name → Whisker or None
     """
-    moments, rows = (
-        np.full((3, len(contacts)), np.nan),
-        contacts[[*_OF_CONTACTS]].to_dict("records"),
-    )
+    moments = np.full((3, len(contacts)), np.nan)
+    rows = contacts[[*_OF_CONTACTS]].to_dict("records")
     courses = by_whisker(frames, ["frame", "contact_force_uN"])
-    names, place = (
-        contacts["whisker"].to_numpy(object),
-        1e-3 * contacts["contact_arc_length_mm"].to_numpy(),
-    )
+    names = contacts["whisker"].to_numpy(object)
+    place = 1e-3 * contacts["contact_arc_length_mm"].to_numpy()
     for name in np.unique(names):
         whisker = whiskers.get(name)
         longest = 0.0 if whisker is None else LARGEST_PART * whisker.length

@@ -184,11 +184,8 @@ def _drift_and_rest(powers, values, time, precision, floor):
     """Drift, what polynomial and drift leave, (frames, values) each, and the frames' shares."""
     drift, weights = np.zeros_like(values), np.zeros((powers.shape[1], values.shape[1]))
     weights[0] = np.median(values, axis=0)  # the same at all angles at first
-    for rounds in (
-        8,
-        2,
-        2,
-    ):  # drift and polynomial in turn: each leaves a tenth of what is missing
+    # drift and polynomial in turn: each leaves a tenth of what is missing
+    for rounds in (8, 2, 2):
         weights, share = _robust_polynomial(
             powers, values - drift, precision, floor, weights, rounds
         )
