@@ -5,8 +5,8 @@ from typing import Annotated
 
 import typer
 
-from pipeline.app.case_by_case import leave
 from pipeline.app.options import Debug, Out, Results, up_to_date
+from pipeline.app.terminal import leave
 
 calibrate = typer.Typer(
     help="Measure whiskers, follicle motion and elevation.",

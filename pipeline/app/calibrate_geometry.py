@@ -7,7 +7,7 @@ from pipeline.app.case_by_case import each
 from pipeline.calibrate.find_whisker import NoWhiskerError
 from pipeline.calibrate.geometry import measure_geometry
 from pipeline.calibrate.geometry_files import pooled, remarks, write_geometry, write_into
-from pipeline.errors import counted
+from pipeline.errors import counted, need_content
 
 UNLIKE = 0.05  # SD of whiskers' base radius over its mean: forces differ by four times as much
 LENGTH_MM, BASE_RADIUS_UM = (1.0, 200.0), (2.0, 500.0)  # plausible
@@ -66,6 +66,8 @@ def _sentence(geometry):
 
 
 def _check(images, scale, masses):
+    for image in images:
+        need_content(image, "micrographs, named one by one,")
     given = {option: value for option, value in scale.items() if value is not None}
     if len(given) != 1:
         raise ValueError(

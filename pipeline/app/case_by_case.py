@@ -1,8 +1,5 @@
 """What `calibrate` and `export` share: one case after the other, and which whisker is meant."""
 
-import typer
-
-from pipeline.app.terminal import FAILED
 from pipeline.errors import VideoError, in_words, with_advice
 from pipeline.tables.known_names import in_short
 
@@ -53,8 +50,3 @@ def each(cases, measure, sentence, say, label=lambda case: ""):
         else:
             say(sentence(measured[-1]))
     return measured, faults
-
-
-def leave(left_out):
-    """Leave with the exit status of `run`: 1 where something was left out."""
-    raise typer.Exit(FAILED if left_out else 0)

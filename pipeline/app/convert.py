@@ -8,7 +8,6 @@ from typing import Annotated
 import typer
 
 from pipeline.app import terminal
-from pipeline.app.case_by_case import each, leave
 from pipeline.app.options import Debug, Jobs, Out, Results
 
 GROUP = {"no_args_is_help": True, "rich_markup_mode": None}
@@ -184,6 +183,7 @@ def _export(results, out, write):
 
     One whose tables are damaged is left out; InputError where none can be written.
     """
+    from pipeline.app.case_by_case import each
     from pipeline.convert.results import read_results
     from pipeline.errors import InputError
     from pipeline.tables.new_files import write_new
@@ -200,7 +200,7 @@ def _export(results, out, write):
         raise InputError(left_out[0])
     for line in said:
         typer.echo(line)
-    leave(left_out)
+    terminal.leave(left_out)
 
 
 @exporting.command("mat")

@@ -28,6 +28,11 @@ def cores() -> int:
     return os.cpu_count() or 1
 
 
+def leave(left_out):
+    """Leave with the exit status of `run`: 1 where something was left out."""
+    raise typer.Exit(FAILED if left_out else 0)
+
+
 def progress(*what):
     """A bar on a terminal, plain lines elsewhere; `what` as of `pipeline.runtime.Progress`."""
     from pipeline.runtime import progress
@@ -59,7 +64,7 @@ def finish_run(summary, debug, say_result):
             "makes figures and report"
         )
         raise typer.Exit(INTERRUPTED)
-    raise typer.Exit(FAILED if failed else 0)
+    leave(failed)
 
 
 def _results(summary):

@@ -16,7 +16,7 @@ from skimage.graph import MCP_Geometric
 from skimage.measure import label, regionprops
 from skimage.morphology import skeletonize
 
-from pipeline.errors import VideoError, need_content
+from pipeline.errors import VideoError
 from pipeline.numerics.polyline import arc_along, places_along
 from pipeline.numerics.robust import robust_sd
 
@@ -64,7 +64,6 @@ def read_micrograph(path) -> np.ndarray:
     VideoError
         If the file is no picture, or some of its pixels have no value.
     """
-    need_content(path, "micrographs, named one by one,")
     try:
         data = np.fromfile(path, np.uint8)  # imread cannot open every Unicode path
     except OSError as error:
