@@ -170,4 +170,5 @@ def _shares(distance):
 
 def _odds_erased(apex):
     """Odds (shares,) that a codec erases the whisker LAST_PX before its tip."""
-    return 1 / np.expm1(_shares(np.array([apex + LAST_PX]))[0])
+    shares = _shares(np.array([apex + LAST_PX]))[0]
+    return np.exp(-shares) / -np.expm1(-shares)

@@ -85,6 +85,14 @@ def test_another_whisker_across_the_end_in_all_frames_is_left_out(places, first)
     assert se < tolerance
 
 
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("cut_mm", [0.2, 4.0])
+def test_the_tip_of_a_whisker_that_is_cut_is_found_without_a_warning(places, cut_mm):
+    cut = replace(mouse_c2(), length=mouse_c2().length - 1e-3 * cut_mm)
+    tip = tip_beyond(with_tip(places, cut, 8 * places.pixel), cut)
+    assert tip.beyond / places.pixel == pytest.approx(8, abs=tolerance)
+
+
 def test_ends_that_are_not_seen_show_no_tip(places):
     ends = with_tip(places, mouse_c2(), 8 * places.pixel)
     hidden = ends.end_px.copy()
