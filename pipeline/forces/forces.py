@@ -271,8 +271,8 @@ def _turned_to(model, basis, own: WhiskerRows):
     shape, error = np.full((2, len(own.angle)), np.nan)
     known = np.isfinite(own.angle)
     if model is not None and known.any():
-        angle, time = own.angle[known], own.time[known]
-        shape[known] = (model.powers(angle) @ model.weights + model.drift(time)) @ basis
+        angle = own.angle[known]
+        shape[known] = model.values(angle, own.time[known]) @ basis
         error[known] = np.sqrt(model.turning_cov(angle) @ basis @ basis)
     return shape, error
 

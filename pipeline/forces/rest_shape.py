@@ -76,6 +76,10 @@ class RestModel:
         """Slow deviation from the polynomial at `time` [s], (frames, values)."""
         return _smooth(self.time, self.residual, self.share, np.asarray(time, float))[0]
 
+    def values(self, angle, time) -> np.ndarray:
+        """Rest values at base angles [rad] and times [s], (frames, values): those of `predict`."""
+        return self.powers(angle) @ self.weights + self.drift(time)
+
     def predict(self, angle, time):
         """Rest values and their covariance at base angles [rad] and times [s].
 
