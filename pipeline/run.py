@@ -122,12 +122,14 @@ def analyse_lines(lines, settings, pole=None, n_frames=0, keep=None, corrections
     Raises
     ------
     InputError
-        If a line has a name that no [[whisker]] table has.
+        If a line has a name that no [[whisker]] table has, or `pole` is something else.
     """
     clock, settings, stored = Clock(), settings_given(settings), []
     corrections = corrections_given(corrections)
     keep = keep or (lambda chunk: stored.append(chunk.points_only()))
-    lines = lines_of_table(lines) if isinstance(lines, pd.DataFrame) else lines
+    lines = lines if isinstance(lines, Centrelines) else lines_of_table(lines)
+    if not isinstance(pole, PoleTrack | None):
+        raise InputError(f"pole: expected a `PoleTrack` or None, got {type(pole).__name__}")
     kinematics = measure_lines(
         lines, settings, pole or _given_pole(settings), n_frames, keep, clock
     )

@@ -10,7 +10,14 @@ from matplotlib.figure import Figure
 
 import pipeline
 import synthetic
-from pipeline import analyse, analyse_lines, open_video, read_results, read_session
+from pipeline import (
+    analyse,
+    analyse_lines,
+    open_video,
+    read_results,
+    read_session,
+    write_session,
+)
 from pipeline.contacts.corrections import Verdict, table_of
 from pipeline.errors import InputError, VideoError
 from pipeline.reports.axes_plots import plot_centrelines, plot_contacts, plot_course
@@ -157,6 +164,24 @@ def test_wrong_names_are_reported_with_those_there_are(analysis, axis):
         plot_course(analysis.frames, whisker="C3", ax=axis)
     with pytest.raises(ValueError, match=r"contact_force_uN.*got 'force'"):
         plot_course(analysis.frames, "force", ax=axis)
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda a, _: plot_centrelines(a.frames), "needs the column x_px"),
+        (lambda a, _: plot_centrelines(a.lines[0]), "expected a table .*, got Centrelines"),
+        (lambda a, _: analyse_lines([1], a.settings), "expected a table .*, got list"),
+        (
+            lambda a, _: analyse_lines(a.centrelines, a.settings, (300, 200, 6)),
+            "pole: expected a `PoleTrack` or None, got tuple",
+        ),
+        (lambda _, folder: write_session(folder / "s.toml", {}), "`Settings`, got dict"),
+    ],
+)
+def test_what_is_of_another_type_is_said_to_be(analysis, tmp_path, call, words):
+    with pytest.raises(ValueError, match=words):
+        call(analysis, tmp_path)
 
 
 def _lines(*frames):

@@ -1,6 +1,6 @@
 """What `calibrate` and `export` share: one case after the other, and which whisker is meant."""
 
-from pipeline.errors import VideoError, in_words, with_advice
+from pipeline.errors import InputError, VideoError, in_words, with_advice
 from pipeline.tables.known_names import in_short
 
 
@@ -32,7 +32,8 @@ def _names_in(video) -> tuple[str, ...]:
 def each(cases, measure, sentence, say, label=lambda case: ""):
     """Measure all cases that can be; return the measurements, and why others are left out.
 
-    A case is left out where it cannot be measured, or its video or tables cannot be read.
+    A case is left out where it cannot be measured, or its video or tables cannot be read;
+    arguments that cannot be used (InputError) end all.
 
     measure : called with a case
     sentence : a measurement in words
@@ -43,6 +44,8 @@ def each(cases, measure, sentence, say, label=lambda case: ""):
     for case in cases:
         try:
             measured.append(measure(case))
+        except InputError:
+            raise
         except (ValueError, VideoError, OSError) as error:
             words = with_advice(error) if isinstance(error, OSError) else in_words(error)
             faults.append(f"{label(case)}{words}")

@@ -181,25 +181,23 @@ def export_janelia(results: Results, out: Out, debug: Debug = False):
 def _export(results, out, write):
     """Write every finished video with `write(folder, video)`, which returns the files' paths.
 
-    One whose tables are damaged is left out; InputError where none can be written.
+    One whose tables are damaged is left out; InputError where none can be written, or arguments
+    cannot be used.
     """
     from pipeline.app.case_by_case import each
     from pipeline.convert.results import read_results
     from pipeline.errors import InputError
     from pipeline.tables.new_files import write_new
 
-    said = []
     written, left_out = each(
         read_results(results),
         lambda video: write_new(out, lambda new: write(new, video)),
         lambda paths: "\n".join(map(str, paths)),
-        said.append,
+        typer.echo,
         lambda video: f"{video.name}: ",
     )
     if not written:
-        raise InputError(left_out[0])
-    for line in said:
-        typer.echo(line)
+        raise InputError(f"{results}: no video can be exported; the first: {left_out[0]}")
     terminal.leave(left_out)
 
 

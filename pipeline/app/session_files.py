@@ -65,13 +65,10 @@ def write_session_file(out, settings) -> tuple[str, tuple[str, ...]]:
         text = f"{note}# results folder holds its own.\n{text}"
     before = target.read_bytes() if target.exists() else b""
     ours = before in (b"", text.encode()) or sha256(target) == read_run(out).get("session_sha256")
-    if ours:
-        whole_files.write_text(target, text)
-        return sha256(target), ()
-    old = whole_files.replace_text(target, text)
+    old = whole_files.replace_text(target, text, keep=not ours)
     reason = "this run used the settings beside the videos (or --config)"
     problem = f"{target} was not written by a run: {reason}; it is kept as {old}"
-    return sha256(target), (problem,)
+    return sha256(target), (problem,) if old else ()
 
 
 def write_tables(summary, jobs, session) -> list[str]:

@@ -8,6 +8,9 @@ import pandas as pd
 
 from pipeline.convert.results import VideoResults, read_results
 from pipeline.reports.session_numbers import read_contacts
+from pipeline.tables.files import read_frames
+
+COLUMNS = ["frame", "time_s", "tracked", "curvature_change_per_m", "curvature_change_per_m_se"]
 
 
 @dataclass(frozen=True)
@@ -32,9 +35,12 @@ class Slip:
     @property
     def frames(self) -> pd.DataFrame:
         """The whisker's rows of frames.parquet from the slip to its end, by frame."""
-        rows = self.video.of(self.whisker)
-        inside = (rows["frame"] >= self.first) & (rows["frame"] < self.end)
-        return rows[inside].reset_index(drop=True)
+        inside = [("whisker", "==", self.whisker), ("frame", ">=", self.first)]
+        if self.end < math.inf:
+            inside.append(("frame", "<", self.end))
+        return read_frames(self.video.folder / "frames.parquet", COLUMNS, inside).sort_values(
+            "frame", ignore_index=True
+        )
 
 
 def find_slips(results) -> list[Slip]:

@@ -21,6 +21,7 @@ from pipeline.identity.sides import Sides
 from pipeline.identity.unnamed import Unnamed
 from pipeline.session.parameters import DEFAULTS
 from pipeline.tables.centrelines import Centrelines
+from pipeline.tables.whole_files import temporary_room
 from pipeline.tracking import hairs, line_ends
 from pipeline.tracking.given_lengths import GivenLengths, numbers_in_order, probabilities
 from pipeline.tracking.matching import Ruler
@@ -97,7 +98,8 @@ def name_lines(
     with tempfile.TemporaryFile() as file:
         found, count = [], 0
         for chunk in chunks:
-            _store(chunk, file)
+            with temporary_room():
+                _store(chunk, file)
             row, features = sides.features(chunk)
             length = _whole_lengths(chunk, features[:, LENGTH], given.ground)
             base = np.column_stack([each[chunk.offsets[:-1]] for each in (chunk.x_px, chunk.y_px)])
@@ -109,7 +111,8 @@ def name_lines(
         whisker, sure, called = _all_rows(
             rows, templates, given, sides, open_ended, limits, unnamed
         )
-        file.seek(0)
+        with temporary_room():
+            file.seek(0)  # writes what is not yet written
         first = 0
         for _ in range(count):
             chunk = _load(file)

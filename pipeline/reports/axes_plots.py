@@ -4,6 +4,7 @@ import pandas as pd
 
 from pipeline.numerics.runs import runs_of_true
 from pipeline.reports.whisker_styles import COLOURS, style_of
+from pipeline.tables.centrelines import check_table
 from pipeline.tables.columns import CONTACT_COLUMNS, FRAME_COLUMNS
 
 LINES = 60  # centrelines that are drawn, if no step is given
@@ -51,6 +52,7 @@ def plot_centrelines(centrelines: pd.DataFrame, ax=None, step=None):
     ax : matplotlib axes to draw on; None: the current ones
     step : every how many frames; None: some 60 of each whisker
     """
+    check_table(centrelines)
     ax = ax or _current_axes()
     for k, (name, rows) in enumerate(centrelines.groupby("whisker", sort=False)):
         style = style_of(k)

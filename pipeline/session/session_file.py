@@ -6,7 +6,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from pipeline.errors import counted
+from pipeline.errors import InputError, counted
 from pipeline.session.quantities import fields_of
 from pipeline.session.schema import Settings
 from pipeline.session.toml_fault import encoding_fault, toml_fault
@@ -166,4 +166,6 @@ def write_session(path, settings: Settings, notes: dict[str, str] | None = None)
     """Write a commented session.toml, whole or not at all; `notes` as in `session_text`."""
     from pipeline.tables.whole_files import write_text
 
+    if not isinstance(settings, Settings):
+        raise InputError(f"settings: expected `Settings`, got {type(settings).__name__}")
     write_text(path, session_text(settings, notes))

@@ -161,15 +161,10 @@ def lines_of_table(table: pd.DataFrame) -> Centrelines:
     Raises
     ------
     ValueError
-        Where a column is missing, a frame has no number or a whisker several lines in it, or x and
-        y of a row differ in length.
+        Where it is no table or a column is missing, a frame has no number or a whisker several
+        lines in it, or x and y of a row differ in length.
     """
-    for column in CENTRELINE_COLUMNS:
-        if column.name not in table:
-            raise ValueError(
-                f"a table of centrelines needs the column {column.name} ({column.meaning}); this "
-                f"one has {', '.join(map(str, table.columns))}"
-            )
+    check_table(table)
     x, y = ([np.asarray(v, np.float32) for v in table[name]] for name in ("x_px", "y_px"))
     for row, (one, other) in enumerate(zip(x, y, strict=True)):
         if one.ndim != 1 or one.shape != other.shape:
@@ -191,6 +186,21 @@ def lines_of_table(table: pd.DataFrame) -> Centrelines:
         se_px=np.full(len(points), np.nan, np.float32),
         confidence=np.ones(len(x), np.float32),
     )
+
+
+def check_table(table) -> None:
+    """ValueError where it is no table, or lacks a column of centrelines.parquet."""
+    if not isinstance(table, pd.DataFrame):
+        raise ValueError(
+            "expected a table of centrelines, as `Analysis.centrelines` or pandas' `read_parquet` "
+            f"gives it, got {type(table).__name__}"
+        )
+    for column in CENTRELINE_COLUMNS:
+        if column.name not in table:
+            raise ValueError(
+                f"a table of centrelines needs the column {column.name} ({column.meaning}); this "
+                f"one has {', '.join(map(str, table.columns))}"
+            )
 
 
 def _check_frames(table) -> None:

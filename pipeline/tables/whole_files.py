@@ -8,6 +8,7 @@ import tempfile
 from pathlib import Path
 
 PART, PART_END = ".whiskerforce-", ".part"  # around random letters: names of unfinished files
+LONG_S = 24 * 3600  # after which nobody is writing a file that did not change
 
 
 @contextlib.contextmanager
@@ -26,6 +27,7 @@ def whole_file(path):
     os.close(handle)
     temporary = Path(name)
     try:
+        _remove_long_left(temporary)
         yield temporary
         temporary.chmod(0o666 & ~_umask())
         to_disk(temporary)
@@ -52,6 +54,28 @@ def remove_unfinished(folder) -> None:
     for left in Path(folder).glob(f"{PART}*{PART_END}*"):
         with contextlib.suppress(OSError):
             left.unlink()
+
+
+def _remove_long_left(new) -> None:
+    """Remove what killed programs left beside a new file, by the clock of that disk.
+
+    Where no lock tells that nobody is writing there, as beside a person's files.
+    """
+    now = new.stat().st_mtime
+    for left in new.parent.glob(f"{PART}*{PART_END}*"):
+        with contextlib.suppress(OSError):
+            if left.stat().st_mtime < now - LONG_S:
+                left.unlink()
+
+
+@contextlib.contextmanager
+def temporary_room():
+    """Let the system's errors in the block name the folder for temporary files."""
+    try:
+        yield
+    except OSError as error:
+        error.filename = tempfile.gettempdir()
+        raise
 
 
 def to_disk(path) -> None:
@@ -90,8 +114,8 @@ def write_text(path, text: str) -> None:
         temporary.write_text(text, encoding="utf-8")
 
 
-def replace_text(path, text: str) -> Path | None:
-    """Write a text file in place of one that a person may have written.
+def replace_text(path, text: str, keep=True) -> Path | None:
+    """Write a text file in place of one that, if `keep`, a person has written.
 
     That one stays where the new one cannot be written; else it is kept under another name, which
     is returned. None: there was none.
@@ -99,7 +123,7 @@ def replace_text(path, text: str) -> Path | None:
     path = Path(path)
     with whole_file(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
-        return set_aside(path) if path.exists() else None
+        return set_aside(path) if keep and path.exists() else None
 
 
 def write_json(path, value) -> None:

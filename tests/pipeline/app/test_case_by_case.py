@@ -7,7 +7,7 @@ import pytest
 from pipeline.app import cli
 from pipeline.app.case_by_case import each, one_whisker
 from pipeline.convert.results import VideoResults
-from pipeline.errors import VideoError
+from pipeline.errors import InputError, VideoError
 
 VIDEOS = [SimpleNamespace(whiskers=["C2", "D1"]), SimpleNamespace(whiskers=["C2"])]
 
@@ -54,6 +54,8 @@ def test_what_cannot_be_measured_or_read_is_left_out_and_the_rest_measured():
     assert measured == [7]
     assert faults == ["left: shows none", "left: a.avi: gone", "left: b.avi: Input/output error"]
     assert said == [*(f"left out: {fault}" for fault in faults), "7"]
+    with pytest.raises(InputError, match="--start"):  # the same for all
+        each([InputError("--start soon"), 7], measure, str, said.append)
 
 
 @pytest.mark.parametrize("left_out", [[], ["one"]])

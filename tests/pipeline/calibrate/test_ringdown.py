@@ -175,6 +175,7 @@ def test_frames_may_be_named(tmp_path):
         (slip,) = named_slips(results, [place])
         assert str(slip) == "one, whisker C2, frame 70"
         assert list(slip.frames["frame"]) == list(range(70, SPACING * 2 + 1))
+        assert "frames" not in vars(slip.video)  # all of the video's, which would stay in memory
     for place, word in (
         ("two:70", "expected a video of one"),
         ("one:D1:70", "expected a whisker of C2"),

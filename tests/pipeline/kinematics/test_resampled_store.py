@@ -1,6 +1,9 @@
 """What goes into the store comes out again, by whisker, and costs no memory."""
 
+import tempfile
 from dataclasses import fields, replace
+from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,6 +13,7 @@ from hypothesis import strategies as st
 from pipeline.kinematics.resampled_store import BULKY, StationStore
 from pipeline.kinematics.stations import N_STATIONS, SHARED, Stations
 
+FULL = "/dev/full"  # takes nothing
 NAMES = ("C1", "C2")
 PER_ROW = [f.name for f in fields(Stations) if f.name not in (*SHARED, *BULKY)]
 
@@ -45,6 +49,15 @@ def test_what_goes_in_comes_out_by_whisker(sizes, seed):
             # places are kept to 2 nm of 20 mm
             close = {"rtol": 0, "atol": 2e-8} if column in BULKY else {"rtol": 0}
             np.testing.assert_allclose(getattr(loaded, column), expected, **close)
+
+
+@pytest.mark.skipif(not Path(FULL).exists(), reason="the system has no full device")
+def test_a_full_folder_for_temporary_files_is_named(monkeypatch):
+    monkeypatch.setattr(tempfile, "TemporaryFile", partial(open, FULL, "w+b"))
+    store = StationStore()
+    with pytest.raises(OSError, match="No space") as caught:
+        store.add(drawn(1000))
+    assert caught.value.filename == tempfile.gettempdir()
 
 
 @settings(max_examples=20, deadline=None)

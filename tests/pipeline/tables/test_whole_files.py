@@ -32,6 +32,17 @@ def test_a_file_that_cannot_be_written_is_named(tmp_path, monkeypatch, fails):
     assert fails == "mkstemp" or not list(tmp_path.iterdir())
 
 
+def test_what_killed_programs_left_goes_with_the_next_file_a_day_later(tmp_path):
+    old, new = (tmp_path / f".whiskerforce-{word}.part.toml" for word in ("old", "new"))
+    for left in (old, new, tmp_path / ".whiskerforce-written", tmp_path / "old.part"):
+        left.touch()
+        os.utime(left, (0, 0))
+    new.touch()  # somebody may be writing it
+    whole_files.write_text(tmp_path / "session.toml", "")
+    there = {path.name for path in tmp_path.iterdir()}
+    assert there == {new.name, ".whiskerforce-written", "old.part", "session.toml"}
+
+
 def test_a_file_that_could_not_be_finished_leaves_the_old_one(tmp_path):
     path = tmp_path / "a.csv"
     path.write_text("old")
