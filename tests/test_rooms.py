@@ -1,6 +1,7 @@
 """Imports run down the list of rooms, and the map of the code is true."""
 
 import ast
+import functools
 import importlib
 import re
 from pathlib import Path
@@ -20,9 +21,15 @@ def modules(package):
     return {".".join(file.relative_to(ROOT).with_suffix("").parts): file for file in files}
 
 
+@functools.cache
+def parsed(file):
+    """A file's syntax tree."""
+    return ast.parse(file.read_text(encoding="utf-8"))
+
+
 def imported(file, known):
     """Modules among `known` that a file imports, also inside functions."""
-    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+    for node in ast.walk(parsed(file)):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom) and node.module:
@@ -66,6 +73,13 @@ def test_a_room_hands_on_names_that_are_there_and_hide_no_file(room):
     assert not set(module.__all__ if hasattr(module, "__all__") else ()) & files
 
 
+def test_an_analysis_does_without_scipy_stats():
+    """It takes as long to load as some hundred frames to follow."""
+    known = modules("pipeline") | modules("whiskermodel")
+    loading = [name for name, file in known.items() if "scipy.stats" in imported(file, known)]
+    assert {room_of(name) for name in loading} <= {"calibrate"}, loading
+
+
 @pytest.mark.parametrize(
     ("package", "others"),
     [("whiskermodel", {"pipeline", "synthetic"}), ("synthetic", {"pipeline.forces"})],
@@ -99,7 +113,7 @@ def test_every_file_of_the_rooms_is_on_the_map():
 @pytest.mark.parametrize("package", ["pipeline", "whiskermodel", "synthetic", "workflows"])
 def test_no_file_imports_what_another_keeps_to_itself(package):
     for file in sorted((ROOT / package).rglob("*.py")):
-        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        for node in ast.walk(parsed(file)):
             if isinstance(node, ast.ImportFrom):
                 private = [each.name for each in node.names if re.match("_[^_]", each.name)]
                 assert not private, f"{file.relative_to(ROOT)} imports {private}"

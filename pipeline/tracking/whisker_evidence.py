@@ -6,7 +6,7 @@ some lines that taper, too, and a cable sways; so the lines are also judged toge
 """
 
 import numpy as np
-from scipy.stats import binom, norm
+from scipy.special import betaln
 
 from pipeline.detection import line_choice
 from pipeline.scene.face import THICKER, far_over_near
@@ -75,10 +75,16 @@ def _log_odds(row, moving) -> float:
     """
     taper = np.log([_thinner(lines, np.ones(len(lines), bool)) for lines in row])
     taper = taper[np.isfinite(taper)]
-    odds = FOUND_RIGHT * norm.pdf(taper, *WHISKERS) / norm.pdf(taper, *STREAKS) + 1 - FOUND_RIGHT
-    by_motion = -np.log(len(row) + 1)  # of whiskers, any number may rest
-    by_motion -= binom.logpmf(moving, len(row), STREAKS_MOVE)
+    odds = FOUND_RIGHT * _density(taper, *WHISKERS) / _density(taper, *STREAKS) + 1 - FOUND_RIGHT
+    resting = len(row) - moving
+    by_motion = betaln(moving + 1, resting + 1)  # of whiskers, any share may move
+    by_motion -= moving * np.log(STREAKS_MOVE) + resting * np.log1p(-STREAKS_MOVE)
     return float(np.log(odds).sum() + min(by_motion, MOST_FOR_MOTION))
+
+
+def _density(values, mean, sd):
+    """Gaussian density, up to a factor that all have."""
+    return np.exp(-0.5 * ((values - mean) / sd) ** 2) / sd
 
 
 def _may_be_whisker(lines, moves, n_frames, shape) -> bool:
