@@ -13,6 +13,7 @@ import contextlib
 import sys
 import tempfile
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -91,6 +92,11 @@ class Scene:
             angles=angles,
         )
 
+    @cached_property
+    def swept(self):
+        """Points and touches, as of `plain.Whisker.sweep`."""
+        return self.whisker.sweep(self.angles)
+
     def hidden_mm(self) -> float:
         """Arc length from the follicle to the face's edge, halfway through the whisk [mm]."""
         line = self.whisker.free(np.mean([self.angles.min(), self.angles.max()]))
@@ -106,7 +112,7 @@ class Scene:
 
     def film(self, folder: Path, rng=None) -> "Truth":
         """Write whisker.tif and session.toml into a folder, with the lengths of `told_mm`."""
-        points, touches = self.whisker.sweep(self.angles)
+        points, touches = self.swept
         follicle = np.array([35.0, SHAPE[0] / 2])
         scale = 1e3 * self.pixels_per_mm  # px/m
         light = np.full(SHAPE, self.light)
@@ -259,7 +265,7 @@ def scenes(count: int, seed: int):
         scene = Scene.drawn(seed)
         seed += 1
         try:
-            scene.whisker.sweep(scene.angles)
+            _ = scene.swept
         except RuntimeError:
             continue
         count -= 1

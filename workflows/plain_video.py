@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
-from scipy.integrate import solve_ivp
+from scipy.integrate import odeint
 from scipy.optimize import fsolve
 
 LENGTH, CONE, BASE_RADIUS, YOUNG = 18e-3, 18.947e-3, 37e-6, 3e9  # m, m, m, Pa
@@ -113,7 +113,8 @@ class Whisker:
             return np.cos(turned), np.sin(turned), bent
 
         start = [*contact, direction]
-        return solve_ivp(slope, (arc, 0.0), start, t_eval=at, rtol=1e-9, atol=1e-12).y
+        places = np.concatenate([[arc], at])
+        return odeint(slope, start, places, tfirst=True, rtol=1e-10, atol=1e-13)[1:].T
 
 
 def radius(s):
@@ -165,5 +166,5 @@ def _covered(points, width, shape):
     low, high = (np.interp(columns, *edge, left=np.nan, right=np.nan) for edge in edges)
     rows = np.arange(shape[0])[:, None]
     covered = np.minimum(high, rows + 0.5) - np.maximum(low, rows - 0.5)
-    covered = np.nan_to_num(np.maximum(covered, 0))
+    covered = np.fmax(covered, 0)  # also where the whisker is not: NaN
     return covered.reshape(shape[0], shape[1], SUPERSAMPLED).mean(axis=2)
