@@ -60,13 +60,10 @@ class FinePatch:
     def _to_fine(self, strip, left, top):
         """Return the nodes of a strip near the tile, in sub-pixels; None where there are none."""
         x, y, angle, curvature, radius, smear = strip
-        reach = self.margin + 4
-        near = (x > left - reach) & (x < left + TILE + reach)
-        near &= (y > top - reach) & (y < top + TILE + reach)
-        rows = np.flatnonzero(near)
-        if len(rows) == 0:
+        first, last = _part_near(x, y, left, top, self.margin + 4)
+        if last < 0:
             return None
-        part = slice(max(rows[0] - 1, 0), rows[-1] + 2)
+        part = slice(max(first - 1, 0), last + 2)
         return Strip(
             self._place(x[part], left),
             self._place(y[part], top),
@@ -75,6 +72,17 @@ class FinePatch:
             radius[part] * _SUBPIXELS,
             smear[part] * _SUBPIXELS,
         )
+
+
+@njit(cache=True)
+def _part_near(x, y, left, top, reach):
+    """First and last of the points that are within `reach` of a tile; −1, −1 without one."""
+    first = last = -1
+    for k in range(len(x)):
+        if left - reach < x[k] < left + TILE + reach and top - reach < y[k] < top + TILE + reach:
+            first = k if first < 0 else first
+            last = k
+    return first, last
 
 
 def _to_pixels(size, margin, blur):
