@@ -101,17 +101,22 @@ def _add_stream(container, shape, codec):
             f"frames must have an even height and width for h264, got {shape[0]} × {shape[1]} px; "
             "change the camera's size or the codec"
         )
-    name, pixel_format, options = {
-        "ffv1": ("ffv1", "gray", {"level": "3", "slices": "4"}),
-        "h264": ("libx264", "yuv420p", _h264_options(codec)),
-        "mjpeg": ("mjpeg", "yuvj420p", {"qmin": str(codec.quality), "qmax": str(codec.quality)}),
-    }[codec.name]
+    name, pixel_format, options = encoder_of(codec)
     stream = container.add_stream(name, rate=_PLAYBACK_RATE, options=options)
     stream.height, stream.width = shape
     stream.pix_fmt = pixel_format
     stream.codec_context.color_range = 2  # full ("jpeg")
     stream.codec_context.thread_count = 1
     return stream
+
+
+def encoder_of(codec: Codec) -> tuple[str, str, dict[str, str]]:
+    """FFmpeg's encoder for a codec, its format of pixels and its options."""
+    return {
+        "ffv1": ("ffv1", "gray", {"level": "3", "slices": "4"}),
+        "h264": ("libx264", "yuv420p", _h264_options(codec)),
+        "mjpeg": ("mjpeg", "yuvj420p", {"qmin": str(codec.quality), "qmax": str(codec.quality)}),
+    }[codec.name]
 
 
 def _h264_options(codec: Codec) -> dict[str, str]:

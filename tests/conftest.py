@@ -58,11 +58,23 @@ def no_waiting_for_the_disk():
 @pytest.fixture(scope="session")
 def rendered(tmp_path_factory):
     """A folder with a video of 260 frames, its session.toml and its truth/<stem>/ tables."""
+    from quick_codec import quick_to_read
+
     from synthetic.session import render_trial
 
     folder = tmp_path_factory.mktemp("rendered")
-    render_trial(folder, "single", seed=0, trial=0, frames=FRAMES)
+    with quick_to_read():
+        render_trial(folder, "single", seed=0, trial=0, frames=FRAMES)
     return folder
+
+
+@pytest.fixture
+def lossless_is_quick():
+    """Videos without loss that a test renders are written in a code that is read quickly."""
+    from quick_codec import quick_to_read
+
+    with quick_to_read():
+        yield
 
 
 @pytest.fixture

@@ -1,5 +1,7 @@
 """The whole way, from a video on disk to tables that agree with the truth."""
 
+import contextlib
+import io
 import shutil
 
 import cv2
@@ -7,6 +9,7 @@ import numpy as np
 import pandas as pd
 import pyarrow.parquet as pq
 import pytest
+from quick_codec import quick_to_read
 
 from pipeline import analyse, read_session
 from pipeline.app import cli, demo
@@ -113,20 +116,6 @@ def test_overlay_is_a_video_of_all_frames(results, video):
     assert colourful == count
 
 
-def test_two_processes_come_to_the_same(rendered, results, video, tmp_path):
-    folder = tmp_path / "videos"
-    shutil.copytree(rendered, folder, ignore=shutil.ignore_patterns("truth"))
-    shutil.copy(video, folder / "again.avi")
-    assert exit_code("run", folder, "--out", tmp_path / "out", "--jobs", 2) == 0
-    for name in (video.stem, "again"):
-        here = files.read_csv(tmp_path / "out" / name / "contacts.csv", CONTACT_COLUMNS)
-        one = files.read_csv(results / video.stem / "contacts.csv", CONTACT_COLUMNS)
-        assert set(here["video"]) == {name}
-        pd.testing.assert_frame_equal(
-            here.drop(columns="video"), one.drop(columns="video"), check_exact=True
-        )
-
-
 def test_analyse_in_python_gives_the_same_tables(results, rendered, video):
     analysis = analyse(video, read_session(rendered / "session.toml"))
     written = files.read_csv(results / "contacts.csv", CONTACT_COLUMNS)
@@ -157,11 +146,11 @@ def first_frames(video, n):
     return [capture.read()[1][..., 0] for _ in range(n)]
 
 
-def test_bad_inputs_get_their_message_and_the_others_are_processed(
-    rendered, video, tmp_path, capsys
-):
-    folder = tmp_path / "videos"
-    folder.mkdir()
+@pytest.fixture(scope="module")
+def mixed(rendered, tmp_path_factory):
+    """Good videos among bad ones, run with two processes: (their folder, results, words)."""
+    folder, out = tmp_path_factory.mktemp("mixed"), tmp_path_factory.mktemp("mixed results")
+    video = next(rendered.glob("*.avi"))
     shutil.copy(rendered / "session.toml", folder)
     frames = first_frames(video, 80)
     (folder / "broken.avi").write_bytes(video.read_bytes()[:3000])
@@ -170,18 +159,25 @@ def test_bad_inputs_get_their_message_and_the_others_are_processed(
     jpegs = [cv2.imencode(".jpg", f)[1].tobytes() for f in frames[:6]]
     jpegs += [cv2.imencode(".jpg", f[:400])[1].tobytes() for f in frames[:6]]
     (folder / "sizes.mjpeg").write_bytes(b"".join(jpegs))
-    grey = np.random.default_rng(0).normal(200, 2, (40, 480, 640))
-    write_video(folder / "bare.avi", grey.astype(np.uint8), Codec("ffv1"))
-    write_video(folder / "one.avi", frames[:1], Codec("ffv1"))
-    write_video(folder / "good.avi", frames, Codec("ffv1"))
+    grey = np.random.default_rng(0).normal(200, 2, (20, 480, 640))
+    with quick_to_read():
+        write_video(folder / "bare.avi", grey.astype(np.uint8), Codec("ffv1"))
+        write_video(folder / "one.avi", frames[:1], Codec("ffv1"))
+        write_video(folder / "good.avi", frames, Codec("ffv1"))
+    shutil.copy(folder / "good.avi", folder / "again.avi")
+    said = io.StringIO()
+    with contextlib.redirect_stdout(said):
+        assert exit_code("run", folder, "--out", out, "--jobs", 2) == 1
+    return folder, out, said.getvalue()
 
-    assert exit_code("run", folder, "--out", tmp_path / "out", "--jobs", 2) == 1
 
-    videos = files.read_csv(tmp_path / "out" / "videos.csv", VIDEO_COLUMNS)
+def test_bad_inputs_get_their_message_and_the_others_are_processed(mixed):
+    _, out, said = mixed
+    videos = files.read_csv(out / "videos.csv", VIDEO_COLUMNS)
     videos = videos.set_index("video")
     assert dict(videos["status"]) == {
-        "bare": "warning", "broken": "failed", "empty": "failed", "good": "done",
-        "one": "warning", "sizes": "warning", "text": "failed",
+        "again": "done", "bare": "warning", "broken": "failed", "empty": "failed",
+        "good": "done", "one": "warning", "sizes": "warning", "text": "failed",
     }  # fmt: skip
     for name, words in {
         "bare": "no whisker", "empty": "empty folder", "one": "one frame",
@@ -193,11 +189,24 @@ def test_bad_inputs_get_their_message_and_the_others_are_processed(
         assert "fault of the program" not in videos.loc[name, "message"]
     assert videos.loc["sizes", "frames"] == 6  # those before the size changes
     for name in ("bare", "one", "good", "sizes"):
-        assert (tmp_path / "out" / name / "frames.parquet").is_file()
-    last = capsys.readouterr().out.strip().split("\n")[-3:]
+        assert (out / name / "frames.parquet").is_file()
+    last = said.strip().split("\n")[-3:]
     assert [line.split()[:2] for line in last] == [
         ["failed:", name] for name in ("broken", "empty", "text")
     ]
+
+
+def test_two_processes_come_to_the_same(mixed, tmp_path):
+    folder, out, _ = mixed
+    assert exit_code("run", folder / "good.avi", "--out", tmp_path, "--jobs", 1) == 0
+    one = files.read_csv(tmp_path / "good" / "contacts.csv", CONTACT_COLUMNS)
+    assert len(one) >= 2
+    for name in ("good", "again"):
+        here = files.read_csv(out / name / "contacts.csv", CONTACT_COLUMNS)
+        assert set(here["video"]) == {name}
+        pd.testing.assert_frame_equal(
+            here.drop(columns="video"), one.drop(columns="video"), check_exact=True
+        )
 
 
 def test_init_then_run(rendered, video, tmp_path, capsys):
