@@ -15,7 +15,6 @@ from pipeline.app.outcome import (
     failure,
     finished_outcome,
     kept_outcome,
-    settings_digest,
 )
 from pipeline.app.session_files import (
     check_folder,
@@ -49,6 +48,7 @@ from pipeline.session.inputs import (
     results_folders,
     settings_of,
 )
+from pipeline.session.session_file import settings_digest
 from pipeline.tables.new_files import make_folder
 from pipeline.tables.result_exchange import STATE_FILE, settle_all
 from pipeline.tables.run_record import is_saved, read_run, read_state, recorded_path

@@ -287,6 +287,8 @@ def curate(
         write_fig3(results)
     finally:
         write_report(results)
+    for line in server.results.kept:
+        say(line)
     for video, fault in server.results.faults.items():
         say(
             f"{results / video}: its corrections are saved, but its tables do not follow from "

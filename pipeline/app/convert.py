@@ -114,7 +114,7 @@ def import_whacc(
     """
     from pipeline.convert.results import read_results
     from pipeline.convert.whacc import take_contacts
-    from pipeline.curate.corrected import follow_corrections, write_session_tables
+    from pipeline.curate.corrected import renew_tables
     from pipeline.errors import InputError, need_content
     from pipeline.tables.result_exchange import settled
 
@@ -125,8 +125,9 @@ def import_whacc(
     with settled(out):
         for written in take_contacts(path, videos, whisker):
             typer.echo(str(written))
-        problems = follow_corrections(out)
-        write_session_tables(out)
+        problems, said = renew_tables(out)
+    for line in said:
+        typer.echo(line)
     for name, problem in problems.items():
         raise InputError(f"{out / name}: {problem}")
 

@@ -46,11 +46,11 @@ def planned_names(inputs, out) -> dict:
 
 def process(video, out, name=None, config=None) -> int:
     """Process one video into its folder in `out`, unless its results are there; exit status."""
-    from pipeline.app.outcome import finished_outcome, settings_digest
+    from pipeline.app.outcome import finished_outcome
     from pipeline.app.video_task import Task, process_video, settled_outcome
     from pipeline.runtime.folder_lock import locked
     from pipeline.session.inputs import find_inputs, session_of
-    from pipeline.session.session_file import read_session
+    from pipeline.session.session_file import read_session, settings_digest
     from pipeline.tables.result_exchange import settle
 
     (each,) = _only(find_inputs([video], out), video)

@@ -10,7 +10,8 @@ def up_to_date(results: Path) -> Path:
     """The results folder, its tables brought up to a person's corrections."""
     from pipeline.curate.corrected import bring_up_to_date
 
-    bring_up_to_date(results)
+    for line in bring_up_to_date(results):
+        typer.echo(line)
     return results
 
 

@@ -1,16 +1,19 @@
 """The outcome of one video, and whether results of earlier runs are whole and still hold."""
 
 import contextlib
-import hashlib
 from dataclasses import asdict, dataclass, field, replace
-from pathlib import Path
 
 from pipeline import __version__
 from pipeline.contacts.corrections import read_corrections
-from pipeline.curate.corrected import DECIDED_ON, MADE_WITH, corrections_digest
+from pipeline.curate.corrected import (
+    DECIDED_ON,
+    MADE_WITH,
+    corrections_digest,
+    settings_of_results,
+)
 from pipeline.errors import CorrectionsError, counted, in_words
 from pipeline.session.inputs import same_input, stamp
-from pipeline.session.session_file import SettingsError, read_session
+from pipeline.session.session_file import SettingsError
 from pipeline.tables import files
 from pipeline.tables.columns import (
     CENTRELINE_COLUMNS,
@@ -21,7 +24,6 @@ from pipeline.tables.columns import (
 from pipeline.tables.result_exchange import STATE_FILE, is_settled
 from pipeline.tables.run_record import read_state, write_state
 from pipeline.tables.video_messages import sentences_of
-from pipeline.tables.whole_files import sha256
 
 PARQUETS = {
     "centrelines.parquet": CENTRELINE_COLUMNS,
@@ -135,9 +137,7 @@ def damage(folder, state) -> str:
             files.check_parquet(folder / name, known, thorough=changed)
         files.read_csv(folder / "contacts.csv", CONTACT_COLUMNS)
         if (folder / "session.toml").stat().st_mtime_ns >= written:
-            settings = read_session(folder / "session.toml")
-            if settings_digest(settings) != state["settings_sha256"]:
-                return f"{folder / 'session.toml'}: not the settings of these results"
+            settings_of_results(folder)
     except (OSError, ValueError, SettingsError) as error:
         return in_words(error)
     return ""
@@ -179,15 +179,6 @@ def save_state(folder, outcome, digest, before, corrections, decided_on) -> None
         DECIDED_ON: decided_on,
     }
     write_state(folder, state)
-
-
-def settings_digest(settings) -> str:
-    """Hash of all settings."""
-    image = settings.image
-    mask = "" if image.mask is None else sha256(Path(image.mask))  # its content, wherever it lies
-    image = image.model_copy(update={"mask": mask})
-    content = settings.model_copy(update={"image": image}).model_dump_json()
-    return hashlib.sha256(content.encode()).hexdigest()
 
 
 def _has_sound_corrections(folder) -> bool:

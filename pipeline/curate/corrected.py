@@ -16,7 +16,7 @@ from pipeline.contacts.corrections import CORRECTIONS_FILE, DECISIONS_FILE, read
 from pipeline.curate.decisions import write_decisions
 from pipeline.errors import CorrectionsError, InputError, in_words
 from pipeline.session.schema import Settings
-from pipeline.session.session_file import read_session
+from pipeline.session.session_file import read_session, settings_digest
 from pipeline.tables import files
 from pipeline.tables.columns import (
     CONTACT_COLUMNS,
@@ -26,6 +26,7 @@ from pipeline.tables.columns import (
     empty_table,
 )
 from pipeline.tables.evidence import EVIDENCE_FILE, read_evidence
+from pipeline.tables.new_files import is_changed
 from pipeline.tables.result_exchange import draft, is_settled, put_in_place, settled
 from pipeline.tables.run_record import read_state, write_state
 from pipeline.tables.video_messages import as_cell, sentences_of
@@ -50,6 +51,22 @@ def is_behind(folder) -> bool:
     return read_state(folder).get(MADE_WITH, "") != now
 
 
+def settings_of_results(folder) -> Settings:
+    """The settings that a video's results were made with.
+
+    ValueError where the file has been changed since: measurements do not follow from it then.
+    """
+    path, state = Path(folder) / "session.toml", read_state(folder)
+    settings = read_session(path)
+    checked = state and is_changed(path) and not settings.image.mask_problem()
+    if checked and settings_digest(settings) != state["settings_sha256"]:
+        raise ValueError(
+            f"{path}: not the settings of these results; change the session.toml beside the "
+            "videos, and run again"
+        )
+    return settings
+
+
 def contacts_with(
     corrections: pd.DataFrame, frames: pd.DataFrame, evidence: pd.DataFrame, settings: Settings,
     video: str,
@@ -70,8 +87,11 @@ def contacts_with(
     )
 
 
-def save_contacts(folder, tables: ContactTables, corrections: pd.DataFrame) -> None:
-    """Write frames.parquet and contacts.csv of a video, and what they were made with, together."""
+def save_contacts(folder, tables: ContactTables, corrections: pd.DataFrame) -> list[str]:
+    """Write frames.parquet and contacts.csv of a video, and what they were made with, together.
+
+    Returns a sentence on each file that a person had changed, and which is kept.
+    """
     folder = Path(folder)
     put_in_place(folder)  # what could not be put there before, since the disk was full
     state = read_state(folder)
@@ -80,7 +100,7 @@ def save_contacts(folder, tables: ContactTables, corrections: pd.DataFrame) -> N
         files.write_csv(new / "contacts.csv", tables.contacts, CONTACT_COLUMNS)
         if state:
             write_state(new, _decided(state, tables.contacts, corrections))
-    put_in_place(folder)  # a person may be saving the next correction
+    return put_in_place(folder)  # a person may be saving the next correction
 
 
 def _decided(state, contacts, corrections) -> dict:
@@ -100,7 +120,7 @@ def correct(folder) -> None:
     folder = Path(folder)
     corrections = read_corrections(folder)
     frames, evidence = files.read_frames(folder / "frames.parquet"), read_evidence(folder)
-    settings = read_session(folder / "session.toml")
+    settings = settings_of_results(folder)
     tables = contacts_with(corrections, frames, evidence, settings, folder.name)
     save_contacts(folder, tables, corrections)
 
@@ -128,19 +148,25 @@ def follow_corrections(out) -> dict[str, str]:
     return problems
 
 
-def bring_up_to_date(out) -> None:
-    """As `follow_corrections`, for programs that only read: locks only if there is anything to do.
+def renew_tables(out) -> tuple[dict[str, str], list[str]]:
+    """As `follow_corrections`, and the session's tables; also what a person should know."""
+    return follow_corrections(out), write_session_tables(out)
 
-    InputError where another program is using the folder, or some tables cannot be made.
+
+def bring_up_to_date(out) -> list[str]:
+    """As `renew_tables`, for programs that only read: locks only if there is anything to do.
+
+    Returns what a person should know. InputError where another program is using the folder, or
+    some tables cannot be made.
     """
     out = Path(out)
     if not (out / "videos.csv").is_file() or _is_up_to_date(out):
-        return
+        return []
     with settled(out):
-        problems = follow_corrections(out)
-        write_session_tables(out)
+        problems, said = renew_tables(out)
     if problems:
         raise InputError("\n".join(f"{out / name}: {why}" for name, why in problems.items()))
+    return said
 
 
 def finished_videos(out) -> list[str]:

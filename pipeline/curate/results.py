@@ -19,6 +19,7 @@ from pipeline.curate.corrected import (
     finished_videos,
     save_contacts,
     session_contacts,
+    settings_of_results,
 )
 from pipeline.curate.decisions import write_decisions
 from pipeline.curate.frames import FrameReader
@@ -27,7 +28,6 @@ from pipeline.curate.review import Review
 from pipeline.errors import InputError, VideoError, in_words
 from pipeline.scene import pole_runs
 from pipeline.session.inputs import need_results
-from pipeline.session.session_file import read_session
 from pipeline.tables import centrelines, files
 from pipeline.tables.columns import CONTACT_COLUMNS
 from pipeline.tables.evidence import EVIDENCE_FILE, read_evidence
@@ -85,7 +85,7 @@ class VideoUnderReview:
         self.folder = Path(folder)
         self.name = self.folder.name
         self._pole = read_pole(self.folder)
-        self.settings = read_session(self.folder / "session.toml")
+        self.settings = settings_of_results(self.folder)
         self.recording = self.settings.recording.si()
         evidence = read_evidence(self.folder)
         frames = files.read_frames(self.folder / "frames.parquet")
@@ -112,13 +112,16 @@ class VideoUnderReview:
         if self._changed is not None:
             self._changed(self)
 
-    def update(self) -> None:
-        """Make contacts, forces, pulses and base moments anew from the corrections; write them."""
+    def update(self) -> list[str]:
+        """Make contacts, forces, pulses and base moments anew from the corrections; write them.
+
+        Returns what `save_contacts` does.
+        """
         corrections, tables = self.review.corrections, self.tables
         self.tables = contacts_with(
             corrections, tables.frames, tables.evidence, self.settings, self.name
         )
-        save_contacts(self.folder, self.tables, corrections)
+        return save_contacts(self.folder, self.tables, corrections)
 
     # ---- to look at -----------------------------------------------------------------------
 
@@ -224,6 +227,7 @@ class Results:
             read_corrections(self.folder / name)  # a broken file is reported first
         self.listeners = []
         self.faults = dict(faults or {})  # video → what went wrong when its tables were made
+        self.kept = []  # sentences on files that a person has changed meanwhile
         self._videos = weakref.WeakValueDictionary()
         self._recent = deque(maxlen=KEPT_OPEN)
         self._opening = threading.Lock()
@@ -303,8 +307,8 @@ class Results:
         """Make and write one video's tables, and its rows of the whole contacts.csv."""
         try:
             video = self.video(name)
-            video.update()
-            self._replace_rows(name, video.tables.contacts)
+            self.kept += video.update()
+            self.kept += self._replace_rows(name, video.tables.contacts)
             self.faults.pop(name, None)
         except Exception as error:  # the thread must live; corrections.csv is safe
             self.faults[name] = f"{type(error).__name__}: {in_words(error)}"
@@ -315,7 +319,7 @@ class Results:
         order = [*self.names, *(n for n in parts if n not in self.names)]
         kept = [parts[n] for n in order if n in parts]
         self._contacts = pd.concat(kept, ignore_index=True)
-        files.replace_csv(self.folder / "contacts.csv", self._contacts, CONTACT_COLUMNS)
+        return files.replace_csv(self.folder / "contacts.csv", self._contacts, CONTACT_COLUMNS)
 
 
 def _curatable(folder) -> list[str]:

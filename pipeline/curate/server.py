@@ -9,7 +9,7 @@ import threading
 import time
 import webbrowser
 
-from pipeline.curate.corrected import follow_corrections, write_session_tables
+from pipeline.curate.corrected import renew_tables
 from pipeline.curate.decisions import user_name
 from pipeline.curate.results import Results
 from pipeline.session.inputs import need_results
@@ -62,9 +62,9 @@ def _server(results, port, person):
     with contextlib.ExitStack() as held:
         held.enter_context(settled(results))
         need_results(results)
-        problems = follow_corrections(results)  # an earlier curation may have been killed
-        write_session_tables(results)
+        problems, said = renew_tables(results)  # an earlier curation may have been killed
         opened = Results(results, problems)
+        opened.kept += said
         held.callback(opened.close)
         server = Server(opened, port, person)
         server.on_stop(held.pop_all().close)

@@ -4,6 +4,7 @@ import re
 from pathlib import Path
 
 from pipeline.session.session_file import SettingsError, read_session, settings_from
+from pipeline.tables.whole_files import write_text
 
 
 def check_whisker(path, name: str) -> None:
@@ -28,8 +29,6 @@ def set_whisker_values(path, name: str, values: dict[str, float]) -> None:
     """
     import tomlkit
 
-    from pipeline.tables.whole_files import write_text
-
     path = Path(path)
     check_whisker(path, name)
     index = [whisker.name for whisker in read_session(path).whisker].index(name)
@@ -40,7 +39,7 @@ def set_whisker_values(path, name: str, values: dict[str, float]) -> None:
         table[key] = float(value)
     text = tomlkit.dumps(document)
     settings_from(document.unwrap(), path)
-    write_text(path, text)
+    write_text(path.resolve(), text)  # a link stays one: several folders may share the file
 
 
 def whisker_has(path, name: str, key: str) -> bool:

@@ -1,5 +1,6 @@
 """session.toml ↔ typed settings: read, checked in one go, written back."""
 
+import hashlib
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ from pipeline.session.schema import Settings
 from pipeline.session.toml_fault import encoding_fault, toml_fault
 from pipeline.session.validation import faults_of
 from pipeline.tables.result_exchange import STATE_FILE
+from pipeline.tables.whole_files import sha256, write_text
 
 
 class SettingsError(ValueError):
@@ -55,7 +57,8 @@ def read_session(path) -> Settings:
         ) from None
     settings = settings_from(document, path)
     settings = settings.model_copy(update={"image": settings.image.beside(path.parent)})
-    problem = settings.image.mask_problem()
+    of_results = (path.parent / STATE_FILE).exists()  # which may have been copied without a mask
+    problem = "" if of_results else settings.image.mask_problem()
     if problem:
         raise SettingsError(path, [problem])
     return settings
@@ -85,6 +88,15 @@ def _with_whisker_names(document):
         for i, table in enumerate(tables, 1)
     ]
     return {**document, "whisker": named}
+
+
+def settings_digest(settings: Settings) -> str:
+    """Hash of all settings."""
+    image = settings.image
+    mask = "" if image.mask is None else sha256(Path(image.mask))  # its content, wherever it lies
+    image = image.model_copy(update={"mask": mask})
+    content = settings.model_copy(update={"image": image}).model_dump_json()
+    return hashlib.sha256(content.encode()).hexdigest()
 
 
 def session_text(settings: Settings, notes: dict[str, str] | None = None) -> str:
@@ -164,8 +176,6 @@ def _toml_value(value) -> str:
 
 def write_session(path, settings: Settings, notes: dict[str, str] | None = None) -> None:
     """Write a commented session.toml, whole or not at all; `notes` as in `session_text`."""
-    from pipeline.tables.whole_files import write_text
-
     if not isinstance(settings, Settings):
         raise InputError(f"settings: expected `Settings`, got {type(settings).__name__}")
     write_text(path, session_text(settings, notes))

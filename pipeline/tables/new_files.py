@@ -107,6 +107,11 @@ def keep_changed(folder, new) -> list[str]:
     return kept
 
 
+def is_changed(path) -> bool:
+    """Whether a file of a results folder was changed since whiskerforce wrote it."""
+    return bool(_compared(path.parent, {path.name: ""}, read_json(path.parent / RECORD))[1])
+
+
 def check_own(folder, new) -> dict[str, list[str]]:
     """Raise InputError where a file is there that whiskerforce has not written so.
 

@@ -5,10 +5,19 @@ import numpy as np
 import pytest
 
 import pipeline.run
-from pipeline.app.outcome import settings_digest
+from pipeline import __version__
+from pipeline.curate.corrected import settings_of_results
 from pipeline.errors import VideoError
 from pipeline.run import analyse, look_at
-from pipeline.session.session_file import settings_from
+from pipeline.session.session_file import (
+    SettingsError,
+    read_session,
+    settings_digest,
+    settings_from,
+    write_session,
+)
+from pipeline.tables.result_exchange import STATE_FILE
+from pipeline.tables.run_record import write_state
 from pipeline.video.base import RandomAccessVideo
 from synthetic.presets import make_trial
 from synthetic.render import Renderer
@@ -187,3 +196,21 @@ def test_results_depend_on_what_the_mask_shows_not_on_where_it_lies(tmp_path):
         cv2.imwrite(str(tmp_path / name), np.full((48, 64), level, np.uint8))
         digests.append(settings_digest(settings(image={"mask": str(tmp_path / name)})))
     assert digests[0] == digests[1] != digests[2]
+
+
+def test_results_that_were_copied_without_the_mask_are_read(tmp_path):
+    cv2.imwrite(str(tmp_path / "mask.png"), np.full((48, 64), 255, np.uint8))
+    given = settings(image={"mask": str(tmp_path / "mask.png")})
+    write_session(tmp_path / "session.toml", given)
+    state = {
+        "version": __version__, "video": "a", "path": "", "status": "done", "frames": 1,
+        "frames_per_s": 1, "message": "", "contacts": 0, "stages": {}, "sha256": "",
+        "pole": None, "settings_sha256": settings_digest(given), "input": {},
+    }  # fmt: skip
+    write_state(tmp_path, state)
+    assert settings_of_results(tmp_path) == given
+    (tmp_path / "mask.png").unlink()
+    assert settings_of_results(tmp_path) == given
+    (tmp_path / STATE_FILE).unlink()
+    with pytest.raises(SettingsError, match="mask: there is no file"):
+        read_session(tmp_path / "session.toml")

@@ -9,9 +9,8 @@ from pathlib import Path
 
 import pandas as pd
 
-from pipeline.app.outcome import settings_digest
 from pipeline.runtime.folder_lock import LOCK_FILE
-from pipeline.session.session_file import read_session
+from pipeline.session.session_file import read_session, settings_digest
 from pipeline.tables.new_files import RECORD
 from pipeline.tables.result_exchange import READY, STATE_FILE
 from pipeline.tables.run_record import read_state

@@ -238,11 +238,11 @@ def test_curate_gets_the_name_of_the_curator_and_says_which_tables_lack_correcti
     from pipeline import curate
     from pipeline.reports import figures, report
 
-    called, faults = [], {}
+    called, faults, kept = [], {}, []
 
     def open_page(*arguments, **options):
         called.append(options)
-        return SimpleNamespace(results=SimpleNamespace(faults=faults))
+        return SimpleNamespace(results=SimpleNamespace(faults=faults, kept=kept))
 
     monkeypatch.setattr(curate, "curate", open_page)
     for module, name in ((figures, "write_fig3"), (report, "write_report")):
@@ -251,8 +251,10 @@ def test_curate_gets_the_name_of_the_curator_and_says_which_tables_lack_correcti
     assert str(tmp_path / "report.html") in capsys.readouterr().out
     assert (called[0]["name"], called[0]["open_browser"]) == ("Ada", False)
     faults["trial"] = "No space left on device"
+    kept.append("contacts.csv was changed")
     assert exit_code("curate", tmp_path, "--no-browser") == 1
     said = capsys.readouterr().out
+    assert "contacts.csv was changed" in said
     assert f"{tmp_path / 'trial'}: its corrections are saved, but its tables do not" in said
     assert "follow from the corrections:" not in said
 

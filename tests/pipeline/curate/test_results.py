@@ -18,6 +18,7 @@ from pipeline.errors import InputError
 from pipeline.runtime.folder_lock import locked
 from pipeline.session.session_file import read_session
 from pipeline.tables import files, result_exchange, whole_files
+from pipeline.tables.columns import CONTACT_COLUMNS
 
 pytestmark = pytest.mark.e2e
 
@@ -127,6 +128,38 @@ def test_whoever_reads_results_gets_the_tables_that_follow_from_the_corrections(
     (results / video.name / "corrections.csv").unlink()
     bring_up_to_date(results)
     assert len(contacts_of(results)) == before
+
+
+def test_an_edited_table_that_is_made_anew_is_kept_and_said_to_be(results):
+    with opened(results) as folder:
+        desk = Desk(folder)
+        tables = [results / desk.video.name / "contacts.csv", results / "contacts.csv"]
+        for path in tables:
+            path.write_text("a person's")
+        desk.do("delete")
+        folder.settle()
+        for path, said in zip(tables, folder.kept, strict=True):
+            assert f"{path} was changed since whiskerforce wrote it: it is kept as" in said
+            assert path.with_name("contacts.csv.old").read_text() == "a person's"
+    files.write_csv(tables[1], contacts_of(results).assign(curated=True), CONTACT_COLUMNS)
+    (said,) = bring_up_to_date(results)
+    assert f"it is kept as {tables[1]}.old2" in said
+    assert not bring_up_to_date(results)
+
+
+def test_contacts_are_not_corrected_with_other_settings_than_those_of_the_results(results):
+    first = min(path.parent for path in results.glob("*/evidence.parquet"))
+    before = contacts_of(results, first.name)
+    text = (first / "session.toml").read_text()
+    (first / "session.toml").write_text(text.replace("pixels_per_mm = ", "pixels_per_mm = 1"))
+    with opened(results) as folder, pytest.raises(ValueError, match="not the settings of these"):
+        folder.video(first.name)
+    onset, offset = edges(before)[0]
+    verdict = Verdict(before["whisker"][0], "free", onset, offset, onset, offset)
+    write_corrections(first, table_of([verdict]))
+    with pytest.raises(InputError, match="not the settings of these results; change the session"):
+        bring_up_to_date(results)
+    pd.testing.assert_frame_equal(contacts_of(results, first.name), before)
 
 
 def test_corrections_that_cannot_be_followed_are_said(results):

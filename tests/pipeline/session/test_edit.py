@@ -48,6 +48,15 @@ def test_values_change_and_all_else_stays(path):
     assert changed.index("density_kg_per_m3 = 1100.0") < changed.index("[pole]")
 
 
+def test_a_file_that_several_folders_share_by_links_is_changed_for_all(path, tmp_path):
+    (tmp_path / "videos").mkdir()
+    link = tmp_path / "videos" / "session.toml"
+    link.symlink_to(path)
+    set_whisker_values(link, "C2", {"length_mm": 17.5})
+    assert link.is_symlink()
+    assert read_session(path).whisker[1].length_mm == 17.5
+
+
 def test_an_unnamed_whisker_is_known_by_its_place(path):
     path.write_text(TEXT.replace('name = "C1"\n', ""), encoding="utf-8")
     set_whisker_values(path, "w1", {"length_mm": 12.0})
