@@ -62,6 +62,7 @@ def _numbers(line):
 
 
 @pytest.mark.e2e
+@pytest.mark.usefixtures("lossless_is_quick")
 def test_the_tutorial_works_word_for_word(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     # processes of their own would load all again

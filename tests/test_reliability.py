@@ -19,6 +19,7 @@ IN_CI = [promise for promise in PROMISES if promise.in_ci]
 
 
 @pytest.mark.e2e
+@pytest.mark.usefixtures("lossless_is_quick")
 @pytest.mark.parametrize("promise", IN_CI, ids=lambda promise: promise.name)
 def test_promise_is_kept(promise, tmp_path):
     folder = tmp_path / "promise"

@@ -164,7 +164,11 @@ def _covered(points, width, shape):
     columns = (np.arange(SUPERSAMPLED * shape[1]) + 0.5) / SUPERSAMPLED - 0.5
     edges = ((points + sign * half).T for sign in (-1, 1))
     low, high = (np.interp(columns, *edge, left=np.nan, right=np.nan) for edge in edges)
-    rows = np.arange(shape[0])[:, None]
+    ends = np.nanmin(low), np.nanmax(high) + 2  # no row beyond them is covered
+    first, last = (int(np.clip(end, 0, shape[0])) for end in ends)
+    rows = np.arange(first, last)[:, None]
     covered = np.minimum(high, rows + 0.5) - np.maximum(low, rows - 0.5)
     covered = np.fmax(covered, 0)  # also where the whisker is not: NaN
-    return covered.reshape(shape[0], shape[1], SUPERSAMPLED).mean(axis=2)
+    share = np.zeros(shape)
+    share[first:last] = covered.reshape(last - first, shape[1], SUPERSAMPLED).mean(axis=2)
+    return share

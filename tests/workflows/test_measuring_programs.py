@@ -160,8 +160,9 @@ def test_settings_are_as_wrong_as_is_stated():
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("lossless_is_quick")
 def test_accuracy_of_two_videos_is_printed(tmp_path, capsys):
-    asked = ["--presets", "single", "--videos", "2", "--frames", "200", "--out", str(tmp_path)]
+    asked = ["--presets", "single", "--videos", "2", "--frames", "100", "--out", str(tmp_path)]
     status = accuracy.main(asked)
     said = capsys.readouterr().out
     assert status in (0, 1)
@@ -192,7 +193,7 @@ def test_free_frames_are_shared_among_presets_and_added_up():
 
 @pytest.mark.slow
 def test_no_contact_is_found_in_free_frames(capsys, monkeypatch):
-    monkeypatch.setattr(false_contacts, "FRAMES", 200)
+    monkeypatch.setattr(false_contacts, "FRAMES", 60)
     assert false_contacts.main(["--frames", "1"]) == 0
     assert "| free" in capsys.readouterr().out
 

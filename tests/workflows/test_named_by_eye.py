@@ -6,6 +6,7 @@ import named_by_eye
 import numpy as np
 import pandas as pd
 import pytest
+from quick_codec import quick_to_read
 
 from pipeline.tables.centrelines import read_centrelines
 from synthetic.session import render_session
@@ -21,7 +22,8 @@ ALONG = 60  # node of the true centreline that a person follows
 @pytest.fixture(scope="module")
 def video(tmp_path_factory):
     folder = tmp_path_factory.mktemp("row")
-    (path,) = render_session(folder, "row", seed=0, trials=1, frames=FRAMES)
+    with quick_to_read():
+        (path,) = render_session(folder, "row", seed=0, trials=1, frames=FRAMES)
     return path, read_centrelines(folder / "truth" / path.stem / "centrelines.parquet")
 
 

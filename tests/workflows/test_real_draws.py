@@ -30,6 +30,7 @@ def test_figures_of_draws_are_their_mean_least_and_most():
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("lossless_is_quick")
 def test_a_row_of_rendered_whiskers_is_found_in_both_directions(tmp_path, capsys):
     (path,) = render_session(tmp_path, "row", seed=0, trials=1, frames=40)
     truth = read_centrelines(tmp_path / "truth" / path.stem / "centrelines.parquet")

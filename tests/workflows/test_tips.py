@@ -15,6 +15,7 @@ def test_a_tip_is_beyond_the_end_along_the_line_and_not_beside_it():
 
 
 @pytest.mark.e2e
+@pytest.mark.usefixtures("lossless_is_quick")
 def test_a_rendered_whisker_has_a_row(tmp_path, capsys):
     table = tmp_path / "tips.csv"
     seen = ["--preset", "noisy", "--videos", "1", "--frames", "100", "--seed", "3"]

@@ -34,7 +34,7 @@ def processed(folder) -> tuple[Path, Path]:
     start, work = folder.parent / "processed", folder.parent / "work"
     if not start.exists():
         stand_in.copy_of(videos(folder), work / "videos")
-        finish(begin(work))
+        _run_here(work)
         stand_in.copy_of(work, start)
     return start, work
 
@@ -64,6 +64,12 @@ def _correct(folder) -> None:
     head = stand_in.CORRECTIONS.splitlines()[0]
     row = f"C2,free,{onset},{offset},{onset},{offset},2026-01-01"
     (folder / stand_in.CORRECTIONS_FILE).write_text(f"{head}\n{row}\n", "utf-8")
+
+
+def _run_here(work) -> None:
+    """Run in this process, so that its copies have compiled code."""
+    for each in batch.run([work / "videos"], work / "results").of("failed"):
+        raise RuntimeError(f"{each.video}: {each.message}")
 
 
 def begin(work, jobs=1, *options) -> subprocess.Popen:

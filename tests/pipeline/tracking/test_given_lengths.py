@@ -133,6 +133,7 @@ def test_nothing_is_doubted_where_lengths_are_not_known(given_px):
     assert probabilities([90.0, 80.0, 85.0], given_px, np.arange(3)).tolist() == [1, 1, 1]
 
 
+@pytest.mark.usefixtures("lossless_is_quick")
 def test_one_seen_whisker_of_two_tables_is_the_one_of_its_length_and_not_quite_certain(tmp_path):
     (path,) = render_session(tmp_path, "single", 5, 1, frames=40)
     own = read_session(tmp_path / "session.toml")

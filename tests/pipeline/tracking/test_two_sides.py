@@ -143,11 +143,14 @@ def test_whiskers_without_names_are_counted_on_each_side():
     assert two_sides.counted_names([], "top", OPTIONS) == ()
 
 
+FRAMES = 24
+
+
 @pytest.fixture(scope="module")
 def rat(tmp_path_factory):
-    """A rendered rat's video of 40 frames."""
+    """A rendered rat's video."""
     folder = tmp_path_factory.mktemp("rat")
-    (path,) = render_session(folder, "rat_both_sides", 11, 1, frames=40)
+    (path,) = render_session(folder, "rat_both_sides", 11, 1, frames=FRAMES)
     return measuring.RenderedVideo.of(path, folder)
 
 
@@ -167,4 +170,4 @@ def test_whiskers_of_a_rendered_rat_get_names_of_their_own_side(rat, given):
         one.split("_")[0] == other.split("_")[0] for one, other in zip(name, near, strict=True)
     ]
     assert np.mean(same) > 0.97
-    assert known.sum() > 0.8 * 12 * len(given) * 40
+    assert known.sum() > 0.8 * 12 * len(given) * FRAMES
