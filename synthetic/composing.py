@@ -36,7 +36,7 @@ class FinePatch:
             fine = self._to_fine(strip, left, top)
             if fine is None:
                 continue
-            count = cover_strip(self.cover, self.touched, 0, fine, self.steps)
+            count = cover_strip(self.cover, self.touched, fine, self.steps)
             absorb(through, self.cover, self.touched, count, opacity)
         return self.filter @ through @ self.filter.T
 

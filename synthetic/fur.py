@@ -274,5 +274,5 @@ def _draw_alike(light, cover, touched, hairs, sway, shift, steps):
         half_width = radius * (1 - 0.93 * s / length)
         curvature, smear = np.full(n, bend), np.zeros(n)
         strip = Strip(x, y, angle, curvature, half_width, smear)
-        count = cover_strip(cover, touched, 0, strip, steps)
+        count = cover_strip(cover, touched, strip, steps)
         absorb(light, cover, touched, count, opacity)

@@ -128,7 +128,7 @@ class Micrograph:
         if self.core:  # light that goes through the middle
             parts.append((0.5 * radius, -self.core * self.opacity / (1 - self.opacity)))
         for width, opacity in parts:
-            count = cover_strip(cover, touched, 0, Strip(*line, width, still), steps)
+            count = cover_strip(cover, touched, Strip(*line, width, still), steps)
             absorb(passed, cover, touched, count, opacity)
         dust = np.zeros(shape, np.float32)
         for speck in zip(*specks, strict=True):

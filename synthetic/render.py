@@ -120,7 +120,7 @@ class Renderer:
         return self._opened[1]
 
     def _draw(self, light, strip, opacity):
-        count = cover_strip(self._cover, self._touched, 0, strip, self._steps)
+        count = cover_strip(self._cover, self._touched, strip, self._steps)
         absorb(light, self._cover, self._touched, count, opacity)
 
     def _draw_particle(self, light, hair, strip):

@@ -127,22 +127,22 @@ def _direction_row(nx, ny, rows):
 
 
 @njit(cache=True, nogil=True)
-def cover_strip(cover, touched, n_touched, strip, steps):
+def cover_strip(cover, touched, strip, steps):
     """Write the light share taken by one strip into `cover` where it exceeds what is there.
 
     Parameters
     ----------
     cover : float32 (height, width), zeros where no strip is
-    touched, n_touched : int32 (pixels,) list of flat indices of pixels made non-zero, its length
+    touched : int32 (pixels,), filled with the flat indices of pixels made non-zero
     strip : Strip
     steps : step_table of the optics' blur
 
     Returns
     -------
-    The new length of the list; overlap of a strip with itself counts once.
+    How many these are; overlap of a strip with itself counts once.
     """
     x, y, radius = strip.x, strip.y, strip.radius
-    n = len(x)
+    n, n_touched = len(x), 0
     step = np.hypot(x[1] - x[0], y[1] - y[0])
     for k in range(n):
         low, high = max(k - 1, 0), min(k + 1, n - 1)

@@ -195,10 +195,10 @@ def _fit(stations, whisker, curvature_at, prior, load=None, fine=False, misfit=N
     for start in range(0, n, BLOCK_ROWS):
         rows = slice(start, start + BLOCK_ROWS)
         part = stations.rows(rows).loaded()
-        block = Rows(
+        block = Rows(  # of copies: all is compiled once more for arrays that are read only
             part.x, part.y, part.information, part.origin + shift[rows], shift[rows],
             side[rows].astype(np.float64), friction[rows], part.pole_x, part.pole_y, part.nearest,
-            np.ascontiguousarray(prior.drift[rows]), np.ascontiguousarray(prior.cov[rows]),
+            np.array(prior.drift[rows], order="C"), np.array(prior.cov[rows], order="C"),
             by_origin[rows],
         )  # fmt: skip
         turning = np.ascontiguousarray(prior.weights), prior.centre, prior.scale

@@ -138,8 +138,8 @@ def redness(x, y, offset, information, first, last):
         return np.nan
     at = (first + last) // 2
     scale, chi2 = local_polynomial(
-        x, y, offset, information, first, last, at, RED_DEGREE, coefficients, inverse
-    )
+        x, y, offset, information, first, last, at, size - 1, coefficients, inverse
+    )  # for the constant itself, all would be compiled once more
     points = _in_frame(x, y, offset, first, last, at, *_tangent(x, y, at))
     points[0] /= scale
     between = 0.0

@@ -31,7 +31,7 @@ def draw(start, direction, curvature, length, radii, blur, smear=0.0):
     radius = np.interp(s, [0, length], radii)
     cover, touched = blank(*SIZE)
     strip = Strip(x, y, angle, np.full(len(s), curvature), radius, np.full(len(s), smear))
-    cover_strip(cover, touched, 0, strip, step_table(blur))
+    cover_strip(cover, touched, strip, step_table(blur))
     return cover
 
 
@@ -129,7 +129,7 @@ def test_absorb_multiplies_and_clears():
     n = 40
     still = np.zeros(n)
     strip = Strip(np.linspace(10, 40, n), np.full(n, 20.0), still, still, np.full(n, 1.5), still)
-    count = cover_strip(cover, touched, 0, strip, step_table(0.7))
+    count = cover_strip(cover, touched, strip, step_table(0.7))
     peak = cover.max()
     light = np.full(SIZE, 100.0, np.float32)
     absorb(light, cover, touched, count, 0.5)

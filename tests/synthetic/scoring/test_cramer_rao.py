@@ -84,7 +84,7 @@ def picture(coefficients):
     cover, touched = blank(HEIGHT, WIDTH)
     still = np.zeros(len(x))
     strip = Strip(x, HEIGHT / 2 - shape(x), np.arctan(slope), curvature, radius, still)
-    count = cover_strip(cover, touched, 0, strip, step_table(CAMERA.blur_px))
+    count = cover_strip(cover, touched, strip, step_table(CAMERA.blur_px))
     light = np.full((HEIGHT, WIDTH), LIGHT, np.float32)
     absorb(light, cover, touched, count, OPACITY)
     return light[:, 30:231].astype(float).ravel()
