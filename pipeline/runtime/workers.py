@@ -99,12 +99,11 @@ def _end_with_parent():
 
 
 class _Worker:
-    """One process and the task it is at (None: idle)."""
+    """One process, started with its first task, and the task it is at (None: idle)."""
 
     def __init__(self, function):
         self.function = function
-        self.task = None
-        self._start()
+        self.task = self.process = None
 
     def _start(self):
         context = multiprocessing.get_context("spawn")
@@ -115,29 +114,34 @@ class _Worker:
         other.close()
 
     def give(self, number, task):
+        if self.process is None:
+            self._start()
         self.task = number
         self.connection.send((task,))
 
     def receive(self):
-        """The next event, "ended" where the process has died: another is started."""
+        """The next event, "ended" where the process has died."""
         try:
             kind, value = self.connection.recv()
         except (EOFError, OSError):
-            kind, value = "ended", self._restart()
+            kind, value = "ended", self._ended()
         event = Event(kind, self.task, value)
         if kind != "progress":
             self.task = None
         return event
 
-    def _restart(self) -> str:
+    def _ended(self) -> str:
+        """How the process ended; the next task starts another."""
         self.process.join()
         code = self.process.exitcode
         self.connection.close()
-        self._start()
+        self.process = None
         how = f"was ended by {signal.Signals(-code).name}" if code and code < 0 else f"({code})"
         return f"the worker process ended unexpectedly {how}; out of memory, or a fault in a codec"
 
     def stop(self):
+        if self.process is None:
+            return
         with contextlib.suppress(OSError):
             self.connection.send(None)
         if self.task is not None:
