@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 from scipy.ndimage import gaussian_filter1d
 
-from pipeline.forces import arc_length_offset, fur_bias, rest_shape, rod_fit, station_noise
+from pipeline.forces import arc_length_offset, lasting_errors, rest_shape, rod_fit, station_noise
 from pipeline.forces.rod_fit import ShapeFit
 from pipeline.forces.whisker_rows import WhiskerRows
 from pipeline.kinematics.stations import Stations, lies_across
@@ -118,7 +118,7 @@ def _fit_rods(own: WhiskerRows, friction, params):
     whisker, at = own.whisker, own.curvature_at
     places = station_noise.as_they_scatter(own.places, whisker, at, own.free)
     own = replace(own, places=places)
-    places = fur_bias.without_bias(own, 1e-3 * params.loaded_distance_mm)
+    places = lasting_errors.without_lasting(own, 1e-3 * params.loaded_distance_mm)
     origin, by_tip = arc_length_offset.origin_from_tip(places, whisker, own.time, params)
     places = replace(places, origin=origin.per_row)
     own = replace(own, places=places)

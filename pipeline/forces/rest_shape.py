@@ -28,10 +28,11 @@ LARGEST_DEGREE = 2
 # rolling by 0.7 rad per rad (Knutsen et al. 2008) shows up to this much of a bend of 20 1/m
 TURNING_SD = 12.0  # of a rest value [1/m per rad of base angle, and per rad²]
 LEAST_SD = 1e-6  # [1/m]
-CORRELATED_FRAMES = 10  # neighbouring frames share their errors: how many count as one
+# neighbouring frames share their errors: how many count as one (measured, rendered videos)
+CORRELATED_FRAMES = 4
 # frames in which the whisker lies on the same pixels share errors, too: about a pixel at 5 mm
 SAME_ANGLE_RAD = 0.008
-MANY_FRAMES = 1000  # kept at least, where some free frames are left out
+MANY_FRAMES, LONGEST_STEP = 1000, 10  # kept at least, and every so many-th, of many free frames
 DRIFT_TIME_S = 0.3  # drift is followed over times longer than this
 DRIFT_SHRINK_FRAMES = 8  # so many frames of zero drift are added everywhere
 TUKEY = 4.685  # SD beyond which a frame does not count: in normal noise, 95 % as exact as a mean
@@ -212,7 +213,7 @@ def _noise(left, covs, share):
 
 def enough(rows) -> np.ndarray:
     """Some of `rows` (frames in order) that tell about as much as all: neighbours share errors."""
-    return rows[:: int(np.clip(len(rows) // MANY_FRAMES, 1, CORRELATED_FRAMES))]
+    return rows[:: int(np.clip(len(rows) // MANY_FRAMES, 1, LONGEST_STEP))]
 
 
 def by_leaning_angle(model: RestModel, lean) -> RestModel:

@@ -3,15 +3,17 @@
 The errors that a codec makes differ from the noise of pixels: they grow less towards the thin tip,
 and a picture that the codec has smoothed seems better than it is. The squared misfits of rods in
 free frames are described by two terms: a multiple of the expected variance, which all fits allow
-for, and a variance that is the same all along the whisker.
+for, and a variance that is the same all along the whisker. Single stations may be shifted beside
+(`lasting_errors`).
 """
 
 import numpy as np
 from scipy.optimize import nnls
 
 from pipeline.forces import rod_fit
-from pipeline.forces.fur_bias import usual_misfit
-from pipeline.kinematics.stations import Stations
+from pipeline.forces.lasting_errors import FEWEST_ROWS, lasting_variance
+from pipeline.kinematics.stations import N_STATIONS, Stations, beside_doubt
+from pipeline.numerics.robust import MAD_TO_SD
 from pipeline.numerics.runs import evenly
 from whiskermodel.whisker import Whisker
 
@@ -20,21 +22,25 @@ ROUNDS = 3  # of fits: the first rods rely on few stations, and miss these by to
 
 
 def as_they_scatter(places: Stations, whisker: Whisker, curvature_at: float, free) -> Stations:
-    """Return the stations with the constant variance added to their own.
+    """Return the stations with what free frames show of their errors added to their own.
 
     `free`, bool (rows,): frames in which nothing touches the whisker.
     """
     rows = np.flatnonzero(free & np.isfinite(places.last))
     part = places.rows(rows[evenly(len(rows), MOST_ROWS)]).loaded()
-    doubt = 0.0
+    constant, lasting = 0.0, np.zeros(part.x.shape[1])
+    spacing = whisker.length / (N_STATIONS - 1)
     for _ in range(ROUNDS):
         misfit = np.full((len(part), 2, part.x.shape[1]), np.nan)
-        rod_fit.fit_free(part.doubted(doubt), whisker, curvature_at, misfit)
-        doubt = _parts(misfit[:, 0], part.information, doubt)
-    return places.doubted(doubt)
+        rod_fit.fit_free(part.doubted(constant + lasting), whisker, curvature_at, misfit)
+        constant = _constant(misfit[:, 0], part.information, constant)
+        information = beside_doubt(part.information, constant)
+        found = lasting_variance(misfit[:, 0], information, spacing)
+        lasting = np.maximum(lasting, found)
+    return places.doubted(constant + lasting)
 
 
-def _parts(misfit, information, doubt):
+def _constant(misfit, information, doubt):
     """The constant variance [m²], beside a multiple, at least 1, of the inverse `information`.
 
     misfit, information : (rows, stations) [m], [1/m²]
@@ -50,3 +56,14 @@ def _parts(misfit, information, doubt):
     parts = np.stack([expected * weight, weight * np.median(expected)], axis=1)
     multiple, constant = nnls(parts, square * weight)[0]
     return float(constant / max(multiple, 1.0) * np.median(expected))
+
+
+def usual_misfit(square, expected):
+    """Usual squared misfit and variance (2, stations) of (rows, stations); NaN where too few."""
+    both = np.full((2, len(square) + 1, square.shape[1]), np.nan)  # one row at least
+    both[:, :-1] = MAD_TO_SD**2 * square, expected
+    both[:, ~np.isfinite(both).all(axis=0)] = np.nan
+    count = np.isfinite(both[0]).sum(axis=0)
+    both.sort(axis=1)
+    middle = np.take_along_axis(both, np.stack([np.maximum(count - 1, 0), count])[None] // 2, 1)
+    return np.where(count >= FEWEST_ROWS, middle.mean(axis=1), np.nan)

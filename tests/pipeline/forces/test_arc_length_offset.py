@@ -9,7 +9,7 @@ from line_ends import with_tip
 from scipy import sparse
 
 from pipeline.forces import arc_length_offset, estimate_forces, forces
-from pipeline.forces.fur_bias import LASTING_SHARE
+from pipeline.forces.lasting_errors import LASTING_SHARE
 from pipeline.kinematics import resampled
 from pipeline.session.parameters import DEFAULTS
 from synthetic.presets import make_trial

@@ -308,7 +308,7 @@ def test_polynomials_are_averaged_by_the_probability_of_what_was_seen():
 
 
 def test_what_is_predicted_has_all_its_errors():
-    """Of weights, of true scatter, and of a drift that ten frames show as one."""
+    """Of weights, of true scatter, and of a drift that four frames show as one."""
     rng = np.random.default_rng(13)
     time, angle = whisking(600, rng)
     values = np.column_stack([true_rest(angle, time), 3 + 5 * angle]) + rng.normal(
@@ -323,7 +323,7 @@ def test_what_is_predicted_has_all_its_errors():
         design = np.kron(powers[:, None], np.eye(2))
         known = model.weights_cov.reshape(6, 6)
         _, frames = rest_shape._smooth(model.time, model.residual, model.share, when[k : k + 1])
-        expected = design.T @ known @ design + model.scatter + 10 / frames[0] * model.noise
+        expected = design.T @ known @ design + model.scatter + 4 / frames[0] * model.noise
         np.testing.assert_allclose(cov[k], expected, rtol=1e-9)
         np.testing.assert_allclose(turning[k], design[2:].T @ known[2:, 2:] @ design[2:])
         np.testing.assert_allclose(found[k], powers @ model.weights + model.drift(when)[k])
