@@ -13,6 +13,7 @@ from pipeline.reports.session_numbers import read_contacts, read_truth
 from pipeline.runtime.progress import Progress, duration
 
 DEMO_PRESET, DEMO_TRIALS, DEMO_SEED = "fig3", 4, 1
+TRUTH = "truth"  # folder by which a rendered session is known
 RENDERING = {"motion": 0.3, "drawing": 1.0}  # stages of a video, and the time that each takes
 LEAST_MS = 5.0  # shorter contacts are shown, but not counted as missed
 
@@ -40,16 +41,18 @@ def render(folder, preset, seed, trials, jobs, progress, say, frames=1000) -> li
     from synthetic.two_view_session import render_two_views
 
     _check_folder(Path(folder))
+    if preset not in (*PRESETS, *TWO_VIEWS):
+        known = "\n".join(preset_lines())
+        near = difflib.get_close_matches(preset, [*PRESETS, *TWO_VIEWS], 1)
+        meant = f" (did you mean {near[0]}?)" if near else ""
+        raise ValueError(f"--preset {preset}: no such preset{meant}; expected one of\n{known}")
+    Path(folder).mkdir(parents=True, exist_ok=True)
+    (Path(folder) / TRUTH).mkdir(exist_ok=True)  # if this is killed, the same command goes on
     if preset in TWO_VIEWS:
         say("rendering two views …")
         paths = render_two_views(folder, preset, seed, trials or 2)
         say(f"videos, settings, points and truth tables: {Path(folder).resolve()}")
         return paths
-    if preset not in PRESETS:
-        known = "\n".join(preset_lines())
-        near = difflib.get_close_matches(preset, [*PRESETS, *TWO_VIEWS], 1)
-        meant = f" (did you mean {near[0]}?)" if near else ""
-        raise ValueError(f"--preset {preset}: no such preset{meant}; expected one of\n{known}")
     trials = trials or PRESETS[preset].trials
     names = [f"trial {trial}" for trial in range(trials)]
     say(f"rendering {counted(trials, 'video')} …")
@@ -62,7 +65,7 @@ def render(folder, preset, seed, trials, jobs, progress, say, frames=1000) -> li
 
 def _check_folder(folder):
     """A person's files are not replaced: a session.toml above all."""
-    if folder.is_dir() and not (folder / "truth").is_dir():
+    if folder.is_dir() and not (folder / TRUTH).is_dir():
         there = sorted(p.name for p in folder.iterdir() if not p.name.startswith("."))
         if there:
             raise InputError(

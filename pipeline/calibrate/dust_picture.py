@@ -76,7 +76,7 @@ def _against(axes, motion):
     axes.axhline(0, color=PALE, lw=0.6)
     axes.plot(size, contacts["radial_change_mm"], "o", color=BLACK, ms=4)
     if slope is not None:
-        ends = np.array([0, size.max()])
+        ends = np.array([size.min(), size.max()])
         mean = contacts["radial_change_mm"].mean() - slope.slope * size.mean()
         axes.plot(ends, mean + slope.slope * ends, color=ACCENT, lw=1)
         axes.set_title(

@@ -59,6 +59,7 @@ def _path(axes, touching):
 def _error(axes, touching):
     error = touching["projection_error_percent"]
     axes.hist(error, bins=30, color=BLACK)
+    axes.yaxis.get_major_locator().set_params(integer=True)
     if len(error):
         axes.axvline(error.quantile(0.99), color=ACCENT, lw=1)
         axes.set_title(f"99 % below {error.quantile(0.99):.1f} %", fontsize=9, color=ACCENT)

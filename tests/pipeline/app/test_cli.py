@@ -424,6 +424,20 @@ def test_synth_renders_a_preset(monkeypatch, tmp_path, capsys):
     assert named["frames"] == 1000
 
 
+def test_a_rendering_that_was_killed_before_its_first_truth_table_goes_on(monkeypatch, tmp_path):
+    import synthetic.session
+
+    def killed(folder, *arguments, **options):
+        (folder / "session.toml").write_text("")
+        raise KeyboardInterrupt
+
+    arguments = ["synth", tmp_path / "videos", "--preset", "noisy", "--jobs", 1]
+    monkeypatch.setattr(synthetic.session, "render_session", killed)
+    assert exit_code(*arguments) == 130
+    monkeypatch.setattr(synthetic.session, "render_session", lambda *a, **k: [])
+    assert exit_code(*arguments) == 0
+
+
 @pytest.mark.parametrize("preset", ["single", "two_views"])
 def test_synth_and_demo_leave_the_folders_of_a_person_alone(preset, tmp_path, capsys):
     settings = tmp_path / "videos" / "session.toml"
