@@ -248,10 +248,12 @@ def _draw_dust(lights, scene, rng):
     for _ in range(scene.clutter):
         x, y = rng.uniform(0.15, 1) * width, rng.uniform(0, 1) * height
         radius, blur = rng.uniform(0.6, 3.0), scene.camera.blur_px * rng.uniform(1.0, 3.0)
-        distance = np.hypot(columns - x, rows - y)
+        reach = radius + 6 * blur  # farther away, a 32-bit number does not feel it
+        across, down = (slice(max(int(v - reach), 0), max(int(v + reach) + 2, 0)) for v in (x, y))
+        distance = np.hypot(columns[down, across] - x, rows[down, across] - y)
         speck = rng.uniform(0.2, 0.8) * ndtr((radius - distance) / blur).astype(np.float32)
         for light in lights:
-            light *= 1 - speck
+            light[down, across] *= 1 - speck
 
 
 @njit(cache=True)

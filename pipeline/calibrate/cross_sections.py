@@ -17,7 +17,7 @@ from scipy.ndimage import map_coordinates, spline_filter
 from scipy.special import ndtr
 
 from pipeline.calibrate.find_whisker import NoWhiskerError, Trace, smooth_line
-from pipeline.numerics.robust import MAD_TO_SD, robust_sd
+from pipeline.numerics.robust import MAD_TO_SD, column_medians, robust_sd
 
 SECTION_PX = 10  # along the whisker that one section is the mean of
 FLANK_PX = 10.0  # ground on both sides that is fitted
@@ -333,7 +333,8 @@ def _window(q, u):
 def _scatter(residual, window):
     """Robust SD of the residuals within the window, (sections,)."""
     inside = np.where(window > 0, np.abs(residual), np.nan)
-    return np.maximum(MAD_TO_SD * np.nanmedian(inside, axis=1), 1e-3)
+    usual = column_medians(np.ascontiguousarray(inside.T))
+    return np.maximum(MAD_TO_SD * usual, 1e-3)
 
 
 def profile_of(radius, u, blur):
