@@ -403,12 +403,20 @@ def test_of_a_row_the_whisker_with_the_wrong_length_is_named():
     assert analyse(frames("row", every=120), settings).messages[0].startswith("C2 looks ")
 
 
+@pytest.fixture(scope="module")
+def crowd():
+    """A dense row: its scene, and rendered frames."""
+    trial = make_trial("dense_row", 3, 0, 30)
+    renderer = Renderer(trial.scene, trial.motion)
+    return trial.scene, np.array([renderer.frame(i) for i in range(30)])
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("tables", [1, 2, 4, 11])
-def test_where_most_of_a_row_has_no_tables_this_is_said(tables):
-    trial = make_trial("dense_row", 3, 0, 60)
-    renderer, camera = Renderer(trial.scene, trial.motion), trial.scene.camera
-    whiskers = [hair.whisker for hair in trial.scene.hairs]
+def test_where_most_of_a_row_has_no_tables_this_is_said(crowd, tables):
+    scene, images = crowd
+    camera = scene.camera
+    whiskers = [hair.whisker for hair in scene.hairs]
     recording = {
         "frames_per_second": camera.frames_per_second,
         "pixels_per_mm": camera.pixels_per_mm,
@@ -416,7 +424,7 @@ def test_where_most_of_a_row_has_no_tables_this_is_said(tables):
     }
     given = [{"name": each.name, "length_mm": 1e3 * each.length} for each in whiskers]
     settings = settings_from({"recording": recording, "whisker": given[:tables]})
-    said = analyse(np.array([renderer.frame(i) for i in range(60)]), settings).messages
+    said = analyse(images, settings).messages
     assert any("whiskers are seen at a time" in each for each in said) == (tables < len(whiskers))
 
 
