@@ -1,5 +1,6 @@
 """Messages about one video: what is missing or doubtful."""
 
+import functools
 import re
 from types import SimpleNamespace
 
@@ -435,6 +436,7 @@ POLE_MM = 0.015  # tolerance of its thickness, printed to 0.01 mm
 NAMES = {"single": ["C2"], "row": ["C4", "C3", "C2", "C1"]}
 
 
+@functools.cache
 def frames(preset, seed=3, every=40):
     """Rendered frames of whiskers with the face at the left, uint8 (k, height, width)."""
     trial = make_trial(preset, seed, 0)
