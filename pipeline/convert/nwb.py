@@ -6,6 +6,7 @@ for forces, and needs pynwb older than 3; `ndx-pose` wants body parts, of which 
 """
 
 import os
+import re
 from datetime import UTC, datetime
 from pathlib import Path
 from uuid import uuid4
@@ -29,6 +30,10 @@ SI = {  # unit of a column: of the file, factor
     "": ("a.u.", 1.0),
 }
 SUFFIXES = ("_deg", "_per_m", "_mm", "_uN", "_nN_m")
+SUBJECT = {  # what a value of an animal must be: a test, and in words
+    "sex": (("F", "M", "O", "U").__contains__, "F (female), M (male), O (other) or U (unknown)"),
+    "age": (re.compile(r"P.*\d").match, "a duration as ISO 8601 has it, such as P90D: 90 days"),
+}
 NO_SERIES = ("frame", "time_s", "whisker")
 
 
@@ -47,7 +52,7 @@ def write_nwb(folder, video, start: str = "", moves_to=None, **subject) -> list[
     Raises
     ------
     InputError
-        Where pynwb is not installed, or `start` is no date.
+        Where pynwb is not installed, `start` is no date, or sex or age are not as NWB has them.
     """
     pynwb = library("pynwb", "nwb")
     path = Path(folder) / f"{video.name}.nwb"
@@ -79,6 +84,9 @@ def write_nwb(folder, video, start: str = "", moves_to=None, **subject) -> list[
 def _subject(pynwb, known):
     """The animal; what the format requires and is not known is given as unknown."""
     known = {key: value for key, value in known.items() if value}
+    for key, (is_right, expected) in SUBJECT.items():
+        if key in known and not is_right(known[key]):
+            raise InputError(f"--{key} {known[key]}: expected {expected}")
     return pynwb.file.Subject(**{"subject_id": "unknown", "sex": "U", **known})
 
 

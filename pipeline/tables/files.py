@@ -145,6 +145,7 @@ def _parsed(text: list[str], column: Column, lines: list[int]):
 def _whole(text, column) -> int:
     """A whole number that the column can hold; ValueError else."""
     limits = np.iinfo(column.dtype)
+    text = text.removesuffix(".0")  # as pandas writes a column in which a number is missing
     if limits.min <= (value := int(text)) <= limits.max:
         return value
     raise ValueError("too large")

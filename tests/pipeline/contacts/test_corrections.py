@@ -207,6 +207,8 @@ def test_what_spreadsheets_leave_is_read_and_lines_are_counted_as_they_show_them
     text = "\r\n".join([header, emptied, first, "", second, emptied, ""])
     path.write_text(text, encoding="utf-8-sig", newline="")
     assert corrections.read_corrections(tmp_path).equals(rows)
+    path.write_text(text.replace("40", "40.0"), newline="")  # of pandas, where one is missing
+    assert corrections.read_corrections(tmp_path).equals(rows)
     path.write_text(text.replace("40", "soon"), newline="")
     with pytest.raises(CorrectionsError, match="line 5: onset_frame is 'soon'"):
         corrections.read_corrections(tmp_path)

@@ -99,3 +99,12 @@ def test_the_video_is_referred_to_where_it_is(videos, tmp_path):
 def test_a_wrong_date_is_reported(videos, tmp_path):
     with pytest.raises(InputError, match="--start yesterday: is not a date"):
         write_nwb(tmp_path, videos[0], "yesterday")
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [({"sex": "male"}, "--sex male: expected F .*M"), ({"age": "90"}, "--age 90: .*such as P90D")],
+)
+def test_what_the_format_does_not_know_of_an_animal_is_refused(videos, tmp_path, given, words):
+    with pytest.raises(InputError, match=words):
+        write_nwb(tmp_path, videos[0], **given)
