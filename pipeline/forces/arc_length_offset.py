@@ -38,7 +38,7 @@ from pipeline.forces import rod_fit
 from pipeline.forces.origin_and_rest import BLOCK_ROWS, OriginAndRest, of_each_row, shown_by
 from pipeline.forces.rest_shape import CORRELATED_FRAMES
 from pipeline.forces.rod_fit import RestPrior
-from pipeline.kinematics.stations import Stations
+from pipeline.kinematics.stations import Stations, may_touch
 from pipeline.kinematics.tip import tip_beyond
 from pipeline.numerics.robust import robust_sd
 from pipeline.numerics.runs import evenly
@@ -307,8 +307,6 @@ def trace_ends(places: Stations, params: RodParams = DEFAULTS.forces):
 
 def _bent_rows(places, params):
     """Rows that may touch, rather of frames that no codec made up, spread over the video."""
-    with np.errstate(invalid="ignore"):
-        near = (places.side != 0) & (places.distance < 1e-3 * params.loaded_distance_mm)
-    near = np.flatnonzero(near & ~places.extended)
+    near = np.flatnonzero(may_touch(places, 1e-3 * params.loaded_distance_mm))
     near = places.rather_shown(near, ENOUGH_ROWS)
     return near[evenly(len(near), MOST_ROWS)]

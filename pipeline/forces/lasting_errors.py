@@ -13,8 +13,8 @@ import numpy as np
 
 from pipeline.forces import rod_fit
 from pipeline.forces.whisker_rows import WhiskerRows
-from pipeline.kinematics.stations import Stations
-from pipeline.numerics.robust import MAD_TO_SD
+from pipeline.kinematics.stations import Stations, may_touch
+from pipeline.numerics.robust import MAD_TO_SD, column_medians
 from pipeline.numerics.runs import evenly
 
 SURE_SD = 4.0  # standard errors of the mean, of the usual size, beyond which a station is shifted
@@ -36,7 +36,7 @@ def without_lasting(own: WhiskerRows, near_m: float) -> Stations:
     """
     places, rows = own.places, _sample(own, near_m)
     own = own.rows(rows)
-    model = own.rest_shape() if len(rows) else None
+    model = own.rest_shape()
     if model is None:
         return places
     part, touching = own.places, ~own.free
@@ -50,10 +50,8 @@ def without_lasting(own: WhiskerRows, near_m: float) -> Stations:
 def _sample(own, near_m):
     """Numbers of free and of touching rows, spread over the video; none if one kind is missing."""
     places, free = own.places, own.free
-    with np.errstate(invalid="ignore"):
-        near = (places.side != 0) & (places.distance < near_m) & ~places.extended & ~free
     out = []
-    for kind in (near, free):
+    for kind in (may_touch(places, near_m) & ~free, free):
         rows = np.flatnonzero(kind & np.isfinite(own.angle) & np.isfinite(places.first))
         if len(rows) < FEWEST_ROWS:
             return np.empty(0, int)
@@ -79,7 +77,7 @@ def lasting_variance(misfit, information, spacing):
     if len(known) >= FEWEST_STATIONS:
         misfit = np.where(seen, misfit, np.nan)[:, known]
         variance = np.where(seen, 1 / np.where(seen, information, 1.0), np.nan)[:, known]
-        se = np.sqrt(np.nanmedian(variance, axis=0) / count[known])
+        se = np.sqrt(column_medians(variance) / count[known])
         shift[known] = _shifts(known / len(shift), np.nanmean(misfit, axis=0), se)
         shift[: known[0]] = shift[known[0]]  # seldom seen: deeper in the fur
     return (_fading(shift, spacing) / LASTING_SHARE) ** 2

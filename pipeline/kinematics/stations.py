@@ -98,6 +98,12 @@ def beside_doubt(information, variance):
     return information / (1 + information * variance)
 
 
+def may_touch(places, near_m) -> np.ndarray:
+    """Rows of `Stations` whose traced part is within `near_m` [m] of the pole, bool (rows,)."""
+    with np.errstate(invalid="ignore"):
+        return (places.side != 0) & (places.distance < near_m) & ~places.extended
+
+
 def lies_across(places) -> np.ndarray:
     """Rows of `Stations` in which the whisker lies over the pole's inner half, bool (rows,).
 
