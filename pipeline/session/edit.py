@@ -1,4 +1,4 @@
-"""New values for a whisker of a session.toml; comments and order stay as they are."""
+"""New values for a whisker of a session.toml; comments, order and line ends stay as they are."""
 
 import re
 from pathlib import Path
@@ -32,14 +32,17 @@ def set_whisker_values(path, name: str, values: dict[str, float]) -> None:
     path = Path(path)
     check_whisker(path, name)
     index = [whisker.name for whisker in read_session(path).whisker].index(name)
-    text = path.read_text(encoding="utf-8-sig")
+    with open(path, encoding="utf-8-sig") as file:
+        text, line_ends = file.read(), file.newlines
     document = tomlkit.parse(_filled_in(text, index, values))
     table = document["whisker"][index]
     for key, value in values.items():
         table[key] = float(value)
     text = tomlkit.dumps(document)
     settings_from(document.unwrap(), path)
-    write_text(path.resolve(), text)  # a link stays one: several folders may share the file
+    line_end = line_ends if isinstance(line_ends, str) else None  # of several kinds: the system's
+    # a link stays one: several folders may share the file
+    write_text(path.resolve(), text, line_end)
 
 
 def whisker_has(path, name: str, key: str) -> bool:

@@ -16,7 +16,8 @@ def whole_file(path):
     """Yield a temporary path beside `path` that replaces it when the block succeeds.
 
     Readers see the old file or the new one, never a part; if the block fails, the temporary
-    file goes and `path` stays as it was. An error of the system names `path`.
+    file goes and `path` stays as it was. Who may read and write it stays as it was, too. An error
+    of the system names `path`.
     """
     path = Path(path)
     try:
@@ -29,7 +30,7 @@ def whole_file(path):
     try:
         _remove_long_left(temporary)
         yield temporary
-        temporary.chmod(0o666 & ~_umask())
+        temporary.chmod(path.stat().st_mode & 0o777 if path.is_file() else 0o666 & ~_umask())
         to_disk(temporary)
         os.replace(temporary, path)
     except OSError as error:
@@ -108,10 +109,10 @@ def _umask() -> int:
     return mask
 
 
-def write_text(path, text: str) -> None:
-    """Write a text file, whole or not at all."""
+def write_text(path, text: str, line_end: str | None = None) -> None:
+    """Write a text file, whole or not at all, with the system's line ends or those given."""
     with whole_file(path) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+        temporary.write_text(text, encoding="utf-8", newline=line_end)
 
 
 def replace_text(path, text: str, keep=True) -> Path | None:

@@ -57,6 +57,16 @@ def test_a_file_that_several_folders_share_by_links_is_changed_for_all(path, tmp
     assert read_session(path).whisker[1].length_mm == 17.5
 
 
+@pytest.mark.parametrize("line_end", ["\n", "\r\n"])
+def test_line_ends_and_permissions_stay(path, line_end):
+    path.write_text(TEXT, encoding="utf-8", newline=line_end)
+    path.chmod(0o664)  # a group shares it
+    set_whisker_values(path, "C2", {"length_mm": 17.5, "youngs_modulus_GPa": 3.2})
+    lines = path.read_bytes().decode().split("\n")
+    assert {line.endswith("\r") for line in lines[:-1]} == {line_end == "\r\n"}
+    assert path.stat().st_mode & 0o777 == 0o664
+
+
 def test_an_unnamed_whisker_is_known_by_its_place(path):
     path.write_text(TEXT.replace('name = "C1"\n', ""), encoding="utf-8")
     set_whisker_values(path, "w1", {"length_mm": 12.0})
