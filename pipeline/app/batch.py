@@ -143,7 +143,7 @@ def run(
     with locked(out):
         check_folder(out)
         is_persons = has_session_of(inputs, out, config)
-        settle_all(out)
+        kept = settle_all(out)
         names = results_folders(inputs, out)
         tasks = _tasks(inputs, settings, names, out, overwrite, overlay)
         due, skipped = _due_and_skipped(tasks)
@@ -153,14 +153,15 @@ def run(
         with _shown(due, progress) as shown:
             new, interrupted = _process(due, jobs, shown, log)
             outcomes = _unusable(inputs, names, out) | new | _left(due, new)
-            outcomes |= _corrected(skipped, out)
+            behind, renewed = follow_corrections(out)
+            outcomes |= {task.folder.name: _as_corrected(task, behind) for task in skipped}
             ordered = [outcomes[name] for name in names.values() if name in outcomes]
             others, lost = _without_lost(_earlier(out, set(names.values())), paths)
             seconds = time.monotonic() - started
             own, problems = "", ()
             if not is_persons:
                 own, problems = write_session_file(out, list(settings.values()))
-            problems = (*problems, *guesses)
+            problems = (*problems, *guesses, *kept, *renewed)
             said = frozenset(new if progress else ())
             summary = Summary(
                 out, (*ordered, *others), len(skipped), seconds, interrupted, lost, problems, said
@@ -195,17 +196,11 @@ def _due_and_skipped(tasks) -> tuple[list[Task], list[Task]]:
     return due, skipped
 
 
-def _corrected(skipped, out) -> dict:
-    """Outcomes of results that were there, which now follow from a person's corrections."""
-    behind = follow_corrections(out)
-    return {task.folder.name: _as_corrected(task, behind) for task in skipped}
-
-
 def _as_corrected(task, behind) -> Outcome:
+    """The outcome of results that were there, which now follow from a person's corrections."""
     count = read_state(task.folder).get("contacts", task.finished.contacts)
     outcome = replace(task.finished, contacts=count)
-    reason = behind.get(task.folder.name)
-    return warned(outcome, reason) if reason else outcome
+    return warned(outcome, behind.get(task.folder.name, ""))
 
 
 def _unusable(inputs, names, out) -> dict:

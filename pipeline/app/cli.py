@@ -245,9 +245,22 @@ def figures(
     from pipeline.reports.figures import write_fig3
     from pipeline.tables.result_exchange import settled
 
-    with settled(results):
+    with settled(results) as kept:
+        for line in kept:
+            say(line)
         for path in write_fig3(results, truth, video, whisker, contact):
             say(str(path))
+        terminal.leave(_say_damaged(results))
+
+
+def _say_damaged(results) -> bool:
+    """Name the videos whose results cannot be read; whether there are any."""
+    from pipeline.reports.session_numbers import damaged_videos
+
+    damaged = damaged_videos(results)
+    for video, fault in damaged.items():
+        say(f"left out: {video}: {fault}; mend that, or run the video again")
+    return bool(damaged)
 
 
 @app.command()
@@ -294,7 +307,7 @@ def curate(
             f"{results / video}: its corrections are saved, but its tables do not follow from "
             f"them ({fault}): mend that, and curate or run again"
         )
-    if server.results.faults:
+    if server.results.faults or _say_damaged(results):
         raise typer.Exit(FAILED)
     say(f"tables, figures and report follow from the corrections: {results / 'report.html'}")
 

@@ -122,11 +122,11 @@ def import_whacc(
     if path.is_dir():
         raise InputError(f"{path}: a folder, not a file; name WhACC's HDF5 file in it")
     videos = read_results(out)
-    with settled(out):
+    with settled(out) as kept:
         for written in take_contacts(path, videos, whisker):
             typer.echo(str(written))
         problems, said = renew_tables(out)
-    for line in said:
+    for line in kept + said:
         typer.echo(line)
     for name, problem in problems.items():
         raise InputError(f"{out / name}: {problem}")

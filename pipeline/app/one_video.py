@@ -61,8 +61,8 @@ def process(video, out, name=None, config=None) -> int:
     job.mkdir(parents=True, exist_ok=True)
     folder = Path(out) / name
     with locked(job):
-        if folder.is_dir():
-            settle(folder)
+        for line in settle(folder) if folder.is_dir() else ():
+            print(line, flush=True)
         outcome = finished_outcome(path, folder, digest)
         if outcome is None:
             task = Task(path, folder, settings, digest)

@@ -59,8 +59,8 @@ def process_video(task: Task, report=None) -> Outcome:
     try:
         if task.finished:
             return _with_overlay(task, task.finished, task.folder, report)
-        settle(task.folder)
-        outcome = _analyse_and_save(task, report)
+        kept = settle(task.folder)
+        outcome = warned(_analyse_and_save(task, report), *kept)
         if not task.overlay:
             return outcome
         return _with_overlay(task, outcome, task.folder / READY, report)
@@ -138,10 +138,11 @@ def _with_overlay(task, outcome, folder, report=None) -> Outcome:
     return outcome
 
 
-def warned(outcome, message) -> Outcome:
-    """The outcome with one more message."""
-    message = as_cell((outcome.message, message))
-    return replace(outcome, status="warning", message=message)
+def warned(outcome, *messages) -> Outcome:
+    """The outcome with more messages; as it is where these are empty."""
+    if not any(messages):
+        return outcome
+    return replace(outcome, status="warning", message=as_cell((outcome.message, *messages)))
 
 
 # --- what stands where there are no new results --------------------------------------------
@@ -162,7 +163,7 @@ def settled_outcome(task, outcome) -> Outcome:
             task,
             f"new results are complete but cannot replace the old ones ({why(error)}): run again",
         )
-    return warned(outcome, as_cell(kept)) if kept else outcome
+    return warned(outcome, *kept)
 
 
 def died(task, reason) -> Outcome:
@@ -191,11 +192,12 @@ def interrupted_outcome(task) -> Outcome | None:
 
 def _new_or(task, message="") -> Outcome | None:
     """The outcome of results that were whole before the process ended, else None."""
+    kept = []
     with contextlib.suppress(OSError):
-        settle(task.folder)
+        kept = settle(task.folder)
     made = written(task.folder) != task.earlier  # the clock may have been set back
     outcome = task.finished or (kept_outcome(task.folder) if made else None)
-    return warned(outcome, message) if outcome and message else outcome
+    return outcome and warned(outcome, message, *kept)
 
 
 def _failed(task, message) -> Outcome:

@@ -34,6 +34,11 @@ from pipeline.tables.video_messages import as_cell, sentences_of
 MADE_WITH = "corrections_sha256"  # in run.json of a video; "" where there were none
 DECIDED_ON = "corrections_of"  # there, too: the hash of the video that a person last looked at
 OTHER_CONTENT = "corrections.csv was made before the video changed: check its contacts"
+BY_HAND = (
+    "{} was changed since whiskerforce wrote it: its rows count as they are now, but the video's "
+    "next tables replace them, and other tables do not follow from them; contacts that you change "
+    "in `whiskerforce curate` stay changed"
+)
 
 
 def corrections_digest(corrections: pd.DataFrame) -> str:
@@ -93,14 +98,14 @@ def save_contacts(folder, tables: ContactTables, corrections: pd.DataFrame) -> l
     Returns a sentence on each file that a person had changed, and which is kept.
     """
     folder = Path(folder)
-    put_in_place(folder)  # what could not be put there before, since the disk was full
+    kept = put_in_place(folder)  # what could not be put there before, since the disk was full
     state = read_state(folder)
     with draft(folder) as new:
         files.write_frames(new / "frames.parquet", tables.frames)
         files.write_csv(new / "contacts.csv", tables.contacts, CONTACT_COLUMNS)
         if state:
             write_state(new, _decided(state, tables.contacts, corrections))
-    return put_in_place(folder)  # a person may be saving the next correction
+    return kept + put_in_place(folder)  # a person may be saving the next correction
 
 
 def _decided(state, contacts, corrections) -> dict:
@@ -115,42 +120,43 @@ def _decided(state, contacts, corrections) -> dict:
     }
 
 
-def correct(folder) -> None:
-    """Make the tables of one video anew with the corrections that it has now."""
+def correct(folder) -> list[str]:
+    """Make the tables of one video anew with its present corrections; as `save_contacts`."""
     folder = Path(folder)
     corrections = read_corrections(folder)
     frames, evidence = files.read_frames(folder / "frames.parquet"), read_evidence(folder)
     settings = settings_of_results(folder)
     tables = contacts_with(corrections, frames, evidence, settings, folder.name)
-    save_contacts(folder, tables, corrections)
+    return save_contacts(folder, tables, corrections)
 
 
 # --- the whole folder ----------------------------------------------------------------------
 
 
-def follow_corrections(out) -> dict[str, str]:
+def follow_corrections(out) -> tuple[dict[str, str], list[str]]:
     """Bring the videos' tables in a results folder up to their corrections; it must be locked.
 
-    Returns why not, by the video's name, where a video's tables cannot be. The session's tables
-    follow with `write_session_tables`.
+    Returns why not, by the video's name, where a video's tables cannot be, and a sentence on each
+    file that is kept. The session's tables follow with `write_session_tables`.
     """
-    problems = {}
+    problems, kept = {}, []
     for folder in _curatable(out):
         try:
             if is_behind(folder):
-                correct(folder)
+                kept += correct(folder)
         except CorrectionsError as error:
             problems[folder.name] = str(error)
         except Exception as error:  # whatever is wrong with one video costs no other
             problems[folder.name] = (
                 f"corrections are not in its tables ({in_words(error)}): run the video again"
             )
-    return problems
+    return problems, kept
 
 
 def renew_tables(out) -> tuple[dict[str, str], list[str]]:
     """As `follow_corrections`, and the session's tables; also what a person should know."""
-    return follow_corrections(out), write_session_tables(out)
+    problems, kept = follow_corrections(out)
+    return problems, kept + write_session_tables(out)
 
 
 def bring_up_to_date(out) -> list[str]:
@@ -162,11 +168,12 @@ def bring_up_to_date(out) -> list[str]:
     out = Path(out)
     if not (out / "videos.csv").is_file() or _is_up_to_date(out):
         return []
-    with settled(out):
+    with settled(out) as kept:
         problems, said = renew_tables(out)
     if problems:
-        raise InputError("\n".join(f"{out / name}: {why}" for name, why in problems.items()))
-    return said
+        faults = [f"{out / name}: {why}" for name, why in problems.items()]
+        raise InputError("\n".join([*faults, *kept, *said]))
+    return kept + said
 
 
 def finished_videos(out) -> list[str]:
@@ -191,7 +198,8 @@ def write_session_tables(out, names=None) -> list[str]:
     out = Path(out)
     names = _listed(out) if names is None else names
     contacts = session_contacts(out, names)
-    said = files.replace_csv(out / "contacts.csv", contacts, CONTACT_COLUMNS)
+    said = [BY_HAND.format(path) for name in names if is_changed(path := _contacts_in(out, name))]
+    said += files.replace_csv(out / "contacts.csv", contacts, CONTACT_COLUMNS)
     decided = [name for name in names if (out / name / CORRECTIONS_FILE).exists()]
     if decided or (out / DECISIONS_FILE).exists():
         said += write_decisions(out, _sound_corrections(out, decided))[-1]
@@ -218,9 +226,13 @@ def _whole(out) -> pd.DataFrame:
     return files.read_csv(path, CONTACT_COLUMNS) if path.exists() else empty_table(CONTACT_COLUMNS)
 
 
+def _contacts_in(out, name) -> Path:
+    return out / name / "contacts.csv"
+
+
 def _contacts_of(out, name) -> pd.DataFrame:
     try:
-        return files.read_csv(out / name / "contacts.csv", CONTACT_COLUMNS)
+        return files.read_csv(_contacts_in(out, name), CONTACT_COLUMNS)
     except (OSError, ValueError):
         whole = _whole(out)
         return whole[whole["video"] == name]

@@ -7,7 +7,7 @@ import pandas as pd
 
 from pipeline.contacts.corrections import CONFIRMED, CONTACT, DECISIONS_FILE, FREE
 from pipeline.session.schema import FORMULA
-from pipeline.session.session_file import read_session
+from pipeline.session.session_file import SettingsError, read_session
 from pipeline.tables.columns import DECISION_COLUMNS, as_table
 from pipeline.tables.files import replace_csv
 
@@ -45,10 +45,18 @@ def write_decisions(folder, corrections: dict[str, pd.DataFrame]) -> tuple[Path,
     return path, len(table), replace_csv(path, table, DECISION_COLUMNS)
 
 
+def _rate(folder) -> float:
+    """Frames per second of a video; NaN where its settings are damaged: decisions are kept."""
+    try:
+        return read_session(folder / "session.toml").recording.frames_per_second
+    except SettingsError:
+        return float("nan")
+
+
 def _of_video(folder, corrections) -> pd.DataFrame:
     if corrections.empty:
         return as_table(pd.DataFrame(), DECISION_COLUMNS)
-    rate = read_session(folder / "session.toml").recording.frames_per_second
+    rate = _rate(folder)
     onset, offset = corrections["onset_frame"], corrections["offset_frame"]
     table = pd.DataFrame(
         {

@@ -60,11 +60,11 @@ def curate(results, port=0, open_browser=True, block=True, say=print, name=None)
 def _server(results, port, person):
     """A server of complete results, which are locked until it stops."""
     with contextlib.ExitStack() as held:
-        held.enter_context(settled(results))
+        kept = held.enter_context(settled(results))
         need_results(results)
         problems, said = renew_tables(results)  # an earlier curation may have been killed
         opened = Results(results, problems)
-        opened.kept += said
+        opened.kept += kept + said
         held.callback(opened.close)
         server = Server(opened, port, person)
         server.on_stop(held.pop_all().close)

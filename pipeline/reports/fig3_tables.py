@@ -1,5 +1,6 @@
 """The tables behind the panels of Fig. 3, and the contact that panels a and b show."""
 
+import contextlib
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -8,7 +9,7 @@ import pandas as pd
 
 from pipeline.scene import pole_runs
 from pipeline.session.schema import Settings
-from pipeline.session.session_file import read_session
+from pipeline.session.session_file import SettingsError, read_session
 from pipeline.tables import centrelines, files
 from pipeline.tables.centrelines import Centrelines
 from pipeline.tables.run_record import read_pole
@@ -50,9 +51,10 @@ def diameters(results) -> pd.DataFrame:
     """Diameter along every distinct whisker of a session."""
     whiskers = {}
     for path in sorted(Path(results).glob("*/frames.parquet")):
-        for given in read_session(path.with_name("session.toml")).whisker:
-            if given.si() is not None:
-                whiskers.setdefault(given, given.si())
+        with contextlib.suppress(SettingsError):  # of a video that is left out
+            for given in read_session(path.with_name("session.toml")).whisker:
+                if given.si() is not None:
+                    whiskers.setdefault(given, given.si())
     rows = []
     for number, (given, whisker) in enumerate(whiskers.items(), 1):
         at = np.linspace(0, whisker.length, 37)

@@ -13,7 +13,12 @@ from pipeline.contacts.corrections import decided_by_hand
 from pipeline.reports import plots
 from pipeline.reports.error_budget import session_budget
 from pipeline.reports.examples import Effort, choose_examples, choose_flagged
-from pipeline.reports.session_numbers import fig3_numbers, read_contacts, read_truth
+from pipeline.reports.session_numbers import (
+    damaged_videos,
+    fig3_numbers,
+    read_contacts,
+    read_truth,
+)
 from pipeline.reports.stills import contact_stills, video_stills, with_peaks
 from pipeline.reports.time_courses import Courses, read_courses, time_courses
 from pipeline.reports.trials import OnsetAverage, raster
@@ -51,9 +56,10 @@ def write_report(results) -> Path:
     The time courses of each video are in figures/courses/<video>.html.
     """
     results = Path(results)
-    contacts = with_peaks(results, read_contacts(results))
+    damaged = damaged_videos(results)
+    contacts = with_peaks(results, read_contacts(results, damaged))
     record = read_run(results)
-    videos = files.read_csv(results / "videos.csv", VIDEO_COLUMNS)
+    videos = _as_failed(files.read_csv(results / "videos.csv", VIDEO_COLUMNS), damaged)
     truth = read_truth(results)
     whiskers = _whiskers(results, contacts)
     seen = _look_through(results, videos, contacts)
@@ -70,6 +76,14 @@ def write_report(results) -> Path:
         **_making(results, record),
     )
     return _write_page(results / "report.html", page)
+
+
+def _as_failed(videos, damaged) -> pd.DataFrame:
+    """The table of videos in which those that are damaged have failed, as they do when run."""
+    for i in videos.index[videos["video"].isin(damaged)]:
+        said = f"its results are damaged ({damaged[videos.at[i, 'video']]}): run the video again"
+        videos.loc[i, ["status", "frames", "message"]] = "failed", 0, said
+    return videos
 
 
 def _write_page(path, page) -> Path:

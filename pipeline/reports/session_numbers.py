@@ -5,10 +5,11 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from pipeline.errors import InputError, need_content
+from pipeline.errors import InputError, in_words, need_content
 from pipeline.session.inputs import need_results
+from pipeline.session.session_file import read_session
 from pipeline.tables import files
-from pipeline.tables.columns import CONTACT_COLUMNS
+from pipeline.tables.columns import CONTACT_COLUMNS, VIDEO_COLUMNS
 from pipeline.tables.run_record import read_run
 
 # Hires, Efros & Svoboda 2013, Results: 12,417 contacts of mouse C2 whiskers.
@@ -27,10 +28,30 @@ PAPER = {
 UNITS = {"peak force": "µN", "duration": "ms"}
 
 
-def read_contacts(results) -> pd.DataFrame:
-    """contacts.csv of a results folder; InputError if it is none."""
+def damaged_videos(results) -> dict[str, str]:
+    """Why the results of some videos of a results folder cannot be read, by the videos' names."""
     need_results(results)
-    return files.read_csv(Path(results) / "contacts.csv", CONTACT_COLUMNS)
+    videos = files.read_csv(Path(results) / "videos.csv", VIDEO_COLUMNS)
+    names = map(str, videos.loc[videos["frames"] > 0, "video"])
+    return {name: fault for name in names if (fault := _fault(Path(results) / name))}
+
+
+def _fault(folder) -> str:
+    """Why a video's results cannot be read; "" where they can."""
+    try:
+        read_session(folder / "session.toml")
+        for name in ("frames.parquet", "centrelines.parquet"):
+            files.check_parquet(folder / name, ())
+    except (OSError, ValueError) as error:
+        return in_words(error)
+    return ""
+
+
+def read_contacts(results, damaged=None) -> pd.DataFrame:
+    """contacts.csv of a results folder, without the `damaged_videos`; InputError if it is none."""
+    damaged = damaged_videos(results) if damaged is None else damaged
+    contacts = files.read_csv(Path(results) / "contacts.csv", CONTACT_COLUMNS)
+    return contacts[~contacts["video"].isin(damaged)]
 
 
 def read_truth(results, truth=None) -> pd.DataFrame | None:

@@ -78,22 +78,28 @@ def overlays_in(folder) -> list[Path]:
 def settled(out):
     """Keep others out of a results folder while the block lasts; its results are whole then.
 
-    A folder that holds no results stays as it is.
+    Yields what `settle_all` returns. A folder that holds no results stays as it is.
     """
     with contextlib.ExitStack() as held:
+        kept = []
         if (Path(out) / "videos.csv").is_file():
             held.enter_context(locked(out))
-            settle_all(out)
-        yield
+            kept = settle_all(out)
+        yield kept
 
 
-def settle_all(out) -> None:
-    """Settle every results folder in `out`; one that cannot be written is left as it is."""
+def settle_all(out) -> list[str]:
+    """Settle every results folder in `out`; one that cannot be written is left as it is.
+
+    Returns what `settle` does, of all of them.
+    """
+    kept = []
     for unfinished in (out, *Path(out).glob("figures/*/")):
         remove_unfinished(unfinished)
     for folder in [each for each in Path(out).iterdir() if each.is_dir()]:
         with contextlib.suppress(OSError):
-            settle(folder)
+            kept += settle(folder)
+    return kept
 
 
 def _move_in(ready, folder) -> list[str]:

@@ -45,7 +45,7 @@ def _curate(work, step) -> int:
     out, review.datetime = work / "results", _Noon
     count = count_steps(out, kill_at(step) if step else None)
     with settled(out):
-        results = Results(out, corrected.follow_corrections(out))
+        results = Results(out, corrected.follow_corrections(out)[0])
         desk = Desk(results)
         for command in COMMANDS:
             desk.do(command)

@@ -31,7 +31,12 @@ from pipeline.runtime import Progress, Step
 from pipeline.runtime.compiling import compile_times
 from pipeline.runtime.folder_lock import LOCK_FILE, locked
 from pipeline.session import inputs
-from pipeline.session.session_file import read_session, settings_from, write_session
+from pipeline.session.session_file import (
+    read_session,
+    settings_digest,
+    settings_from,
+    write_session,
+)
 from pipeline.tables import files, result_exchange, run_record, whole_files
 from pipeline.tables.columns import CONTACT_COLUMNS, VIDEO_COLUMNS
 from pipeline.tables.new_files import RECORD
@@ -261,6 +266,37 @@ def test_a_videos_table_that_a_person_has_changed_is_kept_and_said(folder, calls
     assert path.with_name(f"{name}.old").read_bytes() == written + b"# my notes\n"
     assert path.read_bytes() == written
     assert not any(each.message for each in batch.run([folder], out).outcomes)
+
+
+@pytest.mark.parametrize("when", ["before", "while"])
+def test_an_edited_table_that_is_kept_as_a_killed_run_is_completed_is_said(
+    folder, calls, tmp_path, monkeypatch, when
+):
+    out = tmp_path / "results"
+    batch.run([folder], out)
+    table = out / "a" / "contacts.csv"
+    table.write_text(table.read_text("utf-8") + "my notes\n", "utf-8")
+    with monkeypatch.context() as patch:
+        patch.setattr(video_task, "settle", lambda folder: [])  # as if it was killed before
+        task = batch.Task(folder / "a.avi", out / "a", SETTINGS, settings_digest(SETTINGS))
+        video_task.process_video(task)
+    if when == "while":  # the first of two processes of a run was killed
+        monkeypatch.setattr(batch, "settle_all", lambda out: [])
+    summary = batch.run([folder], out)
+    said = [*summary.problems, *(each.message for each in summary.outcomes if each.message)]
+    assert len(said) == 1
+    assert f"kept as {table}.old" in said[0]
+
+
+def test_a_row_that_is_deleted_by_hand_is_said_to_be_missing(folder, calls, tmp_path):
+    out = tmp_path / "results"
+    batch.run([folder], out)
+    table = out / "a" / "contacts.csv"
+    table.write_text(table.read_text("utf-8").splitlines()[0] + "\n", "utf-8")
+    for _ in range(2):
+        (said,) = batch.run([folder], out).problems
+        assert said.startswith(f"{table} was changed since whiskerforce wrote it: its rows count")
+        assert contact_videos(out) == ["b"]
 
 
 def test_failures_do_not_stop_the_others(folder, calls, tmp_path):

@@ -238,6 +238,7 @@ def test_curate_gets_the_name_of_the_curator_and_says_which_tables_lack_correcti
     from pipeline import curate
     from pipeline.reports import figures, report
 
+    make_results(tmp_path)
     called, faults, kept = [], {}, []
 
     def open_page(*arguments, **options):
@@ -257,6 +258,32 @@ def test_curate_gets_the_name_of_the_curator_and_says_which_tables_lack_correcti
     assert "contacts.csv was changed" in said
     assert f"{tmp_path / 'trial'}: its corrections are saved, but its tables do not" in said
     assert "follow from the corrections:" not in said
+
+
+DAMAGED = [("session.toml", "[recording"), ("frames.parquet", "half"), ("centrelines.parquet", "")]
+
+
+@pytest.mark.parametrize(("name", "content"), DAMAGED)
+def test_a_video_with_damaged_results_is_left_out_of_figures_and_report(
+    tmp_path, monkeypatch, capsys, name, content
+):
+    from pipeline import curate
+
+    results = make_results(tmp_path / "results")
+    (results / "one" / name).write_text(content)
+    assert exit_code("figures", results) == 1
+    said = capsys.readouterr().out
+    assert f"left out: one: {results / 'one' / name}: " in said
+    assert "left out: two" not in said
+    assert (results / "figures" / "fig3f.csv").read_text().count(
+        "\n"
+    ) == 2  # header, contact of two
+    opened = SimpleNamespace(results=SimpleNamespace(faults={}, kept=[]))
+    monkeypatch.setattr(curate, "curate", lambda *_, **__: opened)
+    assert exit_code("curate", results, "--no-browser") == 1
+    assert f"left out: one: {results / 'one' / name}: " in capsys.readouterr().out
+    page = (results / "report.html").read_text("utf-8")
+    assert "its results are damaged" in page
 
 
 def test_presets_are_listed(capsys):

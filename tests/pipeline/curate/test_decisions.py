@@ -55,6 +55,14 @@ def test_all_decisions_are_listed(folder):
     assert table["duration_ms"].tolist() == pytest.approx([10, 20, 5, 10])
 
 
+def test_decisions_are_listed_also_where_the_settings_are_damaged(folder):
+    (folder / "one" / "session.toml").write_text("[recording")
+    path, count, _ = decisions(folder, "one", "three")
+    table = files.read_csv(path, DECISION_COLUMNS)
+    assert count == len(table) == 4
+    assert table["onset_s"].isna().tolist() == [True, True, True, False]
+
+
 def test_without_decisions_there_is_an_empty_table(folder):
     path, count, _ = decisions(folder, "two")
     assert count == 0

@@ -147,6 +147,28 @@ def test_an_edited_table_that_is_made_anew_is_kept_and_said_to_be(results):
     assert not bring_up_to_date(results)
 
 
+def test_an_edited_table_is_said_to_be_kept_where_corrections_are_followed(results):
+    first = min(path.parent for path in results.glob("*/evidence.parquet"))
+    before = contacts_of(results, first.name)
+    (first / "contacts.csv").write_text("a person's")
+    onset, offset = edges(before)[0]
+    verdict = Verdict(before["whisker"][0], "free", onset, offset, onset, offset)
+    write_corrections(first, table_of([verdict]))
+    (said,) = bring_up_to_date(results)
+    assert f"it is kept as {first / 'contacts.csv.old'}" in said
+
+
+def test_a_row_that_is_deleted_by_hand_is_said_to_be_missing_and_to_come_back(results):
+    first = min(path.parent for path in results.glob("*/evidence.parquet"))
+    rows, n = (first / "contacts.csv").read_text().splitlines(), len(contacts_of(results))
+    (first / "contacts.csv").write_text("\n".join([*rows[:-1], ""]))
+    (said,) = bring_up_to_date(results)
+    assert str(first / "contacts.csv") in said
+    assert "its rows count as they are now" in said
+    assert len(contacts_of(results)) == n - 1
+    assert not bring_up_to_date(results)
+
+
 def test_contacts_are_not_corrected_with_other_settings_than_those_of_the_results(results):
     first = min(path.parent for path in results.glob("*/evidence.parquet"))
     before = contacts_of(results, first.name)

@@ -120,6 +120,20 @@ def test_what_is_said_of_a_file_that_is_kept(tmp_path):
     assert not settle(tmp_path / "a")
 
 
+def test_what_is_kept_is_said_to_who_reads_the_whole_folder(tmp_path):
+    """As where a run was killed before it moved new results in."""
+    for name in "ab":
+        renew(tmp_path / name, results("old"))
+        (tmp_path / name / "contacts.csv").write_text("a day's work")
+        with draft(tmp_path / name) as new:
+            write(new, results("new"))
+    (tmp_path / "videos.csv").touch()
+    with settled(tmp_path) as kept:
+        pass
+    for name, said in zip("ab", sorted(kept), strict=True):
+        assert str(tmp_path / name / "contacts.csv.old") in said
+
+
 def test_a_persons_file_is_no_overlay(tmp_path):
     renew(tmp_path / "a", results("old", overlay=True))
     write(tmp_path / "a", {"overlay.pptx": "a day's work"})
