@@ -41,10 +41,20 @@ def without_lasting(own: WhiskerRows, near_m: float) -> Stations:
         return places
     part, touching = own.places, ~own.free
     misfit = np.full((len(part), 2, part.x.shape[1]), np.nan)
-    rod_fit.fit_loaded(part, own.whisker, own.curvature_at, own.rest_prior(model), misfit=misfit)
+    prior = own.rest_prior(model)
+    fit = rod_fit.fit_loaded(part, own.whisker, own.curvature_at, prior, misfit=misfit)
     seen = misfit[touching, 0], part.information[touching]
-    doubt = lasting_variance(*seen, part.spacing[part.whisker[0]])
-    return places.doubted(doubt) if doubt.any() else places
+    shifts = lasting_variance(*seen, part.spacing[part.whisker[0]])
+    return places.doubted(shifts / multiple(fit)) if shifts.any() else places
+
+
+def multiple(fit: rod_fit.ShapeFit) -> float:
+    """By how much fits multiply all variances where errors are larger than said; 1: not at all.
+
+    A doubt that is to be as large as it is has to be divided by it.
+    """
+    chi2 = fit["chi2"][np.isfinite(fit["chi2"])]
+    return max(float(np.median(chi2)), 1.0) if len(chi2) else 1.0
 
 
 def _sample(own, near_m):

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.optimize import nnls
 
 from pipeline.forces import rod_fit
-from pipeline.forces.lasting_errors import FEWEST_ROWS, lasting_variance
+from pipeline.forces.lasting_errors import FEWEST_ROWS, lasting_variance, multiple
 from pipeline.kinematics.stations import N_STATIONS, Stations, beside_doubt
 from pipeline.numerics.robust import MAD_TO_SD
 from pipeline.numerics.runs import evenly
@@ -32,11 +32,11 @@ def as_they_scatter(places: Stations, whisker: Whisker, curvature_at: float, fre
     spacing = whisker.length / (N_STATIONS - 1)
     for _ in range(ROUNDS):
         misfit = np.full((len(part), 2, part.x.shape[1]), np.nan)
-        rod_fit.fit_free(part.doubted(constant + lasting), whisker, curvature_at, misfit)
+        fit = rod_fit.fit_free(part.doubted(constant + lasting), whisker, curvature_at, misfit)
         constant = _constant(misfit[:, 0], part.information, constant)
         information = beside_doubt(part.information, constant)
         found = lasting_variance(misfit[:, 0], information, spacing)
-        lasting = np.maximum(lasting, found)
+        lasting = np.maximum(lasting, found / multiple(fit))
     return places.doubted(constant + lasting)
 
 

@@ -121,6 +121,17 @@ def test_what_few_frames_show_nearest_to_the_face_counts_no_more_than_what_lies_
 
 
 @pytest.mark.slow
+def test_fur_counts_as_much_where_noise_is_larger_than_said(traced, furry):
+    """As a codec's: its fits multiply all variances, also that of fur."""
+    said = judged(traced, furry).information
+    boasted = judged(traced, replace(furry, information=30 * furry.information)).information / 30
+    arc = np.arange(said.shape[1]) * furry.spacing[0] - np.nanmedian(furry.first)
+    near = (arc > 0.4e-3) & (arc < 1.3e-3)
+    ratio = boasted[:, near][said[:, near] > 0] / said[:, near][said[:, near] > 0]
+    assert 0.5 < np.median(ratio) < 2
+
+
+@pytest.mark.slow
 def test_without_fur_nothing_changes(traced):
     assert np.array_equal(judged(traced, traced.places).information, traced.places.information)
 
