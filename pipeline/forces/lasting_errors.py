@@ -13,7 +13,7 @@ import numpy as np
 
 from pipeline.forces import rod_fit
 from pipeline.forces.whisker_rows import WhiskerRows
-from pipeline.kinematics.stations import Stations, may_touch
+from pipeline.kinematics.stations import N_STATIONS, Stations, may_touch, variance_of
 from pipeline.numerics.robust import MAD_TO_SD, column_medians
 from pipeline.numerics.runs import evenly
 
@@ -43,8 +43,8 @@ def without_lasting(own: WhiskerRows, near_m: float) -> Stations:
     misfit = np.full((len(part), 2, part.x.shape[1]), np.nan)
     prior = own.rest_prior(model)
     fit = rod_fit.fit_loaded(part, own.whisker, own.curvature_at, prior, misfit=misfit)
-    seen = misfit[touching, 0], part.information[touching]
-    shifts = lasting_variance(*seen, part.spacing[part.whisker[0]])
+    spacing = own.whisker.length / (N_STATIONS - 1)
+    shifts = lasting_variance(misfit[touching, 0], part.information[touching], spacing)
     return places.doubted(shifts / multiple(fit)) if shifts.any() else places
 
 
@@ -86,7 +86,7 @@ def lasting_variance(misfit, information, spacing):
     known = np.flatnonzero(count >= FEWEST_ROWS)
     if len(known) >= FEWEST_STATIONS:
         misfit = np.where(seen, misfit, np.nan)[:, known]
-        variance = np.where(seen, 1 / np.where(seen, information, 1.0), np.nan)[:, known]
+        variance = np.where(seen, variance_of(information), np.nan)[:, known]
         se = np.sqrt(column_medians(variance) / count[known])
         shift[known] = _shifts(known / len(shift), np.nanmean(misfit, axis=0), se)
         shift[: known[0]] = shift[known[0]]  # seldom seen: deeper in the fur

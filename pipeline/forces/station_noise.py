@@ -12,7 +12,7 @@ from scipy.optimize import nnls
 
 from pipeline.forces import rod_fit
 from pipeline.forces.lasting_errors import FEWEST_ROWS, lasting_variance, multiple
-from pipeline.kinematics.stations import N_STATIONS, Stations, beside_doubt
+from pipeline.kinematics.stations import N_STATIONS, Stations, beside_doubt, variance_of
 from pipeline.numerics.robust import MAD_TO_SD
 from pipeline.numerics.runs import evenly
 from whiskermodel.whisker import Whisker
@@ -46,9 +46,7 @@ def _constant(misfit, information, doubt):
     misfit, information : (rows, stations) [m], [1/m²]
     doubt : a first value of the constant variance [m²], for the weights
     """
-    seen = information > 0
-    expected = np.where(seen, 1 / np.where(seen, information, 1.0), np.nan)
-    square, expected = usual_misfit(misfit**2, expected)
+    square, expected = usual_misfit(misfit**2, variance_of(information))
     square, expected = (each[np.isfinite(square)] for each in (square, expected))
     if not len(square):
         return 0.0

@@ -98,6 +98,12 @@ def beside_doubt(information, variance):
     return information / (1 + information * variance)
 
 
+def variance_of(information) -> np.ndarray:
+    """Variances (rows, stations) [m²] of places with `information` [1/m²]; NaN of unseen ones."""
+    seen = information > 0
+    return np.where(seen, 1 / np.where(seen, information, 1.0), np.nan)
+
+
 def may_touch(places, near_m) -> np.ndarray:
     """Rows of `Stations` whose traced part is within `near_m` [m] of the pole, bool (rows,)."""
     with np.errstate(invalid="ignore"):
