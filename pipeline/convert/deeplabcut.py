@@ -22,13 +22,36 @@ def read_deeplabcut(path) -> KeyPoints:
         Where it is something else, or damaged.
     """
     path = Path(path)
-    table = _read_hdf5(path) if path.suffix.lower() in (".h5", ".hdf5") else _read_csv(path)
+    is_hdf5 = path.suffix.lower() in (".h5", ".hdf5")
+    if is_hdf5:
+        library("tables", "formats")
+    try:
+        return _key_points(pd.read_hdf(path) if is_hdf5 else _read_csv(path))
+    except Exception as error:  # the libraries raise many kinds on a broken file
+        raise _fault(path, error) from None
+
+
+def _read_csv(path):
+    with open(path, encoding="utf-8-sig") as file:
+        lines = [file.readline() for _ in range(4)]
+    check_separator(lines[0].split(","))
+    names = [line.split(",")[0].strip() for line in lines]
+    levels = 4 if "individuals" in names else 3
+    if names[0] != "scorer" or names[levels - 1] != "coords":
+        raise ValueError(f"its first column begins {names}")
+    return pd.read_csv(path, header=list(range(levels)), index_col=0)
+
+
+def _key_points(table) -> KeyPoints:
+    """The key points of a table; ValueError, or what pandas raises, where it is another one."""
+    if not isinstance(table, pd.DataFrame) or table.columns.names[-1] != "coords":
+        raise ValueError("its columns are no key points")
     table.columns = table.columns.droplevel(0)  # the scorer
     if "individuals" not in table.columns.names:
         table = pd.concat({"": table}, axis=1, names=["individuals"])
     individuals = tuple(dict.fromkeys(map(str, table.columns.get_level_values("individuals"))))
     parts = tuple(dict.fromkeys(map(str, table.columns.get_level_values("bodyparts"))))
-    rows = _frames(table, path)
+    rows = _frames(table)
     values = np.full((int(rows.max(initial=-1)) + 1, len(individuals), len(parts), 3), np.nan)
     for i, p, c in np.ndindex(values.shape[1:]):
         column = individuals[i], parts[p], COORDINATES[c]
@@ -38,39 +61,11 @@ def read_deeplabcut(path) -> KeyPoints:
     return KeyPoints(individuals, parts, xy, scores_of(xy, values[..., 2]))
 
 
-def _read_csv(path):
-    try:
-        with open(path, encoding="utf-8-sig") as file:
-            lines = [file.readline() for _ in range(4)]
-        check_separator(lines[0].split(","))
-        names = [line.split(",")[0].strip() for line in lines]
-        levels = 4 if "individuals" in names else 3
-        if names[0] != "scorer" or names[levels - 1] != "coords":
-            raise ValueError(f"its first column begins {names}")
-        return pd.read_csv(path, header=list(range(levels)), index_col=0).astype(float)
-    except (ValueError, UnicodeDecodeError, OSError, IndexError) as error:
-        raise _fault(path, error) from None
-
-
-def _read_hdf5(path):
-    library("tables", "formats")
-    try:
-        table = pd.read_hdf(path)
-        if not isinstance(table, pd.DataFrame) or table.columns.names[-1] != "coords":
-            raise ValueError("its columns are no key points")
-        return table
-    except Exception as error:  # the library raises many kinds on a broken file
-        raise _fault(path, error) from None
-
-
-def _frames(table, path):
+def _frames(table):
     """Frame numbers of the rows."""
-    try:
-        rows = table.index.to_numpy(dtype=np.int64)
-        if ((rows < 0) | (rows > MOST_FRAMES)).any() or len(np.unique(rows)) < len(rows):
-            raise ValueError(f"a frame is there twice, or not 0 to {MOST_FRAMES}")
-    except (ValueError, TypeError) as error:
-        raise _fault(path, error) from None
+    rows = table.index.to_numpy(dtype=np.int64)
+    if ((rows < 0) | (rows > MOST_FRAMES)).any() or len(np.unique(rows)) < len(rows):
+        raise ValueError(f"a frame is there twice, or not 0 to {MOST_FRAMES}")
     return rows
 
 

@@ -12,6 +12,7 @@ from scipy.special import chdtri
 
 from pipeline.convert.results import lines_of_rows
 from pipeline.errors import InputError, counted
+from pipeline.kinematics.given_lines import is_place
 from pipeline.numerics.polyline import arc_along, places_along
 from pipeline.tables.centrelines import Centrelines
 
@@ -49,7 +50,7 @@ def scores_of(xy, given):
 
     A point without a score is a person's, as programs give scores to their own ones only: it is 1.
     """
-    return np.where(np.isfinite(xy).all(axis=-1), np.where(np.isnan(given), 1.0, given), 0.0)
+    return np.where(is_place(xy), np.where(np.isnan(given), 1.0, given), 0.0)
 
 
 def lines_of(points: KeyPoints, settings, source, names=()) -> Centrelines:
@@ -68,7 +69,7 @@ def lines_of(points: KeyPoints, settings, source, names=()) -> Centrelines:
     Raises
     ------
     InputError
-        Where there are too few points, or not as many names as whiskers.
+        Where there are too few points, none is certain, or not as many names as whiskers.
     """
     whiskers = _whiskers(points)
     names = _names(tuple(whiskers), tuple(names), settings, source)
@@ -88,12 +89,17 @@ def lines_of(points: KeyPoints, settings, source, names=()) -> Centrelines:
             keys.append((frame, k))
             information.append(np.full(len(line), count / len(line) / noise**2))
             confidence.append(sure)
+    if not rows:
+        raise InputError(
+            f"{source}: in no frame has a whisker {FEWEST_POINTS} key points with x, y and a "
+            f"score of {LEAST_SCORE} or more; look at them in the other program, or train it further"
+        )
     return _with_information(lines_of_rows(names, keys, rows), information, confidence)
 
 
 def _whiskers(points: KeyPoints) -> dict:
     """Name in the file → places (frames, points, 2) and scores (frames, points)."""
-    if len(points.individuals) > 1:
+    if len(points.individuals) != 1:
         each = enumerate(points.individuals)
         return {name: (points.xy[:, i], points.score[:, i]) for i, name in each}
     groups = {}
@@ -157,7 +163,7 @@ def _from_face(xy, score, face):
 
 def _is_used(xy, score):
     """Which points (…, 2) are there and certain enough."""
-    return np.isfinite(xy).all(axis=-1) & (score >= LEAST_SCORE)
+    return is_place(xy) & (score >= LEAST_SCORE)
 
 
 def _fit(xy, score):

@@ -15,6 +15,7 @@ from pipeline.numerics.runs import evenly
 from pipeline.tables.centrelines import Centrelines
 
 SMOOTHED_NODES, SMOOTHED_DEGREE = 21, 3  # the curve is a running cubic
+FARTHEST_PX = 1e5  # of a point from the first pixel: what lies beyond is damage
 FEWEST_NODES = SMOOTHED_NODES + 4  # of a line that is used
 BLOCK_NODES = 24  # longer than the noise of a tracker is correlated
 NOISE_DEGREE = 6  # of the polynomial that noise is looked for about
@@ -51,8 +52,14 @@ def _without_unused_names(lines):
     return replace(lines, names=names, whisker=whisker.astype(np.int32))
 
 
+def is_place(xy):
+    """Which points (…, 2) [px] may lie in a picture; not those that are no numbers."""
+    return (np.abs(xy) < FARTHEST_PX).all(axis=-1)
+
+
 def _distinct(points):
-    """Points (n, 2) without those that equal the one before."""
+    """Points (n, 2) without those that are none, or equal the one before."""
+    points = points[is_place(points)]
     steps = np.hypot(*np.diff(points, axis=0).T)
     return points[np.append(True, steps > 1e-3)]
 

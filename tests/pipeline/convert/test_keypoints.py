@@ -1,6 +1,7 @@
 """Key points of DeepLabCut and SLEAP become lines that are worth what the points are."""
 
 import itertools
+from dataclasses import replace
 from pathlib import Path
 
 import h5py
@@ -290,6 +291,54 @@ def test_other_files_are_named_in_one_line(tmp_path_factory, read, suffix, conte
         read(path)
     assert str(path) in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def of_two_levels(table):
+    return table.droplevel(0, axis=1)
+
+
+def of_other_names(table):
+    return table.set_axis(table.columns.set_names(["a", "b", "coords"]), axis=1)
+
+
+def of_one_column(table):
+    return table.iloc[:, :0]
+
+
+@pytest.mark.parametrize(
+    ("suffix", "change"), [("h5", of_two_levels), ("h5", of_other_names), ("csv", of_one_column)]
+)
+def test_other_tables_than_deeplabcuts_are_named(tmp_path, suffix, change):
+    path, table = tmp_path / f"a.{suffix}", change(deeplabcut_table(several(("a",))))
+    table.to_csv(path) if suffix == "csv" else table.to_hdf(path, key="df_with_missing")
+    with pytest.raises(InputError, match=r"a\.\w+: cannot be read as key points of DeepLabCut"):
+        read_deeplabcut(path)
+
+
+def far(points):
+    return replace(points, xy=1e9 * points.xy)
+
+
+def doubtful(points):
+    return replace(points, score=0.1 * points.score)
+
+
+def not_there(points):
+    return replace(points, xy=np.nan * points.xy)
+
+
+def of_no_frame(points):
+    return replace(points, xy=points.xy[:0], score=points.score[:0])
+
+
+def of_nobody(points):
+    return KeyPoints((), points.parts, points.xy[:, :0], points.score[:, :0])
+
+
+@pytest.mark.parametrize("change", [far, doubtful, not_there, of_no_frame, of_nobody])
+def test_points_through_which_no_line_leads_are_named(motion, points, change):
+    with pytest.raises(InputError, match="in no frame has a whisker 4 key points with x, y"):
+        lines_of(change(points), settings_of(motion), "a.csv")
 
 
 @pytest.mark.parametrize("suffix", ["csv", "h5"])

@@ -71,6 +71,16 @@ def test_points_upon_each_other_do_no_harm():
     assert len(lines.x_px) == pytest.approx(RADIUS_PX * ANGLE, abs=1)
 
 
+@pytest.mark.parametrize("place", [1e9, np.inf, np.nan])
+def test_points_that_no_picture_has_are_left_out(place):
+    """A line that leads there would take all memory."""
+    points = arc(1.0, np.zeros)
+    whole = as_centrelines(lines_of_rows(("a",), [(0, 0)], [points]))
+    damaged = np.insert(points, 5, place, axis=0)
+    lines = as_centrelines(lines_of_rows(("a",), [(0, 0)], [damaged]))
+    np.testing.assert_array_equal(lines.x_px, whole.x_px)
+
+
 @given(
     sizes=st.lists(st.integers(0, 5), min_size=1, max_size=8),
     data=st.data(),
