@@ -92,7 +92,7 @@ def lines_of(points: KeyPoints, settings, source, names=()) -> Centrelines:
     if not rows:
         raise InputError(
             f"{source}: in no frame has a whisker {FEWEST_POINTS} key points with x, y and a "
-            f"score of {LEAST_SCORE} or more; look at them in the other program, or train it further"
+            f"score of {LEAST_SCORE} or more; look at them in the other program, or train it on"
         )
     return _with_information(lines_of_rows(names, keys, rows), information, confidence)
 
