@@ -8,10 +8,10 @@ from pipeline.runtime.interrupts import INTERRUPTED
 
 def main() -> None:
     """Import the command, during which Ctrl-C ends it at once and silently, and run it."""
-    before = signal.signal(signal.SIGINT, lambda *_: os._exit(INTERRUPTED))
+    for number in (signal.SIGINT, signal.SIGTERM):  # until the command listens
+        signal.signal(number, lambda *_: os._exit(INTERRUPTED))
     from pipeline.app import cli
 
-    signal.signal(signal.SIGINT, before)
     cli.main()
 
 

@@ -17,7 +17,7 @@ from pipeline.app import convert, terminal
 from pipeline.app.calibrate import calibrate
 from pipeline.app.options import Debug, Jobs, Out, Results
 from pipeline.app.terminal import FAILED, say
-from pipeline.runtime.interrupts import INTERRUPTED
+from pipeline.runtime.interrupts import INTERRUPTED, listen
 
 app = typer.Typer(
     name="whiskerforce",
@@ -101,10 +101,8 @@ def run(
     Finished videos are skipped on the next run unless settings, input or version changed.
     """
     from pipeline.app import batch
-    from pipeline.runtime import interrupts
     from pipeline.runtime.numba_cache import is_compiled
 
-    interrupts.listen()
     if not (quiet or is_compiled()):
         say(
             "this first run compiles parts of the program while it works, which takes a minute or "
@@ -327,6 +325,23 @@ def paper(out: Out, debug: Debug = False):
 
 def main(arguments=None):
     """Run the command; turn expected errors into a message and an exit status."""
+    arguments = _with_home(sys.argv[1:] if arguments is None else arguments)
+    try:
+        listen()
+        _prepare()
+        app(arguments, standalone_mode=True)
+    except KeyboardInterrupt:
+        typer.echo("interrupted", err=True)
+        sys.exit(INTERRUPTED)
+    except Exception as error:
+        if "--debug" in arguments:
+            traceback.print_exc()
+        typer.echo(_explain(error), err=True)
+        sys.exit(UNUSABLE if _is_unusable(error) else FAILED)
+
+
+def _prepare() -> None:
+    """Set up what no command says anything about."""
     from pipeline.runtime.numba_cache import prepare_cache
     from pipeline.runtime.workers import THREADS
 
@@ -337,17 +352,6 @@ def main(arguments=None):
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):  # not every console has every letter of a file's name
             stream.reconfigure(errors="replace")
-    arguments = _with_home(sys.argv[1:] if arguments is None else arguments)
-    try:
-        app(arguments, standalone_mode=True)
-    except KeyboardInterrupt:
-        typer.echo("interrupted", err=True)
-        sys.exit(INTERRUPTED)
-    except Exception as error:
-        if "--debug" in arguments:
-            traceback.print_exc()
-        typer.echo(_explain(error), err=True)
-        sys.exit(UNUSABLE if _is_unusable(error) else FAILED)
 
 
 def _with_home(arguments) -> list[str]:

@@ -16,6 +16,7 @@ from pipeline.app import batch, cli
 from pipeline.app.batch import Summary
 from pipeline.app.outcome import Outcome
 from pipeline.runtime import numba_cache
+from pipeline.runtime.folder_lock import LOCK_FILE
 
 HEAVY = (
     "av", "bokeh", "cv2", "jinja2", "matplotlib", "numba", "numpy", "pandas", "pyarrow",
@@ -477,12 +478,31 @@ def test_synth_and_demo_leave_the_folders_of_a_person_alone(preset, tmp_path, ca
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="there, no process interrupts itself so")
-def test_ctrl_c_while_the_program_starts_ends_it_silently():
+@pytest.mark.parametrize("signal", ["SIGINT", "SIGTERM"])
+def test_who_ends_a_command_finds_no_half_files_and_no_traceback(signal, tmp_path):
+    code = (
+        "import os, signal, whiskermodel.paper.files as files\n"
+        "from pipeline.app import cli\n"
+        "def write(new, **_):\n"
+        "    (new / 'fig2.csv').touch()\n"
+        f"    os.kill(os.getpid(), signal.{signal})\n"
+        "files.write_paper = write\n"
+        f"cli.main(['paper', '--out', {str(tmp_path)!r}])"
+    )
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert ended.returncode == 130
+    assert "Traceback" not in ended.stderr
+    assert [path.name for path in tmp_path.iterdir()] == [LOCK_FILE]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="there, no process interrupts itself so")
+@pytest.mark.parametrize("signal", ["SIGINT", "SIGTERM"])
+def test_ctrl_c_while_the_program_starts_ends_it_silently(signal):
     code = (
         "import os, signal, sys, pipeline.__main__\n"
         "class Slow:\n"
         "    def find_spec(self, *name):\n"
-        "        os.kill(os.getpid(), signal.SIGINT)\n"
+        f"        os.kill(os.getpid(), signal.{signal})\n"
         "sys.meta_path.insert(0, Slow())\n"
         "pipeline.__main__.main()"
     )
