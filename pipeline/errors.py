@@ -103,6 +103,15 @@ def why(error: OSError) -> str:
     return f"{place}: {words}" if place else words
 
 
+def renamed(error: OSError, path) -> OSError:
+    """The system's error with the path that a person knows; some libraries' own take no other.
+
+    >>> why(renamed(OSError(errno.ENOSPC, "", "part.mp4"), "film.mp4"))
+    'film.mp4: No space left on device'
+    """
+    return OSError(error.errno, error.strerror or str(error), str(path))
+
+
 def with_advice(error: OSError) -> str:
     """What the system says is wrong, and what to do.
 

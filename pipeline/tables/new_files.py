@@ -11,7 +11,7 @@ import shutil
 import threading
 from pathlib import Path
 
-from pipeline.errors import InputError, why
+from pipeline.errors import InputError, renamed, why
 from pipeline.runtime.folder_lock import locked
 from pipeline.tables.whole_files import (
     PART,
@@ -165,6 +165,5 @@ def _named_after(draft, folder):
         yield
     except OSError as error:
         path = Path(str(error.filename or folder))
-        error.filename = str(folder / path.name if draft in path.parents else path)
-        error.filename2 = None
-        raise
+        path = folder / path.name if draft in path.parents else path
+        raise renamed(error, path) from error

@@ -13,6 +13,7 @@ import shutil
 import tempfile
 from pathlib import Path
 
+from pipeline.errors import renamed
 from pipeline.runtime.folder_lock import locked
 from pipeline.tables.new_files import keep_changed
 from pipeline.tables.whole_files import remove_unfinished, sha256, to_disk
@@ -39,10 +40,10 @@ def draft(folder):
         new.rename(folder / READY)
         to_disk(folder)
     except BaseException as error:
-        if isinstance(error, OSError):
-            with contextlib.suppress(TypeError, ValueError):  # without a path, or of another place
-                error.filename = str(folder / Path(error.filename).relative_to(new))
         _remove(new, folder)
+        path = Path(str(getattr(error, "filename", None)))
+        if isinstance(error, OSError) and path.is_relative_to(new):
+            raise renamed(error, folder / path.relative_to(new)) from error
         raise
 
 

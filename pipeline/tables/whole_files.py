@@ -7,6 +7,8 @@ import os
 import tempfile
 from pathlib import Path
 
+from pipeline.errors import renamed
+
 PART, PART_END = ".whiskerforce-", ".part"  # around random letters: names of unfinished files
 LONG_S = 24 * 3600  # after which nobody is writing a file that did not change
 
@@ -23,8 +25,7 @@ def whole_file(path):
     try:
         handle, name = tempfile.mkstemp(PART_END + path.suffix, PART, path.parent)
     except OSError as error:
-        error.filename = str(path)
-        raise
+        raise renamed(error, path) from error
     os.close(handle)
     temporary = Path(name)
     try:
@@ -35,7 +36,7 @@ def whole_file(path):
         os.replace(temporary, path)
     except OSError as error:
         if error.filename is None or str(error.filename) == name:
-            error.filename, error.filename2 = str(path), None
+            raise renamed(error, path) from error
         raise
     finally:
         temporary.unlink(missing_ok=True)
@@ -75,8 +76,7 @@ def temporary_room():
     try:
         yield
     except OSError as error:
-        error.filename = tempfile.gettempdir()
-        raise
+        raise renamed(error, tempfile.gettempdir()) from error
 
 
 def to_disk(path) -> None:

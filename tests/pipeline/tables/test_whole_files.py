@@ -4,6 +4,7 @@ import errno
 import os
 from pathlib import Path
 
+import av
 import pytest
 
 from pipeline.errors import with_advice
@@ -30,6 +31,19 @@ def test_a_file_that_cannot_be_written_is_named(tmp_path, monkeypatch, fails):
     assert with_advice(caught.value).startswith(expected)
     monkeypatch.undo()
     assert fails == "mkstemp" or not list(tmp_path.iterdir())
+
+
+def test_a_video_that_cannot_be_written_is_named(tmp_path):
+    """PyAV's errors keep the path that they were made with."""
+
+    def write():
+        with whole_files.whole_file(tmp_path / "film.mp4") as temporary:
+            raise av.error.OSError(errno.ENOSPC, "no room", str(temporary))
+
+    with pytest.raises(OSError, match="no room") as caught:
+        write()
+    expected = f"{tmp_path / 'film.mp4'}: No space left on device; make room on that disk"
+    assert with_advice(caught.value).startswith(expected)
 
 
 def test_what_killed_programs_left_goes_with_the_next_file_a_day_later(tmp_path):
