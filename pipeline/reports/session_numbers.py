@@ -9,7 +9,12 @@ from pipeline.errors import InputError, in_words, need_content
 from pipeline.session.inputs import need_results
 from pipeline.session.session_file import read_session
 from pipeline.tables import files
-from pipeline.tables.columns import CONTACT_COLUMNS, VIDEO_COLUMNS
+from pipeline.tables.columns import (
+    CENTRELINE_COLUMNS,
+    CONTACT_COLUMNS,
+    FRAME_COLUMNS,
+    VIDEO_COLUMNS,
+)
 from pipeline.tables.run_record import read_run
 
 # Hires, Efros & Svoboda 2013, Results: 12,417 contacts of mouse C2 whiskers.
@@ -40,8 +45,8 @@ def _fault(folder) -> str:
     """Why a video's results cannot be read; "" where they can."""
     try:
         read_session(folder / "session.toml")
-        for name in ("frames.parquet", "centrelines.parquet"):
-            files.check_parquet(folder / name, ())
+        files.check_parquet(folder / "frames.parquet", FRAME_COLUMNS)
+        files.check_parquet(folder / "centrelines.parquet", CENTRELINE_COLUMNS)
     except (OSError, ValueError) as error:
         return in_words(error)
     return ""

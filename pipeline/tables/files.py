@@ -223,8 +223,13 @@ def read_frames(path, columns=None, filters=None) -> pd.DataFrame:
     """Read frames.parquet: the `columns` named (None: all) of the rows that pass `filters`.
 
     `filters` as pyarrow takes them, e.g. ``[("frame", ">=", 100), ("whisker", "==", "C2")]``.
+    ValueError where it is damaged, or lacks a column.
     """
-    return read_rows(path, columns, filters).to_pandas()
+    frames = read_rows(path, columns, filters).to_pandas()
+    for column in FRAME_COLUMNS if columns is None else ():
+        if column.name not in frames:
+            raise ValueError(f"{path}: expected column {column.name}; run its video again")
+    return frames
 
 
 def read_rows(path, columns=None, filters=None):

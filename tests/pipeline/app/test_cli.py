@@ -17,6 +17,8 @@ from pipeline.app.batch import Summary
 from pipeline.app.outcome import Outcome
 from pipeline.runtime import numba_cache
 from pipeline.runtime.folder_lock import LOCK_FILE
+from pipeline.tables import files
+from pipeline.tables.columns import FRAME_COLUMNS
 
 HEAVY = (
     "av", "bokeh", "cv2", "jinja2", "matplotlib", "numba", "numpy", "pandas", "pyarrow",
@@ -285,6 +287,20 @@ def test_a_video_with_damaged_results_is_left_out_of_figures_and_report(
     assert f"left out: one: {results / 'one' / name}: " in capsys.readouterr().out
     page = (results / "report.html").read_text("utf-8")
     assert "its results are damaged" in page
+
+
+def test_a_video_whose_table_lacks_a_column_is_left_out_and_named(tmp_path, capsys):
+    """As where an earlier version has written it."""
+    results = make_results(tmp_path / "results")
+    table = results / "one" / "frames.parquet"
+    columns = [column for column in FRAME_COLUMNS if column.name != "axial_force_uN"]
+    files.write_rows(table, files.read_frames(table), columns)
+    commands = ["figures", results], ["export", "mat", results, "--out", tmp_path / "mat"]
+    for command in commands:
+        assert exit_code(*command) == 1
+        said = capsys.readouterr().out
+        assert f"left out: one: {table}: expected column axial_force_uN" in said
+        assert "left out: two" not in said
 
 
 def test_presets_are_listed(capsys):
