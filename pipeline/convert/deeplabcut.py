@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from pipeline.convert.keypoints import MOST_FRAMES, KeyPoints, scores_of
+from pipeline.convert.keypoints import KeyPoints, frames_of, scores_of
 from pipeline.convert.optional import library
 from pipeline.errors import InputError, in_words
 from pipeline.tables.files import check_separator
@@ -63,9 +63,9 @@ def _key_points(table) -> KeyPoints:
 
 def _frames(table):
     """Frame numbers of the rows."""
-    rows = table.index.to_numpy(dtype=np.int64)
-    if ((rows < 0) | (rows > MOST_FRAMES)).any() or len(np.unique(rows)) < len(rows):
-        raise ValueError(f"a frame is there twice, or not 0 to {MOST_FRAMES}")
+    rows = frames_of(table.index)
+    if len(np.unique(rows)) < len(rows):
+        raise ValueError("a frame is there twice")
     return rows
 
 

@@ -45,6 +45,14 @@ class KeyPoints:
     score: np.ndarray
 
 
+def frames_of(numbers) -> np.ndarray:
+    """Frame numbers (rows,) as integers; ValueError where these are none of a video."""
+    given = np.asarray(numbers, float)
+    if not ((given >= 0) & (given <= MOST_FRAMES) & (given == np.rint(given))).all():
+        raise ValueError(f"a frame that is no whole number from 0 to {MOST_FRAMES}")
+    return given.astype(np.int64)
+
+
 def scores_of(xy, given):
     """Scores of points at `xy` (…, 2): those `given`, 0 where there is no point.
 

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.convert.hdf5 import texts_in
-from pipeline.convert.keypoints import MOST_FRAMES, KeyPoints, scores_of
+from pipeline.convert.keypoints import KeyPoints, frames_of, scores_of
 from pipeline.convert.optional import library
 from pipeline.errors import InputError, in_words
 from pipeline.tables.files import check_separator
@@ -56,9 +56,9 @@ def _read_csv(path) -> KeyPoints:
         stems = [name[:-2] for name in table if name.endswith(".x")]
         parts = tuple(stem for stem in stems if f"{stem}.y" in table)
         table["track"] = table["track"].astype("object").fillna("track_0").astype(str)
-        frame = table["frame_idx"].to_numpy(np.int64)
-        if not parts or ((frame < 0) | (frame > MOST_FRAMES)).any():
-            raise ValueError(f"no points, or a frame that is not 0 to {MOST_FRAMES}")
+        if not parts:
+            raise ValueError("no points")
+        frame = frames_of(table["frame_idx"])
         twice = table.loc[table.duplicated(["track", "frame_idx"])]
         if len(twice):
             frame, track = twice.iloc[0][["frame_idx", "track"]]

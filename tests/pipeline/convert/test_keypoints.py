@@ -261,6 +261,16 @@ def test_a_deeplabcut_table_without_likelihoods_is_read(tmp_path):
     assert (read_deeplabcut(tmp_path / "a.csv").score == 1).all()
 
 
+@pytest.mark.parametrize("number", [0.5, -1, 1e8])
+def test_frame_numbers_of_no_video_are_named(tmp_path, number):
+    table = deeplabcut_table(several())
+    table.set_axis([0, number, 2]).to_csv(tmp_path / "dlc.csv")
+    sleap_table(several(("a",))).assign(frame_idx=[0, number, 2]).to_csv(tmp_path / "sleap.csv")
+    for read, name in ((read_deeplabcut, "dlc"), (read_sleap, "sleap")):
+        with pytest.raises(InputError, match=rf"{name}\.csv: .*no whole number from 0 to"):
+            read(tmp_path / f"{name}.csv")
+
+
 def test_two_instances_of_one_track_are_refused(tmp_path):
     table = sleap_table(several())
     table["track"] = np.nan
