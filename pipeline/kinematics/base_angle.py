@@ -23,7 +23,7 @@ from numba import njit
 
 from pipeline.kinematics.base_curves import FEWEST_ROWS, BaseCurves, fit_base_curves, lay_to
 from pipeline.kinematics.resampled import PART_ROWS
-from pipeline.numerics.angles import continuous
+from pipeline.numerics.angles import continuous, wrap_angle
 from pipeline.numerics.cholesky import factorise, invert
 from pipeline.numerics.robust import robust_sd
 from pipeline.numerics.runs import evenly, parts
@@ -118,9 +118,18 @@ def measure_base(
 
 def _joined(every) -> Base:
     """The bases of all parts, one after the other, with continuous angles."""
-    whole = Base(*(np.concatenate(each) for each in zip(*map(astuple, every), strict=True)))
-    turns = continuous(whole.angle) - whole.angle
-    return replace(whole, angle=whole.angle + turns, visible=whole.visible + turns)
+    return _continuous(Base(*map(np.concatenate, zip(*map(astuple, every), strict=True))))
+
+
+def _continuous(base) -> Base:
+    """The base with full turns added so that it is continuous in time, the visible part likewise.
+
+    What few pixels show may lie several turns away: their curve is extrapolated.
+    """
+    known = np.isfinite(base.angle)
+    angle = continuous(np.where(known, base.angle, base.visible))
+    visible = angle + wrap_angle(base.visible - angle)
+    return replace(base, angle=np.where(known, angle, np.nan), visible=visible)
 
 
 def _measure_part(places, pixels_per_m, params) -> Base:
@@ -135,13 +144,11 @@ def _measure_part(places, pixels_per_m, params) -> Base:
     own = curves.rows(rows)
     own.shape[:, 0] = continuous(own.shape[:, 0])
     base = _regularised(own, places.frame[rows], 1e-3 * params.hidden_most_mm)
-    turns = 2 * np.pi * np.round(np.median(base.angle) / (2 * np.pi))
-    base = replace(base, angle=base.angle - turns, visible=base.visible - turns)
     base_is, view_is = (se < NO_DIRECTION for se in (base.angle_se, base.visible_se))
     for name, values in vars(base).items():
         known = view_is if name.startswith("visible") else base_is
         getattr(out, name)[rows[known]] = values[known]
-    return out
+    return _continuous(out)
 
 
 # Extrapolation -------------------------------------------------------------------------------

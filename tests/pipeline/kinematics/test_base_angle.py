@@ -148,6 +148,26 @@ def test_the_angle_is_continuous_where_the_whisker_points_left_and_after_gaps():
     np.testing.assert_allclose(np.degrees(base.angle), np.degrees(angle), atol=5 * noisy_angle)
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_the_angle_is_continuous_where_few_pixels_are_seen_for_a_moment(seed):
+    """A curve through them may turn several times before it reaches the window's middle."""
+    rng, short = np.random.default_rng(seed), 60
+    lines = whisker_lines(rng, swing(), SD)
+    x, y, information = (
+        each.reshape(FRAMES, -1) for each in (lines.x_px, lines.y_px, lines.information)
+    )
+    for frame in range(3, FRAMES, 5):
+        information[frame, short:] = 0
+        turn = rng.uniform(-3, 3) + np.linspace(0, rng.uniform(-3, 3), short)
+        x[frame, :short] = 80 + np.cumsum(np.cos(turn))
+        y[frame, :short] = 200 + np.cumsum(np.sin(turn))
+    base, _ = measured(lines)
+    known = np.isfinite(base.angle)
+    assert known[np.arange(FRAMES) % 5 != 3].all()
+    assert np.abs(np.diff(base.angle[known])).max() <= np.pi
+    assert np.nanmax(np.abs(base.visible - base.angle)) <= np.pi
+
+
 def test_a_long_recording_is_measured_part_by_part_with_a_continuous_angle(monkeypatch):
     angle = swing(about=180.0)
     lines = whisker_lines(np.random.default_rng(6), angle, SD)
