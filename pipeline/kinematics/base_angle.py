@@ -113,11 +113,6 @@ def measure_base(
         _measure_part(places.rows(part), pixels_per_m, params)
         for part in parts(len(places), PART_ROWS)
     ]
-    return _joined(every) if len(every) > 1 else every[0]
-
-
-def _joined(every) -> Base:
-    """The bases of all parts, one after the other, with continuous angles."""
     return _continuous(Base(*map(np.concatenate, zip(*map(astuple, every), strict=True))))
 
 
@@ -133,7 +128,7 @@ def _continuous(base) -> Base:
 
 
 def _measure_part(places, pixels_per_m, params) -> Base:
-    """`measure_base` of a part of a recording."""
+    """`measure_base` of a part of a recording; full turns may be missing."""
     out = Base(*np.full((6, len(places)), np.nan))
     curves = fit_base_curves(places, pixels_per_m, params)
     if curves is None:
@@ -148,7 +143,7 @@ def _measure_part(places, pixels_per_m, params) -> Base:
     for name, values in vars(base).items():
         known = view_is if name.startswith("visible") else base_is
         getattr(out, name)[rows[known]] = values[known]
-    return _continuous(out)
+    return out
 
 
 # Extrapolation -------------------------------------------------------------------------------
