@@ -5,14 +5,8 @@ from dataclasses import asdict, dataclass, field, replace
 
 from pipeline import __version__
 from pipeline.contacts.corrections import read_corrections
-from pipeline.curate.corrected import (
-    DECIDED_ON,
-    MADE_WITH,
-    corrections_digest,
-    settings_of_results,
-)
+from pipeline.curate.corrected import MADE_WITH, corrections_digest, settings_of_results
 from pipeline.errors import CorrectionsError, counted, in_words
-from pipeline.session.inputs import same_input, stamp
 from pipeline.session.session_file import SettingsError
 from pipeline.tables import files
 from pipeline.tables.columns import (
@@ -22,7 +16,7 @@ from pipeline.tables.columns import (
     FRAME_COLUMNS,
 )
 from pipeline.tables.result_exchange import STATE_FILE, is_settled
-from pipeline.tables.run_record import read_state, write_state
+from pipeline.tables.run_record import read_state, same_input, stamp, write_state
 from pipeline.tables.video_messages import sentences_of
 
 PARQUETS = {
@@ -164,19 +158,13 @@ def failure(folder, path, message, kept_results="earlier results kept") -> Outco
     return replace(kept, path=path, status="failed", message=f"{message}; {kept_results}")
 
 
-def save_state(folder, outcome, digest, before, corrections, decided_on) -> None:
-    """Write how the results in `folder` were made.
-
-    digest, before : of the settings, and the input's `stamp`, at the start
-    decided_on : hash of the video for which a person has made the `corrections`
-    """
+def save_state(folder, outcome, corrections, known) -> None:
+    """Write how the results in `folder` were made: with `corrections`, and what is `known`."""
     state = {
         "version": __version__,
         **{key: value for key, value in asdict(outcome).items() if key != "details"},
-        "settings_sha256": digest,
-        "input": before,
         MADE_WITH: corrections_digest(corrections),
-        DECIDED_ON: decided_on,
+        **known,
     }
     write_state(folder, state)
 

@@ -6,16 +6,15 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from pipeline.app.outcome import Outcome, earlier_results, failure, kept_outcome, save_state
-from pipeline.curate.corrected import DECIDED_ON, OTHER_CONTENT
+from pipeline.curate.corrected import DECIDED_ON, DOUBTS, decided_on
 from pipeline.errors import InputError, in_words, why, with_advice
 from pipeline.runtime.compiling import compiling_reported, seconds_without_compiling
 from pipeline.runtime.progress import Step
 from pipeline.scene import pole_runs
-from pipeline.session.inputs import same_input, stamp
 from pipeline.session.schema import Settings
 from pipeline.tables import centrelines
 from pipeline.tables.result_exchange import READY, STATE_FILE, draft, overlays_in, settle
-from pipeline.tables.run_record import read_state
+from pipeline.tables.run_record import read_run, read_state, same_input, stamp
 from pipeline.tables.video_messages import as_cell
 from pipeline.tables.whole_files import sha256
 
@@ -78,7 +77,9 @@ def _analyse_and_save(task, report) -> Outcome:
 
     before, content = stamp(task.path), sha256(task.path)
     started = seconds_without_compiling()
-    corrections, earlier = read_corrections(task.folder), read_state(task.folder)
+    corrections = read_corrections(task.folder)
+    known = {"sha256": content, "whiskers": [each.name for each in task.settings.whisker]}
+    decided = known | _decided_on(task.folder) if len(corrections) else known
     with draft(task.folder) as new:
         with (
             centrelines.centreline_file(new / "centrelines.parquet") as keep,
@@ -95,13 +96,18 @@ def _analyse_and_save(task, report) -> Outcome:
         whiskers = tuple(dict.fromkeys(analysis.frames["whisker"]))
         for problem in left_out(corrections, whiskers, analysis.n_frames):
             outcome = warned(outcome, problem)
-        decided_on = content
-        if len(corrections):
-            decided_on = earlier.get(DECIDED_ON) or earlier.get("sha256") or decided_on
-        if decided_on != content:
-            outcome = warned(outcome, OTHER_CONTENT)
-        save_state(new, outcome, task.digest, before, corrections, decided_on)
+        for key, doubt in DOUBTS.items():
+            outcome = warned(outcome, doubt if decided[key] != known[key] else "")
+        known = known | {"settings_sha256": task.digest, "input": before, DECIDED_ON: decided}
+        save_state(new, outcome, corrections, known)
     return outcome
+
+
+def _decided_on(folder) -> dict:
+    """What the corrections in a video's folder were made for, as far as records know."""
+    state = read_state(folder) or read_run(folder.parent)["inputs"].get(folder.name, {})
+    decided = state.get(DECIDED_ON)
+    return decided if isinstance(decided, dict) else decided_on(state)
 
 
 def _outcome_of(task, analysis, content, seconds) -> Outcome:

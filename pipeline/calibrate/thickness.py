@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 
 from pipeline.numerics.polyline import arc_along
+from pipeline.tables.run_record import check_video
 from pipeline.video import open_video
 
 REACH_MM, LEAST_REACH_PX = 0.36, 6.0  # across the whisker, each way
@@ -54,6 +55,7 @@ def map_thickness(video, name, follicle, pixels_per_mm) -> ThicknessMap:
     radius = np.quantile([d[0] for d in distance.values()], 0.95) + 1.0
     reach = max(REACH_MM * pixels_per_mm, LEAST_REACH_PX)
     found, first = [], None
+    check_video(video.folder, video.path)
     with open_video(video.path) as pictures:
         for frame, picture in enumerate(islice(pictures.lent(), max(rows) + 1)):
             start = _crossing(rows.get(frame), distance.get(frame), radius)

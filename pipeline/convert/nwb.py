@@ -29,6 +29,7 @@ SI = {  # unit of a column: of the file, factor
     "px": ("pixels", 1.0),
     "": ("a.u.", 1.0),
 }
+FILMS = VIDEO_SUFFIXES | TIFF_SUFFIXES
 SUFFIXES = ("_deg", "_per_m", "_mm", "_uN", "_nN_m")
 SUBJECT = {  # what a value of an animal must be: a test, and in words
     "sex": (("F", "M", "O", "U").__contains__, "F (female), M (male), O (other) or U (unknown)"),
@@ -99,14 +100,14 @@ def _start_time(start, video) -> datetime:
                 f"--start {start}: is not a date and time; expected e.g. 2024-05-31T14:30:00+02:00"
             ) from None
         return time if time.tzinfo else time.astimezone()
-    source = Path(video.path) if Path(video.path).exists() else video.folder
+    source = video.source or video.folder
     return datetime.fromtimestamp(source.stat().st_mtime, UTC)
 
 
 def _add_video(pynwb, file, video, folder):
     """Refer to the video, where it still is."""
-    source = Path(video.path)
-    if not source.is_file() or source.suffix.lower() not in VIDEO_SUFFIXES | TIFF_SUFFIXES:
+    source = video.source
+    if not source or not source.is_file() or source.suffix.lower() not in FILMS:
         return
     file.add_acquisition(
         pynwb.image.ImageSeries(

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.detection.static_scene import PoleTrack
-from pipeline.errors import InputError
+from pipeline.errors import InputError, VideoError
 from pipeline.scene import pole_runs
 from pipeline.session.inputs import need_results
 from pipeline.session.schema import Settings
@@ -17,14 +17,20 @@ from pipeline.session.session_file import read_session
 from pipeline.tables import files
 from pipeline.tables.centrelines import Centrelines, read_centrelines
 from pipeline.tables.columns import CONTACT_COLUMNS, VIDEO_COLUMNS
-from pipeline.tables.run_record import found_video, frame_count, read_pole, recorded_path
+from pipeline.tables.run_record import (
+    check_video,
+    found_video,
+    frame_count,
+    read_pole,
+    recorded_path,
+)
 
 TRIAL_NUMBER = re.compile(r".*[-_](\d{1,18})$")  # of a video's name
 
 
 @dataclass(frozen=True)
 class VideoResults:
-    """The tables of one video, read when they are wanted; `path` is where the video is."""
+    """The tables of one video, read when they are wanted; `path` is where the video was."""
 
     name: str
     folder: Path
@@ -34,6 +40,16 @@ class VideoResults:
     def settings(self) -> Settings:
         """The settings that the results were made with."""
         return read_session(self.folder / "session.toml")
+
+    @cached_property
+    def source(self) -> Path | None:
+        """The video's file, None where it has gone, or another lies there."""
+        path = Path(self.path)
+        try:
+            check_video(self.folder, path)
+        except VideoError:
+            return None
+        return path if path.exists() else None
 
     @cached_property
     def frames(self) -> pd.DataFrame:

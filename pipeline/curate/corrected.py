@@ -32,8 +32,14 @@ from pipeline.tables.run_record import read_state, write_state
 from pipeline.tables.video_messages import as_cell, sentences_of
 
 MADE_WITH = "corrections_sha256"  # in run.json of a video; "" where there were none
-DECIDED_ON = "corrections_of"  # there, too: the hash of the video that a person last looked at
-OTHER_CONTENT = "corrections.csv was made before the video changed: check its contacts"
+DECIDED_ON = "corrections_of"  # there, too: what the record said when a person last decided, of
+DOUBTS = {
+    "sha256": "corrections.csv was made before the video changed: check its contacts",
+    "whiskers": (
+        "corrections.csv was made before whiskers were named, added or moved in session.toml: "
+        "check whose its contacts are"
+    ),
+}
 BY_HAND = (
     "{} was changed since whiskerforce wrote it: its rows count as they are now, but the video's "
     "next tables replace them, and other tables do not follow from them; contacts that you change "
@@ -110,14 +116,19 @@ def save_contacts(folder, tables: ContactTables, corrections: pd.DataFrame) -> l
 
 def _decided(state, contacts, corrections) -> dict:
     """A video's record after a person has decided on its contacts as they are now."""
-    said = [each for each in sentences_of(state["message"]) if each != OTHER_CONTENT]
+    said = [each for each in sentences_of(state["message"]) if each not in DOUBTS.values()]
     return state | {
         "contacts": len(contacts),
         "status": "warning" if said else "done",
         "message": as_cell(said),
         MADE_WITH: corrections_digest(corrections),
-        DECIDED_ON: state["sha256"],
+        DECIDED_ON: decided_on(state),
     }
+
+
+def decided_on(state) -> dict:
+    """What a record says of all that a person's decisions hold for."""
+    return {key: state[key] for key in DOUBTS if state.get(key, "") != ""}
 
 
 def correct(folder) -> list[str]:

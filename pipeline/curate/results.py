@@ -31,7 +31,13 @@ from pipeline.session.inputs import need_results
 from pipeline.tables import centrelines, files
 from pipeline.tables.columns import CONTACT_COLUMNS
 from pipeline.tables.evidence import EVIDENCE_FILE, read_evidence
-from pipeline.tables.run_record import found_video, frame_count, read_pole, recorded_path
+from pipeline.tables.run_record import (
+    check_video,
+    found_video,
+    frame_count,
+    read_pole,
+    recorded_path,
+)
 from pipeline.video.open import open_video
 
 LINES_AROUND = 256  # frames whose centrelines are read together
@@ -191,10 +197,11 @@ class VideoUnderReview:
 
     @cached_property
     def reader(self) -> FrameReader | None:
-        """The video's frames, or None where the video cannot be read: see `no_picture`."""
+        """The video's frames, or None where it cannot be read or is another: see `no_picture`."""
         path = found_video(self.folder, recorded_path(self.folder) or self.name)
         try:
             open_video(path).close()
+            check_video(self.folder, path)
         except VideoError as error:
             self.no_picture = str(error)
             return None

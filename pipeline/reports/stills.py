@@ -11,6 +11,7 @@ from pipeline.session.session_file import read_session
 from pipeline.tables import files
 from pipeline.tables.columns import split_flags
 from pipeline.tables.known_names import KNOWN
+from pipeline.tables.run_record import check_video
 
 JPEG_QUALITY = 80
 
@@ -74,12 +75,13 @@ def video_stills(results, videos, record) -> list:
 
 
 def _drawn(folder, path, frames, **how) -> dict:
-    """Contact → its frame with the findings as a data URI, if it can be read."""
+    """Contact → its frame with the findings as a data URI, if it is there still."""
     import cv2
 
     from pipeline.reports.overlay import stills
 
     try:
+        check_video(folder, path)
         pictures = stills(folder, path, frames, read_session(folder / "session.toml"), **how)
     except (VideoError, OSError):
         return {}

@@ -9,7 +9,13 @@ from pipeline.errors import InputError, VideoError, need_content, need_folder
 from pipeline.session.schema import FORMULA
 from pipeline.session.session_file import SettingsError, read_session
 from pipeline.tables.result_exchange import STATE_FILE
-from pipeline.tables.run_record import read_run, read_state, recorded_path
+from pipeline.tables.run_record import (
+    read_run,
+    read_state,
+    recorded_path,
+    same_input,
+    stamp,
+)
 from pipeline.tables.whole_files import sha256
 from pipeline.video.open import RESULT_FOLDERS, find_videos, is_result_folder, open_video
 
@@ -204,8 +210,9 @@ def results_folders(inputs, out) -> dict:
     folder that an earlier run gave it, also where it has been moved or renamed since.
     """
     out = Path(out)
-    owner = _owners(inputs, out)
-    moved = _moved(inputs, owner, out)
+    before = read_run(out)["inputs"]
+    owner = _owners(inputs, out, before)
+    moved = _moved(inputs, owner, out, before)
     owner = {path: name for path, name in owner.items() if name not in moved.values()} | moved
     owner = {path: name for path, name in owner.items() if _is_safe(name)}
     taken = {name.casefold() for name in (*RESERVED_NAMES, *owner.values())}
@@ -222,28 +229,30 @@ def _resolved(each: Input) -> str:
     return str(each.path.resolve())
 
 
-def _owners(inputs, out) -> dict:
-    """Names of the folders that an earlier run gave to these inputs, by the inputs' paths."""
+def _owners(inputs, out, before) -> dict:
+    """Names of the folders that earlier runs gave to videos, by the videos' paths.
+
+    before : what the record of the whole folder says of each; a folder's own one is newer
+    """
     paths = {_resolved(each) for each in inputs}
-    before = read_run(out)["inputs"]
-    owner = {state["path"]: name for name, state in before.items() if state["path"] in paths}
-    for state in out.glob(f"*/{STATE_FILE}"):  # the last run may have been killed
-        owner[recorded_path(state.parent)] = state.parent.name
-    owner.pop("", None)
-    return owner
+    own = {recorded_path(state.parent): state.parent.name for state in out.glob(f"*/{STATE_FILE}")}
+    own.pop("", None)
+    others = {state["path"]: n for n, state in before.items() if n not in own.values()}
+    others = {path: n for path, n in others.items() if path in paths or (out / n).is_dir()}
+    return others | own
 
 
-def _moved(inputs, owner, out) -> dict:
+def _moved(inputs, owner, out, before) -> dict:
     """Folders of inputs that lay elsewhere when they were processed: recognised by their content.
 
     A copy is no move: where the file of before is still there, it keeps its results.
     """
-    records = {path: read_state(out / name) for path, name in owner.items()}
+    records = {path: read_state(out / n) or before.get(n, {}) for path, n in owner.items()}
     homeless = [each for each in inputs if not each.fault and not _is_at_home(each, records)]
     found, left = {}, _without_video(records) if homeless else {}
-    sizes = {record["input"].get("bytes") for record in left.values()}
+    sizes = {record.get("input", {}).get("bytes") for record in left.values()}
     for each in homeless:
-        if stamp(each.path)["bytes"] not in sizes:
+        if not sizes & {stamp(each.path)["bytes"], None}:
             continue
         content = sha256(each.path)
         path = next((path for path, record in left.items() if record["sha256"] == content), None)
@@ -318,25 +327,3 @@ def need_results(folder) -> None:
 
 def _has_results(folder) -> bool:
     return all((folder / name).is_file() for name in ("contacts.csv", "videos.csv"))
-
-
-def stamp(path) -> dict:
-    """Size and times of a file, or of all files of a folder: changes with the content."""
-    files = sorted(p for p in path.iterdir() if p.is_file()) if path.is_dir() else [path]
-    stats = [file.stat() for file in files]
-    return {
-        "bytes": sum(s.st_size for s in stats),
-        "modified_ns": max((s.st_mtime_ns for s in stats), default=0),
-        "changed_ns": max((s.st_ctime_ns for s in stats), default=0),
-    }
-
-
-def same_input(state, path) -> bool:
-    """Whether a video's content is that of its record; read only where size or times differ."""
-    try:
-        now = stamp(path)
-        if state["input"] == now:
-            return True
-        return state["input"].get("bytes") == now["bytes"] and state["sha256"] == sha256(path)
-    except OSError:
-        return False  # it has gone, or cannot be read

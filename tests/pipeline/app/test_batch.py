@@ -664,6 +664,23 @@ def test_a_new_video_gets_no_corrections_of_the_one_that_had_its_name(folder, ca
         assert statuses(out) == {"a": "done", "a_2": "done", "b": "done"}
 
 
+def test_where_a_record_is_lost_no_other_video_gets_the_corrections(folder, calls, tmp_path):
+    out, other = tmp_path / "results", tmp_path / "other"
+    batch.run([folder], out)
+    correct(out / "a")
+    (out / "a" / "run.json").unlink()
+    shutil.copytree(folder, other)
+    folder = folder.rename(tmp_path / "archive")
+    (other / "a.avi").write_bytes(b"another session")
+    (other / "b.avi").unlink()
+    batch.run([other], out)
+    assert run_record.recorded_path(out / "a_2") == str(other / "a.avi")
+    assert not (out / "a_2" / "corrections.csv").exists()
+    batch.run([folder], out)
+    assert run_record.recorded_path(out / "a") == str(folder / "a.avi")
+    assert statuses(out) == {"a": "done", "a_2": "done", "b": "done"}
+
+
 def test_corrections_of_a_video_whose_content_has_changed_are_said(folder, calls, tmp_path):
     out = tmp_path / "results"
     batch.run([folder], out)
@@ -682,6 +699,36 @@ def test_corrections_of_a_video_whose_content_has_changed_are_said(folder, calls
     (folder / "a.avi").write_bytes(before)
     batch.run([folder], out)
     assert statuses(out)["a"] == "done"
+
+
+def name_whiskers(folder, *names):
+    """Put whiskers into session.toml."""
+    whiskers = [{"name": name} for name in names]
+    write_session(
+        folder / "session.toml",
+        settings_from({"recording": SETTINGS.recording.model_dump(), "whisker": whiskers}),
+    )
+
+
+def test_corrections_made_before_whiskers_changed_their_names_are_said(folder, calls, tmp_path):
+    out = tmp_path / "results"
+    name_whiskers(folder, "C1", "C2")
+    batch.run([folder], out)
+    correct(out / "a")
+    name_whiskers(folder, "C2", "C3")  # another whisker is called C2 now
+    for _ in range(2):
+        batch.run([folder], out)
+        assert statuses(out) == {"a": "warning", "b": "done"}
+        change_settings(folder)
+    message = files.read_csv(out / "videos.csv", VIDEO_COLUMNS)["message"][0]
+    assert "made before whiskers were named, added or moved in session.toml: check" in message
+    frames = files.read_frames(out / "a" / "frames.parquet")
+    contacts = files.read_csv(out / "a" / "contacts.csv", CONTACT_COLUMNS)
+    tables = SimpleNamespace(frames=frames, contacts=contacts)
+    save_contacts(out / "a", tables, read_corrections(out / "a"))  # a person has looked at them
+    change_settings(folder)
+    batch.run([folder], out)
+    assert statuses(out) == {"a": "done", "b": "done"}
 
 
 def test_corrections_made_since_the_video_changed_are_of_the_new_one(folder, calls, tmp_path):

@@ -2,16 +2,19 @@
 
 import shutil
 import warnings
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
 import pytest
 
 from pipeline.app import cli
+from pipeline.calibrate import thickness
 from pipeline.calibrate.follicle_motion import slope_of
 from pipeline.calibrate.particle import NoParticleError, follow_particle, likeliest_places
 from pipeline.calibrate.thickness import ThicknessMap
 from pipeline.convert.results import lines_of_rows
+from pipeline.errors import VideoError
 from pipeline.session.session_file import settings_from, write_session
 from pipeline.tables import centrelines, files
 from pipeline.tables.calibration_columns import DUST_CONTACT_COLUMNS, DUST_VIDEO_COLUMNS
@@ -81,6 +84,20 @@ def test_places_that_are_never_seen_count_as_thin_without_a_warning():
 def test_what_cannot_be_followed_is_said(seen, expected):
     with pytest.raises(NoParticleError, match=expected):
         follow_particle(seen, SCALE)
+
+
+def test_no_particle_is_looked_for_in_another_video_of_that_name(tmp_path, monkeypatch):
+    def is_another(folder, path):
+        raise VideoError(path, "is another")
+
+    line = np.column_stack([np.arange(9.0), np.zeros(9)])
+    video = SimpleNamespace(
+        folder=tmp_path, path=np.zeros((1, 9, 9), np.uint8), lines_of=lambda *_, **__: {0: line}
+    )
+    assert len(thickness.map_thickness(video, "C2", (-2, 0), 1.0).frame) == 1
+    monkeypatch.setattr(thickness, "check_video", is_another)
+    with pytest.raises(VideoError, match="is another"):
+        thickness.map_thickness(video, "C2", (-2, 0), 1.0)
 
 
 def test_the_likeliest_path_moves_by_small_steps():

@@ -1,5 +1,6 @@
 """NWB files: valid, without complaint of the inspector, and the same when read back."""
 
+import os
 import warnings
 from dataclasses import replace
 from datetime import datetime
@@ -9,8 +10,9 @@ import pynwb
 import pytest
 from nwbinspector import Importance, inspect_nwbfile
 
+from pipeline.convert import results
 from pipeline.convert.nwb import write_nwb
-from pipeline.errors import InputError
+from pipeline.errors import InputError, VideoError
 from pipeline.session.session_file import session_text
 
 START = "2024-05-31T14:30:00+02:00"
@@ -94,6 +96,23 @@ def test_the_video_is_referred_to_where_it_is(videos, tmp_path):
         assert series.rate == 1000.0
     found = inspect_nwbfile(nwbfile_path=str(path))
     assert [m for m in found if m.importance.value >= Importance.CRITICAL.value] == []
+
+
+def test_another_video_of_that_name_is_not_referred_to(videos, tmp_path, monkeypatch):
+    (tmp_path / "one.avi").write_bytes(b"")
+    os.utime(tmp_path / "one.avi", (5, 5))
+    video = replace(videos[0], path=str(tmp_path / "one.avi"))
+
+    def is_another(folder, path):
+        assert (folder, str(path)) == (video.folder, video.path)
+        raise VideoError(path, "is another")
+
+    monkeypatch.setattr(results, "check_video", is_another)
+    (path,) = write_nwb(tmp_path, video)
+    with read(path) as file:
+        nwb = file.read()
+        assert not nwb.acquisition
+        assert nwb.session_start_time.year > 1970
 
 
 def test_a_wrong_date_is_reported(videos, tmp_path):

@@ -223,6 +223,19 @@ def test_a_video_that_is_gone_leaves_the_time_courses(results):
         assert len(video.traces()["C2"].force_uN) == FRAMES
 
 
+def test_no_contact_is_judged_by_another_video(results, tmp_path):
+    name = sorted(p.parent.name for p in results.glob("*/evidence.parquet"))[0]
+    state = whole_files.read_json(results / name / "run.json")
+    path = shutil.copy(state["path"], tmp_path)
+    with open(path, "ab") as file:
+        file.write(b" ")
+    whole_files.write_json(results / name / "run.json", {**state, "path": path})
+    with opened(results) as folder:
+        video = folder.video(name)
+        assert video.reader is None
+        assert "is not the video of these results" in video.no_picture
+
+
 def test_a_second_run_keeps_corrections(session, tmp_path):
     videos, finished = session
     results = tmp_path / "results"

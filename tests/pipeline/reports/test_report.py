@@ -10,6 +10,7 @@ import pytest
 from results_folder import CONTACTS, SETTINGS, contact, frame_table, make_results
 
 from pipeline.contacts.base_moments import add_base_moments
+from pipeline.errors import VideoError
 from pipeline.reports import figures, overlay, report, stills, vibration_map
 from pipeline.reports.session_numbers import read_contacts
 from pipeline.session.session_file import settings_from, write_session
@@ -147,6 +148,16 @@ def test_pictures_are_of_the_contacts(tmp_path, monkeypatch):
     captions = dict.fromkeys(re.findall(r"(one|two), frame (\d+):", page))
     assert list(captions) == [("one", "35"), ("two", "50"), ("one", "70")]  # of each video first
     assert "peak 30\u00a0µN, 40\u00a0ms" in page
+
+
+def test_no_picture_is_of_another_video_of_that_name(tmp_path, monkeypatch):
+    def is_another(folder, path):
+        raise VideoError(path, "is another")
+
+    monkeypatch.setattr(stills, "check_video", is_another)
+    monkeypatch.setattr(overlay, "stills", lambda *_: [np.zeros((20, 30, 3), np.uint8)])
+    page = report.write_report(make_results(tmp_path / "results")).read_text("utf-8")
+    assert "data:image/jpeg" not in page
 
 
 def test_videos_that_are_gone_leave_no_gap(page):
