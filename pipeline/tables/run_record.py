@@ -77,8 +77,8 @@ def found_video(folder, recorded) -> Path:
 
 def check_video(folder, path) -> None:
     """VideoError where there is another video than that of which the results in a folder are."""
-    state = read_state(folder)
-    if state and Path(path).exists() and not same_input(state, path):
+    path, state = Path(path), read_state(folder)
+    if state and path.exists() and not same_input(state, path):
         raise VideoError(
             path,
             "is not the video of these results, or has changed since: put that one there, or run "

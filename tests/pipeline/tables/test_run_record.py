@@ -42,6 +42,6 @@ def test_another_video_of_the_same_name_and_size_is_not_taken_for_that_of_the_re
     check_video(folder, video)
     video.write_bytes(b"friday")
     with pytest.raises(VideoError, match=r"a\.avi: is not the video of these results"):
-        check_video(folder, video)
+        check_video(folder, str(video))
     video.unlink()
     check_video(folder, video)  # who opens it says so
