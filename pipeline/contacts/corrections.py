@@ -86,9 +86,12 @@ def corrections_given(corrections) -> pd.DataFrame | None:
     return corrections
 
 
-def write_corrections(folder, corrections: pd.DataFrame) -> None:
-    """Write corrections.csv into a video's results folder; one edited by hand is kept, too."""
-    replace_csv(Path(folder) / CORRECTIONS_FILE, corrections, CORRECTION_COLUMNS)
+def write_corrections(folder, corrections: pd.DataFrame) -> list[str]:
+    """Write corrections.csv into a video's results folder; one edited by hand is kept, too.
+
+    Returns a sentence on that, if there is anything to say.
+    """
+    return replace_csv(Path(folder) / CORRECTIONS_FILE, corrections, CORRECTION_COLUMNS)
 
 
 def verdicts(corrections: pd.DataFrame) -> tuple[Verdict, ...]:

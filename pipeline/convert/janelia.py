@@ -9,15 +9,17 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.convert import janelia_files as files
-from pipeline.convert.results import lines_of_rows
+from pipeline.convert.results import frames_of, lines_of_rows
 from pipeline.detection.static_scene import PoleTrack
-from pipeline.errors import InputError
+from pipeline.errors import InputError, counted
+from pipeline.kinematics.given_lines import is_place
 from pipeline.numerics.polyline import arc_along
 from pipeline.tables.centrelines import Centrelines
 from pipeline.tables.known_names import in_short
 
 SUFFIX, TABLE_SUFFIX, BAR_SUFFIX = ".whiskers", ".measurements", ".bar"
 FACE_AXIS = {"left": "y", "right": "y", "top": "x", "bottom": "x"}
+SAME_PX = 1.0  # within which a line's end is where its measurements have it
 FIT_DEGREE = 3  # of the polynomial that gives the tracker's angle and curvature
 
 
@@ -46,8 +48,24 @@ def read_tracked(path, settings, names=()) -> tuple[Centrelines, PoleTrack | Non
     table = files.read_measurements(table_path)
     names = _names(table, tuple(names) or tuple(w.name for w in settings.whisker), table_path)
     bar = files.read_bar(bar_path) if bar_path.is_file() else np.empty((0, 3))
-    n_frames = 1 + max([-1, *(s.frame for s in segments), *bar[:, 0].astype(int)])
-    return named_lines(segments, table, names), pole_of(bar, settings, n_frames), n_frames
+    try:
+        frames = frames_of([*(s.frame for s in segments), *bar[:, 0]])
+        if not is_place(bar[:, 1:]).all():
+            raise ValueError("a pole outside any picture")
+    except ValueError as error:
+        raise InputError(
+            f"{path}, {bar_path.name}: one of them is damaged ({error}): copy it again, or track "
+            "it again"
+        ) from None
+    n_frames = 1 + int(frames.max(initial=-1))
+    lines, elsewhere = named_lines(segments, table, names)
+    if 2 * elsewhere > np.count_nonzero(table.label >= 0):
+        raise InputError(
+            f"{table_path}: is not of the lines in {path.name}: {elsewhere} of those that it "
+            "calls whiskers are elsewhere, or not there; let the tracker's `measure` and "
+            "`classify` write it anew"
+        )
+    return lines, pole_of(bar, settings, n_frames), n_frames
 
 
 def _names(table, names, path):
@@ -55,6 +73,11 @@ def _names(table, names, path):
     count = int(table.label.max(initial=-1)) + 1
     if count == 0:
         raise InputError(f"{path}: no line is labelled a whisker; run `classify` and try again")
+    if count > len(table):
+        raise InputError(
+            f"{path}: has whiskers 0 to {count - 1} in {counted(len(table), 'row')}: it is "
+            "damaged; copy it again, or let `classify` write it anew"
+        )
     if not names:
         return tuple(f"w{i + 1}" for i in range(count))
     if count > len(names):
@@ -65,26 +88,34 @@ def _names(table, names, path):
     return names
 
 
-def named_lines(segments, table: files.Measurements, names) -> Centrelines:
-    """The segments that are whiskers, follicle side → tip, the longest of each in every frame."""
+def named_lines(segments, table: files.Measurements, names) -> tuple[Centrelines, int]:
+    """The segments that are whiskers, follicle side → tip, the longest of each in every frame.
+
+    Also how many rows of the table are of lines that are elsewhere, or not there: it was made
+    before the lines were traced again.
+    """
     by_number = {(s.frame, s.number): s for s in segments}
-    best = {}
+    best, elsewhere = {}, 0
     for row in np.flatnonzero(table.label >= 0):
         segment = by_number.get((int(table.frame[row]), int(table.segment[row])))
-        if segment is None or len(segment.x) < 2:
+        points = None if segment is None else _from_follicle(segment, table.follicle[row])
+        if points is None:
+            elsewhere += 1
             continue
         key = int(table.frame[row]), int(table.label[row])
-        if key not in best or len(segment.x) > len(best[key][0]):
-            best[key] = _from_follicle(segment, table.follicle[row])
+        if key not in best or len(points) > len(best[key]):
+            best[key] = points
     keys = sorted(best)
-    return lines_of_rows(names, keys, [best[key] for key in keys])
+    return lines_of_rows(names, keys, [best[key] for key in keys]), elsewhere
 
 
 def _from_follicle(segment, follicle):
-    """Points (n, 2) of a segment, beginning with the end that is nearer to the follicle."""
+    """Points (n, 2) of a segment from the follicle on; None where it has no end there."""
     points = np.column_stack([segment.x, segment.y])
-    first, last = np.hypot(*(points[[0, -1]] - follicle).T)
-    return points[::-1] if last < first else points
+    for each in (points, points[::-1]):
+        if len(each) and np.hypot(*(each[0] - follicle)) < SAME_PX:
+            return each
+    return None
 
 
 def pole_of(bar, settings, n_frames) -> PoleTrack | None:

@@ -22,7 +22,6 @@ HIGHEST_DEGREE = 4
 USUAL_NOISE_PX = 1.0  # where too few frames show it
 LEAST_NOISE_PX = 0.05
 FEWEST_ROWS = 10  # from which the noise is estimated
-MOST_FRAMES = 10_000_000  # a larger number is damage
 DENSE = 400  # places along a line at which its length is taken
 SHORTER = 0.97  # a path through the points is another one's right order if it is shorter by this
 LAST_PART = re.compile(r"[\W_]*(\d+|base|root|follicle|mid(dle)?|tip|end)$", re.IGNORECASE)
@@ -43,14 +42,6 @@ class KeyPoints:
     parts: tuple[str, ...]
     xy: np.ndarray
     score: np.ndarray
-
-
-def frames_of(numbers) -> np.ndarray:
-    """Frame numbers (rows,) as integers; ValueError where these are none of a video."""
-    given = np.asarray(numbers, float)
-    if not ((given >= 0) & (given <= MOST_FRAMES) & (given == np.rint(given))).all():
-        raise ValueError(f"a frame that is no whole number from 0 to {MOST_FRAMES}")
-    return given.astype(np.int64)
 
 
 def scores_of(xy, given):

@@ -25,6 +25,7 @@ from pipeline.tables.run_record import (
     recorded_path,
 )
 
+MOST_FRAMES = 10_000_000  # a larger number is damage
 TRIAL_NUMBER = re.compile(r".*[-_](\d{1,18})$")  # of a video's name
 
 
@@ -125,6 +126,14 @@ def read_results(folder) -> list[VideoResults]:
         VideoResults(str(name), own := folder / str(name), str(found_video(own, str(path))))
         for name, path in rows
     ]
+
+
+def frames_of(numbers) -> np.ndarray:
+    """Frame numbers (rows,) as integers; ValueError where these are none of a video."""
+    given = np.asarray(numbers, float)
+    if not ((given >= 0) & (given <= MOST_FRAMES) & (given == np.rint(given))).all():
+        raise ValueError(f"a frame that is no whole number from 0 to {MOST_FRAMES}")
+    return given.astype(np.int64)
 
 
 def lines_of_rows(names, keys, rows) -> Centrelines:

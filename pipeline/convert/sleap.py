@@ -6,8 +6,9 @@ import numpy as np
 import pandas as pd
 
 from pipeline.convert.hdf5 import texts_in
-from pipeline.convert.keypoints import KeyPoints, frames_of, scores_of
+from pipeline.convert.keypoints import KeyPoints, scores_of
 from pipeline.convert.optional import library
+from pipeline.convert.results import frames_of
 from pipeline.errors import InputError, in_words
 from pipeline.tables.files import check_separator
 

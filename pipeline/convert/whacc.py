@@ -111,18 +111,36 @@ def take_contacts(path, videos, whisker: str = "") -> list[Path]:
     InputError
         Where no video is in both, one has other corrections already or several whiskers.
     """
-    known = {labels.video: labels for labels in read_whacc(path)}
-    both = [video for video in videos if video.name in known]
+    known = _by_name(path, ((labels.video, labels) for labels in read_whacc(path)))
+    both = _by_name(path, ((name, v) for v in videos if (name := _known_as(v, known))))
     if not both:
         raise InputError(
             f"{path}: knows {', '.join(known)}, the results are of "
             f"{', '.join(v.name for v in videos)}: no video is in both; `run` or import them first"
         )
-    tables = [(v, _checked(v, known[v.name], whisker, path)) for v in both]
+    tables = [(v, _checked(v, known[name], whisker, path)) for name, v in both.items()]
     for video, corrections in tables:
         if not (video.folder / CORRECTIONS_FILE).exists():
             write_corrections(video.folder, corrections)
-    return [video.folder / CORRECTIONS_FILE for video in both]
+    return [video.folder / CORRECTIONS_FILE for video in both.values()]
+
+
+def _known_as(video, names) -> str:
+    """The name that results or their video have among these names, "" if neither is there."""
+    return next((n for n in (video.name, PureWindowsPath(video.path).stem) if n in names), "")
+
+
+def _by_name(path, pairs) -> dict:
+    """The pairs as a dictionary; InputError where two have the same name."""
+    found = {}
+    for name, each in pairs:
+        if name in found:
+            raise InputError(
+                f"{path}: {name} is the name of two videos, there or among the results: it cannot "
+                "be told whose contacts these are; give it results and labels of one session only"
+            )
+        found[name] = each
+    return found
 
 
 def _checked(video, labels, whisker, path):

@@ -114,9 +114,9 @@ class VideoUnderReview:
     # ---- corrections → tables -------------------------------------------------------------
 
     def _corrected(self, corrections):
-        write_corrections(self.folder, corrections)
+        kept = write_corrections(self.folder, corrections)
         if self._changed is not None:
-            self._changed(self)
+            self._changed(self, kept)
 
     def update(self) -> list[str]:
         """Make contacts, forces, pulses and base moments anew from the corrections; write them.
@@ -288,8 +288,9 @@ class Results:
 
     # ---- the thread -----------------------------------------------------------------------
 
-    def _mark(self, video):
+    def _mark(self, video, kept):
         with self._changed:
+            self.kept += kept
             self._due.append(video.name)
             self._changed.notify_all()
 

@@ -60,8 +60,8 @@ def is_place(xy):
 def _distinct(points):
     """Points (n, 2) without those that are none, or equal the one before."""
     points = points[is_place(points)]
-    steps = np.hypot(*np.diff(points, axis=0).T)
-    return points[np.append(True, steps > 1e-3)]
+    steps = np.hypot(*np.diff(points, axis=0, prepend=-FARTHEST_PX).T)  # the first is kept
+    return points[steps > 1e-3]
 
 
 def _smoothed(points):

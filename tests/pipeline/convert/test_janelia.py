@@ -1,5 +1,7 @@
 """Folders that the Janelia tracker made become results; results become its files."""
 
+import json
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -12,6 +14,7 @@ from pipeline.convert import janelia, janelia_files
 from pipeline.convert.janelia_files import Segment
 from pipeline.convert.results import read_results
 from pipeline.errors import InputError
+from pipeline.kinematics.given_lines import as_centrelines
 from pipeline.run import analyse_lines
 from pipeline.session.session_file import read_session
 from synthetic.presets import make_trial
@@ -98,6 +101,61 @@ def test_what_is_missing_is_named(tmp_path, tracked):
     janelia_files.write_measurements(tmp_path / "a.measurements", table)
     with pytest.raises(InputError, match=r"whiskers 0 to 2, but there are names for 1 \(C2\)"):
         janelia.read_tracked(path, settings)
+
+
+def tracked_lines(count=4):
+    """Lines of one whisker, one per frame, their measurements and the pole."""
+    x = np.arange(60, dtype=np.float32)
+    segments = [Segment(0, k, x, x + k, np.ones_like(x), np.ones_like(x)) for k in range(count)]
+    table = janelia.measured(segments, "left")
+    return segments, table, np.column_stack([np.arange(count + 2), *np.full((2, count + 2), 50.0)])
+
+
+def read_back(folder, segments, table, bar):
+    janelia_files.write_whiskers(folder / "a.whiskers", segments)
+    janelia_files.write_measurements(folder / "a.measurements", table)
+    janelia_files.write_bar(folder / "a.bar", bar)
+    settings = settings_of(motion()).model_copy(update={"whisker": ()})
+    return janelia.read_tracked(folder / "a.whiskers", settings)
+
+
+def test_a_pole_may_be_seen_after_the_last_line(tmp_path):
+    lines, _, n_frames = read_back(tmp_path, *tracked_lines())
+    assert len(lines) == 4
+    assert json.dumps(n_frames) == "6"  # for the record
+
+
+def test_lines_that_are_no_numbers_are_left_out(tmp_path):
+    segments, table, bar = tracked_lines()
+    segments[1] = segments[1]._replace(x=segments[1].x * np.nan)
+    segments[2].x[30] = np.nan
+    lines, _, _ = read_back(tmp_path, segments, table, bar)
+    assert list(lines.frame) == [0, 2, 3]
+    nothing = replace(lines, x_px=lines.x_px * np.nan)
+    assert len(as_centrelines(nothing)) == 0
+
+
+@pytest.mark.parametrize(
+    "traced_again",
+    [lambda s: s._replace(frame=s.frame + 2), lambda s: s._replace(x=s.x + 9)],
+)
+def test_measurements_of_other_lines_are_refused(tmp_path, traced_again):
+    segments, table, bar = tracked_lines()
+    with pytest.raises(InputError, match=r"a\.measurements: is not of the lines in a\.whiskers"):
+        read_back(tmp_path, [traced_again(each) for each in segments], table, bar)
+    segments[1] = traced_again(segments[1])  # a person has drawn it anew
+    assert list(read_back(tmp_path, segments, table, bar)[0].frame) == [0, 2, 3]
+
+
+def test_damage_takes_no_memory_and_no_frame_far_away(tmp_path):
+    segments, table, bar = tracked_lines()
+    far = [*segments, segments[0]._replace(frame=2_000_000_000)]
+    for damaged in ((far, bar), (segments, bar * [2e9, 1, 1]), (segments, bar * [1, 1e30, 1])):
+        with pytest.raises(InputError, match=r"a\.whiskers, a\.bar: one of them is damaged"):
+            read_back(tmp_path, damaged[0], table, damaged[1])
+    table.label[2] = 1_000_000_000
+    with pytest.raises(InputError, match="whiskers 0 to 1000000000 in 4 rows"):
+        read_back(tmp_path, segments, table, bar)
 
 
 def test_a_pole_holds_until_the_next_line():

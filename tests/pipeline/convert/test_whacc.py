@@ -1,5 +1,6 @@
 """WhACC's file of contacts, in and out."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import h5py
@@ -134,6 +135,21 @@ def test_what_does_not_fit_is_reported(videos, tmp_path, names, count, whisker, 
     path = write(tmp_path / "w.h5", names, [np.zeros(count)])
     with pytest.raises(InputError, match=message):
         take_contacts(path, videos, whisker)
+
+
+def test_no_video_gets_the_contacts_of_another_one_of_its_name(videos, tmp_path):
+    one, two = (np.zeros(video.n_frames) for video in videos)
+    path = write(tmp_path / "w.h5", [b"D:\\monday\\one.mp4", b"D:\\friday\\one.mp4"], [one, one])
+    with pytest.raises(InputError, match=r"w\.h5: one is the name of two videos"):
+        take_contacts(path, videos)
+    path = write(tmp_path / "v.h5", [b"one.mp4", b"another.mp4"], [one, two])
+    elsewhere = replace(videos[1], path="D:\\friday\\one.mp4")
+    with pytest.raises(InputError, match=r"v\.h5: one is the name of two videos"):
+        take_contacts(path, [videos[0], elsewhere])
+    assert not list(tmp_path.glob("*/*/corrections.csv"))
+    renamed = replace(videos[1], path="/data/another.mp4")
+    written = [each.parent.name for each in take_contacts(path, [videos[0], renamed])]
+    assert written == ["one", "two"]
 
 
 def test_other_files_are_reported(tmp_path):

@@ -18,7 +18,7 @@ from pipeline.errors import InputError
 from pipeline.runtime.folder_lock import locked
 from pipeline.session.session_file import read_session
 from pipeline.tables import files, result_exchange, whole_files
-from pipeline.tables.columns import CONTACT_COLUMNS
+from pipeline.tables.columns import CONTACT_COLUMNS, CORRECTION_COLUMNS
 
 pytestmark = pytest.mark.e2e
 
@@ -234,6 +234,21 @@ def test_no_contact_is_judged_by_another_video(results, tmp_path):
         video = folder.video(name)
         assert video.reader is None
         assert "is not the video of these results" in video.no_picture
+
+
+def test_corrections_edited_while_the_page_is_open_are_kept_and_named(results):
+    with opened(results) as folder:
+        desk = Desk(folder)
+        desk.do("confirm")
+        path = desk.video.folder / "corrections.csv"
+        mine = path.read_text() + "C2,free,1,3,1,3,,colleague\n"
+        path.write_text(mine)
+        desk.do("confirm")
+        folder.settle()
+    old = path.with_name("corrections.csv.old")
+    assert old.read_text() == mine
+    assert len(files.read_csv(path, CORRECTION_COLUMNS)) == 2
+    assert any(f"it is kept as {old}" in said for said in folder.kept)
 
 
 def test_a_second_run_keeps_corrections(session, tmp_path):
