@@ -18,6 +18,7 @@ from pipeline.session.session_file import SettingsError
 
 JOBS = ".jobs"  # folder in the results folder, for what jobs leave
 NAMES = "names.json"
+PATIENCE_S = 600  # that a job waits while others are given their names
 FAILED, UNUSABLE, NO_MEMORY = 1, 2, 3
 
 
@@ -29,18 +30,22 @@ def job_folder(out, name) -> Path:
 def planned_names(inputs, out) -> dict:
     """Name of each input's results folder, by its path: as `run` gives them, and then for good.
 
-    They are decided once and written down, for jobs that begin while others are at work.
+    They are decided once and written down, for jobs that begin while others are at work: two
+    videos of one name, whose jobs begin together, have distinct ones.
     """
+    from pipeline.runtime.folder_lock import locked
     from pipeline.tables.whole_files import read_json, write_json
 
     plan = Path(out) / JOBS / NAMES
     plan.parent.mkdir(parents=True, exist_ok=True)
-    known = read_json(plan, {})
     paths = {each.path: str(each.path.resolve()) for each in inputs}
-    if not set(paths.values()) <= set(known):
-        names = results_folders(inputs, out)
-        known |= {resolved: names[path] for path, resolved in paths.items()}
-        write_json(plan, known)
+    with locked(plan.parent, PATIENCE_S):
+        known = read_json(plan, {})
+        new = [each for each in inputs if paths[each.path] not in known]
+        if new:
+            names = results_folders(new, out, planned=known.values())
+            known |= {paths[path]: name for path, name in names.items()}
+            write_json(plan, known)
     return {path: known[resolved] for path, resolved in paths.items()}
 
 

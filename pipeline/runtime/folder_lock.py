@@ -13,8 +13,10 @@ SHOWN = 200  # characters of the lock file
 
 
 @contextlib.contextmanager
-def locked(folder):
+def locked(folder, patience_s=0):
     """Keep other runs and curations out of a results folder during the block.
+
+    patience_s : how long to wait for another program to end
 
     Raises
     ------
@@ -27,7 +29,7 @@ def locked(folder):
     holder = _holder(path)
     lock = FileLock(path, mode=EVERYBODY)
     try:
-        lock.acquire(blocking=False)
+        lock.acquire(timeout=patience_s)
     except Timeout:
         raise InputError(
             f"{folder}: another whiskerforce is using it{holder}; wait until it has ended, "

@@ -1,7 +1,10 @@
 """Which videos to process, where their settings and results lie, and whether they changed."""
 
+import contextlib
+import os
 import re
 import shlex
+import unicodedata
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -202,12 +205,14 @@ def guesses_left(inputs, config=None) -> list[str]:
     return said
 
 
-def results_folders(inputs, out) -> dict:
+def results_folders(inputs, out, planned=()) -> dict:
     """Give each input the name of its results folder in `out`, distinct for distinct inputs.
 
     The name is the stem, made safe; where two inputs share one (whatever the case of its
     letters) or something else has it, the later becomes stem_2, stem_3, … An input keeps the
     folder that an earlier run gave it, also where it has been moved or renamed since.
+
+    planned : names that other videos will have
     """
     out = Path(out)
     before = read_run(out)["inputs"]
@@ -215,14 +220,19 @@ def results_folders(inputs, out) -> dict:
     moved = _moved(inputs, owner, out, before)
     owner = {path: name for path, name in owner.items() if name not in moved.values()} | moved
     owner = {path: name for path, name in owner.items() if _is_safe(name)}
-    taken = {name.casefold() for name in (*RESERVED_NAMES, *owner.values())}
-    taken.update(entry.name.casefold() for entry in out.iterdir() if not _is_left_over(entry))
+    taken = {_folded(name) for name in (*RESERVED_NAMES, *owner.values(), *planned)}
+    taken.update(_folded(entry.name) for entry in out.iterdir() if not _is_left_over(entry))
     names = {}
     for each in inputs:
         name = owner.get(_resolved(each))
         names[each.path] = name or _free_name(_stem(each.path), taken)
-        taken.add(names[each.path].casefold())
+        taken.add(_folded(names[each.path]))
     return names
+
+
+def _folded(text) -> str:
+    """A name or path as disks know it that tell neither capitals nor forms of accents apart."""
+    return unicodedata.normalize("NFC", text).casefold()
 
 
 def _resolved(each: Input) -> str:
@@ -239,7 +249,22 @@ def _owners(inputs, out, before) -> dict:
     own.pop("", None)
     others = {state["path"]: n for n, state in before.items() if n not in own.values()}
     others = {path: n for path, n in others.items() if path in paths or (out / n).is_dir()}
-    return others | own
+    return _as_spelt(others | own, paths)
+
+
+def _as_spelt(owner, paths) -> dict:
+    """The owners with the `paths` of inputs in place of other spellings of the same files' paths.
+
+    Where a disk takes both, a person may have typed other capitals than the time before.
+    """
+    folded = {_folded(path): path for path in paths - set(owner)}
+    spelt = {}
+    for path, name in owner.items():
+        other = folded.get(_folded(path), path)
+        with contextlib.suppress(OSError):
+            path = other if path not in paths and os.path.samefile(path, other) else path
+        spelt[path] = name
+    return spelt
 
 
 def _moved(inputs, owner, out, before) -> dict:
@@ -302,12 +327,12 @@ def _safe_name(name) -> str:
 
 
 def _is_safe(name) -> bool:
-    return name == _safe_name(name) and name.casefold() not in RESERVED_NAMES
+    return name == _safe_name(name) and _folded(name) not in RESERVED_NAMES
 
 
 def _free_name(stem, taken) -> str:
     name, number = stem, 2
-    while name.casefold() in taken:
+    while _folded(name) in taken:
         name, number = f"{stem}_{number}", number + 1
     return name
 

@@ -8,6 +8,7 @@ import struct
 import sys
 import tempfile
 import time
+import unicodedata
 import zlib
 from dataclasses import replace
 from pathlib import Path
@@ -662,6 +663,32 @@ def test_a_new_video_gets_no_corrections_of_the_one_that_had_its_name(folder, ca
         assert run_record.recorded_path(out / "a_2") == str(folder / "a.avi")
         assert not (out / "a_2" / "corrections.csv").exists()
         assert statuses(out) == {"a": "done", "a_2": "done", "b": "done"}
+
+
+def test_a_path_in_other_capitals_is_the_same_video_where_the_disk_says_so(
+    folder, calls, tmp_path
+):
+    out = tmp_path / "results"
+    batch.run([folder / "a.avi"], out)
+    correct(out / "a")
+    os.link(folder / "a.avi", folder / "A.avi")  # as on a disk that takes both for one
+    batch.run([folder / "A.avi"], out)
+    assert calls == ["a.avi"]
+    assert statuses(out) == {"a": "done"}
+    assert run_record.recorded_path(out / "a") == str(folder / "A.avi")
+    batch.run([folder], out)  # here they are two
+    assert statuses(out) == {"a": "done", "a_2": "done", "b": "done"}
+    assert (out / "a" / "corrections.csv").read_text() == CORRECTIONS
+
+
+def test_names_that_a_disk_may_take_for_one_have_distinct_folders(folder, calls, tmp_path):
+    for name in ("\u00e9.avi", "e\u0301.avi"):
+        (folder / name).write_bytes(name.encode())
+    batch.run([folder], tmp_path / "results")
+    assert len(statuses(tmp_path / "results")) == 4
+    assert (
+        len({unicodedata.normalize("NFC", name) for name in statuses(tmp_path / "results")}) == 4
+    )
 
 
 def test_where_a_record_is_lost_no_other_video_gets_the_corrections(folder, calls, tmp_path):

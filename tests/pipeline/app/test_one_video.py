@@ -78,6 +78,22 @@ def test_names_stay_when_a_job_has_begun_another_folder(videos, tmp_path):
     assert one_video.planned_names(inputs, out) == before
 
 
+def test_jobs_that_begin_together_have_distinct_folders(videos, tmp_path, monkeypatch):
+    out, jobs = tmp_path / "out", []
+    names_of = one_video.results_folders
+
+    def names(*args, **options):
+        with pytest.raises(InputError), locked(out / one_video.JOBS):
+            pass  # so no other job reads the plan before it is written
+        return names_of(*args, **options)
+
+    monkeypatch.setattr(one_video, "results_folders", names)
+    out.mkdir()
+    for path in ("x/a.avi", "y/a.avi"):  # neither has begun to write
+        jobs += one_video.planned_names(find_inputs([videos / path]), out).values()
+    assert jobs == ["a", "a_2"]
+
+
 def test_two_jobs_of_one_video_do_not_meet(videos, tmp_path):
     job = one_video.job_folder(tmp_path, "a")
     job.mkdir(parents=True)
