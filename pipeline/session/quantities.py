@@ -11,12 +11,16 @@ FEWEST_PER_MM = 25.0  # pixels that a length counts as, at least
 
 
 class Range(NamedTuple):
-    """Plausible values of a quantity, and factors of units often used by mistake."""
+    """Plausible values of a quantity, and factors of units often used by mistake.
+
+    inverse : the unit of one over the quantity, where that is often used
+    """
 
     low: float
     high: float
     unit: str
     mistaken_units: dict[str, float]
+    inverse: str = ""
 
     def check(self, value: float) -> float:
         """Return the value; PydanticCustomError with advice where it is not plausible."""
@@ -28,15 +32,20 @@ class Range(NamedTuple):
         """What was expected in place of `value`, and what to do."""
         unit = f" {self.unit}" if self.unit else ""
         text = f"expected {self.low:g} to {self.high:g}{unit}"
-        for mistaken, factor in self.mistaken_units.items():
-            if self.low <= value * factor <= self.high:
-                return f"{text}; is it in {mistaken}? then write {value * factor:.6g}"
-        return f"{text}; correct the value"
+        meant = {mistaken: value * factor for mistaken, factor in self.mistaken_units.items()}
+        if self.inverse and value:
+            meant = {self.inverse: 1 / value} | meant
+        hints = [
+            f"in {mistaken}? then write {right:.6g}"
+            for mistaken, right in meant.items()
+            if self.low <= right <= self.high
+        ]
+        return f"{text}; " + (f"is it {'; or '.join(hints)}" if hints else "correct the value")
 
 
-def quantity(low, high, unit, mistaken_units=None):
+def quantity(low, high, unit, mistaken_units=None, inverse=""):
     """Type of a float that must lie in [low, high] `unit`."""
-    limits = Range(low, high, unit, mistaken_units or {})
+    limits = Range(low, high, unit, mistaken_units or {}, inverse)
     return Annotated[float, Field(strict=True), AfterValidator(limits.check)]
 
 

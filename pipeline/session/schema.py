@@ -38,9 +38,9 @@ class RecordingSettings(_Table):
     frames_per_second: quantity(10, 200_000, "frames/s", {"kHz": 1e3}) = Field(
         description="of the camera, not the file's playback rate"
     )
-    pixels_per_mm: quantity(1, 1000, "pixels/mm", {"pixels per m": 1e-3, "pixels per µm": 1e3}) = (
-        Field(description="scale of the image")
-    )
+    pixels_per_mm: quantity(
+        1, 1000, "pixels/mm", {"pixels per m": 1e-3, "pixels per µm": 1e3}, "mm per pixel"
+    ) = Field(description="scale of the image")
     face: Literal["left", "right", "top", "bottom"] = Field(
         description="side of the image: left, right, top, bottom"
     )

@@ -168,6 +168,10 @@ def test_any_settings_survive_the_way_to_the_file_and_back(fps, scale, length, h
             document(recording=LEAST["recording"] | {"pixels_per_mm": 0.025}),
             ["per µm?", "write 25"],
         ),
+        (
+            document(recording=LEAST["recording"] | {"pixels_per_mm": 0.04}),
+            ["in mm per pixel? then write 25; or in pixels per µm? then write 40"],
+        ),
         (document(whisker=[{"length_mm": -3}]), ["length_mm = -3", "expected 1 to 200 mm"]),
         (document(whisker=[{"youngs_modulus_GPa": 3e9}]), ["is it in Pa", "write 3"]),
         (document(whisker=[{"density_kg_per_m3": 1.0}]), ["is it in g/cm³", "write 1000"]),
