@@ -69,8 +69,9 @@ def _command_for(program, read, words) -> None:
         from pipeline.app import batch
 
         of_whiskers = tuple(name.strip() for name in names.split(",") if name.strip())
-        own = partial(read, names=of_whiskers)
-        source = batch.Source(partial(_find, program=program), partial(_analyse, read=own))
+        find, own = partial(_find, program=program), partial(read, names=of_whiskers)
+        _check_names(of_whiskers, find(paths, out), config)
+        source = batch.Source(find, partial(_analyse, read=own))
         cores, shown = jobs or terminal.cores(), terminal.progress
         summary = batch.run(paths, out, config, cores, True, False, shown, source)
         terminal.finish_run(summary, debug, terminal.say)
@@ -155,6 +156,21 @@ def _find(paths, out, program):
             raise InputError(f"{root}: no file called {names} in it; name the files themselves")
         found += [Input(path, root) for path in (inside if root.is_dir() else [root])]
     return found
+
+
+def _check_names(names, inputs, config):
+    """InputError where a session.toml has tables of whiskers, but none of a name that is given."""
+    from pipeline.errors import InputError
+    from pipeline.session.inputs import settings_of
+
+    for settings in settings_of(inputs, config).values() if names else ():
+        known = [whisker.name for whisker in settings.whisker]
+        unknown = [name for name in names if known and name not in known]
+        if unknown:
+            raise InputError(
+                f"--names: session.toml has no [[whisker]] table for {', '.join(unknown)}, but "
+                f"for {', '.join(known)}; correct the names, or add the table"
+            )
 
 
 def _analyse(task, keep, report, corrections, read):

@@ -122,6 +122,15 @@ def test_what_cannot_be_used_is_said_in_one_line(
     assert len(said.splitlines()) == 1
 
 
+def test_names_that_no_whisker_of_the_session_has_are_unusable(session, tmp_path, capsys):
+    (session / "trial.whiskers").write_bytes(b"")
+    out = tmp_path / "out"
+    assert run("import", "janelia", session, "--out", out, "--names", "C2,C9") == 2
+    said = capsys.readouterr().err
+    assert "--names: session.toml has no [[whisker]] table for C9, but for C2" in said
+    assert not out.exists()
+
+
 # --- every other format through the command ---------------------------------------------
 
 
