@@ -46,6 +46,11 @@ class Look:
     snout: str | None = None
 
     @property
+    def size(self) -> tuple[int, int]:
+        """Width and height of the picture [px]."""
+        return self.scene.face_mask.shape[::-1]
+
+    @property
     def pole(self) -> tuple[float, float, float] | None:
         """(x, y, radius) [px]."""
         pole = self.scene.pole
@@ -199,15 +204,16 @@ def findings(looks):
     if same:
         x, y, _ = np.mean(poles, axis=0)
         document["pole"] |= {"x_px": round(float(x), 1), "y_px": round(float(y), 1)}
-    return document, _notes(looks, snout)
+    return document, _notes(looks, snout, scale)
 
 
-def _notes(looks, snout) -> dict:
+def _notes(looks, snout, scale) -> dict:
     """What the user should know of a value, by its key; a guess begins with GUESS."""
+    width, height = (size / scale for size in looks[0].size)
     how = (
         f"GUESS from the pole, taken to be {POLE_DIAMETER_MM:g} mm thick"
         if any(look.pole for look in looks)
-        else f"GUESS, as if the image showed {FIELD_MM:g} mm × {FIELD_MM:g} mm"
+        else f"GUESS, as if the image showed {width:.3g} mm × {height:.3g} mm"
     )
     return {
         "recording.frames_per_second": "GUESS, it is set at the camera or its trigger",
@@ -253,7 +259,22 @@ def _words(looks, preview, target) -> list[str]:
     return [
         f"looked at {names}{shown}",
         *preview.words(),
+        *_unlike(looks),
         f"wrote {target} and {target.parent / PREVIEW_NAME}",
         f"{advice}; then run `init` again: it shows what is found with the corrected file, and "
         "which whisker has which name",
     ]
+
+
+def _unlike(looks):
+    """A line where videos are of several cameras or views: one session.toml is for one of them."""
+    kinds = defaultdict(list)
+    for look in looks:
+        kind = f"{look.size[0]}×{look.size[1]} px, face at the {look.scene.face_side}"
+        kinds[kind].append(look.path.name)
+    if len(kinds) > 1:
+        found = "; ".join(f"{kind} ({', '.join(names)})" for kind, names in kinds.items())
+        yield (
+            f"these videos are not alike: {found}: this session.toml has one scale and one face "
+            "side for all; give each camera's videos a folder and a session.toml of their own"
+        )

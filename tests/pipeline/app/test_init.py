@@ -1,11 +1,12 @@
 """Which round dark things give no scale, and what a first session.toml says."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from pipeline.app.init import Look, _is_passed_over, findings, init_folder
+from pipeline.app.init import Look, _is_passed_over, _unlike, findings, init_folder
 from pipeline.detection.static_scene import PoleTrack, StaticScene
 from pipeline.errors import InputError
 from pipeline.session.session_file import session_text, settings_from
@@ -45,6 +46,20 @@ def test_a_first_session_says_what_is_a_guess_and_when_its_whiskers_count():
     assert "found in some frames" in name
     assert "`run` may know others" in name
     assert name.endswith("followed until one here has a dimension or another name")
+
+
+def test_a_scale_without_a_pole_says_how_much_the_picture_would_show():
+    bare = replace(scene(DISC), pole=None)
+    _, notes = findings([Look(Path("a.avi"), bare, 12.5, ("w1",))])
+    assert "as if the image showed 25.6 mm × 19.2 mm" in notes["recording.pixels_per_mm"]
+
+
+def test_videos_that_one_session_cannot_hold_for_are_named():
+    first = Look(Path("a.avi"), scene(DISC), 25.0, ("w1",))
+    turned = replace(first, path=Path("b.avi"), scene=replace(first.scene, face_side="top"))
+    assert not list(_unlike([first, first]))
+    (said,) = _unlike([first, turned])
+    assert "320×240 px, face at the left (a.avi); 320×240 px, face at the top (b.avi)" in said
 
 
 def test_settings_that_were_saved_by_another_name_are_not_left_behind(tmp_path):
