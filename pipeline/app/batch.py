@@ -160,7 +160,8 @@ def run(
             seconds = time.monotonic() - started
             own, problems = "", ()
             if not is_persons:
-                own, problems = write_session_file(out, list(settings.values()))
+                digests = {task.digest for task in tasks} | _digests(others, out)
+                own, problems = write_session_file(out, list(settings.values()), digests)
             problems = (*problems, *guesses, *kept, *renewed)
             said = frozenset(new if progress else ())
             summary = Summary(
@@ -273,6 +274,12 @@ def _earlier(out, names) -> list[Outcome]:
     folders = [path.parent for path in sorted(out.glob(f"*/{STATE_FILE}"))]
     others = [folder for folder in folders if folder.name not in names and _is_video(folder)]
     return [kept_outcome(folder) or _damaged(folder) for folder in others]
+
+
+def _digests(outcomes, out) -> set[str]:
+    """Hashes of the settings that results were made with."""
+    found = (read_state(out / each.video).get("settings_sha256", "") for each in outcomes)
+    return set(filter(None, found))
 
 
 def _is_video(folder) -> bool:

@@ -7,6 +7,7 @@ from pipeline import __version__
 from pipeline.contacts.corrections import read_corrections
 from pipeline.curate.corrected import MADE_WITH, corrections_digest, settings_of_results
 from pipeline.errors import CorrectionsError, counted, in_words
+from pipeline.session.content import same_input, stamp
 from pipeline.session.session_file import SettingsError
 from pipeline.tables import files
 from pipeline.tables.columns import (
@@ -16,7 +17,7 @@ from pipeline.tables.columns import (
     FRAME_COLUMNS,
 )
 from pipeline.tables.result_exchange import STATE_FILE, is_settled
-from pipeline.tables.run_record import read_state, same_input, stamp, write_state
+from pipeline.tables.run_record import read_state, write_state
 from pipeline.tables.video_messages import sentences_of
 
 PARQUETS = {

@@ -50,9 +50,11 @@ def check_folder(out):
         ) from None
 
 
-def write_session_file(out, settings) -> tuple[str, tuple[str, ...]]:
+def write_session_file(out, settings, digests) -> tuple[str, tuple[str, ...]]:
     """Write the settings in force; one that a person has written is kept under another name.
 
+    settings : of the videos of this run
+    digests : of the settings of all videos that have results in `out`
     Returns the hash of what was written, "" if nothing was, and what a person should know.
     """
     target = out / SETTINGS_NAME
@@ -60,7 +62,7 @@ def write_session_file(out, settings) -> tuple[str, tuple[str, ...]]:
     if not distinct:
         return "", ()
     text = session_text(distinct[0])
-    if len(distinct) > 1:
+    if len(digests) > 1:
         note = "# Videos differ in their settings: these are the first one's; each video's\n"
         text = f"{note}# results folder holds its own.\n{text}"
     before = target.read_bytes() if target.exists() else b""

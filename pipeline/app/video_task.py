@@ -11,12 +11,12 @@ from pipeline.errors import InputError, in_words, why, with_advice
 from pipeline.runtime.compiling import compiling_reported, seconds_without_compiling
 from pipeline.runtime.progress import Step
 from pipeline.scene import pole_runs
+from pipeline.session.content import same_input, sha256, stamp
 from pipeline.session.schema import Settings
 from pipeline.tables import centrelines
 from pipeline.tables.result_exchange import READY, STATE_FILE, draft, overlays_in, settle
-from pipeline.tables.run_record import read_run, read_state, same_input, stamp
+from pipeline.tables.run_record import read_run, read_state
 from pipeline.tables.video_messages import as_cell
-from pipeline.tables.whole_files import sha256
 
 CHANGED = "the video was changed or removed while it was read: run it again"
 

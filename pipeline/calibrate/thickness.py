@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 
 from pipeline.numerics.polyline import arc_along
-from pipeline.tables.run_record import check_video
+from pipeline.session.content import check_video
 from pipeline.video import open_video
 
 REACH_MM, LEAST_REACH_PX = 0.36, 6.0  # across the whisker, each way

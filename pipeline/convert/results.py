@@ -11,19 +11,14 @@ import pandas as pd
 from pipeline.detection.static_scene import PoleTrack
 from pipeline.errors import InputError, VideoError
 from pipeline.scene import pole_runs
+from pipeline.session.content import check_video
 from pipeline.session.inputs import need_results
 from pipeline.session.schema import Settings
 from pipeline.session.session_file import read_session
 from pipeline.tables import files
 from pipeline.tables.centrelines import Centrelines, read_centrelines
 from pipeline.tables.columns import CONTACT_COLUMNS, VIDEO_COLUMNS
-from pipeline.tables.run_record import (
-    check_video,
-    found_video,
-    frame_count,
-    read_pole,
-    recorded_path,
-)
+from pipeline.tables.run_record import found_video, frame_count, read_pole, recorded_path
 
 MOST_FRAMES = 10_000_000  # a larger number is damage
 TRIAL_NUMBER = re.compile(r".*[-_](\d{1,18})$")  # of a video's name

@@ -27,17 +27,12 @@ from pipeline.curate.items import Item, items_of, probabilities
 from pipeline.curate.review import Review
 from pipeline.errors import InputError, VideoError, in_words
 from pipeline.scene import pole_runs
+from pipeline.session.content import check_video
 from pipeline.session.inputs import need_results
 from pipeline.tables import centrelines, files
 from pipeline.tables.columns import CONTACT_COLUMNS
 from pipeline.tables.evidence import EVIDENCE_FILE, read_evidence
-from pipeline.tables.run_record import (
-    check_video,
-    found_video,
-    frame_count,
-    read_pole,
-    recorded_path,
-)
+from pipeline.tables.run_record import found_video, frame_count, read_pole, recorded_path
 from pipeline.video.open import open_video
 
 LINES_AROUND = 256  # frames whose centrelines are read together

@@ -7,11 +7,11 @@ import pandas as pd
 
 from pipeline.errors import VideoError, counted
 from pipeline.reports.plots import data_uri
+from pipeline.session.content import check_video
 from pipeline.session.session_file import read_session
 from pipeline.tables import files
 from pipeline.tables.columns import split_flags
 from pipeline.tables.known_names import KNOWN
-from pipeline.tables.run_record import check_video
 
 JPEG_QUALITY = 80
 

@@ -2,9 +2,8 @@
 
 from pathlib import Path, PureWindowsPath
 
-from pipeline.errors import VideoError
 from pipeline.tables.result_exchange import STATE_FILE
-from pipeline.tables.whole_files import read_json, sha256, write_json
+from pipeline.tables.whole_files import read_json, write_json
 
 KINDS = {
     "version": str,
@@ -67,47 +66,12 @@ def found_video(folder, recorded) -> Path:
     """Where the video of a results folder is: where it was `recorded`, or else beside the results.
 
     The record may be from another computer, with its system's paths. What is there may be another
-    video: see `check_video`.
+    video: see `session.content`.
     """
     path, name = Path(recorded), PureWindowsPath(recorded).name  # which knows both separators
     places = (path, folder.parent / name, folder.parent.parent / name)
     # a folder of images is called as its results are
     return next((place for place in places if place.exists() and place != folder), path)
-
-
-def check_video(folder, path) -> None:
-    """VideoError where there is another video than that of which the results in a folder are."""
-    path, state = Path(path), read_state(folder)
-    if state and path.exists() and not same_input(state, path):
-        raise VideoError(
-            path,
-            "is not the video of these results, or has changed since: put that one there, or run "
-            "this one",
-        )
-
-
-def stamp(path) -> dict:
-    """Size and times of a file, or of all files of a folder: changes with the content."""
-    files = sorted(p for p in path.iterdir() if p.is_file()) if path.is_dir() else [path]
-    stats = [file.stat() for file in files]
-    return {
-        "bytes": sum(s.st_size for s in stats),
-        "modified_ns": max((s.st_mtime_ns for s in stats), default=0),
-        "changed_ns": max((s.st_ctime_ns for s in stats), default=0),
-    }
-
-
-def same_input(state, path) -> bool:
-    """Whether a video's content is that of its record; read only where size or times differ."""
-    try:
-        now, before = stamp(path), state.get("input")
-        if before == now:
-            return True
-        if before is not None and before.get("bytes") != now["bytes"]:
-            return False
-        return bool(state.get("sha256")) and state["sha256"] == sha256(path)
-    except OSError:
-        return False  # it has gone, or cannot be read
 
 
 def frame_count(folder, frames) -> int:

@@ -91,15 +91,9 @@ def to_disk(path) -> None:
 
 
 def sha256(path) -> str:
-    """SHA-256 of a file's content, or of the names and contents of a folder's files."""
-    path = Path(path)
-    if not path.is_dir():
-        with open(path, "rb") as file:
-            return hashlib.file_digest(file, "sha256").hexdigest()
-    whole = hashlib.sha256()
-    for file in sorted(p for p in path.iterdir() if p.is_file()):
-        whole.update(f"{file.name} {sha256(file)}\n".encode())
-    return whole.hexdigest()
+    """SHA-256 of a file's content."""
+    with open(path, "rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def _umask() -> int:

@@ -49,7 +49,7 @@ def open_video(path, threads: int = 1) -> Video:
     if path.is_dir():
         from pipeline.video.image_stacks import ImageFolderVideo
 
-        return ImageFolderVideo(path, _images_of(path))
+        return ImageFolderVideo(path, images_of(path))
     if path.is_symlink() and not path.exists():
         raise VideoError(path, "is a link to a file that is not there; is a disk missing?")
     if not path.exists():
@@ -210,7 +210,7 @@ def natural_key(path: Path):
     return [(int(part), "") if part.isdecimal() else (-1, part) for part in parts], path.name
 
 
-def _images_of(folder):
+def images_of(folder):
     """Return the image files of the commonest suffix in `folder`, in natural order."""
     images = _images(_listing(folder))
     if images:

@@ -893,6 +893,24 @@ def test_results_of_other_inputs_stay(folder, calls, tmp_path):
     assert calls == ["a.avi", "b.avi"]
 
 
+def test_settings_of_one_session_are_not_taken_for_those_of_all(folder, calls, tmp_path):
+    out, other, note = (
+        tmp_path / "results",
+        tmp_path / "other",
+        "# Videos differ in their settings",
+    )
+    batch.run([folder / "a.avi"], out)
+    batch.run([folder / "b.avi"], out)
+    assert note not in (out / "session.toml").read_text()
+    shutil.copytree(folder, other)
+    (other / "a.avi").write_bytes(b"another session")
+    change_settings(other)
+    summary = batch.run([other / "a.avi"], out)
+    assert (out / "session.toml").read_text().startswith(note)
+    assert not summary.problems
+    assert read_session(out / "session.toml").analysis.curvature_at_mm == 5.6
+
+
 def test_interruption_keeps_what_is_finished(folder, calls, tmp_path):
     out = tmp_path / "results"
     (folder / "b.avi").write_bytes(b"stop")

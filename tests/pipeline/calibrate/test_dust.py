@@ -4,6 +4,7 @@ import shutil
 import warnings
 from types import SimpleNamespace
 
+import cv2
 import numpy as np
 import pandas as pd
 import pytest
@@ -91,9 +92,9 @@ def test_no_particle_is_looked_for_in_another_video_of_that_name(tmp_path, monke
         raise VideoError(path, "is another")
 
     line = np.column_stack([np.arange(9.0), np.zeros(9)])
-    video = SimpleNamespace(
-        folder=tmp_path, path=np.zeros((1, 9, 9), np.uint8), lines_of=lambda *_, **__: {0: line}
-    )
+    path = tmp_path / "a.png"
+    cv2.imwrite(str(path), np.zeros((9, 9), np.uint8))
+    video = SimpleNamespace(folder=tmp_path, path=path, lines_of=lambda *_, **__: {0: line})
     assert len(thickness.map_thickness(video, "C2", (-2, 0), 1.0).frame) == 1
     monkeypatch.setattr(thickness, "check_video", is_another)
     with pytest.raises(VideoError, match="is another"):
