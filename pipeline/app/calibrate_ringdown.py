@@ -6,6 +6,8 @@ from pipeline.calibrate.ringdown_files import write_into, write_ringdown
 from pipeline.calibrate.slips import find_slips, named_slips
 from pipeline.errors import counted
 
+DIMENSIONS = ("length", "cone_length", "base_radius", "density")  # on which the modulus depends
+
 
 def run_ringdown(results, out, places, follicle, into, name, say) -> list[str]:
     """Fit all slips, write the results, then the session; nothing where no slip can be fitted.
@@ -71,7 +73,7 @@ def _fitted(results, slips, whisker, boundary, say):
     """Fits of all slips that carry one, and why the others do not."""
     fits, faults = each(
         slips,
-        lambda slip: fit_slip(slip, boundary),
+        lambda slip: _fit(slip, slips[0], boundary),
         lambda fit: f"{fit.slip}: {_sentence(fit, fit.youngs_modulus(whisker, boundary))}",
         say,
         label=lambda slip: f"{slip}: ",
@@ -82,6 +84,17 @@ def _fitted(results, slips, whisker, boundary, say):
             f"{faults[0]}"
         )
     return fits, faults
+
+
+def _fit(slip, first, boundary):
+    """Fit a slip, ValueError where it is another whisker's than the first slip."""
+    own, other = (whisker_of(each.video.settings, each.whisker) for each in (slip, first))
+    if any(getattr(own, key) != getattr(other, key) for key in DIMENSIONS):
+        raise ValueError(
+            f"the whisker has other dimensions in {slip.video.name} than in {first.video.name}: "
+            "calibrate with the results of one session at a time"
+        )
+    return fit_slip(slip, boundary)
 
 
 def _sentence(each, modulus):

@@ -55,6 +55,12 @@ def _measured(video, other, second, views, name):
 
     if other is None:
         raise ViewsError(f"{video.name}: no video of that name in {second}")
+    scale = video.settings.recording.pixels_per_mm
+    if scale != views.first_scale:
+        raise ViewsError(
+            f"{video.name}: has {scale:g} pixels per mm, the first video {views.first_scale:g}: "
+            "put together the views of one session at a time"
+        )
     return measure_views(video, other, views, name, analyse_lines)
 
 

@@ -1,10 +1,12 @@
 """Ring-downs in results folders made by hand: the model's decays, and what cannot be fitted."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline.app import cli
+from pipeline.app import calibrate_ringdown, cli
 from pipeline.calibrate.ringdown import fit_slip, pool, pooled_estimate
 from pipeline.calibrate.slips import find_slips, named_slips
 from pipeline.session.session_file import read_session, settings_from, write_session
@@ -167,6 +169,19 @@ def test_command_writes_tables_figure_and_session(tmp_path, capsys):
     changed = zip(before.splitlines(), session.read_text("utf-8").splitlines(), strict=True)
     assert sum(a != b for a, b in changed) == 2
     assert "8 slips, fixed follicle" in capsys.readouterr().out
+
+
+def test_slips_of_whiskers_of_unlike_dimensions_are_not_pooled(monkeypatch):
+    def slip(video, **other):
+        recording = {"frames_per_second": 1000.0, "pixels_per_mm": 25, "face": "left"}
+        settings = settings_from({"recording": recording, "whisker": [DIMENSIONS | other]})
+        return SimpleNamespace(video=SimpleNamespace(name=video, settings=settings), whisker="C2")
+
+    monkeypatch.setattr(calibrate_ringdown, "fit_slip", lambda slip, boundary: slip.video.name)
+    first, later = slip("monday"), slip("tuesday", youngs_modulus_GPa=3.4)
+    assert calibrate_ringdown._fit(later, first, "fixed") == "tuesday"
+    with pytest.raises(ValueError, match="other dimensions in friday than in monday"):
+        calibrate_ringdown._fit(slip("friday", length_mm=17.0), first, "fixed")
 
 
 def test_frames_may_be_named(tmp_path):

@@ -1,12 +1,13 @@
 """Two views put together: from points, from straight lines, and from rendered motion's truth."""
 
 import shutil
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline.app import cli
+from pipeline.app import calibrate_views, cli
 from pipeline.calibrate.lines_3d import path_row, space_line, unroll
 from pipeline.calibrate.two_views import COLUMNS, ViewsError, fit_views, read_points
 from pipeline.calibrate.views import _lag
@@ -269,6 +270,13 @@ def _shuffled(table):
     names = ["second_x_px", "second_y_px"]
     table[names] = table[names].to_numpy()[::-1]
     return table
+
+
+def test_a_video_of_another_scale_is_not_put_together_by_these_points():
+    recording = {"frames_per_second": 1e3, "pixels_per_mm": 30, "face": "left"}
+    video = SimpleNamespace(name="friday", settings=settings_from({"recording": recording}))
+    with pytest.raises(ViewsError, match="friday: has 30 pixels per mm, the first video 25"):
+        calibrate_views._measured(video, video, "second", SimpleNamespace(first_scale=25.0), "C2")
 
 
 def test_points_saved_with_semicolons_say_so(tmp_path):
