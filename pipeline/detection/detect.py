@@ -6,6 +6,7 @@ import numpy as np
 from numba import njit
 
 from pipeline.detection import crossings, line_fit, new_lines, ridges, splitting
+from pipeline.detection.frame import Frame
 from pipeline.detection.image_model import ImageModel, absorbance_image, lines_in_background
 from pipeline.detection.line import Line
 from pipeline.detection.line_choice import (
@@ -65,19 +66,17 @@ class Search(NamedTuple):
     known: tuple[np.ndarray, ...] = polyline.end_to_end((), KNOWN_STEP)
 
 
-def detect(
-    image, model: ImageModel, gain, options: TracingOptions, workspace, search=None
-) -> list[Line]:
+def detect(frame: Frame, search: Search | None = None) -> list[Line]:
     """Find all whiskers in one frame, best first.
 
-    A whisker comes out of the face and is visible over at least `options.shortest_px`. Without a
-    `Search`, sharp ones are looked for in the whole frame.
+    A whisker comes out of the face and is visible over at least `shortest_px` of the options.
+    Without a `Search`, sharp ones are looked for in the whole frame.
     """
     if search is None:
-        search = Search(options.params.detection.sharp_sd_px, _apart_px(options))
-    lines = _lines_at(search, image, model, gain, options, workspace)
-    lines = without_doubles(lines, search.near_px)
-    return _uncrossed_anew(image, model, gain, options, workspace, lines)
+        scale = frame.options.params.detection.sharp_sd_px
+        search = Search(scale, _apart_px(frame.options))
+    lines = without_doubles(_lines_at(frame, search), search.near_px)
+    return _uncrossed_anew(frame, lines)
 
 
 def _apart_px(options: TracingOptions) -> float:
@@ -85,19 +84,18 @@ def _apart_px(options: TracingOptions) -> float:
     return pixels_in(options.params.detection.same_whisker_mm, options.pixels_per_m)
 
 
-def _detect_blurred(image, model: ImageModel, gain, options, workspace, search) -> list[Line]:
+def _detect_blurred(frame, search) -> list[Line]:
     """Find lines that motion has made broad, best first; sharp ones are found as well."""
-    scale, near_px = options.params.detection.blurred_sd_px, _apart_px(options)
-    search = search._replace(scale=scale, near_px=near_px)
-    lines = _lines_at(search, image, model, gain, options, workspace)
-    return without_doubles(lines, search.near_px)
+    scale, near_px = frame.options.params.detection.blurred_sd_px, _apart_px(frame.options)
+    lines = _lines_at(frame, search._replace(scale=scale, near_px=near_px))
+    return without_doubles(lines, near_px)
 
 
-def _lines_at(search: Search, image, model, gain, options, workspace) -> list[Line]:
+def _lines_at(frame, search: Search) -> list[Line]:
     """Lines fitted along the ridges of one scale, those that may be whiskers, best first."""
-    absorbance, own = absorbance_image(image, model, gain), options.params.detection
-    picture, lines = model.picture(image, gain), []
-    fit = options.fit(model, widths=True, steps=1)
+    model, options, lines = frame.model, frame.options, []
+    absorbance = absorbance_image(frame.image, model, frame.gain)
+    fit, own = options.fit(model, widths=True, steps=1), options.params.detection
     least = search.wanted.least
     limits = 0.6 * options.shortest_px, float(options.base_gap_px), WORTH_FITTING * least
     curves = ridges.curves_in(search.wanted.part, absorbance, model.noise, search.scale)
@@ -105,9 +103,9 @@ def _lines_at(search: Search, image, model, gain, options, workspace) -> list[Li
     _leave_out_known(*curves, *search.known, same_px(options), senses)
     for k in np.flatnonzero(senses):
         rooted = curves.curve(k)[:: senses[k]]
-        line = new_lines.initialise_line(picture, rooted, fit, workspace)
+        line = new_lines.initialise_line(frame.picture, rooted, fit, frame.workspace)
         if ends_at_face(line, model, options) and is_turned(line, model.outward, own.thickens):
-            line = new_lines.initialise_line(picture, rooted[::-1], fit, workspace)
+            line = new_lines.initialise_line(frame.picture, rooted[::-1], fit, frame.workspace)
         if contrast_length(line) >= least and is_whisker(line, model, options):
             lines.append(line)
     return sorted(lines, key=lambda line: -contrast_length(line))
@@ -179,9 +177,7 @@ def same_px(options: TracingOptions) -> float:
     return float(np.clip(options.px(options.params.detection.same_whisker_mm), 1.2, 3.0))
 
 
-def detect_crowded(
-    image, model: ImageModel, gain, options: TracingOptions, workspace, known=(), wanted=ALL
-) -> list[Line]:
+def detect_crowded(frame: Frame, known=(), wanted=ALL) -> list[Line]:
     """As `detect`, for whiskers that lie close together: those found hide no others.
 
     What was found is held in the background, and the frame about it, where it may have hidden
@@ -190,9 +186,10 @@ def detect_crowded(
     Blurred ones are looked for where no line is known: what is followed already gets broader.
     """
     nodes = polyline.end_to_end(known, KNOWN_STEP)
-    search = Search(options.params.detection.fine_sd_px, same_px(options), wanted, nodes)
-    with lines_in_background(model, known):
-        lines = _beside(known, search, image, model, gain, options, workspace)
+    scale = frame.options.params.detection.fine_sd_px
+    search = Search(scale, same_px(frame.options), wanted, nodes)
+    with lines_in_background(frame.model, known):
+        lines = _detect_repeatedly(frame, known, search)
     lines.sort(key=lambda line: -contrast_length(line))
     return without_doubles(lines, search.near_px)
 
@@ -214,16 +211,15 @@ def _range_of(places) -> slice:
     return slice(int(places[0]) // WIDE_PX * WIDE_PX, (int(places[-1]) // WIDE_PX + 1) * WIDE_PX)
 
 
-def _beside(known, search, image, model, gain, options, workspace) -> list[Line]:
+def _detect_repeatedly(frame, known, search) -> list[Line]:
     """Lines of `detect_crowded`, with doubles; the `known` ones are in the background."""
-    lines: list[Line] = []
+    model, options, lines = frame.model, frame.options, []
     near_px, wanted, own = search.near_px, search.wanted, options.params.detection
     for look in range(MOST_LOOKS):
         with lines_in_background(model, lines):
-            more = detect(image, model, gain, options, workspace, search)
+            more = detect(frame, search)
             if look == 0 and not known:
-                broad = _detect_blurred(image, model, gain, options, workspace, search)
-                more = with_blurred(more, broad, image, model, gain, own.one_line)
+                more = with_blurred(frame, more, _detect_blurred(frame, search))
         others = *known, *lines
         more = [
             line
@@ -234,18 +230,18 @@ def _beside(known, search, image, model, gain, options, workspace) -> list[Line]
         if not more:
             break
         usual = splitting.usual_sigma([*more, *others])
-        lines += without_broad(image, model, gain, options, workspace, more, lines, usual)
+        lines += without_broad(frame, more, lines, usual)
         if len(lines) >= wanted.enough:
             break
-        with lines_in_background(model, lines) as held:
+        with lines_in_background(model, lines):
             for line in lines:
-                refine_held(held, image, model, gain, line, options, workspace)
+                refine_held(frame, line)
         lines = [line for line in lines if is_whisker(line, model, options)]
         if not lines:
             break
         about = wanted._replace(part=_about(lines, options.shortest_px))
         search = search._replace(wanted=about)
-    return _uncrossed_anew(image, model, gain, options, workspace, lines)
+    return _uncrossed_anew(frame, lines)
 
 
 def _about(lines, margin_px) -> tuple[slice, slice]:
@@ -257,20 +253,20 @@ def _about(lines, margin_px) -> tuple[slice, slice]:
     )
 
 
-def _uncrossed_anew(image, model, gain, options, workspace, lines) -> list[Line]:
+def _uncrossed_anew(frame, lines) -> list[Line]:
     """The same lines, of which crossing ones that have changed far parts are fitted again.
 
     Lost whiskers that cross need it when they are found again by `detect` (test_tracker), and
     those that cross at a small angle in `detect_crowded` (test_detect): without it, 341 rather
     than 355 of 360 rendered whiskers that cross were found in single frames.
     """
-    changed = uncrossed(lines, options)
+    changed = uncrossed(lines, frame.options)
     if not changed:
         return lines
-    with lines_in_background(model, lines) as held:
+    with lines_in_background(frame.model, lines):
         for line, _ in changed:
-            refine_held(held, image, model, gain, line, options, workspace)
-    return [line for line in lines if is_whisker(line, model, options)]
+            refine_held(frame, line)
+    return [line for line in lines if is_whisker(line, frame.model, frame.options)]
 
 
 def uncrossed(lines, options: TracingOptions) -> list[tuple[Line, Line]]:

@@ -181,7 +181,7 @@ def lines_in_background(model: ImageModel, lines=()):
     try:
         for line in lines:
             held.put_in(line)
-        yield held
+        yield
     finally:
         held.go_back(before)
 

@@ -9,6 +9,7 @@ from numba import njit
 from pipeline.detection import line_profile
 
 START_SIGMA_PX = 1.1
+LONGEST = 1.6  # times the picture's diagonal: no line is longer
 
 
 class Scratch(NamedTuple):
@@ -61,6 +62,11 @@ class Workspace:
     def __init__(self, limit: int):
         self.limit = limit
         self.room = np.zeros((18 + line_profile.N_SUMS, limit))
+
+    @classmethod
+    def for_picture(cls, shape) -> "Workspace":
+        """Room for the lines in a picture (height, width)."""
+        return cls(int(LONGEST * np.hypot(*shape)))
 
 
 class Nodes(NamedTuple):

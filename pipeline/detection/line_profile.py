@@ -173,8 +173,13 @@ def _mean_near(values, n, centre, reach):
 
 
 @njit(cache=True)
-def strip_misfit(image, background, weight, gain, x, y, n, sigma):
-    """Weighted squares of image − gain × background over the sections within 3 σ of a line."""
+def strip_misfit(picture, x, y, n, sigma):
+    """Weighted squares of image − gain × background over the sections within 3 σ of a line.
+
+    picture : of `ImageModel`
+    """
+    image, background = picture.image, picture.background
+    weight, gain = picture.weight, picture.gain
     height, width = background.shape
     total = 0.0
     for i in range(n):

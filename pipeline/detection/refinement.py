@@ -1,34 +1,30 @@
-"""A known line fitted to its whisker anew, in a frame of the scene."""
+"""A known line fitted to its whisker anew, in another frame or beside other lines."""
 
 import numpy as np
 from numba import njit
 
 from pipeline.detection import line_fit, line_profile
-from pipeline.detection.image_model import ImageModel
+from pipeline.detection.frame import Frame
 from pipeline.detection.line import Line
-from pipeline.detection.tracing_options import TracingOptions
 
 
-def refine(
-    image, model: ImageModel, gain, line: Line, options: TracingOptions, workspace,
-    farthest=np.inf, widths=False,
-):  # fmt: skip
+def refine(frame: Frame, line: Line, farthest=np.inf, widths=False) -> None:
     """Gauss–Newton from the line's present nodes; base and tip found anew. In place.
 
     A line that is `farthest` [px] or more from them is not found. `widths`: for
     `new_lines.fit_width`.
     """
-    fit = options.fit(model, line.longest, farthest, widths)
+    fit = frame.options.fit(frame.model, line.longest, farthest, widths)
     line.n, line.quality = line_fit.refine(
-        model.picture(image, gain), line.values, line.n, fit, workspace.room
+        frame.picture, line.values, line.n, fit, frame.workspace.room
     )
 
 
-def refine_held(held, image, model: ImageModel, gain, line: Line, options, workspace) -> None:
+def refine_held(frame: Frame, line: Line) -> None:
     """`refine` one of the lines that are held in the background, before the others."""
-    picture, fit = model.picture(image, gain), options.fit(model, line.longest)
+    held, fit = frame.model.held, frame.options.fit(frame.model, line.longest)
     line.n, line.quality, shade = _refine_held(
-        picture, line.values, line.n, *held.forget(line), fit, workspace.room
+        frame.picture, line.values, line.n, *held.forget(line), fit, frame.workspace.room
     )
     held.keep(line, shade)
 

@@ -79,7 +79,8 @@ class RecentFrames:
         """A track's line in the frame before, where it goes back as one that is no other's."""
         lines = seen.lines
         beside = [each for other, each in lines.items() if other in later.lines]
-        line = self.tracker.found_before(line, turn, seen.image, seen.gain, beside)
+        frame = self.tracker.frame_of(seen.image, seen.gain)
+        line = self.tracker.found_before(line, turn, frame, beside)
         if line is None:
             return None
         met = [other for other in lines if _share(line, lines[other]) > APART]

@@ -6,6 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from pipeline.detection import detect, line_choice
+from pipeline.detection.frame import Frame
 from pipeline.detection.image_model import ImageModel
 from pipeline.detection.line import Line, Workspace
 from pipeline.detection.static_scene import StaticScene
@@ -268,12 +269,11 @@ def _lines_of(frames, scene, options, names, indices, absorbed=np.inf):
     found, side = [], "left"
     for present, chosen in _by_scene(frames, scene, indices):
         model = ImageModel.from_scene(present, options.params.detection, absorbed=absorbed)
-        workspace = Workspace(int(1.6 * np.hypot(*present.background.shape)))
+        workspace = Workspace.for_picture(present.background.shape)
         for image in chosen:
-            gain = model.gain(image)
-            at = image, model, gain, options, workspace
+            frame = Frame(image, model, model.gain(image), options, workspace)
             found.append(
-                detect.detect_crowded(*at, wanted=wanted) if several else detect.detect(*at)
+                detect.detect_crowded(frame, wanted=wanted) if several else detect.detect(frame)
             )
         side = present.face_side
     return found, side

@@ -26,18 +26,18 @@ SLOPE_SD = np.radians(3.0)
 FLOAT = np.float32
 
 
-def common_turns(image, background, weight, gain, lines, pivot=0.0) -> np.ndarray:
+def common_turns(picture, lines, pivot=0.0) -> np.ndarray:
     """Turns [rad, from +x to +y] about their pivots at which all predicted lines fit best.
 
     The turn is a linear function of the lines' directions; each line may deviate a little from it.
 
     Parameters
     ----------
-    image, background, weight, gain : as in `search.capture`
+    picture : the frame, as of `ImageModel.picture`
     lines : `detection.Line`s as they are predicted
     pivot : how far behind their bases they turn [px]
     """
-    picture, turns = (image, background, weight, gain), (np.cos(TURNS), np.sin(TURNS))
+    turns = np.cos(TURNS), np.sin(TURNS)
     pivots = np.array([_behind(line.x, line.y, line.n, pivot) for line in lines])
     inner = [slice(FIRST, max(line.n, FIRST), STEP) for line in lines]
     nodes = np.array(
@@ -161,8 +161,8 @@ def _scores(picture, nodes, starts, pivots, turns):
     Of the pixel nearest to a node: one turn moves it by more. All turns of a node are taken
     together, so that vector instructions run along them.
     """
-    image, background, weight, gain = picture
-    shape, flat = image.shape, (image.ravel(), background.ravel(), weight.ravel())
+    p, shape = picture, picture.image.shape
+    flat = p.image.ravel(), p.background.ravel(), p.weight.ravel()
     cosines, sines = turns[0].astype(FLOAT), turns[1].astype(FLOAT)
     (fit, shown), most = np.zeros((2, len(pivots), len(cosines))), np.full(len(pivots), 1e-9)
     places, (grey, light) = np.empty(len(cosines), np.int32), np.empty((2, len(cosines)), FLOAT)
@@ -173,7 +173,7 @@ def _scores(picture, nodes, starts, pivots, turns):
             most[line] += a * a
             _find_places(FLOAT(x), FLOAT(y), dx, dy, cosines, sines, shape, places)
             _take_pixels(flat, places, grey, light)
-            _add_scores(grey, light, FLOAT(gain), FLOAT(a), fit[line], shown[line])
+            _add_scores(grey, light, FLOAT(p.gain), FLOAT(a), fit[line], shown[line])
     return fit / most[:, None], shown / most[:, None]
 
 

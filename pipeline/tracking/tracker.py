@@ -3,16 +3,9 @@
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from pipeline.detection import (
-    detect,
-    image_model,
-    line_choice,
-    line_fit,
-    neighbours,
-    new_lines,
-    tails,
-)
-from pipeline.detection.image_model import ImageModel
+from pipeline.detection import detect, line_choice, line_fit, neighbours, new_lines, tails
+from pipeline.detection.frame import Frame
+from pipeline.detection.image_model import ImageModel, lines_in_background
 from pipeline.detection.line import Line, Workspace
 from pipeline.detection.refinement import refine, refine_held
 from pipeline.detection.static_scene import StaticScene
@@ -44,8 +37,7 @@ class Tracker:
         self.options = options
         self.names = tuple(template.name for template in templates)
         self.tracks = [Track(template, number=k) for k, template in enumerate(templates)]
-        height, width = scene.background.shape
-        self.workspace = Workspace(int(1.6 * np.hypot(height, width)))
+        self.workspace = Workspace.for_picture(scene.background.shape)
         samples = [line for template in templates for line in template.samples]
         self.absorbed = usual_absorbance(samples)
         self.change_scene(scene)
@@ -53,7 +45,7 @@ class Tracker:
         self._set_limits(options)
         self.since_search = self.search_every
         self.gain = 1.0
-        self.frame = -1
+        self.frame_number = -1
         self.ruler = Ruler.of(scene.face_side, options)
 
     def _set_limits(self, options):
@@ -78,31 +70,35 @@ class Tracker:
 
     def step(self, image) -> list[Track]:
         """Advance by one frame; return the tracks, `line` None where a whisker is lost."""
-        self.frame += 1
-        gain, relit = self._light(image)
-        with image_model.lines_in_background(self.model):
-            self._follow_all(image, gain)
+        self.frame_number += 1
+        frame, relit = self._lit(image)
+        with lines_in_background(self.model):
+            self._follow_all(frame)
             missing = [t for t in self.tracks if t.line is None]
             self.since_search += 1
             just_lost = any(t.lost_for in (1, 2) for t in missing)
             if missing and (just_lost or relit or self.since_search >= self.search_every):
-                self._search(missing, image, gain)
+                self._search(missing, frame)
                 self.since_search = 0
         return self.tracks
 
-    def _light(self, image) -> tuple[float, bool]:
-        """A frame's brightness over the background's, and whether the light has just changed."""
+    def _lit(self, image) -> tuple[Frame, bool]:
+        """The `Frame` of an image, and whether the light has just changed."""
         gain, before = self.model.gain(image), self.gain
         self.gain = gain
-        return gain, abs(gain - before) > RELIT * max(gain, before)
+        return self.frame_of(image, gain), abs(gain - before) > RELIT * max(gain, before)
 
-    def _follow_all(self, image, gain) -> None:
+    def frame_of(self, image, gain) -> Frame:
+        """An image, `gain` times as bright as the background, as a frame of the present scene."""
+        return Frame(image, self.model, gain, self.options, self.workspace)
+
+    def _follow_all(self, frame) -> None:
         """Follow every present whisker, each against a background that holds its neighbours.
 
         Afterwards it still holds them.
         """
         present = [t for t in self.tracks if t.line is not None]
-        self._foresee(present, image, gain)
+        self._foresee(present, frame)
         lines = [predicted(track, True) for track in present]
         beside = polyline.near_pairs(lines, self.neighbour_px).any(axis=1)
         held = self.model.held
@@ -110,7 +106,7 @@ class Tracker:
         for k, track in enumerate(present):
             if beside[k]:
                 held.take_out(lines[k])
-            self._follow(track, image, gain, lines[k])
+            self._follow(track, frame, lines[k])
             lines[k] = track.line or foretold(track.before, None)
             if beside[k]:
                 held.put_in(lines[k])
@@ -120,32 +116,27 @@ class Tracker:
             held.put_in(lines[k])
 
         def fit(k):
-            self._refine_shared(present[k], lines, sharing[k], image, gain)
+            self._refine_shared(present[k], lines, sharing[k], frame)
 
         neighbours.fit_together(lines, sharing, fit)
         self._drop_doubles(present)
         if sharing.any():
-            self._uncross(present, image, gain)
+            self._uncross(present, frame)
         self._drop_ghosts(present)
 
-    def _refine_shared(self, track: Track, lines: list[Line], sharing, image, gain) -> None:
+    def _refine_shared(self, track: Track, lines: list[Line], sharing, frame) -> None:
         """Fit a track's line beside the others, with some of which it shares pixels.
 
         lines : all of the frame, held in the background; sharing : (lines,) bool
         """
         if track.line is None:
             return
-        self._refine_held(track.line, image, gain)
+        refine_held(frame, track.line)
         if not self.crowded:  # there, whiskers do lie upon each other
-            self._untangle(track, [lines[k] for k in np.flatnonzero(sharing)], image, gain)
+            self._untangle(track, [lines[k] for k in np.flatnonzero(sharing)], frame)
         self._give_up_if_poor(track)
 
-    def _refine_held(self, line: Line, image, gain) -> None:
-        """Fit a line that the background holds, beside the others."""
-        held = self.model.held
-        refine_held(held, image, self.model, gain, line, self.options, self.workspace)
-
-    def _untangle(self, track: Track, beside: list[Line], image, gain) -> None:
+    def _untangle(self, track: Track, beside: list[Line], frame) -> None:
         """Take a line back from another whisker's far part, onto which it went at a crossing.
 
         Without it, a rendered row's line stays there for up to ten frames (test_tracker).
@@ -158,14 +149,14 @@ class Tracker:
             n = tails.regrow(line.x, line.y, line.n, start, known.x, known.y, known.n)
             if n > 0:
                 line.n = n
-                self._refine_held(line, image, gain)
+                refine_held(frame, line)
                 again = tails.shared_tail(line.x, line.y, line.n, other.x, other.y, other.n)
                 if line.n - again >= tails.LEAST:
                     held.take_out(line)
                     line.n = max(again, 1)
                     held.put_in(line)
 
-    def _foresee(self, present: list[Track], image, gain) -> None:
+    def _foresee(self, present: list[Track], frame) -> None:
         """Set what the tracks turn by, where more is known than each line's own motion."""
 
     def _drop_ghosts(self, present: list[Track]) -> None:
@@ -187,7 +178,7 @@ class Tracker:
         """How rightly a track is on its line, to be compared with another one on the same."""
         return track.line.quality * track.line.n / track.template.visible_px
 
-    def _uncross(self, present: list[Track], image, gain) -> None:
+    def _uncross(self, present: list[Track], frame) -> None:
         """Let lines that have turned off onto each other go on with their own far parts.
 
         Rows of real whiskers need it: without it, fewer of the whiskers that a person has
@@ -203,7 +194,7 @@ class Tracker:
         held.hold([t.line for t in tracks if id(t.line) not in known])
         held.hold([t.line for t in tracks])
         for line, _ in changed:
-            self._refine_held(line, image, gain)
+            refine_held(frame, line)
         pairs = [(t, known[id(t.line)]) for t in tracks if id(t.line) in known]
         if sum(t.line.n * t.line.quality - KEPT * k.n * k.quality for t, k in pairs) < 0:
             for track, line in pairs:  # less is found of them so: they had their own
@@ -214,7 +205,7 @@ class Tracker:
             track.before = None  # the far part's motion is unknown
             self._give_up_if_poor(track)
 
-    def _follow(self, track: Track, image, gain, line: Line) -> None:
+    def _follow(self, track: Track, frame, line: Line) -> None:
         """Find the track's whisker where it is foretold, else in a strip about it, or a wider.
 
         `line` is the one foretold, which is used up.
@@ -229,12 +220,9 @@ class Tracker:
                 line = predicted(track, with_velocity)
             self._carry_on(line, track)
             if half:
-                self._capture(line, image, gain, half)
+                self._capture(line, frame, half)
             farthest = np.inf if half else FORETOLD_PX
-            refine(
-                image, self.model, gain, line, self.options, self.workspace, farthest,
-                widths=self.crowded,
-            )  # fmt: skip
+            refine(frame, line, farthest, widths=self.crowded)
             if self.crowded and line.n >= line_fit.SHORTEST:
                 new_lines.fit_width(line, self.workspace)
             if best is None or self._worth(line, track) > self._worth(best, track):
@@ -278,20 +266,19 @@ class Tracker:
         ):  # fmt: skip
             track.lose()
 
-    def _capture(self, line: Line, image, gain, half) -> None:
+    def _capture(self, line: Line, frame, half) -> None:
         """Move a line onto the best path of a strip of `half` px to both sides."""
-        picture = self.model.picture(image, gain)
-        line.n = search.capture(picture, line.values, line.n, half, self.workspace.room)
+        line.n = search.capture(frame.picture, line.values, line.n, half, self.workspace.room)
 
-    def _search(self, missing: list[Track], image, gain) -> None:
+    def _search(self, missing: list[Track], frame) -> None:
         """Look at the whole frame for the missing whiskers."""
         for track in missing:
             track.lost_for += 1
         present = [t for t in self.tracks if t.line is not None]
         lines = [t.line for t in present]
-        found = self._unknown(lines, image, gain)
+        found = self._unknown(lines, frame)
         if 0 < len(found) < len(missing):
-            found += self._unknown([*lines, *found], image, gain)
+            found += self._unknown([*lines, *found], frame)
         if not found:
             return
         got = matching.match(
@@ -304,13 +291,13 @@ class Tracker:
             track = missing[whisker]
             track.take(found[line])
         if len(self.tracks) > 1 and got.pairs:
-            self._uncross(self.tracks, image, gain)
+            self._uncross(self.tracks, frame)
 
-    def _unknown(self, known: list[Line], image, gain) -> list[Line]:
+    def _unknown(self, known: list[Line], frame) -> list[Line]:
         """Lines in the whole frame beside known ones, which would cut off those they cross."""
         self.model.held.hold([])
-        with image_model.lines_in_background(self.model, known):
-            found = detect.detect(image, self.model, gain, self.options, self.workspace)
+        with lines_in_background(self.model, known):
+            found = detect.detect(frame)
         found = [c for c in found if all(line_choice.shared_fraction(c, p) < 0.4 for p in known)]
         own = self.options.params.detection
         found = [c for c in found if not line_choice.is_ghost(c, known, own)]

@@ -69,16 +69,16 @@ class UnlabelledTracker(Tracker):
 
     def step(self, image) -> list[LineTrack]:
         """Advance by one frame; return the tracks of all lines that are seen."""
-        self.frame += 1
-        gain, relit = self._light(image)
+        self.frame_number += 1
+        frame, relit = self._lit(image)
         before = len(self.tracks)
         with lines_in_background(self.model):
-            self._follow_all(image, gain)
+            self._follow_all(frame)
             self.tracks = [t for t in self.tracks if t.line is not None]
             self.unchanged = 0 if relit or len(self.tracks) != before else self.unchanged + 1
             if self.unchanged < self.rest or self.unchanged % self.seldom == 0:
-                self._search_all(image, gain)
-            self._merge(image, gain)
+                self._search_all(frame)
+            self._merge(frame)
         return self.tracks
 
     def settle_in(self, frames) -> None:
@@ -100,7 +100,7 @@ class UnlabelledTracker(Tracker):
         turn = self.even_turns(lines, np.array(turn))
         for track, angle in zip(self.tracks, turn, strict=True):
             track.line, track.before = (self._turned_back(track.line, k * angle) for k in (1, 2))
-        self.frame, self.unchanged = -1, 0
+        self.frame_number, self.unchanged = -1, 0
 
     def _turned_back(self, line, angle) -> Line:
         """A copy of the line, turned against the row's turn."""
@@ -113,20 +113,18 @@ class UnlabelledTracker(Tracker):
         super().change_scene(scene)
         self.near_face = detect.near_face(self.model, self.options)
 
-    def _search_all(self, image, gain) -> None:
+    def _search_all(self, frame) -> None:
         """Begin a track for every line that has none."""
         lines = [t.line for t in self.tracks]
         self.model.held.hold(lines)
         wanted = detect.Wanted(least=self.faintest, part=self.near_face)
-        for line in detect.detect_crowded(
-            image, self.model, gain, self.options, self.workspace, lines, wanted
-        ):
+        for line in detect.detect_crowded(frame, lines, wanted):
             track = LineTrack(self.template, number=next(self.number))
             track.take(line)
             self.tracks.append(track)
             self.unchanged = 0
 
-    def _foresee(self, present, image, gain) -> None:
+    def _foresee(self, present, frame) -> None:
         """Predict the tracks of a row by the turn that it makes, surer than each one's own motion.
 
         A few lines are no row: one that slips off the pole moves unlike the others.
@@ -135,21 +133,20 @@ class UnlabelledTracker(Tracker):
             track.turn = (0.0, 0.0)
         for row in self._rows([track.line for track in present]):
             if len(row) >= row_rotation.FEWEST_TOGETHER:
-                self._foresee_row([present[k] for k in row], image, gain)
+                self._foresee_row([present[k] for k in row], frame)
 
-    def _foresee_row(self, row, image, gain) -> None:
+    def _foresee_row(self, row, frame) -> None:
         """`_foresee` of the tracks of one row."""
         lines = [foretold(track.line, None) for track in row]
         last = np.array([track.turned_to(track.line) for track in row])
         turn = row_rotation.even_turns(row_rotation.places(lines), last)
         for line, angle in zip(lines, turn, strict=True):
             row_rotation.turn_line(line, angle, self.pivot)
-        m = self.model
-        turn += row_rotation.common_turns(image, m.background, m.weight, gain, lines, self.pivot)
+        turn += row_rotation.common_turns(frame.picture, lines, self.pivot)
         for track, angle in zip(row, turn, strict=True):
             track.turn, track.before = (float(angle), self.pivot), None
 
-    def _merge(self, image, gain) -> None:
+    def _merge(self, frame) -> None:
         """Let one line stand for two that run together, where it explains as much."""
         lines = [t.line for t in self.tracks]
         self.model.held.hold(lines)
@@ -157,17 +154,17 @@ class UnlabelledTracker(Tracker):
         for i, j in np.argwhere(np.triu(near)):
             pair = self.tracks[i], self.tracks[j]
             if any(_run_together(*two) for two in (pair, pair[::-1])):
-                self._merge_two(*sorted(pair, key=self._claim), image, gain)
+                self._merge_two(*sorted(pair, key=self._claim), frame)
         self.tracks = [t for t in self.tracks if t.line is not None]
 
-    def _merge_two(self, faint, other, image, gain) -> None:
+    def _merge_two(self, faint, other, frame) -> None:
         """`_merge` of two tracks, of which `faint` is the less sure one."""
         if not _run_together(faint, other):
             return
         lines, held = (faint.line, other.line), self.model.held
         for line in lines:
             held.take_out(line)
-        one = one_or_two.one_for_two(*lines, image, self.model, gain, self.options, self.workspace)
+        one = one_or_two.one_for_two(frame, *lines)
         if one is not None:
             other.take(one, other.before)
             faint.lose()
@@ -186,7 +183,7 @@ class UnlabelledTracker(Tracker):
                 if line_choice.is_ghost(track.line, others, params):
                     track.lose()
 
-    def found_before(self, line, turn, image, gain, beside) -> Line | None:
+    def found_before(self, line, turn, frame, beside) -> Line | None:
         """A line of one frame in the frame before it, `beside` others; None where it is not seen.
 
         turn : by how much it is likely to have turned [rad]
@@ -194,7 +191,7 @@ class UnlabelledTracker(Tracker):
         track = LineTrack(self.template, turn=(float(turn), self.pivot))
         track.take(line)
         with lines_in_background(self.model, beside):
-            self._follow(track, image, gain, predicted(track, False))
+            self._follow(track, frame, predicted(track, False))
         return track.line
 
     def even_turns(self, lines, turn) -> np.ndarray:
@@ -211,12 +208,12 @@ class UnlabelledTracker(Tracker):
         side = two_sides.side_of(bases @ self.along, self.cuts)
         return [own for k in range(len(self.cuts) + 1) if len(own := np.flatnonzero(side == k))]
 
-    def _follow(self, track, image, gain, line) -> None:
+    def _follow(self, track, frame, line) -> None:
         track.expected = None
         if track.before is None:  # foretold by others: surer than by its own motion
             track.expected = Course(line.x[: line.n].copy(), line.y[: line.n].copy(), line.n)
         track.age += 1
-        super()._follow(track, image, gain, line)
+        super()._follow(track, frame, line)
 
     def _worth(self, line, track) -> float:
         """The less, the more it is turned or bent against what is expected of it."""

@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pipeline.detection.detect import Wanted, detect_crowded
+from pipeline.detection.frame import Frame
 from pipeline.detection.image_model import ImageModel
 from pipeline.detection.line import Line, Workspace
 from pipeline.detection.line_choice import is_ghost, is_turned, shared_fraction
@@ -84,9 +85,8 @@ def test_whiskers_that_cross_are_found_with_their_own_far_parts():
     options, workspace = options_for(recording, lengths, [1.4e-3] * 3), Workspace(1200)
     for frame in AT_CROSSING:
         image = renderer.frame(frame)
-        found = detect_crowded(
-            image, model, model.gain(image), options, workspace, wanted=Wanted(enough=3)
-        )
+        at = Frame(image, model, model.gain(image), options, workspace)
+        found = detect_crowded(at, wanted=Wanted(enough=3))
         whiskers = [np.vstack(trial.motion.centrelines(k, [frame])).T for k in range(3)]
         assert sorted(nearest_whisker(each.points, whiskers) for each in found) == [0, 1, 2]
 

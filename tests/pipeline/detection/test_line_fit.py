@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from pipeline.detection import line_fit, line_profile
+from pipeline.detection.frame import Frame
 from pipeline.detection.image_model import ImageModel
 from pipeline.detection.line import Line, Workspace
 from pipeline.detection.refinement import refine
@@ -247,7 +248,7 @@ def refined(image, nodes):
     line.x[: line.n], line.y[: line.n] = nodes.T
     line.amplitude[:], line.sigma[:] = 0.4, SIGMA
     for _ in range(6):
-        refine(image.astype(np.uint8), model, 1.0, line, options, workspace)
+        refine(Frame(image.astype(np.uint8), model, 1.0, options, workspace), line)
     return line
 
 

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from left_face import DARK, scene_of_left_face
 
 from pipeline.detection import neighbours
+from pipeline.detection.frame import Frame
 from pipeline.detection.image_model import ImageModel, lines_in_background
 from pipeline.detection.line import Line, Workspace
 from pipeline.detection.neighbours import fit_together
@@ -73,10 +74,11 @@ def test_whiskers_that_leave_the_face_together_are_both_where_they_were_drawn(of
     model, image = ImageModel.from_scene(scene), drawn(SLOPES)
     options, workspace = options_for(Recording(1000.0, 25.0, "left")), Workspace(400)
     lines, sharing = list(lines_at(SLOPES, off)), ~np.eye(2, dtype=bool)
-    with lines_in_background(model, lines) as held:
+    frame = Frame(image, model, 1.0, options, workspace)
+    with lines_in_background(model, lines):
 
         def fit(k):
-            refine_held(held, image, model, 1.0, lines[k], options, workspace)
+            refine_held(frame, lines[k])
 
         fit_together(lines, sharing, fit)
     for line, true in zip(lines, lines_at(SLOPES, (0, 0)), strict=True):

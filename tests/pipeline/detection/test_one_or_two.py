@@ -5,6 +5,7 @@ import pytest
 from left_face import DARK, scene_of_left_face
 
 from pipeline.detection import new_lines
+from pipeline.detection.frame import Frame
 from pipeline.detection.image_model import ImageModel
 from pipeline.detection.line import Line, Workspace
 from pipeline.detection.one_or_two import one_for_two
@@ -40,7 +41,8 @@ def answer(image, rows, dark):
     """What stands for two lines in these rows."""
     scene = scene_of_left_face(image.shape, FACE, LIGHT, NOISE)
     options, lines = options_for(Recording(1000.0, 25.0, "left")), [line_at(y, dark) for y in rows]
-    return one_for_two(*lines, image, ImageModel.from_scene(scene), 1.0, options, Workspace(400))
+    frame = Frame(image, ImageModel.from_scene(scene), 1.0, options, Workspace(400))
+    return one_for_two(frame, *lines)
 
 
 @pytest.mark.parametrize("travel", [2.0, 3.0, 4.0])  # px

@@ -25,13 +25,13 @@ class LosingTracker(UnlabelledTracker):
 
     def step(self, image):
         super().step(image)
-        if self.frame == LOST[0]:
+        if self.frame_number == LOST[0]:
             self.tracks = [track for track in self.tracks if track.number != self.lost]
         return self.tracks
 
-    def _search_all(self, image, gain):
-        if self.frame not in LOST:
-            super()._search_all(image, gain)
+    def _search_all(self, frame):
+        if self.frame_number not in LOST:
+            super()._search_all(frame)
 
 
 def followed(row, scenes=None, **changed):

@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from pipeline.detection.image_model import Picture
 from pipeline.detection.line import Line
 from pipeline.tracking.registry import WhiskerTemplate
 from pipeline.tracking.row_rotation import bent, common_turns, even_turns, places, turn_line
@@ -42,23 +43,26 @@ def picture(lines):
     return light.astype(np.uint8)
 
 
+def before_light(image):
+    """A picture in front of even light, as compiled code takes it."""
+    light, weight = np.full(SHAPE, 200, np.float32), np.ones(SHAPE, np.float32)
+    return Picture(image, light, weight, light, light, 1.0)
+
+
 @pytest.mark.parametrize(("turn", "slope"), [(7.0, 0.0), (-6.0, 3.0), (0.0, 0.0)])
 def test_a_fan_is_found_where_it_has_turned_by_more_than_its_spacing(turn, slope):
     angles = np.radians(np.array([-22.0, -17, -12, -8, -2, 3, 9]))
     moved = angles + np.radians(turn + slope * np.linspace(-1, 1, len(angles)))
-    background = np.full(SHAPE, 200, np.float32)
-    weight = np.ones(SHAPE, np.float32)
-    got = common_turns(picture(fan(moved)), background, weight, 1.0, fan(angles))
+    got = common_turns(before_light(picture(fan(moved))), fan(angles))
     assert np.degrees(got) == pytest.approx(np.degrees(moved - angles), abs=0.6)
 
 
 def test_the_order_of_the_lines_does_not_matter():
     angles = np.radians(np.array([-22.0, -17, -12, -8, -2, 3, 9]))
     moved = angles + np.radians(-6 + 3 * np.linspace(-1, 1, len(angles)))
-    background, weight = np.full(SHAPE, 200, np.float32), np.ones(SHAPE, np.float32)
     order = [3, 0, 6, 2, 5, 1, 4]
     lines = [fan(angles)[k] for k in order]
-    got = common_turns(picture(fan(moved)), background, weight, 1.0, lines)
+    got = common_turns(before_light(picture(fan(moved))), lines)
     assert np.degrees(got) == pytest.approx(np.degrees(moved - angles)[order], abs=0.6)
 
 
@@ -94,8 +98,7 @@ def test_a_dark_edge_does_not_turn_the_row():
     column = np.arange(SHAPE[1])
     edge = 100 + np.tan(angles[0] - np.radians(12.0)) * (column - 40)
     seen[np.arange(SHAPE[0])[:, None] < edge] = 10  # the body, beyond the first line
-    background, weight = np.full(SHAPE, 200, np.float32), np.ones(SHAPE, np.float32)
-    got = common_turns(seen, background, weight, 1.0, lines)
+    got = common_turns(before_light(seen), lines)
     assert np.degrees(got[1:]) == pytest.approx(np.full(6, 3.0), abs=0.6)
 
 

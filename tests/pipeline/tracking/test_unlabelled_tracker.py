@@ -197,7 +197,7 @@ def test_a_lone_whisker_may_turn_and_bend_at_once_as_where_it_slips_off_a_pole()
 
 def test_a_lone_whisker_that_rests_is_followed_with_few_searches(monkeypatch):
     tracker, searched = lone_tracker(), []
-    monkeypatch.setattr(tracker, "_search_all", lambda *at: searched.append(tracker.frame))
+    monkeypatch.setattr(tracker, "_search_all", lambda *at: searched.append(tracker.frame_number))
     for _ in range(100):
         tracker.step(long_whisker())
     assert len(searched) <= 6  # in every 20 ms, of 200
@@ -223,10 +223,10 @@ def test_what_a_known_line_leaves_beside_it_is_not_fitted_again(monkeypatch):
     monkeypatch.setattr(
         new_lines, "initialise_line", lambda *at: fitted.append(at) or initialise(*at)
     )
-    tracker._search_all(image, 1.0)
+    tracker._search_all(tracker.frame_of(image, 1.0))
     assert fitted == []
     tracker.tracks.clear()
-    tracker._search_all(image, 1.0)
+    tracker._search_all(tracker.frame_of(image, 1.0))
     assert len(fitted) > 0
 
 
@@ -246,7 +246,7 @@ def test_of_two_lines_on_one_whisker_the_surer_one_goes_on_and_lies_on_it(age):
         line.amplitude *= 0.6
     tracker.tracks.append(beside)
     with lines_in_background(tracker.model):
-        tracker._merge(image, 1.0)
+        tracker._merge(tracker.frame_of(image, 1.0))
     assert tracker.tracks == [track]
     assert np.abs(track.line.points[:, 1] - 100).max() < 0.1  # px
 
