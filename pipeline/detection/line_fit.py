@@ -1,9 +1,8 @@
-"""Follow one whisker from a predicted line to its exact centreline in the next frame.
+"""A line fitted to its whisker to subpixel accuracy, from rough or predicted nodes.
 
-Two steps. *Capture*: the best smooth path through a strip of cross-sections around the
-prediction, found for the whole whisker at once by dynamic programming over the likelihood gain
-of "a line of the known absorbance here". *Refinement*: Gauss–Newton on the raw pixels
-(cross_sections.py) for a spline offset, until it hardly moves the line.
+Gauss–Newton on the raw pixels (cross_sections.py) for a spline offset, until it hardly moves the
+line; then its base, where it leaves the face, and its visible end. A line that is farther off is
+first brought near by tracking/search.py.
 """
 
 from typing import NamedTuple
@@ -19,7 +18,7 @@ from pipeline.numerics.polyline import bilinear, normals, resample
 STIFFNESS = 40.0  # 1/px²: third differences of the line over three knots are about 0.15 px
 SHORTEST = 12  # nodes that a line needs to be one
 MOST_STEPS = 4  # of Gauss–Newton
-STILL_SEEN = 0.95  # part of a line in the next frame, where it is just as foretold
+STILL_SEEN = 0.95  # part of a line in the next frame, where it lies just as predicted
 SHORT_STEP = 0.1  # px: what this leaves out is some thousandths of a pixel's error
 BEYOND_TIP, TIP_STEP = 30, 0.4  # nodes, px: where it moves more there, the tip is still sought, …
 SAME_TIP = 1  # … unless it was within so many nodes where it is now the step before

@@ -182,10 +182,10 @@ def _links(tracklets, lines, motion):
         b = by_first[slice(*np.searchsorted(first[by_first], range_))]
         b = b[(b != a) & (last[b] > last[a])]
         gap = np.maximum(first[b] - last[a], 0)
-        foreseen = motion.carried(features[rows[-1], ANGLE], last[a])[gap]
+        predicted = motion.carried(features[rows[-1], ANGLE], last[a])[gap]
         sd = np.hypot(LINK_SD, LINK_SD_PER_ROOT_FRAME * np.sqrt(np.maximum(gap, 1)))
         beside = np.nan_to_num((appearance[a] - appearance[b]) / WHISKER_SD)
-        misfit = ((direction[b] - foreseen) / sd) ** 2 + beside**2 + _unlike(ends[a], begins[b])
+        misfit = ((direction[b] - predicted) / sd) ** 2 + beside**2 + _unlike(ends[a], begins[b])
         near = misfit < GATE
         parts.append((np.full(near.sum(), a), b[near], misfit[near] + LEAST_MISFIT))
     return (np.concatenate(each) for each in zip(*parts, strict=True))

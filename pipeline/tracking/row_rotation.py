@@ -21,7 +21,7 @@ EVEN = 0.3  # squares of places: weight of no difference along the face
 LEAST_OFF = np.radians(0.5)  # from the turns of the others
 AHEAD = 24  # nodes from the base that give its direction
 FIRST, STEP = 12, 3  # of the nodes that are looked at, and how many on to the next
-LIKELY_SD = np.radians(6.0)  # of what the motion before does not foretell
+LIKELY_SD = np.radians(6.0)  # of the common turn about that of the motion before
 SLOPE_SD = np.radians(3.0)
 FLOAT = np.float32
 

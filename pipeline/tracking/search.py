@@ -1,4 +1,8 @@
-"""The best path for a line through a strip about its prediction."""
+"""The best path for a line through a strip of cross-sections about its prediction.
+
+It is found for the whole whisker at once, by dynamic programming over the likelihood gain of "a
+line of the known absorbance lies here".
+"""
 
 import numpy as np
 from numba import njit
@@ -8,8 +12,10 @@ from pipeline.detection.line import nodes_of, scratch_of
 from pipeline.detection.line_fit import FLOAT, HALF, SHORTEST
 from pipeline.numerics.polyline import normals, resample
 
-STATION = 2  # nodes between two cross-sections of the capture step
+STATION = 2  # nodes between two cross-sections of the strip
 REACH = 3  # half-width of the line's profile in it [px]
+SLOPE_COST = 3.0  # log likelihood, of a step of 1 px between neighbouring stations
+OFFSET_COST = 0.002  # log likelihood per px², of an offset from the prediction
 
 
 @njit(cache=True, error_model="numpy")
@@ -146,7 +152,7 @@ def capture(picture, values, n, half, room):
     strip_gains(picture, nodes, nx, ny, half, gains, at)
     stations = len(gains)
     path = np.empty(stations)
-    best_path(gains, stations, half, 3.0, 0.002, path)
+    best_path(gains, stations, half, SLOPE_COST, OFFSET_COST, path)
     for i in range(stations):
         path[i] = _peak(gains[i], at[i], int(path[i]) + half, 2 * half)
     # The path is that of whole pixels: smooth it over ±4 stations before it moves the nodes.

@@ -17,6 +17,7 @@ class Track:
     `whole` : the last line of which nothing hid the tip
     `turn` : its predicted turn beyond its last motion [rad], and how far behind its base it turns
         [px]
+    `number`, `age` : of the track; frames in which it was followed
     """
 
     template: WhiskerTemplate
@@ -48,18 +49,18 @@ class Track:
 
 def predicted(track: Track, with_velocity: bool) -> Line:
     """Return a copy of the line at its predicted place, moved on by its last motion."""
-    line = foretold(track.line, track.before if with_velocity else None)
+    line = moved_on(track.line, track.before if with_velocity else None)
     if track.turn[0]:
         row_rotation.turn_line(line, *track.turn)
     return line
 
 
-def foretold(line: Line, before: Line | None) -> Line:
-    """Return a line moved on as it has moved since `before`; what was measured is left out."""
+def moved_on(line: Line, before: Line | None) -> Line:
+    """Return a copy moved on as the line has moved since `before`, without what was measured."""
     arrays = np.empty((7, len(line.x)))
     moving = before is not None and before.n > 20
     known = before if moving else line
-    _foretell(
+    _move_on(
         line.x, line.y, line.amplitude, line.sigma, line.n, known.x, known.y,
         known.n if moving else 0, arrays,
     )  # fmt: skip
@@ -67,10 +68,10 @@ def foretold(line: Line, before: Line | None) -> Line:
 
 
 @njit(cache=True)
-def _foretell(x, y, amplitude, sigma, n, before_x, before_y, m, arrays):
+def _move_on(x, y, amplitude, sigma, n, before_x, before_y, m, arrays):
     """Fill `arrays` (at least 4, limit) with places, absorbance and half-width of a moved line.
 
-    It goes on as it has moved since it had the `m` nodes `before`; not at all where `m` is 0.
+    It moves as it has since it had the `m` nodes `before`; not at all where `m` is 0.
     """
     new_x, new_y, new_amplitude, new_sigma = arrays[0], arrays[1], arrays[2], arrays[3]
     for i in range(n):  # loops: copying slices takes three times as long

@@ -16,9 +16,9 @@ from pipeline.tracking import matching, search
 from pipeline.tracking.bends import Bends, is_like_a_whisker, turning_range
 from pipeline.tracking.matching import Ruler
 from pipeline.tracking.registry import WhiskerTemplate, usual_absorbance
-from pipeline.tracking.track_state import Track, foretold, predicted
+from pipeline.tracking.track_state import Track, moved_on, predicted
 
-FORETOLD_PX = 1.0  # a line that is nearer to its prediction is fitted without a search
+NEAR_PREDICTION_PX = 1.0  # a line that is nearer to its prediction is fitted without a search
 DOUBLE_SHARE = 0.6  # part of two lines that may coincide before one of them is given up
 NEAR_SHIFTS = np.radians([-8, -4, 0, 4, 8])  # of all angles, where some whiskers are followed
 KEPT = 0.95  # part of two lines that must still be found when they have exchanged far parts
@@ -98,7 +98,7 @@ class Tracker:
         Afterwards it still holds them.
         """
         present = [t for t in self.tracks if t.line is not None]
-        self._foresee(present, frame)
+        self._predict_turns(present, frame)
         lines = [predicted(track, True) for track in present]
         beside = polyline.near_pairs(lines, self.neighbour_px).any(axis=1)
         held = self.model.held
@@ -107,7 +107,7 @@ class Tracker:
             if beside[k]:
                 held.take_out(lines[k])
             self._follow(track, frame, lines[k])
-            lines[k] = track.line or foretold(track.before, None)
+            lines[k] = track.line or moved_on(track.before, None)
             if beside[k]:
                 held.put_in(lines[k])
         # again beside those whose lines are known now, where their pixels are shared
@@ -156,7 +156,7 @@ class Tracker:
                     line.n = max(again, 1)
                     held.put_in(line)
 
-    def _foresee(self, present: list[Track], frame) -> None:
+    def _predict_turns(self, present: list[Track], frame) -> None:
         """Set what the tracks turn by, where more is known than each line's own motion."""
 
     def _drop_ghosts(self, present: list[Track]) -> None:
@@ -206,9 +206,9 @@ class Tracker:
             self._give_up_if_poor(track)
 
     def _follow(self, track: Track, frame, line: Line) -> None:
-        """Find the track's whisker where it is foretold, else in a strip about it, or a wider.
+        """Find the track's whisker where it is predicted, else in narrow and wide strips about it.
 
-        `line` is the one foretold, which is used up.
+        `line` is the predicted one, which is changed.
         """
         present = track.line
         best = None
@@ -221,7 +221,7 @@ class Tracker:
             self._carry_on(line, track)
             if half:
                 self._capture(line, frame, half)
-            farthest = np.inf if half else FORETOLD_PX
+            farthest = np.inf if half else NEAR_PREDICTION_PX
             refine(frame, line, farthest, widths=self.crowded)
             if self.crowded and line.n >= line_fit.SHORTEST:
                 new_lines.fit_width(line, self.workspace)

@@ -20,7 +20,7 @@ from pipeline.session.quantities import frames_in
 from pipeline.tracking import row_rotation, two_sides
 from pipeline.tracking.matching import crowded
 from pipeline.tracking.registry import WhiskerTemplate, usual_strength
-from pipeline.tracking.track_state import Track, foretold, predicted
+from pipeline.tracking.track_state import Track, moved_on, predicted
 from pipeline.tracking.tracker import DOUBLE_SHARE, Tracker
 
 
@@ -34,7 +34,7 @@ class Course(NamedTuple):
 
 @dataclass
 class LineTrack(Track):
-    """A line that is followed: the one expected in this frame, and how many frames it was seen."""
+    """A line that is followed; `expected`: where the turn of its row predicts it in this frame."""
 
     expected: Course | None = None
 
@@ -104,7 +104,7 @@ class UnlabelledTracker(Tracker):
 
     def _turned_back(self, line, angle) -> Line:
         """A copy of the line, turned against the row's turn."""
-        back = foretold(line, None)
+        back = moved_on(line, None)
         row_rotation.turn_line(back, -angle, self.pivot)
         return back
 
@@ -124,7 +124,7 @@ class UnlabelledTracker(Tracker):
             self.tracks.append(track)
             self.unchanged = 0
 
-    def _foresee(self, present, frame) -> None:
+    def _predict_turns(self, present, frame) -> None:
         """Predict the tracks of a row by the turn that it makes, surer than each one's own motion.
 
         A few lines are no row: one that slips off the pole moves unlike the others.
@@ -133,11 +133,11 @@ class UnlabelledTracker(Tracker):
             track.turn = (0.0, 0.0)
         for row in self._rows([track.line for track in present]):
             if len(row) >= row_rotation.FEWEST_TOGETHER:
-                self._foresee_row([present[k] for k in row], frame)
+                self._predict_row([present[k] for k in row], frame)
 
-    def _foresee_row(self, row, frame) -> None:
-        """`_foresee` of the tracks of one row."""
-        lines = [foretold(track.line, None) for track in row]
+    def _predict_row(self, row, frame) -> None:
+        """`_predict_turns` of the tracks of one row."""
+        lines = [moved_on(track.line, None) for track in row]
         last = np.array([track.turned_to(track.line) for track in row])
         turn = row_rotation.even_turns(row_rotation.places(lines), last)
         for line, angle in zip(lines, turn, strict=True):
@@ -210,7 +210,7 @@ class UnlabelledTracker(Tracker):
 
     def _follow(self, track, frame, line) -> None:
         track.expected = None
-        if track.before is None:  # foretold by others: surer than by its own motion
+        if track.before is None:  # predicted by the row: surer than by its own motion
             track.expected = Course(line.x[: line.n].copy(), line.y[: line.n].copy(), line.n)
         track.age += 1
         super()._follow(track, frame, line)
