@@ -29,8 +29,8 @@ from pipeline.runtime import Clock, Counted, Step, prepare_cache
 from pipeline.scene import (
     face_side_of,
     find_scenes,
-    first_look,
     pole_track,
+    prepare_video,
     survey,
     without_poles,
     working_scale,
@@ -195,10 +195,10 @@ def look_at(video, settings):
             0,
         )
     recording, pole, params = settings.recording.si(), settings.pole, settings.advanced.scene
-    look = first_look(video, recording.pixels_per_mm, settings.image)
-    seen = survey(look, recording, params)
-    epochs = find_scenes(look.video, recording, pole.diameter, pole.position_px, seen, params)
-    return look.video, seen, epochs
+    prepared = prepare_video(video, recording.pixels_per_mm, settings.image)
+    seen, video = survey(prepared, recording, params), prepared.video
+    epochs = find_scenes(video, recording, pole.diameter, pole.position_px, seen, params)
+    return video, seen, epochs
 
 
 def without_whiskers(seen: Seen, settings) -> Seen:

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.run import trace as trace_frames
-from pipeline.scene import estimate, first_look
+from pipeline.scene import estimate, prepare_video
 from pipeline.session.session_file import write_session
 from pipeline.tracking.stationary_whiskers import behind_whiskers
 from pipeline.tracking.whiskers import find_whisker_set, template_frames, tracing_options
@@ -139,7 +139,7 @@ def trace(clip: Clip, path=None):
     recording = settings.recording.si()
     with open_video(path or clip.path) as video:
         diameter = settings.pole.diameter if clip.trial.scene.pole else None
-        look = first_look(video, recording.pixels_per_mm)
+        look = prepare_video(video, recording.pixels_per_mm)
         seen = estimate.survey(look, recording)
         epochs = estimate.find_scenes(video, recording, diameter, seen=seen)
         whisker_set = find_whisker_set(*seen.sample(template_frames(settings)), epochs, settings)

@@ -11,9 +11,9 @@ from pipeline.detection.static_scene import StaticScene
 from pipeline.errors import InputError, VideoError, need_folder
 from pipeline.numerics.runs import evenly
 from pipeline.scene.dust import is_passed_over
+from pipeline.scene.epochs import without_pole
 from pipeline.scene.estimate import find_scenes, survey
-from pipeline.scene.looking import first_look
-from pipeline.scene.over_time import without_pole
+from pipeline.scene.preparation import prepare_video
 from pipeline.scene.scale import FIELD_MM, scale_of
 from pipeline.session.inputs import PREVIEW_NAME, SETTINGS_NAME, check_settings_name, find_inputs
 from pipeline.session.recording import Recording
@@ -127,7 +127,7 @@ def _look_at_some(folder, look, say, most=LOOKED_AT) -> list:
 def look_at(path) -> Look:
     """Find face, pole, scale and whiskers in one video."""
     with open_video(path) as video:
-        scene, sample, scale = _scene_and_scale(first_look(video, _usual_scale(video)))
+        scene, sample, scale = _scene_and_scale(prepare_video(video, _usual_scale(video)))
     recording = Recording(FRAMES_PER_SECOND, scale, scene.face_side)
     options = options_for_picture(recording, sample.shape[1:])
     templates = find_templates(sample, scene, options)

@@ -6,9 +6,9 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
         "dust": ["is_passed_over"],
-        "estimate": ["Epoch", "find_scenes", "scene_from_frames", "survey"],
-        "looking": ["first_look"],
-        "over_time": ["face_side_of", "pole_track", "without_pole", "without_poles"],
+        "estimate": ["find_scenes", "scene_from_frames", "survey"],
+        "preparation": ["prepare_video"],
+        "epochs": ["Epoch", "face_side_of", "pole_track", "without_pole", "without_poles"],
         "pole_runs": ["pole_at"],
         "scale": ["scale_of", "working_scale"],
     },

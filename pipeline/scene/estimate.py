@@ -1,6 +1,5 @@
 """The static scene of a video: background, face, pole, obstacles."""
 
-from dataclasses import dataclass
 from functools import partial
 
 import cv2
@@ -11,14 +10,15 @@ from pipeline.errors import VideoError
 from pipeline.scene.background import estimate_background, fringe_px, without_whiskers
 from pipeline.scene.codec_noise import noise_excess
 from pipeline.scene.dust import is_passed_over
-from pipeline.scene.epochs import Survey, periods
+from pipeline.scene.epochs import Epoch
 from pipeline.scene.face import darkest_sides, find_face, likelier_side
-from pipeline.scene.looking import N_FRAMES, FirstLook, first_look, without_black
 from pipeline.scene.masks import dilated, opened, opened_beyond_border, regions
 from pipeline.scene.moving_fur import moving_fur
 from pipeline.scene.pole_doubts import doubt
-from pipeline.scene.pole_search import PoleFollower, find_pole
+from pipeline.scene.pole_search import PoleCheck, find_pole
+from pipeline.scene.preparation import N_FRAMES, PreparedVideo, prepare_video, without_black
 from pipeline.scene.scale import working_scale
+from pipeline.scene.states import Survey, periods
 from pipeline.scene.virtual_face import mask_behind_whiskers
 from pipeline.scene.whisker_pad import bears_whiskers, face_of
 from pipeline.session.parameters import DEFAULTS, SceneParams
@@ -28,26 +28,16 @@ FRAMES_PER_SAMPLE = 50  # of a long video, to see when large things move
 MOST_SAMPLES = 1000
 
 
-@dataclass(frozen=True)
-class Epoch:
-    """Frames [start, stop) with what stood still in them; stop None: to the video's end.
-
-    `scene` is None while something large moved: nothing is certain there.
-    """
-
-    start: int
-    stop: int | None
-    scene: StaticScene | None
-
-
-def survey(look: FirstLook, recording: Recording, params: SceneParams = DEFAULTS.scene) -> Survey:
+def survey(
+    prepared: PreparedVideo, recording: Recording, params: SceneParams = DEFAULTS.scene
+) -> Survey:
     """Sample frames of the whole video, for scene and whiskers; those of a short one are read."""
-    scale = working_scale(look.video.shape, recording.pixels_per_mm)
-    seen = Survey(look.video.shape, scale, params, look.part)
-    n_samples = (look.video.n_frames or 0) // FRAMES_PER_SAMPLE
-    sampled = zip(look.indices, look.frames, strict=True)
+    scale = working_scale(prepared.video.shape, recording.pixels_per_mm)
+    seen = Survey(prepared.video.shape, scale, params, prepared.part)
+    n_samples = (prepared.video.n_frames or 0) // FRAMES_PER_SAMPLE
+    sampled = zip(prepared.indices, prepared.frames, strict=True)
     if n_samples > N_FRAMES:
-        sampled = without_black(look.video.sampled(min(n_samples, MOST_SAMPLES)))
+        sampled = without_black(prepared.video.sampled(min(n_samples, MOST_SAMPLES)))
     for index, frame in sampled:
         seen.add(index, frame)
     return seen
@@ -83,7 +73,7 @@ def find_scenes(
         If `pole_xy` is outside of the picture.
     """
     _check_place(video, pole_xy)
-    seen = seen or survey(first_look(video, recording.pixels_per_mm), recording, params)
+    seen = seen or survey(prepare_video(video, recording.pixels_per_mm), recording, params)
     states, frames = seen.settled()
     pole = pole_diameter_m, pole_xy
     n_frames = video.n_frames or 1
@@ -127,7 +117,7 @@ def _pole_check(scene):
     if scene.pole is None:
         return lambda frame: True
     place = scene.pole.x_px[0], scene.pole.y_px[0], scene.pole.radius_px
-    return PoleFollower(*place, scene.background).look
+    return PoleCheck(*place, scene.background).in_place
 
 
 def scene_from_frames(

@@ -196,8 +196,8 @@ def _disc(shape, x, y, radius):
 # ---- over time ----------------------------------------------------------------------------
 
 
-class PoleFollower:
-    """Checks frame by frame whether a pole is in its place, while a video streams by.
+class PoleCheck:
+    """Checks frame by frame whether a pole is in its place.
 
     Parameters
     ----------
@@ -223,8 +223,8 @@ class PoleFollower:
         self._core = np.flatnonzero(core)
         self._ring = np.flatnonzero(ring & (background > dark + 0.8 * (light - dark)))
 
-    def look(self, frame: np.ndarray) -> bool:
-        """Look at the next frame, uint8 (height, width); True if the pole is in its place."""
+    def in_place(self, frame: np.ndarray) -> bool:
+        """Whether the pole is in its place in a frame, uint8 (height, width)."""
         pixels = frame.ravel()
         dark = np.count_nonzero(pixels[self._core] < self._limit)
         light = np.count_nonzero(pixels[self._ring] > self._limit)

@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 
 from pipeline.detection.image_model import ImageModel
-from pipeline.detection.static_scene import StaticScene
+from pipeline.scene.epochs import as_epochs
 
 BORDER_PX = 12  # a line that ends nearer to the border may go on beyond it
 
@@ -14,7 +14,7 @@ def open_ground(scene) -> np.ndarray:
 
     scene : StaticScene, or the video's epochs; what is hidden in one of them counts
     """
-    scenes = [scene] if isinstance(scene, StaticScene) else [e.scene for e in scene if e.scene]
+    scenes = [epoch.scene for epoch in as_epochs(scene) if epoch.scene]
     seen = np.all([ImageModel.from_scene(each).weight > 0 for each in scenes], axis=0)
     framed = cv2.copyMakeBorder(seen.astype(np.uint8), 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=0)
     return cv2.distanceTransform(framed, cv2.DIST_L2, 5)[1:-1, 1:-1] > BORDER_PX

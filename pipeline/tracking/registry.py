@@ -9,8 +9,8 @@ from pipeline.detection import detect, line_choice
 from pipeline.detection.frame import Frame
 from pipeline.detection.image_model import ImageModel
 from pipeline.detection.line import Line, Workspace
-from pipeline.detection.static_scene import StaticScene
 from pipeline.detection.tracing_options import TracingOptions
+from pipeline.scene.epochs import as_epochs
 from pipeline.tables.centrelines import Centrelines
 from pipeline.tracking import hairs, line_ends, matching
 from pipeline.tracking.given_lengths import (
@@ -281,13 +281,14 @@ def _lines_of(frames, scene, options, names, indices, absorbed=np.inf):
 
 def _by_scene(frames, scene, indices):
     """Pairs of a scene and its frames, without those in which the scene changes."""
-    if isinstance(scene, StaticScene):
-        return [(scene, frames)]
+    epochs = as_epochs(scene)
+    if len(epochs) == 1:
+        return [(epochs[0].scene, frames)]
     if indices is None:
         raise ValueError("indices of the frames are needed where the scene changes, got None")
-    starts = [epoch.start for epoch in scene]
+    starts = [epoch.start for epoch in epochs]
     owner = np.searchsorted(starts, indices, side="right") - 1
-    pairs = [(e.scene, frames[owner == k]) for k, e in enumerate(scene) if e.scene is not None]
+    pairs = [(e.scene, frames[owner == k]) for k, e in enumerate(epochs) if e.scene is not None]
     return [(s, f) for s, f in pairs if len(f)]
 
 

@@ -14,6 +14,7 @@ from pipeline.detection.line import Line
 from pipeline.detection.line_end import PLACES_PX, end_thickness
 from pipeline.detection.static_scene import StaticScene
 from pipeline.detection.tracing_options import TracingOptions
+from pipeline.scene.epochs import as_epochs
 from pipeline.tables.centrelines import Centrelines
 from pipeline.tracking.looking_back import RecentFrames, TrackedFrame
 from pipeline.tracking.registry import WhiskerTemplate
@@ -166,11 +167,9 @@ def sample_lines(templates: list[WhiskerTemplate], options: TracingOptions) -> C
 
 def _starting_scenes(scene) -> dict[int, tuple[StaticScene, float]]:
     """First frame → the scene from there on, and the factor of the confidence in it."""
-    if isinstance(scene, StaticScene):
-        return {0: (scene, 1.0)}
-    known = [epoch.scene for epoch in scene]
-    out = {}
-    for i, epoch in enumerate(scene):
+    epochs, out = as_epochs(scene), {}
+    known = [epoch.scene for epoch in epochs]
+    for i, epoch in enumerate(epochs):
         if epoch.scene is not None:
             out[epoch.start] = (epoch.scene, 1.0)
         else:

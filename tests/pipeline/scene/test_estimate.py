@@ -3,8 +3,8 @@ import numpy as np
 import pytest
 
 from pipeline.errors import VideoError
-from pipeline.scene.epochs import Cells, Survey
 from pipeline.scene.estimate import find_scenes
+from pipeline.scene.states import Cells, Survey
 from pipeline.session.recording import Recording
 from pipeline.video.base import RandomAccessVideo
 

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from scipy.special import erf
 
 from pipeline.scene.circle_fit import blurred_edge, measure_disc
-from pipeline.scene.pole_search import PoleFollower, find_pole
+from pipeline.scene.pole_search import PoleCheck, find_pole
 
 CENTRE = 0.03  # px
 RADIUS = 0.05  # px
@@ -186,25 +186,25 @@ def test_half_level_of_a_blurred_disc_lies_inside_its_radius():
     assert image[30, 30 + distance.astype(int)] == pytest.approx(expected, abs=0.01)
 
 
-class TestPoleFollower:
+class TestPoleCheck:
     @pytest.mark.parametrize("shift", [2.5, -4.0])
     def test_pole_that_is_away_or_moves_is_noticed(self, shift):
         present = (255 * scene(83.37, 59.81, 6.25)).astype(np.uint8)
         away = np.full(present.shape, 250, np.uint8)
         moved = scene(83.37 + shift * np.cos(0.8), 59.81 + shift * np.sin(0.8), 6.25)
         moved = (255 * moved).astype(np.uint8)  # along its rod
-        follower = PoleFollower(83.37, 59.81, 6.25, present.astype(np.float32))
-        seen = [follower.look(frame) for frame in (away, present, moved, present)]
+        check = PoleCheck(83.37, 59.81, 6.25, present.astype(np.float32))
+        seen = [check.in_place(frame) for frame in (away, present, moved, present)]
         assert seen == [False, True, False, True]
 
     def test_flicker_noise_and_whiskers_do_not_hide_the_pole(self):
         rng = np.random.default_rng(0)
         pole = 255 * scene(83.37, 59.81, 6.25)
-        follower = PoleFollower(83.37, 59.81, 6.25, pole)
+        check = PoleCheck(83.37, 59.81, 6.25, pole)
         for gain in (0.8, 1.0, 1.15):
             frame = gain * pole + rng.normal(0, 4, pole.shape)
             cv2.line(frame, (0, 67), (159, 68), 40, 3)
-            assert follower.look(np.clip(frame, 0, 255).astype(np.uint8))
+            assert check.in_place(np.clip(frame, 0, 255).astype(np.uint8))
 
 
 class TestGreyPoles:

@@ -23,7 +23,7 @@ FEW = 16  # … of them, that show margins, a shaking camera, changing light, br
 
 
 @dataclass(frozen=True)
-class FirstLook:
+class PreparedVideo:
     """A video as prepared for the analysis, and some of its frames.
 
     Attributes
@@ -41,8 +41,10 @@ class FirstLook:
     frames: np.ndarray
 
 
-def first_look(video, pixels_per_mm: float, image: ImageSettings | None = None) -> FirstLook:
-    """Look at some frames of a whole video.
+def prepare_video(
+    video, pixels_per_mm: float, image: ImageSettings | None = None
+) -> PreparedVideo:
+    """Prepare a video for the analysis, by some frames of all of it.
 
     Parameters
     ----------
@@ -72,7 +74,7 @@ def first_look(video, pixels_per_mm: float, image: ImageSettings | None = None) 
         bright = whiskers_are_bright(few if part is None else part.cut(few), pixels_per_mm)
     if bright:
         video, frames = Negative(video), np.invert(frames)
-    return FirstLook(video, part, indices, frames)
+    return PreparedVideo(video, part, indices, frames)
 
 
 def without_black(sampled):
