@@ -47,11 +47,11 @@ from pipeline.tracking import (
     behind_whiskers,
     find_whisker_set,
     odd_length,
-    open_ground,
     options_for,
     sample_lines,
     template_frames,
     templates_of,
+    tips_seen,
     tracing_options,
     track,
     whisker_set_of,
@@ -313,8 +313,8 @@ def trace(
     lengths = dict.fromkeys(given, np.inf)
     lengths.update(zip(lengths, options.visible_px, strict=False))
     lines = assign_identities(
-        tracks, templates, options, face, not given, whisker_set.beside,
-        GivenLengths(lengths, open_ground(scene)) if lengths else None, unnamed,
+        tracks, templates, options, face, not given, whisker_set.other_side,
+        GivenLengths(lengths, tips_seen(scene)) if lengths else None, unnamed,
     )  # fmt: skip
     return locate_follicles(
         lines, sample_lines(templates, options), options, options.params.kinematics

@@ -37,7 +37,7 @@ def assign_identities(
     options,
     face_side,
     open_ended=False,
-    beside=(),
+    other_side=(),
     given: GivenLengths | None = None,
     unnamed: Unnamed | None = None,
 ) -> Iterator[Centrelines]:
@@ -55,7 +55,7 @@ def assign_identities(
     face_side : side of the picture with the face
     open_ended : name all whiskers that the video shows, w1, w2, …; else only as many as there
         are templates
-    beside : `WhiskerTemplate`s of a side of the face without names: its lines get none
+    other_side : `WhiskerTemplate`s of a side of the face without names: its lines get none
     given : lengths of all whiskers in session.toml, by which those that are seen are recognised;
         None: those of the templates
     unnamed : in the end, it counts the lines of a crowd that get no name
@@ -66,7 +66,7 @@ def assign_identities(
     named = [template.name for template in templates]
     may_be_two = open_ended or names_by_side(named, face_side) is not None
     sides = Sides.of(
-        [*templates, *beside], ruler, face_side, options.pixels_per_m, may_be_two, params
+        [*templates, *other_side], ruler, face_side, options.pixels_per_m, may_be_two, params
     )
     limits = Limits(params, options.frames_per_second)
     return name_lines(chunks, templates, sides, open_ended, limits, given, unnamed)
@@ -101,7 +101,7 @@ def name_lines(
             with temporary_room():
                 _store(chunk, file)
             row, features = sides.features(chunk)
-            length = _whole_lengths(chunk, features[:, LENGTH], given.ground)
+            length = _whole_lengths(chunk, features[:, LENGTH], given.tips_seen)
             base = np.column_stack([each[chunk.offsets[:-1]] for each in (chunk.x_px, chunk.y_px)])
             found.append((chunk.frame, chunk.whisker, row, features, length, base))
             count += 1
@@ -184,10 +184,10 @@ def _as_given(named, length, given, found):
     return place[named], tuple(list(given)[k] for k in kept), sure[named]
 
 
-def _whole_lengths(chunk, length, ground):
+def _whole_lengths(chunk, length, tips_seen):
     """Logarithms of the lines' lengths (lines,), NaN where a line is cut short."""
     end = chunk.offsets[1:] - 1
-    whole = line_ends.whole(chunk.x_px[end], chunk.y_px[end], ground)
+    whole = line_ends.whole(chunk.x_px[end], chunk.y_px[end], tips_seen)
     return np.where(whole, length, np.nan)
 
 

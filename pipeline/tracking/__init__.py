@@ -6,7 +6,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
         "given_lengths": ["GivenLengths"],
-        "line_ends": ["open_ground"],
+        "line_ends": ["tips_seen"],
         "registry": ["find_templates", "templates_of"],
         "seen_lengths": ["SeenLength", "odd_length"],
         "stationary_whiskers": ["behind_whiskers"],

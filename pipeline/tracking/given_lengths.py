@@ -25,11 +25,11 @@ SURE = 0.03  # mean logarithm by which lengths fit better in one order than in t
 class GivenLengths(NamedTuple):
     """Name → largest visible length [px], in the order of session.toml.
 
-    `ground` : pixels where a line's end is the whisker's tip (`line_ends.open_ground`); None: all
+    `tips_seen` : pixels where a line's end is the whisker's tip (`line_ends.tips_seen`); None: all
     """
 
     longest_px: dict[str, float]
-    ground: np.ndarray | None = None
+    tips_seen: np.ndarray | None = None
 
     @classmethod
     def of(cls, templates) -> "GivenLengths":

@@ -9,7 +9,7 @@ from pipeline.scene.epochs import as_epochs
 BORDER_PX = 12  # a line that ends nearer to the border may go on beyond it
 
 
-def open_ground(scene) -> np.ndarray:
+def tips_seen(scene) -> np.ndarray:
     """Pixels where a line's end is the whisker's tip, bool (height, width): nothing near hides it.
 
     scene : StaticScene, or the video's epochs; what is hidden in one of them counts
@@ -20,14 +20,14 @@ def open_ground(scene) -> np.ndarray:
     return cv2.distanceTransform(framed, cv2.DIST_L2, 5)[1:-1, 1:-1] > BORDER_PX
 
 
-def whole(x_px, y_px, ground) -> np.ndarray:
+def whole(x_px, y_px, tips_seen) -> np.ndarray:
     """Whether lines that end at these places show their whiskers to the tip.
 
-    ground : as of `open_ground`; None: everywhere
+    tips_seen : what the function of that name returns; None: everywhere
     """
-    if ground is None:
+    if tips_seen is None:
         return np.ones(np.shape(x_px), bool)
     x, y = (np.rint(each).astype(int) for each in (x_px, y_px))
-    height, width = ground.shape
+    height, width = tips_seen.shape
     inside = (x >= 0) & (x < width) & (y >= 0) & (y < height)
-    return inside & ground[np.clip(y, 0, height - 1), np.clip(x, 0, width - 1)]
+    return inside & tips_seen[np.clip(y, 0, height - 1), np.clip(x, 0, width - 1)]

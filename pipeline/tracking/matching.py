@@ -20,8 +20,8 @@ THICKNESS_SD, LENGTH_SD = 0.35, 0.35  # of their logarithms
 FARTHEST = 3.0  # standard deviations in one feature count as no more
 MISFIT = 10.0  # a line less like a whisker than this (sum of squares) is another one
 SHIFTS = np.radians(np.arange(-60, 61, 4))  # tried changes of all angles
-MOST_TRIED = 4
-SHIFT_SD = np.radians(30.0)
+MOST_TRIED = 4  # of them, for which lines are assigned
+SHIFT_SD = np.radians(30.0)  # of the common change about the one expected
 PLACE, ANGLE, THICKNESS, LENGTH = range(4)
 
 
@@ -109,7 +109,15 @@ def _misfits(seen, known, sd, shifts):
 
 @dataclass(frozen=True)
 class Match:
-    """Assignment of lines: pairs (line, whisker), their misfits, the shift of all angles."""
+    """Assignment of lines to whiskers.
+
+    Attributes
+    ----------
+    pairs : numbers (line, whisker)
+    misfit : of each pair, as of `misfits`
+    shift : of all angles [rad]
+    gain : how much better this fits than no pair at all
+    """
 
     pairs: list
     misfit: np.ndarray
@@ -128,9 +136,9 @@ def match(seen, known, sd, shifts=SHIFTS, middle=0.0) -> Match:
     tried = middle + np.asarray(shifts)
     # only the most promising shifts are tried, by an upper bound: as if lines could share whiskers
     nearest = misfits(seen, known, sd, tried).min(axis=-1)
-    hope = (MISFIT - np.minimum(nearest, MISFIT)).sum(axis=-1)
-    hope -= ((tried - middle) / SHIFT_SD) ** 2
-    for shift in tried[np.argsort(-hope, kind="stable")[:MOST_TRIED]]:
+    most = (MISFIT - np.minimum(nearest, MISFIT)).sum(axis=-1)
+    most -= ((tried - middle) / SHIFT_SD) ** 2
+    for shift in tried[np.argsort(-most, kind="stable")[:MOST_TRIED]]:
         for _ in range(2):
             found = _assigned(seen, known, sd, shift, middle)
             if found.gain > best.gain:

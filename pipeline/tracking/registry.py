@@ -158,8 +158,8 @@ def templates_and_others(frames, scene, options, names=None, indices=None):
     known = len(options.visible_px) == len(names)
     longest = options.visible_px if known else [np.inf] * len(names)
     given = dict(zip(names, longest, strict=True))
-    ground = line_ends.open_ground(scene) if known else None
-    return named_as_given(templates, GivenLengths(given, ground)), others
+    tips_seen = line_ends.tips_seen(scene) if known else None
+    return named_as_given(templates, GivenLengths(given, tips_seen)), others
 
 
 def _are_hairs(groups) -> np.ndarray:
@@ -193,7 +193,7 @@ def named_as_given(templates, given: GivenLengths) -> list[WhiskerTemplate]:
     given : infinite lengths: not known
     """
     names, longest = list(given.longest_px), list(given.longest_px.values())
-    whole = [_whole_length(template.samples, given.ground) for template in templates]
+    whole = [_whole_length(template.samples, given.tips_seen) for template in templates]
     reverse = runs_backwards(whole, longest)
     if reverse is None:
         reverse = posterior_first(names)
@@ -292,8 +292,8 @@ def _by_scene(frames, scene, indices):
     return [(s, f) for s, f in pairs if len(f)]
 
 
-def _whole_length(lines, ground) -> float:
+def _whole_length(lines, tips_seen) -> float:
     """Median length [px] of lines that show their tips, NaN where fewer than FEWEST_WHOLE do."""
     ends = np.array([line.points[-1] for line in lines])
-    lengths = np.array([line.n for line in lines])[line_ends.whole(*ends.T, ground)]
+    lengths = np.array([line.n for line in lines])[line_ends.whole(*ends.T, tips_seen)]
     return float(np.median(lengths)) if len(lengths) >= FEWEST_WHOLE else np.nan

@@ -200,7 +200,7 @@ class Tracker:
             for track, line in pairs:  # less is found of them so: they had their own
                 track.line = line
             return
-        give_out([track for track, _ in pairs])
+        reassign_lines([track for track, _ in pairs])
         for track, _ in pairs:
             track.before = None  # the far part's motion is unknown
             self._give_up_if_poor(track)
@@ -316,10 +316,10 @@ class Tracker:
         return matching.common_turn(seen, known)
 
 
-def give_out(tracks: list[Track]) -> None:
-    """Let each of some tracks go on with that of their lines that is most like its line before.
+def reassign_lines(tracks: list[Track]) -> None:
+    """Give the lines of some tracks to those whose lines before they are most like.
 
-    Lines that have exchanged far parts close to their bases have as good as exchanged tracks.
+    Two lines that have exchanged far parts close to their bases have practically exchanged tracks.
     """
     lines = [t.line for t in tracks]
     turned = np.nan_to_num([[t.turned_to(line) for t in tracks] for line in lines])

@@ -124,17 +124,17 @@ def named_by_side(templates, names, face_side, options, given: GivenLengths):
     cuts = cuts_between(templates, along, options.params.identity)
     if not cuts:
         return None, ()
-    named, beside = [], ()
+    named, other_side = [], ()
     for row, own in zip(sides_of(templates, along, cuts), names, strict=True):
         if not own:  # this side has no names
-            beside = row
+            other_side = row
             continue
         row = sorted(row, key=_seen, reverse=True)[: len(own)]
         across, _ = row_directions(row, outward)
         row.sort(key=lambda template, across=across: template.base_xy @ across)
         longest = {name: given.longest_px.get(name, np.inf) for name in own}
-        named += named_as_given(row, GivenLengths(longest, given.ground))
-    return named, beside
+        named += named_as_given(row, GivenLengths(longest, given.tips_seen))
+    return named, other_side
 
 
 def _seen(template) -> float:

@@ -9,7 +9,7 @@ from pipeline.scene.scale import scale_of
 from pipeline.session.parameters import DEFAULTS
 from pipeline.session.schema import Settings, WhiskerSettings
 from pipeline.tracking.given_lengths import GivenLengths
-from pipeline.tracking.line_ends import open_ground
+from pipeline.tracking.line_ends import tips_seen
 from pipeline.tracking.options import options_for
 from pipeline.tracking.registry import WhiskerTemplate, templates_and_others
 from pipeline.tracking.two_sides import named_by_side, names_by_side
@@ -33,7 +33,7 @@ class WhiskerSet:
         no whisker was found
     hidden : name → follicle to first visible point [m]
     refused : `WhiskerTemplate`s of lines that are no whiskers' (`whisker_evidence`)
-    beside : `WhiskerTemplate`s of the other side of the face, where the names are of one side only
+    other_side : `WhiskerTemplate`s of the side of the face that has no names, where one has
     given : the names in session.toml
     unnamed : how many more whiskers than these are seen in the first look
     """
@@ -44,7 +44,7 @@ class WhiskerSet:
     stand_ins: dict[str, Whisker]
     hidden: dict[str, float]
     refused: tuple[WhiskerTemplate, ...] = ()
-    beside: tuple[WhiskerTemplate, ...] = ()
+    other_side: tuple[WhiskerTemplate, ...] = ()
     given: tuple[str, ...] = ()
     unnamed: int = 0
 
@@ -111,20 +111,20 @@ def find_whisker_set(indices, frames, epochs, settings: Settings) -> WhiskerSet:
         both = templates_and_others(frames, epochs, options, wanted, indices)
         return [whisker_like(each, len(frames), shape, given=names is not None) for each in both]
 
-    by_side, named, beside = names_by_side(names, face_side), None, ()
+    by_side, named, other_side = names_by_side(names, face_side), None, ()
     if by_side:
         (likely, refused), _ = seen(None, replace(options, visible_px=()))
         longest = dict(zip(names, options.visible_px, strict=False))
-        given = GivenLengths(longest, open_ground(epochs) if longest else None)
-        named, beside = named_by_side(likely, by_side, face_side, options, given)
-        row = [each for each in likely if not any(each is other for other in beside)]
+        given = GivenLengths(longest, tips_seen(epochs) if longest else None)
+        named, other_side = named_by_side(likely, by_side, face_side, options, given)
+        row = [each for each in likely if not any(each is other for other in other_side)]
     if named is None:  # one row
         (named, refused), (others, _) = seen(names, options)
         row = *named, *others
     return replace(
         whisker_set_of(named, settings),
         refused=tuple(refused),
-        beside=tuple(beside),
+        other_side=tuple(other_side),
         unnamed=max(seen_at_a_time(row) - len(named), 0),
     )
 

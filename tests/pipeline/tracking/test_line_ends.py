@@ -27,11 +27,11 @@ ENDS = {(120, 30): True, (120, 55): False, (190, 30): False, (60, 75): True, (-3
 
 @pytest.mark.parametrize(("end", "whole"), ENDS.items())
 def test_a_line_before_a_body_or_the_border_may_go_on(end, whole):
-    ground = line_ends.open_ground(scene(body=BODY))
-    assert line_ends.whole(*np.array([end], float).T, ground).tolist() == [whole]
+    tips_seen = line_ends.tips_seen(scene(body=BODY))
+    assert line_ends.whole(*np.array([end], float).T, tips_seen).tolist() == [whole]
 
 
 def test_what_hides_it_at_some_time_counts():
     epochs = [Epoch(0, 9, scene()), Epoch(9, 12, None), Epoch(12, None, scene(body=BODY))]
-    both = line_ends.open_ground(epochs)
-    assert (both == line_ends.open_ground(scene(body=BODY))).all()
+    both = line_ends.tips_seen(epochs)
+    assert (both == line_ends.tips_seen(scene(body=BODY))).all()

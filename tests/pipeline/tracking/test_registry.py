@@ -165,9 +165,9 @@ def test_a_whisker_that_the_border_cuts_does_not_decide_the_order(width, turned)
         templates.append(WhiskerTemplate("", line.points[0], length, (line,) * 5))
     # in the other order they would be more alike, seen 150 and 120 px long
     given = {"a": 150.0, "b": 180.0}
-    ground = np.zeros((240, width), bool)
-    ground[12:-12, 12:-12] = True
-    found = named_as_given(anterior_first(templates, None), GivenLengths(given, ground))
+    tips_seen = np.zeros((240, width), bool)
+    tips_seen[12:-12, 12:-12] = True
+    found = named_as_given(anterior_first(templates, None), GivenLengths(given, tips_seen))
     assert [template.name for template in found] == ["a", "b"]
     assert [template.longest_px for template in found] == [150.0, 180.0]
     assert (found[0].visible_px == 120) == turned

@@ -10,7 +10,7 @@ from pipeline.detection.line import Line
 from pipeline.tracking.registry import WhiskerTemplate
 from pipeline.tracking.row_rotation import bent, common_turns, even_turns, places, turn_line
 from pipeline.tracking.track_state import Track
-from pipeline.tracking.tracker import give_out
+from pipeline.tracking.tracker import reassign_lines
 
 SHAPE = (240, 320)
 
@@ -144,6 +144,6 @@ def test_lines_are_given_to_the_tracks_that_they_go_on_with_whatever_all_turn_by
     ]
     for track, k in zip(tracks, order, strict=True):
         track.take(now[k], track.before)
-    give_out(tracks)
+    reassign_lines(tracks)
     assert all(track.line is line for track, line in zip(tracks, now, strict=True))
     assert [line.longest for line in now] == [200.0 + k for k in range(5)]  # as given for each
