@@ -8,7 +8,7 @@ import real_lines
 from real_angles import KNOWN
 from scipy.optimize import linear_sum_assignment
 
-from pipeline.identity.motion_model import row_before
+from pipeline.identity.tracked_lines import row_before
 from pipeline.video import open_video
 from synthetic.encode import video_suffix, write_video
 from synthetic.scene import Codec

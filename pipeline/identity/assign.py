@@ -16,8 +16,8 @@ from pipeline.identity.appearance import medians
 from pipeline.identity.consensus import best_names
 from pipeline.identity.features import ANGLE, LENGTH, NEAR_BEND, THICKNESS
 from pipeline.identity.limits import USUAL, Limits
-from pipeline.identity.ordered_assignment import Lines
 from pipeline.identity.sides import Sides
+from pipeline.identity.tracked_lines import TrackedLines
 from pipeline.identity.unnamed import Unnamed
 from pipeline.session.parameters import DEFAULTS
 from pipeline.tables.centrelines import Centrelines
@@ -100,16 +100,16 @@ def name_lines(
         for chunk in chunks:
             with temporary_room():
                 _store(chunk, file)
-            row, features = sides.features(chunk)
+            side, features = sides.features(chunk)
             length = _whole_lengths(chunk, features[:, LENGTH], given.tips_seen)
             base = np.column_stack([each[chunk.offsets[:-1]] for each in (chunk.x_px, chunk.y_px)])
-            found.append((chunk.frame, chunk.whisker, row, features, length, base))
+            found.append((chunk.frame, chunk.whisker, side, features, length, base))
             count += 1
         if not found:
             return
-        rows = [np.concatenate(each) for each in zip(*found, strict=True)]
-        whisker, sure, called = _all_rows(
-            rows, templates, given, sides, open_ended, limits, unnamed
+        lines = [np.concatenate(each) for each in zip(*found, strict=True)]
+        whisker, sure, all_names = _all_rows(
+            lines, templates, given, sides, open_ended, limits, unnamed
         )
         with temporary_room():
             file.seek(0)  # writes what is not yet written
@@ -118,17 +118,17 @@ def name_lines(
             chunk = _load(file)
             own = slice(first, first + len(chunk))
             first += len(chunk)
-            yield _named(chunk, called, whisker[own], sure[own])
+            yield _named(chunk, all_names, whisker[own], sure[own])
 
 
-def _all_rows(rows, templates, given, sides, open_ended, limits, unnamed):
+def _all_rows(lines, templates, given, sides, open_ended, limits, unnamed):
     """Whisker of every line, the probability of that, and the names; row by row of the face.
 
-    rows : frame, track, side, features, `_whole_lengths` and bases of the lines
+    lines : frame, track, side, features, `_whole_lengths` and base of every line
     """
     longest = given.longest_px
-    frame, track, side, features, length, base = rows
-    whisker, sure, called = np.full(len(frame), -1), np.ones(len(frame)), ()
+    frame, track, side, features, length, base = lines
+    whisker, sure, all_names = np.full(len(frame), -1), np.ones(len(frame)), ()
     for number, side_name in enumerate(sides.names):
         own = np.flatnonzero(side == number)
         own = own[~_are_hairs(track[own], base[own], features[own])]
@@ -150,9 +150,9 @@ def _all_rows(rows, templates, given, sides, open_ended, limits, unnamed):
             found = [template.name for template in row]
             named, names_here, chosen = _as_given(named, length[own], here, found)
             sure[own] *= chosen
-        whisker[own] = np.where(named < 0, -1, named + len(called))
-        called += names_here
-    return whisker, sure, called
+        whisker[own] = np.where(named < 0, -1, named + len(all_names))
+        all_names += names_here
+    return whisker, sure, all_names
 
 
 def _are_hairs(track, base, features):
@@ -210,7 +210,9 @@ def names(frame, track, features, wanted=None, direction=1, limits: Limits = USU
     if not len(usable):
         return named, sure
     order = usable[np.lexsort((track[usable], frame[usable]))]
-    lines = Lines(features[order], frame[order].astype(int), track[order].astype(int), limits)
+    lines = TrackedLines(
+        features[order], frame[order].astype(int), track[order].astype(int), limits
+    )
     whisker, sure[order] = best_names(lines)
     named[order] = _in_order(whisker, lines, wanted, direction)
     return named, sure
@@ -275,13 +277,13 @@ def _runs_along(templates, dial) -> int:
     return -1 if len(places) > 1 and np.polyfit(np.arange(len(places)), places, 1)[0] < 0 else 1
 
 
-def _named(chunk: Centrelines, called, whisker, sure) -> Centrelines:
+def _named(chunk: Centrelines, all_names, whisker, sure) -> Centrelines:
     """The chunk's lines that have a name, with their names."""
     kept = np.flatnonzero(whisker >= 0)
     confidence = (chunk.confidence * sure)[kept].astype(np.float32)
     return replace(
         chunk.rows(kept),
-        names=called,
+        names=all_names,
         whisker=whisker[kept].astype(np.int32),
         confidence=confidence,
     )

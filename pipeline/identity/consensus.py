@@ -14,10 +14,14 @@ from scipy.optimize import linear_sum_assignment
 
 from pipeline.identity import label_swaps, motion_model, seeds
 from pipeline.identity.features import ANGLE, LENGTH, NEAR_BEND, THICKNESS
-from pipeline.identity.ordered_assignment import along_tracks, looks_and_phases, named_in_order
+from pipeline.identity.ordered_assignment import (
+    along_tracks,
+    appearance_and_phases,
+    named_in_order,
+)
 from pipeline.identity.tracklets import named_by_tracklets, often_seen
 
-LEAST_SD = np.array([0.01, np.radians(1.5), 0.05, 0.03, 0.007, 0.005])  # of a look
+LEAST_SD = np.array([0.01, np.radians(1.5), 0.05, 0.03, 0.007, 0.005])  # of the features
 ROUNDS = 2  # of naming all lines and learning the appearance from them
 LESS_OF_APPEARANCE = 0.2  # its weight beside motion where a naming starts from another one
 SHARES = 0.15, 0.3  # of the frames, in which whiskers that tracklets lead to are seen
@@ -144,11 +148,11 @@ def _likeliest(lines, model, named, by_motion=False):
     for number in range(ROUNDS):
         if number:
             model, named = seeds.with_more(model, named, lines)
-        model, phase = looks_and_phases(lines, model, named)
+        model, phase = appearance_and_phases(lines, model, named)
         weight = LESS_OF_APPEARANCE if by_motion else 1.0
         evidence = motion_model.evidence_of(model, lines, phase, weight)
         if by_motion:
-            evidence = evidence._replace(price=np.zeros_like(evidence.price))
+            evidence = evidence._replace(rename_cost=np.zeros_like(evidence.rename_cost))
         named = label_swaps.improved(evidence, named, lines.track)
     return named, model
 

@@ -25,12 +25,12 @@ def improved(evidence: Evidence, names, track) -> np.ndarray:
     """
     rows_of = _table(evidence, names)
     pairs = _alike(evidence, rows_of)
-    kept = _nothing_kept(len(pairs), rows_of.shape[1])
-    changed, fresh = np.ones(rows_of.shape, bool), np.ones(len(names), bool)
+    cache = _empty_cache(len(pairs), rows_of.shape[1])
+    changed, untried = np.ones(rows_of.shape, bool), np.ones(len(names), bool)
     for _ in range(MOST_ROUNDS):
         before, changed = changed, np.zeros(rows_of.shape, bool)
-        _exchange_all(evidence, rows_of, pairs, kept, before, changed)
-        _claims(evidence, rows_of, track, before, changed, fresh)
+        _exchange_all(evidence, rows_of, pairs, cache, before, changed)
+        _claims(evidence, rows_of, track, before, changed, untried)
         if not changed.any():
             break
     return _names(rows_of, len(names))
@@ -42,7 +42,7 @@ def _alike(evidence, rows_of):
     Those are similar to a whisker whose names cost its lines least. With these pairs only,
     computing time grows with the number of whiskers and not with its square.
     """
-    count, cost = len(rows_of), _usual_looks(evidence.look, rows_of)
+    count, cost = len(rows_of), _usual_costs(evidence.appearance, rows_of)
     np.fill_diagonal(cost, np.inf)
     nearest = np.argsort(cost, axis=1)[:, :MOST_LIKE]
     pairs = {(max(a, b), min(a, b)) for a in range(count) for b in nearest[a] if a != b}
@@ -50,11 +50,11 @@ def _alike(evidence, rows_of):
 
 
 @njit(cache=True)
-def _usual_looks(look, rows_of):
+def _usual_costs(appearance, rows_of):
     """Median cost of every whisker's rows by every name; infinite for one that is not seen."""
     out = np.full((len(rows_of), len(rows_of)), np.inf)
     for a in range(len(rows_of)):
-        own = look[rows_of[a][rows_of[a] >= 0]]
+        own = appearance[rows_of[a][rows_of[a] >= 0]]
         for b in range(len(out) if len(own) else 0):
             out[a, b] = np.median(own[:, b])
     return out
@@ -74,7 +74,7 @@ def runs(names, track, frame):
 
 def _table(evidence, names):
     """Rows of every whisker in every frame, (whiskers, frames), −1 where not seen."""
-    out = np.full((evidence.look.shape[1], len(evidence.phase)), -1)
+    out = np.full((evidence.appearance.shape[1], len(evidence.phase)), -1)
     known = names >= 0
     out[names[known], evidence.frame[known]] = np.flatnonzero(known)
     return out
@@ -87,37 +87,37 @@ def _names(rows_of, count):
     return names
 
 
-def _nothing_kept(pairs, frames):
+def _empty_cache(pairs, frames):
     """Arrays for the steps of all pairs (pairs, frames, 2, 2), and for the rows they belong to."""
     return np.zeros((pairs, frames, 2, 2)), np.full((pairs, 2, frames), -2, np.int32)
 
 
-def _claims(evidence, rows_of, track, before, changed, fresh):
+def _claims(evidence, rows_of, track, before, changed, untried):
     """Give nameless rows, run by run, to the likeliest looking whisker that takes some.
 
     before, changed : as for `_exchange_all`: a whisker may claim what it did not claim in the
         last round only where its rows have changed since
-    fresh : (rows,) those that all whiskers may claim; those that none does are fresh no longer
+    untried : (rows,) those that all whiskers may claim; those that none does are untried no longer
     """
-    names = _names(rows_of, len(fresh))
-    fresh[names >= 0] = True
+    names = _names(rows_of, len(untried))
+    untried[names >= 0] = True
     rows, first = runs(names, track, evidence.frame)
     if len(rows):
-        cost = evidence.look[rows] - evidence.nameless[rows, None]
+        cost = evidence.appearance[rows] - evidence.nameless[rows, None]
         cost = np.add.reduceat(cost, first[:-1], axis=0)
         likely = np.argsort(cost, axis=1)[:, :MOST_CLAIMING].copy()
-        _claim_runs(evidence, rows_of, cost, likely, rows, first, before, changed, fresh)
+        _claim_runs(evidence, rows_of, cost, likely, rows, first, before, changed, untried)
 
 
 @njit(cache=True)
-def _exchange_all(evidence, rows_of, pairs, kept, before, changed):
+def _exchange_all(evidence, rows_of, pairs, cache, before, changed):
     """Exchange the rows of one pair after the other, in place, where that is likelier.
 
-    kept : as of `_nothing_kept`, which is brought up to date
+    cache : as of `_empty_cache`, which is brought up to date
     before, changed : bool (whiskers, frames), where the whiskers' rows changed in the last round,
         and in this one
     """
-    steps, known = kept
+    steps, known = cache
     for k in range(len(pairs)):
         a, b = pairs[k]
         if before[a].any() or before[b].any() or changed[a].any() or changed[b].any():
@@ -162,8 +162,8 @@ def _step_costs(evidence, a, b, rows, last):
     out = np.empty((len(rows[0]), 2, 2))
     for now in range(2):
         mine, theirs = rows[now], rows[1 - now]
-        seen = _looks(evidence.look[:, a], mine)
-        seen += _looks(evidence.look[:, b] if b >= 0 else evidence.nameless, theirs)
+        seen = _costs_of(evidence.appearance[:, a], mine)
+        seen += _costs_of(evidence.appearance[:, b] if b >= 0 else evidence.nameless, theirs)
         for before in range(2):
             cost = link_costs(evidence, a, last[before], mine)
             if b >= 0:
@@ -173,7 +173,7 @@ def _step_costs(evidence, a, b, rows, last):
 
 
 @njit(cache=True)
-def _looks(cost, rows):
+def _costs_of(cost, rows):
     """The costs of some rows, 0 where not seen."""
     out = np.zeros(len(rows))
     for k in range(len(rows)):
@@ -232,7 +232,7 @@ def _cost(evidence, a, last, rows):
     links = link_costs(evidence, a, _seen_before(own, last), own)
     total = 0.0
     for k in range(len(own)):
-        total += evidence.look[own[k], a] + links[k]
+        total += evidence.appearance[own[k], a] + links[k]
     return total
 
 
@@ -298,7 +298,7 @@ def _claim(evidence, seen, a, rows, before, next_, changed):
 
 
 @njit(cache=True)
-def _claim_runs(evidence, rows_of, cost, likely, rows, first, before, changed, fresh):
+def _claim_runs(evidence, rows_of, cost, likely, rows, first, before, changed, untried):
     """As `_claims`, for the runs of `rows` from every `first` one to the next.
 
     cost : (runs, whiskers) of every name, less that of none
@@ -307,7 +307,7 @@ def _claim_runs(evidence, rows_of, cost, likely, rows, first, before, changed, f
     for number in range(len(likely)):
         run = rows[first[number] : first[number + 1]]
         start, end = evidence.frame[run[0]], evidence.frame[run[-1]] + 1
-        all_may, taken = fresh[run].any(), False
+        all_may, taken = untried[run].any(), False
         for a in likely[number]:
             if cost[number, a] >= 0 or taken:
                 break
@@ -315,7 +315,7 @@ def _claim_runs(evidence, rows_of, cost, likely, rows, first, before, changed, f
             near = slice(max(last, 0), next_ + 1)
             if all_may or before[a, near].any() or changed[a, near].any():
                 taken = _claim(evidence, rows_of[a], a, run, last, next_, changed[a])
-        fresh[run] = taken
+        untried[run] = taken
 
 
 @njit(cache=True)

@@ -20,22 +20,22 @@ class Evidence(NamedTuple):
     features : float64 (rows, 6)
     drift : (rows, 6) what a row's features are expected to change by to the next frame, beside
         the turn of all
-    look : (rows, whiskers) cost of every name by the row's own look
+    appearance : (rows, whiskers) cost of every name by the line's own appearance
     nameless : (rows,) cost of none of these names
     frame : int64 (rows,), from 0, ascending
     phase : (frames,) turn of all whiskers
     slope : (whiskers, 6) change of the features with the phase
     sd, fast : (6,) of the motion from a frame to the next, and what is added to it per turn
     most_sd : (whiskers, 6) of the motion over a gap, at most
-    source : (rows,) row of the same track in the frame before, −1 for none
-    price : (rows,) cost of a name that is not that row's; up to TAKEN, none where lines that
+    before : (rows,) row of the same track in the frame before, −1 for none
+    rename_cost : (rows,) cost of a name that is not that row's; up to TAKEN, none where lines that
         are both seen change places
     lasting : (rows,) whether the line is part of a long steady motion
     """
 
     features: np.ndarray
     drift: np.ndarray
-    look: np.ndarray
+    appearance: np.ndarray
     nameless: np.ndarray
     frame: np.ndarray
     phase: np.ndarray
@@ -43,8 +43,8 @@ class Evidence(NamedTuple):
     sd: np.ndarray
     fast: np.ndarray
     most_sd: np.ndarray
-    source: np.ndarray
-    price: np.ndarray
+    before: np.ndarray
+    rename_cost: np.ndarray
     lasting: np.ndarray
 
 
@@ -63,7 +63,7 @@ def link_costs(evidence, a, before, now):
         if j < 0:
             continue
         gap = abs(e.frame[j] - e.frame[i])
-        renamed = e.price[j] if e.source[j] >= 0 and e.source[j] != i else 0.0
+        renamed = e.rename_cost[j] if e.before[j] >= 0 and e.before[j] != i else 0.0
         if i < 0:
             out[k] = SEEN_AGAIN + renamed
             continue

@@ -8,11 +8,12 @@ from pipeline.identity.appearance import LEAST_SLOPE, FanModel, medians
 from pipeline.identity.features import ANGLE, BEND, N_FEATURES
 from pipeline.identity.limits import USUAL
 from pipeline.identity.links import TAKEN, Evidence, link_costs
+from pipeline.identity.tracked_lines import TrackedLines
 from pipeline.numerics.robust import sd_about_0
 
-WEIGHT = 0.3  # of one frame's look: errors of neighbouring frames are alike
+WEIGHT = 0.3  # of the appearance in one frame: errors of neighbouring frames are alike
 QUIET = 0.02  # weight of a frame in which the whiskers rest: all such frames show the same
-STRANGER = 20.0  # cost of a look that is no whisker's
+STRANGER = 20.0  # cost of an appearance that is no whisker's
 LEAST_MOTION = np.array([0.002, np.radians(0.15), 0.01, 0.005, 0.001, 0.001])
 FEWEST = 50  # motions needed to estimate their spread
 FARTHEST = 4.0  # standard deviations: what is farther off is a jump
@@ -20,21 +21,20 @@ RENAMED = 40.0  # cost of a new name for a line that is seen to go on
 SLOW, QUICK = 0.5, 0.8  # quantiles of the turn, below and above which motions are compared
 
 
-def evidence_of(model: FanModel, lines, phase, appearance=1.0) -> Evidence:
+def evidence_of(model: FanModel, lines: TrackedLines, phase, appearance=1.0) -> Evidence:
     """The `Evidence` from which the names of a video's lines are inferred.
 
     Parameters
     ----------
     model : the whiskers' appearance
-    lines : `ordered_assignment.Lines`; tracks as traced
+    lines : tracks as traced
     phase : (frames,) at which the lines are looked at
     appearance : how much appearance counts beside motions
     """
-    features, frame, track, limits = lines.features, lines.frame, lines.track, lines.limits
-    look = model.costs(features, phase[frame])
-    before = row_before(frame, track)
+    features, frame, before, limits = lines.features, lines.frame, lines.before, lines.limits
+    cost = model.costs(features, phase[frame])
     slope = np.nan_to_num(model.slope)
-    likely = look.argmin(axis=1)
+    likely = cost.argmin(axis=1)
     turn = common_turns(features, frame, before, np.maximum(slope[likely, ANGLE], LEAST_SLOPE))
     step = _steps(features, before) - slope[likely] * turn[frame, None]
     drift, sd, fast = _spread(step, before, np.abs(turn[frame]))
@@ -46,7 +46,7 @@ def evidence_of(model: FanModel, lines, phase, appearance=1.0) -> Evidence:
     evidence = Evidence(
         features=features,
         drift=drift,
-        look=weight[:, None] * look,
+        appearance=weight[:, None] * cost,
         nameless=weight * STRANGER,
         frame=frame.astype(np.int64),
         phase=np.cumsum(turn),
@@ -54,8 +54,8 @@ def evidence_of(model: FanModel, lines, phase, appearance=1.0) -> Evidence:
         sd=sd,
         fast=fast,
         most_sd=np.nan_to_num(most, nan=1.0),
-        source=before,
-        price=np.where(steady, np.where(alone, RENAMED, TAKEN), 0.0),
+        before=before,
+        rename_cost=np.where(steady, np.where(alone, RENAMED, TAKEN), 0.0),
         lasting=_lasting(before, steady, limits.lasting),
     )
     return evidence._replace(nameless=evidence.nameless + _own_motion(evidence, likely))
@@ -106,15 +106,6 @@ def phases(model: FanModel, features, frame, names) -> np.ndarray:
     starts = np.append(starts, len(known))
     found = model.phases_of(features[known, ANGLE], names[known], starts)
     return np.interp(np.arange(frame[-1] + 1), present, found)
-
-
-def row_before(frame, track) -> np.ndarray:
-    """Row of the same track in the frame before, (rows,), −1 for none."""
-    order = np.lexsort((frame, track))
-    on = (np.diff(track[order]) == 0) & (np.diff(frame[order]) == 1)
-    out = np.full(len(frame), -1)
-    out[order[1:][on]] = order[:-1][on]
-    return out
 
 
 def common_turns(features, frame, before, slope=1.0) -> np.ndarray:
@@ -178,7 +169,7 @@ def _own_motion(evidence, likely):
     out = np.empty(len(likely))
     for whisker in np.unique(likely):
         rows = np.flatnonzero(likely == whisker)
-        out[rows] = link_costs(evidence, whisker, evidence.source[rows], rows)
+        out[rows] = link_costs(evidence, whisker, evidence.before[rows], rows)
     return out
 
 

@@ -9,7 +9,6 @@ line along the face belongs to the k-th whisker.
 """
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numba import njit
@@ -18,7 +17,7 @@ from scipy.ndimage import uniform_filter1d
 from pipeline.identity import motion_model, seeds
 from pipeline.identity.appearance import LEAST_SLOPE, FanModel
 from pipeline.identity.features import ANGLE
-from pipeline.identity.limits import USUAL, Limits
+from pipeline.identity.tracked_lines import TrackedLines
 
 SELDOM = 0.02  # of the frames: numbers of lines that fewer have are not tried
 UNSEEN = 4.0  # cost of a whisker that has no line in a frame
@@ -38,48 +37,6 @@ SETTLED = 0.01  # of the lines change their names in a round: the last one
 
 
 @dataclass(frozen=True)
-class Lines:
-    """A video's lines, ordered by frame and track.
-
-    Attributes
-    ----------
-    features : float64 (rows, 6) as of `line_features`
-    frame, track : int64 (rows,)
-    limits : the room's parameters
-    """
-
-    features: np.ndarray
-    frame: np.ndarray
-    track: np.ndarray
-    limits: Limits = USUAL
-
-    @cached_property
-    def starts(self):
-        """First row of every frame, and the number of rows."""
-        return np.searchsorted(self.frame, np.arange(self.frame[-1] + 2))
-
-    @cached_property
-    def along(self):
-        """Every frame's rows in their order along the face, counted from its first (rows,)."""
-        order = np.lexsort((self.features[:, ANGLE], self.frame))
-        return order - self.starts[self.frame]
-
-    @cached_property
-    def pieces(self):
-        """Rows ordered by track and frame (rows,), and where unbroken pieces begin and end."""
-        order = np.lexsort((self.frame, self.track))
-        broken = (np.diff(self.track[order]) != 0) | (np.diff(self.frame[order]) != 1)
-        ends = np.flatnonzero(broken) + 1
-        return order, np.append(0, ends), np.append(ends, len(order))
-
-    def backwards(self) -> tuple["Lines", np.ndarray]:
-        """The same lines with time reversed, and which of the rows each of theirs is (rows,)."""
-        frame = self.frame[-1] - self.frame
-        rows = np.lexsort((self.track, frame))
-        return Lines(self.features[rows], frame[rows], self.track[rows], self.limits), rows
-
-
-@dataclass(frozen=True)
 class Naming:
     """Names (rows,), −1 for none, the appearance that they follow from, and their total cost."""
 
@@ -88,7 +45,7 @@ class Naming:
     cost: float
 
 
-def named_in_order(lines: Lines, least_sd) -> list[Naming]:
+def named_in_order(lines: TrackedLines, least_sd) -> list[Naming]:
     """Names of all lines for several numbers of whiskers, ordered by cost.
 
     The commonest number of lines in a frame is tried first, then more and fewer, as long as the
@@ -96,8 +53,7 @@ def named_in_order(lines: Lines, least_sd) -> list[Naming]:
 
     least_sd : (6,) of the features
     """
-    before = motion_model.row_before(lines.frame, lines.track)
-    turn = motion_model.common_turns(lines.features, lines.frame, before)
+    turn = motion_model.common_turns(lines.features, lines.frame, lines.before)
     weight, phase = motion_model.newness(turn, lines.limits), np.cumsum(turn)
     phase -= uniform_filter1d(phase, lines.limits.same_mean)
     frames = np.bincount(np.diff(lines.starts))
@@ -130,7 +86,9 @@ def _first_appearance(lines, count, phase, weight, least_sd) -> FanModel:
     return seeds.first_appearance(features, place, phase[frame], weight[frame], count, least_sd)
 
 
-def looks_and_phases(lines: Lines, model: FanModel, names) -> tuple[FanModel, np.ndarray]:
+def appearance_and_phases(
+    lines: TrackedLines, model: FanModel, names
+) -> tuple[FanModel, np.ndarray]:
     """Appearance of all whiskers and phases (frames,) as of the names (rows,)."""
     known = names >= 0
     phase = motion_model.phases(model, lines.features, lines.frame, names)
@@ -143,11 +101,10 @@ def looks_and_phases(lines: Lines, model: FanModel, names) -> tuple[FanModel, np
 def _settled(lines, model, phase) -> Naming:
     """Names and appearance, found in turn until names hardly change."""
     before = np.full(len(lines.frame), -1)
-    came = motion_model.row_before(lines.frame, lines.track)
     slope = 1.0
     for number in range(MOST_ROUNDS):
         turn = motion_model.sure_turns(
-            lines.features, lines.frame, came, slope, lines.limits.own_turn
+            lines.features, lines.frame, lines.before, slope, lines.limits.own_turn
         )
         shifts = SHIFTS[min(number, len(SHIFTS) - 1)]
         names, cost = _in_order(lines, model, phase, turn, shifts)
@@ -155,7 +112,7 @@ def _settled(lines, model, phase) -> Naming:
         if settled or number == MOST_ROUNDS - 1 or not (names >= 0).any():
             break
         before = names
-        model, phase = looks_and_phases(lines, model, names)
+        model, phase = appearance_and_phases(lines, model, names)
         known = np.maximum(model.slope[names, ANGLE], LEAST_SLOPE)
         slope = np.where(names >= 0, known, np.nan)
     return Naming(names, model, cost)
@@ -254,7 +211,7 @@ def _in_ascending_order(values, order):
 def along_tracks(cost, order, first, last, reach):
     """Costs or shares (rows, whiskers), averaged over ±`reach` rows of every row's track.
 
-    order, first, last : as of `Lines.pieces`
+    order, first, last : as of `TrackedLines.pieces`
     """
     out = np.empty_like(cost)
     total = np.empty(cost.shape[1])

@@ -16,7 +16,7 @@ MOST = 20  # whiskers
 def with_more(model: FanModel, names, lines) -> tuple[FanModel, np.ndarray]:
     """The model and the names with a few more whiskers, from long tracks without a name.
 
-    lines : `Lines`, whose limits say how long such a track is
+    lines : `TrackedLines`, whose limits say how long such a track is
     """
     features, frame, track = lines.features, lines.frame, lines.track
     known = len(model.middle)
@@ -48,10 +48,9 @@ def with_more(model: FanModel, names, lines) -> tuple[FanModel, np.ndarray]:
 def appearance_of(lines, names, least_sd) -> FanModel:
     """The model of whiskers, from lines that are known to be theirs; the phases are not yet known.
 
-    lines : `Lines`; names : (rows,) −1 for none; least_sd : (6,) of the features
+    lines : `TrackedLines`; names : (rows,) −1 for none; least_sd : (6,) of the features
     """
-    before = motion_model.row_before(lines.frame, lines.track)
-    turn = motion_model.common_turns(lines.features, lines.frame, before)
+    turn = motion_model.common_turns(lines.features, lines.frame, lines.before)
     phase, weight = np.cumsum(turn), motion_model.newness(turn, lines.limits)
     phase -= np.median(phase)
     known = np.flatnonzero(names >= 0)

@@ -38,7 +38,7 @@ HELD_TO_MEAN = 1e-3  # fixes the level of directions, of which only differences 
 def named_by_tracklets(lines):
     """Whisker of every line (rows,), numbered from 0; −1 for a second line of one in a frame.
 
-    lines : `ordered_assignment.Lines`
+    lines : `TrackedLines`
     """
     motion = RowMotion.of(lines)
     paths = _joined(_cut(lines, motion), lines, motion)

@@ -7,7 +7,7 @@ import pytest
 
 from pipeline.identity import consensus
 from pipeline.identity.features import ANGLE, BEND, LENGTH, N_FEATURES
-from pipeline.identity.ordered_assignment import Lines
+from pipeline.identity.tracked_lines import TrackedLines
 
 LENGTHS = np.array([65.0, 95, 140, 160, 100, 205, 90])  # px, of a row
 FRAMES, MOVES_ON = 120, 57  # the frame from which the row whisks
@@ -22,7 +22,7 @@ def row(rng):
     features[:, ANGLE] = 0.15 * true + phase + rng.normal(0, 0.01, len(frame))
     features[:, BEND] = 0.02 * true + 0.1 * phase
     features[:, LENGTH] = np.log(LENGTHS[true]) + rng.normal(0, 0.03, len(frame))
-    return Lines(features, frame, true), true
+    return TrackedLines(features, frame, true), true
 
 
 def moved_on(true):
@@ -69,7 +69,7 @@ def test_good_namings_that_disagree_take_confidence(monkeypatch):
 
 def test_names_are_agreed_on_line_by_line_and_no_whisker_has_two_lines():
     frame = np.array([0, 0, 1, 1])
-    lines = Lines(np.zeros((4, N_FEATURES)), frame, np.arange(4))  # four tracks
+    lines = TrackedLines(np.zeros((4, N_FEATURES)), frame, np.arange(4))  # four tracks
     found = [[0, 1, 0, 1], [0, 1, 1, 0], [1, 0, 1, 0], [1, -1, 1, -1]]
     named, share = consensus._agreed(lines, found, np.array([3.0, 2.0, 1.5, 1.5]))
     assert named.tolist() == [0, 1, 1, 0]
@@ -80,7 +80,7 @@ def test_names_are_agreed_on_line_by_line_and_no_whisker_has_two_lines():
 
 
 def test_no_name_counts_by_half():
-    lines = Lines(np.zeros((1, N_FEATURES)), np.zeros(1, int), np.zeros(1, int))
+    lines = TrackedLines(np.zeros((1, N_FEATURES)), np.zeros(1, int), np.zeros(1, int))
     found = [[0], [-1]]
     for weights, name in (([1.0, 1.9], 0), ([1.0, 2.1], -1)):
         named, share = consensus._agreed(lines, found, np.array(weights))
@@ -90,7 +90,7 @@ def test_no_name_counts_by_half():
 
 def one_track(frames):
     """Lines of one track."""
-    return Lines(np.zeros((frames, N_FEATURES)), np.arange(frames), np.zeros(frames, int))
+    return TrackedLines(np.zeros((frames, N_FEATURES)), np.arange(frames), np.zeros(frames, int))
 
 
 def test_a_name_does_not_change_for_one_frame_of_a_track():
@@ -136,7 +136,9 @@ def test_the_second_time_names_may_leave_tracks(monkeypatch):
     monkeypatch.setattr(
         consensus.label_swaps,
         "improved",
-        lambda evidence, *rest: held.append(evidence.price.any()) or improved(evidence, *rest),
+        lambda evidence, *rest: (
+            held.append(evidence.rename_cost.any()) or improved(evidence, *rest)
+        ),
     )
     found = list(consensus._namings(lines))
     tracks, none = [True] * consensus.ROUNDS, [False] * consensus.ROUNDS
@@ -177,7 +179,7 @@ def test_lines_backwards_are_the_same_lines_and_forwards_again_after_twice():
 def test_every_way_names_the_row():
     lines, true = row(np.random.default_rng(5))
     first = 7  # frames without lines before
-    late = Lines(lines.features, lines.frame + first, lines.track, lines.limits)
+    late = TrackedLines(lines.features, lines.frame + first, lines.track, lines.limits)
     found = list(consensus._namings(late))
     assert len(found) >= 2
     for names in found:

@@ -14,8 +14,8 @@ from pipeline.identity.consensus import LEAST_SD
 from pipeline.identity.features import ANGLE, BEND, Dial, line_features
 from pipeline.identity.limits import USUAL
 from pipeline.identity.links import TAKEN, link_costs
-from pipeline.identity.ordered_assignment import Lines
 from pipeline.identity.sides import Sides
+from pipeline.identity.tracked_lines import TrackedLines
 from pipeline.session.parameters import DEFAULTS
 from pipeline.session.recording import Recording
 from pipeline.tables.centrelines import Centrelines
@@ -166,7 +166,11 @@ def evidence(rng):
     """Evidence of the whisking fan, its tracks, and its true names."""
     frame, track, features, true = rows(whisking(rng), exchanged([(1, 2, 100, 200)]))
     model, phase = usual_fan(), 0.4 * np.sin(np.arange(FRAMES) / 6)
-    return motion_model.evidence_of(model, Lines(features, frame, track), phase), track, true
+    return (
+        motion_model.evidence_of(model, TrackedLines(features, frame, track), phase),
+        track,
+        true,
+    )
 
 
 def test_exchanges_lead_from_any_names_to_the_likeliest():
@@ -184,7 +188,7 @@ def test_no_exchange_makes_names_dearer_where_whiskers_are_often_not_seen(seed):
     rng = np.random.default_rng(seed)
     frame, track, features, true = rows(whisking(rng), exchanged([(1, 2, 100, 200)]))
     seen = rng.random(len(frame)) < 0.4
-    lines = Lines(features[seen], frame[seen], track[seen])
+    lines = TrackedLines(features[seen], frame[seen], track[seen])
     known = motion_model.evidence_of(usual_fan(), lines, 0.4 * np.sin(np.arange(FRAMES) / 6))
     named = (true[seen] + frame[seen] // 40) % len(FAN)
     table = label_swaps._table(known, named)
@@ -238,7 +242,7 @@ def test_what_has_not_changed_need_not_be_looked_at_again(seed):
     broken_off = exchanged([]) + 5 * (np.arange(FRAMES)[:, None] // 12)
     frame, track, features, true = rows(seen, broken_off)
     there = rng.random(len(frame)) < 0.7
-    lines, true = Lines(features[there], frame[there], track[there]), true[there]
+    lines, true = TrackedLines(features[there], frame[there], track[there]), true[there]
     known = motion_model.evidence_of(usual_fan(), lines, 0.4 * np.sin(np.arange(FRAMES) / 6))
     named = np.where(rng.random(len(true)) < 0.5, -1, true)
     for first in rng.integers(FRAMES - 40, size=6):
@@ -253,8 +257,8 @@ def test_a_line_that_is_seen_to_go_on_keeps_its_name():
     known, track, true = evidence(np.random.default_rng(9))
     alike = (known.frame >= 120) & (known.frame < 130)  # for so long, two look like each other
     for row in np.flatnonzero(alike & (true > 2)):
-        known.look[row, [3, 4]] = known.look[row, [4, 3]]
-    free = known._replace(price=0 * known.price)
+        known.appearance[row, [3, 4]] = known.appearance[row, [4, 3]]
+    free = known._replace(rename_cost=0 * known.rename_cost)
     assert np.array_equal(label_swaps.improved(known, true, track), true)
     assert not np.array_equal(label_swaps.improved(free, true, track), true)
 
@@ -263,15 +267,15 @@ def test_a_whisker_that_had_no_line_pays_for_one_that_was_anothers():
     known, _, true = evidence(np.random.default_rng(13))
     row = {k: np.flatnonzero(true == k) for k in range(3)}  # a row per frame
     now = 60
-    taken = known._replace(price=np.full(len(true), TAKEN))
-    free = known._replace(price=np.zeros(len(true)))
+    taken = known._replace(rename_cost=np.full(len(true), TAKEN))
+    free = known._replace(rename_cost=np.zeros(len(true)))
 
     def extra(before, lasting):
         each = taken._replace(lasting=np.full(len(true), lasting)), free
         costs = [link_costs(e, 1, row[1][[before]], row[2][[now]])[0] for e in each]
         return costs[0] - costs[1]
 
-    assert taken.source[row[2][now]] == row[2][now - 1]
+    assert taken.before[row[2][now]] == row[2][now - 1]
     assert extra(now - 6, True) == pytest.approx(TAKEN)  # not seen for five frames
     assert extra(now - 1, True) == 0  # both are seen: they may have changed places
     brief = np.ones(len(true), bool)
@@ -282,7 +286,7 @@ def test_a_whisker_that_had_no_line_pays_for_one_that_was_anothers():
 def test_lines_far_from_others_that_move_evenly_are_seen_to_go_on():
     rng = np.random.default_rng(10)
     known, _, true = evidence(rng)
-    priced = known.price >= motion_model.RENAMED
+    priced = known.rename_cost >= motion_model.RENAMED
     jumped = np.isin(known.frame, [100, 200])  # there, tracks 1 and 2 change whiskers
     assert priced[(true > 2) & (known.frame > 0)].mean() > 0.85
     assert not priced[jumped & np.isin(true, [1, 2])].any()
@@ -304,9 +308,9 @@ def test_looks_of_resting_whiskers_count_less():
         np.concatenate([still, moving]), np.tile(np.arange(len(FAN)), (350, 1))
     )
     phase = np.zeros(350)
-    known = motion_model.evidence_of(usual_fan(), Lines(features, frame, track), phase)
+    known = motion_model.evidence_of(usual_fan(), TrackedLines(features, frame, track), phase)
     cost = usual_fan().costs(features, phase[frame])
-    share = (known.look / cost).max(axis=1)
+    share = (known.appearance / cost).max(axis=1)
     assert share[(frame > 0) & (frame < 50)] == pytest.approx(
         motion_model.WEIGHT * motion_model.QUIET, rel=0.6
     )
@@ -315,7 +319,7 @@ def test_looks_of_resting_whiskers_count_less():
 
 def cost_of(known, named):
     """Cost of all appearances and motions, whisker by whisker."""
-    total = known.look[np.arange(len(named)), named].sum()
+    total = known.appearance[np.arange(len(named)), named].sum()
     for name in np.unique(named):
         rows = np.flatnonzero(named == name)
         total += link_costs(known, name, np.append(-1, rows[:-1]), rows).sum()
