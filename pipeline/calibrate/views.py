@@ -153,8 +153,7 @@ def _lag(first, second) -> int:
 
 def _pole_at(pole: PoleTrack, frame):
     """The pole [px] in a frame, None while it is away."""
-    k = min(frame, len(pole.x_px) - 1)
-    place = np.array([pole.x_px[k], pole.y_px[k]])
+    place = np.array(pole.at(frame))
     return place if np.isfinite(place).all() else None
 
 

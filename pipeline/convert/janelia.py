@@ -215,8 +215,8 @@ def _distance(segment, pole):
     """Distance of the nearest point to the pole's centre [px], nothing where there is no pole."""
     if pole is None:
         return ()
-    at = min(segment.frame, len(pole.x_px) - 1)
-    return (np.hypot(segment.x - pole.x_px[at], segment.y - pole.y_px[at]).min(),)
+    x, y = pole.at(segment.frame)
+    return (np.hypot(segment.x - x, segment.y - y).min(),)
 
 
 def _face_centre(segments, face):

@@ -47,5 +47,5 @@ def end_thickness(picture, values, n):
                 total += absorbed[j]
                 weight += 1.0
         if weight > 0:
-            out[k] = sigma[0] * 2.5066 * total / weight
+            out[k] = sigma[0] * line_profile.BELL_AREA * total / weight
     return out

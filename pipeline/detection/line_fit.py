@@ -401,7 +401,7 @@ def _keep_measured(nodes, end, work):
         expected += a * a * sums[line_profile.GG, i]
         found += a * max(work.amplitude[i], 0.0) * sums[line_profile.GG, i]
         amplitude[i] = 0.7 * amplitude[i] + 0.3 * max(work.amplitude[i], 0.0)
-        area = work.amplitude[i] * nodes.sigma[i] * 2.5066
+        area = work.amplitude[i] * nodes.sigma[i] * line_profile.BELL_AREA
         nodes.thickness[i] = area if work.amplitude_se[i] < 0.05 else np.nan
     amplitude[end:] = amplitude[end - 1]
     return min(found / expected, 1.0)

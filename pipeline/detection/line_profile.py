@@ -17,6 +17,7 @@ from numba import njit
 GG, G1, G11, GY, OY, DD, DY, DG, D1, SS, SY, SG = range(12)
 N_SUMS = 12
 
+BELL_AREA = 2.5066  # √(2π): of exp(−u²/2)
 LANES = 8  # values that a vector instruction takes at a time
 SINGLE = np.float32
 

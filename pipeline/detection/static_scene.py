@@ -18,11 +18,16 @@ class PoleTrack:
     y_px: np.ndarray
     radius_px: float
 
+    def at(self, frame):
+        """Centre x, y [px] in frames of these numbers; the last place holds on."""
+        held = np.minimum(frame, len(self.x_px) - 1)
+        return self.x_px[held], self.y_px[held]
+
     def moved(self, shifts) -> "PoleTrack":
         """Return the track moved by the shift x, y [px] of every frame."""
-        x, y = np.reshape(shifts, (-1, 2)).T
-        held = np.minimum(np.arange(len(x)), len(self.x_px) - 1)  # the last place holds on
-        return PoleTrack(self.x_px[held] + x, self.y_px[held] + y, self.radius_px)
+        shift_x, shift_y = np.reshape(shifts, (-1, 2)).T
+        x, y = self.at(np.arange(len(shift_x)))
+        return PoleTrack(x + shift_x, y + shift_y, self.radius_px)
 
 
 @dataclass(frozen=True)

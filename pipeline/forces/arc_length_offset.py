@@ -308,5 +308,5 @@ def trace_ends(places: Stations, params: RodParams = DEFAULTS.forces):
 def _bent_rows(places, params):
     """Rows that may touch, rather of frames that no codec made up, spread over the video."""
     near = np.flatnonzero(may_touch(places, 1e-3 * params.loaded_distance_mm))
-    near = places.rather_shown(near, ENOUGH_ROWS)
+    near = places.not_interpolated(near, ENOUGH_ROWS)
     return near[evenly(len(near), MOST_ROWS)]

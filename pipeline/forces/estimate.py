@@ -12,7 +12,7 @@ from pipeline.kinematics.stations import N_STATIONS, Stations
 from pipeline.numerics.runs import parts
 from pipeline.session.parameters import DEFAULTS, RodParams
 from pipeline.tables.columns import EVIDENCE_COLUMNS, as_table
-from pipeline.tracking.whiskers import nominal_whisker
+from pipeline.tracking.whiskers import BEYOND_TRACE, nominal_whisker
 
 MEASURED = [  # columns of the frames in which the rods have the last word
     "base_angle_deg", "base_angle_se_deg", "follicle_x_px", "follicle_y_px", "curvature_per_m",
@@ -56,7 +56,7 @@ def estimate_forces(
         length = (N_STATIONS - 1) * places.spacing[index]
         whisker = whiskers.get(name)
         if whisker is None:
-            whisker = nominal_whisker(name, length / 1.03, 0.0)
+            whisker = nominal_whisker(name, length / BEYOND_TRACE, 0.0)
             all_rows = replace(
                 all_rows, end_px=np.full_like(all_rows.end_px, np.nan)
             )  # unknown length

@@ -116,9 +116,9 @@ def far_from_pole(places, params: RodParams = DEFAULTS.forces) -> np.ndarray:
 def _fit_rods(own: WhiskerRows, friction, params):
     """Loaded rods of all rows, the `Origin` of their arc lengths, and the `RestModel` or None."""
     whisker, at = own.whisker, own.curvature_at
-    places = station_noise.as_they_scatter(own.places, whisker, at, own.free)
+    places = station_noise.with_observed_scatter(own.places, whisker, at, own.free)
     own = replace(own, places=places)
-    places = lasting_errors.without_lasting(own, 1e-3 * params.loaded_distance_mm)
+    places = lasting_errors.with_lasting_errors(own, 1e-3 * params.loaded_distance_mm)
     origin, by_tip = arc_length_offset.origin_from_tip(places, whisker, own.time, params)
     places = replace(places, origin=origin.per_row)
     own = replace(own, places=places)

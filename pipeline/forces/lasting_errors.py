@@ -29,8 +29,8 @@ FADES_M = 0.4e-3  # length over which a shift falls by e
 LEAST_FREEDOM = 0.02  # of a station's squared error, that a fit leaves of it
 
 
-def without_lasting(own: WhiskerRows, near_m: float) -> Stations:
-    """Return the stations; those that touching frames show to be shifted have less information.
+def with_lasting_errors(own: WhiskerRows, near_m: float) -> Stations:
+    """Return the stations, with less information where touching frames show that they are shifted.
 
     near_m : whisker to pole [m], of frames that may touch
     """
@@ -45,13 +45,13 @@ def without_lasting(own: WhiskerRows, near_m: float) -> Stations:
     fit = rod_fit.fit_loaded(part, own.whisker, own.curvature_at, prior, misfit=misfit)
     spacing = own.whisker.length / (N_STATIONS - 1)
     shifts = lasting_variance(misfit[touching, 0], part.information[touching], spacing)
-    return places.doubted(shifts / multiple(fit)) if shifts.any() else places
+    return places.with_variance(shifts / variance_factor(fit)) if shifts.any() else places
 
 
-def multiple(fit: rod_fit.ShapeFit) -> float:
-    """By how much fits multiply all variances where errors are larger than said; 1: not at all.
+def variance_factor(fit: rod_fit.ShapeFit) -> float:
+    """By how much fits multiply all variances where misfits exceed them; 1: not at all.
 
-    A doubt that is to be as large as it is has to be divided by it.
+    A variance that is added to the known ones has to be divided by it, to count as what it is.
     """
     chi2 = fit["chi2"][np.isfinite(fit["chi2"])]
     return max(float(np.median(chi2)), 1.0) if len(chi2) else 1.0
@@ -65,7 +65,7 @@ def _sample(own, near_m):
         rows = np.flatnonzero(kind & np.isfinite(own.angle) & np.isfinite(places.first))
         if len(rows) < FEWEST_ROWS:
             return np.empty(0, int)
-        rows = places.rather_shown(rows, MOST_ROWS)
+        rows = places.not_interpolated(rows, MOST_ROWS)
         out.append(rows[evenly(len(rows), MOST_ROWS)])
     return np.sort(np.concatenate(out))
 

@@ -151,8 +151,8 @@ def fit_rest(values, variances, angle, time, free, degree=LARGEST_DEGREE) -> Res
     powers = _powers((angle - centre) / scale, degree)
     # of slope and bend; a constant may have any size
     precision = np.append(0.0, (TURNING_SD * scale ** np.arange(1, degree + 1)) ** -2.0)
-    looks = 1 + 2 * scale / SAME_ANGLE_RAD
-    alike = len(values) / np.clip(len(values) / CORRELATED_FRAMES, 1, looks)
+    distinct = 1 + 2 * scale / SAME_ANGLE_RAD  # angles
+    alike = len(values) / np.clip(len(values) / CORRELATED_FRAMES, 1, distinct)
     floor = np.sqrt(np.diag(np.median(covs, axis=0)))
     drift, left, share = _drift_and_rest(powers, values, time, precision * alike, floor)
     noise, measured = _noise(left, covs, share)

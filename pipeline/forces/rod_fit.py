@@ -280,8 +280,10 @@ def _solve(problem, start, prior, setup, p, rod, sums):
 
     It does not converge where a trace jumps from line to line: no rod has that shape.
 
-    `start`: numbers of the measured stations, grid place where the integration begins at first,
-    usual χ². `p` begins with the force and, without a load, the rest shape of the row before.
+    start : numbers of the measured stations, grid place where the integration begins at first,
+        usual χ²
+    p : parameters, as of `integrate`; force and, without a load, rest shape are those of the row
+        before at first
     """
     (stations, c, chi2), (seen, arc, beam, load, pole) = start, problem
     h, loaded, terms = arc.spacing, load.side != 0, len(sums.mean)

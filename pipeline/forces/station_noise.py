@@ -11,8 +11,8 @@ import numpy as np
 from scipy.optimize import nnls
 
 from pipeline.forces import rod_fit
-from pipeline.forces.lasting_errors import FEWEST_ROWS, lasting_variance, multiple
-from pipeline.kinematics.stations import N_STATIONS, Stations, beside_doubt, variance_of
+from pipeline.forces.lasting_errors import FEWEST_ROWS, lasting_variance, variance_factor
+from pipeline.kinematics.stations import N_STATIONS, Stations, information_with, variance_of
 from pipeline.numerics.robust import MAD_TO_SD
 from pipeline.numerics.runs import evenly
 from whiskermodel.whisker import Whisker
@@ -21,7 +21,9 @@ MOST_ROWS = 60
 ROUNDS = 3  # of fits: the first rods rely on few stations, and miss these by too little
 
 
-def as_they_scatter(places: Stations, whisker: Whisker, curvature_at: float, free) -> Stations:
+def with_observed_scatter(
+    places: Stations, whisker: Whisker, curvature_at: float, free
+) -> Stations:
     """Return the stations with what free frames show of their errors added to their own.
 
     `free`, bool (rows,): frames in which nothing touches the whisker.
@@ -32,25 +34,27 @@ def as_they_scatter(places: Stations, whisker: Whisker, curvature_at: float, fre
     spacing = whisker.length / (N_STATIONS - 1)
     for _ in range(ROUNDS):
         misfit = np.full((len(part), 2, part.x.shape[1]), np.nan)
-        fit = rod_fit.fit_free(part.doubted(constant + lasting), whisker, curvature_at, misfit)
+        fit = rod_fit.fit_free(
+            part.with_variance(constant + lasting), whisker, curvature_at, misfit
+        )
         constant = _constant(misfit[:, 0], part.information, constant)
-        information = beside_doubt(part.information, constant)
+        information = information_with(part.information, constant)
         found = lasting_variance(misfit[:, 0], information, spacing)
-        lasting = np.maximum(lasting, found / multiple(fit))
-    return places.doubted(constant + lasting)
+        lasting = np.maximum(lasting, found / variance_factor(fit))
+    return places.with_variance(constant + lasting)
 
 
-def _constant(misfit, information, doubt):
+def _constant(misfit, information, first):
     """The constant variance [m²], beside a multiple, at least 1, of the inverse `information`.
 
     misfit, information : (rows, stations) [m], [1/m²]
-    doubt : a first value of the constant variance [m²], for the weights
+    first : a first value of the constant variance [m²], for the weights
     """
     square, expected = usual_misfit(misfit**2, variance_of(information))
     square, expected = (each[np.isfinite(square)] for each in (square, expected))
     if not len(square):
         return 0.0
-    weight = 1 / (expected + doubt)
+    weight = 1 / (expected + first)
     parts = np.stack([expected * weight, weight * np.median(expected)], axis=1)
     multiple, constant = nnls(parts, square * weight)[0]
     return float(constant / max(multiple, 1.0) * np.median(expected))

@@ -47,7 +47,7 @@ class WhiskerRows:
     def rest_shape(self) -> RestModel | None:
         """Rest shape, by the angle of the follicle, from the free frames."""
         free = np.flatnonzero(self.free)
-        rows = rest_shape.enough(self.places.rather_shown(free, rest_shape.PLENTY))
+        rows = rest_shape.enough(self.places.not_interpolated(free, rest_shape.PLENTY))
         if len(rows) < rest_shape.FEWEST_FRAMES:
             return None
         places = self.places.rows(rows)

@@ -290,8 +290,7 @@ def _pole_of(centrelines, pole: PoleTrack | None, gap) -> _Pole:
     if pole is None:
         nowhere = np.full(len(centrelines), np.nan)
         return _Pole(nowhere, nowhere, 0.0)
-    frame = np.minimum(centrelines.frame, len(pole.x_px) - 1)
-    return _Pole(pole.x_px[frame], pole.y_px[frame], float(pole.radius_px + gap))
+    return _Pole(*pole.at(centrelines.frame), float(pole.radius_px + gap))
 
 
 def _noise_factor(centrelines, redness):

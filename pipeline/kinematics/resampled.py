@@ -182,12 +182,8 @@ def _pole_rows(pole, frame):
     """Pole centre per row and its radius [px]; NaN where there is none."""
     if pole is None:
         return np.full(len(frame), np.nan), np.full(len(frame), np.nan), 0.0
-    at = np.minimum(frame, len(pole.x_px) - 1)
-    return (
-        np.asarray(pole.x_px, float)[at],
-        np.asarray(pole.y_px, float)[at],
-        float(pole.radius_px),
-    )
+    x, y = pole.at(frame)
+    return np.asarray(x, float), np.asarray(y, float), float(pole.radius_px)
 
 
 @njit(cache=True)

@@ -26,12 +26,12 @@ class StoredStations(Stations):
     ----------
     file : float32 (3, stations) for every row
     place : (rows,) each row's number in the file
-    doubt : (stations,) variances that `doubted` added [m²]
+    added_variance : (stations,) variances added by `with_variance` [m²]
     """
 
     file: BinaryIO | None = None
     place: np.ndarray | None = None
-    doubt: np.ndarray | float = 0.0
+    added_variance: np.ndarray | float = 0.0
 
     def loaded(self) -> Stations:
         """Return these rows with x, y and information in memory."""
@@ -45,11 +45,11 @@ class StoredStations(Stations):
         rest = {f.name: getattr(self, f.name) for f in fields(Stations) if f.name not in BULKY}
         parts = zip(BULKY, np.moveaxis(bulky, 1, 0), strict=True)
         seen = Stations(**rest, **{name: np.ascontiguousarray(part) for name, part in parts})
-        return seen.doubted(self.doubt) if np.any(self.doubt) else seen
+        return seen.with_variance(self.added_variance) if np.any(self.added_variance) else seen
 
-    def doubted(self, variance) -> "StoredStations":
+    def with_variance(self, variance) -> "StoredStations":
         """Return the same with errors of `variance` (stations,) [m²] added to the known ones."""
-        return replace(self, doubt=self.doubt + variance)
+        return replace(self, added_variance=self.added_variance + variance)
 
 
 class StationStore:

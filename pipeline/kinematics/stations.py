@@ -12,7 +12,7 @@ from pipeline.scene.dust import INNER
 
 N_STATIONS = 49  # over the whisker's length: 0.375 mm apart on a mouse's C2
 # fields that are not one per row
-SHARED = ("names", "spacing", "pole_radius", "pixel", "file", "doubt")
+SHARED = ("names", "spacing", "pole_radius", "pixel", "file", "added_variance")
 
 
 @dataclass(frozen=True)
@@ -64,8 +64,8 @@ class Stations:
     def __len__(self):
         return len(self.frame)
 
-    def rather_shown(self, rows, enough) -> np.ndarray:
-        """Those of `rows` (numbers) in frames that no codec interpolated; all, if not `enough`."""
+    def not_interpolated(self, rows, enough) -> np.ndarray:
+        """Those of `rows` (numbers) whose frames no codec interpolated; all, if not `enough`."""
         shown = rows[~self.interpolated[rows]]
         return shown if len(shown) >= enough else rows
 
@@ -88,13 +88,13 @@ class Stations:
         """Return the same: here x, y and information are in memory already."""
         return self
 
-    def doubted(self, variance) -> "Stations":
+    def with_variance(self, variance) -> "Stations":
         """Return the same with errors of `variance` (stations,) [m²] added to the known ones."""
-        return replace(self, information=beside_doubt(self.information, variance))
+        return replace(self, information=information_with(self.information, variance))
 
 
-def beside_doubt(information, variance):
-    """Information (rows, stations) [1/m²] of places with a further error of `variance` [m²]."""
+def information_with(information, variance):
+    """Information (rows, stations) [1/m²] of places with an error of `variance` [m²] added."""
     return information / (1 + information * variance)
 
 

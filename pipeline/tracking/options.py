@@ -6,6 +6,8 @@ from pipeline.detection.tracing_options import TracingOptions
 from pipeline.session.parameters import DEFAULTS
 from pipeline.session.recording import Recording
 
+LONGER, LONGER_PX = 1.03, 4  # than its given length a line may be
+
 
 def options_for(
     recording: Recording, lengths_m=(), hidden_m=(), params=DEFAULTS
@@ -21,12 +23,12 @@ def options_for(
     """
     scale, own = recording.pixels_per_m, params.tracking
     visible = [(a - b) * scale for a, b in zip(lengths_m, hidden_m, strict=True)]
-    longest = [1.03 * length + 4 for length in visible]
+    longest = [LONGER * length + LONGER_PX for length in visible]
     if visible:
         shortest = max(min(5e-3 * scale, 0.35 * min(visible)), 30.0)
     else:
         shortest = max(own.shortest_line_mm / 1e3 * scale, 40.0)
-    return TracingOptions(
+    return TracingOptions(  # however few pixels a millimetre has, so many are needed
         spacing_px=max(own.knot_spacing_mm / 1e3 * scale, 8.0),
         shortest_px=shortest,
         base_gap_px=max(own.base_gap_mm / 1e3 * scale, 25.0),

@@ -17,6 +17,7 @@ from pipeline.tracking.whisker_evidence import whisker_like
 from whiskermodel.whisker import Whisker
 
 TEMPLATE_FRAMES = 24
+BEYOND_TRACE = 1.03  # times the traced length, the thin tip reaches
 ENOUGH_FRAMES = 12  # to find a lone whisker, which cannot be mistaken for another
 
 
@@ -181,6 +182,6 @@ def nominal_whisker(name: str, visible_length: float, hidden_length: float) -> W
 
     It is enough to find contacts, which do not depend on its stiffness, but not for forces.
     """
-    length = 1.03 * visible_length + hidden_length
+    length = BEYOND_TRACE * visible_length + hidden_length
     radius = 37e-6 * length / 18e-3
     return Whisker(length=length, cone_length=length / 0.95, base_radius=radius, name=name)

@@ -69,7 +69,7 @@ def judged(traced, places):
     angle = np.radians(traced.frames["base_angle_deg"].to_numpy())
     time = traced.frames["time_s"].to_numpy()
     own = WhiskerRows(places, mouse_c2(), AT, angle, time, forces.far_from_pole(places))
-    return lasting_errors.without_lasting(own, 1e-3 * DEFAULTS.forces.loaded_distance_mm)
+    return lasting_errors.with_lasting_errors(own, 1e-3 * DEFAULTS.forces.loaded_distance_mm)
 
 
 def parts_left(traced, places):

@@ -34,14 +34,14 @@ def test_a_constant_error_is_told_from_a_multiple_of_the_noise(free, multiple, c
         y=free.y + across * along_x / length,
         information=np.where(np.isfinite(length * free.x), expected**-2, 0.0),
     )
-    found = station_noise.as_they_scatter(seen, mouse_c2(), AT, np.ones(len(free), bool))
+    found = station_noise.with_observed_scatter(seen, mouse_c2(), AT, np.ones(len(free), bool))
     known = found.information[50] > 0
     ratio = multiple / (found.information[50] * true)[known]
     np.testing.assert_allclose(ratio, 1.0, rtol=variance_tolerance)
 
 
 def test_without_free_frames_nothing_is_known(free):
-    found = station_noise.as_they_scatter(free, mouse_c2(), AT, np.zeros(len(free), bool))
+    found = station_noise.with_observed_scatter(free, mouse_c2(), AT, np.zeros(len(free), bool))
     np.testing.assert_array_equal(found.information, free.information)
 
 
@@ -74,7 +74,7 @@ def test_a_station_that_is_shifted_in_all_free_frames_counts_less(free):
         y=free.y + across * along_x / length,
         information=np.where(np.isfinite(length * free.x), (0.02 * free.pixel) ** -2, 0.0),
     )
-    found = station_noise.as_they_scatter(seen, mouse_c2(), AT, np.ones(len(free), bool))
+    found = station_noise.with_observed_scatter(seen, mouse_c2(), AT, np.ones(len(free), bool))
     known = np.flatnonzero(seen.information[50] > 0)
     part = found.information[50, known] / seen.information[50, known]
     away = np.abs(known - 25) * free.spacing[0]

@@ -87,8 +87,8 @@ def test_doubted_places_are_known_less_in_the_store_as_in_memory():
     store.add(chunk)
     variance = np.zeros(N_STATIONS)
     variance[:3] = 1e-10
-    stored = store.of("C1").doubted(variance).rows(slice(1, 5)).loaded()
-    information = chunk.of("C1").doubted(variance).rows(slice(1, 5)).information
+    stored = store.of("C1").with_variance(variance).rows(slice(1, 5)).loaded()
+    information = chunk.of("C1").with_variance(variance).rows(slice(1, 5)).information
     np.testing.assert_allclose(stored.information, information, rtol=1e-6)
     np.testing.assert_allclose(information[:, :3], 0.8e10)
     np.testing.assert_array_equal(information[:, 3:], 4e10)
