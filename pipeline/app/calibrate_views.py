@@ -36,7 +36,7 @@ def run_views(first, second, points, out, whisker, say) -> list[str]:
     )
     if not measured:
         raise ViewsError(f"{first}: no video can be put together with {second}: {faults[0]}")
-    written = write_views(out, views, measured)
+    written = write_views(out, views, measured, {f"{v.made_of} {name}" for v, _ in pairs})
     say(f"tables and figure: {written[0].parent}")
     return faults
 

@@ -208,7 +208,7 @@ def _export(results, out, write):
 
     written, left_out = each(
         read_results(results),
-        lambda video: write_new(out, lambda new: write(new, video)),
+        lambda video: write_new(out, lambda new: write(new, video), [video.made_of]),
         lambda paths: "\n".join(map(str, paths)),
         typer.echo,
         lambda video: f"{video.name}: ",
@@ -304,5 +304,6 @@ def export_whacc(results: Results, out: Out, debug: Debug = False):
     from pipeline.tables.new_files import write_new
 
     videos = read_results(results)
-    for path in write_new(out, lambda new: [write_whacc(new / "whacc.h5", videos)]):
+    made_of = [video.made_of for video in videos]
+    for path in write_new(out, lambda new: [write_whacc(new / "whacc.h5", videos)], made_of):
         typer.echo(str(path))

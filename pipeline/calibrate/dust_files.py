@@ -54,12 +54,15 @@ def _slope_cells(slope: Slope | None) -> dict:
     }
 
 
-def write_dust(out, motions: list[FollicleMotion]) -> list[Path]:
-    """Write dust.csv, dust_contacts.csv, dust_videos.csv and the figures."""
+def write_dust(out, motions: list[FollicleMotion], made_of=()) -> list[Path]:
+    """Write dust.csv, dust_contacts.csv, dust_videos.csv and the figures.
+
+    made_of : of `new_files`
+    """
     frames = pd.concat([motion.frames for motion in motions])
     contacts = pd.concat([motion.contacts for motion in motions])
     pictures = [f"{motion.video}.png" for motion in motions]
-    with new_files(out) as new:
+    with new_files(out, made_of) as new:
         for name, motion in zip(pictures, motions, strict=True):
             draw_dust(new / name, motion)
         write_csv(new / "dust.csv", as_table(frames, DUST_COLUMNS), DUST_COLUMNS)

@@ -12,7 +12,7 @@ from pipeline.session.edit import set_whisker_values, whisker_has
 from pipeline.tables.calibration_columns import DENSITY_COLUMNS, GEOMETRY_COLUMNS, PROFILE_COLUMNS
 from pipeline.tables.files import write_csv
 from pipeline.tables.new_files import write_new
-from pipeline.tables.whole_files import write_text
+from pipeline.tables.whole_files import sha256, write_text
 
 UNITS = {"length": "mm", "base_radius": "um", "tip_radius": "um", "cone_length": "mm"}
 DEVIATION_SHARE = 0.02  # of the base radius, from which a whisker is said to be no cone
@@ -60,7 +60,8 @@ def _pair(name, measured: Measured):
 
 def write_geometry(out, geometries: list[Geometry], masses=()) -> list[Path]:
     """Write geometry.csv, a profile and a picture per whisker, and all whiskers together."""
-    return write_new(out, lambda new: _write_all(new, geometries, masses))
+    made_of = [sha256(geometry.path) for geometry in geometries]
+    return write_new(out, lambda new: _write_all(new, geometries, masses), made_of)
 
 
 def _write_all(out, geometries, masses):

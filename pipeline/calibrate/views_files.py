@@ -19,15 +19,18 @@ from pipeline.tables.files import write_csv, write_rows
 from pipeline.tables.new_files import new_files
 
 
-def write_views(out, views: TwoViews, measured: list[ViewsMeasurement]) -> list[Path]:
-    """Write calibration.csv, views.csv, view_contacts.csv, lines_3d.parquet and fig4.png."""
+def write_views(out, views: TwoViews, measured: list[ViewsMeasurement], made_of=()) -> list[Path]:
+    """Write calibration.csv, views.csv, view_contacts.csv, lines_3d.parquet and fig4.png.
+
+    made_of : of `new_files`
+    """
     tables = {
         "calibration.csv": (_calibration(views), CALIBRATED_VIEW_COLUMNS),
         "views.csv": (pd.concat([each.frames for each in measured]), VIEW_FRAME_COLUMNS),
         "view_contacts.csv": (pd.concat([e.contacts for e in measured]), VIEW_CONTACT_COLUMNS),
     }
     lines = pd.DataFrame([row for each in measured for row in _line_rows(each, views)])
-    with new_files(out) as new:
+    with new_files(out, made_of) as new:
         draw_views(new / "fig4.png", measured)
         for name, (table, columns) in tables.items():
             write_csv(new / name, as_table(table, columns), columns)

@@ -18,7 +18,13 @@ from pipeline.session.session_file import read_session
 from pipeline.tables import files
 from pipeline.tables.centrelines import Centrelines, read_centrelines
 from pipeline.tables.columns import CONTACT_COLUMNS, VIDEO_COLUMNS
-from pipeline.tables.run_record import found_video, frame_count, read_pole, recorded_path
+from pipeline.tables.run_record import (
+    found_video,
+    frame_count,
+    read_pole,
+    read_state,
+    recorded_path,
+)
 
 MOST_FRAMES = 10_000_000  # a larger number is damage
 TRIAL_NUMBER = re.compile(r".*[-_](\d{1,18})$")  # of a video's name
@@ -36,6 +42,11 @@ class VideoResults:
     def settings(self) -> Settings:
         """The settings that the results were made with."""
         return read_session(self.folder / "session.toml")
+
+    @property
+    def made_of(self) -> str:
+        """What tells the results from those of other videos: their video's hash, or their place."""
+        return read_state(self.folder).get("sha256") or str(self.folder.resolve())
 
     @cached_property
     def source(self) -> Path | None:

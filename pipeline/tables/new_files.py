@@ -25,6 +25,7 @@ from pipeline.tables.whole_files import (
 
 DRAFT = f"{PART}new"  # holds what is being written
 RECORD = f"{PART}written"  # the list: a file's name → SHA-256 of what may be there by us
+MADE_OF = "/made of"  # in it: a file's name → what it was made of; no file can be called so
 _LISTING = threading.Lock()  # of the threads of `curate`; other programs keep out of the folder
 
 
@@ -39,14 +40,17 @@ def make_folder(folder) -> None:
 
 
 @contextlib.contextmanager
-def new_files(folder):
+def new_files(folder, made_of=()):
     """Yield an empty folder, whose files move into `folder` when the block succeeds.
+
+    made_of : hashes, or other names, of what the files are made of
 
     Raises
     ------
     InputError
-        Where that would replace a file which whiskerforce did not write, or which was changed
-        since. Nothing has changed then, as after any other error in the block.
+        Where that would replace a file which whiskerforce did not write, which was changed since,
+        or which was made of other things only. Nothing has changed then, as after any other error
+        in the block.
     """
     folder = Path(folder)
     make_folder(folder)
@@ -55,12 +59,12 @@ def new_files(folder):
         (folder / DRAFT).mkdir()
         try:
             yield folder / DRAFT
-            _move_in(sorted((folder / DRAFT).iterdir()), folder)
+            _move_in(sorted((folder / DRAFT).iterdir()), folder, made_of)
         finally:
             shutil.rmtree(folder / DRAFT, ignore_errors=True)
 
 
-def write_new(folder, write) -> list[Path]:
+def write_new(folder, write, made_of=()) -> list[Path]:
     """Let `write`, a function of an empty folder, write files there; move them into `folder`.
 
     Returns the paths that they have then, in the order of those that `write` returns.
@@ -70,7 +74,7 @@ def write_new(folder, write) -> list[Path]:
     InputError
         As `new_files`.
     """
-    with new_files(folder) as new:
+    with new_files(folder, made_of) as new:
         written = write(new)
     return [Path(folder) / path.name for path in written]
 
@@ -145,17 +149,36 @@ def _compared(folder, new, record) -> tuple[dict, list[Path]]:
     return ours, others
 
 
-def _move_in(paths, folder):
+def _move_in(paths, folder, made_of):
     """Move files into a folder; the list knows of old and new ones, whenever the program ends."""
     ours = check_own(folder, {path.name: sha256(path) for path in paths})
+    origins = _origins(folder, ours, set(made_of))
     for path in paths:
         to_disk(path)
     draft = folder / DRAFT / RECORD  # what a program that is killed leaves there is removed
-    write_json(draft, read_json(folder / RECORD, {}) | ours)
+    write_json(draft, read_json(folder / RECORD, {}) | ours | {MADE_OF: origins})
     os.replace(draft, folder / RECORD)
     for path in paths:
         os.replace(path, folder / path.name)
     to_disk(folder)
+
+
+def _origins(folder, names, made_of) -> dict:
+    """What all files on the list are made of, these `names` of `made_of`.
+
+    InputError where a file is there that was made of other things only: of another session.
+    """
+    before = read_json(folder / RECORD, {}).get(MADE_OF)
+    before = before if isinstance(before, dict) else {}
+    for name in names:
+        known = before.get(name)
+        known = set(map(str, known)) if isinstance(known, list) else set()
+        if made_of and known and not made_of & known and (folder / name).exists():
+            raise InputError(
+                f"{folder / name}: would be replaced, but was made of something else (of another "
+                "session, or another whisker); move it away or rename it, or choose another folder"
+            )
+    return before | dict.fromkeys(names, sorted(made_of))
 
 
 @contextlib.contextmanager

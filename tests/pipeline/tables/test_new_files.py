@@ -48,6 +48,29 @@ def test_a_file_that_was_edited_stays(tmp_path):
     assert visible(tmp_path) == {"one": "edited"}
 
 
+def test_a_file_that_was_made_of_other_things_stays(tmp_path):
+    def made_of(*things, text="the newest"):
+        with new_files(tmp_path, things) as new:
+            (new / "table").write_text(text)
+
+    made_of("monday 1", text="of monday")
+    with pytest.raises(InputError, match="table: would be replaced, but was made of something el"):
+        made_of("friday 1")
+    assert visible(tmp_path) == {"table": "of monday"}
+    made_of("monday 1", "monday 2")  # a video was added
+    made_of("monday 2")  # and one removed
+    with pytest.raises(InputError, match="made of something else"):
+        made_of("monday 1")
+    (tmp_path / "table").unlink()
+    made_of("friday 1")
+    write(tmp_path, table="of nothing that is known")
+    made_of("monday 1")
+    record = tmp_path / new_files_module.RECORD
+    record.write_text(record.read_text().replace('["monday 1"]', "5").replace("monday 1", "5"))
+    made_of("5")
+    assert visible(tmp_path) == {"table": "the newest"}
+
+
 def test_a_file_of_a_results_folder_that_was_edited_is_kept_under_another_name(tmp_path):
     path, said = tmp_path / "one", []
 
