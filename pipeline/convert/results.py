@@ -45,7 +45,7 @@ class VideoResults:
 
     @property
     def made_of(self) -> str:
-        """What tells the results from those of other videos: their video's hash, or their place."""
+        """What tells the results from those of other videos: the video's hash, or a place."""
         return read_state(self.folder).get("sha256") or str(self.folder.resolve())
 
     @cached_property

@@ -4,7 +4,7 @@ A folder of images is its images: settings, previews and what file browsers leav
 """
 
 import hashlib
-from pathlib import Path
+from pathlib import Path, PureWindowsPath
 
 from pipeline.errors import VideoError
 from pipeline.tables import whole_files
@@ -60,9 +60,15 @@ def same_input(state, path) -> bool:
 
 
 def check_video(folder, path) -> None:
-    """VideoError where there is another video than that of which the results in a folder are."""
+    """VideoError where there is another video than that of which the results in a folder are.
+
+    It has the name that was recorded: of lines that another program tracked, a person may have put
+    the video into videos.csv.
+    """
     path, state = Path(path), read_state(folder)
-    if state and path.exists() and not same_input(state, path):
+    if not state or PureWindowsPath(state["path"]).name != path.name:
+        return
+    if path.exists() and not same_input(state, path):
         raise VideoError(
             path,
             "is not the video of these results, or has changed since: put that one there, or run "
