@@ -11,6 +11,7 @@ from pipeline.app import batch, warm_up
 from pipeline.errors import InputError, counted
 from pipeline.reports.session_numbers import read_contacts, read_truth
 from pipeline.runtime.progress import Progress, duration
+from pipeline.tables.whole_files import read_json
 
 DEMO_PRESET, DEMO_TRIALS, DEMO_SEED = "fig3", 4, 1
 TRUTH = "truth"  # folder by which a rendered session is known
@@ -40,7 +41,7 @@ def render(folder, preset, seed, trials, jobs, progress, say, frames=1000) -> li
     from synthetic.two_view_session import PRESETS as TWO_VIEWS
     from synthetic.two_view_session import render_two_views
 
-    _check_folder(Path(folder))
+    _check_folder(Path(folder), preset)
     if preset not in (*PRESETS, *TWO_VIEWS):
         known = "\n".join(preset_lines())
         near = difflib.get_close_matches(preset, [*PRESETS, *TWO_VIEWS], 1)
@@ -63,8 +64,15 @@ def render(folder, preset, seed, trials, jobs, progress, say, frames=1000) -> li
     return paths
 
 
-def _check_folder(folder):
-    """A person's files are not replaced: a session.toml above all."""
+def _check_folder(folder, preset):
+    """A person's files are not replaced, nor the session.toml of videos of another preset."""
+    for scene in sorted((folder / TRUTH).glob("*/scene.json")):
+        other = read_json(scene, {}).get("made_from", {}).get("preset", preset)
+        if other != preset:
+            raise InputError(
+                f"{folder}: holds videos of the preset {other}, whose session.toml has no place "
+                f"for those of {preset}; choose another folder"
+            )
     if folder.is_dir() and not (folder / TRUTH).is_dir():
         there = sorted(p.name for p in folder.iterdir() if not p.name.startswith("."))
         if there:

@@ -494,6 +494,14 @@ def test_synth_and_demo_leave_the_folders_of_a_person_alone(preset, tmp_path, ca
     assert settings.read_text() == "a person's"
 
 
+def test_synth_mixes_no_presets_in_a_folder(tmp_path, capsys):
+    made = tmp_path / "truth" / "row_000" / "scene.json"
+    made.parent.mkdir(parents=True)
+    made.write_text('{"made_from": {"preset": "row"}}')
+    assert exit_code("synth", tmp_path, "--preset", "single") == 2
+    assert "holds videos of the preset row" in capsys.readouterr().err
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="there, no process interrupts itself so")
 @pytest.mark.parametrize("signal", ["SIGINT", "SIGTERM"])
 def test_who_ends_a_command_finds_no_half_files_and_no_traceback(signal, tmp_path):
