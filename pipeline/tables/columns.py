@@ -100,12 +100,13 @@ CONTACT_COLUMNS = (
     number(
         "peak_force_uN",
         "µN",
-        "largest contact force, corrected for noise, which makes the largest value too large",
+        "largest contact force, corrected for noise, which makes the largest value too large; "
+        "frames.parquet has the forces as measured",
     ),
-    number("mean_force_uN", "µN", "mean contact force"),
-    number("impulse_uN_ms", "µN ms", "integral of the contact force"),
-    number("peak_base_moment_nN_m", "nN m", "base moment of largest magnitude"),
-    number("peak_axial_force_uN", "µN", "axial force of largest magnitude"),
+    number("mean_force_uN", "µN", "mean contact force, corrected likewise"),
+    number("impulse_uN_ms", "µN ms", "integral of the contact force, corrected likewise"),
+    number("peak_base_moment_nN_m", "nN m", "base moment of largest magnitude, likewise"),
+    number("peak_axial_force_uN", "µN", "axial force of largest magnitude, likewise"),
     number("contact_arc_length_mm", "mm", "follicle to contact at peak force"),
     number("pulse_peak_uN", "µN", "half-Gaussian fit: peak force"),
     number("pulse_duration_ms", "ms", "half-Gaussian fit: duration 2 t_d"),
