@@ -57,6 +57,13 @@ def test_videos_with_their_messages(page):
     assert "share of the frames in which a whisker is seen" in page
 
 
+def test_messages_of_few_videos_are_all_seen_at_once(tmp_path, page, monkeypatch):
+    assert '<div class="tall">' not in page
+    monkeypatch.setattr(report, "STACKS", 0)
+    results = make_results(tmp_path / "results")
+    assert '<div class="tall">' in report.write_report(results).read_text("utf-8")
+
+
 def test_the_main_doubts_come_first(tmp_path):
     results = make_results(tmp_path / "results", ())
     videos = files.read_csv(results / "videos.csv", VIDEO_COLUMNS)
@@ -129,7 +136,7 @@ def test_without_contacts_the_traced_frames_are_shown(tmp_path, monkeypatch):
     page = report.write_report(results).read_text("utf-8")
     assert asked[0] == ("one", [51], True)  # in 50 nothing is tracked
     assert "one, frame 51: 2 whiskers traced<" in page
-    assert "No contact was found" in page
+    assert "No contact was found. Blue: a whisker; grey, dashed: not sure" in page
     assert "image/svg+xml" not in page  # no empty plots
     assert 'class="row lanes"' not in page
 
