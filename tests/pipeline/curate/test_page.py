@@ -445,6 +445,13 @@ def test_below_1200_px_the_panels_stack(tab, served, width, stacked):
 
 
 def test_panels_of_a_crowd_do_not_lie_upon_each_other(tab, served):
+    left_beside_axis_names = """const doc = Bokeh.documents[0];
+        const pen = document.createElement("canvas").getContext("2d");
+        return ["distance", "change", "force"].map(id => {
+            const plot = doc.get_model_by_name(id), axis = plot.left[0];
+            pen.font = `${axis.axis_label_text_font_size} ${axis.axis_label_text_font}`;
+            const height = Bokeh.index.get_by_id(plot.id).frame.bbox.height;
+            return height - pen.measureText(axis.axis_label).width; })"""
     try:
         show(tab.driver, served[0].url, 1440)
         tab.wait(lambda: tab.answered() > 0)
@@ -456,6 +463,7 @@ def test_panels_of_a_crowd_do_not_lie_upon_each_other(tab, served):
         places = tab.driver.execute_script(script, list(panels))
         assert all(bottom - top > 10 for top, bottom in places)  # px
         assert all(b[0] >= a[1] - 1 for a, b in itertools.pairwise(places))
+        tab.wait(lambda: min(tab.driver.execute_script(left_beside_axis_names)) > 0)  # px
     finally:
         show_as_before(tab.driver)
 
