@@ -43,6 +43,7 @@ class Preview:
     known : names that are sure
     names : all whiskers that are followed; other `lines` are never known to be a whisker's
     doubts : sentences on what should be looked at before anything else
+    unseen : those of `names` that are on no line of the frames that were looked at
     """
 
     path: Path
@@ -53,6 +54,7 @@ class Preview:
     known: frozenset[str]
     names: tuple[str, ...]
     doubts: tuple[str, ...] = ()
+    unseen: tuple[str, ...] = ()
 
     def words(self) -> list[str]:
         """What was found, and what is doubtful, in a sentence each."""
@@ -60,13 +62,16 @@ class Preview:
         place = (
             "no pole" if pole is None else f"a pole at ({pole.x_px[0]:.0f}, {pole.y_px[0]:.0f})"
         )
-        count = counted(len(self.names), "whisker")
+        seen = [name for name in self.names if name not in self.unseen]
+        count = counted(len(seen), "whisker")
         found = f"found: face at the {self.scene.face_side}, {place}, {count}"
-        if self.names:
-            found += f" ({in_short(self.names)})"
+        if seen:
+            found += f" ({in_short(seen)})"
+        if self.unseen:
+            found += f"; in none of the frames looked at: {in_short(self.unseen)}"
         if self.lines.keys() - self.known:
             found += "; grey in the picture: not sure which whisker"
-        elsewhere = [name for name in self.names if name not in self.lines]
+        elsewhere = [name for name in seen if name not in self.lines]
         if elsewhere:
             found += f"; not in the picture's frame: {in_short(elsewhere)}"
         return [found, *self.doubts]
@@ -87,7 +92,7 @@ def preview_of(path, settings: Settings) -> Preview:
         part = part_of(settings.image, video)
     rows = {frame: lines for each in chunks for frame, lines in _lines_by_frame(each).items()}
     best = max(rows, key=lambda k: _known_and_all(rows[k]), default=0)
-    lines = rows.get(best, {})
+    lines, traced = rows.get(best, {}), set().union(*rows.values())
     frame = np.invert(stretch[best]) if isinstance(video, Negative) else stretch[best]
     frame = frame if part is None else part.shown(frame)
     return Preview(
@@ -99,6 +104,7 @@ def preview_of(path, settings: Settings) -> Preview:
         known=frozenset(name for name, (_, c) in lines.items() if c >= KNOWN),
         names=whisker_set.given or whiskers_in(chunks),
         doubts=_doubts(settings, seen),
+        unseen=tuple(name for name in whisker_set.given if name not in traced),
     )
 
 

@@ -1,10 +1,12 @@
 """The picture that `init` makes: its names are those of session.toml, and doubts are said."""
 
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
 import cv2
 import numpy as np
+import pytest
 
 from pipeline.app import init
 from pipeline.app.preview import Preview, _doubts, draw, preview_of, whiskers_in
@@ -68,12 +70,22 @@ def test_names_that_are_not_in_the_picture_are_said():
     assert "not in" not in found
 
 
-def test_where_no_whisker_is_found_it_says_what_a_run_would_say(tmp_path):
+def test_whiskers_of_the_session_that_are_nowhere_are_not_counted():
+    shown = replace(preview("a.avi", ("C1", "C2", "C3"), drawn=("C1",)), unseen=("C2", "C3"))
+    (found,) = shown.words()
+    assert found.endswith(", 1 whisker (C1); in none of the frames looked at: C2, C3")
+
+
+@pytest.mark.parametrize("given", [[], [{"name": "C2"}]])
+def test_where_no_whisker_is_found_it_says_what_a_run_would_say(given, tmp_path):
     frame = np.full((120, 160), 180, np.uint8)
     frame[:, :30] = 10
     for i in range(12):
         cv2.imwrite(str(tmp_path / f"{i:02d}.png"), frame)
-    _, doubt = preview_of(tmp_path, settings_from({"recording": RECORDING})).words()
+    settings = settings_from({"recording": RECORDING, "whisker": given})
+    found, doubt = preview_of(tmp_path, settings).words()
+    assert "0 whiskers" in found
+    assert found.endswith("in none of the frames looked at: C2") == bool(given)
     assert doubt.startswith("no whiskers found; what was seen is something dark at the left")
 
 
