@@ -22,6 +22,9 @@ class Range(NamedTuple):
     mistaken_units: dict[str, float]
     inverse: str = ""
 
+    def __str__(self):
+        return f"{self.low:g} to {self.high:g} {self.unit}".rstrip()
+
     def check(self, value: float) -> float:
         """Return the value; PydanticCustomError with advice where it is not plausible."""
         if self.low <= value <= self.high:
@@ -30,8 +33,7 @@ class Range(NamedTuple):
 
     def advice(self, value: float) -> str:
         """What was expected in place of `value`, and what to do."""
-        unit = f" {self.unit}" if self.unit else ""
-        text = f"expected {self.low:g} to {self.high:g}{unit}"
+        text = f"expected {self}"
         meant = {mistaken: value * factor for mistaken, factor in self.mistaken_units.items()}
         if self.inverse and value:
             meant = {self.inverse: 1 / value} | meant

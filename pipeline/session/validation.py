@@ -133,7 +133,7 @@ def _wanted(location) -> str:
         return f"expected a table with {', '.join(_keys(location))}"
     limits = limits_of(field)
     if limits:
-        return f"expected a number ({limits.low:g} to {limits.high:g} {limits.unit})"
+        return f"expected a number ({limits})"
     choices = _choices(field.annotation)
     return f"expected one of {', '.join(choices)}" if choices else "expected a non-empty text"
 

@@ -186,6 +186,7 @@ def test_any_settings_survive_the_way_to_the_file_and_back(fps, scale, length, h
             ["length_mm = '18'", "a number", "not text; correct it"],
         ),
         (document(whisker=[{"length_mm": True}]), ["length_mm", "not true/false"]),
+        (document(analysis={"friction": True}), ["expected a number (0 to 2), not true"]),
         (document(whisker=[{"name": "=1+1"}]), ["name = '=1+1'", "spreadsheets compute"]),
         (document(whisker=[{"name": "C2\t"}]), ["name = 'C2\\t'", "without spaces around"]),
         (document(whisker=[{"name": ""}]), ["name = '':", "non-empty text; correct"]),
