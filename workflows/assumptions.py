@@ -19,8 +19,9 @@ import plain_video as plain
 from other_truth import FRAMES, Scene
 from scipy.ndimage import gaussian_filter1d
 
-from pipeline.contacts.analysis import analyse_contacts
+from pipeline.contacts import find_contacts
 from pipeline.detection.static_scene import PoleTrack
+from pipeline.forces import estimate_forces
 from pipeline.kinematics import curvature, resampled
 from pipeline.kinematics.follicle import follicles
 from pipeline.numerics.runs import runs_of_true
@@ -157,7 +158,11 @@ def analysed(seed, case: Case):
                          time_s=table["frame"] / 1000.0)  # fmt: skip
     places = resampled.measure_stations(lines, recording, [whisker], hidden, pole)
     frames = as_table(table, FRAME_COLUMNS)
-    found = analyse_contacts(frames, places, recording, {"C2": whisker})
+    whiskers = {"C2": whisker}
+    frames, evidence = estimate_forces(
+        frames, places, whiskers, CURVATURE_AT_M, pixels_per_m=recording.pixels_per_m
+    )
+    found = find_contacts(frames, evidence, recording, whiskers)
     return found.contacts, touches, found.evidence
 
 

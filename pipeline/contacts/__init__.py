@@ -8,7 +8,6 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "analysis": [
             "ContactTables",
             "ContactOptions",
-            "analyse_contacts",
             "find_contacts",
             "no_contacts",
         ],

@@ -9,8 +9,6 @@ from pipeline.contacts.intervals import INTERVAL_COLUMNS, find_intervals, in_con
 from pipeline.contacts.probability import add_probability
 from pipeline.contacts.summary import contact_table, peak_errors
 from pipeline.forces import forces
-from pipeline.forces.estimate import estimate_forces
-from pipeline.kinematics.stations import Stations
 from pipeline.session.parameters import DEFAULTS, Parameters
 from pipeline.session.recording import Recording
 from pipeline.tables.columns import (
@@ -41,46 +39,20 @@ class ContactTables:
 
 @dataclass(frozen=True)
 class ContactOptions:
-    """Options of `analyse_contacts` and `find_contacts`.
+    """Options of `find_contacts`.
 
     Attributes
     ----------
     curvature_at : arc length at which the table of frames has the curvature [m]
     method : how the force is estimated, "shape" or "point" (`pipeline.forces`)
-    friction : coefficient of friction between whisker and pole, >= 0
     video : name for the contacts' column `video`
     params : parameters of all rooms
     """
 
     curvature_at: float = 5.5e-3
     method: str = "shape"
-    friction: float = 0.0
     video: str = ""
     params: Parameters = DEFAULTS
-
-
-def analyse_contacts(
-    frames: pd.DataFrame,
-    places: Stations,
-    recording: Recording,
-    whiskers: dict,
-    options: ContactOptions = ContactOptions(),
-) -> ContactTables:
-    """Rest shape, contacts, forces, pulses and base loads of one video.
-
-    Parameters
-    ----------
-    frames : FRAME_COLUMNS with the kinematics; a row per whisker and frame, any order
-    places : `Stations` of all tracked rows, in any order
-    whiskers : name → Whisker; None where its dimensions are not known: then contacts are found,
-        but no forces
-    """
-    params = options.params
-    frames, evidence = estimate_forces(
-        frames, places, whiskers, options.curvature_at, options.friction, recording.pixels_per_m,
-        params.forces,
-    )  # fmt: skip
-    return find_contacts(frames, evidence, recording, whiskers, options)
 
 
 def no_contacts(frames) -> ContactTables:
@@ -103,9 +75,11 @@ def find_contacts(
 ) -> ContactTables:
     """Contacts, a person's corrections, forces, pulses and base loads, from the evidence.
 
-    Parameters are as for `analyse_contacts`, and
-
-    evidence : as of `estimate_forces`, aligned with `frames`
+    Parameters
+    ----------
+    frames, evidence : as `pipeline.forces.estimate_forces` returns them
+    whiskers : name → Whisker; None where its dimensions are not known: then contacts are found,
+        but no forces
     corrections : table of a person's corrections (pipeline.contacts.corrections), or None
     """
     from pipeline.contacts import base_moments, pulses

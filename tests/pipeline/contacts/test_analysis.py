@@ -10,6 +10,7 @@ import pytest
 import traced_motion
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from measured_contacts import analyse_contacts
 from scipy.integrate import quad
 from scipy.stats import norm
 
@@ -43,7 +44,7 @@ peak_force_floor = 0.1  # µN
 def analysed(preset, trial=0, frames=500, noise_px=0.02):
     motion = make_trial(preset, 0, trial, frames).motion
     traced = traced_motion.trace(motion, noise_px=noise_px)
-    tables = analysis.analyse_contacts(
+    tables = analyse_contacts(
         traced.frames,
         traced.places,
         traced.recording,
@@ -102,9 +103,7 @@ def test_short_clip_with_few_free_frames(before, after):
     offset = int(traced.true_contacts["offset_frame"].iloc[0])
     keep = slice(onset - before, offset + after)
     places = traced.places.rows(keep)
-    tables = analysis.analyse_contacts(
-        traced.frames.iloc[keep], places, traced.recording, traced.whiskers
-    )
+    tables = analyse_contacts(traced.frames.iloc[keep], places, traced.recording, traced.whiskers)
     assert len(tables.contacts) == 1
     found = tables.contacts.iloc[0]
     assert (found["onset_frame"], found["offset_frame"]) == (onset, offset)
@@ -116,7 +115,7 @@ def test_short_clip_with_few_free_frames(before, after):
 @pytest.mark.parametrize("frames", [1, 2, 3])
 def test_a_few_frames(frames):
     traced, _ = analysed("resting", 0, 400)
-    tables = analysis.analyse_contacts(
+    tables = analyse_contacts(
         traced.frames.iloc[:frames], traced.places.rows(slice(frames)), traced.recording,
         traced.whiskers,
     )  # fmt: skip
@@ -130,7 +129,7 @@ def test_a_contact_of_which_the_video_has_one_frame(cut):
     truth = traced.true_contacts.iloc[3]  # 0.8 µN in its first and last frame
     onset, offset = int(truth["onset_frame"]), int(truth["offset_frame"])
     keep = slice(offset - 1, offset + 200) if cut == "begins" else slice(onset - 150, onset + 1)
-    tables = analysis.analyse_contacts(
+    tables = analyse_contacts(
         traced.frames.iloc[keep], traced.places.rows(keep), traced.recording, traced.whiskers
     )
     at = offset - 1 if cut == "begins" else onset
@@ -145,7 +144,7 @@ def test_touched_throughout_has_no_rest_shape_but_no_gaps():
     traced, _ = analysed("resting", 0, 400)
     first = traced.true_contacts.iloc[0]
     keep = slice(int(first["onset_frame"]), int(first["offset_frame"]))
-    tables = analysis.analyse_contacts(
+    tables = analyse_contacts(
         traced.frames.iloc[keep], traced.places.rows(keep), traced.recording, traced.whiskers
     )
     (flags,) = tables.contacts["flags"]
@@ -202,7 +201,7 @@ def test_a_whisker_that_bends_as_another_is_flagged(shorter):
     places = resampled.measure_stations(
         traced.lines, traced.recording, [taken_for], [traced_motion.HIDDEN], traced.pole
     )
-    found = analysis.analyse_contacts(
+    found = analyse_contacts(
         traced.frames, places, traced.recording, {whisker.name: taken_for}
     ).contacts
     strong = traced.true_contacts["peak_force_uN"] > 5
@@ -311,16 +310,14 @@ def test_no_contact_is_invented(preset):
 def test_touch_that_is_not_seen_without_its_pole():
     motion = make_trial("noisy", 0, 0, 200).motion
     traced = traced_motion.trace(motion, without_pole=True)
-    tables = analysis.analyse_contacts(
-        traced.frames, traced.places, traced.recording, traced.whiskers
-    )
+    tables = analyse_contacts(traced.frames, traced.places, traced.recording, traced.whiskers)
     assert len(tables.contacts) == 0
     assert tables.frames["pole_distance_mm"].isna().all()
 
 
 def test_contacts_without_dimensions_and_no_forces():
     traced, with_forces = analysed("noisy")
-    tables = analysis.analyse_contacts(
+    tables = analyse_contacts(
         traced.frames, traced.places, traced.recording, dict.fromkeys(traced.whiskers)
     )
     assert agreement(traced, tables) > 0.99
@@ -344,7 +341,7 @@ def test_untraced_frames_are_bridged_inside_a_contact():
     )
     frames = whole.frames.copy()
     frames.loc[frames["frame"].isin(lost), "tracked"] = False
-    tables = analysis.analyse_contacts(frames, places, whole.recording, whole.whiskers)
+    tables = analyse_contacts(frames, places, whole.recording, whole.whiskers)
     assert len(motion) == len(frames)
     onset = tables.contacts["onset_frame"] - first["onset_frame"]
     same = tables.contacts[onset.abs() <= 1]
@@ -359,7 +356,7 @@ def test_rows_in_any_order_and_input_unchanged():
     order = np.random.default_rng(0).permutation(len(traced.frames))
     shuffled = traced.frames.iloc[order]
     before = shuffled.copy()
-    again = analysis.analyse_contacts(
+    again = analyse_contacts(
         shuffled,
         traced.places,
         traced.recording,
@@ -515,9 +512,7 @@ def test_a_hidden_length_that_the_bending_contradicts_is_corrected_and_flagged(w
     places = resampled.measure_stations(
         traced.lines, traced.recording, list(traced.whiskers.values()), [hidden], traced.pole
     )
-    found = analysis.analyse_contacts(
-        traced.frames, places, traced.recording, traced.whiskers
-    ).contacts
+    found = analyse_contacts(traced.frames, places, traced.recording, traced.whiskers).contacts
     strong = (traced.true_contacts["peak_force_uN"] > 3).to_numpy()
     error = found["peak_force_uN"] / traced.true_contacts["peak_force_uN"] - 1
     assert np.median(np.abs(error[strong])) < 0.03

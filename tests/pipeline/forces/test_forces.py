@@ -8,6 +8,7 @@ import pandas as pd
 import pytest
 import traced_motion
 from line_ends import with_tip
+from measured_contacts import analyse_contacts
 
 from pipeline.contacts import analysis
 from pipeline.contacts.summary import contact_table, peak_errors
@@ -41,7 +42,7 @@ def traced():
 @pytest.fixture(scope="module")
 def tables(traced):
     return {
-        method: analysis.analyse_contacts(
+        method: analyse_contacts(
             traced.frames,
             traced.places,
             RECORDING,
@@ -72,7 +73,7 @@ def test_noise_floor_of_free_frames(method):
     """At 10 mm with a tracing noise of 0.02 px per pixel of whisker."""
     setting = make_trial("near_miss", 0, 0, 400)
     free = traced_motion.trace(setting.motion, noise_px=0.02)
-    result = analysis.analyse_contacts(
+    result = analyse_contacts(
         free.frames,
         free.places,
         free.recording,
@@ -277,7 +278,7 @@ def still_then_contact(turned=0.1, first=180):
 def test_still_whisker_and_one_contact(method, seed):
     """The contact turns the base by far more than the free frames ever were."""
     traced = traced_motion.trace(still_then_contact(), seed=seed, noise_px=0.02)
-    tables = analysis.analyse_contacts(
+    tables = analyse_contacts(
         traced.frames,
         traced.places,
         RECORDING,
@@ -388,7 +389,7 @@ def test_peak_errors(traced, tables, monkeypatch):
         places = resampled.measure_stations(
             traced.lines, recording, list(whiskers.values()), [traced_motion.HIDDEN], traced.pole
         )
-        again = analysis.analyse_contacts(traced.frames, places, recording, whiskers)
+        again = analyse_contacts(traced.frames, places, recording, whiskers)
         return again.contacts["peak_force_uN"].to_numpy()
 
     usual = peaks()
@@ -441,7 +442,7 @@ def test_a_scale_that_is_wrong_moves_places_about_the_tip_where_that_is_seen(tra
             traced.lines, recording, [mouse_c2()], [traced_motion.HIDDEN], traced.pole
         )
         places = with_tip(places, mouse_c2(), traced_motion.TIP_UNSEEN)
-        return analysis.analyse_contacts(traced.frames, places, recording, traced.whiskers)
+        return analyse_contacts(traced.frames, places, recording, traced.whiskers)
 
     usual = found(1.0)
     strong = usual.contacts["peak_force_uN"] > 3
@@ -494,7 +495,7 @@ def test_the_error_of_the_curvature_change_follows_the_hidden_length(traced, mon
 def test_a_long_recording_is_measured_part_by_part(traced, tables, monkeypatch):
     monkeypatch.setattr("pipeline.forces.estimate.PART_ROWS", 200)
     whole = tables["shape"]
-    got = analysis.analyse_contacts(traced.frames, traced.places, RECORDING, traced.whiskers)
+    got = analyse_contacts(traced.frames, traced.places, RECORDING, traced.whiskers)
     edges = ["whisker", "onset_frame", "offset_frame"]
     pd.testing.assert_frame_equal(got.contacts[edges], whole.contacts[edges])
     force, error = (whole.frames[f"contact_force_uN{end}"].to_numpy() for end in ("", "_se"))
