@@ -303,7 +303,7 @@ def fit_offset(x, y, n, spacing, stiffness, scratch):
     normals(x, y, n, nx, ny)
     smooth_x, smooth_y = scratch.smooth_x, scratch.smooth_y
     bsplines.add_smoothness_prior(band, rhs, k, smooth_x, smooth_y, nx, ny, n, spacing, stiffness)
-    bsplines.add_second_difference_penalty(band, k, 0.02 * stiffness)
+    bsplines.add_difference_penalty(band, k, bsplines.SECOND, 0.02 * stiffness)
     for i in range(k):
         band[i, 0] += 1e-3
     bsplines.factorise(band, k)

@@ -15,7 +15,7 @@ from numba import njit
 
 from pipeline.detection.static_scene import PoleTrack
 from pipeline.kinematics.follicle import FEWEST_NODES
-from pipeline.kinematics.resampled import Lines
+from pipeline.kinematics.resampled import Lines, pole_in_rows
 from pipeline.numerics.polyline import nearest_node
 from pipeline.session.parameters import DEFAULTS, KinematicsParams
 from pipeline.session.recording import Recording
@@ -260,7 +260,7 @@ def measure(
     """
     scale, per_mm = recording.pixels_per_m, recording.pixels_per_mm
     hidden = centrelines.hidden_of(np.asarray(hidden_lengths, float) * scale)
-    out = np.empty((len(centrelines), 4))
+    out, (x, y, radius) = np.empty((len(centrelines), 4)), pole_in_rows(pole, centrelines.frame)
     _measure_rows(
         Lines.of(centrelines, hidden),
         _Window(
@@ -268,7 +268,7 @@ def measure(
             round(params.curvature_half_window_mm * per_mm),
             round(params.base_skip_mm * per_mm),
         ),
-        _pole_of(centrelines, pole, params.curvature_pole_gap_mm * per_mm),
+        _Pole(x, y, radius + params.curvature_pole_gap_mm * per_mm),
         len(centrelines.names),
         out,
     )
@@ -283,14 +283,6 @@ def measure(
             "curvature_per_m_se": se * scale,
         }
     )
-
-
-def _pole_of(centrelines, pole: PoleTrack | None, gap) -> _Pole:
-    """Where the pole is in every row; `gap` [px] between whisker and its edge is near."""
-    if pole is None:
-        nowhere = np.full(len(centrelines), np.nan)
-        return _Pole(nowhere, nowhere, 0.0)
-    return _Pole(*pole.at(centrelines.frame), float(pole.radius_px + gap))
 
 
 def _noise_factor(centrelines, redness):

@@ -114,7 +114,7 @@ def measure_stations(
     _check_lengths(centrelines.names, whiskers, hidden_lengths)
     scale = recording.pixels_per_m
     spacing = np.array([w.length for w in whiskers]) / (N_STATIONS - 1)
-    pole_x, pole_y, pole_radius = pole_rows = _pole_rows(pole, centrelines.frame)
+    pole_x, pole_y, pole_radius = pole_rows = pole_in_rows(pole, centrelines.frame)
     x, y, information, near = _measure_px(
         centrelines, whiskers, hidden_lengths, spacing, pole_rows, scale, params
     )
@@ -178,7 +178,7 @@ def _measure_px(centrelines, whiskers, hidden_lengths, spacing, pole_rows, scale
     return places
 
 
-def _pole_rows(pole, frame):
+def pole_in_rows(pole, frame):
     """Pole centre per row and its radius [px]; NaN where there is none."""
     if pole is None:
         return np.full(len(frame), np.nan), np.full(len(frame), np.nan), 0.0

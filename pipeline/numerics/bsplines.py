@@ -9,6 +9,7 @@ import numpy as np
 from numba import njit
 
 BAND = 4  # diagonal and three above it
+SECOND, THIRD = (1.0, -2.0, 1.0), (1.0, -3.0, 3.0, -1.0)  # differences of coefficients
 
 
 @njit(cache=True, inline="always")
@@ -122,23 +123,12 @@ def right_hand_side(target, at_nodes, spacing, rhs):
 
 
 @njit(cache=True)
-def add_second_difference_penalty(band, k, strength):
-    """Add strength × Σ (c[i] − 2 c[i+1] + c[i+2])² to the normal equations."""
-    d = (1.0, -2.0, 1.0)
-    for i in range(k - 2):
-        for p in range(3):
-            for q in range(p, 3):
-                band[i + p, q - p] += strength * d[p] * d[q]
-
-
-@njit(cache=True)
-def add_third_difference_penalty(band, k, strength):
-    """Add strength × Σ (c[i] − 3 c[i+1] + 3 c[i+2] − c[i+3])² to the normal equations."""
-    d = (1.0, -3.0, 3.0, -1.0)
-    for i in range(k - 3):
-        for p in range(4):
-            for q in range(p, 4):
-                band[i + p, q - p] += strength * d[p] * d[q]
+def add_difference_penalty(band, k, weights, strength):
+    """Add strength × Σ (Σ_p weights[p] c[i + p])² to the normal equations; weights as `SECOND`."""
+    for i in range(k - len(weights) + 1):
+        for p in range(len(weights)):
+            for q in range(p, len(weights)):
+                band[i + p, q - p] += strength * weights[p] * weights[q]
 
 
 @njit(cache=True)
@@ -148,7 +138,7 @@ def add_smoothness_prior(band, rhs, k, knot_x, knot_y, nx, ny, n, spacing, stren
     knot_x, knot_y : coefficients of the reference line, which the offset spline is added to
     nx, ny : normals at its nodes
     """
-    d = (1.0, -3.0, 3.0, -1.0)
+    d = THIRD
     for i in range(k - 3):
         if int((i + 2) * spacing) > n - 1:
             continue
@@ -222,7 +212,7 @@ def smooth(x, y, n, spacing, band, knot_x, knot_y):
     at_nodes = basis_at_nodes(n, spacing)
     k = normal_equations(np.ones(n), x, at_nodes, spacing, band, knot_x)
     right_hand_side(y, at_nodes, spacing, knot_y)
-    add_third_difference_penalty(band, k, 1e-3)
+    add_difference_penalty(band, k, THIRD, 1e-3)
     factorise(band, k)
     solve_factorised(band, knot_x, k)
     solve_factorised(band, knot_y, k)

@@ -30,7 +30,7 @@ def test_penalised_fit_equals_dense_solution(n, spacing, seed, strength):
     band, rhs = np.zeros((n + 8, 4)), np.zeros(n + 8)
     at_nodes = bsplines.basis_at_nodes(n, spacing)
     k = bsplines.normal_equations(weight, weight * value, at_nodes, spacing, band, rhs)
-    bsplines.add_second_difference_penalty(band, k, strength)
+    bsplines.add_difference_penalty(band, k, bsplines.SECOND, strength)
     bsplines.factorise(band, k)
     bsplines.solve_factorised(band, rhs, k)
 
