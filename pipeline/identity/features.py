@@ -42,15 +42,12 @@ def line_features(lines, dial: Dial) -> np.ndarray:
     distance from the dial's centre; NEAR_BEND that at the first less that, BEND and FAR_BEND the
     changes to the third and from there to the fourth; THICKNESS and LENGTH are logarithms [px].
     """
-    return _features(lines.offsets, lines.x_px, lines.y_px, lines.thickness_px, dial)
-
-
-def _features(offsets, x, y, thickness, dial):
-    out = np.full((len(offsets) - 1, N_FEATURES), np.nan)
+    out, thickness = np.full((len(lines), N_FEATURES), np.nan), lines.thickness_px
     if thickness is None:
-        thickness = np.full(len(x), np.nan)
+        thickness = np.full(len(lines.x_px), np.nan)
     _fill(
-        offsets, x, y, thickness, dial.centre, dial.along, dial.outward, dial.distances, out
+        lines.offsets, lines.x_px, lines.y_px, thickness,
+        dial.centre, dial.along, dial.outward, dial.distances, out,
     )  # fmt: skip
     return out
 

@@ -18,6 +18,7 @@ class Track:
     `turn` : its predicted turn beyond its last motion [rad], and how far behind its base it turns
         [px]
     `number`, `age` : of the track; frames in which it was followed
+    `expected` : the line in this frame as the turn of its row predicts it
     """
 
     template: WhiskerTemplate
@@ -28,6 +29,7 @@ class Track:
     turn: tuple[float, float] = (0.0, 0.0)
     number: int = 0
     age: int = 0
+    expected: Line | None = None
 
     def __post_init__(self):
         self.whole = max(self.template.samples, key=lambda line: line.n, default=None)

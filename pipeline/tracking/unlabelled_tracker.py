@@ -7,8 +7,6 @@ decided when the whole video has been seen (`pipeline.identity`).
 
 import itertools
 import math
-from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
@@ -22,21 +20,6 @@ from pipeline.tracking.matching import crowded
 from pipeline.tracking.registry import WhiskerTemplate, usual_strength
 from pipeline.tracking.track_state import Track, moved_on, predicted
 from pipeline.tracking.tracker import DOUBLE_SHARE, Tracker
-
-
-class Course(NamedTuple):
-    """Where a line of `n` nodes lies [px]."""
-
-    x: np.ndarray
-    y: np.ndarray
-    n: int
-
-
-@dataclass
-class LineTrack(Track):
-    """A line that is followed; `expected`: where the turn of its row predicts it in this frame."""
-
-    expected: Course | None = None
 
 
 class UnlabelledTracker(Tracker):
@@ -67,7 +50,7 @@ class UnlabelledTracker(Tracker):
         self.looks_back = frames_in(params.look_back_s, options.frames_per_second)
         self.unchanged = 0  # frames since a track began or ended
 
-    def step(self, image) -> list[LineTrack]:
+    def step(self, image) -> list[Track]:
         """Advance by one frame; return the tracks of all lines that are seen."""
         self.frame_number += 1
         frame, relit = self._lit(image)
@@ -119,7 +102,7 @@ class UnlabelledTracker(Tracker):
         self.model.held.hold(lines)
         wanted = detect.Wanted(least=self.faintest, part=self.near_face)
         for line in detect.detect_crowded(frame, lines, wanted):
-            track = LineTrack(self.template, number=next(self.number))
+            track = Track(self.template, number=next(self.number))
             track.take(line)
             self.tracks.append(track)
             self.unchanged = 0
@@ -188,14 +171,14 @@ class UnlabelledTracker(Tracker):
 
         turn : by how much it is likely to have turned [rad]
         """
-        track = LineTrack(self.template, turn=(float(turn), self.pivot))
+        track = Track(self.template, turn=(float(turn), self.pivot))
         track.take(line)
         with lines_in_background(self.model, beside):
             self._follow(track, frame, predicted(track, False))
         return track.line
 
     def even_turns(self, lines, turn) -> np.ndarray:
-        """Turns of all lines as of `row_rotation.even_turns`, of each side's row by itself."""
+        """Turns of all lines as in `row_rotation.even_turns`, of each side's row by itself."""
         even = np.zeros(len(lines))
         for row in self._rows(lines):
             places = row_rotation.places([lines[k] for k in row])
@@ -211,7 +194,7 @@ class UnlabelledTracker(Tracker):
     def _follow(self, track, frame, line) -> None:
         track.expected = None
         if track.before is None:  # predicted by the row: surer than by its own motion
-            track.expected = Course(line.x[: line.n].copy(), line.y[: line.n].copy(), line.n)
+            track.expected = line.shortened()
         track.age += 1
         super()._follow(track, frame, line)
 

@@ -14,8 +14,9 @@ from pipeline.session.recording import Recording
 from pipeline.tracking import row_rotation
 from pipeline.tracking.options import options_for
 from pipeline.tracking.registry import find_templates
+from pipeline.tracking.track_state import Track
 from pipeline.tracking.track_video import track
-from pipeline.tracking.unlabelled_tracker import LineTrack, UnlabelledTracker
+from pipeline.tracking.unlabelled_tracker import UnlabelledTracker
 
 pytestmark = pytest.mark.slow
 
@@ -239,7 +240,7 @@ def test_of_two_lines_on_one_whisker_the_surer_one_goes_on_and_lies_on_it(age):
     )
     (track,) = tracker.step(image)
     track.age = 60
-    beside = LineTrack(tracker.template, number=99, age=age)
+    beside = Track(tracker.template, number=99, age=age)
     beside.take(track.line.copy())
     for line, off in ((track.line, -0.8), (beside.line, 0.8)):  # px: on its two edges
         line.y += off
