@@ -171,7 +171,7 @@ class Seen:
     video : `Video`, steadied or as its negative if need be
     epochs : what stands still, and until when
     whisker_set : `WhiskerSet`, whose templates are those of real lines
-    odd : `SeenLength` that contradicts the settings, as of `tracking.odd_length`, or None
+    odd : `SeenLength` that contradicts the settings, as in `tracking.odd_length`, or None
     frames : numbers of the frames that were looked at
     """
 
@@ -322,7 +322,7 @@ def trace(
 
 
 def forces_of(kinematics: Kinematics, settings):
-    """Frames with rest curvature, and the evidence of contact, as of `forces.estimate_forces`."""
+    """Frames with rest curvature, and the evidence of contact, as in `forces.estimate_forces`."""
     recording, analysis, params = settings.recording.si(), settings.analysis, settings.advanced
     return estimate_forces(
         kinematics.frames,

@@ -271,7 +271,7 @@ def _fit(grey, u, start, free_blur=False, contrast=None):
     Parameters
     ----------
     grey : (sections, across)
-    start : (sections, 6) as of `_starting_values`
+    start : (sections, 6) as in `_starting_values`
     free_blur : fit σ as well; else it stays as it is
     contrast : (values, their SD), (sections,) each, that C is held to, weakly
 

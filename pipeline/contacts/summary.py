@@ -160,8 +160,8 @@ def peak_errors(contacts: pd.DataFrame, evidence: pd.DataFrame, whiskers: dict) 
 
     Parameters
     ----------
-    contacts : as of `contact_table`
-    evidence : as of `measure_forces`, with `whisker`
+    contacts : as in `contact_table`
+    evidence : as in `measure_forces`, with `whisker`
     whiskers : name → Whisker
 
     Returns

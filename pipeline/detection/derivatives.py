@@ -29,7 +29,7 @@ def halves(kernels):
 def along_rows(image, kernels):
     """A picture's rows, float32 (height, width), by a Gaussian and its first two derivatives.
 
-    kernels : as of `halves`. Returns float32 (3, height + 2 reach, width): the picture goes on
+    kernels : as in `halves`. Returns float32 (3, height + 2 reach, width): the picture goes on
     mirrored above and below, as it does beside its edges.
     """
     height, width = image.shape
@@ -71,7 +71,7 @@ def _filter(smooth, first, second, padded, kernels):
 def second_derivatives(rows, row, kernels, xx, yy, xy):
     """Fill the second derivatives of one row of the picture, (width,) each.
 
-    rows : as of `along_rows`
+    rows : as in `along_rows`
     """
     reach, width = kernels.shape[1] - 1, len(xx)
     smooth, first, second, here = rows[0], rows[1], rows[2], row + reach
@@ -109,7 +109,7 @@ def first_derivatives(rows, row, kernels, columns, x, y):
 def second_along_rows(rows, kernels, first, step):
     """The second derivative along rows at every `step`-th pixel from the `first` on, either way.
 
-    rows : as of `along_rows`. The numbers of its rows and columns follow from the picture's.
+    rows : as in `along_rows`. The numbers of its rows and columns follow from the picture's.
     """
     reach = kernels.shape[1] - 1
     height, width = rows.shape[1] - 2 * reach, rows.shape[2]

@@ -39,7 +39,7 @@ class Wanted(NamedTuple):
 
     enough : so many are found: no further look at a crowd
     least : length × absorbance [px], below which a line is left out
-    part : slices of rows and columns, as of `near_face`
+    part : slices of rows and columns, as in `near_face`
     """
 
     enough: float = np.inf
@@ -56,7 +56,7 @@ class Search(NamedTuple):
     scale : of the ridges [px]
     near_px : lines nearer to each other than this are one
     wanted : which lines are looked for
-    known : nodes of lines in the background, as of `polyline.end_to_end`: no ridge along them is
+    known : nodes of lines in the background, as in `polyline.end_to_end`: no ridge along them is
         followed
     """
 
@@ -146,7 +146,7 @@ def _sense(curve, absorbance, outside, off_edges, limits):
 def _leave_out_known(places, offsets, x, y, starts, near_px, senses):
     """Set the senses (curves,) to 0 of curves that lie along a known line, within `near_px`.
 
-    x, y, starts : nodes of the known lines, as of `polyline.end_to_end`
+    x, y, starts : nodes of the known lines, as in `polyline.end_to_end`
     """
     for k in np.flatnonzero(senses):
         curve = places[offsets[k] : offsets[k + 1]]

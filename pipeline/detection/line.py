@@ -25,7 +25,7 @@ class Scratch(NamedTuple):
     cap : largest believable absorbance
     rhs : of the spline's normal equations, `band` (nodes, 4)
     room : (2, nodes), to resample in
-    sums : (N_SUMS, nodes), as of `cross_sections.accumulate`
+    sums : (N_SUMS, nodes), as in `cross_sections.accumulate`
     """
 
     normal_x: np.ndarray
@@ -57,7 +57,7 @@ def scratch_of(room):
 
 
 class Workspace:
-    """Room to work on lines of up to `limit` nodes, allocated once: one array, as of `Line`."""
+    """Room to work on lines of up to `limit` nodes, allocated once: one array, as in `Line`."""
 
     def __init__(self, limit: int):
         self.limit = limit

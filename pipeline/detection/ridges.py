@@ -71,7 +71,7 @@ def ridge_points(absorbance, noise_sd, scale=SCALE_PX):
 
 @lru_cache
 def _filters(scale):
-    """Kernels as of `derivatives.halves`, and the SD of their response to white noise of SD 1."""
+    """Kernels as in `derivatives.halves`, and the SD of their response to white noise of SD 1."""
     g, g1, g2 = derivatives.gaussian_kernels(scale)
     response_sd = np.sqrt((g2.astype(float) ** 2).sum() * (g.astype(float) ** 2).sum())
     return derivatives.halves((g, g1, g2)), response_sd
@@ -94,7 +94,7 @@ def _may_be_strong(xx, yy, xy, noise_sd, limit, out):
 def _points(rows, kernels, noise_sd, response_sd, index, points):
     """Fill `index` and `points` (see ridge_points) from `rows`; return their number.
 
-    rows, kernels : as of `derivatives.along_rows`
+    rows, kernels : as in `derivatives.along_rows`
     """
     height, width = index.shape
     count = 0

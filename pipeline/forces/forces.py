@@ -323,7 +323,7 @@ def add_forces(
     Parameters
     ----------
     frames : FRAME_COLUMNS with `tracked` and `in_contact`
-    evidence : table aligned with `frames`, as of `measure_forces`
+    evidence : table aligned with `frames`, as in `measure_forces`
     whiskers : name → Whisker, or None where its dimensions are not known
     method : "shape" or "point"
     """

@@ -112,7 +112,7 @@ def misfit_of(seen, rod, k):
 def take_step(size, p, lower, rhs):
     """One Gauss–Newton step of `p`; returns its length, of all together, in SD where χ² is 1.
 
-    `lower` as of `factorise`; `rhs` becomes the step.
+    `lower` as in `factorise`; `rhs` becomes the step.
     """
     square = solve(lower, size, rhs)
     # half a radian at most: the rod is integrated again before it goes on

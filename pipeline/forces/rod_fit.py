@@ -282,7 +282,7 @@ def _solve(problem, start, prior, setup, p, rod, sums):
 
     start : numbers of the measured stations, grid place where the integration begins at first,
         usual χ²
-    p : parameters, as of `integrate`; force and, without a load, rest shape are those of the row
+    p : parameters, as in `integrate`; force and, without a load, rest shape are those of the row
         before at first
     """
     (stations, c, chi2), (seen, arc, beam, load, pole) = start, problem

@@ -73,7 +73,7 @@ def medians(values, starts):
 
 @njit(cache=True)
 def _costs(features, phase, middle, slope, sd, least_sd):
-    """Costs (rows, whiskers) as of `FanModel.costs`, of BLOCK rows at a time."""
+    """Costs (rows, whiskers) as in `FanModel.costs`, of BLOCK rows at a time."""
     out, most = np.empty((len(features), len(middle))), 0.5 * FARTHEST**2
     wide, per_sd = np.log(sd / least_sd), 1.0 / sd
     values, off, cost = np.empty((N_FEATURES, BLOCK)), np.zeros(BLOCK), np.empty(BLOCK)

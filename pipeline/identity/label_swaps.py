@@ -113,7 +113,7 @@ def _claims(evidence, rows_of, track, before, changed, untried):
 def _exchange_all(evidence, rows_of, pairs, cache, before, changed):
     """Exchange the rows of one pair after the other, in place, where that is likelier.
 
-    cache : as of `_empty_cache`, which is brought up to date
+    cache : as in `_empty_cache`, which is brought up to date
     before, changed : bool (whiskers, frames), where the whiskers' rows changed in the last round,
         and in this one
     """
@@ -244,7 +244,7 @@ def _swap(one, other):
 
 @njit(cache=True, error_model="numpy")
 def _claimed(evidence, a, own, other, before, again):
-    """States and gain as of `_best_states`, for a whisker beside a nameless line.
+    """States and gain as in `_best_states`, for a whisker beside a nameless line.
 
     Neither is exchanged before, nor where the whisker is seen `again` in the last frame.
     """
@@ -278,7 +278,7 @@ def _claim(evidence, seen, a, rows, before, next_, changed):
     """Give rows of a nameless line to whisker a, in place, where that is likelier; whether it was.
 
     seen, changed : (frames,) the whisker's rows, and where they have changed
-    before, next_ : the frames beside this line in which it is seen, as of `_seen_beside`
+    before, next_ : the frames beside this line in which it is seen, as in `_seen_beside`
     """
     first, count = evidence.frame[rows[0]], len(rows)
     # nothing happens until the whisker is seen again: one empty frame represents all of these

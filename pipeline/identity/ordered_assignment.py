@@ -89,7 +89,7 @@ def _first_appearance(lines, count, phase, weight, least_sd) -> FanModel:
 def appearance_and_phases(
     lines: TrackedLines, model: FanModel, names
 ) -> tuple[FanModel, np.ndarray]:
-    """Appearance of all whiskers and phases (frames,) as of the names (rows,)."""
+    """Appearance of all whiskers and phases (frames,) that follow from the names (rows,)."""
     known = names >= 0
     phase = motion_model.phases(model, lines.features, lines.frame, names)
     weight = motion_model.newness(np.diff(phase, prepend=np.nan), lines.limits)
@@ -211,7 +211,7 @@ def _in_ascending_order(values, order):
 def along_tracks(cost, order, first, last, reach):
     """Costs or shares (rows, whiskers), averaged over ±`reach` rows of every row's track.
 
-    order, first, last : as of `TrackedLines.pieces`
+    order, first, last : as in `TrackedLines.pieces`
     """
     out = np.empty_like(cost)
     total = np.empty(cost.shape[1])

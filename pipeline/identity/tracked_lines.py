@@ -15,7 +15,7 @@ class TrackedLines:
 
     Attributes
     ----------
-    features : float64 (rows, 6) as of `line_features`
+    features : float64 (rows, 6) as in `line_features`
     frame, track : int64 (rows,)
     limits : the room's parameters
     """

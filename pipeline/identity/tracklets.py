@@ -89,7 +89,7 @@ class RowMotion:
 
 @njit(cache=True)
 def _carried(shift, gain, angle, frame):
-    """Directions as of `RowMotion.carried`."""
+    """Directions as in `RowMotion.carried`."""
     out = np.full(LONGEST_GAP, angle)
     for k in range(1, LONGEST_GAP):
         at = frame + k - 1

@@ -240,7 +240,7 @@ def _fit_rows(x, y, weight, known, polynomial, place, shape, root, misfit):
     """Fill in what `_fit` finds of every row, from `place` and `shape` where they start.
 
     weight, known : (rows, stations)
-    polynomial : as of `_Grid` z, basis, spacing, half, and (4,) information about the parameters
+    polynomial : as in `_Grid` z, basis, spacing, half, and (4,) information about the parameters
         of any base
     """
     z, basis, spacing, half, loose = polynomial

@@ -1,4 +1,4 @@
-"""Lines that another program traced, converted to centrelines as of the tracker here.
+"""Lines that another program traced, converted to centrelines as the tracker here has them.
 
 The tracker's centrelines have nodes 1 px apart on a smooth curve, and for each node an unsmoothed
 measurement with its Fisher information. Here the curve comes from the other program's points,

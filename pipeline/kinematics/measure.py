@@ -88,7 +88,7 @@ def frame_table(
 ) -> pd.DataFrame:
     """Table of FRAME_COLUMNS with a row per frame and whisker, kinematics where it is tracked.
 
-    `tables` are as of `curvature.measure`, whose `whisker` indexes `whisker_set.found`.
+    `tables` are as in `curvature.measure`, whose `whisker` indexes `whisker_set.found`.
     """
     count = len(whisker_set.names)
     number = np.array([whisker_set.names.index(name) for name in whisker_set.found], int)

@@ -57,7 +57,7 @@ class StationStore:
 
     Attributes
     ----------
-    names, spacing : as of `Stations`
+    names, spacing : as in `Stations`
     """
 
     def __init__(self):

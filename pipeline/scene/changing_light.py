@@ -49,7 +49,7 @@ class UsualLight:
         return cv2.multiply(frame, more, dtype=cv2.CV_8U)
 
     def carried(self, now: np.ndarray, known: np.ndarray) -> np.ndarray:
-        """The light over the usual one as of `seen`, carried on to all cells, float32 per cell."""
+        """The light over the usual one as in `seen`, carried on to all cells, float32 per cell."""
         if not known.any():
             return np.ones_like(now)
         first = spread(now, known, SMOOTH)

@@ -40,7 +40,7 @@ def without_pole(scene: StaticScene) -> StaticScene:
 
 
 def without_poles(epochs):
-    """The epochs with their discs refused as poles, as of `without_pole`."""
+    """The epochs with their discs refused as poles, as in `without_pole`."""
     return [replace(e, scene=without_pole(e.scene)) if e.scene else e for e in epochs]
 
 

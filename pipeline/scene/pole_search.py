@@ -68,7 +68,7 @@ def find_pole(
 
 
 def _likeliest_first(image, rough, radius_px):
-    """Yield the discs that can be measured, likeliest first; `rough` as of `_rough_circle`.
+    """Yield the discs that can be measured, likeliest first; `rough` as in `_rough_circle`.
 
     Circles with a much lower score than one that is surely a pole come last: they are measured
     only if those before do not suffice.

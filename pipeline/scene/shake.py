@@ -58,7 +58,7 @@ class Still:
         return shift, float(after / (before + TINY))
 
     def steady(self, frame: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The frame shifted back, uint8 (height, width), and its shift, as of `shift`."""
+        """The frame shifted back, uint8 (height, width), and its shift, as in `shift`."""
         shift, _ = self.shift(frame)
         return _shifted(frame, -shift), shift
 

@@ -117,7 +117,7 @@ def _whiskers(frames, scene, shortest_px, resting=0.0):
 
 
 def _towards_the_face(whiskers):
-    """Places (n, k, 2) from the bases of lines, as of `_whiskers`, on straight beyond them."""
+    """Places (n, k, 2) from the bases of lines, as in `_whiskers`, on straight beyond them."""
     base, tip, length = whiskers[:, None, :2], whiskers[:, None, 2:4], whiskers[:, None, 4:]
     chord = base - tip
     away = np.linspace(0, CONTINUED, 9)[:, None] * length

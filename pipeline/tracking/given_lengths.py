@@ -77,7 +77,7 @@ def probabilities(seen_px, given_px, numbers) -> np.ndarray:
     Parameters
     ----------
     seen_px, given_px : as for `numbers_in_order`
-    numbers : (k,) as of `numbers_in_order`
+    numbers : (k,) as in `numbers_in_order`
     """
     costs, missed, fading = _costs(seen_px, given_px)
     k, m = costs.shape[1:]

@@ -114,7 +114,7 @@ class Match:
     Attributes
     ----------
     pairs : numbers (line, whisker)
-    misfit : of each pair, as of `misfits`
+    misfit : of each pair, as in `misfits`
     shift : of all angles [rad]
     gain : how much better this fits than no pair at all
     """

@@ -31,7 +31,7 @@ FEWEST_WHOLE = 3  # lines needed for a whisker's length
 class WhiskerTemplate:
     """What the first look shows of one whisker: where it leaves the face, its visible length.
 
-    `samples` are lines of it, of the sample frames with the numbers `frames`. `signature` is as of
+    `samples` are lines of it, of the sample frames with the numbers `frames`. `signature` is as in
     matching.Ruler, less the turn of all whiskers. No line of this whisker is longer than
     `longest_px`. `likely` is the probability that it is the given one of its name.
     """
@@ -174,7 +174,7 @@ def mostly_seen(share, strength, params) -> np.ndarray:
     """Numbers of the lines that are seen in enough frames, and are too strong to be fur.
 
     share : of the frames in which each line is seen, (lines,)
-    strength : as of `usual_strength`, (lines,) [px]
+    strength : as in `usual_strength`, (lines,) [px]
     params : `TrackerParams`
     """
     often = share >= params.seen_share
@@ -263,7 +263,7 @@ def _share_out(groups, frame, lines, seen, ruler, known=None, new=False):
 
 
 def _lines_of(frames, scene, options, names, indices, absorbed=np.inf):
-    """Lines of every frame, and the side that the face is on; `absorbed` as of `ImageModel`."""
+    """Lines of every frame, and the side that the face is on; `absorbed` as in `ImageModel`."""
     several = names is None or len(names) > 1
     wanted = detect.Wanted(enough=len(names) if names else np.inf)
     found, side = [], "left"

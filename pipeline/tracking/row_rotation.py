@@ -33,7 +33,7 @@ def common_turns(picture, lines, pivot=0.0) -> np.ndarray:
 
     Parameters
     ----------
-    picture : the frame, as of `ImageModel.picture`
+    picture : the frame, as in `ImageModel.picture`
     lines : `detection.Line`s as they are predicted
     pivot : how far behind their bases they turn [px]
     """
@@ -90,7 +90,7 @@ def _bend(line, n) -> float:
 def even_turns(place, turn) -> np.ndarray:
     """Turns of all lines at their places, as of a straight line through those that are known.
 
-    place, turn : (lines,) places as of `places`, turns [rad], NaN where not known; those far off
+    place, turn : (lines,) places as in `places`, turns [rad], NaN where not known; those far off
         the others are left out
     """
     known = np.isfinite(turn)
@@ -151,7 +151,7 @@ def _peak(score, k) -> float:
 
 @njit(cache=True, error_model="numpy")
 def _scores(picture, nodes, starts, pivots, turns):
-    """Fit of turned lines and how much of them is shown, as of `_add_scores`, (lines, turns) each.
+    """Fit of turned lines and how much of them is shown, as in `_add_scores`, (lines, turns) each.
 
     Both are 1 where a line looks as it did before.
 

@@ -37,7 +37,7 @@ class _Collector:
     def add(self, frame: int, whisker: int, line: Line, trust: float, end=UNSEEN) -> None:
         """Add a line; its confidence is its quality times `trust` in its name (0–1).
 
-        end : as of `end_thickness`
+        end : as in `end_thickness`
         """
         while self.filled + line.n > self.points.shape[1]:
             self.points = np.concatenate([self.points, np.empty_like(self.points)], axis=1)
