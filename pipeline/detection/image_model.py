@@ -120,7 +120,7 @@ def _clear_of_pole(off_edges, pole, edge_px) -> None:
         cv2.circle(off_edges, (int(x), int(y)), about, float(edge_px), cv2.FILLED)
 
 
-def translucent(background, variance, obstacles, params=DEFAULTS.detection) -> np.ndarray:
+def translucent(background, variance, obstacles, params) -> np.ndarray:
     """Pixels of obstacles that let light through: out-of-focus rods, not the rims of others.
 
     There it is bright, and so far from edges that their trembling does not outdo the noise.

@@ -291,7 +291,7 @@ def _expected_end(places: Stations, whisker: Whisker, params: RodParams):
     return whisker.length - tip.beyond, np.hypot(1e-3 * params.tip_sd_mm, tip.se)
 
 
-def trace_ends(places: Stations, params: RodParams = DEFAULTS.forces):
+def trace_ends(places: Stations, params: RodParams):
     """Arc length [m] of the trace's end where that is the tip (NaN elsewhere), and its scatter."""
     end, window = places.last, 1e-3 * params.tip_window_mm
     known = end[np.isfinite(end)]

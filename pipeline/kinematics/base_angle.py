@@ -68,9 +68,7 @@ class Base:
     y: np.ndarray
 
 
-def add_bases(
-    frames, store, pixels_per_m: float, params: KinematicsParams = DEFAULTS.kinematics
-) -> pd.DataFrame:
+def add_bases(frames, store, pixels_per_m: float, params: KinematicsParams) -> pd.DataFrame:
     """The table of FRAME_COLUMNS with base angle and follicle of all whiskers in `store`.
 
     Parameters

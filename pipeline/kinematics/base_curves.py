@@ -18,7 +18,7 @@ from numba import njit
 from pipeline.numerics.cholesky import factorise, solve
 from pipeline.numerics.robust import robust_sd, trimmed_part
 from pipeline.numerics.runs import evenly
-from pipeline.session.parameters import DEFAULTS, KinematicsParams
+from pipeline.session.parameters import KinematicsParams
 
 FEWEST_STATIONS = 8
 STEPS = 4  # of Gauss–Newton
@@ -77,9 +77,7 @@ def angle_at(shape, z):
     return shape[:, 0] + z * (shape[:, 1] + 0.5 * z * shape[:, 2])
 
 
-def fit_base_curves(
-    places, pixels_per_m: float, params: KinematicsParams = DEFAULTS.kinematics
-) -> BaseCurves | None:
+def fit_base_curves(places, pixels_per_m: float, params: KinematicsParams) -> BaseCurves | None:
     """Fit the bases of one whisker's `Stations`; None where hardly any row shows one."""
     span = _window(places, pixels_per_m, params)
     if span is None:

@@ -172,7 +172,7 @@ def _feet(curves, anchors, farthest, out):
         out[row] = _nearest_on_base(x, y, theta, k0, k1, ax, ay, first, farthest)
 
 
-def base_curves(lines: Centrelines, pixels_per_m: float, params=DEFAULTS.kinematics) -> np.ndarray:
+def base_curves(lines: Centrelines, pixels_per_m: float, params: KinematicsParams) -> np.ndarray:
     """Every row's first node of the base window, and `base_curve` there; (rows, 6).
 
     NaN where the row is too short.

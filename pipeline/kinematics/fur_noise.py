@@ -21,7 +21,7 @@ from pipeline.tables.centrelines import Centrelines
 ORDINARY = 2.5  # ratio of misfits that may be chance
 
 
-def locate_follicles(chunks, samples: Centrelines, options, params=DEFAULTS.kinematics):
+def locate_follicles(chunks, samples: Centrelines, options, params: KinematicsParams):
     """Yield the chunks with every row's hidden length.
 
     Points that fur shifts get less information (`FurTrust`). The chunks stay as they are where

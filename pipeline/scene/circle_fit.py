@@ -21,6 +21,12 @@ MARGIN_RAYS = 14  # of 2°, left out beside rays that are shaded
 SHADE_RAYS, WIDEST_RAYS = 3, 45
 EDGE_SLOPE = 0.04  # of the light per pixel: less is no edge of a thing in focus
 INTERPOLATION = 0.003  # error of interpolated pixels, share of the light
+RADIUS_RANGE = (0.7, 1.45)  # of the expected radius: the scale may be a little off
+LEAST_ARC = 0.55  # of the circumference must be seen as edge: a corner has 0.5, a rod's end 0.65
+MOST_RESIDUAL = 0.05  # of the edge's contrast, root mean square
+MISFITS = 0.1  # of the edge's pixels
+LEAST_CONTRAST = 0.2  # share of the light that the disc takes
+OPAQUE, GREY_ARC = 0.8, 0.3  # what takes less light must show so much of its edge: fur does not
 
 
 @dataclass(frozen=True)
@@ -230,14 +236,6 @@ def blurred_edge(distance, radius, blur, inside, outside):
     """Intensity at `distance` from the centre of a disc blurred with a Gaussian of SD `blur`."""
     half_level = radius - blur**2 / (2 * radius)
     return outside + (inside - outside) * 0.5 * erfc((distance - half_level) / (np.sqrt(2) * blur))
-
-
-RADIUS_RANGE = (0.7, 1.45)  # of the expected radius: the scale may be a little off
-LEAST_ARC = 0.55  # of the circumference must be seen as edge: a corner has 0.5, a rod's end 0.65
-MOST_RESIDUAL = 0.05  # of the edge's contrast, root mean square
-MISFITS = 0.1  # of the edge's pixels
-LEAST_CONTRAST = 0.2  # share of the light that the disc takes
-OPAQUE, GREY_ARC = 0.8, 0.3  # what takes less light must show so much of its edge: fur does not
 
 
 def plausible(circle, radius_px, near_xy) -> bool:

@@ -226,7 +226,7 @@ def _seen_with(animal, background, side, scale, params) -> StaticScene:
     )
 
 
-def find_obstacles(transmission, face, pole, pixels_per_mm, params=DEFAULTS.scene) -> np.ndarray:
+def find_obstacles(transmission, face, pole, pixels_per_mm, params) -> np.ndarray:
     """Pixels of dark static things that are neither face nor thin, bool (height, width)."""
     radius = round(0.5 * params.thinnest_obstacle_mm * pixels_per_mm)
     dark = opened(transmission < params.opaque, radius) & ~face

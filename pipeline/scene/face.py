@@ -12,7 +12,11 @@ from pipeline.scene.masks import opened_beyond_border, regions
 from pipeline.session.parameters import DEFAULTS
 
 SIDES = ("left", "right", "top", "bottom")
+OPPOSITE = {"left": "right", "right": "left", "top": "bottom", "bottom": "top"}
 LEAST_BORDER = 0.25  # of the longest contact with the border: what touches it less is apparatus
+FEWEST_NODES = 45  # of a line whose taper can be measured
+LEAST_WIDTH = 0.2  # of the picture's side: a face is wider than apparatus
+THICKER = 1.2  # the far third's thickness over the near one's: of a whisker it is 0.2 to 0.6
 
 
 def border(image: np.ndarray, side: str) -> np.ndarray:
@@ -62,14 +66,8 @@ def _without_holes(mask, side):
     return mask | enclosed[labels]
 
 
-OPPOSITE = {"left": "right", "right": "left", "top": "bottom", "bottom": "top"}
-FEWEST_NODES = 45  # of a line whose taper can be measured
-LEAST_WIDTH = 0.2  # of the picture's side: a face is wider than apparatus
-THICKER = 1.2  # the far third's thickness over the near one's: of a whisker it is 0.2 to 0.6
-
-
 def likelier_side(
-    transmission, side: str, thick_side: str | None, pixels_per_mm, params=DEFAULTS.scene
+    transmission, side: str, thick_side: str | None, pixels_per_mm, params
 ) -> str | None:
     """Side that is likelier to have the face, if none is seen on the given `side`; None: no doubt.
 
