@@ -307,14 +307,14 @@ def trace(
         named: the templates are a first guess
     unnamed : `identity.Unnamed`, which counts whiskers that get no name
     """
-    templates, given = list(whisker_set.templates), whisker_set.given
+    templates = list(whisker_set.templates)
     tracks = track(frames, scene, templates, options, chunk_frames)
     face = face_side_of(scene)
-    lengths = dict.fromkeys(given, np.inf)
+    lengths = dict.fromkeys(whisker_set.given, np.inf)
     lengths.update(zip(lengths, options.visible_px, strict=False))
+    given = GivenLengths(lengths, tips_seen(scene, options.params.detection)) if lengths else None
     lines = assign_identities(
-        tracks, templates, options, face, not given, whisker_set.other_side,
-        GivenLengths(lengths, tips_seen(scene)) if lengths else None, unnamed,
+        tracks, templates, options, face, not lengths, whisker_set.other_side, given, unnamed,
     )  # fmt: skip
     return locate_follicles(
         lines, sample_lines(templates, options), options, options.params.kinematics

@@ -158,7 +158,7 @@ def templates_and_others(frames, scene, options, names=None, indices=None):
     known = len(options.visible_px) == len(names)
     longest = options.visible_px if known else [np.inf] * len(names)
     given = dict(zip(names, longest, strict=True))
-    tips_seen = line_ends.tips_seen(scene) if known else None
+    tips_seen = line_ends.tips_seen(scene, options.params.detection) if known else None
     return named_as_given(templates, GivenLengths(given, tips_seen)), others
 
 

@@ -38,7 +38,7 @@ def odd_length(indices, frames, epochs, templates, settings) -> SeenLength | Non
     limited = [s for s in templates if s.visible_px > AT_THE_LIMIT * s.longest_px]
     odd = None
     if limited or not templates:
-        options = options_for_picture(recording, shape)
+        options = options_for_picture(recording, shape, settings.advanced)
         few = evenly(len(frames), ENOUGH_FRAMES)
         again = find_templates(frames[few], epochs, options, indices=np.asarray(indices)[few])
         shortest_px = tracing_options(settings, shape).shortest_px

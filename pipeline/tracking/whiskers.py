@@ -116,7 +116,9 @@ def find_whisker_set(indices, frames, epochs, settings: Settings) -> WhiskerSet:
     if by_side:
         (likely, refused), _ = seen(None, replace(options, visible_px=()))
         longest = dict(zip(names, options.visible_px, strict=False))
-        given = GivenLengths(longest, tips_seen(epochs) if longest else None)
+        given = GivenLengths(
+            longest, tips_seen(epochs, options.params.detection) if longest else None
+        )
         named, other_side = named_by_side(likely, by_side, face_side, options, given)
         row = [each for each in likely if not any(each is other for other in other_side)]
     if named is None:  # one row

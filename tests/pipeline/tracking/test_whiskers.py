@@ -5,6 +5,7 @@ import pytest
 
 from pipeline.session.quantities import pixels_in
 from pipeline.session.session_file import settings_from
+from pipeline.tracking import seen_lengths
 from pipeline.tracking.matching import Ruler
 from pipeline.tracking.registry import WhiskerTemplate
 from pipeline.tracking.whiskers import seen_at_a_time, tracing_options, whisker_set_of
@@ -84,3 +85,14 @@ def test_pieces_of_one_whisker_are_not_counted_as_two():
 def test_where_no_whisker_is_found_none_needs_dimensions():
     whisker_set = whisker_set_with([], [{"name": "C2", "hidden_length_mm": 0}])
     assert (whisker_set.names, whisker_set.found, whisker_set.nominal) == (("C2",), (), ())
+
+
+def test_lengths_are_looked_at_again_with_the_parameters_of_session_toml(monkeypatch):
+    used, advanced = [], {"tracking": {"shortest_line_mm": 9.0}}
+    monkeypatch.setattr(
+        seen_lengths, "find_templates", lambda frames, epochs, options, **at: used.append(options)
+    )
+    monkeypatch.setattr(seen_lengths, "_too_short", lambda *at: None)
+    settings = settings_from({"recording": RECORDING, "advanced": advanced})
+    assert seen_lengths.odd_length([0, 1], np.zeros((2, *SHAPE)), (), [], settings) is None
+    assert [each.params for each in used] == [settings.advanced]
