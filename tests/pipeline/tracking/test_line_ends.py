@@ -43,4 +43,4 @@ def test_a_bright_thing_hides_tips_where_the_settings_say_that_it_is_a_rim():
     rod = scene(body=BODY)
     rod.background[BODY] = 120.0
     assert line_ends.tips_seen(rod, USUAL)[80, 140]
-    assert not line_ends.tips_seen(rod, DetectionParams(rim_px=50.0))[80, 140]
+    assert not line_ends.tips_seen(rod, DetectionParams(rim_px=100.0))[80, 140]
