@@ -118,7 +118,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=ROOT / "docs" / "images" / "house.png")
     figure, axes = plt.subplots(figsize=(9.4, 9.6))
     draw(axes)
-    axes.set(xlim=(LEFT - 3.3, LEFT + WIDTH + 4.2), ylim=(0.4, len(ORDER) + 0.6))
+    axes.set(xlim=(LEFT - 3.3, LEFT + WIDTH + 4.4), ylim=(0.4, len(ORDER) + 0.6))
     axes.axis("off")
     figure.savefig(parser.parse_args().out, dpi=110, bbox_inches="tight", facecolor="white")
 
