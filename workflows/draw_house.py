@@ -116,7 +116,7 @@ def main() -> None:
     """Draw the picture into a file."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, default=ROOT / "docs" / "images" / "house.png")
-    figure, axes = plt.subplots(figsize=(9.4, 9.6))
+    figure, axes = plt.subplots(figsize=(9.8, 9.6))
     draw(axes)
     axes.set(xlim=(LEFT - 3.3, LEFT + WIDTH + 4.4), ylim=(0.4, len(ORDER) + 0.6))
     axes.axis("off")
