@@ -194,20 +194,20 @@ def test_no_exchange_makes_names_dearer_where_whiskers_are_often_not_seen(seed):
     table = label_swaps._table(known, named)
     for a, b in [(1, 0), (2, 1), (3, 2), (4, 0), (4, 3)]:
         before = cost_of(known, label_swaps._names(table, len(named)))
-        kept, changed = label_swaps._nothing_kept(1, table.shape[1]), np.zeros(table.shape, bool)
+        cache, changed = label_swaps._empty_cache(1, table.shape[1]), np.zeros(table.shape, bool)
         pair = np.array([(a, b)])
-        label_swaps._exchange_all(known, table, pair, kept, ~changed, changed)
+        label_swaps._exchange_all(known, table, pair, cache, ~changed, changed)
         took = changed.any()
         after = cost_of(known, label_swaps._names(table, len(named)))
         assert after < before if took else after == before
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_steps_that_are_kept_are_those_of_the_rows_as_they_are_now(seed):
+def test_steps_in_the_cache_are_those_of_the_rows_as_they_are_now(seed):
     rng = np.random.default_rng(seed)
     known, _, true = evidence(rng)
     table = label_swaps._table(known, true)
-    (steps,), ((mine, theirs),) = label_swaps._nothing_kept(1, table.shape[1])
+    (steps,), ((mine, theirs),) = label_swaps._empty_cache(1, table.shape[1])
     for _ in range(20):
         first = rng.integers(FRAMES)
         part = slice(first, first + rng.integers(1, 30))
@@ -227,10 +227,10 @@ def improved_afresh(known, named, track):
     table = label_swaps._table(known, named)
     pairs, every = label_swaps._alike(known, table), np.ones(table.shape, bool)
     for _ in range(label_swaps.MOST_ROUNDS):
-        kept, changed = label_swaps._nothing_kept(len(pairs), table.shape[1]), ~every
-        label_swaps._exchange_all(known, table, pairs, kept, every, changed)
-        fresh = np.ones(len(named), bool)
-        label_swaps._claims(known, table, track, every, changed, fresh)
+        cache, changed = label_swaps._empty_cache(len(pairs), table.shape[1]), ~every
+        label_swaps._exchange_all(known, table, pairs, cache, every, changed)
+        untried = np.ones(len(named), bool)
+        label_swaps._claims(known, table, track, every, changed, untried)
     return label_swaps._names(table, len(named))
 
 
