@@ -194,9 +194,9 @@ def look_at(video, settings):
             "either way, or no whisker can be seen",
             0,
         )
-    recording, pole, params = settings.recording.si(), settings.pole, settings.advanced.scene
+    recording, pole, params = settings.recording.si(), settings.pole, settings.advanced
     prepared = prepare_video(video, recording.pixels_per_mm, settings.image)
-    seen, video = survey(prepared, recording, params), prepared.video
+    seen, video = survey(prepared, recording, params.scene), prepared.video
     epochs = find_scenes(video, recording, pole.diameter, pole.position_px, seen, params)
     return video, seen, epochs
 
@@ -260,9 +260,9 @@ def measure_lines(lines, settings, pole, n_frames, keep, clock) -> Kinematics:
         lines = given_lines.as_centrelines(lines)
         whisker_set = whisker_set_of(templates_of(lines), settings)
     hidden = tuple(length * recording.pixels_per_m for length in whisker_set.hidden_lengths)
-    options = replace(options_for(recording), hidden_px=hidden)
+    options = replace(options_for(recording, params=settings.advanced), hidden_px=hidden)
     chunks = given_lines.chunks_of(lines, CHUNK_FRAMES)
-    chunks = locate_follicles(chunks, given_lines.sample_of(lines), options, params)
+    chunks = locate_follicles(chunks, given_lines.sample_of(lines), options)
     meter = KinematicsMeter(whisker_set, recording, settings.analysis.curvature_at, pole, params)
     for chunk in clock.each("centrelines", chunks):
         with clock("kinematics"):
@@ -316,9 +316,7 @@ def trace(
     lines = assign_identities(
         tracks, templates, options, face, not lengths, whisker_set.other_side, given, unnamed,
     )  # fmt: skip
-    return locate_follicles(
-        lines, sample_lines(templates, options), options, options.params.kinematics
-    )
+    return locate_follicles(lines, sample_lines(templates, options), options)
 
 
 def forces_of(kinematics: Kinematics, settings):

@@ -87,7 +87,7 @@ def find_contacts(
     params, method = options.params.contacts, options.method
     evidence = add_probability(evidence, recording, params)
     rate = recording.frames_per_second
-    intervals = find_intervals(evidence, options.curvature_at, rate, params)
+    intervals = find_intervals(evidence, options.curvature_at, rate, params=params)
     intervals["curated"] = False
     if corrections is not None:
         intervals = _correct(intervals, corrections, evidence)

@@ -10,7 +10,7 @@ from pipeline.contacts.probability import FEWEST_SURE, by_whisker, force_noise
 from pipeline.forces import forces
 from pipeline.numerics.robust import robust_sd
 from pipeline.numerics.runs import runs_of_true
-from pipeline.session.parameters import DEFAULTS, ContactParams
+from pipeline.session.parameters import ContactParams
 
 LEAST_PEAK_SD = 3.5  # peak force in standard errors
 CLEAR_PEAK_SCATTER = 8.0  # peak force over its scatter in free frames, by both estimates
@@ -44,7 +44,8 @@ def find_intervals(
     evidence: pd.DataFrame,
     curvature_at: float = 5.5e-3,
     frames_per_second: float = 1000.0,
-    params: ContactParams = DEFAULTS.contacts,
+    *,
+    params: ContactParams,
 ) -> pd.DataFrame:
     """Contact intervals from evidence with `probability`: INTERVAL_COLUMNS, half-open frames."""
     criteria = _Criteria(curvature_at, max(round(params.slip_s * frames_per_second), 1), params)

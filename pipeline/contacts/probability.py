@@ -13,7 +13,7 @@ from scipy.special import erfcx, log_ndtr
 
 from pipeline.numerics.chains import state_probabilities, two_states
 from pipeline.numerics.robust import robust_sd
-from pipeline.session.parameters import DEFAULTS, ContactParams
+from pipeline.session.parameters import ContactParams
 from pipeline.session.recording import Recording
 
 MOST_LIKELY_CHANGE = 0.3  # most that the probability of a start or end per frame may be
@@ -30,7 +30,7 @@ _OBSERVED = (
 
 
 def add_probability(
-    evidence: pd.DataFrame, recording: Recording, params: ContactParams = DEFAULTS.contacts
+    evidence: pd.DataFrame, recording: Recording, params: ContactParams
 ) -> pd.DataFrame:
     """Fill `probability` of contact and its `log_odds` (of the frame alone) in every frame."""
     rate, new = recording.frames_per_second, np.zeros((2, len(evidence)))
@@ -72,7 +72,7 @@ def changes_per_frame(frames_per_second, params) -> tuple[float, float]:
     return tuple(min(rate / frames_per_second, MOST_LIKELY_CHANGE) for rate in rates)
 
 
-def frame_log_odds(part, frames_per_second, params: ContactParams = DEFAULTS.contacts):
+def frame_log_odds(part, frames_per_second, params: ContactParams):
     """Log-likelihood ratio of contact to no contact of every frame on its own.
 
     The gap's offset (radius of the pole, blur) and scatter in contact are learnt from the
@@ -134,7 +134,7 @@ def force_noise(column):
     return np.sqrt(np.maximum(total**2 - share**2, 0.0))
 
 
-def _log_odds(gap, gap_sd, force, force_sd, cov, params=DEFAULTS.contacts):
+def _log_odds(gap, gap_sd, force, force_sd, cov, params):
     """log p(d, F | contact) − log p(d, F | free), bivariate normal errors and outliers."""
     gaps, forces = 1e-3 * params.gap_scale_mm, 1e-6 * params.force_scale_uN
     any_gap = np.log(GAP_OUTLIERS / (2 * gaps))

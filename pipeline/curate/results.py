@@ -97,7 +97,7 @@ class VideoUnderReview:
             evidence,
             self.settings.analysis.curvature_at,
             self.recording.frames_per_second,
-            self.settings.advanced.contacts,
+            params=self.settings.advanced.contacts,
         )
         contacts = files.read_csv(self.folder / "contacts.csv", CONTACT_COLUMNS)
         self.tables = analysis.ContactTables(frames, contacts, detected, evidence)

@@ -12,7 +12,6 @@ import numpy as np
 from numba import njit
 
 from pipeline.numerics.polyline import nearest_nodes
-from pipeline.session.parameters import DEFAULTS
 from pipeline.session.quantities import pixels_in
 
 MUCH_BETTER = 0.5  # part of the other way's misfit: that much less decides
@@ -45,9 +44,6 @@ class Reach(NamedTuple):
         least, gap, local = (round(pixels_in(each, pixels_per_m)) for each in lengths)
         least = max(least, 2 * gap, 4)  # something is left on either side
         return cls(pixels_in(params.crossing_mm, pixels_per_m), least, gap, max(local, least))
-
-
-USUAL = Reach.of(DEFAULTS.detection, 25e3)
 
 
 @njit(cache=True)
@@ -112,7 +108,7 @@ def _misfit(x, y, start, i, tail_x, tail_y, j, end, gap, stride):
     return max(total - np.dot(found, right), 0.0) / count
 
 
-def uncross(one, other, reach: Reach = USUAL):
+def uncross(one, other, reach: Reach):
     """Give two `detection.Line`s their own far parts back, in place.
 
     Returns copies of both as they were; None where they have their own.

@@ -6,12 +6,11 @@ from numba import njit
 from pipeline.detection import line_fit, new_lines
 from pipeline.detection.line import Line
 from pipeline.numerics import polyline
-from pipeline.session.parameters import DEFAULTS
 
 GHOST_SHARE = 0.75  # of a ghost that lies beside the darker line; what leaves it is a whisker
 
 
-def is_ghost(line: Line, others, params=DEFAULTS.detection) -> bool:
+def is_ghost(line: Line, others, params) -> bool:
     """Whether a line is what is left of a darker one: its blur, or the codec's ringing beside it.
 
     The fainter it is, the farther from the darker one. A faint whisker that comes out of the fur
@@ -49,7 +48,7 @@ def is_whisker(line: Line, model, options) -> bool:
     return long_and_clear and line_fit.is_clear(line.x, line.y, line.n, model.off_edges)
 
 
-def is_turned(line: Line, outward, factor=DEFAULTS.detection.thickens) -> bool:
+def is_turned(line: Line, outward, factor) -> bool:
     """Whether a line between face and body is turned round: its near half is the thinner one.
 
     A line in front of a body hardly tapers. The more a line runs straight off the face's side, in

@@ -42,7 +42,7 @@ from pipeline.kinematics.stations import Stations, may_touch
 from pipeline.kinematics.tip import tip_beyond
 from pipeline.numerics.robust import robust_sd
 from pipeline.numerics.runs import evenly
-from pipeline.session.parameters import DEFAULTS, RodParams
+from pipeline.session.parameters import RodParams
 from whiskermodel.whisker import Whisker
 
 MOST_KNOTS = 400
@@ -129,7 +129,7 @@ def _steadiness(knots):
 
 
 def origin_from_tip(
-    places: Stations, whisker: Whisker, time, params: RodParams = DEFAULTS.forces
+    places: Stations, whisker: Whisker, time, params: RodParams
 ) -> tuple[Origin, _Evidence]:
     """Origin of each row from the prior and, as far as the tip is seen, from its place.
 

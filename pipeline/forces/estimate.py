@@ -64,7 +64,7 @@ def estimate_forces(
             own = all_rows.rows(part)
             rows = rows_of(frames, name, own.frame)
             evidence, measured = forces.measure_forces(
-                own, whisker, kinematics.loc[rows], curvature_at, friction, params
+                own, whisker, kinematics.loc[rows], curvature_at, friction, params=params
             )
             if whiskers.get(name) is None:
                 # what stands in for it may bend otherwise

@@ -18,7 +18,7 @@ from pipeline.forces.whisker_rows import WhiskerRows
 from pipeline.kinematics.stations import Stations, lies_across
 from pipeline.numerics.angles import jitter, wrap_angle
 from pipeline.numerics.robust import robust_sd
-from pipeline.session.parameters import DEFAULTS, RodParams
+from pipeline.session.parameters import RodParams
 from whiskermodel.whisker import Whisker
 
 METHODS = ("point", "shape")
@@ -63,7 +63,8 @@ def measure_forces(
     kinematics,
     curvature_at: float,
     friction=0.0,
-    params: RodParams = DEFAULTS.forces,
+    *,
+    params: RodParams,
 ):
     """The force on one whisker in every frame, as if its point nearest to the pole touched it.
 
@@ -107,7 +108,7 @@ def measure_forces(
     return evidence, pd.DataFrame(measured)
 
 
-def far_from_pole(places, params: RodParams = DEFAULTS.forces) -> np.ndarray:
+def far_from_pole(places, params: RodParams) -> np.ndarray:
     """Rows in which the whisker is so far from the pole that it cannot touch it, bool (rows,)."""
     free = rest_shape.free_frames(places.distance, np.isfinite(places.pole_x), params)
     return free & np.isfinite(places.last)
@@ -189,7 +190,7 @@ def sliding(place) -> np.ndarray:
     return out
 
 
-def point_force(rest: dict, fit: ShapeFit, params: RodParams = DEFAULTS.forces):
+def point_force(rest: dict, fit: ShapeFit, params: RodParams):
     """F = E I(s_p) Δκ / |(r_c − r_p) × n̂| and its standard error [N].
 
     Positive pushes away from the pole. NaN where the contact lies before or just beyond s_p.

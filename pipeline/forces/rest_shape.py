@@ -18,7 +18,6 @@ from numba import njit
 from scipy.ndimage import median_filter
 
 from pipeline.numerics.robust import MAD_TO_SD, column_medians, robust_sd
-from pipeline.session.parameters import DEFAULTS
 
 CLEAR_SD = 8.0  # standard errors of the distance by which a whisker is clear of a touch
 PLENTY, PLENTY_SHARE = 20, 0.25  # frames beyond free_distance_mm, of those clear of a touch
@@ -227,7 +226,7 @@ def by_leaning_angle(model: RestModel, lean) -> RestModel:
     return replace(model, weights=weights, centre=centre)
 
 
-def free_frames(distance, pole_known, params=DEFAULTS.forces) -> np.ndarray:
+def free_frames(distance, pole_known, params) -> np.ndarray:
     """Frames in which the whisker is surely untouched, bool (frames,).
 
     `distance` [m] from the pole's surface to the whisker's, frame after frame, NaN where unknown;

@@ -9,8 +9,6 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from pipeline.session.parameters import DEFAULTS
-
 NEAR_BEND, ANGLE, THICKNESS, LENGTH, BEND, FAR_BEND = range(6)
 N_FEATURES = 6
 PIECE = 6  # nodes, the least that give a direction
@@ -26,7 +24,7 @@ class Dial:
     distances: np.ndarray
 
     @classmethod
-    def of(cls, bases, along, outward, pixels_per_m, params=DEFAULTS.identity) -> "Dial":
+    def of(cls, bases, along, outward, pixels_per_m, params) -> "Dial":
         """Behind the whiskers' bases (whiskers, 2) [px], in the directions of the face."""
         middle = np.median(np.asarray(bases, float).reshape(-1, 2), axis=0)
         along, outward = np.asarray(along, float), np.asarray(outward, float)

@@ -6,7 +6,6 @@ from scipy.ndimage import median_filter
 
 from pipeline.identity.appearance import LEAST_SLOPE, FanModel, medians
 from pipeline.identity.features import ANGLE, BEND, N_FEATURES
-from pipeline.identity.limits import USUAL
 from pipeline.identity.links import TAKEN, Evidence, link_costs
 from pipeline.identity.tracked_lines import TrackedLines
 from pipeline.numerics.robust import sd_about_0
@@ -118,7 +117,7 @@ def common_turns(features, frame, before, slope=1.0) -> np.ndarray:
     return out
 
 
-def sure_turns(features, frame, before, slope=1.0, own_turn=USUAL.own_turn) -> np.ndarray:
+def sure_turns(features, frame, before, slope, own_turn) -> np.ndarray:
     """The same, NaN where no line shows it or tracks seem to have gone on with other lines."""
     turn = common_turns(features, frame, before, slope)
     seen = np.isfinite(_steps(features[:, ANGLE], before) / slope)

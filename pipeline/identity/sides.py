@@ -5,7 +5,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.identity.features import Dial, line_features
-from pipeline.session.parameters import DEFAULTS
 from pipeline.tracking import two_sides
 
 
@@ -27,9 +26,7 @@ class Sides:
     names: tuple[str, ...]
 
     @classmethod
-    def of(
-        cls, templates, ruler, face_side, pixels_per_m, may_be_two, params=DEFAULTS.identity
-    ) -> "Sides":
+    def of(cls, templates, ruler, face_side, pixels_per_m, may_be_two, params) -> "Sides":
         """The rows in which the templates' whiskers stand."""
         along, outward = np.asarray(ruler.along, float), np.asarray(ruler.outward, float)
         cuts = two_sides.cuts_between(templates, along, params) if may_be_two else ()

@@ -27,7 +27,7 @@ from pipeline.numerics.angles import continuous, wrap_angle
 from pipeline.numerics.cholesky import factorise, invert
 from pipeline.numerics.robust import robust_sd
 from pipeline.numerics.runs import evenly, parts
-from pipeline.session.parameters import DEFAULTS, KinematicsParams
+from pipeline.session.parameters import KinematicsParams
 
 BASE_COLUMNS = (
     "follicle_x_px", "follicle_y_px", "base_angle_deg", "base_angle_se_deg",
@@ -100,9 +100,7 @@ def rows_of(frames, name: str, numbers) -> np.ndarray:
     return rows[order[np.searchsorted(frame, numbers, sorter=order)]]
 
 
-def measure_base(
-    places, pixels_per_m: float, params: KinematicsParams = DEFAULTS.kinematics
-) -> Base:
+def measure_base(places, pixels_per_m: float, params: KinematicsParams) -> Base:
     """Base angle and follicle of one whisker's `Stations`, rows in the order of their frames.
 
     Very long recordings are measured part by part.

@@ -3,8 +3,9 @@
 session.toml has one hidden length, from follicle to first visible point. But as the whisker turns,
 it crosses the edge of the fur at another distance from the follicle. So the follicle is anchored:
 with the constant hidden length, its place is computed in frames from the whole video, and the
-median is the anchor. In each frame, the base's curve is extrapolated past the anchor, and its
-nearest point is the follicle.
+median is the anchor. In each frame, a curve through the base's nodes is extrapolated past the
+anchor, and its nearest point is the follicle. That curve is rough: when arc lengths are known from
+it, `base_curves` fits the base anew, with its noise.
 """
 
 from dataclasses import replace
@@ -30,7 +31,7 @@ def _turned(cos, sin, by):
 
 
 @njit(cache=True)
-def _base_equations(x, y, offset, information, first, last, curve, matrix, rhs):
+def _rough_equations(x, y, offset, information, first, last, curve, matrix, rhs):
     """Normal equations of the small-angle form about a `curve` (x, y, θ0, k0, k1).
 
     Unknowns are the offset [px] and, over the window, what θ0, k0 and k1 turn to in offsets.
@@ -60,7 +61,7 @@ def _base_equations(x, y, offset, information, first, last, curve, matrix, rhs):
 
 
 @njit(cache=True)
-def base_curve(x, y, offset, information, first, last):
+def rough_base(x, y, offset, information, first, last):
     """Fit a curve of linear curvature, θ(s) = θ0 + k0 s + k1 s²/2, to the nodes first … last − 1.
 
     s counts nodes (px) from `first`. Gauss–Newton with the derivatives of the small-angle form.
@@ -77,7 +78,7 @@ def base_curve(x, y, offset, information, first, last):
     step = np.empty(4)
     for _ in range(MOST_STEPS):
         curve = (px, py, theta, k0, k1)
-        _base_equations(x, y, offset, information, first, last, curve, matrix, step)
+        _rough_equations(x, y, offset, information, first, last, curve, matrix, step)
         factorise(matrix, 4, lower)
         solve(lower, 4, step)
         px -= step[0] * np.sin(theta)
@@ -92,7 +93,7 @@ def base_curve(x, y, offset, information, first, last):
 
 @njit(cache=True)
 def walk_back(px, py, theta, k0, k1, distance):
-    """Point [px] and angle [rad] on a base curve, `distance` px of arc before its start."""
+    """Point [px] and angle [rad] on a rough base, `distance` px of arc before its start."""
     s = 0.0
     while s > -distance:
         h = min(1.0, distance + s)
@@ -112,7 +113,7 @@ def base_window(n, skip, window):
 
 @njit(cache=True)
 def _nearest_on_base(px, py, theta, k0, k1, ax, ay, first, farthest):
-    """Arc length [px] before node 0 of the base curve's point that is nearest to an anchor."""
+    """Arc length [px] before node 0 of the rough base's point that is nearest to an anchor."""
     best = 0.0
     least = 1e18
     s = 0.0
@@ -134,8 +135,8 @@ def _nearest_on_base(px, py, theta, k0, k1, ax, ay, first, farthest):
 
 
 @njit(cache=True)
-def _base_curves(offsets, xs, ys, raw, info, skip, window):
-    """Every row's first node of the base window, and `base_curve` there; (rows, 6)."""
+def _rough_bases(offsets, xs, ys, raw, info, skip, window):
+    """Every row's first node of the base window, and `rough_base` there; (rows, 6)."""
     out = np.full((len(offsets) - 1, 6), np.nan)
     for row in range(len(out)):
         a = offsets[row]
@@ -145,7 +146,7 @@ def _base_curves(offsets, xs, ys, raw, info, skip, window):
         first, last = base_window(b - a, skip, window)
         out[row, 0] = first
         b = min(b, a + max(last, first + 9))
-        out[row, 1], out[row, 2], out[row, 3], out[row, 4], out[row, 5] = base_curve(
+        out[row, 1], out[row, 2], out[row, 3], out[row, 4], out[row, 5] = rough_base(
             xs[a:b].astype(np.float64), ys[a:b].astype(np.float64), raw[a:b].astype(np.float64),
             info[a:b].astype(np.float64), first, last,
         )  # fmt: skip
@@ -154,7 +155,7 @@ def _base_curves(offsets, xs, ys, raw, info, skip, window):
 
 @njit(cache=True)
 def _ends(curves, hidden):
-    """Point and angle `hidden` px before each row's first node, on its base curve; (rows, 3)."""
+    """Point and angle `hidden` px before each row's first node, on its rough base; (rows, 3)."""
     out = np.full((len(curves), 3), np.nan)
     for row in range(len(curves)):
         first, x, y, theta, k0, k1 = curves[row]
@@ -172,14 +173,14 @@ def _feet(curves, anchors, farthest, out):
         out[row] = _nearest_on_base(x, y, theta, k0, k1, ax, ay, first, farthest)
 
 
-def base_curves(lines: Centrelines, pixels_per_m: float, params: KinematicsParams) -> np.ndarray:
-    """Every row's first node of the base window, and `base_curve` there; (rows, 6).
+def rough_bases(lines: Centrelines, pixels_per_m: float, params: KinematicsParams) -> np.ndarray:
+    """Every row's first node of the base window, and `rough_base` there; (rows, 6).
 
     NaN where the row is too short.
     """
     per_mm = 1e-3 * pixels_per_m
     skip, window = round(params.base_skip_mm * per_mm), round(params.base_window_mm * per_mm)
-    return _base_curves(lines.offsets, lines.x_px, lines.y_px, *lines.raw(), skip, window)
+    return _rough_bases(lines.offsets, lines.x_px, lines.y_px, *lines.raw(), skip, window)
 
 
 def follicles(
@@ -189,7 +190,7 @@ def follicles(
 
     NaN where the row is too short.
     """
-    return _ends(base_curves(lines, pixels_per_m, params), hidden)
+    return _ends(rough_bases(lines, pixels_per_m, params), hidden)
 
 
 class FollicleFinder:
@@ -208,7 +209,7 @@ class FollicleFinder:
         samples: Centrelines,
         hidden_px,
         pixels_per_m: float,
-        params: KinematicsParams = DEFAULTS.kinematics,
+        params: KinematicsParams,
     ):
         self.hidden_px = np.asarray(hidden_px, float)
         self.pixels_per_m, self.params = pixels_per_m, params
@@ -217,7 +218,7 @@ class FollicleFinder:
 
     def place(self, lines: Centrelines) -> Centrelines:
         """Return the lines with the hidden length of every row."""
-        curves = base_curves(lines, self.pixels_per_m, self.params)
+        curves = rough_bases(lines, self.pixels_per_m, self.params)
         farthest = 1e-3 * self.params.hidden_most_mm * self.pixels_per_m
         out = np.empty(len(lines))
         _feet(curves, self.anchors[lines.whisker], farthest, out)

@@ -14,14 +14,14 @@ import numpy as np
 from numba import njit
 
 from pipeline.kinematics.base_curves import FEWEST_ROWS, TRIMMED, TRIMMED_MEAN
-from pipeline.kinematics.follicle import FollicleFinder, base_curve
-from pipeline.session.parameters import DEFAULTS, KinematicsParams
+from pipeline.kinematics.follicle import FollicleFinder, rough_base
+from pipeline.session.parameters import KinematicsParams
 from pipeline.tables.centrelines import Centrelines
 
 ORDINARY = 2.5  # ratio of misfits that may be chance
 
 
-def locate_follicles(chunks, samples: Centrelines, options, params: KinematicsParams):
+def locate_follicles(chunks, samples: Centrelines, options):
     """Yield the chunks with every row's hidden length.
 
     Points that fur shifts get less information (`FurTrust`). The chunks stay as they are where
@@ -32,8 +32,8 @@ def locate_follicles(chunks, samples: Centrelines, options, params: KinematicsPa
     chunks : `Centrelines`, in order
     samples : `Centrelines` of frames from the whole video, of all whiskers
     options : the tracker's lengths (`TracingOptions`)
-    params : the room's parameters
     """
+    params = options.params.kinematics
     sampled = len(np.unique(samples.whisker)) == len(samples.names) > 0
     if len(options.hidden_px) != len(samples.names) or not sampled:
         yield from chunks
@@ -62,7 +62,7 @@ class FurTrust:
         self,
         samples: Centrelines,
         pixels_per_m: float,
-        params: KinematicsParams = DEFAULTS.kinematics,
+        params: KinematicsParams,
     ):
         block = max(round(1e-3 * params.fur_block_mm * pixels_per_m), 1)
         blocks = max(round(params.fur_reach_mm / params.fur_block_mm), 1)
@@ -106,7 +106,7 @@ def _block_misfits(line, start, block, window, out):
     """As of `_misfits`, of the blocks before node `start`, out of the curve behind it."""
     x, y, offset, information = line
     reach = block * len(out)
-    mx, my, theta, k0, k1 = base_curve(x, y, offset, information, start, start + window)
+    mx, my, theta, k0, k1 = rough_base(x, y, offset, information, start, start + window)
     total, weight = 0.0, 0.0
     for i in range(start - 1, start - reach - 1, -1):
         middle = theta + (i + 0.5 - start) * (k0 + 0.5 * k1 * (i + 0.5 - start))

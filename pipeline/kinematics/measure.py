@@ -9,7 +9,7 @@ from pipeline.detection.static_scene import PoleTrack
 from pipeline.kinematics import curvature, resampled
 from pipeline.kinematics.base_angle import add_bases
 from pipeline.kinematics.resampled_store import StationStore
-from pipeline.session.parameters import DEFAULTS, KinematicsParams
+from pipeline.session.parameters import KinematicsParams
 from pipeline.session.recording import Recording
 from pipeline.tables.columns import FRAME_COLUMNS, as_table
 from pipeline.tracking.whiskers import WhiskerSet
@@ -55,7 +55,7 @@ class KinematicsMeter:
         recording: Recording,
         curvature_at: float,
         pole: PoleTrack | None,
-        params: KinematicsParams = DEFAULTS.kinematics,
+        params: KinematicsParams,
     ):
         self.whisker_set, self.recording, self.curvature_at = whisker_set, recording, curvature_at
         self.pole, self.params = pole, params

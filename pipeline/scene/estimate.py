@@ -21,7 +21,7 @@ from pipeline.scene.scale import working_scale
 from pipeline.scene.states import Survey, periods
 from pipeline.scene.virtual_face import mask_behind_whiskers
 from pipeline.scene.whisker_pad import bears_whiskers, face_of
-from pipeline.session.parameters import DEFAULTS, SceneParams
+from pipeline.session.parameters import DEFAULTS, Parameters, SceneParams
 from pipeline.session.recording import Recording
 
 FRAMES_PER_SAMPLE = 50  # of a long video, to see when large things move
@@ -49,7 +49,7 @@ def find_scenes(
     pole_diameter_m=0.5e-3,
     pole_xy=None,
     seen: Survey | None = None,
-    params: SceneParams = DEFAULTS.scene,
+    params: Parameters = DEFAULTS,
 ) -> tuple[Epoch, ...]:
     """Find what does not move in a video, in each period between movements of large things.
 
@@ -60,7 +60,7 @@ def find_scenes(
     pole_diameter_m : [m]; None: there is no pole
     pole_xy : (x, y) [px] of the pole where session.toml gives it
     seen : the video's `survey`; made where it is not given
-    params : the room's parameters
+    params : the parameters of all rooms
 
     Returns
     -------
@@ -73,14 +73,14 @@ def find_scenes(
         If `pole_xy` is outside of the picture.
     """
     _check_place(video, pole_xy)
-    seen = seen or survey(prepare_video(video, recording.pixels_per_mm), recording, params)
+    seen = seen or survey(prepare_video(video, recording.pixels_per_mm), recording, params.scene)
     states, frames = seen.settled()
     pole = pole_diameter_m, pole_xy
     n_frames = video.n_frames or 1
     scenes = [
         _scene_of_part(seen.part, some, recording, pole, n_frames, params) for some in frames
     ]
-    settled = round(params.settled_s * recording.frames_per_second)
+    settled = round(params.scene.settled_s * recording.frames_per_second)
     parts = periods(video, seen, states, [_pole_check(scene) for scene in scenes], settled)
     return tuple(
         Epoch(part.start, part.stop, None if part.state is None else scenes[part.state])
@@ -126,7 +126,7 @@ def scene_from_frames(
     pole_diameter_m=0.5e-3,
     pole_xy=None,
     n_frames: int = 1,
-    params: SceneParams = DEFAULTS.scene,
+    params: Parameters = DEFAULTS,
     scale: float | None = None,
 ) -> StaticScene:
     """The scene of a few frames, uint8 (k, height, width), in which only whiskers move.
@@ -134,18 +134,18 @@ def scene_from_frames(
     `scale`: for lengths in the scene [px/mm]; that of the picture where it is not given.
     """
     scale = scale or working_scale(frames.shape[1:], recording.pixels_per_mm)
-    background = estimate_background(frames, scale, params)
+    background, own = estimate_background(frames, scale, params.scene), params.scene
     transmission = background.transmission
     side, face, animal, likelier = _face(background, frames, recording.face, scale, params)
     pole, refused = None, ()
     if pole_diameter_m is not None:
         radius_px = 0.5e3 * pole_diameter_m * recording.pixels_per_mm
         pole, refused = _pole(background, frames, radius_px, pole_xy, (face, animal))
-    obstacles = find_obstacles(transmission, face, pole, scale, params)
+    obstacles = find_obstacles(transmission, face, pole, scale, own)
     disc = _disc(pole, face.shape)
     # a whisker may end on the body: that, with its fringe, is no thing of which it could be part
     things = _apart_from(obstacles & ~dilated(animal, fringe_px(scale)), disc)
-    light = without_whiskers(background, face, scale, animal.any(), disc, things, params)
+    light = without_whiskers(background, face, scale, animal.any(), disc, things, own)
     return StaticScene(
         background=light,
         noise_gain=background.noise_gain,
@@ -157,7 +157,7 @@ def scene_from_frames(
         noise_excess=noise_excess(background, frames, obstacles, face),
         likelier_side=likelier,
         refused_poles=refused,
-        moving_fur=moving_fur(light, frames, face | obstacles, scale, params),
+        moving_fur=moving_fur(light, frames, face | obstacles, scale, own),
     )
 
 
@@ -187,15 +187,15 @@ def _face(background, frames, given_side, scale, params):
     Where no animal is seen, that mask is empty, and what stands for the face lies behind the
     whiskers' thick ends. Last, the side that is likelier than the one given, or None.
     """
-    transmission = background.transmission
-    sides = [given_side] if given_side else darkest_sides(transmission, params)
+    transmission, own = background.transmission, params.scene
+    sides = [given_side] if given_side else darkest_sides(transmission, own)
     seen = _animal(background, frames, sides, scale, params)
     animal = seen.face_mask
     if animal.any():
-        face, behind = face_of(animal, frames, seen)
+        face, behind = face_of(animal, frames, seen, params.detection)
         return given_side or behind or seen.face_side, face, animal, None
-    side, face, thick_side = mask_behind_whiskers(frames, given_side, scale, params)
-    return side, face, animal, likelier_side(transmission, side, thick_side, scale, params)
+    side, face, thick_side = mask_behind_whiskers(frames, given_side, scale, own)
+    return side, face, animal, likelier_side(transmission, side, thick_side, scale, own)
 
 
 def _animal(background, frames, sides, scale, params) -> StaticScene:
@@ -205,12 +205,12 @@ def _animal(background, frames, sides, scale, params) -> StaticScene:
     none, the first side and an empty mask.
     """
     for side in sides:
-        mask = find_face(background.transmission, side, scale, params)
+        mask = find_face(background.transmission, side, scale, params.scene)
         if mask.any():
-            seen = _seen_with(mask, background, side, scale, params)
-            if bears_whiskers(mask, frames, seen):
+            seen = _seen_with(mask, background, side, scale, params.scene)
+            if bears_whiskers(mask, frames, seen, params.detection):
                 return seen
-    return _seen_with(np.zeros_like(mask), background, sides[0], scale, params)
+    return _seen_with(np.zeros_like(mask), background, sides[0], scale, params.scene)
 
 
 def _seen_with(animal, background, side, scale, params) -> StaticScene:

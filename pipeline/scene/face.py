@@ -9,7 +9,6 @@ import numpy as np
 
 from pipeline.detection.static_scene import OUTWARD
 from pipeline.scene.masks import opened_beyond_border, regions
-from pipeline.session.parameters import DEFAULTS
 
 SIDES = ("left", "right", "top", "bottom")
 OPPOSITE = {"left": "right", "right": "left", "top": "bottom", "bottom": "top"}
@@ -27,7 +26,7 @@ def border(image: np.ndarray, side: str) -> np.ndarray:
     return image[at[side]]
 
 
-def darkest_sides(transmission: np.ndarray, params=DEFAULTS.scene) -> list[str]:
+def darkest_sides(transmission: np.ndarray, params) -> list[str]:
     """Return the sides of the picture by how dark their borders are, the darkest first.
 
     `transmission`: share of the light that passes, (height, width), as in `Background`.
@@ -36,9 +35,7 @@ def darkest_sides(transmission: np.ndarray, params=DEFAULTS.scene) -> list[str]:
     return sorted(SIDES, key=lambda side: -dark[side])
 
 
-def find_face(
-    transmission: np.ndarray, side: str, pixels_per_mm: float, params=DEFAULTS.scene
-) -> np.ndarray:
+def find_face(transmission: np.ndarray, side: str, pixels_per_mm: float, params) -> np.ndarray:
     """Return the face's mask, bool (height, width); all False where no face is in view."""
     smooth = _blurred(transmission, params.fur_average_mm * pixels_per_mm)
     dark = opened_beyond_border(smooth < params.face_edge, params.tuft_mm * pixels_per_mm)

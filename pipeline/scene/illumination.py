@@ -3,8 +3,6 @@
 import cv2
 import numpy as np
 
-from pipeline.session.parameters import DEFAULTS
-
 EDGE_RATIO = 1.4  # of light within three cells: more is the edge of something
 OPAQUE = 0.6  # of the light: the darkest thing is opaque up to so much, which haze adds to it
 HAZIEST = 0.85  # of the light: what is lighter is no thing, whatever its edge
@@ -51,9 +49,7 @@ def smooth_flat_parts(image, pixels_per_mm, noise) -> np.ndarray:
     return (share * image + (1 - share) * coarse).astype(np.float32)
 
 
-def light_without_objects(
-    image, pixels_per_mm, thin=None, params=DEFAULTS.scene
-) -> tuple[float, np.ndarray]:
+def light_without_objects(image, pixels_per_mm, thin, params) -> tuple[float, np.ndarray]:
     """Black level, and the light as it would be without face, pole and rod, float32 (h, w).
 
     Pixels of `thin` lines (bool (h, w) or None) are left out.

@@ -8,15 +8,13 @@ import numpy as np
 
 from pipeline.scene.illumination import frame_gains
 from pipeline.scene.masks import opened
-from pipeline.session.parameters import DEFAULTS, SceneParams
+from pipeline.session.parameters import SceneParams
 from pipeline.session.quantities import pixels_in
 
 MOST_FRAMES = 24  # that are looked at
 
 
-def moving_fur(
-    background, frames, masked, pixels_per_mm, params: SceneParams = DEFAULTS.scene
-) -> np.ndarray:
+def moving_fur(background, frames, masked, pixels_per_mm, params: SceneParams) -> np.ndarray:
     """Return the pixels that something broader than whiskers darkens in some of the frames.
 
     Parameters

@@ -10,7 +10,7 @@ from itertools import pairwise
 import cv2
 import numpy as np
 
-from pipeline.session.parameters import DEFAULTS, SceneParams
+from pipeline.session.parameters import SceneParams
 
 LEAST_CELL_PX = 4
 LEAST_DISC_PX = 5  # broader than a whisker's picture
@@ -36,9 +36,7 @@ class Period:
 class Cells:
     """Frames reduced to cells [grey], with flicker taken out, and their comparison."""
 
-    def __init__(
-        self, shape, pixels_per_mm: float, params: SceneParams = DEFAULTS.scene, part=None
-    ):
+    def __init__(self, shape, pixels_per_mm: float, params: SceneParams, part=None):
         self.part = part
         side = max(params.cell_mm * pixels_per_mm, LEAST_CELL_PX)
         self.change = params.change
@@ -75,9 +73,7 @@ class Survey:
     length of the video. Of a `PicturePart`, only what is in it counts.
     """
 
-    def __init__(
-        self, shape, pixels_per_mm: float, params: SceneParams = DEFAULTS.scene, part=None
-    ):
+    def __init__(self, shape, pixels_per_mm: float, params: SceneParams, part=None):
         self.part = part
         self.compare = Cells(shape, pixels_per_mm, params, part)
         size = max(2 * round(0.5 * params.cell_mm * pixels_per_mm) + 1, LEAST_DISC_PX)

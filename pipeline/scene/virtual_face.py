@@ -14,7 +14,7 @@ from pipeline.scene.background import thin_dark_lines
 from pipeline.scene.face import SIDES
 from pipeline.scene.illumination import light_without_objects
 from pipeline.scene.noise_model import spatial_noise
-from pipeline.session.parameters import DEFAULTS, SceneParams
+from pipeline.session.parameters import SceneParams
 
 SHORTEST_MM = 4.0  # shorter lines are no whiskers
 BIN_MM = 0.25  # along the face, in which starts are put together
@@ -26,9 +26,7 @@ HIDDEN_MM = 0.75  # from where a part turns towards the middle of what hides it
 LEAST_WIDTH_PX = 1  # of what stands for the face where whiskers come over the border
 
 
-def mask_behind_whiskers(
-    frames, side: str | None, pixels_per_mm: float, params: SceneParams = DEFAULTS.scene
-):
+def mask_behind_whiskers(frames, side: str | None, pixels_per_mm: float, params: SceneParams):
     """Stand-in for the face where none is in view.
 
     Parameters

@@ -33,7 +33,7 @@ SWITCH_SHARE = 0.04  # the same, as a share of all whiskers seen
 FEWEST_BASES = 0.1  # of the best part's: a part of the mass with fewer is no face
 
 
-def face_of(mask, frames, scene: StaticScene) -> tuple[np.ndarray, str | None]:
+def face_of(mask, frames, scene: StaticScene, params) -> tuple[np.ndarray, str | None]:
     """Return the part of the animal's `mask` that bears whiskers, and the side that it is on.
 
     Parameters
@@ -41,6 +41,7 @@ def face_of(mask, frames, scene: StaticScene) -> tuple[np.ndarray, str | None]:
     mask : bool (height, width), the animal as one dark mass
     frames : uint8 (k, height, width)
     scene : what does not move, with `mask` as its face
+    params : those of the room `detection`
 
     Returns
     -------
@@ -53,7 +54,8 @@ def face_of(mask, frames, scene: StaticScene) -> tuple[np.ndarray, str | None]:
     edges = _edges(mask)
     if not edges or not _may_hold_tips(mask, DEEP * size):
         return mask, None
-    scores = _scores(edges, _whiskers(frames, scene, SHORTEST * size, RESTING), REACH * size)
+    whiskers = _whiskers(frames, scene, params, SHORTEST * size, RESTING)
+    scores = _scores(edges, whiskers, REACH * size)
     if not any(np.any(score > 0) for _, score in scores):
         return mask, None
     labels = _labels(edges, scores, SWITCH * SHORTEST * size)
@@ -61,15 +63,16 @@ def face_of(mask, frames, scene: StaticScene) -> tuple[np.ndarray, str | None]:
     return mask & _nearest_label(edges, labels, mask.shape), side
 
 
-def bears_whiskers(mask, frames, scene: StaticScene) -> bool:
+def bears_whiskers(mask, frames, scene: StaticScene, params) -> bool:
     """Whether whiskers that move have their bases at the mask's edge; so, too, where few move.
 
-    mask, frames, scene : as for `face_of`
+    mask, frames, scene, params : as for `face_of`
     """
     size, edges = float(np.sqrt(mask.size)), _edges(mask)
     if len(frames) < FEWEST_FRAMES or not edges:
         return True
-    whiskers = _whiskers(frames[:: -(-len(frames) // FIRST_LOOK)], scene, SHORTEST * size)
+    few = frames[:: -(-len(frames) // FIRST_LOOK)]
+    whiskers = _whiskers(few, scene, params, SHORTEST * size)
     if whiskers[:, 4].sum() < SWITCH * SHORTEST * size:
         return True
     gaps, _ = cKDTree(np.concatenate(edges)).query(_towards_the_face(whiskers))
@@ -94,12 +97,12 @@ def _hollow(contour, shape) -> float:
 # ---- whiskers -----------------------------------------------------------------------------
 
 
-def _whiskers(frames, scene, shortest_px, resting=0.0):
+def _whiskers(frames, scene, params, shortest_px, resting=0.0):
     """Of lines in some of the frames: x, y of base and of tip, length, float (n, 5).
 
     `resting`: what the length of a line that does not move counts; 0: it is left out
     """
-    model = ImageModel.from_scene(scene)
+    model = ImageModel.from_scene(scene, params)
     step = max(len(frames) // LOOKED_AT, 1)
     dark = np.stack([absorbance_image(each, model, model.gain(each)) for each in frames[::step]])
     usual = np.median(dark, axis=0)

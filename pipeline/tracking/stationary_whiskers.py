@@ -36,9 +36,7 @@ def behind_whiskers(epochs, templates, pixels_per_mm, params=DEFAULTS.tracking):
     return tuple(replace(e, scene=cleared.get(id(e.scene))) for e in epochs)
 
 
-def without_resting_whiskers(
-    scene: StaticScene, templates, pixels_per_mm, params=DEFAULTS.tracking
-) -> StaticScene:
+def without_resting_whiskers(scene: StaticScene, templates, pixels_per_mm, params) -> StaticScene:
     """Return the scene with the background filled in where it is mostly behind resting whiskers.
 
     Parameters

@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from pipeline.session.parameters import DEFAULTS
 from pipeline.session.schema import SIDES, UPRIGHT
 from pipeline.tracking.given_lengths import GivenLengths
 from pipeline.tracking.matching import Ruler
@@ -29,7 +28,7 @@ def names_by_side(names, face_side: str):
     return tuple([name for name in names if name.startswith(f"{side}_")] for side in sides)
 
 
-def cuts_between(templates, along, params=DEFAULTS.identity) -> tuple[float, ...]:
+def cuts_between(templates, along, params) -> tuple[float, ...]:
     """Place along the face [px] between the two sides' templates; none where there is one side.
 
     There are two where the bases form two groups far apart whose whiskers point away from each

@@ -24,6 +24,7 @@ from pipeline.contacts.probability import (
     posterior,
 )
 from pipeline.kinematics import resampled
+from pipeline.session.parameters import DEFAULTS
 from pipeline.tables.columns import (
     CONTACT_FLAGS,
     CORRECTION_COLUMNS,
@@ -157,7 +158,9 @@ def test_a_force_that_errs_leaves_the_gap_to_decide():
     sd = np.full(3, 1e-6), np.full(3, 0.01e-6)
     gap = np.array([40e-6, 40e-6, 0.5e-6])
     force = np.array([-0.3e-6, 0.0, -0.3e-6])  # a pole does not pull
-    away, plainly_away, touching = _log_odds(gap, sd[0], force, sd[1], np.zeros(3))
+    away, plainly_away, touching = _log_odds(
+        gap, sd[0], force, sd[1], np.zeros(3), DEFAULTS.contacts
+    )
     assert plainly_away < away < -5
     assert touching > 3
 
@@ -169,7 +172,9 @@ def test_faint_pushes_do_not_say_where_the_pole_is():
     free = ~traced.true_frames["in_contact"].to_numpy(bool)
     evidence.loc[free, "shape_force_N"] += 10 * evidence.loc[free, "shape_force_se_N"]
     evidence.loc[free, "gap_m"] = np.clip(evidence.loc[free, "gap_m"], 60e-6, 120e-6)
-    found = find_intervals(add_probability(evidence, traced.recording))
+    found = find_intervals(
+        add_probability(evidence, traced.recording, DEFAULTS.contacts), params=DEFAULTS.contacts
+    )
     assert len(found) == len(traced.true_contacts)
     onset = found["onset_frame"] - traced.true_contacts["onset_frame"]
     assert np.abs(onset).max() <= 2  # a frame that seems pushed beside a contact
@@ -184,7 +189,10 @@ def test_what_a_whisker_passes_over_it_does_not_touch():
     few.loc[free[:5], "across"] = True  # it slipped past
     many.loc[free[: tables.frames["in_contact"].sum() + 1], "across"] = True
     kept, dropped = (
-        find_intervals(add_probability(each, traced.recording)) for each in (few, many)
+        find_intervals(
+            add_probability(each, traced.recording, DEFAULTS.contacts), params=DEFAULTS.contacts
+        )
+        for each in (few, many)
     )
     assert len(kept) == len(tables.contacts)
     assert len(dropped) == 0
@@ -221,23 +229,26 @@ def test_a_contact_is_found_where_the_rest_shape_hides_its_force():
     for method in ("shape", "point"):
         evidence.loc[near, f"{method}_force_N"] -= 1e-6 * shortest["peak_force_uN"]
         evidence.loc[near, f"{method}_force_se_N"] = 1e-6 * shortest["peak_force_uN"]
-    found = find_intervals(evidence).set_index("onset_frame")
+    found = find_intervals(evidence, params=DEFAULTS.contacts).set_index("onset_frame")
     assert len(found) == len(contacts)
     flagged = found.index[found["flags"].str.contains("faint_force")]
     assert flagged.tolist() == [shortest["onset_frame"]]
     # not so far from where other touches are, however much it is pushed
     away = evidence.copy()
     away.loc[near, "gap_m"] += 1e-3
-    assert len(find_intervals(away)) == len(contacts) - 1
+    assert len(find_intervals(away, params=DEFAULTS.contacts)) == len(contacts) - 1
     # where it is pushed no more than beside, it touches as it stops where other touches are
     inside = near & tables.frames["in_contact"].to_numpy(bool)
     evidence.loc[inside, ["shape_force_N", "point_force_N"]] = -1e-6 * shortest["peak_force_uN"]
-    assert len(find_intervals(evidence)) == len(contacts)
+    assert len(find_intervals(evidence, params=DEFAULTS.contacts)) == len(contacts)
     # one that turns back there smoothly does not
     place = evidence.loc[tables.frames["in_contact"].to_numpy(bool), "gap_m"].median()
     middle = 0.5 * (shortest["onset_frame"] + shortest["offset_frame"])
     evidence.loc[near, "gap_m"] = place + 0.2e-6 * (evidence.loc[near, "frame"] - middle) ** 2
-    assert shortest["onset_frame"] not in find_intervals(evidence)["onset_frame"].tolist()
+    assert (
+        shortest["onset_frame"]
+        not in find_intervals(evidence, params=DEFAULTS.contacts)["onset_frame"].tolist()
+    )
 
 
 @pytest.mark.parametrize(("distance", "more"), [(0.17e-3, 1), (0.25e-3, 0)])
@@ -250,19 +261,21 @@ def test_what_is_far_from_the_pole_touches_nothing(distance, more):
     seeming = slice(start, start + 11)
     evidence.loc[seeming, ["log_odds", "probability", "distance_m"]] = 2.0, 1.0, distance
     evidence.loc[seeming, "shape_force_N"] = 9 * evidence["shape_force_se_N"].median()
-    assert len(find_intervals(evidence)) == len(traced.true_contacts) + more
+    assert (
+        len(find_intervals(evidence, params=DEFAULTS.contacts)) == len(traced.true_contacts) + more
+    )
 
 
 def test_contact_does_not_hang_on_the_forces_standard_error():
     traced, tables = analysed("noisy")
     evidence = tables.evidence.copy()
     evidence["shape_force_se_N"] = 1e-3  # as if next to nothing were known of the rest shape
-    kept = find_intervals(evidence)
+    kept = find_intervals(evidence, params=DEFAULTS.contacts)
     assert len(kept) == len(traced.true_contacts)
     assert (kept["onset_frame"] == tables.contacts["onset_frame"]).all()
     # nor does a push that no force shows make one
     none = evidence.assign(shape_force_N=1e-12, point_force_N=1e-12)
-    assert len(find_intervals(none)) == 0
+    assert len(find_intervals(none, params=DEFAULTS.contacts)) == 0
 
 
 def test_a_hidden_length_that_is_hardly_known_makes_no_force_faint():
@@ -272,7 +285,9 @@ def test_a_hidden_length_that_is_hardly_known_makes_no_force_faint():
     share = 0.5 * evidence["shape_force_N"].abs()
     own = force_noise(evidence)
     evidence["origin_force_se_N"], evidence["shape_force_se_N"] = share, np.hypot(own, share)
-    found = find_intervals(add_probability(evidence, traced.recording))
+    found = find_intervals(
+        add_probability(evidence, traced.recording, DEFAULTS.contacts), params=DEFAULTS.contacts
+    )
     assert found["onset_frame"].tolist() == tables.intervals["onset_frame"].tolist()
     assert found["flags"].tolist() == tables.intervals["flags"].tolist()
 
@@ -478,7 +493,7 @@ def test_odds_favour_contact_when_pushed_and_free_when_away():
     args = (2 * um, np.array([0.05 * un] * 4), np.zeros(4))
     gap = np.array([0.0, 0.0, 40 * um, 400 * um])
     force = np.array([2 * un, 0.0, 0.0, 0.0])
-    odds = _log_odds(gap, args[0], force, args[1], args[2])
+    odds = _log_odds(gap, args[0], force, args[1], args[2], DEFAULTS.contacts)
     assert odds[0] > 10  # limited by the share of outliers
     assert abs(odds[1]) < 6
     assert odds[2] < -10
@@ -526,6 +541,6 @@ def test_a_correction_that_its_own_error_explains_contradicts_nothing(error_mm, 
     """As of touches so near the face that hardly anything visible is bent."""
     _, tables = analysed("noisy")
     evidence = tables.evidence.assign(bending_origin_m=1.1e-3, bending_origin_se_m=1e-3 * error_mm)
-    found = find_intervals(evidence)
+    found = find_intervals(evidence, params=DEFAULTS.contacts)
     assert len(found) > 5
     assert (found["flags"].str.contains("base_contradicted") == flagged).all()

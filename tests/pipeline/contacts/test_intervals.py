@@ -53,13 +53,15 @@ def spans(table):
 
 
 def flags_of(**columns):
-    return split_flags(find_intervals(evidence(**columns)).iloc[0]["flags"])
+    return split_flags(
+        find_intervals(evidence(**columns), params=DEFAULTS.contacts).iloc[0]["flags"]
+    )
 
 
 def test_a_plain_touch():
     probability = course(slice(FIRST, LAST), 1.0)
     probability[FIRST : FIRST + 10] = 0.9
-    found = find_intervals(evidence(probability=probability))
+    found = find_intervals(evidence(probability=probability), params=DEFAULTS.contacts)
     assert spans(found) == [(FIRST, LAST)]
     row = found.iloc[0]
     assert (row["side"], row["slip"], row["flags"]) == (1, False, "")
@@ -70,7 +72,7 @@ def test_a_touch_ends_where_the_pole_changes_sides():
     """Frames in which no side is known belong to the contact before."""
     side = course(slice(FIRST, LAST), 1).astype(int)
     side[60:LAST], side[58:60] = -1, 0
-    found = find_intervals(evidence(side=side))
+    found = find_intervals(evidence(side=side), params=DEFAULTS.contacts)
     assert spans(found) == [(FIRST, 60), (60, LAST)]
     assert found["side"].tolist() == [1, -1]
     assert found["slip"].tolist() == [True, False]
@@ -80,7 +82,9 @@ def test_a_touch_ends_where_the_pole_changes_sides():
 def test_a_slip_is_the_pole_on_the_other_side_within_4_ms(late, slips):
     side = course(slice(FIRST, LAST), 1).astype(int)
     side[LAST + late :] = -1
-    assert find_intervals(evidence(side=side))["slip"].tolist() == [slips]
+    assert find_intervals(evidence(side=side), params=DEFAULTS.contacts)["slip"].tolist() == [
+        slips
+    ]
 
 
 @pytest.mark.parametrize(("share", "number"), [(0.4, 0), (0.6, 1)])
@@ -88,7 +92,7 @@ def test_half_of_a_touch_is_near_the_pole(share, number):
     """Nearer than 0.2 mm."""
     distance = course(slice(FIRST, LAST), 0.25e-3, 1e-3)
     distance[FIRST : FIRST + round(share * (LAST - FIRST))] = 0.15e-3
-    assert len(find_intervals(evidence(distance_m=distance))) == number
+    assert len(find_intervals(evidence(distance_m=distance), params=DEFAULTS.contacts)) == number
 
 
 @pytest.mark.parametrize(
@@ -106,11 +110,11 @@ def test_a_touch_pushes_by_its_error_or_by_others_scatter(peak_in_errors, scatte
     force = 1 * UN * scatter * rng.normal(size=N)
     force[FIRST:LAST] = peak_in_errors * UN
     columns = {"shape_force_N": force, "point_force_N": force, "shape_force_se_N": 1 * UN}
-    assert len(find_intervals(evidence(**columns))) == found
+    assert len(find_intervals(evidence(**columns), params=DEFAULTS.contacts)) == found
     if not found or peak_in_errors > 2.5:
         return
     columns["point_force_N"] = 0 * force  # both estimates have to stand out
-    assert len(find_intervals(evidence(**columns))) == 0
+    assert len(find_intervals(evidence(**columns), params=DEFAULTS.contacts)) == 0
 
 
 def test_what_origin_and_base_add_to_the_error_makes_no_touch_faint():
@@ -167,7 +171,7 @@ def test_a_hidden_touch_counts_where_firm_ones_show_the_place(place, number):
     columns = {"shape_force_N": force, "point_force_N": 0 * force, "gap_m": gap, "side": side}
     columns |= {"shape_force_se_N": error, "probability": probability, "distance_m": 0.0}
     columns["side"] = side.astype(int)
-    found = find_intervals(evidence(**columns))
+    found = find_intervals(evidence(**columns), params=DEFAULTS.contacts)
     assert spans(found) == [(FIRST, LAST), (95, 105)][:number]
 
 
@@ -221,5 +225,5 @@ def test_touches_that_the_video_cuts():
     table = evidence()
     late, early = table.iloc[FIRST + 5 :], table.iloc[: LAST - 5]
     for part, flag in ((late, "starts_before"), (early, "ends_after")):
-        (flags,) = find_intervals(part)["flags"]
+        (flags,) = find_intervals(part, params=DEFAULTS.contacts)["flags"]
         assert split_flags(flags) == [flag]

@@ -50,18 +50,24 @@ def test_odds_are_those_of_densities_integrated_directly(gap_sds, force_sds, cor
     seen_gap, seen_force = (gap, GAP_SD, any_gap), (force, FORCE_SD, any_force)
     contact = either_is_zero(*seen_gap, *seen_force, FORCE, correlation)
     free = either_is_zero(*seen_force, *seen_gap, GAP, correlation)
-    found = _log_odds(gap, GAP_SD, force, FORCE_SD, correlation * GAP_SD * FORCE_SD)
+    found = _log_odds(
+        gap, GAP_SD, force, FORCE_SD, correlation * GAP_SD * FORCE_SD, DEFAULTS.contacts
+    )
     assert found == pytest.approx(np.log(contact / free), abs=1e-6)
 
 
 @pytest.mark.parametrize("gap", [-30e-6, 10e-6, 45e-6])
 def test_without_a_force_the_gap_decides(gap):
     expected = np.log(norm.pdf(gap, 0, GAP_SD) / blurred(gap, GAP_SD, GAP))
-    assert _log_odds(gap, GAP_SD, np.nan, FORCE_SD, 0.0) == pytest.approx(expected, abs=1e-6)
+    assert _log_odds(gap, GAP_SD, np.nan, FORCE_SD, 0.0, DEFAULTS.contacts) == pytest.approx(
+        expected, abs=1e-6
+    )
 
 
 def test_without_a_force_nothing_is_certain():
-    far, inside = _log_odds(np.array([1e-3, -1e-3]), GAP_SD, np.nan, FORCE_SD, 0.0)
+    far, inside = _log_odds(
+        np.array([1e-3, -1e-3]), GAP_SD, np.nan, FORCE_SD, 0.0, DEFAULTS.contacts
+    )
     assert 1e-6 < np.exp(far) < 1e-4
     assert 100 < np.exp(inside) < 1000
 
@@ -114,11 +120,13 @@ def test_where_the_pole_is_and_how_places_scatter_is_learnt_on_each_side(extra, 
     """As if both were known: medians of 375 frames, so within some tenths of the evidence."""
     offsets = np.array([30e-6, -45e-6])
     touching, evidence = simulated(offsets, extra, gap_sd=gap_sd)
-    found = frame_log_odds(evidence, 1000.0)
+    found = frame_log_odds(evidence, 1000.0, DEFAULTS.contacts)
     offset = offsets[(evidence["side"] > 0).to_numpy(int)]
     sd = np.hypot(gap_sd, max(extra, 1.6e-6))
     force = evidence["shape_force_N"].to_numpy()
-    known = _log_odds(evidence["gap_m"].to_numpy() - offset, sd, force, 0.05e-6, 0.0)
+    known = _log_odds(
+        evidence["gap_m"].to_numpy() - offset, sd, force, 0.05e-6, 0.0, DEFAULTS.contacts
+    )
     strong = touching & (force > 0.5e-6)
     near = ~touching & (evidence["gap_m"] - offset < 8 * sd).to_numpy()
     for some in (strong, near):
@@ -132,10 +140,10 @@ def test_what_is_pushed_far_from_the_pole_does_not_say_where_it_is():
     rows = np.flatnonzero(~touching)[:1500]
     evidence.loc[rows, "gap_m"] = 0.25e-3 + 5e-6 * np.random.default_rng(1).normal(size=1500)
     evidence.loc[rows, "shape_force_N"] = 15e-6
-    found = frame_log_odds(evidence, 1000.0)
+    found = frame_log_odds(evidence, 1000.0, DEFAULTS.contacts)
     force = evidence["shape_force_N"].to_numpy()
     gap = evidence["gap_m"].to_numpy() - 20e-6
-    known = _log_odds(gap, np.hypot(3e-6, 5e-6), force, 0.05e-6, 0.0)
+    known = _log_odds(gap, np.hypot(3e-6, 5e-6), force, 0.05e-6, 0.0, DEFAULTS.contacts)
     assert (found[touching] > 0).mean() > 0.98
     assert np.median(np.abs(found - known)[touching]) < 0.1 * np.median(known[touching])
 
@@ -146,9 +154,9 @@ def test_pushes_of_nine_standard_errors_say_where_the_pole_is():
     rng = np.random.default_rng(3)
     force = np.where(touching, 9 * 0.05e-6, 0.0) + 0.05e-6 * rng.normal(size=2000)
     evidence["shape_force_N"] = force
-    found = frame_log_odds(evidence, 1000.0)
+    found = frame_log_odds(evidence, 1000.0, DEFAULTS.contacts)
     gap = evidence["gap_m"].to_numpy() + 40e-6
-    known = _log_odds(gap, np.hypot(1e-6, 1.6e-6), force, 0.05e-6, 0.0)
+    known = _log_odds(gap, np.hypot(1e-6, 1.6e-6), force, 0.05e-6, 0.0, DEFAULTS.contacts)
     np.testing.assert_allclose(found[touching], known[touching], rtol=0.1, atol=0.5)
 
 
@@ -159,7 +167,7 @@ def test_pushes_of_a_seventh_of_the_largest_say_where_the_pole_is():
     pushes = np.where(touching, 8 * 0.05e-6, 0.0)
     pushes[np.flatnonzero(touching)[:3]] *= 7
     evidence["shape_force_N"] = pushes + 0.05e-6 * rng.normal(size=1000)
-    assert ((frame_log_odds(evidence, 1000.0) > 0) == touching).mean() > 0.99
+    assert ((frame_log_odds(evidence, 1000.0, DEFAULTS.contacts) > 0) == touching).mean() > 0.99
 
 
 def test_where_no_rod_is_fitted_the_traced_distance_decides():
@@ -167,8 +175,12 @@ def test_where_no_rod_is_fitted_the_traced_distance_decides():
     _, evidence = simulated((0.0, 0.0), 16e-6, n=40)
     evidence["shape_force_N"], evidence["rest_known"] = np.nan, False
     evidence["distance_m"] = np.linspace(-30e-6, 60e-6, 40)
-    expected = _log_odds(evidence["distance_m"], np.hypot(16e-6, 6.4e-6), np.nan, 1.0, 0.0)
-    np.testing.assert_allclose(frame_log_odds(evidence, 1000.0), expected, atol=1e-6)
+    expected = _log_odds(
+        evidence["distance_m"], np.hypot(16e-6, 6.4e-6), np.nan, 1.0, 0.0, DEFAULTS.contacts
+    )
+    np.testing.assert_allclose(
+        frame_log_odds(evidence, 1000.0, DEFAULTS.contacts), expected, atol=1e-6
+    )
 
 
 @pytest.mark.parametrize(("lost", "bridged"), [(12, True), (20, False)])
@@ -178,5 +190,5 @@ def test_a_short_loss_of_the_trace_does_not_end_a_contact(lost, bridged):
     evidence.loc[100 : 99 + lost, ["gap_m", "distance_m", "shape_force_N"]] = np.nan
     odds = np.full(len(evidence), 8.0)  # in touch
     away = slice(100, 100 + lost)
-    odds[away] = frame_log_odds(evidence, 1000.0)[away]
+    odds[away] = frame_log_odds(evidence, 1000.0, DEFAULTS.contacts)[away]
     assert (posterior(odds, 0.01, 0.03)[100 + lost // 2] > 0.5) == bridged

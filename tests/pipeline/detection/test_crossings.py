@@ -5,8 +5,10 @@ import pytest
 
 from pipeline.detection import crossings
 from pipeline.detection.line import Line
+from pipeline.session.parameters import DEFAULTS
 
 NOISE_PX = 0.08
+REACH = crossings.Reach.of(DEFAULTS.detection, 25e3)
 
 
 def parabola(start, slope, bend, n, rng):
@@ -45,7 +47,7 @@ def test_lines_get_their_own_far_parts_back(seed):
     one, other = pair(seed)
     first, second = pair(seed)
     exchange(first, second, crossing_of(one, other))
-    assert crossings.uncross(first, second)
+    assert crossings.uncross(first, second, REACH)
     assert first.n == pytest.approx(one.n, abs=3)
     assert second.n == pytest.approx(other.n, abs=3)
     for line, true in ((first, one), (second, other)):
@@ -70,7 +72,7 @@ def test_a_whisker_bent_by_the_pole_gets_its_own_far_part_back(seed):
     first, second = bent(seed)
     at = crossing_of(one, other)
     exchange(first, second, at)
-    assert crossings.uncross(first, second)
+    assert crossings.uncross(first, second, REACH)
     for line, true in ((first, one), (second, other)):
         apart = np.interp(true.x[: true.n], line.x[: line.n], line.y[: line.n]) - true.y[: true.n]
         assert np.abs(apart).max() < 1.0  # px
@@ -81,7 +83,7 @@ def test_a_whisker_bent_by_the_pole_gets_its_own_far_part_back(seed):
 def test_lines_that_are_right_are_left(seed, make):
     one, other = make(seed)
     before = one.y.copy(), other.y.copy()
-    assert not crossings.uncross(one, other)
+    assert not crossings.uncross(one, other, REACH)
     assert np.array_equal(one.y, before[0])
     assert np.array_equal(other.y, before[1])
 
@@ -89,6 +91,4 @@ def test_lines_that_are_right_are_left(seed, make):
 def test_lines_that_do_not_come_near_each_other_are_left():
     rng = np.random.default_rng(9)
     one, other = parabola(100, 0.1, 0.0, 120, rng), parabola(90, 0.05, 0.0, 120, rng)
-    assert crossings.tails_exchanged(
-        one.x, one.y, 120, other.x, other.y, 120, crossings.USUAL
-    ) == (-1, -1)
+    assert crossings.tails_exchanged(one.x, one.y, 120, other.x, other.y, 120, REACH) == (-1, -1)

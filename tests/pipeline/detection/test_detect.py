@@ -63,15 +63,15 @@ def test_no_nodes_are_near_nothing():
 def test_a_ghost_is_faint_and_beside_a_dark_line(strength, away_px, ghost):
     dark = line(straight(0.2, 80), 0.6)
     faint = line(straight(0.2, 60, (0, away_px)), strength * DEFAULTS.detection.blur_share * 0.6)
-    assert is_ghost(faint, [line(straight(-1, 80)), dark]) == ghost
-    assert not is_ghost(dark, [faint])
+    assert is_ghost(faint, [line(straight(-1, 80)), dark], DEFAULTS.detection) == ghost
+    assert not is_ghost(dark, [faint], DEFAULTS.detection)
 
 
 @pytest.mark.parametrize(("beside", "ghost"), [(36, False), (54, True)])
 def test_a_faint_line_that_leaves_a_dark_one_is_no_ghost(beside, ghost):
     along = straight(0, beside, (0, 1.5))
     faint = np.concatenate([along, straight(0.6, 60 - beside, along[-1] + 0.6)])
-    assert is_ghost(line(faint, 0.2), [line(straight(0, 80), 0.6)]) == ghost
+    assert is_ghost(line(faint, 0.2), [line(straight(0, 80), 0.6)], DEFAULTS.detection) == ghost
 
 
 @pytest.mark.slow
@@ -117,4 +117,4 @@ def test_a_line_between_face_and_body_begins_at_its_thick_end_or_at_the_face(
     line.n, steps = 80, np.arange(80)
     line.x[:80], line.y[:80] = 50 + steps * direction[0], 50 + steps * direction[1]
     line.thickness[:40], line.thickness[40:80] = near, far
-    assert is_turned(line, (0, 1)) == turned
+    assert is_turned(line, (0, 1), DEFAULTS.detection.thickens) == turned

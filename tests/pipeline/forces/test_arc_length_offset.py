@@ -46,7 +46,9 @@ def force_errors(traced, evidence):
 @pytest.mark.parametrize("wrong_by", [-0.15e-3, 0.0, 0.1e-3])
 def test_a_wrong_hidden_length_is_found_from_the_bending(touching, wrong_by):
     places = measured_again(touching, traced_motion.HIDDEN - wrong_by)
-    evidence, _ = forces.measure_forces(places, mouse_c2(), touching.frames, AT)
+    evidence, _ = forces.measure_forces(
+        places, mouse_c2(), touching.frames, AT, params=DEFAULTS.forces
+    )
     found = evidence["origin_m"].to_numpy()
     assert np.median(found) == pytest.approx(wrong_by, abs=origin_tolerance)
     assert abs(np.median(force_errors(touching, evidence))) < 0.01
@@ -58,7 +60,9 @@ def test_ends_that_scatter_move_no_origin_where_the_fur_keeps_still(touching):
     places = touching.places
     ends = places.last + np.random.default_rng(4).normal(0, 0.07e-3, len(places))
     blurred = replace(places, last=ends)
-    origin, _ = arc_length_offset.origin_from_tip(blurred, mouse_c2(), times(touching))
+    origin, _ = arc_length_offset.origin_from_tip(
+        blurred, mouse_c2(), times(touching), DEFAULTS.forces
+    )
     assert np.std(origin.per_row) < 0.012e-3
 
 
@@ -71,7 +75,9 @@ def test_first_points_that_wander_are_seen_from_the_tip(touching):
     wandered = replace(
         places, first=places.first - slow, last=places.last - slow + rng.normal(0, 1e-5, len(t))
     )
-    origin, _ = arc_length_offset.origin_from_tip(wandered, mouse_c2(), times(touching))
+    origin, _ = arc_length_offset.origin_from_tip(
+        wandered, mouse_c2(), times(touching), DEFAULTS.forces
+    )
     error = origin.per_row - slow
     assert np.std(error) < 0.2 * np.std(slow)
     # how far out the tip is seen is no evidence where what lies beyond the ends is not
@@ -87,7 +93,9 @@ def test_a_slow_wander_is_seen_through_a_codecs_ends(touching):
         for k, push in enumerate(np.random.default_rng(seed).normal(0, 0.06e-3, n)):
             ends[k] = 0.8 * ends[k - 1] + push
         wandered = replace(touching.places, last=touching.places.last - slow + ends)
-        origin, _ = arc_length_offset.origin_from_tip(wandered, mouse_c2(), times(touching))
+        origin, _ = arc_length_offset.origin_from_tip(
+            wandered, mouse_c2(), times(touching), DEFAULTS.forces
+        )
         left.append(np.std(origin.per_row - slow) / np.std(slow))
     assert np.mean(left) < 0.55
 
@@ -105,7 +113,9 @@ def seen(places, short=traced_motion.TIP_UNSEEN):
 @pytest.mark.parametrize("wrong_by", [-0.2e-3, 0.1e-3])
 def test_a_tip_that_is_seen_corrects_the_hidden_length(touching, wrong_by):
     places = seen(measured_again(touching, traced_motion.HIDDEN - wrong_by))
-    origin, _ = arc_length_offset.origin_from_tip(places, mouse_c2(), times(touching))
+    origin, _ = arc_length_offset.origin_from_tip(
+        places, mouse_c2(), times(touching), DEFAULTS.forces
+    )
     assert np.median(origin.per_row) == pytest.approx(wrong_by, abs=tip_tolerance)
     assert 0.02e-3 < np.median(origin.se) < 0.06e-3
 
@@ -113,21 +123,27 @@ def test_a_tip_that_is_seen_corrects_the_hidden_length(touching, wrong_by):
 @pytest.mark.parametrize("frames", [6, 20])
 def test_a_handful_of_frames_shows_the_tip(touching, frames):
     places = seen(measured_again(touching, traced_motion.HIDDEN - 0.1e-3)).rows(slice(frames))
-    origin, _ = arc_length_offset.origin_from_tip(places, mouse_c2(), times(touching)[:frames])
+    origin, _ = arc_length_offset.origin_from_tip(
+        places, mouse_c2(), times(touching)[:frames], DEFAULTS.forces
+    )
     assert np.median(origin.per_row) == pytest.approx(0.1e-3, abs=tip_tolerance)
 
 
 def test_a_length_that_contradicts_the_hidden_length_is_hardly_errors_in_conflict(touching):
     """A whisker that has grown by 0.7 mm since it was measured."""
     grown = seen(touching.places, traced_motion.TIP_UNSEEN + 0.7e-3)
-    origin, _ = arc_length_offset.origin_from_tip(grown, mouse_c2(), times(touching))
+    origin, _ = arc_length_offset.origin_from_tip(
+        grown, mouse_c2(), times(touching), DEFAULTS.forces
+    )
     assert abs(np.median(origin.per_row)) < 0.1e-3
 
 
 def test_bending_and_tip_that_disagree_make_the_standard_error_larger(touching):
     """An end 0.2 mm nearer to the tip than it is: more than both errors explain."""
     errors = [
-        forces.measure_forces(places, mouse_c2(), touching.frames, AT)[0]["origin_se_m"].median()
+        forces.measure_forces(places, mouse_c2(), touching.frames, AT, params=DEFAULTS.forces)[0][
+            "origin_se_m"
+        ].median()
         for places in (seen(touching.places), seen(touching.places, 0.1e-3))
     ]
     assert errors[1] > 1.5 * errors[0]
@@ -159,7 +175,9 @@ def test_an_end_that_light_moves_is_not_taken_for_the_tip(touching):
     light = 0.55e-3 * (angle - angle.min()) / np.ptp(angle)
     rng = np.random.default_rng(3)
     lit = replace(places, last=places.last + light + rng.normal(0, 1e-5, len(angle)))
-    origin, _ = arc_length_offset.origin_from_tip(lit, mouse_c2(), times(touching))
+    origin, _ = arc_length_offset.origin_from_tip(
+        lit, mouse_c2(), times(touching), DEFAULTS.forces
+    )
     assert np.std(origin.per_row) < 0.7 * np.std(light)
 
 
@@ -169,7 +187,9 @@ def test_a_tip_out_of_view_shows_nothing(touching):
     cut = replace(touching.places, last=touching.places.last - rng.uniform(0, 6e-3, n))
     short = replace(touching.places, last=np.full(n, 15e-3))
     for places in (cut, short):
-        origin, _ = arc_length_offset.origin_from_tip(places, mouse_c2(), times(touching))
+        origin, _ = arc_length_offset.origin_from_tip(
+            places, mouse_c2(), times(touching), DEFAULTS.forces
+        )
         np.testing.assert_array_equal(origin.per_row, 0.0)
         assert (origin.se > 0.1e-3).all()
 
@@ -177,7 +197,9 @@ def test_a_tip_out_of_view_shows_nothing(touching):
 def test_without_touches_the_session_is_errors_in_conflict():
     motion = make_trial("free", 0, 0, 200).motion
     traced = traced_motion.trace(motion, noise_px=0.01)
-    evidence, _ = forces.measure_forces(traced.places, mouse_c2(), traced.frames, AT)
+    evidence, _ = forces.measure_forces(
+        traced.places, mouse_c2(), traced.frames, AT, params=DEFAULTS.forces
+    )
     assert evidence["origin_m"].abs().max() < 0.05e-3
     assert evidence["origin_se_m"].median() == pytest.approx(
         1e-3 * DEFAULTS.forces.hidden_length_sd_mm, rel=0.2
@@ -199,7 +221,9 @@ def test_frames_that_a_codec_interpolated_are_not_asked(touching):
     error = {}
     for given in (False, True):
         drawn = replace(drawn, interpolated=interpolated & given)
-        evidence, _ = forces.measure_forces(drawn, mouse_c2(), touching.frames, AT)
+        evidence, _ = forces.measure_forces(
+            drawn, mouse_c2(), touching.frames, AT, params=DEFAULTS.forces
+        )
         error[given] = abs(np.median(evidence["origin_m"]))
     assert error[True] < origin_tolerance < error[False]
 
@@ -209,7 +233,7 @@ def test_the_standard_error_holds_what_is_common_to_all_frames():
     noisy = traced_motion.trace(make_trial("noisy", 0, 0, 500).motion, noise_px=0.1)
     touches = noisy.true_frames["in_contact"].to_numpy(bool)
     places = noisy.places
-    plain, _ = forces.measure_forces(places, mouse_c2(), noisy.frames, AT)
+    plain, _ = forces.measure_forces(places, mouse_c2(), noisy.frames, AT, params=DEFAULTS.forces)
     noise = np.median(places.information[places.information > 0]) ** -0.5
     along = np.arange(resampled.N_STATIONS) * places.spacing[0]
     share = []
@@ -223,7 +247,9 @@ def test_the_standard_error_holds_what_is_common_to_all_frames():
         x, y = places.x - aside * steps[1] / length, places.y + aside * steps[0] / length
         seen = np.where(np.isfinite(x), places.information, 0.0)
         moved = replace(places, x=x, y=y, information=seen)
-        evidence, _ = forces.measure_forces(moved, mouse_c2(), noisy.frames, AT)
+        evidence, _ = forces.measure_forces(
+            moved, mouse_c2(), noisy.frames, AT, params=DEFAULTS.forces
+        )
         change = evidence["origin_m"] - plain["origin_m"]
         share.append(np.median(change / evidence["origin_se_m"]))
     assert 0.3 < np.sqrt(np.mean(np.square(share))) < 1.3  # and it is not simply large
@@ -329,7 +355,9 @@ def test_the_bendings_answer_is_as_uncertain_as_the_stations(touching):
     """A fifth of the noise: a fifth of the standard error, or nearly so."""
     sharp = traced_motion.trace(make_trial("noisy", 0, 0, 500).motion, noise_px=0.002)
     usual, sharper = (
-        forces.measure_forces(each.places, mouse_c2(), each.frames, AT)[0]["bending_origin_se_m"]
+        forces.measure_forces(each.places, mouse_c2(), each.frames, AT, params=DEFAULTS.forces)[0][
+            "bending_origin_se_m"
+        ]
         for each in (touching, sharp)
     )
     assert sharper.median() < 0.3 * usual.median()

@@ -16,6 +16,7 @@ from pipeline.forces import estimate_forces, forces, rod_fit, whisker_rows
 from pipeline.kinematics import Kinematics, resampled
 from pipeline.reports.error_budget import taper_share
 from pipeline.run import contacts_of, forces_of
+from pipeline.session.parameters import DEFAULTS
 from pipeline.session.recording import Recording
 from pipeline.session.session_file import settings_from
 from pipeline.tables.columns import CONTACT_COLUMNS, FRAME_COLUMNS, as_table
@@ -109,7 +110,9 @@ def test_errors_that_run_along_the_line_widen_standard_errors(traced):
         replace(lines, y_px=lines.y_px + np.concatenate(off).astype(np.float32)),
         traced.recording, [whisker], [traced_motion.HIDDEN], traced.pole,
     )  # fmt: skip
-    evidence, _ = forces.measure_forces(places, whisker, traced.frames, 5.5e-3)
+    evidence, _ = forces.measure_forces(
+        places, whisker, traced.frames, 5.5e-3, params=DEFAULTS.forces
+    )
     free = ~traced.true_frames["in_contact"].to_numpy(bool) & (evidence["distance_m"] < 3e-3)
     force, error = (evidence[f"shape_force_{name}"][free] for name in ("N", "se_N"))
     assert np.mean(np.abs(force) < 1.96 * error) > 0.9  # by the fit's own errors: 0.73
@@ -415,7 +418,11 @@ def test_errors_and_covariances_grow_with_the_scatter_of_free_frames(traced, mon
     found = []
     for noise in (1.0, 2.0, 0.0):
         monkeypatch.setattr(forces, "_force_noise", lambda *_, noise=noise: noise)
-        found.append(forces.measure_forces(traced.places, mouse_c2(), traced.frames, 5.5e-3)[0])
+        found.append(
+            forces.measure_forces(
+                traced.places, mouse_c2(), traced.frames, 5.5e-3, params=DEFAULTS.forces
+            )[0]
+        )
     plain, noisy, _ = found
     for column, factor in (("gap_se_m", 2), ("gap_force_cov", 4)):
         np.testing.assert_allclose(noisy[column], factor * plain[column], rtol=1e-9)
@@ -536,7 +543,7 @@ def test_point_force_is_bending_over_what_a_unit_force_bends(lever_mm, known):
     rest = pd.DataFrame({"curvature_change_per_m": [6.0], "curvature_change_per_m_se": [0.3]})
     lever, change = np.array([1e-3 * lever_mm]), np.array([-2e6])
     fit = {"lever_at_curvature": lever, "curvature_per_force": change}
-    (force,), (error,) = forces.point_force(rest, fit)
+    (force,), (error,) = forces.point_force(rest, fit, DEFAULTS.forces)
     expected = (-3e-6, 0.15e-6) if known else (np.nan, np.nan)
     assert (force, error) == pytest.approx(expected, nan_ok=True)
 

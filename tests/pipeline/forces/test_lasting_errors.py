@@ -59,7 +59,9 @@ def edged(traced):
 
 
 def median_force_error(traced, places):
-    evidence, _ = forces.measure_forces(places, mouse_c2(), traced.frames, AT)
+    evidence, _ = forces.measure_forces(
+        places, mouse_c2(), traced.frames, AT, params=DEFAULTS.forces
+    )
     truth = traced.true_frames["contact_force_uN"].to_numpy()
     pushed = truth > 3
     return np.median(1e6 * evidence["shape_force_N"].to_numpy()[pushed] / truth[pushed] - 1)
@@ -68,7 +70,9 @@ def median_force_error(traced, places):
 def judged(traced, places):
     angle = np.radians(traced.frames["base_angle_deg"].to_numpy())
     time = traced.frames["time_s"].to_numpy()
-    own = WhiskerRows(places, mouse_c2(), AT, angle, time, forces.far_from_pole(places))
+    own = WhiskerRows(
+        places, mouse_c2(), AT, angle, time, forces.far_from_pole(places, DEFAULTS.forces)
+    )
     return lasting_errors.with_lasting_errors(own, 1e-3 * DEFAULTS.forces.loaded_distance_mm)
 
 

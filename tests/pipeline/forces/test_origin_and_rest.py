@@ -11,6 +11,7 @@ from scipy.interpolate import CubicSpline
 
 from pipeline.forces import forces, origin_and_rest, rod_fit
 from pipeline.kinematics.stations import N_STATIONS
+from pipeline.session.parameters import DEFAULTS
 from synthetic.presets import make_trial
 from whiskermodel.whisker import mouse_c2
 
@@ -162,7 +163,9 @@ def test_faint_touches_are_right_where_the_furs_edge_wanders():
             each[row, known] = CubicSpline(arc[known], each[row, known])(arc[known] + away)
     ends = np.random.default_rng(0).normal(0, 0.3e-3, len(places))  # that show nothing of it
     moved = replace(places, x=x, y=y, last=places.last + ends, nearest=places.nearest - wander)
-    evidence, _ = forces.measure_forces(moved, mouse_c2(), traced.frames, CURVATURE_AT)
+    evidence, _ = forces.measure_forces(
+        moved, mouse_c2(), traced.frames, CURVATURE_AT, params=DEFAULTS.forces
+    )
     truth = traced.true_frames["contact_force_uN"].to_numpy()
     pushed = truth > 0.05
     off = (1e6 * evidence["shape_force_N"].to_numpy() - truth)[pushed]

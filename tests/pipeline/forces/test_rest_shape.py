@@ -6,6 +6,7 @@ from scipy.stats import multivariate_normal, norm
 
 from pipeline.forces import rest_shape
 from pipeline.forces.rest_shape import fit_rest, free_frames
+from pipeline.session.parameters import DEFAULTS
 
 noise = 0.4  # 1/m
 
@@ -100,7 +101,9 @@ def test_unmoved_whisker_needs_no_angle():
 def test_free_frames_are_far_or_without_pole():
     distance = np.array([0.0, 0.1e-3, 0.5e-3, np.nan, 0.0])
     known = np.array([True, True, True, True, False])
-    np.testing.assert_array_equal(free_frames(distance, known), [False, False, True, False, True])
+    np.testing.assert_array_equal(
+        free_frames(distance, known, DEFAULTS.forces), [False, False, True, False, True]
+    )
 
 
 def test_free_frames_of_a_whisker_that_hardly_leaves_the_pole():
@@ -108,10 +111,10 @@ def test_free_frames_of_a_whisker_that_hardly_leaves_the_pole():
     away = np.where(np.arange(300) < 20, 25e-6, 0.0)  # m
     distance = 12e-6 + away + rng.normal(0, 0.5e-6, 300)
     known = np.full(300, True)
-    np.testing.assert_array_equal(free_frames(distance, known), away > 0)
+    np.testing.assert_array_equal(free_frames(distance, known, DEFAULTS.forces), away > 0)
     # a force that moves it by so little says nothing of free frames
     swaying = 12e-6 + 5e-6 * np.sin(np.arange(300) / 9) + rng.normal(0, 0.5e-6, 300)
-    assert not free_frames(swaying, known).any()
+    assert not free_frames(swaying, known, DEFAULTS.forces).any()
 
 
 def at_rest(n, rng, swing=0.002):
@@ -218,17 +221,19 @@ def test_frames_clear_of_a_touch_are_free_where_none_is_far():
     level = 0.01e-3  # where a touch lies as the pole was measured
     swing = np.abs(np.sin(np.arange(300) / 20)) * 0.15e-3
     distance = level + np.where(touching, 0.0, swing) + rng.normal(0, 1e-6, 300)
-    free = free_frames(distance, np.full(300, True))
+    free = free_frames(distance, np.full(300, True), DEFAULTS.forces)
     assert not free[touching].any()
     assert free[~touching & (swing > 0.08e-3)].all()
     # a few far ones, all of one angle, do not shut the others out
     distance[-30:] = 0.3e-3
-    assert free_frames(distance, np.full(300, True)).sum() >= free[:-30].sum()
+    assert free_frames(distance, np.full(300, True), DEFAULTS.forces).sum() >= free[:-30].sum()
     # nor do some that went astray, into the pole, make touches free
     distance[5:17] = -0.2e-3
-    assert not free_frames(distance, np.full(300, True))[touching & (distance > -0.1e-3)].any()
+    assert not free_frames(distance, np.full(300, True), DEFAULTS.forces)[
+        touching & (distance > -0.1e-3)
+    ].any()
     always = level + rng.normal(0, 5e-6, 300)
-    assert not free_frames(always, np.full(300, True)).any()
+    assert not free_frames(always, np.full(300, True), DEFAULTS.forces).any()
 
 
 def test_errors_of_the_drift_are_those_of_correlated_frames():
@@ -339,7 +344,7 @@ def test_frames_eight_times_their_scatter_beyond_the_nearest_are_free(away, leas
     rng, sd = np.random.default_rng(16), 12e-6
     clear = np.arange(600) % 200 >= 100
     distance = sd * (np.where(clear, away, 0.0) + rng.normal(0, 1, 600))
-    free = free_frames(distance, np.full(600, True))
+    free = free_frames(distance, np.full(600, True), DEFAULTS.forces)
     assert least <= np.mean(free[clear]) <= most
 
 
@@ -350,7 +355,7 @@ def test_frames_eight_times_their_scatter_beyond_the_nearest_are_free(away, leas
 def test_far_frames_count_alone_where_they_are_many(far, clear, alone):
     """At least 20, and a quarter of all that are clear of a touch."""
     parts = np.full(100, 0.0), np.full(far, 1e-3), np.full(clear, 0.15e-3)
-    free = free_frames(np.concatenate(parts), np.full(100 + far + clear, True))
+    free = free_frames(np.concatenate(parts), np.full(100 + far + clear, True), DEFAULTS.forces)
     assert free.sum() == (far if alone else far + clear)
 
 

@@ -26,6 +26,7 @@ from pipeline.tracking.options import options_for
 pytestmark = pytest.mark.slow
 
 OPTIONS = options_for(Recording(500.0, 8.0, "left"))
+NAMELESS = DEFAULTS.identity.nameless_confidence
 RULER = Ruler.of("left", OPTIONS)
 #    near bend, angle [rad], logs of thickness and length, bends [rad]
 FAN = np.array(
@@ -352,7 +353,7 @@ def test_features_of_straight_lines_and_arcs():
     radius = 200.0  # px
     t = np.arange(120) / radius  # from the centre on: the chord's direction is half the arc's
     arc = np.column_stack([radius * np.sin(t), 100 + radius * (1 - np.cos(t))])
-    dial = Dial.of([[24.0, 100.0]], RULER.along, RULER.outward, 8e3)
+    dial = Dial.of([[24.0, 100.0]], RULER.along, RULER.outward, 8e3, DEFAULTS.identity)
     assert dial.centre == pytest.approx([0, 100])
     lines = centrelines([0, 0], [0, 1], [straight(0.3, 80), arc])
     near, angle, thickness, length, bend, far = line_features(lines, dial).T
@@ -366,7 +367,7 @@ def test_features_of_straight_lines_and_arcs():
 
 
 def test_a_line_that_begins_and_ends_between_the_distances_is_carried_on():
-    dial = Dial.of([[24.0, 100.0]], RULER.along, RULER.outward, 8e3)
+    dial = Dial.of([[24.0, 100.0]], RULER.along, RULER.outward, 8e3, DEFAULTS.identity)
     whole, part = straight(0.2, 80), straight(0.2, 80)[22:50]  # from 48 px on: 44 is the second
     (one, two) = line_features(centrelines([0, 0], [0, 1], [whole, part]), dial)
     assert two[:2] == pytest.approx(one[:2], abs=1e-5)
@@ -391,7 +392,9 @@ class Drawn:
 
 
 def one_row(templates):
-    return Sides.of(templates, RULER, "left", OPTIONS.pixels_per_m, may_be_two=False)
+    return Sides.of(
+        templates, RULER, "left", OPTIONS.pixels_per_m, may_be_two=False, params=DEFAULTS.identity
+    )
 
 
 @pytest.mark.parametrize("direction", [1, -1])
@@ -516,14 +519,13 @@ def test_lines_without_a_name_keep_a_place_that_is_not_known():
     frame = np.array([*range(10), *range(5, 15), *range(20, 30), 40])
     track = np.repeat([0, 1, 2, 3], [10, 10, 10, 1])
     whisker = np.where(track == 0, 0, -1)
-    named, sure = with_unnamed(
-        frame, track, np.zeros((len(frame), 2)), whisker, np.ones(len(frame))
-    )
+    sure = np.ones(len(frame))
+    named, sure = with_unnamed(frame, track, np.zeros((len(frame), 2)), whisker, sure, NAMELESS)
     assert (named[track == 0] == 0).all()
     assert (named[track == 1] == 1).all()
     assert (named[track == 2] == 1).all()
     assert (named[track == 3] == -1).all()  # one frame is no whisker
-    assert (sure[(track == 1) | (track == 2)] == USUAL.params.nameless_confidence).all()
+    assert (sure[(track == 1) | (track == 2)] == NAMELESS).all()
 
 
 def test_lines_without_a_name_go_on_under_the_number_that_was_seen_at_their_place():
@@ -531,5 +533,6 @@ def test_lines_without_a_name_go_on_under_the_number_that_was_seen_at_their_plac
     frame = np.array([*range(10), *range(1, 10), *range(20, 30), *range(21, 30)])
     track = np.repeat([0, 1, 2, 3], [10, 9, 10, 9])
     base = np.array([[10.0, 5.0], [90.0, 5.0], [92.0, 7.0], [11.0, 6.0]])[track]
-    named, _ = with_unnamed(frame, track, base, np.full(len(frame), -1), np.ones(len(frame)))
+    whisker, sure = np.full(len(frame), -1), np.ones(len(frame))
+    named, _ = with_unnamed(frame, track, base, whisker, sure, NAMELESS)
     assert [set(named[track == k]) for k in range(4)] == [{0}, {1}, {1}, {0}]

@@ -5,6 +5,7 @@ import pytest
 
 from pipeline.identity.features import ANGLE
 from pipeline.identity.sides import Sides
+from pipeline.session.parameters import DEFAULTS
 from pipeline.session.recording import Recording
 from pipeline.tables.centrelines import Centrelines
 from pipeline.tracking.matching import Ruler
@@ -49,7 +50,7 @@ def lines_of(templates):
 
 
 def sides_of(templates, may_be_two=True):
-    return Sides.of(templates, RULER, "top", OPTIONS.pixels_per_m, may_be_two)
+    return Sides.of(templates, RULER, "top", OPTIONS.pixels_per_m, may_be_two, DEFAULTS.identity)
 
 
 def test_two_sides_are_two_rows_whose_angles_grow_towards_the_eye():

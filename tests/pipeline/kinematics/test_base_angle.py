@@ -12,6 +12,7 @@ from pipeline.kinematics import base_angle
 from pipeline.kinematics.base_angle import measure_base
 from pipeline.kinematics.resampled import measure_stations
 from pipeline.numerics.angles import continuous, jitter, wrap_angle
+from pipeline.session.parameters import DEFAULTS
 from pipeline.session.recording import Recording
 from pipeline.tables.centrelines import Centrelines
 from pipeline.tracking.whiskers import nominal_whisker
@@ -68,7 +69,9 @@ def measured(lines, scale=1.0):
     recording = Recording(1000.0, PX_PER_MM * scale, "left")
     whisker = nominal_whisker("C2", VISIBLE_PX / recording.pixels_per_m, 1e-3 * HIDDEN_MM)
     places = measure_stations(lines, recording, [whisker], [1e-3 * HIDDEN_MM]).of("C2")
-    return measure_base(places, recording.pixels_per_m), recording.pixels_per_m
+    return measure_base(
+        places, recording.pixels_per_m, DEFAULTS.kinematics
+    ), recording.pixels_per_m
 
 
 def errors(base, px_per_m, angle, bent=BENT):

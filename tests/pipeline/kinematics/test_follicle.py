@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pipeline.kinematics.follicle import FollicleFinder, follicles
-from pipeline.session.parameters import KinematicsParams
+from pipeline.session.parameters import DEFAULTS, KinematicsParams
 from pipeline.tables.centrelines import Centrelines
 
 PX_PER_M = 25e3
@@ -41,7 +41,9 @@ def lines_from(angles, first):
 def finder():
     """Anchored on whiskers at all angles that are hidden as session.toml says."""
     angles = np.linspace(-0.4, 0.4, 15)
-    return FollicleFinder(lines_from(angles, np.full(15, HIDDEN)), [HIDDEN], PX_PER_M)
+    return FollicleFinder(
+        lines_from(angles, np.full(15, HIDDEN)), [HIDDEN], PX_PER_M, DEFAULTS.kinematics
+    )
 
 
 def test_the_fur_s_edge_may_be_crossed_elsewhere_in_every_frame(finder):

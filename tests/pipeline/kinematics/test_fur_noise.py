@@ -7,6 +7,7 @@ import pytest
 
 from pipeline.kinematics.follicle import follicles
 from pipeline.kinematics.fur_noise import FurTrust
+from pipeline.session.parameters import DEFAULTS
 from pipeline.tables.centrelines import Centrelines
 
 PX_PER_M = 25e3
@@ -61,7 +62,12 @@ def base_angle_sd(lines, hidden=0.5e-3):
 def test_noise_is_not_taken_for_fur(red):
     """Of white noise, and of noise that runs along the line, in nine videos of ten at least."""
     found = [
-        (FurTrust(whiskers(np.random.default_rng(seed), red=red), PX_PER_M).excess > 1).any()
+        (
+            FurTrust(
+                whiskers(np.random.default_rng(seed), red=red), PX_PER_M, DEFAULTS.kinematics
+            ).excess
+            > 1
+        ).any()
         for seed in range(40)
     ]
     assert np.mean(found) <= 0.1
@@ -69,7 +75,7 @@ def test_noise_is_not_taken_for_fur(red):
 
 def test_fur_is_found_where_it_is():
     lines = whiskers(np.random.default_rng(1), DRAWN)
-    trust = FurTrust(lines, PX_PER_M)
+    trust = FurTrust(lines, PX_PER_M, DEFAULTS.kinematics)
     assert trust.excess[0, 3] > 50  # 0.5 px of fur are 17 SD of a point
     assert (trust.excess[0, 25:] == 1).all()
     weighed = trust.weigh(lines).information
@@ -80,7 +86,7 @@ def test_fur_is_found_where_it_is():
 def test_fur_does_not_turn_the_base():
     lines = whiskers(np.random.default_rng(2), DRAWN)
     believed = base_angle_sd(lines)
-    weighed = base_angle_sd(FurTrust(lines, PX_PER_M).weigh(lines))
+    weighed = base_angle_sd(FurTrust(lines, PX_PER_M, DEFAULTS.kinematics).weigh(lines))
     assert weighed < base_angle_tolerance
     assert weighed < believed / 2
 
@@ -88,6 +94,6 @@ def test_fur_does_not_turn_the_base():
 def test_short_lines_are_left_alone():
     lines = whiskers(np.random.default_rng(3), DRAWN)
     few = FurTrust(replace(lines, offsets=lines.offsets[:6], frame=lines.frame[:5],
-                           whisker=lines.whisker[:5]), PX_PER_M)  # fmt: skip
+                           whisker=lines.whisker[:5]), PX_PER_M, DEFAULTS.kinematics)  # fmt: skip
     assert (few.excess == 1).all()
     assert few.weigh(lines) is lines

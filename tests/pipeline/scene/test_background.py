@@ -13,6 +13,7 @@ from pipeline.scene.background import (
 )
 from pipeline.scene.illumination import fill, frame_gains, light_without_objects
 from pipeline.scene.noise_model import spatial_noise
+from pipeline.session.parameters import DEFAULTS
 
 SCALE = 20.0  # px/mm
 HEIGHT, WIDTH = 200, 300
@@ -254,7 +255,7 @@ class TestOneFrame:
 class TestLight:
     def test_light_is_seen_past_objects(self):
         scene, light = still_scene()
-        black, found = light_without_objects(scene, SCALE)
+        black, found = light_without_objects(scene, SCALE, None, DEFAULTS.scene)
         assert black == pytest.approx(6, abs=1)
         far_from_face = np.s_[:, :235]
         assert np.abs(found / light - 1)[far_from_face].max() < 3 * LIGHT
@@ -264,7 +265,7 @@ class TestLight:
         rows, columns = np.mgrid[:HEIGHT, :WIDTH]
         light = 200 * np.exp(-(((columns - 60) / 170) ** 2) - ((rows - 180) / 180) ** 2)
         image = np.where(columns + rows > 400, 5, light + 5).astype(np.float32)
-        _, found = light_without_objects(image, SCALE)
+        _, found = light_without_objects(image, SCALE, None, DEFAULTS.scene)
         outside = columns + rows < 380
         transmission = (image - 5) / np.maximum(found - 5, 1)
         assert light[outside].min() < 0.1 * light.max()
@@ -278,7 +279,7 @@ class TestLight:
         image = (60 + 90 * fur).astype(np.float32)
         image[:40, :40] = 15
         image = cv2.resize(image, None, fx=zoom, fy=zoom)
-        black, light = light_without_objects(image, zoom * SCALE)
+        black, light = light_without_objects(image, zoom * SCALE, None, DEFAULTS.scene)
         transmission = (image - black) / (light - black)
         assert transmission[:, : 20 * zoom].max() < 0.45
         assert transmission[:, 120 * zoom :].min() > 0.9
@@ -288,26 +289,28 @@ class TestLight:
         image[:, :100] = 65  # fur
         image[80:120, 40:70] = 85  # its palest part
         image[:40, :40] = 15
-        _, light = light_without_objects(image, SCALE)
+        _, light = light_without_objects(image, SCALE, None, DEFAULTS.scene)
         assert (image / light)[:, 20:80].max() < 0.65
 
     @pytest.mark.parametrize("clear", [0.5, 0.3])
     def test_haze_does_not_make_dark_things_pale(self, clear):
         scene, _ = still_scene()
         haze = 150 * (1 - clear)
-        black, _ = light_without_objects(haze + clear * scene, SCALE)
+        black, _ = light_without_objects(haze + clear * scene, SCALE, None, DEFAULTS.scene)
         assert black == pytest.approx(haze + clear * 6, abs=1)
 
     @pytest.mark.parametrize("darkest", [0.65, 0.8])
     def test_shade_is_no_thing(self, darkest):
         columns = np.mgrid[:HEIGHT, :WIDTH][1]
         shade = darkest + (1 - darkest) * np.sin(columns / WIDTH * np.pi) ** 2
-        black, _ = light_without_objects((150 * shade).astype(np.float32), SCALE)
+        black, _ = light_without_objects(
+            (150 * shade).astype(np.float32), SCALE, None, DEFAULTS.scene
+        )
         assert black < 40
 
     def test_picture_without_any_dark_thing(self):
         image = np.full((HEIGHT, WIDTH), 150, np.float32)
-        black, light = light_without_objects(image, SCALE)
+        black, light = light_without_objects(image, SCALE, None, DEFAULTS.scene)
         assert black < 40
         assert light == pytest.approx(np.full(image.shape, 150), abs=1)
 

@@ -5,6 +5,7 @@ import pytest
 from pipeline.errors import VideoError
 from pipeline.scene.estimate import find_scenes
 from pipeline.scene.states import Cells, Survey
+from pipeline.session.parameters import DEFAULTS
 from pipeline.session.recording import Recording
 from pipeline.video.base import RandomAccessVideo
 
@@ -178,7 +179,7 @@ class TestEpochs:
 
 def survey(frames):
     """States of frames and the frames kept of each."""
-    taken = Survey((HEIGHT, WIDTH), SCALE)
+    taken = Survey((HEIGHT, WIDTH), SCALE, DEFAULTS.scene)
     for i, frame in enumerate(frames):
         taken.add(10 * i, np.clip(frame, 0, 255).astype(np.uint8))
     return taken.settled()
@@ -252,7 +253,7 @@ class TestSurvey:
         assert max(counts) < 60
 
     def test_sample_is_in_order_and_shows_every_state(self):
-        taken = Survey((HEIGHT, WIDTH), SCALE)
+        taken = Survey((HEIGHT, WIDTH), SCALE, DEFAULTS.scene)
         pictures = [light(pole=POLE if i % 3 else None) for i in range(30)]
         for i, picture in enumerate(pictures):
             taken.add(7 * i, np.clip(picture, 0, 255).astype(np.uint8))
@@ -265,5 +266,5 @@ class TestSurvey:
         assert len(taken.sample(100)[0]) == 30
 
     def test_cells_follow_the_scale(self):
-        assert Cells((480, 640), 25.0).size == (128, 96)
-        assert Cells((480, 640), 50.0).size == (64, 48)
+        assert Cells((480, 640), 25.0, DEFAULTS.scene).size == (128, 96)
+        assert Cells((480, 640), 50.0, DEFAULTS.scene).size == (64, 48)

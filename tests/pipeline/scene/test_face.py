@@ -6,6 +6,7 @@ from contourpy import contour_generator
 from pipeline.scene.background import estimate_background
 from pipeline.scene.estimate import scene_from_frames
 from pipeline.scene.face import SIDES, border, darkest_sides, find_face, thickening_towards
+from pipeline.session.parameters import DEFAULTS
 from pipeline.session.recording import Recording
 from pipeline.tracking.options import options_for
 from pipeline.tracking.registry import find_templates
@@ -33,8 +34,8 @@ class TestMask:
     def test_dark_mass_on_its_side(self, turns):
         side = ("right", "top", "left", "bottom")[turns]
         image = np.ascontiguousarray(np.rot90(picture(noise=0.02), turns))
-        assert darkest_sides(image)[0] == side
-        mask = np.rot90(find_face(image, side, SCALE), -turns)
+        assert darkest_sides(image, DEFAULTS.scene)[0] == side
+        mask = np.rot90(find_face(image, side, SCALE, DEFAULTS.scene), -turns)
         edge = mask.argmax(axis=1) - 0.5  # between the last pixel outside and the first inside
         assert np.abs(edge[10:-10] - 240.3).max() < 2
         assert np.abs(edge[10:-10] - 240.3).mean() < STRAIGHT_EDGE
@@ -44,22 +45,22 @@ class TestMask:
         image = picture()
         for row in range(130, 230, 9):
             cv2.line(image, (200, row), (242, row + 5), 0.2, 2, cv2.LINE_AA)
-        mask = find_face(image, "right", SCALE)
+        mask = find_face(image, "right", SCALE, DEFAULTS.scene)
         assert not mask[:, :225].any()
 
     def test_holes_are_filled(self):
         image = picture()
         image[100:110, 280:290] = 0.9
-        assert find_face(image, "right", SCALE)[105, 285]
+        assert find_face(image, "right", SCALE, DEFAULTS.scene)[105, 285]
 
     def test_apparatus_beside_the_face_is_left_out(self):
         image = picture()
         image[:20, 150:] = 0.9  # the face does not reach the upper corner
         image[4:10, 200:] = 0.02  # a thin arm from the face's side, 0.24 mm
-        assert not find_face(image, "right", SCALE)[:20, :300].any()
+        assert not find_face(image, "right", SCALE, DEFAULTS.scene)[:20, :300].any()
 
     def test_no_face_in_view(self):
-        assert not find_face(np.ones((100, 100), np.float32), "left", SCALE).any()
+        assert not find_face(np.ones((100, 100), np.float32), "left", SCALE, DEFAULTS.scene).any()
 
     @pytest.mark.parametrize("side", SIDES)
     def test_border(self, side):
@@ -74,7 +75,7 @@ class TestMask:
 
     def test_unknown_side(self):
         with pytest.raises(ValueError, match=r"side must be one of .* got 'front'"):
-            find_face(picture(), "front", SCALE)
+            find_face(picture(), "front", SCALE, DEFAULTS.scene)
 
 
 def face_edge(mask):
@@ -97,7 +98,9 @@ class TestFur:
     def test_edge_has_no_bias_where_whiskers_come_out(self, rendered):
         scene, frames = rendered
         scale = scene.camera.pixels_per_mm
-        mask = find_face(estimate_background(frames, scale).transmission, scene.face.side, scale)
+        mask = find_face(
+            estimate_background(frames, scale).transmission, scene.face.side, scale, DEFAULTS.scene
+        )
         points = np.concatenate(face_edge(mask))
         distance, along = distance_from_pad(
             scene.face, scene.camera.pixels_per_m, pad_centre(scene), *points.T
@@ -114,7 +117,7 @@ class TestFur:
         area, length = [], []
         for some in (frames[::2], frames[1::2]):
             transmission = estimate_background(some, scale).transmission
-            mask = find_face(transmission, scene.face.side, scale)
+            mask = find_face(transmission, scene.face.side, scale, DEFAULTS.scene)
             area.append(mask.sum())
             length.append(sum(len(curve) for curve in face_edge(mask)))
         assert abs(area[0] - area[1]) / length[0] < STEADY

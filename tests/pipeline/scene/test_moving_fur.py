@@ -6,6 +6,7 @@ import numpy as np
 from pipeline.detection.image_model import ImageModel
 from pipeline.detection.static_scene import StaticScene
 from pipeline.scene.moving_fur import moving_fur
+from pipeline.session.parameters import DEFAULTS
 
 SHAPE = (120, 160)
 SCALE = 20.0  # px/mm
@@ -26,7 +27,7 @@ def frames_of(fur_to, n=20):
 
 def found(fur_to):
     frames, face = frames_of(fur_to)
-    return moving_fur(np.full(SHAPE, LIGHT, np.float32), frames, face, SCALE), face
+    return moving_fur(np.full(SHAPE, LIGHT, np.float32), frames, face, SCALE, DEFAULTS.scene), face
 
 
 def test_moving_fur_is_found_where_it_is():
@@ -50,7 +51,7 @@ def test_two_whiskers_side_by_side_are_no_fur_at_low_resolution():
             cv2.line(frame, (30, y), (120, y), 40, 3)
     light = np.full(SHAPE, LIGHT, np.float32)
     for px_per_mm in (8.0, 12.0, SCALE):
-        assert not moving_fur(light, frames, face, px_per_mm).any()
+        assert not moving_fur(light, frames, face, px_per_mm, DEFAULTS.scene).any()
 
 
 def test_no_line_is_clear_on_moving_fur():

@@ -7,6 +7,7 @@ from traced_lines import trace_templates
 
 from pipeline.scene.estimate import scene_from_frames
 from pipeline.scene.virtual_face import mask_behind_whiskers
+from pipeline.session.parameters import DEFAULTS
 from pipeline.session.recording import Recording
 from pipeline.tracking.options import options_for
 from pipeline.tracking.registry import find_templates
@@ -44,7 +45,9 @@ class TestMask:
     def test_begins_where_the_whisker_does(self, turns, given):
         side = ("left", "bottom", "right", "top")[turns]
         frames = np.ascontiguousarray(np.rot90(FRAMES, turns, axes=(1, 2)))
-        found, mask, thick = mask_behind_whiskers(frames, side if given else None, SCALE)
+        found, mask, thick = mask_behind_whiskers(
+            frames, side if given else None, SCALE, DEFAULTS.scene
+        )
         assert found == thick == side
         widths = np.rot90(mask, -turns).sum(axis=1)
         assert np.abs(widths - 0.5 - FOLLICLE[0]).max() < START_PX
@@ -55,7 +58,7 @@ class TestMask:
         rows, columns = np.mgrid[:240, :400]
         rod = np.abs(columns - 200 - 0.3 * rows) < 4
         frames[:, rod & (rows < 200)] //= 4
-        found, mask, thick = mask_behind_whiskers(frames, None, SCALE)
+        found, mask, thick = mask_behind_whiskers(frames, None, SCALE, DEFAULTS.scene)
         assert found == thick == "left"
         assert np.abs(mask.sum(axis=1) - 0.5 - FOLLICLE[0]).max() < START_PX
 
@@ -65,18 +68,18 @@ class TestMask:
         angle = np.linspace(-0.3, 0.2, 9)[6]
         pole = FOLLICLE[0] + 150 * np.cos(angle), FOLLICLE[1] + 150 * np.sin(angle)
         frames[:, np.hypot(columns - pole[0], rows - pole[1]) < 11] = 10
-        _, mask, _ = mask_behind_whiskers(frames, "left", SCALE)
+        _, mask, _ = mask_behind_whiskers(frames, "left", SCALE, DEFAULTS.scene)
         assert np.abs(mask.sum(axis=1) - 0.5 - FOLLICLE[0]).max() < START_PX
 
     def test_whiskers_that_never_move_show_no_side_for_sure(self):
-        found, mask, thick = mask_behind_whiskers(FRAMES[:1], None, SCALE)
+        found, mask, thick = mask_behind_whiskers(FRAMES[:1], None, SCALE, DEFAULTS.scene)
         assert found == "left"
         assert mask.any()
         assert thick is None
 
     def test_nothing_in_view(self):
         frames = np.random.default_rng(0).normal(200, 2, (4, 240, 400)).astype(np.uint8)
-        side, mask, thick = mask_behind_whiskers(frames, None, SCALE)
+        side, mask, thick = mask_behind_whiskers(frames, None, SCALE, DEFAULTS.scene)
         assert side == "left"
         assert thick is None
         assert not mask.any()

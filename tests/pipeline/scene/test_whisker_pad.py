@@ -1,11 +1,20 @@
 """Face and body in one dark mass: whiskers that end before the body do not make it face."""
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
 
 from pipeline.scene.estimate import scene_from_frames
-from pipeline.scene.whisker_pad import SWITCH_SHARE, _likeliest, bears_whiskers, face_of
+from pipeline.scene.whisker_pad import (
+    SWITCH_SHARE,
+    _likeliest,
+    _whiskers,
+    bears_whiskers,
+    face_of,
+)
+from pipeline.session.parameters import DEFAULTS
 from pipeline.session.recording import Recording
 
 pytestmark = pytest.mark.slow
@@ -14,6 +23,7 @@ HEIGHT, WIDTH = 240, 320
 SIDES = ("top", "left", "bottom", "right")  # from one to the next by a quarter turn
 CORNER = (60, 70)  # x, y [px] of the corner between body and face
 SCALE = 16.0  # px/mm
+SHORTEST = 20.0  # px, of a line
 AT_CORNER = 12  # px, tolerance of where face and body part
 
 
@@ -134,8 +144,21 @@ def test_whiskers_whose_bases_drown_in_noise_come_out_of_the_face():
     found = scene_from_frames(frames, Recording(1000.0, SCALE, "top"), None)
     face, beside = np.zeros((2, HEIGHT, WIDTH), bool)
     face[: CORNER[1]] = beside[CORNER[1] :, :30] = True
-    assert bears_whiskers(face, frames, found)
-    assert not bears_whiskers(beside, frames, found)
+    assert bears_whiskers(face, frames, found, DEFAULTS.detection)
+    assert not bears_whiskers(beside, frames, found, DEFAULTS.detection)
+
+
+def test_lines_are_looked_for_with_the_parameters_of_session_toml():
+    """Before stripes that may tremble by 5 px, few whiskers are told from them."""
+    frames = np.stack([picture(phase, False) for phase in np.linspace(0, 6, 16)])
+    found = scene_from_frames(frames, Recording(1000.0, SCALE, "top"), None)
+    stripes = 0.6 + 0.3 * np.sin(np.arange(WIDTH))
+    frames, found = frames * stripes, replace(found, background=found.background * stripes)
+    seen, unseen = (
+        _whiskers(frames.astype(np.uint8), found, params, SHORTEST)[:, 4].sum()
+        for params in (DEFAULTS.detection, replace(DEFAULTS.detection, trembling_px=5.0))
+    )
+    assert unseen < 0.1 * seen
 
 
 def test_apparatus_beside_the_face_is_no_face():
@@ -175,6 +198,6 @@ def test_dark_places_on_the_border_alone_have_no_edge_in_the_picture():
     mask = np.zeros((HEIGHT, WIDTH), bool)
     mask[0, :40] = mask[0, -40:] = True
     frames = np.full((16, HEIGHT, WIDTH), 180, np.uint8)
-    face, side = face_of(mask, frames, scene=None)
+    face, side = face_of(mask, frames, None, DEFAULTS.detection)
     assert side is None
     assert np.array_equal(face, mask)

@@ -47,7 +47,7 @@ def backgrounds(swing, dust_x=None):
     recording = Recording(1000.0, SCALE, "left")
     scene = scene_from_frames(frames, recording, None)
     templates = find_templates(frames, scene, options_for(recording), None)
-    return scene, without_resting_whiskers(scene, templates, SCALE)
+    return scene, without_resting_whiskers(scene, templates, SCALE, DEFAULTS.tracking)
 
 
 def shade(scene):
@@ -92,4 +92,4 @@ def test_moving_whiskers_change_nothing():
 
 def test_few_samples_show_nothing():
     scene, _ = backgrounds(np.radians(1.0))
-    assert without_resting_whiskers(scene, [], SCALE) is scene
+    assert without_resting_whiskers(scene, [], SCALE, DEFAULTS.tracking) is scene

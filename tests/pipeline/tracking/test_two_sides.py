@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from pipeline.detection.line import Line
 from pipeline.run import analyse
+from pipeline.session.parameters import DEFAULTS
 from pipeline.session.recording import Recording
 from pipeline.session.session_file import read_session
 from pipeline.tables import Centrelines
@@ -113,7 +114,7 @@ def test_a_place_belongs_to_the_side_that_its_base_is_on():
     assert list(two_sides.side_of(places, ())) == [0, 0, 0, 0]
     left, right = row(-1, LENGTHS), row(1, LENGTHS)
     along = np.array([1.0, 0.0])
-    cuts = two_sides.cuts_between([*right, *left], along)
+    cuts = two_sides.cuts_between([*right, *left], along, DEFAULTS.identity)
     assert two_sides.sides_of([*right, *left], along, cuts) == [left, right]
 
 
@@ -124,7 +125,7 @@ ALONG = np.array([1.0, 0.0])
 def test_hairs_at_the_ears_do_not_make_two_sides_one(far):
     left, right = row(-1, LENGTHS), row(1, LENGTHS)
     hairs = [template((360 + 100 * s + far * s, 100), s * 1.8, 60) for s in (-1, 1)]
-    (cut,) = two_sides.cuts_between([*right, *left, *hairs], ALONG)
+    (cut,) = two_sides.cuts_between([*right, *left, *hairs], ALONG, DEFAULTS.identity)
     assert cut == pytest.approx(360)
 
 
@@ -132,7 +133,7 @@ def test_hairs_at_the_ears_do_not_make_two_sides_one(far):
 def test_whiskers_evenly_along_a_face_are_one_row(count, spacing, spread):
     directions = np.linspace(-spread, spread, count)
     even = [template((spacing * k, 200), each, 80) for k, each in enumerate(directions)]
-    assert two_sides.cuts_between(even, ALONG) == ()
+    assert two_sides.cuts_between(even, ALONG, DEFAULTS.identity) == ()
 
 
 def test_whiskers_without_names_are_counted_on_each_side():
