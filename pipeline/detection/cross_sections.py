@@ -9,8 +9,7 @@ import numpy as np
 from numba import njit
 
 from pipeline.detection import line_profile
-from pipeline.detection.line_profile import N_SUMS, SINGLE, bell
-from pipeline.numerics.polyline import NARROWEST
+from pipeline.detection.line_profile import N_SUMS, SINGLE, bell, section_at
 
 BLOCK = 128  # nodes
 
@@ -71,22 +70,16 @@ def _keep(rows, c, sums, start, m):
 
 @njit(cache=True, error_model="numpy")
 def _lay(x, y, m, cap, sigma, reach, width, height, rows):
-    """The row or column of pixels that crosses the line at each of m nodes.
+    """The row or column of pixels that crosses the line at each of m nodes (`section_at`).
 
-    x, y : the nodes, with one before and one behind. The normal's part along the section is that
-    of the tangent (tx, ty) turned counter-clockwise on the screen, (ty, −tx).
+    x, y : the nodes, with one before and one behind
     """
     for j in range(m):
         node = np.uint64(j)
         here, behind = node + np.uint64(1), node + np.uint64(2)
         tx, ty = x[behind] - x[node], y[behind] - y[node]
-        columns = abs(tx) >= abs(ty)
-        main, side = (tx, ty) if columns else (ty, tx)
-        along, across = (x[here], y[here]) if columns else (y[here], x[here])
+        columns, fixed, centre, scale = section_at(x[here], y[here], tx, ty)
         across_size, along_size = (width, height) if columns else (height, width)
-        fixed = np.floor(along + 0.5)
-        centre = across + (fixed - along) * side / (main if main != 0 else 1.0)
-        scale = (-main if columns else main) / np.sqrt(tx * tx + ty * ty + NARROWEST)
         span = (reach * sigma[node] + 1.0) / max(abs(scale), 0.5)
         first, last = np.ceil(centre - span), np.floor(centre + span)
         first = first if first > 0.0 else 0.0

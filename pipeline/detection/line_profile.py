@@ -13,6 +13,8 @@ them per node of the reference line, so that no interpolation biases the centre.
 import numpy as np
 from numba import njit
 
+from pipeline.numerics.polyline import NARROWEST
+
 # Rows of the `sums` array, which has a column per node: Σ over its pixels (cross_sections.py).
 GG, G1, G11, GY, OY, DD, DY, DG, D1, SS, SY, SG = range(12)
 N_SUMS = 12
@@ -23,22 +25,27 @@ SINGLE = np.float32
 
 
 @njit(cache=True, inline="always")
-def _section(x, y, i, n):
-    """The row or column of pixels that crosses the line at node `i`.
+def section_at(x, y, tx, ty):
+    """The row or column of pixels that crosses a line at (x, y), where it runs along (tx, ty).
 
     Returns whether it is a column, its number, where along it the line's centre lies [px], and
-    the normal's part along it: tangent (tx, ty) turned counter-clockwise on the screen, (ty, −tx).
+    the normal's part along it: the tangent turned counter-clockwise on the screen, (ty, −tx).
     """
-    a = max(i - 1, 0)
-    b = min(i + 1, n - 1)
-    tx = x[b] - x[a]
-    ty = y[b] - y[a]
-    norm = max(np.sqrt(tx * tx + ty * ty), 1e-9)
-    if abs(tx) >= abs(ty):
-        fixed = int(np.floor(x[i] + 0.5))
-        return True, fixed, y[i] + (fixed - x[i]) * ty / (tx if tx != 0 else 1.0), -tx / norm
-    fixed = int(np.floor(y[i] + 0.5))
-    return False, fixed, x[i] + (fixed - y[i]) * tx / ty, ty / norm
+    columns = abs(tx) >= abs(ty)
+    main, side = (tx, ty) if columns else (ty, tx)
+    along, across = (x, y) if columns else (y, x)
+    fixed = np.floor(along + 0.5)
+    centre = across + (fixed - along) * side / (main if main != 0 else 1.0)
+    scale = (-main if columns else main) / np.sqrt(tx * tx + ty * ty + NARROWEST)
+    return columns, fixed, centre, scale
+
+
+@njit(cache=True, inline="always")
+def _section(x, y, i, n):
+    """As `section_at`, at node `i` of a line of n nodes."""
+    a, b = max(i - 1, 0), min(i + 1, n - 1)
+    columns, fixed, centre, scale = section_at(x[i], y[i], x[b] - x[a], y[b] - y[a])
+    return columns, int(fixed), centre, scale
 
 
 @njit(cache=True, inline="always")
