@@ -19,7 +19,6 @@ from pipeline.identity.limits import USUAL, Limits
 from pipeline.identity.sides import Sides
 from pipeline.identity.tracked_lines import TrackedLines
 from pipeline.identity.unnamed import Unnamed
-from pipeline.session.parameters import DEFAULTS
 from pipeline.tables.centrelines import Centrelines
 from pipeline.tables.whole_files import temporary_room
 from pipeline.tracking import hairs, line_ends
@@ -98,8 +97,7 @@ def name_lines(
     with tempfile.TemporaryFile() as file:
         found, count = [], 0
         for chunk in chunks:
-            with temporary_room():
-                _store(chunk, file)
+            _store(chunk, file)
             side, features = sides.features(chunk)
             length = _whole_lengths(chunk, features[:, LENGTH], given.tips_seen)
             base = np.column_stack([each[chunk.offsets[:-1]] for each in (chunk.x_px, chunk.y_px)])
@@ -111,8 +109,7 @@ def name_lines(
         whisker, sure, all_names = _all_rows(
             lines, templates, given, sides, open_ended, limits, unnamed
         )
-        with temporary_room():
-            file.seek(0)  # writes what is not yet written
+        file.seek(0)
         first = 0
         for _ in range(count):
             chunk = _load(file)
@@ -218,9 +215,7 @@ def names(frame, track, features, wanted=None, direction=1, limits: Limits = USU
     return named, sure
 
 
-def with_unnamed(
-    frame, track, base, whisker, sure, unnamed_confidence=DEFAULTS.identity.nameless_confidence
-):
+def with_unnamed(frame, track, base, whisker, sure, unnamed_confidence):
     """Give lines that belong to no named whisker numbers after those of the named ones.
 
     Their confidence is `unnamed_confidence`. A track goes on under the number, of those that are
@@ -289,10 +284,12 @@ def _named(chunk: Centrelines, all_names, whisker, sure) -> Centrelines:
     )
 
 
+@temporary_room()
 def _store(chunk: Centrelines, file) -> None:
     for each in fields(Centrelines):
         value = getattr(chunk, each.name)
         np.save(file, np.array(np.nan if value is None else value), allow_pickle=False)
+    file.flush()
 
 
 def _load(file) -> Centrelines:

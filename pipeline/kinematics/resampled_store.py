@@ -65,6 +65,7 @@ class StationStore:
         self._sizes = {}
         self._files, self._columns = [], []
 
+    @temporary_room()
     def add(self, chunk: Stations) -> None:
         """Take the rows of the next frames.
 
@@ -76,8 +77,7 @@ class StationStore:
         if not self._files:
             self.names, self.spacing = chunk.names, chunk.spacing
             self._sizes = {"pole_radius": chunk.pole_radius, "pixel": chunk.pixel}
-            with temporary_room():
-                self._files = [tempfile.TemporaryFile() for _ in chunk.names]  # noqa: SIM115
+            self._files = [tempfile.TemporaryFile() for _ in chunk.names]  # noqa: SIM115
             self._columns = [{name: [] for name in _per_row()} for _ in chunk.names]
         if chunk.names != self.names or not np.array_equal(chunk.spacing, self.spacing):
             raise ValueError(
@@ -86,8 +86,8 @@ class StationStore:
         for index, (file, columns) in enumerate(zip(self._files, self._columns, strict=True)):
             rows = chunk.whisker == index
             bulky = np.stack([getattr(chunk, name)[rows] for name in BULKY], axis=1)
-            with temporary_room():
-                file.write(bulky.astype(DTYPE).tobytes())
+            file.write(bulky.astype(DTYPE).tobytes())
+            file.flush()
             for name, parts in columns.items():
                 parts.append(getattr(chunk, name)[rows])
 
@@ -95,8 +95,6 @@ class StationStore:
         """Return the rows of one whisker, in the order of their frames."""
         index = self.names.index(name)
         file, columns = self._files[index], self._columns[index]
-        with temporary_room():
-            file.flush()
         per_row = {column: np.concatenate(parts) for column, parts in columns.items()}
         return StoredStations(
             names=self.names,
