@@ -64,10 +64,14 @@ AFTER = {"figures": 1.0, "report": 1.0}  # seconds
 
 @dataclass(frozen=True)
 class Source:
-    """What is processed: `find(paths, out)` gives the `Input`s, `analyse` as `analyse_video`."""
+    """What is processed: `find(paths, out)` gives the `Input`s, `analyse` as `analyse_video`.
+
+    `check` raises an InputError where the inputs' settings cannot be used.
+    """
 
     find: Callable
     analyse: Callable
+    check: Callable = lambda settings: None
 
 
 VIDEOS = Source(find_inputs, analyse_video)
@@ -137,6 +141,7 @@ def run(
     inputs = source.find(paths, out)
     _check_inputs(inputs)
     settings, guesses = settings_of(inputs, config), guesses_left(inputs, config)
+    source.check(settings.values())
     make_folder(out)
     if not is_ours:
         refuse_foreign_files(out)

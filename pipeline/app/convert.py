@@ -69,9 +69,11 @@ def _command_for(program, read, words) -> None:
         from pipeline.app import batch
 
         of_whiskers = tuple(name.strip() for name in names.split(",") if name.strip())
-        find, own = partial(_find, program=program), partial(read, names=of_whiskers)
-        _check_names(of_whiskers, find(paths, out), config)
-        source = batch.Source(find, partial(_analyse, read=own))
+        source = batch.Source(
+            partial(_find, program=program),
+            partial(_analyse, read=partial(read, names=of_whiskers)),
+            partial(_check_names, of_whiskers),
+        )
         cores, shown = jobs or terminal.cores(), terminal.progress
         summary = batch.run(paths, out, config, cores, True, False, shown, source)
         terminal.finish_run(summary, debug, terminal.say)
@@ -158,13 +160,12 @@ def _find(paths, out, program):
     return found
 
 
-def _check_names(names, inputs, config):
+def _check_names(names, settings):
     """InputError where a session.toml has tables of whiskers, but none of a name that is given."""
     from pipeline.errors import InputError
-    from pipeline.session.inputs import settings_of
 
-    for settings in settings_of(inputs, config).values() if names else ():
-        known = [whisker.name for whisker in settings.whisker]
+    for each in settings:
+        known = [whisker.name for whisker in each.whisker]
         unknown = [name for name in names if known and name not in known]
         if unknown:
             raise InputError(
