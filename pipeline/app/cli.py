@@ -241,21 +241,20 @@ def figures(
     The numbers behind it are written as CSV.
     """
     from pipeline.reports.figures import write_fig3
+    from pipeline.reports.session_numbers import damaged_videos
     from pipeline.tables.result_exchange import settled
 
     with settled(results) as kept:
         for line in kept:
             say(line)
-        for path in write_fig3(results, truth, video, whisker, contact):
+        damaged = damaged_videos(results)
+        for path in write_fig3(results, truth, video, whisker, contact, damaged):
             say(str(path))
-        terminal.leave(_say_damaged(results))
+        terminal.leave(_say_damaged(damaged))
 
 
-def _say_damaged(results) -> bool:
+def _say_damaged(damaged) -> bool:
     """Name the videos whose results cannot be read; whether there are any."""
-    from pipeline.reports.session_numbers import damaged_videos
-
-    damaged = damaged_videos(results)
     for video, fault in damaged.items():
         say(f"left out: {video}: {fault}; mend that, or run the video again")
     return bool(damaged)
@@ -292,12 +291,14 @@ def curate(
     from pipeline.curate import curate as open_page
     from pipeline.reports.figures import write_fig3
     from pipeline.reports.report import write_report
+    from pipeline.reports.session_numbers import damaged_videos
 
     server = open_page(results, port=port, open_browser=browser, say=say, name=name)
+    damaged = damaged_videos(results)
     try:
-        write_fig3(results)
+        write_fig3(results, damaged=damaged)
     finally:
-        write_report(results)
+        write_report(results, damaged)
     for line in server.results.kept:
         say(line)
     for video, fault in server.results.faults.items():
@@ -305,7 +306,7 @@ def curate(
             f"{results / video}: its corrections are saved, but its tables do not follow from "
             f"them ({fault}): mend that, and curate or run again"
         )
-    if server.results.faults or _say_damaged(results):
+    if server.results.faults or _say_damaged(damaged):
         raise typer.Exit(FAILED)
     say(f"tables, figures and report follow from the corrections: {results / 'report.html'}")
 

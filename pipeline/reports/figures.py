@@ -14,7 +14,9 @@ from pipeline.tables.files import csv_text
 from pipeline.tables.new_files import write_new
 
 
-def write_fig3(results, truth=None, video=None, whisker=None, contact=None) -> list[Path]:
+def write_fig3(
+    results, truth=None, video=None, whisker=None, contact=None, damaged=None
+) -> list[Path]:
     """Write figures/fig3.png, .svg, fig3.csv, and an SVG and CSV per panel into a results folder.
 
     Parameters
@@ -24,6 +26,7 @@ def write_fig3(results, truth=None, video=None, whisker=None, contact=None) -> l
         videos, if there is one
     video, whisker, contact : which contact panels a and b show: name of a video, of a whisker,
         number of the contact; None: any, the one that is nearest to the medians
+    damaged : as of `damaged_videos`, where they are known
 
     Returns
     -------
@@ -35,7 +38,7 @@ def write_fig3(results, truth=None, video=None, whisker=None, contact=None) -> l
         If `results` is no results folder, or there is no such contact.
     """
     results = Path(results)
-    contacts = read_contacts(results)
+    contacts = read_contacts(results, damaged)
     true_contacts = read_truth(results, truth)
     typical = typical_contact(results, chosen(contacts, video, whisker, contact))
     panels = panel_tables(results, contacts, typical)

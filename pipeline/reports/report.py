@@ -50,13 +50,14 @@ COMMON_NAMES = {"videos", "video", "movies", "films", "raw", "data", "results", 
 TABLES = ("contacts.csv", "videos.csv", "session.toml", "run.json", "run.log")
 
 
-def write_report(results) -> Path:
+def write_report(results, damaged=None) -> Path:
     """Write report.html into a results folder, from its tables and figures; return its path.
 
-    The time courses of each video are in figures/courses/<video>.html.
+    The time courses of each video are in figures/courses/<video>.html. `damaged` are the
+    `damaged_videos`, where they are known.
     """
     results = Path(results)
-    damaged = damaged_videos(results)
+    damaged = damaged_videos(results) if damaged is None else damaged
     contacts = with_peaks(results, read_contacts(results, damaged))
     record = read_run(results)
     videos = _as_failed(files.read_csv(results / "videos.csv", VIDEO_COLUMNS), damaged)

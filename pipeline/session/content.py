@@ -3,6 +3,7 @@
 A folder of images is its images: settings, previews and what file browsers leave there may change.
 """
 
+import functools
 import hashlib
 from pathlib import Path, PureWindowsPath
 
@@ -36,6 +37,12 @@ def sha256(path) -> str:
     return whole.hexdigest()
 
 
+@functools.cache
+def _sha256_at(path, *stamp) -> str:
+    """The same, read once for as long as size and times stay as they are."""
+    return sha256(path)
+
+
 def stamp(path) -> dict:
     """Size and times of these files: changes with the content."""
     stats = [file.stat() for file in files_of(path)]
@@ -54,7 +61,7 @@ def same_input(state, path) -> bool:
             return True
         if before is not None and before.get("bytes") != now["bytes"]:
             return False
-        return bool(state.get("sha256")) and state["sha256"] == sha256(path)
+        return bool(state.get("sha256")) and state["sha256"] == _sha256_at(path, *now.values())
     except OSError:
         return False  # it has gone, or cannot be read
 

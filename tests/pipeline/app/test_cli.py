@@ -249,7 +249,7 @@ def test_curate_gets_the_name_of_the_curator_and_says_which_tables_lack_correcti
 
     monkeypatch.setattr(curate, "curate", open_page)
     for module, name in ((figures, "write_fig3"), (report, "write_report")):
-        monkeypatch.setattr(module, name, lambda results: None)
+        monkeypatch.setattr(module, name, lambda results, damaged: None)
     assert exit_code("curate", tmp_path, "--name", "Ada", "--no-browser") == 0
     assert str(tmp_path / "report.html") in capsys.readouterr().out
     assert (called[0]["name"], called[0]["open_browser"]) == ("Ada", False)
