@@ -238,7 +238,7 @@ def read_centrelines(path, filters=None) -> Centrelines:
 
     Standard error and confidence, which the file lacks, are NaN.
     """
-    return _centrelines(read_rows(path, filters=filters).combine_chunks())
+    return _centrelines(read_rows(path, CENTRELINE_COLUMNS, filters=filters).combine_chunks())
 
 
 def _centrelines(table) -> Centrelines:

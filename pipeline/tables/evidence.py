@@ -27,4 +27,4 @@ def read_evidence(folder) -> pd.DataFrame:
     FileNotFoundError, ValueError
         Where there is none, or it is damaged.
     """
-    return read_rows(Path(folder) / EVIDENCE_FILE).to_pandas()
+    return read_rows(Path(folder) / EVIDENCE_FILE, EVIDENCE_COLUMNS).to_pandas()

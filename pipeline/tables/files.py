@@ -225,25 +225,22 @@ def read_frames(path, columns=None, filters=None) -> pd.DataFrame:
     `filters` as pyarrow takes them, e.g. ``[("frame", ">=", 100), ("whisker", "==", "C2")]``.
     ValueError where it is damaged, or lacks a column.
     """
-    frames = read_rows(path, columns, filters).to_pandas()
-    for column in FRAME_COLUMNS if columns is None else ():
-        if column.name not in frames:
-            raise ValueError(f"{path}: expected column {column.name}; run its video again")
-    return frames
+    return read_rows(path, FRAME_COLUMNS, columns, filters).to_pandas()
 
 
-def read_rows(path, columns=None, filters=None):
-    """Read an arrow table from a parquet file, as `read_frames` does.
+def read_rows(path, declared=(), columns=None, filters=None):
+    """Read an arrow table of `declared` columns from a parquet file, as `read_frames` does.
 
     Raises
     ------
     ValueError
-        Where the file is damaged: it names the file.
+        Where the file is damaged, or lacks a column that is read: it names the file.
     """
     import pyarrow.parquet as pq
 
     with whole_parquet(path):
-        _check_extent(path, pq.read_metadata(path))
+        wanted = [c for c in declared if columns is None or c.name in columns]
+        _check_parts(path, pq.read_metadata(path), wanted)
         return pq.read_table(
             path, columns=columns, filters=filters, page_checksum_verification=True
         )
@@ -265,11 +262,15 @@ def whole_parquet(path):
         ) from None
 
 
-def _check_extent(path, metadata) -> None:
-    """Raise a ValueError where a parquet file's end does not list all that the file holds.
+def _check_parts(path, metadata, columns) -> None:
+    """ValueError where a parquet file lacks a column, or its end does not list all that it holds.
 
     Checksums protect its pages, but not the list of them.
     """
+    names = metadata.schema.to_arrow_schema().names
+    for column in columns:
+        if column.name not in names:
+            raise ValueError(f"{path}: expected column {column.name}; run its video again")
     groups = [metadata.row_group(k) for k in range(metadata.num_row_groups)]
     pages = sum(g.column(k).total_compressed_size for g in groups for k in range(g.num_columns))
     size = len(PARQUET) + pages + metadata.serialized_size + TAIL_BYTES
@@ -290,11 +291,7 @@ def check_parquet(path, columns, thorough=False) -> int:
     import pyarrow.parquet as pq
 
     with whole_parquet(path), pq.ParquetFile(path, page_checksum_verification=True) as file:
-        _check_extent(path, file.metadata)
-        schema = file.schema_arrow
-        for column in _arrow_schema(columns):
-            if column.name not in schema.names or schema.field(column.name).type != column.type:
-                raise ValueError(f"{path}: expected column {column.name} of type {column.type}")
+        _check_parts(path, file.metadata, columns)
         for group in range(file.num_row_groups if thorough else 0):
             file.read_row_group(group, use_threads=False)
         return file.metadata.num_rows
