@@ -32,6 +32,7 @@ from accuracy_figures import covered, figures_of, matched, peak_errors, samples_
 from accuracy_tables import tables_text, worst_of
 from accuracy_targets import checks, checks_text
 
+from pipeline.runtime.workers import end_with_parent
 from synthetic.presets import PRESETS
 from synthetic.session import render_session
 
@@ -106,7 +107,7 @@ def run_preset(preset, folder, args):
     if args.jobs == 1:
         found = [measure_task(task) for task in tasks]
     else:
-        with ProcessPoolExecutor(args.jobs, mp_context=get_context("spawn")) as pool:
+        with ProcessPoolExecutor(args.jobs, get_context("spawn"), end_with_parent) as pool:
             found = list(pool.map(measure_task, tasks))
     seconds = time.monotonic() - started
     print(f"{preset}: {len(tasks)} videos in {seconds:.0f} s", file=sys.stderr)

@@ -28,6 +28,7 @@ from calibration_motion import command, dust_text, views_text, work_folder
 
 from pipeline.calibrate.find_whisker import NoWhiskerError
 from pipeline.calibrate.geometry import measure_geometry
+from pipeline.runtime.workers import end_with_parent
 from pipeline.tables.calibration_columns import RINGDOWN_COLUMNS
 from pipeline.tables.files import read_csv
 from synthetic.micrograph import random_micrograph
@@ -187,7 +188,7 @@ TEXTS = {
 def all_text(count: int, seed: int, keep=None, jobs=1):
     """All four measurements beside their aims, then each one's own table, as Markdown."""
     counts = {name: count * (MICROGRAPHS if name == "geometry" else 1) for name in TEXTS}
-    with ProcessPoolExecutor(jobs) as pool:
+    with ProcessPoolExecutor(jobs, initializer=end_with_parent) as pool:
         ways = {name: pool.submit(TEXTS[name], counts[name], seed, keep) for name in TEXTS}
         parts = {name: way.result() for name, way in ways.items()}
     aims = [row for _, rows in parts.values() for row in rows]

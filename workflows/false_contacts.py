@@ -21,6 +21,7 @@ import pages
 import pandas as pd
 
 from pipeline.run import analyse
+from pipeline.runtime.workers import end_with_parent
 from synthetic.session import render_session
 
 PRESETS = ("free", "near_miss", "passing")
@@ -80,7 +81,7 @@ def main(argv=None) -> int:
     started = time.monotonic()
     with (
         tempfile.TemporaryDirectory() as folder,
-        ProcessPoolExecutor(args.jobs, mp_context=get_context("spawn")) as pool,
+        ProcessPoolExecutor(args.jobs, get_context("spawn"), end_with_parent) as pool,
     ):
         waiting = [
             pool.submit(look_at, preset, seed, Path(folder) / f"{preset}_{seed}", FRAMES)

@@ -24,6 +24,8 @@ import pages
 from promises import PROMISES
 from promises.trial import Effort, Promise, attempt
 
+from pipeline.runtime.workers import end_with_parent
+
 IN_MEMORY = Path("/dev/shm")
 BROKEN_SHOWN = 20
 NOT_TRIED = "Not tried this time"
@@ -53,7 +55,7 @@ def _each_tried(args):
     wanted = [promise for promise in PROMISES if promise.name in args.only]
     wanted.sort(key=lambda promise: promise.name not in LONGEST)
     context = multiprocessing.get_context("fork")  # all is loaded here; promises are functions
-    with ProcessPoolExecutor(args.jobs, context) as pool:
+    with ProcessPoolExecutor(args.jobs, context, end_with_parent) as pool:
         waiting = {pool.submit(_tried, p.name, args.folder, effort): p.name for p in wanted}
         for each in as_completed(waiting):
             yield waiting[each], each.result()

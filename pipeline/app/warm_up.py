@@ -12,6 +12,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from pipeline.runtime.workers import end_with_parent
+
 FRAMES = 48
 
 
@@ -57,13 +59,18 @@ def warm_up() -> None:
         analyse(folder, settings)
 
 
+def _warm_up_beside() -> None:
+    end_with_parent()
+    warm_up()
+
+
 @contextlib.contextmanager
 def meanwhile():
     """Warm up in a separate process during the block, and wait for it; end it if the block fails.
 
     Yields the process.
     """
-    process = multiprocessing.get_context("spawn").Process(target=warm_up, daemon=True)
+    process = multiprocessing.get_context("spawn").Process(target=_warm_up_beside, daemon=True)
     process.start()
     try:
         yield process

@@ -86,14 +86,18 @@ def _call(function, task, send):
 def _serve(connection, function):
     """Body of a worker process: take tasks until None comes."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides what Ctrl-C means
-    threading.Thread(target=_end_with_parent, daemon=True).start()
+    end_with_parent()
     with contextlib.suppress(EOFError, OSError):
         while (task := connection.recv()) is not None:
             _call(function, task[0], connection.send)
 
 
-def _end_with_parent():
-    """End this process, in the middle of its task, when the one that started it has ended."""
+def end_with_parent() -> None:
+    """Let this process end, in the middle of its task, when the one that started it has ended."""
+    threading.Thread(target=_wait_for_end_of_parent, daemon=True).start()
+
+
+def _wait_for_end_of_parent():
     multiprocessing.parent_process().join()
     os._exit(1)
 

@@ -93,9 +93,10 @@ def _becomes(condition, seconds=60) -> bool:
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="has no SIGKILL and no ps")
-def test_workers_end_with_a_program_that_is_killed(tmp_path):
+@pytest.mark.parametrize("of", ["tasks", "pool"])
+def test_workers_end_with_a_program_that_is_killed(tmp_path, of):
     program = subprocess.Popen(
-        [sys.executable, endless_tasks.__file__, str(tmp_path)],
+        [sys.executable, endless_tasks.__file__, str(tmp_path), of],
         env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
         stdout=subprocess.DEVNULL,
     )
