@@ -8,9 +8,15 @@ from pipeline.calibrate.find_whisker import NoWhiskerError
 from pipeline.calibrate.geometry import measure_geometry
 from pipeline.calibrate.geometry_files import pooled, remarks, write_geometry, write_into
 from pipeline.errors import counted, need_content
+from pipeline.session.plausibility import doubtful_values
+from pipeline.session.quantities import fields_of, limits_of
+from pipeline.session.schema import WhiskerSettings
+from pipeline.session.session_file import read_session
 
 UNLIKE = 0.05  # SD of whiskers' base radius over its mean: forces differ by four times as much
-LENGTH_MM, BASE_RADIUS_UM = (1.0, 200.0), (2.0, 500.0)  # plausible
+LENGTH, BASE_RADIUS = (
+    limits_of(fields_of(WhiskerSettings)[key]) for key in ("length_mm", "base_radius_um")
+)
 SHOWN = (("length_mm", "length", "mm"), ("base_radius_um", "base radius", "µm"),
          ("tip_radius_um", "tip radius", "µm"), ("cone_length_mm", "cone length", "mm"),
          ("density_kg_per_m3", "density", "kg/m³"))  # fmt: skip
@@ -48,6 +54,8 @@ def run_geometry(images, scale, out, masses, target, say) -> list[str]:
         text = ", ".join(f"{key} = {value:g}" for key, value in values.items())
         say(f"{target[0]}, whisker {target[1]}: {text}")
         _say_unlike(together["base_radius_um"], say)
+        for doubt in doubtful_values(read_session(target[0])):
+            say(f"  {doubt}")
     return faults
 
 
@@ -90,17 +98,17 @@ def _check(images, scale, masses):
 def _check_scale(geometry):
     """NoWhiskerError where no whisker is of the size that the scale makes it."""
     length, radius = geometry.length.value, geometry.base_radius.value
-    if LENGTH_MM[0] <= length <= LENGTH_MM[1] and BASE_RADIUS_UM[0] <= radius <= BASE_RADIUS_UM[1]:
+    if LENGTH.low <= length <= LENGTH.high and BASE_RADIUS.low <= radius <= BASE_RADIUS.high:
         return
     scale = geometry.pixels_per_mm
     hint = "measure the scale again"
     for factor, unit in ((1e3, "pixels per µm"), (1e-3, "pixels per m")):
-        if LENGTH_MM[0] <= length / factor <= LENGTH_MM[1]:
+        if LENGTH.low <= length / factor <= LENGTH.high:
             hint = f"is it in {unit}? then give --pixels-per-mm {scale * factor:g}"
     raise NoWhiskerError(
         f"{geometry.path}: at {scale:g} pixels per mm the whisker would be {length:.4g} mm long "
-        f"and {radius:.4g} µm in radius at its base; expected {LENGTH_MM[0]:g} to "
-        f"{LENGTH_MM[1]:g} mm and {BASE_RADIUS_UM[0]:g} to {BASE_RADIUS_UM[1]:g} µm: {hint}"
+        f"and {radius:.4g} µm in radius at its base; expected {LENGTH} and {BASE_RADIUS}: "
+        f"{hint}"
     )
 
 

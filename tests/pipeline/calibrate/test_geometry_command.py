@@ -112,6 +112,20 @@ def test_the_mean_of_whiskers_that_are_not_alike_is_doubted(pictures, session, t
 
 
 @pytest.mark.slow
+def test_dimensions_that_are_hardly_true_are_doubted_where_they_are_written(
+    pictures, session, tmp_path, capsys
+):
+    """As those of a micrograph that was measured at the video's scale."""
+    wrong = "length_mm = 144.0\ncone_length_mm = 151.0\nbase_radius_um = 296.0\n"
+    with open(session, "a", encoding="utf-8") as file:
+        file.write(f'\n[[whisker]]\nname = "C1"\n{wrong}')
+    into = "--into", session, "--whisker", "C2"
+    out = tmp_path / "out"
+    assert run(pictures / "w0.png", "--pixels-per-mm", 140, "--out", out, *into) == 0
+    assert "[[whisker]] length_mm = 144 (C1): those of mice" in capsys.readouterr().out
+
+
+@pytest.mark.slow
 def test_a_session_that_has_the_tips_radius_keeps_it(pictures, session, tmp_path):
     text = session.read_text(encoding="utf-8").replace(
         "# cone_length_mm = ", "tip_radius_um = 9.0"

@@ -44,6 +44,16 @@ def test_tenfold_and_a_tenth_are_doubted(changes):
     assert doubt.startswith(f"[[whisker]] base_radius_um = {given:g} (C1): whiskers of mice")
 
 
+def test_a_whisker_measured_at_another_scale_is_doubted():
+    """A micrograph's length and radius, eight times too large, are in proportion."""
+    large = {"length_mm": 144.0, "cone_length_mm": 151.6, "base_radius_um": 296.0}
+    (doubt,) = doubts(MOUSE | large)
+    assert doubt.startswith(
+        "[[whisker]] length_mm = 144 (C2): those of mice and rats are 6 to 44 mm"
+    )
+    assert "pixels per mm" in doubt
+
+
 def test_what_whiskers_of_that_length_have_is_said():
     (doubt,) = doubts(MOUSE | {"base_radius_um": 370.0})
     assert "that are 18 mm long have 30 to 120 µm" in doubt
