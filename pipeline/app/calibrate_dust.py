@@ -40,7 +40,7 @@ def run_dust(results, out, whisker, at_mm, say) -> list[str]:
             f"{results}: {counted(len(videos), 'video')}, and in none can a particle be followed; "
             f"the first: {faults[0]}; {advice}"
         )
-    written = write_dust(out, motions, {f"{video.made_of} {name}" for video in videos})
+    written = write_dust(out, motions, {video.whisker_made_of(name) for video in videos})
     say(slope_sentence(pooled_slope(motions)))
     say(f"tables and figures: {written[0].parent}")
     return faults

@@ -23,20 +23,22 @@ def run_views(first, second, points, out, whisker, say) -> list[str]:
     """
     pairs = _pairs(read_results(first), read_results(second), first, second)
     name = one_whisker([video for video, _ in pairs], whisker)
-    views = _fitted(points, pairs[0][0].settings.recording.pixels_per_mm)
+    scales = [_scale(video) for video in next(pair for pair in pairs if all(pair))]
+    views = _fitted(points, scales[0])
     say(
         f"second view: {views.second_scale:.2f} ± {views.second_se:.2f} pixels per mm; matched "
         f"points agree to {views.rms_px:.2f} px"
     )
     measured, faults = each(
         pairs,
-        lambda pair: _measured(*pair, second, views, name),
+        lambda pair: _measured(pair, scales, second, views, name),
         _sentence,
         say,
     )
     if not measured:
         raise ViewsError(f"{first}: no video can be put together with {second}: {faults[0]}")
-    written = write_views(out, views, measured, {f"{v.made_of} {name}" for v, _ in pairs})
+    made_of = {video.whisker_made_of(name) for video, _ in pairs}
+    written = write_views(out, views, measured, made_of)
     say(f"tables and figure: {written[0].parent}")
     return faults
 
@@ -50,17 +52,23 @@ def _fitted(points, first_scale):
         raise ViewsError(f"--points {points}: {error}") from None
 
 
-def _measured(video, other, second, views, name):
+def _scale(video) -> float:
+    return video.settings.recording.pixels_per_mm
+
+
+def _measured(pair, scales, second, views, name):
+    """The views of a pair of videos, whose scales must be those of the first pair [px/mm]."""
     from pipeline.run import analyse_lines
 
+    video, other = pair
     if other is None:
         raise ViewsError(f"{video.name}: no video of that name in {second}")
-    scale = video.settings.recording.pixels_per_mm
-    if scale != views.first_scale:
-        raise ViewsError(
-            f"{video.name}: has {scale:g} pixels per mm, the first video {views.first_scale:g}: "
-            "put together the views of one session at a time"
-        )
+    for view, scale in zip(pair, scales, strict=True):
+        if _scale(view) != scale:
+            raise ViewsError(
+                f"{view.folder}: has {_scale(view):g} pixels per mm, the first video {scale:g}: "
+                "put together the views of one session at a time"
+            )
     return measure_views(video, other, views, name, analyse_lines)
 
 

@@ -50,7 +50,7 @@ def write_ringdown(out, fits, together, whisker, boundary) -> list[Path]:
     ]
     header = "follicle_stiffness,youngs_modulus_GPa,youngs_modulus_GPa_low,youngs_modulus_GPa_high"
     table = ringdown_table(fits, together, whisker, boundary)
-    with new_files(out, {f"{f.slip.video.made_of} {f.slip.whisker}" for f in fits}) as new:
+    with new_files(out, {f.slip.video.whisker_made_of(f.slip.whisker) for f in fits}) as new:
         write_text(new / "follicle.csv", "\n".join([header, *lines, ""]))
         draw_ringdown(new / "ringdown.png", fits, together)
         write_csv(new / "ringdown.csv", table, RINGDOWN_COLUMNS)

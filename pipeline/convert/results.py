@@ -48,6 +48,10 @@ class VideoResults:
         """What tells the results from those of other videos: the video's hash, or a place."""
         return read_state(self.folder).get("sha256") or str(self.folder.resolve())
 
+    def whisker_made_of(self, whisker) -> str:
+        """The same of what is made of one whisker's results, such as a calibration."""
+        return f"{self.made_of} {whisker}"
+
     @cached_property
     def source(self) -> Path | None:
         """The video's file, None where it has gone, or another lies there."""

@@ -272,11 +272,13 @@ def _shuffled(table):
     return table
 
 
-def test_a_video_of_another_scale_is_not_put_together_by_these_points():
+@pytest.mark.parametrize("scales", [(25.0, 40.0), (30.0, 25.0)], ids=["above", "beside"])
+def test_a_video_of_another_scale_is_not_put_together_by_these_points(scales):
     recording = {"frames_per_second": 1e3, "pixels_per_mm": 30, "face": "left"}
-    video = SimpleNamespace(name="friday", settings=settings_from({"recording": recording}))
+    settings = settings_from({"recording": recording})
+    video = SimpleNamespace(name="friday", folder="results/friday", settings=settings)
     with pytest.raises(ViewsError, match="friday: has 30 pixels per mm, the first video 25"):
-        calibrate_views._measured(video, video, "second", SimpleNamespace(first_scale=25.0), "C2")
+        calibrate_views._measured((video, video), scales, "second", SimpleNamespace(), "C2")
 
 
 def test_points_saved_with_semicolons_say_so(tmp_path):
