@@ -330,7 +330,9 @@ def main(arguments=None):
     try:
         listen()
         _prepare()
-        app(arguments, standalone_mode=True)
+        command = typer.main.get_command(app)
+        _without_types(command)
+        command(arguments, standalone_mode=True)
     except KeyboardInterrupt:
         typer.echo("interrupted", err=True)
         sys.exit(INTERRUPTED)
@@ -339,6 +341,15 @@ def main(arguments=None):
             traceback.print_exc()
         typer.echo(_explain(error), err=True)
         sys.exit(UNUSABLE if _is_unusable(error) else FAILED)
+
+
+def _without_types(command) -> None:
+    """Let the help name arguments as they are typed, not by their types in Python."""
+    for each in command.params:
+        if each.param_type_name == "argument":
+            each.display_type_rich = lambda ctx: ""
+    for inner in getattr(command, "commands", {}).values():
+        _without_types(inner)
 
 
 def _prepare() -> None:

@@ -332,6 +332,14 @@ def test_help_names_values_as_the_docs_do_not_by_their_types():
                 assert (each.metavar or "").isupper(), (name, each.name)
 
 
+@pytest.mark.parametrize(("command", "name"), [("run", "PATH"), ("init", "FOLDER")])
+def test_help_shows_arguments_without_types_of_python(capsys, command, name):
+    assert exit_code(command, "--help") == 0
+    text = capsys.readouterr().out
+    assert "<" not in text
+    assert f"  {name}  " in text
+
+
 def test_help_says_where_to_begin(capsys):
     assert exit_code("--help") == 0
     text = " ".join(capsys.readouterr().out.split())
