@@ -155,7 +155,7 @@ def _described(item, video):
     return {
         "css": name,
         "title": whisker + STATE_WORDS[name],
-        "frames": f"frames {span.onset} to {span.offset}, {duration:.4g}\u00a0ms",
+        "frames": f"frames {span.onset} to {span.offset} (not included), {duration:.4g}\u00a0ms",
         "facts": ", ".join(filter(None, facts)).replace("-", "−"),
     }
 

@@ -32,6 +32,7 @@ from pipeline.session.inputs import need_results
 from pipeline.tables import centrelines, files
 from pipeline.tables.columns import CONTACT_COLUMNS
 from pipeline.tables.evidence import EVIDENCE_FILE, read_evidence
+from pipeline.tables.known_names import never_shown
 from pipeline.tables.run_record import found_video, frame_count, read_pole, recorded_path
 from pipeline.video.open import open_video
 
@@ -79,7 +80,7 @@ class VideoUnderReview:
     ----------
     review : the contacts, to be edited
     tables : `contacts.ContactTables` as in the tables
-    whiskers : names, in the order of the tables
+    whiskers : names, in the order of the tables, of all but lines that could not be identified
     """
 
     def __init__(self, folder: Path, changed=None):
@@ -90,9 +91,10 @@ class VideoUnderReview:
         self.recording = self.settings.recording.si()
         evidence = read_evidence(self.folder)
         frames = files.read_frames(self.folder / "frames.parquet")
-        self.whiskers = tuple(dict.fromkeys(frames["whisker"]))
         self.n_frames = frame_count(self.folder, frames)
         corrections = read_corrections(self.folder)
+        never = never_shown(frames) - set(corrections["whisker"])
+        self.whiskers = tuple(n for n in dict.fromkeys(frames["whisker"]) if n not in never)
         detected = intervals.find_intervals(
             evidence,
             self.settings.analysis.curvature_at,
@@ -130,8 +132,9 @@ class VideoUnderReview:
         """Contacts, and stretches that might be contacts, by onset."""
         tables, verdicts = self.tables, self.review.verdicts
         probability = self._probability.of(lambda: probabilities(tables.evidence), tables)
+        own = {name: values for name, values in probability.items() if name in self.whiskers}
         return self._items.of(
-            lambda: items_of(self.review, tables.contacts, probability), tables, verdicts
+            lambda: items_of(self.review, tables.contacts, own), tables, verdicts
         )
 
     def traces(self) -> dict[str, Traces]:
@@ -146,6 +149,7 @@ class VideoUnderReview:
         return {
             name: self._traces_of(part)
             for name, part in table.groupby("whisker", sort=False, observed=True)
+            if name in self.whiskers
         }
 
     def _traces_of(self, part):

@@ -12,7 +12,7 @@ from pipeline.scene import pole_runs
 from pipeline.session.schema import Settings
 from pipeline.session.session_file import read_session
 from pipeline.tables import centrelines, files
-from pipeline.tables.known_names import nameless_in
+from pipeline.tables.known_names import never_shown
 from pipeline.tables.new_files import replace_own
 from pipeline.tables.run_record import read_pole
 from pipeline.video.open import open_video
@@ -87,7 +87,7 @@ def _unnamed(folder) -> set[str]:
     """Names of lines that belong to no known whisker and touch nothing."""
     columns = ["whisker", "tracked", "confidence", "in_contact"]
     frames = files.read_frames(folder / "frames.parquet", columns)
-    return nameless_in(frames) - set(frames["whisker"][frames["in_contact"].astype(bool)])
+    return never_shown(frames)
 
 
 def _by_frame(chunks):

@@ -44,6 +44,11 @@ def nameless_in(frames: pd.DataFrame) -> set[str]:
     return nameless(tracked["whisker"], tracked["confidence"])
 
 
+def never_shown(frames: pd.DataFrame) -> set[str]:
+    """Those of `nameless_in` that touch nothing."""
+    return nameless_in(frames) - set(frames["whisker"][frames["in_contact"].astype(bool)])
+
+
 def in_short(names) -> str:
     """Names with commas between them; numbers come last, of many in order the first and the last.
 

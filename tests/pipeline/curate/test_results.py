@@ -46,6 +46,21 @@ def test_a_video_without_whiskers_can_be_looked_at(results, monkeypatch):
         assert panels(desk)["closeup_of"] == "no pole seen: close-up of the middle"
 
 
+def test_lines_that_could_not_be_identified_have_no_lane(results):
+    folder = min(path.parent for path in results.glob("*/evidence.parquet"))
+    for file in ("frames.parquet", "evidence.parquet"):
+        own = pd.read_parquet(folder / file).assign(whisker="w1")
+        other = own.assign(whisker="w2", confidence=0.4, in_contact=False)[list(own)]
+        pd.concat([own, other]).to_parquet(folder / file)
+    with opened(results) as session:
+        desk = Desk(session)
+        desk.open_video(folder.name)
+        assert desk.video.whiskers == ("w1",)
+        assert set(desk.video.traces()) == {item.span.whisker for item in desk.items} == {"w1"}
+        desk.select(desk.items[0].span)
+        assert "(not included)" in panels(desk)["readout"]
+
+
 def test_corrections_reach_the_tables_with_forces_made_anew(results):
     with opened(results) as folder:
         desk = Desk(folder)

@@ -47,6 +47,11 @@ def test_links_lead_to_files_of_the_results(page, results):
     assert all((results / unquote(link)).is_file() for link in links)
 
 
+def test_the_end_of_a_contact_is_explained(page, results):
+    for text in (page, (results / "figures" / "courses" / "one.html").read_text("utf-8")):
+        assert "shaded, with the numbers of their first frame and of the first one after" in text
+
+
 def test_videos_with_their_messages(page):
     assert ">one<" in page
     assert ">two<" in page
