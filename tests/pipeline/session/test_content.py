@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from pipeline.errors import VideoError
+from pipeline.session import content
 from pipeline.session.content import check_video, same_input, sha256, stamp
 from pipeline.tables.run_record import write_state
 
@@ -33,6 +34,21 @@ def test_another_video_of_the_same_name_and_size_is_not_taken_for_that_of_the_re
         check_video(folder, str(video))
     video.unlink()
     check_video(folder, video)  # who opens it says so
+
+
+def test_a_video_that_was_moved_is_read_once(tmp_path, monkeypatch):
+    video, read = tmp_path / "a.avi", []
+    video.write_bytes(b"monday")
+    state = state_of(video)
+    os.utime(video, ns=(5, 5))
+    whole = content.whole_files.sha256
+    monkeypatch.setattr(
+        content.whole_files, "sha256", lambda path: read.append(path) or whole(path)
+    )
+    assert all(same_input(state, video) for _ in range(3))
+    assert len(read) == 1
+    video.write_bytes(b"friday")
+    assert not same_input(state, video)
 
 
 @pytest.mark.parametrize("kind", ["images", "tracker"])
