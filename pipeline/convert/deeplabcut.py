@@ -7,6 +7,7 @@ import pandas as pd
 
 from pipeline.convert.keypoints import KeyPoints, scores_of
 from pipeline.convert.optional import library
+from pipeline.convert.pandas_hdf5 import read_table
 from pipeline.convert.results import frames_of
 from pipeline.errors import InputError, in_words
 from pipeline.tables.files import check_separator
@@ -25,9 +26,9 @@ def read_deeplabcut(path) -> KeyPoints:
     path = Path(path)
     is_hdf5 = path.suffix.lower() in (".h5", ".hdf5")
     if is_hdf5:
-        library("tables", "formats")
+        library("h5py", "formats")
     try:
-        return _key_points(pd.read_hdf(path) if is_hdf5 else _read_csv(path))
+        return _key_points(read_table(path) if is_hdf5 else _read_csv(path))
     except Exception as error:  # the libraries raise many kinds on a broken file
         raise _fault(path, error) from None
 

@@ -1,6 +1,9 @@
 """Key points of DeepLabCut and SLEAP become lines that are worth what the points are."""
 
+import contextlib
 import itertools
+import os
+import pickle
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,7 +16,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tracked_files import settings_of
 
-from pipeline.convert import keypoints
+from pipeline.convert import keypoints, pandas_hdf5
 from pipeline.convert.deeplabcut import read_deeplabcut
 from pipeline.convert.keypoints import KeyPoints, lines_of, points_along
 from pipeline.convert.sleap import read_sleap
@@ -110,6 +113,40 @@ def test_deeplabcut_files(tmp_path, individuals):
     table.to_hdf(tmp_path / "a.h5", key="df_with_missing", format="table", mode="w")
     check(read_deeplabcut(tmp_path / "a.csv"), expected)
     check(read_deeplabcut(tmp_path / "a.h5"), expected)
+
+
+@pytest.mark.parametrize("layout", ["table", "fixed"])
+@pytest.mark.parametrize("kinds", [(float, float), (float, np.float32)])
+def test_tables_of_pandas_are_read_as_pandas_reads_them(tmp_path, layout, kinds):
+    table = deeplabcut_table(several()).set_index(pd.Index([0, 2, 5]))
+    table = table.astype(dict(zip(table.columns[::2], itertools.cycle(kinds), strict=False)))
+    table.to_hdf(tmp_path / "a.h5", key="df_with_missing", format=layout, mode="w")
+    pd.testing.assert_frame_equal(
+        pandas_hdf5.read_table(tmp_path / "a.h5"), table, check_index_type=False,
+        check_column_type=False,
+    )  # fmt: skip
+
+
+class Runs:
+    """Makes a folder as it is unpickled."""
+
+    def __init__(self, path):
+        self.path = path
+
+    def __reduce__(self):
+        return os.mkdir, (str(self.path),)
+
+
+@pytest.mark.parametrize("attribute", ["info", "non_index_axes", "values_cols", "levels"])
+@pytest.mark.parametrize("protocol", [0, 2, 4])
+def test_nothing_in_a_deeplabcut_file_is_run(tmp_path, attribute, protocol):
+    path, made = tmp_path / "a.h5", tmp_path / "made"
+    deeplabcut_table(several()).to_hdf(path, key="df_with_missing", format="table", mode="w")
+    with h5py.File(path, "a") as file:
+        file["df_with_missing"].attrs[attribute] = np.bytes_(pickle.dumps(Runs(made), protocol))
+    with contextlib.suppress(InputError):
+        read_deeplabcut(path)
+    assert not made.exists()
 
 
 @pytest.mark.parametrize(("separator", "name"), [("\t", "tabs"), (";", "semicolons")])
