@@ -1,11 +1,10 @@
 """`whiskerforce calibrate`: measurements that fill session.toml."""
 
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
-from pipeline.app.options import Debug, Out, Results, up_to_date
+from pipeline.app.options import Debug, Out, Results, argument, option, up_to_date
 from pipeline.app.terminal import leave
 
 calibrate = typer.Typer(
@@ -15,42 +14,29 @@ calibrate = typer.Typer(
     rich_markup_mode=None,
 )
 
-Into = Annotated[
-    Path | None,
-    typer.Option(
-        "--into", metavar="FILE", help="Settings file (session.toml) to write the results to."
-    ),
-]
-Whisker = Annotated[
-    str | None,
-    typer.Option("--whisker", metavar="NAME", help="Name of the whisker in that settings file."),
-]
+Into = option(
+    Path | None, "FILE", "Settings file (session.toml) to write the results to.", "--into"
+)
+Whisker = option(str | None, "NAME", "Name of the whisker in that settings file.", "--whisker")
 
 
 @calibrate.command()
 def geometry(
-    images: Annotated[
-        list[Path], typer.Argument(metavar="IMAGE", help="Micrographs, one whisker in each.")
-    ],
+    images: argument(list[Path], "IMAGE", "Micrographs, one whisker in each."),
     out: Out,
-    pixels_per_mm: Annotated[
+    pixels_per_mm: option(
+        float | None, "X", "Scale of the micrographs: pixels per millimetre."
+    ) = None,
+    scale_bar_mm: option(
         float | None,
-        typer.Option(metavar="X", help="Scale of the micrographs: pixels per millimetre."),
-    ] = None,
-    scale_bar_mm: Annotated[
-        float | None,
-        typer.Option(
-            metavar="X",
-            help="Length of the scale bar in the micrographs, if their scale is not known.",
-        ),
-    ] = None,
-    mass_ug: Annotated[
+        "X",
+        "Length of the scale bar in the micrographs, if their scale is not known.",
+    ) = None,
+    mass_ug: option(
         list[float] | None,
-        typer.Option(
-            metavar="X",
-            help="Mass of each whisker [µg], in the order of the images, for its density.",
-        ),
-    ] = None,
+        "X",
+        "Mass of each whisker [µg], in the order of the images, for its density.",
+    ) = None,
     into: Into = None,
     whisker: Whisker = None,
     debug: Debug = False,
@@ -71,22 +57,18 @@ def geometry(
 def ringdown(
     results: Results,
     out: Out,
-    frames: Annotated[
+    frames: option(
         list[str] | None,
-        typer.Option(
-            metavar="VIDEO:WHISKER:FRAME",
-            help="First free frame after a slip; repeat the option for every slip.  "
-            "[default: the slips that `run` found]",
-        ),
-    ] = None,
-    follicle: Annotated[
+        "VIDEO:WHISKER:FRAME",
+        "First free frame after a slip; repeat the option for every slip.  "
+        "[default: the slips that `run` found]",
+    ) = None,
+    follicle: option(
         str,
-        typer.Option(
-            metavar="HOW",
-            help="How the follicle holds the base: fixed, pinned, or a rotational stiffness in "
-            "units of E I/L (at the base).",
-        ),
-    ] = "fixed",
+        "HOW",
+        "How the follicle holds the base: fixed, pinned, or a rotational "
+        "stiffness in units of E I/L (at the base).",
+    ) = "fixed",
     into: Into = None,
     whisker: Whisker = None,
     debug: Debug = False,
@@ -107,19 +89,14 @@ def ringdown(
 def dust(
     results: Results,
     out: Out,
-    whisker: Annotated[
-        str | None,
-        typer.Option(
-            "--whisker", metavar="NAME", help="Whisker with the particle.  [default: the only one]"
-        ),
-    ] = None,
-    at_mm: Annotated[
+    whisker: option(
+        str | None, "NAME", "Whisker with the particle.  [default: the only one]", "--whisker"
+    ) = None,
+    at_mm: option(
         float | None,
-        typer.Option(
-            metavar="X",
-            help="Rough distance of the particle from the follicle [mm].  [default: found]",
-        ),
-    ] = None,
+        "X",
+        "Rough distance of the particle from the follicle [mm].  [default: found]",
+    ) = None,
     debug: Debug = False,
 ):
     """Measure follicle motion from dust on a whisker.
@@ -134,28 +111,17 @@ def dust(
 
 @calibrate.command()
 def views(
-    first: Annotated[
-        Path,
-        typer.Argument(
-            metavar="RESULTS", help="Results of `run` of the view from above.", callback=up_to_date
-        ),
-    ],
-    second: Annotated[
-        Path,
-        typer.Argument(
-            metavar="RESULTS2", help="Results of `run` of the second view.", callback=up_to_date
-        ),
-    ],
-    points: Annotated[
-        Path, typer.Option(metavar="CSV", help="CSV file of points that both views show.")
-    ],
+    first: argument(
+        Path, "RESULTS", "Results of `run` of the view from above.", callback=up_to_date
+    ),
+    second: argument(
+        Path, "RESULTS2", "Results of `run` of the second view.", callback=up_to_date
+    ),
+    points: option(Path, "CSV", "CSV file of points that both views show."),
     out: Out,
-    whisker: Annotated[
-        str | None,
-        typer.Option(
-            "--whisker", metavar="NAME", help="Name of the whisker.  [default: the only one]"
-        ),
-    ] = None,
+    whisker: option(
+        str | None, "NAME", "Name of the whisker.  [default: the only one]", "--whisker"
+    ) = None,
     debug: Debug = False,
 ):
     """Measure elevation from two views at right angles.

@@ -9,13 +9,12 @@ import re
 import sys
 import traceback
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
 from pipeline.app import convert, terminal
 from pipeline.app.calibrate import calibrate
-from pipeline.app.options import Debug, Jobs, Out, Results
+from pipeline.app.options import Debug, Jobs, Out, Results, argument, option, switch
 from pipeline.app.terminal import FAILED, say
 from pipeline.runtime.interrupts import INTERRUPTED, listen
 
@@ -46,12 +45,9 @@ def _show_version(wanted: bool):
 
 @app.callback()
 def _options(
-    version: Annotated[
-        bool,
-        typer.Option(
-            "--version", callback=_show_version, is_eager=True, help="Print the version and exit."
-        ),
-    ] = False,
+    version: switch(
+        "Print the version and exit.", "--version", callback=_show_version, is_eager=True
+    ) = False,
     debug: Debug = False,
 ):
     pass
@@ -67,31 +63,19 @@ def _list_presets(preset: str) -> str:
     return preset
 
 
-Quiet = Annotated[
-    bool, typer.Option("--quiet", help="Print only warnings and failures; no progress.")
-]
+Quiet = switch("Print only warnings and failures; no progress.", "--quiet")
 
 
 @app.command()
 def run(
-    paths: Annotated[
-        list[Path], typer.Argument(metavar="PATH", help="Videos, or folders of videos.")
-    ],
+    paths: argument(list[Path], "PATH", "Videos, or folders of videos."),
     out: Out,
-    config: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE",
-            help="Settings file to use.  [default: the session.toml beside the videos]",
-        ),
-    ] = None,
+    config: option(
+        Path | None, "FILE", "Settings file to use.  [default: the session.toml beside the videos]"
+    ) = None,
     jobs: Jobs = None,
-    overwrite: Annotated[
-        bool, typer.Option("--overwrite", help="Process all videos again, even finished ones.")
-    ] = False,
-    overlay: Annotated[
-        bool, typer.Option("--overlay", help="Also write each video with the results drawn in.")
-    ] = False,
+    overwrite: switch("Process all videos again, even finished ones.", "--overwrite") = False,
+    overlay: switch("Also write each video with the results drawn in.", "--overlay") = False,
     quiet: Quiet = False,
     debug: Debug = False,
 ):
@@ -115,19 +99,13 @@ def run(
 
 @app.command()
 def init(
-    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder with the videos.")],
-    overwrite: Annotated[
-        bool,
-        typer.Option(
-            "--overwrite", help="Replace an existing session.toml; it is kept as session.toml.old."
-        ),
-    ] = False,
-    config: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE", help="Settings file to preview; only the picture is written."
-        ),
-    ] = None,
+    folder: argument(Path, "FOLDER", "Folder with the videos."),
+    overwrite: switch(
+        "Replace an existing session.toml; it is kept as session.toml.old.", "--overwrite"
+    ) = False,
+    config: option(
+        Path | None, "FILE", "Settings file to preview; only the picture is written."
+    ) = None,
     debug: Debug = False,
 ):
     """Look at the videos and write a first session.toml.
@@ -150,12 +128,9 @@ def init(
 
 @app.command()
 def demo(
-    out: Annotated[
-        Path,
-        typer.Option(
-            "--out", metavar="DIR", help="Folder for videos and results; created if missing."
-        ),
-    ] = Path("whiskerforce-demo"),
+    out: option(Path, "DIR", "Folder for videos and results; created if missing.", "--out") = Path(
+        "whiskerforce-demo"
+    ),
     jobs: Jobs = None,
     debug: Debug = False,
 ):
@@ -169,35 +144,19 @@ def demo(
 
 @app.command()
 def synth(
-    folder: Annotated[
-        Path, typer.Argument(metavar="DIR", help="Folder for the videos; created if missing.")
-    ],
-    preset: Annotated[
+    folder: argument(Path, "DIR", "Folder for the videos; created if missing."),
+    preset: option(
         str,
-        typer.Option(
-            metavar="NAME",
-            callback=_list_presets,
-            is_eager=True,
-            help="What to render; `--preset list` shows the choices.",
-        ),
-    ],
-    seed: Annotated[
-        int,
-        typer.Option(
-            metavar="N", min=0, help="Random seed; the same seed renders the same videos."
-        ),
-    ] = 0,
-    trials: Annotated[
-        int | None,
-        typer.Option(
-            metavar="N",
-            min=1,
-            help="Number of videos to render.  [default: as many as the preset has]",
-        ),
-    ] = None,
-    frames: Annotated[
-        int, typer.Option(metavar="N", min=50, help="Number of frames per video.")
-    ] = 1000,
+        "NAME",
+        "What to render; `--preset list` shows the choices.",
+        callback=_list_presets,
+        is_eager=True,
+    ),
+    seed: option(int, "N", "Random seed; the same seed renders the same videos.", min=0) = 0,
+    trials: option(
+        int | None, "N", "Number of videos to render.  [default: as many as the preset has]", min=1
+    ) = None,
+    frames: option(int, "N", "Number of frames per video.", min=50) = 1000,
     jobs: Jobs = None,
     quiet: Quiet = False,
     debug: Debug = False,
@@ -216,24 +175,14 @@ def synth(
 @app.command()
 def figures(
     results: Results,
-    truth: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="DIR", help="Folder of truth tables, written by `synth`, to compare with."
-        ),
-    ] = None,
-    video: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Video shown in panels a and b.")
-    ] = None,
-    whisker: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Whisker shown in panels a and b.")
-    ] = None,
-    contact: Annotated[
-        int | None,
-        typer.Option(
-            metavar="N", min=1, help="Number of the contact shown there.  [default: a typical one]"
-        ),
-    ] = None,
+    truth: option(
+        Path | None, "DIR", "Folder of truth tables, written by `synth`, to compare with."
+    ) = None,
+    video: option(str | None, "NAME", "Video shown in panels a and b.") = None,
+    whisker: option(str | None, "NAME", "Whisker shown in panels a and b.") = None,
+    contact: option(
+        int | None, "N", "Number of the contact shown there.  [default: a typical one]", min=1
+    ) = None,
     debug: Debug = False,
 ):
     """Draw the paper's figure 3 from the tables.
@@ -262,24 +211,14 @@ def _say_damaged(damaged) -> bool:
 
 @app.command()
 def curate(
-    results: Annotated[
-        Path, typer.Argument(metavar="RESULTS", help="Results folder of `whiskerforce run`.")
-    ],
-    port: Annotated[
-        int,
-        typer.Option(
-            metavar="N", min=0, max=65535, help="Port to serve the page on; 0: any free port."
-        ),
-    ] = 0,
-    browser: Annotated[bool, typer.Option(help="Open the page in the browser.")] = True,
-    name: Annotated[
+    results: argument(Path, "RESULTS", "Results folder of `whiskerforce run`."),
+    port: option(int, "N", "Port to serve the page on; 0: any free port.", min=0, max=65535) = 0,
+    browser: switch("Open the page in the browser.") = True,
+    name: option(
         str | None,
-        typer.Option(
-            metavar="NAME",
-            help="Your name, saved with every correction.  "
-            "[default: your user name on this computer]",
-        ),
-    ] = None,
+        "NAME",
+        "Your name, saved with every correction.  [default: your user name on this computer]",
+    ) = None,
     debug: Debug = False,
 ):
     """Correct contacts in the browser.

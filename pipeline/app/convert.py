@@ -3,12 +3,11 @@
 import re
 from functools import partial
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
 from pipeline.app import terminal
-from pipeline.app.options import Debug, Jobs, Out, Results
+from pipeline.app.options import Debug, Jobs, Out, Results, argument, option
 
 GROUP = {"no_args_is_help": True, "rich_markup_mode": None}
 importing = typer.Typer(help="Analyse what another program has tracked.", **GROUP)
@@ -20,23 +19,16 @@ FILES = {  # what a program's files are called: a pattern, and in words
     "sleap": (r"analysis.*\.(csv|h5)$", "NAME.analysis.h5 or NAME.analysis.csv"),
 }
 
-Paths = Annotated[
-    list[Path], typer.Argument(metavar="PATH", help="Files, or folders with such files.")
-]
-Config = Annotated[
-    Path | None,
-    typer.Option(
-        metavar="FILE", help="Settings file to use.  [default: the session.toml beside the files]"
-    ),
-]
-Names = Annotated[
+Paths = argument(list[Path], "PATH", "Files, or folders with such files.")
+Config = option(
+    Path | None, "FILE", "Settings file to use.  [default: the session.toml beside the files]"
+)
+Names = option(
     str,
-    typer.Option(
-        metavar="NAMES",
-        help="Names of the whiskers in the other program's order, separated by commas.  "
-        "[default: as in session.toml]",
-    ),
-]
+    "NAMES",
+    "Names of the whiskers in the other program's order, separated by "
+    "commas.  [default: as in session.toml]",
+)
 
 
 def _janelia(path, settings, names):
@@ -98,16 +90,11 @@ _command_for(
 
 @importing.command("whacc")
 def import_whacc(
-    path: Annotated[Path, typer.Argument(metavar="FILE", help="HDF5 file that WhACC wrote.")],
-    out: Annotated[
-        Path, typer.Option("--out", metavar="RESULTS", help="Results folder of the same videos.")
-    ],
-    whisker: Annotated[
-        str,
-        typer.Option(
-            metavar="NAME", help="Whisker that the contacts belong to.  [default: the only one]"
-        ),
-    ] = "",
+    path: argument(Path, "FILE", "HDF5 file that WhACC wrote."),
+    out: option(Path, "RESULTS", "Results folder of the same videos.", "--out"),
+    whisker: option(
+        str, "NAME", "Whisker that the contacts belong to.  [default: the only one]"
+    ) = "",
     debug: Debug = False,
 ):
     """Contacts from WhACC, for videos already processed.
@@ -223,14 +210,12 @@ def _export(results, out, write):
 def export_mat(
     results: Results,
     out: Out,
-    protraction: Annotated[
+    protraction: option(
         str,
-        typer.Option(
-            metavar="DIRECTION",
-            help="Direction of protraction in the picture: upward, downward, leftward or "
-            "rightward.  [default: counter-clockwise]",
-        ),
-    ] = "",
+        "DIRECTION",
+        "Direction of protraction in the picture: upward, downward, leftward or "
+        "rightward.  [default: counter-clockwise]",
+    ) = "",
     debug: Debug = False,
 ):
     """MATLAB files like the Hires lab's WhiskerTrialLite.
@@ -246,31 +231,18 @@ def export_mat(
 def export_nwb(
     results: Results,
     out: Out,
-    start: Annotated[
+    start: option(
         str,
-        typer.Option(
-            metavar="TIME",
-            help="Date and time of the recording's start, such as 2024-11-22T10:30:00+00:00.  "
-            "[default: the file's time]",
-        ),
-    ] = "",
-    subject: Annotated[str, typer.Option(metavar="NAME", help="Name of the animal.")] = "",
-    species: Annotated[
-        str,
-        typer.Option(metavar="NAME", help='Latin name of the species, such as "Mus musculus".'),
-    ] = "",
-    sex: Annotated[
-        str,
-        typer.Option(
-            metavar="SEX", help="Sex of the animal: F (female), M (male), O (other), U (unknown)."
-        ),
-    ] = "",
-    age: Annotated[
-        str,
-        typer.Option(
-            metavar="AGE", help="Age of the animal as an ISO 8601 duration (P90D: 90 days)."
-        ),
-    ] = "",
+        "TIME",
+        "Date and time of the recording's start, such as "
+        "2024-11-22T10:30:00+00:00.  [default: the file's time]",
+    ) = "",
+    subject: option(str, "NAME", "Name of the animal.") = "",
+    species: option(str, "NAME", 'Latin name of the species, such as "Mus musculus".') = "",
+    sex: option(
+        str, "SEX", "Sex of the animal: F (female), M (male), O (other), U (unknown)."
+    ) = "",
+    age: option(str, "AGE", "Age of the animal as an ISO 8601 duration (P90D: 90 days).") = "",
     debug: Debug = False,
 ):
     """Neurodata Without Borders.

@@ -6,6 +6,21 @@ from typing import Annotated
 import typer
 
 
+def option(kind, metavar, words, *names, **more):
+    """Type of an option of a `kind`: what its value is called, and its help."""
+    return Annotated[kind, typer.Option(*names, metavar=metavar, help=words, **more)]
+
+
+def switch(words, *names, **more):
+    """Type of an option without a value."""
+    return Annotated[bool, typer.Option(*names, help=words, **more)]
+
+
+def argument(kind, metavar, words, **more):
+    """Type of an argument."""
+    return Annotated[kind, typer.Argument(metavar=metavar, help=words, **more)]
+
+
 def up_to_date(results: Path) -> Path:
     """The results folder, its tables brought up to a person's corrections."""
     from pipeline.curate.corrected import bring_up_to_date
@@ -15,21 +30,9 @@ def up_to_date(results: Path) -> Path:
     return results
 
 
-Results = Annotated[
-    Path,
-    typer.Argument(
-        metavar="RESULTS", help="Results folder of `whiskerforce run`.", callback=up_to_date
-    ),
-]
-Out = Annotated[
-    Path, typer.Option("--out", metavar="DIR", help="Folder to write to; created if missing.")
-]
-Jobs = Annotated[
-    int | None,
-    typer.Option(
-        "--jobs", metavar="N", min=1, help="Number of parallel processes.  [default: one per core]"
-    ),
-]
-Debug = Annotated[
-    bool, typer.Option("--debug", help="Show where in the program an error occurred (traceback).")
-]
+Results = argument(Path, "RESULTS", "Results folder of `whiskerforce run`.", callback=up_to_date)
+Out = option(Path, "DIR", "Folder to write to; created if missing.", "--out")
+Jobs = option(
+    int | None, "N", "Number of parallel processes.  [default: one per core]", "--jobs", min=1
+)
+Debug = switch("Show where in the program an error occurred (traceback).", "--debug")
