@@ -40,11 +40,9 @@ def _read_hdf5(path) -> KeyPoints:
     scores = np.ones(xy.shape[:3]) if scores is None else scores.transpose(2, 0, 1)
     if xy.shape[1:] != (xy.shape[1], len(parts), 2) or scores.shape != xy.shape[:3]:
         raise _fault(path, f"tracks are of shape {xy.shape}, scores {scores.shape}")
-    return KeyPoints(_tracks(tracks, xy.shape[1]), parts, xy, scores_of(xy, scores))
-
-
-def _tracks(names, count):
-    return tuple(names) if len(names) == count else tuple(f"track_{i}" for i in range(count))
+    if len(tracks) != xy.shape[1]:
+        tracks = tuple(f"track_{i}" for i in range(xy.shape[1]))
+    return KeyPoints(tracks, parts, xy, scores_of(xy, scores))
 
 
 def _read_csv(path) -> KeyPoints:

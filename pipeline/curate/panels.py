@@ -68,7 +68,10 @@ def panels(desk, no_picture="") -> dict[str, str]:
         "video": macro.video(desk),
         "progress": macro.progress(_count(desk.items)),
         "saved": macro.saved("busy" if desk.results.busy else "ok", fault),
-        "badge": macro.badge(_contact_state(desk), desk.frame, _time(video, desk.frame)),
+        "badge": macro.badge(
+            _contact_state(desk), desk.frame,
+            f"{1e3 * desk.frame / video.recording.frames_per_second:.5g}",
+        ),
         "readout": macro.readout(
             _readings(desk), _described(item, video), desk.whisker,
             item.reasons if item else (), desk.adding,
@@ -108,10 +111,6 @@ def _contact_state(desk):
         names = f" {', '.join(dict.fromkeys(touching))}" if several else ""
         return {"css": "contact", "text": f"contact{names}"}
     return {"css": "free", "text": "free"}
-
-
-def _time(video, frame):
-    return f"{1e3 * frame / video.recording.frames_per_second:.5g}"
 
 
 def _readings(desk):

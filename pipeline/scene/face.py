@@ -37,7 +37,8 @@ def darkest_sides(transmission: np.ndarray, params) -> list[str]:
 
 def find_face(transmission: np.ndarray, side: str, pixels_per_mm: float, params) -> np.ndarray:
     """Return the face's mask, bool (height, width); all False where no face is in view."""
-    smooth = _blurred(transmission, params.fur_average_mm * pixels_per_mm)
+    sd = params.fur_average_mm * pixels_per_mm
+    smooth = cv2.GaussianBlur(transmission, (0, 0), sd, borderType=cv2.BORDER_REPLICATE)
     dark = opened_beyond_border(smooth < params.face_edge, params.tuft_mm * pixels_per_mm)
     labels = regions(dark)
     on_border = np.bincount(border(labels, side), minlength=labels.max() + 1)
@@ -46,10 +47,6 @@ def find_face(transmission: np.ndarray, side: str, pixels_per_mm: float, params)
         return np.zeros(dark.shape, bool)
     mask = (on_border >= LEAST_BORDER * on_border.max())[labels]
     return _without_holes(mask, side)
-
-
-def _blurred(image, sd):
-    return cv2.GaussianBlur(image, (0, 0), sd, borderType=cv2.BORDER_REPLICATE)
 
 
 def _without_holes(mask, side):

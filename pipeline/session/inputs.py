@@ -300,12 +300,11 @@ def _is_left_over(folder) -> bool:
     return (
         not recorded_path(folder)
         and not (folder / "videos.csv").exists()
-        and (any((folder / name).is_file() for name in LEFT_OVER) or _is_empty(folder))
+        and (
+            any((folder / name).is_file() for name in LEFT_OVER)
+            or (folder.is_dir() and not any(folder.iterdir()))
+        )
     )
-
-
-def _is_empty(folder) -> bool:
-    return folder.is_dir() and not any(folder.iterdir())
 
 
 def _stem(path) -> str:

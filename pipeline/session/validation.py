@@ -60,7 +60,8 @@ def _explain(error, document) -> str:
         home = _home(error["loc"][-1])
         if home and not isinstance(value, dict):
             return f"{error['loc'][-1]} = {value!r} belongs below {home}; move it there"
-        return f"{place}: unknown {_table_or_key(error['loc'])}; {_known(error['loc'])}"
+        unknown = "table or key" if len(error["loc"]) == 1 else "key"
+        return f"{place}: unknown {unknown}; {_known(error['loc'])}"
     if kind == "missing":
         return f"{place} is missing; {_wanted(error['loc'])}; add it"
     if kind == "implausible":
@@ -101,10 +102,6 @@ def _home(key) -> str:
         if table is not None and name != "advanced" and key in fields_of(table):
             return "[[whisker]]" if name == "whisker" else f"[{name}]"
     return ""
-
-
-def _table_or_key(location) -> str:
-    return "table or key" if len(location) == 1 else "key"
 
 
 def _known(location) -> str:
