@@ -7,6 +7,10 @@ from pipeline.session.parameters import DEFAULTS
 from pipeline.session.recording import Recording
 
 LONGER, LONGER_PX = 1.03, 4  # than its given length a line may be
+# Chosen: pixels per mm that a length along a line counts at least; least length of a line that is
+# looked for; where lengths are given, it must be so much of the shortest whisker, but no more [m]
+FEWEST_PER_MM, SHORTEST_PX, SHORTEST_GIVEN_PX = 12.5, 40.0, 30.0
+PART, PART_M = 0.35, 5e-3
 
 
 def options_for(
@@ -22,17 +26,21 @@ def options_for(
     params : `Parameters` of all rooms
     """
     scale, own = recording.pixels_per_m, params.tracking
+
+    def along(length_mm):
+        return max(length_mm / 1e3 * scale, length_mm * FEWEST_PER_MM)
+
     visible = [(a - b) * scale for a, b in zip(lengths_m, hidden_m, strict=True)]
     longest = [LONGER * length + LONGER_PX for length in visible]
     if visible:
-        shortest = max(min(5e-3 * scale, 0.35 * min(visible)), 30.0)
+        shortest = max(min(PART_M * scale, PART * min(visible)), SHORTEST_GIVEN_PX)
     else:
-        shortest = max(own.shortest_line_mm / 1e3 * scale, 40.0)
-    return TracingOptions(  # however few pixels a millimetre has, so many are needed
-        spacing_px=max(own.knot_spacing_mm / 1e3 * scale, 8.0),
+        shortest = max(own.shortest_line_mm / 1e3 * scale, SHORTEST_PX)
+    return TracingOptions(
+        spacing_px=along(own.knot_spacing_mm),
         shortest_px=shortest,
-        base_gap_px=max(own.base_gap_mm / 1e3 * scale, 25.0),
-        bridge_px=int(max(own.bridge_mm / 1e3 * scale, 15)),
+        base_gap_px=along(own.base_gap_mm),
+        bridge_px=int(along(own.bridge_mm)),
         longest_px=max(longest, default=np.inf),
         visible_px=tuple(longest),
         hidden_px=tuple(scale * h for h in hidden_m),

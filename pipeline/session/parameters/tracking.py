@@ -10,8 +10,9 @@ class TrackerParams:
     """Which whiskers a video shows, and how their lines are followed from frame to frame.
 
     Where whisker lengths are not given, millimetres are those of a picture 35 mm wide and high.
-    A time is at least as many frames as at 1000 frames/s, and a distance between neighbouring
-    whiskers at least as many pixels as at 25 px/mm: fewer show too little.
+    A time is at least as many frames as at 1000 frames/s, a distance between neighbouring whiskers
+    at least as many pixels as at 25 px/mm, a gap or a distance along a line as at 12.5 px/mm:
+    fewer show too little.
     """
 
     shortest_line_mm: quantity(0.5, 20, "mm") = parameter(
