@@ -6,6 +6,7 @@ from pathlib import Path
 
 NO_ROOM = "make room on that disk and run again; what is finished is kept"
 TOO_LARGE = "that disk, or the system, takes no file so large: choose another place"
+NO_MEMORY = ("MemoryError", "Insufficient memory", "failed to map segment")  # last: of a library
 NOT_ALLOWED = "change its permissions, or choose another place, and run again"
 ADVICE = {  # by the system's number of an error
     errno.ENOSPC: NO_ROOM,
@@ -85,6 +86,11 @@ def in_words(error: Exception | str) -> str:
     'of two lines'
     """
     return " ".join((why(error) if isinstance(error, OSError) else str(error)).split())
+
+
+def lacks_memory(words: str) -> bool:
+    """Whether the words of an error, with its type, are those of too little memory."""
+    return any(each in words for each in NO_MEMORY)
 
 
 def why(error: OSError) -> str:

@@ -256,3 +256,14 @@ def test_demo_prints_contacts_beside_the_truth(rendered, tmp_path, monkeypatch):
     for force in true["peak_force_uN"]:
         assert f"{force:.2f}" in text
     assert str(tmp_path / "demo" / "results" / "report.html") in text
+
+
+def test_demo_says_why_all_videos_failed(rendered, tmp_path, monkeypatch):
+    def no_memory(*given, **how):
+        raise MemoryError
+
+    monkeypatch.setattr(demo, "render", lambda folder, *_: shutil.copytree(rendered, folder))
+    monkeypatch.setattr("pipeline.run.analyse", no_memory)
+    said = []
+    assert demo.run_demo(tmp_path / "demo", 1, None, said.append)
+    assert any("failed: " in line and "out of memory" in line for line in said)

@@ -322,13 +322,16 @@ def _is_unusable(error) -> bool:
 
 
 def _explain(error) -> str:
-    from pipeline.errors import with_advice
+    from pipeline.errors import lacks_memory, with_advice
 
     if _is_unusable(error):
         return f"error: {with_advice(error) if isinstance(error, OSError) else error}"
     if type(error).__module__.split(".")[0] in ("pipeline", "synthetic"):  # said for people
         return f"error: {error}"
-    return f"error: {type(error).__name__}: {error} (an error in the program; --debug shows where)"
+    what = f"{type(error).__name__}: {error}"
+    if lacks_memory(what):
+        return f"error: out of memory ({what}); close other programs, and try again"
+    return f"error: {what} (an error in the program; --debug shows where)"
 
 
 if __name__ == "__main__":

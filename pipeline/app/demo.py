@@ -95,7 +95,7 @@ def run_demo(out, jobs, progress, say) -> bool:
     say("processing it …")
     summary = batch.run([videos], results, jobs=jobs, overwrite=True, progress=progress)
     contacts, truth = read_contacts(results), read_truth(results)
-    for line in comparison(contacts, truth):
+    for line in comparison(contacts, truth) if truth is not None else ():  # else all have failed
         say(line)
     for each in summary.of("failed"):
         say(f"failed: {each.video}: {each.message}")

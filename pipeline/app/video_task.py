@@ -7,7 +7,7 @@ from pathlib import Path
 
 from pipeline.app.outcome import Outcome, earlier_results, failure, kept_outcome, save_state
 from pipeline.curate.corrected import DECIDED_ON, DOUBTS, decided_on
-from pipeline.errors import InputError, in_words, why, with_advice
+from pipeline.errors import InputError, in_words, lacks_memory, why, with_advice
 from pipeline.runtime.compiling import compiling_reported, seconds_without_compiling
 from pipeline.runtime.progress import Step
 from pipeline.scene import pole_runs
@@ -175,7 +175,7 @@ def settled_outcome(task, outcome) -> Outcome:
 def died(task, reason) -> Outcome:
     """The outcome where the program failed, or the process in which it ran."""
     last = reason.strip().splitlines()[-1]
-    if "MemoryError" in last or "Insufficient memory" in last:
+    if lacks_memory(last):
         last = (
             f"out of memory ({last}); use fewer --jobs, close other programs, or shorten the video"
         )

@@ -1,6 +1,7 @@
 """Video files, read through PyAV (FFmpeg)."""
 
 import contextlib
+import errno
 from functools import cached_property
 from itertools import groupby, islice, repeat
 
@@ -455,5 +456,7 @@ def _no_frames_message(container):
 
 
 def reason_of(error) -> str:
-    """Return what FFmpeg says of a failure."""
+    """Return what FFmpeg says of a failure; MemoryError where it, or a thread, got no memory."""
+    if getattr(error, "errno", None) in (errno.ENOMEM, errno.EAGAIN):
+        raise MemoryError(str(error)) from error
     return getattr(error, "strerror", None) or str(error)

@@ -19,6 +19,8 @@ def quick_analyse(path, settings, keep=None, progress=None, corrections=None, th
         raise ZeroDivisionError("oops")
     if content.startswith(b"large"):
         raise MemoryError
+    if content.startswith(b"library"):
+        raise ImportError("libx.so: failed to map segment from shared object")
     frames = pd.DataFrame({"frame": range(FRAMES), "whisker": "C2", "tracked": True})
     row = {"whisker": "C2", "contact": 1, "onset_frame": 2, "peak_force_uN": float(len(content))}
     return Analysis(

@@ -365,8 +365,9 @@ def test_an_image_that_claims_a_huge_size_costs_its_folder_only(folder, calls, t
     assert "100000×100000 px: expected at most 34 megapixels" in failed.message
 
 
-def test_too_little_memory_is_no_fault_of_the_program(folder, calls, tmp_path):
-    (folder / "a.avi").write_bytes(b"large")
+@pytest.mark.parametrize("what", [b"large", b"library"])
+def test_too_little_memory_is_no_fault_of_the_program(folder, calls, tmp_path, what):
+    (folder / "a.avi").write_bytes(what)
     (failed,) = batch.run([folder], tmp_path / "results").of("failed")
     assert "out of memory" in failed.message
     assert "fewer --jobs" in failed.message

@@ -340,6 +340,17 @@ def test_help_shows_arguments_without_types_of_python(capsys, command, name):
     assert f"  {name}  " in text
 
 
+def test_a_library_that_finds_no_memory_is_no_fault_of_the_program(capsys, monkeypatch, tmp_path):
+    def no_memory(*given):
+        raise ImportError("libx.so: failed to map segment from shared object")
+
+    monkeypatch.setattr("pipeline.app.init.init_folder", no_memory)
+    assert exit_code("init", tmp_path) == 1
+    said = capsys.readouterr().err
+    assert said.startswith("error: out of memory (ImportError: libx.so")
+    assert "error in the program" not in said
+
+
 def test_help_says_where_to_begin(capsys):
     assert exit_code("--help") == 0
     text = " ".join(capsys.readouterr().out.split())

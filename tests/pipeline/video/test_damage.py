@@ -1,6 +1,7 @@
 """Cut, damaged and incomplete inputs: an error or a sentence says so, never silence."""
 
 import contextlib
+import errno
 import threading
 from fractions import Fraction
 from itertools import islice
@@ -15,7 +16,7 @@ from pipeline.errors import VideoError
 from pipeline.run import analyse
 from pipeline.session.session_file import read_session, settings_from
 from pipeline.video import base
-from pipeline.video.containers import ContainerVideo
+from pipeline.video.containers import ContainerVideo, reason_of
 from pipeline.video.decoder_log import SILENT, decoder_log
 from pipeline.video.endings import is_cut
 from pipeline.video.frame_faults import FrameFaults, is_black, missing_numbers
@@ -503,3 +504,10 @@ def test_frames_too_small_for_a_whisker_are_refused(tmp_path, shape):
     tifffile.imwrite(tmp_path / "a.tif", stack, photometric="minisblack")
     with pytest.raises(VideoError, match=f"{shape[1]}×{shape[0]} px: expected at least 16"):
         analyse(tmp_path / "a.tif", settings)
+
+
+@pytest.mark.parametrize("number", [errno.ENOMEM, errno.EAGAIN])
+def test_a_decoder_without_memory_does_not_make_a_video_damaged(number):
+    with pytest.raises(MemoryError):
+        reason_of(av.error.FFmpegError(number, "no thread could be started"))
+    assert reason_of(av.error.FFmpegError(errno.EINVAL, "is broken")) == "is broken"
