@@ -9,7 +9,7 @@ from pipeline.errors import counted
 from pipeline.scene.face import thickening_towards
 from pipeline.scene.picture_part import region_doubt
 from pipeline.scene.what_was_seen import seen_instead_of_pole, seen_instead_of_whiskers
-from pipeline.session.plausibility import doubtful_values
+from pipeline.session.plausibility import MOST_NAMED, doubtful_values
 from pipeline.session.schema import DIMENSIONS, SIDES, UPRIGHT
 from pipeline.tables.columns import split_flags
 from pipeline.tables.known_names import KNOWN, in_short, nameless_in
@@ -21,7 +21,6 @@ SELDOM_TRACKED = 0.8  # a whisker seen in less than this part of the frames is w
 SELDOM_CURVED = 0.5  # so is one whose curvature is known in less than this part of its lines
 OTHER_THICKNESS = 0.12  # of the pole, relative: more is no error of measurement
 MOST_UNKNOWN = 0.2  # of what is tracked: more is worth the first message
-MOST_NAMED = 3  # whiskers in a message
 CONTRADICTED, NEVER_FREE = "base_contradicted", "no_rest_curvature"  # flags of contacts
 DARK = 64  # grey levels of 255, median: no light behind the whiskers
 NO_POLE_IN_LINES = (

@@ -15,7 +15,7 @@ import typer
 from pipeline.app import convert, terminal
 from pipeline.app.calibrate import calibrate
 from pipeline.app.options import Debug, Jobs, Out, Results, argument, option, switch
-from pipeline.app.terminal import FAILED, say
+from pipeline.app.terminal import FAILED, UNUSABLE, say
 from pipeline.runtime.interrupts import INTERRUPTED, listen
 
 app = typer.Typer(
@@ -31,8 +31,6 @@ app = typer.Typer(
 app.add_typer(calibrate, name="calibrate")
 app.add_typer(convert.importing, name="import")
 app.add_typer(convert.exporting, name="export")
-
-UNUSABLE = 2
 
 
 def _show_version(wanted: bool):

@@ -12,6 +12,7 @@ import sys
 import traceback
 from pathlib import Path
 
+from pipeline.app.terminal import FAILED, UNUSABLE
 from pipeline.errors import InputError, counted
 from pipeline.session.inputs import results_folders
 from pipeline.session.session_file import SettingsError
@@ -19,7 +20,7 @@ from pipeline.session.session_file import SettingsError
 JOBS = ".jobs"  # folder in the results folder, for what jobs leave
 NAMES = "names.json"
 PATIENCE_S = 600  # that a job waits while others are given their names
-FAILED, UNUSABLE, NO_MEMORY = 1, 2, 3
+NO_MEMORY = 3
 
 
 def job_folder(out, name) -> Path:

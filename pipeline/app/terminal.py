@@ -8,7 +8,7 @@ import typer
 
 from pipeline.runtime.interrupts import INTERRUPTED
 
-FAILED = 1
+FAILED, UNUSABLE = 1, 2  # exit status
 
 
 def say(line: str):

@@ -149,14 +149,5 @@ def frames_of(numbers) -> np.ndarray:
 def lines_of_rows(names, keys, rows) -> Centrelines:
     """`Centrelines` of rows of points (n, 2); `keys` are (frame, number of the name)."""
     frame, whisker = np.array(keys, np.int32).reshape(-1, 2).T
-    x, y = np.concatenate([np.empty((0, 2)), *rows]).astype(np.float32).T
-    return Centrelines(
-        names=tuple(names),
-        frame=frame,
-        whisker=whisker,
-        offsets=np.cumsum([0, *map(len, rows)]).astype(np.int64),
-        x_px=x.copy(),
-        y_px=y.copy(),
-        se_px=np.full(len(x), np.nan, np.float32),
-        confidence=np.ones(len(rows), np.float32),
-    )
+    points = np.concatenate([np.empty((0, 2)), *rows]).T
+    return Centrelines.of_points(names, frame, whisker, [len(row) for row in rows], points)

@@ -80,19 +80,13 @@ def _smoothed(points):
 
 def _assembled(lines, kept, rows) -> Centrelines:
     """The rows as `Centrelines`, with the frames and whiskers of the lines `kept`."""
-    x, y, offset = np.concatenate([np.empty((3, 0)), *rows], axis=1).astype(np.float32)
-    return Centrelines(
-        names=lines.names,
-        frame=lines.frame[kept],
-        whisker=lines.whisker[kept],
-        offsets=np.cumsum([0, *(row.shape[1] for row in rows)]).astype(np.int64),
-        x_px=x,
-        y_px=y,
-        se_px=np.zeros_like(x),
-        confidence=lines.confidence[kept],
-        offset_px=offset,
-        thickness_px=np.full_like(x, np.nan),
-    )
+    *points, offset = np.concatenate([np.empty((3, 0)), *rows], axis=1).astype(np.float32)
+    counts = [row.shape[1] for row in rows]
+    return Centrelines.of_points(
+        lines.names, lines.frame[kept], lines.whisker[kept], counts, points,
+        se_px=np.zeros_like(offset), confidence=lines.confidence[kept], offset_px=offset,
+        thickness_px=np.full_like(offset, np.nan),
+    )  # fmt: skip
 
 
 def _noise(lines) -> np.ndarray:

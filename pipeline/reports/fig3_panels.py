@@ -4,6 +4,7 @@ Labels stand above the axes, where there are no data points.
 """
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import pandas as pd
@@ -181,18 +182,9 @@ def _panel_c(axis, content):
     return [("from session.toml, not measured", BLACK)]
 
 
-def _panel_d(axis, content):
-    """Peak forces."""
-    return _histogram(axis, content.panels["d"], content.recovered, "peak force", "µN")
-
-
-def _panel_e(axis, content):
-    """Durations."""
-    return _histogram(axis, content.panels["e"], content.recovered, "duration", "ms")
-
-
-def _histogram(axis, table, recovered, what, unit):
+def _histogram(axis, content, letter, what, unit):
     """Histogram, and over it this session's median and 5–95 % range beside the paper's."""
+    table, recovered = content.panels[letter], content.recovered
     start, end = table.iloc[:, 0], table.iloc[:, 1]
     axis.bar(start, table["contacts"], end - start, align="edge", color=PALE, edgecolor="white",
              linewidth=0.3)  # fmt: skip
@@ -249,5 +241,10 @@ def _panel_f(axis, content):
 
 
 PANELS = {
-    "a": _panel_a, "b": _panel_b, "c": _panel_c, "d": _panel_d, "e": _panel_e, "f": _panel_f,
-}  # fmt: skip
+    "a": _panel_a,
+    "b": _panel_b,
+    "c": _panel_c,
+    "d": partial(_histogram, letter="d", what="peak force", unit="µN"),
+    "e": partial(_histogram, letter="e", what="duration", unit="ms"),
+    "f": _panel_f,
+}

@@ -268,11 +268,6 @@ class Bar(Progress):
         self.bar.stop()
 
 
-def outcome_line(value) -> str:
-    """What became of a task, in one line."""
-    return value.line() if hasattr(value, "line") else str(value)
-
-
 def outcome_lines(name, value, said: set) -> list[str]:
     """What became of a task, in lines without what was `said` before; that is added to it."""
     first, *more = value.lines(said) if hasattr(value, "lines") else [str(value)]

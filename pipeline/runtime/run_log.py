@@ -25,10 +25,8 @@ class RunLog:
 
     def record(self, event, names) -> None:
         """Add a line for an event of `pipeline.runtime.workers`."""
-        from pipeline.runtime.progress import outcome_line
-
         if event.kind == "start":
             self.write(f"{names[event.task]}: started")
         elif event.kind == "done":
-            self.write(f"{names[event.task]}: {outcome_line(event.value)}")
+            self.write(f"{names[event.task]}: {event.value.line()}")
             self.write(getattr(event.value, "details", ""))

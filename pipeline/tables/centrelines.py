@@ -48,6 +48,19 @@ class Centrelines:
     end_px: np.ndarray | None = None
     hidden_px: np.ndarray | None = None
 
+    @classmethod
+    def of_points(cls, names, frame, whisker, counts, points, **known) -> "Centrelines":
+        """Rows of `counts` points each, x and y (2, points) one row after the other.
+
+        known : other fields; without them names are certain, and errors unknown
+        """
+        x, y = np.ascontiguousarray(points, np.float32)
+        unknown = {"se_px": np.full(len(x), np.nan, np.float32)}
+        certain = {"confidence": np.ones(len(counts), np.float32)}
+        frame, whisker = np.array(frame, np.int32), np.array(whisker, np.int32)
+        offsets = np.append(0, np.cumsum(counts)).astype(np.int64)
+        return cls(tuple(names), frame, whisker, offsets, x, y, **(unknown | certain | known))
+
     def __len__(self):
         return len(self.frame)
 
@@ -174,18 +187,9 @@ def lines_of_table(table: pd.DataFrame) -> Centrelines:
             )
     _check_frames(table)
     names = tuple(dict.fromkeys(table["whisker"]))
-    empty = [np.empty(0, np.float32)]
-    points = np.concatenate([*x, *empty])
-    return Centrelines(
-        names=names,
-        frame=table["frame"].to_numpy(np.int32),
-        whisker=np.array([names.index(name) for name in table["whisker"]], np.int32),
-        offsets=np.cumsum([0, *map(len, x)]).astype(np.int64),
-        x_px=points,
-        y_px=np.concatenate([*y, *empty]),
-        se_px=np.full(len(points), np.nan, np.float32),
-        confidence=np.ones(len(x), np.float32),
-    )
+    whisker = [names.index(name) for name in table["whisker"]]
+    points = [np.concatenate([*each, np.empty(0, np.float32)]) for each in (x, y)]
+    return Centrelines.of_points(names, table["frame"], whisker, [len(row) for row in x], points)
 
 
 def check_table(table) -> None:
@@ -243,32 +247,17 @@ def read_centrelines(path, filters=None) -> Centrelines:
 
 def _centrelines(table) -> Centrelines:
     """An arrow table or batch of centrelines.parquet as `Centrelines`."""
+    import pyarrow.compute as pc
+
     whiskers = table.column("whisker").to_pylist()
     names = tuple(dict.fromkeys(whiskers))
     number = {name: i for i, name in enumerate(names)}
-    frame = np.asarray(table.column("frame")).astype(np.int32)
-    x, y = (_flat(table.column(name)) for name in ("x_px", "y_px"))
-    lengths = _list_lengths(table.column("x_px"))
-    return Centrelines(
-        names=names,
-        frame=frame,
-        whisker=np.array([number[name] for name in whiskers], dtype=np.int32),
-        offsets=np.concatenate([[0], np.cumsum(lengths)]).astype(np.int64),
-        x_px=x,
-        y_px=y,
-        se_px=np.full(len(x), np.nan, np.float32),
-        confidence=np.full(len(frame), np.nan, np.float32),
+    x, y = (table.column(name) for name in ("x_px", "y_px"))
+    return Centrelines.of_points(
+        names,
+        table.column("frame"),
+        [number[name] for name in whiskers],
+        np.asarray(pc.list_value_length(x)),
+        [np.asarray(pc.list_flatten(each)) for each in (x, y)],
+        confidence=np.full(len(whiskers), np.nan, np.float32),
     )
-
-
-def _flat(column) -> np.ndarray:
-    """All points of a list column, one after the other."""
-    import pyarrow.compute as pc
-
-    return np.asarray(pc.list_flatten(column)).astype(np.float32)
-
-
-def _list_lengths(column) -> np.ndarray:
-    import pyarrow.compute as pc
-
-    return np.asarray(pc.list_value_length(column)).astype(np.int64)

@@ -9,12 +9,13 @@ from typing import NamedTuple
 import numpy as np
 
 from pipeline.numerics.runs import evenly
+from pipeline.session.plausibility import MOST_MM
 from pipeline.tracking.registry import find_templates
 from pipeline.tracking.whiskers import ENOUGH_FRAMES, options_for_picture, tracing_options
 
 AT_THE_LIMIT = 0.97  # of the longest line that a length allows: the whisker may go on
 LONGER = 1.3  # times the length given: the length or the scale is wrong
-SHORTEST_MM, LONGEST_MM = 2.5, 120.0  # that whiskers are seen
+LEAST_MM = 2.5  # that a whisker is seen
 
 
 class SeenLength(NamedTuple):
@@ -70,6 +71,6 @@ def _too_short(again, shortest_px):
 def _implausible(templates, pixels_per_mm):
     """The longest whisker, if no real one is so short or so long, else None."""
     longest = max(templates, key=lambda template: template.visible_px, default=None)
-    if longest is None or SHORTEST_MM < longest.visible_px / pixels_per_mm < LONGEST_MM:
+    if longest is None or LEAST_MM < longest.visible_px / pixels_per_mm < MOST_MM:
         return None
     return SeenLength(longest.visible_px, longest.name)
