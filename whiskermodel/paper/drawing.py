@@ -4,6 +4,8 @@ from functools import wraps
 
 import matplotlib
 import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
 from whiskermodel.paper import figure_data
@@ -28,10 +30,17 @@ STYLE = {
 
 
 def save(path, figure, kind):
-    """Write `figure` to `path` as "png" or "svg", the same bytes for the same figure."""
-    metadata = {"Date": None} if kind == "svg" else {"Software": None}
+    """Write `figure` to `path` as "png" or "svg", the same bytes for the same figure.
+
+    The canvases draw themselves: `savefig` draws everything once more beforehand.
+    """
+    shown_at, figure.dpi = figure.dpi, 150
     with matplotlib.rc_context(STYLE):
-        figure.savefig(path, format=kind, dpi=150, metadata=metadata)
+        if kind == "svg":
+            FigureCanvasSVG(figure).print_svg(path, metadata={"Date": None})
+        else:
+            FigureCanvasAgg(figure).print_png(path, metadata={"Software": None})
+    figure.dpi = shown_at
     figure.set_layout_engine("none")  # arranged once is enough
 
 
