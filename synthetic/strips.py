@@ -158,6 +158,16 @@ def cover_strip(cover, touched, strip, steps):
     return n_touched
 
 
+@njit(cache=True, inline="always")
+def _crossing(delta, reach, smear, smears):
+    """First and last (excluded) of a strip's places during the exposure that reach a pixel."""
+    if smears == 1:
+        return 0, 1
+    half = smears * reach / smear
+    middle = smears * (0.5 - delta / smear)
+    return max(int(middle - half) - 1, 0), min(int(middle + half) + 2, smears)
+
+
 @njit(cache=True, nogil=True)
 def _cover_piece(cover, touched, n_touched, node, steps):
     """Write the pixels whose closest point lies from `before` to `after` one node."""
@@ -182,7 +192,8 @@ def _cover_piece(cover, touched, n_touched, node, steps):
             delta = v - 0.5 * curvature * u * along - drift
             r = max(radius + slope * along, 0.0)
             a = 0.0
-            for m in range(smears):
+            first, last = _crossing(delta, r + steps.reach, smear, smears)
+            for m in range(first, last):
                 d = delta + smear * ((m + 0.5) / smears - 0.5)
                 a += _edge(steps, row, mix, d + r)
                 a -= _edge(steps, row, mix, d - r)
