@@ -7,7 +7,7 @@ from pipeline.contacts.corrections import CORRECTIONS_FILE, read_corrections, ve
 from pipeline.curate import corrected, review
 from pipeline.curate.desk import Desk
 from pipeline.curate.results import Results
-from pipeline.tables.result_exchange import settled
+from pipeline.tables.result_exchange import STATE_FILE, settled
 from promises import real_session, stand_in, whole
 from promises.children import in_child
 from promises.killed_at_steps import count_steps, kill_at, other_tables
@@ -98,12 +98,16 @@ def _is_at_most_one_more(decided, answered) -> bool:
 
 
 def _tables_with(start, work, out) -> dict:
-    """Tables that a run from the videos makes with the same corrections."""
+    """Tables that a run from the videos makes with the same corrections.
+
+    Where there are none, `start` has those of such a run.
+    """
     kept = stand_in.copy_of(out, work.with_name("kept"))
     stand_in.copy_of(start, work)
     for path in _corrections(kept):
         (out / path.parent.name / path.name).write_bytes(path.read_bytes())
-    real_session.begin_here(work, overwrite=True).join()
+        (out / path.parent.name / STATE_FILE).unlink()  # it is due
+    real_session.begin_here(work).join()
     tables = stand_in.tables(out)
     stand_in.copy_of(kept, out)
     return tables
