@@ -58,13 +58,14 @@ def no_waiting_for_the_disk():
 @pytest.fixture(scope="session")
 def rendered(tmp_path_factory):
     """A folder with a video of 260 frames, its session.toml and its truth/<stem>/ tables."""
+    from made_once import made_once
     from quick_codec import quick_to_read
 
     from synthetic.session import render_trial
 
-    folder = tmp_path_factory.mktemp("rendered")
-    with quick_to_read():
-        render_trial(folder, "single", seed=0, trial=0, frames=FRAMES)
+    with made_once(tmp_path_factory, "rendered") as (folder, is_new), quick_to_read():
+        if is_new:
+            render_trial(folder, "single", seed=0, trial=0, frames=FRAMES)
     return folder
 
 

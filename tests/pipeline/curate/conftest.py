@@ -4,6 +4,7 @@ import shutil
 
 import pytest
 from curated import FRAMES, process
+from made_once import made_once
 
 from pipeline.video.open import open_video
 
@@ -13,9 +14,10 @@ def session(tmp_path_factory):
     """A rendered session of two short videos, processed: (videos, results)."""
     from synthetic.session import render_session
 
-    folder = tmp_path_factory.mktemp("session")
-    render_session(folder / "videos", "h264", seed=3, trials=2, frames=FRAMES)
-    process(folder / "videos", folder / "results")
+    with made_once(tmp_path_factory, "session") as (folder, is_new):
+        if is_new:
+            render_session(folder / "videos", "h264", seed=3, trials=2, frames=FRAMES)
+            process(folder / "videos", folder / "results")
     return folder / "videos", folder / "results"
 
 
