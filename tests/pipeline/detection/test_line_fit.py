@@ -197,7 +197,7 @@ def distance_from_walls(shape=(120, 120)):
 )
 def test_a_line_may_be_near_an_edge_but_not_along_it(begin, end, clear):
     n = int(np.hypot(*np.subtract(end, begin)))
-    x, y = np.linspace(begin, end, n).T
+    x, y = np.linspace(begin, end, n).T.copy()
     assert line_fit.is_clear(x, y, n, distance_from_walls()) == clear
 
 
@@ -212,7 +212,7 @@ def test_a_line_may_be_near_an_edge_but_not_along_it(begin, end, clear):
 )
 def test_what_a_line_adds_along_an_edge_at_its_end_is_cut(corners, kept):
     parts = [_straight(a, b) for a, b in pairwise(corners)]
-    x, y = np.concatenate(parts).T
+    x, y = np.concatenate(parts).T.copy()
     n = line_fit.without_edge(x, y, len(x), distance_from_walls())
     wanted = sum(map(len, parts[:kept]))
     assert abs(n - wanted) <= line_fit.ALONG

@@ -328,15 +328,15 @@ def cost_of(known, named):
 
 
 def centrelines(frame, track, lines):
-    points = np.concatenate(lines).astype(np.float32)
-    n = len(points)
+    x, y = np.concatenate(lines).T.astype(np.float32, order="C")
+    n = len(x)
     return Centrelines(
         names=("a", "b", "c"),
         frame=np.asarray(frame, np.int32),
         whisker=np.asarray(track, np.int32),
         offsets=np.append(0, np.cumsum([len(line) for line in lines])),
-        x_px=points[:, 0],
-        y_px=points[:, 1],
+        x_px=x,
+        y_px=y,
         se_px=np.full(n, 0.1, np.float32),
         confidence=np.full(len(frame), 0.9, np.float32),
         thickness_px=np.full(n, 0.3, np.float32),

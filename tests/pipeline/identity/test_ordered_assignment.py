@@ -99,7 +99,8 @@ def test_alignment_is_the_cheapest_of_all_in_order():
 def test_lines_follow_whiskers_that_pass_each_other():
     """The second whisker turns less than the others: its place in the row goes with the phase."""
     starts, along = 3 * np.arange(5), np.tile(np.arange(3), 4)
-    middle, slope = np.array([0.0, 0.1, 0.3]), np.array([1.0, 0.0, 1.0])
+    # columns, as of a model: there is code for these
+    middle, slope = np.array([[0.0, 1.0], [0.1, 0.0], [0.3, 1.0]]).T
     phase = np.array([0.0, 0.2, -0.3, 0.0])
     names, total = np.empty(12, int), np.empty(4)
     cost = np.zeros((12, 3))

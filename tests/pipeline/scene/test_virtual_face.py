@@ -96,7 +96,8 @@ def test_whiskers_that_come_over_the_border_are_traced():
     scene = scene_from_frames(wide, recording, 0.5e-3)
     options = options_for(recording, [18e-3], [3.2e-3])
     templates = find_templates(wide[::4], scene, options, ["C2"])
-    images = (renderer.frame(i)[:, cut:] for i in FOLLOWED)
+    # as videos give them; code for any other order of pixels takes half a minute to compile
+    images = (np.ascontiguousarray(renderer.frame(i)[:, cut:]) for i in FOLLOWED)
     (lines,) = trace_templates(images, scene, templates, options, chunk_frames=10**6)
     assert len(lines) == len(FOLLOWED)
     for row, frame in enumerate(FOLLOWED):
