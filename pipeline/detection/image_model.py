@@ -42,7 +42,8 @@ class ImageModel:
     """The static scene as the tracker uses it: arrays of float32 (height, width).
 
     `off_edges` is how much farther than `edge_px` it is to face, obstacles and moving fur [px],
-    but for the pole, along which whiskers do lie; the picture's outermost pixels are an edge;
+    also to the rims of obstacles that let light through, but for the pole, along which whiskers
+    do lie; the picture's outermost pixels are an edge;
     `faintest` is the light that a line takes, below which nothing of it is seen, measured over
     `half` px to both sides of every node;
     `gain_points` are those of line_profile.frame_gain, on pixels that are free of all things;
@@ -86,7 +87,8 @@ class ImageModel:
         noise = np.sqrt(variance + trembling**2) / np.maximum(background, 12)
         kernel = np.ones((9, 9), np.uint8)
         free = cv2.erode(usable.astype(np.uint8), kernel).astype(bool)
-        off_edges = cv2.distanceTransform(seen.astype(np.uint8), cv2.DIST_L2, 5) - params.edge_px
+        free_of_rims = (seen & ~rim(scene.obstacle_mask)).astype(np.uint8)
+        off_edges = cv2.distanceTransform(free_of_rims, cv2.DIST_L2, 5) - params.edge_px
         if scene.moving_fur is not None:
             off_edges[scene.moving_fur] = -params.edge_px
         _clear_of_pole(off_edges, scene.pole, params.edge_px)
@@ -132,6 +134,11 @@ def translucent(background, variance, obstacles, params) -> np.ndarray:
     through = obstacles & bright & (trembling**2 < variance)
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, 2 * [max(round(params.rim_px), 1)])
     return cv2.morphologyEx(through.astype(np.uint8), cv2.MORPH_OPEN, disc).astype(bool)
+
+
+def rim(mask) -> np.ndarray:
+    """The outermost pixels of a mask, bool (height, width)."""
+    return mask & ~cv2.erode(mask.astype(np.uint8), np.ones((3, 3), np.uint8)).astype(bool)
 
 
 def gradient(background) -> np.ndarray:
