@@ -1,5 +1,6 @@
 """The static scene as lines are measured before it: what counts as an edge."""
 
+import cv2
 import numpy as np
 import pytest
 
@@ -23,4 +24,20 @@ def test_a_line_along_the_pictures_border_is_at_an_edge(first_y, last_y, clear, 
     model = ImageModel.from_scene(StaticScene(light, 0.0, 1.0, nothing, nothing, None, "left"))
     places = [np.linspace(40.0, 160.0, 150), np.linspace(float(first_y), float(last_y), 150)]
     x, y = places[::-1] if across else places
+    assert line_fit.is_clear(x, y, len(x), model.off_edges) == clear
+
+
+@pytest.mark.parametrize(
+    ("first_x", "last_x", "clear"),
+    [(80, 80, False), (84, 84, False), (95, 95, True), (60, 100, True), (50, 160, True)],
+    ids=["on the rim", "beside it", "off it", "across it", "across the whole"],
+)
+def test_a_line_along_a_thing_that_lets_light_through_is_at_an_edge(first_x, last_x, clear):
+    """In a rat's recording a line ran along its cheek's pale fur, through which light comes."""
+    thing, nothing = np.zeros((2, HEIGHT, WIDTH), bool)
+    thing[:, 80:130] = True
+    light = cv2.GaussianBlur(np.where(thing, 100, 200).astype(np.float32), (0, 0), 6.0)
+    model = ImageModel.from_scene(StaticScene(light, 0.0, 4.0, nothing, thing, None, "left"))
+    assert model.weight[60, 100] > 0  # light passes
+    x, y = np.linspace(float(first_x), float(last_x), 90), np.linspace(15.0, 105.0, 90)
     assert line_fit.is_clear(x, y, len(x), model.off_edges) == clear
