@@ -6,7 +6,6 @@ from pathlib import Path
 
 NO_ROOM = "make room on that disk and run again; what is finished is kept"
 TOO_LARGE = "that disk, or the system, takes no file so large: choose another place"
-NO_MEMORY = ("MemoryError", "Insufficient memory", "failed to map segment")  # last: of a library
 NOT_ALLOWED = "change its permissions, or choose another place, and run again"
 ADVICE = {  # by the system's number of an error
     errno.ENOSPC: NO_ROOM,
@@ -90,7 +89,8 @@ def in_words(error: Exception | str) -> str:
 
 def lacks_memory(words: str) -> bool:
     """Whether the words of an error, with its type, are those of too little memory."""
-    return any(each in words for each in NO_MEMORY)
+    known = "MemoryError", "Insufficient memory", "failed to map segment"  # last: of a library
+    return any(each in words for each in known)
 
 
 def why(error: OSError) -> str:

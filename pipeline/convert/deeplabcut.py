@@ -12,8 +12,6 @@ from pipeline.convert.results import frames_of
 from pipeline.errors import InputError, in_words
 from pipeline.tables.files import check_separator
 
-COORDINATES = ("x", "y", "likelihood")
-
 
 def read_deeplabcut(path) -> KeyPoints:
     """Read a DeepLabCut table: columns scorer, (individuals,) bodyparts, coords; a row per frame.
@@ -56,7 +54,7 @@ def _key_points(table) -> KeyPoints:
     rows = _frames(table)
     values = np.full((int(rows.max(initial=-1)) + 1, len(individuals), len(parts), 3), np.nan)
     for i, p, c in np.ndindex(values.shape[1:]):
-        column = individuals[i], parts[p], COORDINATES[c]
+        column = individuals[i], parts[p], ("x", "y", "likelihood")[c]
         if column in table:
             values[rows, i, p, c] = table[column].to_numpy(float)
     xy = values[..., :2]

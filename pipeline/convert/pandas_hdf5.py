@@ -11,10 +11,6 @@ import pandas as pd
 from pipeline.convert.hdf5 import texts_in
 from pipeline.convert.optional import library
 
-MARK = object()
-VALUES = {"UNICODE", "STRING", "INT", "LONG", "FLOAT", "NONE"}  # None's argument is None
-COLLECTIONS = {"LIST": list, "TUPLE": tuple, "DICT": dict}  # of what follows on a mark
-
 
 def read_table(path) -> pd.DataFrame:
     """The one table of a file; KeyError, OSError, TypeError or ValueError where it is another."""
@@ -61,15 +57,16 @@ def plain(pickled):
     >>> plain(pickle.dumps([(1, "a"), None], 0))
     [(1, 'a'), None]
     """
-    stack, memo = [], {}
+    stack, memo, mark = [], {}, object()
+    collections = {"LIST": list, "TUPLE": tuple, "DICT": dict}  # of what follows on a mark
     for code, argument, _ in pickletools.genops(bytes(pickled)):
-        if code.name in VALUES:
-            stack.append(argument)
+        if code.name in ("UNICODE", "STRING", "INT", "LONG", "FLOAT", "NONE"):
+            stack.append(argument)  # None where there is none
         elif code.name == "MARK":
-            stack.append(MARK)
-        elif code.name in COLLECTIONS:
-            start = len(stack) - 1 - stack[::-1].index(MARK)
-            stack[start:] = [COLLECTIONS[code.name](stack[start + 1 :])]
+            stack.append(mark)
+        elif code.name in collections:
+            start = len(stack) - 1 - stack[::-1].index(mark)
+            stack[start:] = [collections[code.name](stack[start + 1 :])]
         elif code.name == "PUT":
             memo[argument] = stack[-1]
         elif code.name == "GET":

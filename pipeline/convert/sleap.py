@@ -12,8 +12,6 @@ from pipeline.convert.results import frames_of
 from pipeline.errors import InputError, in_words
 from pipeline.tables.files import check_separator
 
-NEEDED = ("track", "frame_idx")
-
 
 def read_sleap(path) -> KeyPoints:
     """Read a SLEAP analysis file; a track is an individual, a node is a part.
@@ -49,7 +47,7 @@ def _read_csv(path) -> KeyPoints:
     try:
         table = pd.read_csv(path)
         check_separator(table.columns)
-        missing = [name for name in NEEDED if name not in table]
+        missing = [name for name in ("track", "frame_idx") if name not in table]
         if missing:
             raise ValueError(f"no column {missing[0]}")
         stems = [name[:-2] for name in table if name.endswith(".x")]

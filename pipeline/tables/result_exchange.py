@@ -21,7 +21,6 @@ from pipeline.tables.whole_files import remove_unfinished, sha256, to_disk
 DRAFT = ".whiskerforce-draft-"  # and random letters: two processes never share a draft
 READY = ".whiskerforce-ready"
 STATE_FILE = "run.json"
-LINES_FILE = "centrelines.parquet"
 OVERLAYS = ("overlay.mp4", "overlay.avi", "overlay.png")
 
 
@@ -106,7 +105,7 @@ def settle_all(out) -> list[str]:
 def _move_in(ready, folder) -> list[str]:
     """Move tables, then what calls them whole, then drawings: so the next call knows how far."""
     new = {path.name: sha256(path) for path in _files(ready) if path.name != STATE_FILE}
-    shows_others = (ready / STATE_FILE).exists() and (ready / LINES_FILE).exists()
+    shows_others = (ready / STATE_FILE).exists() and (ready / "centrelines.parquet").exists()
     gone = {path.name: "" for path in overlays_in(folder)} if shows_others else {}
     kept = keep_changed(folder, gone | new)
     if (ready / STATE_FILE).exists():
