@@ -292,6 +292,9 @@ def check_parquet(path, columns, thorough=False) -> int:
 
     with whole_parquet(path), pq.ParquetFile(path, page_checksum_verification=True) as file:
         _check_parts(path, file.metadata, columns)
+        for column in _arrow_schema(columns):
+            if file.schema_arrow.field(column.name).type != column.type:
+                raise ValueError(f"{path}: expected column {column.name} of type {column.type}")
         for group in range(file.num_row_groups if thorough else 0):
             file.read_row_group(group, use_threads=False)
         return file.metadata.num_rows

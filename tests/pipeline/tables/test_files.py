@@ -242,3 +242,13 @@ def test_pandas_reads_centrelines_as_an_array_per_row(tmp_path):
         points = np.column_stack([table["x_px"][row], table["y_px"][row]])
         assert points.dtype == np.float32
         np.testing.assert_array_equal(points, written.row(row))
+
+
+def test_a_column_of_another_type_is_not_what_was_written(tmp_path):
+    path = tmp_path / "frames.parquet"
+    table = pd.DataFrame({"frame": [0, 1], "whisker": "C2", "tracked": True})
+    files.write_frames(path, as_table(table, FRAME_COLUMNS))
+    assert files.check_parquet(path, FRAME_COLUMNS) == 2
+    files.read_frames(path).astype({"frame": float}).to_parquet(path)
+    with pytest.raises(ValueError, match="expected column frame of type int"):
+        files.check_parquet(path, FRAME_COLUMNS)
