@@ -1,6 +1,7 @@
 """Functions take few arguments: what belongs together is handed on together, by name."""
 
 import ast
+import importlib
 from pathlib import Path
 
 import pytest
@@ -33,3 +34,13 @@ def test_functions_take_few_arguments(package):
     for name, function in functions(package):
         most = MOST_COMPILED if is_compiled(function) else MOST
         assert count(function) <= most, f"{name} takes {count(function)} arguments"
+
+
+@pytest.mark.parametrize("room", ["scene", "forces", "identity", "contacts"])
+def test_parameters_are_those_of_the_caller(room):
+    """Only what a room offers has defaults: inside, those of session.toml could be forgotten."""
+    offered = dir(importlib.import_module(f"pipeline.{room}"))
+    for name, function in functions(f"pipeline/{room}"):
+        defaults = [d for d in (*function.args.defaults, *function.args.kw_defaults) if d]
+        if any("DEFAULTS" in ast.unparse(default) for default in defaults):
+            assert function.name in offered, f"{name} has defaults of the parameters"

@@ -19,7 +19,7 @@ from pipeline.scene.noise_model import (
     spatial_noise,
     windowed_moments,
 )
-from pipeline.session.parameters import DEFAULTS, SceneParams
+from pipeline.session.parameters import SceneParams
 from pipeline.session.quantities import pixels_in
 
 SHORTEST_BASE_MM = 0.3  # without fur: a base that stays where it is while the rest moves
@@ -64,7 +64,7 @@ class Background:
 
 
 def estimate_background(
-    frames: np.ndarray, pixels_per_mm: float, params: SceneParams = DEFAULTS.scene
+    frames: np.ndarray, pixels_per_mm: float, params: SceneParams
 ) -> Background:
     """Estimate the background from a few frames of a scene in which only whiskers move.
 
@@ -90,7 +90,7 @@ def estimate_background(
         noise, covered = spatial_noise(image, len(frames)), np.zeros(image.shape, bool)
     else:
         image, noise, covered = temporal_background(frames, pixels_per_mm, params)
-    thin = thin_dark_lines(image, pixels_per_mm, noise, params=params)
+    thin = thin_dark_lines(image, pixels_per_mm, noise, params)
     black, illumination = light_without_objects(image, pixels_per_mm, thin, params)
     return Background(image, *noise, illumination, black, len(frames), covered)
 
@@ -198,7 +198,7 @@ def _sorting_network(n):
 
 
 def thin_dark_lines(
-    image, pixels_per_mm, noise, face=None, params=DEFAULTS.scene, darkness=1.0
+    image, pixels_per_mm, noise, params: SceneParams, face=None, darkness=1.0
 ) -> np.ndarray:
     """Pixels of thin dark lines, bool (height, width): darker than what lies on both sides.
 
@@ -240,10 +240,10 @@ def without_whiskers(
     background: Background,
     face: np.ndarray,
     pixels_per_mm,
+    params: SceneParams,
     fur=True,
     pole=None,
     things=None,
-    params: SceneParams = DEFAULTS.scene,
 ):
     """Return the image with whiskers that never moved filled from their surroundings.
 
@@ -257,7 +257,7 @@ def without_whiskers(
     movie = background.n_frames >= MOVIE_FRAMES
     share = 1 / background.n_frames if movie else 1.0  # of the variance left in the average
     noise = share * background.noise_floor, share * background.noise_gain
-    at = background.image, pixels_per_mm, noise, face, params
+    at = background.image, pixels_per_mm, noise, params, face
     clear = thin_dark_lines(*at) & ~face
     away = distance_from(face)
     fringe = away <= fringe_px(pixels_per_mm)

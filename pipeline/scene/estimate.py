@@ -145,7 +145,7 @@ def scene_from_frames(
     disc = _disc(pole, face.shape)
     # a whisker may end on the body: that, with its fringe, is no thing of which it could be part
     things = _apart_from(obstacles & ~dilated(animal, fringe_px(scale)), disc)
-    light = without_whiskers(background, face, scale, animal.any(), disc, things, own)
+    light = without_whiskers(background, face, scale, own, animal.any(), disc, things)
     return StaticScene(
         background=light,
         noise_gain=background.noise_gain,
@@ -216,7 +216,7 @@ def _animal(background, frames, sides, scale, params) -> StaticScene:
 def _seen_with(animal, background, side, scale, params) -> StaticScene:
     """What does not move, with a mask taken for the animal."""
     return StaticScene(
-        background=without_whiskers(background, animal, scale, params=params),
+        background=without_whiskers(background, animal, scale, params),
         noise_gain=background.noise_gain,
         noise_floor=background.noise_floor,
         face_mask=animal,

@@ -111,6 +111,7 @@ class ContainerVideo(Video):
                     index, pts = index + 1, frame and frame.pts
             except av.FFmpegError as error:
                 if not (self.exact_count and index >= self.n_frames):
+                    check_memory(error)
                     raise self._broken(index, error) from error
             self._note_faults(log.new(), index - 1)
         if stop is None or index < stop:
@@ -455,8 +456,12 @@ def _no_frames_message(container):
     )
 
 
-def reason_of(error) -> str:
-    """Return what FFmpeg says of a failure; MemoryError where it, or a thread, got no memory."""
+def check_memory(error) -> None:
+    """Raise a MemoryError where FFmpeg, or a thread of it, failed because it got no memory."""
     if getattr(error, "errno", None) in (errno.ENOMEM, errno.EAGAIN):
         raise MemoryError(str(error)) from error
+
+
+def reason_of(error) -> str:
+    """Return what FFmpeg says of a failure."""
     return getattr(error, "strerror", None) or str(error)

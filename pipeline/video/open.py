@@ -76,12 +76,13 @@ def _open_container(path, threads) -> Video:
     """Open a video file through PyAV, else through OpenCV."""
     import av
 
-    from pipeline.video.containers import ContainerVideo, reason_of
+    from pipeline.video.containers import ContainerVideo, check_memory, reason_of
     from pipeline.video.opencv import OpenCvVideo
 
     try:
         return ContainerVideo(path, threads)
     except av.FFmpegError as error:
+        check_memory(error)
         reason = reason_of(error)
     try:
         return OpenCvVideo(path)

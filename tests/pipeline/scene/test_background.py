@@ -77,7 +77,7 @@ class TestOverTime:
     def test_moving_whisker_leaves_no_trace(self):
         scene, _ = still_scene()
         angles = 0.3 * np.sin(np.arange(32) * 0.7)
-        background = estimate_background(movie(angles), SCALE)
+        background = estimate_background(movie(angles), SCALE, DEFAULTS.scene)
         error = background.image - scene
         assert np.median(np.abs(error)) < BACKGROUND
         assert abs(np.mean(error)) < 0.1
@@ -87,7 +87,7 @@ class TestOverTime:
     def test_flanks_of_a_whisker_that_passes_leave_no_shade(self):
         scene, _ = still_scene()
         angles = 0.06 * np.sin(np.arange(32) * 0.7)
-        background = estimate_background(movie(angles), SCALE)
+        background = estimate_background(movie(angles), SCALE, DEFAULTS.scene)
         places = [place_of_whisker(angle).astype(np.uint8) for angle in angles]
         passed = np.mean([cv2.dilate(place, np.ones((5, 5))) for place in places], axis=0)
         often = (passed > 0.4) & (passed < 0.85)
@@ -99,7 +99,7 @@ class TestOverTime:
     def test_whisker_that_moves_by_little_leaves_no_shade(self, turn):
         scene, _ = still_scene()
         angles = 0.1 + turn * np.sin(np.arange(32) * 0.7)
-        background = estimate_background(movie(angles), SCALE)
+        background = estimate_background(movie(angles), SCALE, DEFAULTS.scene)
         places = np.any([place_of_whisker(angle) for angle in angles], axis=0)
         places[:, 150:] = False  # there it moves by less than its width
         error = cv2.blur(background.image - scene, (3, 3))[places]
@@ -113,7 +113,7 @@ class TestOverTime:
         frames = [
             expose(disc + error * rng.normal(size=disc.shape), rng, gain=0) for _ in range(40)
         ]
-        background = estimate_background(np.array(frames), SCALE)
+        background = estimate_background(np.array(frames), SCALE, DEFAULTS.scene)
         assert np.abs(background.image - disc)[disc < 80].max() < 90  # grey, of 190
 
     @pytest.mark.parametrize("share", [0.5, 0.8])
@@ -121,21 +121,23 @@ class TestOverTime:
         scene, _ = still_scene()
         resting = int(32 * share)
         angles = np.r_[np.full(resting, 0.1), np.linspace(-0.3, -0.05, 32 - resting)]
-        background = estimate_background(movie(angles), SCALE)
+        background = estimate_background(movie(angles), SCALE, DEFAULTS.scene)
         # near the follicle, it covers the same pixels at all angles
         at_rest = place_of_whisker(0.1) & (scene > 60) & (np.arange(WIDTH) < 190)
         assert abs((background.image - scene)[at_rest].mean()) < BURNED_IN
 
     def test_hairs_and_edges_stay(self):
         scene, _ = still_scene()
-        background = estimate_background(movie(0.3 * np.sin(np.arange(32.0))), SCALE)
+        background = estimate_background(
+            movie(0.3 * np.sin(np.arange(32.0))), SCALE, DEFAULTS.scene
+        )
         near_face = np.s_[:100, 220:256]
         assert np.abs(background.image - scene)[near_face].max() < 8 * BACKGROUND
 
     def test_flicker_is_taken_out(self):
         scene, _ = still_scene()
         frames = movie(0.3 * np.sin(np.arange(32.0)), flicker=0.05)
-        background = estimate_background(frames, SCALE)
+        background = estimate_background(frames, SCALE, DEFAULTS.scene)
         ratio = np.median(background.image[scene > 60] / scene[scene > 60])
         error = background.image - ratio * scene
         assert ratio == pytest.approx(1, abs=0.03)
@@ -152,7 +154,7 @@ class TestOverTime:
     @pytest.mark.parametrize(("floor", "gain"), [(1.0, 0.02), (4.0, 0.0), (0.3, 0.05)])
     def test_noise_model(self, floor, gain):
         frames = movie(0.3 * np.sin(np.arange(32.0)), floor=floor, gain=gain)
-        background = estimate_background(frames, SCALE)
+        background = estimate_background(frames, SCALE, DEFAULTS.scene)
         for grey in (10, 80, 180):
             true = np.sqrt(floor + gain * grey + 1 / 12)  # with rounding to grey levels
             tolerance = NOISE_SD if grey > 50 else 3 * NOISE_SD  # little is that dark
@@ -175,8 +177,8 @@ def true_sd(grey):
 class TestOneFrame:
     def test_whisker_is_removed_and_all_else_stays(self):
         scene, _ = still_scene()
-        background = estimate_background(movie([0.1]), SCALE)
-        image = without_whiskers(background, face_of(scene), SCALE)
+        background = estimate_background(movie([0.1]), SCALE, DEFAULTS.scene)
+        image = without_whiskers(background, face_of(scene), SCALE, DEFAULTS.scene)
         whisker = place_of_whisker(0.1) & (scene > 80) & (np.arange(WIDTH) < 215)
         assert abs((image - scene)[whisker].mean()) < BURNED_IN
         assert np.abs(image - scene)[whisker].max() < 5 * BURNED_IN
@@ -186,7 +188,7 @@ class TestOneFrame:
         assert np.abs(image - scene)[:, :80][rod].mean() < 2
 
     def test_noise_from_one_frame(self):
-        background = estimate_background(movie([0.1]), SCALE)
+        background = estimate_background(movie([0.1]), SCALE, DEFAULTS.scene)
         assert noise_sd(background, 150) == pytest.approx(true_sd(150), rel=2 * NOISE_SD)
 
     def test_noise_of_pure_noise(self):
@@ -197,16 +199,16 @@ class TestOneFrame:
 
     def test_video_in_which_nothing_ever_moves(self):
         scene, _ = still_scene()
-        background = estimate_background(movie([0.1] * 12), SCALE)
-        image = without_whiskers(background, face_of(scene), SCALE)
+        background = estimate_background(movie([0.1] * 12), SCALE, DEFAULTS.scene)
+        image = without_whiskers(background, face_of(scene), SCALE, DEFAULTS.scene)
         whisker = place_of_whisker(0.1) & (scene > 80) & (np.arange(WIDTH) < 215)
         assert abs((image - scene)[whisker].mean()) < BURNED_IN
 
     @pytest.mark.parametrize("n_frames", [1, 3, 12])
     def test_the_base_of_a_still_whisker_is_removed_and_the_fur_about_it_stays(self, n_frames):
         scene, _ = still_scene()
-        background = estimate_background(movie([0.1] * n_frames), SCALE)
-        image = without_whiskers(background, face_of(scene), SCALE)
+        background = estimate_background(movie([0.1] * n_frames), SCALE, DEFAULTS.scene)
+        image = without_whiskers(background, face_of(scene), SCALE, DEFAULTS.scene)
         columns, whisker = np.arange(WIDTH), place_of_whisker(0.1)
         base = whisker & (columns > 225) & (columns < 240)
         assert abs((image - scene)[base].mean()) < 3 * BURNED_IN
@@ -227,19 +229,24 @@ class TestOneFrame:
         clean[pole] = 6
         rng = np.random.default_rng(0)
         frames = np.stack([expose(with_whisker(clean, 0.1), rng) for _ in range(12)])
-        background = estimate_background(frames, SCALE)
+        background = estimate_background(frames, SCALE, DEFAULTS.scene)
         beyond = whisker & (columns > 90) & (columns < 140)
-        image = without_whiskers(background, face_of(clean), SCALE, True, pole)
+        image = without_whiskers(background, face_of(clean), SCALE, DEFAULTS.scene, True, pole)
         assert abs((clean - image)[beyond].mean()) < BURNED_IN
-        image = without_whiskers(background, face_of(clean), SCALE)  # a line of its own
+        # a line of its own
+        image = without_whiskers(background, face_of(clean), SCALE, DEFAULTS.scene)
         assert (clean - image)[beyond].mean() > 10 * BURNED_IN
 
     def test_a_tube_between_face_and_apparatus_is_no_resting_whisker(self):
-        background = estimate_background(movie([0.1] * 32), SCALE)
-        whisker = background.image - without_whiskers(background, face_of(still_scene()[0]), SCALE)
+        background = estimate_background(movie([0.1] * 32), SCALE, DEFAULTS.scene)
+        whisker = background.image - without_whiskers(
+            background, face_of(still_scene()[0]), SCALE, DEFAULTS.scene
+        )
         apparatus = np.zeros(whisker.shape, bool)
         apparatus[90:150, 50:80] = True  # about its far end
-        image = without_whiskers(background, face_of(still_scene()[0]), SCALE, things=apparatus)
+        image = without_whiskers(
+            background, face_of(still_scene()[0]), SCALE, DEFAULTS.scene, things=apparatus
+        )
         assert np.abs(whisker).max() > 10 * BURNED_IN
         assert np.abs(image - background.image).max() < BURNED_IN
 
@@ -247,8 +254,8 @@ class TestOneFrame:
         scene, _ = still_scene()
         cv2.line(scene, (100, 180), (200, 170), 60, 2, cv2.LINE_AA)  # a scratch
         rng = np.random.default_rng(0)
-        background = estimate_background(np.stack([expose(scene, rng)] * 3), SCALE)
-        image = without_whiskers(background, face_of(scene), SCALE)
+        background = estimate_background(np.stack([expose(scene, rng)] * 3), SCALE, DEFAULTS.scene)
+        image = without_whiskers(background, face_of(scene), SCALE, DEFAULTS.scene)
         assert np.abs(image - background.image)[:, :250].max() < BURNED_IN
 
 
@@ -319,7 +326,7 @@ class TestThinLines:
     def test_lines_are_found_and_rods_and_edges_not(self):
         scene, _ = still_scene()
         image = with_whisker(scene, 0.1)
-        thin = thin_dark_lines(image, SCALE, (0.01, 0.0))
+        thin = thin_dark_lines(image, SCALE, (0.01, 0.0), DEFAULTS.scene)
         whisker = place_of_whisker(0.1) & (scene > 80) & (np.arange(WIDTH) < 215)
         assert thin[whisker].mean() > 0.95
         assert thin[:, :80][scene[:, :80] < 60].mean() < 0.02
@@ -340,4 +347,4 @@ class TestThinLines:
 
 def test_impossible_frames():
     with pytest.raises(ValueError, match=r"frames must be .* got \(0, 20, 20\)"):
-        estimate_background(np.zeros((0, 20, 20), np.uint8), SCALE)
+        estimate_background(np.zeros((0, 20, 20), np.uint8), SCALE, DEFAULTS.scene)

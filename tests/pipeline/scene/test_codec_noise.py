@@ -7,6 +7,7 @@ from pipeline.detection.image_model import ImageModel
 from pipeline.detection.static_scene import StaticScene
 from pipeline.scene.background import estimate_background
 from pipeline.scene.codec_noise import noise_excess
+from pipeline.session.parameters import DEFAULTS
 
 SCALE, LIGHT, DARK, SD = 25.0, 180.0, 15.0, 2.0  # px/mm, grey
 ROD = np.s_[:, 200:214]
@@ -31,7 +32,7 @@ def scene(edge_noise, whisker=False, seed=0, n=32):
 
 
 def excess_of(frames, obstacles):
-    background = estimate_background(frames, SCALE)
+    background = estimate_background(frames, SCALE, DEFAULTS.scene)
     return background, noise_excess(background, frames, obstacles, np.zeros(obstacles.shape, bool))
 
 

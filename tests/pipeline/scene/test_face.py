@@ -99,7 +99,10 @@ class TestFur:
         scene, frames = rendered
         scale = scene.camera.pixels_per_mm
         mask = find_face(
-            estimate_background(frames, scale).transmission, scene.face.side, scale, DEFAULTS.scene
+            estimate_background(frames, scale, DEFAULTS.scene).transmission,
+            scene.face.side,
+            scale,
+            DEFAULTS.scene,
         )
         points = np.concatenate(face_edge(mask))
         distance, along = distance_from_pad(
@@ -116,7 +119,7 @@ class TestFur:
         scale = scene.camera.pixels_per_mm
         area, length = [], []
         for some in (frames[::2], frames[1::2]):
-            transmission = estimate_background(some, scale).transmission
+            transmission = estimate_background(some, scale, DEFAULTS.scene).transmission
             mask = find_face(transmission, scene.face.side, scale, DEFAULTS.scene)
             area.append(mask.sum())
             length.append(sum(len(curve) for curve in face_edge(mask)))

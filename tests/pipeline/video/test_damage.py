@@ -16,7 +16,7 @@ from pipeline.errors import VideoError
 from pipeline.run import analyse
 from pipeline.session.session_file import read_session, settings_from
 from pipeline.video import base
-from pipeline.video.containers import ContainerVideo, reason_of
+from pipeline.video.containers import ContainerVideo, check_memory, reason_of
 from pipeline.video.decoder_log import SILENT, decoder_log
 from pipeline.video.endings import is_cut
 from pipeline.video.frame_faults import FrameFaults, is_black, missing_numbers
@@ -507,7 +507,27 @@ def test_frames_too_small_for_a_whisker_are_refused(tmp_path, shape):
 
 
 @pytest.mark.parametrize("number", [errno.ENOMEM, errno.EAGAIN])
-def test_a_decoder_without_memory_does_not_make_a_video_damaged(number):
+def test_a_decoder_without_memory_does_not_make_a_video_damaged(tmp_path, monkeypatch, number):
+    """Memory is asked for where frames are read, and where a file is opened."""
+    error = av.error.FFmpegError(number, "no thread could be started")
     with pytest.raises(MemoryError):
-        reason_of(av.error.FFmpegError(number, "no thread could be started"))
-    assert reason_of(av.error.FFmpegError(errno.EINVAL, "is broken")) == "is broken"
+        check_memory(error)
+    assert reason_of(error) == "no thread could be started"
+    path = write(tmp_path / "a.avi", "mjpeg", "yuvj420p")
+
+    def fail(*args):
+        raise error
+
+    with open_video(path) as video:
+        monkeypatch.setattr(ContainerVideo, "_filled", fail)
+        with pytest.raises(MemoryError, match="no thread"):
+            list(video)
+    monkeypatch.setattr(ContainerVideo, "__init__", fail)
+    with pytest.raises(MemoryError, match="no thread"):
+        open_video(path)
+
+
+def test_another_failure_is_damage_and_says_what_the_decoder_said():
+    error = av.error.FFmpegError(errno.EINVAL, "is broken")
+    check_memory(error)
+    assert reason_of(error) == "is broken"
