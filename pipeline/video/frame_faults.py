@@ -12,6 +12,8 @@ MOST_COPIES = 5  # of each picture, by a converter; a codec changes a still one 
 MOST = 0.5  # more repeated frames than this part: nothing moves, and there is no noise
 MOST_GAPS = 0.05  # more gaps than this part: the times are uneven, nothing is missing
 EVERY = 32  # rows, of which one is looked at first
+NEAR = 16  # frames: of so many one behind the other, some have not come late
+SURE = 0.6  # of a frame's time, and more, is a frame that is missing
 BLACK = 20  # grey levels of 255: nothing in a black frame is brighter
 
 
@@ -104,6 +106,34 @@ def missing_numbers(names) -> list[int]:
     if len(gaps) > max(MOST_GAPS * len(numbers), 2):
         return []  # no series
     return [number for a, b in gaps for number in range(a + usual, min(b, a + 10_000), usual)]
+
+
+def missing_by_times(times, resolution) -> list[tuple[int, int]]:
+    """By the times [s] at which frames came, (frame, number of frames that are missing before it).
+
+    One that only came late is followed by others that came sooner one after the other, so that
+    the least delay of some frames is compared with that of as many before. Times that are given
+    to a `resolution` [s] near to a frame's time, and few times, tell nothing.
+
+    >>> missing_by_times(np.r_[0:0.04:0.002, 0.044:0.2:0.002], 1e-6)
+    [(20, 2)]
+    """
+    times = np.asarray(times)
+    if len(times) < 4 * NEAR:
+        return []
+    spans = times[NEAR:] - times[:-NEAR]
+    usual = np.sort(spans)[len(spans) // 2]
+    step = spans[np.abs(spans - usual) * NEAR <= SURE * usual].mean() / NEAR if usual > 0 else 0.0
+    if SURE * step < resolution:
+        return []
+    late, gaps = times - step * np.arange(len(times)), []
+    for at in np.flatnonzero(np.diff(times) > (1 + SURE) * step) + 1:
+        lost = late[at : at + NEAR].min() - late[max(at - NEAR, 0) : at].min()
+        missing = int(lost / step + 1 - SURE)
+        if missing > 0:
+            gaps.append((int(at), missing))
+            late[at:] -= missing * step
+    return gaps
 
 
 def _frames(numbers) -> str:

@@ -110,6 +110,11 @@ class StoredImages:
         image = np.frombuffer(data, self._dtype).reshape(self._shape)
         return image.astype(self._dtype.newbyteorder("="), copy=False)
 
+    def behind(self, index, count) -> bytes:
+        """So many bytes behind an image, fewer where the next one begins or the file ends."""
+        self._file.seek(self._start + index * self._stride + self._bytes)
+        return self._file.read(min(count, self._stride - self._bytes))
+
     def close(self):
         """Close the file."""
         self._file.close()

@@ -1,19 +1,23 @@
 """StreamPix sequences (`.seq` of NorPix): a header, then frames at a fixed distance.
 
 Numbers are little-endian. Plain grey frames of 8 bits, or of 9 to 16 bits in 16, are read; what
-StreamPix has compressed or packed, it must export.
+StreamPix has compressed or packed, it must export. Behind a frame is the time at which it came:
+seconds, milliseconds and, since version 5 of the header, microseconds.
 """
 
+import contextlib
 import struct
 from typing import NamedTuple
 
 from pipeline.errors import VideoError, counted, in_words
+from pipeline.video.frame_faults import missing_by_times
 from pipeline.video.image_stacks import ImageStack, StoredImages, unreadable
 
 MAGIC = 0xFEED
 MONO = 100  # image format: one grey value per pixel
 FIELDS = struct.Struct("<I24xi516x7I4xId28xI")  # of the first 624 bytes, those that are used
 OLD_START, START = 1024, 8192  # byte of the first frame, by the header's version
+OLD_STAMP, STAMP = struct.Struct("<IH"), struct.Struct("<IHH")
 FIRST_NEW_VERSION = 5
 EXPORT = "export it with StreamPix as uncompressed mono .seq, or as AVI or TIFF"
 
@@ -35,9 +39,14 @@ class Header(NamedTuple):
     compression: int
 
     @property
+    def is_new(self) -> bool:
+        """Whether the header is longer, and times are given to a microsecond."""
+        return self.version >= FIRST_NEW_VERSION
+
+    @property
     def start(self) -> int:
         """Byte at which the first frame begins."""
-        return START if self.version >= FIRST_NEW_VERSION else OLD_START
+        return START if self.is_new else OLD_START
 
 
 class StreamPixVideo(ImageStack):
@@ -73,6 +82,23 @@ class StreamPixVideo(ImageStack):
             return self._images[index]
         except OSError as error:
             raise unreadable(self._path, index, "it", in_words(error)) from error
+
+    def _read(self, start, stop):
+        times = []
+        try:
+            for image in super()._read(start, stop):
+                with contextlib.suppress(OSError, struct.error):  # the file ends before its time
+                    times.append(self._time(start + len(times)))
+                yield image
+        finally:
+            gaps = missing_by_times(times, 1e-6 if self.header.is_new else 1e-3)
+            self.faults.gaps += [(start + at, missing) for at, missing in gaps]
+
+    def _time(self, index) -> float:
+        """When a frame came [s]."""
+        fields = STAMP if self.header.is_new else OLD_STAMP
+        parts = fields.unpack(self._images.behind(index, fields.size))
+        return sum(part * unit for part, unit in zip(parts, (1, 1e-3, 1e-6), strict=False))
 
     def close(self):
         """Close the file."""

@@ -6,7 +6,10 @@ import numpy as np
 
 
 def streampix(frames, true_bits=None, version=3, count=None, rate=1000.0, **other) -> bytes:
-    """A `.seq` file of uint8 or uint16 `frames` (n, height, width), a time stamp after each."""
+    """A `.seq` file of uint8 or uint16 `frames` (n, height, width), a time stamp after each.
+
+    The `times` [s] of these are those of the `rate` where none are given.
+    """
     n, height, width = frames.shape
     bits = 8 * frames.dtype.itemsize
     size = frames[0].nbytes
@@ -18,8 +21,10 @@ def streampix(frames, true_bits=None, version=3, count=None, rate=1000.0, **othe
     head += struct.pack("<8IId", *fields, n if count is None else count, 0, stride, rate)
     head += bytes(28) + struct.pack("<I", other.get("compression", 0))
     out = bytearray(head.ljust(8192 if version >= 5 else 1024, b"\0"))
-    for i, frame in enumerate(frames):
-        stamp = struct.pack("<IHH", 1_500_000_000, i % 1000, 0)
+    for frame, time in zip(frames, other.get("times", np.arange(n) / rate), strict=True):
+        micro = round(1e6 * time)
+        parts = micro // 1_000_000, micro // 1000 % 1000, micro % 1000 * (version >= 5)
+        stamp = struct.pack("<IHH", 1_500_000_000 + parts[0], *parts[1:])
         out += (frame.astype(frame.dtype.newbyteorder("<")).tobytes() + stamp).ljust(stride, b"\0")
     return bytes(out)
 

@@ -120,6 +120,64 @@ def test_a_damaged_header_never_crashes(tmp_path_factory, place, value):
     assert str(path) in message
 
 
+def problems_of(path):
+    with open_video(path) as video:
+        for _ in video.watched():
+            pass
+        return list(video.problems())
+
+
+def times_of(n, rate, dropped=(), late=0.0):
+    """Times [s] at which a computer got n frames, each by up to `late` of a frame too late."""
+    numbers = np.setdiff1d(np.arange(n + len(dropped)), dropped)
+    return (numbers + np.random.default_rng(0).uniform(0, late, n)) / rate
+
+
+@pytest.mark.parametrize(
+    ("version", "rate"), [(3, 200.0), (3, 333.3), (3, 500.0), (5, 500.0), (5, 2000.0)]
+)
+@pytest.mark.parametrize("late", [0.0, 0.4])
+def test_frames_that_the_camera_dropped_are_said(tmp_path, version, rate, late):
+    """Times are given to a millisecond before version 5, to a microsecond since."""
+    frames = frames_of(300)
+    whole = times_of(300, rate, late=late)
+    assert problems_of(write(tmp_path / "a.seq", frames, version=version, times=whole)) == []
+    times = times_of(300, rate, [100, 200, 201, 202], late)
+    (said,) = problems_of(write(tmp_path / "a.seq", frames, version=version, times=times))
+    assert said == (
+        "4 missing by the file's own times, before frames 100, 199: later times are too early"
+    )
+
+
+def test_frames_that_only_come_late_are_none_that_are_missing(tmp_path):
+    """As where the computer was busy: those behind them follow sooner."""
+    times = times_of(300, 1000.0)
+    times[120:128] = np.maximum(times[120:128], times[128])
+    assert problems_of(write(tmp_path / "a.seq", frames_of(300), version=5, times=times)) == []
+
+
+@pytest.mark.parametrize("times", [
+    np.zeros(300),  # none
+    times_of(300, 900.0),  # to a millisecond, where a frame takes as long
+    -times_of(300, 100.0),
+    np.cumsum(np.repeat([0.01, 0.03], [158, 142])),  # two rates, half of the time each
+])  # fmt: skip
+def test_times_that_tell_nothing_say_nothing(tmp_path, times):
+    path = write(tmp_path / "a.seq", frames_of(300), times=times + 10)
+    assert problems_of(path) == []
+
+
+def test_a_sequence_without_times_is_read(tmp_path):
+    """Where the next frame begins at once, and at the end of a file that is cut off."""
+    frames = frames_of(80, height=16, width=64)  # 1024 bytes
+    path = write(tmp_path / "a.seq", frames)
+    data = bytearray(path.read_bytes())
+    data[580:584] = (1024).to_bytes(4, "little")
+    path.write_bytes(bytes(data[:1024]) + frames.tobytes())
+    assert problems_of(path) == []
+    np.testing.assert_array_equal(list(open_video(path)), frames)
+
+
 def test_a_sequence_is_found_in_a_folder(tmp_path):
     path = write(tmp_path / "a.seq", frames_of())
     assert find_videos([tmp_path]) == [path]
