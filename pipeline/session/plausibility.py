@@ -12,6 +12,7 @@ THINNEST, THICKEST = 1 / 610, 1 / 150
 SHORTEST_MM, LONGEST_MM = 6, 44  # whole ones of the rat, E6 and E1 (Belli et al. 2017)
 BEYOND = 2.0  # times these, for other species and for what is left of a worn or cut whisker
 USUAL_CONTACT_MS = 16.0  # median of 12,417 contacts (Hires, Efros & Svoboda, 2013, Fig. 3e)
+MOST_MM = BEYOND * LONGEST_MM  # of a whisker, given or seen in a picture
 MOST_NAMED = 3  # whiskers in a sentence
 
 
@@ -35,7 +36,7 @@ def doubtful_values(settings: Settings):
     odd = [whisker for whisker in settings.whisker if _is_odd(whisker)]
     if odd:
         yield _of_radius(odd)
-    long = [w for w in settings.whisker if (w.length_mm or 0) > BEYOND * LONGEST_MM]
+    long = [w for w in settings.whisker if (w.length_mm or 0) > MOST_MM]
     if long and not odd:
         yield (
             f"[[whisker]] length_mm = {_listed(long, 'length_mm')}: those of mice and rats are "

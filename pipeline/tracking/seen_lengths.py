@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pipeline.numerics.runs import evenly
-from pipeline.session.plausibility import BEYOND, LONGEST_MM
+from pipeline.session.plausibility import MOST_MM
 from pipeline.tracking.registry import find_templates
 from pipeline.tracking.whiskers import ENOUGH_FRAMES, options_for_picture, tracing_options
 
@@ -71,7 +71,6 @@ def _too_short(again, shortest_px):
 def _implausible(templates, pixels_per_mm):
     """The longest whisker, if no real one is so short or so long, else None."""
     longest = max(templates, key=lambda template: template.visible_px, default=None)
-    most_mm = BEYOND * LONGEST_MM
-    if longest is None or LEAST_MM < longest.visible_px / pixels_per_mm < most_mm:
+    if longest is None or LEAST_MM < longest.visible_px / pixels_per_mm < MOST_MM:
         return None
     return SeenLength(longest.visible_px, longest.name)

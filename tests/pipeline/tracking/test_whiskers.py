@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from pipeline.session.plausibility import doubtful_values
 from pipeline.session.quantities import pixels_in
 from pipeline.session.session_file import settings_from
 from pipeline.tracking import seen_lengths
@@ -96,3 +97,16 @@ def test_lengths_are_looked_at_again_with_the_parameters_of_session_toml(monkeyp
     settings = settings_from({"recording": RECORDING, "advanced": advanced})
     assert seen_lengths.odd_length([0, 1], np.zeros((2, *SHAPE)), (), [], settings) is None
     assert [each.params for each in used] == [settings.advanced]
+
+
+@pytest.mark.parametrize(("mm", "doubted"), [(70, False), (87, False), (89, True)])
+def test_a_whisker_is_as_long_at_most_where_it_is_seen_as_where_it_is_given(mm, doubted):
+    """Longer by far than any rat's: 44 mm by the equations of Belli et al. (2017)."""
+    settings = settings_from(
+        {"recording": RECORDING, "whisker": [{"name": "C2", "length_mm": mm}]}
+    )
+    px = mm * settings.recording.pixels_per_mm
+    seen = [WhiskerTemplate("", np.zeros(2), px, longest_px=2 * px)]
+    odd = seen_lengths.odd_length([0], np.zeros((1, *SHAPE)), (), seen, settings)
+    assert (odd is not None) == doubted
+    assert bool(list(doubtful_values(settings))) == doubted
