@@ -23,26 +23,23 @@ def run_dust(results, out, whisker, at_mm, say) -> list[str]:
         raise ValueError(f"--at-mm {at_mm}: expected a distance from the follicle in mm, above 0")
     videos = read_results(results)
     name = one_whisker(videos, whisker, "the whisker that the particle sits on, one")
+    advice = (
+        "if there is one, give --at-mm, its rough distance from the follicle"
+        if at_mm is None
+        else f"is --at-mm {at_mm:g} about where it sits, and is it in focus?"
+    )
     motions, faults = each(
         videos,
         lambda video: measure_follicle_motion(video, name, at_mm),
         _sentence,
         say,
-        label=lambda video: f"{video.name}, whisker {name}: ",
+        lambda video: f"{video.name}, whisker {name}: ",
+        none=f"{results}: {counted(len(videos), 'video')}, and in none can a particle be "
+        f"followed: {advice}",
     )
-    if not motions:
-        advice = (
-            "if there is one, give --at-mm, its rough distance from the follicle"
-            if at_mm is None
-            else f"is --at-mm {at_mm:g} about where it sits, and is it in focus?"
-        )
-        raise ValueError(
-            f"{results}: {counted(len(videos), 'video')}, and in none can a particle be followed; "
-            f"the first: {faults[0]}; {advice}"
-        )
-    written = write_dust(out, motions, {video.whisker_made_of(name) for video in videos})
+    write_dust(out, motions, {video.whisker_made_of(name) for video in videos})
     say(slope_sentence(pooled_slope(motions)))
-    say(f"tables and figures: {written[0].parent}")
+    say(f"tables and figures: {out}")
     return faults
 
 

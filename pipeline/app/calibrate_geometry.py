@@ -39,16 +39,14 @@ def run_geometry(images, scale, out, masses, target, say) -> list[str]:
         lambda pair: (_measured(pair[0], scale), pair[1]),
         lambda pair: _sentence(pair[0]),
         say,
+        none=f"{counted(len(images), 'picture')}, and none can be measured",
     )
-    if not measured:
-        count = counted(len(images), "picture")
-        raise ValueError(f"{count}, and none can be measured; the first: {faults[0]}")
     geometries = [geometry for geometry, _ in measured]
     masses = [mass for _, mass in measured if mass is not None]
-    written = write_geometry(out, geometries, masses)
+    write_geometry(out, geometries, masses)
     together = pooled(geometries, masses)
     _say_pooled(together, say)
-    say(f"tables and pictures: {written[-1].parent}")
+    say(f"tables and pictures: {out}")
     if target:
         values = write_into(*target, together)
         text = ", ".join(f"{key} = {value:g}" for key, value in values.items())

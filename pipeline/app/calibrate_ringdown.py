@@ -27,11 +27,18 @@ def run_ringdown(results, out, places, follicle, into, name, say) -> list[str]:
     settings = slips[0].video.settings
     whisker = whisker_of(settings, slips[0].whisker)
     check_frame_rate(settings.recording.frames_per_second, whisker, boundary)
-    fits, faults = _fitted(results, slips, whisker, boundary, say)
+    fits, faults = each(
+        slips,
+        lambda slip: _fit(slip, slips[0], boundary),
+        lambda fit: f"{fit.slip}: {_sentence(fit, fit.youngs_modulus(whisker, boundary))}",
+        say,
+        lambda slip: f"{slip}: ",
+        none=f"{results}: {counted(len(slips), 'slip')}, and none can be fitted",
+    )
     together = pool(fits, whisker, boundary)
-    written = write_ringdown(out, fits, together, whisker, boundary)
+    write_ringdown(out, fits, together, whisker, boundary)
     _say_pooled(together, follicle, say)
-    say(f"tables and figure: {written[0].parent}")
+    say(f"tables and figure: {out}")
     if into:
         values = write_into(into, name, together)
         text = ", ".join(f"{key} = {value:g}" for key, value in values.items())
@@ -67,23 +74,6 @@ def _of_one_whisker(slips, name):
     if not own:
         raise ValueError(f"--whisker {name}: no slip of it; there are slips of {', '.join(names)}")
     return own
-
-
-def _fitted(results, slips, whisker, boundary, say):
-    """Fits of all slips that carry one, and why the others do not."""
-    fits, faults = each(
-        slips,
-        lambda slip: _fit(slip, slips[0], boundary),
-        lambda fit: f"{fit.slip}: {_sentence(fit, fit.youngs_modulus(whisker, boundary))}",
-        say,
-        label=lambda slip: f"{slip}: ",
-    )
-    if not fits:
-        raise ValueError(
-            f"{results}: {counted(len(slips), 'slip')}, and none can be fitted; the first: "
-            f"{faults[0]}"
-        )
-    return fits, faults
 
 
 def _fit(slip, first, boundary):

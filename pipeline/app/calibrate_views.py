@@ -34,12 +34,11 @@ def run_views(first, second, points, out, whisker, say) -> list[str]:
         lambda pair: _measured(pair, scales, second, views, name),
         _sentence,
         say,
+        none=f"{first}: no video can be put together with {second}",
     )
-    if not measured:
-        raise ViewsError(f"{first}: no video can be put together with {second}: {faults[0]}")
     made_of = {video.whisker_made_of(name) for video, _ in pairs}
-    written = write_views(out, views, measured, made_of)
-    say(f"tables and figure: {written[0].parent}")
+    write_views(out, views, measured, made_of)
+    say(f"tables and figure: {out}")
     return faults
 
 

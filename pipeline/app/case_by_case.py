@@ -29,16 +29,21 @@ def _names_in(video) -> tuple[str, ...]:
         return ()
 
 
-def each(cases, measure, sentence, say, label=lambda case: ""):
+def each(cases, measure, sentence, say, label=lambda case: "", *, none):
     """Measure all cases that can be; return the measurements, and why others are left out.
 
-    A case is left out where it cannot be measured, or its video or tables cannot be read;
-    arguments that cannot be used (InputError) end all.
+    A case is left out where it cannot be measured, or its video or tables cannot be read.
 
     measure : called with a case
     sentence : a measurement in words
-    label : of a case, what stands before the reason for leaving it out
     say : prints a line, for every case
+    label : of a case, what stands before the reason for leaving it out
+    none : what the error says where no case can be measured
+
+    Raises
+    ------
+    InputError
+        Where arguments cannot be used, or no case can be measured.
     """
     measured, faults = [], []
     for case in cases:
@@ -52,4 +57,6 @@ def each(cases, measure, sentence, say, label=lambda case: ""):
             say(f"left out: {faults[-1]}")
         else:
             say(sentence(measured[-1]))
+    if not measured:
+        raise InputError(f"{none}; the first: {faults[0]}")
     return measured, faults

@@ -191,18 +191,16 @@ def _export(results, out, write):
     """
     from pipeline.app.case_by_case import each
     from pipeline.convert.results import read_results
-    from pipeline.errors import InputError
     from pipeline.tables.new_files import write_new
 
-    written, left_out = each(
+    _, left_out = each(
         read_results(results),
         lambda video: write_new(out, lambda new: write(new, video), [video.made_of]),
         lambda paths: "\n".join(map(str, paths)),
         typer.echo,
         lambda video: f"{video.name}: ",
+        none=f"{results}: no video can be exported",
     )
-    if not written:
-        raise InputError(f"{results}: no video can be exported; the first: {left_out[0]}")
     terminal.leave(left_out)
 
 

@@ -1,7 +1,5 @@
 """What `calibrate dust` writes: tables of frames, contacts and videos, and a figure per video."""
 
-from pathlib import Path
-
 import numpy as np
 import pandas as pd
 
@@ -54,19 +52,16 @@ def _slope_cells(slope: Slope | None) -> dict:
     }
 
 
-def write_dust(out, motions: list[FollicleMotion], made_of=()) -> list[Path]:
+def write_dust(out, motions: list[FollicleMotion], made_of=()) -> None:
     """Write dust.csv, dust_contacts.csv, dust_videos.csv and the figures.
 
     made_of : of `new_files`
     """
     frames = pd.concat([motion.frames for motion in motions])
     contacts = pd.concat([motion.contacts for motion in motions])
-    pictures = [f"{motion.video}.png" for motion in motions]
     with new_files(out, made_of) as new:
-        for name, motion in zip(pictures, motions, strict=True):
-            draw_dust(new / name, motion)
+        for motion in motions:
+            draw_dust(new / f"{motion.video}.png", motion)
         write_csv(new / "dust.csv", as_table(frames, DUST_COLUMNS), DUST_COLUMNS)
         write_csv(new / "dust_contacts.csv", contacts, DUST_CONTACT_COLUMNS)
         write_csv(new / "dust_videos.csv", video_table(motions), DUST_VIDEO_COLUMNS)
-    names = "dust_videos.csv", "dust.csv", "dust_contacts.csv", *pictures
-    return [Path(out) / name for name in names]

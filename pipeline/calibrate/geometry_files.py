@@ -1,7 +1,6 @@
 """What `calibrate geometry` writes: tables, whiskers pooled, values for session.toml."""
 
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -11,7 +10,7 @@ from pipeline.calibrate.geometry_picture import draw_pooled, draw_whisker
 from pipeline.session.edit import set_whisker_values, whisker_has
 from pipeline.tables.calibration_columns import DENSITY_COLUMNS, GEOMETRY_COLUMNS, PROFILE_COLUMNS
 from pipeline.tables.files import write_csv
-from pipeline.tables.new_files import write_new
+from pipeline.tables.new_files import new_files
 from pipeline.tables.whole_files import sha256, write_text
 
 UNITS = {"length": "mm", "base_radius": "um", "tip_radius": "um", "cone_length": "mm"}
@@ -58,25 +57,17 @@ def _pair(name, measured: Measured):
     return {name: measured.value, f"{name}_se": measured.se}
 
 
-def write_geometry(out, geometries: list[Geometry], masses=()) -> list[Path]:
+def write_geometry(out, geometries: list[Geometry], masses=()) -> None:
     """Write geometry.csv, a profile and a picture per whisker, and all whiskers together."""
-    made_of = [sha256(geometry.path) for geometry in geometries]
-    return write_new(out, lambda new: _write_all(new, geometries, masses), made_of)
-
-
-def _write_all(out, geometries, masses):
-    written = []
-    for stem, geometry in zip(_stems(geometries), geometries, strict=True):
-        written += [out / f"{stem}_profile.csv", out / f"{stem}.png"]
-        write_csv(written[-2], profile(geometry), PROFILE_COLUMNS)
-        draw_whisker(written[-1], geometry, profile(geometry))
-    if len(geometries) > 1:
-        written += [out / "pooled.csv", out / "geometry.png"]
-        write_text(written[-2], _pooled_text(pooled(geometries, masses)))
-        draw_pooled(written[-1], geometries, [profile(geometry) for geometry in geometries])
     columns = GEOMETRY_COLUMNS + (DENSITY_COLUMNS if masses else ())
-    write_csv(out / "geometry.csv", geometry_table(geometries, masses), columns)
-    return [*written, out / "geometry.csv"]
+    with new_files(out, [sha256(geometry.path) for geometry in geometries]) as new:
+        for stem, geometry in zip(_stems(geometries), geometries, strict=True):
+            write_csv(new / f"{stem}_profile.csv", profile(geometry), PROFILE_COLUMNS)
+            draw_whisker(new / f"{stem}.png", geometry, profile(geometry))
+        if len(geometries) > 1:
+            write_text(new / "pooled.csv", _pooled_text(pooled(geometries, masses)))
+            draw_pooled(new / "geometry.png", geometries, [profile(each) for each in geometries])
+        write_csv(new / "geometry.csv", geometry_table(geometries, masses), columns)
 
 
 def _stems(geometries):

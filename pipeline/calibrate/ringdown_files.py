@@ -1,7 +1,5 @@
 """What `calibrate ringdown` writes: tables, figure, values for session.toml."""
 
-from pathlib import Path
-
 import pandas as pd
 
 from pipeline.calibrate.ringdown import Pooled, SlipFit, moduli_by_follicle
@@ -41,7 +39,7 @@ def _row(names, estimates):
     return row
 
 
-def write_ringdown(out, fits, together, whisker, boundary) -> list[Path]:
+def write_ringdown(out, fits, together, whisker, boundary) -> None:
     """Write ringdown.csv, follicle.csv and the figure."""
     follicle = list(moduli_by_follicle(together, whisker, STIFFNESSES))
     lines = [
@@ -54,7 +52,6 @@ def write_ringdown(out, fits, together, whisker, boundary) -> list[Path]:
         write_text(new / "follicle.csv", "\n".join([header, *lines, ""]))
         draw_ringdown(new / "ringdown.png", fits, together)
         write_csv(new / "ringdown.csv", table, RINGDOWN_COLUMNS)
-    return [Path(out) / name for name in ("ringdown.csv", "follicle.csv", "ringdown.png")]
 
 
 def write_into(session, name, together: Pooled) -> dict[str, float]:

@@ -1,7 +1,5 @@
 """What `calibrate views` writes: tables of frames, contacts, lines in space, and a figure."""
 
-from pathlib import Path
-
 import numpy as np
 import pandas as pd
 
@@ -19,7 +17,7 @@ from pipeline.tables.files import write_csv, write_rows
 from pipeline.tables.new_files import new_files
 
 
-def write_views(out, views: TwoViews, measured: list[ViewsMeasurement], made_of=()) -> list[Path]:
+def write_views(out, views: TwoViews, measured: list[ViewsMeasurement], made_of=()) -> None:
     """Write calibration.csv, views.csv, view_contacts.csv, lines_3d.parquet and fig4.png.
 
     made_of : of `new_files`
@@ -35,7 +33,6 @@ def write_views(out, views: TwoViews, measured: list[ViewsMeasurement], made_of=
         for name, (table, columns) in tables.items():
             write_csv(new / name, as_table(table, columns), columns)
         write_rows(new / "lines_3d.parquet", lines, SPACE_LINE_COLUMNS)
-    return [Path(out) / name for name in ("fig4.png", *tables, "lines_3d.parquet")]
 
 
 def _calibration(views) -> pd.DataFrame:

@@ -50,12 +50,18 @@ def test_what_cannot_be_measured_or_read_is_left_out_and_the_rest_measured():
         return case
 
     said = []
-    measured, faults = each([*reasons, 7], measure, str, said.append, lambda case: "left: ")
+
+    def measured_of(*cases):
+        return each(cases, measure, str, said.append, lambda case: "left: ", none="2 cases")
+
+    measured, faults = measured_of(*reasons, 7)
     assert measured == [7]
     assert faults == ["left: shows none", "left: a.avi: gone", "left: b.avi: Input/output error"]
     assert said == [*(f"left out: {fault}" for fault in faults), "7"]
     with pytest.raises(InputError, match="--start"):  # the same for all
-        each([InputError("--start soon"), 7], measure, str, said.append)
+        measured_of(InputError("--start soon"), 7)
+    with pytest.raises(InputError, match=r"^2 cases; the first: left: shows none$"):
+        measured_of(*reasons[:2])
 
 
 @pytest.mark.parametrize("left_out", [[], ["one"]])
