@@ -1,7 +1,7 @@
 """Time courses: lanes of contacts, distance, curvature change and force, and the whole video."""
 
 import numpy as np
-from bokeh.models import ColumnDataSource, FixedTicker, Range1d, Span
+from bokeh.models import ColumnDataSource, FixedTicker, Range1d, Span, VStrip
 from bokeh.plotting import figure
 
 from pipeline.curate.colours import CURSOR, GRID, HATCHED, INK, SOFT, STATES, WHISKERS, state_of
@@ -161,8 +161,6 @@ class Courses:
 
 
 def _strip_glyph(**style):
-    from bokeh.models import VStrip
-
     return VStrip(x0="left", x1="right", **{"line_color": None, **style})
 
 

@@ -3,6 +3,8 @@
 Like `desk`, this module does not depend on browsers.
 """
 
+from functools import partialmethod
+
 from pipeline.curate.items import Item
 from pipeline.curate.results import Results, VideoUnderReview
 from pipeline.curate.review import EditError, Span
@@ -11,7 +13,6 @@ from pipeline.errors import InputError, in_words
 WIDTHS = (50, 100, 200, 400, 800, 1600, 3200, 6400, 12800, 25600)  # frames in the time window
 FIRST_WIDTH = 400
 MARGIN = 0.1  # of the window, that stays ahead of the present frame
-FORWARD, PAGE = 10, 100
 MOST_OF_WINDOW = 0.8  # a contact longer than this part of the window is not centred
 
 
@@ -142,29 +143,12 @@ class View:
 
     # ---- commands: look -------------------------------------------------------------------
 
-    def next_frame(self):
-        """Step on."""
-        self.go(self.frame + 1)
+    def _step(self, frames):
+        self.go(self.frame + frames)
 
-    def previous_frame(self):
-        """Step back."""
-        self.go(self.frame - 1)
-
-    def forward(self):
-        """Ten frames on."""
-        self.go(self.frame + FORWARD)
-
-    def back(self):
-        """Ten frames back."""
-        self.go(self.frame - FORWARD)
-
-    def page_forward(self):
-        """A hundred frames on."""
-        self.go(self.frame + PAGE)
-
-    def page_back(self):
-        """A hundred frames back."""
-        self.go(self.frame - PAGE)
+    next_frame, previous_frame = partialmethod(_step, 1), partialmethod(_step, -1)
+    forward, back = partialmethod(_step, 10), partialmethod(_step, -10)
+    page_forward, page_back = partialmethod(_step, 100), partialmethod(_step, -100)
 
     def first_frame(self):
         """Go to the video's start."""
@@ -195,15 +179,8 @@ class View:
 
     # ---- commands: go to ------------------------------------------------------------------
 
-    def next_contact(self):
-        """Go to the onset of the next contact, of whatever whisker."""
-        self._neighbour(1)
-
-    def previous_contact(self):
-        """Go to the onset of the contact before."""
-        self._neighbour(-1)
-
     def _neighbour(self, step):
+        """Go to the onset of the next contact, or of that before, of whatever whisker."""
         contacts = self._contacts()
         spans = [item.span for item in contacts]
         if self.selected in spans:
@@ -214,6 +191,8 @@ class View:
         if not 0 <= index < len(contacts):
             raise EditError("there is no later contact" if step > 0 else "no earlier contact")
         self._select(contacts[index])
+
+    next_contact, previous_contact = partialmethod(_neighbour, 1), partialmethod(_neighbour, -1)
 
     def next_doubtful(self):
         """Go to the most doubtful contact that is left; without any to the next not looked at."""
@@ -271,14 +250,6 @@ class View:
         self.whisker = names[(names.index(self.whisker) + 1) % len(names)]
         self.selected = self.adding = None
 
-    def next_video(self):
-        """Look at the next video."""
-        self._other_video(1)
-
-    def previous_video(self):
-        """Look at the video before."""
-        self._other_video(-1)
-
     def _other_video(self, step):
         names = self.results.names
         index = names.index(self.video.name) + step
@@ -286,6 +257,8 @@ class View:
             raise EditError("this is the last video" if step > 0 else "this is the first video")
         self._enter(names[index])
         self._to_doubtful()
+
+    next_video, previous_video = partialmethod(_other_video, 1), partialmethod(_other_video, -1)
 
     # ---- what commands need ---------------------------------------------------------------
 
