@@ -90,7 +90,10 @@ def line_messages(settings, tables, followed):
         yield from _unknown_names(tables.frames)
         yield from _of_whiskers(settings, tables, followed, NO_POLE_IN_LINES)
     else:
-        yield "no line is a whisker's: all are too short, or have no name"
+        yield (
+            "no line is a whisker's: all are too short, or have no name; name the whiskers in the "
+            "program that traced them, and import again"
+        )
 
 
 def _of_whiskers(settings, tables, followed, no_pole):
@@ -109,9 +112,15 @@ def _of_whiskers(settings, tables, followed, no_pole):
 def _too_few_frames(video, count):
     """A video that is cut short, or is one picture."""
     if video.ended_by is None and video.exact_count and count < video.n_frames:
-        yield f"only {count} of {video.n_frames} frames could be read: is it cut short?"
+        yield (
+            f"only {count} of {video.n_frames} frames could be read: is it cut short? then copy "
+            "it again from the recording computer"
+        )
     if count == 1:
-        yield "only one frame: without movement no contact can be found"
+        yield (
+            "only one frame: without movement no contact can be found; give the whole video, or "
+            "the folder of its images"
+        )
 
 
 def no_whiskers(settings, seen) -> str:

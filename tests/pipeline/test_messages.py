@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 
 from pipeline.detection.static_scene import PoleTrack
-from pipeline.messages import _seldom_tracked, face_message, messages
+from pipeline.messages import _seldom_tracked, face_message, line_messages, messages
 from pipeline.run import analyse
 from pipeline.scene.estimate import scene_from_frames
 from pipeline.session.recording import Recording
@@ -177,6 +177,27 @@ def test_where_nothing_is_wrong_nothing_is_said():
 def test_each_fault_is_reported_alone(changes, said):
     (message,) = said_of(**changes)
     assert message.startswith(said)
+
+
+@pytest.mark.parametrize(
+    ("changes", "advice"),
+    [
+        ({"read": 60}, "then copy it again from the recording computer"),
+        ({"read": 1, "n_frames": 1}, "give the whole video, or the folder of its images"),
+    ],
+)
+def test_of_a_video_that_is_not_whole_it_is_said_what_to_do(changes, advice):
+    (message,) = said_of(**changes)
+    assert message.endswith(advice)
+
+
+def test_where_no_line_is_a_whiskers_it_is_said_what_to_do():
+    settings = settings_from(
+        {"recording": {"frames_per_second": 1000, "pixels_per_mm": SCALE, "face": "left"}}
+    )
+    followed = SimpleNamespace(whisker_set=SimpleNamespace(templates=()))
+    (message,) = line_messages(settings, None, followed)
+    assert message.endswith("name the whiskers in the program that traced them, and import again")
 
 
 def test_of_many_whiskers_that_are_seldom_tracked_the_least_are_named():
