@@ -191,7 +191,7 @@ def look_at(video, settings):
         raise VideoError(
             video.path,
             f"has frames of {video.width}×{video.height} px: expected at least {LEAST_PX} px "
-            "either way, or no whisker can be seen",
+            "either way, or no whisker can be seen; export it larger",
             0,
         )
     recording, pole, params = settings.recording.si(), settings.pole, settings.advanced

@@ -61,7 +61,10 @@ def _measured(pair, scales, second, views, name):
 
     video, other = pair
     if other is None:
-        raise ViewsError(f"{video.name}: no video of that name in {second}")
+        raise ViewsError(
+            f"{video.name}: no video of that name in {second}; run it, or name it like the first "
+            "view's"
+        )
     for view, scale in zip(pair, scales, strict=True):
         if _scale(view) != scale:
             raise ViewsError(

@@ -81,10 +81,15 @@ def read_micrograph(path) -> np.ndarray:
         image = cv2.cvtColor(np.ascontiguousarray(image[..., :3]), cv2.COLOR_BGR2GRAY)
     if image.ndim != 2 or min(image.shape) < 4 * REDUCED:
         raise VideoError(
-            path, f"has the shape {image.shape}: expected one grey or RGB picture of a whisker"
+            path,
+            f"has the shape {image.shape}: expected one grey or RGB picture of a whisker; export "
+            "it so",
         )
     if not np.isfinite(image).all():
-        raise VideoError(path, "has pixels without a value (NaN): expected grey levels everywhere")
+        raise VideoError(
+            path,
+            "has pixels without a value (NaN): expected grey levels everywhere; export it again",
+        )
     scale = 255 if image.dtype.kind == "f" and image.max() <= 1 else 1  # of floats from 0 to 1
     return scale * image.astype(np.float32)
 

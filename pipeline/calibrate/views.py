@@ -62,7 +62,10 @@ def measure_views(first, second, views: TwoViews, name, analyse) -> ViewsMeasure
     lines = _space_lines(first, second, views, name, table)
     pole = first.pole()
     if pole is None:
-        raise ViewsError(f"{first.name}: no pole was seen in the first view")
+        raise ViewsError(
+            f"{first.name}: no pole was seen in the first view; give [pole] x_px, y_px in its "
+            "session.toml, and run it again"
+        )
     rows = [
         {"frame": frame, **_place_row(line, _pole_at(pole, frame), views.first_scale)}
         for frame, line in lines.items()

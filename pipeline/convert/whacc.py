@@ -153,7 +153,8 @@ def _checked(video, labels, whisker, path):
     if len(labels.touch) != video.n_frames:
         raise InputError(
             f"{path}: has {counted(len(labels.touch), 'frame')} of {video.name}, its results "
-            f"{video.n_frames}: these are not of the same video, or one is cut off"
+            f"{video.n_frames}: these are not of the same video, or one is cut off; name the file "
+            "that was made of this video, or run the whole video"
         )
     corrections = corrections_of(labels.touch, whisker or video.whiskers[0])
     there, when = video.folder / CORRECTIONS_FILE, "saved_at"

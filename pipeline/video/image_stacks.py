@@ -253,7 +253,9 @@ def grey(image, path, index, conversion):
     if image.ndim == 3 and image.shape[2] in (1, 2):  # grey, or grey and alpha
         return image[..., 0]
     if image.ndim != 2:
-        raise VideoError(path, f"has pages of shape {image.shape}: expected grey or RGB images", 0)
+        raise VideoError(
+            path, f"has pages of shape {image.shape}: expected grey or RGB images; export it so", 0
+        )
     return image
 
 

@@ -217,3 +217,12 @@ def test_what_is_no_picture_is_refused(tmp_path):
         measure_geometry(tmp_path / "note.png", 130)
     with pytest.raises(VideoError, match=r"gone\.png.*cannot be opened"):
         measure_geometry(tmp_path / "gone.png", 130)
+
+
+@pytest.mark.parametrize(
+    "pixels", [np.zeros((3, 200, 200, 7), np.uint8), np.full((200, 200), np.nan, np.float32)]
+)
+def test_a_picture_that_must_be_exported_again_says_so(tmp_path, pixels):
+    tifffile.imwrite(tmp_path / "a.tif", pixels, photometric="minisblack")
+    with pytest.raises(VideoError, match=r"a\.tif: has .*: expected .*grey.*; export it"):
+        measure_geometry(tmp_path / "a.tif", 130)

@@ -8,6 +8,7 @@ import pandas as pd
 import pytest
 
 from pipeline.app import calibrate_views, cli
+from pipeline.calibrate import views as views_module
 from pipeline.calibrate.lines_3d import path_row, space_line, unroll
 from pipeline.calibrate.two_views import COLUMNS, ViewsError, fit_views, read_points
 from pipeline.calibrate.views import _lag
@@ -312,3 +313,14 @@ def test_views_that_do_not_match_leave_nothing_behind(
     said = "".join(capsys.readouterr())
     assert all(part in said for part in expected), said
     assert not out.exists()
+
+
+def test_a_view_without_pole_or_without_the_other_view_says_what_to_do(monkeypatch):
+    video = SimpleNamespace(
+        name="one", of=lambda name: pd.DataFrame({"frame": [0]}), pole=lambda: None
+    )
+    monkeypatch.setattr(views_module, "_space_lines", lambda *given: {})
+    with pytest.raises(ViewsError, match=r"^one: no pole .*; give \[pole\] x_px, y_px in its"):
+        views_module.measure_views(video, video, None, "C2", None)
+    with pytest.raises(ViewsError, match=r"^one: no video of that name in side; run it, or name"):
+        calibrate_views._measured((video, None), (25, 22), "side", None, "C2")

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import h5py
 import numpy as np
@@ -168,3 +169,11 @@ def test_other_files_are_reported(tmp_path):
     path.write_bytes(whole[: len(whole) // 2])
     with pytest.raises(InputError, match="copy it again"):
         read_whacc(path)
+
+
+def test_of_a_file_of_another_video_it_is_said_what_to_do(tmp_path):
+    write(tmp_path / "a.h5", [b"one.mp4"], [np.zeros(99)])
+    video = SimpleNamespace(name="one", path="one.mp4", whiskers=("C2",), n_frames=120,
+                            folder=tmp_path)  # fmt: skip
+    with pytest.raises(InputError, match=r"cut off; name the file that was made of this video"):
+        take_contacts(tmp_path / "a.h5", [video])

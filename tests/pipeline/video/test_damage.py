@@ -20,7 +20,7 @@ from pipeline.video.containers import ContainerVideo, check_memory, reason_of
 from pipeline.video.decoder_log import SILENT, decoder_log
 from pipeline.video.endings import is_cut
 from pipeline.video.frame_faults import FrameFaults, is_black, missing_numbers
-from pipeline.video.image_stacks import is_stack
+from pipeline.video.image_stacks import grey, is_stack
 from pipeline.video.open import find_videos, open_video
 from synthetic.encode import write_video
 from synthetic.scene import Codec
@@ -531,3 +531,13 @@ def test_another_failure_is_damage_and_says_what_the_decoder_said():
     error = av.error.FFmpegError(errno.EINVAL, "is broken")
     check_memory(error)
     assert reason_of(error) == "is broken"
+
+
+def test_pictures_that_are_too_small_or_no_pictures_say_what_to_do(tmp_path):
+    settings = settings_from(
+        {"recording": {"frames_per_second": 1000, "pixels_per_mm": 25, "face": "left"}}
+    )
+    with pytest.raises(VideoError, match=r"can be seen; export it larger$"):
+        analyse(np.zeros((5, 8, 8), np.uint8), settings)
+    with pytest.raises(VideoError, match=r"pages of shape \(9, 9, 7\).*; export it so$"):
+        grey(np.zeros((9, 9, 7), np.uint8), "a.tif", 0, cv2.COLOR_RGB2GRAY)
