@@ -13,7 +13,7 @@ from scipy.stats import linregress, t
 
 from pipeline.calibrate.particle import ParticlePath, follow_particle
 from pipeline.calibrate.thickness import ThicknessMap, map_thickness
-from pipeline.numerics.polyline import arc_along
+from pipeline.numerics.polyline import arc_along, places_along
 from pipeline.numerics.robust import robust_sd
 from pipeline.tables.calibration_columns import DUST_CONTACT_COLUMNS
 from pipeline.tables.columns import as_table
@@ -120,7 +120,7 @@ def _hidden_px(settings, name, seen, follicle):
 def _follicles(seen, particle, hidden, scale) -> pd.DataFrame:
     """Place of the particle and of the follicle [px] in each row; y up."""
     rows = [
-        _particle_on(line, start + place)
+        (*places_along(line, [start + place])[0], start + place)  # NaN where it is not seen
         for line, start, place in zip(seen.lines, seen.start_px, particle.place_px, strict=True)
     ]
     length = np.nanmedian([row[2] for row in rows]) + hidden
@@ -136,18 +136,6 @@ def _follicles(seen, particle, hidden, scale) -> pd.DataFrame:
             "particle_px": np.where(np.isfinite(along), length, np.nan), "turn": turn,
         }
     )  # fmt: skip
-
-
-def _particle_on(line, along):
-    """x, y [px] and arc length of the particle from the line's first point; NaN if not seen."""
-    if not np.isfinite(along):
-        return np.nan, np.nan, np.nan
-    arc = arc_along(line)
-    return (
-        float(np.interp(along, arc, line[:, 0])),
-        float(np.interp(along, arc, line[:, 1])),
-        along,
-    )
 
 
 def _follicle(line, along, length, base_px):

@@ -7,6 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from pipeline.numerics.polyline import arc_along, places_along
+
 # for the three kinds of colour vision (CIEDE2000 of any two: 24 or more; from the report's ground
 # as well), found by search from the colours of Okabe & Ito 2008
 DARKEST = "#222222"
@@ -51,7 +53,7 @@ def pieces(points, dash) -> list[np.ndarray]:
     points = np.asarray(points, float)
     if not dash:
         return [points]
-    along = np.append(0, np.cumsum(np.hypot(*np.diff(points, axis=0).T)))
+    along = arc_along(points)
     period = np.append(0, np.cumsum(dash))
     starts = np.arange(0, along[-1], period[-1])
     out = []
@@ -59,6 +61,5 @@ def pieces(points, dash) -> list[np.ndarray]:
         for start in starts[starts + first < along[-1]]:
             ends = start + first, min(start + last, along[-1])
             inside = along[(along > ends[0]) & (along < ends[1])]
-            at = np.concatenate([ends[:1], inside, ends[1:]])
-            out.append(np.column_stack([np.interp(at, along, each) for each in points.T]))
+            out.append(places_along(points, [ends[0], *inside, ends[1]]))
     return out
