@@ -48,9 +48,7 @@ def run_geometry(images, scale, out, masses, target, say) -> list[str]:
     _say_pooled(together, say)
     say(f"tables and pictures: {out}")
     if target:
-        values = write_into(*target, together)
-        text = ", ".join(f"{key} = {value:g}" for key, value in values.items())
-        say(f"{target[0]}, whisker {target[1]}: {text}")
+        say(write_into(*target, together))
         _say_unlike(together["base_radius_um"], say)
         for doubt in doubtful_values(read_session(target[0])):
             say(f"  {doubt}")

@@ -40,9 +40,7 @@ def run_ringdown(results, out, places, follicle, into, name, say) -> list[str]:
     _say_pooled(together, follicle, say)
     say(f"tables and figure: {out}")
     if into:
-        values = write_into(into, name, together)
-        text = ", ".join(f"{key} = {value:g}" for key, value in values.items())
-        say(f"{into}, whisker {name}: {text}")
+        say(write_into(into, name, together))
     return faults
 
 

@@ -128,13 +128,12 @@ def remarks(geometry: Geometry) -> list[str]:
     return out
 
 
-def write_into(session, name, dimensions: dict[str, Pooled]) -> dict[str, float]:
-    """Write the (mean) dimensions into a whisker of session.toml; returns what was written.
+def write_into(session, name, dimensions: dict[str, Pooled]) -> str:
+    """Write the (mean) dimensions into a whisker of session.toml; returns that, in words.
 
     A whisker described by its tip radius keeps that key; any other gets a cone length.
     """
     values = {key: round(value.mean, 4) for key, value in dimensions.items()}
     by_tip = whisker_has(session, name, "tip_radius_um")
     values.pop("cone_length_mm" if by_tip else "tip_radius_um")
-    set_whisker_values(session, name, values)
-    return values
+    return set_whisker_values(session, name, values)

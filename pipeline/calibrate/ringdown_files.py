@@ -54,11 +54,10 @@ def write_ringdown(out, fits, together, whisker, boundary) -> None:
         write_csv(new / "ringdown.csv", table, RINGDOWN_COLUMNS)
 
 
-def write_into(session, name, together: Pooled) -> dict[str, float]:
-    """Write Young's modulus and damping into a whisker of session.toml; returns them."""
+def write_into(session, name, together: Pooled) -> str:
+    """Write Young's modulus and damping into a whisker of session.toml; returns that, in words."""
     values = {
         "youngs_modulus_GPa": round(1e-9 * together.youngs_modulus.value, 4),
         "damping_per_s": round(together.damping.value, 2),
     }
-    set_whisker_values(session, name, values)
-    return values
+    return set_whisker_values(session, name, values)

@@ -151,7 +151,7 @@ def follow_corrections(out) -> tuple[dict[str, str], list[str]]:
     file that is kept. The session's tables follow with `write_session_tables`.
     """
     problems, kept = {}, []
-    for folder in _curatable(out):
+    for folder in _with_evidence(out):
         try:
             if is_behind(folder):
                 kept += correct(folder)
@@ -217,12 +217,12 @@ def write_session_tables(out, names=None) -> list[str]:
     return said
 
 
-def _curatable(out) -> list[Path]:
+def _with_evidence(out) -> list[Path]:
     return sorted(path.parent for path in Path(out).glob(f"*/{EVIDENCE_FILE}"))
 
 
 def _is_up_to_date(out) -> bool:
-    if not all(map(is_settled, _curatable(out))) or any(map(is_behind, _curatable(out))):
+    if not all(map(is_settled, _with_evidence(out))) or any(map(is_behind, _with_evidence(out))):
         return False
     return session_contacts(out, _listed(out)).equals(_whole(out))
 

@@ -17,10 +17,11 @@ def check_whisker(path, name: str) -> None:
         )
 
 
-def set_whisker_values(path, name: str, values: dict[str, float]) -> None:
+def set_whisker_values(path, name: str, values: dict[str, float]) -> str:
     """Write `values` into the [[whisker]] table `name` of a session.toml, or nothing at all.
 
-    Keys that stand there as comments to be filled in are filled in.
+    Keys that stand there as comments to be filled in are filled in. Returns what was written, in
+    words.
 
     Raises
     ------
@@ -43,6 +44,7 @@ def set_whisker_values(path, name: str, values: dict[str, float]) -> None:
     line_end = line_ends if isinstance(line_ends, str) else None  # of several kinds: the system's
     # a link stays one: several folders may share the file
     write_text(path.resolve(), text, line_end)
+    return f"{path}, whisker {name}: {', '.join(f'{k} = {v:g}' for k, v in values.items())}"
 
 
 def whisker_has(path, name: str, key: str) -> bool:

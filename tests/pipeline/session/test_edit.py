@@ -52,7 +52,8 @@ def test_a_file_that_several_folders_share_by_links_is_changed_for_all(path, tmp
     (tmp_path / "videos").mkdir()
     link = tmp_path / "videos" / "session.toml"
     link.symlink_to(path)
-    set_whisker_values(link, "C2", {"length_mm": 17.5})
+    said = set_whisker_values(link, "C2", {"length_mm": 17.5})
+    assert said == f"{link}, whisker C2: length_mm = 17.5"
     assert link.is_symlink()
     assert read_session(path).whisker[1].length_mm == 17.5
 
