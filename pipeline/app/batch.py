@@ -9,13 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from pipeline import __version__
-from pipeline.app.outcome import (
-    PARQUETS,
-    Outcome,
-    failure,
-    finished_outcome,
-    kept_outcome,
-)
+from pipeline.app.outcome import PARQUETS, Outcome, failure, finished_outcome, kept_outcome
 from pipeline.app.session_files import (
     check_folder,
     refuse_foreign_files,

@@ -5,12 +5,7 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
-        "analysis": [
-            "ContactTables",
-            "ContactOptions",
-            "find_contacts",
-            "no_contacts",
-        ],
+        "analysis": ["ContactTables", "ContactOptions", "find_contacts", "no_contacts"],
         "corrections": ["apply", "corrections_given", "read_corrections", "write_corrections"],
     },
 )
