@@ -8,8 +8,9 @@ in the track's frame before. The video is processed as `whiskerforce run` does. 
 frame, the name looked at is that of the line through the point.
 
 A name is exchanged where the line carries one name and, the next time that it is known as surely,
-another. The table lists the tracks of which a name is exchanged or no line is found; the last
-lines add all up, for names of several confidences. With `--draws`, the video is processed so many
+another. The table lists the tracks of which a name is exchanged or no line is found; the next
+lines add all up, for names of several confidences; the last ones tell how many names of a range of
+confidences are those that their tracks mostly have. With `--draws`, the video is processed so many
 times, each time with new noise that no eye sees (`real_draws.py`), and only sums are printed: the
 mean and, in brackets, the least and the most.
 
@@ -35,6 +36,7 @@ COLUMNS = ("track", "frame", "x_px", "y_px", "sure")
 REACH_PX = 2.0  # from the point, a line passes through it
 AS_NEAR_PX = 1.0  # a line that is farther by less is as likely meant: not a new name
 CONFIDENCES = (0.0, 0.5, 0.7, 0.9)
+RANGES = (0.0, 0.3, 0.5, 0.6, 0.7, 0.9)  # of confidences, from each to the next one
 
 
 def read_tracks(path) -> pd.DataFrame:
@@ -130,6 +132,30 @@ def sums(named: pd.DataFrame, found: dict) -> np.ndarray:
     return np.array(out)
 
 
+def usual_shares(named: pd.DataFrame) -> np.ndarray:
+    """By RANGES: share of the names that are their track's, which has it most surely, (ranges,).
+
+    NaN where there are none.
+    """
+    named = named[named["name"] != ""]
+    sums = named.groupby(["track", "name"])["confidence"].sum()
+    usual = {track: name for track, name in sums.groupby(level="track").idxmax()}
+    is_usual = (named["name"] == named["track"].map(usual)).to_numpy(float)
+    of = np.searchsorted(RANGES, named["confidence"], "right") - 1
+    count = np.bincount(of, minlength=len(RANGES))
+    with np.errstate(invalid="ignore"):
+        return np.bincount(of, is_usual, minlength=len(RANGES)) / count
+
+
+def _usual_lines(shares) -> list[str]:
+    """A line per range of confidences, of the shares in words."""
+    ends = zip(RANGES, (*RANGES[1:], 1.0), shares, strict=True)
+    return [
+        f"confidence {least} to {most}: {share} of the names are the track's usual one"
+        for least, most, share in ends
+    ]
+
+
 def report(named: pd.DataFrame) -> str:
     """The table of the tracks with exchanges or without a line in some frames, and the sums."""
     rows, of_all = [], exchanges_by_track(named)
@@ -149,6 +175,7 @@ def report(named: pd.DataFrame) -> str:
             f"confidence ≥ {least}: {share:.1%} of the frames, names exchanged in "
             f"{exchanged:.0f} tracks, {100 * exchanged / tracks:.1f} of 100"
         )
+    said += _usual_lines(pages.cell("{:.1%}", share) for share in usual_shares(named))
     return "\n".join([table, "", *said])
 
 
@@ -164,6 +191,9 @@ def report_of_draws(draws: list[pd.DataFrame], seed: int) -> str:
             f"confidence ≥ {least}: {pages.cell_and_ends('{:.1%}', *share)} of the frames, "
             f"names exchanged in {pages.cell_and_ends('{:.1f}', *exchanged)} tracks"
         )
+    usual = np.array([usual_shares(named) for named in draws])
+    ends = zip(usual.mean(axis=0), usual.min(axis=0), usual.max(axis=0), strict=True)
+    said += _usual_lines(pages.cell_and_ends("{:.1%}", *each) for each in ends)
     return "\n".join(said)
 
 

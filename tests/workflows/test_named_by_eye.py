@@ -66,6 +66,26 @@ def test_an_exchange_counts_at_the_confidence_that_both_names_have(video, tmp_pa
     assert said in named_by_eye.report(named)
 
 
+def test_names_are_compared_with_the_one_that_their_track_mostly_has(video, tmp_path):
+    truth = video[1]
+    exchanged = (truth.frame >= EXCHANGED + 5) & (truth.whisker < 2)
+    confidence = np.where(exchanged, 0.55, 0.8)
+    lines = replace(
+        truth,
+        whisker=np.where(exchanged, 1 - truth.whisker, truth.whisker),
+        confidence=np.where(truth.frame < EXCHANGED, confidence, np.minimum(confidence, 0.6)),
+    )
+    named = named_by_eye.named_along(followed(truth, tmp_path / "a.csv"), [lines])
+    shares = dict(zip(named_by_eye.RANGES, named_by_eye.usual_shares(named), strict=True))
+    assert shares[0.7] == 1
+    assert shares[0.5] == 0
+    assert shares[0.6] == 1
+    assert np.isnan([shares[0.0], shares[0.3], shares[0.9]]).all()
+    said = named_by_eye.report(named)
+    assert "confidence 0.5 to 0.6: 0.0% of the names are the track's usual one" in said
+    assert "confidence 0.9 to 1.0: – of the names" in said
+
+
 def test_frames_without_a_line_are_counted(video, tmp_path):
     truth = replace(video[1], confidence=np.ones(len(video[1])))
     gone = np.isin(truth.frame, np.arange(FRAMES)[LOST]) & (truth.whisker == 1)
@@ -113,6 +133,9 @@ def test_draws_are_summed_by_their_mean_least_and_most(video, tmp_path):
     assert "3 draws of the noise from seed 5" in said
     assert "confidence ≥ 0.9: 100.0% (100.0% to 100.0%) of the frames" in said
     assert "names exchanged in 1.3 (0.0 to 2.0) tracks" in said
+    share = 1 - 2 * (FRAMES - 1 - EXCHANGED) / ((FRAMES - 1) * len(truth.names))
+    mean, least = f"{(1 + 2 * share) / 3:.1%}", f"{share:.1%}"
+    assert f"confidence 0.9 to 1.0: {mean} ({least} to 100.0%) of the names" in said
 
 
 @pytest.mark.slow
