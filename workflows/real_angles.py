@@ -5,6 +5,7 @@ import pages
 import pandas as pd
 
 from pipeline.numerics.angles import second_differences
+from pipeline.numerics.robust import MAD_TO_SD
 
 KNOWN = 0.5  # confidence from which on a name counts
 SLOPE_PX = 40  # of the centreline whose slope stands beside the base angle
@@ -40,7 +41,7 @@ def angle_figures(frames: pd.DataFrame) -> dict:
     slow = pooled["speed"] <= np.median(pooled["speed"]) if len(pooled["speed"]) else []
     within = np.abs(pooled["step"]) < 1.96 * pooled["step_se"]
     out = {key: _median(pooled[key]) for key in ("base", "visible", "slope", "slow")}
-    out |= {"frames": len(known), "one_frame": 1.4826 / np.sqrt(6) * out["base"]}
+    out |= {"frames": len(known), "one_frame": MAD_TO_SD / np.sqrt(70) * _median(pooled["fourth"])}
     out |= {"steps": 1e3 * _mean(stepped), "smooth": 1e3 * _mean(smooth)}
     return out | {"resting": _mean(within[slow])}
 
@@ -58,6 +59,7 @@ def _of_whisker(part) -> dict:
     quiet = np.abs(_central(visible, frame))
     return {
         "base": second,
+        "fourth": _fourth_differences(base, frame),
         "visible": np.abs(second_differences(visible, frame)),
         "slope": np.abs(second_differences(slope, frame)),
         "slow": second[quiet <= np.median(quiet)] if len(quiet) == len(second) > 0 else second[:0],
@@ -74,6 +76,15 @@ def _unwrapped(angle):
     known = np.isfinite(angle)
     angle[known] = np.unwrap(angle[known], period=360)
     return angle
+
+
+def _fourth_differences(angle, frame):
+    """Their size where five frames follow each other; 70 times the variance of independent errors.
+
+    A whisker that moves smoothly has hardly any, nor have errors that last.
+    """
+    change = np.abs(np.diff(angle, 4))
+    return change[(frame[4:] - frame[:-4] == 4) & np.isfinite(change)]
 
 
 def _central(angle, frame):

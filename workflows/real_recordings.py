@@ -31,9 +31,11 @@ A second table is of base angles, forwards:
 - *known*: lines known by name (confidence ≥ 0.5), to which all figures refer.
 - *base*, *visible*, *first 40 px*: jitter [degrees] of `base_angle_deg`, of `visible_angle_deg`
   and of the slope of the first 40 px of the same centrelines. It is the median size of second
-  differences over frames that follow each other, pooled over whiskers; *of one frame*: as the SD
-  of one frame's error, 1.4826/√6 of it. It includes what the whisker really does within three
-  frames; *slow*: in the half of the frames in which the visible part turns least.
+  differences over frames that follow each other, pooled over whiskers, and includes what the
+  whisker really does within three frames; *slow*: in the half of the frames in which the visible
+  part turns least; *of one frame*: SD of the error that is another one in every frame,
+  1.4826/√70 of the median size of fourth differences, in which little of a whisker's motion is
+  left.
 - *steps*: of more than 10° from one frame to the next, per 1000; *smooth*: those where the
   centreline itself does not jump (its first 40 px turn by less than 10°).
 - *resting*: part of the neighbouring frames, in the slow half, whose difference lies within 1.96

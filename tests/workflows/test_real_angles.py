@@ -8,6 +8,7 @@ import real_angles
 from pipeline.tables import Centrelines
 
 FRAMES = 4000
+ANGLES = "base_angle_deg", "visible_angle_deg", "slope_deg"
 
 
 def frames_table(rng, sd, se, whisker="C1"):
@@ -35,6 +36,18 @@ def test_jitter_and_coverage_of_a_resting_whisker():
     assert figures["resting"] == pytest.approx(0.95, abs=0.015)
     too_small = real_angles.angle_figures(frames_table(np.random.default_rng(0), 0.5, 0.2))
     assert too_small["resting"] < 0.7
+
+
+def test_a_whisk_is_jitter_but_no_error_of_one_frame():
+    """10 Hz by 20° in 500 frames/s: second differences of 0.3°, fourth ones of 0.005°."""
+    frames = frames_table(np.random.default_rng(3), 0.05, 0.05)
+    whisk = 20 * np.sin(2 * np.pi * 10 / 500 * frames["frame"])
+    moving = frames.assign(**{name: frames[name] + whisk for name in ANGLES})
+    figures = real_angles.angle_figures(moving)
+    assert figures["base"] > 0.15
+    assert figures["one_frame"] == pytest.approx(0.05, rel=0.05)
+    gaps = moving[moving["frame"] % 5 > 0]  # no five frames follow each other
+    assert np.isnan(real_angles.angle_figures(gaps)["one_frame"])
 
 
 def test_steps_are_counted_and_those_of_the_centreline_apart():
