@@ -4,8 +4,8 @@ import numpy as np
 import pages
 import pandas as pd
 
-from pipeline.numerics.angles import second_differences
 from pipeline.numerics.robust import MAD_TO_SD
+from pipeline.numerics.runs import differences
 
 KNOWN = 0.5  # confidence from which on a name counts
 SLOPE_PX = 40  # of the centreline whose slope stands beside the base angle
@@ -47,7 +47,7 @@ def angle_figures(frames: pd.DataFrame) -> dict:
 
 
 def _of_whisker(part) -> dict:
-    """Second differences and steps of one whisker's known rows, in order of their frames."""
+    """Differences and steps of one whisker's known rows, in order of their frames."""
     frame = part["frame"].to_numpy()
     turned = {name: _unwrapped(part[f"{name}_deg"]) for name in ("base_angle", "visible_angle")}
     base, visible, slope = *turned.values(), _unwrapped(part["slope_deg"])
@@ -55,13 +55,13 @@ def _of_whisker(part) -> dict:
     step, seen = (np.diff(each)[following] for each in (base, visible))
     error = part["base_angle_se_deg"].to_numpy()
     valid = np.isfinite(step)
-    second = np.abs(second_differences(base, frame))
+    second = np.abs(differences(base, frame, 2))
     quiet = np.abs(_central(visible, frame))
     return {
         "base": second,
-        "fourth": _fourth_differences(base, frame),
-        "visible": np.abs(second_differences(visible, frame)),
-        "slope": np.abs(second_differences(slope, frame)),
+        "fourth": np.abs(differences(base, frame, 4)),
+        "visible": np.abs(differences(visible, frame, 2)),
+        "slope": np.abs(differences(slope, frame, 2)),
         "slow": second[quiet <= np.median(quiet)] if len(quiet) == len(second) > 0 else second[:0],
         "step": step[valid],
         "slope_step": np.diff(slope)[following][valid],
@@ -78,17 +78,8 @@ def _unwrapped(angle):
     return angle
 
 
-def _fourth_differences(angle, frame):
-    """Their size where five frames follow each other; 70 times the variance of independent errors.
-
-    A whisker that moves smoothly has hardly any, nor have errors that last.
-    """
-    change = np.abs(np.diff(angle, 4))
-    return change[(frame[4:] - frame[:-4] == 4) & np.isfinite(change)]
-
-
 def _central(angle, frame):
-    """Half the change over two frames, where `second_differences` has a value."""
+    """Half the change over two frames, where the second difference has a value."""
     following = (np.diff(frame[:-1]) == 1) & (np.diff(frame[1:]) == 1)
     change = (angle[2:] - angle[:-2]) / 2
     return change[following & np.isfinite(change + angle[1:-1])]

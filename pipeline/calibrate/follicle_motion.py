@@ -15,6 +15,7 @@ from pipeline.calibrate.particle import ParticlePath, follow_particle
 from pipeline.calibrate.thickness import ThicknessMap, map_thickness
 from pipeline.numerics.polyline import arc_along, places_along
 from pipeline.numerics.robust import robust_sd
+from pipeline.numerics.runs import differences
 from pipeline.tables.calibration_columns import DUST_CONTACT_COLUMNS
 from pipeline.tables.columns import as_table
 
@@ -176,9 +177,7 @@ def _frame_rows(places, particle, table, axis, scale) -> pd.DataFrame:
 
 def _jitter(value, frame):
     """SD of the noise from frame to frame, by third differences of neighbouring frames."""
-    value, frame = np.asarray(value), np.asarray(frame)
-    third = np.diff(value, 3)[frame[3:] - frame[:-3] == 3]
-    third = third[np.isfinite(third)]
+    third = differences(value, frame, 3)
     return float(robust_sd(third, about=0.0)) / THIRD_DIFFERENCE if len(third) > 9 else np.nan
 
 

@@ -4,6 +4,7 @@ import numpy as np
 from numba import njit
 
 from pipeline.numerics.robust import robust_sd
+from pipeline.numerics.runs import differences
 
 
 @njit(cache=True)
@@ -25,19 +26,11 @@ def continuous(angle) -> np.ndarray:
     return angle
 
 
-def second_differences(angle, frame) -> np.ndarray:
-    """Second differences of `angle` where three frames follow each other, NaN left out."""
-    angle, frame = np.asarray(angle, float), np.asarray(frame)
-    following = (np.diff(frame[:-1]) == 1) & (np.diff(frame[1:]) == 1)
-    change = angle[2:] - 2 * angle[1:-1] + angle[:-2]
-    return change[following & np.isfinite(change)]
-
-
 def jitter(angle, frame) -> float:
     """Robust SD of an angle's error in one frame, as second differences show it; NaN without any.
 
     The second difference of independent errors has six times their variance. Motion that is
     fast beside the frames is in it, too.
     """
-    change = second_differences(angle, frame)
+    change = differences(angle, frame, 2)
     return float(robust_sd(change, about=0.0) / np.sqrt(6))

@@ -23,6 +23,20 @@ def runs_around(ring) -> np.ndarray:
     return np.column_stack([(runs[:, 0] + first) % len(ring), runs[:, 1] - runs[:, 0]])
 
 
+def differences(values, frame, order) -> np.ndarray:
+    """Differences of an `order` of values (rows,) where order + 1 frames follow each other.
+
+    frame : their numbers, ascending
+
+    Those that are NaN are left out.
+
+    >>> differences([0, 1, 4, 9, 25], [0, 1, 2, 3, 5], 2)
+    array([2., 2.])
+    """
+    frame, change = np.asarray(frame), np.diff(np.asarray(values, float), order)
+    return change[(frame[order:] - frame[:-order] == order) & np.isfinite(change)]
+
+
 def evenly(count: int, most: int) -> np.ndarray:
     """At most `most` of the numbers below `count`, evenly spread from the first to the last.
 
