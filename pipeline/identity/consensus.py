@@ -148,6 +148,8 @@ def _likeliest(lines, model, named, by_motion=False):
     for number in range(ROUNDS):
         if number:
             model, named = seeds.with_more(model, named, lines)
+        if not (named >= 0).any():
+            break  # lines that are all too different: there is nothing to learn from
         model, phase = appearance_and_phases(lines, model, named)
         weight = LESS_OF_APPEARANCE if by_motion else 1.0
         evidence = motion_model.evidence_of(model, lines, phase, weight)

@@ -51,6 +51,13 @@ def test_the_naming_that_keeps_lengths_is_believed_and_the_other_one_hardly_coun
     assert np.all(sure > 0.8)
 
 
+def test_a_few_lines_that_have_nothing_in_common_get_no_names():
+    rng, frame = np.random.default_rng(4), np.sort([*range(12), *range(0, 12, 2)])
+    apart = TrackedLines(rng.normal(size=(len(frame), N_FEATURES)), frame, np.arange(len(frame)))
+    names, _ = consensus.best_names(apart)
+    assert (names == -1).all()
+
+
 def test_good_namings_that_disagree_take_confidence(monkeypatch):
     lines, true = row(np.random.default_rng(3))
     lines.features[:, LENGTH] = np.log(100 + true)  # both namings keep them
