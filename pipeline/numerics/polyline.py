@@ -4,6 +4,7 @@ import numpy as np
 from numba import njit
 
 COARSE, FINE = 8, 2  # every how many-th node is looked at for whether lines come near each other
+ROUNDING = 1e-6  # px, of distances
 NARROWEST = 1e-18  # px²: keeps two coinciding nodes from dividing by zero
 
 
@@ -110,14 +111,34 @@ def share_near(x, y, n, other_x, other_y, m, near, steps):
         return 0.0  # nodes are 1 px apart
     if _apart(y, n, other_y, m, COARSE) >= near + COARSE:
         return 0.0
+    spare, at = 0.0, 0  # px that no node can be near over; where on the other line the last was
     for i in range(0, n, step):
         total += 1
-        for j in range(0, m, other_step):
-            dx, dy = x[i] - other_x[j], y[i] - other_y[j]
-            if dx * dx + dy * dy < near * near:
-                count += 1
-                break
+        if i > 0:
+            spare -= np.hypot(x[i] - x[i - step], y[i] - y[i - step])
+        if spare > 0:
+            continue
+        at, square = _first_near(other_x, other_y, m, other_step, at, x[i], y[i], near)
+        count += square < near * near
+        spare = np.sqrt(square) - near - ROUNDING
     return count / max(total, 1)
+
+
+@njit(cache=True)
+def _first_near(x, y, m, step, start, px, py, near):
+    """The first node near a point, looked for from `start` on and round, and its squared distance.
+
+    Where none is near, any node and the least squared distance.
+    """
+    least = np.inf
+    for first, last in ((start, m), (0, start)):
+        for j in range(first, last, step):
+            dx, dy = px - x[j], py - y[j]
+            square = dx * dx + dy * dy
+            if square < near * near:
+                return j, square
+            least = min(least, square)
+    return start, least
 
 
 @njit(cache=True)
