@@ -7,6 +7,21 @@ filtered at once; along columns row by row, as long as the rows about it are in 
 import numpy as np
 from numba import njit
 
+WHOLE = np.s_[:, :]  # of a picture: slices of rows and columns
+
+
+def bounds(part, shape, beside=0):
+    """First row of a part of a picture, one past its last row, and likewise columns.
+
+    part : slices of rows and columns; shape : of the picture; beside : so many more each way
+    """
+    (top, bottom, _), (left, right, _) = map(slice.indices, part, shape)
+    height, width = shape
+    return (
+        max(top - beside, 0), min(bottom + beside, height),
+        max(left - beside, 0), min(right + beside, width),
+    )  # fmt: skip
+
 
 def gaussian_kernels(scale: float):
     """Return the Gaussian of SD `scale` [px] and its first two derivatives, sampled, float32."""
@@ -26,18 +41,20 @@ def halves(kernels):
 
 
 @njit(cache=True, error_model="numpy")
-def along_rows(image, kernels):
-    """A picture's rows, float32 (height, width), by a Gaussian and its first two derivatives.
+def along_rows(image, part, kernels):
+    """Rows of a part of a picture, float32, by a Gaussian and its first two derivatives.
 
-    kernels : as in `halves`. Returns float32 (3, height + 2 reach, width): the picture goes on
-    mirrored above and below, as it does beside its edges.
+    part : as of `bounds`; kernels : as in `halves`.
+    Returns float32 (3, height + 2 reach, width) of the part, which goes on mirrored above and
+    below, as it does beside its edges.
     """
-    height, width = image.shape
+    top, bottom, left, right = part
+    height, width = bottom - top, right - left
     reach = kernels.shape[1] - 1
     out = np.empty((3, height + 2 * reach, width), np.float32)
     padded = np.empty(width + 2 * reach, np.float32)
     for row in range(height):
-        padded[reach : reach + width] = image[row]
+        padded[reach : reach + width] = image[top + row, left:right]
         for k in range(1, reach + 1):
             padded[reach - k] = padded[reach + min(k, width - 1)]
             padded[reach + width - 1 + k] = padded[reach + width - 1 - min(k, width - 1)]

@@ -6,6 +6,7 @@ import numpy as np
 from numba import njit
 
 from pipeline.detection import crossings, line_fit, new_lines, ridges, splitting
+from pipeline.detection.derivatives import WHOLE
 from pipeline.detection.frame import Frame
 from pipeline.detection.image_model import ImageModel, absorbance_image, lines_in_background
 from pipeline.detection.line import Line
@@ -31,7 +32,6 @@ KNOWN_STEP = 2  # every how many-th node of the known lines is looked at
 NEAR_FACE = 2  # times the shortest line: so far from where lines begin ridges lead to new ones
 WIDE_PX = 32  # of that part of the picture: nearly the whole of it is looked at without a copy
 MOST_LOOKS = 3  # at a frame with many whiskers
-WHOLE = np.s_[:, :]  # picture: rows, columns
 
 
 class Wanted(NamedTuple):
@@ -94,11 +94,12 @@ def _detect_blurred(frame, search) -> list[Line]:
 def _lines_at(frame, search: Search) -> list[Line]:
     """Lines fitted along the ridges of one scale, those that may be whiskers, best first."""
     model, options, lines = frame.model, frame.options, []
-    absorbance = absorbance_image(frame.image, model, frame.gain)
+    part = search.wanted.part
+    absorbance = absorbance_image(frame.image, model, frame.gain, part)
     fit, own = options.fit(model, widths=True, steps=1), options.params.detection
     least = search.wanted.least
     limits = 0.6 * options.shortest_px, float(options.base_gap_px), WORTH_FITTING * least
-    curves = ridges.curves_in(search.wanted.part, absorbance, model.noise, search.scale)
+    curves = ridges.curves_in(part, absorbance, model.noise, search.scale)
     senses = _senses(*curves, absorbance, model.outside, model.off_edges, limits)
     _leave_out_known(*curves, *search.known, same_px(options), senses)
     for k in np.flatnonzero(senses):

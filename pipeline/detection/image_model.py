@@ -9,12 +9,14 @@ import numpy as np
 from numba import njit
 
 from pipeline.detection import line_profile
+from pipeline.detection.derivatives import WHOLE, bounds
 from pipeline.detection.line import Line
 from pipeline.detection.static_scene import OUTWARD, StaticScene
 from pipeline.session.parameters import DEFAULTS
 
 LEAST_HALF, MOST_HALF = 7, 20  # px to both sides of a node that its absorbance is measured over
 INTO_FACE_PX = 1.5  # so far within its edge lines are still measured
+BESIDE_PX = 2  # so far off a part of a picture points may lie that were found in it
 COPIED_AT_ONCE = 8  # pixels that are copied in a row in the time of one by itself
 TRANSLUCENT = 0.25  # of the light that passes beside it: a whisker is seen through such a thing
 
@@ -158,17 +160,23 @@ def signed_distance(mask) -> np.ndarray:
     return cv2.GaussianBlur(distance, (0, 0), 1.5)[beyond:-beyond, beyond:-beyond].copy()
 
 
-def absorbance_image(image, model: ImageModel, gain: float) -> np.ndarray:
-    """1 − I/(gain B), zero where the scene blocks the view, float32."""
-    return _absorbance(image, model.background, model.usable, np.float32(gain))
+def absorbance_image(image, model: ImageModel, gain: float, part=WHOLE) -> np.ndarray:
+    """1 − I/(gain B), zero where the scene blocks the view, float32 (height, width).
+
+    part : slices of rows and columns; farther than BESIDE_PX off them, values mean nothing
+    """
+    within = bounds(part, image.shape, BESIDE_PX)
+    return _absorbance(image, model.background, model.usable, np.float32(gain), within)
 
 
 @njit(cache=True, error_model="numpy")
-def _absorbance(image, background, usable, gain):
+def _absorbance(image, background, usable, gain, within):
     out = np.empty(image.shape, np.float32)
     one, low, none = np.float32(1.0), np.float32(-0.3), np.float32(0.0)
-    for row in range(image.shape[0]):
-        pixels, lights, free, absorbed = image[row], background[row], usable[row], out[row]
+    top, bottom, left, right = within
+    for row in range(top, bottom):
+        pixels, lights = image[row, left:right], background[row, left:right]
+        free, absorbed = usable[row, left:right], out[row, left:right]
         for column in range(len(pixels)):
             expected = gain * lights[column]
             value = one - np.float32(pixels[column]) / (expected if expected > one else one)

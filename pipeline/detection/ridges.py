@@ -13,6 +13,7 @@ from numba import njit
 
 from pipeline.detection import derivatives
 from pipeline.detection.curves import Curves, join
+from pipeline.detection.derivatives import WHOLE, bounds
 from pipeline.numerics.robust import robust_sd
 
 SCALE_PX = 1.6  # SD of the differentiating Gaussian
@@ -27,30 +28,31 @@ def curves_of(absorbance, noise_sd, scale=SCALE_PX, shortest=10) -> Curves:
 
     Broad ones are found on the picture at half its size, in a quarter of the time.
     """
-    if scale < COARSE_PX:
-        return join(link(*ridge_points(absorbance, noise_sd, scale), shortest))
-    noise = np.ascontiguousarray(noise_sd[::2, ::2]) * PYRAMID_NOISE
-    points = ridge_points(cv2.pyrDown(absorbance), noise, scale / 2)
-    half = join(link(*points, shortest // 2))
-    return half._replace(places=2 * half.places)
+    return curves_in(WHOLE, absorbance, noise_sd, scale, shortest)
 
 
-def curves_in(part, absorbance, noise_sd, scale) -> Curves:
+def curves_in(part, absorbance, noise_sd, scale, shortest=10) -> Curves:
     """`curves_of` a part of an image, slices of rows and columns, where they lie in the whole."""
+    if scale < COARSE_PX:
+        curves = join(link(*ridge_points(absorbance, noise_sd, scale, part), shortest))
+    else:
+        noise = np.ascontiguousarray(noise_sd[part][::2, ::2]) * PYRAMID_NOISE
+        points = ridge_points(cv2.pyrDown(absorbance[part]), noise, scale / 2)
+        curves = join(link(*points, shortest // 2))
+        curves = curves._replace(places=2 * curves.places)
     corner = float(part[1].start or 0), float(part[0].start or 0)
-    parts = (np.ascontiguousarray(values[part]) for values in (absorbance, noise_sd))
-    curves = curves_of(*parts, scale)
     return curves._replace(places=curves.places + corner)
 
 
-def ridge_points(absorbance, noise_sd, scale=SCALE_PX):
-    """Return the ridge points of an absorbance image.
+def ridge_points(absorbance, noise_sd, scale=SCALE_PX, part=WHOLE):
+    """Return the ridge points of an absorbance image, or of a part of it.
 
     Parameters
     ----------
     absorbance : float32 (height, width), 1 − I/B, zero where nothing may be found
     noise_sd : float32 (height, width), SD of its noise per pixel
     scale : SD of the differentiating Gaussian [px]
+    part : slices of rows and columns; all below is of the part alone
 
     Returns
     -------
@@ -58,14 +60,15 @@ def ridge_points(absorbance, noise_sd, scale=SCALE_PX):
     points : float64 (n, 5): x, y [px], tangent (tx, ty), strength in SDs of its noise
     """
     kernels, response_sd = _filters(scale)
-    rows = derivatives.along_rows(absorbance, kernels)
+    within = bounds(part, absorbance.shape)
+    top, bottom, left, right = within
+    rows = derivatives.along_rows(absorbance, within, kernels)
     few = np.s_[FEW_FROM::FEW, FEW_FROM::FEW]
     response = derivatives.second_along_rows(rows, kernels, FEW_FROM, FEW)
-    excess = _excess_noise(response, response_sd * noise_sd[few], absorbance[few])
-    height, width = absorbance.shape
-    index = np.empty((height, width), np.int32)
-    points = np.empty((absorbance.size, 5))
-    count = _points(rows, kernels, noise_sd, response_sd * excess, index, points)
+    excess = _excess_noise(response, response_sd * noise_sd[part][few], absorbance[part][few])
+    index = np.empty((bottom - top, right - left), np.int32)
+    points = np.empty((index.size, 5))
+    count = _points(rows, kernels, noise_sd, (top, left), response_sd * excess, index, points)
     return index, points[:count]
 
 
@@ -91,12 +94,13 @@ def _may_be_strong(xx, yy, xy, noise_sd, limit, out):
 
 
 @njit(cache=True)
-def _points(rows, kernels, noise_sd, response_sd, index, points):
+def _points(rows, kernels, noise_sd, corner, response_sd, index, points):
     """Fill `index` and `points` (see ridge_points) from `rows`; return their number.
 
-    rows, kernels : as in `derivatives.along_rows`
+    rows, kernels : as in `derivatives.along_rows`; corner : of the part, first row and column
     """
     height, width = index.shape
+    top, left = corner
     count = 0
     of_row, of_strong = np.empty((3, width), np.float32), np.empty((6, width), np.float32)
     strong, columns = np.zeros(8 * (width // 8 + 1), np.bool_), np.empty(width, np.int32)
@@ -105,7 +109,8 @@ def _points(rows, kernels, noise_sd, response_sd, index, points):
         index[row] = -1
         axx, ayy, axy = of_row[0], of_row[1], of_row[2]
         derivatives.second_derivatives(rows, row, kernels, axx, ayy, axy)
-        _may_be_strong(axx, ayy, axy, noise_sd[row], limit, strong[:width])
+        noise = noise_sd[top + row, left : left + width]
+        _may_be_strong(axx, ayy, axy, noise, limit, strong[:width])
         found = _places(strong, columns)
         if found == 0:
             continue
@@ -115,7 +120,7 @@ def _points(rows, kernels, noise_sd, response_sd, index, points):
             for i in range(found):
                 of_strong[2 + k, i] = of_row[k, np.uint64(columns[i])]
         for i in range(found):
-            of_strong[5, i] = response * noise_sd[row, np.uint64(columns[i])]
+            of_strong[5, i] = response * noise[np.uint64(columns[i])]
         _crests(of_strong, found)
         for i in range(found):
             aside, below, strength = x[i], y[i], of_strong[4, i]

@@ -27,10 +27,13 @@ def naive(image, along_x, along_y):
 @pytest.mark.parametrize("scale", [1.1, 1.6])
 @pytest.mark.parametrize("shape", [(23, 37), (40, 16)])
 def test_derivatives_of_all_rows_are_the_convolutions(scale, shape):
-    image = np.random.default_rng(2).normal(size=shape).astype(np.float32)
+    height, width = shape
+    whole = np.random.default_rng(2).normal(size=(height + 5, width + 7)).astype(np.float32)
+    part = np.s_[3 : 3 + height, 2 : 2 + width]
+    image = whole[part]
     g, g1, g2 = derivatives.gaussian_kernels(scale)
     kernels = derivatives.halves((g, g1, g2))
-    rows = derivatives.along_rows(image, kernels)
+    rows = derivatives.along_rows(whole, derivatives.bounds(part, whole.shape), kernels)
     got = np.empty((5, *shape), np.float32)
     columns = np.arange(shape[1], dtype=np.int32)
     for row in range(shape[0]):
