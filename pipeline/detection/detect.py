@@ -175,7 +175,7 @@ def _darkness(absorbance, curve):
 
 def same_px(options: TracingOptions) -> float:
     """How near to each other lines of one whisker are, in a crowd [px]."""
-    return float(np.clip(options.px(options.params.detection.same_whisker_mm), 1.2, 3.0))
+    return min(max(options.px(options.params.detection.same_whisker_mm), 1.2), 3.0)
 
 
 def detect_crowded(frame: Frame, known=(), wanted=ALL) -> list[Line]:

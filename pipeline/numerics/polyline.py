@@ -1,9 +1,12 @@
 """Polylines of nodes about one pixel apart: arc length, normals, resampling, distances."""
 
+import itertools
+
 import numpy as np
 from numba import njit
 
 COARSE, FINE = 8, 2  # every how many-th node is looked at for whether lines come near each other
+NOTHING = np.empty(0)
 ROUNDING = 1e-6  # px, of distances
 NARROWEST = 1e-18  # px²: keeps two coinciding nodes from dividing by zero
 
@@ -196,9 +199,10 @@ def end_to_end(lines, step):
 
     The last of these (lines + 1,) is the number of nodes.
     """
-    x = np.concatenate([np.empty(0), *(line.x[: line.n : step] for line in lines)])
-    y = np.concatenate([np.empty(0), *(line.y[: line.n : step] for line in lines)])
-    return x, y, np.cumsum([0, *(len(range(0, line.n, step)) for line in lines)])
+    x = [NOTHING, *(line.x[: line.n : step] for line in lines)]
+    y = [NOTHING, *(line.y[: line.n : step] for line in lines)]
+    starts = np.fromiter(itertools.accumulate(map(len, x)), np.int64, len(x))
+    return np.concatenate(x), np.concatenate(y), starts
 
 
 @njit(cache=True)

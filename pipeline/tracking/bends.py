@@ -6,6 +6,7 @@ import numpy as np
 from numba import njit
 
 from pipeline.detection import line_fit
+from pipeline.numerics.polyline import bilinear
 
 
 class Bends(NamedTuple):
@@ -17,19 +18,22 @@ class Bends(NamedTuple):
 
 
 @njit(cache=True)
-def is_like_a_whisker(x, y, n, before_x, before_y, m, off_edges, farthest, bends):
+def is_like_a_whisker(values, n, before, m, outside, off_edges, base_gap, bends):
     """Whether a line leaves the face, is bent as whiskers are, and begins where it was before.
 
-    farthest : how far from the line `before`, of m nodes, its base may be [px]; along that line it
-        may be anywhere, as the edge of the fur is
+    values, before : of the `Line` and of the one before, with `n` and `m` nodes
+    base_gap : how far from the face its base may be [px], and twice how far from the line before;
+        along that line it may be anywhere, as the edge of the fur is
     bends : `Bends`
     """
+    x, y, before_x, before_y = values[0], values[1], before[0], before[1]
     return (
-        min(
+        bilinear(outside, x[0], y[0]) <= base_gap
+        and min(
             _distance(x[0], y[0], before_x, before_y, m),
             _distance(before_x[0], before_y[0], x, y, n),
         )
-        <= farthest
+        <= 0.5 * base_gap
         and turning_range(x, y, n) <= bends.largest
         and not hooked(x, y, n, bends)
         and line_fit.is_clear(x, y, n, off_edges)

@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit
 
 from pipeline.numerics.angles import wrap_angle
-from pipeline.numerics.robust import robust_sd
+from pipeline.numerics.robust import median, robust_sd
 
 TURNS = np.radians(np.arange(-16.0, 16.5, 1.0))
 SLOPES = np.radians(np.arange(-6.0, 6.5, 1.5))  # half of how much more the last one turns
@@ -39,18 +39,10 @@ def common_turns(picture, lines, pivot=0.0) -> np.ndarray:
     """
     turns = np.cos(TURNS), np.sin(TURNS)
     pivots = np.array([_behind(line.x, line.y, line.n, pivot) for line in lines])
-    inner = [slice(FIRST, max(line.n, FIRST), STEP) for line in lines]
-    nodes = np.array(
-        [
-            np.concatenate(
-                [getattr(line, name)[part] for line, part in zip(lines, inner, strict=True)]
-            )
-            for name in ("x", "y", "amplitude")
-        ]
-    )
-    starts = np.cumsum([0, *(len(range(part.start, part.stop, STEP)) for part in inner)])
+    inner = [line.values[:3, FIRST : line.n : STEP] for line in lines]  # x, y, amplitude
+    starts = np.cumsum([0, *(nodes.shape[1] for nodes in inner)])
     # all lines have the same weight, however dark they are
-    fit, shown = _scores(picture, nodes, starts, pivots, turns)
+    fit, shown = _scores(picture, np.concatenate(inner, axis=1), starts, pivots, turns)
     return _own_turns(shown, _most_likely(fit / len(lines), places(lines)))
 
 
@@ -94,10 +86,10 @@ def even_turns(place, turn) -> np.ndarray:
         the others are left out
     """
     known = np.isfinite(turn)
-    if known.sum() < FEWEST_TOGETHER:
-        return np.full(len(turn), np.median(turn[known]) if known.any() else 0.0)
     # an outlier at the end of the row would tilt a straight line through all, but moves no median
-    even, keep = np.full(len(turn), np.median(turn[known])), None
+    even, keep = np.full(len(turn), median(turn[known]) if known.any() else 0.0), known[:0]
+    if known.sum() < FEWEST_TOGETHER:
+        return even
     for _ in range(5):
         off = np.abs(turn - even)
         again = known & (off < max(2.5 * robust_sd(off[known], about=0.0), LEAST_OFF))
@@ -115,7 +107,7 @@ def _most_likely(scores, place) -> np.ndarray:
     total = _sums(scores, place) - 0.02 * (TURNS / LIKELY_SD) ** 2
     value = total.max(axis=1) - 0.02 * (SLOPES / SLOPE_SD) ** 2
     best = int(np.argmax(value))
-    return _peak(total[best], int(np.argmax(total[best]))) + SLOPES[best] * place
+    return _peak(total[best], np.argmax(total[best])) + SLOPES[best] * place
 
 
 @njit(cache=True)
@@ -133,20 +125,25 @@ def _sums(scores, place):
     return out
 
 
-def _own_turns(scores, row) -> np.ndarray:
+@njit(cache=True)
+def _own_turns(scores, row):
     """Turn of every line by its own score, not far from that of the row."""
-    off = (TURNS - row[:, None]) / OWN_SD
-    total = OWN_WEIGHT * scores - 0.5 * off**2
-    return np.array([_peak(each, int(np.argmax(each))) for each in total])
+    turns = np.empty(len(row))
+    for j in range(len(row)):
+        off = (TURNS - row[j]) / OWN_SD
+        score = OWN_WEIGHT * scores[j] - 0.5 * off**2
+        turns[j] = _peak(score, np.argmax(score))
+    return turns
 
 
-def _peak(score, k) -> float:
+@njit(cache=True)
+def _peak(score, k):
     """Turn of the highest score, between the turns tried."""
     if not 0 < k < len(score) - 1:
-        return float(TURNS[k])
-    a, b, c = score[k - 1 : k + 2]
+        return TURNS[k]
+    a, b, c = score[k - 1], score[k], score[k + 1]
     shift = 0.5 * (a - c) / min(a - 2 * b + c, -1e-12)
-    return float(TURNS[k] + shift * (TURNS[1] - TURNS[0]))
+    return TURNS[k] + shift * (TURNS[1] - TURNS[0])
 
 
 @njit(cache=True, error_model="numpy")

@@ -252,16 +252,15 @@ class Tracker:
 
     def _give_up_if_poor(self, track: Track) -> None:
         """Call a whisker lost where hardly any of it was found, or it is none any more."""
-        line, before, options = track.line, track.before, self.options
+        line, before, model = track.line, track.before, self.model
         if before is None or before.n == 0:
             before = line
         if (
-            line.n < 0.4 * options.shortest_px
+            line.n < 0.4 * self.options.shortest_px
             or line.quality < self.params.lost_quality
-            or polyline.bilinear(self.model.outside, line.x[0], line.y[0]) > options.base_gap_px
             or not is_like_a_whisker(
-                line.x, line.y, line.n, before.x, before.y, before.n, self.model.off_edges,
-                0.5 * options.base_gap_px, self.bends,
+                line.values, line.n, before.values, before.n, model.outside, model.off_edges,
+                self.options.base_gap_px, self.bends,
             )
         ):  # fmt: skip
             track.lose()
