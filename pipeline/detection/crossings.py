@@ -99,11 +99,13 @@ def _misfit(x, y, start, i, tail_x, tail_y, j, end, gap, stride):
             powers[a] = powers[a - 1] * s
         for a in range(TERMS):
             right[a] += powers[a] * v
-            for b in range(TERMS):
+            for b in range(a + 1):
                 gram[a, b] += powers[a] * powers[b]
         total += v * v
     for a in range(TERMS):
         gram[a, a] += 1e-9 * count
+        for b in range(a):
+            gram[b, a] = gram[a, b]
     found = np.linalg.solve(gram, right)
     return max(total - np.dot(found, right), 0.0) / count
 

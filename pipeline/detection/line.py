@@ -105,8 +105,10 @@ class Line:
     longest: float = np.inf
 
     def __post_init__(self):
-        self.x, self.y, self.amplitude, self.sigma = self.values[:4]
-        self.information, self.score, self.thickness = self.values[4:]
+        (
+            self.x, self.y, self.amplitude, self.sigma,
+            self.information, self.score, self.thickness,
+        ) = self.values  # fmt: skip
 
     @classmethod
     def empty(cls, limit: int) -> "Line":

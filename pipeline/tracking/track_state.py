@@ -59,29 +59,27 @@ def predicted(track: Track, with_velocity: bool) -> Line:
 
 def moved_on(line: Line, before: Line | None) -> Line:
     """Return a copy moved on as the line has moved since `before`, without what was measured."""
-    arrays = np.empty((7, len(line.x)))
+    values = np.empty(line.values.shape)
     moving = before is not None and before.n > 20
     known = before if moving else line
-    _move_on(
-        line.x, line.y, line.amplitude, line.sigma, line.n, known.x, known.y,
-        known.n if moving else 0, arrays,
-    )  # fmt: skip
-    return Line(arrays, line.n, line.quality, line.longest)
+    _move_on(line.values, line.n, known.values, known.n if moving else 0, values)
+    return Line(values, line.n, line.quality, line.longest)
 
 
 @njit(cache=True)
-def _move_on(x, y, amplitude, sigma, n, before_x, before_y, m, arrays):
-    """Fill `arrays` (at least 4, limit) with places, absorbance and half-width of a moved line.
+def _move_on(values, n, before, m, moved):
+    """Fill `moved` with places, absorbance and half-width of a moved line; all as in `Line`.
 
     It moves as it has since it had the `m` nodes `before`; not at all where `m` is 0.
     """
-    new_x, new_y, new_amplitude, new_sigma = arrays[0], arrays[1], arrays[2], arrays[3]
+    x, y, amplitude, sigma = values[0], values[1], values[2], values[3]
+    new_x, new_y, new_amplitude, new_sigma = moved[0], moved[1], moved[2], moved[3]
     for i in range(n):  # loops: copying slices takes three times as long
         new_x[i], new_y[i] = x[i], y[i]
     for i in range(len(amplitude)):
         new_amplitude[i], new_sigma[i] = amplitude[i], sigma[i]
     if m > 0:
-        advance(new_x, new_y, n, before_x, before_y, m)
+        advance(new_x, new_y, n, before[0], before[1], m)
 
 
 @njit(cache=True)
