@@ -7,13 +7,14 @@ import numpy as np
 from numba import njit
 
 from pipeline.detection import line_profile
+from pipeline.numerics import bsplines
 
 START_SIGMA_PX = 1.1
 LONGEST = 1.6  # times the picture's diagonal: no line is longer
 
 
 class Scratch(NamedTuple):
-    """What a fit measures at the nodes of a line, and room to work; (nodes,) each but for three.
+    """What a fit measures at the nodes of a line, and room to work; (nodes,) each but for four.
 
     Attributes
     ----------
@@ -25,6 +26,7 @@ class Scratch(NamedTuple):
     cap : largest believable absorbance
     rhs : of the spline's normal equations, `band` (nodes, 4)
     room : (2, nodes), to resample in
+    at_nodes : (4, nodes), as in `bsplines.basis_at_nodes`
     sums : (N_SUMS, nodes), as in `cross_sections.accumulate`
     """
 
@@ -42,6 +44,7 @@ class Scratch(NamedTuple):
     rhs: np.ndarray
     band: np.ndarray
     room: np.ndarray
+    at_nodes: np.ndarray
     sums: np.ndarray
 
 
@@ -52,21 +55,25 @@ def scratch_of(room):
     band = s[12:16].reshape(limit, 4)
     return Scratch(
         s[0], s[1], s[2], s[3], s[4], s[5], s[6], s[7], s[8], s[9], s[10], s[11], band, s[16:18],
-        s[18:],
+        s[18:22], s[22:],
     )  # fmt: skip
 
 
 class Workspace:
-    """Room to work on lines of up to `limit` nodes, allocated once: one array, as in `Line`."""
+    """Room to work on lines of up to `limit` nodes, allocated once: one array, as in `Line`.
 
-    def __init__(self, limit: int):
+    spacing : between the knots of their splines [px]
+    """
+
+    def __init__(self, limit: int, spacing: float):
         self.limit = limit
-        self.room = np.zeros((18 + line_profile.N_SUMS, limit))
+        self.room = np.zeros((22 + line_profile.N_SUMS, limit))
+        scratch_of(self.room).at_nodes[:] = bsplines.basis_at_nodes(limit, spacing)
 
     @classmethod
-    def for_picture(cls, shape) -> "Workspace":
+    def for_picture(cls, shape, spacing: float) -> "Workspace":
         """Room for the lines in a picture (height, width)."""
-        return cls(int(LONGEST * np.hypot(*shape)))
+        return cls(int(LONGEST * np.hypot(*shape)), spacing)
 
 
 class Nodes(NamedTuple):

@@ -34,7 +34,7 @@ class Fit(NamedTuple):
 
     Attributes
     ----------
-    spacing : between the spline's knots [px]
+    spacing : between the spline's knots [px], as of the `Workspace`
     bridge : nodes without pixels that are crossed
     longest : nodes that the line may have
     farthest : largest first step [px]
@@ -297,9 +297,8 @@ def fit_offset(x, y, n, spacing, stiffness, scratch):
     nx, ny, offset, band, rhs = (
         scratch.normal_x, scratch.normal_y, scratch.offset, scratch.band, scratch.rhs,
     )  # fmt: skip
-    at_nodes = bsplines.basis_at_nodes(n, spacing)
-    information, score = scratch.information, scratch.score
-    k = bsplines.normal_equations(information, score, at_nodes, spacing, band, rhs)
+    at_nodes, information, score = scratch.at_nodes, scratch.information, scratch.score
+    k = bsplines.normal_equations(information, score, n, at_nodes, spacing, band, rhs)
     normals(x, y, n, nx, ny)
     smooth_x, smooth_y = scratch.smooth_x, scratch.smooth_y
     bsplines.add_smoothness_prior(band, rhs, k, smooth_x, smooth_y, nx, ny, n, spacing, stiffness)
@@ -308,7 +307,7 @@ def fit_offset(x, y, n, spacing, stiffness, scratch):
         band[i, 0] += 1e-3
     bsplines.factorise(band, k)
     bsplines.solve_factorised(band, rhs, k)
-    bsplines.evaluate(rhs, at_nodes, spacing, offset)
+    bsplines.evaluate(rhs, n, at_nodes, spacing, offset)
     for i in range(n):
         offset[i] = min(max(offset[i], -3.0), 3.0)
 
@@ -361,7 +360,9 @@ def refine(picture, values, n, fit, room):
     n = extend(x, y, n, False, fit.bridge + 12, 40)
     set_cap(amplitude, n, work.cap)
     for step in range(fit.steps):
-        bsplines.smooth(x, y, n, fit.spacing, work.band, work.smooth_x, work.smooth_y)
+        bsplines.smooth(
+            x, y, n, work.at_nodes, fit.spacing, work.band, work.smooth_x, work.smooth_y
+        )
         n = start_at_face(x, y, n, picture.outside)
         n = resample(x, y, n, work.room)
         if n < SHORTEST:

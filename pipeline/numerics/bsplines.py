@@ -27,7 +27,8 @@ def basis(t):
 @njit(cache=True)
 def n_coefficients(n, spacing):
     """Return how many coefficients a spline over `n` nodes has."""
-    return int((n - 1) * (1.0 / spacing)) + 4
+    last = int((n - 1) * (1.0 / spacing))
+    return last + 4 + (int(np.ceil((last + 1) * spacing)) < n)  # as `_end` rounds
 
 
 @njit(cache=True, inline="always")
@@ -38,7 +39,7 @@ def _end(j, last, n, spacing):
 
 @njit(cache=True)
 def basis_at_nodes(n, spacing):
-    """The four values of the basis at nodes 0 … n − 1, (4, n)."""
+    """The four values of the basis at nodes 0 … n − 1, (4, n); that of fewer nodes begins so."""
     out, at = np.empty((4, n)), np.empty(n)
     b0, b1, b2, b3 = out[0], out[1], out[2], out[3]
     per_node = 1.0 / spacing
@@ -55,13 +56,12 @@ def basis_at_nodes(n, spacing):
 
 
 @njit(cache=True)
-def normal_equations(weight, target, at_nodes, spacing, band, rhs):
+def normal_equations(weight, target, n, at_nodes, spacing, band, rhs):
     """Fill `band` (k, 4) and `rhs` (k,) with Σ weight B Bᵀ and Σ B target; return k.
 
     `target` is already multiplied by its weight (an information-form right-hand side);
-    `at_nodes` are the `basis_at_nodes`.
+    `at_nodes` are the `basis_at_nodes`, of `n` nodes at least.
     """
-    n = at_nodes.shape[1]
     k = n_coefficients(n, spacing)
     band[:k] = 0.0
     rhs[:k] = 0.0
@@ -101,9 +101,8 @@ def normal_equations(weight, target, at_nodes, spacing, band, rhs):
 
 
 @njit(cache=True)
-def right_hand_side(target, at_nodes, spacing, rhs):
+def right_hand_side(target, n, at_nodes, spacing, rhs):
     """Fill `rhs` (k,) with Σ B target, as `normal_equations` does."""
-    n = at_nodes.shape[1]
     k = n_coefficients(n, spacing)
     rhs[:k] = 0.0
     start = 0
@@ -187,9 +186,8 @@ def solve_factorised(band, rhs, k):
 
 
 @njit(cache=True)
-def evaluate(coefficients, at_nodes, spacing, out):
-    """Write the spline's values at nodes 0 … n − 1 into `out`; `at_nodes` (4, n)."""
-    n = at_nodes.shape[1]
+def evaluate(coefficients, n, at_nodes, spacing, out):
+    """Write the spline's values at nodes 0 … n − 1 into `out`; `at_nodes` as above."""
     b0, b1, b2, b3 = at_nodes[0], at_nodes[1], at_nodes[2], at_nodes[3]
     last = n_coefficients(n, spacing) - 4
     start = 0
@@ -204,17 +202,16 @@ def evaluate(coefficients, at_nodes, spacing, out):
 
 
 @njit(cache=True)
-def smooth(x, y, n, spacing, band, knot_x, knot_y):
+def smooth(x, y, n, at_nodes, spacing, band, knot_x, knot_y):
     """Project a curve's nodes (n,) in place onto the splines of that knot spacing.
 
     All nodes weigh alike. `knot_x` and `knot_y` (k,) become the coefficients.
     """
-    at_nodes = basis_at_nodes(n, spacing)
-    k = normal_equations(np.ones(n), x, at_nodes, spacing, band, knot_x)
-    right_hand_side(y, at_nodes, spacing, knot_y)
+    k = normal_equations(np.ones(n), x, n, at_nodes, spacing, band, knot_x)
+    right_hand_side(y, n, at_nodes, spacing, knot_y)
     add_difference_penalty(band, k, THIRD, 1e-3)
     factorise(band, k)
     solve_factorised(band, knot_x, k)
     solve_factorised(band, knot_y, k)
-    evaluate(knot_x, at_nodes, spacing, x)
-    evaluate(knot_y, at_nodes, spacing, y)
+    evaluate(knot_x, n, at_nodes, spacing, x)
+    evaluate(knot_y, n, at_nodes, spacing, y)

@@ -269,7 +269,7 @@ def _lines_of(frames, scene, options, names, indices, absorbed=np.inf):
     found, side = [], "left"
     for present, chosen in _by_scene(frames, scene, indices):
         model = ImageModel.from_scene(present, options.params.detection, absorbed=absorbed)
-        workspace = Workspace.for_picture(present.background.shape)
+        workspace = Workspace.for_picture(present.background.shape, options.spacing_px)
         for image in chosen:
             frame = Frame(image, model, model.gain(image), options, workspace)
             found.append(

@@ -37,7 +37,7 @@ class Tracker:
         self.options = options
         self.names = tuple(template.name for template in templates)
         self.tracks = [Track(template, number=k) for k, template in enumerate(templates)]
-        self.workspace = Workspace.for_picture(scene.background.shape)
+        self.workspace = Workspace.for_picture(scene.background.shape, options.spacing_px)
         samples = [line for template in templates for line in template.samples]
         self.absorbed = usual_absorbance(samples)
         self.change_scene(scene)

@@ -82,7 +82,8 @@ def test_whiskers_that_cross_are_found_with_their_own_far_parts():
     recording = Recording(1000.0, scale, "left")
     lengths = [hair.whisker.length for hair in trial.scene.hairs]
     model = ImageModel.from_scene(scene_from_frames(still, recording, None))
-    options, workspace = options_for(recording, lengths, [1.4e-3] * 3), Workspace(1200)
+    options = options_for(recording, lengths, [1.4e-3] * 3)
+    workspace = Workspace(1200, options.spacing_px)
     for frame in AT_CROSSING:
         image = renderer.frame(frame)
         at = Frame(image, model, model.gain(image), options, workspace)

@@ -23,7 +23,7 @@ def test_a_copy_changes_by_itself():
 
 
 def test_no_arrays_of_the_room_to_work_in_overlap():
-    workspace = Workspace(30)
+    workspace = Workspace(30, 10.0)
     scratch = scratch_of(workspace.room)
     for k, name in enumerate(Scratch._fields):
         getattr(scratch, name)[:] = k + 1

@@ -242,7 +242,7 @@ def test_a_whisker_that_hardly_leaves_the_face_is_measured_from_its_base_on():
 def refined(image, nodes):
     """The line that is fitted to a picture of the bare scene from rough `nodes` (n, 2) on."""
     model, options = ImageModel.from_scene(scene(LIGHT)), options_for(Recording(1e3, 25.0, "left"))
-    workspace = Workspace(700)
+    workspace = Workspace(700, options.spacing_px)
     line = Line.empty(workspace.limit)
     line.n = len(nodes)
     line.x[: line.n], line.y[: line.n] = nodes.T

@@ -72,7 +72,8 @@ def drawn(slopes):
 def test_whiskers_that_leave_the_face_together_are_both_where_they_were_drawn(off):
     scene = scene_of_left_face((120, 320), FACE, LIGHT, NOISE)
     model, image = ImageModel.from_scene(scene), drawn(SLOPES)
-    options, workspace = options_for(Recording(1000.0, 25.0, "left")), Workspace(400)
+    options = options_for(Recording(1000.0, 25.0, "left"))
+    workspace = Workspace(400, options.spacing_px)
     lines, sharing = list(lines_at(SLOPES, off)), ~np.eye(2, dtype=bool)
     frame = Frame(image, model, 1.0, options, workspace)
     with lines_in_background(model, lines):
