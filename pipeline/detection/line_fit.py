@@ -280,15 +280,17 @@ def measure(picture, nodes, n, fit, scratch):
 
     See cross_sections.py.
     """
-    p, s = picture, scratch
+    cap, sums, amplitude, baseline = scratch.cap, scratch.sums, scratch.amplitude, scratch.baseline
     cross_sections.accumulate(
-        p.image, p.background, p.weight, p.gain, nodes.x, nodes.y, n, s.cap, nodes.sigma, 3.0,
-        fit.widths, s.sums,
+        picture.image, picture.background, picture.weight, picture.gain, nodes.x, nodes.y, n, cap,
+        nodes.sigma, 3.0, fit.widths, sums,
     )  # fmt: skip
-    line_profile.window_amplitudes(s.sums, n, fit.half, s.amplitude, s.baseline, s.amplitude_se)
+    line_profile.window_amplitudes(sums, n, fit.half, amplitude, baseline, scratch.amplitude_se)
     for i in range(n):
-        s.amplitude[i] = min(s.amplitude[i], s.cap[i])
-    line_profile.offset_information(s.sums, n, s.amplitude, s.baseline, s.information, s.score)
+        amplitude[i] = min(amplitude[i], cap[i])
+    line_profile.offset_information(
+        sums, n, amplitude, baseline, scratch.information, scratch.score
+    )
 
 
 @njit(cache=True, inline="always")
