@@ -49,6 +49,7 @@ class StaticScene:
     moving_fur : bool (height, width), outside of the face, where its fur comes and goes; None:
         nowhere
     refused_poles : x, y [px] of what looked like a pole, and why it is none, in words
+    face_seen : whether a face is in view; else the mask is that of what stands for it
     """
 
     background: np.ndarray
@@ -62,3 +63,4 @@ class StaticScene:
     likelier_side: str | None = None
     refused_poles: tuple[tuple[float, float, str], ...] = ()
     moving_fur: np.ndarray | None = None
+    face_seen: bool = True

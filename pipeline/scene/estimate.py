@@ -158,6 +158,7 @@ def scene_from_frames(
         likelier_side=likelier,
         refused_poles=refused,
         moving_fur=moving_fur(light, frames, face | obstacles, scale, own),
+        face_seen=bool(animal.any()),
     )
 
 

@@ -26,7 +26,7 @@ def seen_instead_of_whiskers(scenes, shade="dark") -> str:
     face = (
         f"something {shade} at the {scene.face_side} ({_share(scene.face_mask)}), with nothing "
         "thin moving out of it"
-        if scene.face_mask.any()
+        if scene.face_seen and scene.face_mask.any()
         else f"nothing {shade} at the {scene.face_side}, where the face should be"
     )
     return " and ".join([face, *_refused(scenes), *_things(scenes, shade)])

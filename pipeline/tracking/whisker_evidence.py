@@ -26,10 +26,12 @@ FOUND_RIGHT = 0.7  # of a row of whiskers so many lines are traced well enough t
 STREAKS_MOVE = 0.14  # of a texture's lines seem to
 MOST_FOR_MOTION = 5.0  # log odds: a cable moves, too
 ROW_ODDS = 0.7  # log odds from which on lines are a row of whiskers
+# the same, where no face is seen, but one would take up more than this part of the picture
+DEEP, DEEP_ODDS = 0.125, 8.0
 FEW = 2  # lines are no row: each is judged by itself; nor do so few frames show what moves
 
 
-def whisker_like(templates, n_frames: int, shape, given: bool = False):
+def whisker_like(templates, n_frames: int, shape, given: bool = False, unseen_face: float = 0.0):
     """The templates that may be whiskers, and those refused.
 
     Parameters
@@ -39,13 +41,15 @@ def whisker_like(templates, n_frames: int, shape, given: bool = False):
     shape : of the picture, (height, width)
     given : a person says that there are whiskers. Else all are refused where together they are no
         row of whiskers: where none tapers, or too few move or taper well
+    unseen_face : part of the picture that lies behind the lines' first points where no face is in
+        view. Whiskers of a face beyond the border begin near it; lines that begin far inside are
+        believed only as a clear row
     """
     row = [template.samples for template in templates]
     moves = [_moves(lines) and (given or _turns(lines)) for lines in row]
-    may_be = given or (
-        _tapers(row, shape)
-        and (min(n_frames, len(row)) <= FEW or _log_odds(row, sum(moves)) > ROW_ODDS)
-    )
+    least = -np.inf if min(n_frames, len(row)) <= FEW else ROW_ODDS
+    least = DEEP_ODDS if unseen_face > DEEP else least
+    may_be = given or (_tapers(row, shape) and _log_odds(row, sum(moves)) > least)
     likely = [
         may_be and _may_be_whisker(lines, each, n_frames, shape)
         for lines, each in zip(row, moves, strict=True)

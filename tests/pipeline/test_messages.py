@@ -92,6 +92,7 @@ def said_of(whiskers=({**WHISKER, "name": "C2"},), pole_xy=None, **changes):
     scene = SimpleNamespace(
         background=background, likelier_side=given["side"],
         face_side="left", face_mask=face, obstacle_mask=thing, refused_poles=given["refused"],
+        face_seen=True,
     )  # fmt: skip
     epochs = (SimpleNamespace(scene=scene),)
     video = Negative(video) if given["bright"] else video

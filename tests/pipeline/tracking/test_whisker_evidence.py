@@ -153,3 +153,24 @@ def test_the_grain_of_a_table_is_no_row_of_whiskers():
     kept, refused = told_apart(grain(FRAMES))
     assert len(refused) > 2
     assert not kept
+
+
+@pytest.mark.parametrize(
+    ("frames", "ground_px", "names", "found"),
+    [
+        (frames_of(0.1, 1.5, 0.2), 0, (), 1),  # it comes over the border
+        (frames_of(0.1, 1.5, 0.2), 30, (), 1),
+        (frames_of(0.1, 1.5, 0.2), 90, (), 0),
+        (frames_of(0.1, 1.5, 0.2), 90, ("C2",), 1),
+        (row_of(0.1, 1.5, 0.2), 90, (), 4),
+    ],
+)
+def test_what_begins_far_inside_a_picture_without_a_face_is_believed_if_named_or_a_clear_row(
+    frames, ground_px, names, found
+):
+    ground = np.random.default_rng(9).normal(LIGHT, 2, (*frames.shape[:2], ground_px))
+    bright = np.concatenate([np.rint(ground).astype(np.uint8), frames[:, :, FACE_PX:]], axis=2)
+    tables = [{"name": name} for name in names]
+    said = analyse(bright, settings_from({"recording": RECORDING, "whisker": tables}))
+    assert said.frames["whisker"].nunique() == found
+    assert ("is nothing dark at the left" in said.messages[0]) == (found == 0)
