@@ -17,7 +17,7 @@ from pipeline.forces.rod_fit import ShapeFit
 from pipeline.forces.whisker_rows import WhiskerRows
 from pipeline.kinematics.stations import Stations, lies_across
 from pipeline.numerics.angles import jitter, wrap_angle
-from pipeline.numerics.robust import robust_sd
+from pipeline.numerics.robust import robust_sd, sd_about_0, sd_with_tails
 from pipeline.session.parameters import RodParams
 from whiskermodel.whisker import Whisker
 
@@ -214,12 +214,10 @@ def _force_noise(force, error, places, free, params):
         return _excess(force / error, free & near)
 
 
-def _excess(ratio, free):
-    """Scatter of the free frames' forces; `ratio` (rows,) is force over standard error."""
+def _excess(ratio, free, sd=sd_about_0):
+    """Scatter of the free frames, by `sd`; `ratio` (rows,) is an error over its standard error."""
     ratio = ratio[free & np.isfinite(ratio)]
-    if len(ratio) < FEWEST_FREE:
-        return 1.0
-    return max(LEAST_NOISE, float(robust_sd(ratio, about=0.0)))
+    return max(LEAST_NOISE, float(sd(ratio))) if len(ratio) >= FEWEST_FREE else 1.0
 
 
 def _base(kinematics, fit, origin_se, frame) -> dict:
@@ -282,8 +280,9 @@ def _rest_columns(curvature, noise, place, shape, own: WhiskerRows):
     """Curvature, rest curvature and curvature change at one arc length, with standard errors."""
     rest, rest_error = _rest_curvature(curvature, noise, shape, own)
     # a codec's errors are alike at neighbouring stations, so that curvature errs by more than the
-    # noise: free frames show by how much. A rest curvature that wanders looks the same
-    error = noise * _excess((curvature - rest) / noise, own.free)
+    # noise, in some frames by far: free frames show by how much. A rest curvature that wanders
+    # looks the same
+    error = noise * _excess((curvature - rest) / noise, own.free, sd_with_tails)
     rest, rest_error = _rest_curvature(curvature, error, shape, own)
     return {
         "curvature_per_m": curvature,

@@ -42,6 +42,15 @@ def sd_about_0(values):
     return MAD_TO_SD * np.median(np.abs(values))
 
 
+def sd_with_tails(values) -> float:
+    """As `robust_sd` about 0, or more: so that a tenth of all is beyond 1.64 SD, as if normal.
+
+    >>> round(float(sd_with_tails([-9.0, -1.0, -0.5, 0.0, 0.5, 1.0])), 2)
+    3.04
+    """
+    return max(robust_sd(values, about=0.0), np.quantile(np.abs(values), 0.9) / ndtri(0.95))
+
+
 @lru_cache
 def trimmed_part(share, freedom=1) -> float:
     """Mean of the lower `share` of a χ² variable of `freedom`, over the mean of all of it.

@@ -559,6 +559,14 @@ def test_errors_are_scaled_by_the_scatter_of_free_frames(scatter, factor):
     assert forces._excess(ratio, np.arange(900) < 19) == 1.0
 
 
+def test_intervals_of_the_curvature_hold_90_percent_of_errors_with_long_tails():
+    rng, free = np.random.default_rng(4), np.ones(2000, bool)
+    ratio = rng.standard_t(2, 2000)
+    factor = forces._excess(ratio, free, forces.sd_with_tails)
+    assert np.mean(np.abs(ratio) < 1.645 * factor) == pytest.approx(0.9, abs=0.002)
+    assert np.mean(np.abs(ratio) < 1.645 * forces._excess(ratio, free)) < 0.85
+
+
 @pytest.mark.parametrize("speed", [0.0, 4e-6, -4e-6])
 def test_a_contact_that_wanders_slides(speed):
     """Metres per frame; places scatter by 2 µm, from frame to frame."""
