@@ -226,10 +226,14 @@ def _between_shades(shaded):
 
 
 def _misfit(disc, image, used):
-    """Root mean square misfit without the MISFITS worst pixels, where a hair may lie."""
+    """Root mean square misfit without the MISFITS worst pixels, where a hair may lie.
+
+    Infinite where no pixel is in the picture.
+    """
     px, py, values = _edge_pixels(image, disc.x, disc.y, disc.radius, used)
     square = np.sort((values - disc.light(px, py)) ** 2)
-    return float(np.sqrt(np.mean(square[: int(np.ceil((1 - MISFITS) * len(square)))])))
+    kept = square[: int(np.ceil((1 - MISFITS) * len(square)))]
+    return float(np.sqrt(kept.mean())) if len(kept) else np.inf
 
 
 def blurred_edge(distance, radius, blur, inside, outside):

@@ -5,7 +5,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.special import erf
 
-from pipeline.scene.circle_fit import blurred_edge, measure_disc
+from pipeline.scene.circle_fit import Disc, _misfit, blurred_edge, measure_disc, rays
 from pipeline.scene.pole_search import PoleCheck, find_pole
 
 CENTRE = 0.03  # px
@@ -44,6 +44,11 @@ def scene(
     rows, columns = np.mgrid[: shape[0], : shape[1]]
     image = 0.02 + 0.98 * image * (1 + 1e-4 * (columns - 80) - 1e-4 * (rows - 60))
     return (image + np.random.default_rng(seed).normal(0, noise, shape)).astype(np.float32)
+
+
+def test_a_disc_whose_edge_is_not_in_the_picture_fits_nothing():
+    away = Disc(x=-40.0, y=60.0, radius=10.0, blur=0.7, inside=0.0, outside=1.0)
+    assert _misfit(away, scene(80, 60, 10), np.ones(len(rays()), bool)) == np.inf
 
 
 @pytest.mark.slow
