@@ -39,9 +39,10 @@ class TracingOptions:
         self, model, longest=np.inf, farthest=np.inf, widths=False, steps=line_fit.MOST_STEPS
     ) -> line_fit.Fit:
         """How a line is fitted that may have `longest` nodes; the others as in `Fit`."""
-        limits = float(min(self.longest_px, longest)), float(farthest), widths
-        seen = model.faintest, self._unseen_px, model.half
-        return line_fit.Fit(float(self.spacing_px), self.bridge_px, *limits, *seen, steps)
+        return line_fit.Fit(
+            float(self.spacing_px), self.bridge_px, float(min(self.longest_px, longest)),
+            float(farthest), widths, model.faintest, self._unseen_px, model.half, steps,
+        )  # fmt: skip
 
     @cached_property
     def _unseen_px(self):

@@ -87,18 +87,20 @@ def even_turns(place, turn) -> np.ndarray:
     """
     known = np.isfinite(turn)
     # an outlier at the end of the row would tilt a straight line through all, but moves no median
-    even, keep = np.full(len(turn), median(turn[known]) if known.any() else 0.0), known[:0]
+    even = np.full(len(turn), median(turn[known]) if known.any() else 0.0)
     if known.sum() < FEWEST_TOGETHER:
         return even
+    keep = np.zeros(len(turn), bool)
     for _ in range(5):
         off = np.abs(turn - even)
         again = known & (off < max(2.5 * robust_sd(off[known], about=0.0), LEAST_OFF))
-        if again.sum() < FEWEST_TOGETHER or np.array_equal(again, keep):
+        if again.sum() < FEWEST_TOGETHER or (again == keep).all():
             break
         keep = again
-        u, v = place[keep] - place[keep].mean(), turn[keep] - turn[keep].mean()
+        middle, mean = place[keep].mean(), turn[keep].mean()
+        u, v = place[keep] - middle, turn[keep] - mean
         slope = u @ v / (u @ u + EVEN)
-        even = turn[keep].mean() + slope * (place - place[keep].mean())
+        even = mean + slope * (place - middle)
     return even
 
 
