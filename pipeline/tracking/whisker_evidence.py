@@ -26,9 +26,9 @@ FOUND_RIGHT = 0.7  # of a row of whiskers so many lines are traced well enough t
 STREAKS_MOVE = 0.14  # of a texture's lines seem to
 MOST_FOR_MOTION = 5.0  # log odds: a cable moves, too
 ROW_ODDS = 0.7  # log odds from which on lines are a row of whiskers
-# where no face is seen: part of the picture behind the lines' first points from which on they begin
-# far inside, and the log odds of a clear row; of lines on people, birds and trees up to 6.9, of a
-# mouse's and a rat's whiskers whose faces were cut away 8.3 to 19
+# where no face is seen: part of the picture behind the lines' first points, from which on they
+# begin far inside, and the log odds of a clear row: of lines on people, birds and trees up to 6.9,
+# of a mouse's and a rat's whiskers whose faces were cut away 8.3 to 19
 DEEP, DEEP_ODDS = 0.125, 8.0
 FEW = 2  # lines are no row: each is judged by itself; nor do so few frames show what moves
 
