@@ -22,7 +22,7 @@ def is_like_a_whisker(values, n, before, m, outside, off_edges, base_gap, bends)
     """Whether a line leaves the face, is bent as whiskers are, and begins where it was before.
 
     values, before : of the `Line` and of the one before, with `n` and `m` nodes
-    base_gap : how far from the face its base may be [px], and twice how far from the line before;
+    base_gap : how far from the face its base may be [px], and half as far from the line before;
         along that line it may be anywhere, as the edge of the fur is
     bends : `Bends`
     """
