@@ -30,7 +30,7 @@ WORTH_FITTING = 0.5  # of the darkness wanted of a line, along the ridge that le
 KNOWN_SHARE = 0.7  # of a ridge that lies along a known line: it is what that one has left
 KNOWN_STEP = 2  # every how many-th node of the known lines is looked at
 NEAR_FACE = 2  # times the shortest line: so far from where lines begin ridges lead to new ones
-WIDE_PX = 32  # of that part of the picture: nearly the whole of it is looked at without a copy
+WIDE_PX = 32  # to whole ones of these, that part of the picture is rounded up
 MOST_LOOKS = 3  # at a frame with many whiskers
 
 

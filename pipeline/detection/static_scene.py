@@ -64,3 +64,8 @@ class StaticScene:
     refused_poles: tuple[tuple[float, float, str], ...] = ()
     moving_fur: np.ndarray | None = None
     face_seen: bool = True
+
+    @property
+    def unseen_face(self) -> float:
+        """Part of the picture that stands for a face which is not in view; 0 where one is."""
+        return 0.0 if self.face_seen else float(self.face_mask.mean())

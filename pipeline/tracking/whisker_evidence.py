@@ -43,14 +43,13 @@ def whisker_like(templates, n_frames: int, shape, given: bool = False, unseen_fa
     shape : of the picture, (height, width)
     given : a person says that there are whiskers. Else all are refused where together they are no
         row of whiskers: where none tapers, or too few move or taper well
-    unseen_face : part of the picture that lies behind the lines' first points where no face is in
-        view. Whiskers of a face beyond the border begin near it; lines that begin far inside are
-        believed only as a clear row
+    unseen_face : as of `StaticScene`. Whiskers of a face beyond the border begin near it; lines
+        that begin far inside are believed only as a clear row
     """
     row = [template.samples for template in templates]
     moves = [_moves(lines) and (given or _turns(lines)) for lines in row]
-    least = -np.inf if min(n_frames, len(row)) <= FEW else ROW_ODDS
-    least = DEEP_ODDS if unseen_face > DEEP else least
+    few = min(n_frames, len(row)) <= FEW
+    least = DEEP_ODDS if unseen_face > DEEP else -np.inf if few else ROW_ODDS
     may_be = given or (_tapers(row, shape) and _log_odds(row, sum(moves)) > least)
     likely = [
         may_be and _may_be_whisker(lines, each, n_frames, shape)

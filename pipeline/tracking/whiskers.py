@@ -108,13 +108,12 @@ def find_whisker_set(indices, frames, epochs, settings: Settings) -> WhiskerSet:
     options = tracing_options(settings, shape)
     scenes = [epoch.scene for epoch in epochs if epoch.scene]
     face_side = scenes[0].face_side if scenes else "left"
-    unseen = [s.face_mask.mean() * (not s.face_seen) for s in scenes]
-    unseen_face = float(np.median(unseen or [0.0]))
+    unseen_face = float(np.median([scene.unseen_face for scene in scenes] or [0.0]))
 
     def seen(wanted, options):
         both = templates_and_others(frames, epochs, options, wanted, indices)
-        known = {"given": names is not None, "unseen_face": unseen_face}
-        return [whisker_like(each, len(frames), shape, **known) for each in both]
+        given = names is not None
+        return [whisker_like(each, len(frames), shape, given, unseen_face) for each in both]
 
     by_side, named, other_side = names_by_side(names, face_side), None, ()
     if by_side:
