@@ -7,21 +7,6 @@ filtered at once; along columns row by row, as long as the rows about it are in 
 import numpy as np
 from numba import njit
 
-WHOLE = np.s_[:, :]  # of a picture: slices of rows and columns
-
-
-def bounds(part, shape, beside=0):
-    """First row of a part of a picture, one past its last row, and likewise columns.
-
-    part : slices of rows and columns; shape : of the picture; beside : so many more each way
-    """
-    (top, bottom, _), (left, right, _) = map(slice.indices, part, shape)
-    height, width = shape
-    return (
-        max(top - beside, 0), min(bottom + beside, height),
-        max(left - beside, 0), min(right + beside, width),
-    )  # fmt: skip
-
 
 def gaussian_kernels(scale: float):
     """Return the Gaussian of SD `scale` [px] and its first two derivatives, sampled, float32."""
@@ -44,7 +29,7 @@ def halves(kernels):
 def along_rows(image, part, kernels):
     """Rows of a part of a picture, float32, by a Gaussian and its first two derivatives.
 
-    part : as of `bounds`; kernels : as in `halves`.
+    part : as of `rectangles.bounds`; kernels : as in `halves`.
     Returns float32 (3, height + 2 reach, width) of the part, which goes on mirrored above and
     below, as it does beside its edges.
     """

@@ -6,7 +6,6 @@ import numpy as np
 from numba import njit
 
 from pipeline.detection import crossings, line_fit, new_lines, ridges, splitting
-from pipeline.detection.derivatives import WHOLE
 from pipeline.detection.frame import Frame
 from pipeline.detection.image_model import ImageModel, absorbance_image, lines_in_background
 from pipeline.detection.line import Line
@@ -24,6 +23,7 @@ from pipeline.detection.refinement import refine_held
 from pipeline.detection.tracing_options import TracingOptions
 from pipeline.numerics import polyline
 from pipeline.numerics.polyline import bilinear
+from pipeline.numerics.rectangles import WHOLE
 from pipeline.session.quantities import pixels_in
 
 WORTH_FITTING = 0.5  # of the darkness wanted of a line, along the ridge that leads to it

@@ -9,9 +9,9 @@ import numpy as np
 from numba import njit
 
 from pipeline.detection import line_profile
-from pipeline.detection.derivatives import WHOLE, bounds
 from pipeline.detection.line import Line
 from pipeline.detection.static_scene import OUTWARD, StaticScene
+from pipeline.numerics.rectangles import WHOLE, bounds
 from pipeline.session.parameters import DEFAULTS
 
 LEAST_HALF, MOST_HALF = 7, 20  # px to both sides of a node that its absorbance is measured over

@@ -13,7 +13,7 @@ from numba import njit
 
 from pipeline.detection import derivatives
 from pipeline.detection.curves import Curves, join
-from pipeline.detection.derivatives import WHOLE, bounds
+from pipeline.numerics.rectangles import WHOLE, bounds
 from pipeline.numerics.robust import robust_sd
 
 SCALE_PX = 1.6  # SD of the differentiating Gaussian

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from pipeline.detection import derivatives
+from pipeline.numerics.rectangles import bounds
 
 
 @pytest.mark.parametrize("scale", [1.0, 1.6, 2.5])
@@ -33,7 +34,7 @@ def test_derivatives_of_all_rows_are_the_convolutions(scale, shape):
     image = whole[part]
     g, g1, g2 = derivatives.gaussian_kernels(scale)
     kernels = derivatives.halves((g, g1, g2))
-    rows = derivatives.along_rows(whole, derivatives.bounds(part, whole.shape), kernels)
+    rows = derivatives.along_rows(whole, bounds(part, whole.shape), kernels)
     got = np.empty((5, *shape), np.float32)
     columns = np.arange(shape[1], dtype=np.int32)
     for row in range(shape[0]):
