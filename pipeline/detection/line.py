@@ -26,6 +26,7 @@ class Scratch(NamedTuple):
     cap : largest believable absorbance
     rhs : of the spline's normal equations, `band` (nodes, 4)
     room : (2, nodes), to resample in
+    spacing : between the splines' knots [px], the same at all nodes
     at_nodes : (4, nodes), as in `bsplines.basis_at_nodes`
     sums : (N_SUMS, nodes), as in `cross_sections.accumulate`
     """
@@ -44,6 +45,7 @@ class Scratch(NamedTuple):
     rhs: np.ndarray
     band: np.ndarray
     room: np.ndarray
+    spacing: np.ndarray
     at_nodes: np.ndarray
     sums: np.ndarray
 
@@ -55,7 +57,7 @@ def scratch_of(room):
     band = s[12:16].reshape(limit, 4)
     return Scratch(
         s[0], s[1], s[2], s[3], s[4], s[5], s[6], s[7], s[8], s[9], s[10], s[11], band, s[16:18],
-        s[18:22], s[22:],
+        s[18], s[19:23], s[23:],
     )  # fmt: skip
 
 
@@ -67,8 +69,10 @@ class Workspace:
 
     def __init__(self, limit: int, spacing: float):
         self.limit = limit
-        self.room = np.zeros((22 + line_profile.N_SUMS, limit))
-        scratch_of(self.room).at_nodes[:] = bsplines.basis_at_nodes(limit, spacing)
+        self.room = np.zeros((23 + line_profile.N_SUMS, limit))
+        scratch = scratch_of(self.room)
+        scratch.spacing[:] = spacing
+        scratch.at_nodes[:] = bsplines.basis_at_nodes(limit, spacing)
 
     @classmethod
     def for_picture(cls, shape, spacing: float) -> "Workspace":

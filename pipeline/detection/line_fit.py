@@ -34,7 +34,6 @@ class Fit(NamedTuple):
 
     Attributes
     ----------
-    spacing : between the spline's knots [px], as of the `Workspace`
     bridge : nodes without pixels that are crossed
     longest : nodes that the line may have
     farthest : largest first step [px]
@@ -45,7 +44,6 @@ class Fit(NamedTuple):
     steps : of Gauss–Newton, at most
     """
 
-    spacing: float
     bridge: int
     longest: float
     farthest: float
@@ -294,12 +292,13 @@ def measure(picture, nodes, n, fit, scratch):
 
 
 @njit(cache=True, inline="always")
-def fit_offset(x, y, n, spacing, stiffness, scratch):
+def fit_offset(x, y, n, stiffness, scratch):
     """Gauss–Newton's spline offset along the normals, from the measured information and score."""
     nx, ny, offset, band, rhs = (
         scratch.normal_x, scratch.normal_y, scratch.offset, scratch.band, scratch.rhs,
     )  # fmt: skip
-    at_nodes, information, score = scratch.at_nodes, scratch.information, scratch.score
+    spacing, at_nodes = scratch.spacing[0], scratch.at_nodes
+    information, score = scratch.information, scratch.score
     k = bsplines.normal_equations(information, score, n, at_nodes, spacing, band, rhs)
     normals(x, y, n, nx, ny)
     smooth_x, smooth_y = scratch.smooth_x, scratch.smooth_y
@@ -363,7 +362,7 @@ def refine(picture, values, n, fit, room):
     set_cap(amplitude, n, work.cap)
     for step in range(fit.steps):
         bsplines.smooth(
-            x, y, n, work.at_nodes, fit.spacing, work.band, work.smooth_x, work.smooth_y
+            x, y, n, work.at_nodes, work.spacing[0], work.band, work.smooth_x, work.smooth_y
         )
         n = start_at_face(x, y, n, picture.outside)
         n = resample(x, y, n, work.room)
@@ -375,7 +374,7 @@ def refine(picture, values, n, fit, room):
         before = end
         bridge = WIDEST_GAP * fit.bridge
         end = visible_end(work.amplitude, work.amplitude_se, work.sums, seen, bridge, fit)
-        fit_offset(x, y, n, fit.spacing, STIFFNESS, work)
+        fit_offset(x, y, n, STIFFNESS, work)
         move(x, y, n, work)
         tip = min(end + BEYOND_TIP, n)
         farthest = largest(work.offset, end)

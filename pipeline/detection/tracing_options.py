@@ -40,7 +40,7 @@ class TracingOptions:
     ) -> line_fit.Fit:
         """How a line is fitted that may have `longest` nodes; the others as in `Fit`."""
         return line_fit.Fit(
-            float(self.spacing_px), self.bridge_px, float(min(self.longest_px, longest)),
+            self.bridge_px, float(min(self.longest_px, longest)),
             float(farthest), widths, model.faintest, self._unseen_px, model.half, steps,
         )  # fmt: skip
 

@@ -106,9 +106,7 @@ def test_the_wider_a_gap_the_more_must_be_seen_beyond_it(seen, end):
     sums[line_profile.G11, 100:140] = 0  # behind a rod
     amplitude = np.zeros(n)
     amplitude[:100] = amplitude[140 : 140 + seen] = 0.5
-    fit = line_fit.Fit(
-        16.0, 30, np.inf, np.inf, False, faintest=0.012, unseen=12, half=7, steps=4
-    )  # fmt: skip
+    fit = line_fit.Fit(30, np.inf, np.inf, False, faintest=0.012, unseen=12, half=7, steps=4)
     found = line_fit.visible_end(amplitude, np.full(n, 0.02), sums, n, 100, fit)
     assert found == pytest.approx(end, abs=fit.half // 2 + 1)
 
