@@ -1,6 +1,7 @@
 """Messages about one video: what is missing or doubtful, and what to do."""
 
 from collections import defaultdict
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -23,13 +24,29 @@ OTHER_THICKNESS = 0.12  # of the pole, relative: more is no error of measurement
 MOST_UNKNOWN = 0.2  # of what is tracked: more is worth the first message
 CONTRADICTED, NEVER_FREE = "base_contradicted", "no_rest_curvature"  # flags of contacts
 DARK = 64  # grey levels of 255, median: no light behind the whiskers
-NO_POLE_IN_LINES = (
-    "no contacts: traced lines do not show where the pole is; give [pole] x_px, y_px in "
-    "session.toml, and import again"
-)
 LIGHT = 128  # a picture of a lighter median is no dark ground for bright whiskers
 ON_A_SIDE = tuple(f"{side}_" for side in (*SIDES, *UPRIGHT))
 SELDOM_ACROSS = 1  # frame may be a mistake; a whisker more often across the pole is worth one
+
+
+class Advice(NamedTuple):
+    """What to do about a pole that is not found, and whiskers that are lost.
+
+    no_pole : the whole message; lost : in every frame; seldom : in many frames
+    """
+
+    no_pole: str
+    lost: str
+    seldom: str
+
+
+GIVEN_LINES = Advice(
+    no_pole="no contacts: traced lines do not show where the pole is; give [pole] x_px, y_px in "
+    "session.toml, and import again",
+    lost="if they were traced, name their lines so in the program that traced them, and import "
+    "again; if not, take their [[whisker]] tables out",
+    seldom="where they are in view, trace them in the other program, and import again",
+)
 
 
 def messages(settings, tables, seen, followed):
@@ -57,7 +74,7 @@ def messages(settings, tables, seen, followed):
     if not numbered:
         yield from order
     yield from _assumed_place(settings, followed.pole)
-    yield from _of_whiskers(settings, tables, followed, _no_pole(settings, seen))
+    yield from _of_whiskers(settings, tables, followed, _advice(settings, seen))
     if numbered:
         yield from order
         yield from _not_whiskers(tables.frames, nameless)
@@ -88,7 +105,7 @@ def line_messages(settings, tables, followed):
     yield from doubtful_values(settings)
     if followed.whisker_set.templates:
         yield from _unknown_names(tables.frames)
-        yield from _of_whiskers(settings, tables, followed, NO_POLE_IN_LINES)
+        yield from _of_whiskers(settings, tables, followed, GIVEN_LINES)
     else:
         yield (
             "no line is a whisker's: all are too short, or have no name; name the whiskers in the "
@@ -96,15 +113,17 @@ def line_messages(settings, tables, followed):
         )
 
 
-def _of_whiskers(settings, tables, followed, no_pole):
+def _of_whiskers(settings, tables, followed, advice):
     """What is missing or doubtful of the whiskers themselves, the pole and the forces."""
+    whisker_set = followed.whisker_set
     if followed.pole is None:
-        yield no_pole
-    yield from _seldom_tracked(tables.frames, followed.whisker_set, settings.analysis.follow)
+        yield advice.no_pole
+    yield from _never_tracked(settings.analysis.follow, whisker_set, advice.lost)
+    yield from _seldom_tracked(tables.frames, whisker_set, advice.seldom)
     yield from _of_another_size(settings, followed.pole)
     yield from _passes_over(settings, tables, followed.pole)
     yield from _contradicted(settings, tables.contacts)
-    yield from _without_forces(settings, followed.whisker_set)
+    yield from _without_forces(settings, whisker_set)
     yield from _never_free(settings, tables.contacts)
     yield from _too_short(settings, tables.frames)
 
@@ -154,6 +173,18 @@ def _other_polarity(picture, taken, write) -> str:
         f"no whiskers found; the picture is mostly {picture}, and whiskers were taken to be "
         f"{taken} than what is behind them: if they are {write}, write [image] polarity = "
         f'"{write}"'
+    )
+
+
+def _advice(settings, seen) -> Advice:
+    """What to do where the lines were traced here."""
+    hiding = "[image] region_px or mask"
+    return Advice(
+        no_pole=_no_pole(settings, seen),
+        lost="if they are in the picture, see that their bases are free of fur and inside "
+        f"{hiding}; if not, take their [[whisker]] tables out, or others may get their names",
+        seldom="see in the overlay where they are lost (run again with --overlay): if they are "
+        f"in view there, leave out what they are mistaken for or hidden by, with {hiding}",
     )
 
 
@@ -269,11 +300,19 @@ def _other_end(whisker_set, recording):
         )
 
 
-def _seldom_tracked(frames, whisker_set, follow=None):
-    """Whiskers that are lost, in many frames or in all."""
-    lost = [name for name in follow or whisker_set.names if name not in whisker_set.found]
+def _never_tracked(follow, whisker_set, advice):
+    """Whiskers that are wanted, and lost in all frames."""
+    wanted = follow or whisker_set.names
+    lost = [name for name in wanted if name not in whisker_set.found]
     if lost:
-        yield f"not found in any frame: {in_short(lost)}"
+        yield (
+            f"not found in any frame: {in_short(lost)} (expected: "
+            f"{counted(len(wanted), 'whisker')}, found: {len(wanted) - len(lost)}); {advice}"
+        )
+
+
+def _seldom_tracked(frames, whisker_set, advice):
+    """Whiskers that are lost in many frames."""
     found = set(whisker_set.found) - nameless_in(frames)
     share = frames.groupby("whisker", sort=False)["tracked"].mean()
     seldom = share[share.index.isin(found) & (share < SELDOM_TRACKED)]
@@ -281,7 +320,10 @@ def _seldom_tracked(frames, whisker_set, follow=None):
         least = seldom.nsmallest(MOST_NAMED)
         named = ", ".join(f"{name} in {100 * part:.0f} %" for name, part in least.items())
         more = f"{len(seldom)} whiskers, least " if len(seldom) > MOST_NAMED else ""
-        yield f"tracked in only part of the frames: {more}{named}"
+        yield (
+            f"tracked in only part of the frames: {more}{named} (expected: at least "
+            f"{100 * SELDOM_TRACKED:.0f} %); {advice}"
+        )
 
 
 def _of_another_length(settings, odd) -> str:

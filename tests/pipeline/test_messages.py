@@ -35,6 +35,7 @@ def said_of(whiskers=({**WHISKER, "name": "C2"},), pole_xy=None, **changes):
         "refused": (), "thing": np.s_[:0], "problems": (), "odd": None, "side": None,
         "out": np.s_[:0], "bright": False, "first_seen": None, "recording": {}, "rows": (50, 90),
         "region": None, "frames": None, "flags": "", "unnamed": 0, "analysis": {}, "curved": 1.0,
+        "lines": False,
     } | changes  # fmt: skip
     settings = settings_from(
         {
@@ -102,6 +103,8 @@ def said_of(whiskers=({**WHISKER, "name": "C2"},), pole_xy=None, **changes):
         whisker_set=given["first_seen"] or whisker_set,
         odd=given["odd"],
     )
+    if given["lines"]:
+        return list(line_messages(settings, tables, followed))
     return list(messages(settings, tables, seen, followed))
 
 
@@ -164,7 +167,12 @@ def test_where_nothing_is_wrong_nothing_is_said():
         ({"curved": 0.4},
          "curvature_per_m is mostly empty for C2: traced lines end before [analysis] "
          "curvature_at_mm = 5.5; "),
-        ({"tracked": 0.5}, "tracked in only part of the frames: C2 in 50 %"),
+        ({"tracked": 0.5},
+         "tracked in only part of the frames: C2 in 50 % (expected: at least 80 %); see in the "
+         "overlay where they are lost"),
+        ({"tracked": 0.5, "lines": True},
+         "tracked in only part of the frames: C2 in 50 % (expected: at least 80 %); where they "
+         "are in view, trace them in the other program"),
         ({"whiskers": ()},
          "no forces: there is no [[whisker]] table with dimensions in session.toml; measure "
          "length_mm, cone_length_mm, base_radius_um and add them"),
@@ -172,7 +180,9 @@ def test_where_nothing_is_wrong_nothing_is_said():
          "no forces for C2: no length_mm, cone_length_mm, base_radius_um in session.toml; measure "
          "what is missing"),
         ({"whiskers": ({**WHISKER, "name": "C2"}, {**WHISKER, "name": "D2"})},
-         "not found in any frame: D2"),
+         "not found in any frame: D2 (expected: 2 whiskers, found: 1); if they are in the pic"),
+        ({"whiskers": ({**WHISKER, "name": "C2"}, {**WHISKER, "name": "D2"}), "lines": True},
+         "not found in any frame: D2 (expected: 2 whiskers, found: 1); if they were traced, name"),
     ],
 )  # fmt: skip
 def test_each_fault_is_reported_alone(changes, said):
@@ -208,11 +218,13 @@ def test_of_many_whiskers_that_are_seldom_tracked_the_least_are_named():
         columns=["whisker", "tracked"],
     ).assign(confidence=0.9)
     whisker_set = SimpleNamespace(names=names, found=names)
-    (some,) = _seldom_tracked(frames, whisker_set)
-    assert some.endswith("frames: w5 in 50 %, w4 in 60 %, w3 in 70 %")
+    (some,) = _seldom_tracked(frames, whisker_set, "look")
+    expected = "(expected: at least 80 %); look"
+    assert some.endswith(f"frames: w5 in 50 %, w4 in 60 %, w3 in 70 % {expected}")
     frames["tracked"] &= frames.groupby("whisker").cumcount() < 60
-    (many,) = _seldom_tracked(frames, whisker_set)
-    assert many.endswith("frames: 6 whiskers, least w5 in 10 %, w4 in 20 %, w3 in 30 %")
+    (many,) = _seldom_tracked(frames, whisker_set, "look")
+    least = "w5 in 10 %, w4 in 20 %, w3 in 30 %"
+    assert many.endswith(f"frames: 6 whiskers, least {least} {expected}")
 
 
 @pytest.mark.parametrize(
@@ -315,7 +327,8 @@ def test_numbers_of_lines_that_are_no_whiskers_are_said_and_no_more_of_them():
 def test_of_many_numbers_the_first_and_the_last_are_said():
     numbers = [f"w{k}" for k in range(1, 8)]
     said = said_of(whiskers=[{"name": name} for name in numbers], found=numbers[:-1])
-    assert "not found in any frame: w7" in said
+    lost = "not found in any frame: w7 (expected: 7 whiskers, found: 6); "
+    assert any(each.startswith(lost) for each in said)
     assert any(each.startswith("no forces for w1 to w6: no length_mm") for each in said)
 
 
