@@ -5,6 +5,7 @@ import importlib
 from pathlib import Path
 
 import pytest
+from draw_house import ORDER as ROOMS
 
 ROOT = Path(__file__).parents[1]
 MOST, MOST_COMPILED = 8, 12
@@ -36,7 +37,7 @@ def test_functions_take_few_arguments(package):
         assert count(function) <= most, f"{name} takes {count(function)} arguments"
 
 
-@pytest.mark.parametrize("room", ["scene", "forces", "identity", "contacts"])
+@pytest.mark.parametrize("room", ROOMS)
 def test_parameters_are_those_of_the_caller(room):
     """Only what a room offers has defaults: inside, those of session.toml could be forgotten."""
     offered = dir(importlib.import_module(f"pipeline.{room}"))

@@ -25,6 +25,7 @@ from pipeline.forces import estimate_forces
 from pipeline.kinematics import curvature, resampled
 from pipeline.kinematics.follicle import follicles
 from pipeline.numerics.runs import runs_of_true
+from pipeline.session.parameters import DEFAULTS
 from pipeline.session.recording import Recording
 from pipeline.tables.centrelines import Centrelines
 from pipeline.tables.columns import FRAME_COLUMNS, as_table, split_flags
@@ -152,8 +153,10 @@ def analysed(seed, case: Case):
     whisker = Whisker(plain.LENGTH, plain.CONE, plain.BASE_RADIUS, plain.YOUNG, name="C2")
     wrong = {key: value * getattr(whisker, key) for key, value in case.dimensions.items()}
     whisker = replace(whisker, **wrong)
-    table = curvature.measure(lines, recording, hidden, CURVATURE_AT_M, pole)
-    turn = follicles(lines, np.full(len(lines), hidden[0] * scale), scale)[:, 2]
+    table = curvature.measure(lines, recording, hidden, CURVATURE_AT_M, DEFAULTS.kinematics, pole)
+    turn = follicles(lines, np.full(len(lines), hidden[0] * scale), scale, DEFAULTS.kinematics)[
+        :, 2
+    ]
     table = table.assign(base_angle_deg=np.degrees(turn), whisker="C2", tracked=True,
                          time_s=table["frame"] / 1000.0)  # fmt: skip
     places = resampled.measure_stations(lines, recording, [whisker], hidden, pole)

@@ -19,9 +19,9 @@ def our_lines(clip: Clip):
     chunks = list(trace(clip))
     lines = first_frames(measuring.join_chunks(chunks), clip.scored)
     hidden = {w.name: w.hidden_length for w in clip.settings.whisker}
-    recording = clip.settings.recording.si()
+    recording, params = clip.settings.recording.si(), clip.settings.advanced.kinematics
     measured = [
-        curvature.measure(c, recording, [hidden[n] for n in c.names], CURVATURE_AT)
+        curvature.measure(c, recording, [hidden[n] for n in c.names], CURVATURE_AT, params)
         for c in chunks
         if len(c)
     ]

@@ -16,6 +16,7 @@ from pipeline.scene.estimate import find_scenes, survey
 from pipeline.scene.preparation import prepare_video
 from pipeline.scene.scale import FIELD_MM, scale_of
 from pipeline.session.inputs import PREVIEW_NAME, SETTINGS_NAME, check_settings_name, find_inputs
+from pipeline.session.parameters import DEFAULTS
 from pipeline.session.recording import Recording
 from pipeline.session.session_file import read_session, session_text, settings_from
 from pipeline.tables import whole_files
@@ -129,7 +130,7 @@ def look_at(path) -> Look:
     with open_video(path) as video:
         scene, sample, scale = _scene_and_scale(prepare_video(video, _usual_scale(video)))
     recording = Recording(FRAMES_PER_SECOND, scale, scene.face_side)
-    options = options_for_picture(recording, sample.shape[1:])
+    options = options_for_picture(recording, sample.shape[1:], DEFAULTS)
     templates = find_templates(sample, scene, options)
     likely, _ = whisker_like(templates, len(sample), sample.shape[1:])
     if not likely:

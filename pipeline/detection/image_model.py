@@ -12,7 +12,7 @@ from pipeline.detection import line_profile
 from pipeline.detection.line import Line
 from pipeline.detection.static_scene import OUTWARD, StaticScene
 from pipeline.numerics.rectangles import WHOLE, bounds
-from pipeline.session.parameters import DEFAULTS
+from pipeline.session.parameters import DetectionParams
 
 LEAST_HALF, MOST_HALF = 7, 20  # px to both sides of a node that its absorbance is measured over
 INTO_FACE_PX = 1.5  # so far within its edge lines are still measured
@@ -69,7 +69,7 @@ class ImageModel:
 
     @classmethod
     def from_scene(
-        cls, scene: StaticScene, params=DEFAULTS.detection, absorbed=np.inf
+        cls, scene: StaticScene, params: DetectionParams, absorbed=np.inf
     ) -> "ImageModel":
         """Face and opaque things get no weight; `outside` is signed, from the fur's edge [px].
 

@@ -17,7 +17,7 @@ from pipeline.detection.static_scene import PoleTrack
 from pipeline.kinematics.follicle import FEWEST_NODES
 from pipeline.kinematics.resampled import Lines, pole_in_rows
 from pipeline.numerics.polyline import nearest_node
-from pipeline.session.parameters import DEFAULTS, KinematicsParams
+from pipeline.session.parameters import KinematicsParams
 from pipeline.session.recording import Recording
 from pipeline.tables.centrelines import Centrelines
 
@@ -239,8 +239,8 @@ def measure(
     recording: Recording,
     hidden_lengths,
     curvature_at: float,
+    params: KinematicsParams,
     pole: PoleTrack | None = None,
-    params: KinematicsParams = DEFAULTS.kinematics,
 ) -> pd.DataFrame:
     """Curvature of every row of `centrelines`.
 
@@ -249,9 +249,9 @@ def measure(
     hidden_lengths : one per name in `centrelines.names` [m]: follicle to first visible point;
         used where the centrelines do not bring their own
     curvature_at : arc length from the follicle at which curvature is taken [m]
+    params : the room's parameters
     pole : where the pole is; near a touch the curvature window ends at the pole, where the
         bending moment has its kink
-    params : the room's parameters
 
     Returns
     -------

@@ -14,7 +14,7 @@ import numpy as np
 from numba import njit
 
 from pipeline.numerics.cholesky import factorise, solve
-from pipeline.session.parameters import DEFAULTS, KinematicsParams
+from pipeline.session.parameters import KinematicsParams
 from pipeline.tables.centrelines import Centrelines
 
 FEWEST_NODES = 12  # of a row whose follicle can be estimated
@@ -184,7 +184,7 @@ def rough_bases(lines: Centrelines, pixels_per_m: float, params: KinematicsParam
 
 
 def follicles(
-    lines: Centrelines, hidden, pixels_per_m: float, params=DEFAULTS.kinematics
+    lines: Centrelines, hidden, pixels_per_m: float, params: KinematicsParams
 ) -> np.ndarray:
     """Place [px] and angle [rad] of every row's follicle, (rows, 3), `hidden` px before the row.
 

@@ -66,7 +66,7 @@ class KinematicsMeter:
         self.whisker_set = self.whisker_set.of(chunk.names)
         hidden = self.whisker_set.hidden_lengths
         table = curvature.measure(
-            chunk, self.recording, hidden, self.curvature_at, self.pole, self.params
+            chunk, self.recording, hidden, self.curvature_at, self.params, self.pole
         )
         self._tables.append(table.assign(confidence=chunk.confidence))
         self._places.add(

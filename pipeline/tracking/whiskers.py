@@ -6,7 +6,7 @@ import numpy as np
 
 from pipeline.detection.tracing_options import TracingOptions
 from pipeline.scene.scale import scale_of
-from pipeline.session.parameters import DEFAULTS
+from pipeline.session.parameters import Parameters
 from pipeline.session.schema import Settings, WhiskerSettings
 from pipeline.tracking.given_lengths import GivenLengths
 from pipeline.tracking.line_ends import tips_seen
@@ -173,7 +173,7 @@ def tracing_options(settings, shape) -> TracingOptions:
     return replace(options, ends=any(w.si() is not None for w in whiskers))
 
 
-def options_for_picture(recording, shape, params=DEFAULTS) -> TracingOptions:
+def options_for_picture(recording, shape, params: Parameters) -> TracingOptions:
     """The tracker's lengths for a picture (height, width) whose scale may be a guess.
 
     With them, tracing does not depend on the scale.

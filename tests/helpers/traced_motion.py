@@ -8,6 +8,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from pipeline.detection.static_scene import PoleTrack
 from pipeline.kinematics import curvature, follicle, resampled
+from pipeline.session.parameters import DEFAULTS
 from pipeline.session.recording import Recording
 from pipeline.tables.centrelines import Centrelines
 from pipeline.tables.columns import FRAME_COLUMNS, as_table
@@ -43,8 +44,11 @@ def trace(motion, seed=0, noise_px=0.03, hidden=HIDDEN, curvature_at=5.5e-3, wit
         x, y = scene.to_pixels(motion.pole_x, motion.pole_y)
         pole = PoleTrack(x, y, scene.pole.radius * scale)
     whiskers = {hair.whisker.name: hair.whisker for hair in scene.hairs}
-    table = curvature.measure(lines, recording, [hidden] * len(whiskers), curvature_at, pole)
-    x, y, angle = follicle.follicles(lines, np.full(len(lines), hidden * scale), scale).T
+    params = DEFAULTS.kinematics
+    table = curvature.measure(
+        lines, recording, [hidden] * len(whiskers), curvature_at, params, pole
+    )
+    x, y, angle = follicle.follicles(lines, np.full(len(lines), hidden * scale), scale, params).T
     table = table.assign(follicle_x_px=x, follicle_y_px=y, base_angle_deg=np.degrees(angle))
     table["whisker"] = np.asarray(lines.names, object)[table["whisker"]]
     table["tracked"] = True

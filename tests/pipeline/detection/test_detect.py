@@ -81,7 +81,7 @@ def test_whiskers_that_cross_are_found_with_their_own_far_parts():
     still = np.array([renderer.frame(i) for i in range(0, 1000, 100)])
     recording = Recording(1000.0, scale, "left")
     lengths = [hair.whisker.length for hair in trial.scene.hairs]
-    model = ImageModel.from_scene(scene_from_frames(still, recording, None))
+    model = ImageModel.from_scene(scene_from_frames(still, recording, None), DEFAULTS.detection)
     options = options_for(recording, lengths, [1.4e-3] * 3)
     workspace = Workspace(1200, options.spacing_px)
     for frame in AT_CROSSING:

@@ -7,6 +7,7 @@ import pytest
 from pipeline.detection import line_fit
 from pipeline.detection.image_model import ImageModel
 from pipeline.detection.static_scene import StaticScene
+from pipeline.session.parameters import DEFAULTS
 
 HEIGHT, WIDTH = 120, 200  # px
 
@@ -21,7 +22,9 @@ def test_a_line_along_the_pictures_border_is_at_an_edge(first_y, last_y, clear, 
     """A mouse's recording is dark in its uppermost rows, and a line was traced 3 px above them."""
     shape = (WIDTH, HEIGHT) if across else (HEIGHT, WIDTH)
     light, nothing = np.full(shape, 200, np.float32), np.zeros(shape, bool)
-    model = ImageModel.from_scene(StaticScene(light, 0.0, 1.0, nothing, nothing, None, "left"))
+    model = ImageModel.from_scene(
+        StaticScene(light, 0.0, 1.0, nothing, nothing, None, "left"), DEFAULTS.detection
+    )
     places = [np.linspace(40.0, 160.0, 150), np.linspace(float(first_y), float(last_y), 150)]
     x, y = places[::-1] if across else places
     assert line_fit.is_clear(x, y, len(x), model.off_edges) == clear
@@ -37,7 +40,9 @@ def test_a_line_along_a_thing_that_lets_light_through_is_at_an_edge(first_x, las
     thing, nothing = np.zeros((2, HEIGHT, WIDTH), bool)
     thing[:, 80:130] = True
     light = cv2.GaussianBlur(np.where(thing, 100, 200).astype(np.float32), (0, 0), 6.0)
-    model = ImageModel.from_scene(StaticScene(light, 0.0, 4.0, nothing, thing, None, "left"))
+    model = ImageModel.from_scene(
+        StaticScene(light, 0.0, 4.0, nothing, thing, None, "left"), DEFAULTS.detection
+    )
     assert model.weight[60, 100] > 0  # light passes
     x, y = np.linspace(float(first_x), float(last_x), 90), np.linspace(15.0, 105.0, 90)
     assert line_fit.is_clear(x, y, len(x), model.off_edges) == clear

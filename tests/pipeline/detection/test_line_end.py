@@ -8,6 +8,7 @@ from pipeline.detection.image_model import ImageModel
 from pipeline.detection.line import Line
 from pipeline.detection.line_end import INSIDE, PLACES_PX, end_thickness
 from pipeline.detection.static_scene import StaticScene
+from pipeline.session.parameters import DEFAULTS
 
 LIGHT, BLUR = 150.0, 1.0  # grey levels, px
 TIP = 300.0  # px
@@ -34,7 +35,7 @@ def seen(angle, short, hidden=None):
     line.sigma[:] = BLUR
     along = np.arange(line.n)
     line.x[: line.n], line.y[: line.n] = 10 + along * np.cos(angle), 10 + along * np.sin(angle)
-    picture = ImageModel.from_scene(scene).picture(
+    picture = ImageModel.from_scene(scene, DEFAULTS.detection).picture(
         np.rint(background * shadow).astype(np.uint8), 1.0
     )
     at = line.n - 1 + PLACES_PX

@@ -12,6 +12,7 @@ from pipeline.detection.image_model import ImageModel
 from pipeline.detection.line import Line, Workspace
 from pipeline.detection.refinement import refine
 from pipeline.detection.static_scene import PoleTrack, StaticScene
+from pipeline.session.parameters import DEFAULTS
 from pipeline.session.recording import Recording
 from pipeline.tracking import bends
 from pipeline.tracking.options import options_for
@@ -112,11 +113,11 @@ def test_the_wider_a_gap_the_more_must_be_seen_beyond_it(seen, end):
 
 
 def test_obstacles_are_not_searched_and_their_edges_not_used():
-    model = ImageModel.from_scene(scene(80))
+    model = ImageModel.from_scene(scene(80), DEFAULTS.detection)
     assert not model.usable[:ROD_END, ROD].any()
     assert (model.weight[: ROD_END - 4, ROD.start + 4 : ROD.stop - 4] > 0).all()
     assert (model.weight[:ROD_END, ROD.start] == 0).all()
-    assert not ImageModel.from_scene(scene(15)).weight[:ROD_END, ROD].any()
+    assert not ImageModel.from_scene(scene(15), DEFAULTS.detection).weight[:ROD_END, ROD].any()
 
 
 def test_a_hidden_tip_turns_with_the_line():
@@ -239,7 +240,8 @@ def test_a_whisker_that_hardly_leaves_the_face_is_measured_from_its_base_on():
 
 def refined(image, nodes):
     """The line that is fitted to a picture of the bare scene from rough `nodes` (n, 2) on."""
-    model, options = ImageModel.from_scene(scene(LIGHT)), options_for(Recording(1e3, 25.0, "left"))
+    options = options_for(Recording(1e3, 25.0, "left"))
+    model = ImageModel.from_scene(scene(LIGHT), options.params.detection)
     workspace = Workspace(700, options.spacing_px)
     line = Line.empty(workspace.limit)
     line.n = len(nodes)
@@ -264,7 +266,9 @@ def test_a_tip_that_lies_against_a_thick_pole_is_kept():
     x = np.arange(FACE, x0 + 12)  # passes at the pole's edge, and ends 12 px farther
     y = np.full(len(x), y0 - radius - 1)
     kept = [
-        line_fit.without_edge(x, y, len(x), ImageModel.from_scene(each).off_edges)
+        line_fit.without_edge(
+            x, y, len(x), ImageModel.from_scene(each, DEFAULTS.detection).off_edges
+        )
         for each in (before, replace(before, pole=pole))
     ]
     assert kept[0] < len(x) - 16  # anything else as large is an edge

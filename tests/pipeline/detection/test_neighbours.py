@@ -14,6 +14,7 @@ from pipeline.detection.image_model import ImageModel, lines_in_background
 from pipeline.detection.line import Line, Workspace
 from pipeline.detection.neighbours import fit_together
 from pipeline.detection.refinement import refine_held
+from pipeline.session.parameters import DEFAULTS
 from pipeline.session.recording import Recording
 from pipeline.tracking.options import options_for
 
@@ -71,7 +72,7 @@ def drawn(slopes):
 @pytest.mark.parametrize("off", [(0.6, -0.4), (-0.5, 0.8), (0.5, 0.5)])
 def test_whiskers_that_leave_the_face_together_are_both_where_they_were_drawn(off):
     scene = scene_of_left_face((120, 320), FACE, LIGHT, NOISE)
-    model, image = ImageModel.from_scene(scene), drawn(SLOPES)
+    model, image = ImageModel.from_scene(scene, DEFAULTS.detection), drawn(SLOPES)
     options = options_for(Recording(1000.0, 25.0, "left"))
     workspace = Workspace(400, options.spacing_px)
     lines, sharing = list(lines_at(SLOPES, off)), ~np.eye(2, dtype=bool)

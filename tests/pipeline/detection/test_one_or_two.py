@@ -41,9 +41,8 @@ def answer(image, rows, dark):
     """What stands for two lines in these rows."""
     scene = scene_of_left_face(image.shape, FACE, LIGHT, NOISE)
     options, lines = options_for(Recording(1000.0, 25.0, "left")), [line_at(y, dark) for y in rows]
-    frame = Frame(
-        image, ImageModel.from_scene(scene), 1.0, options, Workspace(400, options.spacing_px)
-    )
+    model = ImageModel.from_scene(scene, options.params.detection)
+    frame = Frame(image, model, 1.0, options, Workspace(400, options.spacing_px))
     return one_for_two(frame, *lines)
 
 

@@ -10,6 +10,7 @@ from pipeline.detection.static_scene import PoleTrack
 from pipeline.kinematics.curvature import measure
 from pipeline.kinematics.follicle import follicles
 from pipeline.numerics.angles import wrap_angle
+from pipeline.session.parameters import DEFAULTS
 from pipeline.session.recording import Recording
 from pipeline.tables.centrelines import Centrelines
 
@@ -33,6 +34,11 @@ def curve(base_angle, curvature, slope=0.0, length=17.5e-3, kink_at=None):
     return np.column_stack([np.interp(at, s, x), np.interp(at, s, y)]), kappa, s
 
 
+def measured(lines, pole=None):
+    """Curvature in every row of the lines."""
+    return measure(lines, RECORDING, [HIDDEN], 5.5e-3, DEFAULTS.kinematics, pole)
+
+
 def one_row(points, offset=None, sd=0.03):
     n = len(points)
     f32 = np.float32
@@ -54,10 +60,12 @@ def one_row(points, offset=None, sd=0.03):
 @pytest.mark.parametrize("kappa", [-60.0, 0.0, 25.0])
 def test_arc_of_constant_curvature(angle, kappa):
     points, _, _ = curve(angle, kappa)
-    got = measure(one_row(points), RECORDING, [HIDDEN], 5.5e-3).iloc[0]
+    got = measured(one_row(points)).iloc[0]
     assert got.curvature_per_m == pytest.approx(kappa, abs=0.15)  # 1/m; float32 nodes
     scale = RECORDING.pixels_per_m
-    x, y, turn = follicles(one_row(points), np.array([HIDDEN * scale]), scale)[0]
+    x, y, turn = follicles(
+        one_row(points), np.array([HIDDEN * scale]), scale, DEFAULTS.kinematics
+    )[0]
     assert abs(np.degrees(wrap_angle(turn - angle))) < 0.05
     assert np.hypot(x - 100, y - 300) < 0.03  # px
 
@@ -65,13 +73,13 @@ def test_arc_of_constant_curvature(angle, kappa):
 def test_counter_clockwise_on_the_screen_is_positive():
     points, _, _ = curve(0.0, 30.0)
     assert points[-1, 1] < points[0, 1], "the whisker should bend upwards on the screen"
-    got = measure(one_row(points), RECORDING, [HIDDEN], 5.5e-3).iloc[0]
+    got = measured(one_row(points)).iloc[0]
     assert got.curvature_per_m > 29
 
 
 def test_changing_curvature_is_read_at_its_place():
     points, kappa, s = curve(0.2, 10.0, slope=4000.0)
-    got = measure(one_row(points), RECORDING, [HIDDEN], 5.5e-3).iloc[0]
+    got = measured(one_row(points)).iloc[0]
     assert got.curvature_per_m == pytest.approx(np.interp(5.5e-3, s, kappa), abs=0.3)  # 1/m
 
 
@@ -81,8 +89,8 @@ def test_a_pole_ends_the_window_at_its_kink():
     node = round((contact - HIDDEN) * RECORDING.pixels_per_m)
     pole = PoleTrack(points[node : node + 1, 0], points[node : node + 1, 1] + 6.3, 6.25)
     truth = np.interp(5.5e-3, s, kappa)
-    with_pole = measure(one_row(points), RECORDING, [HIDDEN], 5.5e-3, pole).iloc[0]
-    without = measure(one_row(points), RECORDING, [HIDDEN], 5.5e-3).iloc[0]
+    with_pole = measured(one_row(points), pole).iloc[0]
+    without = measured(one_row(points)).iloc[0]
     assert with_pole.curvature_per_m == pytest.approx(truth, abs=0.4)  # 1/m
     assert abs(without.curvature_per_m - truth) > 3 * abs(with_pole.curvature_per_m - truth)
 
@@ -94,7 +102,7 @@ def test_standard_error_covers():
     off, reported = [], []
     for _ in range(trials):
         row = one_row(points, rng.normal(0, sd, n), sd)
-        got = measure(row, RECORDING, [HIDDEN], 5.5e-3).iloc[0]
+        got = measured(row).iloc[0]
         off.append(got.curvature_per_m - 20.0)
         reported.append(got.curvature_per_m_se)
     inside = np.mean(np.abs(off) < 1.96 * np.array(reported))
@@ -121,7 +129,7 @@ def test_standard_error_covers_errors_that_run_along_the_line(reach):
     noise = np.random.default_rng(3).normal(0, 0.05, (400, len(points)))
     if reach:
         noise = gaussian_filter1d(noise, reach, axis=1)
-    got = measure(many_rows(points, noise, noise.std()), RECORDING, [HIDDEN], 5.5e-3)
+    got = measured(many_rows(points, noise, noise.std()))
     off = np.abs(got.curvature_per_m - 20.0)
     assert 0.92 < np.mean(off < 1.96 * got.curvature_per_m_se) < 0.99
     white = np.mean(off < 1.96 * got.curvature_per_m_se.median() / np.sqrt(max(3.5 * reach, 1)))
@@ -131,11 +139,11 @@ def test_standard_error_covers_errors_that_run_along_the_line(reach):
 def test_standard_error_holds_what_is_not_known_of_the_hidden_length():
     """The bend of a loaded whisker changes by tens of 1/m per mm."""
     points, _, _ = curve(0.0, 100.0, slope=-10e3, length=10e-3)
-    got = measure(one_row(points, sd=1e-3), RECORDING, [HIDDEN], 5.5e-3).iloc[0]
+    got = measured(one_row(points, sd=1e-3)).iloc[0]
     assert got.curvature_per_m_se == pytest.approx(0.05e-3 * 10e3, rel=0.1)  # 1/m
 
 
 def test_whisker_too_short_for_the_place_gives_nan():
     points, _, _ = curve(0.0, 10.0, length=5e-3)
-    got = measure(one_row(points), RECORDING, [HIDDEN], 5.5e-3).iloc[0]
+    got = measured(one_row(points)).iloc[0]
     assert np.isnan(got.curvature_per_m)

@@ -50,7 +50,7 @@ def test_the_fur_s_edge_may_be_crossed_elsewhere_in_every_frame(finder):
     hidden = HIDDEN + np.array([-8.0, -3.0, 0.0, 5.0, 12.0])
     found = finder.place(lines_from(np.linspace(-0.3, 0.3, 5), hidden))
     np.testing.assert_allclose(found.hidden_px, hidden, atol=LENGTH_ERROR)
-    places = follicles(found, found.hidden_px, PX_PER_M)[:, :2]
+    places = follicles(found, found.hidden_px, PX_PER_M, DEFAULTS.kinematics)[:, :2]
     np.testing.assert_allclose(places, 0.0, atol=PLACE_ERROR)
 
 

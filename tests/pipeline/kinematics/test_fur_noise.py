@@ -54,7 +54,9 @@ def base_angle_sd(lines, hidden=0.5e-3):
     """SD of the base angle [degrees] about that of the same whiskers without noise and fur."""
     plain = replace(lines, offset_px=np.zeros_like(lines.offset_px))
     hidden_px = np.full(ROWS, hidden * PX_PER_M)
-    angles = [follicles(each, hidden_px, PX_PER_M)[:, 2] for each in (lines, plain)]
+    angles = [
+        follicles(each, hidden_px, PX_PER_M, DEFAULTS.kinematics)[:, 2] for each in (lines, plain)
+    ]
     return np.degrees(np.std(angles[0] - angles[1]))
 
 

@@ -59,9 +59,10 @@ def test_pixels_there_count_less():
     face = np.zeros(obstacles.shape, bool)
     noise = background.noise_gain, background.noise_floor
     still = StaticScene(background.image, *noise, face, obstacles, None, "left")
-    even = ImageModel.from_scene(still).weight
+    even = ImageModel.from_scene(still, DEFAULTS.detection).weight
     uneven = ImageModel.from_scene(
-        StaticScene(background.image, *noise, face, obstacles, None, "left", excess)
+        StaticScene(background.image, *noise, face, obstacles, None, "left", excess),
+        DEFAULTS.detection,
     ).weight
     ratio = even[:, 192:198].sum() / uneven[:, 192:198].sum()
     assert ratio == pytest.approx(TRIPLED, rel=EXCESS)

@@ -61,6 +61,6 @@ def test_no_line_is_clear_on_moving_fur():
         np.where(face, 10, LIGHT).astype(np.float32), 0.0, 1.0, face, none, None, "left",
         moving_fur=fur,
     )  # fmt: skip
-    clear = ImageModel.from_scene(scene).off_edges > 0
+    clear = ImageModel.from_scene(scene, DEFAULTS.detection).off_edges > 0
     assert not clear[fur].any()
     assert clear[~face & ~fur].any()

@@ -6,6 +6,7 @@ from traced_lines import trace_templates
 
 from pipeline.detection.image_model import ImageModel
 from pipeline.detection.static_scene import StaticScene
+from pipeline.session.parameters import DEFAULTS
 from pipeline.session.recording import Recording
 from pipeline.tracking.options import options_for
 from pipeline.tracking.registry import find_templates
@@ -69,8 +70,10 @@ def first_look_share(options):
 
 
 def test_what_may_be_seen_follows_the_picture():
-    usual, noisy = (ImageModel.from_scene(scene_of(noise)) for noise in (0.4, 8.0))
-    faint = ImageModel.from_scene(scene_of(0.4), absorbed=0.02)
+    usual, noisy = (
+        ImageModel.from_scene(scene_of(noise), DEFAULTS.detection) for noise in (0.4, 8.0)
+    )
+    faint = ImageModel.from_scene(scene_of(0.4), DEFAULTS.detection, absorbed=0.02)
     assert faint.faintest < usual.faintest == noisy.faintest
     assert usual.half == faint.half < noisy.half
 

@@ -9,6 +9,7 @@ from traced_lines import trace_templates
 
 from pipeline.kinematics.curvature import measure
 from pipeline.scene.estimate import scene_from_frames
+from pipeline.session.parameters import DEFAULTS
 from pipeline.session.recording import Recording
 from pipeline.tracking.options import options_for
 from pipeline.tracking.registry import find_templates
@@ -92,7 +93,9 @@ def test_points_are_a_pixel_apart_and_start_at_the_face(noisy):
 
 def test_curvature_and_its_standard_error(noisy):
     truth = frame_table(noisy.trial.motion).set_index("frame").loc[noisy.frames]
-    got = measure(noisy.lines, noisy.recording, [HIDDEN], 5.5e-3, noisy.scene.pole)
+    got = measure(
+        noisy.lines, noisy.recording, [HIDDEN], 5.5e-3, DEFAULTS.kinematics, noisy.scene.pole
+    )
     off = got.curvature_per_m.to_numpy() - truth.curvature_per_m.to_numpy()
     free = ~truth.in_contact.to_numpy()
     assert np.std(off[free]) < 0.3  # 1/m
