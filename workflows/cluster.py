@@ -32,7 +32,7 @@ TIMES = {  # what states how long something took, or when or where: left out of 
     "videos.csv": {"frames_per_s"},
     "run.json": {
         "frames_per_s", "stages", "seconds", "finished", "command", "jobs", "input", "platform",
-        "pictures_of",
+        "pictures_of", "written",
     },
 }  # fmt: skip
 LOGS = {"run.log"}

@@ -44,8 +44,8 @@ from pipeline.session.inputs import (
 )
 from pipeline.session.session_file import settings_digest
 from pipeline.tables.new_files import make_folder
-from pipeline.tables.result_exchange import STATE_FILE, settle_all
-from pipeline.tables.run_record import is_saved, read_run, read_state, recorded_path
+from pipeline.tables.result_exchange import settle_all
+from pipeline.tables.run_record import STATE_FILE, is_saved, read_run, read_state, recorded_path
 
 # What a video goes through, and the time that each takes, beside that of following its whiskers
 STAGES = {

@@ -16,8 +16,8 @@ from pipeline.tables.columns import (
     EVIDENCE_COLUMNS,
     FRAME_COLUMNS,
 )
-from pipeline.tables.result_exchange import STATE_FILE, is_settled
-from pipeline.tables.run_record import read_state, write_state
+from pipeline.tables.result_exchange import is_settled
+from pipeline.tables.run_record import STATE_FILE, read_state, write_state
 from pipeline.tables.video_messages import sentences_of
 
 PARQUETS = {

@@ -17,8 +17,8 @@ from pipeline.session.inputs import PREVIEW_NAME, SESSION_FILES, SETTINGS_NAME, 
 from pipeline.session.session_file import session_text
 from pipeline.tables import files, whole_files
 from pipeline.tables.columns import VIDEO_COLUMNS
-from pipeline.tables.result_exchange import STATE_FILE
-from pipeline.tables.run_record import read_run
+from pipeline.tables.new_files import copies
+from pipeline.tables.run_record import STATE_FILE, read_run
 from pipeline.tables.whole_files import sha256
 
 
@@ -99,6 +99,7 @@ def _run_record(summary, jobs, session) -> dict:
         "interrupted": summary.interrupted,
         "pictures_of": read_run(summary.out).get("pictures_of", ""),
         "session_sha256": session,
+        **copies(summary.out),
         "inputs": {
             each.video: {key: getattr(each, key) for key in kept} for each in summary.outcomes
         },
@@ -126,7 +127,8 @@ def is_drawn(out) -> bool:
 
 def _mark_drawn(out):
     record = whole_files.read_json(out / STATE_FILE, {})
-    whole_files.write_json(out / STATE_FILE, record | {"pictures_of": _digest(out)})
+    drawn = {"pictures_of": _digest(out)} | copies(out)
+    whole_files.write_json(out / STATE_FILE, record | drawn)
 
 
 def _digest(out) -> str:

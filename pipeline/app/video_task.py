@@ -14,8 +14,8 @@ from pipeline.scene import pole_runs
 from pipeline.session.content import same_input, sha256, stamp
 from pipeline.session.schema import Settings
 from pipeline.tables import centrelines
-from pipeline.tables.result_exchange import READY, STATE_FILE, draft, overlays_in, settle
-from pipeline.tables.run_record import read_run, read_state
+from pipeline.tables.result_exchange import READY, draft, overlays_in, settle
+from pipeline.tables.run_record import STATE_FILE, read_run, read_state
 from pipeline.tables.video_messages import as_cell
 
 CHANGED = "the video was changed or removed while it was read: run it again"

@@ -12,8 +12,7 @@ from pipeline.errors import InputError, VideoError, need_content, need_folder
 from pipeline.session.content import same_input, sha256, stamp
 from pipeline.session.schema import FORMULA
 from pipeline.session.session_file import SettingsError, read_session
-from pipeline.tables.result_exchange import STATE_FILE
-from pipeline.tables.run_record import read_run, read_state, recorded_path
+from pipeline.tables.run_record import STATE_FILE, read_run, read_state, recorded_path
 from pipeline.video.open import RESULT_FOLDERS, find_videos, is_result_folder, open_video
 
 SETTINGS_NAME = "session.toml"

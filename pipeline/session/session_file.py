@@ -12,7 +12,7 @@ from pipeline.session.quantities import fields_of
 from pipeline.session.schema import Settings
 from pipeline.session.toml_fault import encoding_fault, toml_fault
 from pipeline.session.validation import faults_of
-from pipeline.tables.result_exchange import STATE_FILE
+from pipeline.tables.run_record import STATE_FILE
 from pipeline.tables.whole_files import sha256, write_text
 
 

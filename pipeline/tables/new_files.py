@@ -2,7 +2,8 @@
 
 A hidden list in the folder says what whiskerforce has written there. A file that is not on it, or
 has been changed since, is a person's or another program's. In a folder of the user's choice it
-stays as it is; in a results folder it is kept under another name.
+stays as it is; in a results folder it is kept under another name. There run.json has a copy of the
+list, for folders that are copied without their hidden files.
 """
 
 import contextlib
@@ -13,6 +14,7 @@ from pathlib import Path
 
 from pipeline.errors import InputError, renamed, why
 from pipeline.runtime.folder_lock import locked
+from pipeline.tables.run_record import STATE_FILE
 from pipeline.tables.whole_files import (
     PART,
     read_json,
@@ -25,6 +27,7 @@ from pipeline.tables.whole_files import (
 
 DRAFT = f"{PART}new"  # holds what is being written
 RECORD = f"{PART}written"  # the list: a file's name → SHA-256 of what may be there by us
+COPY, FIGURES = "written", "figures"  # keys of the list in run.json, and in it of the figures'
 MADE_OF = "/made of"  # in it: a file's name → what it was made of; no file can be called so
 _LISTING = threading.Lock()  # of the threads of `curate`; other programs keep out of the folder
 
@@ -94,26 +97,51 @@ def keep_changed(folder, new) -> list[str]:
     """Rename the files of a results folder that were changed since whiskerforce wrote them.
 
     `new` are names of files that are about to be replaced, with the SHA-256 of what replaces them.
-    Where the folder has no list yet, all its files are taken for whiskerforce's. Returns a
-    sentence on each that is kept.
+    Returns a sentence on each that is kept.
     """
     folder = Path(folder)
     with _LISTING:
-        record = read_json(folder / RECORD)
+        record = written_in(folder)
         ours, others = _compared(folder, new, record)
-        write_json(folder / RECORD, (record or {}) | ours)
+        write_json(folder / RECORD, record | ours)
     kept = []
     for path in filter(Path.is_file, others):
+        changed = "was changed since whiskerforce wrote it"
+        unknown = "is on no list of what whiskerforce wrote there"
         kept.append(
-            f"{path} was changed since whiskerforce wrote it: it is kept as {set_aside(path)}; "
-            "contacts that you change in `whiskerforce curate` stay changed"
+            f"{path} {changed if path.name in record else unknown}: it is kept as "
+            f"{set_aside(path)}; contacts that you change in `whiskerforce curate` stay changed"
         )
     return kept
 
 
+def written_in(folder) -> dict:
+    """The list of what whiskerforce has written in a folder; {} where none can be read."""
+    folder = Path(folder)
+    record = (
+        read_json(folder / RECORD) or _copy_in(folder) or _copy_in(folder.parent).get(folder.name)
+    )
+    return record if isinstance(record, dict) else {}
+
+
+def copies(results) -> dict:
+    """Copies of the lists of a whole results folder and its figures, for its run.json."""
+    results = Path(results)
+    return {COPY: written_in(results) | {FIGURES: written_in(results / FIGURES)}}
+
+
+def _copy_in(folder) -> dict:
+    copy = read_json(folder / STATE_FILE, {}).get(COPY)
+    return copy if isinstance(copy, dict) else {}
+
+
 def is_changed(path) -> bool:
-    """Whether a file of a results folder was changed since whiskerforce wrote it."""
-    return bool(_compared(path.parent, {path.name: ""}, read_json(path.parent / RECORD))[1])
+    """Whether a file of a results folder was changed since whiskerforce wrote it.
+
+    Where the folder has no list, that is not known.
+    """
+    record = written_in(path.parent)
+    return bool(record and _compared(path.parent, {path.name: ""}, record)[1])
 
 
 def check_own(folder, new) -> dict[str, list[str]]:
@@ -122,7 +150,7 @@ def check_own(folder, new) -> dict[str, list[str]]:
     `new` are the files' names with the SHA-256 of what is to replace them; the same may. Returns
     what the list will hold of these files: by name, hashes of what is there and of what will be.
     """
-    ours, others = _compared(Path(folder), new, read_json(Path(folder) / RECORD, {}))
+    ours, others = _compared(Path(folder), new, written_in(folder))
     for path in others:
         raise InputError(
             f"{path}: would be replaced, but was not written by whiskerforce, or was "
@@ -132,17 +160,14 @@ def check_own(folder, new) -> dict[str, list[str]]:
 
 
 def _compared(folder, new, record) -> tuple[dict, list[Path]]:
-    """What the list will hold of `new` files, and the files there that are not on the `record`.
-
-    Where there is none, all are taken for whiskerforce's.
-    """
+    """What the list will hold of `new` files, and the files there that are not on the `record`."""
     ours, others = {}, []
     for name, digest in new.items():
-        path, known = folder / name, (record or {}).get(name)
+        path, known = folder / name, record.get(name)
         ours[name] = [digest]
         if os.path.lexists(path):
             now = sha256(path) if path.is_file() else None
-            if record is None or now in (digest, *(known if isinstance(known, list) else ())):
+            if now in (digest, *(known if isinstance(known, list) else ())):
                 ours[name] = [now, digest]
             else:
                 others.append(path)
@@ -156,7 +181,7 @@ def _move_in(paths, folder, made_of):
     for path in paths:
         to_disk(path)
     draft = folder / DRAFT / RECORD  # what a program that is killed leaves there is removed
-    write_json(draft, read_json(folder / RECORD, {}) | ours | {MADE_OF: origins})
+    write_json(draft, written_in(folder) | ours | {MADE_OF: origins})
     os.replace(draft, folder / RECORD)
     for path in paths:
         os.replace(path, folder / path.name)
@@ -168,7 +193,7 @@ def _origins(folder, names, made_of) -> dict:
 
     InputError where a file is there that was made of other things only: of another session.
     """
-    before = read_json(folder / RECORD, {}).get(MADE_OF)
+    before = written_in(folder).get(MADE_OF)
     before = before if isinstance(before, dict) else {}
     for name in names:
         known = before.get(name)

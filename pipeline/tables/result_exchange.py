@@ -15,12 +15,12 @@ from pathlib import Path
 
 from pipeline.errors import renamed
 from pipeline.runtime.folder_lock import locked
-from pipeline.tables.new_files import keep_changed
-from pipeline.tables.whole_files import remove_unfinished, sha256, to_disk
+from pipeline.tables.new_files import COPY, keep_changed, written_in
+from pipeline.tables.run_record import STATE_FILE
+from pipeline.tables.whole_files import read_json, remove_unfinished, sha256, to_disk, write_json
 
 DRAFT = ".whiskerforce-draft-"  # and random letters: two processes never share a draft
 READY = ".whiskerforce-ready"
-STATE_FILE = "run.json"
 OVERLAYS = ("overlay.mp4", "overlay.avi", "overlay.png")
 
 
@@ -108,6 +108,9 @@ def _move_in(ready, folder) -> list[str]:
     shows_others = (ready / STATE_FILE).exists() and (ready / "centrelines.parquet").exists()
     gone = {path.name: "" for path in overlays_in(folder)} if shows_others else {}
     kept = keep_changed(folder, gone | new)
+    state = read_json(ready / STATE_FILE)
+    if state is not None:
+        write_json(ready / STATE_FILE, state | {COPY: written_in(folder)})
     if (ready / STATE_FILE).exists():
         for name in gone:  # what shows other lines
             (folder / name).unlink(missing_ok=True)

@@ -2,9 +2,9 @@
 
 from pathlib import Path, PureWindowsPath
 
-from pipeline.tables.result_exchange import STATE_FILE
 from pipeline.tables.whole_files import read_json, write_json
 
+STATE_FILE = "run.json"
 KINDS = {
     "version": str,
     "video": str,

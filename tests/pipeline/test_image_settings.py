@@ -16,8 +16,7 @@ from pipeline.session.session_file import (
     settings_from,
     write_session,
 )
-from pipeline.tables.result_exchange import STATE_FILE
-from pipeline.tables.run_record import write_state
+from pipeline.tables.run_record import STATE_FILE, write_state
 from pipeline.video.base import RandomAccessVideo
 from synthetic.presets import make_trial
 from synthetic.render import Renderer

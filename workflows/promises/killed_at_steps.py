@@ -12,8 +12,8 @@ import pandas as pd
 from pipeline.runtime.folder_lock import LOCK_FILE
 from pipeline.session.session_file import read_session, settings_digest
 from pipeline.tables.new_files import RECORD
-from pipeline.tables.result_exchange import READY, STATE_FILE
-from pipeline.tables.run_record import read_state
+from pipeline.tables.result_exchange import READY
+from pipeline.tables.run_record import STATE_FILE, read_state
 from promises import stand_in, whole
 from promises.children import in_child, last_line
 from promises.trial import Effort, Tried

@@ -7,7 +7,8 @@ from pipeline.contacts.corrections import CORRECTIONS_FILE, read_corrections, ve
 from pipeline.curate import corrected, review
 from pipeline.curate.desk import Desk
 from pipeline.curate.results import Results
-from pipeline.tables.result_exchange import STATE_FILE, settled
+from pipeline.tables.result_exchange import settled
+from pipeline.tables.run_record import STATE_FILE
 from promises import real_session, stand_in, whole
 from promises.children import in_child
 from promises.killed_at_steps import count_steps, kill_at, other_tables

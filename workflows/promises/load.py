@@ -11,8 +11,7 @@ import numpy as np
 
 from pipeline.session.content import stamp
 from pipeline.session.session_file import settings_from
-from pipeline.tables.result_exchange import STATE_FILE
-from pipeline.tables.run_record import read_state
+from pipeline.tables.run_record import STATE_FILE, read_state
 from pipeline.tables.whole_files import sha256
 from pipeline.video.base import Video
 from promises import stand_in

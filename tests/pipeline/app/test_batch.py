@@ -38,7 +38,7 @@ from pipeline.session.session_file import (
     settings_from,
     write_session,
 )
-from pipeline.tables import files, result_exchange, run_record, whole_files
+from pipeline.tables import files, new_files, result_exchange, run_record, whole_files
 from pipeline.tables.columns import CONTACT_COLUMNS, VIDEO_COLUMNS
 from pipeline.tables.new_files import RECORD
 
@@ -267,6 +267,29 @@ def test_a_videos_table_that_a_person_has_changed_is_kept_and_said(folder, calls
     assert path.with_name(f"{name}.old").read_bytes() == written + b"# my notes\n"
     assert path.read_bytes() == written
     assert not any(each.message for each in batch.run([folder], out).outcomes)
+
+
+def test_of_results_copied_without_hidden_files_only_edited_tables_are_kept(
+    folder, calls, tmp_path, monkeypatch
+):
+    def draw(results):
+        with new_files.new_files(results / "figures") as new:
+            (new / "fig3.csv").write_text(f"{len(calls)}")
+
+    monkeypatch.setattr(pipeline.reports.figures, "write_fig3", draw)
+    batch.run([folder], tmp_path / "results")
+    out = tmp_path / "copy"
+    shutil.copytree(tmp_path / "results", out, ignore=shutil.ignore_patterns(".*"))
+    edited = out / "a" / "contacts.csv", out / "contacts.csv"
+    for path in edited:
+        path.write_text(path.read_text("utf-8") + "my notes\n", "utf-8")
+    change_settings(folder)
+    (said,) = batch.run([folder], out).problems
+    assert said.startswith(f"{edited[1]} was changed since whiskerforce wrote it: it is kept as")
+    assert not batch.run([folder], out, overwrite=True).problems
+    assert sorted(out.rglob("*.old*")) == [path.with_name("contacts.csv.old") for path in edited]
+    assert all(old.read_text("utf-8").endswith("my notes\n") for old in out.rglob("*.old"))
+    assert (out / "figures" / "fig3.csv").read_text() == f"{len(calls)}"
 
 
 @pytest.mark.parametrize("when", ["before", "while"])

@@ -26,7 +26,7 @@ from pipeline.tables.columns import (
     VIDEO_COLUMNS,
     as_table,
 )
-from pipeline.tables.result_exchange import STATE_FILE
+from pipeline.tables.run_record import STATE_FILE
 from synthetic.staging import Setting
 from synthetic.two_view_session import matched_points, true_rows
 from synthetic.two_views import whisker_in_space

@@ -77,7 +77,6 @@ def test_a_file_of_a_results_folder_that_was_edited_is_kept_under_another_name(t
     def replaced(text):
         said.append(replace_own(path, lambda new: new.write_text(text)))
 
-    path.write_text("by an earlier version")
     for text in ("first", "second", "second"):
         replaced(text)
     path.write_text("a day's work")
@@ -93,6 +92,20 @@ def test_a_file_of_a_results_folder_that_was_edited_is_kept_under_another_name(t
     assert visible(tmp_path) == {
         "one": "fifth", "one.old": "a day's work", "one.old2": "another day's",
     }  # fmt: skip
+
+
+def test_a_file_that_no_list_is_there_of_is_kept_once(tmp_path):
+    """As in a folder that was copied without its hidden files."""
+    path = tmp_path / "one"
+    replace_own(path, lambda new: new.write_text("ours"))
+    (tmp_path / new_files_module.RECORD).unlink()
+    path.write_text("a day's work")
+    assert not new_files_module.is_changed(path)  # nobody knows
+    (said,) = replace_own(path, lambda new: new.write_text("ours"))
+    assert said.startswith(f"{path} is on no list of what whiskerforce wrote there: it is kept as")
+    for text in ("second", "third"):
+        assert not replace_own(path, lambda new, text=text: new.write_text(text))
+    assert visible(tmp_path) == {"one": "third", "one.old": "a day's work"}
 
 
 def test_a_file_is_known_however_its_replacement_ends(tmp_path, monkeypatch):

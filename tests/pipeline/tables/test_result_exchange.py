@@ -74,7 +74,8 @@ def test_all_old_or_all_new_wherever_it_ends(tmp_path, monkeypatch, overlays):
     seen = []
     for step in range(1, 30):
         folder = tmp_path / f"{step}"
-        write(folder, {**old, **PERSON})
+        renew(folder, old)
+        write(folder, PERSON)
         reached = killed_at(monkeypatch, step, lambda f=folder: renew(f, new))
         for again in (1, 2, 30):  # the repair may be killed too
             killed_at(monkeypatch, again, lambda f=folder: settle(f))
@@ -108,6 +109,25 @@ def test_what_a_person_has_changed_is_kept_wherever_it_ends(tmp_path, monkeypatc
         if not reached:
             break
         assert step < 29
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_of_a_folder_copied_without_hidden_files_only_edited_files_are_kept(tmp_path, known):
+    """All are kept, once, where run.json has no copy of the list: of an earlier version."""
+    folder, states = tmp_path / "a", [json.dumps({"version": k}) for k in range(3)]
+    renew(folder, {**results("old", overlay=True), "run.json": states[0]})
+    (folder / RECORD).unlink()
+    if not known:
+        write(folder, {"run.json": states[0]})
+    write(folder, {"contacts.csv": "a day's work"})
+    for generation in (1, 2):
+        renew(folder, {**results(f"{generation}"), "run.json": states[generation]})
+    left = visible(folder)
+    assert json.loads(left.pop("run.json"))["version"] == 2
+    kept = {f"{k}.old": v for k, v in results("old", overlay=True).items() if k != "run.json"}
+    expected = {k: v for k, v in results("2").items() if k != "run.json"}
+    expected |= {} if known else kept
+    assert left == expected | {"contacts.csv.old": "a day's work"}
 
 
 def test_what_is_said_of_a_file_that_is_kept(tmp_path):
@@ -177,7 +197,7 @@ def test_what_is_not_ours_stays(tmp_path):
 
 def test_who_reads_a_results_folder_finds_it_settled_and_its_own(tmp_path):
     """As `figures` does after a run was killed while it moved new results in."""
-    write(tmp_path / "a", results("old"))
+    renew(tmp_path / "a", results("old"))
     with draft(tmp_path / "a") as new:
         write(new, results("new"))
     with settled(tmp_path):
@@ -191,7 +211,7 @@ def test_who_reads_a_results_folder_finds_it_settled_and_its_own(tmp_path):
 
 def test_a_folder_that_cannot_be_written_waits(tmp_path, monkeypatch):
     folder = tmp_path / "a"
-    write(folder, results("old"))
+    renew(folder, results("old"))
     with draft(folder) as new:
         write(new, results("new"))
     assert not is_settled(folder)
