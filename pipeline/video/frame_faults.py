@@ -25,12 +25,13 @@ class FrameFaults:
     damaged : set of frame numbers, which may go beyond the last frame
     repeated, black : lists of frame numbers
     gaps : list of (frame, number of frames that are missing before it)
+    coarse : whether the gaps' numbers are the least: of times that are too coarse to count
     said : the decoder's first words on damage
     """
 
     def __init__(self):
         self.damaged = set()
-        self.repeated, self.black, self.gaps = [], [], []
+        self.repeated, self.black, self.gaps, self.coarse = [], [], [], False
         self.said = ""
         self.count = 0
         self._before = self._few = None
@@ -70,8 +71,9 @@ class FrameFaults:
             yield f"{_frames(self.black)} black: no whisker can be seen there"
         if self.gaps and len(self.gaps) < max(MOST_GAPS * self.count, 2):
             missing = sum(number for _, number in self.gaps)
+            least = "at least " if self.coarse else ""
             yield (
-                f"{missing} missing by the file's own times, before "
+                f"{least}{missing} missing by the file's own times, before "
                 f"{_frames([at for at, _ in self.gaps])}: later times are too early"
             )
 
@@ -108,32 +110,35 @@ def missing_numbers(names) -> list[int]:
     return [number for a, b in gaps for number in range(a + usual, min(b, a + 10_000), usual)]
 
 
-def missing_by_times(times, resolution) -> list[tuple[int, int]]:
+def missing_by_times(times, resolution) -> tuple[list[tuple[int, int]], bool]:
     """By the times [s] at which frames came, (frame, number of frames that are missing before it).
 
     One that only came late is followed by others that came sooner one after the other, so that
-    the least delay of some frames is compared with that of as many before. Times that are given
-    to a `resolution` [s] near to a frame's time, and few times, tell nothing.
+    the least delay of some frames is compared with that of as many before. Where times are given
+    to a `resolution` [s] near to a frame's time, or coarser, so much of a delay may be rounding:
+    the numbers are the least then, which is returned, too. Few times tell nothing.
 
     >>> missing_by_times(np.r_[0:0.04:0.002, 0.044:0.2:0.002], 1e-6)
-    [(20, 2)]
+    ([(20, 2)], False)
     """
     times = np.asarray(times)
     if len(times) < 4 * NEAR:
-        return []
+        return [], False
     spans = times[NEAR:] - times[:-NEAR]
     usual = np.sort(spans)[len(spans) // 2]
     step = spans[np.abs(spans - usual) * NEAR <= SURE * usual].mean() / NEAR if usual > 0 else 0.0
-    if SURE * step < resolution:
-        return []
+    if step <= 0:
+        return [], False
+    coarse = bool(SURE * step < resolution)
+    rounding = resolution if coarse else 0.0
     late, gaps = times - step * np.arange(len(times)), []
     for at in np.flatnonzero(np.diff(times) > (1 + SURE) * step) + 1:
         lost = late[at : at + NEAR].min() - late[max(at - NEAR, 0) : at].min()
-        missing = int(lost / step + 1 - SURE)
+        missing = int((lost - rounding) / step + 1 - SURE)
         if missing > 0:
             gaps.append((int(at), missing))
-            late[at:] -= missing * step
-    return gaps
+            late[at:] -= round(lost / step) * step if coarse else missing * step
+    return gaps, coarse
 
 
 def _frames(numbers) -> str:

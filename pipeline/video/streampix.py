@@ -91,7 +91,8 @@ class StreamPixVideo(ImageStack):
                     times.append(self._time(start + len(times)))
                 yield image
         finally:
-            gaps = missing_by_times(times, 1e-6 if self.header.is_new else 1e-3)
+            gaps, coarse = missing_by_times(times, 1e-6 if self.header.is_new else 1e-3)
+            self.faults.coarse |= coarse and bool(gaps)
             self.faults.gaps += [(start + at, missing) for at, missing in gaps]
 
     def _time(self, index) -> float:

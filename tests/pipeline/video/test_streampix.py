@@ -149,6 +149,26 @@ def test_frames_that_the_camera_dropped_are_said(tmp_path, version, rate, late):
     )
 
 
+@pytest.mark.parametrize(("rate", "least"), [(999.0, 9), (1000.0, 9), (2000.0, 8)])
+@pytest.mark.parametrize("late", [0.0, 0.4])
+def test_many_dropped_frames_are_said_also_where_a_millisecond_is_no_less_than_a_frame(
+    tmp_path, rate, least, late
+):
+    """A single one is no more than the times are rounded by."""
+    frames = frames_of(300)
+    for dropped, said in (
+        ([], []),
+        ([100], []),
+        (
+            [100, *range(200, 210)],
+            [f"at least {least} missing by the file's own times, before frame 199: later times "
+             "are too early"],
+        ),
+    ):  # fmt: skip
+        times = times_of(300, rate, dropped, late)
+        assert problems_of(write(tmp_path / "a.seq", frames, times=times)) == said
+
+
 def test_frames_that_only_come_late_are_none_that_are_missing(tmp_path):
     """As where the computer was busy: those behind them follow sooner."""
     times = times_of(300, 1000.0)
