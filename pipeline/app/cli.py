@@ -290,7 +290,8 @@ def _without_types(command) -> None:
 
 
 def _prepare() -> None:
-    """Set up what no command says anything about."""
+    """Set up what all commands need; a warning where the system gives too little."""
+    from pipeline.runtime.address_space import shortage
     from pipeline.runtime.numba_cache import prepare_cache
     from pipeline.runtime.workers import THREADS
 
@@ -301,6 +302,8 @@ def _prepare() -> None:
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):  # not every console has every letter of a file's name
             stream.reconfigure(errors="replace")
+    if said := shortage():
+        typer.echo(said, err=True)
 
 
 def _with_home(arguments) -> list[str]:

@@ -89,9 +89,12 @@ def _only(inputs, video):
 
 def main(arguments=None) -> int:
     """Process the video that the command line names."""
+    from pipeline.runtime.address_space import shortage
     from pipeline.runtime.numba_cache import prepare_cache
 
     prepare_cache()
+    if said := shortage():
+        print(said, file=sys.stderr, flush=True)
     parser = argparse.ArgumentParser(prog="python -m pipeline.app.one_video", description=__doc__)
     parser.add_argument("video", type=Path)
     parser.add_argument("--out", type=Path, required=True, help="results folder")
