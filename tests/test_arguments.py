@@ -11,12 +11,17 @@ ROOT = Path(__file__).parents[1]
 MOST, MOST_COMPILED = 8, 12
 
 
-def functions(package):
+def functions(package, kind=ast.FunctionDef):
     """File and syntax tree of every function of a package."""
     for file in sorted((ROOT / package).rglob("*.py")):
         for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.FunctionDef):
+            if isinstance(node, kind):
                 yield f"{file.relative_to(ROOT).as_posix()}:{node.name}", node
+
+
+def classes(package):
+    """The same of every class."""
+    return functions(package, ast.ClassDef)
 
 
 def count(function):
@@ -45,3 +50,7 @@ def test_parameters_are_those_of_the_caller(room):
         defaults = [d for d in (*function.args.defaults, *function.args.kw_defaults) if d]
         if any("DEFAULTS" in ast.unparse(default) for default in defaults):
             assert function.name in offered, f"{name} has defaults of the parameters"
+    for name, kind in classes(f"pipeline/{room}"):
+        values = [each.value for each in kind.body if isinstance(each, ast.AnnAssign)]
+        if any("DEFAULTS" in ast.unparse(value) for value in values if value):
+            assert kind.name in offered, f"{name} has defaults of the parameters"

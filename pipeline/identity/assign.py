@@ -15,7 +15,7 @@ import numpy as np
 from pipeline.identity.appearance import medians
 from pipeline.identity.consensus import best_names
 from pipeline.identity.features import ANGLE, LENGTH, NEAR_BEND, THICKNESS
-from pipeline.identity.limits import USUAL, Limits
+from pipeline.identity.limits import Limits
 from pipeline.identity.sides import Sides
 from pipeline.identity.tracked_lines import TrackedLines
 from pipeline.identity.unnamed import Unnamed
@@ -68,7 +68,7 @@ def assign_identities(
         [*templates, *other_side], ruler, face_side, options.pixels_per_m, may_be_two, params
     )
     limits = Limits(params, options.frames_per_second)
-    return name_lines(chunks, templates, sides, open_ended, limits, given, unnamed)
+    return name_lines(chunks, templates, sides, limits, open_ended, given, unnamed)
 
 
 def _as_likely(chunks, templates):
@@ -79,7 +79,7 @@ def _as_likely(chunks, templates):
 
 
 def name_lines(
-    chunks, templates, sides, open_ended=False, limits: Limits = USUAL, given=None, unnamed=None
+    chunks, templates, sides, limits: Limits, open_ended=False, given=None, unnamed=None
 ) -> Iterator[Centrelines]:
     """Yield the chunks of a video with the names that suit the whole of it best.
 
@@ -135,7 +135,7 @@ def _all_rows(lines, templates, given, sides, open_ended, limits, unnamed):
         here = {name: px for name, px in longest.items() if name.startswith(side_name)}
         # a whisker that the first look missed may be seen later: it has a name, too
         wanted = None if open_ended else max(len(row), len(here))
-        named, sure[own] = names(frame[own], track[own], features[own], wanted, direction, limits)
+        named, sure[own] = names(frame[own], track[own], features[own], limits, wanted, direction)
         if open_ended:
             low = limits.params.nameless_confidence
             lines_here = frame[own], track[own], base[own]
@@ -188,7 +188,7 @@ def _whole_lengths(chunk, length, tips_seen):
     return np.where(whole, length, np.nan)
 
 
-def names(frame, track, features, wanted=None, direction=1, limits: Limits = USUAL):
+def names(frame, track, features, limits: Limits, wanted=None, direction=1):
     """Whisker of every line (rows,), −1 for none, and how sure it is (rows,), 0 to 1.
 
     Whiskers are numbered along the face.
@@ -197,10 +197,10 @@ def names(frame, track, features, wanted=None, direction=1, limits: Limits = USU
     ----------
     frame, track : (rows,)
     features : (rows, 6) of `line_features`
+    limits : the room's parameters
     wanted : how many whiskers to name: those seen in most frames, and best; None: all but those
         that are seldom seen
     direction : 1: in ascending order of their directions; −1: descending
-    limits : the room's parameters
     """
     named, sure = np.full(len(frame), -1), np.ones(len(frame))
     usable = np.flatnonzero(np.isfinite(features[:, ANGLE]))

@@ -5,7 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
-from pipeline.session.parameters import DEFAULTS, IdentityParams
+from pipeline.session.parameters import IdentityParams
 from pipeline.session.quantities import frames_in
 
 
@@ -13,8 +13,8 @@ from pipeline.session.quantities import frames_in
 class Limits:
     """`IdentityParams` for one frame rate [1/s]; times are in frames, angles in radians."""
 
-    params: IdentityParams = DEFAULTS.identity
-    frames_per_second: float = 1000.0
+    params: IdentityParams
+    frames_per_second: float
 
     @cached_property
     def lasting(self) -> int:
@@ -53,6 +53,3 @@ class Limits:
 
     def _frames(self, seconds) -> int:
         return max(frames_in(seconds, self.frames_per_second), 1)
-
-
-USUAL = Limits()

@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from pipeline.identity.features import ANGLE
-from pipeline.identity.limits import USUAL, Limits
+from pipeline.identity.limits import Limits
 
 
 @dataclass(frozen=True)
@@ -23,7 +23,7 @@ class TrackedLines:
     features: np.ndarray
     frame: np.ndarray
     track: np.ndarray
-    limits: Limits = USUAL
+    limits: Limits
 
     @cached_property
     def starts(self):

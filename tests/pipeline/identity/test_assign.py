@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from usual_limits import USUAL
 
 from pipeline.identity import consensus
 from pipeline.identity.assign import names
@@ -44,9 +45,9 @@ def test_a_name_is_the_surer_the_more_namings_agree_on_it(monkeypatch):
         yield from (next(usual(lines)), true + 1, wrong, true)  # their numbers do not matter
 
     monkeypatch.setattr(consensus, "_namings", more)
-    found, sure = names(frame, np.where(frame < HOP, true, true + 5), features)
+    found, sure = names(frame, np.where(frame < HOP, true, true + 5), features, USUAL)
     assert (found == true).all()
-    inner = frame < 60 - Limits().along_track  # beyond, votes are averaged with later ones
+    inner = frame < 60 - USUAL.along_track  # beyond, votes are averaged with later ones
     assert sure[(wrong != true) & inner].max() < 3 / 4
     assert np.median(sure[wrong == true]) > 0.9
 
@@ -55,7 +56,7 @@ def test_tracks_that_are_all_seen_at_once_in_one_order_are_named_without_a_doubt
     features, frame, true = whisking(6)
     monkeypatch.setattr(consensus, "_namings", None)
     seen = (true != 2) | (frame % 7 > 0)  # a whisker may be missed now and then
-    found, sure = names(frame[seen], 10 - true[seen], features[seen])
+    found, sure = names(frame[seen], 10 - true[seen], features[seen], USUAL)
     assert (found == true[seen]).all()
     assert (sure == 1).all()
 
@@ -65,7 +66,7 @@ def test_namings_agree_where_tracks_have_gone_on_with_each_others_lines():
     track = true.copy()
     later = frame >= HOP
     track[later & (true == 1)], track[later & (true == 2)] = 2, 1
-    found, sure = names(frame, track, features)
+    found, sure = names(frame, track, features, USUAL)
     assert (found == true).all()
     assert np.median(sure) > 0.9
 
@@ -90,7 +91,7 @@ def test_a_whisker_seen_less_often_than_the_parameter_says_gets_no_name():
     seen = (true > 0) | (frame < 0.3 * FRAMES)
     frame, true, features = frame[seen], true[seen], features.reshape(-1, 6)[seen]
     for seldom, first in ((0.1, 0), (0.5, -1)):
-        named, _ = names(frame, true, features, limits=Limits(IdentityParams(seldom=seldom)))
+        named, _ = names(frame, true, features, Limits(IdentityParams(seldom=seldom), 1000.0))
         assert set(named[true == 0]) == {first}
 
 

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from usual_limits import USUAL
 
 from pipeline.identity import consensus
 from pipeline.identity.features import ANGLE, BEND, LENGTH, N_FEATURES
@@ -22,7 +23,7 @@ def row(rng):
     features[:, ANGLE] = 0.15 * true + phase + rng.normal(0, 0.01, len(frame))
     features[:, BEND] = 0.02 * true + 0.1 * phase
     features[:, LENGTH] = np.log(LENGTHS[true]) + rng.normal(0, 0.03, len(frame))
-    return TrackedLines(features, frame, true), true
+    return TrackedLines(features, frame, true, USUAL), true
 
 
 def moved_on(true):
@@ -53,7 +54,9 @@ def test_the_naming_that_keeps_lengths_is_believed_and_the_other_one_hardly_coun
 
 def test_a_few_lines_that_have_nothing_in_common_get_no_names():
     rng, frame = np.random.default_rng(4), np.sort([*range(12), *range(0, 12, 2)])
-    apart = TrackedLines(rng.normal(size=(len(frame), N_FEATURES)), frame, np.arange(len(frame)))
+    apart = TrackedLines(
+        rng.normal(size=(len(frame), N_FEATURES)), frame, np.arange(len(frame)), USUAL
+    )
     names, _ = consensus.best_names(apart)
     assert (names == -1).all()
 
@@ -76,7 +79,7 @@ def test_good_namings_that_disagree_take_confidence(monkeypatch):
 
 def test_names_are_agreed_on_line_by_line_and_no_whisker_has_two_lines():
     frame = np.array([0, 0, 1, 1])
-    lines = TrackedLines(np.zeros((4, N_FEATURES)), frame, np.arange(4))  # four tracks
+    lines = TrackedLines(np.zeros((4, N_FEATURES)), frame, np.arange(4), USUAL)  # four tracks
     found = [[0, 1, 0, 1], [0, 1, 1, 0], [1, 0, 1, 0], [1, -1, 1, -1]]
     named, share = consensus._agreed(lines, found, np.array([3.0, 2.0, 1.5, 1.5]))
     assert named.tolist() == [0, 1, 1, 0]
@@ -87,7 +90,7 @@ def test_names_are_agreed_on_line_by_line_and_no_whisker_has_two_lines():
 
 
 def test_no_name_counts_by_half():
-    lines = TrackedLines(np.zeros((1, N_FEATURES)), np.zeros(1, int), np.zeros(1, int))
+    lines = TrackedLines(np.zeros((1, N_FEATURES)), np.zeros(1, int), np.zeros(1, int), USUAL)
     found = [[0], [-1]]
     for weights, name in (([1.0, 1.9], 0), ([1.0, 2.1], -1)):
         named, share = consensus._agreed(lines, found, np.array(weights))
@@ -97,7 +100,9 @@ def test_no_name_counts_by_half():
 
 def one_track(frames):
     """Lines of one track."""
-    return TrackedLines(np.zeros((frames, N_FEATURES)), np.arange(frames), np.zeros(frames, int))
+    return TrackedLines(
+        np.zeros((frames, N_FEATURES)), np.arange(frames), np.zeros(frames, int), USUAL
+    )
 
 
 def test_a_name_does_not_change_for_one_frame_of_a_track():

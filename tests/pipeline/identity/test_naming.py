@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from usual_limits import USUAL
 
 from pipeline.identity import appearance, label_swaps, motion_model
 from pipeline.identity.appearance import FanModel
 from pipeline.identity.assign import assign_identities, name_lines, names, with_unnamed
 from pipeline.identity.consensus import LEAST_SD
 from pipeline.identity.features import ANGLE, BEND, Dial, line_features
-from pipeline.identity.limits import USUAL
 from pipeline.identity.links import TAKEN, link_costs
 from pipeline.identity.sides import Sides
 from pipeline.identity.tracked_lines import TrackedLines
@@ -103,7 +103,7 @@ def test_lines_that_the_tracker_exchanged_are_named_right(wanted):
     rng = np.random.default_rng(2)
     track = exchanged([(1, 2, 60, 180), (3, 4, 200, 230), (0, 1, 250, FRAMES)])
     frame, track, features, true = rows(whisking(rng), track)
-    named, sure = names(frame, track, features, wanted)
+    named, sure = names(frame, track, features, USUAL, wanted)
     assert np.array_equal(named, true)
     assert (sure > 0.5).mean() > 0.97  # known
 
@@ -114,7 +114,7 @@ def test_tracks_that_are_broken_off_are_joined():
     frame, track, features, true = rows(whisking(rng), track)
     seen = rng.uniform(size=len(frame)) > 0.1
     frame, track, features, true = (each[seen] for each in (frame, track, features, true))
-    named, _ = names(frame, track, features)
+    named, _ = names(frame, track, features, USUAL)
     assert (named != true).mean() < 0.01
 
 
@@ -126,7 +126,7 @@ def test_two_whiskers_that_change_tracks_for_good_while_unseen():
     frame, track, features, true = rows(whisking(rng, fan), track)
     away = (true > 0) & (true < 3) & (frame > 140) & (frame < 160)
     frame, track, features, true = (each[~away] for each in (frame, track, features, true))
-    named, _ = names(frame, track, features)
+    named, _ = names(frame, track, features, USUAL)
     assert np.array_equal(named, true)
 
 
@@ -136,7 +136,7 @@ def test_two_whiskers_that_change_tracks_for_good_while_unseen():
 def test_fewer_names_than_whiskers_go_to_the_strongest(direction, expected):
     rng = np.random.default_rng(8)
     frame, track, features, true = rows(whisking(rng), exchanged([(3, 4, 100, 200)]))
-    named, _ = names(frame, track, features, 3, direction)
+    named, _ = names(frame, track, features, USUAL, 3, direction)
     assert np.array_equal(named, np.array(expected)[true])
 
 
@@ -147,7 +147,7 @@ def test_a_line_that_is_no_whiskers_gets_no_name():
     hair = FAN[0] + [0.1, -0.5, -1.5, -0.8, 0.2, np.nan] + NOISE * rng.normal(size=(FRAMES, 6))
     frame = np.append(frame, np.arange(FRAMES))
     track = np.append(track, np.full(FRAMES, 7))
-    named, _ = names(frame, track, np.concatenate([features, hair]), len(FAN))
+    named, _ = names(frame, track, np.concatenate([features, hair]), USUAL, len(FAN))
     assert np.array_equal(named[:-FRAMES], true)
     assert (named[-FRAMES:] == -1).mean() > 0.95
 
@@ -158,7 +158,7 @@ def test_it_does_not_know_who_is_who_after_whiskers_alike_were_one_line():
     fan[2] = fan[1] + [0, 0.004, 0, 0, 0, 0]
     frame, track, features, true = rows(whisking(rng, fan), exchanged([]))
     alike = (true == 1) | (true == 2)
-    _, sure = names(frame, track, features)
+    _, sure = names(frame, track, features, USUAL)
     assert (sure[alike] < 0.9).mean() > 0.9
     assert (sure[~alike] > 0.9).mean() > 0.98
 
@@ -168,7 +168,7 @@ def evidence(rng):
     frame, track, features, true = rows(whisking(rng), exchanged([(1, 2, 100, 200)]))
     model, phase = usual_fan(), 0.4 * np.sin(np.arange(FRAMES) / 6)
     return (
-        motion_model.evidence_of(model, TrackedLines(features, frame, track), phase),
+        motion_model.evidence_of(model, TrackedLines(features, frame, track, USUAL), phase),
         track,
         true,
     )
@@ -189,7 +189,7 @@ def test_no_exchange_makes_names_dearer_where_whiskers_are_often_not_seen(seed):
     rng = np.random.default_rng(seed)
     frame, track, features, true = rows(whisking(rng), exchanged([(1, 2, 100, 200)]))
     seen = rng.random(len(frame)) < 0.4
-    lines = TrackedLines(features[seen], frame[seen], track[seen])
+    lines = TrackedLines(features[seen], frame[seen], track[seen], USUAL)
     known = motion_model.evidence_of(usual_fan(), lines, 0.4 * np.sin(np.arange(FRAMES) / 6))
     named = (true[seen] + frame[seen] // 40) % len(FAN)
     table = label_swaps._table(known, named)
@@ -243,7 +243,7 @@ def test_what_has_not_changed_need_not_be_looked_at_again(seed):
     broken_off = exchanged([]) + 5 * (np.arange(FRAMES)[:, None] // 12)
     frame, track, features, true = rows(seen, broken_off)
     there = rng.random(len(frame)) < 0.7
-    lines, true = TrackedLines(features[there], frame[there], track[there]), true[there]
+    lines, true = TrackedLines(features[there], frame[there], track[there], USUAL), true[there]
     known = motion_model.evidence_of(usual_fan(), lines, 0.4 * np.sin(np.arange(FRAMES) / 6))
     named = np.where(rng.random(len(true)) < 0.5, -1, true)
     for first in rng.integers(FRAMES - 40, size=6):
@@ -309,7 +309,9 @@ def test_looks_of_resting_whiskers_count_less():
         np.concatenate([still, moving]), np.tile(np.arange(len(FAN)), (350, 1))
     )
     phase = np.zeros(350)
-    known = motion_model.evidence_of(usual_fan(), TrackedLines(features, frame, track), phase)
+    known = motion_model.evidence_of(
+        usual_fan(), TrackedLines(features, frame, track, USUAL), phase
+    )
     cost = usual_fan().costs(features, phase[frame])
     share = (known.appearance / cost).max(axis=1)
     assert share[(frame > 0) & (frame < 50)] == pytest.approx(
@@ -407,7 +409,7 @@ def test_a_few_frames_are_named_after_the_templates(direction):
     templates = templates[::direction]  # thicker ones at the other end
     lines = [straight(a, 60 + 10 * k) for k, a in enumerate(angles)]
     chunks = [centrelines([f] * 3, [2, 0, 5], [lines[1], lines[0], lines[2]]) for f in range(4)]
-    got = list(name_lines(iter(chunks), templates, one_row(templates)))
+    got = list(name_lines(iter(chunks), templates, one_row(templates), USUAL))
     assert len(got) == 4
     for before, after in zip(chunks, got, strict=True):
         assert np.array_equal(after.frame, before.frame)
@@ -424,7 +426,9 @@ def test_lengths_tell_which_given_whiskers_were_seen():
 
     def named(given_px):
         return list(
-            name_lines(iter(chunks), templates, one_row(templates), given=GivenLengths(given_px))
+            name_lines(
+                iter(chunks), templates, one_row(templates), USUAL, given=GivenLengths(given_px)
+            )
         )
 
     clear = {"a": 40.0, "b": 62.0, "c": 75.0, "d": 85.0}
@@ -443,7 +447,7 @@ def test_a_given_whisker_that_the_first_look_missed_is_named_all_the_same():
     del templates[1]
     lines = [straight(*each) for each in zip(angles, [60, 70, 80], strict=True)]
     chunks = [centrelines([f] * 3, range(3), lines) for f in range(4)]
-    for got in name_lines(iter(chunks), templates, one_row(templates), given=given):
+    for got in name_lines(iter(chunks), templates, one_row(templates), USUAL, given=given):
         assert [got.names[k] for k in got.whisker] == ["a", "b", "c"]
 
 
@@ -476,7 +480,7 @@ def test_a_hair_apart_from_the_row_is_left_out_and_a_whisker_seen_as_seldom_is_n
         ]
         lines.sort(key=lambda each: each[:2])
         chunk = centrelines(*map(list, zip(*lines, strict=True)))
-        (got,) = name_lines(iter([chunk]), templates, one_row(templates), open_ended)
+        (got,) = name_lines(iter([chunk]), templates, one_row(templates), USUAL, open_ended)
         assert len(got) == 3 * frames + 3 * kept
 
 
@@ -485,7 +489,7 @@ def test_a_single_frame_is_named(open_ended):
     angles = [-0.3, 0.1, 0.4]
     templates = [WhiskerTemplate(n, a, 60) for n, a in zip("abc", angles, strict=True)]
     lines = centrelines([0, 0, 0], [2, 0, 1], [straight(a, 60) for a in angles])
-    (got,) = name_lines(iter([lines]), templates, one_row(templates), open_ended)
+    (got,) = name_lines(iter([lines]), templates, one_row(templates), USUAL, open_ended)
     assert got.names == (("w1", "w2", "w3") if open_ended else ("a", "b", "c"))
     assert np.array_equal(got.confidence, lines.confidence)
     assert list(got.whisker) == [0, 1, 2]

@@ -4,6 +4,7 @@ import itertools
 
 import numpy as np
 import pytest
+from usual_limits import USUAL
 
 from pipeline.identity import ordered_assignment
 from pipeline.identity.assign import names
@@ -50,7 +51,7 @@ def whisking(rng, seen=0.75):
 def test_names_and_looks_without_any_tracks():
     frame, true, features = whisking(np.random.default_rng(1))
     track = np.arange(len(frame))  # a track per line: nothing shows how the fan turns
-    found = named_in_order(TrackedLines(features, frame, track), LEAST_SD)[0]
+    found = named_in_order(TrackedLines(features, frame, track, USUAL), LEAST_SD)[0]
     assert len(found.model.middle) == len(FAN)
     assert (found.names == true).mean() > 0.99
     middle = found.model.middle[:, ANGLE]
@@ -63,10 +64,10 @@ def test_names_hold_forwards_and_backwards_though_tracks_go_on_with_neighbours()
     piece = frame // 12  # frames after which all tracks break off
     beside = (true + piece) % len(FAN)
     track = 100 * piece + np.where(frame % 12 > 6, true, beside)
-    forwards, sure = names(frame, track, features)
+    forwards, sure = names(frame, track, features, USUAL)
     back = np.lexsort((track, -frame))
     backwards = np.empty(len(frame), int)
-    backwards[back], _ = names(FRAMES - 1 - frame[back], track[back], features[back])
+    backwards[back], _ = names(FRAMES - 1 - frame[back], track[back], features[back], USUAL)
     assert (forwards == true).mean() > 0.97
     assert (backwards == true).mean() > 0.97
     assert (forwards == true)[sure > 0.9].mean() > 0.97
@@ -111,7 +112,7 @@ def test_lines_follow_whiskers_that_pass_each_other():
 def test_costs_are_averaged_along_a_track():
     frame = np.array([0, 1, 2, 2, 4])
     track = np.array([7, 7, 7, 8, 7])  # broken off after frame 2
-    lines = TrackedLines(np.zeros((5, 6)), frame, track)
+    lines = TrackedLines(np.zeros((5, 6)), frame, track, USUAL)
     cost = np.array([[1.0], [2.0], [6.0], [5.0], [9.0]])
     got = ordered_assignment.along_tracks(cost, *lines.pieces, 7)
     assert got[:, 0] == pytest.approx([3, 3, 3, 5, 9])
@@ -128,7 +129,7 @@ def test_a_resting_row_that_looks_moved_on_by_one_is_named_as_it_moves():
     there = np.ones(features.shape[:2], bool)
     there[:100, :2] = False  # at rest, two lie in the fur: the others stand where all would
     frame, true = np.nonzero(there)
-    lines = TrackedLines(features[there], frame, true)
+    lines = TrackedLines(features[there], frame, true, USUAL)
     found = next(each for each in named_in_order(lines, LEAST_SD) if len(each.model.middle) == 6)
     for part in (frame < 100, frame >= 112):
         assert (found.names == true)[part].mean() > 0.95

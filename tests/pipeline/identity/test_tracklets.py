@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from usual_limits import USUAL
 
 from pipeline.identity.features import ANGLE, LENGTH, THICKNESS
 from pipeline.identity.tracked_lines import TrackedLines
@@ -30,9 +31,9 @@ def whisking(seed, track):
     features[..., ANGLE] += 0.4 * np.sin(np.arange(FRAMES) / 9)[:, None]
     frame, true = np.divmod(np.arange(FRAMES * len(FAN)), len(FAN))
     order = np.lexsort((track.ravel(), frame))
-    return TrackedLines(features.reshape(-1, 6)[order], frame[order], track.ravel()[order]), true[
-        order
-    ]
+    return TrackedLines(
+        features.reshape(-1, 6)[order], frame[order], track.ravel()[order], USUAL
+    ), true[order]
 
 
 def agreement(named, true):
@@ -53,7 +54,7 @@ def test_tracks_that_are_broken_off_are_joined():
     track = 5 * (np.arange(FRAMES)[:, None] // np.array([31, 37, 41, 43, 47])) + np.arange(5)
     lines, true = whisking(2, track)
     seen = np.random.default_rng(3).uniform(size=len(true)) > 0.1
-    lines = TrackedLines(lines.features[seen], lines.frame[seen], lines.track[seen])
+    lines = TrackedLines(lines.features[seen], lines.frame[seen], lines.track[seen], USUAL)
     assert agreement(named_by_tracklets(lines), true[seen]) > 0.97
 
 
@@ -64,7 +65,7 @@ def test_a_name_is_given_once_a_frame_and_seldom_ones_are_dropped():
     features = np.append(features, np.tile(FAN[4] + [0, 1.0, -1, -1, 0, 0], (20, 1)), axis=0)
     order = np.lexsort((np.append(track, np.full(20, 9)), frame))
     track = np.append(track, np.full(20, 9))[order]
-    named = named_by_tracklets(TrackedLines(features[order], frame[order], track))
+    named = named_by_tracklets(TrackedLines(features[order], frame[order], track, USUAL))
     assert len(np.unique(named)) == 6
     assert not (np.bincount(frame[order] * 6 + named) > 1).any()
     kept = often_seen(named, frame[order], 0.15)
@@ -90,7 +91,8 @@ def test_directions_in_the_row_are_those_of_least_squares(seed, paths, frames):
     features[:, ANGLE] = rng.normal(size=len(frame))
     features[:, [LENGTH, THICKNESS]] = owner[:, None]
     got = _appearance(
-        [np.flatnonzero(owner == p) for p in range(paths)], TrackedLines(features, frame, owner)
+        [np.flatnonzero(owner == p) for p in range(paths)],
+        TrackedLines(features, frame, owner, USUAL),
     )
     columns = [owner[:, None] == np.arange(paths), frame[:, None] == np.arange(frames)]
     design = np.concatenate(columns, axis=1).astype(float)
