@@ -34,14 +34,9 @@ from pipeline.runtime.folder_lock import locked
 from pipeline.runtime.progress import Progress, duration
 from pipeline.runtime.run_log import LOG_FILE, RunLog
 from pipeline.runtime.workers import run_tasks
-from pipeline.session.inputs import (
-    find_inputs,
-    guesses_left,
-    has_session_of,
-    readable,
-    results_folders,
-    settings_of,
-)
+from pipeline.session.input_settings import guesses_left, has_session_of, settings_of
+from pipeline.session.inputs import find_inputs, readable
+from pipeline.session.results_folders import results_folders
 from pipeline.session.session_file import settings_digest
 from pipeline.tables.new_files import make_folder
 from pipeline.tables.result_exchange import settle_all

@@ -15,7 +15,8 @@ from pipeline.scene.epochs import without_pole
 from pipeline.scene.estimate import find_scenes, survey
 from pipeline.scene.preparation import prepare_video
 from pipeline.scene.scale import FIELD_MM, scale_of
-from pipeline.session.inputs import PREVIEW_NAME, SETTINGS_NAME, check_settings_name, find_inputs
+from pipeline.session.input_settings import PREVIEW_NAME, SETTINGS_NAME, check_settings_name
+from pipeline.session.inputs import find_inputs
 from pipeline.session.parameters import DEFAULTS
 from pipeline.session.recording import Recording
 from pipeline.session.session_file import read_session, session_text, settings_from

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from pipeline.app.terminal import FAILED, UNUSABLE
 from pipeline.errors import InputError, counted
-from pipeline.session.inputs import results_folders
+from pipeline.session.results_folders import results_folders
 from pipeline.session.session_file import SettingsError
 
 JOBS = ".jobs"  # folder in the results folder, for what jobs leave
@@ -55,7 +55,8 @@ def process(video, out, name=None, config=None) -> int:
     from pipeline.app.outcome import finished_outcome
     from pipeline.app.video_task import Task, process_video, settled_outcome
     from pipeline.runtime.folder_lock import locked
-    from pipeline.session.inputs import find_inputs, session_of
+    from pipeline.session.input_settings import session_of
+    from pipeline.session.inputs import find_inputs
     from pipeline.session.session_file import read_session, settings_digest
     from pipeline.tables.result_exchange import settle
 

@@ -13,7 +13,9 @@ from pipeline import __version__
 from pipeline.curate.corrected import write_session_tables
 from pipeline.errors import InputError, in_words, why, with_advice
 from pipeline.runtime import interrupts
-from pipeline.session.inputs import PREVIEW_NAME, SESSION_FILES, SETTINGS_NAME, readable
+from pipeline.session.input_settings import PREVIEW_NAME, SETTINGS_NAME
+from pipeline.session.inputs import readable
+from pipeline.session.results_folders import SESSION_FILES
 from pipeline.session.session_file import session_text
 from pipeline.tables import files, whole_files
 from pipeline.tables.columns import VIDEO_COLUMNS

@@ -12,7 +12,7 @@ from pipeline.detection.static_scene import PoleTrack
 from pipeline.errors import InputError, VideoError
 from pipeline.scene import pole_runs
 from pipeline.session.content import check_video
-from pipeline.session.inputs import need_results
+from pipeline.session.results_folders import need_results
 from pipeline.session.schema import Settings
 from pipeline.session.session_file import read_session
 from pipeline.tables import files

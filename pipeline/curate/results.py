@@ -28,7 +28,7 @@ from pipeline.curate.review import Review
 from pipeline.errors import InputError, VideoError, in_words
 from pipeline.scene import pole_runs
 from pipeline.session.content import check_video
-from pipeline.session.inputs import need_results
+from pipeline.session.results_folders import need_results
 from pipeline.tables import centrelines, files
 from pipeline.tables.columns import CONTACT_COLUMNS
 from pipeline.tables.evidence import EVIDENCE_FILE, read_evidence

@@ -12,7 +12,7 @@ import webbrowser
 from pipeline.curate.corrected import renew_tables
 from pipeline.curate.decisions import user_name
 from pipeline.curate.results import Results
-from pipeline.session.inputs import need_results
+from pipeline.session.results_folders import need_results
 from pipeline.tables.result_exchange import settled
 
 HOST = "127.0.0.1"

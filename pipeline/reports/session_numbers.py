@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.errors import InputError, in_words, need_content
-from pipeline.session.inputs import need_results
+from pipeline.session.results_folders import need_results
 from pipeline.session.session_file import read_session
 from pipeline.tables import files
 from pipeline.tables.columns import (

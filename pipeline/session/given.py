@@ -4,7 +4,8 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from pipeline.errors import InputError, VideoError
-from pipeline.session.inputs import Input, session_of
+from pipeline.session.input_settings import session_of
+from pipeline.session.inputs import Input
 from pipeline.session.schema import Settings
 from pipeline.session.session_file import read_session, settings_from
 

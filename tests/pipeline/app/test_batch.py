@@ -31,7 +31,8 @@ from pipeline.errors import InputError
 from pipeline.runtime import Progress, Step
 from pipeline.runtime.compiling import compile_times
 from pipeline.runtime.folder_lock import LOCK_FILE, locked
-from pipeline.session import inputs
+from pipeline.session import content, inputs
+from pipeline.session.input_settings import session_of
 from pipeline.session.session_file import (
     read_session,
     settings_digest,
@@ -221,7 +222,7 @@ def test_results_folder_is_as_promised(folder, calls, tmp_path):
     assert list(contacts["video"]) == ["a", "b"]
     assert read_session(out / "session.toml") == SETTINGS
     record = json.loads((out / "run.json").read_text())
-    assert record["inputs"]["a"]["sha256"] == inputs.sha256(folder / "a.avi")
+    assert record["inputs"]["a"]["sha256"] == content.sha256(folder / "a.avi")
     assert record["inputs"]["a"]["stages"] == {"centrelines": 0.5}
     assert record["version"] == batch.__version__
     assert (summary.skipped, summary.interrupted) == (0, False)
@@ -1248,7 +1249,7 @@ def test_settings_beside_a_link_count_and_else_those_where_it_leads(folder, call
     links.mkdir()
     (links / "a.avi").symlink_to(folder / "a.avi")
     (there,) = inputs.find_inputs([links])
-    assert inputs.session_of(there) == folder / "session.toml"
+    assert session_of(there) == folder / "session.toml"
     other = settings_from({"recording": {**SETTINGS.recording.model_dump(), "face": "top"}})
     write_session(links / "session.toml", other)
     batch.run([links], tmp_path / "results")

@@ -11,7 +11,8 @@ import pytest
 from pipeline.app import init
 from pipeline.app.preview import Preview, _doubts, draw, preview_of, whiskers_in
 from pipeline.errors import VideoError
-from pipeline.session.inputs import find_inputs, guesses_left
+from pipeline.session.input_settings import guesses_left
+from pipeline.session.inputs import find_inputs
 from pipeline.session.session_file import read_session, settings_from
 
 SCENE = SimpleNamespace(pole=None, face_side="left", face_mask=np.zeros((40, 60), bool))
